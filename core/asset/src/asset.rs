@@ -81,7 +81,7 @@ pub struct Skin {
 pub struct MeshInstance {
     pub joint: u32,
     pub mesh: u32,
-    /// With a skin, the node's own transform is ignored (glTF 2.0 §3.7.3.3).
+    /// The skin. If there is one, the node's own transform is ignored (glTF 2.0 §3.7.3.3).
     pub skin: Option<u32>,
     /// Morph weights where no clip drives them; length = the mesh's `morph_targets`.
     pub weights: Vec<f32>,

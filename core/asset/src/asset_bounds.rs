@@ -49,7 +49,7 @@ fn model_from_rest(skeleton: &Skeleton) -> Vec<Affine3A> {
     model_from_joint
 }
 
-/// To the faces and corners of a cube; opposite ones are left out, being looked at with both signs.
+/// Directions to the faces and corners of a cube; opposite ones are left out, since each is used with both signs.
 const OUTLINE_DIRECTIONS: [Vec3; 7] = [
     Vec3::X,
     Vec3::Y,

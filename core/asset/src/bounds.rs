@@ -125,7 +125,7 @@ pub struct BoundsPart {
     pub joint: u32,
     /// Around the vertices that the joint moves, in the joint's space.
     pub reach: Aabb,
-    /// By morph target, the offsets at weight 1 of those vertices, zero included; empty list: no morphs.
+    /// Offsets at weight 1 of those vertices for each morph target, zero included; empty list: no morphs.
     pub morphs: Vec<Aabb>,
 }
 
@@ -171,7 +171,7 @@ impl BoundsPart {
     }
 }
 
-/// Of each number of some maps, the smallest and the largest.
+/// The smallest and the largest value of each number of some maps.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Range {
     low: Affine3A,

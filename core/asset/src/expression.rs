@@ -68,7 +68,7 @@ pub enum ExpressionGroup {
 }
 
 impl ExpressionGroup {
-    /// Of a preset's name in VRM 1.0.
+    /// The group of a preset's name in VRM 1.0.
     pub fn of_preset(name: &str) -> ExpressionGroup {
         match name {
             "aa" | "ih" | "ou" | "ee" | "oh" => ExpressionGroup::Mouth,
@@ -83,7 +83,7 @@ impl ExpressionGroup {
 pub enum Override {
     #[default]
     None,
-    /// At any weight above 0 the others are 0.
+    /// The others are 0 while its weight is above 0.
     Block,
     /// The others are times one minus this weight.
     Blend,

@@ -12,7 +12,7 @@ pub const GAZE: [&str; 4] = ["gazeLeft", "gazeRight", "gazeUp", "gazeDown"];
 /// forward direction at `offset_from_head`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Eyes {
-    /// Where the eyes are, in the head joint's space, metres.
+    /// Position of the eyes in the head joint's space, metres.
     pub offset_from_head: Vec3,
     pub moved_by: EyesMovedBy,
     /// Towards the nose, away from it, down and up.
@@ -69,7 +69,7 @@ pub fn asked(expressions: &[Expression], weights: &[f32]) -> Option<(f64, f64)> 
 }
 
 impl RangeMap {
-    /// Of an angle that is not negative.
+    /// The mapped angle of an angle that is not negative.
     pub fn map(&self, angle: f64) -> f64 {
         let most = f64::from(self.input_max);
         if most > 0.0 { (angle / most).clamp(0.0, 1.0) * f64::from(self.output_scale) } else { 0.0 }

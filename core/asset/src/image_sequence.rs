@@ -6,13 +6,13 @@ use choreo_motion::Time;
 use std::fmt::Debug;
 use std::sync::Arc;
 
-/// Where the pictures come from.
+/// Source of the images of a sequence.
 pub trait Pictures: Debug + Send + Sync {
     /// All of one size; an error is told as it is.
     fn picture(&self, index: usize) -> Result<Arc<Image>, String>;
 }
 
-/// In place of textures of a material, whose images are the first of each: all change together.
+/// Images that replace textures of a material; the material's own images are the first of each. All change together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sequence {
     /// One a slot, each with as many pictures.
@@ -40,7 +40,7 @@ pub enum TextureSlot {
     Normal,
     Occlusion,
     Emissive,
-    /// Of Blinn–Phong and Phong: the reflection map.
+    /// The reflection map of Blinn–Phong and Phong materials.
     Specular,
     SpecularColor,
 }

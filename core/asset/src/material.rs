@@ -65,7 +65,7 @@ pub struct Material {
     pub specular_color_texture: Option<TextureRef>,
     /// Blinn–Phong exponent.
     pub shininess: f32,
-    /// Of Blinn–Phong and Phong only; `None`: mirrors nothing.
+    /// The environment reflection of Blinn–Phong and Phong materials; `None`: no reflection.
     pub reflection: Option<Box<Reflection>>,
     /// Read where the shading is [`Shading::Toon`]; defaults where it is missing.
     pub toon: Option<Arc<Toon>>,
@@ -89,7 +89,7 @@ pub struct Material {
 /// How textures are laid on a surface from the sides along x, y and z of its mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triplanar {
-    /// Where the pictures' middles lie, mesh space.
+    /// The center of the images, mesh space.
     pub middle: Vec3,
     /// Metres that a picture is wide.
     pub size: f32,

@@ -13,7 +13,8 @@ pub struct MaterialLayers {
     /// G of the texture.
     pub clearcoat_roughness: f32,
     pub clearcoat_roughness_texture: Option<TextureRef>,
-    /// Of the coat alone; without it the coat is as smooth as the mesh, whatever normal map the surface below has.
+    /// The normal map of the coat alone; without it the coat is as smooth as the mesh, whatever normal map the surface below
+    /// has.
     pub clearcoat_normal_texture: Option<TextureRef>,
     pub clearcoat_normal_scale: f32,
     /// Linear colour of the fibres' sheen; black: none. RGB of the texture, sRGB.
@@ -94,7 +95,7 @@ impl Default for MaterialLayers {
 }
 
 impl MaterialLayers {
-    /// In the order of the fields.
+    /// All textures in the order of the fields.
     pub fn textures(&self) -> [&Option<TextureRef>; 12] {
         [
             &self.clearcoat_texture,

@@ -2,7 +2,7 @@
 
 use crate::asset::{Asset, MeshInstance};
 use crate::mesh::Primitive;
-use choreo_motion::{Carrier, Skinning};
+use choreo_motion::{Skinning, StretchedDualQuaternion};
 use glam::{Affine3A, DAffine3, DMat3, DMat4, Mat3, Vec3};
 
 /// A map in f64.
@@ -21,7 +21,7 @@ pub struct Carriers {
 #[derive(Clone)]
 enum Slots {
     Linear(Vec<DMat4>),
-    Dual(Vec<Carrier>),
+    Dual(Vec<StretchedDualQuaternion>),
 }
 
 impl Carriers {
@@ -40,7 +40,7 @@ impl Carriers {
         let skin = match skinning {
             Skinning::Linear => Slots::Linear(matrices),
             Skinning::DualQuaternion => {
-                Slots::Dual(matrices.iter().map(|m| Carrier::of(affine(m))).collect())
+                Slots::Dual(matrices.iter().map(|m| StretchedDualQuaternion::of(affine(m))).collect())
             }
         };
         Carriers { skin, rigid: joint(instance.joint) }
@@ -74,7 +74,7 @@ impl Carriers {
                 affine(&blended)
             }
             Slots::Dual(slots) => {
-                Carrier::blend(influences.filter_map(|(slot, w)| Some((slots.get(slot)?, w))))
+                StretchedDualQuaternion::blend(influences.filter_map(|(slot, w)| Some((slots.get(slot)?, w))))
             }
         }
     }

@@ -29,7 +29,7 @@ impl Moment {
         Plan::new(&self.catalog, &self.stage, &self.snapshot, &options)
     }
 
-    /// By a renderer that has loaded the catalogue.
+    /// Draws a frame by a renderer that has loaded the scene resources.
     pub fn draw(
         &self,
         renderer: &mut dyn Renderer,

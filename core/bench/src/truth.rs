@@ -15,7 +15,7 @@ pub fn slerp(a: DQuat, b: DQuat, t: f64) -> DQuat {
     (a * (libm::sin((1.0 - t) * angle) / s) + b * (libm::sin(t * angle) / s)).normalize()
 }
 
-/// Between two rotations, radians.
+/// The angle between two rotations in radians.
 pub fn angle_between(a: DQuat, b: DQuat) -> f64 {
     let (a, b) = (a.normalize(), b.normalize());
     let b = if a.dot(b) < 0.0 { -b } else { b };

@@ -38,7 +38,7 @@ fn octahedron(n: Vec3, steps: f32) -> Vec3 {
     Vec3::new(p.x, p.y, z).normalize_or(Vec3::Z)
 }
 
-/// Between two directions, degrees, in f64.
+/// The angle between two directions in degrees, in f64.
 pub fn degrees_between(a: Vec3, b: Vec3) -> f64 {
     let (a, b): (DVec3, DVec3) = (a.as_dvec3().normalize(), b.as_dvec3().normalize());
     (2.0 * libm::atan2((a - b).length(), (a + b).length())).to_degrees()

@@ -26,7 +26,7 @@ static TRIANGLES: LazyLock<Manifest> = LazyLock::new(|| {
     )
 });
 
-/// Reads `.tri`: x y z of three corners, again and again.
+/// Reads `.tri`: x y z of three vertices, repeated.
 struct Triangles;
 
 impl Importer for Triangles {

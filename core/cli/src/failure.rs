@@ -11,7 +11,7 @@ pub enum Failure {
     Input(Vec<Problem>),
     /// The command line.
     Usage(String),
-    /// Where the result should go.
+    /// The result cannot be written to its place.
     Output(String),
     Device(String),
     /// Sections failed, or none was tested: how many. What failed has been told.

@@ -2,70 +2,42 @@
 //! what is added to it; `examples/my_plugin.rs` shows how. Each command is one module; `failure` says how commands end.
 
 mod args;
-mod broken;
-mod budget;
-mod character;
-mod check;
-mod compressed;
-mod device;
-mod draw;
-mod explain;
+mod commands;
+mod drawing;
 mod failure;
-mod help;
-mod importing;
-mod info;
-mod inputs;
-mod interrupt;
-mod measure;
-mod memory;
-mod model;
-mod new;
-mod output;
-pub mod output_files;
-mod page;
-mod pictures;
-mod pipeline;
-mod plot;
-mod plugin_files;
-mod pose;
-mod progress;
-mod provenance;
-mod ranges;
-mod registry;
-mod remember;
-mod render;
-mod render_watch;
+pub mod output;
+mod plugins;
+mod process;
 mod scene;
-mod stages;
-mod summary;
-mod test;
-mod threads;
-mod video;
-mod view;
+mod terminal;
 
-pub use device::cache_dir;
-pub use registry::registry;
+pub use drawing::device::cache_dir;
+pub use plugins::registry;
 
-use args::{Cli, Command, RenderArgs};
+use args::{Cli, Command, RenderArgs, values};
 use choreo_plugin::Registry;
 use clap::FromArgMatches;
+use commands::{
+    check, explain, help, info, measure, new, plugins as plugins_command, pose, render, test, view,
+};
 use failure::{Failure, print_json, print_json_message, print_message};
+use process::{interrupt, panics, threads};
 use std::ffi::OsString;
 use std::process::ExitCode;
 
 /// One call of the program: `args` as in `std::env::args_os()`, the program's name first. Plugin files beside scripts are added to
 /// `plugins`. Writes to the process's standard streams, and takes Ctrl-C and panics for the length of the process.
 pub fn run(args: impl IntoIterator<Item = OsString>, plugins: &Registry) -> ExitCode {
-    let args: Vec<OsString> = args.into_iter().collect();
+    let args = help::as_flag(args.into_iter().collect());
     let parsed = help::command(&args, plugins).try_get_matches_from(&args);
     let cli = match parsed.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
         Err(error) => return unread(&args, &error),
     };
-    broken::install();
+    panics::install();
     interrupt::install();
     let (json, video_to_stdout) = (cli.command.json(), writes_video_to_stdout(&args));
-    let result = broken::guarded(|| start(cli.command, &args, plugins));
+    let result = panics::guarded(|| start(cli.command, &args, plugins));
     let Err(failure) = result else { return ExitCode::SUCCESS };
     failure.lines().iter().for_each(print_message);
     // A report of failed tests has said it already.
@@ -77,8 +49,8 @@ pub fn run(args: impl IntoIterator<Item = OsString>, plugins: &Registry) -> Exit
 
 fn start(command: Command, args: &[OsString], plugins: &Registry) -> Result<(), Failure> {
     match &command {
-        Command::Render(given) => threads::start(given.jobs.as_deref().map(ranges::jobs).transpose()?)?,
-        Command::New(_) | Command::View(_) | Command::Plugins(_) => {}
+        Command::Render(given) => threads::start(given.jobs.as_deref().map(values::jobs).transpose()?)?,
+        Command::New(_) | Command::View(_) | Command::Plugins(_) | Command::Help(_) => {}
         _ => threads::start(None)?,
     }
     match command {
@@ -92,8 +64,9 @@ fn start(command: Command, args: &[OsString], plugins: &Registry) -> Result<(), 
         Command::Pose(args) => pose::run(args, plugins),
         Command::View(args) => view::run(args),
         Command::Test(args) => test::run(args, plugins),
-        Command::Plugins(args) => registry::run(args, plugins),
+        Command::Plugins(args) => plugins_command::run(args, plugins),
         Command::New(args) => new::run(args),
+        Command::Help(args) => help::run(&args),
     }
 }
 

@@ -4,8 +4,8 @@
 mod common;
 
 use choreo_asset::Asset;
-use choreo_motion::retarget::{Options, Retarget};
-use choreo_motion::{Clip, Human, Pose, Sample, Skeleton, Time};
+use choreo_motion::retarget::{Retarget, RetargetOptions};
+use choreo_motion::{Clip, HumanoidJoints, Pose, Sample, Skeleton, Time};
 use choreo_plugin::{Needs, Registry};
 use choreo_script::{ImportChoice, Limits, Loader};
 use glam::{DAffine3, DQuat, DVec3};
@@ -65,7 +65,7 @@ fn model(skeleton: &Skeleton, clip: Option<&Clip>, time: Time) -> Vec<DAffine3> 
 }
 
 /// Degrees between the same limbs of both, the source turned.
-fn limbs_apart(humans: [&Human; 2], models: [&[DAffine3]; 2], yaw_degrees: f64) -> f64 {
+fn limbs_apart(humans: [&HumanoidJoints; 2], models: [&[DAffine3]; 2], yaw_degrees: f64) -> f64 {
     let turn = DQuat::from_rotation_y(yaw_degrees.to_radians());
     let mut worst: f64 = 0.0;
     for side in ["left", "right"] {
@@ -84,7 +84,7 @@ fn limbs_apart(humans: [&Human; 2], models: [&[DAffine3]; 2], yaw_degrees: f64) 
 }
 
 /// Height of the lowest foot over that at rest, the rest pose standing on y = 0 or on its lowest joint.
-fn clearance(human: &Human, rest: &[DAffine3], model: &[DAffine3], with_toes: bool) -> f64 {
+fn clearance(human: &HumanoidJoints, rest: &[DAffine3], model: &[DAffine3], with_toes: bool) -> f64 {
     let parts: &[&str] = if with_toes { &["foot", "toebase"] } else { &["foot"] };
     let joints = ["left", "right"].iter().flat_map(|s| parts.iter().map(move |p| format!("{s} {p}")));
     let ends = joints.clone().filter_map(|n| human.joint(&n));
@@ -106,20 +106,21 @@ fn every_body_moves_as_every_other() {
     for from in bodies.iter() {
         let Some(clip) = &from.clip else { continue };
         for to in bodies.iter() {
-            let there = Retarget::new(&from.asset.skeleton, &to.asset.skeleton, Options::default());
+            let there = Retarget::new(&from.asset.skeleton, &to.asset.skeleton, RetargetOptions::default());
             assert!(
-                there.is_body(),
+                there.is_humanoid(),
                 "{} on {}: {:?} {:?}",
                 from.asset.name,
                 to.asset.name,
-                Human::of(&from.asset.skeleton),
-                Human::of(&to.asset.skeleton)
+                HumanoidJoints::of(&from.asset.skeleton),
+                HumanoidJoints::of(&to.asset.skeleton)
             );
             let (on, report) = there.clip(clip);
-            let homeward = Retarget::new(&to.asset.skeleton, &from.asset.skeleton, Options::default());
+            let homeward =
+                Retarget::new(&to.asset.skeleton, &from.asset.skeleton, RetargetOptions::default());
             let back = homeward.clip(&on).0;
             let twice = homeward.clip(&there.clip(&back).0).0;
-            let humans = [&from.asset, &to.asset].map(|a| Human::of(&a.skeleton));
+            let humans = [&from.asset, &to.asset].map(|a| HumanoidJoints::of(&a.skeleton));
             let rests = [&from.asset, &to.asset].map(|a| model(&a.skeleton, None, Time::ZERO));
             let toes =
                 ["left toebase", "right toebase"].iter().all(|n| humans.iter().all(|h| h.joint(n).is_some()));
@@ -160,7 +161,7 @@ fn every_body_moves_as_every_other() {
             // 1e-3 rad (0.057°) between its keys: 0.0275° at worst, pab/run.fbx on the Knight. A closer tolerance takes it away.
             assert!(limbs < 0.03, "{} on {}: {limbs}°", from.asset.name, to.asset.name);
             if limbs > 0.005 {
-                let close = Options { tolerance_rad: 1e-5, ..Options::default() };
+                let close = RetargetOptions { tolerance_rad: 1e-5, ..RetargetOptions::default() };
                 let closer = Retarget::new(&from.asset.skeleton, &to.asset.skeleton, close).clip(clip).0;
                 let left = (0..40).map(|i| {
                     let time = Time(clip.duration.0 / 40 * i + 12_345);

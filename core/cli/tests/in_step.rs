@@ -127,7 +127,7 @@ fn planted_feet_stay_where_they_are_while_walk_becomes_run() {
                 let Some(most) = heard.iter().rev().find(|h| h.weight >= 0.5) else { return false };
                 let round = actor.layers[0].cues[most.cue].trim.1;
                 let at = most.clip_time;
-                let stands = &contacts[most.cue].stands[leg];
+                let stands = &contacts[most.cue].intervals[leg];
                 // Inside by a sixtieth of a second: contacts are looked at that often.
                 let edge = Time::from_secs(1.0 / 60.0);
                 let within = |t: Time| stands.iter().any(|s| s.from + edge <= t && t <= s.to - edge);
@@ -191,7 +191,7 @@ fn contacts_of_others_clips_are_where_they_are_seen() {
         let clip_of = asset.clips.iter().find(|c| c.name == clip).unwrap();
         let all = Contacts::find(&asset.skeleton, clip_of, (Time::ZERO, clip_of.duration), &feet).unwrap();
         let stands: Vec<(f64, f64)> =
-            all.stands[own].iter().map(|s| (s.from.as_secs(), s.to.as_secs())).collect();
+            all.intervals[own].iter().map(|s| (s.from.as_secs(), s.to.as_secs())).collect();
         println!("| {file} | {clip} | {foot} | {stands:.3?} | {from}–{to} |");
         let near = |(a, b): &(f64, f64)| (a - from).abs() < 0.08 && (b - to).abs() < 0.08;
         assert!(

@@ -132,7 +132,7 @@ fn the_sources_hold_nothing_that_differs_between_machines() {
     // One rounding on every machine: an instruction on 64-bit ARM, and made of f64 arithmetic elsewhere.
     const FUSED: &[&str] = &["core/motion/src/simd/fused.rs"];
     // Asks only whether a file was written while tests ran, to run them again.
-    const CLOCKS: &[&str] = &["core/cli/src/test/watch.rs"];
+    const CLOCKS: &[&str] = &["core/cli/src/commands/test/watch.rs"];
     let mut read = 0;
     let mut found = Vec::new();
     let mut open: Vec<PathBuf> = ["core", "plugins"].iter().map(|f| root().join(f)).collect();

@@ -54,7 +54,7 @@ impl Part {
         Ok(Part { file, way: Some(Way { folder, part, name, number }) })
     }
 
-    /// Under a name of its own, so that of several writers the last one wins.
+    /// Creates a part under a name of its own, so that of several writers the last one wins.
     fn unlocked(place: Place) -> Result<Part, WriteError> {
         let (folder, name) = match place {
             Place::File { folder, name } => (folder, name),

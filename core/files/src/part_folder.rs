@@ -20,7 +20,7 @@ pub struct PartFolder {
     files: &'static [&'static str],
     /// The last of the files, which is locked while it is open.
     lock: File,
-    /// Among the leftovers, unless it is to be kept.
+    /// Its number among the leftovers, unless it is to be kept.
     number: Option<u64>,
 }
 

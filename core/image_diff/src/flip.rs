@@ -11,15 +11,15 @@ use choreo_plugin::Frame;
 /// Pixels a degree of the field of view.
 const PIXELS_PER_DEGREE: f32 = 67.020_64;
 
-/// By how much two pictures differ for the eye, 0 = not at all, 1 = as much as can be.
+/// Perceived difference of two images, 0 = none, 1 = the largest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlipDifference {
-    /// Over all pixels.
+    /// Mean over all pixels.
     pub mean: f64,
     pub worst: f64,
-    /// Where the worst one is (the first of equals).
+    /// The pixel with the worst difference (the first of equals).
     pub worst_at: [u32; 2],
-    /// Of each pixel, rows from the top.
+    /// The difference of each pixel, rows from the top.
     pub map: Vec<f32>,
 }
 

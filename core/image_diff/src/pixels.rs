@@ -6,11 +6,11 @@ use thiserror::Error;
 /// Differences are in 8-bit steps of the encoded picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
-    /// Over all pixels and channels.
+    /// Mean over all pixels and channels.
     pub mean: f64,
     /// Largest of any channel.
     pub worst: u8,
-    /// Where the worst one is (the first of equals).
+    /// The pixel with the worst difference (the first of equals).
     pub worst_at: [u32; 2],
     /// Part of the pixels with a channel beyond the tolerance, 0..=1.
     pub share_beyond: f64,

@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 /// More joints than a skin can number.
 const MAX_JOINTS: usize = 1 << 16;
-/// Where a bone is thickest, in parts of its length; its half width there, in parts of its length, and the bounds of that
-/// in parts of the skeleton's size: neither hair nor barrels.
+/// Place at which a bone is thickest, as a fraction of its length; its half width there, as a fraction of its length, and the
+/// bounds of that as fractions of the skeleton's size: neither hair nor barrels.
 const WAIST: f64 = 0.15;
 const WIDTH: f64 = 0.12;
 const WIDTH_OF_SIZE: (f64, f64) = (0.004, 0.03);

@@ -8,14 +8,14 @@ const NONE: u32 = u32::MAX;
 /// The vertices of one primitive by the point of the file that they stand at: those at one point are few.
 #[derive(Clone, Debug, Default)]
 pub struct Joined {
-    /// By point: its latest vertex.
+    /// The latest vertex of each point.
     latest: Vec<u32>,
-    /// By vertex: the one before it at the same point.
+    /// The vertex before each vertex at the same point.
     before: Vec<u32>,
 }
 
 impl Joined {
-    /// For the next primitive, whose points are below `points`.
+    /// Starts the next primitive, whose points are below `points`.
     pub fn start(&mut self, points: usize) {
         self.before.clear();
         self.latest.clear();

@@ -53,7 +53,8 @@ fn copy_vertex(p: &mut Primitive, vertex: usize) -> u32 {
     new
 }
 
-/// At length 1; `None` for a zero and what is not finite. Of lengths whose square a 32-bit float cannot hold in double precision.
+/// The vector at length 1; `None` for a zero vector and for values that are not finite. Lengths whose square does not fit a
+/// 32-bit float are computed in double precision.
 pub fn unit(v: Vec3) -> Option<Vec3> {
     let near = v.try_normalize().filter(|n| (n.length_squared() - 1.0).abs() < 1e-5);
     near.or_else(|| v.as_dvec3().try_normalize().map(|n| n.as_vec3()))

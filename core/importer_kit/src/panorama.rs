@@ -5,10 +5,10 @@ use choreo_asset::{Panorama, PanoramaError};
 use image::{ImageFormat, ImageReader};
 use std::io::Cursor;
 
-/// Of an equirectangular panorama: 8192 × 4096.
+/// Pixels of an equirectangular panorama at most: 8192 × 4096.
 pub const MAX_PANORAMA_PIXELS: u64 = 32 << 20;
 
-/// From the bytes of a Radiance file.
+/// Reads a panorama from the bytes of a Radiance file.
 pub fn panorama(name: &str, bytes: &[u8]) -> Result<Panorama> {
     let fail = |what: String| Problem::new(name.to_string(), what);
     let reader = || {

@@ -17,7 +17,7 @@ const MAX_WORKERS: usize = 4;
 
 /// A picture whose header has been read. `B` holds its bytes.
 pub struct Encoded<B> {
-    /// Where the file names it: "images[3]".
+    /// Place at which the file names it: "images[3]".
     pub place: String,
     pub name: String,
     pub width: u32,
@@ -81,7 +81,7 @@ impl<B: AsRef<[u8]>> Encoded<B> {
         Image { name: self.name.clone(), width: self.width, height: self.height, rgba: Vec::new() }
     }
 
-    /// To 8-bit RGBA. Needs nothing of the file, so pictures can be decoded beside the rest of the import.
+    /// Decodes to 8-bit RGBA. Needs nothing of the file, so images can be decoded beside the rest of the import.
     pub fn decode(&self) -> Result<Arc<Image>> {
         let fail = |what: String| {
             Problem::new(self.place.clone(), format!("\"{}\" cannot be decoded: {what}", self.name))
@@ -110,7 +110,7 @@ impl<B: AsRef<[u8]>> Encoded<B> {
 /// What an import says that nobody wants any more.
 pub const CANCELLED: &str = "the import was cancelled";
 
-/// Of an import, what is done when its pictures begin to be waited for: most of their time is theirs alone.
+/// Share of an import that is done when its images begin to be waited for: they take most of the rest.
 const BEFORE_PICTURES: f32 = 0.5;
 
 /// Decodes pictures on threads of their own while `rest` runs here; one result a picture, in order. Where no pixels are needed

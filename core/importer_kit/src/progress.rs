@@ -8,7 +8,7 @@ use std::cell::Cell;
 /// Smaller steps cannot be seen.
 const STEPS: usize = 256;
 
-/// Of a file that is read from its beginning to its end.
+/// Progress of reading a file from its beginning to its end.
 pub struct Progress<'f> {
     files: &'f dyn Files,
     total: usize,

@@ -1,4 +1,4 @@
-//! Where a file that another names by a path of its author's machine may lie here.
+//! Search for files that another file names by a path of its author's machine.
 //!
 //! Nothing is listed and nothing is opened but through [`Files`], which keeps to the folders that the user gave: each place is
 //! tried beside the file first, then in every search path.

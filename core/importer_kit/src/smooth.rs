@@ -62,7 +62,7 @@ fn angle(p: &Primitive, corner: usize) -> f64 {
 /// Corners by position: equal bits are the same place, whatever the vertex.
 struct Around {
     place_of_vertex: Vec<u32>,
-    /// For each position, the index of its first entry in `corners`; one entry more than positions.
+    /// Index of the first entry of each position in `corners`; one entry more than positions.
     start: Vec<u32>,
     /// None for a place with more than [`MAX_AROUND`].
     corners: Vec<u32>,
@@ -99,7 +99,7 @@ impl Around {
         Around { place_of_vertex, start, corners }
     }
 
-    /// Where the corners at the place of a vertex are listed; an empty range where they are too many to be compared.
+    /// Range of the list of vertices at the place of a vertex; empty where they are too many to be compared.
     fn range(&self, vertex: u32) -> Range<usize> {
         let place = self.place_of_vertex[vertex as usize] as usize;
         self.start[place] as usize..self.start[place + 1] as usize

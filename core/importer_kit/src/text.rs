@@ -19,7 +19,7 @@ impl<'a> Lines<'a> {
         self.rest.len()
     }
 
-    /// For text that starts inside a file: the first line gets `first`.
+    /// Lines of a text that starts inside a file: the first line gets the number `first`.
     pub fn from(bytes: &'a [u8], first: usize) -> Lines<'a> {
         Lines { rest: bytes, number: first.saturating_sub(1) }
     }
@@ -117,7 +117,7 @@ fn is_white(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t'..=b'\r')
 }
 
-/// To the next word; `None` where there is none.
+/// Moves to the next word; `None` where there is none.
 #[inline]
 fn skip_white(rest: &mut &[u8]) -> Option<()> {
     // Mostly there is one space.
@@ -145,7 +145,7 @@ struct Decimal {
     /// Digits without the point; wrapped where there are more than 19.
     mantissa: u64,
     digits: usize,
-    /// Of ten.
+    /// Power of ten.
     power: i32,
     /// Bytes of the text.
     length: usize,
@@ -191,7 +191,7 @@ impl Decimal {
         Some(Decimal { negative, mantissa, digits: count, power, length: at })
     }
 
-    /// Of the text from which it was read; `None` beyond the range of f64.
+    /// Value of the text from which it was read; `None` beyond the range of f64.
     #[inline(always)]
     fn value(&self, word: &[u8]) -> Option<f64> {
         if self.digits > 19 || self.mantissa > 1 << 53 || self.power.unsigned_abs() > 22 {

@@ -22,7 +22,7 @@ impl AsRef<[u8]> for Bytes {
 
 #[derive(Default)]
 pub struct Textures {
-    /// By the path as written; `None` where there is no such picture.
+    /// Texture of each path as written; `None` where there is no such image.
     known: BTreeMap<String, Option<u32>>,
     entries: Vec<Encoded<Bytes>>,
 }

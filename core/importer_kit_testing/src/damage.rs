@@ -27,6 +27,17 @@ pub struct Outcome {
     pub slowest_secs: f64,
 }
 
+/// Damages each file, (name, bytes, flips), in a process of its own; of each, some variants must be refused and some read.
+pub fn run_cases(importer: &dyn Importer, cases: impl FnOnce() -> Vec<(&'static str, Vec<u8>, usize)>) {
+    if crate::alone::elsewhere() {
+        return;
+    }
+    for (name, bytes, flips) in cases() {
+        let outcome = run(importer, name, &bytes, flips);
+        assert!(outcome.refused > 0 && outcome.read > 0, "{name}: {outcome:?}");
+    }
+}
+
 /// As [`run_slice`], at 50 places.
 pub fn run(importer: &dyn Importer, name: &str, bytes: &[u8], flips: usize) -> Outcome {
     run_slice(importer, name, bytes, &Companions::none(), 50, flips)

@@ -1,9 +1,10 @@
-//! What the tests of importers share: sample files, companions that are counted, what every asset must be, damaged files,
+//! Shared by the tests of importers and exporters: sample files, companions that are counted, what every asset must be, damaged files,
 //! tests in a process of their own, and assimp's command line as a second opinion. A dependency of tests only.
 
 pub mod alone;
 pub mod assimp;
 pub mod damage;
+pub mod export;
 pub mod pose;
 pub mod sound;
 
@@ -76,7 +77,7 @@ pub fn options(importer: &dyn Importer, given: &[(&str, OptionValue)]) -> Import
     importer.manifest().complete(&given).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// With default options.
+/// Imports with default options.
 pub fn import(
     importer: &dyn Importer,
     source: &Source,

@@ -9,8 +9,9 @@
 mod support;
 
 use choreo_motion::{
-    Carrier, Clip, Crossfade, Curve, DualQuaternion, FrameRate, Interpolation, Level, LocalToModel, Path,
-    Pose, Sample, Skeleton, Skin, SkinDual, Time, Transform, stretch_of,
+    Clip, Crossfade, Curve, DualQuaternion, DualQuaternionSkinning, FrameRate, Interpolation, Level,
+    LinearSkinning, LocalToModel, Path, Pose, Sample, Skeleton, StretchedDualQuaternion, Time, Transform,
+    stretch_matrix,
 };
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat3, Quat, Vec3};
 use std::sync::Arc;
@@ -377,15 +378,16 @@ fn skinning(way: Way, influences: usize, level: Level, quick: bool) -> String {
             Vec3::from(m.translation).as_dvec3(),
         )
     };
-    let carriers: Vec<Carrier> = matrices.iter().map(|m| Carrier::of(wide(m))).collect();
+    let carriers: Vec<StretchedDualQuaternion> =
+        matrices.iter().map(|m| StretchedDualQuaternion::of(wide(m))).collect();
     let motions: Vec<DualQuaternion> = carriers.iter().map(DualQuaternion::from).collect();
     let stretches: Vec<Affine3A> = match way {
-        Way::Stretched => carriers.iter().map(stretch_of).collect(),
+        Way::Stretched => carriers.iter().map(stretch_matrix).collect(),
         _ => Vec::new(),
     };
     measure(VERTICES, quick, || {
         if way == Way::Linear {
-            Skin {
+            LinearSkinning {
                 matrices: &matrices,
                 influences,
                 joint_indices: &joint_indices,
@@ -397,7 +399,7 @@ fn skinning(way: Way, influences: usize, level: Level, quick: bool) -> String {
             }
             .run_on(level);
         } else {
-            SkinDual {
+            DualQuaternionSkinning {
                 motions: &motions,
                 stretches: &stretches,
                 influences,

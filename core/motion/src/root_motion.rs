@@ -5,11 +5,13 @@
 //! "Swing-twist decomposition in Clifford algebra", 2015, §3). From the keys in f64: what is accumulated must not drift.
 //! A clip that walks on the spot carries its character as fast as the floor passes under its planted feet.
 
+use crate::clip::sample_f64::curve_at;
+use crate::clip::{Clip, Path};
 use crate::contacts::{self, Contacts};
-use crate::exact::curve_at;
-use crate::joint_names::humanoid_name;
-use crate::planar::{Planar, wrapped};
-use crate::{Clip, Path, Skeleton, Time};
+use crate::math::planar::{Planar, wrapped};
+use crate::skeleton::Skeleton;
+use crate::skeleton::joint_names::humanoid_name;
+use crate::time::Time;
 use glam::{DAffine3, DQuat, DVec3};
 use std::sync::Arc;
 

@@ -2,8 +2,8 @@
 
 mod support;
 
-use choreo_motion::additive::{from_rotation_vector, rotation_vector};
-use choreo_motion::{Deltas, Mix, Pose, Transform};
+use choreo_motion::math::rotation::{from_rotation_vector, rotation_vector};
+use choreo_motion::{AdditiveLayers, Pose, Transform, WeightedBlend};
 use glam::{DQuat, DVec3, Quat, Vec3};
 use support::*;
 
@@ -57,7 +57,7 @@ fn weights_turn_by_their_share_of_the_angle_and_may_be_negative() {
         pose
     };
     for (weight, expected) in [(1.0, 130.0), (0.5, 80.0), (0.0, 30.0), (-0.3, 0.0), (0.25, 55.0)] {
-        let mut deltas = Deltas::default();
+        let mut deltas = AdditiveLayers::default();
         deltas.start(1);
         deltas.add(&turned(20.0), &turned(120.0), weight, None);
         let mut pose = turned(30.0);
@@ -76,7 +76,7 @@ fn additive_poses_come_out_the_same_in_any_order_and_cancel() {
         .collect();
     let mask: Vec<f32> = (0..19).map(|i| i as f32 / 18.0).collect();
     let sum = |order: &[usize], signs: &[f32]| {
-        let mut deltas = Deltas::default();
+        let mut deltas = AdditiveLayers::default();
         deltas.start(19);
         for sign in signs {
             for i in order {
@@ -110,7 +110,7 @@ fn a_mix_is_the_weighted_mean_whatever_the_order_and_the_base_fills_up() {
     let base = random_pose(&mut random, 21);
     let poses: Vec<Pose> = (0..3).map(|_| random_pose(&mut random, 21)).collect();
     let mix = |order: &[usize], weights: [f32; 3]| {
-        let mut mix = Mix::default();
+        let mut mix = WeightedBlend::default();
         mix.start(21);
         order.iter().for_each(|i| mix.add(&base, &poses[*i], weights[*i], None));
         let mut out = base.clone();

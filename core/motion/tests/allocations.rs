@@ -85,7 +85,7 @@ fn jobs_allocate_nothing_after_the_first_frame() {
             .run();
             LocalToModel { skeleton: &skeleton, pose: &blended, model_from_joint: &mut matrices }.run();
         }
-        Skin {
+        LinearSkinning {
             matrices: &matrices,
             influences: 4,
             joint_indices: &indices,
@@ -96,7 +96,7 @@ fn jobs_allocate_nothing_after_the_first_frame() {
             out_normals: &mut normals,
         }
         .run();
-        SkinDual {
+        DualQuaternionSkinning {
             motions: &motions,
             stretches: &[],
             influences: 4,

@@ -117,7 +117,7 @@ fn stands_are_found_where_they_are() {
         println!("{name}: floor at {:.3} m/s, must be {floor:.3}", found.floor_velocity.z);
         assert!(off < 0.03 * gait.speed.abs(), "{name}: floor at {}", found.floor_velocity.z);
         for (foot, (down, share)) in gait.downs.iter().enumerate() {
-            let stands = &found.stands[foot];
+            let stands = &found.intervals[foot];
             assert_eq!(stands.len(), 1, "{name}, foot {foot}: {stands:?}");
             let near = |a: f64, b: f64| {
                 let off = (a - b).rem_euclid(1.0);
@@ -137,12 +137,12 @@ fn the_comparison_above_can_fail() {
     gait.downs = vec![(0.1, 0.3), (0.6, 0.3)];
     // A shuffle: feet in the air are as low as those that stand, but faster.
     let of = gait.found();
-    assert!(of.stands.iter().flatten().all(|s| (s.to - s.from).as_secs() < 0.45), "{of:?}");
+    assert!(of.intervals.iter().flatten().all(|s| (s.to - s.from).as_secs() < 0.45), "{of:?}");
     // Who hovers up and down has no stands of a walk.
     gait.downs = vec![(0.1, 1e-3), (0.6, 1e-3)];
     gait.lift = 0.5;
     let of = gait.found();
-    assert!(of.stands.iter().flatten().all(|s| (s.to - s.from).as_secs() < 0.2), "{of:?}");
+    assert!(of.intervals.iter().flatten().all(|s| (s.to - s.from).as_secs() < 0.2), "{of:?}");
 }
 
 #[test]
@@ -163,7 +163,7 @@ fn who_stands_at_ease_stands_all_the_time() {
     .unwrap();
     let trim = (Time::ZERO, Time::from_secs(2.0));
     let found = Contacts::find(&skeleton, &clip, trim, &find_feet(&skeleton)).unwrap();
-    for stands in &found.stands {
+    for stands in &found.intervals {
         assert_eq!(stands.iter().map(|s| (s.from, s.to)).collect::<Vec<_>>(), [trim]);
     }
     assert!(found.floor_velocity.length() < 0.01);

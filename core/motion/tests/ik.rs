@@ -57,7 +57,8 @@ fn two_bones_reach_whatever_is_in_reach() {
         let normal = |m: DVec3, e: DVec3| (m - start).cross(e - start);
         let (before, after) = (normal(middle, end), normal(fk_middle, fk_end));
         if after.length() > 1e-6 && before.length() > 1e-6 {
-            let carried = choreo_motion::ik::arc(end - start, limb.target - start) * before.normalize();
+            let carried = choreo_motion::math::rotation::rotation_between(end - start, limb.target - start)
+                * before.normalize();
             assert!(carried.dot(after.normalize()) > 1.0 - 1e-6);
         }
     }

@@ -3,8 +3,8 @@
 mod support;
 
 use choreo_motion::{
-    Blend, BlendOnto, Clip, Crossfade, Interpolation, Level, LocalToModel, Morph, Path, Pose, Sample,
-    Skeleton, Skin, SkinMatrices, Time, Transform,
+    Blend, BlendOnto, Clip, Crossfade, InputError, Interpolation, Level, LinearSkinning, LocalToModel, Morph,
+    Path, Pose, Sample, Skeleton, SkinMatrices, Time, Transform,
 };
 use glam::{Affine3A, DQuat, DVec3, Mat4, Quat, Vec3};
 use proptest::prelude::*;
@@ -189,7 +189,7 @@ impl SkinCase {
     fn run(&self, level: Level) -> (Vec<Vec3>, Vec<Vec3>) {
         let mut out_positions = vec![Vec3::NAN; self.positions.len()];
         let mut out_normals = vec![Vec3::NAN; self.normals.len()];
-        let mut job = Skin {
+        let mut job = LinearSkinning {
             matrices: &self.matrices,
             influences: self.influences,
             joint_indices: &self.joints,
@@ -376,31 +376,31 @@ fn bad_fields_are_named() {
     let (a, b) = (Pose::identity(2), Pose::identity(3));
     let mut out = Pose::default();
     let mut onto = Pose::identity(2);
-    let said = |r: Result<(), String>| r.unwrap_err();
+    let said = |r: Result<(), InputError>| r.unwrap_err().to_string();
     let mut check = |to, weight, mask| said(Blend { from: &a, to, weight, mask, out: &mut out }.check());
     assert_eq!(check(&a, f32::NAN, None), "`Blend.weight` is NaN, must be 0..=1");
     assert_eq!(check(&a, -0.5, None), "`Blend.weight` is -0.5, must be 0..=1");
-    assert_eq!(check(&b, 0.5, None), "`Blend`: poses of 2 and 3 joints, must be equally many");
+    assert_eq!(check(&b, 0.5, None), "`Blend.to` holds 3, must hold 2");
     assert_eq!(check(&a, 0.5, Some(&[0.5, f32::NAN])), "`Blend.mask[1]` is NaN, must be 0..=1");
-    assert_eq!(check(&a, 0.5, Some(&[0.5])), "`Blend.mask` has 1 weights, the poses have 2 joints");
+    assert_eq!(check(&a, 0.5, Some(&[0.5])), "`Blend.mask` holds 1, must hold 2");
     let job = BlendOnto { pose: &mut onto, to: &a, weight: 2.0, mask: None };
     assert_eq!(said(job.check()), "`BlendOnto.weight` is 2, must be 0..=1");
     let skeleton = skeleton(2, None);
     let mut matrices = [Affine3A::IDENTITY; 2];
     let job = LocalToModel { skeleton: &skeleton, pose: &b, model_from_joint: &mut matrices };
-    assert_eq!(said(job.check()), "`LocalToModel.pose` has 3 joints, the skeleton has 2");
+    assert_eq!(said(job.check()), "`LocalToModel.pose` holds 3, must hold 2");
     let job = LocalToModel { skeleton: &skeleton, pose: &a, model_from_joint: &mut matrices[..1] };
-    assert_eq!(said(job.check()), "`LocalToModel.model_from_joint` holds 1, the skeleton has 2 joints");
+    assert_eq!(said(job.check()), "`LocalToModel.model_from_joint` holds 1, must hold 2");
     let job =
         SkinMatrices { model_from_joint: &[], joints: &[4], inverse_bind: &[], out: &mut matrices[..1] };
-    assert_eq!(said(job.check()), "`SkinMatrices.joints[0]` is 4, the skeleton has 0 joints");
+    assert_eq!(said(job.check()), "`SkinMatrices.joints[0]` is 4, there are 0 joints");
     let mut values = [Vec3::ZERO];
     let job = Morph { targets: &[&[]], weights: &[f32::INFINITY], values: &mut values };
     assert_eq!(said(job.check()), "`Morph.weights[0]` is inf, must be finite");
     let mut case = SkinCase::random(&mut Random(1), 2, 4, false);
     case.joints[5] = 99;
     let (mut p, mut n) = (case.positions.clone(), case.normals.clone());
-    let job = Skin {
+    let job = LinearSkinning {
         matrices: &case.matrices,
         influences: 4,
         joint_indices: &case.joints,
@@ -410,5 +410,5 @@ fn bad_fields_are_named() {
         out_positions: &mut p,
         out_normals: &mut n,
     };
-    assert_eq!(said(job.check()), "`Skin.joint_indices[5]` is 99, the skin has 7 joints");
+    assert_eq!(said(job.check()), "`joint_indices[5]` is 99, there are 7 joints");
 }

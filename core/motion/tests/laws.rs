@@ -183,7 +183,7 @@ proptest! {
         let matrices = [matrix, matrix];
         let positions = [Vec3::new(1.0, -2.0, 0.5)];
         let mut out = [Vec3::ZERO];
-        Skin {
+        LinearSkinning {
             matrices: &matrices, influences: 4, joint_indices: &[0, 1, 0, 0], joint_weights: &[share, 1.0 - share, 0.0, 0.0],
             positions: &positions, normals: &[], out_positions: &mut out, out_normals: &mut [],
         }.run();

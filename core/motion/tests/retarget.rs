@@ -2,7 +2,7 @@
 
 mod support;
 
-use choreo_motion::retarget::{Options, Translations, same_joints};
+use choreo_motion::retarget::{RetargetOptions, Translations, same_joints};
 use choreo_motion::*;
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use proptest::prelude::*;
@@ -179,12 +179,12 @@ const LIMBS: [(&str, &str); 4] = [("upleg", "leg"), ("leg", "foot"), ("arm", "fo
 
 /// Largest angle, degrees, between the directions of the same limbs, the source turned by the yaw.
 fn limbs_apart([a, b]: [(&Skeleton, &[DAffine3]); 2], yaw_degrees: f64) -> f64 {
-    let humans = [Human::of(a.0), Human::of(b.0)];
+    let humans = [HumanoidJoints::of(a.0), HumanoidJoints::of(b.0)];
     let turn = DQuat::from_rotation_y(yaw_degrees.to_radians());
     let mut worst: f64 = 0.0;
     for side in ["left", "right"] {
         for (from, to) in LIMBS {
-            let along = |human: &Human, model: &[DAffine3]| {
+            let along = |human: &HumanoidJoints, model: &[DAffine3]| {
                 let place =
                     |n: &str| model[human.joint(&format!("{side} {n}")).unwrap() as usize].translation;
                 (place(to) - place(from)).normalize()
@@ -198,7 +198,7 @@ fn limbs_apart([a, b]: [(&Skeleton, &[DAffine3]); 2], yaw_degrees: f64) -> f64 {
 
 /// Of the lowest foot or toe, from where it is at rest.
 fn clearance(skeleton: &Skeleton, model: &[DAffine3]) -> f64 {
-    let human = Human::of(skeleton);
+    let human = HumanoidJoints::of(skeleton);
     let rest = model_at(skeleton, &Clip::new("rest".into(), skeleton.len(), Vec::new()).unwrap(), 0.0);
     let floor = rest.iter().map(|m| m.translation.y).fold(f64::MAX, f64::min);
     let floor = if floor < -0.15 { floor } else { 0.0 };
@@ -221,7 +221,7 @@ proptest! {
         let (bound, coverage, report) = bind_or_retarget(&clip, &skeleton, &skeleton);
         prop_assert!(bound.curves() == clip.curves() && coverage.left_out.is_empty() && report.is_none());
         // And to rounding by the formulas, floor and all.
-        let (other, report) = Retarget::new(&skeleton, &skeleton, Options::default()).clip(&clip);
+        let (other, report) = Retarget::new(&skeleton, &skeleton, RetargetOptions::default()).clip(&clip);
         let apart = difference(&model_at(&skeleton, &clip, at), &model_at(&skeleton, &other, at));
         prop_assert!(apart < 1e-5, "{apart} {report:?}");
     }
@@ -232,7 +232,7 @@ proptest! {
         let (a, b) = (random_build(random, random.0 as usize % 3), random_build(random, random.0 as usize / 3 % 3));
         let (from, to) = (body(random, &a), body(random, &b));
         let clip = dance(random, &from);
-        let retarget = Retarget::new(&from, &to, Options::default());
+        let retarget = Retarget::new(&from, &to, RetargetOptions::default());
         prop_assert_eq!(retarget.map().pairs().count(), from.len());
         let (other, report) = retarget.clip(&clip);
         prop_assert!(retarget.coverage(&clip).left_out.is_empty() && report.held.is_empty() && !report.coarse);
@@ -249,7 +249,7 @@ proptest! {
         prop_assert!((own - theirs).abs() < 8e-3, "{own} {theirs}");
         // The comparison can fail: without alignment arms hang as they did, if rest poses differ.
         if (a.arms_down - b.arms_down).abs() > 5.0 {
-            let off = Options { align: false, ..Options::default() };
+            let off = RetargetOptions { align: false, ..RetargetOptions::default() };
             let (other, _) = Retarget::new(&from, &to, off).clip(&clip);
             prop_assert!(limbs_apart([(&from, &s), (&to, &model_at(&to, &other, at))], retarget.yaw_degrees()) > 2.0);
         }
@@ -261,8 +261,8 @@ proptest! {
         let (a, b) = (random_build(random, 0), random_build(random, 1 + random.0 as usize % 2));
         let (from, to) = (body(random, &a), body(random, &b));
         let clip = dance(random, &from);
-        let there = Retarget::new(&from, &to, Options::default()).clip(&clip).0;
-        let back = Retarget::new(&to, &from, Options::default()).clip(&there).0;
+        let there = Retarget::new(&from, &to, RetargetOptions::default()).clip(&clip).0;
+        let back = Retarget::new(&to, &from, RetargetOptions::default()).clip(&there).0;
         let apart = difference(&model_at(&from, &clip, at), &model_at(&from, &back, at));
         // Rotations to rounding; the hips to the corners, rounded off twice, where one foot takes over from the other.
         prop_assert!(apart < 5e-3, "{apart}");
@@ -277,7 +277,7 @@ fn spines_of_other_numbers_go_end_to_end() {
         let from = body(random, &Build { spine: ours, ..PLAIN });
         let to = body(random, &Build { spine: theirs, family: 1, ..PLAIN });
         let clip = dance(random, &from);
-        let retarget = Retarget::new(&from, &to, Options::default());
+        let retarget = Retarget::new(&from, &to, RetargetOptions::default());
         let (other, report) = retarget.clip(&clip);
         let mut worst: f64 = 0.0;
         for at in 0..20 {
@@ -319,7 +319,7 @@ fn a_body_is_found_by_its_structure() {
     let at = |r: &(&str, Option<u32>, [f32; 3])| Transform { translation: r.2.into(), ..Transform::IDENTITY };
     let skeleton =
         Skeleton::new(names, rows.iter().map(|r| r.1).collect(), rows.iter().map(at).collect()).unwrap();
-    let human = Human::of(&skeleton);
+    let human = HumanoidJoints::of(&skeleton);
     let is = |name: &str| human.joint(name).map(|j| rows[j as usize].0);
     assert_eq!(is("hips"), Some("torso_joint_1"));
     assert_eq!(
@@ -331,19 +331,19 @@ fn a_body_is_found_by_its_structure() {
         [Some("leg_joint_L_1"), Some("leg_joint_R_2"), Some("leg_joint_L_3")]
     );
     assert_eq!((is("head"), human.spine(), human.neck()), (Some("neck_joint_2"), &[2, 3][..], &[4][..]));
-    assert!(human.is_body());
-    assert!(!Human::of(&Skeleton::default()).is_body());
+    assert!(human.is_humanoid());
+    assert!(!HumanoidJoints::of(&Skeleton::default()).is_humanoid());
 }
 
 #[test]
 fn joints_can_be_given_and_forbidden() {
     let random = &mut Random(3);
     let (from, to) = (body(random, &PLAIN), body(random, &Build { family: 2, ..PLAIN }));
-    let [a, b] = [&from, &to].map(Human::of);
+    let [a, b] = [&from, &to].map(HumanoidJoints::of);
     let (arm, head) = (b.joint("left arm").unwrap(), b.joint("head").unwrap());
     let other = a.joint("right arm").unwrap();
     let joints = BTreeMap::from([(arm, Some(other)), (head, None), (9999, Some(0)), (0, Some(9999))]);
-    let retarget = Retarget::new(&from, &to, Options { joints, ..Options::default() });
+    let retarget = Retarget::new(&from, &to, RetargetOptions { joints, ..RetargetOptions::default() });
     assert_eq!((retarget.map().source(arm), retarget.map().source(head)), (Some(other), None));
     let dance = dance(random, &from);
     let (clip, _) = retarget.clip(&dance);
@@ -356,19 +356,19 @@ fn what_moves_within_the_body_is_said() {
     let random = &mut Random(5);
     let (from, to) =
         (body(random, &PLAIN), body(random, &Build { family: 1, thigh: 0.9, shin: 0.9, ..PLAIN }));
-    let hand = Human::of(&from).joint("left hand").unwrap();
+    let hand = HumanoidJoints::of(&from).joint("left hand").unwrap();
     let rest = from.rest()[hand as usize].translation;
     let keys: Vec<f32> = [rest, rest + Vec3::X * 0.2].iter().flat_map(|v| v.to_array()).collect();
     let stretch = curve(hand, Path::Translation, Interpolation::Linear, &[0.0, 1.0], &keys);
     let clip = Clip::new("stretch".into(), from.len(), vec![stretch]).unwrap();
-    let (still, report) = Retarget::new(&from, &to, Options::default()).clip(&clip);
+    let (still, report) = Retarget::new(&from, &to, RetargetOptions::default()).clip(&clip);
     assert!(still.curves().iter().all(|c| c.path != Path::Translation));
     assert_eq!((report.held.len(), report.held[0].0.as_str()), (1, "mixamorig:LeftHand"));
-    let all = Options { translations: Translations::All, ..Options::default() };
+    let all = RetargetOptions { translations: Translations::All, ..RetargetOptions::default() };
     let (moved, report) = Retarget::new(&from, &to, all).clip(&clip);
     assert!(report.held.is_empty());
     let (a, b) = (model_at(&to, &moved, 0.0), model_at(&to, &moved, 1.0));
-    let joint = Human::of(&to).joint("left hand").unwrap() as usize;
+    let joint = HumanoidJoints::of(&to).joint("left hand").unwrap() as usize;
     // Legs twice as long, so the hand goes twice as far.
     assert!(((b[joint].translation - a[joint].translation).length() - 0.4).abs() < 1e-5);
 }
@@ -383,7 +383,8 @@ fn with_fingers(skeleton: &Skeleton, finger: impl Fn(&str, usize) -> String) -> 
     let (mut names, mut parents) = (skeleton.names().to_vec(), skeleton.parents().to_vec());
     let mut rest = skeleton.rest().to_vec();
     for side in ["Left", "Right"] {
-        let mut parent = Human::of(skeleton).joint(&format!("{} hand", side.to_lowercase())).unwrap();
+        let mut parent =
+            HumanoidJoints::of(skeleton).joint(&format!("{} hand", side.to_lowercase())).unwrap();
         for number in 1..=3 {
             names.push(finger(side, number));
             parents.push(Some(parent));
@@ -427,9 +428,9 @@ fn parts_of_the_body_that_stay_at_rest_are_named() {
     let (count, parts, empty, _) = named(&nothing);
     assert_eq!((count, empty), (0, true), "{parts:?}");
     // What the caller forbids is no loss.
-    let arm = Human::of(&from).joint("left arm").unwrap();
+    let arm = HumanoidJoints::of(&from).joint("left arm").unwrap();
     let below = [arm, arm + 1, arm + 2].map(|j| (j, None));
-    let options = Options { joints: BTreeMap::from(below), ..Options::default() };
+    let options = RetargetOptions { joints: BTreeMap::from(below), ..RetargetOptions::default() };
     let coverage = Retarget::new(&from, &from, options).coverage(&clip);
     assert_eq!((coverage.followed(), coverage.parts), (16, vec![]));
 }
@@ -507,8 +508,8 @@ fn hips_are_what_carries_the_thighs() {
             let upper = if family[0].1 == "root" { side.to_string() } else { side.to_uppercase() };
             theirs.map_or(part.to_string(), |(_, theirs)| theirs.replace('*', &upper))
         });
-        let (human, own) = (Human::of(&to), Human::of(&from));
-        assert!(human.is_body(), "{:?}: {human:?}", to.names());
+        let (human, own) = (HumanoidJoints::of(&to), HumanoidJoints::of(&from));
+        assert!(human.is_humanoid(), "{:?}: {human:?}", to.names());
         for part in ["hips", "head", "left arm", "right forearm", "left upleg", "right leg", "left foot"] {
             assert_eq!(human.joint(part), own.joint(part), "{part}: {:?}", to.names());
         }

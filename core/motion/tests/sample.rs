@@ -337,5 +337,5 @@ fn a_pose_of_another_size_is_named() {
     let clip = Clip::new("walk".into(), 3, vec![]).unwrap();
     let mut pose = Pose::identity(2);
     let job = Sample { clip: &clip, time: Time::ZERO, pose: &mut pose };
-    assert_eq!(job.check().unwrap_err(), "`Sample.pose` has 2 joints, the clip \"walk\" needs 3");
+    assert_eq!(job.check().unwrap_err().to_string(), "`Sample.pose` holds 2, must hold 3");
 }

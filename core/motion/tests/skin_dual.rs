@@ -2,12 +2,12 @@
 
 mod support;
 
-use choreo_motion::{Carrier, DualQuaternion, Level, SkinDual, stretch_of};
+use choreo_motion::{DualQuaternion, DualQuaternionSkinning, Level, StretchedDualQuaternion, stretch_matrix};
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, Vec3};
 use support::Random;
 
 struct Case {
-    carriers: Vec<Carrier>,
+    carriers: Vec<StretchedDualQuaternion>,
     stretched: bool,
     influences: usize,
     joints: Vec<u16>,
@@ -35,7 +35,7 @@ impl Case {
                 let place = DVec3::from_array([0; 3].map(|_| f64::from(random.signed())));
                 let map = DAffine3::from_scale(mirror)
                     * DAffine3::from_scale_rotation_translation(scale, rotation, place);
-                Carrier::of(map)
+                StretchedDualQuaternion::of(map)
             })
             .collect();
         let mut weights: Vec<f32> = (0..vertices * influences).map(|_| random.signed() + 1.01).collect();
@@ -52,10 +52,10 @@ impl Case {
 
     fn run(&self, level: Level) -> (Vec<Vec3>, Vec<Vec3>) {
         let motions: Vec<DualQuaternion> = self.carriers.iter().map(DualQuaternion::from).collect();
-        let stretches: Vec<Affine3A> = self.carriers.iter().map(stretch_of).collect();
+        let stretches: Vec<Affine3A> = self.carriers.iter().map(stretch_matrix).collect();
         let mut out_positions = vec![Vec3::NAN; self.positions.len()];
         let mut out_normals = vec![Vec3::NAN; self.normals.len()];
-        let mut job = SkinDual {
+        let mut job = DualQuaternionSkinning {
             motions: &motions,
             stretches: if self.stretched { &stretches } else { &[] },
             influences: self.influences,
@@ -78,7 +78,7 @@ impl Case {
             let range = vertex * self.influences..(vertex + 1) * self.influences;
             let influences = self.joints[range.clone()].iter().zip(&self.weights[range]);
             let influences = influences.map(|(j, w)| (&self.carriers[usize::from(*j)], f64::from(*w)));
-            let map = Carrier::blend(influences);
+            let map = StretchedDualQuaternion::blend(influences);
             let position = map.transform_point3(self.positions[vertex].as_dvec3());
             worst = worst.max(position.distance(positions[vertex].as_dvec3()));
             let inverse: DMat3 = map.matrix3.inverse().transpose();
@@ -144,7 +144,7 @@ fn vertices_without_weight_stay_and_bad_input_is_named() {
     assert_eq!(positions, case.positions);
     assert!(normals.iter().all(|n| n.is_finite()));
     let mut out = [Vec3::ZERO];
-    let job = SkinDual {
+    let job = DualQuaternionSkinning {
         motions: &[DualQuaternion::IDENTITY],
         stretches: &[],
         influences: 1,
@@ -155,5 +155,5 @@ fn vertices_without_weight_stay_and_bad_input_is_named() {
         out_positions: &mut out,
         out_normals: &mut [],
     };
-    assert_eq!(job.check().unwrap_err(), "`SkinDual.joint_indices[0]` is 1, the skin has 1 joints");
+    assert_eq!(job.check().unwrap_err().to_string(), "`joint_indices[0]` is 1, there are 1 joints");
 }

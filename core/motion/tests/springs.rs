@@ -469,7 +469,7 @@ fn check_names_what_is_wrong() {
             scratch: &mut scratch,
             model_from_joint: &mut out,
         };
-        step.check().unwrap_err()
+        step.check().unwrap_err().to_string()
     };
     assert_eq!(said(|_| (), f64::NAN), "`SpringStep.seconds` is NaN, must be finite and ≥ 0");
     let stiff: fn(&mut SpringRig) = |r| r.bones_mut().for_each(|b| b.spring.stiffness = f64::NAN);

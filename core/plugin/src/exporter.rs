@@ -62,7 +62,7 @@ pub trait FrameSink: Send {
     }
 }
 
-/// Where a file stands after its last frame.
+/// State of a file after its last frame.
 #[derive(Debug)]
 pub enum Mark<'a> {
     /// It cannot be gone on with.

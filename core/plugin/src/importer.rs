@@ -95,7 +95,7 @@ pub struct Needs {
 impl Needs {
     pub const ALL: Needs = Needs { geometry: true, clips: true, textures: true, pixels: true };
     pub const CLIPS: Needs = Needs { geometry: false, clips: true, textures: false, pixels: false };
-    /// For all that is told of a scene without drawing it.
+    /// Everything but pixels, to describe a scene without drawing it.
     pub const NO_PIXELS: Needs = Needs { pixels: false, ..Needs::ALL };
 
     /// What both need.

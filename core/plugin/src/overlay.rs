@@ -14,7 +14,7 @@ pub struct Scene<'a> {
     /// How it was a frame ago, two frames ago and so on, as many as [`crate::Effect::history`] asks for; before the first frame
     /// stands the first. Empty where a frame is looked at alone.
     pub before: &'a [Snapshot],
-    /// On these only; empty: on everything.
+    /// Actors and materials to which the effect is limited; empty: everything.
     pub on: &'a [EffectTarget],
 }
 
@@ -63,7 +63,7 @@ impl<'a> Body<'a> {
         Body { actor, asset, state, place, world_from_model: state.world_from_model * place }
     }
 
-    /// Where a joint stands in the world; `None` where there is none, or no finite place.
+    /// World position of a joint; `None` where there is none, or no finite position.
     pub fn joint(&self, joint: u32) -> Option<DVec3> {
         let at = self.state.model_from_joint.get(joint as usize)?.translation.as_dvec3();
         Some(self.world_from_model.transform_point3(at)).filter(|at| at.is_finite())
@@ -116,14 +116,14 @@ pub struct Overlay {
     pub triangles: Vec<Triangle>,
     pub lattices: Vec<Lattice>,
     pub labels: Vec<Label>,
-    /// Over everything that is drawn, rather than hidden by what is nearer.
+    /// Whether it is drawn over everything, rather than hidden by what is nearer.
     pub over: bool,
     /// What of it could not be made, and why; told by `choreo explain`.
     pub left_out: Vec<String>,
 }
 
 impl Overlay {
-    /// Of strokes, and of triangles, that are drawn of one effect in a frame.
+    /// Strokes, and triangles, of one effect in a frame at most.
     pub const MOST: usize = 100_000;
 }
 
@@ -154,7 +154,7 @@ pub struct Label {
     /// World, metres.
     pub at: DVec3,
     pub text: String,
-    /// Of the font, pixels.
+    /// Font size in pixels.
     pub size: f32,
     /// How far right of the place they begin, pixels.
     pub beside: f32,
@@ -165,7 +165,7 @@ pub struct Label {
 /// A plane of lines at right angles, without end, of which a disc around the point below the viewer is seen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lattice {
-    /// Where two lines meet; world, metres.
+    /// Point at which two lines meet; world space, metres.
     pub origin: DVec3,
     /// Unit, at right angles: along the lines.
     pub along: [DVec3; 2],

@@ -80,7 +80,7 @@ impl Registry {
         settled.effects.extend(self.on_use.iter().filter_map(|e| e.made()).cloned());
         settled
     }
-    /// Where plugin files are faulty: which, for the hint of something that was not found. Empty where none is.
+    /// Names the plugin files that are faulty, for the hint of something that was not found. Empty where none is.
     pub fn faulty_hint(&self) -> String {
         match self.faulty.as_slice() {
             [] => String::new(),

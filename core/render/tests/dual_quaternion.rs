@@ -135,7 +135,7 @@ fn boxes_hold_every_vertex_and_are_not_much_larger() {
         let carriers = [Affine3A::IDENTITY, upper].map(|m| {
             let m = Rows::from_affine3a(m);
             let [x, y, z] = m.0.map(|r| r.as_dvec4());
-            choreo_motion::Carrier::of(DAffine3 {
+            choreo_motion::StretchedDualQuaternion::of(DAffine3 {
                 matrix3: glam::DMat3::from_cols(x.truncate(), y.truncate(), z.truncate()).transpose(),
                 translation: DVec3::new(x.w, y.w, z.w),
             })

@@ -77,7 +77,7 @@ pub fn manifest_engine() -> Engine {
     engine
 }
 
-/// With `libm`, so that an import gives the same bits on every machine.
+/// Registers mathematics from `libm`, so that an import gives the same bits on every machine.
 fn maths(engine: &mut Engine) {
     type One = (&'static str, fn(f64) -> f64);
     let one: [One; 11] = [

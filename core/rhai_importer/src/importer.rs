@@ -29,7 +29,7 @@ const FEW_STEPS: u64 = 100_000;
 #[error("{file}:{line}:{column}: {message}")]
 pub struct ScriptError {
     pub file: String,
-    /// From 1.
+    /// Line number from 1.
     pub line: usize,
     pub column: usize,
     pub message: String,
@@ -43,9 +43,9 @@ pub struct RhaiImporter {
     manifest: Manifest,
     has_claim: bool,
     origin: Option<PluginFile>,
-    /// Where `fn load` stands, from 1.
+    /// Line of `fn load`, from 1.
     load_line: usize,
-    /// Of one import; `None` = the limit of the README.
+    /// Step limit of one import; `None` = the limit of the README.
     steps: Option<u64>,
 }
 
@@ -95,7 +95,7 @@ impl RhaiImporter {
         })
     }
 
-    /// Where the text came from.
+    /// Sets the file that the text was read from.
     pub fn with_file(mut self, file: PluginFile) -> RhaiImporter {
         self.origin = Some(file);
         self
@@ -242,7 +242,7 @@ pub fn without_mark(text: &str) -> &str {
     text.strip_prefix('\u{feff}').unwrap_or(text)
 }
 
-/// Where a comment without an end begins in a text that compiles: Rhai takes it for the end of the script, without a word. A
+/// Start of a comment without an end in a text that compiles: Rhai takes it for the end of the script, without a message. A
 /// bracket too many is an error everywhere else.
 fn open_comment(engine: &Engine, text: &str) -> Option<usize> {
     /// Openings inside the comment that are looked at.

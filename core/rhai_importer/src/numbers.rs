@@ -51,7 +51,7 @@ impl Numbers {
         Ok(Numbers::new(part.to_vec(), &self.budget))
     }
 
-    /// Of rows of `width` numbers, the columns in this order: rows of x y z with `[0, 2, 1]` become x z y.
+    /// The given columns, in this order, of rows of `width` numbers: rows of x y z with `[0, 2, 1]` become x z y.
     fn columns(&self, width: i64, columns: &Array) -> Result<Numbers, Refused> {
         let width = usize::try_from(width).ok().filter(|w| (1..=4096).contains(w));
         let columns: Option<Vec<usize>> =

@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 pub struct Scene {
     pub builder: AssetBuilder,
     pub needs: Needs,
-    /// Where a file beside the source is asked for: another thread reads it.
+    /// Channel on which a file beside the source is requested: another thread reads it.
     pub ask: mpsc::Sender<Request>,
 }
 
@@ -283,7 +283,7 @@ fn curve(what: &str, map: &Map) -> Result<Curve, String> {
     Ok(Curve { joint, path, interpolation, times, values: f.floats("values")?.into() })
 }
 
-/// For scripts that say `if file.needs.geometry { … }`.
+/// The map of `file.needs`, for scripts with `if file.needs.geometry { … }`.
 pub fn needs_map(needs: Needs) -> Map {
     let flag = |name: &str, on: bool| (name.into(), Dynamic::from(on));
     [flag("geometry", needs.geometry), flag("clips", needs.clips), flag("textures", needs.textures)].into()

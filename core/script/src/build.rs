@@ -21,7 +21,7 @@ use std::time::Instant;
 pub struct Shared {
     pub build: Mutex<Build>,
     pub loader: Arc<Loader>,
-    /// Where files are loaded whose clips alone are used.
+    /// Places that load files of which only clips are used.
     pub clips_only: Mutex<BTreeSet<Place>>,
     pub limits: Limits,
     /// `--set`, in order.
@@ -30,7 +30,7 @@ pub struct Shared {
     pub sources: Mutex<BTreeMap<String, Arc<str>>>,
     /// Functions that the script defines, with their number of arguments.
     pub functions: Mutex<Arc<Vec<(String, usize)>>>,
-    /// Where the token read last begins, as line and column.
+    /// Line and column of the token read last.
     pub last_token: Mutex<(usize, usize)>,
     /// Time to stop; moved on by what loading takes.
     pub deadline: Mutex<Option<Instant>>,
@@ -144,9 +144,9 @@ fn find_word(text: &str, word: &str) -> Option<usize> {
 #[derive(Default)]
 pub struct Build {
     pub settings: Settings,
-    /// Where `stage(…)` was called.
+    /// Place of the call of `stage(…)`.
     pub settings_at: Option<Place>,
-    /// Where a frame number was first turned into a time, how often that was done, and the last such frame and time.
+    /// Place at which a frame number was first turned into a time, how often that was done, and the last such frame and time.
     pub frames_used: Option<(Place, u64, f64, f64)>,
     pub actors: Vec<ActorDraft>,
     pub chains: Vec<Chain>,
@@ -157,7 +157,7 @@ pub struct Build {
     pub light_places: Vec<Place>,
     pub flats: Vec<Flat>,
     pub sky: Option<Sky>,
-    /// Where `sky(…)` was called.
+    /// Place of the call of `sky(…)`.
     pub sky_at: Option<Place>,
     /// The script says what ambient light there is.
     pub ambient_given: bool,
@@ -176,9 +176,9 @@ pub struct Build {
     /// Lines beyond the limit.
     pub unprinted: u64,
     pub diagnostics: Vec<Diagnostic>,
-    /// Of each of them, rising: an import that fails late is told where it was begun.
+    /// Order of each of them, rising: an import that fails late is reported where it was begun.
     orders: Vec<u64>,
-    /// Of what is noted now.
+    /// Order of what is noted now.
     pub order: u64,
     /// Diagnostics beyond the most that are kept.
     pub more: usize,
@@ -186,9 +186,9 @@ pub struct Build {
     pub bound: BTreeMap<(usize, usize), Bound>,
     pub shapes: BTreeMap<String, Arc<Asset>>,
     pub made: crate::made::Made,
-    /// Where time zero of what is being performed lies.
+    /// Stage time of the start of what is being performed.
     pub offset: Time,
-    /// By the address of the clip, which is kept alive.
+    /// Notes by the address of the clip, which is kept alive.
     pub clip_notes: BTreeMap<usize, ClipNotes>,
     /// Named times of the stage.
     pub markers: Vec<(String, Time)>,
@@ -222,7 +222,7 @@ pub struct LoadDraft {
     pub load: Arc<Load>,
     /// No file was read for it.
     pub made: bool,
-    /// For its clips alone, since the script uses no more of it.
+    /// Whether it is loaded for its clips only, since the script uses no more of it.
     pub clips_only: bool,
     /// Cast, or a clip of it played, or the script asked what is in it.
     pub used: bool,
@@ -252,9 +252,9 @@ pub struct ActorDraft {
     pub at: Place,
     /// Placed by `.at`, `.attach` or a key.
     pub placed: bool,
-    /// Where each look of `actor.look_at` was made.
+    /// Places of the calls of `actor.look_at`.
     pub looks: Vec<Place>,
-    /// Of its clips on the base layer.
+    /// Root motion of its clips on the base layer.
     pub root: Option<RootDraft>,
     /// Keys of its joints, over what its clips do.
     pub joint_keys: Vec<(Curve, Place)>,
@@ -269,7 +269,7 @@ pub struct Chain {
     pub mask: Option<Vec<f32>>,
     pub mode: LayerMode,
     pub priority: Option<u32>,
-    /// Of the layer as a whole.
+    /// Weight of the layer as a whole.
     pub weight_keys: Option<Arc<Channel>>,
 }
 

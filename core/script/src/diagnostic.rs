@@ -24,9 +24,9 @@ pub struct Diagnostic {
     pub rule: &'static str,
     /// As the user wrote it; empty where no file is to blame (the command line).
     pub file: String,
-    /// From 1; 0 = the file as a whole.
+    /// Line number from 1; 0 = the file as a whole.
     pub line: usize,
-    /// In characters, from 1; 0 = the line as a whole.
+    /// Column in characters from 1; 0 = the line as a whole.
     pub column: usize,
     pub source_line: String,
     pub message: String,
@@ -99,7 +99,8 @@ impl fmt::Display for Diagnostic {
 
 impl std::error::Error for Diagnostic {}
 
-/// Without what would steer a terminal or turn the reading direction around: names in messages come from files and scripts.
+/// The text without characters that steer a terminal or reverse the reading direction: names in messages come from files and
+/// scripts.
 pub fn printable(text: &str) -> String {
     text.chars().map(|c| if c != '\n' && steers_terminal(c) { '\u{fffd}' } else { c }).collect()
 }

@@ -8,6 +8,7 @@ use crate::errors::{Thrown, throw};
 use crate::hook;
 use crate::limits::Limits;
 use crate::modules::Modules;
+use crate::synonyms;
 use crate::value::{Kind, dead, is_dead, register_types};
 use rhai::packages::{
     BasicArrayPackage, BasicBlobPackage, BasicMapPackage, BitFieldPackage, CorePackage, LogicPackage,
@@ -67,7 +68,10 @@ pub fn engine(shared: &Arc<Shared>) -> Engine {
     register_types(&mut engine);
     api::maths::register(&mut engine);
     for def in api::all() {
-        register(&mut engine, shared, def);
+        register(&mut engine, shared, def.name, def);
+    }
+    for (alias, def) in synonyms::function_aliases() {
+        register(&mut engine, shared, alias, def);
     }
     engine
 }
@@ -192,7 +196,7 @@ fn check_calls(ast: &AST) -> Result<(), ParseError> {
     }
 }
 
-/// Of one call.
+/// Arguments of one call at most.
 pub const MOST_ARGUMENTS: usize = 64;
 
 /// The end of the message for a call with more arguments; `errors` recognizes it.
@@ -254,7 +258,7 @@ fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
     });
 }
 
-fn register(engine: &mut Engine, shared: &Arc<Shared>, def: &'static Def) {
+fn register(engine: &mut Engine, shared: &Arc<Shared>, name: &str, def: &'static Def) {
     let counts: BTreeSet<usize> = def.forms().iter().map(Vec::len).collect();
     for count in counts {
         let mut types = Vec::new();
@@ -264,7 +268,7 @@ fn register(engine: &mut Engine, shared: &Arc<Shared>, def: &'static Def) {
         types.extend(std::iter::repeat_n(TypeId::of::<Dynamic>(), count));
         // The engine lives as long as the hooks on the stage, which hold what is shared.
         let shared = Arc::downgrade(shared);
-        engine.register_raw_fn(def.name, types, move |context, args| match shared.upgrade() {
+        engine.register_raw_fn(name, types, move |context, args| match shared.upgrade() {
             Some(shared) => dispatch(&shared, def, &context, args),
             None => Ok(Dynamic::UNIT),
         });

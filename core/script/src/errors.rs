@@ -6,6 +6,7 @@ use crate::call::{ApiError, Def, Place, describe};
 use crate::engine::REFUSED;
 use crate::limits::raise_hint;
 use crate::suggest::{closest, did_you_mean, list};
+use crate::synonyms::{self, Suggestion};
 use crate::value::Kind;
 use rhai::{Dynamic, EvalAltResult, LexError, ParseErrorType, Position};
 use std::collections::BTreeSet;
@@ -27,7 +28,7 @@ pub fn refused(name: &str) -> ApiError {
     ApiError::new(format!("\"{name}\" cannot be used in a script: {why}"))
 }
 
-/// Where and what. `file`: the script that ran.
+/// The place and the text of an interpreter's error. `file`: the script that ran.
 pub fn explain(error: &EvalAltResult, file: &str, shared: &Shared) -> (Place, ApiError) {
     let place = |at: Position| Place {
         file: file.to_string(),
@@ -262,7 +263,13 @@ fn unknown_variable(name: &str, place: &Place, shared: &Shared) -> ApiError {
     if api::all().any(|d| d.name == name && d.on == Kind::None) {
         return error.hint(format!("{name} is a function: write {name}(…)"));
     }
-    error
+    if closest(name, known.iter().map(String::as_str)).is_some() {
+        return error;
+    }
+    match synonyms::of_function(name, Kind::None) {
+        Some(synonym) => error.hint(synonym.hint),
+        None => error,
+    }
 }
 
 /// Names that the lines up to `line` declare: a rough reading of the text, for suggestions only.
@@ -346,7 +353,12 @@ fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
         .chain(api::maths::FUNCTIONS.iter().map(|f| f.0))
         .chain(own.iter().map(|(n, _)| n.as_str()))
         .collect();
-    ApiError::new(format!("unknown function \"{name}\"{}", did_you_mean(name, known.iter().copied())))
+    let unknown = format!("unknown function \"{name}\"");
+    // A call on a number or a text is no method of a handle, so functions come first.
+    if let Some(synonym) = synonyms::of_function(name, Kind::None) {
+        return ApiError::new(format!("{unknown}{}", meaning(&synonym.name))).hint(synonym.hint);
+    }
+    ApiError::new(format!("{unknown}{}", did_you_mean(name, known.iter().copied())))
         .hint(format!("called with ({})", got()))
 }
 
@@ -364,13 +376,21 @@ fn unknown_member(name: &str, kind: &str) -> ApiError {
     }
     let others: Vec<&str> =
         api::all().filter(|d| d.name == name && d.on != Kind::None).map(|d| d.on.name()).collect();
-    let suggestion = match closest(name, methods.iter().copied()) {
-        Some(close) => format!("; did you mean \"{close}\"?"),
-        None if !others.is_empty() => format!("; it is a method of {}", others.join(", ")),
-        None => String::new(),
+    let synonym = synonyms::of_function(name, on);
+    let own = |synonym: &Suggestion| methods.contains(&&*synonym.name);
+    let (suggestion, hint) = match (closest(name, methods.iter().copied()), synonym) {
+        (_, Some(synonym)) if own(&synonym) => (meaning(&synonym.name), Some(synonym.hint)),
+        (Some(close), _) => (meaning(close), None),
+        (None, _) if !others.is_empty() => (format!("; it is a method of {}", others.join(", ")), None),
+        (None, Some(synonym)) => (meaning(&synonym.name), Some(synonym.hint)),
+        (None, None) => (String::new(), None),
     };
-    ApiError::new(format!("{kind} has no method \"{name}\"{suggestion}"))
-        .hint(format!("methods of {kind}: {}", list(methods, 40)))
+    let methods = || format!("methods of {kind}: {}", list(methods.iter().copied(), 40));
+    ApiError::new(format!("{kind} has no method \"{name}\"{suggestion}")).hint(hint.unwrap_or_else(methods))
+}
+
+fn meaning(name: &str) -> String {
+    format!("; did you mean \"{name}\"?")
 }
 
 /// A type in the words of scripts.

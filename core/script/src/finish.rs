@@ -1,4 +1,5 @@
-//! From drafts to a stage: times, positions and references are settled, mistakes that no single call shows are found.
+//! Resolves the script's drafts into a stage: times, positions and references are settled, and mistakes that no single call
+//! shows are found.
 
 use crate::api::camera::{DEFAULT_AZIMUTH, DEFAULT_ELEVATION};
 use crate::api::cue;
@@ -108,7 +109,7 @@ fn add_hooks(
     }
 }
 
-/// Of the clips that are played, each once.
+/// Markers of the clips that are played, each once.
 fn clip_markers(build: &Build, layers: &[Vec<Layer>]) -> Vec<ClipMarkers> {
     let mut all: Vec<ClipMarkers> = Vec::new();
     if build.clip_notes.values().all(|notes| notes.markers.is_empty()) {
@@ -164,9 +165,9 @@ const PRIORITIES: u32 = 1 << 30;
 
 /// What the cues come to.
 struct Layers {
-    /// Of each actor.
+    /// Layers of each actor.
     layers: Vec<Vec<Layer>>,
-    /// Of each cue, where it was written.
+    /// Place of each cue in the script.
     places: Vec<Vec<Vec<Place>>>,
     in_step: Vec<InStep>,
 }
@@ -326,7 +327,7 @@ fn of_actor(laid: Vec<Laid>) -> (Vec<Layer>, Vec<Vec<Place>>) {
 struct InStep {
     actor: usize,
     span: (Time, Time),
-    /// By root motion.
+    /// Whether root motion moves it.
     carried: bool,
 }
 

@@ -86,8 +86,8 @@ impl Folders {
         Ok(Folders { roots, own: 1, max_bytes })
     }
 
-    /// For tests: all that lies in `root`, which holds the script's folder, is the script's own too, and a name is looked
-    /// for from the script's folder on, up to there.
+    /// Sets the root for tests: everything in `root`, which holds the script's folder, counts as the script's own, and a name is searched
+    /// for from the script's folder upwards to there.
     pub fn with_root(mut self, root: &Path) -> Result<Folders, LoadError> {
         let outer = Root::new(root)
             .map_err(|e| LoadError::new(format!("cannot use folder \"{}\": {e}", root.display())))?;

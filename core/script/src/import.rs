@@ -77,7 +77,7 @@ impl Import {
         self.bytes.load(Ordering::Relaxed)
     }
 
-    /// From 0 to 1, as far as the importer tells; 1 once it is done.
+    /// Progress from 0 to 1, as far as the importer reports it; 1 once it is done.
     pub fn progress(&self) -> f32 {
         match self.phase() {
             Phase::Done | Phase::Failed => 1.0,
@@ -175,7 +175,7 @@ struct Watched {
 pub struct ImportProgress {
     pub files: usize,
     pub done: usize,
-    /// Of all files whose size is known.
+    /// Bytes of all files whose size is known.
     pub bytes: u64,
     pub bytes_done: u64,
     /// What is being read.
@@ -190,7 +190,7 @@ impl Imports {
         list.push(Arc::downgrade(import));
     }
 
-    /// In the order in which they were begun.
+    /// All imports in the order in which they were begun.
     pub fn all(&self) -> Vec<Arc<Import>> {
         let list = self.0.list.lock().unwrap_or_else(PoisonError::into_inner);
         list.iter().filter_map(Weak::upgrade).collect()

@@ -32,7 +32,9 @@ mod motion;
 mod parsed;
 mod reference;
 mod run;
+pub mod synonyms;
 pub mod testing;
+mod tokens;
 mod totals;
 mod value;
 
@@ -48,6 +50,7 @@ pub use lint::{ClipMarkers, Places};
 pub use loader::{BUILT_IN, ImportChoice, Loader};
 pub use reference::reference;
 pub use run::{NO_THREAD, Script, ScriptOptions, Touched, run_file, run_file_touching, run_text};
+pub use tokens::token_ranges;
 // The same words for a slip of the hand everywhere.
 pub use api::clip::{NothingFollows, mapping_lines};
 pub(crate) use choreo_plugin::suggest;

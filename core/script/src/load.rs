@@ -38,7 +38,7 @@ impl Load {
         Load { import: Some(import), asset: OnceLock::new(), name, at: at.clone(), order }
     }
 
-    /// Of a call that failed.
+    /// The load of a call that failed.
     pub fn dead() -> Load {
         Load {
             import: None,

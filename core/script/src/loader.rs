@@ -53,11 +53,11 @@ pub struct Loader {
 
 #[derive(Default)]
 struct State {
-    /// By place and choice.
+    /// Imports by path and choice.
     imports: BTreeMap<(PathBuf, String), Arc<Import>>,
     /// Canonical path and hash of everything read.
     used: BTreeMap<PathBuf, [u8; 32]>,
-    /// Where something was looked for that is not there, or is a link.
+    /// Paths at which something was searched that is not there, or is a link.
     looked_for: BTreeSet<PathBuf>,
 }
 
@@ -117,7 +117,7 @@ impl Loader {
         self.state().used.clone()
     }
 
-    /// Where files were looked for so far and not found, and links on the way to those found.
+    /// Paths at which files were searched so far and not found, and links on the way to those found.
     pub fn looked_for(&self) -> BTreeSet<PathBuf> {
         self.state().looked_for.clone()
     }
@@ -227,7 +227,7 @@ impl Loader {
         self.import(&source, found, made, import)
     }
 
-    /// From the cache where it has it; two threads that want the same asset make it once.
+    /// Takes the asset from the cache if it is there; two threads that want the same asset make it once.
     fn import(
         &self,
         source: &Source,

@@ -11,7 +11,7 @@ static IN_USE: AtomicU64 = AtomicU64::new(0);
 static LOOKED: AtomicBool = AtomicBool::new(false);
 static ASLEEP: AtomicBool = AtomicBool::new(false);
 
-/// Between two looks a program writes a few megabytes at most.
+/// Time between two measurements: a program writes a few megabytes in it at most.
 const EVERY: Duration = Duration::from_millis(5);
 /// So many times in a row nobody has looked: the thread goes to sleep.
 const UNWATCHED: u32 = 20;
@@ -56,7 +56,7 @@ fn watch() {
     }
 }
 
-/// Where the system tells at little cost (Linux).
+/// Asks the system for the memory in use, where that costs little (Linux).
 fn ask() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/self/statm").ok()?;
     let pages: u64 = text.split(' ').nth(1)?.parse().ok()?;

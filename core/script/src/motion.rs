@@ -3,7 +3,7 @@
 use crate::build::{Build, CueDraft, RootDraft, RootUse};
 use choreo_asset::Asset;
 use choreo_motion::contacts::{Contacts, find_feet};
-use choreo_motion::{Clip, PhaseFade, RootMotion, RootParts, Steps, Time};
+use choreo_motion::{Clip, Footsteps, PhaseMatchedFade, RootMotion, RootParts, Time};
 use choreo_stage::{Cue, CueRoot, Pace, Repeat};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ type Asked = (RootDraft, Option<Arc<CueRoot>>);
 #[derive(Default)]
 pub struct Found {
     roots: BTreeMap<Part, Vec<Asked>>,
-    steps: BTreeMap<Part, Option<Arc<Steps>>>,
+    steps: BTreeMap<Part, Option<Arc<Footsteps>>>,
 }
 
 fn part(asset: &Asset, clip: &Arc<Clip>, trim: (Time, Time)) -> Part {
@@ -44,17 +44,17 @@ pub fn root(build: &Build, draft: &CueDraft, found: &mut Found) -> Option<Arc<Cu
     root
 }
 
-fn steps(build: &Build, draft: &CueDraft, found: &mut Found) -> Option<Arc<Steps>> {
+fn steps(build: &Build, draft: &CueDraft, found: &mut Found) -> Option<Arc<Footsteps>> {
     let trim = draft.part();
     if let Some(times) = build.notes_of(&draft.cue.clip).and_then(|notes| notes.steps.as_ref()) {
-        return Steps::given(times, trim).map(Arc::new);
+        return Footsteps::given(times, trim).map(Arc::new);
     }
     let asset = &build.actors[build.chains[draft.chain].actor].actor.asset;
     let entry = found.steps.entry(part(asset, &draft.cue.clip, trim));
     let find = || {
         let feet = find_feet(&asset.skeleton);
         let contacts = Contacts::find(&asset.skeleton, &draft.cue.clip, trim, &feet)?;
-        Steps::of(&contacts, trim).map(Arc::new)
+        Footsteps::of(&contacts, trim).map(Arc::new)
     };
     entry.or_insert_with(find).clone()
 }
@@ -65,7 +65,7 @@ pub fn in_step(
     drafts: [usize; 2],
     cues: [&Cue; 2],
     found: &mut Found,
-) -> Result<PhaseFade, String> {
+) -> Result<PhaseMatchedFade, String> {
     let drafts = drafts.map(|id| &build.cues[id]);
     for (draft, cue) in drafts.iter().zip(cues) {
         if cue.repeat != Repeat::Loop || !draft.is_even() || cue.speed <= 0.0 {
@@ -82,6 +82,13 @@ pub fn in_step(
     let steps = [of(drafts[0])?, of(drafts[1])?];
     let played = cues[0].played(cues[1].start);
     let speeds = cues.map(|cue| cue.speed);
-    PhaseFade::new([&steps[0], &steps[1]], speeds, played, cues[1].start, cues[1].fade_in, cues[1].ease)
-        .ok_or(format!("\"{}\" takes other steps", drafts[0].cue.clip.name))
+    PhaseMatchedFade::new(
+        [&steps[0], &steps[1]],
+        speeds,
+        played,
+        cues[1].start,
+        cues[1].fade_in,
+        cues[1].ease,
+    )
+    .ok_or(format!("\"{}\" takes other steps", drafts[0].cue.clip.name))
 }

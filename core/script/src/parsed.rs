@@ -13,7 +13,7 @@ pub struct Parsed {
     pub functions: Arc<Vec<(String, usize)>>,
     /// Last line of each of them.
     pub ends: Arc<BTreeMap<String, usize>>,
-    /// Where files are loaded whose clips alone are used.
+    /// Places that load files of which only clips are used.
     pub clips_only: Vec<Place>,
 }
 

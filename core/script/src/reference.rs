@@ -4,7 +4,7 @@ use crate::api::{TABLES, maths::FUNCTIONS};
 use crate::call::Gives;
 use crate::engine::{CONSTANTS, REFUSED};
 use crate::limits::Limits;
-use crate::value::Kind;
+use crate::synonyms::ALIASES;
 use std::fmt::Write;
 
 /// The reference of everything that a script can call, as Markdown.
@@ -13,12 +13,7 @@ pub fn reference() -> String {
     for (title, tables) in TABLES {
         let _ = writeln!(out, "\n## {title}\n");
         for def in tables.iter().copied().flatten() {
-            let prefix = match def.on {
-                Kind::None => String::new(),
-                kind => format!("{}.", kind.name()),
-            };
-            let forms: Vec<String> =
-                def.args.split('|').map(|form| format!("{prefix}{}({})", def.name, form.trim())).collect();
+            let forms = def.usages(&def.full_name());
             let gives = match def.gives {
                 Gives::Nothing | Gives::Itself => String::new(),
                 Gives::A(kind) => format!(" → {}", kind.name()),
@@ -38,6 +33,10 @@ pub fn reference() -> String {
     }
     for (name, about) in CONSTANTS {
         let _ = writeln!(out, "- `{name}` — {about}");
+    }
+    let _ = writeln!(out, "\n## Aliases\n\nOther names for the same.\n");
+    for (alias, name) in ALIASES {
+        let _ = writeln!(out, "- `{alias}` is `{name}`.");
     }
     let _ = writeln!(out, "\n## What a script cannot use\n");
     for (name, why) in REFUSED {
@@ -68,4 +67,5 @@ This file is generated from the tables in `core/script/src/api/`. A test compare
 - ◦ marks what can also be called inside `on_frame`, where it holds for that frame only.
 - `import \"steps\" as steps;` imports the module `steps.rhai` from the folder of the script. `print(…)` and `debug(…)` write to the messages of the program.
 - A script may contain tests, after the scene or alone: `test(\"name\", || { … })`. `choreo test` runs each test on a stage of its own; other commands skip them. The other functions under the headings \"Tests\" work only inside a test. A comment `//~ error: TEXT` or `//~ warning: TEXT` states that its line, or the line above it, gives a message with that text.
+- `choreo help TERM` finds a function by a word of the field, of Blender, Unity, Motion Canvas or three.js, such as \"ik\" or \"foot sliding\". Error messages suggest functions and options by the same words.
 ";

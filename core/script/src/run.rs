@@ -1,4 +1,4 @@
-//! From a script file to a stage.
+//! Runs a script file to a stage.
 
 use crate::build::{Build, Mode, Parameter, Shared};
 use crate::cache::AssetCache;
@@ -57,14 +57,14 @@ pub struct Script {
     pub stage: Stage,
     /// Canonical paths of all that was read, the script included; sorted.
     pub files_used: Vec<PathBuf>,
-    /// Of the script's text, its parameters and the content of all files used.
+    /// Hash of the script's text, its parameters and the content of all files used.
     pub script_hash: [u8; 32],
     pub warnings: Vec<Diagnostic>,
-    /// In the order of the script.
+    /// Parameters in the order of the script.
     pub parameters: Vec<Parameter>,
     /// Lines of `print` and `debug`.
     pub printed: Vec<String>,
-    /// Where the things on stage were made, and what `check` tells beyond the warnings.
+    /// Places in the script that created what is on stage, and what `check` reports beyond the warnings.
     pub places: Places,
 }
 
@@ -83,12 +83,12 @@ pub fn run_file(
 pub struct Touched {
     /// Canonical paths of all that was read, with the BLAKE3 of what was read there.
     pub read: BTreeMap<PathBuf, [u8; 32]>,
-    /// Where something was looked for that was not there, and links on the way to what was.
+    /// Paths at which something was searched that was not there, and links on the way to what was.
     pub looked_for: BTreeSet<PathBuf>,
 }
 
 impl Touched {
-    /// Of a loader so far.
+    /// Files that a loader has touched so far.
     pub fn by(loader: &Loader) -> Touched {
         Touched { read: loader.used(), looked_for: loader.looked_for() }
     }
@@ -207,7 +207,7 @@ fn new_shared(folders: Folders, mode: Mode, registry: &Registry, options: &Scrip
 /// How the message begins where the system gives a script no thread.
 pub const NO_THREAD: &str = "cannot start a thread for the script: ";
 
-/// On a thread of its own: its stack is known to hold the deepest calls and expressions that the limits allow,
+/// Runs on a thread of its own: its stack is known to hold the deepest calls and expressions that the limits allow,
 /// whatever thread this is called on.
 pub fn on_own_thread<T: Send + 'static>(
     work: impl FnOnce() -> Result<T, Vec<Diagnostic>> + Send + 'static,

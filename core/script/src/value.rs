@@ -67,7 +67,7 @@ pub struct LightRef(pub usize);
 #[derive(Clone, Copy, Debug)]
 pub struct FlatRef(pub usize);
 
-/// Of the one sky of a stage.
+/// Handle of the one sky of a stage.
 #[derive(Clone, Copy, Debug)]
 pub struct SkyRef(pub usize);
 

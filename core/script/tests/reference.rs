@@ -1,5 +1,7 @@
 //! `API.md` lists what is registered, in the words that users search for.
 
+use choreo_script::synonyms::{answer, mentions};
+
 #[test]
 fn the_reference_is_up_to_date() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/API.md");
@@ -41,4 +43,14 @@ fn search_words_lead_to_a_heading_or_an_entry() {
     let words = SEARCH_WORDS.split([',', '\n']).map(|word| word.trim().to_lowercase());
     let missing: Vec<String> = words.filter(|word| !word.is_empty() && !found(word)).collect();
     assert!(missing.is_empty(), "the reference does not mention {missing:?}");
+}
+
+/// `choreo help TERM` answers each of the words, too: by a topic, an entry of that name, or entries that mention it.
+#[test]
+fn search_words_are_answered() {
+    let words = SEARCH_WORDS.split([',', '\n']).map(|word| word.trim().trim_matches(['(', ')']));
+    let known = |word: &str| !answer(word).calls.is_empty() || !mentions(word).is_empty();
+    let missing: Vec<&str> = words.filter(|word| !word.is_empty() && !known(word)).collect();
+    assert!(missing.is_empty(), "without an answer: {missing:?}");
+    assert!(!known("quaggaflux"));
 }

@@ -2,25 +2,25 @@
 //! a worker thread and swapped whole. A faulty version leaves the last good one in place, with what is wrong with it.
 //!
 //! ```text
-//! Recipe ─► Session::build ─► Version ─► Painter ─► frames
+//! SceneSource ─► Session::build ─► SceneVersion ─► FrameRenderer ─► frames
 //!               ▲    └ Touched: the files that it depends on
 //!               └── Watch ◄── the system
 //! ```
 //! No window and no toolkit: what shows it is the caller's.
 
 pub mod edit;
-mod eye;
-mod live;
+mod frame_renderer;
 pub mod model;
-mod painter;
 pub mod plugin_files;
-mod recipe;
+mod scene_source;
 mod session;
+mod session_thread;
+mod viewport;
 mod watch;
 
-pub use eye::{Eye, Marks};
-pub use live::Live;
-pub use painter::{Asked, Painted, Painter, Shown, StartRenderer};
-pub use recipe::Recipe;
-pub use session::{Problem, Scene, Session, Version, Work};
-pub use watch::{Interest, Waited, Waker, Watch, WatchError};
+pub use frame_renderer::{FrameInfo, FrameRenderer, FrameReply, FrameRequest, StartRenderer};
+pub use scene_source::SceneSource;
+pub use session::{Problem, Scene, SceneVersion, Session, Work};
+pub use session_thread::SessionThread;
+pub use viewport::{ViewOverrides, ViewportCamera};
+pub use watch::{Waker, Watch, WatchError, WatchEvent, WatchedPaths};

@@ -60,7 +60,7 @@ fn add(stage: &mut Stage, name: &str, asset: Arc<Asset>, clip: Option<Arc<Clip>>
     actor
 }
 
-/// Of the joints where there is no mesh.
+/// Bounds of the joints where there is no mesh.
 fn bounds(asset: &Asset) -> Aabb {
     let bounds = asset.rest_bounds();
     if !bounds.is_empty() {

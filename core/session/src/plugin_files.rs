@@ -50,7 +50,7 @@ pub struct Listing {
     /// in order, then the inputs' own folders and those beside the inputs.
     pub registry: Registry,
     entries: Vec<Entry>,
-    /// Where a plugin file put there would be found; those beside the inputs need not be there.
+    /// Folders in which a plugin file would be found; those beside the inputs need not exist.
     pub folders: Vec<PathBuf>,
     /// How many plugin files were compiled, here and in the listings before.
     compiled: Arc<AtomicU64>,

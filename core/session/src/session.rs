@@ -1,7 +1,7 @@
 //! A scene made again and again from files that change.
 
 use crate::plugin_files::{self, ENDINGS, Listing};
-use crate::{Interest, Recipe, Waited, Waker, Watch, WatchError, model};
+use crate::{SceneSource, Waker, Watch, WatchError, WatchEvent, WatchedPaths, model};
 use choreo_asset::Asset;
 use choreo_plugin::Registry;
 use choreo_render::Catalog;
@@ -18,13 +18,13 @@ use std::time::{Duration, Instant};
 
 /// Everything that drawing frames of one version takes, and where it comes from.
 pub struct Scene {
-    /// Of the version.
+    /// Number of the version.
     pub number: u64,
     pub stage: Arc<Stage>,
     pub catalog: Arc<Catalog>,
-    /// To be cloned: clones share what was found out.
+    /// The evaluator to be cloned: clones share what was computed.
     pub evaluator: Evaluator,
-    /// With the plugin files of this version.
+    /// The registry with the plugin files of this version.
     pub registry: Registry,
     /// Empty for a model.
     pub places: Places,
@@ -47,8 +47,8 @@ pub struct Work {
 
 /// What one build gave.
 #[derive(Clone)]
-pub struct Version {
-    /// From 1.
+pub struct SceneVersion {
+    /// Number of the version, from 1.
     pub number: u64,
     /// `None`: faulty. The one before stays.
     pub scene: Option<Arc<Scene>>,
@@ -63,7 +63,7 @@ pub struct Version {
 }
 
 pub struct Session {
-    recipe: Recipe,
+    source: SceneSource,
     /// The program's own plugins.
     plugins: Registry,
     assets: AssetCache,
@@ -91,9 +91,9 @@ struct Built {
 
 impl Session {
     /// `watching`: whether [`Session::wait`] will be called.
-    pub fn new(recipe: Recipe, plugins: &Registry, watching: bool) -> Result<Session, WatchError> {
+    pub fn new(source: SceneSource, plugins: &Registry, watching: bool) -> Result<Session, WatchError> {
         Ok(Session {
-            recipe,
+            source,
             plugins: plugins.clone(),
             assets: AssetCache::default(),
             imports: Imports::default(),
@@ -105,8 +105,8 @@ impl Session {
         })
     }
 
-    pub fn recipe(&self) -> &Recipe {
-        &self.recipe
+    pub fn source(&self) -> &SceneSource {
+        &self.source
     }
 
     /// How far files are that are being read, for who shows it.
@@ -119,23 +119,23 @@ impl Session {
     }
 
     /// Waits until a file has changed on which the last version depends.
-    pub fn wait(&mut self, timeout: Option<Duration>) -> Result<Waited, WatchError> {
+    pub fn wait(&mut self, timeout: Option<Duration>) -> Result<WatchEvent, WatchError> {
         self.watch.as_mut().map_or(Err(WatchError::Gone), |watch| watch.wait(timeout))
     }
 
     /// Makes the next version. `changed` is told on.
-    pub fn build(&mut self, changed: BTreeSet<PathBuf>) -> Version {
+    pub fn build(&mut self, changed: BTreeSet<PathBuf>) -> SceneVersion {
         let start = Instant::now();
         self.work.builds += 1;
         let number = self.work.builds;
         let mut touched = Touched::default();
-        let mut interest = Interest::default();
+        let mut interest = WatchedPaths::default();
         let made = catch_unwind(AssertUnwindSafe(|| self.make(number, &mut touched, &mut interest)));
         let made = made.unwrap_or_else(|_| {
             let what = "the program itself failed on this version; please report it with the files";
             Err(vec![Diagnostic::error(what)])
         });
-        let shaders = self.recipe.shaders.as_ref().and_then(|folder| folder.canonicalize().ok());
+        let shaders = self.source.shaders.as_ref().and_then(|folder| folder.canonicalize().ok());
         interest.files.extend(touched.read.into_iter().map(|(path, hash)| (path, Some(hash))));
         for path in touched.looked_for {
             let there = content_of(&path);
@@ -167,22 +167,22 @@ impl Session {
         self.work.imports = self.assets.imports();
         self.work.plugins = self.files.as_ref().map_or(0, Listing::compiled);
         let shaders = shaders.is_some_and(|folder| changed.iter().any(|c| c.starts_with(&folder)));
-        Version { number, scene, problems, changed, shaders, work: self.work, took: start.elapsed() }
+        SceneVersion { number, scene, problems, changed, shaders, work: self.work, took: start.elapsed() }
     }
 
     fn make(
         &mut self,
         number: u64,
         touched: &mut Touched,
-        interest: &mut Interest,
+        interest: &mut WatchedPaths,
     ) -> Result<(Scene, Vec<Problem>), Vec<Problem>> {
         let registry = self.registry(interest)?;
-        let built = match self.recipe.is_script() {
+        let built = match self.source.is_script() {
             true => self.script(&registry, touched)?,
             false => self.model(&registry, touched)?,
         };
         let Built { mut stage, places, parameters, printed, mut warnings } = built;
-        stage.settings.size = self.recipe.size.unwrap_or(stage.settings.size);
+        stage.settings.size = self.source.size.unwrap_or(stage.settings.size);
         for used in stage.effects.iter().filter(|used| registry.effect(&used.plugin).is_none()) {
             warnings.push(Diagnostic::warning(format!("unknown effect \"{}\"; it is left out", used.plugin)));
         }
@@ -200,9 +200,9 @@ impl Session {
     }
 
     /// The program's plugins with those of the plugin files, which are compiled again where they have changed.
-    fn registry(&mut self, interest: &mut Interest) -> Result<Registry, Vec<Problem>> {
-        let inputs = [self.recipe.input.as_path()];
-        let found = plugin_files::list(&self.plugins, &self.recipe.plugins, &inputs, self.files.as_ref());
+    fn registry(&mut self, interest: &mut WatchedPaths) -> Result<Registry, Vec<Problem>> {
+        let inputs = [self.source.input.as_path()];
+        let found = plugin_files::list(&self.plugins, &self.source.plugins, &inputs, self.files.as_ref());
         let listing = found.map_err(|error| vec![Diagnostic::error(error.to_string())])?;
         for folder in &listing.folders {
             // Made from here, where it is not there yet.
@@ -221,14 +221,14 @@ impl Session {
 
     fn script(&self, registry: &Registry, touched: &mut Touched) -> Result<Built, Vec<Problem>> {
         let options = ScriptOptions {
-            search_paths: self.recipe.search.clone(),
-            set: self.recipe.set.clone(),
-            limits: self.recipe.limits.clone(),
-            needs: self.recipe.needs,
+            search_paths: self.source.search.clone(),
+            set: self.source.set.clone(),
+            limits: self.source.limits.clone(),
+            needs: self.source.needs,
             assets: self.assets.clone(),
             imports: self.imports.clone(),
         };
-        let (result, files) = run_file_touching(&self.recipe.input, registry, &options);
+        let (result, files) = run_file_touching(&self.source.input, registry, &options);
         *touched = files;
         let script = result?;
         let mut warnings = script.warnings;
@@ -242,9 +242,9 @@ impl Session {
         })
     }
 
-    /// Of several those are shown that can be read; why the others are not is told.
+    /// Opens the models that can be read; reports why the others cannot.
     fn model(&self, registry: &Registry, touched: &mut Touched) -> Result<Built, Vec<Problem>> {
-        let paths = || std::iter::once(&self.recipe.input).chain(&self.recipe.beside);
+        let paths = || std::iter::once(&self.source.input).chain(&self.source.beside);
         let (mut assets, mut failed) = (Vec::new(), Vec::new());
         for path in paths() {
             match self.asset(registry, path, touched) {
@@ -256,8 +256,8 @@ impl Session {
             return Err(failed);
         }
         let stage = match (&assets[..], paths().count()) {
-            ([(_, asset)], 1) => model::stage(asset.clone(), self.recipe.clip.as_deref())
-                .map_err(|text| vec![in_file(&self.recipe.input, text, None)])?,
+            ([(_, asset)], 1) => model::stage(asset.clone(), self.source.clip.as_deref())
+                .map_err(|text| vec![in_file(&self.source.input, text, None)])?,
             _ => model::side_by_side(&assets),
         };
         let mut warnings = asset_warnings(&stage);
@@ -270,12 +270,12 @@ impl Session {
         let built_in = path.to_str().filter(|p| p.starts_with(BUILT_IN));
         let base = if built_in.is_some() { Path::new("choreo.rhai") } else { path };
         let folder = base.parent().unwrap_or(Path::new(""));
-        let folders = Folders::new(folder, &self.recipe.search, self.recipe.limits.file);
+        let folders = Folders::new(folder, &self.source.search, self.source.limits.file);
         let folders = folders.map_err(|e| in_file(path, e.message, e.hint))?;
-        let loader = Loader::new(registry, folders, self.recipe.needs);
+        let loader = Loader::new(registry, folders, self.source.needs);
         let loader = Arc::new(loader.with_cache(&self.assets).watched_by(&self.imports));
         let name = built_in.or_else(|| path.file_name().and_then(|n| n.to_str())).unwrap_or_default();
-        let loaded = loader.load(name, &self.recipe.import);
+        let loaded = loader.load(name, &self.source.import);
         let Touched { read, looked_for } = Touched::by(&loader);
         touched.read.extend(read);
         touched.looked_for.extend(looked_for);
@@ -303,7 +303,7 @@ fn wgsl_files(folder: &Path) -> Vec<PathBuf> {
     files.filter(|p| p.to_string_lossy().ends_with(choreo_wgsl_effect::ENDING)).collect()
 }
 
-/// Of every asset on stage, once.
+/// Warnings of every asset on stage, once each.
 fn asset_warnings(stage: &Stage) -> Vec<Problem> {
     let mut seen: Vec<&Arc<Asset>> = Vec::new();
     let mut warnings = Vec::new();

@@ -33,7 +33,7 @@ pub enum WatchError {
 
 /// What is waited for.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Interest {
+pub struct WatchedPaths {
     /// Absolute paths, with the BLAKE3 of what was read there; `None` where nothing was.
     pub files: BTreeMap<PathBuf, Option<[u8; 32]>>,
     /// Any file directly in this folder whose name ends so.
@@ -44,10 +44,10 @@ pub struct Interest {
 }
 
 #[derive(Clone, Debug, PartialEq)]
-pub enum Waited {
+pub enum WatchEvent {
     /// These files are others than they were.
     Changed(BTreeSet<PathBuf>),
-    /// By a [`Waker`].
+    /// A [`Waker`] woke it.
     Woken,
     TimedOut,
 }
@@ -75,13 +75,13 @@ enum Signal {
 
 /// What is passed on: however much happens to other names in the folders that are watched, nobody waits for it, wakes up or keeps it.
 #[derive(Default)]
-struct Heard {
-    interest: Interest,
+struct EventFilter {
+    interest: WatchedPaths,
     /// Every folder that leads to something of interest.
     ways: BTreeSet<PathBuf>,
 }
 
-impl Heard {
+impl EventFilter {
     fn concerns(&self, event: &Event) -> bool {
         if matches!(event.kind, EventKind::Access(kind) if kind != AccessKind::Close(AccessMode::Write)) {
             return false;
@@ -91,7 +91,7 @@ impl Heard {
     }
 }
 
-impl Interest {
+impl WatchedPaths {
     fn has(&self, path: &Path) -> bool {
         self.files.contains_key(path) || self.folders.iter().any(|folder| is_in(path, folder))
     }
@@ -109,10 +109,10 @@ pub struct Watch {
     watcher: RecommendedWatcher,
     signals: Receiver<Signal>,
     to: Sender<Signal>,
-    interest: Interest,
+    interest: WatchedPaths,
     watched: BTreeSet<PathBuf>,
     /// What the thread that hears the system needs to know of it.
-    heard: Arc<Mutex<Heard>>,
+    heard: Arc<Mutex<EventFilter>>,
     /// Touched when a wait ended, and not yet looked at.
     pending: Candidates,
 }
@@ -120,7 +120,7 @@ pub struct Watch {
 impl Watch {
     pub fn new() -> Result<Watch, WatchError> {
         let (to, signals) = channel();
-        let heard = Arc::new(Mutex::new(Heard::default()));
+        let heard = Arc::new(Mutex::new(EventFilter::default()));
         let (events, hears) = (to.clone(), heard.clone());
         let watcher = notify::recommended_watcher(move |event: notify::Result<Event>| {
             let signal = match event {
@@ -132,7 +132,7 @@ impl Watch {
             // After the watch has gone nobody listens.
             let _ = events.send(signal);
         })?;
-        let (interest, pending) = (Interest::default(), Candidates::default());
+        let (interest, pending) = (WatchedPaths::default(), Candidates::default());
         Ok(Watch { watcher, signals, to, interest, watched: BTreeSet::new(), heard, pending })
     }
 
@@ -145,9 +145,9 @@ impl Watch {
         self.watched.len()
     }
 
-    /// From now on these are waited for. What has changed since it was read, of what was not waited for before, is told by the next
+    /// Waits for these from now on. A new one that has changed since it was read is reported by the next
     /// [`Watch::wait`].
-    pub fn set(&mut self, interest: Interest) {
+    pub fn set(&mut self, interest: WatchedPaths) {
         let before = std::mem::replace(&mut self.interest, interest);
         self.grow();
         let new = self.arrange();
@@ -166,7 +166,7 @@ impl Watch {
         self.in_folders()
     }
 
-    /// From now on a file has changed where it is other than this.
+    /// Notes the content of a file: it has changed as soon as its content differs.
     pub fn knows(&mut self, path: PathBuf, content: Option<[u8; 32]>) {
         let mut heard = lock(&self.heard);
         heard.ways.extend(path.ancestors().skip(1).map(Path::to_path_buf));
@@ -176,7 +176,7 @@ impl Watch {
 
     /// Waits until something of interest has changed, and whoever changed it is done. What is touched when the time is over is told
     /// by the next wait.
-    pub fn wait(&mut self, timeout: Option<Duration>) -> Result<Waited, WatchError> {
+    pub fn wait(&mut self, timeout: Option<Duration>) -> Result<WatchEvent, WatchError> {
         let until = timeout.map(|timeout| Instant::now() + timeout);
         let mut candidates = std::mem::take(&mut self.pending);
         loop {
@@ -190,12 +190,12 @@ impl Watch {
                         if candidates.due().is_some_and(|due| due <= Instant::now()) {
                             let changed = self.changed(&candidates.take());
                             if !changed.is_empty() {
-                                return Ok(Waited::Changed(changed));
+                                return Ok(WatchEvent::Changed(changed));
                             }
                         }
                         if until.is_some_and(|until| until <= Instant::now()) {
                             self.pending = candidates;
-                            return Ok(Waited::TimedOut);
+                            return Ok(WatchEvent::TimedOut);
                         }
                         continue;
                     }
@@ -204,7 +204,7 @@ impl Watch {
             match signal {
                 Signal::Wake => {
                     self.pending = candidates;
-                    return Ok(Waited::Woken);
+                    return Ok(WatchEvent::Woken);
                 }
                 Signal::Lost => {
                     let all: BTreeSet<PathBuf> = self.all();
@@ -239,7 +239,7 @@ impl Watch {
         }
     }
 
-    /// Of the files of interest those that an event may be about.
+    /// The files of interest that an event may be about.
     fn touched(&mut self, event: &Event) -> BTreeSet<PathBuf> {
         let mut touched = BTreeSet::new();
         for path in &event.paths {
@@ -306,7 +306,7 @@ impl Watch {
         let folders = self.interest.files.keys().filter_map(|f| f.parent());
         let folders = folders.chain(self.interest.folders.iter().map(|(folder, _)| folder.as_path()));
         // Before anything is watched, so that nothing is missed.
-        *lock(&self.heard) = Heard { interest: self.interest.clone(), ways: self.interest.ways() };
+        *lock(&self.heard) = EventFilter { interest: self.interest.clone(), ways: self.interest.ways() };
         let mut wanted = BTreeSet::new();
         for folder in folders {
             let Some(there) = folder.ancestors().find(|f| f.is_dir()) else { continue };
@@ -333,7 +333,7 @@ impl Watch {
 }
 
 /// What a thread that failed left there is whole.
-fn lock(heard: &Mutex<Heard>) -> MutexGuard<'_, Heard> {
+fn lock(heard: &Mutex<EventFilter>) -> MutexGuard<'_, EventFilter> {
     heard.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
@@ -399,7 +399,7 @@ mod tests {
         fs::write(&file, "0").unwrap();
         let mut watch = Watch::new().unwrap();
         let files = [(file.clone(), Some(*blake3::hash(b"0").as_bytes()))].into();
-        watch.set(Interest { files, ..Interest::default() });
+        watch.set(WatchedPaths { files, ..WatchedPaths::default() });
         // Of one file's alone the system makes one event.
         for n in 0..1500 {
             for log in ["one.log", "two.log"] {

@@ -1,6 +1,6 @@
 //! Keys in a script's text, changed and added.
 
-use choreo_session::edit::{Edit, Object, Value, When};
+use choreo_session::edit::{Edit, KeyTime, KeyValue, ScriptObject};
 use glam::{DQuat, DVec3};
 
 /// About x, then y, then z (fixed axes), degrees.
@@ -11,9 +11,9 @@ fn turned(x: f64, y: f64, z: f64) -> DQuat {
 
 const FPS: f64 = 25.0;
 
-fn set(text: &str, property: &str, secs: f64, value: Value) -> Result<String, String> {
-    let object = Object::at(text, 1, 1 + text.find("cast").unwrap()).map_err(|r| r.why)?;
-    let edit = object.set_key(property, When { secs, fps: FPS }, value).map_err(|r| r.why)?;
+fn set(text: &str, property: &str, secs: f64, value: KeyValue) -> Result<String, String> {
+    let object = ScriptObject::at(text, 1, 1 + text.find("cast").unwrap()).map_err(|r| r.why)?;
+    let edit = object.set_key(property, KeyTime { secs, fps: FPS }, value).map_err(|r| r.why)?;
     let after = edit.apply(text);
     assert_eq!(edit.inverse(text).apply(&after), text);
     Ok(after)
@@ -26,13 +26,13 @@ fn yaw(degrees: f64) -> DQuat {
 #[test]
 fn the_key_at_the_time_is_changed_and_nothing_else() {
     let text = "let a = cast(\"a\", m).key(\"position\", [[0.0, [0, 0, 0]], [1.0, [ 1, 0 , 0 ]] /* b */], \"smooth\");";
-    let p = Value::Point(DVec3::new(1.5, 0.0, -2.0));
+    let p = KeyValue::Point(DVec3::new(1.5, 0.0, -2.0));
     assert_eq!(set(text, "position", 1.0, p).unwrap(), text.replace("[ 1, 0 , 0 ]", "[ 1.5, 0 , -2.0 ]"));
     // Less than half a frame beside it is it.
     assert!(set(text, "position", 1.01, p).unwrap().contains("[ 1.5, 0 , -2.0 ]"));
     let text = "let a = cast(\"a\", m);\na.key(\"scale\", [[f(5), 2], [f(10), [1, 2, 3]]]);";
-    assert!(set(text, "scale", 0.2, Value::Scale(DVec3::splat(3.0))).unwrap().contains("[f(5), 3.0]"));
-    let uneven = Value::Scale(DVec3::new(1.0, 2.0, 1.0));
+    assert!(set(text, "scale", 0.2, KeyValue::Scale(DVec3::splat(3.0))).unwrap().contains("[f(5), 3.0]"));
+    let uneven = KeyValue::Scale(DVec3::new(1.0, 2.0, 1.0));
     assert!(set(text, "scale", 0.2, uneven).unwrap().contains("[f(5), [1.0, 2.0, 1.0]]"));
     assert!(set(text, "scale", 0.4, uneven).unwrap().contains("[f(10), [1, 2, 1.0]]"));
 }
@@ -40,13 +40,13 @@ fn the_key_at_the_time_is_changed_and_nothing_else() {
 #[test]
 fn a_new_key_is_written_as_its_neighbours_are() {
     let text = "let a = cast(\"a\", m).key(\"position\", [[0.0, [0, 0, 0]], [1.0, [1, 0, 0]]]);";
-    let p = Value::Point(DVec3::new(0.5, 1.0, 0.0));
+    let p = KeyValue::Point(DVec3::new(0.5, 1.0, 0.0));
     assert!(
         set(text, "position", 0.44, p).unwrap().contains("[[0.0, [0, 0, 0]], [0.44, [0.5, 1.0, 0.0]], [1.0,")
     );
     assert!(set(text, "position", 2.0, p).unwrap().contains("[1.0, [1, 0, 0]], [2.0, [0.5, 1.0, 0.0]]]);"));
     let text = "let a = cast(\"a\", m).key(\"rotation\", [\n    [f(5), 0], // there\n    [f(50), 90], // and back\n]);";
-    let q = Value::Turn(yaw(30.0));
+    let q = KeyValue::Turn(yaw(30.0));
     assert_eq!(
         set(text, "rotation", 1.0, q).unwrap(),
         "let a = cast(\"a\", m).key(\"rotation\", [\n    [f(5), 0], // there\n    [f(25), 30.0],\n    [f(50), 90], // and back\n]);"
@@ -60,19 +60,21 @@ fn a_new_key_is_written_as_its_neighbours_are() {
 #[test]
 fn angles_stay_near_those_that_are_there() {
     let text = "let a = cast(\"a\", m).key(\"rotation\", [[0, 0], [1, 350], [2, 720]]);";
-    assert!(set(text, "rotation", 1.0, Value::Turn(yaw(10.0))).unwrap().contains("[1, 370.0]"));
-    assert!(set(text, "rotation", 2.0, Value::Turn(yaw(-5.0))).unwrap().contains("[2, 715.0]"));
-    let leans = Value::Turn(turned(20.0, 350.0, 0.0));
+    assert!(set(text, "rotation", 1.0, KeyValue::Turn(yaw(10.0))).unwrap().contains("[1, 370.0]"));
+    assert!(set(text, "rotation", 2.0, KeyValue::Turn(yaw(-5.0))).unwrap().contains("[2, 715.0]"));
+    let leans = KeyValue::Turn(turned(20.0, 350.0, 0.0));
     assert!(set(text, "rotation", 1.0, leans).unwrap().contains("[1, [20.0, 350.0, 0.0]]"));
     let text = "let a = cast(\"a\", m).key(\"rotation\", [[0, [0, 0, 0, 1]], [1, [170, 20, 175]]]);";
-    let after = set(text, "rotation", 1.0, Value::Turn(turned(190.0, 20.0, 185.0))).unwrap();
+    let after = set(text, "rotation", 1.0, KeyValue::Turn(turned(190.0, 20.0, 185.0))).unwrap();
     assert!(after.contains("[1, [190.0, 20, 185.0]]"), "{after}");
-    assert!(set(text, "rotation", 0.0, Value::Turn(yaw(180.0))).unwrap().contains("[0, [0, 1.0, 0, 0.0]]"));
+    assert!(
+        set(text, "rotation", 0.0, KeyValue::Turn(yaw(180.0))).unwrap().contains("[0, [0, 1.0, 0, 0.0]]")
+    );
 }
 
 #[test]
 fn what_is_computed_is_refused_with_its_line() {
-    let p = Value::Point(DVec3::ZERO);
+    let p = KeyValue::Point(DVec3::ZERO);
     let why = |text: &str| set(text, "position", 1.0, p).unwrap_err();
     for computed in
         ["keys", "[[x, [0, 0, 0]]]", "[[1.0, way]]", "[[0.0, [0, 0, 0]], [1.0, [x, 0, 0]]]", "[]", "[[1.0]]"]
@@ -99,9 +101,9 @@ fn no_text_makes_it_panic() {
     let text = "cast(\"ü\").key(\"position\", [[0.0, [1, 2, 3]], // é\n [f(1), [`}`, '\\'']], [2, 3, \"in_sine\"],]).x()";
     let ends: Vec<usize> = text.char_indices().map(|(i, _)| i).chain([text.len()]).collect();
     for to in &ends {
-        if let Ok(object) = Object::at(&text[..*to], 1, 1) {
+        if let Ok(object) = ScriptObject::at(&text[..*to], 1, 1) {
             for secs in [0.0, 0.5, 9.0] {
-                let _ = object.set_key("position", When { secs, fps: FPS }, Value::Point(DVec3::ONE));
+                let _ = object.set_key("position", KeyTime { secs, fps: FPS }, KeyValue::Point(DVec3::ONE));
             }
         }
     }
@@ -110,7 +112,8 @@ fn no_text_makes_it_panic() {
 #[test]
 fn a_clip_of_a_file_that_has_a_name_is_played_by_it() {
     let play = |text: &str| {
-        let object = Object::at(text, 2, 1 + text.lines().nth(1).unwrap().find("cast").unwrap()).unwrap();
+        let object =
+            ScriptObject::at(text, 2, 1 + text.lines().nth(1).unwrap().find("cast").unwrap()).unwrap();
         object.play("Wave", 2.0, "").unwrap().apply(text)
     };
     let text = "let m = load(\"a.glb\");\nlet a = cast(\"a\", load(\"a.glb\", #{ color: \"red\" }));\n";
@@ -129,7 +132,7 @@ fn a_clip_of_a_file_that_has_a_name_is_played_by_it() {
 #[test]
 fn a_color_takes_the_place_of_kelvin() {
     let text = "let l = spot(#{ inner: 10, kelvin: 3200 /* warm */, outer: 20 });";
-    let object = Object::at(text, 1, 9).unwrap();
+    let object = ScriptObject::at(text, 1, 9).unwrap();
     let refused = object.option("color", "\"#ffffff\"").unwrap_err();
     assert_eq!(refused.why, "line 1: kelvin: 3200 says its color; a color would take its place");
     let after = refused.over.unwrap().apply(text);

@@ -5,7 +5,7 @@ use choreo_motion::Time;
 use choreo_plugin::Registry;
 use choreo_render::vulkan::{GpuOptions, SteadyRenderer};
 use choreo_render::{Held, RenderError};
-use choreo_session::{Asked, Painted, Painter, Recipe, Session, Waited};
+use choreo_session::{FrameRenderer, FrameReply, FrameRequest, SceneSource, Session, WatchEvent};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
@@ -65,8 +65,8 @@ impl Process {
 struct Bench {
     folder: tempfile::TempDir,
     session: Session,
-    painter: Painter,
-    painted: Receiver<Painted>,
+    renderer: FrameRenderer,
+    reply: Receiver<FrameReply>,
 }
 
 impl Bench {
@@ -83,14 +83,14 @@ impl Bench {
         for n in 0..3 {
             edit(folder.path(), n);
         }
-        let session = Session::new(Recipe::new(folder.path().join("a.rhai")), &registry, true).unwrap();
-        let (to, painted) = channel();
+        let session = Session::new(SceneSource::new(folder.path().join("a.rhai")), &registry, true).unwrap();
+        let (to, reply) = channel();
         let start = Box::new(|| match SteadyRenderer::new(GpuOptions::default()) {
             Ok(renderer) => Ok((Box::new(renderer) as Box<dyn choreo_render::Renderer>, None)),
             Err(error) => Err(error.to_string()),
         });
-        let painter = Painter::start(start, move |p| drop(to.send(p))).unwrap();
-        let mut bench = Bench { folder, session, painter, painted };
+        let renderer = FrameRenderer::start(start, move |p| drop(to.send(p))).unwrap();
+        let mut bench = Bench { folder, session, renderer, reply };
         bench.show(BTreeSet::new());
         Some(bench)
     }
@@ -98,10 +98,10 @@ impl Bench {
     fn show(&mut self, changed: BTreeSet<std::path::PathBuf>) -> Held {
         let version = self.session.build(changed);
         let scene = version.scene.unwrap_or_else(|| panic!("{:?}", version.problems));
-        self.painter.ask(Asked::new(scene, Time::from_secs(1.0), 4, 0));
-        let painted = self.painted.recv_timeout(Duration::from_secs(300)).unwrap();
-        let held = painted.held;
-        self.painter.give_back(painted.result.unwrap().0);
+        self.renderer.ask(FrameRequest::new(scene, Time::from_secs(1.0), 4, 0));
+        let reply = self.reply.recv_timeout(Duration::from_secs(300)).unwrap();
+        let held = reply.held;
+        self.renderer.give_back(reply.result.unwrap().0);
         held
     }
 
@@ -109,7 +109,7 @@ impl Bench {
     fn reload(&mut self, n: usize) -> Held {
         edit(self.folder.path(), n);
         match self.session.wait(Some(Duration::from_secs(300))).unwrap() {
-            Waited::Changed(files) => self.show(files),
+            WatchEvent::Changed(files) => self.show(files),
             other => panic!("nothing has changed: {other:?}"),
         }
     }
@@ -127,7 +127,7 @@ fn edit(folder: &Path, n: usize) {
 }
 
 /// Gives bytes that were added a reload, after the first tenth.
-fn reloads(count: usize, told: bool) -> Option<f64> {
+fn reloads(count: usize, report: bool) -> Option<f64> {
     let mut bench = Bench::new()?;
     let start = Instant::now();
     let settled = count / 10;
@@ -140,7 +140,7 @@ fn reloads(count: usize, told: bool) -> Option<f64> {
         if n > settled + 3 {
             assert_eq!(now, held, "after {n} reloads the device holds something else");
         }
-        if told && (n - 2) % (count / 10) == 0 {
+        if report && (n - 2) % (count / 10) == 0 {
             println!(
                 "{:5} reloads, {:.0} s: {:?} {now:?}",
                 n - 2,

@@ -5,7 +5,9 @@ use choreo_plugin::{Frame, Registry};
 use choreo_render::renderer::Work;
 use choreo_render::vulkan::{GpuOptions, SteadyRenderer};
 use choreo_render::{CpuRenderer, Plan, PlanOptions, RenderError, Renderer};
-use choreo_session::{Asked, Painted, Painter, Recipe, Scene, Session, Version, Waited};
+use choreo_session::{
+    FrameRenderer, FrameReply, FrameRequest, Scene, SceneSource, SceneVersion, Session, WatchEvent,
+};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -36,12 +38,12 @@ struct Place {
 }
 
 impl Place {
-    fn new(recipe: impl FnOnce(&mut Recipe)) -> Place {
+    fn new(source: impl FnOnce(&mut SceneSource)) -> Place {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join("box.obj"), TRIANGLE).unwrap();
         fs::write(folder.path().join("a.rhai"), SCRIPT).unwrap();
-        let mut made = Recipe::new(folder.path().join("a.rhai"));
-        recipe(&mut made);
+        let mut made = SceneSource::new(folder.path().join("a.rhai"));
+        source(&mut made);
         let session = Session::new(made, &registry(), true).unwrap();
         Place { folder, session }
     }
@@ -57,23 +59,23 @@ impl Place {
     }
 
     /// The version after the next change.
-    fn next(&mut self) -> Version {
+    fn next(&mut self) -> SceneVersion {
         match self.session.wait(Some(Duration::from_secs(300))).unwrap() {
-            Waited::Changed(files) => self.session.build(files),
+            WatchEvent::Changed(files) => self.session.build(files),
             other => panic!("nothing has changed: {other:?}"),
         }
     }
 
     fn quiet(&mut self) -> bool {
-        self.session.wait(Some(Duration::from_millis(300))).unwrap() == Waited::TimedOut
+        self.session.wait(Some(Duration::from_millis(300))).unwrap() == WatchEvent::TimedOut
     }
 }
 
-fn good(version: Version) -> Arc<Scene> {
+fn good(version: SceneVersion) -> Arc<Scene> {
     version.scene.unwrap_or_else(|| panic!("{:?}", version.problems))
 }
 
-fn first_error(version: &Version) -> String {
+fn first_error(version: &SceneVersion) -> String {
     assert!(version.scene.is_none());
     version.problems[0].to_string()
 }
@@ -255,26 +257,26 @@ fn a_texture_of_an_effect_is_watched_as_its_text_is() {
 }
 
 struct Studio {
-    painter: Painter,
-    painted: Receiver<Painted>,
+    renderer: FrameRenderer,
+    reply: Receiver<FrameReply>,
 }
 
 impl Studio {
     fn new(start: impl FnOnce() -> Result<Box<dyn Renderer>, RenderError> + Send + 'static) -> Studio {
-        let (to, painted) = channel();
+        let (to, reply) = channel();
         let start = Box::new(move || start().map(|r| (r, None)).map_err(|e| e.to_string()));
-        let painter = Painter::start(start, move |p| drop(to.send(p))).unwrap();
-        Studio { painter, painted }
+        let renderer = FrameRenderer::start(start, move |p| drop(to.send(p))).unwrap();
+        Studio { renderer, reply }
     }
 
-    fn paint(&self, scene: &Arc<Scene>, time: f64) -> Painted {
-        self.painter.ask(Asked::new(scene.clone(), Time::from_secs(time), 4, 7));
-        self.painted.recv_timeout(Duration::from_secs(600)).unwrap()
+    fn paint(&self, scene: &Arc<Scene>, time: f64) -> FrameReply {
+        self.renderer.ask(FrameRequest::new(scene.clone(), Time::from_secs(time), 4, 7));
+        self.reply.recv_timeout(Duration::from_secs(600)).unwrap()
     }
 }
 
-fn frame(painted: &Painted) -> &Frame {
-    &painted.result.as_ref().unwrap_or_else(|e| panic!("{e}")).0
+fn frame(reply: &FrameReply) -> &Frame {
+    &reply.result.as_ref().unwrap_or_else(|e| panic!("{e}")).0
 }
 
 /// What `render` draws.
@@ -294,11 +296,11 @@ fn the_painter_draws_what_render_draws_and_the_newest_wish_wins() {
     let mut place = Place::new(|_| ());
     let scene = good(place.session.build(BTreeSet::new()));
     let studio = Studio::new(|| Ok(Box::new(CpuRenderer::new(&[]))));
-    let painted = studio.paint(&scene, 1.0);
-    let shown = &painted.result.as_ref().unwrap().1;
-    assert_eq!((painted.ticket, shown.number, shown.time), (7, 1, Time::from_secs(1.0)));
+    let reply = studio.paint(&scene, 1.0);
+    let info = &reply.result.as_ref().unwrap().1;
+    assert_eq!((reply.ticket, info.number, info.time), (7, 1, Time::from_secs(1.0)));
     let expected = rendered(&scene, 1.0, &mut CpuRenderer::new(&[]));
-    assert!(frame(&painted).rgba == expected.rgba);
+    assert!(frame(&reply).rgba == expected.rgba);
     assert!(frame(&studio.paint(&scene, 0.7)).rgba != expected.rgba, "another time is another picture");
 }
 
@@ -336,7 +338,7 @@ fn a_number_in_a_cue_uploads_and_compiles_nothing_again() {
     let after = studio.paint(&good(place.next()), 1.0);
     assert_eq!(after.work, before.work);
     assert!(frame(&after).rgba != frame(&before).rgba, "it is drawn anew all the same");
-    // Another triangle: one mesh and nothing else. (Shown able to count.)
+    // Another triangle: one mesh and nothing else. (FrameInfo able to count.)
     place.write("box.obj", "v 0 0 0\nv 2 0 0\nv 0 2 0\nf 1 2 3\n");
     let moved = studio.paint(&good(place.next()), 1.0);
     assert_eq!(moved.work, Work { meshes: before.work.meshes + 1, ..before.work });
@@ -373,13 +375,13 @@ fn a_shader_that_breaks_leaves_the_last_good_one_at_work() {
     let version = place.next();
     assert!(version.shaders);
     let scene = good(version);
-    studio.painter.shaders_changed();
+    studio.renderer.shaders_changed();
     let broken = studio.paint(&scene, 1.0);
     assert!(broken.notes.iter().any(|n| n.contains("scene.wgsl:1:")), "{:?}", broken.notes);
     assert!(frame(&broken).rgba == frame(&before).rgba && broken.work == before.work);
     fs::write(folder.join("scene.wgsl"), format!("{text}\n// mended\n")).unwrap();
     let scene = good(place.next());
-    studio.painter.shaders_changed();
+    studio.renderer.shaders_changed();
     let mended = studio.paint(&scene, 1.0);
     assert!(mended.notes.is_empty() && mended.work.pipelines > before.work.pipelines);
     assert!(frame(&mended).rgba == frame(&before).rgba);

@@ -1,6 +1,6 @@
 //! What counts as a change, however it comes about.
 
-use choreo_session::{Interest, Waited, Watch};
+use choreo_session::{Watch, WatchEvent, WatchedPaths};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,9 +14,9 @@ fn hash(bytes: &[u8]) -> Option<[u8; 32]> {
     Some(*blake3::hash(bytes).as_bytes())
 }
 
-fn files(files: &[(&Path, Option<[u8; 32]>)]) -> Interest {
+fn files(files: &[(&Path, Option<[u8; 32]>)]) -> WatchedPaths {
     let files = files.iter().map(|(path, hash)| (path.to_path_buf(), *hash)).collect();
-    Interest { files, ..Interest::default() }
+    WatchedPaths { files, ..WatchedPaths::default() }
 }
 
 /// A file with "0" in it that is waited for.
@@ -27,8 +27,8 @@ fn watching(file: &Path) -> Watch {
     watch
 }
 
-fn changed(paths: &[&Path]) -> Waited {
-    Waited::Changed(paths.iter().map(|p| p.to_path_buf()).collect())
+fn changed(paths: &[&Path]) -> WatchEvent {
+    WatchEvent::Changed(paths.iter().map(|p| p.to_path_buf()).collect())
 }
 
 struct Folder(tempfile::TempDir);
@@ -67,7 +67,7 @@ fn each_way_to_save_a_file_is_one_change() {
     for (how, save) in ways {
         save();
         assert_eq!(watch.wait(SOON).unwrap(), changed(&[&file]), "{how}");
-        assert_eq!(watch.wait(NOTHING).unwrap(), Waited::TimedOut, "{how}: told once");
+        assert_eq!(watch.wait(NOTHING).unwrap(), WatchEvent::TimedOut, "{how}: told once");
     }
 }
 
@@ -79,8 +79,8 @@ fn the_same_bytes_and_other_files_are_no_change() {
     fs::write(&file, "0").unwrap();
     fs::write(folder.at("b.rhai"), "1").unwrap();
     fs::read(&file).unwrap();
-    assert_eq!(watch.wait(NOTHING).unwrap(), Waited::TimedOut);
-    // Shown able to see one all the while.
+    assert_eq!(watch.wait(NOTHING).unwrap(), WatchEvent::TimedOut);
+    // FrameInfo able to see one all the while.
     fs::write(&file, "1").unwrap();
     assert_eq!(watch.wait(SOON).unwrap(), changed(&[&file]));
 }
@@ -101,14 +101,14 @@ fn what_changed_in_a_watched_folder_before_it_was_of_interest_is_told() {
     let folder = Folder::new();
     let (file, other) = (folder.at("a.rhai"), folder.at("b.glb"));
     let mut watch = watching(&file);
-    assert_eq!(watch.wait(NOTHING).unwrap(), Waited::TimedOut);
+    assert_eq!(watch.wait(NOTHING).unwrap(), WatchEvent::TimedOut);
     // The version that loads it has read "1"; by the time it is waited for, it is "2".
     fs::write(&other, "2").unwrap();
-    assert_eq!(watch.wait(NOTHING).unwrap(), Waited::TimedOut);
+    assert_eq!(watch.wait(NOTHING).unwrap(), WatchEvent::TimedOut);
     watch.set(files(&[(&file, hash(b"0")), (&other, hash(b"1"))]));
     assert_eq!(watch.wait(SOON).unwrap(), changed(&[&other]));
     watch.set(files(&[(&file, hash(b"0")), (&other, hash(b"2"))]));
-    assert_eq!(watch.wait(NOTHING).unwrap(), Waited::TimedOut);
+    assert_eq!(watch.wait(NOTHING).unwrap(), WatchEvent::TimedOut);
 }
 
 #[test]
@@ -118,7 +118,7 @@ fn a_file_in_a_folder_that_is_not_there_is_waited_for() {
     let mut watch = Watch::new().unwrap();
     watch.set(files(&[(&file, None)]));
     fs::create_dir_all(folder.at("assets/deep")).unwrap();
-    assert_eq!(watch.wait(NOTHING).unwrap(), Waited::TimedOut, "the file is not there yet");
+    assert_eq!(watch.wait(NOTHING).unwrap(), WatchEvent::TimedOut, "the file is not there yet");
     fs::write(&file, "v 0 0 0").unwrap();
     assert_eq!(watch.wait(SOON).unwrap(), changed(&[&file]));
     // And again after the whole folder was put in another's place.
@@ -147,10 +147,10 @@ fn a_new_file_in_a_folder_of_interest_counts_by_its_ending() {
     let folder = Folder::new();
     let mut watch = Watch::new().unwrap();
     let folders = BTreeSet::from([(folder.at("plugins"), ".wgsl".to_string())]);
-    watch.set(Interest { folders, ..Interest::default() });
+    watch.set(WatchedPaths { folders, ..WatchedPaths::default() });
     fs::create_dir(folder.at("plugins")).unwrap();
     fs::write(folder.at("plugins/readme.md"), "x").unwrap();
-    assert_eq!(watch.wait(NOTHING).unwrap(), Waited::TimedOut);
+    assert_eq!(watch.wait(NOTHING).unwrap(), WatchEvent::TimedOut);
     fs::write(folder.at("plugins/glow.wgsl"), "x").unwrap();
     assert_eq!(watch.wait(SOON).unwrap(), changed(&[&folder.at("plugins/glow.wgsl")]));
 }
@@ -160,14 +160,14 @@ fn a_waker_ends_the_wait_and_loses_no_change() {
     let folder = Folder::new();
     let file = folder.at("a.rhai");
     let mut watch = watching(&file);
-    assert_eq!(watch.wait(NOTHING).unwrap(), Waited::TimedOut);
+    assert_eq!(watch.wait(NOTHING).unwrap(), WatchEvent::TimedOut);
     fs::write(&file, "1").unwrap();
     watch.waker().wake();
     let mut seen = Vec::new();
     while seen.len() < 2 {
         seen.push(watch.wait(SOON).unwrap());
     }
-    assert!(seen.contains(&Waited::Woken) && seen.contains(&changed(&[&file])), "{seen:?}");
+    assert!(seen.contains(&WatchEvent::Woken) && seen.contains(&changed(&[&file])), "{seen:?}");
 }
 
 /// Each wait is over before whoever writes can be known to be done.
@@ -176,17 +176,17 @@ fn waits_that_are_too_short_lose_no_change() {
     let folder = Folder::new();
     let file = folder.at("a.rhai");
     let mut watch = watching(&file);
-    assert_eq!(watch.wait(NOTHING).unwrap(), Waited::TimedOut);
+    assert_eq!(watch.wait(NOTHING).unwrap(), WatchEvent::TimedOut);
     for round in 1..6 {
         fs::write(&file, round.to_string()).unwrap();
         let end = Instant::now() + Duration::from_secs(300);
-        let told = loop {
+        let report = loop {
             match watch.wait(Some(Duration::from_millis(1))).unwrap() {
-                Waited::TimedOut if Instant::now() < end => {}
-                told => break told,
+                WatchEvent::TimedOut if Instant::now() < end => {}
+                report => break report,
             }
         };
-        assert_eq!(told, changed(&[&file]), "{round}");
+        assert_eq!(report, changed(&[&file]), "{round}");
     }
 }
 
@@ -197,10 +197,10 @@ fn a_tree_s_new_folders_are_watched_and_what_is_passed_over_is_not() {
     fs::write(folder.at("suite/a/old.rhai"), "0").unwrap();
     let mut watch = Watch::new().unwrap();
     let trees = BTreeSet::from([(folder.at("suite"), ".rhai".to_string())]);
-    watch.set(Interest { trees, ..Interest::default() });
+    watch.set(WatchedPaths { trees, ..WatchedPaths::default() });
     assert_eq!(watch.there(), BTreeSet::from([folder.at("suite/a/old.rhai")]));
     watch.knows(folder.at("suite/a/old.rhai"), hash(b"0"));
-    assert_eq!(watch.wait(NOTHING).unwrap(), Waited::TimedOut);
+    assert_eq!(watch.wait(NOTHING).unwrap(), WatchEvent::TimedOut);
     // A folder in a new folder, with its file at once or later.
     for (name, pause) in [("suite/b/c", 0), ("suite/d/e", 150)] {
         fs::create_dir_all(folder.at(name)).unwrap();
@@ -214,5 +214,5 @@ fn a_tree_s_new_folders_are_watched_and_what_is_passed_over_is_not() {
         fs::write(folder.at(name).join("new.rhai"), "1").unwrap();
     }
     fs::write(folder.at("suite/a/new.txt"), "1").unwrap();
-    assert_eq!(watch.wait(NOTHING).unwrap(), Waited::TimedOut);
+    assert_eq!(watch.wait(NOTHING).unwrap(), WatchEvent::TimedOut);
 }

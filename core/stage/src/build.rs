@@ -60,7 +60,7 @@ impl Layer {
 }
 
 impl LookAt {
-    /// From time zero on, without fades.
+    /// A look-at constraint from time zero on, without fades.
     pub fn new(joint: u32, target: Target) -> LookAt {
         LookAt { joint, target, start: Time::ZERO, end: None, fade: Time::ZERO, weight: 1.0 }
     }

@@ -83,7 +83,7 @@ pub(crate) fn evaluate(
     })
 }
 
-/// Where callbacks put a camera.
+/// Position that callbacks give a camera.
 fn moved_to(edits: &FrameEdits, index: usize) -> Option<DVec3> {
     edits.cameras.iter().rev().find(|(c, _)| *c == index).map(|(_, position)| *position)
 }
@@ -211,7 +211,7 @@ pub(crate) fn look_rotation(way: DVec3) -> Option<DQuat> {
     rotation.is_finite().then(|| rotation.normalize())
 }
 
-/// From above and around, without a pole: at elevation π/2 the picture's up is where the camera came from.
+/// Rotation of an orbiting camera, without a pole: at elevation π/2 the image's up is where the camera came from.
 pub(crate) fn orbit_rotation(azimuth: f64, elevation: f64) -> DQuat {
     DQuat::from_rotation_y(azimuth) * DQuat::from_rotation_x(-elevation)
 }

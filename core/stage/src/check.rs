@@ -206,7 +206,7 @@ impl Checker<'_> {
     fn cue(&mut self, place: &str, cue: &Cue, joints: usize) {
         let playback = Playback { speed: cue.speed, trim: cue.trim, repeat: cue.repeat };
         if let Err(what) = playback.check() {
-            self.need(false, place, || what);
+            self.need(false, place, || what.to_string());
         }
         self.need(cue.clip.joint_count() == joints, place, || {
             format!(
@@ -233,7 +233,7 @@ impl Checker<'_> {
             self.index(place, "root joint", root.motion.joint() as usize, joints);
         }
         if let Err(what) = cue.ease.check() {
-            self.need(false, place, || what);
+            self.need(false, place, || what.to_string());
         }
         self.span(place, cue.start, cue.end);
     }

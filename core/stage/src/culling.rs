@@ -16,14 +16,14 @@ use choreo_asset::{LightKind, Projection};
 use choreo_motion::{Clip, Interpolation, Path, Skinning, Time};
 use glam::{DMat3, DVec3};
 
-/// Of each actor of a stage, at any time.
+/// Extent of each actor of a stage, at any time.
 #[derive(Debug)]
 pub(crate) struct Reaches(Vec<Option<Reach>>);
 
 /// Metres of the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Reach {
-    /// From the model's origin to the farthest vertex or joint.
+    /// Distance from the model's origin to the farthest vertex or joint.
     radius: f64,
     /// The largest scale of a joint's space.
     scale: f64,
@@ -142,7 +142,8 @@ type Ball = (DVec3, f64);
 struct View([(DVec3, f64); 5]);
 
 impl View {
-    /// Of a picture so many times as wide as high; a little wider than exact, for lines and points stick out of their boxes.
+    /// The view frustum of an image with this aspect ratio; a little wider than exact, since lines and points extend beyond
+    /// their boxes.
     fn new(camera: &CameraState, aspect: f64) -> View {
         const WIDER: f64 = 1.05;
         let (x, y) = (aspect * WIDER, WIDER);
@@ -202,7 +203,7 @@ pub(crate) struct OutOfView<'a> {
     pub stage: &'a Stage,
     pub reaches: &'a Reaches,
     pub camera: Option<CameraState>,
-    /// Of the picture: width over height.
+    /// Aspect ratio of the image: width over height.
     pub aspect: f64,
     pub edits: &'a FrameEdits,
     pub time: Time,

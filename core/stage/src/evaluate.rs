@@ -82,7 +82,7 @@ impl Memory {
 pub(crate) enum Evaluation<'a> {
     /// As their clips and callbacks have them.
     Clips,
-    /// With their goals, without springs.
+    /// Poses with their constraints, without springs.
     Goals(&'a Plants),
     /// The same, for a picture: who is surely not in it is left out.
     Seen(&'a Plants, &'a Reaches),
@@ -117,8 +117,8 @@ impl Evaluator {
         self
     }
 
-    /// For pictures of the stage's own camera, so many times as wide as high: who is surely neither seen in them nor shades
-    /// what is seen is not posed, and marked as [`ActorState::out_of_view`]. What is seen does not change by it.
+    /// An evaluator for images of the stage's own camera with this aspect ratio: actors that surely are neither visible in them nor cast a
+    /// visible shadow are not posed, and marked as [`ActorState::out_of_view`]. The images do not change by it.
     pub fn for_pictures(mut self, aspect: f64) -> Evaluator {
         self.scratch.aspect = Some(aspect);
         self
@@ -165,11 +165,11 @@ pub(crate) struct Scratch {
     pose_hidden: bool,
     /// The camera whose targets must be known.
     seen_by: Option<usize>,
-    /// Of the pictures that are drawn and nothing else is asked for.
+    /// Aspect ratio, if nothing but images is asked for.
     aspect: Option<f64>,
-    /// By actor.
+    /// Whether each actor is out of view.
     out_of_view: Vec<bool>,
-    /// Where given, nobody else is posed but who these hang on.
+    /// If given, only these actors and those that they are attached to are posed.
     only: Option<Vec<usize>>,
 }
 

@@ -25,7 +25,7 @@ const FLAT: f32 = 0.01;
 const MARGIN: f64 = 0.06;
 /// Azimuth and elevation for a stage without a camera: from the front, a little from the right and above.
 pub(crate) const DEFAULT_VIEW: (f64, f64) = (0.45, 0.18);
-/// Without anything to see: the room of one person.
+/// Bounds of an empty scene: the room of one person.
 const EMPTY_ROOM: (DVec3, DVec3) = (DVec3::new(-1.0, 0.0, -1.0), DVec3::new(1.0, 2.0, 1.0));
 
 /// What the cameras of one stage have found out: one slot a camera, the last for the stage without any.

@@ -23,7 +23,7 @@ use crate::stage::{Background, Cutouts, FrameHook, Pipeline, Settings, SkinOnce,
 use choreo_asset::hash::{ContentHash, Writer};
 use choreo_asset::{Asset, Light, LightKind, Panorama, Projection, clip_hash};
 use choreo_motion::spring::{ColliderShape, RigBone, SpringBone};
-use choreo_motion::{Clip, Ease, FrameRate, Interpolation, PhaseFade, Repeat, Shape, Skinning, Time};
+use choreo_motion::{Clip, Ease, FrameRate, Interpolation, PhaseMatchedFade, Repeat, Shape, Skinning, Time};
 use glam::{Affine3A, DAffine3, DQuat, DVec2, DVec3, Vec3, Vec4};
 use std::collections::BTreeMap;
 use std::ops::{Deref, DerefMut};
@@ -124,7 +124,7 @@ written! {
     Cutouts: |v, w| w.u32(*v as u32);
     Transparency: |v, w| w.u32(*v as u32);
     // All that it holds is numbers and names, which Debug writes to the last bit.
-    PhaseFade: |v, w| w.text(&format!("{v:?}"));
+    PhaseMatchedFade: |v, w| w.text(&format!("{v:?}"));
     // What it exchanges follows from the asset.
     Mirroring: |_v, _w| ();
     dyn FrameHook: |v, w| w.text(&v.identity());
@@ -367,7 +367,7 @@ written! {
         Warp::Speed(curve) => curve.keys.hash(w),
         Warp::ClipTime(keys) => keys.hash(w),
     };
-    [Option<Arc<PhaseFade>>; 2]: |v, w| v.iter().for_each(|step| step.hash(w));
+    [Option<Arc<PhaseMatchedFade>>; 2]: |v, w| v.iter().for_each(|step| step.hash(w));
     Arc<Clip>: |v, w| w.once(v, || clip_hash(v));
     Layer: |v, w| {
         let Layer { mask, mode, rank, weight_keys, cues } = v;

@@ -1,17 +1,17 @@
 //! Left and right exchanged in a whole body: joints, morph targets and expressions.
 
 use choreo_asset::{Asset, MeshInstance};
-use choreo_motion::sides::side_of;
+use choreo_motion::skeleton::sides::side_of;
 use choreo_motion::{BlendOnto, Clip, Curve, Mirror, MirrorError, MirrorMap, Path, Pose};
 
 /// What each part of an asset takes from which other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mirroring {
     pub joints: MirrorMap,
-    /// By mesh instance and morph target: the instance and target whose weight it takes. `smileLeft` takes that of `smileRight`, of the same
+    /// Source of each morph weight, by mesh instance and morph target. `smileLeft` takes the weight of `smileRight`, of the same
     /// mesh or of the one on the other side; a target of the middle keeps its own.
     pub morphs: Vec<Vec<(u32, u32)>>,
-    /// By expression, likewise.
+    /// Source of each expression's weight, likewise.
     pub expressions: Vec<u32>,
 }
 
@@ -127,7 +127,7 @@ fn across(asset: &Asset, joints: &MirrorMap, own: usize) -> usize {
     on(partner).nth(place).unwrap_or(own)
 }
 
-/// Where the name with the other side is, if it has a side.
+/// Index of the name with the other side, if the name has a side.
 fn other_side(name: &str, names: &[String]) -> Option<usize> {
     let (side, bare) = side_of(name)?;
     names.iter().position(|n| side_of(n).is_some_and(|(s, b)| s == side.other() && b == bare))

@@ -39,7 +39,7 @@ pub struct ActorState {
     /// One list per mesh instance of the asset; empty lists where the mesh has no morph targets.
     pub morph_weights: Vec<Vec<f32>>,
     pub tint: Vec4,
-    /// In place of the widths of its pens.
+    /// Line width that replaces the material's.
     pub pen_width: Option<f32>,
     /// So many of the copies of its meshes are there, the first ones; `None`: all.
     pub copies: Option<u32>,
@@ -119,7 +119,7 @@ pub struct FlatState {
     /// Above 0, at most 1.
     pub opacity: f32,
     pub scale: f64,
-    /// In place of those of the content.
+    /// Words that replace those of the content.
     pub words: Option<String>,
 }
 

@@ -81,7 +81,7 @@ impl Kept {
     }
 }
 
-/// Where one evaluator is in the motion, and buffers.
+/// State of the simulation of one evaluator, and buffers.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Simulation {
     /// Actors with springs.

@@ -336,6 +336,6 @@ fn check_names_bad_goals() {
     );
     assert_eq!(
         said(|a| a.limits.push((0, Limit::Hinge { axis: DVec3::ZERO, angle: (0.0, 1.0) }))),
-        with("actor \"anna\", limit: `Limit.axis` has length 0, must be 1")
+        with("actor \"anna\", limit: `Limit.axis` is of length 0, must be of length 1")
     );
 }

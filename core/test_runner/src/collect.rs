@@ -1,4 +1,4 @@
-//! From paths on the command line to sections: which files are tests, and which sections of them are asked for.
+//! Collects sections from the paths on the command line: which files are tests, and which of their sections are selected.
 
 use choreo_plugin::Registry;
 use choreo_script::testing::{SectionInfo, TestOptions, list_sections};

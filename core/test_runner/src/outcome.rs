@@ -12,7 +12,7 @@ pub struct Outcome {
     pub section: String,
     pub place: Place,
     pub status: Status,
-    /// In the order of the script.
+    /// Checks in the order of the script.
     pub checks: Vec<Check>,
     /// Warnings of the script, its stage and its assets, each complete with its place.
     pub warnings: Vec<String>,
@@ -22,7 +22,7 @@ pub struct Outcome {
     pub seconds: f64,
     /// Taken from an earlier run with the same content.
     pub reused: bool,
-    /// Of all that the outcome depends on, as hexadecimal digits; empty where that could not be found out.
+    /// Hash of everything that the outcome depends on, as hexadecimal digits; empty if it is unknown.
     pub key: String,
 }
 
@@ -38,7 +38,7 @@ pub enum Status {
     Error(String),
 }
 
-/// Where in a file; lines and columns from 1, 0 = unknown.
+/// A place in a file; lines and columns from 1, 0 = unknown.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Place {
     pub file: String,
@@ -83,7 +83,7 @@ pub struct Trace {
     pub unit: String,
     /// Seconds, ascending.
     pub times: Vec<f64>,
-    /// At each of `times`; NaN where there is none.
+    /// Values at each of `times`; NaN where there is none.
     pub got: Vec<f64>,
     /// As `got`, where a whole curve is expected; else empty.
     pub expected: Vec<f64>,
@@ -98,7 +98,7 @@ pub struct Trace {
 pub struct Pictures {
     /// The picture's name in the script.
     pub name: String,
-    /// Where the expected picture is, or would be, stored.
+    /// Path at which the golden image is, or would be, stored.
     pub stored: PathBuf,
     /// PNG files; empty where there is none. Not kept with reused outcomes, nor told in JSON.
     #[serde(skip)]
@@ -110,12 +110,12 @@ pub struct Pictures {
     /// What the eye sees of it (ꟻLIP), from black over violet and orange to pale yellow.
     #[serde(skip)]
     pub seen: Vec<u8>,
-    /// Where the three were written, in the order expected, got, difference; empty where they were not.
+    /// Paths of the three written images, in the order expected, got, difference; empty if they were not written.
     pub written: Vec<PathBuf>,
     pub measures: Option<Measures>,
 }
 
-/// By how much two pictures of one size differ.
+/// Measured differences between two images of one size.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measures {
     /// Share of pixels with a channel more than `tolerance` steps of 255 off, 0..=1.

@@ -33,7 +33,7 @@ pub enum NoPicture {
 /// One worker's renderers, started when first used.
 pub struct Painter {
     effects: Vec<Arc<dyn Effect>>,
-    /// Where compiled pipelines are kept between runs.
+    /// Folder in which compiled pipelines are kept between runs.
     gpu_cache: Option<PathBuf>,
     /// Vulkan under the validation layer; what it says makes a picture fail.
     pub validation: bool,
@@ -135,7 +135,7 @@ impl Painter {
     }
 }
 
-/// Whether a catalogue of the one serves the other: the same assets in the same order.
+/// Whether scene resources of one stage serve the other: the same assets in the same order.
 fn same_scene(a: &Stage, b: &Stage) -> bool {
     a.actors.len() == b.actors.len()
         && a.actors.iter().zip(&b.actors).all(|(a, b)| Arc::ptr_eq(&a.asset, &b.asset))

@@ -25,7 +25,7 @@ pub enum Accept {
     #[default]
     None,
     All,
-    /// Of these names.
+    /// Only images of these names.
     Named(Vec<String>),
 }
 
@@ -47,7 +47,7 @@ pub struct PictureOptions {
     pub device: Option<Device>,
     /// Pictures accepted on another device count too.
     pub any_device: bool,
-    /// Where the pictures of failures go; `None`: nowhere.
+    /// Folder for images of failures, if any.
     pub failures: Option<PathBuf>,
 }
 
@@ -61,13 +61,13 @@ pub struct Whose<'a> {
 }
 
 pub enum Judged {
-    /// With the content hash of the stored picture, where one was read.
+    /// A check, with the content hash of the golden image if one was read.
     Check(Box<Check>, Option<[u8; 32]>),
     /// This machine cannot draw it: the reason.
     Skipped(String),
 }
 
-/// Draws and compares one picture. The stored one is replaced where it is to be accepted and is not good as it is.
+/// Draws one image and compares it with the golden image, which is replaced if it is to be accepted and differs.
 pub fn judge(
     wanted: &PictureExpectation,
     stage: &Arc<Stage>,
@@ -76,12 +76,11 @@ pub fn judge(
     options: &PictureOptions,
 ) -> Judged {
     let stored_at = stored::place(whose.path, &wanted.name);
-    let shown = crate::collect::shown(&stored_at);
     let mut check = Check {
         place: whose.place.clone(),
         title: format!("picture \"{}\" at {} s", wanted.name, wanted.at.as_secs()),
         passed: false,
-        expected: shown.clone(),
+        expected: crate::collect::shown(&stored_at),
         got: String::new(),
         by: String::new(),
         hint: String::new(),
@@ -89,10 +88,7 @@ pub fn judge(
     };
     let shot = match shot(wanted, stage, options) {
         Ok(shot) => shot,
-        Err(text) => {
-            check.got = text;
-            return Judged::Check(Box::new(check), None);
-        }
+        Err(text) => return Judged::Check(Box::new(Check { got: text, ..check }), None),
     };
     let (frame, class) = match painter.draw(stage, &shot) {
         Ok(drawn) => drawn,
@@ -102,94 +98,107 @@ pub fn judge(
             return Judged::Check(Box::new(check), None);
         }
     };
-    let [w, h] = shot.size;
-    check.got = format!("{w}x{h} drawn on {class}");
-    let name = match whose.section {
-        "" => whose.file.to_string(),
-        section => format!("{} > {section}", whose.file),
-    };
+    check.got = format!("{}x{} drawn on {class}", frame.width, frame.height);
     let (finding, read) = find(wanted, &frame, &class, &stored_at, options);
     if let Finding::Good(words) = finding {
         (check.passed, check.by) = (true, words);
-        return Judged::Check(Box::new(check), read);
+    } else {
+        Failing { wanted, whose, options, stored_at, frame: &frame, class: &class }.fill(finding, &mut check);
     }
-    let bytes = match stored::encode_accepted(&frame, &class, &name) {
-        Ok(bytes) => bytes,
-        Err(text) => {
-            check.got = format!("no PNG: {text}");
-            return Judged::Check(Box::new(check), read);
-        }
-    };
-    let light = wanted.large || bytes.len() <= MOST_BYTES;
-    let weight = format!(
-        "the picture takes {:.1} KiB as PNG, at most {} are kept; make it smaller (size), or say that it is meant: #{{ large: true }}",
-        bytes.len() as f64 / 1024.0,
-        MOST_BYTES >> 10
-    );
-    if options.accept.takes(&wanted.name) {
-        let done = if light { stored::write(whose.path, &wanted.name, &bytes) } else { Err(weight.clone()) };
-        match done {
-            Ok(()) => {
-                check.passed = true;
-                check.by = ACCEPTED.to_string();
-                return Judged::Check(Box::new(check), read);
-            }
-            Err(text) => {
-                check.by = "not accepted".to_string();
-                check.hint = text;
-                return Judged::Check(Box::new(check), read);
-            }
-        }
-    }
-    let mut pictures =
-        Pictures { name: wanted.name.clone(), stored: stored_at, got: bytes, ..Pictures::default() };
-    match finding {
-        Finding::Good(_) => {}
-        Finding::Missing => {
-            check.expected = format!("{shown}, which is not there yet");
-            check.by = "no picture has been accepted".into();
-        }
-        Finding::Damaged(why) => {
-            check.expected = format!("{shown}, which cannot be read: {why}");
-            check.by = "the stored picture is damaged".into();
-            check.hint = "restore it from version control, or accept what came".into();
-        }
-        Finding::OtherDevice(device) => {
-            let device = if device.is_empty() { "an unknown device".to_string() } else { device };
-            check.expected = format!("{shown}, accepted on {device}");
-            check.by = "pictures of different devices are not compared".into();
-            check.hint = "to compare all the same: --any-device".into();
-        }
-        Finding::OtherSize(expected) => {
-            check.expected =
-                format!("{shown}, {}x{} pixels", expected.0.frame.width, expected.0.frame.height);
-            check.by = "the sizes differ".into();
-            pictures.expected = expected.1;
-        }
-        Finding::Differs(found) => {
-            check.expected = format!(
-                "{shown}: at most {} % of pixels more than {} steps off, visible difference at most {}",
-                found.share * 100.0,
-                found.measures.tolerance,
-                found.visible
-            );
-            check.by = describe(&found.measures, shot.size);
-            pictures.expected = found.bytes;
-            if let Ok(difference) = difference_image(&found.expected, &frame) {
-                pictures.difference = stored::encode(&difference, &[]).unwrap_or_default();
-            }
-            pictures.seen = stored::encode(&found.seen, &[]).unwrap_or_default();
-            pictures.measures = Some(found.measures);
-        }
-    }
-    if !light {
-        hint(&mut check, weight);
-    }
-    if let Some(folder) = &options.failures {
-        write(folder, whose.file, &mut pictures, &mut check);
-    }
-    check.evidence = Evidence::Pictures(Box::new(pictures));
     Judged::Check(Box::new(check), read)
+}
+
+/// An image that differs from its golden image, or has none.
+struct Failing<'a> {
+    wanted: &'a PictureExpectation,
+    whose: &'a Whose<'a>,
+    options: &'a PictureOptions,
+    stored_at: PathBuf,
+    frame: &'a Frame,
+    class: &'a str,
+}
+
+impl Failing<'_> {
+    /// Accepts the image, or fills the check with the difference and writes the images for people to look at.
+    fn fill(self, finding: Finding, check: &mut Check) {
+        let (wanted, whose) = (self.wanted, self.whose);
+        let name = match whose.section {
+            "" => whose.file.to_string(),
+            section => format!("{} > {section}", whose.file),
+        };
+        let bytes = match stored::encode_accepted(self.frame, self.class, &name) {
+            Ok(bytes) => bytes,
+            Err(text) => {
+                check.got = format!("no PNG: {text}");
+                return;
+            }
+        };
+        let heavy = (!wanted.large && bytes.len() > MOST_BYTES).then(|| too_heavy(bytes.len()));
+        if self.options.accept.takes(&wanted.name) {
+            let written = heavy.map_or_else(|| stored::write(whose.path, &wanted.name, &bytes), Err);
+            check.passed = written.is_ok();
+            check.by = if check.passed { ACCEPTED } else { "not accepted" }.to_string();
+            check.hint = written.err().unwrap_or_default();
+            return;
+        }
+        let mut pictures = Pictures { name: wanted.name.clone(), got: bytes, ..Pictures::default() };
+        self.describe(finding, check, &mut pictures);
+        pictures.stored = self.stored_at;
+        heavy.into_iter().for_each(|text| hint(check, text));
+        if let Some(folder) = &self.options.failures {
+            write(folder, whose.file, &mut pictures, check);
+        }
+        check.evidence = Evidence::Pictures(Box::new(pictures));
+    }
+
+    fn describe(&self, finding: Finding, check: &mut Check, pictures: &mut Pictures) {
+        let shown = std::mem::take(&mut check.expected);
+        (check.expected, check.by) = match finding {
+            Finding::Good(words) => (shown, words),
+            Finding::Missing => {
+                (format!("{shown}, which is not there yet"), "no picture has been accepted".into())
+            }
+            Finding::Damaged(why) => {
+                check.hint = "restore it from version control, or accept what came".into();
+                (format!("{shown}, which cannot be read: {why}"), "the stored picture is damaged".into())
+            }
+            Finding::OtherDevice(device) => {
+                let device = if device.is_empty() { "an unknown device".to_string() } else { device };
+                check.hint = "to compare all the same: --any-device".into();
+                let by = "pictures of different devices are not compared";
+                (format!("{shown}, accepted on {device}"), by.into())
+            }
+            Finding::OtherSize((stored, bytes)) => {
+                pictures.expected = bytes;
+                let Frame { width, height, .. } = stored.frame;
+                (format!("{shown}, {width}x{height} pixels"), "the sizes differ".into())
+            }
+            Finding::Differs(found) => {
+                let by = describe(&found.measures, [self.frame.width, self.frame.height]);
+                let expected = format!(
+                    "{shown}: at most {} % of pixels more than {} steps off, visible difference at most {}",
+                    found.share * 100.0,
+                    found.measures.tolerance,
+                    found.visible
+                );
+                if let Ok(difference) = difference_image(&found.expected, self.frame) {
+                    pictures.difference = stored::encode(&difference, &[]).unwrap_or_default();
+                }
+                pictures.expected = found.bytes;
+                pictures.seen = stored::encode(&found.seen, &[]).unwrap_or_default();
+                pictures.measures = Some(found.measures);
+                (expected, by)
+            }
+        };
+    }
+}
+
+fn too_heavy(bytes: usize) -> String {
+    format!(
+        "the picture takes {:.1} KiB as PNG, at most {} are kept; make it smaller (size), or say that it is meant: #{{ large: true }}",
+        bytes as f64 / 1024.0,
+        MOST_BYTES >> 10
+    )
 }
 
 /// `Check::by` of a picture that has just been taken over.
@@ -220,7 +229,7 @@ fn shot(wanted: &PictureExpectation, stage: &Stage, options: &PictureOptions) ->
 }
 
 enum Finding {
-    /// With words for the difference.
+    /// The images are equal within the tolerance; the text describes the difference.
     Good(String),
     Missing,
     Damaged(String),
@@ -234,7 +243,7 @@ struct Found {
     expected: Frame,
     bytes: Vec<u8>,
     measures: Measures,
-    /// Where the eye sees it.
+    /// Visible differences by FLIP, as an image.
     seen: Frame,
     /// What was allowed.
     share: f64,

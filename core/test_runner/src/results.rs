@@ -25,22 +25,22 @@ type Hash = [u8; 32];
 
 pub struct Results {
     folder: PathBuf,
-    /// Of program and options.
+    /// Hash of program and options.
     run: Hash,
     /// Content hashes of files seen in this run; `None` = cannot be read.
     seen: Mutex<HashMap<PathBuf, Option<Hash>>>,
-    /// For each test file, the hash of the text and that of the lines outside its sections.
+    /// Hashes of the text and of the lines outside sections, for each test file.
     around: Mutex<HashMap<PathBuf, (Hash, Hash)>>,
 }
 
 #[derive(Serialize, Deserialize)]
 struct Entry {
     format: u32,
-    /// Of program, options and the section's text, as hexadecimal digits.
+    /// Hash of program, options and the section's text, as hexadecimal digits.
     base: String,
     files: Vec<(PathBuf, String)>,
     pictures: Vec<(PathBuf, String)>,
-    /// Where else a file of the same relative name could lie, and whether it did.
+    /// Other paths at which a file of the same relative name could lie, and whether it did.
     elsewhere: Vec<(PathBuf, bool)>,
     outcome: Outcome,
 }
@@ -140,7 +140,7 @@ impl Results {
         }
     }
 
-    /// Of a section that must run again however it is.
+    /// Forgets the result of a section that must run again in any case.
     pub fn forget(&self, case: &Case) {
         if let Some(place) = self.place(case) {
             let _ = std::fs::remove_file(place);
@@ -169,7 +169,7 @@ impl Results {
         Some(*hasher.finalize().as_bytes())
     }
 
-    /// Of the lines that belong to no section: found once for all sections of a file.
+    /// Hash of the lines that belong to no section, computed once for all sections of a file.
     fn around(&self, case: &Case, text: &str) -> Hash {
         let whole = *blake3::hash(text.as_bytes()).as_bytes();
         let mut known = self.around.lock().unwrap_or_else(PoisonError::into_inner);

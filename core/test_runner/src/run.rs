@@ -23,20 +23,20 @@ pub struct RunOptions {
     pub jobs: usize,
     /// Seconds that a section may take; `None`: any.
     pub timeout: Option<f64>,
-    /// Where outcomes are kept for the next run; `None`: nowhere.
+    /// Folder in which outcomes are kept for the next run, if any.
     pub results: Option<PathBuf>,
     /// Outcomes of earlier runs are taken over where nothing has changed.
     pub changed: bool,
     /// Tells this program from any other build of it.
     pub program: String,
-    /// Where compiled pipelines are kept between runs.
+    /// Folder in which compiled pipelines are kept between runs.
     pub gpu_cache: Option<PathBuf>,
 }
 
 /// All that a run showed.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
-    /// In the order of the sections.
+    /// Outcomes in the order of the sections.
     pub outcomes: Vec<Outcome>,
     /// Wall time.
     pub seconds: f64,
@@ -55,7 +55,7 @@ pub struct Counts {
     /// Could not be judged.
     pub errors: usize,
     pub skipped: usize,
-    /// Of the passed ones: taken over from an earlier run.
+    /// Number of the passed ones whose result was reused from an earlier run.
     pub reused: usize,
     pub checks: usize,
     pub warnings: usize,

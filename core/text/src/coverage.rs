@@ -12,7 +12,7 @@ pub struct Coverage {
 }
 
 impl Coverage {
-    /// Of the part of a picture between two corners.
+    /// Coverage of the part of an image between two corners of the image.
     pub fn new(low: [f32; 2], high: [f32; 2], picture: [u32; 2]) -> Coverage {
         let end = |v: f32, most: u32| (v.ceil().max(0.0) as u32).min(most);
         let begin = |v: f32, most: u32| (v.floor().max(0.0) as u32).min(most);
@@ -73,7 +73,7 @@ impl Coverage {
     }
 }
 
-/// Of one row: an edge from x0 to x1 that is `height` high; what is left of the row's pixels counts as at their left side.
+/// Adds an edge in one row, from x0 to x1 and `height` high; left of the row's pixels it counts as at their left side.
 fn span(cells: &mut [f32], width: f32, [x0, x1]: [f32; 2], height: f32) {
     if x0 >= width {
         return;

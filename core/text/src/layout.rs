@@ -6,12 +6,12 @@ use ttf_parser::{Face, GlyphId};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Style {
-    /// Of the font's em.
+    /// Size of the font's em.
     pub size: f32,
     /// Lines are broken between words where they would be wider.
     pub width: Option<f32>,
     pub align: Align,
-    /// From line to line, in sizes.
+    /// Distance from line to line, in sizes.
     pub line_height: f32,
 }
 
@@ -37,7 +37,7 @@ pub struct Laid {
 struct Word {
     glyphs: Vec<(u16, f32)>,
     width: f32,
-    /// Of the space after it.
+    /// Width of the space after it.
     space: f32,
 }
 

@@ -15,7 +15,9 @@ use crate::view::{Wish, fitted};
 use choreo_motion::Time;
 use choreo_plugin::Frame;
 use choreo_render::{Held, renderer};
-use choreo_session::{Asked, Marks, Painted, Problem, Scene, Shown, Version, Work};
+use choreo_session::{
+    FrameInfo, FrameReply, FrameRequest, Problem, Scene, SceneVersion, ViewOverrides, Work,
+};
 use glam::DVec3;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -29,7 +31,7 @@ const LARGEST: u32 = 4096;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shelf {
     pub hidden: BTreeSet<String>,
-    /// Where there are any, only these are seen.
+    /// If there are any, only these are shown.
     pub solo: BTreeSet<String>,
     /// Neither picked nor moved with the mouse.
     pub locked: BTreeSet<String>,
@@ -58,11 +60,11 @@ pub struct Viewer {
     /// The last good one.
     pub scene: Option<Arc<Scene>>,
     pub timeline: Timeline,
-    /// Of the newest version, good or not.
+    /// Problems of the newest version, good or not.
     pub problems: Vec<Problem>,
     /// The newest version could not be used: what is shown is the one before.
     pub faulty: bool,
-    /// Of the renderer: drivers that failed, shaders that do not compile, callbacks that fail at this time.
+    /// Problems of the renderer: drivers that failed, shaders that do not compile, callbacks that fail at this time.
     pub trouble: Vec<String>,
     pub playhead: Playhead,
     /// At least one.
@@ -85,7 +87,7 @@ pub struct Viewer {
     /// Files dropped, and the guests sent away: for the window, which starts and ends what shows them.
     pub dropped: Vec<PathBuf>,
     pub guests_leave: bool,
-    /// Where the next picture of the active viewport is written.
+    /// File into which the next image of the active viewport is written.
     pub screenshot: Option<PathBuf>,
     pub work: Work,
     pub drawn: renderer::Work,
@@ -138,7 +140,7 @@ impl Viewer {
     }
 
     /// The next version: swapped in whole where it is good; playhead, selection, cameras and whether it plays stay.
-    pub fn take_version(&mut self, version: Version) {
+    pub fn take_version(&mut self, version: SceneVersion) {
         self.problems = version.problems;
         self.work = version.work;
         self.build_took = version.took;
@@ -162,16 +164,16 @@ impl Viewer {
     }
 
     /// A frame that was drawn; gives its pixels, to be shown in its view. What could not be drawn leaves the last picture.
-    pub fn take_painted(&mut self, painted: Painted) -> Option<(usize, Frame)> {
-        let index = painted.view as usize;
+    pub fn take_frame(&mut self, reply: FrameReply) -> Option<(usize, Frame)> {
+        let index = reply.view as usize;
         let view = self.views.get_mut(index)?;
-        if painted.ticket == view.ticket {
+        if reply.ticket == view.ticket {
             view.waiting = false;
         }
-        self.drawn = painted.work;
-        self.held = painted.held;
-        self.trouble = painted.notes;
-        match painted.result {
+        self.drawn = reply.work;
+        self.held = reply.held;
+        self.trouble = reply.notes;
+        match reply.result {
             Ok((frame, shown)) => {
                 self.performance.add(shown.evaluated_in, shown.planned_in, shown.drawn_in);
                 view.shown = Some(shown);
@@ -185,11 +187,11 @@ impl Viewer {
     }
 
     /// The next frame to draw, where a view wants another than was drawn or asked for last, and none is being drawn for it.
-    pub fn wish(&mut self) -> Option<Asked> {
+    pub fn next_request(&mut self) -> Option<FrameRequest> {
         let scene = self.scene.clone()?;
         // Four, as `render` has it.
         let samples = self.samples.or(scene.stage.settings.samples).unwrap_or(4);
-        let marks = self.marks(&scene);
+        let overrides = self.overrides(&scene);
         for (index, view) in self.views.iter_mut().enumerate().filter(|(_, v)| v.seen && !v.waiting) {
             let size = match view.resolution {
                 Resolution::Full => scene.stage.settings.size.map(|s| s.clamp(1, LARGEST)),
@@ -201,9 +203,9 @@ impl Viewer {
                 time: self.playhead.time(),
                 size,
                 samples,
-                eye: view.eye(&scene.stage),
+                viewport_camera: view.viewport_camera(&scene.stage),
                 moving: self.playhead.is_playing(),
-                marks: marks.clone(),
+                overrides: overrides.clone(),
             };
             if view.asked.as_ref() == Some(&wish) {
                 continue;
@@ -211,25 +213,25 @@ impl Viewer {
             self.ticket += 1;
             view.waiting = true;
             view.ticket = self.ticket;
-            let Wish { time, eye, moving, marks, .. } = wish.clone();
+            let Wish { time, viewport_camera, moving, overrides, .. } = wish.clone();
             view.asked = Some(wish);
             let ticket = self.ticket;
-            return Some(Asked {
+            return Some(FrameRequest {
                 scene,
                 time,
                 size,
                 samples,
                 moving,
                 view: index as u32,
-                eye,
-                marks,
+                camera: viewport_camera,
+                overrides,
                 ticket,
             });
         }
         None
     }
 
-    fn marks(&self, scene: &Scene) -> Marks {
+    fn overrides(&self, scene: &Scene) -> ViewOverrides {
         let stage = &scene.stage;
         let unseen = |name: &String| {
             self.shelf.hidden.contains(name)
@@ -245,7 +247,7 @@ impl Viewer {
             let actor = selection::actor(stage, &dragging.actor)?;
             Some((actor, dragging.change.applied(dragging.drag.world_from_model)))
         });
-        Marks { hidden, outlined, moved }
+        ViewOverrides { hidden, outlined, moved }
     }
 
     /// How often shaders have changed so far.
@@ -259,7 +261,7 @@ impl Viewer {
     }
 
     /// The picture that the panels tell of.
-    pub fn shown(&self) -> Option<&Shown> {
+    pub fn shown(&self) -> Option<&FrameInfo> {
         self.view().shown.as_ref().or_else(|| self.views.iter().find_map(|v| v.shown.as_ref()))
     }
 

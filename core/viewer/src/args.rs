@@ -1,7 +1,7 @@
 //! The command line.
 
 use choreo_script::{ImportChoice, Limits};
-use choreo_session::Recipe;
+use choreo_session::SceneSource;
 use clap::Parser;
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -38,17 +38,17 @@ struct Args {
     /// Begin playing
     #[arg(long)]
     play: bool,
-    /// For tests: at these frames of the window its device is lost; repeatable
+    /// Lose the device at these frames of the window, for tests; repeatable
     #[arg(long = "lose-device-at", value_name = "FRAME", hide = true)]
     lose: Vec<u64>,
-    /// For tests and measurements: what has been done and shown, and when, on standard output
+    /// Print what has been done and shown, and when, on standard output, for tests and measurements
     #[arg(long, hide = true)]
     tell: bool,
 }
 
 /// What the user asks for.
-pub struct Asked {
-    pub recipe: Recipe,
+pub struct ViewerOptions {
+    pub source: SceneSource,
     pub at: f64,
     pub play: bool,
     /// Frames of the window at which its device is as good as lost.
@@ -57,7 +57,7 @@ pub struct Asked {
     pub tell: bool,
 }
 
-pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Asked, ExitCode> {
+pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<ViewerOptions, ExitCode> {
     let args = Args::try_parse_from(args).map_err(|error| {
         // Help and version are answers, not errors; clap knows which stream and code.
         let code = error.exit_code();
@@ -81,7 +81,7 @@ pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Asked, ExitCode
     if !args.at.is_finite() {
         return Err(usage(format!("--at {}: write seconds", args.at)));
     }
-    let recipe = Recipe {
+    let source = SceneSource {
         set,
         search: args.search,
         plugins: args.plugins,
@@ -89,7 +89,7 @@ pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Asked, ExitCode
         clip: args.clip,
         import: ImportChoice::default(),
         shaders: args.shaders,
-        ..Recipe::new(args.input)
+        ..SceneSource::new(args.input)
     };
-    Ok(Asked { recipe, at: args.at, play: args.play, lose: args.lose, tell: args.tell })
+    Ok(ViewerOptions { source, at: args.at, play: args.play, lose: args.lose, tell: args.tell })
 }

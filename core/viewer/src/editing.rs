@@ -8,7 +8,9 @@ use crate::placing::Wanted;
 use crate::selection::{Selected, actor};
 use choreo_files::{WriteError, write_whole};
 use choreo_script::Place;
-use choreo_session::edit::{Edit, Object, Part, Refused, follows, marker, plain, set_time};
+use choreo_session::edit::{
+    CueTime, Edit, EditRefused, ScriptObject, follows, format_number, set_marker, set_time,
+};
 use choreo_stage::Actor;
 use std::path::Path;
 use std::sync::Arc;
@@ -32,7 +34,7 @@ struct Done {
 /// A change that is made if the user agrees.
 pub struct Offer {
     pub why: String,
-    /// On the button.
+    /// Label of the button.
     pub agree: String,
     /// Lines that go (`-`), come (`+`) and stay (` `).
     pub difference: Vec<(char, String)>,
@@ -46,23 +48,23 @@ impl Viewer {
     ///
     /// # Errors
     /// Why not, for the user; nothing has changed.
-    pub fn set_cue(&mut self, what: &Selected, part: Part, secs: f64) -> Result<(), String> {
+    pub fn set_cue(&mut self, what: &Selected, part: CueTime, secs: f64) -> Result<(), String> {
         let bars = || self.timeline.rows.iter().flat_map(|row| &row.bars);
         let place = bars().find(|bar| bar.what == *what).ok_or("it is no longer there")?.place.clone();
-        if let (Selected::Cue { actor, layer, cue: 1.. }, Part::Start) = (what, part)
+        if let (Selected::Cue { actor, layer, cue: 1.. }, CueTime::Start) = (what, part)
             && self.known().is_some_and(|text| follows(&text, place.line, place.column))
             && let Selected::Cue { cue, .. } = what
         {
             // Where two clips meet is written as the end of the first.
             let before = Selected::Cue { actor: actor.clone(), layer: *layer, cue: cue - 1 };
-            return self.set_cue(&before, Part::End, secs);
+            return self.set_cue(&before, CueTime::End, secs);
         }
         let twins = bars().filter(|b| b.place == place).count();
         self.change(&place, twins, |text| match (what, part) {
-            (Selected::Effect(_), Part::Start) => {
-                Object::at(text, place.line, place.column)?.time("from", secs)
+            (Selected::Effect(_), CueTime::Start) => {
+                ScriptObject::at(text, place.line, place.column)?.time("from", secs)
             }
-            (Selected::Effect(_), _) => Object::at(text, place.line, place.column)?.time("until", secs),
+            (Selected::Effect(_), _) => ScriptObject::at(text, place.line, place.column)?.time("until", secs),
             _ => Ok(set_time(text, place.line, place.column, part, secs)?),
         })
     }
@@ -87,7 +89,7 @@ impl Viewer {
     pub fn set_marker(&mut self, name: &str, secs: f64) -> Result<(), String> {
         let scene = self.scene.as_ref().ok_or("there is nothing to change yet")?;
         let place = Place { file: scene.places.main.clone(), line: 1, ..Place::default() };
-        self.change(&place, 1, |text| marker(text, name, secs))
+        self.change(&place, 1, |text| set_marker(text, name, secs))
     }
 
     /// Lets an actor play a clip of its file from a time on.
@@ -99,7 +101,7 @@ impl Viewer {
         let plays = scene.stage.actors[index].layers.first().is_some_and(|l| !l.cues.is_empty());
         let options = if plays { ", #{ fade: 0.3 }" } else { "" };
         self.change(&place, twins, |text| {
-            Object::at(text, place.line, place.column)?.play(clip, secs, options)
+            ScriptObject::at(text, place.line, place.column)?.play(clip, secs, options)
         })
     }
 
@@ -142,7 +144,7 @@ impl Viewer {
         if refused.is_empty() { Ok(()) } else { Err(refused.join("; ")) }
     }
 
-    /// At the end of the script.
+    /// Adds a line at the end of the script.
     pub(crate) fn add_line(&mut self, line: &str) -> Result<(), String> {
         let path = self.path.clone().ok_or("there is no script")?;
         let text = read(&path)?;
@@ -155,7 +157,7 @@ impl Viewer {
         &mut self,
         place: &Place,
         twins: usize,
-        mut make: impl FnMut(&str) -> Result<Edit, Refused>,
+        mut make: impl FnMut(&str) -> Result<Edit, EditRefused>,
     ) -> Result<(), String> {
         let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
         let places = &scene.places;
@@ -188,7 +190,7 @@ impl Viewer {
         }
         match made {
             Ok(edit) => self.write_edit(&path, &text, edit),
-            Err(Refused { why, over, agree }) => {
+            Err(EditRefused { why, over, agree }) => {
                 let why = format!("{}: {why}", places.main);
                 if let Some(edit) = over {
                     let difference = difference::lines(&text, &edit.apply(&text));
@@ -270,7 +272,7 @@ fn guest_line(file: &Path, x: f64, text: &str) -> String {
     let free = (1..).map(|n| if n == 1 { name.clone() } else { format!("{name}_{n}") }).find(|n| !taken(n));
     let name = free.unwrap_or(name);
     let shown = file.to_string_lossy().replace('\\', "/").replace('"', "\\\"");
-    let at = if x == 0.0 { String::new() } else { format!(".at({}, 0.0, 0.0)", plain(x)) };
+    let at = if x == 0.0 { String::new() } else { format!(".at({}, 0.0, 0.0)", format_number(x)) };
     format!("let {name} = cast(\"{name}\", load(\"{shown}\")){at};\n")
 }
 

@@ -54,12 +54,12 @@ mod tests {
 
     #[test]
     fn editors_are_told_the_line_in_their_own_way() {
-        let told = |editor: Option<&str>| command(editor, None, "a b.rhai", 7).join("|");
-        assert_eq!(told(None), "code|-g|a b.rhai:7");
-        assert_eq!(told(Some("/usr/bin/codium --wait")), "/usr/bin/codium|--wait|-g|a b.rhai:7");
-        assert_eq!(told(Some("nvim")), "x-terminal-emulator|-e|nvim|+7|a b.rhai");
-        assert_eq!(told(Some("gedit")), "gedit|+7|a b.rhai");
-        assert_eq!(told(Some("subl")), "subl|a b.rhai:7");
-        assert_eq!(told(Some("  ")), "code|-g|a b.rhai:7");
+        let report = |editor: Option<&str>| command(editor, None, "a b.rhai", 7).join("|");
+        assert_eq!(report(None), "code|-g|a b.rhai:7");
+        assert_eq!(report(Some("/usr/bin/codium --wait")), "/usr/bin/codium|--wait|-g|a b.rhai:7");
+        assert_eq!(report(Some("nvim")), "x-terminal-emulator|-e|nvim|+7|a b.rhai");
+        assert_eq!(report(Some("gedit")), "gedit|+7|a b.rhai");
+        assert_eq!(report(Some("subl")), "subl|a b.rhai:7");
+        assert_eq!(report(Some("  ")), "code|-g|a b.rhai:7");
     }
 }

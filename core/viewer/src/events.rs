@@ -7,7 +7,7 @@ use choreo_session::Scene;
 use choreo_stage::{Actor, Channel, Cue, FlatContent, GoalKind, Property, Stage};
 use std::sync::Arc;
 
-/// In one row; further ones would not be told apart.
+/// Events in one row at most; further ones would not be told apart.
 const MOST: usize = 2000;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -26,7 +26,7 @@ pub enum Kind {
 pub struct Event {
     pub at: Time,
     pub kind: Kind,
-    /// Of all that happens then, a line each.
+    /// Everything that happens then, one line each.
     pub label: String,
     pub what: Option<Selected>,
     pub place: Place,
@@ -165,7 +165,7 @@ impl Gathered {
     }
 }
 
-/// Of cameras, lights and effects: rows of things that have keys.
+/// Events of cameras, lights and effects: rows of things that have keys.
 pub fn of_cameras(scene: &Scene) -> Vec<Event> {
     let mut gathered = Gathered::default();
     for camera in &scene.stage.cameras {

@@ -15,7 +15,7 @@ pub enum Tool {
 pub enum Handle {
     /// 0, 1, 2: along, about, or larger along x, y, z of the world (of itself for scale).
     Axis(usize),
-    /// Over the ground; all three for scale.
+    /// Movement over the ground; for scale, all three axes.
     Middle,
 }
 
@@ -25,7 +25,7 @@ pub const LENGTH: f64 = 74.0;
 const GRAB: f64 = 9.0;
 /// Corners of a ring.
 pub const RING: usize = 48;
-/// With a key held, degrees and metres come in such steps.
+/// Steps of degrees and metres while a key is held.
 pub const STEPS: (f64, f64) = (15.0, 0.1);
 
 /// What a drag has made of it so far.
@@ -45,7 +45,7 @@ impl Change {
         }
     }
 
-    /// Where it stands then.
+    /// The transform after the drag.
     pub fn applied(&self, world_from_model: DAffine3) -> DAffine3 {
         let at = world_from_model.translation;
         match *self {
@@ -66,9 +66,9 @@ impl Change {
 pub struct Drag {
     pub tool: Tool,
     pub handle: Handle,
-    /// Where the thing stood, and the lens through which it is seen.
+    /// Transform of the thing before the drag, and the lens through which it is seen.
     pub world_from_model: DAffine3,
-    /// Where the mouse took hold, points.
+    /// Point at which the mouse took hold, in points.
     pub from: DVec2,
 }
 

@@ -10,10 +10,10 @@ const NEAREST: f64 = 1e-3;
 #[derive(Clone, Copy, Debug)]
 pub struct Lens {
     view_from_world: DAffine3,
-    /// Of the picture, in points of the window.
+    /// Top left corner of the image, in points of the window.
     corner: DVec2,
     size: DVec2,
-    /// Of the picture at a distance of one metre, or everywhere without perspective: its height.
+    /// Height of the image at a distance of one metre, or everywhere without perspective.
     height: f64,
     perspective: bool,
 }
@@ -60,7 +60,7 @@ impl Lens {
         Some([self.screen(a), self.screen(b)])
     }
 
-    /// From where a point of the screen is seen, and along which unit vector.
+    /// Origin and unit direction of the ray through a point of the screen.
     pub fn ray(&self, at: DVec2) -> (DVec3, DVec3) {
         let from_middle = (at - self.corner - self.size / 2.0) / self.size.y * self.height;
         let world_from_view = self.view_from_world.inverse();
@@ -78,7 +78,7 @@ impl Lens {
         depth.max(NEAREST) * self.height / self.size.y.max(1.0)
     }
 
-    /// From a place to the camera, a unit vector.
+    /// Unit vector from a place to the camera.
     pub fn to_eye(&self, from: DVec3) -> DVec3 {
         let world_from_view = self.view_from_world.inverse();
         match self.perspective {

@@ -2,7 +2,7 @@
 //! `choreo-view`.
 //!
 //! ```text
-//! choreo_session::Live ─ versions ─► Viewer (app: plain state) ─ wishes ─► choreo_session::Painter ─ frames ─┐
+//! choreo_session::SessionThread ─ versions ─► Viewer (app: plain state) ─ wishes ─► choreo_session::FrameRenderer ─ frames ─┐
 //!                                    ▲ panels (egui)                                                   │
 //!                                    └─────────────── window (winit, Vulkan) ◄─────────────────────────┘
 //! ```

@@ -62,7 +62,7 @@ impl Orbit {
         CameraState { camera: None, world_from_view, projection }
     }
 
-    /// By so many heights of the view: right and down are positive, as the mouse goes.
+    /// Turns by a distance in heights of the view: right and down are positive, as the mouse goes.
     pub fn turn(&mut self, by: DVec2) {
         const TURN: f64 = core::f64::consts::PI;
         self.azimuth = (self.azimuth - by.x * TURN) % (2.0 * core::f64::consts::PI);

@@ -6,7 +6,7 @@ use std::time::Duration;
 /// Frames that are remembered.
 pub const FRAMES: usize = 240;
 
-/// Of one frame, milliseconds: poses, plan, drawing.
+/// Times of one frame in milliseconds: poses, plan, drawing.
 pub type Millis = [f32; 3];
 
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -6,21 +6,21 @@ use crate::gizmo::Change;
 use crate::orbit::Orbit;
 use crate::selection::{Selected, actor};
 use choreo_motion::Time;
-use choreo_session::edit::{Edit, Object, Refused, Value, When, plain};
+use choreo_session::edit::{Edit, EditRefused, KeyTime, KeyValue, ScriptObject, format_number};
 use choreo_stage::{Actor, Placement, Property, Rig, StageLight};
 use glam::{DAffine3, DQuat, DVec3};
 
 /// What the next version must show.
 pub(crate) struct Wanted {
     actor: String,
-    /// Of keys: when.
+    /// Time of the keys.
     time: Time,
     at: DVec3,
     rotation: DQuat,
     line: usize,
 }
 
-/// Where the script has it in its parent at a time, keys included; without callbacks, root motion and paths.
+/// The actor's transform in its parent at a time, keys included; without callbacks, root motion and paths.
 pub fn placement(actor: &Actor, time: Time) -> Placement {
     let mut placement = actor.transform;
     for channel in &actor.channels {
@@ -97,17 +97,17 @@ impl Viewer {
         let place = scene.places.actors.get(index).cloned().unwrap_or_default();
         let twins = scene.places.actors.iter().filter(|p| **p == place).count();
         let time = self.playhead.time();
-        let when = When { secs: time.as_secs(), fps: self.playhead.fps().as_fps() };
+        let when = KeyTime { secs: time.as_secs(), fps: self.playhead.fps().as_fps() };
         let old = placement(found, time);
         let keyed = |property| found.channels.iter().any(|c| c.property == property);
         let (mut at, mut rotation) = (old.translation, old.rotation);
         self.change(&place, twins, |text| {
-            let object = Object::at(text, place.line, place.column)?;
+            let object = ScriptObject::at(text, place.line, place.column)?;
             match change {
                 Change::Move(by) => {
                     at = old.translation + by;
                     match keyed(Property::Translation) {
-                        true => object.set_key("position", when, Value::Point(at)),
+                        true => object.set_key("position", when, KeyValue::Point(at)),
                         false => object.move_by(by, at),
                     }
                 }
@@ -120,14 +120,14 @@ impl Viewer {
                     }
                     rotation = by * old.rotation;
                     match keyed(Property::Rotation) {
-                        true => object.set_key("rotation", when, Value::Turn(rotation)),
+                        true => object.set_key("rotation", when, KeyValue::Turn(rotation)),
                         false => Ok(object.turn_by(by)),
                     }
                 }
                 Change::Scale(by) => {
                     let to = old.scale * by;
                     if keyed(Property::Scale) {
-                        return object.set_key("scale", when, Value::Scale(to));
+                        return object.set_key("scale", when, KeyValue::Scale(to));
                     }
                     let even = (to - to.x).abs().max_element() < 1e-9;
                     let all = to.to_array();
@@ -157,15 +157,15 @@ impl Viewer {
         if camera.channels.iter().any(|c| c.property == Property::Rotation) {
             return Err(format!("{}:{}: its rotation has keys; change them there", place.file, place.line));
         }
-        let when = When { secs: self.playhead.time().as_secs(), fps: self.playhead.fps().as_fps() };
+        let when = KeyTime { secs: self.playhead.time().as_secs(), fps: self.playhead.fps().as_fps() };
         let (at, center) = (from.camera().world_from_view.translation, from.center);
         self.change(&place, twins, |text| {
-            let object = Object::at(text, place.line, place.column)?;
+            let object = ScriptObject::at(text, place.line, place.column)?;
             let looked = object.set_point("look_at", center)?.apply(text);
             // It begins where it did: all that was changed stands behind.
-            let object = Object::at(&looked, place.line, place.column)?;
+            let object = ScriptObject::at(&looked, place.line, place.column)?;
             let stood = match keyed {
-                true => object.set_key("position", when, Value::Point(at))?,
+                true => object.set_key("position", when, KeyValue::Point(at))?,
                 false => object.set("at", &at.to_array())?,
             };
             Ok(Edit::between(text, &stood.apply(&looked)))
@@ -180,9 +180,9 @@ impl Viewer {
         let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
         let taken = |name: &str| scene.stage.cameras.iter().any(|c| c.name == name);
         let name = (1..).map(|n| format!("view {n}")).find(|name| !taken(name)).unwrap_or_default();
-        let point = |p: DVec3| p.to_array().map(plain).join(", ");
+        let point = |p: DVec3| p.to_array().map(format_number).join(", ");
         let (at, center) = (point(from.camera().world_from_view.translation), point(from.center));
-        let secs = plain(self.playhead.time().as_secs());
+        let secs = format_number(self.playhead.time().as_secs());
         let cut = if scene.stage.cameras.is_empty() { String::new() } else { format!(".cut({secs})") };
         self.add_line(&format!("camera(\"{name}\").at({at}).look_at([{center}]){cut};\n"))
     }
@@ -197,11 +197,11 @@ impl Viewer {
         let place = scene.places.cameras.get(index).cloned().unwrap_or_default();
         let twins = scene.places.cameras.iter().filter(|p| **p == place).count();
         let keyed = scene.stage.cameras[index].channels.iter().any(|c| c.property == Property::FieldOfView);
-        let when = When { secs: self.playhead.time().as_secs(), fps: self.playhead.fps().as_fps() };
+        let when = KeyTime { secs: self.playhead.time().as_secs(), fps: self.playhead.fps().as_fps() };
         self.change(&place, twins, |text| {
-            let object = Object::at(text, place.line, place.column)?;
+            let object = ScriptObject::at(text, place.line, place.column)?;
             match keyed {
-                true => object.set_key("fov", when, Value::Text(&plain(degrees))),
+                true => object.set_key("fov", when, KeyValue::Text(&format_number(degrees))),
                 false => object.set("fov", &[degrees]),
             }
         })
@@ -226,11 +226,11 @@ impl Viewer {
             _ => None,
         };
         let keyed = light.is_some_and(|l| l.channels.iter().any(|c| Some(c.property) == property));
-        let when = When { secs: self.playhead.time().as_secs(), fps: self.playhead.fps().as_fps() };
+        let when = KeyTime { secs: self.playhead.time().as_secs(), fps: self.playhead.fps().as_fps() };
         self.change(&place, twins, |text| {
-            let object = Object::at(text, place.line, place.column)?;
+            let object = ScriptObject::at(text, place.line, place.column)?;
             match light {
-                Some(_) if keyed => object.set_key(name, when, Value::Text(value)),
+                Some(_) if keyed => object.set_key(name, when, KeyValue::Text(value)),
                 Some(_) => object.option(name, value),
                 None => object.parameter(name, value),
             }
@@ -258,6 +258,6 @@ impl Viewer {
     }
 }
 
-fn faces(line: usize) -> Refused {
+fn faces(line: usize) -> EditRefused {
     format!("line {line}: .face(…) turns it; change that, or take it away").into()
 }

@@ -80,7 +80,7 @@ impl Playhead {
         });
     }
 
-    /// Where playing begins and ends.
+    /// Start and end of playback.
     fn ends(&self) -> (Time, Time) {
         self.range.unwrap_or((Time::ZERO, self.fps.time_of(self.frames())))
     }
@@ -110,7 +110,7 @@ impl Playhead {
         }
     }
 
-    /// To the frame at a time; a playhead that plays goes on from there at the next tick.
+    /// Moves to the frame at a time; a playhead that plays goes on from there at the next tick.
     pub fn seek(&mut self, time: Time) {
         self.time = self.fps.time_of(self.frame_at(time));
         if self.is_playing() {

@@ -10,7 +10,7 @@ pub const SCALES: (f32, f32) = (1.0, 2.0);
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     pub light: bool,
-    /// Of everything drawn, 1 to 2, beyond what the system asks for.
+    /// Scale of everything drawn, 1 to 2, beyond what the system asks for.
     pub scale: f32,
     /// As [`crate::panels::Panels`] writes it.
     pub layout: Option<Value>,

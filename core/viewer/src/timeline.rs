@@ -14,16 +14,16 @@ pub struct Bar {
     pub what: Selected,
     pub start: Time,
     pub end: Time,
-    /// Where what follows begins, under whose fade it goes on; else its end. What a mouse takes hold of.
+    /// Start of what follows, under whose fade it goes on; else its end. The mouse drags it.
     pub until: Time,
     pub fade_in: Time,
     pub fade_out: Time,
-    /// Where a clip that is played once has come to its end; its last pose is held from there on.
+    /// Time at which a clip that is played once ends; its last pose is held from there on.
     pub holds_from: Option<Time>,
     pub place: Place,
-    /// Of the stage's cuts, where one begins it.
+    /// The cut of the stage that begins it, if any.
     pub cut: Option<usize>,
-    /// For its color: equal for equal clips.
+    /// Index of its color: equal for equal clips.
     pub kind: usize,
 }
 
@@ -32,7 +32,7 @@ pub struct Row {
     pub label: String,
     pub what: Option<Selected>,
     pub bars: Vec<Bar>,
-    /// In the order of time.
+    /// Events sorted by time.
     pub events: Vec<Event>,
     pub place: Place,
 }

@@ -2,7 +2,7 @@
 
 use crate::orbit::Orbit;
 use choreo_motion::Time;
-use choreo_session::{Eye, Marks, Shown};
+use choreo_session::{FrameInfo, ViewOverrides, ViewportCamera};
 use choreo_stage::{CameraState, Snapshot, Stage};
 use glam::DVec3;
 
@@ -50,17 +50,17 @@ pub struct Wish {
     pub time: Time,
     pub size: [u32; 2],
     pub samples: u32,
-    pub eye: Eye,
+    pub viewport_camera: ViewportCamera,
     pub moving: bool,
-    pub marks: Marks,
+    pub overrides: ViewOverrides,
 }
 
 pub struct View {
     pub camera: ViewCamera,
     pub resolution: Resolution,
     pub overlays: Overlays,
-    /// Of the picture on the screen.
-    pub shown: Option<Shown>,
+    /// The image on the screen.
+    pub shown: Option<FrameInfo>,
     /// Pixels that there is room for, as the panel had it last.
     pub room: [u32; 2],
     /// Its panel was drawn in the last round: others wish for nothing.
@@ -88,17 +88,19 @@ impl Default for View {
 
 impl View {
     /// What the painter is to look from.
-    pub fn eye(&self, stage: &Stage) -> Eye {
+    pub fn viewport_camera(&self, stage: &Stage) -> ViewportCamera {
         let actor = |name: &str| stage.actors.iter().position(|a| a.name == name);
         match &self.camera {
-            ViewCamera::Script => Eye::Script,
-            ViewCamera::Named(name) => {
-                stage.cameras.iter().position(|c| c.name == *name).map_or(Eye::Script, Eye::Camera)
-            }
-            ViewCamera::Free(orbit) => Eye::Free(orbit.camera()),
+            ViewCamera::Script => ViewportCamera::Script,
+            ViewCamera::Named(name) => stage
+                .cameras
+                .iter()
+                .position(|c| c.name == *name)
+                .map_or(ViewportCamera::Script, ViewportCamera::Camera),
+            ViewCamera::Free(orbit) => ViewportCamera::Free(orbit.camera()),
             ViewCamera::Follow { actor: name, orbit } => match actor(name) {
-                Some(actor) => Eye::Following { actor, camera: orbit.camera() },
-                None => Eye::Free(orbit.camera()),
+                Some(actor) => ViewportCamera::Following { actor, camera: orbit.camera() },
+                None => ViewportCamera::Free(orbit.camera()),
             },
         }
     }
@@ -106,13 +108,13 @@ impl View {
     /// The camera of the picture on the screen, as it is now where the mouse moves it.
     pub fn now(&self, stage: &Stage) -> Option<CameraState> {
         let shown = self.shown.as_ref()?;
-        Some(match self.eye(stage) {
-            Eye::Free(camera) => camera,
-            Eye::Following { actor, mut camera } => {
+        Some(match self.viewport_camera(stage) {
+            ViewportCamera::Free(camera) => camera,
+            ViewportCamera::Following { actor, mut camera } => {
                 camera.world_from_view.translation += place(&shown.snapshot, actor);
                 camera
             }
-            Eye::Script | Eye::Camera(_) => shown.snapshot.camera,
+            ViewportCamera::Script | ViewportCamera::Camera(_) => shown.snapshot.camera,
         })
     }
 

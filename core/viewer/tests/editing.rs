@@ -3,7 +3,7 @@
 mod place;
 
 use choreo_motion::Time;
-use choreo_session::edit::Part;
+use choreo_session::edit::CueTime;
 use choreo_viewer::selection::Selected;
 use egui::{pos2, vec2};
 use egui_kittest::kittest::Queryable;
@@ -24,11 +24,11 @@ fn cue(cue: usize) -> Selected {
 #[test]
 fn a_change_is_one_number_in_the_file_and_can_be_taken_back() {
     let mut place = Place::new(SCRIPT);
-    place.viewer.set_cue(&cue(0), Part::Start, 0.72).unwrap();
+    place.viewer.set_cue(&cue(0), CueTime::Start, 0.72).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".from(0.5)", ".from(0.72)"));
     place.reload();
     assert_eq!(place.viewer.timeline.rows[1].bars[0].start, Time::from_secs(0.72));
-    place.viewer.set_cue(&cue(1), Part::FadeIn, 0.25).unwrap();
+    place.viewer.set_cue(&cue(1), CueTime::FadeIn, 0.25).unwrap();
     assert!(place.text().contains("#{ fade: 0.25 }"));
     // The editor saves something else meanwhile.
     place.write(&format!("// a note\n{}", place.text()));
@@ -44,7 +44,7 @@ fn a_change_is_one_number_in_the_file_and_can_be_taken_back() {
 fn a_byte_order_mark_stays_before_the_text() {
     let script = SCRIPT.replacen('\n', " ", 3);
     let mut place = Place::new(&format!("\u{feff}{script}"));
-    place.viewer.set_cue(&cue(0), Part::Start, 0.72).unwrap();
+    place.viewer.set_cue(&cue(0), CueTime::Start, 0.72).unwrap();
     assert_eq!(place.text(), format!("\u{feff}{}", script.replace(".from(0.5)", ".from(0.72)")));
     place.viewer.undo().unwrap();
     assert_eq!(place.text(), format!("\u{feff}{script}"));
@@ -53,7 +53,7 @@ fn a_byte_order_mark_stays_before_the_text() {
 #[test]
 fn where_two_clips_meet_is_the_end_of_the_first() {
     let mut place = Place::new(SCRIPT);
-    place.viewer.set_cue(&cue(1), Part::Start, 1.6).unwrap();
+    place.viewer.set_cue(&cue(1), CueTime::Start, 1.6).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".until(2.0)", ".until(1.6)"));
     place.reload();
     let bars = &place.viewer.timeline.rows[1].bars;
@@ -64,13 +64,13 @@ fn where_two_clips_meet_is_the_end_of_the_first() {
 fn what_is_not_one_number_is_refused_and_nothing_changes() {
     let mut place = Place::new(SCRIPT);
     let in_loop = Selected::Cue { actor: "ada".into(), layer: 1, cue: 0 };
-    let why = place.viewer.set_cue(&in_loop, Part::Start, 0.1).unwrap_err();
+    let why = place.viewer.set_cue(&in_loop, CueTime::Start, 0.1).unwrap_err();
     assert!(why.contains("a.rhai:6: this line makes 2 of them"), "{why}");
     assert_eq!(place.text(), SCRIPT);
     // Changed on disk and not yet shown.
     let other = SCRIPT.replace("she", "he");
     place.write(&other);
-    let why = place.viewer.set_cue(&cue(0), Part::Start, 0.1).unwrap_err();
+    let why = place.viewer.set_cue(&cue(0), CueTime::Start, 0.1).unwrap_err();
     assert!(why.contains("changed on disk"), "{why}");
     assert_eq!(place.text(), other);
 }

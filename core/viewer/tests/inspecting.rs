@@ -3,7 +3,7 @@
 
 mod place;
 
-use choreo_session::{Problem, Recipe, Session};
+use choreo_session::{Problem, SceneSource, Session};
 use choreo_viewer::gizmo::Change;
 use choreo_viewer::selection::Selected;
 use egui::{Key, Modifiers, pos2, vec2};
@@ -226,10 +226,10 @@ const TRIANGLE: &str = "v -1 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
 /// As the window does it: the files in place of the script.
 fn dropped(place: &mut Place, files: &[PathBuf]) {
-    let (recipe, left_out) = Recipe::of_models(files.to_vec(), place.session.recipe()).unwrap();
+    let (source, left_out) = SceneSource::of_models(files.to_vec(), place.session.source()).unwrap();
     place.viewer.said = left_out;
-    place.viewer.guests = std::iter::once(&recipe.input).chain(&recipe.beside).cloned().collect();
-    let mut session = Session::new(recipe, &choreo::registry(), false).unwrap();
+    place.viewer.guests = std::iter::once(&source.input).chain(&source.beside).cloned().collect();
+    let mut session = Session::new(source, &choreo::registry(), false).unwrap();
     place.viewer.take_version(session.build(BTreeSet::new()));
 }
 

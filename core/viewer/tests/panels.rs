@@ -4,7 +4,7 @@ mod place;
 
 use choreo_motion::Time;
 use choreo_render::{CpuRenderer, Renderer};
-use choreo_session::{Painted, Painter, Recipe, Session, Version};
+use choreo_session::{FrameRenderer, FrameReply, SceneSource, SceneVersion, Session};
 use choreo_viewer::app::{ViewCamera, Viewer};
 use choreo_viewer::panels::Panels;
 use choreo_viewer::selection::Selected;
@@ -28,7 +28,7 @@ camera("near").at(0.0, 1.0, 3.0).look_at([0.0, 1.0, 0.0]).cut(2.0);
 stage_marker
 "#;
 
-struct Desk {
+struct TestApp {
     viewer: Viewer,
     panels: Panels,
     /// The clock, seconds.
@@ -38,8 +38,8 @@ struct Desk {
 struct Studio {
     folder: tempfile::TempDir,
     session: Session,
-    painter: Painter,
-    painted: Receiver<Painted>,
+    painter: FrameRenderer,
+    reply: Receiver<FrameReply>,
 }
 
 fn script(change: &str) -> String {
@@ -50,31 +50,31 @@ impl Studio {
     fn new() -> Studio {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join("a.rhai"), script("")).unwrap();
-        let recipe = Recipe::new(folder.path().join("a.rhai"));
-        let session = Session::new(recipe, &choreo::registry(), false).unwrap();
-        let (to, painted) = channel();
+        let source = SceneSource::new(folder.path().join("a.rhai"));
+        let session = Session::new(source, &choreo::registry(), false).unwrap();
+        let (to, reply) = channel();
         let start = Box::new(|| {
             let renderer: Box<dyn Renderer> = Box::new(CpuRenderer::new(&[]));
             Ok((renderer, None))
         });
-        let painter = Painter::start(start, move |p| drop(to.send(p))).unwrap();
-        Studio { folder, session, painter, painted }
+        let painter = FrameRenderer::start(start, move |p| drop(to.send(p))).unwrap();
+        Studio { folder, session, painter, reply }
     }
 
     fn path(&self) -> PathBuf {
         self.folder.path().join("a.rhai")
     }
 
-    fn save(&mut self, text: &str) -> Version {
+    fn save(&mut self, text: &str) -> SceneVersion {
         fs::write(self.path(), text).unwrap();
         self.session.build(BTreeSet::from([self.path()]))
     }
 
-    fn open(&mut self) -> Harness<'static, Desk> {
+    fn open(&mut self) -> Harness<'static, TestApp> {
         let mut viewer = Viewer::new("a.rhai");
         viewer.take_version(self.session.build(BTreeSet::new()));
-        let desk = Desk { viewer, panels: Panels::default(), now: 10.0 };
-        let ui = |ui: &mut egui::Ui, desk: &mut Desk| {
+        let desk = TestApp { viewer, panels: Panels::default(), now: 10.0 };
+        let ui = |ui: &mut egui::Ui, desk: &mut TestApp| {
             desk.panels.show(
                 ui,
                 &mut desk.viewer,
@@ -90,17 +90,17 @@ impl Studio {
     }
 
     /// Draws what the viewer wishes for; gives whether it wished for anything.
-    fn paint(&self, harness: &mut Harness<'_, Desk>) -> bool {
+    fn paint(&self, harness: &mut Harness<'_, TestApp>) -> bool {
         let viewer = &mut harness.state_mut().viewer;
-        let Some(asked) = viewer.wish() else { return false };
+        let Some(asked) = viewer.next_request() else { return false };
         self.painter.ask(asked);
-        let painted = self.painted.recv_timeout(Duration::from_secs(600)).unwrap();
-        assert!(viewer.take_painted(painted).is_some(), "{:?}", viewer.trouble);
+        let reply = self.reply.recv_timeout(Duration::from_secs(600)).unwrap();
+        assert!(viewer.take_frame(reply).is_some(), "{:?}", viewer.trouble);
         true
     }
 }
 
-fn frame(harness: &Harness<'_, Desk>) -> i64 {
+fn frame(harness: &Harness<'_, TestApp>) -> i64 {
     harness.state().viewer.playhead.frame()
 }
 
@@ -279,7 +279,7 @@ fn moved_between_scales_the_picture_is_drawn_for_each() {
         harness.run();
         let rect = harness.get_by_label("picture").rect();
         let viewer = &mut harness.state_mut().viewer;
-        let asked = viewer.wish();
+        let asked = viewer.next_request();
         viewer.views[0].waiting = false;
         (rect, viewer.views[0].room, asked.map(|a| a.size))
     };

@@ -4,7 +4,7 @@
 mod place;
 
 use choreo_motion::Time;
-use choreo_session::Eye;
+use choreo_session::ViewportCamera;
 use choreo_viewer::app::ViewCamera;
 use choreo_viewer::lens::Lens;
 use choreo_viewer::pick;
@@ -69,7 +69,7 @@ fn has(desk: &Desk, part: &str) -> bool {
 fn the_tree_hides_shows_alone_and_locks() {
     let mut desk = desk();
     click(&mut desk, "hide ada");
-    let hidden = |desk: &mut Desk| desk.state_mut().viewer.wish().map(|asked| asked.marks.hidden);
+    let hidden = |desk: &mut Desk| desk.state_mut().viewer.next_request().map(|asked| asked.overrides.hidden);
     assert_eq!(hidden(&mut desk), Some(vec![0]));
     click(&mut desk, "hide ada");
     click(&mut desk, "solo bob");
@@ -189,14 +189,14 @@ fn a_view_follows_flies_and_looks_through_any_camera() {
     desk.get_all_by_label("near").last().unwrap().click();
     desk.run();
     assert_eq!(desk.state().viewer.views[0].camera, ViewCamera::Named("near".into()));
-    let eye = desk.state_mut().viewer.wish().unwrap().eye;
-    assert_eq!(eye, Eye::Camera(1));
+    let viewport_camera = desk.state_mut().viewer.next_request().unwrap().camera;
+    assert_eq!(viewport_camera, ViewportCamera::Camera(1));
     desk.state_mut().viewer.views[0].waiting = false;
     click(&mut desk, "script's camera");
     click(&mut desk, "row ada");
     click(&mut desk, "follow");
-    let following = desk.state_mut().viewer.wish().unwrap().eye;
-    assert!(matches!(following, Eye::Following { actor: 0, .. }), "{following:?}");
+    let following = desk.state_mut().viewer.next_request().unwrap().camera;
+    assert!(matches!(following, ViewportCamera::Following { actor: 0, .. }), "{following:?}");
     desk.state_mut().viewer.views[0].waiting = false;
     click(&mut desk, "follow");
     // On foot: W goes ahead, along -z here, as long as it is held and the mouse is over the picture.

@@ -1,4 +1,4 @@
-//! From an author's text to a program: parsed, validated, of its hook's form, and tried.
+//! Compiles an author's text to a program: parsed, validated, matched with its hook's form, and tried.
 
 use crate::effect::LookError;
 use crate::forms::{EDGES, Form, Host, LINE, TRIANGLE, form};
@@ -40,7 +40,7 @@ type Around = (String, String, Host);
 struct Text<'a> {
     /// Its name in messages.
     file: &'a str,
-    /// With what is declared below it.
+    /// The text with what is declared below it.
     whole: String,
 }
 

@@ -21,7 +21,7 @@ pub const ENDING: &str = ".wgsl";
 #[error("{file}:{line}:{column}: {message}")]
 pub struct LookError {
     pub file: String,
-    /// From 1.
+    /// Line number from 1.
     pub line: usize,
     pub column: usize,
     pub message: String,
@@ -99,13 +99,13 @@ impl WgslEffect {
         })
     }
 
-    /// Where the text came from.
+    /// Sets the file that the text was read from.
     pub fn with_file(mut self, file: PluginFile) -> WgslEffect {
         self.origin = Some(file);
         self
     }
 
-    /// Of the values of its function, parameters last. `None`: more than its steps.
+    /// Runs its function on values, parameters last. `None`: more than its steps.
     fn run(&self, mut arguments: Vec<Value>, around: &dyn Around, p: &[f32; 8]) -> Option<[f32; 4]> {
         arguments.push(Value::floats(p));
         let done = self.program.run(arguments, around).ok()?;
@@ -117,7 +117,7 @@ impl WgslEffect {
 pub struct Picture {
     pub size: [u32; 2],
     pub rgba: Vec<u8>,
-    /// Where it was read.
+    /// File from which it was read.
     pub file: Option<std::path::PathBuf>,
 }
 

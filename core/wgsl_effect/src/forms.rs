@@ -7,7 +7,7 @@ use naga::{Module, ScalarKind, TypeInner, VectorSize};
 enum Part {
     Scalar(ScalarKind),
     Vector(ScalarKind, VectorSize),
-    /// Of this name.
+    /// A struct of this name.
     Struct(&'static str),
     /// `array<f32, 8>`.
     Parameters,
@@ -36,7 +36,7 @@ pub enum Host {
     Original,
     PictureSize,
     Previous,
-    /// Of the body that an overlay is drawn around: where a bone stands, which bone is above it, a place of its own space.
+    /// The actor that an overlay is drawn around: position of a bone, which bone is above it, a point of its own space.
     Joint,
     Parent,
     InWorld,
@@ -44,7 +44,7 @@ pub enum Host {
     PreviousInWorld,
     /// The number of a bone that the head names.
     Named(usize),
-    /// Of the effect's textures.
+    /// A texture of the effect.
     Texture(usize),
 }
 

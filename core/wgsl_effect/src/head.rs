@@ -33,7 +33,7 @@ const MOST_HISTORY: u32 = 16;
 /// Frames back of an overlay; each is one more to pose.
 const MOST_POSES: u32 = 64;
 
-/// Where the effect takes hold, and how.
+/// Hook of the effect, and its options.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Head {
     pub hook: Hook,
@@ -49,7 +49,7 @@ pub struct Head {
     pub history: u32,
     /// Lines or triangles of its own, around each body.
     pub count: Amount,
-    /// Over everything that is drawn, where it is not 0.
+    /// Not 0: drawn over everything.
     pub over: Amount,
     /// They are made once for the scene, not around each body.
     pub of_scene: bool,
@@ -78,11 +78,11 @@ impl Amount {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TextureLine {
     pub name: String,
-    /// Beside the effect's own file.
+    /// File beside the effect's own file.
     pub file: String,
     /// Its numbers are colors, encoded as sRGB.
     pub srgb: bool,
-    /// From 1.
+    /// Line number from 1.
     pub line: usize,
 }
 
@@ -92,7 +92,7 @@ pub struct JointLine {
     pub name: String,
     /// The first of these that a body has.
     pub of: Vec<String>,
-    /// From 1.
+    /// Line number from 1.
     pub line: usize,
 }
 

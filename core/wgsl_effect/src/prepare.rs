@@ -11,7 +11,7 @@ pub struct Code {
     pub shapes: Vec<Shape>,
     /// Offset added by an `AccessIndex`, in components.
     pub offsets: Vec<usize>,
-    /// Where each local variable starts in the frame's memory, and its size.
+    /// Start of each local variable in the frame's memory, and its size.
     pub locals: Vec<(usize, usize)>,
     pub memory: usize,
 }
@@ -182,7 +182,7 @@ fn statements(block: &Block) -> Result<(), Unsupported> {
     Ok(())
 }
 
-/// For parameters of functions that are pointers: their place is in another frame.
+/// Whether parameters of functions are pointers: their memory is in another frame.
 pub fn has_pointer_arguments(module: &Module, function: &Function) -> bool {
     let is_pointer = |ty: Handle<naga::Type>| {
         matches!(

@@ -24,7 +24,7 @@ pub struct Program {
     module: Module,
     entry: Handle<Function>,
     functions: Vec<Code>,
-    /// By the place of a function: what runs in its stead.
+    /// Function that runs in place of each function, if any.
     hosts: Vec<Option<Host>>,
     globals: Vec<Value>,
 }
@@ -51,7 +51,7 @@ enum Flow {
 
 /// The step limit was reached.
 pub struct TooLong {
-    /// Of the loop that was in its highest round: the one that does not end.
+    /// Loop with the most rounds: the one that does not end.
     pub span: Option<Span>,
     rounds: u32,
 }

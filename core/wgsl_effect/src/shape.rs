@@ -42,7 +42,7 @@ pub enum Kind {
 /// What a type looks like in components.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
-    /// Of scalars, vectors and matrices.
+    /// Kind of scalars, vectors and matrices.
     pub kind: Kind,
     pub size: usize,
     /// Columns of a matrix, else 0.

@@ -11,7 +11,7 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         .number("radius", "how far, as a share of the picture's height", 0.03, 0.001..=0.2)
 });
 
-/// To each side: three standard deviations.
+/// Taps to each side: three standard deviations.
 const TAPS: i32 = 8;
 const PASSES: u32 = 4;
 

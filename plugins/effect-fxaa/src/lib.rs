@@ -23,7 +23,7 @@ fn brightness(c: Vec4) -> f32 {
     c.truncate().max(Vec3::ZERO).min(Vec3::ONE).dot(Vec3::new(0.299, 0.587, 0.114)).sqrt()
 }
 
-/// Between the four pixels around a place; pixels' middles lie at whole numbers.
+/// Interpolates between the four pixels around a place; pixel centers lie at whole numbers.
 fn between(picture: &Pixels, x: f32, y: f32) -> Vec4 {
     let (fx, fy) = (x.floor(), y.floor());
     let (x0, y0) = (fx as i32, fy as i32);

@@ -1,23 +1,10 @@
 //! Written by us, read by the `gif` crate's decoder and by ffmpeg.
 
+use choreo_importer_kit_testing::export::{SharedBytes, resumed};
 use choreo_motion::FrameRate;
-use choreo_plugin::{Exporter, Frame, Mark, VideoInfo};
+use choreo_plugin::{Exporter, Frame, VideoInfo};
 use export_gif::GifExporter;
 use std::io::Write;
-use std::sync::{Arc, Mutex};
-
-#[derive(Clone, Default)]
-struct Shared(Arc<Mutex<Vec<u8>>>);
-
-impl Write for Shared {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.0.lock().unwrap().extend_from_slice(bytes);
-        Ok(bytes.len())
-    }
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
-}
 
 const W: u32 = 96;
 const H: u32 = 64;
@@ -37,7 +24,7 @@ fn scene(frame: u32, jump: bool) -> Frame {
 }
 
 fn encode(frames: &[Frame], fps: FrameRate) -> Vec<u8> {
-    let out = Shared::default();
+    let out = SharedBytes::default();
     let options = Default::default();
     let info =
         VideoInfo { width: W, height: H, fps, frames: frames.len() as u64, provenance: vec![], options };
@@ -46,7 +33,7 @@ fn encode(frames: &[Frame], fps: FrameRate) -> Vec<u8> {
         sink.frame(frame).unwrap();
     }
     sink.finish().unwrap();
-    out.0.lock().unwrap().clone()
+    out.bytes()
 }
 
 /// Canvases as a player shows them, and delays.
@@ -175,44 +162,6 @@ fn sizes_and_emptiness_are_refused() {
     info.width = 4;
     let sink = GifExporter.begin(&info, Box::new(Vec::new())).unwrap();
     assert!(sink.finish().unwrap_err().to_string().contains("at least one picture"));
-}
-
-/// Makes a video with its program ended after `cut` frames: what is settled then, gone on with.
-fn resumed(exporter: &dyn Exporter, info: &VideoInfo, frames: &[Frame], cut: usize) -> Option<Vec<u8>> {
-    let out = Shared::default();
-    let mut sink = exporter.begin(info, Box::new(out.clone())).unwrap();
-    let (mut states, mut settled, mut length, mut open) = (vec![], 0, 0, vec![]);
-    for (i, frame) in frames[..cut].iter().enumerate() {
-        sink.frame(frame).unwrap();
-        match sink.mark() {
-            Mark::Nothing => panic!("frame {i}: cannot be gone on with"),
-            Mark::Settled(state) => {
-                states.push(state);
-                (settled, length) = (i + 1, out.0.lock().unwrap().len());
-                open.clear();
-            }
-            Mark::Open(parts) => open.push(parts.concat()),
-        }
-    }
-    assert_eq!(settled + open.len(), cut);
-    if states.is_empty() {
-        return None;
-    }
-    // What it writes after the cut is lost.
-    let so_far = out.0.lock().unwrap()[..length].to_vec();
-    drop(sink);
-    let out = Shared::default();
-    out.0.lock().unwrap().extend_from_slice(&so_far);
-    let mut sink = exporter.resume(info, &states, &mut &so_far[..], Box::new(out.clone())).unwrap();
-    for kept in &open {
-        sink.again(kept).unwrap();
-    }
-    for frame in &frames[cut..] {
-        sink.frame(frame).unwrap();
-    }
-    let mut bytes = sink.finish().unwrap();
-    bytes.extend_from_slice(&out.0.lock().unwrap());
-    Some(bytes)
 }
 
 #[test]

@@ -22,7 +22,7 @@ pub struct Muxer {
     told: usize,
 }
 
-/// In a state, the bit of a picture's size that says that a player can start at it. A picture is far below 2 GiB.
+/// Bit of an image's size in a state: a player can start at it. An image is far below 2 GiB.
 const KEY: u32 = 1 << 31;
 
 impl Muxer {

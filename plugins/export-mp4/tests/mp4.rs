@@ -1,25 +1,11 @@
 //! Written by us, read by ffprobe and ffmpeg.
 
+use choreo_importer_kit_testing::export::{SharedBytes, resumed};
 use choreo_motion::FrameRate;
 use choreo_plugin::{Exporter, Frame, Mark, OptionValue, VideoInfo};
 use export_mp4::Mp4Exporter;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::{Arc, Mutex};
-
-#[derive(Clone, Default)]
-struct Shared(Arc<Mutex<Vec<u8>>>);
-
-impl Write for Shared {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.0.lock().unwrap().extend_from_slice(bytes);
-        Ok(bytes.len())
-    }
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
-}
 
 fn info(width: u32, height: u32, fps: (u32, u32), frames: u64) -> VideoInfo {
     let fps = FrameRate { num: fps.0, den: fps.1 };
@@ -48,13 +34,13 @@ fn scene(width: u32, height: u32, frame: u32) -> Frame {
 }
 
 fn encode(info: &VideoInfo) -> Vec<u8> {
-    let out = Shared::default();
+    let out = SharedBytes::default();
     let mut sink = Mp4Exporter.begin(info, Box::new(out.clone())).unwrap();
     for frame in 0..info.frames {
         sink.frame(&scene(info.width, info.height, frame as u32)).unwrap();
     }
     let mut bytes = sink.finish().unwrap();
-    bytes.extend_from_slice(&out.0.lock().unwrap());
+    bytes.extend_from_slice(&out.bytes());
     bytes
 }
 
@@ -180,44 +166,6 @@ fn sizes_out_of_range_are_refused_and_odd_ones_announced() {
     assert!(sink.finish().unwrap_err().to_string().contains("at least one picture"));
 }
 
-/// Makes a video with its program ended after `cut` frames: what is settled then, gone on with.
-fn resumed(exporter: &dyn Exporter, info: &VideoInfo, frames: &[Frame], cut: usize) -> Option<Vec<u8>> {
-    let out = Shared::default();
-    let mut sink = exporter.begin(info, Box::new(out.clone())).unwrap();
-    let (mut states, mut settled, mut length, mut open) = (vec![], 0, 0, vec![]);
-    for (i, frame) in frames[..cut].iter().enumerate() {
-        sink.frame(frame).unwrap();
-        match sink.mark() {
-            Mark::Nothing => panic!("frame {i}: cannot be gone on with"),
-            Mark::Settled(state) => {
-                states.push(state);
-                (settled, length) = (i + 1, out.0.lock().unwrap().len());
-                open.clear();
-            }
-            Mark::Open(parts) => open.push(parts.concat()),
-        }
-    }
-    assert_eq!(settled + open.len(), cut);
-    if states.is_empty() {
-        return None;
-    }
-    // What it writes after the cut is lost.
-    let so_far = out.0.lock().unwrap()[..length].to_vec();
-    drop(sink);
-    let out = Shared::default();
-    out.0.lock().unwrap().extend_from_slice(&so_far);
-    let mut sink = exporter.resume(info, &states, &mut &so_far[..], Box::new(out.clone())).unwrap();
-    for kept in &open {
-        sink.again(kept).unwrap();
-    }
-    for frame in &frames[cut..] {
-        sink.frame(frame).unwrap();
-    }
-    let mut bytes = sink.finish().unwrap();
-    bytes.extend_from_slice(&out.0.lock().unwrap());
-    Some(bytes)
-}
-
 /// In the middle of a segment, at its ends, in the first one.
 #[test]
 fn a_stopped_video_goes_on_to_the_same_bytes() {
@@ -255,11 +203,11 @@ fn a_stopped_video_goes_on_to_the_same_bytes() {
 }
 
 fn encode_frames(info: &VideoInfo, frames: &[Frame]) -> Vec<u8> {
-    let out = Shared::default();
+    let out = SharedBytes::default();
     let mut sink = Mp4Exporter.begin(info, Box::new(out.clone())).unwrap();
     frames.iter().for_each(|frame| sink.frame(frame).unwrap());
     let mut bytes = sink.finish().unwrap();
-    bytes.extend_from_slice(&out.0.lock().unwrap());
+    bytes.extend_from_slice(&out.bytes());
     bytes
 }
 

@@ -1,23 +1,10 @@
 //! Written by us, read by the `png` crate's decoder and by ffmpeg.
 
+use choreo_importer_kit_testing::export::SharedBytes;
 use choreo_motion::FrameRate;
 use choreo_plugin::{Exporter, Frame, VideoInfo};
 use export_png::PngExporter;
 use std::io::Write;
-use std::sync::{Arc, Mutex};
-
-#[derive(Clone, Default)]
-struct Shared(Arc<Mutex<Vec<u8>>>);
-
-impl Write for Shared {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.0.lock().unwrap().extend_from_slice(bytes);
-        Ok(bytes.len())
-    }
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
-}
 
 /// Gradients, an edge and some noise; `alpha` in the first pixel.
 fn picture(width: u32, height: u32, alpha: u8) -> Frame {
@@ -47,11 +34,11 @@ fn info(frame: &Frame) -> VideoInfo {
 }
 
 fn encode(frame: &Frame, info: &VideoInfo) -> Vec<u8> {
-    let out = Shared::default();
+    let out = SharedBytes::default();
     let mut sink = PngExporter.begin(info, Box::new(out.clone())).unwrap();
     sink.frame(frame).unwrap();
     sink.finish().unwrap();
-    out.0.lock().unwrap().clone()
+    out.bytes()
 }
 
 #[test]

@@ -1,24 +1,11 @@
 //! Written by us, read by ffmpeg.
 
+use choreo_importer_kit_testing::export::{SharedBytes, resumed};
 use choreo_motion::FrameRate;
-use choreo_plugin::{Exporter, Frame, Mark, VideoInfo};
+use choreo_plugin::{Exporter, Frame, VideoInfo};
 use export_y4m::Y4mExporter;
 use std::io::Write;
 use std::process::{Command, Stdio};
-use std::sync::{Arc, Mutex};
-
-#[derive(Clone, Default)]
-struct Shared(Arc<Mutex<Vec<u8>>>);
-
-impl Write for Shared {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.0.lock().unwrap().extend_from_slice(bytes);
-        Ok(bytes.len())
-    }
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
-}
 
 fn info(width: u32, height: u32) -> VideoInfo {
     let fps = FrameRate { num: 30000, den: 1001 };
@@ -39,13 +26,13 @@ fn bars(width: u32, height: u32, frame: u32) -> Frame {
 }
 
 fn encode(width: u32, height: u32) -> Vec<u8> {
-    let out = Shared::default();
+    let out = SharedBytes::default();
     let mut sink = Y4mExporter.begin(&info(width, height), Box::new(out.clone())).unwrap();
     for frame in 0..3 {
         sink.frame(&bars(width, height, frame)).unwrap();
     }
     sink.finish().unwrap();
-    out.0.lock().unwrap().clone()
+    out.bytes()
 }
 
 #[test]
@@ -108,44 +95,6 @@ fn a_frame_of_another_size_is_refused() {
     assert_eq!(error, "a frame of 4×5 (80 bytes) in a video of 4×4");
 }
 
-/// Makes a video with its program ended after `cut` frames: what is settled then, gone on with.
-fn resumed(exporter: &dyn Exporter, info: &VideoInfo, frames: &[Frame], cut: usize) -> Option<Vec<u8>> {
-    let out = Shared::default();
-    let mut sink = exporter.begin(info, Box::new(out.clone())).unwrap();
-    let (mut states, mut settled, mut length, mut open) = (vec![], 0, 0, vec![]);
-    for (i, frame) in frames[..cut].iter().enumerate() {
-        sink.frame(frame).unwrap();
-        match sink.mark() {
-            Mark::Nothing => panic!("frame {i}: cannot be gone on with"),
-            Mark::Settled(state) => {
-                states.push(state);
-                (settled, length) = (i + 1, out.0.lock().unwrap().len());
-                open.clear();
-            }
-            Mark::Open(parts) => open.push(parts.concat()),
-        }
-    }
-    assert_eq!(settled + open.len(), cut);
-    if states.is_empty() {
-        return None;
-    }
-    // What it writes after the cut is lost.
-    let so_far = out.0.lock().unwrap()[..length].to_vec();
-    drop(sink);
-    let out = Shared::default();
-    out.0.lock().unwrap().extend_from_slice(&so_far);
-    let mut sink = exporter.resume(info, &states, &mut &so_far[..], Box::new(out.clone())).unwrap();
-    for kept in &open {
-        sink.again(kept).unwrap();
-    }
-    for frame in &frames[cut..] {
-        sink.frame(frame).unwrap();
-    }
-    let mut bytes = sink.finish().unwrap();
-    bytes.extend_from_slice(&out.0.lock().unwrap());
-    Some(bytes)
-}
-
 #[test]
 fn a_stopped_stream_goes_on_to_the_same_bytes() {
     let frames: Vec<Frame> = (0..3).map(|f| bars(65, 33, f)).collect();
@@ -162,9 +111,9 @@ fn the_header_names_how_it_was_made_and_stays_short() {
     info.provenance = vec![("a".into(), "b".into()), ("choreo:id".into(), "0123456789abcdef".into())];
     for (size, id) in [(64, "0123456789abcdef"), (16384, "0123456789abc")] {
         (info.width, info.height) = (size, size);
-        let out = Shared::default();
+        let out = SharedBytes::default();
         drop(Y4mExporter.begin(&info, Box::new(out.clone())).unwrap());
-        let header = String::from_utf8(out.0.lock().unwrap().clone()).unwrap();
+        let header = String::from_utf8(out.bytes()).unwrap();
         assert!(header.ends_with(&format!(" XCHOREO={id}\n")), "{header}");
         assert!(header.len() <= 96, "{header}");
     }

@@ -21,9 +21,9 @@ pub enum Channel {
 pub struct Joint {
     pub name: String,
     pub parent: Option<u32>,
-    /// In the file's units.
+    /// Offset in the file's units.
     pub offset: DVec3,
-    /// In the order of the numbers of a frame.
+    /// Channels in the order of the numbers of a frame.
     pub channels: Vec<Channel>,
 }
 

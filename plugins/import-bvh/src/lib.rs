@@ -53,7 +53,7 @@ impl Importer for BvhImporter {
     }
 }
 
-/// From the file's units and axes to metres and +Y up.
+/// Conversion of the file's units and axes to metres and +Y up.
 #[derive(Clone, Copy, Debug)]
 struct Convention {
     scale: f64,

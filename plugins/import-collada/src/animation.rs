@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 /// What a channel drives.
 enum Target {
-    /// Of a joint's stack: element and which of its values.
+    /// Part of a joint's stack: element and which of its values.
     Joints(Vec<u32>, usize, Part),
     /// Weight `1` of the morph controller that `0` names.
     Morph(NodeId, usize),

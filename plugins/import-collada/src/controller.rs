@@ -14,13 +14,13 @@ use std::rc::Rc;
 pub struct MorphTargets {
     pub controller: NodeId,
     pub joint: u32,
-    /// Where no clip drives them.
+    /// Weights where no clip drives them.
     pub weights: Vec<f32>,
 }
 
 /// Weights of each position of the skinned geometry.
 pub struct Weights {
-    /// Where the influences of each position begin; one more than there are positions.
+    /// Start of the influences of each position; one more than there are positions.
     starts: Vec<u32>,
     pairs: Vec<(u16, f32)>,
     /// 4 or 8.

@@ -16,7 +16,7 @@ use std::rc::Rc;
 #[derive(Clone)]
 pub struct Part {
     pub primitive: Primitive,
-    /// Of each vertex, its position's index in the source.
+    /// Index in the source of each vertex's position.
     pub origin: Vec<u32>,
     pub symbol: String,
     /// The `set` of each uv list.

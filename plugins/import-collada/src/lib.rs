@@ -50,7 +50,7 @@ impl Importer for ColladaImporter {
         &MANIFEST
     }
 
-    /// By the root element, in any encoding.
+    /// Claims by the root element, in any encoding.
     fn claim(&self, source: &Source) -> Claim {
         let head = &source.bytes[..source.bytes.len().min(4096)];
         // Of UTF-16 every other byte.

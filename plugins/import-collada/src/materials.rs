@@ -24,7 +24,7 @@ pub struct Materials<'f> {
     pub srgb: bool,
     pub list: Vec<Material>,
     pub bumps: Vec<Bump>,
-    /// By material element and the uv sets in use.
+    /// Materials by material element and the uv sets in use.
     known: BTreeMap<String, u32>,
 }
 
@@ -286,7 +286,7 @@ impl<'f> Materials<'f> {
     }
 }
 
-/// From a sampler's sid through its surface to the image; or an image's id, as older exporters write.
+/// Follows a sampler's sid through its surface to the image; or an image's id, as older exporters write.
 fn image<'a, 'i>(
     xml: &Xml<'a, 'i>,
     profile: Node<'a, 'i>,

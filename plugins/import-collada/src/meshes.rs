@@ -18,7 +18,7 @@ use std::sync::Arc;
 struct Shape<'a, 'i> {
     geometry: Node<'a, 'i>,
     skin: Option<Node<'a, 'i>>,
-    /// With the controller's id.
+    /// The morph controller with its id.
     morph: Option<(Node<'a, 'i>, NodeId)>,
 }
 

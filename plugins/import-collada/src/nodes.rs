@@ -38,7 +38,7 @@ pub struct Joint<'a, 'i> {
     pub stack: Vec<Element<'a>>,
 }
 
-/// From the file's units and axes to metres and +Y up: translations are scaled, and the roots are turned, which carries
+/// Conversion of the file's units and axes to metres and +Y up: translations are scaled, and the roots are turned, which carries
 /// everything below them. Joints keep their own axes.
 #[derive(Clone, Copy, Debug)]
 pub struct Convention {

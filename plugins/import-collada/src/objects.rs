@@ -9,7 +9,7 @@ use choreo_importer_kit::text::{number, shown};
 use glam::Vec3;
 use std::f64::consts::PI;
 
-/// Where a light's own attenuation and the inverse square that the renderer has are made equal, metres.
+/// Distance in metres at which a light's own attenuation and the renderer's inverse square are made equal.
 const EQUAL_AT: f64 = 5.0;
 
 pub fn cameras<'a, 'i>(xml: &Xml<'a, 'i>, tree: &Tree<'a, 'i>) -> Result<Vec<AssetCamera>> {

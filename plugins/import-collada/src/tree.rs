@@ -18,7 +18,7 @@ const MAX_ATTRIBUTES: usize = 256;
 #[derive(Debug)]
 pub struct Document<'i> {
     text: &'i str,
-    /// In the order of the file, so that an element's descendants follow it.
+    /// Elements in the order of the file, so that an element's descendants follow it.
     elements: Vec<Element<'i>>,
     attributes: Vec<(&'i str, Cow<'i, str>)>,
     ends_of_lines: OnceCell<Vec<usize>>,
@@ -26,7 +26,7 @@ pub struct Document<'i> {
 
 #[derive(Debug)]
 struct Element<'i> {
-    /// Without the prefix of its namespace.
+    /// Name without the prefix of its namespace.
     name: &'i str,
     text: Cow<'i, str>,
     /// The root's is itself.
@@ -114,7 +114,7 @@ impl<'a, 'i> Node<'a, 'i> {
         self.data().start
     }
 
-    /// From 1. Counted on demand, and once for all messages.
+    /// Line number from 1. Counted on demand, and once for all messages.
     pub fn line(self) -> usize {
         let bytes = self.doc.text.as_bytes();
         let ends = self.doc.ends_of_lines.get_or_init(|| memchr_iter(b'\n', bytes).collect());
@@ -122,7 +122,7 @@ impl<'a, 'i> Node<'a, 'i> {
     }
 }
 
-/// For the one error that ends it.
+/// Line number for the one error that ends it.
 fn line_of(text: &str, at: usize) -> usize {
     1 + memchr_iter(b'\n', &text.as_bytes()[..at.min(text.len())]).count()
 }
@@ -374,7 +374,7 @@ fn control(text: &[u8]) -> Option<usize> {
     text[block..].iter().position(|b| odd(*b)).map(|at| block + at)
 }
 
-/// With its references replaced: the five of XML, and characters by number.
+/// The text with its references replaced: the five of XML, and characters by number.
 fn unescape(raw: &str) -> Parsed<Cow<'_, str>> {
     let Some(first) = memchr(b'&', raw.as_bytes()) else { return Ok(Cow::Borrowed(raw)) };
     let mut out = String::with_capacity(raw.len());

@@ -17,7 +17,7 @@ pub struct Worst {
     /// Metres, of any node in its parent's space.
     pub translation: f64,
     pub degrees: f64,
-    /// Of any axis.
+    /// Error of any axis.
     pub scale: f64,
     pub keys: usize,
     /// Joints that hold the scale of others.
@@ -89,7 +89,7 @@ fn own() -> Vec<u8> {
     std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/flag.fbx")).unwrap()
 }
 
-/// Of the project's own sample: a rotation by Euler angles, cubic and linear, through 70° in a second.
+/// Checks the project's own sample: a rotation by Euler angles, cubic and linear, through 70° in a second.
 #[test]
 fn closer_keys_are_closer() {
     let close = worst(&own(), Choice::Within(TOLERANCE_DEG), 503, 0.0);
@@ -140,7 +140,7 @@ fn sample_files() {
     }
 }
 
-/// Where nothing moves, ours against ufbx's: the last bits of two libraries' sines.
+/// Compares nodes at rest with ufbx's: they differ in the last bits of two libraries' sines.
 #[test]
 fn nodes_at_rest() {
     let files = assets(23).map(|folder| crate::accuracy::all_files(&folder)).unwrap_or_default();

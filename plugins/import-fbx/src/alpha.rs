@@ -2,7 +2,7 @@
 
 use choreo_asset::{AlphaMode, Image};
 
-/// Where a material's alpha comes from.
+/// Source of a material's alpha.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Alpha {
     /// The number in its base colour.

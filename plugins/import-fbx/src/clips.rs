@@ -249,7 +249,7 @@ impl Maker<'_, '_> {
         Ok(())
     }
 
-    /// In the curve's own unit. What a rotation or scale may be off is less where it swings the node about a pivot.
+    /// Tolerance in the curve's own unit. It is smaller for a rotation or scale that swings the node about a pivot.
     fn tolerance(&self, path: Path, part: usize, props: &Props<'_>) -> f64 {
         let (accuracy, local) = (self.file.accuracy, &props.local);
         let swung = |limit: f64, arm: f64| match path == Path::Translation && arm > 0.0 {

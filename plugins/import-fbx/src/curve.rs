@@ -19,7 +19,7 @@ const MAX_DEPTH: u32 = 10;
 /// What 1/3 may differ by: FBX writes it with six digits.
 const THIRD: f64 = 2e-6;
 
-/// Where on the file's time line a clip lies; ticks, and seconds.
+/// Range of a clip on the file's time line; ticks, and seconds.
 #[derive(Clone, Copy, Debug)]
 pub struct Span {
     pub begin: Time,

@@ -22,7 +22,7 @@ struct Entry<'a> {
 
 pub struct Driven<'a> {
     layers: Vec<&'a AnimLayer>,
-    /// By element, in the order of layers.
+    /// Entries by element, in the order of layers.
     entries: BTreeMap<u32, (ElementType, Vec<Entry<'a>>)>,
     overridden: bool,
 }
@@ -44,11 +44,11 @@ fn curves(value: &AnimValue) -> impl Iterator<Item = &AnimCurve> {
     value.curves.iter().flatten().map(|c| c.as_ref())
 }
 
-/// Where a number comes from that is no part of a transform.
+/// Source of a number that is no part of a transform.
 pub enum Source<'a> {
     Nothing,
     One(&'a AnimValue),
-    /// Through several layers, or a connection.
+    /// Several layers, or a connection.
     Mixed(Vec<&'a AnimCurve>),
 }
 
@@ -265,7 +265,7 @@ impl<'a> Props<'a> {
         }
     }
 
-    /// Where no curve changes it: the first value of those that hold it, else at rest.
+    /// Value where no curve changes it: the first value of those that hold it, else at rest.
     pub fn rest(&self, part: usize) -> DVec3 {
         if let Some(value) = self.values[part] {
             let v = &value.default_value;

@@ -9,7 +9,7 @@ use choreo_motion::{Interpolation, Path, Time};
 /// Parts of one interval between two keys of the file.
 const MAX_PARTS: i64 = 4096;
 
-/// Of the whole error, what the cubics may have against the file's curves, and what lines may have against the cubics; the
+/// Share of the whole error that the cubics may have against the file's curves, and lines against the cubics; the
 /// rest is for weighted tangents.
 const SHARE: f64 = 0.4;
 
@@ -21,7 +21,7 @@ struct Key {
     after: [f64; 4],
 }
 
-/// Into how many parts each interval is cut, for the member that needs most.
+/// Number of parts into which each interval is cut, for the member that needs most.
 pub fn parts(members: &[Member<'_>], accuracy: Accuracy) -> Vec<u32> {
     let Some(first) = members.first() else { return Vec::new() };
     let mut out = vec![1; first.curves.intervals.len()];

@@ -17,7 +17,7 @@ pub struct Accuracy {
     pub radians: f64,
     pub metres: f64,
     pub scale: f64,
-    /// Of a blend shape.
+    /// Weight of a blend shape.
     pub weight: f64,
 }
 

@@ -9,7 +9,7 @@ use ufbx::Node;
 
 pub struct Geometry {
     place: DAffine3,
-    /// Of unit determinant, or its negative: lengths of normals are kept as far as they can be.
+    /// Map of unit determinant, or its negative: lengths of normals are kept as far as possible.
     normals: DMat3,
     /// Faces turn round with it.
     pub mirrors: bool,
@@ -20,7 +20,7 @@ fn f64s(v: &ufbx::Vec3) -> DVec3 {
 }
 
 impl Geometry {
-    /// Of a helper that is no joint; `None` for all other nodes.
+    /// Geometry of a helper that is no joint; `None` for all other nodes.
     pub fn of(holder: &Node) -> Option<Geometry> {
         let local = Local::new(holder).filter(|_| nodes::is_folded(holder))?;
         let place = local.matrix_at_rest();

@@ -13,7 +13,7 @@ const JUMP: f64 = 1e-9;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Joined {
     pub intervals: Vec<(Time, Time)>,
-    /// Of each interval, one for each curve.
+    /// Pieces of each interval, one for each curve.
     pieces: Vec<[f64; 4]>,
     width: usize,
 }
@@ -100,7 +100,7 @@ impl Joined {
         (values, changes)
     }
 
-    /// Of a value and its derivatives over an interval.
+    /// Bounds of a value and its derivatives over an interval.
     fn bounds_by_axis(&self, interval: usize, first: usize) -> Bounds {
         [
             self.vector(interval, first, |c| c[0].abs() + c[1].abs() + c[2].abs() + c[3].abs()),
@@ -135,7 +135,7 @@ pub struct Member<'a> {
     pub local: &'a Local,
     /// Its own three, then those that the next three fields name by their first.
     pub curves: Joined,
-    /// Of a translation that swings about a pivot, those of the rotation and of the scale.
+    /// Curves of rotation and scale for a translation that swings about a pivot.
     pub turned: Option<usize>,
     pub scaled: Option<usize>,
     /// Scale of others that it is multiplied by.
@@ -206,7 +206,7 @@ impl Member<'_> {
         }
     }
 
-    /// Of curves that never change.
+    /// Values of curves that never change.
     pub fn at_start(&self) -> ([f64; 4], [f64; 4]) {
         self.at(0, 0.0, &mut Latest::default())
     }

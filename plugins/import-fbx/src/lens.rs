@@ -10,7 +10,7 @@ const MM_PER_INCH: f64 = 25.4;
 /// How one property of a camera gives its full vertical angle (radians), or height of view (metres).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Lens {
-    /// In proportion.
+    /// Proportional to the value.
     Times(f64),
     /// A horizontal angle in degrees, of a picture so many times as wide as high.
     Across(f64),
@@ -32,7 +32,7 @@ impl Lens {
         }
     }
 
-    /// In proportion, so that a cubic of the property is one of the value.
+    /// Whether it is proportional, so that a cubic of the property is one of the value.
     pub fn is_plain(self) -> bool {
         matches!(self, Lens::Times(_))
     }

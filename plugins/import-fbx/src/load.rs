@@ -56,7 +56,7 @@ impl Files for Silent {
     }
 }
 
-/// With an error, whether it was called off.
+/// Loads the file; an error comes with whether it was cancelled.
 fn attempt(
     bytes: &[u8],
     needs: Needs,

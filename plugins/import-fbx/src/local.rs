@@ -25,7 +25,7 @@ pub const ALL: [&str; 10] = [
 /// T · Roff · Rp · Rpre · R · Rpost⁻¹ · Rp⁻¹ · Soff · Sp · S · Sp⁻¹ (FBX SDK, "Computing transformation matrices").
 #[derive(Clone, Debug)]
 pub struct Local {
-    /// At rest: units of the file, degrees.
+    /// Translation at rest: units of the file, degrees.
     pub translation: DVec3,
     pub rotation: DVec3,
     pub scaling: DVec3,
@@ -46,7 +46,7 @@ pub struct Local {
     mirror: Option<usize>,
     /// Holds the scale of its parent for those that inherit it.
     pub is_scale_helper: bool,
-    /// At rest, of scale that is not inherited: what the translation is multiplied by, and the scale.
+    /// Factors at rest of scale that is not inherited: that of the translation, and the scale.
     factors: [DVec3; 2],
 }
 
@@ -226,7 +226,7 @@ impl Local {
         scaling * self.resize
     }
 
-    /// From the node to its parent where nothing moves.
+    /// Parent-from-node where nothing moves.
     pub fn matrix_at_rest(&self) -> DAffine3 {
         let turn = self.turn(self.rotation);
         let translation = self.translation_at(self.translation * self.factors[0], &turn, self.scaling);

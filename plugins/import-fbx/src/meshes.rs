@@ -21,7 +21,7 @@ pub struct Shown<'a> {
     pub mesh: &'a ufbx::Mesh,
 }
 
-/// In the order of joints. Also says what of the file is not shown, and why.
+/// Shown meshes in the order of joints. Also reports what of the file is not shown, and why.
 pub fn shown<'a>(file: &File<'a>, tree: &Tree) -> Vec<Shown<'a>> {
     let mut out = Vec::new();
     for (joint, id) in &tree.holders {

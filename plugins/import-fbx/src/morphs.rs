@@ -50,7 +50,7 @@ pub fn names(mesh: &Mesh) -> Vec<String> {
     out
 }
 
-/// Where no clip says otherwise.
+/// Morph weights where no clip drives them.
 pub fn rest_weights(mesh: &Mesh) -> Vec<f32> {
     let mut out = Vec::with_capacity(count(mesh));
     channels(mesh).for_each(|channel| shape_weights(channel, channel.weight, &mut out));

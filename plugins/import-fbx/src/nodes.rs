@@ -33,7 +33,7 @@ pub fn read(file: &File<'_>) -> Result<Tree> {
     Ok(Tree { skeleton, joint_of_node: tree.joint_of_node, holders: tree.holders, shown: tree.shown })
 }
 
-/// By our own trigonometry where the node stands for itself: the same bits on every machine.
+/// Transform at rest by our own trigonometry where the node stands for itself: the same bits on every machine.
 fn rest(node: &Node) -> Result<Transform> {
     let Some(local) = Local::new(node) else {
         return convert::transform(&node.local_transform, || place_of(&node.element));

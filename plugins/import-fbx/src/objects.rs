@@ -37,7 +37,7 @@ pub struct Object<'a> {
     pub index: u32,
     pub camera: Option<&'a Camera>,
     pub light: Option<&'a ufbx::Light>,
-    /// Of a light: lux or candela of intensity 1.
+    /// Unit of a light: lux or candela of intensity 1.
     pub unit: f64,
 }
 
@@ -166,7 +166,7 @@ fn unit(file: &File<'_>, node: &Node, light: &ufbx::Light, kind: LightKind) -> f
     PI * units * at * at
 }
 
-/// From a light to the middle of the box of all nodes at rest.
+/// Distance from a light to the center of the box of all nodes at rest.
 fn distance_to_middle(file: &File<'_>, node: &Node) -> f64 {
     let at = |n: &Node| DVec3::new(n.node_to_world.m03, n.node_to_world.m13, n.node_to_world.m23);
     let others = file

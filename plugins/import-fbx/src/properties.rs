@@ -16,9 +16,9 @@ use choreo_motion::{Path, PropertyCurve, PropertyTarget};
 use std::f64::consts::PI;
 use ufbx::{AnimCurve, Element};
 
-/// Into how many parts an interval between two keys is cut at most, where the value is no cubic.
+/// Parts at most into which an interval between two keys is cut, where the value is no cubic.
 const MAX_PARTS: u32 = 64;
-/// Where in a part its cubic is compared.
+/// Places in a part at which its cubic is compared.
 const PROBES: [f64; 3] = [0.25, 0.5, 0.75];
 
 /// One property of one camera or light.
@@ -27,7 +27,7 @@ struct Channel<'a> {
     name: &'static str,
     target: PropertyTarget,
     lens: Lens,
-    /// In the asset's units.
+    /// Value at rest in the asset's units.
     rest: [f64; 3],
 }
 

@@ -7,8 +7,8 @@ use choreo_motion::Time;
 const MAX_DEPTH: u32 = 7;
 /// Closer keys than this are a step, or as close as anything needs.
 const MIN_TICKS: i64 = Time::TICKS_PER_SECOND / 4000;
-/// Where in an interval the line is compared: off the middle, where an S-shaped curve would cross it; and in two places, as
-/// curves were seen that cross it in one.
+/// Places in an interval at which the line is compared: off the middle, where an S-shaped curve would cross it; and two of them, as
+/// curves were seen that cross it at one.
 const PROBES: [f64; 2] = [0.375, 0.7];
 
 /// What one part of a row is, for measuring.

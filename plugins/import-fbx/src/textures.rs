@@ -50,7 +50,7 @@ type Recipe = [Option<(u32, Channel, bool)>; 4];
 /// The pictures that materials ask for, each once.
 #[derive(Default)]
 pub struct Table {
-    /// By texture.
+    /// Image of each texture.
     known: BTreeMap<u32, Option<u32>>,
     pictures: Vec<Encoded<Bytes>>,
     recipes: Vec<Recipe>,
@@ -207,7 +207,7 @@ impl Table {
     }
 }
 
-/// Of the texture's own size where it is the largest of those put together; others are sampled to the nearest texel.
+/// Combines textures at the size of the largest one; others are sampled to the nearest texel.
 fn combine(recipe: &Recipe, decoded: &[Option<Arc<Image>>]) -> Option<Arc<Image>> {
     let image = |r: &Option<(u32, Channel, bool)>| r.and_then(|r| decoded.get(r.0 as usize)?.as_ref());
     let largest = recipe.iter().filter_map(image).max_by_key(|i| u64::from(i.width) * u64::from(i.height))?;

@@ -91,11 +91,11 @@ struct Maker<'a, 'f> {
     of_points: OfPoints<'a>,
     uv_sets: &'a [Option<&'a VertexVec2>; 2],
     part: u32,
-    /// By point of the mesh: the part that wrote it, and the latest vertex there.
+    /// For each point of the mesh, the part that wrote it, and the latest vertex there.
     first: &'a mut [(u32, u32)],
-    /// By vertex: the one before it at the same point.
+    /// The vertex before each vertex at the same point.
     next: Vec<u32>,
-    /// By vertex: its point of the mesh.
+    /// Point of the mesh of each vertex.
     of_file: Vec<u32>,
     out: Primitive,
 }

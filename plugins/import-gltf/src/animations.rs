@@ -89,13 +89,13 @@ fn clip(
             ClipError::Curve { curve, what, .. } => (channel_of_curve[curve], what),
             ClipError::Property { curve, what, .. } => (channel_of_property[curve], what),
         };
-        Problem::new(format!("animations[{index}].channels[{channel}]"), what)
+        Problem::new(format!("animations[{index}].channels[{channel}]"), what.to_string())
     })
 }
 
 enum Target {
     Joint(u32, Path),
-    /// Of equal width; what the file holds is multiplied by the factor.
+    /// Properties of equal width; what the file holds is multiplied by the factor.
     Properties {
         targets: Vec<PropertyTarget>,
         factor: f32,

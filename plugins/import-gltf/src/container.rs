@@ -18,7 +18,7 @@ pub const MAX_JSON_VALUES: usize = 32 << 20;
 
 pub struct Container<'a> {
     pub json: &'a [u8],
-    /// Where the JSON starts in the file, for messages.
+    /// Offset of the JSON in the file, for messages.
     pub json_offset: usize,
     pub bin: Option<&'a [u8]>,
     pub warnings: Vec<(String, String)>,

@@ -31,7 +31,7 @@ const READ: &[&str] = &[
     "KHR_texture_transform",
 ];
 
-/// Where one of these is required, the file's data cannot be read without it.
+/// An extension without which, if it is required, the file's data cannot be read.
 struct Essential {
     name: &'static str,
     part: Part,

@@ -26,7 +26,7 @@ pub struct File<'a> {
     bin: Option<&'a [u8]>,
     pub files: &'a dyn Files,
     buffers: Vec<OnceCell<Bytes<'a>>>,
-    /// Of compressed buffer views: their bytes, once asked for.
+    /// Bytes of compressed buffer views, once asked for.
     unpacked: Vec<OnceCell<Vec<u8>>>,
     budget: Budget,
     pub notes: Notes,

@@ -11,7 +11,7 @@ pub fn of(extensions: &Map<String, Value>) -> Option<(&'static str, &Value)> {
     NAMES.iter().find_map(|name| Some((*name, extensions.get(*name)?)))
 }
 
-/// Where the packed bytes lie and how they are packed.
+/// Range of the packed bytes, and how they are packed.
 #[derive(Debug, PartialEq)]
 pub struct PackedView {
     pub buffer: usize,

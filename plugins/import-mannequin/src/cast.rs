@@ -96,7 +96,7 @@ pub fn cast(field: &dyn Fn(Vec3) -> f32, grid: &Grid) -> Surface {
 /// A flat pane pressed onto a field from the front (+Z): an outline and a height above the field.
 #[derive(Clone, Copy, Debug)]
 pub struct Lens {
-    /// In front of the field.
+    /// Point in front of the field.
     pub center: Vec3,
     /// Half the width and height of the outline |x/a|ᵖ + |y/b|ᵖ = 1.
     pub half: Vec2,

@@ -21,7 +21,7 @@ pub fn hermite(t: f32, a: (f32, f32), slope_a: f32, b: (f32, f32), slope_b: f32)
         + h * (slope_a * (u3 - 2.0 * u2 + u) + slope_b * (u3 - u2))
 }
 
-/// Through `(time, value)` keys in order; held before the first and after the last, at rest there.
+/// Curve through `(time, value)` keys in order; held before the first and after the last, at rest there.
 pub fn keys(t: f32, keys: &[(f32, f32)]) -> f32 {
     let Some(&first) = keys.first() else { return 0.0 };
     if t <= first.0 {

@@ -94,7 +94,7 @@ impl Importer for Mannequin {
     }
 }
 
-/// In the order of the material numbers in `figure`.
+/// Materials in the order of the material numbers in `figure`.
 fn materials([body, accent, eyes]: [Vec3; 3]) -> [Material; 4] {
     let plastic = |name: &str, color: Vec3, roughness: f32| Material {
         name: name.into(),

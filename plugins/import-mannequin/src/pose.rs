@@ -32,7 +32,7 @@ impl Turn {
     }
 }
 
-/// From an arm that hangs straight down, palm to the thigh.
+/// Arm pose, relative to an arm that hangs straight down, palm to the thigh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arm {
     /// Sideways and up: 90 is the T-pose, negative crosses the body.
@@ -73,7 +73,7 @@ impl Default for Arm {
     }
 }
 
-/// Where a foot is: the ankle's foot point when the sole lies flat.
+/// Foot pose: the ankle's foot point when the sole lies flat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Foot {
     pub x: f32,
@@ -97,7 +97,7 @@ pub struct Pose {
     pub pelvis: Turn,
     /// Spread over the spine.
     pub spine: Turn,
-    /// In the world, but for `facing`.
+    /// Rotation in the world, except for `facing`.
     pub head: Turn,
     /// The whole figure turned about the vertical axis through the origin.
     pub facing: f32,
@@ -273,7 +273,7 @@ impl Arm {
     }
 }
 
-/// From authored axes to the rig's: `parent_axes⁻¹ · authored · axes`.
+/// Converts authored axes to the rig's: `parent_axes⁻¹ · authored · axes`.
 pub fn joint_rotations(joints: &[Joint], authored: &Authored) -> Vec<Quat> {
     joints
         .iter()

@@ -24,7 +24,7 @@ pub const ANKLE_HEIGHT: f32 = 0.085;
 /// Height of the toe joint, and of its distance in front of the ankle.
 pub const BALL_HEIGHT: f32 = 0.022;
 pub const BALL_AHEAD: f32 = 0.125;
-/// Where the heel touches the floor, behind the ankle.
+/// Distance behind the ankle at which the heel touches the floor.
 pub const HEEL_BEHIND: f32 = 0.045;
 pub const HIP_WIDTH: f32 = 0.095;
 pub const REST_HEIGHT: f32 = 1.75;

@@ -150,7 +150,7 @@ fn writer(comment: &str) -> &str {
 
 type Bump = (usize, TextureRef, f32);
 
-/// In the order of their first use; where faces come before any `usemtl`, one more at the end for those.
+/// Materials in the order of their first use; where faces come before any `usemtl`, one more at the end for those.
 #[allow(clippy::too_many_arguments)]
 fn materials(
     model: &parse::Model,

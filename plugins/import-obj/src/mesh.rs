@@ -12,7 +12,7 @@ use glam::{DVec3, Vec2, Vec3, Vec4};
 pub struct Settings {
     pub scale: f64,
     pub up_z: bool,
-    /// Where faces have neither normals nor smoothing groups.
+    /// Smoothing angle where faces have neither normals nor smoothing groups.
     pub smooth_rad: f64,
     /// Colours are as shown, not linear.
     pub srgb: bool,
@@ -95,7 +95,7 @@ impl Counted {
 struct Builder<'a> {
     model: &'a Model,
     settings: &'a Settings,
-    /// For each vertex of the file, the primitive's vertex; reset after each primitive.
+    /// The primitive's vertex for each vertex of the file; reset after each primitive.
     own: Vec<u32>,
     triangulator: Triangulator,
     crossing: Counted,

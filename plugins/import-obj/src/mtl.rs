@@ -228,7 +228,7 @@ fn map(rest: &[u8]) -> Result<Map, String> {
     }
 }
 
-/// Where textures come from.
+/// Source of textures.
 pub struct Source<'a> {
     pub textures: Option<&'a mut Textures>,
     pub files: &'a dyn Files,

@@ -97,7 +97,7 @@ impl Model {
     }
 }
 
-/// Without `geometry` only names are read.
+/// Reads the file; without `geometry` only names.
 pub fn read(
     bytes: &[u8],
     geometry: bool,

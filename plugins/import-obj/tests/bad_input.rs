@@ -1,7 +1,7 @@
 //! Damaged and hostile files.
 
 use choreo_importer_kit_testing::{
-    Companions, alone, assets, damage, error_text, import, import_bytes, sound, source, warnings,
+    Companions, assets, damage, error_text, import, import_bytes, sound, source, warnings,
 };
 use choreo_plugin::Needs;
 use import_obj::ObjImporter;
@@ -105,17 +105,13 @@ fn costly_files_take_no_longer_than_others() {
 
 #[test]
 fn truncated_and_flipped() {
-    if alone::elsewhere() {
-        return;
-    }
-    let mut cases = vec![("room.obj", ROOM.as_bytes().to_vec(), 1000)];
-    if let Some(folder) = assets(2) {
-        for name in ["obj/spider.obj", "same-model-3-formats/chest_gold.obj"] {
-            cases.push((name, std::fs::read(folder.join(name)).unwrap(), damage::flips()));
+    damage::run_cases(&ObjImporter, || {
+        let mut cases = vec![("room.obj", ROOM.as_bytes().to_vec(), 1000)];
+        if let Some(folder) = assets(2) {
+            for name in ["obj/spider.obj", "same-model-3-formats/chest_gold.obj"] {
+                cases.push((name, std::fs::read(folder.join(name)).unwrap(), damage::flips()));
+            }
         }
-    }
-    for (name, bytes, flips) in cases {
-        let outcome = damage::run(&ObjImporter, name, &bytes, flips);
-        assert!(outcome.refused > 0 && outcome.read > 0, "{name}: {outcome:?}");
-    }
+        cases
+    });
 }

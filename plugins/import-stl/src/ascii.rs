@@ -8,7 +8,7 @@ use glam::Vec3;
 /// Every solid is a node: bounds the memory of empty ones.
 const MAX_SOLIDS: usize = 65_536;
 
-/// Without `geometry` only the solids and their names.
+/// Reads the file; without `geometry` only the solids and their names.
 pub fn read(bytes: &[u8], geometry: bool, progress: &Progress<'_>, notes: &Notes) -> Result<Vec<Solid>> {
     let mut reader = Reader { notes, solids: Vec::new(), open: false, facet: None, corners: Vec::new() };
     let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
@@ -76,7 +76,7 @@ struct Reader<'a> {
     solids: Vec<Solid>,
     open: bool,
     facet: Option<Facet>,
-    /// Of the open facet.
+    /// Vertices of the open facet.
     corners: Vec<Vec3>,
 }
 

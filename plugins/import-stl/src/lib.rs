@@ -25,7 +25,7 @@ pub struct StlImporter;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Encoding {
     Ascii,
-    /// With the number of triangles that the header announces, for which the file has exactly the size.
+    /// Binary, with the number of triangles that the header announces, for which the file has exactly the size.
     Binary,
     Unknown,
 }

@@ -2,7 +2,7 @@
 
 use choreo_asset::Asset;
 use choreo_importer_kit_testing::{
-    Companions, alone, assets, assimp, damage, error_text, import, import_bytes, import_path, options, sound,
+    Companions, assets, assimp, damage, error_text, import, import_bytes, import_path, options, sound,
     source, warnings,
 };
 use choreo_plugin::{Claim, ImportError, Importer, Needs, OptionValue};
@@ -212,20 +212,16 @@ fn the_spider() {
 
 #[test]
 fn truncated_and_flipped() {
-    if alone::elsewhere() {
-        return;
-    }
-    let mut cases = vec![
-        ("two.stl", TWO.as_bytes().to_vec(), 1000),
-        ("tetra.stl", binary(b"solid", [0xFC00, 0x83E0, 0, 0xFFFF]), 1000),
-    ];
-    if let Some(folder) = assets(2) {
-        for name in ["Spider_ascii.stl", "Spider_binary.stl"] {
-            cases.push((name, std::fs::read(folder.join("stl").join(name)).unwrap(), damage::flips()));
+    damage::run_cases(&StlImporter, || {
+        let mut cases = vec![
+            ("two.stl", TWO.as_bytes().to_vec(), 1000),
+            ("tetra.stl", binary(b"solid", [0xFC00, 0x83E0, 0, 0xFFFF]), 1000),
+        ];
+        if let Some(folder) = assets(2) {
+            for name in ["Spider_ascii.stl", "Spider_binary.stl"] {
+                cases.push((name, std::fs::read(folder.join("stl").join(name)).unwrap(), damage::flips()));
+            }
         }
-    }
-    for (name, bytes, flips) in cases {
-        let outcome = damage::run(&StlImporter, name, &bytes, flips);
-        assert!(outcome.refused > 0 && outcome.read > 0, "{name}: {outcome:?}");
-    }
+        cases
+    });
 }

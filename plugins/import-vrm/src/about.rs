@@ -104,7 +104,7 @@ fn texts<'a>(meta: &At<'a>, key: &str) -> Vec<&'a str> {
     listed.unwrap_or_default()
 }
 
-/// Without line breaks and other control characters, which would disturb a terminal.
+/// The text without line breaks and other control characters, which would disturb a terminal.
 fn one_line(text: &str) -> String {
     let words = text.split(|c: char| c.is_whitespace() || c.is_control()).filter(|w| !w.is_empty());
     let line = words.collect::<Vec<_>>().join(" ");

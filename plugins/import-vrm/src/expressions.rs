@@ -180,7 +180,7 @@ fn override_of(document: &Document<'_>, at: &At<'_>, key: &str) -> Override {
 
 struct Faces<'a, 'd> {
     document: &'a Document<'d>,
-    /// Without geometry there are no meshes to bind to: nothing is missing then.
+    /// Whether geometry is imported: without it there are no meshes to bind to, and nothing is missing.
     geometry: bool,
     asset: &'a mut Asset,
     /// Names of those that also change something of materials that is not drawn or not there.

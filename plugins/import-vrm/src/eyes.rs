@@ -58,7 +58,7 @@ pub fn read_v0(vrm: &At<'_>) -> Result<Option<Eyes>> {
     }))
 }
 
-/// From degrees.
+/// A range from degrees.
 fn range(input_max: f32, output_scale: f32, moved_by: EyesMovedBy) -> RangeMap {
     let output_scale = match moved_by {
         EyesMovedBy::Bones => output_scale.to_radians(),

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 /// Angles between keys are straight lines where the file has rotations: within 0.01° at this step.
 const STEP: f64 = 2.0;
-/// Of one stretch between two keys, whatever the file says.
+/// Steps of one stretch between two keys at most, whatever the file gives.
 const MOST_STEPS: usize = 128;
 const TICKS_A_STEP: i64 = Time::TICKS_PER_SECOND / 60;
 

@@ -49,7 +49,10 @@ pub const CASES: &[Case] = &[
     Case::new("aim straight behind", "radians turned", 1e-9, || aimed(DVec3::Y - DVec3::Z)),
     Case::new("aim at NaN", "radians turned", 0.0, || aimed(DVec3::NAN)),
     Case::new("limit with an axis of no length", "named error (0) or not (1)", 0.0, || {
-        refused(Limit::Hinge { axis: DVec3::ZERO, angle: (0.0, 1.0) }.check(), "`Limit.axis` has length 0")
+        refused(
+            Limit::Hinge { axis: DVec3::ZERO, angle: (0.0, 1.0) }.check().map_err(|e| e.to_string()),
+            "`Limit.axis` is of length 0",
+        )
     }),
 ];
 

@@ -145,7 +145,7 @@ fn blend(weight: f32, mask: Option<f32>) -> (f64, Result<(), String>) {
     above.set(0, Transform { rotation: TILTED, ..Transform::IDENTITY });
     let mask = mask.map(|m| [m]);
     let mut job = BlendOnto { pose: &mut below, to: &above, weight, mask: mask.as_ref().map(|m| &m[..]) };
-    let said = job.check();
+    let said = job.check().map_err(|e| e.to_string());
     job.run();
     (angle(below.get(0).rotation, Quat::IDENTITY), said)
 }

@@ -207,7 +207,7 @@ fn vertices(u: &mut Unstructured) -> Result<()> {
     let joint_weights = (0..count).map(|_| float(u)).collect::<Result<Vec<_>>>()?;
     let mut out_positions = vec![Vec3::ZERO; positions.len()];
     let mut out_normals = vec![Vec3::ZERO; normals.len()];
-    let mut job = Skin {
+    let mut job = LinearSkinning {
         matrices: &matrices,
         influences,
         joint_indices: &joint_indices,
@@ -224,14 +224,14 @@ fn vertices(u: &mut Unstructured) -> Result<()> {
         matrix3: glam::Mat3::from(m.matrix3).as_dmat3(),
         translation: m.translation.as_dvec3(),
     };
-    let carriers: Vec<Carrier> = matrices.iter().map(|m| Carrier::of(wide(m))).collect();
+    let carriers: Vec<StretchedDualQuaternion> = matrices.iter().map(|m| StretchedDualQuaternion::of(wide(m))).collect();
     let motions: Vec<DualQuaternion> = carriers.iter().map(DualQuaternion::from).collect();
     let stretches: Vec<Affine3A> =
-        if u.arbitrary()? { carriers.iter().map(stretch_of).collect() } else { Vec::new() };
+        if u.arbitrary()? { carriers.iter().map(stretch_matrix).collect() } else { Vec::new() };
     let dual = [Level::Portable, Level::best()].map(|level| {
         let mut out_positions = vec![Vec3::ZERO; positions.len()];
         let mut out_normals = vec![Vec3::ZERO; normals.len()];
-        let mut job = SkinDual {
+        let mut job = DualQuaternionSkinning {
             motions: &motions,
             stretches: &stretches,
             influences,

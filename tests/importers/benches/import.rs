@@ -11,7 +11,7 @@
 
 use choreo_plugin::{Needs, OptionValue};
 use importers::{SAMPLES, import_with, samples};
-use nix::time::{ClockId, clock_gettime};
+use rustix::time::{ClockId, clock_gettime};
 use std::io::Read;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -46,8 +46,8 @@ fn computed(folder: &str) -> Option<f64> {
 
 /// Milliseconds that this thread has computed.
 fn thread_ms() -> f64 {
-    let time = clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID);
-    time.map_or(f64::NAN, |t| t.tv_sec() as f64 * 1e3 + t.tv_nsec() as f64 * 1e-6)
+    let time = clock_gettime(ClockId::ThreadCPUTime);
+    time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6
 }
 
 fn status(field: &str) -> Option<f64> {

@@ -4,7 +4,7 @@ use crate::{BUDGET_SECS, Section, scenes};
 use choreo_bench::plots::{Choice, Row};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_bench::truth::{self, Spread};
-use choreo_motion::reduce::Keep;
+use choreo_motion::edit::reduce::KeptTimes;
 use choreo_motion::{Clip, FrameRate, Pose, Sample, Skeleton, Time};
 
 /// Millimetres in the model.
@@ -17,7 +17,7 @@ pub fn section() -> Result<Section, String> {
         asset.clips.iter().find(|c| c.name == "Dance_Groove").ok_or("the mannequin has no Dance_Groove")?;
     let (dense, _) = dance.baked(FrameRate { num: 30, den: 1 }).map_err(|e| e.to_string())?;
     let mut ways: Vec<(String, Clip, usize)> = Vec::new();
-    for (keep, name) in [(Keep::Own, "own keys"), (Keep::Shared, "shared keys")] {
+    for (keep, name) in [(KeptTimes::PerCurve, "own keys"), (KeptTimes::Shared, "shared keys")] {
         for mm in TOLERANCES {
             let (clip, report) = dense.reduced(skeleton, mm * 1e-3, keep).map_err(|e| e.to_string())?;
             if ways.is_empty() {

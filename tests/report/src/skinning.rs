@@ -4,7 +4,9 @@ use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_bench::truth::Spread;
-use choreo_motion::{Carrier, DualQuaternion, Skin, SkinDual, stretch_of};
+use choreo_motion::{
+    DualQuaternion, DualQuaternionSkinning, LinearSkinning, StretchedDualQuaternion, stretch_matrix,
+};
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat3A, Vec3, Vec3A};
 
 const VERTICES: usize = 4_000;
@@ -59,18 +61,19 @@ enum Way {
 impl Mesh {
     fn skinned(&self, way: Way, maps: &[DAffine3], out: &mut [Vec3], normals: &mut [Vec3]) {
         let Mesh { influences, joints, weights, positions } = self;
-        let carriers: Vec<Carrier> = maps.iter().map(|m| Carrier::of(*m)).collect();
+        let carriers: Vec<StretchedDualQuaternion> =
+            maps.iter().map(|m| StretchedDualQuaternion::of(*m)).collect();
         let matrices: Vec<Affine3A> = maps.iter().map(narrow).collect();
         let motions: Vec<DualQuaternion> = carriers.iter().map(DualQuaternion::from).collect();
         let stretches: Vec<Affine3A> = match way {
-            Way::Stretched => carriers.iter().map(stretch_of).collect(),
+            Way::Stretched => carriers.iter().map(stretch_matrix).collect(),
             _ => Vec::new(),
         };
         let (joint_indices, joint_weights, influences) = (joints, weights, *influences);
         // Positions stand in for normals: the cost is the same.
         let source: &[Vec3] = if normals.is_empty() { &[] } else { positions };
         match way {
-            Way::Linear => Skin {
+            Way::Linear => LinearSkinning {
                 matrices: &matrices,
                 influences,
                 joint_indices,
@@ -81,7 +84,7 @@ impl Mesh {
                 out_normals: normals,
             }
             .run(),
-            _ => SkinDual {
+            _ => DualQuaternionSkinning {
                 motions: &motions,
                 stretches: &stretches,
                 influences,

@@ -10,6 +10,7 @@
 //! cargo xtask contact [FILTER]               every sample file turning, its first clip playing: sheets to look at
 //! cargo xtask lessons                        an image of every numbered script, for scripts/README.md
 //! cargo xtask notices                        the table of THIRD-PARTY.md: crates, versions, licences
+//! cargo xtask words                          texts that use a word which the terms of the field replace
 //! cargo xtask strip [SCRIPT]                 the image strips of the documentation; twenty frames of a script, side by side
 //! ```
 
@@ -20,6 +21,7 @@ mod fuzz;
 mod lessons;
 mod licences;
 mod notices;
+mod plain_words;
 mod setup;
 mod strip;
 mod suite;
@@ -42,11 +44,12 @@ fn main() -> ExitCode {
         ["contact", rest @ ..] => contact::contact(rest),
         ["lessons"] => lessons::lessons(),
         ["notices"] => notices::notices(),
+        ["words"] => plain_words::words(),
         ["strip"] => strip::strip(),
         ["strip", script] => strip::of(script),
         _ => {
             eprintln!(
-                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [--gpu NAME] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | contact [FILTER] | lessons | notices | strip [SCRIPT]"
+                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [--gpu NAME] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | contact [FILTER] | lessons | notices | words | strip [SCRIPT]"
             );
             return ExitCode::from(2);
         }

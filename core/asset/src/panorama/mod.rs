@@ -59,7 +59,7 @@ impl Panorama {
         [self.width, self.height]
     }
 
-    /// Of size and texels.
+    /// Hash of size and texels.
     pub fn hash(&self) -> ContentHash {
         self.hash
     }

@@ -8,11 +8,11 @@ use serde_json::{Value, json};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     pub name: String,
-    /// In the choice's unit; 0 is exact.
+    /// Worst error in the choice's unit; 0 is exact.
     pub worst: f64,
-    /// Over all cases, the same unit; NaN where it was not taken.
+    /// Mean error over all cases in the same unit; NaN where it was not taken.
     pub mean: f64,
-    /// Where and when the worst is.
+    /// Place and time of the worst error.
     pub at: String,
     /// Median time of one item, nanoseconds; `None` where time is not the price.
     pub nanos: Option<f64>,

@@ -8,7 +8,7 @@ const WIDTH: f64 = 720.0;
 const HEIGHT: f64 = 440.0;
 /// Left, top, right, bottom.
 const MARGIN: [f64; 4] = [78.0, 54.0, 24.0, 58.0];
-/// Where exact ways stand: a zero has no place on a logarithmic axis.
+/// Width for exact ways: a zero has no place on a logarithmic axis.
 const EXACT: f64 = 26.0;
 const LABEL: f64 = 12.0;
 

@@ -103,7 +103,7 @@ impl Svg {
     }
 }
 
-/// For XML; without control characters, which names in files may hold.
+/// The text for XML, without control characters, which names in files may contain.
 fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {

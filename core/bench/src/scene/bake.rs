@@ -62,7 +62,7 @@ pub fn bake(clips: &[Played], budget_secs: f64) -> Choice {
                 let (baked, _) = clip.baked(FrameRate { num: rate, den: 1 })?;
                 Ok((Arc::new(baked), skeleton.clone()))
             })
-            .collect::<Result<_, choreo_motion::BakeTooLarge>>();
+            .collect::<Result<_, choreo_motion::BakeError>>();
         // A clip of hours, too large to be baked at this rate.
         if let Ok(baked) = baked {
             ways.push((format!("baked at {rate} Hz"), baked));

@@ -24,7 +24,7 @@ pub struct Fade {
     pub from: Pose,
     pub to: Pose,
     pub skeleton: Arc<Skeleton>,
-    /// For people: `anna, Walk → Run at 2.25 s`.
+    /// The place in words: `anna, Walk → Run at 2.25 s`.
     pub place: String,
 }
 
@@ -36,7 +36,7 @@ pub fn choices(scene: &Scene) -> Found {
     Found::Choices(vec![crossfade(&fades, scene.budget_secs)])
 }
 
-/// In the middle of every fade of a base layer.
+/// The middle of every fade of a base layer.
 fn fades(scene: &Scene) -> Vec<Fade> {
     let mut fades = Vec::new();
     for actor in &scene.stage.actors {
@@ -48,7 +48,7 @@ fn fades(scene: &Scene) -> Vec<Fade> {
             let at = pair[1].start + Time(pair[1].fade_in.0 / 2);
             let skeleton = actor.asset.skeleton.clone();
             let pose = |cue: &Cue| {
-                let time = cue.playback().at_played(cue.played(at));
+                let time = cue.playback().clip_time_at(cue.played(at));
                 let mut pose = Pose::rest(&skeleton);
                 Sample { clip: &cue.clip, time, pose: &mut pose }.run();
                 pose

@@ -111,7 +111,7 @@ fn halved(rgba: &[u8], width: u32, height: u32, linear: bool) -> Vec<u8> {
     out
 }
 
-/// By area from the image itself, in sRGB steps but not rounded.
+/// The level averaged by area from the image itself, in sRGB steps but not rounded.
 fn exact_level(image: &Image, width: u32, height: u32) -> Vec<[f64; 3]> {
     let table = srgb_to_linear_table();
     // How much of each pixel of a side every texel covers.

@@ -7,7 +7,9 @@ use crate::plots::{Choice, Row};
 use crate::timing::{Case, Clock, interleaved};
 use crate::truth::Spread;
 use choreo_asset::Primitive;
-use choreo_motion::{Carrier, DualQuaternion, Skin, SkinDual, Skinning, stretch_of};
+use choreo_motion::{
+    DualQuaternion, DualQuaternionSkinning, LinearSkinning, Skinning, StretchedDualQuaternion, stretch_matrix,
+};
 use glam::{Affine3A, DAffine3, Mat3A, Vec3A};
 
 const NAMES: [&str; 2] = ["linear", "dual quaternions"];
@@ -74,7 +76,8 @@ fn posed<'a>(scene: &'a Scene, moment: &Moment) -> Vec<Posed<'a>> {
             let skin = instance.skin.and_then(|s| asset.skins.get(s as usize));
             let (Some(skin), Some(mesh)) = (skin, asset.meshes.get(instance.mesh as usize)) else { continue };
             let maps = model_from_mesh(skin, &state.model_from_joint);
-            let carriers: Vec<Carrier> = maps.iter().map(|m| Carrier::of(*m)).collect();
+            let carriers: Vec<StretchedDualQuaternion> =
+                maps.iter().map(|m| StretchedDualQuaternion::of(*m)).collect();
             let scaled = carriers.iter().any(|c| !c.stretch.abs_diff_eq(glam::DMat3::IDENTITY, 1e-6));
             for primitive in mesh
                 .primitives
@@ -86,7 +89,11 @@ fn posed<'a>(scene: &'a Scene, moment: &Moment) -> Vec<Posed<'a>> {
                     place: format!("{}, mesh \"{}\"", actor.name, mesh.name),
                     matrices: maps.iter().map(narrow).collect(),
                     motions: carriers.iter().map(DualQuaternion::from).collect(),
-                    stretches: if scaled { carriers.iter().map(stretch_of).collect() } else { Vec::new() },
+                    stretches: if scaled {
+                        carriers.iter().map(stretch_matrix).collect()
+                    } else {
+                        Vec::new()
+                    },
                 });
             }
         }
@@ -105,7 +112,7 @@ impl Posed<'_> {
         let p = self.primitive;
         let (mut positions, mut normals) = (p.positions.clone(), p.normals.clone());
         match how {
-            Skinning::Linear => Skin {
+            Skinning::Linear => LinearSkinning {
                 matrices: &self.matrices,
                 influences: p.influences,
                 joint_indices: &p.joint_indices,
@@ -116,7 +123,7 @@ impl Posed<'_> {
                 out_normals: &mut normals,
             }
             .run(),
-            Skinning::DualQuaternion => SkinDual {
+            Skinning::DualQuaternion => DualQuaternionSkinning {
                 motions: &self.motions,
                 stretches: &self.stretches,
                 influences: p.influences,

@@ -9,7 +9,7 @@ use choreo_asset::{Asset, Skin};
 use glam::{Affine3A, DAffine3, DVec3, Mat3, Mat4, Vec3};
 use std::sync::Arc;
 
-/// Of one mesh; taken evenly.
+/// Vertices of one mesh at most, taken evenly.
 const MOST_VERTICES: usize = 20_000;
 
 pub fn choices(scene: &Scene, moment: &Moment) -> Found {

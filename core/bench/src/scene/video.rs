@@ -1,4 +1,4 @@
-//! At which quality a frame is written as MP4.
+//! The quality at which a frame is written as MP4.
 
 use super::{Found, Scene};
 use crate::picture::Moment;

@@ -4,8 +4,9 @@
 //! once for each distance of the knots.
 
 use super::grid::{Grid, packs};
-use crate::slerp::one_minus_cos;
-use crate::{Clip, Curve, Path, Time};
+use crate::clip::slerp_series::one_minus_cos;
+use crate::clip::{Clip, Curve, Path};
+use crate::time::Time;
 use std::sync::Arc;
 
 /// Keys a knot. At 1 the knots are the keys.
@@ -66,7 +67,7 @@ impl Fits {
         let width = curve.path.width();
         let Some(fit) = self.of(index) else { return curve.clone() };
         let values = fit.values.iter().flat_map(|v| v[..width].iter().map(|c| *c as f32)).collect();
-        let interpolation = crate::Interpolation::Linear;
+        let interpolation = crate::clip::Interpolation::Linear;
         Curve { times: times.clone(), values, interpolation, ..curve.clone() }
     }
 }

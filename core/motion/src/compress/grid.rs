@@ -1,7 +1,8 @@
 //! Even key times that hold those of a clip.
 
-use crate::exact::curve_at;
-use crate::{Clip, Curve, Interpolation, Path, Time};
+use crate::clip::sample_f64::curve_at;
+use crate::clip::{Clip, Curve, Interpolation, Path};
+use crate::time::Time;
 
 /// `frames` times, `step` ticks apart.
 pub(super) struct Grid {

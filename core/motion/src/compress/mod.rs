@@ -1,4 +1,4 @@
-//! Compressed clips: fewer bytes within a stated distance of any joint in model space, sampled as fast as others.
+//! CompressionReport clips: fewer bytes within a stated distance of any joint in model space, sampled as fast as others.
 //!
 //! The ideas are ACL's (N. Frechette, "Animation Compression: Uniformly Sampled", nfrechette.github.io, 2016, and its series):
 //! even sampling, so that any time is found at once; ranges of each track; as few bits as the tolerance needs; an error that is
@@ -16,27 +16,16 @@
 
 mod fit;
 mod grid;
-pub(crate) mod packed;
+mod pack;
 
-use crate::reduce::{Reach, bytes, distances};
-use crate::{Clip, Curve, Interpolation, Path, Skeleton};
+use crate::clip::{Clip, CompressionReport, Curve, Interpolation, Path};
+use crate::edit::reduce::{Reach, bytes, distances};
+use crate::skeleton::Skeleton;
 use fit::Fits;
 use grid::Grid;
-use packed::Packed;
+use pack::pack;
 use std::sync::Arc;
 use thiserror::Error;
-
-/// What a compression did.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Compressed {
-    /// Bytes of keys, ranges and constants, before and after.
-    pub bytes: [usize; 2],
-    /// What translation, rotation and scale of every joint at 30 Hz would take in f32: 40 bytes a joint and key.
-    pub dense_bytes: usize,
-    /// Metres of the model, of any joint's place and of points 10 cm from it along each axis: at all keys and halfway between,
-    /// 4,000 times at most. Zero where the clip stays as it was, since it would not have become smaller.
-    pub worst_m: f64,
-}
 
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum CompressError {
@@ -70,13 +59,13 @@ fn shared_out(skeleton: &Skeleton, lost_m: &[f64], tolerance_m: f64, allowed_m: 
 }
 
 impl Clip {
-    /// The clip in fewer bytes. Steps and splines, morph weights, expressions and properties stay as they are. What edits or exports the
+    /// The clip in fewer bytes. Footsteps and splines, morph weights, expressions and properties stay as they are. What edits or exports the
     /// clip sees the decoded keys.
     pub fn compressed(
         &self,
         skeleton: &Skeleton,
         tolerance_m: f64,
-    ) -> Result<(Clip, Compressed), CompressError> {
+    ) -> Result<(Clip, CompressionReport), CompressError> {
         if !(1e-6..=0.1).contains(&tolerance_m) {
             return Err(CompressError::Tolerance(tolerance_m));
         }
@@ -91,7 +80,7 @@ impl Clip {
         for grid in Grid::candidates(self) {
             let fits = Fits::new(self, &grid);
             let mut allowed_m = vec![tolerance_m; skeleton.len()];
-            let mut best: Option<(Clip, Compressed)> = None;
+            let mut best: Option<(Clip, CompressionReport)> = None;
             let mut rounds = ROUNDS;
             while rounds > 0 {
                 rounds -= 1;
@@ -104,7 +93,7 @@ impl Clip {
                 let worst_m = lost.iter().fold(0.0, |a: f64, b| a.max(*b));
                 if worst_m <= tolerance_m && best.as_ref().is_none_or(|(_, best)| after < best.bytes[1]) {
                     rounds = if best.is_none() { ROUNDS_TO_SAVE } else { rounds };
-                    best = Some((clip, Compressed { bytes: [before, after], dense_bytes, worst_m }));
+                    best = Some((clip, CompressionReport { bytes: [before, after], dense_bytes, worst_m }));
                 }
                 match best {
                     None => allowed_m.iter_mut().for_each(|m| *m *= LESS),
@@ -115,7 +104,7 @@ impl Clip {
                 return Ok((clip.with_compression(report), report));
             }
         }
-        Ok((self.clone(), Compressed { bytes: [before; 2], dense_bytes, worst_m: 0.0 }))
+        Ok((self.clone(), CompressionReport { bytes: [before; 2], dense_bytes, worst_m: 0.0 }))
     }
 
     /// Bytes of key times and values, as stored; times that curves share count once.
@@ -126,7 +115,7 @@ impl Clip {
     /// `allowed_m`: metres in the model that each joint's own curves may cost.
     fn packed_by(&self, grid: &Grid, fits: &Fits, reach: &Reach, allowed_m: &[f64]) -> Clip {
         let mut raw: Vec<Curve> = Vec::new();
-        let still: Arc<[crate::Time]> = [grid.start].into();
+        let still: Arc<[crate::time::Time]> = [grid.start].into();
         let mut moving = Vec::new();
         for (index, curve) in self.curves().iter().enumerate() {
             let Some(fit) = fits.of(index) else {
@@ -144,11 +133,11 @@ impl Clip {
                 None => moving.push((index, allowed)),
             }
         }
-        let (packed, left) = Packed::new(self, grid, fits, &moving);
-        let times: Arc<[crate::Time]> = grid.times().collect();
+        let (packed, left) = pack(self, grid, fits, &moving);
+        let times: Arc<[crate::time::Time]> = grid.times().collect();
         raw.extend(left.into_iter().map(|index| fits.raw(&self.curves()[index], index, &times)));
-        let clip = self.with_curves(self.joint_count(), raw).lasting(self.duration);
-        let clip = clip.and_properties_of(self);
+        let clip = self.with_curves(self.joint_count(), raw).with_duration(self.duration);
+        let clip = clip.with_properties_of(self);
         if packed.is_empty() { clip } else { clip.with_packed(Arc::new(packed)) }
     }
 }

@@ -1,8 +1,9 @@
 //! Which joints are feet, and how long the legs are.
 
 use super::{Foot, model};
-use crate::joint_names::humanoid_name;
-use crate::{Pose, Skeleton};
+use crate::pose::Pose;
+use crate::skeleton::Skeleton;
+use crate::skeleton::joint_names::humanoid_name;
 
 /// Hands that rest at most this far above the feet are fore paws, in legs.
 const PAW: f32 = 0.25;

@@ -1,6 +1,6 @@
 //! Foot contacts: when which foot of a clip stands on the floor, and how fast the floor goes by.
 //!
-//! A foot stands where it is near the lowest place that it gets to, hardly rises or sinks, and moves with the floor ([`Rule`];
+//! A foot stands where it is near the lowest place that it gets to, hardly rises or sinks, and moves with the floor ([`ContactThresholds`];
 //! thresholds on height and speed with hysteresis: L. Kovar, J. Schreiner, M. Gleicher, "Footskate Cleanup for Motion Capture
 //! Editing", SCA 2002, §4). All are shares of the length of a leg, so that they hold for mice and giants, and of the speed of the
 //! gait: who runs at 4 m/s lands hard, rolls fast and stands for a twentieth of a second.
@@ -10,13 +10,19 @@
 //! those who stand by it. Authored clips move their feet by half more or less than that, and are still taken for standing.
 
 mod feet;
-mod stays;
+pub mod phase_matching;
+mod still_intervals;
 
-use crate::{Clip, LocalToModel, Pose, Sample, Skeleton, Time};
+use crate::clip::Clip;
+use crate::clip::sample::Sample;
+use crate::pose::Pose;
+use crate::pose::local_to_model::LocalToModel;
+use crate::skeleton::Skeleton;
+use crate::time::Time;
 use glam::{Affine3A, DVec3, Vec3};
 
 pub use feet::{find_feet, leg_length};
-pub use stays::stays;
+pub use still_intervals::still_intervals;
 
 /// Above the lowest place, in legs. A walk's toe swings through at 2 %, but fast.
 const HEIGHT: f64 = 0.06;
@@ -32,9 +38,9 @@ const MOST: usize = 4096;
 /// A foot is on the floor for at least this share of a clip in which it stands at all.
 const LOWEST_SHARE: usize = 10;
 
-/// What counts as standing; above 0. A joint is at rest where [`Rule::unrest`] is at most 1.
+/// What counts as standing; above 0. A joint is at rest where [`ContactThresholds::unrest`] is at most 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rule {
+pub struct ContactThresholds {
     /// Above its lowest place, metres.
     pub height: f64,
     /// Up or down, metres a second.
@@ -43,15 +49,15 @@ pub struct Rule {
     pub slip: f64,
 }
 
-impl Rule {
+impl ContactThresholds {
     /// `leg`: its length, metres; `gait`: how fast the body goes over the floor, metres a second.
-    pub fn new(leg: f64, gait: f64) -> Rule {
+    pub fn new(leg: f64, gait: f64) -> ContactThresholds {
         let (climb, slip) = (CLIMB * leg + CLIMB_SHARE * gait, SLIP * leg + SLIP_SHARE * gait);
-        Rule { height: HEIGHT * leg, climb, slip }
+        ContactThresholds { height: HEIGHT * leg, climb, slip }
     }
 
     /// How far a joint is from standing still, 1 at the limit. `velocity`: against the floor.
-    pub fn unrest(&self, height: f64, velocity: DVec3) -> f64 {
+    pub fn motion_ratio(&self, height: f64, velocity: DVec3) -> f64 {
         let level = velocity.with_y(0.0).length();
         (height / self.height).max(velocity.y.abs() / self.climb).max(level / self.slip)
     }
@@ -65,7 +71,7 @@ pub struct Foot {
 
 /// A foot on the floor. `to` may lie after the end of a clip that is looped: then the stand goes on into its beginning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Stand {
+pub struct ContactInterval {
     pub from: Time,
     pub to: Time,
 }
@@ -73,7 +79,7 @@ pub struct Stand {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contacts {
     /// By foot, in the order of time.
-    pub stands: Vec<Vec<Stand>>,
+    pub intervals: Vec<Vec<ContactInterval>>,
     /// Of the floor in model space, metres a second of the clip; horizontal.
     pub floor_velocity: DVec3,
 }
@@ -127,14 +133,14 @@ impl Contacts {
         let mut unrest = vec![vec![f64::INFINITY; count + 1]; feet.len()];
         // Once by what is low, once by those who stand.
         for _ in 0..2 {
-            let rule = Rule::new(leg, (floor - drift.with_y(0.0) / span).length());
+            let rule = ContactThresholds::new(leg, (floor - drift.with_y(0.0) / span).length());
             let mut stood = Vec::new();
             unrest.iter_mut().for_each(|row| row.fill(f64::INFINITY));
             for track in &tracks {
                 let row = &mut unrest[track.foot];
                 for ((unrest, height), velocity) in row.iter_mut().zip(&track.heights).zip(&track.velocities)
                 {
-                    let own = rule.unrest(*height, *velocity - floor);
+                    let own = rule.motion_ratio(*height, *velocity - floor);
                     if own <= 1.0 {
                         stood.push(*velocity);
                     }
@@ -144,9 +150,9 @@ impl Contacts {
             floor = median(&stood).unwrap_or(floor);
         }
         let at = |i: usize| if i <= count { time(i) } else { trim.1 + (time(i - count) - trim.0) };
-        let stand = |(from, to): (usize, usize)| Stand { from: at(from), to: at(to) };
-        let of = |row: &Vec<f64>| stays(row, step, looped).into_iter().map(stand).collect();
-        Some(Contacts { stands: unrest.iter().map(of).collect(), floor_velocity: floor })
+        let stand = |(from, to): (usize, usize)| ContactInterval { from: at(from), to: at(to) };
+        let of = |row: &Vec<f64>| still_intervals(row, step, looped).into_iter().map(stand).collect();
+        Some(Contacts { intervals: unrest.iter().map(of).collect(), floor_velocity: floor })
     }
 }
 

@@ -1,7 +1,9 @@
 //! One clip after another.
 
 use super::{EditError, Values, key_at};
-use crate::{Clip, Curve, ExpressionCurve, Interpolation, Path, Skeleton, Time};
+use crate::clip::{Clip, Curve, ExpressionCurve, Interpolation, Path};
+use crate::skeleton::Skeleton;
+use crate::time::Time;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -67,8 +69,8 @@ impl Clip {
         let expressions = expressions.collect();
         Ok(self
             .with_curves(rest.len(), curves)
-            .expressing(expressions)
-            .lasting(self.duration + next.duration))
+            .with_checked_expressions(expressions)
+            .with_duration(self.duration + next.duration))
     }
 }
 

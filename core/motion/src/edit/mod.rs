@@ -3,16 +3,21 @@
 //! What is promised of each holds at every tick, to the rounding of f32: `clip.cut(a, b)` at t is the clip at a + t, `reversed` at t is
 //! the clip at its end − t, and so on (`tests/edit.rs`).
 
-mod beyond;
+pub mod bake;
+mod difference;
 mod join;
 mod offset;
+pub mod reduce;
 mod smooth;
 
-use crate::timeline::{Interval, find_interval};
-use crate::{Clip, Curve, Interpolation, Path, Pose, Sample, Time};
+use crate::clip::key_search::{Interval, find_interval};
+use crate::clip::sample::Sample;
+use crate::clip::{Clip, Curve, Interpolation, Path};
+use crate::pose::Pose;
+use crate::time::Time;
 use thiserror::Error;
 
-pub use offset::{Offset, in_parent};
+pub use offset::{Offset, offset_in_parent};
 
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum EditError {
@@ -47,7 +52,7 @@ impl Clip {
             });
         }
         let mut pose = Values::new(self);
-        Ok(self.try_each(|curve| Ok(part(curve, from, until, &mut pose)))?.lasting(until - from))
+        Ok(self.try_each(|curve| Ok(part(curve, from, until, &mut pose)))?.with_duration(until - from))
     }
 
     /// Backwards: at t what the clip is at its end − t, steps included.
@@ -101,7 +106,7 @@ impl Clip {
             }
             Ok(Curve { times: times.into(), values: values.into(), ..curve.clone() })
         };
-        Ok(self.try_each(faster)?.lasting(self.duration.scaled(1.0 / factor)))
+        Ok(self.try_each(faster)?.with_duration(self.duration.scaled(1.0 / factor)))
     }
 }
 
@@ -121,7 +126,7 @@ impl<'a> Values<'a> {
     fn at(&mut self, curve: &Curve, time: Time) -> Vec<f32> {
         if let Path::Weights(n) = curve.path {
             let mut out = vec![0.0; n as usize];
-            crate::sample::curve_between(curve, find_interval(&curve.times, time), &mut out);
+            crate::clip::sample::curve_between(curve, find_interval(&curve.times, time), &mut out);
             return out;
         }
         if self.at != Some(time) {

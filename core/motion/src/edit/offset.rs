@@ -1,8 +1,10 @@
 //! A joint moved and turned through a whole clip.
 
 use super::EditError;
-use crate::rest::Rest;
-use crate::{Clip, Curve, Interpolation, Path, Skeleton, Time};
+use crate::clip::{Clip, Curve, Interpolation, Path};
+use crate::skeleton::Skeleton;
+use crate::skeleton::model_rest_pose::ModelRestPose;
+use crate::time::Time;
 use glam::{DQuat, DVec3};
 use std::sync::Arc;
 
@@ -32,7 +34,7 @@ impl Clip {
             curve.values = turned.collect();
         }
         if by.moved != DVec3::ZERO {
-            let moved = in_parent(skeleton, joint, by.moved);
+            let moved = offset_in_parent(skeleton, joint, by.moved);
             let curve = find(&mut curves, joint, Path::Translation, &rest.translation.to_array());
             let cubic = curve.interpolation == Interpolation::CubicSpline;
             let values = curve.values.chunks_exact(3).enumerate().flat_map(|(part, v)| {
@@ -41,7 +43,7 @@ impl Clip {
             });
             curve.values = values.collect();
         }
-        Ok(self.with_curves(self.joint_count(), curves).lasting(self.duration))
+        Ok(self.with_curves(self.joint_count(), curves).with_duration(self.duration))
     }
 }
 
@@ -56,9 +58,9 @@ fn find<'a>(curves: &'a mut Vec<Curve>, joint: u32, path: Path, rest: &[f32]) ->
 }
 
 /// Metres along the model's axes as the joint's parent sees them at rest.
-pub fn in_parent(skeleton: &Skeleton, joint: u32, moved: DVec3) -> DVec3 {
+pub fn offset_in_parent(skeleton: &Skeleton, joint: u32, moved: DVec3) -> DVec3 {
     let Some(parent) = skeleton.parents().get(joint as usize).copied().flatten() else { return moved };
-    let (model, parent) = (Rest::of(skeleton), parent as usize);
+    let (model, parent) = (ModelRestPose::of(skeleton), parent as usize);
     let unit = Some(model.scales[parent]).filter(|s| *s > 0.0).unwrap_or(1.0);
     model.rotations[parent].conjugate() * moved / unit
 }

@@ -1,7 +1,8 @@
 //! Jitter taken out of a clip.
 
 use super::{EditError, Values};
-use crate::{Clip, Curve, Interpolation, Path, Time};
+use crate::clip::{Clip, Curve, Interpolation, Path};
+use crate::time::Time;
 
 /// Samples on each side of a key.
 const SIDE: i64 = 4;
@@ -12,7 +13,7 @@ const WEIGHTS: [f64; SIDE as usize + 1] =
 
 impl Clip {
     /// Each LINEAR key becomes the mean, weighted by a bell curve, of the clip within a window around it: rapid shaking goes, and
-    /// straight and even motion stays. The window shrinks towards the ends, which stay where they are. Steps and cubics
+    /// straight and even motion stays. The window shrinks towards the ends, which stay where they are. Footsteps and cubics
     /// are as somebody meant them, and stay.
     pub fn smoothed(&self, window: Time) -> Result<Clip, EditError> {
         if window <= Time::ZERO || window > Time::from_secs(10.0) {

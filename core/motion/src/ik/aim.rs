@@ -1,6 +1,6 @@
 //! Several joints that turn together until the last one points at a target: spine, neck and head, or an arm that points.
 
-use super::share_of;
+use crate::math::rotation::{rotation_between, rotation_fraction};
 use glam::{DQuat, DVec3};
 use std::f64::consts::PI;
 
@@ -48,7 +48,7 @@ impl Aim<'_> {
                 if at + 1 == count { 1.0 } else { (self.joints[at].share.max(0.0) / left).clamp(0.0, 1.0) };
             let tip = self.joints[count - 1].position;
             if share > 0.0 && share.is_finite() {
-                let turn = share_of(super::arc(forward, goal - tip), share);
+                let turn = rotation_fraction(rotation_between(forward, goal - tip), share);
                 let pivot = self.joints[at].position;
                 for joint in &mut self.joints[at + 1..] {
                     joint.position = pivot + turn * (joint.position - pivot);
@@ -103,7 +103,7 @@ mod tests {
                 Aim { joints: &mut joints, forward: DVec3::Z, target, limit, weight: 1.0 }.run(&mut turns);
                 let (at, forward) = after(&turns, spine(shares));
                 assert!((at - joints[2].position).length() < 1e-12);
-                let off = super::super::limit::angle_of(super::super::arc(forward, target - at));
+                let off = super::super::limit::angle_of(super::rotation_between(forward, target - at));
                 assert!(off < 1e-9, "{target} {shares:?}: {off}");
                 let first = super::super::limit::angle_of(turns[0]);
                 assert_eq!(first > 1e-6, shares[0] > 0.0, "{shares:?}");

@@ -1,7 +1,8 @@
 //! Cyclic coordinate descent.
 
+use super::Chain;
 use super::chain::Scratch;
-use super::{Chain, arc};
+use crate::math::rotation::rotation_between;
 use glam::DVec3;
 
 /// Each joint once, from the end inwards.
@@ -11,7 +12,7 @@ pub(super) fn iterate(chain: &mut Chain, target: DVec3, scratch: &mut Scratch) {
     for index in (0..chain.bones.len()).rev() {
         let (pivot, parent) = (positions[index], rotations[index]);
         let before = parent * chain.bones[index].rotation;
-        chain.bones[index].turn(arc(end - pivot, target - pivot), parent);
+        chain.bones[index].turn(rotation_between(end - pivot, target - pivot), parent);
         let turned = parent * chain.bones[index].rotation * before.inverse();
         end = pivot + turned * (end - pivot);
     }

@@ -1,6 +1,7 @@
 //! A chain of any number of bones with limits, its forward kinematics, and what can solve it.
 
 use super::{Limit, ccd, fabrik, least_squares, settle};
+use crate::math::rotation::rotation_between;
 use glam::{DQuat, DVec3};
 
 /// A bone and the joint that turns it.
@@ -38,7 +39,7 @@ pub enum Solver {
 
 /// What came of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Solved {
+pub struct ChainResult {
     /// From the end to the target, metres.
     pub distance: f64,
     pub iterations: usize,
@@ -87,16 +88,16 @@ impl Chain {
     /// as limits allow. Limits hold afterwards, those broken before included. It is then no farther from the target than anywhere near that limits allow; on the other side of
     /// them there may be better, which a body would have to swing around for: of three hinges anywhere 85 of 100 are at the nearest place of
     /// all, the others within a quarter of their reach of it (`tests/ik.rs`). A target that is not finite leaves the chain as it is.
-    pub fn solve(&mut self, target: DVec3, solver: Solver, iterations: usize, tolerance: f64) -> Solved {
+    pub fn solve(&mut self, target: DVec3, solver: Solver, iterations: usize, tolerance: f64) -> ChainResult {
         for bone in &mut self.bones {
             bone.rotation = bone.limit.clamp(bone.rest, bone.rotation);
         }
-        let mut solved = Solved { distance: (self.end() - target).length(), iterations: 0 };
+        let mut solved = ChainResult { distance: (self.end() - target).length(), iterations: 0 };
         if !target.is_finite() || !solved.distance.is_finite() || self.reach() == 0.0 {
             return solved;
         }
         if self.straighten_towards(target) {
-            return Solved { distance: (self.end() - target).length(), iterations: 0 };
+            return ChainResult { distance: (self.end() - target).length(), iterations: 0 };
         }
         let mut best = (solved.distance, self.bones.clone());
         self.bend_if_straight(target);
@@ -110,7 +111,7 @@ impl Chain {
                 Solver::Fabrik => fabrik::iterate(self, target, &mut scratch),
                 Solver::LeastSquares => least_squares::iterate(self, target, &mut scratch),
             }
-            solved = Solved { distance: (self.end() - target).length(), iterations: iteration };
+            solved = ChainResult { distance: (self.end() - target).length(), iterations: iteration };
             if solved.distance < best.0 {
                 best.0 = solved.distance;
                 best.1.clone_from(&self.bones);
@@ -158,7 +159,7 @@ impl Chain {
             let turned = parent * bone.rotation;
             // A bone without length points nowhere.
             if let Some(along) = (turned * bone.offset).try_normalize() {
-                bone.turn(super::arc(along, line), parent);
+                bone.turn(rotation_between(along, line), parent);
             }
             parent = (parent * bone.rotation).normalize();
         }

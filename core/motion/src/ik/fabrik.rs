@@ -1,7 +1,8 @@
 //! Forward and backward reaching.
 
+use super::Chain;
 use super::chain::Scratch;
-use super::{Chain, arc};
+use crate::math::rotation::rotation_between;
 use glam::DVec3;
 
 /// From the target back to the root, then from the root out again; on the way out each bone is turned towards the place found
@@ -20,7 +21,7 @@ pub(super) fn iterate(chain: &mut Chain, target: DVec3, scratch: &mut Scratch) {
     let (mut at, mut parent) = (chain.origin, chain.parent);
     for (index, bone) in chain.bones.iter_mut().enumerate() {
         let now = parent * bone.rotation * bone.offset;
-        bone.turn(arc(now, goals[index + 1] - at), parent);
+        bone.turn(rotation_between(now, goals[index + 1] - at), parent);
         parent *= bone.rotation;
         at += parent * bone.offset;
     }

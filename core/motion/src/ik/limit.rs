@@ -1,5 +1,7 @@
 //! How far a joint may turn from its rest pose.
 
+use crate::input_error::InputError;
+use crate::math::rotation::rotation_fraction;
 use glam::{DQuat, DVec3};
 use std::f64::consts::PI;
 
@@ -16,24 +18,21 @@ pub enum Limit {
 }
 
 impl Limit {
-    pub fn check(&self) -> Result<(), String> {
+    /// Names the first field that does not fit.
+    pub fn check(&self) -> Result<(), InputError> {
         let (axis, (low, high)) = match self {
             Limit::Free => return Ok(()),
             Limit::SwingTwist { axis, swing, twist } => {
-                if !(0.0..=PI).contains(swing) {
-                    return Err(format!("`Limit.swing` is {swing}, must be 0..=π"));
-                }
+                InputError::check_value((0.0..=PI).contains(swing), "Limit.swing", swing, "0..=π")?;
                 (axis, twist)
             }
             Limit::Hinge { axis, angle } => (axis, angle),
         };
-        if (axis.length() - 1.0).abs() > 1e-6 {
-            return Err(format!("`Limit.axis` has length {}, must be 1", axis.length()));
-        }
-        if !(-PI..=*high).contains(low) || *high > PI {
-            return Err(format!("`Limit` allows {low} to {high}, must be an interval of -π..=π"));
-        }
-        Ok(())
+        let length = axis.length();
+        let unit = (length - 1.0).abs() <= 1e-6;
+        InputError::check_value(unit, "Limit.axis", format!("of length {length}"), "of length 1")?;
+        let within = (-PI..=*high).contains(low) && *high <= PI;
+        InputError::check_value(within, "Limit", format!("{low} to {high}"), "an interval of -π..=π")
     }
 
     /// The nearest rotation that is allowed, as far as swing and twist are counted each on its own. `rest` and `local` are
@@ -48,7 +47,7 @@ impl Limit {
                 if angle <= swing && kept == turn {
                     return local;
                 }
-                let tilt = if angle <= swing { tilt } else { super::share_of(tilt, swing / angle) };
+                let tilt = if angle <= swing { tilt } else { rotation_fraction(tilt, swing / angle) };
                 (rest * tilt * DQuat::from_axis_angle(axis, kept)).normalize()
             }
             Limit::Hinge { axis, angle } => {
@@ -121,14 +120,14 @@ mod tests {
 
     #[test]
     fn check_names_what_is_wrong() {
-        let said = |limit: Limit| limit.check().unwrap_err();
+        let said = |limit: Limit| limit.check().unwrap_err().to_string();
         assert_eq!(
             said(Limit::Hinge { axis: DVec3::ONE * 0.5, angle: (0.0, 1.0) }),
-            "`Limit.axis` has length 0.8660254037844386, must be 1"
+            "`Limit.axis` is of length 0.8660254037844386, must be of length 1"
         );
         assert_eq!(
             said(Limit::Hinge { axis: DVec3::X, angle: (1.0, 0.0) }),
-            "`Limit` allows 1 to 0, must be an interval of -π..=π"
+            "`Limit` is 1 to 0, must be an interval of -π..=π"
         );
         let twist = (0.0, 0.0);
         assert_eq!(

@@ -2,7 +2,8 @@
 
 use super::chain::Scratch;
 use super::limit::split;
-use super::{Chain, ChainBone, Limit, arc};
+use super::{Chain, ChainBone, Limit};
+use crate::math::rotation::{rotation_between, rotation_fraction};
 use glam::{DQuat, DVec3};
 use std::f64::consts::{PI, TAU};
 
@@ -29,7 +30,7 @@ pub(super) fn sweep(chain: &mut Chain, target: DVec3, scratch: &mut Scratch) {
         };
         match before.limit {
             Limit::Free => {
-                let turn = parent.inverse() * arc(arm, way) * parent;
+                let turn = parent.inverse() * rotation_between(arm, way) * parent;
                 try_out(bone, (turn * before.rotation).normalize());
             }
             Limit::Hinge { axis, angle } => {
@@ -39,10 +40,10 @@ pub(super) fn sweep(chain: &mut Chain, target: DVec3, scratch: &mut Scratch) {
                 try_out(bone, (before.rest * DQuat::from_axis_angle(axis, kept)).normalize());
             }
             Limit::SwingTwist { axis, twist, .. } => {
-                let turn = parent.inverse() * arc(arm, way) * parent;
+                let turn = parent.inverse() * rotation_between(arm, way) * parent;
                 // All the way, and shorter ones where that is over the edge of the cone.
                 for share in [1.0, 0.5, 0.125, 0.01] {
-                    let wanted = (super::share_of(turn, share) * before.rotation).normalize();
+                    let wanted = (rotation_fraction(turn, share) * before.rotation).normalize();
                     try_out(bone, before.limit.clamp(before.rest, wanted));
                 }
                 let (tilt, now) = split(before.rest.inverse() * before.rotation, axis);

@@ -1,6 +1,6 @@
 //! An arm or a leg: two bones, in closed form.
 
-use super::arc;
+use crate::math::rotation::rotation_between;
 use glam::{DMat3, DQuat, DVec3};
 
 /// Turns a limb of two bones so that its end comes to a target. All in one space; metres.
@@ -27,7 +27,7 @@ pub struct TwoBone {
 
 /// How the two bones are turned in the space of the positions, each about its own start, and where the end comes to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TwoBoneTurn {
+pub struct TwoBoneSolution {
     pub start: DQuat,
     pub middle: DQuat,
     pub new_middle: DVec3,
@@ -36,7 +36,7 @@ pub struct TwoBoneTurn {
 
 impl TwoBone {
     /// `None` where there is nothing to turn: a bone without length, a target in the start, or a number that is not finite.
-    pub fn solve(&self) -> Option<TwoBoneTurn> {
+    pub fn solve(&self) -> Option<TwoBoneSolution> {
         let (upper, lower) = (self.middle - self.start, self.end - self.middle);
         let (a, b) = (upper.length(), lower.length());
         let towards = (self.target - self.start).try_normalize()?;
@@ -55,7 +55,7 @@ impl TwoBone {
         let pole = |line| self.pole.and_then(|p| across(p - self.start, line));
         let bend = across(upper, line).or_else(|| pole(line)).or_else(|| across(self.hint, line));
         let bend = bend.unwrap_or_else(|| line.any_orthonormal_vector());
-        let new_bend = pole(towards).or_else(|| across(arc(line, towards) * bend, towards))?;
+        let new_bend = pole(towards).or_else(|| across(rotation_between(line, towards) * bend, towards))?;
         // At the start, between the line to the end and the upper bone.
         let cos = if distance > 0.0 {
             ((a * a + distance * distance - b * b) / (2.0 * a * distance)).clamp(-1.0, 1.0)
@@ -70,7 +70,7 @@ impl TwoBone {
         // Folded onto itself the lower bone runs back along the upper.
         let new_lower = new_end - new_middle;
         let middle = turn(lower, normal, new_lower, new_normal)?;
-        (start.is_finite() && middle.is_finite()).then_some(TwoBoneTurn {
+        (start.is_finite() && middle.is_finite()).then_some(TwoBoneSolution {
             start,
             middle,
             new_middle,

@@ -1,14 +1,15 @@
 //! The target in the source's rest pose.
 
 use super::Side;
-use crate::Skeleton;
-use crate::human::{Human, is_below};
-use crate::joint_map::JointMap;
-use crate::rest::{Rest, unit};
+use crate::math::rotation::unit;
+use crate::retarget::joint_map::JointMap;
+use crate::skeleton::Skeleton;
+use crate::skeleton::humanoid_joints::{HumanoidJoints, is_below};
+use crate::skeleton::model_rest_pose::ModelRestPose;
 use glam::{DQuat, DVec3};
 
 /// Mean length of the legs from hip to foot, metres; 0 where there are none.
-pub(super) fn leg_length(human: &Human, rest: &Rest) -> f64 {
+pub(super) fn leg_length(human: &HumanoidJoints, rest: &ModelRestPose) -> f64 {
     let leg = |side: &str| {
         let place = |name: &str| Some(rest.positions[human.joint(&format!("{side} {name}"))? as usize]);
         let (hip, knee, foot) = (place("upleg")?, place("leg")?, place("foot")?);

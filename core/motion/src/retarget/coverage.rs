@@ -1,7 +1,8 @@
 //! How much of a clip another skeleton follows, and which parts of the body stay at rest.
 
-use crate::human::{Human, is_below};
-use crate::{Clip, Skeleton};
+use crate::clip::Clip;
+use crate::skeleton::Skeleton;
+use crate::skeleton::humanoid_joints::{HumanoidJoints, is_below};
 use std::collections::BTreeSet;
 
 /// Parts of the body by which messages name what does not follow, from the trunk outwards.
@@ -49,7 +50,7 @@ impl Coverage {
     pub(super) fn of(
         clip: &Clip,
         [from, to]: [&Skeleton; 2],
-        [source, target]: [&Human; 2],
+        [source, target]: [&HumanoidJoints; 2],
         partners: &Partners,
     ) -> Coverage {
         let moved: BTreeSet<u32> = clip.curves().iter().map(|c| c.joint).collect();
@@ -86,7 +87,7 @@ impl Coverage {
 }
 
 /// Each joint of a body that makes a part of it move. Collar bones and toes alone are no arm and no leg.
-fn parts(human: &Human) -> Vec<(&'static str, u32)> {
+fn parts(human: &HumanoidJoints) -> Vec<(&'static str, u32)> {
     let mut out: Vec<(&'static str, u32)> = Vec::new();
     for (name, joint) in human.joints() {
         let (side, base) = name.split_once(' ').unwrap_or(("", name));
@@ -108,7 +109,7 @@ fn parts(human: &Human) -> Vec<(&'static str, u32)> {
 }
 
 /// Whether joints hang below a hand of the target, more than it could hold, none of which follows.
-fn has_fingers(to: &Skeleton, target: &Human, side: &str, partners: &Partners) -> bool {
+fn has_fingers(to: &Skeleton, target: &HumanoidJoints, side: &str, partners: &Partners) -> bool {
     let Some(hand) = target.joint(&format!("{side} hand")) else { return false };
     let below: Vec<u32> = (0..to.len() as u32).filter(|j| *j != hand && is_below(to, *j, hand)).collect();
     below.len() >= FINGER_JOINTS && !below.iter().any(|j| partners.following.contains(j))

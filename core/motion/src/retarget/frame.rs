@@ -1,8 +1,12 @@
 //! Both skeletons at one time, in f64.
 
 use super::{Retarget, Translations};
-use crate::rest::unit;
-use crate::{Clip, Pose, Sample, Time, Transform};
+use crate::clip::Clip;
+use crate::clip::sample::Sample;
+use crate::math::rotation::unit;
+use crate::math::transform::Transform;
+use crate::pose::Pose;
+use crate::time::Time;
 use glam::{DAffine3, DQuat, DVec3};
 
 /// What is kept from one time to the next, to allocate nothing.

@@ -3,16 +3,17 @@
 use super::frame::Frame;
 use super::sampler::Sampler;
 use super::{Retarget, Translations};
-use crate::mirror::nearest_axes;
-use crate::rest::unit;
-use crate::{Clip, Curve, Interpolation, Path, Time};
+use crate::clip::{Clip, Curve, Interpolation, Path};
+use crate::math::rotation::unit;
+use crate::skeleton::symmetry::nearest_axes;
+use crate::time::Time;
 use glam::{DAffine3, DQuat, DVec3};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// What became of a clip.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Report {
+pub struct RetargetReport {
     /// Target joints whose curves are sampled, rather than mapped key by key.
     pub sampled: Vec<String>,
     /// Keys of each of these.
@@ -50,16 +51,16 @@ struct Curves<'c> {
 
 impl Retarget<'_> {
     /// The clip on the target's skeleton.
-    pub fn clip(&self, clip: &Clip) -> (Clip, Report) {
+    pub fn clip(&self, clip: &Clip) -> (Clip, RetargetReport) {
         let of = |path: Path| {
             let curves = clip.curves().iter().filter(move |c| c.path == path);
             curves.map(|c| (c.joint, c)).collect::<BTreeMap<u32, &Curve>>()
         };
         let curves = Curves { rotations: of(Path::Rotation), translations: of(Path::Translation) };
-        let mut report = Report {
+        let mut report = RetargetReport {
             rests_standing: self.rests_standing(),
             target_stands: self.target_stands(),
-            ..Report::default()
+            ..RetargetReport::default()
         };
         let mut out: Vec<Curve> = Vec::new();
         let mut times: BTreeSet<Time> = BTreeSet::new();
@@ -198,7 +199,7 @@ impl Retarget<'_> {
         if lifted || !above.clone().all(still) {
             return None;
         }
-        let model = |skeleton: &crate::Skeleton, joint: u32| {
+        let model = |skeleton: &crate::skeleton::Skeleton, joint: u32| {
             let up = std::iter::successors(skeleton.parents()[joint as usize], |j| {
                 skeleton.parents()[*j as usize]
             });
@@ -254,7 +255,7 @@ impl Retarget<'_> {
     }
 
     /// Scales, morph weights, and where asked for translations within the body.
-    fn other_curves(&self, clip: &Clip, out: &mut Vec<Curve>, report: &mut Report) {
+    fn other_curves(&self, clip: &Clip, out: &mut Vec<Curve>, report: &mut RetargetReport) {
         let followers: BTreeMap<u32, u32> =
             self.map.pairs().map(|(joint, source, _)| (source, joint)).collect();
         for curve in clip.curves() {
@@ -313,7 +314,7 @@ impl Retarget<'_> {
         Some(Curve { joint, values: values.collect(), ..curve.clone() })
     }
 
-    fn held(&self, curve: &Curve, report: &mut Report) {
+    fn held(&self, curve: &Curve, report: &mut RetargetReport) {
         let parent = self.from.parents()[curve.joint as usize];
         let unit = parent.map_or(1.0, |p| self.source.rest.scales[p as usize]);
         let rest = self.from.rest()[curve.joint as usize].translation;
@@ -335,7 +336,7 @@ impl Retarget<'_> {
         turning: &[u32],
         going: &[u32],
         out: &mut Vec<Curve>,
-        report: &mut Report,
+        report: &mut RetargetReport,
     ) {
         let frame = Frame::new(self);
         let mut sampler = Sampler { of: self, clip, turning, going, frame, raised: None, keys: Vec::new() };

@@ -9,30 +9,34 @@
 //! so that limbs point where the source's do, whatever the axes. (World-space, rest-relative deltas, as in the retargeters of
 //! game engines.) Relative to the parent that is Lq R with L and R constant wherever both parents follow each other: keys map one
 //! to one and interpolation between them is exact. Elsewhere, as where a spine has more joints than the other, the motion
-//! is sampled at all keys involved and between them until it is within [`Options::tolerance_rad`].
+//! is sampled at all keys involved and between them until it is within [`RetargetOptions::tolerance_rad`].
 //!
 //! The hips go the source's way, times the ratio of the legs' lengths, and then up or down so that the lowest foot is as far
 //! above its height at rest as the source's, times that ratio: what stands stays on the floor.
 
 mod align;
+pub mod bind;
 mod coverage;
 mod frame;
+pub mod joint_map;
 mod keys;
-mod same;
+mod same_joints;
 mod sampler;
+mod t_pose;
 
-use crate::human::{Human, is_below};
-use crate::joint_map::JointMap;
-use crate::rest::Rest;
-use crate::{Clip, Skeleton};
+use crate::clip::Clip;
+use crate::retarget::joint_map::JointMap;
+use crate::skeleton::Skeleton;
+use crate::skeleton::humanoid_joints::{HumanoidJoints, is_below};
+use crate::skeleton::model_rest_pose::ModelRestPose;
 use align::{aligned_rest, facing, leg_length};
 use coverage::Partners;
 use glam::{DQuat, DVec3};
 use std::collections::{BTreeMap, BTreeSet};
 
 pub use coverage::Coverage;
-pub use keys::Report;
-pub use same::same_joints;
+pub use keys::RetargetReport;
+pub use same_joints::same_joints;
 
 /// Which joints move, rather than turn only.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -46,7 +50,7 @@ pub enum Translations {
 }
 
 #[derive(Clone, Debug, PartialEq)]
-pub struct Options {
+pub struct RetargetOptions {
     /// Target joint → source joint, or none.
     pub joints: BTreeMap<u32, Option<u32>>,
     /// Metres of the target a metre of the source; the ratio of the legs' lengths where `None`.
@@ -60,9 +64,9 @@ pub struct Options {
     pub tolerance_rad: f64,
 }
 
-impl Default for Options {
+impl Default for RetargetOptions {
     fn default() -> Self {
-        Options {
+        RetargetOptions {
             joints: BTreeMap::new(),
             scale: None,
             translations: Translations::Hips,
@@ -78,7 +82,7 @@ pub struct Retarget<'a> {
     from: &'a Skeleton,
     to: &'a Skeleton,
     map: JointMap,
-    options: Options,
+    options: RetargetOptions,
     source: Side,
     target: Side,
     /// Metres of the target a metre of the source.
@@ -94,8 +98,8 @@ pub struct Retarget<'a> {
 }
 
 struct Side {
-    human: Human,
-    rest: Rest,
+    human: HumanoidJoints,
+    rest: ModelRestPose,
     /// y of the floor that the rest pose stands on.
     floor: f64,
     /// Metres.
@@ -108,8 +112,8 @@ struct Side {
 
 impl Side {
     fn of(skeleton: &Skeleton) -> Side {
-        let human = Human::of(skeleton);
-        let rest = Rest::of(skeleton);
+        let human = HumanoidJoints::of(skeleton);
+        let rest = ModelRestPose::of(skeleton);
         let leg = leg_length(&human, &rest);
         // A rest pose that does not stand near zero, as where the hips are the origin, stands on its lowest joint: of its own,
         // since files have cameras and handles below the floor.
@@ -143,7 +147,7 @@ impl Side {
 }
 
 /// Of each joint, whether it belongs to the body: its bones, what hangs on them, and what the hips hang on.
-fn in_body(skeleton: &Skeleton, human: &Human) -> Vec<bool> {
+fn in_body(skeleton: &Skeleton, human: &HumanoidJoints) -> Vec<bool> {
     let mut own: Vec<bool> = Vec::with_capacity(skeleton.len());
     for (joint, parent) in (0u32..).zip(skeleton.parents()) {
         let bone = human.joints().values().any(|bone| *bone == joint);
@@ -156,7 +160,7 @@ fn in_body(skeleton: &Skeleton, human: &Human) -> Vec<bool> {
 }
 
 impl<'a> Retarget<'a> {
-    pub fn new(from: &'a Skeleton, to: &'a Skeleton, options: Options) -> Retarget<'a> {
+    pub fn new(from: &'a Skeleton, to: &'a Skeleton, options: RetargetOptions) -> Retarget<'a> {
         let (mut source, mut target) = (Side::of(from), Side::of(to));
         let map = JointMap::new([from, to], [&source.human, &target.human], &options.joints);
         // Toes that the other body has none of tell nothing of its height, and there and back would not end where it began.
@@ -172,7 +176,9 @@ impl<'a> Retarget<'a> {
             .zip(&aligned)
             .map(|(joint, aligned)| {
                 let s = map.source(joint)? as usize;
-                Some(crate::rest::unit(source.rest.rotations[s].conjugate() * yaw.conjugate() * *aligned))
+                Some(crate::math::rotation::unit(
+                    source.rest.rotations[s].conjugate() * yaw.conjugate() * *aligned,
+                ))
             })
             .collect();
         let hips = target.human.joint("hips").filter(|h| map.source(*h).is_some());
@@ -216,8 +222,8 @@ impl<'a> Retarget<'a> {
     }
 
     /// Whether both skeletons are bodies, with hips, legs and arms: else there is nothing to go by but names.
-    pub fn is_body(&self) -> bool {
-        self.source.human.is_body() && self.target.human.is_body() && self.hips.is_some()
+    pub fn is_humanoid(&self) -> bool {
+        self.source.human.is_humanoid() && self.target.human.is_humanoid() && self.hips.is_some()
     }
 
     /// How much of a clip the target follows, and which parts of the body stay at rest.
@@ -264,15 +270,19 @@ impl<'a> Retarget<'a> {
 /// [`same_joints`]); between bodies retargeted, with a report. Where the skeletons are no bodies it is copied by names, or
 /// retargeted where structure tells more joints than names do.
 /// Where both files name the bones of their bodies, rotations go from T-pose to T-pose, as VRM has it ([`crate::bind_clip`]).
-pub fn bind_or_retarget(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Coverage, Option<Report>) {
+pub fn bind_or_retarget(
+    clip: &Clip,
+    from: &Skeleton,
+    to: &Skeleton,
+) -> (Clip, Coverage, Option<RetargetReport>) {
     let named = from.humanoid().is_some() && to.humanoid().is_some();
     if named || same_joints(clip, from, to) {
         let (clip, coverage) = bind(clip, from, to);
         return (clip, coverage, None);
     }
-    let retarget = Retarget::new(from, to, Options::default());
+    let retarget = Retarget::new(from, to, RetargetOptions::default());
     let coverage = retarget.coverage(clip);
-    if !retarget.is_body() {
+    if !retarget.is_humanoid() {
         let (bound, by_name) = bind(clip, from, to);
         if coverage.followed() <= by_name.followed() {
             return (bound, by_name, None);
@@ -284,7 +294,7 @@ pub fn bind_or_retarget(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, C
 
 /// [`crate::bind_clip`], and how much of the clip it binds.
 fn bind(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Coverage) {
-    let (bound, unmatched) = crate::bind_clip(clip, from, to);
+    let (bound, unmatched) = crate::retarget::bind::bind_clip(clip, from, to);
     let moved: BTreeSet<u32> = clip.curves().iter().map(|c| c.joint).collect();
     if unmatched.is_empty() {
         return (bound, Coverage { moved: moved.len(), ..Coverage::default() });
@@ -297,7 +307,7 @@ fn bind(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Coverage) {
         following: bound.curves().iter().map(|c| c.joint).collect(),
         forbidden: BTreeSet::new(),
     };
-    let humans = [from, to].map(Human::of);
+    let humans = [from, to].map(HumanoidJoints::of);
     let coverage = Coverage::of(clip, [from, to], [&humans[0], &humans[1]], &partners);
     (bound, coverage)
 }

@@ -3,8 +3,9 @@
 use super::Retarget;
 use super::frame::Frame;
 use super::keys::MOST_KEYS;
-use crate::rest::unit;
-use crate::{Clip, Time};
+use crate::clip::Clip;
+use crate::math::rotation::unit;
+use crate::time::Time;
 use glam::{DQuat, DVec3};
 use std::collections::BTreeSet;
 

@@ -1,7 +1,7 @@
 //! Eight floats in a register of AVX.
 
 use super::{Bits, F8, Lanes};
-use crate::{LANES, Lane};
+use crate::simd::lane::{LANES, Lane};
 use glam::Affine3A;
 use std::arch::x86_64::*;
 

@@ -12,6 +12,7 @@ mod avx;
 mod avx512;
 mod fused;
 mod indexed;
+pub mod lane;
 mod portable;
 mod streams;
 mod vertices;
@@ -20,8 +21,8 @@ pub(crate) use indexed::{Indexed, Indices};
 pub(crate) use streams::{Block, Deformed, Deformer, VertexStreams};
 pub(crate) use vertices::{Lanes, Rows, VertexKernel, Vertices, dispatch_vertices};
 
-use crate::{LANES, Lane};
 use glam::Affine3A;
+use lane::{LANES, Lane};
 use portable::Array;
 
 /// How kernels run. The result is the same, bit for bit.

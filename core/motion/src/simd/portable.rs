@@ -1,7 +1,7 @@
 //! Eight floats in an array, on any processor.
 
 use super::{Bits, F8, Lanes, fused::fused};
-use crate::{LANES, Lane};
+use crate::simd::lane::{LANES, Lane};
 use glam::{Affine3A, Vec3A};
 
 /// The specification of [`F8`]: plain arrays.

@@ -7,7 +7,7 @@ use glam::{DAffine3, DVec3};
 
 /// A [`ColliderShape`] where it is now; metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Obstacle {
+pub enum WorldCollider {
     Sphere {
         center: DVec3,
         radius: f64,
@@ -33,40 +33,40 @@ struct Cone {
     inside: bool,
 }
 
-impl Obstacle {
+impl WorldCollider {
     /// Of a shape in a joint's space. The radius grows with the longest axis; `None` where a number is not finite or the plane has
     /// no direction.
-    pub fn new(shape: &ColliderShape, world_from_joint: &DAffine3) -> Option<Obstacle> {
+    pub fn new(shape: &ColliderShape, world_from_joint: &DAffine3) -> Option<WorldCollider> {
         let m = &world_from_joint.matrix3;
         let scale = m.x_axis.length().max(m.y_axis.length()).max(m.z_axis.length());
         let at = |p: glam::Vec3| world_from_joint.transform_point3(p.as_dvec3());
         let obstacle = match *shape {
             ColliderShape::Sphere { offset, radius, inside } => {
-                Obstacle::Sphere { center: at(offset), radius: f64::from(radius) * scale, inside }
+                WorldCollider::Sphere { center: at(offset), radius: f64::from(radius) * scale, inside }
             }
-            ColliderShape::Capsule { offset, tail, radius, inside } => Obstacle::Capsule {
+            ColliderShape::Capsule { offset, tail, radius, inside } => WorldCollider::Capsule {
                 from: at(offset),
                 to: at(tail),
                 radius: f64::from(radius) * scale,
                 inside,
             },
             ColliderShape::Plane { offset, normal } => {
-                Obstacle::Plane { point: at(offset), normal: (*m * normal.as_dvec3()).try_normalize()? }
+                WorldCollider::Plane { point: at(offset), normal: (*m * normal.as_dvec3()).try_normalize()? }
             }
         };
         let finite = match obstacle {
-            Obstacle::Sphere { center, radius, .. } => center.is_finite() && radius.is_finite(),
-            Obstacle::Capsule { from, to, radius, .. } => {
+            WorldCollider::Sphere { center, radius, .. } => center.is_finite() && radius.is_finite(),
+            WorldCollider::Capsule { from, to, radius, .. } => {
                 from.is_finite() && to.is_finite() && radius.is_finite()
             }
-            Obstacle::Plane { point, .. } => point.is_finite(),
+            WorldCollider::Plane { point, .. } => point.is_finite(),
         };
         finite.then_some(obstacle)
     }
 
     /// Turns a stick so that its tail, a ball of `hit_radius`, does not enter, as little as may be, and takes from its velocity what
     /// would lead in. Where no direction is free, the one that enters least. Whether anything had to be done.
-    pub fn keep_out(
+    pub fn push_out(
         &self,
         head: DVec3,
         length: f64,
@@ -83,7 +83,7 @@ impl Obstacle {
                 break;
             }
             touched = true;
-            if !matches!(self, Obstacle::Capsule { .. }) {
+            if !matches!(self, WorldCollider::Capsule { .. }) {
                 break;
             }
         }
@@ -92,12 +92,12 @@ impl Obstacle {
 
     fn cone(&self, head: DVec3, length: f64, hit_radius: f64, direction: DVec3) -> Option<Cone> {
         let (center, radius, inside) = match *self {
-            Obstacle::Plane { point, normal } => {
+            WorldCollider::Plane { point, normal } => {
                 let cos = (hit_radius - normal.dot(head - point)) / length;
                 return Some(Cone { axis: normal, cos, inside: true });
             }
-            Obstacle::Sphere { center, radius, inside } => (center, radius, inside),
-            Obstacle::Capsule { from, to, radius, inside } => {
+            WorldCollider::Sphere { center, radius, inside } => (center, radius, inside),
+            WorldCollider::Capsule { from, to, radius, inside } => {
                 let (axis, tail) = (to - from, head + direction * length);
                 let along = (tail - from).dot(axis) / axis.length_squared();
                 let along = if along.is_finite() { along.clamp(0.0, 1.0) } else { 0.0 };
@@ -141,9 +141,9 @@ mod tests {
 
     const HEAD: DVec3 = DVec3::new(0.1, 2.0, -0.3);
 
-    fn after(obstacle: Obstacle, direction: DVec3, velocity: DVec3) -> (DVec3, DVec3, bool) {
+    fn after(obstacle: WorldCollider, direction: DVec3, velocity: DVec3) -> (DVec3, DVec3, bool) {
         let (mut d, mut v) = (direction, velocity);
-        let touched = obstacle.keep_out(HEAD, 0.5, 0.02, &mut d, &mut v);
+        let touched = obstacle.push_out(HEAD, 0.5, 0.02, &mut d, &mut v);
         assert!((d.length() - 1.0).abs() < 1e-12 && v.dot(d).abs() < 1e-9);
         (HEAD + d * 0.5, v, touched)
     }
@@ -151,7 +151,7 @@ mod tests {
     #[test]
     fn the_tail_touches_and_goes_no_farther() {
         let center = HEAD + DVec3::new(0.1, -0.5, 0.0);
-        let ball = Obstacle::Sphere { center, radius: 0.2, inside: false };
+        let ball = WorldCollider::Sphere { center, radius: 0.2, inside: false };
         let (tail, velocity, touched) = after(ball, DVec3::NEG_Y, DVec3::X * 3.0);
         assert!(touched && ((tail - center).length() - 0.22).abs() < 1e-12, "{tail}");
         // It came from -x and went to +x, into the ball.
@@ -162,28 +162,28 @@ mod tests {
         // Elsewhere nothing happens.
         assert!(!after(ball, DVec3::Y, DVec3::X).2);
         // Wholly within a ball: as far out as it can.
-        let all = Obstacle::Sphere { center: HEAD + DVec3::X * 0.1, radius: 5.0, inside: false };
+        let all = WorldCollider::Sphere { center: HEAD + DVec3::X * 0.1, radius: 5.0, inside: false };
         assert!((after(all, DVec3::X, DVec3::ZERO).0 - (HEAD + DVec3::NEG_X * 0.5)).length() < 1e-9);
     }
 
     #[test]
     fn inside_stays_inside_and_planes_hold() {
         let center = HEAD + DVec3::NEG_Y * 0.5;
-        let bowl = Obstacle::Sphere { center, radius: 0.2, inside: true };
+        let bowl = WorldCollider::Sphere { center, radius: 0.2, inside: true };
         let (tail, ..) = after(bowl, DVec3::X, DVec3::ZERO);
         assert!(((tail - center).length() - 0.18).abs() < 1e-12);
-        let floor = Obstacle::Plane { point: DVec3::Y * 1.7, normal: DVec3::Y };
+        let floor = WorldCollider::Plane { point: DVec3::Y * 1.7, normal: DVec3::Y };
         let (tail, velocity, _) = after(floor, DVec3::new(0.6, -0.8, 0.0), DVec3::new(-0.8, -0.6, 0.0));
         assert!((tail.y - 1.72).abs() < 1e-12 && velocity.length() < 1e-9, "{tail} {velocity}");
         // Too deep for the stick: straight up.
-        let flood = Obstacle::Plane { point: DVec3::Y * 9.0, normal: DVec3::Y };
+        let flood = WorldCollider::Plane { point: DVec3::Y * 9.0, normal: DVec3::Y };
         assert!((after(flood, DVec3::X, DVec3::ZERO).0 - HEAD - DVec3::Y * 0.5).length() < 1e-9);
     }
 
     #[test]
     fn capsules_hold_along_their_length() {
         let (from, to) = (HEAD + DVec3::new(-1.0, -0.4, 0.0), HEAD + DVec3::new(1.0, -0.4, 0.0));
-        let rod = Obstacle::Capsule { from, to, radius: 0.1, inside: false };
+        let rod = WorldCollider::Capsule { from, to, radius: 0.1, inside: false };
         for x in [-0.5, 0.0, 0.7] {
             let (tail, _, touched) = after(rod, DVec3::new(x, -1.0, 0.01).normalize(), DVec3::ZERO);
             let off = (tail - HEAD).with_x(0.0) - DVec3::NEG_Y * 0.4;
@@ -191,8 +191,8 @@ mod tests {
             assert!(off.length() > 0.12 - 1e-3, "{x}: {}", off.length());
         }
         // A capsule of no length is a ball.
-        let dot = Obstacle::Capsule { from, to: from, radius: 0.1, inside: false };
-        let ball = Obstacle::Sphere { center: from, radius: 0.1, inside: false };
+        let dot = WorldCollider::Capsule { from, to: from, radius: 0.1, inside: false };
+        let ball = WorldCollider::Sphere { center: from, radius: 0.1, inside: false };
         let d = (from - HEAD).normalize();
         assert_eq!(after(dot, d, DVec3::ZERO), after(ball, d, DVec3::ZERO));
     }

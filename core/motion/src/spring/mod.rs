@@ -16,7 +16,7 @@ pub mod simulate;
 pub mod sphere;
 
 pub use bone::{BoneState, Drive, SpringBone, TELEPORT_SPEED};
-pub use collide::Obstacle;
+pub use collide::WorldCollider;
 pub use oscillator::Response;
 pub use parameters::{ColliderShape, SpringChain, SpringCollider, SpringError, SpringJoint, Springs};
 pub use rig::{RigBone, SpringRig};

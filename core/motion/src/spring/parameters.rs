@@ -34,7 +34,7 @@ pub struct SpringChain {
     pub joints: Vec<SpringJoint>,
     /// Indices into [`Springs::colliders`], ascending, each once: the file's collider groups, put together.
     pub colliders: Vec<u32>,
-    /// Inertia is measured in the space of this joint instead of the world's, so that a body that walks does not drag its hair
+    /// Inertialization is measured in the space of this joint instead of the world's, so that a body that walks does not drag its hair
     /// behind (§"Center space").
     pub center: Option<u32>,
 }

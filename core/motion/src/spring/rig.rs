@@ -1,10 +1,10 @@
 //! Which joints of a skeleton swing, and how.
 
 use super::{SpringBone, SpringCollider, SpringError, SpringJoint, Springs};
-use crate::Skeleton;
+use crate::skeleton::Skeleton;
 use glam::{Affine3A, DVec3, Vec3};
 
-/// Steps a second of the update that VRM's parameters are tuned for.
+/// Footsteps a second of the update that VRM's parameters are tuned for.
 const VRM_RATE: f64 = 60.0;
 
 /// Springs made ready for a skeleton: one bone a joint, parents first.
@@ -30,7 +30,7 @@ pub struct RigBone {
     pub pull: DVec3,
     /// Radius of the tail against colliders, metres before the joint's scale.
     pub hit_radius: f64,
-    /// Inertia is measured in this joint's space instead of the world's.
+    /// Inertialization is measured in this joint's space instead of the world's.
     pub center: Option<u32>,
     /// Indices into the rig's colliders.
     pub colliders: Vec<u32>,

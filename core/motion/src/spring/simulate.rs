@@ -1,7 +1,8 @@
 //! All springs of a character, moved on by a step.
 
-use super::{BoneState, Drive, Obstacle, RigBone, SpringRig};
-use crate::Skeleton;
+use super::{BoneState, Drive, RigBone, SpringRig, WorldCollider};
+use crate::input_error::InputError;
+use crate::skeleton::Skeleton;
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, Mat3, Mat3A, Vec3, Vec3A};
 
 /// Sticks shorter than this, in metres, have no direction and stay as they are animated.
@@ -35,7 +36,7 @@ impl SpringState {
 pub struct SpringScratch {
     /// What each joint has been moved by.
     moved: Vec<Option<Moved>>,
-    obstacles: Vec<Option<Obstacle>>,
+    obstacles: Vec<Option<WorldCollider>>,
 }
 
 /// A rigid motion in model space.
@@ -73,22 +74,14 @@ pub struct SpringStep<'a> {
 }
 
 impl SpringStep<'_> {
-    pub fn check(&self) -> Result<(), String> {
-        let joints = self.skeleton.len();
-        if self.model_from_joint.len() != joints {
-            let given = self.model_from_joint.len();
-            return Err(format!(
-                "`SpringStep.model_from_joint` is for {given} joints, the skeleton has {joints}"
-            ));
-        }
-        self.rig.check(joints).map_err(|e| format!("`SpringStep.rig`: {e}"))?;
-        if !(self.seconds >= 0.0 && self.seconds.is_finite()) {
-            return Err(format!("`SpringStep.seconds` is {}, must be finite and ≥ 0", self.seconds));
-        }
-        if !self.wind.is_finite() {
-            return Err(format!("`SpringStep.wind` is {}, must be finite", self.wind));
-        }
-        Ok(())
+    /// Names the first field that does not fit.
+    pub fn check(&self) -> Result<(), InputError> {
+        let (joints, matrices) = (self.skeleton.len(), self.model_from_joint.len());
+        InputError::check_lengths(&[("SpringStep.model_from_joint", matrices, joints)])?;
+        self.rig.check(joints).map_err(|error| InputError::Nested { field: "SpringStep.rig", error })?;
+        let forward = self.seconds >= 0.0 && self.seconds.is_finite();
+        InputError::check_value(forward, "SpringStep.seconds", self.seconds, "finite and ≥ 0")?;
+        InputError::check_value(self.wind.is_finite(), "SpringStep.wind", self.wind, "finite")
     }
 
     pub fn run(&mut self) {
@@ -192,14 +185,14 @@ impl SpringStep<'_> {
         velocity: &mut DVec3,
     ) -> bool {
         let mut touched = false;
-        let ground = self.rig.ground.map(|y| Obstacle::Plane { point: DVec3::Y * y, normal: DVec3::Y });
+        let ground = self.rig.ground.map(|y| WorldCollider::Plane { point: DVec3::Y * y, normal: DVec3::Y });
         // What pushes out of one may push into another; the last word has the ground.
         for _ in 0..2 {
             let own = bone.colliders.iter().filter_map(|c| self.scratch.obstacles.get(*c as usize)?.as_ref());
             let before = touched;
             touched = false;
             for obstacle in own.chain(&ground) {
-                touched |= obstacle.keep_out(head, length, radius, direction, velocity);
+                touched |= obstacle.push_out(head, length, radius, direction, velocity);
             }
             if !touched {
                 return before;
@@ -214,7 +207,7 @@ impl SpringStep<'_> {
         for collider in self.rig.colliders() {
             let joint = self.model_from_joint.get(collider.joint as usize);
             let world_from_joint = joint.map(|j| self.world_from_model * widen(j));
-            obstacles.push(world_from_joint.and_then(|w| Obstacle::new(&collider.shape, &w)));
+            obstacles.push(world_from_joint.and_then(|w| WorldCollider::new(&collider.shape, &w)));
         }
     }
 

@@ -95,7 +95,7 @@ fn vectors<'a, const N: usize>(
     }
 }
 
-/// For each vertex the mean of its triangles' normals, weighted by area: flat where triangles share no vertices.
+/// The mean of its triangles' normals for each vertex, weighted by area: flat where triangles share no vertices.
 pub(super) fn normals(positions: &[Vec3], indices: &[u32]) -> Vec<Vec3> {
     let mut sums = vec![Vec3::ZERO; positions.len()];
     for triangle in indices.as_chunks::<3>().0 {

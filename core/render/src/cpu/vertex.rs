@@ -253,7 +253,7 @@ impl VertexStage<'_> {
         }
     }
 
-    /// Stretches blended as matrices, then motions as dual quaternions on the side of the heaviest (`choreo_motion::dual_quaternion`).
+    /// Stretches blended as matrices, then motions as dual quaternions on the side of the heaviest (`choreo_motion::skinning::dual_quaternion`).
     fn dual(&self, first: usize, joints: &[u16], weights: &[f32]) -> Rows {
         let mut heaviest = 0;
         for k in 1..weights.len() {

@@ -4,7 +4,7 @@ use crate::plan::Rows;
 use crate::scene_resources::watertight::Closed;
 pub use choreo_asset::Aabb;
 use choreo_asset::Primitive;
-use choreo_motion::Carrier;
+use choreo_motion::StretchedDualQuaternion;
 use glam::{Affine3A, DAffine3, Mat4, Vec2, Vec3};
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -142,7 +142,7 @@ impl PrimitiveInfo {
     pub fn dual_skinned(
         &self,
         primitive: &Primitive,
-        carriers: &[Carrier],
+        carriers: &[StretchedDualQuaternion],
         relative_from_model: &Rows,
         morph_offset: Aabb,
     ) -> Aabb {
@@ -158,7 +158,9 @@ impl PrimitiveInfo {
             });
             let hull = together()
                 .fold(Aabb::EMPTY, |sum, c| sum.union(moved(stretched, &Rows::from_affine(c.rigid()))));
-            let alike = |a: &Carrier| together().map(|b| a.real.dot(b.real).abs()).fold(1.0, f64::min);
+            let alike = |a: &StretchedDualQuaternion| {
+                together().map(|b| a.real.dot(b.real).abs()).fold(1.0, f64::min)
+            };
             let kappa = together().map(alike).fold(1.0, f64::min);
             let most = self.influences.min(together().count()).max(1);
             let shortest = kappa + (1.0 - kappa) / most as f64;

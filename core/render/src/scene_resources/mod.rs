@@ -150,7 +150,7 @@ impl CatalogMaterial {
         }
     }
 
-    /// In the order of the fields.
+    /// All textures in the order of the fields.
     pub fn texture_refs(&self) -> [Option<CatalogTextureRef>; TEXTURE_SLOTS] {
         let base = [
             self.base_color,

@@ -6,7 +6,7 @@ use thiserror::Error;
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("line {line}: {what}")]
 pub struct PreprocessError {
-    /// From 1.
+    /// Line number from 1.
     pub line: usize,
     pub what: String,
 }

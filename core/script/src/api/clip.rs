@@ -7,7 +7,9 @@ use crate::limits::raise_hint;
 use crate::suggest::list;
 use crate::value::{AssetRef, ClipRef};
 use choreo_motion::Clip;
-use choreo_motion::retarget::{Coverage, Options as Fit, Report, Retarget, Translations, bind_or_retarget};
+use choreo_motion::retarget::{
+    Coverage, Retarget, RetargetOptions as Fit, RetargetReport, Translations, bind_or_retarget,
+};
 use choreo_stage::Mirroring;
 use rhai::{Dynamic, Map};
 use std::collections::BTreeMap;
@@ -150,7 +152,7 @@ fn checked(
     c: &Call,
     of: &ClipRef,
     on: &Asset,
-    (clip, coverage, report): (Clip, Coverage, Option<Report>),
+    (clip, coverage, report): (Clip, Coverage, Option<RetargetReport>),
 ) -> Result<Clip, ApiError> {
     if clip.curves().is_empty() && clip.expressions().is_empty() && !of.clip.curves().is_empty() {
         return Err(NothingFollows::new(&of.clip, &of.asset, on, &coverage.left_out).error(&of.clip));
@@ -217,7 +219,7 @@ impl NothingFollows {
 }
 
 /// What may surprise about a retargeted clip.
-fn note(c: &Call, of: &ClipRef, on: &Asset, report: &Report) {
+fn note(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetReport) {
     if report.coarse {
         let text = format!(
             "clip \"{}\" of \"{}\" on \"{}\": it has too many keys to be followed within the tolerance",
@@ -227,7 +229,7 @@ fn note(c: &Call, of: &ClipRef, on: &Asset, report: &Report) {
     }
 }
 
-fn not_standing(c: &Call, of: &ClipRef, on: &Asset, report: &Report) {
+fn not_standing(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetReport) {
     if !report.rests_standing {
         let error = ApiError::new(format!(
             "clip \"{}\" of \"{}\" on \"{}\": \"{}\" does not rest standing on both feet, as files of moves alone often do not; what it rests \

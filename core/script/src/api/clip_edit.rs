@@ -5,7 +5,7 @@ use super::clip::made;
 use super::keys;
 use crate::call::{ApiError, Call, Reply, api, point};
 use crate::value::ClipRef;
-use choreo_motion::reduce::Keep;
+use choreo_motion::edit::reduce::KeptTimes;
 use choreo_motion::{Clip, Curve, FrameRate, Interpolation, Offset, Path, Pose, Sample, Time};
 use choreo_stage::{Channel, Placement, Property, Reference};
 use glam::{DQuat, DVec3};
@@ -125,8 +125,8 @@ fn resample(c: &mut Call) -> Reply {
 fn reduce(c: &mut Call) -> Reply {
     let tolerance = c.number_in(0, 0.0, 1.0)?;
     let keep = match c.options(1, &["keep"])?.one_of("keep", &["own", "shared"])? {
-        Some("shared") => Keep::Shared,
-        _ => Keep::Own,
+        Some("shared") => KeptTimes::Shared,
+        _ => KeptTimes::PerCurve,
     };
     edit(c, |clip, asset| clip.reduced(&asset.skeleton, tolerance, keep).map(|(clip, _)| clip))
 }
@@ -155,7 +155,7 @@ fn beyond(c: &Call, taken_away: bool) -> Reply {
     if let Some(time) = time {
         Sample { clip: &this.clip, time, pose: &mut pose }.run();
     }
-    edit(c, |clip, asset| clip.beyond(&pose, &asset.skeleton, taken_away))
+    edit(c, |clip, asset| clip.difference_from(&pose, &asset.skeleton, taken_away))
 }
 
 fn byte_count(c: &mut Call) -> Reply {
@@ -209,7 +209,7 @@ pub fn curve(asset: &Asset, joint: u32, channel: &Channel) -> Curve {
         }
         _ => {
             for (part, v) in channel.values.chunks_exact(3).enumerate() {
-                let moved = choreo_motion::edit::in_parent(skeleton, joint, DVec3::from_slice(v));
+                let moved = choreo_motion::edit::offset_in_parent(skeleton, joint, DVec3::from_slice(v));
                 let from = if tangent(part) { DVec3::ZERO } else { rest.translation.as_dvec3() };
                 values.extend((from + moved).to_array().map(|v| v as f32));
             }

@@ -102,7 +102,7 @@ fn section(c: &mut Call) -> Reply {
     }
 }
 
-/// Where the sections of the file are known to be in order, only the one that is run is looked at.
+/// Whether a section is passed over: where the sections of the file are known to be in order, only the one that is run counts.
 fn passed_over(c: &Call) -> bool {
     let test = c.shared.test();
     let Some(wanted) = test.wanted.as_ref().filter(|_| !test.running) else { return false };

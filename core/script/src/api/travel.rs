@@ -156,7 +156,7 @@ fn clip_contacts(c: &mut Call) -> Reply {
     }
     let found = Contacts::find(skeleton, &this.clip, (Time::ZERO, this.clip.duration), &feet);
     let mut rows: Vec<(Time, Map)> = Vec::new();
-    for (foot, stands) in feet.iter().zip(found.iter().flat_map(|found| &found.stands)) {
+    for (foot, stands) in feet.iter().zip(found.iter().flat_map(|found| &found.intervals)) {
         let name = foot.joints.first().and_then(|j| skeleton.names().get(*j as usize));
         for stand in stands {
             let mut row = Map::new();

@@ -9,7 +9,8 @@ pub use read::{
 };
 
 use crate::build::{Build, Shared};
-use crate::suggest::{did_you_mean, list};
+use crate::suggest::{closest, did_you_mean, list};
+use crate::synonyms;
 use crate::value::{AssetRef, Kind};
 use choreo_asset::Asset;
 use choreo_motion::Time;
@@ -137,13 +138,29 @@ impl Def {
 
     /// `turn(degrees)`, `at(x, y, z) or at(point)`.
     pub fn usage(&self) -> String {
-        let forms: Vec<String> =
-            self.args.split('|').map(|form| format!("{}({})", self.name, form.trim())).collect();
-        forms.join(" or ")
+        self.usages(self.name).join(" or ")
+    }
+
+    /// `Actor.turn(degrees)`, `Actor.at(x, y, z) or Actor.at(point)`, `load(file, options?)`.
+    pub fn full_usage(&self) -> String {
+        self.usages(&self.full_name()).join(" or ")
+    }
+
+    /// The ways to call it under a name.
+    pub fn usages(&self, name: &str) -> Vec<String> {
+        self.args.split('|').map(|form| format!("{name}({})", form.trim())).collect()
+    }
+
+    /// `Actor.turn`, `load`.
+    pub fn full_name(&self) -> String {
+        match self.on {
+            Kind::None => self.name.to_string(),
+            kind => format!("{}.{}", kind.name(), self.name),
+        }
     }
 }
 
-/// Where in which script file.
+/// A place in a script file.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Place {
     pub file: String,
@@ -184,6 +201,14 @@ impl From<String> for ApiError {
     }
 }
 
+/// `; did you mean "bloom"?` for `glow` and for `blom`, or nothing.
+fn meant<'a>(name: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> String {
+    match synonyms::of_value(name, known.clone()) {
+        Some(known) => format!("; did you mean \"{known}\"?"),
+        None => did_you_mean(name, known),
+    }
+}
+
 /// `unknown WHAT "NAME"PLACE; did you mean "…"?`, with the known names as a hint.
 pub fn unknown<'a>(
     what: &str,
@@ -192,9 +217,8 @@ pub fn unknown<'a>(
     known: impl IntoIterator<Item = &'a str> + Clone,
 ) -> ApiError {
     let shown: String = name.chars().take(80).collect();
-    let mut error =
-        ApiError::new(format!("unknown {what} \"{shown}\"{place}{}", did_you_mean(name, known.clone())))
-            .focus(name);
+    let meant = meant(name, known.clone());
+    let mut error = ApiError::new(format!("unknown {what} \"{shown}\"{place}{meant}")).focus(name);
     let names = list(known, 24);
     error.hint =
         Some(if names.is_empty() { format!("there are no {what}s") } else { format!("known: {names}") });
@@ -263,7 +287,7 @@ impl Call<'_, '_> {
     pub fn number_in(&self, i: usize, min: f64, max: f64) -> Result<f64, ApiError> {
         number_in(&self.value(i), &self.label(i), min, max)
     }
-    /// On stage: inside `perform` times count from where it begins.
+    /// The argument as a stage time: inside `perform`, times count from its start.
     pub fn time(&self, i: usize) -> Result<Time, ApiError> {
         self.stage_time(&self.value(i), &self.label(i))
     }
@@ -276,7 +300,7 @@ impl Call<'_, '_> {
     pub fn text(&self, i: usize) -> Result<String, ApiError> {
         text(&self.value(i), &self.label(i))
     }
-    /// Of something on stage: of a length that messages and tables can show.
+    /// The argument as a name of something on stage, short enough for messages and tables.
     pub fn name(&self, i: usize) -> Result<String, ApiError> {
         const MOST: usize = 200;
         let name = self.text(i)?;
@@ -312,7 +336,8 @@ impl Call<'_, '_> {
         let Some(map) = self.value(i).try_cast::<Map>() else {
             return Err(self.wrong(i, "an object map like #{ name: value }"));
         };
-        let options = Options { function: self.def.name.to_string(), map };
+        let mut options = Options { function: self.def.name.to_string(), map };
+        options.rename_aliases()?;
         options.check(known)?;
         Ok(options)
     }
@@ -325,17 +350,34 @@ pub struct Options {
 }
 
 impl Options {
-    pub fn check(&self, known: &[&str]) -> Result<(), ApiError> {
-        match self.map.keys().find(|k| !known.contains(&k.as_str())) {
-            None => Ok(()),
-            Some(key) => Err(ApiError::new(format!(
-                "{}: unknown option \"{key}\"{}",
-                self.function,
-                did_you_mean(key, known.iter().copied())
-            ))
-            .focus(key.to_string())
-            .hint(format!("options: {}", list(known.iter().copied(), 30)))),
+    /// Gives options that are written by an alias their names.
+    fn rename_aliases(&mut self) -> Result<(), ApiError> {
+        let option = |text: &'static str| text.strip_prefix(&*self.function)?.strip_prefix(": ");
+        let aliases =
+            synonyms::ALIASES.iter().filter_map(|(alias, name)| Some((option(alias)?, option(name)?)));
+        for (alias, name) in aliases {
+            let Some(value) = self.map.remove(alias) else { continue };
+            if self.map.insert(name.into(), value).is_some() {
+                let what = format!("{}: {alias} is another name of {name}: give one of them", self.function);
+                return Err(ApiError::new(what).focus(alias));
+            }
         }
+        Ok(())
+    }
+    pub fn check(&self, known: &[&str]) -> Result<(), ApiError> {
+        let Some(key) = self.map.keys().find(|k| !known.contains(&k.as_str())) else { return Ok(()) };
+        let options = format!("options: {}", list(known.iter().copied(), 30));
+        let near = closest(key, known.iter().copied());
+        let synonym = synonyms::of_option(key, &self.function, known);
+        let (meant, hint) = match (near, synonym) {
+            (_, Some(synonym)) if known.contains(&&*synonym.name) || near.is_none() => {
+                (Some(synonym.name), format!("{}\n{options}", synonym.hint))
+            }
+            (near, _) => (near.map(str::to_string), options),
+        };
+        let meant = meant.map(|name| format!("; did you mean \"{name}\"?")).unwrap_or_default();
+        let what = format!("{}: unknown option \"{key}\"{meant}", self.function);
+        Err(ApiError::new(what).focus(key.to_string()).hint(hint))
     }
     pub fn get(&self, name: &str) -> Option<Dynamic> {
         self.map.get(name).map(Dynamic::flatten_clone)

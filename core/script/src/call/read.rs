@@ -1,8 +1,8 @@
 //! Values of a script as what is asked for: `LABEL must be ALLOWED, got …`.
 
-use super::ApiError;
+use super::{ApiError, meant};
 use crate::color;
-use crate::suggest::{did_you_mean, list};
+use crate::suggest::list;
 use crate::value::{ActorRef, JointRef, Kind, kind_of};
 use choreo_motion::Time;
 use choreo_stage::Target;
@@ -15,7 +15,7 @@ pub fn one_of(v: &Dynamic, label: &str, allowed: &[&'static str]) -> Result<&'st
         ApiError::new(format!(
             "{label} must be {}, got \"{given}\"{}",
             list(allowed.iter().copied(), 20),
-            did_you_mean(&given, allowed.iter().copied())
+            meant(&given, allowed.iter().copied())
         ))
         .focus(given)
     })

@@ -6,7 +6,7 @@ use crate::build::{Build, CueDraft};
 use choreo_motion::Time;
 use choreo_stage::{LayerMode, Repeat, Subject};
 
-/// A cue and when it is heard.
+/// A cue and the time in which it is active.
 struct Timed<'a> {
     draft: &'a CueDraft,
     start: Time,

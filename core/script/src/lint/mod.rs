@@ -1,4 +1,4 @@
-//! What `check` finds in a script beyond what every run warns of: hardly meant, but sometimes.
+//! Lints of `check`: what is valid in a script but probably not intended. Every run warns of some of them.
 //!
 //! ```text
 //! drafts ─► cues, unused ─┐
@@ -68,20 +68,20 @@ pub struct ClipMarkers {
     pub markers: Vec<(String, Time)>,
 }
 
-/// Where in the script the things on stage were made, and the script's text.
+/// The places of the script that created what is on stage, and the script's text.
 #[derive(Clone, Debug, Default)]
 pub struct Places {
     pub settings: Place,
     pub actors: Vec<Place>,
-    /// By actor.
+    /// Places of look-at constraints, by actor.
     pub looks: Vec<Vec<Place>>,
     pub cameras: Vec<Place>,
     pub cuts: Vec<Place>,
-    /// By actor, layer and cue, as in `Stage::actors`.
+    /// Places of cues, by actor, layer and cue, as in `Stage::actors`.
     pub cues: Vec<Vec<Vec<Place>>>,
     /// Named times of the stage.
     pub markers: Vec<(String, Time)>,
-    /// Of the clips that are played and have any.
+    /// Markers of the clips that are played and have any.
     pub clip_markers: Vec<ClipMarkers>,
     pub lights: Vec<Place>,
     pub effects: Vec<Place>,
@@ -137,7 +137,7 @@ impl Places {
         self.main == file
     }
 
-    /// For a picture: what each finding is about, when, and its rule. Warnings only.
+    /// The subject, time and rule of each warning, for a plot.
     pub fn marks(&self, on_stage: &[Finding]) -> Vec<(Subject, Time, &'static str)> {
         let warnings = self.meant(on_stage).into_iter().filter(|r| r.severity == Severity::Warning);
         warnings.map(|r| (r.subject, r.at, r.rule)).collect()

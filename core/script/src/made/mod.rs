@@ -154,7 +154,7 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
     asset(&name, &name, primitive, material, images)
 }
 
-/// Where textures of `uv_set: 1` lie.
+/// Second texture coordinates, for textures of `uv_set: 1`.
 fn second_uvs(o: &Options, primitive: &mut Primitive) -> Result<(), ApiError> {
     let given = arrays::floats(o, "uvs2", 2)?;
     let vertices = primitive.positions.len();
@@ -170,7 +170,7 @@ fn second_uvs(o: &Options, primitive: &mut Primitive) -> Result<(), ApiError> {
     Ok(())
 }
 
-/// Of projection: "triplanar": the largest side is as wide as a picture, as for a box.
+/// Triplanar projection: the largest side is as wide as an image, as for a box.
 fn triplanar(o: &Options, primitive: &Primitive) -> Result<Option<Triplanar>, ApiError> {
     let asked = o.get("projection").and_then(|v| v.into_string().ok()).is_some_and(|v| v == "triplanar");
     let sharpness = o.number_in("sharpness", 1.0, 64.0)?;
@@ -212,7 +212,7 @@ fn pen(o: &Options, topology: Topology) -> Result<Option<Pen>, ApiError> {
     }
 }
 
-/// With texture coordinates by a projection, and raised by a picture.
+/// Applies texture coordinates by a projection, and displacement by an image.
 fn shaped(c: &Call, o: &Options, mut primitive: Primitive) -> Result<Primitive, ApiError> {
     if let Some(how) = o.one_of("projection", relief::PROJECTIONS)? {
         relief::project(&mut primitive, how);

@@ -66,7 +66,7 @@ pub fn corners(p: &Primitive) -> [Vec3; 2] {
     [low, p.positions.iter().fold(Vec3::NEG_INFINITY, |a, b| a.max(*b))]
 }
 
-/// At each corner a direction at a right angle to its normal, alike all over a triangle.
+/// A direction at a right angle to the normal of each vertex, equal all over a triangle.
 fn across(p: &Primitive) -> Vec<Vec4> {
     let of_triangle = |n: &[Vec3; 3]| {
         let sum = n[0] + n[1] + n[2];
@@ -83,7 +83,7 @@ fn across(p: &Primitive) -> Vec<Vec4> {
     p.normals.as_chunks::<3>().0.iter().flat_map(of_triangle).collect()
 }
 
-/// Of the side that a face looks to; u to the right as seen from there, v down.
+/// Coordinates on the side that a face looks to; u to the right as seen from there, v down.
 fn of_box(q: Vec3, face: Vec3) -> Vec2 {
     let away = face.abs();
     let (u, v) = if away.y >= away.x && away.y >= away.z {

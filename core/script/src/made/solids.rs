@@ -55,7 +55,7 @@ fn primitive(vertices: Vec<(Vec3, Vec3, Vec2)>, indices: Vec<u32>) -> Primitive 
     }
 }
 
-/// In x and z around the origin, seen from above.
+/// A plane in x and z around the origin, seen from above.
 fn plane(size: Vec3) -> Primitive {
     let corner =
         |u: f32, v: f32| (Vec3::new((u - 0.5) * size.x, 0.0, (v - 0.5) * size.z), Vec3::Y, Vec2::new(u, v));

@@ -12,7 +12,7 @@ use glam::{Affine2, Vec3};
 use rhai::{Array, Dynamic};
 use std::sync::Arc;
 
-/// By the words of glTF, and where Blinn–Phong mirrors.
+/// Texture slots by their names in glTF, and the reflection of Blinn–Phong.
 const SLOTS: &[&str] = &[
     "color",
     "normal",

@@ -52,7 +52,7 @@ pub fn parse(file: &str, text: &str) -> (Vec<ExpectedDiagnostic>, Vec<Diagnostic
     (expected, wrong)
 }
 
-/// Where the first mark of a line is that stands in no text.
+/// Position of the first mark of a line that is outside a string.
 fn find_mark(row: &str) -> Option<usize> {
     let mut quote = None;
     let mut escaped = false;

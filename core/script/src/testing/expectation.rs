@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 #[derive(Clone, Debug)]
 pub struct Expectation {
-    /// Of the call that compares.
+    /// Place of the call that compares.
     pub place: Place,
     /// As written: the line of the script, without indentation.
     pub source: String,
@@ -31,7 +31,7 @@ pub struct Expectation {
 /// When a claim must hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum When {
-    /// At every frame of the stage.
+    /// Every frame of the stage.
     Always,
     At(Time),
     /// From, to, both included.
@@ -79,9 +79,9 @@ pub enum Quantity {
     /// x, y or z of a vector: 0, 1, 2.
     Component(VectorQuantity, usize),
     Length(VectorQuantity),
-    /// To a point that may move.
+    /// Distance to a point that may move.
     Distance(Subject, Target),
-    /// Between where the subject looks (+z; cameras and lights: where they point) and a point that may move.
+    /// Angle between the subject's direction (+z; for cameras and lights, where they point) and a point that may move.
     AngleTo(Subject, Target),
     /// How far the subject is turned against another rotation.
     Angle(RotationQuantity, RotationQuantity),
@@ -101,7 +101,7 @@ pub enum Quantity {
         joint: Option<u32>,
         clip: String,
     },
-    /// Seconds of the clip, of the cue with the largest share; NaN where it is not heard.
+    /// Seconds of the clip, of the cue with the largest share; NaN where it is not active.
     ClipTime {
         actor: usize,
         clip: String,
@@ -131,7 +131,7 @@ pub enum Quantity {
     },
     /// Vertical angle of view, degrees.
     FieldOfView(usize),
-    /// Of a light.
+    /// Intensity of a light.
     Intensity(usize),
     /// Counted in the stage, whatever the time.
     Count(Count),
@@ -141,23 +141,23 @@ pub enum Quantity {
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum VectorQuantity {
-    /// In the world, or in the space of an actor or joint.
+    /// Position in the world, or in the space of an actor or joint.
     Position(Subject, Option<Attachment>),
     Scale(Subject),
-    /// Where the subject looks: a unit vector (+z of actors and joints; where cameras and lights point).
+    /// Direction of the subject as a unit vector (+z of actors and joints; where cameras and lights point).
     Direction(Subject),
     /// Red, green, blue, linear.
     Tint(usize),
     LightColor(usize),
     /// Extent of an actor as posed, along the world's axes.
     Size(usize),
-    /// In the picture: x from 0 (left) to 1 (right), y from 0 (top) to 1 (bottom), z metres before the camera.
+    /// Position in the image: x from 0 (left) to 1 (right), y from 0 (top) to 1 (bottom), z in metres before the camera.
     InPicture(Subject, Option<usize>),
 }
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum RotationQuantity {
-    /// In the world, or in the space of an actor or joint.
+    /// Rotation in the world, or in the space of an actor or joint.
     Of(Subject, Option<Attachment>),
 }
 
@@ -240,7 +240,7 @@ pub enum VectorTest {
         goal: VectorGoal,
         tolerance: f64,
     },
-    /// In a box.
+    /// The point lies in a box.
     Within {
         min: DVec3,
         max: DVec3,
@@ -250,9 +250,9 @@ pub enum VectorTest {
 #[derive(Clone, Debug)]
 pub enum VectorGoal {
     Point(DVec3),
-    /// Where something is at the same time.
+    /// The position of a target at the same time.
     Target(Target),
-    /// Where another subject is.
+    /// The same property of another subject.
     Subject(Subject),
     Formula(Formula),
 }
@@ -325,7 +325,7 @@ pub enum EventsTest {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TextsQuantity {
-    /// Of the script and of the assets on stage.
+    /// Warnings about the script and the assets on stage.
     Warnings,
     Printed,
     /// What the plan leaves out: `skinning: no mesh has a skin`.
@@ -353,7 +353,7 @@ pub enum Value {
     Number(f64),
     Text(String),
     List(Vec<Value>),
-    /// By key, sorted.
+    /// Entries sorted by key.
     Map(Vec<(String, Value)>),
 }
 

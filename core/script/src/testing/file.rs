@@ -24,7 +24,7 @@ pub struct TestFile {
 #[derive(Debug)]
 pub struct Listing {
     pub sections: Vec<SectionInfo>,
-    /// Of each section: its own statement of the file. `None`: a loop or a function calls `test`.
+    /// Index of each section's own statement in the file. `None`: a loop or a function calls `test`.
     own: Vec<Option<usize>>,
     /// The statements outside all sections, each with its index in the file.
     common: Vec<(usize, Stmt)>,

@@ -11,11 +11,16 @@ pub(crate) mod run;
 mod state;
 mod timeout;
 
-pub use expectation::*;
+pub use expectation::{
+    Claim, Contact, Count, EventPattern, EventsTest, Expectation, Flag, Formula, InFrame, NumberGoal,
+    NumberTest, PictureExpectation, PlanCount, PlanOptions, Quantity, RotationGoal, RotationQuantity,
+    SameOther, SameWhat, Subject, TextsQuantity, TextsTest, Value, ValueTest, VectorGoal, VectorQuantity,
+    VectorTest, When,
+};
 pub use file::TestFiles;
 pub use run::{list_sections, run_section};
 pub(crate) use state::{ExpectRef, Measure, Scene, TestState};
-pub use timeout::Timeout;
+pub use timeout::{TimeUsedUp, Timeout};
 
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::run::ScriptOptions;
@@ -26,13 +31,13 @@ use std::sync::Arc;
 /// A `test(…)` of a file, found without running it; or a file without any, which is a test as it stands.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SectionInfo {
-    /// Among the sections of its file, from 0.
+    /// Index among the sections of its file, from 0.
     pub index: usize,
     /// Unlike every other of its file. Empty: the file has no sections and is tested as it stands.
     pub name: String,
     /// The file as the caller named it.
     pub file: String,
-    /// Of its call of `test`, from 1; 0 where there is none.
+    /// Line of its call of `test`, from 1; 0 where there is none.
     pub line: usize,
     /// Last line of its function.
     pub end_line: usize,
@@ -40,7 +45,7 @@ pub struct SectionInfo {
     pub skip: Option<String>,
     /// A known bug: why it is expected to fail. It must not pass.
     pub fails: Option<String>,
-    /// In the order of the script.
+    /// Tags in the order of the script.
     pub tags: Vec<String>,
 }
 
@@ -55,7 +60,7 @@ impl SectionInfo {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ExpectedDiagnostic {
     pub severity: Severity,
-    /// From 1.
+    /// Line number from 1.
     pub line: usize,
     /// Part of its message.
     pub text: String,
@@ -81,7 +86,7 @@ pub struct SectionRun {
     pub info: SectionInfo,
     /// The section's own stage first, then those made with `stage_of`. Where `broken` is not empty they must not be evaluated.
     pub stages: Vec<Arc<Stage>>,
-    /// In the order of the script.
+    /// Expectations in the order of the script.
     pub expectations: Vec<Expectation>,
     /// The `//~` comments that count for this section.
     pub expected: Vec<ExpectedDiagnostic>,
@@ -91,7 +96,7 @@ pub struct SectionRun {
     pub warnings: Vec<Diagnostic>,
     /// Why the stages cannot be evaluated, where errors were expected and left nothing sound.
     pub broken: Vec<Diagnostic>,
-    /// Of a file that is a test as it stands and has no errors: content hash of the stage that a second run gave.
+    /// Content hash of the stage that a second run gave, for a file without sections and without errors.
     pub hash_again: Option<[u8; 32]>,
     /// How long judging it may take.
     pub seconds: f64,
@@ -101,7 +106,7 @@ pub struct SectionRun {
     pub printed: Vec<String>,
     /// Canonical paths of all that was read, the file itself included, with the BLAKE3 of their content; sorted.
     pub files_used: Vec<(PathBuf, [u8; 32])>,
-    /// Of the section's name and all files used: equal hash, equal outcome (but for the program and its device).
+    /// Hash of the section's name and all files used: equal hash, equal outcome (apart from program and device).
     pub hash: [u8; 32],
 }
 

@@ -207,7 +207,7 @@ fn run_here(
     }))
 }
 
-/// Without what the other sections expect, which is theirs.
+/// Leaves out what the other sections expect.
 fn of_section(
     expected: &[ExpectedDiagnostic],
     own: &SectionInfo,

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 #[derive(Default)]
 pub struct TestState {
-    /// In the order of the script.
+    /// Sections in the order of the script.
     pub sections: Vec<SectionInfo>,
     /// Line and column of the call for each of them.
     pub calls: Vec<(usize, usize)>,
@@ -34,7 +34,7 @@ pub struct TestState {
     pub scene: Option<Scene>,
     /// Other scripts by their names in messages, with the place of the call that ran them.
     pub scenes: Vec<(String, Place)>,
-    /// Where `scene` was called for the stage being built.
+    /// Place of the call of `scene` for the stage being built.
     pub scene_at: Option<Place>,
     /// Last line of each function of the script.
     pub ends: Arc<BTreeMap<String, usize>>,
@@ -45,7 +45,7 @@ pub struct TestState {
 pub struct Scene {
     /// Canonical.
     pub folder: PathBuf,
-    /// In place of `--set`.
+    /// Parameters in place of `--set`.
     pub set: Vec<(String, String)>,
 }
 
@@ -104,7 +104,7 @@ impl ExpectRef {
 }
 
 impl Measure {
-    /// In messages.
+    /// The word used in messages.
     pub fn word(&self) -> &'static str {
         match self {
             Measure::Number(_) => "a number",

@@ -11,19 +11,15 @@ pub struct Timeout {
 }
 
 impl Timeout {
-    /// From now on.
+    /// A timeout that starts now.
     pub fn after(seconds: f64) -> Timeout {
         let span = Duration::try_from_secs_f64(seconds).ok();
         Timeout { at: span.and_then(|span| Instant::now().checked_add(span)), seconds }
     }
 
-    /// An error once the time is used up: what is wrong, with what to do.
-    pub fn check(&self) -> Result<(), String> {
-        let (what, hint) = self.error();
-        match self.at.is_some_and(|at| Instant::now() > at) {
-            true => Err(format!("{what}\n    hint: {hint}")),
-            false => Ok(()),
-        }
+    /// An error once the time is used up.
+    pub fn check(&self) -> Result<(), TimeUsedUp> {
+        if self.at.is_some_and(|at| Instant::now() > at) { Err(TimeUsedUp(*self)) } else { Ok(()) }
     }
 
     /// The error after the time is used up, with a hint.
@@ -32,3 +28,16 @@ impl Timeout {
         (what, "make it shorter, or raise the time with --timeout SECONDS")
     }
 }
+
+/// The time of a section is used up: what is wrong, with what to do.
+#[derive(Clone, Copy, Debug)]
+pub struct TimeUsedUp(Timeout);
+
+impl std::fmt::Display for TimeUsedUp {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (what, hint) = self.0.error();
+        write!(f, "{what}\n    hint: {hint}")
+    }
+}
+
+impl std::error::Error for TimeUsedUp {}

@@ -1,16 +1,16 @@
 //! Keys of a property, `.key("position", [[time, value], …])`: the one at a time is changed, or one is added there as the others
 //! are written.
 
-use super::object::{Object, Refused, euler_degrees, quoted, rotation};
-use super::scan::{call_from, skip, trimmed, value_end};
-use super::values::{is_plain, literal, literals, plain, rewritten};
-use super::{Edit, seconds};
+use super::object::{EditRefused, ScriptObject, euler_degrees, quoted, rotation};
+use super::scan::{Call, Source};
+use super::values::{format_number, is_plain, literal, literals, rewritten};
+use super::{Edit, format_seconds};
 use glam::{DQuat, DVec3};
 use std::ops::Range;
 
-/// Where a key is to be: on a frame of the stage.
+/// The frame of the stage at which a key is to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct When {
+pub struct KeyTime {
     pub secs: f64,
     /// Frames a second: keys at `f(12)` are at frame 12, and half a frame tells two keys apart.
     pub fps: f64,
@@ -18,7 +18,7 @@ pub struct When {
 
 /// A value of a key, to be written as its neighbours are.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Value<'v> {
+pub enum KeyValue<'v> {
     /// `[x, y, z]`
     Point(DVec3),
     /// Degrees about y, `[x, y, z]` in degrees, or a quaternion.
@@ -38,14 +38,14 @@ struct Key {
     value: Range<usize>,
 }
 
-impl Object<'_> {
+impl ScriptObject<'_> {
     /// Changes the key of a property at a time, or adds one.
     ///
     /// # Errors
     /// The keys are computed, or stand elsewhere.
-    pub fn set_key(&self, property: &str, when: When, value: Value) -> Result<Edit, Refused> {
+    pub fn set_key(&self, property: &str, when: KeyTime, value: KeyValue) -> Result<Edit, EditRefused> {
         let name = quoted(property);
-        let is_it = |call: &&super::scan::Call| {
+        let is_it = |call: &&Call| {
             self.text[call.name.clone()] == *"key"
                 && self.text[call.inside.clone()].trim_start().starts_with(&name)
         };
@@ -58,35 +58,35 @@ impl Object<'_> {
         };
         let line = self.line_of(call.name.start);
         let computed = || {
-            Refused::from(format!(
+            EditRefused::from(format!(
                 "line {line}: its {property} has keys that are computed; change them there"
             ))
         };
-        let start = (value_end(self.text, call.inside.start, call.inside.end) + 1).min(call.inside.end);
-        let keys = keys_in(self.text, start..value_end(self.text, start, call.inside.end), when.fps);
+        let start = (self.text.value_end(call.inside.start, call.inside.end) + 1).min(call.inside.end);
+        let keys = keys_in(&self.text, start..self.text.value_end(start, call.inside.end), when.fps);
         let keys = keys.ok_or_else(computed)?;
         if let Some(key) = keys.iter().find(|key| (key.secs - when.secs).abs() < 0.5 / when.fps) {
-            let range = trimmed(self.text, &key.value);
-            return over(self.text, &range, &value).ok_or_else(computed);
+            let range = self.text.trimmed(&key.value);
+            return over(&self.text, &range, &value).ok_or_else(computed);
         }
         let next = keys.iter().position(|key| key.secs > when.secs).unwrap_or(keys.len());
         let time = match keys.iter().all(|key| key.in_frames) {
             true => format!("f({})", libm::round(when.secs * when.fps)),
-            false => seconds(when.secs),
+            false => format_seconds(when.secs),
         };
-        let near = near(self.text, &keys, next, when.secs);
+        let near = near(&self.text, &keys, next, when.secs);
         let key = format!("[{time}, {}]", written_like(&near, &value));
-        Ok(inserted(self.text, &keys, next, &key))
+        Ok(inserted(&self.text, &keys, next, &key))
     }
 }
 
 /// `None` where anything of them but the values is computed.
-fn keys_in(text: &str, bytes: Range<usize>, fps: f64) -> Option<Vec<Key>> {
-    let array = trimmed(text, &bytes);
+fn keys_in(text: &Source, bytes: Range<usize>, fps: f64) -> Option<Vec<Key>> {
+    let array = text.trimmed(&bytes);
     let inside = text[array.clone()].strip_prefix('[')?.strip_suffix(']')?;
     let mut keys: Vec<Key> = Vec::new();
     for part in parts(text, array.start + 1, array.start + 1 + inside.len()) {
-        let all = trimmed(text, &part);
+        let all = text.trimmed(&part);
         let pair = text[all.clone()].strip_prefix('[')?.strip_suffix(']')?;
         let parts: Vec<Range<usize>> = parts(text, all.start + 1, all.start + 1 + pair.len()).collect();
         let [time, value, ..] = parts.as_slice() else { return None };
@@ -99,14 +99,14 @@ fn keys_in(text: &str, bytes: Range<usize>, fps: f64) -> Option<Vec<Key>> {
     (!keys.is_empty()).then_some(keys)
 }
 
-/// Between commas; nothing behind a last one.
-fn parts(text: &str, start: usize, end: usize) -> impl Iterator<Item = Range<usize>> {
+/// The parts between commas; nothing after a trailing one.
+fn parts(text: &Source, start: usize, end: usize) -> impl Iterator<Item = Range<usize>> {
     let mut at = start;
     std::iter::from_fn(move || {
-        if skip(text, at) >= end {
+        if text.skip(at) >= end {
             return None;
         }
-        let to = value_end(text, at, end);
+        let to = text.value_end(at, end);
         let part = at..to;
         at = to + 1;
         Some(part)
@@ -114,20 +114,21 @@ fn parts(text: &str, start: usize, end: usize) -> impl Iterator<Item = Range<usi
 }
 
 /// A number of seconds, or `f(12)`.
-fn time_at(text: &str, bytes: &Range<usize>, fps: f64) -> Option<(f64, bool)> {
+fn time_at(text: &Source, bytes: &Range<usize>, fps: f64) -> Option<(f64, bool)> {
     if let Some((_, secs)) = literal(text, bytes) {
         return Some((secs, false));
     }
-    let range = trimmed(text, bytes);
-    let call = call_from(text, range.start)
+    let range = text.trimmed(bytes);
+    let call = text
+        .call_from(range.start)
         .filter(|call| call.end == range.end && text[call.name.clone()] == *"f")?;
     let (_, frame) = literal(text, &call.inside)?;
     Some((frame / fps, true))
 }
 
-/// In place of a value. `None` where that is computed.
-fn over(text: &str, bytes: &Range<usize>, value: &Value) -> Option<Edit> {
-    if let Value::Text(new) = value {
+/// Replaces a value. `None` where that is computed.
+fn over(text: &Source, bytes: &Range<usize>, value: &KeyValue) -> Option<Edit> {
+    if let KeyValue::Text(new) = value {
         return is_plain(text, bytes).then(|| Edit { range: bytes.clone(), text: new.to_string() });
     }
     let old = literals(text, bytes).filter(|old| !old.is_empty())?;
@@ -142,7 +143,7 @@ fn over(text: &str, bytes: &Range<usize>, value: &Value) -> Option<Edit> {
 
 /// The numbers that keys have at a time before the key `next`: between its neighbours, as if they were linear; none where those
 /// are computed.
-fn near(text: &str, keys: &[Key], next: usize, secs: f64) -> Vec<f64> {
+fn near(text: &Source, keys: &[Key], next: usize, secs: f64) -> Vec<f64> {
     let of = |key: Option<&Key>| -> Option<(f64, Vec<f64>)> {
         let numbers = literals(text, &key?.value)?;
         Some((key?.secs, numbers.iter().map(|(_, v)| *v).collect()))
@@ -158,25 +159,27 @@ fn near(text: &str, keys: &[Key], next: usize, secs: f64) -> Vec<f64> {
     }
 }
 
-fn written_like(near: &[f64], value: &Value) -> String {
+fn written_like(near: &[f64], value: &KeyValue) -> String {
     match value {
-        Value::Text(new) => new.to_string(),
+        KeyValue::Text(new) => new.to_string(),
         _ => list(&numbers_like(near, value)),
     }
 }
 
 fn list(values: &[f64]) -> String {
-    let all: Vec<String> = values.iter().map(|v| plain(*v)).collect();
+    let all: Vec<String> = values.iter().map(|v| format_number(*v)).collect();
     if let [one] = all.as_slice() { one.clone() } else { format!("[{}]", all.join(", ")) }
 }
 
 /// As many numbers as a key near it has, where they can say it; angles as near to its as they can be.
-fn numbers_like(near: &[f64], value: &Value) -> Vec<f64> {
+fn numbers_like(near: &[f64], value: &KeyValue) -> Vec<f64> {
     match *value {
-        Value::Point(p) => p.to_array().to_vec(),
-        Value::Scale(s) if near.len() != 3 && (s - DVec3::splat(s.x)).abs().max_element() < 1e-9 => vec![s.x],
-        Value::Scale(s) => s.to_array().to_vec(),
-        Value::Turn(q) => match near {
+        KeyValue::Point(p) => p.to_array().to_vec(),
+        KeyValue::Scale(s) if near.len() != 3 && (s - DVec3::splat(s.x)).abs().max_element() < 1e-9 => {
+            vec![s.x]
+        }
+        KeyValue::Scale(s) => s.to_array().to_vec(),
+        KeyValue::Turn(q) => match near {
             [x, y, z, w] => {
                 let sign = if q.dot(DQuat::from_xyzw(*x, *y, *z, *w)) < 0.0 { -1.0 } else { 1.0 };
                 q.to_array().map(|v| v * sign).to_vec()
@@ -188,7 +191,7 @@ fn numbers_like(near: &[f64], value: &Value) -> Vec<f64> {
             }
             _ => nearest(q, DVec3::new(0.0, near.first().copied().unwrap_or(0.0), 0.0)).to_array().to_vec(),
         },
-        Value::Text(_) => Vec::new(),
+        KeyValue::Text(_) => Vec::new(),
     }
 }
 
@@ -197,7 +200,7 @@ fn turns(degrees: f64, near: f64) -> f64 {
     degrees + 360.0 * libm::round((near - degrees) / 360.0)
 }
 
-/// Of the angles that say a rotation, those nearest to others: keys go from angle to angle, not the shortest way.
+/// The angles of a rotation that are nearest to others: keys go from angle to angle, not the shortest way.
 fn nearest(q: DQuat, near: DVec3) -> DVec3 {
     let one = euler_degrees(q);
     let other = DVec3::new(one.x + 180.0, 180.0 - one.y, one.z + 180.0);

@@ -9,10 +9,10 @@ mod values;
 
 use std::ops::Range;
 
-pub use keys::{Value, When};
-pub use object::{Object, Refused, euler_degrees, marker, set_call};
-pub use times::{Part, follows, set_time};
-pub use values::plain;
+pub use keys::{KeyTime, KeyValue};
+pub use object::{EditRefused, ScriptObject, euler_degrees, set_call, set_marker};
+pub use times::{CueTime, follows, set_time};
+pub use values::format_number;
 
 /// These bytes of the text become this.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -26,7 +26,7 @@ impl Edit {
         format!("{}{}{}", &text[..self.range.start], self.text, &text[self.range.end..])
     }
 
-    /// From one text to another: the least part that differs.
+    /// The smallest edit that turns one text into another.
     pub fn between(before: &str, after: &str) -> Edit {
         let same = |a: &mut dyn Iterator<Item = (char, char)>| -> usize {
             a.take_while(|(x, y)| x == y).map(|(x, _)| x.len_utf8()).sum()
@@ -70,8 +70,8 @@ fn line_around(text: &str, at: usize) -> Range<usize> {
     start..end
 }
 
-/// To the millisecond, as a person would write it; always with a point, so that it stays a float.
-pub fn seconds(secs: f64) -> String {
+/// Seconds to the millisecond, as a person would write them; always with a point, so that it stays a float.
+pub fn format_seconds(secs: f64) -> String {
     let text = format!("{:.3}", secs.max(0.0));
     let text = text.trim_end_matches('0');
     if text.ends_with('.') { format!("{text}0") } else { text.to_string() }

@@ -1,61 +1,60 @@
 //! What a script says of one thing that it makes: `let anna = cast(…).at(…);` and, further on, `anna.turn(…);`. Each change here
 //! is one edit of one call; where the value is computed, a line is offered that says it anew.
 
-use super::scan::{
-    Call, byte_at, call_from, chain_after, chains_of, depth_to, past_quiet, skip, statement_end, value_end,
-};
-use super::values::{literal, literals, option_of, plain, rewritten, set_option};
-use super::{Edit, seconds};
+use super::scan::{Call, Source};
+use super::values::{format_number, literal, literals, option_of, rewritten, set_option};
+use super::{Edit, format_seconds};
 use glam::{DMat3, DQuat, DVec3};
 
 /// Why a change was not made, for the user, and the line that would make it all the same.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Refused {
+pub struct EditRefused {
     pub why: String,
     /// Adds a line that holds over what is computed, or takes the place of what is in the way.
     pub over: Option<Edit>,
-    /// Of `over`, for a button.
+    /// Label of the button for `over`.
     pub agree: &'static str,
 }
 
-/// Of a line that is added.
+/// Label of the button that adds a line.
 const ADD: &str = "Add the line";
 
-impl From<String> for Refused {
-    fn from(why: String) -> Refused {
-        Refused { why, over: None, agree: ADD }
+impl From<String> for EditRefused {
+    fn from(why: String) -> EditRefused {
+        EditRefused { why, over: None, agree: ADD }
     }
 }
 
-pub struct Object<'a> {
-    pub(super) text: &'a str,
+pub struct ScriptObject<'a> {
+    pub(super) text: Source<'a>,
     pub(super) line: usize,
     made: Call,
     /// What the script calls it.
     pub variable: Option<String>,
-    /// Of itself, in the order of the text; the last of a name counts.
+    /// Its own calls in the order of the text; the last of a name counts.
     pub(super) calls: Vec<Call>,
-    /// Where it is spoken of last.
+    /// Position of its last mention.
     last_at: usize,
 }
 
-impl<'a> Object<'a> {
+impl<'a> ScriptObject<'a> {
     /// Made by the call at a place: line and column in characters, from 1.
-    pub fn at(text: &'a str, line: usize, column: usize) -> Result<Object<'a>, Refused> {
-        let refuse = |why: &str| Refused::from(format!("line {line}: {why}"));
-        let at = byte_at(text, line, column).ok_or_else(|| refuse("the script has no such line"))?;
-        let made = call_from(text, at).ok_or_else(|| refuse("there is no call to be changed"))?;
-        let variable = variable_before(text, made.name.start);
-        let mut calls = chain_after(text, made.end);
+    pub fn at(text: &'a str, line: usize, column: usize) -> Result<ScriptObject<'a>, EditRefused> {
+        let refuse = |why: &str| EditRefused::from(format!("line {line}: {why}"));
+        let text = Source::new(text);
+        let at = text.byte_at(line, column).ok_or_else(|| refuse("the script has no such line"))?;
+        let made = text.call_from(at).ok_or_else(|| refuse("there is no call to be changed"))?;
+        let variable = text.variable_before(made.name.start).map(str::to_string);
+        let mut calls = text.chain_after(made.end);
         let mut last_at = made.end;
         if let Some(name) = &variable {
-            let later = chains_of(text, name, made.name.start).into_iter().filter(|(at, _)| *at > made.end);
+            let later = text.chains_of(name, made.name.start).into_iter().filter(|(at, _)| *at > made.end);
             for (at, chain) in later {
                 last_at = at;
                 calls.extend(chain);
             }
         }
-        Ok(Object { text, line, made, variable, calls, last_at })
+        Ok(ScriptObject { text, line, made, variable, calls, last_at })
     }
 
     /// The line of the last call of a method, where there is one.
@@ -71,10 +70,10 @@ impl<'a> Object<'a> {
         self.text[..byte].matches('\n').count() + 1
     }
 
-    fn computed(&self, call: &Call, over: &str) -> Refused {
+    fn computed(&self, call: &Call, over: &str) -> EditRefused {
         let (name, inside) = (&self.text[call.name.clone()], self.text[call.inside.clone()].trim());
         let line = self.line_of(call.name.start);
-        Refused {
+        EditRefused {
             why: format!(
                 "line {line}: .{name}({inside}) is computed; change it there, or say it anew in a line of its own"
             ),
@@ -86,7 +85,7 @@ impl<'a> Object<'a> {
     /// `variable.call;` after everything that is said of it.
     fn new_line(&self, call: &str) -> Option<Edit> {
         let name = self.variable.as_ref()?;
-        let mut end = statement_end(self.text, self.last_at);
+        let mut end = self.text.statement_end(self.last_at);
         // Behind a remark on the same line.
         let rest = self.text[end..].find('\n').map_or(&self.text[end..], |n| &self.text[end..end + n]);
         if rest.trim().is_empty() || rest.trim_start().starts_with("//") {
@@ -102,37 +101,37 @@ impl<'a> Object<'a> {
     }
 
     /// `.name(values)`: the last call of this name, or a new one behind the call that made it.
-    pub fn set(&self, name: &str, values: &[f64]) -> Result<Edit, Refused> {
+    pub fn set(&self, name: &str, values: &[f64]) -> Result<Edit, EditRefused> {
         let new = call_text(name, values);
         let Some(call) = self.last(&[name]) else { return Ok(self.behind(self.made.end, &new)) };
-        let old = literals(self.text, &call.inside).ok_or_else(|| self.computed(call, &new))?;
+        let old = literals(&self.text, &call.inside).ok_or_else(|| self.computed(call, &new))?;
         if old.len() == values.len() {
-            return rewritten(self.text, &old, values).ok_or_else(|| self.computed(call, &new));
+            return rewritten(&self.text, &old, values).ok_or_else(|| self.computed(call, &new));
         }
         // One factor becomes three.
-        let inside = values.iter().map(|v| plain(*v)).collect::<Vec<_>>().join(", ");
+        let inside = values.iter().map(|v| format_number(*v)).collect::<Vec<_>>().join(", ");
         Ok(Edit { range: call.inside.clone(), text: inside })
     }
 
     /// `.name([x, y, z])`: the last call of this name, or a new one behind the call that made it.
-    pub fn set_point(&self, name: &str, point: DVec3) -> Result<Edit, Refused> {
-        let [x, y, z] = point.to_array().map(plain);
+    pub fn set_point(&self, name: &str, point: DVec3) -> Result<Edit, EditRefused> {
+        let [x, y, z] = point.to_array().map(format_number);
         let new = format!("{name}([{x}, {y}, {z}])");
         let Some(call) = self.last(&[name]) else { return Ok(self.behind(self.made.end, &new)) };
-        let old = literals(self.text, &call.inside).filter(|old| old.len() == 3);
-        let changed = old.and_then(|old| rewritten(self.text, &old, &point.to_array()));
+        let old = literals(&self.text, &call.inside).filter(|old| old.len() == 3);
+        let changed = old.and_then(|old| rewritten(&self.text, &old, &point.to_array()));
         changed.ok_or_else(|| self.computed(call, &new))
     }
 
     /// Moves it: `.at` and `.move_by`, of which the last is changed. `to`: where it then stands.
-    pub fn move_by(&self, by: DVec3, to: DVec3) -> Result<Edit, Refused> {
+    pub fn move_by(&self, by: DVec3, to: DVec3) -> Result<Edit, EditRefused> {
         let Some(call) = self.last(&["at", "move_by"]) else { return self.set("at", &to.to_array()) };
         let new = call_text("move_by", &by.to_array());
-        let old = literals(self.text, &call.inside)
+        let old = literals(&self.text, &call.inside)
             .filter(|l| l.len() == 3)
             .ok_or_else(|| self.computed(call, &new))?;
         let moved: Vec<f64> = old.iter().zip(by.to_array()).map(|((_, v), by)| v + by).collect();
-        rewritten(self.text, &old, &moved).ok_or_else(|| self.computed(call, &new))
+        rewritten(&self.text, &old, &moved).ok_or_else(|| self.computed(call, &new))
     }
 
     /// Turns it by a rotation about its parent's axes, after what `.turn` and `.rotate` have done to it: calls add up.
@@ -143,13 +142,13 @@ impl<'a> Object<'a> {
         let new =
             if upright { call_text("turn", &[degrees]) } else { call_text("rotate", &angles.to_array()) };
         let Some(call) = self.last(&["turn", "rotate"]) else { return self.behind(self.made.end, &new) };
-        let old = literals(self.text, &call.inside).unwrap_or_default();
+        let old = literals(&self.text, &call.inside).unwrap_or_default();
         let values: Vec<f64> = old.iter().map(|(_, v)| *v).collect();
         let changed = match (&self.text[call.name.clone()], values.as_slice()) {
-            ("turn", [turned]) if upright => rewritten(self.text, &old, &[wrapped(turned + degrees)]),
+            ("turn", [turned]) if upright => rewritten(&self.text, &old, &[wrapped(turned + degrees)]),
             ("rotate", [x, y, z]) => {
                 let turned = euler_degrees(by * rotation(DVec3::new(*x, *y, *z)));
-                rewritten(self.text, &old, &turned.to_array())
+                rewritten(&self.text, &old, &turned.to_array())
             }
             _ => None,
         };
@@ -157,49 +156,54 @@ impl<'a> Object<'a> {
     }
 
     /// `.from`, `.until`, `.cut` …: in seconds.
-    pub fn time(&self, name: &str, secs: f64) -> Result<Edit, Refused> {
-        let new = format!("{name}({})", seconds(secs));
+    pub fn time(&self, name: &str, secs: f64) -> Result<Edit, EditRefused> {
+        let new = format!("{name}({})", format_seconds(secs));
         let Some(call) = self.last(&[name]) else { return Ok(self.behind(self.made.end, &new)) };
-        let (range, _) = literal(self.text, &call.inside).ok_or_else(|| self.computed(call, &new))?;
-        Ok(Edit { range, text: seconds(secs) })
+        let (range, _) = literal(&self.text, &call.inside).ok_or_else(|| self.computed(call, &new))?;
+        Ok(Edit { range, text: format_seconds(secs) })
     }
 
     /// An option of the call that made it, or what a method of that name said of it later. `value`: as it is written.
-    pub fn option(&self, name: &str, value: &str) -> Result<Edit, Refused> {
+    pub fn option(&self, name: &str, value: &str) -> Result<Edit, EditRefused> {
         if let Some(call) = self.last(&[name]) {
             return self.overwrite(call, call.inside.clone(), value);
         }
         // A light has one or the other.
-        if let (Some(old), "color") = (option_of(self.text, &self.made, "kelvin"), name) {
+        if let (Some(old), "color") = (option_of(&self.text, &self.made, "kelvin"), name) {
             let line = self.line_of(old.start);
             let why = format!(
                 "line {line}: {} says its color; a color would take its place",
                 &self.text[old.clone()]
             );
             let over = Some(Edit { range: old, text: format!("color: {value}") });
-            return Err(Refused { why, over, agree: "Write the color" });
+            return Err(EditRefused { why, over, agree: "Write the color" });
         }
-        Ok(set_option(self.text, &self.made, self.line, name, value)?)
+        Ok(set_option(&self.text, &self.made, self.line, name, value)?)
     }
 
     /// A parameter: the last `.set("name", …)`, else an option.
-    pub fn parameter(&self, name: &str, value: &str) -> Result<Edit, Refused> {
+    pub fn parameter(&self, name: &str, value: &str) -> Result<Edit, EditRefused> {
         let quoted = format!("\"{name}\"");
         let is_it = |call: &&Call| {
             self.text[call.name.clone()] == *"set"
                 && self.text[call.inside.clone()].trim_start().starts_with(&quoted)
         };
         if let Some(call) = self.calls.iter().rev().find(is_it) {
-            let first = value_end(self.text, call.inside.start, call.inside.end);
+            let first = self.text.value_end(call.inside.start, call.inside.end);
             return self.overwrite(call, (first + 1).min(call.inside.end)..call.inside.end, value);
         }
-        Ok(set_option(self.text, &self.made, self.line, name, value)?)
+        Ok(set_option(&self.text, &self.made, self.line, name, value)?)
     }
 
-    fn overwrite(&self, call: &Call, bytes: std::ops::Range<usize>, value: &str) -> Result<Edit, Refused> {
+    fn overwrite(
+        &self,
+        call: &Call,
+        bytes: std::ops::Range<usize>,
+        value: &str,
+    ) -> Result<Edit, EditRefused> {
         let inside = &self.text[bytes.clone()];
         let quoted = inside.trim().starts_with('"') && inside.trim().ends_with('"');
-        if !quoted && literals(self.text, &bytes).is_none_or(|l| l.is_empty()) {
+        if !quoted && literals(&self.text, &bytes).is_none_or(|l| l.is_empty()) {
             return Err(self.computed(call, &format!("{}({value})", &self.text[call.name.clone()])));
         }
         let start = bytes.start + (inside.len() - inside.trim_start().len());
@@ -207,25 +211,24 @@ impl<'a> Object<'a> {
     }
 
     /// A line that plays a clip of the thing's own file: `anna.play(hero.clip("Wave"), #{ fade: 0.3 }).from(2.0);`
-    pub fn play(&self, clip: &str, from: f64, options: &str) -> Result<Edit, Refused> {
+    pub fn play(&self, clip: &str, from: f64, options: &str) -> Result<Edit, EditRefused> {
         let inside = &self.made.inside;
-        let first = value_end(self.text, inside.start, inside.end);
+        let first = self.text.value_end(inside.start, inside.end);
         let asset = self.text.get(first + 1..inside.end).map(str::trim).filter(|a| !a.is_empty());
         let asset = asset.ok_or_else(|| format!("line {}: it is not cast from a file", self.line))?;
         // By the name that the script has for the same file, where it has one.
-        let named = call_from(self.text, first + 1).filter(|load| self.text[load.name.clone()] == *"load");
+        let named = self.text.call_from(first + 1).filter(|load| self.text[load.name.clone()] == *"load");
         let named = named.and_then(|load| {
-            let file =
-                &self.text[load.inside.start..value_end(self.text, load.inside.start, load.inside.end)];
-            loaded_as(self.text, file.trim(), self.made.name.start)
+            let file = &self.text[load.inside.start..self.text.value_end(load.inside.start, load.inside.end)];
+            loaded_as(&self.text, file.trim(), self.made.name.start)
         });
-        let asset = named.as_deref().unwrap_or(asset);
-        let call = format!("play({asset}.clip({}){options}).from({})", quoted(clip), seconds(from));
+        let asset = named.unwrap_or(asset);
+        let call = format!("play({asset}.clip({}){options}).from({})", quoted(clip), format_seconds(from));
         if let Some(line) = self.new_line(&call) {
             // After what it plays already, so that the cues stand in their order.
             return Ok(line);
         }
-        let played = skip(self.text, self.calls.last().map_or(self.made.end, |c| c.end));
+        let played = self.text.skip(self.calls.last().map_or(self.made.end, |c| c.end));
         if self.text[played..].starts_with('.') {
             return Err(format!(
                 "line {}: it has no name in the script; write let NAME = cast(…)",
@@ -238,45 +241,34 @@ impl<'a> Object<'a> {
 }
 
 /// Sets the only argument of the call at a place, a time in seconds: `.cut(2.0)`.
-pub fn set_call(text: &str, line: usize, column: usize, secs: f64) -> Result<Edit, Refused> {
-    let refuse = |why: String| Refused::from(format!("line {line}: {why}"));
-    let call = byte_at(text, line, column).and_then(|at| call_from(text, at));
+pub fn set_call(text: &str, line: usize, column: usize, secs: f64) -> Result<Edit, EditRefused> {
+    let refuse = |why: String| EditRefused::from(format!("line {line}: {why}"));
+    let text = &Source::new(text);
+    let call = text.byte_at(line, column).and_then(|at| text.call_from(at));
     let call = call.ok_or_else(|| refuse("there is no call to be changed".into()))?;
     let shown = || text[call.inside.clone()].trim();
     let (range, _) = literal(text, &call.inside).ok_or_else(|| {
         refuse(format!("the time in {}({}) is computed; change it there", &text[call.name.clone()], shown()))
     })?;
-    Ok(Edit { range, text: seconds(secs) })
+    Ok(Edit { range, text: format_seconds(secs) })
 }
 
-/// Sets the time of a named marker, `marker("name", time)`, the only one of the script.
-pub fn marker(text: &str, name: &str, secs: f64) -> Result<Edit, Refused> {
-    let wanted = quoted(name);
-    let (mut at, mut found) = (0, Vec::new());
-    while at < text.len() {
-        let past = past_quiet(text, at);
-        if past > at {
-            at = past;
-            continue;
-        }
-        if text[at..].starts_with("marker")
-            && !text[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == '.')
-            && let Some(call) = call_from(text, at)
-            && text[call.inside.clone()].trim_start().starts_with(&wanted)
-            && value_end(text, call.inside.start, call.inside.end) < call.inside.end
-        {
-            found.push(call);
-        }
-        at += text[at..].chars().next().map_or(1, char::len_utf8);
-    }
+/// Sets the time of a named marker, `set_marker("name", time)`, the only one of the script.
+pub fn set_marker(text: &str, name: &str, secs: f64) -> Result<Edit, EditRefused> {
+    let (text, wanted) = (&Source::new(text), quoted(name));
+    let sets_it = |call: &Call| {
+        text[call.inside.clone()].trim_start().starts_with(&wanted)
+            && text.value_end(call.inside.start, call.inside.end) < call.inside.end
+    };
+    let found: Vec<Call> = text.calls_of("marker").filter(sets_it).collect();
     let [call] = found.as_slice() else {
         return Err(format!("{} lines set the marker \"{name}\"; change it there", found.len()).into());
     };
-    let second = value_end(text, call.inside.start, call.inside.end) + 1..call.inside.end;
+    let second = text.value_end(call.inside.start, call.inside.end) + 1..call.inside.end;
     let line = text[..call.name.start].matches('\n').count() + 1;
     let (range, _) = literal(text, &second)
         .ok_or_else(|| format!("line {line}: the time of \"{name}\" is computed; change it there"))?;
-    Ok(Edit { range, text: seconds(secs) })
+    Ok(Edit { range, text: format_seconds(secs) })
 }
 
 pub(super) fn quoted(text: &str) -> String {
@@ -284,42 +276,20 @@ pub(super) fn quoted(text: &str) -> String {
 }
 
 fn call_text(name: &str, values: &[f64]) -> String {
-    format!("{name}({})", values.iter().map(|v| plain(*v)).collect::<Vec<_>>().join(", "))
-}
-
-/// `let NAME =` before a byte.
-fn variable_before(text: &str, at: usize) -> Option<String> {
-    let before = text[..at].trim_end().strip_suffix('=')?.trim_end();
-    let start = before.rfind(|c: char| !c.is_alphanumeric() && c != '_').map_or(0, |n| n + 1);
-    let (name, rest) = (&before[start..], before[..start].trim_end());
-    let is_name = name.starts_with(|c: char| c.is_alphabetic() || c == '_');
-    let declares = rest.ends_with("let") || rest.is_empty() || rest.ends_with([';', '}', '{']);
-    (is_name && declares).then(|| name.to_string())
+    format!("{name}({})", values.iter().map(|v| format_number(*v)).collect::<Vec<_>>().join(", "))
 }
 
 /// What the script calls a file that it has loaded before a byte: `let NAME = load("FILE" …)`; `file` with its quotes.
-fn loaded_as(text: &str, file: &str, before: usize) -> Option<String> {
-    let mut at = 0;
-    while at < before {
-        let past = past_quiet(text, at);
-        if past > at {
-            at = past;
-            continue;
-        }
-        if text[at..].starts_with("load")
-            && file.starts_with('"')
-            && depth_to(text, at) == 0
-            && let Some(call) = call_from(text, at)
-            && text[call.name.clone()] == *"load"
-            && text[call.inside.start..value_end(text, call.inside.start, call.inside.end)].trim() == file
-            && text[skip(text, call.end)..].starts_with(';')
-            && let Some(name) = variable_before(text, at)
-        {
-            return Some(name);
-        }
-        at += text[at..].chars().next().map_or(1, char::len_utf8);
-    }
-    None
+fn loaded_as<'a>(text: &Source<'a>, file: &str, before: usize) -> Option<&'a str> {
+    let is_it = |call: &Call| {
+        let first = call.inside.start..text.value_end(call.inside.start, call.inside.end);
+        file.starts_with('"')
+            && call.name.start < before
+            && text.depth_to(call.name.start) == 0
+            && text[first].trim() == file
+            && text[text.skip(call.end)..].starts_with(';')
+    };
+    text.calls_of("load").filter(is_it).find_map(|call| text.variable_before(call.name.start))
 }
 
 fn wrapped(degrees: f64) -> f64 {
@@ -358,9 +328,12 @@ mod tests {
         (text.replacen('|', "", 1), before.matches('\n').count() + 1, column)
     }
 
-    fn changed(text: &str, change: impl FnOnce(&Object) -> Result<Edit, Refused>) -> Result<String, Refused> {
+    fn changed(
+        text: &str,
+        change: impl FnOnce(&ScriptObject) -> Result<Edit, EditRefused>,
+    ) -> Result<String, EditRefused> {
         let (text, line, column) = object(text);
-        let edit = change(&Object::at(&text, line, column)?)?;
+        let edit = change(&ScriptObject::at(&text, line, column)?)?;
         let after = edit.apply(&text);
         assert_eq!(edit.inverse(&text).apply(&after), text);
         Ok(after)
@@ -370,14 +343,14 @@ mod tests {
     fn the_last_word_counts_wherever_it_stands() {
         let text =
             "let a = |cast(\"a\", m).at(1.0, 0, 2.0); // here\nlet b = 1;\na.turn(5).at([ 3.0, -1.5, 0 ]);\n";
-        let moved = |o: &Object| o.move_by(DVec3::new(0.25, 0.0, -1.0), DVec3::ZERO);
+        let moved = |o: &ScriptObject| o.move_by(DVec3::new(0.25, 0.0, -1.0), DVec3::ZERO);
         assert!(changed(text, moved).unwrap().contains("a.turn(5).at([ 3.25, -1.5, -1.0 ]);"));
         let inline = "|cast(\"a\", m).at(1.0, 0, 2.0).play(m.clip(\"x\")).from(1.0);";
         assert_eq!(
             changed(inline, moved).unwrap(),
             "cast(\"a\", m).at(1.25, 0, 1.0).play(m.clip(\"x\")).from(1.0);"
         );
-        let none = |o: &Object| o.move_by(DVec3::ONE, DVec3::ONE);
+        let none = |o: &ScriptObject| o.move_by(DVec3::ONE, DVec3::ONE);
         assert_eq!(
             changed("let a = |cast(\"a\", m);", none).unwrap(),
             "let a = cast(\"a\", m).at(1.0, 1.0, 1.0);"
@@ -388,7 +361,7 @@ mod tests {
     fn what_holds_for_a_frame_only_is_not_taken_for_it() {
         let text =
             "let a = |cast(\"a\", m).turn(10);\non_frame(|t| a.turn(10.0 * t));\nif x { a.turn(3); }\n";
-        let turned = |o: &Object| Ok(o.turn_by(rotation(DVec3::new(0.0, 20.0, 0.0))));
+        let turned = |o: &ScriptObject| Ok(o.turn_by(rotation(DVec3::new(0.0, 20.0, 0.0))));
         let after = changed(text, turned).unwrap();
         assert!(
             after.starts_with("let a = cast(\"a\", m).turn(30.0);\non_frame(|t| a.turn(10.0 * t));"),
@@ -472,9 +445,9 @@ mod tests {
 
     #[test]
     fn markers_are_found_by_their_name() {
-        let text = "marker(\"go\", 1.5); // marker(\"go\", 3)\nlet m = marker(\"go\");\nmarker(\"end\", x);";
-        assert!(marker(text, "go", 2.0).unwrap().apply(text).starts_with("marker(\"go\", 2.0);"));
-        assert!(marker(text, "end", 2.0).unwrap_err().why.contains("line 3"));
-        assert!(marker(text, "no", 2.0).is_err());
+        let text = "set_marker(\"go\", 1.5); // set_marker(\"go\", 3)\nlet m = set_marker(\"go\");\nmarker(\"end\", x);";
+        assert!(set_marker(text, "go", 2.0).unwrap().apply(text).starts_with("set_marker(\"go\", 2.0);"));
+        assert!(set_marker(text, "end", 2.0).unwrap_err().why.contains("line 3"));
+        assert!(set_marker(text, "no", 2.0).is_err());
     }
 }

@@ -1,6 +1,22 @@
-//! Rhai's text as far as edits need it: calls, brackets, comments and text literals.
+//! Calls, arguments and statements of a script, found by its tokens.
 
-use std::ops::Range;
+use choreo_script::token_ranges;
+use std::ops::{Deref, Range};
+
+/// A script's text with the byte ranges of its tokens.
+#[derive(Clone)]
+pub(super) struct Source<'a> {
+    text: &'a str,
+    tokens: Vec<Range<usize>>,
+}
+
+impl Deref for Source<'_> {
+    type Target = str;
+
+    fn deref(&self) -> &str {
+        self.text
+    }
+}
 
 /// A call's name, the inside of its parentheses, and the byte after them.
 #[derive(Clone, Debug, PartialEq)]
@@ -10,250 +26,189 @@ pub(super) struct Call {
     pub end: usize,
 }
 
-/// `.from(x).until(y)` behind a call, up to the next `play` or `then`.
-pub(super) fn chain_after(text: &str, mut at: usize) -> Vec<Call> {
-    let mut chain = Vec::new();
-    loop {
-        at = skip(text, at);
-        if !text[at..].starts_with('.') {
-            return chain;
-        }
-        let Some(call) = call_from(text, at + 1) else { return chain };
-        if matches!(&text[call.name.clone()], "then" | "play" | "then_at") {
-            return chain;
-        }
-        at = call.end;
-        chain.push(call);
-    }
+fn is_open(token: &str) -> bool {
+    matches!(token, "(" | "[" | "{" | "#{")
 }
 
-/// Every call of a variable's methods that stands as deep in brackets as the byte `like`: `name.a(…).b(…)`, as chains in
-/// order, each with where it begins. Deeper ones hold for one round of a loop, or one frame.
-pub(super) fn chains_of(text: &str, name: &str, like: usize) -> Vec<(usize, Vec<Call>)> {
-    let depth_at = |end: usize| depth_to(text, end);
-    let wanted = depth_at(like);
-    let mut chains = Vec::new();
-    let mut at = 0;
-    while at < text.len() {
-        let past = past_quiet(text, at);
-        if past > at {
-            at = past;
-            continue;
-        }
-        let length = text[at..].find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(text.len() - at);
-        if length == 0 {
-            at += text[at..].chars().next().map_or(1, char::len_utf8);
-            continue;
-        }
-        let after = at + length;
-        let is_field = text[..at].trim_end().ends_with('.');
-        if &text[at..after] == name
-            && !is_field
-            && text[skip(text, after)..].starts_with('.')
-            && depth_at(at) == wanted
-        {
-            chains.push((at, chain_after(text, after)));
-        }
-        at = after;
-    }
-    chains
+fn is_close(token: &str) -> bool {
+    matches!(token, ")" | "]" | "}")
 }
 
-/// How many brackets are open before a byte.
-pub(super) fn depth_to(text: &str, end: usize) -> usize {
-    let (mut at, mut depth) = (0, 0usize);
-    while at < end {
-        let past = past_quiet(text, at);
-        if past > at {
-            at = past;
-            continue;
-        }
-        match text.as_bytes()[at] {
-            b'(' | b'[' | b'{' => depth += 1,
-            b')' | b']' | b'}' => depth = depth.saturating_sub(1),
-            _ => {}
-        }
-        at += text[at..].chars().next().map_or(1, char::len_utf8);
+impl<'a> Source<'a> {
+    pub fn new(text: &'a str) -> Source<'a> {
+        Source { text, tokens: token_ranges(text) }
     }
-    depth
-}
 
-/// Behind the `;` that ends the statement in which a byte stands; the end of the line where none does.
-pub(super) fn statement_end(text: &str, mut at: usize) -> usize {
-    while at < text.len() {
-        let past = past_quiet(text, at);
-        if past > at {
-            at = past;
-        } else if text[at..].starts_with(';') {
-            return at + 1;
-        } else if text[at..].starts_with(['(', '[', '{']) {
-            at = matching(text, at).map_or(text.len(), |close| close + 1);
-        } else if text[at..].starts_with([')', ']', '}']) {
-            return at;
-        } else {
-            at += text[at..].chars().next().map_or(1, char::len_utf8);
+    /// The number of the first token that begins at a byte or after it.
+    fn index(&self, at: usize) -> usize {
+        self.tokens.partition_point(|token| token.start < at)
+    }
+
+    /// A token's text; empty behind the last.
+    fn token(&self, index: usize) -> &'a str {
+        self.tokens.get(index).map_or("", |token| &self.text[token.clone()])
+    }
+
+    /// Where a token begins; the text's end behind the last.
+    fn start(&self, index: usize) -> usize {
+        self.tokens.get(index).map_or(self.text.len(), |token| token.start)
+    }
+
+    /// The token that closes the bracket at `open`.
+    fn matching(&self, open: usize) -> Option<usize> {
+        let mut depth = 0usize;
+        for index in open..self.tokens.len() {
+            depth += usize::from(is_open(self.token(index)));
+            if is_close(self.token(index)) {
+                depth = depth.checked_sub(1)?;
+                if depth == 0 {
+                    return Some(index);
+                }
+            }
+        }
+        None
+    }
+
+    /// Behind blanks and comments.
+    pub fn skip(&self, at: usize) -> usize {
+        self.start(self.index(at))
+    }
+
+    /// The first token outside brackets, from a byte on, that ends the search; brackets that open on the way are passed over.
+    fn find_outside(&self, at: usize, ends: impl Fn(&str) -> bool) -> usize {
+        let mut index = self.index(at);
+        while index < self.tokens.len() && !ends(self.token(index)) {
+            index = match is_open(self.token(index)) {
+                true => self.matching(index).map_or(self.tokens.len(), |close| close + 1),
+                false => index + 1,
+            };
+        }
+        index
+    }
+
+    /// `.from(x).until(y)` behind a call, up to the next `play` or `then`.
+    pub fn chain_after(&self, mut at: usize) -> Vec<Call> {
+        let mut chain = Vec::new();
+        while self.token(self.index(at)) == "." {
+            let Some(call) = self.call_from(at) else { break };
+            if matches!(&self.text[call.name.clone()], "then" | "play" | "then_at") {
+                break;
+            }
+            at = call.end;
+            chain.push(call);
+        }
+        chain
+    }
+
+    /// Every call of a variable's methods that stands as deep in brackets as the byte `like`: `name.a(…).b(…)`, as chains in
+    /// order, each with where it begins. Deeper ones hold for one round of a loop, or one frame.
+    pub fn chains_of(&self, name: &str, like: usize) -> Vec<(usize, Vec<Call>)> {
+        let wanted = self.depth_to(like);
+        let is_it = |index: &usize| {
+            self.token(*index) == name
+                && self.token(index + 1) == "."
+                && (*index == 0 || self.token(index - 1) != ".")
+                && self.depth_to(self.start(*index)) == wanted
+        };
+        let found = (0..self.tokens.len()).filter(is_it);
+        found.map(|index| (self.start(index), self.chain_after(self.start(index + 1)))).collect()
+    }
+
+    /// How many brackets are open before a byte.
+    pub fn depth_to(&self, end: usize) -> usize {
+        (0..self.index(end)).fold(0usize, |depth, index| match self.token(index) {
+            token if is_open(token) => depth + 1,
+            token if is_close(token) => depth.saturating_sub(1),
+            _ => depth,
+        })
+    }
+
+    /// Behind the `;` that ends the statement in which a byte stands, before the bracket that closes around it, or the text's end.
+    pub fn statement_end(&self, at: usize) -> usize {
+        let index = self.find_outside(at, |token| token == ";" || is_close(token));
+        self.start(index) + usize::from(self.token(index) == ";")
+    }
+
+    /// All calls of a function, in order.
+    pub fn calls_of(&self, name: &str) -> impl Iterator<Item = Call> {
+        let is_it =
+            move |index: &usize| self.token(*index) == name && (*index == 0 || self.token(index - 1) != ".");
+        let found = (0..self.tokens.len()).filter(is_it);
+        found.filter_map(|index| self.call_from(self.start(index)))
+    }
+
+    /// `name(…)` at a byte, or behind the dot there.
+    pub fn call_from(&self, at: usize) -> Option<Call> {
+        let index = self.index(at);
+        let index = index + usize::from(self.token(index) == ".");
+        let is_name = self.token(index).starts_with(|c: char| c.is_alphanumeric() || c == '_');
+        if !is_name || self.token(index + 1) != "(" {
+            return None;
+        }
+        let close = self.start(self.matching(index + 1)?);
+        let open = self.start(index + 1);
+        Some(Call { name: self.tokens[index].clone(), inside: open + 1..close, end: close + 1 })
+    }
+
+    /// The range without the blanks and comments around it.
+    pub fn trimmed(&self, bytes: &Range<usize>) -> Range<usize> {
+        let (first, behind) = (self.index(bytes.start), self.index(bytes.end));
+        match self.tokens.get(first..behind) {
+            Some([first, .., last]) => first.start..last.end.min(bytes.end),
+            Some([only]) => only.start..only.end.min(bytes.end),
+            _ => bytes.end..bytes.end,
         }
     }
-    text.len()
+
+    /// The inside of the `#{ … }` that is the last argument.
+    pub fn map_in(&self, inside: &Range<usize>) -> Option<Range<usize>> {
+        let mut at = inside.start;
+        while at < inside.end {
+            let end = self.value_end(at, inside.end);
+            let map = self.index(at);
+            if self.token(map) == "#{" {
+                let close = self.matching(map)?;
+                let is_last = self.start(close + 1) >= inside.end;
+                return is_last.then(|| self.tokens[map].end..self.start(close));
+            }
+            at = end + 1;
+        }
+        None
+    }
+
+    /// The comma behind a value, or `end`.
+    pub fn value_end(&self, at: usize, end: usize) -> usize {
+        self.start(self.find_outside(at, |token| token == ",")).min(end)
+    }
+
+    pub fn count_arguments(&self, inside: &Range<usize>) -> usize {
+        let (mut at, mut count) = (inside.start, 0);
+        while at < inside.end {
+            count += 1;
+            at = self.value_end(at, inside.end) + 1;
+        }
+        count
+    }
+
+    /// `let NAME =` or `NAME =` before a byte.
+    pub fn variable_before(&self, at: usize) -> Option<&'a str> {
+        let equals = self.index(at).checked_sub(1)?;
+        let name = equals.checked_sub(1)?;
+        let before = name.checked_sub(1).map_or("", |index| self.token(index));
+        let is_name = self.token(name).starts_with(|c: char| c.is_alphabetic() || c == '_');
+        let declares = matches!(before, "let" | "" | ";" | "}" | "{");
+        (self.token(equals) == "=" && is_name && declares).then(|| self.token(name))
+    }
+
+    /// The byte at a line and a column in characters, both from 1.
+    pub fn byte_at(&self, line: usize, column: usize) -> Option<usize> {
+        let start: usize = self.text.split_inclusive('\n').take(line.checked_sub(1)?).map(str::len).sum();
+        let rest = self.text.get(start..).filter(|rest| !rest.is_empty())?;
+        let within: usize = rest.chars().take(column.saturating_sub(1)).map(char::len_utf8).sum();
+        Some(start + within)
+    }
 }
 
 pub(super) fn find(chain: &[Call], text: &str, name: &str) -> Option<Range<usize>> {
     chain.iter().rev().find(|call| text[call.name.clone()] == *name).map(|call| call.inside.clone())
-}
-
-/// `name(…)` at a byte, or behind the dot there.
-pub(super) fn call_from(text: &str, at: usize) -> Option<Call> {
-    let start = skip(text, at);
-    let start = if text[start..].starts_with('.') { skip(text, start + 1) } else { start };
-    let length = text[start..].find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(0);
-    let open = skip(text, start + length);
-    if length == 0 || !text[open..].starts_with('(') {
-        return None;
-    }
-    let close = matching(text, open)?;
-    Some(Call { name: start..start + length, inside: open + 1..close, end: close + 1 })
-}
-
-/// The byte of the parenthesis that closes the one at `open`.
-pub(super) fn matching(text: &str, open: usize) -> Option<usize> {
-    let mut depth = 0usize;
-    let mut at = open;
-    while at < text.len() {
-        let past = past_quiet(text, at);
-        if past > at {
-            at = past;
-            continue;
-        }
-        let c = text[at..].chars().next()?;
-        match c {
-            '(' | '[' | '{' => depth += 1,
-            ')' | ']' | '}' => {
-                depth = depth.checked_sub(1)?;
-                if depth == 0 {
-                    return Some(at);
-                }
-            }
-            _ => {}
-        }
-        at += c.len_utf8();
-    }
-    None
-}
-
-/// Behind the comment or text literal that begins here; the same byte where none does.
-pub(super) fn past_quiet(text: &str, at: usize) -> usize {
-    let rest = &text[at..];
-    if rest.starts_with("//") {
-        return rest.find('\n').map_or(text.len(), |n| at + n);
-    }
-    if rest.starts_with("/*") {
-        // Rhai's block comments nest.
-        let (mut depth, mut i) = (0usize, 0);
-        while i < rest.len() {
-            if rest[i..].starts_with("/*") {
-                (depth, i) = (depth + 1, i + 2);
-            } else if rest[i..].starts_with("*/") {
-                (depth, i) = (depth - 1, i + 2);
-                if depth == 0 {
-                    return at + i;
-                }
-            } else {
-                i += rest[i..].chars().next().map_or(1, char::len_utf8);
-            }
-        }
-        return text.len();
-    }
-    let Some(quote @ ('"' | '\'' | '`')) = rest.chars().next() else { return at };
-    let mut escaped = false;
-    for (i, c) in rest.char_indices().skip(1) {
-        match c {
-            _ if escaped => escaped = false,
-            '\\' if quote != '`' => escaped = true,
-            c if c == quote => return at + i + 1,
-            _ => {}
-        }
-    }
-    text.len()
-}
-
-/// Behind blanks and comments.
-pub(super) fn skip(text: &str, mut at: usize) -> usize {
-    loop {
-        let blank: usize = text[at..].chars().take_while(|c| c.is_whitespace()).map(char::len_utf8).sum();
-        at += blank;
-        if !text[at..].starts_with("//") && !text[at..].starts_with("/*") {
-            return at;
-        }
-        at = past_quiet(text, at);
-    }
-}
-
-/// Without the blanks and comments around it.
-pub(super) fn trimmed(text: &str, bytes: &Range<usize>) -> Range<usize> {
-    let start = skip(text, bytes.start).min(bytes.end);
-    let (mut at, mut end) = (start, start);
-    while at < bytes.end {
-        let comment = text[at..].starts_with("//") || text[at..].starts_with("/*");
-        let past = past_quiet(text, at);
-        if past > at {
-            at = past.min(bytes.end);
-            end = if comment { end } else { at };
-            continue;
-        }
-        let Some(c) = text[at..].chars().next() else { break };
-        at += c.len_utf8();
-        end = if c.is_whitespace() { end } else { at };
-    }
-    start..end
-}
-
-/// The inside of the `#{ … }` that is the last argument.
-pub(super) fn map_in(text: &str, inside: &Range<usize>) -> Option<Range<usize>> {
-    let mut at = inside.start;
-    while at < inside.end {
-        let past = past_quiet(text, at);
-        if past > at {
-            at = past;
-        } else if text[at..].starts_with("#{") {
-            let close = matching(text, at + 1)?;
-            return (skip(text, close + 1) >= inside.end).then_some(at + 2..close);
-        } else if text[at..].starts_with(['(', '[', '{']) {
-            at = matching(text, at)? + 1;
-        } else {
-            at += text[at..].chars().next()?.len_utf8();
-        }
-    }
-    None
-}
-
-pub(super) fn value_end(text: &str, mut at: usize, end: usize) -> usize {
-    while at < end {
-        let past = past_quiet(text, at);
-        if past > at {
-            at = past;
-        } else if text[at..].starts_with(',') {
-            return at;
-        } else if text[at..].starts_with(['(', '[', '{']) {
-            at = matching(text, at).map_or(end, |close| close + 1);
-        } else {
-            at += text[at..].chars().next().map_or(1, char::len_utf8);
-        }
-    }
-    end
-}
-
-pub(super) fn top_level_arguments(text: &str, inside: &Range<usize>) -> usize {
-    let (mut at, mut count) = (inside.start, 0);
-    while at < inside.end {
-        count += 1;
-        at = value_end(text, at, inside.end) + 1;
-    }
-    count
-}
-
-pub(super) fn byte_at(text: &str, line: usize, column: usize) -> Option<usize> {
-    let start: usize = text.split_inclusive('\n').take(line.checked_sub(1)?).map(str::len).sum();
-    let rest = text.get(start..).filter(|rest| !rest.is_empty())?;
-    let within: usize = rest.chars().take(column.saturating_sub(1)).map(char::len_utf8).sum();
-    Some(start + within)
 }

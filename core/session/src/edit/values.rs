@@ -1,11 +1,11 @@
 //! Values in a text: number literals, lists of them, and options of calls.
 
 use super::Edit;
-use super::scan::{Call, map_in, skip, top_level_arguments, trimmed, value_end};
+use super::scan::{Call, Source};
 use std::ops::Range;
 
 /// As a person would write it: to the thousandth, smaller ones to six digits; always with a point, so that it stays a float.
-pub fn plain(value: f64) -> String {
+pub fn format_number(value: f64) -> String {
     let digits = if value != 0.0 && value.abs() < 0.01 { 6 } else { 3 };
     let text = format!("{value:.digits$}");
     let text = text.trim_end_matches('0');
@@ -27,7 +27,7 @@ pub fn literal(text: &str, bytes: &Range<usize>) -> Option<(Range<usize>, f64)> 
 }
 
 /// `a, b, c` or `[a, b, c]`, all of them literals.
-pub fn literals(text: &str, bytes: &Range<usize>) -> Option<Vec<(Range<usize>, f64)>> {
+pub fn literals(text: &Source, bytes: &Range<usize>) -> Option<Vec<(Range<usize>, f64)>> {
     let inside = &text[bytes.clone()];
     let array = inside.trim().strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
     let (mut at, end) = match array {
@@ -39,7 +39,7 @@ pub fn literals(text: &str, bytes: &Range<usize>) -> Option<Vec<(Range<usize>, f
     };
     let mut found = Vec::new();
     while at < end {
-        let to = value_end(text, at, end);
+        let to = text.value_end(at, end);
         if !text[at..to].trim().is_empty() {
             found.push(literal(text, &(at..to))?);
         }
@@ -56,27 +56,27 @@ pub fn rewritten(text: &str, old: &[(Range<usize>, f64)], new: &[f64]) -> Option
     for ((range, before), value) in old.iter().zip(new) {
         out += &text[at..range.start];
         // What has not changed stays as it was written.
-        let same = plain(*before) == plain(*value);
-        out += &if same { text[range.clone()].to_string() } else { plain(*value) };
+        let same = format_number(*before) == format_number(*value);
+        out += &if same { text[range.clone()].to_string() } else { format_number(*value) };
         at = range.end;
     }
     Some(Edit { range: first.0.start..last.0.end, text: out })
 }
 
 /// A number, a list of numbers or a text literal: what may be overwritten.
-pub fn is_plain(text: &str, bytes: &Range<usize>) -> bool {
+pub fn is_plain(text: &Source, bytes: &Range<usize>) -> bool {
     let inside = text[bytes.clone()].trim();
     let quoted =
         inside.len() >= 2 && inside.starts_with('"') && inside[1..].find('"') == Some(inside.len() - 2);
     quoted || literals(text, bytes).is_some_and(|l| !l.is_empty())
 }
 
-/// In the options of a call, `#{ name: value }`; `line` for messages.
-pub fn set_option(text: &str, call: &Call, line: usize, name: &str, value: &str) -> Result<Edit, String> {
+/// Sets an option in the map of a call, `#{ name: value }`; `line` for messages.
+pub fn set_option(text: &Source, call: &Call, line: usize, name: &str, value: &str) -> Result<Edit, String> {
     let inside = &text[call.inside.clone()];
     let new = format!("{name}: {value}");
-    let Some(map) = map_in(text, &call.inside) else {
-        let arguments = if inside.trim().is_empty() { 0 } else { top_level_arguments(text, &call.inside) };
+    let Some(map) = text.map_in(&call.inside) else {
+        let arguments = if inside.trim().is_empty() { 0 } else { text.count_arguments(&call.inside) };
         if inside.contains("#{") || arguments > 1 {
             return Err(format!("line {line}: the options of this call are computed; change them there"));
         }
@@ -99,23 +99,23 @@ pub fn set_option(text: &str, call: &Call, line: usize, name: &str, value: &str)
 }
 
 /// `name: value` among the options of a call.
-pub fn option_of(text: &str, call: &Call, name: &str) -> Option<Range<usize>> {
-    let value = option_in(text, &map_in(text, &call.inside)?, name)?;
+pub fn option_of(text: &Source, call: &Call, name: &str) -> Option<Range<usize>> {
+    let value = option_in(text, &text.map_in(&call.inside)?, name)?;
     let start = text[..value.start].rfind(name)?;
-    Some(start..trimmed(text, &value).end)
+    Some(start..text.trimmed(&value).end)
 }
 
 /// The bytes of an option's value, in the inside of a `#{ … }`.
-fn option_in(text: &str, map: &Range<usize>, name: &str) -> Option<Range<usize>> {
+fn option_in(text: &Source, map: &Range<usize>, name: &str) -> Option<Range<usize>> {
     let mut at = map.start;
     while at < map.end {
-        at = skip(text, at).min(map.end);
+        at = text.skip(at).min(map.end);
         let length = text[at..map.end].find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(0);
-        let colon = skip(text, at + length);
+        let colon = text.skip(at + length);
         if length == 0 || colon >= map.end || !text[colon..].starts_with(':') {
             return None;
         }
-        let end = value_end(text, colon + 1, map.end);
+        let end = text.value_end(colon + 1, map.end);
         if &text[at..at + length] == name {
             return Some(colon + 1..end);
         }

@@ -99,7 +99,7 @@ pub(crate) fn problems(stage: &Stage, actor: &Actor) -> Vec<(String, String)> {
             bad("limit", format!("joint {joint} does not exist, there are {joints}"));
         }
         if let Err(what) = limit.check() {
-            bad("limit", what);
+            bad("limit", what.to_string());
         }
     }
     if let Some(springs) = &actor.springs {

@@ -5,7 +5,7 @@ use crate::stage::clips::Cue;
 use crate::stage::constraint::Leg;
 use crate::stage::constraint::{Goal, GoalKind};
 use choreo_motion::Time;
-use choreo_motion::contacts::{Contacts, Foot, Stand, stays};
+use choreo_motion::contacts::{ContactInterval, Contacts, Foot, still_intervals};
 
 /// How often it is asked whether feet are down.
 const STEP: Time = Time(Time::TICKS_PER_SECOND / 480);
@@ -13,12 +13,12 @@ const STEP: Time = Time(Time::TICKS_PER_SECOND / 480);
 /// A foot is up for at least so long.
 const SHORTEST_STEP: Time = Time(Time::TICKS_PER_SECOND / 15);
 
-/// By cue of the base layer, the stands of each leg's foot in its clip.
+/// Contacts of each leg's foot in its clip, by cue of the base layer.
 pub(super) struct Said<'a> {
     actor: &'a Actor,
-    /// By leg: who takes its steps while the body is mirrored, by which goal.
+    /// The leg whose steps each leg takes while the character is mirrored, and the constraint that does it.
     mirrored: Vec<(&'a Goal, Vec<usize>)>,
-    cues: Vec<Vec<Vec<Stand>>>,
+    cues: Vec<Vec<Vec<ContactInterval>>>,
 }
 
 impl<'a> Said<'a> {
@@ -27,16 +27,15 @@ impl<'a> Said<'a> {
         // The ball alone: a heel that has come down turns about itself.
         let ball = |leg: &Leg| Foot { joints: vec![leg.toe.unwrap_or(leg.foot)] };
         let feet: Vec<Foot> = legs.iter().map(ball).collect();
-        let mut cues: Vec<Vec<Vec<Stand>>> = Vec::new();
+        let mut cues: Vec<Vec<Vec<ContactInterval>>> = Vec::new();
         let layer = actor.layers.first().map_or(&[][..], |layer| &layer.cues);
         for (i, cue) in layer.iter().enumerate() {
             // Most clips come more than once.
             let same = |other: &Cue| std::sync::Arc::ptr_eq(&other.clip, &cue.clip) && other.trim == cue.trim;
             cues.push(match layer[..i].iter().position(same) {
                 Some(known) => cues[known].clone(),
-                None => {
-                    Contacts::find(skeleton, &cue.clip, cue.trim, &feet).map_or_else(Vec::new, |c| c.stands)
-                }
+                None => Contacts::find(skeleton, &cue.clip, cue.trim, &feet)
+                    .map_or_else(Vec::new, |c| c.intervals),
             });
         }
         let across = |goal: &'a Goal| {
@@ -56,7 +55,7 @@ impl<'a> Said<'a> {
         let at = |i: usize| from + Time(i as i64 * STEP.0);
         let count = ((to - from).0 / STEP.0) as usize;
         let unrest: Vec<f64> = (0..=count).map(|i| self.unrest(leg, at(i))).collect();
-        let mut found: Vec<(Time, Time)> = stays(&unrest, STEP.as_secs(), false)
+        let mut found: Vec<(Time, Time)> = still_intervals(&unrest, STEP.as_secs(), false)
             .into_iter()
             .map(|(first, last)| (at(first), at(last)))
             .collect();
@@ -71,7 +70,7 @@ impl<'a> Said<'a> {
         found
     }
 
-    /// 0 where the foot stands in most of what plays, by its weights, else 2 (see [`choreo_motion::contacts::stays`]): contacts are mixed as poses
+    /// 0 where the foot stands in most of what plays, by its weights, else 2 (see [`choreo_motion::contacts::still_intervals`]): contacts are mixed as poses
     /// are (L. Kovar, M. Gleicher, "Flexible Automatic Motion Blending with Registration Curves", SCA 2003, §3.3).
     fn unrest(&self, leg: usize, time: Time) -> f64 {
         let goals = self.mirrored.iter().filter(|(goal, _)| goal.share(time) >= 0.5);

@@ -14,8 +14,8 @@ use crate::snapshot::Snapshot;
 use crate::stage::constraint::{Leg, Plant};
 use crate::stage::{Stage, StageError};
 use choreo_motion::Time;
-use choreo_motion::contacts::{Rule, stays};
-use choreo_motion::ik::arc;
+use choreo_motion::contacts::{ContactThresholds, still_intervals};
+use choreo_motion::math::rotation::rotation_between;
 use glam::{DAffine3, DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -52,7 +52,7 @@ pub(crate) struct PlantTrack {
     /// What has been looked at, and whether the stage is over then.
     span: (Time, Time),
     to_the_end: bool,
-    /// From when on, how far the body comes down so that its legs reach the ground, metres a look.
+    /// Lowering of the hips, so that the legs reach the ground: start time and metres per step.
     drops: Vec<(Time, Vec<f64>)>,
 }
 
@@ -102,7 +102,7 @@ fn find(stage: &Stage, actor: usize, plant: &Plant) -> Result<PlantTrack, StageE
         let looks = look(stage, actor, plant, &mut scratch, *from, *to)?;
         for (index, (places, legs)) in looks.feet.iter().zip(&mut legs).enumerate() {
             let Some(said) = &said else {
-                let found = stays(&unrest(&looks, places, leg), STEP.as_secs(), false);
+                let found = still_intervals(&unrest(&looks, places, leg), STEP.as_secs(), false);
                 let stay = |(first, last): &(usize, usize)| Stay {
                     span: (looks.time(*first), looks.time(*last)),
                     ends: [places[*first], places[*last]],
@@ -167,7 +167,7 @@ struct Limb {
     ankle: DVec3,
     /// How long the leg is.
     reach: f64,
-    /// From the ankle to the ball.
+    /// Distance from the ankle to the ball.
     sole: f64,
 }
 
@@ -207,7 +207,7 @@ fn look(
     Ok(looks)
 }
 
-/// In metres of the world at time 0.
+/// Length of a leg in metres of the world at time 0.
 fn leg_length(stage: &Stage, actor: usize, plant: &Plant) -> f64 {
     let a = &stage.actors[actor];
     let rest = a.asset.rest_model_from_joint();
@@ -238,12 +238,13 @@ fn unrest(looks: &Looks, places: &[DVec3], leg: f64) -> Vec<f64> {
             return f64::INFINITY;
         }
         let gait = velocity(&body, i).with_y(0.0).length();
-        Rule { height: FLAT * leg, ..Rule::new(leg, gait) }.unrest(above[i] - low, velocity(places, i))
+        ContactThresholds { height: FLAT * leg, ..ContactThresholds::new(leg, gait) }
+            .motion_ratio(above[i] - low, velocity(places, i))
     };
     (0..places.len()).map(at).collect()
 }
 
-/// Over the neighbours, so that a touch-down is fast before it and slow after it alike.
+/// Central velocity over the neighbours, so that a touch-down counts as fast before and after it alike.
 fn velocity(places: &[DVec3], i: usize) -> DVec3 {
     let (before, after) = (i.saturating_sub(1), (i + 1).min(places.len() - 1));
     (places[after] - places[before]) / (STEP.as_secs() * (after - before).max(1) as f64)
@@ -252,7 +253,7 @@ fn velocity(places: &[DVec3], i: usize) -> DVec3 {
 /// A foot that touches the ground as its clips have it.
 struct Stay {
     span: (Time, Time),
-    /// Where it is then and then, world.
+    /// Its positions at both times, world space.
     ends: [DVec3; 2],
 }
 
@@ -275,7 +276,7 @@ fn stand(looks: &Looks, stay: &Stay, leg: usize, plant: &Plant, ground: &[Ground
     Stand { from, to, at: Some(at), first: at - ends[0], last: at - ends[1] }
 }
 
-/// Where a foot stands during a contact: in the middle of where its clips have it, or else as near to it along the body's way as the leg has
+/// Position of a foot during a contact: the middle of its positions in the clips, or else the nearest along the way at which the leg has
 /// to stretch the least: a foot that comes down with the leg straight cannot stand further on, nor one that leaves last further back.
 fn within_reach(stay: &[DVec3], limbs: &[Limb]) -> DVec3 {
     let middle = stay.iter().copied().sum::<DVec3>() / stay.len() as f64;
@@ -415,8 +416,8 @@ pub(super) fn apply(
     }
 }
 
-/// Where the ankle goes, in model space, and how the foot turns: to `target` and not at all where the leg reaches that far, else the heel
-/// rises while the ball stays, as of one who is about to leave the ground. (Lowering the hips instead jerks the head; tried.)
+/// Position of the ankle in model space, and rotation of the foot: at `target` and unrotated if the leg reaches that far, else the heel
+/// rises while the ball stays, as before leaving the ground. (Lowering the hips instead jerks the head; tried.)
 fn on_the_ball(leg: &Leg, target: DVec3, body: &Body) -> (DVec3, DQuat) {
     let [hip, knee, foot] = [leg.hip, leg.knee, leg.foot].map(|j| body.place(j));
     let reach = ((knee - hip).length() + (foot - knee).length()) * 0.9999;
@@ -434,5 +435,5 @@ fn on_the_ball(leg: &Leg, target: DVec3, body: &Body) -> (DVec3, DQuat) {
     let across =
         across.try_normalize().unwrap_or(DVec3::ZERO) * (reach * reach - along * along).max(0.0).sqrt();
     let ankle = hip + line * along + across;
-    (ankle, arc(sole, ball - ankle))
+    (ankle, rotation_between(sole, ball - ankle))
 }

@@ -14,7 +14,7 @@ pub(super) struct Gaze<'a> {
     pub actor: &'a Actor,
     /// That was turned: nothing follows another one than the head.
     pub joint: u32,
-    /// In model space.
+    /// Target in model space.
     pub target: DVec3,
     pub share: f64,
     pub time: Time,

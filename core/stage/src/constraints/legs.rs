@@ -2,14 +2,14 @@
 
 use crate::stage::constraint::Leg;
 use choreo_motion::contacts::find_feet;
-use choreo_motion::{Human, Skeleton};
+use choreo_motion::{HumanoidJoints, Skeleton};
 
 /// The legs of a body by its feet ([`find_feet`]), on two feet or four: the two bones above each foot, which is the upper one where two
 /// joints are called so. None where feet are handles that do not hang on the hips.
 pub fn find_legs(skeleton: &Skeleton) -> Vec<Leg> {
     let parents = skeleton.parents();
     let up = |joint: u32| parents.get(joint as usize).copied().flatten();
-    let hips = Human::of(skeleton).joint("hips");
+    let hips = HumanoidJoints::of(skeleton).joint("hips");
     let hangs = |joint: u32| {
         let Some(hips) = hips else { return true };
         std::iter::successors(Some(joint), |j| up(*j)).any(|j| j == hips)

@@ -14,7 +14,8 @@ use crate::transforms::{target_position, world_from_attachment};
 use choreo_asset::widen;
 use choreo_motion::Time;
 use choreo_motion::ik::Solver;
-use choreo_motion::ik::{Aim, AimJoint, Chain, ChainBone, Limit, TwoBone, share_of};
+use choreo_motion::ik::{Aim, AimJoint, Chain, ChainBone, Limit, TwoBone};
+use choreo_motion::math::rotation::rotation_fraction;
 use glam::DVec3;
 use glam::{DAffine3, DQuat};
 
@@ -76,7 +77,7 @@ pub(crate) fn run(
     Ok(())
 }
 
-/// Where the targets of a round are before any of its actors moves.
+/// Positions of the targets of a round before any of its actors moves.
 fn find_targets(
     stage: &Stage,
     time: Time,
@@ -283,7 +284,7 @@ fn solve_reach(
     }
     if reach.keep_rotation {
         let turned = before * body.rotation(end).inverse();
-        body.turn(end, share_of(turned, share));
+        body.turn(end, rotation_fraction(turned, share));
     }
 }
 

@@ -7,7 +7,7 @@ use crate::snapshot::ActorState;
 use crate::stage::actor::Actor;
 use choreo_asset::eyes::asked;
 use choreo_asset::{Expression, Eyes, EyesMovedBy};
-use choreo_motion::ik::share_of;
+use choreo_motion::math::rotation::rotation_fraction;
 use choreo_motion::{HumanBone, Time};
 use glam::DQuat;
 
@@ -60,7 +60,7 @@ impl Turn<'_> {
                     let Some(eye) = humanoid.joint(bone).filter(there) else { continue };
                     let (yaw, pitch) = eyes.turn_by(left, yaw, pitch);
                     let turn = DQuat::from_rotation_y(yaw) * DQuat::from_rotation_x(-pitch);
-                    body.turn(eye, share_of(turned * turn * turned.inverse(), share));
+                    body.turn(eye, rotation_fraction(turned * turn * turned.inverse(), share));
                 }
             }
             EyesMovedBy::Expressions => {
@@ -78,7 +78,7 @@ impl Turn<'_> {
     }
 }
 
-/// Of an expression of the gaze, 0..=1; 0 of any other.
+/// Weight of a gaze expression, 0..=1; 0 for any other.
 fn weight(eyes: &Eyes, name: &str, yaw: f64, pitch: f64) -> f64 {
     match name {
         "lookLeft" => eyes.outer.map(yaw.max(0.0)),

@@ -7,7 +7,7 @@ use crate::stage::actor::Actor;
 use crate::stage::clips::Layer;
 use crate::timeline::active_clips as timeline;
 use crate::timeline::active_clips::Voice;
-use choreo_motion::{BlendOnto, Inertia, Pose, Time, WeightInertia};
+use choreo_motion::{BlendOnto, Inertialization, Pose, Time, WeightInertialization};
 
 /// How far apart the poses are whose difference is a velocity.
 const STEP: Time = Time(Time::TICKS_PER_SECOND / 240);
@@ -15,14 +15,14 @@ const STEP: Time = Time(Time::TICKS_PER_SECOND / 240);
 /// What one switch leaves to die down.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Switch {
-    pub joints: Inertia,
-    /// By mesh instance.
-    pub morphs: Vec<WeightInertia>,
-    /// By expression, each alone.
-    pub expressions: Vec<WeightInertia>,
+    pub joints: Inertialization,
+    /// Inertialization of morph weights, by mesh instance.
+    pub morphs: Vec<WeightInertialization>,
+    /// Inertialization of each expression.
+    pub expressions: Vec<WeightInertialization>,
 }
 
-/// By cue of an actor's base layer.
+/// Inertialization of each cue of an actor's base layer.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Inertias(Vec<Option<Switch>>);
 
@@ -64,11 +64,11 @@ impl Inertias {
 }
 
 fn switch(from: [&Body; 2], to: [&Body; 2], duration: Time) -> Switch {
-    let weights = |from: [&[f32]; 2], to: [&[f32]; 2]| WeightInertia::new(from, to, STEP, duration);
+    let weights = |from: [&[f32]; 2], to: [&[f32]; 2]| WeightInertialization::new(from, to, STEP, duration);
     let morphs = |i: usize| weights(from.map(|b| &b.morphs[i][..]), to.map(|b| &b.morphs[i][..]));
     let face = |i: usize| weights(from.map(|b| &b.expressions[i..=i]), to.map(|b| &b.expressions[i..=i]));
     Switch {
-        joints: Inertia::new(from.map(|b| &b.pose), to.map(|b| &b.pose), STEP, duration),
+        joints: Inertialization::new(from.map(|b| &b.pose), to.map(|b| &b.pose), STEP, duration),
         morphs: (0..from[0].morphs.len()).map(morphs).collect(),
         expressions: (0..from[0].expressions.len()).map(face).collect(),
     }
@@ -78,7 +78,7 @@ fn switch(from: [&Body; 2], to: [&Body; 2], duration: Time) -> Switch {
 #[derive(Default)]
 struct Body {
     pose: Pose,
-    /// By mesh instance.
+    /// Morph weights by mesh instance.
     morphs: Vec<Vec<f32>>,
     expressions: Vec<f32>,
 }

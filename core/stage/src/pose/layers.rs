@@ -4,7 +4,7 @@ use crate::stage::clips::{Cue, Layer, LayerMode, Reference};
 use crate::timeline::active_clips as timeline;
 use crate::timeline::active_clips::Voice;
 use choreo_asset::{Asset, MeshInstance};
-use choreo_motion::{Deltas, Mix, Pose, Sample, Time};
+use choreo_motion::{AdditiveLayers, Pose, Sample, Time, WeightedBlend};
 
 /// Buffers; what is in them on entry does not matter.
 #[derive(Clone, Debug, Default)]
@@ -12,8 +12,8 @@ pub(crate) struct GroupScratch {
     voices: Vec<Voice>,
     /// (layer within the group, its cue and share)
     heard: Vec<(usize, Voice)>,
-    mix: Mix,
-    deltas: Deltas,
+    mix: WeightedBlend,
+    deltas: AdditiveLayers,
     over: Pose,
     reference: Pose,
     morph: Vec<f32>,

@@ -358,7 +358,7 @@ pub(crate) fn start_weights(asset: &Asset, morph_weights: &mut Vec<Vec<f32>>) {
     }
 }
 
-/// Over the clips': the script's fixed weights, then keyed ones, then those of hooks.
+/// Overrides the clips' weights: the script's fixed weights, then keyed ones, then those of callbacks.
 fn set_weights<'e>(
     actor: &Actor,
     time: Time,

@@ -11,7 +11,7 @@ pub fn posed_meshes(asset: &Asset, actor: &ActorState) -> Vec<PosedInstance> {
     posed_meshes_by(how, asset, model_from_joint, morph_weights, *world_from_model)
 }
 
-/// In model space, as if the body stood once, where it is cast.
+/// The posed mesh in model space, as if the character stood once, where it is cast.
 pub(crate) fn posed_body(asset: &Asset, actor: &ActorState) -> Vec<PosedInstance> {
     let ActorState { model_from_joint, morph_weights, .. } = actor;
     let how = (actor.skinning, Standing::Once);

@@ -184,7 +184,7 @@ struct Uv {
 }
 
 impl Uv {
-    /// Of what [`uv_transform`] makes. A scale of zero has lost its rotation.
+    /// Offset, rotation and scale of what [`uv_transform`] makes. A scale of zero has lost its rotation.
     fn of(a: &Affine2) -> Uv {
         let (x, y) = (a.matrix2.x_axis, a.matrix2.y_axis);
         let mirrored = a.matrix2.determinant() < 0.0;

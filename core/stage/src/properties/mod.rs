@@ -7,7 +7,7 @@ use crate::stage::clips::LayerMode;
 use choreo_motion::{PropertyTarget, Time};
 use glam::Vec4;
 
-/// Where some cue's clip drives the property: its value at a time. A clip on the base layer that does not drive it has `rest`;
+/// Value of the property at a time where some cue's clip drives it. A clip on the base layer that does not drive it has `rest`;
 /// one on an upper layer changes nothing; additive ones bring their difference from `rest`. Masks are of joints and do not count.
 pub(crate) fn at<const N: usize>(
     actor: &Actor,

@@ -34,13 +34,13 @@ impl Step {
         Step { frame: self.frame.then_in(next.frame), forward: self.forward + next.forward }
     }
 
-    /// From here to there.
+    /// The step from here to there.
     fn to(self, there: Step) -> Step {
         Step { frame: self.frame.inverse().then_in(there.frame), forward: there.forward - self.forward }
     }
 }
 
-/// Of all actors of a stage; those without root motion have none.
+/// Root motion of all actors of a stage; `None` for those without.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Travels(Vec<Option<Travel>>);
 
@@ -56,7 +56,7 @@ impl Travels {
 
 #[derive(Clone, Debug)]
 pub(crate) struct Travel {
-    /// Where in model space the root stands on the floor: that of the first clip, and of all others too.
+    /// Position of the root on the floor in model space: that of the first clip, and of all others too.
     anchor: DVec3,
     segments: Vec<Segment>,
 }

@@ -105,7 +105,7 @@ pub struct LookAt {
     pub target: Target,
     pub start: Time,
     pub end: Option<Time>,
-    /// In after `start` and out before `end`, eased.
+    /// Fade-in after `start` and fade-out before `end`, eased.
     pub fade: Time,
     pub weight: f32,
 }

@@ -22,7 +22,7 @@ pub enum Property {
     /// 0 or 1.
     Visible,
     Tint,
-    /// Of its lines and points.
+    /// Width of its lines and points.
     PenWidth,
     /// How many copies of its meshes, rounded down.
     Copies,
@@ -39,13 +39,13 @@ pub enum Property {
     /// Light, sky.
     Intensity,
     Color,
-    /// Of a cue.
+    /// Weight of a cue.
     Weight,
-    /// Of a cue: clip seconds a second.
+    /// Speed of a cue: clip seconds per second.
     Speed,
-    /// Of a cue: seconds of its clip.
+    /// Time of a cue's clip in seconds.
     ClipTime,
-    /// Of an effect: one of its numbers.
+    /// One number of an effect.
     Parameter,
     /// Sky: radians about +Y.
     Turn,

@@ -4,7 +4,7 @@ use crate::described::{FieldType, described};
 use crate::stage::channel::Channel;
 use crate::stage::root_motion::CueRoot;
 use crate::stage::time_remapping::Warp;
-use choreo_motion::{Clip, Ease, PhaseFade, Repeat, Time};
+use choreo_motion::{Clip, Ease, PhaseMatchedFade, Repeat, Time};
 use std::sync::Arc;
 
 /// A layer of clips on one actor. Layer 0 is the base; the others come over it by rank.
@@ -15,7 +15,7 @@ pub struct Layer {
     pub mode: LayerMode,
     /// Layers are sorted by rank, the base left out. A higher rank lies over a lower one. Those of one rank are equal: their
     /// order changes nothing but rounding. First those that override are mixed, by weight, over what is below
-    /// ([`choreo_motion::Mix`]), then the additive ones are summed and laid on top ([`choreo_motion::Deltas`]).
+    /// ([`choreo_motion::WeightedBlend`]), then the additive ones are summed and laid on top ([`choreo_motion::AdditiveLayers`]).
     pub rank: u32,
     /// `Property::Weight` over stage time: of the layer as a whole, times its cues'; upper layers only.
     pub weight_keys: Option<Arc<Channel>>,
@@ -74,9 +74,9 @@ described! {
         /// When the clip stands still, from and to on stage; sorted, one after the other.
         freezes: Vec<(Time, Time)> = Vec::new();
         /// Base layer: phase matching with the cue that fades into this one, and with the one that this one fades into.
-        in_step: [Option<Arc<PhaseFade>>; 2] = [None, None];
+        in_step: [Option<Arc<PhaseMatchedFade>>; 2] = [None, None];
         /// Base layer: above zero, the cue begins at once with all its weight, and the offset from the pose before decays in this
-        /// time ([`choreo_motion::Inertia`]). In place of `fade_in`.
+        /// time ([`choreo_motion::Inertialization`]). In place of `fade_in`.
         inertial: Time = Time::ZERO;
         /// Base layer: the root motion that is taken out of the clip.
         root: Option<Arc<CueRoot>> = None;

@@ -15,7 +15,7 @@ pub struct Goal {
     pub kind: GoalKind,
     pub start: Time,
     pub end: Option<Time>,
-    /// In after `start` and out before `end`, eased.
+    /// Fade-in after `start` and fade-out before `end`, eased.
     pub fade: Time,
     /// 0..=1
     pub weight: f32,
@@ -40,15 +40,15 @@ pub enum GoalKind {
 /// The last joint of a chain comes to a target.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reach {
-    /// From the shoulder to the hand, each below the one before; at least two. The last one is moved, the others turn.
+    /// Joints from the shoulder to the hand, each below the one before; at least two. The last one is moved, the others turn.
     pub joints: Vec<u32>,
     pub target: Target,
-    /// From the target, in its space: the actor's, the joint's, or the world's of a point. With it an actor's target is its origin,
-    /// not its middle.
+    /// Offset from the target, in its space: the actor's, the joint's, or the world's of a point. With it an actor's target is its origin,
+    /// not its center.
     pub offset: Option<DVec3>,
     /// Elbows and knees bend towards it.
     pub pole: Option<Target>,
-    /// Where a straight limb bends to without a pole, in model space.
+    /// Direction in which a straight limb bends without a pole, in model space.
     pub hint: DVec3,
     /// See [`choreo_motion::ik::TwoBone::soft`]; for two bones.
     pub soft: f64,
@@ -91,7 +91,7 @@ pub struct Leg {
 }
 
 impl Goal {
-    /// From time zero on, without fades.
+    /// A constraint from time zero on, without fades.
     pub fn new(kind: GoalKind) -> Goal {
         Goal { kind, start: Time::ZERO, end: None, fade: Time::ZERO, weight: 1.0 }
     }

@@ -13,7 +13,7 @@ pub struct EffectUse {
     pub keys: Vec<(String, Channel)>,
     pub start: Time,
     pub end: Option<Time>,
-    /// On these only, sorted; empty: on everything.
+    /// Actors and materials to which it is limited, sorted; empty: everything.
     pub on: Vec<EffectTarget>,
     /// Only while one of these of `Stage::cameras` is on, sorted; empty: whichever is.
     pub cameras: Vec<usize>,
@@ -24,7 +24,7 @@ pub struct EffectUse {
 pub struct EffectTarget {
     /// Index into `Stage::actors`.
     pub actor: usize,
-    /// Of the actor's asset; `None`: all of them.
+    /// A material of the actor's asset; `None`: all of them.
     pub material: Option<u32>,
 }
 

@@ -49,19 +49,19 @@ pub enum FlatContent {
     Text {
         words: String,
         font: Font,
-        /// Of the font's em, in shares of the picture's height.
+        /// Size of the font's em, as a fraction of the image's height.
         size: f64,
         /// Lines are broken where they would be wider, in shares of the picture's width.
         width: Option<f64>,
         align: Align,
-        /// In sizes.
+        /// Line height in sizes.
         line_height: f64,
         /// Linear RGBA, not premultiplied.
         color: Vec4,
     },
     Picture {
         image: Arc<Image>,
-        /// Of the image.
+        /// Hash of the image.
         hash: [u8; 32],
         fit: Fit,
     },

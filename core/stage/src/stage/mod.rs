@@ -40,7 +40,7 @@ pub struct Stage {
     pub lights: Vec<StageLight>,
     /// Light from all around; a stage with it and no light of its own has no default sun.
     pub sky: Option<Sky>,
-    /// In painter's order.
+    /// 2D layers in painter's order.
     pub flats: Vec<Flat>,
     pub effects: Vec<EffectUse>,
     /// Called in order for every frame, after keyed properties and before joint matrices are built.
@@ -80,14 +80,14 @@ pub enum SkinOnce {
 /// Edges of leaves and hair: where a material's alpha is cut off (glTF's MASK).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Cutouts {
-    /// With several samples a pixel each keeps its share of them (alpha to coverage).
+    /// Alpha to coverage: with several samples per pixel each surface keeps its share of them.
     #[default]
     Smooth,
     /// Whole pixels, as with one sample.
     Hard,
 }
 
-/// In which order what is seen through is mixed (glTF's BLEND, thin glass).
+/// Order in which transparent surfaces are blended (glTF's BLEND, thin glass).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Transparency {
     /// Independent of the order where sorting fails, else sorted.
@@ -106,7 +106,7 @@ pub enum Pipeline {
     #[default]
     Auto,
     Forward,
-    /// With one sample a pixel; with more it is forward.
+    /// Deferred shading with one sample per pixel; with more it is forward.
     Deferred,
 }
 

@@ -22,7 +22,7 @@ pub struct Path {
 /// How an actor goes along a path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Walk {
-    /// In the space in which the actor is placed, from where it is placed.
+    /// The path in the space in which the actor is placed, from where it is placed.
     pub path: Path,
     pub start: Time,
     pub pace: Pace,
@@ -39,7 +39,7 @@ pub enum Pace {
 }
 
 impl Path {
-    /// Through at least two points, neighbours apart; else the reason why not.
+    /// A path through at least two points, neighbours apart; else the reason why not.
     pub fn new(points: Vec<DVec3>, closed: bool) -> Result<Path, String> {
         if points.len() < 2 {
             return Err(format!("a path needs at least 2 points, there are {}", points.len()));

@@ -3,7 +3,7 @@
 use crate::stage::actor::Actor;
 use crate::stage::{Cutouts, Settings, Transparency};
 
-/// Of an actor's surfaces, or of those of one material; what it leaves open the stage says.
+/// Rule for an actor's surfaces, or for those of one material; what it leaves open the stage decides.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SurfaceRule {
     /// Index into `Asset::materials`; `None`: all of them.
@@ -13,7 +13,7 @@ pub struct SurfaceRule {
 }
 
 impl Actor {
-    /// Of a surface with a material: what was said last of it, else of the stage.
+    /// Cutouts of a surface with a material: the last rule for it, else that of the stage.
     pub fn cutouts(&self, material: Option<u32>, settings: &Settings) -> Cutouts {
         self.rules(material).find_map(|rule| rule.cutouts).unwrap_or(settings.cutouts)
     }

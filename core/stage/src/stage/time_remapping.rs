@@ -21,7 +21,7 @@ pub struct SpeedCurve {
 }
 
 impl SpeedCurve {
-    /// Of keys that fit each other; see [`Channel::at`].
+    /// A curve of keys that fit each other; see [`Channel::at`].
     pub fn new(keys: Channel) -> SpeedCurve {
         let mut areas = vec![0.0];
         for i in 1..keys.times.len() {

@@ -30,7 +30,7 @@ struct ActorFacts {
     in_picture: bool,
     /// Pixels of its larger side, at most.
     largest: f64,
-    /// Where it was instead; `None` once that differs from time to time.
+    /// Place where it was instead; `None` once that differs from time to time.
     miss: Option<Option<Miss>>,
 }
 

@@ -1,4 +1,4 @@
-//! Where a cue is in its clip at a time: a function of the time alone, in whole ticks however long it plays.
+//! Clip time of a cue: a function of the stage time alone, in whole ticks however long it plays.
 
 use crate::stage::clips::{Cue, Layer};
 use crate::stage::time_remapping::Warp;
@@ -88,11 +88,11 @@ impl Cue {
         None
     }
 
-    /// Where in the clip it is at a stage time. `held`: it stands there from then on, and shows the last pose of a round, not
+    /// Clip time at a stage time. `held`: it stays there from then on, and shows the last pose of a round, not
     /// the first of one that never comes.
     pub(crate) fn clip_time(&self, time: Time, held: bool) -> Time {
         let played = self.played(time);
-        let at = self.playback().at_played(played);
+        let at = self.playback().clip_time_at(played);
         let (first, last) = if self.speed < 0.0 { (self.trim.1, self.trim.0) } else { self.trim };
         if held && at == first && played > 0 && self.repeat == Repeat::Loop { last } else { at }
     }

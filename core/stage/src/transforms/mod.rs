@@ -34,7 +34,7 @@ fn model_from_joint(stage: &Stage, actors: &[ActorState], actor: usize, joint: u
     all.get(joint as usize).map_or(DAffine3::IDENTITY, widen)
 }
 
-/// Where a target is; `None` for actors and joints that do not exist and for places that are not finite.
+/// Position of a target; `None` for actors and joints that do not exist and for positions that are not finite.
 pub(crate) fn target_position(stage: &Stage, actors: &[ActorState], target: &Target) -> Option<DVec3> {
     let at = match *target {
         Target::Point(point) => point,

@@ -1,11 +1,11 @@
-//! In which order actors can be placed: after what they are attached to, and turned after what they face has its place.
+//! Order in which actors can be placed: after what they are attached to, and turned after what they face has its place.
 
 use crate::stage::{Stage, StageError};
 
 /// A step of placing actors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Step {
-    /// Where it stands: needs its parent's world transform.
+    /// Position: needs its parent's world transform.
     Position(usize),
     /// How it is turned: needs its own position and that of what it faces.
     World(usize),

@@ -16,7 +16,7 @@ pub struct Series {
 pub struct Band {
     pub allowed: Vec<[f64; 2]>,
     pub off: Vec<f64>,
-    /// Where a whole curve is expected.
+    /// The expected curve, where a whole curve is expected.
     pub goal: Vec<f64>,
     pub tolerance: f64,
     /// `at most 1.5 m/s`

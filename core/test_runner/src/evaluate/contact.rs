@@ -2,12 +2,13 @@
 
 use super::band::Series;
 use super::looks::Looks;
+use super::unjudged::Unjudged;
 use choreo_motion::Time;
 use choreo_script::testing::{Contact, Expectation, When};
 use choreo_stage::Attachment;
 use glam::DVec3;
 
-pub fn foot_at(looks: &mut Looks, contact: &Contact, time: Time) -> Result<DVec3, String> {
+pub fn foot_at(looks: &mut Looks, contact: &Contact, time: Time) -> Result<DVec3, Unjudged> {
     let at = Attachment { actor: contact.actor, joint: Some(contact.joint) };
     Ok(looks.attachment(&at, time)?.translation)
 }
@@ -16,7 +17,7 @@ pub fn touches(contact: &Contact, before: DVec3, now: DVec3, secs: f64) -> bool 
     now.y - contact.ground <= contact.height && (now.y - before.y).abs() <= contact.speed * secs
 }
 
-pub fn slide(looks: &mut Looks, e: &Expectation, contact: &Contact) -> Result<Series, String> {
+pub fn slide(looks: &mut Looks, e: &Expectation, contact: &Contact) -> Result<Series, Unjudged> {
     let step = looks.step(e);
     // How far it has slid at one time is known from its touching down on.
     let times = match e.when {

@@ -1,6 +1,7 @@
 //! How long a stage takes to evaluate, against another: a ratio, since seconds say nothing on a busy machine.
 
 use super::looks::Looks;
+use super::unjudged::Unjudged;
 use super::{Judged, words};
 use choreo_motion::Time;
 use choreo_script::testing::Expectation;
@@ -24,7 +25,7 @@ pub fn judge(looks: &[Looks], e: &Expectation, other: usize, factor: f64) -> Jud
         return Judged::impossible(expected, "the other stage is not there");
     };
     let mut runs = [Run::new(&looks[e.stage].stage), Run::new(&other.stage)];
-    let repeats = match runs.iter_mut().map(Run::warm).collect::<Result<Vec<_>, String>>() {
+    let repeats = match runs.iter_mut().map(Run::warm).collect::<Result<Vec<_>, Unjudged>>() {
         Ok(secs) => {
             let shortest = secs.into_iter().fold(f64::INFINITY, f64::min);
             (SHORTEST_SECS / shortest.max(1e-9)).ceil().clamp(1.0, 1e5) as usize
@@ -81,16 +82,16 @@ impl Run {
     }
 
     /// Seconds of all frames once, after a first run that is not counted.
-    fn warm(&mut self) -> Result<f64, String> {
+    fn warm(&mut self) -> Result<f64, Unjudged> {
         self.secs(1)?;
         Ok(self.secs(1)? * self.times.len() as f64)
     }
 
-    fn secs(&mut self, repeats: usize) -> Result<f64, String> {
+    fn secs(&mut self, repeats: usize) -> Result<f64, Unjudged> {
         let start = Instant::now();
         for _ in 0..repeats {
             for time in &self.times {
-                self.evaluator.at_into(*time, &mut self.snapshot).map_err(|e| e.to_string())?;
+                self.evaluator.at_into(*time, &mut self.snapshot)?;
                 std::hint::black_box(&self.snapshot);
             }
         }

@@ -4,7 +4,7 @@ use super::Judged;
 use super::looks::Looks;
 use super::words::{self, like};
 use choreo_motion::Time;
-use choreo_script::testing::*;
+use choreo_script::testing::{EventPattern, EventsTest, Expectation, Subject};
 use choreo_stage::Stage;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -13,7 +13,7 @@ pub struct Event {
     pub text: String,
 }
 
-/// Of the whole stage or of one actor, by time; at one time, what ends comes before what starts.
+/// Events of the whole stage or of one actor, sorted by time; at one time, ends come before starts.
 pub fn list(stage: &Stage, of: Option<Subject>) -> Vec<Event> {
     let mut events: Vec<(Time, bool, String)> = Vec::new();
     for (index, actor) in stage.actors.iter().enumerate() {

@@ -3,6 +3,7 @@
 use super::band::{Band, Series, judge_band};
 use super::contact::{foot_at, touches};
 use super::looks::Looks;
+use super::unjudged::Unjudged;
 use super::{Judged, vector};
 use choreo_motion::Time;
 use choreo_script::testing::{Expectation, Flag, Subject};
@@ -12,7 +13,7 @@ pub fn judge(looks: &mut Looks, e: &Expectation, flag: &Flag) -> Judged {
     let (who, what) = flag_words(looks, flag);
     let (label, words) = (format!("{who} {what}"), format!("{who} is {what}"));
     let step = looks.step(e);
-    let is = |looks: &mut Looks, time: Time| -> Result<bool, String> {
+    let is = |looks: &mut Looks, time: Time| -> Result<bool, Unjudged> {
         Ok(match flag {
             Flag::Visible(actor) => looks.at(time)?.actors.get(*actor).is_some_and(|state| state.visible),
             Flag::On(camera) => looks.at(time)?.camera.camera == Some(*camera),
@@ -27,7 +28,7 @@ pub fn judge(looks: &mut Looks, e: &Expectation, flag: &Flag) -> Judged {
         })
     };
     let series = looks.times_and_ends(e).and_then(|times| {
-        let values: Result<Vec<f64>, String> =
+        let values: Result<Vec<f64>, Unjudged> =
             times.iter().map(|t| Ok(f64::from(u8::from(is(looks, *t)?)))).collect();
         Ok(Series { times, values: values? })
     });

@@ -1,8 +1,9 @@
-//! Where things are in the picture, from the posed vertices themselves.
+//! Positions and extents in the image, computed from the posed vertices.
 
 use super::Judged;
 use super::band::{Band, Series, judge_band};
 use super::looks::Looks;
+use super::unjudged::Unjudged;
 use super::words;
 use choreo_asset::Projection;
 use choreo_motion::Time;
@@ -11,13 +12,13 @@ use choreo_stage::posed_meshes;
 use glam::{DAffine3, DVec3};
 
 /// Lowest and highest corner of an actor as posed, in the world; NaN where there is nothing of it.
-pub fn bounds(looks: &mut Looks, actor: usize, time: Time) -> Result<(DVec3, DVec3), String> {
+pub fn bounds(looks: &mut Looks, actor: usize, time: Time) -> Result<(DVec3, DVec3), Unjudged> {
     let points = vertices(looks, actor, time)?;
     let fold = |f: fn(DVec3, DVec3) -> DVec3| points.iter().copied().reduce(f).unwrap_or(DVec3::NAN);
     Ok((fold(DVec3::min), fold(DVec3::max)))
 }
 
-fn vertices(looks: &mut Looks, actor: usize, time: Time) -> Result<Vec<DVec3>, String> {
+fn vertices(looks: &mut Looks, actor: usize, time: Time) -> Result<Vec<DVec3>, Unjudged> {
     let snapshot = looks.at(time)?;
     let (Some(state), Some(of)) = (snapshot.actors.get(actor), looks.stage.actors.get(actor)) else {
         return Ok(Vec::new());
@@ -34,7 +35,7 @@ pub struct Lens {
 }
 
 impl Lens {
-    pub fn new(looks: &mut Looks, camera: Option<usize>, time: Time) -> Result<Lens, String> {
+    pub fn new(looks: &mut Looks, camera: Option<usize>, time: Time) -> Result<Lens, Unjudged> {
         let [width, height] = looks.stage.settings.size.map(|n| f64::from(n.max(1)));
         let state = looks.camera(camera, time)?;
         Ok(Lens {
@@ -70,7 +71,7 @@ impl Lens {
 pub struct Outline {
     pub min: DVec3,
     pub max: DVec3,
-    /// Of the vertices, those inside the picture, 0..=1.
+    /// Fraction of the vertices that are inside the image, 0..=1.
     pub share: f64,
     behind: bool,
 }
@@ -97,7 +98,7 @@ pub fn outline(
     actor: usize,
     camera: Option<usize>,
     time: Time,
-) -> Result<Outline, String> {
+) -> Result<Outline, Unjudged> {
     let lens = Lens::new(looks, camera, time)?;
     let points = vertices(looks, actor, time)?;
     let mut outline = Outline { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY, share: 0.0, behind: false };
@@ -123,7 +124,7 @@ pub fn outline(
 }
 
 /// Degrees in the picture between up and the subject's +y, 0..=180; 90 where it points straight at the camera or away.
-pub fn tilt(looks: &mut Looks, subject: Subject, camera: Option<usize>, time: Time) -> Result<f64, String> {
+pub fn tilt(looks: &mut Looks, subject: Subject, camera: Option<usize>, time: Time) -> Result<f64, Unjudged> {
     let world_from = looks.world_from(subject, time)?;
     let lens = Lens::new(looks, camera, time)?;
     let p = lens.view_from_world.transform_point3(world_from.translation);
@@ -152,7 +153,7 @@ pub fn judge(looks: &mut Looks, e: &Expectation, claim: &InFrame) -> Judged {
     }
 }
 
-fn try_judge(looks: &mut Looks, e: &Expectation, claim: &InFrame) -> Result<Judged, String> {
+fn try_judge(looks: &mut Looks, e: &Expectation, claim: &InFrame) -> Result<Judged, Unjudged> {
     let name = super::vector::name(looks, Subject::Actor(claim.actor));
     let mut expected = match claim.margin > 0.0 {
         true => format!("{name} inside the picture, {} free at each side", percent(claim.margin)),

@@ -1,5 +1,6 @@
 //! When a stage is looked at, and what is seen: snapshots, each made once.
 
+use super::unjudged::Unjudged;
 use choreo_motion::Time;
 use choreo_plugin::Registry;
 use choreo_render::Catalog;
@@ -13,7 +14,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Most looks that one expectation may take: hours of film, and no more memory than a machine has.
-const MOST: i64 = 200_000;
+pub const MOST: i64 = 200_000;
 /// Snapshots kept for the next expectation.
 const KEPT: usize = 4096;
 
@@ -31,13 +32,10 @@ impl Deadline {
         Deadline { at: span.and_then(|span| Instant::now().checked_add(span)), seconds, timeout }
     }
 
-    fn check(&self) -> Result<(), String> {
+    fn check(&self) -> Result<(), Unjudged> {
         self.timeout.map_or(Ok(()), |timeout| timeout.check())?;
         match self.at.is_some_and(|at| Instant::now() > at) {
-            true => Err(format!(
-                "judging this section takes longer than {} s: look at less, or raise --limit seconds=NUMBER",
-                self.seconds
-            )),
+            true => Err(Unjudged::TooLong(self.seconds)),
             false => Ok(()),
         }
     }
@@ -77,17 +75,17 @@ impl<'a> Looks<'a> {
     }
 
     /// An error once the section's time is used up.
-    pub fn go_on(&self) -> Result<(), String> {
+    pub fn go_on(&self) -> Result<(), Unjudged> {
         self.deadline.check()
     }
 
     /// The error of a callback, with its place.
-    pub fn at(&mut self, time: Time) -> Result<Arc<Snapshot>, String> {
+    pub fn at(&mut self, time: Time) -> Result<Arc<Snapshot>, Unjudged> {
         self.go_on()?;
         if let Some(snapshot) = self.seen.get(&time) {
             return Ok(snapshot.clone());
         }
-        let snapshot = Arc::new(self.evaluator.at(time).map_err(|e| e.to_string())?);
+        let snapshot = Arc::new(self.evaluator.at(time)?);
         if self.seen.len() >= KEPT {
             self.seen.clear();
         }
@@ -96,7 +94,7 @@ impl<'a> Looks<'a> {
     }
 
     /// `None`: the camera that is on.
-    pub fn camera(&mut self, camera: Option<usize>, time: Time) -> Result<CameraState, String> {
+    pub fn camera(&mut self, camera: Option<usize>, time: Time) -> Result<CameraState, Unjudged> {
         let Some(camera) = camera else { return Ok(self.at(time)?.camera) };
         let stage = &self.stage;
         let evaluator = self.cameras.entry(camera).or_insert_with(|| {
@@ -104,11 +102,11 @@ impl<'a> Looks<'a> {
             alone.cuts = vec![Cut { at: Time(i64::MIN), camera }];
             Evaluator::new(Arc::new(alone))
         });
-        Ok(evaluator.at(time).map_err(|e| e.to_string())?.camera)
+        Ok(evaluator.at(time)?.camera)
     }
 
     /// `None`: it does not shine.
-    pub fn light(&mut self, light: usize, time: Time) -> Result<Option<LightState>, String> {
+    pub fn light(&mut self, light: usize, time: Time) -> Result<Option<LightState>, Unjudged> {
         let stage = &self.stage;
         let evaluator = self.lights.entry(light).or_insert_with(|| {
             let mut alone = (**stage).clone();
@@ -124,11 +122,11 @@ impl<'a> Looks<'a> {
             }
             Evaluator::new(Arc::new(alone))
         });
-        Ok(evaluator.at(time).map_err(|e| e.to_string())?.lights.first().copied())
+        Ok(evaluator.at(time)?.lights.first().copied())
     }
 
     /// World from a subject, without scale being taken out; NaN where it is not posed or does not shine.
-    pub fn world_from(&mut self, subject: Subject, time: Time) -> Result<DAffine3, String> {
+    pub fn world_from(&mut self, subject: Subject, time: Time) -> Result<DAffine3, Unjudged> {
         let nowhere = DAffine3 { matrix3: DMat3::IDENTITY, translation: DVec3::NAN };
         Ok(match subject {
             Subject::Actor(actor) => self.attachment(&Attachment { actor, joint: None }, time)?,
@@ -150,7 +148,7 @@ impl<'a> Looks<'a> {
         })
     }
 
-    pub fn attachment(&mut self, at: &Attachment, time: Time) -> Result<DAffine3, String> {
+    pub fn attachment(&mut self, at: &Attachment, time: Time) -> Result<DAffine3, Unjudged> {
         let snapshot = self.at(time)?;
         let nowhere = DAffine3 { matrix3: DMat3::IDENTITY, translation: DVec3::NAN };
         let Some(state) = snapshot.actors.get(at.actor) else { return Ok(nowhere) };
@@ -161,7 +159,7 @@ impl<'a> Looks<'a> {
     }
 
     /// The times that an expectation looks at.
-    pub fn times(&self, e: &Expectation) -> Result<Vec<Time>, String> {
+    pub fn times(&self, e: &Expectation) -> Result<Vec<Time>, Unjudged> {
         let settings = &self.stage.settings;
         let (from, until) = match e.when {
             When::At(time) => return Ok(vec![time]),
@@ -193,7 +191,7 @@ impl<'a> Looks<'a> {
     }
 
     /// As `times`, with the ends of a span, where they are between two frames.
-    pub fn times_and_ends(&self, e: &Expectation) -> Result<Vec<Time>, String> {
+    pub fn times_and_ends(&self, e: &Expectation) -> Result<Vec<Time>, Unjudged> {
         let mut times = self.times(e)?;
         if let When::During(from, until) = e.when {
             if times.first() != Some(&from) {
@@ -212,11 +210,9 @@ impl<'a> Looks<'a> {
     }
 }
 
-fn enough(looks: i64) -> Result<(), String> {
+fn enough(looks: i64) -> Result<(), Unjudged> {
     match looks > MOST {
-        true => {
-            Err(format!("this would take {looks} looks, {MOST} are allowed: use .during or a longer .every"))
-        }
+        true => Err(Unjudged::TooManyLooks(looks)),
         false => Ok(()),
     }
 }

@@ -18,6 +18,7 @@ mod rotation;
 mod same;
 mod stands;
 mod texts;
+mod unjudged;
 mod value;
 mod vector;
 mod words;
@@ -86,8 +87,8 @@ impl Judged {
     }
 
     /// The claim could not be judged: it has failed, whether it was negated or not.
-    fn impossible(expected: impl Into<String>, why: impl Into<String>) -> Judged {
-        Judged::new(false, expected, why)
+    fn impossible(expected: impl Into<String>, why: impl std::fmt::Display) -> Judged {
+        Judged::new(false, expected, why.to_string())
     }
 
     fn by(mut self, by: impl Into<String>) -> Judged {

@@ -2,11 +2,12 @@
 
 use super::band::{Band, Series, judge_band};
 use super::looks::{Looks, angle_deg};
+use super::unjudged::Unjudged;
 use super::words::{self, with_unit};
 use super::{Judged, contact, frame, plan, rotation, vector};
 use choreo_asset::Projection;
 use choreo_motion::Time;
-use choreo_script::testing::*;
+use choreo_script::testing::{Expectation, NumberGoal, NumberTest, Quantity, Subject, VectorQuantity, When};
 use choreo_stage::{Actor, Attachment, Heard, Target};
 use glam::DVec3;
 
@@ -65,7 +66,7 @@ pub fn label(looks: &Looks, quantity: &Quantity) -> String {
     }
 }
 
-pub fn series(looks: &mut Looks, e: &Expectation, quantity: &Quantity) -> Result<Series, String> {
+pub fn series(looks: &mut Looks, e: &Expectation, quantity: &Quantity) -> Result<Series, Unjudged> {
     if let Quantity::Count(what) = quantity {
         let count = plan::count_stage(looks, *what);
         return Ok(Series { times: vec![Time::ZERO], values: vec![count as f64] });
@@ -77,7 +78,7 @@ pub fn series(looks: &mut Looks, e: &Expectation, quantity: &Quantity) -> Result
     if before == 0 && after == 0 {
         let times = looks.times_and_ends(e)?;
         let values =
-            times.iter().map(|t| value(looks, quantity, &[*t])).collect::<Result<Vec<_>, String>>()?;
+            times.iter().map(|t| value(looks, quantity, &[*t])).collect::<Result<Vec<_>, Unjudged>>()?;
         return Ok(Series { times, values });
     }
     let step = looks.step(e);
@@ -89,10 +90,7 @@ pub fn series(looks: &mut Looks, e: &Expectation, quantity: &Quantity) -> Result
     let times = looks.times(e)?;
     let wide = (after - before + 1) as usize;
     if times.len() < wide {
-        return Err(format!(
-            "the span holds {} looks, {wide} are needed: make it longer, or look more often with .every(seconds)",
-            times.len()
-        ));
+        return Err(Unjudged::TooFewLooks { found: times.len(), needed: wide });
     }
     let mut out = Series { times: Vec::new(), values: Vec::new() };
     for window in times.windows(wide) {
@@ -102,11 +100,11 @@ pub fn series(looks: &mut Looks, e: &Expectation, quantity: &Quantity) -> Result
     Ok(out)
 }
 
-/// At the times of the quantity's stencil; those are one step apart.
-fn value(looks: &mut Looks, quantity: &Quantity, window: &[Time]) -> Result<f64, String> {
+/// The value from the times of the quantity's stencil, which are one step apart.
+fn value(looks: &mut Looks, quantity: &Quantity, window: &[Time]) -> Result<f64, Unjudged> {
     let at = window[0];
     let points = |looks: &mut Looks, v: &VectorQuantity| {
-        window.iter().map(|t| vector::at(looks, v, *t)).collect::<Result<Vec<DVec3>, String>>()
+        window.iter().map(|t| vector::at(looks, v, *t)).collect::<Result<Vec<DVec3>, Unjudged>>()
     };
     let step = || (window[window.len() - 1] - at).as_secs() / (window.len() - 1) as f64;
     Ok(match quantity {
@@ -138,11 +136,11 @@ fn value(looks: &mut Looks, quantity: &Quantity, window: &[Time]) -> Result<f64,
             angle_deg(rotation::at(looks, r, at)?, rotation::at(looks, r, window[1])?) / step()
         }
         Quantity::ClipWeight { actor, joint, clip } => {
-            let actor = looks.stage.actors.get(*actor).ok_or("no such actor")?;
+            let actor = looks.stage.actors.get(*actor).ok_or(Unjudged::Missing("actor"))?;
             clip_weight(actor, *joint, clip, at)
         }
         Quantity::ClipTime { actor, clip } => {
-            let actor = looks.stage.actors.get(*actor).ok_or("no such actor")?;
+            let actor = looks.stage.actors.get(*actor).ok_or(Unjudged::Missing("actor"))?;
             clip_time(actor, clip, at)
         }
         Quantity::Morph { actor, targets } => {
@@ -169,7 +167,7 @@ fn value(looks: &mut Looks, quantity: &Quantity, window: &[Time]) -> Result<f64,
     })
 }
 
-pub fn target_at(looks: &mut Looks, target: &Target, time: Time) -> Result<DVec3, String> {
+pub fn target_at(looks: &mut Looks, target: &Target, time: Time) -> Result<DVec3, Unjudged> {
     match *target {
         Target::Point(point) => Ok(point),
         Target::Joint { actor, joint } => {
@@ -183,7 +181,7 @@ pub fn target_at(looks: &mut Looks, target: &Target, time: Time) -> Result<DVec3
     }
 }
 
-/// What each of the cues that are heard counts for in the end, when all later ones have been blended over it.
+/// The final weight of each active cue, after all later ones have been blended over it.
 fn shares(actor: &Actor, time: Time, part: impl Fn(&Heard) -> f64) -> Vec<(Heard, f64)> {
     let mut shares: Vec<(Heard, f64)> = Vec::new();
     for heard in actor.heard(time) {
@@ -250,7 +248,7 @@ pub fn judge(looks: &mut Looks, e: &Expectation, quantity: &Quantity, test: &Num
     }
 }
 
-/// Of a failure at one time, what was before and after it.
+/// The values before and after a failure at one time.
 fn around(looks: &mut Looks, e: &Expectation, quantity: &Quantity, judged: &mut Judged) {
     let (When::At(time), [trace]) = (e.when, &mut judged.traces[..]) else { return };
     let half = Time::from_secs(0.5);
@@ -270,7 +268,7 @@ fn around(looks: &mut Looks, e: &Expectation, quantity: &Quantity, judged: &mut 
     }
 }
 
-fn band(looks: &Looks, series: &Series, test: &NumberTest, unit: &str) -> Result<Band, String> {
+fn band(looks: &Looks, series: &Series, test: &NumberTest, unit: &str) -> Result<Band, Unjudged> {
     let n = series.times.len();
     let plain = |low: f64, high: f64, words: String| Band {
         allowed: vec![[low, high]; n],
@@ -296,10 +294,10 @@ fn band(looks: &Looks, series: &Series, test: &NumberTest, unit: &str) -> Result
                 NumberGoal::Formula(formula) => {
                     let one = |t: &Time| {
                         looks.go_on()?;
-                        let v = formula.at(*t).map_err(|d| d.to_string())?;
+                        let v = formula.at(*t).map_err(Unjudged::Formula)?;
                         Ok(v.first().copied().unwrap_or(f64::NAN))
                     };
-                    series.times.iter().map(one).collect::<Result<Vec<f64>, String>>()?
+                    series.times.iter().map(one).collect::<Result<Vec<f64>, Unjudged>>()?
                 }
             };
             let shown = match goal {

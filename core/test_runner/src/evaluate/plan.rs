@@ -1,6 +1,7 @@
 //! Counts of the stage, and of what a frame of it needs.
 
 use super::looks::Looks;
+use super::unjudged::Unjudged;
 use choreo_asset::{Asset, Topology};
 use choreo_motion::Time;
 use choreo_render::commands::{RecordOptions, record};
@@ -9,7 +10,7 @@ use choreo_render::{Plan, PlanOptions as RenderOptions};
 use choreo_script::testing::{Count, PlanCount, PlanOptions};
 use std::sync::Arc;
 
-pub fn make(looks: &mut Looks, options: &PlanOptions, time: Time) -> Result<Plan, String> {
+pub fn make(looks: &mut Looks, options: &PlanOptions, time: Time) -> Result<Plan, Unjudged> {
     let catalog = looks.catalog();
     let snapshot = looks.at(time)?;
     let stage = looks.stage.clone();
@@ -25,7 +26,12 @@ pub fn make(looks: &mut Looks, options: &PlanOptions, time: Time) -> Result<Plan
     Ok(plan)
 }
 
-pub fn count(looks: &mut Looks, options: &PlanOptions, what: PlanCount, time: Time) -> Result<usize, String> {
+pub fn count(
+    looks: &mut Looks,
+    options: &PlanOptions,
+    what: PlanCount,
+    time: Time,
+) -> Result<usize, Unjudged> {
     let plan = make(looks, options, time)?;
     let catalog = looks.catalog();
     let triangles = |primitive: u32| {

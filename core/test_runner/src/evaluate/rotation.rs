@@ -3,10 +3,11 @@
 use super::Judged;
 use super::band::{Band, Series, judge_band};
 use super::looks::{Looks, angle_deg, rotation_of};
+use super::unjudged::Unjudged;
 use super::vector::name;
 use super::words::{self, times_tolerance, with_unit};
 use choreo_motion::Time;
-use choreo_script::testing::*;
+use choreo_script::testing::{Expectation, RotationGoal, RotationQuantity};
 use glam::{DQuat, EulerRot};
 
 pub fn label(looks: &Looks, quantity: &RotationQuantity) -> String {
@@ -14,7 +15,7 @@ pub fn label(looks: &Looks, quantity: &RotationQuantity) -> String {
     format!("{} rotation", name(looks, *subject))
 }
 
-pub fn at(looks: &mut Looks, quantity: &RotationQuantity, time: Time) -> Result<DQuat, String> {
+pub fn at(looks: &mut Looks, quantity: &RotationQuantity, time: Time) -> Result<DQuat, Unjudged> {
     let RotationQuantity::Of(subject, relative_to) = quantity;
     let world = looks.world_from(*subject, time)?;
     if world.translation.is_nan() {
@@ -64,7 +65,7 @@ fn try_judge(
     goal: &RotationGoal,
     tolerance_deg: f64,
     label: &str,
-) -> Result<Judged, String> {
+) -> Result<Judged, Unjudged> {
     let times = looks.times_and_ends(e)?;
     let (mut got, mut goals) = (Vec::new(), Vec::new());
     for time in &times {
@@ -76,7 +77,7 @@ fn try_judge(
                 at(looks, &RotationQuantity::Of(*other, *relative_to), *time)?
             }
             RotationGoal::Formula(formula) => {
-                let v = formula.at(*time).map_err(|d| d.to_string())?;
+                let v = formula.at(*time).map_err(Unjudged::Formula)?;
                 match v[..] {
                     [y] => from_euler([0.0, y, 0.0]),
                     [x, y, z] => from_euler([x, y, z]),

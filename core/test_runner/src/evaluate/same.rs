@@ -1,6 +1,7 @@
 //! The same bits: of stages, snapshots and poses.
 
 use super::looks::Looks;
+use super::unjudged::Unjudged;
 use super::{Judged, words};
 use choreo_motion::Time;
 use choreo_script::testing::{Expectation, SameOther, SameWhat, When};
@@ -25,16 +26,18 @@ fn find(
     e: &Expectation,
     what: SameWhat,
     other: SameOther,
-) -> Result<Option<String>, String> {
+) -> Result<Option<String>, Unjudged> {
     if let (SameWhat::Stage, SameOther::Stage(other), When::Always) = (what, other, e.when) {
-        let (a, b) = (&looks[e.stage].stage, &looks.get(other).ok_or("no such stage")?.stage);
+        let (a, b) = (&looks[e.stage].stage, &looks.get(other).ok_or(Unjudged::Missing("stage"))?.stage);
         return Ok((a.content_hash() != b.content_hash()).then(|| stages(a, b)));
     }
     for time in looks[e.stage].times_and_ends(e)? {
         let a = looks[e.stage].at(time)?;
         let (b, other_time) = match other {
             SameOther::Time(at) => (looks[e.stage].at(at)?, at),
-            SameOther::Stage(stage) => (looks.get_mut(stage).ok_or("no such stage")?.at(time)?, time),
+            SameOther::Stage(stage) => {
+                (looks.get_mut(stage).ok_or(Unjudged::Missing("stage"))?.at(time)?, time)
+            }
             SameOther::Actor(_) => (a.clone(), time),
         };
         let stage = &looks[e.stage].stage;
@@ -42,10 +45,10 @@ fn find(
             (SameWhat::Pose(actor), other) => {
                 let other = if let SameOther::Actor(other) = other { other } else { actor };
                 let (a, b) = (a.actors.get(actor), b.actors.get(other));
-                let (a, b) = (a.ok_or("no such actor")?, b.ok_or("no such actor")?);
+                let (a, b) = (a.ok_or(Unjudged::Missing("actor"))?, b.ok_or(Unjudged::Missing("actor"))?);
                 let posed = |state: &ActorState| !state.model_from_joint.is_empty();
                 if !posed(a) || !posed(b) {
-                    return Err(format!("a hidden actor has no pose, at {}", words::time(time)));
+                    return Err(Unjudged::HiddenActor(words::time(time)));
                 }
                 poses(stage, actor, a, b)
             }

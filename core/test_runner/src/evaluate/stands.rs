@@ -7,7 +7,7 @@ use choreo_motion::Time;
 use choreo_script::testing::SectionRun;
 use choreo_stage::{ActorState, Evaluator, Snapshot};
 
-/// Frames that are looked at: all of them up to this many, else so many spread over the length.
+/// Frames that are tested: all up to this number, else this number spread over the length.
 const MOST_FRAMES: i64 = 2000;
 /// Frames evaluated once more, in the other order.
 const AGAIN: usize = 16;
@@ -36,7 +36,7 @@ pub fn judge(run: &SectionRun, looks: &mut [Looks]) -> Vec<Check> {
     let mut first_problem = None;
     for time in &times {
         let problem = match own.at(*time) {
-            Err(why) => Some(why),
+            Err(why) => Some(why.to_string()),
             Ok(snapshot) => not_finite(own, &snapshot),
         };
         if let Some(problem) = problem {

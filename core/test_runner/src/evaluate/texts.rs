@@ -1,16 +1,17 @@
 //! Lines of text: warnings, what was printed, what a plan leaves out, effects.
 
 use super::looks::Looks;
+use super::unjudged::Unjudged;
 use super::words::like;
 use super::{Judged, plan, words};
 use choreo_motion::Time;
 use choreo_render::plan::LEFT_OUT;
 use choreo_script::did_you_mean;
-use choreo_script::testing::*;
+use choreo_script::testing::{Expectation, SectionRun, TextsQuantity, TextsTest};
 use choreo_stage::Stage;
 use std::sync::Arc;
 
-/// Of the script and of every asset on stage, once.
+/// Warnings of the script and of every asset on stage, once each.
 pub fn warnings(stage: &Stage) -> Vec<String> {
     let mut lines = stage.warnings.clone();
     let mut seen: Vec<&Arc<choreo_asset::Asset>> = Vec::new();
@@ -46,7 +47,7 @@ fn try_judge(
     e: &Expectation,
     texts: TextsQuantity,
     test: &TextsTest,
-) -> Result<Judged, String> {
+) -> Result<Judged, Unjudged> {
     if let (TextsQuantity::LeftOut(_), TextsTest::Names(name)) = (texts, test)
         && !LEFT_OUT.iter().any(|known| like(known, name))
     {
@@ -110,7 +111,7 @@ fn lines(
     e: &Expectation,
     texts: TextsQuantity,
     time: Time,
-) -> Result<Vec<String>, String> {
+) -> Result<Vec<String>, Unjudged> {
     Ok(match texts {
         TextsQuantity::Warnings => warnings(&looks.stage),
         TextsQuantity::Printed if e.stage == 0 => run.printed.clone(),

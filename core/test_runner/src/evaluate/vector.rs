@@ -3,11 +3,12 @@
 use super::band::{Band, Series, judge_band};
 use super::looks::{Looks, rotation_of};
 use super::number::target_at;
+use super::unjudged::Unjudged;
 use super::words::{self, times_tolerance, with_unit};
 use super::{Judged, frame};
 use crate::outcome::Trace;
 use choreo_motion::Time;
-use choreo_script::testing::*;
+use choreo_script::testing::{Expectation, Subject, VectorGoal, VectorQuantity, VectorTest, When};
 use glam::DVec3;
 
 pub fn unit(quantity: &VectorQuantity) -> &'static str {
@@ -49,7 +50,7 @@ pub fn label(looks: &Looks, quantity: &VectorQuantity) -> String {
     format!("{}{what}", name(looks, subject))
 }
 
-pub fn at(looks: &mut Looks, quantity: &VectorQuantity, time: Time) -> Result<DVec3, String> {
+pub fn at(looks: &mut Looks, quantity: &VectorQuantity, time: Time) -> Result<DVec3, Unjudged> {
     Ok(match quantity {
         VectorQuantity::Position(subject, relative_to) => {
             let place = looks.world_from(*subject, time)?.translation;
@@ -101,7 +102,7 @@ fn try_judge(
     quantity: &VectorQuantity,
     test: &VectorTest,
     label: &str,
-) -> Result<Judged, String> {
+) -> Result<Judged, Unjudged> {
     let unit = unit(quantity);
     let times = looks.times_and_ends(e)?;
     let got = points(looks, quantity, &times)?;
@@ -111,7 +112,7 @@ fn try_judge(
             let goals = times
                 .iter()
                 .map(|t| goal_at(looks, quantity, goal, *t))
-                .collect::<Result<Vec<DVec3>, String>>()?;
+                .collect::<Result<Vec<DVec3>, Unjudged>>()?;
             let off = got.iter().zip(&goals).map(|(g, goal)| g.distance(*goal)).collect();
             let shown = match goal {
                 VectorGoal::Point(point) => words::point(*point),
@@ -167,7 +168,7 @@ fn try_judge(
     Ok(judged)
 }
 
-fn points(looks: &mut Looks, quantity: &VectorQuantity, times: &[Time]) -> Result<Vec<DVec3>, String> {
+fn points(looks: &mut Looks, quantity: &VectorQuantity, times: &[Time]) -> Result<Vec<DVec3>, Unjudged> {
     times.iter().map(|t| at(looks, quantity, *t)).collect()
 }
 
@@ -176,7 +177,7 @@ fn goal_at(
     quantity: &VectorQuantity,
     goal: &VectorGoal,
     time: Time,
-) -> Result<DVec3, String> {
+) -> Result<DVec3, Unjudged> {
     match goal {
         VectorGoal::Point(point) => Ok(*point),
         VectorGoal::Target(target) => target_at(looks, target, time),
@@ -198,7 +199,7 @@ fn goal_at(
             at(looks, &same, time)
         }
         VectorGoal::Formula(formula) => {
-            let v = formula.at(time).map_err(|d| d.to_string())?;
+            let v = formula.at(time).map_err(Unjudged::Formula)?;
             Ok(match v[..] {
                 [x, y, z] => DVec3::new(x, y, z),
                 _ => DVec3::NAN,

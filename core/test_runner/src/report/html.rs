@@ -239,7 +239,7 @@ fn shown_width(png: &[u8]) -> u32 {
     width * (480 / width.max(1)).clamp(1, 4)
 }
 
-/// Of the picture in a PNG.
+/// Size of the image in a PNG.
 fn sides(png: &[u8]) -> Option<[u32; 2]> {
     let side = |at: usize| Some(u32::from_be_bytes(png.get(at..at + 4)?.try_into().ok()?));
     Some([side(16)?, side(20)?])

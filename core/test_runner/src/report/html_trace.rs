@@ -10,7 +10,7 @@ const HEIGHT: f64 = 180.0;
 const MARGIN: [f64; 4] = [64.0, 10.0, 12.0, 24.0];
 /// More points than this cannot be told apart at the plot's width.
 const MOST_POINTS: usize = 1300;
-/// Of one check.
+/// Plots of one check at most.
 const MOST_PLOTS: usize = 12;
 
 pub fn plots(traces: &[Trace]) -> String {
@@ -62,22 +62,7 @@ fn plot(trace: &Trace) -> String {
     if count == 0 || times.is_empty() || values.is_empty() {
         return String::new();
     }
-    let range = |values: &[f64], pad: f64| {
-        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let size = high - low;
-        // A flat line lies in the middle.
-        let extra = if size > 0.0 { size * pad } else { (high.abs() * 0.01).max(1e-6) };
-        (low - extra, high + extra)
-    };
-    let [left, top, right, bottom] = MARGIN;
-    let (t0, t1) = range(&times, 0.0);
-    let (v0, v1) = range(&values, 0.08);
-    let x = |t: f64| left + (t - t0) / (t1 - t0) * (WIDTH - left - right);
-    let y = |v: f64| {
-        let v = v.clamp(v0, v1);
-        HEIGHT - bottom - (v - v0) / (v1 - v0) * (HEIGHT - top - bottom)
-    };
+    let axes = Axes { times: range(&times, 0.0), values: range(&values, 0.08) };
     let keep = kept(trace, count);
     let unit = if trace.unit.is_empty() { String::new() } else { format!(", {}", trace.unit) };
     let mut svg = format!(
@@ -86,60 +71,103 @@ fn plot(trace: &Trace) -> String {
         escaped(&unit),
         escaped(&trace.label)
     );
-    for v in ticks(v0, v1, 5) {
-        let at = y(v);
-        let _ = write!(
-            svg,
-            "<path class=\"grid\" d=\"M{left} {at:.1}H{}\"/><text class=\"tick\" x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
-            WIDTH - right,
-            left - 6.0,
-            at + 4.0,
-            number(v, v1 - v0)
-        );
-    }
-    for t in ticks(t0, t1, 8) {
-        let at = x(t);
-        let _ = write!(
-            svg,
-            "<path class=\"grid\" d=\"M{at:.1} {top}V{}\"/><text class=\"tick\" x=\"{at:.1}\" y=\"{}\" text-anchor=\"middle\">{} s</text>",
-            HEIGHT - bottom,
-            HEIGHT - 8.0,
-            number(t, t1 - t0)
-        );
-    }
-    for run in runs(&keep, |i| trace.band.get(i).is_some_and(|b| !b[0].is_nan() && !b[1].is_nan())) {
-        let high = run.iter().map(|i| (x(trace.times[*i]), y(trace.band[*i][1])));
-        let low = run.iter().rev().map(|i| (x(trace.times[*i]), y(trace.band[*i][0])));
-        let mut points: Vec<(f64, f64)> = high.chain(low).collect();
-        if run.len() == 1 {
-            // One time: a bar that can be seen.
-            points = vec![
-                (points[0].0 - 4.0, points[0].1),
-                (points[0].0 + 4.0, points[0].1),
-                (points[1].0 + 4.0, points[1].1),
-                (points[1].0 - 4.0, points[1].1),
-            ];
-        }
-        let _ = write!(svg, "<path class=\"band\" d=\"{}Z\"/>", line(&points));
-    }
-    for (class, values) in [("expected", &trace.expected), ("got", &trace.got)] {
-        for run in runs(&keep, |i| values.get(i).is_some_and(|v| v.is_finite())) {
-            let points: Vec<(f64, f64)> = run.iter().map(|i| (x(trace.times[*i]), y(values[*i]))).collect();
-            match points.as_slice() {
-                [(px, py)] => {
-                    let _ = write!(svg, "<circle class=\"{class}\" cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"3\"/>");
-                }
-                _ => {
-                    let _ = write!(svg, "<path class=\"{class}\" d=\"{}\"/>", line(&points));
-                }
-            }
-        }
-    }
+    axes.grid(&mut svg);
+    axes.band(&mut svg, trace, &keep);
+    axes.curves(&mut svg, trace, &keep);
+    let (t0, t1) = axes.times;
     if let Some(mark) = trace.mark.filter(|m| (t0..=t1).contains(m)) {
-        let _ = write!(svg, "<path class=\"mark\" d=\"M{:.1} {top}V{}\"/>", x(mark), HEIGHT - bottom);
+        let [_, top, _, bottom] = MARGIN;
+        let _ = write!(svg, "<path class=\"mark\" d=\"M{:.1} {top}V{}\"/>", axes.x(mark), HEIGHT - bottom);
     }
     svg.push_str("</svg></figure>\n");
     svg
+}
+
+/// The lowest and highest value, with a share of their distance added on both sides.
+fn range(values: &[f64], pad: f64) -> (f64, f64) {
+    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let size = high - low;
+    // A flat line lies in the middle.
+    let extra = if size > 0.0 { size * pad } else { (high.abs() * 0.01).max(1e-6) };
+    (low - extra, high + extra)
+}
+
+/// Ranges of a plot's axes.
+struct Axes {
+    times: (f64, f64),
+    values: (f64, f64),
+}
+
+impl Axes {
+    fn x(&self, t: f64) -> f64 {
+        let ([left, _, right, _], (t0, t1)) = (MARGIN, self.times);
+        left + (t - t0) / (t1 - t0) * (WIDTH - left - right)
+    }
+
+    fn y(&self, v: f64) -> f64 {
+        let ([_, top, _, bottom], (v0, v1)) = (MARGIN, self.values);
+        HEIGHT - bottom - (v.clamp(v0, v1) - v0) / (v1 - v0) * (HEIGHT - top - bottom)
+    }
+
+    fn grid(&self, svg: &mut String) {
+        let [left, top, right, bottom] = MARGIN;
+        let ((v0, v1), (t0, t1)) = (self.values, self.times);
+        for v in ticks(v0, v1, 5) {
+            let at = self.y(v);
+            let _ = write!(
+                svg,
+                "<path class=\"grid\" d=\"M{left} {at:.1}H{}\"/><text class=\"tick\" x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
+                WIDTH - right,
+                left - 6.0,
+                at + 4.0,
+                number(v, v1 - v0)
+            );
+        }
+        for t in ticks(t0, t1, 8) {
+            let at = self.x(t);
+            let _ = write!(
+                svg,
+                "<path class=\"grid\" d=\"M{at:.1} {top}V{}\"/><text class=\"tick\" x=\"{at:.1}\" y=\"{}\" text-anchor=\"middle\">{} s</text>",
+                HEIGHT - bottom,
+                HEIGHT - 8.0,
+                number(t, t1 - t0)
+            );
+        }
+    }
+
+    fn band(&self, svg: &mut String, trace: &Trace, keep: &[usize]) {
+        for run in runs(keep, |i| trace.band.get(i).is_some_and(|b| !b[0].is_nan() && !b[1].is_nan())) {
+            let point =
+                |i: usize, side: usize, by: f64| (self.x(trace.times[i]) + by, self.y(trace.band[i][side]));
+            let points: Vec<(f64, f64)> = match run.as_slice() {
+                // One time: a bar wide enough to be seen.
+                [i] => {
+                    [(1, -4.0), (1, 4.0), (0, 4.0), (0, -4.0)].map(|(side, by)| point(*i, side, by)).to_vec()
+                }
+                run => {
+                    let high = run.iter().map(|i| point(*i, 1, 0.0));
+                    high.chain(run.iter().rev().map(|i| point(*i, 0, 0.0))).collect()
+                }
+            };
+            let _ = write!(svg, "<path class=\"band\" d=\"{}Z\"/>", line(&points));
+        }
+    }
+
+    fn curves(&self, svg: &mut String, trace: &Trace, keep: &[usize]) {
+        for (class, values) in [("expected", &trace.expected), ("got", &trace.got)] {
+            for run in runs(keep, |i| values.get(i).is_some_and(|v| v.is_finite())) {
+                let points: Vec<(f64, f64)> =
+                    run.iter().map(|i| (self.x(trace.times[*i]), self.y(values[*i]))).collect();
+                let _ = match points.as_slice() {
+                    [(px, py)] => {
+                        write!(svg, "<circle class=\"{class}\" cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"3\"/>")
+                    }
+                    _ => write!(svg, "<path class=\"{class}\" d=\"{}\"/>", line(&points)),
+                };
+            }
+        }
+    }
 }
 
 /// Which points are drawn: all of a short curve, of a long one the lowest and highest of each short stretch.
@@ -188,7 +216,7 @@ fn ticks(low: f64, high: f64, most: usize) -> Vec<f64> {
     (0..=2 * most as i64).map(|i| (first + i) as f64 * step).take_while(|v| *v <= high).collect()
 }
 
-/// With as many digits as tell two ticks apart.
+/// The number with enough digits to tell two ticks apart.
 fn number(value: f64, range: f64) -> String {
     let digits = (2.0 - libm::floor(libm::log10(range.max(1e-12)))).clamp(0.0, 9.0) as usize;
     let text = format!("{value:.digits$}");

@@ -5,7 +5,7 @@ use crate::app::Viewer;
 use crate::settings::SCALES;
 use egui::{RichText, Ui};
 
-/// Of what is wrong, where the mouse asks; all of it is in Messages.
+/// Problems in the tooltip at most; all of them are in Messages.
 const MOST_TOLD: usize = 5;
 
 pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {

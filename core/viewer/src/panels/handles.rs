@@ -47,7 +47,7 @@ pub fn show(
     if let Some(at) = at.filter(|_| response.dragged()) {
         dragging.change = dragging.drag.change(lens, at, in_steps);
     }
-    let text = told(&dragging.change);
+    let text = report(&dragging.change);
     let corner = place.left_top() + vec2(8.0, 8.0);
     ui.painter_at(place).text(
         corner,
@@ -73,7 +73,7 @@ pub fn show(
     true
 }
 
-fn told(change: &Change) -> String {
+fn report(change: &Change) -> String {
     match change {
         Change::Move(by) => {
             let [x, y, z] = by.to_array().map(|v| super::rounded(v, 1e3));

@@ -9,7 +9,7 @@ use choreo_asset::{Asset, Light, LightKind, Projection};
 use choreo_plugin::OptionKind;
 use choreo_script::Place;
 use choreo_session::Scene;
-use choreo_session::edit::plain;
+use choreo_session::edit::format_number;
 use choreo_stage::{ActorState, Heard, Stage};
 use egui::{Grid, RichText, Ui};
 use glam::{DQuat, DVec3, Vec3};
@@ -53,7 +53,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     ui.label(RichText::new(title).heading());
     if let Some(line) = line {
         let place = Place { file: scene.places.main.clone(), line, ..Place::default() };
-        let text = RichText::new(super::marks::told(&place)).weak().monospace();
+        let text = RichText::new(super::marks::report(&place)).weak().monospace();
         let label = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
         if label.on_hover_text("a click goes there").clicked() {
             viewer.go_to = Some(line);
@@ -164,7 +164,7 @@ fn light(ui: &mut Ui, viewer: &Viewer, stage: &Stage, index: usize) -> Option<Wa
         if let Some(to) =
             values::number(ui, "light intensity", f64::from(light.light.intensity), 0.05, 0.0..=1e6)
         {
-            wanted = Some(Wanted::Value("intensity", plain(to)));
+            wanted = Some(Wanted::Value("intensity", format_number(to)));
         }
         ui.end_row();
         ui.label("color");
@@ -181,7 +181,7 @@ fn light(ui: &mut Ui, viewer: &Viewer, stage: &Stage, index: usize) -> Option<Wa
             if let Some(to) = values::number(ui, letter, vector[axis], speed, -1e6..=1e6) {
                 let mut all = vector;
                 all[axis] = to;
-                let [x, y, z] = all.to_array().map(plain);
+                let [x, y, z] = all.to_array().map(format_number);
                 wanted = Some(Wanted::Value(name, format!("[{x}, {y}, {z}]")));
             }
         }
@@ -209,7 +209,7 @@ fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize) -> Opti
                     let value = f64::from(value);
                     let range: RangeInclusive<f64> = *min..=*max;
                     if let Some(to) = values::slider(ui, &option.name, value, range) {
-                        wanted = Some(Wanted::Parameter(option.name.clone(), plain(to)));
+                        wanted = Some(Wanted::Parameter(option.name.clone(), format_number(to)));
                     }
                 }
                 OptionKind::Bool { .. } => {
@@ -236,7 +236,7 @@ fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize) -> Opti
     wanted
 }
 
-/// To be dragged onto a row of the sequencer, or added at the playhead.
+/// Lists clips to be dragged onto a row of the sequencer, or added at the playhead.
 fn clips(ui: &mut Ui, viewer: &Viewer, name: &str, asset: &Asset) -> Option<Wanted> {
     if asset.clips.is_empty() {
         return None;

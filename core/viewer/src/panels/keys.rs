@@ -5,7 +5,7 @@ use crate::app::Viewer;
 use crate::gizmo::Tool;
 use crate::selection::Selected;
 use crate::settings::SCALES;
-use choreo_session::edit::Part;
+use choreo_session::edit::CueTime;
 use egui::{Key, Modifiers, Ui};
 
 /// Panels by Ctrl and their number.
@@ -44,9 +44,9 @@ pub fn pressed(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) 
     }
     for (key, frames) in [(Key::ArrowRight, 1), (Key::ArrowLeft, -1)] {
         if with(Modifiers::ALT | Modifiers::SHIFT, key) {
-            nudge(viewer, Part::End, frames);
+            nudge(viewer, CueTime::End, frames);
         } else if with(Modifiers::ALT, key) {
-            nudge(viewer, Part::Start, frames);
+            nudge(viewer, CueTime::Start, frames);
         }
     }
     // Those without Ctrl or Alt belong to the button or bar that has the focus.
@@ -115,16 +115,16 @@ pub fn pressed(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) 
 }
 
 /// The selected cue, effect or cut begins, or ends, so many frames later.
-fn nudge(viewer: &mut Viewer, part: Part, frames: i64) {
+fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
     let Some(what) = viewer.selection.clone() else { return };
     let bar = viewer.timeline.rows.iter().flat_map(|r| &r.bars).find(|b| b.what == what);
-    let Some((time, cut)) = bar.map(|b| (if part == Part::End { b.until } else { b.start }, b.cut)) else {
+    let Some((time, cut)) = bar.map(|b| (if part == CueTime::End { b.until } else { b.start }, b.cut)) else {
         return;
     };
     let fps = viewer.playhead.fps();
     let secs = fps.time_of((fps.frames_in(time) + frames).max(0)).as_secs();
     viewer.said = match (cut, part) {
-        (Some(cut), Part::Start) => viewer.set_cut(cut, secs).err(),
+        (Some(cut), CueTime::Start) => viewer.set_cut(cut, secs).err(),
         _ => viewer.set_cue(&what, part, secs).err(),
     };
 }

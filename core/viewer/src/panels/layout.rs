@@ -1,4 +1,4 @@
-//! Where the panels lie, as JSON: a tree of splits, `{"below": 0.66, "first": …, "second": …}`, and leaves, `{"tabs": ["Viewport"],
+//! Layout of the panels as JSON: a tree of splits, `{"below": 0.66, "first": …, "second": …}`, and leaves, `{"tabs": ["Viewport"],
 //! "active": 0}`. Panels in windows of their own come back into the last leaf.
 
 use super::Tab;

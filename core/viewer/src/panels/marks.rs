@@ -16,7 +16,7 @@ const HALF: f32 = 4.0;
 const MOST: usize = 400;
 
 /// The file's name and the line: the folder is known.
-pub fn told(place: &Place) -> String {
+pub fn report(place: &Place) -> String {
     let name = place.file.rsplit(['/', '\\']).next().unwrap_or(&place.file);
     format!("{name}:{}", place.line)
 }
@@ -64,7 +64,7 @@ pub fn events(
 fn hover(viewer: &Viewer, event: &Event) -> String {
     let mut text = format!("{}\n{}", event.label, viewer.shown_time(event.at));
     if event.place.line > 0 {
-        text += &format!("\n{}", told(&event.place));
+        text += &format!("\n{}", report(&event.place));
     }
     text
 }
@@ -88,7 +88,7 @@ fn shape(kind: Kind, at: egui::Pos2, fill: Color32) -> Shape {
     }
 }
 
-/// Where feet are on the floor, a line a foot. Gives when the one that was clicked comes down.
+/// Draws foot contacts, a line for each foot. Gives the time at which the clicked one comes down.
 pub fn feet(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Option<Time> {
     let (Some(scene), Some(Selected::Actor(name))) = (&viewer.scene, &row.what) else { return None };
     let is_base = row.bars.iter().any(|b| matches!(b.what, Selected::Cue { layer: 0, .. }));

@@ -27,7 +27,7 @@ use std::sync::Arc;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tab {
-    /// By number, from 0.
+    /// A viewport by number, from 0.
     Viewport(u8),
     Sequencer,
     Tree,
@@ -274,7 +274,7 @@ impl TabViewer for Tabs<'_> {
     }
 }
 
-/// To so many parts of one, for display: what rounds to nothing has no sign.
+/// Rounds to this many parts of one, for display: what rounds to nothing has no sign.
 fn rounded(value: f64, parts: f64) -> f64 {
     (value * parts).round() / parts + 0.0
 }

@@ -96,7 +96,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, index: usize, place: Rect, lens: &Lens) {
     }
 }
 
-/// On the ground around what is looked at, a metre, ten or a hundred apart.
+/// Draws a grid on the ground around the target of the camera, one, ten or a hundred metres apart.
 fn grid(painter: &Painter, viewer: &Viewer, lens: &Lens) {
     let middle = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
     let mut step = 1.0_f64;

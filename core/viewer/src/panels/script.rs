@@ -95,7 +95,7 @@ fn select_line(viewer: &mut Viewer, line: usize) {
     }
 }
 
-/// Where the script made it.
+/// The line of the script that made it.
 pub fn line_of(viewer: &Viewer, what: &Selected) -> Option<usize> {
     let scene = viewer.scene.as_ref()?;
     let (stage, places) = (&scene.stage, &scene.places);

@@ -7,12 +7,12 @@ use crate::selection::Selected;
 use crate::span::Span;
 use crate::timeline::{Bar, Timeline};
 use choreo_motion::Time;
-use choreo_session::edit::Part;
+use choreo_session::edit::CueTime;
 use egui::{Align2, Color32, CornerRadius, FontId, Painter, Rect, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
 
 const LABELS: f32 = 120.0;
 const ROW: f32 = 22.0;
-/// Of the strip of feet at a row's bottom.
+/// Height of the strip of feet at a row's bottom.
 pub const STRIP: f32 = 3.0;
 const RULER: f32 = 22.0;
 
@@ -268,16 +268,16 @@ fn dropped(ui: &Ui, viewer: &Viewer, index: usize, lane: Rect) -> Option<(ClipDr
 }
 
 /// What of a bar can be dragged, and where it is.
-fn handles(bar: &Bar) -> Vec<(Part, Time)> {
+fn handles(bar: &Bar) -> Vec<(CueTime, Time)> {
     match bar.what {
         Selected::Cue { .. } => {
             let fade = (bar.start + bar.fade_in).min(bar.end);
-            let mut all = vec![(Part::Start, bar.start), (Part::End, bar.until)];
-            all.extend((bar.fade_in > Time::ZERO).then_some((Part::FadeIn, fade)));
+            let mut all = vec![(CueTime::Start, bar.start), (CueTime::End, bar.until)];
+            all.extend((bar.fade_in > Time::ZERO).then_some((CueTime::FadeIn, fade)));
             all
         }
-        Selected::Effect(_) => vec![(Part::Start, bar.start), (Part::End, bar.until)],
-        _ if bar.cut.is_some() => vec![(Part::Start, bar.start)],
+        Selected::Effect(_) => vec![(CueTime::Start, bar.start), (CueTime::End, bar.until)],
+        _ if bar.cut.is_some() => vec![(CueTime::Start, bar.start)],
         _ => Vec::new(),
     }
 }
@@ -287,16 +287,16 @@ fn handle(
     ui: &Ui,
     viewer: &Viewer,
     bar: &Bar,
-    part: Part,
+    part: CueTime,
     at: Time,
     id: (usize, usize),
     lane: Rect,
 ) -> Option<f64> {
     let x = lane.left() + viewer.span.x_of(at.as_secs(), lane.width());
     // The fade's handle is above, the ends' are as high as the bar.
-    let bottom = if part == Part::FadeIn { lane.top() + 8.0 } else { lane.bottom() };
+    let bottom = if part == CueTime::FadeIn { lane.top() + 8.0 } else { lane.bottom() };
     // The start's lies within the bar where another one's end is beside it.
-    let right = if part == Part::Start { x + 5.0 } else { x + 4.0 };
+    let right = if part == CueTime::Start { x + 5.0 } else { x + 4.0 };
     let place = Rect::from_min_max(pos2(x - 4.0, lane.top()), pos2(right, bottom)).intersect(lane);
     if place.width() <= 0.0 {
         return None;
@@ -304,9 +304,9 @@ fn handle(
     let (row, number) = id;
     let response = ui.interact(place, ui.id().with(("handle", row, number, part as u8)), Sense::drag());
     let name = match part {
-        Part::Start => "start of",
-        Part::End => "end of",
-        Part::FadeIn => "fade of",
+        CueTime::Start => "start of",
+        CueTime::End => "end of",
+        CueTime::FadeIn => "fade of",
     };
     let label = format!("{name} {} in row {row}", bar.label);
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label.clone()));
@@ -317,7 +317,7 @@ fn handle(
     let secs = viewer.snapped(secs);
     let shown = lane.left() + viewer.span.x_of(secs, lane.width());
     ui.painter_at(lane).vline(shown, lane.y_range(), Stroke::new(2.0, ui.visuals().strong_text_color()));
-    let value = if part == Part::FadeIn { (secs - bar.start.as_secs()).max(0.0) } else { secs };
+    let value = if part == CueTime::FadeIn { (secs - bar.start.as_secs()).max(0.0) } else { secs };
     response.drag_stopped().then_some(value)
 }
 
@@ -328,7 +328,7 @@ fn hover(viewer: &Viewer, bar: &Bar) -> String {
         text += &format!("\nfades in over {} s", bar.fade_in.as_secs());
     }
     if bar.place.line > 0 {
-        text += &format!("\n{}", marks::told(&bar.place));
+        text += &format!("\n{}", marks::report(&bar.place));
     }
     text
 }

@@ -11,18 +11,18 @@ const MOST_LOOKS: i64 = 2000;
 /// Actors whose feet are looked for.
 const MOST_ACTORS: usize = 64;
 
-/// Of one actor.
+/// The feet of one actor.
 pub type Feet = Vec<Foot>;
 
 /// When a foot is on the floor: from and to, seconds on stage.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Foot {
-    /// Of its joint.
+    /// Name of its joint.
     pub name: String,
     pub spans: Vec<(f64, f64)>,
 }
 
-/// Of one version of the scene, found out actor by actor when asked for.
+/// Foot strips of one version of the scene, computed actor by actor when asked for.
 #[derive(Clone, Default)]
 pub struct Strips {
     number: u64,
@@ -85,7 +85,7 @@ fn feet(stage: &Stage, actor: &Actor) -> Feet {
             continue;
         };
         let round = cue.trim.1 - cue.trim.0;
-        for (Foot { spans, .. }, stands) in out.iter_mut().zip(&contacts.stands) {
+        for (Foot { spans, .. }, stands) in out.iter_mut().zip(&contacts.intervals) {
             let on = |t: Time| stands.iter().any(|s| s.from <= t && t < s.to);
             if !on(voice.clip_time) && !on(voice.clip_time + round) {
                 continue;

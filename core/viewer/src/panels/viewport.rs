@@ -220,7 +220,8 @@ fn click(viewer: &mut Viewer, index: usize, lens: &Lens, at: DVec2) {
     viewer.selection = if picked == viewer.selection { None } else { picked };
 }
 
-/// In the middle; pixel on pixel where there is room, else as large as it can be. Edges lie on the screen's pixels.
+/// The centered rectangle of an image: pixel on pixel where there is room, else as large as possible. Edges lie on the screen's
+/// pixels.
 fn placed(room: Rect, size: [u32; 2], pixels_per_point: f32) -> Rect {
     let size = Vec2::new(size[0] as f32, size[1] as f32) / pixels_per_point;
     let scale = (room.width() / size.x).min(room.height() / size.y).min(1.0);

@@ -35,7 +35,7 @@ pub struct Device {
     sets: vk::DescriptorPool,
     allocator: Option<Arc<Mutex<Allocator>>>,
     egui: Option<Renderer<GpuAllocator>>,
-    /// By view.
+    /// Images by view.
     pub pictures: Vec<Slot>,
     /// Textures that the frame in flight may still use.
     to_free: Vec<TextureId>,
@@ -50,7 +50,7 @@ pub struct Slot {
 }
 
 impl Device {
-    /// With nothing made from it yet.
+    /// A device from which nothing is made yet.
     pub fn new(
         instance: &ash::Instance,
         raw: ash::Device,
@@ -142,7 +142,7 @@ impl Device {
         Ok(())
     }
 
-    /// For the last frame.
+    /// Waits for the last frame.
     pub fn wait(&mut self) -> Result<(), GpuError> {
         // SAFETY: the fence is alive; it is signalled at first.
         unsafe { self.raw.wait_for_fences(&[self.done], true, TIMEOUT_NS) }.named("last frame")?;

@@ -97,7 +97,7 @@ impl Gpu {
         self.device.as_ref().map_or(2048, |d| d.largest_texture)
     }
 
-    /// By view, the texture with its last frame, once there was one.
+    /// Textures with the last frame of each view, once there was one.
     pub fn pictures(&self) -> Vec<Option<TextureId>> {
         self.device.iter().flat_map(|d| &d.pictures).map(|slot| slot.id).collect()
     }

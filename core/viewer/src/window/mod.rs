@@ -12,11 +12,11 @@ mod swapchain;
 mod tell;
 
 use crate::app::Viewer;
-use crate::args::Asked;
+use crate::args::ViewerOptions;
 use crate::panels::Panels;
 use crate::settings::Settings;
 use choreo_plugin::{Frame, Registry};
-use choreo_session::{Live, Painted, Painter, Recipe, Version};
+use choreo_session::{FrameRenderer, FrameReply, SceneSource, SceneVersion, SessionThread};
 use open::Open;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -31,9 +31,9 @@ use winit::window::{Window, WindowId};
 
 /// What other threads tell.
 enum News {
-    /// Of the script, or of the guest with this number.
-    Version(u64, Box<Version>),
-    Painted(Box<Painted>),
+    /// A version of the script, or of the dropped file with this number.
+    Version(u64, Box<SceneVersion>),
+    Frame(Box<FrameReply>),
     /// egui wants to be drawn again after this time.
     Repaint(Duration),
 }
@@ -42,23 +42,23 @@ enum News {
 const OWN: u64 = 0;
 
 /// Opens the window and stays until it is closed. The text says what is missing.
-pub fn run(asked: Asked) -> Result<(), String> {
+pub fn run(asked: ViewerOptions) -> Result<(), String> {
     let tell = Tell::new(asked.tell);
     let events = start::event_loop()?;
     tell.done("event loop");
     let proxy = events.create_proxy();
     let registry = choreo::registry();
-    let shaders = asked.recipe.shaders.clone();
-    let painter = {
+    let shaders = asked.source.shaders.clone();
+    let frame_renderer = {
         let proxy = proxy.clone();
         // A window that has gone needs no picture; here and below.
-        let told = move |painted| drop(proxy.send_event(News::Painted(Box::new(painted))));
-        Painter::start(start::renderer(registry.effects().to_vec(), shaders, tell), told)
+        let report = move |reply| drop(proxy.send_event(News::Frame(Box::new(reply))));
+        FrameRenderer::start(start::renderer(registry.effects().to_vec(), shaders, tell), report)
     };
-    let painter = painter.map_err(|e| format!("cannot start a thread: {e}"))?;
-    let path = asked.recipe.is_script().then(|| asked.recipe.input.clone());
-    let name = asked.recipe.input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    let live = watched(asked.recipe.clone(), &registry, &proxy, OWN)?;
+    let frame_renderer = frame_renderer.map_err(|e| format!("cannot start a thread: {e}"))?;
+    let path = asked.source.is_script().then(|| asked.source.input.clone());
+    let name = asked.source.input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let live = watched(asked.source.clone(), &registry, &proxy, OWN)?;
     let mut viewer = Viewer::new(name);
     viewer.path = path;
     let settings_file = Settings::file();
@@ -69,8 +69,8 @@ pub fn run(asked: Asked) -> Result<(), String> {
         settings,
         settings_file,
         begin: Some((asked.at, asked.play)),
-        painter,
-        recipe: asked.recipe,
+        frame_renderer,
+        source: asked.source,
         registry,
         _live: live,
         guest: None,
@@ -102,14 +102,14 @@ pub fn run(asked: Asked) -> Result<(), String> {
 }
 
 fn watched(
-    recipe: Recipe,
+    source: SceneSource,
     plugins: &Registry,
     proxy: &EventLoopProxy<News>,
     whose: u64,
-) -> Result<Live, String> {
+) -> Result<SessionThread, String> {
     let proxy = proxy.clone();
-    let told = move |version| drop(proxy.send_event(News::Version(whose, Box::new(version))));
-    Live::start(recipe, plugins, told).map_err(|e| e.to_string())
+    let report = move |version| drop(proxy.send_event(News::Version(whose, Box::new(version))));
+    SessionThread::start(source, plugins, report).map_err(|e| e.to_string())
 }
 
 struct App {
@@ -117,18 +117,18 @@ struct App {
     panels: Panels,
     settings: Settings,
     settings_file: Option<PathBuf>,
-    /// Where to begin, until the first version is there.
+    /// Time and play state to begin with, until the first version is there.
     begin: Option<(f64, bool)>,
-    painter: Painter,
-    recipe: Recipe,
+    frame_renderer: FrameRenderer,
+    source: SceneSource,
     registry: Registry,
-    _live: Live,
+    _live: SessionThread,
     /// What shows files that were dropped.
-    guest: Option<Live>,
+    guest: Option<SessionThread>,
     /// How many there were: versions of those before are late.
     guests: u64,
     /// The script's newest version, to come back to when the guest leaves.
-    own: Option<Version>,
+    own: Option<SceneVersion>,
     proxy: EventLoopProxy<News>,
     open: Option<Open>,
     /// Drawn and not yet on the screen, by view.
@@ -146,7 +146,7 @@ struct App {
     covered: bool,
     lose: Vec<u64>,
     tell: Tell,
-    /// In a row.
+    /// Failures in a row.
     failures: u32,
     failed: Option<String>,
 }
@@ -168,7 +168,7 @@ impl App {
         self.covered || self.open.as_ref().is_some_and(minimized)
     }
 
-    /// Where the panels lie, for the next window.
+    /// Remembers the layout of the panels for the next window.
     fn remember(&mut self) {
         let now = self.panels.settings();
         if now != self.settings
@@ -192,13 +192,13 @@ impl App {
             }
         }
         let due = self.viewer.playhead.tick(self.now());
-        while let Some(asked) = self.viewer.wish() {
+        while let Some(asked) = self.viewer.next_request() {
             if self.reloads != self.viewer.reloads() {
                 self.reloads = self.viewer.reloads();
-                self.painter.shaders_changed();
+                self.frame_renderer.shaders_changed();
             }
             self.last_asked = Some(Instant::now());
-            self.painter.ask(asked);
+            self.frame_renderer.ask(asked);
         }
         // A frame on its way wakes us itself.
         if let Some(due) = due.filter(|_| !self.viewer.is_waiting()) {
@@ -247,7 +247,7 @@ impl App {
             Ok(true) => {
                 self.failures = 0;
                 for (view, frame) in std::mem::take(&mut self.frames) {
-                    self.painter.give_back(frame);
+                    self.frame_renderer.give_back(frame);
                     if let Some(shown) = self.viewer.views.get(view).and_then(|v| v.shown.as_ref()) {
                         self.tell.shown(view, shown, &self.viewer.held);
                     }
@@ -271,12 +271,12 @@ impl App {
 
     /// Shows files that were dropped; sends them away again.
     fn guests(&mut self) {
-        let dropped = Recipe::of_models(std::mem::take(&mut self.viewer.dropped), &self.recipe);
-        if let Some((recipe, left_out)) = dropped {
+        let dropped = SceneSource::of_models(std::mem::take(&mut self.viewer.dropped), &self.source);
+        if let Some((source, left_out)) = dropped {
             self.viewer.said = left_out;
             self.guests += 1;
-            let files = std::iter::once(&recipe.input).chain(&recipe.beside).cloned().collect();
-            match watched(recipe, &self.registry, &self.proxy, self.guests) {
+            let files = std::iter::once(&source.input).chain(&source.beside).cloned().collect();
+            match watched(source, &self.registry, &self.proxy, self.guests) {
                 Ok(live) => {
                     self.guest = Some(live);
                     self.viewer.guests = files;
@@ -295,7 +295,7 @@ impl App {
         }
     }
 
-    fn take_version(&mut self, whose: u64, version: Version) {
+    fn take_version(&mut self, whose: u64, version: SceneVersion) {
         if whose == OWN {
             // A faulty one leaves the last good one to come back to.
             if version.scene.is_some() || self.own.is_none() {
@@ -319,8 +319,8 @@ impl App {
         }
     }
 
-    fn take_painted(&mut self, painted: Painted) {
-        let Some((view, frame)) = self.viewer.take_painted(painted) else { return };
+    fn take_frame(&mut self, reply: FrameReply) {
+        let Some((view, frame)) = self.viewer.take_frame(reply) else { return };
         if view == self.viewer.active
             && let Some(file) = self.viewer.screenshot.take()
         {
@@ -328,7 +328,7 @@ impl App {
             self.viewer.said = Some(saved.map_or_else(|e| e, |()| format!("saved {}", file.display())));
         }
         if let Some(skipped) = self.frames.insert(view, frame) {
-            self.painter.give_back(skipped);
+            self.frame_renderer.give_back(skipped);
         }
     }
 
@@ -395,8 +395,8 @@ impl ApplicationHandler<News> for App {
                 self.advance();
                 self.redraw();
             }
-            News::Painted(painted) => {
-                self.take_painted(*painted);
+            News::Frame(reply) => {
+                self.take_frame(*reply);
                 // The next is drawn while this one goes to the screen.
                 self.advance();
                 self.redraw();

@@ -1,8 +1,8 @@
-//! For tests and measurements: what the window has done and when, a line of JSON each on standard output. Hidden behind
+//! Output for tests and measurements: what the window has done and when, a line of JSON each on standard output. Hidden behind
 //! `--tell`, since nobody who works with the viewer reads it.
 
 use choreo_render::Held;
-use choreo_session::{Shown, Version};
+use choreo_session::{FrameInfo, SceneVersion};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::time::Instant;
@@ -24,7 +24,7 @@ impl Tell {
     }
 
     /// A version that is there, good or not; `problems`: errors where it is not, else warnings.
-    pub fn version(&self, version: &Version) {
+    pub fn version(&self, version: &SceneVersion) {
         let (number, faulty) = (version.number, version.scene.is_none());
         self.say(|| {
             json!({ "told": "scene", "version": number, "faulty": faulty, "problems": version.problems.len() })
@@ -32,7 +32,7 @@ impl Tell {
     }
 
     /// A picture that has gone to the screen, with what its frame took and what the renderer holds.
-    pub fn shown(&self, view: usize, shown: &Shown, held: &Held) {
+    pub fn shown(&self, view: usize, shown: &FrameInfo, held: &Held) {
         let frame = shown.evaluated_in + shown.planned_in + shown.drawn_in;
         self.say(|| {
             json!({

@@ -3,7 +3,7 @@
 
 use choreo_plugin::Frame;
 use choreo_render::{CpuRenderer, Renderer};
-use choreo_session::{Painted, Painter, Recipe, Session};
+use choreo_session::{FrameRenderer, FrameReply, SceneSource, Session};
 use choreo_viewer::app::Viewer;
 use choreo_viewer::panels::Panels;
 use egui::{TextureId, Vec2};
@@ -19,7 +19,7 @@ pub struct Place {
     pub viewer: Viewer,
     pub panels: Panels,
     /// Made when something is drawn first.
-    painter: Option<(Painter, Receiver<Painted>)>,
+    painter: Option<(FrameRenderer, Receiver<FrameReply>)>,
 }
 
 impl Place {
@@ -31,7 +31,7 @@ impl Place {
     pub fn within(folder: tempfile::TempDir, script: &str) -> Place {
         let path = folder.path().join("a.rhai");
         fs::write(&path, script).unwrap();
-        let session = Session::new(Recipe::new(&path), &choreo::registry(), false).unwrap();
+        let session = Session::new(SceneSource::new(&path), &choreo::registry(), false).unwrap();
         let mut place = Place {
             folder,
             session,
@@ -57,18 +57,18 @@ impl Place {
 
     /// Draws the next frame that is wished for, so that the viewer knows where everything stands.
     pub fn paint(&mut self) -> Option<Frame> {
-        let asked = self.viewer.wish()?;
-        let (painter, painted) = self.painter.get_or_insert_with(|| {
-            let (to, painted) = channel();
+        let asked = self.viewer.next_request()?;
+        let (painter, reply) = self.painter.get_or_insert_with(|| {
+            let (to, reply) = channel();
             let start = Box::new(|| {
                 let renderer: Box<dyn Renderer> = Box::new(CpuRenderer::new(&[]));
                 Ok((renderer, None))
             });
-            (Painter::start(start, move |p| drop(to.send(p))).unwrap(), painted)
+            (FrameRenderer::start(start, move |p| drop(to.send(p))).unwrap(), reply)
         });
         painter.ask(asked);
-        let painted = painted.recv_timeout(Duration::from_secs(600)).unwrap();
-        let taken = self.viewer.take_painted(painted);
+        let reply = reply.recv_timeout(Duration::from_secs(600)).unwrap();
+        let taken = self.viewer.take_frame(reply);
         Some(taken.unwrap_or_else(|| panic!("{:?}", self.viewer.trouble)).1)
     }
 

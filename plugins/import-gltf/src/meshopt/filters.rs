@@ -37,7 +37,7 @@ fn quads16(bytes: &mut [u8], f: impl Fn([u16; 4]) -> [i32; 4]) {
     }
 }
 
-/// To the nearest, halves away from zero. Out of range and NaN saturate (`as`).
+/// Rounds to the nearest, halves away from zero. Out of range and NaN saturate (`as`).
 fn rounded(v: f32) -> i32 {
     (v + if v >= 0.0 { 0.5 } else { -0.5 }) as i32
 }

@@ -1,4 +1,4 @@
-//! On the beat: 120 a minute, half a second each.
+//! Dances on the beat: 120 a minute, half a second each.
 
 use crate::keys::{cos, cycle, ease, keys};
 use crate::pose::{Arm, Foot, Pose, turn};
@@ -7,7 +7,7 @@ use glam::vec3;
 const BEATS_PER_SECOND: f32 = 2.0;
 const BEATS: f32 = 16.0;
 
-/// Where a foot is after steps that each begin a tenth of a beat after `(beat, to)` and take seven: x and lift.
+/// Position of a foot after steps that each begin a tenth of a beat after `(beat, to)` and take seven: x and lift.
 fn steps(beat: f32, start: f32, steps: &[(f32, f32)]) -> (f32, f32) {
     let (mut x, mut lift) = (start, 0.0);
     for &(when, to) in steps {
@@ -90,7 +90,7 @@ pub fn groove(t: f32) -> Pose {
     pose
 }
 
-/// Where the right hand points: high to the side on even beats, across to the left hip on odd ones.
+/// Pose of the pointing right hand: high to the side on even beats, across to the left hip on odd ones.
 fn point(beat: f32) -> Arm {
     let high = cycle(beat - 0.05, 2.0, &[(0.0, 1.0), (0.25, 0.97), (1.0, 0.0), (1.25, 0.03)]);
     Arm {

@@ -8,17 +8,17 @@ use crate::pose::{Foot, Pose, turn};
 use glam::vec3;
 
 pub struct Gait {
-    /// Of a whole cycle, two steps, seconds.
+    /// Duration of a whole cycle, two steps, seconds.
     pub period: f32,
     /// Metres a second.
     pub speed: f32,
     /// Part of the cycle for which a foot is down.
     stance: f32,
-    /// Where the foot comes down, in front of the hips, metres.
+    /// Distance in front of the hips at which the foot comes down, metres.
     strike: f32,
     /// Distance of the feet from the middle line.
     track: f32,
-    /// Over the cycle, from strike to strike: degrees, and metres above the floor.
+    /// Keys over the cycle, from strike to strike: degrees, and metres above the floor.
     pitch: &'static [(f32, f32)],
     lift: &'static [(f32, f32)],
     /// How much the path of the swinging foot rounds its ends; 1 meets the floor's speed.

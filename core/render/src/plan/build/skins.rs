@@ -5,7 +5,7 @@ use crate::plan::build::Planner;
 use crate::scene_resources::CatalogPrimitive;
 use crate::scene_resources::bounds::{Aabb, PrimitiveInfo};
 use choreo_asset::Asset;
-use choreo_motion::{Carrier, Skinning};
+use choreo_motion::{Skinning, StretchedDualQuaternion};
 use choreo_stage::ActorState;
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec4};
 
@@ -15,7 +15,7 @@ pub(crate) struct PosedSkin {
     /// relative-from-mesh, one a joint; model-from-mesh where placed.
     pub rows: Vec<Rows>,
     /// model-from-mesh in parts, where the skin is not linear.
-    pub carriers: Vec<Carrier>,
+    pub carriers: Vec<StretchedDualQuaternion>,
     /// The rows lead to model space, and each copy's own map on from there.
     pub placed: bool,
     pub first_joint: Option<u32>,
@@ -42,7 +42,7 @@ impl PosedSkin {
             };
             posed.rows.push(Rows::from_affine(relative_from_model * daffine(pose) * bind));
             if state.skinning == Skinning::DualQuaternion {
-                posed.carriers.push(Carrier::of(daffine(pose) * bind));
+                posed.carriers.push(StretchedDualQuaternion::of(daffine(pose) * bind));
             }
         }
         posed
@@ -74,7 +74,7 @@ impl Planner<'_> {
 }
 
 /// A joint of a dual-quaternion skin as the shader reads it; see [`Plan::joint_matrices`].
-pub(crate) fn dual_rows(carrier: &Carrier) -> [Rows; 2] {
+pub(crate) fn dual_rows(carrier: &StretchedDualQuaternion) -> [Rows; 2] {
     let part = |q: glam::DQuat| glam::DVec4::from(q).as_vec4();
     let stretch = DAffine3 { matrix3: carrier.stretch, translation: DVec3::ZERO };
     [Rows([part(carrier.real), part(carrier.dual), Vec4::ZERO]), Rows::from_affine(stretch)]

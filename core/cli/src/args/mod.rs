@@ -1,0 +1,430 @@
+//! The command line as clap reads it.
+
+pub mod values;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+pub const EXIT_CODES: &str = "\
+Exit codes:
+  0    done
+  1    the script, model or another input is wrong, or a test failed
+  2    the command line is wrong
+  3    the output cannot be written
+  4    no device can render it
+  5    the system gives it too little memory or too few threads (ulimit -v, ulimit -u)
+  6    choreo itself failed; please report it
+  130  interrupted (Ctrl-C, SIGTERM or SIGHUP)
+  141  the reader of standard output has gone
+
+A result appears whole or not at all: files are written beside their place as NAME.part and renamed when complete.
+A video's finished frames stay in the folder NAME.part when its render is stopped, by Ctrl-C too, and --resume goes on with
+them. Symbolic links in the place of an output are refused, and outputs in the place of an input.";
+
+/// What `--help`, unlike `-h`, ends with.
+fn limits_help() -> String {
+    let table = choreo_script::Limits::table();
+    format!("Limits, set with --limit NAME=NUMBER:\n{table}\n{EXIT_CODES}")
+}
+
+/// Turns a script and a folder of ready-made characters and clips into an animated scene.
+#[derive(Parser, Debug)]
+#[command(name = "choreo", version, after_help = EXIT_CODES, disable_help_subcommand = true)]
+pub struct Cli {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+#[derive(Subcommand, Debug)]
+pub enum Command {
+    /// Render a script, or a model file as it is, to video or pictures
+    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    Render(RenderArgs),
+    /// Open a window on a script, or a model: every save is seen at once
+    #[command(after_help = EXIT_CODES)]
+    View(ViewArgs),
+    /// Find everything that can be found without drawing
+    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    Check(CheckArgs),
+    /// What is in a model file; how a picture or video was made
+    #[command(after_help = EXIT_CODES)]
+    Info(InfoArgs),
+    /// What a scene needs, what was left out, and why
+    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    Explain(ExplainArgs),
+    /// Error against run time for each numerical choice that this scene could make
+    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    Measure(MeasureArgs),
+    /// Every actor's joints in world space at one time
+    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    Pose(PoseArgs),
+    /// Scenes tested by scripts: sections with assertions and pictures
+    #[command(after_help = EXIT_CODES)]
+    Test(TestArgs),
+    /// The importers, effects and exporters that this program has
+    #[command(after_help = EXIT_CODES)]
+    Plugins(PluginsArgs),
+    /// Begin a plugin of your own: a crate, or with --single one file
+    #[command(after_help = EXIT_CODES)]
+    New(NewArgs),
+    /// Print what answers a word of the field, or the help of a command
+    #[command(after_help = EXIT_CODES)]
+    Help(HelpArgs),
+}
+
+/// What is put on stage.
+#[derive(Args, Clone, Debug)]
+pub struct SceneArgs {
+    /// A script (.rhai), or a model file to be framed, lit and played with no script
+    #[arg(value_name = "SCRIPT|MODEL")]
+    pub input: PathBuf,
+    /// A parameter of the script, read there with param("NAME"); repeatable
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    pub set: Vec<String>,
+    /// Model files: the clip to play (default: the first)
+    #[arg(long, value_name = "NAME")]
+    pub clip: Option<String>,
+    #[command(flatten)]
+    pub import: ImportArgs,
+    /// A further folder in which load(…) looks for files; repeatable
+    #[arg(long = "search", value_name = "DIR")]
+    pub search: Vec<PathBuf>,
+    /// Raise or lower a limit (see --help); repeatable
+    #[arg(long = "limit", value_name = "NAME=NUMBER")]
+    pub limit: Vec<String>,
+}
+
+/// How a model file is read. Scripts say it themselves: `load(…, #{ … })`.
+#[derive(Args, Clone, Debug)]
+pub struct ImportArgs {
+    /// Model files: the importer, whatever the file looks like (see `choreo plugins --for FILE`)
+    #[arg(long, value_name = "NAME")]
+    pub importer: Option<String>,
+    /// Model files: an option of the importer (see `choreo plugins`); repeatable
+    #[arg(long = "import", value_name = "NAME=VALUE")]
+    pub import: Vec<String>,
+    /// A further folder of plugin files: NAME.importer.rhai, NAME.wgsl; repeatable
+    #[arg(long = "plugins", value_name = "DIR")]
+    pub plugins: Vec<PathBuf>,
+}
+
+#[derive(Args, Clone, Debug)]
+pub struct RenderArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// out.mp4, out.gif, out.y4m, out.png (one picture), frames/%04d.png, or - for y4m on standard output
+    #[arg(short, long, value_name = "FILE")]
+    pub output: String,
+    /// Which frames: 0..120 (120 not included), 0..=119, 30.., or one number
+    #[arg(long, value_name = "RANGE", conflicts_with = "at", allow_hyphen_values = true)]
+    pub frames: Option<String>,
+    /// One picture at this time in seconds
+    #[arg(long, value_name = "SECS", allow_hyphen_values = true)]
+    pub at: Option<String>,
+    /// Pixels, as 1280x720
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<String>,
+    /// Frames a second; 23.976, 29.97 and 59.94 mean the NTSC rates
+    #[arg(long, value_name = "RATE")]
+    pub fps: Option<String>,
+    /// auto: Vulkan where a driver works, else the CPU renderer
+    #[arg(long, value_enum, default_value_t = Device::Auto)]
+    pub device: Device,
+    /// Part of the name of the device that Vulkan draws on (default: the best there is)
+    #[arg(long, value_name = "NAME", conflicts_with = "watch")]
+    pub gpu: Option<String>,
+    /// Texels read along a slanted texture at most, 1 to 16 (default: 16 on a GPU, 1 where the CPU draws)
+    #[arg(long, value_name = "N", conflicts_with = "watch", value_parser = clap::value_parser!(u8).range(1..=16))]
+    pub anisotropy: Option<u8>,
+    /// Samples a pixel for smooth edges (default: the script's, else 4)
+    #[arg(long, value_name = "1|4")]
+    pub samples: Option<String>,
+    /// An option of the output format (see `choreo plugins`); repeatable
+    #[arg(long = "export", value_name = "NAME=VALUE")]
+    pub export: Vec<String>,
+    /// Go on where an earlier render of the same was stopped: finished frames are not drawn again
+    #[arg(long)]
+    pub resume: bool,
+    /// Keep no finished frames of a video: delete those of an earlier render that was stopped, and those of this one if it is
+    #[arg(long, conflicts_with = "resume")]
+    pub discard: bool,
+    /// The command that goes on with this render, for messages
+    #[arg(skip)]
+    pub again: String,
+    /// After every save, draw the frames that it touches again and write the output anew, until Ctrl-C
+    #[arg(long, conflicts_with = "resume")]
+    pub watch: bool,
+    /// What the CPU renderer does on the way to one frame, six pictures in the folder -o: model, view, clip, raster, depth, shade
+    #[arg(long, conflicts_with_all = ["resume", "watch", "frames"])]
+    pub stages: bool,
+    /// Threads at most (default: one for each core)
+    #[arg(long, value_name = "N")]
+    pub jobs: Option<String>,
+    /// Add the time that the device was busy, measured by its clock, to the summary
+    #[arg(long, conflicts_with = "watch")]
+    pub timings: bool,
+    /// No progress bar, no summary
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// The summary, or what went wrong, as JSON on standard output (standard error for -o -)
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Device {
+    Auto,
+    Vulkan,
+    Cpu,
+}
+
+#[derive(Args, Debug)]
+pub struct ViewArgs {
+    /// A script (.rhai), or a model file
+    #[arg(value_name = "SCRIPT|MODEL")]
+    pub input: PathBuf,
+    /// Options of the viewer: see choreo-view --help
+    #[arg(value_name = "OPTION", trailing_var_arg = true, allow_hyphen_values = true)]
+    pub rest: Vec<std::ffi::OsString>,
+}
+
+#[derive(Args, Debug)]
+pub struct CheckArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Warnings fail too
+    #[arg(long)]
+    pub strict: bool,
+    /// Also what is often meant: ends of clips cut off, layers over each other, unused variables
+    #[arg(long)]
+    pub notes: bool,
+    /// Also draw who plays what when, with what was found, as a picture
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<PathBuf>,
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args, Debug)]
+pub struct InfoArgs {
+    /// A model, or a picture or video that choreo made
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    #[command(flatten)]
+    pub import: ImportArgs,
+    /// The joints as a tree
+    #[arg(long)]
+    pub joints: bool,
+    /// Which joints of this character follow which of the file's, when it plays the file's clips
+    #[arg(long, value_name = "CHARACTER")]
+    pub on: Option<PathBuf>,
+    /// What compressing the clips to this tolerance in metres would save, and what it would cost in accuracy
+    #[arg(long, value_name = "METRES")]
+    pub compress: Option<f64>,
+    /// Model files: a further folder in which their textures may lie; repeatable
+    #[arg(long = "search", value_name = "DIR")]
+    pub search: Vec<PathBuf>,
+    /// JSON on standard output, for programs
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args, Debug)]
+pub struct ExplainArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The time to look at, in seconds
+    #[arg(long, value_name = "SECS", default_value = "0", allow_hyphen_values = true)]
+    pub at: String,
+    /// Pixels, as 1280x720
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<String>,
+    #[arg(long, value_name = "1|4")]
+    pub samples: Option<String>,
+    /// Also draw what it holds on the device, as a picture
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<PathBuf>,
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args, Debug)]
+pub struct MeasureArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Only this choice: bake, crossfade, vertices, mips, renderer or video; repeatable
+    #[arg(long, value_name = "CHOICE")]
+    pub only: Vec<String>,
+    /// When pictures are taken, in seconds (default: in the middle)
+    #[arg(long, value_name = "SECS", allow_hyphen_values = true)]
+    pub at: Option<String>,
+    /// Pixels, as 1280x720
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<String>,
+    /// auto: Vulkan beside the CPU renderer where a driver works
+    #[arg(long, value_enum, default_value_t = Device::Auto)]
+    pub device: Device,
+    /// Also draw error against run time, as pictures below each other
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<PathBuf>,
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args, Debug)]
+pub struct PoseArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Seconds
+    #[arg(long, value_name = "SECS", default_value = "0", allow_hyphen_values = true)]
+    pub at: String,
+    /// Also write the posed meshes, skinned and morphed, in the file's own vertex order
+    #[arg(long, value_name = "FILE.obj")]
+    pub mesh: Option<PathBuf>,
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args, Debug)]
+pub struct TestArgs {
+    /// Scripts and folders of them (default: tests/suite and scripts where they are, else all below this folder).
+    /// Tests may read below the folder that this is started in
+    #[arg(value_name = "PATH")]
+    pub paths: Vec<PathBuf>,
+    /// Take over what was drawn as the expected picture: all that failed, or the one of this name; repeatable
+    #[arg(long, value_name = "NAME", num_args = 0..=1, require_equals = true, default_missing_value = "", conflicts_with_all = ["watch", "list"])]
+    pub accept: Vec<String>,
+    /// A further folder of plugin files: NAME.importer.rhai, NAME.wgsl; repeatable
+    #[arg(long = "plugins", value_name = "DIR")]
+    pub plugins: Vec<PathBuf>,
+    /// Only sections with this in "FILE > SECTION", any case, or with this tag; repeatable
+    #[arg(long, value_name = "TEXT")]
+    pub filter: Vec<String>,
+    /// The I-th of N equal parts, for several machines
+    #[arg(long, value_name = "I/N")]
+    pub shard: Option<String>,
+    /// Run only what a change touches; results of the rest are reused
+    #[arg(long)]
+    pub changed: bool,
+    /// Say which sections there are, and run none
+    #[arg(long)]
+    pub list: bool,
+    /// Run what a change touches after every save, until Ctrl-C
+    #[arg(long, conflicts_with_all = ["list", "json"])]
+    pub watch: bool,
+    /// Draw all pictures on this device instead of the one that the scripts say (cpu, unless they say another)
+    #[arg(long, value_enum)]
+    pub device: Option<Device>,
+    /// Compare with pictures that were accepted on another device or driver, too
+    #[arg(long)]
+    pub any_device: bool,
+    /// A further folder in which load(…) looks for files; repeatable
+    #[arg(long = "search", value_name = "DIR")]
+    pub search: Vec<PathBuf>,
+    /// Raise a limit of the scripts, as operations=50000000; repeatable
+    #[arg(long = "limit", value_name = "NAME=NUMBER")]
+    pub limit: Vec<String>,
+    /// Seconds that a section may take: its script, its files, its frames and its images. One that takes longer fails, the
+    /// others go on. A file that is being read, or an image that is being drawn, is finished first
+    #[arg(long, value_name = "SECONDS", default_value = "300")]
+    pub timeout: String,
+    /// Sections at once (default: one for each core)
+    #[arg(long, value_name = "N")]
+    pub jobs: Option<String>,
+    /// Say nothing but what failed
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// The report as JSON on standard output, and nothing else
+    #[arg(long)]
+    pub json: bool,
+    /// The report as JUnit XML, for build servers
+    #[arg(long, value_name = "FILE")]
+    pub junit: Option<PathBuf>,
+    /// The report as one HTML page with the pictures that differ
+    #[arg(long, value_name = "FILE")]
+    pub html: Option<PathBuf>,
+}
+
+#[derive(Args, Debug)]
+pub struct PluginsArgs {
+    /// A further folder of plugin files: NAME.importer.rhai, NAME.wgsl; repeatable
+    #[arg(long = "plugins", value_name = "DIR")]
+    pub plugins: Vec<PathBuf>,
+    /// Only what each importer says of this file; the first reads it
+    #[arg(long = "for", value_name = "FILE")]
+    pub file: Option<PathBuf>,
+    /// JSON on standard output, for programs
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args, Debug)]
+pub struct NewArgs {
+    #[arg(value_enum)]
+    pub kind: Kind,
+    /// Lower-case letters, digits and _; as my_format
+    pub name: String,
+    /// One file that needs nothing but this program: NAME.importer.rhai or NAME.wgsl
+    #[arg(long)]
+    pub single: bool,
+    /// The hook of a single-file effect (default: pixel)
+    #[arg(long, value_enum, requires = "single")]
+    pub hook: Option<HookArg>,
+    /// The folder to write into (default: this one)
+    #[arg(long, value_name = "DIR")]
+    pub into: Option<PathBuf>,
+    /// The folder of choreo's sources that a crate builds against (default: the one around this folder)
+    #[arg(long, value_name = "DIR", conflicts_with = "single")]
+    pub sources: Option<PathBuf>,
+}
+
+#[derive(Args, Debug)]
+pub struct HelpArgs {
+    /// A word of Blender, Unity, glTF or of a script ("foot sliding", ik, Actor.reach), or a command
+    #[arg(value_name = "TERM", required = true)]
+    pub term: Vec<String>,
+    /// JSON on standard output, for programs
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    Importer,
+    Effect,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HookArg {
+    /// One pixel of the picture
+    Pixel,
+    /// A pixel and those around it, and frames before
+    Picture,
+    /// A place on a surface
+    Surface,
+    /// A corner of a surface, which it moves
+    Vertex,
+    /// A light on a surface
+    Lighting,
+    /// A hull around surfaces, or their edges
+    Shell,
+    /// Lines, points or triangles of its own
+    Overlay,
+}
+
+impl Command {
+    pub fn json(&self) -> bool {
+        match self {
+            Command::Render(a) => a.json,
+            Command::Check(a) => a.json,
+            Command::Info(a) => a.json,
+            Command::Explain(a) => a.json,
+            Command::Measure(a) => a.json,
+            Command::Pose(a) => a.json,
+            Command::Test(a) => a.json,
+            Command::Plugins(a) => a.json,
+            Command::Help(a) => a.json,
+            Command::New(_) | Command::View(_) => false,
+        }
+    }
+}

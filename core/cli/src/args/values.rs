@@ -1,0 +1,180 @@
+//! Numbers of the command line: frame ranges, sizes, rates, times.
+
+use crate::failure::Failure;
+use choreo_motion::{FrameRate, Time};
+use choreo_script::Limits;
+use std::ops::Range;
+
+/// More frames than this in one run are a slip of the hand: 92 hours at 30 frames a second.
+const MOST_FRAMES: i64 = 10_000_000;
+
+fn usage<T>(text: String) -> Result<T, Failure> {
+    Err(Failure::Usage(text))
+}
+
+/// `0..120`, `0..=119`, `30..`, `..60`, `7`, within the `total` frames of the scene.
+pub fn frames(text: &str, total: i64) -> Result<Range<i64>, Failure> {
+    let number = |part: &str| -> Result<i64, Failure> {
+        match part.trim().parse::<i64>() {
+            Ok(n) if (0..=MOST_FRAMES).contains(&n) => Ok(n),
+            _ => usage(format!(
+                "--frames {text}: \"{part}\" is not a frame number from 0 to {MOST_FRAMES}; \
+                 write 0..120, 0..=119, 30.. or 7"
+            )),
+        }
+    };
+    let range = match text.split_once("..") {
+        None => number(text)?..number(text)? + 1,
+        Some((from, to)) => {
+            let from = if from.is_empty() { 0 } else { number(from)? };
+            let to = match to.strip_prefix('=') {
+                Some(last) => number(last)? + 1,
+                None if to.is_empty() => total.max(from),
+                None => number(to)?,
+            };
+            from..to
+        }
+    };
+    if range.is_empty() && range.start < total {
+        return usage(format!("--frames {text}: no frame is in that range; the end is not included"));
+    }
+    if range.start >= total || range.end > total {
+        return usage(format!("--frames {text}: the scene has {total} frames, 0..{total}"));
+    }
+    Ok(range)
+}
+
+pub fn size(text: &str) -> Result<[u32; 2], Failure> {
+    let parsed = text.split_once(['x', 'X', '×']).and_then(|(w, h)| {
+        Some([w.trim().parse::<u32>().ok()?, h.trim().parse::<u32>().ok()?])
+            .filter(|s| s.iter().all(|n| (1..=16384).contains(n)))
+    });
+    parsed.map_or_else(
+        || usage(format!("--size {text}: write WIDTHxHEIGHT, each from 1 to 16384 pixels, as 1280x720")),
+        Ok,
+    )
+}
+
+pub fn fps(text: &str) -> Result<FrameRate, Failure> {
+    let rate = match text.split_once('/') {
+        Some((num, den)) => match (num.parse::<u32>(), den.parse::<u32>()) {
+            (Ok(num), Ok(den))
+                if den > 0 && (0.001..=1000.0).contains(&(f64::from(num) / f64::from(den))) =>
+            {
+                Some(FrameRate { num, den })
+            }
+            _ => None,
+        },
+        None => text.parse().ok().and_then(FrameRate::from_fps),
+    };
+    rate.map_or_else(
+        || {
+            usage(format!(
+                "--fps {text}: write frames a second from 0.001 to 1000, as 30, 29.97 or 30000/1001"
+            ))
+        },
+        Ok,
+    )
+}
+
+pub fn samples(text: &str) -> Result<u32, Failure> {
+    match text {
+        "1" => Ok(1),
+        "4" => Ok(4),
+        _ => usage(format!("--samples {text}: 1 (fast) or 4 (smooth edges)")),
+    }
+}
+
+pub fn at(text: &str) -> Result<Time, Failure> {
+    match text.parse::<f64>() {
+        // 100 hours on either side of zero.
+        Ok(secs) if secs.abs() <= 360_000.0 => Ok(Time::from_secs(secs)),
+        _ => usage(format!("--at {text}: write seconds from -360000 to 360000, as 1.5")),
+    }
+}
+
+/// `--timeout`: seconds, above 0.
+pub fn timeout(text: &str) -> Result<f64, Failure> {
+    let seconds = text.parse().ok().filter(|s: &f64| *s > 0.0 && s.is_finite());
+    seconds.ok_or_else(|| Failure::Usage(format!("--timeout {text}: write seconds above 0, as 60 or 0.5")))
+}
+
+pub fn jobs(text: &str) -> Result<usize, Failure> {
+    match text.parse::<usize>() {
+        Ok(n) if (1..=1024).contains(&n) => Ok(n),
+        _ => usage(format!("--jobs {text}: a number of threads from 1 to 1024")),
+    }
+}
+
+/// The limits of scripts, with those that `--limit NAME=NUMBER` sets.
+pub fn limits(given: &[String]) -> Result<Limits, Failure> {
+    let mut limits = Limits::default();
+    for limit in given {
+        limits.set(limit).map_err(|e| Failure::Usage(format!("--limit {limit}: {e}")))?;
+    }
+    Ok(limits)
+}
+
+/// NAME=VALUE of an option that is called `flag`.
+pub fn name_value<'a>(flag: &str, text: &'a str) -> Result<(&'a str, &'a str), Failure> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.trim().is_empty() => Ok((name.trim(), value)),
+        _ => usage(format!("{flag} {text}: write NAME=VALUE")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frame_ranges_in_all_their_forms() {
+        for (text, expected) in [
+            ("0..120", 0..120),
+            ("0..=119", 0..120),
+            ("30..", 30..120),
+            ("..60", 0..60),
+            ("7", 7..8),
+            ("..", 0..120),
+        ] {
+            assert_eq!(frames(text, 120).unwrap(), expected, "{text}");
+        }
+    }
+
+    #[test]
+    fn bad_frame_ranges_say_what_to_type() {
+        for (text, expected) in [
+            (
+                "a..b",
+                "--frames a..b: \"a\" is not a frame number from 0 to 10000000; write 0..120, 0..=119, 30.. or 7",
+            ),
+            ("5..5", "--frames 5..5: no frame is in that range; the end is not included"),
+            ("9..3", "--frames 9..3: no frame is in that range; the end is not included"),
+            ("0..121", "--frames 0..121: the scene has 120 frames, 0..120"),
+            ("120", "--frames 120: the scene has 120 frames, 0..120"),
+            (
+                "-1",
+                "--frames -1: \"-1\" is not a frame number from 0 to 10000000; write 0..120, 0..=119, 30.. or 7",
+            ),
+        ] {
+            let Err(Failure::Usage(message)) = frames(text, 120) else { panic!("{text} was accepted") };
+            assert_eq!(message, expected);
+        }
+        assert!(frames("99999999999999999999", 120).is_err());
+    }
+
+    #[test]
+    fn sizes_rates_and_times() {
+        assert_eq!(size("1280x720").unwrap(), [1280, 720]);
+        for bad in ["1280", "0x5", "x", "99999x1", "1280x720x3", "-4x4"] {
+            assert!(size(bad).is_err(), "{bad}");
+        }
+        assert_eq!(fps("29.97").unwrap(), FrameRate { num: 30000, den: 1001 });
+        assert_eq!(fps("24000/1001").unwrap(), FrameRate { num: 24000, den: 1001 });
+        for bad in ["0", "nan", "1/0", "inf", "-30", "4000000000/1"] {
+            assert!(fps(bad).is_err(), "{bad}");
+        }
+        assert_eq!(at("1.5").unwrap(), Time::from_secs(1.5));
+        assert!(at("nan").is_err() && at("inf").is_err() && at("1e9").is_err());
+    }
+}

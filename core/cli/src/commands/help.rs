@@ -1,0 +1,118 @@
+//! `choreo help TERM`: the calls that answer a word of the field. And `--help` of the commands that read models or write results:
+//! the options of the plugins, from their manifests alone.
+
+use crate::args::{Cli, HelpArgs};
+use crate::failure::{Failure, print, print_json};
+use crate::plugins::option_rows;
+use crate::terminal::page::Page;
+use choreo_plugin::{Manifest, Registry};
+use choreo_script::synonyms::{Answer, Call, answer, mentions, nearest};
+use choreo_session::plugin_files;
+use clap::CommandFactory;
+use serde_json::{Value, json};
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+/// Entries printed for a term that no topic names, but descriptions mention.
+const MOST_MENTIONS: usize = 8;
+
+/// `help` and `help COMMAND` as `--help` and `COMMAND --help`.
+pub fn as_flag(args: Vec<OsString>) -> Vec<OsString> {
+    let is_command = |name: &OsString| Cli::command().find_subcommand(name).is_some();
+    match args.as_slice() {
+        [program, help] if help == "help" => vec![program.clone(), "--help".into()],
+        [program, help, name] if help == "help" && is_command(name) => {
+            vec![program.clone(), name.clone(), "--help".into()]
+        }
+        _ => args,
+    }
+}
+
+/// Prints the calls that answer a term.
+pub fn run(args: &HelpArgs) -> Result<(), Failure> {
+    let term = args.term.join(" ");
+    let mut answer = answer(&term);
+    if answer.calls.is_empty() {
+        answer.calls = mentions(&term).into_iter().take(MOST_MENTIONS).collect();
+    }
+    if answer.calls.is_empty() {
+        let near: Vec<String> = nearest(&term, 5).iter().map(|near| format!("\"{near}\"")).collect();
+        let near =
+            if near.is_empty() { String::new() } else { format!("; did you mean {}?", near.join(", ")) };
+        return Err(Failure::Usage(format!(
+            "help: nothing is known as \"{term}\"{near}\n    hint: core/script/API.md lists everything that a script can call"
+        )));
+    }
+    for call in &mut answer.calls {
+        call.about = call.about.take().or_else(|| about_command(&call.usage));
+    }
+    if args.json { print_json(&answer_json(&term, &answer)) } else { print(page(&term, &answer).as_str()) }
+}
+
+fn page(term: &str, answer: &Answer) -> Page {
+    let mut page = Page::default();
+    page.line(format_args!("{term}"));
+    for Call { usage, about, page: from } in &answer.calls {
+        page.line(format_args!("  {usage}"));
+        page.lines(about.iter().map(|about| format!("      {about}")));
+        page.line(format_args!("      {from}"));
+    }
+    page.lines(answer.example.map(|example| format!("Example: {example}")));
+    page.lines(answer.note.map(|note| format!("Note: {note}")));
+    page
+}
+
+fn answer_json(term: &str, answer: &Answer) -> Value {
+    let call = |c: &Call| json!({ "usage": c.usage, "about": c.about, "page": c.page });
+    json!({
+        "term": term, "calls": answer.calls.iter().map(call).collect::<Vec<_>>(),
+        "example": answer.example, "note": answer.note,
+    })
+}
+
+/// The help text of `choreo COMMAND` or `choreo COMMAND --OPTION`.
+fn about_command(usage: &str) -> Option<String> {
+    let mut words = usage.split(' ').skip(1);
+    let cli = Cli::command();
+    let command = cli.find_subcommand(words.next()?)?;
+    let Some(option) = words.next() else { return command.get_about().map(ToString::to_string) };
+    let option = option.trim_start_matches('-');
+    let found = command.get_arguments().find(|a| a.get_long() == Some(option));
+    found?.get_help().map(ToString::to_string)
+}
+
+const READ_MODELS: [&str; 6] = ["render", "check", "info", "explain", "measure", "pose"];
+
+/// The command line with what the plugins say, where somebody asks for all of it.
+pub fn command(args: &[OsString], plugins: &Registry) -> clap::Command {
+    let command = Cli::command();
+    if !args.iter().any(|a| a == "--help") {
+        return command;
+    }
+    // Those beside what is named, and here; a plugin that is broken is told elsewhere.
+    let inputs: Vec<&Path> = args.iter().skip(2).map(Path::new).filter(|p| p.exists()).collect();
+    let here = [&[Path::new(".")], inputs.as_slice()].concat();
+    let after = |flag: &OsString| args.iter().skip_while(move |a| *a != flag).nth(1).map(PathBuf::from);
+    let named: Vec<PathBuf> = after(&"--plugins".into()).into_iter().filter(|f| f.is_dir()).collect();
+    let found = plugin_files::list(plugins, &named, &here, None).map(|listing| listing.registry);
+    let registry = found.as_ref().unwrap_or(plugins);
+    let importers = rows(registry.importers().iter().map(|i| i.manifest()));
+    let exporters = rows(registry.exporters().iter().map(|e| e.manifest()));
+    READ_MODELS.into_iter().fold(command, |command, name| {
+        command.mut_subcommand(name, |sub| {
+            let mut text = format!(
+                "Options of importers, set with --import NAME=VALUE, in a script by load(FILE, #{{ NAME: VALUE }}):\n{importers}"
+            );
+            if name == "render" {
+                text += &format!("\nOptions of exporters, set with --export NAME=VALUE:\n{exporters}");
+            }
+            let before = sub.get_after_long_help().or(sub.get_after_help()).map(ToString::to_string);
+            sub.after_long_help(format!("{text}\n{}", before.unwrap_or_default()))
+        })
+    })
+}
+
+fn rows<'m>(manifests: impl Iterator<Item = &'m Manifest>) -> String {
+    let with_options = manifests.filter(|m| !m.options.is_empty());
+    with_options.map(|m| format!("  {}\n{}", m.name, option_rows(m))).collect()
+}

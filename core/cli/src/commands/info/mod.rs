@@ -1,0 +1,331 @@
+//! `choreo info`: what is in a model file, or how a picture or video was made.
+
+mod character;
+
+use crate::args::InfoArgs;
+use crate::commands::compressed::Savings;
+use crate::failure::{Failure, print, print_json};
+use crate::output::media::Media;
+use crate::plugins::plugin_files;
+use crate::scene::model;
+use crate::scene::{self, opening::Opening};
+use crate::terminal::page::Page;
+use choreo_asset::{Asset, Light, LightKind, Origin, Projection};
+use choreo_motion::Clip;
+use choreo_plugin::{Registry, Source};
+use choreo_script::{Limits, mapping_lines};
+use serde_json::{Value, json};
+use std::fmt::Write;
+use std::sync::Arc;
+
+pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
+    let registry = plugin_files::registry(plugins, &args.import.plugins, &[&args.file])?;
+    model::must_be_file(&args.file)?;
+    if args.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai")) {
+        let shown = args.file.display();
+        return Err(Failure::Usage(format!(
+            "{shown} is a script; type choreo explain {shown} or choreo check {shown}"
+        )));
+    }
+    let head = model::head(&args.file)?;
+    if let Some(media) = crate::output::media::read(&head) {
+        return print_media(&args, &media);
+    }
+    let open = |path: &std::path::Path| {
+        model::import(path, &args.search, &args.import, &registry, &Limits::default(), Opening::TO_TELL)
+            .map(|imported| imported.asset)
+    };
+    let asset = open(&args.file)?;
+    let importer = importer(&args, &registry, head);
+    let facts = facts(&asset, importer);
+    let followed = match &args.on {
+        Some(path) => {
+            let on = open(path)?;
+            Some(followed(&asset, &on)?)
+        }
+        None => None,
+    };
+    let savings = args.compress.map(|metres| Savings::of(&asset, metres)).transpose()?;
+    if args.json {
+        let mut json = facts_json(&asset, &facts, args.joints);
+        if let Some(savings) = savings {
+            json["compressed"] = savings.json();
+        }
+        if let Some(lines) = followed {
+            json["on"] = lines.into();
+        }
+        return print_json(&json);
+    }
+    let mut page = Page::default();
+    text(&mut page, &asset, &facts, args.joints);
+    page.lines(followed.unwrap_or_default());
+    if let Some(savings) = savings {
+        page.text(&savings.text());
+    }
+    print(page.as_str())
+}
+
+/// How the file's first clip goes on another body; where it has none, how any would.
+fn followed(asset: &Asset, on: &Asset) -> Result<Vec<String>, Failure> {
+    let still = Clip::new(String::new(), asset.skeleton.len(), Vec::new()).ok().map(Arc::new);
+    let Some(clip) = asset.clips.first().cloned().or(still) else { return Ok(Vec::new()) };
+    let lines = mapping_lines(asset, on, &clip, Default::default());
+    lines.map_err(|nothing| Failure::input(format!("{}\n    {}", nothing.message, nothing.hint)))
+}
+
+fn importer(args: &InfoArgs, registry: &Registry, head: Vec<u8>) -> (String, String) {
+    let source = Source { name: args.file.display().to_string(), bytes: Arc::new(head) };
+    let found = registry.importer_for(&source, args.import.importer.as_deref());
+    found.map(|i| (i.manifest().name.to_string(), i.manifest().about.to_string())).unwrap_or_default()
+}
+
+fn print_media(args: &InfoArgs, media: &Media) -> Result<(), Failure> {
+    if args.json {
+        let made: serde_json::Map<String, Value> =
+            media.provenance.iter().map(|(k, v)| (k.clone(), v.clone().into())).collect();
+        return print_json(&json!({
+            "file": args.file.display().to_string(), "format": media.format,
+            "size": [media.width, media.height], "provenance": made,
+        }));
+    }
+    let mut text = Page::default();
+    text.line(format_args!("{}: {}, {}×{}", args.file.display(), media.format, media.width, media.height));
+    for (key, value) in media.provenance.iter().take(MOST_ENTRIES) {
+        text.line(format_args!(
+            "  {:<12} {}",
+            one_line(key.strip_prefix("choreo:").unwrap_or(key)),
+            one_line(value)
+        ));
+    }
+    let more = media.provenance.len().saturating_sub(MOST_ENTRIES);
+    if more > 0 {
+        text.line(format_args!("  and {more} more; --json tells all"));
+    }
+    if media.provenance.is_empty() {
+        text.line(format_args!("  does not say how it was made"));
+    }
+    print(text.as_str())
+}
+
+/// Whoever wrote the file: what is shown of it stays readable.
+const MOST_ENTRIES: usize = 64;
+
+fn one_line(text: &str) -> String {
+    const MOST: usize = 2_000;
+    let mut line: String = text.chars().take(MOST).map(|c| if c == '\n' { ' ' } else { c }).collect();
+    if line.len() < text.len() {
+        line.push('…');
+    }
+    line
+}
+
+struct Facts {
+    importer: (String, String),
+    vertices: usize,
+    triangles: usize,
+    primitives: usize,
+    image_bytes: usize,
+    /// Metres; `None` where nothing can be seen.
+    extents: Option<[[f32; 3]; 2]>,
+}
+
+fn facts(asset: &Asset, importer: (String, String)) -> Facts {
+    let primitives = || asset.meshes.iter().flat_map(|m| &m.primitives);
+    let triangle = |p: &&choreo_asset::Primitive| p.topology == choreo_asset::Topology::Triangles;
+    let bounds = asset.rest_bounds();
+    Facts {
+        importer,
+        vertices: primitives().map(|p| p.positions.len()).sum(),
+        triangles: primitives().filter(triangle).map(|p| p.indices.len() / 3).sum(),
+        primitives: primitives().count(),
+        image_bytes: asset.images.iter().map(|i| 4 * i.width as usize * i.height as usize).sum(),
+        extents: (!bounds.is_empty()).then(|| [bounds.min.to_array(), bounds.max.to_array()]),
+    }
+}
+
+fn text(t: &mut Page, asset: &Asset, facts: &Facts, joints: bool) {
+    let texts = scene::texts(asset);
+    t.line(format_args!("{}: {} ({})", asset.name, facts.importer.0, facts.importer.1));
+    if !asset.origin.format.is_empty() {
+        let told = asset.warnings.iter().any(|w| w.text.starts_with("the format has no unit"));
+        let guessed = asset.origin.unit_is_assumed && told;
+        t.line(format_args!("file       {}", origin(&asset.origin, guessed)));
+    }
+    if let Some([min, max]) = facts.extents {
+        let size: [f32; 3] = std::array::from_fn(|i| max[i] - min[i]);
+        t.line(format_args!(
+            "size       {:.3} × {:.3} × {:.3} m at rest (x, y up, z)",
+            size[0], size[1], size[2]
+        ));
+    }
+    t.line(format_args!(
+        "meshes     {} with {}, {}, {}",
+        asset.meshes.len(),
+        count(facts.primitives, "primitive", "primitives"),
+        count(facts.vertices, "vertex", "vertices"),
+        count(facts.triangles, "triangle", "triangles")
+    ));
+    let copied: Vec<usize> =
+        asset.instances.iter().filter(|i| !i.copies.is_empty()).map(|i| asset.times(i)).collect();
+    if !copied.is_empty() {
+        let copies: usize = copied.iter().sum();
+        let of = count(copied.len(), "mesh", "meshes");
+        t.line(format_args!("copies     {copies}, of {of} drawn many times"));
+    }
+    let skins: Vec<String> = asset.skins.iter().map(|s| s.joints.len().to_string()).collect();
+    let in_skins = match skins.as_slice() {
+        [] => String::new(),
+        [one] if one == "1" => " (1 joint)".to_string(),
+        _ => format!(" ({} joints)", skins.join(", ")),
+    };
+    let (nodes, skins) = (asset.skeleton.len(), skins.len());
+    let (nodes, skins) = (count(nodes, "node", "nodes"), count(skins, "skin", "skins"));
+    t.line(format_args!("joints     {nodes}, {skins}{in_skins}"));
+    for mesh in asset.meshes.iter().filter(|m| m.morph_targets > 0) {
+        let names = model::list(mesh.morph_names.iter().map(String::as_str), 12);
+        let targets = count(mesh.morph_targets, "target", "targets");
+        t.line(format_args!("morphs     {}: {targets} {names}", mesh.name));
+    }
+    t.line(format_args!(
+        "materials  {}, images {} ({:.1} MB in memory)",
+        asset.materials.len(),
+        asset.images.len(),
+        facts.image_bytes as f64 / 1e6
+    ));
+    for image in &asset.images {
+        t.line(format_args!("  image    {} {}×{}", image.name, image.width, image.height));
+    }
+    t.line(format_args!("clips      {}", asset.clips.len()));
+    for clip in &asset.clips {
+        t.line(format_args!(
+            "  {:<28} {:8.3} s, {}",
+            clip.name,
+            clip.duration.as_secs(),
+            count(clip.curves().len() + clip.properties().len(), "curve", "curves")
+        ));
+    }
+    character::text(t, asset, joints);
+    for camera in &asset.cameras {
+        t.line(format_args!("camera     {} ({})", camera.name, projection(&camera.projection)));
+    }
+    for light in &asset.lights {
+        t.line(format_args!(
+            "light      {} ({}, {})",
+            light.name,
+            kind(&light.light.kind),
+            brightness(&light.light)
+        ));
+    }
+    if joints {
+        tree(t, asset);
+    }
+    t.lines(texts);
+}
+
+fn count(number: usize, one: &str, many: &str) -> String {
+    format!("{number} {}", if number == 1 { one } else { many })
+}
+
+/// The file's own convention, before it was converted.
+fn origin(o: &Origin, guessed: bool) -> String {
+    let mut text = o.format.clone();
+    // A guess has a warning of its own, with its reason.
+    if let Some(metres) = o.metres_per_unit.filter(|_| !guessed) {
+        // An inch times something has more digits than anyone reads.
+        let shown = if metres < 1e-3 { metres } else { (metres * 1e6).round() / 1e6 };
+        let is = if o.unit_is_assumed { "taken as" } else { "=" };
+        let _ = write!(text, ", 1 unit {is} {shown} m");
+    }
+    if !o.up.is_empty() {
+        let _ = write!(text, ", {} up", o.up);
+    }
+    if !o.writer.is_empty() {
+        let _ = write!(text, ", written by {}", o.writer);
+    }
+    text
+}
+
+/// Joints indented below their parents.
+fn tree(t: &mut Page, asset: &Asset) {
+    let skeleton = &asset.skeleton;
+    let mut depth = vec![0usize; skeleton.len()];
+    let mut children = vec![Vec::new(); skeleton.len()];
+    let mut roots = Vec::new();
+    for (i, parent) in skeleton.parents().iter().enumerate() {
+        match parent {
+            Some(p) => {
+                depth[i] = depth[*p as usize] + 1;
+                children[*p as usize].push(i);
+            }
+            None => roots.push(i),
+        }
+    }
+    t.line(format_args!("tree"));
+    let mut stack: Vec<usize> = roots.into_iter().rev().collect();
+    while let Some(joint) = stack.pop() {
+        // Deeper than any real skeleton, the indentation would grow quadratically.
+        let indent = "  ".repeat(depth[joint].min(40) + 1);
+        t.line(format_args!("{indent}{}", skeleton.names()[joint]));
+        stack.extend(children[joint].iter().rev());
+    }
+}
+
+fn projection(p: &Projection) -> String {
+    match p {
+        Projection::Perspective { yfov, .. } => format!("perspective, {:.1}° high", yfov.to_degrees()),
+        Projection::Orthographic { height, .. } => format!("orthographic, {height} m high"),
+    }
+}
+
+/// The intensity in the unit of its kind: candela, or lux for a directional light.
+fn brightness(light: &Light) -> String {
+    let unit = if light.kind == LightKind::Directional { "lx" } else { "cd" };
+    format!("{} {unit}", (f64::from(light.intensity) * 1e3).round() / 1e3)
+}
+
+fn kind(kind: &LightKind) -> &'static str {
+    match kind {
+        LightKind::Directional => "directional",
+        LightKind::Point => "point",
+        LightKind::Spot { .. } => "spot",
+    }
+}
+
+fn facts_json(asset: &Asset, facts: &Facts, joints: bool) -> Value {
+    let names = asset.skeleton.names().iter().zip(asset.skeleton.parents());
+    let list = |n: usize| (0..n).collect::<Vec<_>>();
+    let mut value = json!({
+        "file": asset.name,
+        "importer": facts.importer.0,
+        "origin": {
+            "format": asset.origin.format, "writer": asset.origin.writer,
+            "metres_per_unit": asset.origin.metres_per_unit, "unit_is_assumed": asset.origin.unit_is_assumed, "up": asset.origin.up,
+        },
+        "joints": asset.skeleton.len(),
+        "skins": asset.skins.iter().map(|s| s.joints.len()).collect::<Vec<_>>(),
+        "meshes": asset.meshes.iter().map(|m| json!({
+            "name": m.name,
+            "primitives": m.primitives.len(),
+            "vertices": m.primitives.iter().map(|p| p.positions.len()).sum::<usize>(),
+            "morph_targets": m.morph_names.iter().cloned().map(Value::from)
+                .chain(list(m.morph_targets).into_iter().skip(m.morph_names.len()).map(Value::from))
+                .collect::<Vec<_>>(),
+        })).collect::<Vec<_>>(),
+        "vertices": facts.vertices,
+        "triangles": facts.triangles,
+        "materials": asset.materials.iter().map(|m| m.name.clone()).collect::<Vec<_>>(),
+        "images": asset.images.iter().map(|i| json!({ "name": i.name, "size": [i.width, i.height] })).collect::<Vec<_>>(),
+        "clips": asset.clips.iter().map(|c| json!({
+            "name": c.name, "seconds": c.duration.as_secs(), "curves": c.curves().len(),
+        })).collect::<Vec<_>>(),
+        "cameras": asset.cameras.iter().map(|c| c.name.clone()).collect::<Vec<_>>(),
+        "lights": asset.lights.iter().map(|l| json!({ "name": l.name, "kind": kind(&l.light.kind) })).collect::<Vec<_>>(),
+        "extents": facts.extents,
+        "warnings": asset.warnings.iter().map(|w| json!({ "place": w.place, "text": w.text })).collect::<Vec<_>>(),
+    });
+    value["character"] = character::json(asset);
+    if joints {
+        value["skeleton"] = names.map(|(name, parent)| json!({ "name": name, "parent": parent })).collect();
+    }
+    value
+}

@@ -1,0 +1,24 @@
+// effect: NAME
+// about: what is bright leaves streaks to both sides
+// version: 1
+// hook: picture
+// param strength = 0.5 in 0..4: how bright they are
+// param reach = 24 in 1..200: pixels that they go to each side
+//
+// A function of a pixel and those around it: picture(at), linear, the nearest one beyond the border; picture_size().
+// // passes: 2 runs it twice, picture(at) is then what the pass before gave and original(at) what the first got; // history: 3 gives
+// previous(1, at) to previous(3, at), the scene 1 to 3 frames ago; // texture paper = paper.png: ABOUT gives paper(uv).
+// Put it beside the script, into a folder plugins there, or name its folder with --plugins; then: effect("NAME", #{ reach: 40 })
+fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {
+    let here = picture(at);
+    var sum = vec3(0.0);
+    var weights = 0.0;
+    for (var i = -8; i <= 8; i++) {
+        let away = f32(i) / 8.0;
+        let there = picture(at + vec2(i32(round(away * p[reach])), 0)).rgb;
+        let weight = 1.0 - abs(away);
+        sum += weight * max(there - 0.8, vec3(0.0));
+        weights += weight;
+    }
+    return vec4(here.rgb + p[strength] * sum / weights, here.a);
+}

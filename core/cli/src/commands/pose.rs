@@ -1,0 +1,159 @@
+//! `choreo pose`: every actor's joints in world space at one time, for other tools and for tests.
+
+use crate::args::PoseArgs;
+use crate::args::values;
+use crate::failure::{Failure, output_error, print, print_json, write_failure};
+use crate::scene::{self, opening::Opening};
+use crate::terminal::page::Page;
+use choreo_asset::{Asset, Topology};
+use choreo_files::Part;
+use choreo_plugin::Registry;
+use choreo_stage::{Evaluator, Snapshot, Stage, posed_meshes};
+use glam::{Affine3A, DAffine3, DMat4, Mat3, Vec3};
+use serde_json::{Value, json};
+use std::io::Write;
+
+pub fn run(args: PoseArgs, plugins: &Registry) -> Result<(), Failure> {
+    let at = values::at(&args.at)?;
+    if let Some(path) = &args.mesh
+        && !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj"))
+    {
+        // A slip of the hand must not replace a script or a model.
+        return Err(Failure::Usage(format!("--mesh {}: write a name that ends in .obj", path.display())));
+    }
+    let registry = scene::plugins(&args.scene, plugins)?;
+    let scene = scene::open(&args.scene, &registry, Opening::TO_TELL)?;
+    let snapshot = Evaluator::new(scene.stage.clone())
+        .posing_hidden()
+        .at(at)
+        .map_err(|e| Failure::input(e.to_string()))?;
+    if let Some(path) = &args.mesh {
+        scene.inputs.refuse(path)?;
+        let shown = path.display().to_string();
+        let failed = |e| write_failure(&shown, e);
+        let part = Part::create(path).map_err(failed)?;
+        let mut out = part.writer().map_err(|e| output_error(&shown, &e))?;
+        write_obj(&scene.stage, &snapshot, &mut out)
+            .and_then(|()| out.flush())
+            .map_err(|e| output_error(&shown, &e))?;
+        drop(out);
+        part.commit().map_err(failed)?;
+    }
+    match args.json {
+        true => print_json(&pose_json(&scene.name, &scene.stage, &snapshot)),
+        false => print(pose_text(&scene.stage, &snapshot).as_str()),
+    }
+}
+
+/// f32 joints placed in the f64 world: exact but for the product.
+fn world_from_joint(world_from_model: DAffine3, model_from_joint: &Affine3A) -> DMat4 {
+    let m = DAffine3::from_mat3_translation(
+        Mat3::from(model_from_joint.matrix3).as_dmat3(),
+        Vec3::from(model_from_joint.translation).as_dvec3(),
+    );
+    DMat4::from(world_from_model * m)
+}
+
+fn numbers(m: DMat4) -> Vec<f64> {
+    m.to_cols_array().to_vec()
+}
+
+fn pose_json(name: &str, stage: &Stage, snapshot: &Snapshot) -> Value {
+    let actors: Vec<Value> = stage
+        .actors
+        .iter()
+        .zip(&snapshot.actors)
+        .map(|(actor, state)| {
+            let skeleton = &actor.asset.skeleton;
+            let joints: Vec<Value> = skeleton
+                .names()
+                .iter()
+                .zip(skeleton.parents())
+                .zip(&state.model_from_joint)
+                .map(|((name, parent), m)| {
+                    let matrix = numbers(world_from_joint(state.world_from_model, m));
+                    json!({ "name": name, "parent": parent, "world_from_joint": matrix })
+                })
+                .collect();
+            json!({
+                "name": actor.name,
+                "asset": actor.asset.name,
+                "visible": state.visible,
+                "world_from_model": numbers(DMat4::from(state.world_from_model)),
+                "joints": joints,
+                "morph_weights": state.morph_weights,
+            })
+        })
+        .collect();
+    let camera = &snapshot.camera;
+    json!({
+        "source": name,
+        "seconds": snapshot.time.as_secs(),
+        "matrices": "column-major, metres, y up",
+        "actors": actors,
+        "camera": {
+            "name": camera.camera.and_then(|c| stage.cameras.get(c)).map(|c| c.name.clone()),
+            "world_from_view": numbers(DMat4::from(camera.world_from_view)),
+        },
+    })
+}
+
+/// Positions only: what a person looks for.
+fn pose_text(stage: &Stage, snapshot: &Snapshot) -> Page {
+    let mut t = Page::default();
+    for (actor, state) in stage.actors.iter().zip(&snapshot.actors) {
+        let hidden = if state.visible { "" } else { ", invisible" };
+        let p = state.world_from_model.translation;
+        t.line(format_args!(
+            "{} ({}{hidden}) at {:.4} {:.4} {:.4}",
+            actor.name, actor.asset.name, p.x, p.y, p.z
+        ));
+        for (name, m) in actor.asset.skeleton.names().iter().zip(&state.model_from_joint) {
+            let p = world_from_joint(state.world_from_model, m).w_axis;
+            t.line(format_args!("  {name:<32} {:9.4} {:9.4} {:9.4}", p.x, p.y, p.z));
+        }
+    }
+    t
+}
+
+/// Wavefront OBJ: one object a primitive, vertices in the file's own order, so that number k is vertex k − (those before).
+fn write_obj(stage: &Stage, snapshot: &Snapshot, out: &mut dyn Write) -> std::io::Result<()> {
+    let mut first = 1;
+    let mut first_normal = 1;
+    // What is hidden has joints, but is not seen.
+    for (actor, state) in stage.actors.iter().zip(&snapshot.actors).filter(|(_, s)| s.visible) {
+        for posed in posed_meshes(&actor.asset, state) {
+            let asset: &Asset = &actor.asset;
+            let mesh = &asset.meshes[asset.instances[posed.instance].mesh as usize];
+            for (i, (primitive, shape)) in mesh.primitives.iter().zip(&posed.primitives).enumerate() {
+                let words = |s: &str| s.split_whitespace().collect::<Vec<_>>().join("_");
+                writeln!(out, "o {}/{}/{}/{i}", words(&actor.name), posed.instance, words(&mesh.name))?;
+                for p in &shape.positions {
+                    writeln!(out, "v {} {} {}", p.x, p.y, p.z)?;
+                }
+                for n in &shape.normals {
+                    writeln!(out, "vn {} {} {}", n.x, n.y, n.z)?;
+                }
+                let (letter, corners) = match primitive.topology {
+                    Topology::Triangles => ("f", 3),
+                    Topology::Lines => ("l", 2),
+                    Topology::Points => ("p", 1),
+                };
+                for element in primitive.indices.chunks_exact(corners) {
+                    write!(out, "{letter}")?;
+                    for &index in element {
+                        let index = index as usize;
+                        match corners == 3 && !shape.normals.is_empty() {
+                            true => write!(out, " {}//{}", first + index, first_normal + index)?,
+                            false => write!(out, " {}", first + index)?,
+                        }
+                    }
+                    writeln!(out)?;
+                }
+                first += shape.positions.len();
+                first_normal += shape.normals.len();
+            }
+        }
+    }
+    Ok(())
+}

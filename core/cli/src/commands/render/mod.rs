@@ -1,0 +1,155 @@
+//! `choreo render`: from the command line to files, with everything that can be refused refused before the first frame.
+
+mod draw;
+mod stages;
+mod summary;
+mod watch;
+
+use crate::args::RenderArgs;
+use crate::args::values;
+use crate::drawing::device;
+use crate::failure::Failure;
+use crate::output::budget::Budgeted;
+use crate::output::target::Target;
+use crate::scene::{
+    self, Scene,
+    opening::{Keep, Opening},
+};
+use choreo_motion::Time;
+use choreo_plugin::{ExportOptions, Exporter, Registry};
+use choreo_stage::Settings;
+use std::ops::Range;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// What is to be made, checked.
+pub struct Job {
+    pub scene: Scene,
+    pub target: Target,
+    pub exporter: Arc<dyn Exporter>,
+    pub frames: Vec<(i64, Time)>,
+    pub settings: Settings,
+    pub samples: Option<u32>,
+    pub options: ExportOptions,
+    pub notes: Vec<String>,
+}
+
+pub fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
+    if args.watch {
+        return watch::run(&args, plugins);
+    }
+    if args.stages {
+        return stages::run(&args, plugins);
+    }
+    let start = Instant::now();
+    let jobs = args.jobs.as_deref().map(values::jobs).transpose()?;
+    let target = Target::parse(&args.output)?;
+    let registry = scene::plugins(&args.scene, plugins)?;
+    target.exporter(&registry)?;
+    if args.resume && target == Target::Stdout {
+        return Err(Failure::Usage("--resume goes on with a file; standard output keeps nothing".into()));
+    }
+    // The driver takes as long to start as the script and its assets: side by side.
+    let starting = device::start(wanted(&args), registry.effects());
+    let prepared = prepare(&args, target, &registry, None);
+    let started = starting.wait();
+    let job = prepared?;
+    let drawn = draw::draw(&args, &job, started?, jobs)?;
+    summary::report(&args, &job, &drawn, start.elapsed().as_secs_f64())
+}
+
+fn wanted(args: &RenderArgs) -> device::Wanted {
+    device::Wanted {
+        device: args.device,
+        gpu: args.gpu.clone(),
+        timings: args.timings,
+        anisotropy: args.anisotropy,
+    }
+}
+
+/// Refuses what can be refused. `keep`: of earlier renders of the same.
+pub fn prepare(
+    args: &RenderArgs,
+    target: Target,
+    registry: &Registry,
+    keep: Option<&Keep>,
+) -> Result<Job, Failure> {
+    let exporter = target.exporter(registry)?;
+    let mut options = ExportOptions::default();
+    for text in &args.export {
+        let (name, value) = values::name_value("--export", text)?;
+        let value = exporter.manifest().parse_option(name, value);
+        let value = value.map_err(|e| Failure::Usage(format!("--export {text}: {e}")))?;
+        options.0.insert(name.to_string(), value);
+    }
+    let size = args.size.as_deref().map(values::size).transpose()?;
+    let fps = args.fps.as_deref().map(values::fps).transpose()?;
+    let at = args.at.as_deref().map(values::at).transpose()?;
+    let samples = args.samples.as_deref().map(values::samples).transpose()?;
+
+    let opening = Opening { quiet: args.quiet, keep, ..Opening::TO_DRAW };
+    let mut scene = scene::open(&args.scene, registry, opening)?;
+    let mut settings = scene.stage.settings.clone();
+    settings.size = size.unwrap_or(settings.size);
+    // The stage too: a camera that frames what it sees does so for the shape of this picture.
+    Arc::make_mut(&mut scene.stage).settings.size = settings.size;
+    settings.fps = fps.unwrap_or(settings.fps);
+    let total = settings.fps.frames_in(settings.length).max(1);
+    let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
+    // The limit is for what a script says. Who gives a size here means it, unless a limit is given too.
+    if size.is_none() || args.scene.limit.iter().any(|l| l.trim_start().starts_with("pixels")) {
+        too_many(pixels, "pixels", scene.limits.pixels)?;
+    }
+    let mut notes = Vec::new();
+    let range = args.frames.as_deref().map(|f| values::frames(f, total)).transpose()?;
+    let one_picture = exporter.one_frame_per_file() && !matches!(target, Target::Numbered { .. });
+    let frames: Vec<(i64, Time)> = match (at, range) {
+        (Some(at), _) => vec![(0, at)],
+        (None, Some(range)) if one_picture && range.end - range.start > 1 => {
+            notes.push(format!(
+                "{} holds one picture: frame {} is drawn; for all of them type -o {}",
+                target.shown(),
+                range.start,
+                numbered(&args.output)
+            ));
+            vec![(range.start, settings.fps.time_of(range.start))]
+        }
+        (None, None) if one_picture && total > 1 && scene.is_script => {
+            return Err(Failure::Usage(format!(
+                "{} holds one picture and the scene has {total} frames; type --at 0 for one of them, or -o {} for all",
+                target.shown(),
+                numbered(&args.output)
+            )));
+        }
+        (None, None) if one_picture => vec![(0, Time::ZERO)],
+        (None, range) => within(range.unwrap_or(0..total), scene.limits.frames)?
+            .map(|f| (f, settings.fps.time_of(f)))
+            .collect(),
+    };
+    if target != Target::Stdout {
+        frames.iter().try_for_each(|(number, _)| scene.inputs.refuse(&target.file(*number)))?;
+    }
+    let exporter = Arc::new(Budgeted::new(exporter.clone(), scene.limits.output));
+    Ok(Job { scene, target, exporter, frames, settings, samples, options, notes })
+}
+
+fn within(range: Range<i64>, limit: u64) -> Result<Range<i64>, Failure> {
+    too_many((range.end - range.start).unsigned_abs(), "frames", limit)?;
+    Ok(range)
+}
+
+fn too_many(count: u64, name: &str, limit: u64) -> Result<(), Failure> {
+    if count <= limit {
+        return Ok(());
+    }
+    let hint = choreo_script::raise_hint(name, limit);
+    Err(Failure::input(format!("too many {name} for one render: {count}\n    hint: {hint}")))
+}
+
+/// `out.png` → `out/%04d.png`.
+fn numbered(output: &str) -> String {
+    match output.rsplit_once('.') {
+        Some((stem, extension)) => format!("{stem}/%04d.{extension}"),
+        None => format!("{output}/%04d.png"),
+    }
+}

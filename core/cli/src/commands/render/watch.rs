@@ -1,0 +1,102 @@
+//! `choreo render --watch`: after every save, the frames that it touches are drawn again and the output is written anew.
+
+use crate::args::RenderArgs;
+use crate::args::values;
+use crate::commands::render::draw;
+use crate::commands::render::summary;
+use crate::drawing::device;
+use crate::drawing::frame_cache::Remembering;
+use crate::drawing::pipeline::render_failure;
+use crate::failure::{Failure, print, print_message};
+use crate::output::target::Target;
+use crate::process::interrupt;
+use crate::process::memory;
+use crate::scene;
+use crate::scene::opening::Keep;
+use choreo_plugin::Registry;
+use choreo_script::content_of;
+use choreo_session::plugin_files::ENDINGS;
+use choreo_session::{Watch, WatchEvent, WatchedPaths};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
+    let jobs = args.jobs.as_deref().map(values::jobs).transpose()?;
+    let target = Target::parse(&args.output)?;
+    if target == Target::Stdout {
+        return Err(Failure::Usage(
+            "--watch writes a file again and again; standard output keeps nothing".into(),
+        ));
+    }
+    let failed = |e: choreo_session::WatchError| Failure::input(format!("--watch: {e}"));
+    let mut watch = Watch::new().map_err(failed)?;
+    let started = device::start(args.device, plugins.effects()).wait()?;
+    let renderer = Remembering::new(started.renderer);
+    let mut note = started.note;
+    let keep = Keep::default();
+    loop {
+        let begun = Instant::now();
+        let round = || {
+            let registry = scene::plugins(&args.scene, plugins)?;
+            let job = super::prepare(args, target.clone(), &registry, Some(&keep))?;
+            renderer.begin().map_err(render_failure)?;
+            let started =
+                device::Started { renderer: Box::new(renderer.clone()), time: None, note: note.take() };
+            let mut drawn = draw::draw(args, &job, started, jobs)?;
+            drawn.drawn -= renderer.reused().min(drawn.drawn);
+            summary::report(args, &job, &drawn, begun.elapsed().as_secs_f64())
+        };
+        // What is wrong now may be right after the next save.
+        match { round }() {
+            Ok(()) => {}
+            Err(failure @ (Failure::Interrupted | Failure::ClosedPipe | Failure::Usage(_))) => {
+                return Err(failure);
+            }
+            Err(failure) => failure.lines().iter().for_each(print_message),
+        }
+        watch.set(interest(args, &keep));
+        memory::rest();
+        let changed = loop {
+            match watch.wait(Some(Duration::from_millis(200))).map_err(failed)? {
+                WatchEvent::Changed(files) => break files,
+                _ if interrupt::interrupted() => return Err(Failure::Interrupted),
+                _ => {}
+            }
+        };
+        if !args.quiet && !args.json {
+            let names: Vec<String> = changed.iter().map(|f| choreo_test_runner::collect::shown(f)).collect();
+            print(&format!("changed: {}\n", names.join(", ")))?;
+        }
+    }
+}
+
+/// All files of the last round, and the folders in which plugin files would be found.
+fn interest(args: &RenderArgs, keep: &Keep) -> WatchedPaths {
+    let touched = keep.touched();
+    let mut interest = WatchedPaths::default();
+    interest.files.extend(touched.read.into_iter().map(|(path, hash)| (path, Some(hash))));
+    for path in touched.looked_for {
+        let there = content_of(&path);
+        interest.files.entry(path).or_insert(there);
+    }
+    let named = &args.scene.import.plugins;
+    let inputs = [args.scene.input.as_path()];
+    if let Ok(listing) = choreo_session::plugin_files::list(&Registry::default(), named, &inputs, None) {
+        for file in listing.files() {
+            interest.files.entry(file.to_path_buf()).or_insert_with(|| content_of(file));
+        }
+        for folder in listing.folders {
+            if let Ok(folder) = std::path::absolute(folder) {
+                let folder = folder.canonicalize().unwrap_or(folder);
+                interest.folders.extend(ENDINGS.iter().map(|e| (folder.clone(), e.to_string())));
+            }
+        }
+    }
+    // What a render that failed before it read anything was about.
+    if let Ok(input) = std::path::absolute(Path::new(&args.scene.input)) {
+        let input = input.canonicalize().unwrap_or(input);
+        let there = content_of(&input);
+        interest.files.entry(input).or_insert(there);
+    }
+    interest
+}

@@ -1,0 +1,222 @@
+//! `choreo test`: sections of scripts, run and judged; what is told goes to the terminal and into reports.
+
+mod tell;
+mod watch;
+
+use crate::args::values;
+use crate::args::{Device, TestArgs};
+use crate::drawing::device;
+use crate::failure::{Failure, print, print_json, write_failure};
+use crate::plugins::plugin_files;
+use crate::process::threads::too_few;
+use crate::scene::inputs::Inputs;
+use choreo_files::{Folder, WriteError, write_whole};
+use choreo_plugin::Registry;
+use choreo_script::testing::TestOptions;
+use choreo_script::{NO_THREAD, ScriptOptions, did_you_mean};
+use choreo_test_runner::collect::{self, Case, NothingToRun, Selection, quoted};
+use choreo_test_runner::outcome::Status;
+use choreo_test_runner::pictures::{Accept, PictureOptions};
+use choreo_test_runner::report::{html, json, junit, terminal};
+use choreo_test_runner::run::{Report, RunOptions, run as run_cases};
+use choreo_test_runner::{painter, results};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// Folders that are searched for tests if the command line names none.
+const USUAL: [&str; 2] = ["tests/suite", "scripts"];
+
+pub fn run(args: TestArgs, plugins: &Registry) -> Result<(), Failure> {
+    let job = Job::new(&args)?;
+    if args.watch {
+        return watch::run(&args, &job, plugins);
+    }
+    let registry = job.plugins(&args, plugins)?;
+    let cases = job.cases(&registry)?;
+    if args.list {
+        return match args.json {
+            true => print_json(&json::list(&cases)),
+            false => print(&terminal::list(&cases)),
+        };
+    }
+    let report = once(&args, &job, &cases, &registry)?;
+    match report.failure() {
+        None => Ok(()),
+        Some(why) if without_thread(&report) => {
+            Err(too_few(&format!("none can be started for some sections; {why}")))
+        }
+        Some(why) => Err(Failure::Tests(why)),
+    }
+}
+
+/// The command line, checked.
+pub struct Job {
+    paths: Vec<PathBuf>,
+    selection: Selection,
+    options: RunOptions,
+}
+
+impl Job {
+    fn new(args: &TestArgs) -> Result<Job, Failure> {
+        let limits = values::limits(&args.limit)?;
+        let script = ScriptOptions { search_paths: args.search.clone(), limits, ..ScriptOptions::default() };
+        let mut paths = args.paths.clone();
+        if paths.is_empty() {
+            paths = USUAL.iter().map(PathBuf::from).filter(|p| p.is_dir()).collect();
+        }
+        if paths.is_empty() {
+            paths.push(PathBuf::from("."));
+        }
+        let accept = match args.accept.as_slice() {
+            [] => Accept::None,
+            names if names.iter().any(String::is_empty) => Accept::All,
+            names => Accept::Named(names.to_vec()),
+        };
+        let device = match args.device {
+            None => None,
+            Some(Device::Cpu) => Some(painter::Device::Cpu),
+            Some(Device::Vulkan) => Some(painter::Device::Vulkan),
+            Some(Device::Auto) => {
+                return Err(Failure::Usage(
+                    "--device auto: a picture belongs to one device; say cpu or vulkan".into(),
+                ));
+            }
+        };
+        let (pictures, results) = if args.list { (None, None) } else { folders()? };
+        // A program that cannot be told from another build of it must not take over that one's results.
+        let program = results::program();
+        let options = RunOptions {
+            // A project is tested from its folder: its tests may use its scenes and assets.
+            test: TestOptions { script, root: std::env::current_dir().ok(), ..TestOptions::default() },
+            pictures: PictureOptions { accept, device, any_device: args.any_device, failures: pictures },
+            timeout: Some(values::timeout(&args.timeout)?),
+            jobs: args.jobs.as_deref().map(values::jobs).transpose()?.unwrap_or(0),
+            results: results.filter(|_| program.is_some()),
+            // After a save only what it touches is of interest.
+            changed: args.changed || args.watch,
+            program: program.unwrap_or_default(),
+            gpu_cache: device::cache_dir(),
+        };
+        let shard = args.shard.as_deref().map(shard).transpose()?;
+        for path in [&args.junit, &args.html].into_iter().flatten() {
+            writable(path)?;
+        }
+        Ok(Job { paths, selection: Selection { filter: args.filter.clone(), shard }, options })
+    }
+
+    /// The registry with the plugin files found now. Files beside any of the tests count for all tests.
+    fn plugins(&self, args: &TestArgs, plugins: &Registry) -> Result<Registry, Failure> {
+        let files = collect::files(&self.paths).map_err(nothing)?;
+        let beside: Vec<&Path> = files.iter().map(|(file, _)| file.as_path()).collect();
+        plugin_files::registry(plugins, &args.plugins, &beside)
+    }
+
+    fn cases(&self, registry: &Registry) -> Result<Vec<Case>, Failure> {
+        let cases = collect::collect(&self.paths, registry, &self.options.test).map_err(nothing)?;
+        collect::select(cases, &self.selection).map_err(nothing)
+    }
+}
+
+fn nothing(why: NothingToRun) -> Failure {
+    match why {
+        NothingToRun::Usage(text) => Failure::Usage(text),
+        NothingToRun::Input(text) => Failure::input(text),
+    }
+}
+
+/// `2/5` → (2, 5).
+fn shard(text: &str) -> Result<(usize, usize), Failure> {
+    let parsed = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+    match parsed {
+        Some((i, n)) if (1..=n).contains(&i) => Ok((i, n)),
+        _ => Err(Failure::Usage(format!("--shard {text}: write I/N with I from 1 to N, as 2/5"))),
+    }
+}
+
+/// A report that could not be written is found before the tests run.
+fn writable(path: &Path) -> Result<(), Failure> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+    match (path.is_dir(), folder) {
+        (true, _) => Err(Failure::Output(format!("{}: cannot write: it is a folder", path.display()))),
+        (false, Some(folder)) if !folder.is_dir() => Err(Failure::Output(format!(
+            "{}: cannot write: the folder {} does not exist; make it: mkdir -p {}",
+            path.display(),
+            folder.display(),
+            quoted(&folder.display().to_string())
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Folders for images of failures and for earlier results: in `target` if the project has such a folder, else in the user's
+/// cache folder. No other user may write to either: a shared temporary folder would not do.
+fn folders() -> Result<(Option<PathBuf>, Option<PathBuf>), Failure> {
+    let target = Path::new("target");
+    if std::fs::symlink_metadata(target).is_ok_and(|m| m.is_dir()) {
+        let work = target.join("choreo-test");
+        let folder = |name: &str| {
+            let folder = work.join(name);
+            let made =
+                Folder::open(Path::new("")).map_err(WriteError::Io).and_then(|f| f.create_folders(&folder));
+            match made {
+                // Without results and pictures the tests still run.
+                Ok(_) | Err(WriteError::Io(_)) => Ok(Some(folder)),
+                Err(e) => Err(write_failure(&work.display().to_string(), e)),
+            }
+        };
+        return Ok((folder("pictures")?, folder("results")?));
+    }
+    let here = std::env::current_dir().unwrap_or_default();
+    let cache = device::cache_dir().map(|cache| cache.join("test"));
+    let pictures = cache.as_ref().map(|c| c.join("pictures").join(results::short_hash(&here)));
+    Ok((pictures, cache))
+}
+
+/// Whether the system gave a section no thread, which says nothing of the section.
+fn without_thread(report: &Report) -> bool {
+    let mut statuses = report.outcomes.iter().map(|outcome| &outcome.status);
+    statuses.any(|status| matches!(status, Status::Error(text) if text.contains(NO_THREAD)))
+}
+
+/// One run with all that is told about it.
+fn once(args: &TestArgs, job: &Job, cases: &[Case], registry: &Registry) -> Result<Report, Failure> {
+    let inputs = Inputs::new(cases.iter().map(|case| case.path.clone()));
+    [&args.junit, &args.html].into_iter().flatten().try_for_each(|path| inputs.refuse(path))?;
+    let mut teller = tell::Teller::new(args, cases);
+    let report = run_cases(cases, registry, &job.options, &mut |outcome| teller.tell(outcome));
+    teller.finish(&report)?;
+    if let Accept::Named(names) = &job.options.pictures.accept
+        && let Some(name) = names.iter().find(|n| !report.pictures.contains(*n))
+    {
+        return Err(Failure::Usage(format!(
+            "--accept={}: no section that ran has a picture of this name{}",
+            quoted(name),
+            did_you_mean(name, report.pictures.iter().map(String::as_str))
+        )));
+    }
+    let inputs = Inputs::new(report.files.iter().cloned());
+    let write = |path: &Path, text: String| {
+        inputs.refuse(path)?;
+        write_whole(path, text.as_bytes()).map_err(|e| write_failure(&path.display().to_string(), e))
+    };
+    if let Some(path) = &args.junit {
+        write(path, junit::report(&report))?;
+    }
+    if let Some(path) = &args.html {
+        let paths: Vec<String> = job.paths.iter().map(|p| collect::shown(p)).collect();
+        let about = format!("choreo {}: {}", env!("CARGO_PKG_VERSION"), paths.join(", "));
+        write(path, html::report(&report, &about))?;
+    }
+    if args.json {
+        let about = json!({
+            "version": env!("CARGO_PKG_VERSION"),
+            "paths": job.paths.iter().map(|p| collect::shown(p)).collect::<Vec<_>>(),
+            "filter": job.selection.filter,
+            "shard": job.selection.shard,
+            "changed": job.options.changed,
+            "any_device": job.options.pictures.any_device,
+        });
+        print_json(&json::report(&report, &about))?;
+    }
+    Ok(report)
+}

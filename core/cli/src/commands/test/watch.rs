@@ -1,0 +1,84 @@
+//! `--watch`: after each run, waits until a file that it read has another content, or a test file has come, and runs what that
+//! touches. The same mechanism as hot reload ([`choreo_session::Watch`]).
+
+use super::{Job, once};
+use crate::args::TestArgs;
+use crate::failure::{Failure, print, print_message};
+use choreo_plugin::Registry;
+use choreo_script::content_of;
+use choreo_session::{Watch, WatchError, WatchEvent, WatchedPaths};
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+/// The ending of test files.
+const ENDING: &str = ".rhai";
+
+/// BLAKE3; `None` where there is no such file.
+type Contents = BTreeMap<PathBuf, Option<[u8; 32]>>;
+
+pub fn run(args: &TestArgs, job: &Job, plugins: &Registry) -> Result<(), Failure> {
+    let failed = |e: WatchError| Failure::input(format!("--watch: {e}"));
+    let mut watch = Watch::new().map_err(failed)?;
+    let mut known = Contents::new();
+    loop {
+        // What is saved while the tests run is no longer what they have read.
+        known.iter_mut().for_each(|(path, content)| *content = content_of(path));
+        let begun = SystemTime::now();
+        let mut read: BTreeSet<PathBuf> = BTreeSet::new();
+        // What is wrong now may be right after the next save: only a reader that has gone ends this.
+        let ran = job.plugins(args, plugins).and_then(|registry| {
+            let cases = job.cases(&registry)?;
+            read.extend(cases.iter().filter_map(|c| c.path.canonicalize().ok()));
+            once(args, job, &cases, &registry)
+        });
+        match ran {
+            Ok(report) => read.extend(report.files),
+            Err(Failure::ClosedPipe) => return Err(Failure::ClosedPipe),
+            Err(failure) => failure.lines().iter().for_each(print_message),
+        }
+        for path in read {
+            if let Entry::Vacant(unknown) = known.entry(path) {
+                let is_new = unknown.key().metadata().and_then(|m| m.modified()).is_ok_and(|at| at >= begun);
+                let content = if is_new { None } else { content_of(unknown.key()) };
+                unknown.insert(content);
+            }
+        }
+        let mut interest = WatchedPaths { files: known.clone(), ..WatchedPaths::default() };
+        for path in &job.paths {
+            let folder = if path.is_dir() { path.as_path() } else { folder_of(path) };
+            let Ok(folder) = folder.canonicalize() else { continue };
+            let all = (folder, ENDING.to_string());
+            let set = if path.is_dir() { &mut interest.trees } else { &mut interest.folders };
+            set.insert(all);
+        }
+        watch.set(interest);
+        for path in watch.there() {
+            // It was there, and is in no test of this run.
+            if !known.contains_key(&path) {
+                let content = content_of(&path);
+                known.insert(path.clone(), content);
+                watch.knows(path, content);
+            }
+        }
+        if watch.folders() == 0 {
+            return Err(Failure::input("--watch: there is no folder to watch"));
+        }
+        print(&format!("watching {} folders; Ctrl-C ends\n", watch.folders()))?;
+        let changed = loop {
+            if let WatchEvent::Changed(files) = watch.wait(None).map_err(failed)?
+                && let Some(first) = files.into_iter().next()
+            {
+                break first;
+            }
+        };
+        let here = std::env::current_dir().and_then(|d| d.canonicalize()).unwrap_or_default();
+        let shown = changed.strip_prefix(&here).unwrap_or(&changed);
+        print(&format!("\nchanged: {}\n", choreo_test_runner::collect::shown(shown)))?;
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}

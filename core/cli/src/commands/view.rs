@@ -1,0 +1,75 @@
+//! `choreo view`: starts the viewer. It is a program of its own, `choreo-view`, beside this one: its toolkit costs more build time
+//! than everything else together, and no other command needs it.
+
+use crate::args::ViewArgs;
+use crate::failure::{Failure, print_message};
+use crate::process::interrupt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitStatus};
+use std::time::Duration;
+use std::{env, io};
+
+pub fn run(args: ViewArgs) -> Result<(), Failure> {
+    let here =
+        env::current_exe().map_err(|e| Failure::Output(format!("cannot tell where choreo lies: {e}")))?;
+    let viewer = here.with_file_name(format!("choreo-view{}", env::consts::EXE_SUFFIX));
+    // `cargo run` says so; what it has built is then as old as this program.
+    if let (Some(cargo), Some(_)) = (env::var_os("CARGO"), env::var_os("CARGO_MANIFEST_DIR")) {
+        build(Path::new(&cargo), &here, &viewer)?;
+    }
+    if !viewer.is_file() {
+        return Err(Failure::Device(format!(
+            "the viewer is a program of its own and is not there: {}\n    hint: cargo build --release -p choreo-viewer \
+             makes target/release/choreo-view; put it beside choreo",
+            viewer.display()
+        )));
+    }
+    let status = wait(Command::new(&viewer).arg(&args.input).args(&args.rest))
+        .map_err(|e| Failure::Device(format!("{}: cannot be started: {e}", viewer.display())))?;
+    let Some(status) = status else { return Err(Failure::Interrupted) };
+    match status.code() {
+        Some(0) => Ok(()),
+        // It has said why.
+        Some(code) => Err(Failure::Told(u8::try_from(code).unwrap_or(1))),
+        None => Err(Failure::Device("the viewer was ended from outside".into())),
+    }
+}
+
+/// How it ended; `None` where a signal ended this program, and the viewer with it: it would stay without anybody to end it.
+fn wait(command: &mut Command) -> io::Result<Option<ExitStatus>> {
+    interrupt::watch(true);
+    let mut viewer = command.spawn()?;
+    let ended = loop {
+        if let Some(status) = viewer.try_wait()? {
+            break Some(status);
+        }
+        if interrupt::interrupted() {
+            viewer.kill()?;
+            viewer.wait()?;
+            break None;
+        }
+        std::thread::sleep(Duration::from_millis(100));
+    };
+    interrupt::watch(false);
+    Ok(ended)
+}
+
+/// Builds the viewer with the profile of this program, which is the name of its folder.
+fn build(cargo: &Path, here: &Path, viewer: &Path) -> Result<(), Failure> {
+    let folder = here.parent().and_then(Path::file_name).map(|n| n.to_string_lossy().into_owned());
+    let profile = match folder.as_deref() {
+        None | Some("debug") => "dev".to_string(),
+        Some(name) => name.to_string(),
+    };
+    if !viewer.is_file() {
+        print_message("building the viewer, once: its toolkit takes some minutes");
+    }
+    let manifest = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../viewer/Cargo.toml");
+    let quiet = ["build", "--quiet", "--profile", &profile, "--manifest-path"];
+    let built = Command::new(cargo).args(quiet).arg(&manifest).status();
+    match built {
+        Ok(status) if status.success() => Ok(()),
+        Ok(_) => Err(Failure::Device("the viewer could not be built; the lines above say why".into())),
+        Err(e) => Err(Failure::Device(format!("the viewer could not be built: {e}"))),
+    }
+}

@@ -1,0 +1,5 @@
+//! Drawing frames: the device, the pipeline of threads, frames that are kept for reuse.
+
+pub mod device;
+pub mod frame_cache;
+pub mod pipeline;

@@ -1,0 +1,98 @@
+//! Numbered pictures: which are there already, who else is making them, and each to its own file.
+
+use crate::failure::{Failure, output_error, write_failure};
+use crate::output::provenance;
+use crate::output::target::{Target, export_failure};
+use choreo_files::{Folder, Part, WriteError};
+use choreo_motion::Time;
+use choreo_plugin::{Exporter, Frame, VideoInfo};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// One picture to its own file. `part`: where it is open already.
+pub fn write(
+    target: &Target,
+    part: Option<Part>,
+    exporter: &dyn Exporter,
+    info: &VideoInfo,
+    (number, time): (i64, Time),
+    frame: &Frame,
+) -> Result<(), Failure> {
+    let place: PathBuf = target.file(number);
+    let info = VideoInfo { provenance: provenance::at(&info.provenance, time), ..info.clone() };
+    let part = part.map_or_else(|| Part::create(&place), Ok);
+    write_to(&place, part, exporter, &info, frame)
+}
+
+/// One picture to the file that was opened for it.
+pub fn write_to(
+    place: &Path,
+    part: Result<Part, WriteError>,
+    exporter: &dyn Exporter,
+    info: &VideoInfo,
+    frame: &Frame,
+) -> Result<(), Failure> {
+    let shown = place.display().to_string();
+    let (failed, not_written) = (|e| export_failure(&shown, e), |e| write_failure(&shown, e));
+    let part = part.map_err(not_written)?;
+    let out = part.writer().map_err(|e| output_error(&shown, &e))?;
+    let mut sink = exporter.begin(info, Box::new(out)).map_err(failed)?;
+    sink.frame(frame).map_err(failed)?;
+    sink.finish().map_err(failed)?;
+    part.commit().map_err(not_written)
+}
+
+/// The frames that no file holds yet. A picture that is whole and was made otherwise, or by others, is an error: it would be
+/// replaced.
+pub fn missing(
+    target: &Target,
+    info: &VideoInfo,
+    frames: &[(i64, Time)],
+) -> Result<Vec<(i64, Time)>, Failure> {
+    let mut missing = Vec::new();
+    for &(number, time) in frames {
+        let place = target.file(number);
+        let found = choreo_files::read(&place, u64::MAX)
+            .ok()
+            .and_then(|bytes| crate::output::media::whole_png(&bytes));
+        match found {
+            Some(found) => {
+                let wanted = provenance::at(&info.provenance, time);
+                provenance::same(&target.shown(), &place, &found.provenance, &wanted)?;
+            }
+            // None there, or one cut short.
+            _ => missing.push((number, time)),
+        }
+    }
+    Ok(missing)
+}
+
+/// The right to make a range of numbered pictures: a locked file beside them, so that two renders of the same frames do not
+/// mix while the halves of a video can be made side by side.
+pub struct Claim(#[expect(dead_code, reason = "its drop gives the claim back")] Part);
+
+impl Claim {
+    /// `None` for everything but numbered pictures.
+    pub fn take(target: &Target, first: i64, last: i64) -> Result<Option<Claim>, Failure> {
+        let Target::Numbered { folder, .. } = target else { return Ok(None) };
+        let shown = target.shown();
+        let (failed, not_written) = (|e| output_error(&shown, &e), |e| write_failure(&shown, e));
+        let stem = format!("{}.", Path::new(&shown).file_name().unwrap_or_default().to_string_lossy());
+        let open = Arc::new(Folder::open(folder).map_err(failed)?);
+        let claim = |name: PathBuf| Part::claim(open.clone(), name).map_err(not_written);
+        let own = claim(PathBuf::from(format!("{stem}{first}-{last}.part")))?;
+        let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+        for entry in std::fs::read_dir(here).map_err(failed)?.flatten() {
+            let name = entry.file_name();
+            let range = name.to_str().and_then(|n| n.strip_prefix(&stem)?.strip_suffix(".part"));
+            let Some((a, b)) = range.and_then(|r| r.split_once('-')) else { continue };
+            let (Ok(a), Ok(b)) = (a.parse::<i64>(), b.parse::<i64>()) else { continue };
+            if (a, b) == (first, last) || a > last || b < first {
+                continue;
+            }
+            // One that can be taken is of a render that was killed; it goes.
+            drop(claim(PathBuf::from(name))?);
+        }
+        Ok(Some(Claim(own)))
+    }
+}

@@ -1,0 +1,197 @@
+//! What a picture or video says of itself, for `choreo info` and for `--resume`.
+
+/// Keyword of the number that stands for all of a provenance where a format has no room.
+pub const ID: &str = "choreo:id";
+
+/// A picture or video, as far as its head tells.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct Media {
+    pub format: &'static str,
+    pub width: u32,
+    pub height: u32,
+    pub provenance: Vec<(String, String)>,
+}
+
+/// `None` where the bytes are no PNG, MP4, GIF or y4m. Nothing is trusted: what does not fit is left out.
+pub fn read(bytes: &[u8]) -> Option<Media> {
+    if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
+        return Some(read_png(bytes.get(8..)?));
+    }
+    if bytes.starts_with(b"GIF87a") || bytes.starts_with(b"GIF89a") {
+        return Some(read_gif(bytes));
+    }
+    if bytes.starts_with(b"YUV4MPEG2 ") {
+        return Some(read_y4m(bytes));
+    }
+    if bytes.get(4..8)? == b"ftyp" {
+        return Some(read_mp4(bytes));
+    }
+    None
+}
+
+fn be32(bytes: &[u8], at: usize) -> Option<u32> {
+    Some(u32::from_be_bytes(bytes.get(at..at + 4)?.try_into().ok()?))
+}
+
+fn read_png(mut rest: &[u8]) -> Media {
+    let mut media = Media { format: "PNG picture", ..Media::default() };
+    // length, type, data, checksum
+    while let (Some(length), Some(kind)) = (be32(rest, 0), rest.get(4..8)) {
+        let Some(data) = rest.get(8..8usize.saturating_add(length as usize)) else { break };
+        match kind {
+            b"IHDR" => {
+                media.width = be32(data, 0).unwrap_or(0);
+                media.height = be32(data, 4).unwrap_or(0);
+            }
+            b"tEXt" | b"iTXt" => {
+                let mut parts = data.splitn(2, |b| *b == 0);
+                if let (Some(key), Some(text)) = (parts.next(), parts.next()) {
+                    // iTXt: two bytes of compression, language and translated keyword, each ended by zero.
+                    let text = match kind {
+                        b"iTXt" => text.get(2..).and_then(|t| t.splitn(3, |b| *b == 0).nth(2)),
+                        _ => Some(text),
+                    };
+                    let string = |b: &[u8]| String::from_utf8_lossy(b).into_owned();
+                    media.provenance.extend(text.map(|t| (string(key), string(t))));
+                }
+            }
+            _ => {}
+        }
+        rest = rest.get(12 + length as usize..).unwrap_or(&[]);
+    }
+    media
+}
+
+/// The provenance of a PNG of which every byte is there and every checksum right; `None` of others.
+pub fn whole_png(bytes: &[u8]) -> Option<Media> {
+    let mut rest = bytes.strip_prefix(b"\x89PNG\r\n\x1a\n")?;
+    loop {
+        let length = be32(rest, 0)? as usize;
+        let chunk = rest.get(4..8usize.checked_add(length)?)?;
+        if be32(rest, 8 + length)? != crc32fast::hash(chunk) {
+            return None;
+        }
+        rest = &rest[12 + length..];
+        if chunk.starts_with(b"IEND") {
+            return rest.is_empty().then(|| read_png(&bytes[8..]));
+        }
+    }
+}
+
+/// `key: text` lines, as the comments of MP4 and GIF hold them.
+fn comment(text: &[u8]) -> Vec<(String, String)> {
+    let text = String::from_utf8_lossy(text);
+    let lines = text.lines().filter_map(|line| line.split_once(": "));
+    lines.map(|(key, text)| (key.to_string(), text.to_string())).collect()
+}
+
+/// GIF89a specification, §18 to §24: the comment stands before the first picture.
+fn read_gif(bytes: &[u8]) -> Media {
+    let mut media = Media { format: "GIF video", ..Media::default() };
+    let le16 = |at: usize| bytes.get(at..at + 2).map_or(0, |b| u32::from(b[0]) | u32::from(b[1]) << 8);
+    (media.width, media.height) = (le16(6), le16(8));
+    let table = match bytes.get(10) {
+        Some(flags) if flags & 0x80 != 0 => 3 << ((flags & 7) + 1),
+        _ => 0,
+    };
+    let mut rest = bytes.get(13 + table..).unwrap_or(&[]);
+    while let [0x21, label, blocks @ ..] = rest {
+        let mut text = Vec::new();
+        rest = blocks;
+        while let Some((&length, more)) = rest.split_first() {
+            let Some((block, more)) = more.split_at_checked(length.into()) else { return media };
+            text.extend_from_slice(block);
+            rest = more;
+            if length == 0 {
+                break;
+            }
+        }
+        if *label == 0xfe {
+            media.provenance.extend(comment(&text));
+        }
+    }
+    media
+}
+
+fn read_y4m(bytes: &[u8]) -> Media {
+    let mut media = Media { format: "y4m video", ..Media::default() };
+    let line = bytes.split(|b| *b == b'\n').next().unwrap_or_default();
+    // Longer is no header.
+    let line = String::from_utf8_lossy(&line[..line.len().min(4096)]).into_owned();
+    for word in line.split(' ').skip(1) {
+        if let Some(id) = word.strip_prefix("XCHOREO=") {
+            media.provenance.push((ID.to_string(), id.to_string()));
+        } else if let Some(width) = word.strip_prefix('W') {
+            media.width = width.parse().unwrap_or(0);
+        } else if let Some(height) = word.strip_prefix('H') {
+            media.height = height.parse().unwrap_or(0);
+        }
+    }
+    media
+}
+
+fn read_mp4(bytes: &[u8]) -> Media {
+    let mut media = Media { format: "MP4 video", ..Media::default() };
+    let Some(moov) = inner(bytes, b"moov") else { return media };
+    let tkhd = inner(moov, b"trak").and_then(|t| inner(t, b"tkhd"));
+    if let Some(tkhd) = tkhd
+        && tkhd.len() >= 8
+    {
+        // The last two fields, as 16.16.
+        media.width = be32(tkhd, tkhd.len() - 8).unwrap_or(0) >> 16;
+        media.height = be32(tkhd, tkhd.len() - 4).unwrap_or(0) >> 16;
+    }
+    let ilst = inner(moov, b"udta").and_then(|u| inner(u, b"meta")).and_then(|m| inner(m.get(4..)?, b"ilst"));
+    let data =
+        ilst.and_then(|l| inner(l, b"\xa9cmt")).and_then(|c| inner(c, b"data")).and_then(|d| d.get(8..));
+    media.provenance = comment(data.unwrap_or_default());
+    media
+}
+
+/// The content of the first box of a kind.
+fn inner<'a>(mut rest: &'a [u8], kind: &[u8; 4]) -> Option<&'a [u8]> {
+    loop {
+        let size = be32(rest, 0)? as usize;
+        let content = rest.get(8..size)?;
+        if rest.get(4..8)? == kind {
+            return Some(content);
+        }
+        rest = rest.get(size.max(8)..)?;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cut_or_lying_files_give_what_is_there() {
+        let png =
+            b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x05\0\0\0\x07\x08\x02\0\0\0crc!\xff\xff\xff\xfftEXtab";
+        let media = read(png).unwrap();
+        assert_eq!((media.width, media.height, media.provenance.len()), (5, 7, 0));
+        for cut in 0..png.len() {
+            let _ = read(&png[..cut]);
+        }
+        let mp4 = b"\0\0\0\x10ftypisom\0\0\0\0\0\0\0\0moov\xff\xff\xff\xfftrak";
+        assert_eq!(read(mp4).unwrap().width, 0);
+        assert_eq!(read(b"glTF"), None);
+        let gif = b"GIF89a\x05\0\x07\0\x80\0\0abcdef\x21\xff\x02xy\x01z\0\x21\xfe\x03a: \x01b\0,";
+        let media = read(gif).unwrap();
+        assert_eq!((media.width, media.height), (5, 7));
+        assert_eq!(media.provenance, [("a".to_string(), "b".to_string())]);
+        let y4m = b"YUV4MPEG2 W5 H7 F30:1 XCHOREO=12ab\nFRAME\n";
+        let media = read(y4m).unwrap();
+        assert_eq!((media.width, media.height, media.provenance[0].1.as_str()), (5, 7, "12ab"));
+        for whole in [&gif[..], &y4m[..], &mp4[..]] {
+            for at in 0..whole.len() {
+                let _ = read(&whole[..at]);
+                for byte in [0, 0x21, 0x7f, 0xff] {
+                    let mut bent = whole.to_vec();
+                    bent[at] = byte;
+                    let _ = read(&bent);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! How a picture or video was made, as (keyword, text): exporters write it into their files, `choreo info` shows it, and
+//! `--resume` goes on only where it is the same.
+
+use crate::failure::Failure;
+use crate::output::media::ID;
+use crate::scene::Scene;
+use choreo_motion::Time;
+use choreo_plugin::{ExportOptions, OptionValue};
+use choreo_render::DeviceInfo;
+use choreo_stage::Settings;
+use std::path::Path;
+
+/// Seconds on the scene's clock; of single pictures only.
+pub const TIME: &str = "choreo:time";
+
+/// Nothing here depends on which frames are made, when or where: the halves of a video equal the whole.
+pub fn of(
+    scene: &Scene,
+    settings: &Settings,
+    samples: u32,
+    options: &ExportOptions,
+    device: &DeviceInfo,
+) -> Vec<(String, String)> {
+    let [w, h] = settings.size;
+    let mut arguments = format!("--size {w}x{h} --fps {} --samples {samples}", fps(settings));
+    for argument in &scene.arguments {
+        arguments.push(' ');
+        arguments.push_str(argument);
+    }
+    for (name, value) in &options.0 {
+        let value = match value {
+            OptionValue::Number(v) => v.to_string(),
+            OptionValue::Bool(v) => v.to_string(),
+            OptionValue::Text(v) => v.clone(),
+        };
+        arguments.push_str(&format!(" --export {name}={value}"));
+    }
+    // One line each, whatever a parameter holds.
+    let line = |v: String| match v.contains(char::is_control) {
+        true => v
+            .chars()
+            .map(|c| if c.is_control() { c.escape_default().to_string() } else { c.into() })
+            .collect(),
+        false => v,
+    };
+    let entry = |k: &str, v: String| (k.to_string(), line(v));
+    let mut all = vec![
+        entry("Software", format!("choreo {}", env!("CARGO_PKG_VERSION"))),
+        entry("choreo:source", scene.name.clone()),
+        entry(if scene.is_script { "choreo:script" } else { "choreo:model" }, hex(&scene.input_hash)),
+        entry("choreo:stage", hex(&scene.stage.content_hash())),
+        entry("choreo:arguments", arguments),
+        entry("choreo:device", format!("{} ({})", device.name, device.driver)),
+    ];
+    let mut hasher = blake3::Hasher::new();
+    for text in all.iter().flat_map(|(k, v)| [k, v]) {
+        hasher.update(&(text.len() as u64).to_le_bytes()).update(text.as_bytes());
+    }
+    all.push(entry(ID, hex(hasher.finalize().as_bytes())[..16].to_string()));
+    all
+}
+
+/// The provenance of one image, with its time.
+pub fn at(provenance: &[(String, String)], time: Time) -> Vec<(String, String)> {
+    let mut all = provenance.to_vec();
+    all.push((TIME.to_string(), time.as_secs().to_string()));
+    all
+}
+
+/// Half of a hash: enough to tell any two inputs apart.
+fn hex(hash: &[u8; 32]) -> String {
+    hash[..16].iter().map(|b| format!("{b:02x}")).collect()
+}
+
+fn fps(settings: &Settings) -> String {
+    match settings.fps.den {
+        1 => settings.fps.num.to_string(),
+        den => format!("{}/{den}", settings.fps.num),
+    }
+}
+
+/// The differences between two renders: keyword, old value, new value.
+pub fn differences(was: &[(String, String)], is: &[(String, String)]) -> Vec<(String, String, String)> {
+    let value = |list: &[(String, String)], keyword: &str| -> String {
+        let found = list.iter().find(|(k, _)| k == keyword);
+        found.map_or("not told".to_string(), |(_, v)| v.clone())
+    };
+    let mut found: Vec<(String, String, String)> = Vec::new();
+    for (keyword, _) in was.iter().chain(is).filter(|(k, _)| k != ID) {
+        let (was, is) = (value(was, keyword), value(is, keyword));
+        let keyword = keyword.trim_start_matches("choreo:");
+        if was != is && found.iter().all(|(known, ..)| known != keyword) {
+            found.push((keyword.to_string(), was, is));
+        }
+    }
+    found
+}
+
+/// Refuses to go on with what was made otherwise, and says what differs.
+pub fn same(
+    shown: &str,
+    part: &Path,
+    was: &[(String, String)],
+    is: &[(String, String)],
+) -> Result<(), Failure> {
+    let found = differences(was, is);
+    if found.is_empty() {
+        return Ok(());
+    }
+    let lines = found.iter().map(|(keyword, was, is)| format!("\n    {keyword}: {was}, now {is}"));
+    Err(Failure::Output(format!(
+        "{shown}: --resume cannot go on with {}: it was made otherwise{}\n    hint: give what was given then, or leave \
+         --resume out to make everything anew",
+        part.display(),
+        lines.collect::<String>()
+    )))
+}

@@ -1,0 +1,23 @@
+//! Pictures of reports: SVG files, whole or not at all.
+
+use crate::failure::{Failure, write_failure};
+use crate::scene::inputs::Inputs;
+use choreo_files::write_whole;
+use std::path::Path;
+
+/// Said before any work is done for it.
+pub fn check(path: Option<&Path>) -> Result<(), Failure> {
+    match path {
+        Some(path) if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("svg")) => {
+            // A slip of the hand must not replace a script or a model.
+            Err(Failure::Usage(format!("--plot {}: write a name that ends in .svg", path.display())))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// `inputs`: of the scene that it is a picture of.
+pub fn write(path: &Path, svg: &str, inputs: &Inputs) -> Result<(), Failure> {
+    inputs.refuse(path)?;
+    write_whole(path, svg.as_bytes()).map_err(|e| write_failure(&path.display().to_string(), e))
+}

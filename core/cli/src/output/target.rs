@@ -1,0 +1,153 @@
+//! Targets of results: one file, a numbered set, or standard output.
+
+use crate::failure::{Failure, output_error, reason};
+use choreo_plugin::{ExportError, Exporter, Registry};
+use std::io::{ErrorKind, IsTerminal};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Target {
+    Stdout,
+    File(PathBuf),
+    /// `frames/%04d.png`: folder, then the name around a number of `digits`.
+    Numbered {
+        folder: PathBuf,
+        before: String,
+        digits: usize,
+        after: String,
+    },
+}
+
+impl Target {
+    pub fn parse(text: &str) -> Result<Target, Failure> {
+        if text == "-" {
+            return Ok(Target::Stdout);
+        }
+        let usage = |what: String| Err(Failure::Usage(what));
+        let path = PathBuf::from(text);
+        let Some(name) = path.file_name().and_then(|n| n.to_str()).filter(|_| !text.ends_with(['/', '\\']))
+        else {
+            return usage(format!("-o \"{text}\" names no file; write out.mp4, out.png or frames/%04d.png"));
+        };
+        if let Some(at) = name.find('%') {
+            let (before, rest) = (&name[..at], &name[at + 1..]);
+            let width: String = rest.chars().take_while(char::is_ascii_digit).collect();
+            let after = rest[width.len()..].strip_prefix('d').filter(|a| !a.contains('%'));
+            let digits = if width.is_empty() { Some(1) } else { width.parse().ok() };
+            return match (after, digits) {
+                (Some(after), Some(digits)) if (1..=12).contains(&digits) => Ok(Target::Numbered {
+                    folder: path.parent().unwrap_or(Path::new("")).to_path_buf(),
+                    before: before.to_string(),
+                    digits,
+                    after: after.to_string(),
+                }),
+                _ => usage(format!("-o {text}: frame numbers are written %04d, once, in the file name")),
+            };
+        }
+        if path.is_dir() {
+            return usage(format!("{text} is a folder; for numbered pictures type -o {text}/%04d.png"));
+        }
+        Ok(Target::File(path))
+    }
+
+    /// As messages name it.
+    pub fn shown(&self) -> String {
+        match self {
+            Target::Stdout => "standard output".into(),
+            Target::File(path) => path.display().to_string(),
+            Target::Numbered { folder, before, digits, after } => {
+                folder.join(format!("{before}%0{digits}d{after}")).display().to_string()
+            }
+        }
+    }
+
+    /// The exporter for the file's extension, checked against the kind of target.
+    pub fn exporter<'r>(&self, registry: &'r Registry) -> Result<&'r Arc<dyn Exporter>, Failure> {
+        let name = match self {
+            Target::Stdout => ".y4m".to_string(),
+            Target::File(path) => path.display().to_string(),
+            Target::Numbered { after, .. } => after.clone(),
+        };
+        let Some(exporter) = registry.exporter_for(&name) else {
+            let known: Vec<String> = registry
+                .exporters()
+                .iter()
+                .flat_map(|e| e.manifest().extensions.iter().map(|x| format!(".{x}")))
+                .collect();
+            return Err(Failure::Usage(format!(
+                "-o {}: the name's extension says the format; known: {}",
+                self.shown(),
+                known.join(", ")
+            )));
+        };
+        if matches!(self, Target::Numbered { .. }) && !exporter.one_frame_per_file() {
+            return Err(Failure::Usage(format!(
+                "-o {}: a {} holds all frames, so its name needs no number",
+                self.shown(),
+                exporter.manifest().name
+            )));
+        }
+        Ok(exporter)
+    }
+
+    /// Everything that can be found before the first frame: missing folders (made for numbered sets).
+    /// Gives the folders made, innermost last.
+    pub fn prepare(&self) -> Result<Vec<PathBuf>, Failure> {
+        match self {
+            Target::Stdout if std::io::stdout().is_terminal() => Err(Failure::Usage(
+                "-o - writes video to standard output, which is a terminal; pipe it: … -o - | ffmpeg -i - out.mkv"
+                    .into(),
+            )),
+            Target::Stdout => Ok(Vec::new()),
+            Target::File(path) => {
+                let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+                match folder {
+                    Some(folder) if !folder.exists() => Err(Failure::Output(format!(
+                        "{}: cannot write: the folder {} does not exist; make it: mkdir -p {}",
+                        path.display(),
+                        folder.display(),
+                        folder.display()
+                    ))),
+                    _ => Ok(Vec::new()),
+                }
+            }
+            Target::Numbered { folder, .. } => {
+                let missing: Vec<PathBuf> = folder
+                    .ancestors()
+                    .take_while(|f| !f.as_os_str().is_empty() && !f.exists())
+                    .map(Path::to_path_buf)
+                    .collect();
+                let made: Vec<PathBuf> = missing.into_iter().rev().collect();
+                if !folder.as_os_str().is_empty() {
+                    std::fs::create_dir_all(folder).map_err(|e| {
+                        let why = match e.kind() {
+                            ErrorKind::AlreadyExists => "it exists already and is no folder".to_string(),
+                            _ => reason(&e),
+                        };
+                        Failure::Output(format!("{}: cannot make the folder: {why}", folder.display()))
+                    })?;
+                }
+                Ok(made)
+            }
+        }
+    }
+
+    /// The file of one frame.
+    pub fn file(&self, frame: i64) -> PathBuf {
+        match self {
+            Target::Stdout => PathBuf::from("-"),
+            Target::File(path) => path.clone(),
+            Target::Numbered { folder, before, digits, after } => {
+                folder.join(format!("{before}{frame:0digits$}{after}"))
+            }
+        }
+    }
+}
+
+pub fn export_failure(shown: &str, error: ExportError) -> Failure {
+    match error {
+        ExportError::Io(e) => output_error(shown, &e),
+        ExportError::Format(text) => Failure::Output(format!("{shown}: {text}")),
+    }
+}

@@ -1,0 +1,417 @@
+//! One video on its way to its place: the exporter's bytes and the journal beside them, in the folder `NAME.part`.
+
+use crate::args::RenderArgs;
+use crate::failure::{Failure, output_error, write_failure};
+use crate::output::journal::{self, Changes, Identity, Journal, Kept, Record, Span};
+use crate::output::provenance;
+use crate::output::target::export_failure;
+use crate::process::kept_frames;
+use choreo_files::{PartFolder, Place, WriteError};
+use choreo_plugin::{Exporter, Frame, FrameSink, Mark, VideoInfo};
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+pub struct Video {
+    shown: String,
+    sink: Box<dyn FrameSink>,
+    body: Body,
+    end: End,
+}
+
+/// What becomes of the body.
+enum End {
+    /// It was the result as it came.
+    Nothing,
+    /// A temporary file, copied behind the head into something that is no plain file.
+    Copy { body: File, to: File },
+    /// The folder of a part, renamed or copied into its place.
+    Folder(Box<Folder>),
+}
+
+/// What a render found of an earlier one, for the user.
+#[derive(Default)]
+pub struct Begun {
+    /// Frames that are finished, from the first on.
+    pub done: usize,
+    pub note: Option<String>,
+}
+
+/// The only files that a part folder contains, the lock file last.
+const FILES: &[&str] = &["frames", "body", "result", "journal"];
+
+struct Folder {
+    /// Its locked file is the journal.
+    part: PartFolder,
+    place: PathBuf,
+    shown: String,
+    /// File of the open frames, created for the first of them.
+    frames: Option<File>,
+    frames_end: u64,
+    changes: Changes,
+    scratch: Vec<u8>,
+    /// Finished frames that the journal tells of.
+    done: usize,
+    /// The fate of the finished frames if the render ends without a result.
+    policy: Policy,
+}
+
+/// The user's choice for the finished frames of an earlier render.
+struct Policy {
+    resume: bool,
+    discard: bool,
+    /// The command that goes on with them.
+    again: String,
+}
+
+impl Video {
+    /// Begins a video on standard output.
+    pub fn to_stdout(exporter: &dyn Exporter, info: &VideoInfo) -> Result<Video, Failure> {
+        let shown = "standard output".to_string();
+        let body = Body::new(Box::new(io::stdout()));
+        let sink = exporter.begin(info, Box::new(body.clone())).map_err(|e| export_failure(&shown, e))?;
+        Ok(Video { shown, sink, body, end: End::Nothing })
+    }
+
+    /// Begins a video in a file. With `--resume` it goes on from what an earlier render of the same `identity` left; else it
+    /// starts anew. Gives no video if the file is complete already and only its part folder was left.
+    pub fn to_file(
+        path: &Path,
+        exporter: &dyn Exporter,
+        info: &VideoInfo,
+        identity: &Identity,
+        args: &RenderArgs,
+    ) -> Result<(Option<Video>, Begun), Failure> {
+        let shown = path.display().to_string();
+        let (parent, name) = match Place::of(path).map_err(|e| write_failure(&shown, e))? {
+            Place::File { folder, name } => (folder, name),
+            Place::Direct(to) => {
+                return Video::direct(shown, to, exporter, info).map(|v| (Some(v), Begun::default()));
+            }
+        };
+        let part = PartFolder::open(parent, &name, FILES).map_err(|e| write_failure(&shown, e))?;
+        let mut folder = Folder::new(part, path, args);
+        let found = journal::read(BufReader::new(folder.part.lock_file())).filter(|f| !f.records.is_empty());
+        let Some(mut found) = found else {
+            return Ok((Some(folder.begin(exporter, info, identity)?), Begun::default()));
+        };
+        folder.done = found.records.len();
+        folder.part.keep(true);
+        if !args.resume {
+            let note = folder.thrown_away(&found.identity, identity, args)?;
+            let video = folder.begin(exporter, info, identity)?;
+            return Ok((Some(video), Begun { note, ..Begun::default() }));
+        }
+        provenance::same(&shown, &folder.part.path(), &found.identity, identity)?;
+        folder.part.check_lock().map_err(|e| write_failure(&shown, e))?;
+        found.records.truncate(info.frames as usize);
+        if found.records.len() as u64 == info.frames && folder.is_in_place(&found) {
+            folder.part.keep(false);
+            return Ok((None, Begun { done: found.records.len(), note: None }));
+        }
+        let (video, done) = folder.resume(&found, exporter, info, identity)?;
+        Ok((Some(video), Begun { done, note: None }))
+    }
+
+    /// The output is a pipe or device and is written directly.
+    fn direct(shown: String, to: File, exporter: &dyn Exporter, info: &VideoInfo) -> Result<Video, Failure> {
+        let failed = |e: io::Error| output_error(&shown, &e);
+        let (end, out) = match exporter.head_comes_last() {
+            true => {
+                let body = tempfile::tempfile().map_err(failed)?;
+                let out = body.try_clone().map_err(failed)?;
+                (End::Copy { body, to }, out)
+            }
+            false => (End::Nothing, to),
+        };
+        let body = Body::new(Box::new(out));
+        let sink = exporter.begin(info, Box::new(body.clone())).map_err(|e| export_failure(&shown, e))?;
+        Ok(Video { shown, sink, body, end })
+    }
+
+    pub fn frame(&mut self, frame: &Frame) -> Result<(), Failure> {
+        self.sink.frame(frame).map_err(|e| export_failure(&self.shown, e))?;
+        let End::Folder(folder) = &mut self.end else { return Ok(()) };
+        folder.mark(self.sink.mark(), &self.body).map_err(|e| output_error(&self.shown, &e))
+    }
+
+    /// Puts the whole video into its place.
+    pub fn finish(self) -> Result<(), Failure> {
+        let Video { shown, sink, body, end } = self;
+        let head = sink.finish().map_err(|e| export_failure(&shown, e))?;
+        let ended = body.lock().out.flush().map_err(WriteError::Io).and_then(|()| match end {
+            End::Nothing => Ok(()),
+            End::Copy { mut body, to } => {
+                body.seek(SeekFrom::Start(0))?;
+                Ok(joined(&head, &mut body, to)?)
+            }
+            End::Folder(folder) => folder.finish(&head),
+        });
+        ended.map_err(|e| write_failure(&shown, e))
+    }
+
+    /// After a failure: leaves the part for `--resume` where there is something to go on with and it is wanted.
+    pub fn leave(self, keep: bool) {
+        let End::Folder(mut folder) = self.end else { return };
+        let wanted = folder.policy.resume || keep && !folder.policy.discard;
+        if folder.done == 0 || !wanted {
+            folder.part.keep(false);
+        }
+        // If the folder was moved away, the place of the frames is unknown.
+        if folder.done == 0 || !wanted || !folder.part.is_there() {
+            kept_frames::clear();
+        }
+    }
+}
+
+fn joined(head: &[u8], body: &mut File, mut to: File) -> io::Result<()> {
+    to.write_all(head)?;
+    io::copy(body, &mut to)?;
+    to.flush()
+}
+
+impl Folder {
+    fn new(part: PartFolder, place: &Path, args: &RenderArgs) -> Folder {
+        Folder {
+            part,
+            place: place.to_path_buf(),
+            shown: place.display().to_string(),
+            frames: None,
+            frames_end: 0,
+            changes: Changes::default(),
+            scratch: Vec::new(),
+            done: 0,
+            policy: Policy { resume: args.resume, discard: args.discard, again: args.again.clone() },
+        }
+    }
+
+    /// Refuses, without `--resume`, to delete frames that this very render can go on with, unless the user allows it. Frames
+    /// of other renders are deleted: after an edit of the script the user wants to see the new result.
+    fn thrown_away(
+        &self,
+        was: &Identity,
+        is: &Identity,
+        args: &RenderArgs,
+    ) -> Result<Option<String>, Failure> {
+        let (shown, part) = (&self.shown, self.part.path());
+        let frames = if self.done == 1 { "1 frame".to_string() } else { format!("{} frames", self.done) };
+        let found = provenance::differences(was, is);
+        if found.is_empty() && !args.discard && !args.watch {
+            return Err(Failure::Output(format!(
+                "{shown}: {frames} of this very render are finished in {}\n    hint: --resume goes on with them, \
+                 --discard deletes them and makes everything anew",
+                part.display()
+            )));
+        }
+        let why: Vec<&str> = found.iter().map(|(keyword, ..)| keyword.as_str()).collect();
+        let why = match why.is_empty() {
+            true => String::new(),
+            false => format!(", because these differ: {}", why.join(", ")),
+        };
+        Ok(Some(format!("{shown}: starts anew; {frames} of a render that was stopped are thrown away{why}")))
+    }
+
+    fn begin(
+        mut self,
+        exporter: &dyn Exporter,
+        info: &VideoInfo,
+        identity: &Identity,
+    ) -> Result<Video, Failure> {
+        let shown = self.shown.clone();
+        let body = self.start_over(identity).map_err(|e| write_failure(&shown, e))?;
+        let sink = exporter.begin(info, Box::new(body.clone())).map_err(|e| export_failure(&shown, e))?;
+        Ok(Video { shown, sink, body, end: End::Folder(Box::new(self)) })
+    }
+
+    fn start_over(&mut self, identity: &Identity) -> Result<Body, WriteError> {
+        self.done = 0;
+        self.part.keep(false);
+        self.frames = None;
+        self.part.renew_lock()?;
+        self.part.lock_file().write_all(&journal::head(identity))?;
+        Ok(Body::new(Box::new(self.part.create("body")?)))
+    }
+
+    /// Whether the result was renamed and only the folder was left: the body is gone, and its bytes are in the place.
+    fn is_in_place(&self, found: &Journal) -> bool {
+        let Some((last, _)) = found.records.last() else { return false };
+        let settled = matches!(last.kept, Kept::Settled(_));
+        settled
+            && matches!(self.part.reopen("body"), Ok(None))
+            && choreo_files::open_file(&self.place)
+                .is_ok_and(|mut f| found.settled(&mut f) == found.records.len())
+    }
+
+    /// Uses what is whole of the journal, the body and the kept frames; gives how many frames that are.
+    fn resume(
+        mut self,
+        found: &Journal,
+        exporter: &dyn Exporter,
+        info: &VideoInfo,
+        identity: &Identity,
+    ) -> Result<(Video, usize), Failure> {
+        let shown = self.shown.clone();
+        let failed = |e: io::Error| output_error(&shown, &e);
+        let export_failed = |e| export_failure(&shown, e);
+        let not_written = |e| write_failure(&shown, e);
+        let mut file = match self.part.reopen("body").map_err(not_written)? {
+            Some(file) => file,
+            None => self.part.create("body").map_err(not_written)?,
+        };
+        self.frames = self.part.reopen("frames").map_err(not_written)?;
+        let settled = found.settled(&mut file);
+        let states = found.records[..settled].iter().filter_map(|(record, _)| match &record.kept {
+            Kept::Settled(state) => Some(state.clone()),
+            Kept::Open(_) => None,
+        });
+        let states: Vec<Vec<u8>> = states.collect();
+        let length = settled.checked_sub(1).map_or(0, |i| found.records[i].0.body);
+        file.set_len(length).map_err(failed)?;
+        file.rewind().map_err(failed)?;
+        // One place in the file for both: moved to the end before anything is written.
+        let out = Body::new(Box::new(file.try_clone().map_err(failed)?));
+        let mut sink = if states.is_empty() {
+            exporter.begin(info, Box::new(out.clone())).map_err(export_failed)?
+        } else {
+            let mut so_far = BufReader::new(&mut file).take(length);
+            exporter.resume(info, &states, &mut so_far, Box::new(out.clone())).map_err(export_failed)?
+        };
+        file.seek(SeekFrom::Start(length)).map_err(failed)?;
+        out.lock().length = length;
+        let mut done = settled;
+        while let Some((Record { kept: Kept::Open(span), .. }, _)) = found.records.get(done) {
+            let Some(kept) = self.kept_frame(span, info) else { break };
+            sink.again(kept).map_err(export_failed)?;
+            self.frames_end = span.at + u64::from(span.length);
+            done += 1;
+        }
+        if done == 0 {
+            drop((sink, out));
+            return Ok((self.begin(exporter, info, identity)?, 0));
+        }
+        let mut journal = self.part.lock_file();
+        journal.set_len(found.records[done - 1].1).map_err(failed)?;
+        journal.seek(SeekFrom::End(0)).map_err(failed)?;
+        out.measured().map_err(failed)?;
+        self.finished(done);
+        Ok((Video { shown, sink, body: out, end: End::Folder(Box::new(self)) }, done))
+    }
+
+    fn kept_frame(&mut self, span: &Span, info: &VideoInfo) -> Option<&[u8]> {
+        let frames = self.frames.as_mut()?;
+        frames.seek(SeekFrom::Start(span.at)).ok()?;
+        self.scratch.clear();
+        frames.take(u64::from(span.length)).read_to_end(&mut self.scratch).ok()?;
+        if self.scratch.len() != span.length as usize || crc32fast::hash(&self.scratch) != span.crc {
+            return None;
+        }
+        // No encoder keeps more of a frame than its pixels, and some add a row and a column.
+        let most = 4 * (u64::from(info.width) + 1) * (u64::from(info.height) + 1);
+        self.changes.decode(&self.scratch, &span.parts, most)
+    }
+
+    /// Writes down the frame that the sink has just taken.
+    fn mark(&mut self, mark: Mark<'_>, body: &Body) -> io::Result<()> {
+        // Without this a render would go on for hours into files that have lost their names.
+        if !self.part.is_there() {
+            return Err(io::ErrorKind::NotFound.into());
+        }
+        let kept = match mark {
+            Mark::Nothing => return Ok(()),
+            Mark::Settled(state) => {
+                self.changes.restart();
+                self.frames_end = 0;
+                Kept::Settled(state)
+            }
+            Mark::Open(parts) => Kept::Open(self.keep_frame(&parts)?),
+        };
+        let (body, crc) = body.measured()?;
+        journal::append(&mut self.part.lock_file(), &Record { body, crc, kept })?;
+        self.finished(self.done + 1);
+        Ok(())
+    }
+
+    /// Records the number of finished frames; they are kept even if a signal ends the program.
+    fn finished(&mut self, frames: usize) {
+        self.done = frames;
+        if !self.policy.discard {
+            self.part.keep(true);
+            kept_frames::set(frames, self.part.path(), self.policy.again.clone());
+        }
+    }
+
+    fn keep_frame(&mut self, parts: &[&[u8]; 3]) -> io::Result<Span> {
+        self.changes.encode(parts, &mut self.scratch);
+        if self.frames.is_none() {
+            self.frames = Some(self.part.create("frames").map_err(io::Error::other)?);
+        }
+        let span = Span {
+            at: self.frames_end,
+            length: self.scratch.len() as u32,
+            crc: crc32fast::hash(&self.scratch),
+            parts: parts.map(|p| p.len() as u32),
+        };
+        if let Some(frames) = &mut self.frames {
+            // Over those of the segment before: the file does not grow, and its pages are written in place.
+            frames.seek(SeekFrom::Start(span.at))?;
+            frames.write_all(&self.scratch)?;
+        }
+        self.frames_end += u64::from(span.length);
+        Ok(span)
+    }
+
+    fn finish(mut self, head: &[u8]) -> Result<(), WriteError> {
+        if head.is_empty() {
+            self.part.finish("body")?;
+        } else {
+            let mut body = self.part.reopen("body")?.ok_or(io::Error::from(io::ErrorKind::NotFound))?;
+            joined(head, &mut body, self.part.create("result")?)?;
+            self.part.finish("result")?;
+        }
+        kept_frames::clear();
+        Ok(())
+    }
+}
+
+/// The exporter's writer, measured as it writes.
+#[derive(Clone)]
+struct Body(Arc<Mutex<Measured>>);
+
+struct Measured {
+    out: BufWriter<Box<dyn Write + Send>>,
+    length: u64,
+    crc: crc32fast::Hasher,
+}
+
+impl Body {
+    fn new(out: Box<dyn Write + Send>) -> Body {
+        let out = BufWriter::with_capacity(1 << 16, out);
+        Body(Arc::new(Mutex::new(Measured { out, length: 0, crc: crc32fast::Hasher::new() })))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Measured> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// All that was written is with the system: the length, and the checksum of what came since the last call.
+    fn measured(&self) -> io::Result<(u64, u32)> {
+        let mut body = self.lock();
+        body.out.flush()?;
+        Ok((body.length, std::mem::take(&mut body.crc).finalize()))
+    }
+}
+
+impl Write for Body {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let mut body = self.lock();
+        let n = body.out.write(bytes)?;
+        body.crc.update(&bytes[..n]);
+        body.length += n as u64;
+        Ok(n)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.lock().out.flush()
+    }
+}

@@ -1,0 +1,53 @@
+//! The plugins that this program is built with, and those in files.
+
+pub mod plugin_files;
+
+use choreo_plugin::{Manifest, OptionKind, OptionSpec, OptionValue, Registry};
+
+/// The plugins that this program is built with.
+pub fn registry() -> Registry {
+    let mut registry = Registry::default();
+    registry.add_importer(import_gltf::GltfImporter);
+    registry.add_importer(import_mannequin::Mannequin);
+    registry.add_importer(import_fbx::FbxImporter);
+    registry.add_importer(import_bvh::BvhImporter);
+    registry.add_importer(import_vrm::VrmImporter);
+    registry.add_importer(import_collada::ColladaImporter);
+    registry.add_importer(import_obj::ObjImporter);
+    registry.add_importer(import_stl::StlImporter);
+    registry.add_effect(effect_tonemap::Tonemap);
+    registry.add_effect(effect_outline::Outline);
+    registry.add_effect(effect_fog::Fog);
+    registry.add_effect(effect_toon::Toon);
+    registry.add_effect(effect_views::Views);
+    registry.add_effect(effect_xray::Xray);
+    registry.add_effect(effect_wireframe::Wireframe);
+    registry.add_effect(effect_fxaa::Fxaa);
+    registry.add_effect(effect_bloom::Bloom);
+    registry.add_effect(effect_skeleton::Skeleton);
+    registry.add_effect(effect_grid::Grid);
+    registry.add_effect(effect_shadow_catcher::ShadowCatcher);
+    registry.add_effect(effect_motion_blur::MotionBlur);
+    registry.add_effect(effect_vignette::Vignette);
+    registry.add_exporter(export_png::PngExporter);
+    registry.add_exporter(export_mp4::Mp4Exporter);
+    registry.add_exporter(export_gif::GifExporter);
+    registry.add_exporter(export_y4m::Y4mExporter);
+    registry
+}
+
+/// One line for each option of a plugin.
+pub fn option_rows(m: &Manifest) -> String {
+    m.options.iter().map(|o| format!("      {:<14} {} ({})\n", o.name, o.about, range(o))).collect()
+}
+
+fn range(option: &OptionSpec) -> String {
+    let default = option.default();
+    match (&option.kind, &default) {
+        (OptionKind::Number { min, max, .. }, _) => format!("{min} to {max}, default {default}"),
+        (OptionKind::Text { one_of, .. }, OptionValue::Text(default)) if !one_of.is_empty() => {
+            format!("{}, default {default}", one_of.join(" | "))
+        }
+        _ => format!("{}, default {default}", option.allowed()),
+    }
+}

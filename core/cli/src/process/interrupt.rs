@@ -1,0 +1,76 @@
+//! Ctrl-C, SIGTERM and SIGHUP: the render stops between two frames, unfinished files are removed, the finished frames of a video
+//! are kept, the exit code is 130.
+
+use crate::failure::{Failure, print_message};
+use crate::process::kept_frames;
+use choreo_test_runner::collect::quoted;
+use std::ffi::OsString;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+/// Whether somebody looks at `INTERRUPTED` and will end the program in order.
+static WATCHED: AtomicBool = AtomicBool::new(false);
+
+/// How long a render has to finish its frame before it is ended anyway.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+pub fn install() {
+    // Fails only where a handler is installed already; without one, the system's own ends the program.
+    let _ = ctrlc::set_handler(|| {
+        INTERRUPTED.store(true, Ordering::SeqCst);
+        let start = Instant::now();
+        while WATCHED.load(Ordering::SeqCst) && start.elapsed() < PATIENCE {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        choreo_files::remove_unfinished();
+        kept_frames::take_message().iter().for_each(print_message);
+        print_message("interrupted");
+        std::process::exit(i32::from(Failure::Interrupted.code()));
+    });
+}
+
+/// True while a render looks at [`interrupted`] between frames.
+pub fn watch(on: bool) {
+    WATCHED.store(on, Ordering::SeqCst);
+}
+
+pub fn interrupted() -> bool {
+    INTERRUPTED.load(Ordering::SeqCst)
+}
+
+/// The command line `choreo render …` with `--resume`, as a shell reads it. Right behind "render", where no argument can take it
+/// for its value.
+pub fn command_to_resume(args: &[OsString]) -> String {
+    let mut words: Vec<String> = args.iter().map(|a| a.to_string_lossy().into_owned()).collect();
+    words.retain(|w| !matches!(w.as_str(), "--resume" | "--discard" | "--watch"));
+    words.insert(words.len().min(2), "--resume".into());
+    words.iter().map(|w| quoted(w)).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::command_to_resume;
+
+    #[test]
+    fn the_command_that_resumes_can_be_typed() {
+        let command = |line: &[&str]| command_to_resume(&line.iter().map(Into::into).collect::<Vec<_>>());
+        for (line, expected) in [
+            (
+                &["choreo", "render", "a b.rhai", "-o", "o.mp4"][..],
+                "choreo render --resume 'a b.rhai' -o o.mp4",
+            ),
+            (
+                &["choreo", "render", "-o", "o.mp4", "--", "-s.rhai"],
+                "choreo render --resume -o o.mp4 -- -s.rhai",
+            ),
+            (&["choreo", "render", "--resume", "s.rhai", "-oo.gif"], "choreo render --resume s.rhai -oo.gif"),
+            (
+                &["./choreo", "render", "s.rhai", "--watch", "-o", "o.mp4", "--set", "who=Ann's"],
+                "./choreo render --resume s.rhai -o o.mp4 --set 'who=Ann'\\''s'",
+            ),
+        ] {
+            assert_eq!(command(line), expected);
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! The last resort where memory runs out: a script is told by the interpreter at which line; importers and renderers are
+//! watched from outside, and ended before the machine suffers.
+
+use crate::failure::{Failure, print_message};
+use crate::process::kept_frames;
+use choreo_script::memory::in_use;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::Thread;
+use std::time::{Duration, Instant};
+
+/// How long the interpreter has to say it better.
+const PATIENCE: Duration = Duration::from_secs(2);
+const EVERY: Duration = Duration::from_millis(10);
+
+/// One thread for the whole program, which sleeps while nothing is at work: `render --watch` lives for days.
+static GUARD: OnceLock<Option<Thread>> = OnceLock::new();
+static LIMIT: AtomicU64 = AtomicU64::new(u64::MAX);
+static AWAKE: AtomicBool = AtomicBool::new(false);
+
+/// Ends the program with a message as soon as it holds more than `limit` bytes.
+pub fn guard(limit: u64) {
+    if in_use() == 0 {
+        return;
+    }
+    LIMIT.store(limit, Ordering::SeqCst);
+    AWAKE.store(true, Ordering::SeqCst);
+    let guard = GUARD.get_or_init(|| {
+        // Where no thread can be had, the interpreter's own check is left.
+        let started =
+            std::thread::Builder::new().name("memory guard".into()).stack_size(256 << 10).spawn(watch);
+        started.ok().map(|handle| handle.thread().clone())
+    });
+    guard.iter().for_each(Thread::unpark);
+}
+
+/// Until the next [`guard`] there is nothing to watch.
+pub fn rest() {
+    AWAKE.store(false, Ordering::SeqCst);
+}
+
+fn watch() {
+    let mut since = None;
+    loop {
+        if !AWAKE.load(Ordering::SeqCst) {
+            since = None;
+            std::thread::park();
+            continue;
+        }
+        std::thread::sleep(EVERY);
+        let (now, limit) = (in_use(), LIMIT.load(Ordering::SeqCst));
+        if now <= limit {
+            since = None;
+            continue;
+        }
+        let since = *since.get_or_insert_with(Instant::now);
+        if since.elapsed() > PATIENCE || now / 3 * 2 > limit {
+            end(now, limit);
+        }
+    }
+}
+
+fn end(now: u64, limit: u64) -> ! {
+    choreo_files::remove_unfinished();
+    let failure = Failure::input(format!(
+        "the program would need more memory than it may use: it holds {} MB\n    hint: smaller pictures, textures and models \
+         need less; the limit is {limit} bytes; raise it with --limit memory=NUMBER if the scene means it",
+        now / 1_000_000
+    ));
+    failure.lines().iter().chain(&kept_frames::take_message()).for_each(print_message);
+    std::process::exit(i32::from(failure.code()))
+}

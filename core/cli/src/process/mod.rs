@@ -1,0 +1,7 @@
+//! The process: threads, memory, signals, panics.
+
+pub mod interrupt;
+pub mod kept_frames;
+pub mod memory;
+pub mod panics;
+pub mod threads;

@@ -1,0 +1,60 @@
+//! What the program says where it is itself at fault, or where the system gives it no more memory: a message and an exit
+//! code instead of Rust's own words.
+
+use crate::failure::Failure;
+use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, set_hook, take_hook};
+use std::sync::{Mutex, PoisonError};
+
+/// The latest panic.
+static LATEST: Mutex<Option<String>> = Mutex::new(None);
+
+/// The panic text of a thread scope after one of its threads has panicked; it does not name the cause.
+const CONSEQUENCE: &str = "a scoped thread panicked";
+
+/// Makes panics be noted in place of being printed. With RUST_BACKTRACE both happen.
+pub fn install() {
+    let wanted = std::env::var_os("RUST_BACKTRACE").is_some_and(|value| value != "0");
+    let before = wanted.then(take_hook);
+    exit_code_of_abort();
+    set_hook(Box::new(move |panic| {
+        if panic.payload_as_str() != Some(CONSEQUENCE) {
+            *LATEST.lock().unwrap_or_else(PoisonError::into_inner) = Some(described(panic));
+        }
+        before.iter().for_each(|before| before(panic));
+    }));
+}
+
+/// Makes an abort end the process with a documented exit code. Rust raises SIGABRT if an allocation fails ("memory allocation
+/// of 4096 bytes failed") or a stack overflows. If the address space has a limit, the cause is taken to be memory; elsewhere
+/// the system ends programs that need too much by SIGKILL.
+fn exit_code_of_abort() {
+    #[cfg(unix)]
+    {
+        use rustix::process::{Resource, getrlimit};
+        let limited = getrlimit(Resource::As).current.is_some();
+        let why = if limited { Failure::Machine(String::new()) } else { Failure::Internal(String::new()) };
+        let always = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(true));
+        // Fails only for signals that no program may handle.
+        let _ = signal_hook::flag::register_conditional_shutdown(
+            signal_hook::consts::SIGABRT,
+            i32::from(why.code()),
+            always,
+        );
+    }
+}
+
+fn described(panic: &PanicHookInfo<'_>) -> String {
+    let text = panic.payload_as_str().unwrap_or("no message");
+    match panic.location() {
+        Some(at) => format!("{text} ({}:{})", at.file(), at.line()),
+        None => text.to_string(),
+    }
+}
+
+/// The work, or the panic that ended it.
+pub fn guarded(work: impl FnOnce() -> Result<(), Failure>) -> Result<(), Failure> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| {
+        let latest = LATEST.lock().unwrap_or_else(PoisonError::into_inner).take();
+        Err(Failure::Internal(latest.unwrap_or_else(|| "no message".into())))
+    })
+}

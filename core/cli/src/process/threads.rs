@@ -1,0 +1,82 @@
+//! The threads of the program, started while they can be refused in plain words: rayon panics where its first use finds none.
+
+use crate::failure::Failure;
+use rayon::{ThreadBuilder, ThreadPoolBuilder};
+use std::sync::OnceLock;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
+
+/// Threads that a command starts later: the script's with a stack of this size, one that plans frames, one that
+/// encodes them, and two that watch the memory.
+const STACK: usize = 64 << 20;
+const LATER: usize = 5;
+/// Threads that a Vulkan driver starts beside one a core.
+const DRIVER: usize = 4;
+static THREADS_FOR_A_DRIVER: OnceLock<bool> = OnceLock::new();
+
+pub fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// Starts the threads that share all parallel work, `wanted` or as many as the system allows, so that those that come
+/// later still find room.
+pub fn start(wanted: Option<usize>) -> Result<(), Failure> {
+    let wanted = wanted.unwrap_or_else(cores).max(1);
+    let held: Vec<Held> = (0..LATER).map_while(|i| hold(if i == 0 { STACK } else { 2 << 20 })).collect();
+    let mut workers: Vec<Sender<ThreadBuilder>> = (0..wanted).map_while(|_| worker()).collect();
+    let started = held.len() + workers.len();
+    // Tried while nothing else starts threads, which would find none meanwhile.
+    let driver: Vec<Held> = (0..cores() + DRIVER).map_while(|_| hold(2 << 20)).collect();
+    let _ = THREADS_FOR_A_DRIVER.set(driver.len() == cores() + DRIVER);
+    for (end, thread) in held.into_iter().chain(driver) {
+        drop(end);
+        // It does nothing that could panic; the system counts it until it has ended.
+        let _ = thread.join();
+    }
+    if started <= LATER {
+        return Err(too_few(&format!("{started} threads can be started and {} are needed", LATER + 1)));
+    }
+    let pool = ThreadPoolBuilder::new().num_threads(workers.len()).spawn_handler(|thread| {
+        let sent = workers.pop().map(|to| to.send(thread));
+        sent.and_then(Result::ok).ok_or_else(|| std::io::Error::other("a thread has ended"))
+    });
+    // Fails where a program calls `run` a second time, and has its threads.
+    let _ = pool.build_global();
+    Ok(())
+}
+
+/// Whether a Vulkan driver that draws on the processor finds its threads, and address space. It waits for ever for a thread that it
+/// cannot start, and ends the whole program where an allocation of its fails: lavapipe with its compiler needs over 1 GB.
+pub fn room_for_a_driver() -> bool {
+    #[cfg(unix)]
+    if rustix::process::getrlimit(rustix::process::Resource::As).current.is_some_and(|bytes| bytes < 2 << 30)
+    {
+        return false;
+    }
+    *THREADS_FOR_A_DRIVER.get().unwrap_or(&true)
+}
+
+/// A thread that does nothing until the sender is dropped.
+fn hold(stack: usize) -> Option<Held> {
+    let (end, ended): (_, Receiver<()>) = channel();
+    let thread =
+        std::thread::Builder::new().stack_size(stack).spawn(move || ended.recv().unwrap_or_default());
+    thread.ok().map(|thread| (end, thread))
+}
+
+type Held = (Sender<()>, JoinHandle<()>);
+
+/// A thread that becomes one of rayon's.
+fn worker() -> Option<Sender<ThreadBuilder>> {
+    let (to, work) = channel::<ThreadBuilder>();
+    let run = move || work.recv().into_iter().for_each(ThreadBuilder::run);
+    let thread = std::thread::Builder::new().name("worker".into()).spawn(run);
+    thread.ok().map(|_| to)
+}
+
+/// Too few threads, or too little memory for their stacks.
+pub fn too_few(what: &str) -> Failure {
+    Failure::Machine(format!(
+        "too few threads: {what}\n    hint: end other programs, or raise the limits of processes and of address space (ulimit -u, ulimit -v)"
+    ))
+}

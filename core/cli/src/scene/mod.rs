@@ -1,0 +1,188 @@
+//! Opens the SCRIPT|MODEL of the command line as a stage.
+
+pub mod inputs;
+pub mod model;
+pub mod opening;
+
+use crate::args::SceneArgs;
+use crate::args::values;
+use crate::failure::{Failure, Problem};
+use crate::plugins::plugin_files;
+use crate::process::memory;
+use crate::process::threads::too_few;
+use crate::terminal::import_bar::Bar;
+use choreo_plugin::Registry;
+use choreo_script::{Diagnostic, Limits, NO_THREAD, Places, ScriptOptions, Severity, run_file_touching};
+use choreo_stage::Stage;
+use inputs::Inputs;
+use opening::Opening;
+use std::sync::Arc;
+
+pub struct Scene {
+    /// The file's name without folders.
+    pub name: String,
+    pub stage: Arc<Stage>,
+    /// The plugins, with those of the plugin files that the scene uses.
+    pub registry: Registry,
+    pub is_script: bool,
+    /// What was guessed or left; each complete with its place.
+    pub warnings: Vec<String>,
+    /// The same, apart: of the assets, and of the script.
+    pub asset_warnings: Vec<String>,
+    pub script_warnings: Vec<Diagnostic>,
+    /// Places in the script that created what is on stage; empty for a model.
+    pub places: Places,
+    pub limits: Limits,
+    /// What the script printed.
+    pub printed: Vec<String>,
+    /// Parameters that change the picture, for provenance: `set`, `clip`.
+    pub arguments: Vec<String>,
+    /// Hash of the content of the script or model and of every file that it read.
+    pub input_hash: [u8; 32],
+    pub inputs: Inputs,
+}
+
+/// The plugins given, and those of plugin files beside the input or in folders named on the command line.
+pub fn plugins(args: &SceneArgs, plugins: &Registry) -> Result<Registry, Failure> {
+    plugin_files::registry(plugins, &args.import.plugins, &[&args.input])
+}
+
+/// Opens the script, or the model, of the command line.
+pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<Scene, Failure> {
+    let limits = values::limits(&args.limit)?;
+    memory::guard(limits.memory);
+    let set = args.set.iter().map(|text| values::name_value("--set", text));
+    let set: Vec<(&str, &str)> = set.collect::<Result<_, _>>()?;
+    if args.input.extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai")) {
+        open_script(args, &set, limits, registry, opening)
+    } else {
+        open_model(args, limits, registry, opening)
+    }
+}
+
+fn open_script(
+    args: &SceneArgs,
+    set: &[(&str, &str)],
+    limits: Limits,
+    registry: &Registry,
+    opening: Opening,
+) -> Result<Scene, Failure> {
+    if args.clip.is_some() {
+        return Err(Failure::Usage("--clip is for model files; a script says what is played".into()));
+    }
+    if args.import.importer.is_some() || !args.import.import.is_empty() {
+        let what = "--importer and --import are for model files; a script says load(…, #{ importer: …, … })";
+        return Err(Failure::Usage(what.into()));
+    }
+    model::must_be_file(&args.input)?;
+    let options = ScriptOptions {
+        assets: opening.keep.map(|keep| keep.assets.clone()).unwrap_or_default(),
+        set: set.iter().map(|(name, value)| (name.to_string(), value.to_string())).collect(),
+        search_paths: args.search.clone(),
+        limits: limits.clone(),
+        needs: opening.needs,
+        ..ScriptOptions::default()
+    };
+    let bar = Bar::over(&options.imports, opening.quiet);
+    let (script, touched) = run_file_touching(&args.input, registry, &options);
+    drop(bar);
+    let inputs = Inputs::new(touched.read.keys().cloned()).in_folder_of(&args.input);
+    if let Some(keep) = opening.keep {
+        keep.set_touched(touched);
+    }
+    let script = script.map_err(failure)?;
+    let asset_warnings = asset_warnings(&script.stage);
+    let warnings = script.warnings.iter().map(ToString::to_string);
+    Ok(Scene {
+        name: name(args),
+        stage: Arc::new(script.stage),
+        registry: registry.settled(),
+        is_script: true,
+        warnings: warnings.chain(asset_warnings.iter().cloned()).collect(),
+        asset_warnings,
+        script_warnings: script.warnings,
+        places: script.places,
+        limits,
+        printed: script.printed,
+        arguments: set.iter().map(|(n, v)| format!("--set {n}={v}")).collect(),
+        input_hash: script.script_hash,
+        inputs,
+    })
+}
+
+fn open_model(
+    args: &SceneArgs,
+    limits: Limits,
+    registry: &Registry,
+    opening: Opening,
+) -> Result<Scene, Failure> {
+    let shown = args.input.display();
+    if let Some(text) = args.set.first() {
+        return Err(Failure::Usage(format!("--set {text} is for scripts; {shown} is a model")));
+    }
+    let imported = model::import(&args.input, &args.search, &args.import, registry, &limits, opening)?;
+    let stage = model::stage(imported.asset, args.clip.as_deref())?;
+    let mut warnings = asset_warnings(&stage);
+    if stage.actors.iter().all(|a| a.asset.clips.is_empty()) {
+        warnings.push(format!("{shown}: no clips: one frame"));
+    }
+    let importer = args.import.importer.iter().map(|i| format!("--importer {i}"));
+    let options = args.import.import.iter().map(|i| format!("--import {i}"));
+    let clip = args.clip.iter().map(|c| format!("--clip {c}"));
+    Ok(Scene {
+        name: name(args),
+        stage: Arc::new(stage),
+        registry: registry.settled(),
+        is_script: false,
+        asset_warnings: warnings.clone(),
+        warnings,
+        script_warnings: Vec::new(),
+        places: Places::default(),
+        limits,
+        printed: Vec::new(),
+        arguments: importer.chain(options).chain(clip).collect(),
+        input_hash: imported.hash,
+        inputs: Inputs::new(imported.files).in_folder_of(&args.input),
+    })
+}
+
+/// The file's name without folders.
+fn name(args: &SceneArgs) -> String {
+    args.input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+/// The failure that a script's diagnostics mean: an error of the script, or too few threads.
+fn failure(diagnostics: Vec<Diagnostic>) -> Failure {
+    match diagnostics.iter().find_map(|d| d.message.strip_prefix(NO_THREAD)) {
+        Some(why) => too_few(&format!("none can be started for the script ({why})")),
+        None => Failure::Input(errors(diagnostics)),
+    }
+}
+
+fn errors(mut diagnostics: Vec<Diagnostic>) -> Vec<Problem> {
+    // Errors last, next to the prompt.
+    diagnostics.sort_by_key(|d| d.severity == Severity::Error);
+    diagnostics.into_iter().map(Problem::Script).collect()
+}
+
+/// Warnings of every asset on stage, once each.
+fn asset_warnings(stage: &Stage) -> Vec<String> {
+    let mut seen = Vec::new();
+    let mut warnings = Vec::new();
+    for actor in &stage.actors {
+        if seen.iter().any(|a| Arc::ptr_eq(a, &actor.asset)) {
+            continue;
+        }
+        seen.push(actor.asset.clone());
+        warnings.extend(texts(&actor.asset));
+    }
+    warnings
+}
+
+pub fn texts(asset: &choreo_asset::Asset) -> Vec<String> {
+    let text = |w: &choreo_asset::Warning| match w.place.is_empty() {
+        true => format!("{}: warning: {}", asset.name, w.text),
+        false => format!("{}: {}: warning: {}", asset.name, w.place, w.text),
+    };
+    asset.warnings.iter().map(text).collect()
+}

@@ -1,0 +1,143 @@
+//! A model file in place of a script: found, imported, and put on a stage of its own.
+
+use crate::args::ImportArgs;
+use crate::args::values;
+use crate::failure::Failure;
+use crate::scene::opening::Opening;
+use crate::terminal::import_bar::Bar;
+use choreo_asset::Asset;
+use choreo_files::FileError;
+use choreo_plugin::Registry;
+use choreo_script::{BUILT_IN, ImportChoice, Imports, Limits, LoadError, Loader, Touched, did_you_mean};
+pub use choreo_session::model::list;
+use choreo_stage::Stage;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Whether the input is made by the program ("choreo:mannequin") and no file.
+pub fn is_built_in(path: &Path) -> bool {
+    path.to_str().is_some_and(|p| p.starts_with(BUILT_IN))
+}
+
+/// Says now, in one way for scripts and models, that there is no such file or that it is a folder.
+pub fn must_be_file(path: &Path) -> Result<(), Failure> {
+    let shown = path.display();
+    if is_built_in(path) {
+        return Ok(());
+    }
+    match std::fs::metadata(path) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Err(Failure::input(missing(path))),
+        Err(e) => Err(Failure::input(format!("{shown}: cannot read: {}", FileError::Io(e)))),
+        Ok(m) if m.is_dir() => {
+            Err(Failure::input(format!("{shown}: cannot read: it is a folder, not a file{}", contents(path))))
+        }
+        Ok(m) if !m.is_file() => {
+            Err(Failure::input(format!("{shown}: cannot read: it is not a regular file")))
+        }
+        Ok(_) => Ok(()),
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+fn missing(path: &Path) -> String {
+    let folder = folder_of(path);
+    if !folder.is_dir() {
+        return format!("{}: no such file; the folder {} does not exist", path.display(), folder.display());
+    }
+    let names = names(folder);
+    let wanted = path.file_name().and_then(|n| n.to_str()).unwrap_or_default();
+    let near = did_you_mean(wanted, names.iter().map(String::as_str));
+    format!("{}: no such file{near}", path.display())
+}
+
+fn contents(folder: &Path) -> String {
+    match names(folder) {
+        names if names.is_empty() => String::new(),
+        names => format!("; it holds {}", list(names.iter().map(String::as_str), 8)),
+    }
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut names: Vec<String> =
+        entries.filter_map(|e| e.file_name().into_string().ok()).take(10_000).collect();
+    names.sort();
+    names
+}
+
+/// Enough of the file for its importer to know it and for the index of a video.
+pub fn head(path: &Path) -> Result<Vec<u8>, Failure> {
+    let mut head = Vec::new();
+    if is_built_in(path) {
+        return Ok(head);
+    }
+    let failed = |e: FileError| Failure::input(format!("{}: cannot read: {e}", path.display()));
+    let file = choreo_files::open_file(path).map_err(failed)?;
+    file.take(16 << 20).read_to_end(&mut head).map_err(|e| failed(e.into()))?;
+    Ok(head)
+}
+
+/// A model, and what it was made of.
+pub struct Imported {
+    pub asset: Arc<Asset>,
+    /// Hash of all files read, wherever they lie.
+    pub hash: [u8; 32],
+    pub files: Vec<PathBuf>,
+}
+
+/// Imports with the same confinement as a script's `load(…)`: the model's own folder and the search folders.
+pub fn import(
+    path: &Path,
+    search: &[PathBuf],
+    args: &ImportArgs,
+    registry: &Registry,
+    limits: &Limits,
+    opening: Opening,
+) -> Result<Imported, Failure> {
+    must_be_file(path)?;
+    let mut choice = ImportChoice { importer: args.importer.clone(), ..ImportChoice::default() };
+    for text in &args.import {
+        let (name, value) = values::name_value("--import", text)?;
+        choice.texts.push((name.to_string(), value.to_string()));
+    }
+    // The loader knows the file by its name; the user, by the path typed.
+    let name = match path.to_str() {
+        Some(built_in) if is_built_in(path) => built_in,
+        _ => path.file_name().and_then(|n| n.to_str()).unwrap_or_default(),
+    };
+    let shown = path.display().to_string();
+    let problem = |e: LoadError| {
+        let text = match e.message.strip_prefix(name) {
+            Some(rest) => format!("{shown}{rest}"),
+            None => format!("{shown}: {}", e.message),
+        };
+        let hint = e.hint.map(|h| format!("\n    hint: {h}")).unwrap_or_default();
+        Failure::input(format!("{text}{hint}"))
+    };
+    let base = if is_built_in(path) { Path::new("choreo.rhai") } else { path };
+    let loader = Loader::for_file(base, search, registry, opening.needs, limits.file).map_err(problem)?;
+    let imports = Imports::default();
+    let loader = match opening.keep {
+        Some(keep) => loader.with_cache(&keep.assets),
+        None => loader,
+    };
+    let loader = Arc::new(loader.watched_by(&imports));
+    let _bar = Bar::over(&imports, opening.quiet);
+    let asset = loader.load(name, &choice);
+    if let Some(keep) = opening.keep {
+        keep.set_touched(Touched::by(&loader));
+    }
+    let asset = asset.map_err(problem)?;
+    let (files, mut hashes): (Vec<PathBuf>, Vec<[u8; 32]>) = loader.used().into_iter().unzip();
+    hashes.sort_unstable();
+    Ok(Imported { asset, hash: *blake3::hash(hashes.as_flattened()).as_bytes(), files })
+}
+
+/// [`choreo_session::model::stage`].
+pub fn stage(asset: Arc<Asset>, clip: Option<&str>) -> Result<Stage, Failure> {
+    choreo_session::model::stage(asset, clip).map_err(Failure::input)
+}

@@ -1,0 +1,87 @@
+//! `choreo help`: words of the field, of scripts and commands.
+
+mod common;
+
+use choreo_script::ScriptOptions;
+use common::*;
+
+fn help(term: &[&str]) -> Run {
+    let dir = folder();
+    choreo(dir.path(), &[&["help"], term].concat())
+}
+
+#[test]
+fn a_word_of_the_field_is_answered_with_calls_an_example_and_a_page() {
+    let run = help(&["foot", "sliding"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let expected = [
+        "foot sliding\n  Actor.plant_feet(options?)\n      Locks feet that touch the ground in place",
+        "\n      core/script/API.md, \"Constraints, inverse kinematics (IK) and spring bones\"\n",
+        "\nExample: anna.plant_feet();\n",
+    ];
+    for part in expected {
+        assert!(run.out.contains(part), "{part}\n{}", run.out);
+    }
+    assert_eq!(help(&["foot sliding"]).out, run.out);
+    assert!(help(&["IK"]).out.contains("\n  Actor.reach(joint, target, options?)\n"));
+}
+
+#[test]
+fn commands_describe_themselves() {
+    let run = help(&["headless"]);
+    assert!(run.out.contains("\n  choreo render --frames\n      Which frames: "), "{}", run.out);
+    let (with_help, with_flag) = (help(&["render"]), choreo(folder().path(), &["render", "--help"]));
+    assert_eq!((with_help.code, &with_help.out), (0, &with_flag.out));
+    assert_eq!(help(&[]).out, choreo(folder().path(), &["--help"]).out);
+}
+
+#[test]
+fn a_call_is_described_and_a_word_of_descriptions_is_found() {
+    let run = help(&["Camera.fov"]);
+    assert!(run.out.contains("Sets the vertical field of view in degrees"), "{}", run.out);
+    assert!(help(&["counter-clockwise"]).out.contains("\n  Actor.turn(degrees)\n"));
+}
+
+#[test]
+fn an_unknown_term_is_answered_with_the_nearest_and_exit_code_2() {
+    let run = help(&["foot slidng"]);
+    assert_eq!(run.code, 2);
+    assert!(
+        run.err.contains("nothing is known as \"foot slidng\"; did you mean \"foot sliding\""),
+        "{}",
+        run.err
+    );
+    let run = help(&["quaggaflux", "--json"]);
+    assert_eq!(run.code, 2);
+    assert!(run.out.contains("\"usage\""), "{}", run.out);
+}
+
+#[test]
+fn every_example_of_a_script_runs() {
+    let prelude = "
+        stage(#{ size: [64, 36], fps: 30, length: 4.0 });
+        let hero = load(\"choreo:mannequin\");
+        let anna = cast(\"anna\", hero);
+        let boris = cast(\"boris\", hero).at(1.0, 0.0, 0.0);
+        let cup = cast(\"cup\", shape(\"box\", #{ size: 0.1 }));
+        let walk = anna.play(hero.clip(\"Walk\"));
+        let wide = camera(\"wide\").at(0.0, 1.6, 6.0);
+        let lamp = point();
+    ";
+    let registry = choreo::registry();
+    let (dir, mut failures, mut ran) = (tempfile::tempdir().unwrap(), Vec::new(), 0);
+    std::fs::write(dir.path().join("steps.rhai"), "fn step() {}").unwrap();
+    for example in choreo_script::synonyms::examples().filter(|e| !e.starts_with("choreo ")) {
+        let script =
+            if example.starts_with("import") { example.to_string() } else { format!("{prelude}{example}") };
+        let file = dir.path().join("example.rhai");
+        std::fs::write(&file, &script).unwrap();
+        if let Err(errors) = choreo_script::run_file(&file, &registry, &ScriptOptions::default()) {
+            let texts: Vec<String> = errors.iter().map(ToString::to_string).collect();
+            failures.push(format!("{example}\n{}", texts.join("\n")));
+        }
+        ran += 1;
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+    assert!(ran > 60, "{ran}");
+}

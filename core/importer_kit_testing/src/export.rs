@@ -1,0 +1,65 @@
+//! Tests of exporters: what they write, and a render that was stopped and goes on.
+
+use choreo_plugin::{Exporter, Frame, Mark, VideoInfo};
+use std::io::Write;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A writer whose bytes can be read while an exporter owns a copy of it.
+#[derive(Clone, Debug, Default)]
+pub struct SharedBytes(Arc<Mutex<Vec<u8>>>);
+
+impl SharedBytes {
+    /// What was written so far.
+    pub fn bytes(&self) -> Vec<u8> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+impl Write for SharedBytes {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Encodes a video whose render is stopped after `cut` frames and goes on from what was settled then. `None` where nothing was
+/// settled. Panics where the exporter cannot go on.
+pub fn resumed(exporter: &dyn Exporter, info: &VideoInfo, frames: &[Frame], cut: usize) -> Option<Vec<u8>> {
+    let out = SharedBytes::default();
+    let mut sink = exporter.begin(info, Box::new(out.clone())).unwrap();
+    let (mut states, mut settled, mut length, mut open) = (vec![], 0, 0, vec![]);
+    for (i, frame) in frames[..cut].iter().enumerate() {
+        sink.frame(frame).unwrap();
+        match sink.mark() {
+            Mark::Nothing => panic!("frame {i}: cannot be gone on with"),
+            Mark::Settled(state) => {
+                states.push(state);
+                (settled, length) = (i + 1, out.bytes().len());
+                open.clear();
+            }
+            Mark::Open(parts) => open.push(parts.concat()),
+        }
+    }
+    assert_eq!(settled + open.len(), cut);
+    if states.is_empty() {
+        return None;
+    }
+    // What it writes after the cut is lost.
+    let so_far = out.bytes()[..length].to_vec();
+    drop(sink);
+    let mut out = SharedBytes::default();
+    out.write_all(&so_far).unwrap();
+    let mut sink = exporter.resume(info, &states, &mut &so_far[..], Box::new(out.clone())).unwrap();
+    for kept in &open {
+        sink.again(kept).unwrap();
+    }
+    for frame in &frames[cut..] {
+        sink.frame(frame).unwrap();
+    }
+    let mut bytes = sink.finish().unwrap();
+    bytes.extend_from_slice(&out.bytes());
+    Some(bytes)
+}

@@ -1,0 +1,93 @@
+//! Two clips at two times, blended, to model space, in one go.
+
+use crate::clip::Clip;
+use crate::clip::sample::{Sample, sample};
+use crate::input_error::InputError;
+use crate::pose::Pose;
+use crate::pose::local_to_model::{LocalToModel, Matrices, Two};
+use crate::simd::{F8, Kernel, Level, dispatch};
+use crate::skeleton::Skeleton;
+use crate::time::Time;
+use glam::Affine3A;
+
+/// What `Sample` twice, `Blend` and `LocalToModel` do (to the rounding of f32), but the
+/// blended pose is never written down. Made to be run over many characters with the same scratch poses.
+pub struct Crossfade<'a> {
+    pub skeleton: &'a Skeleton,
+    /// What joints do that a clip does not animate; as many joints as the skeleton.
+    pub rest: &'a Pose,
+    pub from: &'a Clip,
+    pub from_time: Time,
+    pub to: &'a Clip,
+    pub to_time: Time,
+    /// 0..=1: 0 is `from` alone, 1 is `to` alone, exactly.
+    pub weight: f32,
+    /// Overwritten. Two poses of as many joints as the skeleton.
+    pub scratch: &'a mut [Pose; 2],
+    /// One a joint.
+    pub model_from_joint: &'a mut [Affine3A],
+}
+
+impl Crossfade<'_> {
+    /// Names the first field that does not fit.
+    pub fn check(&self) -> Result<(), InputError> {
+        let joints = self.skeleton.len();
+        InputError::check_lengths(&[
+            ("Crossfade.rest", self.rest.len(), joints),
+            ("Crossfade.from", self.from.joint_count(), joints),
+            ("Crossfade.to", self.to.joint_count(), joints),
+            ("Crossfade.scratch[0]", self.scratch[0].len(), joints),
+            ("Crossfade.scratch[1]", self.scratch[1].len(), joints),
+            ("Crossfade.model_from_joint", self.model_from_joint.len(), joints),
+        ])?;
+        InputError::check_value((0.0..=1.0).contains(&self.weight), "Crossfade.weight", self.weight, "0..=1")
+    }
+
+    /// Allocates nothing, but each clip's tracks at its very first sampling.
+    pub fn run(&mut self) {
+        self.run_on(Level::best());
+    }
+
+    /// The same bits at any level; for tests and benchmarks.
+    pub fn run_on(&mut self, level: Level) {
+        if self.weight == 0.0 || self.weight == 1.0 {
+            let (clip, time) =
+                if self.weight == 0.0 { (self.from, self.from_time) } else { (self.to, self.to_time) };
+            let pose = &mut self.scratch[0];
+            pose.copy_from(self.rest);
+            Sample { clip, time, pose }.run_on(level);
+            LocalToModel { skeleton: self.skeleton, pose, model_from_joint: self.model_from_joint }
+                .run_on(level);
+            return;
+        }
+        let (from, to) = (self.from.tracks(), self.to.tracks());
+        let unit_scale =
+            from.unit_scale && to.unit_scale && (from.covers[2] && to.covers[2] || self.rest.unit_scale());
+        let covers = [from.covers, to.covers];
+        for (pose, covers) in self.scratch.iter_mut().zip(covers) {
+            pose.copy_channels(self.rest, covers.map(|covered| !covered));
+        }
+        dispatch(level, Fused { job: self, unit_scale });
+    }
+}
+
+struct Fused<'a, 'b> {
+    job: &'b mut Crossfade<'a>,
+    unit_scale: bool,
+}
+
+impl Kernel for Fused<'_, '_> {
+    #[inline(always)]
+    fn run<F: F8>(self) {
+        let Fused { job, unit_scale } = self;
+        let [a, b] = &mut *job.scratch;
+        for (clip, time, pose) in [(job.from, job.from_time, &mut *a), (job.to, job.to_time, &mut *b)] {
+            let tracks = clip.tracks();
+            let constants = if unit_scale { tracks.unscaled_constants() } else { &tracks.constants };
+            sample::<F>(tracks, constants, clip.stored_curves(), time, pose.blocks_mut());
+        }
+        let locals = Two { a: a.blocks(), b: b.blocks(), weight: job.weight, unit_scale };
+        let by_depth = job.skeleton.by_depth();
+        Matrices { by_depth, locals, out: &mut *job.model_from_joint }.compute::<F>();
+    }
+}

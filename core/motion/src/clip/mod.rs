@@ -1,0 +1,465 @@
+//! Animation clips: key-framed curves of joint transforms and morph weights.
+//!
+//! Curves are the authored keys (glTF 2.0 §3.11, Appendix C); a clip is built from them once and
+//! sampled at any time, without a cache, in any order.
+
+pub mod crossfade;
+pub(crate) mod key_search;
+pub(crate) mod packed;
+pub mod property_curve;
+pub mod sample;
+pub(crate) mod sample_f64;
+pub(crate) mod slerp_series;
+pub(crate) mod tracks;
+
+use crate::clip::key_search::find_interval;
+use crate::clip::property_curve::{PropertyCurve, PropertyTarget};
+use crate::clip::tracks::Tracks;
+use crate::time::Time;
+use glam::Quat;
+use packed::Packed;
+use std::collections::BTreeMap;
+use std::sync::{Arc, OnceLock};
+use thiserror::Error;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Interpolation {
+    Step,
+    /// Translation, scale, weights: lerp. Rotation: shortest-arc slerp.
+    Linear,
+    /// Cubic Hermite; every key holds in-tangent, value, out-tangent (tangents per second).
+    CubicSpline,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Path {
+    /// 3 floats a key, metres.
+    Translation,
+    /// 4 floats a key, x y z w.
+    Rotation,
+    /// 3 floats a key.
+    Scale,
+    /// This many floats a key: the morph weights of the mesh at that joint.
+    Weights(u32),
+}
+
+impl Path {
+    pub fn width(self) -> usize {
+        match self {
+            Path::Translation | Path::Scale => 3,
+            Path::Rotation => 4,
+            Path::Weights(n) => n as usize,
+        }
+    }
+}
+
+/// One authored curve. `values.len() == times.len() * path.width() * (3 if CubicSpline else 1)`.
+///
+/// Keys are reference-counted, so that curves with equal key times, and clips bound to several
+/// skeletons, share them. `vec.into()` makes one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve {
+    /// Index into the skeleton that the clip was authored on.
+    pub joint: u32,
+    pub path: Path,
+    pub interpolation: Interpolation,
+    /// Strictly increasing, at least one.
+    pub times: Arc<[Time]>,
+    pub values: Arc<[f32]>,
+}
+
+impl Curve {
+    /// Floats that one key takes in `values`.
+    pub fn stride(&self) -> usize {
+        self.path.width() * if self.interpolation == Interpolation::CubicSpline { 3 } else { 1 }
+    }
+}
+
+/// The authored weight of a facial expression over time, by the expression's name: whoever plays the clip looks it up among its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExpressionCurve {
+    pub name: String,
+    pub interpolation: Interpolation,
+    /// As in [`Curve`].
+    pub times: Arc<[Time]>,
+    /// One number a key (three if CubicSpline), 0..=1 where it means something.
+    pub values: Arc<[f32]>,
+}
+
+impl ExpressionCurve {
+    /// As one morph weight of joint 0.
+    pub(crate) fn as_curve(&self) -> Curve {
+        let (times, values) = (self.times.clone(), self.values.clone());
+        Curve { joint: 0, path: Path::Weights(1), interpolation: self.interpolation, times, values }
+    }
+
+    pub(crate) fn changed(&self, curve: Curve) -> ExpressionCurve {
+        let Curve { interpolation, times, values, .. } = curve;
+        ExpressionCurve { name: self.name.clone(), interpolation, times, values }
+    }
+}
+
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum ClipError {
+    #[error("curve {curve} ({path:?} of joint {joint}): {what}")]
+    Curve { curve: usize, joint: u32, path: Path, what: CurveError },
+    #[error("property curve {curve} ({target:?}): {what}")]
+    Property { curve: usize, target: PropertyTarget, what: CurveError },
+}
+
+/// What is wrong with a curve.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum CurveError {
+    #[error("it has no keys")]
+    NoKeys,
+    #[error("{keys} keys need {} values ({stride} a key), it has {values}", keys.saturating_mul(*stride))]
+    Values { keys: usize, stride: usize, values: usize },
+    #[error("the time of key {key} ({time} s) repeats that of key {} ({time} s); key times must increase", key - 1)]
+    TimeRepeats { key: usize, time: f64 },
+    #[error(
+        "the time of key {key} ({time} s) runs backwards from that of key {} ({before} s); key times must increase",
+        key - 1
+    )]
+    TimeRunsBackwards { key: usize, time: f64, before: f64 },
+    #[error("key {key} holds {value}, must be finite")]
+    NotFinite { key: usize, value: f32 },
+    #[error("key {key} holds {value}, at most ±{MAX_KEY} is allowed")]
+    TooLarge { key: usize, value: f32 },
+    #[error("the skeleton has only {0} joints")]
+    NoJoint(usize),
+    #[error("{0} morph weights, at most {MAX_WEIGHTS} are allowed")]
+    TooManyWeights(u32),
+    #[error("the rotation of key {0} has length zero, must be 1")]
+    ZeroRotation(usize),
+    #[error("curve {0} already drives the same property")]
+    Duplicate(usize),
+    #[error("it has two curves")]
+    TwoCurves,
+}
+
+/// A curve of an expression that is unsound.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error("expression \"{name}\": {what}")]
+pub struct ExpressionError {
+    pub name: String,
+    pub what: CurveError,
+}
+
+/// What a compression did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CompressionReport {
+    /// Bytes of keys, ranges and constants, before and after.
+    pub bytes: [usize; 2],
+    /// What translation, rotation and scale of every joint at 30 Hz would take in f32: 40 bytes a joint and key.
+    pub dense_bytes: usize,
+    /// Metres of the model, of any joint's place and of points 10 cm from it along each axis: at all keys and halfway between,
+    /// 4,000 times at most. Zero where the clip stays as it was, since it would not have become smaller.
+    pub worst_m: f64,
+}
+
+/// A checked clip. Times run from zero to `duration`; before the first and after the last key a curve holds its end values.
+#[derive(Clone, Debug, Default)]
+pub struct Clip {
+    pub name: String,
+    pub duration: Time,
+    joint_count: usize,
+    /// All curves, or those that are not packed.
+    curves: Arc<[Curve]>,
+    packed: Option<Arc<Packed>>,
+    compression: Option<CompressionReport>,
+    /// All curves of a packed clip, where somebody asks for them.
+    decoded: Arc<OnceLock<Box<[Curve]>>>,
+    /// Packed at the first sampling, shared by clones.
+    tracks: Arc<OnceLock<Tracks>>,
+    /// Joints with a transform curve, one bit each.
+    animated: Arc<[u64]>,
+    /// (joint, curve), sorted.
+    weight_curves: Arc<[(u32, u32)]>,
+    /// By name, each once.
+    expressions: Arc<[ExpressionCurve]>,
+    properties: Arc<[property_curve::CheckedPropertyCurve]>,
+}
+
+/// Morph targets that one curve may drive; a file that says more is refused.
+pub const MAX_WEIGHTS: u32 = 65_536;
+
+/// The largest number a key may hold, so that interpolation stays within f32.
+pub const MAX_KEY: f32 = 1e15;
+
+impl Clip {
+    /// Checks the curves against a skeleton of `joint_count` joints: lengths, order, finiteness, unit rotations (renormalised).
+    pub fn new(name: String, joint_count: usize, mut curves: Vec<Curve>) -> Result<Clip, ClipError> {
+        let mut driven = BTreeMap::new();
+        for (index, curve) in curves.iter_mut().enumerate() {
+            let place = (curve.joint, curve.path);
+            check_curve(curve, joint_count)
+                .and_then(|()| {
+                    let kind = match curve.path {
+                        Path::Weights(_) => Path::Weights(0),
+                        path => path,
+                    };
+                    match driven.insert((curve.joint, kind), index) {
+                        Some(first) => Err(CurveError::Duplicate(first)),
+                        None => Ok(()),
+                    }
+                })
+                .map_err(|what| ClipError::Curve { curve: index, joint: place.0, path: place.1, what })?;
+        }
+        let duration = curves.iter().filter_map(|c| c.times.last()).max().copied().unwrap_or(Time::ZERO);
+        Ok(Clip::from_checked(name, duration.max(Time::ZERO), joint_count, curves))
+    }
+
+    /// Curves that are known to be sound.
+    fn from_checked(name: String, duration: Time, joint_count: usize, curves: Vec<Curve>) -> Clip {
+        let mut animated = vec![0u64; joint_count.div_ceil(64)];
+        let mut weight_curves = Vec::new();
+        for (index, curve) in curves.iter().enumerate() {
+            match curve.path {
+                Path::Weights(_) => weight_curves.push((curve.joint, index as u32)),
+                _ => animated[curve.joint as usize / 64] |= 1 << (curve.joint % 64),
+            }
+        }
+        weight_curves.sort_unstable();
+        Clip {
+            name,
+            duration,
+            joint_count,
+            curves: curves.into(),
+            packed: None,
+            compression: None,
+            decoded: Arc::default(),
+            tracks: Arc::default(),
+            animated: animated.into(),
+            weight_curves: weight_curves.into(),
+            expressions: Arc::default(),
+            properties: [].into(),
+        }
+    }
+
+    /// With curves of expressions, checked as the others are; each name once. The clip lasts as long as its longest curve.
+    pub fn with_expressions(mut self, mut curves: Vec<ExpressionCurve>) -> Result<Clip, ExpressionError> {
+        curves.sort_by(|a, b| a.name.cmp(&b.name));
+        for (index, curve) in curves.iter().enumerate() {
+            let error = |what| ExpressionError { name: curve.name.clone(), what };
+            if index > 0 && curves[index - 1].name == curve.name {
+                return Err(error(CurveError::TwoCurves));
+            }
+            let stride = if curve.interpolation == Interpolation::CubicSpline { 3 } else { 1 };
+            check_keys(&curve.times, &curve.values, stride).map_err(error)?;
+            self.duration = self.duration.max(curve.times[curve.times.len() - 1]);
+        }
+        self.expressions = curves.into();
+        Ok(self)
+    }
+
+    /// Authored weights of expressions, by name.
+    pub fn expressions(&self) -> &[ExpressionCurve] {
+        &self.expressions
+    }
+
+    /// Weight of an expression at a time; `None` where the clip does not drive it.
+    pub fn sample_expression(&self, name: &str, time: Time) -> Option<f32> {
+        let at = self.expressions.binary_search_by(|c| c.name.as_str().cmp(name)).ok()?;
+        let curve = &self.expressions[at];
+        let mut weight = [0.0];
+        crate::clip::sample::curve_between(&curve.as_curve(), find_interval(&curve.times, time), &mut weight);
+        Some(weight[0])
+    }
+
+    /// The same clip with other curves, which are known to be sound.
+    /// The same clip with other curves of as many joints, as long as it was; unsorted ones are sorted. `curves` must be such as
+    /// [`Clip::new`] takes.
+    pub fn rekeyed(&self, curves: Vec<Curve>) -> Clip {
+        self.with_curves(self.joint_count(), curves).with_duration(self.duration)
+    }
+
+    pub(crate) fn with_curves(&self, joint_count: usize, curves: Vec<Curve>) -> Clip {
+        let clip = Clip::from_checked(self.name.clone(), self.duration, joint_count, curves);
+        Clip { expressions: self.expressions.clone(), ..clip }
+    }
+
+    /// The same clip with each curve changed, those of expressions, seen as one morph weight, as well.
+    pub(crate) fn try_each<E>(&self, mut change: impl FnMut(&Curve) -> Result<Curve, E>) -> Result<Clip, E> {
+        let curves = self.curves().iter().map(&mut change).collect::<Result<Vec<_>, E>>()?;
+        let expression = |e: &ExpressionCurve| Ok(e.changed(change(&e.as_curve())?));
+        let expressions = self.expressions.iter().map(expression).collect::<Result<Vec<_>, E>>()?;
+        Ok(self.with_curves(self.joint_count, curves).with_checked_expressions(expressions))
+    }
+
+    /// Expressions that are known to be sound, by name.
+    pub(crate) fn with_checked_expressions(self, expressions: Vec<ExpressionCurve>) -> Clip {
+        Clip { expressions: expressions.into(), ..self }
+    }
+
+    /// The same clip, as long as this.
+    pub(crate) fn with_duration(mut self, duration: Time) -> Clip {
+        self.duration = duration;
+        self
+    }
+
+    /// The clip with curves of its asset's cameras, lights and materials; it lasts as long as the longest of all.
+    pub fn with_properties(mut self, curves: Vec<PropertyCurve>) -> Result<Clip, ClipError> {
+        self.properties = property_curve::check(curves)?.into();
+        let last = self.properties.iter().filter_map(|p| p.curve().times.last()).max();
+        self.duration = self.duration.max(last.copied().unwrap_or(Time::ZERO));
+        Ok(self)
+    }
+
+    /// What is animated beside the skeleton, with the curve (as one of weights).
+    pub fn properties(&self) -> impl ExactSizeIterator<Item = (PropertyTarget, &Curve)> {
+        self.properties.iter().map(|p| (p.target(), p.curve()))
+    }
+
+    /// A property at a time, into the first of `out`. False, and `out` untouched, where the clip does not drive it.
+    pub fn sample_property(&self, target: PropertyTarget, time: Time, out: &mut [f32]) -> bool {
+        let found = self.properties.iter().find(|p| p.target() == target);
+        found.inspect(|p| p.sample(time, out)).is_some()
+    }
+
+    /// Lays the keys out for sampling, which else happens when the clip is first sampled.
+    pub fn prepare(&self) {
+        self.tracks();
+    }
+
+    pub(crate) fn with_properties_of(self, other: &Clip) -> Clip {
+        Clip { properties: other.properties.clone(), ..self }
+    }
+
+    pub(crate) fn tracks(&self) -> &Tracks {
+        self.tracks.get_or_init(|| Tracks::pack(self.joint_count, &self.curves, self.packed.as_ref()))
+    }
+
+    /// The authored curves, as checked; those of a compressed clip are decoded, once, when they are asked for.
+    pub fn curves(&self) -> &[Curve] {
+        let Some(packed) = &self.packed else { return &self.curves };
+        self.decoded.get_or_init(|| {
+            let decoded = packed.decoded(self.joint_count);
+            self.curves.iter().cloned().chain(decoded).collect()
+        })
+    }
+
+    /// Curves that are stored as keys.
+    pub(crate) fn stored_curves(&self) -> &[Curve] {
+        &self.curves
+    }
+
+    pub(crate) fn packed(&self) -> Option<&Packed> {
+        self.packed.as_deref()
+    }
+
+    /// Whether it is compressed; see [`Clip::compressed`].
+    pub fn is_compressed(&self) -> bool {
+        self.packed.is_some()
+    }
+
+    /// What its compression did; `None` where it was not compressed, or would not have become smaller.
+    pub fn compression(&self) -> Option<CompressionReport> {
+        self.compression
+    }
+
+    pub(crate) fn with_compression(self, compression: CompressionReport) -> Clip {
+        Clip { compression: Some(compression), ..self }
+    }
+
+    /// With curves that are packed beside those that it has.
+    pub(crate) fn with_packed(self, packed: Arc<Packed>) -> Clip {
+        let mut animated = self.animated.to_vec();
+        for column in packed.columns() {
+            for joint in packed.joints(column, self.joint_count) {
+                animated[joint as usize / 64] |= 1 << (joint % 64);
+            }
+        }
+        Clip {
+            packed: Some(packed),
+            animated: animated.into(),
+            tracks: Arc::default(),
+            decoded: Arc::default(),
+            ..self
+        }
+    }
+
+    /// Joints of the skeleton that the clip was checked against.
+    pub fn joint_count(&self) -> usize {
+        self.joint_count
+    }
+
+    /// Whether any translation, rotation or scale curve moves this joint.
+    pub fn animates(&self, joint: u32) -> bool {
+        self.animated.get(joint as usize / 64).is_some_and(|bits| bits >> (joint % 64) & 1 == 1)
+    }
+
+    /// Morph weights of the mesh at `joint` at a time. False, and `out` untouched, where the clip does not
+    /// drive them. Where the counts differ the shorter one counts.
+    pub fn sample_weights(&self, joint: u32, time: Time, out: &mut [f32]) -> bool {
+        let at = self.weight_curves.partition_point(|(j, _)| *j < joint);
+        let Some((_, curve)) = self.weight_curves.get(at).filter(|(j, _)| *j == joint) else { return false };
+        let curve = &self.curves[*curve as usize];
+        crate::clip::sample::curve_between(curve, find_interval(&curve.times, time), out);
+        true
+    }
+}
+
+/// As many values as the keys need, all finite; at least one key; times that increase.
+fn check_keys(times: &[Time], values: &[f32], stride: usize) -> Result<(), CurveError> {
+    let keys = times.len();
+    if keys == 0 {
+        return Err(CurveError::NoKeys);
+    }
+    if keys.checked_mul(stride) != Some(values.len()) {
+        return Err(CurveError::Values { keys, stride, values: values.len() });
+    }
+    if let Some(at) = times.windows(2).position(|pair| pair[1] <= pair[0]) {
+        let (key, time, before) = (at + 1, times[at + 1].as_secs(), times[at].as_secs());
+        return Err(match times[at + 1] == times[at] {
+            true => CurveError::TimeRepeats { key, time },
+            false => CurveError::TimeRunsBackwards { key, time, before },
+        });
+    }
+    if let Some(at) = values.iter().position(|v| !v.is_finite()) {
+        return Err(CurveError::NotFinite { key: at / stride, value: values[at] });
+    }
+    if let Some(at) = values.iter().position(|v| v.abs() > MAX_KEY) {
+        return Err(CurveError::TooLarge { key: at / stride, value: values[at] });
+    }
+    Ok(())
+}
+
+/// Checks one curve and renormalises its rotations; the text says which key is wrong.
+pub(crate) fn check_curve(curve: &mut Curve, joint_count: usize) -> Result<(), CurveError> {
+    if curve.joint as usize >= joint_count {
+        return Err(CurveError::NoJoint(joint_count));
+    }
+    if let Path::Weights(n) = curve.path
+        && n > MAX_WEIGHTS
+    {
+        return Err(CurveError::TooManyWeights(n));
+    }
+    check_keys(&curve.times, &curve.values, curve.stride())?;
+    let (keys, stride) = (curve.times.len(), curve.stride());
+    if curve.path == Path::Rotation {
+        let value_at = if curve.interpolation == Interpolation::CubicSpline { 4 } else { 0 };
+        for key in 0..keys {
+            let at = key * stride + value_at;
+            let q: [f32; 4] = [0, 1, 2, 3].map(|i| curve.values[at + i]);
+            let unit = unit_rotation(q).ok_or(CurveError::ZeroRotation(key))?;
+            if unit != q {
+                Arc::make_mut(&mut curve.values)[at..at + 4].copy_from_slice(&unit);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The quaternion at unit length (computed in f64), unchanged where it is already as near as f32 gets; `None` at length zero.
+fn unit_rotation(q: [f32; 4]) -> Option<[f32; 4]> {
+    let length_squared: f64 = q.iter().map(|&c| f64::from(c) * f64::from(c)).sum();
+    if (length_squared - 1.0).abs() <= 3e-7 {
+        return Some(q);
+    }
+    let length = length_squared.sqrt();
+    if length < 1e-12 {
+        return None;
+    }
+    let unit = q.map(|c| (f64::from(c) / length) as f32);
+    Quat::from_array(unit).is_finite().then_some(unit)
+}

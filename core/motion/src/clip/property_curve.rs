@@ -1,0 +1,122 @@
+//! What a clip animates beside joints and morph weights: numbers of the cameras, lights and materials of its asset
+//! (KHR_animation_pointer). A clip for another skeleton has none: they speak of one file's things.
+
+use crate::clip::key_search::find_interval;
+use crate::clip::{ClipError, Curve, CurveError, Interpolation, Path, check_curve};
+use crate::time::Time;
+use std::sync::Arc;
+
+/// Which numbers of which thing; the number is an index into the asset's list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum PropertyTarget {
+    /// Full vertical angle of a perspective camera, radians.
+    CameraYfov(u32),
+    /// Full height of an orthographic camera's view, metres.
+    CameraHeight(u32),
+    /// Linear RGB.
+    LightColor(u32),
+    /// As the file has it (lux, candela).
+    LightIntensity(u32),
+    /// Metres.
+    LightRange(u32),
+    /// Half angles of a spot's cone, radians.
+    SpotInner(u32),
+    SpotOuter(u32),
+    /// Linear RGBA factor of a material.
+    BaseColor(u32),
+    Material(u32, MaterialProperty),
+}
+
+/// Numbers of a material beside its base colour. Textures by their slot: base colour, metallic-roughness, normal, occlusion, emissive,
+/// specular, specular colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum MaterialProperty {
+    /// Linear RGB, the file's strength multiplied in.
+    Emissive,
+    /// In units of the file's.
+    EmissiveStrength,
+    Metallic,
+    Roughness,
+    AlphaCutoff,
+    NormalScale,
+    OcclusionStrength,
+    UvOffset(u8),
+    /// Radians.
+    UvRotation(u8),
+    UvScale(u8),
+}
+
+impl MaterialProperty {
+    fn width(self) -> usize {
+        match self {
+            MaterialProperty::Emissive => 3,
+            MaterialProperty::UvOffset(_) | MaterialProperty::UvScale(_) => 2,
+            _ => 1,
+        }
+    }
+}
+
+impl PropertyTarget {
+    /// Numbers a key.
+    pub fn width(self) -> usize {
+        match self {
+            PropertyTarget::CameraYfov(_)
+            | PropertyTarget::CameraHeight(_)
+            | PropertyTarget::LightIntensity(_)
+            | PropertyTarget::LightRange(_)
+            | PropertyTarget::SpotInner(_)
+            | PropertyTarget::SpotOuter(_) => 1,
+            PropertyTarget::LightColor(_) => 3,
+            PropertyTarget::BaseColor(_) => 4,
+            PropertyTarget::Material(_, property) => property.width(),
+        }
+    }
+}
+
+/// Keys of one property. `values.len() == times.len() * target.width() * (3 if CubicSpline else 1)`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PropertyCurve {
+    pub target: PropertyTarget,
+    pub interpolation: Interpolation,
+    /// Strictly increasing, at least one.
+    pub times: Arc<[Time]>,
+    pub values: Arc<[f32]>,
+}
+
+/// CheckedPropertyCurve: the numbers as a curve of weights, which are interpolated alike.
+#[derive(Clone, Debug)]
+pub(crate) struct CheckedPropertyCurve {
+    target: PropertyTarget,
+    curve: Curve,
+}
+
+pub(crate) fn check(curves: Vec<PropertyCurve>) -> Result<Vec<CheckedPropertyCurve>, ClipError> {
+    let mut out: Vec<CheckedPropertyCurve> = Vec::with_capacity(curves.len());
+    for (index, curve) in curves.into_iter().enumerate() {
+        let PropertyCurve { target, interpolation, times, values } = curve;
+        let path = Path::Weights(target.width() as u32);
+        let mut curve = Curve { joint: 0, path, interpolation, times, values };
+        let twice = out.iter().position(|c| c.target == target);
+        let checked = check_curve(&mut curve, 1).and(match twice {
+            Some(first) => Err(CurveError::Duplicate(first)),
+            None => Ok(()),
+        });
+        checked.map_err(|what| ClipError::Property { curve: index, target, what })?;
+        out.push(CheckedPropertyCurve { target, curve });
+    }
+    Ok(out)
+}
+
+impl CheckedPropertyCurve {
+    pub(crate) fn target(&self) -> PropertyTarget {
+        self.target
+    }
+
+    pub(crate) fn curve(&self) -> &Curve {
+        &self.curve
+    }
+
+    pub(crate) fn sample(&self, time: Time, out: &mut [f32]) {
+        crate::clip::sample::curve_between(&self.curve, find_interval(&self.curve.times, time), out);
+    }
+}

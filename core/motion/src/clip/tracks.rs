@@ -1,0 +1,343 @@
+//! A clip's curves as the sampler wants them: exact to the authored keys, structure-of-arrays.
+//!
+//! - Curves whose keys are all equal are stored once.
+//! - Curves with the same key times share a [`Timeline`]: the interval is searched once for all of them.
+//! - Where a timeline drives enough joints of a pose block (eight neighbouring joints), their keys are laid out in
+//!   frame-major rows: all that one key time holds lies together, eight joints a register. Sampling reads two
+//!   neighbouring rows, so that a random time costs what the next frame costs.
+//! - The few others ("singles") stay as authored, and are gathered eight at a time.
+
+use crate::clip::key_search::Timeline;
+use crate::clip::packed::Packed;
+use crate::clip::slerp_series::{one_minus_cos, terms_for};
+use crate::clip::{Curve, Interpolation, Path};
+use crate::pose::PoseBlock;
+use crate::simd::lane::{LANES, Lane};
+use crate::time::Time;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// The three parts of a local transform, in the order of a [`PoseBlock`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Channel {
+    Translation,
+    Rotation,
+    Scale,
+}
+
+impl Channel {
+    pub fn of(path: Path) -> Option<Channel> {
+        match path {
+            Path::Translation => Some(Channel::Translation),
+            Path::Rotation => Some(Channel::Rotation),
+            Path::Scale => Some(Channel::Scale),
+            Path::Weights(_) => None,
+        }
+    }
+
+    pub fn width(self) -> usize {
+        if self == Channel::Rotation { 4 } else { 3 }
+    }
+
+    #[inline(always)]
+    pub fn rows(self, block: &mut PoseBlock) -> &mut [Lane] {
+        match self {
+            Channel::Translation => &mut block.translation,
+            Channel::Rotation => &mut block.rotation,
+            Channel::Scale => &mut block.scale,
+        }
+    }
+
+    /// Fills lanes that no joint uses.
+    fn identity(self) -> [f32; 4] {
+        match self {
+            Channel::Translation => [0.0; 4],
+            Channel::Rotation => [0.0, 0.0, 0.0, 1.0],
+            Channel::Scale => [1.0; 4],
+        }
+    }
+}
+
+/// One channel of one pose block.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Column {
+    pub block: u32,
+    pub channel: Channel,
+    /// Sign bit set in the lanes that are driven; `None` = all.
+    pub mask: Option<Lane>,
+    /// Series terms of the widest interval (linear rotations).
+    pub terms: usize,
+}
+
+/// A column that does not change.
+#[derive(Debug)]
+pub(crate) struct Constant {
+    pub column: Column,
+    pub rows: [Lane; 4],
+}
+
+/// Frame-major rows of one interpolation.
+#[derive(Debug, Default)]
+pub(crate) struct Rows {
+    pub columns: Vec<Column>,
+    /// Lanes of one key: all columns one after the other. Linear rotations take five: x y z w, and 1 − cos of the
+    /// angle to the next key. Cubic: all in-tangents, then all values, then all out-tangents.
+    pub row_len: usize,
+    pub lanes: Vec<Lane>,
+    /// The most that a column needs.
+    pub terms: usize,
+}
+
+/// A curve on its own: index into the clip's curves.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Single {
+    pub curve: usize,
+    pub channel: Channel,
+    pub terms: usize,
+}
+
+#[derive(Debug)]
+pub(crate) struct Group {
+    pub timeline: Timeline,
+    pub step: Rows,
+    pub linear: Rows,
+    pub cubic: Rows,
+    pub singles: Vec<Single>,
+}
+
+#[derive(Debug, Default)]
+pub(crate) struct Tracks {
+    /// Translations, rotations, scales.
+    pub constants: Vec<Constant>,
+    pub groups: Vec<Group>,
+    /// Of a compressed clip.
+    pub packed: Option<Arc<Packed>>,
+    /// Whether every joint has a curve, by channel.
+    pub covers: [bool; 3],
+    /// No curve makes a scale other than exactly 1.
+    pub unit_scale: bool,
+}
+
+/// Below this share of a pose block's joints, curves stay single: rows would be mostly empty.
+const WORTH_A_COLUMN: usize = 4;
+
+type Lanes<'a> = [Option<&'a Curve>; LANES];
+
+impl Tracks {
+    /// All but scales.
+    pub fn unscaled_constants(&self) -> &[Constant] {
+        let scales = self.constants.partition_point(|c| c.column.channel != Channel::Scale);
+        &self.constants[..scales]
+    }
+
+    pub fn pack(joint_count: usize, curves: &[Curve], packed: Option<&Arc<Packed>>) -> Tracks {
+        let mut driven = [0usize; 3];
+        let mut unit_scale = true;
+        let mut constants: BTreeMap<(Channel, u32), Lanes> = BTreeMap::new();
+        let mut groups: BTreeMap<&[Time], Vec<usize>> = BTreeMap::new();
+        for (index, curve) in curves.iter().enumerate() {
+            let Some(channel) = Channel::of(curve.path) else { continue };
+            driven[channel as usize] += 1;
+            let constant = is_constant(curve);
+            if channel == Channel::Scale {
+                unit_scale &= constant && key_value(curve, 0)[..3] == [1.0; 3];
+            }
+            if constant {
+                let lanes = constants.entry((channel, curve.joint / LANES as u32)).or_default();
+                lanes[curve.joint as usize % LANES] = Some(curve);
+            } else {
+                groups.entry(&curve.times).or_default().push(index);
+            }
+        }
+        for (column, packed) in packed.iter().flat_map(|p| p.columns().map(move |c| (c, p))) {
+            driven[column.channel as usize] += packed.joints(column, joint_count).len();
+            unit_scale &= column.channel != Channel::Scale;
+        }
+        Tracks {
+            packed: packed.cloned(),
+            constants: constants
+                .into_iter()
+                .map(|((channel, block), lanes)| Constant {
+                    column: column(joint_count, block, channel, &lanes),
+                    rows: gather(channel, &lanes, |curve| key_value(curve, 0)),
+                })
+                .collect(),
+            groups: groups.into_values().map(|members| Group::pack(joint_count, curves, &members)).collect(),
+            covers: driven.map(|n| n == joint_count),
+            unit_scale,
+        }
+    }
+}
+
+impl Group {
+    fn pack(joint_count: usize, curves: &[Curve], members: &[usize]) -> Group {
+        let mut columns: BTreeMap<(Interpolation, u32, Channel), [Option<usize>; LANES]> = BTreeMap::new();
+        for &index in members {
+            let curve = &curves[index];
+            let Some(channel) = Channel::of(curve.path) else { continue };
+            let key = (curve.interpolation, curve.joint / LANES as u32, channel);
+            columns.entry(key).or_default()[curve.joint as usize % LANES] = Some(index);
+        }
+        let times = Arc::clone(&curves[members[0]].times);
+        let mut group = Group {
+            timeline: Timeline::new(times),
+            step: Rows::default(),
+            linear: Rows::default(),
+            cubic: Rows::default(),
+            singles: Vec::new(),
+        };
+        let mut packed: BTreeMap<Interpolation, Vec<(Column, Lanes)>> = BTreeMap::new();
+        for ((interpolation, block, channel), indices) in columns {
+            if indices.iter().flatten().count() < WORTH_A_COLUMN {
+                group.singles.extend(indices.iter().flatten().map(|&curve| Single {
+                    curve,
+                    channel,
+                    terms: linear_terms(&curves[curve]),
+                }));
+                continue;
+            }
+            let lanes = indices.map(|index| index.map(|i| &curves[i]));
+            let column = column(joint_count, block, channel, &lanes);
+            packed.entry(interpolation).or_default().push((column, lanes));
+        }
+        for (interpolation, columns) in packed {
+            let keys = curves[members[0]].times.len();
+            match interpolation {
+                Interpolation::Step => group.step = step_rows(keys, &columns),
+                Interpolation::Linear => group.linear = linear_rows(keys, &columns),
+                Interpolation::CubicSpline => group.cubic = cubic_rows(keys, &columns),
+            }
+        }
+        group
+    }
+}
+
+/// Keys all equal, tangents all zero: the same value at every time.
+fn is_constant(curve: &Curve) -> bool {
+    let stride = curve.stride();
+    let width = curve.path.width();
+    let first = &curve.values[..stride];
+    let flat = curve.interpolation != Interpolation::CubicSpline
+        || curve.times.len() == 1
+        || first[..width].iter().chain(&first[2 * width..]).all(|v| *v == 0.0);
+    flat && curve.values.chunks_exact(stride).all(|key| key == first)
+}
+
+/// The value of a key (not its tangents), padded to four.
+pub(crate) fn key_value(curve: &Curve, key: usize) -> [f32; 4] {
+    let at = if curve.interpolation == Interpolation::CubicSpline { 1 } else { 0 };
+    part(curve, key, at)
+}
+
+/// The `at`th of the parts that a key holds: one, or in-tangent, value, out-tangent.
+fn part(curve: &Curve, key: usize, at: usize) -> [f32; 4] {
+    let width = curve.path.width();
+    let from = key * curve.stride() + at * width;
+    let mut out = [0.0; 4];
+    out[..width].copy_from_slice(&curve.values[from..from + width]);
+    out
+}
+
+fn column(joint_count: usize, block: u32, channel: Channel, lanes: &Lanes) -> Column {
+    let first = block as usize * LANES;
+    let full = (0..LANES).all(|lane| lanes[lane].is_some() || first + lane >= joint_count);
+    let mask = Lane(lanes.map(|l| f32::from_bits(if l.is_some() { u32::MAX } else { 0 })));
+    let terms = match channel {
+        Channel::Rotation => lanes.iter().flatten().map(|curve| linear_terms(curve)).max().unwrap_or(0),
+        _ => 0,
+    };
+    Column { block, channel, mask: (!full).then_some(mask), terms }
+}
+
+/// One key of eight curves, component rows; the identity in lanes without a curve.
+fn gather(channel: Channel, lanes: &Lanes, value: impl Fn(&Curve) -> [f32; 4]) -> [Lane; 4] {
+    let mut rows = [Lane::splat(0.0); 4];
+    for (lane, curve) in lanes.iter().enumerate() {
+        let value = curve.map_or(channel.identity(), &value);
+        for (row, component) in rows.iter_mut().zip(value) {
+            row.0[lane] = component;
+        }
+    }
+    rows
+}
+
+fn step_rows(keys: usize, columns: &[(Column, Lanes)]) -> Rows {
+    let mut rows = Rows::with_columns(columns);
+    for key in 0..keys {
+        for (column, lanes) in columns {
+            let values = gather(column.channel, lanes, |curve| key_value(curve, key));
+            rows.lanes.extend_from_slice(&values[..column.channel.width()]);
+        }
+    }
+    rows.row_len = rows.lanes.len() / keys;
+    rows
+}
+
+fn cubic_rows(keys: usize, columns: &[(Column, Lanes)]) -> Rows {
+    let mut rows = Rows::with_columns(columns);
+    for key in 0..keys {
+        for at in 0..3 {
+            for (column, lanes) in columns {
+                let values = gather(column.channel, lanes, |curve| part(curve, key, at));
+                rows.lanes.extend_from_slice(&values[..column.channel.width()]);
+            }
+        }
+    }
+    rows.row_len = rows.lanes.len() / (3 * keys);
+    rows
+}
+
+/// Rotations are written with the sign nearest to the key before, so that sampling need not ask for the shorter arc.
+fn linear_rows(keys: usize, columns: &[(Column, Lanes)]) -> Rows {
+    let mut rows = Rows::with_columns(columns);
+    let mut signs = vec![[1.0f32; LANES]; columns.len()];
+    for key in 0..keys {
+        for (index, (column, lanes)) in columns.iter().enumerate() {
+            let mut values = gather(column.channel, lanes, |curve| key_value(curve, key));
+            if column.channel != Channel::Rotation {
+                rows.lanes.extend_from_slice(&values[..3]);
+                continue;
+            }
+            let mut angles = Lane::splat(0.0);
+            for lane in 0..LANES {
+                let sign = signs[index][lane];
+                values.iter_mut().for_each(|row| row.0[lane] *= sign);
+                if let Some(curve) = lanes[lane].filter(|_| key + 1 < keys) {
+                    let (d, flip) = interval(key_value(curve, key), key_value(curve, key + 1));
+                    angles.0[lane] = d as f32;
+                    signs[index][lane] = if flip { -sign } else { sign };
+                }
+            }
+            rows.lanes.extend_from_slice(&values);
+            rows.lanes.push(angles);
+        }
+    }
+    rows.row_len = rows.lanes.len() / keys;
+    rows
+}
+
+impl Rows {
+    fn with_columns(columns: &[(Column, Lanes)]) -> Rows {
+        let columns: Vec<Column> = columns.iter().map(|(column, _)| *column).collect();
+        let terms = columns.iter().map(|c| c.terms).max().unwrap_or(0);
+        Rows { columns, row_len: 0, lanes: Vec::new(), terms }
+    }
+}
+
+/// 1 − cos of the shorter arc between two keys, and whether the second must change its sign for it.
+pub(crate) fn interval(a: [f32; 4], b: [f32; 4]) -> (f64, bool) {
+    let dot: f64 = (0..4).map(|i| f64::from(a[i]) * f64::from(b[i])).sum();
+    let flip = dot < 0.0;
+    (one_minus_cos(a, if flip { b.map(|c| -c) } else { b }), flip)
+}
+
+/// Series terms that a curve needs (none but for linear rotations).
+fn linear_terms(curve: &Curve) -> usize {
+    if curve.path != Path::Rotation || curve.interpolation != Interpolation::Linear {
+        return 0;
+    }
+    let widest = (1..curve.times.len())
+        .map(|key| interval(key_value(curve, key - 1), key_value(curve, key)).0)
+        .fold(0.0, f64::max);
+    terms_for(widest)
+}

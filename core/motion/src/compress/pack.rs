@@ -1,0 +1,206 @@
+//! Chooses bits and knot spacing of each column and writes the knots.
+
+use super::fit::{Fits, STRIDES, basis, knot_count};
+use super::grid::Grid;
+use crate::clip::Clip;
+use crate::clip::packed::{Packed, PackedColumn, Stride};
+use crate::clip::slerp_series::terms_for;
+use crate::clip::tracks::{Channel, Column};
+use crate::simd::Bits;
+use crate::simd::lane::{LANES, Lane};
+use std::collections::BTreeMap;
+
+/// The widest numbers: eight of them are 16 bytes, one load.
+const MOST_BITS: usize = 16;
+
+/// Curves of one channel of one pose block: index and what each may be off.
+type Lanes = [Option<(usize, f64)>; LANES];
+
+/// The moving curves (index, tolerance) packed, and those for which that does not pay.
+pub(super) fn pack(clip: &Clip, grid: &Grid, fits: &Fits, moving: &[(usize, f64)]) -> (Packed, Vec<usize>) {
+    let mut columns: BTreeMap<(u32, Channel), Lanes> = BTreeMap::new();
+    for (index, allowed) in moving {
+        let curve = &clip.curves()[*index];
+        let Some(channel) = Channel::of(curve.path) else { continue };
+        let lanes = columns.entry((curve.joint / LANES as u32, channel)).or_default();
+        lanes[curve.joint as usize % LANES] = Some((*index, *allowed));
+    }
+    let mut left = Vec::new();
+    let mut chosen: BTreeMap<usize, Vec<Draft>> = BTreeMap::new();
+    for ((block, channel), lanes) in columns {
+        let drafts = STRIDES.iter().enumerate().filter_map(|(at, stride)| {
+            Draft::new(block, channel, &lanes, fits, at).map(|draft| (*stride, draft))
+        });
+        // Bytes a frame, times all frames: knots at the ends count too.
+        let cost = |(stride, draft): &(usize, Draft)| draft.row_bytes() * knot_count(grid.frames, *stride);
+        let best = drafts.min_by_key(cost);
+        let curves = lanes.iter().flatten().count();
+        match best.filter(|best| cost(best) < curves * channel.width() * 4 * grid.frames) {
+            Some((stride, draft)) => chosen.entry(stride).or_default().push(draft),
+            None => left.extend(lanes.iter().flatten().map(|(index, _)| *index)),
+        }
+    }
+    let joints = clip.joint_count();
+    let strides: Vec<Stride> = chosen
+        .into_iter()
+        .map(|(stride, drafts)| Stride::new(stride, &drafts, joints, grid.frames, fits))
+        .collect();
+    let terms = strides.iter().flat_map(|s| &s.columns).map(|c| c.column.terms).max().unwrap_or(0);
+    let Grid { start, step, frames } = *grid;
+    (Packed { start, step, frames, strides, terms }, left)
+}
+
+/// By how many radians nlerp is off slerp at most, over (1 − cos)^1.5 of the quaternions' angle: 0.004 θ³ of rotations θ apart.
+const STRAIGHT: f64 = 0.09;
+
+/// A column with the fewest bits at one stride.
+struct Draft {
+    block: u32,
+    channel: Channel,
+    lanes: Lanes,
+    /// Of [`STRIDES`].
+    stride: usize,
+    straight: bool,
+    /// Bits of each component and lane.
+    widths: [[u8; LANES]; 4],
+    low: [[f64; LANES]; 4],
+    range: [[f64; LANES]; 4],
+}
+
+impl Draft {
+    /// `None` where the spline is too far off, or 16 bits are not enough.
+    fn new(block: u32, channel: Channel, lanes: &Lanes, fits: &Fits, stride: usize) -> Option<Draft> {
+        let mut draft = Draft {
+            block,
+            channel,
+            lanes: *lanes,
+            stride,
+            straight: true,
+            widths: [[0; LANES]; 4],
+            low: [[0.0; LANES]; 4],
+            range: [[0.0; LANES]; 4],
+        };
+        for (lane, (index, allowed)) in lanes.iter().enumerate().filter_map(|(i, l)| Some((i, (*l)?))) {
+            let fit = fits.of(index)?;
+            let (knots, worst) = &fit.splines[stride];
+            draft.straight &= STRAIGHT * fit.widest * fit.widest.sqrt() <= 0.2 * allowed;
+            // What is left for the rounding of the knots: errors that do not depend on each other add up by their squares.
+            let left = (allowed * allowed - worst * worst).max(0.0).sqrt();
+            if left < 0.3 * allowed {
+                return None;
+            }
+            // Rounding is evenly spread over a step in each component, which counts twice for quaternions.
+            let step = if channel == Channel::Rotation { left } else { left * 1.5 };
+            for c in 0..channel.width() {
+                let (low, high) = knots
+                    .iter()
+                    .map(|k| k[c])
+                    .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+                if high - low <= step {
+                    // Its middle is as near as rounding would be.
+                    draft.low[c][lane] = low + (high - low) * 0.5;
+                    continue;
+                }
+                draft.low[c][lane] = low;
+                draft.range[c][lane] = high - low;
+                let bits = (1..=MOST_BITS).find(|b| ((1u64 << b) - 1) as f64 * step >= high - low)?;
+                draft.widths[c][lane] = bits as u8;
+            }
+        }
+        Some(draft)
+    }
+
+    fn row_bytes(&self) -> usize {
+        self.widths.iter().map(Bits::bytes).sum()
+    }
+
+    fn finished(&self, joint_count: usize, fits: &Fits) -> PackedColumn {
+        let first = self.block as usize * LANES;
+        let full = (0..LANES).all(|lane| self.lanes[lane].is_some() || first + lane >= joint_count);
+        let mask = Lane(self.lanes.map(|l| f32::from_bits(if l.is_some() { u32::MAX } else { 0 })));
+        let mut terms = 0;
+        if self.channel == Channel::Rotation {
+            let fits = self.lanes.iter().flatten().filter_map(|(index, _)| fits.of(*index));
+            terms = fits.map(|fit| terms_for(fit.widest)).max().unwrap_or(0);
+        }
+        let (mut low, mut step) = ([Lane::splat(0.0); 4], [Lane::splat(0.0); 4]);
+        for c in 0..4 {
+            for lane in 0..LANES {
+                low[c].0[lane] = self.low[c][lane] as f32;
+                step[c].0[lane] = (self.range[c][lane] / self.highest(c, lane)) as f32;
+            }
+        }
+        // Lanes without a joint decode to something of length 1.
+        if self.channel == Channel::Rotation {
+            for lane in (0..LANES).filter(|lane| self.lanes[*lane].is_none()) {
+                low[3].0[lane] = 1.0;
+            }
+        }
+        let column =
+            Column { block: self.block, channel: self.channel, mask: (!full).then_some(mask), terms };
+        let bits = self.widths.each_ref().map(Bits::new);
+        // Eight times 16 bits at most.
+        let bytes = self.widths.each_ref().map(|w| Bits::bytes(w) as u8);
+        PackedColumn { column, straight: self.straight, bits, bytes, low, step }
+    }
+
+    /// The largest number of a component and lane.
+    fn highest(&self, component: usize, lane: usize) -> f64 {
+        ((1u64 << self.widths[component][lane].max(1)) - 1) as f64
+    }
+
+    /// Component by component, eight numbers each, lowest bits first.
+    fn write(&self, knot: usize, fits: &Fits, out: &mut Vec<u8>) {
+        for c in 0..self.channel.width() {
+            let mut starts = [0; LANES];
+            for lane in 1..LANES {
+                starts[lane] = starts[lane - 1] + u32::from(self.widths[c][lane - 1]);
+            }
+            let mut bits = 0u128;
+            for (lane, (index, _)) in self.lanes.iter().enumerate().filter_map(|(i, l)| Some((i, (*l)?))) {
+                let Some(fit) = fits.of(index) else { continue };
+                let value = fit.splines[self.stride].0[knot][c];
+                let range = self.range[c][lane];
+                if range > 0.0 {
+                    let number = libm::round((value - self.low[c][lane]) / range * self.highest(c, lane));
+                    bits |= (number.clamp(0.0, self.highest(c, lane)) as u128) << starts[lane];
+                }
+            }
+            out.extend_from_slice(&bits.to_le_bytes()[..Bits::bytes(&self.widths[c])]);
+        }
+    }
+}
+
+impl Stride {
+    fn new(stride: usize, drafts: &[Draft], joint_count: usize, frames: usize, fits: &Fits) -> Stride {
+        let mut bytes = Vec::new();
+        for knot in 0..knot_count(frames, stride) {
+            drafts.iter().for_each(|draft| draft.write(knot, fits, &mut bytes));
+        }
+        let row_bytes = drafts.iter().map(Draft::row_bytes).sum();
+        // The row after the last, which weighs nothing, and the rest of a wide load.
+        bytes.resize(bytes.len() + row_bytes + 16, 0);
+        let weights = (0..stride).map(|phase| {
+            let at = |frame: usize| -> [f32; 5] {
+                let mut out = [0.0; 5];
+                if stride == 1 {
+                    out[frame] = 1.0;
+                } else {
+                    let shift = frame / stride;
+                    for (i, w) in basis((frame % stride) as f64 / stride as f64).into_iter().enumerate() {
+                        out[shift + i] = w as f32;
+                    }
+                }
+                out
+            };
+            [at(phase), at(phase + 1)]
+        });
+        Stride {
+            stride,
+            columns: drafts.iter().map(|d| d.finished(joint_count, fits)).collect(),
+            row_bytes,
+            weights: weights.collect(),
+            bytes,
+        }
+    }
+}

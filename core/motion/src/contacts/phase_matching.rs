@@ -1,0 +1,372 @@
+//! Phase-matched crossfades: while one gait fades into another, both take the same step at the same time.
+//!
+//! A clip's phase counts its steps: it is a whole number where a foot comes down or is in the middle of its stand, and goes
+//! evenly between (a registration curve: L. Kovar, M. Gleicher, "Flexible Automatic Motion Blending with Registration
+//! Curves", SCA 2003, §3.1, with the steps as its points). During the fade the common phase goes at the mean of the two
+//! clips' own rates by their weights, φ' = (1 − w) a(φ) + w b(φ): it begins as the first clip alone would go on and ends as
+//! the second alone. Between two steps a and b are constants, so φ has a closed form with the integral of the ease; the
+//! times of the steps are found once, by bisection.
+//!
+//! Two legs always come down in turns. Four do so in other orders in a walk, a trot and a gallop; then strides are matched as a whole, in that
+//! phase in which as many feet as possible are on the floor at the same time.
+
+use crate::contacts::Contacts;
+use crate::time::Time;
+use crate::time::ease::Ease;
+
+/// The steps of a looped part of a clip, in the order of time, at least two.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Footsteps {
+    /// (ticks since the part's start, what: twice the foot's number, one more in the middle of its stand)
+    events: Vec<(i64, u32)>,
+    /// Ticks.
+    length: i64,
+    /// By foot: (when it comes down, how long it stands), ticks since the part's start.
+    stands: Vec<Vec<(i64, i64)>>,
+}
+
+/// At so many phases strides are laid on each other, and compared at as many.
+const PHASES: i64 = 96;
+
+impl Footsteps {
+    /// Of the contacts of a part; `None` where there are fewer than two steps.
+    pub fn of(contacts: &Contacts, trim: (Time, Time)) -> Option<Footsteps> {
+        let length = (trim.1 - trim.0).0;
+        let mut events = Vec::new();
+        let mut all = Vec::new();
+        for (foot, stands) in (0u32..).zip(&contacts.intervals) {
+            all.push(Vec::new());
+            for stand in stands {
+                let (from, to) = ((stand.from - trim.0).0, (stand.to - trim.0).0);
+                // Who stands all the time takes no steps.
+                if to - from >= length {
+                    continue;
+                }
+                all.last_mut()?.push((from.rem_euclid(length.max(1)), to - from));
+                events.push((from.rem_euclid(length.max(1)), 2 * foot));
+                events.push((((from + to) / 2).rem_euclid(length.max(1)), 2 * foot + 1));
+            }
+        }
+        let steps = Footsteps::new(events, length)?;
+        Some(Footsteps { stands: all, ..steps })
+    }
+
+    /// Of times when feet come down, as a script gives them: one foot after the other.
+    pub fn given(times: &[Time], trim: (Time, Time)) -> Option<Footsteps> {
+        let length = (trim.1 - trim.0).0;
+        let within = times.iter().filter(|t| **t >= trim.0 && **t < trim.1);
+        Footsteps::new(
+            within.zip((0u32..2).cycle()).map(|(t, foot)| ((*t - trim.0).0, 2 * foot)).collect(),
+            length,
+        )
+    }
+
+    fn new(mut events: Vec<(i64, u32)>, length: i64) -> Option<Footsteps> {
+        events.sort_unstable();
+        events.dedup_by_key(|(at, _)| *at);
+        (events.len() >= 2 && length > 0).then_some(Footsteps { events, length, stands: Vec::new() })
+    }
+
+    /// The same with the feet's coming down alone.
+    fn downs(&self) -> Option<Footsteps> {
+        let downs = self.events.iter().filter(|(_, what)| what % 2 == 0).copied().collect();
+        Footsteps::new(downs, self.length)
+    }
+
+    fn count(&self) -> i64 {
+        self.events.len() as i64
+    }
+
+    /// How many strides it has: as often as most feet come down.
+    fn strides(&self) -> i64 {
+        let mut times: Vec<usize> = self.stands.iter().map(Vec::len).filter(|n| *n > 0).collect();
+        times.sort_unstable();
+        times.get(times.len() / 2).map_or(1, |n| *n as i64)
+    }
+
+    /// Its strides alone, evenly, the first from a place in the part.
+    fn evenly(&self, from: i64) -> Footsteps {
+        let n = self.strides();
+        let mut events: Vec<(i64, u32)> =
+            (0..n).map(|i| ((from + self.length / n * i).rem_euclid(self.length), 0)).collect();
+        events.sort_unstable();
+        Footsteps { events, length: self.length, stands: Vec::new() }
+    }
+
+    /// Whether a foot is down at a share of a stride.
+    fn is_down(&self, foot: usize, at: i64) -> bool {
+        self.stands[foot].iter().any(|(from, long)| (at - from).rem_euclid(self.length) <= *long)
+    }
+
+    /// Both with one event a stride, so that the feet of both are down together as much as they can.
+    fn by_strides(&self, other: &Footsteps) -> Option<[Footsteps; 2]> {
+        let feet = self.stands.len();
+        if feet < 3 || other.stands.len() != feet {
+            return None;
+        }
+        let stride = |of: &Footsteps| of.length / of.strides();
+        let at = |of: &Footsteps, i: i64| stride(of) * i.rem_euclid(PHASES) / PHASES;
+        let alike = |shift: &i64| {
+            let same = |i: i64| {
+                (0..feet)
+                    .filter(|f| self.is_down(*f, at(self, i)) == other.is_down(*f, at(other, i + shift)))
+                    .count()
+            };
+            (0..PHASES).map(same).sum::<usize>()
+        };
+        // Of equals the first.
+        let best = (0..PHASES).rev().max_by_key(alike)?;
+        Some([self.evenly(0), other.evenly(at(other, best))])
+    }
+
+    /// When step number `i` comes, whole rounds counted: ticks that have been played.
+    fn at_step(&self, i: i64) -> i128 {
+        let n = self.count();
+        i128::from(i.div_euclid(n)) * i128::from(self.length)
+            + i128::from(self.events[i.rem_euclid(n) as usize].0)
+    }
+
+    /// Ticks from step `i` to the next.
+    fn span(&self, i: i64) -> f64 {
+        (self.at_step(i + 1) - self.at_step(i)) as f64
+    }
+
+    /// How many steps have been taken after so many ticks.
+    pub fn phase(&self, played: i128) -> f64 {
+        let round = played.div_euclid(i128::from(self.length));
+        let into = played.rem_euclid(i128::from(self.length)) as i64;
+        let after = self.events.partition_point(|(at, _)| *at <= into) as i64;
+        let round = round.clamp(-(1 << 50), 1 << 50) as i64;
+        let step = round * self.count() + after - 1;
+        step as f64 + (played - self.at_step(step)) as f64 / self.span(step)
+    }
+
+    /// The ticks after which so many steps have been taken.
+    pub fn played(&self, phase: f64) -> i128 {
+        let step = libm::floor(phase);
+        let rest = phase - step;
+        let step = step.clamp(-1e15, 1e15) as i64;
+        self.at_step(step) + libm::round(rest * self.span(step)) as i128
+    }
+
+    /// By how many steps the other is to be shifted so that the same feet take them; the smallest that does.
+    fn shift_to(&self, other: &Footsteps) -> Option<i64> {
+        let (n, m) = (self.events.len(), other.events.len());
+        let what = |steps: &Footsteps, i: usize| steps.events[i % steps.events.len()].1;
+        (0..m).find(|shift| (0..n * m).all(|i| what(self, i) == what(other, i + shift))).map(|s| s as i64)
+    }
+}
+
+/// A fade in which two clips keep step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PhaseMatchedFade {
+    start: Time,
+    fade: Time,
+    ease: Ease,
+    from: Footsteps,
+    to: Footsteps,
+    /// Clip ticks a tick, above 0.
+    speeds: [f64; 2],
+    shift: i64,
+    /// The common phase at the start and whenever a step is taken.
+    pieces: Vec<(Time, f64)>,
+}
+
+/// More steps than any fade has.
+const MOST_STEPS: usize = 100_000;
+
+impl PhaseMatchedFade {
+    /// `played`: of the first clip, at the start of the fade. `None` where the two do not take the same steps.
+    pub fn new(
+        steps: [&Footsteps; 2],
+        speeds: [f64; 2],
+        played: i128,
+        start: Time,
+        fade: Time,
+        ease: Ease,
+    ) -> Option<PhaseMatchedFade> {
+        let with = |from: Footsteps, to: Footsteps| from.shift_to(&to).map(|shift| (from, to, shift));
+        let full = with(steps[0].clone(), steps[1].clone());
+        let (from, to, shift) = match full {
+            Some(full) => full,
+            None => match with(steps[0].downs()?, steps[1].downs()?) {
+                Some(downs) => downs,
+                None => steps[0].by_strides(steps[1]).and_then(|[from, to]| with(from, to))?,
+            },
+        };
+        if speeds.iter().any(|s| *s <= 0.0 || !s.is_finite()) || fade <= Time::ZERO {
+            return None;
+        }
+        let phase = from.phase(played);
+        let mut matched =
+            PhaseMatchedFade { start, fade, ease, from, to, speeds, shift, pieces: vec![(start, phase)] };
+        let end = start + fade;
+        while matched.pieces.len() < MOST_STEPS {
+            let (at, phase) = matched.pieces[matched.pieces.len() - 1];
+            let next = libm::floor(phase) + 1.0;
+            if matched.phase(end) < next {
+                return Some(matched);
+            }
+            let (mut low, mut high) = (at, end);
+            while (high - low).0 > 1 {
+                let middle = low.middle(high);
+                if matched.phase(middle) < next { low = middle } else { high = middle }
+            }
+            if high <= at {
+                return None;
+            }
+            matched.pieces.push((high, next));
+        }
+        None
+    }
+
+    pub fn start(&self) -> Time {
+        self.start
+    }
+
+    pub fn end(&self) -> Time {
+        self.start + self.fade
+    }
+
+    /// The integral of the weight up to a time, ticks.
+    fn area(&self, time: Time) -> f64 {
+        let fade = self.fade.0 as f64;
+        self.ease.area((time - self.start).0 as f64 / fade) * fade
+    }
+
+    /// The common phase at a time from the start on, in steps of the first clip.
+    pub fn phase(&self, time: Time) -> f64 {
+        let time = time.max(self.start);
+        let piece = self.pieces.partition_point(|(at, _)| *at <= time).max(1) - 1;
+        let (at, phase) = self.pieces[piece];
+        let step = libm::floor(phase) as i64;
+        let rates = [self.speeds[0] / self.from.span(step), self.speeds[1] / self.to.span(step + self.shift)];
+        phase + rates[0] * (time - at).0 as f64 + (rates[1] - rates[0]) * (self.area(time) - self.area(at))
+    }
+
+    /// Ticks of the first and of the second clip that have been played at a time from the start on.
+    pub fn played(&self, time: Time) -> [i128; 2] {
+        let phase = self.phase(time);
+        [self.from.played(phase), self.to.played(phase + self.shift as f64)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn secs(s: f64) -> i64 {
+        Time::from_secs(s).0
+    }
+
+    /// A walk of 1 s whose feet come down at 0.1 and 0.6, a run of 0.6 s with 0.2 and 0.5.
+    fn walk_and_run() -> [Footsteps; 2] {
+        let steps = |length: f64, downs: [f64; 2]| {
+            let events = downs.iter().zip([0, 2]).map(|(t, what)| (secs(*t), what)).collect();
+            Footsteps::new(events, secs(length)).unwrap()
+        };
+        [steps(1.0, [0.1, 0.6]), steps(0.6, [0.2, 0.5])]
+    }
+
+    #[test]
+    fn phases_count_steps_both_ways() {
+        let [walk, _] = walk_and_run();
+        assert_eq!(walk.phase(i128::from(secs(0.1))), 0.0);
+        assert_eq!(walk.phase(i128::from(secs(3.6))), 7.0);
+        assert!((walk.phase(i128::from(secs(0.35))) - 0.5).abs() < 1e-12);
+        assert!((walk.phase(0) + 0.2).abs() < 1e-12);
+        for played in [0.0, 0.05, 0.3, 17.77, -4.2].map(secs) {
+            assert_eq!(walk.played(walk.phase(i128::from(played))), i128::from(played));
+        }
+    }
+
+    #[test]
+    fn both_keep_step_and_go_at_their_own_pace_at_either_end() {
+        let [walk, run] = walk_and_run();
+        let (start, fade) = (Time::from_secs(2.3), Time::from_secs(0.8));
+        for ease in [Ease::Linear, Ease::Smooth] {
+            let played = i128::from(start.0);
+            let matched =
+                PhaseMatchedFade::new([&walk, &run], [1.0, 1.0], played, start, fade, ease).unwrap();
+            assert_eq!(matched.played(start)[0], played);
+            let mut before = matched.phase(start);
+            // Against Euler steps of a hundred-thousandth of the fade.
+            let (mut euler, n) = (before, 100_000);
+            for i in 0..n {
+                let share = f64::from(i) / f64::from(n);
+                let w = ease.at(share);
+                let step = libm::floor(euler) as i64;
+                let rates = [1.0 / walk.span(step), 1.0 / run.span(step)];
+                euler += (rates[0] * (1.0 - w) + rates[1] * w) * fade.0 as f64 / f64::from(n);
+                if i % 1000 == 999 {
+                    let time = start + Time((fade.0 as f64 * (share + 1.0 / f64::from(n))) as i64);
+                    let now = matched.phase(time);
+                    assert!((now - euler).abs() < 1e-4 && now > before, "{i}: {now} {euler}");
+                    let [a, b] = matched.played(time);
+                    assert!((walk.phase(a) - now).abs() < 1e-6 && (run.phase(b) - now).abs() < 1e-6);
+                    before = now;
+                }
+            }
+            let h = Time::from_secs(1e-4);
+            let [a, _] = matched.played(start + h);
+            assert!(((a - played) as f64 / h.0 as f64 - 1.0).abs() < 2e-3);
+            let [_, b] = matched.played(matched.end());
+            let [_, c] = matched.played(matched.end() - h);
+            assert!(((b - c) as f64 / h.0 as f64 - 1.0).abs() < 2e-3);
+        }
+    }
+
+    #[test]
+    fn a_walk_and_a_gallop_on_four_feet_are_matched_by_strides() {
+        let gait = |length: f64, stands: [(f64, f64); 4]| {
+            let stand = |(from, to): (f64, f64)| {
+                vec![crate::contacts::ContactInterval {
+                    from: Time::from_secs(from),
+                    to: Time::from_secs(to),
+                }]
+            };
+            let contacts =
+                Contacts { intervals: stands.map(stand).to_vec(), floor_velocity: glam::DVec3::ZERO };
+            Footsteps::of(&contacts, (Time::ZERO, Time::from_secs(length))).unwrap()
+        };
+        // Left hind, right hind, left fore, right fore.
+        let walk = gait(1.0, [(0.0, 0.6), (0.5, 1.1), (0.25, 0.85), (0.75, 1.35)]);
+        let gallop = gait(0.4, [(0.1, 0.18), (0.14, 0.22), (0.3, 0.38), (0.26, 0.34)]);
+        let fade = Time::from_secs(0.6);
+        let matched =
+            PhaseMatchedFade::new([&walk, &gallop], [1.0; 2], 0, Time::ZERO, fade, Ease::Linear).unwrap();
+        // At an even pace: nowhere faster than the gallop nor slower than the walk, in strides.
+        let rate = |t: f64| {
+            let h = Time::from_secs(1e-3);
+            (matched.phase(Time::from_secs(t) + h) - matched.phase(Time::from_secs(t))) / 1e-3
+        };
+        for t in [0.05, 0.2, 0.4, 0.55] {
+            assert!((0.99..2.51).contains(&rate(t)), "{t}: {}", rate(t));
+        }
+        let other = gait(1.0, [(0.0, 0.6), (0.5, 1.1), (0.25, 0.85), (0.75, 1.35)]);
+        assert_eq!(walk.by_strides(&other).unwrap().map(|s| s.events), [[(0, 0)], [(0, 0)]]);
+    }
+
+    #[test]
+    fn what_takes_other_steps_is_not_matched() {
+        let [walk, run] = walk_and_run();
+        let hop = Footsteps::new(vec![(0, 0), (secs(0.4), 0)], secs(0.8)).unwrap();
+        assert!(
+            PhaseMatchedFade::new([&walk, &hop], [1.0; 2], 0, Time::ZERO, Time(1000), Ease::Linear).is_none()
+        );
+        assert!(
+            PhaseMatchedFade::new([&walk, &run], [1.0, 0.0], 0, Time::ZERO, Time(1000), Ease::Linear)
+                .is_none()
+        );
+        // Two walks in one clip fit one: the steps go round twice.
+        let twice = Footsteps::new(
+            [0.1, 0.6, 1.1, 1.6].iter().zip([0, 2, 0, 2]).map(|(t, w)| (secs(*t), w)).collect(),
+            secs(2.0),
+        )
+        .unwrap();
+        assert!(
+            PhaseMatchedFade::new([&run, &twice], [1.0; 2], 0, Time::ZERO, Time(secs(1.0)), Ease::Linear)
+                .is_some()
+        );
+    }
+}

@@ -1,0 +1,89 @@
+//! When something stays: a threshold with hysteresis, short stays and gaps left out, around the seam of a loop.
+
+/// A stay that has begun ends only beyond the threshold times this, so that it does not flicker.
+pub const HOLD: f64 = 1.5;
+/// Stays and gaps shorter than these are noise, seconds.
+const SHORTEST_STAY: f64 = 0.05;
+const SHORTEST_GAP: f64 = 0.05;
+
+/// First and last look of every stay, in the order of time. `unrest`: one a look, `step` seconds apart, at most 1 where a stay may
+/// begin. Of a `looped` row the last look is the first one again; a stay over the seam then ends at a number beyond the last.
+pub fn still_intervals(unrest: &[f64], step: f64, looped: bool) -> Vec<(usize, usize)> {
+    let Some(count) = unrest.len().checked_sub(1) else { return Vec::new() };
+    let mut down = false;
+    let mut next = |unrest: &f64| {
+        down = *unrest <= if down { HOLD } else { 1.0 };
+        down
+    };
+    // Once around, to know what the beginning of a loop goes on from.
+    if looped {
+        unrest.iter().for_each(|u| _ = next(u));
+    }
+    let mut runs: Vec<(usize, usize)> = Vec::new();
+    for (i, u) in unrest.iter().enumerate() {
+        match runs.last_mut() {
+            _ if !next(u) => {}
+            Some((_, to)) if *to + 1 == i => *to = i,
+            _ => runs.push((i, i)),
+        }
+    }
+    let first = runs.first().copied();
+    if looped
+        && runs.len() > 1
+        && let (Some((0, to)), Some(last)) = (first, runs.last_mut())
+        && last.1 == count
+    {
+        last.1 = count + to;
+        runs.remove(0);
+    }
+    // Counts of steps, with a little for rounding.
+    let steps = |secs: f64| secs / step - 1e-6;
+    runs.dedup_by(|next, before| {
+        let close = ((next.0 - before.1) as f64) < steps(SHORTEST_GAP);
+        if close {
+            before.1 = next.1;
+        }
+        close
+    });
+    let cut_off = |from: usize, to: usize| !looped && (from == 0 || to == count);
+    runs.retain(|(from, to)| (*to - *from) as f64 >= steps(SHORTEST_STAY) || cut_off(*from, *to));
+    runs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stay_begins_under_the_threshold_and_ends_over_it_and_a_half() {
+        let row = [2.0, 1.2, 0.9, 1.4, 1.4, 1.2, 1.6, 1.2, 1.2, 1.2, 1.2, 1.2];
+        assert_eq!(still_intervals(&row, 0.02, false), [(2, 5)]);
+        assert!(
+            still_intervals(&row, 0.05, false).len() == 1 && still_intervals(&row, 0.001, false).is_empty(),
+            "too short"
+        );
+        assert!(still_intervals(&[], 0.02, false).is_empty());
+        assert_eq!(still_intervals(&[0.0], 0.02, false), [(0, 0)]);
+    }
+
+    #[test]
+    fn a_stay_goes_on_over_the_seam_of_a_loop() {
+        let mut row = [3.0; 21];
+        (0..4).chain(16..21).for_each(|i| row[i] = 0.5);
+        assert_eq!(still_intervals(&row, 0.02, true), [(16, 23)]);
+        assert_eq!(still_intervals(&row, 0.02, false), [(0, 3), (16, 20)]);
+        // What is only held on to at the beginning has begun at the end.
+        (0..4).for_each(|i| row[i] = 1.4);
+        assert_eq!(still_intervals(&row, 0.02, true), [(16, 23)]);
+        assert_eq!(still_intervals(&row, 0.02, false), [(16, 20)]);
+    }
+
+    #[test]
+    fn short_gaps_are_none() {
+        let mut row = [0.5; 30];
+        row[10] = 9.0;
+        assert_eq!(still_intervals(&row, 0.02, false), [(0, 29)]);
+        (10..16).for_each(|i| row[i] = 9.0);
+        assert_eq!(still_intervals(&row, 0.02, false), [(0, 9), (16, 29)]);
+    }
+}

@@ -1,0 +1,99 @@
+//! Resampling a clip to an even rate: faster for clips whose joints have keys at times of their own, at a stated error.
+
+use crate::clip::sample::Sample;
+use crate::clip::{Clip, Curve, Interpolation, Path};
+use crate::pose::Pose;
+use crate::time::{FrameRate, Time};
+use std::sync::Arc;
+use thiserror::Error;
+
+/// How far a baked clip is from its source, at worst; measured at every source key and between every two baked ones.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BakeDeviation {
+    /// Of any joint in its parent's space.
+    pub translation_m: f64,
+    /// Of any joint in its parent's space.
+    pub rotation_rad: f64,
+    /// Of any scale component.
+    pub scale: f64,
+}
+
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error(
+    "baking the clip \"{clip}\" at {fps} frames/s makes {floats} numbers, at most {MAX_BAKED_FLOATS} are allowed; choose a lower rate"
+)]
+pub struct BakeError {
+    pub clip: String,
+    pub fps: f64,
+    pub floats: u128,
+}
+
+/// Numbers that a baked clip may hold: 256 MiB.
+pub const MAX_BAKED_FLOATS: u128 = 1 << 26;
+
+impl Clip {
+    /// The clip with its LINEAR and CUBICSPLINE transform curves resampled to LINEAR keys at a rate, the last one at its
+    /// end. STEP curves and morph weights stay as authored.
+    pub fn baked(&self, rate: FrameRate) -> Result<(Clip, BakeDeviation), BakeError> {
+        let bakes = |curve: &Curve| {
+            !matches!(curve.path, Path::Weights(_))
+                && curve.interpolation != Interpolation::Step
+                && curve.times.len() > 1
+        };
+        let frames = rate.frames_in(self.duration);
+        let width: usize = self.curves().iter().filter(|c| bakes(c)).map(|c| c.path.width()).sum();
+        let floats = (frames as u128 + 1) * width as u128;
+        if floats > MAX_BAKED_FLOATS {
+            return Err(BakeError { clip: self.name.clone(), fps: rate.as_fps(), floats });
+        }
+        let starts = (0..frames).map(|frame| rate.time_of(frame)).filter(|time| *time < self.duration);
+        let times: Arc<[Time]> = starts.chain([self.duration]).collect();
+        let mut values: Vec<Vec<f32>> = self.curves().iter().map(|_| Vec::new()).collect();
+        let mut pose = Pose::identity(self.joint_count());
+        for &time in times.iter().filter(|_| width > 0) {
+            Sample { clip: self, time, pose: &mut pose }.run();
+            for (curve, values) in self.curves().iter().zip(&mut values).filter(|(curve, _)| bakes(curve)) {
+                let joint = pose.get(curve.joint as usize);
+                match curve.path {
+                    Path::Rotation => values.extend(joint.rotation.to_array()),
+                    Path::Scale => values.extend(joint.scale.to_array()),
+                    _ => values.extend(joint.translation.to_array()),
+                }
+            }
+        }
+        let curves = self.curves().iter().zip(values).map(|(curve, values)| {
+            if !bakes(curve) {
+                return curve.clone();
+            }
+            let interpolation = Interpolation::Linear;
+            Curve { interpolation, times: Arc::clone(&times), values: values.into(), ..curve.clone() }
+        });
+        let baked = self.with_curves(self.joint_count(), curves.collect()).with_properties_of(self);
+        let error = self.distance_from(&baked, &times);
+        Ok((baked, error))
+    }
+
+    fn distance_from(&self, baked: &Clip, times: &[Time]) -> BakeDeviation {
+        let middles = times.windows(2).map(|pair| Time(pair[0].0 + (pair[1].0 - pair[0].0) / 2));
+        let mut all: Vec<Time> =
+            self.curves().iter().flat_map(|c| c.times.iter().copied()).chain(middles).collect();
+        all.sort_unstable();
+        all.dedup();
+        let mut poses = [Pose::identity(self.joint_count()), Pose::identity(self.joint_count())];
+        let mut worst = BakeDeviation::default();
+        for time in all {
+            let [a, b] = &mut poses;
+            Sample { clip: self, time, pose: a }.run();
+            Sample { clip: baked, time, pose: b }.run();
+            for (a, b) in a.iter().zip(b.iter()) {
+                let moved = (a.translation - b.translation).length();
+                worst.translation_m = worst.translation_m.max(f64::from(moved));
+                worst.scale = worst.scale.max(f64::from((a.scale - b.scale).abs().max_element()));
+                let (p, q) = (a.rotation.as_dquat(), b.rotation.as_dquat());
+                let chord = (p - if p.dot(q) < 0.0 { -q } else { q }).length();
+                worst.rotation_rad = worst.rotation_rad.max(4.0 * libm::asin((chord / 2.0).min(1.0)));
+            }
+        }
+        worst
+    }
+}

@@ -1,0 +1,62 @@
+//! What a job's `check()` returns.
+
+use thiserror::Error;
+
+/// A field whose length or value does not fit; the text names the field, what it holds and what it must hold.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum InputError {
+    #[error("`{field}` holds {length}, must hold {expected}")]
+    Length { field: &'static str, length: usize, expected: usize },
+    #[error("`{field}` is {value}, must be {allowed}")]
+    Value { field: String, value: String, allowed: &'static str },
+    #[error("`{field}[{at}]` is {index}, there are {count} joints")]
+    Joint { field: &'static str, at: usize, index: usize, count: usize },
+    #[error("`{field}`: {error}")]
+    Nested { field: &'static str, error: crate::spring::SpringError },
+}
+
+impl InputError {
+    /// The first field whose length is not the expected one, of (field, length, expected).
+    pub(crate) fn check_lengths(fields: &[(&'static str, usize, usize)]) -> Result<(), InputError> {
+        match fields.iter().copied().find(|(_, length, expected)| length != expected) {
+            Some((field, length, expected)) => Err(InputError::Length { field, length, expected }),
+            None => Ok(()),
+        }
+    }
+
+    /// An error unless `valid`.
+    pub(crate) fn check_value(
+        valid: bool,
+        field: &str,
+        value: impl ToString,
+        allowed: &'static str,
+    ) -> Result<(), InputError> {
+        match valid {
+            true => Ok(()),
+            false => Err(InputError::Value { field: field.into(), value: value.to_string(), allowed }),
+        }
+    }
+
+    /// The first number of `list` that is not valid.
+    pub(crate) fn check_each(
+        list: &[f32],
+        valid: impl Fn(&f32) -> bool,
+        field: &str,
+        allowed: &'static str,
+    ) -> Result<(), InputError> {
+        match list.iter().position(|v| !valid(v)) {
+            Some(at) => Self::check_value(false, &format!("{field}[{at}]"), list[at], allowed),
+            None => Ok(()),
+        }
+    }
+
+    /// The first joint index of `list` beyond `count`.
+    pub(crate) fn check_joints(
+        mut list: impl Iterator<Item = usize>,
+        field: &'static str,
+        count: usize,
+    ) -> Result<(), InputError> {
+        let beyond = list.by_ref().enumerate().find(|(_, index)| *index >= count);
+        beyond.map_or(Ok(()), |(at, index)| Err(InputError::Joint { field, at, index, count }))
+    }
+}

@@ -1,0 +1,5 @@
+//! Transforms and rotations.
+
+pub mod planar;
+pub mod rotation;
+pub mod transform;

@@ -1,0 +1,88 @@
+//! Additive and subtractive layers: what a pose does beyond a reference pose, on top of another.
+//!
+//! Of each joint: the rotation q_ref⁻¹ q in the joint's own space as a rotation vector (axis times angle, the logarithm of
+//! the quaternion: F. S. Grassia, "Practical Parameterization of Rotations Using the Exponential Map", 1998), the
+//! difference of translations, the ratio of scales. A weight w multiplies the vector, which is slerp from the identity; it
+//! multiplies the difference; and it takes the ratio to 1 + w (ratio − 1). Several layers are summed (ratios multiplied)
+//! before anything is applied, so that they come out the same in any order, and a layer subtracted takes away just what
+//! it adds. Products of quaternions would depend on the order: for two deltas of 30° about crossed axes by 7.6°.
+
+use crate::math::rotation::{from_rotation_vector, rotation_vector};
+use crate::pose::Pose;
+use glam::{DVec3, Vec3};
+
+/// The sum as far as it has come; its memory is used again by the next.
+#[derive(Clone, Debug, Default)]
+pub struct AdditiveLayers {
+    joints: Vec<Delta>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Delta {
+    /// Axis times angle, radians.
+    rotation: DVec3,
+    translation: DVec3,
+    scale: DVec3,
+}
+
+const NONE: Delta = Delta { rotation: DVec3::ZERO, translation: DVec3::ZERO, scale: DVec3::ONE };
+
+impl AdditiveLayers {
+    pub fn start(&mut self, joints: usize) {
+        self.joints.clear();
+        self.joints.resize(joints, NONE);
+    }
+
+    /// Adds what `pose` does beyond `reference`. `weight` may be negative, which subtracts; times the mask's, one a joint
+    /// (`None` = 1). Poses of fewer joints add nothing to the rest.
+    pub fn add(&mut self, reference: &Pose, pose: &Pose, weight: f32, mask: Option<&[f32]>) {
+        let count = self.joints.len().min(reference.len()).min(pose.len());
+        for (joint, delta) in self.joints.iter_mut().enumerate().take(count) {
+            let masked = mask.map_or(1.0, |mask| mask.get(joint).copied().unwrap_or(0.0));
+            let w = f64::from(weight) * f64::from(masked);
+            if w == 0.0 {
+                continue;
+            }
+            let (from, to) = (reference.get(joint), pose.get(joint));
+            if from == to {
+                continue;
+            }
+            delta.rotation +=
+                rotation_vector(from.rotation.as_dquat().conjugate() * to.rotation.as_dquat()) * w;
+            delta.translation += (to.translation.as_dvec3() - from.translation.as_dvec3()) * w;
+            let ratio = ratio(from.scale, to.scale);
+            let factor = DVec3::ONE + (ratio - DVec3::ONE) * w.abs();
+            delta.scale *= if w < 0.0 { inverse(factor) } else { factor };
+        }
+    }
+
+    /// Lays the sum over a pose of as many joints.
+    pub fn apply(&self, pose: &mut Pose) {
+        for (joint, delta) in self.joints.iter().enumerate().take(pose.len()) {
+            if delta.rotation == DVec3::ZERO && delta.translation == DVec3::ZERO && delta.scale == DVec3::ONE
+            {
+                continue;
+            }
+            let mut local = pose.get(joint);
+            if delta.rotation != DVec3::ZERO {
+                let turned = local.rotation.as_dquat() * from_rotation_vector(delta.rotation);
+                local.rotation = turned.normalize().as_quat();
+            }
+            local.translation = (local.translation.as_dvec3() + delta.translation).as_vec3();
+            local.scale = (local.scale.as_dvec3() * delta.scale).as_vec3();
+            if local.is_finite() {
+                pose.set(joint, local);
+            }
+        }
+    }
+}
+
+/// 1 where the reference is scaled to nothing: there is no ratio to nothing.
+fn ratio(from: Vec3, to: Vec3) -> DVec3 {
+    let one = |from: f32, to: f32| if from.abs() < 1e-12 { 1.0 } else { f64::from(to) / f64::from(from) };
+    DVec3::new(one(from.x, to.x), one(from.y, to.y), one(from.z, to.z))
+}
+
+fn inverse(v: DVec3) -> DVec3 {
+    DVec3::from_array(v.to_array().map(|v| if v.abs() < 1e-12 { 1.0 } else { 1.0 / v }))
+}

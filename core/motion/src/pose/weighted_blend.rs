@@ -1,0 +1,120 @@
+//! Several poses at once over a base, whatever their order.
+//!
+//! `out = (max(0, 1 − W) base + Σ wᵢ poseᵢ) / max(1, W)` joint by joint, W = Σ wᵢ: weights that do not reach 1 leave the rest to
+//! the base, weights beyond 1 share it out in proportion (ozz-animation's `BlendingJob`, whose threshold is 1 here). A sum
+//! does not depend on the order of its terms but for rounding. Quaternions are summed in the half space of the base's
+//! (q and −q are one rotation), which no order changes either; ozz takes the first pose's.
+
+use crate::pose::blend::dot;
+use crate::pose::{Pose, PoseBlock};
+use crate::simd::lane::{LANES, Lane};
+use crate::simd::{F8, Kernel, Level, dispatch, load4};
+
+/// The sum as far as it has come; its memory is used again by the next.
+#[derive(Clone, Debug, Default)]
+pub struct WeightedBlend {
+    sums: Vec<(PoseBlock, Lane)>,
+}
+
+const NOTHING: (PoseBlock, Lane) = (
+    PoseBlock {
+        translation: [Lane::splat(0.0); 3],
+        rotation: [Lane::splat(0.0); 4],
+        scale: [Lane::splat(0.0); 3],
+    },
+    Lane::splat(0.0),
+);
+
+impl WeightedBlend {
+    /// Begins a sum over a base of this many joints.
+    pub fn start(&mut self, joints: usize) {
+        self.sums.clear();
+        self.sums.resize(joints.div_ceil(LANES), NOTHING);
+    }
+
+    /// Adds a pose. `base` is the same for all of one sum; `weight` ≥ 0, times the mask's, one a joint (`None` = 1).
+    pub fn add(&mut self, base: &Pose, pose: &Pose, weight: f32, mask: Option<&[f32]>) {
+        let (base, pose) = (base.blocks(), pose.blocks());
+        dispatch(Level::best(), Add { sums: &mut self.sums, base, pose, weight, mask });
+    }
+
+    /// Blends the sum over the base.
+    pub fn finish(&self, base: &mut Pose) {
+        dispatch(Level::best(), Finish { sums: &self.sums, base: base.blocks_mut() });
+    }
+}
+
+struct Add<'a> {
+    sums: &'a mut [(PoseBlock, Lane)],
+    base: &'a [PoseBlock],
+    pose: &'a [PoseBlock],
+    weight: f32,
+    mask: Option<&'a [f32]>,
+}
+
+impl Kernel for Add<'_> {
+    #[inline(always)]
+    fn run<F: F8>(self) {
+        for (i, ((sum, total), (base, pose))) in
+            self.sums.iter_mut().zip(self.base.iter().zip(self.pose)).enumerate()
+        {
+            let mut weights = Lane::splat(self.weight);
+            if let Some(mask) = self.mask {
+                let mask = mask.get(i * LANES..).unwrap_or_default();
+                for (lane, weight) in weights.0.iter_mut().enumerate() {
+                    *weight *= mask.get(lane).copied().unwrap_or(0.0);
+                }
+            }
+            let w = F::load(&weights);
+            let plus = |sum: &mut Lane, value: F| F::load(sum).add(value.mul(w)).store(sum);
+            for n in 0..3 {
+                plus(&mut sum.translation[n], F::load(&pose.translation[n]));
+                plus(&mut sum.scale[n], F::load(&pose.scale[n]));
+            }
+            let q: [F; 4] = load4(&pose.rotation);
+            let side = dot(load4(&base.rotation), q);
+            for (sum, q) in sum.rotation.iter_mut().zip(q) {
+                plus(sum, q.flipped_by(side));
+            }
+            F::load(total).add(w).store(total);
+        }
+    }
+}
+
+struct Finish<'a> {
+    sums: &'a [(PoseBlock, Lane)],
+    base: &'a mut [PoseBlock],
+}
+
+impl Kernel for Finish<'_> {
+    #[inline(always)]
+    fn run<F: F8>(self) {
+        let (zero, one) = (F::splat(0.0), F::splat(1.0));
+        for ((sum, total), base) in self.sums.iter().zip(self.base) {
+            let total = F::load(total);
+            let left = F::select(total.less(one), one.sub(total), zero);
+            let k = one.div(F::select(total.less(one), one, total));
+            let untouched = total.equals(zero);
+            let mixed = |base: &Lane, sum: &Lane| F::load(base).mul(left).add(F::load(sum)).mul(k);
+            for n in 0..3 {
+                let t = mixed(&base.translation[n], &sum.translation[n]);
+                F::select(untouched, F::load(&base.translation[n]), t).store(&mut base.translation[n]);
+                let s = mixed(&base.scale[n], &sum.scale[n]);
+                F::select(untouched, F::load(&base.scale[n]), s).store(&mut base.scale[n]);
+            }
+            let kept: [F; 4] = load4(&base.rotation);
+            let mut q = kept;
+            for (n, q) in q.iter_mut().enumerate() {
+                *q = mixed(&base.rotation[n], &sum.rotation[n]);
+            }
+            let square = dot(q, q);
+            // All lie within a quarter turn of the base in quaternion space, so a sum of nothing is rounding.
+            let usable = F::splat(1e-12).less(square);
+            let length = one.div(square.sqrt());
+            for n in 0..4 {
+                let unit = F::select(usable, q[n].mul(length), kept[n]);
+                F::select(untouched, kept[n], unit).store(&mut base.rotation[n]);
+            }
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! Clips on other skeletons: curves re-indexed by joint name.
+
+use crate::clip::{Clip, Curve, Path};
+use crate::retarget::t_pose::Bodies;
+use crate::skeleton::Skeleton;
+use crate::skeleton::model_rest_pose::ModelRestPose;
+
+/// The clip's curves on the joints of another skeleton that have the same name, exactly or else without namespace
+/// prefixes ([`crate::skeleton::plain_name`]), or else by its place in a human body ([`crate::skeleton::joint_names::humanoid_name`]):
+/// that fits where both skeletons rest in the same pose with the same axes. Keys are shared with the given clip, not copied.
+/// Also returns the names of animated joints for which `to` has none, in skeleton order.
+///
+/// Where a skeleton has a [`Humanoid`] of its own, human bones are matched by that before any name, and their rotations are
+/// carried from T-pose to T-pose, the hips' place in proportion to their height (VRM Animation 1.0,
+/// "how_to_transform_human_pose.md"); other bones keep their own lengths. So the axes and sizes of the two may differ.
+///
+/// Where two joints of the clip's skeleton match one of the target's, the exactly named wins, else the first.
+/// Curves of expressions go along as they are. Places are in metres of the model: below a node that scales centimetres they are a hundred
+/// times as large as elsewhere.
+pub fn bind_clip(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Vec<String>) {
+    if from.names() == to.names() {
+        return (clip.clone(), Vec::new());
+    }
+    let bodies = (from.humanoid().is_some() || to.humanoid().is_some()).then(|| Bodies::new(from, to));
+    let matched: Vec<Option<u32>> = match_joints(from, to, bodies.as_ref());
+    let units = Units { from: ModelRestPose::of(from).scales, to: ModelRestPose::of(to).scales };
+    let mut unmatched = std::collections::BTreeSet::new();
+    let mut curves: Vec<Curve> = Vec::with_capacity(clip.curves().len());
+    for curve in clip.curves() {
+        match matched.get(curve.joint as usize).copied().flatten() {
+            Some(joint) => {
+                let bone = bodies.as_ref().and_then(|b| b.bone(curve.joint)).filter(|(_, to)| *to == joint);
+                match (&bodies, bone) {
+                    (Some(bodies), Some((bone, _))) => curves.extend(bodies.carry(curve, bone)),
+                    _ => {
+                        let parents = [from.parents()[curve.joint as usize], to.parents()[joint as usize]];
+                        curves.push(Curve { joint, ..units.carry(curve, parents) });
+                    }
+                }
+            }
+            None => {
+                unmatched.insert(curve.joint);
+            }
+        }
+    }
+    let names = unmatched.into_iter().filter_map(|j| from.names().get(j as usize).cloned()).collect();
+    (clip.with_curves(to.len(), curves), names)
+}
+
+/// Mean size of each joint's unit in the model.
+struct Units {
+    from: Vec<f64>,
+    to: Vec<f64>,
+}
+
+impl Units {
+    /// A curve in the units of another parent; the same keys where these are equal, but for rounding.
+    fn carry(&self, curve: &Curve, [from, to]: [Option<u32>; 2]) -> Curve {
+        let unit = |scales: &[f64], parent: Option<u32>| parent.map_or(1.0, |p| scales[p as usize]);
+        let ratio = unit(&self.from, from) / unit(&self.to, to);
+        if curve.path != Path::Translation || !ratio.is_finite() || (ratio - 1.0).abs() < 1e-4 {
+            return curve.clone();
+        }
+        let values = curve.values.iter().map(|v| (f64::from(*v) * ratio) as f32).collect();
+        Curve { values, ..curve.clone() }
+    }
+}
+
+/// By names alone.
+pub(crate) fn match_names(from: &Skeleton, to: &Skeleton) -> Vec<Option<u32>> {
+    match from.names() == to.names() {
+        true => (0..from.len() as u32).map(Some).collect(),
+        false => match_joints(from, to, None),
+    }
+}
+
+/// Joint of `to` for each joint of `from`; no joint of `to` twice.
+fn match_joints(from: &Skeleton, to: &Skeleton, bodies: Option<&Bodies>) -> Vec<Option<u32>> {
+    let mut exact = std::collections::BTreeMap::new();
+    let mut plain = std::collections::BTreeMap::new();
+    for (joint, name) in to.names().iter().enumerate() {
+        exact.entry(name.as_str()).or_insert(joint as u32);
+        // `None` = several joints with this plain name: none of them is meant.
+        plain
+            .entry(crate::skeleton::plain_name(name))
+            .and_modify(|j| *j = None)
+            .or_insert(Some(joint as u32));
+    }
+    let mut taken = vec![false; to.len()];
+    let mut matched: Vec<Option<u32>> = vec![None; from.len()];
+    for (from, to) in bodies.iter().flat_map(|b| b.pairs()) {
+        taken[to as usize] = true;
+        matched[from as usize] = Some(to);
+    }
+    for (slot, name) in matched.iter_mut().zip(from.names()) {
+        if slot.is_none()
+            && let Some(joint) = exact.get(name.as_str())
+            && !taken[*joint as usize]
+        {
+            taken[*joint as usize] = true;
+            *slot = Some(*joint);
+        }
+    }
+    for (slot, name) in matched.iter_mut().zip(from.names()) {
+        if slot.is_none()
+            && let Some(Some(joint)) = plain.get(&crate::skeleton::plain_name(name))
+            && !taken[*joint as usize]
+        {
+            taken[*joint as usize] = true;
+            *slot = Some(*joint);
+        }
+    }
+    // Last, the same human joint in another family of names.
+    let mut humanoid = std::collections::BTreeMap::new();
+    for (joint, name) in to.names().iter().enumerate() {
+        if let Some(name) = crate::skeleton::joint_names::humanoid_name(name) {
+            humanoid.entry(name).and_modify(|j| *j = None).or_insert(Some(joint as u32));
+        }
+    }
+    for (slot, name) in matched.iter_mut().zip(from.names()) {
+        if slot.is_none()
+            && let Some(name) = crate::skeleton::joint_names::humanoid_name(name)
+            && let Some(Some(joint)) = humanoid.get(&name)
+            && !taken[*joint as usize]
+        {
+            taken[*joint as usize] = true;
+            *slot = Some(*joint);
+        }
+    }
+    matched
+}

@@ -1,0 +1,146 @@
+//! Which joint of one skeleton takes its motion from which joint of another.
+
+use crate::retarget::bind::match_names;
+use crate::skeleton::Skeleton;
+use crate::skeleton::humanoid_joints::HumanoidJoints;
+use std::collections::BTreeMap;
+
+/// How two joints were found to be the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum MatchedBy {
+    /// The caller said so.
+    Given,
+    /// By name, exactly or without its prefix.
+    Name,
+    /// The same joint of a human body, by names of other families, by the file or by structure.
+    Body,
+    /// At the same share of the way along spine or neck, which have more joints in one than in the other.
+    Share,
+}
+
+impl MatchedBy {
+    pub fn as_str(self) -> &'static str {
+        match self {
+            MatchedBy::Given => "as given",
+            MatchedBy::Name => "by name",
+            MatchedBy::Body => "by body",
+            MatchedBy::Share => "by share",
+        }
+    }
+}
+
+/// For each joint of the target the joint of the source that it follows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointMap {
+    sources: Vec<Option<(u32, MatchedBy)>>,
+}
+
+impl JointMap {
+    /// `given` pairs a target joint with a source joint, or with none, whatever else speaks for it.
+    pub fn new(
+        [from, to]: [&Skeleton; 2],
+        [source, target]: [&HumanoidJoints; 2],
+        given: &BTreeMap<u32, Option<u32>>,
+    ) -> JointMap {
+        let mut sources: Vec<Option<(u32, MatchedBy)>> = vec![None; to.len()];
+        let mut used = vec![false; from.len()];
+        for (joint, other) in given {
+            if let (Some(slot), Some(other)) = (sources.get_mut(*joint as usize), other)
+                && (*other as usize) < from.len()
+            {
+                *slot = Some((*other, MatchedBy::Given));
+                used[*other as usize] = true;
+            }
+        }
+        let mut offer = |joint: u32, other: u32, how: MatchedBy| {
+            let (slot, used) = (&mut sources[joint as usize], &mut used[other as usize]);
+            if !given.contains_key(&joint) && slot.is_none() && !*used {
+                *slot = Some((other, how));
+                *used = true;
+            }
+        };
+        // Where spines differ in number, names along them mean other places.
+        let trunks = [[source.spine(), target.spine()], [source.neck(), target.neck()]];
+        let shared: Vec<u32> = trunks
+            .iter()
+            .filter(|[s, t]| s.len() != t.len() && !s.is_empty() && !t.is_empty())
+            .flat_map(|[s, t]| {
+                for (joint, other) in shares(t, s) {
+                    offer(joint, other, MatchedBy::Share);
+                }
+                t.iter().copied()
+            })
+            .collect();
+        // A body's joint goes to the same of the other body, whatever else bears its name: of one file "root" is the hips, of
+        // another what they stand on.
+        let elsewhere = |joint: u32, other: u32| {
+            let of_source = source
+                .joints()
+                .iter()
+                .any(|(name, j)| *j == other && target.joint(name).is_some_and(|theirs| theirs != joint));
+            let of_target = target
+                .joints()
+                .iter()
+                .any(|(name, j)| *j == joint && source.joint(name).is_some_and(|theirs| theirs != other));
+            of_source || of_target
+        };
+        let names = match_names(from, to);
+        for (other, joint) in (0u32..).zip(&names) {
+            if let Some(joint) = joint.filter(|j| !shared.contains(j) && !elsewhere(*j, other))
+                && crate::skeleton::plain_name(&from.names()[other as usize])
+                    == crate::skeleton::plain_name(&to.names()[joint as usize])
+            {
+                offer(joint, other, MatchedBy::Name);
+            }
+        }
+        for (name, joint) in target.joints() {
+            if let Some(other) = source.joint(name).filter(|_| !shared.contains(joint)) {
+                offer(*joint, other, MatchedBy::Body);
+            }
+        }
+        for [s, t] in trunks.iter().filter(|[s, t]| s.len() == t.len()) {
+            for (joint, other) in t.iter().zip(s.iter()) {
+                offer(*joint, *other, MatchedBy::Body);
+            }
+        }
+        JointMap { sources }
+    }
+
+    /// Joints of the target.
+    pub fn len(&self) -> usize {
+        self.sources.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.sources.iter().all(Option::is_none)
+    }
+
+    /// The source joint that a target joint follows.
+    pub fn source(&self, joint: u32) -> Option<u32> {
+        self.sources.get(joint as usize).copied().flatten().map(|(source, _)| source)
+    }
+
+    pub fn how(&self, joint: u32) -> Option<MatchedBy> {
+        self.sources.get(joint as usize).copied().flatten().map(|(_, how)| how)
+    }
+
+    /// (target, source, how), in the target's order.
+    pub fn pairs(&self) -> impl Iterator<Item = (u32, u32, MatchedBy)> + '_ {
+        (0u32..).zip(&self.sources).filter_map(|(joint, s)| s.map(|(source, how)| (joint, source, how)))
+    }
+}
+
+/// Pairs two chains end to end: the first with the first, the last with the last, each at most once.
+fn shares(target: &[u32], source: &[u32]) -> Vec<(u32, u32)> {
+    let (long, short) = (target.len().max(source.len()), target.len().min(source.len()));
+    // A lone joint goes with the other chain's end, which the limbs hang on.
+    let at = |i: usize| match short {
+        1 => long - 1,
+        _ => (i * (long - 1) + (short - 1) / 2) / (short - 1),
+    };
+    let pair = |i: usize| match target.len() <= source.len() {
+        true => (target[i], source[at(i)]),
+        false => (target[at(i)], source[i]),
+    };
+    (0..short).map(pair).collect()
+}

@@ -1,0 +1,156 @@
+//! A node tree in parent-first order with a rest pose.
+
+pub mod humanoid;
+pub mod humanoid_joints;
+pub mod joint_names;
+pub(crate) mod model_rest_pose;
+pub mod sides;
+pub mod symmetry;
+
+use crate::math::transform::Transform;
+use crate::skeleton::humanoid::{HumanBone, Humanoid, HumanoidError};
+use std::sync::Arc;
+use thiserror::Error;
+
+/// Joints in parent-first order: `parents[i]` is `None` or smaller than `i`. Any number of roots and joints.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Skeleton {
+    names: Vec<String>,
+    parents: Vec<Option<u32>>,
+    rest: Vec<Transform>,
+    /// (joint, parent) of all joints but roots, by depth.
+    by_depth: Vec<[u32; 2]>,
+    humanoid: Option<Arc<Humanoid>>,
+}
+
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum SkeletonError {
+    #[error("skeleton lists differ in length: {names} names, {parents} parents, {rest} rest transforms")]
+    Lengths { names: usize, parents: usize, rest: usize },
+    #[error(
+        "joint {joint} (\"{name}\") comes before its parent {parent}; joints must be in parent-first order"
+    )]
+    NotParentFirst { joint: usize, name: String, parent: u32 },
+    #[error("rest transform of joint {joint} (\"{name}\") is not finite")]
+    NotFinite { joint: usize, name: String },
+    #[error(transparent)]
+    Humanoid(#[from] HumanoidError),
+}
+
+impl Skeleton {
+    /// Lists of equal length, one entry a joint, parents first. `rest[i]` is parent-from-joint.
+    pub fn new(
+        names: Vec<String>,
+        parents: Vec<Option<u32>>,
+        rest: Vec<Transform>,
+    ) -> Result<Skeleton, SkeletonError> {
+        if names.len() != parents.len() || names.len() != rest.len() {
+            return Err(SkeletonError::Lengths {
+                names: names.len(),
+                parents: parents.len(),
+                rest: rest.len(),
+            });
+        }
+        for (joint, parent) in parents.iter().enumerate() {
+            if let Some(parent) = *parent
+                && parent as usize >= joint
+            {
+                return Err(SkeletonError::NotParentFirst { joint, name: names[joint].clone(), parent });
+            }
+            if !rest[joint].is_finite() {
+                return Err(SkeletonError::NotFinite { joint, name: names[joint].clone() });
+            }
+        }
+        let by_depth = by_depth(&parents);
+        Ok(Skeleton { names, parents, rest, by_depth, humanoid: None })
+    }
+
+    /// The same skeleton with its file's word on which joint is which bone of a human body: names then count less.
+    pub fn with_humanoid(self, humanoid: Humanoid) -> Result<Skeleton, SkeletonError> {
+        humanoid.check(self.len())?;
+        Ok(Skeleton { humanoid: Some(Arc::new(humanoid)), ..self })
+    }
+
+    /// The bones of a human body, where the file names them; see [`Humanoid::from_names`] for others.
+    pub fn humanoid(&self) -> Option<&Humanoid> {
+        self.humanoid.as_deref()
+    }
+
+    pub fn len(&self) -> usize {
+        self.names.len()
+    }
+    pub fn is_empty(&self) -> bool {
+        self.names.is_empty()
+    }
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+    pub fn parents(&self) -> &[Option<u32>] {
+        &self.parents
+    }
+    pub fn rest(&self) -> &[Transform] {
+        &self.rest
+    }
+
+    /// (joint, parent) of all joints but roots, parents still before children, neighbours mostly unrelated: a processor
+    /// that works ahead need not wait for the parent as it does along a chain.
+    pub(crate) fn by_depth(&self) -> &[[u32; 2]] {
+        &self.by_depth
+    }
+
+    /// Index of the joint with this exact name, else of the only joint whose [`plain_name`] matches, else of the bone of this name
+    /// of the skeleton's [`Humanoid`], else of the only one that is the same joint of a human body
+    /// ([`crate::skeleton::joint_names::humanoid_name`]).
+    pub fn find(&self, name: &str) -> Option<usize> {
+        if let Some(i) = self.names.iter().position(|n| n == name) {
+            return Some(i);
+        }
+        let wanted = plain_name(name);
+        let mut hits = self.names.iter().enumerate().filter(|(_, n)| plain_name(n) == wanted);
+        match (hits.next(), hits.next()) {
+            (Some((i, _)), None) => return Some(i),
+            (Some(_), Some(_)) => return None,
+            (None, _) => {}
+        }
+        let declared = self.humanoid().zip(HumanBone::of_joint(name));
+        if let Some(joint) = declared.and_then(|(humanoid, bone)| humanoid.joint(bone)) {
+            return Some(joint as usize);
+        }
+        let wanted = crate::skeleton::joint_names::humanoid_name(name)?;
+        let same = |n: &String| crate::skeleton::joint_names::humanoid_name(n).as_ref() == Some(&wanted);
+        let mut hits = self.names.iter().enumerate().filter(|(_, n)| same(n));
+        match (hits.next(), hits.next()) {
+            (Some((i, _)), None) => Some(i),
+            _ => None,
+        }
+    }
+}
+
+fn by_depth(parents: &[Option<u32>]) -> Vec<[u32; 2]> {
+    let mut depths: Vec<u32> = Vec::with_capacity(parents.len());
+    for parent in parents {
+        depths.push(parent.map_or(0, |p| depths[p as usize] + 1));
+    }
+    let pairs = (0u32..).zip(parents).filter_map(|(joint, parent)| parent.map(|p| [joint, p]));
+    let mut pairs: Vec<[u32; 2]> = pairs.collect();
+    pairs.sort_by_key(|[joint, _]| depths[*joint as usize]);
+    pairs
+}
+
+/// A joint name without namespace prefixes: `mixamorig:Hips`, `mixamorig1:Hips`, `mixamorigHips` and `Armature|Hips` are `hips`.
+pub fn plain_name(name: &str) -> String {
+    own_part(name).to_ascii_lowercase()
+}
+
+/// A joint's name without namespace and without Mixamo's prefix.
+pub(crate) fn own_part(name: &str) -> &str {
+    const MIXAMO: &str = "mixamorig";
+    let tail = name.rsplit([':', '|']).next().unwrap_or(name);
+    match tail.split_at_checked(MIXAMO.len()) {
+        Some((prefix, rest)) if prefix.eq_ignore_ascii_case(MIXAMO) => {
+            let rest = rest.trim_start_matches(|c: char| c.is_ascii_digit() || c == '_');
+            if rest.is_empty() { tail } else { rest }
+        }
+        _ => tail,
+    }
+}

@@ -1,0 +1,118 @@
+//! Which joints are left and which are right, by their names.
+
+use crate::skeleton::joint_names::humanoid_name;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Side {
+    Left,
+    Right,
+}
+
+impl Side {
+    pub fn other(self) -> Side {
+        match self {
+            Side::Left => Side::Right,
+            Side::Right => Side::Left,
+        }
+    }
+}
+
+/// The side of a joint and its name without it: `mixamorig:LeftArm`, `Bip01 L UpperArm`, `upperarm.l`, `J_Bip_L_UpperArm`, `lShldr`
+/// and `arm_joint_L_1` are left. The first word that is `l`, `left`, `r` or `right` counts; words end at punctuation, at
+/// digits and where capitals begin. `None` for joints of the middle. At most 96 bytes are looked at.
+pub fn side_of(name: &str) -> Option<(Side, String)> {
+    if name.len() > 96 {
+        return None;
+    }
+    let words = words(name);
+    let side = |word: &str| match word {
+        "l" | "left" => Some(Side::Left),
+        "r" | "right" => Some(Side::Right),
+        _ => None,
+    };
+    if let Some((at, side)) = words.iter().enumerate().find_map(|(i, w)| side(w).map(|s| (i, s))) {
+        let rest: Vec<&str> =
+            words.iter().enumerate().filter(|(i, _)| *i != at).map(|(_, w)| w.as_str()).collect();
+        return (!rest.is_empty()).then(|| (side, rest.join(" ")));
+    }
+    // `leftarm`, in small letters, is left only where the rest is known to be a joint.
+    let human = humanoid_name(name)?;
+    let (side_word, rest) = human.split_once(' ')?;
+    Some((side(side_word)?, rest.to_string()))
+}
+
+/// In small letters; `UpperArm01.L` is `upper`, `arm`, `01`, `l`.
+pub(crate) fn words(name: &str) -> Vec<String> {
+    #[derive(PartialEq)]
+    enum Kind {
+        Upper,
+        Lower,
+        Digit,
+    }
+    let mut words = Vec::new();
+    let mut word = String::new();
+    let mut before: Option<Kind> = None;
+    let mut letters = name.chars().peekable();
+    while let Some(c) = letters.next() {
+        if !c.is_alphanumeric() {
+            words.push(std::mem::take(&mut word));
+            before = None;
+            continue;
+        }
+        let kind = if c.is_numeric() {
+            Kind::Digit
+        } else if c.is_uppercase() {
+            Kind::Upper
+        } else {
+            Kind::Lower
+        };
+        let next_is_small = letters.peek().is_some_and(|n| n.is_lowercase());
+        let ends = match (&before, &kind) {
+            (None, _) => false,
+            // `HTMLText`: the last capital begins the next word.
+            (Some(Kind::Upper), Kind::Upper) => next_is_small,
+            (Some(Kind::Upper), Kind::Lower) => false,
+            (Some(before), kind) => before != kind,
+        };
+        if ends {
+            words.push(std::mem::take(&mut word));
+        }
+        word.extend(c.to_lowercase());
+        before = Some(kind);
+    }
+    words.push(word);
+    words.retain(|w| !w.is_empty());
+    words
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sides_of_every_family() {
+        for (left, right) in [
+            ("mixamorig:LeftHandThumb1", "mixamorig:RightHandThumb1"),
+            ("mixamorigLeftArm", "mixamorigRightArm"),
+            ("Bip01 L UpperArm", "Bip01 R UpperArm"),
+            ("upperarm.l", "upperarm.r"),
+            ("UpperArm_L", "UpperArm_R"),
+            ("Arm.L_12", "Arm.R_12"),
+            ("J_Bip_L_UpperArm", "J_Bip_R_UpperArm"),
+            ("leftUpperArm", "rightUpperArm"),
+            ("lShldr", "rShldr"),
+            ("LHipJoint", "RHipJoint"),
+            ("leg_joint_L_1", "leg_joint_R_1"),
+            ("leftarm", "rightarm"),
+            ("control-toe-roll.l", "control-toe-roll.r"),
+        ] {
+            let (l, r) = (side_of(left), side_of(right));
+            assert_eq!(l.as_ref().map(|s| s.0), Some(Side::Left), "{left}");
+            assert_eq!(r.as_ref().map(|s| s.0), Some(Side::Right), "{right}");
+            assert_eq!(l.map(|s| s.1), r.map(|s| s.1));
+        }
+        for middle in ["", "l", "R", "Hips", "leftovers", "Bip01 Spine", "Brightness", "lefthanded", "Tail"] {
+            assert_eq!(side_of(middle), None, "{middle}");
+        }
+    }
+}

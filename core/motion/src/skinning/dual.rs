@@ -1,0 +1,285 @@
+//! Dual-quaternion skinning on the CPU; the formulas are those of [`crate::skinning::dual_quaternion`].
+
+use crate::input_error::InputError;
+use crate::simd::{
+    Block, Deformed, Deformer, F8, Indexed, Lanes, Level, VertexKernel, VertexStreams, Vertices,
+    dispatch_vertices,
+};
+use crate::skinning::dual_quaternion::StretchedDualQuaternion;
+use crate::skinning::linear::{
+    Palette, blended, check_vertices, cross, dot3, transformed, transformed_normals,
+};
+use glam::{Affine3A, DQuat, Mat3A, Vec3, Vec3A};
+
+/// A rigid motion in f32: the real and the dual part, x y z w each.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(32))]
+pub struct DualQuaternion(pub [[f32; 4]; 2]);
+
+impl DualQuaternion {
+    pub const IDENTITY: DualQuaternion = DualQuaternion([[0.0, 0.0, 0.0, 1.0], [0.0; 4]]);
+}
+
+impl From<&StretchedDualQuaternion> for DualQuaternion {
+    fn from(carrier: &StretchedDualQuaternion) -> Self {
+        let narrow = |q: DQuat| q.to_array().map(|v| v as f32);
+        DualQuaternion([narrow(carrier.real), narrow(carrier.dual)])
+    }
+}
+
+/// Dual-quaternion skinning of positions and normals: stretches are blended first, as matrices, then rigid motions.
+///
+/// Quaternions are summed on the side of a vertex's heaviest influence, the first of equals. Normals go through the blended
+/// stretch's cofactors and the blended rotation, then to unit length. A vertex without weight goes through the blended stretch.
+pub struct DualQuaternionSkinning<'a> {
+    /// Model from mesh, without stretch, one per skin joint.
+    pub motions: &'a [DualQuaternion],
+    /// Scale and shear before the motion, as many (translations are not read); empty where there is none.
+    pub stretches: &'a [Affine3A],
+    /// Influences a vertex, any number.
+    pub influences: usize,
+    /// `influences` a vertex.
+    pub joint_indices: &'a [u16],
+    /// `influences` a vertex, sum 1.
+    pub joint_weights: &'a [f32],
+    pub positions: &'a [Vec3],
+    /// As many as positions, or none.
+    pub normals: &'a [Vec3],
+    pub out_positions: &'a mut [Vec3],
+    pub out_normals: &'a mut [Vec3],
+}
+
+impl DualQuaternionSkinning<'_> {
+    /// Names the first field that does not fit.
+    pub fn check(&self) -> Result<(), InputError> {
+        let (joints, stretches) = (self.motions.len(), self.stretches.len());
+        InputError::check_lengths(&[("stretches", stretches, if stretches == 0 { 0 } else { joints })])?;
+        let lengths =
+            [self.positions.len(), self.normals.len(), self.out_positions.len(), self.out_normals.len()];
+        check_vertices(joints, self.influences, self.joint_indices, self.joint_weights, lengths)
+    }
+
+    /// Panics where a joint index is out of range, which `check` finds.
+    pub fn run(&mut self) {
+        self.run_on(Level::best());
+    }
+
+    /// The same bits at any level; for tests and benchmarks.
+    pub fn run_on(&mut self, level: Level) {
+        dispatch_vertices(level, DualVertices(self));
+    }
+}
+
+/// The stretch of a carrier as [`DualQuaternionSkinning::stretches`] wants it.
+pub fn stretch_matrix(carrier: &StretchedDualQuaternion) -> Affine3A {
+    Affine3A { matrix3: Mat3A::from(carrier.stretch.as_mat3()), translation: Vec3A::ZERO }
+}
+
+struct DualVertices<'a, 'b>(&'b mut DualQuaternionSkinning<'a>);
+
+impl VertexKernel for DualVertices<'_, '_> {
+    #[inline(always)]
+    fn run<F: Vertices>(self) {
+        let job = self.0;
+        let streams = VertexStreams {
+            influences: job.influences,
+            joint_indices: job.joint_indices,
+            joint_weights: job.joint_weights,
+            positions: bytemuck::cast_slice(job.positions),
+            normals: bytemuck::cast_slice(job.normals),
+            out_positions: bytemuck::cast_slice_mut(job.out_positions),
+            out_normals: bytemuck::cast_slice_mut(job.out_normals),
+        };
+        if job.stretches.is_empty() {
+            streams.run::<F, _>(&Rigid(job.motions));
+        } else {
+            let mut palette = Palette::new();
+            let stretches = palette.of(job.stretches, job.positions.len());
+            streams.run::<F, _>(&Stretched { motions: job.motions, stretches });
+        }
+    }
+}
+
+struct Rigid<'a>(&'a [DualQuaternion]);
+
+impl Deformer for Rigid<'_> {
+    #[inline(always)]
+    fn deformed<F: Vertices, const N: usize>(&self, block: Block) -> Deformed<F> {
+        let motion = Motion::<F>::blended::<N>(self.0, &block);
+        let points = motion.moved(F::points(block.points));
+        match block.normals {
+            Some(normals) => (points, Some(unit(motion.turned(F::points(normals))))),
+            None => (points, None),
+        }
+    }
+}
+
+/// Stretches first, as matrices, then rigid motions.
+struct Stretched<'a> {
+    motions: &'a [DualQuaternion],
+    stretches: &'a [Affine3A],
+}
+
+impl Deformer for Stretched<'_> {
+    #[inline(always)]
+    fn deformed<F: Vertices, const N: usize>(&self, block: Block) -> Deformed<F> {
+        let mut stretch = blended::<F, N>(self.stretches, &block);
+        stretch[3] = [F::splat(0.0); 3];
+        let points = transformed(&stretch, F::points(block.points));
+        let normals = match block.normals {
+            Some(normals) => Some(transformed_normals(&stretch, F::points(normals))),
+            None => None,
+        };
+        let motion = Motion::<F>::blended::<N>(self.motions, &block);
+        let points = motion.moved(points);
+        match normals {
+            Some(normals) => (points, Some(unit(motion.turned(normals)))),
+            None => (points, None),
+        }
+    }
+}
+
+/// The blended rigid motions of the vertices, component rows.
+struct Motion<F> {
+    vector: [F; 3],
+    w: F,
+    /// 2 / |real|²
+    scale: F,
+    /// The translation.
+    translation: [F; 3],
+}
+
+impl<F: Vertices> Motion<F> {
+    #[inline(always)]
+    fn blended<const N: usize>(motions: &[DualQuaternion], block: &Block) -> Self {
+        let zero = F::splat(0.0);
+        let fours = summed::<F, N>(motions, block);
+        let [[x, y, z, w], [dx, dy, dz, dw]] = F::halves(fours);
+        let square = x.fused_add(x, y.fused_add(y, z.fused_add(z, w.mul(w))));
+        let some = F::splat(0.0).less(square);
+        let scale = F::select(some, F::splat(2.0).div(square), zero);
+        // The vector part of 2 dual · conjugate(real) / |real|².
+        let vector = [x, y, z];
+        let dual = [dx, dy, dz];
+        let across = cross(&vector, &dual);
+        let mut translation = across;
+        for i in 0..3 {
+            translation[i] = w.fused_add(dual[i], across[i].sub(dw.mul(vector[i]))).mul(scale);
+        }
+        Motion { vector, w, scale, translation }
+    }
+
+    /// R v = v + 2 r × (r × v + w v) / |real|².
+    #[inline(always)]
+    fn turned(&self, v: [F; 3]) -> [F; 3] {
+        let mut inner = cross(&self.vector, &v);
+        for i in 0..3 {
+            inner[i] = self.w.fused_add(v[i], inner[i]);
+        }
+        let outer = cross(&self.vector, &inner);
+        let mut out = v;
+        for i in 0..3 {
+            out[i] = self.scale.fused_add(outer[i], v[i]);
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn moved(&self, point: [F; 3]) -> [F; 3] {
+        let turned = self.turned(point);
+        [0, 1, 2].map(|i| turned[i].add(self.translation[i]))
+    }
+}
+
+/// The weighted sums of the vertices' dual quaternions, four at a time; N influences, or any number where N is 0.
+#[inline(always)]
+fn summed<F: Vertices, const N: usize>(
+    motions: &[DualQuaternion],
+    &Block { influences, joints, weights, .. }: &Block,
+) -> [[F::Eight; 4]; 4] {
+    if N == 0 {
+        let mut fours = [[F::Eight::splat(0.0); 4]; 4];
+        let mut vertices =
+            joints.as_slice().chunks_exact(influences.max(1)).zip(weights.chunks_exact(influences.max(1)));
+        for four in fours.iter_mut().take(F::COUNT / 4) {
+            let mut sums = [F::Eight::splat(0.0); 4];
+            for (sum, (joints, weights)) in sums.iter_mut().zip(vertices.by_ref()) {
+                *sum = weighted(motions, joints, weights);
+            }
+            *four = F::Eight::half_rows4(sums);
+        }
+        return fours;
+    }
+    let (joints, weights) = (joints.part(0..F::COUNT * N), &weights[..F::COUNT * N]);
+    let (motions, weights) = (Indexed::new(motions, joints), weights.as_chunks::<N>().0);
+    let [a, b] = [four::<F::Eight, N>(&motions, 0, weights), four::<F::Eight, N>(&motions, 1, weights)];
+    match F::COUNT {
+        8 => [a, b, a, b],
+        _ => [a, b, four(&motions, 2, weights), four(&motions, 3, weights)],
+    }
+}
+
+#[inline(always)]
+fn four<F: F8, const N: usize>(motions: &Indexed<DualQuaternion>, at: usize, weights: &[[f32; N]]) -> [F; 4] {
+    let mut sums = [F::splat(0.0); 4];
+    for (i, sum) in sums.iter_mut().enumerate() {
+        let vertex = 4 * at + i;
+        *sum = weighted_by(motions, vertex * N / 4, &weights[vertex]);
+    }
+    F::half_rows4(sums)
+}
+
+/// Where the heaviest is, the first of equals.
+#[inline(always)]
+fn heaviest(weights: &[f32]) -> usize {
+    let (mut at, mut most) = (0, weights[0]);
+    for (i, weight) in weights.iter().enumerate() {
+        (at, most) = if *weight > most { (i, *weight) } else { (at, most) };
+    }
+    at
+}
+
+/// The weighted sum of one vertex's dual quaternions, all on the side of the heaviest; there is at least one.
+#[inline(always)]
+fn weighted<F: F8>(motions: &[DualQuaternion], joints: &[u16], weights: &[f32]) -> F {
+    let pivot = &motions[usize::from(joints[heaviest(weights)])].0[0];
+    let mut sum = F::splat(0.0);
+    for (joint, weight) in joints.iter().zip(weights) {
+        let motion = &motions[usize::from(*joint)].0;
+        let [weight, ..] = F::sided([&motion[0]; 4], pivot, &[*weight; 4]);
+        sum = F::load_halves(motion).fused_add(F::splat(weight), sum);
+    }
+    sum
+}
+
+/// The same for a known number of influences, a multiple of four, from the given four indices on.
+#[inline(always)]
+fn weighted_by<F: F8, const N: usize>(
+    motions: &Indexed<DualQuaternion>,
+    first: usize,
+    weights: &[f32; N],
+) -> F {
+    let pivot = &motions.one(4 * first + heaviest(weights)).0[0];
+    let mut sum = F::splat(0.0);
+    for (i, weights) in weights.as_chunks().0.iter().enumerate() {
+        let motions = motions.four(first + i);
+        let reals = [&motions[0].0[0], &motions[1].0[0], &motions[2].0[0], &motions[3].0[0]];
+        let weights = F::sided(reals, pivot, weights);
+        for j in 0..4 {
+            sum = F::load_halves(&motions[j].0).fused_add(F::splat(weights[j]), sum);
+        }
+    }
+    sum
+}
+
+#[inline(always)]
+fn unit<F: Lanes>(n: [F; 3]) -> [F; 3] {
+    let square = dot3(&n, &n);
+    let k = F::splat(1.0).div(square.sqrt());
+    let some = F::splat(0.0).less(square);
+    let mut out = n;
+    for i in 0..3 {
+        out[i] = F::select(some, n[i].mul(k), n[i]);
+    }
+    out
+}

@@ -1,0 +1,273 @@
+//! Synonyms: words of the field and of other programs, and the calls that do the same here.
+//!
+//! `topics.txt` is the table. Error messages take their suggestions from it where a name is unknown, and `choreo help TERM`
+//! prints an [`Answer`].
+
+use crate::api::{TABLES, maths::FUNCTIONS};
+use crate::call::Def;
+use crate::suggest::distance;
+use crate::value::Kind;
+use std::sync::LazyLock;
+
+/// Other names that scripts may use: `NAME` of a function, or `FUNCTION: OPTION`, and what they stand for.
+pub(crate) const ALIASES: &[(&str, &str)] = &[
+    ("title", "text"),
+    ("stage: duration", "stage: length"),
+    ("stage: frame_rate", "stage: fps"),
+    ("stage: resolution", "stage: size"),
+];
+
+/// The functions among the aliases.
+pub(crate) fn function_aliases() -> impl Iterator<Item = (&'static str, &'static Def)> {
+    let found = |name| entries().find(|(_, def)| def.full_name() == name);
+    ALIASES.iter().filter_map(move |(alias, name)| Some((*alias, found(*name)?.1)))
+}
+
+/// One paragraph of `topics.txt`.
+struct Topic {
+    terms: Vec<&'static str>,
+    calls: Vec<Target>,
+    example: &'static str,
+    note: Option<&'static str>,
+}
+
+/// A `call:` of `topics.txt`.
+#[derive(Clone, Copy)]
+struct Target {
+    text: &'static str,
+}
+
+static TOPICS: LazyLock<Vec<Topic>> = LazyLock::new(|| {
+    let rows = include_str!("topics.txt").lines().filter(|line| !line.starts_with('#'));
+    let rows: Vec<&str> = rows.collect();
+    rows.split(|line| line.is_empty()).filter(|rows| !rows.is_empty()).map(Topic::read).collect()
+});
+
+impl Topic {
+    fn read(rows: &[&'static str]) -> Topic {
+        let all = |key| rows.iter().filter_map(move |row| row.split_once(": ").filter(|(k, _)| *k == key));
+        Topic {
+            terms: all("terms").flat_map(|(_, terms)| terms.split(", ")).collect(),
+            calls: all("call").map(|(_, text)| Target { text }).collect(),
+            example: all("example").next().map_or("", |(_, text)| text),
+            note: all("note").next().map(|(_, text)| text),
+        }
+    }
+}
+
+impl Target {
+    /// The text before `(` or `:`: `Actor.reach`, `effect`.
+    fn name(self) -> &'static str {
+        self.text.split(['(', ':']).next().unwrap_or(self.text)
+    }
+
+    /// The option of `FUNCTION: OPTION`.
+    fn option(self) -> Option<&'static str> {
+        self.text.split_once(": ").map(|(_, option)| option)
+    }
+
+    /// The value of `METHOD("value")`.
+    fn value(self) -> Option<&'static str> {
+        self.text.split('"').nth(1)
+    }
+
+    fn is_command(self) -> bool {
+        self.text.starts_with("choreo ")
+    }
+
+    /// The entry of the reference with its heading.
+    fn entry(self) -> Option<(&'static str, &'static Def)> {
+        entries().find(|(_, def)| def.full_name() == self.name())
+    }
+}
+
+/// All entries of the reference with their headings.
+fn entries() -> impl Iterator<Item = (&'static str, &'static Def)> {
+    TABLES.iter().flat_map(|(title, tables)| tables.iter().copied().flatten().map(move |def| (*title, def)))
+}
+
+/// The letters and digits of a term: "look at", "look_at" and "lookAt" are one term.
+fn letters(term: &str) -> String {
+    let plain = |c: char| if c == 'é' { 'e' } else { c };
+    term.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).map(plain).collect()
+}
+
+fn topic(term: &str) -> Option<&'static Topic> {
+    let wanted = letters(term);
+    TOPICS.iter().find(|topic| topic.terms.iter().any(|known| letters(known) == wanted))
+}
+
+/// What to use in place of an unknown name.
+pub(crate) struct Suggestion {
+    /// As the message names it: `reach` to somebody who wrote a method of an actor, `Actor.reach` to others.
+    pub name: String,
+    /// What it does, and its page.
+    pub hint: String,
+}
+
+/// The function or method that does what somebody means who calls `name` on a value of this kind.
+pub(crate) fn of_function(name: &str, on: Kind) -> Option<Suggestion> {
+    let topic = topic(name)?;
+    let callable = |target: &Target| target.entry().filter(|_| target.option().is_none());
+    let own = topic.calls.iter().find(|target| callable(target).is_some_and(|(_, def)| def.on == on));
+    let target = own.or(topic.calls.first())?;
+    let short = own.is_some() && target.value().is_none();
+    let name = if short { target.entry()?.1.name } else { target.text };
+    Some(Suggestion { name: name.to_string(), hint: topic.hint(*target) })
+}
+
+/// The option of a function that somebody means who writes the option `name`; else the call that does it.
+pub(crate) fn of_option(name: &str, function: &str, known: &[&str]) -> Option<Suggestion> {
+    let topic = topic(name)?;
+    let of_this = |target: &&Target| target.entry().is_some_and(|(_, def)| def.name == function);
+    let options = || topic.calls.iter().filter(|target| target.option().is_some_and(|o| known.contains(&o)));
+    if let Some(target) = options().find(of_this).or(options().next()) {
+        let option = target.option().unwrap_or_default();
+        return Some(Suggestion { name: option.to_string(), hint: topic.hint(*target) });
+    }
+    let target = *topic.calls.first()?;
+    Some(Suggestion { name: target.text.to_string(), hint: topic.hint(target) })
+}
+
+/// The known value that somebody means who writes the text `given`: `bloom` for `glow`.
+pub(crate) fn of_value<'a>(given: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let topic = topic(given)?;
+    known.into_iter().find(|known| topic.calls.iter().any(|target| target.value() == Some(known)))
+}
+
+impl Topic {
+    fn hint(&self, target: Target) -> String {
+        let Call { usage, about, page } = Call::of(target);
+        let note = self.note.map(|note| format!("; {note}")).unwrap_or_default();
+        format!("{usage}: {}{note} See {page}", about.unwrap_or_default())
+    }
+}
+
+/// What `choreo help TERM` prints.
+#[derive(Debug, Default)]
+pub struct Answer {
+    pub calls: Vec<Call>,
+    pub example: Option<&'static str>,
+    pub note: Option<&'static str>,
+}
+
+/// One call that answers a term.
+#[derive(Debug, PartialEq)]
+pub struct Call {
+    /// How to write it: `Actor.reach(joint, target, options?)`, or a command, `choreo render --fps`.
+    pub usage: String,
+    /// What it does; none for a command, which describes itself.
+    pub about: Option<String>,
+    /// The page that describes it: a file, with the heading if it has several.
+    pub page: String,
+}
+
+impl Call {
+    fn of(target: Target) -> Call {
+        match target.entry() {
+            Some((title, def)) => {
+                let described = target.option().and_then(|option| describe_option(def, option));
+                let usage = match (target.option(), target.value()) {
+                    (Some(option), _) => format!("{}(#{{ {option} }})", def.full_name()),
+                    (None, Some(_)) => target.text.to_string(),
+                    (None, None) => def.full_usage(),
+                };
+                Call { usage, about: Some(described.unwrap_or_else(|| first_line(def))), page: page(title) }
+            }
+            None if target.is_command() => {
+                let page = match target.text.split(' ').nth(1) {
+                    Some("view") => "core/viewer/README.md",
+                    Some("test") => "core/test_runner/README.md",
+                    Some("new" | "plugins") => "plugins/README.md",
+                    _ => "core/cli/README.md",
+                };
+                Call { usage: target.text.to_string(), about: None, page: page.to_string() }
+            }
+            None => mathematics(target.name()).unwrap_or_else(|| Call {
+                usage: target.text.to_string(),
+                about: None,
+                page: page("Conventions"),
+            }),
+        }
+    }
+
+    fn entry(title: &str, def: &Def) -> Call {
+        Call { usage: def.full_usage(), about: Some(first_line(def)), page: page(title) }
+    }
+}
+
+fn mathematics(name: &str) -> Option<Call> {
+    let (name, args, about) = FUNCTIONS.iter().find(|(known, ..)| *known == name)?;
+    let usage = format!("{name}({args})");
+    Some(Call { usage, about: Some((*about).to_string()), page: page("Mathematics") })
+}
+
+fn page(title: &str) -> String {
+    format!("core/script/API.md, \"{title}\"")
+}
+
+fn first_line(def: &Def) -> String {
+    def.about.lines().next().unwrap_or_default().to_string()
+}
+
+/// What the reference states about an option: its name with the parentheses that follow it, or the item that names it.
+fn describe_option(def: &Def, option: &str) -> Option<String> {
+    let with_range = format!("{option} (");
+    let Some(at) = def.about.find(&with_range) else {
+        return def.about.lines().find(|item| item.contains(option)).map(str::to_string);
+    };
+    let text = &def.about[at..];
+    let mut depth = 0;
+    let end = text.find(|c| {
+        depth += i32::from(c == '(') - i32::from(c == ')');
+        c == ')' && depth == 0
+    })?;
+    Some(format!("Option {}.", &text[..=end]))
+}
+
+/// The calls for a term: those of its topic, and the entries of that name. Empty where there are none.
+pub fn answer(term: &str) -> Answer {
+    let mut answer = Answer::default();
+    if let Some(topic) = topic(term) {
+        answer.calls = topic.calls.iter().map(|target| Call::of(*target)).collect();
+        answer.example = Some(topic.example);
+        answer.note = topic.note;
+    }
+    let wanted = term.trim_end_matches("()");
+    let named = entries().filter(|(_, def)| def.name == wanted || def.full_name() == wanted);
+    let calls = named.map(|(title, def)| Call::entry(title, def)).chain(mathematics(wanted));
+    for call in calls {
+        if !answer.calls.contains(&call) {
+            answer.calls.push(call);
+        }
+    }
+    answer
+}
+
+/// The example of each topic: a line of a script, or a command.
+pub fn examples() -> impl Iterator<Item = &'static str> {
+    TOPICS.iter().map(|topic| topic.example)
+}
+
+/// The entries of the reference whose description contains the term.
+pub fn mentions(term: &str) -> Vec<Call> {
+    let wanted = term.to_lowercase();
+    let mentioning = entries().filter(|(_, def)| def.about.to_lowercase().contains(&wanted));
+    mentioning.map(|(title, def)| Call::entry(title, def)).collect()
+}
+
+/// The known terms and names that are spelled most like this one.
+pub fn nearest(term: &str, most: usize) -> Vec<&'static str> {
+    let wanted = letters(term);
+    let terms = TOPICS.iter().flat_map(|topic| topic.terms.iter().copied());
+    let known = terms.chain(entries().map(|(_, def)| def.name)).chain(FUNCTIONS.iter().map(|f| f.0));
+    let mut near: Vec<(usize, &str)> =
+        known.map(|known| (distance(&wanted, &letters(known)), known)).collect();
+    near.retain(|(far, known)| *far <= wanted.chars().count().max(known.chars().count()).div_ceil(3));
+    near.sort_unstable();
+    near.dedup();
+    near.into_iter().take(most).map(|(_, known)| known).collect()
+}
+
+#[cfg(test)]
+mod tests;

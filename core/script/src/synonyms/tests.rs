@@ -1,0 +1,96 @@
+use super::*;
+use std::collections::BTreeMap;
+
+/// GLOSSARY, "Words that users search for".
+const SEARCHED: &str = "IK, inverse kinematics, foot lock, foot sliding, keyframe, dope sheet, easing, Bézier, NLA, strip, track,
+    crossfade, blend, transition, additive layer, mask, weight, root motion, in place, retarget, rest pose, bind pose, T-pose,
+    morph target, blend shape, shape key, viseme, spring bone, jiggle, secondary motion, parent, constraint, Child Of, camera,
+    focal length, dolly, pan, crane, shake, depth of field, cut, dissolve, HDRI, image-based lighting, ambient occlusion,
+    tone mapping, exposure, bloom, instancing, LOD, crowd, terrain, timecode, marker, event, audio, music, beat, lip sync,
+    alpha channel, EXR, render pass, AOV, batch, farm, headless, CI";
+
+/// Further words that were tried first, with the call that answers.
+const TRIED: &[(&str, &str)] = &[
+    ("ik", "Actor.reach(joint, target, options?)"),
+    ("mask", "Cue.on(joints, options?)"),
+    ("walk_to", "Actor.path(points, options?)"),
+    ("title", "text(words, options?)"),
+    ("light", "sun(options?)"),
+    ("duration", "stage(#{ length })"),
+    ("resolution", "stage(#{ size })"),
+    ("lookAt", "Actor.look_at(target, options?)"),
+    ("look-at", "Camera.look_at(target)"),
+    ("dof", "Camera.fov(degrees)"),
+    ("opacity", "Actor.tint(color)"),
+    ("Actor.reach", "Actor.reach(joint, target, options?)"),
+    ("reach()", "Actor.reach(joint, target, options?)"),
+    ("lerp", "lerp(a, b, w)"),
+    ("headless", "choreo render --frames"),
+];
+
+#[test]
+fn every_searched_word_has_an_answer() {
+    let unanswered: Vec<&str> =
+        SEARCHED.split(',').map(str::trim).filter(|term| answer(term).calls.is_empty()).collect();
+    assert!(unanswered.is_empty(), "without an answer: {unanswered:?}");
+    for (term, call) in TRIED {
+        let calls = answer(term).calls;
+        assert!(calls.iter().any(|c| c.usage == *call), "{term}: {calls:?}");
+    }
+    assert!(answer("quaggaflux").calls.is_empty());
+}
+
+#[test]
+fn every_topic_names_calls_that_exist() {
+    let mut owner = BTreeMap::new();
+    for topic in TOPICS.iter() {
+        let first = topic.terms[0];
+        assert!(
+            !topic.calls.is_empty() && !topic.example.is_empty(),
+            "{first}: a call or an example is missing"
+        );
+        for term in &topic.terms {
+            assert_eq!(owner.insert(letters(term), first), None, "{term} is twice in the table");
+        }
+        for target in &topic.calls {
+            let name = target.text;
+            let known = target.is_command() || target.entry().is_some() || mathematics(name).is_some();
+            assert!(known, "{first}: there is no {name}");
+            if let (Some(option), Some((_, def))) = (target.option(), target.entry()) {
+                assert!(def.about.contains(option), "{first}: {name} has no option {option}");
+            }
+            assert!(Call::of(*target).about.is_some() || target.is_command(), "{name} is not described");
+        }
+    }
+    assert!(owner.len() >= 120, "{} terms", owner.len());
+}
+
+#[test]
+fn each_form_of_a_term_is_the_same_term() {
+    for term in ["foot_sliding", "Foot Sliding", "footSliding", "foot-sliding"] {
+        assert_eq!(answer(term).calls, answer("foot sliding").calls, "{term}");
+    }
+    assert_eq!(nearest("foot slidng", 1), ["foot sliding"]);
+    assert!(nearest("quaggaflux", 3).is_empty());
+}
+
+#[test]
+fn options_and_values_have_synonyms() {
+    let option = |name, function, known: &[&str]| of_option(name, function, known).map(|s| s.name);
+    assert_eq!(option("mask", "play", &["fade", "weight"]).as_deref(), Some("Cue.on"));
+    assert_eq!(option("crossfade", "then", &["fade", "weight"]).as_deref(), Some("fade"));
+    assert_eq!(option("quaggaflux", "then", &["fade"]), None);
+    assert_eq!(of_value("glow", ["fog", "bloom"]), Some("bloom"));
+    assert_eq!(of_value("glow", ["fog"]), None);
+}
+
+#[test]
+fn aliases_stand_for_what_exists() {
+    for (alias, name) in ALIASES {
+        let target = Target { text: name };
+        let (_, def) =
+            target.entry().unwrap_or_else(|| panic!("{alias} stands for {name}, which does not exist"));
+        assert!(target.option().is_none_or(|option| def.about.contains(option)), "{name}");
+    }
+    assert!(function_aliases().any(|(alias, def)| alias == "title" && def.name == "text"));
+}

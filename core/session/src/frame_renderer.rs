@@ -1,0 +1,286 @@
+//! Frames on demand, on a thread of its own: only the newest wish counts, so that whoever scrubs never waits for frames that
+//! have been passed over.
+
+use crate::viewport::ViewEvaluators;
+use crate::{Scene, ViewOverrides, ViewportCamera};
+use choreo_motion::Time;
+use choreo_plugin::{Effect, Frame};
+use choreo_render::plan::Draw;
+use choreo_render::plan::motion_blur::{plan_alone, plan_with};
+use choreo_render::renderer::Work;
+use choreo_render::{Catalog, DeviceInfo, Held, PlanOptions, Renderer};
+use choreo_stage::Snapshot;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Makes the renderer, on the painter's thread: drivers take their time to start. Gives it with a note for the user.
+pub type StartRenderer = Box<dyn FnOnce() -> Result<(Box<dyn Renderer>, Option<String>), String> + Send>;
+
+/// A frame wished for.
+#[derive(Clone)]
+pub struct FrameRequest {
+    pub scene: Arc<Scene>,
+    pub time: Time,
+    /// Pixels.
+    pub size: [u32; 2],
+    pub samples: u32,
+    /// It will be gone at once: played or scrubbed. Effects that take many pictures for one wait for a still.
+    pub moving: bool,
+    /// The view that asks: a new request of a view replaces its last one, and views take turns.
+    pub view: u32,
+    pub camera: ViewportCamera,
+    pub overrides: ViewOverrides,
+    /// Given back with the frame.
+    pub ticket: u64,
+}
+
+impl FrameRequest {
+    /// As `render` draws it.
+    pub fn new(scene: Arc<Scene>, time: Time, samples: u32, ticket: u64) -> FrameRequest {
+        let size = scene.stage.settings.size;
+        FrameRequest {
+            scene,
+            time,
+            size,
+            samples,
+            moving: false,
+            view: 0,
+            camera: ViewportCamera::Script,
+            overrides: ViewOverrides::default(),
+            ticket,
+        }
+    }
+}
+
+/// A frame that was drawn, or why it could not be.
+pub struct FrameReply {
+    pub ticket: u64,
+    pub view: u32,
+    pub result: Result<(Frame, FrameInfo), String>,
+    /// What the renderer has made so far.
+    pub work: Work,
+    /// What it has on its device now.
+    pub held: Held,
+    /// Messages for the user.
+    pub notes: Vec<String>,
+}
+
+/// What is known of a frame beside its pixels.
+pub struct FrameInfo {
+    /// Number of the scene's version.
+    pub number: u64,
+    pub time: Time,
+    /// Pixels.
+    pub size: [u32; 2],
+    pub snapshot: Snapshot,
+    /// What it did without, and why.
+    pub left_out: Vec<(String, String)>,
+    pub draws: usize,
+    pub triangles: u64,
+    pub device: DeviceInfo,
+    pub evaluated_in: Duration,
+    pub planned_in: Duration,
+    pub drawn_in: Duration,
+}
+
+#[derive(Default)]
+struct Requests {
+    /// The next request of each view.
+    next: BTreeMap<u32, FrameRequest>,
+    /// Whose turn it was last.
+    last: u32,
+    /// Shaders have changed.
+    shaders: bool,
+    /// A frame that was shown and is drawn into again.
+    spare: Option<Frame>,
+    end: bool,
+}
+
+#[derive(Default)]
+struct RequestQueue {
+    requests: Mutex<Requests>,
+    changed: Condvar,
+}
+
+impl Requests {
+    /// The next view's wish after the last one's.
+    fn take(&mut self) -> Option<FrameRequest> {
+        let after = self.next.range(self.last.saturating_add(1)..).next().map(|(view, _)| *view);
+        let view = after.or_else(|| self.next.keys().next().copied())?;
+        self.last = view;
+        self.next.remove(&view)
+    }
+}
+
+impl RequestQueue {
+    fn requests(&self) -> MutexGuard<'_, Requests> {
+        self.requests.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+pub struct FrameRenderer {
+    queue: Arc<RequestQueue>,
+    worker: Option<JoinHandle<()>>,
+}
+
+impl FrameRenderer {
+    /// `told` is called on the painter's thread with every frame that was drawn.
+    pub fn start(
+        start: StartRenderer,
+        mut report: impl FnMut(FrameReply) + Send + 'static,
+    ) -> std::io::Result<FrameRenderer> {
+        let queue = Arc::new(RequestQueue::default());
+        let own = queue.clone();
+        let work = move || {
+            let mut state = RenderState::new(start);
+            loop {
+                let (request, shaders, spare) = {
+                    let mut requests = own.requests();
+                    while requests.next.is_empty() && !requests.end {
+                        requests = own.changed.wait(requests).unwrap_or_else(PoisonError::into_inner);
+                    }
+                    if requests.end {
+                        return;
+                    }
+                    (requests.take(), std::mem::take(&mut requests.shaders), requests.spare.take())
+                };
+                if let Some(request) = request {
+                    report(state.paint(&request, shaders, spare));
+                }
+            }
+        };
+        let worker = std::thread::Builder::new().name("renderer".into()).spawn(work)?;
+        Ok(FrameRenderer { queue, worker: Some(worker) })
+    }
+
+    /// The view's next frame to draw, in place of one that was wished for and not begun.
+    pub fn ask(&self, request: FrameRequest) {
+        self.queue.requests().next.insert(request.view, request);
+        self.queue.changed.notify_all();
+    }
+
+    /// Before the next frame the shader folder is read again.
+    pub fn shaders_changed(&self) {
+        self.queue.requests().shaders = true;
+    }
+
+    /// A frame that is no longer needed: its memory is used again.
+    pub fn give_back(&self, frame: Frame) {
+        self.queue.requests().spare = Some(frame);
+    }
+}
+
+impl Drop for FrameRenderer {
+    fn drop(&mut self) {
+        self.queue.requests().end = true;
+        self.queue.changed.notify_all();
+        if let Some(worker) = self.worker.take() {
+            // A panic was told on its thread.
+            let _ = worker.join();
+        }
+    }
+}
+
+/// The renderer and what it was given last.
+struct RenderState {
+    renderer: Result<Box<dyn Renderer>, String>,
+    notes: Vec<String>,
+    views: ViewEvaluators,
+    catalog: Option<Arc<Catalog>>,
+    effects: Vec<Arc<dyn Effect>>,
+}
+
+impl RenderState {
+    fn new(start: StartRenderer) -> RenderState {
+        let (renderer, notes) = match start() {
+            Ok((renderer, note)) => (Ok(renderer), note.into_iter().collect()),
+            Err(why) => (Err(why), Vec::new()),
+        };
+        RenderState { renderer, notes, views: ViewEvaluators::default(), catalog: None, effects: Vec::new() }
+    }
+
+    fn paint(&mut self, request: &FrameRequest, shaders: bool, spare: Option<Frame>) -> FrameReply {
+        let mut notes = std::mem::take(&mut self.notes);
+        let result = self.picture(request, shaders, spare, &mut notes);
+        let (mut work, mut held) = (Work::default(), Held::default());
+        if let Ok(renderer) = &mut self.renderer {
+            notes.extend(renderer.take_notes());
+            (work, held) = (renderer.work(), renderer.held());
+        }
+        let FrameRequest { ticket, view, .. } = *request;
+        FrameReply { ticket, view, result, work, held, notes }
+    }
+
+    fn picture(
+        &mut self,
+        request: &FrameRequest,
+        shaders: bool,
+        spare: Option<Frame>,
+        notes: &mut Vec<String>,
+    ) -> Result<(Frame, FrameInfo), String> {
+        let renderer = self.renderer.as_mut().map_err(|why| why.clone())?;
+        let failed = |e: choreo_render::RenderError| e.to_string();
+        if shaders && let Err(error) = renderer.reload_shaders() {
+            // The last good ones draw on.
+            notes.push(error.to_string());
+        }
+        let scene = &request.scene;
+        let effects = scene.registry.effects();
+        let same = |a: &[Arc<dyn Effect>], b: &[Arc<dyn Effect>]| {
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| Arc::ptr_eq(a, b))
+        };
+        if !same(&self.effects, effects) {
+            renderer.set_effects(effects).map_err(failed)?;
+            self.effects = effects.to_vec();
+        }
+        if self.catalog.as_ref().is_none_or(|c| !Arc::ptr_eq(c, &scene.catalog)) {
+            renderer.load(scene.catalog.clone()).map_err(failed)?;
+            self.catalog = Some(scene.catalog.clone());
+        }
+        let start = Instant::now();
+        let options = PlanOptions { effects, ..PlanOptions::new(request.size, request.samples) };
+        let stage = self.views.stage(request);
+        let (snapshot, plan, evaluated_in) = if request.moving {
+            // What moves past is not worth many pictures a frame.
+            let snapshot = self.views.at(request, request.time)?;
+            let evaluated_in = start.elapsed();
+            let at = |time| self.views.at(request, time);
+            let plan = plan_alone(&scene.catalog, &stage, &snapshot, &options, at)?;
+            (snapshot, plan, evaluated_in)
+        } else {
+            let at = |time| self.views.at(request, time);
+            let (snapshot, plan) = plan_with(&scene.catalog, &stage, request.time, &options, at)?;
+            (snapshot, plan, start.elapsed())
+        };
+        let left_out = plan.left_out.iter().map(|l| (l.what.to_string(), l.why.to_string())).collect();
+        let draws = plan.draws.len();
+        let triangles = plan.draws.iter().map(|d| triangles(&scene.catalog, d)).sum();
+        let planned_in = start.elapsed() - evaluated_in;
+        renderer.submit(plan).map_err(failed)?;
+        let frame = renderer.collect(spare).map_err(failed)?;
+        let drawn_in = start.elapsed() - evaluated_in - planned_in;
+        let device = renderer.device().clone();
+        let info = FrameInfo {
+            number: scene.number,
+            time: request.time,
+            size: [frame.width, frame.height],
+            snapshot,
+            left_out,
+            draws,
+            triangles,
+            device,
+            evaluated_in,
+            planned_in,
+            drawn_in,
+        };
+        Ok((frame, info))
+    }
+}
+
+fn triangles(catalog: &Catalog, draw: &Draw) -> u64 {
+    let of_one =
+        catalog.primitives.get(draw.primitive as usize).map_or(0, |p| p.primitive().indices.len() / 3);
+    of_one as u64 * u64::from(draw.instance_count)
+}

@@ -1,0 +1,123 @@
+//! Viewpoint of a frame, and view overrides that the script does not contain: nothing of it is in the stage.
+
+use crate::{FrameRequest, Scene};
+use choreo_motion::Time;
+use choreo_stage::{CameraState, Cut, EffectState, EffectTarget, EffectUse, Evaluator, Snapshot, Stage};
+use glam::{DAffine3, DVec3};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum ViewportCamera {
+    /// The camera that is on.
+    #[default]
+    Script,
+    /// One of the stage's, on or not.
+    Camera(usize),
+    Free(CameraState),
+    /// Goes with an actor: `camera` as it stands while the actor is at the origin.
+    Following {
+        actor: usize,
+        camera: CameraState,
+    },
+}
+
+/// What is shown otherwise than the script has it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ViewOverrides {
+    /// Actors that are not seen.
+    pub hidden: Vec<usize>,
+    /// Actor that is drawn with an outline.
+    pub outlined: Option<usize>,
+    /// As if it stood here: world-from-model, while it is being dragged.
+    pub moved: Option<(usize, DAffine3)>,
+}
+
+/// Pixels of the line around what is selected, and its color, linear.
+const OUTLINE: [(&str, f64); 4] = [("width", 2.5), ("color_r", 1.0), ("color_g", 0.3), ("color_b", 0.04)];
+
+/// The evaluators of the scene that is shown, one a camera.
+#[derive(Default)]
+pub struct ViewEvaluators {
+    scene: Option<Arc<Scene>>,
+    own: Option<Evaluator>,
+    /// The stage with one camera on all the time.
+    cameras: BTreeMap<usize, Evaluator>,
+    /// The stage with an outline around one actor.
+    outlined: Option<(usize, Arc<Stage>)>,
+}
+
+impl ViewEvaluators {
+    pub fn at(&mut self, request: &FrameRequest, time: Time) -> Result<Snapshot, String> {
+        let FrameRequest { scene, camera, overrides, .. } = request;
+        self.set_scene(scene);
+        let mut snapshot = match camera {
+            ViewportCamera::Camera(camera) if *camera < scene.stage.cameras.len() => {
+                let of_camera = self.cameras.entry(*camera).or_insert_with(|| {
+                    let cuts = vec![Cut { at: Time::ZERO, camera: *camera }];
+                    Evaluator::new(Arc::new(Stage { cuts, ..(*scene.stage).clone() }))
+                });
+                of_camera.at(time)
+            }
+            _ => self.own.get_or_insert_with(|| scene.evaluator.clone()).at(time),
+        }
+        .map_err(|e| e.to_string())?;
+        match camera {
+            ViewportCamera::Free(camera) => snapshot.camera = *camera,
+            ViewportCamera::Following { actor, camera } => {
+                let at = snapshot.actors.get(*actor).map_or(DVec3::ZERO, |a| a.world_from_model.translation);
+                snapshot.camera = *camera;
+                snapshot.camera.world_from_view.translation += at;
+            }
+            ViewportCamera::Script | ViewportCamera::Camera(_) => {}
+        }
+        for hidden in &overrides.hidden {
+            if let Some(actor) = snapshot.actors.get_mut(*hidden) {
+                actor.visible = false;
+            }
+        }
+        if let Some((moved, world_from_model)) = overrides.moved
+            && let Some(actor) = snapshot.actors.get_mut(moved)
+        {
+            actor.world_from_model = world_from_model;
+        }
+        if self.outline(request).is_some() {
+            let parameters = OUTLINE.map(|(name, value)| (name.to_string(), value)).to_vec();
+            snapshot.effects.push(EffectState { effect: scene.stage.effects.len(), parameters });
+        }
+        Ok(snapshot)
+    }
+
+    /// The stage with what the view overrides add to it.
+    pub fn stage(&mut self, request: &FrameRequest) -> Arc<Stage> {
+        self.set_scene(&request.scene);
+        self.outline(request).unwrap_or_else(|| request.scene.stage.clone())
+    }
+
+    fn set_scene(&mut self, scene: &Arc<Scene>) {
+        if self.scene.as_ref().is_none_or(|s| !Arc::ptr_eq(s, scene)) {
+            *self = ViewEvaluators { scene: Some(scene.clone()), ..ViewEvaluators::default() };
+        }
+    }
+
+    /// The stage with the outline, where there is one to draw.
+    fn outline(&mut self, request: &FrameRequest) -> Option<Arc<Stage>> {
+        let scene = &request.scene;
+        let actor = request.overrides.outlined.filter(|a| *a < scene.stage.actors.len())?;
+        scene.registry.effect("outline")?;
+        if self.outlined.as_ref().is_none_or(|(of, _)| *of != actor) {
+            let mut stage = (*scene.stage).clone();
+            stage.effects.push(EffectUse {
+                plugin: "outline".into(),
+                parameters: Vec::new(),
+                keys: Vec::new(),
+                start: Time::ZERO,
+                end: None,
+                on: vec![EffectTarget { actor, material: None }],
+                cameras: Vec::new(),
+            });
+            self.outlined = Some((actor, Arc::new(stage)));
+        }
+        self.outlined.as_ref().map(|(_, stage)| stage.clone())
+    }
+}

@@ -1,0 +1,30 @@
+//! Reasons for which an expectation cannot be judged.
+
+use super::looks::MOST;
+use choreo_script::Diagnostic;
+use choreo_script::testing::TimeUsedUp;
+use choreo_stage::StageError;
+
+#[derive(Debug, thiserror::Error)]
+pub enum Unjudged {
+    #[error("no such {0}")]
+    Missing(&'static str),
+    /// A callback of the stage failed, for example.
+    #[error(transparent)]
+    Stage(#[from] StageError),
+    /// The test's own function of time failed.
+    #[error("{0}")]
+    Formula(Diagnostic),
+    #[error(transparent)]
+    Timeout(#[from] TimeUsedUp),
+    #[error("judging this section takes longer than {0} s: look at less, or raise --limit seconds=NUMBER")]
+    TooLong(f64),
+    #[error("this would take {0} looks, {MOST} are allowed: use .during or a longer .every")]
+    TooManyLooks(i64),
+    #[error(
+        "the span holds {found} looks, {needed} are needed: make it longer, or look more often with .every(seconds)"
+    )]
+    TooFewLooks { found: usize, needed: usize },
+    #[error("a hidden actor has no pose, at {0}")]
+    HiddenActor(String),
+}

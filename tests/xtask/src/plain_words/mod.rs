@@ -1,0 +1,212 @@
+//! Plain words: documentation, help, messages, lessons and comments use the terms of the field (`words.txt`), and doc comments are
+//! sentences or noun phrases. `cargo xtask words` prints what is left; a test fails for each.
+
+mod source;
+
+use source::{Kind, Text, texts_of_rust};
+use std::path::Path;
+use std::process::Command;
+
+/// Words that no doc comment begins with: what follows them is a fragment.
+const PREPOSITIONS: &[&str] = &[
+    "Of", "In", "Into", "By", "For", "From", "With", "Without", "At", "On", "Onto", "To", "Over", "Under",
+    "Among", "Between", "Through", "Beside", "Where",
+];
+
+/// A line of `words.txt`.
+struct Rule {
+    word: String,
+    replacement: String,
+    allowed: Vec<String>,
+}
+
+impl Rule {
+    fn all() -> Vec<Rule> {
+        let rows = include_str!("words.txt").lines().filter(|row| !row.is_empty() && !row.starts_with('#'));
+        rows.map(|row| {
+            let mut parts = row.split(" = ").map(str::trim);
+            let mut next = || parts.next().unwrap_or_default().to_string();
+            let (word, replacement, allowed) = (next(), next(), next());
+            let allowed = allowed.split(", ").filter(|p| !p.is_empty()).map(str::to_string).collect();
+            Rule { word, replacement, allowed }
+        })
+        .collect()
+    }
+
+    /// Where the word stands in a text of lower-case letters, as a byte offset.
+    fn find(&self, text: &str) -> Option<usize> {
+        let (word, any_ending) = match self.word.strip_suffix('*') {
+            Some(stem) => (stem, true),
+            None => (self.word.as_str(), false),
+        };
+        let is_letter = |c: char| c.is_alphanumeric() || c == '_' || c == '-';
+        let whole = |at: usize| {
+            let (before, after) = (&text[..at], &text[at + word.len()..]);
+            !before.ends_with(is_letter) && (any_ending || !after.starts_with(is_letter))
+        };
+        let allowed = |at: usize| {
+            self.allowed.iter().any(|phrase| {
+                phrase.match_indices(word).any(|(inside, _)| {
+                    at.checked_sub(inside)
+                        .and_then(|from| text.get(from..))
+                        .is_some_and(|t| t.starts_with(phrase.as_str()))
+                })
+            })
+        };
+        text.match_indices(word).map(|(at, _)| at).find(|at| whole(*at) && !allowed(*at))
+    }
+}
+
+/// What is wrong in one text, as `file:line: message`.
+fn problems(path: &str, text: &Text, rules: &[Rule]) -> Vec<String> {
+    let lower = without_code(&text.words).to_lowercase();
+    let banned = rules.iter().filter_map(|rule| {
+        let line = text.line + lower[..rule.find(&lower)?].matches('\n').count();
+        Some(format!("{path}:{line}: \"{}\": write {}", rule.word.trim_end_matches('*'), rule.replacement))
+    });
+    let mut words = text.words.split_whitespace();
+    let (first, second) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
+    // "At least one", "At most N" are subjects.
+    let is_quantity = first == "At" && ["least", "most"].contains(&second);
+    let fragment = text.kind == Kind::Doc && PREPOSITIONS.contains(&first) && !is_quantity;
+    let fragment = fragment.then(|| {
+        format!(
+            "{path}:{}: a doc comment begins with \"{first}\": begin with what the thing is or does",
+            text.line
+        )
+    });
+    banned.chain(fragment).collect()
+}
+
+/// The text with spaces in place of what stands between backticks, of link targets and of names with `_` or `::`.
+fn without_code(text: &str) -> String {
+    let mut plain = String::with_capacity(text.len());
+    let mut code = false;
+    let mut target = false;
+    for (at, c) in text.char_indices() {
+        match c {
+            '`' => code = !code,
+            '(' if text[..at].ends_with(']') => target = true,
+            ')' => target = false,
+            _ => {}
+        }
+        // A blank line ends a paragraph, and what was left open in it.
+        code &= !text[..at].ends_with("\n\n");
+        plain.push(if (code || target) && c != '\n' { ' ' } else { c });
+    }
+    plain.split_inclusive([' ', '\n']).map(blank_names).collect()
+}
+
+fn blank_names(word: &str) -> String {
+    let is_name = word.contains('_')
+        || word.contains("::")
+        || word.contains("](")
+        || word.contains("/") && word.contains('.');
+    match is_name {
+        true => word.chars().map(|c| if c == '\n' { c } else { ' ' }).collect(),
+        false => word.to_string(),
+    }
+}
+
+/// The texts of a file that people read.
+fn texts(path: &str, content: &str) -> Vec<Text> {
+    let end = path.rsplit('.').next().unwrap_or_default();
+    match end {
+        "rs" => texts_of_rust(content),
+        "md" => source::texts_of_markdown(content),
+        "rhai" | "wgsl" => source::texts_of_comments(content),
+        _ => Vec::new(),
+    }
+}
+
+/// Files of the repository whose texts are checked: no tests, and not this one's own list.
+fn is_checked(path: &str) -> bool {
+    let in_tests = path.starts_with("tests/") && !path.ends_with(".md")
+        || path.contains("/tests/")
+        || path.contains("/tests.rs");
+    let scripts = path.starts_with("scripts/") || path.starts_with("shaders/");
+    let code = (path.starts_with("core/") || path.starts_with("plugins/")) && !in_tests;
+    code || scripts || path.ends_with(".md")
+}
+
+/// All problems of the repository's files.
+pub fn all_problems(root: &Path) -> Result<Vec<String>, String> {
+    let listed = Command::new("git")
+        .args(["ls-files"])
+        .current_dir(root)
+        .output()
+        .map_err(|e| format!("git ls-files: {e}"))?;
+    let rules = Rule::all();
+    let mut found = Vec::new();
+    for path in String::from_utf8_lossy(&listed.stdout).lines().filter(|path| is_checked(path)) {
+        // A file that is listed and deleted is on its way out.
+        let Ok(content) = std::fs::read_to_string(root.join(path)) else { continue };
+        found.extend(texts(path, &content).iter().flat_map(|text| problems(path, text, &rules)));
+    }
+    Ok(found)
+}
+
+/// `cargo xtask words`.
+pub fn words() -> Result<(), String> {
+    let found = all_problems(&crate::root())?;
+    found.iter().for_each(|problem| println!("{problem}"));
+    match found.len() {
+        0 => Ok(()),
+        count => Err(format!("{count} texts use words that words.txt replaces")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found(path: &str, content: &str) -> Vec<String> {
+        let rules = Rule::all();
+        texts(path, content).iter().flat_map(|text| problems(path, text, &rules)).collect()
+    }
+
+    #[test]
+    fn the_repository_uses_the_terms_of_the_field() {
+        let problems = all_problems(&crate::root()).unwrap();
+        assert!(problems.is_empty(), "{} problems:\n{}", problems.len(), problems.join("\n"));
+    }
+
+    #[test]
+    fn planted_words_are_found_with_place_and_replacement() {
+        let source =
+            "/// Renders the twin.\npub fn f() {\n    // The shelf.\n    error(\"no bodies here\");\n}\n";
+        let expected = [
+            "a.rs:1: \"twin\": write CPU reference",
+            "a.rs:3: \"shelf\": write visibility",
+            "a.rs:4: \"bodies\": write characters, meshes or models",
+        ];
+        assert_eq!(found("a.rs", source), expected);
+        assert_eq!(
+            found("README.md", "Text.\nSo many\nlines."),
+            ["README.md:2: \"so many\": write N, or the number itself"]
+        );
+        assert_eq!(found("a.rhai", "let a = 1; // posed once\n").len(), 1);
+    }
+
+    #[test]
+    fn code_names_tests_and_allowed_phrases_are_left_alone() {
+        let source =
+            "/// The corners of the image; `twin`; cpu_twin; Twin::new.\nfn f() { g(\"twin\", 'x'); }\n";
+        assert_eq!(found("a.rs", source), Vec::<String>::new());
+        assert_eq!(
+            found("a.rs", "#[cfg(test)]\nmod tests {\n    /// A twin.\n    fn f() {}\n}\n"),
+            Vec::<String>::new()
+        );
+        assert_eq!(found("a.rs", "/// The corners of a triangle.\nfn f() {}\n").len(), 2);
+    }
+
+    #[test]
+    fn a_doc_comment_that_begins_with_a_preposition_is_found() {
+        let message = "a.rs:2: a doc comment begins with \"Of\": begin with what the thing is or does";
+        assert_eq!(found("a.rs", "\n/// Of a mesh.\n/// In a scene.\nstruct S;\n"), [message]);
+        assert_eq!(
+            found("a.rs", "/// Vertices of a mesh.\n///\n/// In a scene.\nstruct S;\n"),
+            Vec::<String>::new()
+        );
+    }
+}
