@@ -6,6 +6,7 @@ use crate::build::{CameraDraft, room};
 use crate::call::{ApiError, Call, Reply, api, unknown};
 use crate::hook;
 use crate::value::{ActorRef, CameraRef};
+use choreo_asset::Asset;
 use choreo_motion::Time;
 use choreo_stage::{Camera, Property, Rig};
 use glam::{DQuat, DVec3};

@@ -6,6 +6,7 @@ use crate::diagnostic::Severity;
 use crate::limits::raise_hint;
 use crate::suggest::list;
 use crate::value::{AssetRef, ClipRef};
+use choreo_asset::Asset;
 use choreo_motion::Clip;
 use choreo_motion::retarget::{
     Coverage, Retarget, RetargetOptions as Fit, RetargetReport, Translations, bind_or_retarget,

@@ -5,6 +5,7 @@ use super::clip::made;
 use super::keys;
 use crate::call::{ApiError, Call, Reply, api, point};
 use crate::value::ClipRef;
+use choreo_asset::Asset;
 use choreo_motion::edit::reduce::KeptTimes;
 use choreo_motion::{Clip, Curve, FrameRate, Interpolation, Offset, Path, Pose, Sample, Time};
 use choreo_stage::{Channel, Placement, Property, Reference};

@@ -6,6 +6,7 @@ use crate::call::{ApiError, Call, Options, Reply, api, describe, unknown};
 use crate::hook;
 use crate::suggest::list;
 use crate::value::{ActorRef, CameraRef, EffectRef};
+use choreo_asset::Asset;
 use choreo_plugin::{Effect, Hook, OptionKind, OptionSpec};
 use choreo_stage::{Channel, EffectEdit, EffectTarget, EffectUse, Property};
 use rhai::Dynamic;

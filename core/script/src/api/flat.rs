@@ -7,6 +7,7 @@ use crate::call::{ApiError, Call, Options, Reply, api, fields};
 use crate::hook;
 use crate::load::from_load;
 use crate::value::{FlatRef, ImageRef};
+use choreo_asset::Image;
 use choreo_importer_kit::pictures::{Encoded, Formats};
 use choreo_stage::{Align, Fit, Flat, FlatContent, FlatEdit, Font};
 use glam::{DVec2, Vec4};
@@ -58,7 +59,7 @@ const METHODS: [&str; 5] = ["scale", "from", "until", "fade", "under"];
 
 /// The options of a 2D layer: those of all, and more.
 fn known<'a>(flat: &Flat, more: &[&'a str]) -> Vec<&'a str> {
-    [&fields::names(flat, &METHODS), &["anchor"], more].concat()
+    [&fields::names(flat, &METHODS)[..], &["anchor"], more].concat()
 }
 
 /// A 2D layer as it is without options.

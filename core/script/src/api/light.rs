@@ -79,7 +79,7 @@ fn options(c: &Call, light: &StageLight) -> Result<Options, ApiError> {
         LightKind::Point => &["attenuation", "shadow", "name"],
         LightKind::Spot { .. } => &["look_at", "attenuation", "shadow", "name"],
     };
-    c.options(0, &[&fields::names(light, without(light)), more].concat())
+    c.options(0, &[&fields::names(light, without(light))[..], more].concat())
 }
 
 /// Adds a light with its options to the stage.
