@@ -185,7 +185,7 @@ pub struct Build {
     /// Clips bound to another skeleton, by the addresses of clip and asset.
     pub bound: BTreeMap<(usize, usize), Bound>,
     pub shapes: BTreeMap<String, Arc<Asset>>,
-    pub made: crate::made::Made,
+    pub made: crate::procedural::Made,
     /// Stage time of the start of what is being performed.
     pub offset: Time,
     /// Notes by the address of the clip, which is kept alive.

@@ -4,7 +4,7 @@
 //! wrong name is one message and the script goes on to its next mistake.
 
 use crate::load::Load;
-pub use crate::made::ImageRef;
+pub use crate::procedural::ImageRef;
 use crate::testing::{ExpectRef, PlanOptions};
 use choreo_asset::Asset;
 use choreo_motion::Clip;

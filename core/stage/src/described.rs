@@ -101,6 +101,17 @@ impl<T> Field<T> {
         })
     }
 
+    /// Its value with the unit.
+    pub fn shown_with_unit(&self, of: &T) -> Option<String> {
+        let shown = self.shown(of)?;
+        Some(match self.of_type {
+            FieldType::Number(.., unit) if !unit.is_empty() => format!("{shown} {unit}"),
+            FieldType::Degrees(..) => format!("{shown}°"),
+            FieldType::Duration | FieldType::Time => format!("{shown} s"),
+            _ => shown,
+        })
+    }
+
     fn problem(&self, of: &T) -> Option<String> {
         let name = self.name;
         match ((self.get)(of), self.of_type) {
@@ -210,7 +221,7 @@ impl<T: Holds + Default> Holds for Option<T> {
 /// ```text
 /// described! {
 ///     /// A light of the stage.
-///     pub struct StageLight(name: String, light: Light) {
+///     pub struct StageLight(name: String => str, light: Light) {
 ///         /// Where it stands.
 ///         position: DVec3 = DVec3::ZERO;
 ///     }
@@ -220,13 +231,13 @@ impl<T: Holds + Default> Holds for Option<T> {
 ///     }
 /// }
 /// ```
-/// Members in parentheses are arguments of `new`; the others have a default there. The content hash is made of all members in
+/// Members in parentheses are arguments of `new`, which takes `&str` for `String => str`; the others have a default there. The content hash is made of all members in
 /// this order, each by [`Hashed`](crate::hash::Hashed) or by the function after `hash`. A field is a member, or a member of a
 /// member; `get` and `set` reach what is neither, and `lacks` tells why some do not have it.
 macro_rules! described {
     (
         $(#[$attr:meta])*
-        pub struct $name:ident ($($(#[$required_attr:meta])* $required:ident: $required_ty:ty),* $(,)?) {
+        pub struct $name:ident ($($(#[$required_attr:meta])* $required:ident: $required_ty:ty $(=> $from:ty)?),* $(,)?) {
             $($(#[$member_attr:meta])* $member:ident: $ty:ty = $default:expr $(, hash $hash:expr)?;)*
         }
         $(fields { $($fields:tt)* })?
@@ -239,8 +250,8 @@ macro_rules! described {
 
         impl $name {
             /// All else as by default.
-            pub fn new($($required: impl Into<$required_ty>),*) -> $name {
-                $(let $required: $required_ty = $required.into();)*
+            pub fn new($($required: $crate::described::described!(@from $required_ty $(, $from)?)),*) -> $name {
+                $($(let $required = <$from>::to_owned($required);)?)*
                 $(let $member: $ty = $default;)*
                 $name { $($required,)* $($member),* }
             }
@@ -279,6 +290,8 @@ macro_rules! described {
 
         $($crate::described::fields! { $name { $($fields)* } })?
     };
+    (@from $ty:ty) => { $ty };
+    (@from $ty:ty, $from:ty) => { &$from };
     (@hash $member:expr, $w:ident) => { $crate::hash::Hashed::hash(&$member, $w) };
     (@hash $member:expr, $w:ident, $hash:expr) => { $hash($w, &$member) };
 }

@@ -1,7 +1,7 @@
 //! Actors: assets on stage, their transforms, parents, morph targets, keyframes and clips.
 
 pub use super::joint::find_joint;
-pub use super::look::before_start;
+pub use super::look_at::before_start;
 use super::{expression, keys};
 use crate::build::{ActorDraft, Chain, CueDraft, room};
 use crate::call::{ApiError, Call, Reply, api, number_in, rgb, unknown};

@@ -1,7 +1,7 @@
 //! The comparisons that end an `expect(…)`: each is recorded with its place and judged when the stage is finished.
 
 use super::expect::{camera_subject, contact, subject};
-use super::goals::{events, formula, rotation_goal, tolerance};
+use super::expected_values::{events, formula, rotation_goal, tolerance};
 use super::test::record;
 use super::values::value;
 use crate::call::{ApiError, Call, Reply, api, numbers, point};

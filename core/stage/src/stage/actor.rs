@@ -18,7 +18,7 @@ described! {
     /// An asset on stage, by default at the origin, at rest; the spring bones of its file swing. The index in `Stage::actors` is
     /// its id; parents may come later than children.
     #[derive(Clone, Debug)]
-    pub struct Actor(name: String, asset: Arc<Asset>) {
+    pub struct Actor(name: String => str, asset: Arc<Asset>) {
         transform: Placement = Placement::default();
         parent: Option<Attachment> = None;
         /// Turned about its parent's +Y so that +Z points to where this actor stands; its own rotation comes first.

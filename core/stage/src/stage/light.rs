@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 described! {
     /// A light of the stage. By default it stands at the origin and shines downwards, without a shadow.
     #[derive(Clone, Debug, PartialEq)]
-    pub struct StageLight(name: String, light: Light) {
+    pub struct StageLight(name: String => str, light: Light) {
         position: DVec3 = DVec3::ZERO;
         /// Unit vector along which the light shines (directional and spot).
         direction: Vec3 = Vec3::NEG_Y;

@@ -1,7 +1,7 @@
 //! Constraints: inverse kinematics (reach), aim, foot locking, mirroring, joint limits; and spring bones.
 
 use super::actor::{before_start, find_joint, radians};
-use super::swing::{collider, spring, springs, wind};
+use super::spring_bones::{collider, spring, springs, wind};
 use crate::build::room;
 use crate::call::{ApiError, Call, Options, Reply, api, text};
 use crate::suggest::list;

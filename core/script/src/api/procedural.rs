@@ -1,7 +1,7 @@
 //! Procedural assets: `shape`, `mesh`, `lines`, `points`, `image`, instancing and textures.
 
 use crate::call::{Call, Reply, api};
-use crate::made;
+use crate::procedural;
 use crate::value::AssetRef;
 use choreo_asset::{Asset, Topology};
 use rhai::Dynamic;
@@ -69,7 +69,7 @@ api! {
     ///   all of them, whatever clips it plays. Actor.count sets how many of them exist.
     /// - Level of detail (LOD): meshes with 64 copies or more on stage get simplified versions; small copies are
     ///   drawn with the coarsest one whose error is at most one pixel.
-    Asset.repeat("places") -> Asset = crate::made::repeat;
+    Asset.repeat("places") -> Asset = crate::procedural::repeat;
     /// Returns the names of the materials.
     Asset.materials("") -> "array of texts" = materials;
     /// Returns the asset with another texture on the material of that name: an Image, or a texture animation (an
@@ -79,7 +79,7 @@ api! {
     ///   Blinn–Phong materials also "reflection".
     /// - Options: fps (of a texture animation, 0 to 1000, default 12), once (true: stops at the last frame), uv_set
     ///   (1: uses the second set of texture coordinates).
-    Asset.texture("material, slot, image, options?") -> Asset = crate::made::texture;
+    Asset.texture("material, slot, image, options?") -> Asset = crate::procedural::texture;
     /// Makes an image for textures and 2D layers. File: PNG, JPEG, WebP, BMP or TGA. An image sequence has a # for
     /// each digit of the number ("smoke_###.png"); only the images that are visible are kept in memory.
     /// - Pixels: rows from the top, in an array or a blob; each pixel is a color, or 1, 3 or 4 numbers from 0 to
@@ -101,21 +101,21 @@ fn made(c: &Call, asset: Arc<Asset>) -> Reply {
 }
 
 fn shape(c: &mut Call) -> Reply {
-    made(c, made::shape(c)?)
+    made(c, procedural::shape(c)?)
 }
 
 fn mesh(c: &mut Call) -> Reply {
-    made(c, made::mesh(c, Topology::Triangles)?)
+    made(c, procedural::mesh(c, Topology::Triangles)?)
 }
 
 fn lines(c: &mut Call) -> Reply {
-    made(c, made::mesh(c, Topology::Lines)?)
+    made(c, procedural::mesh(c, Topology::Lines)?)
 }
 
 fn points(c: &mut Call) -> Reply {
-    made(c, made::mesh(c, Topology::Points)?)
+    made(c, procedural::mesh(c, Topology::Points)?)
 }
 
 fn image(c: &mut Call) -> Reply {
-    Ok(Dynamic::from(made::image(c)?))
+    Ok(Dynamic::from(procedural::image(c)?))
 }

@@ -5,10 +5,10 @@ use crate::api::camera::{DEFAULT_AZIMUTH, DEFAULT_ELEVATION};
 use crate::api::cue;
 use crate::build::{ActorDraft, Build, CameraDraft, CueDraft, RootUse, Shared};
 use crate::call::{ApiError, Place};
+use crate::clip_analysis::{Found, in_step, root};
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::hook::{HookDraft, ScriptHook};
 use crate::lint::{ClipMarkers, Places};
-use crate::motion::{Found, in_step, root};
 use choreo_asset::Projection;
 use choreo_motion::{Clip, Time};
 use choreo_stage::{
@@ -25,7 +25,7 @@ type Notes = Vec<(Severity, Place, ApiError)>;
 /// Empties the build into a stage, and where its things were made; what is wrong is noted among the build's diagnostics.
 ///
 /// `identity`: of the script that a callback is in, with its parameters and files.
-pub fn finish(
+pub fn resolve(
     shared: &Arc<Shared>,
     engine: &Arc<Engine>,
     identity: &dyn Fn(&Place) -> String,
@@ -379,9 +379,9 @@ fn plant_in_step(build: &mut Build, matched: Vec<InStep>) {
             // Planted as the script says, or by an earlier fade.
             Some(only) => only.extend((!only.is_empty()).then_some(span)),
             None if carried || keyed || actor.walk.is_some() => {
-                let legs = crate::api::body::legs(&actor.asset);
+                let legs = crate::api::constraints::legs(&actor.asset);
                 if !legs.is_empty() {
-                    let hips = crate::api::body::hips(&actor.asset, &legs);
+                    let hips = crate::api::constraints::hips(&actor.asset, &legs);
                     let plant = Plant { legs, hips, ground: Vec::new(), only: vec![span] };
                     actor.goals.push(Goal::new(GoalKind::Plant(plant)));
                 }
