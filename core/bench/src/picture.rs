@@ -3,7 +3,7 @@
 use choreo_motion::Time;
 use choreo_plugin::{Effect, Frame};
 use choreo_render::scene_resources::mipmap::{linear_to_srgb8, srgb_to_linear_table};
-use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, RenderError, Renderer};
+use choreo_render::{CpuRenderer, Plan, PlanOptions, RenderError, Renderer, SceneResources};
 use choreo_stage::{Snapshot, Stage, StageError};
 use std::sync::Arc;
 
@@ -14,19 +14,19 @@ pub const FINER: u32 = 4;
 pub struct Moment {
     pub stage: Arc<Stage>,
     pub snapshot: Snapshot,
-    pub catalog: Arc<Catalog>,
+    pub resources: Arc<SceneResources>,
     pub effects: Vec<Arc<dyn Effect>>,
 }
 
 impl Moment {
     pub fn new(stage: &Arc<Stage>, at: Time, effects: &[Arc<dyn Effect>]) -> Result<Moment, StageError> {
-        let catalog = Arc::new(Catalog::new(stage));
-        Ok(Moment { snapshot: stage.at(at)?, stage: stage.clone(), catalog, effects: effects.to_vec() })
+        let resources = Arc::new(SceneResources::new(stage));
+        Ok(Moment { snapshot: stage.at(at)?, stage: stage.clone(), resources, effects: effects.to_vec() })
     }
 
     pub fn plan(&self, size: [u32; 2], samples: u32) -> Plan {
         let options = PlanOptions { effects: &self.effects, ..PlanOptions::new(size, samples) };
-        Plan::new(&self.catalog, &self.stage, &self.snapshot, &options)
+        Plan::new(&self.resources, &self.stage, &self.snapshot, &options)
     }
 
     /// Draws a frame by a renderer that has loaded the scene resources.
@@ -44,7 +44,7 @@ impl Moment {
     /// averaged in linear light.
     pub fn supersampled(&self, size: [u32; 2]) -> Result<Frame, RenderError> {
         let mut renderer = CpuRenderer::new(&self.effects);
-        renderer.load(self.catalog.clone())?;
+        renderer.load(self.resources.clone())?;
         let large = self.draw(&mut renderer, size.map(|n| n * FINER), 4)?;
         Ok(averaged(&large, FINER))
     }

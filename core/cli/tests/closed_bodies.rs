@@ -6,7 +6,7 @@ mod common;
 use choreo_asset::*;
 use choreo_motion::Time;
 use choreo_plugin::{Frame, Needs, Registry};
-use choreo_render::{Catalog, GpuOptions, Plan, PlanOptions, RenderError, Renderer, VulkanRenderer};
+use choreo_render::{GpuOptions, Plan, PlanOptions, RenderError, Renderer, SceneResources, VulkanRenderer};
 use choreo_script::{Limits, Loader};
 use choreo_stage::*;
 use glam::{Affine3A, Vec4};
@@ -110,14 +110,14 @@ fn bodies_that_bend_have_no_holes() {
     for name in FILES {
         let asset = load(&folder, name, &registry);
         let (stage, poses) = poses(&asset);
-        let catalog = Arc::new(Catalog::new(&stage));
-        renderer.load(catalog.clone()).unwrap();
+        let resources = Arc::new(SceneResources::new(&stage));
+        renderer.load(resources.clone()).unwrap();
         let (mut closed, mut worst_lost, mut shares) = (0, 0, Vec::new());
         for pose in &poses {
-            let plan = Plan::new(&catalog, &stage, pose, &PlanOptions::new(SIZE, 1));
-            closed = closed.max(plan.draws.iter().map(|d| d.closed / 3).sum());
+            let plan = Plan::new(&resources, &stage, pose, &PlanOptions::new(SIZE, 1));
+            closed = closed.max(plan.draws.iter().map(|d| d.watertight / 3).sum());
             let mut both = plan.clone();
-            both.draws.iter_mut().for_each(|d| d.closed = 0);
+            both.draws.iter_mut().for_each(|d| d.watertight = 0);
             let mut draw = |plan: Plan| {
                 renderer.submit(plan).unwrap();
                 renderer.collect(None).unwrap()

@@ -6,9 +6,9 @@ use choreo_image_diff::compare;
 use choreo_motion::Time;
 use choreo_plugin::{Frame, Registry};
 use choreo_render::commands::{RecordOptions, Recording, record};
-use choreo_render::explain::{Kind, Part, explain};
+use choreo_render::explain::{self, CostKind, explain};
 use choreo_render::{
-    Catalog, CpuRenderer, GpuOptions, Plan, PlanOptions, RenderError, Renderer, VulkanRenderer,
+    CpuRenderer, GpuOptions, Plan, PlanOptions, RenderError, Renderer, SceneResources, VulkanRenderer,
 };
 use choreo_script::{ScriptOptions, run_text};
 use choreo_stage::Stage;
@@ -46,19 +46,19 @@ struct Cost {
 }
 
 impl Cost {
-    fn of(recording: &Recording, parts: &[Part]) -> Cost {
+    fn of(recording: &Recording, parts: &[explain::Cost]) -> Cost {
         let counts = recording.counts();
-        let bytes = |kinds: &[Kind]| {
+        let bytes = |kinds: &[CostKind]| {
             parts.iter().filter(|p| kinds.contains(&p.kind)).filter_map(|p| p.bytes).sum::<u64>()
         };
         Cost {
             commands: recording.commands.len(),
             passes: counts.passes + counts.post_passes,
             draws: counts.draws,
-            pipelines: parts.iter().filter(|p| p.kind == Kind::Pipeline).count(),
-            frame_bytes: bytes(&[Kind::FrameData]),
-            resource_bytes: bytes(&[Kind::Mesh, Kind::Material, Kind::Texture]),
-            target_bytes: bytes(&[Kind::Target]),
+            pipelines: parts.iter().filter(|p| p.kind == CostKind::Pipeline).count(),
+            frame_bytes: bytes(&[CostKind::FrameData]),
+            resource_bytes: bytes(&[CostKind::Mesh, CostKind::Material, CostKind::Texture]),
+            target_bytes: bytes(&[CostKind::Target]),
         }
     }
 
@@ -214,30 +214,30 @@ fn stage(index: usize, registry: &Registry) -> Stage {
 /// A frame of a rung, ready to be drawn.
 struct Scene {
     stage: Stage,
-    catalog: Arc<Catalog>,
+    resources: Arc<SceneResources>,
 }
 
 impl Scene {
     fn new(index: usize, registry: &Registry) -> Scene {
         let stage = stage(index, registry);
-        let catalog = Arc::new(Catalog::new(&stage));
-        Scene { stage, catalog }
+        let resources = Arc::new(SceneResources::new(&stage));
+        Scene { stage, resources }
     }
 
     fn plan(&self, options: &PlanOptions) -> Plan {
         let snapshot = self.stage.at(Time::from_secs(0.5)).unwrap();
-        Plan::new(&self.catalog, &self.stage, &snapshot, options)
+        Plan::new(&self.resources, &self.stage, &snapshot, options)
     }
 
-    fn parts(&self, plan: &Plan) -> (Recording, Vec<Part>) {
-        let triangles = |p: u32| self.catalog.primitives[p as usize].primitive().indices.len() / 3;
+    fn parts(&self, plan: &Plan) -> (Recording, Vec<explain::Cost>) {
+        let triangles = |p: u32| self.resources.primitives[p as usize].primitive().indices.len() / 3;
         let recording = record(plan, RecordOptions::default(), triangles);
-        let parts = explain(&self.catalog, plan, &recording);
+        let parts = explain(&self.resources, plan, &recording);
         (recording, parts)
     }
 
     fn draw(&self, renderer: &mut dyn Renderer, options: &PlanOptions) -> Frame {
-        renderer.load(self.catalog.clone()).unwrap();
+        renderer.load(self.resources.clone()).unwrap();
         renderer.submit(self.plan(options)).unwrap();
         renderer.collect(None).unwrap()
     }
@@ -248,13 +248,14 @@ fn options<'a>(index: usize, registry: &'a Registry) -> PlanOptions<'a> {
 }
 
 /// Names of the parts of a kind, without how many of them there are.
-fn names(parts: &[Part], kind: Kind) -> BTreeSet<String> {
-    let name = |p: &Part| p.what.trim_start_matches(|c: char| c.is_ascii_digit() || c == ' ').to_owned();
+fn names(parts: &[explain::Cost], kind: CostKind) -> BTreeSet<String> {
+    let name =
+        |p: &explain::Cost| p.what.trim_start_matches(|c: char| c.is_ascii_digit() || c == ' ').to_owned();
     parts.iter().filter(|p| p.kind == kind).map(name).collect()
 }
 
 /// What a rung has that neither it nor one below it asked for, and what it lacks.
-fn faults(index: usize, recording: &Recording, parts: &[Part]) -> Vec<String> {
+fn faults(index: usize, recording: &Recording, parts: &[explain::Cost]) -> Vec<String> {
     let mut faults = Vec::new();
     let rungs = &LADDER[..=index];
     let asked = |of: fn(&Rung) -> &'static [&'static str]| -> BTreeSet<String> {
@@ -262,7 +263,9 @@ fn faults(index: usize, recording: &Recording, parts: &[Part]) -> Vec<String> {
         let names = rungs.iter().flat_map(&of).filter(|name| !gone.contains(*name));
         names.map(|name| name.to_string()).collect()
     };
-    for (kind, wanted) in [(Kind::Feature, asked(|r| r.features)), (Kind::FrameData, asked(|r| r.data))] {
+    for (kind, wanted) in
+        [(CostKind::Feature, asked(|r| r.features)), (CostKind::FrameData, asked(|r| r.data))]
+    {
         let found = names(parts, kind);
         faults.extend(found.difference(&wanted).map(|n| format!("pays for {} {n}", kind.word())));
         faults.extend(wanted.difference(&found).map(|n| format!("lacks {} {n}", kind.word())));
@@ -368,7 +371,7 @@ fn shaders_are_compiled_once() {
     let mut before = 0;
     for (index, rung) in LADDER.iter().enumerate() {
         let (scene, usual) = (Scene::new(index, &registry), options(index, &registry));
-        let new = BTreeSet::from_iter(names(&scene.parts(&scene.plan(&usual)).1, Kind::Pipeline));
+        let new = BTreeSet::from_iter(names(&scene.parts(&scene.plan(&usual)).1, CostKind::Pipeline));
         scene.draw(&mut vulkan, &usual);
         let made = vulkan.pipeline_count();
         println!("{:<34} {} compiled", rung.name, made - before);

@@ -10,7 +10,7 @@ mod unhurried;
 
 use choreo_motion::{Level, LocalToModel, Pose, Sample, Time};
 use choreo_plugin::{Files, Importer, Needs, Registry, Source};
-use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
+use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
 use choreo_script::run_file;
 use choreo_stage::Evaluator;
 use std::path::{Path, PathBuf};
@@ -59,15 +59,15 @@ fn pictures(name: &str, secs: &[f64]) -> String {
     let mut stage =
         run_file(&root().join("scripts").join(name), &registry, &unhurried::unhurried()).unwrap().stage;
     stage.settings.size = [160, 90];
-    let catalog = Arc::new(Catalog::new(&stage));
+    let resources = Arc::new(SceneResources::new(&stage));
     let mut renderer = CpuRenderer::new(registry.effects());
-    renderer.load(catalog.clone()).unwrap();
+    renderer.load(resources.clone()).unwrap();
     let mut evaluator = Evaluator::new(Arc::new(stage));
     let options = PlanOptions { effects: registry.effects(), ..PlanOptions::new([160, 90], 4) };
     let mut hasher = blake3::Hasher::new();
     for secs in secs {
         let snapshot = evaluator.at(Time::from_secs(*secs)).unwrap();
-        renderer.submit(Plan::new(&catalog, evaluator.stage(), &snapshot, &options)).unwrap();
+        renderer.submit(Plan::new(&resources, evaluator.stage(), &snapshot, &options)).unwrap();
         hasher.update(&renderer.collect(None).unwrap().rgba);
     }
     hasher.finalize().to_hex()[..16].to_string()
@@ -132,7 +132,7 @@ fn the_sources_hold_nothing_that_differs_between_machines() {
     // One rounding on every machine: an instruction on 64-bit ARM, and made of f64 arithmetic elsewhere.
     const FUSED: &[&str] = &["core/motion/src/simd/fused.rs"];
     // Asks only whether a file was written while tests ran, to run them again.
-    const CLOCKS: &[&str] = &["core/cli/src/commands/test/watch.rs"];
+    const CLOCKS: &[&str] = &["core/command_line/src/commands/test/watch.rs"];
     let mut read = 0;
     let mut found = Vec::new();
     let mut open: Vec<PathBuf> = ["core", "plugins"].iter().map(|f| root().join(f)).collect();

@@ -2,7 +2,7 @@
 
 use choreo_motion::Time;
 use choreo_plugin::Registry;
-use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
+use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
 use choreo_script::{ScriptOptions, run_text};
 use choreo_stage::{Evaluator, Stage};
 use std::sync::Arc;
@@ -19,11 +19,11 @@ fn stage(script: &str) -> Arc<Stage> {
     }
 }
 
-fn picture(catalog: &Arc<Catalog>, evaluator: &mut Evaluator, secs: f64) -> (Vec<u8>, Plan) {
+fn picture(resources: &Arc<SceneResources>, evaluator: &mut Evaluator, secs: f64) -> (Vec<u8>, Plan) {
     let snapshot = evaluator.at(Time::from_secs(secs)).unwrap();
-    let plan = Plan::new(catalog, evaluator.stage(), &snapshot, &PlanOptions::new(SIZE, 1));
+    let plan = Plan::new(resources, evaluator.stage(), &snapshot, &PlanOptions::new(SIZE, 1));
     let mut renderer = CpuRenderer::new(&[]);
-    renderer.load(catalog.clone()).unwrap();
+    renderer.load(resources.clone()).unwrap();
     renderer.submit(plan.clone()).unwrap();
     (renderer.collect(None).unwrap().rgba, plan)
 }
@@ -31,14 +31,14 @@ fn picture(catalog: &Arc<Catalog>, evaluator: &mut Evaluator, secs: f64) -> (Vec
 /// Pictures at some times with and without the short cut are the same; how many poses either took.
 fn poses(script: &str) -> [usize; 2] {
     let stage = stage(script);
-    let catalog = Arc::new(Catalog::new(&stage));
+    let resources = Arc::new(SceneResources::new(&stage));
     let aspect = f64::from(SIZE[0]) / f64::from(SIZE[1]);
     let mut all = Evaluator::new(stage.clone());
     let mut seen = Evaluator::new(stage).for_pictures(aspect);
     for i in 0..8 {
         let secs = 0.37 * f64::from(i);
-        let (expected, _) = picture(&catalog, &mut all, secs);
-        let (got, plan) = picture(&catalog, &mut seen, secs);
+        let (expected, _) = picture(&resources, &mut all, secs);
+        let (got, plan) = picture(&resources, &mut seen, secs);
         let differ = expected.iter().zip(&got).filter(|(a, b)| a != b).count();
         assert_eq!(differ, 0, "bytes of the picture at {secs} s");
         let told = plan.left_out.iter().any(|l| l.what == "actors outside the view");
@@ -95,8 +95,8 @@ fn whose_shadow_reaches_the_picture_casts_it() {
 
 fn picture_of(script: &str) -> Vec<u8> {
     let stage = stage(script);
-    let catalog = Arc::new(Catalog::new(&stage));
-    picture(&catalog, &mut Evaluator::new(stage), 1.0).0
+    let resources = Arc::new(SceneResources::new(&stage));
+    picture(&resources, &mut Evaluator::new(stage), 1.0).0
 }
 
 #[test]

@@ -8,7 +8,7 @@ mod unhurried;
 use choreo_motion::Time;
 use choreo_plugin::{Frame, Registry};
 use choreo_render::{
-    Catalog, CpuRenderer, GpuOptions, Plan, PlanOptions, RenderError, Renderer, VulkanRenderer,
+    CpuRenderer, GpuOptions, Plan, PlanOptions, RenderError, Renderer, SceneResources, VulkanRenderer,
 };
 use choreo_script::run_file;
 use choreo_stage::Evaluator;
@@ -106,14 +106,14 @@ fn draw(renderer: &mut dyn Renderer, name: &str, registry: &Registry, numbers: &
     let mut stage = run_file(&script(name), registry, &unhurried::unhurried()).unwrap().stage;
     stage.settings.size = [160, 90];
     let length = stage.settings.length.as_secs();
-    let catalog = Arc::new(Catalog::new(&stage));
-    renderer.load(catalog.clone()).unwrap();
+    let resources = Arc::new(SceneResources::new(&stage));
+    renderer.load(resources.clone()).unwrap();
     let mut evaluator = Evaluator::new(Arc::new(stage));
     let options = PlanOptions { effects: registry.effects(), ..PlanOptions::new([160, 90], 4) };
     let (mut frames, mut flying) = (Vec::new(), 0);
     for number in numbers {
         let snapshot = evaluator.at(Time::from_secs(length * *number as f64 / FRAMES as f64)).unwrap();
-        renderer.submit(Plan::new(&catalog, evaluator.stage(), &snapshot, &options)).unwrap();
+        renderer.submit(Plan::new(&resources, evaluator.stage(), &snapshot, &options)).unwrap();
         flying += 1;
         if flying == renderer.frames_in_flight() {
             frames.push(renderer.collect(None).unwrap());

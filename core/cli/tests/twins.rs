@@ -10,7 +10,7 @@ use choreo_image_diff::{Comparison, compare};
 use choreo_motion::Time;
 use choreo_plugin::{Frame, Needs, Registry};
 use choreo_render::{
-    Catalog, CpuRenderer, GpuOptions, Plan, PlanOptions, RenderError, Renderer, VulkanRenderer,
+    CpuRenderer, GpuOptions, Plan, PlanOptions, RenderError, Renderer, SceneResources, VulkanRenderer,
 };
 use choreo_script::{Limits, Loader, run_file};
 use choreo_stage::*;
@@ -79,9 +79,9 @@ impl Twins {
     ) -> [Frame; 2] {
         let options = PlanOptions { effects: self.registry.effects(), ..PlanOptions::new(SIZE, samples) };
         let draw = |renderer: &mut dyn Renderer, (stage, snapshot): (&Stage, &Snapshot)| {
-            let catalog = Arc::new(Catalog::new(stage));
-            renderer.load(catalog.clone()).unwrap();
-            renderer.submit(Plan::new(&catalog, stage, snapshot, &options)).unwrap();
+            let resources = Arc::new(SceneResources::new(stage));
+            renderer.load(resources.clone()).unwrap();
+            renderer.submit(Plan::new(&resources, stage, snapshot, &options)).unwrap();
             renderer.collect(None).unwrap()
         };
         [draw(&mut self.vulkan, on_vulkan), draw(&mut self.cpu, on_cpu)]

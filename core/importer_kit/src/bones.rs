@@ -1,4 +1,4 @@
-//! A skeleton that can be seen: one octahedron from each joint to each of its children, for files that hold no mesh.
+//! A visible skeleton for files without a mesh: an octahedron from each joint to each of its children.
 
 use choreo_asset::{Asset, Material, Mesh, MeshInstance, Primitive, Skin};
 use choreo_motion::Skeleton;
@@ -22,7 +22,7 @@ pub fn add_bones(asset: &mut Asset) {
     if skeleton.is_empty() || skeleton.len() > MAX_JOINTS {
         return;
     }
-    let model_from_joint = rest(&skeleton);
+    let model_from_joint = model_from_joints(&skeleton);
     let mut primitive = Primitive { influences: 4, ..Primitive::default() };
     let at = |joint: usize| model_from_joint[joint].translation;
     // Lone nodes, such as a program's own cameras far away, are no part of the skeleton's size.
@@ -80,8 +80,8 @@ pub fn add_bones(asset: &mut Asset) {
     });
 }
 
-/// Model-from-joint of the rest pose.
-fn rest(skeleton: &Skeleton) -> Vec<DAffine3> {
+/// The model_from_joint transform of every joint at rest.
+pub fn model_from_joints(skeleton: &Skeleton) -> Vec<DAffine3> {
     let mut out: Vec<DAffine3> = Vec::with_capacity(skeleton.len());
     for (local, parent) in skeleton.rest().iter().zip(skeleton.parents()) {
         let local = DAffine3::from_scale_rotation_translation(

@@ -1,10 +1,11 @@
-//! How much an importer may decode, and what it has to say about it.
+//! The memory budget and the warnings of one import.
 
+use crate::problem::Result;
 use choreo_asset::Warning;
 use std::cell::{Cell, RefCell};
 
 /// Warnings of one file; more are counted in one line.
-pub const MAX_WARNINGS: usize = 100;
+const MAX_WARNINGS: usize = 100;
 
 /// Bytes that may still be decoded from one file.
 #[derive(Debug)]
@@ -19,7 +20,7 @@ impl Budget {
     }
 
     /// Takes `count` things of `size` bytes, before they are allocated. The error names the limit.
-    pub fn charge(&self, count: u64, size: usize) -> std::result::Result<(), String> {
+    pub fn charge(&self, count: u64, size: usize) -> Result<()> {
         match self.left.get().checked_sub(count.saturating_mul(size as u64)) {
             Some(left) => {
                 self.left.set(left);
@@ -28,7 +29,8 @@ impl Budget {
             None => Err(format!(
                 "the file's data take more than {} MiB when decoded, which is the limit",
                 self.limit.div_ceil(1 << 20)
-            )),
+            )
+            .into()),
         }
     }
 
@@ -65,7 +67,7 @@ mod tests {
         let budget = Budget::new(3 << 20);
         assert_eq!(budget.charge(1 << 20, 2), Ok(()));
         let refused = "the file's data take more than 3 MiB when decoded, which is the limit";
-        assert_eq!(budget.charge(u64::MAX, 16), Err(refused.to_string()));
+        assert_eq!(budget.charge(u64::MAX, 16), Err(refused.into()));
         assert_eq!(budget.left(), 1 << 20);
     }
 

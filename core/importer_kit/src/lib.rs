@@ -1,12 +1,12 @@
-//! What importers of mesh formats share: pictures, normals, tangents, a memory budget, problems and warnings with places.
+//! Helpers that importers of mesh formats share: images, normals, tangents, welding, a memory budget, errors and warnings with places.
 
 pub mod bones;
 pub mod budget;
 pub mod color;
-pub mod corners;
 pub mod decompose;
 pub mod normals;
 pub mod panorama;
+pub mod parts;
 pub mod pictures;
 pub mod polygon;
 pub mod problem;
@@ -16,7 +16,8 @@ pub mod smooth;
 pub mod tangents;
 pub mod text;
 pub mod textures;
+pub mod weld;
 
 pub use budget::{Budget, Notes};
-pub use problem::{Problem, Result};
+pub use problem::{Problem, Result, WithPlace};
 pub use progress::Progress;

@@ -1,7 +1,7 @@
 //! Flat normals where a file has none, and splitting of vertices that need several values.
 
-use choreo_asset::Primitive;
-use glam::{Vec3, Vec4};
+use choreo_asset::{Primitive, Topology};
+use glam::{DVec3, Vec3, Vec4};
 use std::collections::HashMap;
 
 /// Gives each corner of the index list its own value of one attribute. A vertex keeps its place for the
@@ -60,17 +60,36 @@ pub fn unit(v: Vec3) -> Option<Vec3> {
     near.or_else(|| v.as_dvec3().try_normalize().map(|n| n.as_vec3()))
 }
 
+/// The unit normal of a triangle of vertex indices. +Y where it has no area: such a triangle is not visible.
+fn of_triangle(positions: &[Vec3], triangle: &[u32]) -> Vec3 {
+    let [a, b, c] = [0, 1, 2].map(|i| positions[triangle[i] as usize].as_dvec3());
+    (b - a).cross(c - a).normalize_or(DVec3::Y).as_vec3().normalize_or(Vec3::Y)
+}
+
+/// Gives vertices whose normal has length zero that of a triangle that uses them. Lines and points lose such normals.
+pub fn replace_zero(p: &mut Primitive) {
+    if p.normals.iter().all(|n| *n != Vec3::ZERO) {
+        return;
+    }
+    if p.topology != Topology::Triangles {
+        p.normals.clear();
+        return;
+    }
+    for triangle in p.indices.chunks_exact(3) {
+        let face = of_triangle(&p.positions, triangle);
+        for i in triangle {
+            let normal = &mut p.normals[*i as usize];
+            if *normal == Vec3::ZERO {
+                *normal = face;
+            }
+        }
+    }
+    p.normals.iter_mut().filter(|n| **n == Vec3::ZERO).for_each(|n| *n = Vec3::Y);
+}
+
 /// glTF 2.0 §3.7.2.1: without normals, a client must compute flat ones.
 pub fn flat(p: &mut Primitive) {
-    let face_normals: Vec<Vec3> = p
-        .indices
-        .chunks_exact(3)
-        .map(|t| {
-            let [a, b, c] = [t[0], t[1], t[2]].map(|i| p.positions[i as usize].as_dvec3());
-            // A triangle without area is not seen; any unit vector does.
-            (b - a).cross(c - a).normalize_or(glam::DVec3::Y).as_vec3().normalize_or(Vec3::Y)
-        })
-        .collect();
+    let face_normals: Vec<Vec3> = p.indices.chunks_exact(3).map(|t| of_triangle(&p.positions, t)).collect();
     p.normals = vec![Vec3::Y; p.positions.len()];
     split_corners(
         p,

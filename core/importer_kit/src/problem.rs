@@ -1,9 +1,11 @@
-//! What went wrong and where, before the file's name is known to it.
+//! The error type of importers: what went wrong and where, before the file's name is added.
 
 use choreo_plugin::ImportError;
 
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{place}: {what}")]
 pub struct Problem {
+    /// The element of the file. Empty where only the caller knows it and adds it by [`WithPlace::at`].
     pub place: String,
     pub what: String,
     pub hint: Option<String>,
@@ -21,7 +23,7 @@ impl Problem {
         self
     }
 
-    /// Says for which element the failing one was read: "meshes[0].primitives[1].NORMAL (accessors[7])".
+    /// Adds the element for which the failing one was read: "meshes[0].primitives[1].NORMAL (accessors[7])".
     pub fn used_by(mut self, user: String) -> Problem {
         self.place = if self.place.is_empty() { user } else { format!("{user} ({})", self.place) };
         self
@@ -32,7 +34,30 @@ impl Problem {
     }
 }
 
-/// Looks up an index of the file, or says which list is too short.
+impl From<String> for Problem {
+    fn from(what: String) -> Problem {
+        Problem::new("", what)
+    }
+}
+
+impl From<&str> for Problem {
+    fn from(what: &str) -> Problem {
+        Problem::new("", what)
+    }
+}
+
+/// Adds the place to an error.
+pub trait WithPlace<T> {
+    fn at(self, place: impl FnOnce() -> String) -> Result<T>;
+}
+
+impl<T, E: Into<Problem>> WithPlace<T> for std::result::Result<T, E> {
+    fn at(self, place: impl FnOnce() -> String) -> Result<T> {
+        self.map_err(|error| error.into().used_by(place()))
+    }
+}
+
+/// The element of a list of the file at an index. The error names the list and its last element.
 pub fn element<'a, T>(
     list: &'a [T],
     index: usize,

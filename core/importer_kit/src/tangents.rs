@@ -8,8 +8,31 @@
 //! here a union-find does it, so that a vertex with a million triangles is no problem. On edges of more
 //! than two triangles, where the C program pairs them in the order of a sort, all are joined.
 
+use crate::{Notes, normals};
+use choreo_asset::{Material, Primitive, Topology};
 use glam::{Vec2, Vec3, Vec4};
 use std::collections::HashMap;
+
+/// Adds tangents that follow a set of texture coordinates. Vertices that need several are split.
+pub fn add(p: &mut Primitive, uv_set: usize) {
+    let tangents = corner_tangents(&p.indices, &p.positions, &p.normals, &p.uvs[uv_set]);
+    normals::apply_tangents(p, &tangents);
+}
+
+/// Adds tangents to triangles whose material has a normal map; warns of those without texture coordinates.
+pub fn add_for_normal_map(p: &mut Primitive, materials: &[Material], notes: &Notes) {
+    let material = p.material.and_then(|m| materials.get(m as usize));
+    let Some((material, map)) = material.and_then(|m| Some((m, m.normal_texture.as_ref()?))) else { return };
+    if p.topology != Topology::Triangles {
+        return;
+    }
+    if p.uvs[usize::from(map.uv_set)].is_empty() {
+        let what = "has a normal map, but faces without texture coordinates use it; it has no effect there";
+        notes.warn(format!("material \"{}\"", material.name), what);
+        return;
+    }
+    add(p, usize::from(map.uv_set));
+}
 
 /// One tangent a corner of the triangle list: xyz unit, w the sign of the bitangent.
 pub fn corner_tangents(indices: &[u32], positions: &[Vec3], normals: &[Vec3], uvs: &[Vec2]) -> Vec<Vec4> {

@@ -261,9 +261,13 @@ pub fn integer(word: &[u8]) -> Option<i64> {
     Some(if negative { -value } else { value })
 }
 
-/// `1 channel`, `2 channels`.
+/// `1 channel`, `2 channels`, `2 vertices`.
 pub fn count(number: usize, noun: &str) -> String {
-    format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
+    match (number, noun.strip_suffix("ex")) {
+        (1, _) => format!("1 {noun}"),
+        (_, Some(stem)) => format!("{number} {stem}ices"),
+        (_, None) => format!("{number} {noun}s"),
+    }
 }
 
 /// Bytes of a file as they can stand in a message: short, without control characters.
@@ -274,6 +278,27 @@ pub fn shown(bytes: &[u8]) -> String {
         text.chars().take(MOST).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
     if bytes.len() > out.len() {
         out.push('…');
+    }
+    out
+}
+
+/// Bytes of a text with `%20` and the like decoded; what is no valid encoding stays as it is.
+pub fn percent_decoded(text: &str) -> Vec<u8> {
+    let hex = |b: u8| char::from(b).to_digit(16).map(|d| d as u8);
+    let mut rest = text.as_bytes();
+    let mut out = Vec::with_capacity(rest.len());
+    while let Some((byte, after)) = rest.split_first() {
+        rest = after;
+        out.push(match after {
+            [high, low, after @ ..] if *byte == b'%' => match (hex(*high), hex(*low)) {
+                (Some(high), Some(low)) => {
+                    rest = after;
+                    high << 4 | low
+                }
+                _ => *byte,
+            },
+            _ => *byte,
+        });
     }
     out
 }

@@ -6,13 +6,14 @@ use crate::Result;
 use crate::budget::{Budget, Notes};
 use crate::pictures::{Encoded, Formats, decode_beside, or_white};
 use crate::search;
-use choreo_asset::Image;
+use crate::text::percent_decoded;
+use choreo_asset::{Image, Material, TextureRef};
 use choreo_plugin::{Files, Needs};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// The bytes of a picture file.
-pub struct Bytes(Arc<Vec<u8>>);
+pub struct Bytes(pub Arc<Vec<u8>>);
 
 impl AsRef<[u8]> for Bytes {
     fn as_ref(&self) -> &[u8] {
@@ -44,8 +45,8 @@ impl Textures {
         let found = self.read(written, place, files, budget);
         let index = match found {
             Ok(index) => Some(index),
-            Err(what) => {
-                notes.warn(place, format!("{what}; the texture is left out"));
+            Err(problem) => {
+                notes.warn(place, format!("{}; the texture is left out", problem.what));
                 None
             }
         };
@@ -53,16 +54,10 @@ impl Textures {
         index
     }
 
-    fn read(
-        &mut self,
-        written: &str,
-        place: &str,
-        files: &dyn Files,
-        budget: &Budget,
-    ) -> std::result::Result<u32, String> {
+    fn read(&mut self, written: &str, place: &str, files: &dyn Files, budget: &Budget) -> Result<u32> {
         let (path, name) = plain_path(written);
         if name.is_empty() {
-            return Err("the texture has no file name".to_string());
+            return Err("the texture has no file name".into());
         }
         let bytes =
             search::read_first(files, &search::places(&[&path])).map_err(|e| search::missing(&path, &e))?;
@@ -72,8 +67,7 @@ impl Textures {
         if let Some(same) = same {
             return Ok(same as u32);
         }
-        let encoded =
-            Encoded::examine(place.to_string(), name, Bytes(bytes), Formats::All).map_err(|p| p.what)?;
+        let encoded = Encoded::examine(place.to_string(), name, Bytes(bytes), Formats::All)?;
         budget.charge(encoded.pixels(), 4)?;
         self.entries.push(encoded);
         Ok(self.entries.len() as u32 - 1)
@@ -95,7 +89,9 @@ impl Textures {
 /// The path as a path, and the file name in it.
 fn plain_path(written: &str) -> (String, String) {
     let uri = written.trim().strip_prefix("file://").or_else(|| written.trim().strip_prefix("file:"));
-    let path = percent_decoded(uri.unwrap_or(written.trim())).replace('\\', "/");
+    let written = uri.unwrap_or(written.trim());
+    let path = String::from_utf8(percent_decoded(written)).unwrap_or_else(|_| written.to_string());
+    let path = path.replace('\\', "/");
     let path = match uri {
         // `/C:/art`, `/art`, `host/art`: never beside the file.
         Some(_) => format!("/{}", path.trim_start_matches('/')),
@@ -105,30 +101,43 @@ fn plain_path(written: &str) -> (String, String) {
     (path, name)
 }
 
-/// `%20` and the like; what is no valid encoding stays as it is.
-fn percent_decoded(text: &str) -> String {
-    let bytes = text.as_bytes();
-    let mut out = Vec::with_capacity(bytes.len());
-    let mut at = 0;
-    let hex = |b: Option<&u8>| b.and_then(|b| char::from(*b).to_digit(16));
-    while at < bytes.len() {
-        match (bytes[at], hex(bytes.get(at + 1)), hex(bytes.get(at + 2))) {
-            (b'%', Some(high), Some(low)) => {
-                out.push((high * 16 + low) as u8);
-                at += 3;
-            }
-            (byte, ..) => {
-                out.push(byte);
-                at += 1;
-            }
+/// A bump map of a material. Whether it is a normal map shows in the decoded image.
+pub struct BumpMap {
+    /// Index of the material.
+    pub material: usize,
+    pub texture: TextureRef,
+    pub strength: f32,
+}
+
+/// Uses bump maps that hold directions as the normal maps that they are; warns of the others.
+pub fn use_normal_maps(
+    materials: &mut [Material],
+    images: &[Arc<Image>],
+    bumps: Vec<BumpMap>,
+    notes: &Notes,
+) {
+    for bump in bumps {
+        let image = &images[bump.texture.image as usize];
+        let Some(material) = materials.get_mut(bump.material) else { continue };
+        let is_normal_map = is_normal_map(image);
+        let what = match is_normal_map {
+            true => "looks like a normal map and is used as one",
+            false => "holds heights, which are not supported",
+        };
+        notes.warn(
+            format!("material \"{}\"", material.name),
+            format!("the bump map \"{}\" {what}", image.name),
+        );
+        if is_normal_map {
+            material.normal_scale = bump.strength;
+            material.normal_texture = Some(bump.texture);
         }
     }
-    String::from_utf8(out).unwrap_or_else(|_| text.to_string())
 }
 
 /// Whether a picture holds directions (mean near 128, 128, 255) and not heights: many files give a normal map where their
 /// format has only a bump map.
-pub fn is_normal_map(image: &Image) -> bool {
+fn is_normal_map(image: &Image) -> bool {
     let mut sums = [0u64; 3];
     let mut count = 0;
     // Some thousands of pixels say enough.

@@ -7,7 +7,7 @@
 
 use choreo_motion::Time;
 use choreo_plugin::{Files, ImportOptions, Importer, Needs, Source};
-use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
+use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
 use choreo_stage::{Camera, Cue, Placement, Rig, Stage};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -66,10 +66,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
 
     let stage = Arc::new(stage);
-    let catalog = Arc::new(Catalog::new(&stage));
+    let resources = Arc::new(SceneResources::new(&stage));
     let mut renderer = CpuRenderer::new(&[]);
     let start = Instant::now();
-    renderer.load(catalog.clone())?;
+    renderer.load(resources.clone())?;
     eprintln!("load {:.1} ms", start.elapsed().as_secs_f64() * 1e3);
     let mut frame = None;
     let mut times = Vec::new();
@@ -77,7 +77,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let snapshot =
             stage.at(Time::from_secs(at + f64::from(i) / 30.0 * f64::from(u8::from(frames > 1))))?;
         let start = Instant::now();
-        let plan = Plan::new(&catalog, &stage, &snapshot, &PlanOptions::new(size, samples));
+        let plan = Plan::new(&resources, &stage, &snapshot, &PlanOptions::new(size, samples));
         renderer.submit(plan)?;
         frame = Some(renderer.collect(frame.take())?);
         times.push(start.elapsed().as_secs_f64());

@@ -3,7 +3,7 @@
 
 use choreo_motion::Time;
 use choreo_plugin::{Exporter, Files, ImportOptions, Importer, Needs, Source, VideoInfo};
-use choreo_render::{Catalog, GpuOptions, Plan, PlanOptions, Renderer, VulkanRenderer};
+use choreo_render::{GpuOptions, Plan, PlanOptions, Renderer, SceneResources, VulkanRenderer};
 use choreo_stage::{Camera, Cue, Placement, Rig, Stage, StageLight};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
@@ -92,14 +92,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     })?;
     println!("instance, device   {:7.1} ms  {}", at.elapsed().as_secs_f64() * 1e3, renderer.device().name);
     let at = Instant::now();
-    let catalog = Arc::new(Catalog::new(&stage));
-    renderer.load(catalog.clone())?;
+    let resources = Arc::new(SceneResources::new(&stage));
+    renderer.load(resources.clone())?;
     println!("catalogue          {:7.1} ms", at.elapsed().as_secs_f64() * 1e3);
     let options = PlanOptions::new(size, samples);
     let first_time = number("--time", 0.0);
     let plan_at = |frame: i64| -> Result<Plan, Box<dyn std::error::Error>> {
         let time = Time::from_secs(first_time + frame as f64 / 30.0);
-        Ok(Plan::new(&catalog, &stage, &stage.at(time)?, &options))
+        Ok(Plan::new(&resources, &stage, &stage.at(time)?, &options))
     };
     let at = Instant::now();
     let plan = plan_at(0)?;

@@ -1,8 +1,13 @@
-//! Plan → recording → frame. The plan says what a frame needs and what was left out; the Vulkan renderer
-//! (`gpu`, the only place that knows ash) and its CPU twin (`cpu`, the specification of each shader) draw the same plan.
+//! Renders one frame of a stage: `Plan` (what the frame needs, and what was left out) → commands → pixels.
+//!
+//! Two renderers draw the same plan: [`vulkan`], the only module that uses ash, and [`cpu`], the reference for every shader.
+//! Modules import in one direction: [`scene_resources`] ← [`plan`] ← [`shader`] ← [`commands`] ← [`vulkan`], [`cpu`] ←
+//! [`explain`].
 
+pub mod affine;
 pub mod commands;
 pub mod cpu;
+pub(crate) mod error;
 pub mod explain;
 pub mod layers_2d;
 pub mod plan;
@@ -14,9 +19,10 @@ pub mod sky;
 pub mod vulkan;
 
 pub use cpu::CpuRenderer;
+pub use error::RenderError;
 pub use plan::Plan;
 pub use plan::build::effects::effect_parameters;
 pub use plan::options::PlanOptions;
-pub use renderer::{DeviceInfo, DeviceKind, Held, RenderError, Renderer, Work};
-pub use scene_resources::Catalog;
+pub use renderer::{CreatedCounts, DeviceInfo, DeviceKind, DeviceUsage, Renderer};
+pub use scene_resources::SceneResources;
 pub use vulkan::{GpuOptions, SteadyRenderer, VulkanRenderer};

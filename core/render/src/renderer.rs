@@ -1,64 +1,65 @@
-//! What the program sees of a renderer, Vulkan or CPU: plans in, frames out, several in flight.
+//! What the program sees of a renderer, Vulkan or CPU: plans go in, frames come out, several in flight.
 
-use crate::{Catalog, Plan};
+use crate::error::RenderError;
+use crate::plan::Plan;
+use crate::scene_resources::SceneResources;
 use choreo_plugin::{Effect, Frame};
 use std::sync::Arc;
-use thiserror::Error;
 
 pub trait Renderer: Send {
     fn device(&self) -> &DeviceInfo;
 
-    /// How many frames may be submitted and not yet collected.
+    /// Number of frames that may be submitted before one is collected.
     fn frames_in_flight(&self) -> usize;
 
-    /// Makes the catalogue's meshes, materials and textures known; what was there before is kept where its content is equal.
-    fn load(&mut self, catalog: Arc<Catalog>) -> Result<(), RenderError>;
+    /// Makes meshes, materials and textures available. Those with equal content are kept from the resources loaded before.
+    fn load(&mut self, resources: Arc<SceneResources>) -> Result<(), RenderError>;
 
-    /// Starts drawing. Waits where `frames_in_flight` are not yet collected… an error then: collect first.
+    /// Starts drawing. An error where `frames_in_flight` frames are submitted and not yet collected.
     fn submit(&mut self, plan: Plan) -> Result<(), RenderError>;
 
-    /// The oldest submitted frame, waiting for it. The given frame's buffer is reused.
+    /// Waits for the oldest submitted frame. The buffer of `reuse` is reused.
     fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError>;
 
-    /// Effects that plans may name from now on, in place of those before. What else the renderer has made stays.
+    /// Replaces the effects that plans may name. Everything else that the renderer has created stays.
     fn set_effects(&mut self, effects: &[Arc<dyn Effect>]) -> Result<(), RenderError>;
 
-    /// Reads the shader folder again; on an error the last good shaders stay. Nothing where there is none.
+    /// Reads the shader folder again. After an error the last good shaders stay in use. Does nothing without a folder.
     fn reload_shaders(&mut self) -> Result<(), RenderError> {
         Ok(())
     }
 
-    /// What it has made so far.
-    fn work(&self) -> Work {
-        Work::default()
+    /// Numbers of objects created so far.
+    fn created(&self) -> CreatedCounts {
+        CreatedCounts::default()
     }
 
-    /// What it has on its device now.
-    fn held(&self) -> Held {
-        Held::default()
+    /// Memory and objects in use on the device.
+    fn usage(&self) -> DeviceUsage {
+        DeviceUsage::default()
     }
 
-    /// What went wrong and was made good since the last call, for the user.
+    /// Problems that were recovered from since the last call, as messages for the user.
     fn take_notes(&mut self) -> Vec<String> {
         Vec::new()
     }
 }
 
-/// Counts of what was made on a device since the renderer is there.
+/// Numbers of device objects created since the renderer started.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Work {
+pub struct CreatedCounts {
     pub meshes: u64,
     pub textures: u64,
     pub materials: u64,
     pub pipelines: u64,
 }
 
-/// What a renderer has on its device: reloads must not make it grow.
+/// Memory and objects that a renderer uses on its device. Reloading a scene must not make it grow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Held {
+pub struct DeviceUsage {
     /// Buffers and images.
     pub memory_objects: usize,
-    /// Blocks of memory that they lie in.
+    /// Allocated blocks of device memory, shared by buffers and images.
     pub memory_blocks: usize,
     pub bytes: u64,
     pub pipelines: usize,
@@ -67,8 +68,8 @@ pub struct Held {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DeviceKind {
-    /// Our own CPU renderer.
-    CpuTwin,
+    /// The CPU reference renderer.
+    CpuReference,
     /// A Vulkan driver that runs on the CPU (lavapipe).
     VulkanCpu,
     VulkanGpu,
@@ -79,37 +80,6 @@ pub struct DeviceInfo {
     pub kind: DeviceKind,
     /// "NVIDIA H100", "llvmpipe (LLVM 15.0.6, 256 bits)", "choreo CPU renderer".
     pub name: String,
-    /// Driver name and version, as the driver says.
+    /// Driver name and version, as the driver reports them.
     pub driver: String,
-}
-
-#[derive(Debug, Error)]
-pub enum RenderError {
-    /// No Vulkan loader, driver or device; the text says what to install.
-    #[error("Vulkan is not available: {why}")]
-    NoVulkan { why: String },
-    /// A Vulkan call failed.
-    #[error("Vulkan: {object}: {result}")]
-    Vulkan { object: String, result: String },
-    /// The device is gone for good; another one can be made.
-    #[error("Vulkan: {object}: the device was lost; the kernel log may say why the driver gave it up")]
-    DeviceLost { object: String },
-    /// Of the device or of the machine.
-    #[error("Vulkan: {object}: out of memory")]
-    OutOfMemory { object: String },
-    /// The driver may hang: what it was given is never touched again.
-    #[error("Vulkan: {object}: not finished after {secs} s")]
-    TimedOut { object: String, secs: u64 },
-    /// Failed twice, the second time on a device made afresh and asked for less.
-    #[error("{second}; tried twice, before that: {first}")]
-    Twice { first: Box<RenderError>, second: Box<RenderError> },
-    /// The validation layer said something (tests only).
-    #[error("Vulkan validation: {0}")]
-    Validation(String),
-    #[error("shader {file}: {text}")]
-    Shader { file: String, text: String },
-    #[error("{what} is {value}, the limit of this device is {limit}")]
-    Limit { what: String, value: u64, limit: u64 },
-    #[error("{0}")]
-    Usage(String),
 }

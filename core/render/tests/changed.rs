@@ -80,8 +80,8 @@ fn vulkan_draws_what_is_now() {
 fn only_what_changes_is_carried() {
     let scene = two_walls();
     let (_, plan) = scene.plan(&PlanOptions::new([80, 40], 1));
-    assert_eq!(plan.materials.len(), 1);
-    let changed: Vec<Option<u32>> = plan.draws.iter().map(|d| d.changed).collect();
+    assert_eq!(plan.material_overrides.len(), 1);
+    let changed: Vec<Option<u32>> = plan.draws.iter().map(|d| d.material_override).collect();
     assert_eq!(changed, [None, Some(0)], "two draws, though the mesh is the same");
     let transforms = plan.draws.iter().map(|d| d.pipeline.features.has(Features::UV_TRANSFORM));
     assert_eq!(transforms.collect::<Vec<_>>(), [false, true], "only the moved one pays for moving");
@@ -89,5 +89,5 @@ fn only_what_changes_is_carried() {
     let mut still = two_walls();
     still.snapshot.actors[1].materials.clear();
     let (_, plan) = still.plan(&PlanOptions::new([80, 40], 1));
-    assert_eq!((plan.materials.len(), plan.draws.len()), (0, 1));
+    assert_eq!((plan.material_overrides.len(), plan.draws.len()), (0, 1));
 }

@@ -6,7 +6,7 @@ use choreo_asset::*;
 use choreo_image_diff::compare;
 use choreo_render::commands::{Command, Cull, RecordOptions, record};
 use choreo_render::plan::Draw;
-use choreo_render::{Catalog, GpuOptions, Plan, PlanOptions, Renderer, VulkanRenderer};
+use choreo_render::{GpuOptions, Plan, PlanOptions, Renderer, SceneResources, VulkanRenderer};
 use choreo_stage::*;
 use common::*;
 use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
@@ -64,8 +64,12 @@ fn boxes() -> Scene {
     scene
 }
 
-fn draw_plan(renderer: &mut VulkanRenderer, catalog: &Arc<Catalog>, plan: Plan) -> choreo_plugin::Frame {
-    renderer.load(catalog.clone()).unwrap();
+fn draw_plan(
+    renderer: &mut VulkanRenderer,
+    resources: &Arc<SceneResources>,
+    plan: Plan,
+) -> choreo_plugin::Frame {
+    renderer.load(resources.clone()).unwrap();
     renderer.submit(plan).unwrap();
     renderer.collect(None).unwrap()
 }
@@ -73,16 +77,16 @@ fn draw_plan(renderer: &mut VulkanRenderer, catalog: &Arc<Catalog>, plan: Plan) 
 #[test]
 fn of_closed_bodies_only_front_faces_are_drawn() {
     let scene = boxes();
-    let (catalog, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
-    let closed = |d: &Draw| d.closed;
+    let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
+    let closed = |d: &Draw| d.watertight;
     let mut counts: Vec<u32> = plan.draws.iter().map(closed).collect();
     counts.sort_unstable();
     assert_eq!(counts, [36, 36, 36], "all of the boxes, and what is closed in the open one");
-    assert!(plan.shadow_draws().all(|d| d.closed == 36));
+    assert!(plan.shadow_draws().all(|d| d.watertight == 36));
     let said = plan.left_out.iter().find(|l| l.what == "back faces of closed surfaces").unwrap();
     assert!(said.why.starts_with("36 triangles"), "{said:?}");
     // Front faces of the closed ones; both of the eight triangles that are open, once in the map and once in the picture.
-    let triangles = |p: u32| catalog.primitives[p as usize].primitive().indices.len() / 3;
+    let triangles = |p: u32| resources.primitives[p as usize].primitive().indices.len() / 3;
     let recording = record(&plan, RecordOptions::default(), triangles);
     let mut cull = None;
     let mut drawn = Vec::new();
@@ -102,7 +106,7 @@ fn of_closed_bodies_only_front_faces_are_drawn() {
 
 #[test]
 fn who_may_see_the_inside_does() {
-    let closed = |scene: &Scene| scene.plan(&PlanOptions::new(SIZE, 1)).1.draws[0].closed;
+    let closed = |scene: &Scene| scene.plan(&PlanOptions::new(SIZE, 1)).1.draws[0].watertight;
     let alone = |material: Material, primitive: Primitive| {
         let mut scene = Scene::perspective(0.8, 6.0);
         scene.at(&asset(vec![primitive], vec![material], vec![]), 0.0, 0.0, 0.0);
@@ -139,7 +143,7 @@ fn who_may_see_the_inside_does() {
     lamp.snapshot.lights.push(state);
     let (_, plan) = lamp.plan(&PlanOptions::new(SIZE, 1));
     let around = plan.shadow_draws().filter(|d| plan.instance_actors[d.first_instance as usize] == 0);
-    let walls: Vec<u32> = around.map(|d| d.closed).collect();
+    let walls: Vec<u32> = around.map(|d| d.watertight).collect();
     assert!(!walls.is_empty() && walls.iter().all(|closed| *closed == 0), "{walls:?}");
 }
 
@@ -147,12 +151,12 @@ fn who_may_see_the_inside_does() {
 fn vulkan_draws_the_same_without_them() {
     let Some(mut renderer) = vulkan(GpuOptions::default()) else { return };
     for samples in [1, 4] {
-        let (catalog, plan) = boxes().plan(&PlanOptions::new(SIZE, samples));
+        let (resources, plan) = boxes().plan(&PlanOptions::new(SIZE, samples));
         let mut both = plan.clone();
-        let views = both.shadows.iter_mut().flat_map(|s| &mut s.views).flat_map(|v| &mut v.draws);
-        both.draws.iter_mut().chain(views).for_each(|d| d.closed = 0);
-        let front = draw_plan(&mut renderer, &catalog, plan.clone());
-        let whole = draw_plan(&mut renderer, &catalog, both);
+        let views = both.shadow_maps.iter_mut().flat_map(|s| &mut s.views).flat_map(|v| &mut v.draws);
+        both.draws.iter_mut().chain(views).for_each(|d| d.watertight = 0);
+        let front = draw_plan(&mut renderer, &resources, plan.clone());
+        let whole = draw_plan(&mut renderer, &resources, both);
         // Where an edge between front and back runs through a pixel's middle, either may have it.
         let c = compare(&front, &whole, 2).unwrap();
         println!("{samples} samples, against both faces: {c}");
@@ -163,8 +167,8 @@ fn vulkan_draws_the_same_without_them() {
         assert!(c.mean < 0.15 && c.share_beyond < 0.01, "{c}");
         // What is open lacks its inside if it counts as closed.
         let mut wrong = plan;
-        wrong.draws.iter_mut().for_each(|d| d.closed = 60);
-        let wrong = draw_plan(&mut renderer, &catalog, wrong);
+        wrong.draws.iter_mut().for_each(|d| d.watertight = 60);
+        let wrong = draw_plan(&mut renderer, &resources, wrong);
         assert!(compare(&wrong, &whole, 2).unwrap().share_beyond > 0.01);
     }
     renderer.load(Arc::default()).unwrap();

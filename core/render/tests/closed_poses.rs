@@ -55,12 +55,12 @@ fn posed(body: &Primitive, upper: Affine3A) -> Scene {
 }
 
 fn drawn(renderer: &mut VulkanRenderer, scene: &Scene, closed: impl Fn(u32) -> u32) -> (Frame, u32) {
-    let (catalog, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
+    let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
     let mut plan = Plan { skin_once: SkinOnce::Never, ..plan };
-    let indices = catalog.primitives[0].primitive().indices.len() as u32;
-    plan.draws.iter_mut().for_each(|d| d.closed = closed(d.closed).min(indices));
-    let closed = plan.draws.iter().map(|d| d.closed).sum();
-    renderer.load(catalog).unwrap();
+    let indices = resources.primitives[0].primitive().indices.len() as u32;
+    plan.draws.iter_mut().for_each(|d| d.watertight = closed(d.watertight).min(indices));
+    let closed = plan.draws.iter().map(|d| d.watertight).sum();
+    renderer.load(resources).unwrap();
     renderer.submit(plan).unwrap();
     (renderer.collect(None).unwrap(), closed)
 }

@@ -217,9 +217,9 @@ fn without_layers_nothing_is_asked_for() {
     let what = |material: Material| {
         let mut scene = wall(material);
         scene.sun(Vec3::NEG_Z, Vec3::ONE, 0.5);
-        let (catalog, plan) = scene.plan(&PlanOptions::new([8, 8], 1));
+        let (resources, plan) = scene.plan(&PlanOptions::new([8, 8], 1));
         let left_out: Vec<String> = plan.left_out.iter().map(|l| l.what.clone()).collect();
-        (catalog.textures.len(), plan.draws[0].pipeline, left_out)
+        (resources.textures.len(), plan.draws[0].pipeline, left_out)
     };
     let plain = what(matte(Vec4::ONE));
     assert!(
@@ -273,9 +273,9 @@ fn hostile_numbers_stay_finite() {
         let mut scene = Scene::perspective(0.9, 2.0);
         scene.at(&asset(vec![bulge(1.0)], vec![layered(layers, matte(Vec4::ONE))], vec![]), 0.0, 0.0, 0.0);
         scene.sun(Vec3::NEG_Z, Vec3::ONE, 1.0);
-        let (catalog, plan) = scene.plan(&PlanOptions::new([32, 32], 4));
+        let (resources, plan) = scene.plan(&PlanOptions::new([32, 32], 4));
         let mut renderer = CpuRenderer::new(&[]);
-        renderer.load(catalog).unwrap();
+        renderer.load(resources).unwrap();
         renderer.submit(plan).unwrap();
         renderer.collect(None).unwrap();
     }

@@ -297,11 +297,11 @@ fn an_effect_changes_each_pixel_by_its_function() {
 #[test]
 fn misuse_is_an_error_with_words() {
     let scene = wall(unlit(Vec4::ONE));
-    let (catalog, plan) = scene.plan(&PlanOptions::new([4, 4], 1));
+    let (resources, plan) = scene.plan(&PlanOptions::new([4, 4], 1));
     let mut r = CpuRenderer::new(&[]);
     let said = |e: Result<(), choreo_render::RenderError>| e.unwrap_err().to_string();
     assert_eq!(said(r.submit(plan.clone())), "the plan was made from another catalogue than the loaded one");
-    r.load(catalog).unwrap();
+    r.load(resources).unwrap();
     assert_eq!(r.collect(None).unwrap_err().to_string(), "no frame is submitted: nothing to collect");
     let wide = choreo_render::Plan { size: [16385, 4], ..plan.clone() };
     assert_eq!(said(r.submit(wide)), "picture width is 16385, the limit of this device is 16384");

@@ -217,8 +217,8 @@ fn deferred_makes_the_picture_of_forward() {
 fn each_part_of_the_light_counts() {
     let Some(mut gpu) = vulkan(GpuOptions::default()) else { return };
     let scene = by(under_a_sky(shadows()), Pipeline::Deferred);
-    let (catalog, plan) = scene.plan(&options(&[]));
-    gpu.load(catalog).unwrap();
+    let (resources, plan) = scene.plan(&options(&[]));
+    gpu.load(resources).unwrap();
     let mut drawn = |plan: Plan| {
         gpu.submit(plan).unwrap();
         gpu.collect(None).unwrap()
@@ -272,9 +272,9 @@ fn tiles_and_frames_in_turns_are_the_same() {
     println!("tiles: {c}");
     assert!(c.mean < 0.1 && c.share_beyond < 2e-3, "{c}");
     // Deferred and forward in flight at once: the same bytes as alone.
-    let (catalog, deferred) = scene.plan(&options);
+    let (resources, deferred) = scene.plan(&options);
     let (_, forward) = by(shadows(), Pipeline::Forward).plan(&options);
-    whole.load(catalog).unwrap();
+    whole.load(resources).unwrap();
     let alone: Vec<Frame> = [&deferred, &forward]
         .map(|plan| {
             whole.submit(plan.clone()).unwrap();
@@ -330,18 +330,22 @@ fn it_is_out_where_nothing_asks_for_it_or_nothing_can_be_kept() {
     assert!(plan.deferred.is_none() && plan.draws.iter().all(|d| !d.deferred));
     assert!(!recording.commands.contains(&Command::BeginGeometry));
     // A few lights on little overdraw: the numbers are said.
-    assert!(why_not(&plan).contains("lights a place"), "{}", why_not(&plan));
+    assert!(why_not(&plan).contains("lights per surface"), "{}", why_not(&plan));
     let counts = recording.counts();
     let forward = by(scene, Pipeline::Forward);
     let (plan, recording) = recorded(&forward, 1);
     assert_eq!((why_not(&plan), recording.counts()), ("the stage's pipeline is \"forward\"", counts));
     let asked = by(forward, Pipeline::Deferred);
     let (plan, recording) = recorded(&asked, 4);
-    assert!(plan.deferred.is_none() && why_not(&plan).starts_with("4 samples a pixel"), "{}", why_not(&plan));
+    assert!(
+        plan.deferred.is_none() && why_not(&plan).starts_with("4 samples per pixel"),
+        "{}",
+        why_not(&plan)
+    );
     assert_eq!(recording.counts().passes, counts.passes);
     // One more pass and as many draws, each once; all of them in it but what is not kept.
     let (plan, recording) = recorded(&asked, 1);
-    assert_eq!(plan.deferred.as_ref().map(|d| d.cause), Some(DeferredCause::Asked));
+    assert_eq!(plan.deferred.as_ref().map(|d| d.cause), Some(DeferredCause::Requested));
     assert_eq!(why_not(&plan), "");
     assert_eq!((recording.counts().passes, recording.counts().draws), (counts.passes + 1, counts.draws));
     let mut nothing = Scene::ortho(2.0);
@@ -356,7 +360,7 @@ fn what_a_g_buffer_does_not_hold_is_forward() {
     assert!(plan.draws.iter().filter(|d| d.deferred).all(|d| !d.pipeline.features.has(Features::LAYERS)));
     let (_, plan) = by(busy_scene(DVec3::ZERO), Pipeline::Deferred).plan(&options(&[]));
     for d in &plan.draws {
-        let opaque = d.pipeline.features.has(Features::METALLIC_ROUGHNESS) && !d.pipeline.is_see_through();
+        let opaque = d.pipeline.features.has(Features::METALLIC_ROUGHNESS) && !d.pipeline.is_transparent();
         assert_eq!(d.deferred, opaque, "{:?}", d.pipeline);
     }
 }

@@ -4,7 +4,7 @@ mod common;
 
 use choreo_asset::*;
 use choreo_render::scene_resources::lod::{CROWD, TOLERANCE};
-use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
+use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
 use common::*;
 use glam::{Vec3, Vec4};
 use std::sync::Arc;
@@ -49,14 +49,14 @@ fn crowd(count: usize) -> Scene {
     scene
 }
 
-fn triangles(catalog: &Catalog, plan: &Plan) -> usize {
-    let of = |p: u32| catalog.primitives[p as usize].primitive().indices.len() / 3;
+fn triangles(resources: &SceneResources, plan: &Plan) -> usize {
+    let of = |p: u32| resources.primitives[p as usize].primitive().indices.len() / 3;
     plan.draws.iter().map(|d| of(d.primitive) * d.instance_count as usize).sum()
 }
 
-fn picture(catalog: &Arc<Catalog>, plan: &Plan) -> Vec<u8> {
+fn picture(resources: &Arc<SceneResources>, plan: &Plan) -> Vec<u8> {
     let mut renderer = CpuRenderer::new(&[]);
-    renderer.load(catalog.clone()).unwrap();
+    renderer.load(resources.clone()).unwrap();
     renderer.submit(plan.clone()).unwrap();
     renderer.collect(None).unwrap().rgba
 }
@@ -78,16 +78,16 @@ fn far_off(a: &[u8], b: &[u8]) -> usize {
 fn copies_of_a_crowd_are_coarser_the_smaller_they_are() {
     let scene = crowd(200);
     let options = PlanOptions::new(SIZE, 1);
-    let (catalog, plan) = scene.plan(&options);
+    let (resources, plan) = scene.plan(&options);
     let (_, full) = scene.plan(&PlanOptions { full_detail: true, ..options.clone() });
-    let (few, all) = (triangles(&catalog, &plan), triangles(&catalog, &full));
+    let (few, all) = (triangles(&resources, &plan), triangles(&resources, &full));
     println!(
         "{few} triangles instead of {all}, in {} draws instead of {}",
         plan.draws.len(),
         full.draws.len()
     );
     assert!(3 * few < all, "{few} of {all}");
-    assert!(plan.draws.len() <= 1 + catalog.levels[0].len(), "one a level at most");
+    assert!(plan.draws.len() <= 1 + resources.lods[0].len(), "one a level at most");
     let said = plan.left_out.iter().find(|l| l.what == "triangles too small to see").unwrap();
     assert!(said.why.contains(&format!("at most {TOLERANCE} pixel")), "{said:?}");
     // Nearer copies are never coarser.
@@ -100,12 +100,12 @@ fn copies_of_a_crowd_are_coarser_the_smaller_they_are() {
     draws.sort_by_key(|d| d.0);
     assert!(draws.len() >= 2 && draws.windows(2).all(|d| d[0].1.1 <= d[1].1.0 + 1.0), "{draws:?}");
 
-    let (a, b) = (picture(&catalog, &full), picture(&catalog, &plan));
+    let (a, b) = (picture(&resources, &full), picture(&resources, &plan));
     assert!(a != b, "coarser balls are not the same to the last pixel");
     assert_eq!(far_off(&a, &b), 0, "pixels off by more than one");
     // All by the coarsest, the comparison fails.
-    let mut wrong = (*catalog).clone();
-    wrong.levels.iter_mut().flatten().for_each(|level| level.error = 0.0);
+    let mut wrong = (*resources).clone();
+    wrong.lods.iter_mut().flatten().for_each(|level| level.error = 0.0);
     let plan = Plan::new(&wrong, &scene.stage, &scene.snapshot, &options);
     assert!(far_off(&a, &picture(&Arc::new(wrong), &plan)) > 0);
 }
@@ -113,29 +113,29 @@ fn copies_of_a_crowd_are_coarser_the_smaller_they_are() {
 #[test]
 fn few_are_drawn_as_they_are() {
     let options = PlanOptions::new(SIZE, 1);
-    let (catalog, plan) = crowd(CROWD - 1).plan(&options);
-    assert!(catalog.levels.iter().all(Vec::is_empty) && catalog.primitives.len() == 1);
+    let (resources, plan) = crowd(CROWD - 1).plan(&options);
+    assert!(resources.lods.iter().all(Vec::is_empty) && resources.primitives.len() == 1);
     assert!(plan.draws.iter().all(|d| d.primitive == 0));
     assert!(plan.left_out.iter().all(|l| l.what != "triangles too small to see"));
     // A catalogue made after another takes the levels from there.
     let scene = crowd(CROWD);
-    let first = scene.catalog();
-    let next = Catalog::after(&first, &scene.stage);
-    assert_eq!(first.levels, next.levels);
-    let level = first.levels[0][0].primitive as usize;
+    let first = scene.resources();
+    let next = SceneResources::after(&first, &scene.stage);
+    assert_eq!(first.lods, next.lods);
+    let level = first.lods[0][0].primitive as usize;
     assert!(Arc::ptr_eq(&first.primitives[level].mesh, &next.primitives[level].mesh));
 }
 
 #[test]
 fn levels_are_off_by_what_they_say_and_keep_what_vertices_have() {
     let scene = crowd(CROWD);
-    let catalog = scene.catalog();
-    let levels = &catalog.levels[0];
+    let resources = scene.resources();
+    let levels = &resources.lods[0];
     assert!(levels.len() >= 2);
     let fine = ball();
     let (mut before, mut error) = (fine.indices.len() / 3, 0.0);
     for level in levels {
-        let coarse = catalog.primitives[level.primitive as usize].primitive();
+        let coarse = resources.primitives[level.primitive as usize].primitive();
         let triangles = coarse.indices.len() / 3;
         // The deepest place of a triangle with its corners on the ball lies before its middle.
         let depths = coarse.indices.chunks_exact(3).map(|t| {

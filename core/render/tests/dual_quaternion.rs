@@ -6,7 +6,8 @@ use choreo_asset::*;
 use choreo_image_diff::compare;
 use choreo_motion::Skinning;
 use choreo_plugin::Frame;
-use choreo_render::plan::{Features, Rows};
+use choreo_render::affine::Affine3x4;
+use choreo_render::plan::Features;
 use choreo_render::scene_resources::bounds::PrimitiveInfo;
 use choreo_render::*;
 use choreo_stage::*;
@@ -72,9 +73,9 @@ fn a_twisted_tube_keeps_its_girth() {
                 let mut frames =
                     vec![draw_cpu(&scene(influences, turn, skinning, DAffine3::IDENTITY), &options)];
                 if let Some(device) = &mut device {
-                    let (catalog, plan) =
+                    let (resources, plan) =
                         scene(influences, turn, skinning, DAffine3::IDENTITY).plan(&options);
-                    device.load(catalog).unwrap();
+                    device.load(resources).unwrap();
                     device.submit(plan).unwrap();
                     frames.push(device.collect(None).unwrap());
                     let c = compare(&frames[0], &frames[1], 2).unwrap();
@@ -105,8 +106,8 @@ fn stretched_and_mirrored_tubes_are_drawn_alike() {
             Vec3::new(0.2, 0.1, 0.0),
         );
         let cpu = draw_cpu(&scene(4, upper, Skinning::DualQuaternion, world), &options);
-        let (catalog, plan) = scene(4, upper, Skinning::DualQuaternion, world).plan(&options);
-        device.load(catalog).unwrap();
+        let (resources, plan) = scene(4, upper, Skinning::DualQuaternion, world).plan(&options);
+        device.load(resources).unwrap();
         device.submit(plan).unwrap();
         let gpu = device.collect(None).unwrap();
         let c = compare(&cpu, &gpu, 2).unwrap();
@@ -133,14 +134,14 @@ fn boxes_hold_every_vertex_and_are_not_much_larger() {
         );
         let scene = scene(4, upper, Skinning::DualQuaternion, DAffine3::IDENTITY);
         let carriers = [Affine3A::IDENTITY, upper].map(|m| {
-            let m = Rows::from_affine3a(m);
+            let m = Affine3x4::from_affine3a(m);
             let [x, y, z] = m.0.map(|r| r.as_dvec4());
             choreo_motion::StretchedDualQuaternion::of(DAffine3 {
                 matrix3: glam::DMat3::from_cols(x.truncate(), y.truncate(), z.truncate()).transpose(),
                 translation: DVec3::new(x.w, y.w, z.w),
             })
         });
-        let rows = Rows::from_affine(DAffine3::IDENTITY);
+        let rows = Affine3x4::from_affine(DAffine3::IDENTITY);
         let none = Aabb { min: Vec3::ZERO, max: Vec3::ZERO };
         let bounds = info.dual_skinned(&primitive, &carriers, &rows, none);
         let mut tight = Aabb::EMPTY;

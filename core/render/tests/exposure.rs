@@ -6,7 +6,7 @@ use choreo_image_diff::compare;
 use choreo_motion::{Interpolation, Time};
 use choreo_plugin::{Effect, Frame, Hook, Manifest, Overlay, Scene as Seen, Stroke};
 use choreo_render::plan::motion_blur::plan_at;
-use choreo_render::{Catalog, CpuRenderer, GpuOptions, PlanOptions, Renderer};
+use choreo_render::{CpuRenderer, GpuOptions, PlanOptions, Renderer, SceneResources};
 use choreo_stage::{Channel, Evaluator, Property};
 use common::*;
 use glam::{DVec3, Vec3, Vec4};
@@ -36,11 +36,11 @@ fn passing() -> Scene {
 fn shown(scene: &Scene, renderer: &mut dyn Renderer, samples: u32) -> Frame {
     let effects = effects();
     let options = PlanOptions { effects: &effects, ..PlanOptions::new([64, 64], samples) };
-    let catalog = Arc::new(Catalog::new(&scene.stage));
+    let resources = Arc::new(SceneResources::new(&scene.stage));
     let mut evaluator = Evaluator::new(Arc::new(scene.stage.clone()));
     let camera = Some(scene.snapshot.camera);
-    let (_, plan) = plan_at(&catalog, &mut evaluator, Time::from_secs(0.5), &options, camera).unwrap();
-    renderer.load(catalog).unwrap();
+    let (_, plan) = plan_at(&resources, &mut evaluator, Time::from_secs(0.5), &options, camera).unwrap();
+    renderer.load(resources).unwrap();
     renderer.submit(plan).unwrap();
     renderer.collect(None).unwrap()
 }
@@ -75,13 +75,13 @@ fn what_comes_over_the_picture_comes_after_the_mean() {
     use_effect(&mut scene, "vignette", &[("strength", 1.0)], &[]);
     let dark = shown(&scene, &mut CpuRenderer::new(&effects()), 1);
     assert!(pixel(&dark, 10, 2)[0] < pixel(&plain, 10, 2)[0]);
-    let catalog = Catalog::new(&scene.stage);
+    let resources = SceneResources::new(&scene.stage);
     let mut evaluator = Evaluator::new(Arc::new(scene.stage.clone()));
     let effects = effects();
     let options = PlanOptions { effects: &effects, ..PlanOptions::new([64, 64], 1) };
-    let (_, plan) = plan_at(&catalog, &mut evaluator, Time::ZERO, &options, None).unwrap();
-    assert_eq!((plan.exposed.len(), plan.post.len()), (4, 1));
-    assert!(plan.exposed.iter().all(|part| part.post.is_empty() && part.linear));
+    let (_, plan) = plan_at(&resources, &mut evaluator, Time::ZERO, &options, None).unwrap();
+    assert_eq!((plan.subframes.len(), plan.post.len()), (4, 1));
+    assert!(plan.subframes.iter().all(|part| part.post.is_empty() && part.linear));
 }
 
 #[test]
@@ -100,19 +100,19 @@ fn both_renderers_add_up_the_same() {
     // Frames with and without in one queue come back in order.
     let all = effects();
     let options = PlanOptions { effects: &all, ..PlanOptions::new([64, 64], 4) };
-    let catalog = Arc::new(Catalog::new(&scene.stage));
-    renderer.load(catalog.clone()).unwrap();
+    let resources = Arc::new(SceneResources::new(&scene.stage));
+    renderer.load(resources.clone()).unwrap();
     let mut evaluator = Evaluator::new(Arc::new(scene.stage.clone()));
     let camera = Some(scene.snapshot.camera);
-    let (_, blurred) = plan_at(&catalog, &mut evaluator, Time::from_secs(0.5), &options, camera).unwrap();
+    let (_, blurred) = plan_at(&resources, &mut evaluator, Time::from_secs(0.5), &options, camera).unwrap();
     let mut plain = blurred.clone();
-    plain.exposed.clear();
+    plain.subframes.clear();
     plain.post.clear();
     for pair in [[&plain, &blurred], [&blurred, &plain]] {
         pair.iter().for_each(|plan| renderer.submit_plan(plan).unwrap());
         for plan in pair {
             let got = renderer.collect(None).unwrap();
-            let expected = if plan.exposed.is_empty() { &still } else { &cpu };
+            let expected = if plan.subframes.is_empty() { &still } else { &cpu };
             assert!(compare(&got, expected, 2).unwrap().share_beyond == 0.0);
         }
     }

@@ -246,11 +246,11 @@ fn shown(renderer: &mut dyn Renderer, effects: &[Arc<dyn Effect>], time: f64, ba
     };
     let time = Time::from_secs(time);
     let scene = at(time);
-    let catalog = scene.catalog();
-    let made = plan_with::<()>(&catalog, &scene.stage, time, &options(effects, 1), |t| Ok(at(t).snapshot));
+    let resources = scene.resources();
+    let made = plan_with::<()>(&resources, &scene.stage, time, &options(effects, 1), |t| Ok(at(t).snapshot));
     let (_, plan) = made.unwrap();
-    assert_eq!((plan.before.len(), plan.exposed.len()), back.map_or((0, 0), |_| (2, 1)));
-    renderer.load(catalog).unwrap();
+    assert_eq!((plan.history.len(), plan.subframes.len()), back.map_or((0, 0), |_| (2, 1)));
+    renderer.load(resources).unwrap();
     renderer.submit(plan).unwrap();
     renderer.collect(None).unwrap()
 }

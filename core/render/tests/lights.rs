@@ -4,7 +4,7 @@ mod common;
 
 use choreo_asset::*;
 use choreo_image_diff::compare;
-use choreo_render::plan::build::light_clusters::{LightLists, MANY, MOST};
+use choreo_render::plan::light_clusters::{LightClusters, MANY, MAX_LIGHTS};
 use choreo_render::*;
 use choreo_stage::*;
 use common::*;
@@ -43,7 +43,7 @@ fn hall(lamps: usize) -> Scene {
 }
 
 fn every_light(scene: &Scene) -> Plan {
-    scene.plan(&PlanOptions { no_light_lists: true, ..PlanOptions::new(SIZE, 1) }).1
+    scene.plan(&PlanOptions { no_light_clusters: true, ..PlanOptions::new(SIZE, 1) }).1
 }
 
 fn frame(r: &mut dyn Renderer, plan: Plan) -> choreo_plugin::Frame {
@@ -54,9 +54,9 @@ fn frame(r: &mut dyn Renderer, plan: Plan) -> choreo_plugin::Frame {
 #[test]
 fn lists_leave_out_most_lamps_and_change_no_pixel() {
     let scene = hall(250);
-    let (catalog, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
-    let lists = plan.light_lists.as_ref().unwrap();
-    assert_eq!(lists.everywhere(), 2, "the sun and the lamp without an end");
+    let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
+    let lists = plan.light_clusters.as_ref().unwrap();
+    assert_eq!(lists.unlimited(), 2, "the sun and the lamp without an end");
     // Of the lamps that a pixel would ask without lists.
     let (mut asked, mut places) = (0, 0);
     for i in 0..400 {
@@ -75,11 +75,11 @@ fn lists_leave_out_most_lamps_and_change_no_pixel() {
         let view = &plan.view;
         let mut short = plan.lights.clone();
         short.iter_mut().filter(|l| l.position.w > 0.0).for_each(|l| l.position.w *= 16.0);
-        plan.light_lists = Some(LightLists::new(&short, view, SIZE));
+        plan.light_clusters = Some(LightClusters::new(&short, view, SIZE));
         plan
     };
     let mut cpu = CpuRenderer::new(&[]);
-    cpu.load(catalog.clone()).unwrap();
+    cpu.load(resources.clone()).unwrap();
     let (all, listed) = (frame(&mut cpu, every_light(&scene)), frame(&mut cpu, plan.clone()));
     assert_eq!(all.rgba, listed.rgba);
     assert!(
@@ -88,7 +88,7 @@ fn lists_leave_out_most_lamps_and_change_no_pixel() {
     );
 
     let Some(mut gpu) = vulkan(GpuOptions::default()) else { return };
-    gpu.load(catalog).unwrap();
+    gpu.load(resources).unwrap();
     let there = frame(&mut gpu, plan);
     assert_eq!(frame(&mut gpu, every_light(&scene)).rgba, there.rgba);
     assert_ne!(frame(&mut gpu, wrong).rgba, there.rgba);
@@ -101,7 +101,7 @@ fn lists_leave_out_most_lamps_and_change_no_pixel() {
 fn a_few_lamps_pay_for_no_lists() {
     for (lamps, lists) in [(1, false), (MANY - 1, false), (MANY, true)] {
         let (_, plan) = hall(lamps).plan(&PlanOptions::new(SIZE, 1));
-        assert_eq!(plan.light_lists.is_some(), lists, "{lamps}");
+        assert_eq!(plan.light_clusters.is_some(), lists, "{lamps}");
         assert_eq!(plan.left_out.iter().any(|l| l.what == "lists of lights"), !lists, "{lamps}");
         assert_eq!(plan.lights.len(), lamps + 2);
     }
@@ -110,19 +110,19 @@ fn a_few_lamps_pay_for_no_lists() {
 #[test]
 fn too_many_lights_are_refused_by_both() {
     let said = |r: &mut dyn Renderer, lamps: usize| {
-        let (catalog, plan) = hall(lamps).plan(&PlanOptions::new([16, 16], 1));
-        r.load(catalog).unwrap();
+        let (resources, plan) = hall(lamps).plan(&PlanOptions::new([16, 16], 1));
+        r.load(resources).unwrap();
         match r.submit(plan) {
             Ok(()) => r.collect(None).map(|_| String::new()).unwrap(),
             Err(e) => e.to_string(),
         }
     };
     let mut cpu = CpuRenderer::new(&[]);
-    assert_eq!(said(&mut cpu, MOST - 2), "");
-    let refused = said(&mut cpu, MOST - 1);
+    assert_eq!(said(&mut cpu, MAX_LIGHTS - 2), "");
+    let refused = said(&mut cpu, MAX_LIGHTS - 1);
     assert!(refused.contains("257 lights shine"), "{refused}");
     assert!(refused.contains("256"), "{refused}");
     let Some(mut gpu) = vulkan(GpuOptions::default()) else { return };
-    assert_eq!(said(&mut gpu, MOST - 2), "");
-    assert_eq!(said(&mut gpu, MOST - 1), refused);
+    assert_eq!(said(&mut gpu, MAX_LIGHTS - 2), "");
+    assert_eq!(said(&mut gpu, MAX_LIGHTS - 1), refused);
 }

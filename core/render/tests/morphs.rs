@@ -2,7 +2,7 @@
 
 use choreo_asset::{MorphTarget, Primitive};
 use choreo_plugin::{Files, ImportOptions, Importer, Needs, Source};
-use choreo_render::scene_resources::morph_buffers::{moved, moved_vertices};
+use choreo_render::scene_resources::morph_buffers::{morphed_ranges, morphed_vertices};
 use choreo_render::scene_resources::vertex_layout::{VertexLayout, pack, pack_morphs};
 use glam::{Vec3, Vec3Swizzles};
 use std::path::{Path, PathBuf};
@@ -68,13 +68,13 @@ fn three_vertices_that_move_cost_three() {
     let bytes = pack_morphs(&p, &p.indices, VertexLayout(0b11));
     // A word for each target; places and normals of three, none and one.
     assert_eq!(bytes.len(), 16 * (3 + 2 * (3 + 1)));
-    assert_eq!(moved_vertices(&p), 3);
+    assert_eq!(morphed_vertices(&p), 3);
     check(&p, &bytes);
     // Places alone.
     assert_eq!(pack_morphs(&p, &p.indices, VertexLayout(0b1)).len(), 16 * (3 + 3 + 1));
     // As the file has them: from the first to the last.
     let every: Vec<u32> = (0..10_000).collect();
-    assert_eq!(moved(&p, &every), [17..9_999, 0..0, 5_000..5_001]);
+    assert_eq!(morphed_ranges(&p, &every), [17..9_999, 0..0, 5_000..5_001]);
 }
 
 #[test]
@@ -88,7 +88,7 @@ fn targets_that_share_vertices_and_numbers_that_are_none() {
     let dense = 16 * 3 * 2 * 10_000;
     assert!(bytes.len() < dense / 40, "{}", bytes.len());
     let nan = strip(&[&[(3, Vec3::NAN)]]);
-    assert_eq!(moved_vertices(&nan), 1);
+    assert_eq!(morphed_vertices(&nan), 1);
 }
 
 #[test]

@@ -257,7 +257,7 @@ fn only_those_who_have_one_pay_for_it() {
         let copies: u32 = shells.iter().map(|d| d.instance_count).sum();
         // Of an outline without light only the shape counts.
         assert!(shells.iter().all(|d| d.pipeline.features == Features::SHELL));
-        (plan.draws.len(), shells.len(), copies, plan.materials.len(), out)
+        (plan.draws.len(), shells.len(), copies, plan.material_overrides.len(), out)
     };
     assert_eq!(draws(None), (1, 0, 0, 0, true));
     assert_eq!(draws(Some(vec![1])), (2, 1, 1, 1, false));

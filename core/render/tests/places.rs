@@ -72,8 +72,8 @@ fn bent() -> Affine3A {
 fn cpu_and_gpu(device: &mut Option<VulkanRenderer>, scene: &Scene, options: &PlanOptions) -> Vec<Frame> {
     let mut frames = vec![draw(scene, options)];
     if let Some(device) = device {
-        let (catalog, plan) = scene.plan(options);
-        device.load(catalog).unwrap();
+        let (resources, plan) = scene.plan(options);
+        device.load(resources).unwrap();
         device.submit(plan).unwrap();
         frames.push(device.collect(None).unwrap());
     }
@@ -156,10 +156,10 @@ fn far_ones_of_a_crowd_are_coarser() {
     let mut scene = Scene::perspective(0.6, 3.0);
     scene.at(&Arc::new(body), 0.0, 0.0, 0.0);
     let options = PlanOptions::new([128, 128], 1);
-    let (catalog, plan) = scene.plan(&options);
-    assert!(catalog.levels.iter().any(|levels| !levels.is_empty()));
+    let (resources, plan) = scene.plan(&options);
+    assert!(resources.lods.iter().any(|levels| !levels.is_empty()));
     let sizes: Vec<usize> = (plan.draws.iter())
-        .map(|d| catalog.primitives[d.primitive as usize].primitive().indices.len() / 3)
+        .map(|d| resources.primitives[d.primitive as usize].primitive().indices.len() / 3)
         .collect();
     assert!(sizes.len() > 1 && sizes.iter().min() < sizes.iter().max(), "{sizes:?}");
     assert_eq!(plan.joint_matrices.len(), 2);

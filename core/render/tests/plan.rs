@@ -30,12 +30,12 @@ fn unlit_static_scene_needs_nothing_but_positions() {
     };
     let a = asset(vec![quad(1.0, 1.0)], vec![material], vec![image(1, 1, |_, _| [255; 4])]);
     scene.at(&a, 0.0, 0.0, 0.0);
-    let (catalog, plan) = scene.plan(&options());
+    let (resources, plan) = scene.plan(&options());
     assert_eq!(plan.draws.len(), 1);
     assert_eq!(plan.draws[0].pipeline.features, Features::default(), "no feature at all");
     assert!(plan.lights.is_empty() && plan.joint_matrices.is_empty() && plan.morphs.is_empty());
     assert_eq!(plan.ambient_up, Vec3::ZERO);
-    assert!(catalog.textures.is_empty(), "nothing to upload");
+    assert!(resources.textures.is_empty(), "nothing to upload");
     let out = names(&plan);
     for what in ["skinning", "morph targets", "normals, lights and ambient light", "alpha test"] {
         assert!(out.contains(&what), "{what} is missing in {out:?}");
@@ -73,8 +73,8 @@ fn equal_content_of_two_files_is_one_entry_and_one_draw() {
         scene.at(&a, f64::from(i) * 0.3, 0.0, 0.0);
         scene.at(&b, f64::from(i) * 0.3, 1.0, 0.0);
     }
-    let (catalog, plan) = scene.plan(&options());
-    let counts = (catalog.primitives.len(), catalog.materials.len(), catalog.textures.len());
+    let (resources, plan) = scene.plan(&options());
+    let counts = (resources.primitives.len(), resources.materials.len(), resources.textures.len());
     assert_eq!(counts, (1, 1, 1));
     assert_eq!(plan.draws.len(), 1);
     assert_eq!(plan.draws[0].instance_count, 6);
@@ -87,8 +87,8 @@ fn equal_content_of_two_files_is_one_entry_and_one_draw() {
         vec![image(2, 2, |x, y| [x as u8, y as u8, 1, 255])],
     );
     scene.at(&other, 0.0, 0.5, 0.0);
-    let (catalog, plan) = scene.plan(&options());
-    let counts = (catalog.primitives.len(), catalog.materials.len(), catalog.textures.len());
+    let (resources, plan) = scene.plan(&options());
+    let counts = (resources.primitives.len(), resources.materials.len(), resources.textures.len());
     assert_eq!(counts, (1, 2, 2));
     assert_eq!(plan.draws.len(), 2);
 }
@@ -116,8 +116,8 @@ fn a_thousand_copies_are_one_draw_and_those_outside_are_left_out() {
     let place = |i: u16| Vec3::new(f32::from(i % 40) * 0.3 - 6.0, f32::from(i / 40) * 0.15 - 1.8, 0.0);
     a.instances[0].copies = (0..1000).map(|i| glam::Affine3A::from_translation(place(i))).collect();
     let index = scene.at(&std::sync::Arc::new(a), 0.0, 0.0, 0.0);
-    let (catalog, plan) = scene.plan(&options());
-    assert_eq!((catalog.primitives.len(), plan.draws.len()), (1, 1));
+    let (resources, plan) = scene.plan(&options());
+    assert_eq!((resources.primitives.len(), plan.draws.len()), (1, 1));
     // The view is 8 m wide: from -4 to 4, and a copy reaches 0.1 m.
     let seen = (0..1000).filter(|i| place(*i).x.abs() < 4.1).count();
     assert_eq!((plan.draws[0].instance_count as usize, plan.instances.len()), (seen, seen));
@@ -143,8 +143,8 @@ fn an_animated_base_color_comes_with_the_copies() {
     let mut scene = Scene::ortho(4.0);
     let index = scene.at(&std::sync::Arc::new(a), 0.0, 0.0, 0.0);
     let tint = |scene: &Scene| {
-        let (catalog, plan) = scene.plan(&options());
-        (catalog.materials[0].material.base_color, plan.instances[0].tint)
+        let (resources, plan) = scene.plan(&options());
+        (resources.materials[0].material.base_color, plan.instances[0].tint)
     };
     // At rest the material's own, with the clip its colour: green, though the material has none.
     assert_eq!(tint(&scene), (Vec4::ONE, Vec4::new(0.5, 0.0, 0.5, 1.0)));

@@ -131,11 +131,15 @@ fn with(mut scene: Scene, skin_once: SkinOnce) -> Scene {
     scene
 }
 
-fn record_of(scene: &Scene, options: &PlanOptions, device: RecordOptions) -> (Arc<Catalog>, Plan, Recording) {
-    let (catalog, plan) = scene.plan(options);
-    let triangles = |p: u32| catalog.primitives[p as usize].primitive().indices.len() / 3;
+fn record_of(
+    scene: &Scene,
+    options: &PlanOptions,
+    device: RecordOptions,
+) -> (Arc<SceneResources>, Plan, Recording) {
+    let (resources, plan) = scene.plan(options);
+    let triangles = |p: u32| resources.primitives[p as usize].primitive().indices.len() / 3;
     let recording = record(&plan, device, triangles);
-    (catalog, plan, recording)
+    (resources, plan, recording)
 }
 
 /// Both draw the same f32 formulas from the same 16-bit normals and weights; fetched by the device in one, unpacked in the
@@ -161,11 +165,11 @@ fn once_and_by_every_pass_are_one_picture() {
             };
             let what = format!("{way:?} {samples}");
             let by_each = draw_with(&mut device, &scene(SkinOnce::Never), &options);
-            assert_eq!(device.last_recording().unwrap().counts().posed, 0, "{what}");
+            assert_eq!(device.last_recording().unwrap().counts().preskinned, 0, "{what}");
             let once = draw_with(&mut device, &scene(SkinOnce::Always), &options);
             // Hulls have normals of their own.
             let bodies = if outlined { 4 } else { 3 };
-            assert_eq!(device.last_recording().unwrap().counts().posed, bodies, "{what}");
+            assert_eq!(device.last_recording().unwrap().counts().preskinned, bodies, "{what}");
             assert_same(&by_each, &once, &what);
             // A pose a little beside it is told.
             let mut moved = scene(SkinOnce::Always);
@@ -198,7 +202,7 @@ fn poses_of_frames_in_flight_do_not_meet() {
         scene
     };
     let alone: Vec<Frame> = (0..6).map(|i| draw_with(&mut device, &at(i), &options)).collect();
-    device.load(at(0).catalog()).unwrap();
+    device.load(at(0).resources()).unwrap();
     let mut frames = Vec::new();
     for i in 0..6 {
         if i >= device.frames_in_flight() {
@@ -226,21 +230,21 @@ fn only_what_is_drawn_more_than_once_is_posed_once() {
     let gpu = RecordOptions::default();
     // No shadows: one pass.
     let (_, plan, recording) = of(SkinOnce::Auto, 0, gpu);
-    assert_eq!((recording.counts().posed, recording.posed.len()), (0, 0));
+    assert_eq!((recording.counts().preskinned, recording.preskinned.len()), (0, 0));
     assert!(recording.left_out(&plan).unwrap().why.starts_with("no mesh is drawn often enough"));
     // A sun: two or more, and not enough.
     let (_, plan, recording) = of(SkinOnce::Auto, 1, gpu);
-    assert_eq!(recording.counts().posed, 0);
+    assert_eq!(recording.counts().preskinned, 0);
     assert!(recording.left_out(&plan).is_some());
     // Maps of six suns.
-    assert_eq!(of(SkinOnce::Auto, 6, gpu).2.counts().posed, 3);
-    let (catalog, plan, recording) = of(SkinOnce::Always, 1, gpu);
-    assert_eq!(recording.counts().posed, 3);
+    assert_eq!(of(SkinOnce::Auto, 6, gpu).2.counts().preskinned, 3);
+    let (resources, plan, recording) = of(SkinOnce::Always, 1, gpu);
+    assert_eq!(recording.counts().preskinned, 3);
     assert_eq!(recording.left_out(&plan), None);
-    let vertices = catalog.primitives[0].primitive().positions.len() as u64;
-    assert_eq!(recording.posed_vertices(&catalog), (3, 3 * vertices));
+    let vertices = resources.primitives[0].primitive().positions.len() as u64;
+    assert_eq!(recording.preskinned_vertices(&resources), (3, 3 * vertices));
     // Position, normal, tangent.
-    assert_eq!(recording.posed_bytes(&catalog), 3 * vertices * 4 * (3 + 3 + 4));
+    assert_eq!(recording.preskinned_bytes(&resources), 3 * vertices * 4 * (3 + 3 + 4));
     for command in &recording.commands {
         let Command::BindPipeline(variant) = command else { continue };
         assert!(!variant.key.features.has(Features::SKIN));
@@ -250,7 +254,7 @@ fn only_what_is_drawn_more_than_once_is_posed_once() {
         [(SkinOnce::Never, gpu), (SkinOnce::Always, RecordOptions { no_compute: true, ..gpu })]
     {
         let (_, plan, recording) = of(once, 1, device);
-        assert_eq!(recording.counts().posed, 0);
+        assert_eq!(recording.counts().preskinned, 0);
         assert!(recording.left_out(&plan).is_some());
         assert!(recording.reads().joints);
     }
@@ -264,9 +268,9 @@ fn a_device_that_cannot_compute_poses_by_every_pass() {
     let Some(mut whole) = vulkan(GpuOptions::default()) else { return };
     let (scene, options) = (with(scene(WAYS[2]), SkinOnce::Always), PlanOptions::new([120, 90], 1));
     let by_each = draw_with(&mut device, &scene, &options);
-    assert_eq!(device.last_recording().unwrap().counts().posed, 0);
+    assert_eq!(device.last_recording().unwrap().counts().preskinned, 0);
     let once = draw_with(&mut whole, &scene, &options);
-    assert_eq!(whole.last_recording().unwrap().counts().posed, 3);
+    assert_eq!(whole.last_recording().unwrap().counts().preskinned, 3);
     assert_same(&by_each, &once, "without compute");
 }
 
@@ -276,16 +280,16 @@ fn what_cannot_be_bound_is_posed_by_every_pass() {
     let Some(mut whole) = vulkan(GpuOptions::default()) else { return };
     let (scene, options) = (with(scene(WAYS[0]), SkinOnce::Always), PlanOptions::new([120, 90], 1));
     let once = draw_with(&mut whole, &scene, &options);
-    let (catalog, plan) = scene.plan(&options);
-    let bytes = whole.last_recording().unwrap().posed_bytes(&catalog) as u32;
+    let (resources, plan) = scene.plan(&options);
+    let bytes = whole.last_recording().unwrap().preskinned_bytes(&resources) as u32;
     let mesh = bytes / 3;
     let draw = |most: u32| {
         let masked = GpuOptions { storage_range: Some(most), ..GpuOptions::default() };
         let mut device = vulkan(masked).unwrap();
-        device.load(catalog.clone()).unwrap();
+        device.load(resources.clone()).unwrap();
         device.submit(plan.clone()).and_then(|()| device.collect(None)).map(|frame| {
             assert_same(&frame, &once, &format!("{most} bytes"));
-            device.last_recording().unwrap().counts().posed
+            device.last_recording().unwrap().counts().preskinned
         })
     };
     assert_eq!(draw(bytes).unwrap(), 3);

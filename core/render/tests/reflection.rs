@@ -168,7 +168,7 @@ fn only_what_mirrors_pays_and_forcing_it_in_changes_nothing() {
         let f = features(scene, &options);
         assert_eq!(f.only(Features::REFLECTION.with(maps_read)), Features(0));
         assert!(told(scene));
-        assert!(scene.catalog().textures.is_empty());
+        assert!(scene.resources().textures.is_empty());
     }
     assert_eq!(draw(&without, &options).rgba, draw(&none, &options).rgba);
     assert_ne!(draw(&without, &options).rgba, draw(&plain, &options).rgba);

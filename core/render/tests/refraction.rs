@@ -200,7 +200,7 @@ fn roughness_blurs_by_levels_of_the_copy() {
     });
     let levels = |roughness, ior| {
         let (_, plan) = edge(roughness, ior).plan(&PlanOptions::new([SIDE, SIDE], 1));
-        plan.behind.map(|b| b.levels)
+        plan.scene_color_copy.map(|b| b.levels)
     };
     // As many levels as are read: none below the copy for what is smooth.
     assert_eq!(levels(0.0, 1.5), Some(1));
@@ -214,7 +214,8 @@ fn the_copy_is_made_only_for_what_bends_light() {
     let what = |layers: MaterialLayers| {
         let (_, plan) = slab(20.0, layers).plan(&PlanOptions::new([SIDE; 2], 1));
         let recording = record(&plan, RecordOptions::default(), |_| 2);
-        let copies = recording.commands.iter().filter(|c| matches!(c, Command::CopyBehind { .. })).count();
+        let copies =
+            recording.commands.iter().filter(|c| matches!(c, Command::CopySceneColor { .. })).count();
         let glass: Vec<Glass> = plan.draws.iter().map(|d| d.pipeline.glass).collect();
         let left_out = plan.left_out.iter().any(|l| l.what == "refraction");
         (recording.counts().passes, copies, glass, left_out)

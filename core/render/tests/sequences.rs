@@ -53,12 +53,12 @@ fn frames(
     looks: impl IntoIterator<Item = usize>,
     once: bool,
 ) {
-    let catalog = scene.catalog();
-    renderer.load(catalog.clone()).unwrap();
+    let resources = scene.resources();
+    renderer.load(resources.clone()).unwrap();
     for frame in looks {
         scene.snapshot.time = Time::from_secs(frame as f64 * 0.1 + 0.05);
-        let plan = Plan::new(&catalog, &scene.stage, &scene.snapshot, &PlanOptions::new([8, 8], 1));
-        assert_eq!((plan.draws.len(), plan.materials.len()), (1, 0));
+        let plan = Plan::new(&resources, &scene.stage, &scene.snapshot, &PlanOptions::new([8, 8], 1));
+        assert_eq!((plan.draws.len(), plan.material_overrides.len()), (1, 0));
         renderer.submit(plan).unwrap();
         let drawn = renderer.collect(None).unwrap();
         let expected = if once { frame.min(COUNT - 1) } else { frame % COUNT };
@@ -99,9 +99,9 @@ fn one_that_cannot_be_made_ends_the_frame_with_its_name() {
     let greys = Arc::new(Greys { broken: true, ..Greys::default() });
     let mut scene = scene(&greys, false);
     scene.snapshot.time = Time::from_secs((COUNT - 2) as f64 * 0.1 + 0.05);
-    let (catalog, plan) = scene.plan(&PlanOptions::new([8, 8], 1));
+    let (resources, plan) = scene.plan(&PlanOptions::new([8, 8], 1));
     let mut cpu = CpuRenderer::new(&[]);
-    cpu.load(catalog).unwrap();
+    cpu.load(resources).unwrap();
     cpu.submit(plan).unwrap();
     let error = cpu.collect(None).unwrap_err().to_string();
     assert!(error.contains("grey_38.png"), "{error}");

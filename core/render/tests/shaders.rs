@@ -266,7 +266,7 @@ fn outline_variants() -> Vec<SceneVariant> {
 /// What is kept of every surface that can be, and light on it with all that a scene may have.
 fn deferred_variants() -> Vec<SceneVariant> {
     let kept = |v: &SceneVariant| {
-        v.key.features.has(Features::METALLIC_ROUGHNESS) && !v.key.is_see_through() && !v.key.coverage
+        v.key.features.has(Features::METALLIC_ROUGHNESS) && !v.key.is_transparent() && !v.key.coverage
     };
     let base = variants();
     // Each ninth: switches of shapes and of textures never meet in one expression.

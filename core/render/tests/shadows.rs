@@ -1,4 +1,4 @@
-//! Shadows of the CPU renderer against rays cast in f64, of the Vulkan renderer against the CPU's; what they cost, and what
+//! ShadowMaps of the CPU renderer against rays cast in f64, of the Vulkan renderer against the CPU's; what they cost, and what
 //! scenes without pay: nothing.
 
 mod common;
@@ -108,7 +108,7 @@ fn a_suns_shadow_is_where_rays_end() {
         let sun = plain(LightKind::Directional, 0.8);
         cast(&mut scene, sun, DVec3::ZERO, direction, Shadow { size, softness });
         let (_, plan) = scene.plan(&PlanOptions::new([160, 160], 1));
-        let texel = f64::from(plan.shadows.as_ref().unwrap().views[0].texel);
+        let texel = f64::from(plan.shadow_maps.as_ref().unwrap().views[0].texel);
         let frame = draw_at(&scene, [160, 160], 1);
         // Half the filter and a texel's diagonal, seen on a slanting plane.
         let band = 3.0 * texel / nl + 1e-3;
@@ -136,7 +136,7 @@ fn lamps_and_spots_cast_from_where_they_are() {
         let shadow = Shadow { size: 1024, softness: 0.0 };
         cast(&mut scene, plain(kind, 4.0), at, DVec3::NEG_Y, shadow);
         let (_, plan) = scene.plan(&PlanOptions::new([160, 160], 1));
-        let shadows = plan.shadows.as_ref().unwrap();
+        let shadows = plan.shadow_maps.as_ref().unwrap();
         let texel = f64::from(shadows.views[0].texel) * at.y;
         let frame = draw_at(&scene, [160, 160], 1);
         let inside_cone = |floor: DVec3| ((at - floor).normalize().y.acos()) < 0.98;
@@ -236,7 +236,7 @@ fn a_scene_without_shadows_pays_nothing() {
         (plan, recording)
     };
     let (plan, recording) = of(None);
-    assert!(plan.shadows.is_none());
+    assert!(plan.shadow_maps.is_none());
     assert!(plan.draws.iter().all(|d| !d.pipeline.features.has(Features::SHADOW)));
     assert_eq!((recording.counts().passes, recording.counts().shadow_views), (1, 0));
     let why = |plan: &Plan| plan.left_out.iter().find(|l| l.what == "shadow maps").map(|l| l.why.clone());
@@ -258,7 +258,7 @@ fn a_scene_without_shadows_pays_nothing() {
     scene.snapshot.lights[0].shadow = Some(Shadow::default());
     let (_, plan) = scene.plan(&PlanOptions::new([64, 64], 1));
     assert_eq!(why(&plan).as_deref(), Some("nothing lit is in view"));
-    assert!(plan.shadows.is_none());
+    assert!(plan.shadow_maps.is_none());
 }
 
 #[test]
@@ -272,7 +272,7 @@ fn casters_out_of_view_are_drawn_into_the_map_alone() {
     scene.sun(Vec3::new(-0.7, 0.0, -0.7), Vec3::ONE, 1.0);
     scene.snapshot.lights[0].shadow = Some(Shadow::default());
     let (_, plan) = scene.plan(&PlanOptions::new([32, 32], 1));
-    let view = &plan.shadows.as_ref().unwrap().views[0];
+    let view = &plan.shadow_maps.as_ref().unwrap().views[0];
     let actors: Vec<u32> = view
         .draws
         .iter()

@@ -178,9 +178,9 @@ fn busy(sky: Sky) -> Scene {
 fn the_plan_pays_for_a_sky_only_where_there_is_one() {
     let options = PlanOptions::new([32, 18], 1);
     let mut scene = busy(Sky::new(soft()));
-    let (catalog, plan) = scene.plan(&options);
+    let (resources, plan) = scene.plan(&options);
     assert!(plan.draws.iter().all(|d| d.pipeline.features.has(Features::SKY)));
-    assert!(plan.sky.is_some() && catalog.sky.is_some());
+    assert!(plan.sky.is_some() && resources.sky.is_some());
     scene.snapshot.sky.as_mut().unwrap().strength = 0.0;
     let (_, dark) = scene.plan(&options);
     assert!(dark.draws.iter().all(|d| !d.pipeline.features.has(Features::SKY)));

@@ -19,9 +19,9 @@ fn scene(x: f64) -> Scene {
 }
 
 fn stages(scene: &Scene) -> Vec<Frame> {
-    let (catalog, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
+    let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
     let mut renderer = CpuRenderer::new(&[]);
-    renderer.load(catalog).unwrap();
+    renderer.load(resources).unwrap();
     renderer.stages(&plan).unwrap()
 }
 

@@ -94,9 +94,9 @@ fn tiles_make_the_picture_that_is_drawn_whole() {
         assert!(c.mean < 0.1 && c.share_beyond < 2e-3, "{what}, {samples} samples: {c}");
     }
     // Frames larger and smaller than the limit in turns; several in flight.
-    let (catalog, large) = scenes[0].1.plan(&PlanOptions::new(SIZE, 1));
+    let (resources, large) = scenes[0].1.plan(&PlanOptions::new(SIZE, 1));
     let (_, small) = scenes[0].1.plan(&PlanOptions::new([60, 45], 1));
-    tiled.load(catalog).unwrap();
+    tiled.load(resources).unwrap();
     tiled.submit(large).unwrap();
     tiled.submit(small).unwrap();
     let sizes = [0, 1].map(|_| tiled.collect(None).map(|f| [f.width, f.height]).unwrap());
@@ -107,8 +107,8 @@ fn tiles_make_the_picture_that_is_drawn_whole() {
 fn a_tile_in_a_wrong_place_is_seen() {
     let Some(mut whole) = vulkan(GpuOptions::default()) else { return };
     let options = PlanOptions::new(SIZE, 1);
-    let (catalog, plan) = scene().plan(&options);
-    whole.load(catalog.clone()).unwrap();
+    let (resources, plan) = scene().plan(&options);
+    whole.load(resources.clone()).unwrap();
     let mut draw = |plan: Plan| {
         whole.submit(plan).unwrap();
         whole.collect(None).unwrap()
@@ -117,7 +117,7 @@ fn a_tile_in_a_wrong_place_is_seen() {
     let tile = tiles(SIZE, 100)[1];
     let part = |x: u32, y: u32| pixel(&all, tile.at[0] + x, tile.at[1] + y);
     let mut off = |tile| {
-        let drawn = draw(plan.tile(tile, &catalog).unwrap());
+        let drawn = draw(plan.tile(tile, &resources).unwrap());
         let pixels = (0..drawn.height).flat_map(|y| (0..drawn.width).map(move |x| (x, y)));
         pixels
             .filter(|(x, y)| {
@@ -141,9 +141,9 @@ fn what_tiles_cannot_show_is_said() {
     let glass = MaterialLayers { transmission: 0.9, thickness: 0.2, ..MaterialLayers::default() };
     let glass = layered(glass, matte(Vec4::ONE));
     scene.at(&asset(vec![bulge(0.6)], vec![glass], vec![]), 0.3, -0.2, 2.2);
-    let (catalog, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
-    assert!(plan.behind.is_some());
-    tiled.load(catalog).unwrap();
+    let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
+    assert!(plan.scene_color_copy.is_some());
+    tiled.load(resources).unwrap();
     tiled.submit(plan).unwrap();
     let said = tiled.collect(None).unwrap_err().to_string();
     assert!(said.starts_with("a picture of 200×150 is drawn in tiles") && said.contains("glass"), "{said}");

@@ -209,8 +209,8 @@ fn only_those_who_use_it_pay_for_it() {
     let features = |material: Material| {
         let mut scene = turned(material, vec![image(1, 1, |_, _| [255; 4])], 0.0);
         scene.sun(-Vec3::Z, Vec3::ONE, 1.0);
-        let (catalog, plan) = scene.plan(&PlanOptions::new([8, 8], 1));
-        (plan.draws[0].pipeline.features, catalog.textures.len())
+        let (resources, plan) = scene.plan(&PlanOptions::new([8, 8], 1));
+        (plan.draws[0].pipeline.features, resources.textures.len())
     };
     let plain = matte(Vec4::ONE);
     let unused = Material {

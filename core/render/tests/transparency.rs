@@ -163,15 +163,15 @@ fn beyond_the_most_layers_the_nearest_are_sorted() {
 fn cause(scene: &Scene) -> Result<PeelCause, String> {
     let (_, plan) = scene.plan(&PlanOptions::new([SIDE; 2], 1));
     let said = plan.left_out.iter().find(|l| l.what == "order-independent transparency");
-    plan.peel.map(|p| p.cause).ok_or_else(|| said.map_or(String::new(), |l| l.why.clone()))
+    plan.depth_peeling.map(|p| p.cause).ok_or_else(|| said.map_or(String::new(), |l| l.why.clone()))
 }
 
 #[test]
 fn the_plan_takes_it_in_where_sorting_fails_and_says_why() {
     let auto = |panes: &[Pane]| cause(&scene(panes, Transparency::Auto));
-    assert_eq!(auto(&crossing()), Ok(PeelCause::Each(0, 1)));
-    assert!(matches!(auto(&fan()), Ok(PeelCause::Each(..))));
-    assert!(matches!(auto(&large_and_small()), Ok(PeelCause::Each(..))));
+    assert_eq!(auto(&crossing()), Ok(PeelCause::Order(0, 1)));
+    assert!(matches!(auto(&fan()), Ok(PeelCause::Order(..))));
+    assert!(matches!(auto(&large_and_small()), Ok(PeelCause::Order(..))));
     // One behind the other, beside the other, or in one plane.
     let behind =
         [pane([20.0, 0.0], [0.0, 0.0, -1.0], 0.7, RED), pane([20.0, 0.0], [0.1, 0.0, 0.0], 0.7, BLUE)];
@@ -185,14 +185,14 @@ fn the_plan_takes_it_in_where_sorting_fails_and_says_why() {
     assert!(auto(&[]).is_err_and(|why| why.contains("opaque")));
     let sorted = cause(&scene(&crossing(), Transparency::Sorted));
     assert!(sorted.is_err_and(|why| why.contains("\"sorted\"")));
-    assert_eq!(cause(&scene(&behind, Transparency::Independent)), Ok(PeelCause::Asked));
+    assert_eq!(cause(&scene(&behind, Transparency::Independent)), Ok(PeelCause::Requested));
     // A box seen from both sides.
     let mut bent = Scene::ortho(2.0);
     let mut roof = quad(0.5, 0.5);
     roof.positions[2].z = 0.4;
     let glass = Material { alpha_mode: AlphaMode::Blend, double_sided: true, ..unlit(Vec4::splat(0.5)) };
     bent.at(&asset(vec![roof], vec![glass], vec![]), 0.0, 0.0, 0.0);
-    assert_eq!(cause(&bent), Ok(PeelCause::Itself(0)));
+    assert_eq!(cause(&bent), Ok(PeelCause::SelfOverlap(0)));
 }
 
 /// A device that cannot tell a pixel's samples apart sorts where there are several.
@@ -232,7 +232,7 @@ fn bodies(morphed: bool, apart: f64) -> Scene {
 #[test]
 fn posed_bodies_count_by_the_boxes_around_them() {
     for morphed in [false, true] {
-        assert_eq!(cause(&bodies(morphed, 0.6)), Ok(PeelCause::Each(0, 1)), "{morphed}");
+        assert_eq!(cause(&bodies(morphed, 0.6)), Ok(PeelCause::Order(0, 1)), "{morphed}");
         assert!(cause(&bodies(morphed, 1.4)).is_err_and(|why| why.contains("can be sorted")));
     }
 }
@@ -255,13 +255,13 @@ fn bodies_that_effects_move_count_with_their_reach() {
         }
         let options = PlanOptions { effects: &all, ..PlanOptions::new([64; 2], 1) };
         let plan = scene.plan(&options).1;
-        let peeled = plan.peel.map(|p| (p.cause, p.layers));
+        let peeled = plan.depth_peeling.map(|p| (p.cause, p.layers));
         let out = plan.left_out.iter().any(|l| l.why.contains("can be sorted"));
         assert_eq!(peeled.is_none(), out);
         peeled
     };
     // Each may go 0.3 m towards the other; of what moves, nobody knows how often a line of sight meets it.
-    assert_eq!(why(1.4, Some(0.3)), Some((PeelCause::Each(0, 1), 8)));
+    assert_eq!(why(1.4, Some(0.3)), Some((PeelCause::Order(0, 1), 8)));
     assert_eq!(why(1.4, Some(0.1)), None);
     assert_eq!(why(1.4, Some(0.0)), None);
     assert_eq!(why(1.4, None), None);
@@ -279,7 +279,7 @@ fn an_actors_word_goes_before_the_stages() {
     says(&mut one, 0, Transparency::Sorted, Some(0));
     assert!(cause(&one).is_err_and(|why| why == "the actors' transparency is \"sorted\""));
     says(&mut one, 0, Transparency::Independent, Some(0));
-    assert_eq!(cause(&one), Ok(PeelCause::AskedBy(0)));
+    assert_eq!(cause(&one), Ok(PeelCause::RequestedBy(0)));
     // Of another material.
     let mut other = bodies(false, 1.4);
     says(&mut other, 0, Transparency::Independent, Some(1));

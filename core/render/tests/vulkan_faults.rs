@@ -17,21 +17,21 @@ fn options(faults: &Faults) -> GpuOptions {
     GpuOptions { validation: true, effects, faults: faults.clone(), ..GpuOptions::default() }
 }
 
-fn plans() -> (Arc<Catalog>, Vec<Plan>) {
+fn plans() -> (Arc<SceneResources>, Vec<Plan>) {
     let scene = |i: usize| {
         let mut scene = busy_scene(DVec3::ZERO);
         scene.snapshot.camera.world_from_view.translation.x += 0.1 * i as f64;
         scene
     };
-    let catalog = scene(0).catalog();
+    let resources = scene(0).resources();
     let plans = (0..FRAMES).map(|i| scene(i).plan(&PlanOptions::new([96, 54], 4)).1).collect();
-    (catalog, plans)
+    (resources, plans)
 }
 
 /// All frames, as many in flight as the renderer takes.
 fn draw(renderer: &mut dyn Renderer) -> Result<Vec<Frame>, RenderError> {
-    let (catalog, plans) = plans();
-    renderer.load(catalog)?;
+    let (resources, plans) = plans();
+    renderer.load(resources)?;
     let (mut frames, mut flying) = (Vec::new(), 0);
     for plan in plans {
         renderer.submit(plan)?;

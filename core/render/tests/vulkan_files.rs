@@ -51,8 +51,8 @@ fn stage_of(path: &Path) -> Stage {
     stage
 }
 
-fn draw(r: &mut dyn Renderer, catalog: &Arc<Catalog>, plan: &Plan) -> Frame {
-    r.load(catalog.clone()).unwrap();
+fn draw(r: &mut dyn Renderer, resources: &Arc<SceneResources>, plan: &Plan) -> Frame {
+    r.load(resources.clone()).unwrap();
     r.submit(plan.clone()).unwrap();
     r.collect(None).unwrap()
 }
@@ -78,11 +78,11 @@ fn every_file_looks_the_same_on_vulkan_and_cpu() {
     let mut bad = Vec::new();
     for path in &files {
         let stage = stage_of(path);
-        let catalog = Arc::new(Catalog::new(&stage));
+        let resources = Arc::new(SceneResources::new(&stage));
         let snapshot = stage.at(Time::from_secs(0.4)).unwrap();
         for samples in [1, 4] {
-            let plan = Plan::new(&catalog, &stage, &snapshot, &PlanOptions::new([240, 180], samples));
-            let (a, b) = (draw(&mut vulkan, &catalog, &plan), draw(&mut cpu, &catalog, &plan));
+            let plan = Plan::new(&resources, &stage, &snapshot, &PlanOptions::new([240, 180], samples));
+            let (a, b) = (draw(&mut vulkan, &resources, &plan), draw(&mut cpu, &resources, &plan));
             let c = compare(&a, &b, 4).unwrap();
             let line = format!("{} ×{samples}: {c}", path.file_name().unwrap().display());
             println!("{line}");

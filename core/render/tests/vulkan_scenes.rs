@@ -188,13 +188,13 @@ fn same_plan_same_bytes_in_any_order() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
     let mut scene = busy_scene(DVec3::ZERO);
-    let catalog = scene.catalog();
-    r.load(catalog.clone()).unwrap();
+    let resources = scene.resources();
+    r.load(resources.clone()).unwrap();
     let options = PlanOptions::new([96, 64], 4);
     let plans: Vec<Plan> = (0..6)
         .map(|i| {
             scene.snapshot.actors[3].world_from_model = DAffine3::from_rotation_y(i as f64);
-            Plan::new(&catalog, &scene.stage, &scene.snapshot, &options)
+            Plan::new(&resources, &scene.stage, &scene.snapshot, &options)
         })
         .collect();
     let mut run = |order: &[usize]| -> Vec<(usize, Frame)> {
@@ -227,7 +227,7 @@ fn what_a_scene_does_not_need_is_left_out() {
         draws: 1,
         post_passes: 0,
         shadow_views: 0,
-        posed: 0,
+        preskinned: 0,
     };
     assert_eq!(recording.counts(), counts, "{recording}");
     let text = recording.to_string();
@@ -306,20 +306,22 @@ fn a_part_drawn_with_samples_is_as_if_all_were() {
         scene.snapshot.background = background;
         let leaf = triangle(Vec3::new(-0.5, -0.4, 0.0), Vec3::new(0.6, -0.1, 0.0), Vec3::new(0.0, 0.7, 0.0));
         scene.at(&asset(vec![leaf], vec![unlit(Vec4::ONE)], vec![]), 0.3, 0.2, 0.0);
-        let (catalog, plan) = scene.plan(&PlanOptions::new([120, 90], 4));
-        r.load(catalog).unwrap();
+        let (resources, plan) = scene.plan(&PlanOptions::new([120, 90], 4));
+        r.load(resources).unwrap();
         let mut frame = |plan: Plan| {
             r.submit(plan).unwrap();
             r.collect(None).unwrap()
         };
         let part = frame(plan.clone());
-        let whole =
-            frame(Plan { area: choreo_render::plan::build::dirty_rect::Area::EVERYTHING, ..plan.clone() });
+        let whole = frame(Plan {
+            dirty_rect: choreo_render::plan::dirty_rect::DirtyRect::EVERYTHING,
+            ..plan.clone()
+        });
         let c = compare(&part, &whole, 1).unwrap();
         println!("{}", c.worst);
         assert!(c.worst <= 1, "{c:?}");
         // What is said to be elsewhere is cut off.
-        let wrong = frame(Plan { area: choreo_render::plan::build::dirty_rect::Area::NOTHING, ..plan });
+        let wrong = frame(Plan { dirty_rect: choreo_render::plan::dirty_rect::DirtyRect::NOTHING, ..plan });
         assert!(compare(&wrong, &whole, 1).unwrap().worst > 50);
     }
 }
@@ -429,7 +431,7 @@ fn a_thousand_frames_of_changing_size_leak_nothing() {
     for i in 0..1000u32 {
         let scene = &scenes[(i / 100) as usize % 2];
         if i % 100 == 0 {
-            r.load(scene.catalog()).unwrap();
+            r.load(scene.resources()).unwrap();
         }
         let (_, plan) = scene.plan(&PlanOptions::new([16 + i % 2, 16], 1));
         r.submit(plan).unwrap();
@@ -444,8 +446,8 @@ fn a_thousand_frames_of_changing_size_leak_nothing() {
 #[test]
 fn dropped_in_mid_frame_without_a_word_from_validation() {
     let Some(mut r) = new_renderer() else { return };
-    let (catalog, plan) = busy_scene(DVec3::ZERO).plan(&PlanOptions::new([64, 64], 4));
-    r.load(catalog).unwrap();
+    let (resources, plan) = busy_scene(DVec3::ZERO).plan(&PlanOptions::new([64, 64], 4));
+    r.load(resources).unwrap();
     r.submit(plan.clone()).unwrap();
     r.submit(plan).unwrap();
     let messages = r.validation_messages();

@@ -7,8 +7,8 @@ use choreo_motion::Time;
 use choreo_plugin::{Effect, Frame};
 use choreo_render::plan::Draw;
 use choreo_render::plan::motion_blur::{plan_alone, plan_with};
-use choreo_render::renderer::Work;
-use choreo_render::{Catalog, DeviceInfo, Held, PlanOptions, Renderer};
+use choreo_render::renderer::CreatedCounts;
+use choreo_render::{DeviceInfo, DeviceUsage, PlanOptions, Renderer, SceneResources};
 use choreo_stage::Snapshot;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -60,9 +60,9 @@ pub struct FrameReply {
     pub view: u32,
     pub result: Result<(Frame, FrameInfo), String>,
     /// What the renderer has made so far.
-    pub work: Work,
+    pub work: CreatedCounts,
     /// What it has on its device now.
-    pub held: Held,
+    pub held: DeviceUsage,
     /// Messages for the user.
     pub notes: Vec<String>,
 }
@@ -188,7 +188,7 @@ struct RenderState {
     renderer: Result<Box<dyn Renderer>, String>,
     notes: Vec<String>,
     views: ViewEvaluators,
-    catalog: Option<Arc<Catalog>>,
+    resources: Option<Arc<SceneResources>>,
     effects: Vec<Arc<dyn Effect>>,
 }
 
@@ -198,16 +198,22 @@ impl RenderState {
             Ok((renderer, note)) => (Ok(renderer), note.into_iter().collect()),
             Err(why) => (Err(why), Vec::new()),
         };
-        RenderState { renderer, notes, views: ViewEvaluators::default(), catalog: None, effects: Vec::new() }
+        RenderState {
+            renderer,
+            notes,
+            views: ViewEvaluators::default(),
+            resources: None,
+            effects: Vec::new(),
+        }
     }
 
     fn paint(&mut self, request: &FrameRequest, shaders: bool, spare: Option<Frame>) -> FrameReply {
         let mut notes = std::mem::take(&mut self.notes);
         let result = self.picture(request, shaders, spare, &mut notes);
-        let (mut work, mut held) = (Work::default(), Held::default());
+        let (mut work, mut held) = (CreatedCounts::default(), DeviceUsage::default());
         if let Ok(renderer) = &mut self.renderer {
             notes.extend(renderer.take_notes());
-            (work, held) = (renderer.work(), renderer.held());
+            (work, held) = (renderer.created(), renderer.usage());
         }
         let FrameRequest { ticket, view, .. } = *request;
         FrameReply { ticket, view, result, work, held, notes }
@@ -235,9 +241,9 @@ impl RenderState {
             renderer.set_effects(effects).map_err(failed)?;
             self.effects = effects.to_vec();
         }
-        if self.catalog.as_ref().is_none_or(|c| !Arc::ptr_eq(c, &scene.catalog)) {
-            renderer.load(scene.catalog.clone()).map_err(failed)?;
-            self.catalog = Some(scene.catalog.clone());
+        if self.resources.as_ref().is_none_or(|c| !Arc::ptr_eq(c, &scene.resources)) {
+            renderer.load(scene.resources.clone()).map_err(failed)?;
+            self.resources = Some(scene.resources.clone());
         }
         let start = Instant::now();
         let options = PlanOptions { effects, ..PlanOptions::new(request.size, request.samples) };
@@ -247,16 +253,16 @@ impl RenderState {
             let snapshot = self.views.at(request, request.time)?;
             let evaluated_in = start.elapsed();
             let at = |time| self.views.at(request, time);
-            let plan = plan_alone(&scene.catalog, &stage, &snapshot, &options, at)?;
+            let plan = plan_alone(&scene.resources, &stage, &snapshot, &options, at)?;
             (snapshot, plan, evaluated_in)
         } else {
             let at = |time| self.views.at(request, time);
-            let (snapshot, plan) = plan_with(&scene.catalog, &stage, request.time, &options, at)?;
+            let (snapshot, plan) = plan_with(&scene.resources, &stage, request.time, &options, at)?;
             (snapshot, plan, start.elapsed())
         };
         let left_out = plan.left_out.iter().map(|l| (l.what.to_string(), l.why.to_string())).collect();
         let draws = plan.draws.len();
-        let triangles = plan.draws.iter().map(|d| triangles(&scene.catalog, d)).sum();
+        let triangles = plan.draws.iter().map(|d| triangles(&scene.resources, d)).sum();
         let planned_in = start.elapsed() - evaluated_in;
         renderer.submit(plan).map_err(failed)?;
         let frame = renderer.collect(spare).map_err(failed)?;
@@ -279,8 +285,8 @@ impl RenderState {
     }
 }
 
-fn triangles(catalog: &Catalog, draw: &Draw) -> u64 {
+fn triangles(resources: &SceneResources, draw: &Draw) -> u64 {
     let of_one =
-        catalog.primitives.get(draw.primitive as usize).map_or(0, |p| p.primitive().indices.len() / 3);
+        resources.primitives.get(draw.primitive as usize).map_or(0, |p| p.primitive().indices.len() / 3);
     of_one as u64 * u64::from(draw.instance_count)
 }

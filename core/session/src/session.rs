@@ -4,7 +4,7 @@ use crate::plugin_files::{self, ENDINGS, Listing};
 use crate::{SceneSource, Waker, Watch, WatchError, WatchEvent, WatchedPaths, model};
 use choreo_asset::Asset;
 use choreo_plugin::Registry;
-use choreo_render::Catalog;
+use choreo_render::SceneResources;
 use choreo_script::{
     AssetCache, BUILT_IN, Diagnostic, Folders, Imports, Loader, Parameter, Places, ScriptOptions, Severity,
     Touched, content_of, run_file_touching,
@@ -21,7 +21,7 @@ pub struct Scene {
     /// Number of the version.
     pub number: u64,
     pub stage: Arc<Stage>,
-    pub catalog: Arc<Catalog>,
+    pub resources: Arc<SceneResources>,
     /// The evaluator to be cloned: clones share what was computed.
     pub evaluator: Evaluator,
     /// The registry with the plugin files of this version.
@@ -187,15 +187,15 @@ impl Session {
             warnings.push(Diagnostic::warning(format!("unknown effect \"{}\"; it is left out", used.plugin)));
         }
         let stage = Arc::new(stage);
-        let nothing = Catalog::default();
-        let before = self.last.as_ref().map_or(&nothing, |scene| &scene.catalog);
-        let catalog = Arc::new(Catalog::after(before, &stage));
+        let nothing = SceneResources::default();
+        let before = self.last.as_ref().map_or(&nothing, |scene| &scene.resources);
+        let resources = Arc::new(SceneResources::after(before, &stage));
         let mut evaluator = Evaluator::new(stage.clone());
         // What fails at once is faulty; what fails later is told when that time is shown.
         let zero = choreo_motion::Time::ZERO;
         evaluator.at(zero).map_err(|error| vec![Diagnostic::error(error.to_string())])?;
         let registry = registry.settled();
-        let scene = Scene { number, stage, catalog, evaluator, registry, places, parameters, printed };
+        let scene = Scene { number, stage, resources, evaluator, registry, places, parameters, printed };
         Ok((scene, warnings))
     }
 

@@ -4,7 +4,7 @@
 use choreo_motion::Time;
 use choreo_plugin::Registry;
 use choreo_render::vulkan::{GpuOptions, SteadyRenderer};
-use choreo_render::{Held, RenderError};
+use choreo_render::{DeviceUsage, RenderError};
 use choreo_session::{FrameRenderer, FrameReply, FrameRequest, SceneSource, Session, WatchEvent};
 use std::collections::BTreeSet;
 use std::fs;
@@ -95,7 +95,7 @@ impl Bench {
         Some(bench)
     }
 
-    fn show(&mut self, changed: BTreeSet<std::path::PathBuf>) -> Held {
+    fn show(&mut self, changed: BTreeSet<std::path::PathBuf>) -> DeviceUsage {
         let version = self.session.build(changed);
         let scene = version.scene.unwrap_or_else(|| panic!("{:?}", version.problems));
         self.renderer.ask(FrameRequest::new(scene, Time::from_secs(1.0), 4, 0));
@@ -106,7 +106,7 @@ impl Bench {
     }
 
     /// The `n`th edit, as the watch tells of it.
-    fn reload(&mut self, n: usize) -> Held {
+    fn reload(&mut self, n: usize) -> DeviceUsage {
         edit(self.folder.path(), n);
         match self.session.wait(Some(Duration::from_secs(300))).unwrap() {
             WatchEvent::Changed(files) => self.show(files),
@@ -131,7 +131,7 @@ fn reloads(count: usize, report: bool) -> Option<f64> {
     let mut bench = Bench::new()?;
     let start = Instant::now();
     let settled = count / 10;
-    let (mut held, mut process) = (Held::default(), Process::default());
+    let (mut held, mut process) = (DeviceUsage::default(), Process::default());
     for n in 3..count + 3 {
         let now = bench.reload(n);
         if n == settled + 3 {

@@ -2,7 +2,7 @@
 
 use choreo_motion::Time;
 use choreo_plugin::{Frame, Registry};
-use choreo_render::renderer::Work;
+use choreo_render::renderer::CreatedCounts;
 use choreo_render::vulkan::{GpuOptions, SteadyRenderer};
 use choreo_render::{CpuRenderer, Plan, PlanOptions, RenderError, Renderer};
 use choreo_session::{
@@ -91,7 +91,7 @@ fn a_number_in_a_cue_imports_nothing_again() {
     let second = good(version);
     assert_eq!(second.stage.actors[0].layers[0].cues[0].start, Time::from_secs(0.75));
     assert!(Arc::ptr_eq(&first.stage.actors[0].asset, &second.stage.actors[0].asset));
-    let hashes = |s: &Scene| s.catalog.primitives.iter().map(|p| p.hash).collect::<Vec<_>>();
+    let hashes = |s: &Scene| s.resources.primitives.iter().map(|p| p.hash).collect::<Vec<_>>();
     assert_eq!(hashes(&first), hashes(&second));
     // The cue's place is known.
     assert_eq!(
@@ -281,13 +281,13 @@ fn frame(reply: &FrameReply) -> &Frame {
 
 /// What `render` draws.
 fn rendered(scene: &Scene, time: f64, renderer: &mut dyn Renderer) -> Frame {
-    let catalog = Arc::new(choreo_render::Catalog::new(&scene.stage));
+    let resources = Arc::new(choreo_render::SceneResources::new(&scene.stage));
     let snapshot = scene.stage.at(Time::from_secs(time)).unwrap();
     let options =
         PlanOptions { effects: scene.registry.effects(), ..PlanOptions::new(scene.stage.settings.size, 4) };
     renderer.set_effects(scene.registry.effects()).unwrap();
-    renderer.load(catalog.clone()).unwrap();
-    renderer.submit(Plan::new(&catalog, &scene.stage, &snapshot, &options)).unwrap();
+    renderer.load(resources.clone()).unwrap();
+    renderer.submit(Plan::new(&resources, &scene.stage, &snapshot, &options)).unwrap();
     renderer.collect(None).unwrap()
 }
 
@@ -341,7 +341,7 @@ fn a_number_in_a_cue_uploads_and_compiles_nothing_again() {
     // Another triangle: one mesh and nothing else. (FrameInfo able to count.)
     place.write("box.obj", "v 0 0 0\nv 2 0 0\nv 0 2 0\nf 1 2 3\n");
     let moved = studio.paint(&good(place.next()), 1.0);
-    assert_eq!(moved.work, Work { meshes: before.work.meshes + 1, ..before.work });
+    assert_eq!(moved.work, CreatedCounts { meshes: before.work.meshes + 1, ..before.work });
 }
 
 #[test]
@@ -354,7 +354,7 @@ fn an_effect_that_changed_is_one_pipeline() {
     place.write("plugins/glow.wgsl", &GLOW.replace("1.0 +", "1.5 +"));
     let scene = good(place.next());
     let after = studio.paint(&scene, 1.0);
-    assert_eq!(after.work, Work { pipelines: before.work.pipelines + 1, ..before.work });
+    assert_eq!(after.work, CreatedCounts { pipelines: before.work.pipelines + 1, ..before.work });
     assert!(frame(&after).rgba != frame(&before).rgba);
 }
 

@@ -4,7 +4,7 @@ use choreo_motion::Time;
 use choreo_plugin::{Effect, Frame};
 use choreo_render::plan::motion_blur::plan_at;
 use choreo_render::{
-    Catalog, CpuRenderer, DeviceInfo, DeviceKind, GpuOptions, PlanOptions, RenderError, Renderer,
+    CpuRenderer, DeviceInfo, DeviceKind, GpuOptions, PlanOptions, RenderError, Renderer, SceneResources,
     VulkanRenderer,
 };
 use choreo_stage::{Evaluator, Stage};
@@ -40,7 +40,7 @@ pub struct Painter {
     cpu: Option<CpuRenderer>,
     vulkan: Option<Result<Box<VulkanRenderer>, NoPicture>>,
     /// What each of the two holds: pictures of one stage often follow each other.
-    loaded: [Option<(Arc<Stage>, Arc<Catalog>)>; 2],
+    loaded: [Option<(Arc<Stage>, Arc<SceneResources>)>; 2],
 }
 
 /// What is to be drawn.
@@ -116,21 +116,21 @@ impl Painter {
                 }
             }
         };
-        let catalog = match known {
-            Some((_, catalog)) => catalog,
+        let resources = match known {
+            Some((_, resources)) => resources,
             None => {
-                let catalog = Arc::new(Catalog::new(&stage));
-                renderer.load(catalog.clone()).map_err(failed)?;
-                catalog
+                let resources = Arc::new(SceneResources::new(&stage));
+                renderer.load(resources.clone()).map_err(failed)?;
+                resources
             }
         };
         let options = PlanOptions { effects: &self.effects, ..PlanOptions::new(shot.size, shot.samples) };
-        let planned = plan_at(&catalog, &mut Evaluator::new(stage.clone()), shot.at, &options, None);
+        let planned = plan_at(&resources, &mut Evaluator::new(stage.clone()), shot.at, &options, None);
         let (_, plan) = planned.map_err(|e| NoPicture::Failed(e.to_string()))?;
         renderer.submit(plan).map_err(failed)?;
         let frame = renderer.collect(None).map_err(failed)?;
         let class = device_class(renderer.device());
-        self.loaded[slot] = Some((stage, catalog));
+        self.loaded[slot] = Some((stage, resources));
         Ok((frame, class))
     }
 }
@@ -155,7 +155,7 @@ fn start_vulkan(options: GpuOptions) -> Result<Box<VulkanRenderer>, NoPicture> {
 /// `vulkan:DEVICE/DRIVER` with the driver's version.
 pub fn device_class(info: &DeviceInfo) -> String {
     match info.kind {
-        DeviceKind::CpuTwin => "cpu".to_string(),
+        DeviceKind::CpuReference => "cpu".to_string(),
         DeviceKind::VulkanCpu | DeviceKind::VulkanGpu => format!("vulkan:{}/{}", info.name, info.driver),
     }
 }

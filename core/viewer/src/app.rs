@@ -14,7 +14,7 @@ pub use crate::view::{MOST_VIEWS, Overlays, Resolution, View, ViewCamera};
 use crate::view::{Wish, fitted};
 use choreo_motion::Time;
 use choreo_plugin::Frame;
-use choreo_render::{Held, renderer};
+use choreo_render::renderer::{CreatedCounts, DeviceUsage};
 use choreo_session::{
     FrameInfo, FrameReply, FrameRequest, Problem, Scene, SceneVersion, ViewOverrides, Work,
 };
@@ -90,8 +90,8 @@ pub struct Viewer {
     /// File into which the next image of the active viewport is written.
     pub screenshot: Option<PathBuf>,
     pub work: Work,
-    pub drawn: renderer::Work,
-    pub held: Held,
+    pub drawn: CreatedCounts,
+    pub held: DeviceUsage,
     pub performance: Performance,
     pub build_took: Duration,
     samples: Option<u32>,
@@ -129,8 +129,8 @@ impl Viewer {
             guests_leave: false,
             screenshot: None,
             work: Work::default(),
-            drawn: renderer::Work::default(),
-            held: Held::default(),
+            drawn: CreatedCounts::default(),
+            held: DeviceUsage::default(),
             performance: Performance::default(),
             build_took: Duration::ZERO,
             samples: None,

@@ -4,10 +4,10 @@ use crate::bake::{self, Bound, Part};
 use crate::controller::MorphTargets;
 use crate::nodes::Tree;
 use crate::sampler::Sampler;
-use crate::tree::{Node, NodeId};
-use crate::xml::{LEFT_OUT, Xml, child, children, descendant, name_of};
+use crate::xml::{LEFT_OUT, Xml, child, children, descendant, label_of, name_of};
+use crate::xml::{Node, NodeId};
 use choreo_importer_kit::text::{self, shown};
-use choreo_importer_kit::{Problem, Result};
+use choreo_importer_kit::{Problem, Result, WithPlace};
 use choreo_motion::{Clip, Time};
 use std::collections::{BTreeMap, HashMap};
 use std::rc::Rc;
@@ -21,12 +21,7 @@ enum Target {
     Morph(NodeId, usize),
 }
 
-pub fn read<'a, 'i>(
-    xml: &Xml<'a, 'i>,
-    tree: &Tree<'a, 'i>,
-    morphs: &[MorphTargets],
-    file: &str,
-) -> Result<Vec<Arc<Clip>>> {
+pub fn read(xml: &Xml<'_>, tree: &Tree<'_>, morphs: &[MorphTargets], file: &str) -> Result<Vec<Arc<Clip>>> {
     let mut reader = Reader { xml, tree, samplers: HashMap::new(), left_out: BTreeMap::new() };
     let mut out = Vec::new();
     let mut in_clips: Vec<u32> = Vec::new();
@@ -55,10 +50,7 @@ pub fn read<'a, 'i>(
                     channels.push(channel);
                 }
             }
-            let name = clip
-                .attribute("name")
-                .or(clip.attribute("id"))
-                .map_or(format!("clip {index}"), str::to_string);
+            let name = label_of(clip).map_or(format!("clip {index}"), str::to_string);
             out.extend(reader.clip(name, &channels, range, morphs)?);
         }
     }
@@ -78,20 +70,20 @@ pub fn read<'a, 'i>(
     Ok(out)
 }
 
-struct Reader<'x, 'a, 'i> {
-    xml: &'x Xml<'a, 'i>,
-    tree: &'x Tree<'a, 'i>,
+struct Reader<'x, 'a> {
+    xml: &'x Xml<'a>,
+    tree: &'x Tree<'a>,
     samplers: HashMap<NodeId, Rc<Sampler>>,
     /// Why channels are not used: how many, and the first.
     left_out: BTreeMap<&'static str, (usize, String)>,
 }
 
-impl<'a, 'i> Reader<'_, 'a, 'i> {
+impl<'a> Reader<'_, 'a> {
     /// One clip of these channels. `start` and `end`: what the file says of its range; its first and last key where it says nothing.
     fn clip(
         &mut self,
         name: String,
-        channels: &[Node<'a, 'i>],
+        channels: &[Node<'a>],
         (start, end): (Option<Time>, Option<Time>),
         morphs: &[MorphTargets],
     ) -> Result<Option<Arc<Clip>>> {
@@ -148,9 +140,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         let mut curves = Vec::new();
         for (joint, bound) in &joints {
             let made = bake::joint(self.xml, self.tree, *joint, bound, (start, end));
-            curves.extend(made.map_err(|what| {
-                Problem::new(self.xml.place(self.tree.joints[*joint as usize].node), what)
-            })?);
+            curves.extend(made.at(|| self.xml.place(self.tree.joints[*joint as usize].node))?);
         }
         for (controller, samplers) in &weights {
             for morph in morphs.iter().filter(|m| m.controller.get() == *controller) {
@@ -164,7 +154,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         clip.map(|c| Some(Arc::new(c))).map_err(|e| Problem::new(format!("clip \"{name}\""), e.to_string()))
     }
 
-    fn sampler(&mut self, channel: Node<'a, 'i>) -> Result<Rc<Sampler>> {
+    fn sampler(&mut self, channel: Node<'a>) -> Result<Rc<Sampler>> {
         let node = self.xml.follow(channel, "source")?;
         if name_of(node) != "sampler" {
             return Err(self.xml.problem(channel, format!("source is a {}, not a sampler", name_of(node))));
@@ -178,7 +168,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
     }
 
     /// `id/sid`, `id/sid/sid.MEMBER`, `id/sid(1)(2)`.
-    fn target(&mut self, channel: Node<'a, 'i>) -> Option<Target> {
+    fn target(&mut self, channel: Node<'a>) -> Option<Target> {
         let text = channel.attribute("target").unwrap_or_default();
         let mut parts: Vec<&str> = text.split('/').collect();
         let last = parts.pop().unwrap_or_default();
@@ -218,14 +208,14 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
     }
 
     /// `weights-source(2)`, `controller/…(2)`: the morph controller around the element, and the number.
-    fn morph(&self, element: Node<'a, 'i>, member: &str) -> Option<Target> {
+    fn morph(&self, element: Node<'a>, member: &str) -> Option<Target> {
         let controller = element.ancestors().find(|n| name_of(*n) == "controller")?;
         descendant(controller, "morph")?;
         let index = member.strip_prefix('(')?.strip_suffix(')')?.parse().ok()?;
         Some(Target::Morph(controller.id(), index))
     }
 
-    fn leave(&mut self, channel: Node<'a, 'i>, why: &'static str) -> Option<Target> {
+    fn leave(&mut self, channel: Node<'a>, why: &'static str) -> Option<Target> {
         let entry = self.left_out.entry(why);
         entry.or_insert_with(|| (0, self.xml.place(channel))).0 += 1;
         None
@@ -233,7 +223,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
 }
 
 /// The name of the program that wrote the file.
-pub fn authoring_tool<'a>(xml: &Xml<'a, '_>) -> &'a str {
+pub fn authoring_tool<'a>(xml: &Xml<'a>) -> &'a str {
     let tool = child(xml.root(), "asset").and_then(|a| descendant(a, "authoring_tool"));
     tool.map_or("", crate::xml::text_of)
 }

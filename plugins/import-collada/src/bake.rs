@@ -9,9 +9,9 @@ use crate::nodes::{Element, Kind, Tree, transform};
 use crate::sampler::{Interpolation as Between, Sampler};
 use crate::xml::Xml;
 use choreo_importer_kit::decompose::{Parts, decompose};
-use choreo_importer_kit::{Problem, Result};
-use choreo_motion::{Curve, Interpolation, Path, Time};
-use glam::DQuat;
+use choreo_importer_kit::{Result, WithPlace};
+use choreo_motion::{Curve, Interpolation, Path, Time, Transform};
+use glam::{DQuat, Vec3};
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -69,8 +69,8 @@ pub struct Bound {
     pub sampler: Rc<Sampler>,
 }
 
-struct Node<'t, 'a, 'i> {
-    tree: &'t Tree<'a, 'i>,
+struct Node<'t, 'a> {
+    tree: &'t Tree<'a>,
     root: bool,
     stack: Vec<Element<'a>>,
     bound: &'t [Bound],
@@ -78,7 +78,7 @@ struct Node<'t, 'a, 'i> {
     whole: Option<&'t Sampler>,
 }
 
-impl Node<'_, '_, '_> {
+impl Node<'_, '_> {
     fn fill(&mut self, time: Time) {
         for b in self.bound {
             let values = &mut self.stack[b.element].values;
@@ -127,13 +127,14 @@ struct Key {
     parts: Parts,
 }
 
+/// Curves of one joint. An error has no place yet.
 pub fn joint(
-    xml: &Xml<'_, '_>,
-    tree: &Tree<'_, '_>,
+    xml: &Xml<'_>,
+    tree: &Tree<'_>,
     joint: u32,
     bound: &[Bound],
-    (start, end): (Time, Time),
-) -> std::result::Result<Vec<Curve>, String> {
+    range: (Time, Time),
+) -> Result<Vec<Curve>> {
     let stack = tree.joints[joint as usize].stack.clone();
     let root = tree.joints[joint as usize].parent.is_none();
     let whole = match bound {
@@ -143,7 +144,16 @@ pub fn joint(
         _ => None,
     };
     let rest = transform(&decompose(&tree.convention.local(&stack, root)));
-    let mut node = Node { tree, root, stack, bound, whole };
+    let keys = keys(&mut Node { tree, root, stack, bound, whole }, range)?;
+    xml.budget.charge(keys.len() as u64, 48)?;
+    let all_step = bound.iter().all(|b| b.sampler.steps().1);
+    let interpolation = if all_step { Interpolation::Step } else { Interpolation::Linear };
+    Ok(curves(joint, &rest, &keys, range.0, interpolation))
+}
+
+/// Keys at all times of the samplers, and between them where straight lines are not near enough.
+fn keys(node: &mut Node<'_, '_>, (start, end): (Time, Time)) -> Result<Vec<Key>> {
+    let bound = node.bound;
     let times = key_times(bound.iter().map(|b| &*b.sampler), start, end);
     let all_step = bound.iter().all(|b| b.sampler.steps().1);
     let mut keys: Vec<Key> = Vec::with_capacity(times.len());
@@ -158,9 +168,9 @@ pub fn joint(
             // Where a value jumps at this key, it is held to one tick before.
             let until = if jumps { Time(time.0 - 1) } else { *time };
             let held = if jumps { node.at(until) } else { at_keys[index] };
-            if whole.is_none() && until > before {
+            if node.whole.is_none() && until > before {
                 let ends = ((before, &at_keys[index - 1]), (until, &held));
-                refine(&mut node, ends, None, longest, 0, &mut keys);
+                refine(node, ends, None, longest, 0, &mut keys);
             }
             if jumps && until > before {
                 keys.push(Key { time: until, parts: held });
@@ -168,53 +178,48 @@ pub fn joint(
         }
         keys.push(Key { time: *time, parts: at_keys[index] });
         if keys.len() > MAX_KEYS {
-            return Err(format!("its animation comes to more than {MAX_KEYS} keys, which is the limit"));
+            let what = format!("its animation comes to more than {MAX_KEYS} keys, which is the limit");
+            return Err(what.into());
         }
     }
-    xml.budget.charge(keys.len() as u64, 48)?;
-    let interpolation = if all_step { Interpolation::Step } else { Interpolation::Linear };
-    let key_times: Arc<[Time]> = keys.iter().map(|k| k.time - start).collect();
-    let mut curves = Vec::with_capacity(3);
-    // What stays as it is at rest needs no curve.
-    let still = rest.translation;
-    let near = still.abs().max_element().max(1e-6) * 2e-7;
-    let translations: Vec<f32> = keys.iter().flat_map(|k| k.parts.translation.as_vec3().to_array()).collect();
-    if translations.chunks_exact(3).any(|v| v.iter().zip(still.to_array()).any(|(a, b)| (a - b).abs() > near))
-    {
-        let values = translations.into();
-        curves.push(Curve {
-            joint,
-            path: Path::Translation,
-            interpolation,
-            times: key_times.clone(),
-            values,
-        });
-    }
-    // Rotations are kept even where they do not move, so that the clip drives its joints.
-    let rotations: Vec<f32> = keys.iter().flat_map(|k| k.parts.rotation.as_quat().to_array()).collect();
-    curves.push(Curve {
+    Ok(keys)
+}
+
+/// Curves of translation, rotation and scale. What stays as it is at rest needs none, except for rotations: they are kept, so that
+/// the clip drives its joints.
+fn curves(
+    joint: u32,
+    rest: &Transform,
+    keys: &[Key],
+    start: Time,
+    interpolation: Interpolation,
+) -> Vec<Curve> {
+    let times: Arc<[Time]> = keys.iter().map(|k| k.time - start).collect();
+    let curve = |path, values: Vec<f32>| Curve {
         joint,
-        path: Path::Rotation,
+        path,
         interpolation,
-        times: key_times.clone(),
-        values: rotations.into(),
-    });
-    let scales: Vec<f32> = keys.iter().flat_map(|k| k.parts.scale.as_vec3().to_array()).collect();
-    let still = rest.scale.to_array();
-    // Matrices of six digits give scales of 0.999998.
-    if scales
-        .chunks_exact(3)
-        .any(|v| v.iter().zip(&still).any(|(a, b)| (a - b).abs() > 1e-5 * b.abs().max(1e-3)))
-    {
-        curves.push(Curve {
-            joint,
-            path: Path::Scale,
-            interpolation,
-            times: key_times,
-            values: scales.into(),
-        });
+        times: times.clone(),
+        values: values.into(),
+    };
+    let mut out = Vec::with_capacity(3);
+    let differs = |values: &[f32], rest: Vec3, tolerance: &dyn Fn(f32) -> f32| {
+        let far = |(v, r): (&f32, f32)| (v - r).abs() > tolerance(r);
+        values.chunks_exact(3).any(|row| row.iter().zip(rest.to_array()).any(far))
+    };
+    let translations: Vec<f32> = keys.iter().flat_map(|k| k.parts.translation.as_vec3().to_array()).collect();
+    let near = rest.translation.abs().max_element().max(1e-6) * 2e-7;
+    if differs(&translations, rest.translation, &|_| near) {
+        out.push(curve(Path::Translation, translations));
     }
-    Ok(curves)
+    let rotations = keys.iter().flat_map(|k| k.parts.rotation.as_quat().to_array()).collect();
+    out.push(curve(Path::Rotation, rotations));
+    let scales: Vec<f32> = keys.iter().flat_map(|k| k.parts.scale.as_vec3().to_array()).collect();
+    // Matrices of six digits give scales of 0.999998.
+    if differs(&scales, rest.scale, &|scale| 1e-5 * scale.abs().max(1e-3)) {
+        out.push(curve(Path::Scale, scales));
+    }
+    out
 }
 
 /// Start, end, and all keys between.
@@ -240,7 +245,7 @@ fn key_times<'s>(samplers: impl Iterator<Item = &'s Sampler>, start: Time, end: 
 /// Adds keys between two times until the straight way is near enough. `middle` is known where the interval is half of one
 /// that was looked at.
 fn refine(
-    node: &mut Node<'_, '_, '_>,
+    node: &mut Node<'_, '_>,
     (a, b): ((Time, &Parts), (Time, &Parts)),
     middle: Option<Parts>,
     longest: f64,
@@ -283,7 +288,7 @@ fn refine(
 
 /// Morph weights of one mesh instance: all of them in one curve, at all keys.
 pub fn weights(
-    xml: &Xml<'_, '_>,
+    xml: &Xml<'_>,
     morph: &MorphTargets,
     samplers: &[(usize, Rc<Sampler>)],
     (start, end): (Time, Time),
@@ -299,7 +304,7 @@ pub fn weights(
         times.dedup();
     }
     let place = || format!("morph of node {}", morph.joint);
-    xml.budget.charge(times.len() as u64, count * 4 + 8).map_err(|what| Problem::new(place(), what))?;
+    xml.budget.charge(times.len() as u64, count * 4 + 8).at(place)?;
     let mut values = Vec::with_capacity(times.len() * count);
     for time in &times {
         let mut row = morph.weights.clone();

@@ -3,7 +3,7 @@
 use crate::geometry::Geometry;
 use crate::nodes::{Tree, find_joint};
 use crate::source::{doubles, floats, inputs, names};
-use crate::tree::{Node, NodeId};
+use crate::xml::{Node, NodeId};
 use crate::xml::{Xml, child, children, name_of};
 use choreo_asset::{MorphTarget, Skin};
 use choreo_importer_kit::Result;
@@ -36,13 +36,7 @@ pub struct SkinData {
 const MAX_INFLUENCES: usize = 8;
 
 /// `roots` are the joints below which the names are looked for.
-pub fn skin<'a, 'i>(
-    xml: &Xml<'a, 'i>,
-    tree: &Tree<'a, 'i>,
-    skin: Node<'a, 'i>,
-    roots: &[u32],
-    carrier: u32,
-) -> Result<SkinData> {
+pub fn skin(xml: &Xml<'_>, tree: &Tree<'_>, skin: Node<'_>, roots: &[u32], carrier: u32) -> Result<SkinData> {
     let bind_shape = match child(skin, "bind_shape_matrix") {
         Some(m) => matrix(&xml.array::<16>(m)?),
         None => DMat4::IDENTITY,
@@ -113,7 +107,7 @@ pub fn matrix(values: &[f64]) -> DMat4 {
     m
 }
 
-fn weights<'a, 'i>(xml: &Xml<'a, 'i>, skin: Node<'a, 'i>, joints: usize) -> Result<Weights> {
+fn weights(xml: &Xml<'_>, skin: Node<'_>, joints: usize) -> Result<Weights> {
     let mut out = Weights { starts: vec![0], pairs: Vec::new(), influences: 4 };
     let Some(element) = child(skin, "vertex_weights") else {
         xml.warn(skin, "has no vertex_weights; the first joint moves all");
@@ -220,11 +214,11 @@ pub struct Morph {
 }
 
 /// `positions_of` reads a target's geometry.
-pub fn morph<'a, 'i>(
-    xml: &Xml<'a, 'i>,
-    morph: Node<'a, 'i>,
+pub fn morph<'a>(
+    xml: &Xml<'a>,
+    morph: Node<'a>,
     base: &Geometry,
-    mut positions_of: impl FnMut(Node<'a, 'i>) -> Result<Rc<Vec<Vec3>>>,
+    mut positions_of: impl FnMut(Node<'a>) -> Result<Rc<Vec<Vec3>>>,
 ) -> Result<Morph> {
     let relative = morph.attribute("method") == Some("RELATIVE");
     let mut out = Morph { weights: Vec::new(), names: Vec::new(), offsets: Vec::new() };

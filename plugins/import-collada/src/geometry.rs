@@ -1,13 +1,13 @@
 //! `<geometry>`: sources and faces to indexed primitives.
 
 use crate::source::{Floats, Input, floats, inputs};
-use crate::tree::{Node, NodeId};
-use crate::xml::{Xml, child, children, name_of};
+use crate::xml::{Node, NodeId};
+use crate::xml::{Xml, child, children, label_of, name_of};
 use choreo_asset::{Primitive, Topology};
-use choreo_importer_kit::corners::Joined;
 use choreo_importer_kit::polygon::{Cut, Triangulator};
 use choreo_importer_kit::text;
-use choreo_importer_kit::{Problem, Result};
+use choreo_importer_kit::weld::Welder;
+use choreo_importer_kit::{Problem, Result, normals};
 use glam::{Vec2, Vec3, Vec4};
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -30,16 +30,16 @@ pub struct Geometry {
     pub positions: Rc<Vec<Vec3>>,
 }
 
-pub fn read<'a, 'i>(xml: &Xml<'a, 'i>, geometry: Node<'a, 'i>, metres: f64, srgb: bool) -> Result<Geometry> {
-    let name = geometry.attribute("name").or(geometry.attribute("id")).unwrap_or("mesh").to_string();
+pub fn read(xml: &Xml<'_>, geometry: Node<'_>, metres: f64, srgb: bool) -> Result<Geometry> {
+    let name = label_of(geometry).unwrap_or("mesh").to_string();
     let mut out = Geometry { name, parts: Vec::new(), positions: Rc::default() };
     let Some(mesh) = child(geometry, "mesh") else {
-        let kind = geometry.children().next().map_or("nothing", name_of);
+        let kind = geometry.first_element_child().map_or("nothing", name_of);
         xml.warn(geometry, format!("is {kind}, not a mesh; it is left out"));
         return Ok(out);
     };
     let (mut sources, mut places) = (HashMap::new(), None);
-    let (mut joined, mut triangulator) = (Joined::default(), Triangulator::default());
+    let (mut welder, mut triangulator) = (Welder::default(), Triangulator::default());
     for element in mesh.children() {
         let shape = match name_of(element) {
             "triangles" => Shape::Triangles,
@@ -59,7 +59,7 @@ pub fn read<'a, 'i>(xml: &Xml<'a, 'i>, geometry: Node<'a, 'i>, metres: f64, srgb
             srgb,
             sources: &mut sources,
             places: &mut places,
-            joined: &mut joined,
+            welder: &mut welder,
             triangulator: &mut triangulator,
         };
         if let Some((part, positions)) = reader.read()? {
@@ -83,9 +83,9 @@ enum Shape {
     LineStrips,
 }
 
-struct Reader<'x, 'a, 'i> {
-    xml: &'x Xml<'a, 'i>,
-    element: Node<'a, 'i>,
+struct Reader<'x, 'a> {
+    xml: &'x Xml<'a>,
+    element: Node<'a>,
     shape: Shape,
     metres: f64,
     srgb: bool,
@@ -93,19 +93,28 @@ struct Reader<'x, 'a, 'i> {
     sources: &'x mut HashMap<NodeId, Rc<Floats>>,
     /// Positions in metres of the latest source.
     places: &'x mut Option<(NodeId, Rc<Vec<Vec3>>)>,
-    joined: &'x mut Joined,
+    welder: &'x mut Welder,
     triangulator: &'x mut Triangulator,
 }
 
-/// A source and where its index stands among a corner's.
+/// A source and the place of its index in the tuple of a face vertex.
 #[derive(Clone)]
 struct Stream {
     floats: Rc<Floats>,
     offset: usize,
 }
 
-impl<'a, 'i> Reader<'_, 'a, 'i> {
-    fn stream(&mut self, input: Option<&Input<'a, 'i>>, stride: usize) -> Result<Option<Stream>> {
+struct Streams {
+    positions: Stream,
+    normals: Option<Stream>,
+    colors: Option<Stream>,
+    /// Two at most, with the `set` of each.
+    uvs: Vec<Stream>,
+    uv_sets: Vec<usize>,
+}
+
+impl<'a> Reader<'_, 'a> {
+    fn stream(&mut self, input: Option<&Input<'a>>, stride: usize) -> Result<Option<Stream>> {
         let Some(input) = input else { return Ok(None) };
         let floats = match self.sources.get(&input.source.id()) {
             Some(known) => known.clone(),
@@ -120,21 +129,38 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
 
     fn read(&mut self) -> Result<Option<(Part, Rc<Vec<Vec3>>)>> {
         let inputs = inputs(self.xml, self.element)?;
-        let find = |semantic: &str| inputs.iter().find(|i| i.semantic == semantic);
-        let position = find("POSITION");
-        let Some(positions) = self.stream(position, 3)? else {
+        let Some(streams) = self.streams(&inputs)? else {
             self.xml.warn(self.element, "has no positions; it is left out");
             return Ok(None);
         };
+        let width = inputs.iter().map(|i| i.offset + 1).max().unwrap_or(1);
+        let (indices, runs) = self.indices(width)?;
+        let face_vertices = self.face_vertices(&indices, width, &runs, &streams.positions)?;
+        self.xml.charge(self.element, face_vertices.len(), 72)?;
+        let positions = inputs.iter().find(|i| i.semantic == "POSITION").map(|i| i.source.id());
+        let positions = self.in_metres(positions, &streams.positions.floats)?;
+        let tuples = face_vertices.iter().map(|at| &indices[*at as usize * width..][..width]);
+        let (mut primitive, origin) = self.primitive(&streams, tuples, &positions)?;
+        if primitive.indices.is_empty() {
+            return Ok(None);
+        }
+        primitive.normals.iter_mut().for_each(|n| *n = n.as_dvec3().normalize_or_zero().as_vec3());
+        normals::replace_zero(&mut primitive);
+        let symbol = self.element.attribute("material").unwrap_or_default().to_string();
+        Ok(Some((Part { primitive, origin, symbol, uv_sets: streams.uv_sets }, positions)))
+    }
+
+    /// `None` without positions.
+    fn streams(&mut self, inputs: &[Input<'a>]) -> Result<Option<Streams>> {
+        let find = |semantic: &str| inputs.iter().find(|i| i.semantic == semantic);
+        let Some(positions) = self.stream(find("POSITION"), 3)? else { return Ok(None) };
         let normals = self.stream(find("NORMAL"), 3)?;
         let colors = self.stream(find("COLOR"), 4)?;
-        let mut texcoords: Vec<&Input<'_, '_>> = inputs.iter().filter(|i| i.semantic == "TEXCOORD").collect();
+        let mut texcoords: Vec<&Input<'_>> = inputs.iter().filter(|i| i.semantic == "TEXCOORD").collect();
         texcoords.sort_by_key(|i| i.set);
         if texcoords.len() > 2 {
-            self.xml.warn(
-                self.element,
-                format!("has {} sets of texture coordinates; two are used", texcoords.len()),
-            );
+            let what = format!("has {} sets of texture coordinates; two are used", texcoords.len());
+            self.xml.warn(self.element, what);
             texcoords.truncate(2);
         }
         let uv_sets = texcoords.iter().map(|i| i.set).collect();
@@ -142,73 +168,68 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         for input in texcoords {
             uvs.extend(self.stream(Some(input), 2)?);
         }
-        let width = inputs.iter().map(|i| i.offset + 1).max().unwrap_or(1);
-        let (indices, runs) = self.indices(width)?;
-        let corners = self.corners(&indices, width, &runs, &positions)?;
-        self.xml.charge(self.element, corners.len(), 72)?;
+        Ok(Some(Streams { positions, normals, colors, uvs, uv_sets }))
+    }
 
-        let all = self.places_of(position.map(|p| p.source.id()), &positions.floats)?;
+    /// Vertices and indices of the face vertices, each of which is a tuple of indices; with the position's index of each vertex.
+    fn primitive<'t>(
+        &mut self,
+        streams: &Streams,
+        tuples: impl ExactSizeIterator<Item = &'t [i32]>,
+        positions: &[Vec3],
+    ) -> Result<(Primitive, Vec<u32>)> {
+        let Streams { normals, colors, uvs, .. } = streams;
         let lines = matches!(self.shape, Shape::Lines | Shape::LineStrips);
-        let mut primitive = Primitive {
+        let count = tuples.len();
+        let mut out = Primitive {
             topology: if lines { Topology::Lines } else { Topology::Triangles },
-            indices: Vec::with_capacity(corners.len()),
+            indices: Vec::with_capacity(count),
+            // Room for as many vertices as there are face vertices, which costs nothing where it is not written to: lists that grow
+            // are copied, into memory that is touched for the first time.
+            positions: Vec::with_capacity(count),
+            normals: Vec::with_capacity(if normals.is_some() { count } else { 0 }),
+            uvs: [0, 1].map(|set| Vec::with_capacity(if set < uvs.len() { count } else { 0 })),
             ..Primitive::default()
         };
-        let mut origin = Vec::with_capacity(corners.len());
-        // Room for as many vertices as there are corners, which costs nothing where it is not written to: lists that grow are
-        // copied, into memory that is touched for the first time.
-        primitive.positions.reserve_exact(corners.len());
-        if normals.is_some() {
-            primitive.normals.reserve_exact(corners.len());
-        }
-        primitive.uvs.iter_mut().take(uvs.len()).for_each(|list| list.reserve_exact(corners.len()));
-        self.joined.start(all.len());
-        for corner in &corners {
-            let indices = &indices[*corner as usize * width..][..width];
-            let point = self.index(indices, &positions)?;
-            let normal = match &normals {
-                Some(s) => Vec3::from(s.floats.get(self.index(indices, s)?)),
+        let mut origin = Vec::with_capacity(count);
+        self.welder.start(positions.len());
+        for tuple in tuples {
+            let point = self.index(tuple, &streams.positions)?;
+            let normal = match normals {
+                Some(s) => Vec3::from(s.floats.get(self.index(tuple, s)?)),
                 None => Vec3::ZERO,
             };
-            let color = colors.as_ref().map(|s| self.index(indices, s).map(|i| (s, s.floats.get::<4>(i))));
-            let color = color.transpose()?;
+            let color = match colors {
+                Some(s) => Some(self.color(s, s.floats.get(self.index(tuple, s)?))),
+                None => None,
+            };
             let mut uv = [Vec2::ZERO; 2];
-            for (uv, stream) in uv.iter_mut().zip(&uvs) {
-                let [u, v] = stream.floats.get(self.index(indices, stream)?);
+            for (uv, stream) in uv.iter_mut().zip(uvs) {
+                let [u, v] = stream.floats.get(self.index(tuple, stream)?);
                 // COLLADA counts v from the bottom.
                 *uv = Vec2::new(u, 1.0 - v);
             }
-            let color = color.map(|(stream, values)| self.color(stream, values));
-            // By what the sources say, not by index: many files have a texture coordinate for every corner.
-            let (vertex, new) = self.joined.vertex(point as u32, |vertex| {
+            // By the values of the sources, not by index: many files have a texture coordinate for every face vertex.
+            let (vertex, new) = self.welder.vertex(point as u32, |vertex| {
                 let at = vertex as usize;
-                let there = &primitive;
-                (normals.is_none() || there.normals[at] == normal)
-                    && uv.iter().zip(&there.uvs).take(uvs.len()).all(|(uv, list)| list[at] == *uv)
-                    && color.is_none_or(|c| there.colors[at] == c)
+                (normals.is_none() || out.normals[at] == normal)
+                    && uv.iter().zip(&out.uvs).take(uvs.len()).all(|(uv, list)| list[at] == *uv)
+                    && color.is_none_or(|c| out.colors[at] == c)
             });
-            primitive.indices.push(vertex);
-            if !new {
-                continue;
+            out.indices.push(vertex);
+            if new {
+                origin.push(point as u32);
+                out.positions.push(positions[point]);
+                out.normals.extend(normals.is_some().then_some(normal));
+                out.colors.extend(color);
+                out.uvs.iter_mut().zip(uv).take(uvs.len()).for_each(|(list, uv)| list.push(uv));
             }
-            origin.push(point as u32);
-            primitive.positions.push(all[point]);
-            if normals.is_some() {
-                primitive.normals.push(normal);
-            }
-            primitive.colors.extend(color);
-            primitive.uvs.iter_mut().zip(uv).take(uvs.len()).for_each(|(list, uv)| list.push(uv));
-        }
-        if primitive.indices.is_empty() {
-            return Ok(None);
         }
         origin.shrink_to_fit();
-        primitive.positions.shrink_to_fit();
-        primitive.normals.shrink_to_fit();
-        primitive.uvs.iter_mut().for_each(Vec::shrink_to_fit);
-        repair_normals(&mut primitive);
-        let symbol = self.element.attribute("material").unwrap_or_default().to_string();
-        Ok(Some((Part { primitive, origin, symbol, uv_sets }, all)))
+        out.positions.shrink_to_fit();
+        out.normals.shrink_to_fit();
+        out.uvs.iter_mut().for_each(Vec::shrink_to_fit);
+        Ok((out, origin))
     }
 
     fn problem(&self, what: impl Into<String>) -> Problem {
@@ -216,7 +237,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
     }
 
     /// Positions of a source in metres.
-    fn places_of(&mut self, source: Option<NodeId>, floats: &Floats) -> Result<Rc<Vec<Vec3>>> {
+    fn in_metres(&mut self, source: Option<NodeId>, floats: &Floats) -> Result<Rc<Vec<Vec3>>> {
         if let (Some(source), Some((known, places))) = (source, &*self.places)
             && source == *known
         {
@@ -232,10 +253,10 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         Ok(all)
     }
 
-    /// A corner's index into a stream, which has as many elements.
+    /// The index of a tuple into a stream, which has as many elements.
     #[inline]
-    fn index(&self, corner: &[i32], stream: &Stream) -> Result<usize> {
-        let (index, count) = (corner[stream.offset] as u32 as usize, stream.floats.count);
+    fn index(&self, tuple: &[i32], stream: &Stream) -> Result<usize> {
+        let (index, count) = (tuple[stream.offset] as u32 as usize, stream.floats.count);
         match index < count {
             true => Ok(index),
             false => Err(self.problem(format!("refers to element {index} of a source that has {count}"))),
@@ -248,7 +269,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         Vec4::new(r, g, b, alpha)
     }
 
-    /// All indices of the `<p>`s, and how many corners each polygon, strip or line has; empty where all have the same.
+    /// All indices of the `<p>`s, and how many vertices each polygon, strip or line has; empty where all have the same.
     fn indices(&self, width: usize) -> Result<(Vec<i32>, Vec<u32>)> {
         let mut indices = Vec::new();
         let mut runs = Vec::new();
@@ -272,7 +293,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             let rest = read.len() % width;
             if rest != 0 {
                 let what = format!(
-                    "has {} indices, which is no multiple of the {width} that a corner needs",
+                    "has {} indices, which is no multiple of the {width} that a vertex needs",
                     read.len()
                 );
                 return Err(self.xml.problem(p, what));
@@ -296,14 +317,14 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             let wanted: u64 = runs.iter().map(|r| u64::from(*r)).sum();
             let there = (indices.len() / width) as u64;
             if wanted != there {
-                return Err(self.problem(format!("vcount asks for {wanted} corners, but p has {there}")));
+                return Err(self.problem(format!("vcount asks for {wanted} vertices, but p has {there}")));
             }
         }
         Ok((indices, runs))
     }
 
-    /// Corner numbers of a triangle or line list.
-    fn corners(
+    /// Numbers of the face vertices of a triangle or line list.
+    fn face_vertices(
         &mut self,
         indices: &[i32],
         width: usize,
@@ -317,7 +338,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
                     self.element,
                     format!(
                         "{} at the end, too few for a line or triangle",
-                        text::count((n % of) as usize, "corner")
+                        text::count((n % of) as usize, "vertex")
                     ),
                 );
             }
@@ -348,12 +369,12 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
                 })),
                 _ if count == 3 => out.extend([first, first + 1, first + 2]),
                 _ => {
-                    let corner = |i: u32| &indices[(first + i) as usize * width..][..width];
+                    let tuple = |i: u32| &indices[(first + i) as usize * width..][..width];
                     for i in 0..count {
-                        self.index(corner(i), positions)?;
+                        self.index(tuple(i), positions)?;
                     }
                     let place = |i: usize| {
-                        let index = corner(i as u32)[positions.offset] as usize;
+                        let index = tuple(i as u32)[positions.offset] as usize;
                         Vec3::from(positions.floats.get(index)).as_dvec3()
                     };
                     let add = |triangle: [u32; 3]| out.extend(triangle.map(|i| first + i));
@@ -366,43 +387,14 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             }
         }
         for (number, what) in [
-            (short, "with too few corners left out"),
+            (short, "with too few vertices left out"),
             (crossing, "crossing itself or without area; the triangles are a guess"),
-            (fans, "with too many corners to be cut properly, made into fans"),
+            (fans, "with too many vertices to be cut properly, made into fans"),
         ] {
             if number > 0 {
                 self.xml.warn(self.element, format!("{} {what}", text::count(number, "polygon")));
             }
         }
         Ok(out)
-    }
-}
-
-/// Normals of the file at unit length; those of length zero become that of a triangle that uses them.
-fn repair_normals(p: &mut Primitive) {
-    let mut zero = false;
-    for n in &mut p.normals {
-        *n = n.as_dvec3().normalize_or_zero().as_vec3();
-        zero |= *n == Vec3::ZERO;
-    }
-    if !zero {
-        return;
-    }
-    if p.topology != Topology::Triangles {
-        p.normals.clear();
-        return;
-    }
-    for triangle in p.indices.chunks_exact(3) {
-        let [a, b, c] = [triangle[0], triangle[1], triangle[2]].map(|i| p.positions[i as usize].as_dvec3());
-        let face = (b - a).cross(c - a).normalize_or_zero().as_vec3().normalize_or(Vec3::Y);
-        for i in triangle {
-            let normal = &mut p.normals[*i as usize];
-            if *normal == Vec3::ZERO {
-                *normal = face;
-            }
-        }
-    }
-    for n in p.normals.iter_mut().filter(|n| **n == Vec3::ZERO) {
-        *n = Vec3::Y;
     }
 }

@@ -11,13 +11,12 @@ mod nodes;
 mod objects;
 mod sampler;
 mod source;
-mod tree;
 mod xml;
 
-use choreo_asset::{Asset, Origin, Topology};
+use choreo_asset::{Asset, Origin};
 use choreo_importer_kit::text::{shown, stem};
-use choreo_importer_kit::textures::is_normal_map;
-use choreo_importer_kit::{Budget, Notes, Result, bones, normals, tangents};
+use choreo_importer_kit::textures::use_normal_maps;
+use choreo_importer_kit::{Budget, Notes, Result, bones, tangents};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
 use glam::{DMat4, DVec4};
 use std::sync::{Arc, LazyLock};
@@ -79,7 +78,7 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
     let notes = Notes::default();
     let budget = Budget::new(MAX_DECODED_BYTES);
     let text = encoding::decode(&source.bytes)?;
-    let doc = tree::Document::parse(&text)?;
+    let doc = xml::parse(&text)?;
     let xml = xml::Xml::new(&doc, files, &notes, &budget);
     let root = xml.root();
     if xml::name_of(root) != "COLLADA" {
@@ -126,8 +125,10 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
     let (images, clips) =
         materials.textures.unwrap_or_default().decode_beside(&notes, needs, files, clips)?;
     (asset.images, asset.clips) = (images, clips?);
-    take_normal_maps(&mut asset, materials.bumps, &notes);
-    add_tangents(&mut asset);
+    use_normal_maps(&mut asset.materials, &asset.images, materials.bumps, &notes);
+    for mesh in asset.meshes.iter_mut().filter_map(Arc::get_mut) {
+        mesh.primitives.iter_mut().for_each(|p| tangents::add_for_normal_map(p, &asset.materials, &notes));
+    }
     let has_bones = tree.joints.iter().any(|j| j.parent.is_some());
     if needs.geometry && asset.meshes.is_empty() && has_bones && options.bool("bones").unwrap_or(true) {
         bones::add_bones(&mut asset);
@@ -144,37 +145,5 @@ fn upright(up: &str) -> DMat4 {
         // z goes up, y goes away from the viewer.
         "+Z" => DMat4::from_cols(DVec4::X, DVec4::NEG_Z, DVec4::Y, DVec4::W),
         _ => DMat4::IDENTITY,
-    }
-}
-
-/// A bump map that holds directions is used as the normal map that it is.
-fn take_normal_maps(asset: &mut Asset, bumps: Vec<materials::Bump>, notes: &Notes) {
-    for (material, texture) in bumps {
-        let image = &asset.images[texture.image as usize];
-        let Some(material) = asset.materials.get_mut(material) else { continue };
-        let place = format!("material \"{}\"", material.name);
-        if is_normal_map(image) {
-            material.normal_texture = Some(texture);
-        } else {
-            notes.warn(
-                place,
-                format!("the bump map \"{}\" holds heights, which are not supported", image.name),
-            );
-        }
-    }
-}
-
-fn add_tangents(asset: &mut Asset) {
-    let materials = &asset.materials;
-    for mesh in asset.meshes.iter_mut().filter_map(Arc::get_mut) {
-        for p in &mut mesh.primitives {
-            let material = p.material.and_then(|m| materials.get(m as usize));
-            let Some(map) = material.and_then(|m| m.normal_texture.as_ref()) else { continue };
-            let uvs = &p.uvs[usize::from(map.uv_set)];
-            if p.topology == Topology::Triangles && !uvs.is_empty() {
-                let made = tangents::corner_tangents(&p.indices, &p.positions, &p.normals, uvs);
-                normals::apply_tangents(p, &made);
-            }
-        }
     }
 }

@@ -1,11 +1,12 @@
 //! `<material>` and `<effect>` (profile_COMMON), bound to a mesh instance.
 
-use crate::tree::Node;
-use crate::xml::{Xml, child, children, descendant, name_of, text_of};
-use choreo_asset::{AlphaMode, Material, Reflection, Sampler, Shading, TextureRef, Wrap};
+use crate::xml::Node;
+use crate::xml::{Xml, child, children, descendant, label_of, name_of, text_of};
+use choreo_asset::Reflection;
+use choreo_asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};
 use choreo_importer_kit::Result;
 use choreo_importer_kit::color::linear_from_srgb;
-use choreo_importer_kit::textures::Textures;
+use choreo_importer_kit::textures::{BumpMap, Textures};
 use choreo_plugin::Files;
 use glam::{Affine2, Vec3, Vec4};
 use std::collections::BTreeMap;
@@ -15,15 +16,12 @@ pub fn linear(value: f32, srgb: bool) -> f32 {
     if srgb && value <= 1.0 { linear_from_srgb(value.max(0.0)) } else { value.max(0.0) }
 }
 
-/// A bump map: which material, and its texture. Whether it holds directions shows in the decoded picture.
-pub type Bump = (usize, TextureRef);
-
 pub struct Materials<'f> {
     pub textures: Option<Textures>,
     pub files: &'f dyn Files,
     pub srgb: bool,
     pub list: Vec<Material>,
-    pub bumps: Vec<Bump>,
+    pub bumps: Vec<BumpMap>,
     /// Materials by material element and the uv sets in use.
     known: BTreeMap<String, u32>,
 }
@@ -59,10 +57,10 @@ impl<'f> Materials<'f> {
     }
 
     /// The material that an instance binds to a symbol of its mesh.
-    pub fn bind<'a, 'i>(
+    pub fn bind(
         &mut self,
-        xml: &Xml<'a, 'i>,
-        instance: Node<'a, 'i>,
+        xml: &Xml<'_>,
+        instance: Node<'_>,
         symbol: &str,
         uv_sets: &[usize],
     ) -> Result<u32> {
@@ -109,8 +107,8 @@ impl<'f> Materials<'f> {
         Ok(index)
     }
 
-    fn material<'a, 'i>(&mut self, xml: &Xml<'a, 'i>, material: Node<'a, 'i>, uvs: &Uvs) -> Result<Material> {
-        let name = material.attribute("name").or(material.attribute("id")).unwrap_or_default().to_string();
+    fn material(&mut self, xml: &Xml<'_>, material: Node<'_>, uvs: &Uvs) -> Result<Material> {
+        let name = label_of(material).unwrap_or_default().to_string();
         let mut out = Material {
             name,
             shading: Shading::BlinnPhong,
@@ -133,14 +131,34 @@ impl<'f> Materials<'f> {
             xml.warn(effect, "has no phong, blinn, lambert or constant technique; white is used");
             return Ok(out);
         };
+        self.shader(xml, profile, shader, uvs, &mut out)?;
+        out.double_sided = [Some(effect), Some(material), technique].into_iter().flatten().any(|n| {
+            descendant(n, "double_sided")
+                .is_some_and(|d| text_of(d) == "1" || text_of(d).eq_ignore_ascii_case("true"))
+        });
+        if let Some(bump) = descendant(effect, "bump") {
+            let found = self.value(xml, profile, bump, uvs)?.texture;
+            let material = self.list.len();
+            self.bumps.extend(found.map(|texture| BumpMap { material, texture, strength: 1.0 }));
+        }
+        Ok(out)
+    }
+
+    /// Colors, textures and transparency of a `<phong>`, `<blinn>`, `<lambert>` or `<constant>`.
+    fn shader(
+        &mut self,
+        xml: &Xml<'_>,
+        profile: Node<'_>,
+        shader: Node<'_>,
+        uvs: &Uvs,
+        out: &mut Material,
+    ) -> Result<()> {
         let mut value = |slot: &'static str| -> Result<Value> {
             child(shader, slot).map_or(Ok(Value::default()), |n| self.value(xml, profile, n, uvs))
         };
         let (emission, diffuse, specular) = (value("emission")?, value("diffuse")?, value("specular")?);
         let (transparent, reflective) = (value("transparent")?, value("reflective")?);
-        let float = |slot: &'static str| -> Result<Option<f64>> {
-            child(shader, slot).and_then(|n| child(n, "float")).map(|n| xml.number(n)).transpose()
-        };
+        let float = |slot| child(shader, slot).map_or(Ok(None), |n| xml.child_number(n, "float"));
         let (shininess, transparency) = (float("shininess")?, float("transparency")?);
         let reflectivity = float("reflectivity")?.map_or(0.0, |v| v.clamp(0.0, 1.0) as f32);
 
@@ -176,14 +194,13 @@ impl<'f> Materials<'f> {
                 // Exporters write exponents, and some of them 0 to 1 of 128.
                 let s = shininess.unwrap_or(20.0);
                 out.shininess = if s > 0.0 && s <= 1.0 { s * 128.0 } else { s }.clamp(1.0, 10_000.0) as f32;
-                // Blinn–Phong here is normalised by (s + 8) / 8; the file's highlight has its colour at the peak.
+                // Blinn–Phong here is normalised by (s + 8) / 8; the file's highlight has its color at the peak.
                 out.specular_color = specular.color.map_or(Vec3::ZERO, rgb) * (8.0 / (out.shininess + 8.0));
                 out.specular_color_texture = specular.texture;
                 // "The color of a perfect mirror reflection" and its amount: without an amount exporters mean none.
-                let share = if reflective.texture.is_some() {
-                    Vec3::ONE
-                } else {
-                    reflective.color.map_or(Vec3::ZERO, rgb)
+                let share = match &reflective.texture {
+                    Some(_) => Vec3::ONE,
+                    None => reflective.color.map_or(Vec3::ZERO, rgb),
                 };
                 let color = (share * reflectivity).min(Vec3::ONE);
                 if color != Vec3::ZERO {
@@ -192,26 +209,12 @@ impl<'f> Materials<'f> {
                 }
             }
         }
-        out.double_sided = [Some(effect), Some(material), technique].into_iter().flatten().any(|n| {
-            descendant(n, "double_sided")
-                .is_some_and(|d| text_of(d) == "1" || text_of(d).eq_ignore_ascii_case("true"))
-        });
-        if let Some(bump) = descendant(effect, "bump") {
-            let found = self.value(xml, profile, bump, uvs)?.texture;
-            self.bumps.extend(found.map(|t| (self.list.len(), t)));
-        }
-        Ok(out)
+        Ok(())
     }
 
     /// COLLADA 1.4.1, "Determining Transparency". Many files have it the wrong way round, which makes everything invisible:
     /// then it is taken as opaque.
-    fn alpha<'a, 'i>(
-        &self,
-        xml: &Xml<'a, 'i>,
-        shader: Node<'a, 'i>,
-        color: Option<Vec4>,
-        transparency: Option<f64>,
-    ) -> f32 {
+    fn alpha(&self, xml: &Xml<'_>, shader: Node<'_>, color: Option<Vec4>, transparency: Option<f64>) -> f32 {
         if color.is_none() && transparency.is_none() {
             return 1.0;
         }
@@ -232,13 +235,7 @@ impl<'f> Materials<'f> {
         alpha.min(1.0)
     }
 
-    fn value<'a, 'i>(
-        &mut self,
-        xml: &Xml<'a, 'i>,
-        profile: Node<'a, 'i>,
-        slot: Node<'a, 'i>,
-        uvs: &Uvs,
-    ) -> Result<Value> {
+    fn value(&mut self, xml: &Xml<'_>, profile: Node<'_>, slot: Node<'_>, uvs: &Uvs) -> Result<Value> {
         let mut out = Value::default();
         if let Some(color) = child(slot, "color") {
             let c = xml.floats(color)?;
@@ -257,11 +254,11 @@ impl<'f> Materials<'f> {
         Ok(out)
     }
 
-    fn texture<'a, 'i>(
+    fn texture(
         &mut self,
-        xml: &Xml<'a, 'i>,
-        profile: Node<'a, 'i>,
-        texture: Node<'a, 'i>,
+        xml: &Xml<'_>,
+        profile: Node<'_>,
+        texture: Node<'_>,
         uvs: &Uvs,
     ) -> Option<TextureRef> {
         let textures = self.textures.as_mut()?;
@@ -287,11 +284,7 @@ impl<'f> Materials<'f> {
 }
 
 /// Follows a sampler's sid through its surface to the image; or an image's id, as older exporters write.
-fn image<'a, 'i>(
-    xml: &Xml<'a, 'i>,
-    profile: Node<'a, 'i>,
-    name: &str,
-) -> (Option<Node<'a, 'i>>, Option<Node<'a, 'i>>) {
+fn image<'a>(xml: &Xml<'a>, profile: Node<'a>, name: &str) -> (Option<Node<'a>>, Option<Node<'a>>) {
     let param = |sid: &str| {
         let effect = profile.parent();
         let both = [Some(profile), effect].into_iter().flatten();

@@ -4,8 +4,8 @@ use crate::controller::{self, Morph, MorphTargets, SkinData};
 use crate::geometry::{self, Geometry};
 use crate::materials::Materials;
 use crate::nodes::Tree;
-use crate::tree::{Node, NodeId};
 use crate::xml::{LEFT_OUT, Xml, children, name_of, text_of};
+use crate::xml::{Node, NodeId};
 use choreo_asset::{Asset, Mesh, MeshInstance, Topology};
 use choreo_importer_kit::text::count;
 use choreo_importer_kit::{Result, smooth};
@@ -15,22 +15,22 @@ use std::sync::Arc;
 
 /// What an instance shows.
 #[derive(Clone, Copy)]
-struct Shape<'a, 'i> {
-    geometry: Node<'a, 'i>,
-    skin: Option<Node<'a, 'i>>,
+struct Shape<'a> {
+    geometry: Node<'a>,
+    skin: Option<Node<'a>>,
     /// The morph controller with its id.
-    morph: Option<(Node<'a, 'i>, NodeId)>,
+    morph: Option<(Node<'a>, NodeId)>,
 }
 
-impl<'a, 'i> Shape<'a, 'i> {
-    fn plain(geometry: Node<'a, 'i>) -> Self {
+impl<'a> Shape<'a> {
+    fn plain(geometry: Node<'a>) -> Self {
         Shape { geometry, skin: None, morph: None }
     }
 }
 
-pub struct Builder<'x, 'a, 'i, 'f> {
-    pub xml: &'x Xml<'a, 'i>,
-    pub tree: &'x Tree<'a, 'i>,
+pub struct Builder<'x, 'a, 'f> {
+    pub xml: &'x Xml<'a>,
+    pub tree: &'x Tree<'a>,
     pub materials: Materials<'f>,
     pub smooth_rad: f64,
     pub morphs: Vec<MorphTargets>,
@@ -42,13 +42,8 @@ pub struct Builder<'x, 'a, 'i, 'f> {
     without_normals: usize,
 }
 
-impl<'x, 'a, 'i, 'f> Builder<'x, 'a, 'i, 'f> {
-    pub fn new(
-        xml: &'x Xml<'a, 'i>,
-        tree: &'x Tree<'a, 'i>,
-        materials: Materials<'f>,
-        smooth_rad: f64,
-    ) -> Self {
+impl<'x, 'a, 'f> Builder<'x, 'a, 'f> {
+    pub fn new(xml: &'x Xml<'a>, tree: &'x Tree<'a>, materials: Materials<'f>, smooth_rad: f64) -> Self {
         Builder {
             xml,
             tree,
@@ -97,7 +92,7 @@ impl<'x, 'a, 'i, 'f> Builder<'x, 'a, 'i, 'f> {
     }
 
     /// A skin over a morph over a geometry; no deeper.
-    fn shape_of(&self, controller: Node<'a, 'i>) -> Result<Option<Shape<'a, 'i>>> {
+    fn shape_of(&self, controller: Node<'a>) -> Result<Option<Shape<'a>>> {
         let (mut skin, mut morph) = (None, None);
         let mut at = controller;
         for _ in 0..3 {
@@ -125,7 +120,7 @@ impl<'x, 'a, 'i, 'f> Builder<'x, 'a, 'i, 'f> {
         Err(self.xml.problem(controller, "refers to controllers more than three deep, or to itself"))
     }
 
-    fn geometry(&mut self, node: Node<'a, 'i>) -> Result<Rc<Geometry>> {
+    fn geometry(&mut self, node: Node<'a>) -> Result<Rc<Geometry>> {
         if let Some(known) = self.geometries.get(&node.id()) {
             return Ok(known.clone());
         }
@@ -138,8 +133,8 @@ impl<'x, 'a, 'i, 'f> Builder<'x, 'a, 'i, 'f> {
         &mut self,
         asset: &mut Asset,
         joint: u32,
-        instance: Node<'a, 'i>,
-        Shape { geometry, skin, morph }: Shape<'a, 'i>,
+        instance: Node<'a>,
+        Shape { geometry, skin, morph }: Shape<'a>,
     ) -> Result<()> {
         let source = self.geometry(geometry)?;
         let last = self.uses.get_mut(&geometry.id()).is_some_and(|uses| {
@@ -205,7 +200,7 @@ impl<'x, 'a, 'i, 'f> Builder<'x, 'a, 'i, 'f> {
         Ok(())
     }
 
-    fn morph(&mut self, node: Node<'a, 'i>, base: &Geometry) -> Result<Morph> {
+    fn morph(&mut self, node: Node<'a>, base: &Geometry) -> Result<Morph> {
         let xml = self.xml;
         controller::morph(xml, node, base, |target| {
             let read = self.geometry(target)?;
@@ -216,7 +211,7 @@ impl<'x, 'a, 'i, 'f> Builder<'x, 'a, 'i, 'f> {
     fn mesh(
         &mut self,
         source: Rc<Geometry>,
-        geometry: Node<'a, 'i>,
+        geometry: Node<'a>,
         materials: &[u32],
         skin: Option<&SkinData>,
         morph: Option<&Morph>,
@@ -232,8 +227,7 @@ impl<'x, 'a, 'i, 'f> Builder<'x, 'a, 'i, 'f> {
             Err(shared) => shared.parts.clone(),
         };
         for (part, material) in parts.into_iter().zip(materials) {
-            let corners = part.primitive.indices.len();
-            self.xml.charge(geometry, corners, 96 + out.morph_targets * 12)?;
+            self.xml.charge(geometry, part.primitive.indices.len(), 96 + out.morph_targets * 12)?;
             let mut primitive = part.primitive;
             primitive.material = Some(*material);
             if let Some(skin) = skin {

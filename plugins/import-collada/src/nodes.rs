@@ -1,7 +1,7 @@
 //! The visual scene to a parents-first list of joints, each with its stack of transforms.
 
-use crate::tree::{Node, NodeId};
-use crate::xml::{LEFT_OUT, Xml, child, descendant, name_of};
+use crate::xml::{LEFT_OUT, Xml, child, descendant, label_of, name_of};
+use crate::xml::{Node, NodeId};
 use choreo_importer_kit::decompose::{Parts, decompose};
 use choreo_importer_kit::{Problem, Result};
 use choreo_motion::{Skeleton, Transform};
@@ -31,8 +31,8 @@ pub struct Element<'a> {
     pub values: Vec<f64>,
 }
 
-pub struct Joint<'a, 'i> {
-    pub node: Node<'a, 'i>,
+pub struct Joint<'a> {
+    pub node: Node<'a>,
     pub parent: Option<u32>,
     pub name: String,
     pub stack: Vec<Element<'a>>,
@@ -46,8 +46,8 @@ pub struct Convention {
     pub up: DMat4,
 }
 
-pub struct Tree<'a, 'i> {
-    pub joints: Vec<Joint<'a, 'i>>,
+pub struct Tree<'a> {
+    pub joints: Vec<Joint<'a>>,
     /// Joints of an XML element: several where it is instanced.
     pub of_element: HashMap<NodeId, Vec<u32>>,
     pub convention: Convention,
@@ -98,11 +98,11 @@ impl Convention {
     }
 }
 
-impl<'a, 'i> Tree<'a, 'i> {
-    pub fn read(xml: &Xml<'a, 'i>, convention: Convention) -> Result<Tree<'a, 'i>> {
+impl<'a> Tree<'a> {
+    pub fn read(xml: &Xml<'a>, convention: Convention) -> Result<Tree<'a>> {
         let mut tree = Tree { joints: Vec::new(), of_element: HashMap::new(), convention };
         let Some(scene) = scene(xml) else { return Ok(tree) };
-        let mut open: Vec<(Node<'a, 'i>, Option<u32>)> =
+        let mut open: Vec<(Node<'a>, Option<u32>)> =
             nodes_in(xml, scene).into_iter().rev().map(|n| (n, None)).collect();
         while let Some((node, parent)) = open.pop() {
             if tree.joints.len() == MAX_JOINTS {
@@ -112,7 +112,7 @@ impl<'a, 'i> Tree<'a, 'i> {
                 return Err(xml.problem(node, what));
             }
             let index = tree.joints.len() as u32;
-            let name = node.attribute("name").or(node.attribute("id")).or(node.attribute("sid"));
+            let name = label_of(node).or(node.attribute("sid"));
             let name = name.filter(|n| !n.is_empty()).map_or(format!("node {index}"), str::to_string);
             tree.of_element.entry(node.id()).or_default().push(index);
             tree.joints.push(Joint { node, parent, name, stack: stack(xml, node)? });
@@ -121,7 +121,7 @@ impl<'a, 'i> Tree<'a, 'i> {
         Ok(tree)
     }
 
-    pub fn skeleton(&self, xml: &Xml<'a, 'i>) -> Result<Skeleton> {
+    pub fn skeleton(&self, xml: &Xml<'a>) -> Result<Skeleton> {
         let mut rest = Vec::with_capacity(self.joints.len());
         for joint in &self.joints {
             let m = self.convention.local(&joint.stack, joint.parent.is_none());
@@ -154,7 +154,7 @@ pub fn transform(parts: &Parts) -> Transform {
 }
 
 /// The scene that the file shows, else its first one.
-fn scene<'a, 'i>(xml: &Xml<'a, 'i>) -> Option<Node<'a, 'i>> {
+fn scene<'a>(xml: &Xml<'a>) -> Option<Node<'a>> {
     let shown = child(xml.root(), "scene").and_then(|s| child(s, "instance_visual_scene"));
     let named = shown.map(|s| xml.instanced(s, "url", "visual_scene", "the first scene is used"));
     let first = || descendant(xml.root(), "visual_scene");
@@ -170,7 +170,7 @@ fn scene<'a, 'i>(xml: &Xml<'a, 'i>) -> Option<Node<'a, 'i>> {
 }
 
 /// Nodes and instanced nodes in a scene or node, in order.
-fn nodes_in<'a, 'i>(xml: &Xml<'a, 'i>, parent: Node<'a, 'i>) -> Vec<Node<'a, 'i>> {
+fn nodes_in<'a>(xml: &Xml<'a>, parent: Node<'a>) -> Vec<Node<'a>> {
     let mut out = Vec::new();
     for element in parent.children() {
         match name_of(element) {
@@ -195,7 +195,7 @@ fn nodes_in<'a, 'i>(xml: &Xml<'a, 'i>, parent: Node<'a, 'i>) -> Vec<Node<'a, 'i>
     out
 }
 
-fn stack<'a, 'i>(xml: &Xml<'a, 'i>, node: Node<'a, 'i>) -> Result<Vec<Element<'a>>> {
+fn stack<'a>(xml: &Xml<'_>, node: Node<'a>) -> Result<Vec<Element<'a>>> {
     let mut out = Vec::new();
     for element in node.children() {
         let (kind, count) = match name_of(element) {
@@ -228,13 +228,7 @@ fn stack<'a, 'i>(xml: &Xml<'a, 'i>, node: Node<'a, 'i>) -> Result<Vec<Element<'a
 }
 
 /// The joint of a skin by its name: a sid below the skeleton's roots, then anywhere; then an id; then a name.
-pub fn find_joint<'a, 'i>(
-    xml: &Xml<'a, 'i>,
-    tree: &Tree<'a, 'i>,
-    roots: &[u32],
-    name: &str,
-    is_id: bool,
-) -> Option<u32> {
+pub fn find_joint(xml: &Xml<'_>, tree: &Tree<'_>, roots: &[u32], name: &str, is_id: bool) -> Option<u32> {
     let below = |joint: u32| -> bool {
         let mut at = Some(joint);
         while let Some(j) = at {

@@ -1,8 +1,8 @@
 //! Cameras and lights.
 
 use crate::nodes::Tree;
-use crate::tree::Node;
-use crate::xml::{LEFT_OUT, Xml, child, children, descendant, name_of};
+use crate::xml::Node;
+use crate::xml::{LEFT_OUT, Xml, child, children, descendant, label_of, name_of};
 use choreo_asset::{AssetCamera, AssetLight, Light, LightKind, Projection};
 use choreo_importer_kit::Result;
 use choreo_importer_kit::text::{number, shown};
@@ -12,18 +12,18 @@ use std::f64::consts::PI;
 /// Distance in metres at which a light's own attenuation and the renderer's inverse square are made equal.
 const EQUAL_AT: f64 = 5.0;
 
-pub fn cameras<'a, 'i>(xml: &Xml<'a, 'i>, tree: &Tree<'a, 'i>) -> Result<Vec<AssetCamera>> {
+pub fn cameras(xml: &Xml<'_>, tree: &Tree<'_>) -> Result<Vec<AssetCamera>> {
     let mut out = Vec::new();
     for (joint, node) in (0u32..).zip(tree.joints.iter().map(|j| j.node)) {
         for instance in children(node, "instance_camera") {
             let Some(camera) = xml.instanced(instance, "url", "camera", LEFT_OUT) else { continue };
             let technique = child(camera, "optics").and_then(|o| child(o, "technique_common"));
-            let Some(lens) = technique.and_then(|t| t.children().next()) else {
+            let Some(lens) = technique.and_then(|t| t.first_element_child()) else {
                 xml.warn(camera, "has no optics; it is left out");
                 continue;
             };
             let metres = tree.convention.metres;
-            let value = |name: &'static str| child(lens, name).map(|n| xml.number(n)).transpose();
+            let value = |name| xml.child_number(lens, name);
             let near = value("znear")?.filter(|v| *v > 0.0).map_or(0.05, |v| v * metres);
             let far = value("zfar")?.map(|v| v * metres).filter(|f| *f > near && f.is_finite());
             let aspect = value("aspect_ratio")?.filter(|a| *a > 0.0);
@@ -92,17 +92,16 @@ pub fn cameras<'a, 'i>(xml: &Xml<'a, 'i>, tree: &Tree<'a, 'i>) -> Result<Vec<Ass
 
 /// A directional light of colour 1 shines on a white surface until it is white: π lux. Others fall off as their attenuation
 /// says, which becomes an inverse square that is equal at five metres.
-pub fn lights<'a, 'i>(xml: &Xml<'a, 'i>, tree: &Tree<'a, 'i>) -> Result<Vec<AssetLight>> {
+pub fn lights(xml: &Xml<'_>, tree: &Tree<'_>) -> Result<Vec<AssetLight>> {
     let mut out = Vec::new();
     for (joint, node) in (0u32..).zip(tree.joints.iter().map(|j| j.node)) {
         for instance in children(node, "instance_light") {
             let Some(light) = xml.instanced(instance, "url", "light", LEFT_OUT) else { continue };
-            let Some(kind) = child(light, "technique_common").and_then(|t| t.children().next()) else {
+            let Some(kind) = child(light, "technique_common").and_then(|t| t.first_element_child()) else {
                 xml.warn(light, "has no technique_common; it is left out");
                 continue;
             };
-            let value =
-                |name: &'static str, default: f64| child(kind, name).map_or(Ok(default), |n| xml.number(n));
+            let value = |name, default: f64| Result::Ok(xml.child_number(kind, name)?.unwrap_or(default));
             let color = match child(kind, "color") {
                 Some(c) => Vec3::from(xml.array::<3>(c)?.map(|v| v.max(0.0) as f32)),
                 None => Vec3::ONE,
@@ -152,12 +151,12 @@ pub fn lights<'a, 'i>(xml: &Xml<'a, 'i>, tree: &Tree<'a, 'i>) -> Result<Vec<Asse
     Ok(out)
 }
 
-fn name(node: Node<'_, '_>) -> String {
-    node.attribute("name").or(node.attribute("id")).unwrap_or(name_of(node)).to_string()
+fn name(node: Node<'_>) -> String {
+    label_of(node).unwrap_or(name_of(node)).to_string()
 }
 
 /// Metres a unit, and the upward axis as written.
-pub fn convention<'a, 'i>(xml: &Xml<'a, 'i>) -> (f64, &'static str) {
+pub fn convention(xml: &Xml<'_>) -> (f64, &'static str) {
     let asset = child(xml.root(), "asset");
     let unit = asset.and_then(|a| child(a, "unit"));
     let metres = unit.map_or(1.0, |unit| metres(xml, unit));
@@ -174,7 +173,7 @@ pub fn convention<'a, 'i>(xml: &Xml<'a, 'i>) -> (f64, &'static str) {
 }
 
 /// The number in `meter`; some programs write the decimal comma of their user's language.
-fn metres<'a, 'i>(xml: &Xml<'a, 'i>, unit: Node<'a, 'i>) -> f64 {
+fn metres(xml: &Xml<'_>, unit: Node<'_>) -> f64 {
     let Some(text) = unit.attribute("meter").map(str::trim) else { return 1.0 };
     let value = |text: &str| number(text.as_bytes()).filter(|v| (1e-6..=1e6).contains(v));
     value(text).unwrap_or_else(|| {

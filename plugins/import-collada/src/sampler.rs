@@ -1,7 +1,7 @@
 //! `<sampler>`: keys, and the values between them.
 
 use crate::source::{doubles, inputs, names};
-use crate::tree::Node;
+use crate::xml::Node;
 use crate::xml::Xml;
 use choreo_importer_kit::Result;
 use choreo_motion::Time;
@@ -29,7 +29,7 @@ pub struct Sampler {
 }
 
 impl Sampler {
-    pub fn read<'a, 'i>(xml: &Xml<'a, 'i>, node: Node<'a, 'i>) -> Result<Sampler> {
+    pub fn read(xml: &Xml<'_>, node: Node<'_>) -> Result<Sampler> {
         let mut sampler = Sampler {
             times: Vec::new(),
             values: Vec::new(),
@@ -101,7 +101,7 @@ impl Sampler {
         Ok(sampler)
     }
 
-    fn check_tangents<'a, 'i>(&mut self, xml: &Xml<'a, 'i>, node: Node<'a, 'i>) {
+    fn check_tangents(&mut self, xml: &Xml<'_>, node: Node<'_>) {
         let curved =
             self.interpolation.iter().any(|i| matches!(i, Interpolation::Bezier | Interpolation::Hermite));
         let (one, two) = (self.values.len(), self.values.len() * 2);
@@ -118,7 +118,7 @@ impl Sampler {
     }
 
     /// Keys that do not come after the one before are left out.
-    fn drop_repeated<'a, 'i>(&mut self, xml: &Xml<'a, 'i>, node: Node<'a, 'i>) {
+    fn drop_repeated(&mut self, xml: &Xml<'_>, node: Node<'_>) {
         let mut kept: Vec<usize> = Vec::with_capacity(self.times.len());
         for i in 0..self.times.len() {
             if kept.last().is_none_or(|last| self.times[i] > self.times[*last]) {

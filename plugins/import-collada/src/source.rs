@@ -1,7 +1,7 @@
 //! `<source>` with its accessor, and the inputs that refer to sources.
 
-use crate::tree::Node;
-use crate::xml::{Xml, child, children, name_of};
+use crate::xml::Node;
+use crate::xml::{Xml, child, children, name_of, texts};
 use choreo_importer_kit::Result;
 
 /// Floats with the layout that the accessor gives.
@@ -23,9 +23,9 @@ impl Floats {
 }
 
 /// The accessor's offset, stride and count, made to fit what the array holds.
-fn layout<'a, 'i>(
-    xml: &Xml<'a, 'i>,
-    source: Node<'a, 'i>,
+fn layout(
+    xml: &Xml<'_>,
+    source: Node<'_>,
     length: usize,
     default_stride: usize,
 ) -> Result<(usize, usize, usize)> {
@@ -51,7 +51,7 @@ fn layout<'a, 'i>(
     Ok((offset, stride, count))
 }
 
-pub fn floats<'a, 'i>(xml: &Xml<'a, 'i>, source: Node<'a, 'i>, default_stride: usize) -> Result<Floats> {
+pub fn floats(xml: &Xml<'_>, source: Node<'_>, default_stride: usize) -> Result<Floats> {
     let Some(array) = child(source, "float_array") else {
         return Err(xml.problem(source, "has no float_array"));
     };
@@ -61,11 +61,7 @@ pub fn floats<'a, 'i>(xml: &Xml<'a, 'i>, source: Node<'a, 'i>, default_stride: u
 }
 
 /// Numbers of a source in f64, `stride` a key: for times, matrices and tangents.
-pub fn doubles<'a, 'i>(
-    xml: &Xml<'a, 'i>,
-    source: Node<'a, 'i>,
-    default_stride: usize,
-) -> Result<(Vec<f64>, usize)> {
+pub fn doubles(xml: &Xml<'_>, source: Node<'_>, default_stride: usize) -> Result<(Vec<f64>, usize)> {
     let Some(array) = child(source, "float_array") else {
         return Err(xml.problem(source, "has no float_array"));
     };
@@ -79,14 +75,13 @@ pub fn doubles<'a, 'i>(
 }
 
 /// Words of a Name_array or IDREF_array, and whether they are ids.
-pub fn names<'a, 'i>(xml: &Xml<'a, 'i>, source: Node<'a, 'i>) -> Result<(Vec<&'a str>, bool)> {
+pub fn names<'a>(xml: &Xml<'_>, source: Node<'a>) -> Result<(Vec<&'a str>, bool)> {
     let array =
         child(source, "Name_array").map(|a| (a, false)).or(child(source, "IDREF_array").map(|a| (a, true)));
     let Some((array, ids)) = array else {
         return Err(xml.problem(source, "has neither Name_array nor IDREF_array"));
     };
-    let text = array.text();
-    let names: Vec<&str> = text.split_ascii_whitespace().collect();
+    let names: Vec<&str> = texts(array).flat_map(str::split_ascii_whitespace).collect();
     xml.charge(array, names.len(), 16)?;
     let (offset, stride, count) = layout(xml, source, names.len(), 1)?;
     Ok((names.into_iter().skip(offset).step_by(stride).take(count).collect(), ids))
@@ -94,9 +89,9 @@ pub fn names<'a, 'i>(xml: &Xml<'a, 'i>, source: Node<'a, 'i>) -> Result<(Vec<&'a
 
 /// One `<input>`.
 #[derive(Clone, Copy)]
-pub struct Input<'a, 'i> {
+pub struct Input<'a> {
     pub semantic: &'a str,
-    pub source: Node<'a, 'i>,
+    pub source: Node<'a>,
     pub offset: usize,
     pub set: usize,
 }
@@ -105,7 +100,7 @@ pub struct Input<'a, 'i> {
 const MAX_OFFSET: usize = 255;
 
 /// The inputs of an element, with `VERTEX` resolved to those of `<vertices>` (at the offset of the `VERTEX`).
-pub fn inputs<'a, 'i>(xml: &Xml<'a, 'i>, element: Node<'a, 'i>) -> Result<Vec<Input<'a, 'i>>> {
+pub fn inputs<'a>(xml: &Xml<'a>, element: Node<'a>) -> Result<Vec<Input<'a>>> {
     let mut out = Vec::new();
     for (index, input) in children(element, "input").enumerate() {
         let number = |name: &str, default: usize| match input.attribute(name) {

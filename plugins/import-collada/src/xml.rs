@@ -1,19 +1,92 @@
 //! The parsed file: elements by id, places of elements, lists of numbers.
 
-use crate::tree::{Document, Node};
 use choreo_importer_kit::text::{next_integer, next_number, shown};
-use choreo_importer_kit::{Budget, Notes, Problem, Progress, Result};
+use choreo_importer_kit::{Budget, Notes, Problem, Progress, Result, WithPlace};
 use choreo_plugin::Files;
+use memchr::{memchr_iter, memmem};
+use roxmltree::{Document, Error, ParsingOptions};
+use std::cell::OnceCell;
 use std::collections::HashMap;
+
+pub use roxmltree::NodeId;
+
+/// An element of the document.
+pub type Node<'a> = roxmltree::Node<'a, 'a>;
 
 /// The end of the warning for an instance that refers to nothing.
 pub const LEFT_OUT: &str = "it is left out";
+/// Limits the memory of a file that is all tags.
+const MAX_NODES: u32 = 4_000_000;
+/// The parser compares each attribute of an element with all others.
+const MAX_ATTRIBUTES: usize = 256;
 
-pub struct Xml<'a, 'i> {
-    doc: &'a Document<'i>,
+/// The document of a text. An error has the line and column of what is wrong.
+pub fn parse(text: &str) -> Result<Document<'_>> {
+    let at = |line: usize, column: usize, what: String| {
+        Problem::new(format!("line {line}, column {column}"), what)
+            .hint("the file was cut off or is no XML; export or copy it again")
+    };
+    let at_byte = |byte: usize, what: String| {
+        let before = &text[..byte];
+        let line_start = before.rfind('\n').map_or(0, |end| end + 1);
+        at(1 + memchr_iter(b'\n', before.as_bytes()).count(), 1 + before[line_start..].chars().count(), what)
+    };
+    if let Some(byte) = crowded_element(text.as_bytes()) {
+        let what = format!("the element has more than {MAX_ATTRIBUTES} attributes, which is the limit");
+        return Err(at_byte(byte, what));
+    }
+    let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
+    Document::parse_with_options(text, options).map_err(|error| match error {
+        Error::DtdDetected => {
+            let byte = memmem::find(text.as_bytes(), b"<!DOCTYPE").unwrap_or(0);
+            at_byte(byte, "has a document type definition, which is not allowed".into())
+                .hint("take the <!DOCTYPE …> out: COLLADA needs none")
+        }
+        Error::NodesLimitReached => {
+            at(1, 1, format!("has more than {MAX_NODES} elements and texts, which is the limit"))
+        }
+        Error::NoRootNode => at(1, 1, "there is no element".into()),
+        Error::UnclosedRootNode | Error::UnexpectedEndOfStream => {
+            at_byte(text.len(), "the file ends within an element".into())
+        }
+        _ => {
+            let described = error.to_string();
+            let what = described.rsplit_once(" at ").map_or(described.as_str(), |(what, _)| what);
+            at(error.pos().row as usize, error.pos().col as usize, shown_text(what))
+        }
+    })
+}
+
+/// The first `<` before more attributes than an element may have.
+fn crowded_element(text: &[u8]) -> Option<usize> {
+    let mut starts = memchr_iter(b'<', text).peekable();
+    while let Some(start) = starts.next() {
+        // An attribute takes at least five bytes: a="".
+        let tag = &text[start..starts.peek().copied().unwrap_or(text.len())];
+        let is_attribute = |equals: &usize| {
+            let value = tag[equals + 1..].iter().find(|b| !b.is_ascii_whitespace());
+            matches!(value, Some(b'"' | b'\''))
+        };
+        if tag.len() > MAX_ATTRIBUTES * 5
+            && memchr_iter(b'=', tag).filter(is_attribute).count() > MAX_ATTRIBUTES
+        {
+            return Some(start);
+        }
+    }
+    None
+}
+
+/// A text of the parser, which quotes the file, without control characters.
+fn shown_text(text: &str) -> String {
+    text.chars().take(200).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
+}
+
+pub struct Xml<'a> {
+    doc: &'a Document<'a>,
     /// Elements of a library and nodes apart: exporters give a camera and its node the same id.
-    ids: HashMap<&'a str, Node<'a, 'i>>,
-    nodes: HashMap<&'a str, Node<'a, 'i>>,
+    ids: HashMap<&'a str, Node<'a>>,
+    nodes: HashMap<&'a str, Node<'a>>,
+    ends_of_lines: OnceCell<Vec<usize>>,
     pub notes: &'a Notes,
     pub budget: &'a Budget,
     progress: Progress<'a>,
@@ -22,85 +95,76 @@ pub struct Xml<'a, 'i> {
 /// Values of a text, or the number and word of the one that is none.
 type Values<'a, T> = std::result::Result<Vec<T>, (usize, &'a [u8])>;
 
-impl<'a, 'i> Xml<'a, 'i> {
-    pub fn new(
-        doc: &'a Document<'i>,
-        files: &'a dyn Files,
-        notes: &'a Notes,
-        budget: &'a Budget,
-    ) -> Xml<'a, 'i> {
+impl<'a> Xml<'a> {
+    pub fn new(doc: &'a Document<'a>, files: &'a dyn Files, notes: &'a Notes, budget: &'a Budget) -> Xml<'a> {
         let (mut ids, mut nodes) = (HashMap::new(), HashMap::new());
-        for node in doc.root().descendants() {
+        for node in doc.descendants() {
             if let Some(id) = node.attribute("id") {
                 // The first counts.
                 let map = if name_of(node) == "node" { &mut nodes } else { &mut ids };
                 map.entry(id).or_insert(node);
             }
         }
-        let progress = Progress::new(files, doc.length());
-        Xml { doc, ids, nodes, notes, budget, progress }
+        let progress = Progress::new(files, doc.input_text().len());
+        Xml { doc, ids, nodes, ends_of_lines: OnceCell::new(), notes, budget, progress }
     }
 
-    pub fn root(&self) -> Node<'a, 'i> {
-        self.doc.root()
+    pub fn root(&self) -> Node<'a> {
+        self.doc.root_element()
     }
 
-    /// `library_geometries/geometry "Cube"/mesh (line 12)`. The line is counted on demand: only messages have one.
-    pub fn place(&self, node: Node<'a, 'i>) -> String {
+    /// `library_geometries/geometry "Cube"/mesh (line 12)`.
+    pub fn place(&self, node: Node<'_>) -> String {
         let mut parts: Vec<String> = node
             .ancestors()
-            .filter(|n| *n != self.root())
+            .filter(|n| n.parent_element().is_some())
             .take(6)
             .map(|n| match n.attribute("id").or(n.attribute("sid")) {
-                Some(id) => format!("{} \"{}\"", n.name(), shown(id.as_bytes())),
-                None => n.name().to_string(),
+                Some(id) => format!("{} \"{}\"", name_of(n), shown(id.as_bytes())),
+                None => name_of(n).to_string(),
             })
             .collect();
         parts.reverse();
-        format!("{} (line {})", parts.join("/"), node.line())
+        // Counted on demand, and once for all messages.
+        let text = self.doc.input_text().as_bytes();
+        let ends = self.ends_of_lines.get_or_init(|| memchr_iter(b'\n', text).collect());
+        let line = 1 + ends.partition_point(|end| *end < node.range().start);
+        format!("{} (line {line})", parts.join("/"))
     }
 
-    pub fn problem(&self, node: Node<'a, 'i>, what: impl Into<String>) -> Problem {
+    pub fn problem(&self, node: Node<'_>, what: impl Into<String>) -> Problem {
         Problem::new(self.place(node), what)
     }
 
-    pub fn warn(&self, node: Node<'a, 'i>, what: impl Into<String>) {
+    pub fn warn(&self, node: Node<'_>, what: impl Into<String>) {
         self.notes.warn(self.place(node), what);
     }
 
     /// The element with this id; a node only where nothing else has it.
-    pub fn by_id(&self, id: &str) -> Option<Node<'a, 'i>> {
+    pub fn by_id(&self, id: &str) -> Option<Node<'a>> {
         self.ids.get(id).or(self.nodes.get(id)).copied()
     }
 
     /// The `<node>` with this id.
-    pub fn node_by_id(&self, id: &str) -> Option<Node<'a, 'i>> {
+    pub fn node_by_id(&self, id: &str) -> Option<Node<'a>> {
         self.nodes.get(id).copied()
     }
 
-    /// What the attribute `#id` of an element refers to.
-    pub fn follow(&self, node: Node<'a, 'i>, attribute: &str) -> Result<Node<'a, 'i>> {
+    /// The element that the attribute `#id` of an element refers to.
+    pub fn follow(&self, node: Node<'_>, attribute: &str) -> Result<Node<'a>> {
         let Some(url) = node.attribute(attribute) else {
             return Err(self.problem(node, format!("has no {attribute}")));
         };
         let id = url.trim().strip_prefix('#').unwrap_or(url.trim());
         self.by_id(id).ok_or_else(|| {
-            self.problem(
-                node,
-                format!("{attribute}=\"{}\" refers to nothing in this file", shown(url.as_bytes())),
-            )
+            let url = shown(url.as_bytes());
+            self.problem(node, format!("{attribute}=\"{url}\" refers to nothing in this file"))
         })
     }
 
     /// What an instance (`instance_camera`, `instance_light` …) refers to, an element of this kind. A reference to nothing, or to
     /// something else, is a warning that ends with what is done instead.
-    pub fn instanced(
-        &self,
-        instance: Node<'a, 'i>,
-        url: &str,
-        kind: &str,
-        instead: &str,
-    ) -> Option<Node<'a, 'i>> {
+    pub fn instanced(&self, instance: Node<'_>, url: &str, kind: &str, instead: &str) -> Option<Node<'a>> {
         match self.follow(instance, url) {
             Ok(node) if name_of(node) == kind => return Some(node),
             Ok(node) => {
@@ -112,13 +176,13 @@ impl<'a, 'i> Xml<'a, 'i> {
     }
 
     /// The numbers of an element's text.
-    pub fn numbers(&self, node: Node<'a, 'i>) -> Result<Vec<f64>> {
+    pub fn numbers(&self, node: Node<'_>) -> Result<Vec<f64>> {
         let values = self.values(node, |rest| Some(next_number(rest)?.map(Some)))?;
         values.map_err(|(index, word)| self.bad(node, index, word, "a finite number"))
     }
 
     /// The same as 32-bit floats: positions of big meshes take half.
-    pub fn floats(&self, node: Node<'a, 'i>) -> Result<Vec<f32>> {
+    pub fn floats(&self, node: Node<'_>) -> Result<Vec<f32>> {
         let values = self.values(node, |rest| {
             Some(next_number(rest)?.map(|v| Some(v as f32).filter(|v| v.is_finite())))
         })?;
@@ -126,7 +190,7 @@ impl<'a, 'i> Xml<'a, 'i> {
     }
 
     /// Whole numbers from −1 (which skins use) on.
-    pub fn integers(&self, node: Node<'a, 'i>) -> Result<Vec<i32>> {
+    pub fn integers(&self, node: Node<'_>) -> Result<Vec<i32>> {
         let values = self.values(node, |rest| {
             Some(next_integer(rest)?.map(|v| i32::try_from(v).ok().filter(|v| *v >= -1)))
         })?;
@@ -136,24 +200,29 @@ impl<'a, 'i> Xml<'a, 'i> {
     /// Every value of an element's text, or the one that is none, with its number. `next` takes one off: `None` inside is a
     /// number that is no such value.
     #[inline(always)]
-    fn values<T>(
+    fn values<'n, T>(
         &self,
-        node: Node<'a, 'i>,
-        next: impl Fn(&mut &'a [u8]) -> Option<std::result::Result<Option<T>, &'a [u8]>>,
-    ) -> Result<Values<'a, T>> {
+        node: Node<'n>,
+        next: impl Fn(&mut &'n [u8]) -> Option<std::result::Result<Option<T>, &'n [u8]>>,
+    ) -> Result<Values<'n, T>> {
         // Nearly all of a file are lists like this, read about in its order.
-        self.progress.reach(node.start())?;
-        let mut rest = node.text().as_bytes();
+        self.progress.reach(node.range().start)?;
         // A value has at least a digit and a space, and mostly three digits.
-        let announced = node.attribute("count").and_then(|c| c.parse().ok()).unwrap_or(rest.len() / 4);
-        let mut out = Vec::with_capacity(rest.len().div_ceil(2).min(announced));
-        loop {
-            let from = rest;
-            match next(&mut rest) {
-                None => break,
-                Some(Ok(Some(value))) => out.push(value),
-                Some(Ok(None)) => return Ok(Err((out.len(), from[..from.len() - rest.len()].trim_ascii()))),
-                Some(Err(word)) => return Ok(Err((out.len(), word))),
+        let length: usize = texts(node).map(str::len).sum();
+        let announced = node.attribute("count").and_then(|c| c.parse().ok()).unwrap_or(length / 4);
+        let mut out = Vec::with_capacity(length.div_ceil(2).min(announced));
+        for text in texts(node) {
+            let mut rest = text.as_bytes();
+            loop {
+                let from = rest;
+                match next(&mut rest) {
+                    None => break,
+                    Some(Ok(Some(value))) => out.push(value),
+                    Some(Ok(None)) => {
+                        return Ok(Err((out.len(), from[..from.len() - rest.len()].trim_ascii())));
+                    }
+                    Some(Err(word)) => return Ok(Err((out.len(), word))),
+                }
             }
         }
         self.charge(node, out.len(), size_of::<T>())?;
@@ -161,45 +230,105 @@ impl<'a, 'i> Xml<'a, 'i> {
     }
 
     /// Exactly `N` numbers.
-    pub fn array<const N: usize>(&self, node: Node<'a, 'i>) -> Result<[f64; N]> {
+    pub fn array<const N: usize>(&self, node: Node<'_>) -> Result<[f64; N]> {
         let numbers = self.numbers(node)?;
         <[f64; N]>::try_from(numbers.as_slice())
             .map_err(|_| self.problem(node, format!("has {} numbers, but needs {N}", numbers.len())))
     }
 
     /// One number.
-    pub fn number(&self, node: Node<'a, 'i>) -> Result<f64> {
+    pub fn number(&self, node: Node<'_>) -> Result<f64> {
         self.array::<1>(node).map(|[v]| v)
     }
 
-    pub fn charge(&self, node: Node<'a, 'i>, count: usize, size: usize) -> Result<()> {
-        self.budget.charge(count as u64, size).map_err(|what| self.problem(node, what))
+    /// The number in a child element, if there is one.
+    pub fn child_number(&self, node: Node<'_>, name: &'static str) -> Result<Option<f64>> {
+        child(node, name).map(|n| self.number(n)).transpose()
     }
 
-    fn bad(&self, node: Node<'a, 'i>, index: usize, word: &[u8], wanted: &str) -> Problem {
+    pub fn charge(&self, node: Node<'_>, count: usize, size: usize) -> Result<()> {
+        self.budget.charge(count as u64, size).at(|| self.place(node))
+    }
+
+    fn bad(&self, node: Node<'_>, index: usize, word: &[u8], wanted: &str) -> Problem {
         self.problem(node, format!("value {index} is \"{}\", not {wanted}", shown(word)))
     }
 }
 
 /// Child elements with a name.
-pub fn children<'a, 'i>(node: Node<'a, 'i>, name: &'static str) -> impl Iterator<Item = Node<'a, 'i>> {
-    node.children().filter(move |n| n.name() == name)
+pub fn children<'a>(node: Node<'a>, name: &'static str) -> impl Iterator<Item = Node<'a>> {
+    node.children().filter(move |n| name_of(*n) == name)
 }
 
-pub fn child<'a, 'i>(node: Node<'a, 'i>, name: &'static str) -> Option<Node<'a, 'i>> {
+pub fn child<'a>(node: Node<'a>, name: &'static str) -> Option<Node<'a>> {
     children(node, name).next()
 }
 
 /// The first element of this name at any depth below.
-pub fn descendant<'a, 'i>(node: Node<'a, 'i>, name: &'static str) -> Option<Node<'a, 'i>> {
-    node.descendants().skip(1).find(|n| n.name() == name)
+pub fn descendant<'a>(node: Node<'a>, name: &'static str) -> Option<Node<'a>> {
+    node.descendants().skip(1).find(|n| name_of(*n) == name)
 }
 
-pub fn name_of<'a>(node: Node<'a, '_>) -> &'a str {
-    node.name()
+/// Without the prefix of its namespace; empty for what is no element.
+pub fn name_of(node: Node<'_>) -> &str {
+    node.tag_name().name()
 }
 
-/// The element's text without white space around.
-pub fn text_of<'a>(node: Node<'a, '_>) -> &'a str {
-    node.text().trim()
+/// The `name` of an element, else its `id`.
+pub fn label_of(node: Node<'_>) -> Option<&str> {
+    node.attribute("name").or(node.attribute("id"))
+}
+
+/// Texts directly in the element: several where comments stand between them.
+pub fn texts(node: Node<'_>) -> impl Iterator<Item = &str> {
+    node.children().filter(|n| n.is_text()).filter_map(|n| n.text())
+}
+
+/// The element's first text without white space around.
+pub fn text_of(node: Node<'_>) -> &str {
+    texts(node).next().unwrap_or_default().trim()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_have_line_and_column() {
+        let deep = format!("<a>{}", "<b>".repeat(100_000));
+        let many = format!("<a>\n<c {}/>", (0..257).map(|i| format!("b{i} = '>' ")).collect::<String>());
+        for (text, wanted) in [
+            ("", "line 1, column 1: there is no element"),
+            ("<a>\n<b></a>", "line 2, column 4: expected 'b' tag, not 'a'"),
+            ("<a>\n&laughs;</a>", "line 2, column 1: unknown entity reference 'laughs'"),
+            ("<a>\n<!DOCTYPE x></a>", "line 2, column 1"),
+            (
+                "<?xml version='1.0'?>\n<!DOCTYPE x><a/>",
+                "line 2, column 1: has a document type definition, which is not allowed",
+            ),
+            ("<a b='1' b='2'/>", "line 1, column 10: attribute 'b'"),
+            ("<a b='<'/>", "line 1, column 7"),
+            ("<a\n b='1'", "line 2, column 7: the file ends within an element"),
+            ("<a>\n\n\u{1}</a>", "line 3, column 1"),
+            ("<a>\n\n", "line 3, column 1: the file ends within an element"),
+            (&deep, "line 1, column 300004: the file ends within an element"),
+            (&many, "line 2, column 1: the element has more than 256 attributes, which is the limit"),
+        ] {
+            let problem = parse(text).unwrap_err();
+            let said = format!("{}: {}", problem.place, problem.what);
+            assert!(said.starts_with(wanted), "{said} instead of {wanted}");
+        }
+        let elements = format!("<a>{}</a>", "<b/>".repeat(MAX_NODES as usize));
+        assert_eq!(
+            parse(&elements).unwrap_err().what,
+            "has more than 4000000 elements and texts, which is the limit"
+        );
+    }
+
+    #[test]
+    fn texts_around_comments() {
+        let doc = parse("<a> 1 <!-- 2 -->3<![CDATA[ 4]]> <b>5</b>&#54;</a>").unwrap();
+        let all: String = texts(doc.root_element()).collect();
+        assert_eq!(all.split_whitespace().collect::<Vec<_>>(), ["1", "3", "4", "6"]);
+    }
 }

@@ -196,7 +196,7 @@ impl Maker<'_, '_> {
                 curve::pieces(curve, otherwise, self.span, tolerance, &mut out);
                 curves.push(out);
             }
-            Ok(first)
+            Result::Ok(first)
         };
         let greatest = |of: &dyn Fn(usize) -> (Option<&'m AnimCurve>, f64)| {
             let most = |axis| match of(axis) {

@@ -2,7 +2,7 @@
 
 use crate::load;
 use choreo_asset::Origin;
-use choreo_importer_kit::{Budget, Notes, Problem, Result};
+use choreo_importer_kit::{Budget, Notes, Result, WithPlace};
 use choreo_plugin::{Files, ImportOptions, Needs};
 use ufbx::{CoordinateAxis, Element, Exporter, Scene};
 
@@ -74,7 +74,7 @@ impl<'a> File<'a> {
 
     /// Takes memory from the budget before it is allocated.
     pub fn charge(&self, count: usize, size: usize, place: impl FnOnce() -> String) -> Result<()> {
-        self.budget.charge(count as u64, size).map_err(|what| Problem::new(place(), what))
+        self.budget.charge(count as u64, size).at(place)
     }
 
     /// Blender writes its own units of light into FBX.

@@ -1,7 +1,5 @@
 //! Autodesk FBX into an [`Asset`], by the C library ufbx. What it reads, limits and options: README.md.
 
-#[cfg(test)]
-mod accuracy;
 mod alpha;
 mod clips;
 mod convert;
@@ -21,11 +19,11 @@ mod morphs;
 mod nodes;
 mod objects;
 mod properties;
-#[cfg(test)]
-mod random;
 mod refine;
 mod sampled;
 mod skinning;
+#[cfg(test)]
+mod tests;
 mod textures;
 mod vertices;
 mod weights;

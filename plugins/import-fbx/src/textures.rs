@@ -7,7 +7,8 @@ use crate::materials::Read;
 use choreo_asset::{Image, Sampler, TextureRef, Wrap};
 use choreo_importer_kit::pictures::{Encoded, Formats};
 use choreo_importer_kit::search;
-use choreo_importer_kit::{Problem, Result};
+use choreo_importer_kit::textures::Bytes;
+use choreo_importer_kit::{Problem, Result, WithPlace};
 use glam::{Affine2, DAffine2, DAffine3, DMat2, DVec2, DVec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -15,15 +16,6 @@ use ufbx::{Texture, TextureType, WrapMode};
 
 /// Above this, an image index means a combined picture.
 const COMBINED: u32 = 1 << 30;
-
-/// Bytes of a picture: of the file beside, or copied out of this one.
-pub struct Bytes(Arc<Vec<u8>>);
-
-impl AsRef<[u8]> for Bytes {
-    fn as_ref(&self) -> &[u8] {
-        &self.0
-    }
-}
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Channel {
@@ -93,9 +85,7 @@ impl Table {
             None => {
                 let size =
                     recipe.iter().flatten().map(|r| self.pictures[r.0 as usize].pixels()).max().unwrap_or(0);
-                file.picture_budget
-                    .charge(size, 4)
-                    .map_err(|what| Problem::new(place_of(&leader.element), what))?;
+                file.picture_budget.charge(size, 4).at(|| place_of(&leader.element))?;
                 self.recipes.push(recipe);
                 self.recipes.len() - 1
             }
@@ -146,7 +136,7 @@ impl Table {
                 return Ok(None);
             }
         };
-        let too_much = |what| Problem::new(place, format!("\"{}\" {what}", encoded.name));
+        let too_much = |p: Problem| Problem::new(place, format!("\"{}\" {}", encoded.name, p.what));
         file.picture_budget.charge(encoded.pixels(), 4).map_err(too_much)?;
         self.pictures.push(encoded);
         Ok(Some(self.pictures.len() as u32 - 1))

@@ -8,13 +8,10 @@ use crate::morphs::Target;
 use crate::skinning::Weights;
 use choreo_asset::{MorphTarget, Primitive};
 use choreo_importer_kit::text::count;
+use choreo_importer_kit::weld::Welder;
 use choreo_importer_kit::{Result, normals, tangents};
 use glam::{Vec2, Vec3, Vec4};
 use ufbx::{Face, Mesh, MeshPart, VertexVec2, VertexVec3, VertexVec4};
-
-/// Vertices at one point of the mesh that a corner is compared with; beyond that it gets a vertex of its own.
-const MAX_COMPARED: usize = 64;
-const NONE: u32 = u32::MAX;
 
 /// What the points of a mesh have beside their place.
 #[derive(Clone, Copy)]
@@ -34,19 +31,16 @@ pub fn primitives(
 ) -> Result<Vec<Primitive>> {
     let uv_sets = uv_sets(file, mesh, slots, materials, place);
     file.charge(mesh.num_vertices, 8, place)?;
-    let mut first = vec![(0, NONE); mesh.num_vertices];
+    let mut welder = Welder::default();
     let mut out = Vec::new();
-    for (number, part) in mesh.material_parts.as_ref().iter().enumerate() {
+    for part in &mesh.material_parts {
         let material = slots.get(part.index as usize).copied().filter(|m| (*m as usize) < materials.len());
         let maker = Maker {
             file,
             mesh,
             of_points,
             uv_sets: &uv_sets,
-            // 0 is no part's mark.
-            part: number as u32 + 1,
-            first: &mut first,
-            next: Vec::new(),
+            welder: &mut welder,
             of_file: Vec::new(),
             out: Primitive { material, ..Primitive::default() },
         };
@@ -90,19 +84,15 @@ struct Maker<'a, 'f> {
     mesh: &'a Mesh,
     of_points: OfPoints<'a>,
     uv_sets: &'a [Option<&'a VertexVec2>; 2],
-    part: u32,
-    /// For each point of the mesh, the part that wrote it, and the latest vertex there.
-    first: &'a mut [(u32, u32)],
-    /// The vertex before each vertex at the same point.
-    next: Vec<u32>,
-    /// Point of the mesh of each vertex.
+    welder: &'a mut Welder,
+    /// The point of the mesh of each vertex.
     of_file: Vec<u32>,
     out: Primitive,
 }
 
-/// What one corner of a face is.
-#[derive(Clone, Copy, PartialEq)]
-struct Corner {
+/// The values of one vertex of a face.
+#[derive(Clone, Copy)]
+struct FaceVertex {
     normal: Vec3,
     uv: [Vec2; 2],
     color: Vec4,
@@ -115,9 +105,10 @@ impl Maker<'_, '_> {
         normal_map: Option<u8>,
         place: &dyn Fn() -> String,
     ) -> Result<Option<Primitive>> {
-        if part.num_triangles == 0 {
+        if part.num_triangles == 0 || self.mesh.num_vertices == 0 {
             return Ok(None);
         }
+        self.welder.start(self.mesh.num_vertices);
         // As if no two corners shared a vertex; 120 bytes hold one with everything but skin and morphs.
         let skin = self.of_points.weights.map_or(0, |w| w.influences * 6);
         let morphs: usize =
@@ -140,8 +131,7 @@ impl Maker<'_, '_> {
                     .warn(place(), "its material has a normal map, but it has no texture coordinates");
             } else {
                 self.file.charge(out.indices.len(), 72 + skin + morphs, place)?;
-                let made = tangents::corner_tangents(&out.indices, &out.positions, &out.normals, uvs);
-                normals::apply_tangents(&mut out, &made);
+                tangents::add(&mut out, usize::from(set).min(1));
             }
         }
         Ok(Some(out))
@@ -179,8 +169,9 @@ impl Maker<'_, '_> {
         let mesh = self.mesh;
         let at = index as usize;
         // Indices are in range as ufbx clamps them.
-        let point = mesh.vertex_indices.as_ref().get(at).copied().unwrap_or(0);
-        let corner = Corner {
+        let point =
+            mesh.vertex_indices.as_ref().get(at).copied().unwrap_or(0).min(mesh.num_vertices as u32 - 1);
+        let values = FaceVertex {
             normal: at3(&mesh.vertex_normal, at).map_or(Vec3::ZERO, |n| match self.of_points.geometry {
                 Some(geometry) => geometry.normal(n),
                 None => vec3(n),
@@ -195,49 +186,33 @@ impl Maker<'_, '_> {
                 false => Vec4::ONE,
             },
         };
-        let (mark, head) = self.first.get(point as usize).copied().unwrap_or((0, NONE));
-        let head = if mark == self.part { head } else { NONE };
-        let mut vertex = head;
-        for _ in 0..MAX_COMPARED {
-            if vertex == NONE || self.is(vertex as usize, &corner) {
-                break;
-            }
-            vertex = self.next[vertex as usize];
-        }
-        if vertex == NONE || !self.is(vertex as usize, &corner) {
-            vertex = self.push(point, corner);
-            self.next.push(head);
-            if let Some(slot) = self.first.get_mut(point as usize) {
-                *slot = (self.part, vertex);
-            }
+        let (out, uv_sets) = (&self.out, self.uv_sets);
+        let (vertex, new) = self.welder.vertex(point, |vertex| {
+            let at = vertex as usize;
+            out.normals[at] == values.normal
+                && (0..2).all(|set| uv_sets[set].is_none() || out.uvs[set][at] == values.uv[set])
+                && out.colors.get(at).is_none_or(|color| *color == values.color)
+        });
+        if new {
+            self.push(point, values);
         }
         self.out.indices.push(vertex);
     }
 
-    fn is(&self, vertex: usize, corner: &Corner) -> bool {
-        let uv = |set: usize| self.out.uvs[set].get(vertex).copied().unwrap_or(Vec2::ZERO);
-        self.out.normals[vertex] == corner.normal
-            && uv(0) == corner.uv[0]
-            && uv(1) == corner.uv[1]
-            && self.out.colors.get(vertex).copied().unwrap_or(Vec4::ONE) == corner.color
-    }
-
-    fn push(&mut self, point: u32, corner: Corner) -> u32 {
+    fn push(&mut self, point: u32, values: FaceVertex) {
         let place = |p: &ufbx::Vec3| self.of_points.geometry.map_or_else(|| vec3(p), |g| g.point(p));
         let position = self.mesh.vertices.as_ref().get(point as usize).map_or(Vec3::ZERO, place);
-        let vertex = self.out.positions.len() as u32;
         self.out.positions.push(position);
-        self.out.normals.push(corner.normal);
+        self.out.normals.push(values.normal);
         for set in 0..2 {
             if self.uv_sets[set].is_some() {
-                self.out.uvs[set].push(corner.uv[set]);
+                self.out.uvs[set].push(values.uv[set]);
             }
         }
         if self.file.vertex_colors && self.mesh.vertex_color.exists {
-            self.out.colors.push(corner.color);
+            self.out.colors.push(values.color);
         }
         self.of_file.push(point);
-        vertex
     }
 
     fn finish(&mut self, place: &dyn Fn() -> String) {

@@ -1,7 +1,7 @@
 //! Typed arrays out of buffers (glTF 2.0 §3.6.2), every offset and count checked before anything is allocated.
 
 use crate::file::File;
-use crate::problem::{Problem, Result, element};
+use crate::problem::{Problem, Result, WithPlace, element};
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::validation::Checked;
 
@@ -126,7 +126,7 @@ impl File<'_> {
         let element_bytes = N * component.size();
         let wrong_component = || fail(format!("has component type {component:?}, which is not allowed here"));
 
-        self.charge(accessor.count.0, N * size_of::<T>()).map_err(fail)?;
+        self.charge(accessor.count.0, N * size_of::<T>()).at(place)?;
         let mut out = match accessor.buffer_view {
             Some(view) => {
                 let offset = accessor.byte_offset.map_or(0, |o| o.0);
@@ -152,8 +152,7 @@ impl File<'_> {
                 let what = format!("replaces {} of {} elements", sparse.count.0, accessor.count.0);
                 return Err(Problem::new(place(), what));
             }
-            self.charge(sparse.count.0, 4 + N * size_of::<T>())
-                .map_err(|what| Problem::new(place(), what))?;
+            self.charge(sparse.count.0, 4 + N * size_of::<T>()).at(place)?;
             let indices = self.strided(
                 sparse.indices.buffer_view.value(),
                 sparse.indices.byte_offset.0,

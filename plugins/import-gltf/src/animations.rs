@@ -5,7 +5,7 @@ use crate::file::File;
 use crate::meshes::morph_counts;
 use crate::nodes::Tree;
 use crate::pointers::{self, Meaning};
-use crate::problem::{Problem, Result, element};
+use crate::problem::{Problem, Result, WithPlace, element};
 use choreo_motion::{Clip, ClipError, Curve, Interpolation, Path, PropertyCurve, PropertyTarget, Time};
 use gltf::json::animation::{self, Property};
 use gltf::json::validation::Checked;
@@ -193,7 +193,7 @@ fn curve(
     };
     let input = sampler.input.value();
     if let std::collections::btree_map::Entry::Vacant(slot) = cache.entry(input) {
-        slot.insert(keys(file, input).map_err(|p| p.used_by(place()))?);
+        slot.insert(keys(file, input).at(place)?);
     }
     let keys = &cache[&input];
     let output = sampler.output.value();
@@ -210,7 +210,7 @@ fn curve(
             _ => file.floats::<1>(output, Integers::Normalized).map(Vec::into_flattened),
         },
     };
-    let mut values = values.map_err(|p| p.used_by(place()))?;
+    let mut values = values.at(place)?;
     let per_key = path.width() * if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
     if values.len() != keys.count * per_key {
         return Err(Problem::new(

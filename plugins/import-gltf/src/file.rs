@@ -4,7 +4,7 @@ use crate::container::Container;
 use crate::nodes::Tree;
 use crate::packed;
 use crate::pointers::Pointers;
-use crate::problem::{Problem, Result, element};
+use crate::problem::{Problem, Result, WithPlace, element};
 use crate::profile::Document;
 use crate::uri;
 use choreo_asset::Warning;
@@ -88,7 +88,7 @@ impl<'a> File<'a> {
     }
 
     /// Takes `count` things of `size` bytes from the budget, before they are allocated.
-    pub fn charge(&self, count: u64, size: usize) -> std::result::Result<(), String> {
+    pub fn charge(&self, count: u64, size: usize) -> Result<()> {
         self.budget.charge(count, size)
     }
 
@@ -129,7 +129,7 @@ impl<'a> File<'a> {
     fn load_uri(&self, uri: &str, place: impl Fn() -> String) -> Result<Bytes<'a>> {
         match uri::data_uri(uri) {
             Some(Ok(bytes)) => Ok(Bytes::Owned(bytes)),
-            Some(Err(what)) => Err(Problem::new(place(), what)),
+            Some(Err(problem)) => Err(problem.used_by(place())),
             None => {
                 let name = uri::file_name(uri);
                 // Some writers do not encode: a name that only looks encoded is tried as it stands.
@@ -178,19 +178,19 @@ impl<'a> File<'a> {
             return Ok(bytes);
         }
         let place = || format!("bufferViews[{index}].{name}");
-        let fail = |what: String| Problem::new(place(), what);
-        let view = packed::read(said).map_err(fail)?;
+        let view = packed::read(said).at(place)?;
         let length = self.root.buffer_views[index].byte_length.0;
         if view.packed.bytes() != length {
             let what = format!("unpacks to {} bytes, but the view has {length}", view.packed.bytes());
-            return Err(fail(what));
+            return Err(Problem::new(place(), what));
         }
         let data = self.slice(view.buffer, view.offset, view.length, place)?;
-        self.charge(view.packed.bytes(), 1).map_err(fail)?;
+        self.charge(view.packed.bytes(), 1).at(place)?;
         let bytes = view
             .packed
             .unpack(data)
-            .map_err(|what| fail(what).hint("the file is damaged; fetch or export it again"))?;
+            .at(place)
+            .map_err(|problem| problem.hint("the file is damaged; fetch or export it again"))?;
         Ok(self.unpacked[index].get_or_init(|| bytes))
     }
 }

@@ -44,12 +44,12 @@ impl<'a> ImageTable<'a> {
             // Of the file itself: what is wrong there is an error.
             (Some(view), _) => Ok(Slice::View(file.view(view.value(), place)?.0)),
             (None, Some(uri)) => fetch(file, uri),
-            (None, None) => Err("has neither a bufferView nor a uri".to_string()),
+            (None, None) => Err("has neither a bufferView nor a uri".into()),
         };
         let index = match bytes.and_then(|bytes| self.add(file, file_image, bytes)) {
             Ok(index) => Some(index),
-            Err(what) => {
-                file.warn(place(), format!("{what}; the texture is left out"));
+            Err(problem) => {
+                file.warn(place(), format!("{}; the texture is left out", problem.what));
                 None
             }
         };
@@ -58,12 +58,7 @@ impl<'a> ImageTable<'a> {
     }
 
     /// The index of a picture with these bytes, which is added where there is none.
-    fn add(
-        &mut self,
-        file: &File<'_>,
-        file_image: usize,
-        bytes: Slice<'a>,
-    ) -> std::result::Result<u32, String> {
+    fn add(&mut self, file: &File<'_>, file_image: usize, bytes: Slice<'a>) -> Result<u32> {
         for (index, entry) in self.entries.iter().enumerate() {
             if entry.bytes.as_ref().len() == bytes.as_ref().len() {
                 // Comparing costs time as decoding does: it comes out of the same budget.
@@ -80,21 +75,20 @@ impl<'a> ImageTable<'a> {
             _ => format!("image {file_image}"),
         };
         // Format and size from the header alone.
-        let encoded = Encoded::examine(format!("images[{file_image}]"), name, bytes, Formats::Web)
-            .map_err(|problem| problem.what)?;
-        file.charge(encoded.pixels(), 4).map_err(|what| format!("\"{}\" {what}", encoded.name))?;
+        let encoded = Encoded::examine(format!("images[{file_image}]"), name, bytes, Formats::Web)?;
+        file.charge(encoded.pixels(), 4).map_err(|p| format!("\"{}\" {}", encoded.name, p.what))?;
         self.entries.push(encoded);
         Ok(self.entries.len() as u32 - 1)
     }
 }
 
 /// A picture inside the URI, or in a file of this name: as the URI gives it, else where [`search::places`] says.
-fn fetch<'a>(file: &File<'_>, uri: &str) -> std::result::Result<Slice<'a>, String> {
+fn fetch<'a>(file: &File<'_>, uri: &str) -> Result<Slice<'a>> {
     if let Some(inside) = uri::data_uri(uri) {
         return inside.map(|bytes| Slice::Loaded(Bytes::Owned(bytes)));
     }
     // Some writers do not encode: a name that only looks encoded is tried as it stands, too.
     let name = uri::file_name(uri);
     let read = search::read_first(file.files, &search::places(&[&name, uri]));
-    read.map(|bytes| Slice::Loaded(Bytes::Shared(bytes))).map_err(|why| search::missing(&name, &why))
+    read.map(|bytes| Slice::Loaded(Bytes::Shared(bytes))).map_err(|why| search::missing(&name, &why).into())
 }

@@ -2,7 +2,7 @@
 
 use crate::accessor::Integers;
 use crate::file::File;
-use crate::problem::{Problem, Result};
+use crate::problem::{Problem, Result, WithPlace};
 use crate::repair::whole;
 use glam::{Affine3A, Quat, Vec3};
 use serde_json::Value;
@@ -33,7 +33,7 @@ pub fn copies(file: &File<'_>, node: usize) -> Result<Arc<[Affine3A]>> {
     let mut count = None;
     for (name, accessor) in [("TRANSLATION", translation), ("ROTATION", rotation), ("SCALE", scale)] {
         let Some(accessor) = accessor else { continue };
-        let own = file.count(accessor).map_err(|p| p.used_by(format!("{}.{name}", place())))?;
+        let own = file.count(accessor).at(|| format!("{}.{name}", place()))?;
         if count.is_some_and(|c| c != own) {
             let what =
                 format!("{name} has {own} elements, but the attribute before it has {}", count.unwrap_or(0));
@@ -49,20 +49,20 @@ pub fn copies(file: &File<'_>, node: usize) -> Result<Arc<[Affine3A]>> {
         file.warn(place(), "has no instances; the mesh is shown once");
         return Ok([].into());
     }
-    file.charge(count, size_of::<Affine3A>()).map_err(|what| Problem::new(place(), what))?;
+    file.charge(count, size_of::<Affine3A>()).at(place)?;
     let vectors = |accessor: Option<usize>, name: &str| match accessor {
         None => Ok(Vec::new()),
-        Some(accessor) => file
-            .floats::<3>(accessor, Integers::AsFlagged)
-            .map_err(|p| p.used_by(format!("{}.{name}", place()))),
+        Some(accessor) => {
+            file.floats::<3>(accessor, Integers::AsFlagged).at(|| format!("{}.{name}", place()))
+        }
     };
     let translations = vectors(translation, "TRANSLATION")?;
     let scales = vectors(scale, "SCALE")?;
     let rotations = match rotation {
         None => Vec::new(),
-        Some(accessor) => file
-            .floats::<4>(accessor, Integers::Normalized)
-            .map_err(|p| p.used_by(format!("{}.ROTATION", place())))?,
+        Some(accessor) => {
+            file.floats::<4>(accessor, Integers::Normalized).at(|| format!("{}.ROTATION", place()))?
+        }
     };
     let mut zero = 0;
     let out = (0..count as usize)

@@ -24,8 +24,9 @@ mod topology;
 mod uri;
 mod variants;
 
-use choreo_asset::{Asset, Material, TextureRef};
-pub use choreo_importer_kit::problem;
+use choreo_asset::Asset;
+use choreo_asset::{Material, TextureRef};
+use choreo_importer_kit::problem;
 use choreo_importer_kit::{bones, pictures};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
 use file::File;

@@ -4,7 +4,7 @@ use crate::file::File;
 use crate::glossiness::Glossy;
 use crate::images::ImageTable;
 use crate::layers;
-use crate::problem::{Problem, Result, element};
+use crate::problem::{Problem, Result, WithPlace, element};
 use crate::profile::Profile;
 use crate::repair::{self, whole};
 use choreo_asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};
@@ -39,7 +39,7 @@ pub fn read<'a>(
         }
         if let (Some(factor), Some(texture)) = (factor, &material.specular_color_texture) {
             let pixels = images.entries.get(texture.image as usize).map_or(0, |e| e.pixels());
-            file.charge(pixels, 4).map_err(|what| Problem::new(format!("materials[{index}]"), what))?;
+            file.charge(pixels, 4).at(|| format!("materials[{index}]"))?;
             glossy.push(Glossy { material: index, factor });
         }
         out.push(material);

@@ -3,7 +3,7 @@
 use crate::accessor::Integers;
 use crate::file::File;
 use crate::nodes::Tree;
-use crate::problem::{Problem, Result, element};
+use crate::problem::{Problem, Result, WithPlace, element};
 use crate::{extensions, instancing, skinning, topology, variants};
 use choreo_asset::{Material, Mesh, MeshInstance, MorphTarget, Primitive, Skin, Topology};
 use choreo_importer_kit::text::count;
@@ -36,8 +36,7 @@ fn mesh(file: &File<'_>, index: usize, morph_targets: usize, materials: &[Materi
                     place(),
                     format!("has {} of the mesh's {morph_targets} morph targets", read.morphs.len()),
                 );
-                file.charge(morph_targets as u64, size_of::<MorphTarget>())
-                    .map_err(|what| Problem::new(place(), what))?;
+                file.charge(morph_targets as u64, size_of::<MorphTarget>()).at(place)?;
                 read.morphs.resize(morph_targets, MorphTarget::default());
             }
             primitives.push(read);
@@ -99,7 +98,7 @@ impl Attributes<'_, '_> {
         vertices: usize,
     ) -> Result<Vec<[f32; N]>> {
         let user = || format!("{}.{name}", (self.place)());
-        let values = self.file.floats::<N>(accessor, integers).map_err(|p| p.used_by(user()))?;
+        let values = self.file.floats::<N>(accessor, integers).at(user)?;
         if values.len() != vertices {
             let what =
                 format!("accessors[{accessor}] has {} elements for {vertices} positions", values.len());
@@ -121,7 +120,7 @@ fn read_primitive(
         file.warn(place(), "has no POSITION; it is left out");
         return Ok(None);
     };
-    let vertices = file.count(accessor).map_err(|p| p.used_by(format!("{}.POSITION", place())))? as usize;
+    let vertices = file.count(accessor).at(|| format!("{}.POSITION", place()))? as usize;
     let positions = attributes.sized::<3>(accessor, "POSITION", Integers::AsFlagged, vertices)?;
     if positions.is_empty() {
         file.warn(place(), "has no vertices; it is left out");
@@ -199,11 +198,11 @@ fn indices(
     let Checked::Valid(mode) = json.mode else {
         return Err(Problem::new(place(), "has an unknown mode").hint("glTF knows modes 0 to 6"));
     };
-    let charge = |n: usize| file.charge(n as u64, 12).map_err(|what| Problem::new(place(), what));
+    let charge = |n: usize| file.charge(n as u64, 12).at(place);
     let listed = match json.indices {
         Some(accessor) => {
             let user = || format!("{}.indices", place());
-            let read = file.integers::<1>(accessor.value()).map_err(|p| p.used_by(user()))?.into_flattened();
+            let read = file.integers::<1>(accessor.value()).at(user)?.into_flattened();
             if let Some(at) = read.iter().position(|i| *i as usize >= vertices) {
                 return Err(Problem::new(
                     format!("{} (accessors[{}])", user(), accessor.value()),
@@ -283,8 +282,7 @@ fn finish_tangents(
         return Ok(());
     }
     charge_split(attributes.file, out, attributes.place)?;
-    let made = tangents::corner_tangents(&out.indices, &out.positions, &out.normals, &out.uvs[uv_set]);
-    normals::apply_tangents(out, &made);
+    tangents::add(out, uv_set);
     Ok(())
 }
 
@@ -296,8 +294,7 @@ fn charge_split(file: &File<'_>, out: &Primitive, place: &dyn Fn() -> String) ->
         .iter()
         .map(|m| lists(m.positions.len()) + lists(m.normals.len()) + lists(m.tangents.len()))
         .sum();
-    file.charge(out.indices.len() as u64, 72 + out.influences * 6 + morphs)
-        .map_err(|what| Problem::new(place(), what))
+    file.charge(out.indices.len() as u64, 72 + out.influences * 6 + morphs).at(place)
 }
 
 /// What of the shown nodes carries meshes.
@@ -348,7 +345,7 @@ pub fn instances(
         if weights.iter().any(|w| !w.is_finite()) {
             return Err(Problem::new(place(), "has morph weights that are not finite"));
         }
-        file.charge(mesh.morph_targets as u64, 4).map_err(|what| Problem::new(place(), what))?;
+        file.charge(mesh.morph_targets as u64, 4).at(place)?;
         weights.resize(mesh.morph_targets, 0.0);
         let mut copies = instancing::copies(file, *node)?;
         if skin.is_some() && !copies.is_empty() {

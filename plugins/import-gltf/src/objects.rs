@@ -2,7 +2,7 @@
 
 use crate::file::File;
 use crate::nodes::Tree;
-use crate::problem::{Problem, Result, element};
+use crate::problem::{Problem, Result, WithPlace, element};
 use choreo_asset::{AssetCamera, AssetLight, Light, LightKind, Projection, Skin};
 use glam::{Mat4, Vec3};
 use gltf::json;
@@ -149,9 +149,8 @@ pub fn skins(file: &File<'_>, tree: &Tree) -> Result<Vec<Skin>> {
             None => vec![Mat4::IDENTITY; joints.len()],
             Some(accessor) => {
                 let place = || format!("skins[{index}].inverseBindMatrices");
-                let matrices = file
-                    .floats::<16>(accessor.value(), crate::accessor::Integers::AsFlagged)
-                    .map_err(|p| p.used_by(place()))?;
+                let matrices =
+                    file.floats::<16>(accessor.value(), crate::accessor::Integers::AsFlagged).at(place)?;
                 if matrices.len() < joints.len() {
                     return Err(Problem::new(
                         place(),

@@ -1,6 +1,7 @@
 //! What a buffer view says of its compression (EXT_meshopt_compression, KHR_meshopt_compression).
 
 use crate::meshopt::{Filter, Mode, Packed};
+use crate::problem::Result;
 use crate::repair::whole;
 use serde_json::{Map, Value};
 
@@ -20,7 +21,7 @@ pub struct PackedView {
     pub packed: Packed,
 }
 
-pub fn read(said: &Value) -> Result<PackedView, String> {
+pub fn read(said: &Value) -> Result<PackedView> {
     let number = |key: &str, default: Option<u64>| match said.get(key) {
         None => default.ok_or_else(|| format!("has no {key}")),
         Some(value) => {
@@ -35,7 +36,7 @@ pub fn read(said: &Value) -> Result<PackedView, String> {
         Some("INDICES") => Mode::Indices,
         other => {
             let other = other.unwrap_or("none");
-            return Err(format!("has mode {other:?}; ATTRIBUTES, TRIANGLES and INDICES are known"));
+            return Err(format!("has mode {other:?}; ATTRIBUTES, TRIANGLES and INDICES are known").into());
         }
     };
     let filter = match text("filter") {
@@ -47,7 +48,8 @@ pub fn read(said: &Value) -> Result<PackedView, String> {
         Some(other) => {
             return Err(format!(
                 "has filter {other:?}; NONE, OCTAHEDRAL, QUATERNION, EXPONENTIAL and COLOR are known"
-            ));
+            )
+            .into());
         }
     };
     let packed = Packed {

@@ -6,7 +6,7 @@
 use crate::container;
 use crate::materials::MaterialTextures;
 use crate::nodes::Tree;
-use crate::problem::{Problem, Result};
+use crate::problem::{Result, WithPlace};
 use choreo_asset::{Asset, Material};
 use choreo_importer_kit::{Budget, Notes};
 use choreo_plugin::{Files, ImportError, ImportOptions, Needs, Source};
@@ -95,7 +95,7 @@ impl<'d> Document<'d> {
 
     /// Takes `count` things of `size` bytes from the memory budget of the file, before they are made.
     pub fn charge(&self, count: u64, size: usize, place: &dyn Fn() -> String) -> Result<()> {
-        self.budget.charge(count, size).map_err(|what| Problem::new(place(), what))
+        self.budget.charge(count, size).at(place)
     }
 }
 

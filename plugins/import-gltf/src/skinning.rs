@@ -2,7 +2,7 @@
 
 use crate::accessor::Integers;
 use crate::file::File;
-use crate::problem::{Problem, Result};
+use crate::problem::{Problem, Result, WithPlace};
 use choreo_asset::Primitive;
 use gltf::json::mesh::{Primitive as JsonPrimitive, Semantic};
 use gltf::json::validation::Checked;
@@ -26,9 +26,8 @@ pub fn read(
             }
         };
         let user = |name: &str| format!("{}.{name}_{set}", place());
-        let joints = file.integers::<4>(joints).map_err(|p| p.used_by(user("JOINTS")))?;
-        let weights =
-            file.floats::<4>(weights, Integers::Normalized).map_err(|p| p.used_by(user("WEIGHTS")))?;
+        let joints = file.integers::<4>(joints).at(|| user("JOINTS"))?;
+        let weights = file.floats::<4>(weights, Integers::Normalized).at(|| user("WEIGHTS"))?;
         if joints.len() != vertices || weights.len() != vertices {
             return Err(Problem::new(
                 place(),
@@ -49,7 +48,7 @@ pub fn read(
         sets.pop();
     }
     out.influences = if sets.len() > 1 { 8 } else { 4 };
-    file.charge(vertices as u64, out.influences * 6).map_err(|what| Problem::new(place(), what))?;
+    file.charge(vertices as u64, out.influences * 6).at(place)?;
     out.joint_indices.reserve_exact(vertices * out.influences);
     out.joint_weights.reserve_exact(vertices * out.influences);
 

@@ -1,7 +1,13 @@
 //! Data URIs (RFC 2397), base64 (RFC 4648 §4) and percent-encoding (RFC 3986 §2.1).
 
+use base64::alphabet::STANDARD;
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+use base64::{DecodeError, Engine};
+use choreo_importer_kit::Result;
+use choreo_importer_kit::text::percent_decoded;
+
 /// The bytes of a `data:` URI; `None` where the URI is not one.
-pub fn data_uri(uri: &str) -> Option<Result<Vec<u8>, String>> {
+pub fn data_uri(uri: &str) -> Option<Result<Vec<u8>>> {
     let scheme = uri.get(..5)?;
     if !scheme.eq_ignore_ascii_case("data:") {
         return None;
@@ -12,76 +18,32 @@ pub fn data_uri(uri: &str) -> Option<Result<Vec<u8>, String>> {
     // `data:[type][;parameter=value]…[;base64],…`: the mark is the last of the head, in any case of letters.
     let marked = head.rsplit_once(';').is_some_and(|(_, last)| last.trim().eq_ignore_ascii_case("base64"));
     // Some writers escape the signs that mean something in URIs: + / =.
-    Some(if marked { base64(&percent_decode(body)) } else { Ok(percent_decode(body)) })
+    Some(if marked { base64(&percent_decoded(body)) } else { Ok(percent_decoded(body)) })
 }
 
 /// A relative reference as a file name.
 pub fn file_name(uri: &str) -> String {
-    String::from_utf8_lossy(&percent_decode(uri)).into_owned()
+    String::from_utf8_lossy(&percent_decoded(uri)).into_owned()
 }
 
-fn percent_decode(text: &str) -> Vec<u8> {
-    let hex = |b: u8| (b as char).to_digit(16).map(|d| d as u8);
-    let bytes = text.as_bytes();
-    let mut out = Vec::with_capacity(bytes.len());
-    let mut at = 0;
-    while at < bytes.len() {
-        if bytes[at] == b'%'
-            && let (Some(hi), Some(lo)) =
-                (bytes.get(at + 1).copied().and_then(hex), bytes.get(at + 2).copied().and_then(hex))
-        {
-            out.push(hi << 4 | lo);
-            at += 3;
-        } else {
-            out.push(bytes[at]);
-            at += 1;
+/// Letters of either alphabet, the URL-safe one too, with white space and padding left out.
+fn base64(text: &[u8]) -> Result<Vec<u8>> {
+    let letter = |b: &u8| match b {
+        b'-' => b'+',
+        b'_' => b'/',
+        other => *other,
+    };
+    let letters: Vec<u8> = text.iter().filter(|b| !b.is_ascii_whitespace()).map(letter).collect();
+    let end = letters.iter().rposition(|b| *b != b'=').map_or(0, |last| last + 1);
+    let config = GeneralPurposeConfig::new()
+        .with_decode_padding_mode(DecodePaddingMode::RequireNone)
+        .with_decode_allow_trailing_bits(true);
+    GeneralPurpose::new(&STANDARD, config).decode(&letters[..end]).map_err(|error| match error {
+        DecodeError::InvalidByte(at, byte) => {
+            format!("letter {at} of the base64 data, {:?}, is not base64", byte as char).into()
         }
-    }
-    out
-}
-
-const NOT_BASE64: u8 = 255;
-
-/// Value of each base64 letter; the URL-safe letters are accepted as well.
-const SEXTETS: [u8; 256] = {
-    let mut table = [NOT_BASE64; 256];
-    let letters = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut i = 0;
-    while i < 64 {
-        table[letters[i] as usize] = i as u8;
-        i += 1;
-    }
-    table[b'-' as usize] = 62;
-    table[b'_' as usize] = 63;
-    table
-};
-
-fn base64(text: &[u8]) -> Result<Vec<u8>, String> {
-    let end = text.iter().rposition(|b| *b != b'=' && !b.is_ascii_whitespace()).map_or(0, |n| n + 1);
-    let mut out = Vec::with_capacity(end / 4 * 3 + 3);
-    let (mut bits, mut count) = (0u32, 0);
-    for (at, letter) in text[..end].iter().enumerate() {
-        let value = SEXTETS[*letter as usize];
-        if value == NOT_BASE64 {
-            if letter.is_ascii_whitespace() {
-                continue;
-            }
-            return Err(format!("letter {at} of the base64 data, {:?}, is not base64", *letter as char));
-        }
-        bits = bits << 6 | u32::from(value);
-        count += 1;
-        if count == 4 {
-            out.extend([(bits >> 16) as u8, (bits >> 8) as u8, bits as u8]);
-            (bits, count) = (0, 0);
-        }
-    }
-    match count {
-        1 => return Err("the base64 data ends in the middle of a byte".into()),
-        2 => out.push((bits >> 4) as u8),
-        3 => out.extend([(bits >> 10) as u8, (bits >> 2) as u8]),
-        _ => {}
-    }
-    Ok(out)
+        _ => "the base64 data ends in the middle of a byte".into(),
+    })
 }
 
 #[cfg(test)]
@@ -102,7 +64,7 @@ mod tests {
         ] {
             assert_eq!(base64(coded.as_bytes()).unwrap(), plain.as_bytes());
         }
-        assert!(base64(b"Zg!=").unwrap_err().contains("letter 2"));
+        assert!(base64(b"Zg!=").unwrap_err().what.contains("letter 2"));
         assert!(base64(b"Zm9vY").is_err());
     }
 

@@ -4,16 +4,15 @@ mod mesh;
 mod mtl;
 mod parse;
 
-use choreo_asset::{Asset, Image, Material, Mesh, MeshInstance, Origin, Primitive, TextureRef, Topology};
+use choreo_asset::{Asset, Material, Origin, Primitive};
 use choreo_importer_kit::search;
 use choreo_importer_kit::text::{Lines, next_word, stem};
-use choreo_importer_kit::textures::{Textures, is_normal_map};
-use choreo_importer_kit::{Budget, Notes, Problem, Progress, Result, normals, tangents};
-use choreo_motion::{Skeleton, Transform};
+use choreo_importer_kit::textures::{BumpMap, Textures, use_normal_maps};
+use choreo_importer_kit::{Budget, Notes, Problem, Progress, Result, parts, tangents};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
 use glam::Vec3;
 use std::collections::BTreeMap;
-use std::sync::{Arc, LazyLock};
+use std::sync::LazyLock;
 
 /// As import-gltf: all that is decoded of one file together.
 const MAX_DECODED_BYTES: u64 = 2 << 30;
@@ -135,7 +134,7 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
         },
         ..Asset::default()
     };
-    take_normal_maps(&mut asset.materials, &asset.images, bumps, &notes);
+    use_normal_maps(&mut asset.materials, &asset.images, bumps, &notes);
     place(&mut asset, &model, built, &notes)?;
     asset.warnings = notes.into_warnings();
     Ok(asset)
@@ -148,8 +147,6 @@ fn writer(comment: &str) -> &str {
     if tells.iter().any(|words| lower.contains(words)) { comment } else { "" }
 }
 
-type Bump = (usize, TextureRef, f32);
-
 /// Materials in the order of their first use; where faces come before any `usemtl`, one more at the end for those.
 #[allow(clippy::too_many_arguments)]
 fn materials(
@@ -161,7 +158,7 @@ fn materials(
     textures: &mut Textures,
     budget: &Budget,
     notes: &Notes,
-) -> Result<(Vec<Material>, Vec<Bump>)> {
+) -> Result<(Vec<Material>, Vec<BumpMap>)> {
     let libraries = libraries(model, source, files, budget, notes)?;
     let mut from = mtl::Source {
         textures: needs.textures.then_some(textures),
@@ -183,9 +180,10 @@ fn materials(
     for (name, line) in &model.materials {
         match libraries.get(name) {
             Some(found) => {
-                let (material, bump) = mtl::material(found, &mut from);
-                bumps.extend(bump.map(|(texture, strength)| (out.len(), texture, strength)));
-                out.push(material);
+                let (read, bump) = mtl::material(found, &mut from);
+                let material = out.len();
+                bumps.extend(bump.map(|(texture, strength)| BumpMap { material, texture, strength }));
+                out.push(read);
             }
             None => {
                 notes.warn(
@@ -215,23 +213,21 @@ fn libraries(
     notes: &Notes,
 ) -> Result<BTreeMap<String, mtl::Mtl>> {
     let mut out = BTreeMap::new();
-    let read =
-        |name: &str, place: &str, out: &mut BTreeMap<String, mtl::Mtl>| -> std::result::Result<(), String> {
-            let bytes = search::read_first(files, &search::places(&[name]))?;
-            budget.charge(bytes.len() as u64, 4)?;
-            for material in mtl::read(&bytes, name, notes) {
-                if out.contains_key(&material.name) {
-                    notes.warn(
-                        material.place.as_str(),
-                        format!("material \"{}\" is there twice; the first counts", material.name),
-                    );
-                    continue;
-                }
-                out.insert(material.name.clone(), material);
+    let read = |name: &str, out: &mut BTreeMap<String, mtl::Mtl>| -> Result<()> {
+        let bytes = search::read_first(files, &search::places(&[name]))?;
+        budget.charge(bytes.len() as u64, 4)?;
+        for material in mtl::read(&bytes, name, notes) {
+            if out.contains_key(&material.name) {
+                notes.warn(
+                    material.place.as_str(),
+                    format!("material \"{}\" is there twice; the first counts", material.name),
+                );
+                continue;
             }
-            let _ = place;
-            Ok(())
-        };
+            out.insert(material.name.clone(), material);
+        }
+        Ok(())
+    };
     let mut done = std::collections::BTreeSet::new();
     for (names, line) in &model.libraries {
         if !done.insert(names.as_str()) {
@@ -239,21 +235,24 @@ fn libraries(
         }
         let place = format!("line {line}");
         // One name that may hold spaces, or several apart at spaces.
-        let Err(what) = read(names, &place, &mut out) else { continue };
+        let Err(problem) = read(names, &mut out) else { continue };
         let several: Vec<&str> = names.split_whitespace().collect();
         if several.len() < 2 {
-            notes.warn(place, format!("material library {}", search::missing(names, &what)));
+            notes.warn(place, format!("material library {}", search::missing(names, &problem.what)));
             continue;
         }
         for name in several {
-            if let Err(what) = read(name, &place, &mut out) {
-                notes.warn(place.as_str(), format!("material library {}", search::missing(name, &what)));
+            if let Err(problem) = read(name, &mut out) {
+                notes.warn(
+                    place.as_str(),
+                    format!("material library {}", search::missing(name, &problem.what)),
+                );
             }
         }
     }
     if model.libraries.is_empty() && !model.materials.is_empty() {
         let beside = format!("{}.mtl", stem(&source.name));
-        if read(&beside, "", &mut out).is_ok() {
+        if read(&beside, &mut out).is_ok() {
             notes.warn(
                 "mtllib",
                 format!("the file names no material library; \"{beside}\" beside it is used"),
@@ -263,85 +262,23 @@ fn libraries(
     Ok(out)
 }
 
-/// A bump map that holds directions is used as the normal map that it is.
-fn take_normal_maps(materials: &mut [Material], images: &[Arc<Image>], bumps: Vec<Bump>, notes: &Notes) {
-    for (material, texture, strength) in bumps {
-        let image = &images[texture.image as usize];
-        let material = &mut materials[material];
-        if is_normal_map(image) {
-            notes.warn(
-                format!("material \"{}\"", material.name),
-                format!("the bump map \"{}\" looks like a normal map and is used as one", image.name),
-            );
-            material.normal_scale = strength;
-            material.normal_texture = Some(texture);
-        } else {
-            notes.warn(
-                format!("material \"{}\"", material.name),
-                format!("the bump map \"{}\" holds heights, which are not supported", image.name),
-            );
-        }
-    }
-}
-
-/// Nodes for the groups, meshes on them.
+/// Joints for the groups, meshes on them.
 fn place(asset: &mut Asset, model: &parse::Model, built: Vec<(u32, Primitive)>, notes: &Notes) -> Result<()> {
-    let root = stem(&asset.name).to_string();
-    // A single group is the root itself; several hang on one.
-    let several = model.groups.len() > 1;
-    let mut names = vec![match model.groups.first() {
-        Some(only) if !several && !only.is_empty() => only.clone(),
-        _ => root.clone(),
-    }];
-    if several {
-        names.extend(
-            model
-                .groups
-                .iter()
-                .enumerate()
-                .map(|(i, g)| if g.is_empty() { format!("group {i}") } else { g.clone() }),
-        );
-    }
-    let parents = (0..names.len()).map(|i| (i > 0).then_some(0)).collect();
-    let rest = vec![Transform::IDENTITY; names.len()];
-    let skeleton =
-        Skeleton::new(names.clone(), parents, rest).map_err(|e| Problem::new("o", e.to_string()))?;
-    asset.skeleton = Arc::new(skeleton);
+    let first = parts::add_joints(asset, "group", &model.groups)?;
     let default = asset.materials.len().saturating_sub(1) as u32;
-    let mut last: Option<u32> = None;
-    for (group, mut primitive) in built {
-        if primitive.positions.iter().any(|p| !p.is_finite()) {
-            let what = "is too big: its vertices times the scale are not finite";
-            return Err(Problem::new(format!("group \"{}\"", model.groups[group as usize]), what));
+    let groups = built.chunk_by(|a, b| a.0 == b.0).map(|run| (run[0].0, run.len())).collect::<Vec<_>>();
+    let mut primitives = built.into_iter().map(|(_, primitive)| primitive);
+    for (group, count) in groups {
+        let mut primitives: Vec<Primitive> = primitives.by_ref().take(count).collect();
+        for primitive in &mut primitives {
+            if primitive.positions.iter().any(|p| !p.is_finite()) {
+                let what = "is too big: its vertices times the scale are not finite";
+                return Err(Problem::new(format!("group \"{}\"", model.groups[group as usize]), what));
+            }
+            primitive.material = primitive.material.map(|m| if m == parse::NONE { default } else { m });
+            tangents::add_for_normal_map(primitive, &asset.materials, notes);
         }
-        primitive.material = primitive.material.map(|m| if m == parse::NONE { default } else { m });
-        add_tangents(&mut primitive, &asset.materials, notes);
-        let joint = if several { group + 1 } else { 0 };
-        if last != Some(joint) {
-            let mesh = asset.meshes.len() as u32;
-            asset.instances.push(MeshInstance { joint, mesh, ..Default::default() });
-            asset.meshes.push(Arc::new(Mesh { name: names[joint as usize].clone(), ..Mesh::default() }));
-            last = Some(joint);
-        }
-        if let Some(mesh) = asset.meshes.last_mut().and_then(Arc::get_mut) {
-            mesh.primitives.push(primitive);
-        }
+        parts::add_mesh(asset, first + group, primitives);
     }
     Ok(())
-}
-
-fn add_tangents(p: &mut Primitive, materials: &[Material], notes: &Notes) {
-    let Some(material) = p.material.and_then(|m| materials.get(m as usize)) else { return };
-    if material.normal_texture.is_none() || p.topology != Topology::Triangles {
-        return;
-    }
-    if p.uvs[0].is_empty() {
-        notes.warn(
-            format!("material \"{}\"", material.name),
-            "has a normal map, but faces without texture coordinates use it; it has no effect there",
-        );
-        return;
-    }
-    let made = tangents::corner_tangents(&p.indices, &p.positions, &p.normals, &p.uvs[0]);
-    normals::apply_tangents(p, &made);
 }

@@ -4,7 +4,7 @@ use crate::parse::{Model, NONE, Shape};
 use choreo_asset::{Primitive, Topology};
 use choreo_importer_kit::polygon::{Cut, Triangulator};
 use choreo_importer_kit::text::count;
-use choreo_importer_kit::{Notes, smooth};
+use choreo_importer_kit::{Notes, normals, smooth};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 /// How positions become metres, and what is done where normals are missing.
@@ -152,7 +152,7 @@ impl Builder<'_> {
                 false => smooth::normals(&mut out, self.settings.smooth_rad, None),
             }
         } else if has_normals {
-            repair_normals(&mut out);
+            normals::replace_zero(&mut out);
         }
         out
     }
@@ -215,21 +215,4 @@ fn add(out: &mut Primitive, model: &Model, vertex: u32, settings: &Settings, att
 /// x stays, z goes up, y goes away from the viewer.
 fn turned(v: DVec3, up_z: bool) -> DVec3 {
     if up_z { DVec3::new(v.x, v.z, -v.y) } else { v }
-}
-
-/// Normals of length zero become those of a triangle that uses them.
-fn repair_normals(p: &mut Primitive) {
-    if p.normals.iter().all(|n| *n != Vec3::ZERO) {
-        return;
-    }
-    for triangle in p.indices.chunks_exact(3) {
-        let [a, b, c] = [triangle[0], triangle[1], triangle[2]].map(|i| p.positions[i as usize].as_dvec3());
-        let face = (b - a).cross(c - a).normalize_or(DVec3::Y).as_vec3().normalize_or(Vec3::Y);
-        for i in triangle {
-            let normal = &mut p.normals[*i as usize];
-            if *normal == Vec3::ZERO {
-                *normal = face;
-            }
-        }
-    }
 }

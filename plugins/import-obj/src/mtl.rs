@@ -4,7 +4,7 @@ use choreo_asset::{AlphaMode, Material, Reflection, Sampler, Shading, TextureRef
 use choreo_importer_kit::color::linear_from_srgb;
 use choreo_importer_kit::text::{Lines, next_word, number, shown};
 use choreo_importer_kit::textures::Textures;
-use choreo_importer_kit::{Budget, Notes};
+use choreo_importer_kit::{Budget, Notes, Result};
 use choreo_plugin::Files;
 use glam::{Affine2, Mat2, Vec2, Vec3};
 use std::collections::BTreeMap;
@@ -83,8 +83,8 @@ pub fn read(bytes: &[u8], library: &str, notes: &Notes) -> Vec<Mtl> {
                 .warn(place(), format!("\"{}\" stands before the first newmtl; it is left out", shown(word)));
             continue;
         };
-        if let Err(what) = line_of(material, &keyword, rest, &mut unknown) {
-            notes.warn(place(), format!("\"{}\": {what}; it is left out", shown(word)));
+        if let Err(problem) = line_of(material, &keyword, rest, &mut unknown) {
+            notes.warn(place(), format!("\"{}\": {}; it is left out", shown(word), problem.what));
         }
     }
     if !unknown.is_empty() {
@@ -94,12 +94,7 @@ pub fn read(bytes: &[u8], library: &str, notes: &Notes) -> Vec<Mtl> {
     out
 }
 
-fn line_of(
-    m: &mut Mtl,
-    keyword: &[u8],
-    rest: &[u8],
-    unknown: &mut BTreeMap<String, usize>,
-) -> Result<(), String> {
+fn line_of(m: &mut Mtl, keyword: &[u8], rest: &[u8], unknown: &mut BTreeMap<String, usize>) -> Result<()> {
     let slot = match keyword {
         b"map_kd" => Some(Slot::Diffuse),
         b"map_ks" => Some(Slot::Specular),
@@ -126,10 +121,11 @@ fn line_of(
                     true => Ok(()),
                     false => Err(format!(
                         "-type {kind} is a side of a cube; only a panorama, -type sphere, can be mirrored"
-                    )),
+                    )
+                    .into()),
                 };
             }
-            Some(kind) => return Err(format!("-type {kind} is not sphere, nor the side of a cube")),
+            Some(kind) => return Err(format!("-type {kind} is not sphere, nor the side of a cube").into()),
         };
         return Ok(());
     }
@@ -154,30 +150,30 @@ fn line_of(
     Ok(())
 }
 
-fn scalar(mut rest: &[u8]) -> Result<f32, String> {
+fn scalar(mut rest: &[u8]) -> Result<f32> {
     let word = next_word(&mut rest).ok_or("needs a number")?;
     let value = number(word).map(|v| v as f32).filter(|v| v.is_finite());
-    value.ok_or_else(|| format!("\"{}\" is not a finite number", shown(word)))
+    value.ok_or_else(|| format!("\"{}\" is not a finite number", shown(word)).into())
 }
 
 /// `r g b`, or `r` for a grey.
-fn color(mut rest: &[u8]) -> Result<Vec3, String> {
+fn color(mut rest: &[u8]) -> Result<Vec3> {
     let mut values = Vec::with_capacity(3);
     while let (Some(word), true) = (next_word(&mut rest), values.len() < 3) {
         if matches!(word, b"spectral" | b"xyz") {
-            return Err(format!("{} colours are not supported", shown(word)));
+            return Err(format!("{} colours are not supported", shown(word)).into());
         }
         values.push(scalar(word)?);
     }
     match values[..] {
         [r, g, b] => Ok(Vec3::new(r, g, b)),
         [grey] => Ok(Vec3::splat(grey)),
-        _ => Err("needs one or three numbers".to_string()),
+        _ => Err("needs one or three numbers".into()),
     }
 }
 
 /// Options, then the file name, which may hold spaces.
-fn map(rest: &[u8]) -> Result<Map, String> {
+fn map(rest: &[u8]) -> Result<Map> {
     let mut out = Map {
         file: String::new(),
         scale: Vec2::ONE,
@@ -189,7 +185,7 @@ fn map(rest: &[u8]) -> Result<Map, String> {
     let mut rest = rest;
     loop {
         let before = rest;
-        let Some(word) = next_word(&mut rest) else { return Err("names no file".to_string()) };
+        let Some(word) = next_word(&mut rest) else { return Err("names no file".into()) };
         let plain = |rest: &mut &[u8]| -> Option<f32> {
             let mut ahead = *rest;
             let value = number(next_word(&mut ahead)?)? as f32;

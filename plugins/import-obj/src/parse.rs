@@ -3,7 +3,7 @@
 //! Each line is checked and handed on in a form in which `tobj` loses nothing; README.md lists what it loses else.
 
 use choreo_importer_kit::text::{self, Lines, integer, next_word, number, shown};
-use choreo_importer_kit::{Budget, Notes, Problem, Progress, Result};
+use choreo_importer_kit::{Budget, Notes, Problem, Progress, Result, WithPlace};
 use glam::{DVec3, Vec2, Vec3};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
@@ -175,9 +175,9 @@ impl Parser<'_> {
         let mut rest = text;
         let Some(keyword) = next_word(&mut rest) else { return Ok(()) };
         match keyword {
-            b"v" if self.geometry => self.position(rest).map_err(|what| at(line, what))?,
-            b"vt" if self.geometry => self.numbers(1, [1, 2], rest).map_err(|what| at(line, what))?,
-            b"vn" if self.geometry => self.numbers(2, [3, 3], rest).map_err(|what| at(line, what))?,
+            b"v" if self.geometry => self.position(rest).at(|| place(line))?,
+            b"vt" if self.geometry => self.numbers(1, [1, 2], rest).at(|| place(line))?,
+            b"vn" if self.geometry => self.numbers(2, [3, 3], rest).at(|| place(line))?,
             b"f" | b"fo" if self.geometry => self.element(line, rest, Shape::Face)?,
             b"l" if self.geometry => self.element(line, rest, Shape::Line)?,
             b"p" if self.geometry => self.element(line, rest, Shape::Point)?,
@@ -209,12 +209,7 @@ impl Parser<'_> {
     }
 
     /// A line of one of the lists: `most` numbers, of which the first `least` must be there.
-    fn numbers(
-        &mut self,
-        list: usize,
-        [least, most]: [usize; 2],
-        mut rest: &[u8],
-    ) -> std::result::Result<(), String> {
+    fn numbers(&mut self, list: usize, [least, most]: [usize; 2], mut rest: &[u8]) -> Result<()> {
         self.text.extend(["\nv", "\nvt", "\nvn"][list].as_bytes());
         for index in 0..most {
             let word = next_word(&mut rest).or((index >= least).then_some(b"0"));
@@ -224,17 +219,17 @@ impl Parser<'_> {
         Ok(())
     }
 
-    fn number(&mut self, word: &[u8]) -> std::result::Result<f64, String> {
+    fn number(&mut self, word: &[u8]) -> Result<f64> {
         self.text.push(b' ');
         self.text.extend(word);
         finite(word)
     }
 
     /// `x y z`, with `w` or with `r g b` behind it (or both).
-    fn position(&mut self, rest: &[u8]) -> std::result::Result<(), String> {
+    fn position(&mut self, rest: &[u8]) -> Result<()> {
         self.numbers(0, [3, 3], rest)?;
         let more: Vec<&[u8]> = text::words(rest).skip(3).take(4).collect();
-        let values = more.iter().map(|word| finite(word)).collect::<std::result::Result<Vec<f64>, _>>()?;
+        let values = more.iter().map(|word| finite(word)).collect::<Result<Vec<f64>>>()?;
         let color = match more[..] {
             // Written as x y z w r g b or x y z r g b a: w and a are 1 in all files that are known.
             [_, r, g, b] if values[0] == 1.0 && values[3] != 1.0 => [r, g, b],
@@ -250,7 +245,7 @@ impl Parser<'_> {
         self.text.extend(b"\nf");
         let mut count = 0;
         while let Some(word) = next_word(&mut rest).filter(|w| !w.starts_with(b"#")) {
-            let corner = corner(word, self.counts).map_err(|what| at(line, what))?;
+            let corner = corner(word, self.counts).at(|| place(line))?;
             for (list, index) in corner.into_iter().enumerate() {
                 let ahead = index.filter(|i| *i as usize >= self.counts[list]);
                 self.ahead.extend(ahead.map(|index| (line, list, index)));
@@ -271,7 +266,7 @@ impl Parser<'_> {
         let start = self.corners as u32;
         self.corners += count;
         if self.corners > NONE as usize {
-            return Err(at(line, format!("more than {NONE} corners, which is the limit")));
+            return Err(Problem::new(place(line), format!("more than {NONE} corners, which is the limit")));
         }
         self.enter(line)?;
         self.model.elements.push(Element {
@@ -294,7 +289,10 @@ impl Parser<'_> {
             return Ok(());
         }
         if self.model.groups.len() == MAX_GROUPS {
-            return Err(at(line, format!("more than {MAX_GROUPS} groups, which is the limit")));
+            return Err(Problem::new(
+                place(line),
+                format!("more than {MAX_GROUPS} groups, which is the limit"),
+            ));
         }
         self.model.groups.push(if key.1.is_empty() { key.0.clone() } else { key.1.clone() });
         self.group_of.insert(key, next);
@@ -308,7 +306,10 @@ impl Parser<'_> {
             return Ok(*known);
         }
         if self.model.materials.len() == MAX_MATERIALS {
-            return Err(at(line, format!("more than {MAX_MATERIALS} materials, which is the limit")));
+            return Err(Problem::new(
+                place(line),
+                format!("more than {MAX_MATERIALS} materials, which is the limit"),
+            ));
         }
         self.model.materials.push((name.clone(), line));
         self.material_of.insert(name, next);
@@ -341,11 +342,11 @@ impl Parser<'_> {
             if index as usize >= self.counts[list] {
                 let (name, count) = (LISTS[list], self.counts[list]);
                 let what = format!("refers to {name} {}, but the file has {count}", u64::from(index) + 1);
-                return Err(at(line, what));
+                return Err(Problem::new(place(line), what));
             }
         }
         if self.geometry {
-            budget.charge(self.corners as u64, CORNER_BYTES).map_err(|what| Problem::new("f", what))?;
+            budget.charge(self.corners as u64, CORNER_BYTES).at(|| "f".into())?;
             let options = tobj::LoadOptions { single_index: true, ..Default::default() };
             let read = tobj::load_obj_buf(&mut &*self.text, &options, |_| Ok(Default::default()));
             // All that it refuses is refused above, with the line.
@@ -356,21 +357,21 @@ impl Parser<'_> {
     }
 }
 
-fn at(line: usize, what: impl Into<String>) -> Problem {
-    Problem::new(format!("line {line}"), what)
+fn place(line: usize) -> String {
+    format!("line {line}")
 }
 
 fn text_of(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes.trim_ascii()).into_owned()
 }
 
-fn finite(word: &[u8]) -> std::result::Result<f64, String> {
+fn finite(word: &[u8]) -> Result<f64> {
     let value = number(word).filter(|v| v.abs() <= f64::from(f32::MAX));
-    value.ok_or_else(|| format!("\"{}\" is not a finite number", shown(word)))
+    value.ok_or_else(|| format!("\"{}\" is not a finite number", shown(word)).into())
 }
 
 /// `1`, `1/2`, `1//3`, `1/2/3`; negative numbers count back from the last one read so far.
-fn corner(word: &[u8], counts: [usize; 3]) -> std::result::Result<[Option<u32>; 3], String> {
+fn corner(word: &[u8], counts: [usize; 3]) -> Result<[Option<u32>; 3]> {
     let odd = || format!("\"{}\" is not a corner: it should be v, v/t, v//n or v/t/n", shown(word));
     let mut out = [None; 3];
     let mut parts = word.split(|b| *b == b'/');
@@ -381,7 +382,7 @@ fn corner(word: &[u8], counts: [usize; 3]) -> std::result::Result<[Option<u32>; 
         }
         let index = integer(part).ok_or_else(odd)?;
         *slot = Some(match index {
-            0 => return Err(format!("refers to {name} 0; they are counted from 1")),
+            0 => return Err(format!("refers to {name} 0; they are counted from 1").into()),
             1.. => u32::try_from(index - 1)
                 .ok()
                 .filter(|i| *i != NONE)
@@ -389,16 +390,16 @@ fn corner(word: &[u8], counts: [usize; 3]) -> std::result::Result<[Option<u32>; 
             _ => {
                 let back = index.unsigned_abs();
                 if back > count as u64 {
-                    return Err(format!(
-                        "refers to {name} {index}, counted back, but there are {count} so far"
-                    ));
+                    let what =
+                        format!("refers to {name} {index}, counted back, but there are {count} so far");
+                    return Err(what.into());
                 }
                 (count as u64 - back) as u32
             }
         });
     }
     if parts.next().is_some() {
-        return Err(odd());
+        return Err(odd().into());
     }
     Ok(out)
 }

@@ -2,7 +2,7 @@
 
 use crate::Solid;
 use choreo_importer_kit::text::{Lines, next_number, next_word, shown};
-use choreo_importer_kit::{Notes, Problem, Progress, Result};
+use choreo_importer_kit::{Notes, Problem, Progress, Result, WithPlace};
 use glam::Vec3;
 
 /// Every solid is a node: bounds the memory of empty ones.
@@ -88,10 +88,11 @@ impl Reader<'_> {
         (keyword, word): (Option<Keyword>, &[u8]),
         mut rest: &[u8],
     ) -> Result<()> {
-        let problem = |what: String| Problem::new(format!("line {line}"), what);
+        let place = || format!("line {line}");
+        let problem = |what: String| Problem::new(place(), what);
         match keyword {
             Some(Keyword::Vertex) => {
-                let corner = vector(&mut rest).map_err(&problem)?;
+                let corner = vector(&mut rest).at(place)?;
                 if self.facet.is_none() {
                     return Err(problem("a vertex outside of a facet".into()));
                 }
@@ -114,7 +115,7 @@ impl Reader<'_> {
                 let Some(facet) = self.facet.take() else {
                     return Err(problem("endfacet without a facet".into()));
                 };
-                self.end_facet(facet).map_err(problem)?;
+                self.end_facet(facet).at(place)?;
             }
             Some(Keyword::Solid) => {
                 if self.open {
@@ -138,10 +139,11 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn end_facet(&mut self, facet: Facet) -> std::result::Result<(), String> {
+    fn end_facet(&mut self, facet: Facet) -> Result<()> {
         let corners = self.corners.as_slice();
         if corners.len() < 3 {
-            return Err(format!("the facet of line {} has {} vertices, not 3", facet.line, corners.len()));
+            let what = format!("the facet of line {} has {} vertices, not 3", facet.line, corners.len());
+            return Err(what.into());
         }
         if corners.len() > 3 {
             let text =
@@ -159,7 +161,7 @@ impl Reader<'_> {
 }
 
 #[inline]
-fn vector(rest: &mut &[u8]) -> std::result::Result<Vec3, String> {
+fn vector(rest: &mut &[u8]) -> Result<Vec3> {
     let mut values = [0.0f32; 3];
     for value in &mut values {
         let from = *rest;

@@ -1,13 +1,11 @@
 //! Solids to nodes and meshes, in metres and +Y up.
 
 use crate::Solid;
-use choreo_asset::{Asset, Material, Mesh, MeshInstance, Origin, Primitive};
-use choreo_importer_kit::text::{count, stem};
-use choreo_importer_kit::{Notes, Problem, Result, smooth};
-use choreo_motion::{Skeleton, Transform};
+use choreo_asset::{Asset, Material, Origin, Primitive};
+use choreo_importer_kit::text::count;
+use choreo_importer_kit::{Notes, Problem, Result, parts, smooth};
 use choreo_plugin::{ImportOptions, Needs, Source};
 use glam::{DVec3, Vec3, Vec4};
-use std::sync::Arc;
 
 /// Greatest extent in units from which on millimetres are meant, as by programs for machine parts and printing: few
 /// things have 10 m, and few have 10 mm and are given in metres.
@@ -27,31 +25,8 @@ pub fn asset(
         None if needs.geometry => guess(&solids, &notes),
         None => 1.0,
     };
-    let file = stem(&source.name);
-    let named = |solid: &Solid, index: usize| match (solid.name.is_empty(), solids.len()) {
-        (false, _) => solid.name.clone(),
-        (true, 1) => file.to_string(),
-        (true, _) => format!("solid {index}"),
-    };
-    // One solid is the root itself; several hang on one.
-    let mut names: Vec<String> = Vec::with_capacity(solids.len() + 1);
-    let mut parents = Vec::with_capacity(solids.len() + 1);
-    if solids.len() > 1 {
-        names.push(file.to_string());
-        parents.push(None);
-    }
-    let first = names.len();
-    for (index, solid) in solids.iter().enumerate() {
-        names.push(named(solid, index));
-        parents.push((first > 0).then_some(0));
-    }
-    let rest = vec![Transform::IDENTITY; names.len()];
-    let mesh_names = names.split_off(0);
-    let skeleton =
-        Skeleton::new(mesh_names.clone(), parents, rest).map_err(|e| Problem::new("solid", e.to_string()))?;
     let mut asset = Asset {
         name: source.name.clone(),
-        skeleton: Arc::new(skeleton),
         origin: Origin {
             format: format.into(),
             metres_per_unit: needs.geometry.then_some(scale),
@@ -61,24 +36,17 @@ pub fn asset(
         },
         ..Asset::default()
     };
+    let names: Vec<String> = solids.iter().map(|s| s.name.clone()).collect();
+    let first = parts::add_joints(&mut asset, "solid", &names)?;
     let smooth = options.number("smooth").unwrap_or(0.0);
-    for (index, solid) in solids.into_iter().enumerate().filter(|_| needs.geometry) {
-        let joint = first + index;
+    for (joint, solid) in (first..).zip(solids).filter(|_| needs.geometry) {
+        let name = asset.skeleton.names()[joint as usize].clone();
         if solid.positions.is_empty() {
-            notes.warn(format!("solid \"{}\"", mesh_names[joint]), "has no triangles");
+            notes.warn(format!("solid \"{name}\""), "has no triangles");
             continue;
         }
-        let primitive = primitive(solid, &mesh_names[joint], scale, up_z, smooth, &notes)?;
-        asset.instances.push(MeshInstance {
-            joint: joint as u32,
-            mesh: asset.meshes.len() as u32,
-            ..MeshInstance::default()
-        });
-        asset.meshes.push(Arc::new(Mesh {
-            name: mesh_names[joint].clone(),
-            primitives: vec![primitive],
-            ..Mesh::default()
-        }));
+        let primitive = primitive(solid, &name, scale, up_z, smooth, &notes)?;
+        parts::add_mesh(&mut asset, joint, vec![primitive]);
     }
     if !asset.meshes.is_empty() {
         asset.materials.push(Material {

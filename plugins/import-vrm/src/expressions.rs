@@ -31,12 +31,12 @@ pub fn read(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut Ass
             for bind in at.list("morphTargetBinds")? {
                 let node = bind.needed_index("node")?;
                 let joint = document.joint(node, &|| bind.place_of("node"))?;
-                let weight = bind.number("weight")?.unwrap_or(1.0).clamp(0.0, 1.0);
+                let weight = bind.number_or("weight", 1.0)?.clamp(0.0, 1.0);
                 faces.bind(&mut face, &bind, weight, |i| Some(i.joint) == joint)?;
             }
             for bind in at.list("materialColorBinds")? {
                 let color = bind.text("type").and_then(color_of);
-                let to = bind.first_four("targetValue")?;
+                let to = bind.first::<4>("targetValue")?;
                 let (Some(color), Some(to)) = (color, to) else {
                     faces.unpainted(&face);
                     continue;
@@ -50,8 +50,8 @@ pub fn read(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut Ass
             }
             for bind in at.list("textureTransformBinds")? {
                 let material = faces.material(&bind, bind.needed_index("material")?)?;
-                let scale = bind.first_two("scale")?.map_or(Vec2::ONE, Vec2::from);
-                let offset = bind.first_two("offset")?.map_or(Vec2::ZERO, Vec2::from);
+                let scale = bind.first::<2>("scale")?.map_or(Vec2::ONE, Vec2::from);
+                let offset = bind.first::<2>("offset")?.map_or(Vec2::ZERO, Vec2::from);
                 face.uvs.extend(material.map(|material| UvBind { material, offset, scale }));
             }
             faces.add(face, &at);
@@ -89,11 +89,11 @@ pub fn read_v0(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut 
         };
         for bind in at.list("binds")? {
             let mesh = bind.needed_index("mesh")?;
-            let weight = bind.number("weight")?.unwrap_or(100.0).clamp(0.0, 100.0) / 100.0;
+            let weight = bind.number_or("weight", 100.0)?.clamp(0.0, 100.0) / 100.0;
             faces.bind(&mut face, &bind, weight, |i| i.mesh as usize == mesh)?;
         }
         for value in at.list("materialValues")? {
-            let to = value.first_four("targetValue")?;
+            let to = value.first::<4>("targetValue")?;
             let material = value.text("materialName").and_then(|name| faces.named(name));
             let (Some(to), Some(material)) = (to, material) else {
                 faces.unpainted(&face);

@@ -7,27 +7,12 @@ use glam::Vec3;
 
 pub fn read(vrm: &At<'_>) -> Result<Option<Eyes>> {
     let Some(look) = vrm.get("lookAt") else { return Ok(None) };
-    let moved_by = match look.text("type") {
-        Some("expression") => EyesMovedBy::Expressions,
-        _ => EyesMovedBy::Bones,
-    };
-    let map = |key: &str| -> Result<RangeMap> {
-        let map = look.get(key);
-        let number = |name: &str, default: f32| match &map {
-            Some(map) => Ok(map.number(name)?.unwrap_or(default)),
-            None => Ok(default),
-        };
-        let default = if moved_by == EyesMovedBy::Bones { 10.0 } else { 1.0 };
-        Ok(range(number("inputMaxValue", 90.0)?, number("outputScale", default)?, moved_by))
-    };
-    Ok(Some(Eyes {
-        offset_from_head: look.vec3("offsetFromHeadBone")?.unwrap_or(Vec3::ZERO),
-        moved_by,
-        inner: map("rangeMapHorizontalInner")?,
-        outer: map("rangeMapHorizontalOuter")?,
-        down: map("rangeMapVerticalDown")?,
-        up: map("rangeMapVerticalUp")?,
-    }))
+    let maps =
+        ["rangeMapHorizontalInner", "rangeMapHorizontalOuter", "rangeMapVerticalDown", "rangeMapVerticalUp"];
+    let by_expressions = look.text("type") == Some("expression");
+    let output = ("outputScale", if by_expressions { 1.0 } else { 10.0 });
+    let offset = look.vec3_or("offsetFromHeadBone", Vec3::ZERO)?;
+    eyes(&look, offset, by_expressions, maps.map(|map| (map, "inputMaxValue", output))).map(Some)
 }
 
 /// Curves other than straight lines are taken as straight lines: 1.0 has no others either.
@@ -35,34 +20,32 @@ pub fn read_v0(vrm: &At<'_>) -> Result<Option<Eyes>> {
     let Some(person) = vrm.get("firstPerson").filter(|p| p.text("lookAtTypeName").is_some()) else {
         return Ok(None);
     };
-    let moved_by = match person.text("lookAtTypeName") {
-        Some("BlendShape") => EyesMovedBy::Expressions,
-        _ => EyesMovedBy::Bones,
-    };
-    let map = |key: &str| -> Result<RangeMap> {
-        let map = person.get(key);
-        let number = |name: &str, default: f32| match &map {
-            Some(map) => Ok(map.number(name)?.unwrap_or(default)),
-            None => Ok(default),
-        };
-        Ok(range(number("xRange", 90.0)?, number("yRange", 10.0)?, moved_by))
-    };
-    let offset = person.vec3("firstPersonBoneOffset")?.unwrap_or(Vec3::ZERO);
-    Ok(Some(Eyes {
-        offset_from_head: crate::facing::from_unity(offset),
-        moved_by,
-        inner: map("lookAtHorizontalInner")?,
-        outer: map("lookAtHorizontalOuter")?,
-        down: map("lookAtVerticalDown")?,
-        up: map("lookAtVerticalUp")?,
-    }))
+    let maps = ["lookAtHorizontalInner", "lookAtHorizontalOuter", "lookAtVerticalDown", "lookAtVerticalUp"];
+    let by_expressions = person.text("lookAtTypeName") == Some("BlendShape");
+    let offset = crate::facing::from_unity(person.vec3_or("firstPersonBoneOffset", Vec3::ZERO)?);
+    eyes(&person, offset, by_expressions, maps.map(|map| (map, "xRange", ("yRange", 10.0)))).map(Some)
 }
 
-/// A range from degrees.
-fn range(input_max: f32, output_scale: f32, moved_by: EyesMovedBy) -> RangeMap {
-    let output_scale = match moved_by {
-        EyesMovedBy::Bones => output_scale.to_radians(),
-        EyesMovedBy::Expressions => output_scale,
+/// The names of a range map's members: the map, its input, and its output with the default.
+type RangeNames = (&'static str, &'static str, (&'static str, f32));
+
+/// `maps`: inner, outer, down, up.
+fn eyes(at: &At<'_>, offset: Vec3, by_expressions: bool, maps: [RangeNames; 4]) -> Result<Eyes> {
+    let map = |(map, input, (output, default)): RangeNames| -> Result<RangeMap> {
+        let map = at.part(map);
+        let scale = map.number_or(output, default)?;
+        Ok(RangeMap {
+            input_max: map.number_or(input, 90.0)?.to_radians(),
+            output_scale: if by_expressions { scale } else { scale.to_radians() },
+        })
     };
-    RangeMap { input_max: input_max.to_radians(), output_scale }
+    let [inner, outer, down, up] = maps;
+    Ok(Eyes {
+        offset_from_head: offset,
+        moved_by: if by_expressions { EyesMovedBy::Expressions } else { EyesMovedBy::Bones },
+        inner: map(inner)?,
+        outer: map(outer)?,
+        down: map(down)?,
+        up: map(up)?,
+    })
 }

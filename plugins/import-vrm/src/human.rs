@@ -10,29 +10,38 @@ use std::collections::BTreeMap;
 
 /// An object: `{ "hips": { "node": 0 }, … }`.
 pub fn read(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) -> Result<()> {
-    let Some(humanoid) = vrm.get("humanoid") else {
-        document.warn(vrm.place(), "has no humanoid; its joints are matched by their names");
-        return Ok(());
-    };
-    let mut body = Body { document, joints: BTreeMap::new() };
-    for (name, bone) in humanoid.members("humanBones")? {
-        body.add(HumanBone::from_name(name), name, &bone)?;
-    }
-    body.finish(humanoid.place_of("humanBones"), asset)
+    bones(document, vrm, asset, |humanoid, bones| {
+        for (name, at) in humanoid.members("humanBones")? {
+            bones.add(HumanBone::from_name(name), name, &at)?;
+        }
+        Ok(())
+    })
 }
 
 /// An array: `[{ "bone": "hips", "node": 0 }, …]`.
 pub fn read_v0(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) -> Result<()> {
+    bones(document, vrm, asset, |humanoid, bones| {
+        for at in humanoid.list("humanBones")? {
+            let name = at.text("bone").unwrap_or_default();
+            bones.add(bone_v0(name), name, &at)?;
+        }
+        Ok(())
+    })
+}
+
+fn bones(
+    document: &Document<'_>,
+    vrm: &At<'_>,
+    asset: &mut Asset,
+    read: impl FnOnce(&At<'_>, &mut HumanBones<'_, '_>) -> Result<()>,
+) -> Result<()> {
     let Some(humanoid) = vrm.get("humanoid") else {
         document.warn(vrm.place(), "has no humanoid; its joints are matched by their names");
         return Ok(());
     };
-    let mut body = Body { document, joints: BTreeMap::new() };
-    for bone in humanoid.list("humanBones")? {
-        let name = bone.text("bone").unwrap_or_default();
-        body.add(bone_v0(name), name, &bone)?;
-    }
-    body.finish(humanoid.place_of("humanBones"), asset)
+    let mut bones = HumanBones { document, joints: BTreeMap::new() };
+    read(&humanoid, &mut bones)?;
+    bones.finish(humanoid.place_of("humanBones"), asset)
 }
 
 /// The names of 1.0 but for the thumb, whose bones it calls one further down the finger.
@@ -47,12 +56,12 @@ fn bone_v0(name: &str) -> Option<HumanBone> {
     })
 }
 
-struct Body<'a, 'd> {
+struct HumanBones<'a, 'd> {
     document: &'a Document<'d>,
     joints: BTreeMap<u32, HumanBone>,
 }
 
-impl Body<'_, '_> {
+impl HumanBones<'_, '_> {
     fn add(&mut self, bone: Option<HumanBone>, name: &str, at: &At<'_>) -> Result<()> {
         let Some(bone) = bone else {
             let name: String = name.chars().take(40).collect();

@@ -41,6 +41,11 @@ impl<'a> At<'a> {
         Some(At { value: self.value(key)?, place: self.place_of(key) })
     }
 
+    /// A member, or `null` where it is absent: its own members are absent, too.
+    pub fn part(&self, key: &str) -> At<'a> {
+        self.get(key).unwrap_or(At { value: &Value::Null, place: self.place_of(key) })
+    }
+
     /// Elements of an array; none where it is absent.
     pub fn list(&self, key: &str) -> Result<impl Iterator<Item = At<'a>> + use<'a>> {
         let elements = match self.value(key) {
@@ -70,6 +75,10 @@ impl<'a> At<'a> {
         }
     }
 
+    pub fn number_or(&self, key: &str, default: f32) -> Result<f32> {
+        Ok(self.number(key)?.unwrap_or(default))
+    }
+
     pub fn flag(&self, key: &str) -> Result<Option<bool>> {
         let Some(value) = self.value(key) else { return Ok(None) };
         value.as_bool().map(Some).ok_or_else(|| self.wrong(key, "must be true or false"))
@@ -85,7 +94,7 @@ impl<'a> At<'a> {
     }
 
     /// The first `N` numbers of an array, as colours and tilings of VRM 0.x are written.
-    fn first<const N: usize>(&self, key: &str) -> Result<Option<[f32; N]>> {
+    pub fn first<const N: usize>(&self, key: &str) -> Result<Option<[f32; N]>> {
         let Some(value) = self.value(key) else { return Ok(None) };
         let mut out = [0.0f32; N];
         for (i, slot) in out.iter_mut().enumerate() {
@@ -93,18 +102,6 @@ impl<'a> At<'a> {
             *slot = number.ok_or_else(|| self.wrong(key, &format!("must be {N} finite numbers or more")))?;
         }
         Ok(Some(out))
-    }
-
-    pub fn first_two(&self, key: &str) -> Result<Option<[f32; 2]>> {
-        self.first(key)
-    }
-
-    pub fn first_three(&self, key: &str) -> Result<Option<[f32; 3]>> {
-        self.first(key)
-    }
-
-    pub fn first_four(&self, key: &str) -> Result<Option<[f32; 4]>> {
-        self.first(key)
     }
 
     /// An index into a list of the file; −1 is none, as VRM 0.x writes it. Writers of 0.x also give whole floats.
@@ -147,6 +144,10 @@ impl<'a> At<'a> {
         };
         let v = Vec3::new(x as f32, y as f32, z as f32);
         if v.is_finite() { Ok(Some(v)) } else { Err(self.wrong(key, "must be finite")) }
+    }
+
+    pub fn vec3_or(&self, key: &str, default: Vec3) -> Result<Vec3> {
+        Ok(self.vec3(key)?.unwrap_or(default))
     }
 }
 

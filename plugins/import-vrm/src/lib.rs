@@ -9,7 +9,6 @@ mod gaze;
 mod human;
 mod json;
 mod mtoon;
-mod rest;
 mod springs;
 mod springs_v0;
 
@@ -68,7 +67,7 @@ impl Importer for VrmImporter {
         needs: Needs,
         options: &ImportOptions,
     ) -> std::result::Result<Asset, ImportError> {
-        let vrm = Vrm { bones: options.bool("bones").unwrap_or(true), not_shown: mtoon::NotShown::default() };
+        let vrm = Vrm { bones: options.bool("bones").unwrap_or(true), orders: mtoon::DrawOrders::default() };
         import_with(source, files, needs, options, &vrm)
     }
 }
@@ -76,7 +75,7 @@ impl Importer for VrmImporter {
 /// What VRM adds to glTF.
 struct Vrm {
     bones: bool,
-    not_shown: mtoon::NotShown,
+    orders: mtoon::DrawOrders,
 }
 
 impl Profile for Vrm {
@@ -96,7 +95,7 @@ impl Profile for Vrm {
             && document.extension(V1).is_some()
         {
             let place = format!("materials[{index}].extensions.VRMC_materials_mtoon");
-            return mtoon::read(&At::new(mtoon, place), textures, material, &self.not_shown);
+            return mtoon::read(&At::new(mtoon, place), textures, material, &self.orders);
         }
         let v0 = document.extension(V0).filter(|_| document.extension(V1).is_none());
         let properties = v0.and_then(|v| v.get("materialProperties")?.get(index));
@@ -108,7 +107,7 @@ impl Profile for Vrm {
     }
 
     fn finish(&self, document: &Document<'_>, needs: Needs, asset: &mut Asset) -> Result<()> {
-        self.not_shown.warn(document);
+        self.orders.warn(document);
         let root = |name: &str| document.extension(name).map(|v| At::new(v, format!("extensions.{name}")));
         if let Some(vrm) = root(V1) {
             character(document, &vrm, needs, asset)

@@ -7,31 +7,22 @@ use choreo_importer_kit::{Problem, Result};
 use glam::{Vec2, Vec3};
 use import_gltf::MaterialTextures;
 use import_gltf::profile::Document;
-use serde_json::{Value, json};
+use serde_json::json;
 use std::cell::Cell;
 use std::sync::Arc;
 
-/// What materials say and no renderer here shows, counted over the file.
+/// The number of materials with an own drawing order, which no renderer here shows.
 #[derive(Default)]
-pub struct NotShown {
-    pub orders: Cell<usize>,
-}
+pub struct DrawOrders(Cell<usize>);
 
-impl NotShown {
+impl DrawOrders {
     pub fn warn(&self, document: &Document<'_>) {
-        for (count, what) in [(
-            &self.orders,
-            "say how transparent parts are drawn over each other; they are sorted back to front",
-        )] {
-            if count.get() > 0 {
-                document.warn("materials", format!("{} {what}", count.get()));
-            }
+        if self.0.get() > 0 {
+            let what =
+                "materials have a drawing order for transparent parts; they are sorted back to front instead";
+            document.warn("materials", format!("{} {what}", self.0.get()));
         }
     }
-}
-
-fn one_more(count: &Cell<usize>, is: bool) {
-    count.set(count.get() + usize::from(is));
 }
 
 /// `VRMC_materials_mtoon` 1.0. Base colour, normals, emission and alpha are glTF's own and read already.
@@ -39,16 +30,14 @@ pub fn read(
     at: &At<'_>,
     textures: &mut dyn MaterialTextures,
     material: &mut Material,
-    not_shown: &NotShown,
+    orders: &DrawOrders,
 ) -> Result<()> {
     let d = Toon::default();
-    let number = |key: &str, default: f32| -> Result<f32> { Ok(at.number(key)?.unwrap_or(default)) };
-    let color =
-        |key: &str, default: Vec3| -> Result<Vec3> { Ok(at.vec3(key)?.unwrap_or(default).max(Vec3::ZERO)) };
+    let number = |key: &str, default: f32| at.number_or(key, default);
+    let color = |key: &str, default: Vec3| -> Result<Vec3> { Ok(at.vec3_or(key, default)?.max(Vec3::ZERO)) };
     let mut texture = |slot: &'static str| -> Result<Option<TextureRef>> {
         at.get(slot).map_or(Ok(None), |info| textures.texture(slot, info.raw()))
     };
-    let shift = at.get("shadingShiftTexture");
     let width_texture = texture("outlineWidthMultiplyTexture")?;
     let mode = at.text("outlineWidthMode").unwrap_or("none");
     let outline = Outline {
@@ -63,7 +52,7 @@ pub fn read(
         shade_texture: texture("shadeMultiplyTexture")?,
         shading_shift: number("shadingShiftFactor", d.shading_shift)?,
         shading_shift_texture: texture("shadingShiftTexture")?,
-        shading_shift_scale: shift.map_or(Ok(None), |s| s.number("scale"))?.unwrap_or(d.shading_shift_scale),
+        shading_shift_scale: at.part("shadingShiftTexture").number_or("scale", d.shading_shift_scale)?,
         shading_toony: number("shadingToonyFactor", d.shading_toony)?,
         gi_equalization: number("giEqualizationFactor", d.gi_equalization)?,
         matcap: color("matcapFactor", d.matcap)?,
@@ -88,29 +77,27 @@ pub fn read(
     let toon = Toon { uv_motion: moving(motion), ..toon };
     let order =
         at.flag("transparentWithZWrite")? == Some(true) || number("renderQueueOffsetNumber", 0.0)? != 0.0;
-    one_more(&not_shown.orders, order);
+    orders.0.set(orders.0.get() + usize::from(order));
     finish(at, toon, material)
 }
 
 /// VRM 0.x. Colours there are sRGB; shift and toony mean other lines, converted as UniVRM and three-vrm do on migration to 1.0.
 pub fn read_v0(at: &At<'_>, textures: &mut dyn MaterialTextures, material: &mut Material) -> Result<()> {
     let d = Toon::default();
-    let none = Value::Null;
-    let part = |key: &str| at.get(key).unwrap_or(At::new(&none, at.place_of(key)));
-    let (floats, vectors, pictures) =
-        (part("floatProperties"), part("vectorProperties"), part("textureProperties"));
-    let number = |key: &str, default: f32| -> Result<f32> { Ok(floats.number(key)?.unwrap_or(default)) };
+    let (floats, vectors) = (at.part("floatProperties"), at.part("vectorProperties"));
+    let images = at.part("textureProperties");
+    let number = |key: &str, default: f32| floats.number_or(key, default);
     let color = |key: &str, default: Vec3| -> Result<Vec3> {
-        let Some(rgb) = vectors.first_three(key)? else { return Ok(default) };
+        let Some(rgb) = vectors.first::<3>(key)? else { return Ok(default) };
         Ok(Vec3::from(rgb.map(|c| linear_from_srgb(c.max(0.0)))))
     };
     // The main texture's tiling holds for all but the matcap; v counts from below.
-    let tiling = vectors.first_four("_MainTex")?.unwrap_or([0.0, 0.0, 1.0, 1.0]);
+    let tiling = vectors.first::<4>("_MainTex")?.unwrap_or([0.0, 0.0, 1.0, 1.0]);
     let transform = json!({ "KHR_texture_transform": {
         "offset": [tiling[0], 1.0 - tiling[1] - tiling[3]], "scale": [tiling[2], tiling[3]],
     } });
     let mut texture = |slot: &'static str| -> Result<Option<TextureRef>> {
-        let Some(index) = pictures.index(slot)? else { return Ok(None) };
+        let Some(index) = images.index(slot)? else { return Ok(None) };
         let plain = tiling == [0.0, 0.0, 1.0, 1.0] || slot == "_SphereAdd";
         let info = if plain {
             json!({ "index": index })

@@ -1,8 +1,8 @@
 //! `VRMC_springBone` 1.0 and its extended colliders.
 
 use crate::json::At;
-use crate::rest::model_from_joints;
 use choreo_asset::Asset;
+use choreo_importer_kit::bones::model_from_joints;
 use choreo_importer_kit::{Problem, Result};
 use choreo_motion::Skeleton;
 use choreo_motion::spring::parameters::{ColliderShape, SpringChain, SpringCollider, SpringJoint, Springs};
@@ -145,8 +145,8 @@ pub fn tail(model_from_joint: &DAffine3, model_from_other: &DAffine3) -> Vec3 {
 fn stick(document: &Document<'_>, at: &At<'_>, joint: u32) -> Result<SpringJoint> {
     let default = SpringJoint::default();
     let mut numbers = Numbers { document, at };
-    let direction = at.vec3("gravityDir")?.unwrap_or(default.gravity_direction);
-    let power = at.number("gravityPower")?.unwrap_or(default.gravity_power);
+    let direction = at.vec3_or("gravityDir", default.gravity_direction)?;
+    let power = at.number_or("gravityPower", default.gravity_power)?;
     let (gravity_direction, gravity_power) = gravity(direction, power);
     Ok(SpringJoint {
         joint,
@@ -176,7 +176,7 @@ pub struct Numbers<'a, 'd> {
 
 impl Numbers<'_, '_> {
     pub fn within(&mut self, key: &str, default: f32, most: f32) -> Result<f32> {
-        let given = self.at.number(key)?.unwrap_or(default);
+        let given = self.at.number_or(key, default)?;
         let used = given.clamp(0.0, most);
         if used != given {
             self.document.warn(self.at.place_of(key), format!("is {given}; {used} is used"));
@@ -191,28 +191,27 @@ fn shape(document: &Document<'_>, at: &At<'_>) -> Result<ColliderShape> {
     let Some(shape) = extended.or_else(|| at.get("shape")) else {
         return Err(Problem::new(at.place_of("shape"), "is missing"));
     };
-    let vector = |at: &At<'_>, key: &str| Ok(at.vec3(key)?.unwrap_or(Vec3::ZERO));
     if let Some(sphere) = shape.get("sphere") {
         return Ok(ColliderShape::Sphere {
-            offset: vector(&sphere, "offset")?,
+            offset: sphere.vec3_or("offset", Vec3::ZERO)?,
             radius: Numbers { document, at: &sphere }.within("radius", 0.0, f32::MAX)?,
             inside: sphere.flag("inside")?.unwrap_or(false),
         });
     }
     if let Some(capsule) = shape.get("capsule") {
         return Ok(ColliderShape::Capsule {
-            offset: vector(&capsule, "offset")?,
-            tail: vector(&capsule, "tail")?,
+            offset: capsule.vec3_or("offset", Vec3::ZERO)?,
+            tail: capsule.vec3_or("tail", Vec3::ZERO)?,
             radius: Numbers { document, at: &capsule }.within("radius", 0.0, f32::MAX)?,
             inside: capsule.flag("inside")?.unwrap_or(false),
         });
     }
     if let Some(plane) = shape.get("plane") {
-        let normal = plane.vec3("normal")?.unwrap_or(Vec3::Z);
+        let normal = plane.vec3_or("normal", Vec3::Z)?;
         let Some(normal) = normal.try_normalize() else {
             return Err(Problem::new(plane.place_of("normal"), "has length 0"));
         };
-        return Ok(ColliderShape::Plane { offset: vector(&plane, "offset")?, normal });
+        return Ok(ColliderShape::Plane { offset: plane.vec3_or("offset", Vec3::ZERO)?, normal });
     }
     Err(Problem::new(shape.place(), "is neither a sphere nor a capsule"))
 }

@@ -2,10 +2,10 @@
 
 use crate::facing::from_unity;
 use crate::json::At;
-use crate::rest::model_from_joints;
 use crate::springs::{Numbers, colliders, gravity, once, tail};
 use choreo_asset::Asset;
 use choreo_importer_kit::Result;
+use choreo_importer_kit::bones::model_from_joints;
 use choreo_motion::spring::parameters::{ColliderShape, SpringChain, SpringCollider, SpringJoint, Springs};
 use glam::{DAffine3, DVec3, Vec3};
 use import_gltf::profile::Document;
@@ -27,7 +27,7 @@ pub fn read(document: &Document<'_>, vrm: &At<'_>, asset: &Asset) -> Result<Spri
         };
         for sphere in at.list("colliders")? {
             let radius = Numbers { document, at: &sphere }.within("radius", 0.0, f32::MAX)?;
-            let offset = from_unity(sphere.vec3("offset")?.unwrap_or(Vec3::ZERO));
+            let offset = from_unity(sphere.vec3_or("offset", Vec3::ZERO)?);
             let Some(joint) = joint else { continue };
             group.push(out.colliders.len() as u32);
             let shape = ColliderShape::Sphere { offset, radius, inside: false };
@@ -74,8 +74,8 @@ pub fn read(document: &Document<'_>, vrm: &At<'_>, asset: &Asset) -> Result<Spri
 
 fn parameters(document: &Document<'_>, at: &At<'_>) -> Result<SpringJoint> {
     let mut numbers = Numbers { document, at };
-    let direction = from_unity(at.vec3("gravityDir")?.unwrap_or(Vec3::NEG_Y));
-    let (gravity_direction, gravity_power) = gravity(direction, at.number("gravityPower")?.unwrap_or(0.0));
+    let direction = from_unity(at.vec3_or("gravityDir", Vec3::NEG_Y)?);
+    let (gravity_direction, gravity_power) = gravity(direction, at.number_or("gravityPower", 0.0)?);
     Ok(SpringJoint {
         hit_radius: numbers.within("hitRadius", 0.02, f32::MAX)?,
         // So spelt in 0.x.

@@ -4,7 +4,7 @@ use crate::{Case, pictures, refused};
 use choreo_motion::Time;
 use choreo_render::vulkan::Ability;
 use choreo_render::{
-    Catalog, CpuRenderer, GpuOptions, Plan, PlanOptions, RenderError, Renderer, VulkanRenderer,
+    CpuRenderer, GpuOptions, Plan, PlanOptions, RenderError, Renderer, SceneResources, VulkanRenderer,
 };
 use choreo_stage::{Cutouts, Pipeline, Stage, Transparency};
 use std::sync::Arc;
@@ -57,9 +57,9 @@ fn vulkan(options: GpuOptions, value: impl FnOnce(&mut VulkanRenderer) -> f64) -
 
 fn draw(renderer: &mut dyn Renderer, stage: &Stage, size: [u32; 2], samples: u32) -> Result<Vec<u8>, String> {
     let snapshot = stage.at(Time::ZERO).map_err(|e| e.to_string())?;
-    let catalog = Arc::new(Catalog::new(stage));
-    let plan = Plan::new(&catalog, stage, &snapshot, &PlanOptions::new(size, samples));
-    renderer.load(catalog).map_err(|e| e.to_string())?;
+    let resources = Arc::new(SceneResources::new(stage));
+    let plan = Plan::new(&resources, stage, &snapshot, &PlanOptions::new(size, samples));
+    renderer.load(resources).map_err(|e| e.to_string())?;
     renderer.submit(plan).map_err(|e| e.to_string())?;
     Ok(renderer.collect(None).map_err(|e| e.to_string())?.rgba)
 }

@@ -6,7 +6,7 @@ use choreo_asset::{
     Shading, TextureRef,
 };
 use choreo_motion::{Skeleton, Time, Transform};
-use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
+use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
 use choreo_stage::{Background, Camera, Placement, Rig, Stage, StageLight};
 use glam::{Affine2, Affine3A, DQuat, DVec3, Vec2, Vec3, Vec4};
 use std::sync::Arc;
@@ -95,10 +95,10 @@ fn put(stage: &mut Stage, asset: Asset, at: Placement) {
 
 fn draw(stage: &Stage, size: [u32; 2]) -> Result<Vec<u8>, String> {
     let snapshot = stage.at(Time::ZERO).map_err(|e| e.to_string())?;
-    let catalog = Arc::new(Catalog::new(stage));
-    let plan = Plan::new(&catalog, stage, &snapshot, &PlanOptions::new(size, 1));
+    let resources = Arc::new(SceneResources::new(stage));
+    let plan = Plan::new(&resources, stage, &snapshot, &PlanOptions::new(size, 1));
     let mut renderer = CpuRenderer::new(&[]);
-    renderer.load(catalog).map_err(|e| e.to_string())?;
+    renderer.load(resources).map_err(|e| e.to_string())?;
     renderer.submit(plan).map_err(|e| e.to_string())?;
     Ok(renderer.collect(None).map_err(|e| e.to_string())?.rgba)
 }
@@ -251,8 +251,8 @@ fn copies(count: usize) -> f64 {
     field.instances[0].copies = (0..count).map(|i| Affine3A::from_translation(at(i))).collect();
     put(&mut stage, field, Placement::default());
     let Ok(snapshot) = stage.at(Time::ZERO) else { return f64::NAN };
-    let catalog = Arc::new(Catalog::new(&stage));
-    let plan = Plan::new(&catalog, &stage, &snapshot, &PlanOptions::new(SIZE, 1));
+    let resources = Arc::new(SceneResources::new(&stage));
+    let plan = Plan::new(&resources, &stage, &snapshot, &PlanOptions::new(SIZE, 1));
     let seen = share(&stage, |p| p[1] > 0);
     if plan.instances.len() == count && seen > 0.1 { plan.draws.len() as f64 } else { f64::NAN }
 }

@@ -5,13 +5,13 @@ use choreo_test_runner::stored::{decode, encode};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
-    let media = choreo::output::media::read(bytes);
+    let media = choreo_command_line::output::media::read(bytes);
     if let Some(media) = &media {
         let told: usize = media.provenance.iter().map(|(k, v)| k.len() + v.len()).sum();
         // A byte that is no text is shown by three.
         assert!(told <= 3 * bytes.len() + 100 && !media.format.is_empty());
     }
-    let whole = choreo::output::media::whole_png(bytes);
+    let whole = choreo_command_line::output::media::whole_png(bytes);
     assert!(whole.is_none() || whole == media);
     match decode(bytes) {
         Ok(stored) => {

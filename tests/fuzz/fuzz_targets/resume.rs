@@ -2,7 +2,7 @@
 //! their own states (the same file as without the stop) or from any bytes.
 #![no_main]
 
-use choreo::output::journal::{self, Changes, Identity, Kept, Record, Span};
+use choreo_command_line::output::journal::{self, Changes, Identity, Kept, Record, Span};
 use choreo_motion::FrameRate;
 use choreo_plugin::{Exporter, Frame, FrameSink, Mark, VideoInfo};
 use export_gif::GifExporter;

@@ -3,7 +3,7 @@
 
 use choreo_motion::Time;
 use choreo_plugin::{Files, ImportOptions, Importer, Manifest, Needs, OptionKind, OptionValue, Source};
-use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
+use choreo_render::{SceneResources, CpuRenderer, Plan, PlanOptions, Renderer};
 use choreo_asset::Asset;
 use choreo_stage::{Cue, Evaluator, Snapshot, Stage};
 use std::sync::Arc;
@@ -86,14 +86,14 @@ fn play(asset: Arc<Asset>) {
     }
     assert!(stage.check().is_empty(), "an importer let something through: {:?}", stage.check());
     let mut evaluator = Evaluator::new(Arc::new(stage));
-    let catalog = Arc::new(Catalog::new(evaluator.stage()));
+    let resources = Arc::new(SceneResources::new(evaluator.stage()));
     let mut renderer = CpuRenderer::new(&[]);
-    let drawable = renderer.load(catalog.clone()).is_ok();
+    let drawable = renderer.load(resources.clone()).is_ok();
     for secs in [0.0, 0.07, 1e4] {
         let Ok(snapshot) = evaluator.at(Time::from_secs(secs)) else { continue };
         finite(&snapshot);
         if drawable {
-            let plan = Plan::new(&catalog, evaluator.stage(), &snapshot, &PlanOptions::new([16, 12], 1));
+            let plan = Plan::new(&resources, evaluator.stage(), &snapshot, &PlanOptions::new([16, 12], 1));
             renderer.submit(plan).expect("the CPU renderer draws whatever a plan holds");
             renderer.collect(None).expect("a picture was submitted");
         }

@@ -7,7 +7,7 @@ use choreo_bench::timing::Clock;
 use choreo_image_diff::compare;
 use choreo_motion::Time;
 use choreo_render::plan::DeferredCause;
-use choreo_render::{Catalog, GpuOptions, Plan, PlanOptions, Renderer, VulkanRenderer};
+use choreo_render::{GpuOptions, Plan, PlanOptions, Renderer, SceneResources, VulkanRenderer};
 use choreo_stage::{Pipeline, Stage};
 use std::sync::Arc;
 
@@ -60,21 +60,21 @@ fn scene(lights: usize, layers: usize) -> Result<Arc<Stage>, String> {
     stage(&text, &choreo::registry())
 }
 
-fn plan(stage: &Arc<Stage>, catalog: &Catalog, pipeline: Pipeline) -> Result<Plan, String> {
+fn plan(stage: &Arc<Stage>, resources: &SceneResources, pipeline: Pipeline) -> Result<Plan, String> {
     let mut stage = Stage::clone(stage);
     stage.settings.pipeline = pipeline;
     let snapshot = stage.at(Time::ZERO).map_err(|e| e.to_string())?;
-    Ok(Plan::new(catalog, &stage, &snapshot, &PlanOptions::new(SIZE, 1)))
+    Ok(Plan::new(resources, &stage, &snapshot, &PlanOptions::new(SIZE, 1)))
 }
 
 /// What the plan found out before it chose.
 fn numbers(plan: &Plan) -> String {
-    if let Some(DeferredCause::Pays { lights, surfaces, in_vain }) = plan.deferred.as_ref().map(|d| d.cause) {
-        return format!("{lights:.1} lights a place, {surfaces:.1} surfaces, {in_vain:.1} lights in vain");
+    if let Some(DeferredCause::Pays { lights, surfaces, wasted }) = plan.deferred.as_ref().map(|d| d.cause) {
+        return format!("{lights:.1} lights per surface, {surfaces:.1} surfaces, {wasted:.1} wasted");
     }
     let out = plan.left_out.iter().find(|l| l.what == "deferred shading");
     let why = out.map_or("", |l| &l.why);
-    why.split(", and keeping").next().unwrap_or_default().to_string()
+    why.split(", and a G-buffer").next().unwrap_or_default().to_string()
 }
 
 fn table() -> Result<Table, String> {
@@ -95,10 +95,10 @@ fn table() -> Result<Table, String> {
     for layers in OVERDRAW {
         for lights in LIGHTS {
             let stage = scene(lights, layers)?;
-            let catalog = Arc::new(Catalog::new(&stage));
-            gpu.load(catalog.clone()).map_err(|e| e.to_string())?;
+            let resources = Arc::new(SceneResources::new(&stage));
+            gpu.load(resources.clone()).map_err(|e| e.to_string())?;
             let [forward, deferred, auto] =
-                [Pipeline::Forward, Pipeline::Deferred, Pipeline::Auto].map(|p| plan(&stage, &catalog, p));
+                [Pipeline::Forward, Pipeline::Deferred, Pipeline::Auto].map(|p| plan(&stage, &resources, p));
             let (forward, deferred, auto) = (forward?, deferred?, auto?);
             let [there, here] = [drawn(&mut gpu, &forward)?, drawn(&mut gpu, &deferred)?];
             let off = compare(&there, &here, 2).map_err(|e| e.to_string())?;

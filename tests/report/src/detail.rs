@@ -5,7 +5,7 @@ use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::Choice;
 use choreo_bench::timing::Clock;
 use choreo_motion::Time;
-use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
+use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [640, 360];
@@ -47,21 +47,21 @@ fn tolerance() -> Result<Choice, String> {
     choice.reference = "every copy with all of its triangles; mean over all channels of all pixels".into();
     choice.per = format!("picture of {}×{}, CPU renderer, {}", SIZE[0], SIZE[1], Clock::Process.words());
     let stage = stage(CROWD, &choreo::registry())?;
-    let catalog = Arc::new(Catalog::new(&stage));
+    let resources = Arc::new(SceneResources::new(&stage));
     let snapshot = stage.at(Time::from_secs(0.4)).map_err(|e| e.to_string())?;
     let plan = |tolerance: f32| {
         // The planner's tolerance is one pixel: what is off by less counts as less.
-        let mut scaled = (*catalog).clone();
-        scaled.levels.iter_mut().flatten().for_each(|level| level.error /= tolerance.max(1e-9));
+        let mut scaled = (*resources).clone();
+        scaled.lods.iter_mut().flatten().for_each(|level| level.error /= tolerance.max(1e-9));
         let options = PlanOptions { full_detail: tolerance == 0.0, ..PlanOptions::new(SIZE, 4) };
         Plan::new(&scaled, &stage, &snapshot, &options)
     };
     let triangles = |plan: &Plan| {
-        let of = |primitive: u32| catalog.primitives[primitive as usize].primitive().indices.len() / 3;
+        let of = |primitive: u32| resources.primitives[primitive as usize].primitive().indices.len() / 3;
         plan.draws.iter().map(|d| of(d.primitive) * d.instance_count as usize).sum::<usize>()
     };
     let mut renderer = CpuRenderer::new(&[]);
-    renderer.load(catalog.clone()).map_err(|e| e.to_string())?;
+    renderer.load(resources.clone()).map_err(|e| e.to_string())?;
     let name = |tolerance: f32| match tolerance {
         0.0 => "all triangles".into(),
         1.0 => "1 pixel".into(),

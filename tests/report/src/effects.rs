@@ -8,7 +8,7 @@ use choreo_bench::timing::Clock;
 use choreo_motion::Time;
 use choreo_plugin::{Effect, Exposure, Hook, Registry};
 use choreo_render::plan::motion_blur::{plan_at, times};
-use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
+use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
 use choreo_stage::{Evaluator, Stage};
 use std::sync::Arc;
 
@@ -59,8 +59,8 @@ fn planned(
 ) -> Result<Plan, String> {
     let options = PlanOptions { effects, ..PlanOptions::new(size, samples) };
     let at = Time::from_secs(0.4);
-    let catalog = Catalog::new(stage);
-    let planned = plan_at(&catalog, &mut Evaluator::new(stage.clone()), at, &options, None);
+    let resources = SceneResources::new(stage);
+    let planned = plan_at(&resources, &mut Evaluator::new(stage.clone()), at, &options, None);
     planned.map(|(_, plan)| plan).map_err(|e| e.to_string())
 }
 
@@ -106,11 +106,11 @@ fn costs(registry: &Registry) -> Result<Table, String> {
     let mut table = Table::new(title, &columns);
     let stages = EFFECTS.iter().map(|(_, text)| with(text, registry)).collect::<Result<Vec<_>, _>>()?;
     // All stages have the same assets.
-    let catalog = Arc::new(Catalog::new(&stages[0]));
+    let resources = Arc::new(SceneResources::new(&stages[0]));
     let plans: Result<Vec<_>, _> = stages.iter().map(|s| planned(s, effects, SIZE, 1)).collect();
     let plans = plans?;
     let time = |renderer: &mut dyn Renderer| -> Result<Vec<f64>, String> {
-        renderer.load(catalog.clone()).map_err(|e| e.to_string())?;
+        renderer.load(resources.clone()).map_err(|e| e.to_string())?;
         let mut times = vec![Vec::new(); plans.len()];
         for _ in 0..ROUNDS {
             for (plan, times) in plans.iter().zip(&mut times) {
@@ -160,23 +160,23 @@ fn blur(registry: &Registry) -> Result<Choice, String> {
     choice.reference = "512 times; mean over all channels of all pixels".into();
     choice.per = format!("picture of {}×{}, {}", SMALL[0], SMALL[1], Clock::Process.words());
     let plain = with("", registry)?;
-    let (catalog, at) = (Arc::new(Catalog::new(&plain)), Time::from_secs(0.4));
+    let (resources, at) = (Arc::new(SceneResources::new(&plain)), Time::from_secs(0.4));
     let options = PlanOptions { effects, ..PlanOptions::new(SMALL, 4) };
     let one = |time| {
-        Ok::<_, String>(Plan::new(&catalog, &plain, &plain.at(time).map_err(|e| e.to_string())?, &options))
+        Ok::<_, String>(Plan::new(&resources, &plain, &plain.at(time).map_err(|e| e.to_string())?, &options))
     };
     // As the effect has it, and with more than scripts may ask for.
     let plan = |samples: u32| {
         let mut whole = one(at)?;
         if samples > 1 {
             for time in times(&plain, at, &Exposure { samples, open: 0.5, before: 0.5 }) {
-                whole.exposed.push(Plan { linear: true, ..one(time)? });
+                whole.subframes.push(Plan { linear: true, ..one(time)? });
             }
         }
         Ok::<_, String>(whole)
     };
     let mut renderer = CpuRenderer::new(effects);
-    renderer.load(catalog.clone()).map_err(|e| e.to_string())?;
+    renderer.load(resources.clone()).map_err(|e| e.to_string())?;
     let truth = drawn(&mut renderer, &plan(512)?)?;
     let counts = [1, 2, 4, 8, 16, 32, 64];
     let name = |count| if count == 1 { "none".to_string() } else { format!("{count} times") };
@@ -199,7 +199,7 @@ fn edges(registry: &Registry) -> Result<Choice, String> {
     let truth = moment.supersampled(SMALL).map_err(|e| e.to_string())?;
     let smooth = with("effect(\"fxaa\");", registry)?;
     let mut renderer = CpuRenderer::new(effects);
-    renderer.load(moment.catalog.clone()).map_err(|e| e.to_string())?;
+    renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
     let ways = [
         ("1 sample", &plain, 1),
         ("1 sample, FXAA", &smooth, 1),

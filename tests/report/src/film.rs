@@ -203,7 +203,7 @@ fn costs() -> Result<Table, String> {
         let moment = Moment::new(&stage(&text, &registry)?, Time::ZERO, registry.effects())
             .map_err(|e| e.to_string())?;
         let options = PlanOptions { effects: registry.effects(), ..PlanOptions::new(SIZE, 1) };
-        let plan = Plan::new(&moment.catalog, &moment.stage, &moment.snapshot, &options);
+        let plan = Plan::new(&moment.resources, &moment.stage, &moment.snapshot, &options);
         Ok::<_, String>((moment, plan))
     };
     let scenes = [planned("")?, planned(", iridescence: 1.0, film: 400.0")?];
@@ -219,7 +219,7 @@ fn costs() -> Result<Table, String> {
     for (name, mut renderer) in renderers(&registry) {
         let mut nanos = Vec::new();
         for (moment, plan) in &scenes {
-            renderer.load(moment.catalog.clone()).map_err(|e| e.to_string())?;
+            renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
             crate::pictures::drawn(&mut *renderer, plan)?;
             nanos.extend(times(&mut *renderer, &[plan], BUDGET_SECS));
         }

@@ -69,7 +69,7 @@ fn tables() -> Result<Vec<Table>, String> {
             let mut cells = vec![Cell::text((lamps + 1).to_string())];
             for crowd in CROWDS {
                 let moment = moment(crowd, lamps, &registry)?;
-                renderer.load(moment.catalog.clone()).map_err(|e| e.to_string())?;
+                renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
                 let plan = |skin_once| Plan { skin_once, ..moment.plan(SIZE, 1) };
                 let plans = [plan(SkinOnce::Never), plan(SkinOnce::Always)];
                 let nanos = times(&mut *renderer, &plans.each_ref(), 2.0 * BUDGET_SECS);

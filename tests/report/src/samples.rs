@@ -16,7 +16,7 @@ pub fn section() -> Result<Section, String> {
     let mut renderers: Vec<Box<dyn Renderer>> = vec![Box::new(CpuRenderer::new(registry.effects()))];
     let options = GpuOptions { effects: registry.effects().to_vec(), ..GpuOptions::default() };
     if let Ok(vulkan) = VulkanRenderer::new(options)
-        && vulkan.device().kind != DeviceKind::CpuTwin
+        && vulkan.device().kind != DeviceKind::CpuReference
     {
         renderers.push(Box::new(vulkan));
     }

@@ -58,7 +58,7 @@ fn moment(shadow: &str, intensity: f64, registry: &Registry) -> Result<Moment, S
 }
 
 fn drawn(moment: &Moment, renderer: &mut dyn Renderer) -> Result<Frame, String> {
-    renderer.load(moment.catalog.clone()).map_err(|e| e.to_string())?;
+    renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
     moment.draw(renderer, SIZE, 1).map_err(|e| e.to_string())
 }
 
@@ -154,7 +154,7 @@ fn sizes() -> Result<Choice, String> {
         }
         let plan = moment.plan(SIZE, 1);
         let views: Vec<String> = plan
-            .shadows
+            .shadow_maps
             .iter()
             .flat_map(|s| &s.views)
             .map(|v| format!("{}×{} of {:.1} mm", v.size[0], v.size[1], v.texel * 1e3))

@@ -6,7 +6,7 @@ use choreo_bench::plots::{Choice, Row};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_bench::truth::Spread;
 use choreo_render::sky::harmonics::harmonics;
-use choreo_render::sky::octahedral::Octahedron;
+use choreo_render::sky::octahedral::OctahedralMap;
 use choreo_render::sky::prefilter::{base, radiance};
 use choreo_render::sky::{SkyMaps, SkyOptions};
 use glam::{DVec3, Vec3};
@@ -86,7 +86,7 @@ fn mirrored() -> Choice {
         let maps = SkyMaps::new(&sky, &options);
         let mut error = Spread::default();
         for (way, roughness, light) in &truth {
-            let got = maps.mirrored(way.as_vec3(), *roughness as f32).as_dvec3();
+            let got = maps.specular(way.as_vec3(), *roughness as f32).as_dvec3();
             error.add((got - *light).abs().dot(DVec3::splat(1.0 / 3.0)) / mean);
         }
         let bytes = (maps.texels.len() * 8) as f64;
@@ -141,7 +141,7 @@ fn diffuse() -> Choice {
         }
     };
     let of_map = |size: u32| {
-        let map = Octahedron::from_fn(size, |_, _, n| irradiance(n.as_dvec3()).as_vec3());
+        let map = OctahedralMap::from_fn(size, |_, _, n| irradiance(n.as_dvec3()).as_vec3());
         move |n: Vec3| map.sample(n)
     };
     type Lookup = Box<dyn Fn(Vec3) -> Vec3>;

@@ -7,7 +7,7 @@ use choreo_bench::plots::Choice;
 use choreo_bench::timing::Clock;
 use choreo_motion::Time;
 use choreo_plugin::Frame;
-use choreo_render::{Catalog, Plan, PlanOptions};
+use choreo_render::{Plan, PlanOptions, SceneResources};
 use choreo_stage::{Cutouts, Stage, Transparency};
 use std::sync::Arc;
 
@@ -30,12 +30,12 @@ pub fn section() -> Result<Section, String> {
 /// Rows of pictures of one scene, each against the truth, and their times, in turns.
 fn measured(
     choice: &mut Choice,
-    catalog: &Arc<Catalog>,
+    resources: &Arc<SceneResources>,
     ways: &[(&str, Plan)],
     truth: &Frame,
 ) -> Result<(), String> {
     for (renderer_name, mut renderer) in renderers(&choreo::registry()) {
-        renderer.load(catalog.clone()).map_err(|e| e.to_string())?;
+        renderer.load(resources.clone()).map_err(|e| e.to_string())?;
         let named = |(name, plan): &(&str, Plan)| (format!("{name}, {renderer_name}"), plan.clone());
         let ways: Vec<(String, Plan)> = ways.iter().map(named).collect();
         choice.rows.extend(rows(&mut *renderer, &ways, truth, 2.0 * BUDGET_SECS)?);
@@ -54,9 +54,9 @@ fn with(stage: &Arc<Stage>, cutouts: Cutouts, transparency: Transparency) -> Arc
     Arc::new(stage)
 }
 
-fn plan(stage: &Arc<Stage>, catalog: &Catalog, samples: u32) -> Result<Plan, String> {
+fn plan(stage: &Arc<Stage>, resources: &SceneResources, samples: u32) -> Result<Plan, String> {
     let snapshot = stage.at(Time::ZERO).map_err(|e| e.to_string())?;
-    Ok(Plan::new(catalog, stage, &snapshot, &PlanOptions::new(SIZE, samples)))
+    Ok(Plan::new(resources, stage, &snapshot, &PlanOptions::new(SIZE, samples)))
 }
 
 /// Leaves on cards, their edges half a texel deep in a texture of 64 texels.
@@ -89,13 +89,13 @@ fn cutouts() -> Result<Choice, String> {
     let hard = with(&stage, Cutouts::Hard, Transparency::Auto);
     let moment = Moment::new(&hard, Time::ZERO, &[]).map_err(|e| e.to_string())?;
     let truth = moment.supersampled(SIZE).map_err(|e| e.to_string())?;
-    let catalog = Arc::new(Catalog::new(&stage));
+    let resources = Arc::new(SceneResources::new(&stage));
     let ways = [
-        ("1 sample", plan(&hard, &catalog, 1)?),
-        ("4 samples, discard", plan(&hard, &catalog, 4)?),
-        ("4 samples, coverage", plan(&stage, &catalog, 4)?),
+        ("1 sample", plan(&hard, &resources, 1)?),
+        ("4 samples, discard", plan(&hard, &resources, 4)?),
+        ("4 samples, coverage", plan(&stage, &resources, 4)?),
     ];
-    measured(&mut choice, &catalog, &ways, &truth)?;
+    measured(&mut choice, &resources, &ways, &truth)?;
     choice.choose(
         "4 samples, coverage, Vulkan",
         "where there are several samples a pixel; discard where the device cannot set alpha to one",
@@ -133,10 +133,10 @@ fn panes() -> Result<Choice, String> {
         "camera(\"front\").fov({fov:?}).at(0.0, {eye:?}, {distance:?}).look_at([0.0, {eye:?}, 0.0]);\n"
     );
     let stage = stage(&text, &choreo::registry())?;
-    let catalog = Arc::new(Catalog::new(&stage));
-    let of = |how| plan(&with(&stage, Cutouts::Smooth, how), &catalog, 4);
+    let resources = Arc::new(SceneResources::new(&stage));
+    let of = |how| plan(&with(&stage, Cutouts::Smooth, how), &resources, 4);
     let mut fewer = of(Transparency::Independent)?;
-    if let Some(peel) = &mut fewer.peel {
+    if let Some(peel) = &mut fewer.depth_peeling {
         peel.layers = 2;
     }
     let ways = [
@@ -144,7 +144,7 @@ fn panes() -> Result<Choice, String> {
         ("2 layers, the rest sorted", fewer),
         ("independent", of(Transparency::Independent)?),
     ];
-    measured(&mut choice, &catalog, &ways, &exact())?;
+    measured(&mut choice, &resources, &ways, &exact())?;
     choice.choose(
         "independent, Vulkan",
         "where boxes cross or stand in the wrong order; sorted everywhere else",

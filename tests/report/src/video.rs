@@ -11,7 +11,7 @@ pub fn section() -> Result<Section, String> {
     let stage = scenes::script("01_first_dance.rhai", &registry)?;
     let moment = Moment::new(&stage, Time::from_secs(5.0), registry.effects()).map_err(|e| e.to_string())?;
     let mut renderer = CpuRenderer::new(registry.effects());
-    renderer.load(moment.catalog.clone()).map_err(|e| e.to_string())?;
+    renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
     let frame = moment.draw(&mut renderer, [1280, 720], 4).map_err(|e| e.to_string())?;
     let mut choice = video(&frame, &export_mp4::Mp4Exporter)?;
     choice.question =

@@ -40,7 +40,7 @@ const TARGETS: &[Target] = &[
     importer("import_stl", &["plugins/import-stl/tests/data"], &["stl"]),
     importer("import_bvh", &["plugins/import-bvh/tests/data"], &["bvh"]),
     importer("import_collada", &["plugins/import-collada/tests/data"], &["dae"]),
-    target("dropin", &["scripts/08_plugins/plugins", "core/cli/src/commands/new"], &["rhai"]),
+    target("dropin", &["scripts/08_plugins/plugins", "core/command_line/src/commands/new"], &["rhai"]),
     target("outputs", &["tests/suite", "tests/pictures"], &["png"]),
     target("resume", &[], &[]),
     target("motion", &[], &[]),

@@ -15,7 +15,7 @@ const MOST_SIDE: u32 = 512;
 const WAYS: [&str; 3] = ["linear light, unrounded levels", "linear light, rounded levels", "sRGB codes"];
 
 pub fn choices(scene: &Scene, moment: &Moment) -> Found {
-    let textures = moment.catalog.textures.iter().filter(|t| t.srgb && t.mipmaps);
+    let textures = moment.resources.textures.iter().filter(|t| t.srgb && t.mipmaps);
     let largest = textures.max_by_key(|t| u64::from(t.image.width) * u64::from(t.image.height));
     let Some(texture) = largest.filter(|t| t.image.width > 1 && t.image.height > 1) else {
         return Found::None("no texture of colors has mipmaps".into());

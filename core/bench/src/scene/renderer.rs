@@ -15,7 +15,7 @@ const MOST_PIXELS: u32 = 1280 * 720;
 const TOLERANCE: u8 = 8;
 
 pub fn choices(scene: &mut Scene, moment: &Moment) -> Result<Found, String> {
-    if moment.catalog.primitives.is_empty() {
+    if moment.resources.primitives.is_empty() {
         return Ok(Found::None("there is nothing to draw".into()));
     }
     let [width, height] = scene.size;
@@ -34,9 +34,9 @@ pub fn choices(scene: &mut Scene, moment: &Moment) -> Result<Found, String> {
     );
     let mut rows = Vec::new();
     for renderer in &mut scene.renderers {
-        renderer.load(moment.catalog.clone()).map_err(told)?;
+        renderer.load(moment.resources.clone()).map_err(told)?;
         let name = match renderer.device().kind {
-            DeviceKind::CpuTwin => "CPU renderer".to_string(),
+            DeviceKind::CpuReference => "CPU renderer".to_string(),
             _ => format!("Vulkan ({})", short(&renderer.device().name)),
         };
         for samples in [1, 4] {

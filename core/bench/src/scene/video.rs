@@ -21,7 +21,7 @@ pub fn choices(scene: &Scene, moment: &Moment) -> Result<Found, String> {
     // Even sides, as the format needs.
     let size = scene.size.map(|n| (n & !1).clamp(16, 1920));
     let mut renderer = CpuRenderer::new(&moment.effects);
-    renderer.load(moment.catalog.clone()).map_err(|e| e.to_string())?;
+    renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
     let frame = moment
         .draw(&mut renderer, size, scene.stage.settings.samples.unwrap_or(4))
         .map_err(|e| e.to_string())?;

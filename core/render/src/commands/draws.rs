@@ -1,30 +1,27 @@
-//! Draws as commands: what is bound already is not bound again; layers of what is seen through.
+//! Draws as commands. State that is bound is not bound again.
 
-use crate::Plan;
+use crate::commands::deferred::gbuffer_key;
+use crate::commands::scene::ScenePass;
 use crate::commands::texture_limit::fitting;
-use crate::commands::{Command, Cull, RecordOptions, Target, UNIFORM_JOINTS, cull_of, texture_slots};
-use crate::plan::build::deferred::Deferred;
-use crate::plan::{Draw, Features, PipelineKey};
+use crate::commands::{Command, Cull, Recorder, UNIFORM_JOINTS, cull_of, texture_slots};
+use crate::plan::{Draw, Features, PipelineKey, Plan};
 use crate::scene_resources::vertex_layout::VertexLayout;
 use crate::shader::{DeferredPass, LightLoop, PeelPass, SceneVariant};
 use glam::Vec4;
 
-/// The picture's pass is ended; then each layer is found and mixed, and what is nearer than all of them is mixed as it is sorted.
-pub fn layers(
-    plan: &Plan,
-    mut commands: Vec<Command>,
-    (target, area, options): (Target, Option<[u32; 4]>, RecordOptions),
+/// Depth peeling: ends the scene's pass, finds and blends each layer, then blends nearer surfaces in sorted order.
+pub(super) fn record_peeled_layers(
+    recorder: Recorder,
+    commands: &mut Vec<Command>,
+    &ScenePass { target, samples, area, .. }: &ScenePass,
     layers: u32,
-    draws: &[Draw],
-    triangles: &dyn Fn(u32) -> usize,
-) -> Vec<Command> {
-    let samples = plan.samples;
+    transparent: &[Draw],
+) {
     let mut pass = |begin: Command, peel: PeelPass| {
         commands.extend([Command::EndPass, begin]);
-        let mut state = DrawState::new(plan, std::mem::take(&mut commands), false, options, triangles);
-        state.peel = peel;
-        draws.iter().for_each(|draw| state.draw(draw, cull_of(draw)));
-        commands = state.commands;
+        let mut draws = DrawRecorder::new(recorder, commands);
+        draws.peel = peel;
+        transparent.iter().for_each(|draw| draws.draw(draw, cull_of(draw)));
     };
     let peel = if samples > 1 { PeelPass::Several } else { PeelPass::One };
     for layer in 0..layers {
@@ -33,65 +30,64 @@ pub fn layers(
     }
     pass(Command::BeginLayer { layer: layers - 1, rest: true, target, samples, area }, PeelPass::No);
     commands.push(Command::EndPass);
-    commands
 }
 
-/// What is bound, so that nothing is bound twice.
-pub struct DrawState<'a> {
-    plan: &'a Plan,
-    pub commands: Vec<Command>,
-    shadow_pass: bool,
+/// Records the draws of a pass, and keeps track of the bound state.
+pub(super) struct DrawRecorder<'a> {
+    pub recorder: Recorder<'a>,
+    pub commands: &'a mut Vec<Command>,
+    /// Draws into shadow maps.
+    pub shadow_pass: bool,
+    /// Draws into the G-buffer.
+    pub gbuffer: bool,
+    pub peel: PeelPass,
+    bound: BoundState,
+}
+
+#[derive(Default)]
+struct BoundState {
     cull: Option<Cull>,
-    pub pipeline: Option<SceneVariant>,
+    pipeline: Option<SceneVariant>,
     material: Option<(u32, Option<u32>, u32)>,
     mesh: Option<(u32, VertexLayout, bool)>,
-    options: RecordOptions,
-    /// Of one copy of a primitive.
-    triangles: &'a dyn Fn(u32) -> usize,
-    peel: PeelPass,
-    /// Draws without light: what is kept of surfaces.
-    pub geometry: bool,
 }
 
-impl<'a> DrawState<'a> {
-    pub fn new(
-        plan: &'a Plan,
-        commands: Vec<Command>,
-        shadow_pass: bool,
-        options: RecordOptions,
-        triangles: &'a dyn Fn(u32) -> usize,
-    ) -> DrawState<'a> {
-        DrawState {
-            plan,
-            commands,
-            shadow_pass,
-            cull: None,
-            pipeline: None,
-            material: None,
-            mesh: None,
-            options,
-            triangles,
-            peel: PeelPass::No,
-            geometry: false,
-        }
+impl<'a> DrawRecorder<'a> {
+    pub fn new(recorder: Recorder<'a>, commands: &'a mut Vec<Command>) -> DrawRecorder<'a> {
+        let bound = BoundState::default();
+        DrawRecorder { recorder, commands, shadow_pass: false, gbuffer: false, peel: PeelPass::No, bound }
+    }
+
+    /// A new pass has begun, in which nothing is bound.
+    pub fn forget_state(&mut self) {
+        self.bound = BoundState::default();
     }
 
     pub fn set_cull(&mut self, cull: Cull) {
-        if self.cull != Some(cull) {
+        if self.bound.cull != Some(cull) {
             self.commands.push(Command::SetCull(cull));
-            self.cull = Some(cull);
+            self.bound.cull = Some(cull);
         }
     }
 
-    /// The faces that are wanted and may be seen: of closed surfaces the front ones alone.
+    /// Records a full-screen draw, which binds a pipeline of its own.
+    pub fn draw_full_screen(&mut self, command: Command) {
+        self.set_cull(Cull::None);
+        self.commands.push(command);
+        self.bound.pipeline = None;
+    }
+
+    /// Records a draw without the faces that `cull` names, and without the back faces of watertight surfaces.
     pub fn draw(&mut self, draw: &Draw, cull: Cull) {
-        let all = 3 * (self.triangles)(draw.primitive) as u32;
-        let closed = draw.closed.min(all);
+        let all = 3 * (self.recorder.triangles)(draw.primitive) as u32;
+        let watertight = draw.watertight.min(all);
         let parts = match cull {
-            _ if closed == 0 => [(cull, None), (cull, Some([0, 0]))],
-            Cull::None => [(Cull::Back, Some([0, closed])), (Cull::None, Some([closed, all - closed]))],
+            _ if watertight == 0 => [(cull, None), (cull, Some([0, 0]))],
+            Cull::None => {
+                [(Cull::Back, Some([0, watertight])), (Cull::None, Some([watertight, all - watertight]))]
+            }
             Cull::Back => [(Cull::Back, None), (cull, Some([0, 0]))],
-            Cull::Front => [(Cull::Front, Some([closed, all - closed])), (cull, Some([0, 0]))],
+            Cull::Front => [(Cull::Front, Some([watertight, all - watertight])), (cull, Some([0, 0]))],
         };
         for (cull, indices) in parts {
             if indices.is_none_or(|[_, count]| count > 0) {
@@ -103,37 +99,35 @@ impl<'a> DrawState<'a> {
     fn draw_part(&mut self, draw: &Draw, cull: Cull, indices: Option<[u32; 2]>) {
         let variant = self.variant(draw);
         let features = variant.key.features;
-        if self.pipeline != Some(variant) {
+        if self.bound.pipeline != Some(variant) {
             self.commands.push(Command::BindPipeline(variant));
-            self.pipeline = Some(variant);
+            self.bound.pipeline = Some(variant);
         }
         self.set_cull(cull);
         let slots = texture_slots(features);
         let reads_material = !self.shadow_pass || features.has(Features::ALPHA_MASK);
-        let Draw { material, changed, .. } = *draw;
-        if reads_material && self.material != Some((material, changed, slots)) {
-            self.commands.push(Command::BindMaterial { material, changed, slots });
-            self.material = Some((material, changed, slots));
+        let Draw { material, material_override, .. } = *draw;
+        if reads_material && self.bound.material != Some((material, material_override, slots)) {
+            self.commands.push(Command::BindMaterial { material, material_override, slots });
+            self.bound.material = Some((material, material_override, slots));
         }
-        let order = if draw.closed > 0 { VertexLayout::CLOSED } else { 0 };
+        let order = if draw.watertight > 0 { VertexLayout::WATERTIGHT_FIRST } else { 0 };
         let layout = VertexLayout(VertexLayout::of(features).0 | order);
         let mesh = (draw.primitive, layout, features.has(Features::MORPH));
-        if self.mesh != Some(mesh) {
+        if self.bound.mesh != Some(mesh) {
             self.commands.push(Command::BindMesh { primitive: mesh.0, layout: mesh.1, morphs: mesh.2 });
-            self.mesh = Some(mesh);
+            self.bound.mesh = Some(mesh);
         }
         let Draw { first_instance, instance_count, .. } = *draw;
         self.commands.push(Command::Draw { first_instance, instance_count, indices });
     }
 
     fn variant(&self, draw: &Draw) -> SceneVariant {
-        let (plan, mut key) = (self.plan, draw.pipeline);
-        if self.geometry {
-            key = Deferred::geometry(key);
-        }
-        key.features = fitting(key.features, self.options.textures).0;
-        key.coverage &= !self.options.no_coverage;
-        key.peeled &= !self.options.no_layers;
+        let Recorder { plan, options, .. } = self.recorder;
+        let mut key = if self.gbuffer { gbuffer_key(draw.pipeline) } else { draw.pipeline };
+        key.features = fitting(key.features, options.textures).0;
+        key.coverage &= !options.no_coverage;
+        key.peeled &= !options.no_depth_peeling;
         let first = draw.first_instance as usize;
         let end = (first + draw.instance_count as usize).min(plan.instances.len());
         let drawn = plan.instances.get(first..end).unwrap_or(&[]);
@@ -141,21 +135,21 @@ impl<'a> DrawState<'a> {
             key,
             tint: drawn.iter().any(|i| i.tint != Vec4::ONE),
             joints_uniform: key.features.has(Features::SKIN) && plan.joint_matrices.len() <= UNIFORM_JOINTS,
-            lights: match key.features.is_lit() && !self.geometry {
+            lights: match key.features.is_lit() && !self.gbuffer {
                 true => light_loop(plan, &key),
                 false => LightLoop::All,
             },
             shadow_pass: self.shadow_pass,
             peel: self.peel,
-            deferred: if self.geometry { DeferredPass::Geometry } else { DeferredPass::No },
+            deferred: if self.gbuffer { DeferredPass::Geometry } else { DeferredPass::No },
         }
     }
 }
 
-/// Which lights a lit pixel asks.
-pub fn light_loop(plan: &Plan, key: &PipelineKey) -> LightLoop {
-    match &plan.light_lists {
-        // An effect on light may make something of lamps that do not reach.
+/// Which lights a lit pixel evaluates.
+pub(super) fn light_loop(plan: &Plan, key: &PipelineKey) -> LightLoop {
+    match &plan.light_clusters {
+        // A lighting effect may add light where a light has no effect.
         Some(_) if key.lighting == 0 => LightLoop::Lists,
         _ if plan.lights.len() == 1 => LightLoop::One,
         _ => LightLoop::All,

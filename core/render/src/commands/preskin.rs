@@ -1,48 +1,36 @@
-//! Bodies that several passes draw are posed once: a compute stage does what the vertex stage would do again in every pass (skin,
-//! morphs, normals, tangents), and all passes read its vertices. Found from a recording, so that whatever a pass is for counts.
+//! Pre-skinning: meshes that several passes draw are skinned and morphed once, by a compute pass, whose vertices all passes read.
+//! A recording is rewritten, so that draws of every pass count.
 //!
-//! What is drawn once stays with the vertex stage: no pipeline, no buffer. So does what needs more of a pose than its vertices
-//! (effects that move corners, refraction, triplanar textures, joint colours, wide lines).
+//! Meshes that are drawn once stay with the vertex shader: no compute pipeline, no buffer. So do those whose shader needs more
+//! than deformed vertices (displacement effects, refraction, triplanar textures, joint colors, thick lines).
 
-use crate::commands::{Command, RecordOptions, Recording, UNIFORM_JOINTS};
-use crate::plan::{Features, LeftOut, Plan};
-use crate::scene_resources::Catalog;
+use crate::commands::{Command, Recorder, Recording, UNIFORM_JOINTS};
+use crate::plan::{Features, LeftOut, PipelineKey, Plan};
+use crate::scene_resources::SceneResources;
 use crate::scene_resources::vertex_layout::VertexLayout;
 use crate::shader::SceneVariant;
 use choreo_stage::SkinOnce;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Mean draws of a body from which posing it once pays: measured on lavapipe (`cargo xtask report passes`), 1 to 8 % slower with one or
-/// two, as fast with three and four, 0 to 6 % faster from five on, alone and 25 times. GPUs are not measured; with fewer draws a
-/// crowd would pay megabytes for its vertices and nothing that is known.
-pub const PAYS: f64 = 5.0;
-/// Bodies of one mesh: work groups of one dimension that every device has.
-const MOST_BODIES: usize = 65_535;
+/// Mean number of draws of a mesh from which pre-skinning pays: measured on lavapipe (`cargo xtask report passes`), 1 to 8 % slower
+/// with one or two, as fast with three and four, 0 to 6 % faster from five on, alone and 25 times. GPUs are not measured; with
+/// fewer draws a crowd would pay megabytes for its vertices for no known gain.
+const DRAWS_THAT_PAY: f64 = 5.0;
+/// Largest number of instances of one mesh: the work groups of one dimension that every device supports.
+const MOST_INSTANCES: usize = 65_535;
 
-impl Features {
-    /// Vertices are read where the compute stage left them. In recordings only: a plan keeps how they are posed.
-    pub const POSED: Features = Features(1 << 63);
-    /// How vertices are posed.
-    pub const POSE: Features =
-        Features(Self::SKIN.0 | Self::SKIN_8.0 | Self::SKIN_DUAL.0 | Self::SKIN_PLACED.0 | Self::MORPH.0);
-
-    const fn and(self, other: Features) -> Features {
-        Features(self.0 & other.0)
-    }
-}
-
-/// What a compute pipeline is made for.
+/// What selects a pre-skinning pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct PoseVariant {
-    /// Of [`Features::POSE`].
+pub struct PreskinVariant {
+    /// A subset of [`Features::POSE`].
     pub features: Features,
     pub normals: bool,
     pub tangents: bool,
     pub joints_uniform: bool,
 }
 
-impl PoseVariant {
-    /// Names of the switches that are on, as the modules write them.
+impl PreskinVariant {
+    /// Names of the shader switches that are on.
     pub fn switches(&self) -> Vec<&'static str> {
         let of = |f| self.features.has(f);
         let all = [
@@ -58,12 +46,12 @@ impl PoseVariant {
         all.iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect()
     }
 
-    /// Numbers (f32) of one vertex.
-    pub fn numbers(&self) -> u64 {
+    /// Number of f32 of one vertex.
+    pub(crate) fn numbers(&self) -> u64 {
         3 + if self.normals { 3 } else { 0 } + if self.tangents { 4 } else { 0 }
     }
 
-    /// Of the vertices that are read.
+    /// Layout of the vertices that are read.
     fn layout(&self, order: u16) -> VertexLayout {
         let skin = if self.features.has(Features::SKIN) { 1 << 6 | 1 << 7 } else { 0 };
         let more = if self.features.has(Features::SKIN_8) { 1 << 8 | 1 << 9 } else { 0 };
@@ -71,31 +59,33 @@ impl PoseVariant {
     }
 }
 
-/// A body in its pose, and who draws it.
+/// A mesh with one set of joint matrices and morph weights.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct PosedBody {
-    /// Indices into `Plan::instances`; all have the pose of the first.
+pub struct PreskinnedMesh {
+    /// Indices into `Plan::instances` that draw it: all deform alike.
     pub instances: Vec<u32>,
 }
 
-/// A mesh, the order of its vertices and how they are posed.
-type Kind = (u32, u16, Features);
+/// Primitive, order of its vertices, and features that deform them.
+type MeshKey = (u32, u16, Features);
 
+/// Draws of one mesh.
 #[derive(Default)]
-struct Of {
+struct MeshDraws {
     normals: bool,
     tangents: bool,
-    /// Draws of the whole mesh, of all bodies together.
+    /// Number of draws of the whole mesh, of all its deformations together.
     drawn: f64,
-    bodies: BTreeMap<[u32; 15], PosedBody>,
+    deformations: BTreeMap<[u32; 15], PreskinnedMesh>,
 }
 
-/// Meshes that some draw takes with their closed surfaces first: what writes depth looks alike in any order, so that one body serves both.
+/// Primitives that some draw reads with watertight surfaces first. Draws that write depth look the same in any order, so they
+/// share these vertices.
 type Sorted = BTreeSet<u32>;
 
 fn sorted(commands: &[Command]) -> Sorted {
     let of = |command: &Command| match command {
-        Command::BindMesh { primitive, layout, .. } if layout.0 & VertexLayout::CLOSED != 0 => {
+        Command::BindMesh { primitive, layout, .. } if layout.0 & VertexLayout::WATERTIGHT_FIRST != 0 => {
             Some(*primitive)
         }
         _ => None,
@@ -105,67 +95,65 @@ fn sorted(commands: &[Command]) -> Sorted {
 
 fn order(variant: &SceneVariant, primitive: u32, layout: VertexLayout, sorted: &Sorted) -> u16 {
     match variant.key.writes_depth() && sorted.contains(&primitive) {
-        true => VertexLayout::CLOSED,
-        false => layout.0 & VertexLayout::CLOSED,
+        true => VertexLayout::WATERTIGHT_FIRST,
+        false => layout.0 & VertexLayout::WATERTIGHT_FIRST,
     }
 }
 
-fn kind(variant: &SceneVariant, primitive: u32, layout: VertexLayout, sorted: &Sorted) -> Option<Kind> {
+fn mesh_key(
+    variant: &SceneVariant,
+    primitive: u32,
+    layout: VertexLayout,
+    sorted: &Sorted,
+) -> Option<MeshKey> {
     let features = variant.key.features;
     let more =
         [Features::WIDE, Features::SEEN_JOINTS, Features::VOLUME, Features::REFRACTION, Features::TRIPLANAR];
-    let pose = features.and(Features::POSE);
+    let pose = features.only(Features::POSE);
     let plain = variant.key.displaced == 0 && !more.iter().any(|f| features.has(*f));
     let order = order(variant, primitive, layout, sorted) | layout.0 & VertexLayout::WELDED;
     (pose != Features::default() && plain).then_some((primitive, order, pose))
 }
 
-/// Poses that pay come first, and their draws read them. `triangles`: of one copy of a catalogue's primitive.
-pub fn pose_once(
-    plan: &Plan,
-    recording: Recording,
-    options: RecordOptions,
-    triangles: &dyn Fn(u32) -> usize,
-) -> Recording {
+/// Adds the pre-skinning that pays, and makes the draws read its vertices.
+pub(super) fn preskin(recorder: Recorder, recording: Recording) -> Recording {
+    let plan = recorder.plan;
     let least = match plan.skin_once {
-        _ if options.no_compute => return recording,
+        _ if recorder.options.no_compute => return recording,
         SkinOnce::Never => return recording,
         SkinOnce::Always => 0.0,
-        SkinOnce::Auto => PAYS,
+        SkinOnce::Auto => DRAWS_THAT_PAY,
     };
     let sorted = sorted(&recording.commands);
-    let mut kinds = kinds(plan, &recording, triangles, &sorted);
-    kinds.retain(|_, of| of.bodies.len() <= MOST_BODIES && of.drawn >= least * of.bodies.len() as f64);
-    if kinds.is_empty() {
+    let mut meshes = mesh_draws(recorder, &recording, &sorted);
+    meshes.retain(|_, m| {
+        m.deformations.len() <= MOST_INSTANCES && m.drawn >= least * m.deformations.len() as f64
+    });
+    if meshes.is_empty() {
         return recording;
     }
     let joints_uniform = plan.joint_matrices.len() <= UNIFORM_JOINTS;
-    let mut posed = Vec::new();
-    let mut poses = Vec::new();
-    for ((primitive, order, features), of) in &mut kinds {
-        let (normals, tangents) = (of.normals, of.tangents);
+    let (mut preskinned, mut dispatches) = (Vec::new(), Vec::new());
+    for ((primitive, order, features), draws) in &mut meshes {
+        let (normals, tangents) = (draws.normals, draws.tangents);
         let joints_uniform = joints_uniform && features.has(Features::SKIN);
-        let variant = PoseVariant { features: *features, normals, tangents, joints_uniform };
+        let variant = PreskinVariant { features: *features, normals, tangents, joints_uniform };
         let layout = variant.layout(*order);
-        let (first, count) = (posed.len() as u32, of.bodies.len() as u32);
-        posed.extend(std::mem::take(&mut of.bodies).into_values());
-        poses.push(Command::Pose { variant, primitive: *primitive, layout, first, count });
+        let (first, count) = (preskinned.len() as u32, draws.deformations.len() as u32);
+        preskinned.extend(std::mem::take(&mut draws.deformations).into_values());
+        dispatches.push(Command::Preskin { variant, primitive: *primitive, layout, first, count });
     }
-    poses.push(Command::EndPoses);
+    dispatches.push(Command::EndPreskin);
     Recording {
-        commands: rewritten(recording.commands, poses, &sorted, |k| kinds.contains_key(&k)),
-        posed,
+        commands: rewritten(recording.commands, dispatches, &sorted, |k| meshes.contains_key(&k)),
+        preskinned,
         ..recording
     }
 }
 
-fn kinds(
-    plan: &Plan,
-    recording: &Recording,
-    triangles: &dyn Fn(u32) -> usize,
-    sorted: &Sorted,
-) -> BTreeMap<Kind, Of> {
-    let mut kinds: BTreeMap<Kind, Of> = BTreeMap::new();
+fn mesh_draws(recorder: Recorder, recording: &Recording, sorted: &Sorted) -> BTreeMap<MeshKey, MeshDraws> {
+    let Recorder { plan, triangles, .. } = recorder;
+    let mut meshes: BTreeMap<MeshKey, MeshDraws> = BTreeMap::new();
     let (mut variant, mut mesh) = (None, None);
     for command in &recording.commands {
         match command {
@@ -173,40 +161,40 @@ fn kinds(
             Command::BindMesh { primitive, layout, .. } => mesh = Some((*primitive, *layout)),
             Command::Draw { first_instance, instance_count, indices } => {
                 let (Some(v), Some((primitive, layout))) = (variant, mesh) else { continue };
-                let Some(kind) = kind(&v, primitive, layout, sorted) else { continue };
-                let of = kinds.entry(kind).or_default();
-                of.normals |= layout.has(1);
-                of.tangents |= layout.has(2);
+                let Some(key) = mesh_key(&v, primitive, layout, sorted) else { continue };
+                let draws = meshes.entry(key).or_default();
+                draws.normals |= layout.has(1);
+                draws.tangents |= layout.has(2);
                 let share =
                     indices.map_or(1.0, |[_, n]| f64::from(n) / (3 * triangles(primitive)).max(1) as f64);
-                of.drawn += share * f64::from(*instance_count);
+                draws.drawn += share * f64::from(*instance_count);
                 for i in *first_instance..first_instance + instance_count {
                     let Some(instance) = plan.instances.get(i as usize) else { continue };
-                    let drawn_by = &mut of.bodies.entry(instance.pose()).or_default().instances;
-                    if !drawn_by.contains(&i) {
-                        drawn_by.push(i);
+                    let mesh = draws.deformations.entry(instance.deformation()).or_default();
+                    if !mesh.instances.contains(&i) {
+                        mesh.instances.push(i);
                     }
                 }
             }
             _ => {}
         }
     }
-    kinds
+    meshes
 }
 
-/// Pipelines and meshes are bound right before the draw that needs them, where they are not bound yet.
+/// Binds pipelines and meshes right before the draw that needs them, if they are not bound yet.
 fn rewritten(
     commands: Vec<Command>,
-    poses: Vec<Command>,
+    dispatches: Vec<Command>,
     sorted: &Sorted,
-    is_posed: impl Fn(Kind) -> bool,
+    is_preskinned: impl Fn(MeshKey) -> bool,
 ) -> Vec<Command> {
-    let mut out = Vec::with_capacity(commands.len() + poses.len());
+    let mut out = Vec::with_capacity(commands.len() + dispatches.len());
     let (mut variant, mut mesh) = (None, None);
     let (mut bound_variant, mut bound_mesh) = (None, None);
     // Bound, and not yet used.
     let mut waits = None;
-    let mut poses = Some(poses);
+    let mut dispatches = Some(dispatches);
     for command in commands {
         match command {
             Command::BindPipeline(v) => (variant, waits) = (Some(v), Some(v)),
@@ -214,8 +202,8 @@ fn rewritten(
             Command::Draw { .. } => {
                 waits = None;
                 let now = variant.zip(mesh).map(|(v, m)| {
-                    match kind(&v, m.0, m.1, sorted).filter(|k| is_posed(*k)) {
-                        Some(_) => drawn_posed(v, m.0, order(&v, m.0, m.1, sorted)),
+                    match mesh_key(&v, m.0, m.1, sorted).filter(|k| is_preskinned(*k)) {
+                        Some(_) => preskinned_draw(v, m.0, order(&v, m.0, m.1, sorted)),
                         None => (v, m),
                     }
                 });
@@ -236,7 +224,7 @@ fn rewritten(
             }
             Command::UploadFrameData { .. } => {
                 out.push(command);
-                out.extend(poses.take().into_iter().flatten());
+                out.extend(dispatches.take().into_iter().flatten());
             }
             // Another pass, or a draw without a mesh.
             _ => {
@@ -249,31 +237,33 @@ fn rewritten(
     out
 }
 
-fn drawn_posed(v: SceneVariant, primitive: u32, order: u16) -> (SceneVariant, (u32, VertexLayout, bool)) {
+fn preskinned_draw(v: SceneVariant, primitive: u32, order: u16) -> (SceneVariant, (u32, VertexLayout, bool)) {
     let features = v.key.features.without(Features::POSE).with(Features::POSED);
-    let key = crate::plan::PipelineKey { features, ..v.key };
+    let key = PipelineKey { features, ..v.key };
     let layout = VertexLayout(VertexLayout::of(features).0 | order);
     (SceneVariant { key, joints_uniform: false, ..v }, (primitive, layout, false))
 }
 
 impl Recording {
-    /// Bodies posed by the compute stage and their vertices.
-    pub fn posed_vertices(&self, catalog: &Catalog) -> (usize, u64) {
-        self.poses(catalog).fold((0, 0), |(bodies, all), (count, vertices, _)| {
-            (bodies + count, all + count as u64 * vertices)
+    /// Numbers of pre-skinned meshes and of their vertices.
+    pub fn preskinned_vertices(&self, resources: &SceneResources) -> (usize, u64) {
+        self.dispatches(resources).fold((0, 0), |(meshes, all), (count, vertices, _)| {
+            (meshes + count, all + count as u64 * vertices)
         })
     }
 
-    /// Of the buffer that holds them.
-    pub fn posed_bytes(&self, catalog: &Catalog) -> u64 {
-        self.poses(catalog).map(|(count, vertices, numbers)| 4 * count as u64 * vertices * numbers).sum()
+    /// Size of the buffer of the pre-skinned vertices in bytes.
+    pub fn preskinned_bytes(&self, resources: &SceneResources) -> u64 {
+        self.dispatches(resources)
+            .map(|(count, vertices, numbers)| 4 * count as u64 * vertices * numbers)
+            .sum()
     }
 
-    /// Bodies, vertices of each and numbers of each vertex.
-    fn poses(&self, catalog: &Catalog) -> impl Iterator<Item = (usize, u64, u64)> {
+    /// (meshes, vertices of each, f32 of each vertex) of each dispatch.
+    fn dispatches(&self, resources: &SceneResources) -> impl Iterator<Item = (usize, u64, u64)> {
         self.commands.iter().filter_map(|command| match command {
-            Command::Pose { variant, primitive, count, .. } => {
-                let mesh = catalog.primitives.get(*primitive as usize);
+            Command::Preskin { variant, primitive, count, .. } => {
+                let mesh = resources.primitives.get(*primitive as usize);
                 let vertices = mesh.map_or(0, |m| m.primitive().positions.len());
                 Some((*count as usize, vertices as u64, variant.numbers()))
             }
@@ -281,19 +271,21 @@ impl Recording {
         })
     }
 
-    /// Why nothing is posed once, where something is posed.
+    /// Why nothing is pre-skinned, if anything is skinned or morphed.
     pub fn left_out(&self, plan: &Plan) -> Option<LeftOut> {
-        let posed = |c: &Command| match c {
-            Command::BindPipeline(v) => v.key.features.and(Features::POSE) != Features::default(),
+        let deformed = |c: &Command| match c {
+            Command::BindPipeline(v) => v.key.features.only(Features::POSE) != Features::default(),
             _ => false,
         };
-        if !self.posed.is_empty() || !self.commands.iter().any(posed) {
+        if !self.preskinned.is_empty() || !self.commands.iter().any(deformed) {
             return None;
         }
         let why = match plan.skin_once {
             SkinOnce::Never => "the stage's skin_once is false".to_string(),
             _ => {
-                format!("no mesh is drawn often enough: {PAYS} times a frame and body (on GPUs not measured)")
+                format!(
+                    "no mesh is drawn often enough: {DRAWS_THAT_PAY} times a frame and instance (on GPUs not measured)"
+                )
             }
         };
         Some(LeftOut { what: "skinning once for all passes".into(), why })

@@ -1,4 +1,4 @@
-//! A recording as text, a line a command.
+//! A recording as text, one line for each command.
 
 use crate::commands::{Command, Recording};
 use std::fmt;
@@ -12,22 +12,22 @@ impl fmt::Display for Recording {
                     f,
                     "upload {instances} instances, {joints} joints, {morphs} morphs, {lights} lights"
                 )?,
-                Command::Pose { variant, primitive, count, .. } => {
-                    writeln!(f, "pose {count} of mesh {primitive}: {}", variant.switches().join(" "))?
+                Command::Preskin { variant, primitive, count, .. } => {
+                    writeln!(f, "pre-skin {count} of mesh {primitive}: {}", variant.switches().join(" "))?
                 }
-                Command::EndPoses => writeln!(f, "end of poses")?,
+                Command::EndPreskin => writeln!(f, "end of pre-skinning")?,
                 Command::BeginShadows { size: [w, h], .. } => writeln!(f, "begin shadow maps {w}×{h}")?,
                 Command::ShadowView { index, at, size: [w, h] } => {
                     writeln!(f, "  view {index}: {w}×{h} at {at:?}")?
                 }
-                Command::BeginGeometry => writeln!(f, "begin what is kept of surfaces")?,
+                Command::BeginGeometry => writeln!(f, "begin G-buffer")?,
                 Command::DrawLight { area } => {
                     let area = area.map_or(String::new(), |[x, y, w, h]| format!(", {w}×{h} at {x}, {y}"));
                     writeln!(f, "  light{area}")?
                 }
                 Command::CopyBackground => writeln!(f, "copy background")?,
                 Command::DrawSky { .. } => writeln!(f, "  draw sky")?,
-                Command::DrawUnder => writeln!(f, "  draw layers under the scene")?,
+                Command::DrawLayersBehind => writeln!(f, "  draw layers behind the scene")?,
                 Command::SetCull(cull) => writeln!(f, "  cull {cull:?}")?,
                 Command::BeginPass { target, samples, clear, depth, area, .. } => {
                     let clear = clear.map_or("load".into(), |c| format!("clear {c}"));
@@ -35,11 +35,11 @@ impl fmt::Display for Recording {
                     let area = area.map_or(String::new(), |[x, y, w, h]| format!(", {w}×{h} at {x}, {y}"));
                     writeln!(f, "begin {target:?}, {samples} samples, {clear}{depth}{area}")?
                 }
-                Command::BeginPeel { layer, .. } => writeln!(f, "begin depths of layer {layer}")?,
+                Command::BeginPeel { layer, .. } => writeln!(f, "begin depth of layer {layer}")?,
                 Command::BeginLayer { layer, rest, .. } => writeln!(
                     f,
                     "begin {} layer {layer}",
-                    if *rest { "what is nearer than" } else { "colours of" }
+                    if *rest { "surfaces nearer than" } else { "color of" }
                 )?,
                 Command::BindPipeline(v) => {
                     writeln!(f, "  pipeline {:?} {}", v.key.topology, crate::shader::switches(v).join(" "))?
@@ -52,7 +52,7 @@ impl fmt::Display for Recording {
                     let part = indices.map_or(String::new(), |[i, n]| format!(", indices {i} to {}", i + n));
                     writeln!(f, "  draw {instance_count} from {first_instance}{part}")?
                 }
-                Command::CopyBehind { levels, .. } => writeln!(f, "copy behind glass, {levels} levels")?,
+                Command::CopySceneColor { levels, .. } => writeln!(f, "copy scene color, {levels} levels")?,
                 Command::DrawBackground { .. } => writeln!(f, "  background")?,
                 Command::EndPass => writeln!(f, "end")?,
                 Command::PostPass { effect, from, to, size, .. } => {

@@ -1,11 +1,11 @@
-//! What of a material's textures a device that binds few leaves out.
+//! Textures of a material that are left out on a device that binds few.
 
 use crate::commands::{BASE_TEXTURES, texture_slots};
-use crate::plan::Features;
-use crate::scene_resources::CatalogMaterial;
+use crate::plan::{Features, features_layers};
+use crate::scene_resources::material::MaterialResource;
 
-/// The least visible first: factors stand in for what is left out.
-pub const LEAST_VISIBLE: [(Features, &str); 12] = [
+/// Textures in the order in which they are left out, the least visible first; their factors are used instead.
+const LEAST_VISIBLE: [(Features, &str); 12] = [
     (Features::IRIDESCENCE_THICKNESS_TEXTURE, "thickness of the film"),
     (Features::SHEEN_ROUGHNESS_TEXTURE, "roughness of the sheen"),
     (Features::CLEARCOAT_ROUGHNESS_TEXTURE, "roughness of the coat"),
@@ -16,12 +16,12 @@ pub const LEAST_VISIBLE: [(Features, &str); 12] = [
     (Features::IRIDESCENCE_TEXTURE, "iridescence"),
     (Features::ANISOTROPY_TEXTURE, "anisotropy"),
     (Features::OCCLUSION_TEXTURE, "occlusion"),
-    (Features::SPECULAR_COLOR_TEXTURE, "specular colour"),
-    (Features::SHEEN_COLOR_TEXTURE, "sheen colour"),
+    (Features::SPECULAR_COLOR_TEXTURE, "specular color"),
+    (Features::SHEEN_COLOR_TEXTURE, "sheen color"),
 ];
 
 /// The features with as few textures as a device can bind, and the names of those left out.
-pub fn fitting(features: Features, most: Option<u32>) -> (Features, Vec<&'static str>) {
+pub(super) fn fitting(features: Features, most: Option<u32>) -> (Features, Vec<&'static str>) {
     let (mut features, mut out) = (features, Vec::new());
     let too_many = |f: Features| most.is_some_and(|most| texture_slots(f).count_ones() > most);
     for (bit, name) in LEAST_VISIBLE {
@@ -33,10 +33,10 @@ pub fn fitting(features: Features, most: Option<u32>) -> (Features, Vec<&'static
     (features, out)
 }
 
-/// Names of a material's textures that a device that binds so many leaves out.
-pub fn textures_beyond(material: &CatalogMaterial, most: u32) -> Vec<&'static str> {
-    let bits = BASE_TEXTURES.iter().chain(&crate::plan::features_layers::TEXTURES);
-    let there = bits.zip(material.texture_refs()).filter(|(_, t)| t.is_some());
+/// Names of a material's textures that are left out on a device that binds `most`.
+pub(crate) fn textures_beyond(material: &MaterialResource, most: u32) -> Vec<&'static str> {
+    let bits = BASE_TEXTURES.iter().chain(&features_layers::TEXTURES);
+    let there = bits.zip(material.textures).filter(|(_, t)| t.is_some());
     let features = there.fold(Features::default(), |all, (bit, _)| all.with(*bit));
     fitting(features, Some(most)).1
 }

@@ -1,7 +1,8 @@
 //! Twin of displace.wgsl: effects that move the corners of surfaces.
 
 use super::CpuRenderer;
-use crate::plan::{Plan, Rows};
+use crate::affine::Affine3x4;
+use crate::plan::Plan;
 use choreo_plugin::{Effect, Place};
 use glam::{Vec3, Vec4Swizzles};
 use std::sync::Arc;
@@ -16,7 +17,7 @@ pub struct Displacement {
 impl CpuRenderer {
     /// Of the effects that move surfaces those of a draw.
     pub(super) fn displaced(&self, plan: &Plan, bits: u8) -> Vec<Displacement> {
-        let reaches = (0..8).zip(plan.reaches).filter(|(bit, _)| bits >> bit & 1 == 1);
+        let reaches = (0..8).zip(plan.displacement_limits).filter(|(bit, _)| bits >> bit & 1 == 1);
         let all = self.surface(plan, bits).into_iter().zip(reaches);
         all.map(|((effect, parameters), (_, reach))| Displacement { effect, parameters, reach }).collect()
     }
@@ -26,7 +27,7 @@ impl CpuRenderer {
 const STEP: f32 = 0.003_906_25;
 
 /// How far all of them together move a corner, metres in the world. `rows`: what brought it there.
-pub fn offset(effects: &[Displacement], place: &Place, rows: &Rows) -> Vec3 {
+pub fn offset(effects: &[Displacement], place: &Place, rows: &Affine3x4) -> Vec3 {
     effects.iter().fold(Vec3::ZERO, |sum, d| {
         let mut offset = d.effect.cpu_vertex(place, &d.parameters);
         if d.effect.along_model() {
@@ -37,7 +38,7 @@ pub fn offset(effects: &[Displacement], place: &Place, rows: &Rows) -> Vec3 {
 }
 
 /// Of the moved surface: what a step along two tangents becomes.
-pub fn normal(effects: &[Displacement], place: &Place, rows: &Rows, moved: Vec3) -> Vec3 {
+pub fn normal(effects: &[Displacement], place: &Place, rows: &Affine3x4, moved: Vec3) -> Vec3 {
     // Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
     let n = place.normal;
     let s = if n.z >= 0.0 { 1.0 } else { -1.0 };
@@ -50,7 +51,7 @@ pub fn normal(effects: &[Displacement], place: &Place, rows: &Rows, moved: Vec3)
     unit(unit(step(t)).cross(unit(step(u))))
 }
 
-fn shifted(place: &Place, rows: &Rows, way: Vec3) -> Place {
+fn shifted(place: &Place, rows: &Affine3x4, way: Vec3) -> Place {
     let mut there = *place;
     there.world += way * STEP;
     // The inverse by cofactors.

@@ -23,11 +23,11 @@ impl Fragment<'_> {
     pub fn reaching(&self, relative: V3) -> impl Iterator<Item = &PlanLight> {
         let (plan, all) = (self.plan, &self.plan.lights);
         // An effect on light may make something of lamps that do not reach.
-        let lists = plan.light_lists.as_ref().filter(|_| self.lighting.is_empty()).and_then(|lists| {
+        let lists = plan.light_clusters.as_ref().filter(|_| self.lighting.is_empty()).and_then(|lists| {
             let at = |i: usize| Vec3::new(relative.x.0[i], relative.y.0[i], relative.z.0[i]);
             let list = |i| lists.of(at(i), &plan.view.clip_from_relative, plan.size);
             let first = list(0);
-            (1..4).all(|i| std::ptr::eq(first, list(i))).then_some((lists.everywhere(), first))
+            (1..4).all(|i| std::ptr::eq(first, list(i))).then_some((lists.unlimited(), first))
         });
         let (first, listed) = lists.unwrap_or((all.len(), &[]));
         all[..first].iter().chain(listed.iter().map(|i| &all[*i as usize]))

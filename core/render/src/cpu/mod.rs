@@ -37,11 +37,12 @@ mod uv;
 mod vertex;
 mod wide;
 
+use crate::error::RenderError;
 use crate::plan::motion_blur::Accumulated;
 use crate::plan::{Draw, Features, Glass, OverlayPart, PipelineKey, Plan};
-use crate::renderer::{DeviceInfo, DeviceKind, RenderError, Renderer};
-use crate::scene_resources::Catalog;
-use crate::sky::{SkyMaps, SkyPicture};
+use crate::renderer::{DeviceInfo, DeviceKind, Renderer};
+use crate::scene_resources::SceneResources;
+use crate::sky::{SkyBackground, SkyMaps};
 use background_effects::Veil;
 use choreo_plugin::{Effect, Frame, Hook};
 use choreo_stage::Background;
@@ -49,7 +50,7 @@ use glam::{Mat4, Vec4};
 use preskin::Bodies;
 use raster::{TILE_HEIGHT, TILE_WIDTH};
 use rayon::prelude::*;
-use refraction::Behind;
+use refraction::SceneColorCopy;
 use setup::Assembly;
 use shade::{Fragment, ShadeMaterial};
 use shadow::ShadowMaps;
@@ -69,7 +70,7 @@ pub const MAX_SIZE: u32 = 16384;
 pub struct CpuRenderer {
     device: DeviceInfo,
     effects: Vec<Arc<dyn Effect>>,
-    catalog: Arc<Catalog>,
+    resources: Arc<SceneResources>,
     materials: Vec<ShadeMaterial>,
     textures: HashMap<TextureKey, Arc<Texture>>,
     /// Of the catalogue's sky, once a plan has shown it.
@@ -80,7 +81,7 @@ pub struct CpuRenderer {
 #[derive(Default)]
 struct Sky {
     maps: Option<Arc<SkyMaps>>,
-    picture: Option<SkyPicture>,
+    picture: Option<SkyBackground>,
 }
 
 /// Content, whether sRGB, whether with mipmaps.
@@ -90,12 +91,12 @@ impl CpuRenderer {
     pub fn new(effects: &[Arc<dyn Effect>]) -> CpuRenderer {
         CpuRenderer {
             device: DeviceInfo {
-                kind: DeviceKind::CpuTwin,
+                kind: DeviceKind::CpuReference,
                 name: "choreo CPU renderer".into(),
                 driver: format!("choreo {}", env!("CARGO_PKG_VERSION")),
             },
             effects: effects.to_vec(),
-            catalog: Arc::default(),
+            resources: Arc::default(),
             materials: Vec::new(),
             textures: HashMap::new(),
             sky: None,
@@ -114,11 +115,12 @@ impl CpuRenderer {
             let value = u64::from(plan.samples);
             return Err(RenderError::Limit { what: "samples a pixel (1 or 4)".into(), value, limit: 4 });
         }
-        let c = &self.catalog;
+        let c = &self.resources;
         let foreign = plan.draws.iter().chain(plan.shadow_draws()).any(|d| {
             d.primitive as usize >= c.primitives.len()
                 || d.material as usize >= c.materials.len()
-                || d.changed.is_some_and(|changed| changed as usize >= plan.materials.len())
+                || d.material_override
+                    .is_some_and(|changed| changed as usize >= plan.material_overrides.len())
                 || (d.first_instance as usize + d.instance_count as usize) > plan.instances.len()
         });
         if foreign {
@@ -126,10 +128,10 @@ impl CpuRenderer {
                 "the plan was made from another catalogue than the loaded one".into(),
             ));
         }
-        for pass in plan.post.iter().chain(&plan.surface) {
+        for pass in plan.post.iter().chain(&plan.scene_effects) {
             self.effect(&pass.effect)?;
         }
-        plan.parts().try_for_each(|part| self.check(part))
+        plan.sub_plans().try_for_each(|part| self.check(part))
     }
 
     fn effect(&self, name: &str) -> Result<&Arc<dyn Effect>, RenderError> {
@@ -138,20 +140,20 @@ impl CpuRenderer {
 
     /// What of the sky the plan shows, where it was not made yet.
     fn prepare_sky(&mut self, plan: &Plan) {
-        let (Some(shown), Some(panorama)) = (&plan.sky, &self.catalog.sky) else { return };
+        let (Some(shown), Some(panorama)) = (&plan.sky, &self.resources.sky) else { return };
         let sky = self.sky.get_or_insert_default();
-        let all = || std::iter::once(plan).chain(plan.parts()).flat_map(|p| &p.draws);
+        let all = || std::iter::once(plan).chain(plan.sub_plans()).flat_map(|p| &p.draws);
         if sky.maps.is_none() && all().any(|d| d.pipeline.features.has(Features::SKY)) {
             sky.maps = Some(SkyMaps::of(panorama));
         }
         if sky.picture.is_none() && shown.background {
-            sky.picture = Some(SkyPicture::new(panorama, MAX_SIZE));
+            sky.picture = Some(SkyBackground::new(panorama, MAX_SIZE));
         }
     }
 
     /// Of the effects on surfaces those of a draw, in order.
     fn surface(&self, plan: &Plan, bits: u8) -> Vec<(Arc<dyn Effect>, [f32; 8])> {
-        let on = (0..8).zip(&plan.surface).filter(|(bit, _)| bits >> bit & 1 == 1);
+        let on = (0..8).zip(&plan.scene_effects).filter(|(bit, _)| bits >> bit & 1 == 1);
         on.filter_map(|(_, used)| Some((self.effect(&used.effect).ok()?.clone(), used.parameters))).collect()
     }
 
@@ -176,11 +178,11 @@ impl CpuRenderer {
             .par_iter()
             .map(|&(draw, instance)| {
                 let draw = &draws[draw];
-                let entry = &self.catalog.primitives[draw.primitive as usize];
+                let entry = &self.resources.primitives[draw.primitive as usize];
                 let primitive = entry.primitive();
                 let features = draw.pipeline.features;
                 let instance = &plan.instances[instance];
-                let material = match draw.changed {
+                let material = match draw.material_override {
                     Some(changed) => &changed_materials[changed as usize],
                     None => &self.materials[draw.material as usize],
                 };
@@ -225,7 +227,7 @@ impl CpuRenderer {
                     peeled: draw.pipeline.peeled,
                     phase: match draw.pipeline {
                         k if !k.writes_depth() => Phase::Blend,
-                        k if k.is_see_through() || k.features.has(Features::ALPHA_MASK) => Phase::Mask,
+                        k if k.is_transparent() || k.features.has(Features::ALPHA_MASK) => Phase::Mask,
                         _ => Phase::Opaque,
                     },
                     vertices,
@@ -256,12 +258,12 @@ impl CpuRenderer {
         let count = plan.size[0] as usize * plan.size[1] as usize;
         let mut sum = Accumulated::new(count);
         let mut pixels = vec![Vec4::ZERO; count];
-        for part in &plan.exposed {
+        for part in &plan.subframes {
             self.tiles::<Float, Vec4, S>(part, &[], &mut pixels)?;
             sum.add(pixels.iter().copied());
         }
-        let mut before = vec![vec![Vec4::ZERO; count]; plan.before.len()];
-        for (part, pixels) in plan.before.iter().zip(&mut before) {
+        let mut before = vec![vec![Vec4::ZERO; count]; plan.history.len()];
+        for (part, pixels) in plan.history.iter().zip(&mut before) {
             self.tiles::<Float, Vec4, S>(part, &[], pixels)?;
         }
         picture::run(&self.passes(plan)?, plan.size, sum.mean(), &before, &mut frame.rgba);
@@ -292,7 +294,7 @@ impl CpuRenderer {
     ) -> Result<(), RenderError> {
         let changed = self.changed_materials(plan);
         let bodies = Bodies::of(self, plan);
-        let maps = plan.shadows.as_ref().map(|shadows| {
+        let maps = plan.shadow_maps.as_ref().map(|shadows| {
             ShadowMaps::draw(&shadows.views, shadows.image, |view| {
                 self.batches(
                     plan,
@@ -318,11 +320,11 @@ impl CpuRenderer {
             Paint::Overlay { .. } => None,
         };
         let refracting = |b: &Batch| glass_of(b) == Some(Glass::Refract);
-        if let (Some(behind), Some(first)) = (plan.behind, batches.iter().position(refracting)) {
+        if let (Some(behind), Some(first)) = (plan.scene_color_copy, batches.iter().position(refracting)) {
             // Drawn as far as it is seen through such glass; then all of it, from the beginning.
             let mut pixels = vec![Vec4::ZERO; out.len()];
             bands::<T, Vec4, S>(plan, &batches[..first], veil.as_ref(), &[], &mut pixels);
-            let behind = Arc::new(Behind::new(pixels, plan.size, behind.levels));
+            let behind = Arc::new(SceneColorCopy::new(pixels, plan.size, behind.levels));
             let glass = batches[first..].iter_mut().filter(|b| refracting(b));
             glass.for_each(|b| b.paint.sees_through(&behind));
         }
@@ -381,8 +383,8 @@ fn bands<T: Target, P: PixelOf, const S: usize>(
                     picture: plan.size,
                     background,
                     backdrop,
-                    under: plan.under.as_deref(),
-                    layers: plan.peel.map_or(0, |peel| peel.layers),
+                    under: plan.layers_behind.as_deref(),
+                    layers: plan.depth_peeling.map_or(0, |peel| peel.layers),
                     post,
                 };
                 tile.draw::<T, P, S>(buffers, &mut pixels[x..], width);
@@ -416,30 +418,30 @@ impl Renderer for CpuRenderer {
         2
     }
 
-    fn load(&mut self, catalog: Arc<Catalog>) -> Result<(), RenderError> {
+    fn load(&mut self, resources: Arc<SceneResources>) -> Result<(), RenderError> {
         let old = std::mem::take(&mut self.textures);
-        let keys: Vec<TextureKey> = catalog.textures.iter().map(|t| (t.hash, t.srgb, t.mipmaps)).collect();
+        let keys: Vec<TextureKey> = resources.textures.iter().map(|t| (t.hash, t.srgb, t.mipmaps)).collect();
         let textures: Vec<Option<Arc<Texture>>> = keys
             .par_iter()
-            .zip(&catalog.textures)
+            .zip(&resources.textures)
             .map(|(key, t)| match t.streamed {
                 Some(_) => None,
                 None => Some(old.get(key).cloned().unwrap_or_else(|| Arc::new(Texture::new(t)))),
             })
             .collect();
-        self.materials = catalog
+        self.materials = resources
             .materials
             .iter()
             .map(|m| ShadeMaterial {
                 factors: m.clone(),
-                textures: m.texture_refs().map(|t| textures[t?.texture as usize].clone()),
+                textures: m.textures.map(|t| textures[t?.texture as usize].clone()),
             })
             .collect();
         self.textures = keys.into_iter().zip(textures).filter_map(|(key, t)| Some((key, t?))).collect();
-        if catalog.sky.as_ref().map(|s| s.hash()) != self.catalog.sky.as_ref().map(|s| s.hash()) {
+        if resources.sky.as_ref().map(|s| s.hash()) != self.resources.sky.as_ref().map(|s| s.hash()) {
             self.sky = None;
         }
-        self.catalog = catalog;
+        self.resources = resources;
         Ok(())
     }
 
@@ -447,7 +449,7 @@ impl Renderer for CpuRenderer {
         if self.submitted.len() >= self.frames_in_flight() {
             return Err(RenderError::Usage("two frames are submitted: collect one first".into()));
         }
-        self.check(&plan).and_then(|()| crate::plan::build::light_clusters::check(&plan))?;
+        self.check(&plan).and_then(|()| crate::plan::light_clusters::check(&plan))?;
         self.submitted.push_back(plan);
         Ok(())
     }
@@ -463,14 +465,14 @@ impl Renderer for CpuRenderer {
         [frame.width, frame.height] = plan.size;
         frame.rgba.resize(plan.size[0] as usize * plan.size[1] as usize * 4, 0);
         match (plan.samples, plan.post.is_empty()) {
-            (1, _) if !plan.exposed.is_empty() => self.expose::<1>(&plan, &mut frame)?,
-            _ if !plan.exposed.is_empty() => self.expose::<4>(&plan, &mut frame)?,
+            (1, _) if !plan.subframes.is_empty() => self.expose::<1>(&plan, &mut frame)?,
+            _ if !plan.subframes.is_empty() => self.expose::<4>(&plan, &mut frame)?,
             (1, true) => self.draw::<Srgb8, 1>(&plan, &mut frame)?,
             (1, false) => self.draw::<Float, 1>(&plan, &mut frame)?,
             (_, true) => self.draw::<Srgb8, 4>(&plan, &mut frame)?,
             (_, false) => self.draw::<Float, 4>(&plan, &mut frame)?,
         }
-        if let Some(over) = &plan.over {
+        if let Some(over) = &plan.layers_in_front {
             over.over(&mut frame);
         }
         Ok(frame)

@@ -3,6 +3,7 @@
 use super::lanes::F4;
 use super::shade::{Fragment, Quad};
 use super::vertex::Vertex;
+use choreo_asset::TextureSlot;
 use glam::Vec3;
 
 impl Fragment<'_> {
@@ -10,7 +11,10 @@ impl Fragment<'_> {
     /// heights in the normal map's alpha.
     pub fn relief(&self, vertices: &[Vertex], ids: [u32; 3], quad: &Quad) -> Option<[F4; 2]> {
         let material = &self.material.factors;
-        let (map, texture) = (material.normal.as_ref()?, self.material.textures[2].as_deref()?);
+        let (map, texture) = (
+            material.textures[TextureSlot::Normal as usize].as_ref()?,
+            self.material.textures[2].as_deref()?,
+        );
         let of = ids.map(|i| &vertices[i as usize]);
         let (relative, normal) =
             (quad.weights.vec3(of.map(|v| v.relative)), quad.weights.vec3(of.map(|v| v.normal)));

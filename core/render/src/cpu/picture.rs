@@ -1,7 +1,7 @@
 //! Full-screen passes over a whole picture: effects that see the pixels around theirs, and those of one pixel between them.
 
 use super::target::{Float, Srgb8, Target};
-use crate::RenderError;
+use crate::error::RenderError;
 use crate::plan::PostPass;
 use choreo_plugin::{Effect, Hook, Pictures, Pixels};
 use glam::{Vec2, Vec4};

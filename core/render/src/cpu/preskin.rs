@@ -21,7 +21,7 @@ fn body(draw: &Draw, instance: &Instance) -> Option<Body> {
     let pose = Features(features.0 & Features::POSE.0);
     // Effects that move corners look at what a draw has of them.
     let shared = pose != Features::default() && draw.pipeline.displaced == 0;
-    shared.then(|| (draw.primitive, pose, features.has(Features::SHELL), instance.pose()))
+    shared.then(|| (draw.primitive, pose, features.has(Features::SHELL), instance.deformation()))
 }
 
 impl Bodies {
@@ -44,7 +44,7 @@ impl Bodies {
         wanted.retain(|_, (.., draws)| *draws > 1);
         let wanted: Vec<_> = wanted.into_iter().collect();
         let pose = |(body, (features, instance, _)): (Body, (Features, &Instance, u32))| {
-            let entry = &renderer.catalog.primitives[body.0 as usize];
+            let entry = &renderer.resources.primitives[body.0 as usize];
             let stage = VertexStage::new(entry, features, plan, instance, &Mat4::IDENTITY);
             let welded =
                 body.2.then(|| crate::scene_resources::vertex_layout::welded_normals(stage.primitive));

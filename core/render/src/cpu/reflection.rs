@@ -30,7 +30,7 @@ impl Fragment<'_> {
 
     /// The environment map in four directions, which are a quad's.
     fn environment(&self, way: V3, roughness: f32) -> V3 {
-        let refs = self.material.factors.texture_refs();
+        let refs = self.material.factors.textures;
         let (Some(r), Some(map)) = (refs[1].as_ref(), self.material.textures[1].as_deref()) else {
             return V3::splat(Vec3::ONE);
         };

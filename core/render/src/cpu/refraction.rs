@@ -3,13 +3,13 @@
 use super::lanes::{F4, V3};
 use super::shade::Fragment;
 use crate::plan::Features;
-use crate::plan::build::refraction::blur;
+use crate::plan::scene_color_copy::blur;
 use choreo_asset::MaterialLayers;
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 /// The picture before the first such glass, and its halves.
-pub struct Behind {
+pub struct SceneColorCopy {
     levels: Vec<Level>,
 }
 
@@ -18,14 +18,14 @@ struct Level {
     texels: Vec<Vec4>,
 }
 
-impl Behind {
-    pub fn new(pixels: Vec<Vec4>, size: [u32; 2], levels: u32) -> Behind {
+impl SceneColorCopy {
+    pub fn new(pixels: Vec<Vec4>, size: [u32; 2], levels: u32) -> SceneColorCopy {
         let mut all = vec![Level { size: size.map(|s| s as usize), texels: pixels }];
         while all.len() < levels as usize {
             let half = all[all.len() - 1].half();
             all.push(half);
         }
-        Behind { levels: all }
+        SceneColorCopy { levels: all }
     }
 
     /// `at`: 0 to 1 from the top left; linear in and between the levels, the border beyond it.

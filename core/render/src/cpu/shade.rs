@@ -5,7 +5,7 @@ use super::coverage::covered;
 use super::lanes::{F4, V3, Weights};
 use super::layers::*;
 use super::lighting::Lit;
-use super::refraction::Behind;
+use super::refraction::SceneColorCopy;
 use super::shadow::ShadowMaps;
 use super::sky::Around;
 use super::texture::Texture;
@@ -14,8 +14,8 @@ use super::toon::{ToonSurface, matcap_uv};
 use super::triplanar::Planes;
 use super::vertex::Vertex;
 use crate::plan::{Features, Glass, Plan, PlanLight};
-use crate::scene_resources::CatalogMaterial;
-use crate::shader::uniforms::{BASE_SLOTS, TEXTURE_SLOTS, film_thickness};
+use crate::scene_resources::material::MaterialResource;
+use crate::scene_resources::material::{BASE_SLOTS, TEXTURE_SLOTS};
 use crate::sky::SkyMaps;
 use choreo_asset::{AlphaMode, Primitive, Toon};
 use choreo_plugin::Effect;
@@ -24,8 +24,8 @@ use std::sync::Arc;
 
 /// A material with its textures at hand.
 pub struct ShadeMaterial {
-    pub factors: CatalogMaterial,
-    /// In the order of `CatalogMaterial::texture_refs`.
+    pub factors: MaterialResource,
+    /// In the order of `MaterialResource::textures`.
     pub textures: [Option<Arc<Texture>>; TEXTURE_SLOTS],
 }
 
@@ -35,7 +35,7 @@ pub struct Fragment<'a> {
     /// Where some light casts.
     pub shadows: Option<&'a ShadowMaps>,
     /// The picture behind glass that bends light.
-    pub behind: Option<Arc<Behind>>,
+    pub behind: Option<Arc<SceneColorCopy>>,
     /// Where a sky shines.
     pub sky: Option<&'a SkyMaps>,
     /// Effects on the surface, in order.
@@ -130,7 +130,7 @@ impl Fragment<'_> {
     fn surface(&self, vertices: &[Vertex], ids: [u32; 3], front: bool, weights: &Weights) -> Shaded {
         let f = self.features;
         let m = &self.material.factors.material;
-        let refs = self.material.factors.texture_refs();
+        let refs = self.material.factors.textures;
         let mut quad = self.quad(ids, weights);
         if f.has(Features::RELIEF) {
             quad.relief = self.relief(vertices, ids, &quad);
@@ -231,7 +231,7 @@ impl Fragment<'_> {
                     if let Some([r, ..]) = layer(7, Features::IRIDESCENCE_TEXTURE) {
                         share *= r;
                     }
-                    let [thin, thick] = film_thickness(&self.material.factors).to_array().map(F4::splat);
+                    let [thin, thick] = self.material.factors.film_thickness().to_array().map(F4::splat);
                     let thickness = match layer(8, Features::IRIDESCENCE_THICKNESS_TEXTURE) {
                         Some([_, g, ..]) => thin.mix(thick, g),
                         None => thick,
@@ -396,7 +396,7 @@ impl Fragment<'_> {
         let one = V3 { x: F4::ONE, y: F4::ONE, z: F4::ONE };
         let shade = V3::splat(toon.shade_color * self.tint.truncate());
         let shift = self.slot(quad, 5, Features::SPECULAR_TEXTURE);
-        let refs = self.material.factors.texture_refs();
+        let refs = self.material.factors.textures;
         let matcap = match (refs[1].as_ref(), self.material.textures[1].as_deref()) {
             (Some(r), Some(texture)) if self.features.has(Features::METALLIC_ROUGHNESS_TEXTURE) => {
                 V3::splat(toon.matcap) * rgb(texture.sample(&r.sampler, matcap_uv(n, v)))
@@ -421,7 +421,7 @@ impl Fragment<'_> {
     }
 
     pub fn slot(&self, quad: &Quad, slot: usize, bit: Features) -> Option<[F4; 4]> {
-        let refs = self.material.factors.texture_refs();
+        let refs = self.material.factors.textures;
         if !self.features.has(bit) {
             return None;
         }

@@ -3,7 +3,7 @@
 use super::brdf;
 use super::lanes::{F4, V3};
 use crate::plan::{Plan, PlanSky, View};
-use crate::sky::{SkyMaps, SkyPicture};
+use crate::sky::{SkyBackground, SkyMaps};
 use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
 
@@ -40,7 +40,7 @@ impl<'a> Around<'a> {
         let Some((maps, sky)) = self.sky else { return light };
         let way = turned(sky, way);
         let lanes: [Vec3; 4] = std::array::from_fn(|i| {
-            maps.mirrored(Vec3::new(way.x.0[i], way.y.0[i], way.z.0[i]), roughness.0[i]) * sky.strength
+            maps.specular(Vec3::new(way.x.0[i], way.y.0[i], way.z.0[i]), roughness.0[i]) * sky.strength
         });
         let part = |f: fn(&Vec3) -> f32| F4(std::array::from_fn(|i| f(&lanes[i])));
         light + V3 { x: part(|v| v.x), y: part(|v| v.y), z: part(|v| v.z) }
@@ -62,7 +62,7 @@ fn turned(sky: &PlanSky, way: V3) -> V3 {
 /// What is seen of the sky in a direction, behind a surface.
 pub fn behind(maps: &SkyMaps, sky: &PlanSky, way: Vec3) -> Vec3 {
     let [c, s] = sky.turn;
-    maps.mirrored(Vec3::new(c * way.x - s * way.z, way.y, s * way.x + c * way.z), 0.0) * sky.strength
+    maps.specular(Vec3::new(c * way.x - s * way.z, way.y, s * way.x + c * way.z), 0.0) * sky.strength
 }
 
 fn polynomial(h: &[Vec3; 9], V3 { x, y, z }: V3) -> V3 {
@@ -79,7 +79,7 @@ fn polynomial(h: &[Vec3; 9], V3 { x, y, z }: V3) -> V3 {
 
 /// The panorama behind everything.
 pub struct Backdrop<'a> {
-    pub picture: &'a SkyPicture,
+    pub picture: &'a SkyBackground,
     pub sky: &'a PlanSky,
     /// Of the picture, pixels.
     pub size: [u32; 2],
@@ -87,7 +87,7 @@ pub struct Backdrop<'a> {
 }
 
 impl<'a> Backdrop<'a> {
-    pub fn new(picture: &'a SkyPicture, sky: &'a PlanSky, view: &View, size: [u32; 2]) -> Backdrop<'a> {
+    pub fn new(picture: &'a SkyBackground, sky: &'a PlanSky, view: &View, size: [u32; 2]) -> Backdrop<'a> {
         Backdrop { picture, sky, size, rays: crate::plan::view::rays(view) }
     }
 

@@ -2,27 +2,27 @@
 
 use super::CpuRenderer;
 use super::texture::Texture;
+use crate::error::RenderError;
 use crate::plan::Plan;
-use crate::renderer::RenderError;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
 impl CpuRenderer {
     /// Makes those that the plan shows, and forgets all others.
     pub(super) fn stream(&mut self, plan: &Plan) -> Result<(), RenderError> {
-        if self.catalog.textures.iter().all(|t| t.streamed.is_none()) {
+        if self.resources.textures.iter().all(|t| t.streamed.is_none()) {
             return Ok(());
         }
-        let plans = std::iter::once(plan).chain(plan.parts());
+        let plans = std::iter::once(plan).chain(plan.sub_plans());
         let shown = plans.flat_map(|p| p.draws.iter().chain(p.shadow_draws()).map(|d| d.material));
         let shown: BTreeSet<u32> = shown.collect();
         for material in 0..self.materials.len() as u32 {
-            for (slot, texture) in self.catalog.streamed(material) {
+            for (slot, texture) in self.resources.streamed(material) {
                 let kept = &mut self.materials[material as usize].textures[slot];
                 if !shown.contains(&material) {
                     *kept = None;
                 } else if kept.is_none() {
-                    *kept = Some(Arc::new(Texture::new(&self.catalog.textures[texture as usize].whole()?)));
+                    *kept = Some(Arc::new(Texture::new(&self.resources.textures[texture as usize].whole()?)));
                 }
             }
         }

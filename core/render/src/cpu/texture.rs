@@ -2,15 +2,15 @@
 //! bilinear within a level, linear between levels, sRGB decoded before filtering.
 
 use super::lanes::F4;
-use crate::scene_resources::CatalogTexture;
-use crate::scene_resources::mipmap::{Level, levels_below, srgb_to_linear_table};
+use crate::scene_resources::TextureResource;
+use crate::scene_resources::mipmap::{MipLevel, levels_below, srgb_to_linear_table};
 use choreo_asset::{Image, Sampler, Wrap};
 use std::sync::Arc;
 
 pub struct Texture {
     image: Arc<Image>,
     /// Levels 1 and up.
-    below: Vec<Level>,
+    below: Vec<MipLevel>,
     color: [f32; 256],
     linear: [f32; 256],
 }
@@ -22,7 +22,7 @@ struct Texels<'a> {
 }
 
 impl Texture {
-    pub fn new(t: &CatalogTexture) -> Texture {
+    pub fn new(t: &TextureResource) -> Texture {
         let linear = std::array::from_fn(|i| i as f32 / 255.0);
         Texture {
             image: t.image.clone(),
@@ -190,7 +190,7 @@ mod tests {
     fn ramp(width: u32, mipmaps: bool) -> Texture {
         let rgba = (0..width).flat_map(|x| [x as u8 * 10, 0, 0, 255]).collect();
         let image = Arc::new(Image { name: String::new(), width, height: 1, rgba });
-        Texture::new(&CatalogTexture { image, srgb: false, mipmaps, hash: [0; 16], streamed: None })
+        Texture::new(&TextureResource { image, srgb: false, mipmaps, hash: [0; 16], streamed: None })
     }
 
     fn red(t: &Texture, s: &Sampler, u: f32) -> f32 {

@@ -6,12 +6,12 @@ use super::lanes::{F4, Weights};
 use super::overlay;
 use super::picture::Pass;
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
-use super::refraction::Behind;
+use super::refraction::SceneColorCopy;
 use super::setup::Triangle;
 use super::shade::{Fragment, Shaded};
 use super::target::{PixelOf, Target};
 use super::vertex::Vertex;
-use crate::layers_2d::FlatPicture;
+use crate::layers_2d::LayerImage;
 use crate::plan::{Glass, OverlayVertex};
 use glam::{Vec2, Vec4};
 use std::sync::Arc;
@@ -35,7 +35,7 @@ impl Paint<'_> {
     }
 
     /// Of glass: the picture behind it.
-    pub fn sees_through(&mut self, behind: &Arc<Behind>) {
+    pub fn sees_through(&mut self, behind: &Arc<SceneColorCopy>) {
         if let Paint::Surface(fragment) = self {
             fragment.behind = Some(behind.clone());
         }
@@ -118,7 +118,7 @@ pub struct Tile<'a, 'b> {
     /// In its place, a colour a pixel.
     pub backdrop: Option<&'a Veil<'a>>,
     /// Layers over either.
-    pub under: Option<&'a FlatPicture>,
+    pub under: Option<&'a LayerImage>,
     /// Of what is seen through, told apart pixel by pixel.
     pub layers: u32,
     /// Functions of one pixel alone.

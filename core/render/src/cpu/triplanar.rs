@@ -5,7 +5,8 @@ use super::shade::{Fragment, Quad};
 use super::texture::Texture;
 use super::vertex::Vertex;
 use crate::plan::Features;
-use crate::scene_resources::CatalogTextureRef;
+use crate::scene_resources::material::MaterialTexture;
+use choreo_asset::TextureSlot;
 use glam::{Affine2, Vec2};
 
 /// Of a quad, in the space of its mesh.
@@ -56,13 +57,13 @@ impl Fragment<'_> {
     }
 
     /// A texture from all three sides.
-    pub fn sample_planes(&self, planes: &Planes, r: &CatalogTextureRef, texture: &Texture) -> [F4; 4] {
+    pub fn sample_planes(&self, planes: &Planes, r: &MaterialTexture, texture: &Texture) -> [F4; 4] {
         let [x, y, z] = self.sides(planes, r, texture);
         let w = &planes.weights;
         std::array::from_fn(|c| w.x * x[c] + w.y * y[c] + w.z * z[c])
     }
 
-    fn sides(&self, planes: &Planes, r: &CatalogTextureRef, texture: &Texture) -> [[F4; 4]; 3] {
+    fn sides(&self, planes: &Planes, r: &MaterialTexture, texture: &Texture) -> [[F4; 4]; 3] {
         let Affine2 { matrix2: m, translation: Vec2 { x, y } } = r.uv_transform;
         planes.uvs().map(|[u, v]| {
             let u_placed = u * m.x_axis.x + v * m.y_axis.x + F4::splat(x);
@@ -82,7 +83,8 @@ impl Fragment<'_> {
     ) -> Option<V3> {
         let planes = quad.planes.as_ref().filter(|_| self.features.has(Features::NORMAL_TEXTURE))?;
         let factors = &self.material.factors;
-        let (r, texture) = (factors.normal.as_ref()?, self.material.textures[2].as_deref()?);
+        let (r, texture) =
+            (factors.textures[TextureSlot::Normal as usize].as_ref()?, self.material.textures[2].as_deref()?);
         let scale = factors.material.normal_scale;
         let [x, y, z] = self.sides(planes, r, texture).map(|[x, y, z, _]| {
             let signed = |c: F4| c * 2.0 - F4::ONE;

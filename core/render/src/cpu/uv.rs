@@ -4,8 +4,8 @@ use super::lanes::{F4, Weights};
 use super::shade::{Fragment, Quad};
 use super::texture::Texture;
 use crate::plan::Features;
-use crate::scene_resources::CatalogTextureRef;
-use crate::shader::uniforms::TOON_SLOT;
+use crate::scene_resources::material::MaterialTexture;
+use crate::scene_resources::material::TOON_SLOT;
 use glam::{Affine2, Vec2};
 
 impl Fragment<'_> {
@@ -19,7 +19,8 @@ impl Fragment<'_> {
         }
         let mut quad = Quad { weights, uvs, uv_mask: None, relief: None, planes: self.planes(ids, weights) };
         if self.features.has(Features::UV_MASK) {
-            let (mask, texture) = (&self.material.factors.toon[1], &self.material.textures[TOON_SLOT + 1]);
+            let (mask, texture) =
+                (&self.material.factors.textures[TOON_SLOT + 1], &self.material.textures[TOON_SLOT + 1]);
             let texel = self.sample(&quad, mask.as_ref(), texture.as_deref());
             quad.uv_mask = texel.map(|[_, _, b, _]| b);
         }
@@ -30,7 +31,7 @@ impl Fragment<'_> {
     pub fn sample(
         &self,
         quad: &Quad,
-        reference: Option<&CatalogTextureRef>,
+        reference: Option<&MaterialTexture>,
         texture: Option<&Texture>,
     ) -> Option<[F4; 4]> {
         let (r, texture) = (reference?, texture?);

@@ -3,9 +3,10 @@
 use super::displace::{self, Displacement};
 use super::lanes::F4;
 use super::shade::ShadeMaterial;
-use crate::plan::{ActiveMorph, Features, Instance, Plan, Rows};
-use crate::scene_resources::CatalogPrimitive;
-use crate::shader::uniforms::TOON_SLOT;
+use crate::affine::Affine3x4;
+use crate::plan::{ActiveMorph, Features, Instance, Plan};
+use crate::scene_resources::PrimitiveResource;
+use crate::scene_resources::material::TOON_SLOT;
 use choreo_asset::Primitive;
 use choreo_plugin::Place;
 use glam::{Mat4, Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
@@ -33,7 +34,7 @@ pub struct VertexStage<'a> {
     pub features: Features,
     pub instance: &'a Instance,
     /// All of the plan's.
-    pub joint_matrices: &'a [Rows],
+    pub joint_matrices: &'a [Affine3x4],
     pub morphs: &'a [ActiveMorph],
     pub clip_from_relative: &'a Mat4,
     /// Pixels of the picture.
@@ -56,7 +57,7 @@ pub struct Hull<'a> {
 impl<'a> VertexStage<'a> {
     /// Of a plan's instance, without a hull and without effects; the size is the picture's.
     pub fn new(
-        entry: &'a CatalogPrimitive,
+        entry: &'a PrimitiveResource,
         features: Features,
         plan: &'a Plan,
         instance: &'a Instance,
@@ -64,7 +65,7 @@ impl<'a> VertexStage<'a> {
     ) -> Self {
         VertexStage {
             primitive: entry.primitive(),
-            moved: if features.has(Features::MORPH) { entry.moved() } else { &[] },
+            moved: if features.has(Features::MORPH) { entry.morphed_ranges() } else { &[] },
             features,
             instance,
             joint_matrices: &plan.joint_matrices,
@@ -160,7 +161,7 @@ impl VertexStage<'_> {
     }
 
     /// Where effects move it, and how that turns its normal.
-    fn displace(&self, i: usize, model: Vec3, rows: &Rows, out: &mut Vertex) {
+    fn displace(&self, i: usize, model: Vec3, rows: &Affine3x4, out: &mut Vertex) {
         let uvs = self.features.has(Features::UV0).then(|| self.primitive.uvs[0].get(i).copied()).flatten();
         let place = Place {
             world: out.relative + self.camera,
@@ -195,7 +196,7 @@ impl VertexStage<'_> {
         let mut width = outline.width;
         if let (true, Some(r), Some(texture)) = (
             self.features.has(Features::OUTLINE_WIDTH_TEXTURE),
-            &factors.toon[0],
+            &factors.textures[TOON_SLOT],
             &hull.material.textures[TOON_SLOT],
         ) {
             let uv = self.primitive.uvs[usize::from(r.uv_set)].get(i).copied().unwrap_or_default();
@@ -224,7 +225,7 @@ impl VertexStage<'_> {
     }
 
     /// The vertex's matrix: the instance's, or its joints' weighted by influence.
-    fn rows(&self, i: usize) -> Rows {
+    fn rows(&self, i: usize) -> Affine3x4 {
         if !self.features.has(Features::SKIN) {
             return self.instance.relative_from_mesh;
         }
@@ -240,7 +241,7 @@ impl VertexStage<'_> {
         if self.features.has(Features::SKIN_DUAL) {
             return self.dual(first, joints, weights);
         }
-        let mut sum = Rows::default();
+        let mut sum = Affine3x4::default();
         for (joint, weight) in joints.iter().zip(weights) {
             // Unused influences may name any joint.
             if *weight != 0.0 {
@@ -254,7 +255,7 @@ impl VertexStage<'_> {
     }
 
     /// Stretches blended as matrices, then motions as dual quaternions on the side of the heaviest (`choreo_motion::skinning::dual_quaternion`).
-    fn dual(&self, first: usize, joints: &[u16], weights: &[f32]) -> Rows {
+    fn dual(&self, first: usize, joints: &[u16], weights: &[f32]) -> Affine3x4 {
         let mut heaviest = 0;
         for k in 1..weights.len() {
             if weights[k] > weights[heaviest] {
@@ -263,7 +264,7 @@ impl VertexStage<'_> {
         }
         let at = |joint: u16| first + 2 * usize::from(joint);
         let pivot = self.joint_matrices[at(joints[heaviest])].0[0];
-        let (mut real, mut dual, mut stretch) = (Vec4::ZERO, Vec4::ZERO, Rows::default());
+        let (mut real, mut dual, mut stretch) = (Vec4::ZERO, Vec4::ZERO, Affine3x4::default());
         for (joint, weight) in joints.iter().zip(weights).filter(|(_, w)| **w != 0.0) {
             let [q, d, _] = self.joint_matrices[at(*joint)].0;
             let signed = if q.dot(pivot) < 0.0 { -*weight } else { *weight };
@@ -283,19 +284,19 @@ fn joint_color(joint: u16) -> Vec3 {
     color.clamp(Vec3::splat(0.05), Vec3::ONE)
 }
 
-fn add(sum: &mut Rows, rows: &Rows, weight: f32) {
+fn add(sum: &mut Affine3x4, rows: &Affine3x4, weight: f32) {
     for (s, r) in sum.0.iter_mut().zip(&rows.0) {
         *s += *r * weight;
     }
 }
 
 /// The rotation and translation of a dual quaternion of any length.
-fn motion(q: Vec4, d: Vec4) -> Rows {
+fn motion(q: Vec4, d: Vec4) -> Affine3x4 {
     let k = 2.0 / q.dot(q).max(1e-30);
     let (v, e) = (q.truncate(), d.truncate());
     let t = (e * q.w - v * d.w + v.cross(e)) * k;
     let (x, y, z, w) = (v.x * k, v.y * k, v.z * k, q.w);
-    Rows([
+    Affine3x4([
         Vec4::new(1.0 - (v.y * y + v.z * z), v.x * y - w * z, v.x * z + w * y, t.x),
         Vec4::new(v.x * y + w * z, 1.0 - (v.x * x + v.z * z), v.y * z - w * x, t.y),
         Vec4::new(v.x * z - w * y, v.y * z + w * x, 1.0 - (v.x * x + v.y * y), t.z),

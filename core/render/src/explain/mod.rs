@@ -1,30 +1,32 @@
-//! What one frame's commands need — passes, pipelines, shader features, buffers, textures, targets —, how large each is,
-//! and which actors and materials asked for it. The other half, what was left out and why, is in the plan.
+//! The costs of a frame: passes, pipelines, shader features, buffers, textures and targets that its commands need, the size of
+//! each, and which actors and materials request it. What was left out, and why, is in the plan.
 
-pub(crate) mod preskin;
-pub(crate) mod targets;
+mod passes;
+mod preskin;
+mod targets;
 
-use crate::commands::{Command, Part as PassPart, Recording, Target};
-use crate::plan::{
-    ActiveMorph, Draw, Features, Glass, Instance, OverlayVertex, PeelCause, Plan, PlanLight, Rows,
-};
-use crate::scene_resources::Catalog;
+use crate::affine::Affine3x4;
+use crate::commands::{Command, Recording, Target};
+use crate::plan::{ActiveMorph, Draw, Features, Glass, Instance, OverlayVertex, PeelCause, Plan, PlanLight};
+use crate::scene_resources::SceneResources;
+use crate::scene_resources::material::is_anisotropic;
 use crate::scene_resources::mipmap::level_count;
+use crate::scene_resources::morph_buffers::morphed_vertices;
 use crate::scene_resources::vertex_layout::{VertexLayout, pack, pack_morphs};
 use crate::shader::uniforms::{
     FrameUniform, LayersUniform, MaterialUniform, PostUniform, ShadowUniform, SkyUniform,
 };
-use crate::shader::{DeferredPass, SceneVariant, switches};
+use crate::shader::{SceneVariant, switches};
 use crate::sky::SkyMaps;
-use choreo_asset::Sampler;
+use choreo_asset::Topology;
 use std::collections::{BTreeMap, BTreeSet};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Kind {
+pub enum CostKind {
     Pass,
     Pipeline,
     Feature,
-    /// Made anew for every frame.
+    /// Written for every frame.
     FrameData,
     Mesh,
     Material,
@@ -32,218 +34,131 @@ pub enum Kind {
     Target,
 }
 
-impl Kind {
+impl CostKind {
     pub fn word(self) -> &'static str {
         match self {
-            Kind::Pass => "pass",
-            Kind::Pipeline => "pipeline",
-            Kind::Feature => "feature",
-            Kind::FrameData => "frame data",
-            Kind::Mesh => "mesh",
-            Kind::Material => "material",
-            Kind::Texture => "texture",
-            Kind::Target => "target",
+            CostKind::Pass => "pass",
+            CostKind::Pipeline => "pipeline",
+            CostKind::Feature => "feature",
+            CostKind::FrameData => "frame data",
+            CostKind::Mesh => "mesh",
+            CostKind::Material => "material",
+            CostKind::Texture => "texture",
+            CostKind::Target => "target",
         }
     }
 }
 
-/// Who wants something.
+/// What requests something.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Askers {
+pub struct RequestedBy {
     /// Indices into `Stage::actors`, sorted.
     pub actors: BTreeSet<u32>,
-    /// Indices into `Catalog::materials`, sorted.
+    /// Indices into `SceneResources::materials`, sorted.
     pub materials: BTreeSet<u32>,
     /// Plugin names.
     pub effects: BTreeSet<String>,
-    /// In words, where it is none of these: "the stage's background".
+    /// In words, if it is none of these: "the stage's background".
     pub other: Option<&'static str>,
 }
 
-/// One thing that is in.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Part {
-    pub kind: Kind,
-    pub what: String,
-    /// On the device; `None` for what is no memory.
-    pub bytes: Option<u64>,
-    pub asked_by: Askers,
-}
-
-/// Everything that is in, in the order of the kinds. Sizes are of one frame in flight, as the Vulkan renderer makes them.
-pub fn explain(catalog: &Catalog, plan: &Plan, recording: &Recording) -> Vec<Part> {
-    let mut parts = Parts { catalog, plan, all: Vec::new() };
-    parts.passes(recording);
-    parts.pipelines(recording);
-    parts.surface_effects();
-    parts.frame_data(recording);
-    parts.meshes(recording);
-    parts.materials_and_textures(recording);
-    parts.sky(recording);
-    parts.flats();
-    parts.targets(recording);
-    parts.all.sort_by_key(|p| p.kind);
-    parts.all
-}
-
-pub(crate) struct Parts<'a> {
-    pub catalog: &'a Catalog,
-    pub plan: &'a Plan,
-    all: Vec<Part>,
-}
-
-impl Parts<'_> {
-    pub fn add(&mut self, kind: Kind, what: String, bytes: Option<u64>, asked_by: Askers) {
-        self.all.push(Part { kind, what, bytes, asked_by });
+impl RequestedBy {
+    fn other(what: &'static str) -> RequestedBy {
+        RequestedBy { other: Some(what), ..RequestedBy::default() }
     }
 
-    pub fn askers<'d>(&self, draws: impl Iterator<Item = &'d Draw>) -> Askers {
-        let mut askers = Askers::default();
+    fn effect(name: &str) -> RequestedBy {
+        RequestedBy { effects: BTreeSet::from([name.to_string()]), ..RequestedBy::default() }
+    }
+}
+
+/// One thing that a frame needs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cost {
+    pub kind: CostKind,
+    pub what: String,
+    /// Size on the device; `None` if it takes no memory.
+    pub bytes: Option<u64>,
+    pub requested_by: RequestedBy,
+}
+
+/// Everything that a frame needs, in the order of the kinds. Sizes are those of one frame in flight of the Vulkan renderer.
+pub fn explain(resources: &SceneResources, plan: &Plan, recording: &Recording) -> Vec<Cost> {
+    let mut costs = Costs { resources, plan, all: Vec::new() };
+    costs.passes(recording);
+    costs.pipelines(recording);
+    costs.scene_effects();
+    costs.frame_data(recording);
+    costs.meshes(recording);
+    costs.materials_and_textures(recording);
+    costs.sky(recording);
+    costs.layers_2d();
+    costs.targets(recording);
+    costs.all.sort_by_key(|p| p.kind);
+    costs.all
+}
+
+struct Costs<'a> {
+    resources: &'a SceneResources,
+    plan: &'a Plan,
+    all: Vec<Cost>,
+}
+
+impl Costs<'_> {
+    fn add(&mut self, kind: CostKind, what: String, bytes: Option<u64>, requested_by: RequestedBy) {
+        self.all.push(Cost { kind, what, bytes, requested_by });
+    }
+
+    fn requested_by<'d>(&self, draws: impl Iterator<Item = &'d Draw>) -> RequestedBy {
+        let mut requested_by = RequestedBy::default();
         for draw in draws {
             let first = draw.first_instance as usize;
             let copies = self.plan.instance_actors.get(first..first + draw.instance_count as usize);
-            askers.actors.extend(copies.unwrap_or_default());
-            askers.materials.insert(draw.material);
+            requested_by.actors.extend(copies.unwrap_or_default());
+            requested_by.materials.insert(draw.material);
         }
-        askers
+        requested_by
     }
 
-    pub fn shadow_draws(&self) -> impl Iterator<Item = &Draw> {
-        self.plan.shadows.iter().flat_map(|s| &s.views).flat_map(|v| &v.draws)
-    }
-
-    /// Into the picture, then into shadow maps.
-    pub fn all_draws(&self) -> impl Iterator<Item = &Draw> {
-        self.plan.draws.iter().chain(self.shadow_draws())
-    }
-
-    /// Glass that bends light.
-    pub fn refracting(&self) -> impl Iterator<Item = &Draw> {
+    fn refracting(&self) -> impl Iterator<Item = &Draw> {
         self.plan.draws.iter().filter(|d| d.pipeline.glass == Glass::Refract)
     }
 
-    /// Why what is seen through is not just sorted.
-    pub fn of_peel(&self) -> Askers {
-        let mut askers = Askers::default();
-        match self.plan.peel.map(|peel| peel.cause) {
-            Some(PeelCause::Each(a, b)) => {
-                askers.actors.extend([a, b]);
-                askers.other = Some("sorting fails: copies cross, or stand in the wrong order");
+    /// What requests depth peeling.
+    fn peeled_by(&self) -> RequestedBy {
+        let mut requested_by = RequestedBy::default();
+        match self.plan.depth_peeling.map(|peel| peel.cause) {
+            Some(PeelCause::Order(a, b)) => {
+                requested_by.actors.extend([a, b]);
+                requested_by.other = Some("sorting fails: copies intersect, or are in the wrong order");
             }
-            Some(PeelCause::Itself(actor)) => {
-                askers.actors.insert(actor);
-                askers.other = Some("sorting fails: it is bent, and seen from both sides");
+            Some(PeelCause::SelfOverlap(actor)) => {
+                requested_by.actors.insert(actor);
+                requested_by.other = Some("sorting fails: it is not flat, and both its sides are visible");
             }
-            Some(PeelCause::AskedBy(actor)) => {
-                askers.actors.insert(actor);
-                askers.other = Some("its transparency \"independent\"");
+            Some(PeelCause::RequestedBy(actor)) => {
+                requested_by.actors.insert(actor);
+                requested_by.other = Some("its transparency \"independent\"");
             }
-            _ => askers.other = Some("the stage's transparency \"independent\""),
+            _ => requested_by.other = Some("the stage's transparency \"independent\""),
         }
-        askers
+        requested_by
     }
 
-    /// Without materials.
-    pub fn actors<'d>(&self, draws: impl Iterator<Item = &'d Draw>) -> Askers {
-        Askers { materials: BTreeSet::new(), ..self.askers(draws) }
+    /// What requests the draws, without materials.
+    fn actors<'d>(&self, draws: impl Iterator<Item = &'d Draw>) -> RequestedBy {
+        RequestedBy { materials: BTreeSet::new(), ..self.requested_by(draws) }
     }
 
-    fn passes(&mut self, recording: &Recording) {
-        let stage = |other| Askers { other: Some(other), ..Askers::default() };
-        if !recording.posed.is_empty() {
-            self.poses(recording);
-        }
-        for command in &recording.commands {
-            match command {
-                Command::BeginPass { target, samples, depth, part, area, .. } => {
-                    let depth = if *depth { ", depth" } else { "" };
-                    let plural = if *samples == 1 { "" } else { "s" };
-                    let part = match part {
-                        PassPart::Whole | PassPart::UntilCopy | PassPart::UntilLayers => "",
-                        PassPart::AfterLayers => ", the rest after the layers of what is seen through",
-                        PassPart::AfterCopy => ", the rest after the copy behind glass",
-                    };
-                    let area = area.map_or(String::new(), |[_, _, w, h]| format!(", {w}×{h} of it"));
-                    let what = format!(
-                        "scene → {}, {samples} sample{plural} a pixel{depth}{part}{area}",
-                        name(*target)
-                    );
-                    let askers = match self.plan.draws.is_empty() {
-                        true => stage("the stage's background: nothing else is in view"),
-                        false => self.actors(self.plan.draws.iter()),
-                    };
-                    self.add(Kind::Pass, what, None, askers);
-                }
-                Command::BeginGeometry => self.geometry(),
-                Command::BindPipeline(v) if v.deferred == DeferredPass::Light => self.light(v),
-                Command::BeginPeel { layer, .. } => {
-                    let what = format!("depths of layer {} of what is seen through", layer + 1);
-                    let askers = self.of_peel();
-                    self.add(Kind::Pass, what, None, askers);
-                }
-                Command::BeginLayer { layer, rest, .. } => {
-                    let what = match rest {
-                        true => "what is nearer than all layers, sorted".to_string(),
-                        false => format!("colours of layer {} of what is seen through", layer + 1),
-                    };
-                    let askers = self.of_peel();
-                    self.add(Kind::Pass, what, None, askers);
-                }
-                Command::BeginShadows { size: [w, h], .. } => {
-                    let maps = self.plan.shadows.as_ref().map_or(0, |s| s.views.len());
-                    let plural = if maps == 1 { "" } else { "s" };
-                    let what = format!("{maps} shadow map{plural}, {w}×{h} texels");
-                    let askers = self.actors(self.shadow_draws());
-                    self.add(Kind::Pass, what, None, askers);
-                }
-                Command::DrawOverlay { effect, count, .. } => {
-                    let mut askers = Askers::default();
-                    askers.effects.insert(effect.clone());
-                    let what = format!("in the scene: {} triangles of {effect}", count / 3);
-                    self.add(Kind::Pass, what, None, askers);
-                }
-                Command::PostPass { effect, from, to, size: [w, h], .. } => {
-                    let mut askers = Askers::default();
-                    askers.effects.insert(effect.clone());
-                    let what = format!("effect {effect}: {} → {}, {w}×{h}", name(*from), name(*to));
-                    self.add(Kind::Pass, what, None, askers);
-                }
-                Command::CopyBehind { from, levels } => {
-                    let plural = if *levels == 1 { "" } else { "s" };
-                    let what = format!("copy of the {} behind glass, {levels} level{plural}", name(*from));
-                    let askers = self.askers(self.refracting());
-                    self.add(Kind::Pass, what, None, askers);
-                }
-                Command::CopyBackground => {
-                    let what = "copy of the background".to_string();
-                    self.add(Kind::Pass, what, None, stage("the stage's background"));
-                }
-                Command::DrawUnder => {
-                    let what = "pipeline of the layers under the scene".to_string();
-                    self.add(Kind::Pipeline, what, None, stage("text, pictures and panels"));
-                }
-                Command::DrawSky { .. } => {
-                    let what = "pipeline of the sky, behind all else".to_string();
-                    self.add(Kind::Pipeline, what, None, stage("the stage's sky"));
-                }
-                Command::DrawBackground { .. } => {
-                    let what = "pipeline of the gradient, behind all else".to_string();
-                    self.add(Kind::Pipeline, what, None, stage("the stage's background"));
-                }
-                _ => {}
-            }
-        }
-    }
-
-    fn pipelines(&mut self, recording: &Recording) {
-        // Each draw follows the commands that bind its state; a draw may be made twice, for back and front faces.
+    /// Draws of each scene pipeline. Each draw follows the commands that bind its state; back and front faces may be drawn apart.
+    fn draws_of_variants(&self, recording: &Recording) -> BTreeMap<SceneVariant, Vec<Draw>> {
         let mut of_variant: BTreeMap<SceneVariant, Vec<Draw>> = BTreeMap::new();
         let mut bound = None;
         for command in &recording.commands {
             match command {
                 Command::BindPipeline(variant) => bound = Some(*variant),
                 Command::Draw { first_instance, .. } => {
-                    let drawn = self.all_draws().find(|d| d.first_instance == *first_instance);
+                    let drawn = self.plan.all_draws().find(|d| d.first_instance == *first_instance);
                     if let (Some(variant), Some(draw)) = (bound, drawn) {
                         let draws = of_variant.entry(variant).or_default();
                         if !draws.contains(draw) {
@@ -254,57 +169,62 @@ impl Parts<'_> {
                 _ => {}
             }
         }
+        of_variant
+    }
+
+    fn pipelines(&mut self, recording: &Recording) {
         let mut of_feature: BTreeMap<&'static str, Vec<Draw>> = BTreeMap::new();
-        for (variant, draws) in &of_variant {
-            let triangles: usize = draws.iter().map(|d| self.elements(d)).sum();
+        for (variant, draws) in self.draws_of_variants(recording) {
+            let elements: usize = draws.iter().map(|d| self.elements(d)).sum();
             let copies: u32 = draws.iter().map(|d| d.instance_count).sum();
-            let mut topology = format!("{:?}", variant.key.topology).to_lowercase();
-            if variant.key.mirrored {
-                topology += ", mirrored";
-            }
-            let features = switches(variant);
-            let many = |n: usize, one: &str, more: &str| format!("{n} {}", if n == 1 { one } else { more });
+            let topology = format!("{:?}", variant.key.topology).to_lowercase();
+            let mirrored = if variant.key.mirrored { ", mirrored" } else { "" };
+            let features = switches(&variant);
             let what = format!(
-                "{topology} {}: {}, {}, {triangles} elements",
+                "{topology}{mirrored} {}: {}, {copies} {}, {elements} elements",
                 features.join(" "),
-                many(draws.len(), "draw", "draws"),
-                many(copies as usize, "copy", "copies")
+                plural(draws.len(), "draw"),
+                if copies == 1 { "copy" } else { "copies" },
             );
-            let askers = self.askers(draws.iter());
-            self.add(Kind::Pipeline, what, None, askers);
+            self.add(CostKind::Pipeline, what, None, self.requested_by(draws.iter()));
             for feature in features {
-                of_feature.entry(feature).or_default().extend(draws);
+                of_feature.entry(feature).or_default().extend(&draws);
             }
         }
         for (feature, draws) in of_feature {
-            let askers = self.askers(draws.iter());
-            self.add(Kind::Feature, feature.to_string(), None, askers);
+            self.add(CostKind::Feature, feature.to_string(), None, self.requested_by(draws.iter()));
         }
     }
 
-    /// Functions that the pipelines of their surfaces call.
-    fn surface_effects(&mut self) {
-        for (bit, used) in self.plan.surface.iter().enumerate() {
-            let mut askers =
-                self.askers(self.plan.draws.iter().filter(|d| d.pipeline.effects() >> bit & 1 == 1));
-            askers.effects.insert(used.effect.clone());
-            self.add(Kind::Feature, format!("effect {} on surfaces", used.effect), None, askers);
-            let mut askers = Askers::default();
-            askers.effects.insert(used.effect.clone());
-            let bytes = Some(size_of::<[f32; 8]>() as u64);
-            self.add(Kind::FrameData, format!("parameters of {}", used.effect), bytes, askers);
+    fn scene_effects(&mut self) {
+        for (bit, used) in self.plan.scene_effects.iter().enumerate() {
+            let draws = self.plan.draws.iter().filter(|d| d.pipeline.effects() >> bit & 1 == 1);
+            let mut requested_by = self.requested_by(draws);
+            requested_by.effects.insert(used.effect.clone());
+            self.add(CostKind::Feature, format!("effect {} on surfaces", used.effect), None, requested_by);
+            self.frame_buffer(
+                &format!("parameters of {}", used.effect),
+                1,
+                size_of::<[f32; 8]>(),
+                RequestedBy::effect(&used.effect),
+            );
         }
     }
 
     /// Triangles, lines or points of all copies.
     fn elements(&self, draw: &Draw) -> usize {
-        let primitive = self.catalog.primitives[draw.primitive as usize].primitive();
-        let corners = match primitive.topology {
-            choreo_asset::Topology::Triangles => 3,
-            choreo_asset::Topology::Lines => 2,
-            choreo_asset::Topology::Points => 1,
+        let primitive = self.resources.primitives[draw.primitive as usize].primitive();
+        let vertices = match primitive.topology {
+            Topology::Triangles => 3,
+            Topology::Lines => 2,
+            Topology::Points => 1,
         };
-        primitive.indices.len() / corners * draw.instance_count as usize
+        primitive.indices.len() / vertices * draw.instance_count as usize
+    }
+
+    /// Adds `count` elements of `size` bytes that are written for every frame.
+    fn frame_buffer(&mut self, what: &str, count: usize, size: usize, requested_by: RequestedBy) {
+        self.add(CostKind::FrameData, what.into(), Some((count * size) as u64), requested_by);
     }
 
     fn frame_data(&mut self, recording: &Recording) {
@@ -312,73 +232,59 @@ impl Parts<'_> {
         else {
             return;
         };
-        let size = |n: usize, each: usize| Some((n * each) as u64);
-        let with = |feature: Features| self.all_draws().filter(move |d| d.pipeline.features.has(feature));
-        let lit = self.plan.draws.iter().filter(|d| d.pipeline.features.is_lit());
-        let frame = Askers { other: Some("every frame"), ..Askers::default() };
-        let (all, skinned, morphed, lit) = (
-            self.actors(self.plan.draws.iter()),
-            self.actors(with(Features::SKIN)),
-            self.actors(with(Features::MORPH)),
-            self.actors(lit),
-        );
-        self.add(
-            Kind::FrameData,
-            "camera and ambient light".into(),
-            size(1, size_of::<FrameUniform>()),
-            frame,
-        );
-        for (n, each, what, askers) in [
-            (*instances, size_of::<Instance>(), "copies", all),
-            (*joints, size_of::<Rows>(), "joint matrices", skinned),
-            (*morphs, size_of::<ActiveMorph>(), "active morph targets", morphed),
-            (*lights, size_of::<PlanLight>(), "lights", lit),
+        let plan = self.plan;
+        let with = |feature: Features| plan.all_draws().filter(move |d| d.pipeline.features.has(feature));
+        let lit = plan.draws.iter().filter(|d| d.pipeline.features.is_lit());
+        let every_frame = RequestedBy::other("every frame");
+        self.frame_buffer("camera and ambient light", 1, size_of::<FrameUniform>(), every_frame);
+        for (n, each, what, requested_by) in [
+            (*instances, size_of::<Instance>(), "copies", self.actors(plan.draws.iter())),
+            (*joints, size_of::<Affine3x4>(), "joint matrices", self.actors(with(Features::SKIN))),
+            (*morphs, size_of::<ActiveMorph>(), "active morph targets", self.actors(with(Features::MORPH))),
+            (*lights, size_of::<PlanLight>(), "lights", self.actors(lit)),
         ] {
             if n > 0 {
-                self.add(Kind::FrameData, format!("{n} {what}"), size(n, each), askers);
+                self.frame_buffer(&format!("{n} {what}"), n, each, requested_by);
             }
         }
-        for part in &self.plan.overlay.parts {
-            let mut askers = Askers::default();
-            askers.effects.insert(part.effect.clone());
-            let what = format!("corners of {}", part.effect);
-            self.add(Kind::FrameData, what, size(part.count as usize, size_of::<OverlayVertex>()), askers);
+        for part in &plan.overlay.parts {
+            let what = format!("vertices of {}", part.effect);
+            let requested_by = RequestedBy::effect(&part.effect);
+            self.frame_buffer(&what, part.count as usize, size_of::<OverlayVertex>(), requested_by);
         }
-        if !self.plan.materials.is_empty() {
-            let n = self.plan.materials.len();
-            let askers = self.actors(self.all_draws().filter(|d| d.changed.is_some()));
-            let bytes = size(n, size_of::<MaterialUniform>());
-            self.add(Kind::FrameData, format!("{n} materials that change"), bytes, askers);
+        if !plan.material_overrides.is_empty() {
+            let n = plan.material_overrides.len();
+            let requested_by = self.actors(plan.all_draws().filter(|d| d.material_override.is_some()));
+            self.frame_buffer(
+                &format!("{n} overridden materials"),
+                n,
+                size_of::<MaterialUniform>(),
+                requested_by,
+            );
         }
-        if let Some(shadows) = &self.plan.shadows {
-            let askers = self.actors(self.shadow_draws());
-            let bytes = size(shadows.views.len(), size_of::<FrameUniform>() + size_of::<ShadowUniform>());
-            self.add(Kind::FrameData, "views of shadow maps".into(), bytes, askers);
+        if let Some(shadow_maps) = &plan.shadow_maps {
+            let each = size_of::<FrameUniform>() + size_of::<ShadowUniform>();
+            let requested_by = self.actors(plan.shadow_draws());
+            self.frame_buffer("views of shadow maps", shadow_maps.views.len(), each, requested_by);
         }
-        for pass in &self.plan.post {
-            let mut askers = Askers::default();
-            askers.effects.insert(pass.effect.clone());
+        for pass in &plan.post {
             let what = format!("parameters of {}", pass.effect);
-            self.add(Kind::FrameData, what, size(1, size_of::<PostUniform>()), askers);
+            self.frame_buffer(&what, 1, size_of::<PostUniform>(), RequestedBy::effect(&pass.effect));
         }
     }
 
     fn meshes(&mut self, recording: &Recording) {
-        let mut meshes: BTreeSet<(u32, VertexLayout, bool)> = BTreeSet::new();
-        for command in &recording.commands {
-            match command {
-                Command::BindMesh { primitive, layout, morphs } => {
-                    meshes.insert((*primitive, *layout, *morphs));
-                }
-                Command::Pose { variant, primitive, layout, .. } => {
-                    meshes.insert((*primitive, *layout, variant.features.has(Features::MORPH)));
-                }
-                _ => {}
+        let bound = recording.commands.iter().filter_map(|command| match command {
+            Command::BindMesh { primitive, layout, morphs } => Some((*primitive, *layout, *morphs)),
+            Command::Preskin { variant, primitive, layout, .. } => {
+                Some((*primitive, *layout, variant.features.has(Features::MORPH)))
             }
-        }
-        for (primitive, layout, morphs) in meshes {
-            let entry = &self.catalog.primitives[primitive as usize];
-            let packed = pack(entry.primitive(), entry.indices(layout), layout);
+            _ => None,
+        });
+        for (index, layout, morphs) in bound.collect::<BTreeSet<(u32, VertexLayout, bool)>>() {
+            let entry = &self.resources.primitives[index as usize];
+            let (primitive, indices) = (entry.primitive(), entry.indices(layout));
+            let packed = pack(primitive, indices, layout);
             let mut bytes = packed.vertices.len().next_multiple_of(4) + packed.indices.len();
             let mut what = format!(
                 "\"{}\" {}: {} vertices of {} bytes, {} indices",
@@ -389,17 +295,13 @@ impl Parts<'_> {
                 packed.index_count
             );
             if morphs {
-                bytes += pack_morphs(entry.primitive(), entry.indices(layout), layout).len();
-                let (p, moved) = (
-                    entry.primitive(),
-                    crate::scene_resources::morph_buffers::moved_vertices(entry.primitive()),
-                );
+                bytes += pack_morphs(primitive, indices, layout).len();
+                let (targets, moved) = (primitive.morphs.len(), morphed_vertices(primitive));
                 what +=
-                    &format!(", {} morph targets that move {moved} of {}", p.morphs.len(), p.positions.len());
+                    &format!(", {targets} morph targets that move {moved} of {}", primitive.positions.len());
             }
-            let draws: Vec<Draw> = self.all_draws().filter(|d| d.primitive == primitive).copied().collect();
-            let askers = self.askers(draws.iter());
-            self.add(Kind::Mesh, what, Some(bytes as u64), askers);
+            let draws = self.plan.all_draws().filter(|d| d.primitive == index);
+            self.add(CostKind::Mesh, what, Some(bytes as u64), self.requested_by(draws));
         }
     }
 
@@ -410,91 +312,88 @@ impl Parts<'_> {
                 *slots_of.entry(*material).or_default() |= slots;
             }
         }
-        let mut textures: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
-        let mut slanted: BTreeSet<u32> = BTreeSet::new();
+        let plan = self.plan;
+        let mut textures: BTreeMap<u32, (Vec<u32>, bool)> = BTreeMap::new();
         for (material, slots) in &slots_of {
-            let entry = &self.catalog.materials[*material as usize];
-            for (slot, texture) in entry.texture_refs().iter().enumerate() {
+            let entry = &self.resources.materials[*material as usize];
+            for (slot, texture) in entry.textures.iter().enumerate() {
                 if let Some(texture) = texture.filter(|_| slots >> slot & 1 == 1) {
-                    textures.entry(texture.texture).or_default().push(*material);
-                    if is_anisotropic(&texture.sampler) {
-                        slanted.insert(texture.texture);
-                    }
+                    let (materials, anisotropic) = textures.entry(texture.texture).or_default();
+                    materials.push(*material);
+                    *anisotropic |= is_anisotropic(&texture.sampler);
                 }
             }
-            let draws: Vec<Draw> =
-                self.plan.draws.iter().filter(|d| d.material == *material).copied().collect();
-            let askers = self.actors(draws.iter());
+            let requested_by = self.actors(plan.draws.iter().filter(|d| d.material == *material));
             let what = format!("\"{}\"", entry.material.name);
             let layers = if entry.material.layers.is_some() { size_of::<LayersUniform>() } else { 0 };
-            self.add(Kind::Material, what, Some((size_of::<MaterialUniform>() + layers) as u64), askers);
+            let bytes = (size_of::<MaterialUniform>() + layers) as u64;
+            self.add(CostKind::Material, what, Some(bytes), requested_by);
         }
-        for (texture, materials) in textures {
-            let entry = &self.catalog.textures[texture as usize];
+        for (texture, (materials, anisotropic)) in textures {
+            let entry = &self.resources.textures[texture as usize];
             let (w, h) = (entry.image.width, entry.image.height);
             let levels = if entry.mipmaps { level_count(w, h) } else { 1 };
             let bytes =
                 (0..levels).map(|l| 4 * u64::from((w >> l).max(1)) * u64::from((h >> l).max(1))).sum();
             let color = if entry.srgb { "colors" } else { "data" };
-            // What the plan cannot know: the device. See `GpuOptions::anisotropy`.
-            let filter = if slanted.contains(&texture) { ", anisotropic on GPUs" } else { "" };
+            // The plan does not know the device. See `GpuOptions::anisotropy`.
+            let filter = if anisotropic { ", anisotropic on GPUs" } else { "" };
             let what = format!("\"{}\": {w}×{h}, {levels} levels, {color}{filter}", entry.image.name);
-            let draws = self.plan.draws.iter().filter(|d| materials.contains(&d.material));
-            let askers = self.askers(draws);
-            self.add(Kind::Texture, what, Some(bytes), askers);
+            let draws = plan.draws.iter().filter(|d| materials.contains(&d.material));
+            self.add(CostKind::Texture, what, Some(bytes), self.requested_by(draws));
         }
     }
 
-    fn flats(&mut self) {
-        let asked = || Askers { other: Some("text, pictures and panels"), ..Askers::default() };
-        if let Some(under) = &self.plan.under {
-            let [w, h] = under.size;
+    fn layers_2d(&mut self) {
+        let requested_by = || RequestedBy::other("text, images and panels");
+        if let Some(layers) = &self.plan.layers_behind {
+            let [w, h] = layers.size;
             let bytes = Some(8 * u64::from(w) * u64::from(h));
-            self.add(
-                Kind::Texture,
-                format!("layers under the scene: {w}×{h}, 16-bit floats"),
-                bytes,
-                asked(),
-            );
+            let what = format!("2D layers behind the scene: {w}×{h}, 16-bit floats");
+            self.add(CostKind::Texture, what, bytes, requested_by());
         }
-        if let Some(over) = &self.plan.over {
-            let [w, h] = over.area;
-            self.add(Kind::Pass, format!("layers over the frame, {w}×{h} pixels, by the CPU"), None, asked());
+        if let Some(layers) = &self.plan.layers_in_front {
+            let [w, h] = layers.area;
+            let what = format!("2D layers over the frame, {w}×{h} pixels, by the CPU");
+            self.add(CostKind::Pass, what, None, requested_by());
         }
     }
 
     fn sky(&mut self, recording: &Recording) {
         let reads = recording.reads();
-        let Some(panorama) = self.catalog.sky.clone().filter(|_| reads.sky) else { return };
-        let lit = || self.plan.draws.iter().filter(|d| d.pipeline.features.has(Features::SKY));
-        let stage = Askers { other: Some("the stage's sky"), ..Askers::default() };
-        let bytes = Some(size_of::<SkyUniform>() as u64);
-        let askers = if reads.sky_maps { self.actors(lit()) } else { stage.clone() };
-        self.add(Kind::FrameData, "turn and strength of the sky".into(), bytes, askers);
-        let texel = size_of::<[f32; 2]>() as u64;
+        let Some(panorama) = self.resources.sky.clone().filter(|_| reads.sky) else { return };
+        let lit = self.plan.draws.iter().filter(|d| d.pipeline.features.has(Features::SKY));
+        let requested_by =
+            if reads.sky_maps { self.actors(lit) } else { RequestedBy::other("the stage's sky") };
+        let bytes = |[w, h]: [u32; 2]| Some(size_of::<[f32; 2]>() as u64 * u64::from(w) * u64::from(h));
+        self.frame_buffer(
+            "rotation and strength of the sky",
+            1,
+            size_of::<SkyUniform>(),
+            requested_by.clone(),
+        );
         if reads.sky_maps {
             let maps = SkyMaps::of(&panorama);
             let ([w, h], levels) = (maps.size, maps.levels.len());
             let what = format!("sky \"{}\": {w}×{h}, {levels} roughnesses, 16-bit floats", panorama.name);
-            let askers = self.actors(lit());
-            self.add(Kind::Texture, what, Some(texel * u64::from(w) * u64::from(h)), askers);
+            self.add(CostKind::Texture, what, bytes([w, h]), requested_by);
         }
-        if reads.sky_picture {
+        if reads.sky_background {
             let [w, h] = panorama.size();
-            let what = format!("picture of the sky \"{}\": {w}×{h}, 16-bit floats", panorama.name);
-            self.add(Kind::Texture, what, Some(texel * u64::from(w) * u64::from(h)), stage);
+            let what = format!("background of the sky \"{}\": {w}×{h}, 16-bit floats", panorama.name);
+            self.add(CostKind::Texture, what, bytes([w, h]), RequestedBy::other("the stage's sky"));
         }
     }
 }
 
-fn name(target: Target) -> String {
-    match target {
-        Target::Picture => "picture".into(),
-        Target::Float(i) => format!("linear picture {i}"),
-    }
+/// "1 sample", "4 samples".
+fn plural(n: usize, one: &str) -> String {
+    format!("{n} {one}{}", if n == 1 { "" } else { "s" })
 }
 
-/// Only where levels are mixed: what asks for hard texels gets them.
-pub(crate) fn is_anisotropic(sampler: &Sampler) -> bool {
-    sampler.mag_linear && sampler.min_linear && sampler.mip_linear == Some(true)
+fn target_name(target: Target) -> String {
+    match target {
+        Target::Picture => "image".into(),
+        Target::Float(i) => format!("linear image {i}"),
+    }
 }

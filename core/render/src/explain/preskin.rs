@@ -1,36 +1,37 @@
-//! What is posed once for all passes, for [`crate::explain`].
+//! Pre-skinning.
 
 use crate::commands::{Command, Recording};
-use crate::explain::{Kind, Parts};
-use crate::plan::Draw;
+use crate::explain::{CostKind, Costs};
 use std::collections::BTreeSet;
 
-/// Of a body as the compute stage reads it.
+/// Size of a mesh's parameters as the compute shader reads them.
 const JOB_BYTES: u64 = 64;
 
-impl Parts<'_> {
-    /// The compute stage, its pipelines, and where it leaves the vertices.
-    pub fn poses(&mut self, recording: &Recording) {
-        let read: BTreeSet<u32> = recording.posed.iter().flat_map(|b| b.instances.iter().copied()).collect();
-        let is_read =
-            |d: &&Draw| (d.first_instance..d.first_instance + d.instance_count).any(|i| read.contains(&i));
-        let draws: Vec<Draw> = self.all_draws().filter(is_read).copied().collect();
-        let askers = self.actors(draws.iter());
-        let (bodies, vertices) = recording.posed_vertices(self.catalog);
-        let plural = if bodies == 1 { "mesh" } else { "meshes" };
-        let what = format!("poses of {bodies} {plural}, {vertices} vertices, once for all passes");
-        self.add(Kind::Pass, what, None, askers.clone());
+impl Costs<'_> {
+    /// The compute pass, its pipelines, and the buffers of its vertices.
+    pub fn preskinning(&mut self, recording: &Recording) {
+        let read: BTreeSet<u32> =
+            recording.preskinned.iter().flat_map(|b| b.instances.iter().copied()).collect();
+        let drawn = self
+            .plan
+            .all_draws()
+            .filter(|d| (d.first_instance..d.first_instance + d.instance_count).any(|i| read.contains(&i)));
+        let requested_by = self.actors(drawn);
+        let (meshes, vertices) = recording.preskinned_vertices(self.resources);
+        let plural = if meshes == 1 { "mesh" } else { "meshes" };
+        let what = format!("pre-skinning of {meshes} {plural}, {vertices} vertices");
+        self.add(CostKind::Pass, what, None, requested_by.clone());
         let mut known = BTreeSet::new();
         for command in &recording.commands {
-            let Command::Pose { variant, .. } = command else { continue };
+            let Command::Preskin { variant, .. } = command else { continue };
             if known.insert(*variant) {
-                let what = format!("poses {}", variant.switches().join(" "));
-                self.add(Kind::Pipeline, what, None, askers.clone());
+                let what = format!("pre-skinning {}", variant.switches().join(" "));
+                self.add(CostKind::Pipeline, what, None, requested_by.clone());
             }
         }
-        let bytes = recording.posed_bytes(self.catalog);
-        self.add(Kind::FrameData, "posed vertices".into(), Some(bytes), askers.clone());
-        let bytes = JOB_BYTES * bodies as u64;
-        self.add(Kind::FrameData, "meshes to be posed".into(), Some(bytes), askers);
+        let bytes = recording.preskinned_bytes(self.resources);
+        self.add(CostKind::FrameData, "pre-skinned vertices".into(), Some(bytes), requested_by.clone());
+        let bytes = JOB_BYTES * meshes as u64;
+        self.add(CostKind::FrameData, "parameters of pre-skinning".into(), Some(bytes), requested_by);
     }
 }

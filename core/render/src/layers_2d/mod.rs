@@ -1,75 +1,79 @@
-//! FlatPicture layers: words, pictures, panels and bars, in one picture under the scene and one over it. Composed here alone, so that
-//! both renderers show the same: what lies under is drawn like a background, what lies over is laid on the finished frame.
+//! 2D layers: text, images, panels and letterbox bars, composited into one image behind the scene and one in front. They are
+//! composited here, on the CPU, so that both renderers show the same: the image behind is drawn like a background, the one in
+//! front is blended over the finished frame.
 
-mod picture;
+mod image;
 
+use crate::scene_resources::mipmap::{linear_to_srgb8, srgb_to_linear_table};
 use choreo_plugin::Frame;
 use choreo_stage::{Align, FlatContent, FlatState, Font, Snapshot, Stage};
 use choreo_text::{Coverage, Style, lay_out};
 use glam::{DVec2, Vec2, Vec4};
-use picture::draw_picture;
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Layers in one picture.
+/// Composited layers.
 #[derive(Clone, PartialEq)]
-pub struct FlatPicture {
-    /// Of the whole picture, pixels.
+pub struct LayerImage {
+    /// Size of the frame in pixels.
     pub size: [u32; 2],
-    /// What is not empty: first pixel, and pixels.
+    /// First pixel of the area that is not empty.
     pub at: [u32; 2],
+    /// Size of that area.
     pub area: [u32; 2],
-    /// Of that area: linear, premultiplied.
+    /// Pixels of that area: linear, premultiplied alpha.
     pub pixels: Vec<Vec4>,
-    /// Of all that it is made from.
+    /// Hash of everything that it is made of.
     pub hash: [u8; 32],
 }
 
-impl fmt::Debug for FlatPicture {
+impl fmt::Debug for LayerImage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "FlatPicture({:?} pixels at {:?} of {:?})", self.area, self.at, self.size)
+        write!(f, "LayerImage({:?} pixels at {:?} of {:?})", self.area, self.at, self.size)
     }
 }
 
-/// Words of an effect, beside a place in the picture.
+/// Text of an effect beside a point of the frame.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FlatLabel {
-    /// Shares of the picture, from its top left.
+pub struct ScreenLabel {
+    /// Position as shares of the frame, from its top left.
     pub at: DVec2,
     pub text: String,
-    /// Of the font, and how far right of the place they begin, pixels.
+    /// Font size in pixels.
     pub size: f32,
+    /// Distance from the point to the text in pixels.
     pub beside: f32,
     /// Linear, straight alpha.
     pub color: Vec4,
 }
 
-/// Those under the scene and those over it, where there are any. Kept as long as they do not change.
-pub fn flats(
+/// The layers behind the scene and those in front, if there are any. Cached while they do not change.
+pub fn compose_layers(
     stage: &Stage,
     snapshot: &Snapshot,
-    labels: &[FlatLabel],
+    labels: &[ScreenLabel],
     size: [u32; 2],
-) -> [Option<Arc<FlatPicture>>; 2] {
-    let [mut under, mut over] = [Vec::new(), Vec::new()];
+) -> [Option<Arc<LayerImage>>; 2] {
+    let [mut behind, mut in_front] = [Vec::new(), Vec::new()];
     for state in &snapshot.flats {
         let Some(flat) = stage.flats.get(state.flat) else { continue };
-        if flat.under { under.push(state) } else { over.push(state) }
+        if flat.under { behind.push(state) } else { in_front.push(state) }
     }
-    let flat = |states: &[&FlatState], labels: &[FlatLabel]| match states.is_empty() && labels.is_empty() {
-        true => None,
-        false => flat(stage, states, labels, size),
-    };
-    [flat(&under, &[]), flat(&over, labels)]
+    let composed =
+        |states: &[&FlatState], labels: &[ScreenLabel]| match states.is_empty() && labels.is_empty() {
+            true => None,
+            false => compose(stage, states, labels, size),
+        };
+    [composed(&behind, &[]), composed(&in_front, labels)]
 }
 
-fn flat(
+fn compose(
     stage: &Stage,
     states: &[&FlatState],
-    labels: &[FlatLabel],
+    labels: &[ScreenLabel],
     size: [u32; 2],
-) -> Option<Arc<FlatPicture>> {
-    static KEPT: Mutex<Vec<Arc<FlatPicture>>> = Mutex::new(Vec::new());
+) -> Option<Arc<LayerImage>> {
+    static KEPT: Mutex<Vec<Arc<LayerImage>>> = Mutex::new(Vec::new());
     const MOST: usize = 8;
     let hash = hash(stage, states, labels, size);
     let kept = || KEPT.lock().unwrap_or_else(PoisonError::into_inner);
@@ -89,7 +93,7 @@ fn flat(
     Some(made)
 }
 
-fn hash(stage: &Stage, states: &[&FlatState], labels: &[FlatLabel], size: [u32; 2]) -> [u8; 32] {
+fn hash(stage: &Stage, states: &[&FlatState], labels: &[ScreenLabel], size: [u32; 2]) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     let mut add = |bytes: &[u8]| {
         hasher.update(&(bytes.len() as u64).to_le_bytes());
@@ -118,11 +122,11 @@ fn hash(stage: &Stage, states: &[&FlatState], labels: &[FlatLabel], size: [u32; 
     *hasher.finalize().as_bytes()
 }
 
-/// What is drawn on.
+/// An image while layers are drawn into it.
 struct Canvas {
     size: [u32; 2],
     pixels: Vec<Vec4>,
-    /// First and last pixels that were touched, the last not included.
+    /// First and last pixel that were changed, the last not included.
     low: [u32; 2],
     high: [u32; 2],
 }
@@ -134,16 +138,16 @@ impl Canvas {
     }
 
     fn draw(&mut self, flat: &choreo_stage::Flat, state: &FlatState) {
-        let picture = DVec2::new(self.size[0].into(), self.size[1].into());
-        let point = state.at * picture + flat.offset;
+        let frame = DVec2::new(self.size[0].into(), self.size[1].into());
+        let point = state.at * frame + flat.offset;
         let factor = state.scale;
         let corner = |size: DVec2| point - flat.anchor * size;
         match &flat.content {
             FlatContent::Text { words, font, size, width, align, line_height, color } => {
                 let words = state.words.as_deref().unwrap_or(words);
                 let style = Style {
-                    size: (size * picture.y) as f32,
-                    width: width.map(|w| (w * picture.x) as f32),
+                    size: (size * frame.y) as f32,
+                    width: width.map(|w| (w * frame.x) as f32),
                     align: *align,
                     line_height: *line_height as f32,
                 };
@@ -153,31 +157,31 @@ impl Canvas {
                 self.fill(&coverage, *color, state.opacity);
             }
             FlatContent::Picture { image, fit, .. } => {
-                let box_of = picture::box_of(image, *fit, picture) * factor;
-                draw_picture(self, image, corner(box_of), box_of, state.opacity);
+                let size = image::fitted_size(image, *fit, frame) * factor;
+                image::draw_image(self, image, corner(size), size, state.opacity);
             }
             FlatContent::Panel { size, color } => {
-                let size = *size * picture * factor;
+                let size = *size * frame * factor;
                 self.rectangle(corner(size), size, *color, state.opacity);
             }
             FlatContent::Bars { ratio, color } => {
-                let inside = DVec2::new(picture.x.min(picture.y * ratio), picture.y.min(picture.x / ratio));
-                let bar = (picture - inside) * 0.5 * factor.min(1.0);
+                let inside = DVec2::new(frame.x.min(frame.y * ratio), frame.y.min(frame.x / ratio));
+                let bar = (frame - inside) * 0.5 * factor.min(1.0);
                 let across =
-                    if bar.x > bar.y { DVec2::new(bar.x, picture.y) } else { DVec2::new(picture.x, bar.y) };
+                    if bar.x > bar.y { DVec2::new(bar.x, frame.y) } else { DVec2::new(frame.x, bar.y) };
                 self.rectangle(DVec2::ZERO, across, *color, state.opacity);
-                self.rectangle(picture - across, across, *color, state.opacity);
+                self.rectangle(frame - across, across, *color, state.opacity);
             }
         }
     }
 
-    /// With a dark one behind it, to be read on anything. Left out where it would lie over one that is there: none could be read.
-    fn label(&mut self, label: &FlatLabel, taken: &mut Vec<[Vec2; 2]>) {
+    /// Draws a label with a dark shadow, so that it is readable on anything. A label that would overlap an earlier one is left out.
+    fn label(&mut self, label: &ScreenLabel, taken: &mut Vec<[Vec2; 2]>) {
         let font = Font::built_in();
         let style = Style { size: label.size, width: None, align: Align::Left, line_height: 1.25 };
         let laid = lay_out(&font, &label.text, &style);
-        let picture = DVec2::new(self.size[0].into(), self.size[1].into());
-        let at = (label.at * picture).as_vec2() + Vec2::new(label.beside, -0.5 * laid.size[1]);
+        let frame = DVec2::new(self.size[0].into(), self.size[1].into());
+        let at = (label.at * frame).as_vec2() + Vec2::new(label.beside, -0.5 * laid.size[1]);
         let place = [at, at + Vec2::from(laid.size)];
         if taken.iter().any(|[low, high]| place[0].cmplt(*high).all() && low.cmplt(place[1]).all()) {
             return;
@@ -200,7 +204,7 @@ impl Canvas {
         self.blend(coverage, |_, _| color.truncate().extend(1.0) * (color.w * opacity));
     }
 
-    /// Lays premultiplied colours over what is there, as much as is covered.
+    /// Blends premultiplied colors over the canvas, weighted by coverage.
     fn blend(&mut self, coverage: &Coverage, color: impl Fn(u32, u32) -> Vec4) {
         for row in 0..coverage.size[1] {
             let y = coverage.at[1] + row;
@@ -215,8 +219,8 @@ impl Canvas {
         }
     }
 
-    /// `None` where nothing was drawn.
-    fn finish(self, hash: [u8; 32]) -> Option<FlatPicture> {
+    /// `None` if nothing was drawn.
+    fn finish(self, hash: [u8; 32]) -> Option<LayerImage> {
         let Canvas { size, pixels, low, high } = self;
         if low[0] >= high[0] || low[1] >= high[1] {
             return None;
@@ -227,12 +231,12 @@ impl Canvas {
             pixels[first + low[0] as usize..first + high[0] as usize].iter().copied()
         };
         let area = [high[0] - low[0], high[1] - low[1]];
-        Some(FlatPicture { size, at: low, area, pixels: (low[1]..high[1]).flat_map(row).collect(), hash })
+        Some(LayerImage { size, at: low, area, pixels: (low[1]..high[1]).flat_map(row).collect(), hash })
     }
 }
 
-impl FlatPicture {
-    /// Premultiplied; nothing outside the area.
+impl LayerImage {
+    /// Premultiplied; zero outside the area.
     pub fn pixel(&self, x: u32, y: u32) -> Vec4 {
         let (x, y) = (x.wrapping_sub(self.at[0]), y.wrapping_sub(self.at[1]));
         if x >= self.area[0] || y >= self.area[1] {
@@ -241,12 +245,12 @@ impl FlatPicture {
         self.pixels[(y * self.area[0] + x) as usize]
     }
 
-    /// Lays it on a finished frame of its size.
+    /// Blends it over a finished frame of its size.
     pub fn over(&self, frame: &mut Frame) {
         if [frame.width, frame.height] != self.size {
             return;
         }
-        let decode = crate::scene_resources::mipmap::srgb_to_linear_table();
+        let decode = srgb_to_linear_table();
         for (row, pixels) in self.pixels.chunks_exact(self.area[0] as usize).enumerate() {
             let first = (self.at[1] as usize + row) * frame.width as usize + self.at[0] as usize;
             let (out, _) = frame.rgba[4 * first..4 * (first + pixels.len())].as_chunks_mut::<4>();
@@ -254,7 +258,7 @@ impl FlatPicture {
                 let rest = 1.0 - source.w;
                 for (channel, light) in source.truncate().to_array().into_iter().enumerate() {
                     let below = decode[out[channel] as usize];
-                    out[channel] = crate::scene_resources::mipmap::linear_to_srgb8(light + below * rest);
+                    out[channel] = linear_to_srgb8(light + below * rest);
                 }
                 let alpha = source.w * 255.0 + f32::from(out[3]) * rest;
                 out[3] = alpha.round().clamp(0.0, 255.0) as u8;
@@ -272,8 +276,8 @@ mod tests {
         Flat::new(FlatContent::Panel { size, color })
     }
 
-    fn drawn(stage: &Stage, size: [u32; 2]) -> [Option<Arc<FlatPicture>>; 2] {
-        flats(stage, &stage.at(choreo_motion::Time::ZERO).unwrap(), &[], size)
+    fn drawn(stage: &Stage, size: [u32; 2]) -> [Option<Arc<LayerImage>>; 2] {
+        compose_layers(stage, &stage.at(choreo_motion::Time::ZERO).unwrap(), &[], size)
     }
 
     #[test]
@@ -286,7 +290,7 @@ mod tests {
         let over = over.unwrap();
         assert_eq!(over.pixel(0, 0), Vec4::new(1.0, 0.0, 0.0, 1.0));
         assert_eq!(over.pixel(4, 2), Vec4::new(0.5, 0.5, 0.0, 1.0));
-        // A frame below shows where it is see-through: half green over blue, in linear light.
+        // The frame below shows through where it is transparent: half green over blue, in linear light.
         stage.flats.remove(0);
         let mut frame = Frame { width: 8, height: 4, rgba: [0, 0, 255, 255].repeat(32) };
         drawn(&stage, [8, 4])[1].as_ref().unwrap().over(&mut frame);
@@ -295,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn bars_leave_a_picture_of_their_ratio() {
+    fn bars_leave_a_frame_of_their_ratio() {
         let mut stage = Stage::default();
         stage.flats.push(Flat::new(FlatContent::Bars { ratio: 2.0, color: Vec4::W }));
         let flat = drawn(&stage, [80, 60])[1].clone().unwrap();

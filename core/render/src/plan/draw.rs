@@ -1,19 +1,21 @@
-//! What is drawn at once.
+//! Draw calls of a plan.
 
 use crate::plan::PipelineKey;
 
-/// Copies of one primitive with one material.
+/// Instances of one primitive with one material.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Draw {
     pub pipeline: PipelineKey,
-    /// Catalogue ids.
+    /// Index into `SceneResources::primitives`.
     pub primitive: u32,
+    /// Index into `SceneResources::materials`.
     pub material: u32,
-    /// Index into `Plan::materials` where the material is not as in the catalogue.
-    pub changed: Option<u32>,
-    /// So many indices, of those that [`crate::scene_resources::watertight`] puts first, belong to bodies whose back faces are not seen.
-    pub closed: u32,
-    /// Drawn without light, and lit with all others where [`crate::Plan::deferred`] is some.
+    /// Index into `Plan::material_overrides`, if the material is overridden in this frame.
+    pub material_override: Option<u32>,
+    /// Number of indices, of those that [`crate::scene_resources::watertight`] puts first, whose back faces are culled although
+    /// the material is double-sided.
+    pub watertight: u32,
+    /// Drawn into the G-buffer if [`crate::plan::Plan::deferred`] is set.
     pub deferred: bool,
     /// Range of `Plan::instances`.
     pub first_instance: u32,

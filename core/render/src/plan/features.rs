@@ -1,8 +1,9 @@
 //! Which shader features a draw needs, and words for those that nothing needs.
 
 use crate::plan::{Features, LEFT_OUT, LeftOut, is_lit};
-use crate::scene_resources::{CatalogMaterial, CatalogPrimitive, CatalogTextureRef};
-use choreo_asset::{AlphaMode, Shading};
+use crate::scene_resources::PrimitiveResource;
+use crate::scene_resources::material::{MaterialResource, MaterialTexture, TOON_SLOT};
+use choreo_asset::{AlphaMode, Shading, TextureSlot};
 use glam::{Affine2, Vec3};
 
 /// What a draw brings besides primitive and material.
@@ -24,8 +25,8 @@ pub struct DrawNeeds {
 /// Only what changes a pixel. `force_all` sets every bit that leaves the pixels as they are; see [`Features`] for
 /// what a renderer then feeds to a shader whose primitive or material lacks the data.
 pub fn features(
-    primitive: &CatalogPrimitive,
-    material: &CatalogMaterial,
+    primitive: &PrimitiveResource,
+    material: &MaterialResource,
     needs: DrawNeeds,
     force_all: bool,
 ) -> Features {
@@ -53,17 +54,21 @@ pub fn features(
     ];
     // (texture, its bit, whether this kind of shading reads it)
     let textures = [
-        (material.base_color, Features::BASE_COLOR_TEXTURE, true),
+        (material.texture(TextureSlot::BaseColor), Features::BASE_COLOR_TEXTURE, true),
         (
-            material.metallic_roughness,
+            material.texture(TextureSlot::MetallicRoughness),
             Features::METALLIC_ROUGHNESS_TEXTURE,
             metallic_roughness || toon || mirrors,
         ),
-        (material.normal, Features::NORMAL_TEXTURE, lit),
-        (material.occlusion, Features::OCCLUSION_TEXTURE, lit),
-        (material.emissive, Features::EMISSIVE_TEXTURE, lit),
-        (material.specular, Features::SPECULAR_TEXTURE, metallic_roughness || toon || mirrors),
-        (material.specular_color, Features::SPECULAR_COLOR_TEXTURE, lit),
+        (material.texture(TextureSlot::Normal), Features::NORMAL_TEXTURE, lit),
+        (material.texture(TextureSlot::Occlusion), Features::OCCLUSION_TEXTURE, lit),
+        (material.texture(TextureSlot::Emissive), Features::EMISSIVE_TEXTURE, lit),
+        (
+            material.texture(TextureSlot::Specular),
+            Features::SPECULAR_TEXTURE,
+            metallic_roughness || toon || mirrors,
+        ),
+        (material.texture(TextureSlot::SpecularColor), Features::SPECULAR_COLOR_TEXTURE, lit),
     ];
     let layers = m.layers.as_deref().filter(|_| metallic_roughness);
     let of_layers = crate::plan::features_layers::textures(material, layers);
@@ -91,7 +96,7 @@ pub fn features(
             Features::UV_TRANSFORM,
         );
     }
-    let mask = material.toon[1].filter(|t| toon && !p.uvs[t.uv_set as usize].is_empty());
+    let mask = material.textures[TOON_SLOT + 1].filter(|t| toon && !p.uvs[t.uv_set as usize].is_empty());
     if let Some(mask) = mask {
         set(true, Features::UV_MASK);
         set(mask.uv_set == 0, Features::UV0);
@@ -127,17 +132,19 @@ pub fn features(
 }
 
 /// Whether its normal map can be read.
-fn reads_normal_map(primitive: &CatalogPrimitive, material: &CatalogMaterial) -> bool {
+fn reads_normal_map(primitive: &PrimitiveResource, material: &MaterialResource) -> bool {
     let p = primitive.primitive();
-    let has_uvs = |t: CatalogTextureRef| !p.uvs[t.uv_set as usize].is_empty();
-    !p.tangents.is_empty() && material.material.triplanar.is_none() && material.normal.is_some_and(has_uvs)
+    let has_uvs = |t: MaterialTexture| !p.uvs[t.uv_set as usize].is_empty();
+    !p.tangents.is_empty()
+        && material.material.triplanar.is_none()
+        && material.texture(TextureSlot::Normal).is_some_and(has_uvs)
 }
 
 /// Of the hull around a surface with these features: where the light on the surface does not count, its shape alone.
 pub fn shell_features(
     features: Features,
-    primitive: &CatalogPrimitive,
-    material: &CatalogMaterial,
+    primitive: &PrimitiveResource,
+    material: &MaterialResource,
     blended: bool,
 ) -> Features {
     let mix =
@@ -145,7 +152,7 @@ pub fn shell_features(
     let base = if mix > 0.0 { features } else { features.of_alpha(blended) };
     let mut f = base.with(Features::SHELL);
     let uvs = &primitive.primitive().uvs;
-    if let Some(width) = material.toon[0].filter(|t| !uvs[t.uv_set as usize].is_empty()) {
+    if let Some(width) = material.textures[TOON_SLOT].filter(|t| !uvs[t.uv_set as usize].is_empty()) {
         f = f.with(Features::OUTLINE_WIDTH_TEXTURE);
         f = f.with(if width.uv_set == 0 { Features::UV0 } else { Features::UV1 });
         if width.uv_transform != Affine2::IDENTITY {
@@ -272,7 +279,7 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
     say(
         facts.lit_drawn && all.has(Features::LOCAL_LIGHTS) && !facts.many_lights,
         "lists of lights",
-        format!("fewer than {} point and spot lights have a range", crate::plan::build::light_clusters::MANY),
+        format!("fewer than {} point and spot lights have a range", crate::plan::light_clusters::MANY),
     );
     say(facts.flats == 0, "flat layers", "no text, picture, panel or letterbox is seen".into());
     let no_sky = if facts.sky_exists { "its strength is zero" } else { "the stage has no sky" };

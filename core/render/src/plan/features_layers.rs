@@ -1,8 +1,7 @@
 //! Which shader features a material's layers need: none for a material without them.
 
 use crate::plan::Features;
-use crate::scene_resources::{CatalogMaterial, CatalogTextureRef};
-use crate::shader::uniforms::LAYER_SLOTS;
+use crate::scene_resources::material::{BASE_SLOTS, LAYER_SLOTS, MaterialResource, MaterialTexture};
 use choreo_asset::MaterialLayers;
 use glam::Vec3;
 
@@ -49,21 +48,21 @@ pub const WORDS: &[(Features, &str, &str)] = &[
 
 /// (texture, its bit, whether it may be read at all). A coat's normal map is never forced in: it needs tangents.
 pub fn textures(
-    material: &CatalogMaterial,
+    material: &MaterialResource,
     layers: Option<&MaterialLayers>,
-) -> [(Option<CatalogTextureRef>, Features, bool); LAYER_SLOTS] {
+) -> [(Option<MaterialTexture>, Features, bool); LAYER_SLOTS] {
     let on = |slot: usize| match (layers, slot) {
         (None, _) => false,
         (Some(l), 0..=1) => l.clearcoat > 0.0,
-        (Some(_), 2) => material.layers[2].is_some(),
+        (Some(_), 2) => material.textures[BASE_SLOTS + 2].is_some(),
         (Some(l), 3..=4) => l.sheen_color != Vec3::ZERO,
         (Some(l), 5) => l.transmission > 0.0,
         (Some(l), 6) => l.absorbs() || l.refracts(),
         (Some(l), 7..=8) => l.iridescence > 0.0,
-        (Some(_), 9) => material.layers[9].is_some(),
+        (Some(_), 9) => material.textures[BASE_SLOTS + 9].is_some(),
         (Some(l), _) => l.diffuse_transmission > 0.0,
     };
-    std::array::from_fn(|slot| (material.layers[slot], TEXTURES[slot], on(slot)))
+    std::array::from_fn(|slot| (material.textures[BASE_SLOTS + slot], TEXTURES[slot], on(slot)))
 }
 
 /// A coat, sheen, film and light from behind of nothing change no pixel, so they can be forced in where the material has layers at all.

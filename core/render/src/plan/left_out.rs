@@ -1,6 +1,6 @@
-//! What a frame does without, by name.
+//! What a frame leaves out, by name.
 
-/// Every `LeftOut::what`, but for effects without a plugin, which are told by their names.
+/// Every `LeftOut::what`, except effects without a plugin, which are reported by their names. Scripts use these words in tests.
 pub const LEFT_OUT: &[&str] = &[
     "hidden actors",
     "actors outside the view",
@@ -58,7 +58,7 @@ pub const LEFT_OUT: &[&str] = &[
     "lines, points and triangles of effects",
 ];
 
-/// "shadow map: out, no light casts".
+/// Something that a frame leaves out, and why: "shadow maps: no light casts shadows".
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LeftOut {
     pub what: String,
@@ -66,8 +66,23 @@ pub struct LeftOut {
 }
 
 impl LeftOut {
-    /// `None` where it is in.
-    pub(crate) fn unless<T>(what: &str, made: &Result<T, String>) -> Option<LeftOut> {
-        made.as_ref().err().map(|why| LeftOut { what: what.into(), why: why.clone() })
+    /// `Some` if it was not needed, with the reason.
+    pub(crate) fn unless<T>(what: &str, needed: &Result<T, NotNeeded>) -> Option<LeftOut> {
+        needed.as_ref().err().map(|why| LeftOut { what: what.into(), why: why.0.clone() })
+    }
+}
+
+/// Why a frame does not need something.
+pub(crate) struct NotNeeded(pub String);
+
+impl From<&str> for NotNeeded {
+    fn from(why: &str) -> NotNeeded {
+        NotNeeded(why.into())
+    }
+}
+
+impl From<String> for NotNeeded {
+    fn from(why: String) -> NotNeeded {
+        NotNeeded(why)
     }
 }

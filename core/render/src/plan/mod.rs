@@ -1,340 +1,134 @@
-//! What one frame needs, as plain data: cameras, lights, instances, skin matrices, sorted draws — and what was left out, and why.
+//! What one frame needs, as plain data: cameras, lights, instances, skin matrices, sorted draws; and what was left out, and why.
 //!
-//! All positions are camera-relative: world axes, origin at the camera. They are computed in f64 and handed over as f32.
+//! All positions are camera-relative: world axes, with the origin at the camera. They are computed in f64 and stored as f32.
+//! [`build`] makes a plan of a snapshot; the other modules are the plan's types.
 
 pub mod build;
+pub(crate) mod deferred;
+pub(crate) mod depth_peeling;
+pub mod dirty_rect;
 pub(crate) mod draw;
 pub(crate) mod features;
 pub(crate) mod features_layers;
+pub(crate) mod instance;
 pub(crate) mod left_out;
+pub mod light_clusters;
+pub(crate) mod lights;
 pub mod motion_blur;
 pub(crate) mod options;
+pub(crate) mod overlay;
+pub(crate) mod pipeline_key;
 pub(crate) mod post;
+pub(crate) mod scene_color_copy;
+pub(crate) mod shadow_maps;
 pub mod tiles;
+mod vertex_attributes;
 pub mod view;
 
-use crate::layers_2d::FlatPicture;
-use crate::plan::build::dirty_rect::Area;
-use crate::plan::build::light_clusters::LightLists;
-use crate::scene_resources::CatalogMaterial;
-use choreo_asset::{AlphaMode, Shading, Topology};
+use crate::affine::Affine3x4;
+use crate::layers_2d::LayerImage;
+use crate::plan::dirty_rect::DirtyRect;
+use crate::plan::light_clusters::LightClusters;
+use crate::scene_resources::material::MaterialResource;
+use choreo_asset::{AlphaMode, Shading};
 use choreo_stage::{Background, SkinOnce};
-use glam::{DVec3, Mat4, Vec3, Vec4};
+use glam::Vec3;
 use std::sync::Arc;
 
-pub use crate::plan::build::deferred::{Deferred, DeferredCause};
-pub use crate::plan::build::transparency::{Peel, PeelCause};
+pub use crate::plan::deferred::{Deferred, DeferredCause};
+pub use crate::plan::depth_peeling::{DepthPeeling, PeelCause};
 pub use crate::plan::draw::Draw;
+pub use crate::plan::instance::{ActiveMorph, Instance};
 pub use crate::plan::left_out::{LEFT_OUT, LeftOut};
+pub use crate::plan::lights::{LightType, PlanLight, PlanSky};
+pub use crate::plan::overlay::{OverlayPart, OverlayVertex, PlanOverlay};
+pub use crate::plan::pipeline_key::{Glass, PipelineKey, TopologyKey};
 pub use crate::plan::post::PostPass;
+pub use crate::plan::scene_color_copy::SceneColorCopy;
+pub use crate::plan::shadow_maps::{ShadowMaps, ShadowView};
+pub use crate::plan::view::View;
 
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// Pixels.
     pub size: [u32; 2],
-    /// 1 or 4.
+    /// Samples per pixel: 1 or 4.
     pub samples: u32,
     pub view: View,
     pub background: Background,
-    /// Hemisphere light along ±Y; both zero where no lit draw is in.
+    /// Hemisphere light from +Y and −Y; both zero if nothing lit is drawn.
     pub ambient_up: Vec3,
     pub ambient_down: Vec3,
-    /// Empty where no lit draw is in.
+    /// Empty if nothing lit is drawn.
     pub lights: Vec<PlanLight>,
-    /// Which of them reach where; `None` where too few have a range. See [`crate::plan::build::light_clusters`].
-    pub light_lists: Option<LightLists>,
-    /// `None` where the stage has none, or nothing shows its light.
+    /// `None` if too few lights have a range.
+    pub light_clusters: Option<LightClusters>,
+    /// `None` if the stage has no sky, or nothing shows its light.
     pub sky: Option<PlanSky>,
-    /// Layers behind the scene, over its background, and those over the finished frame.
-    pub under: Option<Arc<FlatPicture>>,
-    pub over: Option<Arc<FlatPicture>>,
+    /// 2D layers over the background, behind the scene.
+    pub layers_behind: Option<Arc<LayerImage>>,
+    /// 2D layers over the finished frame.
+    pub layers_in_front: Option<Arc<LayerImage>>,
     pub instances: Vec<Instance>,
-    /// Of each instance: index into `Stage::actors`.
+    /// Index into `Stage::actors` for each instance.
     pub instance_actors: Vec<u32>,
-    /// Linear skins, one a joint in use: relative-from-mesh, `world translation − camera`, rows of a 3×4 matrix; of bodies at
-    /// places ([`Features::SKIN_PLACED`]) model-from-mesh.
-    /// Dual-quaternion skins, two a joint, model-from-mesh: real part, dual part, nothing; then the stretch before them.
-    pub joint_matrices: Vec<Rows>,
-    /// (target, weight) pairs with weight ≠ 0, ranges given by the instances.
+    /// Linear skins: one matrix for each joint in use, relative-from-mesh; model-from-mesh if an actor's file places its model
+    /// several times ([`Features::SKIN_PLACED`]).
+    /// Dual-quaternion skins: two entries for each joint, model-from-mesh: real part, dual part, nothing; then the stretch that
+    /// is applied before them.
+    pub joint_matrices: Vec<Affine3x4>,
+    /// (target, weight) pairs with a weight other than 0; instances give ranges of them.
     pub morphs: Vec<ActiveMorph>,
-    /// Opaque draws sorted for few state changes, then masked, then blended ones back to front.
+    /// Opaque draws sorted for few state changes, then alpha-tested ones, then blended ones back to front.
     pub draws: Vec<Draw>,
-    /// Materials that are not now as in the catalogue, with the textures that they have there.
-    pub materials: Vec<Arc<CatalogMaterial>>,
-    /// Maps that are drawn before all else; `None` where no light casts a shadow on what is seen.
-    pub shadows: Option<Shadows>,
-    /// A copy of the picture, made before the first glass that bends light is drawn, to be seen through it; `None` without such glass.
-    pub behind: Option<Behind>,
-    /// What is seen through is mixed pixel by pixel back to front; `None`: as `draws` are sorted.
-    pub peel: Option<Peel>,
-    /// Opaque surfaces are lit once a pixel, after all of them are drawn; `None`: as each is drawn.
+    /// Per-frame overrides of scene materials; their textures are the same.
+    pub material_overrides: Vec<Arc<MaterialResource>>,
+    /// `None` if no light casts a visible shadow.
+    pub shadow_maps: Option<ShadowMaps>,
+    /// `None` if nothing drawn refracts.
+    pub scene_color_copy: Option<SceneColorCopy>,
+    /// `None` if transparent draws are blended in their sorted order.
+    pub depth_peeling: Option<DepthPeeling>,
+    /// `None` if all surfaces are shaded as they are drawn.
     pub deferred: Option<Deferred>,
-    /// Effects that are part of the scene's shaders; a bit each in [`PipelineKey::surface`], `displaced` and `lighting`.
-    pub surface: Vec<PostPass>,
-    /// Of each of them that moves surfaces: how far at most, metres.
-    pub reaches: [f32; 8],
-    /// Which of them change the background too; a bit each.
+    /// Effects in the scene's shaders, each a bit in [`PipelineKey::surface`], `displaced` and `lighting`.
+    pub scene_effects: Vec<PostPass>,
+    /// For each of these, the largest distance by which it displaces surfaces, in meters.
+    pub displacement_limits: [f32; 8],
+    /// Bits of those that change the background, too.
     pub background_effects: u8,
-    /// Part of the picture that anything is drawn into.
-    pub area: Area,
+    /// Part of the frame that anything is drawn into.
+    pub dirty_rect: DirtyRect,
     /// Full-screen passes in order.
     pub post: Vec<PostPass>,
-    /// Triangles, lines, points and lattices of effects, over the scene and below the passes.
+    /// Triangles, lines, points and grids of effects, over the scene and below the full-screen passes.
     pub overlay: PlanOverlay,
-    /// Where there are any, the frame is their mean in linear light, and this plan only says how the stage is at the frame's
-    /// own time and what comes over the picture. See [`crate::plan::motion_blur`].
-    pub exposed: Vec<Plan>,
-    /// The scene a frame ago, two frames ago and so on, as effects with a history read it; then `exposed` is never empty.
-    pub before: Vec<Plan>,
-    /// The picture stays linear, to be added to others.
+    /// Plans of the times while the shutter is open. If there are any, the frame is their mean in linear light, and this plan
+    /// gives the stage at the frame's own time and the passes over the image. See [`motion_blur`].
+    pub subframes: Vec<Plan>,
+    /// Plans of the scene one frame ago, two frames ago and so on, for effects that read them; `subframes` is then not empty.
+    pub history: Vec<Plan>,
+    /// The image stays linear, to be accumulated.
     pub linear: bool,
-    /// Whether vertices are posed once for all passes; see [`crate::commands::preskin`].
+    /// Whether vertices are pre-skinned; see [`crate::commands::preskin`].
     pub skin_once: SkinOnce,
     pub left_out: Vec<LeftOut>,
 }
 
-/// Triangles on the screen, in drawing order.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct PlanOverlay {
-    pub vertices: Vec<OverlayVertex>,
-    pub parts: Vec<OverlayPart>,
-}
-
-/// What one effect draws.
-#[derive(Clone, Debug, PartialEq)]
-pub struct OverlayPart {
-    /// Plugin name.
-    pub effect: String,
-    /// Not hidden by what is nearer.
-    pub over: bool,
-    /// Range of the vertices, three a triangle.
-    pub first: u32,
-    pub count: u32,
-}
-
-/// A corner; see shaders/overlay.wgsl. Laid out as the shader reads it.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct OverlayVertex {
-    pub clip: Vec4,
-    /// Linear, straight alpha.
-    pub color: Vec4,
-    /// Stroke: pixels along and across, length, radius. Lattice: cells along both axes, way from the middle, 1 at the rim.
-    pub shape: Vec4,
-    /// 0: a stroke, 2: all of a triangle. Lattice: 1, each so manieth line is thick, pixels of thin lines and of thick ones.
-    pub lattice: Vec4,
-}
-
 impl Plan {
     /// Every plan that is drawn for this one.
-    pub fn parts(&self) -> impl Iterator<Item = &Plan> {
-        self.exposed.iter().chain(&self.before)
+    pub fn sub_plans(&self) -> impl Iterator<Item = &Plan> {
+        self.subframes.iter().chain(&self.history)
     }
 
-    /// Of all shadow maps.
+    /// Draws into all shadow maps.
     pub fn shadow_draws(&self) -> impl Iterator<Item = &Draw> {
-        self.shadows.iter().flat_map(|s| &s.views).flat_map(|v| &v.draws)
-    }
-}
-
-/// Three rows of an affine 3×4 matrix: `dot(row.xyz, p) + row.w`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct Rows(pub [Vec4; 3]);
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct View {
-    /// Vulkan clip space: x right, y DOWN, depth 1 at the near plane and 0 at infinity or the far plane (reversed Z).
-    pub clip_from_view: Mat4,
-    /// Rotation only: the camera stands at the origin of relative space.
-    pub view_from_relative: Mat4,
-    pub clip_from_relative: Mat4,
-    /// World position of the camera.
-    pub position: DVec3,
-    /// Orthographic views look along one direction: `w` 0 and xyz = direction to the viewer; perspective: `w` 1, xyz 0 (the eye).
-    pub eye: Vec4,
-}
-
-/// One light, camera-relative. Laid out as the shader reads it.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct PlanLight {
-    /// xyz position (point, spot), w = 1/range² or 0; below 0: −1 − the square's share of a polynomial.
-    pub position: Vec4,
-    /// xyz unit direction in which it shines, w = kind: 0 directional, 1 point, 2 spot.
-    pub direction: Vec4,
-    /// xyz colour · intensity, linear; w = the first power's share of a polynomial, whose rest is constant.
-    pub color: Vec4,
-    /// Spot: x = angle scale, y = angle offset (KHR_lights_punctual, "Inner and Outer Cone Angles").
-    /// z = its first view among `Shadows::views`, w = how many it has.
-    pub cone: Vec4,
-}
-
-/// The sky; its maps are in the catalogue.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlanSky {
-    /// Cosine and sine of its turn.
-    pub turn: [f32; 2],
-    pub strength: f32,
-    /// Seen behind everything, in place of the background.
-    pub background: bool,
-}
-
-/// Depths seen from the lights that cast shadows.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Shadows {
-    /// Texels of the image that all maps share: powers of two, so that it seldom changes.
-    pub image: [u32; 2],
-    /// The part of it that the maps lie in.
-    pub size: [u32; 2],
-    /// Of one light together; of a sun the finest first.
-    pub views: Vec<ShadowView>,
-}
-
-/// The picture as glass that bends light sees it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Behind {
-    /// The copy itself, and below it as many halves as the roughest glass in view blurs with.
-    pub levels: u32,
-}
-
-/// One map: what it shows and who is drawn into it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ShadowView {
-    /// Index into `Plan::lights`.
-    pub light: u32,
-    /// Its first texel in the image, and its texels.
-    pub at: [u32; 2],
-    pub size: [u32; 2],
-    /// Depth as the camera's: greater is nearer to the light.
-    pub clip_from_relative: Mat4,
-    /// Metres of a texel where clip w is 1.
-    pub texel: f32,
-    pub draws: Vec<Draw>,
-}
-
-impl Instance {
-    /// All that its vertices' places depend on, bit by bit.
-    pub(crate) fn pose(&self) -> [u32; 15] {
-        let rows = self.relative_from_mesh.0.map(|r| r.to_array().map(f32::to_bits));
-        let numbers = [self.first_joint, self.first_morph, self.morph_count];
-        std::array::from_fn(|i| if i < 12 { rows[i / 4][i % 4] } else { numbers[i - 12] })
-    }
-}
-
-/// What one drawn copy of a primitive needs. Laid out as the shader reads it.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct Instance {
-    /// relative-from-mesh; relative-from-model of dual-quaternion skins and of bodies at places; unused by other skins.
-    pub relative_from_mesh: Rows,
-    pub tint: Vec4,
-    /// First entry in `joint_matrices`.
-    pub first_joint: u32,
-    pub first_morph: u32,
-    pub morph_count: u32,
-    /// Of lines and points: pixels; below 0: metres. See [`crate::scene_resources::thick_lines`].
-    pub width: f32,
-}
-
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct ActiveMorph {
-    pub target: u32,
-    pub weight: f32,
-}
-
-/// What selects a pipeline. As few different ones as the scene needs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct PipelineKey {
-    pub features: Features,
-    pub topology: TopologyKey,
-    /// Both faces are drawn (double-sided material).
-    pub double_sided: bool,
-    /// The transform mirrors: front faces are clockwise.
-    pub mirrored: bool,
-    /// Mixed with what is behind by its alpha.
-    pub blend: bool,
-    /// Its cut-outs keep samples instead of whole pixels (alpha to coverage).
-    pub coverage: bool,
-    /// Mixed in its place among [`Plan::peel`]'s layers.
-    pub peeled: bool,
-    pub glass: Glass,
-    /// Which of `Plan::surface` change what is seen.
-    pub surface: u8,
-    /// Which of them move its corners.
-    pub displaced: u8,
-    /// Which of them say what light does on it.
-    pub lighting: u8,
-}
-
-impl PipelineKey {
-    /// Opaque triangles seen from the front, with these features and no effect.
-    pub const fn of(features: Features) -> PipelineKey {
-        PipelineKey {
-            features,
-            topology: TopologyKey::Triangles,
-            double_sided: false,
-            mirrored: false,
-            blend: false,
-            coverage: false,
-            peeled: false,
-            glass: Glass::No,
-            surface: 0,
-            displaced: 0,
-            lighting: 0,
-        }
+        self.shadow_maps.iter().flat_map(|s| &s.views).flat_map(|v| &v.draws)
     }
 
-    /// Drawn back to front after everything opaque.
-    pub fn is_see_through(&self) -> bool {
-        self.blend || self.glass != Glass::No
-    }
-
-    /// Without what only light needs where none counts: MToon has its own.
-    pub fn of_lit(self) -> PipelineKey {
-        let lit = self.features.is_lit() && !self.features.has(Features::TOON);
-        PipelineKey { lighting: if lit { self.lighting } else { 0 }, ..self }
-    }
-
-    /// All of `Plan::surface` that its shader calls.
-    pub fn effects(&self) -> u8 {
-        self.surface | self.displaced | self.lighting
-    }
-
-    /// What is mixed with what is behind it leaves the depth as it is.
-    pub fn writes_depth(&self) -> bool {
-        !self.blend && matches!(self.glass, Glass::No | Glass::Refract)
-    }
-}
-
-/// Thin surfaces that let light through are drawn twice, `Filter` before `Light`; those that bend it once.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Glass {
-    #[default]
-    No,
-    /// What is behind is multiplied by the colour of what comes through.
-    Filter,
-    /// What the surface itself shows is added.
-    Light,
-    /// Shows itself and, through itself, [`Plan::behind`].
-    Refract,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum TopologyKey {
-    Triangles,
-    Lines,
-    Points,
-}
-
-impl From<Topology> for TopologyKey {
-    fn from(t: Topology) -> Self {
-        match t {
-            Topology::Triangles => TopologyKey::Triangles,
-            Topology::Lines => TopologyKey::Lines,
-            Topology::Points => TopologyKey::Points,
-        }
+    /// Draws into the frame, then into shadow maps.
+    pub(crate) fn all_draws(&self) -> impl Iterator<Item = &Draw> {
+        self.draws.iter().chain(self.shadow_draws())
     }
 }
 
@@ -439,6 +233,18 @@ impl Features {
     /// Some light falls off by a polynomial of the distance. Never forced in.
     pub const POLYNOMIAL: Features = Features(1 << 62);
 
+    /// Lines and points are thick. Another way of drawing rather than more of one: never forced in.
+    pub const WIDE: Features = Features(1 << 28);
+    /// Points are discs, thick lines have round ends.
+    pub const ROUND: Features = Features(1 << 29);
+    /// Triplanar mapping. Another way rather than more of one: never forced in.
+    pub const TRIPLANAR: Features = Features(1 << 30);
+    /// Reads pre-skinned vertices. Set in recordings only: a plan keeps how vertices are deformed.
+    pub const POSED: Features = Features(1 << 63);
+    /// Everything that deforms vertices.
+    pub const POSE: Features =
+        Features(Self::SKIN.0 | Self::SKIN_8.0 | Self::SKIN_DUAL.0 | Self::SKIN_PLACED.0 | Self::MORPH.0);
+
     /// What of a draw's features its depth depends on.
     pub const fn of_depth(self) -> Features {
         self.of_alpha(false)
@@ -480,7 +286,6 @@ impl Features {
     }
 }
 
-/// Lit materials need normals and lights; the kind of a material's alpha decides order and discard.
 pub fn is_lit(shading: Shading) -> bool {
     !matches!(shading, Shading::Unlit)
 }

@@ -1,44 +1,34 @@
-//! What a frame is planned for.
+//! Options of a plan.
 
 use choreo_plugin::Effect;
 use choreo_stage::Snapshot;
 use std::sync::Arc;
 
 /// What a frame is planned for. [`PlanOptions::new`] gives the usual choices.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub struct PlanOptions<'a> {
     /// Pixels.
     pub size: [u32; 2],
-    /// 1 or 4.
+    /// Samples per pixel: 1 or 4.
     pub samples: u32,
-    /// Effects known by name; one of the stage that is not among them is left out, and said.
+    /// Available effects. An effect of the stage that is not among them is left out, and reported.
     pub effects: &'a [Arc<dyn Effect>],
-    /// The stage a frame ago, two frames ago and so on, for lines that effects draw of it ([`crate::plan::motion_blur::plan_alone`]).
+    /// The stage one frame ago, two frames ago and so on, for overlays that draw it ([`crate::plan::motion_blur::plan_alone`]).
     pub before: &'a [Snapshot],
-    /// Every feature in, needed or not: the pixels must stay the same (tests).
+    /// Turns every shader feature on, needed or not: the pixels must stay the same (tests).
     pub force_all: bool,
-    /// Copies outside the view are drawn too.
+    /// Draws instances outside the view, too.
     pub no_culling: bool,
-    /// One draw a copy.
+    /// Makes one draw of each instance.
     pub no_instancing: bool,
-    /// Copies of crowds are drawn as finely as their files say, however small they are.
+    /// Draws crowds without levels of detail.
     pub full_detail: bool,
-    /// Every light at every pixel, however many there are.
-    pub no_light_lists: bool,
+    /// Evaluates every light at every pixel, however many there are.
+    pub no_light_clusters: bool,
 }
 
 impl PlanOptions<'_> {
     pub fn new(size: [u32; 2], samples: u32) -> Self {
-        PlanOptions {
-            size,
-            samples,
-            effects: &[],
-            before: &[],
-            force_all: false,
-            no_culling: false,
-            no_instancing: false,
-            full_detail: false,
-            no_light_lists: false,
-        }
+        PlanOptions { size, samples, ..PlanOptions::default() }
     }
 }

@@ -1,20 +1,21 @@
-//! What one run of an effect makes of a picture.
+//! Full-screen passes of effects.
 
+/// One pass of an effect over the image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PostPass {
     /// Plugin name.
     pub effect: String,
-    /// In manifest order.
+    /// Parameters in manifest order.
     pub parameters: [f32; 8],
-    /// Of an effect that runs more than once: how often it has run.
+    /// Index of the pass, of an effect with several.
     pub number: u32,
-    /// How many times smaller, each way, the picture is that it makes.
+    /// Factor by which its output is smaller than the image, in each direction.
     pub shrink: u32,
 }
 
 impl PostPass {
-    /// Pixels of what it makes of a picture.
-    pub fn size(&self, whole: [u32; 2]) -> [u32; 2] {
+    /// Size of its output for an image of the size `whole`, pixels.
+    pub(crate) fn size(&self, whole: [u32; 2]) -> [u32; 2] {
         whole.map(|s| s.div_ceil(self.shrink.max(1)))
     }
 }

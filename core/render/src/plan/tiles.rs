@@ -1,29 +1,31 @@
-//! Pictures larger than a device draws at once, in parts: each tile is a plan of its own, of which the picture's plan is the whole.
+//! Tiles: images larger than a device draws at once are drawn in parts, each with a plan of its own.
 //!
-//! A tile sees the same camera through a part of its picture: clip space is cut out and made larger. What comes over the picture
-//! runs on the whole, once all tiles are there; what lies under it is cut. Edges may differ where a corner is rounded otherwise.
+//! A tile is a part of the camera's image: its part of clip space is enlarged. Full-screen passes and layers in front run on the
+//! whole image once all tiles are drawn; layers behind are cut. Edges may differ by the rounding of a vertex.
 
-use crate::layers_2d::FlatPicture;
-use crate::plan::build::dirty_rect::Area;
-use crate::plan::build::light_clusters::LightLists;
+use crate::error::RenderError;
+use crate::layers_2d::LayerImage;
+use crate::plan::Plan;
+use crate::plan::dirty_rect::DirtyRect;
+use crate::plan::light_clusters::LightClusters;
 use crate::plan::{Features, View};
-use crate::{Catalog, Plan, RenderError};
+use crate::scene_resources::SceneResources;
 use choreo_stage::Background;
 use glam::{DMat4, DVec4, Mat4, Vec4Swizzles};
 use std::sync::Arc;
 
-/// Pixels a side that are drawn in tiles at most: a frame of 4 GB.
+/// Largest side of an image that is drawn in tiles, in pixels: a frame of 4 GB.
 pub const MOST: u32 = 32_768;
 
-/// Pixels that are drawn at once at most, though a device could draw more: of colours, depths and the copy of them for the host, a
-/// picture takes 12 bytes a pixel beside the frame itself, and 44 with four samples.
-pub const AT_ONCE: u64 = 1 << 26;
-/// Pixels a side of a tile of such a picture.
+/// Largest number of pixels that are drawn at once, even if a device could draw more: color, depth and the copy for the host
+/// take 12 bytes per pixel beside the frame itself, and 44 with four samples.
+const AT_ONCE: u64 = 1 << 26;
+/// Side of a tile of such an image in pixels.
 const SIDE: u32 = 4096;
 
-/// Pixels a side of its tiles; `None` of a picture that is drawn as a whole. `longest`: what the device draws.
-/// `whole`: it cannot be drawn in parts, and is so only where it must.
-pub fn side_of_tiles(size: [u32; 2], longest: u32, whole: bool) -> Option<u32> {
+/// Side of an image's tiles in pixels; `None` if it is drawn as a whole. `longest`: the device's largest image side.
+/// `whole`: the image cannot be drawn in tiles, and is so only if it must.
+pub(crate) fn side_of_tiles(size: [u32; 2], longest: u32, whole: bool) -> Option<u32> {
     let many = u64::from(size[0]) * u64::from(size[1]) > AT_ONCE;
     match size.iter().any(|side| *side > longest) {
         _ if many && !whole => Some(longest.min(SIDE)),
@@ -32,17 +34,17 @@ pub fn side_of_tiles(size: [u32; 2], longest: u32, whole: bool) -> Option<u32> {
     }
 }
 
-/// A part of a picture, pixels.
+/// A part of an image, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tile {
     pub at: [u32; 2],
     pub size: [u32; 2],
-    /// So many columns and rows of it, from its left and top, lie in the picture.
+    /// Number of its columns and rows, from its left and top, that lie in the image.
     pub keep: [u32; 2],
 }
 
-/// Tiles of one size, no side of which is longer than the limit; the last of a row or column may reach beyond the picture.
-/// They begin at multiples of four pixels where the limit allows: derivatives belong to squares of two by two.
+/// Tiles of one size, whose sides are at most `limit` long; the last of a row or column may reach beyond the image. They begin at
+/// multiples of four pixels if the limit allows: derivatives are computed in quads of two by two.
 pub fn tiles(size: [u32; 2], limit: u32) -> Vec<Tile> {
     let limit = if limit < 4 { limit.max(1) } else { limit / 4 * 4 };
     let side = size.map(|s| s.div_ceil(s.div_ceil(limit).max(1)).next_multiple_of(4).min(limit));
@@ -52,12 +54,12 @@ pub fn tiles(size: [u32; 2], limit: u32) -> Vec<Tile> {
 }
 
 impl Plan {
-    /// What of it makes a tile, without passes and layers over it; an error where a tile does not know enough.
-    pub fn tile(&self, tile: Tile, catalog: &Catalog) -> Result<Plan, RenderError> {
-        if self.behind.is_some() {
+    /// The plan of a tile, without full-screen passes and layers in front; an error if a tile would need the pixels of others.
+    pub fn tile(&self, tile: Tile, resources: &SceneResources) -> Result<Plan, RenderError> {
+        if self.scene_color_copy.is_some() {
             let text = format!(
-                "a picture of {}×{} is drawn in tiles on this device, and glass that bends light shows what other tiles hold: \
-                 make the picture smaller, or the glass thin (volume without thickness)",
+                "an image of {}×{} is drawn in tiles on this device, and refraction would show what is in other tiles: make the image \
+                 smaller, or the refracting material thin (volume without thickness)",
                 self.size[0], self.size[1]
             );
             return Err(RenderError::Usage(text));
@@ -73,51 +75,53 @@ impl Plan {
             size: tile.size,
             view,
             background: gradient_of(self.background, self.size, tile),
-            under: self.under.as_ref().map(|under| Arc::new(under.part(tile))),
-            area: Area::EVERYTHING,
-            over: None,
+            layers_behind: self.layers_behind.as_ref().map(|layers| Arc::new(layers.part(tile))),
+            dirty_rect: DirtyRect::EVERYTHING,
+            layers_in_front: None,
             post: Vec::new(),
-            exposed: Vec::new(),
-            before: Vec::new(),
+            subframes: Vec::new(),
+            history: Vec::new(),
             ..self.clone()
         };
-        if part.light_lists.is_some() {
-            part.light_lists = Some(LightLists::new(&part.lights, &part.view, part.size));
+        if part.light_clusters.is_some() {
+            part.light_clusters = Some(LightClusters::new(&part.lights, &part.view, part.size));
         }
         for v in &mut part.overlay.vertices {
             let wide = cut * v.clip.as_dvec4();
             v.clip = wide.as_vec4().xy().extend(v.clip.z).extend(v.clip.w);
         }
-        part.widen_outlines(self.size[1] as f32 / tile.size[1] as f32, catalog);
+        part.widen_outlines(self.size[1] as f32 / tile.size[1] as f32, resources);
         Ok(part)
     }
 
-    /// Outlines that are a share of the picture's height.
-    fn widen_outlines(&mut self, factor: f32, catalog: &Catalog) {
-        let views = self.shadows.iter_mut().flat_map(|s| &mut s.views).flat_map(|v| &mut v.draws);
-        let hulls = self.draws.iter_mut().chain(views).filter(|d| d.pipeline.features.has(Features::SHELL));
+    /// Scales outlines whose width is a share of the image's height.
+    fn widen_outlines(&mut self, factor: f32, resources: &SceneResources) {
+        let views = self.shadow_maps.iter_mut().flat_map(|s| &mut s.views).flat_map(|v| &mut v.draws);
+        let outlines =
+            self.draws.iter_mut().chain(views).filter(|d| d.pipeline.features.has(Features::SHELL));
         let mut wider: Vec<((u32, Option<u32>), u32)> = Vec::new();
-        for draw in hulls {
-            let of = (draw.material, draw.changed);
+        for draw in outlines {
+            let of = (draw.material, draw.material_override);
             if let Some((_, made)) = wider.iter().find(|(known, _)| *known == of) {
-                draw.changed = Some(*made);
+                draw.material_override = Some(*made);
                 continue;
             }
-            let now = draw.changed.and_then(|at| self.materials.get(at as usize)).map(|m| &**m);
-            let Some(now) = now.or_else(|| catalog.materials.get(draw.material as usize)) else { continue };
+            let now =
+                draw.material_override.and_then(|at| self.material_overrides.get(at as usize)).map(|m| &**m);
+            let Some(now) = now.or_else(|| resources.materials.get(draw.material as usize)) else { continue };
             let mut material = now.clone();
             let toon = material.material.toon.as_mut().map(Arc::make_mut);
             if let Some(outline) = toon.and_then(|t| t.outline.as_mut()).filter(|o| o.on_screen) {
                 outline.width *= factor;
-                self.materials.push(Arc::new(material));
-                wider.push((of, self.materials.len() as u32 - 1));
-                draw.changed = Some(self.materials.len() as u32 - 1);
+                self.material_overrides.push(Arc::new(material));
+                wider.push((of, self.material_overrides.len() as u32 - 1));
+                draw.material_override = Some(self.material_overrides.len() as u32 - 1);
             }
         }
     }
 }
 
-/// Clip space of a tile from that of the picture.
+/// clip-of-tile-from-clip-of-image.
 fn cut(whole: [u32; 2], tile: Tile) -> DMat4 {
     let row = |i: usize| {
         let (whole, at, side) = (f64::from(whole[i]), f64::from(tile.at[i]), f64::from(tile.size[i]));
@@ -137,9 +141,9 @@ fn gradient_of(background: Background, whole: [u32; 2], tile: Tile) -> Backgroun
     }
 }
 
-impl FlatPicture {
-    /// What of it lies in a tile.
-    fn part(&self, tile: Tile) -> FlatPicture {
+impl LayerImage {
+    /// The part that lies in a tile.
+    fn part(&self, tile: Tile) -> LayerImage {
         let from = [0, 1].map(|i| self.at[i].max(tile.at[i]));
         let to = [0, 1].map(|i| (self.at[i] + self.area[i]).min(tile.at[i] + tile.size[i]).max(from[i]));
         let area = [0, 1].map(|i| to[i] - from[i]);
@@ -150,7 +154,7 @@ impl FlatPicture {
         let mut hasher = blake3::Hasher::new();
         hasher.update(&self.hash);
         hasher.update(format!("{:?} {:?}", tile.at, tile.size).as_bytes());
-        FlatPicture {
+        LayerImage {
             size: tile.size,
             at: [0, 1].map(|i| from[i].saturating_sub(tile.at[i]).min(tile.size[i])),
             area,
@@ -165,7 +169,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn large_pictures_are_tiles_though_a_device_draws_them() {
+    fn large_images_are_tiled_even_if_a_device_could_draw_them() {
         let side = |size: [u32; 2], whole| side_of_tiles(size, 16384, whole);
         assert_eq!([[8192, 8192], [16384, 4096], [1, 1]].map(|size| side(size, false)), [None; 3]);
         assert_eq!(side([8192, 8193], false), Some(4096));
@@ -193,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_of_the_picture_is_the_same_place_of_its_tile() {
+    fn a_point_of_the_image_is_the_same_point_of_its_tile() {
         let whole = [200u32, 150];
         for tile in tiles(whole, 64) {
             let clip = DVec4::new(0.3, -0.7, 0.2, 1.9);
@@ -210,7 +214,7 @@ mod tests {
     #[test]
     fn layers_are_cut() {
         let pixels: Vec<glam::Vec4> = (0..12).map(|i| glam::Vec4::splat(i as f32)).collect();
-        let flat = FlatPicture { size: [10, 10], at: [3, 2], area: [4, 3], pixels, hash: [7; 32] };
+        let flat = LayerImage { size: [10, 10], at: [3, 2], area: [4, 3], pixels, hash: [7; 32] };
         let part = flat.part(Tile { at: [5, 0], size: [5, 4], keep: [5, 4] });
         assert_eq!((part.at, part.area), ([0, 2], [2, 2]));
         assert_eq!(part.pixels.iter().map(|p| p.x).collect::<Vec<_>>(), [2.0, 3.0, 6.0, 7.0]);

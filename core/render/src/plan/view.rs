@@ -1,9 +1,21 @@
-//! Camera matrices: reversed Z, Vulkan clip space, the camera at the origin.
+//! Camera matrices: reversed Z, Vulkan clip space, the camera at the origin of camera-relative space.
 
-use crate::plan::View;
 use choreo_asset::Projection;
 use choreo_stage::CameraState;
-use glam::{DMat4, DVec3, DVec4, Vec3, Vec4};
+use glam::{DMat4, DVec3, DVec4, Mat4, Vec3, Vec4};
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Vulkan clip space: x right, y DOWN, depth 1 at the near plane and 0 at infinity or the far plane (reversed Z).
+    pub clip_from_view: Mat4,
+    /// Rotation only: camera-relative space has its origin at the camera.
+    pub view_from_relative: Mat4,
+    pub clip_from_relative: Mat4,
+    /// World position of the camera.
+    pub position: DVec3,
+    /// Perspective: xyz 0 (the camera's position), `w` 1. Orthographic: xyz = direction to the viewer, `w` 0.
+    pub eye: Vec4,
+}
 
 impl View {
     /// `size` in pixels gives the aspect ratio.
@@ -26,13 +38,13 @@ impl View {
         }
     }
 
-    /// Metres in front of the camera of a camera-relative point.
-    pub fn depth(&self, relative: glam::Vec3) -> f32 {
+    /// Depth of a camera-relative point in meters in front of the camera.
+    pub fn depth(&self, relative: Vec3) -> f32 {
         -self.view_from_relative.transform_point3(relative).z
     }
 
-    /// How many pixels of the picture's height a metre takes up so many metres in front of the camera; infinitely many at it and behind.
-    pub fn pixels_per_metre(&self, depth: f32, size: [u32; 2]) -> f32 {
+    /// Pixels of the image's height that a meter covers at a depth; infinite at the camera and behind it.
+    pub(crate) fn pixels_per_meter(&self, depth: f32, size: [u32; 2]) -> f32 {
         let tall = self.clip_from_view.y_axis.y.abs() * 0.5 * size[1] as f32;
         match self.eye.w == 0.0 {
             true => tall,
@@ -73,19 +85,20 @@ fn clip_from_view(projection: Projection, aspect: f64) -> DMat4 {
     DMat4::from_cols_array_2d(&rows.map(|r| r.to_array())).transpose()
 }
 
-/// World position made camera-relative: subtracted in f64, then rounded once.
-pub fn relative(world: DVec3, view: &View) -> glam::Vec3 {
+/// Camera-relative position of a world position: subtracted in f64, then rounded once.
+pub fn relative(world: DVec3, view: &View) -> Vec3 {
     (world - view.position).as_vec3()
 }
 
-/// The way of a pixel's ray is x · right + y · down + ahead, x and y from −1 to 1; where rays are parallel, only ahead.
-pub fn rays(view: &View) -> [Vec3; 3] {
+/// (right, down, ahead): a pixel's ray has the direction x · right + y · down + ahead, with x and y from −1 to 1. Only ahead is not
+/// zero if rays are parallel.
+pub(crate) fn rays(view: &View) -> [Vec3; 3] {
     let relative_from_view = view.view_from_relative.transpose();
     let turn = |v: Vec3| (relative_from_view * v.extend(0.0)).truncate();
     let m = view.clip_from_view;
     match view.eye.w > 0.5 {
         true => {
-            // The middle of a part of a picture lies beside what is straight ahead.
+            // The center of a tile is not straight ahead.
             let ahead = Vec3::new(m.z_axis.x / m.x_axis.x, m.z_axis.y / m.y_axis.y, -1.0);
             [turn(Vec3::X / m.x_axis.x), turn(Vec3::Y / m.y_axis.y), turn(ahead)]
         }
@@ -119,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn the_edge_of_the_field_of_view_is_the_edge_of_the_picture() {
+    fn the_edge_of_the_field_of_view_is_the_edge_of_the_image() {
         let yfov = 0.9f32;
         let mut c = camera(Projection::Perspective { yfov, near: 0.1, far: None });
         // Looks along +X.
@@ -131,7 +144,7 @@ mod tests {
         let up = libm::tanf(yfov / 2.0) * 7.0;
         let p =
             v.clip_from_relative * relative(DVec3::new(5e6 + 7.0, 1.0 + f64::from(up), 2.0), &v).extend(1.0);
-        assert!((p.y / p.w + 1.0).abs() < 1e-5, "top of the picture, y down: {}", p.y / p.w);
+        assert!((p.y / p.w + 1.0).abs() < 1e-5, "top of the image, y down: {}", p.y / p.w);
         let right = v.clip_from_relative * Vec3::new(7.0, 0.0, up * 1.5).extend(1.0);
         assert!((right.x / right.w - 1.0).abs() < 1e-5, "+Z is to the right of +X: {}", right.x / right.w);
         assert!((v.depth(Vec3::new(7.0, 0.0, 0.0)) - 7.0).abs() < 1e-5);

@@ -1,16 +1,16 @@
-//! Axis-aligned boxes of primitives and their posed, morphed, skinned copies: never too small, so that culling never shows.
+//! Axis-aligned bounding boxes of primitives and of their morphed, skinned instances. They are conservative: never too small, so
+//! that culling never shows.
 
-use crate::plan::Rows;
-use crate::scene_resources::watertight::Closed;
-pub use choreo_asset::Aabb;
-use choreo_asset::Primitive;
+use crate::affine::Affine3x4;
+use crate::scene_resources::watertight::WatertightOrder;
+use choreo_asset::{Aabb, Primitive};
 use choreo_motion::StretchedDualQuaternion;
-use glam::{Affine3A, DAffine3, Mat4, Vec2, Vec3};
+use glam::{DAffine3, Mat4, Vec2, Vec3};
 use std::ops::Range;
 use std::sync::OnceLock;
 
-/// Box of the transformed box: centre moved, half extents by the absolute matrix.
-pub fn moved(b: Aabb, rows: &Rows) -> Aabb {
+/// Bounding box of a transformed box: the center is transformed, the half extents by the absolute matrix.
+pub(crate) fn transformed(b: Aabb, rows: &Affine3x4) -> Aabb {
     if b.is_empty() {
         return Aabb::EMPTY;
     }
@@ -20,27 +20,27 @@ pub fn moved(b: Aabb, rows: &Rows) -> Aabb {
     Aabb { min: center - half, max: center + half }
 }
 
-/// What the planner must know of a primitive beside its arrays; computed once for the catalogue.
+/// Facts about a primitive that planning needs beside its arrays, computed once for the scene resources.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PrimitiveInfo {
     /// Array lengths fit together and every index is in range. Broken primitives are never drawn.
     pub valid: bool,
     /// Unmorphed positions in mesh space.
     pub bounds: Aabb,
-    /// (skin joint, box of the vertices that it moves), by joint.
+    /// (skin joint, bounds of the vertices that it moves), sorted by joint.
     pub joint_bounds: Vec<(u16, Aabb)>,
-    /// Per morph target: box of its offsets, zero included.
+    /// Bounds of each morph target's offsets, zero included.
     pub morph_bounds: Vec<Aabb>,
-    /// Influences a vertex that weigh anything: 0, 4 or 8.
+    /// Influences per vertex with a weight other than zero, rounded up: 0, 4 or 8.
     pub influences: usize,
-    /// Some vertex colour is not white.
+    /// Some vertex color is not white.
     pub colored: bool,
-    /// By joint: those that move a vertex together with it, itself included. Found when first asked for.
+    /// For each joint, those that share a vertex with it, itself included. Computed on first use.
     companions: OnceLock<Vec<Vec<u16>>>,
-    /// Found when first asked for; see [`crate::scene_resources::CatalogPrimitive::closed`].
-    pub(crate) closed: OnceLock<Closed>,
-    /// The same; see [`crate::scene_resources::CatalogPrimitive::moved`].
-    pub(crate) moved: OnceLock<Vec<Range<u32>>>,
+    /// Computed on first use; see [`crate::scene_resources::PrimitiveResource::watertight`].
+    pub(crate) watertight: OnceLock<WatertightOrder>,
+    /// Computed on first use; see [`crate::scene_resources::PrimitiveResource::morphed_ranges`].
+    pub(crate) morphed_ranges: OnceLock<Vec<Range<u32>>>,
 }
 
 impl PrimitiveInfo {
@@ -67,8 +67,8 @@ impl PrimitiveInfo {
             influences: 0,
             colored: p.colors.iter().any(|&c| c != glam::Vec4::ONE),
             companions: OnceLock::new(),
-            closed: OnceLock::new(),
-            moved: OnceLock::new(),
+            watertight: OnceLock::new(),
+            morphed_ranges: OnceLock::new(),
         };
         if !valid {
             return info;
@@ -102,12 +102,12 @@ impl PrimitiveInfo {
         info
     }
 
-    /// Largest skin joint in use, plus one.
+    /// Largest index of a skin joint in use, plus one.
     pub fn joint_count(&self) -> usize {
         self.joint_bounds.last().map_or(0, |(j, _)| *j as usize + 1)
     }
 
-    /// How far active morphs can move a vertex: Σ wᵢ · box of target i.
+    /// Bounds of the offset by which the weighted morph targets can move a vertex: Σ wᵢ · bounds of target i.
     pub fn morph_offset(&self, weights: &[f32]) -> Aabb {
         let mut sum = Aabb { min: Vec3::ZERO, max: Vec3::ZERO };
         for (b, &w) in self.morph_bounds.iter().zip(weights) {
@@ -117,33 +117,33 @@ impl PrimitiveInfo {
         sum
     }
 
-    /// Relative-space box of a copy with one transform.
-    pub fn posed(&self, relative_from_mesh: &Rows, morph_offset: Aabb) -> Aabb {
-        moved(grown(self.bounds, morph_offset), relative_from_mesh)
+    /// Camera-relative bounds of an instance with one transform.
+    pub fn rigid(&self, relative_from_mesh: &Affine3x4, morph_offset: Aabb) -> Aabb {
+        transformed(grown(self.bounds, morph_offset), relative_from_mesh)
     }
 
-    /// Relative-space box of a skinned copy. A skinned vertex is a convex combination of its joints'
-    /// images of it, so the union of the joints' transformed boxes holds it.
-    pub fn skinned(&self, joints: &[Rows], morph_offset: Aabb) -> Aabb {
+    /// Camera-relative bounds of a skinned instance. A skinned vertex is a convex combination of its joints' images of it,
+    /// so the union of the joints' transformed boxes contains it.
+    pub fn skinned(&self, joints: &[Affine3x4], morph_offset: Aabb) -> Aabb {
         let mut all = Aabb::EMPTY;
         for (joint, b) in &self.joint_bounds {
             if let Some(rows) = joints.get(*joint as usize) {
-                all = all.union(moved(grown(*b, morph_offset), rows));
+                all = all.union(transformed(grown(*b, morph_offset), rows));
             }
         }
         all
     }
 
-    /// Relative-space box of a dual-quaternion skinned copy.
+    /// Camera-relative bounds of an instance with dual-quaternion skinning.
     ///
-    /// With q = Σ wᵢ qᵢ, a vertex goes to Σᵢⱼ wᵢ wⱼ pᵢ qᵢ q̄ⱼ / |q|², where pᵢ is the place that motion i alone gives its
+    /// With q = Σ wᵢ qᵢ, a vertex goes to Σᵢⱼ wᵢ wⱼ pᵢ qᵢ q̄ⱼ / |q|², where pᵢ is where motion i alone takes its
     /// stretched position. As the same sum of any fixed point c is c, it is at most max |pᵢ − c| / |q| from c; and where all
     /// qᵢ are at least κ alike, |q| ≥ κ + (1 − κ) / n for n influences, since the heaviest weighs at least 1/n.
     pub fn dual_skinned(
         &self,
         primitive: &Primitive,
         carriers: &[StretchedDualQuaternion],
-        relative_from_model: &Rows,
+        relative_from_model: &Affine3x4,
         morph_offset: Aabb,
     ) -> Aabb {
         let companions = self.companions.get_or_init(|| companions(primitive, self.joint_count()));
@@ -154,10 +154,11 @@ impl PrimitiveInfo {
             let reach = grown(*b, morph_offset);
             let stretched = together().fold(Aabb::EMPTY, |sum, c| {
                 let stretch = DAffine3 { matrix3: c.stretch, translation: glam::DVec3::ZERO };
-                sum.union(moved(reach, &Rows::from_affine(stretch)))
+                sum.union(transformed(reach, &Affine3x4::from_affine(stretch)))
             });
-            let hull = together()
-                .fold(Aabb::EMPTY, |sum, c| sum.union(moved(stretched, &Rows::from_affine(c.rigid()))));
+            let hull = together().fold(Aabb::EMPTY, |sum, c| {
+                sum.union(transformed(stretched, &Affine3x4::from_affine(c.rigid())))
+            });
             let alike = |a: &StretchedDualQuaternion| {
                 together().map(|b| a.real.dot(b.real).abs()).fold(1.0, f64::min)
             };
@@ -170,13 +171,13 @@ impl PrimitiveInfo {
                 let radius = Vec3::splat((f64::from(radius) / shortest * (1.0 + 1e-6)) as f32);
                 bounds = Aabb { min: center - radius, max: center + radius };
             }
-            all = all.union(moved(bounds, relative_from_model));
+            all = all.union(transformed(bounds, relative_from_model));
         }
         all
     }
 }
 
-/// By joint: the joints that share a vertex with it.
+/// For each joint, the joints that share a vertex with it.
 fn companions(p: &Primitive, joints: usize) -> Vec<Vec<u16>> {
     let mut all = vec![std::collections::BTreeSet::new(); joints];
     let vertices = p.joint_indices.chunks_exact(p.influences.max(1));
@@ -193,14 +194,14 @@ fn grown(b: Aabb, by: Aabb) -> Aabb {
     Aabb { min: b.min + by.min, max: b.max + by.max }
 }
 
-/// True where the whole box lies outside one plane of the clip volume `|x|,|y| ≤ w, 0 ≤ z ≤ w`.
-/// A box with a number that is not finite counts as visible. `margin`: how far beyond the picture still counts, in clip space.
-pub fn outside(b: Aabb, clip_from_relative: &Mat4, margin: Vec2) -> bool {
+/// Whether a whole box lies outside one plane of the view frustum `|x|,|y| ≤ w, 0 ≤ z ≤ w`.
+/// A box with a number that is not finite counts as visible. `margin` widens the frustum, in clip space.
+pub(crate) fn outside(b: Aabb, clip_from_relative: &Mat4, margin: Vec2) -> bool {
     let corners = b.corners().map(|c| *clip_from_relative * c.extend(1.0));
     if corners.iter().any(|c| !c.is_finite()) {
         return false;
     }
-    // Half a pixel of lines and points sticks out of their boxes; and rounding: a little wider than exact.
+    // Lines and points reach half a pixel out of their boxes; and rounding: a little wider than exact.
     let slack = |w: f32| w.abs() * 1e-3 + 1e-6;
     let side = |w: f32, margin: f32| w + w.abs() * margin + slack(w);
     corners.iter().all(|c| c.x > side(c.w, margin.x))
@@ -211,50 +212,29 @@ pub fn outside(b: Aabb, clip_from_relative: &Mat4, margin: Vec2) -> bool {
         || corners.iter().all(|c| c.z < -slack(c.w))
 }
 
-impl Rows {
-    pub fn from_affine(a: glam::DAffine3) -> Rows {
-        let m = a.matrix3;
-        let row =
-            |i: usize| glam::DVec4::new(m.x_axis[i], m.y_axis[i], m.z_axis[i], a.translation[i]).as_vec4();
-        Rows([row(0), row(1), row(2)])
-    }
+/// Whether a box lies in front of a view's near plane, so that the viewer is outside of the box.
+pub(crate) fn is_before(b: Aabb, clip_from_relative: &Mat4) -> bool {
+    let corners = b.corners().map(|c| *clip_from_relative * c.extend(1.0));
+    // False for numbers that are not finite; rounding counts against it.
+    corners.iter().all(|c| c.w > 0.0 && c.z < c.w * (1.0 - 1e-4))
+}
 
-    pub fn from_affine3a(a: Affine3A) -> Rows {
-        Rows::from_affine(crate::plan::build::skins::daffine(a))
-    }
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec4;
 
-    pub fn transform_point(&self, p: Vec3) -> Vec3 {
-        let p = p.extend(1.0);
-        Vec3::new(self.0[0].dot(p), self.0[1].dot(p), self.0[2].dot(p))
-    }
-
-    pub fn transform_vector(&self, v: Vec3) -> Vec3 {
-        let v = v.extend(0.0);
-        Vec3::new(self.0[0].dot(v), self.0[1].dot(v), self.0[2].dot(v))
-    }
-
-    /// This map after a stretch that leaves the origin.
-    pub fn times(&self, stretch: &Rows) -> Rows {
-        let [a, b, c] = stretch.0;
-        let row = |r: glam::Vec4| (a * r.x + b * r.y + c * r.z).truncate().extend(r.w);
-        Rows(self.0.map(row))
-    }
-
-    /// Another map after this.
-    pub fn after(&self, outer: &Rows) -> Rows {
-        let [a, b, c] = self.0;
-        Rows(outer.0.map(|r| a * r.x + b * r.y + c * r.z + glam::Vec4::new(0.0, 0.0, 0.0, r.w)))
-    }
-
-    /// Determinant of the 3×3 part: negative where it mirrors.
-    pub fn determinant(&self) -> f32 {
-        let [a, b, c] = self.0.map(|r| r.truncate());
-        a.dot(b.cross(c))
-    }
-
-    /// Length of the longest of the images of the three axes.
-    pub fn largest_stretch(&self) -> f32 {
-        let square = |axis: usize| self.0.iter().map(|row| row[axis] * row[axis]).sum::<f32>();
-        square(0).max(square(1)).max(square(2)).sqrt()
+    #[test]
+    fn a_viewer_inside_a_box_or_near_it_is_not_outside() {
+        // 57° high, the near plane at 0.5 m, reversed Z.
+        let half = 1.0 / libm::tanf(0.5);
+        let rows = [Vec4::X * half, Vec4::Y * -half, Vec4::W * 0.5, -Vec4::Z];
+        let clip_from_relative = Mat4::from_cols_array_2d(&rows.map(|r| r.to_array())).transpose();
+        let at = |z: f32| {
+            let b = Aabb { min: Vec3::new(-1.0, -1.0, z - 1.0), max: Vec3::new(1.0, 1.0, z) };
+            is_before(b, &clip_from_relative)
+        };
+        assert!(at(-0.6) && at(-90.0));
+        assert!(!at(-0.4) && !at(0.5) && !at(3.0) && !at(f32::NAN));
     }
 }

@@ -1,36 +1,37 @@
-//! Content hashes: the first 16 bytes of BLAKE3. Those of primitives and images are the stage's own.
+//! Content hashes of materials: the first 16 bytes of BLAKE3. Primitives and images are hashed by the stage.
 
-use crate::scene_resources::{CatalogMaterial, CatalogTexture, CatalogTextureRef};
+use crate::scene_resources::TextureResource;
+use crate::scene_resources::material::{MaterialResource, MaterialTexture};
 use choreo_asset::{AlphaMode, ContentHash, Shading, Wrap};
 use glam::{Vec3, Vec4};
 
-/// Arrays are preceded by their length, so that no two lists can run into each other.
+/// Hashes an array after its length, so that no two lists can run into each other.
 fn array<T: bytemuck::NoUninit>(hasher: &mut blake3::Hasher, data: &[T]) {
     hasher.update(&(data.len() as u64).to_le_bytes());
     hasher.update(bytemuck::cast_slice(data));
 }
 
-/// As it names buffers: 16 bytes are told apart well enough and compared at half the cost.
-pub fn short(hash: ContentHash) -> [u8; 16] {
+/// The first 16 bytes, which name buffers: they tell contents apart as well and are compared at half the cost.
+pub(crate) fn short(hash: ContentHash) -> [u8; 16] {
     let mut out = [0; 16];
     out.copy_from_slice(&hash[..16]);
     out
 }
 
-/// Of what the catalogue keeps of a material: textures count by their index there.
-pub fn material_hash(m: &CatalogMaterial) -> [u8; 16] {
+/// Hash of a material with its textures by index: equal materials of one stage.
+pub(crate) fn material_hash(m: &MaterialResource) -> [u8; 16] {
     hash_with(m, &|texture| texture.to_le_bytes().to_vec())
 }
 
-/// The same for the catalogues of different stages: textures count by their content.
-pub fn material_content(m: &CatalogMaterial, textures: &[CatalogTexture]) -> [u8; 16] {
+/// Hash of a material with its textures by content: equal materials of different stages.
+pub fn material_content(m: &MaterialResource, textures: &[TextureResource]) -> [u8; 16] {
     hash_with(m, &|texture| match textures.get(texture as usize) {
         Some(t) => [&t.hash[..], &[u8::from(t.srgb), u8::from(t.mipmaps)]].concat(),
         None => Vec::new(),
     })
 }
 
-fn hash_with(m: &CatalogMaterial, texture_id: &dyn Fn(u32) -> Vec<u8>) -> [u8; 16] {
+fn hash_with(m: &MaterialResource, texture_id: &dyn Fn(u32) -> Vec<u8>) -> [u8; 16] {
     let mut h = blake3::Hasher::new();
     let f = &m.material;
     let (alpha, cutoff) = match f.alpha_mode {
@@ -85,11 +86,28 @@ fn hash_with(m: &CatalogMaterial, texture_id: &dyn Fn(u32) -> Vec<u8>) -> [u8; 1
         array(&mut h, &[o.color.extend(o.lighting_mix)]);
         array(&mut h, &[o.width, f32::from(u8::from(o.on_screen))]);
     }
-    for t in m.texture_refs() {
+    for t in m.textures {
         texture_ref(&mut h, t, texture_id);
     }
-    if let Some(l) = crate::shader::uniforms::LayersUniform::new(m) {
-        h.update(bytemuck::bytes_of(&l));
+    if let Some(l) = f.layers.as_deref() {
+        let colors = [
+            l.sheen_color.extend(l.sheen_roughness),
+            l.extinction().extend(l.thickness),
+            l.diffuse_transmission_color.extend(l.diffuse_transmission),
+            l.iors().extend(l.iridescence_ior),
+        ];
+        array(&mut h, &colors);
+        let factors = [
+            l.clearcoat,
+            l.clearcoat_roughness,
+            l.clearcoat_normal_scale,
+            l.transmission,
+            l.anisotropy,
+            l.anisotropy_rotation,
+            l.iridescence,
+        ];
+        array(&mut h, &factors);
+        array(&mut h, &[m.film_thickness()]);
     }
     short(*h.finalize().as_bytes())
 }
@@ -98,7 +116,7 @@ fn vec4(v: Vec3) -> Vec4 {
     v.extend(0.0)
 }
 
-fn texture_ref(h: &mut blake3::Hasher, t: Option<CatalogTextureRef>, id: &dyn Fn(u32) -> Vec<u8>) {
+fn texture_ref(h: &mut blake3::Hasher, t: Option<MaterialTexture>, id: &dyn Fn(u32) -> Vec<u8>) {
     let Some(t) = t else {
         h.update(&[0]);
         return;

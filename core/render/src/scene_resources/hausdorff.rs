@@ -1,16 +1,16 @@
-//! How far apart two surfaces of triangles are at most: the Hausdorff distance, by samples.
+//! Hausdorff distance between a triangle mesh and a simplified version of it, by sampling.
 //!
-//! From each vertex of the one to the other surface, and from a grid of places on each of the other's triangles back: what a
-//! coarser version leaves out are vertices, and between its corners it lies off the finer one. After P. Cignoni, C. Rocchini,
-//! R. Scopigno, "Metro: Measuring Error on Simplified Surfaces", Computer Graphics Forum 1998.
+//! Distances are measured from each vertex of the fine mesh, and from a grid of points on each triangle of the simplified one:
+//! simplification drops vertices, and inside its triangles the simplified mesh leaves the fine one. After P. Cignoni,
+//! C. Rocchini, R. Scopigno, "Metro: Measuring Error on Simplified Surfaces", Computer Graphics Forum 1998.
 
-use crate::scene_resources::bounds::Aabb;
+use choreo_asset::Aabb;
 use glam::Vec3;
 
-/// Places along an edge of a triangle: 25 of it, its middle and those of its edges among them, without its corners.
+/// Steps of the grid along a triangle's edge: 28 points, its vertices, centroid and edge midpoints among them.
 const STEPS: u32 = 6;
-/// Triangles of a leaf.
-const FEW: usize = 4;
+/// Most triangles of a leaf.
+const LEAF_SIZE: usize = 4;
 
 /// Positions and triangles; indices in range.
 #[derive(Clone, Copy)]
@@ -25,12 +25,12 @@ impl<'a> Surface<'a> {
     }
 }
 
-/// Metres between a surface and a coarser version of it, some of whose vertices it has; 0 where either has no triangles.
-pub fn deviation(fine: Surface, coarse: Surface) -> f32 {
+/// Distance in meters between a surface and a simplified version with a subset of its vertices; 0 if either has no triangles.
+pub fn hausdorff_distance(fine: Surface, coarse: Surface) -> f32 {
     let (of_fine, of_coarse) = (Tree::new(fine), Tree::new(coarse));
     let mut worst = 0.0f32;
-    for corner in fine.triangles().flatten() {
-        worst = of_coarse.farther(corner, worst);
+    for vertex in fine.triangles().flatten() {
+        worst = of_coarse.farther(vertex, worst);
     }
     for [a, b, c] in coarse.triangles() {
         for i in 0..=STEPS {
@@ -43,7 +43,7 @@ pub fn deviation(fine: Surface, coarse: Surface) -> f32 {
     worst.sqrt()
 }
 
-/// Boxes in boxes around triangles: each node's are those from `first`, its halves the next node and the one named.
+/// Bounding volume hierarchy. A node's first child is the next node.
 struct Tree {
     triangles: Vec<[Vec3; 3]>,
     nodes: Vec<Node>,
@@ -53,7 +53,7 @@ struct Node {
     bounds: Aabb,
     first: u32,
     count: u32,
-    /// 0: a leaf.
+    /// The second child; 0 for a leaf.
     second: u32,
 }
 
@@ -73,7 +73,7 @@ impl Tree {
         let bounds = Aabb::of(all.iter().flatten().copied());
         let node = self.nodes.len() as u32;
         self.nodes.push(Node { bounds, first: first as u32, count: count as u32, second: 0 });
-        if count > FEW {
+        if count > LEAF_SIZE {
             let spread = Aabb::of(all.iter().map(middle));
             let size = spread.max - spread.min;
             let axis = size.max_position();
@@ -86,7 +86,7 @@ impl Tree {
         node
     }
 
-    /// The greater of a squared distance and that of a place to the nearest triangle.
+    /// The greater of `than` and the squared distance from a point to the nearest triangle.
     fn farther(&self, from: Vec3, than: f32) -> f32 {
         let outside = |b: &Aabb| from.distance_squared(from.clamp(b.min, b.max));
         let mut nearest = f32::INFINITY;
@@ -100,13 +100,13 @@ impl Tree {
             if node.second == 0 {
                 let all = &self.triangles[node.first as usize..(node.first + node.count) as usize];
                 nearest = all.iter().fold(nearest, |least, t| least.min(squared_distance(from, *t)));
-                // So near that it cannot be the farthest.
+                // Too near to be the farthest.
                 if nearest <= than {
                     return than;
                 }
                 continue;
             }
-            // The nearer half first.
+            // The nearer child is visited first.
             let halves = [at + 1, node.second];
             let [a, b] = halves.map(|half| outside(&self.nodes[half as usize].bounds));
             open.extend(if a < b { [halves[1], halves[0]] } else { halves });
@@ -115,7 +115,7 @@ impl Tree {
     }
 }
 
-/// To the nearest place of a triangle (C. Ericson, "Real-Time Collision Detection", 5.1.5).
+/// Squared distance to the nearest point of a triangle (C. Ericson, "Real-Time Collision Detection", 5.1.5).
 fn squared_distance(p: Vec3, [a, b, c]: [Vec3; 3]) -> f32 {
     let (ab, ac) = (b - a, c - a);
     let to = |from: Vec3, edge: Vec3, length: f32, along: f32| {
@@ -157,7 +157,7 @@ mod tests {
     fn between(a: &(Vec<Vec3>, Vec<u32>), b: &(Vec<Vec3>, Vec<u32>)) -> f32 {
         let of = |s: &'_ (Vec<Vec3>, Vec<u32>)| (s.0.clone(), s.1.clone());
         let ((ap, ai), (bp, bi)) = (of(a), of(b));
-        deviation(Surface { positions: &ap, indices: &ai }, Surface { positions: &bp, indices: &bi })
+        hausdorff_distance(Surface { positions: &ap, indices: &ai }, Surface { positions: &bp, indices: &bi })
     }
 
     #[test]
@@ -204,6 +204,6 @@ mod tests {
         // Without area: its edges.
         assert_eq!(squared_distance(Vec3::new(0.5, 1.0, 0.0), [Vec3::ZERO, Vec3::X, Vec3::X]), 1.0);
         let nothing = Surface { positions: &[], indices: &[] };
-        assert_eq!(deviation(nothing, nothing), 0.0);
+        assert_eq!(hausdorff_distance(nothing, nothing), 0.0);
     }
 }

@@ -1,64 +1,53 @@
-//! Pictures that follow each other: each has a material and a texture of its own in the catalogue, without pixels, so that a
-//! renderer makes those that a frame shows and forgets those that none has shown for a while.
+//! Image sequences as textures. Each image has a material and a texture of its own in the scene resources, without pixels: a
+//! renderer loads the images that a frame shows, and drops those that no recent frame has shown.
 
-use crate::RenderError;
-use crate::scene_resources::{Catalog, CatalogMaterial, CatalogTexture, CatalogTextureRef, PrimitiveEntry};
+use crate::error::RenderError;
+use crate::scene_resources::material::{MaterialResource, MaterialTexture};
+use crate::scene_resources::{PrimitiveEntry, SceneResources, TextureResource};
 use choreo_asset::{Image, Pictures, Shading, Stream, TextureSlot};
 use choreo_motion::Time;
 use std::sync::Arc;
 
-/// Of a texture that is made when it is seen: of which pictures which one.
-pub type Streamed = (Arc<dyn Pictures>, usize);
+/// The image sequence of a streamed texture, and the index of its image there.
+pub(crate) type Streamed = (Arc<dyn Pictures>, usize);
 
-impl CatalogTexture {
-    /// With its pixels, which are made now where it is streamed.
-    pub fn whole(&self) -> Result<CatalogTexture, RenderError> {
+impl TextureResource {
+    /// The texture with its pixels, which are loaded now if it is streamed.
+    pub fn whole(&self) -> Result<TextureResource, RenderError> {
         let Some((pictures, index)) = &self.streamed else { return Ok(self.clone()) };
         let image = pictures.picture(*index).map_err(RenderError::Usage)?;
         let size = |i: &Image| (i.width, i.height);
         if size(&image) != size(&self.image) || image.rgba.len() as u64 != self.bytes() {
             return Err(RenderError::Usage(format!(
-                "picture {index} of a sequence has not the size of the first"
+                "image {index} of a sequence has another size than the first"
             )));
         }
-        Ok(CatalogTexture { image, streamed: None, ..self.clone() })
+        Ok(TextureResource { image, streamed: None, ..self.clone() })
     }
 
-    /// Of its pixels, without mipmaps.
+    /// Size of its pixels in bytes, without mipmaps.
     pub fn bytes(&self) -> u64 {
         4 * u64::from(self.image.width) * u64::from(self.image.height)
     }
 }
 
-impl CatalogMaterial {
-    fn slot(&mut self, slot: TextureSlot) -> &mut Option<CatalogTextureRef> {
-        match slot {
-            TextureSlot::BaseColor => &mut self.base_color,
-            TextureSlot::MetallicRoughness => &mut self.metallic_roughness,
-            TextureSlot::Normal => &mut self.normal,
-            TextureSlot::Occlusion => &mut self.occlusion,
-            TextureSlot::Emissive => &mut self.emissive,
-            TextureSlot::Specular => &mut self.specular,
-            TextureSlot::SpecularColor => &mut self.specular_color,
-        }
-    }
-
-    /// Those of its streams that change a pixel, with the texture that stands for the first picture.
-    fn streams(&self) -> impl Iterator<Item = (&Stream, CatalogTextureRef)> {
-        // Toon shading has other things in the other slots.
+impl MaterialResource {
+    /// Streams that can change a pixel, with the texture of the first image.
+    fn streams(&self) -> impl Iterator<Item = (&Stream, MaterialTexture)> {
+        // Toon shading keeps other textures in the other slots.
         let toon = self.material.shading == Shading::Toon;
         let read = move |s: &&Stream| {
             !toon || matches!(s.slot, TextureSlot::BaseColor | TextureSlot::Normal | TextureSlot::Emissive)
         };
         let streams = self.material.sequence.iter().flat_map(|s| &s.streams).filter(read);
-        streams.filter_map(|s| Some((s, self.texture_refs()[s.slot as usize]?)))
+        streams.filter_map(|s| Some((s, self.texture(s.slot)?)))
     }
 
-    /// As it is with each of the pictures after the first, whose textures `of` numbers.
-    pub(crate) fn following(
+    /// The material with each of the images after the first. `texture_of` gives the texture of a stream's image.
+    pub(crate) fn with_later_images(
         &self,
-        mut of: impl FnMut(&Stream, usize, CatalogTextureRef) -> u32,
-    ) -> Vec<CatalogMaterial> {
+        mut texture_of: impl FnMut(&Stream, usize, MaterialTexture) -> u32,
+    ) -> Vec<MaterialResource> {
         let Some(sequence) = self.material.sequence.as_ref().filter(|_| self.streams().next().is_some())
         else {
             return Vec::new();
@@ -66,7 +55,8 @@ impl CatalogMaterial {
         let one = |i| {
             let mut made = self.clone();
             for (stream, first) in self.streams() {
-                *made.slot(stream.slot) = Some(CatalogTextureRef { texture: of(stream, i, first), ..first });
+                let texture = texture_of(stream, i, first);
+                made.textures[stream.slot as usize] = Some(MaterialTexture { texture, ..first });
             }
             made
         };
@@ -74,19 +64,20 @@ impl CatalogMaterial {
     }
 }
 
-impl Catalog {
-    /// The entry with the material that it has at a time.
-    pub fn showing(&self, entry: &PrimitiveEntry, time: Time) -> PrimitiveEntry {
+impl SceneResources {
+    /// The entry with the material of the image that its sequence shows at `time`.
+    pub(crate) fn showing(&self, entry: &PrimitiveEntry, time: Time) -> PrimitiveEntry {
         let material = &self.materials[entry.material as usize];
         let shown = material.material.sequence.as_ref().filter(|_| material.streams().next().is_some());
         PrimitiveEntry { material: entry.material + shown.map_or(0, |s| s.index(time) as u32), ..*entry }
     }
 
-    /// Textures of a material that are made when they are seen: place among its textures, texture.
-    pub fn streamed(&self, material: u32) -> impl Iterator<Item = (usize, u32)> {
-        let refs = self.materials.get(material as usize).map(|m| m.texture_refs());
-        let refs = refs.into_iter().flatten().enumerate();
-        refs.filter_map(|(slot, t)| Some((slot, t?.texture)))
+    /// (slot, texture) of a material's streamed textures.
+    pub(crate) fn streamed(&self, material: u32) -> impl Iterator<Item = (usize, u32)> {
+        let textures = self.materials.get(material as usize).map(|m| m.textures);
+        let textures = textures.into_iter().flatten().enumerate();
+        textures
+            .filter_map(|(slot, t)| Some((slot, t?.texture)))
             .filter(|(_, texture)| self.textures[*texture as usize].streamed.is_some())
     }
 }

@@ -1,12 +1,12 @@
-//! Mipmaps on the CPU, once, for both renderers: box filter of the level above, in linear light for sRGB images.
+//! Mipmaps, computed once on the CPU for both renderers: a box filter of the level above, in linear light for sRGB images.
 
 use choreo_asset::Image;
-use rayon::prelude::*;
+use rayon::prelude::{IndexedParallelIterator, ParallelIterator, ParallelSlice, ParallelSliceMut};
 use std::sync::OnceLock;
 
 /// One level, RGBA8 in the image's own encoding.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Level {
+pub struct MipLevel {
     pub width: u32,
     pub height: u32,
     pub rgba: Vec<u8>,
@@ -17,13 +17,12 @@ pub fn level_count(width: u32, height: u32) -> u32 {
     32 - width.max(height).max(1).leading_zeros()
 }
 
-/// All levels below the image itself, down to 1×1: each is half of the one above, rounded down. An odd side is covered
-/// by three taps weighted by their share, so that nothing is dropped. Colours are not weighted by alpha, as the
-/// filter of a sampler does not weight them either.
-pub fn levels_below(image: &Image, srgb: bool) -> Vec<Level> {
+/// All levels below the image itself, down to 1×1: each is half of the one above, rounded down. An odd side is covered by three
+/// taps weighted by their share, so that nothing is dropped. Colors are not weighted by alpha, nor are they by a sampler's filter.
+pub fn levels_below(image: &Image, srgb: bool) -> Vec<MipLevel> {
     let decode = if srgb { srgb_to_linear_table() } else { unorm_table() };
     let mut out = Vec::new();
-    // Kept unrounded from level to level.
+    // Not rounded from level to level.
     let mut above: Vec<[f32; 4]> = Vec::new();
     let (mut w, mut h) = (image.width.max(1) as usize, image.height.max(1) as usize);
     while w > 1 || h > 1 {
@@ -70,7 +69,7 @@ pub fn levels_below(image: &Image, srgb: bool) -> Vec<Level> {
                 b[3] = unorm8(t[3]);
             }
         });
-        out.push(Level { width: nw as u32, height: nh as u32, rgba });
+        out.push(MipLevel { width: nw as u32, height: nh as u32, rgba });
         above = level;
         (w, h) = (nw, nh);
     }
@@ -83,7 +82,7 @@ struct Taps {
     weights: [f32; 3],
 }
 
-/// Which texels of a side of `size` the texel `i` of a side of `half` covers, and how much of each.
+/// The texels of a side of `size` that texel `i` of a side of `half` covers, and how much of each.
 fn taps(i: usize, size: usize, half: usize) -> Taps {
     if size == half {
         return Taps { first: i, count: 1, weights: [1.0, 0.0, 0.0] };
@@ -104,7 +103,7 @@ fn unorm8(v: f32) -> u8 {
     (v.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
-/// IEC 61966-2-1, decoded value of each of the 256 codes.
+/// Decoded value of each of the 256 sRGB codes (IEC 61966-2-1).
 pub fn srgb_to_linear_table() -> &'static [f32; 256] {
     static TABLE: OnceLock<[f32; 256]> = OnceLock::new();
     TABLE.get_or_init(|| std::array::from_fn(|i| srgb_decode(i as f64 / 255.0) as f32))
@@ -119,7 +118,7 @@ fn srgb_decode(v: f64) -> f64 {
     if v <= 0.04045 { v / 12.92 } else { libm::pow((v + 0.055) / 1.055, 2.4) }
 }
 
-/// Nearest code: the thresholds lie at the decoded values of code + ½. A table by the upper bits finds the code to
+/// The nearest sRGB code: the thresholds lie at the decoded values of code + ½. A table by the upper bits finds the code to
 /// within one or two steps.
 pub fn linear_to_srgb8(v: f32) -> u8 {
     const BITS: usize = 12;

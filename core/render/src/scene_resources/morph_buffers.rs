@@ -1,21 +1,23 @@
-//! Morph targets: which vertices each moves, and their offsets as shaders read them (pose.wgsl). A target costs memory and time
-//! only from the first vertex that it moves to the last, in an order in which those that a target moves stand together: of the vectors
-//! of RobotExpressive's face 31 % are kept, all of which move, of Godette's 40 % (17 % move; an index for each vertex would save
-//! the rest and cost a second read); some exporters move every vertex (`cargo test -p choreo-render --test morphs -- --nocapture`).
+//! Morph targets: the vertices that each moves, and their offsets as shaders read them (pose.wgsl).
+//!
+//! A target costs memory and time only from the first vertex that it moves to the last, so vertices that a target moves are
+//! grouped. RobotExpressive's face keeps 31 % of its offsets, all of which move a vertex, Godette's 40 % (17 % move one; an
+//! index for each vertex would save the rest and cost a second read). Some exporters move every vertex
+//! (`cargo test -p choreo-render --test morphs -- --nocapture`).
 
 use choreo_asset::{MorphTarget, Primitive};
 use glam::Vec3;
 use std::ops::Range;
 
-/// A position, a normal or a tangent is another, not a number included.
+/// Whether a target changes a vertex's position, normal or tangent; NaN counts as a change.
 fn moves(target: &MorphTarget, vertex: u32) -> bool {
     let is_there = |list: &Vec<Vec3>| list.get(vertex as usize).is_some_and(|v| *v != Vec3::ZERO);
     [&target.positions, &target.normals, &target.tangents].into_iter().any(is_there)
 }
 
-/// For each target the places in `order` from the first vertex that it moves to behind the last; empty where it moves none.
-/// `order`: vertices of the primitive.
-pub fn moved(p: &Primitive, order: &[u32]) -> Vec<Range<u32>> {
+/// For each target the range of `order`, vertices of the primitive, from the first vertex that it moves to the last; empty if it
+/// moves none.
+pub fn morphed_ranges(p: &Primitive, order: &[u32]) -> Vec<Range<u32>> {
     let span = |target: &MorphTarget| {
         let first = order.iter().position(|v| moves(target, *v)).unwrap_or(0);
         let end = order.iter().rposition(|v| moves(target, *v)).map_or(0, |last| last + 1);
@@ -24,13 +26,13 @@ pub fn moved(p: &Primitive, order: &[u32]) -> Vec<Range<u32>> {
     p.morphs.iter().map(span).collect()
 }
 
-/// How many vertices any target moves.
-pub fn moved_vertices(p: &Primitive) -> usize {
+/// Number of vertices that any target moves.
+pub fn morphed_vertices(p: &Primitive) -> usize {
     (0..p.positions.len() as u32).filter(|v| p.morphs.iter().any(|target| moves(target, *v))).count()
 }
 
-/// Vertices that the same targets move stand together, those that none moves at the end; otherwise they stay in their order.
-pub fn together(p: &Primitive, order: &mut [u32]) {
+/// Groups vertices that the same targets move, with those that none moves at the end; otherwise they keep their order.
+pub(crate) fn group_morphed(p: &Primitive, order: &mut [u32]) {
     if p.morphs.is_empty() {
         return;
     }
@@ -39,12 +41,12 @@ pub fn together(p: &Primitive, order: &mut [u32]) {
     order.sort_by_cached_key(|v| (first(v), last(v)));
 }
 
-/// Words of 16 bytes: for each target its first vertex, how many, and where its offsets begin; then for each its positions and,
-/// where the layout has them (`lists` of 2 and 3), normals and tangents.
-pub fn pack_morphs(p: &Primitive, order: &[u32], lists: usize) -> Vec<u8> {
-    let spans = moved(p, order);
+/// Packs morph targets as words of 16 bytes: for each target its first vertex, their number and where its offsets begin; then
+/// for each its positions and, with 2 and 3 `lists`, normals and tangents.
+pub(crate) fn pack_morphs(p: &Primitive, order: &[u32], lists: usize) -> Vec<u8> {
+    let spans = morphed_ranges(p, order);
     if spans.is_empty() {
-        // A buffer has at least a word, also where a mesh is forced to have targets.
+        // A buffer has at least one word, even if a mesh is forced to have targets.
         return vec![0; 16];
     }
     let words: usize = spans.iter().map(|s| s.len() * lists).sum::<usize>() + spans.len();

@@ -1,34 +1,25 @@
-//! Lines and points of a width: for each, a polygon in the picture's plane, whose corners the vertex stage spreads out. Samples
-//! smooth its edges as those of any triangle, and no device has to know wide lines.
+//! Thick lines and points: each is a polygon in the image plane, which the vertex shader spreads out. Multisampling smooths its
+//! edges as those of any triangle, and no device needs to support wide lines.
 
-use crate::plan::{Features, Rows};
+use crate::affine::Affine3x4;
 use choreo_asset::{Material, Pen, Primitive, Topology};
 use glam::{Mat4, Vec2, Vec3, Vec4, Vec4Swizzles};
 
-impl Features {
-    /// Lines and points have a width. Another way of drawing rather than more of one: never forced in.
-    pub const WIDE: Features = Features(1 << 28);
-    /// Points are discs, lines have round ends.
-    pub const ROUND: Features = Features(1 << 29);
-    /// Textures come from three sides. Another way rather than more of one: never forced in.
-    pub const TRIPLANAR: Features = Features(1 << 30);
-}
+/// Largest line width in pixels: the largest image side.
+const MOST_PIXELS: f32 = 16384.0;
 
-/// Wider is drawn as wide, pixels: a picture is no larger.
-pub const MOST_PIXELS: f32 = 16384.0;
-
-/// The pen that lines and points of a material are drawn with; `None` for triangles.
-pub fn pen(topology: Topology, material: &Material) -> Option<Pen> {
+/// Width and shape of a material's lines and points; `None` for triangles.
+pub(crate) fn pen(topology: Topology, material: &Material) -> Option<Pen> {
     material.pen.filter(|_| topology != Topology::Triangles)
 }
 
-/// Width of an actor's lines as [`crate::plan::Instance::width`] has it: pixels, or less than zero: metres.
-pub fn width(pen: Pen, of_actor: Option<f32>, relative_from_mesh: &Rows) -> f32 {
+/// Line width as in [`crate::plan::Instance::width`]: pixels, or negative meters. `of_actor` replaces the pen's own width.
+pub(crate) fn width(pen: Pen, of_actor: Option<f32>, relative_from_mesh: &Affine3x4) -> f32 {
     let width = of_actor.unwrap_or(pen.width);
     let width = if width.is_finite() { width.max(0.0) } else { 0.0 };
     match pen.metres {
         true => {
-            // The root mean square of the three axes.
+            // The root mean square of the lengths of the three axes.
             let [x, y, z] = relative_from_mesh.0.map(|row| row.truncate());
             -width * ((x.dot(x) + y.dot(y) + z.dot(z)) / 3.0).sqrt()
         }
@@ -36,20 +27,20 @@ pub fn width(pen: Pen, of_actor: Option<f32>, relative_from_mesh: &Rows) -> f32 
     }
 }
 
-/// Corners in place of a primitive's vertices, and triangles of them.
+/// Vertices in place of a primitive's own, and triangles of them.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Widened {
-    /// The vertex that each corner stands at.
+pub(crate) struct ThickMesh {
+    /// The primitive's vertex that each vertex stands at.
     pub of: Vec<u32>,
-    /// The other end of its line; of points the same.
+    /// The vertex at the other end of its line; the same for points.
     pub other: Vec<u32>,
     /// x along the line away from its other end, y across, in half widths; z: 0 at the first end, 1 at the second.
-    pub corners: Vec<Vec3>,
+    pub offsets: Vec<Vec3>,
     pub indices: Vec<u32>,
 }
 
-/// Triangles about half a disc. A polygon of 32 corners leaves a circle by half a percent of its radius, one of 8 by 8 %: many
-/// are small.
+/// Segments of half a disc. A polygon of 32 sides differs from a circle by half a percent of its radius, one of 8 sides by 8 %:
+/// where there are many elements, each is small.
 fn segments(elements: usize) -> usize {
     match elements {
         ..=1_000 => 16,
@@ -58,7 +49,7 @@ fn segments(elements: usize) -> usize {
     }
 }
 
-/// Corners of half a circle from +y over −x to −y.
+/// Points of half a circle from +y over −x to −y.
 fn half_circle(segments: usize) -> impl Iterator<Item = Vec2> {
     (0..=segments).map(move |i| {
         let angle = (i as f64 / segments as f64) * std::f64::consts::PI;
@@ -66,20 +57,20 @@ fn half_circle(segments: usize) -> impl Iterator<Item = Vec2> {
     })
 }
 
-pub fn widened(primitive: &Primitive, round: bool) -> Widened {
+pub(crate) fn thick_mesh(primitive: &Primitive, round: bool) -> ThickMesh {
     match primitive.topology {
-        Topology::Triangles => Widened::default(),
+        Topology::Triangles => ThickMesh::default(),
         Topology::Lines => lines(&primitive.indices, round),
         Topology::Points => points(&primitive.indices, round),
     }
 }
 
-/// Both ends as half discs, or cut off, and a rectangle between them.
-fn lines(indices: &[u32], round: bool) -> Widened {
+/// A rectangle between two ends, which are half discs or cut off.
+fn lines(indices: &[u32], round: bool) -> ThickMesh {
     let steps = if round { segments(indices.len() / 2) } else { 1 };
     let end: Vec<Vec2> = if round { half_circle(steps).collect() } else { vec![Vec2::Y, Vec2::NEG_Y] };
     let count = end.len() as u32;
-    let mut out = Widened::default();
+    let mut out = ThickMesh::default();
     for line in indices.chunks_exact(2) {
         let first = out.of.len() as u32;
         for (at, own, other) in [(0.0, line[0], line[1]), (1.0, line[1], line[0])] {
@@ -87,7 +78,7 @@ fn lines(indices: &[u32], round: bool) -> Widened {
                 out.of.push(own);
                 out.other.push(other);
                 let along = if at == 0.0 { c.x } else { -c.x };
-                out.corners.push(Vec3::new(along, c.y, at));
+                out.offsets.push(Vec3::new(along, c.y, at));
             }
         }
         let (second, last) = (first + count, count - 1);
@@ -100,7 +91,7 @@ fn lines(indices: &[u32], round: bool) -> Widened {
 }
 
 /// A square, or a polygon of a disc's area.
-fn points(indices: &[u32], round: bool) -> Widened {
+fn points(indices: &[u32], round: bool) -> ThickMesh {
     let corners: Vec<Vec2> = match round {
         false => vec![Vec2::NEG_ONE, Vec2::new(1.0, -1.0), Vec2::ONE, Vec2::new(-1.0, 1.0)],
         true => {
@@ -111,13 +102,13 @@ fn points(indices: &[u32], round: bool) -> Widened {
             left.iter().copied().chain(left.iter().map(|c| -*c)).collect()
         }
     };
-    let mut out = Widened::default();
+    let mut out = ThickMesh::default();
     for &point in indices {
         let first = out.of.len() as u32;
         for c in &corners {
             out.of.push(point);
             out.other.push(point);
-            out.corners.push(c.extend(0.0));
+            out.offsets.push(c.extend(0.0));
         }
         let last = corners.len() as u32 - 1;
         out.indices.extend((1..last).flat_map(|i| [first, first + i, first + i + 1]));
@@ -125,9 +116,9 @@ fn points(indices: &[u32], round: bool) -> Widened {
     out
 }
 
-/// The picture that widths are seen in.
+/// Spreads the vertices of thick lines and points in an image.
 #[derive(Clone, Copy, Debug)]
-pub struct Spread {
+pub(crate) struct Spread {
     clip_from_relative: Mat4,
     /// Pixels.
     size: Vec2,
@@ -139,12 +130,13 @@ impl Spread {
         Spread { clip_from_relative: *clip_from_relative, size }
     }
 
-    /// Twin of `spread` in wide.wgsl: where a corner lies, from both ends of its line in clip space. What is added to an end is
-    /// the same in the picture wherever on the line it is added, times w: so the near plane cuts off what is behind the eye,
-    /// as of any triangle, and ends there need no place in the picture.
-    pub fn corner(&self, own: Vec4, other: Vec4, corner: Vec3, width: f32) -> Vec4 {
-        let (a, b) = if corner.z > 0.5 { (other, own) } else { (own, other) };
-        // From the first end to the second in the picture: d(xy/w) is proportional to this.
+    /// Clip-space position of a vertex, from both ends of its line. CPU reference of `spread` in wide.wgsl.
+    ///
+    /// The offset is scaled by w, so that it is the same in the image anywhere on the line: the near plane then clips what is
+    /// behind the camera as of any triangle, and ends there need no position in the image.
+    pub fn vertex(&self, own: Vec4, other: Vec4, offset: Vec3, width: f32) -> Vec4 {
+        let (a, b) = if offset.z > 0.5 { (other, own) } else { (own, other) };
+        // From the first end to the second in the image: d(xy/w) is proportional to this.
         let way = (b.xy() * a.w - a.xy() * b.w) * self.size;
         let most = way.x.abs().max(way.y.abs());
         let along = if most > 0.0 {
@@ -153,7 +145,7 @@ impl Spread {
         } else {
             Vec2::X
         };
-        // Half a width, pixels times w.
+        // Half a width in pixels, times w.
         let least = 0.5 * own.w;
         let radius = if width < 0.0 {
             let rows = self.clip_from_relative.transpose();
@@ -161,7 +153,7 @@ impl Spread {
         } else {
             least * width.max(1.0)
         };
-        let off = along * corner.x + Vec2::new(-along.y, along.x) * corner.y;
+        let off = along * offset.x + Vec2::new(-along.y, along.x) * offset.y;
         let step = off * (2.0 * radius) / self.size;
         own + Vec4::new(step.x, step.y, 0.0, 0.0)
     }
@@ -172,30 +164,30 @@ mod tests {
     use super::*;
     use glam::Vec3Swizzles;
 
-    fn area(w: &Widened, at: impl Fn(usize) -> Vec2) -> f64 {
+    fn area(w: &ThickMesh, at: impl Fn(usize) -> Vec2) -> f64 {
         let corners = |t: &[u32]| [at(t[0] as usize), at(t[1] as usize), at(t[2] as usize)];
         let areas = w.indices.chunks_exact(3).map(corners);
         areas.map(|[a, b, c]| 0.5 * f64::from((b - a).perp_dot(c - a).abs())).sum()
     }
 
     #[test]
-    fn polygons_have_the_areas_of_what_they_stand_for() {
+    fn polygons_have_the_area_of_discs_and_rectangles() {
         for (count, error) in [(1, 1e-5), (1001, 1e-5), (20_001, 1e-5)] {
             let disc = points(&vec![0; count], true);
-            let one = area(&disc, |i| disc.corners[i].xy()) / count as f64;
+            let one = area(&disc, |i| disc.offsets[i].xy()) / count as f64;
             assert!((one - std::f64::consts::PI).abs() < error * 3.0, "{count}: {one}");
         }
         let square = points(&[7], false);
-        assert_eq!((area(&square, |i| square.corners[i].xy()), &square.of[..]), (4.0, &[7, 7, 7, 7][..]));
+        assert_eq!((area(&square, |i| square.offsets[i].xy()), &square.of[..]), (4.0, &[7, 7, 7, 7][..]));
         // Ends ten half widths apart.
-        let ends = |w: &Widened, i: usize| w.corners[i].xy() + Vec2::X * 10.0 * w.corners[i].z;
+        let ends = |w: &ThickMesh, i: usize| w.offsets[i].xy() + Vec2::X * 10.0 * w.offsets[i].z;
         let flat = lines(&[0, 1], false);
         assert_eq!(area(&flat, |i| ends(&flat, i)), 20.0);
         let round = lines(&[0, 1], true);
         let exact = 20.0 + std::f64::consts::PI;
         let got = area(&round, |i| ends(&round, i));
         assert!(got < exact && exact - got < 0.03, "{got} {exact}");
-        // One missing end is seen.
+        // A missing end shows.
         assert!((area(&flat, |i| ends(&flat, i)) - exact).abs() > 1.0);
     }
 
@@ -205,7 +197,7 @@ mod tests {
         let spread = Spread::new(&clip, [200, 200]);
         let pixels = |depth: f32, width: f32| {
             let [a, b] = [-1.0, 1.0].map(|x| clip * Vec4::new(x, 0.3, -depth, 1.0));
-            let [up, down] = [1.0, -1.0].map(|y| spread.corner(a, b, Vec3::new(0.0, y, 0.0), width));
+            let [up, down] = [1.0, -1.0].map(|y| spread.vertex(a, b, Vec3::new(0.0, y, 0.0), width));
             ((up.y / up.w - down.y / down.w) * 100.0).abs()
         };
         for depth in [0.5, 5.0, 500.0] {
@@ -221,16 +213,16 @@ mod tests {
         let spread = Spread::new(&clip, [200, 100]);
         let at = |x: f32, z: f32| clip * Vec4::new(x, -0.5, z, 1.0);
         let (front, behind) = (at(0.2, -3.0), at(0.2, 4.0));
-        // On the way from the front to the eye the line goes down, and both edges stay as far apart.
+        // From the front to the camera the line goes down, and both edges keep their distance.
         let edges = [1.0, -1.0].map(|y| {
-            let near = spread.corner(front, behind, Vec3::new(0.0, y, 0.0), 8.0);
-            let far = spread.corner(behind, front, Vec3::new(0.0, y, 1.0), 8.0);
-            // Where the edge is a metre before the eye.
+            let near = spread.vertex(front, behind, Vec3::new(0.0, y, 0.0), 8.0);
+            let far = spread.vertex(behind, front, Vec3::new(0.0, y, 1.0), 8.0);
+            // Where the edge is a meter in front of the camera.
             near + (far - near) * ((near.w - 1.0) / (near.w - far.w))
         });
         let [a, b] = edges.map(|e| e.xy() / e.w * Vec2::new(100.0, 50.0));
         assert!((a.distance(b) - 8.0).abs() < 1e-3, "{a} {b}");
-        let dot = spread.corner(front, front, Vec3::new(-1.0, 0.0, 0.0), 8.0);
+        let dot = spread.vertex(front, front, Vec3::new(-1.0, 0.0, 0.0), 8.0);
         assert!(dot.is_finite() && dot.x < front.x);
     }
 }

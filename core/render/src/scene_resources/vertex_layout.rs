@@ -1,19 +1,19 @@
-//! Vertices as the GPU reads them: interleaved, only the attributes that a draw's features ask for.
+//! Vertex and index buffers: interleaved, with only the attributes that a draw's features read.
 //!
 //! Positions and texture coordinates stay f32. Normals and tangents are 16-bit signed fractions (angular error below
-//! 0.003°), colours and weights 16-bit unsigned fractions (error ≤ 1/131070; the rounded weights of a vertex still sum to 1).
+//! 0.003°), colors and weights 16-bit unsigned fractions (error ≤ 1/131070; the rounded weights of a vertex still sum to 1).
 
-use crate::plan::Features;
-use crate::scene_resources::thick_lines::widened;
+use crate::scene_resources::morph_buffers;
+use crate::scene_resources::thick_lines::thick_mesh;
 use choreo_asset::Primitive;
 use glam::{Vec3, Vec4};
 
-/// Which attributes, in location order. A bit a location of vertex.wgsl.
+/// Set of vertex attributes, a bit for each location of vertex.wgsl; the upper bits say how vertices and indices are ordered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct VertexLayout(pub u16);
 
-/// (location, bytes, what) of every attribute there is.
-pub const ATTRIBUTES: [(u32, u32, Format); 12] = [
+/// (location, size in bytes, format) of every attribute.
+const ATTRIBUTES: [(u32, u32, Format); 12] = [
     (0, 12, Format::F32x3),
     (1, 8, Format::Snorm16x4),
     (2, 8, Format::Snorm16x4),
@@ -38,44 +38,20 @@ pub enum Format {
 }
 
 impl VertexLayout {
-    /// The attributes that vertex.wgsl declares for these features.
-    pub fn of(features: Features) -> VertexLayout {
-        let posed = features.has(Features::POSED);
-        let on = [
-            !posed,
-            features.has_normals() && !posed,
-            features.has_tangents() && !posed,
-            features.has(Features::UV0),
-            features.has(Features::UV1),
-            features.has(Features::VERTEX_COLOR),
-            features.has(Features::SKIN),
-            features.has(Features::SKIN),
-            features.has(Features::SKIN_8),
-            features.has(Features::SKIN_8),
-            features.has(Features::WIDE),
-            features.has(Features::WIDE),
-        ];
-        let welded = if features.has(Features::SHELL) && !posed { Self::WELDED } else { 0 };
-        let welded = if features.has(Features::EDGES) { welded | Self::EDGES } else { welded };
-        let wide = features.has(Features::WIDE) && features.has(Features::ROUND);
-        let welded = if wide { welded | Self::ROUND } else { welded };
-        VertexLayout(on.iter().enumerate().map(|(i, on)| (*on as u16) << i).sum::<u16>() | welded)
-    }
-
-    /// Triangles of closed surfaces come first; see [`crate::scene_resources::watertight`].
-    pub const CLOSED: u16 = 1 << 13;
-    /// Corners are those of round lines and points ([`widened`]).
-    pub const ROUND: u16 = 1 << 12;
-    /// Indices are those of [`edges`], two a line.
+    /// Thick lines and points are round.
+    pub(crate) const ROUND: u16 = 1 << 12;
+    /// Triangles of watertight surfaces come first; see [`crate::scene_resources::watertight`].
+    pub(crate) const WATERTIGHT_FIRST: u16 = 1 << 13;
+    /// Indices are those of [`edges`], two for each line.
     pub const EDGES: u16 = 1 << 14;
     /// Normals are those of [`welded_normals`].
-    pub const WELDED: u16 = 1 << 15;
+    pub(crate) const WELDED: u16 = 1 << 15;
 
     pub fn has(self, location: u32) -> bool {
         self.0 & (1 << location) != 0
     }
 
-    /// (location, byte offset, format) of the attributes that are in, and the stride.
+    /// (location, byte offset, format) of the attributes in the set, and the stride.
     pub fn attributes(self) -> (Vec<(u32, u32, Format)>, u32) {
         let mut offset = 0;
         let mut list = Vec::new();
@@ -89,12 +65,12 @@ impl VertexLayout {
     }
 }
 
-/// Vertex and index bytes of one primitive.
+/// Vertex and index buffers of one primitive.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedMesh {
     pub vertices: Vec<u8>,
     pub vertex_count: u32,
-    /// 16-bit where every index fits.
+    /// 16-bit if every index fits.
     pub indices: Vec<u8>,
     pub index_count: u32,
     pub wide_indices: bool,
@@ -109,7 +85,7 @@ fn unorm16(v: f32) -> u16 {
     libm::roundf(v.clamp(0.0, 1.0) * 65535.0) as u16
 }
 
-/// Four or eight weights in 1/65535 that sum to 65535: the largest takes the rounding of the others.
+/// Four or eight weights in units of 1/65535 that sum to 65535: the largest absorbs the rounding of the others.
 fn weights16(weights: &[f32]) -> [u16; 8] {
     let mut out = [0u16; 8];
     let mut largest = 0;
@@ -124,9 +100,9 @@ fn weights16(weights: &[f32]) -> [u16; 8] {
     out
 }
 
-/// `indices`: in the layout's order ([`crate::scene_resources::CatalogPrimitive::indices`]).
+/// Packs a primitive. `indices` are in the layout's order ([`crate::scene_resources::PrimitiveResource::indices`]).
 pub fn pack(p: &Primitive, indices: &[u32], layout: VertexLayout) -> PackedMesh {
-    let wide = layout.has(10).then(|| widened(p, layout.0 & VertexLayout::ROUND != 0));
+    let wide = layout.has(10).then(|| thick_mesh(p, layout.0 & VertexLayout::ROUND != 0));
     let (order, indices) = match &wide {
         Some(wide) => (wide.of.clone(), wide.indices.clone()),
         None => first_use_order(p, indices),
@@ -175,7 +151,7 @@ pub fn pack(p: &Primitive, indices: &[u32], layout: VertexLayout) -> PackedMesh 
         }
         if let Some(wide) = &wide {
             bytes.extend_from_slice(bytemuck::bytes_of(&p.positions[wide.other[at] as usize]));
-            bytes.extend_from_slice(bytemuck::bytes_of(&wide.corners[at]));
+            bytes.extend_from_slice(bytemuck::bytes_of(&wide.offsets[at]));
         }
     }
     let indices = if layout.0 & VertexLayout::EDGES != 0 { edges(&indices) } else { indices };
@@ -189,20 +165,16 @@ pub fn pack(p: &Primitive, indices: &[u32], layout: VertexLayout) -> PackedMesh 
     PackedMesh { vertices: bytes, vertex_count: order.len() as u32, indices, index_count, wide_indices }
 }
 
-/// Offsets of all morph targets for the vertices of [`pack`]; see [`crate::scene_resources::morph_buffers::pack_morphs`].
+/// Offsets of all morph targets for the vertices of [`pack`]; see [`morph_buffers::pack_morphs`].
 pub fn pack_morphs(p: &Primitive, indices: &[u32], layout: VertexLayout) -> Vec<u8> {
     let order = match layout.has(10) {
-        true => widened(p, layout.0 & VertexLayout::ROUND != 0).of,
+        true => thick_mesh(p, layout.0 & VertexLayout::ROUND != 0).of,
         false => first_use_order(p, indices).0,
     };
-    crate::scene_resources::morph_buffers::pack_morphs(
-        p,
-        &order,
-        1 + usize::from(layout.has(1)) + usize::from(layout.has(2)),
-    )
+    morph_buffers::pack_morphs(p, &order, 1 + usize::from(layout.has(1)) + usize::from(layout.has(2)))
 }
 
-/// Each edge of triangles once, as two indices, in the order of their first triangle.
+/// Each edge of the triangles once, as two indices, in the order of their first triangle.
 pub fn edges(triangles: &[u32]) -> Vec<u32> {
     let mut all: Vec<([u32; 2], u32)> = Vec::with_capacity(triangles.len());
     for t in triangles.chunks_exact(3) {
@@ -216,19 +188,19 @@ pub fn edges(triangles: &[u32]) -> Vec<u32> {
     all.into_iter().flat_map(|(edge, _)| edge).collect()
 }
 
-/// One normal for all vertices at a place, the mean of theirs: a hull pushed out along them has no gaps at edges.
-pub fn welded_normals(p: &Primitive) -> Vec<Vec3> {
+/// One normal for all vertices at a position, the mean of theirs: an inverted hull pushed out along them has no gaps at hard edges.
+pub(crate) fn welded_normals(p: &Primitive) -> Vec<Vec3> {
     if p.normals.len() != p.positions.len() {
         return Vec::new();
     }
-    // -0 and 0 are one place.
+    // -0 and 0 are the same position.
     let key = |i: &u32| (p.positions[*i as usize] + Vec3::ZERO).to_array().map(f32::to_bits);
     let mut order: Vec<u32> = (0..p.positions.len() as u32).collect();
     order.sort_by_key(|i| (key(i), *i));
     let mut out = p.normals.clone();
-    for place in order.chunk_by(|a, b| key(a) == key(b)).filter(|place| place.len() > 1) {
-        let own: Vec<Vec3> = place.iter().map(|i| p.normals[*i as usize]).collect();
-        // Each direction once, however many triangles meet in it.
+    for vertices in order.chunk_by(|a, b| key(a) == key(b)).filter(|vertices| vertices.len() > 1) {
+        let own: Vec<Vec3> = vertices.iter().map(|i| p.normals[*i as usize]).collect();
+        // Each direction counts once, however many triangles share it.
         let mut sum = Vec3::ZERO;
         for (i, n) in own.iter().enumerate() {
             if !own[..i].iter().any(|m| m.dot(*n) > 0.999) {
@@ -236,19 +208,19 @@ pub fn welded_normals(p: &Primitive) -> Vec<Vec3> {
             }
         }
         if let Some(mean) = sum.try_normalize() {
-            place.iter().for_each(|i| out[*i as usize] = mean);
+            vertices.iter().for_each(|i| out[*i as usize] = mean);
         }
     }
     out
 }
 
-/// Vertices renumbered in the order in which the indices first use them (unused ones are dropped): fetches are
-/// sequential, and the driver's small post-transform cache hits more often. Of those, what morph targets move stands together.
+/// Vertices renumbered in the order in which the indices first use them (unused ones are dropped): fetches are sequential, and
+/// the driver's small post-transform cache hits more often. Vertices that morph targets move are then grouped.
 fn first_use_order(p: &Primitive, indices: &[u32]) -> (Vec<u32>, Vec<u32>) {
     let mut is_used = vec![false; p.positions.len()];
     let first_use = |i: &&u32| !std::mem::replace(&mut is_used[**i as usize], true);
     let mut order: Vec<u32> = indices.iter().filter(first_use).copied().collect();
-    crate::scene_resources::morph_buffers::together(p, &mut order);
+    morph_buffers::group_morphed(p, &mut order);
     let mut new_of_old = vec![0; p.positions.len()];
     for (new, old) in (0..).zip(&order) {
         new_of_old[*old as usize] = new;

@@ -1,100 +1,84 @@
-//! Closed surfaces: of a body that is seen from outside, its back faces never are, though its material has two sides.
+//! Watertight surfaces of a primitive. Their back faces need neither be drawn nor shaded while the viewer is outside, in frames
+//! and in shadow maps, even if the material is double-sided, as exporters mark most materials.
 //!
-//! Exporters mark most materials as two-sided. Along a ray from outside, a surface without border is entered before it is left
-//! (each edge has as many triangles on one side as on the other, so the surface is a boundary, and the number of times that it
-//! winds around a point is 0 outside), so that its back faces need neither be drawn nor shaded, in pictures and in shadow maps.
-//! Skins and morph targets leave the surface without border, so that a ray that meets a body meets a front face of it: however it is bent,
-//! no hole opens and its outline stays. Where a part of it is turned inside out, the face behind that part is seen in its place: at most
-//! 0.05 % of a sample's pixels in its clips and with a joint turned by 2.5 radians (`cargo test -p choreo --test closed_bodies -- --nocapture`).
+//! Along a ray from outside, a surface without a border is entered before it is left: each edge has as many triangles in one
+//! direction as in the other, so the surface is a boundary, whose winding number is 0 outside. Skins and morph targets add no
+//! border, so however a mesh is bent no hole opens and its outline stays. Where a part of it is turned inside out, the face
+//! behind that part is drawn in its place: at most 0.05 % of a sample's pixels in its clips and with a joint turned by
+//! 2.5 radians (`cargo test -p choreo --test closed_bodies -- --nocapture`).
 
-use crate::plan::build::Planner;
-use crate::plan::{Features, PipelineKey, TopologyKey};
-use crate::scene_resources::CatalogPrimitive;
-use crate::scene_resources::bounds::Aabb;
 use choreo_asset::{Primitive, Topology};
-use glam::{Mat4, Vec3};
+use glam::Vec3;
 
-/// A primitive's triangles, those of closed surfaces first.
+/// A primitive's triangles, those of watertight surfaces first.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Closed {
-    /// Empty where none is closed.
+pub struct WatertightOrder {
+    /// Empty if no surface is watertight.
     pub indices: Vec<u32>,
-    /// So many of them, from the first.
+    /// Number of indices of watertight surfaces.
     pub count: u32,
 }
 
-/// A body is at least so thick: 36π volume² over area³, which is 1 of a ball. Two sheets back to back hide nothing of each other.
-const LEAST_ROUNDNESS: f64 = 1e-6;
+/// Least sphericity of a watertight surface: 36π volume² over area³, which is 1 for a sphere. Two sheets back to back do not
+/// hide each other.
+const LEAST_SPHERICITY: f64 = 1e-6;
 
-impl Closed {
+impl WatertightOrder {
     /// Indices must be in range.
-    pub fn of(p: &Primitive) -> Closed {
+    pub fn of(p: &Primitive) -> WatertightOrder {
         if p.topology != Topology::Triangles || !p.indices.len().is_multiple_of(3) {
-            return Closed::default();
+            return WatertightOrder::default();
         }
-        let (place, torn) = places(p);
-        let triangles: Vec<[u32; 3]> =
-            p.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]].map(|i| place[i as usize])).collect();
-        let mut edges: Vec<(u32, u32, bool, u32)> = Vec::with_capacity(p.indices.len());
-        for (at, &[a, b, c]) in (0u32..).zip(&triangles) {
-            // Of a triangle without area, what goes one way comes back.
-            for (a, b) in [(a, b), (b, c), (c, a)] {
-                edges.push((a.min(b), a.max(b), a < b, at));
-            }
+        let (mut components, open) = connect(p);
+        components.measure(p, &open);
+        let (watertight, rest): (Vec<u32>, Vec<u32>) =
+            (0..open.len() as u32).partition(|triangle| components.is_watertight(*triangle));
+        if watertight.is_empty() {
+            return WatertightOrder::default();
         }
-        edges.sort_unstable();
-        let mut bodies = Bodies((0..triangles.len() as u32).collect());
-        let mut open: Vec<bool> =
-            triangles.iter().map(|t| t.iter().any(|place| torn[*place as usize])).collect();
-        for edge in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-            let one_way = edge.iter().filter(|e| e.2).count();
-            let balanced = edge[0].0 == edge[0].1 || 2 * one_way == edge.len();
-            for e in edge {
-                bodies.join(edge[0].3, e.3);
-                open[e.3 as usize] |= !balanced;
-            }
-        }
-        // Six times the volume and twice the area of each body.
-        let mut sums = vec![(0.0, 0.0, true); triangles.len()];
-        for (at, corners) in p.indices.chunks_exact(3).enumerate() {
-            let body = bodies.of(at as u32) as usize;
-            let from = p.positions[p.indices[3 * body] as usize].as_dvec3();
-            let [a, b, c] =
-                [corners[0], corners[1], corners[2]].map(|i| p.positions[i as usize].as_dvec3() - from);
-            let sum = &mut sums[body];
-            sum.0 += a.dot(b.cross(c));
-            sum.1 += (b - a).cross(c - a).length();
-            sum.2 &= !open[at];
-        }
-        let is_closed = |at: u32| {
-            let (volume, area, whole) = sums[bodies.of(at) as usize];
-            let (volume, area) = (volume / 6.0, area / 2.0);
-            let round = 36.0 * std::f64::consts::PI * volume * volume > LEAST_ROUNDNESS * area * area * area;
-            // Turned inside out, or a cavity: what is seen are its back faces.
-            whole && volume > 0.0 && round
-        };
-        let (closed, rest): (Vec<u32>, Vec<u32>) =
-            (0..triangles.len() as u32).partition(|triangle| is_closed(*triangle));
-        if closed.is_empty() {
-            return Closed::default();
-        }
-        let corners = |t: &u32| p.indices[3 * *t as usize..][..3].iter().copied();
-        Closed {
-            indices: closed.iter().chain(&rest).flat_map(corners).collect(),
-            count: 3 * closed.len() as u32,
+        let vertices = |t: &u32| p.indices[3 * *t as usize..][..3].iter().copied();
+        WatertightOrder {
+            indices: watertight.iter().chain(&rest).flat_map(vertices).collect(),
+            count: 3 * watertight.len() as u32,
         }
     }
 }
 
-/// Of each vertex a number for its place, the same for all vertices there; of each place whether its vertices may part, since
-/// other joints or morph targets move them.
-fn places(p: &Primitive) -> (Vec<u32>, Vec<bool>) {
-    // -0 and 0 are one place.
+/// Joins triangles that share an edge, and finds those that touch a border.
+fn connect(p: &Primitive) -> (Components, Vec<bool>) {
+    let (point, torn) = weld(p);
+    let triangles: Vec<[u32; 3]> =
+        p.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]].map(|i| point[i as usize])).collect();
+    let mut edges: Vec<(u32, u32, bool, u32)> = Vec::with_capacity(p.indices.len());
+    for (at, &[a, b, c]) in (0u32..).zip(&triangles) {
+        for (a, b) in [(a, b), (b, c), (c, a)] {
+            edges.push((a.min(b), a.max(b), a < b, at));
+        }
+    }
+    edges.sort_unstable();
+    let mut components = Components::new(triangles.len());
+    let mut open: Vec<bool> = triangles.iter().map(|t| t.iter().any(|point| torn[*point as usize])).collect();
+    for edge in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        let one_way = edge.iter().filter(|e| e.2).count();
+        // The edges of a triangle without area cancel out.
+        let balanced = edge[0].0 == edge[0].1 || 2 * one_way == edge.len();
+        for e in edge {
+            components.join(edge[0].3, e.3);
+            open[e.3 as usize] |= !balanced;
+        }
+    }
+    (components, open)
+}
+
+/// Welds vertices at the same position into points. Gives each vertex its point, and for each point whether its vertices may
+/// part because different joints or morph targets move them.
+fn weld(p: &Primitive) -> (Vec<u32>, Vec<bool>) {
+    // -0 and 0 are the same position.
     let key = |v: &u32| (p.positions[*v as usize] + Vec3::ZERO).to_array().map(f32::to_bits);
     let mut order: Vec<u32> = (0..p.positions.len() as u32).collect();
     order.sort_unstable_by_key(|v| (key(v), *v));
-    let (mut place, mut torn) = (vec![0; order.len()], Vec::new());
-    let together = |a: u32, b: u32| {
+    let (mut point, mut torn) = (vec![0; order.len()], Vec::new());
+    let move_alike = |a: u32, b: u32| {
         let (a, b) = (a as usize, b as usize);
         let influences = |v: usize| v * p.influences..(v + 1) * p.influences;
         p.joint_indices[influences(a)] == p.joint_indices[influences(b)]
@@ -102,20 +86,31 @@ fn places(p: &Primitive) -> (Vec<u32>, Vec<bool>) {
             && p.morphs.iter().all(|m| m.positions.get(a) == m.positions.get(b))
     };
     for here in order.chunk_by(|a, b| key(a) == key(b)) {
-        here.iter().for_each(|v| place[*v as usize] = torn.len() as u32);
-        torn.push(!here.iter().all(|v| together(here[0], *v)) || !p.positions[here[0] as usize].is_finite());
+        here.iter().for_each(|v| point[*v as usize] = torn.len() as u32);
+        let finite = p.positions[here[0] as usize].is_finite();
+        torn.push(!finite || !here.iter().all(|v| move_alike(here[0], *v)));
     }
-    (place, torn)
+    (point, torn)
 }
 
-/// Which triangles hang together: of each another one, towards the first.
-struct Bodies(Vec<u32>);
+/// Connected components of triangles (union-find), named by their first triangle.
+struct Components {
+    /// For each triangle, another one of its component, towards the first.
+    parent: Vec<u32>,
+    /// For the first triangle of each component: six times its volume, twice its area, whether it has no border.
+    measures: Vec<(f64, f64, bool)>,
+}
 
-impl Bodies {
+impl Components {
+    fn new(triangles: usize) -> Components {
+        Components { parent: (0..triangles as u32).collect(), measures: vec![(0.0, 0.0, true); triangles] }
+    }
+
+    /// The first triangle of a component. Shortens the way to it.
     fn root(&mut self, mut at: u32) -> u32 {
-        while self.0[at as usize] != at {
-            let above = self.0[at as usize];
-            self.0[at as usize] = self.0[above as usize];
+        while self.parent[at as usize] != at {
+            let above = self.parent[at as usize];
+            self.parent[at as usize] = self.parent[above as usize];
             at = above;
         }
         at
@@ -123,37 +118,32 @@ impl Bodies {
 
     fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.root(a), self.root(b));
-        self.0[a.max(b) as usize] = a.min(b);
+        self.parent[a.max(b) as usize] = a.min(b);
     }
 
-    fn of(&self, mut at: u32) -> u32 {
-        while self.0[at as usize] != at {
-            at = self.0[at as usize];
+    fn measure(&mut self, p: &Primitive, open: &[bool]) {
+        for (at, triangle) in p.indices.chunks_exact(3).enumerate() {
+            let root = self.root(at as u32) as usize;
+            let from = p.positions[p.indices[3 * root] as usize].as_dvec3();
+            let [a, b, c] =
+                [triangle[0], triangle[1], triangle[2]].map(|i| p.positions[i as usize].as_dvec3() - from);
+            let (volume, area, whole) = &mut self.measures[root];
+            *volume += a.dot(b.cross(c));
+            *area += (b - a).cross(c - a).length();
+            *whole &= !open[at];
         }
-        at
     }
-}
 
-/// Whether a box lies before the near plane of a view, which therefore stands outside it.
-pub fn is_before(b: Aabb, clip_from_relative: &Mat4) -> bool {
-    let corners = b.corners().map(|c| *clip_from_relative * c.extend(1.0));
-    // Not so of what is not a number; rounding counts against it.
-    corners.iter().all(|c| c.w > 0.0 && c.z < c.w * (1.0 - 1e-4))
-}
-
-impl Planner<'_> {
-    /// How many indices of a copy ([`Closed::indices`]) belong to bodies of which no back face is seen from outside.
-    /// `one_handed`: no joint mirrors or flattens what others do not.
-    pub fn closed(&self, primitive: &CatalogPrimitive, key: &PipelineKey, one_handed: bool) -> u32 {
-        let solid = key.topology == TopologyKey::Triangles
-            && key.double_sided
-            && !key.is_see_through()
-            && !key.features.has(Features::ALPHA_MASK)
-            && key.displaced == 0;
-        match solid && one_handed && !self.options.force_all {
-            true => primitive.closed().count,
-            false => 0,
+    fn is_watertight(&self, triangle: u32) -> bool {
+        let mut root = triangle;
+        while self.parent[root as usize] != root {
+            root = self.parent[root as usize];
         }
+        let (volume, area, whole) = self.measures[root as usize];
+        let (volume, area) = (volume / 6.0, area / 2.0);
+        let thick = 36.0 * std::f64::consts::PI * volume * volume > LEAST_SPHERICITY * area * area * area;
+        // A negative volume is a surface turned inside out, or a cavity: its back faces are visible.
+        whole && volume > 0.0 && thick
     }
 }
 
@@ -161,7 +151,7 @@ impl Planner<'_> {
 mod tests {
     use super::*;
 
-    /// A cube, its faces counter-clockwise from outside, each with corners of its own; `turned`: inside out.
+    /// A cube, its faces counter-clockwise from outside, each with vertices of its own; `turned`: inside out.
     fn cube(at: f32, turned: bool) -> Primitive {
         let mut p = Primitive::default();
         for axis in 0..3 {
@@ -190,68 +180,54 @@ mod tests {
     }
 
     #[test]
-    fn a_body_is_closed_and_what_lacks_a_triangle_is_not() {
+    fn a_cube_is_watertight_and_with_a_missing_triangle_is_not() {
         let whole = cube(0.0, false);
-        assert_eq!(Closed::of(&whole), Closed { indices: whole.indices.clone(), count: 36 });
+        assert_eq!(
+            WatertightOrder::of(&whole),
+            WatertightOrder { indices: whole.indices.clone(), count: 36 }
+        );
         let mut hole = whole.clone();
         hole.indices.truncate(33);
-        assert_eq!(Closed::of(&hole), Closed::default());
+        assert_eq!(WatertightOrder::of(&hole), WatertightOrder::default());
         // Its triangles do not all face outwards.
         let mut turned = whole.clone();
         turned.indices.swap(0, 1);
-        assert_eq!(Closed::of(&turned).count, 0);
-        assert_eq!(Closed::of(&cube(0.0, true)).count, 0, "a room is seen from inside");
-        // The closed one first, the rest as it was.
+        assert_eq!(WatertightOrder::of(&turned).count, 0);
+        assert_eq!(WatertightOrder::of(&cube(0.0, true)).count, 0, "a room is viewed from inside");
+        // The watertight one comes first, the rest stays in order.
         let pair = both(hole.clone(), cube(9.0, false));
-        let closed = Closed::of(&pair);
-        assert_eq!(closed.count, 36);
-        assert_eq!([&closed.indices[36..], &closed.indices[..36]].concat(), pair.indices);
+        let order = WatertightOrder::of(&pair);
+        assert_eq!(order.count, 36);
+        assert_eq!([&order.indices[36..], &order.indices[..36]].concat(), pair.indices);
     }
 
     #[test]
-    fn what_may_part_is_not_closed() {
+    fn vertices_that_may_part_are_a_border() {
         let mut p = cube(0.0, false);
         p.influences = 4;
         p.joint_indices = vec![0; 4 * 24];
         p.joint_weights = [1.0, 0.0, 0.0, 0.0].repeat(24);
-        assert_eq!(Closed::of(&p).count, 36);
+        assert_eq!(WatertightOrder::of(&p).count, 36);
         let mut skinned = p.clone();
-        // One of the three vertices at a corner hangs on another joint.
+        // One of the three vertices at a position is bound to another joint.
         skinned.joint_indices[4 * 7] = 1;
-        assert_eq!(Closed::of(&skinned).count, 0);
+        assert_eq!(WatertightOrder::of(&skinned).count, 0);
         let mut target = choreo_asset::MorphTarget { positions: vec![Vec3::ZERO; 24], ..Default::default() };
         target.positions[3] = Vec3::Y;
         p.morphs.push(target);
-        assert_eq!(Closed::of(&p).count, 0);
+        assert_eq!(WatertightOrder::of(&p).count, 0);
         let mut broken = cube(0.0, false);
         broken.positions[5].x = f32::NAN;
-        assert_eq!(Closed::of(&broken).count, 0);
+        assert_eq!(WatertightOrder::of(&broken).count, 0);
     }
 
     #[test]
-    fn sheets_and_lines_close_nothing() {
+    fn sheets_and_lines_are_not_watertight() {
         let mut sheet = cube(0.0, false);
         sheet.positions.iter_mut().for_each(|p| p.y *= 1e-7);
-        assert_eq!(Closed::of(&sheet).count, 0);
+        assert_eq!(WatertightOrder::of(&sheet).count, 0);
         let lines = Primitive { topology: Topology::Lines, ..cube(0.0, false) };
-        assert_eq!(Closed::of(&lines), Closed::default());
-        assert_eq!(Closed::of(&Primitive::default()), Closed::default());
-    }
-
-    #[test]
-    fn a_view_in_a_box_or_near_it_is_not_outside() {
-        use choreo_asset::Projection;
-        use choreo_stage::CameraState;
-        let projection = Projection::Perspective { yfov: 1.0, near: 0.5, far: None };
-        let world_from_view = glam::DAffine3::IDENTITY;
-        let view = crate::plan::View::new(&CameraState { camera: None, world_from_view, projection }, [9, 9]);
-        let at = |z: f32| {
-            is_before(
-                Aabb { min: Vec3::new(-1.0, -1.0, z - 1.0), max: Vec3::new(1.0, 1.0, z) },
-                &view.clip_from_relative,
-            )
-        };
-        assert!(at(-0.6) && at(-90.0));
-        assert!(!at(-0.4) && !at(0.5) && !at(3.0) && !at(f32::NAN));
+        assert_eq!(WatertightOrder::of(&lines), WatertightOrder::default());
+        assert_eq!(WatertightOrder::of(&Primitive::default()), WatertightOrder::default());
     }
 }

@@ -1,7 +1,7 @@
 //! Files → one module → SPIR-V. Errors name the file and line that the user wrote.
 
 use super::{SourceFile, preprocess};
-use crate::RenderError;
+use crate::error::RenderError;
 use naga::back::spv;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 

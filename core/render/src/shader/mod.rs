@@ -13,7 +13,7 @@ pub use preprocess::{PreprocessError, preprocess};
 pub use surface::{SceneEffect, surface_files};
 pub use textures::{texture_bytes, texture_functions};
 
-use crate::RenderError;
+use crate::error::RenderError;
 use crate::plan::{Features, Glass, PipelineKey};
 use choreo_files::Folder;
 use std::path::{Path, PathBuf};
@@ -158,7 +158,7 @@ pub enum LightLoop {
     /// The only one.
     One,
     All,
-    /// Those of [`crate::plan::build::light_clusters`].
+    /// Those of [`crate::plan::light_clusters`].
     Lists,
 }
 

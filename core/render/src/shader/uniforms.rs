@@ -1,9 +1,11 @@
 //! Uniform structs as the shaders read them (shaders/frame.wgsl, post.wgsl); `tests/shaders.rs` compares every field's offset.
 
 use crate::plan::{PlanSky, PostPass, ShadowView, View};
-use crate::scene_resources::{CatalogMaterial, CatalogTextureRef};
+use crate::scene_resources::material::{
+    BASE_SLOTS, LAYER_SLOTS, MaterialResource, MaterialTexture, TEXTURE_SLOTS, TOON_SLOT, TOON_SLOTS,
+};
 use crate::sky::{MAX_LEVELS, SkyMaps};
-use choreo_asset::{AlphaMode, Shading, Toon};
+use choreo_asset::{AlphaMode, Shading, TextureSlot, Toon};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
 #[repr(C)]
@@ -113,17 +115,6 @@ pub struct MaterialUniform {
     pub uv: [UvTransform; BASE_SLOTS + TOON_SLOTS],
 }
 
-/// Base colour, metallic-roughness, normal, occlusion, emissive, specular, specular colour.
-pub const BASE_SLOTS: usize = 7;
-/// Clearcoat, its roughness, its normal, sheen colour, its roughness, transmission, thickness, iridescence, its thickness,
-/// anisotropy, diffuse transmission, its colour.
-pub const LAYER_SLOTS: usize = 12;
-/// All that a material can have. Vulkan promises 16: what a device has no room for is left out (`record::fitting`).
-pub const TEXTURE_SLOTS: usize = TOON_SLOT + TOON_SLOTS;
-/// Width of the outline, mask of what moves.
-pub const TOON_SLOTS: usize = 2;
-pub const TOON_SLOT: usize = BASE_SLOTS + LAYER_SLOTS;
-
 /// Only of materials that have layers.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
@@ -157,9 +148,9 @@ impl LayersUniform {
     pub const BINDING: u32 = 1 + 2 * TEXTURE_SLOTS as u32;
 
     /// `None` where the material has no layers.
-    pub fn new(catalog: &CatalogMaterial) -> Option<LayersUniform> {
-        let l = catalog.material.layers.as_deref()?;
-        let refs = catalog.texture_refs();
+    pub fn new(resources: &MaterialResource) -> Option<LayersUniform> {
+        let l = resources.material.layers.as_deref()?;
+        let refs = resources.textures;
         let mut uv = [UvTransform { x: Vec4::X, y: Vec4::Y }; LAYER_SLOTS];
         for (out, slot) in uv.iter_mut().zip(&refs[BASE_SLOTS..TOON_SLOT]) {
             if let Some(t) = slot {
@@ -183,7 +174,7 @@ impl LayersUniform {
             ),
             anisotropy: l.anisotropy,
             iridescence: l.iridescence,
-            iridescence_thickness: film_thickness(catalog),
+            iridescence_thickness: resources.film_thickness(),
             iridescence_ior: l.iridescence_ior,
             pad: 0.0,
             iors: l.iors(),
@@ -192,16 +183,6 @@ impl LayersUniform {
         })
     }
 }
-
-/// Nanometres where the texture's G is 0 and where it is 1: the same without one, so that forcing the texture in changes nothing.
-pub fn film_thickness(catalog: &CatalogMaterial) -> Vec2 {
-    let [thin, thick] = catalog.material.layers.as_deref().map_or([0.0; 2], |l| l.iridescence_thickness);
-    let textured = catalog.layers[FILM_THICKNESS_SLOT].is_some();
-    Vec2::new(if textured { thin } else { thick }, thick)
-}
-
-/// Of the film's thickness among the layers' textures.
-pub const FILM_THICKNESS_SLOT: usize = 8;
 
 /// One shadow map as it is looked up.
 #[repr(C)]
@@ -236,7 +217,7 @@ impl ShadowUniform {
     }
 }
 
-fn uv_transform(t: &CatalogTextureRef) -> UvTransform {
+fn uv_transform(t: &MaterialTexture) -> UvTransform {
     let a = t.uv_transform;
     UvTransform {
         x: Vec4::new(a.matrix2.x_axis.x, a.matrix2.y_axis.x, a.translation.x, t.uv_set as f32),
@@ -276,12 +257,12 @@ impl PostUniform {
 }
 
 impl MaterialUniform {
-    pub fn new(catalog: &CatalogMaterial) -> MaterialUniform {
-        let m = &catalog.material;
+    pub fn new(resources: &MaterialResource) -> MaterialUniform {
+        let m = &resources.material;
         // A feature may be on where the material has no such texture (`PlanOptions::force_all`): identity then.
         let identity = UvTransform { x: Vec4::X, y: Vec4::Y };
         let mut uv = [identity; BASE_SLOTS + TOON_SLOTS];
-        let refs = catalog.texture_refs();
+        let refs = resources.textures;
         for (out, slot) in uv.iter_mut().zip(refs[..BASE_SLOTS].iter().chain(&refs[TOON_SLOT..])) {
             if let Some(t) = slot {
                 *out = uv_transform(t);
@@ -292,8 +273,13 @@ impl MaterialUniform {
         let is_toon = m.shading == Shading::Toon;
         let phong = matches!(m.shading, Shading::BlinnPhong | Shading::Phong);
         // A factor of a texture that is not there counts nothing.
-        let matcap = if is_toon && catalog.metallic_roughness.is_some() { toon.matcap } else { Vec3::ZERO };
-        let shift_scale = if catalog.specular.is_some() { toon.shading_shift_scale } else { 0.0 };
+        let matcap = if is_toon && resources.texture(TextureSlot::MetallicRoughness).is_some() {
+            toon.matcap
+        } else {
+            Vec3::ZERO
+        };
+        let shift_scale =
+            if resources.texture(TextureSlot::Specular).is_some() { toon.shading_shift_scale } else { 0.0 };
         MaterialUniform {
             base_color: m.base_color,
             emissive: m.emissive,
@@ -305,7 +291,7 @@ impl MaterialUniform {
             specular: m.specular,
             metallic: m.metallic,
             roughness: m.roughness,
-            normal_scale: if catalog.normal.is_some() { m.normal_scale } else { 0.0 },
+            normal_scale: if resources.texture(TextureSlot::Normal).is_some() { m.normal_scale } else { 0.0 },
             occlusion_strength: m.occlusion_strength,
             shininess: m.shininess,
             rim_lighting_mix: toon.rim_lighting_mix,

@@ -1,12 +1,12 @@
-//! Diffuse light of a sky by direction: real spherical harmonics to order 2, each times its share of the cosine's lobe
+//! Diffuse light of a sky by direction: real spherical harmonics to order 2, each times its factor of the cosine lobe
 //! (Ramamoorthi & Hanrahan, "An Efficient Representation for Irradiance Environment Maps", 2001), over π: a white sky of
 //! radiance 1 lights a white surface to 1.
 
-use super::octahedral::{Octahedron, solid_angle};
+use crate::sky::octahedral::{OctahedralMap, solid_angle};
 use glam::{DVec3, Vec3};
 
-/// Of 1, y, z, x, xy, yz, 3z² − 1, xz, x² − y².
-pub type Harmonics = [Vec3; 9];
+/// Coefficients of 1, y, z, x, xy, yz, 3z² − 1, xz, x² − y².
+pub(crate) type Harmonics = [Vec3; 9];
 
 /// The polynomials at a direction.
 fn polynomials(n: DVec3) -> [f64; 9] {
@@ -22,12 +22,12 @@ fn factors() -> [f64; 9] {
     [1.0 / (4.0 * pi), one, one, one, two, two, zonal, two, sectoral]
 }
 
-/// Summed in f64, row by row: the same bits on any number of threads.
-pub fn harmonics(sky: &Octahedron) -> Harmonics {
+/// Projects a map. Summed in f64, row by row: the same bits on any number of threads.
+pub fn harmonics(sky: &OctahedralMap) -> Harmonics {
     let mut sums = [DVec3::ZERO; 9];
     for y in 0..sky.size {
         for x in 0..sky.size {
-            let way = Octahedron::middle(sky.size, x, y).as_dvec3();
+            let way = OctahedralMap::center(sky.size, x, y).as_dvec3();
             let light = sky.texels[(y * sky.size + x) as usize].as_dvec3() * solid_angle(sky.size, x, y);
             for (sum, p) in sums.iter_mut().zip(polynomials(way)) {
                 *sum += light * p;
@@ -45,11 +45,11 @@ mod tests {
     /// The sky whose radiance is a clamped cosine about a pole: irradiance along the pole is ∫cos² over the half sphere, ⅔π.
     #[test]
     fn closed_forms() {
-        let white = harmonics(&Octahedron::from_fn(64, |_, _, _| Vec3::ONE));
+        let white = harmonics(&OctahedralMap::from_fn(64, |_, _, _| Vec3::ONE));
         assert!((white[0] - 1.0).abs().max_element() < 1e-3, "{white:?}");
         assert!(white[1..].iter().all(|c| c.abs().max_element() < 3e-4), "{white:?}");
 
-        let cosine = harmonics(&Octahedron::from_fn(256, |_, _, way| Vec3::splat(way.y.max(0.0))));
+        let cosine = harmonics(&OctahedralMap::from_fn(256, |_, _, way| Vec3::splat(way.y.max(0.0))));
         let at = |n: DVec3| -> f32 { polynomials(n).iter().zip(&cosine).map(|(p, c)| *p as f32 * c.x).sum() };
         // Order 2 leaves out bands from 4 on: ⅔ within 1 %.
         assert!((at(DVec3::Y) - 2.0 / 3.0).abs() < 0.01, "{}", at(DVec3::Y));

@@ -1,5 +1,5 @@
-//! A sky as light, made once of a panorama on the CPU and read by both renderers alike: spherical harmonics for what is
-//! diffuse, an atlas of ever blurrier octahedra for what is mirrored.
+//! Image-based lighting: computed once from a panorama on the CPU, and read by both renderers. Diffuse light is spherical
+//! harmonics, specular light an atlas of octahedral maps prefiltered by roughness.
 
 pub mod harmonics;
 pub mod octahedral;
@@ -9,22 +9,22 @@ use choreo_asset::Panorama;
 use glam::{Vec2, Vec3};
 use half::f16;
 use harmonics::Harmonics;
-use octahedral::Octahedron;
-use rayon::prelude::*;
+use octahedral::OctahedralMap;
+use rayon::prelude::{IntoParallelIterator, ParallelIterator};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// Most levels that shaders know.
+/// Largest number of levels in the shaders.
 pub const MAX_LEVELS: usize = 8;
 
-/// How much work goes into the maps; chosen by `tests/report`, "Image-based light".
+/// Resolution and quality of the maps; the defaults are chosen by `tests/report`, "Image-based light".
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkyOptions {
-    /// Texels a side of the sharpest octahedron, a power of two.
+    /// Side of the sharpest map in texels, a power of two.
     pub size: u32,
-    /// At even steps of roughness from 0 to 1; each half as large as the one before, down to `smallest`.
+    /// Number of maps, at even steps of roughness from 0 to 1; each half as large as the one before, down to `smallest`.
     pub levels: usize,
     pub smallest: u32,
-    /// Of the lobe, for each texel.
+    /// Samples of the specular lobe for each texel.
     pub samples: u32,
 }
 
@@ -34,19 +34,21 @@ impl Default for SkyOptions {
     }
 }
 
-/// Where a level lies in the atlas: its first texel inside the border, and texels a side.
+/// A level's place in the atlas.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Level {
+pub struct AtlasLevel {
+    /// First texel inside the border.
     pub at: [u32; 2],
+    /// Texels of a side.
     pub size: u32,
 }
 
-/// What both renderers read.
+/// Lighting of a sky as shaders read it.
 #[derive(Clone, Debug)]
 pub struct SkyMaps {
     pub harmonics: Harmonics,
-    pub levels: Vec<Level>,
-    /// Of the atlas.
+    pub levels: Vec<AtlasLevel>,
+    /// Texels of the atlas.
     pub size: [u32; 2],
     /// RGBA, 16-bit floats, rows of the atlas. Each level has a border of one texel, so that filters reach over its edges.
     pub texels: Vec<[f16; 4]>,
@@ -59,7 +61,7 @@ impl SkyMaps {
         let pyramid = prefilter::pyramid(prefilter::base(panorama, fine));
         let harmonics = harmonics::harmonics(pyramid.iter().find(|l| l.size <= 256).unwrap_or(&pyramid[0]));
         let count = options.levels.clamp(2, MAX_LEVELS);
-        let maps: Vec<Octahedron> = (0..count)
+        let maps: Vec<OctahedralMap> = (0..count)
             .map(|i| {
                 let roughness = i as f32 / (count - 1) as f32;
                 let size = (options.size >> i).max(options.smallest).min(options.size);
@@ -70,7 +72,7 @@ impl SkyMaps {
         let mut levels = Vec::with_capacity(count);
         let (mut x, mut y) = (1, 1);
         for (i, map) in maps.iter().enumerate() {
-            levels.push(Level { at: [x, y], size: map.size });
+            levels.push(AtlasLevel { at: [x, y], size: map.size });
             (x, y) = if i == 0 { (map.size + 3, 1) } else { (x, y + map.size + 2) };
         }
         let width = levels.iter().map(|l| l.at[0] + l.size + 1).max().unwrap_or(0);
@@ -90,7 +92,7 @@ impl SkyMaps {
         SkyMaps { harmonics, levels, size: [width, height], texels }
     }
 
-    /// Those of a panorama: made where they are first asked for, kept for the panoramas used last.
+    /// The maps of a panorama: computed on the first call, cached for the panoramas used last.
     pub fn of(panorama: &Panorama) -> Arc<SkyMaps> {
         type Kept = Vec<([u8; 32], Arc<OnceLock<Arc<SkyMaps>>>)>;
         static KEPT: Mutex<Kept> = Mutex::new(Vec::new());
@@ -103,7 +105,7 @@ impl SkyMaps {
             kept.truncate(MOST);
             entry.1
         };
-        // Outside the lock: another panorama's maps are made meanwhile.
+        // Outside the lock, so that another panorama's maps can be computed meanwhile.
         slot.get_or_init(|| Arc::new(SkyMaps::new(panorama, &SkyOptions::default()))).clone()
     }
 
@@ -112,8 +114,8 @@ impl SkyMaps {
         Vec3::new(r, g, b)
     }
 
-    /// What a mirror as rough as this shows in a direction: between the texels of the two nearest levels.
-    pub fn mirrored(&self, way: Vec3, roughness: f32) -> Vec3 {
+    /// Specular light of a roughness from a direction, interpolated between the two nearest levels.
+    pub fn specular(&self, way: Vec3, roughness: f32) -> Vec3 {
         let sum = way.x.abs() + way.y.abs() + way.z.abs();
         if !(sum.is_finite() && sum > 0.0) {
             return Vec3::ZERO;
@@ -141,15 +143,15 @@ impl SkyMaps {
     }
 }
 
-/// The panorama itself as 16-bit floats, for what is seen behind everything; coarser where a device takes no such width.
+/// The panorama as 16-bit floats, drawn behind everything; at a lower resolution if a device does not support its width.
 #[derive(Clone, Debug)]
-pub struct SkyPicture {
+pub struct SkyBackground {
     pub size: [u32; 2],
     pub texels: Vec<[f16; 4]>,
 }
 
-impl SkyPicture {
-    pub fn new(panorama: &Panorama, most: u32) -> SkyPicture {
+impl SkyBackground {
+    pub fn new(panorama: &Panorama, most: u32) -> SkyBackground {
         let [width, height] = panorama.size();
         let step = width.max(height).div_ceil(most.max(1)).max(1);
         let size = [width.div_ceil(step), height.div_ceil(step)];
@@ -163,7 +165,7 @@ impl SkyPicture {
                 [r, g, b, f16::ONE]
             })
             .collect();
-        SkyPicture { size, texels }
+        SkyBackground { size, texels }
     }
 
     pub fn texel(&self, x: i64, y: i64) -> Vec3 {
@@ -193,12 +195,12 @@ mod tests {
         }
     }
 
-    /// Light is neither made nor lost: the mean over all directions stays that of the sky.
+    /// Light is conserved: the mean over all directions stays that of the sky.
     #[test]
     fn blurring_keeps_the_light() {
         let studio = Panorama::studio();
         let maps = SkyMaps::new(&studio, &SkyOptions::default());
-        let mean = |level: &Level| {
+        let mean = |level: &AtlasLevel| {
             let mut sum = glam::DVec3::ZERO;
             for y in 0..level.size {
                 for x in 0..level.size {

@@ -3,7 +3,7 @@
 
 use glam::{Vec2, Vec3};
 
-/// A unit vector's place in the square, 0 to 1; +Y is the middle, −Y the corners.
+/// Position of a unit vector in the square, 0 to 1; +Y is the center, −Y the corners.
 pub fn octahedral(way: Vec3) -> Vec2 {
     let sum = way.x.abs() + way.y.abs() + way.z.abs();
     let p = Vec2::new(way.x, way.z) / sum;
@@ -11,7 +11,7 @@ pub fn octahedral(way: Vec3) -> Vec2 {
     (if way.y >= 0.0 { p } else { folded }) * 0.5 + 0.5
 }
 
-/// The unit vector of a place in the square.
+/// The unit vector of a position in the square.
 pub fn direction(place: Vec2) -> Vec3 {
     let p = place * 2.0 - 1.0;
     let y = 1.0 - p.x.abs() - p.y.abs();
@@ -25,32 +25,32 @@ fn sign(v: f32) -> f32 {
     if v >= 0.0 { 1.0 } else { -1.0 }
 }
 
-/// Colours by direction.
+/// Colors by direction.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Octahedron {
-    /// Texels a side.
+pub struct OctahedralMap {
+    /// Texels of a side.
     pub size: u32,
     pub texels: Vec<Vec3>,
 }
 
-impl Octahedron {
-    /// One texel after the other, by the direction of its middle.
-    pub fn from_fn(size: u32, color: impl Fn(u32, u32, Vec3) -> Vec3 + Sync) -> Octahedron {
-        use rayon::prelude::*;
+impl OctahedralMap {
+    /// Computes each texel from its position and the direction of its center.
+    pub fn from_fn(size: u32, color: impl Fn(u32, u32, Vec3) -> Vec3 + Sync) -> OctahedralMap {
+        use rayon::prelude::{IntoParallelIterator, ParallelIterator};
         let row = |y: u32| (0..size).map(move |x| (x, y));
         let texels = (0..size)
             .into_par_iter()
             .flat_map_iter(row)
-            .map(|(x, y)| color(x, y, Octahedron::middle(size, x, y)))
+            .map(|(x, y)| color(x, y, OctahedralMap::center(size, x, y)))
             .collect();
-        Octahedron { size, texels }
+        OctahedralMap { size, texels }
     }
 
-    pub fn middle(size: u32, x: u32, y: u32) -> Vec3 {
+    pub(crate) fn center(size: u32, x: u32, y: u32) -> Vec3 {
         direction((Vec2::new(x as f32, y as f32) + 0.5) / size as f32)
     }
 
-    /// Up to one texel outside: over an edge the square goes on at the same edge, mirrored about its middle.
+    /// A texel up to one texel outside: beyond an edge the square continues at the same edge, mirrored about its center.
     pub fn texel(&self, x: i32, y: i32) -> Vec3 {
         let last = self.size as i32 - 1;
         let (mut x, mut y) = (x, y);
@@ -64,7 +64,7 @@ impl Octahedron {
         self.texels[(y as u32 * self.size + x as u32) as usize]
     }
 
-    /// Between the four nearest texels.
+    /// Bilinear interpolation in a direction.
     pub fn sample(&self, way: Vec3) -> Vec3 {
         let at = octahedral(way) * self.size as f32 - 0.5;
         let (low, t) = (at.floor(), at - at.floor());
@@ -73,10 +73,10 @@ impl Octahedron {
         row(y) * (1.0 - t.y) + row(y + 1) * t.y
     }
 
-    /// Half as large, each texel the mean of four by their solid angles.
-    pub fn halved(&self) -> Octahedron {
+    /// The map at half the size: each texel is the mean of four, weighted by their solid angles.
+    pub fn halved(&self) -> OctahedralMap {
         let solid = |x, y| solid_angle(self.size, x, y) as f32;
-        Octahedron::from_fn(self.size / 2, |x, y, _| {
+        OctahedralMap::from_fn(self.size / 2, |x, y, _| {
             let four = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| (2 * x + i, 2 * y + j));
             let all: f32 = four.iter().map(|(x, y)| solid(*x, *y)).sum();
             let sum = four.iter().fold(Vec3::ZERO, |sum, (x, y)| {
@@ -87,9 +87,9 @@ impl Octahedron {
     }
 }
 
-/// Steradians of a texel, to second order in its size: the octahedron's faces lie 1/√3 from the middle, so that a piece of
-/// area a at a distance d is seen as a / (√3 d³).
-pub fn solid_angle(size: u32, x: u32, y: u32) -> f64 {
+/// Solid angle of a texel in steradians, to second order in its size: the octahedron's faces lie 1/√3 from the middle, so that a piece of
+/// area a at a distance d subtends a / (√3 d³).
+pub(crate) fn solid_angle(size: u32, x: u32, y: u32) -> f64 {
     let p = [x, y].map(|v| (f64::from(v) + 0.5) / f64::from(size) * 2.0 - 1.0);
     let height = 1.0 - p[0].abs() - p[1].abs();
     let (a, b) = if height >= 0.0 { (p[0], p[1]) } else { (1.0 - p[1].abs(), 1.0 - p[0].abs()) };
@@ -130,7 +130,7 @@ mod tests {
     fn edges_meet() {
         // A smooth function of the direction is sampled as well across an edge as inside.
         let smooth = |way: Vec3| Vec3::new(way.x, way.y, way.z) + 1.0;
-        let map = Octahedron::from_fn(64, |_, _, way| smooth(way));
+        let map = OctahedralMap::from_fn(64, |_, _, way| smooth(way));
         for i in 0..1000 {
             let a = i as f32 * 0.1234;
             let down = -0.95 + 0.0019 * i as f32;

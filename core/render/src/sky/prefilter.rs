@@ -1,13 +1,13 @@
-//! What surfaces of each roughness see of a sky. The first half of the split sum (Karis, "Real Shading in Unreal Engine 4", 2013):
-//! the light of the GGX lobe about a direction, seen along it; samples by importance, each read as wide as it stands for
+//! Prefiltered environment maps: the first half of the split sum (Karis, "Real Shading in Unreal Engine 4", 2013), the light of
+//! the GGX lobe about a direction, viewed along it. Importance samples are filtered as widely as the solid angle of each
 //! (Křivánek & Colbert, "Real-time Shading with Filtered Importance Sampling", 2008).
 
-use super::octahedral::Octahedron;
+use crate::sky::octahedral::{OctahedralMap, direction};
 use choreo_asset::Panorama;
 use glam::{Vec2, Vec3};
 use std::f32::consts::PI;
 
-/// Radiance where a ray goes, between the four nearest texels.
+/// Radiance in a direction, by bilinear interpolation.
 pub fn radiance(panorama: &Panorama, way: Vec3) -> Vec3 {
     let [width, height] = panorama.size().map(|s| s as f32);
     let u = 0.5 + libm::atan2f(way.x, -way.z) / (2.0 * PI);
@@ -19,39 +19,39 @@ pub fn radiance(panorama: &Panorama, way: Vec3) -> Vec3 {
     row(y) * (1.0 - t.y) + row(y + 1) * t.y
 }
 
-/// A panorama as an octahedron of a size: each texel the mean of what it covers, so that small suns keep their light.
-pub fn base(panorama: &Panorama, size: u32) -> Octahedron {
-    // An octahedron of a side has a quarter of its texels' rows from pole to pole.
+/// A panorama as an octahedral map: each texel is the mean of what it covers, so that small suns keep their light.
+pub fn base(panorama: &Panorama, size: u32) -> OctahedralMap {
+    // From pole to pole an octahedral map has half as many texels as its side.
     let each = (2 * panorama.size()[1]).div_ceil(size).clamp(2, 16);
-    Octahedron::from_fn(size, |x, y, _| {
+    OctahedralMap::from_fn(size, |x, y, _| {
         let mut sum = Vec3::ZERO;
         for j in 0..each {
             for i in 0..each {
                 let at = Vec2::new((x * each + i) as f32, (y * each + j) as f32) + 0.5;
-                sum += radiance(panorama, super::octahedral::direction(at / (size * each) as f32));
+                sum += radiance(panorama, direction(at / (size * each) as f32));
             }
         }
         sum / (each * each) as f32
     })
 }
 
-/// The octahedron and its halves down to 4 texels a side.
-pub fn pyramid(base: Octahedron) -> Vec<Octahedron> {
+/// The map and its halves down to a side of 4 texels.
+pub(crate) fn pyramid(base: OctahedralMap) -> Vec<OctahedralMap> {
     let mut levels = vec![base];
-    while let Some(half) = levels.last().filter(|l| l.size > 4).map(Octahedron::halved) {
+    while let Some(half) = levels.last().filter(|l| l.size > 4).map(OctahedralMap::halved) {
         levels.push(half);
     }
     levels
 }
 
-/// One direction of light about +Z, how much it counts, and the level of the pyramid that is as coarse as it stands for.
+/// One direction of light about +Z, its weight, and the level of the pyramid whose texels have its solid angle.
 struct Sample {
     way: Vec3,
     weight: f32,
     level: f32,
 }
 
-/// By importance of GGX with the surface seen straight on, at Hammersley's points.
+/// Importance samples of GGX at normal incidence, at Hammersley points.
 fn samples(roughness: f32, count: u32, size: u32) -> Vec<Sample> {
     let alpha = roughness * roughness;
     let texel = 4.0 * PI / (size * size) as f32;
@@ -70,23 +70,23 @@ fn samples(roughness: f32, count: u32, size: u32) -> Vec<Sample> {
         let d = cos2 * (alpha * alpha - 1.0) + 1.0;
         let density = alpha * alpha / (PI * d * d) / 4.0;
         let solid = 1.0 / (count as f32 * density);
-        // One level more than its own width blurs the steps between samples away.
+        // One level more blurs the steps between samples.
         let level = 0.5 * libm::log2f(solid / texel) + 1.0;
         all.push(Sample { way, weight: way.z, level: level.max(0.0) });
     }
     all
 }
 
-/// Light of a lobe of a roughness about each direction; of roughness 0 the sky itself.
-pub fn level(pyramid: &[Octahedron], roughness: f32, size: u32, count: u32) -> Octahedron {
+/// Light of the specular lobe of a roughness about each direction; the sky itself for roughness 0.
+pub(crate) fn level(pyramid: &[OctahedralMap], roughness: f32, size: u32, count: u32) -> OctahedralMap {
     if roughness == 0.0 {
         let same = pyramid.iter().find(|l| l.size == size).cloned();
-        return same.unwrap_or_else(|| Octahedron::from_fn(size, |_, _, way| pyramid[0].sample(way)));
+        return same.unwrap_or_else(|| OctahedralMap::from_fn(size, |_, _, way| pyramid[0].sample(way)));
     }
     let samples = samples(roughness, count, pyramid[0].size);
     let all: f32 = samples.iter().map(|s| s.weight).sum();
-    Octahedron::from_fn(size, |_, _, n| {
-        // Any two axes across (Duff et al., "Building an Orthonormal Basis, Revisited", 2017).
+    OctahedralMap::from_fn(size, |_, _, n| {
+        // Any two orthogonal axes (Duff et al., "Building an Orthonormal Basis, Revisited", 2017).
         let sign = if n.z >= 0.0 { 1.0 } else { -1.0 };
         let a = -1.0 / (sign + n.z);
         let b = n.x * n.y * a;
@@ -100,8 +100,8 @@ pub fn level(pyramid: &[Octahedron], roughness: f32, size: u32, count: u32) -> O
     })
 }
 
-/// Between the two nearest levels.
-fn sample(pyramid: &[Octahedron], way: Vec3, level: f32) -> Vec3 {
+/// Interpolates between the two nearest levels.
+fn sample(pyramid: &[OctahedralMap], way: Vec3, level: f32) -> Vec3 {
     let last = pyramid.len() - 1;
     let low = (level as usize).min(last);
     let t = (level - low as f32).clamp(0.0, 1.0);

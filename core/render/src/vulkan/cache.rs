@@ -2,7 +2,7 @@
 
 use super::context::Context;
 use super::error::Named;
-use crate::RenderError;
+use crate::error::RenderError;
 use ash::vk;
 use choreo_files::write_whole_beneath;
 use std::path::{Path, PathBuf};

@@ -2,7 +2,7 @@
 
 use super::context::Context;
 use super::error::Named;
-use crate::RenderError;
+use crate::error::RenderError;
 use ash::vk;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

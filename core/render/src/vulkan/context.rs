@@ -3,7 +3,8 @@
 use super::device_features::{Abilities, Ability};
 use super::error::Named;
 use super::faults::{FaultPlace, Faults};
-use crate::{DeviceInfo, DeviceKind, RenderError};
+use crate::error::RenderError;
+use crate::renderer::{DeviceInfo, DeviceKind};
 use ash::{ext, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationSizes, AllocatorDebugSettings};

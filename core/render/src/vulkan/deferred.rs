@@ -6,9 +6,11 @@ use super::execute::{Execution, to_color, to_depth};
 use super::frame_in_flight::Slot;
 use super::{Ability, VulkanRenderer};
 use crate::commands::{Cull, RecordOptions};
+use crate::error::RenderError;
 use crate::plan::DeferredCause;
+use crate::plan::Plan;
+use crate::renderer::DeviceKind;
 use crate::shader::uniforms::RebuiltUniform;
-use crate::{DeviceKind, Plan, RenderError};
 use ash::vk;
 
 /// Normals and shares, colours, depth: see shaders/deferred.wgsl. Vulkan promises these formats, and as many images, on
@@ -49,12 +51,12 @@ impl VulkanRenderer {
             cpu_device: self.gpu.info.kind == DeviceKind::VulkanCpu,
             textures: Some(self.textures()),
             no_coverage: !has(Ability::AlphaToOne),
-            no_layers: plan.samples > 1 && !has(Ability::SampleRateShading),
+            no_depth_peeling: plan.samples > 1 && !has(Ability::SampleRateShading),
             no_deferred,
             no_compute: !has(Ability::Compute),
         };
         // An answer to the script, not to the plan's own choice.
-        let asked = plan.deferred.as_ref().is_some_and(|d| d.cause == DeferredCause::Asked);
+        let asked = plan.deferred.as_ref().is_some_and(|d| d.cause == DeferredCause::Requested);
         if asked && no_deferred && !std::mem::replace(&mut self.told_forward, true) {
             let ability = Ability::ColorAttachments;
             let note = format!(

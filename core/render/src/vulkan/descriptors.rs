@@ -2,9 +2,10 @@
 
 use super::context::Context;
 use super::error::Named;
-use crate::RenderError;
 use crate::commands::{Command, Recording};
-use crate::shader::uniforms::{LayersUniform, TEXTURE_SLOTS, TOON_SLOT};
+use crate::error::RenderError;
+use crate::scene_resources::material::{TEXTURE_SLOTS, TOON_SLOT};
+use crate::shader::uniforms::LayersUniform;
 use ash::vk;
 use std::collections::BTreeMap;
 

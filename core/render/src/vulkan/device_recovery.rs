@@ -3,7 +3,10 @@
 //! same bytes, so nobody sees it in the pictures.
 
 use super::{GpuOptions, VulkanRenderer};
-use crate::{Catalog, DeviceInfo, Held, Plan, RenderError, Renderer, Work};
+use crate::error::RenderError;
+use crate::plan::Plan;
+use crate::renderer::{CreatedCounts, DeviceInfo, DeviceUsage, Renderer};
+use crate::scene_resources::SceneResources;
 use choreo_plugin::{Effect, Frame};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -14,7 +17,7 @@ pub struct SteadyRenderer {
     inner: Option<VulkanRenderer>,
     info: DeviceInfo,
     frames_in_flight: usize,
-    catalog: Option<Arc<Catalog>>,
+    resources: Option<Arc<SceneResources>>,
     /// Submitted and not collected, the oldest first.
     plans: VecDeque<Plan>,
     /// How many of them the inner renderer has.
@@ -32,7 +35,7 @@ impl SteadyRenderer {
             info: inner.device().clone(),
             frames_in_flight: inner.frames_in_flight(),
             inner: Some(inner),
-            catalog: None,
+            resources: None,
             plans: VecDeque::new(),
             inside: 0,
             failed: None,
@@ -88,7 +91,7 @@ impl SteadyRenderer {
                 return Err(RenderError::NoVulkan { why });
             }
             let inner = self.inner.insert(inner);
-            self.catalog.clone().map_or(Ok(()), |catalog| inner.load(catalog))
+            self.resources.clone().map_or(Ok(()), |resources| inner.load(resources))
         };
         again().map_err(|second| match self.failed.take() {
             Some(first) => RenderError::Twice { first: Box::new(first), second: Box::new(second) },
@@ -124,9 +127,9 @@ impl Renderer for SteadyRenderer {
         self.frames_in_flight
     }
 
-    fn load(&mut self, catalog: Arc<Catalog>) -> Result<(), RenderError> {
-        self.catalog = Some(catalog.clone());
-        self.steadily(|this| this.inner()?.load(catalog.clone()))
+    fn load(&mut self, resources: Arc<SceneResources>) -> Result<(), RenderError> {
+        self.resources = Some(resources.clone());
+        self.steadily(|this| this.inner()?.load(resources.clone()))
     }
 
     fn submit(&mut self, plan: Plan) -> Result<(), RenderError> {
@@ -167,12 +170,12 @@ impl Renderer for SteadyRenderer {
         self.steadily(|this| this.inner()?.reload_shaders())
     }
 
-    fn work(&self) -> Work {
-        self.inner.as_ref().map(Renderer::work).unwrap_or_default()
+    fn created(&self) -> CreatedCounts {
+        self.inner.as_ref().map(Renderer::created).unwrap_or_default()
     }
 
-    fn held(&self) -> Held {
-        self.inner.as_ref().map(Renderer::held).unwrap_or_default()
+    fn usage(&self) -> DeviceUsage {
+        self.inner.as_ref().map(Renderer::usage).unwrap_or_default()
     }
 
     fn take_notes(&mut self) -> Vec<String> {

@@ -1,7 +1,7 @@
 //! A `vk::Result` becomes an error that names the object.
 
 use super::TIMEOUT_SECS;
-use crate::RenderError;
+use crate::error::RenderError;
 use ash::vk;
 
 pub trait Named<T> {

@@ -7,16 +7,17 @@ use super::memory::{Image, range};
 use super::pipelines::{Id, Pipelines};
 use super::resources::Resources;
 use super::targets::Targets;
-use crate::commands::{Command, Cull, Part, Recording, Target};
+use crate::commands::{Command, Cull, PassPart, Recording, Target};
+use crate::error::RenderError;
 use crate::plan::Features;
-use crate::{Catalog, RenderError};
+use crate::scene_resources::SceneResources;
 use ash::vk;
 use glam::Vec4;
 
 pub struct Execution<'a> {
     pub gpu: &'a Context,
     pub layouts: &'a Layouts,
-    pub catalog: &'a Catalog,
+    pub scene_resources: &'a SceneResources,
     pub resources: &'a Resources,
     pub pipelines: &'a Pipelines,
     pub targets: &'a Targets,
@@ -36,11 +37,11 @@ impl Execution<'_> {
         for (i, command) in recording.commands.iter().enumerate() {
             match command {
                 Command::UploadFrameData { .. } => {}
-                Command::Pose { variant, primitive, layout, first, count } => {
+                Command::Preskin { variant, primitive, layout, first, count } => {
                     let morphs = variant.features.has(Features::MORPH);
                     self.pose(pipeline_of(i)?, (*primitive, *layout), morphs, [*first, *count])?;
                 }
-                Command::EndPoses => self.end_poses(),
+                Command::EndPreskin => self.end_poses(),
                 Command::CopyBackground => self.copy_background(),
                 Command::SetCull(cull) => self.set_cull(*cull),
                 Command::BeginShadows { size, .. } => self.begin_shadows(*size)?,
@@ -54,7 +55,7 @@ impl Execution<'_> {
                     self.bind_scene_sets();
                 }
                 Command::DrawLight { area } => self.light(*area)?,
-                Command::CopyBehind { from, .. } => self.copy_behind(*from)?,
+                Command::CopySceneColor { from, .. } => self.copy_behind(*from)?,
                 Command::BeginPass { target, clear, part, kept, area, .. } => {
                     self.begin_scene(*target, *clear, (*part, *kept), *area);
                     self.bind_scene_sets();
@@ -76,17 +77,17 @@ impl Execution<'_> {
                         self.bind_posed()?;
                     }
                 }
-                Command::BindMaterial { material, changed, slots } => {
-                    let kept = || self.catalog.materials.get(*material as usize);
-                    let set = match changed {
-                        Some(changed) => self.slot.changed_set(*changed, *slots),
+                Command::BindMaterial { material, material_override, slots } => {
+                    let kept = || self.scene_resources.materials.get(*material as usize);
+                    let set = match material_override {
+                        Some(at) => self.slot.changed_set(*at, *slots),
                         None => kept().and_then(|m| self.resources.material_set(m.hash, *slots)),
                     };
                     let layout = self.layouts.material(*slots)?.pipeline;
                     self.bind_set(layout, 3, set.ok_or_else(|| missing("a material"))?);
                 }
                 Command::BindMesh { primitive, layout, morphs } => {
-                    let hash = self.catalog.primitives[*primitive as usize].hash;
+                    let hash = self.scene_resources.primitives[*primitive as usize].hash;
                     let mesh = self.resources.mesh(hash, *layout).ok_or_else(|| missing("a mesh"))?;
                     // SAFETY: the command buffer is being recorded; the buffer outlives the frame.
                     unsafe {
@@ -108,7 +109,7 @@ impl Execution<'_> {
                     // lies in them.
                     unsafe { device.cmd_draw_indexed(commands, count, copies, first, 0, from) };
                 }
-                Command::DrawBackground { .. } | Command::DrawSky { .. } | Command::DrawUnder => {
+                Command::DrawBackground { .. } | Command::DrawSky { .. } | Command::DrawLayersBehind => {
                     self.bind_pipeline(pipeline_of(i)?);
                     // SAFETY: the pipeline reads no vertices, and its one set is bound.
                     unsafe { device.cmd_draw(commands, 3, 1, 0, 0) };
@@ -243,14 +244,14 @@ impl Execution<'_> {
         &self,
         target: Target,
         clear: Option<Vec4>,
-        (part, after_geometry): (Part, bool),
+        (part, after_geometry): (PassPart, bool),
         area: Option<[u32; 4]>,
     ) {
         let resolved = self.targets.image(target);
         let multisampled = self.targets.multisampled.as_ref();
-        let kept = part != Part::Whole;
-        let resumed = matches!(part, Part::AfterCopy | Part::AfterLayers);
-        let goes_on = matches!(part, Part::UntilCopy | Part::UntilLayers);
+        let kept = part != PassPart::Whole;
+        let resumed = matches!(part, PassPart::AfterCopy | PassPart::AfterLayers);
+        let goes_on = matches!(part, PassPart::UntilCopy | PassPart::UntilLayers);
         let mut barriers = vec![match clear {
             // The copy left the picture to be drawn into; with several samples it is only resolved into.
             _ if resumed => again(to_color(resolved), vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
@@ -302,7 +303,7 @@ impl Execution<'_> {
                 .resolve_mode(vk::ResolveModeFlags::AVERAGE)
                 .resolve_image_view(resolved.view)
                 .resolve_image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
-            if part == Part::UntilLayers {
+            if part == PassPart::UntilLayers {
                 color = color.resolve_mode(vk::ResolveModeFlags::NONE);
             }
         }

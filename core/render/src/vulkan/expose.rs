@@ -4,8 +4,9 @@
 use super::VulkanRenderer;
 use super::context;
 use crate::cpu::picture;
-use crate::plan::motion_blur::{Accumulated, half};
-use crate::{Plan, RenderError};
+use crate::error::RenderError;
+use crate::plan::Plan;
+use crate::plan::motion_blur::Accumulated;
 use choreo_plugin::Frame;
 use glam::Vec4;
 use std::collections::VecDeque;
@@ -13,7 +14,7 @@ use std::collections::VecDeque;
 impl VulkanRenderer {
     /// In place of handing a plan to the device: one with an exposure needs all slots to itself, and who comes after it waits.
     pub(super) fn waits(&self, plan: &Plan) -> bool {
-        !plan.exposed.is_empty() || self.is_tiled(plan) || !self.later.is_empty()
+        !plan.subframes.is_empty() || self.is_tiled(plan) || !self.later.is_empty()
     }
 
     /// The oldest of the plans that wait. Nothing is in flight.
@@ -21,14 +22,14 @@ impl VulkanRenderer {
         if self.is_tiled(&plan) {
             return self.collect_tiled(&plan, reuse);
         }
-        if plan.exposed.is_empty() {
+        if plan.subframes.is_empty() {
             self.submit_now(&plan)?;
             return self.collect_now(reuse);
         }
         let [width, height] = plan.size;
         let mut sum = Accumulated::new(width as usize * height as usize);
-        let mut before = Vec::with_capacity(plan.before.len());
-        let mut waiting: VecDeque<&Plan> = plan.parts().collect();
+        let mut before = Vec::with_capacity(plan.history.len());
+        let mut waiting: VecDeque<&Plan> = plan.sub_plans().collect();
         let mut done = 0;
         while !waiting.is_empty() || !self.pending.is_empty() {
             while self.pending.len() < self.slots.len()
@@ -36,7 +37,7 @@ impl VulkanRenderer {
             {
                 self.submit_now(part)?;
             }
-            if done < plan.exposed.len() {
+            if done < plan.subframes.len() {
                 self.add_oldest(&mut sum)?;
             } else {
                 // A sum of one is the picture itself.
@@ -51,7 +52,7 @@ impl VulkanRenderer {
         frame.rgba.resize(width as usize * height as usize * 4, 0);
         let passes = picture::passes(&plan.post, plan.size, self.pipelines.effects())?;
         picture::run(&passes, plan.size, sum.mean(), &before, &mut frame.rgba);
-        if let Some(over) = &plan.over {
+        if let Some(over) = &plan.layers_in_front {
             over.over(&mut frame);
         }
         Ok(frame)
@@ -61,7 +62,7 @@ impl VulkanRenderer {
     fn add_oldest(&mut self, sum: &mut Accumulated) -> Result<(), RenderError> {
         let mapped = self.finished(8)?;
         let pixel = |bytes: &[u8; 8]| {
-            let part = |i: usize| half(u16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]]));
+            let part = |i: usize| half::f16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]]).to_f32();
             Vec4::new(part(0), part(1), part(2), part(3))
         };
         sum.add(mapped.as_chunks::<8>().0.iter().map(pixel));

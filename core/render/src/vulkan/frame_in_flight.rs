@@ -9,16 +9,18 @@ use super::resources::Resources;
 use super::sky::flat_image;
 use super::targets::Seen;
 use super::upload::Uploads;
-use crate::Catalog;
-use crate::commands::{Command, MAX_LIGHTS, Recording, UNIFORM_JOINTS};
-use crate::layers_2d::FlatPicture;
-use crate::plan::Rows;
+use crate::affine::Affine3x4;
+use crate::commands::{Command, Recording, UNIFORM_JOINTS};
+use crate::error::RenderError;
+use crate::layers_2d::LayerImage;
+use crate::plan::Plan;
 use crate::plan::build::effects::MOST_SURFACE_EFFECTS;
 use crate::plan::build::shadow_cascades::MAX_VIEWS;
+use crate::plan::light_clusters::MAX_LIGHTS;
+use crate::scene_resources::SceneResources;
 use crate::shader::uniforms::{
     FrameUniform, LayersUniform, MaterialUniform, PostUniform, RebuiltUniform, ShadowUniform, SkyUniform,
 };
-use crate::{Plan, RenderError};
 use ash::vk;
 use choreo_stage::Background;
 use glam::Vec2;
@@ -43,7 +45,7 @@ pub struct Slot {
     /// Layers under the scene, by what they are made from.
     under: Option<([u8; 32], Image)>,
     /// Those over the frame.
-    pub over: Option<Arc<FlatPicture>>,
+    pub over: Option<Arc<LayerImage>>,
     changed: Vec<(u32, u32)>,
     changed_sets: Vec<Set>,
     pub post_sets: Vec<Set>,
@@ -158,10 +160,11 @@ impl Slot {
             .max(16);
         let mut ranges = Ranges { end: 0, align };
         let frame_at = ranges.take(size_of::<FrameUniform>() as u64);
-        let views = plan.shadows.as_ref().map_or(&[][..], |s| &s.views);
+        let views = plan.shadow_maps.as_ref().map_or(&[][..], |s| &s.views);
         let view_at: Vec<u64> = views.iter().map(|_| ranges.take(size_of::<FrameUniform>() as u64)).collect();
         let of_material = [size_of::<MaterialUniform>(), size_of::<LayersUniform>()].map(|s| s as u64);
-        self.changed_at = plan.materials.iter().map(|_| of_material.map(|size| ranges.take(size))).collect();
+        self.changed_at =
+            plan.material_overrides.iter().map(|_| of_material.map(|size| ranges.take(size))).collect();
         let lookups_range = if shadow.is_some() { MAX_VIEWS * size_of::<ShadowUniform>() } else { 0 } as u64;
         let lookups_at = ranges.take(lookups_range.max(16));
         let sky = seen.sky.filter(|_| reads.sky).zip(plan.sky.as_ref());
@@ -184,16 +187,17 @@ impl Slot {
             if reads.lights { (MAX_LIGHTS * size_of::<crate::plan::PlanLight>()) as u64 } else { 0 };
         let lights_at = ranges.take(lights_range);
         let joints_range = match reads.joints_uniform {
-            true => UNIFORM_JOINTS * size_of::<Rows>(),
-            false => joint_bytes.len().max(size_of::<Rows>()),
+            true => UNIFORM_JOINTS * size_of::<Affine3x4>(),
+            false => joint_bytes.len().max(size_of::<Affine3x4>()),
         } as u64;
         let joints_at = ranges.take(joints_range);
 
-        let surface_range = if plan.surface.is_empty() { 0 } else { SURFACE_BYTES };
+        let surface_range = if plan.scene_effects.is_empty() { 0 } else { SURFACE_BYTES };
         let surface_at = ranges.take(surface_range);
         let overlay_bytes: &[u8] = bytemuck::cast_slice(&plan.overlay.vertices);
         let overlay_at = ranges.take(overlay_bytes.len() as u64);
-        let list_bytes: &[u8] = plan.light_lists.as_ref().map_or(&[], |lists| bytemuck::cast_slice(&lists.0));
+        let list_bytes: &[u8] =
+            plan.light_clusters.as_ref().map_or(&[], |lists| bytemuck::cast_slice(&lists.0));
         let lists_at = ranges.take(list_bytes.len() as u64);
         let stored = [
             ("instances", instance_bytes),
@@ -235,7 +239,7 @@ impl Slot {
         };
         let frame = frame_uniform(plan, *lights as u32);
         put(frame_at, bytemuck::bytes_of(&frame));
-        if let Some(shadows) = plan.shadows.as_ref().filter(|_| shadow.is_some()) {
+        if let Some(shadows) = plan.shadow_maps.as_ref().filter(|_| shadow.is_some()) {
             for (i, (view, at)) in views.iter().zip(&view_at).enumerate() {
                 let seen = FrameUniform { clip_from_relative: view.clip_from_relative, ..frame };
                 put(*at, bytemuck::bytes_of(&seen));
@@ -244,11 +248,11 @@ impl Slot {
                 put(at, bytemuck::bytes_of(&lookup));
             }
         }
-        for (i, used) in plan.surface.iter().enumerate() {
+        for (i, used) in plan.scene_effects.iter().enumerate() {
             put(surface_at + (i * size_of::<[f32; 8]>()) as u64, bytemuck::bytes_of(&used.parameters));
         }
         if surface_range > 0 {
-            put(surface_at + REACHES_AT, bytemuck::bytes_of(&plan.reaches));
+            put(surface_at + REACHES_AT, bytemuck::bytes_of(&plan.displacement_limits));
         }
         put(overlay_at, overlay_bytes);
         put(lists_at, list_bytes);
@@ -263,7 +267,7 @@ impl Slot {
         put(morphs_at, morph_bytes);
         put(lights_at, light_bytes);
         put(instances_at, instance_bytes);
-        for ([base_at, layers_at], material) in self.changed_at.iter().zip(&plan.materials) {
+        for ([base_at, layers_at], material) in self.changed_at.iter().zip(&plan.material_overrides) {
             put(*base_at, bytemuck::bytes_of(&MaterialUniform::new(material)));
             if let Some(layers) = LayersUniform::new(material) {
                 put(*layers_at, bytemuck::bytes_of(&layers));
@@ -309,7 +313,7 @@ impl Slot {
             }
         }
         // Made anew where another of them is there: lavapipe (22.3) follows what a bound set holds, read or not.
-        let under = self.under.as_ref().filter(|_| reads.under).map(|(_, image)| image.view);
+        let under = self.under.as_ref().filter(|_| reads.layers_behind).map(|(_, image)| image.view);
         let has = [shadow.is_some(), seen.behind.is_some(), sky.is_some(), under.is_some()];
         if let Some((set, _)) = self.light_set.take_if(|(_, had)| *had != has) {
             pools.free(gpu, set);
@@ -392,12 +396,12 @@ impl Slot {
         plan: &Plan,
         uploads: &mut Uploads,
     ) -> Result<(), RenderError> {
-        self.over = plan.over.clone();
-        let wanted = plan.under.as_ref().map(|flat| flat.hash);
+        self.over = plan.layers_in_front.clone();
+        let wanted = plan.layers_behind.as_ref().map(|flat| flat.hash);
         if let Some((_, mut old)) = self.under.take_if(|(hash, _)| Some(*hash) != wanted) {
             old.destroy(gpu);
         }
-        if let (Some(flat), None) = (&plan.under, &self.under) {
+        if let (Some(flat), None) = (&plan.layers_behind, &self.under) {
             let image = flat_image(gpu, flat, uploads)?;
             self.under = Some((flat.hash, image));
         }
@@ -417,7 +421,7 @@ impl Slot {
         gpu: &Context,
         layouts: &Layouts,
         pools: &mut Pools,
-        catalog: &Catalog,
+        scene_resources: &SceneResources,
         recording: &Recording,
         resources: &mut Resources,
     ) -> Result<(), RenderError> {
@@ -425,7 +429,9 @@ impl Slot {
         // Made anew each frame: lavapipe (22.3) follows what a bound set holds, textures that are gone and not read included.
         self.changed_sets.drain(..).for_each(|set| pools.free(gpu, set));
         for command in &recording.commands {
-            let Command::BindMaterial { material, changed: Some(changed), slots } = command else { continue };
+            let Command::BindMaterial { material, material_override: Some(changed), slots } = command else {
+                continue;
+            };
             let (Some(ring), Some([base_at, layers_at])) =
                 (&self.ring, self.changed_at.get(*changed as usize))
             else {
@@ -441,7 +447,7 @@ impl Slot {
             write_buffer(gpu, set, 0, uniform, ring.raw, *base_at, size_of::<MaterialUniform>() as u64);
             let size = size_of::<LayersUniform>() as u64;
             write_buffer(gpu, set, LayersUniform::BINDING, uniform, ring.raw, *layers_at, size);
-            resources.write_textures(gpu, catalog, *material, *slots, set)?;
+            resources.write_textures(gpu, scene_resources, *material, *slots, set)?;
             self.changed.push((*changed, *slots));
         }
         Ok(())

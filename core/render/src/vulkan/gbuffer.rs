@@ -2,8 +2,8 @@
 
 use super::VulkanRenderer;
 use super::memory::Buffer;
-use crate::RenderError;
 use crate::commands::{Command, Recording};
+use crate::error::RenderError;
 use crate::shader::texture_bytes;
 use ash::vk;
 use choreo_plugin::Effect;
@@ -20,7 +20,7 @@ impl VulkanRenderer {
             Command::PostPass { effect, .. } => has(effect),
             _ => false,
         });
-        if self.texels.is_some() || !(in_post || recording.surface.iter().any(has)) {
+        if self.texels.is_some() || !(in_post || recording.scene_effects.iter().any(has)) {
             return Ok(());
         }
         let bytes = texture_bytes(effects);

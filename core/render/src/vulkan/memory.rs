@@ -3,7 +3,7 @@
 use super::context::Context;
 use super::error::Named;
 use super::faults::FaultPlace;
-use crate::RenderError;
+use crate::error::RenderError;
 use ash::vk;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 use gpu_allocator::{AllocationError, MemoryLocation};

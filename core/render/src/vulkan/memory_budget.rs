@@ -2,7 +2,7 @@
 
 use super::VulkanRenderer;
 use crate::commands::textures_beyond;
-use crate::scene_resources::CatalogMaterial;
+use crate::scene_resources::material::MaterialResource;
 
 impl VulkanRenderer {
     /// Textures that a material's shader may read here, beside the shadow map, the picture behind glass, the sky's two and the layers under the scene.
@@ -16,7 +16,7 @@ impl VulkanRenderer {
     /// A line for each material of the catalogue that has more textures than this device can bind.
     pub(super) fn textures_left_out(&self) -> Vec<String> {
         let most = self.textures();
-        let line = |m: &CatalogMaterial| {
+        let line = |m: &MaterialResource| {
             let out = textures_beyond(m, most);
             let text = "this device binds at most";
             (!out.is_empty()).then(|| {
@@ -24,6 +24,6 @@ impl VulkanRenderer {
                 format!("material \"{name}\": {text} {most} textures; left out: {}", out.join(", "))
             })
         };
-        self.catalog.materials.iter().filter_map(line).collect()
+        self.scene_resources.materials.iter().filter_map(line).collect()
     }
 }

@@ -37,8 +37,11 @@ mod tiled;
 mod upload;
 
 use crate::commands::{Command, RecordOptions, Recording, record, texture_slots};
+use crate::error::RenderError;
+use crate::plan::Plan;
+use crate::renderer::{CreatedCounts, DeviceInfo, DeviceKind, DeviceUsage, Renderer};
+use crate::scene_resources::SceneResources;
 use crate::shader::ShaderSources;
-use crate::{Catalog, DeviceInfo, DeviceKind, Held, Plan, RenderError, Renderer, Work};
 use ash::vk;
 use choreo_plugin::{Effect, Frame};
 use choreo_stage::Background;
@@ -84,7 +87,7 @@ pub struct VulkanRenderer {
     later: VecDeque<Plan>,
     timeline: vk::Semaphore,
     submitted: u64,
-    catalog: Arc<Catalog>,
+    scene_resources: Arc<SceneResources>,
     last: Option<Recording>,
     /// No frame of this catalogue was collected yet: its uploads and pipelines still leave freed memory behind.
     fresh: bool,
@@ -137,7 +140,7 @@ impl VulkanRenderer {
             later: VecDeque::new(),
             timeline: vk::Semaphore::null(),
             submitted: 0,
-            catalog: Arc::default(),
+            scene_resources: Arc::default(),
             last: None,
             fresh: true,
             notes: Vec::new(),
@@ -219,7 +222,7 @@ impl VulkanRenderer {
             let what = "number of samples".into();
             return Err(RenderError::Limit { what, value: plan.samples as u64, limit: 4 });
         }
-        crate::plan::build::light_clusters::check(plan)
+        crate::plan::light_clusters::check(plan)
     }
 
     fn free_slot(&self) -> Option<usize> {
@@ -281,7 +284,7 @@ impl VulkanRenderer {
         let execution = Execution {
             gpu,
             layouts: &self.layouts,
-            catalog: &self.catalog,
+            scene_resources: &self.scene_resources,
             resources: &self.resources,
             pipelines: &self.pipelines,
             targets,
@@ -328,7 +331,7 @@ impl VulkanRenderer {
         }
         if self.waits(plan) {
             self.check(plan)?;
-            plan.parts().try_for_each(|part| self.check(part))?;
+            plan.sub_plans().try_for_each(|part| self.check(part))?;
             self.later.push_back(plan.clone());
             return Ok(());
         }
@@ -341,7 +344,7 @@ impl VulkanRenderer {
         })?;
         self.check(plan)?;
         let options = self.record_options(plan);
-        let entry = |primitive: u32| self.catalog.primitives.get(primitive as usize);
+        let entry = |primitive: u32| self.scene_resources.primitives.get(primitive as usize);
         let triangles = |primitive| entry(primitive).map_or(0, |p| p.primitive().indices.len() / 3);
         let mut recording = record(plan, options, triangles);
         if !self.can_pose(&recording) {
@@ -360,10 +363,11 @@ impl VulkanRenderer {
         let mut uploads = Uploads::default();
         let prepared = self
             .resources
-            .prepare(&self.gpu, &self.layouts, &self.catalog, &recording, &mut uploads)
+            .prepare(&self.gpu, &self.layouts, &self.scene_resources, &recording, &mut uploads)
             .and_then(|()| self.slots[index].prepare_flats(&self.gpu, plan, &mut uploads))
             .and_then(|()| {
-                let (known, posed) = ((&*self.catalog, &self.resources), &mut self.slots[index].posed);
+                let (known, posed) =
+                    ((&*self.scene_resources, &self.resources), &mut self.slots[index].posed);
                 posed.prepare(&self.gpu, &self.layouts, &mut self.pools, known, plan, &recording)
             })
             .and_then(|()| {
@@ -375,8 +379,15 @@ impl VulkanRenderer {
             })
             .and_then(|()| {
                 let (slot, pools) = (&mut self.slots[index], &mut self.pools);
-                let (layouts, catalog) = (&self.layouts, &self.catalog);
-                slot.write_changed(&self.gpu, layouts, pools, catalog, &recording, &mut self.resources)
+                let (layouts, scene_resources) = (&self.layouts, &self.scene_resources);
+                slot.write_changed(
+                    &self.gpu,
+                    layouts,
+                    pools,
+                    scene_resources,
+                    &recording,
+                    &mut self.resources,
+                )
             })
             .and_then(|()| match self.frugal && !uploads.is_empty() {
                 true => self.upload_in_parts(index, std::mem::take(&mut uploads)),
@@ -412,11 +423,11 @@ impl Renderer for VulkanRenderer {
         self.slots.len()
     }
 
-    fn load(&mut self, catalog: Arc<Catalog>) -> Result<(), RenderError> {
+    fn load(&mut self, scene_resources: Arc<SceneResources>) -> Result<(), RenderError> {
         self.wait_idle()?;
         let before = self.resources.counts();
-        self.resources.retain(&self.gpu, &catalog);
-        self.catalog = catalog;
+        self.resources.retain(&self.gpu, &scene_resources);
+        self.scene_resources = scene_resources;
         self.notes.extend(self.textures_left_out());
         // Where nothing goes and nothing comes there is nothing to give back.
         if before == [0; 3] || self.resources.counts() != before {
@@ -443,13 +454,13 @@ impl Renderer for VulkanRenderer {
         std::mem::take(&mut self.notes)
     }
 
-    fn work(&self) -> Work {
-        Work { pipelines: self.pipelines.created(), ..self.resources.work }
+    fn created(&self) -> CreatedCounts {
+        CreatedCounts { pipelines: self.pipelines.created(), ..self.resources.work }
     }
 
-    fn held(&self) -> Held {
+    fn usage(&self) -> DeviceUsage {
         let memory = self.gpu.allocator().generate_report();
-        Held {
+        DeviceUsage {
             // Each has memory of its own.
             memory_objects: memory.allocations.len(),
             memory_blocks: memory.blocks.len(),

@@ -2,7 +2,7 @@
 
 use super::faults::Faults;
 use super::{Ability, DeviceTime};
-use crate::DeviceKind;
+use crate::renderer::DeviceKind;
 use choreo_plugin::Effect;
 use std::ffi::CString;
 use std::path::PathBuf;

@@ -3,7 +3,7 @@
 use super::error::Named;
 use super::upload::Uploads;
 use super::{FRUGAL_UPLOAD, VulkanRenderer};
-use crate::RenderError;
+use crate::error::RenderError;
 use ash::vk;
 
 impl VulkanRenderer {

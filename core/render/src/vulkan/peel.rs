@@ -2,8 +2,8 @@
 
 use super::execute::{Execution, again, from_depth, to_color, to_depth};
 use super::memory::Image;
-use crate::RenderError;
 use crate::commands::Target;
+use crate::error::RenderError;
 use ash::vk;
 
 impl Execution<'_> {

@@ -1,13 +1,13 @@
 //! What a pipeline is for, and which ones a recording binds.
 
-use crate::commands::preskin::PoseVariant;
+use crate::commands::preskin::PreskinVariant;
 use crate::commands::{Command, Recording, Target};
 use crate::shader::SceneVariant;
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Id {
     /// Vertices into their poses.
-    Pose(PoseVariant),
+    Pose(PreskinVariant),
     /// `surface`: the effects on it, each with its bit.
     Scene { variant: SceneVariant, samples: u32, float: bool, surface: Vec<(u8, String)> },
     /// `surface`: the effects on it, each with its bit.
@@ -48,7 +48,7 @@ pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
             (samples, float) = (1, false);
             None
         }
-        Command::Pose { variant, .. } => Some(Id::Pose(*variant)),
+        Command::Preskin { variant, .. } => Some(Id::Pose(*variant)),
         Command::BindPipeline(variant) => {
             let surface = on_surface(recording, variant.key.effects());
             Some(Id::Scene { variant: *variant, samples, float, surface })
@@ -59,7 +59,7 @@ pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
             let what = if sky { Backdrop::Sky } else { Backdrop::Gradient };
             Some(Id::Background { samples, float, depth, what, surface })
         }
-        Command::DrawUnder => {
+        Command::DrawLayersBehind => {
             Some(Id::Background { samples, float, depth, what: Backdrop::Under, surface: Vec::new() })
         }
         Command::DrawOverlay { over, .. } => Some(Id::Overlay { samples, float, over: *over }),
@@ -73,6 +73,6 @@ pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
 
 /// The effects of a set of bits, each with its own.
 fn on_surface(recording: &Recording, bits: u8) -> Vec<(u8, String)> {
-    let names = (0u8..).zip(&recording.surface);
+    let names = (0u8..).zip(&recording.scene_effects);
     names.filter(|(bit, _)| bits >> bit & 1 == 1).map(|(bit, name)| (bit, name.clone())).collect()
 }

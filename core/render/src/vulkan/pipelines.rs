@@ -10,8 +10,8 @@ pub use super::pipeline_ids::{Id, ids};
 use super::preskin;
 use super::state::{Mix, State, format_of, vertex_format};
 use super::targets::DEPTH;
-use crate::RenderError;
 use crate::commands::texture_slots;
+use crate::error::RenderError;
 use crate::plan::{Features, Glass, TopologyKey};
 use crate::scene_resources::vertex_layout::VertexLayout;
 use crate::shader::{

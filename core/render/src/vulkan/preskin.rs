@@ -8,12 +8,14 @@ use super::execute::Execution;
 use super::faults::FaultPlace;
 use super::memory::Buffer;
 use super::resources::Resources;
-use crate::commands::preskin::PoseVariant;
+use crate::affine::Affine3x4;
+use crate::commands::preskin::PreskinVariant;
 use crate::commands::{Command, Recording};
-use crate::plan::{Instance, Plan, Rows};
+use crate::error::RenderError;
+use crate::plan::{Instance, Plan};
+use crate::scene_resources::SceneResources;
 use crate::scene_resources::vertex_layout::VertexLayout;
 use crate::shader::{POSED, ShaderSources, compile};
-use crate::{Catalog, RenderError};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use naga::ShaderStage;
@@ -27,7 +29,7 @@ const GROUP: u32 = 64;
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Job {
-    pub relative_from_mesh: Rows,
+    pub relative_from_mesh: Affine3x4,
     pub first_joint: u32,
     pub first_morph: u32,
     pub morph_count: u32,
@@ -74,22 +76,22 @@ impl Posing {
         gpu: &Context,
         layouts: &Layouts,
         pools: &mut Pools,
-        (catalog, resources): (&Catalog, &Resources),
+        (scene_resources, resources): (&SceneResources, &Resources),
         plan: &Plan,
         recording: &Recording,
     ) -> Result<(), RenderError> {
         self.placed.clear();
-        if recording.posed.is_empty() {
+        if recording.preskinned.is_empty() {
             return Ok(());
         }
-        let mut jobs: Vec<Job> = Vec::with_capacity(recording.posed.len());
+        let mut jobs: Vec<Job> = Vec::with_capacity(recording.preskinned.len());
         let mut end = 0;
         for command in &recording.commands {
-            let Command::Pose { variant, primitive, layout, first, count } = command else { continue };
-            let hash = catalog.primitives[*primitive as usize].hash;
+            let Command::Preskin { variant, primitive, layout, first, count } = command else { continue };
+            let hash = scene_resources.primitives[*primitive as usize].hash;
             let mesh = resources.mesh(hash, *layout);
             let vertices = mesh.map(|m| m.vertex_count).ok_or_else(|| missing("a mesh to be posed"))?;
-            for body in &recording.posed[*first as usize..(first + count) as usize] {
+            for body in &recording.preskinned[*first as usize..(first + count) as usize] {
                 let of = body.instances.first().and_then(|i| plan.instances.get(*i as usize));
                 let Instance { relative_from_mesh, first_joint, first_morph, morph_count, .. } =
                     *of.ok_or_else(|| missing("a body to be posed"))?;
@@ -152,14 +154,14 @@ impl VulkanRenderer {
     pub(super) fn can_pose(&self, recording: &Recording) -> bool {
         let limit = u64::from(self.gpu.limits().max_storage_buffer_range);
         let mesh = |command: &Command| match command {
-            Command::Pose { primitive, layout, .. } => {
-                let mesh = self.catalog.primitives.get(*primitive as usize);
+            Command::Preskin { primitive, layout, .. } => {
+                let mesh = self.scene_resources.primitives.get(*primitive as usize);
                 u64::from(layout.attributes().1) * mesh.map_or(0, |m| m.primitive().positions.len() as u64)
             }
             _ => 0,
         };
-        let bodies = (recording.posed.len() * size_of::<Job>()) as u64;
-        bodies.max(recording.posed_bytes(&self.catalog)) <= limit
+        let bodies = (recording.preskinned.len() * size_of::<Job>()) as u64;
+        bodies.max(recording.preskinned_bytes(&self.scene_resources)) <= limit
             && recording.commands.iter().all(|command| mesh(command) <= limit)
     }
 }
@@ -177,12 +179,12 @@ impl Resources {
         &mut self,
         gpu: &Context,
         layouts: &Layouts,
-        catalog: &Catalog,
+        scene_resources: &SceneResources,
         recording: &Recording,
     ) -> Result<(), RenderError> {
         for command in &recording.commands {
-            let Command::Pose { primitive, layout, .. } = command else { continue };
-            let key = (catalog.primitives[*primitive as usize].hash, *layout);
+            let Command::Preskin { primitive, layout, .. } = command else { continue };
+            let key = (scene_resources.primitives[*primitive as usize].hash, *layout);
             if self.sources.contains_key(&key) {
                 continue;
             }
@@ -218,7 +220,7 @@ impl Execution<'_> {
         morphs: bool,
         [first, count]: [u32; 2],
     ) -> Result<(), RenderError> {
-        let hash = self.catalog.primitives[primitive as usize].hash;
+        let hash = self.scene_resources.primitives[primitive as usize].hash;
         let mesh = self.resources.mesh(hash, layout).ok_or_else(|| missing("a mesh to be posed"))?;
         let source =
             self.resources.sources.get(&(hash, layout)).ok_or_else(|| missing("a mesh to be posed"))?;
@@ -283,7 +285,7 @@ pub fn pipeline(
     layouts: &Layouts,
     sources: &ShaderSources,
     cache: vk::PipelineCache,
-    variant: &PoseVariant,
+    variant: &PreskinVariant,
 ) -> Result<vk::Pipeline, RenderError> {
     let switches = variant.switches();
     let name = format!("pose pipeline {}", switches.join(" "));

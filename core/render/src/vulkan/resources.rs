@@ -9,13 +9,14 @@ use super::preskin::Sources;
 use super::sky::SkyImages;
 use super::streams::Streams;
 use super::upload::Uploads;
-use crate::RenderError;
 use crate::commands::{Command, Recording};
+use crate::error::RenderError;
 use crate::plan::Features;
-use crate::renderer::Work;
+use crate::renderer::CreatedCounts;
+use crate::scene_resources::material::is_anisotropic;
 use crate::scene_resources::mipmap;
 use crate::scene_resources::vertex_layout::{VertexLayout, pack, pack_morphs};
-use crate::scene_resources::{Catalog, CatalogPrimitive};
+use crate::scene_resources::{PrimitiveResource, SceneResources};
 use crate::shader::uniforms::{LayersUniform, MaterialUniform};
 use ash::vk;
 use choreo_asset::{Sampler, Wrap};
@@ -68,7 +69,7 @@ pub struct Resources {
     pub(super) sources: Sources,
     pub(super) streams: Streams,
     /// What has been made so far.
-    pub work: Work,
+    pub work: CreatedCounts,
 }
 
 impl Resources {
@@ -98,7 +99,7 @@ impl Resources {
         &mut self,
         gpu: &Context,
         layouts: &Layouts,
-        catalog: &Catalog,
+        resources: &SceneResources,
         recording: &Recording,
         uploads: &mut Uploads,
     ) -> Result<(), RenderError> {
@@ -107,7 +108,7 @@ impl Resources {
         for command in &recording.commands {
             match command {
                 Command::BindMaterial { material, slots, .. }
-                    if catalog
+                    if resources
                         .materials
                         .get(*material as usize)
                         .is_none_or(|m| !self.materials.contains_key(&(m.hash, *slots))) =>
@@ -117,7 +118,7 @@ impl Resources {
                 Command::BindMesh { primitive, layout, morphs } => {
                     meshes.insert((*primitive, *layout, *morphs));
                 }
-                Command::Pose { variant, primitive, layout, .. } => {
+                Command::Preskin { variant, primitive, layout, .. } => {
                     meshes.insert((*primitive, *layout, variant.features.has(Features::MORPH)));
                 }
                 _ => {}
@@ -129,28 +130,28 @@ impl Resources {
         let mut materials: Vec<_> = materials.into_iter().collect();
         materials.sort_unstable();
         for (primitive, layout, morphs) in meshes {
-            let entry = catalog.primitives.get(primitive as usize).ok_or_else(|| {
+            let entry = resources.primitives.get(primitive as usize).ok_or_else(|| {
                 RenderError::Usage(format!(
                     "the plan draws primitive {primitive}, which the loaded catalogue lacks"
                 ))
             })?;
             self.prepare_mesh(gpu, layouts, entry, layout, morphs, uploads)?;
         }
-        self.prepare_sources(gpu, layouts, catalog, recording)?;
+        self.prepare_sources(gpu, layouts, resources, recording)?;
         let reads = recording.reads();
-        if let Some(panorama) = catalog.sky.as_deref().filter(|_| reads.sky) {
+        if let Some(panorama) = resources.sky.as_deref().filter(|_| reads.sky) {
             let sky = match self.sky.take() {
                 Some(sky) => sky,
                 None => SkyImages::new(gpu, panorama)?,
             };
             let maps = reads.sky_maps;
-            self.sky.insert(sky).prepare(gpu, panorama, [maps, reads.sky_picture], uploads)?;
+            self.sky.insert(sky).prepare(gpu, panorama, [maps, reads.sky_background], uploads)?;
         }
-        self.prepare_textures(gpu, catalog, &materials, uploads)?;
+        self.prepare_textures(gpu, resources, &materials, uploads)?;
         for (material, slots) in materials {
-            self.prepare_material(gpu, layouts, catalog, material, slots, uploads)?;
+            self.prepare_material(gpu, layouts, resources, material, slots, uploads)?;
         }
-        self.age(gpu, catalog, recording);
+        self.age(gpu, resources, recording);
         Ok(())
     }
 
@@ -158,7 +159,7 @@ impl Resources {
         &mut self,
         gpu: &Context,
         layouts: &Layouts,
-        entry: &CatalogPrimitive,
+        entry: &PrimitiveResource,
         layout: VertexLayout,
         morphs: bool,
         uploads: &mut Uploads,
@@ -219,19 +220,19 @@ impl Resources {
     fn prepare_textures(
         &mut self,
         gpu: &Context,
-        catalog: &Catalog,
+        resources: &SceneResources,
         materials: &[(u32, u32)],
         uploads: &mut Uploads,
     ) -> Result<(), RenderError> {
         let mut wanted: Vec<u32> = Vec::new();
         let mut white = false;
         for (material, slots) in materials {
-            let Some(m) = catalog.materials.get(*material as usize) else {
+            let Some(m) = resources.materials.get(*material as usize) else {
                 return Err(RenderError::Usage(format!(
                     "the plan uses material {material}, which the loaded catalogue lacks"
                 )));
             };
-            for (slot, texture) in m.texture_refs().iter().enumerate() {
+            for (slot, texture) in m.textures.iter().enumerate() {
                 match texture {
                     _ if slots & (1 << slot) == 0 => {}
                     Some(t) => wanted.push(t.texture),
@@ -241,7 +242,7 @@ impl Resources {
         }
         wanted.sort_unstable();
         wanted.dedup();
-        wanted.retain(|t| !self.textures.contains_key(&texture_key(catalog, *t)));
+        wanted.retain(|t| !self.textures.contains_key(&texture_key(resources, *t)));
         if white && self.white.is_none() {
             let image = texture_image(gpu, "white texture", 1, 1, 1, false)?;
             uploads.image(image.raw, std::iter::once((1, 1, &[255u8; 4][..])));
@@ -250,7 +251,7 @@ impl Resources {
         let chains: Vec<_> = wanted
             .par_iter()
             .map(|t| {
-                let texture = catalog.textures[*t as usize].whole()?;
+                let texture = resources.textures[*t as usize].whole()?;
                 let chain = match texture.mipmaps {
                     true => mipmap::levels_below(&texture.image, texture.srgb),
                     false => Vec::new(),
@@ -266,7 +267,7 @@ impl Resources {
             let base = (image.width, image.height, &image.rgba[..]);
             let below = chain.iter().map(|l| (l.width, l.height, &l.rgba[..]));
             uploads.image(made.raw, std::iter::once(base).chain(below));
-            self.textures.insert(texture_key(catalog, *t), made);
+            self.textures.insert(texture_key(resources, *t), made);
             self.work.textures += 1;
         }
         Ok(())
@@ -276,12 +277,12 @@ impl Resources {
         &mut self,
         gpu: &Context,
         layouts: &Layouts,
-        catalog: &Catalog,
+        resources: &SceneResources,
         index: u32,
         slots: u32,
         uploads: &mut Uploads,
     ) -> Result<(), RenderError> {
-        let material = &catalog.materials[index as usize];
+        let material = &resources.materials[index as usize];
         let name = format!("material \"{}\"", material.material.name);
         let usage = vk::BufferUsageFlags::UNIFORM_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
         let base = MaterialUniform::new(material);
@@ -312,27 +313,27 @@ impl Resources {
             write_buffer(gpu, set.raw, LayersUniform::BINDING, kind, raw, layers_at, size);
         }
         uploads.buffer(raw, &bytes);
-        self.write_textures(gpu, catalog, index, slots, set.raw)
+        self.write_textures(gpu, resources, index, slots, set.raw)
     }
 
     /// Textures and samplers of a material, prepared before, into a set of the materials' layout.
     pub fn write_textures(
         &mut self,
         gpu: &Context,
-        catalog: &Catalog,
+        resources: &SceneResources,
         index: u32,
         slots: u32,
         set: vk::DescriptorSet,
     ) -> Result<(), RenderError> {
-        let material = &catalog.materials[index as usize];
-        for (slot, texture) in material.texture_refs().iter().enumerate() {
+        let material = &resources.materials[index as usize];
+        for (slot, texture) in material.textures.iter().enumerate() {
             let binding = 1 + 2 * slot as u32;
             let null = (vk::ImageView::null(), vk::Sampler::null());
             if slots & (1 << slot) == 0 {
                 continue;
             }
             let (view, sampler) = match texture {
-                Some(t) => (self.textures.get(&texture_key(catalog, t.texture)).map(|i| i.view), t.sampler),
+                Some(t) => (self.textures.get(&texture_key(resources, t.texture)).map(|i| i.view), t.sampler),
                 None => (self.white.as_ref().map(|i| i.view), Sampler::default()),
             };
             let view = view.ok_or_else(|| {
@@ -358,7 +359,7 @@ impl Resources {
             Wrap::ClampToEdge => vk::SamplerAddressMode::CLAMP_TO_EDGE,
         };
         let filter = |linear| if linear { vk::Filter::LINEAR } else { vk::Filter::NEAREST };
-        let slanted = crate::explain::is_anisotropic(&s);
+        let slanted = is_anisotropic(&s);
         let anisotropy = match slanted && gpu.abilities.has(Ability::SamplerAnisotropy) {
             true => self.anisotropy.clamp(1.0, gpu.limits().max_sampler_anisotropy),
             false => 1.0,
@@ -385,14 +386,14 @@ impl Resources {
     }
 
     /// A new catalogue: what it holds too stays. No frame may be in flight.
-    pub fn retain(&mut self, gpu: &Context, catalog: &Catalog) {
-        let primitives: HashSet<Hash> = catalog.primitives.iter().map(|p| p.hash).collect();
+    pub fn retain(&mut self, gpu: &Context, resources: &SceneResources) {
+        let primitives: HashSet<Hash> = resources.primitives.iter().map(|p| p.hash).collect();
         let textures: HashSet<TextureKey> =
-            (0..catalog.textures.len() as u32).map(|t| texture_key(catalog, t)).collect();
+            (0..resources.textures.len() as u32).map(|t| texture_key(resources, t)).collect();
         self.keep_streams(|key| textures.contains(key));
         self.retain_sources(gpu, |hash| primitives.contains(hash));
         let pools = &mut self.pools;
-        let materials: HashSet<Hash> = catalog.materials.iter().map(|m| m.hash).collect();
+        let materials: HashSet<Hash> = resources.materials.iter().map(|m| m.hash).collect();
         self.materials.retain(|(hash, _), m| {
             let keep = materials.contains(hash);
             if !keep {
@@ -416,7 +417,7 @@ impl Resources {
             }
             keep
         });
-        if let Some(mut sky) = self.sky.take_if(|sky| !sky.is_of(catalog.sky.as_deref())) {
+        if let Some(mut sky) = self.sky.take_if(|sky| !sky.is_of(resources.sky.as_deref())) {
             sky.destroy(gpu);
         }
         self.textures.retain(|key, image| {
@@ -450,7 +451,7 @@ impl Resources {
 
     /// Everything that holds uploaded bytes. No frame may be in flight.
     pub fn forget(&mut self, gpu: &Context) {
-        self.retain(gpu, &Catalog::default());
+        self.retain(gpu, &SceneResources::default());
         if let Some(mut white) = self.white.take() {
             white.destroy(gpu);
         }
@@ -467,8 +468,8 @@ impl Resources {
     }
 }
 
-pub(super) fn texture_key(catalog: &Catalog, texture: u32) -> TextureKey {
-    let t = &catalog.textures[texture as usize];
+pub(super) fn texture_key(resources: &SceneResources, texture: u32) -> TextureKey {
+    let t = &resources.textures[texture as usize];
     (t.hash, t.srgb, t.mipmaps)
 }
 

@@ -5,8 +5,8 @@ use super::error::Named;
 use super::execute::{Execution, color_barrier};
 use super::memory::{Image, ImageDesc};
 use super::targets::FLOAT;
-use crate::RenderError;
 use crate::commands::Target;
+use crate::error::RenderError;
 use ash::vk;
 
 pub struct BehindTarget {

@@ -4,7 +4,7 @@ use super::context::Context;
 use super::error::Named;
 use super::memory::{Image, ImageDesc};
 use super::targets::DEPTH;
-use crate::RenderError;
+use crate::error::RenderError;
 use ash::vk;
 
 pub struct ShadowTarget {

@@ -4,9 +4,9 @@ use super::context::Context;
 use super::error::Named;
 use super::memory::{Image, ImageDesc};
 use super::upload::Uploads;
-use crate::RenderError;
-use crate::layers_2d::FlatPicture;
-use crate::sky::{SkyMaps, SkyPicture};
+use crate::error::RenderError;
+use crate::layers_2d::LayerImage;
+use crate::sky::{SkyBackground, SkyMaps};
 use ash::vk;
 use choreo_asset::Panorama;
 use half::f16;
@@ -51,7 +51,7 @@ impl SkyImages {
             self.maps = Some((made, image));
         }
         if picture && self.picture.is_none() {
-            let made = SkyPicture::new(panorama, gpu.limits().max_image_dimension2_d);
+            let made = SkyBackground::new(panorama, gpu.limits().max_image_dimension2_d);
             self.picture = Some(upload(gpu, "picture of the sky", made.size, &made.texels, uploads)?);
         }
         Ok(())
@@ -101,7 +101,7 @@ fn upload(
 }
 
 /// Of the whole picture, alpha not multiplied in.
-pub fn flat_image(gpu: &Context, flat: &FlatPicture, uploads: &mut Uploads) -> Result<Image, RenderError> {
+pub fn flat_image(gpu: &Context, flat: &LayerImage, uploads: &mut Uploads) -> Result<Image, RenderError> {
     let [width, height] = flat.size;
     let texel = |x: u32, y: u32| {
         let pixel = flat.pixel(x, y);

@@ -3,7 +3,7 @@
 use super::context::Context;
 use super::resources::{Resources, TextureKey, texture_key};
 use crate::commands::{Command, Recording};
-use crate::scene_resources::Catalog;
+use crate::scene_resources::SceneResources;
 
 /// More than there are frames in flight, parts of an exposure included: what was last used so many frames ago is used no longer.
 const KEPT: u64 = 8;
@@ -17,13 +17,16 @@ pub struct Streams {
 
 impl Resources {
     /// After a frame's resources were prepared.
-    pub(super) fn age(&mut self, gpu: &Context, catalog: &Catalog, recording: &Recording) {
+    pub(super) fn age(&mut self, gpu: &Context, scene_resources: &SceneResources, recording: &Recording) {
         self.streams.frame += 1;
         let frame = self.streams.frame;
         for command in &recording.commands {
             let Command::BindMaterial { material, .. } = command else { continue };
-            for (_, texture) in catalog.streamed(*material) {
-                let (key, hash) = (texture_key(catalog, texture), catalog.materials[*material as usize].hash);
+            for (_, texture) in scene_resources.streamed(*material) {
+                let (key, hash) = (
+                    texture_key(scene_resources, texture),
+                    scene_resources.materials[*material as usize].hash,
+                );
                 match self.streams.used.iter_mut().find(|(k, h, _)| (*k, *h) == (key, hash)) {
                     Some((.., used)) => *used = frame,
                     None => self.streams.used.push((key, hash, frame)),

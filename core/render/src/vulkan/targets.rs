@@ -6,8 +6,8 @@ use super::memory::{Buffer, Image, ImageDesc};
 use super::scene_color_copy::BehindTarget;
 use super::shadow::ShadowTarget;
 use super::sky::SkyImages;
-use crate::RenderError;
 use crate::commands::{Command, Recording, Target};
+use crate::error::RenderError;
 use crate::scene_resources::mipmap::linear_to_srgb8;
 use ash::vk;
 use glam::Vec4;
@@ -65,7 +65,7 @@ impl Needs {
                 Command::BeginShadows { image, .. } => needs.shadow = Some(*image),
                 Command::BeginPeel { .. } => needs.layers = true,
                 Command::BeginGeometry => needs.kept = true,
-                Command::CopyBehind { levels, .. } => needs.behind = Some(*levels),
+                Command::CopySceneColor { levels, .. } => needs.behind = Some(*levels),
                 Command::BeginPass { target, samples, depth, .. } => {
                     (needs.scene, needs.samples, needs.depth) = (*target, *samples, *depth);
                     needs.floats = needs.floats.max(float(target));

@@ -3,9 +3,10 @@
 
 use super::VulkanRenderer;
 use crate::cpu::picture;
-use crate::plan::motion_blur::{Accumulated, half};
+use crate::error::RenderError;
+use crate::plan::Plan;
+use crate::plan::motion_blur::Accumulated;
 use crate::plan::tiles::{Tile, side_of_tiles, tiles};
-use crate::{Plan, RenderError};
 use choreo_plugin::Frame;
 use glam::Vec4;
 
@@ -23,8 +24,8 @@ impl VulkanRenderer {
     }
 
     fn side_of_tiles(&self, plan: &Plan) -> Option<u32> {
-        let bends = |p: &Plan| p.behind.is_some();
-        let whole = bends(plan) || plan.parts().any(bends);
+        let bends = |p: &Plan| p.scene_color_copy.is_some();
+        let whole = bends(plan) || plan.sub_plans().any(bends);
         side_of_tiles(plan.size, self.longest_side(), whole)
     }
 
@@ -35,22 +36,22 @@ impl VulkanRenderer {
         let mut frame = reuse.unwrap_or(Frame { width, height, rgba: Vec::new() });
         (frame.width, frame.height) = (width, height);
         frame.rgba.resize(4 * count, 0);
-        if plan.exposed.is_empty() && plan.post.is_empty() {
+        if plan.subframes.is_empty() && plan.post.is_empty() {
             self.draw_tiles::<4>(plan, |at, pixel| frame.rgba[4 * at..4 * at + 4].copy_from_slice(pixel))?;
         } else {
             let alone = [plan];
             let exposed: Vec<&Plan> =
-                if plan.exposed.is_empty() { alone.to_vec() } else { plan.exposed.iter().collect() };
+                if plan.subframes.is_empty() { alone.to_vec() } else { plan.subframes.iter().collect() };
             let mut sum = Accumulated::new(count);
             for part in exposed {
                 sum.add(self.linear_tiles(part)?.into_iter());
             }
             let before =
-                plan.before.iter().map(|part| self.linear_tiles(part)).collect::<Result<Vec<_>, _>>()?;
+                plan.history.iter().map(|part| self.linear_tiles(part)).collect::<Result<Vec<_>, _>>()?;
             let passes = picture::passes(&plan.post, plan.size, self.pipelines.effects())?;
             picture::run(&passes, plan.size, sum.mean(), &before, &mut frame.rgba);
         }
-        if let Some(over) = &plan.over {
+        if let Some(over) = &plan.layers_in_front {
             over.over(&mut frame);
         }
         Ok(frame)
@@ -58,9 +59,9 @@ impl VulkanRenderer {
 
     fn linear_tiles(&mut self, plan: &Plan) -> Result<Vec<Vec4>, RenderError> {
         let mut pixels = vec![Vec4::ZERO; plan.size[0] as usize * plan.size[1] as usize];
-        let linear = Plan { linear: true, exposed: Vec::new(), before: Vec::new(), ..plan.clone() };
+        let linear = Plan { linear: true, subframes: Vec::new(), history: Vec::new(), ..plan.clone() };
         self.draw_tiles::<8>(&linear, |at, bytes| {
-            let part = |i: usize| half(u16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]]));
+            let part = |i: usize| half::f16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]]).to_f32();
             pixels[at] = Vec4::new(part(0), part(1), part(2), part(3));
         })?;
         Ok(pixels)
@@ -74,7 +75,7 @@ impl VulkanRenderer {
     ) -> Result<(), RenderError> {
         let side = self.side_of_tiles(plan).unwrap_or(self.longest_side());
         for tile in tiles(plan.size, side) {
-            self.submit_now(&plan.tile(tile, &self.catalog.clone())?)?;
+            self.submit_now(&plan.tile(tile, &self.scene_resources.clone())?)?;
             let bytes = self.finished(BYTES)?;
             let Tile { at, size, keep } = tile;
             for y in 0..keep[1] {

@@ -2,7 +2,7 @@
 
 use super::context::Context;
 use super::memory::{Buffer, range};
-use crate::RenderError;
+use crate::error::RenderError;
 use ash::vk;
 
 #[derive(Default)]

@@ -122,7 +122,7 @@ pub fn layered_scene() -> Scene {
         let place = DVec3::new((i % 4) as f64 * 1.1 - 1.65, row as f64 * 1.1 - 1.1, 0.0);
         scene.add(&a, DAffine3::from_scale_rotation_translation(DVec3::splat(1.2), turn, place));
     }
-    // Behind the glass, something to be seen through it.
+    // Something behind the glass, to be refracted.
     let striped = image(8, 1, |x, _| if x % 2 == 0 { [255, 255, 255, 255] } else { [20, 20, 20, 255] });
     let back = Material { base_color_texture: Some(super::texture(0)), ..unlit(Vec4::ONE) };
     scene.at(&asset(vec![quad(2.4, 0.6)], vec![back], vec![striped]), 0.0, 1.3, -0.8);

@@ -5,7 +5,7 @@ pub mod layered;
 
 use choreo_asset::*;
 use choreo_motion::{Skeleton, Time, Transform};
-use choreo_render::{Catalog, Plan, PlanOptions};
+use choreo_render::{Plan, PlanOptions, SceneResources};
 use choreo_stage::*;
 use glam::{Affine3A, DAffine3, DVec3, Mat4, Vec2, Vec3, Vec4};
 use std::sync::Arc;
@@ -94,14 +94,14 @@ impl Scene {
         });
     }
 
-    pub fn catalog(&self) -> Arc<Catalog> {
-        Arc::new(Catalog::new(&self.stage))
+    pub fn resources(&self) -> Arc<SceneResources> {
+        Arc::new(SceneResources::new(&self.stage))
     }
 
-    pub fn plan(&self, options: &PlanOptions) -> (Arc<Catalog>, Plan) {
-        let catalog = self.catalog();
-        let plan = Plan::new(&catalog, &self.stage, &self.snapshot, options);
-        (catalog, plan)
+    pub fn plan(&self, options: &PlanOptions) -> (Arc<SceneResources>, Plan) {
+        let resources = self.resources();
+        let plan = Plan::new(&resources, &self.stage, &self.snapshot, options);
+        (resources, plan)
     }
 }
 
@@ -212,8 +212,8 @@ pub fn vulkan(options: GpuOptions) -> Option<VulkanRenderer> {
 }
 
 pub fn draw_with(renderer: &mut dyn Renderer, scene: &Scene, options: &PlanOptions) -> Frame {
-    let (catalog, plan) = scene.plan(options);
-    renderer.load(catalog).unwrap();
+    let (resources, plan) = scene.plan(options);
+    renderer.load(resources).unwrap();
     renderer.submit(plan).unwrap();
     renderer.collect(None).unwrap()
 }

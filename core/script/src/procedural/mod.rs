@@ -22,7 +22,7 @@ use crate::limits::raise_hint;
 use choreo_asset::{
     Asset, Image, Material, Mesh, MeshInstance, Pen, Primitive, Shading, Topology, Triplanar,
 };
-use choreo_importer_kit::{normals, tangents};
+use choreo_importer_kit::tangents;
 use choreo_motion::{Skeleton, Transform};
 use choreo_plugin::MeshData;
 use glam::{DVec3, Vec2, Vec3};
@@ -263,9 +263,7 @@ fn asset(
     primitive.material = Some(0);
     let brushed = material.layers.as_ref().is_some_and(|l| l.anisotropy > 0.0);
     if material.triplanar.is_none() && (material.normal_texture.is_some() || brushed) {
-        let p = &primitive;
-        let made = tangents::corner_tangents(&p.indices, &p.positions, &p.normals, &p.uvs[0]);
-        normals::apply_tangents(&mut primitive, &made);
+        tangents::add(&mut primitive, 0);
     }
     let skeleton = Skeleton::new(vec![joint.to_string()], vec![None], vec![Transform::IDENTITY])
         .map_err(|e| ApiError::new(e.to_string()))?;

@@ -7,7 +7,7 @@ use crate::value::AssetRef;
 use choreo_asset::{
     AlphaMode, Asset, Material, Mesh, Reflection, Sequence, Shading, Stream, TextureRef, TextureSlot,
 };
-use choreo_importer_kit::{normals, tangents};
+use choreo_importer_kit::tangents;
 use glam::{Affine2, Vec3};
 use rhai::{Array, Dynamic};
 use std::sync::Arc;
@@ -141,9 +141,7 @@ fn with_tangents(asset: &mut Asset, material: u32, slot: &str, uv_set: usize) ->
                 any |= !p.uvs[uv_set].is_empty();
                 let plain = !p.uvs[uv_set].is_empty() && !p.normals.is_empty() && p.morphs.is_empty();
                 if slot == "normal" && p.tangents.is_empty() && plain {
-                    let found =
-                        tangents::corner_tangents(&p.indices, &p.positions, &p.normals, &p.uvs[uv_set]);
-                    normals::apply_tangents(&mut p, &found);
+                    tangents::add(&mut p, uv_set);
                 }
             }
             made.primitives.push(p);

@@ -3,7 +3,7 @@
 use super::unjudged::Unjudged;
 use choreo_motion::Time;
 use choreo_plugin::Registry;
-use choreo_render::Catalog;
+use choreo_render::SceneResources;
 use choreo_script::testing::{Expectation, Subject, Timeout, When};
 use choreo_stage::{
     ActorState, Attachment, CameraState, Channel, Cut, Evaluator, LightState, Property, Snapshot, Stage,
@@ -52,7 +52,7 @@ pub struct Looks<'a> {
     cameras: BTreeMap<usize, Evaluator>,
     /// The stage with one light alone, by light.
     lights: BTreeMap<usize, Evaluator>,
-    catalog: Option<Arc<Catalog>>,
+    resources: Option<Arc<SceneResources>>,
 }
 
 impl<'a> Looks<'a> {
@@ -65,13 +65,13 @@ impl<'a> Looks<'a> {
             seen: BTreeMap::new(),
             cameras: BTreeMap::new(),
             lights: BTreeMap::new(),
-            catalog: None,
+            resources: None,
         }
     }
 
-    pub fn catalog(&mut self) -> Arc<Catalog> {
+    pub fn resources(&mut self) -> Arc<SceneResources> {
         let stage = &self.stage;
-        self.catalog.get_or_insert_with(|| Arc::new(Catalog::new(stage))).clone()
+        self.resources.get_or_insert_with(|| Arc::new(SceneResources::new(stage))).clone()
     }
 
     /// An error once the section's time is used up.

@@ -11,7 +11,7 @@ use choreo_script::testing::{Count, PlanCount, PlanOptions};
 use std::sync::Arc;
 
 pub fn make(looks: &mut Looks, options: &PlanOptions, time: Time) -> Result<Plan, Unjudged> {
-    let catalog = looks.catalog();
+    let resources = looks.resources();
     let snapshot = looks.at(time)?;
     let stage = looks.stage.clone();
     let size = options.size.unwrap_or(stage.settings.size);
@@ -19,8 +19,8 @@ pub fn make(looks: &mut Looks, options: &PlanOptions, time: Time) -> Result<Plan
     let effects = looks.registry.effects().to_vec();
     let options = RenderOptions { effects: &effects, ..RenderOptions::new(size, samples) };
     let earlier = |time| looks.at(time).map(|snapshot| (*snapshot).clone());
-    let mut plan = plan_alone(&catalog, &stage, &snapshot, &options, earlier)?;
-    let triangles = |primitive: u32| catalog.primitives[primitive as usize].primitive().indices.len() / 3;
+    let mut plan = plan_alone(&resources, &stage, &snapshot, &options, earlier)?;
+    let triangles = |primitive: u32| resources.primitives[primitive as usize].primitive().indices.len() / 3;
     let recording = record(&plan, RecordOptions::default(), triangles);
     plan.left_out.extend(recording.left_out(&plan));
     Ok(plan)
@@ -33,9 +33,9 @@ pub fn count(
     time: Time,
 ) -> Result<usize, Unjudged> {
     let plan = make(looks, options, time)?;
-    let catalog = looks.catalog();
+    let resources = looks.resources();
     let triangles = |primitive: u32| {
-        let primitive = catalog.primitives[primitive as usize].primitive();
+        let primitive = resources.primitives[primitive as usize].primitive();
         match primitive.topology {
             Topology::Triangles => primitive.indices.len() / 3,
             _ => 0,
@@ -54,7 +54,7 @@ pub fn count(
         PlanCount::Lights => plan.lights.len(),
         PlanCount::JointMatrices => plan.joint_matrices.len(),
         PlanCount::Morphs => plan.morphs.len(),
-        PlanCount::ShadowMaps => plan.shadows.as_ref().map_or(0, |s| s.views.len()),
+        PlanCount::ShadowMaps => plan.shadow_maps.as_ref().map_or(0, |s| s.views.len()),
         PlanCount::OverlayTriangles => plan.overlay.vertices.len() / 3,
     })
 }

@@ -108,7 +108,7 @@ fn without_place(why: &str) -> &str {
 /// As `choreo render` has it: Vulkan where a driver works, else our own renderer.
 pub fn renderer(effects: Vec<Arc<dyn Effect>>, shaders: Option<PathBuf>, tell: Tell) -> StartRenderer {
     Box::new(move || {
-        let cache_dir = choreo::cache_dir();
+        let cache_dir = choreo_command_line::cache_dir();
         let options =
             GpuOptions { cache_dir, shader_dir: shaders, effects: effects.clone(), ..GpuOptions::default() };
         let renderer: (Box<dyn Renderer>, Option<String>) = match SteadyRenderer::new(options) {

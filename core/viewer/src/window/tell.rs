@@ -1,7 +1,7 @@
 //! Output for tests and measurements: what the window has done and when, a line of JSON each on standard output. Hidden behind
 //! `--tell`, since nobody who works with the viewer reads it.
 
-use choreo_render::Held;
+use choreo_render::DeviceUsage;
 use choreo_session::{FrameInfo, SceneVersion};
 use serde_json::{Value, json};
 use std::io::Write;
@@ -32,7 +32,7 @@ impl Tell {
     }
 
     /// A picture that has gone to the screen, with what its frame took and what the renderer holds.
-    pub fn shown(&self, view: usize, shown: &FrameInfo, held: &Held) {
+    pub fn shown(&self, view: usize, shown: &FrameInfo, held: &DeviceUsage) {
         let frame = shown.evaluated_in + shown.planned_in + shown.drawn_in;
         self.say(|| {
             json!({

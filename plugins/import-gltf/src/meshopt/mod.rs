@@ -6,6 +6,8 @@
 
 mod filters;
 
+use crate::problem::Result;
+
 /// `mode` of the extension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
@@ -38,11 +40,11 @@ pub struct Packed {
 
 impl Packed {
     /// What the specification demands of count and stride; the text says what is wrong.
-    pub fn check(&self) -> Result<(), String> {
+    pub fn check(&self) -> Result<()> {
         let Packed { mode, filter, count, stride } = *self;
         let strides = |allowed: bool, text: &str| match allowed {
             true => Ok(()),
-            false => Err(format!("has a byteStride of {stride}; {text}")),
+            false => Err(format!("has a byteStride of {stride}; {text}").into()),
         };
         match mode {
             Mode::Attributes => {
@@ -54,7 +56,7 @@ impl Packed {
             Mode::Triangles | Mode::Indices => strides(stride == 2 || stride == 4, "indices have 2 or 4")?,
         }
         if mode == Mode::Triangles && count % 3 != 0 {
-            return Err(format!("has {count} indices, which make no whole triangles"));
+            return Err(format!("has {count} indices, which make no whole triangles").into());
         }
         match filter {
             _ if filter != Filter::None && mode != Mode::Attributes => {
@@ -90,14 +92,11 @@ impl Packed {
     }
 
     /// Unpacks. [`Packed::check`] must have passed. Every byte of `data` is accounted for, or it is an error.
-    pub fn unpack(&self, data: &[u8]) -> Result<Vec<u8>, String> {
+    pub fn unpack(&self, data: &[u8]) -> Result<Vec<u8>> {
         let Packed { mode, filter, count, stride } = *self;
         if (data.len() as u64) < self.least() {
-            return Err(format!(
-                "{count} elements take {} bytes or more, but there are {}",
-                self.least(),
-                data.len()
-            ));
+            let (least, length) = (self.least(), data.len());
+            return Err(format!("{count} elements take {least} bytes or more, but there are {length}").into());
         }
         self.check_head(data[0])?;
         let unpacked = match (mode, stride) {
@@ -116,18 +115,18 @@ impl Packed {
     }
 
     /// The codecs' first byte: the mode in the upper half, the version in the lower.
-    fn check_head(&self, head: u8) -> Result<(), String> {
+    fn check_head(&self, head: u8) -> Result<()> {
         let mark = match self.mode {
             Mode::Attributes => 0xa0,
             Mode::Triangles => 0xe0,
             Mode::Indices => 0xd0,
         };
         if head & 0xf0 != mark {
-            return Err(format!("begins with {head:#04x}, but {mark:#04x} is this mode's mark"));
+            return Err(format!("begins with {head:#04x}, but {mark:#04x} is this mode's mark").into());
         }
         match head & 0x0f {
             0 | 1 => Ok(()),
-            version => Err(format!("is of version {version}; the newest known is 1")),
+            version => Err(format!("is of version {version}; the newest known is 1").into()),
         }
     }
 }

@@ -190,14 +190,15 @@ fn filters() {
 #[test]
 fn lies_are_refused_before_anything_is_allocated() {
     let of = |count| Packed { mode: Mode::Attributes, filter: Filter::None, count, stride: 8 };
-    let text = of(1 << 40).unpack(&hex(WAVE_0)).unwrap_err();
+    let text = of(1 << 40).unpack(&hex(WAVE_0)).unwrap_err().what;
     assert_eq!(text, "1099511627776 elements take 8589934617 bytes or more, but there are 194");
     assert!(of(24).unpack(&hex(WAVE_0)).is_err());
     let longer = [&hex(WAVE_0)[..160], &[0; 3], &hex(WAVE_0)[160..]].concat();
-    assert_eq!(of(40).unpack(&longer).unwrap_err(), "bytes are left over after the last element");
-    assert_eq!(of(1).unpack(&[0x50; 64]).unwrap_err(), "begins with 0x50, but 0xa0 is this mode's mark");
-    assert_eq!(of(1).unpack(&[0xa7; 64]).unwrap_err(), "is of version 7; the newest known is 1");
-    let check = |mode, filter, count, stride| Packed { mode, filter, count, stride }.check().unwrap_err();
+    assert_eq!(of(40).unpack(&longer).unwrap_err().what, "bytes are left over after the last element");
+    assert_eq!(of(1).unpack(&[0x50; 64]).unwrap_err().what, "begins with 0x50, but 0xa0 is this mode's mark");
+    assert_eq!(of(1).unpack(&[0xa7; 64]).unwrap_err().what, "is of version 7; the newest known is 1");
+    let check =
+        |mode, filter, count, stride| Packed { mode, filter, count, stride }.check().unwrap_err().what;
     assert_eq!(
         check(Mode::Attributes, Filter::None, 1, 6),
         "has a byteStride of 6; multiples of 4 up to 256 are allowed"

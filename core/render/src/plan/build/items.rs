@@ -1,4 +1,4 @@
-//! What is drawn, before it is sorted into draws.
+//! Items to draw, before they are sorted and merged into draw calls.
 
 use crate::plan::build::Planner;
 use crate::plan::{Draw, Features, Instance, PipelineKey};
@@ -6,34 +6,42 @@ use crate::scene_resources::PrimitiveEntry;
 use choreo_stage::ActorState;
 use std::sync::Arc;
 
-/// One copy of one primitive before sorting.
-pub(crate) struct Item {
-    pub phase: Phase,
+/// One copy of one primitive.
+#[derive(Clone, Copy)]
+pub(super) struct DrawItem {
+    pub phase: DrawPhase,
     pub pipeline: PipelineKey,
     pub entry: PrimitiveEntry,
-    /// Of the plan's changed materials.
-    pub changed: Option<u32>,
-    /// Metres in front of the camera.
+    pub material_override: Option<u32>,
+    /// Meters in front of the camera.
     pub depth: f32,
     /// The smallest depth among the copies that share its draw.
     pub nearest: f32,
-    /// As [`crate::plan::Draw::closed`].
-    pub closed: u32,
+    /// As in [`Draw::watertight`].
+    pub watertight: u32,
     pub instance: Instance,
     pub actor: u32,
-    /// Of what is seen through: place among the planner's boxes.
-    pub seen_through: Option<u32>,
+    /// Index into `Planner::transparent`, if it is transparent.
+    pub transparent: Option<u32>,
 }
 
-impl Item {
-    /// What one draw has in common.
-    pub fn state(&self) -> (Phase, PipelineKey, u32, Option<u32>, u32, u32) {
-        (self.phase, self.pipeline, self.entry.material, self.changed, self.entry.primitive, self.closed)
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum DrawPhase {
+    Opaque,
+    AlphaTested,
+    Transparent,
+}
+
+impl DrawItem {
+    /// What the instances of one draw have in common.
+    fn state(&self) -> (DrawPhase, PipelineKey, u32, Option<u32>, u32, u32) {
+        let entry = &self.entry;
+        (self.phase, self.pipeline, entry.material, self.material_override, entry.primitive, self.watertight)
     }
 }
 
-/// Into the order of drawing; gives where what is seen through begins.
-pub(crate) fn sort(items: &mut [Item]) -> usize {
+/// Sorts into drawing order, and gives the index of the first transparent item.
+pub(super) fn sort(items: &mut [DrawItem]) -> usize {
     // Few state changes first; within one state near primitives before far ones and near copies before far
     // ones, so that the depth test spares the shading of what is hidden. Stable: equal keys stay in actor order.
     items.sort_by(|a, b| a.state().cmp(&b.state()).then(a.depth.total_cmp(&b.depth)));
@@ -44,67 +52,76 @@ pub(crate) fn sort(items: &mut [Item]) -> usize {
         }
         items[i].nearest = nearest;
     }
-    let batch = |i: &Item| (i.phase, i.pipeline, i.entry.material, i.changed);
+    let batch = |i: &DrawItem| (i.phase, i.pipeline, i.entry.material, i.material_override);
     items.sort_by(|a, b| {
         let same = batch(a).cmp(&batch(b)).then(a.nearest.total_cmp(&b.nearest));
-        same.then((a.entry.primitive, a.closed).cmp(&(b.entry.primitive, b.closed)))
+        same.then((a.entry.primitive, a.watertight).cmp(&(b.entry.primitive, b.watertight)))
     });
-    let first_blended = items.partition_point(|i| i.phase < Phase::Blend);
-    items[first_blended..].sort_by(|a, b| b.depth.total_cmp(&a.depth));
-    first_blended
+    let first_transparent = items.partition_point(|i| i.phase < DrawPhase::Transparent);
+    items[first_transparent..].sort_by(|a, b| b.depth.total_cmp(&a.depth));
+    first_transparent
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Phase {
-    Opaque,
-    Mask,
-    Blend,
+/// Draw calls of sorted instances. Adjacent instances with the same state share one.
+pub(super) struct DrawMerger<S> {
+    pub draws: Vec<Draw>,
+    state: Option<S>,
+    no_instancing: bool,
 }
 
-impl Planner<'_> {
-    /// The material of a primitive where it is not now as in the catalogue.
-    pub fn changed_material(&mut self, entry: &PrimitiveEntry, state: &ActorState) -> Option<u32> {
-        let index = entry.changes?;
-        let known = self.changed.iter().find(|(m, c, _)| (*m, *c) == (index, entry.material));
-        if let Some((_, _, place)) = known {
-            return Some(*place);
+impl<S: PartialEq> DrawMerger<S> {
+    pub fn new(no_instancing: bool) -> DrawMerger<S> {
+        DrawMerger { draws: Vec::new(), state: None, no_instancing }
+    }
+
+    /// Adds an instance: to the last draw if its state is the same, else to a new one, `draw`.
+    pub fn add(&mut self, state: S, draw: Draw) {
+        match self.draws.last_mut() {
+            Some(last) if self.state.as_ref() == Some(&state) && !self.no_instancing => {
+                last.instance_count += 1
+            }
+            _ => self.draws.push(draw),
         }
-        let now = &state.materials.iter().find(|m| m.material == index)?.now;
-        let place = self.materials.len() as u32;
-        let base = &self.catalog.materials[entry.material as usize];
-        self.materials.push(Arc::new(base.changed(now, entry.animated.is_some())));
-        self.changed.push((index, entry.material, place));
-        Some(place)
+        self.state = Some(state);
     }
 }
 
 impl Planner<'_> {
-    /// The sorted items as draws, of which neighbours that have all in common are one, their instances, and the features of all.
+    /// Index of a material's override, if it is not as in the scene resources in this frame.
+    pub fn material_override(&mut self, entry: &PrimitiveEntry, state: &ActorState) -> Option<u32> {
+        let index = entry.animated?;
+        let known = self.overrides_of_actor.iter().find(|(m, r, _)| (*m, *r) == (index, entry.material));
+        if let Some((_, _, at)) = known {
+            return Some(*at);
+        }
+        let now = &state.materials.iter().find(|m| m.material == index)?.now;
+        let at = self.material_overrides.len() as u32;
+        let base = &self.resources.materials[entry.material as usize];
+        self.material_overrides.push(Arc::new(base.with_values(now, entry.animated_color.is_some())));
+        self.overrides_of_actor.push((index, entry.material, at));
+        Some(at)
+    }
+
+    /// Draw calls of the sorted items, their instances, and the features of all.
     pub fn draws(&self) -> (Vec<Draw>, Vec<Instance>, Features) {
-        let mut draws: Vec<Draw> = Vec::new();
+        let mut merger = DrawMerger::new(self.options.no_instancing);
         let mut instances = Vec::with_capacity(self.items.len());
-        let mut previous = None;
         let mut all = Features::default();
         for item in &self.items {
             all = all.with(item.pipeline.features);
-            match draws.last_mut() {
-                Some(draw) if previous == Some(item.state()) && !self.options.no_instancing => {
-                    draw.instance_count += 1;
-                }
-                _ => draws.push(Draw {
-                    pipeline: item.pipeline,
-                    primitive: item.entry.primitive,
-                    material: item.entry.material,
-                    changed: item.changed,
-                    closed: item.closed,
-                    deferred: false,
-                    first_instance: instances.len() as u32,
-                    instance_count: 1,
-                }),
-            }
-            previous = Some(item.state());
+            let draw = Draw {
+                pipeline: item.pipeline,
+                primitive: item.entry.primitive,
+                material: item.entry.material,
+                material_override: item.material_override,
+                watertight: item.watertight,
+                deferred: false,
+                first_instance: instances.len() as u32,
+                instance_count: 1,
+            };
+            merger.add(item.state(), draw);
             instances.push(item.instance);
         }
-        (draws, instances, all)
+        (merger.draws, instances, all)
     }
 }

@@ -1,4 +1,4 @@
-//! The lights of a frame as shaders read them.
+//! Lights and sky of a frame.
 
 use crate::plan::view::relative;
 use crate::plan::{PlanLight, PlanSky, View};
@@ -6,8 +6,11 @@ use choreo_asset::LightKind;
 use choreo_stage::{LightState, Shadow, SkyState};
 use glam::{Vec3, Vec4};
 
-/// Lights that shine, how each casts shadows, and the number of those that do not shine.
-pub fn plan_lights(lights: &[LightState], view: &View) -> (Vec<PlanLight>, Vec<Option<Shadow>>, usize) {
+/// Lights that shine, the shadow settings of each, and the number of lights that do not shine.
+pub(super) fn plan_lights(
+    lights: &[LightState],
+    view: &View,
+) -> (Vec<PlanLight>, Vec<Option<Shadow>>, usize) {
     let mut out = Vec::with_capacity(lights.len());
     let mut shadows = Vec::with_capacity(lights.len());
     for state in lights {
@@ -25,9 +28,9 @@ pub fn plan_lights(lights: &[LightState], view: &View) -> (Vec<PlanLight>, Vec<O
         }
         let inverse_range_squared =
             light.range.filter(|r| *r > 0.0 && kind != 0.0).map_or(0.0, |r| 1.0 / (r * r));
-        // Shares of the polynomial; their sum goes into the colour.
+        // Shares of the polynomial; its sum is divided out of the color.
         let polynomial = state.attenuation.filter(|_| kind != 0.0).map(|a| (a, a[0] + a[1] + a[2]));
-        let (fall, first, color) = match polynomial {
+        let (falloff, linear, color) = match polynomial {
             Some((a, sum)) => (-1.0 - a[2] / sum, a[1] / sum, color / sum),
             None => (inverse_range_squared, 0.0, color),
         };
@@ -41,9 +44,9 @@ pub fn plan_lights(lights: &[LightState], view: &View) -> (Vec<PlanLight>, Vec<O
         };
         shadows.push(state.shadow);
         out.push(PlanLight {
-            position: position.extend(fall),
+            position: position.extend(falloff),
             direction: state.direction.extend(kind),
-            color: color.extend(first),
+            color: color.extend(linear),
             cone,
         });
     }
@@ -51,8 +54,8 @@ pub fn plan_lights(lights: &[LightState], view: &View) -> (Vec<PlanLight>, Vec<O
     (out, shadows, dark)
 }
 
-/// `None` where neither a surface nor the background shows it.
-pub fn plan_sky(sky: &SkyState, lights: bool) -> Option<PlanSky> {
+/// `None` if neither a surface nor the background shows the sky.
+pub(super) fn plan_sky(sky: &SkyState, lights: bool) -> Option<PlanSky> {
     let turn = [libm::cos(sky.turn) as f32, libm::sin(sky.turn) as f32];
     let finite = turn.iter().all(|v| v.is_finite()) && sky.strength.is_finite();
     let used = finite && (lights || sky.background);

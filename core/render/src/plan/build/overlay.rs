@@ -1,32 +1,32 @@
-//! Triangles, lines, points and lattices of effects as triangles on the screen, the same for both renderers.
+//! Triangles, lines, points and grids of effects as triangles on the screen, the same for both renderers.
 
-use crate::layers_2d::FlatLabel;
+use crate::layers_2d::ScreenLabel;
 use crate::plan::build::effects::{effect_parameters, uses};
 use crate::plan::options::PlanOptions;
-use crate::plan::{LeftOut, PlanOverlay, View};
-use crate::plan::{OverlayPart, OverlayVertex};
+use crate::plan::{LeftOut, OverlayPart, OverlayVertex, PlanOverlay, View};
 use choreo_plugin::{Hook, Label, Lattice, Overlay, Scene, Stroke, Triangle};
 use choreo_stage::{Snapshot, Stage};
 use glam::{DVec3, Vec2, Vec4, Vec4Swizzles};
 
-/// More could not be read.
+/// Largest number of labels: nobody could read more.
 const MOST_LABELS: usize = 2_000;
 
-pub fn overlays(
+pub(super) fn overlays(
     stage: &Stage,
     snapshot: &Snapshot,
     view: &View,
     options: &PlanOptions,
-) -> (PlanOverlay, Vec<FlatLabel>, Vec<LeftOut>) {
+) -> (PlanOverlay, Vec<ScreenLabel>, Vec<LeftOut>) {
     let (mut overlay, mut labels, mut left_out) = (PlanOverlay::default(), Vec::new(), Vec::new());
     let size = Vec2::new(options.size[0] as f32, options.size[1] as f32);
-    for (used, state) in uses(stage, snapshot) {
-        let effect = options.effects.iter().find(|e| e.manifest().name == used.plugin);
-        let Some(effect) = effect.filter(|e| e.hook() == Hook::Overlay) else { continue };
-        let parameters = effect_parameters(effect.as_ref(), &state.parameters);
+    for (effect, used, state) in uses(stage, snapshot, options.effects) {
+        if effect.hook() != Hook::Overlay {
+            continue;
+        }
+        let parameters = effect_parameters(effect, &state.parameters);
         let mut drawn =
             effect.overlay(&Scene { stage, snapshot, before: options.before, on: &used.on }, &parameters);
-        // Six corners of 64 bytes a stroke: 38 MB.
+        // Six vertices of 64 bytes for each stroke: 38 MB.
         let most = Overlay::MOST;
         let counts = [("lines and points", drawn.strokes.len()), ("triangles", drawn.triangles.len())];
         let many = counts.into_iter().filter(|(_, count)| *count > most);
@@ -54,13 +54,13 @@ pub fn overlays(
     (overlay, labels, left_out)
 }
 
-/// Where a label stands in the picture; `None` outside of it.
-fn label(l: Label, view: &View) -> Option<FlatLabel> {
+/// A label at its position in the image; `None` outside of it.
+fn label(l: Label, view: &View) -> Option<ScreenLabel> {
     let clip = view.clip_from_relative * (l.at - view.position).as_vec3().extend(1.0);
     let seen = clip.w > 1e-6 && clip.z <= clip.w && clip.x.abs() <= clip.w && clip.y.abs() <= clip.w;
     let at = clip.xy() / clip.w * 0.5 + 0.5;
     let good = l.size.is_finite() && l.beside.is_finite() && l.color.is_finite();
-    (seen && good && !l.text.is_empty()).then(|| FlatLabel {
+    (seen && good && !l.text.is_empty()).then(|| ScreenLabel {
         at: at.as_dvec2(),
         size: l.size.clamp(4.0, 256.0),
         beside: l.beside,
@@ -69,7 +69,7 @@ fn label(l: Label, view: &View) -> Option<FlatLabel> {
     })
 }
 
-/// Those that may be seen, back to front by the depth of their middles; of equal depth as they are given.
+/// Triangles in view, back to front by the depth of their centers; with equal depths in the given order.
 fn triangles(all: &[Triangle], view: &View, out: &mut Vec<OverlayVertex>) {
     let mut seen: Vec<(f32, [Vec4; 3], Vec4)> = Vec::new();
     for t in all.iter().filter(|t| t.color.is_finite() && t.color.w > 0.0) {
@@ -84,19 +84,19 @@ fn triangles(all: &[Triangle], view: &View, out: &mut Vec<OverlayVertex>) {
         }
     }
     seen.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let corner =
+    let vertex =
         |clip, color| OverlayVertex { clip, color, lattice: Vec4::X * 2.0, ..OverlayVertex::default() };
-    out.extend(seen.into_iter().flat_map(|(_, clip, color)| clip.map(|clip| corner(clip, color))));
+    out.extend(seen.into_iter().flat_map(|(_, clip, color)| clip.map(|clip| vertex(clip, color))));
 }
 
-/// A rectangle in the picture's plane, half a line's width and a pixel more around what is seen of it.
+/// A rectangle in the image plane around the visible part of a line, larger by half its width and a pixel.
 fn stroke(s: &Stroke, view: &View, size: Vec2, out: &mut Vec<OverlayVertex>) {
     let clip = |world: DVec3| {
         let relative = (world - view.position).as_vec3();
         view.clip_from_relative * relative.extend(1.0)
     };
     let Some([a, b]) = clipped(clip(s.from), clip(s.to)) else { return };
-    // As the picture has it: interpolated straight.
+    // Interpolated linearly in the image.
     let flat = |c: Vec4| (c.xyz() / c.w).extend(1.0);
     let (a, b) = (flat(a), flat(b));
     if !a.is_finite() || !b.is_finite() || !s.color.is_finite() {
@@ -107,7 +107,7 @@ fn stroke(s: &Stroke, view: &View, size: Vec2, out: &mut Vec<OverlayVertex>) {
     let along = if length > 1e-4 { way / length } else { Vec2::X };
     let radius = s.width.clamp(1.0, 64.0) * 0.5;
     let reach = radius + 1.0;
-    let corner = |end: Vec4, along_by: f32, across_by: f32, at: f32| {
+    let vertex = |end: Vec4, along_by: f32, across_by: f32, at: f32| {
         let off = along * along_by + Vec2::new(-along.y, along.x) * across_by;
         OverlayVertex {
             clip: end + (off * 2.0 / size).extend(0.0).extend(0.0),
@@ -116,18 +116,18 @@ fn stroke(s: &Stroke, view: &View, size: Vec2, out: &mut Vec<OverlayVertex>) {
             lattice: Vec4::ZERO,
         }
     };
-    let corners = [
-        corner(a, -reach, -reach, 0.0),
-        corner(a, -reach, reach, 0.0),
-        corner(b, reach, -reach, length),
-        corner(b, reach, reach, length),
+    let vertices = [
+        vertex(a, -reach, -reach, 0.0),
+        vertex(a, -reach, reach, 0.0),
+        vertex(b, reach, -reach, length),
+        vertex(b, reach, reach, length),
     ];
-    out.extend([0, 1, 2, 2, 1, 3].map(|i| corners[i]));
+    out.extend([0, 1, 2, 2, 1, 3].map(|i| vertices[i]));
 }
 
-/// The part of a segment in front of the near plane, before the far one, and not far beside the picture.
+/// The part of a segment between the near and the far plane, and not far outside the image.
 fn clipped(a: Vec4, b: Vec4) -> Option<[Vec4; 2]> {
-    // Reversed Z: nearer than the near plane is z > w. Widths reach into the picture from outside.
+    // Reversed Z: nearer than the near plane is z > w. Thick lines reach into the image from outside.
     let planes = |c: Vec4| {
         [c.w - c.z, c.z, 2.0 * c.w + c.x, 2.0 * c.w - c.x, 2.0 * c.w + c.y, 2.0 * c.w - c.y, c.w - 1e-6]
     };
@@ -145,8 +145,8 @@ fn clipped(a: Vec4, b: Vec4) -> Option<[Vec4; 2]> {
     (from <= to).then(|| [a + (b - a) * from, a + (b - a) * to])
 }
 
-/// A square of the plane around the point below the viewer. Numbers count cells from a thick line nearby, so that they are
-/// small wherever the viewer is.
+/// A square of a grid's plane around the point below the camera. Positions count cells from a thick line nearby, so that they
+/// are small wherever the camera is.
 fn lattice(l: &Lattice, view: &View, out: &mut Vec<OverlayVertex>) {
     let good = l.cell > 0.0 && l.cell.is_finite() && l.fade > 0.0 && l.fade.is_finite();
     if !good || !l.origin.is_finite() || !l.along.iter().all(|a| a.is_finite()) {
@@ -155,12 +155,13 @@ fn lattice(l: &Lattice, view: &View, out: &mut Vec<OverlayVertex>) {
     let every = f64::from(l.every.max(1));
     let period = l.cell * every;
     let beside = view.position - l.origin;
-    // The thick lines' crossing next to the foot, and the foot from there; in f64, both exact far from the origin.
+    // The crossing of thick lines next to the point below the camera, and that point from there; in f64, so exact far from the
+    // origin.
     let foot = l.along.map(|a| beside.dot(a));
     let crossing = foot.map(|f| libm::floor(f / period + 0.5) * period);
     let middle = l.origin + l.along[0] * crossing[0] + l.along[1] * crossing[1];
     let off = [foot[0] - crossing[0], foot[1] - crossing[1]];
-    let corner = |x: f64, y: f64| {
+    let vertex = |x: f64, y: f64| {
         let (x, y) = (off[0] + x * l.fade, off[1] + y * l.fade);
         let world = middle + l.along[0] * x + l.along[1] * y;
         let relative = (world - view.position).as_vec3();
@@ -177,8 +178,8 @@ fn lattice(l: &Lattice, view: &View, out: &mut Vec<OverlayVertex>) {
             lattice: Vec4::new(1.0, every as f32, l.widths[0], l.widths[1]),
         }
     };
-    let corners = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0)];
-    if corners.iter().all(|c| c.clip.is_finite()) {
-        out.extend([0, 1, 2, 2, 1, 3].map(|i| corners[i]));
+    let vertices = [vertex(-1.0, -1.0), vertex(1.0, -1.0), vertex(-1.0, 1.0), vertex(1.0, 1.0)];
+    if vertices.iter().all(|c| c.clip.is_finite()) {
+        out.extend([0, 1, 2, 2, 1, 3].map(|i| vertices[i]));
     }
 }

@@ -1,59 +1,61 @@
-//! Where shadow maps look and how fine they are: a sun's map is fitted to what it lights of what the camera sees, in cascades
-//! where the view reaches far; a spot has one map, a point light up to six.
+//! Fits shadow maps: a directional light's map to the lit part of the view, in cascades if the view reaches far; a spot light has
+//! one map, a point light up to six.
 //!
-//! Texels of a sun's map lie on a grid that stands still in the world, and their size moves in steps: shadows do not swim.
+//! Texels of a directional light's map lie on a grid that is fixed in the world, and their size changes in steps, so that shadows
+//! do not swim.
 
-use crate::plan::{PlanLight, View};
-use crate::scene_resources::bounds::{Aabb, outside};
+use crate::plan::{LightType, PlanLight, View};
+use crate::scene_resources::bounds::outside;
+use choreo_asset::Aabb;
 use choreo_stage::Shadow;
 use glam::{DMat4, DVec3, DVec4, Mat4, Vec2};
 
-/// Maps of one frame; as many as the shader's array holds.
-pub const MAX_VIEWS: usize = 32;
-/// Texels of the image that all maps share, each way: 256 MB.
-pub const MAX_IMAGE: u32 = 8192;
+/// Largest number of shadow maps of a frame: the length of the shader's array.
+pub(crate) const MAX_VIEWS: usize = 32;
+/// Largest side of the image that all maps share, in texels: 256 MB.
+const MAX_IMAGE: u32 = 8192;
 const MAX_CASCADES: usize = 4;
-/// Texels that the filter averages over.
+/// Width of the filter in texels.
 const FILTER: f64 = 3.0;
-/// Texels kept free on each side: the filter's reach and the step along the normal.
+/// Margin on each side in texels: the filter's reach and the offset along the normal.
 const MARGIN: f64 = 6.0;
-/// Casters nearer than this to a lamp (its bulb) throw no shadow. Metres.
-const LAMP_NEAR: f64 = 0.05;
+/// Near plane of point and spot lights in meters: casters nearer than this (the bulb) throw no shadow.
+const NEAR: f64 = 0.05;
 
-/// What is seen and who casts, in camera-relative space.
-pub struct Region<'a> {
+/// What is in view and what casts shadows, in camera-relative space.
+pub(super) struct ShadowRegion<'a> {
     pub view: &'a View,
     /// Pixels.
-    pub picture: [u32; 2],
-    /// Boxes of all that is lit and in view.
+    pub size: [u32; 2],
+    /// Bounds of the lit copies in view.
     pub receivers: &'a [Aabb],
     pub casters: &'a [Aabb],
 }
 
-/// A map before it has its place.
-pub struct Fitted {
+/// A shadow map before it has its place in the image.
+pub(super) struct FittedMap {
     pub clip_from_relative: Mat4,
     pub size: [u32; 2],
     pub texel: f32,
-    /// Indices into `Region::casters`.
+    /// Indices into `ShadowRegion::casters`.
     pub casters: Vec<usize>,
 }
 
-/// The maps of one light; none where nothing casts on what it lights.
-pub fn fit(light: &PlanLight, shadow: Shadow, region: &Region<'_>) -> Vec<Fitted> {
+/// Shadow maps of one light; none if nothing casts on what it lights.
+pub(super) fn fit(light: &PlanLight, shadow: Shadow, region: &ShadowRegion<'_>) -> Vec<FittedMap> {
     let direction = light.direction.truncate().as_dvec3().normalize_or(DVec3::NEG_Y);
     let most = f64::from(shadow.size.clamp(*Shadow::SIZES.start(), *Shadow::SIZES.end()) / 16 * 16);
     let softness = f64::from(shadow.softness.max(0.0));
     if region.receivers.is_empty() || region.casters.is_empty() {
         return Vec::new();
     }
-    match light.direction.w {
-        0.0 => sun(Axes::along(direction), most, softness, region),
-        kind => lamp(light, direction, kind == 2.0, most, softness, region),
+    match light.light_type() {
+        LightType::Directional => cascades(Axes::along(direction), most, softness, region),
+        _ => perspective_maps(light, direction, most, softness, region),
     }
 }
 
-/// Right, up and forward of a light, as a camera's: unit, at right angles.
+/// Right, up and forward of a light, as a camera's: orthonormal.
 #[derive(Clone, Copy)]
 struct Axes {
     right: DVec3,
@@ -69,7 +71,7 @@ impl Axes {
     }
 }
 
-/// From and to along an axis.
+/// Interval along an axis.
 #[derive(Clone, Copy)]
 struct Span([f64; 2]);
 
@@ -100,13 +102,13 @@ fn spans(boxes: &[Aabb], axis: DVec3) -> Span {
     boxes.iter().fold(Span::EMPTY, |all, b| all.union(Span::of(b, axis)))
 }
 
-/// Up in steps of a quarter of a doubling, so that what moves a little changes nothing.
+/// Rounds up in steps of a quarter octave, so that small movements change nothing.
 fn stepped(v: f64) -> f64 {
     libm::exp2(libm::ceil(libm::log2(v) * 4.0) * 0.25)
 }
 
-/// What of the view lies between two depths: middle and radius of a sphere around it, which turning the camera leaves as it is.
-fn slice(region: &Region<'_>, from: f64, to: f64) -> (DVec3, f64) {
+/// Bounding sphere of the part of the view between two depths; rotating the camera does not change its radius.
+fn slice(region: &ShadowRegion<'_>, from: f64, to: f64) -> (DVec3, f64) {
     let m = &region.view.clip_from_view;
     let back = region.view.view_from_relative.row(2).truncate().as_dvec3();
     let half = |scale: f32| 1.0 / f64::from(scale.abs()).max(1e-9);
@@ -124,7 +126,7 @@ fn slice(region: &Region<'_>, from: f64, to: f64) -> (DVec3, f64) {
     (back * -depth, radius)
 }
 
-fn sun(axes: Axes, most: f64, softness: f64, region: &Region<'_>) -> Vec<Fitted> {
+fn cascades(axes: Axes, most: f64, softness: f64, region: &ShadowRegion<'_>) -> Vec<FittedMap> {
     let forward = -region.view.view_from_relative.row(2).truncate().as_dvec3();
     let depths = spans(region.receivers, forward);
     if !depths.is_finite() || depths.0[1] <= 0.0 {
@@ -133,16 +135,16 @@ fn sun(axes: Axes, most: f64, softness: f64, region: &Region<'_>) -> Vec<Fitted>
     let far = depths.0[1];
     let near = depths.0[0].max(far * 1e-3);
     let perspective = region.view.eye.w != 0.0;
-    // The first cascade begins where the view does, but is not made finer for what lies under the camera's feet.
+    // The first cascade begins where the view does, but is not refined for what lies right at the camera.
     let finest = near.max(far / 64.0);
-    // What a pixel covers at a depth.
+    // Size of a pixel at a depth.
     let pixel = |depth: f64| {
         2.0 * if perspective { depth } else { 1.0 }
             / f64::from(region.view.clip_from_view.y_axis.y.abs()).max(1e-9)
-            / f64::from(region.picture[1].max(1))
+            / f64::from(region.size[1].max(1))
     };
-    // Twelve pixels of penumbra where the view begins, and 24 where another cascade does, which are fewer behind; another map
-    // costs every caster again.
+    // Penumbras of 12 pixels where the view begins, and of 24 where another cascade does, which are fewer behind: another map
+    // draws every caster again.
     let fine_enough = |cascade: usize, depth: f64| {
         let pixels = if cascade == 0 { 4.0 } else { 8.0 };
         (pixels * pixel(depth.max(finest))).max(1.2 * softness / FILTER)
@@ -151,9 +153,9 @@ fn sun(axes: Axes, most: f64, softness: f64, region: &Region<'_>) -> Vec<Fitted>
     if !lit.iter().all(|s| s.is_finite()) {
         return Vec::new();
     }
-    let mut cascades: Vec<(Span, Span, f64, bool)> = Vec::new();
+    let mut all: Vec<(Span, Span, f64, bool)> = Vec::new();
     for count in 1..=MAX_CASCADES {
-        cascades = (0..count)
+        all = (0..count)
             .map(|i| {
                 let split = |i: usize| match i {
                     0 => near,
@@ -168,19 +170,26 @@ fn sun(axes: Axes, most: f64, softness: f64, region: &Region<'_>) -> Vec<Fitted>
                 (across, up, texel, texel <= fine_enough(i, split(i)))
             })
             .collect();
-        // Where each is: one that is fine near and coarse behind melts shadows that a smaller map keeps apart.
-        if !perspective || cascades.iter().all(|c| c.3) {
+        // All must be fine enough: a cascade that is fine near and coarse behind would merge shadows that a smaller map separates.
+        if !perspective || all.iter().all(|c| c.3) {
             break;
         }
     }
-    let cascades = cascades.into_iter().filter(|(across, up, ..)| across.length() > 0.0 && up.length() > 0.0);
+    let cascades = all.into_iter().filter(|(across, up, ..)| across.length() > 0.0 && up.length() > 0.0);
     cascades
-        .filter_map(|(across, up, texel, _)| sun_map(axes, [across, up, lit[2]], stepped(texel), region))
+        .filter_map(|(across, up, texel, _)| {
+            directional_map(axes, [across, up, lit[2]], stepped(texel), region)
+        })
         .collect()
 }
 
-fn sun_map(axes: Axes, [across, up, deep]: [Span; 3], texel: f64, region: &Region<'_>) -> Option<Fitted> {
-    // Texel borders at whole multiples of a texel in the world.
+fn directional_map(
+    axes: Axes,
+    [across, up, deep]: [Span; 3],
+    texel: f64,
+    region: &ShadowRegion<'_>,
+) -> Option<FittedMap> {
+    // Texel borders lie at whole multiples of a texel in the world.
     let margin = MARGIN * texel;
     let grid = |v: f64, world: f64, round: fn(f64) -> f64| round((v + world) / texel) * texel - world;
     let (at_x, at_y) = (axes.right.dot(region.view.position), axes.up.dot(region.view.position));
@@ -195,7 +204,7 @@ fn sun_map(axes: Axes, [across, up, deep]: [Span; 3], texel: f64, region: &Regio
     for (i, b) in region.casters.iter().enumerate() {
         let [x, y, z] = [axes.right, axes.up, axes.forward].map(|axis| Span::of(b, axis));
         let beside = x.0[1] < left || x.0[0] > right || y.0[1] < bottom || y.0[0] > top;
-        // Behind all that is lit it shades nothing.
+        // A caster behind everything lit shades nothing.
         if beside || z.0[0] > deep.0[1] || !z.is_finite() {
             continue;
         }
@@ -216,24 +225,23 @@ fn sun_map(axes: Axes, [across, up, deep]: [Span; 3], texel: f64, region: &Regio
     fitted(rows, [w as u32, h as u32], texel, casters)
 }
 
-fn fitted(rows: [DVec4; 4], size: [u32; 2], texel: f64, casters: Vec<usize>) -> Option<Fitted> {
+fn fitted(rows: [DVec4; 4], size: [u32; 2], texel: f64, casters: Vec<usize>) -> Option<FittedMap> {
     let clip = DMat4::from_cols_array_2d(&rows.map(|r| r.to_array())).transpose().as_mat4();
-    clip.is_finite().then_some(Fitted { clip_from_relative: clip, size, texel: texel as f32, casters })
+    clip.is_finite().then_some(FittedMap { clip_from_relative: clip, size, texel: texel as f32, casters })
 }
 
-/// A spot's cone, or as many faces of a cube around a lamp as see casters.
-fn lamp(
+/// Maps of a spot light's cone, or of the faces of a cube around a light that see casters.
+fn perspective_maps(
     light: &PlanLight,
     direction: DVec3,
-    is_spot: bool,
     most: f64,
     softness: f64,
-    region: &Region<'_>,
-) -> Vec<Fitted> {
+    region: &ShadowRegion<'_>,
+) -> Vec<FittedMap> {
     let position = light.position.truncate().as_dvec3();
-    // cos(outer) from clamp(cos · scale + offset).
-    let cos_outer = if is_spot { f64::from(-light.cone.y / light.cone.x).clamp(-1.0, 1.0) } else { -1.0 };
-    // How far the light's maps must be sharp: to the middle of what is lit.
+    let is_spot = light.light_type() == LightType::Spot;
+    let cos_outer = if is_spot { f64::from(light.cos_outer()).clamp(-1.0, 1.0) } else { -1.0 };
+    // The maps must be sharp at the distance of the center of what is lit.
     let middle = region.receivers.iter().fold(DVec3::ZERO, |sum, b| sum + b.center().as_dvec3())
         / region.receivers.len() as f64;
     let distance = middle.distance(position).max(0.1);
@@ -241,7 +249,7 @@ fn lamp(
         let wanted = 2.0 * tan * distance * FILTER / softness.max(1e-6);
         (libm::ceil(stepped(wanted.clamp(128.0, 8192.0)) / 16.0) * 16.0).clamp(64.0, most)
     };
-    // Further than all that is lit, or than the light reaches, nothing casts.
+    // Casters beyond everything lit or beyond the light's range have no effect.
     let farthest = |b: &Aabb| {
         b.corners().map(|c| c.as_dvec3().distance_squared(position)).into_iter().fold(0.0, f64::max)
     };
@@ -252,10 +260,10 @@ fn lamp(
         nearest.distance_squared(position) <= lit.min(range)
     };
     let map = |axes: Axes, tan: f64, side: f64| {
-        // Wider by the margin, so that the filter has its texels at the edge of the cone or the face.
+        // Wider by the margin, so that the filter has its texels at the edge of the cone or face.
         let tan = tan * side / (side - 2.0 * MARGIN);
         let row = |axis: DVec3| axis.extend(-axis.dot(position));
-        let depth = DVec4::new(0.0, 0.0, 0.0, LAMP_NEAR);
+        let depth = DVec4::new(0.0, 0.0, 0.0, NEAR);
         let rows = [row(axes.right) / tan, -row(axes.up) / tan, depth, row(axes.forward)];
         let clip = DMat4::from_cols_array_2d(&rows.map(|r| r.to_array())).transpose().as_mat4();
         let seen = |boxes: &[Aabb]| -> Vec<usize> {
@@ -271,7 +279,7 @@ fn lamp(
         }
         fitted(rows, [side as u32; 2], 2.0 * tan / side, casters)
     };
-    // Up to 60° to each side one map does; wider ones would spend their texels on the rim.
+    // One map suffices up to 60° to each side; wider ones would spend their texels on the rim.
     if cos_outer >= 0.5 {
         let tan = (1.0 - cos_outer * cos_outer).sqrt() / cos_outer;
         return map(Axes::along(direction), tan.max(1e-3), side(tan)).into_iter().collect();
@@ -281,8 +289,8 @@ fn lamp(
     faces.into_iter().filter_map(|face| map(Axes::along(face), 1.0, side)).collect()
 }
 
-/// Places of the maps in rows of an image, and its size; `None` where they do not fit.
-pub fn pack(sizes: &[[u32; 2]]) -> Option<(Vec<[u32; 2]>, [u32; 2])> {
+/// Packs maps in rows of an image: the position of each, and the size used; `None` if they do not fit.
+pub(super) fn pack(sizes: &[[u32; 2]]) -> Option<(Vec<[u32; 2]>, [u32; 2])> {
     let width = sizes.iter().map(|s| s[0]).max()?.max(4096);
     let (mut x, mut y, mut row, mut used) = (0, 0, 0, [0, 0]);
     let mut places = Vec::with_capacity(sizes.len());
@@ -320,22 +328,22 @@ mod tests {
         PlanLight { direction, position, cone, color: Vec4::ONE }
     }
 
-    fn fit_in(view: &View, light: &PlanLight, receiver: f32) -> Vec<Fitted> {
+    fn fit_in(view: &View, light: &PlanLight, receiver: f32) -> Vec<FittedMap> {
         let receivers = [around(view, DVec3::ZERO, receiver)];
         let casters = [around(view, DVec3::Y, 0.5), around(view, DVec3::new(900.0, 0.0, 0.0), 1.0)];
-        let region = Region { view, picture: [1280, 720], receivers: &receivers, casters: &casters };
+        let region = ShadowRegion { view, size: [1280, 720], receivers: &receivers, casters: &casters };
         fit(light, Shadow::default(), &region)
     }
 
     #[test]
-    fn what_is_lit_lies_in_the_map_and_far_casters_do_not() {
+    fn receivers_lie_in_the_map_and_far_casters_do_not() {
         let v = view(0.0);
         let sun = light(Vec4::new(-0.4, -0.8, -0.45, 0.0), Vec4::ZERO, Vec4::ZERO);
         let maps = fit_in(&v, &sun, 3.0);
         assert_eq!(maps.len(), 1, "a small scene needs no cascades");
         assert_eq!(maps[0].casters, [0]);
-        for corner in around(&v, DVec3::ZERO, 3.0).corners() {
-            let p = maps[0].clip_from_relative * corner.extend(1.0);
+        for vertex in around(&v, DVec3::ZERO, 3.0).corners() {
+            let p = maps[0].clip_from_relative * vertex.extend(1.0);
             assert!(p.x.abs() < 1.0 && p.y.abs() < 1.0 && (0.0..=1.0).contains(&p.z), "{p}");
         }
         // Nearer to the light is greater.
@@ -350,7 +358,7 @@ mod tests {
         let receivers = [around(&v, DVec3::new(0.0, -500.0, 0.0), 500.0)];
         let casters: Vec<Aabb> =
             (0..40).map(|i| around(&v, DVec3::new(0.0, 1.0, 4.0 - 10.0 * f64::from(i)), 1.0)).collect();
-        let region = Region { view: &v, picture: [1280, 720], receivers: &receivers, casters: &casters };
+        let region = ShadowRegion { view: &v, size: [1280, 720], receivers: &receivers, casters: &casters };
         let maps = fit(&sun, Shadow { softness: 0.0, ..Shadow::default() }, &region);
         assert!(maps.len() > 2, "{}", maps.len());
         assert!(maps.windows(2).all(|m| m[0].texel < m[1].texel));
@@ -358,20 +366,20 @@ mod tests {
         assert!(maps.iter().all(|m| m.size.iter().all(|s| *s <= 2048)));
     }
 
-    /// Along the ground ahead, the map that a shader takes is as fine as it need be, or as the map of a smaller shadow is.
+    /// Along the ground ahead, the map that a shader samples is fine enough, or as fine as with a smaller shadow map.
     #[test]
     fn more_texels_are_nowhere_coarser_than_fewer() {
         let sun = light(Vec4::new(-0.4, -0.8, -0.45, 0.0), Vec4::ZERO, Vec4::ZERO);
         let v = view(0.0);
-        // It goes on under the camera.
+        // The ground continues under the camera.
         let ground = Aabb { min: Vec3::new(-6.0, -0.4, -11.0), max: Vec3::new(6.0, -0.4, 3.0) };
-        let region = Region { view: &v, picture: [2560, 1440], receivers: &[ground], casters: &[ground] };
+        let region = ShadowRegion { view: &v, size: [2560, 1440], receivers: &[ground], casters: &[ground] };
         let depths: Vec<f32> = (0..97).map(|i| 1.2 + 0.1 * i as f32).collect();
         let softness = 0.01;
         let texels = |size: u32| -> Vec<f32> {
             let maps = fit(&sun, Shadow { size, softness }, &region);
             let at = |depth: &f32| {
-                let inside = |m: &&Fitted| {
+                let inside = |m: &&FittedMap| {
                     let p = m.clip_from_relative * Vec4::new(0.0, -0.4, -depth, 1.0);
                     p.x.abs() < 1.0 && p.y.abs() < 1.0
                 };
@@ -382,10 +390,10 @@ mod tests {
         let of_size: Vec<Vec<f32>> = [256, 384, 512, 640, 768, 1024, 2048, 4096].map(texels).into();
         for (smaller, larger) in of_size.iter().zip(&of_size[1..]) {
             for (i, (depth, many)) in depths.iter().zip(larger).enumerate() {
-                // Coarser texels are kept free around a map, so that it ends a little later.
+                // A map with coarser texels has a wider margin, so that it ends a little later.
                 let near = &smaller[i.saturating_sub(3)..(i + 4).min(smaller.len())];
                 let few = near.iter().copied().fold(0.0, f32::max);
-                // Eight pixels, or nearly a texel of the softness; sizes go up in steps of a quarter of a doubling.
+                // Eight pixels, or nearly a texel of the softness; sizes increase in steps of a quarter octave.
                 let pixel = 2.0 * depth * libm::tanf(0.35) / 1440.0;
                 let fine = (8.0 * pixel).max(1.2 * softness / 3.0) * 1.19;
                 assert!(*many <= few.max(fine), "at {depth} m {many}, with fewer {few}, fine is {fine}");
@@ -417,7 +425,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spot_has_one_map_and_a_lamp_those_faces_that_see_casters() {
+    fn a_spot_light_has_one_map_and_a_point_light_those_faces_that_see_casters() {
         let v = view(0.0);
         let at = (DVec3::new(0.0, 4.0, 0.0) - v.position).as_vec3().extend(0.0);
         // 30° to each side.
@@ -430,7 +438,7 @@ mod tests {
         assert!((p.x / p.w).abs() < 1e-5 && (p.w - 3.0).abs() < 1e-4, "{p}");
         let lamp = fit_in(&v, &light(Vec3::NEG_Y.extend(1.0), at, Vec4::ZERO), 3.0);
         assert_eq!(lamp.len(), 1, "the caster is below; nothing else is in reach of the other faces");
-        // Out of the lamp's range nothing casts.
+        // Beyond the light's range nothing casts.
         let short = light(Vec3::NEG_Y.extend(1.0), at.truncate().extend(1.0), Vec4::ZERO);
         assert!(fit_in(&v, &short, 3.0).is_empty());
     }

@@ -1,56 +1,61 @@
-//! Who is drawn into which shadow map: the planner's part after all that is in view is known.
+//! Shadow casters: which copies are drawn into which shadow map. Planned after everything in view is known.
 
 use crate::plan::build::Planner;
-use crate::plan::build::shadow_cascades::{self, Fitted, MAX_VIEWS, Region};
-use crate::plan::*;
+use crate::plan::build::items::DrawMerger;
+use crate::plan::build::shadow_cascades::{FittedMap, MAX_VIEWS, ShadowRegion, fit, pack};
+use crate::plan::{Draw, Features, Instance, PipelineKey, PlanLight, ShadowMaps, ShadowView};
 use crate::scene_resources::PrimitiveEntry;
-use crate::scene_resources::bounds::Aabb;
-use crate::scene_resources::watertight::is_before;
+use crate::scene_resources::bounds::is_before;
+use choreo_asset::Aabb;
 use choreo_stage::Shadow;
 use glam::Vec4;
 
-/// One copy of one primitive that light does not go through, in view or not.
-pub(crate) struct Caster {
+/// One opaque copy of one primitive, in view or not.
+pub(super) struct ShadowCaster {
     pub entry: PrimitiveEntry,
-    pub changed: Option<u32>,
+    pub material_override: Option<u32>,
     /// What its depth needs.
     pub key: PipelineKey,
     pub instance: Instance,
     pub bounds: Aabb,
-    /// Indices of closed surfaces, for a light that stands outside.
-    pub closed: u32,
-    /// Of the planner's posed skins.
+    /// Number of indices of watertight surfaces, for lights outside of it.
+    pub watertight: u32,
+    /// Index into `Planner::skins`.
     pub skin: Option<usize>,
     pub actor: u32,
 }
 
-/// A map of a light, with its place.
-pub(crate) struct Placed {
+/// A light's shadow map at its place in the image.
+pub(super) struct PlacedMap {
     light: u32,
     at: [u32; 2],
-    map: Fitted,
+    map: FittedMap,
 }
 
 impl Planner<'_> {
-    /// The maps of all lights, as many as there is room for; each light is told where its own are.
-    pub fn fit_shadows(&mut self, lights: &mut [PlanLight], shadows: &[Option<Shadow>]) -> Vec<Placed> {
+    /// Shadow maps of all lights, as many as there is room for; each light gets the range of its views.
+    pub fn fit_shadow_maps(
+        &mut self,
+        lights: &mut [PlanLight],
+        shadows: &[Option<Shadow>],
+    ) -> Vec<PlacedMap> {
         let casters: Vec<Aabb> = self.casters.iter().map(|c| c.bounds).collect();
-        let region = Region {
+        let region = ShadowRegion {
             view: &self.view,
-            picture: self.options.size,
+            size: self.options.size,
             receivers: &self.receivers,
             casters: &casters,
         };
-        let mut all: Vec<Placed> = Vec::new();
+        let mut all: Vec<PlacedMap> = Vec::new();
         for (index, (light, shadow)) in lights.iter_mut().zip(shadows).enumerate() {
             let Some(shadow) = shadow else { continue };
-            let maps = shadow_cascades::fit(light, *shadow, &region);
+            let maps = fit(light, *shadow, &region);
             let sizes: Vec<[u32; 2]> = all.iter().map(|p| &p.map).chain(&maps).map(|m| m.size).collect();
-            let placed = if sizes.is_empty() { None } else { shadow_cascades::pack(&sizes) };
+            let placed = if sizes.is_empty() { None } else { pack(&sizes) };
             match placed {
                 Some((places, _)) if sizes.len() <= MAX_VIEWS => {
                     (light.cone.z, light.cone.w) = (all.len() as f32, maps.len() as f32);
-                    let new = maps.into_iter().map(|map| Placed { light: index as u32, at: [0; 2], map });
+                    let new = maps.into_iter().map(|map| PlacedMap { light: index as u32, at: [0; 2], map });
                     all.extend(new);
                     all.iter_mut().zip(places).for_each(|(p, at)| p.at = at);
                 }
@@ -60,49 +65,44 @@ impl Planner<'_> {
         all
     }
 
-    /// Draws of each map, their instances behind those of the picture.
-    pub fn draw_shadows(
+    /// Draws of each map, whose instances follow those of the frame.
+    pub fn shadow_maps(
         &mut self,
-        maps: Vec<Placed>,
+        maps: Vec<PlacedMap>,
         instances: &mut Vec<Instance>,
         instance_actors: &mut Vec<u32>,
-    ) -> Option<Shadows> {
+    ) -> Option<ShadowMaps> {
         if maps.is_empty() {
-            // Shaders that are made for shadows read a map of nothing.
-            let nothing = Shadows { image: [1; 2], size: [1; 2], views: Vec::new() };
-            return self.options.force_all.then_some(nothing);
+            // Shaders with the shadow feature forced on sample an empty map.
+            let empty = ShadowMaps { image: [1; 2], size: [1; 2], views: Vec::new() };
+            return self.options.force_all.then_some(empty);
         }
         let casters = std::mem::take(&mut self.casters);
         let mut views = Vec::with_capacity(maps.len());
-        for Placed { light, at, map } in maps {
-            // Materials count only where they cut holes.
-            let state = |c: &Caster| {
+        for PlacedMap { light, at, map } in maps {
+            let state = |c: &ShadowCaster| {
+                // Materials count only where they cut holes.
                 let cut_out = c.key.features.has(Features::ALPHA_MASK);
-                let material = if cut_out { (c.entry.material, c.changed) } else { (0, None) };
-                let closed = if is_before(c.bounds, &map.clip_from_relative) { c.closed } else { 0 };
-                (c.key, material, c.entry.primitive, closed)
+                let material = if cut_out { (c.entry.material, c.material_override) } else { (0, None) };
+                let outside = is_before(c.bounds, &map.clip_from_relative);
+                (c.key, material, c.entry.primitive, if outside { c.watertight } else { 0 })
             };
-            let mut drawn: Vec<&Caster> = map.casters.iter().map(|i| &casters[*i]).collect();
+            let mut drawn: Vec<&ShadowCaster> = map.casters.iter().map(|i| &casters[*i]).collect();
             drawn.sort_by_key(|c| state(c));
-            let mut draws: Vec<Draw> = Vec::new();
-            let mut previous = None;
+            let mut merger = DrawMerger::new(self.options.no_instancing);
             for caster in drawn {
-                match draws.last_mut() {
-                    Some(draw) if previous == Some(state(caster)) && !self.options.no_instancing => {
-                        draw.instance_count += 1;
-                    }
-                    _ => draws.push(Draw {
-                        pipeline: caster.key,
-                        primitive: caster.entry.primitive,
-                        material: state(caster).1.0,
-                        changed: state(caster).1.1,
-                        closed: state(caster).3,
-                        deferred: false,
-                        first_instance: instances.len() as u32,
-                        instance_count: 1,
-                    }),
-                }
-                previous = Some(state(caster));
+                let (pipeline, (material, material_override), primitive, watertight) = state(caster);
+                let draw = Draw {
+                    pipeline,
+                    primitive,
+                    material,
+                    material_override,
+                    watertight,
+                    deferred: false,
+                    first_instance: instances.len() as u32,
+                    instance_count: 1,
+                };
+                merger.add(state(caster), draw);
                 let mut instance = Instance { tint: Vec4::ONE, ..caster.instance };
                 if let Some(skin) = caster.skin {
                     instance.first_joint = self.first_joint(skin);
@@ -110,11 +110,11 @@ impl Planner<'_> {
                 instances.push(instance);
                 instance_actors.push(caster.actor);
             }
-            let Fitted { clip_from_relative, size, texel, .. } = map;
-            views.push(ShadowView { light, at, size, clip_from_relative, texel, draws });
+            let FittedMap { clip_from_relative, size, texel, .. } = map;
+            views.push(ShadowView { light, at, size, clip_from_relative, texel, draws: merger.draws });
         }
         let end = |i: usize| views.iter().map(|v| v.at[i] + v.size[i]).max().unwrap_or(1);
         let size = [end(0), end(1)];
-        Some(Shadows { image: size.map(u32::next_power_of_two), size, views })
+        Some(ShadowMaps { image: size.map(u32::next_power_of_two), size, views })
     }
 }

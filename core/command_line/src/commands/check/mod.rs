@@ -1,0 +1,186 @@
+//! `choreo check`: everything that can be found without drawing: the script, its assets, its callbacks at every frame, and
+//! what of the stage never shows.
+
+mod callbacks;
+mod sheet;
+
+use crate::args::CheckArgs;
+use crate::failure::{Failure, Problem, print, print_json, print_message};
+use crate::output::svg;
+use crate::scene::{self, Scene, opening::Opening};
+use choreo_plugin::{Effect, Hook, Registry};
+use choreo_render::plan::light_clusters::MAX_LIGHTS;
+use choreo_script::{Diagnostic, Severity};
+use choreo_stage::{EffectUse, Finding, Stage, Subject};
+use glam::{Vec2, Vec4};
+use serde_json::json;
+
+pub fn run(args: CheckArgs, plugins: &Registry) -> Result<(), Failure> {
+    svg::check(args.plot.as_deref())?;
+    let registry = scene::plugins(&args.scene, plugins)?;
+    let scene = scene::open(&args.scene, &registry, Opening::TO_TELL)?;
+    if !args.json {
+        scene.printed.iter().flat_map(|text| text.lines()).for_each(print_message);
+    }
+    let (problems, on_stage) = look(&scene);
+    let findings = scene.places.findings(&on_stage);
+    if let Some(path) = &args.plot {
+        let sheet = sheet::sheet(&scene.name, &scene.stage, &scene.places.marks(&on_stage));
+        svg::write(path, &sheet.svg(), &scene.inputs)?;
+    }
+    let count = |severity| findings.iter().filter(|f| f.severity == severity).count();
+    let (warnings, notes) = (scene.warnings.len() + count(Severity::Warning), count(Severity::Note));
+    let shown = |d: &&Diagnostic| args.notes || d.severity != Severity::Note;
+    if !problems.is_empty() || (args.strict && warnings > 0) {
+        return Err(Failure::Input(failures(
+            &args,
+            &scene,
+            problems,
+            findings.iter().filter(shown),
+            warnings,
+        )));
+    }
+    let frames = scene.stage.settings.fps.frames_in(scene.stage.settings.length);
+    if args.json {
+        let texts = findings.iter().filter(|f| f.severity == Severity::Warning).map(ToString::to_string);
+        let texts: Vec<String> = scene.warnings.iter().cloned().chain(texts).collect();
+        let of_assets = scene.asset_warnings.iter().map(|w| json!({ "severity": "warning", "message": w }));
+        let all = scene.script_warnings.iter().chain(&findings).map(|d| Problem::Script(d.clone()).json());
+        let all: Vec<serde_json::Value> = of_assets.chain(all).collect();
+        return print_json(&json!({ "ok": true, "frames": frames, "warnings": texts, "findings": all }));
+    }
+    scene.warnings.iter().for_each(print_message);
+    findings.iter().filter(shown).for_each(print_message);
+    let many = |n: usize, one: &str| if n == 1 { format!("1 {one}") } else { format!("{n} {one}s") };
+    let warned = if warnings == 0 { "no warnings".to_string() } else { many(warnings, "warning") };
+    let noted = match (notes, args.notes) {
+        (0, _) => String::new(),
+        (n, true) => format!(", {}", many(n, "note")),
+        (n, false) => format!(", {} (--notes shows {})", many(n, "note"), if n == 1 { "it" } else { "them" }),
+    };
+    let frames = many(frames as usize, "frame");
+    print(&format!("{}: good, {frames}, {warned}{noted}\n", args.scene.input.display()))
+}
+
+/// Errors of the stage, and findings about it that are probably not intended.
+fn look(scene: &Scene) -> (Vec<Problem>, Vec<Finding>) {
+    let (stage, registry) = (&scene.stage, &scene.registry);
+    let mut problems: Vec<Problem> = stage.check().iter().map(|e| Problem::Text(e.to_string())).collect();
+    problems.extend(unknown_effects(stage, registry));
+    problems.extend(callbacks::failures(stage, &scene.limits));
+    let mut on_stage = Vec::new();
+    if !problems.is_empty() {
+        // What never shows is hard to say of a stage that is wrong, and takes its callbacks' time.
+        return (problems, on_stage);
+    }
+    match stage.survey() {
+        Ok(found) => on_stage = found,
+        Err(error) => problems.push(Problem::Text(error.to_string())),
+    }
+    if let Some(finding) = too_many_lights(stage) {
+        let found = scene.places.findings(&[finding]).into_iter();
+        problems.extend(found.map(|d| Problem::Script(Diagnostic { severity: Severity::Error, ..d })));
+    }
+    for (index, used) in stage.effects.iter().enumerate() {
+        if let Some(effect) = registry.effect(&used.plugin)
+            && let Some(text) = left_out(effect.as_ref(), used, stage)
+        {
+            let text = format!("effect \"{}\": {text}", used.plugin);
+            let subject = Subject::Effect(index);
+            on_stage.push(Finding { rule: "effect_leaves_out", note: false, subject, text, hint: None });
+        }
+        if let Some(effect) = registry.effect(&used.plugin)
+            && used.keys.is_empty()
+            && stage.hooks.is_empty()
+            && changes_nothing(effect.as_ref(), used)
+        {
+            let text = format!("effect \"{}\" changes no pixel with these parameters", used.plugin);
+            let subject = Subject::Effect(index);
+            on_stage.push(Finding { rule: "effect_changes_nothing", note: false, subject, text, hint: None });
+        }
+    }
+    (problems, on_stage)
+}
+
+fn failures<'a>(
+    args: &CheckArgs,
+    scene: &'a Scene,
+    problems: Vec<Problem>,
+    findings: impl Iterator<Item = &'a Diagnostic>,
+    warnings: usize,
+) -> Vec<Problem> {
+    let wrong = problems.len();
+    let warned = scene.asset_warnings.iter().cloned().map(Problem::Text);
+    let mut all: Vec<Problem> = warned.collect();
+    all.extend(scene.script_warnings.iter().chain(findings).cloned().map(Problem::Script));
+    // Errors last, next to the prompt.
+    all.extend(problems);
+    if wrong == 0 {
+        let plural = if warnings == 1 { "warning" } else { "warnings" };
+        all.push(Problem::Text(format!(
+            "{}: {warnings} {plural}, and --strict lets none pass",
+            args.scene.input.display()
+        )));
+    }
+    all
+}
+
+fn unknown_effects(stage: &Stage, registry: &Registry) -> Vec<Problem> {
+    let unknown = stage.effects.iter().filter(|used| registry.effect(&used.plugin).is_none());
+    let names = || registry.effect_names();
+    unknown
+        .map(|used| {
+            let near = choreo_script::did_you_mean(&used.plugin, names());
+            Problem::Text(format!("unknown effect \"{}\"{near}", used.plugin))
+        })
+        .collect()
+}
+
+/// The first light that has no room, at the first of some times, the beginning among them, at which one has none.
+fn too_many_lights(stage: &Stage) -> Option<Finding> {
+    /// Times at which lights are counted; that takes a few milliseconds.
+    const TIMES: i64 = 32;
+    if stage.lights.len() <= MAX_LIGHTS {
+        return None;
+    }
+    (0..TIMES).find_map(|i| {
+        let time = stage.settings.length.scaled(i as f64 / TIMES as f64);
+        let snapshot = stage.at(time).ok()?;
+        let on = snapshot.lights.iter().enumerate();
+        let on = on.filter(|(_, l)| l.light.color * l.light.intensity != glam::Vec3::ZERO);
+        let on: Vec<usize> = on.map(|(index, _)| index).collect();
+        let first = *on.get(MAX_LIGHTS)?;
+        let text =
+            format!("{} lights shine at {} s; {MAX_LIGHTS} are drawn at most", on.len(), time.as_secs());
+        let hint = Some("those whose intensity is 0 do not count".to_string());
+        Some(Finding { rule: "too_many_lights", note: false, subject: Subject::Light(first), text, hint })
+    })
+}
+
+/// What of its own lines it cannot draw, at the beginning of its time or in the middle of it.
+fn left_out(effect: &dyn Effect, used: &EffectUse, stage: &Stage) -> Option<String> {
+    if effect.hook() != Hook::Overlay {
+        return None;
+    }
+    let end = used.end.unwrap_or(stage.settings.length).max(used.start);
+    let middle = used.start + (end - used.start).scaled(0.5);
+    [used.start, middle].into_iter().find_map(|time| {
+        let snapshot = stage.at(time).ok()?;
+        let parameters = choreo_render::effect_parameters(effect, &used.parameters_at(time));
+        let scene = choreo_plugin::Scene { stage, snapshot: &snapshot, before: &[], on: &used.on };
+        effect.overlay(&scene, &parameters).left_out.into_iter().next()
+    })
+}
+
+/// Its function, tried on some colors all over the picture.
+fn changes_nothing(effect: &dyn Effect, used: &EffectUse) -> bool {
+    if effect.hook() != Hook::Pixel {
+        return false;
+    }
+    let parameters = choreo_render::effect_parameters(effect, &used.parameters);
+    let colors = [Vec4::new(0.0, 0.0, 0.0, 1.0), Vec4::new(0.8, 0.4, 0.1, 1.0), Vec4::ONE];
+    (0..81).all(|i| {
+        let uv = Vec2::new((i % 9) as f32, (i / 9) as f32) / 8.0;
+        colors.iter().all(|color| effect.cpu(*color, uv, &parameters) == *color)
+    })
+}

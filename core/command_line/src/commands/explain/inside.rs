@@ -1,0 +1,107 @@
+//! What is in, who asked for it, and where in the script they were made.
+
+use choreo_bench::plots::{Cell, Table, bytes};
+use choreo_render::SceneResources;
+use choreo_render::explain::{Cost, RequestedBy};
+use choreo_script::Places;
+use choreo_stage::{Stage, Subject};
+use serde_json::{Value, json};
+
+/// Names given before the rest is only counted.
+const MOST_NAMES: usize = 3;
+
+pub struct Inside<'a> {
+    pub stage: &'a Stage,
+    pub resources: &'a SceneResources,
+    pub places: &'a Places,
+    pub parts: Vec<Cost>,
+}
+
+impl Inside<'_> {
+    pub fn table(&self) -> Table {
+        let columns =
+            [("", "kind"), ("what is in", "what"), (">size", "bytes"), ("asked for by", "asked_by")];
+        let mut table = Table::new("", &columns);
+        for part in &self.parts {
+            table.rows.push(vec![
+                Cell::text(part.kind.word()),
+                Cell::text(&part.what),
+                part.bytes.map_or_else(Cell::empty, |b| Cell::number(bytes(b as f64), b as f64)),
+                Cell::text(self.words(&part.requested_by)),
+            ]);
+        }
+        table
+    }
+
+    pub fn json(&self) -> Value {
+        let part = |part: &Cost| {
+            let by = &part.requested_by;
+            let actors: Vec<Value> = by.actors.iter().map(|a| self.actor_json(*a as usize)).collect();
+            let materials: Vec<&str> = by.materials.iter().map(|m| self.material(*m)).collect();
+            json!({
+                "kind": part.kind.word(), "what": part.what, "bytes": part.bytes,
+                "asked_by": { "actors": actors, "materials": materials, "effects": by.effects, "other": by.other },
+            })
+        };
+        self.parts.iter().map(part).collect()
+    }
+
+    /// Bytes by part, for the picture.
+    pub fn amounts(&self) -> Vec<(String, u64)> {
+        let named = |p: &Cost| Some((format!("{} {}", p.kind.word(), p.what), p.bytes?));
+        self.parts.iter().filter_map(named).collect()
+    }
+
+    fn material(&self, index: u32) -> &str {
+        self.resources.materials.get(index as usize).map_or("", |m| m.material.name.as_str())
+    }
+
+    fn actor_json(&self, index: usize) -> Value {
+        let place = self.places.of(Subject::Actor(index));
+        let name = self.stage.actors.get(index).map_or("", |a| a.name.as_str());
+        match place.line {
+            0 => json!({ "name": name }),
+            _ => json!({ "name": name, "file": place.file, "line": place.line, "column": place.column }),
+        }
+    }
+
+    fn words(&self, by: &RequestedBy) -> String {
+        let mut words: Vec<String> = by.other.iter().map(|w| w.to_string()).collect();
+        for effect in &by.effects {
+            let used = self.stage.effects.iter().position(|e| e.plugin == *effect);
+            let place = used.map(|e| self.place(Subject::Effect(e))).unwrap_or_default();
+            words.push(format!("effect {effect}{place}"));
+        }
+        let more = |left: usize| if left > 0 { format!(" and {left} more") } else { String::new() };
+        if !by.actors.is_empty() {
+            let name = |index: &u32| {
+                let actor = self.stage.actors.get(*index as usize).map_or("", |a| a.name.as_str());
+                format!("{actor}{}", self.place(Subject::Actor(*index as usize)))
+            };
+            let names: Vec<String> = by.actors.iter().take(MOST_NAMES).map(name).collect();
+            words.push(names.join(", ") + more(by.actors.len() - names.len()).as_str());
+        }
+        if !by.materials.is_empty() {
+            // Files may give several the same name.
+            let mut names: Vec<String> =
+                by.materials.iter().map(|m| format!("\"{}\"", self.material(*m))).collect();
+            names.sort();
+            names.dedup();
+            let left = names.len().saturating_sub(MOST_NAMES);
+            names.truncate(MOST_NAMES);
+            let plural = if names.len() == 1 { "material" } else { "materials" };
+            words.push(format!("{plural} {}", names.join(", ")) + more(left).as_str());
+        }
+        words.join("; ")
+    }
+
+    /// ` (line 7)`, with the file where it is a module.
+    fn place(&self, subject: Subject) -> String {
+        let place = self.places.of(subject);
+        match place.line {
+            0 => String::new(),
+            line if self.places.is_main(&place.file) => format!(" (line {line})"),
+            line => format!(" ({}:{line})", place.file),
+        }
+    }
+}

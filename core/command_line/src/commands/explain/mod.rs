@@ -1,0 +1,173 @@
+//! `choreo explain`: what one frame of a scene needs and who asked for it, what was left out, and why.
+
+mod inside;
+
+use crate::args::ExplainArgs;
+use crate::args::values;
+use crate::commands::compressed;
+use crate::failure::{Failure, print, print_json};
+use crate::output::svg;
+use crate::scene::{self, opening::Opening};
+use choreo_bench::plots::{Cell, Table, byte_bars};
+use choreo_plugin::Registry;
+use choreo_render::commands::{RecordOptions, record};
+use choreo_render::plan::LeftOut;
+use choreo_render::plan::motion_blur::plan_alone;
+use choreo_render::{Plan, PlanOptions, SceneResources};
+use choreo_script::Places;
+use choreo_stage::{Evaluator, Stage};
+use inside::Inside;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
+    svg::check(args.plot.as_deref())?;
+    let at = values::at(&args.at)?;
+    let size = args.size.as_deref().map(values::size).transpose()?;
+    let samples = args.samples.as_deref().map(values::samples).transpose()?;
+    let registry = scene::plugins(&args.scene, plugins)?;
+    let scene = scene::open(&args.scene, &registry, Opening::TO_DRAW)?;
+    let stage = &scene.stage;
+    let size = size.unwrap_or(stage.settings.size);
+    let samples = samples.or(stage.settings.samples).unwrap_or(4);
+    let resources = SceneResources::new(stage);
+    let aspect = f64::from(size[0]) / f64::from(size[1].max(1));
+    let mut evaluator = Evaluator::new(stage.clone()).for_pictures(aspect);
+    let snapshot = evaluator.at(at).map_err(|e| Failure::input(e.to_string()))?;
+    let options = PlanOptions { effects: scene.registry.effects(), ..PlanOptions::new(size, samples) };
+    let plan = plan_alone(&resources, stage, &snapshot, &options, |at| evaluator.at(at))
+        .map_err(|e| Failure::input(e.to_string()))?;
+    let triangles = |p: u32| resources.primitives[p as usize].primitive().indices.len() / 3;
+    let recording = record(&plan, RecordOptions::default(), triangles);
+    let parts = choreo_render::explain::explain(&resources, &plan, &recording);
+    let inside = Inside { stage, resources: &resources, places: &scene.places, parts };
+    if let Some(path) = &args.plot {
+        let title = format!("{} at {} s: what one frame holds on the device", scene.name, at.as_secs());
+        svg::write(path, &byte_bars(&title, &inside.amounts()), &scene.inputs)?;
+    }
+    let mut plan = plan;
+    plan.left_out.extend(recording.left_out(&plan));
+    plan.left_out.extend(unread(&scene.places));
+    let mut facts = facts(stage, &resources, &plan, at.as_secs());
+    if args.json {
+        facts["in"] = inside.json();
+        return print_json(&facts);
+    }
+    print(&format!("{}\n{}\n{}", text(&facts), inside.table().text(), left_out(&plan).text()))
+}
+
+/// What was not even read of the script's files.
+fn unread(places: &Places) -> impl Iterator<Item = LeftOut> {
+    places.clips_only.iter().map(|(file, place)| {
+        let what = format!("meshes and pictures of {file}");
+        let file = if places.is_main(&place.file) { String::new() } else { format!("{}:", place.file) };
+        LeftOut { what, why: format!("its clips alone are used ({file}line {})", place.line) }
+    })
+}
+
+fn facts(stage: &Stage, resources: &SceneResources, plan: &Plan, at: f64) -> Value {
+    let primitives = || resources.primitives.iter().map(|p| p.primitive());
+    let drawn: usize = plan
+        .draws
+        .iter()
+        .map(|d| {
+            resources.primitives[d.primitive as usize].primitive().indices.len() / 3
+                * d.instance_count as usize
+        })
+        .sum();
+    let mut pipelines: BTreeMap<String, usize> = BTreeMap::new();
+    for draw in &plan.draws {
+        *pipelines.entry(format!("{:?}", draw.pipeline)).or_default() += 1;
+    }
+    let texture_bytes: usize = resources
+        .textures
+        .iter()
+        // A chain of mipmaps is a third more.
+        .filter(|t| t.streamed.is_none())
+        .map(|t| if t.mipmaps { t.image.rgba.len() / 3 * 4 } else { t.image.rgba.len() })
+        .sum();
+    json!({
+        "seconds": at,
+        "size": plan.size,
+        "samples": plan.samples,
+        "stage": {
+            "actors": stage.actors.len(),
+            "assets": resources.assets.len(),
+            "frames": stage.settings.fps.frames_in(stage.settings.length),
+        },
+        "clips": compressed::on_stage(stage),
+        "shared": {
+            "primitives": resources.primitives.len(),
+            "vertices": primitives().map(|p| p.positions.len()).sum::<usize>(),
+            "materials": resources.materials.len(),
+            "textures": resources.textures.len(),
+            "texture_bytes": texture_bytes,
+        },
+        "frame": {
+            "draws": plan.draws.len(),
+            "copies": plan.draws.iter().map(|d| d.instance_count).sum::<u32>(),
+            "primitives_drawn": drawn,
+            "pipelines": pipelines.len(),
+            "joint_matrices": plan.joint_matrices.len(),
+            "active_morphs": plan.morphs.len(),
+            "lights": plan.lights.len(),
+            "effects": plan.post.iter().map(|p| p.effect.clone()).collect::<Vec<_>>(),
+        },
+        "left_out": plan.left_out.iter().map(|l| json!({ "what": l.what, "why": l.why })).collect::<Vec<_>>(),
+    })
+}
+
+fn text(f: &Value) -> String {
+    let mut t = String::new();
+    let (stage, shared, frame) = (&f["stage"], &f["shared"], &f["frame"]);
+    let _ = writeln!(t, "at {} s, {}×{}, {} samples", f["seconds"], f["size"][0], f["size"][1], f["samples"]);
+    let _ = writeln!(
+        t,
+        "stage      {} actors from {} assets, {} frames",
+        stage["actors"], stage["assets"], stage["frames"]
+    );
+    let _ = writeln!(
+        t,
+        "uploaded   {} primitives with {} vertices, {} materials, {} textures ({:.1} MB), each once",
+        shared["primitives"],
+        shared["vertices"],
+        shared["materials"],
+        shared["textures"],
+        shared["texture_bytes"].as_f64().unwrap_or(0.0) / 1e6
+    );
+    let _ = writeln!(
+        t,
+        "drawn      {} draws of {} copies, {} triangles, {} pipelines",
+        frame["draws"], frame["copies"], frame["primitives_drawn"], frame["pipelines"]
+    );
+    let _ = writeln!(
+        t,
+        "for them   {} joint matrices, {} active morph targets, {} lights",
+        frame["joint_matrices"], frame["active_morphs"], frame["lights"]
+    );
+    let clips = &f["clips"];
+    if clips["compressed"] != 0 {
+        let kilobytes = |key: &str| clips[key].as_f64().unwrap_or(0.0) / 1e3;
+        let _ = writeln!(
+            t,
+            "clips      {} of {} compressed: {:.1} kB, before {:.1}, of dense floats {:.1}; no joint is farther off than {:.4} mm",
+            clips["compressed"],
+            clips["clips"],
+            kilobytes("bytes"),
+            kilobytes("bytes_before"),
+            kilobytes("dense_bytes"),
+            clips["worst_mm"].as_f64().unwrap_or(0.0)
+        );
+    }
+    for effect in frame["effects"].as_array().into_iter().flatten() {
+        let _ = writeln!(t, "effect     {}", effect.as_str().unwrap_or_default());
+    }
+    t
+}
+
+fn left_out(plan: &Plan) -> Table {
+    let mut table = Table::new("", &[("what is left out", "what"), ("why", "why")]);
+    table.rows = plan.left_out.iter().map(|l| vec![Cell::text(&l.what), Cell::text(&l.why)]).collect();
+    table
+}

@@ -1,0 +1,198 @@
+//! Drawing a job's frames into its outputs.
+
+use crate::args::RenderArgs;
+use crate::commands::render::Job;
+use crate::drawing::device;
+use crate::drawing::pipeline::{Encode, Pipeline, PlanAt, render_failure};
+use crate::failure::{Failure, print_message, write_failure};
+use crate::output::image_files::{self, Claim};
+use crate::output::journal::Identity;
+use crate::output::provenance;
+use crate::output::target::Target;
+use crate::output::video::Video;
+use crate::process::kept_frames;
+use crate::process::{interrupt, threads};
+use crate::terminal::progress::Progress;
+use choreo_files::Part;
+use choreo_motion::Time;
+use choreo_plugin::VideoInfo;
+use choreo_render::plan::motion_blur::plan_at;
+use choreo_render::{PlanOptions, Renderer, SceneResources};
+use choreo_stage::Evaluator;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Pictures being encoded take at most about this much memory, however large each is.
+const PICTURE_BYTES: usize = 256 << 20;
+
+/// What was drawn, and by whom.
+pub struct Drawn {
+    pub device: String,
+    pub samples: u32,
+    /// Frames drawn in this run; the others were there.
+    pub drawn: u64,
+    /// Frames that the device timed, and seconds that it was busy with them; where that was asked for and it has a clock.
+    pub device_time: Option<(u64, f64)>,
+    pub provenance: Vec<(String, String)>,
+}
+
+pub fn draw(
+    args: &RenderArgs,
+    job: &Job,
+    started: device::Started,
+    jobs: Option<usize>,
+) -> Result<Drawn, Failure> {
+    let (renderer, time) = (started.renderer, started.time);
+    let samples =
+        job.samples.or(job.settings.samples).unwrap_or_else(|| device::default_samples(renderer.device()));
+    let info = VideoInfo {
+        width: job.settings.size[0],
+        height: job.settings.size[1],
+        fps: job.settings.fps,
+        frames: job.frames.len() as u64,
+        provenance: provenance::of(&job.scene, &job.settings, samples, &job.options, renderer.device()),
+        options: job.options.clone(),
+    };
+    let say = |line: &str| {
+        if !args.quiet {
+            print_message(line);
+        }
+    };
+    let printed = job.scene.printed.iter().flat_map(|text| text.lines()).map(str::to_string);
+    let said = printed.chain(job.scene.warnings.iter().chain(&job.notes).cloned());
+    said.chain(job.exporter.notes(&info)).chain(started.note).for_each(|line| say(&line));
+    let device = renderer.device().name.clone();
+    let drawing = Drawing { args, job, info: &info, samples, jobs };
+    let made = job.target.prepare()?;
+    interrupt::watch(true);
+    let result = drawing.run(renderer, &say);
+    if result.is_err() {
+        // Folders made for nothing; those that hold something stay.
+        made.iter().rev().for_each(|folder| drop(std::fs::remove_dir(folder)));
+    }
+    interrupt::watch(false);
+    let device_time = time.map(|t| t.total()).filter(|(frames, _)| *frames > 0);
+    result.map(|drawn| Drawn { device, samples, drawn, device_time, provenance: info.provenance })
+}
+
+struct Drawing<'a> {
+    args: &'a RenderArgs,
+    job: &'a Job,
+    info: &'a VideoInfo,
+    samples: u32,
+    jobs: Option<usize>,
+}
+
+impl Drawing<'_> {
+    /// Gives how many frames were drawn. The driver is shut down when it returns: the program may end then.
+    fn run(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<u64, Failure> {
+        let job = self.job;
+        if job.exporter.one_frame_per_file() {
+            return self.pictures(renderer, say);
+        }
+        let (video, begun) = match &job.target {
+            Target::Stdout => (Some(Video::to_stdout(&*job.exporter, self.info)?), Default::default()),
+            target => {
+                let identity = self.identity();
+                let file = target.file(0);
+                Video::to_file(&file, &*job.exporter, self.info, &identity, self.args)?
+            }
+        };
+        begun.note.iter().for_each(|line| say(line));
+        let Some(mut video) = video else { return Ok(0) };
+        let encode: Vec<Encode> = vec![Box::new(|_, frame| video.frame(frame))];
+        let drawn = match self.frames(renderer, &job.frames[begun.done..], encode, say) {
+            Ok(drawn) => video.finish().map(|()| drawn),
+            Err(failure) => {
+                // What the script ends would end there again. The rest can be gone on with.
+                let outside =
+                    matches!(failure, Failure::Output(_) | Failure::Device(_) | Failure::Interrupted);
+                video.leave(outside);
+                Err(failure)
+            }
+        };
+        // Also with --quiet: the user must know that they are there.
+        kept_frames::take_message().iter().for_each(print_message);
+        drawn
+    }
+
+    fn pictures(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<u64, Failure> {
+        let (job, info) = (self.job, self.info);
+        let numbers = job.frames.first().zip(job.frames.last());
+        let _claim = match numbers {
+            Some((first, last)) => Claim::take(&job.target, first.0, last.0)?,
+            None => None,
+        };
+        let frames = match self.args.resume {
+            true => image_files::missing(&job.target, info, &job.frames)?,
+            false => job.frames.clone(),
+        };
+        let mut open = match &job.target {
+            // Whether it can be written is found before it is drawn.
+            Target::File(place) if !frames.is_empty() => {
+                let part = Part::create(place);
+                Some(part.map_err(|e| write_failure(&place.display().to_string(), e))?)
+            }
+            _ => None,
+        };
+        let bytes = 4 * info.width as usize * info.height as usize;
+        let workers = self.jobs.unwrap_or_else(threads::cores).min(frames.len()).min(PICTURE_BYTES / bytes);
+        let mut encode = || -> Encode {
+            let mut open = open.take();
+            Box::new(move |frame, picture| {
+                image_files::write(&job.target, open.take(), &*job.exporter, info, frame, picture)
+            })
+        };
+        self.frames(renderer, &frames, (0..workers.clamp(1, 16)).map(|_| encode()).collect(), say)
+    }
+
+    fn frames(
+        &self,
+        mut renderer: Box<dyn Renderer>,
+        frames: &[(i64, Time)],
+        encoders: Vec<Encode>,
+        say: &dyn Fn(&str),
+    ) -> Result<u64, Failure> {
+        if frames.is_empty() {
+            return Ok(0);
+        }
+        let resources = Arc::new(SceneResources::new(&self.job.scene.stage));
+        let failed = render_failure;
+        let effects = self.job.scene.registry.effects();
+        renderer.set_effects(effects).map_err(failed)?;
+        renderer.load(resources.clone()).map_err(failed)?;
+        let size = self.job.settings.size;
+        let aspect = f64::from(size[0]) / f64::from(size[1].max(1));
+        let mut evaluator = Evaluator::new(self.job.scene.stage.clone()).for_pictures(aspect);
+        let options = PlanOptions { effects, ..PlanOptions::new(size, self.samples) };
+        let (started, limit) = (Instant::now(), self.job.scene.limits.render_seconds);
+        let plan: PlanAt = Box::new(move |time| {
+            if started.elapsed().as_secs_f64() > limit {
+                let hint = choreo_script::raise_hint("render_seconds", format!("{limit} s"));
+                return Err(Failure::input(format!("the render takes too long\n    hint: {hint}")));
+            }
+            let planned = plan_at(&resources, &mut evaluator, time, &options, None);
+            planned.map(|(_, plan)| plan).map_err(|e| Failure::input(e.to_string()))
+        });
+        let progress = Progress::new(frames.len() as u64, self.args.quiet || self.args.json);
+        let frames = frames.to_vec();
+        let drawn = Pipeline { frames, plan, renderer: &mut *renderer, encoders, progress: &progress }.run();
+        progress.clear();
+        renderer.take_notes().iter().for_each(|line| say(line));
+        drawn
+    }
+
+    /// What a stopped render must have been to be gone on with: besides how a picture is made, which, and in what format.
+    fn identity(&self) -> Identity {
+        let mut identity = self.info.provenance.clone();
+        let manifest = self.job.exporter.manifest();
+        identity.push(("format".into(), format!("{} {}", manifest.name, manifest.version)));
+        let numbers = self.job.frames.first().zip(self.job.frames.last());
+        let frames = numbers.map_or(String::new(), |((first, time), (last, _))| match first == last {
+            true => format!("{first} at {} s", time.as_secs()),
+            false => format!("{first}..={last}"),
+        });
+        identity.push(("frames".into(), frames));
+        identity
+    }
+}

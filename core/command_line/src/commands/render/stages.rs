@@ -1,0 +1,100 @@
+//! `choreo render --stages`: what the CPU renderer does on the way to a frame, a picture a stage.
+
+use crate::args::RenderArgs;
+use crate::commands::render;
+use crate::drawing::pipeline::render_failure;
+use crate::failure::{Failure, output_error, print_message};
+use crate::output::image_files;
+use crate::output::provenance;
+use crate::output::target::Target;
+use crate::scene;
+use choreo_files::Part;
+use choreo_plugin::{Frame, Registry, VideoInfo};
+use choreo_render::cpu::{CpuRenderer, STAGES};
+use choreo_render::layers_2d::{ScreenLabel, compose_layers};
+use choreo_render::plan::motion_blur::plan_alone;
+use choreo_render::{PlanOptions, Renderer, SceneResources};
+use choreo_stage::{Snapshot, Stage};
+use glam::{DVec2, Vec4};
+use std::path::Path;
+use std::sync::Arc;
+
+/// What one sees in each; the last is the frame itself, and has none.
+const CAPTIONS: [&str; 5] = [
+    "model: each mesh as its file has it, around its own origin",
+    "view: all of it where it stands, from above; the camera is below, its view between the grey lines",
+    "clip: projected and divided by w; the picture is what lies in the white frame",
+    "raster: which triangle is nearest at each pixel, a color each",
+    "depth: how near that is; white is nearest",
+];
+
+/// Draws a caption over the top left corner. Images that are too small for it to be readable get none.
+fn caption(picture: &mut Frame, text: &str) {
+    let size = [picture.width, picture.height];
+    let height = (size[1] as f32 / 26.0).min(size[0] as f32 / 46.0);
+    if height < 7.0 {
+        return;
+    }
+    // The second as a shadow of the first, so that it is read over anything.
+    for (shift, color) in [(1.0 + height / 16.0, Vec4::new(0.0, 0.0, 0.0, 1.0)), (0.0, Vec4::ONE)] {
+        let at = DVec2::new(f64::from(shift), f64::from(height + shift))
+            / DVec2::new(size[0].into(), size[1].into());
+        let label = ScreenLabel { at, text: text.into(), size: height, beside: 0.6 * height, color };
+        let [_, over] = compose_layers(&Stage::default(), &Snapshot::default(), &[label], size);
+        if let Some(over) = over {
+            over.over(picture);
+        }
+    }
+}
+
+/// Writes the images to the folder that `-o` names, `1_model.png` to `6_shade.png`, at the time of `--at`, else of the first
+/// frame.
+pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
+    let folder = Path::new(&args.output);
+    if folder.extension().is_some() {
+        let text =
+            format!("--stages writes a picture a stage into a folder, and -o names a file: {}", args.output);
+        return Err(Failure::Usage(text));
+    }
+    let file = |number: usize, name: &str| folder.join(format!("{number}_{name}.png"));
+    let last = file(STAGES.len(), STAGES[STAGES.len() - 1]);
+    let target = Target::parse(&last.to_string_lossy())?;
+    let registry = scene::plugins(&args.scene, plugins)?;
+    let args = RenderArgs { at: args.at.clone().or_else(|| Some("0".into())), ..args.clone() };
+    let job = render::prepare(&args, target, &registry, None)?;
+    for (number, name) in (1..).zip(STAGES) {
+        job.scene.inputs.refuse(&file(number, name))?;
+    }
+    let effects = job.scene.registry.effects();
+    let mut renderer = CpuRenderer::new(effects);
+    // One sample: the pixels that a triangle covers are the subject.
+    let samples = job.samples.unwrap_or(1);
+    let time = job.frames.first().map(|(_, time)| *time).unwrap_or_default();
+    let snapshot = job.scene.stage.at(time).map_err(|e| Failure::input(e.to_string()))?;
+    let resources = Arc::new(SceneResources::new(&job.scene.stage));
+    let options = PlanOptions { effects, ..PlanOptions::new(job.settings.size, samples) };
+    let stage = &job.scene.stage;
+    let plan = plan_alone(&resources, stage, &snapshot, &options, |at| stage.at(at))
+        .map_err(|e| Failure::input(e.to_string()))?;
+    renderer.load(resources).map_err(render_failure)?;
+    let mut pictures = renderer.stages(&plan).map_err(render_failure)?;
+    let captioned = pictures.iter_mut().zip(CAPTIONS).enumerate();
+    captioned.for_each(|(i, (picture, text))| caption(picture, &format!("{}  {text}", i + 1)));
+    std::fs::create_dir_all(folder).map_err(|e| output_error(&args.output, &e))?;
+    let info = VideoInfo {
+        width: job.settings.size[0],
+        height: job.settings.size[1],
+        fps: job.settings.fps,
+        frames: 1,
+        provenance: provenance::of(&job.scene, &job.settings, samples, &job.options, renderer.device()),
+        options: job.options.clone(),
+    };
+    for (number, (name, picture)) in (1..).zip(STAGES.iter().zip(&pictures)) {
+        let path = file(number, name);
+        image_files::write_to(&path, Part::create(&path), &*job.exporter, &info, picture)?;
+        if !args.quiet {
+            print_message(path.display());
+        }
+    }
+    Ok(())
+}

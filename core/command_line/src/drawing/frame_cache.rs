@@ -1,0 +1,282 @@
+//! `render --watch`: a renderer that remembers what it has drawn. A frame is known by its content, which is what its plan says
+//! and what the catalogue, the effects and the device hold: the same frame at another time, or of another version of the script,
+//! is not drawn again.
+
+use choreo_plugin::{Effect, Frame};
+use choreo_render::plan::{Draw, ShadowView};
+use choreo_render::renderer::CreatedCounts;
+use choreo_render::scene_resources::content_hash::material_content;
+use choreo_render::{DeviceInfo, Plan, RenderError, Renderer, SceneResources};
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+type Key = [u8; 32];
+
+/// Bytes that remembered frames take at most, compressed.
+const MOST_BYTES: usize = 512 << 20;
+
+/// Clones share one renderer and one memory.
+#[derive(Clone)]
+pub struct Remembering {
+    shared: Arc<Mutex<Shared>>,
+    device: DeviceInfo,
+}
+
+struct Shared {
+    renderer: Box<dyn Renderer>,
+    resources: Arc<SceneResources>,
+    effects: Vec<Arc<dyn Effect>>,
+    frames: BTreeMap<Key, Known>,
+    bytes: usize,
+    /// Submitted and not collected, and whether the renderer has them.
+    queue: VecDeque<(Key, bool)>,
+    /// Counts renders.
+    round: u64,
+    reused: u64,
+}
+
+struct Known {
+    png: Vec<u8>,
+    /// When it was last wanted.
+    round: u64,
+}
+
+impl Remembering {
+    pub fn new(renderer: Box<dyn Renderer>) -> Remembering {
+        let device = renderer.device().clone();
+        let shared = Shared {
+            renderer,
+            resources: Arc::default(),
+            effects: Vec::new(),
+            frames: BTreeMap::new(),
+            bytes: 0,
+            queue: VecDeque::new(),
+            round: 0,
+            reused: 0,
+        };
+        Remembering { shared: Arc::new(Mutex::new(shared)), device }
+    }
+
+    /// A new render begins: nothing is in flight, nothing was reused yet.
+    pub fn begin(&self) -> Result<(), RenderError> {
+        let mut shared = self.shared();
+        shared.round += 1;
+        shared.reused = 0;
+        // What a render that failed left behind.
+        while let Some((_, drawn)) = shared.queue.pop_front() {
+            if drawn {
+                shared.renderer.collect(None)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Frames of this render that were drawn before.
+    pub fn reused(&self) -> u64 {
+        self.shared().reused
+    }
+
+    fn shared(&self) -> MutexGuard<'_, Shared> {
+        self.shared.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Renderer for Remembering {
+    fn device(&self) -> &DeviceInfo {
+        &self.device
+    }
+
+    fn frames_in_flight(&self) -> usize {
+        self.shared().renderer.frames_in_flight()
+    }
+
+    fn load(&mut self, resources: Arc<SceneResources>) -> Result<(), RenderError> {
+        let mut shared = self.shared();
+        shared.resources = resources.clone();
+        shared.renderer.load(resources)
+    }
+
+    fn submit(&mut self, plan: Plan) -> Result<(), RenderError> {
+        let mut shared = self.shared();
+        let key = key(&plan, &shared.resources, &shared.effects);
+        // Also one that is being drawn: it is known by the time this one is collected.
+        let coming = shared.queue.iter().any(|(k, _)| *k == key);
+        let drawn = !coming && !shared.frames.contains_key(&key);
+        if drawn {
+            shared.renderer.submit(plan)?;
+        }
+        // Wanted now, so that it is still there when it is collected.
+        let round = shared.round;
+        if let Some(known) = shared.frames.get_mut(&key) {
+            known.round = round;
+        }
+        shared.queue.push_back((key, drawn));
+        Ok(())
+    }
+
+    fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError> {
+        let mut shared = self.shared();
+        let Some((key, drawn)) = shared.queue.pop_front() else {
+            return Err(RenderError::Usage("no frame was submitted that is not yet collected".into()));
+        };
+        if drawn {
+            let frame = shared.renderer.collect(reuse)?;
+            shared.keep(key, &frame);
+            return Ok(frame);
+        }
+        shared.reused += 1;
+        let frame = shared.frames.get(&key).and_then(|known| read(&known.png));
+        frame.ok_or_else(|| RenderError::Usage("a remembered frame has gone".into()))
+    }
+
+    fn set_effects(&mut self, effects: &[Arc<dyn Effect>]) -> Result<(), RenderError> {
+        let mut shared = self.shared();
+        shared.effects = effects.to_vec();
+        shared.renderer.set_effects(effects)
+    }
+
+    fn reload_shaders(&mut self) -> Result<(), RenderError> {
+        let mut shared = self.shared();
+        shared.frames.clear();
+        shared.bytes = 0;
+        shared.renderer.reload_shaders()
+    }
+
+    fn created(&self) -> CreatedCounts {
+        self.shared().renderer.created()
+    }
+
+    fn take_notes(&mut self) -> Vec<String> {
+        self.shared().renderer.take_notes()
+    }
+}
+
+impl Shared {
+    fn keep(&mut self, key: Key, frame: &Frame) {
+        let Some(png) = write(frame) else { return };
+        if self.bytes + png.len() > MOST_BYTES {
+            // Of earlier versions, which nobody may want again.
+            let round = self.round;
+            self.frames.retain(|_, known| known.round == round);
+            self.bytes = self.frames.values().map(|known| known.png.len()).sum();
+        }
+        // Those of this render come again in the same order: the first are kept, and the rest drawn each time. Ones that are
+        // waited for are never dropped: they are of this round.
+        let waited_for = self.queue.iter().any(|(k, _)| *k == key);
+        if self.bytes + png.len() <= MOST_BYTES || waited_for {
+            self.bytes += png.len();
+            self.frames.insert(key, Known { png, round: self.round });
+        }
+    }
+}
+
+/// Hash of everything that the image is made from.
+fn key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Effect>]) -> Key {
+    let mut hasher = blake3::Hasher::new();
+    let mut add = |bytes: &[u8]| {
+        hasher.update(&(bytes.len() as u64).to_le_bytes());
+        hasher.update(bytes);
+    };
+    let Plan {
+        size,
+        samples,
+        view,
+        background,
+        ambient_up,
+        ambient_down,
+        lights,
+        sky,
+        layers_behind,
+        layers_in_front,
+        shadow_maps,
+        scene_color_copy,
+        depth_peeling,
+        deferred,
+        instances,
+        instance_actors: _,
+        joint_matrices,
+        morphs,
+        draws,
+        material_overrides,
+        scene_effects,
+        post,
+        background_effects,
+        overlay,
+        subframes,
+        history,
+        displacement_limits,
+        linear,
+        skin_once,
+        left_out: _,
+        // They say no more than instances and lights.
+        dirty_rect: _,
+        light_clusters: _,
+    } = plan;
+    // Numbers are printed so that no two that differ look alike: the shortest text that reads as the same number.
+    add(format!("{size:?} {samples} {view:?} {background:?} {ambient_up:?} {ambient_down:?}").as_bytes());
+    add(format!("{:?}", [layers_behind, layers_in_front].map(|layers| layers.as_ref().map(|f| f.hash)))
+        .as_bytes());
+    add(format!("{sky:?} {:?}", sky.and(resources.sky.as_ref()).map(|s| s.hash())).as_bytes());
+    add(bytemuck::cast_slice(lights));
+    add(bytemuck::cast_slice(instances));
+    add(bytemuck::cast_slice(joint_matrices));
+    add(bytemuck::cast_slice(morphs));
+    // By content: indices of another version of the scene may differ.
+    let draw_text = |draw: &Draw| {
+        let primitive = resources.primitives.get(draw.primitive as usize).map(|p| p.hash);
+        let material = resources.materials.get(draw.material as usize).map(|m| m.hash);
+        let Draw { pipeline, material_override, first_instance, instance_count, .. } = draw;
+        format!(
+            "{primitive:?} {material:?} {material_override:?} {pipeline:?} {first_instance} {instance_count}"
+        )
+    };
+    draws.iter().for_each(|draw| add(draw_text(draw).as_bytes()));
+    material_overrides.iter().for_each(|m| add(&material_content(m, &resources.textures)));
+    if let Some(shadows) = shadow_maps {
+        add(format!("{:?} {:?}", shadows.image, shadows.size).as_bytes());
+        for map in &shadows.views {
+            let ShadowView { light, at, size, clip_from_relative, texel, draws } = map;
+            add(format!("{light} {at:?} {size:?} {clip_from_relative:?} {texel}").as_bytes());
+            draws.iter().for_each(|draw| add(draw_text(draw).as_bytes()));
+        }
+    }
+    add(format!("{scene_color_copy:?}").as_bytes());
+    // Other roundings.
+    add(&[u8::from(deferred.is_some())]);
+    if let Some(depth_peeling) = depth_peeling {
+        add(format!("{} layers", depth_peeling.layers).as_bytes());
+    }
+    for pass in scene_effects.iter().chain(post) {
+        add(format!("{pass:?}").as_bytes());
+        let effect = effects.iter().find(|e| e.manifest().name == pass.effect);
+        add(effect.map_or("", |e| e.wgsl()).as_bytes());
+        let halves = effect.iter().flat_map(|e| e.textures()).map(|t| &t.halves);
+        halves.for_each(|halves| add(bytemuck::cast_slice(halves)));
+    }
+    add(bytemuck::cast_slice(&overlay.vertices));
+    add(format!("{:?} {linear} {background_effects} {displacement_limits:?} {skin_once:?}", overlay.parts)
+        .as_bytes());
+    add(format!("{} {}", subframes.len(), history.len()).as_bytes());
+    subframes.iter().chain(history).for_each(|part| add(&key(part, resources, effects)));
+    *hasher.finalize().as_bytes()
+}
+
+/// Encodes a frame without loss and fast: it is read again within this process.
+fn write(frame: &Frame) -> Option<Vec<u8>> {
+    let mut png = Vec::new();
+    let mut encoder = png::Encoder::new(&mut png, frame.width, frame.height);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_compression(png::Compression::Fastest);
+    let mut writer = encoder.write_header().ok()?;
+    writer.write_image_data(&frame.rgba).ok()?;
+    writer.finish().ok()?;
+    Some(png)
+}
+
+fn read(png: &[u8]) -> Option<Frame> {
+    let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().ok()?;
+    let mut rgba = vec![0; reader.output_buffer_size()?];
+    let info = reader.next_frame(&mut rgba).ok()?;
+    rgba.truncate(info.buffer_size());
+    Some(Frame { width: info.width, height: info.height, rgba })
+}

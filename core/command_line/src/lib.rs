@@ -1,0 +1,98 @@
+//! The command line of the program `choreo`. [`run`] gets the plugins from its caller and knows none of them, so that a change in a
+//! plugin compiles the plugin and `core/cli` only. Each command is one module; `failure` defines how commands end.
+
+mod args;
+mod commands;
+mod drawing;
+mod failure;
+pub mod output;
+mod plugins;
+mod process;
+mod scene;
+mod terminal;
+
+pub use drawing::device::cache_dir;
+
+use args::{Cli, Command, RenderArgs, values};
+use choreo_plugin::Registry;
+use clap::FromArgMatches;
+use commands::{
+    check, explain, help, info, measure, new, plugins as plugins_command, pose, render, test, view,
+};
+use failure::{Failure, print_json, print_json_message, print_message};
+use process::{interrupt, panics, threads};
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+/// One call of the program: `args` as in `std::env::args_os()`, the program's name first. Plugin files beside scripts are added to
+/// `plugins`. Writes to the process's standard streams, and takes Ctrl-C and panics for the length of the process.
+pub fn run(args: impl IntoIterator<Item = OsString>, plugins: &Registry) -> ExitCode {
+    let args = help::as_flag(args.into_iter().collect());
+    let parsed = help::command(&args, plugins).try_get_matches_from(&args);
+    let cli = match parsed.and_then(|matches| Cli::from_arg_matches(&matches)) {
+        Ok(cli) => cli,
+        Err(error) => return unread(&args, &error),
+    };
+    panics::install();
+    interrupt::install();
+    let (json, video_to_stdout) = (cli.command.json(), writes_video_to_stdout(&args));
+    let result = panics::guarded(|| start(cli.command, &args, plugins));
+    let Err(failure) = result else { return ExitCode::SUCCESS };
+    failure.lines().iter().for_each(print_message);
+    // A report of failed tests has said it already.
+    if json && !matches!(failure, Failure::Tests(_)) {
+        write_json(&failure, video_to_stdout);
+    }
+    ExitCode::from(failure.code())
+}
+
+fn start(command: Command, args: &[OsString], plugins: &Registry) -> Result<(), Failure> {
+    match &command {
+        Command::Render(given) => threads::start(given.jobs.as_deref().map(values::jobs).transpose()?)?,
+        Command::New(_) | Command::View(_) | Command::Plugins(_) | Command::Help(_) => {}
+        _ => threads::start(None)?,
+    }
+    match command {
+        Command::Render(given) => {
+            render::run(RenderArgs { again: interrupt::command_to_resume(args), ..given }, plugins)
+        }
+        Command::Check(args) => check::run(args, plugins),
+        Command::Info(args) => info::run(args, plugins),
+        Command::Explain(args) => explain::run(args, plugins),
+        Command::Measure(args) => measure::run(args, plugins),
+        Command::Pose(args) => pose::run(args, plugins),
+        Command::View(args) => view::run(args),
+        Command::Test(args) => test::run(args, plugins),
+        Command::Plugins(args) => plugins_command::run(args, plugins),
+        Command::New(args) => new::run(args),
+        Command::Help(args) => help::run(&args),
+    }
+}
+
+/// A command line that is asked about, or wrong; with `--json` anywhere on it, the error is printed as JSON too.
+fn unread(args: &[OsString], error: &clap::Error) -> ExitCode {
+    // Help and version are answers, not errors; clap knows which stream and code.
+    let _ = error.print();
+    if error.use_stderr() && args.iter().skip(1).take_while(|a| *a != "--").any(|a| a == "--json") {
+        let text = error.render().to_string();
+        // The usage text that follows is for people, not for programs.
+        let what = text.split("\n\nUsage:").next().unwrap_or_default();
+        let what = what.strip_prefix("error: ").unwrap_or(what).trim();
+        write_json(&Failure::Usage(what.to_string()), writes_video_to_stdout(args));
+    }
+    ExitCode::from(error.exit_code() as u8)
+}
+
+/// `render -o -`, however it is written.
+fn writes_video_to_stdout(args: &[OsString]) -> bool {
+    let named = |pair: &[OsString]| (pair[0] == "-o" || pair[0] == "--output") && pair[1] == "-";
+    args.windows(2).any(named) || args.iter().any(|a| a == "-o-" || a == "-o=-" || a == "--output=-")
+}
+
+fn write_json(failure: &Failure, to_stderr: bool) {
+    match to_stderr {
+        true => print_json_message(&failure.json()),
+        // If the reader of the pipe has gone, the exit code is all that remains.
+        false => drop(print_json(&failure.json())),
+    }
+}

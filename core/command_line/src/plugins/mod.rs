@@ -1,0 +1,21 @@
+//! Options of plugins as text, and plugins in files.
+
+pub mod plugin_files;
+
+use choreo_plugin::{Manifest, OptionKind, OptionSpec, OptionValue};
+
+/// One line for each option of a plugin.
+pub fn option_rows(m: &Manifest) -> String {
+    m.options.iter().map(|o| format!("      {:<14} {} ({})\n", o.name, o.about, range(o))).collect()
+}
+
+fn range(option: &OptionSpec) -> String {
+    let default = option.default();
+    match (&option.kind, &default) {
+        (OptionKind::Number { min, max, .. }, _) => format!("{min} to {max}, default {default}"),
+        (OptionKind::Text { one_of, .. }, OptionValue::Text(default)) if !one_of.is_empty() => {
+            format!("{}, default {default}", one_of.join(" | "))
+        }
+        _ => format!("{}, default {default}", option.allowed()),
+    }
+}

@@ -1,0 +1,158 @@
+//! The scene's passes: background, opaque draws, transparent draws and overlays.
+
+use crate::commands::draws::{DrawRecorder, record_peeled_layers};
+use crate::commands::{
+    Command, Cull, PassPart, Recorder, Target, cull_of, deferred, record_gbuffer, separate_faces_pay,
+};
+use crate::plan::{Draw, Glass, Plan, TopologyKey};
+use choreo_stage::Background;
+use glam::Vec4;
+
+/// How a pass begins and what its background is.
+#[derive(Clone, Copy)]
+pub(super) struct ScenePass {
+    pub target: Target,
+    pub samples: u32,
+    /// Render area; `None`: everything.
+    pub area: Option<[u32; 4]>,
+    depth: bool,
+    /// Loads the depth of the G-buffer pass.
+    kept: bool,
+    sky: bool,
+    /// The background is copied from the host rather than drawn.
+    copied: bool,
+    gradient: bool,
+}
+
+impl ScenePass {
+    fn new(recorder: Recorder, target: Target, deferred: bool) -> ScenePass {
+        let Recorder { plan, options, .. } = recorder;
+        let sky = plan.sky.is_some_and(|sky| sky.background);
+        let gradient = !sky && matches!(plan.background, Background::Gradient { .. });
+        let no_effects = plan.background_effects == 0;
+        let no_overlay = plan.overlay.parts.is_empty();
+        let copied =
+            gradient && no_effects && options.cpu_device && plan.samples == 1 && target == Target::Picture;
+        let resolves = plan.samples > 1 && target == Target::Picture && plan.scene_color_copy.is_none();
+        let only_draws = !sky && no_effects && plan.layers_behind.is_none() && no_overlay;
+        let partial = options.cpu_device && resolves && only_draws;
+        ScenePass {
+            target,
+            samples: plan.samples,
+            area: if partial { plan.dirty_rect.part_of(plan.size) } else { None },
+            // Without draws the gradient needs no depth to be tested against.
+            depth: !plan.draws.is_empty() || !no_overlay,
+            kept: deferred,
+            sky,
+            copied,
+            gradient,
+        }
+    }
+
+    fn clear(&self, plan: &Plan) -> Option<Vec4> {
+        match plan.background {
+            _ if self.sky => Some(Vec4::ZERO),
+            Background::Color(c) => Some(c),
+            Background::Gradient { .. } => (!self.copied).then_some(Vec4::ZERO),
+        }
+    }
+
+    fn begin(&self, clear: Option<Vec4>, part: PassPart) -> Command {
+        let ScenePass { target, samples, area, depth, kept, .. } = *self;
+        Command::BeginPass { target, samples, clear, depth, part, kept, area }
+    }
+}
+
+pub(super) fn record_scene(recorder: Recorder, target: Target, commands: &mut Vec<Command>) {
+    let Recorder { plan, options, .. } = recorder;
+    let deferred = plan.deferred.as_ref().filter(|_| !options.no_deferred && plan.samples == 1);
+    let peeling = plan.depth_peeling.filter(|_| !options.no_depth_peeling);
+    let pass = ScenePass::new(recorder, target, deferred.is_some());
+    if pass.copied || pass.area.is_some() {
+        commands.push(Command::CopyBackground);
+    }
+    if deferred.is_some() {
+        record_gbuffer(recorder, commands);
+    }
+    let part = match plan.scene_color_copy {
+        Some(_) => PassPart::UntilCopy,
+        None if peeling.is_some() => PassPart::UntilLayers,
+        None => PassPart::Whole,
+    };
+    commands.push(pass.begin(pass.clear(plan), part));
+    let mut draws = DrawRecorder::new(recorder, commands);
+    if let Some(deferred) = deferred {
+        deferred::record_lighting(deferred, &mut draws);
+    }
+    let is_transparent = |d: &Draw| d.pipeline.is_transparent();
+    let first_transparent = plan.draws.iter().position(is_transparent).unwrap_or(plan.draws.len());
+    let (opaque, transparent) = plan.draws.split_at(first_transparent);
+    record_opaque(&mut draws, opaque, deferred.is_some());
+    record_background(&mut draws, &pass);
+    match peeling {
+        Some(peeling) => {
+            let commands = draws.commands;
+            record_peeled_layers(recorder, commands, &pass, peeling.layers, transparent);
+            commands.push(pass.begin(None, PassPart::AfterLayers));
+            commands.extend((!plan.overlay.parts.is_empty()).then_some(Command::SetCull(Cull::None)));
+        }
+        None => {
+            record_sorted(&mut draws, &pass, transparent);
+            if !plan.overlay.parts.is_empty() {
+                draws.set_cull(Cull::None);
+            }
+        }
+    }
+    commands.extend(plan.overlay.parts.iter().map(|part| Command::DrawOverlay {
+        effect: part.effect.clone(),
+        over: part.over,
+        first: part.first,
+        count: part.count,
+    }));
+    commands.push(Command::EndPass);
+}
+
+fn record_opaque(draws: &mut DrawRecorder, opaque: &[Draw], deferred: bool) {
+    let Recorder { plan, options, triangles } = draws.recorder;
+    let forward = || opaque.iter().filter(|d| !deferred || !d.deferred);
+    let split = options.cpu_device && separate_faces_pay(plan, forward(), triangles);
+    let separate =
+        |d: &Draw| split && d.pipeline.double_sided && d.pipeline.topology == TopologyKey::Triangles;
+    for draw in forward() {
+        draws.draw(draw, if separate(draw) { Cull::Back } else { cull_of(draw) });
+    }
+    for draw in forward().filter(|d| separate(d)) {
+        draws.draw(draw, Cull::Front);
+    }
+}
+
+/// Transparent surfaces blend over the background, so it is drawn before them.
+fn record_background(draws: &mut DrawRecorder, pass: &ScenePass) {
+    let plan = draws.recorder.plan;
+    let surface = plan.background_effects;
+    if pass.sky || ((pass.gradient || surface != 0) && !pass.copied) {
+        draws.draw_full_screen(match pass.sky {
+            true => Command::DrawSky { surface },
+            false => Command::DrawBackground { surface },
+        });
+    }
+    if plan.layers_behind.is_some() {
+        draws.draw_full_screen(Command::DrawLayersBehind);
+    }
+}
+
+/// Surfaces that are farther than the first refracting one are visible through all refracting surfaces.
+fn record_sorted(draws: &mut DrawRecorder, pass: &ScenePass, transparent: &[Draw]) {
+    let first_refracting = transparent.iter().position(|d| d.pipeline.glass == Glass::Refract);
+    for (index, draw) in transparent.iter().enumerate() {
+        if let (Some(copy), true) = (draws.recorder.plan.scene_color_copy, Some(index) == first_refracting) {
+            draws.commands.extend([
+                Command::EndPass,
+                Command::CopySceneColor { from: pass.target, levels: copy.levels },
+                pass.begin(None, PassPart::AfterCopy),
+            ]);
+            draws.forget_state();
+        }
+        draws.draw(draw, cull_of(draw));
+    }
+}

@@ -1,0 +1,111 @@
+//! Passes of a frame, and pipelines that belong to one.
+
+use crate::commands::{Command, PassPart, Recording};
+use crate::explain::{CostKind, Costs, RequestedBy, plural, target_name};
+use crate::plan::DeferredCause;
+use crate::shader::{DeferredPass, SceneVariant, switches};
+
+impl Costs<'_> {
+    pub fn passes(&mut self, recording: &Recording) {
+        if !recording.preskinned.is_empty() {
+            self.preskinning(recording);
+        }
+        for command in &recording.commands {
+            match command {
+                Command::BeginPass { .. } => self.scene_pass(command),
+                Command::BeginGeometry => self.gbuffer_pass(),
+                Command::BindPipeline(v) if v.deferred == DeferredPass::Light => self.lighting_pass(v),
+                Command::BeginPeel { layer, .. } => {
+                    let what = format!("depth of transparent layer {}", layer + 1);
+                    self.add(CostKind::Pass, what, None, self.peeled_by());
+                }
+                Command::BeginLayer { layer, rest, .. } => {
+                    let what = match rest {
+                        true => "transparent surfaces nearer than all layers, sorted".to_string(),
+                        false => format!("color of transparent layer {}", layer + 1),
+                    };
+                    self.add(CostKind::Pass, what, None, self.peeled_by());
+                }
+                Command::BeginShadows { size: [w, h], .. } => {
+                    let maps = self.plan.shadow_maps.as_ref().map_or(0, |s| s.views.len());
+                    let what = format!("{}, {w}×{h} texels", plural(maps, "shadow map"));
+                    self.add(CostKind::Pass, what, None, self.actors(self.plan.shadow_draws()));
+                }
+                Command::DrawOverlay { effect, count, .. } => {
+                    let what = format!("in the scene: {} triangles of {effect}", count / 3);
+                    self.add(CostKind::Pass, what, None, RequestedBy::effect(effect));
+                }
+                Command::PostPass { effect, from, to, size: [w, h], .. } => {
+                    let (from, to) = (target_name(*from), target_name(*to));
+                    let what = format!("effect {effect}: {from} → {to}, {w}×{h}");
+                    self.add(CostKind::Pass, what, None, RequestedBy::effect(effect));
+                }
+                Command::CopySceneColor { from, levels } => {
+                    let levels = plural(*levels as usize, "level");
+                    let what = format!("copy of the {} for refraction, {levels}", target_name(*from));
+                    self.add(CostKind::Pass, what, None, self.requested_by(self.refracting()));
+                }
+                Command::CopyBackground => {
+                    let background = RequestedBy::other("the stage's background");
+                    self.add(CostKind::Pass, "copy of the background".into(), None, background);
+                }
+                Command::DrawLayersBehind => self.background_pipeline("2D layers", "text, images and panels"),
+                Command::DrawSky { .. } => self.background_pipeline("sky", "the stage's sky"),
+                Command::DrawBackground { .. } => {
+                    self.background_pipeline("gradient", "the stage's background")
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn background_pipeline(&mut self, of: &str, requested_by: &'static str) {
+        let what = format!("pipeline of the {of} behind the scene");
+        self.add(CostKind::Pipeline, what, None, RequestedBy::other(requested_by));
+    }
+
+    fn scene_pass(&mut self, command: &Command) {
+        let Command::BeginPass { target, samples, depth, part, area, .. } = command else { return };
+        let depth = if *depth { ", depth" } else { "" };
+        let samples = plural(*samples as usize, "sample");
+        let part = match part {
+            PassPart::Whole | PassPart::UntilCopy | PassPart::UntilLayers => "",
+            PassPart::AfterLayers => ", the rest after the transparent layers",
+            PassPart::AfterCopy => ", the rest after the copy for refraction",
+        };
+        let area = area.map_or(String::new(), |[_, _, w, h]| format!(", {w}×{h} of it"));
+        let what = format!("scene → {}, {samples} per pixel{depth}{part}{area}", target_name(*target));
+        let requested_by = match self.plan.draws.is_empty() {
+            true => RequestedBy::other("the stage's background: nothing else is in view"),
+            false => self.actors(self.plan.draws.iter()),
+        };
+        self.add(CostKind::Pass, what, None, requested_by);
+    }
+
+    pub fn deferred_by(&self) -> RequestedBy {
+        let other = Some(match self.plan.deferred.as_ref().map(|d| d.cause) {
+            Some(DeferredCause::Pays { .. }) => "many lights on overlapping surfaces",
+            _ => "the stage's pipeline \"deferred\"",
+        });
+        RequestedBy { other, ..self.actors(self.plan.draws.iter().filter(|d| d.deferred)) }
+    }
+
+    fn gbuffer_pass(&mut self) {
+        let deferred = self.plan.draws.iter().filter(|d| d.deferred).count();
+        let forward = self.plan.draws.len() - deferred;
+        let mut what = format!("G-buffer and depth: {deferred} deferred draws, and {forward} forward");
+        let cause = self.plan.deferred.as_ref().map(|d| d.cause);
+        if let Some(DeferredCause::Pays { lights, surfaces, wasted }) = cause {
+            what += &format!(
+                "; about {lights:.1} lights per surface, {surfaces:.1} overlapping surfaces: {wasted:.1} light evaluations per pixel saved"
+            );
+        }
+        self.add(CostKind::Pass, what, None, self.deferred_by());
+    }
+
+    fn lighting_pass(&mut self, variant: &SceneVariant) {
+        let lights = self.plan.lights.len();
+        let what = format!("lighting of the G-buffer, {lights} lights: {}", switches(variant).join(" "));
+        self.add(CostKind::Pipeline, what, None, self.deferred_by());
+    }
+}

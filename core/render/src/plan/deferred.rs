@@ -1,0 +1,31 @@
+//! Deferred shading: which surfaces, and why.
+
+use crate::plan::Features;
+
+/// Opaque surfaces are drawn into a G-buffer (shaders/deferred.wgsl), then every pixel is lit once. Surfaces that the G-buffer
+/// cannot describe are shaded forward afterwards.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Deferred {
+    pub cause: DeferredCause,
+    /// What lighting reads, for all deferred surfaces together.
+    pub features: Features,
+    /// Bits of the effects among `Plan::scene_effects` that all deferred surfaces have.
+    pub surface: u8,
+}
+
+/// Why shading is deferred.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum DeferredCause {
+    /// The stage requests it.
+    Requested,
+    /// It is estimated to be faster. Means over the covered part of the frame: light evaluations per shaded surface, overlapping
+    /// surfaces, and light evaluations per pixel that forward shading would waste on hidden surfaces.
+    Pays { lights: f32, surfaces: f32, wasted: f32 },
+}
+
+/// Features of the scene's lights rather than of a surface.
+pub(crate) const LIGHTS: Features = Features::SHADOW
+    .with(Features::SKY)
+    .with(Features::LOCAL_LIGHTS)
+    .with(Features::POLYNOMIAL)
+    .with(Features::SEEN_SHADOW);
