@@ -1,10 +1,10 @@
 //! What a stage must be for frames to be made of it. `Stage::at` itself is lenient: it leaves out what does not exist.
 
-use crate::described::Described;
 use crate::stage::actor::{Actor, Attachment, Target};
 use crate::stage::camera::{Camera, Rig};
 use crate::stage::channel::{Channel, Property};
 use crate::stage::clips::{Cue, LayerMode};
+use crate::stage::described::Described;
 use crate::stage::layers_2d::{Fit, Flat, FlatContent};
 use crate::stage::light::StageLight;
 use crate::stage::sky::Sky;

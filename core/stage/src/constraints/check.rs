@@ -1,9 +1,9 @@
 //! What goals, limits and springs must be.
 
-use crate::described::Described;
 use crate::stage::Stage;
 use crate::stage::actor::{Actor, Target};
 use crate::stage::constraint::{GoalKind, Plant};
+use crate::stage::described::Described;
 use choreo_motion::Time;
 
 /// What is wrong with an actor's, as place and text.

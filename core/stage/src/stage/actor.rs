@@ -1,9 +1,9 @@
 //! Actors: an asset on stage, with its clips, constraints and placement.
 
-use crate::described::{FieldType, described, fields};
 use crate::stage::channel::Channel;
 use crate::stage::clips::Layer;
 use crate::stage::constraint::Goal;
+use crate::stage::described::{FieldType, described, fields};
 use crate::stage::fade::{eased, fraction};
 use crate::stage::path::Walk;
 use crate::stage::springs::ActorSprings;

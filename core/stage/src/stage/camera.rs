@@ -1,8 +1,8 @@
 //! Cameras of a stage, and the cuts between them.
 
-use crate::described::{FieldType, FieldValue, fields};
 use crate::stage::actor::Target;
 use crate::stage::channel::Channel;
+use crate::stage::described::{FieldType, FieldValue, fields};
 use choreo_asset::Projection;
 use choreo_motion::Time;
 use glam::{DQuat, DVec3};
@@ -49,12 +49,12 @@ fields! { Camera {
     /// near clipping plane
     near: [get |of: &Camera| FieldValue::Number(of.near().into()), set |of: &mut Camera, v| {
         let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) = &mut of.projection;
-        crate::described::Holds::hold(near, v);
+        crate::stage::described::Holds::hold(near, v);
     }], FieldType::Number(1e-6, 1e9, "metres");
     /// far clipping plane
-    far: [get |of: &Camera| crate::described::Holds::value(&of.far()), set |of: &mut Camera, v| match &mut of.projection {
-        Projection::Perspective { far, .. } => crate::described::Holds::hold(far, v),
-        Projection::Orthographic { far, .. } => crate::described::Holds::hold(far, v),
+    far: [get |of: &Camera| crate::stage::described::Holds::value(&of.far()), set |of: &mut Camera, v| match &mut of.projection {
+        Projection::Perspective { far, .. } => crate::stage::described::Holds::hold(far, v),
+        Projection::Orthographic { far, .. } => crate::stage::described::Holds::hold(far, v),
     }], FieldType::Number(1e-5, 1e15, "metres");
     position: [get |of: &Camera| match &of.rig {
         Rig::Fixed { position, .. } => FieldValue::Vector(*position),

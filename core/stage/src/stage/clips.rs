@@ -1,7 +1,7 @@
 //! Layers of clips on an actor.
 
-use crate::described::{FieldType, described};
 use crate::stage::channel::Channel;
+use crate::stage::described::{FieldType, described};
 use crate::stage::root_motion::CueRoot;
 use crate::stage::time_remapping::Warp;
 use choreo_motion::{Clip, Ease, PhaseMatchedFade, Repeat, Time};

@@ -1,9 +1,9 @@
 //! Constraints of an actor: foot lock, aim, reach, mirroring; see [`crate::constraints`] for their order.
 
 use crate::Ease;
-use crate::described::{FieldType, fields};
 use crate::mirroring::Mirroring;
 use crate::stage::actor::Target;
+use crate::stage::described::{FieldType, fields};
 use crate::stage::fade::{eased, fraction};
 use choreo_motion::Time;
 use glam::DVec3;

@@ -1,7 +1,7 @@
 //! 2D layers over and under the scene: text, images, panels, letterboxes; in painter's order.
 
-use crate::described::{FieldType, described};
 use crate::stage::channel::Channel;
+use crate::stage::described::{FieldType, described};
 use choreo_asset::Image;
 use choreo_motion::Time;
 pub use choreo_text::{Align, Font};

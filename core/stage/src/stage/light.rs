@@ -1,8 +1,8 @@
 //! Lights of a stage, and their shadows.
 
-use crate::described::{FieldType, FieldValue, described};
 use crate::stage::actor::Attachment;
 use crate::stage::channel::Channel;
+use crate::stage::described::{FieldType, FieldValue, described};
 use choreo_asset::{Light, LightKind};
 use glam::{DVec3, Vec3};
 
@@ -27,7 +27,7 @@ described! {
         direction: direction, FieldType::Direction, keys "direction" Rotation, lacks shines_all_around;
         color: light.color, FieldType::Color, keys "color" Color;
         kelvin: [get |_: &StageLight| FieldValue::Unset, set |of: &mut StageLight, v| {
-            crate::described::Holds::hold(&mut of.light.color, v)
+            crate::stage::described::Holds::hold(&mut of.light.color, v)
         }], FieldType::Kelvin, keys "kelvin" Color;
         intensity: light.intensity, FieldType::Number(0.0, 1e9, ""), keys "intensity" Intensity;
         range: light.range, FieldType::Number(1e-3, 1e9, "metres"), keys "range" Range, lacks shines_however_far;

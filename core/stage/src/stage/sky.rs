@@ -1,7 +1,7 @@
 //! Light from all around: a panorama, turned and dimmed over time.
 
-use crate::described::{FieldType, described};
 use crate::stage::channel::Channel;
+use crate::stage::described::{FieldType, described};
 use choreo_asset::Panorama;
 use std::sync::Arc;
 

@@ -232,7 +232,7 @@ impl<T: Holds + Default> Holds for Option<T> {
 /// }
 /// ```
 /// Members in parentheses are arguments of `new`, which takes `&str` for `String => str`; the others have a default there. The content hash is made of all members in
-/// this order, each by [`Hashed`](crate::hash::Hashed) or by the function after `hash`. A field is a member, or a member of a
+/// this order, each by [`Hashed`](crate::stage::hash::Hashed) or by the function after `hash`. A field is a member, or a member of a
 /// member; `get` and `set` reach what is neither, and `lacks` tells why some do not have it.
 macro_rules! described {
     (
@@ -250,21 +250,21 @@ macro_rules! described {
 
         impl $name {
             /// All else as by default.
-            pub fn new($($required: $crate::described::described!(@from $required_ty $(, $from)?)),*) -> $name {
+            pub fn new($($required: $crate::stage::described::described!(@from $required_ty $(, $from)?)),*) -> $name {
                 $($(let $required = <$from>::to_owned($required);)?)*
                 $(let $member: $ty = $default;)*
                 $name { $($required,)* $($member),* }
             }
         }
 
-        impl $crate::hash::Hashed for $name {
-            fn hash(&self, w: &mut $crate::hash::StageWriter) {
-                $($crate::hash::Hashed::hash(&self.$required, w);)*
-                $($crate::described::described!(@hash self.$member, w $(, $hash)?);)*
+        impl $crate::stage::hash::Hashed for $name {
+            fn hash(&self, w: &mut $crate::stage::hash::StageWriter) {
+                $($crate::stage::hash::Hashed::hash(&self.$required, w);)*
+                $($crate::stage::described::described!(@hash self.$member, w $(, $hash)?);)*
             }
         }
 
-        $($crate::described::fields! { $name { $($fields)* } })?
+        $($crate::stage::described::fields! { $name { $($fields)* } })?
     };
     (
         $(#[$attr:meta])*
@@ -282,17 +282,17 @@ macro_rules! described {
             }
         }
 
-        impl $crate::hash::Hashed for $name {
-            fn hash(&self, w: &mut $crate::hash::StageWriter) {
-                $($crate::hash::Hashed::hash(&self.$member, w);)*
+        impl $crate::stage::hash::Hashed for $name {
+            fn hash(&self, w: &mut $crate::stage::hash::StageWriter) {
+                $($crate::stage::hash::Hashed::hash(&self.$member, w);)*
             }
         }
 
-        $($crate::described::fields! { $name { $($fields)* } })?
+        $($crate::stage::described::fields! { $name { $($fields)* } })?
     };
     (@from $ty:ty) => { $ty };
     (@from $ty:ty, $from:ty) => { &$from };
-    (@hash $member:expr, $w:ident) => { $crate::hash::Hashed::hash(&$member, $w) };
+    (@hash $member:expr, $w:ident) => { $crate::stage::hash::Hashed::hash(&$member, $w) };
     (@hash $member:expr, $w:ident, $hash:expr) => { $hash($w, &$member) };
 }
 pub(crate) use described;
@@ -303,15 +303,15 @@ macro_rules! fields {
         $(#[doc = $doc:literal])* $field:ident: $([get $get:expr, set $set:expr])? $($path:ident).*, $of_type:expr
         $(, keys $key:literal $keyed:ident)? $(, lacks $lacks:expr)?;
     )* }) => {
-        impl $crate::described::Described for $name {
-            const FIELDS: &'static [$crate::described::Field<$name>] = &[$($crate::described::Field {
+        impl $crate::stage::described::Described for $name {
+            const FIELDS: &'static [$crate::stage::described::Field<$name>] = &[$($crate::stage::described::Field {
                 name: stringify!($field),
                 doc: &[$($doc),*],
                 of_type: $of_type,
-                keyed: $crate::described::fields!(@option $(($key, $crate::stage::channel::Property::$keyed))?),
-                lacks: $crate::described::fields!(@or $($lacks)?; |_| None),
-                get: $crate::described::fields!(@get $name [$($get)?] $($path).*),
-                set: $crate::described::fields!(@set $name [$($set)?] $($path).*),
+                keyed: $crate::stage::described::fields!(@option $(($key, $crate::stage::channel::Property::$keyed))?),
+                lacks: $crate::stage::described::fields!(@or $($lacks)?; |_| None),
+                get: $crate::stage::described::fields!(@get $name [$($get)?] $($path).*),
+                set: $crate::stage::described::fields!(@set $name [$($set)?] $($path).*),
             }),*];
         }
     };
@@ -320,8 +320,8 @@ macro_rules! fields {
     (@or $given:expr; $usual:expr) => { $given };
     (@or ; $usual:expr) => { $usual };
     (@get $name:ident [$get:expr]) => { $get };
-    (@get $name:ident [] $($path:ident).+) => { |of: &$name| $crate::described::Holds::value(&of.$($path).+) };
+    (@get $name:ident [] $($path:ident).+) => { |of: &$name| $crate::stage::described::Holds::value(&of.$($path).+) };
     (@set $name:ident [$set:expr]) => { $set };
-    (@set $name:ident [] $($path:ident).+) => { |of: &mut $name, v| $crate::described::Holds::hold(&mut of.$($path).+, v) };
+    (@set $name:ident [] $($path:ident).+) => { |of: &mut $name, v| $crate::stage::described::Holds::hold(&mut of.$($path).+, v) };
 }
 pub(crate) use fields;

@@ -1,12 +1,9 @@
-//! Content hashes of stages and snapshots: did a script give the same stage again?
+//! Content hashes: did a script give the same stage again?
 //!
-//! Types of the stage are hashed member by member, in the order of their declaration ([`described!`](crate::described)).
+//! Types of the stage are hashed member by member, in the order of their declaration ([`described!`](crate::stage::described)).
 
 use crate::Limit;
 use crate::mirroring::Mirroring;
-use crate::snapshot::{
-    ActorState, CameraState, ChangedMaterial, EffectState, FlatState, LightState, SkyState, Snapshot,
-};
 use crate::stage::actor::{Attachment, LookAt, Target};
 use crate::stage::camera::{Camera, Cut, Rig};
 use crate::stage::channel::{Channel, Property};
@@ -57,7 +54,7 @@ pub trait Hashed {
     fn hash(&self, w: &mut StageWriter);
 }
 
-fn hash_of(content: &(impl Hashed + ?Sized), mut w: StageWriter) -> ContentHash {
+pub(crate) fn hash_of(content: &(impl Hashed + ?Sized), mut w: StageWriter) -> ContentHash {
     content.hash(&mut w);
     w.writer.finish()
 }
@@ -76,24 +73,19 @@ impl Layer {
     }
 }
 
-impl Snapshot {
-    /// Every bit of it: two evaluations of one stage at one time must agree, wherever they ran.
-    pub fn content_hash(&self) -> ContentHash {
-        hash_of(self, StageWriter::default())
-    }
-}
-
 /// Hashes values by methods of the [`Writer`].
 macro_rules! written {
     ($($ty:ty: |$this:ident, $w:ident| $write:expr;)*) => {
-        $(impl Hashed for $ty {
-            fn hash(&self, $w: &mut StageWriter) {
+        $(impl $crate::stage::hash::Hashed for $ty {
+            fn hash(&self, $w: &mut $crate::stage::hash::StageWriter) {
                 let $this = self;
                 $write;
             }
         })*
     };
 }
+
+pub(crate) use written;
 
 written! {
     bool: |v, w| w.flag(*v);
@@ -193,32 +185,34 @@ impl StageWriter {
 /// Hashes structs member by member and enums by number and members. The numbers stay, so that hashes do.
 macro_rules! hashed {
     (@one struct $name:ident { $($member:ident),* $(; without $($skipped:ident),*)? }) => {
-        impl Hashed for $name {
-            fn hash(&self, w: &mut StageWriter) {
+        impl $crate::stage::hash::Hashed for $name {
+            fn hash(&self, w: &mut $crate::stage::hash::StageWriter) {
                 let $name { $($member,)* $($($skipped: _),*)? } = self;
-                $(Hashed::hash($member, w);)*
+                $($crate::stage::hash::Hashed::hash($member, w);)*
             }
         }
     };
     (@one enum $name:ident {
         $($number:literal $variant:ident $(($only:ident))? $({ $($member:ident),* $(; without $($skipped:ident),*)? })?,)*
     }) => {
-        impl Hashed for $name {
-            fn hash(&self, w: &mut StageWriter) {
+        impl $crate::stage::hash::Hashed for $name {
+            fn hash(&self, w: &mut $crate::stage::hash::StageWriter) {
                 match self {
                     $($name::$variant $(($only))? $({ $($member,)* $($($skipped: _),*)? })? => {
                         w.tag($number);
-                        $(Hashed::hash($only, w);)?
-                        $($(Hashed::hash($member, w);)*)?
+                        $($crate::stage::hash::Hashed::hash($only, w);)?
+                        $($($crate::stage::hash::Hashed::hash($member, w);)*)?
                     })*
                 }
             }
         }
     };
     ($($what:ident $name:ident { $($body:tt)* })*) => {
-        $(hashed!(@one $what $name { $($body)* });)*
+        $($crate::stage::hash::hashed!(@one $what $name { $($body)* });)*
     };
 }
+
+pub(crate) use hashed;
 
 hashed! {
     struct Stage { settings, actors, cameras, cuts, lights, flats, sky, effects, hooks; without warnings }
@@ -341,24 +335,9 @@ hashed! {
         2 Panel { size, color },
         3 Bars { ratio, color },
     }
-    struct Snapshot { time, actors, camera, lights, flats, sky, background, ambient_up, ambient_down, effects }
-    struct ActorState {
-        visible, world_from_model, model_from_joint, morph_weights, tint, pen_width, copies, base_colors, skinning, materials;
-        // Depends on the image, not on the stage.
-        without out_of_view
-    }
-    struct CameraState { camera, world_from_view, projection }
-    struct LightState { light, position, direction, shadow, attenuation }
-    struct FlatState { flat, at, scale, opacity, words }
-    struct SkyState { panorama, turn, strength, background }
-    struct EffectState { effect, parameters }
 }
 
 written! {
-    ChangedMaterial: |v, w| {
-        w.u32(v.material);
-        v.now.write_content(w, &|_| None)
-    };
     Path: |v, w| {
         v.points.hash(w);
         w.flag(v.closed)
