@@ -25,7 +25,7 @@ pub struct Asset {
     /// Which mesh hangs on which node, with which skin.
     pub instances: Vec<MeshInstance>,
     /// model-from-model of every place at which the whole body stands, posed once for all of them. Empty: where it is cast.
-    pub places: Arc<[Affine3A]>,
+    pub placements: Arc<[Affine3A]>,
     pub materials: Vec<Material>,
     pub images: Vec<Arc<Image>>,
     pub cameras: Vec<AssetCamera>,

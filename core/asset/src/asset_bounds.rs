@@ -137,7 +137,7 @@ fn instance_bounds(asset: &Asset, instance: &MeshInstance) -> InstanceBounds {
     }
     parts.retain(|part| !part.reach.is_empty());
     let mut outline: Vec<(u32, u32)> = Vec::new();
-    if mesh.morph_targets == 0 && instance.copies.is_empty() && asset.places.is_empty() {
+    if mesh.morph_targets == 0 && instance.copies.is_empty() && asset.placements.is_empty() {
         outline.extend(farthest.iter().flat_map(|f| f.0).filter_map(|(_, vertex)| vertex));
         outline.sort_unstable();
         outline.dedup();

@@ -173,15 +173,15 @@ impl BoundsPart {
 
 /// The smallest and the largest value of each number of some maps.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Range {
+pub(crate) struct AffineRange {
     low: Affine3A,
     high: Affine3A,
 }
 
-impl Range {
-    pub(crate) fn of(maps: &[Affine3A]) -> Option<Range> {
+impl AffineRange {
+    pub(crate) fn of(maps: &[Affine3A]) -> Option<AffineRange> {
         let (first, rest) = maps.split_first()?;
-        let mut range = Range { low: *first, high: *first };
+        let mut range = AffineRange { low: *first, high: *first };
         for map in rest {
             for (((low, high), now), _) in
                 columns(&mut range.low).into_iter().zip(columns(&mut range.high)).zip(values(map)).zip(0..4)

@@ -1,6 +1,6 @@
 //! What is computed from an asset once, when first asked for, and then shared by every actor cast from it.
 
-use crate::bounds::{Aabb, InstanceBounds, Range};
+use crate::bounds::{Aabb, AffineRange, InstanceBounds};
 use crate::hash::ContentHash;
 use choreo_motion::Pose;
 use glam::Affine3A;
@@ -14,7 +14,7 @@ pub struct Derived {
     pub(crate) rest_model_from_joint: OnceLock<Vec<Affine3A>>,
     pub(crate) instance_bounds: OnceLock<Vec<InstanceBounds>>,
     pub(crate) rest_bounds: OnceLock<Aabb>,
-    pub(crate) range_of_places: OnceLock<Option<Range>>,
+    pub(crate) range_of_placements: OnceLock<Option<AffineRange>>,
     pub(crate) content_hash: OnceLock<ContentHash>,
 }
 

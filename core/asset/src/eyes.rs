@@ -53,7 +53,7 @@ pub fn angles_of(way: DVec3) -> (f64, f64) {
 }
 
 /// Yaw to the left and pitch up, radians, that weights of [`GAZE`] ask for; `None` where the eyes are to rest.
-pub fn asked(expressions: &[Expression], weights: &[f32]) -> Option<(f64, f64)> {
+pub fn requested(expressions: &[Expression], weights: &[f32]) -> Option<(f64, f64)> {
     let (mut yaw, mut pitch) = (0.0, 0.0);
     for (expression, weight) in expressions.iter().zip(weights).filter(|(_, weight)| **weight > 0.0) {
         let angle = f64::from(weight.min(1.0)) * FRAC_PI_2;

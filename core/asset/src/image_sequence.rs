@@ -7,16 +7,16 @@ use std::fmt::Debug;
 use std::sync::Arc;
 
 /// Source of the images of a sequence.
-pub trait Pictures: Debug + Send + Sync {
+pub trait ImageSource: Debug + Send + Sync {
     /// All of one size; an error is told as it is.
     fn picture(&self, index: usize) -> Result<Arc<Image>, String>;
 }
 
 /// Images that replace textures of a material; the material's own images are the first of each. All change together.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Sequence {
+pub struct ImageSequence {
     /// One a slot, each with as many pictures.
-    pub streams: Vec<Stream>,
+    pub streams: Vec<ImageStream>,
     /// Frames a second; after the last comes the first,
     pub fps: f32,
     /// or the last stays.
@@ -25,9 +25,9 @@ pub struct Sequence {
 
 /// The pictures of one texture.
 #[derive(Clone, Debug)]
-pub struct Stream {
+pub struct ImageStream {
     pub slot: TextureSlot,
-    pub pictures: Arc<dyn Pictures>,
+    pub pictures: Arc<dyn ImageSource>,
     /// One a picture: equal hashes are equal pictures.
     pub hashes: Vec<ContentHash>,
 }
@@ -52,13 +52,13 @@ impl TextureSlot {
     }
 }
 
-impl PartialEq for Stream {
-    fn eq(&self, other: &Stream) -> bool {
+impl PartialEq for ImageStream {
+    fn eq(&self, other: &ImageStream) -> bool {
         (self.slot, &self.hashes) == (other.slot, &other.hashes)
     }
 }
 
-impl Sequence {
+impl ImageSequence {
     /// How many pictures all of its streams have.
     pub fn count(&self) -> usize {
         self.streams.iter().map(|s| s.hashes.len()).min().unwrap_or(0)

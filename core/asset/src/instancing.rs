@@ -1,7 +1,7 @@
 //! Bodies that stand at many places: one pose, many placements.
 
 use crate::asset::{Asset, MeshInstance};
-use crate::bounds::{Aabb, Range};
+use crate::bounds::{Aabb, AffineRange};
 use crate::skinning::widen;
 use glam::{Affine3A, DAffine3, Vec3, Vec3A};
 
@@ -11,10 +11,10 @@ const FEW: usize = 64;
 impl Asset {
     /// model-from-model of each place that the body stands at, the first so many where there is a number; the identity where it
     /// stands where it is cast.
-    pub fn first_places(&self, count: Option<u32>) -> impl Iterator<Item = Affine3A> + '_ {
-        let own = if self.places.is_empty() { Some(Affine3A::IDENTITY) } else { None };
-        let most = count.filter(|_| !self.places.is_empty()).map_or(usize::MAX, |n| n as usize);
-        own.into_iter().chain(self.places.iter().copied().take(most))
+    pub fn first_placements(&self, count: Option<u32>) -> impl Iterator<Item = Affine3A> + '_ {
+        let own = if self.placements.is_empty() { Some(Affine3A::IDENTITY) } else { None };
+        let most = count.filter(|_| !self.placements.is_empty()).map_or(usize::MAX, |n| n as usize);
+        own.into_iter().chain(self.placements.iter().copied().take(most))
     }
 
     /// Each thing that is drawn of an instance: model-from-model of the body's place, joint-from-mesh of the copy there.
@@ -24,36 +24,36 @@ impl Asset {
         instance: &'a MeshInstance,
         count: Option<u32>,
     ) -> impl Iterator<Item = (Affine3A, Affine3A)> + 'a {
-        let copies = if self.places.is_empty() { count } else { None };
-        self.first_places(count)
+        let copies = if self.placements.is_empty() { count } else { None };
+        self.first_placements(count)
             .flat_map(move |place| instance.joint_from_first(copies).map(move |copy| (place, copy)))
     }
 
     /// How often a mesh is drawn: 1 without places and copies.
     pub fn times(&self, instance: &MeshInstance) -> usize {
-        self.places.len().max(1).saturating_mul(instance.copies.len().max(1))
+        self.placements.len().max(1).saturating_mul(instance.copies.len().max(1))
     }
 
     /// Whether an actor's number of copies counts anything.
     pub fn has_copies(&self) -> bool {
-        !self.places.is_empty() || self.instances.iter().any(|i| !i.copies.is_empty())
+        !self.placements.is_empty() || self.instances.iter().any(|i| !i.copies.is_empty())
     }
 
     /// A box that holds what is in a box of model space, at all places.
     pub fn spread(&self, of_one: &Aabb) -> Aabb {
-        match self.places.len() {
+        match self.placements.len() {
             _ if of_one.is_empty() => Aabb::EMPTY,
             0 => *of_one,
             1..=FEW => {
-                let boxes = self.places.iter().map(|place| of_one.transformed(place));
+                let boxes = self.placements.iter().map(|place| of_one.transformed(place));
                 boxes.fold(Aabb::EMPTY, Aabb::union)
             }
-            _ => self.range_of_places().map_or(*of_one, |range| range.image(of_one)),
+            _ => self.range_of_placements().map_or(*of_one, |range| range.image(of_one)),
         }
     }
 
-    fn range_of_places(&self) -> Option<Range> {
-        *self.derived.range_of_places.get_or_init(|| Range::of(&self.places))
+    fn range_of_placements(&self) -> Option<AffineRange> {
+        *self.derived.range_of_placements.get_or_init(|| AffineRange::of(&self.placements))
     }
 
     /// Boxes around all that is drawn of an instance in a pose, each with its map into model space.
@@ -65,12 +65,12 @@ impl Asset {
         mut each: impl FnMut(&DAffine3, &Aabb),
     ) {
         let bounds = &self.instance_bounds()[instance];
-        if self.places.len() > FEW {
+        if self.placements.len() > FEW {
             each(&DAffine3::IDENTITY, &self.spread(&bounds.posed(model_from_joint, weights)));
             return;
         }
-        for place in self.first_places(None) {
-            let place = (!self.places.is_empty()).then(|| widen(&place));
+        for place in self.first_placements(None) {
+            let place = (!self.placements.is_empty()).then(|| widen(&place));
             for part in &bounds.parts {
                 let Some(joint) = model_from_joint.get(part.joint as usize) else { continue };
                 let model_from_part = place.map_or(widen(joint), |place| place * widen(joint));
@@ -82,7 +82,7 @@ impl Asset {
     /// How far from the model's origin what is no farther than a radius of one body is at any of the places, metres, and how
     /// much larger a place makes it at most.
     pub fn farthest(&self, radius: f64) -> (f64, f64) {
-        if self.places.is_empty() {
+        if self.placements.is_empty() {
             return (radius, 1.0);
         }
         let stretch = |place: &Affine3A| {
@@ -91,7 +91,7 @@ impl Asset {
             let square = |v: Vec3A| f64::from(Vec3::from(v).length_squared());
             (square(m.x_axis) + square(m.y_axis) + square(m.z_axis)).sqrt()
         };
-        self.places.iter().fold((0.0, 1.0), |(far, large): (f64, f64), place| {
+        self.placements.iter().fold((0.0, 1.0), |(far, large): (f64, f64), place| {
             let stretch = stretch(place);
             let distance = f64::from(place.translation.length());
             (far.max(distance + stretch * radius), large.max(stretch))
@@ -105,7 +105,7 @@ mod tests {
     use glam::Quat;
 
     /// Points on a lattice, each turned and scaled in its own way.
-    fn places(count: u32, turned: bool) -> Vec<Affine3A> {
+    fn placements(count: u32, turned: bool) -> Vec<Affine3A> {
         let place = |i: u32| {
             let at = Vec3::new(i as f32 % 7.0, i as f32 * 0.3 - 4.0, (i * i % 11) as f32);
             let turn = if turned { Quat::from_rotation_y(i as f32) } else { Quat::IDENTITY };
@@ -119,10 +119,10 @@ mod tests {
     fn a_spread_box_holds_each_corner_at_each_place_and_is_tight_where_nothing_turns() {
         let one = Aabb { min: Vec3::new(-0.5, 0.0, -2.0), max: Vec3::new(0.25, 1.75, -1.0) };
         for (count, turned) in [(1, true), (64, true), (65, true), (300, true), (300, false), (12, false)] {
-            let asset = Asset { places: places(count, turned).into(), ..Asset::default() };
+            let asset = Asset { placements: placements(count, turned).into(), ..Asset::default() };
             let all = asset.spread(&one);
             let mut truth = Aabb::EMPTY;
-            for place in asset.places.iter() {
+            for place in asset.placements.iter() {
                 one.corners().iter().for_each(|c| truth.add(place.transform_point3(*c)));
             }
             let holds = all.min.cmple(truth.min).all() && all.max.cmpge(truth.max).all();
@@ -137,7 +137,7 @@ mod tests {
     fn a_place_counts_as_a_whole_and_copies_count_where_there_is_no_place() {
         let moved = |x: f32| Affine3A::from_translation(Vec3::X * x);
         let instance = MeshInstance { copies: [moved(0.1), moved(0.2)].into(), ..MeshInstance::default() };
-        let mut asset = Asset { places: [moved(1.0), moved(2.0), moved(3.0)].into(), ..Asset::default() };
+        let mut asset = Asset { placements: [moved(1.0), moved(2.0), moved(3.0)].into(), ..Asset::default() };
         asset.instances.push(instance.clone());
         let all = |asset: &Asset, count| -> Vec<f32> {
             let both = asset.standing(&instance, count);
@@ -146,7 +146,7 @@ mod tests {
         assert_eq!(all(&asset, Some(2)), [1.1, 1.2, 2.1, 2.2]);
         assert_eq!((all(&asset, None).len(), asset.times(&instance), asset.has_copies()), (6, 6, true));
         assert_eq!(all(&asset, Some(0)), [0.0; 0]);
-        asset.places = Default::default();
+        asset.placements = Default::default();
         assert_eq!(all(&asset, Some(1)), [0.1]);
         assert_eq!(asset.times(&instance), 2);
     }

@@ -1,6 +1,6 @@
 //! Materials: parameters of the shading models, textures, alpha, lines.
 
-use crate::image_sequence::{Sequence, frame};
+use crate::image_sequence::{ImageSequence, frame};
 use crate::material_layers::MaterialLayers;
 use crate::reflection::Reflection;
 use crate::texture::TextureRef;
@@ -76,11 +76,11 @@ pub struct Material {
     /// All its textures are frames side by side, of which one is seen at a time.
     pub strip: Option<FrameStrip>,
     /// Some of its textures are the first of pictures that follow each other.
-    pub sequence: Option<Arc<Sequence>>,
+    pub sequence: Option<Arc<ImageSequence>>,
     /// Clearcoat, sheen, transmission; of metallic-roughness surfaces only.
     pub layers: Option<Box<MaterialLayers>>,
     /// How wide lines and points are; `None`: a pixel. Without meaning for triangles, and for what has a skin or morphs.
-    pub pen: Option<Pen>,
+    pub line_style: Option<LineStyle>,
     /// Base colour, normals and specular colour are laid on from three sides, whatever texture coordinates there are; normals
     /// need tangents, each at a right angle to its normal.
     pub triplanar: Option<Triplanar>,
@@ -99,7 +99,7 @@ pub struct Triplanar {
 
 /// What lines and points are drawn with.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pen {
+pub struct LineStyle {
     /// Across; nothing is drawn at 0, and never less than a pixel otherwise.
     pub width: f32,
     /// Metres of the model, else pixels at any distance.
@@ -164,7 +164,7 @@ impl Default for Material {
             strip: None,
             sequence: None,
             layers: None,
-            pen: None,
+            line_style: None,
             triplanar: None,
         }
     }

@@ -7,7 +7,7 @@ use choreo_motion::Time;
 use choreo_motion::contacts::{Contacts, Foot, find_feet};
 use choreo_plugin::Registry;
 use choreo_script::{ScriptOptions, run_text};
-use choreo_stage::{Evaluator, GoalKind, Leg, Stage, find_legs};
+use choreo_stage::{ConstraintKind, Evaluator, Leg, Stage, find_legs};
 use glam::DVec3;
 use std::path::Path;
 use std::sync::Arc;
@@ -103,8 +103,11 @@ fn planted_feet_stay_where_they_are_while_walk_becomes_run() {
             );
             let stage = stage(&folder, &text);
             let mut without = stage.clone();
-            without.actors[0].goals.retain(|g| !matches!(g.kind, GoalKind::Plant(_)));
-            assert_ne!(stage.actors[0].goals, without.actors[0].goals, "{file}: nothing is planted");
+            without.actors[0].constraints.retain(|g| !matches!(g.kind, ConstraintKind::FootLock(_)));
+            assert_ne!(
+                stage.actors[0].constraints, without.actors[0].constraints,
+                "{file}: nothing is planted"
+            );
             let actor = &stage.actors[0];
             let skeleton = &actor.asset.skeleton;
             let legs = find_legs(skeleton);
@@ -123,7 +126,7 @@ fn planted_feet_stay_where_they_are_while_walk_becomes_run() {
                 .collect();
             // Down where the clip that counts more says so.
             let planted = |leg: usize, time: Time| {
-                let heard = actor.heard(time);
+                let heard = actor.active_clips(time);
                 let Some(most) = heard.iter().rev().find(|h| h.weight >= 0.5) else { return false };
                 let round = actor.layers[0].cues[most.cue].trim.1;
                 let at = most.clip_time;

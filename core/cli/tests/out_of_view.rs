@@ -34,7 +34,7 @@ fn poses(script: &str) -> [usize; 2] {
     let resources = Arc::new(SceneResources::new(&stage));
     let aspect = f64::from(SIZE[0]) / f64::from(SIZE[1]);
     let mut all = Evaluator::new(stage.clone());
-    let mut seen = Evaluator::new(stage).for_pictures(aspect);
+    let mut seen = Evaluator::new(stage).for_images(aspect);
     for i in 0..8 {
         let secs = 0.37 * f64::from(i);
         let (expected, _) = picture(&resources, &mut all, secs);
@@ -44,7 +44,7 @@ fn poses(script: &str) -> [usize; 2] {
         let told = plan.left_out.iter().any(|l| l.what == "actors outside the view");
         assert_eq!(told, seen.poses() < all.poses(), "at {secs} s");
     }
-    [all.poses_in_all(), seen.poses_in_all()]
+    [all.total_poses(), seen.total_poses()]
 }
 
 /// A row of eleven that walk by, two metres apart, of whom the middle three are about the picture; a sword in every hand.
@@ -135,9 +135,9 @@ fn who_is_needed_is_posed() {
         camera("c").at(0.0, 1.4, 6.0).look_at([0.0, 0.9, 0.0]);
     "#;
     let stage = stage(script);
-    let mut seen = Evaluator::new(stage.clone()).for_pictures(16.0 / 9.0);
+    let mut seen = Evaluator::new(stage.clone()).for_images(16.0 / 9.0);
     let snapshot = seen.at(Time::from_secs(1.0)).unwrap();
-    assert!(snapshot.actors[0].out_of_view && !snapshot.actors[0].model_from_joint.is_empty());
+    assert!(snapshot.actors[0].culled && !snapshot.actors[0].model_from_joint.is_empty());
     let whole = Evaluator::new(stage).at(Time::from_secs(1.0)).unwrap();
     assert_eq!(snapshot.actors[1].model_from_joint, whole.actors[1].model_from_joint);
 }

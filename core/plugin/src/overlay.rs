@@ -26,7 +26,7 @@ impl<'a> Scene<'a> {
         let seen =
             actors.filter(move |(index, (_, state))| state.visible && EffectTarget::among(on, *index, None));
         seen.flat_map(|(index, (actor, state))| {
-            actor.asset.first_places(state.copies).map(move |place| {
+            actor.asset.first_placements(state.copies).map(move |place| {
                 let place = DAffine3::from_cols(
                     place.matrix3.x_axis.as_dvec3(),
                     place.matrix3.y_axis.as_dvec3(),

@@ -52,7 +52,7 @@ fn scene(as_one: bool, skinning: Skinning, upper: Affine3A) -> Scene {
     let world = DAffine3::from_rotation_z(0.1);
     let wide = |a: &Affine3A| DAffine3::from_cols_array(&a.to_cols_array().map(f64::from));
     if as_one {
-        scene.add(&Arc::new(Asset { places: places().into(), ..body() }), world);
+        scene.add(&Arc::new(Asset { placements: places().into(), ..body() }), world);
     } else {
         let asset = Arc::new(body());
         for place in &places() {
@@ -110,7 +110,7 @@ fn a_thousand_pay_one_pose_and_those_outside_nothing() {
     let crowd = |count: u16| {
         let mut body = body();
         body.instances.truncate(1);
-        body.places = (0..count).map(|i| Affine3A::from_translation(at(i))).collect();
+        body.placements = (0..count).map(|i| Affine3A::from_translation(at(i))).collect();
         let mut scene = Scene::ortho(4.0);
         scene.at(&Arc::new(body), 0.0, 0.0, 0.0);
         scene
@@ -152,7 +152,7 @@ fn far_ones_of_a_crowd_are_coarser() {
     }
     let mut body = (*skinned_asset(vec![ball], vec![matte(Vec4::ONE)])).clone();
     let place = |i: u8| Affine3A::from_translation(Vec3::new(0.0, 0.0, -2.0 * f32::from(i)));
-    body.places = (0..80).map(place).collect();
+    body.placements = (0..80).map(place).collect();
     let mut scene = Scene::perspective(0.6, 3.0);
     scene.at(&Arc::new(body), 0.0, 0.0, 0.0);
     let options = PlanOptions::new([128, 128], 1);

@@ -23,7 +23,7 @@ fn grey(i: usize) -> [u8; 4] {
     [5 + 6 * i as u8; 3].iter().copied().chain([255]).collect::<Vec<u8>>().try_into().unwrap()
 }
 
-impl Pictures for Greys {
+impl ImageSource for Greys {
     fn picture(&self, index: usize) -> Result<Arc<Image>, String> {
         self.made.fetch_add(1, Ordering::Relaxed);
         if self.broken && index == COUNT - 2 {
@@ -35,8 +35,8 @@ impl Pictures for Greys {
 
 fn scene(greys: &Arc<Greys>, once: bool) -> Scene {
     let hashes = (0..COUNT).map(|i| [i as u8; 32]).collect();
-    let stream = Stream { slot: TextureSlot::BaseColor, pictures: greys.clone(), hashes };
-    let sequence = Sequence { streams: vec![stream], fps: 10.0, once };
+    let stream = ImageStream { slot: TextureSlot::BaseColor, pictures: greys.clone(), hashes };
+    let sequence = ImageSequence { streams: vec![stream], fps: 10.0, once };
     let shown = Material {
         base_color_texture: Some(texture(0)),
         sequence: Some(Arc::new(sequence)),
@@ -119,7 +119,7 @@ fn pattern(index: usize) -> Arc<Image> {
     })
 }
 
-impl Pictures for Patterns {
+impl ImageSource for Patterns {
     fn picture(&self, index: usize) -> Result<Arc<Image>, String> {
         Ok(pattern(index))
     }
@@ -128,12 +128,12 @@ impl Pictures for Patterns {
 /// A lit plate with a picture in a slot: one of a sequence as seen at its time, or alone.
 fn plate(slots: &[TextureSlot], index: usize, alone: bool) -> Scene {
     let slot_texture = |slot| slots.contains(&slot).then(|| texture(0));
-    let streams = slots.iter().map(|slot| Stream {
+    let streams = slots.iter().map(|slot| ImageStream {
         slot: *slot,
         pictures: Arc::new(Patterns),
         hashes: (0..3).map(|i| [i as u8 + 100; 32]).collect(),
     });
-    let sequence = Sequence { streams: streams.collect(), fps: 10.0, once: false };
+    let sequence = ImageSequence { streams: streams.collect(), fps: 10.0, once: false };
     let material = Material {
         base_color: Vec4::new(0.8, 0.7, 0.6, 1.0),
         metallic: 0.6,

@@ -11,19 +11,19 @@ use common::*;
 use glam::{DAffine3, DVec3, Vec3, Vec4};
 use std::sync::Arc;
 
-fn drawn(topology: Topology, positions: Vec<Vec3>, pen: Pen) -> Arc<Asset> {
+fn drawn(topology: Topology, positions: Vec<Vec3>, pen: LineStyle) -> Arc<Asset> {
     let indices = (0..positions.len() as u32).collect();
     let primitive = Primitive { topology, indices, positions, material: Some(0), ..Primitive::default() };
-    let white = Material { pen: Some(pen), ..unlit(Vec4::ONE) };
+    let white = Material { line_style: Some(pen), ..unlit(Vec4::ONE) };
     asset(vec![primitive], vec![white], vec![])
 }
 
-fn pen(width: f32) -> Pen {
-    Pen { width, metres: false, round: true }
+fn pen(width: f32) -> LineStyle {
+    LineStyle { width, metres: false, round: true }
 }
 
-fn square(width: f32) -> Pen {
-    Pen { round: false, ..pen(width) }
+fn square(width: f32) -> LineStyle {
+    LineStyle { round: false, ..pen(width) }
 }
 
 /// Pixels that are covered, in parts.
@@ -89,14 +89,14 @@ fn areas_are_those_of_discs_and_stadiums() {
 
 #[test]
 fn pixels_stay_and_metres_shrink_with_the_distance() {
-    let heights = |pen: Pen, distance: f64, scale: f64| {
+    let heights = |pen: LineStyle, distance: f64, scale: f64| {
         let line = drawn(Topology::Lines, vec![Vec3::X * -1e3, Vec3::X * 1e3], pen);
         let mut scene = Scene::perspective(1.0, distance);
         scene.add(&line, DAffine3::from_scale(DVec3::splat(scale)));
         let frame = draw_at(&scene, [64, 64], 4);
         (0..64).map(|y| decode(pixel(&frame, 32, y)[0])).sum::<f64>()
     };
-    let metres = Pen { width: 0.3, metres: true, round: true };
+    let metres = LineStyle { width: 0.3, metres: true, round: true };
     for distance in [2.0, 8.0, 50.0] {
         assert!((heights(pen(6.0), distance, 1.0) - 6.0).abs() < 0.1, "{distance}");
         for scale in [1.0, 2.0] {
@@ -115,7 +115,7 @@ fn hard() -> Scene {
     };
     let through =
         segments(&[[0.5, -0.6, -30.0], [0.5, -0.6, 30.0], [-0.2, 0.4, 3.0], [-1.5, 0.9, 40.0]], pen(9.0));
-    let metres = Pen { width: 0.2, metres: true, round: true };
+    let metres = LineStyle { width: 0.2, metres: true, round: true };
     let thick = segments(&[[-0.7, -0.5, -9.0], [-0.7, -0.5, 9.0]], metres);
     let none = segments(&[[0.3, 0.3, 0.0], [0.3, 0.3, 0.0]], pen(12.0));
     let along = segments(&[[0.0, 0.0, 0.0], [0.0, 0.0, -5.0]], square(7.0));
@@ -147,7 +147,7 @@ fn both_renderers_draw_the_same_and_a_planted_fault_is_seen() {
         let alike = compare(&vulkan, &cpu, 2).unwrap();
         assert!(alike.share_beyond < 0.005, "{samples}: {alike}");
         let mut wider = hard();
-        wider.snapshot.actors[0].pen_width = Some(10.0);
+        wider.snapshot.actors[0].line_width = Some(10.0);
         let apart = compare(&vulkan, &draw(&wider, &options), 2).unwrap();
         assert!(apart.share_beyond > 0.005, "a pixel more is not seen");
         // Whatever else the shader is able to do.
@@ -176,12 +176,12 @@ fn huge_and_many_are_drawn_and_bounded() {
 #[test]
 fn only_what_has_a_width_pays_for_it_and_none_is_not_drawn() {
     let options = PlanOptions::new([64, 64], 1);
-    let plan = |pen: Option<Pen>, width: Option<f32>, x: f64| {
+    let plan = |pen: Option<LineStyle>, width: Option<f32>, x: f64| {
         let mut made = (*drawn(Topology::Lines, vec![Vec3::NEG_Y, Vec3::Y], square(1.0))).clone();
-        made.materials[0].pen = pen;
+        made.materials[0].line_style = pen;
         let mut scene = Scene::ortho(6.4);
         let actor = scene.at(&Arc::new(made), x, 0.0, 0.0);
-        scene.snapshot.actors[actor].pen_width = width;
+        scene.snapshot.actors[actor].line_width = width;
         scene.plan(&options).1
     };
     let wide = |plan: &Plan| plan.draws.iter().filter(|d| d.pipeline.features.has(Features::WIDE)).count();

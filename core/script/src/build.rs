@@ -10,7 +10,7 @@ use crate::testing::{TestState, Timeout};
 use choreo_asset::Asset;
 use choreo_motion::{Clip, Curve, RootParts, Time};
 use choreo_stage::{
-    Actor, Channel, Cue, EffectUse, Flat, LayerMode, Repeat, Rig, Settings, Sky, StageLight, Target,
+    Actor, Channel, Cue, EffectUse, Layer2d, LayerMode, Repeat, Rig, Settings, Sky, StageLight, Target,
 };
 use glam::{DQuat, DVec3};
 use std::collections::{BTreeMap, BTreeSet};
@@ -155,7 +155,7 @@ pub struct Build {
     pub cuts: Vec<(Time, usize, Place)>,
     pub lights: Vec<StageLight>,
     pub light_places: Vec<Place>,
-    pub flats: Vec<Flat>,
+    pub layers_2d: Vec<Layer2d>,
     pub sky: Option<Sky>,
     /// Place of the call of `sky(…)`.
     pub sky_at: Option<Place>,
@@ -455,8 +455,8 @@ impl Build {
         self.lights.get_mut(id).ok_or_else(|| ApiError::new("this light is not on this stage"))
     }
 
-    pub fn flat(&mut self, id: usize) -> Result<&mut Flat, ApiError> {
-        self.flats.get_mut(id).ok_or_else(|| ApiError::new("this flat is not on this stage"))
+    pub fn flat(&mut self, id: usize) -> Result<&mut Layer2d, ApiError> {
+        self.layers_2d.get_mut(id).ok_or_else(|| ApiError::new("this flat is not on this stage"))
     }
 
     pub fn sky(&mut self) -> Result<&mut Sky, ApiError> {

@@ -56,13 +56,13 @@ fn cues(build: &Build, warn: &mut impl FnMut(&Place, String)) {
             warn(&draft.at, text);
         }
         if let Some(end) = end
-            && draft.cue.inertial > end - start
+            && draft.cue.inertialization > end - start
             && end > start
             && !draft.followed
         {
             let text = format!(
                 "clip \"{name}\" takes {} s to get rid of the pose before it, but its cue lasts {} s",
-                draft.cue.inertial.as_secs(),
+                draft.cue.inertialization.as_secs(),
                 (end - start).as_secs()
             );
             warn(&draft.at, text);

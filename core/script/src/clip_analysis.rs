@@ -4,7 +4,7 @@ use crate::build::{Build, CueDraft, RootDraft, RootUse};
 use choreo_asset::Asset;
 use choreo_motion::contacts::{Contacts, find_feet};
 use choreo_motion::{Clip, Footsteps, PhaseMatchedFade, RootMotion, RootParts, Time};
-use choreo_stage::{Cue, CueRoot, Pace, Repeat};
+use choreo_stage::{Cue, CueRootMotion, Pace, Repeat};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use std::sync::Arc;
 type Part = (usize, usize, Time, Time);
 
 /// What was asked of a part, and what it has.
-type Asked = (RootDraft, Option<Arc<CueRoot>>);
+type Asked = (RootDraft, Option<Arc<CueRootMotion>>);
 
 #[derive(Default)]
 pub struct Found {
@@ -25,10 +25,14 @@ fn part(asset: &Asset, clip: &Arc<Clip>, trim: (Time, Time)) -> Part {
 }
 
 /// The root motion of a cue on the base layer, as it or its actor asks for it.
-pub fn root(build: &Build, draft: &CueDraft, found: &mut Found) -> Option<Arc<CueRoot>> {
+pub fn root(build: &Build, draft: &CueDraft, found: &mut Found) -> Option<Arc<CueRootMotion>> {
     let actor = &build.actors[build.chains[draft.chain].actor];
     // Who goes along a path as fast as the clips walk has root motion without asking.
-    let paced = actor.actor.walk.as_ref().is_some_and(|walk| walk.pace == Pace::OfClips);
+    let paced = actor
+        .actor
+        .path_following
+        .as_ref()
+        .is_some_and(|path_following| path_following.pace == Pace::OfClips);
     let own = RootDraft { joint: None, parts: RootParts::default(), used: RootUse::Carries };
     let asked = draft.root.or(actor.root).or(paced.then_some(own))?;
     let asset = &actor.actor.asset;
@@ -39,7 +43,7 @@ pub fn root(build: &Build, draft: &CueDraft, found: &mut Found) -> Option<Arc<Cu
     }
     let motion = RootMotion::new(&asset.skeleton, &draft.cue.clip, asked.joint, asked.parts, trim);
     let carries = asked.used == RootUse::Carries;
-    let root = motion.map(|motion| Arc::new(CueRoot { motion, carries }));
+    let root = motion.map(|motion| Arc::new(CueRootMotion { motion, carries }));
     all.push((asked, root.clone()));
     root
 }

@@ -12,8 +12,8 @@ use crate::lint::{ClipMarkers, Places};
 use choreo_asset::Projection;
 use choreo_motion::{Clip, Time};
 use choreo_stage::{
-    Actor, Camera, Channel, Cue, CueRoot, Cut, Goal, GoalKind, Layer, LayerMode, Pace, Plant, Property,
-    Reference, Repeat, Rig, Stage,
+    Actor, Camera, Channel, Constraint, ConstraintKind, Cue, CueRootMotion, Cut, FootLock, Layer, LayerMode,
+    Pace, Property, Reference, Repeat, Rig, Stage,
 };
 use glam::{DQuat, DVec3, Vec3};
 use rhai::Engine;
@@ -39,7 +39,7 @@ pub fn resolve(
         let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
         stage.settings = build.settings.clone();
         stage.sky = build.sky.take();
-        stage.flats = std::mem::take(&mut build.flats);
+        stage.layers_2d = std::mem::take(&mut build.layers_2d);
         if stage.sky.is_some() && !build.ambient_given {
             (stage.settings.ambient_up, stage.settings.ambient_down) = (Vec3::ZERO, Vec3::ZERO);
         }
@@ -136,14 +136,18 @@ const STANDING: f64 = 0.01;
 /// Root motion of clips that all stand still: nobody meant that.
 fn gets_nowhere(build: &Build, made: &[Option<Cue>], notes: &mut Notes) {
     for (index, actor) in build.actors.iter().enumerate() {
-        let paced = actor.actor.walk.as_ref().is_some_and(|walk| walk.pace == Pace::OfClips);
+        let paced = actor
+            .actor
+            .path_following
+            .as_ref()
+            .is_some_and(|path_following| path_following.pace == Pace::OfClips);
         let carried = actor.root.is_some_and(|root| root.used == RootUse::Carries);
         if !paced && !carried {
             continue;
         }
         let own = build.cues.iter().zip(made).filter(|(draft, _)| build.chains[draft.chain].actor == index);
         let roots = own.filter_map(|(_, cue)| cue.as_ref()?.root.as_deref());
-        let moves = |root: &CueRoot| {
+        let moves = |root: &CueRootMotion| {
             let turns =
                 root.motion.frame(root.motion.trim.1).yaw != root.motion.frame(root.motion.trim.0).yaw;
             let reach = root.motion.frame(root.motion.trim.1).translation.length();
@@ -272,13 +276,13 @@ fn resolve_cue(
         root: if layer { None } else { root(build, draft, found) },
         ..draft.cue(start)
     };
-    if layer && cue.inertial > Time::ZERO {
+    if layer && cue.inertialization > Time::ZERO {
         refuse(draft, "inertial is for clips that are no layer", notes);
     }
     if layer && draft.root.is_some() {
         refuse(draft, "root motion is for clips that are no layer", notes);
     }
-    if cue.inertial > Time::ZERO && (draft.cue.fade_in > Time::ZERO || draft.in_step) {
+    if cue.inertialization > Time::ZERO && (draft.cue.fade_in > Time::ZERO || draft.in_step) {
         refuse(draft, "inertial begins at once, so there is no fade", notes);
     }
     if layer && draft.in_step {
@@ -371,19 +375,19 @@ fn plant_in_step(build: &mut Build, matched: Vec<InStep>) {
     for InStep { actor, span, carried } in matched {
         let Some(ActorDraft { actor, .. }) = build.actors.get_mut(actor) else { continue };
         let keyed = actor.channels.iter().any(|c| c.property == Property::Translation);
-        let planted = actor.goals.iter_mut().find_map(|goal| match &mut goal.kind {
-            GoalKind::Plant(plant) => Some(&mut plant.only),
+        let planted = actor.constraints.iter_mut().find_map(|goal| match &mut goal.kind {
+            ConstraintKind::FootLock(plant) => Some(&mut plant.only),
             _ => None,
         });
         match planted {
             // Planted as the script says, or by an earlier fade.
             Some(only) => only.extend((!only.is_empty()).then_some(span)),
-            None if carried || keyed || actor.walk.is_some() => {
+            None if carried || keyed || actor.path_following.is_some() => {
                 let legs = crate::api::constraints::legs(&actor.asset);
                 if !legs.is_empty() {
                     let hips = crate::api::constraints::hips(&actor.asset, &legs);
-                    let plant = Plant { legs, hips, ground: Vec::new(), only: vec![span] };
-                    actor.goals.push(Goal::new(GoalKind::Plant(plant)));
+                    let plant = FootLock { legs, hips, ground: Vec::new(), only: vec![span] };
+                    actor.constraints.push(Constraint::new(ConstraintKind::FootLock(plant)));
                 }
             }
             None => {}

@@ -15,16 +15,16 @@ fn actor(script: &str) -> Actor {
 fn a_reach_bends_two_joints_or_as_many_as_it_is_told() {
     let anna =
         actor("anna.reach(\"LeftHand\", [0.3, 1.0, 0.2]).from(1.0).until(2.0).fade(0.25).weight(0.5);");
-    let goal = &anna.goals[0];
+    let goal = &anna.constraints[0];
     let secs = Time::from_secs;
     assert_eq!((goal.start, goal.end, goal.fade, goal.weight), (secs(1.0), Some(secs(2.0)), secs(0.25), 0.5));
-    let GoalKind::Reach(reach) = &goal.kind else { panic!("{goal:?}") };
+    let ConstraintKind::Reach(reach) = &goal.kind else { panic!("{goal:?}") };
     assert_eq!(reach.joints, [0, 1, 3]);
     assert_eq!(reach.target, Target::Point(DVec3::new(0.3, 1.0, 0.2)));
     let anna = actor(
         "anna.reach(\"LeftHand\", anna.joint(\"Head\"), #{ root: \"Spine\", at: [0, 1, 0], keep: true });",
     );
-    let GoalKind::Reach(reach) = &anna.goals[0].kind else { panic!() };
+    let ConstraintKind::Reach(reach) = &anna.constraints[0].kind else { panic!() };
     assert_eq!(
         (reach.joints.as_slice(), reach.offset, reach.keep_rotation),
         (&[1, 3][..], Some(DVec3::Y), true)
@@ -38,7 +38,7 @@ fn aims_share_and_limits_hold() {
          anna.joint(\"Head\").limit(#{ swing: 30, twist: [-10, 20] });
          anna.joint(\"LeftHand\").limit(#{ hinge: [0, 90], axis: [2, 0, 0] });",
     );
-    let GoalKind::Aim(aim) = &anna.goals[0].kind else { panic!() };
+    let ConstraintKind::Aim(aim) = &anna.constraints[0].kind else { panic!() };
     assert_eq!((aim.joints.as_slice(), aim.shares.as_slice()), (&[0, 1, 2][..], &[0.2, 0.3, 0.5][..]));
     assert!((aim.limit.to_degrees() - 60.0).abs() < 1e-9);
     assert_eq!(anna.limits.len(), 2);

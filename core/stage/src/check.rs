@@ -5,13 +5,13 @@ use crate::stage::camera::{Camera, Rig};
 use crate::stage::channel::{Channel, Property};
 use crate::stage::clips::{Cue, LayerMode};
 use crate::stage::described::Described;
-use crate::stage::layers_2d::{Fit, Flat, FlatContent};
+use crate::stage::layers_2d::{Fit, Layer2d, Layer2dContent};
 use crate::stage::light::StageLight;
 use crate::stage::sky::Sky;
-use crate::stage::time_remapping::Warp;
+use crate::stage::time_remapping::TimeRemapping;
 use crate::stage::{Background, Settings, Stage, StageError};
 use crate::transforms::order;
-use crate::transforms::order::Order;
+use crate::transforms::order::PlacementOrder;
 use choreo_asset::{Asset, LightKind, Projection};
 use choreo_motion::{Interpolation, Playback, Time};
 
@@ -29,7 +29,7 @@ impl Stage {
         for (index, actor) in self.actors.iter().enumerate() {
             checker.actor(index, actor);
         }
-        if let Err(cycle) = order::find(self, &mut Order::default()) {
+        if let Err(cycle) = order::find(self, &mut PlacementOrder::default()) {
             checker.problems.push(cycle);
         }
         for camera in &self.cameras {
@@ -42,8 +42,8 @@ impl Stage {
         if let Some(sky) = &self.sky {
             checker.sky(sky);
         }
-        for (index, flat) in self.flats.iter().enumerate() {
-            checker.flat(index, flat);
+        for (index, layer_2d) in self.layers_2d.iter().enumerate() {
+            checker.layer_2d(index, layer_2d);
         }
         for effect in &self.effects {
             let place = format!("effect \"{}\"", effect.plugin);
@@ -218,11 +218,13 @@ impl Checker<'_> {
         if let Some(keys) = &cue.weight_keys {
             self.channel(place, keys, keys.property == Property::Weight);
         }
-        match cue.warp.as_deref() {
-            Some(Warp::Speed(curve)) => {
+        match cue.time_remapping.as_deref() {
+            Some(TimeRemapping::Speed(curve)) => {
                 self.channel(place, &curve.keys, curve.keys.property == Property::Speed);
             }
-            Some(Warp::ClipTime(keys)) => self.channel(place, keys, keys.property == Property::ClipTime),
+            Some(TimeRemapping::ClipTime(keys)) => {
+                self.channel(place, keys, keys.property == Property::ClipTime)
+            }
             None => {}
         }
         let apart = cue.freezes.windows(2).all(|pair| pair[0].1 <= pair[1].0);
@@ -353,24 +355,24 @@ impl Checker<'_> {
         self.channels("sky", sky, &sky.channels);
     }
 
-    fn flat(&mut self, index: usize, flat: &Flat) {
-        let place = format!("flat {index}");
-        self.fields(&place, flat);
-        let sized = match &flat.content {
-            FlatContent::Text { size, width, line_height, color, .. } => {
+    fn layer_2d(&mut self, index: usize, layer_2d: &Layer2d) {
+        let place = format!("layer_2d {index}");
+        self.fields(&place, layer_2d);
+        let sized = match &layer_2d.content {
+            Layer2dContent::Text { size, width, line_height, color, .. } => {
                 let sizes = [*size, width.unwrap_or(1.0), *line_height];
                 sizes.iter().all(|v| v.is_finite() && *v > 0.0) && color.is_finite()
             }
-            FlatContent::Picture { fit, .. } => match fit {
+            Layer2dContent::Picture { fit, .. } => match fit {
                 Fit::Height(share) | Fit::Width(share) => share.is_finite() && *share > 0.0,
                 Fit::Contain | Fit::Cover => true,
             },
-            FlatContent::Panel { size, color } => size.is_finite() && color.is_finite(),
-            FlatContent::Bars { ratio, color } => ratio.is_finite() && *ratio > 0.0 && color.is_finite(),
+            Layer2dContent::Panel { size, color } => size.is_finite() && color.is_finite(),
+            Layer2dContent::Bars { ratio, color } => ratio.is_finite() && *ratio > 0.0 && color.is_finite(),
         };
         self.need(sized, &place, || "its size and color must be finite and above 0".to_string());
-        self.span(&place, flat.start, flat.end);
-        self.channels(&place, flat, &flat.channels);
+        self.span(&place, layer_2d.start, layer_2d.end);
+        self.channels(&place, layer_2d, &layer_2d.channels);
     }
 
     fn light(&mut self, light: &StageLight) {

@@ -2,7 +2,7 @@
 //!
 //! A joint is never farther from its parent than the longest translation of its curves, however it turns. The sum along the
 //! skeleton is a ball about the actor's place that holds every vertex in every pose its layers can make. Whoever's ball is
-//! outside the picture, as all that its shadow could fall on, needs neither pose nor draw. Where that cannot be told (goals,
+//! outside the picture, as all that its shadow could fall on, needs neither pose nor draw. Where that cannot be told (constraints,
 //! springs, morphs, splines, cameras that hang on joints, effects …) everybody counts as seen.
 
 use crate::snapshot::{ActorState, CameraState};
@@ -11,38 +11,38 @@ use crate::stage::actor::{Actor, Target};
 use crate::stage::camera::Rig;
 use crate::stage::clips::LayerMode;
 use crate::stage::edits::FrameEdits;
-use crate::transforms::order::Step;
+use crate::transforms::order::PlacementStep;
 use choreo_asset::{LightKind, Projection};
 use choreo_motion::{Clip, Interpolation, Path, Skinning, Time};
 use glam::{DMat3, DVec3};
 
 /// Extent of each actor of a stage, at any time.
 #[derive(Debug)]
-pub(crate) struct Reaches(Vec<Option<Reach>>);
+pub(crate) struct PoseBounds(Vec<Option<PoseRadius>>);
 
 /// Metres of the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Reach {
+struct PoseRadius {
     /// Distance from the model's origin to the farthest vertex or joint.
     radius: f64,
     /// The largest scale of a joint's space.
     scale: f64,
 }
 
-impl Reaches {
-    pub fn new(stage: &Stage) -> Reaches {
-        Reaches(stage.actors.iter().map(reach).collect())
+impl PoseBounds {
+    pub fn new(stage: &Stage) -> PoseBounds {
+        PoseBounds(stage.actors.iter().map(pose_radius).collect())
     }
 }
 
 /// `None` where poses have no bound that is known beforehand.
-fn reach(actor: &Actor) -> Option<Reach> {
+fn pose_radius(actor: &Actor) -> Option<PoseRadius> {
     let asset = &actor.asset;
     let lit_by_file = actor.file_lights && !asset.lights.is_empty();
     let outlined = asset.materials.iter().any(|m| m.toon.as_ref().is_some_and(|t| t.outline.is_some()));
     // Pixels have no metres.
-    let outlined = outlined || asset.materials.iter().any(|m| m.pen.is_some());
-    let unbounded = !actor.goals.is_empty() || actor.springs.is_some();
+    let outlined = outlined || asset.materials.iter().any(|m| m.line_style.is_some());
+    let unbounded = !actor.constraints.is_empty() || actor.springs.is_some();
     // Dual quaternions take vertices out of the hull of where their joints' matrices would.
     if unbounded || lit_by_file || outlined || actor.skinning != Skinning::Linear {
         return None;
@@ -55,7 +55,7 @@ fn reach(actor: &Actor) -> Option<Reach> {
         let additive = layer.mode != LayerMode::Override;
         let mut more = vec![0.0f64; far.len()];
         for cue in &layer.cues {
-            if cue.inertial > Time::ZERO {
+            if cue.inertialization > Time::ZERO {
                 return None;
             }
             let of_layer = if additive { &mut more } else { &mut far };
@@ -65,11 +65,11 @@ fn reach(actor: &Actor) -> Option<Reach> {
         added.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
     }
     let mut places: Vec<(f64, f64)> = Vec::with_capacity(far.len());
-    let mut all = Reach { radius: 0.0, scale: 1.0 };
+    let mut all = PoseRadius { radius: 0.0, scale: 1.0 };
     for (joint, parent) in asset.skeleton.parents().iter().enumerate() {
         let (distance, above) = parent.map_or((0.0, 1.0), |p| places[p as usize]);
         let here = (distance + above * (far[joint] + added[joint]), above * scale[joint]);
-        all = Reach { radius: all.radius.max(here.0), scale: all.scale.max(here.1) };
+        all = PoseRadius { radius: all.radius.max(here.0), scale: all.scale.max(here.1) };
         places.push(here);
     }
     for part in asset.instance_bounds().iter().flat_map(|instance| &instance.parts) {
@@ -199,20 +199,20 @@ enum Casting {
 }
 
 /// Whose own picture is not needed; `out`: one an actor. All actors have been placed as if those that hang on joints were at rest.
-pub(crate) struct OutOfView<'a> {
+pub(crate) struct Culling<'a> {
     pub stage: &'a Stage,
-    pub reaches: &'a Reaches,
+    pub pose_bounds: &'a PoseBounds,
     pub camera: Option<CameraState>,
     /// Aspect ratio of the image: width over height.
     pub aspect: f64,
     pub edits: &'a FrameEdits,
     pub time: Time,
     /// Parents come first.
-    pub order: &'a [Step],
+    pub order: &'a [PlacementStep],
     pub actors: &'a [ActorState],
 }
 
-impl OutOfView<'_> {
+impl Culling<'_> {
     pub fn run(&self, out: &mut Vec<bool>) {
         out.clear();
         out.resize(self.actors.len(), false);
@@ -224,19 +224,25 @@ impl OutOfView<'_> {
         // By actor: its ball, and the largest scale from its joints' spaces to the world.
         let mut balls: Vec<Option<(Ball, f64)>> = vec![None; self.actors.len()];
         for step in self.order {
-            let Step::World(index) = *step else { continue };
+            let PlacementStep::World(index) = *step else { continue };
             let (actor, state) = (&self.stage.actors[index], &self.actors[index]);
-            let ball = self.reaches.0.get(index).copied().flatten().and_then(|reach| {
+            let ball = self.pose_bounds.0.get(index).copied().flatten().and_then(|pose_radius| {
                 let world = &state.world_from_model;
                 let Some(parent) = actor.parent else {
                     let scale = norm(&world.matrix3);
-                    return Some(((world.translation, reach.radius * scale), reach.scale * scale));
+                    return Some((
+                        (world.translation, pose_radius.radius * scale),
+                        pose_radius.scale * scale,
+                    ));
                 };
                 // Anywhere about any joint of the other.
                 let ((center, radius), above) = (*balls.get(parent.actor)?)?;
                 let placed = self.placed(index)?;
                 let scale = above * placed.1;
-                Some(((center, radius + above * placed.0 + scale * reach.radius), reach.scale * scale))
+                Some((
+                    (center, radius + above * placed.0 + scale * pose_radius.radius),
+                    pose_radius.scale * scale,
+                ))
             });
             balls[index] = ball;
             out[index] = ball.is_some_and(|(ball, _)| {
@@ -251,7 +257,7 @@ impl OutOfView<'_> {
     fn placed(&self, index: usize) -> Option<(f64, f64)> {
         let actor = &self.stage.actors[index];
         let moved = self.edits.actors.iter().any(|edit| edit.actor() == index);
-        if moved || !actor.channels.is_empty() || actor.walk.is_some() {
+        if moved || !actor.channels.is_empty() || actor.path_following.is_some() {
             return None;
         }
         Some((actor.transform.translation.length(), actor.transform.scale.abs().max_element()))

@@ -1,21 +1,21 @@
 //! `Stage::at`: from the timeline to a snapshot.
 //!
-//! In this order: keyed properties, hooks, visibility, which poses are needed at all, poses, places in the world, goals
-//! (planted feet, aims, looks, reaches), places again where a goal has moved something, springs, lights, camera.
+//! In this order: keyed properties, hooks, visibility, which poses are needed at all, poses, places in the world, constraints
+//! (planted feet, aims, looks, reaches), places again where a constraint has moved something, springs, lights, camera.
 
-use crate::constraints::foot_lock::Plants;
+use crate::constraints::foot_lock::FootLocks;
 use crate::constraints::solve;
-use crate::constraints::solve::GoalScratch;
-use crate::culling::{OutOfView, Reaches, stands_without_poses};
+use crate::constraints::solve::ConstraintScratch;
+use crate::culling::{Culling, PoseBounds, stands_without_poses};
 use crate::framing::Framings;
 use crate::pose::PoseScratch;
 use crate::pose::motions::Motions;
 use crate::pose::posing::Posing;
-use crate::root_motion::carry;
-use crate::root_motion::carry::CarryScratch;
+use crate::root_motion::apply;
+use crate::root_motion::apply::RootMotionScratch;
 use crate::snapshot::{ActorState, Snapshot};
 use crate::springs;
-use crate::springs::{Kept, Simulation};
+use crate::springs::{Simulation, SpringCheckpoints};
 use crate::stage::actor::{Placement, Target};
 use crate::stage::camera::Rig;
 use crate::stage::edits::{ActorEdit, FrameEdits};
@@ -23,9 +23,9 @@ use crate::stage::sky::SkyEdit;
 use crate::stage::{Stage, StageError};
 use crate::transforms::facing;
 use crate::transforms::order;
-use crate::transforms::order::{Order, Step};
+use crate::transforms::order::{PlacementOrder, PlacementStep};
 use crate::transforms::world_from_attachment;
-use crate::{camera, effects, layers_2d as flat, lights, pose};
+use crate::{camera, effects, layers_2d as layer_2d, lights, pose};
 use choreo_motion::Time;
 use glam::DAffine3;
 use std::sync::{Arc, OnceLock};
@@ -65,15 +65,15 @@ pub struct Evaluator {
 #[derive(Debug)]
 struct Memory {
     framings: Framings,
-    plants: Plants,
-    springs: Kept,
-    reaches: OnceLock<Reaches>,
+    foot_locks: FootLocks,
+    springs: SpringCheckpoints,
+    pose_bounds: OnceLock<PoseBounds>,
 }
 
 impl Memory {
     fn new(stage: &Stage) -> Memory {
-        let (plants, springs) = (Plants::default(), Kept::default());
-        Memory { framings: Framings::new(stage), plants, springs, reaches: OnceLock::new() }
+        let (foot_locks, springs) = (FootLocks::default(), SpringCheckpoints::default());
+        Memory { framings: Framings::new(stage), foot_locks, springs, pose_bounds: OnceLock::new() }
     }
 }
 
@@ -83,9 +83,9 @@ pub(crate) enum Evaluation<'a> {
     /// As their clips and callbacks have them.
     Clips,
     /// Poses with their constraints, without springs.
-    Goals(&'a Plants),
+    Constraints(&'a FootLocks),
     /// The same, for a picture: who is surely not in it is left out.
-    Seen(&'a Plants, &'a Reaches),
+    Seen(&'a FootLocks, &'a PoseBounds),
 }
 
 impl Evaluator {
@@ -119,7 +119,7 @@ impl Evaluator {
 
     /// An evaluator for images of the stage's own camera with this aspect ratio: actors that surely are neither visible in them nor cast a
     /// visible shadow are not posed, and marked as [`ActorState::out_of_view`]. The images do not change by it.
-    pub fn for_pictures(mut self, aspect: f64) -> Evaluator {
+    pub fn for_images(mut self, aspect: f64) -> Evaluator {
         self.scratch.aspect = Some(aspect);
         self
     }
@@ -135,7 +135,7 @@ impl Evaluator {
     }
 
     /// How many poses this evaluator has taken since it was made, those of earlier times for springs included.
-    pub fn poses_in_all(&self) -> usize {
+    pub fn total_poses(&self) -> usize {
         self.scratch.all_poses + self.scratch.simulation.poses()
     }
 }
@@ -145,19 +145,19 @@ impl Evaluator {
 pub(crate) struct Scratch {
     /// Found out at the first evaluation.
     motions: Option<Arc<Motions>>,
-    carry: CarryScratch,
-    order: Order,
+    root_motion: RootMotionScratch,
+    order: PlacementOrder,
     /// One for each part that a thread poses.
     pose: Vec<PoseScratch>,
     placements: Vec<Placement>,
     /// World frame that an actor's placement is in.
     world_from_parent: Vec<DAffine3>,
-    needs: Vec<Need>,
+    needs: Vec<PoseNeed>,
     work: Vec<usize>,
     /// (actor, place in `edits.actors`) of edits that change poses, sorted.
     pose_edits: Vec<(usize, usize)>,
     pub(crate) edits: FrameEdits,
-    goals: GoalScratch,
+    constraints: ConstraintScratch,
     simulation: Simulation,
     carried: Vec<usize>,
     poses: usize,
@@ -168,7 +168,7 @@ pub(crate) struct Scratch {
     /// Aspect ratio, if nothing but images is asked for.
     aspect: Option<f64>,
     /// Whether each actor is out of view.
-    out_of_view: Vec<bool>,
+    culled: Vec<bool>,
     /// If given, only these actors and those that they are attached to are posed.
     only: Option<Vec<usize>>,
 }
@@ -196,7 +196,7 @@ impl Scratch {
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Need {
+pub(crate) struct PoseNeed {
     /// Its place in the world counts for something.
     world: bool,
     pub(crate) pose: bool,
@@ -210,20 +210,20 @@ fn evaluate(
     out: &mut Snapshot,
 ) -> Result<(), StageError> {
     let camera = camera::on_at(stage, time);
-    let Memory { framings, plants, springs, reaches } = memory;
+    let Memory { framings, foot_locks, springs, pose_bounds } = memory;
     scratch.seen_by = camera;
     let how = match scratch.aspect.is_some() && stands_without_poses(stage, camera) {
-        true => Evaluation::Seen(plants, reaches.get_or_init(|| Reaches::new(stage))),
-        false => Evaluation::Goals(plants),
+        true => Evaluation::Seen(foot_locks, pose_bounds.get_or_init(|| PoseBounds::new(stage))),
+        false => Evaluation::Constraints(foot_locks),
     };
     evaluate_actors(stage, scratch, time, how, out)?;
-    swing(stage, plants, springs, scratch, time, &mut out.actors)?;
+    swing(stage, foot_locks, springs, scratch, time, &mut out.actors)?;
     out.time = time;
     out.background = stage.settings.background;
     let ambient = (stage.settings.ambient_up, stage.settings.ambient_down);
     (out.ambient_up, out.ambient_down) = scratch.edits.ambient.unwrap_or(ambient);
     effects::evaluate(stage, &scratch.edits, time, camera, &mut out.effects);
-    flat::evaluate(stage, &scratch.edits.flats, time, &mut out.flats);
+    layer_2d::evaluate(stage, &scratch.edits.layers_2d, time, &mut out.layers_2d);
     out.sky = stage.sky.as_ref().map(|sky| sky.at(&scratch.edits, time));
     lights::evaluate(stage, &scratch.edits, time, &out.actors, &mut out.lights);
     out.camera = camera::evaluate(stage, framings, &scratch.edits, time, camera, &out.actors)?;
@@ -233,8 +233,8 @@ fn evaluate(
 /// The springs of actors that have done everything else. Costs nothing where there are none.
 fn swing(
     stage: &Stage,
-    plants: &Plants,
-    kept: &Kept,
+    foot_locks: &FootLocks,
+    kept: &SpringCheckpoints,
     scratch: &mut Scratch,
     time: Time,
     actors: &mut [ActorState],
@@ -245,13 +245,13 @@ fn swing(
     let mut carried = std::mem::take(&mut scratch.carried);
     carried.clear();
     carried.extend(scratch.order.steps.iter().filter_map(|step| match step {
-        Step::World(actor) => Some(*actor),
-        Step::Position(_) => None,
+        PlacementStep::World(actor) => Some(*actor),
+        PlacementStep::Position(_) => None,
     }));
     let mut simulation = std::mem::take(&mut scratch.simulation);
     let edits = std::mem::take(&mut scratch.edits.actors);
     let place = |actors: &mut [ActorState]| place_actors(stage, scratch, actors);
-    let done = springs::run(stage, plants, kept, &mut simulation, time, &edits, &carried, actors, place);
+    let done = springs::run(stage, foot_locks, kept, &mut simulation, time, &edits, &carried, actors, place);
     (scratch.simulation, scratch.carried, scratch.edits.actors) = (simulation, carried, edits);
     done
 }
@@ -273,27 +273,27 @@ pub(crate) fn evaluate_actors(
     }
     run_hooks(stage, scratch, time, &mut out.actors)?;
     let motions = scratch.motions.get_or_insert_with(|| Arc::new(Motions::new(stage))).clone();
-    carry::carry(stage, &motions.travels, time, &mut scratch.carry, &mut scratch.placements);
+    apply::apply(stage, &motions.root_motion, time, &mut scratch.root_motion, &mut scratch.placements);
     for step in &scratch.order.steps {
         // Parents come first.
-        if let Step::Position(a) = *step
+        if let PlacementStep::Position(a) = *step
             && let Some(parent) = stage.actors[a].parent
         {
             out.actors[a].visible &= out.actors.get(parent.actor).is_none_or(|p| p.visible);
         }
     }
-    find_out_of_view(stage, scratch, time, how, &mut out.actors);
+    cull(stage, scratch, time, how, &mut out.actors);
     find_needs(stage, scratch, time, &out.actors);
-    let Scratch { pose, needs, pose_edits, edits, goals, .. } = scratch;
+    let Scratch { pose, needs, pose_edits, edits, constraints, .. } = scratch;
     let posing = Posing { time, motions: &motions, needs, pose_edits, edits: &edits.actors };
-    scratch.poses = posing.run(&stage.actors, &mut out.actors, pose, &mut goals.faces);
+    scratch.poses = posing.run(&stage.actors, &mut out.actors, pose, &mut constraints.expression_weights);
     scratch.all_poses += scratch.poses;
     place_actors(stage, scratch, &mut out.actors);
-    if let Evaluation::Goals(plants) | Evaluation::Seen(plants, _) = how {
-        let mut goals = std::mem::take(&mut scratch.goals);
+    if let Evaluation::Constraints(foot_locks) | Evaluation::Seen(foot_locks, _) = how {
+        let mut constraints = std::mem::take(&mut scratch.constraints);
         let place = |actors: &mut [ActorState]| place_actors(stage, scratch, actors);
-        let done = solve::run(stage, plants, time, &mut goals, &mut out.actors, place);
-        scratch.goals = goals;
+        let done = solve::run(stage, foot_locks, time, &mut constraints, &mut out.actors, place);
+        scratch.constraints = constraints;
         done?;
     }
     Ok(())
@@ -311,7 +311,7 @@ fn run_hooks(
     edits.lights.clear();
     edits.effects.clear();
     (edits.ambient, edits.sky) = (None, SkyEdit::default());
-    edits.flats.clear();
+    edits.layers_2d.clear();
     for hook in &stage.hooks {
         hook.run(time, edits)?;
     }
@@ -331,7 +331,7 @@ fn run_hooks(
             ActorEdit::Scale { factor, .. } => placement.scale *= factor,
             ActorEdit::Visible { visible, .. } => state.visible = visible,
             ActorEdit::Tint { tint, .. } => state.tint = tint,
-            ActorEdit::PenWidth { width, .. } => state.pen_width = Some(width),
+            ActorEdit::LineWidth { width, .. } => state.line_width = Some(width),
             ActorEdit::Copies { count, .. } => state.copies = Some(count),
             ActorEdit::Morph { .. } | ActorEdit::Expression { .. } | ActorEdit::TurnJoint { .. } => {
                 scratch.pose_edits.push((index, place))
@@ -343,26 +343,21 @@ fn run_hooks(
     Ok(())
 }
 
-fn find_out_of_view(
-    stage: &Stage,
-    scratch: &mut Scratch,
-    time: Time,
-    how: Evaluation,
-    actors: &mut [ActorState],
-) {
-    let mut out = std::mem::take(&mut scratch.out_of_view);
+fn cull(stage: &Stage, scratch: &mut Scratch, time: Time, how: Evaluation, actors: &mut [ActorState]) {
+    let mut out = std::mem::take(&mut scratch.culled);
     out.clear();
-    if let (Evaluation::Seen(_, reaches), Some(aspect)) = (how, scratch.aspect) {
+    if let (Evaluation::Seen(_, pose_bounds), Some(aspect)) = (how, scratch.aspect) {
         // What hangs on joints is not asked for; the others are where they will be.
         place_actors(stage, scratch, actors);
         let Scratch { edits, order, seen_by, .. } = &*scratch;
         let camera = camera::by_places(stage, edits, time, *seen_by, actors);
-        OutOfView { stage, reaches, camera, aspect, edits, time, order: &order.steps, actors }.run(&mut out);
+        Culling { stage, pose_bounds, camera, aspect, edits, time, order: &order.steps, actors }
+            .run(&mut out);
     }
     for (index, state) in actors.iter_mut().enumerate() {
-        state.out_of_view = out.get(index).is_some_and(|out| *out);
+        state.culled = out.get(index).is_some_and(|out| *out);
     }
-    scratch.out_of_view = out;
+    scratch.culled = out;
 }
 
 /// An invisible actor is posed only where something visible, the camera, a light or a look-at hangs on one of its joints,
@@ -371,12 +366,12 @@ fn find_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[ActorS
     let camera = scratch.seen_by;
     let (needs, work) = (&mut scratch.needs, &mut scratch.work);
     needs.clear();
-    needs.resize(stage.actors.len(), Need::default());
+    needs.resize(stage.actors.len(), PoseNeed::default());
     work.clear();
     let mut want = |work: &mut Vec<usize>, actor: usize, pose: bool| {
         if let Some(need) = needs.get_mut(actor) {
             let before = *need;
-            *need = Need { world: true, pose: need.pose || pose };
+            *need = PoseNeed { world: true, pose: need.pose || pose };
             if *need != before {
                 work.push(actor);
             }
@@ -391,7 +386,7 @@ fn find_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[ActorS
         only.iter().for_each(|actor| want(work, *actor, true));
     } else {
         for (index, state) in actors.iter().enumerate() {
-            if (state.visible && !state.out_of_view) || scratch.pose_hidden {
+            if (state.visible && !state.culled) || scratch.pose_hidden {
                 want(work, index, true);
             }
         }
@@ -426,8 +421,8 @@ fn find_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[ActorS
                 want(work, actor, pose);
             }
         }
-        for goal in actor.goals.iter().filter(|g| g.share(time) > 0.0) {
-            for (actor, pose) in goal.targets().filter_map(|t| want_target(&t)) {
+        for constraint in actor.constraints.iter().filter(|g| g.share(time) > 0.0) {
+            for (actor, pose) in constraint.targets().filter_map(|t| want_target(&t)) {
                 want(work, actor, pose);
             }
         }
@@ -439,18 +434,20 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
     scratch.world_from_parent.resize(actors.len(), DAffine3::IDENTITY);
     for step in &scratch.order.steps {
         match *step {
-            Step::Position(a) => {
+            PlacementStep::Position(a) => {
                 let frame = stage.actors[a].parent.map(|p| world_from_attachment(stage, actors, &p));
                 let frame = frame.unwrap_or(DAffine3::IDENTITY);
                 scratch.world_from_parent[a] = frame;
                 actors[a].world_from_model.translation =
                     frame.transform_point3(scratch.placements[a].translation);
             }
-            Step::World(a) => {
+            PlacementStep::World(a) => {
                 let frame = scratch.world_from_parent[a];
                 let Placement { translation, mut rotation, scale } = scratch.placements[a];
-                if let Some(other) =
-                    stage.actors[a].face.and_then(|f| actors.get(f)).filter(|_| !scratch.carry.has_faced(a))
+                if let Some(other) = stage.actors[a]
+                    .face
+                    .and_then(|f| actors.get(f))
+                    .filter(|_| !scratch.root_motion.has_faced(a))
                 {
                     let way = other.world_from_model.translation - actors[a].world_from_model.translation;
                     rotation = facing(&frame, way) * rotation;

@@ -4,7 +4,7 @@
 //! outlines of all visible actors are taken at some times of the stage, once; then a camera costs a few projected corners a frame.
 
 use crate::camera::orbit_rotation;
-use crate::constraints::foot_lock::Plants;
+use crate::constraints::foot_lock::FootLocks;
 use crate::evaluate::{Evaluation, Scratch, evaluate_actors};
 use crate::pose::posed_mesh::posed_body;
 use crate::pose::posed_mesh::posed_meshes;
@@ -65,10 +65,10 @@ fn visible_boxes(stage: &Stage, world_from_axes: DQuat) -> Result<Vec<DAabb>, St
     let (mut boxes, mut ground) = (Vec::new(), Vec::new());
     let (mut scratch, mut snapshot) = (Scratch::default(), Snapshot::default());
     // Hair that flies changes no picture's frame.
-    let plants = Plants::default();
+    let foot_locks = FootLocks::default();
     for i in 0..=intervals {
         let time = Time((i128::from(length.0) * i as i128 / intervals as i128) as i64);
-        evaluate_actors(stage, &mut scratch, time, Evaluation::Goals(&plants), &mut snapshot)?;
+        evaluate_actors(stage, &mut scratch, time, Evaluation::Constraints(&foot_locks), &mut snapshot)?;
         for (actor, state) in stage.actors.iter().zip(&snapshot.actors).filter(|(_, s)| s.visible) {
             let mut bounds = DAabb::EMPTY;
             let axes_from_model = axes_from_world * state.world_from_model;
@@ -123,7 +123,7 @@ fn add_vertices(
     let add = |posed: PosedInstance, add: &mut dyn FnMut(DVec3)| {
         posed.primitives.iter().flat_map(|p| &p.positions).for_each(|p| add(*p));
     };
-    if asset.places.is_empty() {
+    if asset.placements.is_empty() {
         let own = posed_meshes(asset, &in_model).into_iter().filter(|p| p.instance == instance);
         own.for_each(|posed| add(posed, &mut |p| bounds.add(p)));
         return;

@@ -1,33 +1,35 @@
 //! Flat things over and under the scene: words, pictures, panels, letterboxes; in painter's order.
 
-use crate::snapshot::FlatState;
+use crate::snapshot::Layer2dState;
 use crate::stage::Stage;
 use crate::stage::channel::Property;
 use crate::stage::channel::keyed;
-use crate::stage::layers_2d::FlatEdit;
+use crate::stage::layers_2d::Layer2dEdit;
 use choreo_motion::Time;
 use glam::DVec2;
 
-pub(crate) fn evaluate(stage: &Stage, edits: &[FlatEdit], time: Time, out: &mut Vec<FlatState>) {
+pub(crate) fn evaluate(stage: &Stage, edits: &[Layer2dEdit], time: Time, out: &mut Vec<Layer2dState>) {
     out.clear();
-    for (index, flat) in stage.flats.iter().enumerate() {
-        let key = |property| keyed(&flat.channels, property, time);
+    for (index, layer_2d) in stage.layers_2d.iter().enumerate() {
+        let key = |property| keyed(&layer_2d.channels, property, time);
         let (mut at, mut words) =
-            (key(Property::Translation).map_or(flat.at, |v| DVec2::new(v[0], v[1])), None);
-        let mut opacity = key(Property::Opacity).map_or(flat.opacity, |v| v[0]);
-        let scale = key(Property::Scale).map_or(flat.scale, |v| v[0]);
+            (key(Property::Translation).map_or(layer_2d.at, |v| DVec2::new(v[0], v[1])), None);
+        let mut opacity = key(Property::Opacity).map_or(layer_2d.opacity, |v| v[0]);
+        let scale = key(Property::Scale).map_or(layer_2d.scale, |v| v[0]);
         for edit in edits {
             match edit {
-                FlatEdit::At { flat, at: to } if *flat == index => at = *to,
-                FlatEdit::Opacity { flat, opacity: to } if *flat == index => opacity = *to,
-                FlatEdit::Words { flat, words: now } if *flat == index => words = Some(now.clone()),
+                Layer2dEdit::At { layer_2d, at: to } if *layer_2d == index => at = *to,
+                Layer2dEdit::Opacity { layer_2d, opacity: to } if *layer_2d == index => opacity = *to,
+                Layer2dEdit::Words { layer_2d, words: now } if *layer_2d == index => {
+                    words = Some(now.clone())
+                }
                 _ => {}
             }
         }
         // Splines overshoot.
-        let opacity = (opacity * flat.presence(time)).clamp(0.0, 1.0) as f32;
+        let opacity = (opacity * layer_2d.presence(time)).clamp(0.0, 1.0) as f32;
         if opacity > 0.0 && scale > 0.0 && at.is_finite() && scale.is_finite() {
-            out.push(FlatState { flat: index, at, opacity, scale, words });
+            out.push(Layer2dState { layer_2d: index, at, opacity, scale, words });
         }
     }
 }

@@ -35,26 +35,26 @@ pub use mirroring::Mirroring;
 pub use pose::posed_mesh::posed_meshes;
 pub use properties::materials::uv_transform;
 pub use snapshot::{
-    ActorState, CameraState, ChangedMaterial, EffectState, FlatState, LightState, SkyState, Snapshot,
+    ActorState, CameraState, ChangedMaterial, EffectState, Layer2dState, LightState, SkyState, Snapshot,
 };
 pub use stage::actor::{Actor, Attachment, LookAt, Placement, Target};
 pub use stage::camera::{Camera, Cut, Rig};
 pub use stage::channel::{Channel, Property, slerp};
 pub use stage::clips::{Cue, Layer, LayerMode, Reference};
-pub use stage::constraint::{AimGoal, Goal, GoalKind, Leg, Plant, Reach};
+pub use stage::constraint::{AimConstraint, Constraint, ConstraintKind, FootLock, Leg, ReachConstraint};
 pub use stage::described::{Described, Field, FieldType, FieldValue};
 pub use stage::edits::{ActorEdit, FrameEdits, LightEdit};
 pub use stage::effects::{EffectEdit, EffectTarget, EffectUse};
-pub use stage::layers_2d::{Align, Fit, Flat, FlatContent, FlatEdit, Font};
+pub use stage::layers_2d::{Align, Fit, Font, Layer2d, Layer2dContent, Layer2dEdit};
 pub use stage::light::{Shadow, StageLight};
-pub use stage::path::{Pace, Path, Walk};
-pub use stage::root_motion::CueRoot;
+pub use stage::path::{Pace, Path, PathFollowing};
+pub use stage::root_motion::CueRootMotion;
 pub use stage::sky::{Sky, SkyEdit};
 pub use stage::springs::ActorSprings;
 pub use stage::surfaces::SurfaceRule;
-pub use stage::time_remapping::{SpeedCurve, Warp};
+pub use stage::time_remapping::{SpeedCurve, TimeRemapping};
 pub use stage::{
     Background, Cutouts, FrameHook, Pipeline, Settings, SkinOnce, Stage, StageError, Transparency,
 };
 pub use survey::{Finding, Subject};
-pub use timeline::active_clips::Heard;
+pub use timeline::active_clips::ActiveClip;

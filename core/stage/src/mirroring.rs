@@ -36,11 +36,11 @@ impl Mirroring {
             };
             (0..count).map(target).collect()
         };
-        let faces: Vec<String> = asset.expressions.iter().map(|e| e.name.clone()).collect();
-        let expressions = faces
+        let expression_weights: Vec<String> = asset.expressions.iter().map(|e| e.name.clone()).collect();
+        let expressions = expression_weights
             .iter()
             .enumerate()
-            .map(|(own, name)| other_side(name, &faces).unwrap_or(own) as u32)
+            .map(|(own, name)| other_side(name, &expression_weights).unwrap_or(own) as u32)
             .collect();
         let morphs = asset.instances.iter().enumerate().map(of_instance).collect();
         Ok(Mirroring { joints, morphs, expressions })

@@ -22,7 +22,7 @@ pub struct Snapshot {
     pub lights: Vec<LightState>,
     pub sky: Option<SkyState>,
     /// Those that are seen, in painter's order.
-    pub flats: Vec<FlatState>,
+    pub layers_2d: Vec<Layer2dState>,
     pub background: Background,
     /// Hemisphere light from above and below, linear.
     pub ambient_up: Vec3,
@@ -42,7 +42,7 @@ pub struct ActorState {
     pub morph_weights: Vec<Vec<f32>>,
     pub tint: Vec4,
     /// Line width that replaces the material's.
-    pub pen_width: Option<f32>,
+    pub line_width: Option<f32>,
     /// So many of the copies of its meshes are there, the first ones; `None`: all.
     pub copies: Option<u32>,
     /// Linear RGBA factors of the asset's materials where its clips animate any; else empty: those of the materials.
@@ -52,8 +52,8 @@ pub struct ActorState {
     /// Materials of which clips, expressions or they themselves change more than that, in the asset's order.
     pub materials: Vec<ChangedMaterial>,
     /// Neither it nor its shadow is in the picture that the snapshot is for, so that it is not posed for its own sake; see
-    /// [`Evaluator::for_pictures`](crate::evaluate::Evaluator::for_pictures).
-    pub out_of_view: bool,
+    /// [`Evaluator::for_images`](crate::evaluate::Evaluator::for_images).
+    pub culled: bool,
 }
 
 impl Default for ActorState {
@@ -64,12 +64,12 @@ impl Default for ActorState {
             model_from_joint: Vec::new(),
             morph_weights: Vec::new(),
             tint: Vec4::ONE,
-            pen_width: None,
+            line_width: None,
             copies: None,
             base_colors: Vec::new(),
             skinning: Skinning::default(),
             materials: Vec::new(),
-            out_of_view: false,
+            culled: false,
         }
     }
 }
@@ -114,9 +114,9 @@ pub struct EffectState {
 
 /// One that is seen.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FlatState {
+pub struct Layer2dState {
     /// Index into `Stage::flats`.
-    pub flat: usize,
+    pub layer_2d: usize,
     pub at: DVec2,
     /// Above 0, at most 1.
     pub opacity: f32,
@@ -141,15 +141,15 @@ impl Snapshot {
 }
 
 hashed! {
-    struct Snapshot { time, actors, camera, lights, flats, sky, background, ambient_up, ambient_down, effects }
+    struct Snapshot { time, actors, camera, lights, layers_2d, sky, background, ambient_up, ambient_down, effects }
     struct ActorState {
-        visible, world_from_model, model_from_joint, morph_weights, tint, pen_width, copies, base_colors, skinning, materials;
+        visible, world_from_model, model_from_joint, morph_weights, tint, line_width, copies, base_colors, skinning, materials;
         // Depends on the image, not on the stage.
-        without out_of_view
+        without culled
     }
     struct CameraState { camera, world_from_view, projection }
     struct LightState { light, position, direction, shadow, attenuation }
-    struct FlatState { flat, at, scale, opacity, words }
+    struct Layer2dState { layer_2d, at, scale, opacity, words }
     struct SkyState { panorama, turn, strength, background }
     struct EffectState { effect, parameters }
 }

@@ -9,7 +9,7 @@
 //! as many as lie between two kept states (16, more once they would take 32 MiB). Springs remember ten minutes: in each stretch of [`STRETCH`] steps the motion begins anew, settled, a minute
 //! before it, which no damped spring remembers, so that 100 hours into a stage cost no more than 11 minutes.
 
-use crate::constraints::foot_lock::Plants;
+use crate::constraints::foot_lock::FootLocks;
 use crate::evaluate::{Evaluation, Scratch, evaluate_actors};
 use crate::snapshot::{ActorState, Snapshot};
 use crate::stage::edits::ActorEdit;
@@ -35,7 +35,7 @@ type States = Vec<SpringState>;
 
 /// States that were passed, shared by all who look at a stage.
 #[derive(Debug, Default)]
-pub(crate) struct Kept(Mutex<Checkpoints>);
+pub(crate) struct SpringCheckpoints(Mutex<Checkpoints>);
 
 #[derive(Debug)]
 struct Checkpoints {
@@ -51,7 +51,7 @@ impl Default for Checkpoints {
     }
 }
 
-impl Kept {
+impl SpringCheckpoints {
     /// The last state kept in a stretch, at a step or before, since its first.
     fn before(&self, (stretch, step): Key, first: i64) -> Option<(i64, Arc<States>)> {
         let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -114,13 +114,13 @@ fn stretch_of(stage: &Stage, step: i64) -> (i64, i64) {
     (stretch, if stretch == 0 { first.min(step) } else { stretch * STRETCH - WARM_UP })
 }
 
-/// Turns the joints of all springs in a snapshot whose actors are posed, placed and have done their goals. `place` places all actors
+/// Turns the joints of all springs in a snapshot whose actors are posed, placed and have done their constraints. `place` places all actors
 /// anew after joints have moved that others hang on.
 #[expect(clippy::too_many_arguments, reason = "what the motion of springs depends on")]
 pub(crate) fn run(
     stage: &Stage,
-    plants: &Plants,
-    kept: &Kept,
+    foot_locks: &FootLocks,
+    kept: &SpringCheckpoints,
     simulation: &mut Simulation,
     time: Time,
     edits: &[ActorEdit],
@@ -135,7 +135,7 @@ pub(crate) fn run(
         return Ok(());
     }
     let step = time.0.div_euclid(SPRING_STEP.0);
-    advance(stage, plants, kept, simulation, step)?;
+    advance(stage, foot_locks, kept, simulation, step)?;
     let rest = Time(time.0 - time_of(step).0);
     simulation.shown.resize_with(simulation.states.len(), SpringState::default);
     for (shown, state) in simulation.shown.iter_mut().zip(&simulation.states) {
@@ -149,8 +149,8 @@ pub(crate) fn run(
 /// Brings the simulation to a point of the grid.
 fn advance(
     stage: &Stage,
-    plants: &Plants,
-    kept: &Kept,
+    foot_locks: &FootLocks,
+    kept: &SpringCheckpoints,
     simulation: &mut Simulation,
     step: i64,
 ) -> Result<(), StageError> {
@@ -179,7 +179,7 @@ fn advance(
             stage,
             &mut scratch,
             time_of(from),
-            Evaluation::Goals(plants),
+            Evaluation::Constraints(foot_locks),
             &mut simulation.snapshot,
         )?;
         let edits = std::mem::take(&mut scratch.edits.actors);

@@ -57,10 +57,10 @@ fn clips() -> Stage {
     stage
 }
 
-fn goals() -> Stage {
+fn constraints() -> Stage {
     let mut stage = clips();
     stage.actors[1].look_at.push(LookAt::new(HEAD, Target::Joint { actor: 0, joint: HAND }));
-    let reach = Reach {
+    let reach = ReachConstraint {
         joints: vec![CHEST, ARM, HAND],
         target: Target::Joint { actor: 1, joint: HEAD },
         offset: None,
@@ -69,12 +69,14 @@ fn goals() -> Stage {
         soft: 0.0,
         keep_rotation: false,
     };
-    stage.actors[0].goals.push(Goal { fade: secs(0.5), ..Goal::new(GoalKind::Reach(reach)) });
+    stage.actors[0]
+        .constraints
+        .push(Constraint { fade: secs(0.5), ..Constraint::new(ConstraintKind::Reach(reach)) });
     stage
 }
 
 fn springs() -> Stage {
-    let mut stage = goals();
+    let mut stage = constraints();
     let mut rig = SpringRig::default();
     for joint in [HEAD, ARM] {
         rig.add(RigBone {
@@ -120,10 +122,10 @@ fn the_counter_sees_an_allocation() {
     assert_eq!(COUNT.get() - before, 1);
 }
 
-/// A frame in which a layer or a goal is first at work makes their buffers; no other frame allocates.
+/// A frame in which a layer or a constraint is first at work makes their buffers; no other frame allocates.
 #[test]
 fn clips_layers_and_goals_allocate_where_they_begin_and_nowhere_else() {
-    for (name, stage, begin) in [("clips", clips(), 2), ("goals", goals(), 3)] {
+    for (name, stage, begin) in [("clips", clips(), 2), ("goals", constraints(), 3)] {
         let [first, second] = counts(stage);
         assert!(some(&first) <= begin && first.iter().sum::<usize>() <= 6, "{name}: {first:?}");
         assert_eq!(some(&second), 0, "{name}: {second:?}");

@@ -99,10 +99,10 @@ fn materials_of_two_files_are_one_where_their_images_are() {
     let mut other_slot = textured(0);
     other_slot.emissive_texture = other_slot.base_color_texture.take();
     assert_ne!(one, other_slot.content_hash(&[image(1)]));
-    let flat = |image: &Image| image.content_hash();
+    let layer_2d = |image: &Image| image.content_hash();
     assert_ne!(
-        flat(&Image { width: 2, height: 1, rgba: vec![0; 8], ..Image::default() }),
-        flat(&Image { width: 1, height: 2, rgba: vec![0; 8], ..Image::default() })
+        layer_2d(&Image { width: 2, height: 1, rgba: vec![0; 8], ..Image::default() }),
+        layer_2d(&Image { width: 1, height: 2, rgba: vec![0; 8], ..Image::default() })
     );
 }
 

@@ -165,10 +165,10 @@ fn eyes_that_expressions_move_go_as_far_as_others_let_them() {
     // 30 degrees to its left, by eyes alone: half of what they can.
     let angle = 30f64.to_radians();
     let target = Target::Point(v(0.0, 1.5, 0.0) + v(angle.sin(), 0.0, angle.cos()) * 5.0);
-    let shown = |asked: &[(&str, f32)], weight: f32| {
+    let shown = |requested: &[(&str, f32)], weight: f32| {
         let mut stage = Stage::default();
         stage.cast("a", asset.clone());
-        for (name, weight) in asked {
+        for (name, weight) in requested {
             let index = asset.expressions.iter().position(|e| e.name == *name).unwrap() as u32;
             stage.actors[0].expressions.push((index, *weight));
         }

@@ -110,8 +110,8 @@ fn a_real_head_faces_what_it_looks_at() {
     // What pointed along the model's +Z at rest points at the target now.
     let turn = joint_axes(&after.actors[0].model_from_joint[head as usize])
         * joint_axes(&before.actors[0].model_from_joint[head as usize]).inverse();
-    let faces = (after.actors[0].world_from_model.matrix3 * turn * DVec3::Z).normalize();
-    close(faces, (target - from).normalize(), 1e-5);
+    let expression_weights = (after.actors[0].world_from_model.matrix3 * turn * DVec3::Z).normalize();
+    close(expression_weights, (target - from).normalize(), 1e-5);
 }
 
 #[test]

@@ -178,14 +178,14 @@ fn without_springs_nothing_is_paid() {
     stage.actors[0].springs = None;
     let mut eyes = Evaluator::new(Arc::new(stage.clone()));
     eyes.at(secs(100.0)).unwrap();
-    assert_eq!(eyes.poses_in_all(), 1);
+    assert_eq!(eyes.total_poses(), 1);
     stage.actors[0].springs = Some(Arc::new(springs()));
     let mut eyes = Evaluator::new(Arc::new(stage));
     eyes.at(secs(100.0)).unwrap();
-    assert_eq!(eyes.poses_in_all(), 6002);
+    assert_eq!(eyes.total_poses(), 6002);
     // A seek back goes on from what was kept, at most 15 steps before.
     eyes.at(secs(50.0)).unwrap();
-    assert!(eyes.poses_in_all() <= 6002 + 17, "{}", eyes.poses_in_all());
+    assert!(eyes.total_poses() <= 6002 + 17, "{}", eyes.total_poses());
 }
 
 #[test]
@@ -195,9 +195,9 @@ fn check_names_bad_springs() {
     bad.wind = DVec3::NAN;
     bad.rig.bones_mut().for_each(|b| b.spring.damping = -1.0);
     stage.actors[0].springs = Some(Arc::new(bad));
-    let said: Vec<String> = stage.check().iter().map(ToString::to_string).collect();
+    let contacts: Vec<String> = stage.check().iter().map(ToString::to_string).collect();
     assert_eq!(
-        said,
+        contacts,
         [
             "actor \"rex\", springs: bone of joint 1: damping is -1, must be 0..=1e18",
             "actor \"rex\", springs: the wind is [NaN, NaN, NaN], must be finite"

@@ -4,7 +4,7 @@ use crate::selection::Selected;
 use choreo_motion::{Repeat, Time};
 use choreo_script::{ClipMarkers, Place};
 use choreo_session::Scene;
-use choreo_stage::{Actor, Channel, Cue, FlatContent, GoalKind, Property, Stage};
+use choreo_stage::{Actor, Channel, ConstraintKind, Cue, Layer2dContent, Property, Stage};
 use std::sync::Arc;
 
 /// Events in one row at most; further ones would not be told apart.
@@ -83,12 +83,12 @@ impl Gathered {
                 seen = now;
             }
         }
-        for goal in &actor.goals {
+        for goal in &actor.constraints {
             let what = match goal.kind {
-                GoalKind::Reach(_) => "reach",
-                GoalKind::Aim(_) => "aim",
-                GoalKind::Plant(_) => "planting of feet",
-                GoalKind::Mirror(_) => "mirror",
+                ConstraintKind::Reach(_) => "reach",
+                ConstraintKind::Aim(_) => "aim",
+                ConstraintKind::FootLock(_) => "planting of feet",
+                ConstraintKind::Mirror(_) => "mirror",
             };
             self.spans(what, goal.start, goal.end);
         }
@@ -126,15 +126,15 @@ impl Gathered {
 
     /// Words and pictures that come and go.
     pub fn flats(&mut self, stage: &Stage) {
-        for flat in &stage.flats {
+        for flat in &stage.layers_2d {
             let what = match &flat.content {
-                FlatContent::Text { words, .. } => {
+                Layer2dContent::Text { words, .. } => {
                     let first = words.lines().next().unwrap_or("");
                     format!("\u{201c}{}\u{201d}", first.chars().take(40).collect::<String>())
                 }
-                FlatContent::Picture { .. } => "picture".to_string(),
-                FlatContent::Panel { .. } => "panel".to_string(),
-                FlatContent::Bars { .. } => "letterbox".to_string(),
+                Layer2dContent::Picture { .. } => "picture".to_string(),
+                Layer2dContent::Panel { .. } => "panel".to_string(),
+                Layer2dContent::Bars { .. } => "letterbox".to_string(),
             };
             if flat.start > Time::ZERO {
                 self.add(flat.start, Kind::Entrance, format!("{what} appears"));
@@ -214,7 +214,7 @@ fn name(property: Property) -> &'static str {
         Property::Opacity => "opacity",
         Property::Range => "range",
         Property::Cone => "cone",
-        Property::PenWidth => "width",
+        Property::LineWidth => "width",
         Property::Copies => "count",
     }
 }

@@ -179,7 +179,7 @@ fn bar(stage: &Stage, layer: &Layer, at: usize, cue: &Cue, what: Selected, place
         start: cue.start,
         end,
         until,
-        fade_in: if cue.inertial > Time::ZERO { cue.inertial } else { cue.fade_in },
+        fade_in: if cue.inertialization > Time::ZERO { cue.inertialization } else { cue.fade_in },
         // What lies under everything does not fade out: its last pose is held.
         fade_out: if is_base { Time::ZERO } else { cue.fade_out },
         holds_from,

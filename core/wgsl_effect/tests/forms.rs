@@ -31,7 +31,7 @@ fn body(places: &[Affine3A]) -> Arc<Asset> {
     let skeleton = Skeleton::new(names, vec![None, Some(0), Some(1)], vec![Transform::IDENTITY, up, up]);
     let skin = Skin { joints: vec![0, 2], inverse_bind: vec![Mat4::IDENTITY; 2] };
     let skeleton = Arc::new(skeleton.unwrap());
-    Arc::new(Asset { skeleton, skins: vec![skin], places: places.into(), ..Asset::default() })
+    Arc::new(Asset { skeleton, skins: vec![skin], placements: places.into(), ..Asset::default() })
 }
 
 struct Seen {

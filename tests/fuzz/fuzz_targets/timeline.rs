@@ -120,7 +120,7 @@ fn chain(u: &mut Unstructured) -> Result<Vec<u32>> {
 
 fn goal(u: &mut Unstructured, count: usize) -> Result<Goal> {
     let kind = match u.int_in_range(0..=2)? {
-        0 => GoalKind::Reach(Reach {
+        0 => ConstraintKind::Reach(Reach {
             joints: chain(u)?,
             target: target(u, count)?,
             offset: if u.arbitrary()? { Some(point(u)?) } else { None },
@@ -132,7 +132,7 @@ fn goal(u: &mut Unstructured, count: usize) -> Result<Goal> {
         1 => {
             let joints = chain(u)?;
             let shares = joints.iter().map(|_| Ok(number(u)?.abs())).collect::<Result<_>>()?;
-            GoalKind::Aim(AimGoal { joints, shares, target: target(u, count)?, limit: number(u)?.abs() })
+            ConstraintKind::Aim(AimConstraint { joints, shares, target: target(u, count)?, limit: number(u)?.abs() })
         }
         _ => {
             let mut legs = Vec::new();
@@ -144,7 +144,7 @@ fn goal(u: &mut Unstructured, count: usize) -> Result<Goal> {
             }
             let hips = if u.arbitrary()? { Some(joint(u)?) } else { None };
             let ground = if u.ratio(1, 4)? { Some(u.int_in_range(0..=count)?) } else { None };
-            GoalKind::Plant(Plant { legs, hips, ground })
+            ConstraintKind::FootLock(Plant { legs, hips, ground })
         }
     };
     let end = if u.arbitrary()? { Some(time(u)?) } else { None };
@@ -224,7 +224,7 @@ fn stage(u: &mut Unstructured) -> Result<Stage> {
             actor.look_at.push(LookAt { joint, target, start: time(u)?, end, fade: span(u)?, weight: 0.75 });
         }
         if u.ratio(1, 3)? {
-            actor.goals = (0..u.int_in_range(1..=3)?).map(|_| goal(u, count)).collect::<Result<_>>()?;
+            actor.constraints = (0..u.int_in_range(1..=3)?).map(|_| goal(u, count)).collect::<Result<_>>()?;
         }
         if u.ratio(1, 6)? {
             actor.limits = (0..u.int_in_range(1..=3)?).map(|_| limit(u)).collect::<Result<_>>()?;

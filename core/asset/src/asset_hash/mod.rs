@@ -6,7 +6,7 @@ use crate::asset::Asset;
 use crate::camera::Projection;
 use crate::hash::{ContentHash, Writer, hash_of};
 use crate::light::{Light, LightKind};
-use crate::material::{AlphaMode, Material, Pen, Shading, Triplanar};
+use crate::material::{AlphaMode, LineStyle, Material, Shading, Triplanar};
 use crate::material_layers::MaterialLayers;
 use crate::mesh::{Mesh, Primitive, Topology};
 use crate::reflection::Reflection;
@@ -121,7 +121,7 @@ impl Material {
             uv_motion,
             strip,
             sequence,
-            pen,
+            line_style,
             triplanar,
             layers,
         } = self;
@@ -164,7 +164,7 @@ impl Material {
             w.f32(*size);
             w.f32(*sharpness);
         });
-        w.option(pen, |w, Pen { width, metres, round }| {
+        w.option(line_style, |w, LineStyle { width, metres, round }| {
             w.f32(*width);
             w.flag(*metres);
             w.flag(*round);
@@ -401,7 +401,7 @@ pub(crate) fn asset_hash(asset: &Asset) -> ContentHash {
             meshes,
             skins,
             instances,
-            places,
+            placements,
             materials,
             images: _,
             cameras,
@@ -432,7 +432,7 @@ pub(crate) fn asset_hash(asset: &Asset) -> ContentHash {
             w.f32s(&instance.weights);
             w.list(&instance.copies, |w, copy| w.f32s(&copy.to_cols_array()));
         });
-        w.list(places, |w, place| w.f32s(&place.to_cols_array()));
+        w.list(placements, |w, place| w.f32s(&place.to_cols_array()));
         w.list(materials, |w, material| {
             material.write_content(w, &|index| images.get(index as usize).copied());
             w.text(&material.name);

@@ -6,7 +6,7 @@ mod image;
 
 use crate::scene_resources::mipmap::{linear_to_srgb8, srgb_to_linear_table};
 use choreo_plugin::Frame;
-use choreo_stage::{Align, FlatContent, FlatState, Font, Snapshot, Stage};
+use choreo_stage::{Align, Font, Layer2dContent, Layer2dState, Snapshot, Stage};
 use choreo_text::{Coverage, Style, lay_out};
 use glam::{DVec2, Vec2, Vec4};
 use std::fmt;
@@ -55,12 +55,12 @@ pub fn compose_layers(
     size: [u32; 2],
 ) -> [Option<Arc<LayerImage>>; 2] {
     let [mut behind, mut in_front] = [Vec::new(), Vec::new()];
-    for state in &snapshot.flats {
-        let Some(flat) = stage.flats.get(state.flat) else { continue };
-        if flat.under { behind.push(state) } else { in_front.push(state) }
+    for state in &snapshot.layers_2d {
+        let Some(layer_2d) = stage.layers_2d.get(state.layer_2d) else { continue };
+        if layer_2d.under { behind.push(state) } else { in_front.push(state) }
     }
     let composed =
-        |states: &[&FlatState], labels: &[ScreenLabel]| match states.is_empty() && labels.is_empty() {
+        |states: &[&Layer2dState], labels: &[ScreenLabel]| match states.is_empty() && labels.is_empty() {
             true => None,
             false => compose(stage, states, labels, size),
         };
@@ -69,7 +69,7 @@ pub fn compose_layers(
 
 fn compose(
     stage: &Stage,
-    states: &[&FlatState],
+    states: &[&Layer2dState],
     labels: &[ScreenLabel],
     size: [u32; 2],
 ) -> Option<Arc<LayerImage>> {
@@ -77,14 +77,14 @@ fn compose(
     const MOST: usize = 8;
     let hash = hash(stage, states, labels, size);
     let kept = || KEPT.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(known) = kept().iter().find(|flat| flat.hash == hash) {
+    if let Some(known) = kept().iter().find(|layer_2d| layer_2d.hash == hash) {
         return Some(known.clone());
     }
     let mut canvas = Canvas::new(size);
     let mut taken = Vec::new();
     labels.iter().for_each(|label| canvas.label(label, &mut taken));
     for state in states {
-        canvas.draw(&stage.flats[state.flat], state);
+        canvas.draw(&stage.layers_2d[state.layer_2d], state);
     }
     let made = Arc::new(canvas.finish(hash)?);
     let mut all = kept();
@@ -93,7 +93,7 @@ fn compose(
     Some(made)
 }
 
-fn hash(stage: &Stage, states: &[&FlatState], labels: &[ScreenLabel], size: [u32; 2]) -> [u8; 32] {
+fn hash(stage: &Stage, states: &[&Layer2dState], labels: &[ScreenLabel], size: [u32; 2]) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     let mut add = |bytes: &[u8]| {
         hasher.update(&(bytes.len() as u64).to_le_bytes());
@@ -102,21 +102,22 @@ fn hash(stage: &Stage, states: &[&FlatState], labels: &[ScreenLabel], size: [u32
     add(format!("{size:?}").as_bytes());
     labels.iter().for_each(|label| add(format!("{label:?}").as_bytes()));
     for state in states {
-        let flat = &stage.flats[state.flat];
+        let layer_2d = &stage.layers_2d[state.layer_2d];
         // Numbers are printed so that no two that differ look alike.
-        match &flat.content {
-            FlatContent::Picture { hash, fit, image: _ } => {
+        match &layer_2d.content {
+            Layer2dContent::Picture { hash, fit, image: _ } => {
                 add(hash);
                 add(format!("{fit:?}").as_bytes());
             }
-            FlatContent::Text { font, .. } => {
+            Layer2dContent::Text { font, .. } => {
                 add(&font.hash());
-                add(format!("{:?}", flat.content).as_bytes());
+                add(format!("{:?}", layer_2d.content).as_bytes());
             }
             other => add(format!("{other:?}").as_bytes()),
         }
-        let FlatState { flat: _, at, opacity, scale, words } = state;
-        let text = format!("{:?} {:?} {at:?} {opacity:?} {scale:?} {words:?}", flat.offset, flat.anchor);
+        let Layer2dState { layer_2d: _, at, opacity, scale, words } = state;
+        let text =
+            format!("{:?} {:?} {at:?} {opacity:?} {scale:?} {words:?}", layer_2d.offset, layer_2d.anchor);
         add(text.as_bytes());
     }
     *hasher.finalize().as_bytes()
@@ -137,13 +138,13 @@ impl Canvas {
         Canvas { size, pixels, low: size, high: [0; 2] }
     }
 
-    fn draw(&mut self, flat: &choreo_stage::Flat, state: &FlatState) {
+    fn draw(&mut self, layer_2d: &choreo_stage::Layer2d, state: &Layer2dState) {
         let frame = DVec2::new(self.size[0].into(), self.size[1].into());
-        let point = state.at * frame + flat.offset;
+        let point = state.at * frame + layer_2d.offset;
         let factor = state.scale;
-        let corner = |size: DVec2| point - flat.anchor * size;
-        match &flat.content {
-            FlatContent::Text { words, font, size, width, align, line_height, color } => {
+        let corner = |size: DVec2| point - layer_2d.anchor * size;
+        match &layer_2d.content {
+            Layer2dContent::Text { words, font, size, width, align, line_height, color } => {
                 let words = state.words.as_deref().unwrap_or(words);
                 let style = Style {
                     size: (size * frame.y) as f32,
@@ -156,15 +157,15 @@ impl Canvas {
                 let coverage = laid.coverage(font, [at.x as f32, at.y as f32], factor as f32, self.size);
                 self.fill(&coverage, *color, state.opacity);
             }
-            FlatContent::Picture { image, fit, .. } => {
+            Layer2dContent::Picture { image, fit, .. } => {
                 let size = image::fitted_size(image, *fit, frame) * factor;
                 image::draw_image(self, image, corner(size), size, state.opacity);
             }
-            FlatContent::Panel { size, color } => {
+            Layer2dContent::Panel { size, color } => {
                 let size = *size * frame * factor;
                 self.rectangle(corner(size), size, *color, state.opacity);
             }
-            FlatContent::Bars { ratio, color } => {
+            Layer2dContent::Bars { ratio, color } => {
                 let inside = DVec2::new(frame.x.min(frame.y * ratio), frame.y.min(frame.x / ratio));
                 let bar = (frame - inside) * 0.5 * factor.min(1.0);
                 let across =
@@ -270,10 +271,10 @@ impl LayerImage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use choreo_stage::Flat;
+    use choreo_stage::Layer2d;
 
-    fn panel(size: DVec2, color: Vec4) -> Flat {
-        Flat::new(FlatContent::Panel { size, color })
+    fn panel(size: DVec2, color: Vec4) -> Layer2d {
+        Layer2d::new(Layer2dContent::Panel { size, color })
     }
 
     fn drawn(stage: &Stage, size: [u32; 2]) -> [Option<Arc<LayerImage>>; 2] {
@@ -283,15 +284,15 @@ mod tests {
     #[test]
     fn later_ones_lie_over_earlier_ones() {
         let mut stage = Stage::default();
-        stage.flats.push(panel(DVec2::ONE, Vec4::new(1.0, 0.0, 0.0, 1.0)));
-        stage.flats.push(panel(DVec2::new(0.5, 1.0), Vec4::new(0.0, 1.0, 0.0, 0.5)));
+        stage.layers_2d.push(panel(DVec2::ONE, Vec4::new(1.0, 0.0, 0.0, 1.0)));
+        stage.layers_2d.push(panel(DVec2::new(0.5, 1.0), Vec4::new(0.0, 1.0, 0.0, 0.5)));
         let [under, over] = drawn(&stage, [8, 4]);
         assert!(under.is_none());
         let over = over.unwrap();
         assert_eq!(over.pixel(0, 0), Vec4::new(1.0, 0.0, 0.0, 1.0));
         assert_eq!(over.pixel(4, 2), Vec4::new(0.5, 0.5, 0.0, 1.0));
         // The frame below shows through where it is transparent: half green over blue, in linear light.
-        stage.flats.remove(0);
+        stage.layers_2d.remove(0);
         let mut frame = Frame { width: 8, height: 4, rgba: [0, 0, 255, 255].repeat(32) };
         drawn(&stage, [8, 4])[1].as_ref().unwrap().over(&mut frame);
         assert_eq!(frame.rgba[..4], [0, 0, 255, 255]);
@@ -301,9 +302,9 @@ mod tests {
     #[test]
     fn bars_leave_a_frame_of_their_ratio() {
         let mut stage = Stage::default();
-        stage.flats.push(Flat::new(FlatContent::Bars { ratio: 2.0, color: Vec4::W }));
-        let flat = drawn(&stage, [80, 60])[1].clone().unwrap();
-        let dark = (0..60).filter(|y| flat.pixel(40, *y).w > 0.5).count();
+        stage.layers_2d.push(Layer2d::new(Layer2dContent::Bars { ratio: 2.0, color: Vec4::W }));
+        let layer_2d = drawn(&stage, [80, 60])[1].clone().unwrap();
+        let dark = (0..60).filter(|y| layer_2d.pixel(40, *y).w > 0.5).count();
         assert_eq!(dark, 20, "80 wide, 2 to 1: 40 high");
         // Already of that ratio: nothing to draw.
         assert!(drawn(&stage, [80, 40])[1].is_none());

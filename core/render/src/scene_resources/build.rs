@@ -7,7 +7,7 @@ use crate::scene_resources::material::{MaterialResource, MaterialTexture, slot_s
 use crate::scene_resources::{
     AssetEntry, PrimitiveEntry, PrimitiveResource, SceneResources, TextureResource,
 };
-use choreo_asset::{Asset, Image, Material, Mesh, Shading, Stream, TextureRef};
+use choreo_asset::{Asset, Image, ImageStream, Material, Mesh, Shading, TextureRef};
 use choreo_stage::Stage;
 use glam::Vec4;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
@@ -173,7 +173,7 @@ impl Builder {
         first
     }
 
-    fn streamed(&mut self, stream: &Stream, index: usize, first: u32) -> u32 {
+    fn streamed(&mut self, stream: &ImageStream, index: usize, first: u32) -> u32 {
         let textures = &mut self.resources.textures;
         let hash = short(stream.hashes[index]);
         let TextureResource { mipmaps, image: like, srgb, .. } = textures[first as usize].clone();

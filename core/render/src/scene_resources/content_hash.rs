@@ -68,7 +68,7 @@ fn hash_with(m: &MaterialResource, texture_id: &dyn Fn(u32) -> Vec<u8>) -> [u8; 
         array(&mut h, &[t.middle.extend(t.size)]);
         array(&mut h, &[t.sharpness]);
     }
-    if let Some(pen) = f.pen {
+    if let Some(pen) = f.line_style {
         array(&mut h, &[pen.width, f32::from(u8::from(pen.metres)), f32::from(u8::from(pen.round))]);
     }
     if let Some(t) = f.toon.as_deref().filter(|_| f.shading == Shading::Toon) {

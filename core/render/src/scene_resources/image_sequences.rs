@@ -4,12 +4,12 @@
 use crate::error::RenderError;
 use crate::scene_resources::material::{MaterialResource, MaterialTexture};
 use crate::scene_resources::{PrimitiveEntry, SceneResources, TextureResource};
-use choreo_asset::{Image, Pictures, Shading, Stream, TextureSlot};
+use choreo_asset::{Image, ImageSource, ImageStream, Shading, TextureSlot};
 use choreo_motion::Time;
 use std::sync::Arc;
 
 /// The image sequence of a streamed texture, and the index of its image there.
-pub(crate) type Streamed = (Arc<dyn Pictures>, usize);
+pub(crate) type Streamed = (Arc<dyn ImageSource>, usize);
 
 impl TextureResource {
     /// The texture with its pixels, which are loaded now if it is streamed.
@@ -33,10 +33,10 @@ impl TextureResource {
 
 impl MaterialResource {
     /// Streams that can change a pixel, with the texture of the first image.
-    fn streams(&self) -> impl Iterator<Item = (&Stream, MaterialTexture)> {
+    fn streams(&self) -> impl Iterator<Item = (&ImageStream, MaterialTexture)> {
         // Toon shading keeps other textures in the other slots.
         let toon = self.material.shading == Shading::Toon;
-        let read = move |s: &&Stream| {
+        let read = move |s: &&ImageStream| {
             !toon || matches!(s.slot, TextureSlot::BaseColor | TextureSlot::Normal | TextureSlot::Emissive)
         };
         let streams = self.material.sequence.iter().flat_map(|s| &s.streams).filter(read);
@@ -46,7 +46,7 @@ impl MaterialResource {
     /// The material with each of the images after the first. `texture_of` gives the texture of a stream's image.
     pub(crate) fn with_later_images(
         &self,
-        mut texture_of: impl FnMut(&Stream, usize, MaterialTexture) -> u32,
+        mut texture_of: impl FnMut(&ImageStream, usize, MaterialTexture) -> u32,
     ) -> Vec<MaterialResource> {
         let Some(sequence) = self.material.sequence.as_ref().filter(|_| self.streams().next().is_some())
         else {

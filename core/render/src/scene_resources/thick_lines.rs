@@ -2,19 +2,19 @@
 //! edges as those of any triangle, and no device needs to support wide lines.
 
 use crate::affine::Affine3x4;
-use choreo_asset::{Material, Pen, Primitive, Topology};
+use choreo_asset::{LineStyle, Material, Primitive, Topology};
 use glam::{Mat4, Vec2, Vec3, Vec4, Vec4Swizzles};
 
 /// Largest line width in pixels: the largest image side.
 const MOST_PIXELS: f32 = 16384.0;
 
 /// Width and shape of a material's lines and points; `None` for triangles.
-pub(crate) fn pen(topology: Topology, material: &Material) -> Option<Pen> {
-    material.pen.filter(|_| topology != Topology::Triangles)
+pub(crate) fn pen(topology: Topology, material: &Material) -> Option<LineStyle> {
+    material.line_style.filter(|_| topology != Topology::Triangles)
 }
 
 /// Line width as in [`crate::plan::Instance::width`]: pixels, or negative meters. `of_actor` replaces the pen's own width.
-pub(crate) fn width(pen: Pen, of_actor: Option<f32>, relative_from_mesh: &Affine3x4) -> f32 {
+pub(crate) fn width(pen: LineStyle, of_actor: Option<f32>, relative_from_mesh: &Affine3x4) -> f32 {
     let width = of_actor.unwrap_or(pen.width);
     let width = if width.is_finite() { width.max(0.0) } else { 0.0 };
     match pen.metres {

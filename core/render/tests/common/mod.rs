@@ -46,7 +46,7 @@ impl Scene {
                 camera,
                 lights: Vec::new(),
                 sky: None,
-                flats: Vec::new(),
+                layers_2d: Vec::new(),
                 background: Background::Color(Vec4::new(0.0, 0.0, 0.0, 1.0)),
                 ambient_up: Vec3::ZERO,
                 ambient_down: Vec3::ZERO,
@@ -69,12 +69,12 @@ impl Scene {
             model_from_joint,
             morph_weights: asset.instances.iter().map(|i| i.weights.clone()).collect(),
             tint: Vec4::ONE,
-            pen_width: None,
+            line_width: None,
             copies: None,
             base_colors: Vec::new(),
             skinning: Default::default(),
             materials: Vec::new(),
-            out_of_view: false,
+            culled: false,
         });
         self.stage.actors.len() - 1
     }

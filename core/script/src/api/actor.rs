@@ -248,7 +248,7 @@ fn width(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     has_pen(&this.asset, "width")?;
     let width = number_in(&c.value(0), "width: width", 0.0, f64::from(MOST_WIDE))? as f32;
-    change(c, |actor| ActorEdit::PenWidth { actor, width }, |d| d.actor.pen_width = Some(width))
+    change(c, |actor| ActorEdit::LineWidth { actor, width }, |d| d.actor.line_width = Some(width))
 }
 
 /// The largest width of lines and size of points, in pixels or metres: larger than any image.
@@ -272,7 +272,7 @@ pub fn has_copies(asset: &Asset, function: &str) -> Result<(), ApiError> {
 
 /// Refuses an asset without lines or points that have a width.
 pub fn has_pen(asset: &Asset, function: &str) -> Result<(), ApiError> {
-    if asset.materials.iter().any(|m| m.pen.is_some()) {
+    if asset.materials.iter().any(|m| m.line_style.is_some()) {
         return Ok(());
     }
     let text = format!("{function}: {} has no lines or points of a width", asset.name);

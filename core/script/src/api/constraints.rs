@@ -8,7 +8,9 @@ use crate::suggest::list;
 use crate::value::{ActorRef, GoalRef, JointRef};
 use choreo_asset::Asset;
 use choreo_motion::{HumanBone, Skeleton, Time};
-use choreo_stage::{AimGoal, Goal, GoalKind, Leg, Limit, Plant, Reach, Target, find_legs};
+use choreo_stage::{
+    AimConstraint, Constraint, ConstraintKind, FootLock, Leg, Limit, ReachConstraint, Target, find_legs,
+};
 use glam::DVec3;
 use rhai::Dynamic;
 use std::sync::Arc;
@@ -61,17 +63,17 @@ api! {
     Actor.wind("x, y, z | velocity") = wind, in_frames;
 }
 
-fn add(c: &Call, actor: usize, goal: Goal) -> Reply {
+fn add(c: &Call, actor: usize, goal: Constraint) -> Reply {
     let mut build = c.build();
     let draft = build.actor(actor)?;
-    room(draft.actor.goals.len(), "goals of one actor", &c.shared.limits)?;
-    draft.actor.goals.push(goal);
-    Ok(Dynamic::from(GoalRef { actor, index: draft.actor.goals.len() - 1 }))
+    room(draft.actor.constraints.len(), "goals of one actor", &c.shared.limits)?;
+    draft.actor.constraints.push(goal);
+    Ok(Dynamic::from(GoalRef { actor, index: draft.actor.constraints.len() - 1 }))
 }
 
-fn goal(kind: GoalKind, o: &Options) -> Result<Goal, ApiError> {
+fn goal(kind: ConstraintKind, o: &Options) -> Result<Constraint, ApiError> {
     let weight = o.number_in("weight", 0.0, 1.0)?.unwrap_or(1.0) as f32;
-    Ok(Goal { fade: Time::from_secs(0.3), weight, ..Goal::new(kind) })
+    Ok(Constraint { fade: Time::from_secs(0.3), weight, ..Constraint::new(kind) })
 }
 
 fn reach(c: &mut Call) -> Reply {
@@ -108,7 +110,7 @@ fn reach(c: &mut Call) -> Reply {
     // Elbows bend backwards, knees forward.
     let middle = name(joints[joints.len() / 2]).to_ascii_lowercase();
     let knee = ["leg", "knee", "calf", "shin"].iter().any(|part| middle.contains(part));
-    let kind = GoalKind::Reach(Reach {
+    let kind = ConstraintKind::Reach(ReachConstraint {
         joints,
         target,
         offset: o.point("at")?,
@@ -161,7 +163,7 @@ fn aim(c: &mut Call) -> Reply {
         },
     };
     let limit = radians(o.number_in("limit", 0.0, 180.0)?.unwrap_or(80.0));
-    add(c, this.id, goal(GoalKind::Aim(AimGoal { joints, shares, target, limit }), &o)?)
+    add(c, this.id, goal(ConstraintKind::Aim(AimConstraint { joints, shares, target, limit }), &o)?)
 }
 
 fn plant_feet(c: &mut Call) -> Reply {
@@ -199,14 +201,14 @@ fn plant_feet(c: &mut Call) -> Reply {
             None => vec![one(&given)?],
         },
     };
-    add(c, this.id, goal(GoalKind::Plant(Plant { legs, hips, ground, only: Vec::new() }), &o)?)
+    add(c, this.id, goal(ConstraintKind::FootLock(FootLock { legs, hips, ground, only: Vec::new() }), &o)?)
 }
 
 fn mirror(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let o = c.options(0, &["weight"])?;
     let mirroring = super::clip::mirroring(c, &this.asset)?;
-    add(c, this.id, goal(GoalKind::Mirror(Arc::new(mirroring)), &o)?)
+    add(c, this.id, goal(ConstraintKind::Mirror(Arc::new(mirroring)), &o)?)
 }
 
 /// The legs found by joint names, else those above the feet that the file declares.
@@ -247,9 +249,9 @@ fn human(asset: &Asset, bone: HumanBone) -> Option<u32> {
     declared.or_else(|| asset.skeleton.find(bone.name()).map(|j| j as u32))
 }
 
-fn change(c: &Call, change: impl FnOnce(&mut Goal) -> Result<(), ApiError>) -> Reply {
+fn change(c: &Call, change: impl FnOnce(&mut Constraint) -> Result<(), ApiError>) -> Reply {
     let this: GoalRef = c.this()?;
-    if let Some(goal) = c.build().actor(this.actor)?.actor.goals.get_mut(this.index) {
+    if let Some(goal) = c.build().actor(this.actor)?.actor.constraints.get_mut(this.index) {
         change(goal)?;
     }
     c.itself()

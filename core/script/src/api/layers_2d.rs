@@ -9,7 +9,7 @@ use crate::load::from_load;
 use crate::value::{FlatRef, ImageRef};
 use choreo_asset::Image;
 use choreo_importer_kit::pictures::{Encoded, Formats};
-use choreo_stage::{Align, Fit, Flat, FlatContent, FlatEdit, Font};
+use choreo_stage::{Align, Fit, Font, Layer2d, Layer2dContent, Layer2dEdit};
 use glam::{DVec2, Vec4};
 use rhai::Dynamic;
 use std::sync::Arc;
@@ -58,13 +58,13 @@ api! {
 const METHODS: [&str; 5] = ["scale", "from", "until", "fade", "under"];
 
 /// The options of a 2D layer: those of all, and more.
-fn known<'a>(flat: &Flat, more: &[&'a str]) -> Vec<&'a str> {
+fn known<'a>(flat: &Layer2d, more: &[&'a str]) -> Vec<&'a str> {
     [&fields::names(flat, &METHODS)[..], &["anchor"], more].concat()
 }
 
 /// A 2D layer as it is without options.
-fn plain() -> Flat {
-    Flat::new(FlatContent::Panel { size: DVec2::ONE, color: Vec4::W })
+fn plain() -> Layer2d {
+    Layer2d::new(Layer2dContent::Panel { size: DVec2::ONE, color: Vec4::W })
 }
 
 const ANCHORS: [(&str, [f64; 2]); 9] = [
@@ -80,17 +80,17 @@ const ANCHORS: [(&str, [f64; 2]); 9] = [
 ];
 
 /// Reads the options that all 2D layers have, and adds the layer to the stage.
-fn add(c: &Call, o: &Options, content: FlatContent) -> Reply {
-    let mut flat = Flat::new(content);
+fn add(c: &Call, o: &Options, content: Layer2dContent) -> Reply {
+    let mut flat = Layer2d::new(content);
     fields::fill(c, o, &mut flat)?;
     if let Some(name) = o.one_of("anchor", &ANCHORS.map(|(name, _)| name))? {
         let found = ANCHORS.iter().find(|(known, _)| *known == name);
         flat.anchor = found.map_or(flat.anchor, |(_, at)| DVec2::from_array(*at));
     }
     let mut build = c.build();
-    room(build.flats.len(), "flats", &c.shared.limits)?;
-    build.flats.push(flat);
-    Ok(Dynamic::from(FlatRef(build.flats.len() - 1)))
+    room(build.layers_2d.len(), "flats", &c.shared.limits)?;
+    build.layers_2d.push(flat);
+    Ok(Dynamic::from(FlatRef(build.layers_2d.len() - 1)))
 }
 
 fn color(o: &Options, usual: Vec4) -> Result<Vec4, ApiError> {
@@ -109,7 +109,7 @@ fn text(c: &mut Call) -> Reply {
         let error = ApiError::new(format!("text: the font \"{}\" has no '{missing}'", font.name));
         return Err(error.hint("give a font that has it: font: \"file.ttf\""));
     }
-    let content = FlatContent::Text {
+    let content = Layer2dContent::Text {
         words,
         font,
         size: o.number_in("size", 1e-4, 10.0)?.unwrap_or(0.08),
@@ -165,7 +165,7 @@ fn picture(c: &mut Call) -> Reply {
         _ => return Err(ApiError::new("picture: give one of height, width and fit")),
     };
     let hash = image.content_hash();
-    add(c, &o, FlatContent::Picture { image, hash, fit })
+    add(c, &o, Layer2dContent::Picture { image, hash, fit })
 }
 
 fn panel(c: &mut Call) -> Reply {
@@ -175,17 +175,17 @@ fn panel(c: &mut Call) -> Reply {
         None => DVec2::ONE,
     };
     let color = color(&o, Vec4::W)?;
-    add(c, &o, FlatContent::Panel { size, color })
+    add(c, &o, Layer2dContent::Panel { size, color })
 }
 
 fn letterbox(c: &mut Call) -> Reply {
     let ratio = c.number_in(0, 0.1, 10.0)?;
     let o = c.options(1, &["color", "opacity"])?;
     let color = color(&o, Vec4::W)?;
-    add(c, &o, FlatContent::Bars { ratio, color })
+    add(c, &o, Layer2dContent::Bars { ratio, color })
 }
 
-fn change(c: &Call, change: impl FnOnce(&mut Flat)) -> Reply {
+fn change(c: &Call, change: impl FnOnce(&mut Layer2d)) -> Reply {
     let this: FlatRef = c.this()?;
     change(c.build().flat(this.0)?);
     c.itself()
@@ -198,7 +198,7 @@ fn at(c: &mut Call) -> Reply {
     };
     if c.in_frame {
         let this: FlatRef = c.this()?;
-        hook::edit(|e| e.flats.push(FlatEdit::At { flat: this.0, at }));
+        hook::edit(|e| e.layers_2d.push(Layer2dEdit::At { layer_2d: this.0, at }));
         return c.itself();
     }
     change(c, |flat| flat.at = at)
@@ -208,7 +208,7 @@ fn opacity(c: &mut Call) -> Reply {
     let opacity = c.number_in(0, 0.0, 1.0)?;
     if c.in_frame {
         let this: FlatRef = c.this()?;
-        hook::edit(|e| e.flats.push(FlatEdit::Opacity { flat: this.0, opacity }));
+        hook::edit(|e| e.layers_2d.push(Layer2dEdit::Opacity { layer_2d: this.0, opacity }));
         return c.itself();
     }
     change(c, |flat| flat.opacity = opacity)
@@ -218,11 +218,11 @@ fn words(c: &mut Call) -> Reply {
     let said = c.text(0)?;
     let this: FlatRef = c.this()?;
     if c.in_frame {
-        hook::edit(|e| e.flats.push(FlatEdit::Words { flat: this.0, words: said }));
+        hook::edit(|e| e.layers_2d.push(Layer2dEdit::Words { layer_2d: this.0, words: said }));
         return c.itself();
     }
     match &mut c.build().flat(this.0)?.content {
-        FlatContent::Text { words, .. } => *words = said,
+        Layer2dContent::Text { words, .. } => *words = said,
         _ => return Err(ApiError::new("words: only a text says anything")),
     }
     c.itself()
@@ -230,7 +230,7 @@ fn words(c: &mut Call) -> Reply {
 
 /// The method of the same name as a field.
 fn field(c: &mut Call) -> Reply {
-    let (field, value) = fields::given::<Flat>(c)?;
+    let (field, value) = fields::given::<Layer2d>(c)?;
     change(c, |flat| (field.set)(flat, value))
 }
 

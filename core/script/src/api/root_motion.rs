@@ -5,7 +5,7 @@ use crate::call::{ApiError, Call, Reply, api};
 use crate::value::{ActorRef, ClipRef, CueRef};
 use choreo_motion::contacts::{self, Contacts, Foot};
 use choreo_motion::{RootMotion, RootParts, Time};
-use choreo_stage::{Pace, Path, Walk};
+use choreo_stage::{Pace, Path, PathFollowing};
 use rhai::{Dynamic, Map};
 use std::sync::Arc;
 
@@ -107,10 +107,10 @@ fn path(c: &mut Call) -> Reply {
     let path = Path::new(points, o.flag("closed")?.unwrap_or(false))
         .map_err(|what| ApiError::new(format!("path: {what}")))?;
     let turns = o.flag("turn")?.unwrap_or(true);
-    let walk = Walk { path, start: start.unwrap_or(Time::ZERO), pace, turns };
+    let path_following = PathFollowing { path, start: start.unwrap_or(Time::ZERO), pace, turns };
     let mut build = c.build();
     let draft = build.actor(this.id)?;
-    draft.actor.walk = Some(Arc::new(walk));
+    draft.actor.path_following = Some(Arc::new(path_following));
     draft.placed = true;
     drop(build);
     c.itself()

@@ -6,7 +6,7 @@ use super::picture::ImageRef;
 use crate::api::layers_2d::read_file;
 use crate::call::{ApiError, Call, Options};
 use crate::limits::raise_hint;
-use choreo_asset::{AlphaMode, Image, Pictures};
+use choreo_asset::{AlphaMode, Image, ImageSource};
 use choreo_importer_kit::Problem;
 use choreo_importer_kit::pictures::{Encoded, Formats};
 use std::sync::Arc;
@@ -90,7 +90,7 @@ struct NumberedFiles {
     files: Vec<(String, Vec<u8>)>,
 }
 
-impl Pictures for NumberedFiles {
+impl ImageSource for NumberedFiles {
     fn picture(&self, index: usize) -> Result<Arc<Image>, String> {
         let (name, bytes) = self.files.get(index).ok_or_else(|| format!("there is no picture {index}"))?;
         decoded(name, bytes).map_err(|p| format!("\"{name}\": {}", p.what))

@@ -4,13 +4,13 @@ use super::maps;
 use super::material::of_picture;
 use super::picture::ImageRef;
 use crate::call::{ApiError, Options};
-use choreo_asset::{AlphaMode, ContentHash, Image, Pictures, Sequence, Stream, TextureSlot};
+use choreo_asset::{AlphaMode, ContentHash, Image, ImageSequence, ImageSource, ImageStream, TextureSlot};
 use std::sync::Arc;
 
 /// Several of one size.
 #[derive(Clone, Debug)]
 pub struct Following {
-    pub pictures: Arc<dyn Pictures>,
+    pub pictures: Arc<dyn ImageSource>,
     pub hashes: Vec<ContentHash>,
     /// What all of them together need.
     pub alpha: AlphaMode,
@@ -20,7 +20,7 @@ pub struct Following {
 #[derive(Debug)]
 struct Held(Vec<Arc<Image>>);
 
-impl Pictures for Held {
+impl ImageSource for Held {
     fn picture(&self, index: usize) -> Result<Arc<Image>, String> {
         self.0.get(index).cloned().ok_or_else(|| format!("there is no picture {index}"))
     }
@@ -54,7 +54,7 @@ struct Joined {
     rule: Rule,
 }
 
-impl Pictures for Joined {
+impl ImageSource for Joined {
     fn picture(&self, index: usize) -> Result<Arc<Image>, String> {
         let part = |(one, many): &(Arc<Image>, Option<Following>)| match many {
             Some(many) => many.pictures.picture(index),
@@ -142,10 +142,10 @@ pub fn sequence(
     given: &[(TextureSlot, &str, Option<Following>)],
     fps: Option<f64>,
     once: Option<bool>,
-) -> Result<Option<Arc<Sequence>>, ApiError> {
+) -> Result<Option<Arc<ImageSequence>>, ApiError> {
     let mut all = given.iter().filter_map(|(slot, name, f)| Some((*slot, *name, f.as_ref()?)));
     let Some((slot, name, first)) = all.next() else { return Ok(None) };
-    let stream = |slot: TextureSlot, f: &Following| Stream {
+    let stream = |slot: TextureSlot, f: &Following| ImageStream {
         slot,
         pictures: f.pictures.clone(),
         hashes: f.hashes.clone(),
@@ -158,7 +158,7 @@ pub fn sequence(
         streams.push(stream(slot, f));
     }
     let (fps, once) = (fps.unwrap_or(12.0) as f32, once.unwrap_or(false));
-    Ok(Some(Arc::new(Sequence { streams, fps, once })))
+    Ok(Some(Arc::new(ImageSequence { streams, fps, once })))
 }
 
 fn unequal(o: &Options, names: [&str; 2], counts: [usize; 2]) -> ApiError {

@@ -20,7 +20,7 @@ use crate::api::actor::MOST_WIDE;
 use crate::call::{ApiError, Call, Options, numbers, one_of, wrong};
 use crate::limits::raise_hint;
 use choreo_asset::{
-    Asset, Image, Material, Mesh, MeshInstance, Pen, Primitive, Shading, Topology, Triplanar,
+    Asset, Image, LineStyle, Material, Mesh, MeshInstance, Primitive, Shading, Topology, Triplanar,
 };
 use choreo_importer_kit::tangents;
 use choreo_motion::{Skeleton, Transform};
@@ -121,7 +121,7 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
     if topology != Topology::Triangles {
         // Without faces there is nothing for light to fall on.
         material.shading = Shading::Unlit;
-        material.pen = pen(&o, topology)?;
+        material.line_style = pen(&o, topology)?;
     }
     check_uvs(&o, &primitive, &material)?;
     let name = o.text("name")?.unwrap_or_else(|| function.clone());
@@ -206,7 +206,7 @@ fn triplanar(o: &Options, primitive: &Primitive) -> Result<Option<Triplanar>, Ap
 }
 
 /// How wide lines and points are, in pixels by one word or in metres by the other.
-fn pen(o: &Options, topology: Topology) -> Result<Option<Pen>, ApiError> {
+fn pen(o: &Options, topology: Topology) -> Result<Option<LineStyle>, ApiError> {
     let pixels = if topology == Topology::Points { "size" } else { "width" };
     let most = f64::from(MOST_WIDE);
     let given = [o.number_in(pixels, 0.0, most)?, o.number_in("metres", 0.0, most)?];
@@ -216,7 +216,7 @@ fn pen(o: &Options, topology: Topology) -> Result<Option<Pen>, ApiError> {
         [Some(_), Some(_)] => fail(format!("{pixels} is in pixels, metres is not; leave one out"), "metres"),
         [None, None] if round.is_some() => fail(format!("round needs {pixels} or metres"), "round"),
         [None, None] => Ok(None),
-        [of_pixels, of_metres] => Ok(Some(Pen {
+        [of_pixels, of_metres] => Ok(Some(LineStyle {
             width: of_pixels.or(of_metres).unwrap_or(1.0) as f32,
             metres: of_metres.is_some(),
             round: round.unwrap_or(true),

@@ -23,17 +23,17 @@ pub fn repeat(c: &mut Call) -> Reply {
         return Err(ApiError::new(format!("repeat: {} has nothing to be seen", asset.name)));
     }
     let limit = c.shared.limits.instances;
-    let all = array.len() as u64 * asset.places.len().max(1) as u64;
+    let all = array.len() as u64 * asset.placements.len().max(1) as u64;
     if all > limit {
         let text = format!("repeat: {all} places");
         return Err(ApiError::new(text).hint(raise_hint("instances", limit)));
     }
     let model_from_place: Vec<DAffine3> =
         array.iter().enumerate().map(|(i, v)| place(v, i)).collect::<Result<_, _>>()?;
-    let own: Vec<DAffine3> = asset.first_places(None).map(double).collect();
+    let own: Vec<DAffine3> = asset.first_placements(None).map(double).collect();
     let places = model_from_place.iter().flat_map(|p| own.iter().map(move |own| single(*p * *own)));
-    let places = places.collect();
-    let asset = Asset { places, derived: Default::default(), ..Asset::clone(asset) };
+    let placements = places.collect();
+    let asset = Asset { placements, derived: Default::default(), ..Asset::clone(asset) };
     c.build().used(&source);
     let from = c.build().made(&Arc::new(asset), &c.place);
     Ok(Dynamic::from(AssetRef { from, dead: false }))

@@ -5,7 +5,8 @@ use super::picture::ImageRef;
 use crate::call::{ApiError, Call, Options, Reply, one_of, unknown};
 use crate::value::AssetRef;
 use choreo_asset::{
-    AlphaMode, Asset, Material, Mesh, Reflection, Sequence, Shading, Stream, TextureRef, TextureSlot,
+    AlphaMode, Asset, ImageSequence, ImageStream, Material, Mesh, Reflection, Shading, TextureRef,
+    TextureSlot,
 };
 use choreo_importer_kit::tangents;
 use glam::{Affine2, Vec3};
@@ -209,7 +210,7 @@ fn follow(
             return Err(ApiError::new(text).focus(word_of_time));
         }
         if let (false, Some(before)) = (streams.is_empty(), before) {
-            material.sequence = Some(Arc::new(Sequence { streams, ..Sequence::clone(&before) }));
+            material.sequence = Some(Arc::new(ImageSequence { streams, ..ImageSequence::clone(&before) }));
         }
         return Ok(());
     };
@@ -229,8 +230,8 @@ fn follow(
             format!("texture: {word_of_time} is not that of the other slot; all pictures change together");
         return Err(ApiError::new(text).focus(word_of_time));
     }
-    streams.push(Stream { slot, pictures: files.pictures.clone(), hashes: files.hashes.clone() });
+    streams.push(ImageStream { slot, pictures: files.pictures.clone(), hashes: files.hashes.clone() });
     streams.sort_by_key(|s| s.slot);
-    material.sequence = Some(Arc::new(Sequence { streams, fps: new.0, once: new.1 }));
+    material.sequence = Some(Arc::new(ImageSequence { streams, fps: new.0, once: new.1 }));
     Ok(())
 }

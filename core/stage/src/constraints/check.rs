@@ -1,8 +1,8 @@
-//! What goals, limits and springs must be.
+//! What constraints, limits and springs must be.
 
 use crate::stage::Stage;
 use crate::stage::actor::{Actor, Target};
-use crate::stage::constraint::{GoalKind, Plant};
+use crate::stage::constraint::{ConstraintKind, FootLock};
 use crate::stage::described::Described;
 use choreo_motion::Time;
 
@@ -26,36 +26,36 @@ pub(crate) fn problems(stage: &Stage, actor: &Actor) -> Vec<(String, String)> {
         let unknown = joint.filter(|j| *j as usize >= count);
         unknown.map(|j| format!("target joint {j} does not exist, there are {count}"))
     };
-    for goal in &actor.goals {
-        let name = match &goal.kind {
-            GoalKind::Reach(_) => "reach",
-            GoalKind::Aim(_) => "aim",
-            GoalKind::Plant(_) => "plant_feet",
-            GoalKind::Mirror(_) => "mirror",
+    for constraint in &actor.constraints {
+        let name = match &constraint.kind {
+            ConstraintKind::Reach(_) => "reach",
+            ConstraintKind::Aim(_) => "aim",
+            ConstraintKind::FootLock(_) => "plant_feet",
+            ConstraintKind::Mirror(_) => "mirror",
         };
-        if let Some(what) = goal.targets().find_map(|t| target(&t)) {
+        if let Some(what) = constraint.targets().find_map(|t| target(&t)) {
             bad(name, what);
         }
-        goal.problems().into_iter().for_each(|what| bad(name, what));
-        if let Some(end) = goal.end.filter(|end| *end < goal.start) {
-            let (end, start) = (end.as_secs(), goal.start.as_secs());
+        constraint.problems().into_iter().for_each(|what| bad(name, what));
+        if let Some(end) = constraint.end.filter(|end| *end < constraint.start) {
+            let (end, start) = (end.as_secs(), constraint.start.as_secs());
             bad(name, format!("ends at {end} s, before it starts at {start} s"));
         }
-        if let Some(joint) = joints_of(&goal.kind).into_iter().find(|j| *j as usize >= joints) {
+        if let Some(joint) = joints_of(&constraint.kind).into_iter().find(|j| *j as usize >= joints) {
             bad(name, format!("joint {joint} does not exist, there are {joints}"));
             continue;
         }
-        let chain = match &goal.kind {
-            GoalKind::Reach(reach) => &reach.joints,
-            GoalKind::Aim(aim) => &aim.joints,
-            GoalKind::Plant(plant) => {
+        let chain = match &constraint.kind {
+            ConstraintKind::Reach(reach) => &reach.joints,
+            ConstraintKind::Aim(aim) => &aim.joints,
+            ConstraintKind::FootLock(foot_lock) => {
                 let count = stage.actors.len();
-                if let Some(ground) = plant.ground.iter().find(|g| **g >= count) {
+                if let Some(ground) = foot_lock.ground.iter().find(|g| **g >= count) {
                     bad(name, format!("ground actor {ground} does not exist, there are {count}"));
                 }
                 continue;
             }
-            GoalKind::Mirror(mirroring) => {
+            ConstraintKind::Mirror(mirroring) => {
                 let count = mirroring.joints.joint_count();
                 if count != joints {
                     bad(name, format!("the map is of {count} joints, the skeleton has {joints}"));
@@ -77,18 +77,18 @@ pub(crate) fn problems(stage: &Stage, actor: &Actor) -> Vec<(String, String)> {
         if chain.is_empty() || chain.windows(2).any(|w| !below(w[0], w[1])) {
             bad(name, "each joint must be below the one before it".into());
         }
-        let fine = match &goal.kind {
-            GoalKind::Reach(reach) => {
+        let fine = match &constraint.kind {
+            ConstraintKind::Reach(reach) => {
                 chain.len() >= 2
                     && (0.0..=1.0).contains(&reach.soft)
                     && reach.hint.is_finite()
                     && reach.offset.is_none_or(|o| o.is_finite())
             }
-            GoalKind::Aim(aim) => {
+            ConstraintKind::Aim(aim) => {
                 aim.shares.iter().all(|s| (0.0..=1e6).contains(s))
                     && (0.0..=std::f64::consts::PI).contains(&aim.limit)
             }
-            GoalKind::Plant(_) | GoalKind::Mirror(_) => true,
+            ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_) => true,
         };
         if !fine {
             bad(name, "a number is out of range".into());
@@ -116,14 +116,14 @@ pub(crate) fn problems(stage: &Stage, actor: &Actor) -> Vec<(String, String)> {
     found
 }
 
-fn joints_of(kind: &GoalKind) -> Vec<u32> {
+fn joints_of(kind: &ConstraintKind) -> Vec<u32> {
     match kind {
-        GoalKind::Reach(reach) => reach.joints.clone(),
-        GoalKind::Aim(aim) => aim.joints.clone(),
-        GoalKind::Plant(Plant { legs, hips, .. }) => {
+        ConstraintKind::Reach(reach) => reach.joints.clone(),
+        ConstraintKind::Aim(aim) => aim.joints.clone(),
+        ConstraintKind::FootLock(FootLock { legs, hips, .. }) => {
             let of_legs = legs.iter().flat_map(|l| [Some(l.hip), Some(l.knee), Some(l.foot), l.toe]);
             of_legs.chain([*hips]).flatten().collect()
         }
-        GoalKind::Mirror(_) => Vec::new(),
+        ConstraintKind::Mirror(_) => Vec::new(),
     }
 }

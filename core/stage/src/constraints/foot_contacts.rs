@@ -3,7 +3,7 @@
 use crate::stage::actor::Actor;
 use crate::stage::clips::Cue;
 use crate::stage::constraint::Leg;
-use crate::stage::constraint::{Goal, GoalKind};
+use crate::stage::constraint::{Constraint, ConstraintKind};
 use choreo_motion::Time;
 use choreo_motion::contacts::{ContactInterval, Contacts, Foot, still_intervals};
 
@@ -14,15 +14,15 @@ const STEP: Time = Time(Time::TICKS_PER_SECOND / 480);
 const SHORTEST_STEP: Time = Time(Time::TICKS_PER_SECOND / 15);
 
 /// Contacts of each leg's foot in its clip, by cue of the base layer.
-pub(super) struct Said<'a> {
+pub(super) struct FootContacts<'a> {
     actor: &'a Actor,
     /// The leg whose steps each leg takes while the character is mirrored, and the constraint that does it.
-    mirrored: Vec<(&'a Goal, Vec<usize>)>,
+    mirrored: Vec<(&'a Constraint, Vec<usize>)>,
     cues: Vec<Vec<Vec<ContactInterval>>>,
 }
 
-impl<'a> Said<'a> {
-    pub fn new(actor: &'a Actor, legs: &[Leg]) -> Said<'a> {
+impl<'a> FootContacts<'a> {
+    pub fn new(actor: &'a Actor, legs: &[Leg]) -> FootContacts<'a> {
         let skeleton = &actor.asset.skeleton;
         // The ball alone: a heel that has come down turns about itself.
         let ball = |leg: &Leg| Foot { joints: vec![leg.toe.unwrap_or(leg.foot)] };
@@ -38,16 +38,16 @@ impl<'a> Said<'a> {
                     .map_or_else(Vec::new, |c| c.intervals),
             });
         }
-        let across = |goal: &'a Goal| {
-            let GoalKind::Mirror(mirroring) = &goal.kind else { return None };
+        let across = |constraint: &'a Constraint| {
+            let ConstraintKind::Mirror(mirroring) = &constraint.kind else { return None };
             let other = |(own, leg): (usize, &Leg)| {
                 let partner = mirroring.joints.partner(leg.foot);
                 legs.iter().position(|l| Some(l.foot) == partner).unwrap_or(own)
             };
-            Some((goal, legs.iter().enumerate().map(other).collect()))
+            Some((constraint, legs.iter().enumerate().map(other).collect()))
         };
-        let mirrored = actor.goals.iter().filter_map(across).collect();
-        Said { actor, mirrored, cues }
+        let mirrored = actor.constraints.iter().filter_map(across).collect();
+        FootContacts { actor, mirrored, cues }
     }
 
     /// When a leg's foot comes down and goes up, between two times, to a 480th of a second.
@@ -73,13 +73,13 @@ impl<'a> Said<'a> {
     /// 0 where the foot stands in most of what plays, by its weights, else 2 (see [`choreo_motion::contacts::still_intervals`]): contacts are mixed as poses
     /// are (L. Kovar, M. Gleicher, "Flexible Automatic Motion Blending with Registration Curves", SCA 2003, §3.3).
     fn unrest(&self, leg: usize, time: Time) -> f64 {
-        let goals = self.mirrored.iter().filter(|(goal, _)| goal.share(time) >= 0.5);
-        let leg = goals.fold(leg, |leg, (_, across)| across.get(leg).copied().unwrap_or(leg));
+        let constraints = self.mirrored.iter().filter(|(constraint, _)| constraint.share(time) >= 0.5);
+        let leg = constraints.fold(leg, |leg, (_, across)| across.get(leg).copied().unwrap_or(leg));
         // Each is blended over those before it.
         let mut share = 0.0;
-        for heard in self.actor.heard(time).iter().filter(|h| h.layer == 0) {
-            let weight = f64::from(heard.weight);
-            let down = self.is_down(heard.cue, leg, heard.clip_time);
+        for active in self.actor.active_clips(time).iter().filter(|h| h.layer == 0) {
+            let weight = f64::from(active.weight);
+            let down = self.is_down(active.cue, leg, active.clip_time);
             share += (f64::from(u8::from(down)) - share) * weight;
         }
         if share >= 0.5 { 0.0 } else { 2.0 }

@@ -1,17 +1,17 @@
 //! Feet that stay where they stand.
 //!
-//! Where a foot touches the ground follows from how it moves without this goal, over the whole length of the stage: looked at
+//! Where a foot touches the ground follows from how it moves without this constraint, over the whole length of the stage: looked at
 //! once, at 60 Hz, and kept ([`Plants`]), so that any frame can be had first. In a fade in which clips keep step, they themselves say when
 //! ([`Said`]): the mean of two strides slides, so that its motion tells less than theirs. During a contact the ball of the foot stands still
 //! at one point; between two contacts the foot is moved by what lies between both corrections, so that nothing jumps.
 
-use crate::constraints::foot_contacts::Said;
+use crate::constraints::foot_contacts::FootContacts;
 use crate::constraints::ground::Ground;
 use crate::constraints::solve::{bend_leg, world_place};
 use crate::evaluate::{Evaluation, Scratch, evaluate_actors};
-use crate::pose::joints::Body;
+use crate::pose::joints::PosedSkeleton;
 use crate::snapshot::Snapshot;
-use crate::stage::constraint::{Leg, Plant};
+use crate::stage::constraint::{FootLock, Leg};
 use crate::stage::{Stage, StageError};
 use choreo_motion::Time;
 use choreo_motion::contacts::{ContactThresholds, still_intervals};
@@ -45,10 +45,10 @@ const REACH_PLACES: u32 = 32;
 /// Who is higher than this above the lowest place at all, in legs, jumps.
 const JUMP: f64 = 0.12;
 
-/// The contacts of the legs of one goal.
+/// The contacts of the legs of one constraint.
 #[derive(Debug, Default)]
-pub(crate) struct PlantTrack {
-    legs: Vec<Vec<Stand>>,
+pub(crate) struct FootLockTrack {
+    legs: Vec<Vec<Contact>>,
     /// What has been looked at, and whether the stage is over then.
     span: (Time, Time),
     to_the_end: bool,
@@ -58,7 +58,7 @@ pub(crate) struct PlantTrack {
 
 /// A contact: where the foot stands, and how far that is from where its clips have it at both ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Stand {
+struct Contact {
     from: Time,
     to: Time,
     /// World; `None` = as its clips have it.
@@ -67,75 +67,79 @@ struct Stand {
     last: DVec3,
 }
 
-/// What the plant goals of one stage have found out, by actor and goal.
+/// What the plant constraints of one stage have found out, by actor and constraint.
 #[derive(Debug, Default)]
-pub(crate) struct Plants(Mutex<BTreeMap<(usize, usize), Arc<PlantTrack>>>);
+pub(crate) struct FootLocks(Mutex<BTreeMap<(usize, usize), Arc<FootLockTrack>>>);
 
-impl Plants {
+impl FootLocks {
     /// The same whoever asks first; two who ask at once may both work it out.
     pub fn track(
         &self,
         stage: &Stage,
         actor: usize,
-        goal: usize,
-        plant: &Plant,
-    ) -> Result<Arc<PlantTrack>, StageError> {
+        constraint: usize,
+        foot_lock: &FootLock,
+    ) -> Result<Arc<FootLockTrack>, StageError> {
         let known = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(track) = known().get(&(actor, goal)) {
+        if let Some(track) = known().get(&(actor, constraint)) {
             return Ok(track.clone());
         }
-        let track = Arc::new(find(stage, actor, plant)?);
-        known().insert((actor, goal), track.clone());
+        let track = Arc::new(find(stage, actor, foot_lock)?);
+        known().insert((actor, constraint), track.clone());
         Ok(track)
     }
 }
 
-fn find(stage: &Stage, actor: usize, plant: &Plant) -> Result<PlantTrack, StageError> {
-    let ground: Vec<Ground> = plant.ground.iter().map(|g| Ground::of(stage, *g)).collect::<Result<_, _>>()?;
-    let leg = leg_length(stage, actor, plant);
+fn find(stage: &Stage, actor: usize, foot_lock: &FootLock) -> Result<FootLockTrack, StageError> {
+    let ground: Vec<Ground> =
+        foot_lock.ground.iter().map(|g| Ground::of(stage, *g)).collect::<Result<_, _>>()?;
+    let leg = leg_length(stage, actor, foot_lock);
     let mut scratch = Scratch::only(vec![actor]);
-    let mut legs = vec![Vec::new(); plant.legs.len()];
+    let mut legs = vec![Vec::new(); foot_lock.legs.len()];
     let mut drops = Vec::new();
-    let windows = windows(stage, plant);
-    let said = (!plant.only.is_empty()).then(|| Said::new(&stage.actors[actor], &plant.legs));
+    let windows = windows(stage, foot_lock);
+    let contacts =
+        (!foot_lock.only.is_empty()).then(|| FootContacts::new(&stage.actors[actor], &foot_lock.legs));
     for (from, to) in &windows {
-        let looks = look(stage, actor, plant, &mut scratch, *from, *to)?;
-        for (index, (places, legs)) in looks.feet.iter().zip(&mut legs).enumerate() {
-            let Some(said) = &said else {
-                let found = still_intervals(&unrest(&looks, places, leg), STEP.as_secs(), false);
-                let stay = |(first, last): &(usize, usize)| Stay {
-                    span: (looks.time(*first), looks.time(*last)),
+        let samples = look(stage, actor, foot_lock, &mut scratch, *from, *to)?;
+        for (index, (places, legs)) in samples.feet.iter().zip(&mut legs).enumerate() {
+            let Some(contacts) = &contacts else {
+                let found = still_intervals(&unrest(&samples, places, leg), STEP.as_secs(), false);
+                let stay = |(first, last): &(usize, usize)| ContactSpan {
+                    span: (samples.time(*first), samples.time(*last)),
                     ends: [places[*first], places[*last]],
                 };
-                legs.extend(found.iter().map(|found| stand(&looks, &stay(found), index, plant, &ground)));
+                legs.extend(
+                    found.iter().map(|found| stand(&samples, &stay(found), index, foot_lock, &ground)),
+                );
                 continue;
             };
             // Clips say to the instant when a foot comes down and goes up.
-            for span in said.stands(index, *from, *to) {
+            for span in contacts.stands(index, *from, *to) {
                 let mut ends = [DVec3::ZERO; 2];
                 for (end, time) in ends.iter_mut().zip([span.0, span.1]) {
-                    *end = look(stage, actor, plant, &mut scratch, time, time)?.feet[index][0];
+                    *end = look(stage, actor, foot_lock, &mut scratch, time, time)?.feet[index][0];
                 }
-                legs.push(stand(&looks, &Stay { span, ends }, index, plant, &ground));
+                legs.push(stand(&samples, &ContactSpan { span, ends }, index, foot_lock, &ground));
             }
         }
-        if ground.is_empty() && plant.hips.is_some() {
-            drops.push((*from, come_down(&looks, &legs)));
+        if ground.is_empty() && foot_lock.hips.is_some() {
+            drops.push((*from, come_down(&samples, &legs)));
         }
     }
     let span = windows.first().zip(windows.last()).map_or_else(Default::default, |(a, b)| (a.0, b.1));
     let to_the_end = span.1 >= stage.settings.length;
-    Ok(PlantTrack { legs, span, to_the_end, drops })
+    Ok(FootLockTrack { legs, span, to_the_end, drops })
 }
 
 /// The times in which feet are looked at, one after the other: all of the stage, or around those that count.
-fn windows(stage: &Stage, plant: &Plant) -> Vec<(Time, Time)> {
+fn windows(stage: &Stage, foot_lock: &FootLock) -> Vec<(Time, Time)> {
     let length = stage.settings.length.max(Time::ZERO).min(Time(MOST_SAMPLES * STEP.0));
-    if plant.only.is_empty() {
+    if foot_lock.only.is_empty() {
         return vec![(Time::ZERO, length)];
     }
     let around = |(from, to): &(Time, Time)| (*from - LONGEST_GAP, *to + LONGEST_GAP);
-    let mut all: Vec<(Time, Time)> = plant.only.iter().map(around).collect();
+    let mut all: Vec<(Time, Time)> = foot_lock.only.iter().map(around).collect();
     all.iter_mut().for_each(|(from, to)| (*from, *to) = ((*from).max(Time::ZERO), (*to).min(length)));
     all.retain(|(from, to)| from < to);
     all.sort_unstable();
@@ -149,8 +153,8 @@ fn windows(stage: &Stage, plant: &Plant) -> Vec<(Time, Time)> {
     all
 }
 
-/// How an actor's feet move without the goal.
-struct Looks {
+/// How an actor's feet move without the constraint.
+struct FootSamples {
     from: Time,
     /// World, by foot.
     feet: Vec<Vec<DVec3>>,
@@ -174,15 +178,15 @@ struct Limb {
 fn look(
     stage: &Stage,
     actor: usize,
-    plant: &Plant,
+    foot_lock: &FootLock,
     scratch: &mut Scratch,
     from: Time,
     to: Time,
-) -> Result<Looks, StageError> {
+) -> Result<FootSamples, StageError> {
     let mut snapshot = Snapshot::default();
-    let count = plant.legs.len();
-    let mut looks =
-        Looks { from, feet: vec![Vec::new(); count], limbs: vec![Vec::new(); count], floors: vec![] };
+    let count = foot_lock.legs.len();
+    let mut samples =
+        FootSamples { from, feet: vec![Vec::new(); count], limbs: vec![Vec::new(); count], floors: vec![] };
     for sample in 0..=(to - from).0 / STEP.0 {
         evaluate_actors(stage, scratch, from + Time(sample * STEP.0), Evaluation::Clips, &mut snapshot)?;
         let state = &snapshot.actors[actor];
@@ -191,8 +195,8 @@ fn look(
             let place = place.map(|m| world_place(&state.world_from_model, m));
             place.filter(|p| p.is_finite()).unwrap_or(DVec3::ZERO)
         };
-        looks.floors.push(state.world_from_model.translation.y);
-        for ((leg, places), limbs) in plant.legs.iter().zip(&mut looks.feet).zip(&mut looks.limbs) {
+        samples.floors.push(state.world_from_model.translation.y);
+        for ((leg, places), limbs) in foot_lock.legs.iter().zip(&mut samples.feet).zip(&mut samples.limbs) {
             places.push(place(leg.toe.unwrap_or(leg.foot)));
             let [hip, knee, ankle] = [leg.hip, leg.knee, leg.foot].map(place);
             let reach = (knee - hip).length() + (ankle - knee).length();
@@ -204,14 +208,14 @@ fn look(
             });
         }
     }
-    Ok(looks)
+    Ok(samples)
 }
 
 /// Length of a leg in metres of the world at time 0.
-fn leg_length(stage: &Stage, actor: usize, plant: &Plant) -> f64 {
+fn leg_length(stage: &Stage, actor: usize, foot_lock: &FootLock) -> f64 {
     let a = &stage.actors[actor];
     let rest = a.asset.rest_model_from_joint();
-    let Some(leg) = plant.legs.first() else { return PERSON };
+    let Some(leg) = foot_lock.legs.first() else { return PERSON };
     let place =
         |joint: u32| rest.get(joint as usize).map_or(DVec3::ZERO, |m| world_place(&DAffine3::IDENTITY, m));
     let (hip, knee, foot) = (place(leg.hip), place(leg.knee), place(leg.foot));
@@ -219,18 +223,19 @@ fn leg_length(stage: &Stage, actor: usize, plant: &Plant) -> f64 {
     if length.is_finite() && length > 1e-9 { length } else { PERSON }
 }
 
-impl Looks {
+impl FootSamples {
     fn time(&self, look: usize) -> Time {
         self.from + Time(look as i64 * STEP.0)
     }
 }
 
 /// How far a foot is from standing at each look.
-fn unrest(looks: &Looks, places: &[DVec3], leg: f64) -> Vec<f64> {
-    let above: Vec<f64> = places.iter().zip(&looks.floors).map(|(p, floor)| p.y - floor).collect();
+fn unrest(samples: &FootSamples, places: &[DVec3], leg: f64) -> Vec<f64> {
+    let above: Vec<f64> = places.iter().zip(&samples.floors).map(|(p, floor)| p.y - floor).collect();
     let lowest = above.iter().copied().fold(f64::INFINITY, f64::min);
     // The first leg's hip: where the body is.
-    let body: Vec<DVec3> = looks.limbs.first().map_or(&[][..], |limbs| limbs).iter().map(|l| l.hip).collect();
+    let body: Vec<DVec3> =
+        samples.limbs.first().map_or(&[][..], |limbs| limbs).iter().map(|l| l.hip).collect();
     let at = |i: usize| {
         let near = &above[i.saturating_sub(AROUND)..(i + AROUND + 1).min(above.len())];
         let low = near.iter().copied().fold(f64::INFINITY, f64::min);
@@ -251,29 +256,35 @@ fn velocity(places: &[DVec3], i: usize) -> DVec3 {
 }
 
 /// A foot that touches the ground as its clips have it.
-struct Stay {
+struct ContactSpan {
     span: (Time, Time),
     /// Its positions at both times, world space.
     ends: [DVec3; 2],
 }
 
-fn stand(looks: &Looks, stay: &Stay, leg: usize, plant: &Plant, ground: &[Ground]) -> Stand {
-    let Stay { span: (from, to), ends } = *stay;
-    if !plant.only.is_empty() && !plant.only.iter().any(|(begin, end)| from <= *end && to >= *begin) {
-        return Stand { from, to, at: None, first: DVec3::ZERO, last: DVec3::ZERO };
+fn stand(
+    samples: &FootSamples,
+    stay: &ContactSpan,
+    leg: usize,
+    foot_lock: &FootLock,
+    ground: &[Ground],
+) -> Contact {
+    let ContactSpan { span: (from, to), ends } = *stay;
+    if !foot_lock.only.is_empty() && !foot_lock.only.iter().any(|(begin, end)| from <= *end && to >= *begin) {
+        return Contact { from, to, at: None, first: DVec3::ZERO, last: DVec3::ZERO };
     }
     // The looks between, at least one.
-    let first = ((from - looks.from).0 as u64).div_ceil(STEP.0 as u64) as usize;
-    let first = first.min(looks.floors.len() - 1);
-    let last = (((to - looks.from).0 / STEP.0) as usize).clamp(first, looks.floors.len() - 1);
-    let mut at = within_reach(&looks.feet[leg][first..=last], &looks.limbs[leg][first..=last]);
+    let first = ((from - samples.from).0 as u64).div_ceil(STEP.0 as u64) as usize;
+    let first = first.min(samples.floors.len() - 1);
+    let last = (((to - samples.from).0 / STEP.0) as usize).clamp(first, samples.floors.len() - 1);
+    let mut at = within_reach(&samples.feet[leg][first..=last], &samples.limbs[leg][first..=last]);
     if !ground.is_empty() {
         // As high above the ground as the clips have it above their floor.
-        let floor = looks.floors[(first + last) / 2];
+        let floor = samples.floors[(first + last) / 2];
         let heights = ground.iter().filter_map(|g| g.height(at, at.y + HIGHEST_STEP));
         at.y += heights.reduce(f64::max).unwrap_or(floor) - floor;
     }
-    Stand { from, to, at: Some(at), first: at - ends[0], last: at - ends[1] }
+    Contact { from, to, at: Some(at), first: at - ends[0], last: at - ends[1] }
 }
 
 /// Position of a foot during a contact: the middle of its positions in the clips, or else the nearest along the way at which the leg has
@@ -301,10 +312,10 @@ fn within_reach(stay: &[DVec3], limbs: &[Limb]) -> DVec3 {
 
 /// How far the hips come down at each look: as far as the legs that stand need to reach the ground with the heel raised, and smoothly there
 /// and back (at once, and the head jerks; tried).
-fn come_down(looks: &Looks, legs: &[Vec<Stand>]) -> Vec<f64> {
+fn come_down(samples: &FootSamples, legs: &[Vec<Contact>]) -> Vec<f64> {
     let need = |look: usize| {
-        let time = looks.time(look);
-        let of_leg = |(stands, limbs): (&Vec<Stand>, &Vec<Limb>)| {
+        let time = samples.time(look);
+        let of_leg = |(stands, limbs): (&Vec<Contact>, &Vec<Limb>)| {
             let next = stands.partition_point(|s| s.to < time);
             let at = stands.get(next).filter(|s| s.from <= time).and_then(|s| s.at)?;
             let limb = limbs[look];
@@ -313,9 +324,9 @@ fn come_down(looks: &Looks, legs: &[Vec<Stand>]) -> Vec<f64> {
             let high = (far * far - across).max(0.0).sqrt();
             Some((limb.hip.y - at.y - high).clamp(0.0, LOWEST * limb.reach))
         };
-        legs.iter().zip(&looks.limbs).filter_map(of_leg).fold(0.0, f64::max)
+        legs.iter().zip(&samples.limbs).filter_map(of_leg).fold(0.0, f64::max)
     };
-    let count = looks.floors.len();
+    let count = samples.floors.len();
     let need: Vec<f64> = (0..count).map(need).collect();
     let smooth = |look: usize| {
         let near = look.saturating_sub(SMOOTH)..(look + SMOOTH + 1).min(count);
@@ -328,7 +339,7 @@ fn come_down(looks: &Looks, legs: &[Vec<Stand>]) -> Vec<f64> {
     (0..count).map(smooth).collect()
 }
 
-impl PlantTrack {
+impl FootLockTrack {
     fn drop_at(&self, time: Time) -> f64 {
         let Some((from, drops)) = self.drops.iter().rev().find(|(from, _)| *from <= time) else { return 0.0 };
         let at = (time - *from).0 as f64 / STEP.0 as f64;
@@ -347,11 +358,11 @@ impl PlantTrack {
             w * w * (3.0 - 2.0 * w)
         };
         // A foot in the air for long: level as it was or will be, and nothing sideways.
-        let leaving = |s: &Stand| {
+        let leaving = |s: &Contact| {
             let gone = smooth((time - s.to).as_secs() / FADE);
             upright(s.last) + (s.last - upright(s.last)) * (1.0 - gone)
         };
-        let coming = |s: &Stand| {
+        let coming = |s: &Contact| {
             let left = smooth((s.from - time).as_secs() / FADE);
             upright(s.first) + (s.first - upright(s.first)) * (1.0 - left)
         };
@@ -377,38 +388,38 @@ impl PlantTrack {
 
 /// Moves the hips with the ground and bends the legs.
 pub(super) fn apply(
-    track: &PlantTrack,
-    plant: &Plant,
+    track: &FootLockTrack,
+    foot_lock: &FootLock,
     time: Time,
     share: f64,
     world_from_model: &DAffine3,
     model_from_world: &DAffine3,
-    body: &mut Body,
+    body: &mut PosedSkeleton,
 ) {
-    let places = |body: &Body, leg: &Leg| {
+    let places = |body: &PosedSkeleton, leg: &Leg| {
         let joint = leg.toe.unwrap_or(leg.foot) as usize;
         world_place(world_from_model, &body.model_from_joint[joint])
     };
-    let corrections: Vec<DVec3> = plant
+    let corrections: Vec<DVec3> = foot_lock
         .legs
         .iter()
         .enumerate()
         .map(|(i, leg)| track.correction(i, time, places(body, leg)) * share)
         .collect();
-    let feet: Vec<DVec3> = plant.legs.iter().map(|leg| body.place(leg.foot)).collect();
-    if let (Some(hips), true) = (plant.hips, !plant.ground.is_empty()) {
+    let feet: Vec<DVec3> = foot_lock.legs.iter().map(|leg| body.place(leg.foot)).collect();
+    if let (Some(hips), true) = (foot_lock.hips, !foot_lock.ground.is_empty()) {
         // As low as the lower foot needs.
         let drop = corrections.iter().map(|c| c.y).fold(f64::INFINITY, f64::min);
         if drop.is_finite() {
             body.shift(hips, model_from_world.matrix3 * (DVec3::Y * drop));
         }
     }
-    if let (Some(hips), drop @ f64::MIN_POSITIVE..) = (plant.hips, track.drop_at(time) * share) {
+    if let (Some(hips), drop @ f64::MIN_POSITIVE..) = (foot_lock.hips, track.drop_at(time) * share) {
         body.shift(hips, model_from_world.matrix3 * (DVec3::NEG_Y * drop));
     }
     let targets: Vec<DVec3> =
         feet.iter().zip(&corrections).map(|(foot, c)| *foot + model_from_world.matrix3 * *c).collect();
-    for (leg, target) in plant.legs.iter().zip(targets) {
+    for (leg, target) in foot_lock.legs.iter().zip(targets) {
         let (ankle, roll) = on_the_ball(leg, target, body);
         // Knees bend forward, where characters face.
         bend_leg(leg, ankle, DVec3::Z, body);
@@ -418,7 +429,7 @@ pub(super) fn apply(
 
 /// Position of the ankle in model space, and rotation of the foot: at `target` and unrotated if the leg reaches that far, else the heel
 /// rises while the ball stays, as before leaving the ground. (Lowering the hips instead jerks the head; tried.)
-fn on_the_ball(leg: &Leg, target: DVec3, body: &Body) -> (DVec3, DQuat) {
+fn on_the_ball(leg: &Leg, target: DVec3, body: &PosedSkeleton) -> (DVec3, DQuat) {
     let [hip, knee, foot] = [leg.hip, leg.knee, leg.foot].map(|j| body.place(j));
     let reach = ((knee - hip).length() + (foot - knee).length()) * 0.9999;
     let Some(toe) = leg.toe.filter(|_| (target - hip).length() > reach) else {

@@ -1,6 +1,6 @@
 //! Eyes that make up for what the head leaves: VRM 1.0, "lookAt.md".
 
-use crate::pose::expressions::Faces;
+use crate::pose::expressions::ExpressionWeights;
 use crate::pose::gaze::Turn;
 use crate::pose::joints::rotation_of;
 use crate::snapshot::ActorState;
@@ -28,7 +28,7 @@ impl Gaze<'_> {
         aimed: impl Fn(u32) -> bool,
         state: &mut ActorState,
         below: &mut Vec<bool>,
-        faces: &mut Faces,
+        expression_weights: &mut ExpressionWeights,
     ) {
         let Gaze { actor, joint, share, .. } = *self;
         let asset = &*actor.asset;
@@ -46,6 +46,11 @@ impl Gaze<'_> {
             return;
         }
         let (yaw, pitch) = angles_of(way);
-        Turn { actor, eyes, turned, yaw, pitch, share, time: self.time }.apply(aimed, state, below, faces);
+        Turn { actor, eyes, turned, yaw, pitch, share, time: self.time }.apply(
+            aimed,
+            state,
+            below,
+            expression_weights,
+        );
     }
 }

@@ -36,13 +36,13 @@ impl Ground {
 
     /// Height of the highest surface under a point, not above `ceiling`.
     pub fn height(&self, at: DVec3, ceiling: f64) -> Option<f64> {
-        let flat = |p: DVec3| DVec2::new(p.x, p.z);
-        let p = flat(at);
+        let level = |p: DVec3| DVec2::new(p.x, p.z);
+        let p = level(at);
         let mut highest: Option<f64> = None;
         for [a, b, c] in &self.triangles {
-            let (u, v) = (flat(*b) - flat(*a), flat(*c) - flat(*a));
+            let (u, v) = (level(*b) - level(*a), level(*c) - level(*a));
             let area = u.perp_dot(v);
-            let way = p - flat(*a);
+            let way = p - level(*a);
             let (s, t) = (way.perp_dot(v) / area, u.perp_dot(way) / area);
             // Also leaves out walls, whose area from above is nothing.
             if s >= 0.0 && t >= 0.0 && s + t <= 1.0 {

@@ -1,8 +1,8 @@
-//! Goals: what a body does beside its clips. Feet stay where they stand, the spine turns to look, a hand takes hold of a prop,
+//! Constraints: what a body does beside its clips. Feet stay where they stand, the spine turns to look, a hand takes hold of a prop,
 //! and at last hair and tails swing.
 //!
 //! In this order, after all actors have been posed and placed: planted feet, aims, looks, reaches, each in the order of the
-//! script; then joint limits; springs last of all, once every goal is done ([`springs`]). Goals come actor by actor, those
+//! script; then joint limits; springs last of all, once every constraint is done ([`springs`]). Constraints come actor by actor, those
 //! first whose hands others reach for ([`order`]), so that a hand on a prop in another's moving hand is on it. In a circle (two
 //! who look at each other) each takes the other's place as it was before.
 

@@ -1,4 +1,4 @@
-//! Whose goals come first.
+//! Whose constraints come first.
 
 use crate::stage::Stage;
 use crate::stage::actor::Target;
@@ -6,7 +6,7 @@ use choreo_motion::Time;
 
 /// Buffers of [`rounds`].
 #[derive(Clone, Debug, Default)]
-pub(crate) struct GoalOrder {
+pub(crate) struct ConstraintOrder {
     /// Actors with something to do now, in rounds one after the other.
     pub actors: Vec<usize>,
     /// Ends of the rounds within `actors`.
@@ -18,10 +18,10 @@ pub(crate) struct GoalOrder {
     path: Vec<usize>,
 }
 
-/// Puts the actors that have goals at a time into rounds: each round needs only what the ones before it have done. A circle is a round
+/// Puts the actors that have constraints at a time into rounds: each round needs only what the ones before it have done. A circle is a round
 /// of its own.
-pub(crate) fn rounds(stage: &Stage, time: Time, order: &mut GoalOrder) {
-    let GoalOrder { actors, ends, waiting, needs, done, path } = order;
+pub(crate) fn rounds(stage: &Stage, time: Time, order: &mut ConstraintOrder) {
+    let ConstraintOrder { actors, ends, waiting, needs, done, path } = order;
     actors.clear();
     ends.clear();
     needs.clear();
@@ -35,9 +35,9 @@ pub(crate) fn rounds(stage: &Stage, time: Time, order: &mut GoalOrder) {
     waiting.iter().for_each(|a| done[*a] = false);
     for &actor in waiting.iter() {
         let a = &stage.actors[actor];
-        let goals = a.goals.iter().filter(|g| g.share(time) > 0.0).flat_map(|g| g.targets());
+        let constraints = a.constraints.iter().filter(|g| g.share(time) > 0.0).flat_map(|g| g.targets());
         let looks = a.look_at.iter().filter(|l| l.share(time) > 0.0).map(|l| l.target);
-        for target in goals.chain(looks) {
+        for target in constraints.chain(looks) {
             for_carriers(stage, target, |other| {
                 if other != actor && !done[other] {
                     needs.push((actor, other));
@@ -76,7 +76,7 @@ pub(crate) fn rounds(stage: &Stage, time: Time, order: &mut GoalOrder) {
 fn is_busy(stage: &Stage, actor: usize, time: Time) -> bool {
     let a = &stage.actors[actor];
     !a.limits.is_empty()
-        || a.goals.iter().any(|g| g.share(time) > 0.0)
+        || a.constraints.iter().any(|g| g.share(time) > 0.0)
         || a.look_at.iter().any(|l| l.share(time) > 0.0)
 }
 

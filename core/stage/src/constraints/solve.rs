@@ -1,14 +1,14 @@
-//! Goals at a time, actor by actor.
+//! Constraints at a time, actor by actor.
 
-use crate::constraints::foot_lock::Plants;
+use crate::constraints::foot_lock::FootLocks;
 use crate::constraints::gaze::Gaze;
 use crate::constraints::{foot_lock, look_at, order};
-use crate::pose::expressions::Faces;
-use crate::pose::joints::{Body, rotation_of};
+use crate::pose::expressions::ExpressionWeights;
+use crate::pose::joints::{PosedSkeleton, rotation_of};
 use crate::snapshot::ActorState;
 use crate::stage::actor::Attachment;
 use crate::stage::actor::Target;
-use crate::stage::constraint::{AimGoal, Goal, GoalKind, Leg, Reach};
+use crate::stage::constraint::{AimConstraint, Constraint, ConstraintKind, Leg, ReachConstraint};
 use crate::stage::{Stage, StageError};
 use crate::transforms::{target_position, world_from_attachment};
 use choreo_asset::widen;
@@ -28,9 +28,9 @@ pub const CHAIN_TOLERANCE: f64 = 1e-5;
 
 /// Buffers; what is in them on entry does not matter.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct GoalScratch {
-    pub order: order::GoalOrder,
-    /// World places of the targets of a round: (actor, goal, target, pole).
+pub(crate) struct ConstraintScratch {
+    pub order: order::ConstraintOrder,
+    /// World places of the targets of a round: (actor, constraint, target, pole).
     targets: Vec<(usize, usize, DVec3, Option<DVec3>)>,
     below: Vec<bool>,
     chain: Chain,
@@ -38,15 +38,15 @@ pub(crate) struct GoalScratch {
     turns: Vec<DQuat>,
     aims: Vec<look_at::Aim>,
     /// One an actor; see `Posing`.
-    pub faces: Vec<Faces>,
+    pub expression_weights: Vec<ExpressionWeights>,
 }
 
-/// All goals of all actors. `place` places all actors anew, after a round has moved joints that others hang on.
+/// All constraints of all actors. `place` places all actors anew, after a round has moved joints that others hang on.
 pub(crate) fn run(
     stage: &Stage,
-    plants: &Plants,
+    foot_locks: &FootLocks,
     time: Time,
-    scratch: &mut GoalScratch,
+    scratch: &mut ConstraintScratch,
     actors: &mut [ActorState],
     mut place: impl FnMut(&mut [ActorState]),
 ) -> Result<(), StageError> {
@@ -65,7 +65,7 @@ pub(crate) fn run(
             if actors[index].model_from_joint.len() != stage.actors[index].asset.skeleton.len() {
                 continue;
             }
-            solve_actor(stage, plants, time, scratch, index, actors)?;
+            solve_actor(stage, foot_locks, time, scratch, index, actors)?;
             carried |=
                 stage.actors.iter().any(|a| a.parent.is_some_and(|p| p.actor == index && p.joint.is_some()));
         }
@@ -81,16 +81,16 @@ pub(crate) fn run(
 fn find_targets(
     stage: &Stage,
     time: Time,
-    scratch: &mut GoalScratch,
+    scratch: &mut ConstraintScratch,
     round: std::ops::Range<usize>,
     actors: &[ActorState],
 ) {
     scratch.targets.clear();
     scratch.aims.clear();
     for &index in &scratch.order.actors[round] {
-        for (number, goal) in stage.actors[index].goals.iter().enumerate() {
-            if goal.share(time) > 0.0
-                && let Some((target, pole)) = places(stage, actors, goal)
+        for (number, constraint) in stage.actors[index].constraints.iter().enumerate() {
+            if constraint.share(time) > 0.0
+                && let Some((target, pole)) = places(stage, actors, constraint)
             {
                 scratch.targets.push((index, number, target, pole));
             }
@@ -99,11 +99,11 @@ fn find_targets(
     }
 }
 
-fn places(stage: &Stage, actors: &[ActorState], goal: &Goal) -> Option<(DVec3, Option<DVec3>)> {
-    match &goal.kind {
-        GoalKind::Plant(_) | GoalKind::Mirror(_) => None,
-        GoalKind::Aim(aim) => Some((target_position(stage, actors, &aim.target)?, None)),
-        GoalKind::Reach(reach) => {
+fn places(stage: &Stage, actors: &[ActorState], constraint: &Constraint) -> Option<(DVec3, Option<DVec3>)> {
+    match &constraint.kind {
+        ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_) => None,
+        ConstraintKind::Aim(aim) => Some((target_position(stage, actors, &aim.target)?, None)),
+        ConstraintKind::Reach(reach) => {
             let at = match (reach.offset, reach.target) {
                 (None, target) => target_position(stage, actors, &target)?,
                 (Some(offset), Target::Point(p)) => p + offset,
@@ -131,9 +131,9 @@ fn hold(
 
 fn solve_actor(
     stage: &Stage,
-    plants: &Plants,
+    foot_locks: &FootLocks,
     time: Time,
-    scratch: &mut GoalScratch,
+    scratch: &mut ConstraintScratch,
     index: usize,
     actors: &mut [ActorState],
 ) -> Result<(), StageError> {
@@ -143,35 +143,44 @@ fn solve_actor(
     if !model_from_world.is_finite() {
         return Ok(());
     }
-    let order = |kind: &GoalKind| match kind {
-        GoalKind::Plant(_) => 0,
-        GoalKind::Aim(_) => 1,
-        GoalKind::Reach(_) => 2,
+    let order = |kind: &ConstraintKind| match kind {
+        ConstraintKind::FootLock(_) => 0,
+        ConstraintKind::Aim(_) => 1,
+        ConstraintKind::Reach(_) => 2,
         // Done with the clips.
-        GoalKind::Mirror(_) => 3,
+        ConstraintKind::Mirror(_) => 3,
     };
-    for stage_of_goals in 0..3 {
-        for (number, goal) in actor.goals.iter().enumerate() {
-            let share = goal.share(time);
-            let fits = (goal.last_joint() as usize) < actor.asset.skeleton.len();
-            if share <= 0.0 || order(&goal.kind) != stage_of_goals || !fits {
+    for phase in 0..3 {
+        for (number, constraint) in actor.constraints.iter().enumerate() {
+            let share = constraint.share(time);
+            let fits = (constraint.last_joint() as usize) < actor.asset.skeleton.len();
+            if share <= 0.0 || order(&constraint.kind) != phase || !fits {
                 continue;
             }
-            if let GoalKind::Plant(plant) = &goal.kind {
-                let track = plants.track(stage, index, number, plant)?;
+            if let ConstraintKind::FootLock(foot_lock) = &constraint.kind {
+                let track = foot_locks.track(stage, index, number, foot_lock)?;
                 let state = &mut actors[index];
-                let mut body = Body {
+                let mut body = PosedSkeleton {
                     skeleton: &actor.asset.skeleton,
                     model_from_joint: &mut state.model_from_joint,
                     below: &mut scratch.below,
                 };
-                foot_lock::apply(&track, plant, time, share, &world_from_model, &model_from_world, &mut body);
+                foot_lock::apply(
+                    &track,
+                    foot_lock,
+                    time,
+                    share,
+                    &world_from_model,
+                    &model_from_world,
+                    &mut body,
+                );
                 continue;
             }
             // A target on the own body moves with what has been done to it by now.
-            let own = goal.targets().all(|t| matches!(t, Target::Joint { actor, .. } if actor == index));
+            let own =
+                constraint.targets().all(|t| matches!(t, Target::Joint { actor, .. } if actor == index));
             let found = match own {
-                true => places(stage, actors, goal),
+                true => places(stage, actors, constraint),
                 false => scratch
                     .targets
                     .iter()
@@ -182,37 +191,37 @@ fn solve_actor(
             let target = model_from_world.transform_point3(target);
             let pole = pole.map(|p| model_from_world.transform_point3(p));
             let rest = actor.asset.rest_model_from_joint();
-            let mut body = Body {
+            let mut body = PosedSkeleton {
                 skeleton: &actor.asset.skeleton,
                 model_from_joint: &mut actors[index].model_from_joint,
                 below: &mut scratch.below,
             };
-            match &goal.kind {
-                GoalKind::Aim(aim) => {
+            match &constraint.kind {
+                ConstraintKind::Aim(aim) => {
                     let forward = look_at::forward_in_joint(&rest[last(&aim.joints)]);
                     solve_aim(aim, share, target, forward, &mut scratch.aim, &mut scratch.turns, &mut body);
                 }
-                GoalKind::Reach(reach) => {
+                ConstraintKind::Reach(reach) => {
                     let limits = &actor.limits;
                     solve_reach(reach, share, target, pole, limits, rest, &mut scratch.chain, &mut body);
                 }
-                GoalKind::Plant(_) | GoalKind::Mirror(_) => {}
+                ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_) => {}
             }
-            if let GoalKind::Aim(aim) = &goal.kind {
+            if let ConstraintKind::Aim(aim) = &constraint.kind {
                 let (joint, state) = (last(&aim.joints) as u32, &mut actors[index]);
                 let aimed = |eye| scratch.aims.iter().any(|a| (a.actor, a.joint) == (index, eye));
                 let gaze = Gaze { actor, joint, target, share, time };
-                gaze.follow(aimed, state, &mut scratch.below, &mut scratch.faces[index]);
+                gaze.follow(aimed, state, &mut scratch.below, &mut scratch.expression_weights[index]);
             }
         }
-        if stage_of_goals == 1 {
+        if phase == 1 {
             for aim in scratch.aims.iter().filter(|aim| aim.actor == index) {
                 let state = &mut actors[index];
                 look_at::turn(stage, aim, state, &mut scratch.below);
                 let target = state.world_from_model.inverse().transform_point3(aim.world_target);
                 let aimed = |eye| scratch.aims.iter().any(|a| (a.actor, a.joint) == (index, eye));
                 let gaze = Gaze { actor, joint: aim.joint, target, share: aim.share, time };
-                gaze.follow(aimed, state, &mut scratch.below, &mut scratch.faces[index]);
+                gaze.follow(aimed, state, &mut scratch.below, &mut scratch.expression_weights[index]);
             }
         }
     }
@@ -225,13 +234,13 @@ fn last(joints: &[u32]) -> usize {
 }
 
 fn solve_aim(
-    aim: &AimGoal,
+    aim: &AimConstraint,
     share: f64,
     target: DVec3,
     forward_in_joint: glam::Vec3A,
     joints: &mut Vec<AimJoint>,
     turns: &mut Vec<DQuat>,
-    body: &mut Body,
+    body: &mut PosedSkeleton,
 ) {
     joints.clear();
     let shares = aim.shares.iter().copied().chain(std::iter::repeat(1.0));
@@ -251,14 +260,14 @@ fn solve_aim(
 
 #[expect(clippy::too_many_arguments, reason = "what a reach depends on")]
 fn solve_reach(
-    reach: &Reach,
+    reach: &ReachConstraint,
     share: f64,
     target: DVec3,
     pole: Option<DVec3>,
     limits: &[(u32, Limit)],
     rest: &[glam::Affine3A],
     chain: &mut Chain,
-    body: &mut Body,
+    body: &mut PosedSkeleton,
 ) {
     let Some((&end, bones)) = reach.joints.split_last() else { return };
     let before = body.rotation(end);
@@ -289,13 +298,13 @@ fn solve_reach(
 }
 
 fn solve_chain(
-    reach: &Reach,
+    reach: &ReachConstraint,
     bones: &[u32],
     target: DVec3,
     limits: &[(u32, Limit)],
     rest: &[glam::Affine3A],
     chain: &mut Chain,
-    body: &mut Body,
+    body: &mut PosedSkeleton,
 ) {
     let Some(&first) = bones.first() else { return };
     let parents = body.skeleton.parents();
@@ -327,13 +336,16 @@ fn solve_chain(
     }
 }
 
-/// Joints that are turned farther than they may be, by clips or goals, are turned back.
-fn hold_limits(stage: &Stage, index: usize, scratch: &mut GoalScratch, actors: &mut [ActorState]) {
+/// Joints that are turned farther than they may be, by clips or constraints, are turned back.
+fn hold_limits(stage: &Stage, index: usize, scratch: &mut ConstraintScratch, actors: &mut [ActorState]) {
     let actor = &stage.actors[index];
     let rest = actor.asset.rest_model_from_joint();
     let skeleton = &actor.asset.skeleton;
-    let mut body =
-        Body { skeleton, model_from_joint: &mut actors[index].model_from_joint, below: &mut scratch.below };
+    let mut body = PosedSkeleton {
+        skeleton,
+        model_from_joint: &mut actors[index].model_from_joint,
+        below: &mut scratch.below,
+    };
     for (joint, limit) in actor.limits.iter().filter(|(j, _)| (*j as usize) < rest.len()) {
         let parent = skeleton.parents()[*joint as usize];
         let turned = parent.map_or(DQuat::IDENTITY, |p| body.rotation(p));
@@ -348,7 +360,7 @@ fn hold_limits(stage: &Stage, index: usize, scratch: &mut GoalScratch, actors: &
 }
 
 /// Bends a leg so that its foot comes to a place, turned as before.
-pub(super) fn bend_leg(leg: &Leg, target: DVec3, hint: DVec3, body: &mut Body) {
+pub(super) fn bend_leg(leg: &Leg, target: DVec3, hint: DVec3, body: &mut PosedSkeleton) {
     let rotation = body.rotation(leg.foot);
     let [start, middle, end] = [leg.hip, leg.knee, leg.foot].map(|j| body.place(j));
     // Not soft: the foot must be where it stands as long as the leg reaches.

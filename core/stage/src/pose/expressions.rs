@@ -4,19 +4,19 @@ use choreo_asset::{Expression, expression};
 
 /// What the expressions of one actor show: asked for by clips and scripts, and by what looks around; and what comes of it.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Faces {
-    pub asked: Vec<f32>,
+pub(crate) struct ExpressionWeights {
+    pub requested: Vec<f32>,
     pub settled: Vec<f32>,
     before: Vec<f32>,
     /// A buffer for eyes that are turned.
     pub below: Vec<bool>,
 }
 
-impl Faces {
+impl ExpressionWeights {
     /// Settles anew what is asked for by now. What has changed is added to the morph weights; whether anything has.
     pub fn settle_again(&mut self, expressions: &[Expression], morph_weights: &mut [Vec<f32>]) -> bool {
         self.before.clone_from(&self.settled);
-        self.settled.clone_from(&self.asked);
+        self.settled.clone_from(&self.requested);
         expression::settle(expressions, &mut self.settled);
         for (now, before) in self.settled.iter().zip(&mut self.before) {
             *before = now - *before;

@@ -1,11 +1,11 @@
 //! Eyes turned to a direction seen from the head: VRM 1.0, "lookAt.md".
 
-use crate::pose::expressions::Faces;
-use crate::pose::joints::{Body, rotation_of};
+use crate::pose::expressions::ExpressionWeights;
+use crate::pose::joints::{PosedSkeleton, rotation_of};
 use crate::properties::materials as material_changes;
 use crate::snapshot::ActorState;
 use crate::stage::actor::Actor;
-use choreo_asset::eyes::asked;
+use choreo_asset::eyes::requested;
 use choreo_asset::{Expression, Eyes, EyesMovedBy};
 use choreo_motion::math::rotation::rotation_fraction;
 use choreo_motion::{HumanBone, Time};
@@ -13,19 +13,33 @@ use glam::DQuat;
 
 /// What expressions ask of the eyes (see [`GAZE`](choreo_asset::eyes::GAZE)), in a body that its clips have posed.
 /// `faces.asked` and `.settled` are this actor's.
-pub(crate) fn as_asked(actor: &Actor, time: Time, state: &mut ActorState, faces: &mut Faces) {
+pub(crate) fn as_asked(
+    actor: &Actor,
+    time: Time,
+    state: &mut ActorState,
+    expression_weights: &mut ExpressionWeights,
+) {
     let asset = &*actor.asset;
     let Some(eyes) = &asset.eyes else { return };
     // What is drawn on the face is held down by others when it is settled.
-    let weights = if eyes.moved_by == EyesMovedBy::Bones { &faces.settled } else { &faces.asked };
-    let Some((yaw, pitch)) = asked(&asset.expressions, weights) else { return };
+    let weights = if eyes.moved_by == EyesMovedBy::Bones {
+        &expression_weights.settled
+    } else {
+        &expression_weights.requested
+    };
+    let Some((yaw, pitch)) = requested(&asset.expressions, weights) else { return };
     let head = asset.skeleton.humanoid().and_then(|h| h.joint(HumanBone::Head));
     let Some(head) = head.map(|joint| joint as usize) else { return };
     let now = rotation_of(&state.model_from_joint[head]);
     let turned = (now * rotation_of(&asset.rest_model_from_joint()[head]).inverse()).normalize();
-    let mut below = std::mem::take(&mut faces.below);
-    Turn { actor, eyes, turned, yaw, pitch, share: 1.0, time }.apply(|_| false, state, &mut below, faces);
-    faces.below = below;
+    let mut below = std::mem::take(&mut expression_weights.below);
+    Turn { actor, eyes, turned, yaw, pitch, share: 1.0, time }.apply(
+        |_| false,
+        state,
+        &mut below,
+        expression_weights,
+    );
+    expression_weights.below = below;
 }
 
 /// Eyes on their way to a direction seen from the head.
@@ -46,15 +60,18 @@ impl Turn<'_> {
         aimed: impl Fn(u32) -> bool,
         state: &mut ActorState,
         below: &mut Vec<bool>,
-        faces: &mut Faces,
+        expression_weights: &mut ExpressionWeights,
     ) {
         let Turn { actor, eyes, turned, yaw, pitch, share, .. } = *self;
         let asset = &*actor.asset;
         match eyes.moved_by {
             EyesMovedBy::Bones => {
                 let Some(humanoid) = asset.skeleton.humanoid() else { return };
-                let mut body =
-                    Body { skeleton: &asset.skeleton, model_from_joint: &mut state.model_from_joint, below };
+                let mut body = PosedSkeleton {
+                    skeleton: &asset.skeleton,
+                    model_from_joint: &mut state.model_from_joint,
+                    below,
+                };
                 for (bone, left) in [(HumanBone::LeftEye, true), (HumanBone::RightEye, false)] {
                     let there = |eye: &u32| (*eye as usize) < body.model_from_joint.len() && !aimed(*eye);
                     let Some(eye) = humanoid.joint(bone).filter(there) else { continue };
@@ -64,14 +81,15 @@ impl Turn<'_> {
                 }
             }
             EyesMovedBy::Expressions => {
-                for (asked, expression) in faces.asked.iter_mut().zip(&asset.expressions) {
-                    *asked += (weight(eyes, &expression.name, yaw, pitch) * share) as f32;
+                for (requested, expression) in expression_weights.requested.iter_mut().zip(&asset.expressions)
+                {
+                    *requested += (weight(eyes, &expression.name, yaw, pitch) * share) as f32;
                 }
                 let painted = |e: &Expression| !e.colors.is_empty() || !e.uvs.is_empty();
-                if faces.settle_again(&asset.expressions, &mut state.morph_weights)
+                if expression_weights.settle_again(&asset.expressions, &mut state.morph_weights)
                     && asset.expressions.iter().any(painted)
                 {
-                    material_changes::at(actor, &faces.settled, self.time, &mut state.materials);
+                    material_changes::at(actor, &expression_weights.settled, self.time, &mut state.materials);
                 }
             }
         }

@@ -1,12 +1,12 @@
 //! What inertialized cues take over from those before them: found once, in the order of the cues, so that one that follows
 //! another at once takes over what is still dying down.
 
-use crate::pose::{BlendedVoice, dying, sample_voice, start_weights};
-use crate::root_motion::travel::Travel;
+use crate::pose::{BlendedClip, inertialization, sample_cue, start_weights};
+use crate::root_motion::track::RootMotionTrack;
 use crate::stage::actor::Actor;
 use crate::stage::clips::Layer;
 use crate::timeline::active_clips as timeline;
-use crate::timeline::active_clips::Voice;
+use crate::timeline::active_clips::ActiveCue;
 use choreo_motion::{BlendOnto, Inertialization, Pose, Time, WeightInertialization};
 
 /// How far apart the poses are whose difference is a velocity.
@@ -14,7 +14,7 @@ const STEP: Time = Time(Time::TICKS_PER_SECOND / 240);
 
 /// What one switch leaves to die down.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Switch {
+pub(crate) struct CueInertialization {
     pub joints: Inertialization,
     /// Inertialization of morph weights, by mesh instance.
     pub morphs: Vec<WeightInertialization>,
@@ -24,10 +24,10 @@ pub(crate) struct Switch {
 
 /// Inertialization of each cue of an actor's base layer.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Inertias(Vec<Option<Switch>>);
+pub(crate) struct Inertializations(Vec<Option<CueInertialization>>);
 
-impl Inertias {
-    pub fn of(&self, cue: usize) -> Option<&Switch> {
+impl Inertializations {
+    pub fn of(&self, cue: usize) -> Option<&CueInertialization> {
         self.0.get(cue).and_then(Option::as_ref)
     }
 
@@ -36,38 +36,38 @@ impl Inertias {
         !self.0.is_empty()
     }
 
-    pub fn new(actor: &Actor, travel: Option<&Travel>) -> Inertias {
-        let Some(layer) = actor.layers.first() else { return Inertias::default() };
-        if layer.cues.iter().all(|cue| cue.inertial <= Time::ZERO) {
-            return Inertias::default();
+    pub fn new(actor: &Actor, track: Option<&RootMotionTrack>) -> Inertializations {
+        let Some(layer) = actor.layers.first() else { return Inertializations::default() };
+        if layer.cues.iter().all(|cue| cue.inertialization <= Time::ZERO) {
+            return Inertializations::default();
         }
-        let mut found = Inertias::default();
-        let mut bodies: [Body; 4] = Default::default();
+        let mut found = Inertializations::default();
+        let mut bodies: [BasePose; 4] = Default::default();
         for (index, cue) in layer.cues.iter().enumerate() {
             let fits = cue.clip.joint_count() == actor.asset.skeleton.len();
-            if index == 0 || cue.inertial <= Time::ZERO || !fits {
+            if index == 0 || cue.inertialization <= Time::ZERO || !fits {
                 found.0.push(None);
                 continue;
             }
             let before = Layer { cues: layer.cues[..index].to_vec(), ..Layer::default() };
             let [old, source, target, after] = &mut bodies;
-            old.base(actor, &before, cue.start - STEP, travel, &found);
-            source.base(actor, &before, cue.start, travel, &found);
+            old.base(actor, &before, cue.start - STEP, track, &found);
+            source.base(actor, &before, cue.start, track, &found);
             for (body, time) in [(&mut *target, cue.start), (&mut *after, cue.start + STEP)] {
-                let voice = Voice { cue: index, clip_time: cue.clip_time(time, false), weight: 1.0 };
-                body.play(actor, layer, &[voice], time, travel, None);
+                let active = ActiveCue { cue: index, clip_time: cue.clip_time(time, false), weight: 1.0 };
+                body.play(actor, layer, &[active], time, track, None);
             }
-            found.0.push(Some(switch([old, source], [target, after], cue.inertial)));
+            found.0.push(Some(switch([old, source], [target, after], cue.inertialization)));
         }
         found
     }
 }
 
-fn switch(from: [&Body; 2], to: [&Body; 2], duration: Time) -> Switch {
+fn switch(from: [&BasePose; 2], to: [&BasePose; 2], duration: Time) -> CueInertialization {
     let weights = |from: [&[f32]; 2], to: [&[f32]; 2]| WeightInertialization::new(from, to, STEP, duration);
     let morphs = |i: usize| weights(from.map(|b| &b.morphs[i][..]), to.map(|b| &b.morphs[i][..]));
     let face = |i: usize| weights(from.map(|b| &b.expressions[i..=i]), to.map(|b| &b.expressions[i..=i]));
-    Switch {
+    CueInertialization {
         joints: Inertialization::new(from.map(|b| &b.pose), to.map(|b| &b.pose), STEP, duration),
         morphs: (0..from[0].morphs.len()).map(morphs).collect(),
         expressions: (0..from[0].expressions.len()).map(face).collect(),
@@ -76,29 +76,36 @@ fn switch(from: [&Body; 2], to: [&Body; 2], duration: Time) -> Switch {
 
 /// What a base layer alone makes of a body.
 #[derive(Default)]
-struct Body {
+struct BasePose {
     pose: Pose,
     /// Morph weights by mesh instance.
     morphs: Vec<Vec<f32>>,
     expressions: Vec<f32>,
 }
 
-impl Body {
-    fn base(&mut self, actor: &Actor, layer: &Layer, time: Time, travel: Option<&Travel>, found: &Inertias) {
-        let mut voices = Vec::new();
-        timeline::base_voices(layer, time, &mut voices);
-        voices.retain(|voice| layer.cues[voice.cue].clip.joint_count() == actor.asset.skeleton.len());
-        self.play(actor, layer, &voices, time, travel, Some(found));
+impl BasePose {
+    fn base(
+        &mut self,
+        actor: &Actor,
+        layer: &Layer,
+        time: Time,
+        track: Option<&RootMotionTrack>,
+        found: &Inertializations,
+    ) {
+        let mut active_cues = Vec::new();
+        timeline::base_cues(layer, time, &mut active_cues);
+        active_cues.retain(|active| layer.cues[active.cue].clip.joint_count() == actor.asset.skeleton.len());
+        self.play(actor, layer, &active_cues, time, track, Some(found));
     }
 
     fn play(
         &mut self,
         actor: &Actor,
         layer: &Layer,
-        voices: &[Voice],
+        active_cues: &[ActiveCue],
         time: Time,
-        travel: Option<&Travel>,
-        found: Option<&Inertias>,
+        track: Option<&RootMotionTrack>,
+        found: Option<&Inertializations>,
     ) {
         let asset = &*actor.asset;
         let (mut over, mut weights) = (Pose::default(), Vec::new());
@@ -106,20 +113,20 @@ impl Body {
         start_weights(asset, &mut self.morphs);
         self.expressions.clear();
         self.expressions.resize(asset.expressions.len(), 0.0);
-        for (place, voice) in voices.iter().enumerate() {
+        for (place, active) in active_cues.iter().enumerate() {
             over.copy_from(asset.rest_pose());
-            sample_voice(actor, layer, voice, time, travel, found, &mut over);
-            if voice.weight >= 1.0 {
+            sample_cue(actor, layer, active, time, track, found, &mut over);
+            if active.weight >= 1.0 {
                 self.pose.copy_from(&over);
             } else {
-                BlendOnto { pose: &mut self.pose, to: &over, weight: voice.weight, mask: None }.run();
+                BlendOnto { pose: &mut self.pose, to: &over, weight: active.weight, mask: None }.run();
             }
-            let blended = BlendedVoice {
-                clip: &layer.cues[voice.cue].clip,
-                time: voice.clip_time,
-                weight: voice.weight,
+            let blended = BlendedClip {
+                clip: &layer.cues[active.cue].clip,
+                time: active.clip_time,
+                weight: active.weight,
                 first: place == 0,
-                dying: dying(layer, voice, time, found),
+                inertialization: inertialization(layer, active, time, found),
             };
             blended.blend_weights(asset, layer, true, &mut weights, &mut self.morphs);
             blended.blend_expressions(asset, layer, true, &mut self.expressions);

@@ -3,13 +3,13 @@
 use choreo_motion::Skeleton;
 use glam::{Affine3A, DMat3, DQuat, DVec3, Mat3, Mat3A, Vec3, Vec3A};
 
-pub(crate) struct Body<'a> {
+pub(crate) struct PosedSkeleton<'a> {
     pub skeleton: &'a Skeleton,
     pub model_from_joint: &'a mut [Affine3A],
     pub below: &'a mut Vec<bool>,
 }
 
-impl Body<'_> {
+impl PosedSkeleton<'_> {
     pub fn place(&self, joint: u32) -> DVec3 {
         Vec3::from(self.model_from_joint[joint as usize].translation).as_dvec3()
     }

@@ -2,16 +2,16 @@
 
 use crate::stage::clips::{Cue, Layer, LayerMode, Reference};
 use crate::timeline::active_clips as timeline;
-use crate::timeline::active_clips::Voice;
+use crate::timeline::active_clips::ActiveCue;
 use choreo_asset::{Asset, MeshInstance};
 use choreo_motion::{AdditiveLayers, Pose, Sample, Time, WeightedBlend};
 
 /// Buffers; what is in them on entry does not matter.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct GroupScratch {
-    voices: Vec<Voice>,
+    active_cues: Vec<ActiveCue>,
     /// (layer within the group, its cue and share)
-    heard: Vec<(usize, Voice)>,
+    active: Vec<(usize, ActiveCue)>,
     mix: WeightedBlend,
     deltas: AdditiveLayers,
     over: Pose,
@@ -36,13 +36,15 @@ pub(crate) fn lay_over(
     morph_weights: &mut [Vec<f32>],
     expressions: &mut [f32],
 ) {
-    scratch.heard.clear();
+    scratch.active.clear();
     for (index, layer) in layers.iter().enumerate() {
-        timeline::upper_voices(layer, time, &mut scratch.voices);
+        timeline::upper_cues(layer, time, &mut scratch.active_cues);
         // A clip for another skeleton says nothing about this one; `Stage::check` names it.
-        scratch.voices.retain(|voice| layer.cues[voice.cue].clip.joint_count() == asset.skeleton.len());
-        timeline::shares(&mut scratch.voices);
-        scratch.heard.extend(scratch.voices.iter().map(|voice| (index, *voice)));
+        scratch
+            .active_cues
+            .retain(|active| layer.cues[active.cue].clip.joint_count() == asset.skeleton.len());
+        timeline::shares(&mut scratch.active_cues);
+        scratch.active.extend(scratch.active_cues.iter().map(|active| (index, *active)));
     }
     override_pose(layers, scratch, pose);
     add_to_pose(layers, asset, scratch, pose);
@@ -59,11 +61,11 @@ pub(crate) fn lay_over(
 fn lay_over_expressions(layers: &[Layer], asset: &Asset, scratch: &GroupScratch, expressions: &mut [f32]) {
     for (expression, weight) in asset.expressions.iter().zip(expressions) {
         let (mut total, mut sum, mut added_up) = (0.0, 0.0, 0.0);
-        for (layer, voice) in &scratch.heard {
+        for (layer, active) in &scratch.active {
             let layer = &layers[*layer];
-            let share = voice.weight * crate::pose::masked_at_head(asset, layer);
-            let cue = &layer.cues[voice.cue];
-            let driven = cue.clip.sample_expression(&expression.name, voice.clip_time);
+            let share = active.weight * crate::pose::masked_at_head(asset, layer);
+            let cue = &layer.cues[active.cue];
+            let driven = cue.clip.sample_expression(&expression.name, active.clip_time);
             match added(layer.mode) {
                 None => {
                     total += share;
@@ -84,17 +86,17 @@ fn lay_over_expressions(layers: &[Layer], asset: &Asset, scratch: &GroupScratch,
 }
 
 fn override_pose(layers: &[Layer], scratch: &mut GroupScratch, pose: &mut Pose) {
-    let GroupScratch { heard, mix, over, .. } = scratch;
+    let GroupScratch { active, mix, over, .. } = scratch;
     let mut any = false;
-    for (layer, voice) in heard.iter().filter(|(layer, _)| layers[*layer].mode == LayerMode::Override) {
+    for (layer, active) in active.iter().filter(|(layer, _)| layers[*layer].mode == LayerMode::Override) {
         if !any {
             mix.start(pose.len());
             any = true;
         }
         let layer = &layers[*layer];
         over.copy_from(pose);
-        Sample { clip: &layer.cues[voice.cue].clip, time: voice.clip_time, pose: over }.run();
-        mix.add(pose, over, voice.weight, layer.mask.as_ref().map(|mask| mask.as_slice()));
+        Sample { clip: &layer.cues[active.cue].clip, time: active.clip_time, pose: over }.run();
+        mix.add(pose, over, active.weight, layer.mask.as_ref().map(|mask| mask.as_slice()));
     }
     if any {
         mix.finish(pose);
@@ -119,25 +121,25 @@ fn reference_time(reference: Reference, cue: &Cue) -> Option<Time> {
 }
 
 fn add_to_pose(layers: &[Layer], asset: &Asset, scratch: &mut GroupScratch, pose: &mut Pose) {
-    let GroupScratch { heard, deltas, over, reference, .. } = scratch;
+    let GroupScratch { active, deltas, over, reference, .. } = scratch;
     let mut any = false;
-    for (layer, voice) in heard.iter() {
+    for (layer, active) in active.iter() {
         let layer = &layers[*layer];
         let Some((sign, from)) = added(layer.mode) else { continue };
         if !any {
             deltas.start(pose.len());
             any = true;
         }
-        let cue = &layer.cues[voice.cue];
+        let cue = &layer.cues[active.cue];
         reference.copy_from(asset.rest_pose());
         if let Some(time) = reference_time(from, cue) {
             Sample { clip: &cue.clip, time, pose: reference }.run();
         }
         // What the clip does not animate is as in the reference: no difference.
         over.copy_from(reference);
-        Sample { clip: &cue.clip, time: voice.clip_time, pose: over }.run();
+        Sample { clip: &cue.clip, time: active.clip_time, pose: over }.run();
         let mask = layer.mask.as_ref().map(|mask| mask.as_slice());
-        deltas.add(reference, over, sign * voice.weight, mask);
+        deltas.add(reference, over, sign * active.weight, mask);
     }
     if any {
         deltas.apply(pose);
@@ -155,16 +157,16 @@ fn override_morphs(
     scratch: &mut GroupScratch,
     weights: &mut [f32],
 ) {
-    let GroupScratch { heard, morph, sums, .. } = scratch;
+    let GroupScratch { active, morph, sums, .. } = scratch;
     sums.clear();
     sums.resize(weights.len(), 0.0);
     let mut total = 0.0;
-    for (layer, voice) in heard.iter().filter(|(layer, _)| layers[*layer].mode == LayerMode::Override) {
+    for (layer, active) in active.iter().filter(|(layer, _)| layers[*layer].mode == LayerMode::Override) {
         let layer = &layers[*layer];
-        let share = voice.weight * masked(layer, instance);
+        let share = active.weight * masked(layer, instance);
         morph.clear();
         morph.extend_from_slice(weights);
-        layer.cues[voice.cue].clip.sample_weights(instance.joint, voice.clip_time, morph);
+        layer.cues[active.cue].clip.sample_weights(instance.joint, active.clip_time, morph);
         sums.iter_mut().zip(morph.iter()).for_each(|(sum, weight)| *sum += weight * share);
         total += share;
     }
@@ -177,14 +179,14 @@ fn override_morphs(
 }
 
 fn add_to_morphs(layers: &[Layer], instance: &MeshInstance, scratch: &mut GroupScratch, weights: &mut [f32]) {
-    let GroupScratch { heard, morph, morph_reference, sums, .. } = scratch;
+    let GroupScratch { active, morph, morph_reference, sums, .. } = scratch;
     sums.clear();
     sums.resize(weights.len(), 0.0);
-    for (layer, voice) in heard.iter() {
+    for (layer, active) in active.iter() {
         let layer = &layers[*layer];
         let Some((sign, from)) = added(layer.mode) else { continue };
-        let cue = &layer.cues[voice.cue];
-        let share = sign * voice.weight * masked(layer, instance);
+        let cue = &layer.cues[active.cue];
+        let share = sign * active.weight * masked(layer, instance);
         morph_reference.clear();
         morph_reference.extend(crate::pose::rest_weights(instance, weights.len()));
         if let Some(time) = reference_time(from, cue) {
@@ -192,7 +194,7 @@ fn add_to_morphs(layers: &[Layer], instance: &MeshInstance, scratch: &mut GroupS
         }
         morph.clear();
         morph.extend_from_slice(morph_reference);
-        cue.clip.sample_weights(instance.joint, voice.clip_time, morph);
+        cue.clip.sample_weights(instance.joint, active.clip_time, morph);
         for (sum, (now, then)) in sums.iter_mut().zip(morph.iter().zip(morph_reference.iter())) {
             *sum += (now - then) * share;
         }

@@ -9,20 +9,20 @@ pub(crate) mod motions;
 pub(crate) mod posed_mesh;
 pub(crate) mod posing;
 
-use crate::pose::inertialization::{Inertias, Switch};
+use crate::pose::inertialization::{CueInertialization, Inertializations};
 use crate::pose::layers::GroupScratch;
 use crate::stage::channel as channels;
-use crate::stage::constraint::GoalKind;
+use crate::stage::constraint::ConstraintKind;
 use crate::stage::edits::ActorEdit;
 
 use crate::mirroring::MirrorScratch;
-use crate::root_motion::travel::Travel;
+use crate::root_motion::track::RootMotionTrack;
 use crate::stage::actor::Actor;
 use crate::stage::channel::Property;
 use crate::stage::clips::Layer;
-use crate::stage::root_motion::CueRoot;
+use crate::stage::root_motion::CueRootMotion;
 use crate::timeline::active_clips as timeline;
-use crate::timeline::active_clips::Voice;
+use crate::timeline::active_clips::ActiveCue;
 use choreo_asset::{Asset, MeshInstance, expression};
 use choreo_motion::{BlendOnto, Clip, Crossfade, HumanBone, LocalToModel, Pose, Sample, Time};
 use glam::{Affine3A, DAffine3, DQuat, DVec3};
@@ -33,11 +33,11 @@ pub(crate) struct PoseScratch {
     pose: Pose,
     over: Pose,
     pair: [Pose; 2],
-    voices: Vec<Voice>,
+    active_cues: Vec<ActiveCue>,
     weights: Vec<f32>,
     expressions: Vec<f32>,
     /// Before they were settled.
-    asked: Vec<f32>,
+    requested: Vec<f32>,
     group: GroupScratch,
     mirror: MirrorScratch,
 }
@@ -49,8 +49,8 @@ impl PoseScratch {
     }
 
     /// What was asked of them.
-    pub fn asked(&self) -> &[f32] {
-        &self.asked
+    pub fn requested(&self) -> &[f32] {
+        &self.requested
     }
 }
 
@@ -59,7 +59,7 @@ impl PoseScratch {
 pub(crate) fn pose_actor<'e>(
     actor: &Actor,
     time: Time,
-    (travel, inertias): (Option<&Travel>, Option<&Inertias>),
+    (track, inertializations): (Option<&RootMotionTrack>, Option<&Inertializations>),
     edits: impl Iterator<Item = &'e ActorEdit> + Clone,
     scratch: &mut PoseScratch,
     model_from_joint: &mut Vec<Affine3A>,
@@ -71,7 +71,8 @@ pub(crate) fn pose_actor<'e>(
     model_from_joint.resize(joints, Affine3A::IDENTITY);
     start_weights(asset, morph_weights);
     let turned = edits.clone().any(|edit| matches!(edit, ActorEdit::TurnJoint { .. }));
-    let mirrored = actor.goals.iter().any(|g| matches!(g.kind, GoalKind::Mirror(_)) && g.share(time) > 0.0);
+    let mirrored =
+        actor.constraints.iter().any(|g| matches!(g.kind, ConstraintKind::Mirror(_)) && g.share(time) > 0.0);
     let mut in_model_space = false;
     scratch.expressions.clear();
     scratch.expressions.resize(asset.expressions.len(), 0.0);
@@ -93,40 +94,41 @@ pub(crate) fn pose_actor<'e>(
             }
         }
         if base {
-            timeline::base_voices(layer, time, &mut scratch.voices);
+            timeline::base_cues(layer, time, &mut scratch.active_cues);
         } else {
-            timeline::upper_voices(layer, time, &mut scratch.voices);
+            timeline::upper_cues(layer, time, &mut scratch.active_cues);
         }
         // A clip for another skeleton says nothing about this one; `Stage::check` names it.
-        scratch.voices.retain(|voice| layer.cues[voice.cue].clip.joint_count() == joints);
-        let blended = |(place, voice): (usize, &Voice)| BlendedVoice {
-            clip: &layer.cues[voice.cue].clip,
-            time: voice.clip_time,
-            weight: voice.weight,
+        scratch.active_cues.retain(|active| layer.cues[active.cue].clip.joint_count() == joints);
+        let blended = |(place, active): (usize, &ActiveCue)| BlendedClip {
+            clip: &layer.cues[active.cue].clip,
+            time: active.clip_time,
+            weight: active.weight,
             first: base && place == 0,
-            dying: dying(layer, voice, time, inertias.filter(|_| base)),
+            inertialization: inertialization(layer, active, time, inertializations.filter(|_| base)),
         };
         // Root motion and what dies down change the clips' poses before they are blended.
-        let plain = !base || travel.is_none() && inertias.is_none_or(|inertias| !inertias.any());
+        let plain = !base
+            || track.is_none() && inertializations.is_none_or(|inertializations| !inertializations.any());
         if !plain {
             let mask = layer.mask.as_ref().map(|mask| mask.as_slice());
-            for (place, voice) in scratch.voices.iter().enumerate() {
+            for (place, active) in scratch.active_cues.iter().enumerate() {
                 let first = place == 0 && mask.is_none();
                 let pose = if first { &mut scratch.pose } else { &mut scratch.over };
                 pose.copy_from(asset.rest_pose());
-                sample_voice(actor, layer, voice, time, travel, inertias, pose);
+                sample_cue(actor, layer, active, time, track, inertializations, pose);
                 if !first {
                     let (pose, to) = (&mut scratch.pose, &scratch.over);
-                    BlendOnto { pose, to, weight: voice.weight, mask }.run();
+                    BlendOnto { pose, to, weight: active.weight, mask }.run();
                 }
             }
-            for voice in scratch.voices.iter().enumerate().map(blended) {
-                voice.blend_weights(asset, layer, base, &mut scratch.weights, morph_weights);
-                voice.blend_expressions(asset, layer, base, &mut scratch.expressions);
+            for active in scratch.active_cues.iter().enumerate().map(blended) {
+                active.blend_weights(asset, layer, base, &mut scratch.weights, morph_weights);
+                active.blend_expressions(asset, layer, base, &mut scratch.expressions);
             }
             continue;
         }
-        if let [from, to] = &scratch.voices[..]
+        if let [from, to] = &scratch.active_cues[..]
             && base
             && actor.layers.len() == 1
             && layer.mask.is_none()
@@ -138,17 +140,19 @@ pub(crate) fn pose_actor<'e>(
             crossfade(asset, &from, &to, &mut scratch.pair, model_from_joint);
             in_model_space = true;
         } else {
-            for voice in scratch.voices.iter().enumerate().map(blended) {
-                voice.blend_pose(asset, layer, base, &mut scratch.pose, &mut scratch.over);
+            for active in scratch.active_cues.iter().enumerate().map(blended) {
+                active.blend_pose(asset, layer, base, &mut scratch.pose, &mut scratch.over);
             }
         }
-        for voice in scratch.voices.iter().enumerate().map(blended) {
-            voice.blend_weights(asset, layer, base, &mut scratch.weights, morph_weights);
-            voice.blend_expressions(asset, layer, base, &mut scratch.expressions);
+        for active in scratch.active_cues.iter().enumerate().map(blended) {
+            active.blend_weights(asset, layer, base, &mut scratch.weights, morph_weights);
+            active.blend_expressions(asset, layer, base, &mut scratch.expressions);
         }
     }
-    for goal in actor.goals.iter().filter(|_| mirrored) {
-        if let (GoalKind::Mirror(mirroring), share @ f64::MIN_POSITIVE..) = (&goal.kind, goal.share(time)) {
+    for constraint in actor.constraints.iter().filter(|_| mirrored) {
+        if let (ConstraintKind::Mirror(mirroring), share @ f64::MIN_POSITIVE..) =
+            (&constraint.kind, constraint.share(time))
+        {
             let PoseScratch { pose, mirror, expressions, .. } = &mut *scratch;
             mirroring.apply(share as f32, mirror, pose, morph_weights, expressions);
         }
@@ -156,7 +160,7 @@ pub(crate) fn pose_actor<'e>(
     set_weights(actor, time, edits.clone(), morph_weights);
     if !asset.expressions.is_empty() {
         set_expressions(actor, time, edits.clone(), &mut scratch.expressions);
-        scratch.asked.clone_from(&scratch.expressions);
+        scratch.requested.clone_from(&scratch.expressions);
         expression::settle(&asset.expressions, &mut scratch.expressions);
         expression::add(&asset.expressions, &scratch.expressions, morph_weights);
     }
@@ -175,40 +179,40 @@ pub(crate) fn pose_actor<'e>(
 }
 
 /// A cue of a base layer over the rest pose, with its root where it is to be and what is still dying down.
-pub(crate) fn sample_voice(
+pub(crate) fn sample_cue(
     actor: &Actor,
     layer: &Layer,
-    voice: &Voice,
+    active: &ActiveCue,
     time: Time,
-    travel: Option<&Travel>,
-    inertias: Option<&Inertias>,
+    track: Option<&RootMotionTrack>,
+    inertializations: Option<&Inertializations>,
     pose: &mut Pose,
 ) {
-    let cue = &layer.cues[voice.cue];
-    Sample { clip: &cue.clip, time: voice.clip_time, pose }.run();
-    if let (Some(travel), Some(root)) = (travel, cue.root.as_deref())
-        && let Some(back) = travel.back_to_anchor(root, cue, voice.clip_time)
+    let cue = &layer.cues[active.cue];
+    Sample { clip: &cue.clip, time: active.clip_time, pose }.run();
+    if let (Some(track), Some(root)) = (track, cue.root.as_deref())
+        && let Some(back) = track.back_to_anchor(root, cue, active.clip_time)
     {
         move_root(actor, root, back.rotation(), back.translation, pose);
     }
-    if let Some((switch, since)) = dying(layer, voice, time, inertias) {
+    if let Some((switch, since)) = inertialization(layer, active, time, inertializations) {
         switch.joints.apply(since, pose);
     }
 }
 
 /// What of an inertialized cue's beginning still dies down, and how long ago that was.
-pub(crate) fn dying<'a>(
+pub(crate) fn inertialization<'a>(
     layer: &Layer,
-    voice: &Voice,
+    active: &ActiveCue,
     time: Time,
-    inertias: Option<&'a Inertias>,
-) -> Option<(&'a Switch, Time)> {
-    let switch = inertias.and_then(|inertias| inertias.of(voice.cue))?;
-    Some((switch, time - layer.cues[voice.cue].start))
+    inertializations: Option<&'a Inertializations>,
+) -> Option<(&'a CueInertialization, Time)> {
+    let switch = inertializations.and_then(|inertializations| inertializations.of(active.cue))?;
+    Some((switch, time - layer.cues[active.cue].start))
 }
 
 /// Moves the root joint, and all that hangs on it, in model space.
-fn move_root(actor: &Actor, root: &CueRoot, rotation: DQuat, translation: DVec3, pose: &mut Pose) {
+fn move_root(actor: &Actor, root: &CueRootMotion, rotation: DQuat, translation: DVec3, pose: &mut Pose) {
     let parents = actor.asset.skeleton.parents();
     let joint = root.motion.joint() as usize;
     if joint >= pose.len() || joint >= parents.len() {
@@ -237,8 +241,8 @@ fn move_root(actor: &Actor, root: &CueRoot, rotation: DQuat, translation: DVec3,
 
 fn crossfade(
     asset: &Asset,
-    from: &BlendedVoice,
-    to: &BlendedVoice,
+    from: &BlendedClip,
+    to: &BlendedClip,
     scratch: &mut [Pose; 2],
     model_from_joint: &mut [Affine3A],
 ) {
@@ -259,17 +263,17 @@ fn crossfade(
     .run();
 }
 
-pub(crate) struct BlendedVoice<'a> {
+pub(crate) struct BlendedClip<'a> {
     pub clip: &'a Clip,
     pub time: Time,
     pub weight: f32,
     /// Nothing lies under it but the rest pose.
     pub first: bool,
     /// See [`dying`].
-    pub dying: Option<(&'a Switch, Time)>,
+    pub inertialization: Option<(&'a CueInertialization, Time)>,
 }
 
-impl BlendedVoice<'_> {
+impl BlendedClip<'_> {
     /// What a clip does not animate is at rest on the base layer, and as the layers below have it on upper ones.
     fn blend_pose(&self, asset: &Asset, layer: &Layer, base: bool, pose: &mut Pose, over: &mut Pose) {
         let mask = layer.mask.as_ref().map(|mask| mask.as_slice());
@@ -301,7 +305,7 @@ impl BlendedVoice<'_> {
                 over.extend_from_slice(weights);
             }
             self.clip.sample_weights(instance.joint, self.time, over);
-            if let Some((switch, since)) = self.dying
+            if let Some((switch, since)) = self.inertialization
                 && let Some(morphs) = switch.morphs.get(index)
             {
                 morphs.apply(since, over);
@@ -324,7 +328,7 @@ impl BlendedVoice<'_> {
         for (index, (expression, weight)) in asset.expressions.iter().zip(weights).enumerate() {
             let driven = self.clip.sample_expression(&expression.name, self.time);
             let mut over = [driven.unwrap_or(if base { 0.0 } else { *weight })];
-            if let Some((switch, since)) = self.dying
+            if let Some((switch, since)) = self.inertialization
                 && let Some(face) = switch.expressions.get(index)
             {
                 face.apply(since, &mut over);
@@ -425,7 +429,7 @@ pub(crate) fn keyed_placement(
 ) -> crate::stage::actor::Placement {
     let mut placement = actor.transform;
     (state.visible, state.tint) = (actor.visible, actor.tint);
-    (state.pen_width, state.copies) = (actor.pen_width, actor.copies);
+    (state.line_width, state.copies) = (actor.line_width, actor.copies);
     for channel in &actor.channels {
         let Some(v) = channel.at(time) else { continue };
         match channel.property {
@@ -436,7 +440,7 @@ pub(crate) fn keyed_placement(
             Property::Tint => state.tint = glam::DVec4::from_array(v).as_vec4(),
             // What is keyed from 3 to 4 is 4 at the end, whatever was rounded on the way.
             Property::Copies => state.copies = Some((v[0] + 1e-9).max(0.0) as u32),
-            Property::PenWidth => state.pen_width = Some(v[0].max(0.0) as f32),
+            Property::LineWidth => state.line_width = Some(v[0].max(0.0) as f32),
             _ => {}
         }
     }

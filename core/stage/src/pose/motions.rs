@@ -1,25 +1,25 @@
 //! What is computed once of the clips of a stage: root motion and inertialization.
 
-use crate::pose::inertialization::Inertias;
-use crate::root_motion::travel::{Travel, Travels};
+use crate::pose::inertialization::Inertializations;
+use crate::root_motion::track::{RootMotionTrack, RootMotionTracks};
 use crate::stage::Stage;
 
 /// What is found out once for a stage, by actor: how far root motion leads, what dies down after inertialized cues.
 #[derive(Debug, Default)]
 pub(crate) struct Motions {
-    pub travels: Travels,
-    inertias: Vec<Inertias>,
+    pub root_motion: RootMotionTracks,
+    inertializations: Vec<Inertializations>,
 }
 
 impl Motions {
     pub fn new(stage: &Stage) -> Motions {
-        let travels = Travels::new(stage);
-        let inertia = |(i, actor)| Inertias::new(actor, travels.of(i));
-        let inertias = stage.actors.iter().enumerate().map(inertia).collect();
-        Motions { travels, inertias }
+        let root_motion = RootMotionTracks::new(stage);
+        let inertia = |(i, actor)| Inertializations::new(actor, root_motion.of(i));
+        let inertializations = stage.actors.iter().enumerate().map(inertia).collect();
+        Motions { root_motion, inertializations }
     }
 
-    pub fn of(&self, actor: usize) -> (Option<&Travel>, Option<&Inertias>) {
-        (self.travels.of(actor), self.inertias.get(actor))
+    pub fn of(&self, actor: usize) -> (Option<&RootMotionTrack>, Option<&Inertializations>) {
+        (self.root_motion.of(actor), self.inertializations.get(actor))
     }
 }

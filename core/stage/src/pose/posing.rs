@@ -1,9 +1,9 @@
 //! All poses of one time, on all cores where there are many.
 
-use crate::evaluate::Need;
+use crate::evaluate::PoseNeed;
 use crate::pose;
 use crate::pose::PoseScratch;
-use crate::pose::expressions::Faces;
+use crate::pose::expressions::ExpressionWeights;
 use crate::pose::gaze;
 use crate::pose::motions::Motions;
 use crate::snapshot::ActorState;
@@ -20,7 +20,7 @@ pub(crate) struct Posing<'a> {
     pub time: Time,
     pub motions: &'a Motions,
     /// One an actor.
-    pub needs: &'a [Need],
+    pub needs: &'a [PoseNeed],
     /// (actor, place in `edits`), sorted.
     pub pose_edits: &'a [(usize, usize)],
     pub edits: &'a [ActorEdit],
@@ -34,26 +34,29 @@ impl Posing<'_> {
         actors: &[Actor],
         states: &mut [ActorState],
         scratch: &mut Vec<PoseScratch>,
-        faces: &mut Vec<Faces>,
+        expression_weights: &mut Vec<ExpressionWeights>,
     ) -> usize {
         let poses = self.needs.iter().filter(|need| need.pose).count();
         let threads = if poses < SHARED_OUT_FROM { 1 } else { rayon::current_num_threads() };
         // Neighbours are often alike: small parts, so that none is left with all that is costly.
         let size = actors.len().div_ceil(if threads > 1 { 4 * threads } else { 1 }).max(1);
         let parts = actors.len().div_ceil(size);
-        if faces.len() < actors.len() {
-            faces.resize_with(actors.len(), Faces::default);
+        if expression_weights.len() < actors.len() {
+            expression_weights.resize_with(actors.len(), ExpressionWeights::default);
         }
         if scratch.len() < parts {
             scratch.resize_with(parts, PoseScratch::default);
         }
         if threads <= 1 {
-            scratch.iter_mut().take(1).for_each(|scratch| self.part(0, actors, states, scratch, faces));
+            scratch
+                .iter_mut()
+                .take(1)
+                .for_each(|scratch| self.part(0, actors, states, scratch, expression_weights));
         } else {
             let each = actors.par_chunks(size).zip(states.par_chunks_mut(size)).zip(&mut scratch[..parts]);
-            each.zip(faces.par_chunks_mut(size)).enumerate().for_each(
-                |(i, (((actors, states), scratch), faces))| {
-                    self.part(i * size, actors, states, scratch, faces);
+            each.zip(expression_weights.par_chunks_mut(size)).enumerate().for_each(
+                |(i, (((actors, states), scratch), expression_weights))| {
+                    self.part(i * size, actors, states, scratch, expression_weights);
                 },
             );
         }
@@ -66,9 +69,11 @@ impl Posing<'_> {
         actors: &[Actor],
         states: &mut [ActorState],
         scratch: &mut PoseScratch,
-        faces: &mut [Faces],
+        expression_weights: &mut [ExpressionWeights],
     ) {
-        for (index, ((actor, state), faces)) in (first..).zip(actors.iter().zip(states).zip(faces)) {
+        for (index, ((actor, state), expression_weights)) in
+            (first..).zip(actors.iter().zip(states).zip(expression_weights))
+        {
             if !self.needs[index].pose {
                 state.model_from_joint.clear();
                 state.morph_weights.clear();
@@ -83,14 +88,14 @@ impl Posing<'_> {
             let (joints, weights) = (&mut state.model_from_joint, &mut state.morph_weights);
             pose::pose_actor(actor, self.time, self.motions.of(index), edits, scratch, joints, weights);
             if actor.asset.eyes.is_some() {
-                faces.asked.clear();
-                faces.asked.extend_from_slice(scratch.asked());
-                faces.settled.clear();
-                faces.settled.extend_from_slice(scratch.expressions());
+                expression_weights.requested.clear();
+                expression_weights.requested.extend_from_slice(scratch.requested());
+                expression_weights.settled.clear();
+                expression_weights.settled.extend_from_slice(scratch.expressions());
             }
             crate::properties::base_colors(actor, self.time, &mut state.base_colors);
             crate::properties::materials::at(actor, scratch.expressions(), self.time, &mut state.materials);
-            gaze::as_asked(actor, self.time, state, faces);
+            gaze::as_asked(actor, self.time, state, expression_weights);
         }
     }
 }

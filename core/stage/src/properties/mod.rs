@@ -22,21 +22,21 @@ pub(crate) fn at<const N: usize>(
         return None;
     }
     let mut value = rest;
-    for heard in actor.heard(time) {
-        let clip = &actor.layers[heard.layer].cues[heard.cue].clip;
+    for active in actor.active_clips(time) {
+        let clip = &actor.layers[active.layer].cues[active.cue].clip;
         let mut over = rest;
-        let drives = own(clip) && clip.sample_property(target, heard.clip_time, &mut over);
-        if !drives && heard.layer > 0 {
+        let drives = own(clip) && clip.sample_property(target, active.clip_time, &mut over);
+        if !drives && active.layer > 0 {
             continue;
         }
         let sign =
-            if matches!(actor.layers[heard.layer].mode, LayerMode::Subtractive(_)) { -1.0 } else { 1.0 };
+            if matches!(actor.layers[active.layer].mode, LayerMode::Subtractive(_)) { -1.0 } else { 1.0 };
         for ((value, over), rest) in value.iter_mut().zip(over).zip(rest) {
-            if heard.additive {
-                *value += (over - rest) * heard.weight * sign;
+            if active.additive {
+                *value += (over - rest) * active.weight * sign;
                 continue;
             }
-            *value = if heard.weight == 1.0 { over } else { *value + (over - *value) * heard.weight };
+            *value = if active.weight == 1.0 { over } else { *value + (over - *value) * active.weight };
         }
     }
     Some(value)

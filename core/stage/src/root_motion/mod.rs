@@ -1,4 +1,4 @@
 //! Root motion and path following: where clips and paths carry an actor.
 
-pub(crate) mod carry;
-pub(crate) mod travel;
+pub(crate) mod apply;
+pub(crate) mod track;

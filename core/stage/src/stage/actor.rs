@@ -2,10 +2,10 @@
 
 use crate::stage::channel::Channel;
 use crate::stage::clips::Layer;
-use crate::stage::constraint::Goal;
+use crate::stage::constraint::Constraint;
 use crate::stage::described::{FieldType, described, fields};
 use crate::stage::fade::{eased, fraction};
-use crate::stage::path::Walk;
+use crate::stage::path::PathFollowing;
 use crate::stage::springs::ActorSprings;
 use crate::stage::surfaces::SurfaceRule;
 use choreo_asset::Asset;
@@ -27,19 +27,19 @@ described! {
         channels: Vec<Channel> = Vec::new();
         look_at: Vec<LookAt> = Vec::new();
         /// Constraints over its clips; see [`crate::stage::constraint`] for their order.
-        goals: Vec<Goal> = Vec::new();
+        constraints: Vec<Constraint> = Vec::new();
         /// How far joints may turn, whatever clips and constraints do.
         limits: Vec<(u32, Limit)> = Vec::new();
         /// Hair, skirts and tails.
         springs: Option<Arc<ActorSprings>> = ActorSprings::of(&asset);
         /// Goes along a path, from where it is placed. Its clips' root motion then only sets the pace.
-        walk: Option<Arc<Walk>> = None;
+        path_following: Option<Arc<PathFollowing>> = None;
         /// An actor is seen where it and all that it is attached to are visible.
         visible: bool = true;
         /// Multiplies every base color, linear.
         tint: Vec4 = Vec4::ONE;
         /// In place of the widths of its pens ([`choreo_asset::Pen`]).
-        pen_width: Option<f32> = None;
+        line_width: Option<f32> = None;
         /// How many of the copies of its meshes exist, the first ones; `None`: all.
         copies: Option<u32> = None;
         /// Weights of expressions set in the script: (index into `Asset::expressions`, weight), over the clips'.
@@ -60,14 +60,14 @@ described! {
         visible: visible, FieldType::Flag, keys "visible" Visible;
         tint: tint, FieldType::Color, keys "tint" Tint;
         /// of its lines and points
-        width: pen_width, FieldType::Number(0.0, 16384.0, ""), keys "width" PenWidth, lacks has_no_pen;
+        width: line_width, FieldType::Number(0.0, 16384.0, ""), keys "width" LineWidth, lacks has_no_pen;
         /// of its copies
         count: copies, FieldType::Number(0.0, 4294967295.0, ""), keys "count" Copies, lacks has_no_copies;
     }
 }
 
 fn has_no_pen(of: &Actor) -> Option<&'static str> {
-    let has = of.asset.materials.iter().any(|m| m.pen.is_some());
+    let has = of.asset.materials.iter().any(|m| m.line_style.is_some());
     (!has).then_some("has no lines or points of a width")
 }
 

@@ -23,7 +23,7 @@ pub enum Property {
     Visible,
     Tint,
     /// Width of its lines and points.
-    PenWidth,
+    LineWidth,
     /// How many copies of its meshes, rounded down.
     Copies,
     Morph {

@@ -2,8 +2,8 @@
 
 use crate::stage::channel::Channel;
 use crate::stage::described::{FieldType, described};
-use crate::stage::root_motion::CueRoot;
-use crate::stage::time_remapping::Warp;
+use crate::stage::root_motion::CueRootMotion;
+use crate::stage::time_remapping::TimeRemapping;
 use choreo_motion::{Clip, Ease, PhaseMatchedFade, Repeat, Time};
 use std::sync::Arc;
 
@@ -70,23 +70,23 @@ described! {
         /// `Property::Weight` over stage time, in place of `weight`; what a spline overshoots is cut off at 0 and 1.
         weight_keys: Option<Arc<Channel>> = None;
         /// Clip time keyed over stage time, in place of the amount of `speed`, whose sign still says from which end.
-        warp: Option<Arc<Warp>> = None;
+        time_remapping: Option<Arc<TimeRemapping>> = None;
         /// When the clip stands still, from and to on stage; sorted, one after the other.
         freezes: Vec<(Time, Time)> = Vec::new();
         /// Base layer: phase matching with the cue that fades into this one, and with the one that this one fades into.
         in_step: [Option<Arc<PhaseMatchedFade>>; 2] = [None, None];
         /// Base layer: above zero, the cue begins at once with all its weight, and the offset from the pose before decays in this
         /// time ([`choreo_motion::Inertialization`]). In place of `fade_in`.
-        inertial: Time = Time::ZERO;
+        inertialization: Time = Time::ZERO;
         /// Base layer: the root motion that is taken out of the clip.
-        root: Option<Arc<CueRoot>> = None;
+        root: Option<Arc<CueRootMotion>> = None;
     }
     fields {
         from: start, FieldType::Time;
         until: end, FieldType::Time;
         fade: fade_in, FieldType::Duration;
         fade_out: fade_out, FieldType::Duration;
-        inertial: inertial, FieldType::Duration;
+        inertial: inertialization, FieldType::Duration;
         speed: speed, FieldType::Number(-1000.0, 1000.0, "clip seconds per second"), keys "speed" Speed;
         weight: weight, FieldType::Number(0.0, 1.0, ""), keys "weight" Weight;
     }

@@ -11,8 +11,8 @@ use std::sync::Arc;
 
 /// Something that an actor's body does from one time to another, over what its clips do.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Goal {
-    pub kind: GoalKind,
+pub struct Constraint {
+    pub kind: ConstraintKind,
     pub start: Time,
     pub end: Option<Time>,
     /// Fade-in after `start` and fade-out before `end`, eased.
@@ -21,7 +21,7 @@ pub struct Goal {
     pub weight: f32,
 }
 
-fields! { Goal {
+fields! { Constraint {
     from: start, FieldType::Time;
     until: end, FieldType::Time;
     fade: fade, FieldType::Duration;
@@ -29,17 +29,17 @@ fields! { Goal {
 } }
 
 #[derive(Clone, Debug, PartialEq)]
-pub enum GoalKind {
-    Reach(Reach),
-    Aim(AimGoal),
-    Plant(Plant),
-    /// Left and right change places in what its clips do, before all other goals. The way it is carried stays.
+pub enum ConstraintKind {
+    Reach(ReachConstraint),
+    Aim(AimConstraint),
+    FootLock(FootLock),
+    /// Left and right change places in what its clips do, before all other constraints. The way it is carried stays.
     Mirror(Arc<Mirroring>),
 }
 
 /// The last joint of a chain comes to a target.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Reach {
+pub struct ReachConstraint {
     /// Joints from the shoulder to the hand, each below the one before; at least two. The last one is moved, the others turn.
     pub joints: Vec<u32>,
     pub target: Target,
@@ -58,7 +58,7 @@ pub struct Reach {
 
 /// Several joints turn until the last one points at a target.
 #[derive(Clone, Debug, PartialEq)]
-pub struct AimGoal {
+pub struct AimConstraint {
     /// Each below the one before; the last one points with the direction that is the model's +Z at rest.
     pub joints: Vec<u32>,
     /// One a joint, ≥ 0: how much of the turn it takes beside the others.
@@ -70,7 +70,7 @@ pub struct AimGoal {
 
 /// Feet that are on the ground stay where they are.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plant {
+pub struct FootLock {
     pub legs: Vec<Leg>,
     /// Joint that is lowered or raised with the ground: the hips.
     pub hips: Option<u32>,
@@ -90,10 +90,10 @@ pub struct Leg {
     pub toe: Option<u32>,
 }
 
-impl Goal {
+impl Constraint {
     /// A constraint from time zero on, without fades.
-    pub fn new(kind: GoalKind) -> Goal {
-        Goal { kind, start: Time::ZERO, end: None, fade: Time::ZERO, weight: 1.0 }
+    pub fn new(kind: ConstraintKind) -> Constraint {
+        Constraint { kind, start: Time::ZERO, end: None, fade: Time::ZERO, weight: 1.0 }
     }
 
     /// Weight with fades, 0..=1; 0 outside `start..end`.
@@ -102,7 +102,8 @@ impl Goal {
             return 0.0;
         }
         // Feet that stand as the stage begins stand already, and who is mirrored then has always been.
-        let begun = self.start <= Time::ZERO && matches!(self.kind, GoalKind::Plant(_) | GoalKind::Mirror(_));
+        let begun = self.start <= Time::ZERO
+            && matches!(self.kind, ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_));
         let fade_in = if begun { 1.0 } else { eased(Ease::Smooth, fraction(time - self.start, self.fade)) };
         let fade_out = self.end.map_or(1.0, |end| eased(Ease::Smooth, fraction(end - time, self.fade)));
         f64::from((self.weight * fade_in * fade_out).clamp(0.0, 1.0))
@@ -111,13 +112,13 @@ impl Goal {
     /// The highest index among its joints.
     pub(crate) fn last_joint(&self) -> u32 {
         let last = match &self.kind {
-            GoalKind::Reach(reach) => reach.joints.iter().max().copied(),
-            GoalKind::Aim(aim) => aim.joints.iter().max().copied(),
-            GoalKind::Plant(plant) => {
+            ConstraintKind::Reach(reach) => reach.joints.iter().max().copied(),
+            ConstraintKind::Aim(aim) => aim.joints.iter().max().copied(),
+            ConstraintKind::FootLock(foot_lock) => {
                 let of_leg = |l: &Leg| l.hip.max(l.knee).max(l.foot).max(l.toe.unwrap_or(0));
-                plant.legs.iter().map(of_leg).chain(plant.hips).max()
+                foot_lock.legs.iter().map(of_leg).chain(foot_lock.hips).max()
             }
-            GoalKind::Mirror(_) => None,
+            ConstraintKind::Mirror(_) => None,
         };
         last.unwrap_or(0)
     }
@@ -125,9 +126,9 @@ impl Goal {
     /// The targets whose places must be known.
     pub(crate) fn targets(&self) -> impl Iterator<Item = Target> {
         let (target, pole) = match &self.kind {
-            GoalKind::Reach(reach) => (Some(reach.target), reach.pole),
-            GoalKind::Aim(aim) => (Some(aim.target), None),
-            GoalKind::Plant(_) | GoalKind::Mirror(_) => (None, None),
+            ConstraintKind::Reach(reach) => (Some(reach.target), reach.pole),
+            ConstraintKind::Aim(aim) => (Some(aim.target), None),
+            ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_) => (None, None),
         };
         target.into_iter().chain(pole)
     }

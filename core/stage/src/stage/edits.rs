@@ -1,7 +1,7 @@
 //! What a callback says of one frame.
 
 use crate::stage::effects::EffectEdit;
-use crate::stage::layers_2d::FlatEdit;
+use crate::stage::layers_2d::Layer2dEdit;
 use crate::stage::sky::SkyEdit;
 use glam::{DQuat, DVec3, Vec3, Vec4};
 
@@ -14,7 +14,7 @@ pub struct FrameEdits {
     pub effects: Vec<EffectEdit>,
     pub ambient: Option<(Vec3, Vec3)>,
     pub sky: SkyEdit,
-    pub flats: Vec<FlatEdit>,
+    pub layers_2d: Vec<Layer2dEdit>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -46,7 +46,7 @@ pub enum ActorEdit {
         actor: usize,
         tint: Vec4,
     },
-    PenWidth {
+    LineWidth {
         actor: usize,
         width: f32,
     },
@@ -95,7 +95,7 @@ impl ActorEdit {
             | ActorEdit::Scale { actor, .. }
             | ActorEdit::Visible { actor, .. }
             | ActorEdit::Tint { actor, .. }
-            | ActorEdit::PenWidth { actor, .. }
+            | ActorEdit::LineWidth { actor, .. }
             | ActorEdit::Copies { actor, .. }
             | ActorEdit::Morph { actor, .. }
             | ActorEdit::Expression { actor, .. }

@@ -8,14 +8,14 @@ use crate::stage::actor::{Attachment, LookAt, Target};
 use crate::stage::camera::{Camera, Cut, Rig};
 use crate::stage::channel::{Channel, Property};
 use crate::stage::clips::{Layer, LayerMode, Reference};
-use crate::stage::constraint::{AimGoal, Goal, GoalKind, Leg, Plant, Reach};
+use crate::stage::constraint::{AimConstraint, Constraint, ConstraintKind, FootLock, Leg, ReachConstraint};
 use crate::stage::effects::{EffectTarget, EffectUse};
-use crate::stage::layers_2d::{Align, Fit, FlatContent, Font};
-use crate::stage::path::{Pace, Path, Walk};
-use crate::stage::root_motion::CueRoot;
+use crate::stage::layers_2d::{Align, Fit, Font, Layer2dContent};
+use crate::stage::path::{Pace, Path, PathFollowing};
+use crate::stage::root_motion::CueRootMotion;
 use crate::stage::springs::ActorSprings;
 use crate::stage::surfaces::SurfaceRule;
-use crate::stage::time_remapping::Warp;
+use crate::stage::time_remapping::TimeRemapping;
 use crate::stage::{Background, Cutouts, FrameHook, Pipeline, Settings, SkinOnce, Stage, Transparency};
 use choreo_asset::hash::{ContentHash, Writer};
 use choreo_asset::{Asset, Light, LightKind, Panorama, Projection, clip_hash};
@@ -215,7 +215,7 @@ macro_rules! hashed {
 pub(crate) use hashed;
 
 hashed! {
-    struct Stage { settings, actors, cameras, cuts, lights, flats, sky, effects, hooks; without warnings }
+    struct Stage { settings, actors, cameras, cuts, lights, layers_2d, sky, effects, hooks; without warnings }
     struct FrameRate { num, den }
     enum Background {
         0 Color(color),
@@ -275,7 +275,7 @@ hashed! {
         15 Opacity,
         16 Range,
         17 Cone,
-        18 PenWidth,
+        18 LineWidth,
         19 Copies,
     }
     struct Camera { name, projection, rig, channels }
@@ -297,7 +297,7 @@ hashed! {
         1 Point,
         2 Spot { inner, outer },
     }
-    struct Walk { path, start, pace, turns }
+    struct PathFollowing { path, start, pace, turns }
     enum Pace {
         0 OfClips,
         1 Constant(speed),
@@ -306,16 +306,16 @@ hashed! {
     struct EffectUse { plugin, parameters, start, end, keys, on, cameras }
     struct EffectTarget { actor, material }
     struct LookAt { joint, target, start, end, fade, weight }
-    struct Goal { start, end, fade, weight, kind }
-    enum GoalKind {
+    struct Constraint { start, end, fade, weight, kind }
+    enum ConstraintKind {
         0 Reach(reach),
         1 Aim(aim),
-        2 Plant(plant),
+        2 FootLock(plant),
         3 Mirror(mirroring),
     }
-    struct Reach { joints, target, offset, pole, hint, soft, keep_rotation }
-    struct AimGoal { joints, shares, target, limit }
-    struct Plant { legs, hips, ground, only }
+    struct ReachConstraint { joints, target, offset, pole, hint, soft, keep_rotation }
+    struct AimConstraint { joints, shares, target, limit }
+    struct FootLock { legs, hips, ground, only }
     struct Leg { hip, knee, foot, toe }
     enum Limit {
         0 Free,
@@ -329,7 +329,7 @@ hashed! {
         1 Capsule { offset, tail, radius, inside },
         2 Plane { offset, normal },
     }
-    enum FlatContent {
+    enum Layer2dContent {
         0 Text { words, font, size, width, align, line_height, color },
         1 Picture { hash, fit; without image },
         2 Panel { size, color },
@@ -342,9 +342,9 @@ written! {
         v.points.hash(w);
         w.flag(v.closed)
     };
-    Warp: |v, w| match v {
-        Warp::Speed(curve) => curve.keys.hash(w),
-        Warp::ClipTime(keys) => keys.hash(w),
+    TimeRemapping: |v, w| match v {
+        TimeRemapping::Speed(curve) => curve.keys.hash(w),
+        TimeRemapping::ClipTime(keys) => keys.hash(w),
     };
     [Option<Arc<PhaseMatchedFade>>; 2]: |v, w| v.iter().for_each(|step| step.hash(w));
     Arc<Clip>: |v, w| w.once(v, || clip_hash(v));
@@ -380,7 +380,7 @@ written! {
             w.u32(*skin_once as u32);
         }
     };
-    CueRoot: |v, w| {
+    CueRootMotion: |v, w| {
         w.u32(v.motion.joint());
         w.text(&format!("{:?} {:?}", v.motion.parts, v.motion.treadmill));
         w.flag(v.carries)

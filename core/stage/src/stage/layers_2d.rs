@@ -11,7 +11,7 @@ use std::sync::Arc;
 described! {
     /// A 2D layer, by default in the middle of the image for the whole time.
     #[derive(Clone, Debug, PartialEq)]
-    pub struct Flat(content: FlatContent) {
+    pub struct Layer2d(content: Layer2dContent) {
         /// Where its anchor stands, as fractions of the image: x from the left, y from the top.
         at: DVec2 = DVec2::splat(0.5);
         /// Pixels added to that.
@@ -45,7 +45,7 @@ described! {
 }
 
 #[derive(Clone, Debug, PartialEq)]
-pub enum FlatContent {
+pub enum Layer2dContent {
     Text {
         words: String,
         font: Font,
@@ -84,7 +84,7 @@ pub enum Fit {
     Cover,
 }
 
-impl Flat {
+impl Layer2d {
     /// How much of it is there at a time, by its span and fades.
     pub(crate) fn presence(&self, time: Time) -> f64 {
         if time < self.start || self.end.is_some_and(|end| time >= end) {
@@ -100,8 +100,8 @@ impl Flat {
 
 /// What a callback says of an flat for one frame.
 #[derive(Clone, Debug, PartialEq)]
-pub enum FlatEdit {
-    At { flat: usize, at: DVec2 },
-    Opacity { flat: usize, opacity: f64 },
-    Words { flat: usize, words: String },
+pub enum Layer2dEdit {
+    At { layer_2d: usize, at: DVec2 },
+    Opacity { layer_2d: usize, opacity: f64 },
+    Words { layer_2d: usize, words: String },
 }

@@ -24,7 +24,7 @@ use crate::stage::camera::Camera;
 use crate::stage::camera::Cut;
 use crate::stage::edits::FrameEdits;
 use crate::stage::effects::EffectUse;
-use crate::stage::layers_2d::Flat;
+use crate::stage::layers_2d::Layer2d;
 use crate::stage::light::StageLight;
 use crate::stage::sky::Sky;
 use choreo_motion::{FrameRate, Time};
@@ -43,7 +43,7 @@ pub struct Stage {
     /// Light from all around; a stage with it and no light of its own has no default sun.
     pub sky: Option<Sky>,
     /// 2D layers in painter's order.
-    pub flats: Vec<Flat>,
+    pub layers_2d: Vec<Layer2d>,
     pub effects: Vec<EffectUse>,
     /// Called in order for every frame, after keyed properties and before joint matrices are built.
     pub hooks: Vec<Arc<dyn FrameHook>>,

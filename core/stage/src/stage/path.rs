@@ -21,7 +21,7 @@ pub struct Path {
 
 /// How an actor goes along a path.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Walk {
+pub struct PathFollowing {
     /// The path in the space in which the actor is placed, from where it is placed.
     pub path: Path,
     pub start: Time,
@@ -139,7 +139,7 @@ impl Path {
     }
 }
 
-impl Walk {
+impl PathFollowing {
     /// A placement so many metres along the path. `anchor`: where in model space the root stands, which keeps to the path.
     pub fn placed(&self, from: Placement, metres: f64, anchor: DVec3) -> Placement {
         let (place, way) = self.path.at(metres);

@@ -5,7 +5,7 @@ use choreo_motion::{Interpolation, Time};
 
 /// Clip time that changes its speed: keyed over stage time. Integrals are closed forms; nothing is stepped through.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Warp {
+pub enum TimeRemapping {
     /// `Property::Speed`: clip seconds a stage second; negative runs backwards.
     Speed(SpeedCurve),
     /// `Property::ClipTime`: where in the clip, in its seconds.

@@ -276,7 +276,7 @@ impl Facts {
             let high = f64::from((bounds.max - bounds.min).max_element())
                 * actor.transform.scale.abs().max_element();
             let keyed = actor.channels.iter().any(|c| c.property == Property::Scale);
-            let many = !actor.asset.places.is_empty();
+            let many = !actor.asset.placements.is_empty();
             if bounds.is_empty() || many || keyed || actor.parent.is_some() || PERSON_METRES.contains(&high) {
                 return found;
             }

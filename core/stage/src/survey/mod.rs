@@ -164,7 +164,7 @@ fn property_name(property: Property) -> &'static str {
         Property::Scale => "the scale",
         Property::Visible => "the visibility",
         Property::Tint => "the tint",
-        Property::PenWidth => "the width",
+        Property::LineWidth => "the width",
         Property::Copies => "the count",
         Property::Morph { .. } => "a morph target",
         Property::Expression { .. } => "an expression",

@@ -1,4 +1,4 @@
-//! Which clips of a layer are heard at a time, at which clip time and with what weight.
+//! Which clips of a layer are active at a time, at which clip time and with what weight.
 
 use crate::stage::actor::Actor;
 use crate::stage::clips::{Cue, Layer, LayerMode};
@@ -9,7 +9,7 @@ use choreo_motion::Time;
 
 /// A cue that counts in an actor's pose at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Heard {
+pub struct ActiveClip {
     pub layer: usize,
     /// Index into `Layer::cues`.
     pub cue: usize,
@@ -23,15 +23,15 @@ pub struct Heard {
 impl Actor {
     /// What plays at a time, in the order in which it is blended: each over what came before it, additive ones on top. Of
     /// layers of one rank each is told as it is by itself.
-    pub fn heard(&self, time: Time) -> Vec<Heard> {
-        let mut heard = Vec::new();
-        let mut voices = Vec::new();
+    pub fn active_clips(&self, time: Time) -> Vec<ActiveClip> {
+        let mut active = Vec::new();
+        let mut active_cues = Vec::new();
         for (layer, of_layer) in self.layers.iter().enumerate() {
             match layer {
-                0 => base_voices(of_layer, time, &mut voices),
-                _ => upper_voices(of_layer, time, &mut voices),
+                0 => base_cues(of_layer, time, &mut active_cues),
+                _ => upper_cues(of_layer, time, &mut active_cues),
             }
-            heard.extend(voices.iter().map(|v| Heard {
+            active.extend(active_cues.iter().map(|v| ActiveClip {
                 layer,
                 cue: v.cue,
                 clip_time: v.clip_time,
@@ -39,13 +39,13 @@ impl Actor {
                 additive: of_layer.mode != LayerMode::Override,
             }));
         }
-        heard
+        active
     }
 }
 
 /// A cue that counts now. Blended in order: each over what came before it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Voice {
+pub(crate) struct ActiveCue {
     /// Index into `Layer::cues`.
     pub cue: usize,
     pub clip_time: Time,
@@ -55,13 +55,17 @@ pub(crate) struct Voice {
 
 /// The base layer: a fold over the cues begun by now. What a later cue covers entirely is left out; before the first cue
 /// its first pose stands, and after an `end` with nothing that follows at once the pose reached there is held.
-pub(crate) fn base_voices(layer: &Layer, time: Time, voices: &mut Vec<Voice>) {
-    voices.clear();
+pub(crate) fn base_cues(layer: &Layer, time: Time, active_cues: &mut Vec<ActiveCue>) {
+    active_cues.clear();
     let cues = &layer.cues;
     let begun = cues.partition_point(|cue| cue.start <= time);
     if begun == 0 {
         if let Some(first) = cues.first() {
-            voices.push(Voice { cue: 0, clip_time: first.clip_time(first.start, false), weight: 1.0 });
+            active_cues.push(ActiveCue {
+                cue: 0,
+                clip_time: first.clip_time(first.start, false),
+                weight: 1.0,
+            });
         }
         return;
     }
@@ -70,19 +74,19 @@ pub(crate) fn base_voices(layer: &Layer, time: Time, voices: &mut Vec<Voice>) {
         let weight = if index == 0 { 1.0 } else { faded_in(cue, time) * cue.weight_at(time) };
         if weight > 0.0 {
             let (until, held) = plays_until(layer, index, time);
-            voices.push(Voice { cue: index, clip_time: cue.clip_time(until, held), weight });
+            active_cues.push(ActiveCue { cue: index, clip_time: cue.clip_time(until, held), weight });
         }
         if weight >= 1.0 {
             break;
         }
     }
-    voices.reverse();
+    active_cues.reverse();
 }
 
-/// An upper layer: cues are heard from their start to their end and fade in and out. A cue without an end, or with one where
+/// An upper layer: cues are active from their start to their end and fade in and out. A cue without an end, or with one where
 /// the next begins, hands over to the next: its share goes down as the next one's goes up, without a dip between.
-pub(crate) fn upper_voices(layer: &Layer, time: Time, voices: &mut Vec<Voice>) {
-    voices.clear();
+pub(crate) fn upper_cues(layer: &Layer, time: Time, active_cues: &mut Vec<ActiveCue>) {
+    active_cues.clear();
     let cues = &layer.cues;
     let begun = cues.partition_point(|cue| cue.start <= time);
     for (index, cue) in cues[..begun].iter().enumerate() {
@@ -106,34 +110,34 @@ pub(crate) fn upper_voices(layer: &Layer, time: Time, voices: &mut Vec<Voice>) {
         }
         if weight > 0.0 {
             let clip_time = cue.clip_time(time, false);
-            voices.push(Voice { cue: index, clip_time, weight });
+            active_cues.push(ActiveCue { cue: index, clip_time, weight });
         }
     }
     let whole = layer.weight_keys.as_ref().and_then(|keys| keys.at(time));
     if let Some(whole) = whole.map(|v| (v[0] as f32).clamp(0.0, 1.0)).filter(|whole| *whole < 1.0) {
-        scale_shares(voices, whole);
+        scale_shares(active_cues, whole);
     }
 }
 
-/// Each voice's share of the layer times a factor below 1, told as weights over what came before again.
-fn scale_shares(voices: &mut Vec<Voice>, by: f32) {
-    shares(voices);
+/// Each cue's share of the layer times a factor below 1, told as weights over what came before again.
+fn scale_shares(active_cues: &mut Vec<ActiveCue>, by: f32) {
+    shares(active_cues);
     let mut left = 1.0;
-    for voice in voices.iter_mut().rev() {
-        let share = voice.weight * by;
+    for active in active_cues.iter_mut().rev() {
+        let share = active.weight * by;
         // `left` is at least what all shares before it come to, and more than nothing while `by` is below 1.
-        voice.weight = share / left;
+        active.weight = share / left;
         left -= share;
     }
-    voices.retain(|voice| voice.weight > 0.0);
+    active_cues.retain(|active| active.weight > 0.0);
 }
 
 /// Turns weights over what came before into shares of the layer as a whole: w · Π (1 − w of those after).
-pub(crate) fn shares(voices: &mut [Voice]) {
+pub(crate) fn shares(active_cues: &mut [ActiveCue]) {
     let mut left = 1.0;
-    for voice in voices.iter_mut().rev() {
-        let weight = voice.weight;
-        voice.weight = weight * left;
+    for active in active_cues.iter_mut().rev() {
+        let weight = active.weight;
+        active.weight = weight * left;
         left *= 1.0 - weight;
     }
 }
@@ -147,7 +151,7 @@ impl Cue {
 }
 
 fn faded_in(cue: &Cue, time: Time) -> f32 {
-    if cue.inertial > Time::ZERO {
+    if cue.inertialization > Time::ZERO {
         return 1.0;
     }
     eased(cue.ease, fraction(time - cue.start, cue.fade_in))
@@ -169,9 +173,9 @@ mod tests {
         layer
     }
 
-    fn heard(voices: impl Fn(&Layer, Time, &mut Vec<Voice>), layer: &Layer, t: f64) -> Vec<usize> {
+    fn active(active_cues: impl Fn(&Layer, Time, &mut Vec<ActiveCue>), layer: &Layer, t: f64) -> Vec<usize> {
         let mut out = Vec::new();
-        voices(layer, Time::from_secs(t), &mut out);
+        active_cues(layer, Time::from_secs(t), &mut out);
         out.iter().map(|v| v.cue).collect()
     }
 
@@ -188,23 +192,23 @@ mod tests {
             (4.0, &[3]),
         ];
         for (t, expected) in cases {
-            assert_eq!(heard(base_voices, &layer, t), expected, "at {t} s");
+            assert_eq!(active(base_cues, &layer, t), expected, "at {t} s");
         }
-        // A cue at weight zero, at the very start of its fade, is not heard either.
-        assert_eq!(heard(base_voices, &layer, 1.0), [0]);
-        assert_eq!(heard(upper_voices, &layer, -1.0), [0usize; 0]);
-        assert_eq!(heard(upper_voices, &layer, 3.5), [2, 3]);
-        assert_eq!(heard(upper_voices, &layer, 4.0), [3]);
+        // A cue at weight zero, at the very start of its fade, is not active either.
+        assert_eq!(active(base_cues, &layer, 1.0), [0]);
+        assert_eq!(active(upper_cues, &layer, -1.0), [0usize; 0]);
+        assert_eq!(active(upper_cues, &layer, 3.5), [2, 3]);
+        assert_eq!(active(upper_cues, &layer, 4.0), [3]);
     }
 
     #[test]
     fn the_weight_of_a_layer_scales_what_each_of_its_clips_adds_to_the_whole() {
         let mut layer = layer(&[(0.0, 0.0), (1.0, 1.0), (1.5, 1.0)]);
         let told = |layer: &Layer| {
-            let mut voices = Vec::new();
-            upper_voices(layer, Time::from_secs(1.75), &mut voices);
-            shares(&mut voices);
-            voices.iter().map(|v| (v.cue, v.weight)).collect::<Vec<_>>()
+            let mut active_cues = Vec::new();
+            upper_cues(layer, Time::from_secs(1.75), &mut active_cues);
+            shares(&mut active_cues);
+            active_cues.iter().map(|v| (v.cue, v.weight)).collect::<Vec<_>>()
         };
         let whole = told(&layer);
         assert_eq!(whole.len(), 3);

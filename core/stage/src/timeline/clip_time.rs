@@ -1,7 +1,7 @@
 //! Clip time of a cue: a function of the stage time alone, in whole ticks however long it plays.
 
 use crate::stage::clips::{Cue, Layer};
-use crate::stage::time_remapping::Warp;
+use crate::stage::time_remapping::TimeRemapping;
 use choreo_motion::{Playback, Repeat, Time};
 
 impl Cue {
@@ -37,11 +37,11 @@ impl Cue {
                 into.played(into.end())[1] + self.playback().played(time - into.end())
             };
         }
-        match &self.warp {
+        match &self.time_remapping {
             None => self.playback().played(time - self.start),
-            Some(warp) => match &**warp {
-                Warp::Speed(curve) => rounded(curve.played(time) - curve.played(self.start)),
-                Warp::ClipTime(keys) => {
+            Some(time_remapping) => match &**time_remapping {
+                TimeRemapping::Speed(curve) => rounded(curve.played(time) - curve.played(self.start)),
+                TimeRemapping::ClipTime(keys) => {
                     let at = keys.at(time).map_or(0.0, |v| v[0]) * Time::TICKS_PER_SECOND as f64;
                     let (start, end) = (self.trim.0.0 as f64, self.trim.1.0 as f64);
                     rounded(if self.speed < 0.0 { end - at } else { at - start })
@@ -62,9 +62,9 @@ impl Cue {
         }
         let done = |time: Time| self.played(time) >= ticks;
         // Where a curve ends, or a freeze, its last speed goes on.
-        let keys = match self.warp.as_deref() {
-            Some(Warp::Speed(curve)) => &curve.keys.times[..],
-            Some(Warp::ClipTime(keys)) => &keys.times[..],
+        let keys = match self.time_remapping.as_deref() {
+            Some(TimeRemapping::Speed(curve)) => &curve.keys.times[..],
+            Some(TimeRemapping::ClipTime(keys)) => &keys.times[..],
             None => &[],
         };
         let mut marks: Vec<Time> = keys.iter().copied().chain(self.freezes.iter().map(|f| f.1)).collect();

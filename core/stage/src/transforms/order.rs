@@ -1,10 +1,10 @@
-//! Order in which actors can be placed: after what they are attached to, and turned after what they face has its place.
+//! PlacementOrder in which actors can be placed: after what they are attached to, and turned after what they face has its place.
 
 use crate::stage::{Stage, StageError};
 
 /// A step of placing actors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Step {
+pub(crate) enum PlacementStep {
     /// Position: needs its parent's world transform.
     Position(usize),
     /// How it is turned: needs its own position and that of what it faces.
@@ -13,8 +13,8 @@ pub(crate) enum Step {
 
 /// Buffers of [`find`].
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Order {
-    pub steps: Vec<Step>,
+pub(crate) struct PlacementOrder {
+    pub steps: Vec<PlacementStep>,
     /// 0 not seen, 1 on the stack, 2 done; two entries an actor.
     state: Vec<u8>,
     stack: Vec<usize>,
@@ -22,7 +22,7 @@ pub(crate) struct Order {
 
 /// Fills `order.steps` so that each step comes after those that it needs. Two actors may face each other; an actor attached to
 /// itself through others, or facing something that it carries, is an error. Links to actors that do not exist are left out.
-pub(crate) fn find(stage: &Stage, order: &mut Order) -> Result<(), StageError> {
+pub(crate) fn find(stage: &Stage, order: &mut PlacementOrder) -> Result<(), StageError> {
     let count = stage.actors.len();
     order.steps.clear();
     order.state.clear();
@@ -42,9 +42,9 @@ pub(crate) fn find(stage: &Stage, order: &mut Order) -> Result<(), StageError> {
             order.state[node] = 2;
             order.stack.pop();
             order.steps.push(if node.is_multiple_of(2) {
-                Step::Position(node / 2)
+                PlacementStep::Position(node / 2)
             } else {
-                Step::World(node / 2)
+                PlacementStep::World(node / 2)
             });
             continue;
         }
@@ -72,7 +72,7 @@ fn needs(stage: &Stage, node: usize) -> [Option<usize>; 2] {
 }
 
 /// Names the cycle that depth-first search has met: it is on the stack, from the node that is needed again upwards.
-fn cycle(stage: &Stage, order: &Order, again: usize) -> StageError {
+fn cycle(stage: &Stage, order: &PlacementOrder, again: usize) -> StageError {
     // A node may lie on the stack several times; its last place is the one that was entered.
     let from = order.stack.iter().rposition(|node| *node == again).unwrap_or(0);
     let mut seen = vec![false; order.state.len()];

@@ -8,7 +8,7 @@ use super::{Judged, contact, frame, plan, rotation, vector};
 use choreo_asset::Projection;
 use choreo_motion::Time;
 use choreo_script::testing::{Expectation, NumberGoal, NumberTest, Quantity, Subject, VectorQuantity, When};
-use choreo_stage::{Actor, Attachment, Heard, Target};
+use choreo_stage::{ActiveClip, Actor, Attachment, Target};
 use glam::DVec3;
 
 /// Looks that a value is taken from, before and after its own, in steps.
@@ -182,11 +182,11 @@ pub fn target_at(looks: &mut Looks, target: &Target, time: Time) -> Result<DVec3
 }
 
 /// The final weight of each active cue, after all later ones have been blended over it.
-fn shares(actor: &Actor, time: Time, part: impl Fn(&Heard) -> f64) -> Vec<(Heard, f64)> {
-    let mut shares: Vec<(Heard, f64)> = Vec::new();
-    for heard in actor.heard(time) {
+fn shares(actor: &Actor, time: Time, part: impl Fn(&ActiveClip) -> f64) -> Vec<(ActiveClip, f64)> {
+    let mut shares: Vec<(ActiveClip, f64)> = Vec::new();
+    for heard in actor.active_clips(time) {
         let weight = part(&heard);
-        let covers = |under: &Heard| !heard.additive || under.layer == heard.layer;
+        let covers = |under: &ActiveClip| !heard.additive || under.layer == heard.layer;
         for (_, share) in shares.iter_mut().filter(|(under, _)| covers(under)) {
             *share *= 1.0 - weight;
         }
@@ -195,13 +195,13 @@ fn shares(actor: &Actor, time: Time, part: impl Fn(&Heard) -> f64) -> Vec<(Heard
     shares
 }
 
-fn clip_name<'a>(actor: &'a Actor, heard: &Heard) -> &'a str {
+fn clip_name<'a>(actor: &'a Actor, heard: &ActiveClip) -> &'a str {
     let cue = actor.layers.get(heard.layer).and_then(|layer| layer.cues.get(heard.cue));
     cue.map_or("", |cue| cue.clip.name.as_str())
 }
 
 fn clip_weight(actor: &Actor, joint: Option<u32>, clip: &str, time: Time) -> f64 {
-    let sum = |shares: Vec<(Heard, f64)>| -> f64 {
+    let sum = |shares: Vec<(ActiveClip, f64)>| -> f64 {
         shares.iter().filter(|(heard, _)| clip_name(actor, heard) == clip).map(|(_, share)| share).sum()
     };
     if let Some(joint) = joint {
@@ -212,7 +212,7 @@ fn clip_weight(actor: &Actor, joint: Option<u32>, clip: &str, time: Time) -> f64
         }));
     }
     let in_layer = |layer: usize| {
-        let own = |heard: &Heard| if heard.layer == layer { f64::from(heard.weight) } else { 0.0 };
+        let own = |heard: &ActiveClip| if heard.layer == layer { f64::from(heard.weight) } else { 0.0 };
         sum(shares(actor, time, own))
     };
     (0..actor.layers.len()).map(in_layer).fold(0.0, f64::max)

@@ -402,7 +402,7 @@ fn of_cue(
 }
 
 /// What each cue of a layer makes of its pose: those above leave it the rest. The last first.
-fn shares(heard: &[Heard], layer: usize) -> impl Iterator<Item = (&Heard, f32)> {
+fn shares(heard: &[ActiveClip], layer: usize) -> impl Iterator<Item = (&ActiveClip, f32)> {
     let of_layer = heard.iter().filter(move |h| h.layer == layer).rev();
     of_layer.scan(1.0, |rest, h| {
         let share = if h.additive { h.weight } else { *rest * h.weight };
@@ -429,7 +429,7 @@ fn of_actor(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&st
     if let Some(parent) = found.parent {
         row("attached to", stage.actors[parent.actor].name.clone());
     }
-    let heard = found.heard(viewer.playhead.time());
+    let heard = found.active_clips(viewer.playhead.time());
     for (number, layer) in found.layers.iter().enumerate() {
         let layer_name = if number == 0 { "base layer".to_string() } else { format!("layer {number}") };
         let voices: Vec<String> = shares(&heard, number)

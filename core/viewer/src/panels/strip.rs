@@ -74,7 +74,7 @@ fn feet(stage: &Stage, actor: &Actor) -> Feet {
         let (from, to) = (settings.fps.time_of(frame), settings.fps.time_of((frame + stride).min(frames)));
         frame += stride;
         // Of what counts most.
-        let heard = actor.heard(from);
+        let heard = actor.active_clips(from);
         let Some(voice) = heard.iter().filter(|h| h.layer == 0).max_by(|a, b| a.weight.total_cmp(&b.weight))
         else {
             continue;

@@ -33,7 +33,7 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
     let samples = samples.or(stage.settings.samples).unwrap_or(4);
     let resources = SceneResources::new(stage);
     let aspect = f64::from(size[0]) / f64::from(size[1].max(1));
-    let mut evaluator = Evaluator::new(stage.clone()).for_pictures(aspect);
+    let mut evaluator = Evaluator::new(stage.clone()).for_images(aspect);
     let snapshot = evaluator.at(at).map_err(|e| Failure::input(e.to_string()))?;
     let options = PlanOptions { effects: scene.registry.effects(), ..PlanOptions::new(size, samples) };
     let plan = plan_alone(&resources, stage, &snapshot, &options, |at| evaluator.at(at))

@@ -163,7 +163,7 @@ impl Drawing<'_> {
         renderer.load(resources.clone()).map_err(failed)?;
         let size = self.job.settings.size;
         let aspect = f64::from(size[0]) / f64::from(size[1].max(1));
-        let mut evaluator = Evaluator::new(self.job.scene.stage.clone()).for_pictures(aspect);
+        let mut evaluator = Evaluator::new(self.job.scene.stage.clone()).for_images(aspect);
         let options = PlanOptions { effects, ..PlanOptions::new(size, self.samples) };
         let (started, limit) = (Instant::now(), self.job.scene.limits.render_seconds);
         let plan: PlanAt = Box::new(move |time| {

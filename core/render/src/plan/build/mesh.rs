@@ -9,7 +9,7 @@ use crate::plan::features::{DrawNeeds, features};
 use crate::plan::{ActiveMorph, Features, Glass, Instance, PipelineKey, TopologyKey, alpha_blends, is_lit};
 use crate::scene_resources::bounds::{is_before, outside, transformed};
 use crate::scene_resources::{PrimitiveEntry, PrimitiveResource, thick_lines};
-use choreo_asset::{Aabb, AlphaMode, Asset, MeshInstance, Pen};
+use choreo_asset::{Aabb, AlphaMode, Asset, LineStyle, MeshInstance};
 use choreo_stage::ActorState;
 use glam::{Affine3A, DAffine3, Vec2, Vec3, Vec4};
 
@@ -41,7 +41,7 @@ struct PrimitiveContext<'a> {
     needs: DrawNeeds,
     features: Features,
     effects: SurfaceEffects,
-    pen: Option<Pen>,
+    pen: Option<LineStyle>,
     tint: Vec4,
     /// Bounds in model space, of a skinned model that its file places several times.
     bounds_in_model: Option<Aabb>,
@@ -100,7 +100,7 @@ impl<'a> Planner<'a> {
         let lit = is_lit(material.shading);
         let needs = DrawNeeds {
             skinned: skin.is_some(),
-            placed: !asset.places.is_empty(),
+            placed: !asset.placements.is_empty(),
             dual: skin.is_some_and(|s| !self.skins[s].dual_quaternions.is_empty()),
             morphed: morph_count > 0,
             local_lights: self.local_lights,
@@ -152,7 +152,7 @@ impl<'a> Planner<'a> {
         let size = self.options.size;
         let relative_from_mesh = copy_transform(p, mesh, place, copy);
         let width =
-            p.pen.map_or(0.0, |pen| thick_lines::width(pen, mesh.state.pen_width, &relative_from_mesh));
+            p.pen.map_or(0.0, |pen| thick_lines::width(pen, mesh.state.line_width, &relative_from_mesh));
         if p.pen.is_some() && width == 0.0 {
             return None;
         }

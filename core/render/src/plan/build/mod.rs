@@ -136,7 +136,7 @@ impl<'a> Planner<'a> {
             self.facts.hidden_actors += 1;
             return;
         }
-        if state.out_of_view {
+        if state.culled {
             self.facts.unposed_actors += 1;
             return;
         }

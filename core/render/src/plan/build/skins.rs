@@ -25,7 +25,7 @@ pub(super) struct SkinMatrices {
 impl SkinMatrices {
     /// World · model-from-joint · inverse bind (glTF 2.0 §3.7.3.3), computed in f64.
     pub fn new(relative_from_model: DAffine3, asset: &Asset, skin: u32, state: &ActorState) -> SkinMatrices {
-        let placed = !asset.places.is_empty();
+        let placed = !asset.placements.is_empty();
         // The places of the model are applied after the skin.
         let relative_from_model = if placed { DAffine3::IDENTITY } else { relative_from_model };
         let mut all = SkinMatrices {

@@ -8,7 +8,7 @@ mod times;
 use crate::build::{CueDraft, room};
 use crate::call::{ApiError, Call, Reply, api};
 use crate::value::CueRef;
-use choreo_stage::{Property, Repeat, Warp};
+use choreo_stage::{Property, Repeat, TimeRemapping};
 pub use clips::bound_clip;
 pub use layer::reference;
 use layer::{additive, layer_weight, on, priority, subtractive};
@@ -121,7 +121,7 @@ fn clip_time(c: &mut Call) -> Reply {
         if end <= 0.0 {
             return Err(ApiError::new("clip_time: the clip has no length"));
         }
-        cue.cue.warp = Some(Arc::new(Warp::ClipTime(keys)));
+        cue.cue.time_remapping = Some(Arc::new(TimeRemapping::ClipTime(keys)));
         Ok(())
     })
 }

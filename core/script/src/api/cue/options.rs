@@ -6,7 +6,7 @@ use crate::call::{ApiError, Call, Def, Gives, Reply, number, number_in, numbers,
 use crate::suggest::{did_you_mean, list};
 use crate::value::{CueRef, Kind};
 use choreo_motion::{Ease, Shape, Time};
-use choreo_stage::{Channel, Property, Repeat, SpeedCurve, Warp};
+use choreo_stage::{Channel, Property, Repeat, SpeedCurve, TimeRemapping};
 use rhai::Dynamic;
 use std::sync::Arc;
 
@@ -118,7 +118,7 @@ options! {
         Ok(())
     };
     option inertial = |_, cue, given| {
-        cue.cue.inertial = given.duration()?;
+        cue.cue.inertialization = given.duration()?;
         Ok(())
     };
 }
@@ -168,7 +168,7 @@ fn speed(c: &Call, cue: &mut CueDraft, given: &Given) -> Result<(), ApiError> {
     if value.is_array() {
         let within = |v: &Dynamic, label: &str| number_in(v, label, -1000.0, 1000.0);
         let keys = keys::scalars(c, value, label, how, Property::Speed, &within)?;
-        cue.cue.warp = Some(Arc::new(Warp::Speed(SpeedCurve::new(keys))));
+        cue.cue.time_remapping = Some(Arc::new(TimeRemapping::Speed(SpeedCurve::new(keys))));
         return Ok(());
     }
     let speed = number(value, label)?;
@@ -177,7 +177,7 @@ fn speed(c: &Call, cue: &mut CueDraft, given: &Given) -> Result<(), ApiError> {
             "{label} must be from 0.001 to 1000 (or negative, backwards), got {speed:?}"
         )));
     }
-    cue.cue.warp = None;
+    cue.cue.time_remapping = None;
     cue.cue.speed = speed.abs();
     cue.reverse = speed < 0.0;
     Ok(())

@@ -20,7 +20,7 @@ impl CueDraft {
 
     /// Whether the clip plays at one constant speed.
     pub fn is_even(&self) -> bool {
-        self.cue.warp.is_none() && self.cue.freezes.is_empty()
+        self.cue.time_remapping.is_none() && self.cue.freezes.is_empty()
     }
 
     pub fn part(&self) -> (Time, Time) {

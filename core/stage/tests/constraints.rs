@@ -35,8 +35,8 @@ fn body() -> Arc<Asset> {
     Arc::new(Asset { name: "body".into(), skeleton, ..Asset::default() })
 }
 
-fn reach(target: Target) -> Reach {
-    Reach {
+fn reach(target: Target) -> ReachConstraint {
+    ReachConstraint {
         joints: vec![UPPER, LOWER, PALM],
         target,
         offset: None,
@@ -47,11 +47,11 @@ fn reach(target: Target) -> Reach {
     }
 }
 
-fn stage_with(goals: Vec<Goal>) -> Stage {
+fn stage_with(constraints: Vec<Constraint>) -> Stage {
     let mut stage = Stage::default();
     let anna = stage.cast("anna", body());
     stage.actors[anna].transform = Placement::at(3.0, 0.5, -2.0).turned(0.7);
-    stage.actors[anna].goals = goals;
+    stage.actors[anna].constraints = constraints;
     stage
 }
 
@@ -61,7 +61,7 @@ fn a_hand_is_where_it_should_be() {
     for _ in 0..100 {
         let shoulder = joint_world(&stage_with(vec![]).at(Time::ZERO).unwrap(), 0, UPPER);
         let target = shoulder + n.vec3().normalize() * (0.1 + 0.4 * n.next().abs());
-        let stage = stage_with(vec![Goal::new(GoalKind::Reach(reach(Target::Point(target))))]);
+        let stage = stage_with(vec![Constraint::new(ConstraintKind::Reach(reach(Target::Point(target))))]);
         assert!(stage.check().is_empty());
         let snapshot = stage.at(secs(1.0)).unwrap();
         close(joint_world(&snapshot, 0, PALM), target, 1e-6);
@@ -74,20 +74,20 @@ fn a_hand_is_where_it_should_be() {
 #[test]
 fn goals_fade_and_end_and_half_a_weight_goes_half_the_way() {
     let target = v(3.3, 1.9, -1.8);
-    let goal = Goal {
+    let constraint = Constraint {
         start: secs(1.0),
         end: Some(secs(3.0)),
         fade: secs(0.5),
-        ..Goal::new(GoalKind::Reach(reach(Target::Point(target))))
+        ..Constraint::new(ConstraintKind::Reach(reach(Target::Point(target))))
     };
-    let stage = stage_with(vec![goal.clone()]);
+    let stage = stage_with(vec![constraint.clone()]);
     let hand = |t: f64| joint_world(&stage.at(secs(t)).unwrap(), 0, PALM);
     let rest = hand(0.0);
     assert_eq!((hand(1.0), hand(3.0), hand(9.0)), (rest, rest, rest));
     close(hand(1.25), rest.lerp(target, 0.5), 1e-6);
     close(hand(2.0), target, 1e-6);
     close(hand(2.75), rest.lerp(target, 0.5), 1e-6);
-    let half = stage_with(vec![Goal { weight: 0.5, ..goal }]);
+    let half = stage_with(vec![Constraint { weight: 0.5, ..constraint }]);
     close(joint_world(&half.at(secs(2.0)).unwrap(), 0, PALM), rest.lerp(target, 0.5), 1e-6);
 }
 
@@ -99,12 +99,17 @@ fn hands_follow_props_in_hands_that_follow() {
     let prop = stage.cast("stick", stick());
     let lamp = stage.cast("lamp", stick());
     stage.actors[boris].transform = Placement::at(3.2, 0.5, -1.4);
-    stage.actors[boris].goals.push(Goal::new(GoalKind::Reach(reach(Target::Point(v(3.3, 1.8, -1.7))))));
+    stage.actors[boris]
+        .constraints
+        .push(Constraint::new(ConstraintKind::Reach(reach(Target::Point(v(3.3, 1.8, -1.7))))));
     stage.actors[prop].parent = Some(Attachment { actor: boris, joint: Some(PALM) });
     stage.actors[prop].transform.scale = DVec3::splat(0.1);
     stage.actors[lamp].parent = Some(Attachment { actor: 0, joint: Some(PALM) });
     let offset = Some(v(0.0, 1.0, 0.0));
-    stage.actors[0].goals.push(Goal::new(GoalKind::Reach(Reach { offset, ..reach(Target::Actor(prop)) })));
+    stage.actors[0].constraints.push(Constraint::new(ConstraintKind::Reach(ReachConstraint {
+        offset,
+        ..reach(Target::Actor(prop))
+    })));
     assert!(stage.check().is_empty(), "{:?}", stage.check());
     let snapshot = stage.at(Time::ZERO).unwrap();
     let end = snapshot.actors[prop].world_from_model.transform_point3(v(0.0, 1.0, 0.0));
@@ -120,35 +125,35 @@ fn who_hangs_on_each_other_is_finite_and_the_same_in_any_order() {
     stage.actors[boris].transform = Placement::at(3.4, 0.5, -1.6).turned(3.0);
     for (who, whom) in [(0, boris), (boris, 0)] {
         let target = Target::Joint { actor: whom, joint: PALM };
-        stage.actors[who].goals.push(Goal::new(GoalKind::Reach(reach(target))));
+        stage.actors[who].constraints.push(Constraint::new(ConstraintKind::Reach(reach(target))));
     }
     let both = stage.at(Time::ZERO).unwrap();
     let alone = |who: usize| {
         let mut stage = stage.clone();
-        stage.actors[1 - who].goals.clear();
+        stage.actors[1 - who].constraints.clear();
         stage.at(Time::ZERO).unwrap()
     };
     // Each reaches for where the other's hand was before.
     for who in [0, boris] {
         close(joint_world(&both, who, PALM), joint_world(&alone(who), who, PALM), 1e-9);
     }
-    // An own joint is where the goals before have brought it.
+    // An own joint is where the constraints before have brought it.
     let target = Target::Joint { actor: 0, joint: FACE };
-    let mut own = stage_with(vec![Goal::new(GoalKind::Reach(reach(target)))]);
-    let aim = AimGoal {
+    let mut own = stage_with(vec![Constraint::new(ConstraintKind::Reach(reach(target)))]);
+    let aim = AimConstraint {
         joints: vec![SPINE, NECK],
         shares: vec![1.0, 1.0],
         target: Target::Point(v(9.0, 1.0, 0.0)),
         limit: 1.5,
     };
-    own.actors[0].goals.insert(0, Goal::new(GoalKind::Aim(aim)));
+    own.actors[0].constraints.insert(0, Constraint::new(ConstraintKind::Aim(aim)));
     let snapshot = own.at(Time::ZERO).unwrap();
     close(joint_world(&snapshot, 0, PALM), joint_world(&snapshot, 0, FACE), 1e-6);
 }
 
 #[test]
 fn spine_neck_and_head_share_the_turn() {
-    let aim = |joints: Vec<u32>| AimGoal {
+    let aim = |joints: Vec<u32>| AimConstraint {
         shares: vec![1.0; joints.len()],
         joints,
         target: Target::Point(v(5.0, 2.5, -1.0)),
@@ -159,22 +164,24 @@ fn spine_neck_and_head_share_the_turn() {
         (snapshot.actors[0].world_from_model.matrix3 * axes * DVec3::Z).normalize()
     };
     let rest = stage_with(vec![]).at(Time::ZERO).unwrap();
-    let snapshot =
-        stage_with(vec![Goal::new(GoalKind::Aim(aim(vec![SPINE, NECK, FACE])))]).at(Time::ZERO).unwrap();
+    let snapshot = stage_with(vec![Constraint::new(ConstraintKind::Aim(aim(vec![SPINE, NECK, FACE])))])
+        .at(Time::ZERO)
+        .unwrap();
     let way = (v(5.0, 2.5, -1.0) - joint_world(&snapshot, 0, FACE)).normalize();
     assert!(facing(&snapshot, FACE).dot(way) > 1.0 - 1e-9);
     let turned = |joint: u32| facing(&snapshot, joint).angle_between(facing(&rest, joint));
     assert!(turned(SPINE) > 0.1 && turned(NECK) > turned(SPINE) && turned(FACE) > turned(NECK));
     // The arms hang on the spine.
     assert!((joint_world(&snapshot, 0, PALM) - joint_world(&rest, 0, PALM)).length() > 0.05);
-    let alone = stage_with(vec![Goal::new(GoalKind::Aim(aim(vec![FACE])))]).at(Time::ZERO).unwrap();
+    let alone =
+        stage_with(vec![Constraint::new(ConstraintKind::Aim(aim(vec![FACE])))]).at(Time::ZERO).unwrap();
     assert_eq!(joint_world(&alone, 0, PALM), joint_world(&rest, 0, PALM));
 }
 
 #[test]
 fn limits_hold_against_clips_and_goals() {
     let target = Target::Point(v(3.3, 1.9, -1.8));
-    let mut stage = stage_with(vec![Goal::new(GoalKind::Reach(reach(target)))]);
+    let mut stage = stage_with(vec![Constraint::new(ConstraintKind::Reach(reach(target)))]);
     let free = joint_world(&stage.at(Time::ZERO).unwrap(), 0, PALM);
     stage.actors[0].limits.push((LOWER, Limit::Hinge { axis: DVec3::Y, angle: (0.0, 0.1) }));
     let stiff = stage.at(Time::ZERO).unwrap();
@@ -214,9 +221,9 @@ fn sliding() -> Stage {
     stage
 }
 
-fn planted(ground: Option<usize>) -> Goal {
+fn planted(ground: Option<usize>) -> Constraint {
     let legs = vec![Leg { hip: THIGH, knee: SHIN, foot: FOOT, toe: None }];
-    Goal::new(GoalKind::Plant(Plant {
+    Constraint::new(ConstraintKind::FootLock(FootLock {
         legs,
         hips: Some(0),
         ground: ground.into_iter().collect(),
@@ -236,7 +243,7 @@ fn slid(stage: &Stage, from: f64, to: f64) -> f64 {
 fn planted_feet_do_not_slide() {
     let mut stage = sliding();
     assert!(slid(&stage, 1.1, 1.5) > 0.06);
-    stage.actors[0].goals.push(planted(None));
+    stage.actors[0].constraints.push(planted(None));
     assert!(stage.check().is_empty(), "{:?}", stage.check());
     assert!(slid(&stage, 1.1, 1.5) < 1e-6, "{}", slid(&stage, 1.1, 1.5));
     // Nothing jumps: at 240 Hz no frame goes farther than the fastest of the clip does, and a little.
@@ -244,7 +251,7 @@ fn planted_feet_do_not_slide() {
     let fastest = |planted: bool| {
         let mut stage = stage.clone();
         if !planted {
-            stage.actors[0].goals.clear();
+            stage.actors[0].constraints.clear();
         }
         let mut eyes_of = Evaluator::new(Arc::new(stage));
         let mut before = joint_world(&eyes_of.at(secs(0.5)).unwrap(), 0, FOOT);
@@ -274,7 +281,7 @@ fn feet_stand_on_the_ground_that_is_there() {
     let ground = stage.cast("steps", Arc::new(steps));
     let foot = |stage: &Stage, t: f64| joint_world(&stage.at(secs(t)).unwrap(), 0, FOOT).y;
     let flat = [0.3, 1.3, 2.3].map(|t| foot(&stage, t));
-    stage.actors[0].goals.push(planted(Some(ground)));
+    stage.actors[0].constraints.push(planted(Some(ground)));
     let stepped = [0.3, 1.3, 2.3].map(|t| foot(&stage, t));
     // 0.05 m above the floor in the clip.
     assert!((stepped[0] - flat[0]).abs() < 1e-4, "{stepped:?} {flat:?}");
@@ -286,12 +293,12 @@ fn goals_at_nobody_are_left_out() {
     for target in
         [Target::Actor(9), Target::Joint { actor: 9, joint: 0 }, Target::Joint { actor: 0, joint: 99 }]
     {
-        let aim = AimGoal { joints: vec![SPINE, NECK], shares: vec![1.0, 1.0], target, limit: 1.0 };
-        let poled = Reach { pole: Some(target), ..reach(Target::Point(v(3.0, 1.0, -2.0))) };
+        let aim = AimConstraint { joints: vec![SPINE, NECK], shares: vec![1.0, 1.0], target, limit: 1.0 };
+        let poled = ReachConstraint { pole: Some(target), ..reach(Target::Point(v(3.0, 1.0, -2.0))) };
         let mut stage = stage_with(vec![
-            Goal::new(GoalKind::Reach(reach(target))),
-            Goal::new(GoalKind::Reach(poled)),
-            Goal::new(GoalKind::Aim(aim)),
+            Constraint::new(ConstraintKind::Reach(reach(target))),
+            Constraint::new(ConstraintKind::Reach(poled)),
+            Constraint::new(ConstraintKind::Aim(aim)),
             planted(Some(9)),
         ]);
         stage.actors[0].look_at.push(LookAt::new(FACE, target));
@@ -303,39 +310,39 @@ fn goals_at_nobody_are_left_out() {
 
 #[test]
 fn check_names_bad_goals() {
-    let said = |change: fn(&mut Actor)| {
+    let contacts = |change: fn(&mut Actor)| {
         let target = Target::Point(DVec3::ZERO);
-        let mut stage = stage_with(vec![Goal::new(GoalKind::Reach(reach(target)))]);
+        let mut stage = stage_with(vec![Constraint::new(ConstraintKind::Reach(reach(target)))]);
         change(&mut stage.actors[0]);
         let found: Vec<String> = stage.check().iter().map(ToString::to_string).collect();
         let _ = stage.at(secs(0.5));
         found
     };
     let with = |s: &str| vec![s.to_string()];
-    fn kind(actor: &mut Actor) -> &mut Reach {
-        match &mut actor.goals[0].kind {
-            GoalKind::Reach(reach) => reach,
+    fn kind(actor: &mut Actor) -> &mut ReachConstraint {
+        match &mut actor.constraints[0].kind {
+            ConstraintKind::Reach(reach) => reach,
             _ => unreachable!(),
         }
     }
     assert_eq!(
-        said(|a| a.goals[0].weight = f32::NAN),
+        contacts(|a| a.constraints[0].weight = f32::NAN),
         with("actor \"anna\", reach: weight is NaN, must be 0..=1")
     );
     assert_eq!(
-        said(|a| kind(a).joints = vec![PALM, LOWER]),
+        contacts(|a| kind(a).joints = vec![PALM, LOWER]),
         with("actor \"anna\", reach: each joint must be below the one before it")
     );
     assert_eq!(
-        said(|a| kind(a).joints = vec![UPPER, 99]),
+        contacts(|a| kind(a).joints = vec![UPPER, 99]),
         with("actor \"anna\", reach: joint 99 does not exist, there are 10")
     );
     assert_eq!(
-        said(|a| kind(a).target = Target::Actor(7)),
+        contacts(|a| kind(a).target = Target::Actor(7)),
         with("actor \"anna\", reach: target actor 7 does not exist, there are 1")
     );
     assert_eq!(
-        said(|a| a.limits.push((0, Limit::Hinge { axis: DVec3::ZERO, angle: (0.0, 1.0) }))),
+        contacts(|a| a.limits.push((0, Limit::Hinge { axis: DVec3::ZERO, angle: (0.0, 1.0) }))),
         with("actor \"anna\", limit: `Limit.axis` is of length 0, must be of length 1")
     );
 }

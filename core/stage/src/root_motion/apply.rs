@@ -1,22 +1,22 @@
 //! Root motion and paths in an evaluation: actors carried on from where they have been placed.
 
-use crate::root_motion::travel::{Travel, Travels};
+use crate::root_motion::track::{RootMotionTrack, RootMotionTracks};
 use crate::stage::Stage;
 use crate::stage::actor::Placement;
-use crate::timeline::active_clips::Voice;
+use crate::timeline::active_clips::ActiveCue;
 use crate::transforms::facing;
 use choreo_motion::Time;
 use glam::{DAffine3, DQuat, DVec3};
 
 /// Buffers.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct CarryScratch {
+pub(crate) struct RootMotionScratch {
     /// Turned to what they face where they start, since they walk there; sorted by actor.
     faced: Vec<(usize, DQuat)>,
-    voices: Vec<Voice>,
+    active_cues: Vec<ActiveCue>,
 }
 
-impl CarryScratch {
+impl RootMotionScratch {
     /// Whether an actor has been turned to what it faces already.
     pub fn has_faced(&self, actor: usize) -> bool {
         self.faced.binary_search_by_key(&actor, |(actor, _)| *actor).is_ok()
@@ -25,18 +25,18 @@ impl CarryScratch {
 
 /// Carries actors on from their placements. One that faces another walks towards where that one starts from: where it comes
 /// to would depend on where it is.
-pub(crate) fn carry(
+pub(crate) fn apply(
     stage: &Stage,
-    travels: &Travels,
+    root_motion: &RootMotionTracks,
     time: Time,
-    scratch: &mut CarryScratch,
+    scratch: &mut RootMotionScratch,
     placements: &mut [Placement],
 ) {
-    let CarryScratch { faced, voices } = scratch;
+    let RootMotionScratch { faced, active_cues } = scratch;
     faced.clear();
     for (index, actor) in stage.actors.iter().enumerate() {
-        if travels.of(index).is_some()
-            && actor.walk.is_none()
+        if root_motion.of(index).is_some()
+            && actor.path_following.is_none()
             && let Some(other) = actor.face.and_then(|other| placements.get(other))
         {
             let way = other.translation - placements[index].translation;
@@ -48,16 +48,17 @@ pub(crate) fn carry(
         placement.rotation = (*turn * placement.rotation).normalize();
     }
     for (index, actor) in stage.actors.iter().enumerate() {
-        let travel = travels.of(index);
+        let track = root_motion.of(index);
         let placement = placements[index];
-        if let Some(walk) = &actor.walk {
+        if let Some(path_following) = &actor.path_following {
             let size = placement.scale.z.abs();
-            let forward = |at| travel.map_or(0.0, |travel| size * travel.carried(actor, at, voices).forward);
-            let metres = walk.metres(time, forward);
-            let anchor = travel.map_or(DVec3::ZERO, Travel::anchor);
-            placements[index] = walk.placed(placement, metres, anchor);
-        } else if let Some(travel) = travel {
-            placements[index] = placement.carried(travel.carried(actor, time, voices).frame);
+            let forward =
+                |at| track.map_or(0.0, |track| size * track.carried(actor, at, active_cues).forward);
+            let metres = path_following.metres(time, forward);
+            let anchor = track.map_or(DVec3::ZERO, RootMotionTrack::anchor);
+            placements[index] = path_following.placed(placement, metres, anchor);
+        } else if let Some(track) = track {
+            placements[index] = placement.carried(track.carried(actor, time, active_cues).frame);
         }
     }
 }

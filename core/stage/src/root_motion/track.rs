@@ -10,9 +10,9 @@
 use crate::stage::Stage;
 use crate::stage::actor::{Actor, Placement};
 use crate::stage::clips::{Cue, Layer};
-use crate::stage::root_motion::CueRoot;
+use crate::stage::root_motion::CueRootMotion;
 use crate::timeline::active_clips as timeline;
-use crate::timeline::active_clips::Voice;
+use crate::timeline::active_clips::ActiveCue;
 use crate::timeline::clip_time::plays_until;
 use choreo_motion::{Planar, Repeat, Time};
 use glam::{DQuat, DVec3};
@@ -23,39 +23,42 @@ const MOST_STEPS: f64 = 65_536.0;
 
 /// How far an actor has come: where its frame is, and how far it went forwards.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Step {
+pub struct Displacement {
     pub frame: Planar,
     /// Metres along the way of the clips, whatever turns there were.
     pub forward: f64,
 }
 
-impl Step {
-    fn then(self, next: Step) -> Step {
-        Step { frame: self.frame.then_in(next.frame), forward: self.forward + next.forward }
+impl Displacement {
+    fn then(self, next: Displacement) -> Displacement {
+        Displacement { frame: self.frame.then_in(next.frame), forward: self.forward + next.forward }
     }
 
     /// The step from here to there.
-    fn to(self, there: Step) -> Step {
-        Step { frame: self.frame.inverse().then_in(there.frame), forward: there.forward - self.forward }
+    fn to(self, there: Displacement) -> Displacement {
+        Displacement {
+            frame: self.frame.inverse().then_in(there.frame),
+            forward: there.forward - self.forward,
+        }
     }
 }
 
 /// Root motion of all actors of a stage; `None` for those without.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Travels(Vec<Option<Travel>>);
+pub(crate) struct RootMotionTracks(Vec<Option<RootMotionTrack>>);
 
-impl Travels {
-    pub fn new(stage: &Stage) -> Travels {
-        Travels(stage.actors.iter().map(Travel::of).collect())
+impl RootMotionTracks {
+    pub fn new(stage: &Stage) -> RootMotionTracks {
+        RootMotionTracks(stage.actors.iter().map(RootMotionTrack::of).collect())
     }
 
-    pub fn of(&self, actor: usize) -> Option<&Travel> {
+    pub fn of(&self, actor: usize) -> Option<&RootMotionTrack> {
         self.0.get(actor).and_then(Option::as_ref)
     }
 }
 
 #[derive(Clone, Debug)]
-pub(crate) struct Travel {
+pub(crate) struct RootMotionTrack {
     /// Position of the root on the floor in model space: that of the first clip, and of all others too.
     anchor: DVec3,
     segments: Vec<Segment>,
@@ -64,24 +67,24 @@ pub(crate) struct Travel {
 #[derive(Clone, Debug)]
 struct Segment {
     start: Time,
-    at: Step,
-    kind: Kind,
+    at: Displacement,
+    kind: SegmentKind,
 }
 
 #[derive(Clone, Debug)]
-enum Kind {
+enum SegmentKind {
     Alone(usize),
     /// Several at weights that do not change.
     Mixed,
     /// Steps from the segment's start, evenly spaced up to `end`.
     Fading {
         end: Time,
-        steps: Vec<Step>,
+        steps: Vec<Displacement>,
     },
 }
 
-impl Travel {
-    fn of(actor: &Actor) -> Option<Travel> {
+impl RootMotionTrack {
+    fn of(actor: &Actor) -> Option<RootMotionTrack> {
         let layer = actor.layers.first()?;
         let first = layer.cues.iter().find_map(|cue| cue.root.as_deref().map(|root| (cue, root)))?;
         let anchor = anchor(first.0, first.1);
@@ -94,35 +97,35 @@ impl Travel {
         marks.sort_unstable();
         marks.dedup();
         let start = Planar { translation: anchor, yaw: 0.0 };
-        let mut travel = Travel { anchor, segments: Vec::new() };
-        let mut at = Step { frame: start, forward: 0.0 };
-        let mut voices = Vec::new();
+        let mut track = RootMotionTrack { anchor, segments: Vec::new() };
+        let mut at = Displacement { frame: start, forward: 0.0 };
+        let mut active_cues = Vec::new();
         for (i, mark) in marks.iter().enumerate() {
             let end = marks.get(i + 1).copied();
-            let kind = kind(layer, *mark, end, &mut voices);
-            travel.segments.push(Segment { start: *mark, at, kind });
-            if let (Some(end), Some(last)) = (end, travel.segments.last()) {
-                at = last.at(layer, end, &mut voices);
+            let kind = kind(layer, *mark, end, &mut active_cues);
+            track.segments.push(Segment { start: *mark, at, kind });
+            if let (Some(end), Some(last)) = (end, track.segments.last()) {
+                at = last.at(layer, end, &mut active_cues);
             }
         }
-        Some(travel)
+        Some(track)
     }
 
     /// How far the actor has come at a time.
-    fn step(&self, layer: &Layer, time: Time, voices: &mut Vec<Voice>) -> Step {
+    fn step(&self, layer: &Layer, time: Time, active_cues: &mut Vec<ActiveCue>) -> Displacement {
         let begun = self.segments.partition_point(|segment| segment.start <= time);
         match begun.checked_sub(1).map(|i| &self.segments[i]) {
-            Some(segment) => segment.at(layer, time, voices),
-            None => Step { frame: Planar { translation: self.anchor, yaw: 0.0 }, forward: 0.0 },
+            Some(segment) => segment.at(layer, time, active_cues),
+            None => Displacement { frame: Planar { translation: self.anchor, yaw: 0.0 }, forward: 0.0 },
         }
     }
 
     /// What an actor's placement is to be followed by: model space now from model space without root motion.
-    pub fn carried(&self, actor: &Actor, time: Time, voices: &mut Vec<Voice>) -> Step {
-        let Some(layer) = actor.layers.first() else { return Step::default() };
-        let Step { frame, forward } = self.step(layer, time, voices);
+    pub fn carried(&self, actor: &Actor, time: Time, active_cues: &mut Vec<ActiveCue>) -> Displacement {
+        let Some(layer) = actor.layers.first() else { return Displacement::default() };
+        let Displacement { frame, forward } = self.step(layer, time, active_cues);
         let back = Planar { translation: -self.anchor, yaw: 0.0 };
-        Step { frame: frame.then_in(back), forward }
+        Displacement { frame: frame.then_in(back), forward }
     }
 
     pub fn anchor(&self) -> DVec3 {
@@ -130,7 +133,7 @@ impl Travel {
     }
 
     /// What takes a clip's root back to where it stands: over the model space of its pose.
-    pub fn back_to_anchor(&self, root: &CueRoot, cue: &Cue, clip_time: Time) -> Option<Planar> {
+    pub fn back_to_anchor(&self, root: &CueRootMotion, cue: &Cue, clip_time: Time) -> Option<Planar> {
         // On the spot there is nothing to take out.
         if root.motion.treadmill.is_some() {
             return None;
@@ -146,37 +149,42 @@ fn first_time(cue: &Cue) -> Time {
     if cue.speed < 0.0 { cue.trim.1 } else { cue.trim.0 }
 }
 
-fn anchor(cue: &Cue, root: &CueRoot) -> DVec3 {
+fn anchor(cue: &Cue, root: &CueRootMotion) -> DVec3 {
     match root.motion.treadmill {
         Some(_) => DVec3::ZERO,
         None => root.motion.frame(first_time(cue)).translation.with_y(0.0),
     }
 }
 
-fn kind(layer: &Layer, start: Time, end: Option<Time>, voices: &mut Vec<Voice>) -> Kind {
-    let within = |share: i64, voices: &mut Vec<Voice>| {
+fn kind(layer: &Layer, start: Time, end: Option<Time>, active_cues: &mut Vec<ActiveCue>) -> SegmentKind {
+    let within = |share: i64, active_cues: &mut Vec<ActiveCue>| {
         let span = end.map_or(Time::from_secs(4.0), |end| end - start);
-        timeline::base_voices(layer, start + Time(span.0 / 8 * share), voices);
-        voices.iter().map(|v| (v.cue, v.weight)).collect::<Vec<_>>()
+        timeline::base_cues(layer, start + Time(span.0 / 8 * share), active_cues);
+        active_cues.iter().map(|v| (v.cue, v.weight)).collect::<Vec<_>>()
     };
-    let looks: Vec<Vec<(usize, f32)>> = [1, 3, 4, 6, 7].map(|share| within(share, voices)).into();
+    let looks: Vec<Vec<(usize, f32)>> = [1, 3, 4, 6, 7].map(|share| within(share, active_cues)).into();
     let same = looks.windows(2).all(|pair| pair[0] == pair[1]);
     match (&looks[0][..], end) {
-        ([(cue, _)], _) if same => Kind::Alone(*cue),
-        (_, Some(end)) if !same => fading(layer, start, end, voices),
-        _ => Kind::Mixed,
+        ([(cue, _)], _) if same => SegmentKind::Alone(*cue),
+        (_, Some(end)) if !same => fading(layer, start, end, active_cues),
+        _ => SegmentKind::Mixed,
     }
 }
 
-fn fading(layer: &Layer, start: Time, end: Time, voices: &mut Vec<Voice>) -> Kind {
+fn fading(layer: &Layer, start: Time, end: Time, active_cues: &mut Vec<ActiveCue>) -> SegmentKind {
     let count = libm::ceil((end - start).as_secs() * RATE).clamp(1.0, MOST_STEPS) as i64;
-    let mut steps = vec![Step::default()];
-    let mut at = Step::default();
+    let mut steps = vec![Displacement::default()];
+    let mut at = Displacement::default();
     for i in 0..count {
-        at = at.then(mean_step(layer, knot(start, end, count, i), knot(start, end, count, i + 1), voices));
+        at = at.then(mean_step(
+            layer,
+            knot(start, end, count, i),
+            knot(start, end, count, i + 1),
+            active_cues,
+        ));
         steps.push(at);
     }
-    Kind::Fading { end, steps }
+    SegmentKind::Fading { end, steps }
 }
 
 fn knot(start: Time, end: Time, count: i64, i: i64) -> Time {
@@ -185,34 +193,36 @@ fn knot(start: Time, end: Time, count: i64, i: i64) -> Time {
 
 /// The mean of what the clips that count do between two times, by their weights in the middle: of the logarithms of their
 /// exact motions, which are velocities.
-fn mean_step(layer: &Layer, from: Time, to: Time, voices: &mut Vec<Voice>) -> Step {
-    timeline::base_voices(layer, from.middle(to), voices);
-    timeline::shares(voices);
+fn mean_step(layer: &Layer, from: Time, to: Time, active_cues: &mut Vec<ActiveCue>) -> Displacement {
+    timeline::base_cues(layer, from.middle(to), active_cues);
+    timeline::shares(active_cues);
     let (mut velocity, mut turn, mut forward) = (DVec3::ZERO, 0.0, 0.0);
-    for voice in voices.iter() {
-        let share = f64::from(voice.weight);
-        let step = travelled(layer, voice.cue, from).to(travelled(layer, voice.cue, to));
+    for active in active_cues.iter() {
+        let share = f64::from(active.weight);
+        let step = displacement(layer, active.cue, from).to(displacement(layer, active.cue, to));
         let (v, yaw) = step.frame.velocity();
         velocity += v * share;
         turn += yaw * share;
         forward += step.forward * share;
     }
-    Step { frame: Planar::from_velocity((velocity, turn)), forward }
+    Displacement { frame: Planar::from_velocity((velocity, turn)), forward }
 }
 
 impl Segment {
-    fn at(&self, layer: &Layer, time: Time, voices: &mut Vec<Voice>) -> Step {
+    fn at(&self, layer: &Layer, time: Time, active_cues: &mut Vec<ActiveCue>) -> Displacement {
         let time = time.max(self.start);
         let since = match &self.kind {
-            Kind::Alone(cue) => travelled(layer, *cue, self.start).to(travelled(layer, *cue, time)),
-            Kind::Mixed => mean_step(layer, self.start, time, voices),
-            Kind::Fading { end, steps } => {
+            SegmentKind::Alone(cue) => {
+                displacement(layer, *cue, self.start).to(displacement(layer, *cue, time))
+            }
+            SegmentKind::Mixed => mean_step(layer, self.start, time, active_cues),
+            SegmentKind::Fading { end, steps } => {
                 let count = steps.len() as i64 - 1;
                 let into = i128::from((time.min(*end) - self.start).0) * i128::from(count);
                 let i = (into / i128::from((*end - self.start).0.max(1))).clamp(0, i128::from(count)) as i64;
                 let from = knot(self.start, *end, count, i);
                 let step = steps[i as usize];
-                if from < time { step.then(mean_step(layer, from, time, voices)) } else { step }
+                if from < time { step.then(mean_step(layer, from, time, active_cues)) } else { step }
             }
         };
         self.at.then(since)
@@ -220,14 +230,14 @@ impl Segment {
 }
 
 /// How far a cue of a base layer has carried its actor since its start.
-fn travelled(layer: &Layer, index: usize, time: Time) -> Step {
+fn displacement(layer: &Layer, index: usize, time: Time) -> Displacement {
     let cue = &layer.cues[index];
-    let Some(root) = cue.root.as_deref().filter(|root| root.carries) else { return Step::default() };
+    let Some(root) = cue.root.as_deref().filter(|root| root.carries) else { return Displacement::default() };
     let (until, _) = plays_until(layer, index, time);
     let played = cue.played(until);
     let length = i128::from((cue.trim.1 - cue.trim.0).0.max(0));
     if length == 0 {
-        return Step::default();
+        return Displacement::default();
     }
     let frame = |at: Time| root.motion.frame(at);
     let (start, end) = if cue.speed < 0.0 { (cue.trim.1, cue.trim.0) } else { cue.trim };
@@ -235,7 +245,7 @@ fn travelled(layer: &Layer, index: usize, time: Time) -> Step {
     let way = direction(first.inverse().then_in(frame(end)).translation);
     let step = |there: Planar| {
         let frame = first.inverse().then_in(there);
-        Step { frame, forward: frame.translation.with_y(0.0).dot(way) }
+        Displacement { frame, forward: frame.translation.with_y(0.0).dot(way) }
     };
     let within = |offset: i128| {
         let offset = Time(offset as i64);
@@ -250,7 +260,8 @@ fn travelled(layer: &Layer, index: usize, time: Time) -> Step {
         Repeat::Loop => {
             let whole = played.div_euclid(length).clamp(-(1 << 50), 1 << 50) as i64;
             let round = within(length);
-            let rounds = Step { frame: round.frame.power(whole), forward: round.forward * whole as f64 };
+            let rounds =
+                Displacement { frame: round.frame.power(whole), forward: round.forward * whole as f64 };
             rounds.then(within(played.rem_euclid(length)))
         }
     }

@@ -33,7 +33,7 @@ fn straight(speed: f32) -> Arc<Clip> {
 fn with_root(cue: Cue) -> Cue {
     let figure = figure();
     let motion = RootMotion::new(&figure.skeleton, &cue.clip, Some(HIPS), RootParts::default(), cue.trim);
-    Cue { root: Some(Arc::new(CueRoot { motion: motion.unwrap(), carries: true })), ..cue }
+    Cue { root: Some(Arc::new(CueRootMotion { motion: motion.unwrap(), carries: true })), ..cue }
 }
 
 fn stage(cues: Vec<Cue>) -> Stage {
@@ -166,7 +166,7 @@ fn clip_time_goes_by_its_warp_to_the_tick() {
         values,
     };
     let curve = SpeedCurve::new(keys(vec![0.0, 2.0]));
-    let cue = Cue { warp: Some(Arc::new(Warp::Speed(curve))), ..Cue::new(straight(1.0)) };
+    let cue = Cue { time_remapping: Some(Arc::new(TimeRemapping::Speed(curve))), ..Cue::new(straight(1.0)) };
     for (t, clip_secs) in [(0.0, 0.0), (1.0, 0.5), (2.0, 2.0), (3.0, 4.0), (360_000.0, 719_998.0)] {
         assert_eq!(cue.played(secs(t)), i128::from(secs(clip_secs).0), "at {t} s");
     }
