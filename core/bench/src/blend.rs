@@ -32,7 +32,7 @@ pub fn exact(skeleton: &Skeleton, from: &Pose, to: &Pose, weight: f64) -> Vec<DA
 }
 
 /// How far each joint is from where it should be, millimetres of the model; true where one is the worst so far.
-pub fn add_errors(errors: &mut Spread, got: &[Affine3A], exact: &[DAffine3]) -> Option<usize> {
+pub(crate) fn add_errors(errors: &mut Spread, got: &[Affine3A], exact: &[DAffine3]) -> Option<usize> {
     let mut worst = None;
     for (joint, (got, exact)) in got.iter().zip(exact).enumerate() {
         let at: DVec3 = Vec3::from(got.translation).as_dvec3();

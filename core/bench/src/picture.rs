@@ -8,7 +8,7 @@ use choreo_stage::{Snapshot, Stage, StageError};
 use std::sync::Arc;
 
 /// Steps a side of a pixel that the reference is drawn in, each with four samples: 64 samples a pixel.
-pub const FINER: u32 = 4;
+pub(crate) const FINER: u32 = 4;
 
 /// One moment of a stage, ready to be drawn in any size.
 pub struct Moment {

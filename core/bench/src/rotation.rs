@@ -55,7 +55,7 @@ pub fn nlerp(a: Quat, b: Quat, t: f32) -> Quat {
 
 /// nlerp at a time bent by a cubic, so that it keeps slerp's speed (A. Kapoulkine, "Approximating slerp", 2015, the
 /// coefficients of its `onlerp`, fitted for arcs of up to 180°).
-pub fn nlerp_corrected(a: Quat, b: Quat, t: f32) -> Quat {
+pub(crate) fn nlerp_corrected(a: Quat, b: Quat, t: f32) -> Quat {
     let d = a.dot(b).abs();
     let fit_a = 1.0904 + d * (-3.2452 + d * (3.55645 - d * 1.43519));
     let fit_b = 0.848013 + d * (-1.06021 + d * 0.215638);

@@ -79,7 +79,7 @@ fn parameter_sets(file: &[u8]) -> Option<(&[u8], &[u8])> {
 
 /// Back to sRGB by the definition of BT.709, in f64; chroma by a straight line between its samples, which sit on the left
 /// column of each pair and between its rows.
-pub fn to_rgb(planes: &Planes, width: u32, height: u32) -> Frame {
+pub(crate) fn to_rgb(planes: &Planes, width: u32, height: u32) -> Frame {
     let (w, h) = (width as usize, height as usize);
     let (cw, ch) = (planes.width.div_ceil(2), planes.height.div_ceil(2));
     let mut rgba = Vec::with_capacity(w * h * 4);

@@ -84,7 +84,7 @@ impl Folder {
     }
 
     /// Opens a folder in this one, and no link to a folder.
-    pub fn subfolder(&self, name: &Path) -> Result<Folder, FileError> {
+    pub(crate) fn subfolder(&self, name: &Path) -> Result<Folder, FileError> {
         let dir = self.dir.open_dir_nofollow(name).map_err(|e| self.reason(name, e))?;
         Ok(Folder { dir, path: self.path.join(name) })
     }
@@ -154,7 +154,7 @@ impl Folder {
     }
 
     /// Removes an empty folder.
-    pub fn remove_subfolder(&self, name: &Path) -> io::Result<()> {
+    pub(crate) fn remove_subfolder(&self, name: &Path) -> io::Result<()> {
         self.dir.remove_dir(name)
     }
 

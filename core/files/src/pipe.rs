@@ -24,7 +24,7 @@ pub fn open(folder: &Folder, name: &Path) -> Result<File, WriteError> {
 
 /// Opens what a link of the system leads to, at its end where it is a regular file.
 #[cfg(unix)]
-pub fn open_through(link: &Path) -> Result<File, WriteError> {
+pub(crate) fn open_through(link: &Path) -> Result<File, WriteError> {
     use std::os::unix::fs::OpenOptionsExt;
     let mut options = File::options();
     options.append(true).custom_flags(rustix::fs::OFlags::NONBLOCK.bits() as i32);

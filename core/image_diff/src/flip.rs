@@ -1,14 +1,14 @@
-//! What the eye sees when two pictures alternate on a screen: ꟻLIP, after Andersson, Nilsson, Akenine-Möller, Oskarsson,
+//! Perceived difference when two images alternate on a screen: ꟻLIP, after Andersson, Nilsson, Akenine-Möller, Oskarsson,
 //! Åström and Fairchild, "FLIP: A Difference Evaluator for Alternating Images", HPG 2020; section numbers below are the
 //! paper's. Written from the paper; tests compare with numbers of its authors' program.
 //!
-//! Differences finer than the eye resolves are filtered away, colours are told apart as people do, and a difference at
-//! an edge or a point counts for more. The pictures are taken to be seen at 67 pixels a degree: a 4K screen of 0.7 m at 0.7 m.
+//! Differences finer than the eye resolves are filtered out, colors are compared perceptually, and a difference at an edge or a
+//! point counts for more. Images are viewed at 67 pixels per degree: a 4K screen 0.7 m wide at 0.7 m.
 
 use crate::pixels::{CompareError, check};
 use choreo_plugin::Frame;
 
-/// Pixels a degree of the field of view.
+/// Pixels per degree of the field of view.
 const PIXELS_PER_DEGREE: f32 = 67.020_64;
 
 /// Perceived difference of two images, 0 = none, 1 = the largest.
@@ -24,8 +24,8 @@ pub struct FlipDifference {
 }
 
 impl FlipDifference {
-    /// What the values mean to somebody who looks: by the worst place, since one odd spot is enough. The bounds were
-    /// set by looking at choreo's own pictures with known faults: the table is in core/test_runner/README.md.
+    /// What the values mean to an observer, by the worst pixel, since one wrong spot is enough. The bounds were set by viewing
+    /// choreo's own images with known faults: the table is in core/test_runner/README.md.
     pub fn words(&self) -> &'static str {
         match self.worst {
             0.0 => "equal to the eye",
@@ -46,8 +46,8 @@ pub const NOT_VISIBLE: f64 = 0.05;
 pub const ALTERNATING: f64 = 0.12;
 pub const SIDE_BY_SIDE: f64 = 0.3;
 
-/// Compares two pictures of one size. Where a picture is transparent it is seen before black and before white, and the
-/// larger difference counts. About 10 ms for 256×144 pixels.
+/// Compares two images of one size. Transparent images are viewed over black and over white, and the larger difference counts.
+/// About 10 ms for 256×144 pixels.
 pub fn flip(a: &Frame, b: &Frame) -> Result<FlipDifference, CompareError> {
     check(a, b)?;
     let mut map = vec![0.0; a.rgba.len() / 4];
@@ -76,7 +76,7 @@ pub fn flip(a: &Frame, b: &Frame) -> Result<FlipDifference, CompareError> {
     })
 }
 
-/// The map as a picture: black = nothing to be seen, over violet and orange to pale yellow = 1.
+/// The map as an image: black = no visible difference, over violet and orange to pale yellow = 1.
 pub fn flip_heatmap(visible: &FlipDifference, size: [u32; 2]) -> Frame {
     // A few stops of the "magma" map of matplotlib, which is in the public domain.
     const STOPS: [[f32; 3]; 7] = [
@@ -98,7 +98,7 @@ pub fn flip_heatmap(visible: &FlipDifference, size: [u32; 2]) -> Frame {
     Frame { width: size[0], height: size[1], rgba: visible.map.iter().flat_map(|v| color(*v)).collect() }
 }
 
-/// A picture as the eye takes it in.
+/// An image as an observer perceives it.
 struct Seen {
     /// L*, a* and b* after the contrast sensitivity filters, with a* and b* lowered in the dark (Hunt).
     color: [Vec<f32>; 3],
@@ -108,7 +108,7 @@ struct Seen {
 }
 
 impl Seen {
-    /// `back`: the linear grey behind a transparent picture.
+    /// `back`: the linear gray behind a transparent image.
     fn new(frame: &Frame, back: f32) -> Seen {
         let size = [frame.width as usize, frame.height as usize];
         let linear: Vec<f32> = (0..=255).map(|v: i32| decoded(v as f32 / 255.0)).collect();
@@ -135,7 +135,7 @@ impl Seen {
         Seen { color, edges, points }
     }
 
-    /// Sections 4.1.2 to 4.3.
+    /// The difference at each pixel (sections 4.1.2 to 4.3).
     fn difference(&self, other: &Seen) -> Vec<f32> {
         const COLOR_EXPONENT: f32 = 0.7;
         const FEATURE_EXPONENT: f32 = 0.5;
@@ -213,13 +213,13 @@ fn lab_hunt(rgb: [f32; 3]) -> [f32; 3] {
     [l, 0.01 * l * 500.0 * (x - y), 0.01 * l * 200.0 * (y - z)]
 }
 
-/// City-block in lightness, Euclidean in colour (Abasi et al. 2020): right for large differences too.
+/// HyAB distance: city-block in lightness, Euclidean in color (Abasi et al. 2020): right for large differences too.
 fn hyab(p: [f32; 3], q: [f32; 3]) -> f32 {
     let [l, a, b] = [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
     l.abs() + libm::sqrtf(a * a + b * b)
 }
 
-/// A channel as far as the eye resolves it: a weighted sum of Gaussians, each done along rows and then columns.
+/// Contrast sensitivity filter of a channel: a weighted sum of Gaussians, each applied along rows and then columns.
 fn filtered(plane: &[f32], size: [usize; 2], gaussians: &[(f32, f32)]) -> Vec<f32> {
     use std::f32::consts::PI;
     // Three standard deviations of the widest of all channels.
@@ -244,7 +244,7 @@ fn filtered(plane: &[f32], size: [usize; 2], gaussians: &[(f32, f32)]) -> Vec<f3
 
 /// Strength of edges and of points at each pixel (section 4.2), of the luminance unfiltered, 0..=1.
 fn features(luminance: &[f32], size: [usize; 2]) -> [Vec<f32>; 2] {
-    /// Degrees: the peak of the eye's edge detector.
+    /// Peak of the eye's edge detector in degrees.
     const WIDTH: f32 = 0.082;
     let y: Vec<f32> = luminance.iter().map(|y| (y + 16.0) / 116.0).collect();
     let deviation = 0.5 * WIDTH * PIXELS_PER_DEGREE;
@@ -270,7 +270,7 @@ fn features(luminance: &[f32], size: [usize; 2]) -> [Vec<f32>; 2] {
     })
 }
 
-/// Convolution along rows; the outermost pixels go on beyond the border.
+/// Convolution along rows; the outermost pixels are repeated beyond the border.
 fn rows(plane: &[f32], [width, height]: [usize; 2], taps: &[f32]) -> Vec<f32> {
     let radius = taps.len() / 2;
     let mut out = Vec::with_capacity(plane.len());
@@ -303,7 +303,7 @@ fn columns(plane: &[f32], [width, height]: [usize; 2], taps: &[f32]) -> Vec<f32>
 mod tests {
     use super::*;
 
-    /// Pictures by integer formulas, so that another program can make them too.
+    /// Images by integer formulas, so that another program can compute them, too.
     fn picture(fault: usize) -> Frame {
         let (width, height) = (64u32, 48u32);
         let rgba = (0..width * height)
@@ -325,7 +325,7 @@ mod tests {
     }
 
     /// (fault, mean, largest), from the authors' program: flip-evaluator 1.7 for Python, LDR, its default viewing
-    /// conditions, on the pictures above.
+    /// conditions, on the images above.
     const AUTHORS: [(usize, f64, f64); 5] = [
         (1, 0.002699297, 0.602920651),
         (2, 0.065363504, 0.087281346),
@@ -355,7 +355,7 @@ mod tests {
         assert_eq!(shown.rgba.len(), 64 * 48 * 4);
     }
 
-    /// Before black a transparent black is nothing, before white it is seen.
+    /// Transparent black is invisible over black and visible over white.
     #[test]
     fn transparency_counts() {
         let a = Frame { width: 16, height: 16, rgba: vec![0; 16 * 16 * 4] };

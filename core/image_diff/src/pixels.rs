@@ -1,25 +1,25 @@
-//! How much two frames differ: numbers, where, a picture of it, and words for what the numbers mean.
+//! Pixel differences of two frames: numbers, the worst pixel, an image of the difference, and what the numbers mean.
 
 use choreo_plugin::Frame;
 use thiserror::Error;
 
-/// Differences are in 8-bit steps of the encoded picture.
+/// Differences are in 8-bit steps of the encoded image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
     /// Mean over all pixels and channels.
     pub mean: f64,
-    /// Largest of any channel.
+    /// Largest difference of any channel.
     pub worst: u8,
     /// The pixel with the worst difference (the first of equals).
     pub worst_at: [u32; 2],
-    /// Part of the pixels with a channel beyond the tolerance, 0..=1.
+    /// Share of the pixels with a channel beyond the tolerance, 0..=1.
     pub share_beyond: f64,
     pub tolerance: u8,
     /// Peak signal-to-noise ratio in decibels; infinite for equal frames.
     pub psnr: f64,
     /// Structural similarity of luma, 1 = equal: the mean over 8×8 windows, the coarser of two scales counting too.
     pub ssim: f64,
-    /// The worst window's: a small defect in a large picture.
+    /// Structural similarity of the worst window: shows a small defect in a large image.
     pub worst_ssim: f64,
     /// Smallest box with every pixel beyond the tolerance: x, y, width, height.
     pub region: Option<[u32; 4]>,
@@ -33,7 +33,7 @@ pub enum CompareError {
     Length(u32, u32, usize, usize),
 }
 
-/// Equal sizes, and as many bytes as the sizes ask for.
+/// An error unless the sizes are equal and the buffers have as many bytes.
 pub(crate) fn check(a: &Frame, b: &Frame) -> Result<(), CompareError> {
     for f in [a, b] {
         let expected = f.width as usize * f.height as usize * 4;
@@ -47,7 +47,7 @@ pub(crate) fn check(a: &Frame, b: &Frame) -> Result<(), CompareError> {
     Ok(())
 }
 
-/// A pixel differs where a channel differs by more than `tolerance` steps.
+/// Compares two frames. A pixel differs if a channel differs by more than `tolerance` steps.
 pub fn compare(a: &Frame, b: &Frame, tolerance: u8) -> Result<Comparison, CompareError> {
     check(a, b)?;
     let (mut sum, mut squares, mut worst, mut worst_at) = (0u64, 0u64, 0u8, [0; 2]);
@@ -89,7 +89,7 @@ pub fn compare(a: &Frame, b: &Frame, tolerance: u8) -> Result<Comparison, Compar
 }
 
 impl Comparison {
-    /// What the values mean to somebody looking at the two pictures.
+    /// What the values mean to somebody who views the two images.
     pub fn verdict(&self) -> &'static str {
         match self {
             c if c.worst == 0 => "equal, bit for bit",
@@ -129,7 +129,7 @@ impl std::fmt::Display for Comparison {
     }
 }
 
-/// The first frame in dim grey, with the difference over it: from blue (one step) over red to white.
+/// The first frame in dim gray, with the difference over it: from blue (one step) over red to white.
 pub fn difference_image(a: &Frame, b: &Frame) -> Result<Frame, CompareError> {
     compare(a, b, 0)?;
     let mut out = a.clone();
@@ -150,7 +150,7 @@ pub fn difference_image(a: &Frame, b: &Frame) -> Result<Frame, CompareError> {
     Ok(out)
 }
 
-/// ITU-R BT.709 weights, on the encoded values; coverage counts as a fourth colour.
+/// ITU-R BT.709 weights, on the encoded values; alpha counts as a fourth color.
 fn luma(p: &[u8]) -> f64 {
     (0.2126 * f64::from(p[0]) + 0.7152 * f64::from(p[1]) + 0.0722 * f64::from(p[2]))
         * (0.5 + f64::from(p[3]) / 510.0)
@@ -216,7 +216,7 @@ fn halved(p: &[f64], w: usize, h: usize) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// A picture with some structure.
+    /// An image with some structure.
     fn picture() -> Frame {
         let (width, height) = (64, 48);
         let rgba = (0..width * height)

@@ -31,7 +31,7 @@ impl Default for RootParts {
 }
 
 /// 15°: more than hips are off their way at the ends of a straight walk.
-pub const LEAST_TURN_RAD: f64 = std::f64::consts::PI / 12.0;
+pub(crate) const LEAST_TURN_RAD: f64 = std::f64::consts::PI / 12.0;
 
 /// A root that gets no farther than this share of a leg in a clip stays on the spot.
 const ON_THE_SPOT: f64 = 0.1;
@@ -203,7 +203,7 @@ fn twist(q: DQuat) -> f64 {
 
 /// The joint that carries a clip's character: the topmost from the hips upwards whose place the clip moves, else the hips.
 /// Without hips by name, the topmost joint that the clip moves, else the first.
-pub fn find_root(skeleton: &Skeleton, clip: &Clip) -> Option<u32> {
+pub(crate) fn find_root(skeleton: &Skeleton, clip: &Clip) -> Option<u32> {
     let moves = |joint: u32| {
         clip.curves().iter().any(|c| {
             c.joint == joint

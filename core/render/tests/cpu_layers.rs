@@ -213,7 +213,7 @@ fn glass_is_planned_twice_and_last() {
 }
 
 #[test]
-fn without_layers_nothing_is_asked_for() {
+fn without_layers_nothing_is_requested() {
     let what = |material: Material| {
         let mut scene = wall(material);
         scene.sun(Vec3::NEG_Z, Vec3::ONE, 0.5);

@@ -108,7 +108,7 @@ fn interpolation_is_perspective_correct_even_behind_the_camera() {
 }
 
 #[test]
-fn the_nearer_one_is_seen_in_either_order() {
+fn the_nearer_one_is_visible_in_either_order() {
     for flip in [false, true] {
         let mut scene = Scene::perspective(1.0, 5.0);
         let red = asset(vec![quad(1.0, 1.0)], vec![unlit(Vec4::new(1.0, 0.0, 0.0, 1.0))], vec![]);

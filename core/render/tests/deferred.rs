@@ -1,4 +1,4 @@
-//! Deferred shading: the picture that forward shading makes, by another order of work.
+//! Deferred shading gives the image of forward shading.
 
 mod common;
 
@@ -188,7 +188,7 @@ fn assert_same(c: &Comparison, what: &str) {
 }
 
 #[test]
-fn deferred_makes_the_picture_of_forward() {
+fn deferred_gives_the_image_of_forward() {
     let effects = effects();
     let Some(mut gpu) = vulkan(GpuOptions { effects: effects.clone(), ..GpuOptions::default() }) else {
         return;

@@ -92,7 +92,7 @@ fn draw_case(case: &Case, drawn: &mut dyn FnMut(&Scene, &PlanOptions) -> Frame, 
 }
 
 #[test]
-fn vulkan_and_its_twin_draw_the_same_effects() {
+fn vulkan_and_the_cpu_reference_draw_the_same_effects() {
     let Some(mut renderer) = vulkan(GpuOptions { effects: all(), ..GpuOptions::default() }) else { return };
     let mut vulkan = |scene: &Scene, options: &PlanOptions| draw_with(&mut renderer, scene, options);
     let mut cpu = |scene: &Scene, options: &PlanOptions| draw(scene, options);

@@ -1,4 +1,4 @@
-//! Effects that move corners, say what light does, read textures and frames before: closed forms, the twin, and what they cost.
+//! Effects that displace vertices, replace lighting, read textures and frames before: closed forms, the CPU reference, and what they cost.
 
 mod common;
 
@@ -274,7 +274,7 @@ fn a_frame_before_is_that_frame() {
 }
 
 #[test]
-fn vulkan_and_its_twin_draw_the_same_hooks() {
+fn vulkan_and_the_cpu_reference_draw_the_same_hooks() {
     let effects = all();
     let Some(mut renderer) = vulkan(GpuOptions { effects: effects.clone(), ..GpuOptions::default() }) else {
         return;

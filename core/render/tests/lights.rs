@@ -1,4 +1,4 @@
-//! Hundreds of lamps: what lists of them leave out, and that no pixel shows it.
+//! Hundreds of lights: clusters leave most of them out, and change no pixel.
 
 mod common;
 
@@ -52,7 +52,7 @@ fn frame(r: &mut dyn Renderer, plan: Plan) -> choreo_plugin::Frame {
 }
 
 #[test]
-fn lists_leave_out_most_lamps_and_change_no_pixel() {
+fn clusters_leave_out_most_lights_and_change_no_pixel() {
     let scene = hall(250);
     let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
     let lists = plan.light_clusters.as_ref().unwrap();

@@ -113,7 +113,7 @@ fn line(width: f32, on_screen: bool) -> Outline {
 }
 
 #[test]
-fn mtoon_in_metres_and_in_shares_of_the_picture() {
+fn mtoon_in_meters_and_in_shares_of_the_image() {
     // Two metres in 200 pixels: 0.05 m and 2.5 % are 5 pixels, at any scale of the model.
     for (outline, pixels) in [(line(0.05, false), 5), (line(0.025, true), 5), (line(0.1, false), 10)] {
         for scale in [0.5, 1.5] {
@@ -144,7 +144,7 @@ fn mtoon_in_metres_and_in_shares_of_the_picture() {
 }
 
 #[test]
-fn what_is_seen_through_has_its_line_around_it() {
+fn transparent_surfaces_have_their_outline_around_them() {
     // Half of everything comes through, the line's light and the surface's; nothing is behind.
     let mut scene = Scene::ortho(2.0);
     let base = Vec4::new(1.0, 1.0, 1.0, 0.5);
@@ -221,7 +221,7 @@ fn scene_of_all() -> Scene {
 }
 
 #[test]
-fn vulkan_and_its_twin_draw_the_same_outlines() {
+fn vulkan_and_the_cpu_reference_draw_the_same_outlines() {
     let all = effects();
     let Some(mut renderer) = vulkan(GpuOptions { effects: all.clone(), ..GpuOptions::default() }) else {
         return;
@@ -293,7 +293,7 @@ fn a_mask_says_what_moves() {
 }
 
 #[test]
-fn an_outline_reaches_into_the_picture_from_outside() {
+fn an_outline_reaches_into_the_image_from_outside() {
     // A ball whose rim is two pixels left of the picture: a line of eight pixels is seen.
     let drawn = |width: f64, x: f64| {
         let mut scene = Scene::ortho(2.0);

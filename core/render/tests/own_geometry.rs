@@ -162,7 +162,7 @@ fn wake(time: Time) -> Vec<f64> {
 }
 
 #[test]
-fn lines_are_drawn_where_bodies_were_frames_ago() {
+fn lines_are_drawn_where_actors_were_frames_ago() {
     let near = |got: Vec<f64>, expected: [f64; 4]| {
         assert!(got.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-5), "{got:?} {expected:?}");
     };
@@ -192,7 +192,7 @@ fn scene_of_all(amount: f64) -> Scene {
 }
 
 #[test]
-fn vulkan_and_its_twin_draw_the_same_geometry() {
+fn vulkan_and_the_cpu_reference_draw_the_same_geometry() {
     let effects = all();
     let Some(mut renderer) = vulkan(GpuOptions { effects: effects.clone(), ..GpuOptions::default() }) else {
         return;

@@ -139,7 +139,7 @@ fn white_furnace() {
 }
 
 #[test]
-fn the_sky_is_seen_behind_everything() {
+fn the_sky_is_visible_behind_everything() {
     let stripe = panorama(256, |way| if way.x > 0.0 { DVec3::X * 0.5 } else { DVec3::Z * 0.5 });
     let seen = |turn: f64| {
         let scene = Scene::perspective(0.9, 6.0);

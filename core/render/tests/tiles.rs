@@ -61,7 +61,7 @@ fn differ(a: &Frame, b: &Frame) -> choreo_image_diff::Comparison {
 }
 
 #[test]
-fn tiles_make_the_picture_that_is_drawn_whole() {
+fn tiles_give_the_image_that_is_drawn_whole() {
     let effects = effects();
     let given = || GpuOptions { effects: effects.clone(), ..GpuOptions::default() };
     let Some(mut whole) = vulkan(given()) else { return };
@@ -104,7 +104,7 @@ fn tiles_make_the_picture_that_is_drawn_whole() {
 }
 
 #[test]
-fn a_tile_in_a_wrong_place_is_seen() {
+fn a_misplaced_tile_shows() {
     let Some(mut whole) = vulkan(GpuOptions::default()) else { return };
     let options = PlanOptions::new(SIZE, 1);
     let (resources, plan) = scene().plan(&options);
@@ -133,7 +133,7 @@ fn a_tile_in_a_wrong_place_is_seen() {
 }
 
 #[test]
-fn what_tiles_cannot_show_is_said() {
+fn what_tiles_cannot_show_is_reported() {
     let Some(mut tiled) = vulkan(GpuOptions { longest_side: Some(64), ..GpuOptions::default() }) else {
         return;
     };

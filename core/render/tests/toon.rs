@@ -185,7 +185,7 @@ fn toon_scene() -> Scene {
 }
 
 #[test]
-fn vulkan_and_its_twin_draw_the_same_toon() {
+fn vulkan_and_the_cpu_reference_draw_the_same_toon() {
     let Some(mut renderer) = vulkan(GpuOptions::default()) else { return };
     let mut draw_with = |scene: &Scene, options: &PlanOptions| draw_with(&mut renderer, scene, options);
     let options = PlanOptions::new([320, 240], 1);

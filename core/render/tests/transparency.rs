@@ -1,4 +1,4 @@
-//! What is seen through, against rays that meet every pane in f64 and are mixed in the order of their depths, by both renderers.
+//! Transparency, against rays that meet every pane in f64 and are blended in the order of their depths, by both renderers.
 
 mod common;
 
@@ -230,7 +230,7 @@ fn bodies(morphed: bool, apart: f64) -> Scene {
 }
 
 #[test]
-fn posed_bodies_count_by_the_boxes_around_them() {
+fn deformed_meshes_count_by_their_bounds() {
     for morphed in [false, true] {
         assert_eq!(cause(&bodies(morphed, 0.6)), Ok(PeelCause::Order(0, 1)), "{morphed}");
         assert!(cause(&bodies(morphed, 1.4)).is_err_and(|why| why.contains("can be sorted")));
@@ -239,7 +239,7 @@ fn posed_bodies_count_by_the_boxes_around_them() {
 
 /// Two panes beside each other, which an effect may move into each other.
 #[test]
-fn bodies_that_effects_move_count_with_their_reach() {
+fn displaced_meshes_count_with_their_displacement() {
     let why = |apart: f64, reach: Option<f64>| {
         let mut scene = Scene::ortho(4.0);
         let glass = Material { alpha_mode: AlphaMode::Blend, ..unlit(Vec4::splat(0.5)) };

@@ -61,7 +61,7 @@ fn scene(sharpness: f32, mirrored: f64) -> Scene {
 }
 
 #[test]
-fn each_side_shows_its_picture_upright() {
+fn each_side_shows_its_image_upright() {
     // Faces of a box of one metre, seen straight on: u to the right, v down, whichever way the face looks.
     for (normal, right) in [
         (Vec3::X, Vec3::NEG_Z),
@@ -100,7 +100,7 @@ fn each_side_shows_its_picture_upright() {
 }
 
 #[test]
-fn both_renderers_mix_the_same_and_a_planted_fault_is_seen() {
+fn both_renderers_mix_the_same_and_a_planted_fault_shows() {
     for mirrored in [1.0, -1.0] {
         let options = PlanOptions::new([80, 80], 1);
         let cpu = draw(&scene(4.0, mirrored), &options);

@@ -1,4 +1,4 @@
-//! Vulkan against the CPU twin on every glTF file of the shared assets: mean and worst difference, share of differing
+//! Vulkan against the CPU reference on every glTF file of the shared assets: mean and worst difference, share of differing
 //! pixels, bounded. Skipped aloud where assets or a Vulkan driver are missing.
 
 use choreo_image_diff::compare;

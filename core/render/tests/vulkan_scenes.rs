@@ -1,4 +1,4 @@
-//! The Vulkan renderer with validation on: closed-form colours, the CPU twin's pictures, equal bytes, what is left out.
+//! The Vulkan renderer with validation on: closed-form colors, the CPU reference's images, equal bytes, what is left out.
 //! Where no Vulkan driver is found every test says that it was skipped.
 
 mod common;
@@ -69,7 +69,7 @@ fn wall(material: Material) -> Scene {
 }
 
 #[test]
-fn colours_in_closed_form() {
+fn colors_in_closed_form() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
     let mut middle = |scene: &Scene| pixel(&draw_with(r, scene, &PlanOptions::new([5, 5], 1)), 2, 2);
@@ -113,13 +113,13 @@ fn colours_in_closed_form() {
 
 /// Mean, worst and share of pixels beyond two steps that the twin may differ by. Edges: the rasteriser's fixed point is
 /// the driver's own; texture filtering: 8 bits of weight.
-fn assert_twin(c: &Comparison, what: &str) {
+fn assert_like_reference(c: &Comparison, what: &str) {
     println!("{what}: {c}");
     assert!(c.mean < 0.15 && c.share_beyond < 0.01, "{what}: {c}");
 }
 
 #[test]
-fn vulkan_and_its_twin_draw_the_same() {
+fn vulkan_and_the_cpu_reference_draw_the_same() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
     let mut scene = busy_scene(DVec3::ZERO);
@@ -130,7 +130,7 @@ fn vulkan_and_its_twin_draw_the_same() {
         let options = PlanOptions::new([320, 240], samples);
         let vulkan = draw_with(r, &scene, &options);
         let cpu = draw_cpu(&scene, &options);
-        assert_twin(&compare(&vulkan, &cpu, 2).unwrap(), &format!("{samples} samples"));
+        assert_like_reference(&compare(&vulkan, &cpu, 2).unwrap(), &format!("{samples} samples"));
         let colors: std::collections::BTreeSet<_> = vulkan.rgba.chunks_exact(4).collect();
         assert!(colors.len() > 500, "there is something in the picture: {} colours", colors.len());
     }
@@ -143,7 +143,7 @@ fn vulkan_and_its_twin_draw_the_same() {
 }
 
 #[test]
-fn coats_sheen_and_glass_as_the_twin_has_them() {
+fn coats_sheen_and_glass_as_the_cpu_reference_draws_them() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
     let mut scene = common::layered::layered_scene();
@@ -151,7 +151,7 @@ fn coats_sheen_and_glass_as_the_twin_has_them() {
         let options = PlanOptions::new([320, 240], samples);
         let (vulkan, cpu) = (draw_with(r, &scene, &options), draw_cpu(&scene, &options));
         let c = compare(&vulkan, &cpu, 2).unwrap();
-        assert_twin(&c, &format!("layers, {samples} samples"));
+        assert_like_reference(&c, &format!("layers, {samples} samples"));
         // The layered parts are small in the picture.
         assert!(c.share_beyond < 0.001, "{c}");
     }
@@ -365,7 +365,7 @@ fn effects_run_in_order_on_linear_light() {
             let vulkan = draw_with(r, &scene, &options);
             let cpu = draw_cpu(&scene, &options);
             let c = compare(&vulkan, &cpu, 2).unwrap();
-            assert_twin(&c, &format!("{chain:?}, {samples} samples"));
+            assert_like_reference(&c, &format!("{chain:?}, {samples} samples"));
         }
     }
 }

@@ -14,7 +14,7 @@ use std::sync::{Arc, OnceLock};
 use thiserror::Error;
 
 /// Folders named as the system's PATH is.
-pub const VARIABLE: &str = "CHOREO_PLUGINS";
+pub(crate) const VARIABLE: &str = "CHOREO_PLUGINS";
 /// The folder beside a script.
 const BESIDE: &str = "plugins";
 

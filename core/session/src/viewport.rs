@@ -38,7 +38,7 @@ const OUTLINE: [(&str, f64); 4] = [("width", 2.5), ("color_r", 1.0), ("color_g",
 
 /// The evaluators of the scene that is shown, one a camera.
 #[derive(Default)]
-pub struct ViewEvaluators {
+pub(crate) struct ViewEvaluators {
     scene: Option<Arc<Scene>>,
     own: Option<Evaluator>,
     /// The stage with one camera on all the time.

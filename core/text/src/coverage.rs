@@ -1,10 +1,10 @@
-//! Exact coverage: each edge adds the area that it cuts off to the pixels it passes, and what lies to its right is summed up
-//! afterwards (R. Levien's accumulation buffer, as in font-rs). Areas, no samples.
+//! Exact coverage of outlines: each edge adds the area that it cuts off to the pixels that it crosses, and rows are summed up
+//! afterwards (R. Levien's accumulation buffer, as in font-rs). Areas are exact, not sampled.
 
-/// How much of each pixel of a rectangle is covered.
+/// Coverage of each pixel of a rectangle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coverage {
-    /// First pixel of the picture, and pixels.
+    /// First pixel in the image, and size in pixels.
     pub at: [u32; 2],
     pub size: [u32; 2],
     /// One row has `size[0] + 2` entries; sums of the rows are the coverage.
@@ -12,7 +12,7 @@ pub struct Coverage {
 }
 
 impl Coverage {
-    /// Coverage of the part of an image between two corners of the image.
+    /// Empty coverage of the part of an image between two corners.
     pub fn new(low: [f32; 2], high: [f32; 2], picture: [u32; 2]) -> Coverage {
         let end = |v: f32, most: u32| (v.ceil().max(0.0) as u32).min(most);
         let begin = |v: f32, most: u32| (v.floor().max(0.0) as u32).min(most);
@@ -22,7 +22,7 @@ impl Coverage {
         Coverage { at, size, areas }
     }
 
-    /// A rectangle.
+    /// Coverage of a rectangle.
     pub fn rectangle(low: [f32; 2], high: [f32; 2], picture: [u32; 2]) -> Coverage {
         let mut coverage = Coverage::new(low, high, picture);
         let corners = [[low[0], low[1]], [low[0], high[1]], [high[0], high[1]], [high[0], low[1]]];
@@ -32,7 +32,7 @@ impl Coverage {
         coverage
     }
 
-    /// A row, from 0 to 1 a pixel. Shapes that lie over each other in the same direction count once.
+    /// Coverage of a row's pixels, from 0 to 1. Overlapping shapes of the same direction count once.
     pub fn row(&self, y: u32) -> impl Iterator<Item = f32> + '_ {
         let stride = self.size[0] as usize + 2;
         let row = &self.areas[y as usize * stride..(y as usize + 1) * stride];
@@ -43,7 +43,7 @@ impl Coverage {
         })
     }
 
-    /// An edge of a closed outline.
+    /// Adds an edge of a closed outline.
     pub fn line(&mut self, from: [f32; 2], to: [f32; 2]) {
         if !from.iter().chain(&to).all(|v| v.is_finite()) {
             return;
@@ -132,7 +132,7 @@ pub(crate) struct Outline<'a> {
     at: [f32; 2],
 }
 
-/// Pixels that an edge may be away from its curve.
+/// Largest distance between an edge and its curve in pixels.
 const FLATNESS: f32 = 0.02;
 
 impl<'a> Outline<'a> {
@@ -150,7 +150,7 @@ impl<'a> Outline<'a> {
         self.at = to;
     }
 
-    /// Even steps, as many as keep a curve whose second difference is so large flat enough.
+    /// Number of even steps that approximate a curve with this second difference.
     fn steps(bend: f32) -> usize {
         (bend / (8.0 * FLATNESS)).sqrt().ceil().clamp(1.0, 64.0) as usize
     }

@@ -1,4 +1,4 @@
-//! A font file, checked once.
+//! A font file, parsed and checked once.
 
 use std::fmt;
 use std::sync::{Arc, OnceLock};
@@ -12,7 +12,7 @@ pub struct Font {
     hash: [u8; 32],
 }
 
-/// Why bytes are no font, in words.
+/// Why a file is not a font, in words.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FontError(pub String);
 
@@ -35,7 +35,7 @@ impl PartialEq for Font {
 }
 
 impl Font {
-    /// TrueType (`.ttf`) or OpenType (`.otf`), the first of a collection.
+    /// Reads a TrueType (`.ttf`) or OpenType (`.otf`) file; the first font of a collection.
     pub fn new(name: &str, bytes: impl Into<Arc<[u8]>>) -> Result<Font, FontError> {
         let bytes = bytes.into();
         let face = Face::parse(&bytes, 0).map_err(|e| FontError(format!("is not a font: {e}")))?;
@@ -48,7 +48,7 @@ impl Font {
         Ok(Font { name: name.into(), bytes, hash })
     }
 
-    /// Ubuntu Light.
+    /// The built-in font, Ubuntu Light.
     pub fn built_in() -> Font {
         static BUILT_IN: OnceLock<Font> = OnceLock::new();
         let made =
@@ -77,7 +77,7 @@ impl Font {
     }
 }
 
-/// How much nearer two glyphs stand than their widths say, font units: of the old table, else of GPOS pairs.
+/// Kerning of two glyphs in font units: of the old table, else of GPOS pairs.
 pub(crate) fn kerning(face: &Face, left: GlyphId, right: GlyphId) -> f32 {
     if let Some(kern) = face.tables().kern {
         let tables = kern.subtables.into_iter().filter(|t| t.horizontal && !t.variable);

@@ -1,4 +1,4 @@
-//! Words to lines.
+//! Layout: words to lines.
 
 use crate::coverage::{Coverage, Outline};
 use crate::font::{Font, kerning};
@@ -8,10 +8,10 @@ use ttf_parser::{Face, GlyphId};
 pub struct Style {
     /// Size of the font's em.
     pub size: f32,
-    /// Lines are broken between words where they would be wider.
+    /// Width at which lines are broken between words.
     pub width: Option<f32>,
     pub align: Align,
-    /// Distance from line to line, in sizes.
+    /// Distance between baselines, in font sizes.
     pub line_height: f32,
 }
 
@@ -27,13 +27,13 @@ pub enum Align {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Laid {
     pub size: [f32; 2],
-    /// Glyph, and where its origin stands on the baseline.
+    /// Glyph, and the position of its origin on the baseline.
     glyphs: Vec<(u16, [f32; 2])>,
     scale: f32,
     pub lines: usize,
 }
 
-/// A run of glyphs without a place to break; widths in pixels.
+/// A run of glyphs without a line break opportunity; widths in pixels.
 struct Word {
     glyphs: Vec<(u16, f32)>,
     width: f32,
@@ -101,7 +101,7 @@ fn word(face: &Face, text: &str, scale: f32) -> Word {
 }
 
 impl Laid {
-    /// Coverage of all glyphs with the box's top left at a place and so many times as large, in a picture of a size.
+    /// Coverage of all glyphs in an image of a size, with the box's top left at a position, scaled by a factor.
     pub fn coverage(&self, font: &Font, at: [f32; 2], factor: f32, picture: [u32; 2]) -> Coverage {
         let face = font.face();
         let scale = self.scale * factor;

@@ -1,4 +1,4 @@
-//! Fonts, lines of text, and how much of each pixel their outlines cover. Knows nothing of stages, scripts or renderers.
+//! Fonts, lines of text, and the exact coverage of their outlines. Knows nothing of stages, scripts or renderers.
 //! Lengths are pixels, y down.
 
 mod coverage;

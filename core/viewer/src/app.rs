@@ -1,17 +1,16 @@
 //! What the window shows and knows, apart from how it is drawn: fed with versions, frames and the clock, asked for the next
 //! frame to draw. No toolkit here.
 
-use crate::editing::{History, Offer};
-use crate::gizmo::{Change, Drag, Tool};
-use crate::orbit::Orbit;
-use crate::performance::Performance;
-use crate::pick;
-use crate::playhead::Playhead;
-use crate::selection::{self, Selected};
-use crate::span::Span;
-use crate::timeline::Timeline;
-pub use crate::view::{MOST_VIEWS, Overlays, Resolution, View, ViewCamera};
-use crate::view::{Wish, fitted};
+use crate::geometry::gizmo::{Change, Drag, Tool};
+use crate::geometry::picking;
+use crate::state::history::{History, Offer};
+use crate::state::orbit::Orbit;
+use crate::state::performance::Performance;
+use crate::state::playhead::Playhead;
+use crate::state::selection::{self, Selected};
+use crate::state::span::Span;
+use crate::state::timeline::Timeline;
+use crate::state::view::{Resolution, View, ViewCamera, Wish, fitted};
 use choreo_motion::Time;
 use choreo_plugin::Frame;
 use choreo_render::renderer::{CreatedCounts, DeviceUsage};
@@ -256,7 +255,7 @@ impl Viewer {
     }
 
     /// Whether a frame is being drawn.
-    pub fn is_waiting(&self) -> bool {
+    pub(crate) fn is_waiting(&self) -> bool {
         self.views.iter().any(|v| v.waiting)
     }
 
@@ -269,7 +268,7 @@ impl Viewer {
         &self.views[self.active.min(self.views.len() - 1)]
     }
 
-    pub fn view_mut(&mut self) -> &mut View {
+    pub(crate) fn view_mut(&mut self) -> &mut View {
         let active = self.active.min(self.views.len() - 1);
         &mut self.views[active]
     }
@@ -289,21 +288,21 @@ impl Viewer {
     }
 
     /// The middle of the selected actor, else of all.
-    pub fn point_of_interest(&self) -> Option<DVec3> {
+    pub(crate) fn point_of_interest(&self) -> Option<DVec3> {
         let (scene, shown) = (self.scene.as_ref()?, self.shown()?);
         let selected = self.selection.as_ref().and_then(Selected::actor);
         let selected = selected.and_then(|name| selection::actor(&scene.stage, name));
         let actors = || scene.stage.actors.iter().zip(&shown.snapshot.actors);
         if let Some((actor, state)) = selected.and_then(|a| actors().nth(a)) {
-            return Some(pick::middle(&actor.asset, state));
+            return Some(picking::middle(&actor.asset, state));
         }
-        let middles = || actors().filter(|(_, s)| s.visible).map(|(a, s)| pick::middle(&a.asset, s));
+        let middles = || actors().filter(|(_, s)| s.visible).map(|(a, s)| picking::middle(&a.asset, s));
         let count = middles().count();
         (count > 0).then(|| middles().sum::<DVec3>() / count as f64)
     }
 
     /// The playhead goes to the next thing that begins, ends or happens, or to the last one.
-    pub fn to_next(&mut self, back: bool) {
+    pub(crate) fn to_next(&mut self, back: bool) {
         let next = self.timeline.next(self.playhead.time(), self.playhead.fps(), back);
         if let Some(time) = next {
             self.playhead.pause();

@@ -47,7 +47,7 @@ struct Args {
 }
 
 /// What the user asks for.
-pub struct ViewerOptions {
+pub(crate) struct ViewerOptions {
     pub source: SceneSource,
     pub at: f64,
     pub play: bool,

@@ -2,30 +2,17 @@
 //! `choreo-view`.
 //!
 //! ```text
-//! choreo_session::SessionThread ─ versions ─► Viewer (app: plain state) ─ wishes ─► choreo_session::FrameRenderer ─ frames ─┐
-//!                                    ▲ panels (egui)                                                   │
-//!                                    └─────────────── window (winit, Vulkan) ◄─────────────────────────┘
+//! SessionThread ─ scene versions ─► Viewer (app) ─ frame requests ─► FrameRenderer ─ frames ─┐
+//!                                    ▲ panels (egui)                                        │
+//!                                    └─────────────── window (winit, Vulkan) ◄──────────────┘
 //! ```
 
 pub mod app;
 mod args;
-mod difference;
 pub mod editing;
-mod editor;
-pub mod events;
-pub mod gizmo;
-pub mod lens;
-pub mod orbit;
+pub mod geometry;
 pub mod panels;
-pub mod performance;
-pub mod pick;
-pub mod placing;
-pub mod playhead;
-pub mod selection;
-pub mod settings;
-pub mod span;
-pub mod timeline;
-pub mod view;
+pub mod state;
 #[allow(unsafe_code, reason = "calls of Vulkan")]
 mod window;
 

@@ -4,7 +4,7 @@ mod place;
 
 use choreo_motion::Time;
 use choreo_session::edit::CueTime;
-use choreo_viewer::selection::Selected;
+use choreo_viewer::state::selection::Selected;
 use egui::{pos2, vec2};
 use egui_kittest::kittest::Queryable;
 use place::Place;

@@ -4,9 +4,9 @@
 mod place;
 
 use choreo_motion::Time;
-use choreo_viewer::events::Kind;
-use choreo_viewer::selection::Selected;
-use choreo_viewer::timeline::Timeline;
+use choreo_viewer::state::events::Kind;
+use choreo_viewer::state::selection::Selected;
+use choreo_viewer::state::timeline::Timeline;
 use egui::{Key, Modifiers, pos2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
@@ -31,7 +31,7 @@ fn desk() -> Desk {
     Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))
 }
 
-fn row<'a>(timeline: &'a Timeline, label: &str) -> &'a choreo_viewer::timeline::Row {
+fn row<'a>(timeline: &'a Timeline, label: &str) -> &'a choreo_viewer::state::timeline::Row {
     timeline.rows.iter().find(|row| row.label == label).unwrap_or_else(|| panic!("no row {label}"))
 }
 

@@ -4,8 +4,8 @@
 mod place;
 
 use choreo_session::{Problem, SceneSource, Session};
-use choreo_viewer::gizmo::Change;
-use choreo_viewer::selection::Selected;
+use choreo_viewer::geometry::gizmo::Change;
+use choreo_viewer::state::selection::Selected;
 use egui::{Key, Modifiers, pos2, vec2};
 use egui_kittest::kittest::Queryable;
 use glam::{DQuat, DVec3};

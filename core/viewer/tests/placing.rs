@@ -3,9 +3,9 @@
 mod place;
 
 use choreo_motion::Time;
-use choreo_viewer::gizmo::Change;
-use choreo_viewer::placing::placement;
-use choreo_viewer::selection::Selected;
+use choreo_viewer::editing::placing::placement;
+use choreo_viewer::geometry::gizmo::Change;
+use choreo_viewer::state::selection::Selected;
 use egui::vec2;
 use egui_kittest::kittest::Queryable;
 use glam::{DQuat, DVec3};

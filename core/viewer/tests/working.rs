@@ -5,10 +5,10 @@ mod place;
 
 use choreo_motion::Time;
 use choreo_session::ViewportCamera;
-use choreo_viewer::app::ViewCamera;
-use choreo_viewer::lens::Lens;
-use choreo_viewer::pick;
-use choreo_viewer::selection::Selected;
+use choreo_viewer::geometry::picking;
+use choreo_viewer::geometry::projection::Lens;
+use choreo_viewer::state::selection::Selected;
+use choreo_viewer::state::view::ViewCamera;
 use egui::accesskit::Role;
 use egui::{Key, Modifiers, pos2, vec2};
 use egui_kittest::Harness;
@@ -240,7 +240,7 @@ fn what_is_picked_is_what_is_seen() {
                 continue;
             };
             let at = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-            let picked = pick::actor(&scene.stage, &shown.snapshot, lens.ray(at), |_| true);
+            let picked = picking::actor(&scene.stage, &shown.snapshot, lens.ray(at), |_| true);
             assert_eq!(picked, expected, "at {x}, {y}");
             seen[expected.map_or(2, |a| a)] += 1;
         }
@@ -283,7 +283,7 @@ fn a_skinned_model_of_others_is_picked_where_it_is_seen() {
                 continue;
             }
             let at = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-            let picked = pick::actor(&scene.stage, &shown.snapshot, lens.ray(at), |_| true);
+            let picked = picking::actor(&scene.stage, &shown.snapshot, lens.ray(at), |_| true);
             assert_eq!(picked.is_none(), back, "at {x}, {y}");
             seen[usize::from(back)] += 1;
         }
@@ -300,7 +300,7 @@ fn a_click_in_the_picture_selects_and_what_is_locked_stays() {
     let corner = rect.center() - vec2(160.0, 90.0);
     let corner = DVec2::new(f64::from(corner.x.round()), f64::from(corner.y.round()));
     let lens = Lens::new(&shown.snapshot.camera, corner, DVec2::new(320.0, 180.0));
-    let at = lens.point(pick::middle(
+    let at = lens.point(picking::middle(
         &desk.state().viewer.scene.as_ref().unwrap().stage.actors[0].asset,
         &shown.snapshot.actors[0],
     ));
@@ -378,7 +378,7 @@ fn the_sequencer_has_times_as_one_likes_them() {
     assert_eq!(desk.state().viewer.snapped(1.013), 1.013);
     desk.state_mut().viewer.span.zoom(4.0, 0.0, 100.0, 4.0);
     click(&mut desk, "Whole");
-    assert_eq!(desk.state().viewer.span, choreo_viewer::span::Span::whole(4.0));
+    assert_eq!(desk.state().viewer.span, choreo_viewer::state::span::Span::whole(4.0));
     // The end of a bar, and a cut, by the mouse.
     for (label, secs, expected) in
         [("end of Walk in row 1", 3.0, ".until(3.0)"), ("start of near in row 0", 2.0, ".cut(2.0)")]

@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 
-pub const INK: &str = "#222831";
-pub const GREY: &str = "#8a929c";
-pub const GRID: &str = "#e3e6ea";
+pub(crate) const INK: &str = "#222831";
+pub(crate) const GREY: &str = "#8a929c";
+pub(crate) const GRID: &str = "#e3e6ea";
 pub const BLUE: &str = "#2b6cb0";
 pub const RED: &str = "#c0392b";
 
@@ -83,7 +83,7 @@ impl Svg {
     }
 
     /// Reads upwards.
-    pub fn text_up(&mut self, at: (f64, f64), text: &str, size: f64, color: &str) {
+    pub(crate) fn text_up(&mut self, at: (f64, f64), text: &str, size: f64, color: &str) {
         let (x, y) = at;
         let _ = writeln!(
             self.body,
@@ -120,7 +120,7 @@ fn escaped(text: &str) -> String {
 }
 
 /// About as wide as a sans-serif font of this size draws it.
-pub fn text_width(text: &str, size: f64) -> f64 {
+pub(crate) fn text_width(text: &str, size: f64) -> f64 {
     text.chars().map(|c| if "iljt.,:'|! ".contains(c) { 0.34 } else { 0.63 }).sum::<f64>() * size
 }
 

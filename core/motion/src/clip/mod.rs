@@ -184,7 +184,7 @@ pub struct Clip {
 pub const MAX_WEIGHTS: u32 = 65_536;
 
 /// The largest number a key may hold, so that interpolation stays within f32.
-pub const MAX_KEY: f32 = 1e15;
+pub(crate) const MAX_KEY: f32 = 1e15;
 
 impl Clip {
     /// Checks the curves against a skeleton of `joint_count` joints: lengths, order, finiteness, unit rotations (renormalised).

@@ -125,7 +125,7 @@ type Lanes<'a> = [Option<&'a Curve>; LANES];
 
 impl Tracks {
     /// All but scales.
-    pub fn unscaled_constants(&self) -> &[Constant] {
+    pub(crate) fn unscaled_constants(&self) -> &[Constant] {
         let scales = self.constants.partition_point(|c| c.column.channel != Channel::Scale);
         &self.constants[..scales]
     }

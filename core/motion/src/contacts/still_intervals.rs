@@ -1,7 +1,7 @@
 //! When something stays: a threshold with hysteresis, short stays and gaps left out, around the seam of a loop.
 
 /// A stay that has begun ends only beyond the threshold times this, so that it does not flicker.
-pub const HOLD: f64 = 1.5;
+pub(crate) const HOLD: f64 = 1.5;
 /// Stays and gaps shorter than these are noise, seconds.
 const SHORTEST_STAY: f64 = 0.05;
 const SHORTEST_GAP: f64 = 0.05;

@@ -29,7 +29,7 @@ pub struct BakeError {
 }
 
 /// Numbers that a baked clip may hold: 256 MiB.
-pub const MAX_BAKED_FLOATS: u128 = 1 << 26;
+pub(crate) const MAX_BAKED_FLOATS: u128 = 1 << 26;
 
 impl Clip {
     /// The clip with its LINEAR and CUBICSPLINE transform curves resampled to LINEAR keys at a rate, the last one at its

@@ -31,7 +31,7 @@ pub struct RetargetReport {
 }
 
 /// Keys that sampling may make for one clip, all curves together.
-pub const MOST_KEYS: usize = 1 << 22;
+pub(crate) const MOST_KEYS: usize = 1 << 22;
 
 /// How a target joint's rotation follows from the source's curves.
 enum Rotation<'c> {

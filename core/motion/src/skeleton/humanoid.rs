@@ -106,7 +106,7 @@ impl HumanBone {
     }
 
     /// By the name of a joint in any family of skeletons, VRM 1.0's among them: `mixamorig:LeftArm`, `upperarm.l`.
-    pub fn of_joint(name: &str) -> Option<HumanBone> {
+    pub(crate) fn of_joint(name: &str) -> Option<HumanBone> {
         HumanBone::from_name(name).or_else(|| {
             let ours = crate::skeleton::joint_names::humanoid_name(name)?;
             HumanBone::ALL.into_iter().find(|b| b.our_name() == ours)
@@ -162,7 +162,7 @@ impl Humanoid {
 
     /// The bones that the joints' names tell ([`HumanBone::of_joint`]); a bone that several joints are named for is none of them.
     /// The rest pose counts as T-pose.
-    pub fn from_names(skeleton: &Skeleton) -> Humanoid {
+    pub(crate) fn from_names(skeleton: &Skeleton) -> Humanoid {
         let mut found: BTreeMap<HumanBone, Option<u32>> = BTreeMap::new();
         for (joint, name) in (0u32..).zip(skeleton.names()) {
             if let Some(bone) = HumanBone::of_joint(name) {
@@ -214,7 +214,7 @@ impl Humanoid {
     }
 
     /// model-from-joint of every joint in the T-pose, in f64. `skeleton`: the one that this belongs to.
-    pub fn model_from_t_pose(&self, skeleton: &Skeleton) -> Vec<DAffine3> {
+    pub(crate) fn model_from_t_pose(&self, skeleton: &Skeleton) -> Vec<DAffine3> {
         let local = self.t_pose().filter(|p| p.len() == skeleton.len()).unwrap_or(skeleton.rest());
         let mut model: Vec<DAffine3> = Vec::with_capacity(local.len());
         for (transform, parent) in local.iter().zip(skeleton.parents()) {

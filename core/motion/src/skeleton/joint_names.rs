@@ -49,7 +49,7 @@ const PREFIXES: &[&[&str]] = &[&["valve", "biped"], &["j", "bip"], &["cc", "base
 /// One name for a joint whatever its family calls it: `mixamorig:LeftArm`, `Bip01 L UpperArm`, `leftUpperArm`, `J_Bip_L_UpperArm`,
 /// `upperarm.l`, `armUpper_L`, `DEF-upper_arm.L`, `lShldr` and `lhumerus` are "left arm". `None` for joints that the table does
 /// not hold. The tests list the names of each family.
-pub fn humanoid_name(name: &str) -> Option<String> {
+pub(crate) fn humanoid_name(name: &str) -> Option<String> {
     // Longer than any of the names, and the work stays bounded.
     if name.len() > 96 {
         return None;

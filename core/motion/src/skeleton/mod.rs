@@ -138,7 +138,7 @@ fn by_depth(parents: &[Option<u32>]) -> Vec<[u32; 2]> {
 }
 
 /// A joint name without namespace prefixes: `mixamorig:Hips`, `mixamorig1:Hips`, `mixamorigHips` and `Armature|Hips` are `hips`.
-pub fn plain_name(name: &str) -> String {
+pub(crate) fn plain_name(name: &str) -> String {
     own_part(name).to_ascii_lowercase()
 }
 

@@ -71,7 +71,7 @@ fn line_around(text: &str, at: usize) -> Range<usize> {
 }
 
 /// Seconds to the millisecond, as a person would write them; always with a point, so that it stays a float.
-pub fn format_seconds(secs: f64) -> String {
+pub(crate) fn format_seconds(secs: f64) -> String {
     let text = format!("{:.3}", secs.max(0.0));
     let text = text.trim_end_matches('0');
     if text.ends_with('.') { format!("{text}0") } else { text.to_string() }

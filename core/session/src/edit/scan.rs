@@ -87,7 +87,7 @@ impl<'a> Source<'a> {
     }
 
     /// `.from(x).until(y)` behind a call, up to the next `play` or `then`.
-    pub fn chain_after(&self, mut at: usize) -> Vec<Call> {
+    pub(crate) fn chain_after(&self, mut at: usize) -> Vec<Call> {
         let mut chain = Vec::new();
         while self.token(self.index(at)) == "." {
             let Some(call) = self.call_from(at) else { break };
@@ -102,7 +102,7 @@ impl<'a> Source<'a> {
 
     /// Every call of a variable's methods that stands as deep in brackets as the byte `like`: `name.a(…).b(…)`, as chains in
     /// order, each with where it begins. Deeper ones hold for one round of a loop, or one frame.
-    pub fn chains_of(&self, name: &str, like: usize) -> Vec<(usize, Vec<Call>)> {
+    pub(crate) fn chains_of(&self, name: &str, like: usize) -> Vec<(usize, Vec<Call>)> {
         let wanted = self.depth_to(like);
         let is_it = |index: &usize| {
             self.token(*index) == name
@@ -115,7 +115,7 @@ impl<'a> Source<'a> {
     }
 
     /// How many brackets are open before a byte.
-    pub fn depth_to(&self, end: usize) -> usize {
+    pub(crate) fn depth_to(&self, end: usize) -> usize {
         (0..self.index(end)).fold(0usize, |depth, index| match self.token(index) {
             token if is_open(token) => depth + 1,
             token if is_close(token) => depth.saturating_sub(1),
@@ -124,7 +124,7 @@ impl<'a> Source<'a> {
     }
 
     /// Behind the `;` that ends the statement in which a byte stands, before the bracket that closes around it, or the text's end.
-    pub fn statement_end(&self, at: usize) -> usize {
+    pub(crate) fn statement_end(&self, at: usize) -> usize {
         let index = self.find_outside(at, |token| token == ";" || is_close(token));
         self.start(index) + usize::from(self.token(index) == ";")
     }
@@ -138,7 +138,7 @@ impl<'a> Source<'a> {
     }
 
     /// `name(…)` at a byte, or behind the dot there.
-    pub fn call_from(&self, at: usize) -> Option<Call> {
+    pub(crate) fn call_from(&self, at: usize) -> Option<Call> {
         let index = self.index(at);
         let index = index + usize::from(self.token(index) == ".");
         let is_name = self.token(index).starts_with(|c: char| c.is_alphanumeric() || c == '_');
@@ -161,7 +161,7 @@ impl<'a> Source<'a> {
     }
 
     /// The inside of the `#{ … }` that is the last argument.
-    pub fn map_in(&self, inside: &Range<usize>) -> Option<Range<usize>> {
+    pub(crate) fn map_in(&self, inside: &Range<usize>) -> Option<Range<usize>> {
         let mut at = inside.start;
         while at < inside.end {
             let end = self.value_end(at, inside.end);
@@ -177,11 +177,11 @@ impl<'a> Source<'a> {
     }
 
     /// The comma behind a value, or `end`.
-    pub fn value_end(&self, at: usize, end: usize) -> usize {
+    pub(crate) fn value_end(&self, at: usize, end: usize) -> usize {
         self.start(self.find_outside(at, |token| token == ",")).min(end)
     }
 
-    pub fn count_arguments(&self, inside: &Range<usize>) -> usize {
+    pub(crate) fn count_arguments(&self, inside: &Range<usize>) -> usize {
         let (mut at, mut count) = (inside.start, 0);
         while at < inside.end {
             count += 1;
@@ -191,7 +191,7 @@ impl<'a> Source<'a> {
     }
 
     /// `let NAME =` or `NAME =` before a byte.
-    pub fn variable_before(&self, at: usize) -> Option<&'a str> {
+    pub(crate) fn variable_before(&self, at: usize) -> Option<&'a str> {
         let equals = self.index(at).checked_sub(1)?;
         let name = equals.checked_sub(1)?;
         let before = name.checked_sub(1).map_or("", |index| self.token(index));
@@ -201,7 +201,7 @@ impl<'a> Source<'a> {
     }
 
     /// The byte at a line and a column in characters, both from 1.
-    pub fn byte_at(&self, line: usize, column: usize) -> Option<usize> {
+    pub(crate) fn byte_at(&self, line: usize, column: usize) -> Option<usize> {
         let start: usize = self.text.split_inclusive('\n').take(line.checked_sub(1)?).map(str::len).sum();
         let rest = self.text.get(start..).filter(|rest| !rest.is_empty())?;
         let within: usize = rest.chars().take(column.saturating_sub(1)).map(char::len_utf8).sum();

@@ -72,7 +72,13 @@ pub fn is_plain(text: &Source, bytes: &Range<usize>) -> bool {
 }
 
 /// Sets an option in the map of a call, `#{ name: value }`; `line` for messages.
-pub fn set_option(text: &Source, call: &Call, line: usize, name: &str, value: &str) -> Result<Edit, String> {
+pub(crate) fn set_option(
+    text: &Source,
+    call: &Call,
+    line: usize,
+    name: &str,
+    value: &str,
+) -> Result<Edit, String> {
     let inside = &text[call.inside.clone()];
     let new = format!("{name}: {value}");
     let Some(map) = text.map_in(&call.inside) else {
@@ -99,7 +105,7 @@ pub fn set_option(text: &Source, call: &Call, line: usize, name: &str, value: &s
 }
 
 /// `name: value` among the options of a call.
-pub fn option_of(text: &Source, call: &Call, name: &str) -> Option<Range<usize>> {
+pub(crate) fn option_of(text: &Source, call: &Call, name: &str) -> Option<Range<usize>> {
     let value = option_in(text, &text.map_in(&call.inside)?, name)?;
     let start = text[..value.start].rfind(name)?;
     Some(start..text.trimmed(&value).end)

@@ -2,7 +2,7 @@
 
 use super::{Panels, Tab};
 use crate::app::Viewer;
-use crate::settings::SCALES;
+use crate::state::settings::SCALES;
 use egui::{RichText, Ui};
 
 /// Problems in the tooltip at most; all of them are in Messages.

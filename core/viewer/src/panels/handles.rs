@@ -2,9 +2,9 @@
 
 use super::overlay::{X, Y, Z, line, point};
 use crate::app::{Dragging, Viewer};
-use crate::gizmo::{Change, Drag, Handle, LENGTH, Tool, arm, handle_at, ring};
-use crate::lens::Lens;
-use crate::selection::{Selected, actor};
+use crate::geometry::gizmo::{Change, Drag, Handle, LENGTH, Tool, arm, handle_at, ring};
+use crate::geometry::projection::Lens;
+use crate::state::selection::{Selected, actor};
 use egui::{Color32, PointerButton, Rect, Response, Stroke, StrokeKind, Ui, vec2};
 use glam::{DAffine3, DVec2};
 

@@ -2,9 +2,9 @@
 
 use super::values;
 use crate::app::Viewer;
-use crate::gizmo::Change;
-use crate::placing::{light_at, placement};
-use crate::selection::{Selected, actor};
+use crate::editing::placing::{light_at, placement};
+use crate::geometry::gizmo::Change;
+use crate::state::selection::{Selected, actor};
 use choreo_asset::{Asset, Light, LightKind, Projection};
 use choreo_plugin::OptionKind;
 use choreo_script::Place;
@@ -17,7 +17,7 @@ use std::ops::RangeInclusive;
 
 /// A clip that is dragged onto the sequencer.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ClipDrag {
+pub(crate) struct ClipDrag {
     pub actor: String,
     pub clip: String,
 }
@@ -441,7 +441,7 @@ fn of_actor(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&st
     }
 }
 
-pub fn light_kind(light: &Light) -> &'static str {
+pub(crate) fn light_kind(light: &Light) -> &'static str {
     match light.kind {
         LightKind::Directional => "sun",
         LightKind::Point => "point light",

@@ -2,9 +2,9 @@
 
 use super::{Panels, Tab, viewport};
 use crate::app::Viewer;
-use crate::gizmo::Tool;
-use crate::selection::Selected;
-use crate::settings::SCALES;
+use crate::geometry::gizmo::Tool;
+use crate::state::selection::Selected;
+use crate::state::settings::SCALES;
 use choreo_session::edit::CueTime;
 use egui::{Key, Modifiers, Ui};
 
@@ -12,7 +12,22 @@ use egui::{Key, Modifiers, Ui};
 const NUMBERS: [Key; 8] =
     [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8];
 
-pub fn pressed(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
+/// Acts on the keys that were pressed: those with Ctrl always, others unless a text field or a widget takes them.
+pub fn handle(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
+    window_keys(panels, ui, viewer);
+    if ui.ctx().text_edit_focused() {
+        return;
+    }
+    edit_keys(ui, viewer);
+    // Those without Ctrl or Alt belong to the button or bar that has the focus.
+    if ui.ctx().egui_wants_keyboard_input() {
+        return;
+    }
+    playback_keys(ui, viewer, now);
+    view_keys(ui, viewer);
+}
+
+fn window_keys(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer) {
     let with = |modifiers, key| ui.input_mut(|i| i.consume_key(modifiers, key));
     for (key, tab) in NUMBERS.into_iter().zip(Tab::ALL) {
         if with(Modifiers::COMMAND, key) {
@@ -26,15 +41,11 @@ pub fn pressed(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) 
                 ((panels.scale + by) * 10.0).round().clamp(SCALES.0 * 10.0, SCALES.1 * 10.0) / 10.0;
         }
     }
-    if with(Modifiers::COMMAND, Key::Q) {
-        viewer.quit = true;
-    }
-    if with(Modifiers::NONE, Key::F1) {
-        panels.help = !panels.help;
-    }
-    if ui.ctx().text_edit_focused() {
-        return;
-    }
+    viewer.quit |= with(Modifiers::COMMAND, Key::Q);
+    panels.help ^= with(Modifiers::NONE, Key::F1);
+}
+
+fn edit_keys(ui: &Ui, viewer: &mut Viewer) {
     let with = |modifiers, key| ui.input_mut(|i| i.consume_key(modifiers, key));
     if with(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z) || with(Modifiers::COMMAND, Key::Y) {
         viewer.said = viewer.redo().err();
@@ -49,10 +60,9 @@ pub fn pressed(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) 
             nudge(viewer, CueTime::Start, frames);
         }
     }
-    // Those without Ctrl or Alt belong to the button or bar that has the focus.
-    if ui.ctx().egui_wants_keyboard_input() {
-        return;
-    }
+}
+
+fn playback_keys(ui: &Ui, viewer: &mut Viewer, now: f64) {
     let pressed = |key| ui.input_mut(|i| i.consume_key(Modifiers::NONE, key));
     if pressed(Key::Space) {
         viewer.playhead.toggle(now);
@@ -69,43 +79,40 @@ pub fn pressed(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) 
             viewer.to_next(back);
         }
     }
-    if pressed(Key::L) {
-        viewer.playhead.looping = !viewer.playhead.looping;
+    viewer.playhead.looping ^= pressed(Key::L);
+    viewer.in_seconds ^= pressed(Key::T);
+    viewer.snap ^= pressed(Key::N);
+    for (key, out) in [(Key::I, false), (Key::O, true)] {
+        if pressed(key) {
+            range(viewer, out);
+        }
     }
-    if pressed(Key::C) {
-        viewport::toggle_camera(viewer);
-    }
-    if pressed(Key::F) {
-        viewport::focus(viewer);
-    }
-    if pressed(Key::T) {
-        viewer.in_seconds = !viewer.in_seconds;
-    }
-    if pressed(Key::N) {
-        viewer.snap = !viewer.snap;
+}
+
+fn view_keys(ui: &Ui, viewer: &mut Viewer) {
+    let pressed = |key| ui.input_mut(|i| i.consume_key(Modifiers::NONE, key));
+    let actions: [(Key, fn(&mut Viewer)); 4] = [
+        (Key::C, viewport::toggle_camera),
+        (Key::F, viewport::focus),
+        (Key::H, hide),
+        (Key::P, viewport::screenshot),
+    ];
+    for (key, action) in actions {
+        if pressed(key) {
+            action(viewer);
+        }
     }
     for (key, tool) in [(Key::G, Tool::Move), (Key::R, Tool::Turn), (Key::B, Tool::Scale)] {
         if pressed(key) {
             viewer.tool = tool;
         }
     }
-    for (key, out) in [(Key::I, false), (Key::O, true)] {
-        if pressed(key) {
-            range(viewer, out);
-        }
-    }
-    if pressed(Key::H) {
-        hide(viewer);
-    }
-    if pressed(Key::P) {
-        viewport::screenshot(viewer);
-    }
     if pressed(Key::PageDown) || pressed(Key::PageUp) {
         // Both ways round: the next or last in the tree.
         let back = ui.input(|i| i.key_down(Key::PageUp));
         next_selection(viewer, back);
     }
-    if ui.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Escape)) {
+    if pressed(Key::Escape) {
         match viewer.offer.is_some() {
             true => viewer.offer = None,
             false => viewer.selection = None,

@@ -3,9 +3,9 @@
 use super::sequencer::{COLORS, STRIP};
 use super::strip::Strips;
 use crate::app::Viewer;
-use crate::events::{Event, Kind};
-use crate::selection::{Selected, actor};
-use crate::timeline::{Row, Timeline};
+use crate::state::events::{Event, Kind};
+use crate::state::selection::{Selected, actor};
+use crate::state::timeline::{Row, Timeline};
 use choreo_motion::Time;
 use choreo_script::Place;
 use egui::{Color32, Rect, Sense, Shape, Stroke, Ui, pos2, vec2};

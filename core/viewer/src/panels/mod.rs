@@ -18,8 +18,9 @@ mod tree;
 mod values;
 mod viewport;
 
-use crate::app::{MOST_VIEWS, View, Viewer};
-use crate::settings::Settings;
+use crate::app::Viewer;
+use crate::state::settings::Settings;
+use crate::state::view::{MOST_VIEWS, View};
 use egui::text::{LayoutJob, TextWrapping};
 use egui::{Color32, FontId, Galley, Painter, RichText, TextureId, Ui, WidgetText};
 use egui_dock::{DockArea, DockState, NodeIndex, Style, TabViewer};
@@ -70,7 +71,7 @@ impl Tab {
 }
 
 /// Dark, as pictures are judged in the dark, or light; text that can be read for hours in both.
-pub fn set_colors(context: &egui::Context, light: bool) {
+pub(crate) fn set_colors(context: &egui::Context, light: bool) {
     context.options_mut(|options| {
         // Ours is remembered, and has ends.
         options.zoom_with_keyboard = false;
@@ -133,7 +134,7 @@ impl Panels {
     }
 
     /// A new context knows neither colors nor scale.
-    pub fn forget_context(&mut self) {
+    pub(crate) fn forget_context(&mut self) {
         self.applied = None;
     }
 
@@ -152,7 +153,7 @@ impl Panels {
             // Of what is no file there is no path.
             viewer.dropped.extend(Some(dropped.path().to_path_buf()).filter(|p| !p.as_os_str().is_empty()));
         }
-        keys::pressed(self, ui, viewer, now);
+        keys::handle(self, ui, viewer, now);
         bar::show(self, ui, viewer);
         bar::offer(ui, viewer);
         if self.help {

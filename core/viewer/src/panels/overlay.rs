@@ -2,9 +2,9 @@
 //! seen through everything.
 
 use crate::app::Viewer;
-use crate::lens::Lens;
-use crate::pick;
-use crate::selection::Selected;
+use crate::geometry::picking;
+use crate::geometry::projection::Lens;
+use crate::state::selection::Selected;
 use egui::{Align2, Color32, FontId, Painter, Rect, Stroke, StrokeKind, Ui, pos2, vec2};
 use glam::{DVec2, DVec3};
 
@@ -60,7 +60,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, index: usize, place: Rect, lens: &Lens) {
     for (actor, state) in scene.stage.actors.iter().zip(&shown.snapshot.actors).filter(|(_, s)| s.visible) {
         let is_selected = selected == Some(actor.name.as_str());
         if view.overlays.bounds
-            && let Some((low, high)) = pick::bounds(&actor.asset, state)
+            && let Some((low, high)) = picking::bounds(&actor.asset, state)
         {
             let color = if is_selected {
                 Color32::from_rgb(0xff, 0xa0, 0x50)

@@ -1,7 +1,7 @@
 //! Where the time of the last frames went, and what the renderer holds.
 
 use crate::app::Viewer;
-use crate::performance::FRAMES;
+use crate::state::performance::FRAMES;
 use egui::{Color32, Grid, Rect, Sense, Ui, pos2, vec2};
 
 /// Poses, plan, drawing.

@@ -2,7 +2,7 @@
 
 use crate::app::Viewer;
 use crate::editing::read;
-use crate::selection::Selected;
+use crate::state::selection::Selected;
 use egui::{Color32, FontId, RichText, ScrollArea, Sense, TextStyle, Ui};
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -77,9 +77,9 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
 }
 
-pub fn open_in_editor(viewer: &mut Viewer, line: usize) {
+pub(crate) fn open_in_editor(viewer: &mut Viewer, line: usize) {
     if let Some(path) = &viewer.path {
-        viewer.said = crate::editor::open(path, line).err();
+        viewer.said = crate::editing::external_editor::open(path, line).err();
     }
 }
 
@@ -99,7 +99,7 @@ fn select_line(viewer: &mut Viewer, line: usize) {
 pub fn line_of(viewer: &Viewer, what: &Selected) -> Option<usize> {
     let scene = viewer.scene.as_ref()?;
     let (stage, places) = (&scene.stage, &scene.places);
-    let actor = |name: &str| crate::selection::actor(stage, name);
+    let actor = |name: &str| crate::state::selection::actor(stage, name);
     let place = match what {
         Selected::Actor(name) => places.actors.get(actor(name)?)?,
         Selected::Cue { actor: name, layer, cue } => places.cues.get(actor(name)?)?.get(*layer)?.get(*cue)?,

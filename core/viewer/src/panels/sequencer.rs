@@ -3,9 +3,9 @@
 use super::inspector::ClipDrag;
 use super::{markers, marks};
 use crate::app::Viewer;
-use crate::selection::Selected;
-use crate::span::Span;
-use crate::timeline::{Bar, Timeline};
+use crate::state::selection::Selected;
+use crate::state::span::Span;
+use crate::state::timeline::{Bar, Timeline};
 use choreo_motion::Time;
 use choreo_session::edit::CueTime;
 use egui::{Align2, Color32, CornerRadius, FontId, Painter, Rect, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
@@ -13,7 +13,7 @@ use egui::{Align2, Color32, CornerRadius, FontId, Painter, Rect, Sense, Stroke, 
 const LABELS: f32 = 120.0;
 const ROW: f32 = 22.0;
 /// Height of the strip of feet at a row's bottom.
-pub const STRIP: f32 = 3.0;
+pub(crate) const STRIP: f32 = 3.0;
 const RULER: f32 = 22.0;
 
 /// Told apart also by eyes that do not tell red from green (after Okabe and Ito, "Color Universal Design").

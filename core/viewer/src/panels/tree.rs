@@ -1,7 +1,7 @@
 //! Who and what is on stage; who is hidden, alone or locked here, whatever the script says.
 
 use crate::app::Viewer;
-use crate::selection::Selected;
+use crate::state::selection::Selected;
 use egui::{RichText, Ui};
 use std::collections::BTreeSet;
 

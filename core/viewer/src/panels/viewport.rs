@@ -1,17 +1,18 @@
 //! The picture, the camera that the mouse moves, and what is picked in it.
 
 use super::{handles, overlay};
-use crate::app::{Resolution, ViewCamera, Viewer};
-use crate::lens::Lens;
-use crate::pick;
-use crate::selection::{Selected, actor};
+use crate::app::Viewer;
+use crate::geometry::picking;
+use crate::geometry::projection::Lens;
+use crate::state::selection::{Selected, actor};
+use crate::state::view::{Resolution, ViewCamera};
 use egui::{Color32, Key, PointerButton, Rect, Sense, Stroke, StrokeKind, TextureId, Ui, Vec2, pos2};
 use glam::{DVec2, DVec3};
 
 /// Metres a second on foot.
 const PACE: f64 = 3.0;
 
-pub fn toggle_camera(viewer: &mut Viewer) {
+pub(crate) fn toggle_camera(viewer: &mut Viewer) {
     let active = viewer.active.min(viewer.views.len() - 1);
     match viewer.view().camera {
         ViewCamera::Script => drop(viewer.free_camera(active)),
@@ -89,7 +90,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
 }
 
 fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
-    use crate::gizmo::Tool;
+    use crate::geometry::gizmo::Tool;
     ui.horizontal_wrapped(|ui| {
         let free = matches!(viewer.views[index].camera, ViewCamera::Free(_) | ViewCamera::Follow { .. });
         let script = viewer.views[index].camera == ViewCamera::Script;
@@ -215,7 +216,7 @@ fn click(viewer: &mut Viewer, index: usize, lens: &Lens, at: DVec2) {
     let (Some(scene), Some(shown)) = (viewer.scene.clone(), &viewer.views[index].shown) else { return };
     let shelf = &viewer.shelf;
     let pickable = |i: usize| scene.stage.actors.get(i).is_some_and(|a| !shelf.locked.contains(&a.name));
-    let picked = pick::actor(&scene.stage, &shown.snapshot, lens.ray(at), pickable);
+    let picked = picking::actor(&scene.stage, &shown.snapshot, lens.ray(at), pickable);
     let picked = picked.map(|i| Selected::Actor(scene.stage.actors[i].name.clone()));
     viewer.selection = if picked == viewer.selection { None } else { picked };
 }

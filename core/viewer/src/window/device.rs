@@ -16,7 +16,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A driver that hangs must not hang the program.
 const TIMEOUT_NS: u64 = 60_000_000_000;
-const VIEWS: u32 = crate::view::MOST_VIEWS as u32;
+const VIEWS: u32 = crate::state::view::MOST_VIEWS as u32;
 
 /// Everything made from the device, in one place so that it goes in order.
 pub struct Device {
@@ -167,7 +167,7 @@ impl Device {
         Ok(())
     }
 
-    pub fn prepare_picture(&mut self, view: usize, size: [u32; 2]) -> Result<(), GpuError> {
+    pub(crate) fn prepare_picture(&mut self, view: usize, size: [u32; 2]) -> Result<(), GpuError> {
         let (Some(slot), Some(allocator)) = (self.pictures.get_mut(view), self.allocator.clone()) else {
             return Ok(());
         };
@@ -194,7 +194,7 @@ impl Device {
         Ok(())
     }
 
-    pub fn new_swapchain(
+    pub(crate) fn new_swapchain(
         &mut self,
         surface: vk::SurfaceKHR,
         capabilities: &vk::SurfaceCapabilitiesKHR,
@@ -207,7 +207,7 @@ impl Device {
         Ok(())
     }
 
-    pub fn drop_swapchain(&mut self) -> Result<(), GpuError> {
+    pub(crate) fn drop_swapchain(&mut self) -> Result<(), GpuError> {
         if let Some(mut old) = self.swapchain.take() {
             // SAFETY: the queue is only used on this thread.
             unsafe { self.raw.device_wait_idle() }.named("device")?;

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 use winit::window::Window;
 
-pub struct Gpu {
+pub(crate) struct Gpu {
     _entry: ash::Entry,
     instance: ash::Instance,
     surfaces: khr::surface::Instance,
@@ -93,7 +93,7 @@ impl Gpu {
     }
 
     /// Pixels of the largest texture's side.
-    pub fn largest_texture(&self) -> usize {
+    pub(crate) fn largest_texture(&self) -> usize {
         self.device.as_ref().map_or(2048, |d| d.largest_texture)
     }
 

@@ -14,7 +14,7 @@ mod tell;
 use crate::app::Viewer;
 use crate::args::ViewerOptions;
 use crate::panels::Panels;
-use crate::settings::Settings;
+use crate::state::settings::Settings;
 use choreo_plugin::{Frame, Registry};
 use choreo_session::{FrameRenderer, FrameReply, SceneSource, SceneVersion, SessionThread};
 use open::Open;

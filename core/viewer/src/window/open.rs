@@ -54,7 +54,7 @@ impl Open {
     }
 
     /// Takes another scale; the window keeps its size in points. X11 can tell twice of one change, and would enlarge it twice.
-    pub fn rescale(&mut self, scale: f64, size: &mut InnerSizeWriter) {
+    pub(crate) fn rescale(&mut self, scale: f64, size: &mut InnerSizeWriter) {
         if scale == self.scale {
             // One that comes too late leaves it as it is.
             let _ = size.request_inner_size(self.window.inner_size());

@@ -27,7 +27,7 @@ const PACKAGES: [(&str, &str); 8] = [
     ("wayland library", "libwayland-client0"),
 ];
 
-pub fn event_loop() -> Result<EventLoop<News>, String> {
+pub(crate) fn event_loop() -> Result<EventLoop<News>, String> {
     let set = |name: &str| std::env::var_os(name).is_some_and(|v| !v.is_empty());
     let windows = cfg!(windows) || cfg!(target_os = "macos");
     if !windows && !set("DISPLAY") && !set("WAYLAND_DISPLAY") && !set("WAYLAND_SOCKET") {
@@ -92,7 +92,7 @@ fn said(panic: &(dyn Any + Send)) -> &str {
 }
 
 /// `why`: in the system's words, or with a hint of its own.
-pub fn no_window(why: &str) -> String {
+pub(crate) fn no_window(why: &str) -> String {
     let why = without_place(why);
     let package = PACKAGES.iter().find(|(part, _)| why.contains(part));
     let package = package.map_or_else(String::new, |(_, names)| format!("\n    hint: apt install {names}"));

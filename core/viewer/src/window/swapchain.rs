@@ -4,7 +4,7 @@ use super::gpu_error::{GpuError, Named};
 use super::picture::whole;
 use ash::{khr, vk};
 
-pub struct Swapchain {
+pub(crate) struct Swapchain {
     loader: khr::swapchain::Device,
     raw: vk::SwapchainKHR,
     pub images: Vec<vk::Image>,
@@ -17,7 +17,7 @@ pub struct Swapchain {
 }
 
 /// What a surface is drawn in: sRGB where it has it, so that blending is linear and the picture's bytes come out as they are.
-pub fn surface_format(formats: &[vk::SurfaceFormatKHR]) -> Option<vk::SurfaceFormatKHR> {
+pub(crate) fn surface_format(formats: &[vk::SurfaceFormatKHR]) -> Option<vk::SurfaceFormatKHR> {
     let wanted = [
         vk::Format::B8G8R8A8_SRGB,
         vk::Format::R8G8B8A8_SRGB,

@@ -9,7 +9,7 @@ use std::time::Instant;
 
 /// Says nothing unless asked to.
 #[derive(Clone, Copy)]
-pub struct Tell {
+pub(crate) struct Tell {
     since: Option<Instant>,
 }
 

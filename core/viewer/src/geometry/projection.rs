@@ -73,7 +73,7 @@ impl Lens {
     }
 
     /// Metres that a point of the screen covers at a place.
-    pub fn metres_a_point(&self, at: DVec3) -> f64 {
+    pub(crate) fn metres_a_point(&self, at: DVec3) -> f64 {
         let depth = if self.perspective { -self.view_from_world.transform_point3(at).z } else { 1.0 };
         depth.max(NEAREST) * self.height / self.size.y.max(1.0)
     }

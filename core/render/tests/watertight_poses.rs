@@ -1,4 +1,4 @@
-//! Skinned bodies that are folded, twisted and pushed through themselves: without the back faces of their closed surfaces no hole opens.
+//! Skinned watertight meshes that are folded, twisted and pushed through themselves: no hole opens without their back faces.
 
 mod common;
 
@@ -78,7 +78,7 @@ fn lost(front: &Frame, both: &Frame) -> [usize; 3] {
 }
 
 #[test]
-fn a_body_through_itself_has_no_hole() {
+fn a_mesh_through_itself_has_no_hole() {
     let Some(mut renderer) = vulkan(GpuOptions::default()) else { return };
     let turned = |x: f32, y: f32, at: Vec3| {
         Affine3A::from_rotation_translation(Quat::from_rotation_y(y) * Quat::from_rotation_x(x), at)

@@ -1,7 +1,7 @@
 //! Arrows, rings and boxes by which the mouse moves, turns and scales what is selected: their places in the world, and what a
 //! drag from one ray to another means. No toolkit here.
 
-use crate::lens::Lens;
+use crate::geometry::projection::Lens;
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,7 +24,7 @@ pub const AXES: [DVec3; 3] = [DVec3::X, DVec3::Y, DVec3::Z];
 pub const LENGTH: f64 = 74.0;
 const GRAB: f64 = 9.0;
 /// Corners of a ring.
-pub const RING: usize = 48;
+pub(crate) const RING: usize = 48;
 /// Steps of degrees and metres while a key is held.
 pub const STEPS: (f64, f64) = (15.0, 0.1);
 
@@ -90,7 +90,7 @@ pub fn ring(center: DVec3, axis: usize, radius: f64) -> impl Iterator<Item = DVe
 }
 
 /// Which handle is at a place on the screen.
-pub fn handle_at(tool: Tool, world_from_model: &DAffine3, lens: &Lens, at: DVec2) -> Option<Handle> {
+pub(crate) fn handle_at(tool: Tool, world_from_model: &DAffine3, lens: &Lens, at: DVec2) -> Option<Handle> {
     let center = world_from_model.translation;
     let length = LENGTH * lens.metres_a_point(center);
     let middle = lens.point(center)?;

@@ -67,7 +67,7 @@ fn frames(
 }
 
 #[test]
-fn each_frame_shows_its_picture_whatever_the_order() {
+fn each_frame_shows_its_image_in_any_order() {
     for once in [false, true] {
         let greys = Arc::new(Greys::default());
         frames(&mut CpuRenderer::new(&[]), &mut scene(&greys, once), [0, 1, 2, 39, 40, 45, 7, 7, 100], once);
@@ -162,7 +162,7 @@ fn plate(slots: &[TextureSlot], index: usize, alone: bool) -> Scene {
 }
 
 #[test]
-fn every_slot_shows_its_picture_as_if_it_were_alone_there() {
+fn every_slot_shows_its_image_as_if_it_were_alone() {
     use TextureSlot::*;
     let options = PlanOptions::new([32, 32], 1);
     let mut renderers: Vec<Box<dyn Renderer>> = vec![Box::new(CpuRenderer::new(&[]))];

@@ -1,4 +1,4 @@
-//! Back faces of closed surfaces are not drawn where nobody sees them: the pictures stay, the commands say so.
+//! Back faces of watertight meshes are culled while the camera is outside: the images stay the same, and the commands show it.
 
 mod common;
 
@@ -75,7 +75,7 @@ fn draw_plan(
 }
 
 #[test]
-fn of_closed_bodies_only_front_faces_are_drawn() {
+fn back_faces_of_watertight_meshes_are_culled() {
     let scene = boxes();
     let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
     let closed = |d: &Draw| d.watertight;

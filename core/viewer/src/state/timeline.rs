@@ -1,7 +1,7 @@
 //! The stage as rows of a sequencer: who plays what when, which camera is on.
 
-use crate::events::{self, Event, Gathered};
-use crate::selection::Selected;
+use crate::state::events::{self, Event, Gathered};
+use crate::state::selection::Selected;
 use choreo_motion::{FrameRate, Repeat, Time};
 use choreo_script::Place;
 use choreo_session::{Problem, Scene};

@@ -72,7 +72,7 @@ impl Playhead {
     }
 
     /// Whole frames, at least one; what is not of the scene is cut off.
-    pub fn set_range(&mut self, range: Option<(Time, Time)>) {
+    pub(crate) fn set_range(&mut self, range: Option<(Time, Time)>) {
         self.range = range.map(|(a, b)| {
             let first = self.frame_at(a.min(b));
             let last = self.frame_at(a.max(b)).max(first);
@@ -103,7 +103,7 @@ impl Playhead {
         self.began = None;
     }
 
-    pub fn toggle(&mut self, now: f64) {
+    pub(crate) fn toggle(&mut self, now: f64) {
         match self.is_playing() {
             true => self.pause(),
             false => self.play(now),

@@ -13,11 +13,11 @@ impl Span {
     }
 
     /// `width` in points, here and below.
-    pub fn x_of(&self, secs: f64, width: f32) -> f32 {
+    pub(crate) fn x_of(&self, secs: f64, width: f32) -> f32 {
         ((secs - self.from) / (self.to - self.from) * f64::from(width)) as f32
     }
 
-    pub fn secs_at(&self, x: f32, width: f32) -> f64 {
+    pub(crate) fn secs_at(&self, x: f32, width: f32) -> f64 {
         self.from + f64::from(x) / f64::from(width.max(1.0)) * (self.to - self.from)
     }
 

@@ -1,4 +1,4 @@
-//! Lines with a width and sized points: areas against closed forms, both renderers alike, and what is hard on them.
+//! Thick lines and points: areas against closed forms, both renderers alike, and extreme cases.
 
 mod common;
 
@@ -136,7 +136,7 @@ fn hard() -> Scene {
 }
 
 #[test]
-fn both_renderers_draw_the_same_and_a_planted_fault_is_seen() {
+fn both_renderers_draw_the_same_and_a_planted_fault_shows() {
     let scene = hard();
     for samples in [1, 4] {
         let options = PlanOptions::new([96, 80], samples);

@@ -1,13 +1,13 @@
 //! One viewport: from where it looks, what is laid over the picture, and which frame it shows and wishes for.
 
-use crate::orbit::Orbit;
+use crate::state::orbit::Orbit;
 use choreo_motion::Time;
 use choreo_session::{FrameInfo, ViewOverrides, ViewportCamera};
 use choreo_stage::{CameraState, Snapshot, Stage};
 use glam::DVec3;
 
 /// Viewports at once.
-pub const MOST_VIEWS: usize = 4;
+pub(crate) const MOST_VIEWS: usize = 4;
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum ViewCamera {
@@ -44,7 +44,7 @@ pub struct Overlays {
 
 /// What a wish is for: an equal one has been drawn or is being drawn.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Wish {
+pub(crate) struct Wish {
     pub number: u64,
     pub reloads: u64,
     pub time: Time,
@@ -65,7 +65,7 @@ pub struct View {
     pub room: [u32; 2],
     /// Its panel was drawn in the last round: others wish for nothing.
     pub seen: bool,
-    pub asked: Option<Wish>,
+    pub(crate) asked: Option<Wish>,
     pub waiting: bool,
     pub ticket: u64,
 }

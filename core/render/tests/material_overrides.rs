@@ -1,4 +1,4 @@
-//! Materials that change with the time: the numbers that count are those of now, on both renderers, and nobody else's change.
+//! Per-frame overrides of materials: both renderers use the current values, and other actors' materials stay as they are.
 
 mod common;
 

@@ -1,6 +1,6 @@
 //! What happens at one time: keys, who appears and goes, what a body begins to do, named times of clips.
 
-use crate::selection::Selected;
+use crate::state::selection::Selected;
 use choreo_motion::{Repeat, Time};
 use choreo_script::{ClipMarkers, Place};
 use choreo_session::Scene;
@@ -56,7 +56,7 @@ impl Gathered {
         }
     }
 
-    pub fn named_keys(&mut self, of: &str, name: &str, channel: &Channel) {
+    pub(crate) fn named_keys(&mut self, of: &str, name: &str, channel: &Channel) {
         channel.times.iter().for_each(|at| self.add(*at, Kind::Key, format!("{of} {name}")));
     }
 
@@ -166,7 +166,7 @@ impl Gathered {
 }
 
 /// Events of cameras, lights and effects: rows of things that have keys.
-pub fn of_cameras(scene: &Scene) -> Vec<Event> {
+pub(crate) fn of_cameras(scene: &Scene) -> Vec<Event> {
     let mut gathered = Gathered::default();
     for camera in &scene.stage.cameras {
         gathered.keys(&camera.channels, &format!("{} ", camera.name));
@@ -174,7 +174,7 @@ pub fn of_cameras(scene: &Scene) -> Vec<Event> {
     gathered.events(scene.stage.settings.length, None, &Place::default())
 }
 
-pub fn of_lights(scene: &Scene) -> Vec<Event> {
+pub(crate) fn of_lights(scene: &Scene) -> Vec<Event> {
     let mut gathered = Gathered::default();
     for (index, light) in scene.stage.lights.iter().enumerate() {
         let name = if light.name.is_empty() { format!("light {}", index + 1) } else { light.name.clone() };

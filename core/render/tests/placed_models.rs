@@ -1,4 +1,4 @@
-//! Bodies that stand at many places: one pose, and pictures, boxes and shadows as of so many casts.
+//! Models that a file places several times: one set of skin matrices, and the image, bounds and shadows of as many actors.
 
 mod common;
 
@@ -81,7 +81,7 @@ fn cpu_and_gpu(device: &mut Option<VulkanRenderer>, scene: &Scene, options: &Pla
 }
 
 #[test]
-fn bodies_at_places_look_as_so_many_casts() {
+fn placed_models_look_like_as_many_actors() {
     let mut device = vulkan(GpuOptions::default());
     for skinning in [Skinning::Linear, Skinning::DualQuaternion] {
         let options = PlanOptions::new([160, 160], 4);

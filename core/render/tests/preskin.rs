@@ -1,5 +1,5 @@
-//! Bodies posed once a frame by the compute stage: the same picture as from the vertex stage, in every way in which vertices are posed; who pays
-//! for it, and who does not.
+//! Pre-skinning: the compute pass gives the image of the vertex shader for everything that deforms vertices; when it is used, and
+//! when it is not.
 
 mod common;
 
@@ -150,7 +150,7 @@ fn assert_same(a: &Frame, b: &Frame, what: &str) {
 }
 
 #[test]
-fn once_and_by_every_pass_are_one_picture() {
+fn pre_skinning_and_skinning_by_every_pass_give_one_image() {
     let Some(mut device) = vulkan(GpuOptions { effects: effects(), ..GpuOptions::default() }) else { return };
     let effects = effects();
     for way in WAYS {

@@ -23,7 +23,7 @@ pub struct Orbit {
 
 impl Orbit {
     /// Takes over from any camera: the same place and direction, around the point in front of it that is nearest to `near`.
-    pub fn from_camera(camera: &CameraState, near: DVec3) -> Orbit {
+    pub(crate) fn from_camera(camera: &CameraState, near: DVec3) -> Orbit {
         let back = camera.world_from_view.matrix3.z_axis.normalize_or(DVec3::Z);
         let position = camera.world_from_view.translation;
         let distance = (position - near).dot(back).clamp(0.5, 1e4);

@@ -1,4 +1,4 @@
-//! Motion blur and what effects draw of their own, against closed forms; both renderers.
+//! Motion blur by accumulation, against closed forms; both renderers.
 
 mod common;
 
@@ -68,7 +68,7 @@ fn each_pixel_is_as_bright_as_the_share_of_the_times_that_cover_it() {
 }
 
 #[test]
-fn what_comes_over_the_picture_comes_after_the_mean() {
+fn full_screen_passes_and_layers_are_applied_to_the_mean() {
     let mut scene = passing();
     use_effect(&mut scene, "motion_blur", &[("samples", 4.0), ("shutter", 360.0)], &[]);
     let plain = shown(&scene, &mut CpuRenderer::new(&effects()), 1);

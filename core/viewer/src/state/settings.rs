@@ -5,7 +5,7 @@ use choreo_files::write_whole_beneath;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-pub const SCALES: (f32, f32) = (1.0, 2.0);
+pub(crate) const SCALES: (f32, f32) = (1.0, 2.0);
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {

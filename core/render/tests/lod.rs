@@ -1,4 +1,4 @@
-//! Crowds are drawn coarser far away, by no more than a pixel.
+//! Levels of detail: crowds are drawn coarser far away, with an error of at most a pixel.
 
 mod common;
 
@@ -54,7 +54,7 @@ fn triangles(resources: &SceneResources, plan: &Plan) -> usize {
     plan.draws.iter().map(|d| of(d.primitive) * d.instance_count as usize).sum()
 }
 
-fn picture(resources: &Arc<SceneResources>, plan: &Plan) -> Vec<u8> {
+fn image(resources: &Arc<SceneResources>, plan: &Plan) -> Vec<u8> {
     let mut renderer = CpuRenderer::new(&[]);
     renderer.load(resources.clone()).unwrap();
     renderer.submit(plan.clone()).unwrap();
@@ -100,14 +100,14 @@ fn copies_of_a_crowd_are_coarser_the_smaller_they_are() {
     draws.sort_by_key(|d| d.0);
     assert!(draws.len() >= 2 && draws.windows(2).all(|d| d[0].1.1 <= d[1].1.0 + 1.0), "{draws:?}");
 
-    let (a, b) = (picture(&resources, &full), picture(&resources, &plan));
+    let (a, b) = (image(&resources, &full), image(&resources, &plan));
     assert!(a != b, "coarser balls are not the same to the last pixel");
     assert_eq!(far_off(&a, &b), 0, "pixels off by more than one");
     // All by the coarsest, the comparison fails.
     let mut wrong = (*resources).clone();
     wrong.lods.iter_mut().flatten().for_each(|level| level.error = 0.0);
     let plan = Plan::new(&wrong, &scene.stage, &scene.snapshot, &options);
-    assert!(far_off(&a, &picture(&Arc::new(wrong), &plan)) > 0);
+    assert!(far_off(&a, &image(&Arc::new(wrong), &plan)) > 0);
 }
 
 #[test]

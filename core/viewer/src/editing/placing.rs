@@ -2,23 +2,14 @@
 //! key at the playhead; where it hangs on another one, in that one's space; where it faces something, no turn.
 
 use crate::app::Viewer;
-use crate::gizmo::Change;
-use crate::orbit::Orbit;
-use crate::selection::{Selected, actor};
+use crate::geometry::gizmo::Change;
+use crate::state::history::ExpectedPlacement;
+use crate::state::orbit::Orbit;
+use crate::state::selection::{Selected, actor};
 use choreo_motion::Time;
 use choreo_session::edit::{Edit, EditRefused, KeyTime, KeyValue, ScriptObject, format_number};
 use choreo_stage::{Actor, Placement, Property, Rig, StageLight};
 use glam::{DAffine3, DQuat, DVec3};
-
-/// What the next version must show.
-pub(crate) struct Wanted {
-    actor: String,
-    /// Time of the keys.
-    time: Time,
-    at: DVec3,
-    rotation: DQuat,
-    line: usize,
-}
 
 /// The actor's transform in its parent at a time, keys included; without callbacks, root motion and paths.
 pub fn placement(actor: &Actor, time: Time) -> Placement {
@@ -36,7 +27,7 @@ pub fn placement(actor: &Actor, time: Time) -> Placement {
 }
 
 /// As it shines at a time, keys included.
-pub fn light_at(light: &StageLight, time: Time) -> StageLight {
+pub(crate) fn light_at(light: &StageLight, time: Time) -> StageLight {
     let mut now = light.clone();
     for channel in &light.channels {
         let Some([x, y, z, w]) = channel.at(time) else { continue };
@@ -90,7 +81,7 @@ impl Viewer {
     }
 
     /// As [`Viewer::change_actor`], by the axes of what it is attached to.
-    pub fn place_actor(&mut self, name: &str, change: Change) -> Result<(), String> {
+    pub(crate) fn place_actor(&mut self, name: &str, change: Change) -> Result<(), String> {
         let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
         let index = actor(&scene.stage, name).ok_or("it is no longer there")?;
         let found = &scene.stage.actors[index];
@@ -135,7 +126,8 @@ impl Viewer {
                 }
             }
         })?;
-        self.history.wanted = Some(Wanted { actor: name.to_string(), time, at, rotation, line: place.line });
+        self.history.wanted =
+            Some(ExpectedPlacement { actor: name.to_string(), time, at, rotation, line: place.line });
         Ok(())
     }
 
@@ -176,7 +168,7 @@ impl Viewer {
     ///
     /// # Errors
     /// As for [`Viewer::change_actor`].
-    pub fn add_camera(&mut self, from: &Orbit) -> Result<(), String> {
+    pub(crate) fn add_camera(&mut self, from: &Orbit) -> Result<(), String> {
         let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
         let taken = |name: &str| scene.stage.cameras.iter().any(|c| c.name == name);
         let name = (1..).map(|n| format!("view {n}")).find(|name| !taken(name)).unwrap_or_default();

@@ -2,10 +2,13 @@
 //! in a module or makes several things is not touched, and said, with a line that would do it where there is one. A file that has
 //! changed on disk meanwhile is asked about, with the difference.
 
+pub(crate) mod difference;
+pub(crate) mod external_editor;
+pub mod placing;
+
 use crate::app::Viewer;
-use crate::difference;
-use crate::placing::Wanted;
-use crate::selection::{Selected, actor};
+use crate::state::history::{Done, Offer};
+use crate::state::selection::{Selected, actor};
 use choreo_files::{WriteError, write_whole};
 use choreo_script::Place;
 use choreo_session::edit::{
@@ -14,34 +17,6 @@ use choreo_session::edit::{
 use choreo_stage::Actor;
 use std::path::Path;
 use std::sync::Arc;
-
-/// Changes that can be taken back and made again, the newest last.
-#[derive(Default)]
-pub struct History {
-    done: Vec<Done>,
-    undone: Vec<Done>,
-    /// What the next version must show, if the change did what was meant.
-    pub(crate) wanted: Option<Wanted>,
-}
-
-struct Done {
-    /// What takes it back.
-    back: Edit,
-    /// The text that it takes back from.
-    text: String,
-}
-
-/// A change that is made if the user agrees.
-pub struct Offer {
-    pub why: String,
-    /// Label of the button.
-    pub agree: String,
-    /// Lines that go (`-`), come (`+`) and stay (` `).
-    pub difference: Vec<(char, String)>,
-    edit: Edit,
-    /// What the edit was made for.
-    text: String,
-}
 
 impl Viewer {
     /// Sets a time of a cue or an effect in the script's file, in seconds.
@@ -93,7 +68,7 @@ impl Viewer {
     }
 
     /// Lets an actor play a clip of its file from a time on.
-    pub fn add_clip(&mut self, name: &str, clip: &str, secs: f64) -> Result<(), String> {
+    pub(crate) fn add_clip(&mut self, name: &str, clip: &str, secs: f64) -> Result<(), String> {
         let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
         let index = actor(&scene.stage, name).ok_or("it is no longer there")?;
         let place = scene.places.actors.get(index).cloned().unwrap_or_default();
@@ -215,7 +190,7 @@ impl Viewer {
     }
 
     /// Makes the change that was offered.
-    pub fn accept_offer(&mut self) -> Result<(), String> {
+    pub(crate) fn accept_offer(&mut self) -> Result<(), String> {
         let offer = self.offer.take().ok_or("nothing was offered")?;
         let path = self.path.clone().ok_or("there is no script")?;
         let now = read(&path)?;

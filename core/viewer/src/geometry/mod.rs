@@ -1,0 +1,5 @@
+//! Closed forms between the screen and the world: projection, ray casts against the scene, what dragging a gizmo means.
+
+pub mod gizmo;
+pub mod picking;
+pub mod projection;

@@ -1,0 +1,43 @@
+//! Edits of the script that can be undone and redone, and what is pending of them.
+
+use choreo_motion::Time;
+use choreo_session::edit::Edit;
+use glam::{DQuat, DVec3};
+
+/// Changes that can be taken back and made again, the newest last.
+#[derive(Default)]
+pub struct History {
+    pub(crate) done: Vec<Done>,
+    pub(crate) undone: Vec<Done>,
+    /// What the next version must show, if the change did what was meant.
+    pub(crate) wanted: Option<ExpectedPlacement>,
+}
+
+pub(crate) struct Done {
+    /// What takes it back.
+    pub(crate) back: Edit,
+    /// The text that it takes back from.
+    pub(crate) text: String,
+}
+
+/// A change that is made if the user agrees.
+pub struct Offer {
+    pub why: String,
+    /// Label of the button.
+    pub agree: String,
+    /// Lines that go (`-`), come (`+`) and stay (` `).
+    pub difference: Vec<(char, String)>,
+    pub(crate) edit: Edit,
+    /// What the edit was made for.
+    pub(crate) text: String,
+}
+
+/// What the next version must show.
+pub(crate) struct ExpectedPlacement {
+    pub(crate) actor: String,
+    /// Time of the keys.
+    pub(crate) time: Time,
+    pub(crate) at: DVec3,
+    pub(crate) rotation: DQuat,
+    pub(crate) line: usize,
+}

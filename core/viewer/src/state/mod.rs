@@ -1,0 +1,12 @@
+//! What the viewer shows and how: plain data without a toolkit, tested without a window.
+
+pub mod events;
+pub mod history;
+pub mod orbit;
+pub mod performance;
+pub mod playhead;
+pub mod selection;
+pub mod settings;
+pub mod span;
+pub mod timeline;
+pub mod view;
