@@ -10,7 +10,7 @@ use choreo_plugin::OptionKind;
 use choreo_script::Place;
 use choreo_session::Scene;
 use choreo_session::edit::format_number;
-use choreo_stage::{ActorState, Described, FieldType, FieldValue, Heard, Stage, StageLight};
+use choreo_stage::{ActiveClip, ActorState, Described, FieldType, FieldValue, Stage, StageLight};
 use egui::{Grid, RichText, Ui};
 use glam::{DQuat, DVec3, Vec3};
 use std::ops::RangeInclusive;
@@ -392,7 +392,7 @@ fn of_cue(
     fields(viewer, played, row);
     row("repeat", format!("{:?}", played.repeat));
     row("trim", format!("{} to {} s", played.trim.0.as_secs(), played.trim.1.as_secs()));
-    let heard = found.heard(viewer.playhead.time());
+    let heard = found.active_clips(viewer.playhead.time());
     match shares(&heard, layer).find(|(h, _)| h.cue == cue) {
         Some((heard, share)) => {
             row("now", format!("{:.0} % at {:.3} s of the clip", share * 100.0, heard.clip_time.as_secs()))
