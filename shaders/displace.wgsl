@@ -1,5 +1,5 @@
-// Effects that move the corners of surfaces. Their functions, and `vertex_effects`, which calls them, are appended.
-// Twin: core/render/src/cpu/displace.rs.
+// Effects that move the vertices of surfaces. Their functions, and `vertex_effects`, which calls them, are appended.
+// CPU reference: core/render/src/cpu/displace.rs.
 
 @if(DISPLACED)
 struct Place {

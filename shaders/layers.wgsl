@@ -28,7 +28,7 @@ fn sheen_lobe(roughness: f32, n: vec3<f32>, v: vec3<f32>, l: vec3<f32>, nv: f32,
     return (2.0 + inverse) * pow(sine, inverse * 0.5) * 0.125 / (nl + nv - nl * nv);
 }
 
-// How much of a white sky such a sheen gives back, at most 1: fitted to the integral of the lobe; see the CPU twin.
+// How much of a white sky such a sheen gives back, at most 1: fitted to the integral of the lobe; see the CPU reference.
 fn sheen_albedo(roughness: f32, nv: f32) -> f32 {
     let r = roughness;
     let height = exp(0.01213 - 0.81006 * r + 0.18394 / (r + 0.1));

@@ -1,12 +1,12 @@
 // Triangles, lines, points and lattices of effects: triangles that the plan made, and how much of each pixel they cover.
-// Twin: core/render/src/cpu/overlay.rs.
+// CPU reference: core/render/src/cpu/overlay.rs.
 
 struct OverlayVertex {
     clip: vec4<f32>,
     color: vec4<f32>,
     // Stroke: pixels along and across, length, radius. Lattice: cells along both axes, way from the middle, 1 at the rim.
     shape: vec4<f32>,
-    // 0: a stroke, 2: all of a triangle. Lattice: 1, each so manieth line is thick, pixels of thin lines and of thick ones.
+    // 0: a stroke, 2: all of a triangle. Lattice: 1, each Nth line is thick, pixels of thin lines and of thick ones.
     lattice: vec4<f32>,
 }
 

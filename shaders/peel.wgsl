@@ -1,5 +1,5 @@
-// Layers of what is seen through, from the back: the depth test keeps the farthest of the surfaces that are nearer than the layer
-// before, at each sample. Twin: cpu/peel.rs.
+// Layers of transparent surfaces, from the back: the depth test keeps the farthest of the surfaces that are nearer than the layer
+// before, at each sample. CPU reference: cpu/peel.rs.
 
 @if(PEEL_PASS && !MULTISAMPLED)
 @group(2) @binding(10) var layer_before: texture_depth_2d;

@@ -1,5 +1,5 @@
 // A vertex in its pose: morphs, then the skin. The vertex stage and the compute stage (posed.wgsl) call the same functions.
-// Twin: core/render/src/cpu/vertex.rs.
+// CPU reference: core/render/src/cpu/vertex.rs.
 
 struct Shape {
     position: vec3<f32>,
@@ -35,7 +35,7 @@ fn weigh(sum: Rows, joint: u32, weight: f32) -> Rows {
 @end
 
 @if(SKIN_DUAL)
-// Twin of core/motion/src/dual_quaternion.rs: stretches are blended as matrices, then motions as dual quaternions.
+// GPU version of core/motion/src/dual_quaternion.rs: stretches are blended as matrices, then motions as dual quaternions.
 struct DualSum {
     real: vec4<f32>,
     dual: vec4<f32>,

@@ -1,4 +1,4 @@
-// What Blinn–Phong and Phong surfaces mirror. Twin: core/render/src/cpu/reflection.rs.
+// What Blinn–Phong and Phong surfaces mirror. CPU reference: core/render/src/cpu/reflection.rs.
 
 @if(REFLECTION)
 // The share that is mirrored; the texture stands in the slot of specular, which this shading does not read.

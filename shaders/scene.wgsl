@@ -31,7 +31,7 @@ fn read_uv_mask(in: VertexOut) {
 @end
 
 @if(LIT && LIGHT_LISTS)
-// Where the lights that may reach a place are listed, beside those that reach everywhere: from, to. Twin: `LightLists::of`.
+// Where the lights that may reach a place are listed, beside those that reach everywhere: from, to. CPU reference: `LightLists::of`.
 fn light_list(pixel: vec2<f32>, relative: vec3<f32>) -> vec2<u32> {
     let depth = (frame.clip_from_relative * vec4(relative, 1.0)).w;
     let scale = bitcast<f32>(light_lists[4]);
@@ -200,7 +200,7 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
     @if(TRANSMISSION)
     // What is neither reflected nor scattered lets light through (KHR_materials_transmission), less what the volume takes
     // (KHR_materials_volume, Beer-Lambert). Thin glass sees no blurred picture of what is behind: of a rough surface the
-    // blurred share is the hemisphere light seen through it.
+    // blurred share is the hemisphere light transmitted by it.
     var transmission = layers.transmission * (1.0 - metallic);
     @if(TRANSMISSION_TEXTURE) transmission *= textureSample(transmission_texture, transmission_sampler, layer_uv(in, 5u)).r;
     var through = base.rgb * transmission * (vec3(1.0) - ambient_specular(s.f0, s.f90, s.roughness, nv));

@@ -1,6 +1,6 @@
 // Effects on surfaces: what they see of a place and of light. Their functions, and `surface_effects` and `light_effects`,
 // which call them, are appended.
-// Twin: `Seen` of core/plugin/src/effect.rs, filled in core/render/src/cpu/seen.rs.
+// CPU reference: `Seen` of core/plugin/src/effect.rs, filled in core/render/src/cpu/seen.rs.
 
 @if(SURFACE)
 struct Seen {

@@ -1,5 +1,5 @@
 // Textures of effects, all in one buffer; of each effect functions with its textures' names are appended.
-// Twin: core/plugin/src/effect_texture.rs.
+// CPU reference: core/plugin/src/effect_texture.rs.
 
 fn effect_texel(first: u32, size: vec2<u32>, at: vec2<i32>) -> vec4<f32> {
     // From one texel before the first to one behind the last; what is not a number is anywhere.

@@ -1,4 +1,4 @@
-// Textures laid on a surface from three sides, mixed by where it faces. Twin: core/render/src/cpu/triplanar.rs.
+// Textures laid on a surface from three sides, mixed by where it faces. CPU reference: core/render/src/cpu/triplanar.rs.
 
 @if(TRIPLANAR)
 // In the space of the mesh: from the middle in widths of the picture, unit, −1 or 1, sum 1.

@@ -1,4 +1,4 @@
-// Lines and points of a width. Twin: core/render/src/wide.rs.
+// Lines and points of a width. CPU reference: core/render/src/wide.rs.
 
 @if(WIDE)
 // Where a corner lies, from both ends of its line in clip space. What is added to an end is the same in the picture wherever on

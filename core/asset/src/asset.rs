@@ -24,7 +24,7 @@ pub struct Asset {
     pub skins: Vec<Skin>,
     /// Which mesh hangs on which node, with which skin.
     pub instances: Vec<MeshInstance>,
-    /// model-from-model of every place at which the whole body stands, posed once for all of them. Empty: where it is cast.
+    /// model-from-model of every placement of the whole character, which is evaluated once for all of them. Empty: where it is cast.
     pub placements: Arc<[Affine3A]>,
     pub materials: Vec<Material>,
     pub images: Vec<Arc<Image>>,
@@ -97,7 +97,7 @@ impl MeshInstance {
         own.into_iter().chain(self.copies.iter().copied())
     }
 
-    /// The first so many of the copies, all where there is no number; without copies the one.
+    /// The first N of the copies, all where there is no number; without copies the one.
     pub fn joint_from_first(&self, count: Option<u32>) -> impl Iterator<Item = Affine3A> + '_ {
         let most = count.filter(|_| !self.copies.is_empty()).map_or(usize::MAX, |n| n as usize);
         self.joint_from_copies().take(most)

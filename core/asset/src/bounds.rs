@@ -115,7 +115,7 @@ pub struct InstanceBounds {
     pub parts: Vec<BoundsPart>,
     /// (primitive, vertex) of the vertices that reach farthest from each joint in 14 directions: with them posed, a still
     /// picture of the instance is framed more closely than by boxes, and all but exactly. Sorted. Empty where morphs move them,
-    /// of instances with copies, and of bodies that stand at places.
+    /// of instances with copies, and of instanced characters.
     pub outline: Vec<(u32, u32)>,
 }
 

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 /// Source of the images of a sequence.
 pub trait ImageSource: Debug + Send + Sync {
-    /// All of one size; an error is told as it is.
+    /// All of one size; an error is reported as it is.
     fn picture(&self, index: usize) -> Result<Arc<Image>, String>;
 }
 

@@ -1,15 +1,15 @@
-//! Bodies that stand at many places: one pose, many placements.
+//! Instancing of characters: one pose, many placements.
 
 use crate::asset::{Asset, MeshInstance};
 use crate::bounds::{Aabb, AffineRange};
 use crate::skinning::widen;
 use glam::{Affine3A, DAffine3, Vec3, Vec3A};
 
-/// Boxes at so many places are joined one by one; more are bounded by the range of their maps.
+/// Boxes at this number of places are joined one by one; more are bounded by the range of their maps.
 const FEW: usize = 64;
 
 impl Asset {
-    /// model-from-model of each place that the body stands at, the first so many where there is a number; the identity where it
+    /// model-from-model of each placement of the character, the first N where there is a number; the identity where it
     /// stands where it is cast.
     pub fn first_placements(&self, count: Option<u32>) -> impl Iterator<Item = Affine3A> + '_ {
         let own = if self.placements.is_empty() { Some(Affine3A::IDENTITY) } else { None };

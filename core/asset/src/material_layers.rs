@@ -31,7 +31,7 @@ pub struct MaterialLayers {
     pub thickness_texture: Option<TextureRef>,
     /// Index of refraction of the volume: what lies behind is seen displaced where there is one, and 1 bends nothing.
     pub ior: f32,
-    /// How far the colours of what is seen through it part: 20 ÷ Abbe number; 0: not at all.
+    /// Dispersion: how far the colours of refracted light part: 20 ÷ Abbe number; 0: not at all.
     pub dispersion: f32,
     /// Metres after which white light has the attenuation colour; infinite: clear.
     pub attenuation_distance: f32,

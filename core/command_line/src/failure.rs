@@ -14,7 +14,7 @@ pub enum Failure {
     /// The result cannot be written to its place.
     Output(String),
     Device(String),
-    /// Sections failed, or none was tested: how many. What failed has been told.
+    /// Sections failed, or none was tested: how many. What failed has been reported.
     Tests(String),
     /// The machine, or a limit set on the program, gives too few threads or too little memory.
     Machine(String),

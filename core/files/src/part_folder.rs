@@ -63,7 +63,7 @@ impl PartFolder {
         }
     }
 
-    /// As messages name it.
+    /// Name in messages.
     pub fn path(&self) -> PathBuf {
         self.parent.path().join(&self.part)
     }

@@ -33,7 +33,9 @@ impl FlipDifference {
             w if w <= ALTERNATING => {
                 "not visible side by side; visible to a careful eye when the two alternate"
             }
-            w if w <= SIDE_BY_SIDE => "visible when the two alternate; side by side only to who knows where",
+            w if w <= SIDE_BY_SIDE => {
+                "visible when the two alternate; side by side only if the place is known"
+            }
             _ if self.mean <= 0.02 => "visible side by side, in a part of the picture",
             w if self.mean <= 0.2 || w <= 0.6 => "visible at first sight",
             _ => "different pictures",

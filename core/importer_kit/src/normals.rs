@@ -4,9 +4,9 @@ use choreo_asset::{Primitive, Topology};
 use glam::{DVec3, Vec3, Vec4};
 use std::collections::HashMap;
 
-/// Gives each corner of the index list its own value of one attribute. A vertex keeps its place for the
+/// Gives each vertex of the index list its own value of one attribute. A vertex keeps its place for the
 /// first value it gets; further values get copies appended, so that the file's vertex order stays.
-/// `value_of_corner` sees the primitive as far as it is split: positions of corners stay. `store` writes a value to a vertex.
+/// `value_of_corner` sees the primitive as far as it is split: positions of vertices stay. `store` writes a value to a vertex.
 pub fn split_corners<K: std::hash::Hash + Eq, V: Copy>(
     primitive: &mut Primitive,
     value_of_corner: impl Fn(&Primitive, usize) -> V,
@@ -99,7 +99,7 @@ pub fn flat(p: &mut Primitive) {
     );
 }
 
-/// Writes one tangent a corner into the vertices.
+/// Writes one tangent per index into the vertices.
 pub fn apply_tangents(p: &mut Primitive, tangents: &[Vec4]) {
     p.tangents = vec![Vec4::new(1.0, 0.0, 0.0, 1.0); p.positions.len()];
     split_corners(

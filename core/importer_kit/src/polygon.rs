@@ -52,7 +52,7 @@ impl Triangulator {
         if count == 4 {
             let corners = [0, 1, 2, 3].map(flat);
             let turn = |a: usize, b: usize, c: usize| orient(corners[a], corners[b], corners[c]);
-            // Either diagonal, where both of its triangles are wound right; the one from the first corner where both do.
+            // Either diagonal, where both of its triangles are wound right; the one from the first vertex where both do.
             let (a, b) = ((turn(0, 1, 2), turn(0, 2, 3)), (turn(0, 1, 3), turn(1, 2, 3)));
             if a.0 >= 0.0 && a.1 >= 0.0 && (a.0 > 0.0 || a.1 > 0.0) {
                 [[0, 1, 2], [0, 2, 3]].into_iter().for_each(out);
@@ -95,7 +95,7 @@ impl Triangulator {
         let mut cut = Cut::Whole;
         let mut left = n;
         let mut at = first;
-        // Corners looked at since the last ear.
+        // Vertices tested since the last ear.
         let mut in_vain = 0;
         while left > 3 {
             let (before, after) = (self.previous[at as usize], self.next[at as usize]);
@@ -137,7 +137,7 @@ impl Triangulator {
         });
     }
 
-    /// A corner that bulges, with no dent in its triangle. A dent at the very place of one of the triangle's corners is no
+    /// A convex vertex, with no dent in its triangle. A dent at the very place of one of the triangle's vertices is no
     /// hindrance: polygons with holes run along a seam there and back.
     fn is_ear(&mut self, before: u32, at: u32, after: u32) -> bool {
         let [a, b, c] = [before, at, after].map(|i| self.flat[i as usize]);
@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn dents_stars_and_holes_with_seams() {
         covers(&[[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]);
-        // A dent at each of the four corners of a quad in turn.
+        // A dent at each of the four vertices of a quad in turn.
         let arrow = [[0.0, 0.0], [2.0, 1.0], [0.0, 2.0], [0.5, 1.0]];
         for turn in 0..4 {
             covers(&[0, 1, 2, 3].map(|i| arrow[(i + turn) % 4]));

@@ -20,7 +20,7 @@ impl<'f> Progress<'f> {
         Progress { files, total, next: Cell::new(0) }
     }
 
-    /// Says that so many bytes are done, where that is a step further. An error where the import was cancelled.
+    /// Reports the number of bytes done, where that is a step further. An error where the import was cancelled.
     #[inline]
     pub fn reach(&self, done: usize) -> Result<()> {
         if done < self.next.get() { Ok(()) } else { self.tell(done) }

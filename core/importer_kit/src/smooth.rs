@@ -6,11 +6,11 @@ use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Triangles around one vertex that are compared with each other, all pairs. Beyond it (no modelled surface has so many)
-/// the corners keep their triangles' normals, so that time stays proportional to the file.
+/// Triangles around one vertex that are compared with each other, all pairs. Beyond it (no modelled surface has that many)
+/// the vertices keep their triangles' normals, so that time stays proportional to the file.
 const MAX_AROUND: usize = 256;
 
-/// Replaces the normals of a triangle list. Each corner gets the mean, weighted by angle, of the normals of the triangles
+/// Replaces the normals of a triangle list. Each vertex gets the mean, weighted by angle, of the normals of the triangles
 /// around its position whose normals are at most `limit_rad` from its own; with `group`, only triangles of the same number
 /// are taken and the angle does not count (number 0 stays flat: OBJ's smoothing groups). Vertices are split where needed.
 pub fn normals(p: &mut Primitive, limit_rad: f64, group: Option<&[u32]>) {
@@ -50,7 +50,7 @@ pub fn normals(p: &mut Primitive, limit_rad: f64, group: Option<&[u32]>) {
     split_corners(p, normal, |n| n.to_array().map(f32::to_bits), |p, vertex, n| p.normals[vertex] = n);
 }
 
-/// The angle of a triangle at a corner.
+/// The angle of a triangle at a vertex.
 fn angle(p: &Primitive, corner: usize) -> f64 {
     let (face, k) = (corner / 3 * 3, corner % 3);
     let at = |k: usize| p.positions[p.indices[face + k] as usize].as_dvec3();
@@ -59,7 +59,7 @@ fn angle(p: &Primitive, corner: usize) -> f64 {
     libm::acos(a.dot(b).clamp(-1.0, 1.0))
 }
 
-/// Corners by position: equal bits are the same place, whatever the vertex.
+/// Vertices by position: equal bits are the same place, whatever the vertex.
 struct Around {
     place_of_vertex: Vec<u32>,
     /// Index of the first entry of each position in `corners`; one entry more than positions.

@@ -1,7 +1,7 @@
 //! Tangents for normal maps, as MikkTSpace makes them (M. Mikkelsen, "Simulation of Wrinkled Surfaces
 //! Revisited", 2008, and mikktspace.c), which glTF 2.0 §3.7.2.1 asks for.
 //!
-//! The algorithm, with the angular threshold off as everybody uses it: corners with equal position, normal
+//! The algorithm, with the angular threshold off as everybody uses it: vertices with equal position, normal
 //! and uv are one vertex; around a vertex, triangles that share an edge and have the same uv orientation
 //! form a group; a group's tangent is the angle-weighted mean of its triangles' ∂position/∂u, projected
 //! into the plane of the normal. The C program groups by recursion and compares all pairs in a group;
@@ -125,7 +125,7 @@ impl Face {
     }
 }
 
-/// An edge of a face, by welded vertices, with the corners at its two ends.
+/// An edge of a face, by welded vertices, with the vertices at its two ends.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Edge {
     low: u32,

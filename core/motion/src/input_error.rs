@@ -12,7 +12,7 @@ pub enum InputError {
     #[error("`{field}[{at}]` is {index}, there are {count} joints")]
     Joint { field: &'static str, at: usize, index: usize, count: usize },
     #[error("`{field}`: {error}")]
-    Nested { field: &'static str, error: crate::spring::SpringError },
+    Nested { field: &'static str, error: String },
 }
 
 impl InputError {

@@ -64,10 +64,10 @@ fn mirrored_keys(
     values
 }
 
-/// A pose with left and right exchanged.
+/// Exchanges left and right in a pose.
 pub struct Mirror<'a> {
     pub map: &'a MirrorMap,
-    /// As many joints as the map's skeleton.
+    /// In: as many joints as the map's skeleton.
     pub from: &'a Pose,
     pub out: &'a mut Pose,
 }

@@ -1,4 +1,4 @@
-//! Root motion: how far a clip carries its character over the floor.
+//! Root motion: how far a clip moves its character over the floor.
 //!
 //! The root's frame at a clip time is a [`Planar`]: the place of the root joint in model space, as far as it is asked for,
 //! and its heading, the twist about +Y of its rotation since the rest pose (swing–twist decomposition: P. Dobrowolski,
@@ -53,19 +53,19 @@ struct Link {
 pub struct RootMotion {
     clip: Arc<Clip>,
     joint: u32,
-    /// From the root of the skeleton to the joint.
+    /// Joints from the root of the skeleton to the root-motion joint.
     chain: Vec<Link>,
-    /// Of the joint in model space at rest.
+    /// Rotation of the joint in model space at rest.
     rest_rotation: DQuat,
     pub parts: RootParts,
     yaw: bool,
-    /// Of a clip that walks on the spot: metres a second of the clip, against the floor.
+    /// Velocity against the floor of a clip that walks on the spot, metres per second of the clip.
     pub treadmill: Option<DVec3>,
     pub trim: (Time, Time),
 }
 
 impl RootMotion {
-    /// Of the part of a clip that `trim` says. `joint`: the root, else [`find_root`].
+    /// Root motion of the trimmed part of a clip. `joint`: the root, else [`find_root`].
     pub fn new(
         skeleton: &Skeleton,
         clip: &Arc<Clip>,

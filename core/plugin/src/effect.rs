@@ -13,7 +13,7 @@ pub enum Hook {
     Picture,
     /// A function of one place on a surface, after light has fallen on it: [`Effect::wgsl`] and [`Effect::cpu_surface`].
     Surface,
-    /// A function of one corner of a surface, which says how far it is moved: [`Effect::wgsl`] and [`Effect::cpu_vertex`].
+    /// A function of one vertex of a surface, which says how far it is moved: [`Effect::wgsl`] and [`Effect::cpu_vertex`].
     Vertex,
     /// A function of one light at one place on a surface, which says what comes of it: [`Effect::wgsl`] and
     /// [`Effect::cpu_lighting`].
@@ -84,7 +84,7 @@ pub struct Seen {
     pub viewer: Vec3,
 }
 
-/// One corner of a surface as a [`Hook::Vertex`] sees it. Laid out as the struct `Place` of the shaders.
+/// One vertex of a surface as a [`Hook::Vertex`] sees it. Laid out as the struct `Place` of the shaders.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Place {
     /// Where in the world as posed, metres; exact to f32 only, so fine near the origin.

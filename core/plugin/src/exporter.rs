@@ -12,7 +12,7 @@ pub trait Exporter: Send + Sync {
     /// threads at once, and numbers the files.
     fn one_frame_per_file(&self) -> bool;
 
-    /// What this format cannot keep of the video and does about it ("641×480 becomes 642×480: …"), told to the
+    /// What this format cannot keep of the video and does about it ("641×480 becomes 642×480: …"), reported to the
     /// user once, before the first frame.
     fn notes(&self, info: &VideoInfo) -> Vec<String> {
         let _ = info;

@@ -73,7 +73,7 @@ impl Source {
 pub trait Files {
     fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String>;
 
-    /// Told by importers that take long, from 0 to 1. False: nobody wants the asset any more, so that it can be given up with
+    /// Reported by importers that take long, from 0 to 1. False: nobody wants the asset any more, so that it can be given up with
     /// any error.
     fn progress(&self, part: f32) -> bool {
         let _ = part;

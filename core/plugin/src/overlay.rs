@@ -38,7 +38,7 @@ impl<'a> Scene<'a> {
         })
     }
 
-    /// A body so many frames ago, 1 or more, or as many as are known; `None` where none is, or it was not seen then.
+    /// The actor N frames ago, 1 or more, or as many as are known; `None` where none is, or it was not seen then.
     pub fn earlier(&self, body: &Body<'a>, frames: usize) -> Option<Body<'a>> {
         let before = self.before.get(frames.checked_sub(1)?).or(self.before.last())?;
         let state = before.actors.get(body.actor).filter(|state| state.visible)?;
@@ -118,7 +118,7 @@ pub struct Overlay {
     pub labels: Vec<Label>,
     /// Whether it is drawn over everything, rather than hidden by what is nearer.
     pub over: bool,
-    /// What of it could not be made, and why; told by `choreo explain`.
+    /// What of it could not be made, and why; `choreo explain` prints it.
     pub left_out: Vec<String>,
 }
 
@@ -171,7 +171,7 @@ pub struct Lattice {
     pub along: [DVec3; 2],
     /// Metres from line to line.
     pub cell: f64,
-    /// Each so manieth line is a thick one, and stays where there are too many thin ones for the pixels.
+    /// Each Nth line is a thick one, and stays where there are too many thin ones for the pixels.
     pub every: u32,
     /// Pixels, of thin lines and of thick ones.
     pub widths: [f32; 2],

@@ -94,7 +94,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let at = Instant::now();
     let resources = Arc::new(SceneResources::new(&stage));
     renderer.load(resources.clone())?;
-    println!("catalogue          {:7.1} ms", at.elapsed().as_secs_f64() * 1e3);
+    println!("scene resources    {:7.1} ms", at.elapsed().as_secs_f64() * 1e3);
     let options = PlanOptions::new(size, samples);
     let first_time = number("--time", 0.0);
     let plan_at = |frame: i64| -> Result<Plan, Box<dyn std::error::Error>> {

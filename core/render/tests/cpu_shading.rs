@@ -300,7 +300,10 @@ fn misuse_is_an_error_with_words() {
     let (resources, plan) = scene.plan(&PlanOptions::new([4, 4], 1));
     let mut r = CpuRenderer::new(&[]);
     let said = |e: Result<(), choreo_render::RenderError>| e.unwrap_err().to_string();
-    assert_eq!(said(r.submit(plan.clone())), "the plan was made from another catalogue than the loaded one");
+    assert_eq!(
+        said(r.submit(plan.clone())),
+        "the plan was made from other scene resources than the loaded ones"
+    );
     r.load(resources).unwrap();
     assert_eq!(r.collect(None).unwrap_err().to_string(), "no frame is submitted: nothing to collect");
     let wide = choreo_render::Plan { size: [16385, 4], ..plan.clone() };

@@ -128,7 +128,7 @@ fn a_thousand_pay_one_pose_and_those_outside_nothing() {
     assert!(scene.plan(&options).1.draws.is_empty(), "the first three stand on the left");
     let single = crowd(0).plan(&options).1;
     assert!(!single.draws[0].pipeline.features.has(Features::SKIN_PLACED));
-    assert!(single.left_out.iter().any(|l| l.what == "copies of skinned bodies"));
+    assert!(single.left_out.iter().any(|l| l.what == "copies of skinned meshes"));
 }
 
 #[test]

@@ -407,7 +407,7 @@ fn odd_sizes_and_misuse() {
     );
     plan.post.clear();
     plan.draws[0].primitive = 7;
-    assert_eq!(refused(&plan), "the plan draws primitive 7, which the loaded catalogue lacks");
+    assert_eq!(refused(&plan), "the plan draws primitive 7, which the loaded scene resources lack");
     // After all that it still draws.
     plan.draws[0].primitive = 0;
     for _ in 0..r.frames_in_flight() {

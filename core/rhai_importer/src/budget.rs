@@ -26,7 +26,7 @@ impl Budget {
         Budget { left: Arc::new(AtomicU64::new(all)), all }
     }
 
-    /// Before an array of so many bytes is made; what is dropped later is not given back.
+    /// Counts an array of this number of bytes before it is made; what is dropped later is not given back.
     pub fn take(&self, bytes: usize) -> Result<(), Refused> {
         let taken = self
             .left

@@ -180,7 +180,7 @@ impl Importer for RhaiImporter {
                 Ok(score @ 1..=100) => Claim::Content(score as u8),
                 _ => Claim::NotMine,
             },
-            // Too short for the header, say: where the name is right, `import` tells what is wrong.
+            // Too short for the header, say: where the name is right, `import` reports what is wrong.
             Err(_) => plain.min(Claim::Extension),
         }
     }

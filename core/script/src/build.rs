@@ -119,14 +119,14 @@ impl Shared {
         self.clips_only.lock().unwrap_or_else(PoisonError::into_inner).extend(found);
     }
 
-    /// Waits for all that was begun to load: what is wrong with a file is told whether or not it is used.
+    /// Waits for all that was begun to load: what is wrong with a file is reported whether or not it is used.
     pub fn settle(&self) {
         let loads: Vec<Arc<Load>> = {
             let build = self.build.lock().unwrap_or_else(PoisonError::into_inner);
             build.loads.iter().map(|l| l.load.clone()).collect()
         };
         for load in loads {
-            // Told by the load itself.
+            // Reported by the load itself.
             let _ = load.asset(self);
         }
     }
@@ -374,7 +374,7 @@ impl Build {
         self.printed.push(crate::diagnostic::printable(line));
     }
 
-    /// The printed lines, with a last one that tells how many there are not.
+    /// The printed lines, with a last one that gives the number of those left out.
     pub fn take_printed(&mut self, limit: u64) -> Vec<String> {
         let mut lines = std::mem::take(&mut self.printed);
         if self.unprinted > 0 {

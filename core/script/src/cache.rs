@@ -65,7 +65,7 @@ impl AssetCache {
         self.0.imports.load(Ordering::Relaxed)
     }
 
-    /// Drops the assets that nobody else holds, for one who runs a changing script again and again.
+    /// Drops the assets that nothing else holds, for callers that run a changing script again and again.
     pub fn drop_unused(&self) {
         let mut slots = self.0.slots.lock().unwrap_or_else(PoisonError::into_inner);
         slots.retain(|_, slot| match slot.try_lock() {

@@ -1,4 +1,4 @@
-//! What can be told of a script without drawing: not wrong, but hardly meant.
+//! Checks that need no drawing: what is valid, but probably not intended.
 
 use crate::api::cue;
 use crate::build::{ActorDraft, Build, LoadDraft};

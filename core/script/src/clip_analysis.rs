@@ -1,4 +1,4 @@
-//! What is found out about clips when the stage is settled: root motion and steps, once for all who play them.
+//! What is found out about clips when the stage is settled: root motion and steps, once for all actors that play them.
 
 use crate::build::{Build, CueDraft, RootDraft, RootUse};
 use choreo_asset::Asset;
@@ -27,7 +27,7 @@ fn part(asset: &Asset, clip: &Arc<Clip>, trim: (Time, Time)) -> Part {
 /// The root motion of a cue on the base layer, as it or its actor asks for it.
 pub fn root(build: &Build, draft: &CueDraft, found: &mut Found) -> Option<Arc<CueRootMotion>> {
     let actor = &build.actors[build.chains[draft.chain].actor];
-    // Who goes along a path as fast as the clips walk has root motion without asking.
+    // An actor on a path that moves as fast as the clips walk has root motion without asking.
     let paced = actor
         .actor
         .path_following

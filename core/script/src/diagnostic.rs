@@ -6,7 +6,7 @@ use std::fmt;
 pub enum Severity {
     Error,
     Warning,
-    /// Often meant; told by `check` on demand.
+    /// Often intended; `check` prints it on demand.
     Note,
 }
 

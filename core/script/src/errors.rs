@@ -35,7 +35,6 @@ pub fn explain(error: &EvalAltResult, file: &str, shared: &Shared) -> (Place, Ap
         line: at.line().unwrap_or(0),
         column: at.position().unwrap_or(0),
     };
-    let plain = |text: String, at: Position| (place(at), ApiError::new(text));
     match error {
         EvalAltResult::ErrorInFunctionCall(_, source, inner, at) => {
             let file = if source.is_empty() { file } else { source };
@@ -51,78 +50,70 @@ pub fn explain(error: &EvalAltResult, file: &str, shared: &Shared) -> (Place, Ap
             if inside.line == 0 { (place(*at), error) } else { (inside, error) }
         }
         EvalAltResult::ErrorRuntime(value, at) => runtime(value, place(*at)),
-        EvalAltResult::ErrorParsing(kind, at) => (place(*at), parsing(kind, &place(*at), shared)),
-        EvalAltResult::ErrorVariableNotFound(name, at) => {
-            (place(*at), unknown_variable(name, &place(*at), shared))
-        }
-        EvalAltResult::ErrorFunctionNotFound(signature, at) => {
-            (place(*at), unknown_function(signature, shared))
-        }
-        EvalAltResult::ErrorModuleNotFound(name, at) => plain(format!("unknown module \"{name}\""), *at),
         EvalAltResult::ErrorTerminated(value, at) if value.is::<Thrown>() => runtime(value, place(*at)),
-        EvalAltResult::ErrorTerminated(limit, at) => (place(*at), limit_reached(limit, shared)),
-        EvalAltResult::ErrorStackOverflow(at) => {
-            let levels = shared.limits.call_levels;
-            let error =
-                ApiError::new("functions call each other too deeply; does one call itself without end?")
-                    .hint(raise_hint("call_levels", format!("{levels} levels")));
-            (place(*at), error)
+        other => {
+            let place = place(other.position());
+            let error = described(other, &place, shared);
+            (place, error)
         }
-        EvalAltResult::ErrorDataTooLarge(what, at) => (place(*at), too_large(what, shared)),
-        EvalAltResult::ErrorTooManyVariables(at) => {
-            let error = ApiError::new("too many variables at once")
-                .hint(raise_hint("variables", shared.limits.variables));
-            (place(*at), error)
+    }
+}
+
+/// The text and the hint of an error that comes from the interpreter itself.
+fn described(error: &EvalAltResult, place: &Place, shared: &Shared) -> ApiError {
+    let limits = &shared.limits;
+    match error {
+        EvalAltResult::ErrorParsing(kind, _) => parsing(kind, place, shared),
+        EvalAltResult::ErrorVariableNotFound(name, _) => unknown_variable(name, place, shared),
+        EvalAltResult::ErrorFunctionNotFound(signature, _) => unknown_function(signature, shared),
+        EvalAltResult::ErrorModuleNotFound(name, _) => ApiError::new(format!("unknown module \"{name}\"")),
+        EvalAltResult::ErrorTerminated(limit, _) => limit_reached(limit, shared),
+        EvalAltResult::ErrorStackOverflow(_) => {
+            ApiError::new("functions call each other too deeply; does one call itself without end?")
+                .hint(raise_hint("call_levels", format!("{} levels", limits.call_levels)))
         }
-        EvalAltResult::ErrorTooManyModules(at) => {
-            let error =
-                ApiError::new("too many imported files").hint(raise_hint("modules", shared.limits.modules));
-            (place(*at), error)
+        EvalAltResult::ErrorDataTooLarge(what, _) => too_large(what, shared),
+        EvalAltResult::ErrorTooManyVariables(_) => {
+            ApiError::new("too many variables at once").hint(raise_hint("variables", limits.variables))
         }
-        EvalAltResult::ErrorMismatchDataType(wanted, got, at) => {
-            plain(format!("{} is needed here, got {}", type_word(wanted), type_word(got)), *at)
+        EvalAltResult::ErrorTooManyModules(_) => {
+            ApiError::new("too many imported files").hint(raise_hint("modules", limits.modules))
         }
-        EvalAltResult::ErrorPropertyNotFound(name, at) => plain(format!("unknown property \"{name}\""), *at),
-        EvalAltResult::ErrorDotExpr(text, at) => {
+        EvalAltResult::ErrorMismatchDataType(wanted, got, _) => {
+            ApiError::new(format!("{} is needed here, got {}", type_word(wanted), type_word(got)))
+        }
+        EvalAltResult::ErrorPropertyNotFound(name, _) => {
+            ApiError::new(format!("unknown property \"{name}\""))
+        }
+        EvalAltResult::ErrorDotExpr(text, _) => {
             // `Unknown property 'foo' - a getter is not registered for type 'Actor'`.
             let mut quoted = text.split('\'').skip(1).step_by(2);
             match (quoted.next(), quoted.next()) {
-                (Some(name), Some(kind)) => (place(*at), unknown_member(name, kind)),
-                _ => plain(text.clone(), *at),
+                (Some(name), Some(kind)) => unknown_member(name, kind),
+                _ => ApiError::new(text.clone()),
             }
         }
-        EvalAltResult::ErrorIndexingType(kind, at) => {
+        EvalAltResult::ErrorIndexingType(kind, _) => {
             let kind = kind.split(" [").next().unwrap_or(kind);
-            plain(format!("{} cannot be indexed with []", a_type_word(kind)), *at)
+            ApiError::new(format!("{} cannot be indexed with []", a_type_word(kind)))
         }
-        EvalAltResult::ErrorArrayBounds(len, index, at) => {
-            plain(format!("index {index} is outside this array, which has {len} elements"), *at)
+        EvalAltResult::ErrorArrayBounds(len, index, _) => {
+            ApiError::new(format!("index {index} is outside this array, which has {len} elements"))
         }
-        EvalAltResult::ErrorStringBounds(len, index, at) => {
-            plain(format!("index {index} is outside this text, which has {len} characters"), *at)
+        EvalAltResult::ErrorStringBounds(len, index, _) => {
+            ApiError::new(format!("index {index} is outside this text, which has {len} characters"))
         }
-        EvalAltResult::ErrorDataRace(name, at) => {
-            let error = ApiError::new(match name.is_empty() {
-                true => "this value is in use by the call that would change it".to_string(),
-                false => format!("{name} is in use by the call that would change it"),
-            });
-            (
-                place(*at),
-                error.hint(
-                    "a closure cannot reach the variable that it is stored in, nor can a list hold itself",
-                ),
-            )
+        EvalAltResult::ErrorDataRace(name, _) => {
+            let name = if name.is_empty() { "this value" } else { name };
+            ApiError::new(format!("{name} is in use by the call that would change it"))
+                .hint("a closure cannot reach the variable that it is stored in, nor can a list hold itself")
         }
-        EvalAltResult::ErrorFor(at) => {
-            plain("only arrays, ranges, maps and texts can be gone through with for".to_string(), *at)
+        EvalAltResult::ErrorFor(_) => {
+            ApiError::new("only arrays, ranges, maps and texts can be gone through with for")
         }
         other => {
-            let at = other.position();
-            let mut bare = other.to_string();
-            if let Some((text, _)) = bare.split_once(" (line ") {
-                bare = text.to_string();
-            }
-            plain(lower_first(&bare), at)
+            let text = other.to_string();
+            ApiError::new(lower_first(text.split_once(" (line ").map_or(&*text, |(text, _)| text)))
         }
     }
 }

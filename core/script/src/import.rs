@@ -89,12 +89,12 @@ impl Import {
         self.bytes.store(bytes, Ordering::Relaxed);
     }
 
-    /// A bar never runs back: pictures are told after what was decoded beside them. (Bits of floats above 0 are in their order.)
+    /// A bar never runs back: images are reported after what was decoded beside them. (Bits of floats above 0 are in their order.)
     pub(crate) fn set_progress(&self, part: f32) {
         self.part.fetch_max(part.clamp(0.0, 1.0).to_bits(), Ordering::Relaxed);
     }
 
-    /// Gives it up: an importer that is at work ends at the next file or step that it tells of.
+    /// Gives it up: an importer that is at work ends at the next file or step that it reports.
     pub fn cancel(&self) {
         self.cancelled.store(true, Ordering::Relaxed);
     }
@@ -141,7 +141,7 @@ impl Import {
         };
         let result = match self.is_cancelled() {
             true => Err(self.given_up()),
-            // Who waits must not wait for ever.
+            // Waiting must end.
             false => catch_unwind(AssertUnwindSafe(|| job(self))).unwrap_or_else(|_| {
                 Err(LoadError::new(format!("cannot read \"{}\": its importer has failed", self.name)))
             }),
@@ -252,7 +252,7 @@ pub(crate) fn submit(import: &Arc<Import>) {
     pool.queue.push_back(import.clone());
     if pool.workers < cores {
         let worker = std::thread::Builder::new().name("import".into()).stack_size(STACK).spawn(work);
-        // Without a worker, who waits does the work.
+        // Without a worker, the waiting thread does the work.
         pool.workers += usize::from(worker.is_ok());
     }
 }

@@ -85,7 +85,7 @@ limits! {
     texels: u64 = 256 << 20, "pixels of all textures together, each picture counted once";
     files: u64 = 1_000, "files loaded";
     file: u64 = 1 << 30, "bytes of one file";
-    memory: u64 = 4 << 30, "bytes of memory that the program has in use (where the system tells)";
+    memory: u64 = 4 << 30, "bytes of memory that the program has in use (where the system reports it)";
     printed: u64 = 256 << 10, "bytes of what print and debug write";
     frames: u64 = 1_000_000, "frames of the stage and of one render";
     pixels: u64 = 64 << 20, "pixels of one picture";

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 /// One call, wherever its handle goes.
 pub struct Load {
     import: Option<Arc<Import>>,
-    /// Settled: the asset, or nothing where the import has failed and that is told.
+    /// Settled: the asset, or nothing where the import has failed and that is reported.
     asset: OnceLock<Option<Arc<Asset>>>,
     /// As the script wrote it.
     pub name: String,
@@ -58,7 +58,7 @@ impl Load {
         self.asset.get().and_then(Option::as_ref)
     }
 
-    /// Waits for the asset. A failed import is told at the place of the call, once, as if it had been found there; who uses it
+    /// Waits for the asset. A failed import is reported at the place of the call, once, as if it had been found there; who uses it
     /// gets a silent error.
     pub fn asset(&self, shared: &Shared) -> Result<Arc<Asset>, ApiError> {
         let silent = || ApiError { silent: true, ..ApiError::new("") };

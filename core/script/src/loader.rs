@@ -23,7 +23,7 @@ pub struct ImportChoice {
     pub options: ImportOptions,
     /// Less than the loader's own needs: a file for its clips alone decodes no mesh and no image.
     pub needs: Option<Needs>,
-    /// Clips are compressed within so many metres, as [`choreo_motion::Clip::compressed`] does it.
+    /// Clips are compressed within this tolerance in metres, as [`choreo_motion::Clip::compressed`] does it.
     pub compress: Option<f64>,
     /// Options as typed on the command line.
     pub texts: Vec<(String, String)>,
@@ -74,7 +74,7 @@ impl Loader {
         }
     }
 
-    /// What is imported is told to, and can be called off by, whoever has a clone of this.
+    /// Progress of what is imported, and a way to cancel it, for holders of a clone of this.
     pub fn watched_by(mut self, imports: &Imports) -> Loader {
         self.imports = imports.clone();
         self
@@ -161,7 +161,7 @@ impl Loader {
     /// `start`: a canonical folder within the roots in which the name is looked for first.
     ///
     /// # Errors
-    /// There is no such file, or it must not be read. All else is told by the handle.
+    /// There is no such file, or it must not be read. The handle reports everything else.
     pub fn start(
         self: &Arc<Self>,
         start: Option<&Path>,
@@ -262,7 +262,7 @@ impl Loader {
             };
             made.source == content && made.side_files.iter().all(unchanged)
         };
-        // One with its pictures does for who needs none.
+        // One with its images also serves requests without images.
         if !needs.pixels
             && let Some(more) = self.cache.made(&key(Needs { pixels: true, ..needs }))
         {
@@ -284,7 +284,7 @@ impl Loader {
             compress_clips(&mut asset, tolerance, watch)?;
         }
         if !needs.geometry && self.needs.geometry {
-            // Told where the asset is cast, and only there.
+            // Reported where the asset is cast, and only there.
             asset.warnings.push(choreo_asset::Warning {
                 place: String::new(),
                 text: "it was loaded for its clips only, so nothing of it can be seen; leave only: \"clips\" out".into(),

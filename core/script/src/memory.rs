@@ -13,7 +13,7 @@ static ASLEEP: AtomicBool = AtomicBool::new(false);
 
 /// Time between two measurements: a program writes a few megabytes in it at most.
 const EVERY: Duration = Duration::from_millis(5);
-/// So many times in a row nobody has looked: the thread goes to sleep.
+/// Number of times in a row without a look: the thread goes to sleep.
 const UNWATCHED: u32 = 20;
 
 /// Bytes in use a few milliseconds ago; 0 where the system does not tell.

@@ -34,7 +34,7 @@ pub struct ScriptOptions {
     pub needs: Needs,
     /// Assets of earlier runs with clones of this.
     pub assets: AssetCache,
-    /// Tells how far the files are that the script loads, on any thread, and calls them off.
+    /// Reports the progress of the files that the script loads, on any thread, and calls them off.
     pub imports: Imports,
 }
 
@@ -94,7 +94,7 @@ impl Touched {
     }
 }
 
-/// As [`run_file`], and tells which files the run depends on also where it fails.
+/// As [`run_file`], and reports which files the run depends on also where it fails.
 pub fn run_file_touching(
     path: &Path,
     registry: &Registry,

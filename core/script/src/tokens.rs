@@ -1,4 +1,4 @@
-//! Where the tokens of a script's text lie, for what edits the text.
+//! Positions of the tokens of a script's text, for edits of the text.
 
 use rhai::{Engine, LexError, Position, Token};
 use std::ops::Range;

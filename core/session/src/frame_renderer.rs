@@ -1,5 +1,5 @@
-//! Frames on demand, on a thread of its own: only the newest wish counts, so that whoever scrubs never waits for frames that
-//! have been passed over.
+//! Renders frames on demand on a thread of its own. Only the newest request of a view counts, so that scrubbing never waits for
+//! frames that have been passed over.
 
 use crate::viewport::ViewEvaluators;
 use crate::{Scene, ViewOverrides, ViewportCamera};
@@ -15,10 +15,10 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Makes the renderer, on the painter's thread: drivers take their time to start. Gives it with a note for the user.
+/// Makes the renderer, on its own thread: drivers take their time to start. Gives it with a note for the user.
 pub type StartRenderer = Box<dyn FnOnce() -> Result<(Box<dyn Renderer>, Option<String>), String> + Send>;
 
-/// A frame wished for.
+/// A requested frame.
 #[derive(Clone)]
 pub struct FrameRequest {
     pub scene: Arc<Scene>,
@@ -37,7 +37,7 @@ pub struct FrameRequest {
 }
 
 impl FrameRequest {
-    /// As `render` draws it.
+    /// A request for a frame as `render` draws it.
     pub fn new(scene: Arc<Scene>, time: Time, samples: u32, ticket: u64) -> FrameRequest {
         let size = scene.stage.settings.size;
         FrameRequest {
@@ -54,7 +54,7 @@ impl FrameRequest {
     }
 }
 
-/// A frame that was drawn, or why it could not be.
+/// A rendered frame, or why it could not be rendered.
 pub struct FrameReply {
     pub ticket: u64,
     pub view: u32,
@@ -67,7 +67,7 @@ pub struct FrameReply {
     pub notes: Vec<String>,
 }
 
-/// What is known of a frame beside its pixels.
+/// Data of a rendered frame beside its pixels.
 pub struct FrameInfo {
     /// Number of the scene's version.
     pub number: u64,
@@ -126,7 +126,7 @@ pub struct FrameRenderer {
 }
 
 impl FrameRenderer {
-    /// `told` is called on the painter's thread with every frame that was drawn.
+    /// `report` is called on the renderer's thread with every frame that was drawn.
     pub fn start(
         start: StartRenderer,
         mut report: impl FnMut(FrameReply) + Send + 'static,
@@ -177,7 +177,7 @@ impl Drop for FrameRenderer {
         self.queue.requests().end = true;
         self.queue.changed.notify_all();
         if let Some(worker) = self.worker.take() {
-            // A panic was told on its thread.
+            // A panic was reported on its thread.
             let _ = worker.join();
         }
     }

@@ -1,12 +1,12 @@
-//! Hot reload as an engine: a script, or a model, and what it was made of; when a file that was used changes, it is made anew on
-//! a worker thread and swapped whole. A faulty version leaves the last good one in place, with what is wrong with it.
+//! Hot reload: builds a scene from a script or a model and, when a file that it depends on changes, builds it again on a worker
+//! thread and swaps it whole. A faulty version leaves the last good one in place and reports its errors.
 //!
 //! ```text
 //! SceneSource ─► Session::build ─► SceneVersion ─► FrameRenderer ─► frames
 //!               ▲    └ Touched: the files that it depends on
 //!               └── Watch ◄── the system
 //! ```
-//! No window and no toolkit: what shows it is the caller's.
+//! It knows no window and no toolkit.
 
 pub mod edit;
 mod frame_renderer;

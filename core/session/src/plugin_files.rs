@@ -79,7 +79,7 @@ struct Source {
     folder: Arc<Folder>,
     /// Relative to the folder.
     name: PathBuf,
-    /// As messages name it.
+    /// Name in messages.
     shown: String,
     /// Canonical, but for links that lead nowhere.
     path: PathBuf,
@@ -87,7 +87,7 @@ struct Source {
 
 /// A folder in which plugin files are looked for.
 struct Place {
-    /// As the user named it.
+    /// Path as the user wrote it.
     path: PathBuf,
     kind: Kind,
 }

@@ -1,4 +1,4 @@
-//! What is to be shown, as somebody asks for it.
+//! The files and options that a scene is built from.
 
 use choreo_plugin::Needs;
 use choreo_script::{ImportChoice, Limits};
@@ -28,7 +28,7 @@ pub struct SceneSource {
 }
 
 impl SceneSource {
-    /// As it is where nothing more is asked for.
+    /// An input with default options.
     pub fn new(input: impl Into<PathBuf>) -> SceneSource {
         SceneSource {
             input: input.into(),

@@ -32,7 +32,7 @@ pub struct Scene {
     pub printed: Vec<String>,
 }
 
-/// Something to be told, an error or a warning.
+/// An error or a warning.
 pub type Problem = Diagnostic;
 
 /// How much was done so far, all versions together.
@@ -45,7 +45,7 @@ pub struct Work {
     pub plugins: u64,
 }
 
-/// What one build gave.
+/// Result of one build.
 #[derive(Clone)]
 pub struct SceneVersion {
     /// Number of the version, from 1.
@@ -109,7 +109,7 @@ impl Session {
         &self.source
     }
 
-    /// How far files are that are being read, for who shows it.
+    /// Progress of the files that are being read.
     pub fn imports(&self) -> Imports {
         self.imports.clone()
     }
@@ -123,7 +123,7 @@ impl Session {
         self.watch.as_mut().map_or(Err(WatchError::Gone), |watch| watch.wait(timeout))
     }
 
-    /// Makes the next version. `changed` is told on.
+    /// Makes the next version. `changed` is passed on.
     pub fn build(&mut self, changed: BTreeSet<PathBuf>) -> SceneVersion {
         let start = Instant::now();
         self.work.builds += 1;
@@ -191,7 +191,7 @@ impl Session {
         let before = self.last.as_ref().map_or(&nothing, |scene| &scene.resources);
         let resources = Arc::new(SceneResources::after(before, &stage));
         let mut evaluator = Evaluator::new(stage.clone());
-        // What fails at once is faulty; what fails later is told when that time is shown.
+        // What fails at once is faulty; what fails later is reported when that time is shown.
         let zero = choreo_motion::Time::ZERO;
         evaluator.at(zero).map_err(|error| vec![Diagnostic::error(error.to_string())])?;
         let registry = registry.settled();

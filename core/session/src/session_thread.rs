@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
-/// While it lives, every version of the recipe's scene is told as soon as it is made.
+/// While it lives, every version of the scene is reported as soon as it is built.
 pub struct SessionThread {
     waker: Waker,
     imports: Imports,
@@ -17,7 +17,7 @@ pub struct SessionThread {
 }
 
 impl SessionThread {
-    /// `told` is called on the worker's thread, first with the first version. Once the system no longer tells of changes it is
+    /// `report` is called on the worker's thread, first with the first version. Once the system no longer tells of changes it is
     /// called no more.
     pub fn start(
         source: SceneSource,
@@ -39,7 +39,7 @@ impl SessionThread {
                 }
             }
         };
-        let worker = std::thread::Builder::new().name("live".into()).spawn(work);
+        let worker = std::thread::Builder::new().name("session".into()).spawn(work);
         let worker = worker.map_err(|e| WatchError::System(notify::Error::io(e)))?;
         Ok(SessionThread { waker, imports, ended, worker: Some(worker) })
     }
@@ -56,7 +56,7 @@ impl Drop for SessionThread {
         self.imports.cancel();
         self.waker.wake();
         if let Some(worker) = self.worker.take() {
-            // A panic was told on its thread.
+            // A panic was reported on its thread.
             let _ = worker.join();
         }
     }

@@ -22,14 +22,14 @@ pub enum ViewportCamera {
     },
 }
 
-/// What is shown otherwise than the script has it.
+/// Changes of the view that are not part of the script.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ViewOverrides {
     /// Actors that are not seen.
     pub hidden: Vec<usize>,
     /// Actor that is drawn with an outline.
     pub outlined: Option<usize>,
-    /// As if it stood here: world-from-model, while it is being dragged.
+    /// Transform that replaces an actor's while it is being dragged: world-from-model.
     pub moved: Option<(usize, DAffine3)>,
 }
 

@@ -17,21 +17,21 @@ use thiserror::Error;
 const WHOLE: Duration = Duration::from_millis(3);
 /// After a file was opened, written or taken away: its writer goes on within this time.
 const UNFINISHED: Duration = Duration::from_millis(60);
-/// However busy the folder is, what has changed is told after this time.
+/// However busy the folder is, changes are reported after this time.
 const LONGEST: Duration = Duration::from_secs(2);
 
-/// The system has only so many watches for a user.
+/// The system has a limited number of watches for each user.
 const MOST_FOLDERS: usize = 2000;
 
 #[derive(Debug, Error)]
 pub enum WatchError {
     #[error("cannot watch files: {0}")]
     System(#[from] notify::Error),
-    #[error("the system no longer tells of changes")]
+    #[error("the system no longer reports changes")]
     Gone,
 }
 
-/// What is waited for.
+/// Files and folders whose changes end a wait.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WatchedPaths {
     /// Absolute paths, with the BLAKE3 of what was read there; `None` where nothing was.
@@ -174,7 +174,7 @@ impl Watch {
         self.interest.files.insert(path, content);
     }
 
-    /// Waits until something of interest has changed, and whoever changed it is done. What is touched when the time is over is told
+    /// Waits until something of interest has changed, and whoever changed it is done. What is touched when the time is over is reported
     /// by the next wait.
     pub fn wait(&mut self, timeout: Option<Duration>) -> Result<WatchEvent, WatchError> {
         let until = timeout.map(|timeout| Instant::now() + timeout);
@@ -292,7 +292,7 @@ impl Watch {
         for path in candidates {
             let now = choreo_script::content_of(path);
             if self.interest.files.get(path).copied().flatten() != now {
-                // Told once.
+                // Reported once.
                 self.interest.files.insert(path.clone(), now);
                 changed.insert(path.clone());
             }

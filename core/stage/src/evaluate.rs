@@ -84,7 +84,7 @@ pub(crate) enum Evaluation<'a> {
     Clips,
     /// Poses with their constraints, without springs.
     Constraints(&'a FootLocks),
-    /// The same, for a picture: who is surely not in it is left out.
+    /// The same for an image: actors that surely are not visible in it are left out.
     Seen(&'a FootLocks, &'a PoseBounds),
 }
 

@@ -1,6 +1,6 @@
 //! The camera that fits everything in.
 //!
-//! It stands still for the whole length, so that a character who walks is in the picture from the first step to the last. The
+//! It stands still for the whole length, so that a character that walks is in the picture from the first step to the last. The
 //! outlines of all visible actors are taken at some times of the stage, once; then a camera costs a few projected corners a frame.
 
 use crate::camera::orbit_rotation;

@@ -43,7 +43,7 @@ pub struct ActorState {
     pub tint: Vec4,
     /// Line width that replaces the material's.
     pub line_width: Option<f32>,
-    /// So many of the copies of its meshes are there, the first ones; `None`: all.
+    /// Number of the copies of its meshes that exist, the first ones; `None`: all.
     pub copies: Option<u32>,
     /// Linear RGBA factors of the asset's materials where its clips animate any; else empty: those of the materials.
     pub base_colors: Vec<Vec4>,

@@ -2,7 +2,7 @@
 //!
 //! The motion advances in steps of 1/60 s on a grid that begins at time 0 (or a pre-roll earlier), settled, whatever the frame rate;
 //! a frame between two points of the grid is one shorter step further, on a copy. So the state at a point is a function of the stage
-//! alone. States that were passed are kept, one every so many steps, shared by all evaluators of a stage; a seek goes on from the
+//! alone. States that were passed are kept, one every N steps, shared by all evaluators of a stage; a seek goes on from the
 //! nearest one before it, and what is kept changes how long that takes and nothing else.
 //!
 //! **What a seek costs.** Without anything kept, 60 poses of the actors that have springs for each second from the start; later at most
@@ -33,13 +33,13 @@ type Key = (i64, i64);
 /// One for each actor with springs.
 type States = Vec<SpringState>;
 
-/// States that were passed, shared by all who look at a stage.
+/// States that were passed, shared by all evaluators of a stage.
 #[derive(Debug, Default)]
 pub(crate) struct SpringCheckpoints(Mutex<Checkpoints>);
 
 #[derive(Debug)]
 struct Checkpoints {
-    /// A state is kept every so many steps; doubled whenever they take too much memory.
+    /// Number of steps between states that are kept; doubled whenever they take too much memory.
     stride: i64,
     states: BTreeMap<Key, Arc<States>>,
     bytes: usize,

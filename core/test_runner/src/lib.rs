@@ -3,7 +3,7 @@
 //! ```text
 //! paths ─► sections ─► stage + expectations ─► checks ─► outcomes ─► terminal │ HTML │ JUnit │ JSON
 //! ```
-//! Sections are read and run by [`choreo_script`]; here they are judged ([`outcome::Check`]) and told ([`outcome::Outcome`]).
+//! Sections are read and run by [`choreo_script`]; here they are judged ([`outcome::Check`]) and reported ([`outcome::Outcome`]).
 
 pub mod collect;
 pub mod evaluate;

@@ -100,7 +100,7 @@ pub struct Pictures {
     pub name: String,
     /// Path at which the golden image is, or would be, stored.
     pub stored: PathBuf,
-    /// PNG files; empty where there is none. Not kept with reused outcomes, nor told in JSON.
+    /// PNG files; empty where there is none. Not kept with reused outcomes, nor printed in JSON.
     #[serde(skip)]
     pub expected: Vec<u8>,
     #[serde(skip)]
@@ -129,7 +129,7 @@ pub struct Measures {
     /// What the eye sees when the pictures alternate (ꟻLIP), 0 = nothing, 1 = as different as can be: mean and largest.
     pub visible_mean: f64,
     pub visible_worst: f64,
-    /// What that means to somebody who looks.
+    /// What that means to a viewer.
     pub words: String,
 }
 

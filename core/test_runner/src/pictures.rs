@@ -88,7 +88,7 @@ pub fn judge(
     };
     let shot = match shot(wanted, stage, options) {
         Ok(shot) => shot,
-        Err(text) => return Judged::Check(Box::new(Check { got: text, ..check }), None),
+        Err(unknown) => return Judged::Check(Box::new(Check { got: unknown.to_string(), ..check }), None),
     };
     let (frame, class) = match painter.draw(stage, &shot) {
         Ok(drawn) => drawn,
@@ -135,7 +135,10 @@ impl Failing<'_> {
         };
         let heavy = (!wanted.large && bytes.len() > MOST_BYTES).then(|| too_heavy(bytes.len()));
         if self.options.accept.takes(&wanted.name) {
-            let written = heavy.map_or_else(|| stored::write(whose.path, &wanted.name, &bytes), Err);
+            let written = heavy.map_or_else(
+                || stored::write(whose.path, &wanted.name, &bytes).map_err(|e| e.to_string()),
+                Err,
+            );
             check.passed = written.is_ok();
             check.by = if check.passed { ACCEPTED } else { "not accepted" }.to_string();
             check.hint = written.err().unwrap_or_default();
@@ -204,13 +207,17 @@ fn too_heavy(bytes: usize) -> String {
 /// `Check::by` of a picture that has just been taken over.
 pub const ACCEPTED: &str = "accepted now";
 
-fn shot(wanted: &PictureExpectation, stage: &Stage, options: &PictureOptions) -> Result<Shot, String> {
+#[derive(Debug, thiserror::Error)]
+#[error("unknown device \"{0}\"; there are \"cpu\" and \"vulkan\"")]
+struct UnknownDevice(String);
+
+fn shot(wanted: &PictureExpectation, stage: &Stage, options: &PictureOptions) -> Result<Shot, UnknownDevice> {
     let device = match (options.device, wanted.device.as_deref()) {
         (Some(device), _) => device,
         (None, None | Some("cpu")) => Device::Cpu,
         (None, Some("vulkan")) => Device::Vulkan,
         (None, Some(other)) => {
-            return Err(format!("unknown device \"{other}\"; there are \"cpu\" and \"vulkan\""));
+            return Err(UnknownDevice(other.to_string()));
         }
     };
     // As the stage is shaped, and small.

@@ -215,13 +215,13 @@ fn elsewhere(files: &[(PathBuf, String)], roots: &[PathBuf]) -> Vec<(PathBuf, bo
     out
 }
 
-/// Tells this program from any other build of it: version and content hash of its file; `None` where it cannot be read.
+/// Identifies this build of the program: version and content hash of its file; `None` where it cannot be read.
 pub fn program() -> Option<String> {
     let hash = content_of(&std::env::current_exe().ok()?)?;
     Some(format!("choreo {} {}", env!("CARGO_PKG_VERSION"), hex(&hash)))
 }
 
-/// Tells one folder from another in a name.
+/// Distinguishes folders in a name.
 pub fn short_hash(path: &Path) -> String {
     hex(&blake3::hash(path.to_string_lossy().as_bytes()).as_bytes()[..8])
 }

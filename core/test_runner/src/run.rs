@@ -1,4 +1,4 @@
-//! Runs sections on all cores; outcomes are told in the order of the sections, whichever finishes first.
+//! Runs sections on all cores; outcomes are reported in the order of the sections, whichever finishes first.
 
 use crate::collect::Case;
 use crate::outcome::{Check, Evidence, Outcome, Status};
@@ -27,7 +27,7 @@ pub struct RunOptions {
     pub results: Option<PathBuf>,
     /// Outcomes of earlier runs are taken over where nothing has changed.
     pub changed: bool,
-    /// Tells this program from any other build of it.
+    /// Identifies this build of the program.
     pub program: String,
     /// Folder in which compiled pipelines are kept between runs.
     pub gpu_cache: Option<PathBuf>,

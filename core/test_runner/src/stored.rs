@@ -1,6 +1,6 @@
 //! Pictures as they lie beside the tests: PNG files that say on which class of device they were accepted.
 
-use choreo_files::{FileError, Folder, write_whole_beneath};
+use choreo_files::{FileError, Folder, WriteError, write_whole_beneath};
 use choreo_plugin::Frame;
 use std::path::{Path, PathBuf};
 
@@ -25,6 +25,40 @@ pub enum Unreadable {
     Damaged(String),
 }
 
+/// Why the bytes are no golden image, without the file's name.
+#[derive(Debug, thiserror::Error)]
+pub enum DecodeError {
+    #[error("it ends too early")]
+    Truncated,
+    #[error(transparent)]
+    Png(png::DecodingError),
+    #[error("{0}x{1} pixels are no test picture")]
+    Dimensions(u32, u32),
+    #[error("it is too large")]
+    TooLarge,
+    #[error("its pixels are {0:?}")]
+    Pixels(png::ColorType),
+}
+
+impl From<png::DecodingError> for DecodeError {
+    fn from(error: png::DecodingError) -> DecodeError {
+        match error {
+            png::DecodingError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
+                DecodeError::Truncated
+            }
+            error => DecodeError::Png(error),
+        }
+    }
+}
+
+/// A golden image could not be written to its place.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: cannot write: {error}", place.display())]
+pub struct NotWritten {
+    place: PathBuf,
+    error: WriteError,
+}
+
 /// `tests/suite/walk.rhai` keeps its picture "start" in `tests/suite/pictures/walk/start.png`.
 pub fn place(test_file: &Path, name: &str) -> PathBuf {
     let stem = test_file.file_stem().unwrap_or_default();
@@ -36,7 +70,7 @@ pub fn read(path: &Path) -> Result<(Stored, Vec<u8>), Unreadable> {
         true => Unreadable::Missing,
         false => Unreadable::Damaged(error.to_string()),
     })?;
-    decode(&bytes).map(|stored| (stored, bytes)).map_err(Unreadable::Damaged)
+    decode(&bytes).map(|stored| (stored, bytes)).map_err(|e| Unreadable::Damaged(e.to_string()))
 }
 
 /// The bytes of a golden image. Links lead to places beneath the test's folder only.
@@ -48,29 +82,23 @@ fn beside(path: &Path) -> Result<Vec<u8>, FileError> {
 }
 
 /// The picture in a PNG file's bytes, 8 bits a channel; else why not, without the file's name.
-pub fn decode(bytes: &[u8]) -> Result<Stored, String> {
-    let words = |e: png::DecodingError| match e {
-        png::DecodingError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
-            "it ends too early".to_string()
-        }
-        e => e.to_string(),
-    };
+pub fn decode(bytes: &[u8]) -> Result<Stored, DecodeError> {
     let mut decoder = png::Decoder::new(std::io::Cursor::new(bytes));
     decoder.set_transformations(png::Transformations::normalize_to_color8() | png::Transformations::ALPHA);
-    let mut reader = decoder.read_info().map_err(words)?;
+    let mut reader = decoder.read_info()?;
     let (width, height) = (reader.info().width, reader.info().height);
     if u64::from(width) * u64::from(height) > crate::painter::MOST_PIXELS {
-        return Err(format!("{width}x{height} pixels are no test picture"));
+        return Err(DecodeError::Dimensions(width, height));
     }
-    let mut pixels = vec![0; reader.output_buffer_size().ok_or("it is too large")?];
-    let info = reader.next_frame(&mut pixels).map_err(words)?;
+    let mut pixels = vec![0; reader.output_buffer_size().ok_or(DecodeError::TooLarge)?];
+    let info = reader.next_frame(&mut pixels)?;
     pixels.truncate(info.buffer_size());
     let rgba = match info.color_type {
         png::ColorType::Rgba => pixels,
         png::ColorType::GrayscaleAlpha => {
             pixels.as_chunks::<2>().0.iter().flat_map(|[v, a]| [*v, *v, *v, *a]).collect()
         }
-        other => return Err(format!("its pixels are {other:?}")),
+        other => return Err(DecodeError::Pixels(other)),
     };
     let info = reader.info();
     let device = info
@@ -84,8 +112,7 @@ pub fn decode(bytes: &[u8]) -> Result<Stored, String> {
 }
 
 /// As small as PNG gets: these are written once and kept. `texts`: keyword and text.
-pub fn encode(frame: &Frame, texts: &[(&str, &str)]) -> Result<Vec<u8>, String> {
-    let words = |e: png::EncodingError| e.to_string();
+pub fn encode(frame: &Frame, texts: &[(&str, &str)]) -> Result<Vec<u8>, png::EncodingError> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, frame.width, frame.height);
     encoder.set_depth(png::BitDepth::Eight);
@@ -95,12 +122,11 @@ pub fn encode(frame: &Frame, texts: &[(&str, &str)]) -> Result<Vec<u8>, String> 
         match text.chars().all(|c| matches!(c, ' '..='~')) {
             true => encoder.add_text_chunk(keyword.to_string(), text.to_string()),
             false => encoder.add_itxt_chunk(keyword.to_string(), text.to_string()),
-        }
-        .map_err(words)?;
+        }?;
     }
     let opaque = frame.rgba.as_chunks::<4>().0.iter().all(|p| p[3] == 255);
     encoder.set_color(if opaque { png::ColorType::Rgb } else { png::ColorType::Rgba });
-    let mut writer = encoder.write_header().map_err(words)?;
+    let mut writer = encoder.write_header()?;
     let rgb: Vec<u8>;
     let data = if opaque {
         rgb = frame.rgba.as_chunks::<4>().0.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
@@ -108,22 +134,21 @@ pub fn encode(frame: &Frame, texts: &[(&str, &str)]) -> Result<Vec<u8>, String> 
     } else {
         &frame.rgba
     };
-    writer.write_image_data(data).map_err(words)?;
-    writer.finish().map_err(words)?;
+    writer.write_image_data(data)?;
+    writer.finish()?;
     Ok(bytes)
 }
 
-/// A picture as it is to be stored. `name`: file and section, for who finds the picture alone.
-pub fn encode_accepted(frame: &Frame, device: &str, name: &str) -> Result<Vec<u8>, String> {
+/// A picture as it is to be stored. `name`: file and section, for readers who find the image alone.
+pub fn encode_accepted(frame: &Frame, device: &str, name: &str) -> Result<Vec<u8>, png::EncodingError> {
     encode(frame, &[(DEVICE, device), ("choreo:test", name)])
 }
 
-/// Writes the bytes of a picture to its [`place`], through no link on the way from the test's folder. The error is complete.
-pub fn write(test_file: &Path, name: &str, bytes: &[u8]) -> Result<(), String> {
+/// Writes the bytes of a picture to its [`place`], through no link on the way from the test's folder.
+pub fn write(test_file: &Path, name: &str, bytes: &[u8]) -> Result<(), NotWritten> {
     let (folder, place) = (test_file.parent().unwrap_or(Path::new("")), place(test_file, name));
     let beneath = place.strip_prefix(folder).unwrap_or(&place);
-    let written = write_whole_beneath(folder, beneath, bytes);
-    written.map_err(|e| format!("{}: cannot write: {e}", place.display()))
+    write_whole_beneath(folder, beneath, bytes).map_err(|error| NotWritten { place, error })
 }
 
 #[cfg(test)]
@@ -191,7 +216,7 @@ mod tests {
                 link.display(),
                 far.display()
             );
-            assert_eq!(write(&test, "start", b"one"), Err(expected));
+            assert_eq!(write(&test, "start", b"one").unwrap_err().to_string(), expected);
             std::fs::remove_file(&link).unwrap();
         }
         assert_eq!(std::fs::read_dir(far.join("walk")).unwrap().count(), 0);

@@ -12,7 +12,7 @@ pub struct Coverage {
 }
 
 impl Coverage {
-    /// Empty coverage of the part of an image between two corners.
+    /// Empty coverage of the part of an image between two corners of the image.
     pub fn new(low: [f32; 2], high: [f32; 2], picture: [u32; 2]) -> Coverage {
         let end = |v: f32, most: u32| (v.ceil().max(0.0) as u32).min(most);
         let begin = |v: f32, most: u32| (v.floor().max(0.0) as u32).min(most);

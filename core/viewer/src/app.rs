@@ -83,7 +83,7 @@ pub struct Viewer {
     pub go_to: Option<usize>,
     /// Files that were dropped on the window together, shown in place of the script.
     pub guests: Vec<PathBuf>,
-    /// Files dropped, and the guests sent away: for the window, which starts and ends what shows them.
+    /// Files dropped, and the dropped files that were closed: for the window, which starts and ends what shows them.
     pub dropped: Vec<PathBuf>,
     pub guests_leave: bool,
     /// File into which the next image of the active viewport is written.

@@ -1,5 +1,4 @@
-//! The viewer: a window in which a script is seen as it is being written. The only crate that knows egui, a program of its own:
-//! `choreo-view`.
+//! The viewer, program `choreo-view`: a window that shows a script while it is being written. The only crate that knows egui.
 //!
 //! ```text
 //! SessionThread ─ scene versions ─► Viewer (app) ─ frame requests ─► FrameRenderer ─ frames ─┐

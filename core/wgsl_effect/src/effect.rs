@@ -43,7 +43,7 @@ pub struct WgslEffect {
     /// What of a surface its text reads.
     needs: SurfaceNeeds,
     made: Made,
-    /// Its text reads the boxes around bodies.
+    /// Its text reads the boxes around actors.
     boxes: bool,
     origin: Option<PluginFile>,
 }

@@ -20,7 +20,7 @@ pub struct Form {
     gives: &'static [Part],
     /// Declared by the shader that calls the function; appended below the author's text, so that lines stay.
     pub declared: &'static str,
-    /// Functions of the shader that it may call, as [`Host`] lists them. Their bodies are never run.
+    /// Functions of the shader that it may call, as [`Host`] lists them. Their code is never run.
     pub functions: &'static [Around],
     /// And those where the head asks for a history.
     pub with_history: &'static [Around],

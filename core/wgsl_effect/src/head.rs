@@ -41,7 +41,7 @@ pub struct Head {
     pub see_through: bool,
     /// An effect on surfaces changes the background too.
     pub background: bool,
-    /// Corners are moved along the mesh's own axes.
+    /// Vertices are moved along the mesh's own axes.
     pub along_model: bool,
     /// How far corners are moved at most, metres.
     pub reach: Amount,
@@ -342,7 +342,7 @@ fn textures(text: &str, manifest: &Manifest) -> Result<Vec<TextureLine>, HeadErr
         let form = || at(FORM.to_string());
         let (name, rest) = rest.split_once('=').ok_or_else(form)?;
         let name = identifier(name.trim()).map_err(at)?;
-        // The about is for who reads the file.
+        // The description is for readers of the file.
         let (file, _) = rest.split_once(':').ok_or_else(form)?;
         let (file, srgb) = match file.trim().strip_suffix(" as data") {
             Some(file) => (file.trim(), false),

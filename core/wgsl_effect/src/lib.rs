@@ -1,4 +1,4 @@
-//! Effects in one file: `NAME.wgsl`, a function of a pixel, a place, a corner, a light or a line,
+//! Effects in one file: `NAME.wgsl`, a function of a pixel, a surface point, a vertex, a light or a line,
 //! with its manifest in the head comment.
 //!
 //! ```text

@@ -19,7 +19,7 @@ pub struct Drawing<'a> {
     pub textures: &'a [EffectTexture],
     /// Rather than lines.
     pub triangles: bool,
-    /// The text reads the boxes around bodies.
+    /// The text reads the boxes around actors.
     pub boxes: bool,
     pub parameters: &'a [f32; 8],
 }
@@ -56,7 +56,7 @@ impl Drawing<'_> {
         } else {
             let mut known: Option<(&Asset, Bones)> = None;
             for (number, body) in scene.bodies().enumerate() {
-                // Many bodies of one file follow each other.
+                // Many actors of one file follow each other.
                 let bones = match known.take() {
                     Some((asset, bones)) if std::ptr::eq(asset, body.asset) => bones,
                     _ => Bones::of(&body, &self.head.joints, &mut made.out.left_out),
@@ -148,7 +148,7 @@ pub struct Bones {
 }
 
 impl Bones {
-    /// What is not there is told once for each file.
+    /// What is not there is reported once for each file.
     fn of(body: &Body, joints: &[JointLine], left_out: &mut Vec<String>) -> Bones {
         let shown = body.bones();
         let skeleton = &body.asset.skeleton;

@@ -28,7 +28,7 @@ impl State {
         let (&global, rest) = rest.split_first()?;
         let (made_for, rest) = rest.split_first_chunk::<8>()?;
         let (palette, []) = rest.as_chunks::<3>() else { return None };
-        // Entries are told by a byte, and the last byte means "as before".
+        // Entries are given by a byte, and the last byte means "as before".
         (!palette.is_empty() && palette.len() < 256).then(|| State {
             frames: u64::from_le_bytes(*frames),
             global_palette: global != 0,

@@ -18,7 +18,7 @@ pub struct Muxer {
     keys: Vec<u32>,
     sps: Vec<u8>,
     pps: Vec<u8>,
-    /// Frames that `take_state` has told of.
+    /// Frames that `take_state` has reported.
     told: usize,
 }
 

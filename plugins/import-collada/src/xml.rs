@@ -269,7 +269,7 @@ pub fn descendant<'a>(node: Node<'a>, name: &'static str) -> Option<Node<'a>> {
     node.descendants().skip(1).find(|n| name_of(*n) == name)
 }
 
-/// Without the prefix of its namespace; empty for what is no element.
+/// Name without the prefix of its namespace; empty for what is no element.
 pub fn name_of(node: Node<'_>) -> &str {
     node.tag_name().name()
 }

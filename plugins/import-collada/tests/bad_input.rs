@@ -20,7 +20,7 @@ fn errors_name_element_and_line() {
         ("<p>0 0 1", "<p>0 0 99", format!("{mesh}/polylist (line 62): refers to element 99 of a source that has 6")),
         ("<p>0 0 1", "<p>0 0 -1", format!("{mesh}/polylist/p (line 67): value 2 is -1; an index starts at 0")),
         ("<p>0 0 1", "<p>0 1", format!("{mesh}/polylist/p (line 67): has 15 indices, which is no multiple of the 2 that a corner needs")),
-        ("<vcount>4 4", "<vcount>4 5", format!("{mesh}/polylist (line 62): vcount asks for 9 corners, but p has 8")),
+        ("<vcount>4 4", "<vcount>4 5", format!("{mesh}/polylist (line 62): vcount asks for 9 vertices, but p has 8")),
         ("offset=\"1\" set=\"3\"", "offset=\"1000000\" set=\"3\"", format!("{mesh}/polylist/input (line 65): offset=\"1000000\" is not a number from 0 to 255")),
         ("source=\"#strip-uv\" offset", "source=\"#nothing\" offset", format!("{mesh}/polylist/input (line 64): source=\"#nothing\" refers to nothing in this file")),
         ("<v>0 0  0 1", "<v>9 0  0 1", "library_controllers/controller \"arm-skin\"/skin/vertex_weights (line 92): refers to joint 9 of 2 and weight 0 of 3".to_string()),

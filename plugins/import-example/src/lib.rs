@@ -78,7 +78,7 @@ fn read(bytes: &[u8], scale: f32, builder: &mut AssetBuilder) -> Result<MeshData
                 if let Some(bad) = corners.iter().find(|c| **c as usize >= points) {
                     return Err((at, format!("point {bad} does not exist, there are {points} so far")));
                 }
-                // A convex polygon is a fan around its first corner.
+                // A convex polygon is a fan around its first vertex.
                 if let [first, rest @ ..] = corners.as_slice() {
                     mesh.indices.extend(rest.windows(2).flat_map(|edge| [*first, edge[0], edge[1]]));
                 }

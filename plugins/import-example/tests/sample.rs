@@ -1,4 +1,4 @@
-//! The sample arrives whole, and what is wrong is told with its line.
+//! The sample arrives whole, and what is wrong is reported with its line.
 
 use choreo_asset::Asset;
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Needs, Source};

@@ -180,7 +180,7 @@ impl Maker<'_, '_> {
         let own = PATHS.iter().position(|p| *p == path).unwrap_or_default();
         let swung = path == Path::Translation && swings && (props.drives(1) || scaled && props.drives(2));
         let with_scale = swung && scaled && props.drives(2);
-        // A helper for scale follows the scale of others by its own, all else by its translation.
+        // A helper for scale follows the scale of others with its own scale, all else by its translation.
         let follows = path == if local.is_scale_helper { Path::Scale } else { Path::Translation };
         let factors = if follows { &props.factors[..] } else { &[] };
         if !props.drives(own) && !swung && !factors.iter().any(|f| f.drives()) {

@@ -236,7 +236,7 @@ impl Member<'_> {
         self.factors.iter().fold(own, of)[4]
     }
 
-    /// That of what swings about a pivot, in metres.
+    /// That of what rotates about a pivot, in metres.
     fn swung(&self, interval: usize) -> f64 {
         let Some(turned) = self.turned else { return 0.0 };
         let r = bell(self.curves.bounds(interval, turned, 2.0 * HALF_RAD));

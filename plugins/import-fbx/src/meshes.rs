@@ -127,7 +127,7 @@ fn build(file: &File<'_>, one: &Shown<'_>, slots: &[u32], materials: &[Read]) ->
         vertices::OfPoints { weights: weights.as_ref(), targets: &targets, geometry: geometry.as_ref() };
     let primitives = vertices::primitives(file, mesh, slots, materials, of_points, &place)?;
     if primitives.is_empty() {
-        file.notes.warn(place(), "has no face with three or more corners and is left out");
+        file.notes.warn(place(), "has no face with three or more vertices and is left out");
         return Ok(None);
     }
     if primitives.iter().flat_map(|p| &p.positions).any(|p| !p.is_finite()) {
@@ -144,7 +144,7 @@ fn build(file: &File<'_>, one: &Shown<'_>, slots: &[u32], materials: &[Read]) ->
 fn left_out(file: &File<'_>, mesh: &ufbx::Mesh, place: &str) {
     let few = mesh.num_point_faces + mesh.num_line_faces;
     if few > 0 {
-        file.notes.warn(place, format!("{} with one or two corners left out", count(few, "face")));
+        file.notes.warn(place, format!("{} with one or two vertices left out", count(few, "face")));
     }
     if !mesh.cache_deformers.as_ref().is_empty() {
         file.notes.warn(place, "a point cache moves it, which is not read; it is shown at rest");

@@ -202,7 +202,7 @@ fn combine(recipe: &Recipe, decoded: &[Option<Arc<Image>>]) -> Option<Arc<Image>
     let image = |r: &Option<(u32, Channel, bool)>| r.and_then(|r| decoded.get(r.0 as usize)?.as_ref());
     let largest = recipe.iter().filter_map(image).max_by_key(|i| u64::from(i.width) * u64::from(i.height))?;
     let (width, height) = (largest.width, largest.height);
-    // Who asks for no pixels gets pictures that are empty and have a size.
+    // An import without pixels gets images that are empty and have a size.
     let filled = recipe.iter().filter_map(image).all(|i| !i.rgba.is_empty());
     let mut rgba = vec![255; if filled { width as usize * height as usize * 4 } else { 0 }];
     for (to, source) in recipe.iter().enumerate().filter(|_| filled) {

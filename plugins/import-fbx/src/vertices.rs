@@ -1,4 +1,4 @@
-//! Faces to triangles, corners to vertices: one primitive for each material of a mesh.
+//! Faces to triangles, vertices to vertices: one primitive for each material of a mesh.
 
 use crate::convert::{linear_from_srgb, vec3};
 use crate::file::File;
@@ -109,7 +109,7 @@ impl Maker<'_, '_> {
             return Ok(None);
         }
         self.welder.start(self.mesh.num_vertices);
-        // As if no two corners shared a vertex; 120 bytes hold one with everything but skin and morphs.
+        // As if no two vertices shared a vertex; 120 bytes hold one with everything but skin and morphs.
         let skin = self.of_points.weights.map_or(0, |w| w.influences * 6);
         let morphs: usize =
             self.of_points.targets.iter().map(|t| if t.normals.is_empty() { 12 } else { 24 }).sum();
@@ -161,7 +161,7 @@ impl Maker<'_, '_> {
         if self.of_points.geometry.is_some_and(|g| g.mirrors) {
             self.out.indices.chunks_exact_mut(3).for_each(|t| t.swap(1, 2));
         }
-        // A face that ends in the middle cannot be: `corner` refuses single corners of none.
+        // A face that ends in the middle cannot be: `corner` refuses single vertices of none.
         debug_assert!(self.out.indices.len().is_multiple_of(3));
     }
 

@@ -78,7 +78,7 @@ impl<'d> Document<'d> {
         self.root.nodes.len()
     }
 
-    /// The joint that a node became; `None` outside the scene. `place`: who asks.
+    /// The joint that a node became; `None` outside the scene. `place`: the place that asks.
     pub fn joint(&self, node: usize, place: &dyn Fn() -> String) -> Result<Option<u32>> {
         crate::problem::element(&self.root.nodes, node, "nodes", place)?;
         Ok(self.tree.and_then(|t| t.joint_of_node[node]))

@@ -160,7 +160,7 @@ fn as_the_mikktspace_program_makes_them() {
             total.above_one_degree += d.above_one_degree;
             total.worst_degrees = total.worst_degrees.max(d.worst_degrees);
         }
-        println!("{name}: {total:?}, {left_out} corners of triangles without area left out");
+        println!("{name}: {total:?}, {left_out} vertices of triangles without area left out");
         assert_eq!(total.other_sign, 0, "{name}");
         assert!(total.corners > left_out, "{name}");
         assert!(total.above_one_degree * 1000 <= total.corners * per_mille, "{name}: {total:?}");

@@ -24,7 +24,7 @@ pub enum Skinning {
         joints: fn(Side) -> Vec<(usize, f32)>,
         blend: f32,
     },
-    /// The chest: its upper corners follow the collar bones a little.
+    /// The chest: its upper vertices follow the collar bones a little.
     Chest,
 }
 

@@ -18,7 +18,7 @@ pub struct Settings {
     pub srgb: bool,
 }
 
-/// What makes a primitive: kind, group, material, and whether its corners have normals.
+/// What makes a primitive: kind, group, material, and whether its vertices have normals.
 type Key = (u32, Shape, u32, bool);
 
 /// Primitives with the group each belongs to, by group, and within it in the order of the file's materials.
@@ -69,7 +69,7 @@ pub fn build(model: &Model, settings: &Settings, notes: &Notes) -> Vec<(u32, Pri
     }
     if too_much.count > 0 {
         let what = format!(
-            "{} with too many corners to be cut properly, made into fans",
+            "{} with too many vertices to be cut properly, made into fans",
             count(too_much.count, "face")
         );
         notes.warn(format!("line {}", too_much.line), what);

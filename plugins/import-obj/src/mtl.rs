@@ -115,7 +115,7 @@ fn line_of(m: &mut Mtl, keyword: &[u8], rest: &[u8], unknown: &mut BTreeMap<Stri
         match map.kind.as_deref() {
             None => m.maps.insert(Slot::Reflection, map),
             Some("sphere") => m.maps.insert(Slot::Environment, map),
-            // A cube has six of them: told once.
+            // A cube has six of them: reported once.
             Some(kind) if kind.starts_with("cube_") => {
                 return match std::mem::replace(&mut m.cube, true) {
                     true => Ok(()),

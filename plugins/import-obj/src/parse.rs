@@ -28,7 +28,7 @@ pub enum Shape {
     Point,
 }
 
-/// A face, line or set of points: its corners begin at `start` and end where the next one's begin.
+/// A face, line or set of points: its vertices begin at `start` and end where the next one's begin.
 #[derive(Clone, Copy, Debug)]
 pub struct Element {
     pub start: u32,
@@ -166,7 +166,7 @@ struct Parser<'a> {
     material_of: HashMap<String, u32>,
     /// Keywords that are left out: first line, count.
     unknown: BTreeMap<String, (usize, usize)>,
-    /// Lines of elements with too few corners.
+    /// Lines of elements with too few vertices.
     short: Vec<usize>,
 }
 
@@ -266,7 +266,7 @@ impl Parser<'_> {
         let start = self.corners as u32;
         self.corners += count;
         if self.corners > NONE as usize {
-            return Err(Problem::new(place(line), format!("more than {NONE} corners, which is the limit")));
+            return Err(Problem::new(place(line), format!("more than {NONE} vertices, which is the limit")));
         }
         self.enter(line)?;
         self.model.elements.push(Element {
@@ -320,7 +320,7 @@ impl Parser<'_> {
         let mut model = Model { positions: self.counts[0], ..self.model };
         if let Some(line) = self.short.first() {
             let what = format!(
-                "{} with fewer than three corners (or lines with fewer than two) left out",
+                "{} with fewer than three vertices (or lines with fewer than two) left out",
                 text::count(self.short.len(), "face")
             );
             self.notes.warn(format!("line {line}"), what);

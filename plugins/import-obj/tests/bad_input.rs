@@ -100,7 +100,7 @@ fn costly_files_take_no_longer_than_others() {
     (1..=n + 1).for_each(|i| comb.push_str(&format!(" {i}")));
     let asset = import_bytes(&ObjImporter, "comb.obj", comb).unwrap();
     assert_eq!(asset.meshes[0].primitives[0].indices.len(), (n - 1) * 3);
-    assert!(warnings(&asset).iter().any(|w| w.contains("too many corners")), "{:?}", warnings(&asset));
+    assert!(warnings(&asset).iter().any(|w| w.contains("too many vertices")), "{:?}", warnings(&asset));
 }
 
 #[test]

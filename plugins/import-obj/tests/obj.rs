@@ -167,7 +167,7 @@ fn corners_have_what_the_file_gives_them() {
         warnings(&asset)[0],
         "f: 1 face without normals; edges of up to 30° are smooth (option smooth)"
     );
-    // Faces before their vertices, a group between; equal corners are one vertex, whatever refers to them.
+    // Faces before their vertices, a group between; equal face vertices are one vertex, whatever refers to them.
     let asset = read("f 1 2 3\ng a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf -3 -1 -2\nf 2 4 3\n");
     let sizes: Vec<_> = asset
         .meshes
@@ -212,7 +212,7 @@ fn missing_libraries_and_materials_are_said() {
     assert_eq!(
         said[..5],
         [
-            "line 7: 1 face with fewer than three corners (or lines with fewer than two) left out",
+            "line 7: 1 face with fewer than three vertices (or lines with fewer than two) left out",
             "line 9: \"foo\": is not known; 2 such lines are left out",
             "line 8: \"vp\": free-form curves and surfaces are not supported; it is left out",
             "line 1: material library \"a\" is not beside the file or in its textures/, images/, maps/; give its folder with --search",

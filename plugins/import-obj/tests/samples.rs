@@ -5,7 +5,7 @@ use choreo_importer_kit_testing::{assets, assimp, import_path, sound, warnings};
 use glam::Vec3;
 use import_obj::ObjImporter;
 
-/// assimp joins fewer equal corners than we do and loses 28 faces of the spider (which has 1368, as its STL): its counts are
+/// assimp joins fewer equal vertices than we do and loses 28 faces of the spider (which has 1368, as its STL): its counts are
 /// only printed, its extents are compared.
 #[test]
 fn counts_and_extents() {

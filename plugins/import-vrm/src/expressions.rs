@@ -61,7 +61,7 @@ pub fn read(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut Ass
     Ok(())
 }
 
-/// A character whose file says how its eyes move can be told where they look: see [`GAZE`].
+/// A character whose file says how its eyes move can be given a direction to look in: see [`GAZE`].
 pub fn add_gaze(asset: &mut Asset) {
     if asset.eyes.is_none() {
         return;

@@ -1,5 +1,5 @@
 // effect: wrapped
-// about: light that reaches around bodies, warm where it fades: skin, wax, clay
+// about: light that reaches around surfaces, warm where it fades: skin, wax, clay
 // version: 1
 // hook: lighting
 // param wrap = 0.5 in 0..1: how far around, 1 to the far side

@@ -1,5 +1,5 @@
 // effect: halo
-// about: a line around bodies that widens
+// about: a line around actors that widens
 // version: 1
 // hook: shell
 // param width = 2 in 0..30: pixels

@@ -18,7 +18,7 @@ use std::process::{Command, Stdio};
 
 const RUNS: usize = 11;
 
-/// Triangles; vertices shared by corners; normals where there are none; triangles, lines and points apart; no more weights a
+/// Triangles; vertices shared by faces; normals where there are none; triangles, lines and points apart; no more weights a
 /// vertex than can be drawn.
 const STEPS: [&str; 5] = [
     "--triangulate",

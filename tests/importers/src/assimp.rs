@@ -18,7 +18,7 @@ pub struct Scene {
     pub nodes: usize,
     /// Places of vertices, each once.
     pub points: usize,
-    /// Faces of n corners are n − 2.
+    /// Faces of n vertices are n − 2.
     pub triangles: usize,
     /// Names of bones, each once.
     pub bones: usize,

@@ -15,7 +15,7 @@ use std::sync::Arc;
 const SIZE: [u32; 2] = [1280, 720];
 /// The references are drawn at four times this.
 const SMALL: [u32; 2] = [480, 272];
-/// All effects in turns, so many times.
+/// Number of rounds over all effects in turns.
 const ROUNDS: usize = 5;
 
 pub fn section() -> Result<Section, String> {

@@ -1,4 +1,4 @@
-//! Bodies posed once a frame, or by every pass that draws them.
+//! Characters pre-skinned once a frame, or skinned by every pass that draws them.
 
 use crate::pictures::{renderers, stage, times};
 use crate::{BUDGET_SECS, Section};
@@ -16,9 +16,9 @@ const CROWDS: [usize; 2] = [1, 25];
 
 pub fn section() -> Result<Section, String> {
     Ok(Section {
-        title: "Poses of bodies",
+        title: "Pre-skinning of characters",
         text: "The built-in figure, dancing, at 1280×720, alone and 25 times, in the light of no lamp up to seven, each with a shadow map of 256 \
-               texels: so many passes draw each body. Its vertices are skinned by each pass, or once by a compute stage for all (the CPU renderer: \
+               texels: that is the number of passes that draw each character. Its vertices are skinned by each pass, or once by a compute stage for all (the CPU renderer: \
                once by the same function). Milliseconds of the whole process a frame; both ways are drawn in turns."
             .into(),
         choices: Vec::new(),
@@ -64,7 +64,7 @@ fn tables() -> Result<Vec<Table>, String> {
             (">once, ms ", "25 figures"),
             (">ratio ", "25 figures"),
         ];
-        let mut table = Table::new(format!("Posed once, or by every pass: {name}"), &columns);
+        let mut table = Table::new(format!("Pre-skinned once, or by every pass: {name}"), &columns);
         for lamps in 0..MOST_PASSES {
             let mut cells = vec![Cell::text((lamps + 1).to_string())];
             for crowd in CROWDS {

@@ -15,9 +15,9 @@ const SIZE: [u32; 2] = [480, 272];
 
 pub fn section() -> Result<Section, String> {
     Ok(Section {
-        title: "Cut-outs and what is seen through",
+        title: "Cut-outs and transparent surfaces",
         text: "A cut-out by `discard` keeps or loses all samples of a pixel, so that four samples smooth the edges of its mesh and not its own. \
-               With alpha to coverage it keeps as many as lie inside, for the same shading. Copies that are seen through are sorted by the middles \
+               With alpha to coverage it keeps as many as lie inside, for the same shading. Transparent copies are sorted by the middles \
                of their boxes; where they cross no order of the copies is right, and layers are peeled from the back: each costs its surfaces once more \
                to find and once to mix. The plan takes layers only where boxes show that sorting fails."
             .into(),

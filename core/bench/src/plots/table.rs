@@ -27,7 +27,7 @@ impl Cell {
         Cell { text: String::new(), value: Value::Null }
     }
 
-    /// As people read it, and as it is.
+    /// Text for people, and the exact number.
     pub fn number(text: impl Into<String>, value: f64) -> Cell {
         Cell { text: text.into(), value: json!(value) }
     }

@@ -1,4 +1,4 @@
-//! Linear or dual-quaternion skinning: how far apart they are on this scene's bodies, and what each costs.
+//! Linear or dual-quaternion skinning: how much they differ on this scene's characters, and what each costs.
 
 use super::vertices::model_from_mesh;
 use super::{Found, Scene};

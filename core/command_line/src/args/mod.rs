@@ -198,7 +198,7 @@ pub struct CheckArgs {
     /// Also what is often meant: ends of clips cut off, layers over each other, unused variables
     #[arg(long)]
     pub notes: bool,
-    /// Also draw who plays what when, with what was found, as a picture
+    /// Also draw a chart of the cues over time, with what was found, as an image
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
     #[arg(long)]
@@ -402,7 +402,7 @@ pub enum HookArg {
     Picture,
     /// A place on a surface
     Surface,
-    /// A corner of a surface, which it moves
+    /// A vertex of a surface, which it moves
     Vertex,
     /// A light on a surface
     Lighting,

@@ -91,7 +91,7 @@ fn open(wanted: Wanted, effects: Vec<Arc<dyn Effect>>) -> Result<Started, Failur
     };
     match SteadyRenderer::new(options) {
         Ok(renderer) => Ok(Started { renderer: Box::new(renderer), time, note: None }),
-        // Who names a device wants that one.
+        // A device that is named is the only one wanted.
         Err(error) if device == Device::Vulkan || wanted.gpu.is_some() => Err(render_failure(error)),
         Err(RenderError::NoVulkan { why }) => cpu(Some(on_the_cpu(&why))),
         Err(error) => cpu(Some(on_the_cpu(&error.to_string()))),

@@ -1,5 +1,5 @@
 //! `render --watch`: a renderer that remembers what it has drawn. A frame is known by its content, which is what its plan says
-//! and what the catalogue, the effects and the device hold: the same frame at another time, or of another version of the script,
+//! and what the scene resources, the effects and the device hold: the same frame at another time, or of another version of the script,
 //! is not drawn again.
 
 use choreo_plugin::{Effect, Frame};

@@ -1,4 +1,4 @@
-//! Numbered pictures: which are there already, who else is making them, and each to its own file.
+//! Numbered pictures: which exist already, which another program is making, and each to its own file.
 
 use crate::failure::{Failure, output_error, write_failure};
 use crate::output::provenance;

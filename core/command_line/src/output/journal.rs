@@ -1,4 +1,4 @@
-//! What a video's part folder tells of its frames, so that a render that was killed goes on where it was.
+//! The journal of a video's frames in its part folder, so that a render that was killed goes on where it was.
 //!
 //! `journal` is a line of magic and then records: length, CRC-32 and bytes. The first says what is rendered, each further one
 //! stands for a finished frame, written after everything that it speaks of. What a kill, a full disk or a bad sector has

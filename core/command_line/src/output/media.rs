@@ -3,7 +3,7 @@
 /// Keyword of the number that stands for all of a provenance where a format has no room.
 pub const ID: &str = "choreo:id";
 
-/// A picture or video, as far as its head tells.
+/// An image or video, as far as its header describes it.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Media {
     pub format: &'static str,

@@ -83,7 +83,7 @@ fn fps(settings: &Settings) -> String {
 pub fn differences(was: &[(String, String)], is: &[(String, String)]) -> Vec<(String, String, String)> {
     let value = |list: &[(String, String)], keyword: &str| -> String {
         let found = list.iter().find(|(k, _)| k == keyword);
-        found.map_or("not told".to_string(), |(_, v)| v.clone())
+        found.map_or("not known".to_string(), |(_, v)| v.clone())
     };
     let mut found: Vec<(String, String, String)> = Vec::new();
     for (keyword, _) in was.iter().chain(is).filter(|(k, _)| k != ID) {

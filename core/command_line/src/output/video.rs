@@ -51,7 +51,7 @@ struct Folder {
     frames_end: u64,
     changes: Changes,
     scratch: Vec<u8>,
-    /// Finished frames that the journal tells of.
+    /// Finished frames in the journal.
     done: usize,
     /// The fate of the finished frames if the render ends without a result.
     policy: Policy,

@@ -1,4 +1,4 @@
-//! The last resort where memory runs out: a script is told by the interpreter at which line; importers and renderers are
+//! The last resort where memory runs out: the interpreter reports the line of a script; importers and renderers are
 //! watched from outside, and ended before the machine suffers.
 
 use crate::failure::{Failure, print_message};

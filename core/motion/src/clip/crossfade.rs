@@ -1,4 +1,4 @@
-//! Two clips at two times, blended, to model space, in one go.
+//! Crossfade: samples two clips, blends them and converts to model space in one job.
 
 use crate::clip::Clip;
 use crate::clip::sample::{Sample, sample};
@@ -14,7 +14,7 @@ use glam::Affine3A;
 /// blended pose is never written down. Made to be run over many characters with the same scratch poses.
 pub struct Crossfade<'a> {
     pub skeleton: &'a Skeleton,
-    /// What joints do that a clip does not animate; as many joints as the skeleton.
+    /// In: transforms of joints that a clip does not animate; as many joints as the skeleton.
     pub rest: &'a Pose,
     pub from: &'a Clip,
     pub from_time: Time,
@@ -22,9 +22,9 @@ pub struct Crossfade<'a> {
     pub to_time: Time,
     /// 0..=1: 0 is `from` alone, 1 is `to` alone, exactly.
     pub weight: f32,
-    /// Overwritten. Two poses of as many joints as the skeleton.
+    /// Scratch, overwritten: two poses of as many joints as the skeleton.
     pub scratch: &'a mut [Pose; 2],
-    /// One a joint.
+    /// Out: one per joint.
     pub model_from_joint: &'a mut [Affine3A],
 }
 

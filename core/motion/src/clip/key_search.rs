@@ -9,7 +9,7 @@ pub(crate) struct Timeline {
     times: Arc<[Time]>,
     /// Mean keys a tick.
     density: f64,
-    /// Where the keys are not evenly spaced: the first key in or after each of as many buckets as there are keys, and
+    /// Index for keys that are not evenly spaced: the first key in or after each of as many buckets as there are keys, and
     /// the number of keys. Empty where key i lies in or next to bucket i.
     buckets: Box<[u32]>,
 }

@@ -80,14 +80,14 @@ impl Curve {
 pub struct ExpressionCurve {
     pub name: String,
     pub interpolation: Interpolation,
-    /// As in [`Curve`].
+    /// Key times as in [`Curve`].
     pub times: Arc<[Time]>,
     /// One number a key (three if CubicSpline), 0..=1 where it means something.
     pub values: Arc<[f32]>,
 }
 
 impl ExpressionCurve {
-    /// As one morph weight of joint 0.
+    /// The curve as one morph weight of joint 0.
     pub(crate) fn as_curve(&self) -> Curve {
         let (times, values) = (self.times.clone(), self.values.clone());
         Curve { joint: 0, path: Path::Weights(1), interpolation: self.interpolation, times, values }
@@ -175,7 +175,7 @@ pub struct Clip {
     animated: Arc<[u64]>,
     /// (joint, curve), sorted.
     weight_curves: Arc<[(u32, u32)]>,
-    /// By name, each once.
+    /// Curves of expressions, sorted by name, each name once.
     expressions: Arc<[ExpressionCurve]>,
     properties: Arc<[property_curve::CheckedPropertyCurve]>,
 }
@@ -236,7 +236,7 @@ impl Clip {
         }
     }
 
-    /// With curves of expressions, checked as the others are; each name once. The clip lasts as long as its longest curve.
+    /// Adds curves of expressions, checked as the others are; each name once. The clip lasts as long as its longest curve.
     pub fn with_expressions(mut self, mut curves: Vec<ExpressionCurve>) -> Result<Clip, ExpressionError> {
         curves.sort_by(|a, b| a.name.cmp(&b.name));
         for (index, curve) in curves.iter().enumerate() {
@@ -361,7 +361,7 @@ impl Clip {
         Clip { compression: Some(compression), ..self }
     }
 
-    /// With curves that are packed beside those that it has.
+    /// The clip with packed curves beside those that it has.
     pub(crate) fn with_packed(self, packed: Arc<Packed>) -> Clip {
         let mut animated = self.animated.to_vec();
         for column in packed.columns() {
@@ -399,7 +399,7 @@ impl Clip {
     }
 }
 
-/// As many values as the keys need, all finite; at least one key; times that increase.
+/// Checks that there is a key, that times increase, and that all keys have their values, all finite.
 fn check_keys(times: &[Time], values: &[f32], stride: usize) -> Result<(), CurveError> {
     let keys = times.len();
     if keys == 0 {

@@ -27,7 +27,7 @@ pub(crate) struct Stride {
     pub(crate) stride: usize,
     pub(crate) columns: Vec<PackedColumn>,
     pub(crate) row_bytes: usize,
-    /// By frame modulo stride: weights of five knots for that frame and for the next.
+    /// B-spline weights by frame modulo stride: those of five knots for that frame and for the next.
     pub(crate) weights: Vec<[[f32; 5]; 2]>,
     /// Knot by knot, column by column, component by component; what a wide load may read beyond lies at the end.
     pub(crate) bytes: Vec<u8>,
@@ -36,9 +36,9 @@ pub(crate) struct Stride {
 #[derive(Debug)]
 pub(crate) struct PackedColumn {
     pub(crate) column: Column,
-    /// Of rotations: neighbours are so near that the straight way between them, made unit, is as good as slerp.
+    /// Whether neighbouring rotations are so near that normalized linear interpolation is as good as slerp.
     pub(crate) straight: bool,
-    /// Of each component: how its numbers lie, and in how many bytes.
+    /// Layout and number of bits of each component's numbers.
     pub(crate) bits: [Bits; 4],
     pub(crate) bytes: [u8; 4],
     /// Value of 0, and of one step.

@@ -1,4 +1,4 @@
-//! What a clip animates beside joints and morph weights: numbers of the cameras, lights and materials of its asset
+//! Curves of a clip beside joints and morph weights: properties of the cameras, lights and materials of its asset
 //! (KHR_animation_pointer). A clip for another skeleton has none: they speak of one file's things.
 
 use crate::clip::key_search::find_interval;
@@ -15,7 +15,7 @@ pub enum PropertyTarget {
     CameraHeight(u32),
     /// Linear RGB.
     LightColor(u32),
-    /// As the file has it (lux, candela).
+    /// Intensity in the file's unit (lux, candela).
     LightIntensity(u32),
     /// Metres.
     LightRange(u32),
@@ -33,7 +33,7 @@ pub enum PropertyTarget {
 pub enum MaterialProperty {
     /// Linear RGB, the file's strength multiplied in.
     Emissive,
-    /// In units of the file's.
+    /// Factor on the file's own strength.
     EmissiveStrength,
     Metallic,
     Roughness,

@@ -18,7 +18,7 @@ pub struct Sample<'a> {
     pub clip: &'a Clip,
     /// Clip time; before the first and after the last key the end values hold.
     pub time: Time,
-    /// As many joints as the clip's skeleton.
+    /// Input and output: as many joints as the clip's skeleton.
     pub pose: &'a mut Pose,
 }
 
@@ -192,7 +192,7 @@ fn cubic<F: F8>(rows: &Rows, at: Interval, blocks: &mut [PoseBlock]) {
     }
 }
 
-/// At unit length; `otherwise` where the length is zero or beyond f32: opposite keys without tangents meet in zero.
+/// Normalizes quaternions; `otherwise` where the length is zero or beyond f32: opposite keys without tangents meet in zero.
 #[inline(always)]
 fn normalized<F: F8>(q: [F; 4], otherwise: [F; 4]) -> [F; 4] {
     let square = dot(q, q);

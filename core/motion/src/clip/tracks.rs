@@ -110,7 +110,7 @@ pub(crate) struct Tracks {
     /// Translations, rotations, scales.
     pub constants: Vec<Constant>,
     pub groups: Vec<Group>,
-    /// Of a compressed clip.
+    /// Decoder data of a compressed clip.
     pub packed: Option<Arc<Packed>>,
     /// Whether every joint has a curve, by channel.
     pub covers: [bool; 3],

@@ -23,7 +23,7 @@ pub(crate) fn basis(s: f64) -> [f64; 4] {
     ]
 }
 
-/// Knots that so many frames need.
+/// Number of knots for a number of frames.
 pub(crate) fn knot_count(frames: usize, stride: usize) -> usize {
     if stride == 1 { frames } else { (frames - 1) / stride + 4 }
 }
@@ -35,7 +35,7 @@ pub(super) struct Fit {
     /// 1 − cos of the widest interval between neighbours, of quaternions.
     pub widest: f64,
     pub values: Vec<[f64; 4]>,
-    /// By stride: the knots, and the farthest that the spline is from a value; rotations in radians.
+    /// Knots by stride, and the farthest that the spline is from a value; rotations in radians.
     pub splines: Vec<(Vec<[f64; 4]>, f64)>,
 }
 

@@ -12,7 +12,7 @@
 //! - Knots are whole numbers of 0 to 16 bits in the range of each joint's component.
 //!
 //! What an error at a joint may be follows from how far the joints below it reach; then all is decoded and measured, and what each may
-//! cost is shared out anew, until it holds and little is left. The error that is told is the measured one.
+//! cost is shared out anew, until it holds and little is left. The reported error is the measured one.
 
 mod fit;
 mod grid;
@@ -37,7 +37,7 @@ pub enum CompressError {
 
 /// How often the tolerances of single curves are lowered until all holds.
 const ROUNDS: usize = 13;
-/// By how much, each time.
+/// Factor by which they are lowered each time.
 const LESS: f64 = 0.8;
 /// How often they are then shared out anew, for fewer bytes.
 const ROUNDS_TO_SAVE: usize = 8;

@@ -50,7 +50,7 @@ pub(super) fn pack(clip: &Clip, grid: &Grid, fits: &Fits, moving: &[(usize, f64)
     (Packed { start, step, frames, strides, terms }, left)
 }
 
-/// By how many radians nlerp is off slerp at most, over (1 − cos)^1.5 of the quaternions' angle: 0.004 θ³ of rotations θ apart.
+/// Largest error of nlerp against slerp, radians, over (1 − cos)^1.5 of the quaternions' angle: 0.004 θ³ of rotations θ apart.
 const STRAIGHT: f64 = 0.09;
 
 /// A column with the fewest bits at one stride.
@@ -58,7 +58,7 @@ struct Draft {
     block: u32,
     channel: Channel,
     lanes: Lanes,
-    /// Of [`STRIDES`].
+    /// Index into [`STRIDES`].
     stride: usize,
     straight: bool,
     /// Bits of each component and lane.

@@ -3,7 +3,7 @@
 //! A foot stands where it is near the lowest place that it gets to, hardly rises or sinks, and moves with the floor ([`ContactThresholds`];
 //! thresholds on height and speed with hysteresis: L. Kovar, J. Schreiner, M. Gleicher, "Footskate Cleanup for Motion Capture
 //! Editing", SCA 2002, §4). All are shares of the length of a leg, so that they hold for mice and giants, and of the speed of the
-//! gait: who runs at 4 m/s lands hard, rolls fast and stands for a twentieth of a second.
+//! gait: a runner at 4 m/s lands hard, rolls fast and stands for a twentieth of a second.
 //!
 //! The floor's velocity is not known beforehand: of a clip with root motion it is zero, of one on the spot it is that of a
 //! treadmill. The lowest looks of each foot are at the floor, nearly always, so the median of their velocities is the floor's; then the median of
@@ -24,28 +24,28 @@ use glam::{Affine3A, DVec3, Vec3};
 pub use feet::{find_feet, leg_length};
 pub use still_intervals::still_intervals;
 
-/// Above the lowest place, in legs. A walk's toe swings through at 2 %, but fast.
+/// Height limit of a contact above the lowest position, in leg lengths. A walk's toe swings through at 2 %, but fast.
 const HEIGHT: f64 = 0.06;
-/// Up or down, in legs a second, and as a share of the gait's speed.
+/// Vertical speed limit of a contact, in leg lengths per second, and as a fraction of the gait's speed.
 const CLIMB: f64 = 0.8;
 const CLIMB_SHARE: f64 = 0.35;
-/// Against the floor, likewise.
+/// Horizontal speed limit of a contact against the floor, likewise.
 const SLIP: f64 = 0.5;
 const SLIP_SHARE: f64 = 0.35;
-/// Looks a second, at most so many a clip.
+/// Samples per second, and at most per clip.
 const RATE: f64 = 120.0;
 const MOST: usize = 4096;
 /// A foot is on the floor for at least this share of a clip in which it stands at all.
 const LOWEST_SHARE: usize = 10;
 
-/// What counts as standing; above 0. A joint is at rest where [`ContactThresholds::unrest`] is at most 1.
+/// Thresholds below which a foot is in contact; above 0. A joint is in contact where [`ContactThresholds::unrest`] is at most 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactThresholds {
-    /// Above its lowest place, metres.
+    /// Height above its lowest position, metres.
     pub height: f64,
-    /// Up or down, metres a second.
+    /// Vertical speed, metres per second.
     pub climb: f64,
-    /// Along the floor, metres a second.
+    /// Horizontal speed against the floor, metres per second.
     pub slip: f64,
 }
 
@@ -56,20 +56,22 @@ impl ContactThresholds {
         ContactThresholds { height: HEIGHT * leg, climb, slip }
     }
 
-    /// How far a joint is from standing still, 1 at the limit. `velocity`: against the floor.
+    /// Largest ratio of height, vertical and horizontal speed to their thresholds: in contact up to 1. `velocity` is relative to
+    /// the floor.
     pub fn motion_ratio(&self, height: f64, velocity: DVec3) -> f64 {
         let level = velocity.with_y(0.0).length();
         (height / self.height).max(velocity.y.abs() / self.climb).max(level / self.slip)
     }
 }
 
-/// One foot: the joints of which the lower one counts, heel (ankle) and toe.
+/// The joints of one foot, ankle and toe, of which the lower one counts.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Foot {
     pub joints: Vec<u32>,
 }
 
-/// A foot on the floor. `to` may lie after the end of a clip that is looped: then the stand goes on into its beginning.
+/// A time span in which a foot is on the floor. `to` may lie after the end of a looped clip: the contact then continues at its
+/// beginning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ContactInterval {
     pub from: Time,
@@ -78,9 +80,9 @@ pub struct ContactInterval {
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contacts {
-    /// By foot, in the order of time.
+    /// Contact intervals by foot, in the order of time.
     pub intervals: Vec<Vec<ContactInterval>>,
-    /// Of the floor in model space, metres a second of the clip; horizontal.
+    /// Horizontal velocity of the floor in model space, metres per second of the clip.
     pub floor_velocity: DVec3,
 }
 
@@ -99,7 +101,7 @@ struct Track {
 }
 
 impl Contacts {
-    /// Of the part of a clip that `trim` says, taken as a loop where it ends as it begins. `None` without feet, or where
+    /// Detects the contacts in the trimmed part of a clip, which is a loop where it ends as it begins. `None` without feet, or where
     /// nothing is as long as it must be.
     pub fn find(skeleton: &Skeleton, clip: &Clip, trim: (Time, Time), feet: &[Foot]) -> Option<Contacts> {
         let leg = leg_length(skeleton, feet)?;
@@ -131,7 +133,7 @@ impl Contacts {
             .collect();
         let mut floor = median(&lowest_looks(&tracks, leg))?;
         let mut unrest = vec![vec![f64::INFINITY; count + 1]; feet.len()];
-        // Once by what is low, once by those who stand.
+        // Once by low joints, once by those that stand.
         for _ in 0..2 {
             let rule = ContactThresholds::new(leg, (floor - drift.with_y(0.0) / span).length());
             let mut stood = Vec::new();

@@ -21,15 +21,15 @@ pub struct Footsteps {
     events: Vec<(i64, u32)>,
     /// Ticks.
     length: i64,
-    /// By foot: (when it comes down, how long it stands), ticks since the part's start.
+    /// Contacts by foot: (touch-down, duration), ticks since the part's start.
     stands: Vec<Vec<(i64, i64)>>,
 }
 
-/// At so many phases strides are laid on each other, and compared at as many.
+/// Number of phase shifts that are tried when strides are matched, and of samples that compare them.
 const PHASES: i64 = 96;
 
 impl Footsteps {
-    /// Of the contacts of a part; `None` where there are fewer than two steps.
+    /// Footsteps of a clip's contacts; `None` where there are fewer than two.
     pub fn of(contacts: &Contacts, trim: (Time, Time)) -> Option<Footsteps> {
         let length = (trim.1 - trim.0).0;
         let mut events = Vec::new();
@@ -38,7 +38,7 @@ impl Footsteps {
             all.push(Vec::new());
             for stand in stands {
                 let (from, to) = ((stand.from - trim.0).0, (stand.to - trim.0).0);
-                // Who stands all the time takes no steps.
+                // A character that stands all the time takes no steps.
                 if to - from >= length {
                     continue;
                 }
@@ -51,7 +51,7 @@ impl Footsteps {
         Some(Footsteps { stands: all, ..steps })
     }
 
-    /// Of times when feet come down, as a script gives them: one foot after the other.
+    /// Footsteps at touch-down times that a script gives: one foot after the other.
     pub fn given(times: &[Time], trim: (Time, Time)) -> Option<Footsteps> {
         let length = (trim.1 - trim.0).0;
         let within = times.iter().filter(|t| **t >= trim.0 && **t < trim.1);
@@ -131,7 +131,7 @@ impl Footsteps {
         (self.at_step(i + 1) - self.at_step(i)) as f64
     }
 
-    /// How many steps have been taken after so many ticks.
+    /// Number of steps taken after a number of ticks.
     pub fn phase(&self, played: i128) -> f64 {
         let round = played.div_euclid(i128::from(self.length));
         let into = played.rem_euclid(i128::from(self.length)) as i64;
@@ -141,7 +141,7 @@ impl Footsteps {
         step as f64 + (played - self.at_step(step)) as f64 / self.span(step)
     }
 
-    /// The ticks after which so many steps have been taken.
+    /// The ticks after which a number of steps has been taken.
     pub fn played(&self, phase: f64) -> i128 {
         let step = libm::floor(phase);
         let rest = phase - step;
@@ -149,7 +149,7 @@ impl Footsteps {
         self.at_step(step) + libm::round(rest * self.span(step)) as i128
     }
 
-    /// By how many steps the other is to be shifted so that the same feet take them; the smallest that does.
+    /// Smallest number of steps by which the other is shifted so that the same feet take them.
     fn shift_to(&self, other: &Footsteps) -> Option<i64> {
         let (n, m) = (self.events.len(), other.events.len());
         let what = |steps: &Footsteps, i: usize| steps.events[i % steps.events.len()].1;
@@ -157,7 +157,7 @@ impl Footsteps {
     }
 }
 
-/// A fade in which two clips keep step.
+/// A crossfade in which two clips stay in phase.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhaseMatchedFade {
     start: Time,

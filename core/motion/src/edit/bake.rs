@@ -10,11 +10,11 @@ use thiserror::Error;
 /// How far a baked clip is from its source, at worst; measured at every source key and between every two baked ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BakeDeviation {
-    /// Of any joint in its parent's space.
+    /// Largest distance of a joint in its parent's space.
     pub translation_m: f64,
-    /// Of any joint in its parent's space.
+    /// Largest angle of a joint in its parent's space.
     pub rotation_rad: f64,
-    /// Of any scale component.
+    /// Largest difference of a scale component.
     pub scale: f64,
 }
 

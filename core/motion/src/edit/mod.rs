@@ -122,7 +122,7 @@ impl<'a> Values<'a> {
         Values { clip, pose: Pose::identity(clip.joint_count()), at: None }
     }
 
-    /// As the clip is sampled.
+    /// The value that sampling the clip gives.
     fn at(&mut self, curve: &Curve, time: Time) -> Vec<f32> {
         if let Path::Weights(n) = curve.path {
             let mut out = vec![0.0; n as usize];

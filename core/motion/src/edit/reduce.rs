@@ -76,7 +76,7 @@ impl Clip {
         Ok((self.clone(), ReductionReport { keys: [self.keys(); 2], bytes: [bytes(self); 2], worst_m: 0.0 }))
     }
 
-    /// Of all curves.
+    /// Keys of all curves.
     pub fn keys(&self) -> usize {
         self.curves().iter().map(|c| c.times.len()).sum()
     }
@@ -235,7 +235,7 @@ fn with_keys(curve: &Curve, kept: &[usize], times: Option<Arc<[Time]>>) -> Curve
     Curve { times, values, ..curve.clone() }
 }
 
-/// Of key times and values that are stored as they are.
+/// Bytes of the key times and values that are stored uncompressed.
 pub(crate) fn bytes(clip: &Clip) -> usize {
     let mut seen = std::collections::BTreeSet::new();
     let of = |curve: &Curve| {

@@ -17,7 +17,7 @@ pub struct AimJoint {
 pub struct Aim<'a> {
     /// Each further out than the one before; the last one points. Positions are moved as the joints turn.
     pub joints: &'a mut [AimJoint],
-    /// Where the last joint points now.
+    /// Direction in which the last joint points now.
     pub forward: DVec3,
     pub target: DVec3,
     /// The last joint turns at most this far, radians, 0..=π. Beyond, the turn fades out until the target is straight behind, so

@@ -11,7 +11,7 @@ pub struct ChainBone {
     pub rotation: DQuat,
     /// The same at rest, from which limits are counted.
     pub rest: DQuat,
-    /// From this joint to the next, or to the end, in the bone's space; metres.
+    /// Offset from this joint to the next, or to the end, in the bone's space; metres.
     pub offset: DVec3,
     pub limit: Limit,
 }
@@ -20,7 +20,7 @@ pub struct ChainBone {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Chain {
     pub origin: DVec3,
-    /// Of what the first bone hangs on.
+    /// Rotation of the first bone's parent.
     pub parent: DQuat,
     pub bones: Vec<ChainBone>,
 }
@@ -37,10 +37,10 @@ pub enum Solver {
     LeastSquares,
 }
 
-/// What came of it.
+/// Result of [`Chain::solve`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChainResult {
-    /// From the end to the target, metres.
+    /// Distance from the end to the target, metres.
     pub distance: f64,
     pub iterations: usize,
 }
@@ -84,7 +84,7 @@ impl Chain {
         self.bones.iter().map(|b| b.offset.length()).sum()
     }
 
-    /// Turns the bones so that the end comes within `tolerance` of the target or as near as it gets in so many iterations, and then joint by joint
+    /// Turns the bones so that the end comes within `tolerance` of the target or as near as it gets in this number of iterations, and then joint by joint
     /// as limits allow. Limits hold afterwards, those broken before included. It is then no farther from the target than anywhere near that limits allow; on the other side of
     /// them there may be better, which a body would have to swing around for: of three hinges anywhere 85 of 100 are at the nearest place of
     /// all, the others within a quarter of their reach of it (`tests/ik.rs`). A target that is not finite leaves the chain as it is.

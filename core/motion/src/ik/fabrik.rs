@@ -5,7 +5,7 @@ use super::chain::Scratch;
 use crate::math::rotation::rotation_between;
 use glam::DVec3;
 
-/// From the target back to the root, then from the root out again; on the way out each bone is turned towards the place found
+/// One iteration from the target back to the root, then from the root out again; on the way out each bone is turned towards the place found
 /// for its end, within its limits, so that what follows starts from where the bone really ends.
 pub(super) fn iterate(chain: &mut Chain, target: DVec3, scratch: &mut Scratch) {
     let Scratch { positions, goals, .. } = scratch;

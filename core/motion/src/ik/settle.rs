@@ -55,7 +55,7 @@ pub(super) fn sweep(chain: &mut Chain, target: DVec3, scratch: &mut Scratch) {
     }
 }
 
-/// By how much one direction is turned about an axis to be as near to another as it gets.
+/// The angle by which one direction is turned about an axis to be nearest to another.
 fn angle_about(axis: DVec3, from: DVec3, to: DVec3) -> f64 {
     let across = |v: DVec3| v - axis * v.dot(axis);
     let (from, to) = (across(from), across(to));

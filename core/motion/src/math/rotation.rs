@@ -21,8 +21,8 @@ pub(crate) fn slerp_sum(a: DVec4, b: DVec4, t: f64) -> DVec4 {
     }
 }
 
-/// The shortest turn from one direction to another; none where one of them has no direction. Of opposite ones, half a turn about
-/// an axis that is always the same.
+/// The shortest rotation from one direction to another; the identity where one of them is zero. Opposite directions give half
+/// a turn about an axis that is always the same.
 pub fn rotation_between(from: DVec3, to: DVec3) -> DQuat {
     match (from.try_normalize(), to.try_normalize()) {
         (Some(a), Some(b)) => DQuat::from_rotation_arc(a, b),
@@ -30,7 +30,7 @@ pub fn rotation_between(from: DVec3, to: DVec3) -> DQuat {
     }
 }
 
-/// A share of a rotation, 0..=1, along its own axis, the short way.
+/// A fraction of a rotation, 0..=1, about its own axis, the shorter way round.
 pub fn rotation_fraction(rotation: DQuat, share: f64) -> DQuat {
     if share >= 1.0 {
         return rotation;
@@ -67,7 +67,7 @@ pub fn from_rotation_vector(v: DVec3) -> DQuat {
     DQuat::from_xyzw(v.x, v.y, v.z, libm::cos(angle / 2.0))
 }
 
-/// At unit length; the identity where the length is zero.
+/// Normalizes a quaternion; the identity where its length is zero.
 pub(crate) fn unit(q: DQuat) -> DQuat {
     let square = q.length_squared();
     if square > 1e-60 && square.is_finite() { q * (1.0 / square.sqrt()) } else { DQuat::IDENTITY }

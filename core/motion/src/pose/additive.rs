@@ -11,7 +11,7 @@ use crate::math::rotation::{from_rotation_vector, rotation_vector};
 use crate::pose::Pose;
 use glam::{DVec3, Vec3};
 
-/// The sum as far as it has come; its memory is used again by the next.
+/// Accumulates additive layers; its memory is reused by the next sum.
 #[derive(Clone, Debug, Default)]
 pub struct AdditiveLayers {
     joints: Vec<Delta>,

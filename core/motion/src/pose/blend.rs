@@ -41,7 +41,7 @@ impl Blend<'_> {
     }
 }
 
-/// In place: `pose` goes towards `to` by the weight.
+/// Blends in place: `pose` moves towards `to` by the weight.
 pub struct BlendOnto<'a> {
     pub pose: &'a mut Pose,
     pub to: &'a Pose,

@@ -1,10 +1,10 @@
-//! Inertialized transitions: the new clip at once, and what the old one was away from it dies down.
+//! Inertialization: a transition switches to the new clip at once, and the offset from the old one decays.
 //!
 //! D. Bollo, "Inertialization: High-Performance Animation Transitions in Gears of War", GDC 2018. Of each joint the offset
 //! from the new pose at the switch, as a vector (rotations as rotation vectors), goes to zero along its own direction by the
 //! quintic of the talk, starting at the velocity of the offset, with no velocity or acceleration left at the end; where the
 //! velocity leads to zero sooner, sooner, so that it does not overshoot. The velocity across that direction, which the talk
-//! leaves out, dies down by the quintic through zero that begins with it, so that no joint's velocity jumps. All of it is a
+//! leaves out, decays by the quintic through zero that begins with it, so that no joint's velocity jumps. All of it is a
 //! closed form of the time since the switch.
 
 use crate::math::rotation::{from_rotation_vector, rotation_vector};
@@ -40,7 +40,7 @@ fn fading_velocity(duration: f64, t: f64) -> f64 {
     duration * (s - s * s * s * (6.0 - s * (8.0 - 3.0 * s)))
 }
 
-/// One vector that dies down.
+/// A vector offset that decays to zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct DecayingOffset {
     direction: DVec3,
@@ -63,7 +63,7 @@ impl DecayingOffset {
     }
 }
 
-/// What a switch from one motion to another leaves to die down, joint by joint.
+/// Decaying offsets of all joints after a switch from one motion to another.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Inertialization {
     /// Rotation vectors, translations, scales.
@@ -120,7 +120,7 @@ impl Inertialization {
     }
 }
 
-/// What a switch leaves of plain numbers, like morph weights, to die down.
+/// Decaying offsets of plain numbers, such as morph weights, after a switch.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WeightInertialization {
     weights: Vec<DecayingOffset>,

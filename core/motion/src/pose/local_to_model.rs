@@ -1,4 +1,4 @@
-//! From local transforms to model space, parents first.
+//! Local-to-model: transforms of joints from their parents' spaces to model space.
 
 use crate::input_error::InputError;
 use crate::pose::blend::{dot, lerp, nlerp_unscaled};
@@ -11,9 +11,9 @@ use glam::Affine3A;
 /// `model_from_joint[i] = model_from_joint[parent(i)] * pose[i]`.
 pub struct LocalToModel<'a> {
     pub skeleton: &'a Skeleton,
-    /// As many joints as the skeleton.
+    /// In: as many joints as the skeleton.
     pub pose: &'a Pose,
-    /// One a joint.
+    /// Out: one per joint.
     pub model_from_joint: &'a mut [Affine3A],
 }
 
@@ -44,7 +44,7 @@ impl LocalToModel<'_> {
     }
 }
 
-/// Where a kernel takes the local transforms of eight joints from.
+/// Source of the local transforms of eight joints for a kernel.
 pub(crate) trait Locals {
     /// Translation, rotation (of any length but zero), scale (`None` = exactly 1).
     fn get<F: F8>(&self, block: usize) -> ([F; 3], [F; 4], Option<[F; 3]>);

@@ -11,7 +11,7 @@ use crate::simd::lane::{LANES, Lane};
 use crate::skeleton::Skeleton;
 use glam::{Quat, Vec3};
 
-/// Local transforms (parent-from-joint) of eight neighbouring joints.
+/// Local transforms (parent-from-joint) of eight consecutive joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(32))]
 pub struct PoseBlock {

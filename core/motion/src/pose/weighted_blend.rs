@@ -1,4 +1,4 @@
-//! Several poses at once over a base, whatever their order.
+//! Weighted blend of any number of poses over a base, independent of their order.
 //!
 //! `out = (max(0, 1 − W) base + Σ wᵢ poseᵢ) / max(1, W)` joint by joint, W = Σ wᵢ: weights that do not reach 1 leave the rest to
 //! the base, weights beyond 1 share it out in proportion (ozz-animation's `BlendingJob`, whose threshold is 1 here). A sum
@@ -10,7 +10,7 @@ use crate::pose::{Pose, PoseBlock};
 use crate::simd::lane::{LANES, Lane};
 use crate::simd::{F8, Kernel, Level, dispatch, load4};
 
-/// The sum as far as it has come; its memory is used again by the next.
+/// Accumulates a weighted sum of poses; its memory is reused by the next one.
 #[derive(Clone, Debug, Default)]
 pub struct WeightedBlend {
     sums: Vec<(PoseBlock, Lane)>,

@@ -66,7 +66,7 @@ impl Units {
     }
 }
 
-/// By names alone.
+/// Matches joints by names alone.
 pub(crate) fn match_names(from: &Skeleton, to: &Skeleton) -> Vec<Option<u32>> {
     match from.names() == to.names() {
         true => (0..from.len() as u32).map(Some).collect(),

@@ -5,16 +5,16 @@ use crate::skeleton::Skeleton;
 use crate::skeleton::humanoid_joints::HumanoidJoints;
 use std::collections::BTreeMap;
 
-/// How two joints were found to be the same.
+/// How two joints were matched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum MatchedBy {
     /// The caller said so.
     Given,
-    /// By name, exactly or without its prefix.
+    /// The names are equal, exactly or without a prefix.
     Name,
     /// The same joint of a human body, by names of other families, by the file or by structure.
     Body,
-    /// At the same share of the way along spine or neck, which have more joints in one than in the other.
+    /// Both lie at the same fraction of the spine or neck, which has more joints in one skeleton than in the other.
     Share,
 }
 
@@ -29,7 +29,7 @@ impl MatchedBy {
     }
 }
 
-/// For each joint of the target the joint of the source that it follows.
+/// Source joint that each target joint follows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointMap {
     sources: Vec<Option<(u32, MatchedBy)>>,

@@ -90,9 +90,9 @@ pub struct Retarget<'a> {
     /// Turns the source to look where the target does.
     yaw: DQuat,
     yaw_degrees: f64,
-    /// Of each target joint: its rotation in model space where the source is at rest.
+    /// Rotation of each target joint in model space while the source is at rest.
     aligned: Vec<DQuat>,
-    /// Of target joints that follow: D, so that G = yaw · G of the source · D.
+    /// D of each target joint that follows one, so that G = yaw · G of the source · D.
     follow: Vec<Option<DQuat>>,
     hips: Option<u32>,
 }
@@ -135,7 +135,7 @@ impl Side {
             [Some(left), Some(right)] => (height(left) - height(right)).abs() < 0.1 * leg,
             _ => true,
         };
-        // Who rests in the middle of a stride stands on the lower foot, and on the other one where that is as low.
+        // A character that rests in the middle of a stride stands on the lower foot, and on the other one where that is as low.
         if let ([Some(left), Some(right)], false) = (feet, stands) {
             let low = height(left).min(height(right));
             for (joint, standing) in &mut contacts {
@@ -146,7 +146,7 @@ impl Side {
     }
 }
 
-/// Of each joint, whether it belongs to the body: its bones, what hangs on them, and what the hips hang on.
+/// Whether each joint belongs to the humanoid: its bones, all joints below them, and the ancestors of the hips.
 fn in_body(skeleton: &Skeleton, human: &HumanoidJoints) -> Vec<bool> {
     let mut own: Vec<bool> = Vec::with_capacity(skeleton.len());
     for (joint, parent) in (0u32..).zip(skeleton.parents()) {
@@ -194,7 +194,7 @@ impl<'a> Retarget<'a> {
         self.scale
     }
 
-    /// By how much the source is turned to look where the target does: 0, 90, 180 or −90.
+    /// The yaw that turns the source to face as the target does, degrees: 0, 90, 180 or −90.
     pub fn yaw_degrees(&self) -> f64 {
         self.yaw_degrees
     }
@@ -221,7 +221,7 @@ impl<'a> Retarget<'a> {
         self.target.stands
     }
 
-    /// Whether both skeletons are bodies, with hips, legs and arms: else there is nothing to go by but names.
+    /// Whether both skeletons are characters, with hips, legs and arms: else there is nothing to go by but names.
     pub fn is_humanoid(&self) -> bool {
         self.source.human.is_humanoid() && self.target.human.is_humanoid() && self.hips.is_some()
     }
@@ -236,7 +236,7 @@ impl<'a> Retarget<'a> {
         Coverage::of(clip, [self.from, self.to], [&self.source.human, &self.target.human], &partners)
     }
 
-    /// Where a joint that moves stands in the model when its source joint stands there: rest places correspond, of the
+    /// Position of a target joint that translates, in model space, when its source joint stands there: rest places correspond, of the
     /// hips their heights above the floors.
     fn place(&self, joint: u32, source: DVec3) -> DVec3 {
         let s = self.map.source(joint).unwrap_or(0) as usize;
@@ -267,9 +267,9 @@ impl<'a> Retarget<'a> {
 }
 
 /// The clip on another skeleton, and how much of it follows: copied curve by curve where joints mean the same there (see
-/// [`same_joints`]); between bodies retargeted, with a report. Where the skeletons are no bodies it is copied by names, or
+/// [`same_joints`]); between characters retargeted, with a report. Where the skeletons are no characters it is copied by names, or
 /// retargeted where structure tells more joints than names do.
-/// Where both files name the bones of their bodies, rotations go from T-pose to T-pose, as VRM has it ([`crate::bind_clip`]).
+/// Where both files name the bones of a humanoid, rotations go from T-pose to T-pose, as VRM has it ([`crate::bind_clip`]).
 pub fn bind_or_retarget(
     clip: &Clip,
     from: &Skeleton,

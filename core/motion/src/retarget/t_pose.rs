@@ -18,7 +18,7 @@ const LOWEST_HIPS: f64 = 1e-3;
 
 /// The bones that two skeletons have in common.
 pub(crate) struct Bodies {
-    /// By joint of the source.
+    /// The bone and target joint of each source joint.
     bones: BTreeMap<u32, Common>,
 }
 
@@ -28,7 +28,7 @@ struct Common {
     /// P'⁻¹·P and R⁻¹·R'.
     before: DQuat,
     after: DQuat,
-    /// Of the hips: parent'-from-parent for places.
+    /// Maps positions of the hips from the source's parent space to the target's.
     place: Option<DAffine3>,
 }
 
@@ -84,7 +84,7 @@ impl Bodies {
     }
 }
 
-/// Of a map with scale: what of it turns. Mirrors are not followed.
+/// Rotation part of a map with scale. Mirrors are not followed.
 fn rotation(m: &DAffine3) -> DQuat {
     let axes = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis].map(|a| a.normalize_or_zero());
     let mut turn = DMat3::from_cols(axes[0], axes[1], axes[2]);

@@ -188,7 +188,7 @@ unsafe fn quarters([a, b, c, d]: [__m512; 4]) -> [__m512; 4] {
 /// Which floats two permutations take: the first from two registers, the second from the result and a third.
 type Picks = [[[i32; COUNT]; 2]; 3];
 
-/// By component: from the 48 floats of the points.
+/// Positions of each component among the 48 floats of the points.
 static TAKEN: Picks = {
     let mut picks = [[[0; COUNT]; 2]; 3];
     let mut i = 0;
@@ -205,7 +205,7 @@ static TAKEN: Picks = {
     picks
 };
 
-/// By register of the points' 48 floats: from the components.
+/// Positions of the components in each register of the points' 48 floats.
 static PUT: Picks = {
     let mut picks = [[[0; COUNT]; 2]; 3];
     let mut i = 0;

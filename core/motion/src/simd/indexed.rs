@@ -14,7 +14,7 @@ impl<'a> Indices<'a> {
         Indices { all, largest: all.iter().copied().fold(0, u16::max) }
     }
 
-    /// From one on to another. Panics beyond the last.
+    /// The part from one index to another. Panics beyond the last.
     #[inline(always)]
     pub fn part(&self, range: std::ops::Range<usize>) -> Self {
         Indices { all: &self.all[range], largest: self.largest }

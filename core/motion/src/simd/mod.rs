@@ -91,7 +91,7 @@ pub(crate) trait F8: Lanes {
     /// The four floats of both halves.
     fn store_halves(self, out: &mut [[f32; 4]; 2]);
     fn load_halves(halves: &[[f32; 4]; 2]) -> Self;
-    /// From component rows of two matrix columns, the columns side by side, one pair a joint:
+    /// Two matrix columns of each joint, side by side, from rows of components:
     /// `(ax ay az az | bx by bz bz)`.
     fn column_pairs(a: [Self; 3], b: [Self; 3]) -> [Self; LANES];
     /// Component rows of four column pairs, those of the first columns in the lower half; the fourth components are dropped.
@@ -122,14 +122,14 @@ pub(crate) trait F8: Lanes {
 pub(crate) struct Bits {
     /// The byte that a lane's first bit is in; the next three may count on from 15 to 0.
     from: [u8; LANES],
-    /// Of these 32 bits: how far the lane's are from the highest, and how many are not the lane's; 31 at most, since
+    /// Position of the lane's bits among these 32, counted from the highest, and how many are not the lane's; 31 at most, since
     /// shifts by 32 and more take three more instructions each.
     left: [u8; LANES],
     right: [u8; LANES],
 }
 
 impl Bits {
-    /// By the bits of each lane.
+    /// Positions from the number of bits of each lane.
     pub fn new(widths: &[u8; LANES]) -> Bits {
         let mut bits = Bits::default();
         let mut at = 0;

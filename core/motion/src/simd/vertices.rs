@@ -20,7 +20,7 @@ pub(crate) trait Lanes: Copy {
     fn flipped_by(self, by: Self) -> Self;
     /// All bits set where less; not where NaN.
     fn less(self, b: Self) -> Self;
-    /// Of two masks, the lanes in both.
+    /// The lanes that are in both masks.
     fn and(self, b: Self) -> Self;
     /// Whether a mask is set in all lanes.
     fn all(mask: Self) -> bool;
@@ -46,7 +46,7 @@ pub(crate) trait Vertices: Lanes {
     /// The sum and the matrix, weighted, rounded once.
     fn with_weighted(sum: Self::Matrix, matrix: &Affine3A, weight: f32) -> Self::Matrix;
     fn four(matrices: [Self::Matrix; 4]) -> Self::Four;
-    /// Of as many fours as there are; the rest is not read.
+    /// Columns of four fours; the rest is not read.
     fn columns(fours: [Self::Four; 4]) -> Rows<Self>;
     /// Component rows of the first and the last four of eight floats, of as many fours as there are, each from [`F8::half_rows4`].
     fn halves(fours: [[Self::Eight; 4]; 4]) -> [[Self; 4]; 2];

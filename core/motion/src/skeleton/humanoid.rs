@@ -1,4 +1,4 @@
-//! Which joints of a skeleton are which bones of a human body, and the T-pose that rotations of two bodies are compared in.
+//! Bones of a humanoid as joints of a skeleton, and the T-pose in which rotations of two of them are compared.
 //!
 //! Bones and their names: VRM 1.0, `VRMC_vrm.humanoid` ("humanoid.md"). VRM 0.x has the same but for the thumbs: its proximal,
 //! intermediate and distal are 1.0's metacarpal, proximal and distal.
@@ -21,7 +21,7 @@ macro_rules! bones {
             /// All bones, parents first.
             pub const ALL: [HumanBone; BONES] = [$(HumanBone::$variant),*];
 
-            /// As VRM 1.0 writes it: `leftUpperArm`.
+            /// Name in VRM 1.0: `leftUpperArm`.
             pub fn name(self) -> &'static str {
                 match self { $(HumanBone::$variant => $spec),* }
             }
@@ -100,12 +100,12 @@ bones![
 ];
 
 impl HumanBone {
-    /// By its exact name in VRM 1.0.
+    /// Finds a bone by its exact name in VRM 1.0.
     pub fn from_name(name: &str) -> Option<HumanBone> {
         HumanBone::ALL.into_iter().find(|b| b.name() == name)
     }
 
-    /// By the name of a joint in any family of skeletons, VRM 1.0's among them: `mixamorig:LeftArm`, `upperarm.l`.
+    /// Finds a bone by the name of a joint in any family of skeletons, VRM 1.0's among them: `mixamorig:LeftArm`, `upperarm.l`.
     pub(crate) fn of_joint(name: &str) -> Option<HumanBone> {
         HumanBone::from_name(name).or_else(|| {
             let ours = crate::skeleton::joint_names::humanoid_name(name)?;
@@ -155,7 +155,7 @@ impl Humanoid {
         Ok(Humanoid { joints, t_pose: None })
     }
 
-    /// For skeletons that do not rest in a T-pose: parent-from-joint of every joint in it.
+    /// Sets the T-pose of a skeleton that does not rest in one: parent-from-joint of every joint.
     pub fn with_t_pose(self, t_pose: impl Into<Arc<[Transform]>>) -> Humanoid {
         Humanoid { t_pose: Some(t_pose.into()), ..self }
     }
@@ -208,7 +208,7 @@ impl Humanoid {
         HumanBone::ALL.into_iter().filter_map(|b| Some((b, self.joint(b)?)))
     }
 
-    /// Where the T-pose is another than the rest pose: parent-from-joint of every joint.
+    /// The T-pose if it differs from the rest pose: parent-from-joint of every joint.
     pub fn t_pose(&self) -> Option<&[Transform]> {
         self.t_pose.as_deref()
     }

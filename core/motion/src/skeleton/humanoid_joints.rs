@@ -1,4 +1,4 @@
-//! The human body in a skeleton: which joint is the hips, the left upper arm and so on.
+//! Finds the joints of a humanoid in a skeleton: which joint is the hips, the left upper arm and so on.
 
 use crate::skeleton::Skeleton;
 use crate::skeleton::joint_names::humanoid_name;
@@ -7,17 +7,17 @@ use crate::skeleton::sides::{Side, side_of};
 use crate::skeleton::symmetry::partners;
 use std::collections::BTreeMap;
 
-/// Joints of a body by the names of [`humanoid_name`]: "hips", "left arm", "right toebase", …
+/// Joints of a humanoid by the names of [`humanoid_name`]: "hips", "left arm", "right toebase", …
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HumanoidJoints {
     joints: BTreeMap<String, u32>,
-    /// From the joint above the hips to that from which the arms go out.
+    /// Joints from the one above the hips to the one that carries the arms.
     spine: Vec<u32>,
-    /// From the joint above those to the one below the head.
+    /// Joints from the one above the spine to the one below the head.
     neck: Vec<u32>,
 }
 
-/// Joints that a body has on both sides, from the trunk outwards.
+/// Joints of a leg and of an arm, from the trunk outwards.
 const LEG: [&str; 3] = ["upleg", "leg", "foot"];
 const ARM: [&str; 3] = ["arm", "forearm", "hand"];
 
@@ -55,7 +55,7 @@ impl HumanoidJoints {
         &self.neck
     }
 
-    /// Hips with both legs and both arms: enough to speak of a body.
+    /// Whether hips, both legs and both arms were found: enough to retarget as a humanoid.
     pub fn is_humanoid(&self) -> bool {
         let sides = ["left", "right"].iter();
         let mut names =
@@ -259,7 +259,7 @@ fn children(skeleton: &Skeleton) -> Vec<Vec<u32>> {
     children
 }
 
-/// From a joint outwards until it branches or ends; meshes that hang at a joint's own place do not count.
+/// The chain of joints from a joint outwards until it branches or ends; meshes at a joint's own position do not count.
 fn chain(from: u32, children: &[Vec<u32>], rest: &ModelRestPose) -> Vec<u32> {
     let mut chain = vec![from];
     let mut joint = from;

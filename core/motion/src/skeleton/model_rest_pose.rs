@@ -4,7 +4,7 @@ use crate::math::rotation::unit;
 use crate::skeleton::Skeleton;
 use glam::{DAffine3, DQuat, DVec3};
 
-/// What a skeleton is like at rest, from the model's origin.
+/// The rest pose of a skeleton in model space.
 pub(crate) struct ModelRestPose {
     /// model-from-joint rotations; scales, also negative ones, are left out.
     pub rotations: Vec<DQuat>,
@@ -34,7 +34,7 @@ impl ModelRestPose {
         rest
     }
 
-    /// From the model's lowest joint to its highest.
+    /// Height from the model's lowest joint to its highest.
     pub fn height(&self) -> f64 {
         let ys = || self.positions.iter().map(|p| p.y);
         (ys().fold(f64::MIN, f64::max) - ys().fold(f64::MAX, f64::min)).max(0.0)

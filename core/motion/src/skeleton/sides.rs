@@ -41,7 +41,7 @@ pub fn side_of(name: &str) -> Option<(Side, String)> {
     Some((side(side_word)?, rest.to_string()))
 }
 
-/// In small letters; `UpperArm01.L` is `upper`, `arm`, `01`, `l`.
+/// Splits a name into words in lower case; `UpperArm01.L` is `upper`, `arm`, `01`, `l`.
 pub(crate) fn words(name: &str) -> Vec<String> {
     #[derive(PartialEq)]
     enum Kind {

@@ -20,7 +20,7 @@ pub enum MirrorError {
 /// How the joints of a skeleton change sides.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MirrorMap {
-    /// Of each joint: what it becomes; `None` where it has no partner and stays at rest.
+    /// What each joint becomes; `None` where it has no partner and stays at rest.
     pub(crate) joints: Vec<Option<MirroredJoint>>,
     rest: Vec<Transform>,
     /// 0 = x, 1 = y, 2 = z: across the character's middle plane.

@@ -43,7 +43,7 @@ pub struct DualQuaternionSkinning<'a> {
     /// `influences` a vertex, sum 1.
     pub joint_weights: &'a [f32],
     pub positions: &'a [Vec3],
-    /// As many as positions, or none.
+    /// One per position, or none.
     pub normals: &'a [Vec3],
     pub out_positions: &'a mut [Vec3],
     pub out_normals: &'a mut [Vec3],
@@ -229,7 +229,7 @@ fn four<F: F8, const N: usize>(motions: &Indexed<DualQuaternion>, at: usize, wei
     F::half_rows4(sums)
 }
 
-/// Where the heaviest is, the first of equals.
+/// Index of the largest weight, the first of equals.
 #[inline(always)]
 fn heaviest(weights: &[f32]) -> usize {
     let (mut at, mut most) = (0, weights[0]);

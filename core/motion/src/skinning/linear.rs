@@ -73,7 +73,7 @@ pub struct LinearSkinning<'a> {
     /// `influences` a vertex, sum 1.
     pub joint_weights: &'a [f32],
     pub positions: &'a [Vec3],
-    /// As many as positions, or none.
+    /// One per position, or none.
     pub normals: &'a [Vec3],
     pub out_positions: &'a mut [Vec3],
     pub out_normals: &'a mut [Vec3],
@@ -130,7 +130,7 @@ impl Palette {
         Palette([Affine3A::IDENTITY; Palette::MOST])
     }
 
-    /// The matrices, copied if so many vertices are worth it.
+    /// The matrices, copied if there are enough vertices for that to pay.
     #[inline(always)]
     pub fn of<'a>(&'a mut self, matrices: &'a [Affine3A], vertices: usize) -> &'a [Affine3A] {
         match self.0.get_mut(..matrices.len()) {
@@ -241,7 +241,7 @@ pub(crate) fn transformed<F: Lanes>([c0, c1, c2, c3]: &Rows<F>, [x, y, z]: [F; 3
     out
 }
 
-/// Through the cofactors, at unit length; unchanged where they collapse.
+/// Normals transformed by the cofactors, at unit length; unchanged where they collapse.
 #[inline(always)]
 pub(crate) fn transformed_normals<F: Lanes>([c0, c1, c2, _]: &Rows<F>, normals: [F; 3]) -> [F; 3] {
     let [x, y, z] = normals;

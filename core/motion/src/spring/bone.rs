@@ -44,7 +44,7 @@ pub struct SpringBone {
     pub damping: f64,
 }
 
-/// Where a bone is and how it moves. Positions and directions in one space that does not accelerate: the world's, or that
+/// Position and velocity of a bone. Positions and directions are in one space that does not accelerate: the world's, or that
 /// of the joint against which inertia is measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoneState {
@@ -56,7 +56,7 @@ pub struct BoneState {
     pub head: DVec3,
     /// Metres a second, over the last step.
     pub head_velocity: DVec3,
-    /// Where the animation wants the bone, unit.
+    /// Direction in which the animation wants the bone, unit.
     pub target: DVec3,
 }
 

@@ -34,7 +34,7 @@ struct Cone {
 }
 
 impl WorldCollider {
-    /// Of a shape in a joint's space. The radius grows with the longest axis; `None` where a number is not finite or the plane has
+    /// The collider of a shape in a joint's space. The radius grows with the longest axis; `None` where a number is not finite or the plane has
     /// no direction.
     pub fn new(shape: &ColliderShape, world_from_joint: &DAffine3) -> Option<WorldCollider> {
         let m = &world_from_joint.matrix3;

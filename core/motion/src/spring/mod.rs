@@ -1,4 +1,4 @@
-//! Spring bones: hair, skirts and tails that follow their body.
+//! Spring bones (secondary motion): hair, skirts and tails that follow their character.
 //!
 //! [`SpringRig`] says which joints swing and how, from the parameters of a VRM file ([`parameters`]) or one's own numbers;
 //! [`SpringStep`] moves them on by a step of any length and turns the joints. [`bone`] has the equation, why it is stable and

@@ -80,7 +80,7 @@ pub struct SpringCollider {
     pub shape: ColliderShape,
 }
 
-/// In the joint's space, metres before the joint's scale.
+/// Shape of a collider in the joint's space, metres before the joint's scale.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ColliderShape {
     /// `inside`: tails are kept within instead of without (extended collider).

@@ -8,7 +8,7 @@ use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, Mat3, Mat3A, Vec3, Vec3A};
 /// Sticks shorter than this, in metres, have no direction and stay as they are animated.
 const SHORTEST: f64 = 1e-7;
 
-/// Where the bones of a rig are and how they move. Empty: not begun, the first step settles them.
+/// Positions and velocities of a rig's bones. Empty: not begun, the first step settles them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SpringState {
     /// One a bone of the rig; `None` = not begun, or without a direction.
@@ -61,7 +61,7 @@ impl Moved {
 pub struct SpringStep<'a> {
     pub rig: &'a SpringRig,
     pub skeleton: &'a Skeleton,
-    /// At the end of the step.
+    /// Transform of the model at the end of the step.
     pub world_from_model: DAffine3,
     /// Speed of the air, metres a second, in world space.
     pub wind: DVec3,
@@ -78,7 +78,9 @@ impl SpringStep<'_> {
     pub fn check(&self) -> Result<(), InputError> {
         let (joints, matrices) = (self.skeleton.len(), self.model_from_joint.len());
         InputError::check_lengths(&[("SpringStep.model_from_joint", matrices, joints)])?;
-        self.rig.check(joints).map_err(|error| InputError::Nested { field: "SpringStep.rig", error })?;
+        self.rig
+            .check(joints)
+            .map_err(|e| InputError::Nested { field: "SpringStep.rig", error: e.to_string() })?;
         let forward = self.seconds >= 0.0 && self.seconds.is_finite();
         InputError::check_value(forward, "SpringStep.seconds", self.seconds, "finite and ≥ 0")?;
         InputError::check_value(self.wind.is_finite(), "SpringStep.wind", self.wind, "finite")

@@ -15,7 +15,7 @@ pub fn log(from: DVec3, to: DVec3) -> DVec3 {
     cross.cross(from) * (libm::atan2(sin, cos) / sin)
 }
 
-/// From a direction along a tangent vector, by its length in radians: the new direction, and another tangent vector carried
+/// Exponential map: moves a direction along a tangent vector by its length in radians. Gives the new direction, and another tangent vector carried
 /// along without being turned (parallel transport).
 pub fn exp(from: DVec3, way: DVec3, carried: DVec3) -> (DVec3, DVec3) {
     let angle = way.length();

@@ -17,7 +17,7 @@ pub enum Ease {
     Out(Shape),
     /// Slow at both ends: half as large in, then out.
     InOut(Shape),
-    /// From (0, 0) to (1, 1) with the control points (x1, y1) and (x2, y2), all from 0 to 1.
+    /// Bézier curve from (0, 0) to (1, 1) with the control points (x1, y1) and (x2, y2), all from 0 to 1.
     Bezier([f64; 4]),
 }
 

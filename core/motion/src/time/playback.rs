@@ -1,4 +1,4 @@
-//! From stage time to clip time: speed, trim, repeat. Exact in ticks however long it plays.
+//! Maps stage time to clip time: speed, trim, repeat. Exact in ticks however long it plays.
 
 use crate::input_error::InputError;
 use crate::time::Time;
@@ -49,7 +49,7 @@ impl Playback {
         scaled_ticks(elapsed.0.max(0), self.speed.abs())
     }
 
-    /// The time in the clip after so many ticks of it; fewer than none go back from the start.
+    /// The time in the clip after a number of its ticks; a negative number goes back from the start.
     pub fn clip_time_at(&self, played: i128) -> Time {
         let (start, end) = self.trim;
         let length = (i128::from(end.0) - i128::from(start.0)).max(0);

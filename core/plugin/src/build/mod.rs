@@ -42,7 +42,7 @@ pub struct MeshData {
     pub joint: Option<u32>,
     /// Metres, x y z.
     pub positions: Vec<f32>,
-    /// What the indices are: triangles, unless said otherwise.
+    /// What the indices are: triangles by default.
     pub topology: Topology,
     /// Three a triangle, counter-clockwise from outside; two a line; one a point. Empty: the vertices in their order.
     pub indices: Vec<u32>,

@@ -1,4 +1,4 @@
-//! Brushed metal: along which direction highlights are drawn out. Twin of the part of scene.wgsl.
+//! Brushed metal: along which direction highlights are drawn out. CPU reference of the part of scene.wgsl.
 
 use super::brdf::Brushed;
 use super::lanes::{F4, V3};

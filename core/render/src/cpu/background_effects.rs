@@ -1,4 +1,4 @@
-//! What effects on everything make of the background. Twin of `background_effects` in background.wgsl.
+//! What effects on everything make of the background. CPU reference of `background_effects` in background.wgsl.
 
 use super::row_color;
 use super::sky::Backdrop;
@@ -11,7 +11,7 @@ use std::sync::Arc;
 pub struct Veil<'a> {
     pub plan: &'a Plan,
     pub backdrop: Option<Backdrop<'a>>,
-    /// In order, with their parameters.
+    /// Effects in order, with their parameters.
     pub effects: Vec<(Arc<dyn Effect>, [f32; 8])>,
 }
 

@@ -1,4 +1,4 @@
-//! Twin of brdf.wgsl: shading formulas, four pixels at once.
+//! CPU reference of brdf.wgsl: shading formulas, four pixels at once.
 //!
 //! choreo's light convention: radiance out = π · f · colour · intensity · NL, so that a white diffuse surface facing a
 //! directional light of intensity 1 is 1. The functions here return π · f.
@@ -12,7 +12,7 @@ pub struct Surface {
     pub f0: V3,
     pub f90: F4,
     pub roughness: F4,
-    /// Where highlights are drawn out.
+    /// Anisotropy, where highlights are stretched.
     pub brushed: Option<Brushed>,
     /// Reflectance under a thin film at this angle, and the film's share of the surface.
     pub film: Option<(V3, F4)>,

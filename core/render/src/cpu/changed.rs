@@ -1,4 +1,4 @@
-//! Materials that are not now as in the catalogue.
+//! Materials that are not now as in the scene resources.
 
 use super::CpuRenderer;
 use super::shade::ShadeMaterial;

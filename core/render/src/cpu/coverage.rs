@@ -1,8 +1,8 @@
-//! Cut-outs with several samples a pixel: how many of them an edge of leaves or hair keeps. Twin of `COVERAGE` in scene.wgsl.
+//! Cut-outs with several samples a pixel: how many of them an edge of leaves or hair keeps. CPU reference of `COVERAGE` in scene.wgsl.
 
 use super::shade::ALL_SAMPLES;
 
-/// So many of four samples, in the order of their numbers: which ones Vulkan leaves to the device, and lavapipe takes these. As many on
+/// That many of four samples, in the order of their numbers: which ones Vulkan leaves to the device, and lavapipe takes these. As many on
 /// every device, so that a pixel of one surface resolves to the same; where an edge of the mesh or a second cut-out shares the
 /// pixel, it may be off by what a sample weighs.
 const SAMPLES: [u8; 5] = [0, 0b0001, 0b0011, 0b0111, 0b1111];

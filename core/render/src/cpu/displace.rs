@@ -1,4 +1,4 @@
-//! Twin of displace.wgsl: effects that move the corners of surfaces.
+//! CPU reference of displace.wgsl: effects that move the vertices of surfaces.
 
 use super::CpuRenderer;
 use crate::affine::Affine3x4;
@@ -15,7 +15,7 @@ pub struct Displacement {
 }
 
 impl CpuRenderer {
-    /// Of the effects that move surfaces those of a draw.
+    /// The effects of a draw that displace surfaces.
     pub(super) fn displaced(&self, plan: &Plan, bits: u8) -> Vec<Displacement> {
         let reaches = (0..8).zip(plan.displacement_limits).filter(|(bit, _)| bits >> bit & 1 == 1);
         let all = self.surface(plan, bits).into_iter().zip(reaches);
@@ -37,7 +37,7 @@ pub fn offset(effects: &[Displacement], place: &Place, rows: &Affine3x4) -> Vec3
     })
 }
 
-/// Of the moved surface: what a step along two tangents becomes.
+/// Normal of the displaced surface, from what a step along two tangents becomes.
 pub fn normal(effects: &[Displacement], place: &Place, rows: &Affine3x4, moved: Vec3) -> Vec3 {
     // Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
     let n = place.normal;

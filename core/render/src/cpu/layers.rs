@@ -1,4 +1,4 @@
-//! Twin of layers.wgsl: clearcoat, sheen and transmission, four pixels at once. Times π, as in brdf.rs.
+//! CPU reference of layers.wgsl: clearcoat, sheen and transmission, four pixels at once. Times π, as in brdf.rs.
 
 use super::lanes::{F4, V3};
 use glam::Vec3;

@@ -1,4 +1,4 @@
-//! Effects that say what comes of a light on a surface, in place of its own model. Twin: `light_effects` in scene.wgsl.
+//! Effects that say what comes of a light on a surface, in place of its own model. CPU reference: `light_effects` in scene.wgsl.
 
 use super::brdf::incoming;
 use super::lanes::{F4, V3};
@@ -10,7 +10,7 @@ use glam::Vec3;
 /// What the lights fall on.
 pub struct Lit {
     pub relative: V3,
-    /// Without and with the normal map.
+    /// Normal without the normal map; the other is with it.
     pub own_n: V3,
     pub n: V3,
     /// Unit, to the viewer.

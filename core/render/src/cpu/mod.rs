@@ -1,6 +1,6 @@
 //! The CPU renderer: what each shader means, and what draws where no Vulkan driver is.
 //!
-//! vertex.rs, brdf.rs and shade.rs are the twins of vertex.wgsl, brdf.wgsl and scene.wgsl; setup.rs and raster.rs do
+//! vertex.rs, brdf.rs and shade.rs are the CPU references of vertex.wgsl, brdf.wgsl and scene.wgsl; setup.rs and raster.rs do
 //! what Vulkan leaves to the device. Tiles are independent of each other: any number of threads gives the same bits.
 
 mod anisotropy;
@@ -73,7 +73,7 @@ pub struct CpuRenderer {
     resources: Arc<SceneResources>,
     materials: Vec<ShadeMaterial>,
     textures: HashMap<TextureKey, Arc<Texture>>,
-    /// Of the catalogue's sky, once a plan has shown it.
+    /// The scene's sky, once a plan has shown it.
     sky: Option<Sky>,
     submitted: VecDeque<Plan>,
 }
@@ -125,7 +125,7 @@ impl CpuRenderer {
         });
         if foreign {
             return Err(RenderError::Usage(
-                "the plan was made from another catalogue than the loaded one".into(),
+                "the plan was made from other scene resources than the loaded ones".into(),
             ));
         }
         for pass in plan.post.iter().chain(&plan.scene_effects) {
@@ -151,13 +151,13 @@ impl CpuRenderer {
         }
     }
 
-    /// Of the effects on surfaces those of a draw, in order.
+    /// The effects of a draw on surfaces, in order.
     fn surface(&self, plan: &Plan, bits: u8) -> Vec<(Arc<dyn Effect>, [f32; 8])> {
         let on = (0..8).zip(&plan.scene_effects).filter(|(bit, _)| bits >> bit & 1 == 1);
         on.filter_map(|(_, used)| Some((self.effect(&used.effect).ok()?.clone(), used.parameters))).collect()
     }
 
-    /// All copies of the draws, seen through a matrix, on a picture of a size.
+    /// All copies of the draws, projected by a matrix, on a picture of a size.
     fn batches<'a>(
         &'a self,
         plan: &'a Plan,
@@ -321,7 +321,7 @@ impl CpuRenderer {
         };
         let refracting = |b: &Batch| glass_of(b) == Some(Glass::Refract);
         if let (Some(behind), Some(first)) = (plan.scene_color_copy, batches.iter().position(refracting)) {
-            // Drawn as far as it is seen through such glass; then all of it, from the beginning.
+            // Drawn as far as it is visible through such glass; then all of it, from the beginning.
             let mut pixels = vec![Vec4::ZERO; out.len()];
             bands::<T, Vec4, S>(plan, &batches[..first], veil.as_ref(), &[], &mut pixels);
             let behind = Arc::new(SceneColorCopy::new(pixels, plan.size, behind.levels));
@@ -393,7 +393,7 @@ fn bands<T: Target, P: PixelOf, const S: usize>(
     );
 }
 
-/// Twin of background.wgsl: mix(top, bottom, (y + ½) / height), linear.
+/// CPU reference of background.wgsl: mix(top, bottom, (y + ½) / height), linear.
 fn row_color(plan: &Plan, y: usize) -> Vec4 {
     match plan.background {
         Background::Color(c) => c,

@@ -1,4 +1,4 @@
-//! Twin of overlay.wgsl: how much of each pixel triangles, lines, points and lattices cover, a 2×2 quad at a time.
+//! CPU reference of overlay.wgsl: how much of each pixel triangles, lines, points and lattices cover, a 2×2 quad at a time.
 
 use super::lanes::{F4, Weights};
 use super::shade::{ALL_SAMPLES, Shaded};
@@ -6,7 +6,7 @@ use super::vertex::Vertex;
 use crate::plan::OverlayVertex;
 use glam::{Vec3, Vec4};
 
-/// What the assembly of triangles needs of the corners.
+/// What the assembly of triangles needs of the vertices.
 pub fn corners(vertices: &[OverlayVertex]) -> Vec<Vertex> {
     let corner = |v: &OverlayVertex| Vertex {
         clip: v.clip,
@@ -42,7 +42,7 @@ pub fn shade(vertices: &[OverlayVertex], ids: [u32; 3], weights: &Weights) -> Sh
     Shaded { rgba: [r, g, b, alpha * cover], kept: [ALL_SAMPLES; 4] }
 }
 
-/// From pixel to pixel, right and down together, by the differences within the quad.
+/// Steps from pixel to pixel, right and down together, by the differences within the quad.
 fn steps(at: F4) -> [f32; 4] {
     let [a, b, c, d] = at.0;
     let (top, bottom, left, right) = (b - a, d - c, c - a, d - b);

@@ -1,4 +1,4 @@
-//! Heights that shift the textures of a surface. Twin: `read_relief` of scene.wgsl.
+//! Heights that shift the textures of a surface. CPU reference: `read_relief` of scene.wgsl.
 
 use super::lanes::F4;
 use super::shade::{Fragment, Quad};

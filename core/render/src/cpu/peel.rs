@@ -1,12 +1,12 @@
-//! Twin of peel.wgsl and of the passes around it: layers of what is seen through, from the back.
+//! CPU reference of peel.wgsl and of the passes around it: layers of transparent surfaces, from the back.
 
 use super::raster::cover;
 use super::target::Target;
 use super::tile::{Against, Tile, TileBuffers, TriangleId};
 
 impl Tile<'_, '_> {
-    /// At each sample the farthest surface beyond the layer before (the first time: beyond the scene), then what has its depth is
-    /// mixed; then the next layer. What is nearer than the last one is mixed in the order in which it comes.
+    /// Peels layer by layer: at each sample it finds the farthest surface beyond the layer before (the first time: beyond the scene), then what has its depth is
+    /// blended; then the next layer. What is nearer than the last one is blended in the order in which it comes.
     pub fn peel<T: Target, const S: usize>(&self, b: &mut TileBuffers<T>, ids: &[TriangleId]) {
         let TileBuffers { layers: [layer, before], depth, .. } = b;
         layer.clone_from(depth);

@@ -1,4 +1,4 @@
-//! What Blinn–Phong and Phong surfaces mirror. Twin of reflection.wgsl.
+//! What Blinn–Phong and Phong surfaces mirror. CPU reference of reflection.wgsl.
 
 use super::lanes::{F4, V3};
 use super::shade::{Fragment, Quad};

@@ -1,4 +1,4 @@
-//! Twin of refraction.wgsl: what lies behind glass that bends light, as the bent ray meets it.
+//! CPU reference of refraction.wgsl: what lies behind glass that bends light, as the bent ray meets it.
 
 use super::lanes::{F4, V3};
 use super::shade::Fragment;
@@ -80,7 +80,7 @@ fn bent(n: V3, v: V3, ior: f32) -> V3 {
 }
 
 impl Fragment<'_> {
-    /// Where the ray leaves the volume, `depth` metres on, blurred as much as the surface is rough.
+    /// Color where the ray leaves the volume, `depth` metres on, blurred according to the surface's roughness.
     pub(super) fn refracted(
         &self,
         relative: V3,

@@ -44,7 +44,7 @@ pub struct Assembly<'a> {
 const GUARD_PIXELS: f64 = 32768.0;
 
 impl Assembly<'_> {
-    /// In index order.
+    /// Triangles in index order.
     pub fn run(&self) -> Vec<Triangle> {
         let per = match self.pipeline.topology {
             TopologyKey::Triangles => 3,

@@ -1,4 +1,4 @@
-//! Twin of scene.wgsl: the fragment shader, a 2×2 quad at a time, linear colour out.
+//! CPU reference of scene.wgsl: the fragment shader, a 2×2 quad at a time, linear colour out.
 
 use super::brdf::*;
 use super::coverage::covered;
@@ -25,18 +25,18 @@ use std::sync::Arc;
 /// A material with its textures at hand.
 pub struct ShadeMaterial {
     pub factors: MaterialResource,
-    /// In the order of `MaterialResource::textures`.
+    /// Textures in the order of `MaterialResource::textures`.
     pub textures: [Option<Arc<Texture>>; TEXTURE_SLOTS],
 }
 
 /// Everything a quad needs beside its weights.
 pub struct Fragment<'a> {
     pub plan: &'a Plan,
-    /// Where some light casts.
+    /// Shadow maps, if some light casts.
     pub shadows: Option<&'a ShadowMaps>,
     /// The picture behind glass that bends light.
     pub behind: Option<Arc<SceneColorCopy>>,
-    /// Where a sky shines.
+    /// Sky maps, if a sky shines.
     pub sky: Option<&'a SkyMaps>,
     /// Effects on the surface, in order.
     pub surface: Vec<(Arc<dyn Effect>, [f32; 8])>,
@@ -109,7 +109,7 @@ pub struct Quad<'a> {
     pub uv_mask: Option<F4>,
     /// How far heights shift the textures.
     pub relief: Option<[F4; 2]>,
-    /// Where textures come from three sides.
+    /// Planes of triplanar textures.
     pub planes: Option<Planes>,
 }
 
@@ -387,7 +387,7 @@ impl Fragment<'_> {
         }
     }
 
-    /// For the slots see [`Features::TOON`].
+    /// Toon shading; for the slots see [`Features::TOON`].
     fn toon(&self, quad: &Quad, base: V3, relative: V3, [own_n, n]: [V3; 2], v: V3) -> V3 {
         let material = &self.material.factors.material;
         let default = Toon::default();

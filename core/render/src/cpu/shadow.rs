@@ -1,4 +1,4 @@
-//! Twin of shadow.wgsl: shadow maps drawn by the same rasteriser as pictures, and looked up by what is lit.
+//! CPU reference of shadow.wgsl: shadow maps drawn by the same rasteriser as pictures, and looked up by what is lit.
 
 use super::lanes::{F4, V3, Weights};
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};

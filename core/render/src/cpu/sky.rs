@@ -1,4 +1,4 @@
-//! Twin of sky.wgsl: light from all around, four pixels at once, and what is seen behind everything.
+//! CPU reference of sky.wgsl: light from all around, four pixels at once, and what is seen behind everything.
 
 use super::brdf;
 use super::lanes::{F4, V3};
@@ -24,7 +24,7 @@ impl<'a> Around<'a> {
         self.up == Vec3::ZERO && self.down == Vec3::ZERO && self.sky.is_none()
     }
 
-    /// On a white surface that faces this way.
+    /// Diffuse light on a white surface with this normal.
     pub fn diffuse(&self, n: V3) -> V3 {
         let light = brdf::ambient(self.up, self.down, n);
         let Some((maps, sky)) = self.sky else { return light };
@@ -53,7 +53,7 @@ impl<'a> Around<'a> {
     }
 }
 
-/// From the world to the panorama.
+/// Direction from the world to the panorama.
 fn turned(sky: &PlanSky, way: V3) -> V3 {
     let [c, s] = sky.turn;
     V3 { x: way.x * c - way.z * s, y: way.y, z: way.x * s + way.z * c }
@@ -81,7 +81,7 @@ fn polynomial(h: &[Vec3; 9], V3 { x, y, z }: V3) -> V3 {
 pub struct Backdrop<'a> {
     pub picture: &'a SkyBackground,
     pub sky: &'a PlanSky,
-    /// Of the picture, pixels.
+    /// Size of the image in pixels.
     pub size: [u32; 2],
     rays: [Vec3; 3],
 }
@@ -91,7 +91,7 @@ impl<'a> Backdrop<'a> {
         Backdrop { picture, sky, size, rays: crate::plan::view::rays(view) }
     }
 
-    /// Of a pixel, at its middle.
+    /// Color of a pixel, at its center.
     pub fn pixel(&self, x: i32, y: i32) -> Vec4 {
         let size = Vec2::new(self.size[0] as f32, self.size[1] as f32);
         let at = (Vec2::new(x as f32, y as f32) + 0.5) / size * 2.0 - 1.0;

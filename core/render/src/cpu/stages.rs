@@ -39,7 +39,8 @@ fn put(frame: &mut Frame, x: i64, y: i64, color: [u8; 3]) {
     }
 }
 
-/// For each step along the longer side a pixel, or a square of them in large pictures; what is not finite or far outside is left out.
+/// Draws one pixel for each step along the longer side, or a square of pixels in large images; what is not finite or far
+/// outside is left out.
 fn line(frame: &mut Frame, a: Vec2, b: Vec2, color: [u8; 3]) {
     let most = 4.0 * frame.width.max(frame.height) as f32;
     if !(a.abs().max_element() < most && b.abs().max_element() < most) {

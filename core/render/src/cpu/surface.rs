@@ -1,4 +1,4 @@
-//! Twin of surface.wgsl: what effects on surfaces see, and their functions one after the other.
+//! CPU reference of surface.wgsl: what effects on surfaces see, and their functions one after the other.
 
 use super::brdf::incoming;
 use super::lanes::{F4, V3, Weights};

@@ -146,7 +146,7 @@ fn wrapped(wrap: Wrap, u: f32) -> f32 {
     }
 }
 
-/// Without a call where the instruction set has no rounding instruction.
+/// Rounds down without a call where the instruction set has no rounding instruction.
 #[inline(always)]
 fn floor(v: f32) -> f32 {
     if v.abs() < 8_388_608.0 {

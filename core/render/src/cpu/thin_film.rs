@@ -1,4 +1,4 @@
-//! Twin of the thin films in layers.wgsl (KHR_materials_iridescence).
+//! CPU reference of the thin films in layers.wgsl (KHR_materials_iridescence).
 
 use super::lanes::{F4, V3};
 use glam::Vec3;

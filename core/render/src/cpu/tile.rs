@@ -34,7 +34,7 @@ impl Paint<'_> {
         }
     }
 
-    /// Of glass: the picture behind it.
+    /// Sets the image behind glass for refraction.
     pub fn sees_through(&mut self, behind: &Arc<SceneColorCopy>) {
         if let Paint::Surface(fragment) = self {
             fragment.behind = Some(behind.clone());
@@ -85,10 +85,11 @@ pub struct TileBuffers<T> {
     /// Position in the tile's triangle list.
     visible: Vec<u32>,
     color: Vec<T>,
-    /// Of the triangle being drawn (mask, blend): a bit a sample that passed the depth test, and its depth.
+    /// Result of the triangle being drawn (mask, blend): for each sample a bit that tells whether it passed the depth test, and
+    /// its depth.
     passed: Vec<u8>,
     passed_depth: Vec<f32>,
-    /// Of what is seen through: a layer and the one before it.
+    /// Depths of transparent surfaces: a layer and the one before it.
     pub(super) layers: [Vec<f32>; 2],
 }
 
@@ -115,11 +116,11 @@ pub struct Tile<'a, 'b> {
     pub picture: [u32; 2],
     /// Linear RGBA of each row.
     pub background: [Vec4; TILE_HEIGHT as usize],
-    /// In its place, a colour a pixel.
+    /// Backdrop that replaces it, one color per pixel.
     pub backdrop: Option<&'a Veil<'a>>,
     /// Layers over either.
     pub under: Option<&'a LayerImage>,
-    /// Of what is seen through, told apart pixel by pixel.
+    /// Layers of transparent surfaces, sorted pixel by pixel.
     pub layers: u32,
     /// Functions of one pixel alone.
     pub post: &'a [Pass],

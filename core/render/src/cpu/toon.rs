@@ -1,4 +1,4 @@
-//! Twin of toon.wgsl and of what scene.wgsl does where the shading is toon: MToon (VRMC_materials_mtoon 1.0).
+//! CPU reference of toon.wgsl and of what scene.wgsl does where the shading is toon: MToon (VRMC_materials_mtoon 1.0).
 
 use super::brdf::incoming;
 use super::lanes::{F4, V3};
@@ -12,11 +12,11 @@ pub struct ToonSurface<'a> {
     pub base: V3,
     /// Shade colour with its texture and the actor's tint.
     pub shade: V3,
-    /// With its texture.
+    /// Shift with its texture.
     pub shift: F4,
     /// Matcap colour times its texture; zero without one.
     pub matcap: V3,
-    /// Of the rim's texture.
+    /// Mask from the rim's texture.
     pub rim_mask: V3,
 }
 

@@ -1,4 +1,4 @@
-//! Textures laid on a surface from three sides, mixed by where it faces. Twin: shaders/triplanar.wgsl.
+//! Textures laid on a surface from three sides, mixed by where it faces. CPU reference: shaders/triplanar.wgsl.
 
 use super::lanes::{F4, V3, Weights};
 use super::shade::{Fragment, Quad};
@@ -9,10 +9,10 @@ use crate::scene_resources::material::MaterialTexture;
 use choreo_asset::TextureSlot;
 use glam::{Affine2, Vec2};
 
-/// Of a quad, in the space of its mesh.
+/// Triplanar coordinates of a quad, in the space of its mesh.
 #[derive(Clone, Copy, Debug)]
 pub struct Planes {
-    /// From the middle, in widths of the picture.
+    /// Offset from the center, in widths of the image.
     at: V3,
     /// Unit.
     normal: V3,
@@ -23,7 +23,7 @@ pub struct Planes {
 }
 
 impl Planes {
-    /// Of the sides that look along x, y and z: u to the right as seen from there, v down.
+    /// Coordinates on the sides that look along x, y and z: u to the right as seen from there, v down.
     fn uvs(&self) -> [[F4; 2]; 3] {
         let Planes { at, signs, .. } = self;
         let half = F4::splat(0.5);

@@ -1,4 +1,4 @@
-//! Where the textures of a surface are read. Twin: `texture_uv` of scene.wgsl.
+//! Texture coordinates of a surface. CPU reference of `texture_uv` in scene.wgsl.
 
 use super::lanes::{F4, Weights};
 use super::shade::{Fragment, Quad};

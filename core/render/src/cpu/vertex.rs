@@ -1,4 +1,4 @@
-//! Twin of vertex.wgsl: mesh space → morphs → skin or instance matrix → camera-relative space → clip space.
+//! CPU reference of vertex.wgsl: mesh space → morphs → skin or instance matrix → camera-relative space → clip space.
 
 use super::displace::{self, Displacement};
 use super::lanes::F4;
@@ -29,7 +29,7 @@ pub struct Vertex {
 
 pub struct VertexStage<'a> {
     pub primitive: &'a Primitive,
-    /// For each morph target the vertices from the first to the last that it moves.
+    /// Range of vertices that each morph target moves, from the first to the last.
     pub moved: &'a [Range<u32>],
     pub features: Features,
     pub instance: &'a Instance,
@@ -39,23 +39,23 @@ pub struct VertexStage<'a> {
     pub clip_from_relative: &'a Mat4,
     /// Pixels of the picture.
     pub size: [u32; 2],
-    /// Of a hull.
+    /// Inverted hull, if the pass draws one.
     pub hull: Option<Hull<'a>>,
     /// Effects that move it.
     pub displaced: Vec<Displacement>,
-    /// Where in the world the camera stands.
+    /// World position of the camera.
     pub camera: Vec3,
 }
 
 /// What pushes a hull out.
 pub struct Hull<'a> {
     pub material: &'a ShadeMaterial,
-    /// In place of the primitive's normals ([`crate::scene_resources::vertex_layout::welded_normals`]).
+    /// Normals that replace the primitive's ([`crate::scene_resources::vertex_layout::welded_normals`]).
     pub normals: Vec<Vec3>,
 }
 
 impl<'a> VertexStage<'a> {
-    /// Of a plan's instance, without a hull and without effects; the size is the picture's.
+    /// Vertex processing of a plan's instance, without a hull and without effects; the size is the image's.
     pub fn new(
         entry: &'a PrimitiveResource,
         features: Features,
@@ -80,14 +80,14 @@ impl<'a> VertexStage<'a> {
 }
 
 impl VertexStage<'_> {
-    /// Where the vertices are, before anyone looks: without hulls. `normals`: in place of the primitive's.
+    /// Posed vertices, independent of the camera and without hulls. `normals`: replace the primitive's.
     pub fn posed(&self, normals: Option<&[Vec3]>) -> Vec<Vertex> {
         let count = self.primitive.positions.len();
         let normals = normals.unwrap_or(&self.primitive.normals);
         (0..count).into_par_iter().with_min_len(2048).map(|i| self.vertex(i, normals)).collect()
     }
 
-    /// Seen through the stage's matrix.
+    /// Projected by the stage's matrix.
     pub fn seen(&self, mut posed: Vec<Vertex>) -> Vec<Vertex> {
         posed.par_iter_mut().with_min_len(2048).enumerate().for_each(|(i, out)| {
             out.clip = *self.clip_from_relative * out.relative.extend(1.0);
@@ -160,7 +160,7 @@ impl VertexStage<'_> {
         out
     }
 
-    /// Where effects move it, and how that turns its normal.
+    /// Displacement by effects, and the normal after it.
     fn displace(&self, i: usize, model: Vec3, rows: &Affine3x4, out: &mut Vertex) {
         let uvs = self.features.has(Features::UV0).then(|| self.primitive.uvs[0].get(i).copied()).flatten();
         let place = Place {

@@ -58,7 +58,7 @@ pub struct RequestedBy {
     pub materials: BTreeSet<u32>,
     /// Plugin names.
     pub effects: BTreeSet<String>,
-    /// In words, if it is none of these: "the stage's background".
+    /// Name of what is none of these: "the stage's background".
     pub other: Option<&'static str>,
 }
 

@@ -12,7 +12,7 @@ pub struct DrawNeeds {
     pub skinned: bool,
     /// Its joints lead to model space, and the copy's own map on.
     pub placed: bool,
-    /// By dual quaternions.
+    /// Dual quaternion skinning.
     pub dual: bool,
     pub morphed: bool,
     pub local_lights: bool,
@@ -140,7 +140,7 @@ fn reads_normal_map(primitive: &PrimitiveResource, material: &MaterialResource) 
         && material.texture(TextureSlot::Normal).is_some_and(has_uvs)
 }
 
-/// Of the hull around a surface with these features: where the light on the surface does not count, its shape alone.
+/// Features of the hull around a surface with these features: light on the surface does not count, its shape alone.
 pub fn shell_features(
     features: Features,
     primitive: &PrimitiveResource,
@@ -162,7 +162,7 @@ pub fn shell_features(
     f
 }
 
-/// Facts of a frame from which the reasons are told.
+/// Facts of a frame from which the reasons are made.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Facts {
     /// Visible or not: some actor's mesh has a skin, morph targets, a lit material.
@@ -171,7 +171,7 @@ pub struct Facts {
     pub lit_exist: bool,
     pub lights_exist: bool,
     pub sky_exists: bool,
-    /// Under and over the scene.
+    /// 2D layers under and over the scene.
     pub flats: usize,
     pub lit_drawn: bool,
     pub blended: usize,
@@ -238,7 +238,7 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
     }
     if facts.closed > 0 {
         let why = format!(
-            "{} triangles of two-sided materials close bodies that are seen from outside",
+            "{} triangles of two-sided materials are parts of watertight meshes, seen from outside",
             facts.closed
         );
         say(true, "back faces of closed surfaces", why);
@@ -257,7 +257,7 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
     );
     say(
         all.has(Features::SKIN) && !all.has(Features::SKIN_PLACED),
-        "copies of skinned bodies",
+        "copies of skinned meshes",
         "every skinned body stands once".into(),
     );
     let morph_why =

@@ -5,7 +5,7 @@ use crate::scene_resources::material::{BASE_SLOTS, LAYER_SLOTS, MaterialResource
 use choreo_asset::MaterialLayers;
 use glam::Vec3;
 
-/// In the order of `MaterialLayers::textures`.
+/// Features of textures in the order of `MaterialLayers::textures`.
 pub const TEXTURES: [Features; LAYER_SLOTS] = [
     Features::CLEARCOAT_TEXTURE,
     Features::CLEARCOAT_ROUGHNESS_TEXTURE,
@@ -21,7 +21,7 @@ pub const TEXTURES: [Features; LAYER_SLOTS] = [
     Features::DIFFUSE_TRANSMISSION_COLOR_TEXTURE,
 ];
 
-/// Of all layers.
+/// Features of all layers.
 pub const ALL: Features = Features::LAYERS
     .with(Features::CLEARCOAT)
     .with(Features::SHEEN)

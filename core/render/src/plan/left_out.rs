@@ -10,7 +10,7 @@ pub const LEFT_OUT: &[&str] = &[
     "skinning",
     "influences 5 to 8",
     "dual quaternions",
-    "copies of skinned bodies",
+    "copies of skinned meshes",
     "skinning once for all passes",
     "morph targets",
     "normals, lights and ambient light",

@@ -93,7 +93,7 @@ pub struct Plan {
     pub deferred: Option<Deferred>,
     /// Effects in the scene's shaders, each a bit in [`PipelineKey::surface`], `displaced` and `lighting`.
     pub scene_effects: Vec<PostPass>,
-    /// For each of these, the largest distance by which it displaces surfaces, in meters.
+    /// Largest displacement of surfaces by each of these, in meters.
     pub displacement_limits: [f32; 8],
     /// Bits of those that change the background, too.
     pub background_effects: u8,
@@ -132,7 +132,7 @@ impl Plan {
     }
 }
 
-/// Shader features: a bit set. One bit, one `@if` or override in the WGSL, one branch in the CPU twin.
+/// Shader features: a bit set. One bit, one `@if` or override in the WGSL, one branch in the CPU reference.
 ///
 /// A bit may be set where primitive or material lacks the data (`PlanOptions::force_all`). The shader then reads:
 /// uv 0, colour 1, tangent 0, joint indices 0 with weights (1,0,0,0 | 0,0,0,0), normal scale 0, cutoff 0,
@@ -186,7 +186,7 @@ impl Features {
     pub const EDGES: Features = Features(1 << 26);
     /// The skin's joints are dual quaternions. Another way rather than more of one: never forced in.
     pub const SKIN_DUAL: Features = Features(1 << 31);
-    /// The body is posed once, in model space, and stands at places: the joints' matrices lead to the model, the copy's on from
+    /// The character is posed once, in model space, for all its placements: the joints' matrices lead to the model, the copy's on from
     /// there, as a dual-quaternion skin's always do. Never forced in.
     pub const SKIN_PLACED: Features = Features(1 << 55);
 

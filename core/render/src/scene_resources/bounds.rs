@@ -35,7 +35,7 @@ pub struct PrimitiveInfo {
     pub influences: usize,
     /// Some vertex color is not white.
     pub colored: bool,
-    /// For each joint, those that share a vertex with it, itself included. Computed on first use.
+    /// Joints that share a vertex with each joint, itself included. Computed on first use.
     companions: OnceLock<Vec<Vec<u16>>>,
     /// Computed on first use; see [`crate::scene_resources::PrimitiveResource::watertight`].
     pub(crate) watertight: OnceLock<WatertightOrder>,
@@ -177,7 +177,7 @@ impl PrimitiveInfo {
     }
 }
 
-/// For each joint, the joints that share a vertex with it.
+/// The joints that share a vertex with each joint.
 fn companions(p: &Primitive, joints: usize) -> Vec<Vec<u16>> {
     let mut all = vec![std::collections::BTreeSet::new(); joints];
     let vertices = p.joint_indices.chunks_exact(p.influences.max(1));

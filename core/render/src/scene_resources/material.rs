@@ -41,7 +41,7 @@ pub struct MaterialTexture {
     pub uv_transform: Affine2,
 }
 
-/// Where a slot's texture comes from.
+/// Source of a slot's texture.
 pub(crate) struct SlotSource<'a> {
     pub texture: Option<&'a TextureRef>,
     /// Color channels are sRGB-encoded.

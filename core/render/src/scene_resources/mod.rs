@@ -68,7 +68,7 @@ impl PrimitiveResource {
         self.info.watertight.get_or_init(|| WatertightOrder::of(self.primitive()))
     }
 
-    /// For each morph target, the range of vertices from the first to the last that it moves.
+    /// Range of vertices that each morph target moves, from the first to the last.
     pub(crate) fn morphed_ranges(&self) -> &[Range<u32>] {
         let p = self.primitive();
         let every = || (0..p.positions.len() as u32).collect::<Vec<_>>();

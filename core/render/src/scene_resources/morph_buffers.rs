@@ -15,7 +15,7 @@ fn moves(target: &MorphTarget, vertex: u32) -> bool {
     [&target.positions, &target.normals, &target.tangents].into_iter().any(is_there)
 }
 
-/// For each target the range of `order`, vertices of the primitive, from the first vertex that it moves to the last; empty if it
+/// Range of `order`, vertices of the primitive, from the first vertex that each target moves to the last; empty if it
 /// moves none.
 pub fn morphed_ranges(p: &Primitive, order: &[u32]) -> Vec<Range<u32>> {
     let span = |target: &MorphTarget| {

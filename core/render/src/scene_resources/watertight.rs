@@ -95,9 +95,9 @@ fn weld(p: &Primitive) -> (Vec<u32>, Vec<bool>) {
 
 /// Connected components of triangles (union-find), named by their first triangle.
 struct Components {
-    /// For each triangle, another one of its component, towards the first.
+    /// Another triangle of the same component for each triangle, towards the first.
     parent: Vec<u32>,
-    /// For the first triangle of each component: six times its volume, twice its area, whether it has no border.
+    /// Measures of each component, at its first triangle: six times its volume, twice its area, whether it has no border.
     measures: Vec<(f64, f64, bool)>,
 }
 

@@ -12,7 +12,7 @@ pub struct Entry {
     pub words: Vec<u32>,
 }
 
-/// Where the lines of the joined text come from.
+/// Sources of the lines of the joined text.
 struct Lines<'a> {
     files: &'a [SourceFile],
     /// First line (from 0) of each file in the joined text.

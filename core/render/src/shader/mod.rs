@@ -18,7 +18,7 @@ use crate::plan::{Features, Glass, PipelineKey};
 use choreo_files::Folder;
 use std::path::{Path, PathBuf};
 
-/// Where the text of a module comes from: the program itself, or a folder for live editing (whose files win), as it was when
+/// Source of a module's text: the program itself, or a folder for live editing (whose files win), as it was when
 /// it was read: a file that is being edited changes nothing before it is read again as a whole.
 #[derive(Clone, Debug, Default)]
 pub struct ShaderSources {
@@ -77,7 +77,7 @@ pub const POSED: [&str; 4] = ["frame.wgsl", "brdf.wgsl", "pose.wgsl", "posed.wgs
 pub const OVERLAY: [&str; 2] = ["frame.wgsl", "overlay.wgsl"];
 pub const BACKGROUND: [&str; 3] = ["frame.wgsl", "surface.wgsl", "background.wgsl"];
 pub const UNDER: [&str; 4] = ["frame.wgsl", "surface.wgsl", "background.wgsl", "under.wgsl"];
-/// With the switch `SKY_BACKGROUND`.
+/// Modules with the switch `SKY_BACKGROUND`.
 pub const SKY: [&str; 4] = ["frame.wgsl", "surface.wgsl", "background.wgsl", "sky.wgsl"];
 
 /// One file's text, before preprocessing.
@@ -178,14 +178,14 @@ pub struct SceneVariant {
     pub deferred: DeferredPass,
 }
 
-/// Finds the depths of a layer of what is seen through.
+/// Finds the depths of a layer of transparent surfaces.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum PeelPass {
     #[default]
     No,
-    /// With one sample a pixel.
+    /// One sample per pixel.
     One,
-    /// With several: each is a fragment of its own.
+    /// Several samples: each is a fragment of its own.
     Several,
 }
 

@@ -56,7 +56,7 @@ pub struct SkyUniform {
 }
 
 impl SkyUniform {
-    /// Without maps: what is seen behind everything.
+    /// Uniforms of a sky without maps: what is visible behind everything.
     pub fn new(sky: &PlanSky, view: &View, maps: Option<&SkyMaps>) -> SkyUniform {
         let [right, down, ahead] = crate::plan::view::rays(view).map(|v| v.extend(0.0));
         let [c, s] = sky.turn;
@@ -110,7 +110,7 @@ pub struct MaterialUniform {
     pub outline: Vec4,
     /// Toon: how far a masked motion has come. And how deep heights go, in textures.
     pub uv_moved: Vec4,
-    /// Of textures from three sides: their middle, 1 / their width; their sharpness is `uv_moved.x`.
+    /// Center of triplanar textures, 1 / their width; their sharpness is `uv_moved.x`.
     pub triplanar: Vec4,
     pub uv: [UvTransform; BASE_SLOTS + TOON_SLOTS],
 }
@@ -190,7 +190,7 @@ impl LayersUniform {
 pub struct ShadowUniform {
     /// xy: texels of the image; z: depth; all times w.
     pub texel_from_relative: Mat4,
-    /// Where the filter's texels all lie in the map: from (xy) and to (zw), texels.
+    /// Range in which the filter's texels all lie in the map: from (xy) and to (zw), texels.
     pub inside: Vec4,
     /// x: metres of a texel where w is 1; zw: 1 / texels of the image.
     pub texel: Vec4,
@@ -231,7 +231,7 @@ pub struct PostUniform {
     pub parameters: [Vec4; 2],
     /// Pixels of what it makes.
     pub size: Vec2,
-    /// Of an effect that runs more than once: how often it has run.
+    /// Number of earlier runs of an effect that runs more than once.
     pub number: u32,
     /// How many times smaller than the whole what it reads or what it makes is, whichever is smaller.
     pub shrink: u32,

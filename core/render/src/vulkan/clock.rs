@@ -1,4 +1,4 @@
-//! How long the device is busy with frames, by its own clock: timestamps at the first and at the last command of each.
+//! How long the device is busy with frames, measured with timestamps at the first and at the last command of each.
 
 use super::context::Context;
 use super::error::Named;
@@ -30,7 +30,7 @@ impl DeviceTime {
 pub struct Clock {
     pool: vk::QueryPool,
     time: Arc<DeviceTime>,
-    /// Of one tick.
+    /// Nanoseconds of one tick.
     nanos: f64,
     /// Bits of a timestamp that count.
     bits: u32,

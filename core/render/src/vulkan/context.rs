@@ -28,14 +28,14 @@ pub struct Context {
     pub device: ash::Device,
     pub queue: vk::Queue,
     pub queue_family: u32,
-    /// Of the queue's clock; 0: it has none.
+    /// Valid bits of the queue's clock; 0: it has none.
     pub timestamp_bits: u32,
     pub abilities: Abilities,
     /// `None` only while being dropped.
     allocator: Option<Arc<Mutex<Allocator>>>,
     pub info: DeviceInfo,
     faults: Faults,
-    /// By a fault: a lost device answers nothing any more.
+    /// Whether a fault has occurred: a lost device answers nothing any more.
     lost: AtomicBool,
 }
 
@@ -135,7 +135,7 @@ impl Context {
         })
     }
 
-    /// Where a test may make a call fail.
+    /// Lets a test make a call fail here.
     pub fn fault(&self, place: FaultPlace) -> Result<(), vk::Result> {
         if self.lost.load(Ordering::Relaxed) {
             return Err(vk::Result::ERROR_DEVICE_LOST);

@@ -1,4 +1,4 @@
-//! What is kept of surfaces until they are lit: its images, the pass that fills them and the draw that lights it.
+//! The G-buffer until it is lit: its images, the pass that fills them and the draw that lights it.
 
 use super::context::Context;
 use super::descriptors::{Layouts, Pools, write_buffer, write_image};
@@ -20,7 +20,7 @@ pub const FORMATS: [vk::Format; 3] =
 /// Bytes of a pixel, in their order.
 pub const BYTES: [u64; 3] = [16, 16, 4];
 
-/// Of set 3 where what was kept is lit.
+/// Bindings of set 3 in the lighting pass.
 pub const BINDINGS: [(u32, vk::DescriptorType, vk::ShaderStageFlags); 4] = [
     (0, vk::DescriptorType::UNIFORM_BUFFER, vk::ShaderStageFlags::FRAGMENT),
     (1, vk::DescriptorType::SAMPLED_IMAGE, vk::ShaderStageFlags::FRAGMENT),
@@ -98,7 +98,7 @@ impl Execution<'_> {
     pub(super) fn begin_geometry(&self) -> Result<(), RenderError> {
         let targets = self.targets;
         let (Some(depth), true) = (&targets.depth, targets.needs.kept) else {
-            return Err(RenderError::Usage("what is kept of surfaces was not prepared".into()));
+            return Err(RenderError::Usage("the G-buffer was not prepared".into()));
         };
         let mut barriers: Vec<_> = targets.kept.iter().map(to_color).collect();
         barriers.push(to_depth(depth));
@@ -132,7 +132,7 @@ impl Execution<'_> {
         Ok(())
     }
 
-    /// With the pipeline that was bound before.
+    /// Lights the G-buffer with the pipeline that was bound before.
     pub(super) fn light(&self, area: Option<[u32; 4]>) -> Result<(), RenderError> {
         let set =
             self.slot.kept_set.ok_or_else(|| RenderError::Usage("the kept set was not prepared".into()))?;

@@ -17,18 +17,18 @@ pub struct Layouts {
     pub morphs: vk::DescriptorSetLayout,
     pub shadow: vk::DescriptorSetLayout,
     pub post: vk::DescriptorSetLayout,
-    /// Set 3 of the pass that lights what was kept of surfaces, where a frame has one.
+    /// Set 3 of the pass that lights the G-buffer, where a frame has one.
     light: Option<MaterialLayout>,
-    /// Bodies to be posed and their vertices: set 3 of the compute stage, after the frame's, morph offsets and the mesh.
+    /// Meshes to be pre-skinned and their vertices: set 3 of the compute stage, after the frame's, morph offsets and the mesh.
     pub posed: vk::DescriptorSetLayout,
     pub posed_pipeline: vk::PipelineLayout,
 }
 
-/// Of the materials of which a shader reads the same textures.
+/// Layout of the materials of which a shader reads the same textures.
 #[derive(Clone, Copy)]
 pub struct MaterialLayout {
     pub set: vk::DescriptorSetLayout,
-    /// With the sets before it.
+    /// Pipeline layout with the sets before it.
     pub pipeline: vk::PipelineLayout,
 }
 
@@ -97,13 +97,13 @@ impl Layouts {
                 (8, T::SAMPLED_IMAGE, fragment),
                 // Layers under the scene.
                 (9, T::SAMPLED_IMAGE, fragment),
-                // Depths of the layer before, of what is seen through.
+                // Depths of the layer before, of transparent surfaces.
                 (10, T::SAMPLED_IMAGE, fragment),
             ];
             layouts.shadow = create(gpu, "shadow set layout", &shadow)?;
             layouts.post = create(gpu, "post set layout", &post)?;
             let posed = [(0, T::STORAGE_BUFFER, compute), (1, T::STORAGE_BUFFER, compute)];
-            layouts.posed = create(gpu, "set layout of bodies to be posed", &posed)?;
+            layouts.posed = create(gpu, "set layout of meshes to be pre-skinned", &posed)?;
             let sets = [layouts.frame, layouts.morphs, layouts.morphs, layouts.posed];
             let constants = [vk::PushConstantRange::default().stage_flags(compute).size(8)];
             let info =
@@ -144,7 +144,7 @@ impl Layouts {
         Ok(())
     }
 
-    /// Makes the layout of what is kept of surfaces, where a recording has any and it is not there.
+    /// Makes the layout of the G-buffer, where a recording has any and it is not there.
     pub fn prepare_light(&mut self, gpu: &Context, recording: &Recording) -> Result<(), RenderError> {
         if self.light.is_none() && recording.commands.contains(&Command::BeginGeometry) {
             self.light = Some(self.with_set(gpu, "kept set layout", &super::deferred::BINDINGS)?);

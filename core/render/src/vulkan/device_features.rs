@@ -9,7 +9,7 @@ pub enum Ability {
     AlphaToOne,
     /// `samplerAnisotropy`. Without it textures are filtered alike in both directions.
     SamplerAnisotropy,
-    /// `sampleRateShading`. Without it what is seen through is sorted where there are several samples a pixel.
+    /// `sampleRateShading`. Without it transparent surfaces are sorted where there are several samples a pixel.
     SampleRateShading,
     /// Images that surfaces are kept in until they are lit. Without them they are lit as they are drawn. Vulkan promises them,
     /// so that this is for drivers that break the promise.
@@ -44,7 +44,7 @@ impl Ability {
             Ability::AlphaToOne => "cut-outs keep or lose whole pixels",
             Ability::SamplerAnisotropy => "textures are filtered alike in both directions",
             Ability::SampleRateShading => {
-                "what is seen through is sorted where there are several samples a pixel"
+                "transparent surfaces are sorted where there are several samples a pixel"
             }
             Ability::ColorAttachments => "surfaces are lit as they are drawn, not once a pixel",
             Ability::Compute => "every pass poses its vertices",

@@ -12,7 +12,8 @@ use glam::Vec4;
 use std::collections::VecDeque;
 
 impl VulkanRenderer {
-    /// In place of handing a plan to the device: one with an exposure needs all slots to itself, and who comes after it waits.
+    /// Whether a plan waits before it is handed to the device: one with an exposure needs all frames in flight, and those after
+    /// it wait.
     pub(super) fn waits(&self, plan: &Plan) -> bool {
         !plan.subframes.is_empty() || self.is_tiled(plan) || !self.later.is_empty()
     }

@@ -4,7 +4,7 @@
 use ash::vk;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Where a call to the driver can be made to fail.
+/// Places at which a call to the driver can be made to fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FaultPlace {
     /// Making the device.
@@ -19,7 +19,7 @@ pub enum FaultPlace {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FaultKind {
-    /// From then on every call on this device fails so.
+    /// The device is lost: every later call on it fails.
     DeviceLost,
     OutOfMemory,
     TimedOut,

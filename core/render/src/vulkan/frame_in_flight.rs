@@ -36,11 +36,11 @@ pub struct Slot {
     pub view_sets: Vec<Set>,
     /// Shadow maps, the picture behind glass and the sky, and which of them it was made for.
     pub light_set: Option<(Set, [bool; 4])>,
-    /// Of the same layout, with the depths of the scene, of even layers and of odd ones.
+    /// Sets of the same layout, with the depths of the scene, of even layers and of odd ones.
     pub peel_sets: Vec<Set>,
-    /// What is kept of surfaces, of the pass that lights it.
+    /// The G-buffer, of the pass that lights it.
     pub kept_set: Option<Set>,
-    /// Of the frame's changed materials: where their uniforms lie, which of them with which textures, and their sets.
+    /// Offsets of the uniforms of the frame's changed materials, which of them with which textures, and their sets.
     changed_at: Vec<[u64; 2]>,
     /// Layers under the scene, by what they are made from.
     under: Option<([u8; 32], Image)>,
@@ -203,7 +203,7 @@ impl Slot {
             ("instances", instance_bytes),
             ("joint matrices", joint_bytes),
             ("weights of morph targets", morph_bytes),
-            ("corners that effects draw", overlay_bytes),
+            ("vertices that effects draw", overlay_bytes),
             ("lists of lights", list_bytes),
         ];
         let limit = u64::from(limits.max_storage_buffer_range);
@@ -415,7 +415,7 @@ impl Slot {
         }
     }
 
-    /// Sets of the materials that are not as in the catalogue; after `write`, and after the resources are prepared.
+    /// Sets of the materials that are not as in the scene resources; after `write`, and after the resources are prepared.
     pub fn write_changed(
         &mut self,
         gpu: &Context,

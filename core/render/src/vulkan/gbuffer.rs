@@ -37,7 +37,7 @@ impl VulkanRenderer {
         Ok(())
     }
 
-    /// Where those of other effects differ. No frame may be in flight.
+    /// Forgets the G-buffer's texels if the effects differ. No frame may be in flight.
     pub(super) fn forget_texels(&mut self, effects: &[Arc<dyn Effect>]) {
         let of = |all: &[Arc<dyn Effect>]| all.iter().flat_map(|e| e.textures().to_vec()).collect::<Vec<_>>();
         if self.texels.is_some()

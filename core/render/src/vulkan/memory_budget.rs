@@ -13,7 +13,7 @@ impl VulkanRenderer {
         self.most_textures.map_or(room, |most| room.min(most))
     }
 
-    /// A line for each material of the catalogue that has more textures than this device can bind.
+    /// A line for each material of the scene resources that has more textures than this device can bind.
     pub(super) fn textures_left_out(&self) -> Vec<String> {
         let most = self.textures();
         let line = |m: &MaterialResource| {

@@ -89,7 +89,7 @@ pub struct VulkanRenderer {
     submitted: u64,
     scene_resources: Arc<SceneResources>,
     last: Option<Recording>,
-    /// No frame of this catalogue was collected yet: its uploads and pipelines still leave freed memory behind.
+    /// No frame of these scene resources was collected yet: their uploads and pipelines still leave freed memory behind.
     fresh: bool,
     frugal: bool,
     /// What was left out, for the user.

@@ -12,7 +12,7 @@ use std::sync::Arc;
 pub struct GpuOptions {
     /// The Khronos layer with synchronization validation; every message becomes `RenderError::Validation`.
     pub validation: bool,
-    /// Where the pipeline cache is kept between runs.
+    /// Folder in which the pipeline cache is kept between runs.
     pub cache_dir: Option<PathBuf>,
     /// WGSL modules here win over those in the program.
     pub shader_dir: Option<PathBuf>,
@@ -36,13 +36,14 @@ pub struct GpuOptions {
     /// How many times as many texels are read along a slanted surface as across it, at most; 1: none more. Left out: 16 on a
     /// GPU, 1 on a device that draws on the CPU, where a first frame with more takes seconds.
     pub anisotropy: Option<f32>,
-    /// Where the time that the device is busy is counted, if anywhere.
+    /// Counter of the time that the device is busy, if any.
     pub device_time: Option<Arc<DeviceTime>>,
     /// Tests only.
     pub faults: Faults,
 }
 
-/// On a GPU a third frame hides uneven frames; a driver that draws on the CPU is busy with two, and each costs a picture's memory three times.
+/// Number of frames in flight: on a GPU a third frame hides uneven frames; a driver that draws on the CPU is busy with two, and
+/// each costs an image's memory three times.
 pub(super) fn frames_in_flight(kind: DeviceKind, frugal: bool) -> usize {
     match kind {
         _ if frugal => 1,

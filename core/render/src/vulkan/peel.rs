@@ -1,4 +1,4 @@
-//! Layers of what is seen through: passes that find their depths, and passes that mix them into the picture.
+//! Layers of transparent surfaces: passes that find their depths, and passes that mix them into the picture.
 
 use super::execute::{Execution, again, from_depth, to_color, to_depth};
 use super::memory::Image;

@@ -28,7 +28,7 @@ use std::sync::Arc;
 
 pub struct Pipelines {
     cache: PipelineCache,
-    /// Of the sets that all scene pipelines share.
+    /// Layout of the sets that all scene pipelines share.
     pub layout: vk::PipelineLayout,
     pub post_layout: vk::PipelineLayout,
     sources: ShaderSources,

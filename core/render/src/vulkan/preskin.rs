@@ -1,4 +1,4 @@
-//! Bodies posed once a frame by compute shaders; see [`crate::commands::preskin`] and posed.wgsl.
+//! Meshes pre-skinned once a frame by compute shaders; see [`crate::commands::preskin`] and posed.wgsl.
 
 use super::VulkanRenderer;
 use super::context::Context;
@@ -45,7 +45,7 @@ pub struct Posing {
     /// Both, for the compute stage; the vertices, for all passes.
     write: Option<Set>,
     read: Option<Set>,
-    /// Of each instance that reads them: its first number and how many vertices it has.
+    /// The first number and the number of vertices of each instance that reads them.
     placed: Vec<(u32, [u32; 2])>,
 }
 
@@ -70,7 +70,7 @@ fn grow(
 }
 
 impl Posing {
-    /// Where each body's vertices lie. After the resources are prepared; the slot's last frame must be done.
+    /// Assigns ranges to each mesh's vertices. After the resources are prepared; the slot's last frame must be done.
     pub fn prepare(
         &mut self,
         gpu: &Context,
@@ -103,14 +103,20 @@ impl Posing {
         }
         let bytes: &[u8] = bytemuck::cast_slice(&jobs);
         let new = [
-            grow(gpu, &mut self.jobs, "bodies to be posed", bytes.len() as u64, MemoryLocation::CpuToGpu)?,
+            grow(
+                gpu,
+                &mut self.jobs,
+                "meshes to be pre-skinned",
+                bytes.len() as u64,
+                MemoryLocation::CpuToGpu,
+            )?,
             grow(gpu, &mut self.vertices, "posed vertices", 4 * end, MemoryLocation::GpuOnly)?,
         ];
         let (Some(jobs), Some(vertices)) = (&mut self.jobs, &self.vertices) else { return Ok(()) };
         jobs.mapped_mut()[..bytes.len()].copy_from_slice(bytes);
         let sets = [self.write.is_none(), self.read.is_none()];
         if self.write.is_none() {
-            self.write = Some(pools.allocate(gpu, layouts.posed, "set of bodies to be posed")?);
+            self.write = Some(pools.allocate(gpu, layouts.posed, "set of meshes to be pre-skinned")?);
         }
         if self.read.is_none() {
             self.read = Some(pools.allocate(gpu, layouts.morphs, "set of posed vertices")?);
@@ -126,7 +132,7 @@ impl Posing {
         Ok(())
     }
 
-    /// Into the instances, which lie in these bytes: what they read is posed already.
+    /// Writes to the instances, which lie in these bytes, that what they read is pre-skinned.
     pub fn place(&self, instances: &mut [u8]) {
         for (instance, place) in &self.placed {
             let at = *instance as usize * size_of::<Instance>() + offset_of!(Instance, first_joint);
@@ -212,7 +218,7 @@ impl Resources {
 }
 
 impl Execution<'_> {
-    /// The bodies of one mesh. `primitive`: of the catalogue.
+    /// The characters of one mesh. `primitive`: of the scene resources.
     pub(super) fn pose(
         &self,
         pipeline: vk::Pipeline,
@@ -224,7 +230,7 @@ impl Execution<'_> {
         let mesh = self.resources.mesh(hash, layout).ok_or_else(|| missing("a mesh to be posed"))?;
         let source =
             self.resources.sources.get(&(hash, layout)).ok_or_else(|| missing("a mesh to be posed"))?;
-        let write = self.slot.posed.write.ok_or_else(|| missing("a set of bodies to be posed"))?;
+        let write = self.slot.posed.write.ok_or_else(|| missing("a set of meshes to be pre-skinned"))?;
         let bind = |index: u32, set: vk::DescriptorSet| {
             let (point, layout) = (vk::PipelineBindPoint::COMPUTE, self.layouts.posed_pipeline);
             // SAFETY: the command buffer is being recorded; the set fits the layout and outlives the frame.
@@ -259,7 +265,7 @@ impl Execution<'_> {
         Ok(())
     }
 
-    /// All bodies are posed before a vertex is read.
+    /// All meshes are posed before a vertex is read.
     pub(super) fn end_poses(&self) {
         let written = [vk::MemoryBarrier2::default()
             .src_stage_mask(vk::PipelineStageFlags2::COMPUTE_SHADER)

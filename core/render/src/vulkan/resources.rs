@@ -29,7 +29,7 @@ type Hash = [u8; 16];
 
 pub struct Mesh {
     pub buffer: Buffer,
-    /// Where the indices start, after the vertices.
+    /// Offset of the indices, after the vertices.
     pub indices_at: u64,
     pub index_count: u32,
     pub vertex_count: u32,
@@ -61,7 +61,7 @@ pub struct Resources {
     samplers: HashMap<Sampler, vk::Sampler>,
     /// Asked for; see `GpuOptions::anisotropy`.
     pub anisotropy: f32,
-    /// By content and which texture slots the shader reads.
+    /// Materials by content and by which texture slots the shader reads.
     materials: HashMap<(Hash, u32), Material>,
     white: Option<Image>,
     pub sky: Option<SkyImages>,
@@ -132,7 +132,7 @@ impl Resources {
         for (primitive, layout, morphs) in meshes {
             let entry = resources.primitives.get(primitive as usize).ok_or_else(|| {
                 RenderError::Usage(format!(
-                    "the plan draws primitive {primitive}, which the loaded catalogue lacks"
+                    "the plan draws primitive {primitive}, which the loaded scene resources lack"
                 ))
             })?;
             self.prepare_mesh(gpu, layouts, entry, layout, morphs, uploads)?;
@@ -229,7 +229,7 @@ impl Resources {
         for (material, slots) in materials {
             let Some(m) = resources.materials.get(*material as usize) else {
                 return Err(RenderError::Usage(format!(
-                    "the plan uses material {material}, which the loaded catalogue lacks"
+                    "the plan uses material {material}, which the loaded scene resources lack"
                 )));
             };
             for (slot, texture) in m.textures.iter().enumerate() {
@@ -385,7 +385,7 @@ impl Resources {
         Ok(sampler)
     }
 
-    /// A new catalogue: what it holds too stays. No frame may be in flight.
+    /// New scene resources: what they hold too stays. No frame may be in flight.
     pub fn retain(&mut self, gpu: &Context, resources: &SceneResources) {
         let primitives: HashSet<Hash> = resources.primitives.iter().map(|p| p.hash).collect();
         let textures: HashSet<TextureKey> =

@@ -60,7 +60,7 @@ impl BehindTarget {
 }
 
 impl Execution<'_> {
-    /// Between two passes: what is drawn into stays as it is.
+    /// Copies the scene color between two passes; the target stays as it is.
     pub(super) fn copy_behind(&self, from: Target) -> Result<(), RenderError> {
         let Some(behind) = &self.targets.behind else {
             return Err(RenderError::Usage("the picture behind glass was not prepared".into()));

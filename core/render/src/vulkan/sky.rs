@@ -13,7 +13,7 @@ use half::f16;
 use std::sync::Arc;
 
 pub struct SkyImages {
-    /// Of the panorama.
+    /// Hash of the panorama.
     hash: [u8; 32],
     pub sampler: vk::Sampler,
     /// Once a pipeline reads them.
@@ -100,7 +100,7 @@ fn upload(
     Ok(image)
 }
 
-/// Of the whole picture, alpha not multiplied in.
+/// Image of a whole 2D layer, alpha not multiplied in.
 pub fn flat_image(gpu: &Context, flat: &LayerImage, uploads: &mut Uploads) -> Result<Image, RenderError> {
     let [width, height] = flat.size;
     let texel = |x: u32, y: u32| {

@@ -14,7 +14,7 @@ pub struct State {
     pub samples: u32,
     /// `None`: depth alone.
     pub color: Option<vk::Format>,
-    /// Into what is kept of surfaces instead.
+    /// Renders to the G-buffer.
     pub kept: bool,
     /// Comparison and whether it writes; `None` without a depth image.
     pub depth: Option<(vk::CompareOp, bool)>,
@@ -38,7 +38,7 @@ pub enum Mix {
 }
 
 impl Mix {
-    /// Of source and destination colour, of source and destination alpha.
+    /// Factors of source and destination color, of source and destination alpha.
     pub fn factors(self) -> Option<[vk::BlendFactor; 4]> {
         use vk::BlendFactor as F;
         match self {

@@ -5,7 +5,7 @@ use super::resources::{Resources, TextureKey, texture_key};
 use crate::commands::{Command, Recording};
 use crate::scene_resources::SceneResources;
 
-/// More than there are frames in flight, parts of an exposure included: what was last used so many frames ago is used no longer.
+/// More than there are frames in flight, parts of an exposure included: what was last used that many frames ago is used no longer.
 const KEPT: u64 = 8;
 
 #[derive(Default)]
@@ -44,7 +44,7 @@ impl Resources {
         }
     }
 
-    /// A new catalogue: what it does not hold is gone already.
+    /// New scene resources: what they do not hold is gone already.
     pub(super) fn keep_streams(&mut self, held: impl Fn(&TextureKey) -> bool) {
         self.streams.used.retain(|(key, ..)| held(key));
     }

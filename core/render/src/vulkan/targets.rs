@@ -37,9 +37,9 @@ pub struct Needs {
     pub shadow: Option<[u32; 2]>,
     /// Levels of the picture behind glass.
     pub behind: Option<u32>,
-    /// Depths of layers of what is seen through.
+    /// Depths of layers of transparent surfaces.
     pub layers: bool,
-    /// What is kept of surfaces until they are lit.
+    /// The G-buffer until it is lit.
     pub kept: bool,
 }
 
@@ -85,13 +85,13 @@ pub struct Targets {
     pub picture: Image,
     pub floats: Vec<Image>,
     pub depth: Option<Image>,
-    /// Depths of two layers of what is seen through, in turns.
+    /// Depths of two layers of transparent surfaces, in turns.
     pub layers: Vec<Image>,
-    /// What is kept of surfaces until they are lit.
+    /// The G-buffer until it is lit.
     pub kept: Vec<Image>,
     /// Reads nothing: lavapipe (22.3) follows every binding of a bound set.
     sampler: vk::Sampler,
-    /// With more than one sample: what is drawn into, resolved into the scene's target.
+    /// Multisampled target with more than one sample, resolved into the scene's target.
     pub multisampled: Option<Image>,
     pub shadow: Option<ShadowTarget>,
     pub behind: Option<BehindTarget>,
@@ -105,9 +105,9 @@ pub struct Seen<'a> {
     pub shadow: Option<&'a ShadowTarget>,
     pub behind: Option<&'a BehindTarget>,
     pub sky: Option<&'a SkyImages>,
-    /// Depths of the scene and of even and odd layers of what is seen through.
+    /// Depths of the scene and of even and odd layers of transparent surfaces.
     pub layers: Option<([vk::ImageView; 3], vk::Sampler)>,
-    /// What is kept of surfaces.
+    /// The G-buffer.
     pub kept: Option<[vk::ImageView; 3]>,
     /// Textures of effects.
     pub texels: Option<&'a Buffer>,
@@ -158,7 +158,7 @@ impl Targets {
             }
             for format in super::deferred::FORMATS.into_iter().filter(|_| needs.kept) {
                 let usage = U::COLOR_ATTACHMENT | U::SAMPLED;
-                targets.kept.push(image("what is kept of surfaces", format, usage, 1)?);
+                targets.kept.push(image("G-buffer", format, usage, 1)?);
             }
             if needs.samples > 1 {
                 let format = format(needs.scene);
@@ -206,7 +206,7 @@ impl Targets {
         self.background.as_ref().is_some_and(|(_, colors)| *colors == [top, bottom])
     }
 
-    /// Twin of background.wgsl, encoded: mix(top, bottom, (y + ½) / height). No frame may be in flight.
+    /// CPU reference of background.wgsl, encoded: mix(top, bottom, (y + ½) / height). No frame may be in flight.
     pub fn set_background(&mut self, gpu: &Context, top: Vec4, bottom: Vec4) -> Result<(), RenderError> {
         let [width, height] = self.needs.size;
         let row_bytes = width as usize * 4;

@@ -162,7 +162,7 @@ fn checked(
         note(c, of, on, report);
         not_standing(c, of, on, report);
     }
-    // Between bodies, joints beyond the parts that a body has, as twist joints, are expected to be left out.
+    // Between characters, joints beyond the parts that a body has, as twist joints, are expected to be left out.
     if !coverage.parts.is_empty() || (report.is_none() && !coverage.left_out.is_empty()) {
         c.shared.note(Severity::Warning, &c.place, &partial(of, on, &coverage));
     }

@@ -73,7 +73,7 @@ pub fn look(build: &Build, found: &mut Vec<Remark>) {
         if build.loads.iter().any(|other| shared(&other)) {
             continue;
         }
-        // What could not be read is told as an error.
+        // What could not be read is reported as an error.
         if load.load.ready().is_none() {
             continue;
         }
@@ -91,7 +91,7 @@ pub fn look(build: &Build, found: &mut Vec<Remark>) {
         });
     }
     for variable in &build.declared {
-        // A load that is not used is told already.
+        // A load that is not used is reported already.
         if found.iter().any(|r| r.rule == "unused_load" && r.place.line == variable.at.line) {
             continue;
         }

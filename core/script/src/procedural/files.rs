@@ -60,7 +60,7 @@ pub fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
     for n in begin..=end {
         let name = numbered(n);
         let bytes = read_file(c, &name)?;
-        // Each is looked at once, so that mistakes are told here, and whether any has holes.
+        // Each is looked at once, so that mistakes are reported here, and whether any has holes.
         let one = decoded(&name, &bytes).map_err(|p| told(&name, p))?;
         let first = image.get_or_insert_with(|| one.clone());
         if (one.width, one.height) != (first.width, first.height) {

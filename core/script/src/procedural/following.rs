@@ -33,7 +33,7 @@ pub enum Rule {
     Opacity,
     /// The first, a normal map, with the second's brightness as its alpha.
     Heights,
-    /// The same with the normals of heights so many textures deep; the first is not read.
+    /// The same with the normals of heights of this depth in textures; the first is not read.
     HeightsAlone(f32),
 }
 

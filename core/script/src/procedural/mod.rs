@@ -240,7 +240,7 @@ fn shaped(c: &Call, o: &Options, mut primitive: Primitive) -> Result<Primitive, 
     };
     for _ in 0..detail.unwrap_or(2.0) as u32 {
         let limit = c.shared.limits.vertices;
-        // Four triangles of each, and about as many new corners as there are edges.
+        // Four triangles of each, and about as many new vertices as there are edges.
         if primitive.positions.len() as u64 + primitive.indices.len() as u64 > limit {
             let text = format!("{}: detail makes more than {limit} vertices", o.function);
             return Err(ApiError::new(text).focus("detail").hint(raise_hint("vertices", limit)));

@@ -63,7 +63,7 @@ pub fn image(c: &Call) -> Result<ImageRef, ApiError> {
     Ok(ImageRef { image: Arc::new(image), sampler: sampler(&o)?, dead: false, files: None })
 }
 
-/// So many more pixels, against the limit of all together.
+/// Counts further pixels against the limit of all together.
 pub fn count(c: &Call, texels: u64) -> Result<(), ApiError> {
     let mut build = c.build();
     build.made.texels = build.made.texels.saturating_add(texels);

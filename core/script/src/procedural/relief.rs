@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 pub const PROJECTIONS: &[&str] = &["plane", "box", "sphere", "cylinder", "cone", "triplanar"];
 
-/// Texture coordinates by a projection from around the shape's middle; every triangle gets corners of its own.
+/// Texture coordinates by a projection from around the shape's center; every triangle gets vertices of its own.
 pub fn project(p: &mut Primitive, how: &str) {
     let [low, high] = corners(p);
     let (middle, size) = ((low + high) * 0.5, (high - low).max(Vec3::splat(1e-6)));
@@ -143,8 +143,8 @@ pub fn subdivide(p: &mut Primitive) {
     p.indices = indices;
 }
 
-/// Corners moved along their normals by a picture's brightness, `height` metres where it is white; `tiles`: how often it
-/// repeats. Corners that stood together with one normal get one again.
+/// Vertices moved along their normals by a picture's brightness, `height` metres where it is white; `tiles`: how often it
+/// repeats. Vertices that stood together with one normal get one again.
 pub fn displace(p: &mut Primitive, image: &Image, height: f32, tiles: f32) {
     let key = |v: Vec3| v.to_array().map(|c| (c + 0.0).to_bits());
     let groups: Vec<_> = p.positions.iter().zip(&p.normals).map(|(a, n)| (key(*a), key(*n))).collect();
@@ -225,7 +225,7 @@ mod tests {
         for (at, n) in sphere.positions.iter().zip(&sphere.normals) {
             let q = *at - middle;
             assert!((q.length() - 0.75).abs() < 4e-3, "{at}");
-            // At the poles triangles have corners in one place, whose edges have no middle of their own.
+            // At the poles triangles have vertices in one place, whose edges have no middle of their own.
             assert!(q.normalize().dot(*n) > 0.99, "{at} {n}");
         }
         let black = Image { rgba: vec![0, 0, 0, 255], ..white };

@@ -138,8 +138,11 @@ pub(crate) fn of_value<'a>(given: &str, known: impl IntoIterator<Item = &'a str>
 impl Topic {
     fn hint(&self, target: Target) -> String {
         let Call { usage, about, page } = Call::of(target);
-        let note = self.note.map(|note| format!("; {note}")).unwrap_or_default();
-        format!("{usage}: {}{note} See {page}", about.unwrap_or_default())
+        let about = about.unwrap_or_default();
+        // Entries describe their options after the first sentence.
+        let sentence = about.split_once(". ").map_or(&*about, |(first, _)| first).trim_end_matches('.');
+        let note = self.note.map(|note| format!(" {note}")).unwrap_or_default();
+        format!("{usage}: {sentence}.{note} See {page}")
     }
 }
 
@@ -214,7 +217,12 @@ fn first_line(def: &Def) -> String {
 fn describe_option(def: &Def, option: &str) -> Option<String> {
     let with_range = format!("{option} (");
     let about = def.about();
-    let Some((item, at)) = about.iter().find_map(|item| Some((item, item.find(&with_range)?))) else {
+    let whole = |item: &str, at: &usize| !item[..*at].ends_with(char::is_alphanumeric);
+    let found = about.iter().find_map(|item| {
+        let mut places = item.match_indices(&with_range).map(|(at, _)| at);
+        Some((item, places.find(|at| whole(item, at))?))
+    });
+    let Some((item, at)) = found else {
         return about.into_iter().find(|item| item.contains(option));
     };
     let text = &item[at..];

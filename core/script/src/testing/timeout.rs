@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-/// A point in time, and how it is told.
+/// A point in time, and how it is printed.
 #[derive(Clone, Copy, Debug)]
 pub struct Timeout {
     /// `None`: beyond what the clock can count to.

@@ -25,7 +25,7 @@ pub enum KeyValue<'v> {
     Turn(DQuat),
     /// A factor, or one an axis.
     Scale(DVec3),
-    /// As it is written.
+    /// Source text of the value.
     Text(&'v str),
 }
 
@@ -171,7 +171,7 @@ fn list(values: &[f64]) -> String {
     if let [one] = all.as_slice() { one.clone() } else { format!("[{}]", all.join(", ")) }
 }
 
-/// As many numbers as a key near it has, where they can say it; angles as near to its as they can be.
+/// The value with as many numbers as a key near it has, where they can say it; angles as near to its as they can be.
 fn numbers_like(near: &[f64], value: &KeyValue) -> Vec<f64> {
     match *value {
         KeyValue::Point(p) => p.to_array().to_vec(),

@@ -253,7 +253,7 @@ pub fn set_call(text: &str, line: usize, column: usize, secs: f64) -> Result<Edi
     Ok(Edit { range, text: format_seconds(secs) })
 }
 
-/// Sets the time of a named marker, `set_marker("name", time)`, the only one of the script.
+/// Sets the time of a named marker, `marker("name", time)`, the only one of the script.
 pub fn set_marker(text: &str, name: &str, secs: f64) -> Result<Edit, EditRefused> {
     let (text, wanted) = (&Source::new(text), quoted(name));
     let sets_it = |call: &Call| {
@@ -445,8 +445,8 @@ mod tests {
 
     #[test]
     fn markers_are_found_by_their_name() {
-        let text = "set_marker(\"go\", 1.5); // set_marker(\"go\", 3)\nlet m = set_marker(\"go\");\nmarker(\"end\", x);";
-        assert!(set_marker(text, "go", 2.0).unwrap().apply(text).starts_with("set_marker(\"go\", 2.0);"));
+        let text = "marker(\"go\", 1.5); // marker(\"go\", 3)\nlet m = marker(\"go\");\nmarker(\"end\", x);";
+        assert!(set_marker(text, "go", 2.0).unwrap().apply(text).starts_with("marker(\"go\", 2.0);"));
         assert!(set_marker(text, "end", 2.0).unwrap_err().why.contains("line 3"));
         assert!(set_marker(text, "no", 2.0).is_err());
     }

@@ -49,7 +49,7 @@ impl<'a> Source<'a> {
         self.tokens.get(index).map_or("", |token| &self.text[token.clone()])
     }
 
-    /// Where a token begins; the text's end behind the last.
+    /// First byte of a token; the text's end behind the last.
     fn start(&self, index: usize) -> usize {
         self.tokens.get(index).map_or(self.text.len(), |token| token.start)
     }

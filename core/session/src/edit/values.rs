@@ -4,7 +4,7 @@ use super::Edit;
 use super::scan::{Call, Source};
 use std::ops::Range;
 
-/// As a person would write it: to the thousandth, smaller ones to six digits; always with a point, so that it stays a float.
+/// Writes a number as a person would: to the thousandth, smaller ones to six digits; always with a point, so that it stays a float.
 pub fn format_number(value: f64) -> String {
     let digits = if value != 0.0 && value.abs() < 0.01 { 6 } else { 3 };
     let text = format!("{value:.digits$}");

@@ -40,9 +40,9 @@ const RAISED: f64 = 0.6;
 const LOWEST: f64 = 0.25;
 /// Looks that they take there, and back.
 const SMOOTH: usize = 14;
-/// So many places are tried to either side, as far as half of the body's way during a contact.
+/// Number of places that are tried to either side, as far as half of the body's way during a contact.
 const REACH_PLACES: u32 = 32;
-/// Who is higher than this above the lowest place at all, in legs, jumps.
+/// A foot that is higher than this above the lowest place at all, in legs, jumps.
 const JUMP: f64 = 0.12;
 
 /// The contacts of the legs of one constraint.
@@ -376,7 +376,7 @@ impl FootLockTrack {
                     leaving(before).lerp(coming(after), way)
                 }
             }
-            // Who comes down soon after the beginning is on the way there already, and who has just left at the end is on it still.
+            // A foot that comes down soon after the beginning is on the way there already, and who has just left at the end is on it still.
             (None, Some(after)) if self.span.0 <= Time::ZERO && after.from <= LONGEST_GAP => after.first,
             (Some(before), None) if self.to_the_end && self.span.1 - before.to <= LONGEST_GAP => before.last,
             (Some(before), None) => leaving(before),

@@ -12,7 +12,7 @@ pub(crate) struct ConstraintOrder {
     /// Ends of the rounds within `actors`.
     pub ends: Vec<usize>,
     waiting: Vec<usize>,
-    /// (who, whom it needs), sorted.
+    /// (actor, the actor that it needs), sorted.
     needs: Vec<(usize, usize)>,
     done: Vec<bool>,
     path: Vec<usize>,

@@ -1,5 +1,5 @@
 //! What inertialized cues take over from those before them: found once, in the order of the cues, so that one that follows
-//! another at once takes over what is still dying down.
+//! another at once takes over what is still decaying.
 
 use crate::pose::{BlendedClip, inertialization, sample_cue, start_weights};
 use crate::root_motion::track::RootMotionTrack;

@@ -107,7 +107,7 @@ pub(crate) fn pose_actor<'e>(
             first: base && place == 0,
             inertialization: inertialization(layer, active, time, inertializations.filter(|_| base)),
         };
-        // Root motion and what dies down change the clips' poses before they are blended.
+        // Root motion and inertialization offsets change the clips' poses before they are blended.
         let plain = !base
             || track.is_none() && inertializations.is_none_or(|inertializations| !inertializations.any());
         if !plain {
@@ -178,7 +178,7 @@ pub(crate) fn pose_actor<'e>(
     }
 }
 
-/// A cue of a base layer over the rest pose, with its root where it is to be and what is still dying down.
+/// A cue of a base layer over the rest pose, with its root where it is to be and the inertialization offset that is left.
 pub(crate) fn sample_cue(
     actor: &Actor,
     layer: &Layer,
@@ -200,7 +200,7 @@ pub(crate) fn sample_cue(
     }
 }
 
-/// What of an inertialized cue's beginning still dies down, and how long ago that was.
+/// The inertialization offset that is left of a cue's beginning, and how long ago that was.
 pub(crate) fn inertialization<'a>(
     layer: &Layer,
     active: &ActiveCue,

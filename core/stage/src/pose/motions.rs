@@ -4,7 +4,7 @@ use crate::pose::inertialization::Inertializations;
 use crate::root_motion::track::{RootMotionTrack, RootMotionTracks};
 use crate::stage::Stage;
 
-/// What is found out once for a stage, by actor: how far root motion leads, what dies down after inertialized cues.
+/// What is found out once for a stage, by actor: root motion, and inertialization offsets of cues.
 #[derive(Debug, Default)]
 pub(crate) struct Motions {
     pub root_motion: RootMotionTracks,

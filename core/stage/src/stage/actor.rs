@@ -38,7 +38,7 @@ described! {
         visible: bool = true;
         /// Multiplies every base color, linear.
         tint: Vec4 = Vec4::ONE;
-        /// In place of the widths of its pens ([`choreo_asset::Pen`]).
+        /// Line width that replaces that of its materials ([`choreo_asset::LineStyle`]).
         line_width: Option<f32> = None;
         /// How many of the copies of its meshes exist, the first ones; `None`: all.
         copies: Option<u32> = None;

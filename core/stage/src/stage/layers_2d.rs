@@ -67,7 +67,7 @@ pub enum Layer2dContent {
     },
     /// Shares of the picture.
     Panel { size: DVec2, color: Vec4 },
-    /// Bars that leave a picture so many times as wide as high.
+    /// Bars that leave an image with this aspect ratio.
     Bars { ratio: f64, color: Vec4 },
 }
 

@@ -1,4 +1,4 @@
-//! The stage as a script leaves it: who is there, what plays when, from where it is seen.
+//! The stage as a script leaves it: actors, cues over time, cameras.
 
 pub(crate) mod actor;
 pub(crate) mod camera;
@@ -69,10 +69,10 @@ pub struct Settings {
     pub skin_once: SkinOnce,
 }
 
-/// Whether a body's vertices are put into their pose once a frame for all passes that draw it (shadow maps, layers, hulls), or by each.
+/// Whether a character's vertices are pre-skinned once a frame for all passes that draw it (shadow maps, layers, hulls), or by each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum SkinOnce {
-    /// Once where so many passes draw it that it pays.
+    /// Once if enough passes draw it for that to be cheaper.
     #[default]
     Auto,
     Always,

@@ -140,7 +140,7 @@ impl Path {
 }
 
 impl PathFollowing {
-    /// A placement so many metres along the path. `anchor`: where in model space the root stands, which keeps to the path.
+    /// The placement at a distance in metres along the path. `anchor`: where in model space the root stands, which keeps to the path.
     pub fn placed(&self, from: Placement, metres: f64, anchor: DVec3) -> Placement {
         let (place, way) = self.path.at(metres);
         let yaw = if self.turns && (way.x != 0.0 || way.z != 0.0) { libm::atan2(way.x, way.z) } else { 0.0 };

@@ -6,7 +6,7 @@ use choreo_motion::spring::SpringRig;
 use glam::DVec3;
 use std::sync::Arc;
 
-/// What swings on an actor.
+/// Spring bones of an actor.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ActorSprings {
     pub rig: SpringRig,

@@ -1,6 +1,6 @@
 //! What a stage shows over its length, and what in it never shows: found by evaluating it at some times, without drawing.
 //!
-//! Boxes are conservative (never smaller than what they hold), so "never in the picture" is true of what is told; something
+//! Boxes are conservative (never smaller than what they hold), so "never in the picture" is true where it is reported; something
 //! that hides behind another thing, or whose box alone is in the picture, is not found.
 
 mod facts;
@@ -29,12 +29,12 @@ pub enum Subject {
     Effect(usize),
 }
 
-/// Something that is not wrong, but hardly meant.
+/// Something that is valid, but probably not intended.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     /// A fixed name of the kind of finding: `never_in_picture`.
     pub rule: &'static str,
-    /// Often meant: told for information, no warning.
+    /// Often intended: reported for information, no warning.
     pub note: bool,
     pub subject: Subject,
     pub text: String,

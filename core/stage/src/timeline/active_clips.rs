@@ -22,7 +22,7 @@ pub struct ActiveClip {
 
 impl Actor {
     /// What plays at a time, in the order in which it is blended: each over what came before it, additive ones on top. Of
-    /// layers of one rank each is told as it is by itself.
+    /// layers of one rank each is given as it is by itself.
     pub fn active_clips(&self, time: Time) -> Vec<ActiveClip> {
         let mut active = Vec::new();
         let mut active_cues = Vec::new();
@@ -119,7 +119,7 @@ pub(crate) fn upper_cues(layer: &Layer, time: Time, active_cues: &mut Vec<Active
     }
 }
 
-/// Each cue's share of the layer times a factor below 1, told as weights over what came before again.
+/// Each cue's share of the layer times a factor below 1, given as weights over what came before again.
 fn scale_shares(active_cues: &mut Vec<ActiveCue>, by: f32) {
     shares(active_cues);
     let mut left = 1.0;

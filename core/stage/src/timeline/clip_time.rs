@@ -55,7 +55,7 @@ impl Cue {
         self.time_of_played(i128::from((self.trim.1 - self.trim.0).0.max(0)))
     }
 
-    /// When so many ticks of the clip have been played, if ever. Of a speed curve that turns back, as far as its keys tell.
+    /// The time when this number of ticks of the clip has been played, if ever. Of a speed curve that turns back, as far as its keys tell.
     pub fn time_of_played(&self, ticks: i128) -> Option<Time> {
         if ticks <= 0 {
             return Some(self.start);

@@ -58,7 +58,7 @@ pub fn judge(looks: &mut Looks, e: &Expectation, flag: &Flag) -> Judged {
     }
 }
 
-/// Who, and what they are or not.
+/// The subject, and what it is or not.
 fn flag_words(looks: &Looks, flag: &Flag) -> (String, &'static str) {
     match flag {
         Flag::Visible(actor) => (vector::name(looks, Subject::Actor(*actor)), "visible"),

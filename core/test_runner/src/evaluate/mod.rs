@@ -3,7 +3,7 @@
 //! ```text
 //! Expectation ─► times to look at ─► Looks (snapshots) ─► values ─► Check { expected, got, by how much, traces }
 //! ```
-//! A claim over a span is judged at every frame in it; the check tells the worst time.
+//! A claim over a span is judged at every frame in it; the check gives the worst time.
 
 mod band;
 mod contact;
@@ -159,7 +159,7 @@ fn diagnostics(run: &SectionRun) -> Vec<Check> {
         check
     };
     checks.extend(run.errors.iter().map(|d| unexpected(d, "error")));
-    // Who looks at the warnings has said what to think of them.
+    // A section that tests the warnings decides about them.
     let looked_at = |e: &Expectation| matches!(e.claim, Claim::Texts { texts: TextsQuantity::Warnings, .. });
     if !run.expectations.iter().any(looked_at) {
         checks.extend(run.warnings.iter().map(|d| unexpected(d, "warning")));

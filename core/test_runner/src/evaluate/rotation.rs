@@ -39,7 +39,7 @@ fn shown(q: DQuat) -> String {
         return "nothing".into();
     }
     let (z, y, x) = q.to_euler(EulerRot::ZYX);
-    // Rounded, so that no −0 and no 1e-15 is told.
+    // Rounded, so that no −0 and no 1e-15 is printed.
     let degrees = [x, y, z].map(|a| words::number((a.to_degrees() * 1e3).round() / 1e3 + 0.0));
     format!("[{}]°", degrees.join(", "))
 }

@@ -32,7 +32,7 @@ fn legend(drawn: &str) -> String {
         ("got", "got"),
         ("expected", "expected"),
         ("band", "allowed"),
-        ("mark", "the time that is told above"),
+        ("mark", "the time that is given above"),
     ];
     let there = keys.iter().filter(|(class, _)| drawn.contains(&format!("class=\"{class}\"")));
     let mut html = String::from("<p class=\"legend\">");

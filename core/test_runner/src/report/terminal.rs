@@ -8,7 +8,7 @@ use crate::run::Report;
 use choreo_script::{printable, printable_line};
 use std::fmt::Write;
 
-/// Failed checks of one section that are told in full; the rest is counted.
+/// Failed checks of one section that are printed in full; the rest is counted.
 const MOST_CHECKS: usize = 10;
 
 /// What a failed section has to say; empty for the others.

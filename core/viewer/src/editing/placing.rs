@@ -26,7 +26,7 @@ pub fn placement(actor: &Actor, time: Time) -> Placement {
     placement
 }
 
-/// As it shines at a time, keys included.
+/// The light at a time, keys included.
 pub(crate) fn light_at(light: &StageLight, time: Time) -> StageLight {
     let mut now = light.clone();
     for channel in &light.channels {

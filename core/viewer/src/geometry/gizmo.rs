@@ -23,7 +23,7 @@ pub const AXES: [DVec3; 3] = [DVec3::X, DVec3::Y, DVec3::Z];
 /// Points on the screen.
 pub const LENGTH: f64 = 74.0;
 const GRAB: f64 = 9.0;
-/// Corners of a ring.
+/// Vertices of a ring.
 pub(crate) const RING: usize = 48;
 /// Steps of degrees and metres while a key is held.
 pub const STEPS: (f64, f64) = (15.0, 0.1);
@@ -80,7 +80,7 @@ pub fn arm(tool: Tool, axis: usize, world_from_model: &DAffine3) -> DVec3 {
     }
 }
 
-/// Corners of the ring about an axis.
+/// Vertices of the ring about an axis.
 pub fn ring(center: DVec3, axis: usize, radius: f64) -> impl Iterator<Item = DVec3> {
     let (u, v) = (AXES[(axis + 1) % 3], AXES[(axis + 2) % 3]);
     (0..=RING).map(move |i| {

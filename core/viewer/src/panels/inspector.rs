@@ -133,7 +133,7 @@ fn transform(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str) -> Option<
     wanted
 }
 
-/// What a camera sees at the playhead, where it is the one that is seen through; else as it begins.
+/// What a camera sees at the playhead, where it is the active one; else as it begins.
 fn projection(viewer: &Viewer, stage: &Stage, name: &str) -> Option<Projection> {
     let index = stage.cameras.iter().position(|c| c.name == name)?;
     let shown = viewer.shown().map(|shown| shown.snapshot.camera).filter(|c| c.camera == Some(index));
@@ -155,7 +155,7 @@ fn srgb(linear: Vec3) -> [u8; 3] {
     linear.to_array().map(|v| egui::ecolor::gamma_u8_from_linear_f32(v.clamp(0.0, 1.0)))
 }
 
-/// As it shines at the playhead.
+/// The light at the playhead.
 fn light(ui: &mut Ui, viewer: &Viewer, stage: &Stage, index: usize) -> Option<Wanted> {
     let light = light_at(stage.lights.get(index)?, viewer.playhead.time());
     let mut wanted = None;
@@ -397,7 +397,7 @@ fn of_cue(
         Some((heard, share)) => {
             row("now", format!("{:.0} % at {:.3} s of the clip", share * 100.0, heard.clip_time.as_secs()))
         }
-        None => row("now", "not heard".into()),
+        None => row("now", "not active".into()),
     }
 }
 

@@ -121,7 +121,7 @@ fn view_keys(ui: &Ui, viewer: &mut Viewer) {
     }
 }
 
-/// The selected cue, effect or cut begins, or ends, so many frames later.
+/// The selected cue, effect or cut begins, or ends, this number of frames later.
 fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
     let Some(what) = viewer.selection.clone() else { return };
     let bar = viewer.timeline.rows.iter().flat_map(|r| &r.bars).find(|b| b.what == what);

@@ -86,7 +86,7 @@ fn place(
         if !(0.01..=0.99).contains(&fraction) {
             return None;
         }
-        // Read twice: here to be put there, and by its own turn.
+        // Read twice: here to be put there, and in its own turn.
         let second = tabs(first_leaf(&layout["second"], depth)?, &mut BTreeSet::new())?;
         let [old, new] = tree.split(at, split, fraction as f32, Node::leaf_with(second));
         place(tree, old, &layout["first"], seen, depth + 1)?;

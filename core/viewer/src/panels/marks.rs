@@ -69,7 +69,7 @@ fn hover(viewer: &Viewer, event: &Event) -> String {
     text
 }
 
-/// A key is a diamond, as everywhere; who comes or goes a circle, a body's deed a square, a named time a flag.
+/// A key is a diamond, as everywhere; an appearance or disappearance a circle, an actor's event a square, a named time a flag.
 fn shape(kind: Kind, at: egui::Pos2, fill: Color32) -> Shape {
     let line = Stroke::new(1.0, Color32::from_gray(20));
     let points = |all: &[(f32, f32)]| all.iter().map(|(x, y)| at + vec2(*x, *y) * HALF).collect();

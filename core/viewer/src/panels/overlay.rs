@@ -1,5 +1,5 @@
 //! What is laid over the picture: the ground's grid, skeletons, bounds, safe areas. Lines of the window, not of the scene: they are
-//! seen through everything.
+//! visible through everything.
 
 use crate::app::Viewer;
 use crate::geometry::picking;

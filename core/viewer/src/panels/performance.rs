@@ -1,4 +1,4 @@
-//! Where the time of the last frames went, and what the renderer holds.
+//! Times of the last frames by stage, and what the renderer holds.
 
 use crate::app::Viewer;
 use crate::state::performance::FRAMES;

@@ -1,4 +1,4 @@
-//! Rows of bars over time: who plays what, which camera is on; the playhead, and how to move it.
+//! Rows of bars over time: cues, active cameras; the playhead, and how to move it.
 
 use super::inspector::ClipDrag;
 use super::{markers, marks};

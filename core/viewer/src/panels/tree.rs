@@ -1,4 +1,4 @@
-//! Who and what is on stage; who is hidden, alone or locked here, whatever the script says.
+//! Actors and other things on stage; which are hidden, solo or locked here, whatever the script says.
 
 use crate::app::Viewer;
 use crate::state::selection::Selected;

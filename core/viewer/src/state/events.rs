@@ -1,4 +1,4 @@
-//! What happens at one time: keys, who appears and goes, what a body begins to do, named times of clips.
+//! What happens at one time: keys, actors that appear and go, what an actor begins to do, named times of clips.
 
 use crate::state::selection::Selected;
 use choreo_motion::{Repeat, Time};

@@ -83,14 +83,14 @@ impl Orbit {
         self.distance = (self.distance * libm::pow(0.85, notches)).clamp(NEAREST, FARTHEST);
     }
 
-    /// As one who turns the head: the eye stays where it is.
+    /// Looks around: the camera turns and keeps its position.
     pub fn look(&mut self, by: DVec2) {
         let eye = self.center + self.rotation() * DVec3::new(0.0, 0.0, self.distance);
         self.turn(DVec2::new(by.x, by.y));
         self.center = eye - self.rotation() * DVec3::new(0.0, 0.0, self.distance);
     }
 
-    /// As one who walks: right, up and forward, metres.
+    /// Walks: moves the camera right, up and forward, metres.
     pub fn walk(&mut self, by: DVec3) {
         self.center += self.rotation() * DVec3::new(by.x, by.y, -by.z);
     }

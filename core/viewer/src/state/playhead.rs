@@ -119,7 +119,7 @@ impl Playhead {
         }
     }
 
-    /// Stops, and goes so many frames on.
+    /// Stops, and moves on by a number of frames.
     pub fn step(&mut self, frames: i64) {
         self.pause();
         let frame = (self.frame() + frames).clamp(0, self.frames() - 1);

@@ -37,7 +37,7 @@ impl Span {
         self.keep_inside(length);
     }
 
-    /// At least half of what is shown is of the scene.
+    /// Keeps at least half of the visible span inside the scene.
     fn keep_inside(&mut self, length: f64) {
         let half = (self.to - self.from) / 2.0;
         let shift = (-half - self.from).max(0.0) - (self.to - length - half).max(0.0);

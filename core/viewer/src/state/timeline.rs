@@ -1,4 +1,4 @@
-//! The stage as rows of a sequencer: who plays what when, which camera is on.
+//! The stage as rows of a sequencer: cues over time, active cameras.
 
 use crate::state::events::{self, Event, Gathered};
 use crate::state::selection::Selected;

@@ -11,7 +11,7 @@ pub(crate) const MOST_VIEWS: usize = 4;
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum ViewCamera {
-    /// As the script has it.
+    /// The camera that the script uses.
     Script,
     /// One of the script's, on or not.
     Named(String),
@@ -26,9 +26,9 @@ pub enum ViewCamera {
 /// How large the picture is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Resolution {
-    /// As many pixels as there is room for on the screen.
+    /// The panel's size on the screen, pixels.
     Fitted,
-    /// As many as `render` gives it.
+    /// The size that `render` uses.
     Full,
 }
 

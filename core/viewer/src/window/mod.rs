@@ -38,7 +38,7 @@ enum News {
     Repaint(Duration),
 }
 
-/// The script itself; guests count from 1.
+/// The script itself; dropped files count from 1.
 const OWN: u64 = 0;
 
 /// Opens the window and stays until it is closed. The text says what is missing.
@@ -133,7 +133,7 @@ struct App {
     open: Option<Open>,
     /// Drawn and not yet on the screen, by view.
     frames: BTreeMap<usize, Frame>,
-    /// Changes of shaders that the painter was told of.
+    /// Changes of shaders that the painter knows of.
     reloads: u64,
     clock: Instant,
     last_asked: Option<Instant>,

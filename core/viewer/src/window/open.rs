@@ -14,7 +14,7 @@ pub struct Open {
     // Before the window, whose surface it draws on.
     pub gpu: Gpu,
     pub window: Arc<Window>,
-    /// Pixels a point of the screen, as told last: on X11 `Window::scale_factor` may know it only after the window was moved.
+    /// Pixels a point of the screen, as reported last: on X11 `Window::scale_factor` may know it only after the window was moved.
     pub scale: f64,
 }
 

@@ -71,7 +71,7 @@ impl Picture {
             .image(self.image)
             .view_type(vk::ImageViewType::TYPE_2D)
             .format(vk::Format::R8G8B8A8_SRGB)
-            // What can be seen through in a file is not seen through in the window.
+            // What is transparent in a file is not transparent in the window.
             .components(vk::ComponentMapping { a: vk::ComponentSwizzle::ONE, ..Default::default() })
             .subresource_range(range);
         // SAFETY: as above.

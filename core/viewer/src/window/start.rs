@@ -99,13 +99,13 @@ pub(crate) fn no_window(why: &str) -> String {
     format!("cannot open a window: {why}{package}\n    choreo render draws the same frames without one")
 }
 
-/// winit tells where in its own source an error was met.
+/// winit reports where in its own source an error was met.
 fn without_place(why: &str) -> &str {
     let place = why.strip_prefix("os error at ").and_then(|rest| rest.split_once(".rs:"));
     place.and_then(|(_, rest)| rest.split_once(": ")).map_or(why, |(_, words)| words)
 }
 
-/// As `choreo render` has it: Vulkan where a driver works, else our own renderer.
+/// The renderer that `choreo render` would use: Vulkan where a driver works, else the CPU renderer.
 pub fn renderer(effects: Vec<Arc<dyn Effect>>, shaders: Option<PathBuf>, tell: Tell) -> StartRenderer {
     Box::new(move || {
         let cache_dir = choreo_command_line::cache_dir();

@@ -95,7 +95,7 @@ fn indices() {
         9801690000";
     for text in [version_0, version_1] {
         let of = packed(Mode::Triangles, Filter::None, grid.len(), 4);
-        // The encoder may turn a triangle's corners, never its winding.
+        // The encoder may turn a triangle's vertices, never its winding.
         let turned = |t: &[u32]| {
             let first = (0..3).min_by_key(|i| t[*i]).unwrap_or(0);
             [t[first], t[(first + 1) % 3], t[(first + 2) % 3]]

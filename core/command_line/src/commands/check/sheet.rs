@@ -1,4 +1,4 @@
-//! The stage as a cue sheet: who plays what when, which camera is on, and where something was found.
+//! The stage as a cue sheet: cues of all actors over time, active cameras, and places where something was found.
 
 use choreo_bench::plots::{Bar, Mark, Timeline, Track};
 use choreo_motion::Time;
@@ -28,7 +28,7 @@ pub fn sheet(name: &str, stage: &Stage, marks: &[(Subject, Time, &'static str)])
             _ => false,
         });
         let plays = actor.layers.iter().any(|l| !l.cues.is_empty());
-        // Props that stand about would hide those who play.
+        // Props without cues would hide actors with cues.
         if tracks.len() > MOST_ACTORS || (!plays && marks.is_empty()) {
             continue;
         }

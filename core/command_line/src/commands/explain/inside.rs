@@ -1,4 +1,4 @@
-//! What is in, who asked for it, and where in the script they were made.
+//! What a frame contains, what asked for it, and where in the script that was created.
 
 use choreo_bench::plots::{Cell, Table, bytes};
 use choreo_render::SceneResources;

@@ -1,4 +1,4 @@
-//! `choreo explain`: what one frame of a scene needs and who asked for it, what was left out, and why.
+//! `choreo explain`: what one frame of a scene needs and what asked for it, what was left out, and why.
 
 mod inside;
 

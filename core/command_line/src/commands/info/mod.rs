@@ -99,7 +99,7 @@ fn print_media(args: &InfoArgs, media: &Media) -> Result<(), Failure> {
     }
     let more = media.provenance.len().saturating_sub(MOST_ENTRIES);
     if more > 0 {
-        text.line(format_args!("  and {more} more; --json tells all"));
+        text.line(format_args!("  and {more} more; --json prints all"));
     }
     if media.provenance.is_empty() {
         text.line(format_args!("  does not say how it was made"));

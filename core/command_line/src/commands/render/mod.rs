@@ -96,7 +96,7 @@ pub fn prepare(
     settings.fps = fps.unwrap_or(settings.fps);
     let total = settings.fps.frames_in(settings.length).max(1);
     let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
-    // The limit is for what a script says. Who gives a size here means it, unless a limit is given too.
+    // The limit is for what a script says. A size given here is intended, unless a limit is given too.
     if size.is_none() || args.scene.limit.iter().any(|l| l.trim_start().starts_with("pixels")) {
         too_many(pixels, "pixels", scene.limits.pixels)?;
     }

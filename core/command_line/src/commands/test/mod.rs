@@ -1,4 +1,4 @@
-//! `choreo test`: sections of scripts, run and judged; what is told goes to the terminal and into reports.
+//! `choreo test`: sections of scripts, run and judged; results go to the terminal and into reports.
 
 mod tell;
 mod watch;
@@ -178,7 +178,7 @@ fn without_thread(report: &Report) -> bool {
     statuses.any(|status| matches!(status, Status::Error(text) if text.contains(NO_THREAD)))
 }
 
-/// One run with all that is told about it.
+/// One run with all its reports.
 fn once(args: &TestArgs, job: &Job, cases: &[Case], registry: &Registry) -> Result<Report, Failure> {
     let inputs = Inputs::new(cases.iter().map(|case| case.path.clone()));
     [&args.junit, &args.html].into_iter().flatten().try_for_each(|path| inputs.refuse(path))?;

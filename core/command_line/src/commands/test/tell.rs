@@ -13,7 +13,7 @@ pub struct Teller {
     /// Nothing but the report at the end.
     silent: bool,
     bar: Option<ProgressBar>,
-    /// Outcomes of the file that is being told.
+    /// Outcomes of the file that is being reported.
     file: Vec<Outcome>,
     failed: usize,
     /// The first thing that could not be written.
@@ -44,7 +44,7 @@ impl Teller {
             self.failed += 1;
             self.say(&terminal::failure(outcome));
         }
-        // Its pictures have been told and written.
+        // Its images have been reported and written.
         self.file.push(Outcome { checks: Vec::new(), ..outcome.clone() });
         if let Some(bar) = &self.bar {
             if self.failed > 0 {

@@ -7,7 +7,7 @@
 // param length = 0.4 in 0.01..100: metres from crest to crest
 // param phase = 0 in -1000..1000: how many waves have gone by; key it over time
 //
-// How far a corner moves, metres in the world, of at most // reach: METRES or a parameter. place: world, normal, uv, model (in
+// How far a vertex moves, metres in the world, of at most // reach: METRES or a parameter. place: world, normal, uv, model (in
 // the body's own space, before bones). With // space: model what it gives is along the body's own axes. Shadows and normals follow.
 // Put it beside the script, into a folder plugins there, or name its folder with --plugins; then:
 // effect("NAME").on(anna).key("phase", [[0.0, 0.0], [10.0, 20.0]])
