@@ -101,11 +101,11 @@ fn octahedron(out: &mut Primitive, joint: usize, from: DVec3, to: DVec3, width: 
     let ring = [side, other, -side, -other].map(|d| waist + d * width);
     for i in 0..4 {
         let (a, b) = (ring[i], ring[(i + 1) % 4]);
-        for corners in [[from, b, a], [to, a, b]] {
-            let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(along);
-            for corner in corners {
+        for vertices in [[from, b, a], [to, a, b]] {
+            let normal = (vertices[1] - vertices[0]).cross(vertices[2] - vertices[0]).normalize_or(along);
+            for vertex in vertices {
                 out.indices.push(out.positions.len() as u32);
-                out.positions.push(corner.as_vec3());
+                out.positions.push(vertex.as_vec3());
                 out.normals.push(normal.as_vec3().normalize_or(Vec3::Y));
                 out.joint_indices.extend([joint as u16, 0, 0, 0]);
                 out.joint_weights.extend([1.0, 0.0, 0.0, 0.0]);
@@ -141,7 +141,7 @@ mod tests {
             for i in bone {
                 assert!(
                     p.normals[i].dot(p.positions[i] - middle) > 0.0,
-                    "the normal of corner {i} points in"
+                    "the normal of vertex {i} points in"
                 );
             }
         }

@@ -1,4 +1,4 @@
-//! Colours of files, to linear.
+//! Colors of files, to linear.
 
 /// IEC 61966-2-1, one channel, 0 to 1.
 pub fn linear_from_srgb(v: f32) -> f32 {

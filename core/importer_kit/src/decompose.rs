@@ -3,7 +3,7 @@
 use glam::{DMat3, DMat4, DQuat, DVec3};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Parts {
+pub struct Trs {
     pub translation: DVec3,
     pub rotation: DQuat,
     /// A mirror is a negative x.
@@ -13,13 +13,13 @@ pub struct Parts {
 }
 
 /// The nearest parts by Gram–Schmidt, x first. Columns of length zero (flattened models) get axes that fit the others.
-pub fn decompose(m: &DMat4) -> Parts {
+pub fn decompose(m: &DMat4) -> Trs {
     let columns = [m.x_axis, m.y_axis, m.z_axis].map(|c| c.truncate());
     let translation = m.w_axis.truncate();
     let lengths = columns.map(|c| c.length());
     let largest = lengths.iter().fold(0.0, |a: f64, b| a.max(*b));
     if largest == 0.0 || !largest.is_finite() {
-        return Parts { translation, rotation: DQuat::IDENTITY, scale: DVec3::ZERO, error: 0.0 };
+        return Trs { translation, rotation: DQuat::IDENTITY, scale: DVec3::ZERO, error: 0.0 };
     }
     let axis = |i: usize| (lengths[i] > largest * 1e-9).then(|| columns[i] * (1.0 / lengths[i]));
     let (ax, ay, az) = (axis(0), axis(1), axis(2));
@@ -43,7 +43,7 @@ pub fn decompose(m: &DMat4) -> Parts {
     }
     let off = (0..3).map(|c| (rotation.col(c) * scale[c] - columns[c]).length_squared()).fold(0.0, f64::max);
     let error = off.sqrt() / largest;
-    Parts { translation, rotation: DQuat::from_mat3(&rotation).normalize(), scale, error }
+    Trs { translation, rotation: DQuat::from_mat3(&rotation).normalize(), scale, error }
 }
 
 #[cfg(test)]

@@ -4,28 +4,28 @@ use choreo_asset::{Primitive, Topology};
 use glam::{DVec3, Vec3, Vec4};
 use std::collections::HashMap;
 
-/// Gives each vertex of the index list its own value of one attribute. A vertex keeps its place for the
+/// Gives each face vertex of the index list its own value of one attribute. A vertex keeps its place for the
 /// first value it gets; further values get copies appended, so that the file's vertex order stays.
-/// `value_of_corner` sees the primitive as far as it is split: positions of vertices stay. `store` writes a value to a vertex.
-pub fn split_corners<K: std::hash::Hash + Eq, V: Copy>(
+/// `value_of` sees the primitive as far as it is split: positions of face vertices stay. `store` writes a value to a vertex.
+pub fn split_vertices<K: std::hash::Hash + Eq, V: Copy>(
     primitive: &mut Primitive,
-    value_of_corner: impl Fn(&Primitive, usize) -> V,
+    value_of: impl Fn(&Primitive, usize) -> V,
     key: impl Fn(V) -> K,
     store: impl Fn(&mut Primitive, usize, V),
 ) {
     // Only looked up, never walked: the map's order reaches nothing.
     let mut vertex_of: HashMap<(u32, K), u32> = HashMap::new();
     let mut taken = vec![false; primitive.positions.len()];
-    for corner in 0..primitive.indices.len() {
-        let vertex = primitive.indices[corner];
-        let value = value_of_corner(primitive, corner);
+    for face_vertex in 0..primitive.indices.len() {
+        let vertex = primitive.indices[face_vertex];
+        let value = value_of(primitive, face_vertex);
         let first = !std::mem::replace(&mut taken[vertex as usize], true);
         let split = *vertex_of.entry((vertex, key(value))).or_insert_with(|| {
             let to = if first { vertex } else { copy_vertex(primitive, vertex as usize) };
             store(primitive, to as usize, value);
             to
         });
-        primitive.indices[corner] = split;
+        primitive.indices[face_vertex] = split;
     }
 }
 
@@ -91,20 +91,20 @@ pub fn replace_zero(p: &mut Primitive) {
 pub fn flat(p: &mut Primitive) {
     let face_normals: Vec<Vec3> = p.indices.chunks_exact(3).map(|t| of_triangle(&p.positions, t)).collect();
     p.normals = vec![Vec3::Y; p.positions.len()];
-    split_corners(
+    split_vertices(
         p,
-        |_, corner| face_normals[corner / 3],
+        |_, face_vertex| face_normals[face_vertex / 3],
         |n| n.to_array().map(f32::to_bits),
         |p, vertex, n| p.normals[vertex] = n,
     );
 }
 
-/// Writes one tangent per index into the vertices.
+/// Writes one tangent a face vertex into the vertices.
 pub fn apply_tangents(p: &mut Primitive, tangents: &[Vec4]) {
     p.tangents = vec![Vec4::new(1.0, 0.0, 0.0, 1.0); p.positions.len()];
-    split_corners(
+    split_vertices(
         p,
-        |_, corner| tangents[corner],
+        |_, face_vertex| tangents[face_vertex],
         |t| t.to_array().map(f32::to_bits),
         |p, vertex, t| p.tangents[vertex] = t,
     );

@@ -1,4 +1,4 @@
-//! Panoramas of light: Radiance RGBE pictures (`.hdr`).
+//! Panoramas of light: Radiance RGBE images (`.hdr`).
 
 use crate::problem::{Problem, Result};
 use choreo_asset::{Panorama, PanoramaError};

@@ -1,4 +1,4 @@
-//! Pictures of a model file: sized from their headers, then decoded beside the rest of the import.
+//! Images of a model file: sized from their headers, then decoded beside the rest of the import.
 
 use crate::budget::Notes;
 use crate::problem::{Problem, Result};
@@ -12,10 +12,10 @@ use std::sync::{Arc, OnceLock};
 
 pub const MAX_IMAGE_SIDE: u32 = 16384;
 pub const MAX_IMAGE_PIXELS: u64 = 64 << 20;
-/// Pictures decoded at once; each can take a gigabyte while it is decoded.
+/// Images decoded at once; each can take a gigabyte while it is decoded.
 const MAX_WORKERS: usize = 4;
 
-/// A picture whose header has been read. `B` holds its bytes.
+/// An image whose header has been read. `B` holds its bytes.
 pub struct Encoded<B> {
     /// Place at which the file names it: "images[3]".
     pub place: String,
@@ -90,7 +90,7 @@ impl<B: AsRef<[u8]>> Encoded<B> {
         let mut limits = image::Limits::default();
         limits.max_image_width = Some(MAX_IMAGE_SIDE);
         limits.max_image_height = Some(MAX_IMAGE_SIDE);
-        // A 16-bit RGBA picture and the decoder's own rows.
+        // A 16-bit RGBA image and the decoder's own rows.
         limits.max_alloc = Some(MAX_IMAGE_PIXELS * 16);
         reader.limits(limits);
         let decoded = reader.decode().map_err(|e| fail(e.to_string()))?;
@@ -113,8 +113,8 @@ pub const CANCELLED: &str = "the import was cancelled";
 /// Share of an import that is done when its images begin to be waited for: they take most of the rest.
 const BEFORE_PICTURES: f32 = 0.5;
 
-/// Decodes pictures on threads of their own while `rest` runs here; one result a picture, in order. Where no pixels are needed
-/// they have a name and a size. `files` gets the number of decoded pixels; where it calls the import off, the pictures that are
+/// Decodes images on threads of their own while `rest` runs here; one result an image, in order. Where no pixels are needed
+/// they have a name and a size. `files` is told how many pixels are done; where it calls the import off, the images that are
 /// left are not begun.
 pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
     entries: &[Encoded<B>],
@@ -181,7 +181,7 @@ pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
     (images.collect(), rest)
 }
 
-/// Decoded pictures, with one white pixel and a warning in place of each that cannot be decoded. An error where the import was
+/// Decoded images, with one white pixel and a warning in place of each that cannot be decoded. An error where the import was
 /// called off.
 pub fn or_white<B>(
     decoded: Vec<Result<Arc<Image>>>,

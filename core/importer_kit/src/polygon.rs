@@ -50,8 +50,8 @@ impl Triangulator {
         let in_plane = plane(count, &vertex);
         let flat = |i: usize| in_plane(vertex(i));
         if count == 4 {
-            let corners = [0, 1, 2, 3].map(flat);
-            let turn = |a: usize, b: usize, c: usize| orient(corners[a], corners[b], corners[c]);
+            let quad = [0, 1, 2, 3].map(flat);
+            let turn = |a: usize, b: usize, c: usize| orient(quad[a], quad[b], quad[c]);
             // Either diagonal, where both of its triangles are wound right; the one from the first vertex where both do.
             let (a, b) = ((turn(0, 1, 2), turn(0, 2, 3)), (turn(0, 1, 3), turn(1, 2, 3)));
             if a.0 >= 0.0 && a.1 >= 0.0 && (a.0 > 0.0 || a.1 > 0.0) {
@@ -95,7 +95,7 @@ impl Triangulator {
         let mut cut = Cut::Whole;
         let mut left = n;
         let mut at = first;
-        // Vertices tested since the last ear.
+        // Vertices looked at since the last ear.
         let mut in_vain = 0;
         while left > 3 {
             let (before, after) = (self.previous[at as usize], self.next[at as usize]);
@@ -137,7 +137,7 @@ impl Triangulator {
         });
     }
 
-    /// A convex vertex, with no dent in its triangle. A dent at the very place of one of the triangle's vertices is no
+    /// A vertex that bulges, with no dent in its triangle. A dent at the very place of one of the triangle's vertices is no
     /// hindrance: polygons with holes run along a seam there and back.
     fn is_ear(&mut self, before: u32, at: u32, after: u32) -> bool {
         let [a, b, c] = [before, at, after].map(|i| self.flat[i as usize]);
@@ -199,33 +199,33 @@ fn orient(a: DVec2, b: DVec2, c: DVec2) -> f64 {
 mod tests {
     use super::*;
 
-    fn cut(corners: &[[f64; 2]]) -> (Vec<[u32; 3]>, Cut) {
-        let corners: Vec<DVec3> = corners.iter().map(|c| DVec3::new(c[0], c[1], 0.0)).collect();
+    fn cut(vertices: &[[f64; 2]]) -> (Vec<[u32; 3]>, Cut) {
+        let vertices: Vec<DVec3> = vertices.iter().map(|c| DVec3::new(c[0], c[1], 0.0)).collect();
         let mut out = Vec::new();
-        let how = Triangulator::default().cut(corners.len(), |i| corners[i], |t| out.push(t));
-        assert_eq!(out.len(), corners.len().saturating_sub(2));
+        let how = Triangulator::default().cut(vertices.len(), |i| vertices[i], |t| out.push(t));
+        assert_eq!(out.len(), vertices.len().saturating_sub(2));
         (out, how)
     }
 
-    fn area(corners: &[[f64; 2]], triangle: [u32; 3]) -> f64 {
-        let [a, b, c] = triangle.map(|i| DVec2::from(corners[i as usize]));
+    fn area(vertices: &[[f64; 2]], triangle: [u32; 3]) -> f64 {
+        let [a, b, c] = triangle.map(|i| DVec2::from(vertices[i as usize]));
         orient(a, b, c) / 2.0
     }
 
-    fn polygon_area(corners: &[[f64; 2]]) -> f64 {
-        let n = corners.len();
+    fn polygon_area(vertices: &[[f64; 2]]) -> f64 {
+        let n = vertices.len();
         (0..n)
-            .map(|i| corners[i][0] * corners[(i + 1) % n][1] - corners[(i + 1) % n][0] * corners[i][1])
+            .map(|i| vertices[i][0] * vertices[(i + 1) % n][1] - vertices[(i + 1) % n][0] * vertices[i][1])
             .sum::<f64>()
             / 2.0
     }
 
     /// All triangles wound as the polygon, their areas adding up to its own: they cover it without overlap.
-    fn covers(corners: &[[f64; 2]]) {
-        let (triangles, how) = cut(corners);
-        let areas: Vec<f64> = triangles.iter().map(|t| area(corners, *t)).collect();
+    fn covers(vertices: &[[f64; 2]]) {
+        let (triangles, how) = cut(vertices);
+        let areas: Vec<f64> = triangles.iter().map(|t| area(vertices, *t)).collect();
         assert!(areas.iter().all(|a| *a >= 0.0), "{areas:?}");
-        assert!((areas.iter().sum::<f64>() - polygon_area(corners)).abs() < 1e-9, "{areas:?}");
+        assert!((areas.iter().sum::<f64>() - polygon_area(vertices)).abs() < 1e-9, "{areas:?}");
         assert_eq!(how, Cut::Whole);
     }
 
@@ -276,7 +276,7 @@ mod tests {
     fn the_plane_and_the_direction_do_not_matter() {
         let arrow = [[0.0, 0.0], [2.0, 1.0], [0.0, 2.0], [0.5, 1.0], [0.4, 0.7]];
         for axes in [[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]] {
-            let corners: Vec<DVec3> = arrow
+            let vertices: Vec<DVec3> = arrow
                 .iter()
                 .map(|c| {
                     let mut p = [0.0; 3];
@@ -285,10 +285,10 @@ mod tests {
                 })
                 .collect();
             let mut out = Vec::new();
-            let how = Triangulator::default().cut(corners.len(), |i| corners[i], |t| out.push(t));
+            let how = Triangulator::default().cut(vertices.len(), |i| vertices[i], |t| out.push(t));
             assert_eq!(how, Cut::Whole);
             let vector = |t: &[u32; 3]| {
-                let [a, b, c] = t.map(|i| corners[i as usize]);
+                let [a, b, c] = t.map(|i| vertices[i as usize]);
                 (b - a).cross(c - a)
             };
             let whole: DVec3 = out.iter().map(vector).sum();

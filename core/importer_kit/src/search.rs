@@ -7,7 +7,7 @@ use crate::text::shown;
 use choreo_plugin::Files;
 use std::sync::Arc;
 
-/// Folders that exporters put pictures in, beside the model.
+/// Folders that exporters put images in, beside the model.
 const FOLDERS: [&str; 3] = ["textures", "images", "maps"];
 /// Folders at the end of an absolute path that are tried with the name.
 const MOST_FOLDERS: usize = 3;
@@ -65,8 +65,8 @@ pub fn read_first(files: &dyn Files, places: &[String]) -> Result<Arc<Vec<u8>>, 
     Err(first.unwrap_or_else(|| "it names no file".to_string()))
 }
 
-/// What to say of a picture or library at none of its [`places`]: its name, where it was looked for, and what to do. `why` is
-/// what [`read_first`] said: anything but that there is no such file is reported as it is.
+/// What to say of an image or library at none of its [`places`]: its name, where it was looked for, and what to do. `why` is
+/// what [`read_first`] said: anything but that there is no such file is told as it is.
 pub fn missing(written: &str, why: &str) -> String {
     let why_lower = why.to_lowercase();
     let absent =

@@ -1,43 +1,44 @@
 //! Normals for surfaces that come without: smooth across edges that are flatter than an angle.
 
-use crate::normals::split_corners;
+use crate::normals::split_vertices;
 use choreo_asset::Primitive;
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Triangles around one vertex that are compared with each other, all pairs. Beyond it (no modelled surface has that many)
-/// the vertices keep their triangles' normals, so that time stays proportional to the file.
+/// Triangles around one vertex that are compared with each other, all pairs. Beyond it (no modelled surface has so many)
+/// the face vertices keep their triangles' normals, so that time stays proportional to the file.
 const MAX_AROUND: usize = 256;
 
-/// Replaces the normals of a triangle list. Each vertex gets the mean, weighted by angle, of the normals of the triangles
+/// Replaces the normals of a triangle list. Each face vertex gets the mean, weighted by angle, of the normals of the triangles
 /// around its position whose normals are at most `limit_rad` from its own; with `group`, only triangles of the same number
 /// are taken and the angle does not count (number 0 stays flat: OBJ's smoothing groups). Vertices are split where needed.
 pub fn normals(p: &mut Primitive, limit_rad: f64, group: Option<&[u32]>) {
     let faces = p.indices.len() / 3;
-    let corner_position = |c: usize| p.positions[p.indices[c] as usize].as_dvec3();
+    let face_vertex_position = |c: usize| p.positions[p.indices[c] as usize].as_dvec3();
     let face_normals: Vec<DVec3> = (0..faces)
         .map(|f| {
-            let [a, b, c] = [0, 1, 2].map(|i| corner_position(f * 3 + i));
+            let [a, b, c] = [0, 1, 2].map(|i| face_vertex_position(f * 3 + i));
             (b - a).cross(c - a).normalize_or_zero()
         })
         .collect();
     let around = Around::new(p);
     // Each angle is a weight of all normals around: it is taken once.
-    let angles: Vec<f64> = around.corners.iter().map(|corner| angle(p, *corner as usize)).collect();
+    let angles: Vec<f64> =
+        around.face_vertices.iter().map(|face_vertex| angle(p, *face_vertex as usize)).collect();
     let cos_limit = libm::cos(limit_rad);
     let together = |a: usize, b: usize| match group {
         Some(group) => group[a] == group[b] && group[a] != 0,
         // A little more than the angle itself, for faces that meet exactly at it.
         None => face_normals[a].dot(face_normals[b]) >= cos_limit - 1e-9,
     };
-    // One corner after the other, as it is split off: a list of all would be as large as the mesh.
-    let normal = |p: &Primitive, corner: usize| {
-        let face = corner / 3;
+    // One face vertex after the other, as it is split off: a list of all would be as large as the mesh.
+    let normal = |p: &Primitive, face_vertex: usize| {
+        let face = face_vertex / 3;
         let own = face_normals[face];
         let mut sum = DVec3::ZERO;
-        let range = around.range(p.indices[corner]);
-        for (other, angle) in around.corners[range.clone()].iter().zip(&angles[range]) {
+        let range = around.range(p.indices[face_vertex]);
+        for (other, angle) in around.face_vertices[range.clone()].iter().zip(&angles[range]) {
             let other = *other as usize / 3;
             if other == face || together(face, other) {
                 sum += face_normals[other] * *angle;
@@ -47,25 +48,25 @@ pub fn normals(p: &mut Primitive, limit_rad: f64, group: Option<&[u32]>) {
         sum.try_normalize().unwrap_or(own.normalize_or(DVec3::Y)).as_vec3().normalize_or(Vec3::Y)
     };
     p.normals = vec![Vec3::Y; p.positions.len()];
-    split_corners(p, normal, |n| n.to_array().map(f32::to_bits), |p, vertex, n| p.normals[vertex] = n);
+    split_vertices(p, normal, |n| n.to_array().map(f32::to_bits), |p, vertex, n| p.normals[vertex] = n);
 }
 
-/// The angle of a triangle at a vertex.
-fn angle(p: &Primitive, corner: usize) -> f64 {
-    let (face, k) = (corner / 3 * 3, corner % 3);
+/// The angle of a triangle at a face vertex.
+fn angle(p: &Primitive, face_vertex: usize) -> f64 {
+    let (face, k) = (face_vertex / 3 * 3, face_vertex % 3);
     let at = |k: usize| p.positions[p.indices[face + k] as usize].as_dvec3();
     let (here, next, previous) = (at(k), at([1, 2, 0][k]), at([2, 0, 1][k]));
     let (a, b) = ((next - here).normalize_or_zero(), (previous - here).normalize_or_zero());
     libm::acos(a.dot(b).clamp(-1.0, 1.0))
 }
 
-/// Vertices by position: equal bits are the same place, whatever the vertex.
+/// Face vertices by position: equal bits are the same place, whatever the vertex.
 struct Around {
     place_of_vertex: Vec<u32>,
-    /// Index of the first entry of each position in `corners`; one entry more than positions.
+    /// Index of the first entry of each position in `face_vertices`; one entry more than positions.
     start: Vec<u32>,
     /// None for a place with more than [`MAX_AROUND`].
-    corners: Vec<u32>,
+    face_vertices: Vec<u32>,
 }
 
 impl Around {
@@ -88,15 +89,15 @@ impl Around {
             start.push(start.last().copied().unwrap_or(0) + few(*c));
         }
         let mut next = start.clone();
-        let mut corners = vec![0; start.last().copied().unwrap_or(0) as usize];
-        for (corner, index) in p.indices.iter().enumerate() {
+        let mut face_vertices = vec![0; start.last().copied().unwrap_or(0) as usize];
+        for (face_vertex, index) in p.indices.iter().enumerate() {
             let place = place(index);
             if few(count[place]) > 0 {
-                corners[next[place] as usize] = corner as u32;
+                face_vertices[next[place] as usize] = face_vertex as u32;
                 next[place] += 1;
             }
         }
-        Around { place_of_vertex, start, corners }
+        Around { place_of_vertex, start, face_vertices }
     }
 
     /// Range of the list of vertices at the place of a vertex; empty where they are too many to be compared.
@@ -124,28 +125,31 @@ mod tests {
     fn edges_flatter_than_the_limit_are_smooth() {
         let mut p = fan();
         normals(&mut p, 45f64.to_radians(), None);
-        let corner = |p: &Primitive, c: usize| p.normals[p.indices[c] as usize];
+        let face_vertex = |p: &Primitive, c: usize| p.normals[p.indices[c] as usize];
         assert_eq!(
-            corner(&p, 0),
-            corner(&p, 6),
+            face_vertex(&p, 0),
+            face_vertex(&p, 6),
             "the first and the leaning one share a normal along their edge"
         );
-        assert_eq!(corner(&p, 2), corner(&p, 7));
-        assert!(corner(&p, 0).dot(Vec3::Z) < 0.999);
-        assert!((corner(&p, 3) - Vec3::NEG_Y).length() < 1e-6 || (corner(&p, 3) - Vec3::Y).length() < 1e-6);
+        assert_eq!(face_vertex(&p, 2), face_vertex(&p, 7));
+        assert!(face_vertex(&p, 0).dot(Vec3::Z) < 0.999);
+        assert!(
+            (face_vertex(&p, 3) - Vec3::NEG_Y).length() < 1e-6
+                || (face_vertex(&p, 3) - Vec3::Y).length() < 1e-6
+        );
         let mut flat = fan();
         normals(&mut flat, 0.0, None);
-        assert_eq!(corner(&flat, 0), Vec3::Z);
+        assert_eq!(face_vertex(&flat, 0), Vec3::Z);
     }
 
     #[test]
     fn groups_decide_in_place_of_the_angle() {
         let mut p = fan();
         normals(&mut p, 0.0, Some(&[7, 7, 0]));
-        let corner = |c: usize| p.normals[p.indices[c] as usize];
-        assert_eq!(corner(0), corner(3));
-        assert!((corner(0).length() - 1.0).abs() < 1e-6);
-        assert!(corner(6) != corner(0));
+        let face_vertex = |c: usize| p.normals[p.indices[c] as usize];
+        assert_eq!(face_vertex(0), face_vertex(3));
+        assert!((face_vertex(0).length() - 1.0).abs() < 1e-6);
+        assert!(face_vertex(6) != face_vertex(0));
     }
 
     #[test]

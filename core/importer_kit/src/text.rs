@@ -97,7 +97,7 @@ pub fn next_number<'a>(rest: &mut &'a [u8]) -> Option<Result<f64, &'a [u8]>> {
     Some(Err(white_word(rest)))
 }
 
-/// As [`next_number`], a whole number.
+/// Takes the next whole number off text, as [`next_number`] does.
 #[inline(always)]
 pub fn next_integer<'a>(rest: &mut &'a [u8]) -> Option<Result<i64, &'a [u8]>> {
     skip_white(rest)?;

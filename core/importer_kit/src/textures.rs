@@ -1,6 +1,6 @@
-//! Pictures that a file names by path, as OBJ and COLLADA do: found through [`Files`], read once, decoded beside the rest.
+//! Images that a file names by path, as OBJ and COLLADA do: found through [`Files`], read once, decoded beside the rest.
 //!
-//! A missing or broken picture is no reason to refuse a model: it is a warning.
+//! A missing or broken image is no reason to refuse a model: it is a warning.
 
 use crate::Result;
 use crate::budget::{Budget, Notes};
@@ -12,7 +12,7 @@ use choreo_plugin::{Files, Needs};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// The bytes of a picture file.
+/// The bytes of an image file.
 pub struct Bytes(pub Arc<Vec<u8>>);
 
 impl AsRef<[u8]> for Bytes {
@@ -29,7 +29,7 @@ pub struct Textures {
 }
 
 impl Textures {
-    /// Index of the picture at the path that the file gives: with either slash, percent-encoded, as a `file:` URI; absolute
+    /// Index of the image at the path that the file gives: with either slash, percent-encoded, as a `file:` URI; absolute
     /// ones and those that are not there are looked for as [`search::places`] says.
     pub fn find(
         &mut self,
@@ -135,7 +135,7 @@ pub fn use_normal_maps(
     }
 }
 
-/// Whether a picture holds directions (mean near 128, 128, 255) and not heights: many files give a normal map where their
+/// Whether an image holds directions (mean near 128, 128, 255) and not heights: many files give a normal map where their
 /// format has only a bump map.
 fn is_normal_map(image: &Image) -> bool {
     let mut sums = [0u64; 3];

@@ -38,7 +38,7 @@ pub fn run_cases(importer: &dyn Importer, cases: impl FnOnce() -> Vec<(&'static 
     }
 }
 
-/// As [`run_slice`], at 50 places.
+/// Runs [`run_slice`] at 50 places.
 pub fn run(importer: &dyn Importer, name: &str, bytes: &[u8], flips: usize) -> Outcome {
     run_slice(importer, name, bytes, &Companions::none(), 50, flips)
 }

@@ -71,7 +71,7 @@ fn layouts_equal_the_rust_structs() {
     compare(&m, "ShadowView", size_of::<ShadowUniform>(), lookup);
     compare(&m, "UvTransform", size_of::<UvTransform>(), fields!(UvTransform: x, y));
     compare(&m, "Light", size_of::<PlanLight>(), fields!(PlanLight: position, direction, color, cone));
-    compare(&m, "Affine3x4", 48, &[("x", 0), ("y", 16), ("z", 32)]);
+    compare(&m, "Rows", 48, &[("x", 0), ("y", 16), ("z", 32)]);
     let (members, span) = layout(&m, "Instance");
     let rust =
         fields!(Instance: relative_from_mesh, tint, first_joint, first_morph, morph_count, width).iter();

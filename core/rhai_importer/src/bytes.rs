@@ -19,7 +19,7 @@ pub struct Bytes {
 
 /// A number's layout, and how it becomes an f64 (exactly, but for 64-bit integers beyond 2^53).
 #[derive(Clone, Copy)]
-struct Kind {
+struct NumberType {
     name: &'static str,
     size: usize,
     read: fn([u8; 8]) -> f64,
@@ -30,7 +30,7 @@ struct Kind {
 /// `read` gets the number's bytes little-endian, at the front of eight.
 macro_rules! kind {
     ($name:literal, $type:ty, $one:expr) => {
-        Kind {
+        NumberType {
             name: $name,
             size: size_of::<$type>(),
             read: |b| {
@@ -43,7 +43,7 @@ macro_rules! kind {
     };
 }
 
-const KINDS: [Kind; 10] = [
+const NUMBER_TYPES: [NumberType; 10] = [
     kind!("u8", u8, 255.0),
     kind!("i8", i8, 127.0),
     kind!("u16", u16, 65535.0),
@@ -87,7 +87,7 @@ impl Bytes {
         Ok(Bytes { range: start..start + count as usize, ..self.clone() })
     }
 
-    fn one(&self, kind: Kind, offset: i64) -> Result<f64, Refused> {
+    fn one(&self, kind: NumberType, offset: i64) -> Result<f64, Refused> {
         let bytes = self.take(offset, kind.size as i64, kind.name)?;
         Ok((kind.read)(self.little(bytes)))
     }
@@ -102,7 +102,7 @@ impl Bytes {
     }
 
     /// `count` rows of `width` numbers, a row starting every `stride` bytes.
-    fn many(&self, kind: Kind, offset: i64, count: i64, options: &Map) -> Result<Numbers, Refused> {
+    fn many(&self, kind: NumberType, offset: i64, count: i64, options: &Map) -> Result<Numbers, Refused> {
         let what = format!("{}s", kind.name);
         let known = ["width", "stride", "normalized"];
         if let Some(key) = options.keys().find(|k| !known.contains(&k.as_str())) {
@@ -243,7 +243,7 @@ pub fn register(engine: &mut Engine) {
     engine.register_fn("words", |text: &str| -> Array {
         text.split_whitespace().map(|w| Dynamic::from(ImmutableString::from(w))).collect()
     });
-    for kind in KINDS {
+    for kind in NUMBER_TYPES {
         match kind.name {
             "f32" | "f64" => {
                 engine.register_fn(kind.name, move |b: &mut Bytes, offset: i64| b.one(kind, offset));

@@ -2,7 +2,10 @@
 
 use crate::budget::Budget;
 use crate::{bytes, numbers};
-use rhai::packages::*;
+use rhai::packages::{
+    BasicArrayPackage, BasicMapPackage, BitFieldPackage, CorePackage, LogicPackage, MoreStringPackage,
+    Package,
+};
 use rhai::{Engine, OptimizationLevel};
 use std::time::{Duration, Instant};
 

@@ -1,5 +1,6 @@
 //! Object maps of a script, `#{ positions: …, normals: … }`, as the values that the asset is built from.
 
+use crate::budget::{Refused, refuse};
 use crate::numbers;
 use choreo_asset::Topology;
 use choreo_plugin::MeshData;
@@ -12,7 +13,30 @@ pub struct Fields<'a> {
     map: &'a Map,
 }
 
-type Result<T> = std::result::Result<T, String>;
+/// A field of an object map that cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct FieldError(String);
+
+pub type Result<T> = std::result::Result<T, FieldError>;
+
+impl From<String> for FieldError {
+    fn from(text: String) -> FieldError {
+        FieldError(text)
+    }
+}
+
+impl From<&str> for FieldError {
+    fn from(text: &str) -> FieldError {
+        FieldError(text.into())
+    }
+}
+
+impl From<FieldError> for Refused {
+    fn from(error: FieldError) -> Refused {
+        refuse(error.0)
+    }
+}
 
 impl<'a> Fields<'a> {
     /// Refuses names that are not in `known`.
@@ -21,16 +45,14 @@ impl<'a> Fields<'a> {
             None => Ok(Fields { what, map }),
             Some(key) => {
                 let near = did_you_mean(key, known.iter().copied());
-                Err(format!(
-                    "{what}: unknown field \"{key}\"{near}; it knows {}",
-                    list(known.iter().copied(), 30)
-                ))
+                let known = list(known.iter().copied(), 30);
+                Err(format!("{what}: unknown field \"{key}\"{near}; it knows {known}").into())
             }
         }
     }
 
     fn wrong<T>(&self, name: &str, expected: &str, got: &Dynamic) -> Result<T> {
-        Err(format!("{}: {name} must be {expected}, got {}", self.what, got.type_name()))
+        Err(format!("{}: {name} must be {expected}, got {}", self.what, got.type_name()).into())
     }
 
     pub fn value(&self, name: &str) -> Option<&'a Dynamic> {
@@ -89,7 +111,7 @@ impl<'a> Fields<'a> {
         let numbers = self.numbers(name)?;
         let whole = |(at, v): (usize, &f64)| match f64::from(*v as u32) == *v {
             true => Ok(*v as u32),
-            false => Err(format!("{}: {name}[{at}] is {v}, must be a whole number from 0", self.what)),
+            false => Err(format!("{}: {name}[{at}] is {v}, must be a whole number from 0", self.what).into()),
         };
         numbers.iter().enumerate().map(whole).collect()
     }

@@ -37,7 +37,7 @@ pub struct ScriptError {
 
 /// An importer read from a script. Every import runs in an interpreter of its own.
 pub struct RhaiImporter {
-    /// As shown in messages.
+    /// The name in messages.
     file: String,
     ast: AST,
     manifest: Manifest,
@@ -194,7 +194,7 @@ impl Importer for RhaiImporter {
     ) -> Result<Asset, ImportError> {
         let budget = Budget::for_file(source.bytes.len());
         let (ask, asked) = mpsc::channel::<Request>();
-        // On a thread of its own, whose stack is known to hold the deepest calls that the limits allow; the files beside
+        // The script runs on a thread of its own, whose stack is known to hold the deepest calls that the limits allow; the files beside
         // the source are read on this one, which alone may use `files`.
         let built = std::thread::scope(|scope| {
             let worker = std::thread::Builder::new().name("importer".into()).stack_size(STACK);
@@ -234,7 +234,7 @@ pub fn manifest_of(ast: &AST, file: &str, text: &str) -> Result<Manifest, Script
     let called = manifest_engine().call_fn(&mut Scope::new(), ast, "manifest", ());
     let value: Dynamic = called.map_err(|e| script_error(file, e, &[], line))?;
     let wrong = |message| ScriptError { file: file.into(), line, column: 1, message };
-    manifest::read(&value).map_err(wrong)
+    manifest::read(&value).map_err(|error| wrong(error.to_string()))
 }
 
 /// A text without the byte order mark that some editors put before it.

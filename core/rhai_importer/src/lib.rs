@@ -15,7 +15,5 @@ mod numbers;
 mod on_use;
 mod scene;
 
-pub use fields::{Fields, mesh_data};
 pub use importer::{ENDING, RhaiImporter, ScriptError};
-pub use numbers::Numbers;
 pub use on_use::ImporterOnUse;

@@ -1,10 +1,8 @@
 //! What `fn manifest()` returns, as the manifest that every plugin has.
 
-use crate::fields::Fields;
+use crate::fields::{Fields, Result};
 use choreo_plugin::Manifest;
 use rhai::{Array, Dynamic, Map};
-
-type Result<T> = std::result::Result<T, String>;
 
 pub fn read(value: &Dynamic) -> Result<Manifest> {
     let map = value.read_lock::<Map>().ok_or("manifest() must return an object map #{ name: …, … }")?;
@@ -12,7 +10,7 @@ pub fn read(value: &Dynamic) -> Result<Manifest> {
     let name = f.text("name")?.ok_or("manifest: name is missing")?;
     let valid = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     if name.is_empty() || name.len() > 60 || !name.chars().all(valid) {
-        return Err(format!("manifest: name \"{name}\" must be letters, digits, - and _, at most 60"));
+        return Err(format!("manifest: name \"{name}\" must be letters, digits, - and _, at most 60").into());
     }
     let version = f.text("version")?.unwrap_or_else(|| "1".into());
     let about = f.text("about")?.unwrap_or_default();
@@ -38,7 +36,7 @@ fn texts(f: &Fields<'_>, name: &str) -> Result<Vec<String>> {
     let Some(value) = f.value(name) else { return Ok(Vec::new()) };
     if let Some(array) = value.read_lock::<Array>() {
         let all: Option<Vec<String>> = array.iter().map(|v| v.clone().into_string().ok()).collect();
-        return all.ok_or_else(|| format!("manifest: {name} must be texts"));
+        return all.ok_or_else(|| format!("manifest: {name} must be texts").into());
     }
     Ok(f.text(name)?.into_iter().collect())
 }
@@ -47,7 +45,8 @@ fn texts(f: &Fields<'_>, name: &str) -> Result<Vec<String>> {
 fn latin(text: &str) -> Result<Vec<u8>> {
     text.chars()
         .map(|c| {
-            u8::try_from(u32::from(c)).map_err(|_| format!("manifest: magic holds '{c}', which is no byte"))
+            u8::try_from(u32::from(c))
+                .map_err(|_| format!("manifest: magic holds '{c}', which is no byte").into())
         })
         .collect()
 }
@@ -66,7 +65,7 @@ fn option(manifest: Manifest, name: &str, spec: &Dynamic) -> Result<Manifest> {
         let text = f.text("value")?.unwrap_or_default();
         let one_of = texts(&f, "one_of")?;
         if !one_of.is_empty() && !one_of.contains(&text) {
-            return Err(format!("{what}: the value \"{text}\" is not in one_of"));
+            return Err(format!("{what}: the value \"{text}\" is not in one_of").into());
         }
         let one_of: Vec<&str> = one_of.iter().map(String::as_str).collect();
         return Ok(manifest.text(name, &about, &text, &one_of));
@@ -74,7 +73,7 @@ fn option(manifest: Manifest, name: &str, spec: &Dynamic) -> Result<Manifest> {
     let number = f.number("value")?.unwrap_or_default();
     let (min, max) = (f.number("min")?.unwrap_or(-1e9), f.number("max")?.unwrap_or(1e9));
     if !(min..=max).contains(&number) {
-        return Err(format!("{what}: the value {number} is not within {min} to {max}"));
+        return Err(format!("{what}: the value {number} is not within {min} to {max}").into());
     }
     Ok(manifest.number(name, &about, number, min..=max))
 }

@@ -2,7 +2,7 @@
 
 use crate::budget::{Budget, Refused, refuse};
 use crate::bytes::Bytes;
-use crate::fields::{Fields, MESH, mesh_data};
+use crate::fields::{self, FieldError, Fields, MESH, mesh_data};
 use choreo_asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Topology};
 use choreo_motion::{Curve, Interpolation, Path, Time, Transform};
 use choreo_plugin::{AssetBuilder, Needs};
@@ -52,7 +52,7 @@ pub fn register(engine: &mut Engine, scene: &Shared, budget: &Budget) {
     let (s, b) = (scene.clone(), budget.clone());
     engine.register_fn("image", move |map: Map| image(&s, &b, &map));
     let (s, b) = (scene.clone(), budget.clone());
-    // As scene scripts say it.
+    // The same words as in scene scripts.
     engine.register_fn("image", move |width: i64, height: i64, pixels: Dynamic| {
         let fields = [("width", width.into()), ("height", height.into()), ("pixels", pixels)];
         image(&s, &b, &fields.into_iter().map(|(name, value)| (name.into(), value)).collect())
@@ -94,16 +94,16 @@ fn joint(scene: &Shared, name: &str, parent: Option<i64>, map: &Map) -> Result<i
     if scene.builder.joints().len() >= crate::engine::MOST_IN_ARRAY {
         return Err(refuse(format!("too many joints, at most {}", crate::engine::MOST_IN_ARRAY)));
     }
-    let rest = rest(&format!("joint \"{name}\""), map).map_err(refuse)?;
+    let rest = rest(&format!("joint \"{name}\""), map)?;
     scene.builder.joint(name, parent, rest).map(i64::from).map_err(|e| refuse(e.to_string()))
 }
 
-fn rest(what: &str, map: &Map) -> Result<Transform, String> {
+fn rest(what: &str, map: &Map) -> fields::Result<Transform> {
     let f = Fields::new(what, map, &["translation", "rotation", "scale", "matrix"])?;
     if let Some(matrix) = f.vector::<16>("matrix")? {
         let matrix = Mat4::from_cols_array(&matrix);
         if !(matrix.is_finite() && matrix.determinant() != 0.0) {
-            return Err(format!("{what}: the matrix has no inverse"));
+            return Err(format!("{what}: the matrix has no inverse").into());
         }
         return Ok(Transform::from_matrix(matrix));
     }
@@ -116,22 +116,22 @@ fn rest(what: &str, map: &Map) -> Result<Transform, String> {
 
 /// Returns the mesh's number; nothing is read of the arrays where the caller needs no geometry.
 fn mesh(scene: &Shared, name: &str, topology: Topology, map: &Map) -> Result<i64, Refused> {
-    let f = Fields::new(name, map, MESH).map_err(refuse)?;
+    let f = Fields::new(name, map, MESH)?;
     let mut scene = lock(scene);
     if !scene.needs.geometry {
         return Ok(-1);
     }
-    let data = mesh_data(&f, topology).map_err(refuse)?;
+    let data = mesh_data(&f, topology)?;
     scene.builder.mesh(data).map(i64::from).map_err(|e| refuse(e.to_string()))
 }
 
 fn material(scene: &Shared, map: &Map) -> Result<i64, Refused> {
     let mut scene = lock(scene);
-    let material = read_material(map, scene.needs.textures).map_err(refuse)?;
+    let material = read_material(map, scene.needs.textures)?;
     scene.builder.material(material).map(i64::from).map_err(|e| refuse(e.to_string()))
 }
 
-fn read_material(map: &Map, textures: bool) -> Result<Material, String> {
+fn read_material(map: &Map, textures: bool) -> fields::Result<Material> {
     let known = [
         "name",
         "color",
@@ -149,14 +149,16 @@ fn read_material(map: &Map, textures: bool) -> Result<Material, String> {
     let number = |name: &str, default: f32, max: f64| match f.number(name)? {
         None => Ok(default),
         Some(v) if (0.0..=max).contains(&v) => Ok(v as f32),
-        Some(v) => Err(format!("material: {name} must be from 0 to {max}, got {v}")),
+        Some(v) => Err(FieldError::from(format!("material: {name} must be from 0 to {max}, got {v}"))),
     };
     let color = match f.value("color") {
         None => Vec4::ONE,
         Some(_) => match f.floats("color")?.as_slice() {
             [r, g, b] => Vec4::new(*r, *g, *b, 1.0),
             [r, g, b, a] => Vec4::new(*r, *g, *b, *a),
-            other => return Err(format!("material: color must be 3 or 4 numbers, got {}", other.len())),
+            other => {
+                return Err(format!("material: color must be 3 or 4 numbers, got {}", other.len()).into());
+            }
         },
     };
     let mut material = Material {
@@ -183,7 +185,9 @@ fn read_material(map: &Map, textures: bool) -> Result<Material, String> {
         (Some("opaque"), _) | (None, false) => AlphaMode::Opaque,
         (Some("blend"), _) | (None, true) => AlphaMode::Blend,
         (Some("mask"), _) => AlphaMode::Mask(0.5),
-        (Some(other), _) => return Err(format!("material: alpha is opaque, mask or blend, not \"{other}\"")),
+        (Some(other), _) => {
+            return Err(format!("material: alpha is opaque, mask or blend, not \"{other}\"").into());
+        }
     };
     if let (Some(image), true) = (f.index("image")?, textures) {
         let sampler = Sampler::default();
@@ -195,16 +199,16 @@ fn read_material(map: &Map, textures: bool) -> Result<Material, String> {
 
 /// Pixels as bytes or numbers from 0 to 255, or a whole PNG, JPEG or WebP file.
 fn image(scene: &Shared, budget: &Budget, map: &Map) -> Result<i64, Refused> {
-    let f = Fields::new("image", map, &["name", "width", "height", "pixels", "file"]).map_err(refuse)?;
+    let f = Fields::new("image", map, &["name", "width", "height", "pixels", "file"])?;
     let mut scene = lock(scene);
     if !scene.needs.textures {
         return Ok(0);
     }
-    let name = f.text("name").map_err(refuse)?.unwrap_or_default();
+    let name = f.text("name")?.unwrap_or_default();
     let (width, height, pixels) = match f.value("file").and_then(|v| v.read_lock::<Bytes>()) {
         Some(file) => decode(file.slice(), budget).map_err(|e| refuse(format!("image \"{name}\": {e}")))?,
         None => {
-            let (width, height) = (f.index("width").map_err(refuse)?, f.index("height").map_err(refuse)?);
+            let (width, height) = (f.index("width")?, f.index("height")?);
             let (Some(width), Some(height)) = (width, height) else {
                 return Err(refuse(
                     "image: give width, height and pixels, or file: the bytes of a PNG, JPEG or WebP",
@@ -212,7 +216,7 @@ fn image(scene: &Shared, budget: &Budget, map: &Map) -> Result<i64, Refused> {
             };
             let pixels = match f.value("pixels").and_then(|v| v.read_lock::<Bytes>()) {
                 Some(bytes) => bytes.slice().to_vec(),
-                None => f.numbers("pixels").map_err(refuse)?.iter().map(|v| libm::round(*v) as u8).collect(),
+                None => f.numbers("pixels")?.iter().map(|v| libm::round(*v) as u8).collect(),
             };
             (width, height, pixels)
         }
@@ -220,18 +224,16 @@ fn image(scene: &Shared, budget: &Budget, map: &Map) -> Result<i64, Refused> {
     scene.builder.image(&name, width, height, &pixels).map(i64::from).map_err(|e| refuse(e.to_string()))
 }
 
-fn decode(file: &[u8], budget: &Budget) -> Result<(u32, u32, Vec<u8>), String> {
-    let mut reader = image::ImageReader::new(std::io::Cursor::new(file))
-        .with_guessed_format()
-        .map_err(|e| e.to_string())?;
+fn decode(file: &[u8], budget: &Budget) -> Result<(u32, u32, Vec<u8>), Box<dyn std::error::Error>> {
+    let mut reader = image::ImageReader::new(std::io::Cursor::new(file)).with_guessed_format()?;
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(16_384);
     limits.max_image_height = Some(16_384);
     limits.max_alloc = Some(512 << 20);
     reader.limits(limits);
-    let rgba = reader.decode().map_err(|e| e.to_string())?.into_rgba8();
+    let rgba = reader.decode()?.into_rgba8();
     // The decoder's own limit bounds what is taken before this is counted.
-    budget.take(rgba.as_raw().len()).map_err(|e| e.to_string())?;
+    budget.take(rgba.as_raw().len())?;
     Ok((rgba.width(), rgba.height(), rgba.into_raw()))
 }
 
@@ -249,7 +251,7 @@ fn clip(scene: &Shared, name: &str, curves: &Array) -> Result<(), Refused> {
         let map = map.ok_or_else(|| {
             refuse(format!("{what}: must be #{{ joint: …, path: …, times: …, values: … }}"))
         })?;
-        let mut curve = curve(&what, &map).map_err(refuse)?;
+        let mut curve = curve(&what, &map)?;
         let key = curve.times.to_vec();
         curve.times = times.entry(key).or_insert(curve.times).clone();
         all.push(curve);
@@ -258,26 +260,26 @@ fn clip(scene: &Shared, name: &str, curves: &Array) -> Result<(), Refused> {
     Ok(())
 }
 
-fn curve(what: &str, map: &Map) -> Result<Curve, String> {
+fn curve(what: &str, map: &Map) -> fields::Result<Curve> {
     let f = Fields::new(what, map, &["joint", "path", "times", "values", "interpolation"])?;
     let path = match f.text("path")?.as_deref() {
         Some("translation") => Path::Translation,
         Some("rotation") => Path::Rotation,
         Some("scale") => Path::Scale,
-        _ => return Err(format!("{what}: path must be \"translation\", \"rotation\" or \"scale\"")),
+        _ => return Err(format!("{what}: path must be \"translation\", \"rotation\" or \"scale\"").into()),
     };
     let interpolation = match f.text("interpolation")?.as_deref() {
         None | Some("linear") => Interpolation::Linear,
         Some("step") => Interpolation::Step,
         Some("cubic") => Interpolation::CubicSpline,
         Some(other) => {
-            return Err(format!("{what}: interpolation is linear, step or cubic, not \"{other}\""));
+            return Err(format!("{what}: interpolation is linear, step or cubic, not \"{other}\"").into());
         }
     };
     let joint = f.index("joint")?.ok_or_else(|| format!("{what}: joint is missing"))?;
     let seconds = f.numbers("times")?;
     if let Some(bad) = seconds.iter().find(|t| !(0.0..=1e6).contains(*t)) {
-        return Err(format!("{what}: times are seconds from 0 to 1000000, got {bad}"));
+        return Err(format!("{what}: times are seconds from 0 to 1000000, got {bad}").into());
     }
     let times = seconds.iter().map(|t| Time::from_secs(*t)).collect();
     Ok(Curve { joint, path, interpolation, times, values: f.floats("values")?.into() })

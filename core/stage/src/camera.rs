@@ -1,6 +1,5 @@
 //! Which camera is on, where it stands and what it sees.
 
-use crate::framing::Framings;
 use crate::properties;
 use crate::snapshot::{ActorState, CameraState};
 use crate::stage::actor::{Actor, Attachment, Target};
@@ -18,6 +17,9 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 /// the way there. Reversed-Z float depth makes near planes cheap.
 const NEAR_OF_DISTANCE: f64 = 0.01;
 
+/// Azimuth and elevation for a stage without a camera: from the front, a little from the right and above.
+const DEFAULT_VIEW: (f64, f64) = (0.45, 0.18);
+
 /// The camera cut to last, else the first, else none.
 pub(crate) fn on_at(stage: &Stage, time: Time) -> Option<usize> {
     let begun = stage.cuts.partition_point(|cut| cut.at <= time);
@@ -27,15 +29,15 @@ pub(crate) fn on_at(stage: &Stage, time: Time) -> Option<usize> {
 
 pub(crate) fn evaluate(
     stage: &Stage,
-    framings: &Framings,
+    frame: impl Fn(Option<usize>, f64, f64, Projection) -> Result<CameraState, StageError>,
     edits: &FrameEdits,
     time: Time,
     index: Option<usize>,
     actors: &[ActorState],
 ) -> Result<CameraState, StageError> {
     let Some((index, camera)) = index.and_then(|i| Some((i, stage.cameras.get(i)?))) else {
-        let (azimuth, elevation) = crate::framing::DEFAULT_VIEW;
-        return framings.camera(stage, None, azimuth, elevation, Projection::default());
+        let (azimuth, elevation) = DEFAULT_VIEW;
+        return frame(None, azimuth, elevation, Projection::default());
     };
     if let Some(state) = by_places(stage, edits, time, Some(index), actors) {
         return Ok(state);
@@ -74,7 +76,7 @@ pub(crate) fn evaluate(
             state(position, rotation_of(&world_from_camera.matrix3), scaled(projection, scale))
         }
         Rig::Frame { azimuth, elevation } => {
-            let mut framed = framings.camera(stage, Some(index), *azimuth, *elevation, projection)?;
+            let mut framed = frame(Some(index), *azimuth, *elevation, projection)?;
             if let Some(position) = moved_to {
                 framed.world_from_view.translation = position;
             }

@@ -5,7 +5,7 @@
 
 use crate::camera::orbit_rotation;
 use crate::constraints::foot_lock::FootLocks;
-use crate::evaluate::{Evaluation, Scratch, evaluate_actors};
+use crate::constraints::{ConstrainedScratch, evaluate_actors};
 use crate::pose::posed_mesh::posed_body;
 use crate::pose::posed_mesh::posed_meshes;
 use crate::snapshot::{ActorState, CameraState, Snapshot};
@@ -23,8 +23,6 @@ const TIMES: std::ops::RangeInclusive<usize> = 6..=48;
 const FLAT: f32 = 0.01;
 /// Picture left free on each side, of its half.
 const MARGIN: f64 = 0.06;
-/// Azimuth and elevation for a stage without a camera: from the front, a little from the right and above.
-pub(crate) const DEFAULT_VIEW: (f64, f64) = (0.45, 0.18);
 /// Bounds of an empty scene: the room of one person.
 const EMPTY_ROOM: (DVec3, DVec3) = (DVec3::new(-1.0, 0.0, -1.0), DVec3::new(1.0, 2.0, 1.0));
 
@@ -63,12 +61,12 @@ fn visible_boxes(stage: &Stage, world_from_axes: DQuat) -> Result<Vec<DAabb>, St
     let length = stage.settings.length.max(Time::ZERO);
     let intervals = intervals.min((length.as_secs() * 48.0) as usize).max(1);
     let (mut boxes, mut ground) = (Vec::new(), Vec::new());
-    let (mut scratch, mut snapshot) = (Scratch::default(), Snapshot::default());
+    let (mut scratch, mut snapshot) = (ConstrainedScratch::default(), Snapshot::default());
     // Hair that flies changes no picture's frame.
     let foot_locks = FootLocks::default();
     for i in 0..=intervals {
         let time = Time((i128::from(length.0) * i as i128 / intervals as i128) as i64);
-        evaluate_actors(stage, &mut scratch, time, Evaluation::Constraints(&foot_locks), &mut snapshot)?;
+        evaluate_actors(stage, &mut scratch, time, &foot_locks, None, &mut snapshot)?;
         for (actor, state) in stage.actors.iter().zip(&snapshot.actors).filter(|(_, s)| s.visible) {
             let mut bounds = DAabb::EMPTY;
             let axes_from_model = axes_from_world * state.world_from_model;

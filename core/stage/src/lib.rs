@@ -3,6 +3,7 @@
 //! A stage is plain data: a script (or any Rust code) fills it, nothing in it changes while it is drawn.
 //! `at` is a function of the time alone: any order, any thread, the same bits.
 
+mod actors;
 mod build;
 mod camera;
 mod check;

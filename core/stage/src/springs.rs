@@ -9,11 +9,13 @@
 //! as many as lie between two kept states (16, more once they would take 32 MiB). Springs remember ten minutes: in each stretch of [`STRETCH`] steps the motion begins anew, settled, a minute
 //! before it, which no damped spring remembers, so that 100 hours into a stage cost no more than 11 minutes.
 
+use crate::actors;
 use crate::constraints::foot_lock::FootLocks;
-use crate::evaluate::{Evaluation, Scratch, evaluate_actors};
+use crate::constraints::{ConstrainedScratch, evaluate_actors};
 use crate::snapshot::{ActorState, Snapshot};
 use crate::stage::edits::ActorEdit;
 use crate::stage::{Stage, StageError};
+use crate::transforms::order::PlacementStep;
 use choreo_motion::Time;
 use choreo_motion::spring::{SpringScratch, SpringState, SpringStep};
 use glam::DVec3;
@@ -89,7 +91,7 @@ pub(crate) struct Simulation {
     at: Option<Key>,
     states: States,
     shown: States,
-    scratch: Option<Box<Scratch>>,
+    scratch: Option<Box<ConstrainedScratch>>,
     snapshot: Snapshot,
     buffers: SpringScratch,
 }
@@ -97,7 +99,7 @@ pub(crate) struct Simulation {
 impl Simulation {
     /// Poses taken for steps of the grid.
     pub fn poses(&self) -> usize {
-        self.scratch.as_ref().map_or(0, |s| s.all_poses())
+        self.scratch.as_ref().map_or(0, |s| s.actors.all_poses)
     }
 }
 
@@ -114,23 +116,25 @@ fn stretch_of(stage: &Stage, step: i64) -> (i64, i64) {
     (stretch, if stretch == 0 { first.min(step) } else { stretch * STRETCH - WARM_UP })
 }
 
-/// Turns the joints of all springs in a snapshot whose actors are posed, placed and have done their constraints. `place` places all actors
-/// anew after joints have moved that others hang on.
-#[expect(clippy::too_many_arguments, reason = "what the motion of springs depends on")]
+/// Turns the joints of all springs in a snapshot whose actors are posed, placed and have done their constraints. All actors are
+/// placed anew after joints have moved that others are attached to.
 pub(crate) fn run(
     stage: &Stage,
     foot_locks: &FootLocks,
     kept: &SpringCheckpoints,
     simulation: &mut Simulation,
     time: Time,
-    edits: &[ActorEdit],
-    order: &[usize],
+    scratch: &mut actors::Scratch,
     actors: &mut [ActorState],
-    mut place: impl FnMut(&mut [ActorState]),
 ) -> Result<(), StageError> {
     simulation.actors.clear();
     let springy = |a: &&usize| stage.actors[**a].springs.as_ref().is_some_and(|s| !s.rig.is_empty());
-    simulation.actors.extend(order.iter().filter(springy));
+    // Parents come first.
+    let placed = scratch.order.steps.iter().filter_map(|step| match step {
+        PlacementStep::World(actor) => Some(actor),
+        PlacementStep::Position(_) => None,
+    });
+    simulation.actors.extend(placed.filter(springy));
     if simulation.actors.is_empty() {
         return Ok(());
     }
@@ -142,7 +146,7 @@ pub(crate) fn run(
         shown.copy_from(state);
     }
     let Simulation { actors: springy, shown, buffers, .. } = simulation;
-    swing(stage, springy, shown, buffers, rest, edits, actors, &mut place);
+    swing(stage, springy, shown, buffers, rest, scratch, actors);
     Ok(())
 }
 
@@ -174,19 +178,11 @@ fn advance(
         simulation.states.resize_with(simulation.actors.len(), SpringState::default);
     }
     while from <= step {
-        scratch.look_only_at(&simulation.actors);
-        evaluate_actors(
-            stage,
-            &mut scratch,
-            time_of(from),
-            Evaluation::Constraints(foot_locks),
-            &mut simulation.snapshot,
-        )?;
-        let edits = std::mem::take(&mut scratch.edits.actors);
+        scratch.actors.look_only_at(&simulation.actors);
+        evaluate_actors(stage, &mut scratch, time_of(from), foot_locks, None, &mut simulation.snapshot)?;
         let Simulation { actors, states, buffers, snapshot, .. } = simulation;
-        let mut place = |actors: &mut [ActorState]| scratch.place_again(stage, actors);
-        swing(stage, actors, states, buffers, SPRING_STEP, &edits, &mut snapshot.actors, &mut place);
-        scratch.edits.actors = edits;
+        let scratch = &mut scratch.actors;
+        swing(stage, actors, states, buffers, SPRING_STEP, scratch, &mut snapshot.actors);
         kept.keep((stretch, from), &simulation.states);
         from += 1;
     }
@@ -196,16 +192,14 @@ fn advance(
 }
 
 /// One step of all springs, parents before what is attached to them.
-#[expect(clippy::too_many_arguments, reason = "one step of one simulation, called from two places")]
 fn swing(
     stage: &Stage,
     springy: &[usize],
     states: &mut States,
     buffers: &mut SpringScratch,
     by: Time,
-    edits: &[ActorEdit],
+    scratch: &mut actors::Scratch,
     actors: &mut [ActorState],
-    place: &mut impl FnMut(&mut [ActorState]),
 ) {
     for (&index, state) in springy.iter().zip(states) {
         let actor = &stage.actors[index];
@@ -219,7 +213,7 @@ fn swing(
             rig: &springs.rig,
             skeleton: &actor.asset.skeleton,
             world_from_model: placed.world_from_model,
-            wind: wind(edits, index).unwrap_or(springs.wind),
+            wind: wind(&scratch.edits.actors, index).unwrap_or(springs.wind),
             seconds: by.as_secs(),
             state,
             scratch: buffers,
@@ -227,7 +221,7 @@ fn swing(
         }
         .run();
         if stage.actors.iter().any(|a| a.parent.is_some_and(|p| p.actor == index && p.joint.is_some())) {
-            place(actors);
+            scratch.place(stage, actors);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Looping GIFs: 255 colours a frame by median cut, ordered dithering that does not crawl, and only what changed.
+//! Looping GIFs: 255 colors a frame by median cut, ordered dithering that does not crawl, and only what changed.
 
 mod palette;
 mod resume;
@@ -70,7 +70,7 @@ impl Exporter for GifExporter {
     }
 }
 
-/// The file starts with the first frame's colours: frames that keep them need no table of their own.
+/// The file starts with the first frame's colors: frames that keep them need no table of their own.
 enum Output {
     Waiting(Box<dyn Write + Send>),
     Open(gif::Encoder<Box<dyn Write + Send>>),
@@ -87,7 +87,7 @@ struct GifSink {
     quantizer: Quantizer,
     /// Whether the file's table still is the palette.
     global_palette: bool,
-    /// Colours on the player's canvas.
+    /// Colors on the player's canvas.
     shown: Vec<[u8; 3]>,
     indices: Vec<u8>,
     /// How it was made, for the comment.

@@ -1,4 +1,4 @@
-//! Colours of a frame: a histogram, a palette by median cut, and a table from colour to palette entry.
+//! Colors of a frame: a histogram, a palette by median cut, and a table from color to palette entry.
 //!
 //! Heckbert, "Color Image Quantization for Frame Buffer Display" (1982); the box to split next is the one with the
 //! largest summed squared error, and it is split where that error falls most (Wu 1991, in one dimension).
@@ -29,7 +29,7 @@ fn key(c: [u8; 3]) -> usize {
     cut(c[0]) << (2 * BITS) | cut(c[1]) << BITS | cut(c[2])
 }
 
-/// The colour that stands for a cell.
+/// The color that stands for a cell.
 fn centre(key: usize) -> [u8; 3] {
     [key >> (2 * BITS), key >> BITS, key].map(|bits| {
         let top = (bits & ((1 << BITS) - 1)) as u8;
@@ -61,7 +61,7 @@ impl Quantizer {
     }
 
     /// Looks at a frame; true where a new palette was made, false where the last one is still good enough:
-    /// an unchanged palette keeps still parts of the picture bit for bit still.
+    /// an unchanged palette keeps still parts of the image bit for bit still.
     pub fn look(&mut self, rgba: &[u8], colors: usize) -> bool {
         self.counts.fill(0);
         for p in rgba.as_chunks::<4>().0 {
@@ -82,7 +82,7 @@ impl Quantizer {
         true
     }
 
-    /// Mean squared distance of the frame's colours to their entries.
+    /// Mean squared distance of the frame's colors to their entries.
     fn error(&mut self) -> f64 {
         let (mut sum, mut total) = (0.0, 0.0);
         for i in 0..self.cells.len() {
@@ -94,8 +94,8 @@ impl Quantizer {
         if total > 0.0 { sum / total } else { 0.0 }
     }
 
-    /// Index of the palette entry nearest to a colour's cell; the palette must not be empty. Of the cell and not of the
-    /// colour, so that it does not matter which of a cell's colours was asked for first.
+    /// Index of the palette entry nearest to a color's cell; the palette must not be empty. Of the cell and not of the
+    /// color, so that it does not matter which of a cell's colors was asked for first.
     pub fn entry(&mut self, color: [u8; 3]) -> u8 {
         let k = key(color);
         if self.nearest[k] == 0 {
@@ -113,7 +113,7 @@ fn distance(a: [u8; 3], b: [u8; 3]) -> u32 {
     2 * d(0) + 4 * d(1) + d(2)
 }
 
-/// At most `colors` entries (≥ 1); fewer where the frame has fewer colours.
+/// Makes a palette of at most `colors` entries (≥ 1); fewer where the frame has fewer colors.
 fn median_cut(cells: &mut [Cell], colors: usize) -> Vec<[u8; 3]> {
     struct Range {
         start: usize,

@@ -9,7 +9,7 @@ use std::io::Write;
 const W: u32 = 96;
 const H: u32 = 64;
 
-/// A still gradient and a square that moves; `jump` changes every colour.
+/// A still gradient and a square that moves; `jump` changes every color.
 fn scene(frame: u32, jump: bool) -> Frame {
     let mut rgba = Vec::new();
     for y in 0..H {

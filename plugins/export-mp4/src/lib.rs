@@ -76,7 +76,7 @@ impl Exporter for Mp4Exporter {
 /// What the encoder is made from, once a segment.
 struct Coding {
     qp: u8,
-    /// Frames between pictures at which a player can start.
+    /// Frames between images at which a player can start.
     keyframes: u32,
     fps: f32,
 }
@@ -108,7 +108,7 @@ impl Coding {
 /// Frames that one encoder makes. Its state cannot be stored, so each segment starts with a new one and depends on its
 /// own frames only: a render that was killed goes on from the last whole segment and the kept frames of the next. Whole
 /// numbers of key frame distances, so that these stay equal; not few frames, because of the start (and because two IDR
-/// pictures in a row must differ in `idr_pic_id`, H.264 §7.4.3, which counts from 0 in each); and as few as keep the
+/// images in a row must differ in `idr_pic_id`, H.264 §7.4.3, which counts from 0 in each); and as few as keep the
 /// frames of a segment within `KEPT_BYTES`, at the price of more key frames than asked for.
 fn segment(keyframes: u32, frame_bytes: u64) -> u32 {
     const FEWEST: u32 = 24;

@@ -1,6 +1,6 @@
 //! The MP4 container (ISO/IEC 14496-12, -14, -15) for one H.264 track, index first, so that players and browsers
 //! start at once. Written by us rather than by a crate: the track's clock is the frame rate's own ratio, so that NTSC
-//! rates are exact, a video can be gone on with after its program was killed, and colours and provenance have their boxes.
+//! rates are exact, a video can be gone on with after its program was killed, and colors and provenance have their boxes.
 
 use choreo_motion::FrameRate;
 use std::io::{self, Write};
@@ -10,7 +10,7 @@ pub struct Muxer {
     height: u16,
     fps: FrameRate,
     provenance: Vec<(String, String)>,
-    /// Bytes of the current picture, and whether a player can start at it.
+    /// Bytes of the current image, and whether a player can start at it.
     size: u32,
     key: bool,
     sizes: Vec<u32>,
@@ -42,7 +42,7 @@ impl Muxer {
         }
     }
 
-    /// One NAL unit of the current picture, with its Annex B start code. Parameter sets move to the index.
+    /// One NAL unit of the current image, with its Annex B start code. Parameter sets move to the index.
     pub fn nal(&mut self, nal: &[u8], out: &mut dyn Write) -> io::Result<()> {
         let nal = nal.strip_prefix(&[0, 0, 0, 1]).or(nal.strip_prefix(&[0, 0, 1])).unwrap_or(nal);
         // nal_unit_type, H.264 table 7-1.
@@ -65,7 +65,7 @@ impl Muxer {
         Ok(())
     }
 
-    /// Ends the picture; false where it had nothing to show.
+    /// Ends the image; false where it had nothing to show.
     pub fn end_picture(&mut self) -> bool {
         let size = std::mem::take(&mut self.size);
         self.sizes.push(size);
@@ -112,7 +112,7 @@ impl Muxer {
         Ok(())
     }
 
-    /// All that stands before the pictures.
+    /// All that stands before the images.
     pub fn head(&self) -> io::Result<Vec<u8>> {
         if self.sizes.is_empty() || self.sps.len() < 4 || self.pps.is_empty() {
             return Err(io::Error::other("an MP4 needs at least one picture, and there was none"));

@@ -13,7 +13,7 @@ fn info(width: u32, height: u32, fps: (u32, u32), frames: u64) -> VideoInfo {
     VideoInfo { width, height, fps, frames, provenance, options: Default::default() }
 }
 
-/// A soft gradient, colour bars and a disc that moves.
+/// A soft gradient, color bars and a disc that moves.
 fn scene(width: u32, height: u32, frame: u32) -> Frame {
     const BARS: [[u8; 3]; 4] = [[230, 30, 30], [30, 200, 40], [40, 60, 220], [240, 240, 240]];
     let mut rgba = Vec::new();
@@ -99,7 +99,7 @@ fn the_index_comes_before_the_pictures_and_bytes_repeat() {
     assert!(bytes == encode(&info(64, 48, (30, 1), 5)));
 }
 
-/// Mean error of the decoded pictures against their sources, levels of 255.
+/// Mean error of the decoded images against their sources, levels of 255.
 fn decoded_error(info: &VideoInfo, shift: u32) -> Option<(f64, usize)> {
     let bytes = encode(info);
     let path = file(&format!("q{}x{}s{shift}", info.width, info.options.0.len()), &bytes);
@@ -138,7 +138,7 @@ fn decoded_pictures_have_the_source_s_colours() {
         let Some((error, _)) = decoded_error(&info(w, h, (30, 1), 8), 0) else { return };
         assert!(error < 1.5, "{w}×{h}: mean error {error}");
     }
-    // The comparison can fail: pictures two frames off are not within the bound.
+    // The comparison can fail: images two frames off are not within the bound.
     let (error, _) = decoded_error(&info(320, 180, (30, 1), 8), 2).unwrap();
     assert!(error > 1.5, "{error}");
 }

@@ -34,7 +34,7 @@ impl Exporter for PngExporter {
 }
 
 struct PngSink {
-    /// `None` once the picture is written.
+    /// `None` once the image is written.
     out: Option<Box<dyn Write + Send>>,
     provenance: Vec<(String, String)>,
     small: bool,
@@ -90,8 +90,8 @@ impl FrameSink for PngSink {
     }
 }
 
-/// Buffers of pictures written before: taking fresh pages from the system costs more than filling them. As many as there
-/// were pictures written at once.
+/// Buffers of images written before: taking fresh pages from the system costs more than filling them. As many as there
+/// were images written at once.
 fn spare() -> MutexGuard<'static, Vec<Vec<u8>>> {
     static SPARE: Mutex<Vec<Vec<u8>>> = Mutex::new(Vec::new());
     SPARE.lock().unwrap_or_else(PoisonError::into_inner)
@@ -101,7 +101,7 @@ fn spare() -> MutexGuard<'static, Vec<Vec<u8>>> {
 fn opaque_rgb(rgba: &[u8], rgb: &mut Vec<u8>) -> bool {
     let pixels = rgba.as_chunks::<4>().0;
     rgb.resize(pixels.len() * 3, 0);
-    // By rows of 4 kB: what the test has read is still in the cache for the copy.
+    // Rows of 4 kB at a time: what the test has read is still in the cache for the copy.
     for (out, part) in rgb.chunks_mut(3 * 1024).zip(pixels.chunks(1024)) {
         if part.iter().fold(u32::MAX, |all, p| all & u32::from_le_bytes(*p)) >> 24 != 255 {
             return false;

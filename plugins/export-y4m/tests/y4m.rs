@@ -12,7 +12,7 @@ fn info(width: u32, height: u32) -> VideoInfo {
     VideoInfo { width, height, fps, frames: 3, provenance: vec![], options: Default::default() }
 }
 
-/// Bars of eight colours, wide enough that chroma halves cleanly, darker from frame to frame.
+/// Bars of eight colors, wide enough that chroma halves cleanly, darker from frame to frame.
 fn bars(width: u32, height: u32, frame: u32) -> Frame {
     let mut rgba = Vec::new();
     for _ in 0..height {

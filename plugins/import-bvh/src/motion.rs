@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 /// 46 hours at 60 Hz.
 pub const MAX_FRAMES: i64 = 10_000_000;
-/// As in the other importers: about 115 days.
+/// Limit of key times, the same in all importers: about 115 days.
 pub const MAX_SECS: f64 = 1e7;
 
 /// `None` where the file has no frames.

@@ -1,6 +1,6 @@
 //! `<animation>` and `<animation_clip>`: which value of which node each channel drives, and the clips.
 
-use crate::bake::{self, Bound, Part};
+use crate::bake::{self, Bound, Component};
 use crate::controller::MorphTargets;
 use crate::nodes::Tree;
 use crate::sampler::Sampler;
@@ -15,8 +15,8 @@ use std::sync::Arc;
 
 /// What a channel drives.
 enum Target {
-    /// Part of a joint's stack: element and which of its values.
-    Joints(Vec<u32>, usize, Part),
+    /// Component of a joint's stack: element and which of its values.
+    Joints(Vec<u32>, usize, Component),
     /// Weight `1` of the morph controller that `0` names.
     Morph(NodeId, usize),
 }
@@ -97,17 +97,17 @@ impl<'a> Reader<'_, 'a> {
                 start == Some(Time::ZERO) && sampler.times.first().is_some_and(|t| *t < Time::ZERO),
             );
             match target {
-                Target::Joints(targets, element, part) => {
-                    let wanted = match part {
-                        Part::One(_) => 1,
-                        Part::All => self.tree.joints[targets[0] as usize].stack[element].values.len(),
+                Target::Joints(targets, element, component) => {
+                    let wanted = match component {
+                        Component::One(_) => 1,
+                        Component::All => self.tree.joints[targets[0] as usize].stack[element].values.len(),
                     };
                     if sampler.width != wanted {
                         let what = format!("drives {wanted} values, but its keys have {}", sampler.width);
                         return Err(self.xml.problem(*channel, what));
                     }
                     for joint in targets {
-                        let bound = Bound { element, part, sampler: sampler.clone() };
+                        let bound = Bound { element, component, sampler: sampler.clone() };
                         joints.entry(joint).or_default().push(bound);
                     }
                 }
@@ -201,7 +201,7 @@ impl<'a> Reader<'_, 'a> {
         let Some(element) = stack.iter().position(|e| e.sid == sid) else {
             return self.leave(channel, "for something of a node that is no transform");
         };
-        match Part::of(member, stack[element].kind) {
+        match Component::of(member, stack[element].kind) {
             Some(part) => Some(Target::Joints(joints.clone(), element, part)),
             None => self.leave(channel, "for a part of a transform that it does not have"),
         }

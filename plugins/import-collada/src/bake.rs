@@ -5,10 +5,10 @@
 //! all keys and, between them, where the straight way would be off by more than the tolerances below.
 
 use crate::controller::MorphTargets;
-use crate::nodes::{Element, Kind, Tree, transform};
+use crate::nodes::{TransformElement, TransformKind, Tree, transform};
 use crate::sampler::{Interpolation as Between, Sampler};
 use crate::xml::Xml;
-use choreo_importer_kit::decompose::{Parts, decompose};
+use choreo_importer_kit::decompose::{Trs, decompose};
 use choreo_importer_kit::{Result, WithPlace};
 use choreo_motion::{Curve, Interpolation, Path, Time, Transform};
 use glam::{DQuat, Vec3};
@@ -24,16 +24,16 @@ const MAX_KEYS: usize = 1_000_000;
 
 /// Which values of a transform a channel drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum Component {
     All,
     One(usize),
 }
 
-impl Part {
+impl Component {
     /// `.X`, `.ANGLE`, `(2)`, `(3)(0)`: of a matrix by column and row.
-    pub fn of(member: &str, kind: Kind) -> Option<Part> {
+    pub fn of(member: &str, kind: TransformKind) -> Option<Component> {
         if member.is_empty() {
-            return Some(Part::All);
+            return Some(Component::All);
         }
         let index = match member.strip_prefix('.') {
             Some("X") => 0,
@@ -46,7 +46,7 @@ impl Part {
                 let first: usize = numbers.next()?.parse().ok()?;
                 match numbers.next() {
                     None => first,
-                    Some(second) if kind == Kind::Matrix && first < 4 => {
+                    Some(second) if kind == TransformKind::Matrix && first < 4 => {
                         second.parse::<usize>().ok()?.checked_mul(4)? + first
                     }
                     Some(_) => return None,
@@ -54,42 +54,42 @@ impl Part {
             }
         };
         let count = match kind {
-            Kind::Matrix => 16,
-            Kind::Translate | Kind::Scale => 3,
-            Kind::Rotate => 4,
-            Kind::LookAt => 9,
+            TransformKind::Matrix => 16,
+            TransformKind::Translate | TransformKind::Scale => 3,
+            TransformKind::Rotate => 4,
+            TransformKind::LookAt => 9,
         };
-        (index < count).then_some(Part::One(index))
+        (index < count).then_some(Component::One(index))
     }
 }
 
 pub struct Bound {
     pub element: usize,
-    pub part: Part,
+    pub component: Component,
     pub sampler: Rc<Sampler>,
 }
 
-struct Node<'t, 'a> {
+struct AnimatedNode<'t, 'a> {
     tree: &'t Tree<'a>,
     root: bool,
-    stack: Vec<Element<'a>>,
+    stack: Vec<TransformElement<'a>>,
     bound: &'t [Bound],
     /// The matrix is the only thing that moves, as a whole, from key to key.
     whole: Option<&'t Sampler>,
 }
 
-impl Node<'_, '_> {
+impl AnimatedNode<'_, '_> {
     fn fill(&mut self, time: Time) {
         for b in self.bound {
             let values = &mut self.stack[b.element].values;
-            match b.part {
-                Part::One(index) => values[index] = b.sampler.value(time, 0),
-                Part::All => b.sampler.row(time, values),
+            match b.component {
+                Component::One(index) => values[index] = b.sampler.value(time, 0),
+                Component::All => b.sampler.row(time, values),
             }
         }
     }
 
-    fn at(&mut self, time: Time) -> Parts {
+    fn at(&mut self, time: Time) -> Trs {
         if let Some(sampler) = self.whole {
             let (key, part) = sampler.locate(time);
             if part > 0.0 {
@@ -103,8 +103,8 @@ impl Node<'_, '_> {
 }
 
 /// What the motion crate makes of two keys.
-fn between(a: &Parts, b: &Parts, part: f64) -> Parts {
-    Parts {
+fn between(a: &Trs, b: &Trs, part: f64) -> Trs {
+    Trs {
         translation: a.translation.lerp(b.translation, part),
         rotation: slerp(a.rotation, b.rotation, part),
         scale: a.scale.lerp(b.scale, part),
@@ -124,7 +124,7 @@ fn slerp(a: DQuat, b: DQuat, part: f64) -> DQuat {
 
 struct Key {
     time: Time,
-    parts: Parts,
+    parts: Trs,
 }
 
 /// Curves of one joint. An error has no place yet.
@@ -138,13 +138,16 @@ pub fn joint(
     let stack = tree.joints[joint as usize].stack.clone();
     let root = tree.joints[joint as usize].parent.is_none();
     let whole = match bound {
-        [b] if stack[b.element].kind == Kind::Matrix && b.part == Part::All && b.sampler.is_plain() => {
+        [b] if stack[b.element].kind == TransformKind::Matrix
+            && b.component == Component::All
+            && b.sampler.is_plain() =>
+        {
             Some(&*b.sampler)
         }
         _ => None,
     };
     let rest = transform(&decompose(&tree.convention.local(&stack, root)));
-    let keys = keys(&mut Node { tree, root, stack, bound, whole }, range)?;
+    let keys = keys(&mut AnimatedNode { tree, root, stack, bound, whole }, range)?;
     xml.budget.charge(keys.len() as u64, 48)?;
     let all_step = bound.iter().all(|b| b.sampler.steps().1);
     let interpolation = if all_step { Interpolation::Step } else { Interpolation::Linear };
@@ -152,12 +155,12 @@ pub fn joint(
 }
 
 /// Keys at all times of the samplers, and between them where straight lines are not near enough.
-fn keys(node: &mut Node<'_, '_>, (start, end): (Time, Time)) -> Result<Vec<Key>> {
+fn keys(node: &mut AnimatedNode<'_, '_>, (start, end): (Time, Time)) -> Result<Vec<Key>> {
     let bound = node.bound;
     let times = key_times(bound.iter().map(|b| &*b.sampler), start, end);
     let all_step = bound.iter().all(|b| b.sampler.steps().1);
     let mut keys: Vec<Key> = Vec::with_capacity(times.len());
-    let at_keys: Vec<Parts> = times.iter().map(|t| node.at(*t)).collect();
+    let at_keys: Vec<Trs> = times.iter().map(|t| node.at(*t)).collect();
     let longest = at_keys.iter().map(|p| p.translation.length()).fold(1e-6, f64::max);
     for (index, time) in times.iter().enumerate() {
         if let Some(before) = index.checked_sub(1).filter(|_| !all_step).map(|i| times[i]) {
@@ -245,9 +248,9 @@ fn key_times<'s>(samplers: impl Iterator<Item = &'s Sampler>, start: Time, end: 
 /// Adds keys between two times until the straight way is near enough. `middle` is known where the interval is half of one
 /// that was looked at.
 fn refine(
-    node: &mut Node<'_, '_>,
-    (a, b): ((Time, &Parts), (Time, &Parts)),
-    middle: Option<Parts>,
+    node: &mut AnimatedNode<'_, '_>,
+    (a, b): ((Time, &Trs), (Time, &Trs)),
+    middle: Option<Trs>,
     longest: f64,
     depth: u32,
     out: &mut Vec<Key>,
@@ -257,7 +260,7 @@ fn refine(
         return;
     }
     let time_at = |quarter: i64| Time(a.0.0 + span / 4 * quarter);
-    let off = |time: Time, truth: &Parts| {
+    let off = |time: Time, truth: &Trs| {
         let part = (time.0 - a.0.0) as f64 / span as f64;
         let guess = between(a.1, b.1, part);
         let angle = 2.0 * libm::acos(guess.rotation.dot(truth.rotation).abs().min(1.0));
@@ -332,15 +335,15 @@ mod tests {
 
     #[test]
     fn parts_of_transforms() {
-        assert_eq!(Part::of("", Kind::Matrix), Some(Part::All));
-        assert_eq!(Part::of(".Y", Kind::Translate), Some(Part::One(1)));
-        assert_eq!(Part::of(".ANGLE", Kind::Rotate), Some(Part::One(3)));
-        assert_eq!(Part::of(".ANGLE", Kind::Scale), None);
+        assert_eq!(Component::of("", TransformKind::Matrix), Some(Component::All));
+        assert_eq!(Component::of(".Y", TransformKind::Translate), Some(Component::One(1)));
+        assert_eq!(Component::of(".ANGLE", TransformKind::Rotate), Some(Component::One(3)));
+        assert_eq!(Component::of(".ANGLE", TransformKind::Scale), None);
         // Column 3, row 1: the y of the translation, as rows are written.
-        assert_eq!(Part::of("(3)(1)", Kind::Matrix), Some(Part::One(7)));
-        assert_eq!(Part::of("(2)", Kind::Translate), Some(Part::One(2)));
+        assert_eq!(Component::of("(3)(1)", TransformKind::Matrix), Some(Component::One(7)));
+        assert_eq!(Component::of("(2)", TransformKind::Translate), Some(Component::One(2)));
         for wrong in [".W", "(4)(0)", "(0)(4)", "(-1)", "(x)", "(99999999999999999999)"] {
-            assert_eq!(Part::of(wrong, Kind::Matrix), None, "{wrong}");
+            assert_eq!(Component::of(wrong, TransformKind::Matrix), None, "{wrong}");
         }
     }
 

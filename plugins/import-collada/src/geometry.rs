@@ -14,7 +14,7 @@ use std::rc::Rc;
 
 /// One `<triangles>`, `<polylist>` …, without skin, normals as in the file (or none).
 #[derive(Clone)]
-pub struct Part {
+pub struct Submesh {
     pub primitive: Primitive,
     /// Index in the source of each vertex's position.
     pub origin: Vec<u32>,
@@ -25,7 +25,7 @@ pub struct Part {
 
 pub struct Geometry {
     pub name: String,
-    pub parts: Vec<Part>,
+    pub parts: Vec<Submesh>,
     /// Positions of the source, in metres.
     pub positions: Rc<Vec<Vec3>>,
 }
@@ -42,13 +42,13 @@ pub fn read(xml: &Xml<'_>, geometry: Node<'_>, metres: f64, srgb: bool) -> Resul
     let (mut welder, mut triangulator) = (Welder::default(), Triangulator::default());
     for element in mesh.children() {
         let shape = match name_of(element) {
-            "triangles" => Shape::Triangles,
-            "polylist" => Shape::Polylist,
-            "polygons" => Shape::Polygons,
-            "tristrips" => Shape::Strips,
-            "trifans" => Shape::Fans,
-            "lines" => Shape::Lines,
-            "linestrips" => Shape::LineStrips,
+            "triangles" => FaceList::Triangles,
+            "polylist" => FaceList::Polylist,
+            "polygons" => FaceList::Polygons,
+            "tristrips" => FaceList::Strips,
+            "trifans" => FaceList::Fans,
+            "lines" => FaceList::Lines,
+            "linestrips" => FaceList::LineStrips,
             _ => continue,
         };
         let mut reader = Reader {
@@ -73,7 +73,7 @@ pub fn read(xml: &Xml<'_>, geometry: Node<'_>, metres: f64, srgb: bool) -> Resul
 }
 
 #[derive(Clone, Copy, PartialEq)]
-enum Shape {
+enum FaceList {
     Triangles,
     Polylist,
     Polygons,
@@ -86,7 +86,7 @@ enum Shape {
 struct Reader<'x, 'a> {
     xml: &'x Xml<'a>,
     element: Node<'a>,
-    shape: Shape,
+    shape: FaceList,
     metres: f64,
     srgb: bool,
     /// Sources that several elements of the mesh share are read once.
@@ -127,7 +127,7 @@ impl<'a> Reader<'_, 'a> {
         Ok(Some(Stream { floats, offset: input.offset }))
     }
 
-    fn read(&mut self) -> Result<Option<(Part, Rc<Vec<Vec3>>)>> {
+    fn read(&mut self) -> Result<Option<(Submesh, Rc<Vec<Vec3>>)>> {
         let inputs = inputs(self.xml, self.element)?;
         let Some(streams) = self.streams(&inputs)? else {
             self.xml.warn(self.element, "has no positions; it is left out");
@@ -147,7 +147,7 @@ impl<'a> Reader<'_, 'a> {
         primitive.normals.iter_mut().for_each(|n| *n = n.as_dvec3().normalize_or_zero().as_vec3());
         normals::replace_zero(&mut primitive);
         let symbol = self.element.attribute("material").unwrap_or_default().to_string();
-        Ok(Some((Part { primitive, origin, symbol, uv_sets: streams.uv_sets }, positions)))
+        Ok(Some((Submesh { primitive, origin, symbol, uv_sets: streams.uv_sets }, positions)))
     }
 
     /// `None` without positions.
@@ -179,7 +179,7 @@ impl<'a> Reader<'_, 'a> {
         positions: &[Vec3],
     ) -> Result<(Primitive, Vec<u32>)> {
         let Streams { normals, colors, uvs, .. } = streams;
-        let lines = matches!(self.shape, Shape::Lines | Shape::LineStrips);
+        let lines = matches!(self.shape, FaceList::Lines | FaceList::LineStrips);
         let count = tuples.len();
         let mut out = Primitive {
             topology: if lines { Topology::Lines } else { Topology::Triangles },
@@ -308,7 +308,7 @@ impl<'a> Reader<'_, 'a> {
                 format!("{} with holes, which are filled", text::count(holes, "polygon")),
             );
         }
-        if self.shape == Shape::Polylist {
+        if self.shape == FaceList::Polylist {
             runs.clear();
             for vcount in children(self.element, "vcount") {
                 let counts = self.xml.integers(vcount)?;
@@ -348,22 +348,22 @@ impl<'a> Reader<'_, 'a> {
         let mut start = 0;
         let (mut short, mut crossing, mut fans) = (0, 0, 0);
         match self.shape {
-            Shape::Triangles => return Ok(whole(total, 3)),
-            Shape::Lines => return Ok(whole(total, 2)),
+            FaceList::Triangles => return Ok(whole(total, 3)),
+            FaceList::Lines => return Ok(whole(total, 2)),
             _ => {}
         }
         for run in runs {
             let (first, count) = (start, *run);
             start += count;
-            let least = if self.shape == Shape::LineStrips { 2 } else { 3 };
+            let least = if self.shape == FaceList::LineStrips { 2 } else { 3 };
             if count < least {
                 short += 1;
                 continue;
             }
             match self.shape {
-                Shape::LineStrips => out.extend((1..count).flat_map(|i| [first + i - 1, first + i])),
-                Shape::Fans => out.extend((2..count).flat_map(|i| [first, first + i - 1, first + i])),
-                Shape::Strips => out.extend((2..count).flat_map(|i| {
+                FaceList::LineStrips => out.extend((1..count).flat_map(|i| [first + i - 1, first + i])),
+                FaceList::Fans => out.extend((2..count).flat_map(|i| [first, first + i - 1, first + i])),
+                FaceList::Strips => out.extend((2..count).flat_map(|i| {
                     let odd = i % 2;
                     [first + i - 2 + odd, first + i - 1 - odd, first + i]
                 })),

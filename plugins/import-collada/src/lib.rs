@@ -21,7 +21,7 @@ use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest
 use glam::{DMat4, DVec4};
 use std::sync::{Arc, LazyLock};
 
-/// As import-gltf: all that is decoded of one file together.
+/// Limit of all that is decoded from one file together, the same as in import-gltf.
 const MAX_DECODED_BYTES: u64 = 2 << 30;
 
 static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
@@ -52,7 +52,7 @@ impl Importer for ColladaImporter {
     /// Claims by the root element, in any encoding.
     fn claim(&self, source: &Source) -> Claim {
         let head = &source.bytes[..source.bytes.len().min(4096)];
-        // Of UTF-16 every other byte.
+        // UTF-16 of ASCII letters has a zero byte beside each.
         let letters: Vec<u8> = head.iter().copied().filter(|b| *b != 0).collect();
         if letters.windows(8).any(|w| w == b"<COLLADA") {
             Claim::Content(95)
@@ -117,7 +117,7 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
     }
     let meshes::Builder { materials, morphs, .. } = meshes;
     asset.materials = materials.list;
-    // Pictures take long: they are decoded beside the clips.
+    // Images take long: they are decoded beside the clips.
     let clips = || match needs.clips {
         true => animation::read(&xml, &tree, &morphs, stem(&source.name)),
         false => Ok(Vec::new()),

@@ -11,7 +11,7 @@ use choreo_plugin::Files;
 use glam::{Affine2, Vec3, Vec4};
 use std::collections::BTreeMap;
 
-/// One channel of a colour as the file has it.
+/// One channel of a color as the file has it.
 pub fn linear(value: f32, srgb: bool) -> f32 {
     if srgb && value <= 1.0 { linear_from_srgb(value.max(0.0)) } else { value.max(0.0) }
 }

@@ -15,16 +15,16 @@ use std::sync::Arc;
 
 /// What an instance shows.
 #[derive(Clone, Copy)]
-struct Shape<'a> {
+struct InstancedShape<'a> {
     geometry: Node<'a>,
     skin: Option<Node<'a>>,
     /// The morph controller with its id.
     morph: Option<(Node<'a>, NodeId)>,
 }
 
-impl<'a> Shape<'a> {
+impl<'a> InstancedShape<'a> {
     fn plain(geometry: Node<'a>) -> Self {
-        Shape { geometry, skin: None, morph: None }
+        InstancedShape { geometry, skin: None, morph: None }
     }
 }
 
@@ -64,7 +64,7 @@ impl<'x, 'a, 'f> Builder<'x, 'a, 'f> {
                 // A missing one is left out: skeletons are often kept without their mesh.
                 let target = |kind| self.xml.instanced(element, "url", kind, LEFT_OUT);
                 let shape = match name_of(element) {
-                    "instance_geometry" => target("geometry").map(Shape::plain),
+                    "instance_geometry" => target("geometry").map(InstancedShape::plain),
                     "instance_controller" => match target("controller") {
                         Some(controller) => self.shape_of(controller)?,
                         None => None,
@@ -92,7 +92,7 @@ impl<'x, 'a, 'f> Builder<'x, 'a, 'f> {
     }
 
     /// A skin over a morph over a geometry; no deeper.
-    fn shape_of(&self, controller: Node<'a>) -> Result<Option<Shape<'a>>> {
+    fn shape_of(&self, controller: Node<'a>) -> Result<Option<InstancedShape<'a>>> {
         let (mut skin, mut morph) = (None, None);
         let mut at = controller;
         for _ in 0..3 {
@@ -113,7 +113,7 @@ impl<'x, 'a, 'f> Builder<'x, 'a, 'f> {
                 }
             };
             if name_of(source) == "geometry" {
-                return Ok(Some(Shape { geometry: source, skin, morph }));
+                return Ok(Some(InstancedShape { geometry: source, skin, morph }));
             }
             at = source;
         }
@@ -134,7 +134,7 @@ impl<'x, 'a, 'f> Builder<'x, 'a, 'f> {
         asset: &mut Asset,
         joint: u32,
         instance: Node<'a>,
-        Shape { geometry, skin, morph }: Shape<'a>,
+        InstancedShape { geometry, skin, morph }: InstancedShape<'a>,
     ) -> Result<()> {
         let source = self.geometry(geometry)?;
         let last = self.uses.get_mut(&geometry.id()).is_some_and(|uses| {

@@ -2,7 +2,7 @@
 
 use crate::xml::{LEFT_OUT, Xml, child, descendant, label_of, name_of};
 use crate::xml::{Node, NodeId};
-use choreo_importer_kit::decompose::{Parts, decompose};
+use choreo_importer_kit::decompose::{Trs, decompose};
 use choreo_importer_kit::{Problem, Result};
 use choreo_motion::{Skeleton, Transform};
 use glam::{DMat4, DQuat, DVec3};
@@ -14,7 +14,7 @@ const MAX_JOINTS: usize = 65_536;
 const SHEAR: f64 = 1e-3;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum TransformKind {
     Matrix,
     Translate,
     Rotate,
@@ -24,9 +24,9 @@ pub enum Kind {
 
 /// One transform of a node's stack; the first stands leftmost in the product.
 #[derive(Clone, Debug)]
-pub struct Element<'a> {
+pub struct TransformElement<'a> {
     pub sid: &'a str,
-    pub kind: Kind,
+    pub kind: TransformKind,
     /// 16, 3, 4, 3, 9 numbers, as written (matrices by rows, angles in degrees).
     pub values: Vec<f64>,
 }
@@ -35,7 +35,7 @@ pub struct Joint<'a> {
     pub node: Node<'a>,
     pub parent: Option<u32>,
     pub name: String,
-    pub stack: Vec<Element<'a>>,
+    pub stack: Vec<TransformElement<'a>>,
 }
 
 /// Conversion of the file's units and axes to metres and +Y up: translations are scaled, and the roots are turned, which carries
@@ -53,14 +53,14 @@ pub struct Tree<'a> {
     pub convention: Convention,
 }
 
-impl Element<'_> {
+impl TransformElement<'_> {
     pub fn matrix(&self) -> DMat4 {
         let v = &self.values;
         match self.kind {
-            Kind::Matrix => DMat4::from_cols_slice(v).transpose(),
-            Kind::Translate => DMat4::from_translation(DVec3::new(v[0], v[1], v[2])),
-            Kind::Scale => DMat4::from_scale(DVec3::new(v[0], v[1], v[2])),
-            Kind::Rotate => {
+            TransformKind::Matrix => DMat4::from_cols_slice(v).transpose(),
+            TransformKind::Translate => DMat4::from_translation(DVec3::new(v[0], v[1], v[2])),
+            TransformKind::Scale => DMat4::from_scale(DVec3::new(v[0], v[1], v[2])),
+            TransformKind::Rotate => {
                 let (sin, cos) = libm::sincos(v[3].to_radians() * 0.5);
                 match DVec3::new(v[0], v[1], v[2]).try_normalize() {
                     Some(axis) => {
@@ -69,7 +69,7 @@ impl Element<'_> {
                     None => DMat4::IDENTITY,
                 }
             }
-            Kind::LookAt => {
+            TransformKind::LookAt => {
                 let point = |at: usize| DVec3::new(v[at], v[at + 1], v[at + 2]);
                 let back = (point(0) - point(3)).normalize_or(DVec3::Z);
                 let right =
@@ -90,8 +90,8 @@ impl Convention {
     }
 
     /// parent-from-joint of a stack.
-    pub fn local(&self, stack: &[Element<'_>], root: bool) -> DMat4 {
-        let product = stack.iter().map(Element::matrix).reduce(|m, e| m * e);
+    pub fn local(&self, stack: &[TransformElement<'_>], root: bool) -> DMat4 {
+        let product = stack.iter().map(TransformElement::matrix).reduce(|m, e| m * e);
         let file = product.unwrap_or(DMat4::IDENTITY);
         let scaled = self.scaled(file);
         if root { self.up * scaled } else { scaled }
@@ -145,7 +145,7 @@ impl<'a> Tree<'a> {
     }
 }
 
-pub fn transform(parts: &Parts) -> Transform {
+pub fn transform(parts: &Trs) -> Transform {
     Transform {
         translation: parts.translation.as_vec3(),
         rotation: parts.rotation.as_quat().normalize(),
@@ -195,15 +195,15 @@ fn nodes_in<'a>(xml: &Xml<'a>, parent: Node<'a>) -> Vec<Node<'a>> {
     out
 }
 
-fn stack<'a>(xml: &Xml<'_>, node: Node<'a>) -> Result<Vec<Element<'a>>> {
+fn stack<'a>(xml: &Xml<'_>, node: Node<'a>) -> Result<Vec<TransformElement<'a>>> {
     let mut out = Vec::new();
     for element in node.children() {
         let (kind, count) = match name_of(element) {
-            "matrix" => (Kind::Matrix, 16),
-            "translate" => (Kind::Translate, 3),
-            "rotate" => (Kind::Rotate, 4),
-            "scale" => (Kind::Scale, 3),
-            "lookat" => (Kind::LookAt, 9),
+            "matrix" => (TransformKind::Matrix, 16),
+            "translate" => (TransformKind::Translate, 3),
+            "rotate" => (TransformKind::Rotate, 4),
+            "scale" => (TransformKind::Scale, 3),
+            "lookat" => (TransformKind::LookAt, 9),
             "skew" => {
                 xml.warn(element, "skew is not supported; it is left out");
                 continue;
@@ -215,14 +215,14 @@ fn stack<'a>(xml: &Xml<'_>, node: Node<'a>) -> Result<Vec<Element<'a>>> {
             let what = format!("has {} numbers, but needs {count}", values.len());
             return Err(xml.problem(element, what));
         }
-        if kind == Kind::Matrix && values[12..] != [0.0, 0.0, 0.0, 1.0] {
+        if kind == TransformKind::Matrix && values[12..] != [0.0, 0.0, 0.0, 1.0] {
             xml.warn(element, "the matrix has a fourth row other than 0 0 0 1, which is ignored");
         }
         let mut values = values;
-        if kind == Kind::Matrix {
+        if kind == TransformKind::Matrix {
             values[12..].copy_from_slice(&[0.0, 0.0, 0.0, 1.0]);
         }
-        out.push(Element { sid: element.attribute("sid").unwrap_or_default(), kind, values });
+        out.push(TransformElement { sid: element.attribute("sid").unwrap_or_default(), kind, values });
     }
     Ok(out)
 }

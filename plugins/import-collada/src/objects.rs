@@ -90,7 +90,7 @@ pub fn cameras(xml: &Xml<'_>, tree: &Tree<'_>) -> Result<Vec<AssetCamera>> {
     Ok(out)
 }
 
-/// A directional light of colour 1 shines on a white surface until it is white: π lux. Others fall off as their attenuation
+/// A directional light of color 1 shines on a white surface until it is white: π lux. Others fall off as their attenuation
 /// says, which becomes an inverse square that is equal at five metres.
 pub fn lights(xml: &Xml<'_>, tree: &Tree<'_>) -> Result<Vec<AssetLight>> {
     let mut out = Vec::new();

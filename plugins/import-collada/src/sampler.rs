@@ -6,7 +6,7 @@ use crate::xml::Xml;
 use choreo_importer_kit::Result;
 use choreo_motion::Time;
 
-/// As in the other importers: about 115 days.
+/// Limit of key times, the same in all importers: about 115 days.
 const MAX_SECS: f64 = 1e7;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -215,7 +215,7 @@ impl Sampler {
         };
         let (x1, y1) = handle(&self.tangents_out, key, t0, a, 1.0);
         let (x2, y2) = handle(&self.tangents_in, key + 1, t1, b, -1.0);
-        // In parts of the interval, where time must not run backwards.
+        // Handle times as parts of the interval, where time must not run backwards.
         let (x1, x2) = (((x1 - t0) / span).clamp(0.0, 1.0), ((x2 - t0) / span).clamp(0.0, 1.0));
         let cubic = |s: f64, p1: f64, p2: f64, p3: f64| {
             let r = 1.0 - s;

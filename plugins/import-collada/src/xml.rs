@@ -45,7 +45,7 @@ pub fn parse(text: &str) -> Result<Document<'_>> {
         Error::NodesLimitReached => {
             at(1, 1, format!("has more than {MAX_NODES} elements and texts, which is the limit"))
         }
-        Error::NoRootNode => at(1, 1, "there is no element".into()),
+        Error::NoRootNode => at_byte(text.len(), "there is no whole element".into()),
         Error::UnclosedRootNode | Error::UnexpectedEndOfStream => {
             at_byte(text.len(), "the file ends within an element".into())
         }
@@ -269,7 +269,7 @@ pub fn descendant<'a>(node: Node<'a>, name: &'static str) -> Option<Node<'a>> {
     node.descendants().skip(1).find(|n| name_of(*n) == name)
 }
 
-/// Name without the prefix of its namespace; empty for what is no element.
+/// The name of an element without the prefix of its namespace; empty for texts and comments.
 pub fn name_of(node: Node<'_>) -> &str {
     node.tag_name().name()
 }
@@ -298,7 +298,7 @@ mod tests {
         let deep = format!("<a>{}", "<b>".repeat(100_000));
         let many = format!("<a>\n<c {}/>", (0..257).map(|i| format!("b{i} = '>' ")).collect::<String>());
         for (text, wanted) in [
-            ("", "line 1, column 1: there is no element"),
+            ("", "line 1, column 1: there is no whole element"),
             ("<a>\n<b></a>", "line 2, column 4: expected 'b' tag, not 'a'"),
             ("<a>\n&laughs;</a>", "line 2, column 1: unknown entity reference 'laughs'"),
             ("<a>\n<!DOCTYPE x></a>", "line 2, column 1"),
@@ -308,7 +308,7 @@ mod tests {
             ),
             ("<a b='1' b='2'/>", "line 1, column 10: attribute 'b'"),
             ("<a b='<'/>", "line 1, column 7"),
-            ("<a\n b='1'", "line 2, column 7: the file ends within an element"),
+            ("<a\n b='1'", "line 2, column 7: there is no whole element"),
             ("<a>\n\n\u{1}</a>", "line 3, column 1"),
             ("<a>\n\n", "line 3, column 1: the file ends within an element"),
             (&deep, "line 1, column 300004: the file ends within an element"),

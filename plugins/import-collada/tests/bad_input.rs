@@ -19,7 +19,7 @@ fn errors_name_element_and_line() {
         ("count=\"6\" stride=\"3\"", "count=\"-6\" stride=\"3\"", format!("{mesh}/source \"strip-pos\"/technique_common/accessor (line 49): count=\"-6\" is not a whole number")),
         ("<p>0 0 1", "<p>0 0 99", format!("{mesh}/polylist (line 62): refers to element 99 of a source that has 6")),
         ("<p>0 0 1", "<p>0 0 -1", format!("{mesh}/polylist/p (line 67): value 2 is -1; an index starts at 0")),
-        ("<p>0 0 1", "<p>0 1", format!("{mesh}/polylist/p (line 67): has 15 indices, which is no multiple of the 2 that a corner needs")),
+        ("<p>0 0 1", "<p>0 1", format!("{mesh}/polylist/p (line 67): has 15 indices, which is no multiple of the 2 that a vertex needs")),
         ("<vcount>4 4", "<vcount>4 5", format!("{mesh}/polylist (line 62): vcount asks for 9 vertices, but p has 8")),
         ("offset=\"1\" set=\"3\"", "offset=\"1000000\" set=\"3\"", format!("{mesh}/polylist/input (line 65): offset=\"1000000\" is not a number from 0 to 255")),
         ("source=\"#strip-uv\" offset", "source=\"#nothing\" offset", format!("{mesh}/polylist/input (line 64): source=\"#nothing\" refers to nothing in this file")),
@@ -39,7 +39,7 @@ fn errors_name_element_and_line() {
     }
     let other = error_text(import_bytes(&ColladaImporter, "bad.dae", "<svg/>"));
     assert_eq!(other, "bad.dae: line 1: the root element is svg, not COLLADA");
-    assert!(error_text(import_bytes(&ColladaImporter, "bad.dae", "")).starts_with("bad.dae: line 1: "));
+    assert!(error_text(import_bytes(&ColladaImporter, "bad.dae", "")).starts_with("bad.dae: line 1, column 1: "));
 }
 
 #[test]
@@ -48,7 +48,7 @@ fn entities_are_refused() {
     (1..30).for_each(|i| laughs += &format!("<!ENTITY a{i} \"&a{};&a{};\">", i - 1, i - 1));
     laughs += "]>\n<COLLADA>&a29;</COLLADA>";
     let error = import_bytes(&ColladaImporter, "laughs.dae", laughs).unwrap_err();
-    assert_eq!(error.to_string(), "laughs.dae: line 2: has a document type definition, which is not allowed");
+    assert_eq!(error.to_string(), "laughs.dae: line 2, column 1: has a document type definition, which is not allowed");
     let outside = "<!DOCTYPE COLLADA [<!ENTITY x SYSTEM \"file:///etc/passwd\">]><COLLADA>&x;</COLLADA>";
     assert!(
         error_text(import_bytes(&ColladaImporter, "x.dae", outside)).contains("document type definition")

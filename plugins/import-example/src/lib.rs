@@ -73,13 +73,13 @@ fn read(bytes: &[u8], scale: f32, builder: &mut AssetBuilder) -> Result<MeshData
                 mesh.positions.extend(point.iter().map(|v| v * scale));
             }
             Some("face") => {
-                let corners = numbers::<u32>(words).map_err(|e| (at, e))?;
+                let vertices = numbers::<u32>(words).map_err(|e| (at, e))?;
                 let points = mesh.positions.len() / 3;
-                if let Some(bad) = corners.iter().find(|c| **c as usize >= points) {
+                if let Some(bad) = vertices.iter().find(|c| **c as usize >= points) {
                     return Err((at, format!("point {bad} does not exist, there are {points} so far")));
                 }
                 // A convex polygon is a fan around its first vertex.
-                if let [first, rest @ ..] = corners.as_slice() {
+                if let [first, rest @ ..] = vertices.as_slice() {
                     mesh.indices.extend(rest.windows(2).flat_map(|edge| [*first, edge[0], edge[1]]));
                 }
             }

@@ -1,13 +1,13 @@
-//! How a material with a see-through picture is drawn: cut out where its alpha is all or nothing, else blended.
+//! How a material with a see-through image is drawn: cut out where its alpha is all or nothing, else blended.
 
 use choreo_asset::{AlphaMode, Image};
 
 /// Source of a material's alpha.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Alpha {
-    /// The number in its base colour.
+    /// The number in its base color.
     Constant,
-    /// The alpha of its base colour's picture.
+    /// The alpha of its base color's image.
     OfTexture,
 }
 

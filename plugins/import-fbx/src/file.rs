@@ -6,7 +6,7 @@ use choreo_importer_kit::{Budget, Notes, Result, WithPlace};
 use choreo_plugin::{Files, ImportOptions, Needs};
 use ufbx::{CoordinateAxis, Element, Exporter, Scene};
 
-/// All pictures of one file together, decoded.
+/// All images of one file together, decoded.
 const MAX_PICTURE_BYTES: u64 = 1 << 30;
 
 /// How far a clip may be from the file's own curves, anywhere between keys.

@@ -12,7 +12,7 @@ const MM_PER_INCH: f64 = 25.4;
 pub enum Lens {
     /// Proportional to the value.
     Times(f64),
-    /// A horizontal angle in degrees, of an image with this aspect ratio.
+    /// A horizontal angle in degrees, of an image so many times as wide as high.
     Across(f64),
     /// A focal length in millimetres, before a film of this half height in millimetres.
     Focal(f64),
@@ -67,7 +67,7 @@ pub const ALL: [&str; 5] = ["FieldOfView", "FieldOfViewX", "FieldOfViewY", "Foca
 mod tests {
     use super::*;
 
-    /// A picture twice as wide as high, 90° across: atan ½ up and down. 24 mm of film 12 mm away: 90°.
+    /// An image twice as wide as high, 90° across: atan ½ up and down. 24 mm of film 12 mm away: 90°.
     #[test]
     fn angles_of_right_triangles() {
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-15, "{a} {b}");

@@ -93,7 +93,7 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
     let mut table = textures::Table::default();
     let mut materials = materials::read(&file, &mut table)?;
 
-    // Pictures take as long as everything else together: they are decoded beside it.
+    // Images take as long as everything else together: they are decoded beside it.
     let (pictures, rest) =
         pictures::decode_beside(table.pictures(), needs, files, || decode(&file, &tree, &materials));
     let mut asset = rest?;

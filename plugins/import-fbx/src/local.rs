@@ -234,7 +234,7 @@ impl Local {
         DAffine3::from_scale_rotation_translation(scale, self.rotation_of(&turn), translation)
     }
 
-    /// As the file has it where nothing moves.
+    /// The transform at rest, as the file has it.
     pub fn at_rest(&self) -> Transform {
         let turn = self.turn(self.rotation);
         let rotation = self.rotation_of(&turn);

@@ -11,7 +11,7 @@ use ufbx::{MaterialMap, ShaderType, Texture};
 /// Reflectance of a dielectric of index 1.5 looked at straight on, which `Material::specular_color` multiplies.
 const DIELECTRIC_F0: f32 = 0.04;
 
-/// A material, and what becomes of it when its pictures are known.
+/// A material, and what becomes of it when its images are known.
 pub struct Read {
     pub material: Material,
     /// Sets of texture coordinates that its textures name.
@@ -77,7 +77,7 @@ fn texture(map: &MaterialMap) -> Option<&Texture> {
 }
 
 impl Reader<'_, '_> {
-    /// A connected texture replaces the colour; the factor stays.
+    /// A connected texture replaces the color; the factor stays.
     fn tinted(
         &mut self,
         map: &MaterialMap,
@@ -210,7 +210,7 @@ impl Reader<'_, '_> {
         Ok((out, alpha))
     }
 
-    /// Two pictures, or one for both, as the green and blue of one.
+    /// Two images, or one for both, as the green and blue of one.
     fn metal_and_roughness(
         &mut self,
         pbr: &ufbx::MaterialPbrMaps,
@@ -255,7 +255,7 @@ impl Reader<'_, '_> {
         Ok(None)
     }
 
-    /// A picture of where the surface is: the alpha of the base colour's picture, or one of its own put into that.
+    /// An image of where the surface is: the alpha of the base color's image, or one of its own put into that.
     fn cover(
         &mut self,
         cover: &Texture,

@@ -69,7 +69,7 @@ pub fn read(
     materials: &[Read],
     asset: &mut Asset,
 ) -> Result<()> {
-    // By mesh and the materials that its node gives it.
+    // Key: the mesh and the materials that its node gives it.
     let mut known: BTreeMap<(u32, Vec<u32>), Option<u32>> = BTreeMap::new();
     for one in shown {
         let slots = slots(one);

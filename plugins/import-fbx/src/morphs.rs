@@ -16,7 +16,7 @@ pub struct Target {
 }
 
 impl Target {
-    /// As the mesh's points are by a geometric transform.
+    /// Applies a geometric transform, as to the points of the mesh.
     pub fn turn(&mut self, geometry: &Geometry) {
         self.positions.iter_mut().for_each(|p| *p = geometry.offset(*p));
         self.normals.iter_mut().for_each(|n| *n = geometry.normal_offset(*n));

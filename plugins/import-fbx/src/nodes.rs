@@ -89,7 +89,7 @@ impl<'a> Walk<'a> {
             };
             let levels = is_lod_group(node);
             for (index, child) in node.children.as_ref().iter().enumerate().rev() {
-                // Of the levels of detail, the first is the finest.
+                // The first level of detail is the finest.
                 let child_shown = shown && (!levels || index == 0 || file.hidden);
                 stack.push((child_of(child), joint, child_shown));
             }

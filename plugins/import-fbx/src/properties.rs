@@ -1,4 +1,4 @@
-//! What clips change of cameras and lights: field of view, colour, intensity, the angles of a spot. Where one layer drives a
+//! What clips change of cameras and lights: field of view, color, intensity, the angles of a spot. Where one layer drives a
 //! number, its keys are the file's, exact as those of nodes; what is mixed or repeats is sampled.
 
 use crate::clips::Maker;
@@ -9,7 +9,7 @@ use crate::joined::Joined;
 use crate::keys::{self, Blend, Keys};
 use crate::lens::{self, Lens};
 use crate::objects::Object;
-use crate::refine::Part;
+use crate::refine::Quantity;
 use crate::sampled;
 use choreo_importer_kit::Result;
 use choreo_motion::{Path, PropertyCurve, PropertyTarget};
@@ -184,7 +184,7 @@ impl Maker<'_, '_> {
             let value = ufbx::evaluate_prop(&self.stack.anim, channel.element, channel.name, at).value_vec4;
             out.extend([value.x, value.y, value.z][..width].iter().map(|v| channel.lens.at(*v).0 * unit));
         };
-        let rows = sampled::rows(self.file, &[Part::Weight; 3][..width], times, evaluate, &place)?;
+        let rows = sampled::rows(self.file, &[Quantity::Weight; 3][..width], times, evaluate, &place)?;
         let values = rows.values.iter().map(|v| (v / unit) as f32).collect();
         Ok(Some(keys::finish(rows.times, values, width, Blend::Numbers)))
     }

@@ -13,33 +13,33 @@ const PROBES: [f64; 2] = [0.375, 0.7];
 
 /// What one part of a row is, for measuring.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum Quantity {
     Translation,
     Rotation,
     Scale,
     Weight,
 }
 
-impl Part {
+impl Quantity {
     pub fn width(self) -> usize {
         match self {
-            Part::Translation | Part::Scale => 3,
-            Part::Rotation => 4,
-            Part::Weight => 1,
+            Quantity::Translation | Quantity::Scale => 3,
+            Quantity::Rotation => 4,
+            Quantity::Weight => 1,
         }
     }
 
     /// Whether the line from `a` to `b` passes further from `truth` than allowed.
     fn misses(self, (a, b): (&[f64], &[f64]), truth: &[f64], probe: f64, accuracy: Accuracy) -> bool {
         let limit = match self {
-            Part::Translation => accuracy.metres,
-            Part::Scale => accuracy.scale,
-            Part::Weight => accuracy.weight,
+            Quantity::Translation => accuracy.metres,
+            Quantity::Scale => accuracy.scale,
+            Quantity::Weight => accuracy.weight,
             // Half an angle is the chord of its quaternions.
-            Part::Rotation => accuracy.radians / 2.0,
+            Quantity::Rotation => accuracy.radians / 2.0,
         };
         let line = |i: usize, b: f64| a[i] + (b - a[i]) * probe;
-        if self != Part::Rotation {
+        if self != Quantity::Rotation {
             let square: f64 = (0..a.len()).map(|i| line(i, b[i]) - truth[i]).map(|d| d * d).sum();
             return square > limit * limit;
         }
@@ -61,7 +61,7 @@ impl Part {
 
 /// Rows of numbers at shared times; `parts` says what lies in a row.
 pub struct Rows<'a> {
-    pub parts: &'a [Part],
+    pub parts: &'a [Quantity],
     pub times: Vec<Time>,
     pub values: Vec<f64>,
 }
@@ -114,7 +114,13 @@ pub fn refine(
     out
 }
 
-fn misses(parts: &[Part], (a, b): (&[f64], &[f64]), truth: &[f64], probe: f64, accuracy: Accuracy) -> bool {
+fn misses(
+    parts: &[Quantity],
+    (a, b): (&[f64], &[f64]),
+    truth: &[f64],
+    probe: f64,
+    accuracy: Accuracy,
+) -> bool {
     let mut at = 0;
     parts.iter().any(|part| {
         let range = at..at + part.width();
@@ -134,7 +140,7 @@ mod tests {
     /// x² from 0 to 1 s: halving stops where the line is within 0.1 mm.
     #[test]
     fn a_parabola_gets_as_many_keys_as_it_needs() {
-        let parts = [Part::Translation];
+        let parts = [Quantity::Translation];
         let curve = |t: Time, out: &mut Vec<f64>| out.extend([t.as_secs() * t.as_secs(), 0.0, 0.0]);
         let mut values = Vec::new();
         let times = vec![Time::ZERO, Time::from_secs(1.0)];
@@ -151,7 +157,7 @@ mod tests {
 
     #[test]
     fn lines_and_steps_get_none() {
-        let parts = [Part::Weight];
+        let parts = [Quantity::Weight];
         let times = vec![Time::ZERO, Time(1), Time::from_secs(1.0)];
         let line = |t: Time, out: &mut Vec<f64>| out.push(5.0 + t.as_secs());
         let rows = Rows { parts: &parts, times: times.clone(), values: vec![0.0, 5.0, 6.0] };
@@ -161,7 +167,7 @@ mod tests {
     /// A turn of 90° at an even pace: an arc needs no keys between, a chord would.
     #[test]
     fn wide_turns_are_arcs() {
-        let parts = [Part::Rotation];
+        let parts = [Quantity::Rotation];
         let curve = |t: Time, out: &mut Vec<f64>| {
             let half = t.as_secs() * std::f64::consts::FRAC_PI_4;
             out.extend([libm::sin(half), 0.0, 0.0, libm::cos(half)]);

@@ -3,7 +3,7 @@
 
 use crate::curve::Span;
 use crate::file::File;
-use crate::refine::{Part, Rows, refine};
+use crate::refine::{Quantity, Rows, refine};
 use choreo_importer_kit::{Problem, Result};
 use choreo_motion::Time;
 use ufbx::{Anim, AnimCurve, Interpolation, Keyframe};
@@ -84,12 +84,12 @@ pub fn node<'p>(
         let (t, r, s) = (at.translation, at.rotation, at.scale);
         out.extend([t.x, t.y, t.z, r.x, r.y, r.z, r.w, s.x, s.y, s.z]);
     };
-    rows(file, &[Part::Translation, Part::Rotation, Part::Scale], times, evaluate, place)
+    rows(file, &[Quantity::Translation, Quantity::Rotation, Quantity::Scale], times, evaluate, place)
 }
 
 pub fn rows<'p>(
     file: &File<'_>,
-    parts: &'p [Part],
+    parts: &'p [Quantity],
     times: Vec<Time>,
     mut evaluate: impl FnMut(Time, &mut Vec<f64>),
     place: &dyn Fn() -> String,

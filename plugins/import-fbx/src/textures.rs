@@ -1,4 +1,4 @@
-//! Textures: where their pictures are found, and pictures put together from channels of others.
+//! Textures: where their images are found, and images put together from channels of others.
 
 use crate::alpha::{self, Alpha};
 use crate::file::{File, place_of};
@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use ufbx::{Texture, TextureType, WrapMode};
 
-/// Above this, an image index means a combined picture.
+/// Above this, an image index means a combined image.
 const COMBINED: u32 = 1 << 30;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -22,13 +22,13 @@ pub enum Channel {
     Red,
     Green,
     Blue,
-    /// The mean of the colours.
+    /// The mean of the colors.
     Gray,
-    /// Alpha where the picture has any, else the mean.
+    /// Alpha where the image has any, else the mean.
     AlphaOrGray,
 }
 
-/// One channel of a combined picture.
+/// One channel of a combined image.
 #[derive(Clone, Copy)]
 pub struct Source<'a> {
     pub texture: &'a Texture,
@@ -36,10 +36,10 @@ pub struct Source<'a> {
     pub invert: bool,
 }
 
-/// A picture, its channel, and whether it is inverted; white where `None`.
+/// An image, its channel, and whether it is inverted; white where `None`.
 type Recipe = [Option<(u32, Channel, bool)>; 4];
 
-/// The pictures that materials ask for, each once.
+/// The images that materials ask for, each once.
 #[derive(Default)]
 pub struct Table {
     /// Image of each texture.
@@ -93,7 +93,7 @@ impl Table {
         Ok(Some(place(file, leader, COMBINED + index as u32, uv_set)))
     }
 
-    /// Index of a texture's picture; `None`, with a warning, where there is none to be had.
+    /// Index of a texture's image; `None`, with a warning, where there is none to be had.
     pub fn picture(&mut self, file: &File<'_>, texture: &Texture) -> Result<Option<u32>> {
         if !file.needs.textures {
             return Ok(None);
@@ -142,7 +142,7 @@ impl Table {
         Ok(Some(self.pictures.len() as u32 - 1))
     }
 
-    /// The pictures of the asset: those that materials use, with their references to them made right.
+    /// The images of the asset: those that materials use, with their references to them made right.
     pub fn finish(
         &self,
         file: &File<'_>,
@@ -202,7 +202,7 @@ fn combine(recipe: &Recipe, decoded: &[Option<Arc<Image>>]) -> Option<Arc<Image>
     let image = |r: &Option<(u32, Channel, bool)>| r.and_then(|r| decoded.get(r.0 as usize)?.as_ref());
     let largest = recipe.iter().filter_map(image).max_by_key(|i| u64::from(i.width) * u64::from(i.height))?;
     let (width, height) = (largest.width, largest.height);
-    // An import without pixels gets images that are empty and have a size.
+    // Who asks for no pixels gets images that are empty and have a size.
     let filled = recipe.iter().filter_map(image).all(|i| !i.rgba.is_empty());
     let mut rgba = vec![255; if filled { width as usize * height as usize * 4 } else { 0 }];
     for (to, source) in recipe.iter().enumerate().filter(|_| filled) {
@@ -219,7 +219,7 @@ fn combine(recipe: &Recipe, decoded: &[Option<Arc<Image>>]) -> Option<Arc<Image>
                 Channel::AlphaOrGray => mean,
             }
         };
-        // An alpha channel says what is there, a gray picture in a slot for transparency what is not.
+        // An alpha channel says what is there, a gray image in a slot for transparency what is not.
         let invert = *invert && !(*channel == Channel::AlphaOrGray && has_alpha);
         for y in 0..height as usize {
             let from_y = y * from.height as usize / height as usize;

@@ -1,4 +1,4 @@
-//! Faces to triangles, vertices to vertices: one primitive for each material of a mesh.
+//! Faces to triangles, face vertices to vertices: one primitive for each material of a mesh.
 
 use crate::convert::{linear_from_srgb, vec3};
 use crate::file::File;
@@ -109,7 +109,7 @@ impl Maker<'_, '_> {
             return Ok(None);
         }
         self.welder.start(self.mesh.num_vertices);
-        // As if no two vertices shared a vertex; 120 bytes hold one with everything but skin and morphs.
+        // Counted as if no two face vertices shared a vertex; 120 bytes hold one with everything but skin and morphs.
         let skin = self.of_points.weights.map_or(0, |w| w.influences * 6);
         let morphs: usize =
             self.of_points.targets.iter().map(|t| if t.normals.is_empty() { 12 } else { 24 }).sum();
@@ -139,7 +139,7 @@ impl Maker<'_, '_> {
 
     fn triangles(&mut self, part: &MeshPart) {
         let mesh = self.mesh;
-        let mut corners: Vec<u32> = Vec::new();
+        let mut face_vertices: Vec<u32> = Vec::new();
         let holes = mesh.face_hole.as_ref();
         for face_index in part.face_indices.as_ref() {
             let Some(&Face { index_begin, num_indices }) = mesh.faces.as_ref().get(*face_index as usize)
@@ -150,22 +150,25 @@ impl Maker<'_, '_> {
                 continue;
             }
             if num_indices == 3 {
-                (index_begin..index_begin + 3).for_each(|corner| self.corner(corner));
+                (index_begin..index_begin + 3).for_each(|face_vertex| self.face_vertex(face_vertex));
                 continue;
             }
-            corners.clear();
-            corners.resize((num_indices as usize - 2) * 3, 0);
-            let count = mesh.triangulate_face(&mut corners, Face { index_begin, num_indices });
-            corners.iter().take(count as usize * 3).for_each(|corner| self.corner(*corner));
+            face_vertices.clear();
+            face_vertices.resize((num_indices as usize - 2) * 3, 0);
+            let count = mesh.triangulate_face(&mut face_vertices, Face { index_begin, num_indices });
+            face_vertices
+                .iter()
+                .take(count as usize * 3)
+                .for_each(|face_vertex| self.face_vertex(*face_vertex));
         }
         if self.of_points.geometry.is_some_and(|g| g.mirrors) {
             self.out.indices.chunks_exact_mut(3).for_each(|t| t.swap(1, 2));
         }
-        // A face that ends in the middle cannot be: `corner` refuses single vertices of none.
+        // A face that ends in the middle cannot be: `face_vertex` refuses single face vertices of none.
         debug_assert!(self.out.indices.len().is_multiple_of(3));
     }
 
-    fn corner(&mut self, index: u32) {
+    fn face_vertex(&mut self, index: u32) {
         let mesh = self.mesh;
         let at = index as usize;
         // Indices are in range as ufbx clamps them.

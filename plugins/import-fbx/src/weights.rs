@@ -3,7 +3,7 @@
 use crate::curve::Span;
 use crate::file::File;
 use crate::morphs;
-use crate::refine::Part;
+use crate::refine::Quantity;
 use crate::sampled;
 use choreo_importer_kit::Result;
 use choreo_motion::Time;
@@ -36,7 +36,7 @@ impl Track {
         let evaluate = |time: Time, out: &mut Vec<f64>| {
             out.push(channel.evaluate_blend_weight(anim, begin + time.as_secs()));
         };
-        let rows = sampled::rows(file, &[Part::Weight], times, evaluate, place)?;
+        let rows = sampled::rows(file, &[Quantity::Weight], times, evaluate, place)?;
         let keys = rows.times.into_iter().zip(rows.values).collect();
         Ok(Track(with_bends(channel, keys)))
     }

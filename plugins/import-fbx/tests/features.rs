@@ -216,7 +216,7 @@ fn materials_of_fbx() {
     let named = |name: &str| asset.materials.iter().find(|m| m.name == name).unwrap();
     let cloth = named("cloth");
     assert_eq!(cloth.shading, Shading::BlinnPhong);
-    // A texture replaces the colour.
+    // A texture replaces the color.
     assert_eq!(cloth.base_color.to_array(), [1.0, 1.0, 1.0, 1.0]);
     assert_eq!(cloth.shininess, 64.0);
     assert!((cloth.specular_color.x - 0.5 * 8.0 / 72.0).abs() < 1e-6);

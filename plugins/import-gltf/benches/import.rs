@@ -1,5 +1,5 @@
 //! How long importing takes and what takes it: `cargo bench -p import-gltf [-- FILE…]`, medians and best of 21 runs.
-//! Each part alone, by asking for nothing else; pictures are decoded beside the rest.
+//! Each part alone, by asking for nothing else; images are decoded beside the rest.
 
 use choreo_plugin::{Files, ImportOptions, Importer, Needs, Source};
 use import_gltf::GltfImporter;

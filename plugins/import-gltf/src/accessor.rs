@@ -11,9 +11,9 @@ const MAX_ZERO_ELEMENTS: u64 = 1 << 24;
 /// What integer components mean.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Integers {
-    /// As the accessor's `normalized` says (KHR_mesh_quantization has plain integers).
+    /// Normalised where the accessor's `normalized` is set (KHR_mesh_quantization has plain integers).
     AsFlagged,
-    /// Always normalised, as for colours, weights and animation outputs; writers forget the flag.
+    /// Always normalised, as for colors, weights and animation outputs; writers forget the flag.
     Normalized,
 }
 

@@ -203,7 +203,7 @@ fn curve(
         }
         Path::Rotation => file.floats::<4>(output, Integers::Normalized).map(Vec::into_flattened),
         Path::Weights(_) => match file.width(output) {
-            // Colours and places in textures are vectors.
+            // Colors and places in textures are vectors.
             Some(2) => file.floats::<2>(output, Integers::Normalized).map(Vec::into_flattened),
             Some(3) => file.floats::<3>(output, Integers::Normalized).map(Vec::into_flattened),
             Some(4) => file.floats::<4>(output, Integers::Normalized).map(Vec::into_flattened),

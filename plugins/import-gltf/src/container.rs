@@ -128,7 +128,7 @@ pub fn parse(container: &Container<'_>) -> Result<(Root, Pointers)> {
     {
         repair::refuse_version_1(&value)?;
         if let Some(pointers) = repair::repair(&mut value) {
-            // As text once more: the typed form says where in it an error lies.
+            // Parsed as text once more: the typed form says where in it an error lies.
             let text = value.to_string();
             let root = serde_json::from_str::<Root>(&text);
             return root.map(|root| (root, pointers)).map_err(|e| invalid(text.as_bytes(), None, &e));

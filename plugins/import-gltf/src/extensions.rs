@@ -34,12 +34,12 @@ const READ: &[&str] = &[
 /// An extension without which, if it is required, the file's data cannot be read.
 struct Essential {
     name: &'static str,
-    part: Part,
+    part: Content,
     hint: &'static str,
 }
 
 #[derive(PartialEq, Eq)]
-enum Part {
+enum Content {
     Geometry,
     Textures,
 }
@@ -47,8 +47,8 @@ enum Part {
 impl Essential {
     fn is_needed(&self, needs: Needs) -> bool {
         match self.part {
-            Part::Geometry => needs.geometry,
-            Part::Textures => needs.textures,
+            Content::Geometry => needs.geometry,
+            Content::Textures => needs.textures,
         }
     }
 }
@@ -58,17 +58,17 @@ const DRACO: &str = "KHR_draco_mesh_compression";
 const ESSENTIAL: &[Essential] = &[
     Essential {
         name: DRACO,
-        part: Part::Geometry,
+        part: Content::Geometry,
         hint: "export without Draco compression, or decompress with `gltf-transform copy in.glb out.glb`",
     },
     Essential {
         name: "KHR_texture_basisu",
-        part: Part::Textures,
+        part: Content::Textures,
         hint: "convert the textures to PNG, JPEG or WebP",
     },
     Essential {
         name: "MSFT_texture_dds",
-        part: Part::Textures,
+        part: Content::Textures,
         hint: "convert the textures to PNG, JPEG or WebP",
     },
 ];

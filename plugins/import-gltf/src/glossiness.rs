@@ -3,7 +3,7 @@
 use choreo_asset::{Image, Material, TextureRef};
 use std::sync::Arc;
 
-/// A material whose specular-glossiness texture (now its specular colour texture) has the glossiness in its alpha.
+/// A material whose specular-glossiness texture (now its specular color texture) has the glossiness in its alpha.
 pub struct Glossy {
     pub material: usize,
     pub factor: f32,

@@ -30,7 +30,7 @@ impl AsRef<[u8]> for Slice<'_> {
 }
 
 impl<'a> ImageTable<'a> {
-    /// The asset's image for an image of the file; `None` where there is none to be had. Files that hold the same picture twice
+    /// The asset's image for an image of the file; `None` where there is none to be had. Files that hold the same image twice
     /// get it once.
     pub fn index_of(&mut self, file: &'a File<'_>, file_image: usize, user: &str) -> Result<Option<u32>> {
         element(&file.root.images, file_image, "images", || user.to_string())?;
@@ -41,7 +41,7 @@ impl<'a> ImageTable<'a> {
         let place = || format!("images[{file_image}]");
         let image = &file.root.images[file_image];
         let bytes = match (&image.buffer_view, &image.uri) {
-            // Of the file itself: what is wrong there is an error.
+            // A part of the file itself: what is wrong there is an error.
             (Some(view), _) => Ok(Slice::View(file.view(view.value(), place)?.0)),
             (None, Some(uri)) => fetch(file, uri),
             (None, None) => Err("has neither a bufferView nor a uri".into()),
@@ -57,7 +57,7 @@ impl<'a> ImageTable<'a> {
         Ok(index)
     }
 
-    /// The index of a picture with these bytes, which is added where there is none.
+    /// The index of an image with these bytes, which is added where there is none.
     fn add(&mut self, file: &File<'_>, file_image: usize, bytes: Slice<'a>) -> Result<u32> {
         for (index, entry) in self.entries.iter().enumerate() {
             if entry.bytes.as_ref().len() == bytes.as_ref().len() {
@@ -82,7 +82,7 @@ impl<'a> ImageTable<'a> {
     }
 }
 
-/// A picture inside the URI, or in a file of this name: as the URI gives it, else where [`search::places`] says.
+/// An image inside the URI, or in a file of this name: as the URI gives it, else where [`search::places`] says.
 fn fetch<'a>(file: &File<'_>, uri: &str) -> Result<Slice<'a>> {
     if let Some(inside) = uri::data_uri(uri) {
         return inside.map(|bytes| Slice::Loaded(Bytes::Owned(bytes)));

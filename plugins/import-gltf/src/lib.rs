@@ -141,7 +141,7 @@ fn import(
     let mut table = images::ImageTable::default();
     let (mut materials, glossy) = materials::read(&file, &mut table, needs.textures, profile)?;
 
-    // Pictures take as long as everything else together: they are decoded beside it.
+    // Images take as long as everything else together: they are decoded beside it.
     let (images, rest) =
         pictures::decode_beside(&table.entries, needs, files, || decode(&file, &tree, needs, &materials));
     let mut asset = rest?;

@@ -286,7 +286,7 @@ fn finish_tangents(
     Ok(())
 }
 
-/// Splitting makes at most one vertex per index.
+/// Splitting makes at most one vertex for each index.
 fn charge_split(file: &File<'_>, out: &Primitive, place: &dyn Fn() -> String) -> Result<()> {
     let lists = |l: usize| if l == 0 { 0 } else { 12 };
     let morphs: usize = out

@@ -150,7 +150,7 @@ fn cameras_of(file: &File<'_>, tree: &Tree, camera: usize) -> Vec<u32> {
     (0..).zip(all).filter(|(_, of)| *of == camera).map(|(index, _)| index).collect()
 }
 
-/// As above, in the order of `objects::lights`.
+/// Which of the asset's lights come from this one of the file; the order is that of `objects::lights`.
 fn lights_of(file: &File<'_>, tree: &Tree, light: usize) -> Vec<u32> {
     let shown = tree.node_of_joint[..tree.shown].iter();
     let all = shown.filter_map(|node| {

@@ -44,7 +44,7 @@ pub trait Profile {
         Ok(())
     }
 
-    /// Called when everything else is there but for the pictures.
+    /// Called when everything else is there but for the images.
     fn finish(&self, _document: &Document<'_>, _needs: Needs, _asset: &mut Asset) -> Result<()> {
         Ok(())
     }

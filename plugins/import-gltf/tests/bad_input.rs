@@ -295,7 +295,7 @@ fn pictures() {
         json["images"] = json!([{"bufferView": 8, "name": "coat"}]);
         json["textures"] = json!([{"source": 0}]);
         json["materials"][0]["pbrMetallicRoughness"] = json!({"baseColorTexture": {"index": 0}});
-        // The model is there, without the picture.
+        // The model is there, without the image.
         let asset = import(&json, &bin).unwrap();
         assert_eq!((asset.instances.len(), asset.warnings.len()), (1, 1));
         assert!(asset.images.iter().all(|i| i.rgba == [255; 4]));

@@ -353,7 +353,7 @@ fn equal_images_are_one() {
     );
 }
 
-/// The same file twice gives the same asset, pictures and threads or not.
+/// The same file twice gives the same asset, images and threads or not.
 #[test]
 fn imports_are_equal() {
     let Some(folder) = common::assets(1) else { return };

@@ -134,7 +134,7 @@ fn mistakes_have_places() {
     );
     assert_eq!(
         error(json!({"KHR_materials_volume": {"thicknessTexture": {}}})),
-        "layers.glb: materials[0].extensions.KHR_materials_volume.thicknessTexture: does not say which texture (index)"
+        "layers.glb: materials[0].extensions.KHR_materials_volume.thicknessTexture: has no index of a texture"
     );
 }
 

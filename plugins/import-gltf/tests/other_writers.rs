@@ -91,7 +91,7 @@ fn with_image(image: Value) -> (Value, Vec<u8>) {
     (json, bin)
 }
 
-/// As in OBJ, COLLADA and FBX: the model is there, with the material's own colour.
+/// As in OBJ, COLLADA and FBX: the model is there, with the material's own color.
 #[test]
 fn a_missing_image_is_a_warning() {
     for (uri, told) in [

@@ -1,4 +1,4 @@
-//! Buffers and pictures beside the file, inside it and under odd names.
+//! Buffers and images beside the file, inside it and under odd names.
 
 mod common;
 

@@ -38,10 +38,10 @@ fn import(path: &Path, keep_tangents: bool) -> Asset {
     GltfImporter::new().import(&source, &folder, Needs::ALL, &ImportOptions::default()).unwrap()
 }
 
-/// How two lists of tangents, one a corner, differ.
+/// How two lists of tangents, one a face vertex, differ.
 #[derive(Debug, Default)]
 struct Difference {
-    corners: usize,
+    face_vertices: usize,
     other_sign: usize,
     above_one_degree: usize,
     worst_degrees: f32,
@@ -51,7 +51,7 @@ fn difference(ours: impl Iterator<Item = Vec4>, theirs: impl Iterator<Item = Vec
     let mut out = Difference::default();
     for (a, b) in ours.zip(theirs) {
         let degrees = a.truncate().dot(b.truncate()).clamp(-1.0, 1.0).acos().to_degrees();
-        out.corners += 1;
+        out.face_vertices += 1;
         out.other_sign += usize::from(a.w != b.w);
         out.above_one_degree += usize::from(degrees > 1.0);
         out.worst_degrees = out.worst_degrees.max(degrees);
@@ -59,7 +59,7 @@ fn difference(ours: impl Iterator<Item = Vec4>, theirs: impl Iterator<Item = Vec
     out
 }
 
-fn corners(p: &Primitive) -> impl Iterator<Item = Vec4> + '_ {
+fn face_vertices(p: &Primitive) -> impl Iterator<Item = Vec4> + '_ {
     p.indices.iter().map(|i| p.tangents[*i as usize])
 }
 
@@ -74,11 +74,14 @@ fn as_other_programs_write_them() {
         let (theirs, ours) = (import(&path, true), import(&path, false));
         for (a, b) in ours.meshes.iter().zip(&theirs.meshes).take(meshes) {
             for (p, q) in a.primitives.iter().zip(&b.primitives) {
-                let d = difference(corners(p), corners(q));
+                let d = difference(face_vertices(p), face_vertices(q));
                 assert!(d.other_sign == 0 && d.worst_degrees < 0.05, "{name}: {d:?}");
-                compared += d.corners;
-                let flipped = difference(corners(p).map(|t| t * Vec4::new(1.0, 1.0, 1.0, -1.0)), corners(q));
-                assert_eq!(flipped.other_sign, d.corners, "a flipped bitangent must be seen");
+                compared += d.face_vertices;
+                let flipped = difference(
+                    face_vertices(p).map(|t| t * Vec4::new(1.0, 1.0, 1.0, -1.0)),
+                    face_vertices(q),
+                );
+                assert_eq!(flipped.other_sign, d.face_vertices, "a flipped bitangent must be seen");
             }
         }
     }
@@ -91,8 +94,8 @@ struct Mikk<'a> {
 }
 
 impl Mikk<'_> {
-    fn vertex(&self, face: usize, corner: usize) -> usize {
-        self.primitive.indices[face * 3 + corner] as usize
+    fn vertex(&self, face: usize, face_vertex: usize) -> usize {
+        self.primitive.indices[face * 3 + face_vertex] as usize
     }
 }
 
@@ -103,25 +106,25 @@ impl Geometry for Mikk<'_> {
     fn num_vertices_of_face(&self, _: usize) -> usize {
         3
     }
-    fn position(&self, face: usize, corner: usize) -> [f32; 3] {
-        self.primitive.positions[self.vertex(face, corner)].to_array()
+    fn position(&self, face: usize, face_vertex: usize) -> [f32; 3] {
+        self.primitive.positions[self.vertex(face, face_vertex)].to_array()
     }
-    fn normal(&self, face: usize, corner: usize) -> [f32; 3] {
-        self.primitive.normals[self.vertex(face, corner)].to_array()
+    fn normal(&self, face: usize, face_vertex: usize) -> [f32; 3] {
+        self.primitive.normals[self.vertex(face, face_vertex)].to_array()
     }
     /// glTF's v points down, MikkTSpace's up.
-    fn tex_coord(&self, face: usize, corner: usize) -> [f32; 2] {
-        let uv = self.primitive.uvs[0][self.vertex(face, corner)];
+    fn tex_coord(&self, face: usize, face_vertex: usize) -> [f32; 2] {
+        let uv = self.primitive.uvs[0][self.vertex(face, face_vertex)];
         [uv.x, -uv.y]
     }
-    fn set_tangent(&mut self, tangent: Option<TangentSpace>, face: usize, corner: usize) {
-        self.out[face * 3 + corner] = tangent.map(|t| Vec4::from(t.tangent_encoded()));
+    fn set_tangent(&mut self, tangent: Option<TangentSpace>, face: usize, face_vertex: usize) {
+        self.out[face * 3 + face_vertex] = tangent.map(|t| Vec4::from(t.tangent_encoded()));
     }
 }
 
-/// uv area and 3D area of a corner's triangle are well above rounding.
-fn well_shaped(p: &Primitive, corner: usize) -> bool {
-    let t = [0, 1, 2].map(|k| p.indices[corner / 3 * 3 + k] as usize);
+/// uv area and 3D area of a face vertex's triangle are well above rounding.
+fn well_shaped(p: &Primitive, face_vertex: usize) -> bool {
+    let t = [0, 1, 2].map(|k| p.indices[face_vertex / 3 * 3 + k] as usize);
     let [a, b, c] = t.map(|v| p.positions[v]);
     let [u, v, w] = t.map(|i| p.uvs[0][i]);
     let sides = (v - u).length() * (w - u).length();
@@ -130,7 +133,7 @@ fn well_shaped(p: &Primitive, corner: usize) -> bool {
 
 #[test]
 fn as_the_mikktspace_program_makes_them() {
-    // Knight takes its colours from points of a palette: many of its uv triangles are slivers, where the C
+    // Knight takes its colors from points of a palette: many of its uv triangles are slivers, where the C
     // program pairs edges of more than two triangles by chance of order, and all are joined here.
     let files = [
         ("gltf/CesiumMan.glb", 0),
@@ -147,22 +150,22 @@ fn as_the_mikktspace_program_makes_them() {
         for p in asset.meshes.iter().flat_map(|m| &m.primitives) {
             let mut mikk = Mikk { primitive: p, out: vec![None; p.indices.len()] };
             generate_tangents(&mut mikk).unwrap();
-            let pairs: Vec<(Vec4, Vec4)> = corners(p)
+            let pairs: Vec<(Vec4, Vec4)> = face_vertices(p)
                 .zip(&mikk.out)
                 .enumerate()
-                .filter(|(corner, _)| well_shaped(p, *corner))
+                .filter(|(face_vertex, _)| well_shaped(p, *face_vertex))
                 .filter_map(|(_, (ours, theirs))| Some((ours, (*theirs)?)))
                 .collect();
             left_out += p.indices.len() - pairs.len();
             let d = difference(pairs.iter().map(|p| p.0), pairs.iter().map(|p| p.1));
-            total.corners += d.corners;
+            total.face_vertices += d.face_vertices;
             total.other_sign += d.other_sign;
             total.above_one_degree += d.above_one_degree;
             total.worst_degrees = total.worst_degrees.max(d.worst_degrees);
         }
-        println!("{name}: {total:?}, {left_out} vertices of triangles without area left out");
+        println!("{name}: {total:?}, {left_out} face_vertices of triangles without area left out");
         assert_eq!(total.other_sign, 0, "{name}");
-        assert!(total.corners > left_out, "{name}");
-        assert!(total.above_one_degree * 1000 <= total.corners * per_mille, "{name}: {total:?}");
+        assert!(total.face_vertices > left_out, "{name}");
+        assert!(total.above_one_degree * 1000 <= total.face_vertices * per_mille, "{name}: {total:?}");
     }
 }

@@ -8,7 +8,7 @@ use crate::field::{below, common, cut, ellipsoid, join, rounded_box, sphere, tap
 use crate::rig::{self, FINGERS, Side};
 use glam::{Vec3, vec2, vec3};
 
-pub const BODY: u32 = 0;
+pub const SHELL: u32 = 0;
 pub const JOINTS: u32 = 1;
 pub const VISOR: u32 = 2;
 pub const EYES: u32 = 3;
@@ -24,13 +24,11 @@ pub enum Skinning {
         joints: fn(Side) -> Vec<(usize, f32)>,
         blend: f32,
     },
-    /// The chest: its upper vertices follow the collar bones a little.
+    /// The chest: its upper edges follow the collar bones a little.
     Chest,
 }
 
-pub struct Part {
-    #[expect(dead_code, reason = "says what the part is")]
-    pub name: &'static str,
+pub struct BodyPart {
     pub material: u32,
     /// Modelled on the left, also wanted on the right.
     pub paired: bool,
@@ -110,10 +108,6 @@ fn pelvis(p: Vec3) -> f32 {
     cut(solid, -below(q, vec3(0.0, 1.040, 0.0), Vec3::Y), 0.022)
 }
 
-fn hip_ball(p: Vec3) -> f32 {
-    sphere(p, HIP, 0.0620)
-}
-
 fn thigh(p: Vec3) -> f32 {
     let core = taper(p, HIP + vec3(0.004, -0.01, 0.0), 0.076, KNEE + vec3(0.0, 0.0, 0.002), 0.050);
     let quad = ellipsoid(p, vec3(0.102, 0.750, 0.020), vec3(0.066, 0.165, 0.064));
@@ -125,10 +119,6 @@ fn thigh(p: Vec3) -> f32 {
     common(solid, -below(p, end, Vec3::Y), 0.016)
 }
 
-fn knee_ball(p: Vec3) -> f32 {
-    sphere(p, KNEE, 0.0475)
-}
-
 fn shin(p: Vec3) -> f32 {
     let core = taper(p, KNEE, 0.050, ANKLE + vec3(0.0, 0.0, -0.004), 0.030);
     let calf = ellipsoid(p, vec3(0.099, 0.375, -0.026), vec3(0.049, 0.112, 0.046));
@@ -136,10 +126,6 @@ fn shin(p: Vec3) -> f32 {
     let solid = join(join(core, calf, 0.035), front, 0.03);
     let solid = common(solid, below(p, KNEE + vec3(0.0, -0.018, 0.0), vec3(0.0, 0.97, -0.24)), 0.016);
     common(solid, -below(p, ANKLE + vec3(0.0, 0.016, 0.0), Vec3::Y), 0.012)
-}
-
-fn ankle_ball(p: Vec3) -> f32 {
-    sphere(p, ANKLE, 0.0315)
 }
 
 fn foot(p: Vec3) -> f32 {
@@ -152,10 +138,6 @@ fn foot(p: Vec3) -> f32 {
     cut(solid, below(p, Vec3::ZERO, Vec3::Y), 0.012)
 }
 
-fn shoulder_ball(p: Vec3) -> f32 {
-    sphere(p, SHOULDER, 0.0500)
-}
-
 fn upper_arm(p: Vec3) -> f32 {
     let core = taper(p, SHOULDER + vec3(0.02, 0.0, 0.0), 0.050, ELBOW, 0.036);
     let deltoid = ellipsoid(p, vec3(0.216, 1.427, -0.012), vec3(0.070, 0.053, 0.056));
@@ -166,20 +148,12 @@ fn upper_arm(p: Vec3) -> f32 {
     common(solid, below(p, ELBOW - vec3(0.014, 0.0, 0.0), Vec3::X), 0.012)
 }
 
-fn elbow_ball(p: Vec3) -> f32 {
-    sphere(p, ELBOW, 0.036)
-}
-
 fn fore_arm(p: Vec3) -> f32 {
     let core = taper(p, ELBOW, 0.037, WRIST, 0.0240);
     let muscle = ellipsoid(p, vec3(0.535, 1.421, -0.010), vec3(0.080, 0.039, 0.040));
     let solid = join(core, muscle, 0.03);
     let solid = common(solid, -below(p, ELBOW + vec3(0.014, 0.0, 0.0), Vec3::X), 0.012);
     common(solid, below(p, WRIST - vec3(0.010, 0.0, 0.0), Vec3::X), 0.008)
-}
-
-fn wrist_ball(p: Vec3) -> f32 {
-    sphere(p, WRIST, 0.0235)
 }
 
 fn palm(p: Vec3) -> f32 {
@@ -189,71 +163,47 @@ fn palm(p: Vec3) -> f32 {
     join(join(slab, wrist, 0.03), thenar, 0.015)
 }
 
-fn finger_field(p: Vec3, finger: usize, root: f32, tip: f32) -> f32 {
-    let (_, knuckle, direction, lengths) = FINGERS[finger];
-    let direction = direction.normalize();
-    let length = lengths.iter().sum::<f32>();
-    taper(p, knuckle, root, knuckle + direction * (length - tip), tip)
-}
-fn thumb(p: Vec3) -> f32 {
-    finger_field(p, 0, 0.0135, 0.0090)
-}
-fn index(p: Vec3) -> f32 {
-    finger_field(p, 1, 0.0105, 0.0078)
-}
-fn middle(p: Vec3) -> f32 {
-    finger_field(p, 2, 0.0108, 0.0080)
-}
-fn ring(p: Vec3) -> f32 {
-    finger_field(p, 3, 0.0103, 0.0076)
-}
-fn pinky(p: Vec3) -> f32 {
-    finger_field(p, 4, 0.0092, 0.0068)
-}
+/// Radii at the root and the tip of each finger, in the order of [`FINGERS`].
+const FINGER_RADII: [(f32, f32); 5] =
+    [(0.0135, 0.0090), (0.0105, 0.0078), (0.0108, 0.0080), (0.0103, 0.0076), (0.0092, 0.0068)];
 
-fn finger_chain(side: Side, finger: usize) -> Vec<(usize, f32)> {
-    let (_, knuckle, direction, lengths) = FINGERS[finger];
-    let start = knuckle.dot(direction.normalize());
-    vec![
-        (side.finger(finger, 0), f32::MIN),
-        (side.finger(finger, 1), start + lengths[0]),
-        (side.finger(finger, 2), start + lengths[0] + lengths[1]),
-    ]
-}
-
-fn finger_part(finger: usize, field: fn(Vec3) -> f32, joints: fn(Side) -> Vec<(usize, f32)>) -> Part {
-    let (name, knuckle, direction, lengths) = FINGERS[finger];
+fn finger<const F: usize>() -> BodyPart {
+    let (_, knuckle, direction, lengths) = FINGERS[F];
     let direction = direction.normalize();
-    Part {
-        name,
-        material: BODY,
-        paired: true,
-        field,
-        grid: Grid {
-            from: knuckle,
-            to: knuckle + direction * (lengths.iter().sum::<f32>() - 0.009),
-            cap_rings: 1,
-            side_rings: 5,
-            sectors: 6,
-            reach: 0.03,
-        },
-        skinning: Skinning::Chain { axis: direction, joints, blend: 0.008 },
-    }
+    let field = |p: Vec3| {
+        let (_, knuckle, direction, lengths) = FINGERS[F];
+        let (root, tip) = FINGER_RADII[F];
+        let length = lengths.iter().sum::<f32>();
+        taper(p, knuckle, root, knuckle + direction.normalize() * (length - tip), tip)
+    };
+    let joints = |side: Side| {
+        let (_, knuckle, direction, lengths) = FINGERS[F];
+        let start = knuckle.dot(direction.normalize());
+        vec![
+            (side.finger(F, 0), f32::MIN),
+            (side.finger(F, 1), start + lengths[0]),
+            (side.finger(F, 2), start + lengths[0] + lengths[1]),
+        ]
+    };
+    let tip = knuckle + direction * (lengths.iter().sum::<f32>() - 0.009);
+    let skinning = Skinning::Chain { axis: direction, joints, blend: 0.008 };
+    paired(SHELL, field, grid(knuckle, tip, [1, 5], 6, 0.03), skinning)
 }
 
 fn grid(from: Vec3, to: Vec3, rings: [usize; 2], sectors: usize, reach: f32) -> Grid {
     Grid { from, to, cap_rings: rings[0], side_rings: rings[1], sectors, reach }
 }
 
-fn ball(name: &'static str, field: fn(Vec3) -> f32, at: Vec3, reach: f32, joint: fn(Side) -> usize) -> Part {
-    Part {
-        name,
-        material: JOINTS,
-        paired: true,
-        field,
-        grid: grid(at, at, [3, 1], 14, reach),
-        skinning: Skinning::Rigid(joint),
-    }
+fn single(material: u32, field: fn(Vec3) -> f32, grid: Grid, skinning: Skinning) -> BodyPart {
+    BodyPart { material, paired: false, field, grid, skinning }
+}
+
+fn paired(material: u32, field: fn(Vec3) -> f32, grid: Grid, skinning: Skinning) -> BodyPart {
+    BodyPart { material, paired: true, field, grid, skinning }
+}
+
+fn ball(field: fn(Vec3) -> f32, at: Vec3, reach: f32, joint: fn(Side) -> usize) -> BodyPart {
+    paired(JOINTS, field, grid(at, at, [3, 1], 14, reach), Skinning::Rigid(joint))
 }
 
 /// A thin shape that lies on the front of the head.
@@ -284,127 +234,98 @@ pub fn inlays() -> [Inlay; 2] {
 }
 
 /// Every part of the left half and the middle.
-pub fn parts() -> Vec<Part> {
-    let single =
-        |name, material, field, grid, skinning| Part { name, material, paired: false, field, grid, skinning };
-    let paired =
-        |name, material, field, grid, skinning| Part { name, material, paired: true, field, grid, skinning };
-    let rigid_head = Skinning::Rigid(|_| rig::HEAD);
-    let mut list = vec![
-        single(
-            "head",
-            BODY,
-            skull,
-            grid(vec3(0.0, 1.625, 0.004), vec3(0.0, 1.66, 0.0), [7, 4], 28, 0.2),
-            rigid_head,
-        ),
+pub fn parts() -> Vec<BodyPart> {
+    let fingers = [finger::<0>(), finger::<1>(), finger::<2>(), finger::<3>(), finger::<4>()];
+    trunk().into_iter().chain(leg()).chain(arm()).chain(fingers).collect()
+}
+
+fn trunk() -> [BodyPart; 6] {
+    let head = Skinning::Rigid(|_| rig::HEAD);
+    let neck_chain = Skinning::Chain {
+        axis: Vec3::Y,
+        joints: |_| vec![(rig::SPINE2, f32::MIN), (rig::NECK, 1.462), (rig::HEAD, 1.545)],
+        blend: 0.035,
+    };
+    let belly_chain = Skinning::Chain {
+        axis: Vec3::Y,
+        joints: |_| {
+            vec![(rig::HIPS, f32::MIN), (rig::SPINE, 1.045), (rig::SPINE1, 1.115), (rig::SPINE2, 1.185)]
+        },
+        blend: 0.045,
+    };
+    [
+        single(SHELL, skull, grid(vec3(0.0, 1.625, 0.004), vec3(0.0, 1.66, 0.0), [7, 4], 28, 0.2), head),
         paired(
-            "ear",
             JOINTS,
             ear,
             grid(vec3(0.072, 1.643, -0.006), vec3(0.073, 1.643, -0.006), [3, 1], 14, 0.05),
-            rigid_head,
+            head,
         ),
         single(
-            "neck",
             JOINTS,
             neck,
             grid(vec3(0.0, 1.43, -0.018), vec3(0.0, 1.58, -0.006), [1, 7], 16, 0.1),
-            Skinning::Chain {
-                axis: Vec3::Y,
-                joints: |_| vec![(rig::SPINE2, f32::MIN), (rig::NECK, 1.462), (rig::HEAD, 1.545)],
-                blend: 0.035,
-            },
+            neck_chain,
         ),
         single(
-            "chest",
-            BODY,
+            SHELL,
             chest,
             grid(vec3(0.0, 1.25, -0.012), vec3(0.0, 1.385, -0.018), [8, 6], 36, 0.3),
             Skinning::Chest,
         ),
         single(
-            "belly",
             JOINTS,
             belly,
             grid(vec3(0.0, 1.0, -0.006), vec3(0.0, 1.22, -0.006), [1, 25], 22, 0.2),
-            Skinning::Chain {
-                axis: Vec3::Y,
-                joints: |_| {
-                    vec![
-                        (rig::HIPS, f32::MIN),
-                        (rig::SPINE, 1.045),
-                        (rig::SPINE1, 1.115),
-                        (rig::SPINE2, 1.185),
-                    ]
-                },
-                blend: 0.045,
-            },
+            belly_chain,
         ),
         single(
-            "pelvis",
-            BODY,
+            SHELL,
             pelvis,
             grid(vec3(-0.03, 0.962, -0.006), vec3(0.03, 0.962, -0.006), [9, 4], 36, 0.3),
             Skinning::Rigid(|_| rig::HIPS),
         ),
-        ball("hip", hip_ball, HIP, 0.12, Side::up_leg),
+    ]
+}
+
+fn leg() -> [BodyPart; 6] {
+    let limb = |field, grid, joint| paired(SHELL, field, grid, Skinning::Rigid(joint));
+    let foot_chain = Skinning::Chain {
+        axis: Vec3::Z,
+        joints: |side| vec![(side.foot(), f32::MIN), (side.toe_base(), rig::BALL_AHEAD)],
+        blend: 0.02,
+    };
+    [
+        ball(|p| sphere(p, HIP, 0.0620), HIP, 0.12, Side::up_leg),
+        limb(thigh, grid(vec3(0.100, 0.80, 0.0), vec3(0.097, 0.565, 0.002), [5, 6], 20, 0.16), Side::up_leg),
+        ball(|p| sphere(p, KNEE, 0.0475), KNEE, 0.1, Side::leg),
+        limb(shin, grid(vec3(0.096, 0.43, -0.004), vec3(0.095, 0.14, -0.004), [4, 7], 16, 0.12), Side::leg),
+        ball(|p| sphere(p, ANKLE, 0.0315), ANKLE, 0.08, Side::foot),
         paired(
-            "thigh",
-            BODY,
-            thigh,
-            grid(vec3(0.100, 0.80, 0.0), vec3(0.097, 0.565, 0.002), [5, 6], 20, 0.16),
-            Skinning::Rigid(Side::up_leg),
-        ),
-        ball("knee", knee_ball, KNEE, 0.1, Side::leg),
-        paired(
-            "shin",
-            BODY,
-            shin,
-            grid(vec3(0.096, 0.43, -0.004), vec3(0.095, 0.14, -0.004), [4, 7], 16, 0.12),
-            Skinning::Rigid(Side::leg),
-        ),
-        ball("ankle", ankle_ball, ANKLE, 0.08, Side::foot),
-        paired(
-            "foot",
-            BODY,
+            SHELL,
             foot,
             grid(vec3(0.096, 0.026, -0.012), vec3(0.097, 0.018, 0.150), [4, 7], 16, 0.12),
-            Skinning::Chain {
-                axis: Vec3::Z,
-                joints: |side| vec![(side.foot(), f32::MIN), (side.toe_base(), rig::BALL_AHEAD)],
-                blend: 0.02,
-            },
+            foot_chain,
         ),
-        ball("shoulder", shoulder_ball, SHOULDER, 0.1, Side::arm),
-        paired(
-            "upper arm",
-            BODY,
+    ]
+}
+
+fn arm() -> [BodyPart; 6] {
+    let limb = |field, grid, joint| paired(SHELL, field, grid, Skinning::Rigid(joint));
+    [
+        ball(|p| sphere(p, SHOULDER, 0.0500), SHOULDER, 0.1, Side::arm),
+        limb(
             upper_arm,
             grid(vec3(0.262, 1.42, -0.012), vec3(0.415, 1.42, -0.012), [5, 5], 16, 0.12),
-            Skinning::Rigid(Side::arm),
+            Side::arm,
         ),
-        ball("elbow", elbow_ball, ELBOW, 0.07, Side::fore_arm),
-        paired(
-            "fore arm",
-            BODY,
+        ball(|p| sphere(p, ELBOW, 0.036), ELBOW, 0.07, Side::fore_arm),
+        limb(
             fore_arm,
             grid(vec3(0.520, 1.42, -0.012), vec3(0.675, 1.42, -0.012), [4, 5], 16, 0.1),
-            Skinning::Rigid(Side::fore_arm),
+            Side::fore_arm,
         ),
-        ball("wrist", wrist_ball, WRIST, 0.05, Side::hand),
-        paired(
-            "palm",
-            BODY,
-            palm,
-            grid(vec3(0.758, 1.42, -0.009), vec3(0.795, 1.42, -0.010), [4, 3], 14, 0.08),
-            Skinning::Rigid(Side::hand),
-        ),
-    ];
-    list.push(finger_part(0, thumb, |s| finger_chain(s, 0)));
-    list.push(finger_part(1, index, |s| finger_chain(s, 1)));
-    list.push(finger_part(2, middle, |s| finger_chain(s, 2)));
-    list.push(finger_part(3, ring, |s| finger_chain(s, 3)));
-    list.push(finger_part(4, pinky, |s| finger_chain(s, 4)));
-    list
+        ball(|p| sphere(p, WRIST, 0.0235), WRIST, 0.05, Side::hand),
+        limb(palm, grid(vec3(0.758, 1.42, -0.009), vec3(0.795, 1.42, -0.010), [4, 3], 14, 0.08), Side::hand),
+    ]
 }

@@ -34,7 +34,7 @@ pub fn keys(t: f32, keys: &[(f32, f32)]) -> f32 {
     hermite(t, a, slope_a, b, slope_b)
 }
 
-/// As [`keys`], repeating with the given period; the keys lie within one period, the first not repeated.
+/// Values of [`keys`], repeating with the given period; the keys lie within one period, the first not repeated.
 pub fn cycle(t: f32, period: f32, keys: &[(f32, f32)]) -> f32 {
     let n = keys.len();
     if n < 2 {

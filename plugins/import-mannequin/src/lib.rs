@@ -1,12 +1,12 @@
 //! A character made by code: a ball-jointed figure with a handful of clips, so that a first scene needs no file.
 
-mod body;
 mod cast;
 mod clips;
 mod color;
 mod field;
 mod figure;
 mod keys;
+mod mesh;
 mod pose;
 mod rig;
 mod skin;
@@ -79,8 +79,8 @@ impl Importer for Mannequin {
         let mut asset = Asset { name: source.name.clone(), skeleton: Arc::new(skeleton), ..Asset::default() };
         let looks = [color("color", "ivory")?, color("accent", "graphite")?, color("eyes", "aqua")?];
         if needs.geometry {
-            asset.meshes.push(Arc::new(body::mesh(scale)));
-            asset.skins.push(body::skin(&joints, scale));
+            asset.meshes.push(Arc::new(mesh::build(scale)));
+            asset.skins.push(mesh::skin(&joints, scale));
             asset.instances.push(MeshInstance { joint: 0, mesh: 0, skin: Some(0), ..Default::default() });
             asset.materials = materials(looks).into();
         }

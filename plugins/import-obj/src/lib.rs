@@ -14,7 +14,7 @@ use glam::Vec3;
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
-/// As import-gltf: all that is decoded of one file together.
+/// Limit of all that is decoded from one file together, the same as in import-gltf.
 const MAX_DECODED_BYTES: u64 = 2 << 30;
 
 static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
@@ -115,7 +115,7 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
     let (materials, bumps) =
         materials(&model, source, files, needs, &settings, &mut textures, &budget, &notes)?;
 
-    // Pictures take as long as everything else together: they are decoded beside it.
+    // Images take as long as everything else together: they are decoded beside it.
     let (images, built) = textures.decode_beside(&notes, needs, files, || match needs.geometry {
         true => mesh::build(&model, &settings, &notes),
         false => Vec::new(),

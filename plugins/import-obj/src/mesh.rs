@@ -14,11 +14,11 @@ pub struct Settings {
     pub up_z: bool,
     /// Smoothing angle where faces have neither normals nor smoothing groups.
     pub smooth_rad: f64,
-    /// Colours are as shown, not linear.
+    /// Colors are as shown, not linear.
     pub srgb: bool,
 }
 
-/// What makes a primitive: kind, group, material, and whether its vertices have normals.
+/// What makes a primitive: kind, group, material, and whether its face vertices have normals.
 type Key = (u32, Shape, u32, bool);
 
 /// Primitives with the group each belongs to, by group, and within it in the order of the file's materials.
@@ -26,7 +26,7 @@ pub fn build(model: &Model, settings: &Settings, notes: &Notes) -> Vec<(u32, Pri
     let key = |index: usize| -> Key {
         let e = &model.elements[index];
         let normals =
-            e.shape == Shape::Face && model.corners(index).iter().all(|v| model.normal(*v).is_some());
+            e.shape == Shape::Face && model.face_vertices(index).iter().all(|v| model.normal(*v).is_some());
         (e.group, e.shape, e.material, normals)
     };
     let mut order: Vec<(Key, u32)> = (0..model.elements.len()).map(|i| (key(i), i as u32)).collect();
@@ -114,7 +114,7 @@ impl Builder<'_> {
     fn primitive(&mut self, key: Key, run: &[(Key, u32)]) -> Primitive {
         let (_, shape, material, has_normals) = key;
         let model = self.model;
-        let used = || run.iter().flat_map(|(_, index)| model.corners(*index as usize));
+        let used = || run.iter().flat_map(|(_, index)| model.face_vertices(*index as usize));
         let attributes = Attributes {
             normals: has_normals,
             uvs: used().any(|v| model.uv(*v).is_some()),
@@ -129,7 +129,7 @@ impl Builder<'_> {
             material: Some(material),
             ..Primitive::default()
         };
-        let indices = |(_, index): &(Key, u32)| match (shape, model.corners(*index as usize).len()) {
+        let indices = |(_, index): &(Key, u32)| match (shape, model.face_vertices(*index as usize).len()) {
             (Shape::Face, n) => n.saturating_sub(2) * 3,
             (Shape::Line, n) => n.saturating_sub(1) * 2,
             (Shape::Point, n) => n,
@@ -157,20 +157,22 @@ impl Builder<'_> {
         out
     }
 
-    /// Adds an element as triangles, segments or points: corner by corner, as a list of all would be as large as the mesh.
+    /// Adds an element as triangles, segments or points: face vertex by face vertex, as a list of all would be as large as the mesh.
     fn list(&mut self, index: usize, shape: Shape, out: &mut Primitive, attributes: Attributes) {
         let model = self.model;
-        let corners = model.corners(index);
+        let face_vertices = model.face_vertices(index);
         match shape {
-            Shape::Point => corners.iter().for_each(|c| self.corner(out, *c, attributes)),
+            Shape::Point => face_vertices.iter().for_each(|c| self.face_vertex(out, *c, attributes)),
             Shape::Line => {
-                corners.windows(2).flatten().for_each(|c| self.corner(out, *c, attributes));
+                face_vertices.windows(2).flatten().for_each(|c| self.face_vertex(out, *c, attributes));
             }
             Shape::Face => {
                 let mut triangulator = std::mem::take(&mut self.triangulator);
-                let place = |i: usize| model.position(corners[i]);
-                let how = triangulator.cut(corners.len(), place, |triangle| {
-                    triangle.iter().for_each(|i| self.corner(out, corners[*i as usize], attributes));
+                let place = |i: usize| model.position(face_vertices[i]);
+                let how = triangulator.cut(face_vertices.len(), place, |triangle| {
+                    triangle
+                        .iter()
+                        .for_each(|i| self.face_vertex(out, face_vertices[*i as usize], attributes));
                 });
                 self.triangulator = triangulator;
                 let line = model.elements[index].line;
@@ -184,7 +186,7 @@ impl Builder<'_> {
     }
 
     /// Adds a vertex of the file to the indices, and to the vertices where this primitive does not have it yet.
-    fn corner(&mut self, out: &mut Primitive, vertex: u32, attributes: Attributes) {
+    fn face_vertex(&mut self, out: &mut Primitive, vertex: u32, attributes: Attributes) {
         let own = &mut self.own[vertex as usize];
         if *own == NONE {
             *own = out.positions.len() as u32;

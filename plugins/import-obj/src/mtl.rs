@@ -55,7 +55,7 @@ pub struct Map {
     pub kind: Option<String>,
 }
 
-/// One channel of a colour as a file has it.
+/// One channel of a color as a file has it.
 pub fn linear(value: f32, srgb: bool) -> f32 {
     let value = value.max(0.0);
     if srgb && value <= 1.0 { linear_from_srgb(value) } else { value }
@@ -233,7 +233,7 @@ pub struct Source<'a> {
     pub srgb: bool,
 }
 
-/// A material, and its bump map where it has one: whether that is a normal map shows in the decoded picture.
+/// A material, and its bump map where it has one: whether that is a normal map shows in the decoded image.
 pub fn material(m: &Mtl, source: &mut Source<'_>) -> (Material, Option<(TextureRef, f32)>) {
     let srgb = source.srgb;
     let color = |c: Vec3| Vec3::from(c.to_array().map(|c| linear(c, srgb)));

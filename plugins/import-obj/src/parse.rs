@@ -14,12 +14,12 @@ const MAX_GROUPS: usize = 65_536;
 const MAX_MATERIALS: usize = 65_536;
 /// Stands for a material that no `usemtl` has named.
 pub const NONE: u32 = u32::MAX;
-/// The first of each list that `tobj` reads: a corner without texture coordinate or normal refers to it.
+/// The first of each list that `tobj` reads: a face vertex without texture coordinate or normal refers to it.
 const MISSING: &[u8] = b"v 0 0 0 1 1 1\nvt nan nan\nvn nan nan nan";
-/// The lists that a corner refers to.
+/// The lists that a face vertex refers to.
 const LISTS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
-/// Bytes a corner: in `tobj`'s faces and its table of vertices, then as vertices of primitives.
-const CORNER_BYTES: usize = 256;
+/// Bytes a face vertex: in `tobj`'s faces and its table of vertices, then as vertices of primitives.
+const FACE_VERTEX_BYTES: usize = 256;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Shape {
@@ -28,7 +28,7 @@ pub enum Shape {
     Point,
 }
 
-/// A face, line or set of points: its vertices begin at `start` and end where the next one's begin.
+/// A face, line or set of points: its face vertices begin at `start` and end where the next one's begin.
 #[derive(Clone, Copy, Debug)]
 pub struct Element {
     pub start: u32,
@@ -43,7 +43,7 @@ pub struct Element {
 
 #[derive(Debug, Default)]
 pub struct Model {
-    /// One index a corner for position, texture coordinate, normal and color.
+    /// One index a face vertex for position, texture coordinate, normal and color.
     mesh: tobj::Mesh,
     /// Vertices of the file, used by faces or not.
     pub positions: usize,
@@ -68,7 +68,7 @@ impl Model {
     }
 
     /// An element's vertices.
-    pub fn corners(&self, element: usize) -> &[u32] {
+    pub fn face_vertices(&self, element: usize) -> &[u32] {
         let start = self.elements[element].start as usize;
         let end = self.elements.get(element + 1).map_or(self.mesh.indices.len(), |e| e.start as usize);
         &self.mesh.indices[start..end]
@@ -88,7 +88,7 @@ impl Model {
         (!normal.is_nan()).then(|| normal.as_vec3())
     }
 
-    /// As written; white where the vertex has none.
+    /// The color as written; white where the vertex has none.
     pub fn color(&self, vertex: u32) -> Vec3 {
         match self.has_colors {
             true => DVec3::from_slice(&self.mesh.vertex_color[3 * vertex as usize..]).as_vec3(),
@@ -110,7 +110,7 @@ pub fn read(
         model: Model::default(),
         text: MISSING.to_vec(),
         counts: [0; 3],
-        corners: 0,
+        face_vertices: 0,
         ahead: Vec::new(),
         geometry,
         object: String::new(),
@@ -151,7 +151,7 @@ struct Parser<'a> {
     text: Vec<u8>,
     /// Positions, texture coordinates and normals so far.
     counts: [usize; 3],
-    corners: usize,
+    face_vertices: usize,
     /// References to what the file did not have when they were read: line, list and index. Faces may stand before their vertices.
     ahead: Vec<(usize, usize, u32)>,
     geometry: bool,
@@ -166,7 +166,7 @@ struct Parser<'a> {
     material_of: HashMap<String, u32>,
     /// Keywords that are left out: first line, count.
     unknown: BTreeMap<String, (usize, usize)>,
-    /// Lines of elements with too few vertices.
+    /// Lines of elements with too few face vertices.
     short: Vec<usize>,
 }
 
@@ -245,13 +245,13 @@ impl Parser<'_> {
         self.text.extend(b"\nf");
         let mut count = 0;
         while let Some(word) = next_word(&mut rest).filter(|w| !w.starts_with(b"#")) {
-            let corner = corner(word, self.counts).at(|| place(line))?;
-            for (list, index) in corner.into_iter().enumerate() {
+            let face_vertex = face_vertex(word, self.counts).at(|| place(line))?;
+            for (list, index) in face_vertex.into_iter().enumerate() {
                 let ahead = index.filter(|i| *i as usize >= self.counts[list]);
                 self.ahead.extend(ahead.map(|index| (line, list, index)));
             }
             // Counted from 1, and behind the missing one.
-            let [v, vt, vn] = corner.map(|index| index.map_or(1, |i| u64::from(i) + 2));
+            let [v, vt, vn] = face_vertex.map(|index| index.map_or(1, |i| u64::from(i) + 2));
             // Writing to memory does not fail.
             let _ = write!(self.text, " {v}/{vt}/{vn}");
             count += 1;
@@ -263,10 +263,13 @@ impl Parser<'_> {
             self.short.push(line);
             return Ok(());
         }
-        let start = self.corners as u32;
-        self.corners += count;
-        if self.corners > NONE as usize {
-            return Err(Problem::new(place(line), format!("more than {NONE} vertices, which is the limit")));
+        let start = self.face_vertices as u32;
+        self.face_vertices += count;
+        if self.face_vertices > NONE as usize {
+            return Err(Problem::new(
+                place(line),
+                format!("more than {NONE} vertices of faces, which is the limit"),
+            ));
         }
         self.enter(line)?;
         self.model.elements.push(Element {
@@ -346,7 +349,7 @@ impl Parser<'_> {
             }
         }
         if self.geometry {
-            budget.charge(self.corners as u64, CORNER_BYTES).at(|| "f".into())?;
+            budget.charge(self.face_vertices as u64, FACE_VERTEX_BYTES).at(|| "f".into())?;
             let options = tobj::LoadOptions { single_index: true, ..Default::default() };
             let read = tobj::load_obj_buf(&mut &*self.text, &options, |_| Ok(Default::default()));
             // All that it refuses is refused above, with the line.
@@ -371,8 +374,8 @@ fn finite(word: &[u8]) -> Result<f64> {
 }
 
 /// `1`, `1/2`, `1//3`, `1/2/3`; negative numbers count back from the last one read so far.
-fn corner(word: &[u8], counts: [usize; 3]) -> Result<[Option<u32>; 3]> {
-    let odd = || format!("\"{}\" is not a corner: it should be v, v/t, v//n or v/t/n", shown(word));
+fn face_vertex(word: &[u8], counts: [usize; 3]) -> Result<[Option<u32>; 3]> {
+    let odd = || format!("\"{}\" is not a vertex of a face: it should be v, v/t, v//n or v/t/n", shown(word));
     let mut out = [None; 3];
     let mut parts = word.split(|b| *b == b'/');
     for (slot, (count, name)) in out.iter_mut().zip(counts.into_iter().zip(LISTS)) {

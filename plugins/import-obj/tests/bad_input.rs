@@ -33,15 +33,19 @@ fn errors_name_the_line() {
         (
             "f 1/1/1 2",
             "f 1/1/-9223372036854775808 2",
-            "line 16: \"1/1/-9223372036854775808\" is not a corner: it should be v, v/t, v//n or v/t/n",
+            "line 16: \"1/1/-9223372036854775808\" is not a vertex of a face: it should be v, v/t, v//n or v/t/n",
         ),
         ("f 1/1/1 2", "f 1/0/1 2", "line 16: refers to texture coordinate 0; they are counted from 1"),
         (
             "f 1/1/1 2",
             "f 1/1/1/1 2",
-            "line 16: \"1/1/1/1\" is not a corner: it should be v, v/t, v//n or v/t/n",
+            "line 16: \"1/1/1/1\" is not a vertex of a face: it should be v, v/t, v//n or v/t/n",
         ),
-        ("f 1/1/1 2", "f one 2", "line 16: \"one\" is not a corner: it should be v, v/t, v//n or v/t/n"),
+        (
+            "f 1/1/1 2",
+            "f one 2",
+            "line 16: \"one\" is not a vertex of a face: it should be v, v/t, v//n or v/t/n",
+        ),
         ("f 1/1/1 2", "f 99999999999 2", "line 16: refers to vertex 99999999999, which is beyond the limit"),
         ("f 1/1/1 2", "f 4294967296 2", "line 16: refers to vertex 4294967296, which is beyond the limit"),
     ] {
@@ -57,7 +61,7 @@ fn errors_name_the_line() {
     assert_eq!(text, "bad.obj: line 131075: more than 65536 groups, which is the limit");
 }
 
-/// Texture paths reach only what the caller hands over; broken pictures and libraries are warnings.
+/// Texture paths reach only what the caller hands over; broken images and libraries are warnings.
 #[test]
 fn companions_that_are_missing_or_broken() {
     let text = "mtllib a.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n";

@@ -9,7 +9,7 @@ use import_obj::ObjImporter;
 const ROOM: &str = include_str!("data/room.obj");
 const ROOM_MTL: &str = include_str!("data/room.mtl");
 
-/// A BMP of one colour, 2 × 2.
+/// A BMP of one color, 2 × 2.
 fn picture(rgb: [u8; 3]) -> Vec<u8> {
     let mut out = b"BM".to_vec();
     let row = [rgb[2], rgb[1], rgb[0], rgb[2], rgb[1], rgb[0], 0, 0];
@@ -150,16 +150,16 @@ fn vertex_colours() {
     assert!(weights.meshes[0].primitives[0].colors.is_empty(), "w is no colour");
 }
 
-/// What `tobj` alone would take from the corner before, scale, refuse or leave out.
+/// What `tobj` alone would take from the vertex before, scale, refuse or leave out.
 #[test]
 fn corners_have_what_the_file_gives_them() {
     let triangle = "v 0 0 0\nv 1 0 0 2\nv 0 1 0\nvt 0.25\nvt 0.5 0.5\nvn 0 0 1\n";
-    // A corner without texture coordinate beside others that have one; one number is u alone; a fourth coordinate scales nothing.
+    // A face vertex without texture coordinate beside others that have one; one number is u alone; a fourth coordinate scales nothing.
     let asset = read(&format!("{triangle}f 1/1 2 3/2 # a comment\n"));
     let p = &asset.meshes[0].primitives[0];
     assert_eq!(p.positions, [Vec3::ZERO, Vec3::X, Vec3::Y]);
     assert_eq!(p.uvs[0], [Vec2::new(0.25, 1.0), Vec2::new(0.0, 1.0), Vec2::splat(0.5)]);
-    // A corner without normal: the face's are made.
+    // A face vertex without normal: the face's are made.
     let asset = read(&format!("{triangle}f 1//1 2 3//1\nf 1//1 3//1 2//1\n"));
     let primitives = &asset.meshes[0].primitives;
     assert_eq!((primitives.len(), primitives[0].normals[1]), (2, Vec3::Z));

@@ -5,7 +5,7 @@ use choreo_importer_kit_testing::{assets, assimp, import_path, sound, warnings};
 use glam::Vec3;
 use import_obj::ObjImporter;
 
-/// assimp joins fewer equal vertices than we do and loses 28 faces of the spider (which has 1368, as its STL): its counts are
+/// assimp joins fewer equal face vertices than we do and loses 28 faces of the spider (which has 1368, as its STL): its counts are
 /// only printed, its extents are compared.
 #[test]
 fn counts_and_extents() {
@@ -66,11 +66,11 @@ fn the_concave_polygon() {
     let points: Vec<Vec<f64>> = text.lines().filter(|l| l.starts_with("v ")).map(numbers).collect();
     let face = text.lines().find(|l| l.starts_with("f ")).unwrap();
     let index = |w: &str| w.split('/').next().unwrap().parse::<usize>().unwrap() - 1;
-    let corners: Vec<usize> = face.split_whitespace().skip(1).map(index).collect();
-    let n = corners.len();
+    let vertices: Vec<usize> = face.split_whitespace().skip(1).map(index).collect();
+    let n = vertices.len();
     let shoelace: f64 = (0..n)
         .map(|i| {
-            let (a, b) = (&points[corners[i]], &points[corners[(i + 1) % n]]);
+            let (a, b) = (&points[vertices[i]], &points[vertices[(i + 1) % n]]);
             (a[1] * b[2] - a[2] * b[1]) / 2.0
         })
         .sum();
@@ -88,7 +88,7 @@ fn triangles(asset: &Asset) -> usize {
     asset.meshes.iter().flat_map(|m| &m.primitives).map(|p| p.indices.len() / 3).sum()
 }
 
-/// The barrel as OBJ and as glTF: one size, one number of triangles, the same texture coordinates in every corner. (The chests
+/// The barrel as OBJ and as glTF: one size, one number of triangles, the same texture coordinates at every face vertex. (The chests
 /// are two models: the OBJ has the body alone.)
 #[test]
 fn the_barrel_of_two_formats() {

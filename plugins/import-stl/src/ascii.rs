@@ -10,7 +10,7 @@ const MAX_SOLIDS: usize = 65_536;
 
 /// Reads the file; without `geometry` only the solids and their names.
 pub fn read(bytes: &[u8], geometry: bool, progress: &Progress<'_>, notes: &Notes) -> Result<Vec<Solid>> {
-    let mut reader = Reader { notes, solids: Vec::new(), open: false, facet: None, corners: Vec::new() };
+    let mut reader = Reader { notes, solids: Vec::new(), open: false, facet: None, vertices: Vec::new() };
     let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     let mut last = 1;
     let mut lines = Lines::new(text);
@@ -77,7 +77,7 @@ struct Reader<'a> {
     open: bool,
     facet: Option<Facet>,
     /// Vertices of the open facet.
-    corners: Vec<Vec3>,
+    vertices: Vec<Vec3>,
 }
 
 impl Reader<'_> {
@@ -92,11 +92,11 @@ impl Reader<'_> {
         let problem = |what: String| Problem::new(place(), what);
         match keyword {
             Some(Keyword::Vertex) => {
-                let corner = vector(&mut rest).at(place)?;
+                let vertex = vector(&mut rest).at(place)?;
                 if self.facet.is_none() {
                     return Err(problem("a vertex outside of a facet".into()));
                 }
-                self.corners.push(corner);
+                self.vertices.push(vertex);
             }
             Some(Keyword::Facet) => {
                 if let Some(open) = &self.facet {
@@ -109,7 +109,7 @@ impl Reader<'_> {
                 // Some programs write "nan" for triangles without area; what counts are the vertices.
                 let normal = vector(&mut rest).unwrap_or(Vec3::ZERO);
                 self.facet = Some(Facet { line, normal });
-                self.corners.clear();
+                self.vertices.clear();
             }
             Some(Keyword::EndFacet) => {
                 let Some(facet) = self.facet.take() else {
@@ -140,20 +140,20 @@ impl Reader<'_> {
     }
 
     fn end_facet(&mut self, facet: Facet) -> Result<()> {
-        let corners = self.corners.as_slice();
-        if corners.len() < 3 {
-            let what = format!("the facet of line {} has {} vertices, not 3", facet.line, corners.len());
+        let vertices = self.vertices.as_slice();
+        if vertices.len() < 3 {
+            let what = format!("the facet of line {} has {} vertices, not 3", facet.line, vertices.len());
             return Err(what.into());
         }
-        if corners.len() > 3 {
+        if vertices.len() > 3 {
             let text =
-                format!("the facet has {} vertices; it is cut into triangles from its first", corners.len());
+                format!("the facet has {} vertices; it is cut into triangles from its first", vertices.len());
             self.notes.warn(format!("line {}", facet.line), text);
         }
         // A facet is only open within a solid.
         let Some(solid) = self.solids.last_mut() else { return Err("a facet outside of a solid".into()) };
-        for pair in corners[1..].windows(2) {
-            solid.positions.extend([corners[0], pair[0], pair[1]]);
+        for pair in vertices[1..].windows(2) {
+            solid.positions.extend([vertices[0], pair[0], pair[1]]);
             solid.normals.push(facet.normal);
         }
         Ok(())

@@ -48,16 +48,16 @@ pub fn read(bytes: &[u8], progress: &Progress<'_>, notes: &Notes) -> Result<Soli
             let float = |i: usize| f32::from_le_bytes([0, 1, 2, 3].map(|b| triangle[at + i * 4 + b]));
             Vec3::new(float(0), float(1), float(2))
         };
-        let corners = [vector(12), vector(24), vector(36)];
-        if let Some(corner) = corners.iter().position(|c| !c.is_finite()) {
-            let at = HEADER + 4 + index * TRIANGLE + 12 + corner * 12;
+        let vertices = [vector(12), vector(24), vector(36)];
+        if let Some(vertex) = vertices.iter().position(|c| !c.is_finite()) {
+            let at = HEADER + 4 + index * TRIANGLE + 12 + vertex * 12;
             let what = format!(
-                "vertex {corner} of triangle {index} is {}; only finite numbers are allowed",
-                corners[corner]
+                "vertex {vertex} of triangle {index} is {}; only finite numbers are allowed",
+                vertices[vertex]
             );
             return Err(Problem::new(format!("byte {at}"), what));
         }
-        solid.positions.extend(corners);
+        solid.positions.extend(vertices);
         let normal = vector(0);
         solid.normals.push(if normal.is_finite() { normal } else { Vec3::ZERO });
     }
@@ -75,7 +75,7 @@ fn name(header: &[u8]) -> String {
 }
 
 /// Two customs put five bits a channel into the attribute bytes: Materialise Magics, known by `COLOR=` in the header
-/// (red lowest; bit 15 means the header's colour), and VisCAM and SolidView (blue lowest; bit 15 means that there is one).
+/// (red lowest; bit 15 means the header's color), and VisCAM and SolidView (blue lowest; bit 15 means that there is one).
 fn colors(header: &[u8], body: &[u8], solid: &mut Solid, notes: &Notes) {
     let attributes = || body.chunks_exact(TRIANGLE).map(|t| u16::from_le_bytes([t[48], t[49]]));
     let channel = |word: u16, shift: u16| ((u32::from(word >> shift) & 31) * 255 / 31) as u8;

@@ -102,8 +102,8 @@ fn primitive(
     }
     let (mut against, mut without_area) = (0, 0);
     let mut normals = Vec::with_capacity(positions.len());
-    for (corners, of_file) in positions.chunks_exact(3).zip(&solid.normals) {
-        let [a, b, c] = [corners[0], corners[1], corners[2]].map(|v| v.as_dvec3());
+    for (vertices, of_file) in positions.chunks_exact(3).zip(&solid.normals) {
+        let [a, b, c] = [vertices[0], vertices[1], vertices[2]].map(|v| v.as_dvec3());
         let of_file = turned(*of_file);
         // The order of the vertices says where the outside is; the written normal often is zero or out of date.
         let normal = match (b - a).cross(c - a).try_normalize() {

@@ -100,7 +100,7 @@ pub fn read_v0(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut 
                 continue;
             };
             match value.text("propertyName") {
-                // Of all textures but the matcap; v counts from below.
+                // Moves all textures but the matcap; v counts from below.
                 Some("_MainTex_ST") => face.uvs.push(UvBind {
                     material,
                     offset: Vec2::new(to[2], 1.0 - to[3] - to[1]),

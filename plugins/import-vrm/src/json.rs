@@ -93,7 +93,7 @@ impl<'a> At<'a> {
         self.value.as_array().map(|list| list.iter().take(1000).filter_map(Value::as_str).collect())
     }
 
-    /// The first `N` numbers of an array, as colours and tilings of VRM 0.x are written.
+    /// The first `N` numbers of an array, as colors and tilings of VRM 0.x are written.
     pub fn first<const N: usize>(&self, key: &str) -> Result<Option<[f32; N]>> {
         let Some(value) = self.value(key) else { return Ok(None) };
         let mut out = [0.0f32; N];

@@ -25,7 +25,7 @@ impl DrawOrders {
     }
 }
 
-/// `VRMC_materials_mtoon` 1.0. Base colour, normals, emission and alpha are glTF's own and read already.
+/// `VRMC_materials_mtoon` 1.0. Base color, normals, emission and alpha are glTF's own and read already.
 pub fn read(
     at: &At<'_>,
     textures: &mut dyn MaterialTextures,
@@ -81,7 +81,7 @@ pub fn read(
     finish(at, toon, material)
 }
 
-/// VRM 0.x. Colours there are sRGB; shift and toony mean other lines, converted as UniVRM and three-vrm do on migration to 1.0.
+/// VRM 0.x. Colors there are sRGB; shift and toony mean other lines, converted as UniVRM and three-vrm do on migration to 1.0.
 pub fn read_v0(at: &At<'_>, textures: &mut dyn MaterialTextures, material: &mut Material) -> Result<()> {
     let d = Toon::default();
     let (floats, vectors) = (at.part("floatProperties"), at.part("vectorProperties"));

@@ -190,7 +190,7 @@ fn eyes_and_words_about_the_file_are_kept() {
     assert_eq!((old.origin.format.as_str(), new.origin.format.as_str()), ("VRM 0.x", "VRM 1.0"));
 }
 
-/// From the file to the picture: eyes that are painted on, of 1.0 and of 0.x.
+/// From the file to the image: eyes that are painted on, of 1.0 and of 0.x.
 #[test]
 fn painted_eyes_follow_what_is_looked_at() {
     use choreo_stage::{LookAt, Target};

@@ -170,6 +170,14 @@ impl Shared {
     }
 }
 
+/// A draw by the content of what it refers to.
+fn draw_text(draw: &Draw, resources: &SceneResources) -> String {
+    let primitive = resources.primitives.get(draw.primitive as usize).map(|p| p.hash);
+    let material = resources.materials.get(draw.material as usize).map(|m| m.hash);
+    let Draw { pipeline, material_override, first_instance, instance_count, .. } = draw;
+    format!("{primitive:?} {material:?} {material_override:?} {pipeline:?} {first_instance} {instance_count}")
+}
+
 /// Hash of everything that the image is made from.
 fn key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Effect>]) -> Key {
     let mut hasher = blake3::Hasher::new();
@@ -222,14 +230,7 @@ fn key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Effect>]) -> 
     add(bytemuck::cast_slice(joint_matrices));
     add(bytemuck::cast_slice(morphs));
     // By content: indices of another version of the scene may differ.
-    let draw_text = |draw: &Draw| {
-        let primitive = resources.primitives.get(draw.primitive as usize).map(|p| p.hash);
-        let material = resources.materials.get(draw.material as usize).map(|m| m.hash);
-        let Draw { pipeline, material_override, first_instance, instance_count, .. } = draw;
-        format!(
-            "{primitive:?} {material:?} {material_override:?} {pipeline:?} {first_instance} {instance_count}"
-        )
-    };
+    let draw_text = |draw: &Draw| draw_text(draw, resources);
     draws.iter().for_each(|draw| add(draw_text(draw).as_bytes()));
     material_overrides.iter().for_each(|m| add(&material_content(m, &resources.textures)));
     if let Some(shadows) = shadow_maps {
@@ -243,9 +244,7 @@ fn key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Effect>]) -> 
     add(format!("{scene_color_copy:?}").as_bytes());
     // Other roundings.
     add(&[u8::from(deferred.is_some())]);
-    if let Some(depth_peeling) = depth_peeling {
-        add(format!("{} layers", depth_peeling.layers).as_bytes());
-    }
+    add(format!("{:?}", depth_peeling.as_ref().map(|peeling| peeling.layers)).as_bytes());
     for pass in scene_effects.iter().chain(post) {
         add(format!("{pass:?}").as_bytes());
         let effect = effects.iter().find(|e| e.manifest().name == pass.effect);

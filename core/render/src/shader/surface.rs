@@ -41,7 +41,7 @@ pub fn surface_files(effects: &[SceneEffect]) -> Vec<SourceFile> {
         ),
         (
             Hook::Vertex,
-            "fn vertex_effects(place: Place, m: Affine3x4) -> vec3<f32> {\n    var sum = vec3(0.0);\n",
+            "fn vertex_effects(place: Place, m: Rows) -> vec3<f32> {\n    var sum = vec3(0.0);\n",
             "    return sum;\n}\n",
         ),
         (

@@ -5,10 +5,10 @@
 //! ([`Said`]): the mean of two strides slides, so that its motion tells less than theirs. During a contact the ball of the foot stands still
 //! at one point; between two contacts the foot is moved by what lies between both corrections, so that nothing jumps.
 
+use crate::actors::{Scratch, evaluate_actors};
 use crate::constraints::foot_contacts::FootContacts;
 use crate::constraints::ground::Ground;
 use crate::constraints::solve::{bend_leg, world_place};
-use crate::evaluate::{Evaluation, Scratch, evaluate_actors};
 use crate::pose::joints::PosedSkeleton;
 use crate::snapshot::Snapshot;
 use crate::stage::constraint::{FootLock, Leg};
@@ -188,7 +188,7 @@ fn look(
     let mut samples =
         FootSamples { from, feet: vec![Vec::new(); count], limbs: vec![Vec::new(); count], floors: vec![] };
     for sample in 0..=(to - from).0 / STEP.0 {
-        evaluate_actors(stage, scratch, from + Time(sample * STEP.0), Evaluation::Clips, &mut snapshot)?;
+        evaluate_actors(stage, scratch, from + Time(sample * STEP.0), None, &mut snapshot)?;
         let state = &snapshot.actors[actor];
         let place = |joint: u32| {
             let place = state.model_from_joint.get(joint as usize);

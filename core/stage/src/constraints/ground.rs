@@ -1,6 +1,6 @@
 //! How high the ground is under a point: the triangles of an actor, seen from above.
 
-use crate::evaluate::{Evaluation, Scratch, evaluate_actors};
+use crate::actors::{Scratch, evaluate_actors};
 use crate::pose::posed_mesh::posed_meshes;
 use crate::snapshot::Snapshot;
 use crate::stage::{Stage, StageError};
@@ -17,7 +17,7 @@ impl Ground {
     pub fn of(stage: &Stage, actor: usize) -> Result<Ground, StageError> {
         let mut snapshot = Snapshot::default();
         let mut scratch = Scratch::only(vec![actor]);
-        evaluate_actors(stage, &mut scratch, Time::ZERO, Evaluation::Clips, &mut snapshot)?;
+        evaluate_actors(stage, &mut scratch, Time::ZERO, None, &mut snapshot)?;
         let mut triangles = Vec::new();
         let (Some(a), Some(state)) = (stage.actors.get(actor), snapshot.actors.get(actor)) else {
             return Ok(Ground::default());

@@ -15,3 +15,31 @@ pub(crate) mod legs;
 pub(crate) mod look_at;
 pub(crate) mod order;
 pub(crate) mod solve;
+
+use crate::actors;
+use crate::constraints::foot_lock::FootLocks;
+use crate::constraints::solve::ConstraintScratch;
+use crate::culling::PoseBounds;
+use crate::snapshot::Snapshot;
+use crate::stage::{Stage, StageError};
+use choreo_motion::Time;
+
+/// Buffers of [`evaluate_actors`]; what is in them on entry does not matter.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ConstrainedScratch {
+    pub actors: actors::Scratch,
+    solve: ConstraintScratch,
+}
+
+/// All of the snapshot's actors with their constraints, without springs. `bounds` as in [`actors::evaluate_actors`].
+pub(crate) fn evaluate_actors(
+    stage: &Stage,
+    scratch: &mut ConstrainedScratch,
+    time: Time,
+    foot_locks: &FootLocks,
+    bounds: Option<&PoseBounds>,
+    out: &mut Snapshot,
+) -> Result<(), StageError> {
+    actors::evaluate_actors(stage, &mut scratch.actors, time, bounds, out)?;
+    solve::run(stage, foot_locks, time, &mut scratch.solve, &mut scratch.actors, &mut out.actors)
+}

@@ -1,5 +1,6 @@
 //! Constraints at a time, actor by actor.
 
+use crate::actors;
 use crate::constraints::foot_lock::FootLocks;
 use crate::constraints::gaze::Gaze;
 use crate::constraints::{foot_lock, look_at, order};
@@ -37,18 +38,16 @@ pub(crate) struct ConstraintScratch {
     aim: Vec<AimJoint>,
     turns: Vec<DQuat>,
     aims: Vec<look_at::Aim>,
-    /// One an actor; see `Posing`.
-    pub expression_weights: Vec<ExpressionWeights>,
 }
 
-/// All constraints of all actors. `place` places all actors anew, after a round has moved joints that others hang on.
+/// All constraints of all actors. All actors are placed anew after a round has moved joints that others are attached to.
 pub(crate) fn run(
     stage: &Stage,
     foot_locks: &FootLocks,
     time: Time,
     scratch: &mut ConstraintScratch,
+    placing: &mut actors::Scratch,
     actors: &mut [ActorState],
-    mut place: impl FnMut(&mut [ActorState]),
 ) -> Result<(), StageError> {
     order::rounds(stage, time, &mut scratch.order);
     if scratch.order.actors.is_empty() {
@@ -65,12 +64,13 @@ pub(crate) fn run(
             if actors[index].model_from_joint.len() != stage.actors[index].asset.skeleton.len() {
                 continue;
             }
-            solve_actor(stage, foot_locks, time, scratch, index, actors)?;
+            let expressions = &mut placing.expression_weights[index];
+            solve_actor(stage, foot_locks, time, scratch, index, expressions, actors)?;
             carried |=
                 stage.actors.iter().any(|a| a.parent.is_some_and(|p| p.actor == index && p.joint.is_some()));
         }
         if carried {
-            place(actors);
+            placing.place(stage, actors);
         }
         begun = end;
     }
@@ -135,6 +135,7 @@ fn solve_actor(
     time: Time,
     scratch: &mut ConstraintScratch,
     index: usize,
+    expression_weights: &mut ExpressionWeights,
     actors: &mut [ActorState],
 ) -> Result<(), StageError> {
     let actor = &stage.actors[index];
@@ -211,7 +212,7 @@ fn solve_actor(
                 let (joint, state) = (last(&aim.joints) as u32, &mut actors[index]);
                 let aimed = |eye| scratch.aims.iter().any(|a| (a.actor, a.joint) == (index, eye));
                 let gaze = Gaze { actor, joint, target, share, time };
-                gaze.follow(aimed, state, &mut scratch.below, &mut scratch.expression_weights[index]);
+                gaze.follow(aimed, state, &mut scratch.below, expression_weights);
             }
         }
         if phase == 1 {
@@ -221,7 +222,7 @@ fn solve_actor(
                 let target = state.world_from_model.inverse().transform_point3(aim.world_target);
                 let aimed = |eye| scratch.aims.iter().any(|a| (a.actor, a.joint) == (index, eye));
                 let gaze = Gaze { actor, joint: aim.joint, target, share: aim.share, time };
-                gaze.follow(aimed, state, &mut scratch.below, &mut scratch.expression_weights[index]);
+                gaze.follow(aimed, state, &mut scratch.below, expression_weights);
             }
         }
     }

@@ -1,6 +1,5 @@
 //! All poses of one time, on all cores where there are many.
 
-use crate::evaluate::PoseNeed;
 use crate::pose;
 use crate::pose::PoseScratch;
 use crate::pose::expressions::ExpressionWeights;
@@ -14,6 +13,13 @@ use rayon::prelude::*;
 
 /// Fewer poses are taken on one thread: handing them out costs some microseconds.
 const SHARED_OUT_FROM: usize = 48;
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct PoseNeed {
+    /// Its place in the world counts for something.
+    pub world: bool,
+    pub pose: bool,
+}
 
 /// What the poses read. Each is a function of its actor, the time and the edits alone, so that threads change no bit.
 pub(crate) struct Posing<'a> {

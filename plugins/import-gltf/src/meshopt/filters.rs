@@ -1,4 +1,4 @@
-//! What is done to unpacked attributes: unit vectors, rotations, floats and colours from fewer bits.
+//! What is done to unpacked attributes: unit vectors, rotations, floats and colors from fewer bits.
 
 use super::Filter;
 

@@ -176,49 +176,59 @@ pub fn spin(t: f32) -> Pose {
     pose.head = turn(1.0 - 4.0 * show, spot + 10.0 * show, -4.0 * show);
 
     let open = keys(t, &[(0.0, 0.0), (0.40, 1.0), (0.78, 0.0)]);
-    let rest = Arm::default();
-    for (arm, s) in pose.arms.iter_mut().zip([1.0, -1.0]) {
-        let lead: f32 = if s > 0.0 { 1.0 } else { 0.0 };
-        // Wound up to the right: the left arm across, the right arm open.
-        let wound = Arm {
-            raise: 62.0 - 30.0 * lead,
-            flex: 8.0 + 50.0 * lead,
-            twist: 20.0,
-            elbow: 24.0 + 40.0 * lead,
-            curl: 0.15,
-            ..rest
-        };
-        let gathered = Arm {
-            raise: 26.0,
-            flex: 52.0,
-            twist: 34.0,
-            elbow: 96.0,
-            pronate: 20.0,
-            curl: 0.30,
-            reach: 6.0,
-            ..rest
-        };
-        // Out: one arm high, the other wide.
-        let shown = Arm {
-            raise: 92.0 + 46.0 * (1.0 - lead),
-            flex: 8.0,
-            twist: -20.0,
-            elbow: 14.0,
-            pronate: -30.0,
-            wrist: -12.0,
-            curl: 0.08,
-            lift: 2.0,
-            ..rest
-        };
+    for (arm, lead) in pose.arms.iter_mut().zip([1.0, 0.0]) {
+        let rest = Arm::default();
+        let (wound, gathered, shown) = spin_arms(lead);
         *arm = rest.mix(&wound, open).mix(&gathered, turning).mix(&shown, show);
     }
+    pose.feet = spin_feet(t, show);
+    pose
+}
 
+/// The arm wound up, gathered while turning, and shown at the end. `lead` is 1 for the left arm and 0 for the right one.
+fn spin_arms(lead: f32) -> (Arm, Arm, Arm) {
+    let rest = Arm::default();
+    // Wound up to the right: the left arm across, the right arm open.
+    let wound = Arm {
+        raise: 62.0 - 30.0 * lead,
+        flex: 8.0 + 50.0 * lead,
+        twist: 20.0,
+        elbow: 24.0 + 40.0 * lead,
+        curl: 0.15,
+        ..rest
+    };
+    let gathered = Arm {
+        raise: 26.0,
+        flex: 52.0,
+        twist: 34.0,
+        elbow: 96.0,
+        pronate: 20.0,
+        curl: 0.30,
+        reach: 6.0,
+        ..rest
+    };
+    // Out: one arm high, the other wide.
+    let shown = Arm {
+        raise: 92.0 + 46.0 * (1.0 - lead),
+        flex: 8.0,
+        twist: -20.0,
+        elbow: 14.0,
+        pronate: -30.0,
+        wrist: -12.0,
+        curl: 0.08,
+        lift: 2.0,
+        ..rest
+    };
+    (wound, gathered, shown)
+}
+
+fn spin_feet(t: f32, show: f32) -> [Foot; 2] {
     // Left: the ball under the axis of the turn. Right: drawn up to the knee, then set wide.
     let left = ease(t, 0.10, 0.42) * (1.0 - ease(t, 2.42, 2.74));
     let hop = 4.0 * 0.035;
     let left_hop = hop * left * (1.0 - left);
     let start = Pose::default().feet;
-    pose.feet[0] = Foot {
+    let left_foot = Foot {
         x: start[0].x * (1.0 - left),
         z: start[0].z * (1.0 - left) - 0.125 * left,
         lift: left_hop,
@@ -231,7 +241,7 @@ pub fn spin(t: f32) -> Pose {
     let drawn = keys(t, &[(0.44, 0.0), (0.74, 1.0), (1.34, 1.0), (1.66, 0.0)]);
     let wide = ease(t, 1.36, 1.66) * (1.0 - ease(t, 2.62, 2.92));
     let home = ease(t, 2.62, 2.92);
-    pose.feet[1] = Foot {
+    let right_foot = Foot {
         x: start[1].x + 0.060 * drawn * (1.0 - wide) - 0.155 * wide,
         z: start[1].z + 0.02 * drawn,
         lift: 0.33 * drawn + hop * home * (1.0 - home),
@@ -240,5 +250,5 @@ pub fn spin(t: f32) -> Pose {
         knee: 34.0 * drawn + 4.0,
         out: 8.0 + 10.0 * drawn + 6.0 * wide,
     };
-    pose
+    [left_foot, right_foot]
 }

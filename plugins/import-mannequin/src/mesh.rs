@@ -21,7 +21,7 @@ fn append(primitive: &mut Primitive, skinning: &Skinning, side: Side, surface: &
     }
 }
 
-pub fn mesh(scale: f32) -> Mesh {
+pub fn build(scale: f32) -> Mesh {
     let mut primitives: Vec<Primitive> = (0..MATERIALS)
         .map(|material| Primitive { influences: 4, material: Some(material), ..Primitive::default() })
         .collect();
