@@ -7,9 +7,11 @@ use crate::limits::{Limits, raise_hint};
 use crate::load::Load;
 use crate::loader::Loader;
 use crate::testing::{TestState, Timeout};
-use choreo_asset::*;
+use choreo_asset::Asset;
 use choreo_motion::{Clip, Curve, RootParts, Time};
-use choreo_stage::*;
+use choreo_stage::{
+    Actor, Channel, Cue, EffectUse, Layer2d, LayerMode, Repeat, Rig, Settings, Sky, StageLight, Target,
+};
 use glam::{DQuat, DVec3};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
@@ -183,7 +185,7 @@ pub struct Build {
     /// Clips bound to another skeleton, by the addresses of clip and asset.
     pub bound: BTreeMap<(usize, usize), Bound>,
     pub shapes: BTreeMap<String, Arc<Asset>>,
-    pub made: crate::made::Made,
+    pub made: crate::procedural::Made,
     /// Stage time of the start of what is being performed.
     pub offset: Time,
     /// Notes by the address of the clip, which is kept alive.
@@ -282,64 +284,49 @@ impl Chain {
     }
 }
 
+/// A cue as the script describes it so far.
 #[derive(Clone)]
 pub struct CueDraft {
+    /// What the script sets as it is on stage; its speed is above 0.
+    pub cue: Cue,
     pub chain: usize,
-    pub clip: Arc<Clip>,
     pub at: Place,
     /// The cue before it in the chain.
     pub after: Option<usize>,
     pub start: Option<Time>,
     pub until: Option<Time>,
-    pub fade_in: Time,
     pub fade_out: Option<Time>,
-    pub ease: Ease,
-    /// Above 0.
-    pub speed: f64,
     pub reverse: bool,
     pub trim: Option<(Time, Time)>,
     pub repeat: Option<Repeat>,
-    pub weight: f32,
-    pub weight_keys: Option<Arc<Channel>>,
-    /// Stage time of its time zero.
+    /// Where its time zero lies.
     pub origin: Time,
-    pub time_remapping: Option<Arc<TimeRemapping>>,
-    pub freezes: Vec<(Time, Time)>,
     /// A layer played once keeps its last pose.
     pub hold: bool,
-    /// Keeps step with the one before while it fades in.
+    /// Matches the phase of the cue before while it fades in.
     pub in_step: bool,
-    pub inertialization: Time,
     pub root: Option<RootDraft>,
-    /// Set on cues that another follows: then they play once where nothing else is said.
+    /// Another cue follows: without a repeat mode of its own it plays once.
     pub followed: bool,
 }
 
 impl CueDraft {
-    /// A cue of a chain with all defaults.
+    /// A cue of a chain for which the script sets nothing else.
     pub fn new(chain: usize, clip: Arc<Clip>, at: Place) -> CueDraft {
         CueDraft {
+            cue: Cue::new(clip),
             chain,
-            clip,
             at,
             after: None,
             start: None,
             until: None,
-            fade_in: Time::ZERO,
             fade_out: None,
-            ease: Ease::Linear,
-            speed: 1.0,
             reverse: false,
             trim: None,
             repeat: None,
-            weight: 1.0,
-            weight_keys: None,
             origin: Time::ZERO,
-            time_remapping: None,
-            freezes: Vec::new(),
             hold: false,
             in_step: false,
-            inertialization: Time::ZERO,
             root: None,
             followed: false,
         }
@@ -347,9 +334,9 @@ impl CueDraft {
 
     /// Whether it ever counts, as far as its weight says.
     pub fn counts(&self) -> bool {
-        match &self.weight_keys {
+        match &self.cue.weight_keys {
             Some(keys) => keys.values.iter().any(|v| *v > 0.0),
-            None => self.weight > 0.0,
+            None => self.cue.weight > 0.0,
         }
     }
 }

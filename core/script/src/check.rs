@@ -28,7 +28,7 @@ pub fn before(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) {
 fn cues(build: &Build, warn: &mut impl FnMut(&Place, String)) {
     let times = cue::all_times(build);
     for (id, draft) in build.cues.iter().enumerate() {
-        let name = &draft.clip.name;
+        let name = &draft.cue.clip.name;
         let (start, end) = times[id];
         let length = draft.length();
         let chain = &build.chains[draft.chain];
@@ -45,24 +45,24 @@ fn cues(build: &Build, warn: &mut impl FnMut(&Place, String)) {
             warn(&draft.at, text);
         }
         if let Some(end) = end
-            && draft.fade_in > end - start
+            && draft.cue.fade_in > end - start
             && end > start
         {
             let text = format!(
                 "clip \"{name}\" fades in over {} s, but its cue lasts {} s: it is never fully seen",
-                draft.fade_in.as_secs(),
+                draft.cue.fade_in.as_secs(),
                 (end - start).as_secs()
             );
             warn(&draft.at, text);
         }
         if let Some(end) = end
-            && draft.inertialization > end - start
+            && draft.cue.inertialization > end - start
             && end > start
             && !draft.followed
         {
             let text = format!(
                 "clip \"{name}\" takes {} s to get rid of the pose before it, but its cue lasts {} s",
-                draft.inertialization.as_secs(),
+                draft.cue.inertialization.as_secs(),
                 (end - start).as_secs()
             );
             warn(&draft.at, text);
@@ -77,7 +77,7 @@ fn cues(build: &Build, warn: &mut impl FnMut(&Place, String)) {
                 ),
             );
         }
-        if draft.clip.duration == Time::ZERO {
+        if draft.cue.clip.duration == Time::ZERO {
             warn(&draft.at, format!("clip \"{name}\" has no length: it is a pose"));
         }
     }
@@ -93,8 +93,8 @@ fn cues(build: &Build, warn: &mut impl FnMut(&Place, String)) {
             let hidden = &build.cues[first];
             let text = format!(
                 "clip \"{}\" is never seen: \"{}\" starts at the same time, {} s; use .from, or .on(\"Spine..\") for a layer",
-                hidden.clip.name,
-                draft.clip.name,
+                hidden.cue.clip.name,
+                draft.cue.clip.name,
                 times[id].0.as_secs()
             );
             warn(&hidden.at, text);
@@ -114,7 +114,7 @@ fn restarts(build: &Build, times: &[(Time, Option<Time>)], warn: &mut impl FnMut
             continue;
         }
         let from = (times[id].0 - times[before].0).as_secs();
-        let to = from + next.fade_in.as_secs();
+        let to = from + next.cue.fade_in.as_secs();
         // Seconds to which a start over at either end of the fade does not count.
         const SLACK: f64 = 1e-3;
         let restart = libm::ceil((from - SLACK) / length).max(1.0) * length;
@@ -122,9 +122,9 @@ fn restarts(build: &Build, times: &[(Time, Option<Time>)], warn: &mut impl FnMut
             let text = format!(
                 "this part of clip \"{}\" takes {length} s and starts over at {} s, while \"{}\" fades in over it; \
                  add .once() to hold its last pose, or .loop() if it is meant",
-                draft.clip.name,
+                draft.cue.clip.name,
                 times[before].0.as_secs() + restart,
-                next.clip.name
+                next.cue.clip.name
             );
             warn(&draft.at, text);
         }

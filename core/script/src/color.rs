@@ -42,7 +42,10 @@ fn from_bytes([r, g, b, a]: [u8; 4]) -> Vec4 {
     Vec4::new(channel(r), channel(g), channel(b), f32::from(a) / 255.0)
 }
 
-/// Linear sRGB colour of a black body, brightest channel 1. Chromaticity of the Planckian locus after Kim et al.,
+/// The valid range of [`kelvin`].
+pub const KELVIN: (f64, f64) = (1667.0, 25_000.0);
+
+/// Linear sRGB color of a black body, brightest channel 1. Chromaticity of the Planckian locus after Kim et al.,
 /// US patent 7 024 034 (2002), valid from 1667 K to 25 000 K; then CIE xyY → XYZ → linear sRGB.
 pub fn kelvin(t: f64) -> Vec3 {
     let (t1, t2, t3) = (1e3 / t, 1e6 / (t * t), 1e9 / (t * t * t));

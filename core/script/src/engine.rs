@@ -2,16 +2,18 @@
 
 use crate::api;
 use crate::build::Shared;
-use crate::call::{Call, Def, Gives, Place, dead, is_dead, type_id};
+use crate::call::{Call, Def, Gives, Place};
 use crate::diagnostic::Severity;
 use crate::errors::{Thrown, throw};
 use crate::hook;
 use crate::limits::Limits;
 use crate::modules::Modules;
 use crate::synonyms;
-use crate::testing::ExpectRef;
-use crate::value::*;
-use rhai::packages::*;
+use crate::value::{Kind, dead, is_dead, register_types};
+use rhai::packages::{
+    BasicArrayPackage, BasicBlobPackage, BasicMapPackage, BitFieldPackage, CorePackage, LogicPackage,
+    MoreStringPackage, Package,
+};
 use rhai::{
     AST, ASTNode, Dynamic, Engine, EvalAltResult, Expr, LexError, NativeCallContext, ParseError,
     ParseErrorType, Position, Scope, Stmt, Token,
@@ -256,32 +258,12 @@ fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
     });
 }
 
-fn register_types(engine: &mut Engine) {
-    engine.register_type_with_name::<AssetRef>(Kind::Asset.name());
-    engine.register_type_with_name::<ImageRef>(Kind::Image.name());
-    engine.register_type_with_name::<ClipRef>(Kind::Clip.name());
-    engine.register_type_with_name::<ActorRef>(Kind::Actor.name());
-    engine.register_type_with_name::<JointRef>(Kind::Joint.name());
-    engine.register_type_with_name::<CueRef>(Kind::Cue.name());
-    engine.register_type_with_name::<LookRef>(Kind::Look.name());
-    engine.register_type_with_name::<GoalRef>(Kind::Goal.name());
-    engine.register_type_with_name::<CameraRef>(Kind::Camera.name());
-    engine.register_type_with_name::<LightRef>(Kind::Light.name());
-    engine.register_type_with_name::<SkyRef>(Kind::Sky.name());
-    engine.register_type_with_name::<FlatRef>(Kind::Flat.name());
-    engine.register_type_with_name::<EffectRef>(Kind::Effect.name());
-    engine.register_type_with_name::<ExpectRef>(Kind::Expect.name());
-    engine.register_type_with_name::<StageRef>(Kind::Stage.name());
-    engine.register_type_with_name::<PlanRef>(Kind::Plan.name());
-    engine.register_type_with_name::<SceneRef>(Kind::Scene.name());
-}
-
 fn register(engine: &mut Engine, shared: &Arc<Shared>, name: &str, def: &'static Def) {
     let counts: BTreeSet<usize> = def.forms().iter().map(Vec::len).collect();
     for count in counts {
         let mut types = Vec::new();
         if def.on != Kind::None {
-            types.push(type_id(def.on));
+            types.push(def.on.type_id());
         }
         types.extend(std::iter::repeat_n(TypeId::of::<Dynamic>(), count));
         // The engine lives as long as the hooks on the stage, which hold what is shared.

@@ -309,13 +309,13 @@ fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
     if let Some(kind) = receiver {
         if let Some(def) = same.iter().find(|d| d.on == kind) {
             return ApiError::new(format!("write {}, not with {}", def.usage(), arguments(types.len() - 1)))
-                .hint(format!("{}.{}: {}", kind.name(), def.name, def.about.replace('\n', " ")));
+                .hint(format!("{}.{}: {}", kind.name(), def.name, def.about().join(" ")));
         }
         return unknown_member(name, kind.name());
     }
     if let Some(def) = same.iter().find(|d| d.on == Kind::None) {
         return ApiError::new(format!("write {}, not with {}", def.usage(), arguments(types.len())))
-            .hint(format!("{}: {}", def.name, def.about.replace('\n', " ")));
+            .hint(format!("{}: {}", def.name, def.about().join(" ")));
     }
     if let Some((_, args, about)) = api::maths::FUNCTIONS.iter().find(|f| f.0 == name) {
         return ApiError::new(format!("write {name}({args}) with numbers, not {name}({})", got()))

@@ -1,7 +1,7 @@
 //! The Rhai API: a script is run once and leaves a [`choreo_stage::Stage`]; its errors say where, what and what to do.
 //!
 //! ```text
-//! script.rhai ─► engine (sandbox) ─► api (tables of functions) ─► build (drafts) ─► finish ─► Stage
+//! script.rhai ─► engine (sandbox) ─► api (tables of functions) ─► build (drafts) ─► resolve ─► Stage
 //!                                     └ loader ─► importer plugins                    └ check ─► warnings
 //! ```
 //! The only crate that knows Rhai. What a script can call is listed in `API.md`, made from the tables in [`api`].
@@ -11,13 +11,13 @@ mod build;
 mod cache;
 mod call;
 mod check;
+mod clip_analysis;
 mod clips_only;
 mod color;
 mod content;
 mod diagnostic;
 mod engine;
 mod errors;
-mod finish;
 mod folders;
 mod hook;
 mod import;
@@ -25,12 +25,12 @@ mod limits;
 mod lint;
 mod load;
 mod loader;
-mod made;
 pub mod memory;
 mod modules;
-mod motion;
 mod parsed;
+mod procedural;
 mod reference;
+mod resolve;
 mod run;
 pub mod synonyms;
 pub mod testing;

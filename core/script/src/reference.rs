@@ -20,12 +20,8 @@ pub fn reference() -> String {
                 Gives::Value(what) => format!(" → {what}"),
             };
             let frame = if def.frame { " ◦" } else { "" };
-            let _ = writeln!(
-                out,
-                "- `{}`{gives}{frame} — {}",
-                forms.join("` or `"),
-                def.about.replace('\n', "\n  - ")
-            );
+            let _ =
+                writeln!(out, "- `{}`{gives}{frame} — {}", forms.join("` or `"), def.about().join("\n  - "));
         }
     }
     let _ = writeln!(

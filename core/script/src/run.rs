@@ -6,7 +6,6 @@ use crate::call::{ApiError, Place};
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::engine;
 use crate::errors;
-use crate::finish::finish;
 use crate::folders::{Folders, LoadError};
 use crate::import::Imports;
 use crate::limits::Limits;
@@ -14,6 +13,7 @@ use crate::lint::Places;
 use crate::loader::Loader;
 use crate::modules::read_text;
 use crate::parsed::Parsed;
+use crate::resolve::resolve;
 use crate::suggest::{did_you_mean, list};
 use choreo_plugin::{Needs, Registry};
 use choreo_stage::Stage;
@@ -273,7 +273,7 @@ fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<
     execute(&engine, name, shared, parsed.as_ref().map(|p| (p, &p.ast)).map_err(Clone::clone));
     let script_hash = hash(text, shared);
     let identity = hex(&script_hash);
-    let (stage, mut places) = finish(shared, &engine, &|_| identity.clone());
+    let (stage, mut places) = resolve(shared, &engine, &|_| identity.clone());
     if stage.actors.is_empty() {
         let error = ApiError::new("nothing is on stage: no actor is cast")
             .hint("let hero = cast(\"hero\", load(\"hero.glb\")); puts one there");

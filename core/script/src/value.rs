@@ -4,10 +4,12 @@
 //! wrong name is one message and the script goes on to its next mistake.
 
 use crate::load::Load;
-pub use crate::made::ImageRef;
-use crate::testing::PlanOptions;
+pub use crate::procedural::ImageRef;
+use crate::testing::{ExpectRef, PlanOptions};
 use choreo_asset::Asset;
 use choreo_motion::Clip;
+use rhai::{Dynamic, Engine};
+use std::any::TypeId;
 use std::sync::Arc;
 
 /// Index of a dead handle.
@@ -91,75 +93,88 @@ pub struct PlanRef {
 #[derive(Clone, Copy, Debug)]
 pub struct SceneRef(pub usize);
 
-/// The types of handles, by the names that scripts and messages use.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// No receiver: a function.
-    None,
-    Asset,
-    Image,
-    Clip,
-    Actor,
-    Joint,
-    Cue,
-    Look,
-    Goal,
-    Camera,
-    Light,
-    Sky,
-    Flat,
-    Effect,
-    Expect,
-    Stage,
-    Plan,
-    Scene,
+/// Declares the types of handles: the name that scripts and messages use, the type, when one is dead, and a dead one.
+macro_rules! handles {
+    ($($name:ident: $handle:ty, $is_dead:expr, $dead:expr;)*) => {
+        /// The types of handles, by the names that scripts and messages use.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Kind {
+            /// No receiver: a function.
+            None,
+            $($name),*
+        }
+
+        impl Kind {
+            const HANDLES: &[Kind] = &[$(Kind::$name),*];
+
+            pub fn name(self) -> &'static str {
+                match self {
+                    Kind::None => "",
+                    $(Kind::$name => stringify!($name)),*
+                }
+            }
+
+            pub fn type_id(self) -> TypeId {
+                match self {
+                    Kind::None => TypeId::of::<Dynamic>(),
+                    $(Kind::$name => TypeId::of::<$handle>()),*
+                }
+            }
+        }
+
+        pub fn register_types(engine: &mut Engine) {
+            $(engine.register_type_with_name::<$handle>(stringify!($name));)*
+        }
+
+        /// Whether a value is a handle made by a call that failed.
+        pub fn is_dead(v: &Dynamic) -> bool {
+            match kind_of(v) {
+                Kind::None => false,
+                $(Kind::$name => v.read_lock::<$handle>().is_some_and(|h| {
+                    let is_dead: fn(&$handle) -> bool = $is_dead;
+                    is_dead(&h)
+                })),*
+            }
+        }
+
+        /// Stands in for the result of a call that failed.
+        pub fn dead(kind: Kind) -> Dynamic {
+            match kind {
+                Kind::None => Dynamic::UNIT,
+                $(Kind::$name => Dynamic::from($dead)),*
+            }
+        }
+    };
+}
+
+handles! {
+    Asset: AssetRef, |h| h.dead, AssetRef { from: Arc::new(Load::dead()), dead: true };
+    Image: ImageRef, |h| h.dead, ImageRef::dead();
+    Clip: ClipRef, |h| h.dead, ClipRef { clip: Arc::default(), asset: Arc::default(), dead: true };
+    Actor: ActorRef, |h| h.id == DEAD, ActorRef { id: DEAD, asset: Arc::default() };
+    Joint: JointRef, |h| h.actor == DEAD, JointRef { actor: DEAD, joint: 0, asset: Arc::default() };
+    Cue: CueRef, |h| h.0 == DEAD, CueRef(DEAD);
+    Look: LookRef, |h| h.actor == DEAD, LookRef { actor: DEAD, index: 0 };
+    Goal: GoalRef, |h| h.actor == DEAD, GoalRef { actor: DEAD, index: 0 };
+    Camera: CameraRef, |h| h.0 == DEAD, CameraRef(DEAD);
+    Light: LightRef, |h| h.0 == DEAD, LightRef(DEAD);
+    Sky: SkyRef, |h| h.0 == DEAD, SkyRef(DEAD);
+    Flat: FlatRef, |h| h.0 == DEAD, FlatRef(DEAD);
+    Effect: EffectRef, |h| h.id == DEAD, EffectRef { id: DEAD, plugin: "".into() };
+    Expect: ExpectRef, |h| h.id == DEAD, ExpectRef::dead();
+    Stage: StageRef, |h| h.0 == DEAD, StageRef(DEAD);
+    Plan: PlanRef, |h| h.dead, PlanRef { options: PlanOptions::default(), dead: true };
+    Scene: SceneRef, |h| h.0 == DEAD, SceneRef(DEAD);
 }
 
 impl Kind {
-    pub const HANDLES: [Kind; 17] = [
-        Kind::Asset,
-        Kind::Image,
-        Kind::Clip,
-        Kind::Actor,
-        Kind::Joint,
-        Kind::Cue,
-        Kind::Look,
-        Kind::Goal,
-        Kind::Camera,
-        Kind::Light,
-        Kind::Sky,
-        Kind::Flat,
-        Kind::Effect,
-        Kind::Expect,
-        Kind::Stage,
-        Kind::Plan,
-        Kind::Scene,
-    ];
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Kind::None => "",
-            Kind::Asset => "Asset",
-            Kind::Image => "Image",
-            Kind::Clip => "Clip",
-            Kind::Actor => "Actor",
-            Kind::Joint => "Joint",
-            Kind::Cue => "Cue",
-            Kind::Look => "Look",
-            Kind::Goal => "Goal",
-            Kind::Camera => "Camera",
-            Kind::Light => "Light",
-            Kind::Sky => "Sky",
-            Kind::Flat => "Flat",
-            Kind::Effect => "Effect",
-            Kind::Expect => "Expect",
-            Kind::Stage => "Stage",
-            Kind::Plan => "Plan",
-            Kind::Scene => "Scene",
-        }
-    }
-
     pub fn from_name(name: &str) -> Option<Kind> {
-        Kind::HANDLES.into_iter().find(|k| k.name() == name)
+        Kind::HANDLES.iter().copied().find(|k| k.name() == name)
     }
+}
+
+/// The type of handle that a value is; [`Kind::None`] for any other value.
+pub fn kind_of(v: &Dynamic) -> Kind {
+    let id = v.type_id();
+    Kind::HANDLES.iter().copied().find(|k| k.type_id() == id).unwrap_or(Kind::None)
 }

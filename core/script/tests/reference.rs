@@ -54,3 +54,30 @@ fn search_words_are_answered() {
     assert!(missing.is_empty(), "without an answer: {missing:?}");
     assert!(!known("quaggaflux"));
 }
+
+/// `entries.txt` lists each function and method with its options: what is documented once stays.
+#[test]
+fn no_entry_and_no_option_is_lost() {
+    let text = choreo_script::reference();
+    let mut entries: Vec<String> = Vec::new();
+    for line in text.lines() {
+        match (line.starts_with("- `"), entries.last_mut()) {
+            (false, Some(entry)) if line.starts_with("  - ") => entry.push_str(line),
+            _ => entries.push(line.to_string()),
+        }
+    }
+    let mut lost = Vec::new();
+    for line in include_str!("entries.txt").lines() {
+        let (name, options) = line.split_once(": ").unwrap_or((line, ""));
+        let entry = entries.iter().find(|entry| entry.starts_with(&format!("- `{name}(")));
+        match entry {
+            None => lost.push(name.to_string()),
+            Some(entry) => {
+                let missing = options.split_whitespace().filter(|option| !entry.contains(option));
+                lost.extend(missing.map(|option| format!("{name}: {option}")));
+            }
+        }
+    }
+    assert!(lost.is_empty(), "the reference lacks {lost:?}");
+    assert!(!entries.iter().any(|entry| entry.contains("{}")), "options are not documented");
+}

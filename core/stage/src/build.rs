@@ -4,11 +4,9 @@ use crate::stage::Stage;
 use crate::stage::actor::{Actor, LookAt, Placement, Target};
 use crate::stage::camera::{Camera, Rig};
 use crate::stage::clips::{Cue, Layer};
-use crate::stage::light::StageLight;
-use crate::stage::springs::ActorSprings;
-use choreo_asset::{Asset, Light, LightKind, Projection};
-use choreo_motion::{Clip, Ease, Repeat, Skinning, Time};
-use glam::{DQuat, DVec3, Vec3, Vec4};
+use choreo_asset::{Asset, Projection};
+use choreo_motion::Time;
+use glam::{DQuat, DVec3};
 use std::sync::Arc;
 
 impl Stage {
@@ -21,7 +19,7 @@ impl Stage {
     /// Adds a cue to the base layer of an actor, in its place by start time. Panics where there is no such actor.
     ///
     /// ```
-    /// # use choreo_asset::*; use choreo_stage::*; use choreo_motion::{Clip, Ease, Repeat, Skinning, Time}; use std::sync::Arc;
+    /// # use choreo_asset::*; use choreo_stage::*; use choreo_motion::Time; use std::sync::Arc;
     /// # let asset = Arc::new(Asset { clips: vec![Arc::new(Clip::new("Walk".into(), 0, vec![]).unwrap())], ..Asset::default() });
     /// let mut stage = Stage::default();
     /// let anna = stage.cast("anna", asset.clone());
@@ -53,65 +51,11 @@ impl Stage {
     }
 }
 
-impl Actor {
-    /// An actor at the origin, at rest; the spring bones of its file are on.
-    pub fn new(name: &str, asset: Arc<Asset>) -> Actor {
-        let springs = ActorSprings::of(&asset);
-        Actor {
-            name: name.to_string(),
-            asset,
-            transform: Placement::default(),
-            parent: None,
-            face: None,
-            layers: Vec::new(),
-            channels: Vec::new(),
-            look_at: Vec::new(),
-            constraints: Vec::new(),
-            limits: Vec::new(),
-            springs,
-            path_following: None,
-            visible: true,
-            tint: Vec4::ONE,
-            line_width: None,
-            copies: None,
-            morphs: Vec::new(),
-            expressions: Vec::new(),
-            file_lights: true,
-            skinning: Skinning::default(),
-            surfaces: Vec::new(),
-        }
-    }
-}
-
 impl Layer {
     /// Adds a cue after those that start no later.
     pub fn add(&mut self, cue: Cue) {
         let place = self.cues.partition_point(|c| c.start <= cue.start);
         self.cues.insert(place, cue);
-    }
-}
-
-impl Cue {
-    /// All of a clip, looped from time zero on, without fades.
-    pub fn new(clip: Arc<Clip>) -> Cue {
-        Cue {
-            start: Time::ZERO,
-            end: None,
-            fade_in: Time::ZERO,
-            fade_out: Time::ZERO,
-            ease: Ease::Linear,
-            speed: 1.0,
-            trim: (Time::ZERO, clip.duration),
-            repeat: Repeat::Loop,
-            weight: 1.0,
-            weight_keys: None,
-            time_remapping: None,
-            freezes: Vec::new(),
-            in_step: [None, None],
-            inertialization: Time::ZERO,
-            root: None,
-            clip,
-        }
     }
 }
 
@@ -126,33 +70,6 @@ impl Camera {
     /// Perspective, 0.7 rad high.
     pub fn new(name: &str, rig: Rig) -> Camera {
         Camera { name: name.to_string(), projection: Projection::default(), rig, channels: Vec::new() }
-    }
-}
-
-impl StageLight {
-    pub fn new(name: &str, light: Light) -> StageLight {
-        StageLight {
-            name: name.to_string(),
-            light,
-            position: DVec3::ZERO,
-            direction: Vec3::NEG_Y,
-            parent: None,
-            channels: Vec::new(),
-            shadow: None,
-            attenuation: None,
-        }
-    }
-
-    /// White, this many lux, along a direction (made unit).
-    pub fn sun(name: &str, direction: Vec3, intensity: f32) -> StageLight {
-        let light = Light { kind: LightKind::Directional, color: Vec3::ONE, intensity, range: None };
-        StageLight { direction: direction.normalize_or(Vec3::NEG_Y), ..StageLight::new(name, light) }
-    }
-
-    /// White, this many candela.
-    pub fn point(name: &str, position: DVec3, intensity: f32) -> StageLight {
-        let light = Light { kind: LightKind::Point, color: Vec3::ONE, intensity, range: None };
-        StageLight { position, ..StageLight::new(name, light) }
     }
 }
 

@@ -1,17 +1,18 @@
 //! What a stage must be for frames to be made of it. `Stage::at` itself is lenient: it leaves out what does not exist.
 
-use crate::stage::actor::{Actor, Attachment, Placement, Target};
+use crate::stage::actor::{Actor, Attachment, Target};
 use crate::stage::camera::{Camera, Rig};
 use crate::stage::channel::{Channel, Property};
 use crate::stage::clips::{Cue, LayerMode};
+use crate::stage::described::Described;
 use crate::stage::layers_2d::{Fit, Layer2d, Layer2dContent};
-use crate::stage::light::{Shadow, StageLight};
+use crate::stage::light::StageLight;
 use crate::stage::sky::Sky;
 use crate::stage::time_remapping::TimeRemapping;
 use crate::stage::{Background, Settings, Stage, StageError};
 use crate::transforms::order;
 use crate::transforms::order::PlacementOrder;
-use choreo_asset::{Asset, Light, LightKind, Projection};
+use choreo_asset::{Asset, LightKind, Projection};
 use choreo_motion::{Interpolation, Playback, Time};
 
 /// Everything wrong with one stage, by place.
@@ -75,6 +76,20 @@ impl Checker<'_> {
         }
     }
 
+    /// The values of all described fields.
+    fn fields(&mut self, place: &str, of: &impl Described) {
+        for what in of.problems() {
+            self.need(false, place, || what);
+        }
+    }
+
+    /// Keyframes of described fields.
+    fn channels<T: Described>(&mut self, place: &str, of: &T, channels: &[Channel]) {
+        for channel in channels {
+            self.channel(place, channel, of.is_keyed(channel.property));
+        }
+    }
+
     fn index(&mut self, place: &str, what: &str, index: usize, count: usize) {
         self.need(index < count, place, || format!("{what} {index} does not exist, there are {count}"));
     }
@@ -116,19 +131,7 @@ impl Checker<'_> {
         let place = format!("actor \"{}\"", actor.name);
         let joints = actor.asset.skeleton.len();
         let actors = self.stage.actors.len();
-        let Placement { translation, rotation, scale } = actor.transform;
-        self.need(translation.is_finite(), &place, || {
-            format!("translation is {translation}, must be finite")
-        });
-        self.need(scale.is_finite(), &place, || format!("scale is {scale}, must be finite"));
-        self.need((rotation.length() - 1.0).abs() < 1e-3, &place, || {
-            format!("rotation has length {}, must be 1", rotation.length())
-        });
-        self.need(actor.tint.is_finite(), &place, || format!("tint is {}, must be finite", actor.tint));
-        let width = actor.line_width.unwrap_or_default();
-        self.need(width.is_finite() && width >= 0.0, &place, || {
-            format!("width of lines is {width}, must be a number from 0")
-        });
+        self.fields(&place, actor);
         if let Some(parent) = &actor.parent {
             self.attachment(&place, parent);
         }
@@ -169,10 +172,7 @@ impl Checker<'_> {
             self.index(&place, "joint", look.joint as usize, joints);
             self.target(&place, &look.target);
             self.span(&place, look.start, look.end);
-            self.need((0.0..=1.0).contains(&look.weight), &place, || {
-                format!("weight is {}, must be 0..=1", look.weight)
-            });
-            self.need(look.fade >= Time::ZERO, &place, || "fade is negative".to_string());
+            self.fields(&place, look);
         }
         for (part, what) in crate::constraints::check::problems(self.stage, actor) {
             self.need(false, &format!("{place}, {part}"), || what);
@@ -189,13 +189,6 @@ impl Checker<'_> {
         }
         for channel in &actor.channels {
             let fits = match channel.property {
-                Property::Translation
-                | Property::Rotation
-                | Property::Scale
-                | Property::Visible
-                | Property::Tint
-                | Property::LineWidth
-                | Property::Copies => true,
                 Property::Morph { instance, target } => {
                     self.morph(&place, &actor.asset, instance, target);
                     true
@@ -204,17 +197,7 @@ impl Checker<'_> {
                     self.index(&place, "expression", expression as usize, actor.asset.expressions.len());
                     true
                 }
-                Property::FieldOfView
-                | Property::Intensity
-                | Property::Color
-                | Property::Weight
-                | Property::Speed
-                | Property::ClipTime
-                | Property::Parameter
-                | Property::Turn
-                | Property::Opacity
-                | Property::Range
-                | Property::Cone => false,
+                property => Actor::FIELDS.iter().any(|f| f.keyed.is_some_and(|(_, keyed)| keyed == property)),
             };
             self.channel(&place, channel, fits);
         }
@@ -231,9 +214,7 @@ impl Checker<'_> {
                 cue.clip.joint_count()
             )
         });
-        self.need((0.0..=1.0).contains(&cue.weight), place, || {
-            format!("weight is {}, must be 0..=1", cue.weight)
-        });
+        self.fields(place, cue);
         if let Some(keys) = &cue.weight_keys {
             self.channel(place, keys, keys.property == Property::Weight);
         }
@@ -250,15 +231,12 @@ impl Checker<'_> {
         self.need(apart && cue.freezes.iter().all(|f| f.0 <= f.1), place, || {
             "its freezes overlap or run backwards; sort them".to_string()
         });
-        self.need(cue.inertialization >= Time::ZERO, place, || "its inertial time is negative".to_string());
         if let Some(root) = &cue.root {
             self.index(place, "root joint", root.motion.joint() as usize, joints);
         }
         if let Err(what) = cue.ease.check() {
             self.need(false, place, || what.to_string());
         }
-        let fades = [cue.fade_in, cue.fade_out];
-        self.need(fades.iter().all(|f| *f >= Time::ZERO), place, || "a fade is negative".to_string());
         self.span(place, cue.start, cue.end);
     }
 
@@ -360,16 +338,7 @@ impl Checker<'_> {
             Rig::Frame { azimuth, elevation } => azimuth.is_finite() && elevation.is_finite(),
         };
         self.need(numbers, &place, || "its place is not finite".to_string());
-        let perspective = matches!(camera.projection, Projection::Perspective { .. });
-        for channel in &camera.channels {
-            let fits = match (channel.property, &camera.rig) {
-                (Property::FieldOfView, _) => perspective,
-                (Property::Translation, Rig::Fixed { .. } | Rig::Follow { .. }) => true,
-                (Property::Rotation, Rig::Fixed { look_at, .. }) => look_at.is_none(),
-                _ => false,
-            };
-            self.channel(&place, channel, fits);
-        }
+        self.channels(&place, camera, &camera.channels);
     }
 
     fn cuts(&mut self) {
@@ -382,26 +351,14 @@ impl Checker<'_> {
     }
 
     fn sky(&mut self, sky: &Sky) {
-        let Sky { panorama: _, turn, strength, background: _, channels } = sky;
-        self.need(turn.is_finite(), "sky", || "its turn is not finite".to_string());
-        self.need(strength.is_finite() && *strength >= 0.0, "sky", || {
-            format!("strength is {strength}, must be finite and ≥ 0")
-        });
-        for channel in channels {
-            let fits = matches!(channel.property, Property::Turn | Property::Intensity);
-            self.channel("sky", channel, fits);
-        }
+        self.fields("sky", sky);
+        self.channels("sky", sky, &sky.channels);
     }
 
     fn layer_2d(&mut self, index: usize, layer_2d: &Layer2d) {
-        let place = format!("flat {index}");
-        let Layer2d { content, at, offset, anchor, opacity, scale, under: _, start, end, fade, channels } =
-            layer_2d;
-        let numbers = [*opacity, *scale];
-        let finite = at.is_finite() && offset.is_finite() && anchor.is_finite();
-        let finite = finite && numbers.iter().all(|v| v.is_finite());
-        self.need(finite, &place, || "its place, opacity and scale must be finite".to_string());
-        let sized = match content {
+        let place = format!("layer_2d {index}");
+        self.fields(&place, layer_2d);
+        let sized = match &layer_2d.content {
             Layer2dContent::Text { size, width, line_height, color, .. } => {
                 let sizes = [*size, width.unwrap_or(1.0), *line_height];
                 sizes.iter().all(|v| v.is_finite() && *v > 0.0) && color.is_finite()
@@ -414,63 +371,31 @@ impl Checker<'_> {
             Layer2dContent::Bars { ratio, color } => ratio.is_finite() && *ratio > 0.0 && color.is_finite(),
         };
         self.need(sized, &place, || "its size and color must be finite and above 0".to_string());
-        self.span(&place, *start, *end);
-        self.need(*fade >= Time::ZERO, &place, || "its fade is negative".to_string());
-        for channel in channels {
-            let fits =
-                matches!(channel.property, Property::Translation | Property::Scale | Property::Opacity);
-            self.channel(&place, channel, fits);
-        }
+        self.span(&place, layer_2d.start, layer_2d.end);
+        self.channels(&place, layer_2d, &layer_2d.channels);
     }
 
     fn light(&mut self, light: &StageLight) {
         let place = format!("light \"{}\"", light.name);
-        let Light { kind, color, intensity, range } = light.light;
-        self.need(color.is_finite() && color.min_element() >= 0.0, &place, || {
-            format!("colour is {color}, must be finite and ≥ 0")
-        });
-        self.need(intensity.is_finite() && intensity >= 0.0, &place, || {
-            format!("intensity is {intensity}, must be finite and ≥ 0")
-        });
-        self.need(range.is_none_or(|r| r > 0.0), &place, || "range must be above 0".to_string());
-        if let LightKind::Spot { inner, outer } = kind {
+        self.fields(&place, light);
+        if let LightKind::Spot { inner, outer } = light.light.kind {
             let fine = 0.0 <= inner && inner < outer && outer <= std::f32::consts::FRAC_PI_2 + 1e-6;
             self.need(fine, &place, || {
                 format!("cone is {inner} to {outer} rad, must be 0 ≤ inner < outer ≤ π/2")
             });
         }
-        self.need(light.position.is_finite(), &place, || "its place is not finite".to_string());
-        if let Some(Shadow { size, softness }) = light.shadow {
-            self.need(Shadow::SIZES.contains(&size), &place, || {
-                format!("size of its shadow map is {size}, must be 64 to 4096")
-            });
-            self.need(softness.is_finite() && softness >= 0.0, &place, || {
-                format!("softness of its shadow is {softness} m, must be finite and ≥ 0")
-            });
+        if let Some(shadow) = &light.shadow {
+            self.fields(&format!("{place}, shadow"), shadow);
         }
         let falls = light
             .attenuation
             .is_none_or(|a| a.iter().all(|v| v.is_finite() && *v >= 0.0) && a.iter().any(|v| *v > 0.0));
         self.need(falls, &place, || "its attenuation must be ≥ 0, and one of it above".to_string());
-        if kind != LightKind::Point {
-            self.need((light.direction.length() - 1.0).abs() < 1e-3, &place, || {
-                format!("direction has length {}, must be 1", light.direction.length())
-            });
-        }
         if let Some(parent) = &light.parent {
             self.attachment(&place, parent);
         }
         for channel in &light.channels {
-            let fits = matches!(
-                channel.property,
-                Property::Translation
-                    | Property::Rotation
-                    | Property::Intensity
-                    | Property::Color
-                    | Property::Visible
-                    | Property::Range
-                    | Property::Cone
-            );
+            let fits = channel.property == Property::Visible || light.is_keyed(channel.property);
             self.channel(&place, channel, fits);
         }
     }

@@ -1,7 +1,9 @@
 //! The stage at one time: what the renderer, `choreo pose` and tests look at.
 
 use crate::stage::Background;
+use crate::stage::hash::{StageWriter, hash_of, hashed, written};
 use crate::stage::light::Shadow;
+use choreo_asset::ContentHash;
 use choreo_asset::Material;
 use choreo_asset::Panorama;
 use choreo_asset::{Light, Projection};
@@ -129,4 +131,32 @@ pub struct ChangedMaterial {
     /// Index into `Asset::materials`.
     pub material: u32,
     pub now: Material,
+}
+
+impl Snapshot {
+    /// Every bit of it: two evaluations of one stage at one time must agree, wherever they ran.
+    pub fn content_hash(&self) -> ContentHash {
+        hash_of(self, StageWriter::default())
+    }
+}
+
+hashed! {
+    struct Snapshot { time, actors, camera, lights, layers_2d, sky, background, ambient_up, ambient_down, effects }
+    struct ActorState {
+        visible, world_from_model, model_from_joint, morph_weights, tint, line_width, copies, base_colors, skinning, materials;
+        // Depends on the image, not on the stage.
+        without culled
+    }
+    struct CameraState { camera, world_from_view, projection }
+    struct LightState { light, position, direction, shadow, attenuation }
+    struct Layer2dState { layer_2d, at, scale, opacity, words }
+    struct SkyState { panorama, turn, strength, background }
+    struct EffectState { effect, parameters }
+}
+
+written! {
+    ChangedMaterial: |v, w| {
+        w.u32(v.material);
+        v.now.write_content(w, &|_| None)
+    };
 }

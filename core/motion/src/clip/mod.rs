@@ -158,7 +158,7 @@ pub struct CompressionReport {
 }
 
 /// A checked clip. Times run from zero to `duration`; before the first and after the last key a curve holds its end values.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Clip {
     pub name: String,
     pub duration: Time,

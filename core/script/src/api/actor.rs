@@ -1,141 +1,75 @@
 //! Actors: assets on stage, their transforms, parents, morph targets, keyframes and clips.
 
 pub use super::joint::find_joint;
-use super::keys;
-pub use super::look::before_start;
+pub use super::look_at::before_start;
+use super::{expression, keys};
 use crate::build::{ActorDraft, Chain, CueDraft, room};
-use crate::call::{ApiError, Call, Def, Gives, Reply, number_in, rgb, unknown};
+use crate::call::{ApiError, Call, Reply, api, number_in, rgb, unknown};
 use crate::hook;
-use crate::value::*;
-use choreo_asset::*;
-use choreo_stage::*;
+use crate::value::{ActorRef, AssetRef, CueRef, JointRef};
+use choreo_asset::{Asset, MeshInstance};
+use choreo_stage::{Actor, ActorEdit, Attachment, Channel, FieldType, Property, Skinning, Target};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 
-const THIS: Gives = Gives::Itself;
-
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::None,
-        "cast",
-        "name, asset",
-        Gives::A(Kind::Actor),
-        "Puts an asset on stage as an actor. The name must be unique.",
-        cast,
-    ),
-    Def::new(Kind::Actor, "at", "x, y, z | point", THIS, "Sets the position in metres, +y up.", at).in_frames(),
-    Def::new(Kind::Actor, "move_by", "x, y, z | offset", THIS, "Moves the actor by an offset in metres.", move_by).in_frames(),
-    Def::new(
-        Kind::Actor,
-        "turn",
-        "degrees",
-        THIS,
-        "Rotates the actor about the vertical axis, by degrees counter-clockwise seen from above.",
-        turn,
-    )
-    .in_frames(),
-    Def::new(Kind::Actor, "rotate", "x, y, z | quaternion", THIS, "Rotates the actor about x, then y, then z, in degrees, or by a quaternion [x, y, z, w].", rotate)
-        .in_frames(),
-    Def::new(Kind::Actor, "scale", "factor | x, y, z", THIS, "Sets the scale: one factor, or one per axis. Negative factors mirror.", scale).in_frames(),
-    Def::new(
-        Kind::Actor,
-        "face",
-        "actor_or_point",
-        THIS,
-        "Rotates the actor about the vertical axis so that it faces a point, or another actor wherever that is.",
-        face,
-    ),
-    Def::new(
-        Kind::Actor,
-        "attach",
-        "actor_or_joint",
-        THIS,
-        "Makes the actor a child of another actor or of one of its joints (parent constraint, \"Child Of\"), such as a sword in a hand.",
-        attach,
-    ),
-    Def::new(Kind::Actor, "hide", "", THIS, "Hides the actor.", hide).in_frames(),
-    Def::new(Kind::Actor, "show", "", THIS, "Shows the actor again.", show).in_frames(),
-    Def::new(Kind::Actor, "tint", "color", THIS, "Sets a color by which every color of the actor is multiplied.", tint).in_frames(),
-    Def::new(
-        Kind::Actor,
-        "count",
-        "number",
-        THIS,
-        "Sets how many of the copies that Asset.repeat made exist: the first N, from 0. With keyframes or in a callback the number changes over time.",
-        count,
-    )
-    .in_frames(),
-    Def::new(
-        Kind::Actor,
-        "width",
-        "width",
-        THIS,
-        "Sets the width of its lines or the size of its points, in pixels or metres as in `lines(…)` or `points(…)`. At 0 nothing is drawn.",
-        width,
-    )
-    .in_frames(),
-    Def::new(
-        Kind::Actor,
-        "morph",
-        "name, weight",
-        THIS,
-        "Sets the weight of a morph target (blend shape, shape key), by name or by index from 0. It overrides the weight from clips.",
-        morph,
-    )
-    .in_frames(),
-    Def::new(
-        Kind::Actor,
-        "expression",
-        "name, weight",
-        THIS,
-        "Sets the weight (0 to 1) of a facial expression of the file, such as \"happy\" or \"blink\". It overrides the weight from clips. Expressions add to the morph targets.",
-        super::expression::of_actor,
-    )
-    .in_frames(),
-    Def::new(
-        Kind::Actor,
-        "file_lights",
-        "on",
-        THIS,
-        "Turns the lights of the actor's file on (the default) or off.",
-        file_lights,
-    ),
-    Def::new(
-        Kind::Actor,
-        "skinning",
-        "how",
-        THIS,
-        "Sets the skinning method: \"linear\" (linear blend skinning as in glTF, the default) or \"dual_quaternion\" (dual quaternion skinning, which keeps the volume of twisted limbs).",
-        skinning,
-    ),
-    Def::new(
-        Kind::Actor,
-        "key",
-        "property, keys, how? | property, name, keys, how?",
-        THIS,
-        "Animates a property with keyframes [[time, value], …].\n\
-         Properties: \"position\" (metres), \"rotation\" (degrees about y, [x, y, z] in degrees, or quaternions), \"scale\" (a factor or [x, y, z]), \"visible\" (true or false, changes at the keyframe), \"tint\" (a color), \"width\" (of lines and points), \"count\" (of copies, rounded down), and \"morph\" or \"expression\" with its name as second argument.\n\
-         `how`, the interpolation: \"linear\" (the default), \"step\", \"smooth\" (zero velocity at each keyframe) or \"cubic\" (a spline through the keyframes). Or an easing into every keyframe: a name such as \"in_out_sine\" (see Cue.ease) or a Bézier curve [x1, y1, x2, y2].\n\
-         A keyframe [time, value, ease] has its own easing, into that keyframe only; `how` is then \"linear\".",
-        key,
-    ),
-    Def::new(
-        Kind::Actor,
-        "play",
-        "clip, options?",
-        Gives::A(Kind::Cue),
-        "Plays a clip on the actor and returns its cue (an NLA strip), from time 0 or from Cue.from on. A clip of another asset is retargeted. Options as in Cue.then.",
-        play,
-    ),
-    Def::new(
-        Kind::Actor,
-        "camera",
-        "name_or_index?",
-        Gives::A(Kind::Camera),
-        "Returns a camera of the actor's file, by name or by index from 0. It moves with the actor. The argument may be left out where the file has one camera.",
-        super::camera::of_actor,
-    ),
-];
+api! {
+    /// Puts an asset on stage as an actor. The name must be unique.
+    cast("name, asset") -> Actor = cast;
+    /// Sets the position in metres, +y up.
+    Actor.at("x, y, z | point") = at, in_frames;
+    /// Moves the actor by an offset in metres.
+    Actor.move_by("x, y, z | offset") = move_by, in_frames;
+    /// Rotates the actor about the vertical axis, by degrees counter-clockwise seen from above.
+    Actor.turn("degrees") = turn, in_frames;
+    /// Rotates the actor about x, then y, then z, in degrees, or by a quaternion [x, y, z, w].
+    Actor.rotate("x, y, z | quaternion") = rotate, in_frames;
+    /// Sets the scale: one factor, or one per axis. Negative factors mirror.
+    Actor.scale("factor | x, y, z") = scale, in_frames;
+    /// Rotates the actor about the vertical axis so that it faces a point, or another actor wherever that is.
+    Actor.face("actor_or_point") = face;
+    /// Makes the actor a child of another actor or of one of its joints (parent constraint, "Child Of"), such as a
+    /// sword in a hand.
+    Actor.attach("actor_or_joint") = attach;
+    /// Hides the actor.
+    Actor.hide("") = hide, in_frames;
+    /// Shows the actor again.
+    Actor.show("") = show, in_frames;
+    /// Sets a color by which every color of the actor is multiplied.
+    Actor.tint("color") = tint, in_frames;
+    /// Sets how many of the copies that Asset.repeat made exist: the first N, from 0. With keyframes or in a
+    /// callback the number changes over time.
+    Actor.count("number") = count, in_frames;
+    /// Sets the width of its lines or the size of its points, in pixels or metres as in `lines(…)` or `points(…)`.
+    /// At 0 nothing is drawn.
+    Actor.width("width") = width, in_frames;
+    /// Sets the weight of a morph target (blend shape, shape key), by name or by index from 0. It overrides the
+    /// weight from clips.
+    Actor.morph("name, weight") = morph, in_frames;
+    /// Sets the weight (0 to 1) of a facial expression of the file, such as "happy" or "blink". It overrides the
+    /// weight from clips. Expressions add to the morph targets.
+    Actor.expression("name, weight") = super::expression::of_actor, in_frames;
+    /// Turns the lights of the actor's file on (the default) or off.
+    Actor.file_lights("on") = file_lights;
+    /// Sets the skinning method: "linear" (linear blend skinning as in glTF, the default) or "dual_quaternion"
+    /// (dual quaternion skinning, which keeps the volume of twisted limbs).
+    Actor.skinning("how") = skinning;
+    /// Animates a property with keyframes [[time, value], …].
+    /// - Properties: "position" (metres), "rotation" (degrees about y, [x, y, z] in degrees, or quaternions),
+    ///   "scale" (a factor or [x, y, z]), "visible" (true or false, changes at the keyframe), "tint" (a color),
+    ///   "width" (of lines and points), "count" (of copies, rounded down), and "morph" or "expression" with its
+    ///   name as second argument.
+    /// - `how`, the interpolation: "linear" (the default), "step", "smooth" (zero velocity at each keyframe) or
+    ///   "cubic" (a spline through the keyframes). Or an easing into every keyframe: a name such as "in_out_sine"
+    ///   (see Cue.ease) or a Bézier curve [x1, y1, x2, y2].
+    /// - A keyframe [time, value, ease] has its own easing, into that keyframe only; `how` is then "linear".
+    Actor.key("property, keys, how? | property, name, keys, how?") = key;
+    /// Plays a clip on the actor and returns its cue (an NLA strip), from time 0 or from Cue.from on. A clip of
+    /// another asset is retargeted. Options as in Cue.then.
+    Actor.play("clip, options?") -> Cue = play;
+    /// Returns a camera of the actor's file, by name or by index from 0. It moves with the actor. The argument may
+    /// be left out where the file has one camera.
+    Actor.camera("name_or_index?") -> Camera = super::camera::of_actor;
+}
 
 fn cast(c: &mut Call) -> Reply {
     let name = c.name(0)?;
@@ -422,9 +356,35 @@ fn skinning(c: &mut Call) -> Reply {
     c.itself()
 }
 
+/// The channels of `.key(property, keys, how?)` or `.key("morph", name, keys, how?)`.
+fn key_channels(c: &Call, asset: &Asset) -> Result<Vec<Channel>, ApiError> {
+    let weights = |name, property, (low, high)| keys::Keyed {
+        name,
+        property,
+        of_type: FieldType::Number(low, high, ""),
+    };
+    let morph = weights("morph", Property::Morph { instance: 0, target: 0 }, (-1000.0, 1000.0));
+    let expression = weights("expression", Property::Expression { expression: 0 }, (0.0, 1.0));
+    let keyed = keys::property(c, &[keys::keyed::<Actor>(), vec![morph, expression]].concat())?;
+    let targets: Vec<Property> = match keyed.name {
+        "width" => has_pen(asset, "key").map(|()| vec![keyed.property])?,
+        "count" => has_copies(asset, "key").map(|()| vec![keyed.property])?,
+        "morph" => {
+            let found = morph_targets(asset, &c.value(1), "key: name")?.into_iter();
+            found.map(|(instance, target)| Property::Morph { instance, target }).collect()
+        }
+        "expression" => {
+            vec![Property::Expression { expression: expression::find(asset, &c.value(1), "key: name")? }]
+        }
+        _ => vec![keyed.property],
+    };
+    let channel = keys::channel(c, keyed, if matches!(keyed.name, "morph" | "expression") { 2 } else { 1 })?;
+    Ok(targets.into_iter().map(|property| Channel { property, ..channel.clone() }).collect())
+}
+
 fn key(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
-    let channels = keys::read(c, keys::Owner::Actor(&this.asset))?;
+    let channels = key_channels(c, &this.asset)?;
     let mut build = c.build();
     let draft = build.actor(this.id)?;
     draft.placed |= channels.iter().any(|ch| ch.property == Property::Translation);

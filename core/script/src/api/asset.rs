@@ -1,84 +1,42 @@
 //! `load`, and what an asset contains: clips, joints, morph targets, expressions and cameras.
 
-use crate::call::{ApiError, Call, Def, Gives, Reply, describe, one_of, unknown};
+use crate::call::{ApiError, Call, Reply, api, describe, one_of, unknown};
 use crate::limits::raise_hint;
 use crate::load::from_load;
 use crate::loader::ImportChoice;
-use crate::value::{AssetRef, ClipRef, Kind};
+use crate::value::{AssetRef, ClipRef};
 use choreo_motion::Clip;
 use choreo_plugin::{Needs, OptionValue};
 use rhai::{Dynamic, Map};
 use std::sync::{Arc, PoisonError};
 
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::None,
-        "load",
-        "file, options?",
-        Gives::A(Kind::Asset),
-        "Loads a model or animation clips from the folder of the script or from a search path, or a built-in asset such as \"choreo:mannequin\". Files are imported in parallel; the script waits for a file only where it uses the contents.\n\
-         Options: importer (name of the importer; chosen by the file by default), compress (tolerance in metres, 0.000001 to 0.1: each clip is compressed as by Clip.compress), only (\"clips\": imports neither meshes nor textures), and all options of the importer (`choreo plugins` lists them).\n\
-         Where the script shows that it uses only the clips of a file, \"clips\" is the default.",
-        load,
-    ),
-    Def::new(
-        Kind::Asset,
-        "clip",
-        "name_or_index",
-        Gives::A(Kind::Clip),
-        "Returns a clip of the file, by name or by index from 0.",
-        clip,
-    ),
-    Def::new(
-        Kind::Asset,
-        "clips",
-        "",
-        Gives::Value("array of texts"),
-        "Returns the names of the clips.",
-        clips,
-    ),
-    Def::new(
-        Kind::Asset,
-        "joints",
-        "",
-        Gives::Value("array of texts"),
-        "Returns the names of the joints (bones).",
-        joints,
-    ),
-    Def::new(
-        Kind::Asset,
-        "morphs",
-        "",
-        Gives::Value("array of texts"),
-        "Returns the names of the morph targets (blend shapes, shape keys).",
-        morphs,
-    ),
-    Def::new(
-        Kind::Asset,
-        "expressions",
-        "",
-        Gives::Value("array of texts"),
-        "Returns the names of the facial expressions, visemes included where the file has them.",
-        super::expression::names,
-    ),
-    Def::new(
-        Kind::Asset,
-        "camera",
-        "name_or_index?",
-        Gives::A(Kind::Camera),
-        "Returns a camera of the file, by name or by index from 0. It belongs to the first actor cast from the file and moves with it. The argument may be left out where the file has one camera.",
-        super::camera::of_asset,
-    ),
-    Def::new(
-        Kind::Clip,
-        "duration",
-        "",
-        Gives::Value("float"),
-        "Returns the length of the clip in seconds.",
-        duration,
-    ),
-    Def::new(Kind::Clip, "name", "", Gives::Value("text"), "Returns the name of the clip.", clip_name),
-];
+api! {
+    /// Loads a model or animation clips from the folder of the script or from a search path, or a built-in asset
+    /// such as "choreo:mannequin". Files are imported in parallel; the script waits for a file only where it uses
+    /// the contents.
+    /// - Options: importer (name of the importer; chosen by the file by default), compress (tolerance in metres,
+    ///   0.000001 to 0.1: each clip is compressed as by Clip.compress), only ("clips": imports neither meshes nor
+    ///   textures), and all options of the importer (`choreo plugins` lists them).
+    /// - Where the script shows that it uses only the clips of a file, "clips" is the default.
+    load("file, options?") -> Asset = load;
+    /// Returns a clip of the file, by name or by index from 0.
+    Asset.clip("name_or_index") -> Clip = clip;
+    /// Returns the names of the clips.
+    Asset.clips("") -> "array of texts" = clips;
+    /// Returns the names of the joints (bones).
+    Asset.joints("") -> "array of texts" = joints;
+    /// Returns the names of the morph targets (blend shapes, shape keys).
+    Asset.morphs("") -> "array of texts" = morphs;
+    /// Returns the names of the facial expressions, visemes included where the file has them.
+    Asset.expressions("") -> "array of texts" = super::expression::names;
+    /// Returns a camera of the file, by name or by index from 0. It belongs to the first actor cast from the file
+    /// and moves with it. The argument may be left out where the file has one camera.
+    Asset.camera("name_or_index?") -> Camera = super::camera::of_asset;
+    /// Returns the length of the clip in seconds.
+    Clip.duration("") -> "float" = duration;
+    /// Returns the name of the clip.
+    Clip.name("") -> "text" = clip_name;
+}
 
 fn load(c: &mut Call) -> Reply {
     let name = c.text(0)?;

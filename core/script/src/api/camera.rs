@@ -3,124 +3,51 @@
 use super::actor::{euler, radians};
 use super::keys;
 use crate::build::{CameraDraft, room};
-use crate::call::{ApiError, Call, Def, Gives, Reply, unknown};
+use crate::call::{ApiError, Call, Reply, api, unknown};
 use crate::hook;
-use crate::value::*;
+use crate::value::{ActorRef, CameraRef};
 use choreo_asset::Asset;
 use choreo_motion::Time;
-use choreo_stage::{Property, Rig};
+use choreo_stage::{Camera, Property, Rig};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 
-const THIS: Gives = Gives::Itself;
-
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::None,
-        "camera",
-        "name",
-        Gives::A(Kind::Camera),
-        "Makes a camera. The first camera is active until a cut. Without .at, .follow or .orbit it frames everything.",
-        camera,
-    ),
-    Def::new(Kind::Camera, "at", "x, y, z | point", THIS, "Sets the position in metres.", at).in_frames(),
-    Def::new(
-        Kind::Camera,
-        "look_at",
-        "target",
-        THIS,
-        "Points the camera at an actor, a joint or a point, and keeps it pointed there as that moves.",
-        look_at,
-    ),
-    Def::new(
-        Kind::Camera,
-        "turn",
-        "degrees",
-        THIS,
-        "Rotates the camera about the vertical axis, in degrees counter-clockwise. Without rotation it looks along -z.",
-        turn,
-    ),
-    Def::new(
-        Kind::Camera,
-        "rotate",
-        "x, y, z",
-        THIS,
-        "Rotates the camera about x, then y, then z, in degrees.",
-        rotate,
-    ),
-    Def::new(
-        Kind::Camera,
-        "follow",
-        "target, offset",
-        THIS,
-        "Moves the camera with a target, at an offset [x, y, z] from it, and points it at the target.",
-        follow,
-    ),
-    Def::new(
-        Kind::Camera,
-        "orbit",
-        "target, options?",
-        THIS,
-        "Moves the camera in a circle around a target. Options: distance (metres, default 4), elevation (degrees, -89 to 89, default 15), azimuth (degrees at time 0, default 0: in front, at +z), speed (degrees per second, default 20).",
-        orbit,
-    ),
-    Def::new(
-        Kind::Camera,
-        "frame",
-        "options?",
-        THIS,
-        "Places the camera so that everything visible fits into the image. Options: azimuth (degrees, default 25), elevation (degrees, -89 to 89, default 10).",
-        frame,
-    ),
-    Def::new(
-        Kind::Camera,
-        "fov",
-        "degrees",
-        THIS,
-        "Sets the vertical field of view in degrees (0.1 to 179, default 40.1). A focal length of F mm on full-frame film is `to_degrees(2.0 * atan(12.0 / F))`.",
-        fov,
-    ),
-    Def::new(
-        Kind::Camera,
-        "ortho",
-        "height",
-        THIS,
-        "Makes the camera orthographic; `height` is the height of the image in metres.",
-        ortho,
-    ),
-    Def::new(
-        Kind::Camera,
-        "near",
-        "metres",
-        THIS,
-        "Sets the near clipping plane in metres (default 0.05).",
-        near,
-    ),
-    Def::new(
-        Kind::Camera,
-        "far",
-        "metres",
-        THIS,
-        "Sets the far clipping plane in metres (default: none; 10000 for an orthographic camera).",
-        far,
-    ),
-    Def::new(
-        Kind::Camera,
-        "cut",
-        "time",
-        THIS,
-        "Cuts to this camera at a time: from then on it is the active camera.",
-        cut,
-    ),
-    Def::new(
-        Kind::Camera,
-        "key",
-        "property, keys, how?",
-        THIS,
-        "Animates a property with keyframes [[time, value], …]: \"position\" (dolly, crane), \"rotation\" (pan, tilt, roll) or \"fov\" (zoom). Values, `how` and easing as in Actor.key.",
-        key,
-    ),
-];
+api! {
+    /// Makes a camera. The first camera is active until a cut. Without .at, .follow or .orbit it frames everything.
+    camera("name") -> Camera = camera;
+    /// Sets the position in metres.
+    Camera.at("x, y, z | point") = at, in_frames;
+    /// Points the camera at an actor, a joint or a point, and keeps it pointed there as that moves.
+    Camera.look_at("target") = look_at;
+    /// Rotates the camera about the vertical axis, in degrees counter-clockwise. Without rotation it looks along
+    /// -z.
+    Camera.turn("degrees") = turn;
+    /// Rotates the camera about x, then y, then z, in degrees.
+    Camera.rotate("x, y, z") = rotate;
+    /// Moves the camera with a target, at an offset [x, y, z] from it, and points it at the target.
+    Camera.follow("target, offset") = follow;
+    /// Moves the camera in a circle around a target. Options: distance (metres, default 4), elevation (degrees, -89
+    /// to 89, default 15), azimuth (degrees at time 0, default 0: in front, at +z), speed (degrees per second,
+    /// default 20).
+    Camera.orbit("target, options?") = orbit;
+    /// Places the camera so that everything visible fits into the image. Options: azimuth (degrees, default 25),
+    /// elevation (degrees, -89 to 89, default 10).
+    Camera.frame("options?") = frame;
+    /// Sets the vertical field of view in degrees (0.1 to 179, default 40.1). A focal length of F mm on full-frame
+    /// film is `to_degrees(2.0 * atan(12.0 / F))`.
+    Camera.fov("degrees") = fov;
+    /// Makes the camera orthographic; `height` is the height of the image in metres.
+    Camera.ortho("height") = ortho;
+    /// Sets the near clipping plane in metres (default 0.05).
+    Camera.near("metres") = near;
+    /// Sets the far clipping plane in metres (default: none; 10000 for an orthographic camera).
+    Camera.far("metres") = far;
+    /// Cuts to this camera at a time: from then on it is the active camera.
+    Camera.cut("time") = cut;
+    /// Animates a property with keyframes [[time, value], …]: "position" (dolly, crane), "rotation" (pan, tilt,
+    /// roll) or "fov" (zoom). Values, `how` and easing as in Actor.key.
+    Camera.key("property, keys, how?") = key;
+}
 
 fn draft(c: &Call, name: String) -> CameraDraft {
     CameraDraft {
@@ -221,8 +148,12 @@ pub const DEFAULT_AZIMUTH: f64 = 25.0;
 /// Default elevation in degrees: a little from above.
 pub const DEFAULT_ELEVATION: f64 = 10.0;
 
+/// Allowed fields of view, degrees.
+const FOV: (f64, f64) = (0.1, 179.0);
+
 fn fov(c: &mut Call) -> Reply {
-    let yfov = keys::fov(&c.value(0), &c.label(0))? as f32;
+    let (low, high) = FOV;
+    let yfov = c.number_in(0, low, high)?.to_radians() as f32;
     change(c, |k| {
         k.perspective = Some(yfov);
         k.ortho = None;
@@ -260,12 +191,13 @@ fn cut(c: &mut Call) -> Reply {
 }
 
 fn key(c: &mut Call) -> Reply {
-    let channels = keys::read(c, keys::Owner::Camera)?;
+    // Whether its rig can be keyed is known once the script has ended.
+    let channel = keys::channel(c, keys::property(c, &keys::keyed::<Camera>())?, 1)?;
     change(c, |k| {
-        if k.position.is_none() && channels.iter().any(|ch| ch.property == Property::Translation) {
+        if k.position.is_none() && channel.property == Property::Translation {
             k.position = Some(DVec3::ZERO);
         }
-        keys::replace(&mut k.channels, channels);
+        keys::replace(&mut k.channels, vec![channel]);
     })
 }
 

@@ -1,11 +1,11 @@
 //! Mirrored and retargeted clips. Edited clips: [`super::clip_edit`].
 
 use super::actor::find_joint;
-use crate::call::{ApiError, Call, Def, Gives, Options, Reply, describe};
+use crate::call::{ApiError, Call, Options, Reply, api, describe};
 use crate::diagnostic::Severity;
 use crate::limits::raise_hint;
 use crate::suggest::list;
-use crate::value::*;
+use crate::value::{AssetRef, ClipRef};
 use choreo_asset::Asset;
 use choreo_motion::Clip;
 use choreo_motion::retarget::{
@@ -16,34 +16,25 @@ use rhai::{Dynamic, Map};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::Clip,
-        "mirror",
-        "",
-        Gives::A(Kind::Clip),
-        "Returns the clip with left and right exchanged, key by key. Joints are paired by their names. A joint without a partner stays in its rest pose.",
-        mirror,
-    ),
-    Def::new(
-        Kind::Clip,
-        "retarget",
-        "asset, options?",
-        Gives::A(Kind::Clip),
-        "Returns the clip retargeted to the skeleton of another asset. Actor.play does the same by default for a clip of another asset.\n\
-         Joints are matched by their names, also between Mixamo, Biped, VRM, Unreal, Rigify, Daz, CMU, Character Creator and Source, else by structure. A warning names the body parts that do not follow; it is an error if none follows.\n\
-         Options: joints (#{ \"its joint\": \"joint of the clip\", … }, false for no joint; default: matched by names, then by structure), scale (default: ratio of the leg lengths), translations (joints that move as well as rotate: \"hips\", the default, \"all\" or \"none\"), floor (true, the default: feet stay on the floor), align (true, the default: the limbs of the rest pose (bind pose) are aligned with those of the clip, such as an A-pose with a T-pose).",
-        retarget,
-    ),
-    Def::new(
-        Kind::Clip,
-        "mapping",
-        "asset, options?",
-        Gives::Value("array of texts"),
-        "Returns the report of a retarget, a line per joint: which joint of the other asset follows which joint of the clip, and how it was matched. It is an error if none follows. Options as in Clip.retarget.",
-        mapping,
-    ),
-];
+api! {
+    /// Returns the clip with left and right exchanged, key by key. Joints are paired by their names. A joint
+    /// without a partner stays in its rest pose.
+    Clip.mirror("") -> Clip = mirror;
+    /// Returns the clip retargeted to the skeleton of another asset. Actor.play does the same by default for a clip
+    /// of another asset.
+    /// - Joints are matched by their names, also between Mixamo, Biped, VRM, Unreal, Rigify, Daz, CMU, Character
+    ///   Creator and Source, else by structure. A warning names the body parts that do not follow; it is an error
+    ///   if none follows.
+    /// - Options: joints (#{ "its joint": "joint of the clip", … }, false for no joint; default: matched by names,
+    ///   then by structure), scale (default: ratio of the leg lengths), translations (joints that move as well as
+    ///   rotate: "hips", the default, "all" or "none"), floor (true, the default: feet stay on the floor), align
+    ///   (true, the default: the limbs of the rest pose (bind pose) are aligned with those of the clip, such as an
+    ///   A-pose with a T-pose).
+    Clip.retarget("asset, options?") -> Clip = retarget;
+    /// Returns the report of a retarget, a line per joint: which joint of the other asset follows which joint of
+    /// the clip, and how it was matched. It is an error if none follows. Options as in Clip.retarget.
+    Clip.mapping("asset, options?") -> "array of texts" = mapping;
+}
 
 /// Handle of a clip that a script has made. Its keyframes count against the limit.
 pub fn made(c: &Call, clip: Clip, asset: Arc<Asset>) -> Reply {

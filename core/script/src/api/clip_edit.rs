@@ -3,136 +3,67 @@
 use super::actor::{euler, find_joint};
 use super::clip::made;
 use super::keys;
-use crate::call::{ApiError, Call, Def, Gives, Reply, point};
-use crate::value::*;
+use crate::call::{ApiError, Call, Reply, api, point};
+use crate::value::ClipRef;
 use choreo_asset::Asset;
 use choreo_motion::edit::reduce::KeptTimes;
 use choreo_motion::{Clip, Curve, FrameRate, Interpolation, Offset, Path, Pose, Sample, Time};
-use choreo_stage::{Channel, Property, Reference};
+use choreo_stage::{Channel, Placement, Property, Reference};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 
-const CLIP: Gives = Gives::A(Kind::Clip);
-
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::Asset,
-        "new_clip",
-        "name",
-        CLIP,
-        "Returns an empty clip for the asset. Clip.key adds keyframes to it.",
-        new_clip,
-    ),
-    Def::new(
-        Kind::Clip,
-        "key",
-        "property, joint, keys, how?",
-        CLIP,
-        "Returns the clip with keyframes [[time, value], …] for a property of a joint, in place of its own. `how` as in Actor.key.\n\
-         Properties: \"rotation\" (degrees [x, y, z] about the axes of the joint, relative to the rest pose), \"position\" (metres relative to the rest pose, along the axes of the model), \"scale\" (factor of the scale at rest).",
-        key,
-    ),
-    Def::new(Kind::Clip, "cut", "from, until", CLIP, "Returns the part of the clip between two times.", cut),
-    Def::new(
-        Kind::Clip,
-        "append",
-        "clip",
-        CLIP,
-        "Returns this clip followed by another. A joint that only one of them animates is in its rest pose during the other.",
-        append,
-    ),
-    Def::new(Kind::Clip, "reverse", "", CLIP, "Returns the clip played backwards.", reverse),
-    Def::new(
-        Kind::Clip,
-        "speed",
-        "factor",
-        CLIP,
-        "Returns the clip played faster by a factor. The keyframes are moved.",
-        speed,
-    ),
-    Def::new(
-        Kind::Clip,
-        "offset",
-        "joint, options",
-        CLIP,
-        "Returns the clip with a joint moved or rotated at all times. Options: move (metres along the axes of the model), turn (degrees [x, y, z] about the axes of the joint: x, then y, then z).",
-        offset,
-    ),
-    Def::new(
-        Kind::Clip,
-        "smooth",
-        "seconds",
-        CLIP,
-        "Returns the clip without jitter: each keyframe becomes the weighted mean of the clip in a window of that many seconds around it.",
-        smooth,
-    ),
-    Def::new(
-        Kind::Clip,
-        "resample",
-        "fps",
-        CLIP,
-        "Returns the clip with keyframes at a constant frame rate in place of its own (baking).",
-        resample,
-    ),
-    Def::new(
-        Kind::Clip,
-        "reduce",
-        "tolerance, options?",
-        CLIP,
-        "Returns the clip with fewer keyframes. The tolerance is the largest error of any joint in metres, in model space (0 to 1). Options: keep (\"own\", the default: each curve keeps its own keyframes, which takes the fewest bytes; \"shared\": curves keep the same keyframes, which is the fastest to sample).",
-        reduce,
-    ),
-    Def::new(
-        Kind::Clip,
-        "compress",
-        "tolerance",
-        CLIP,
-        "Returns the clip compressed, in fewer bytes and as fast to sample. The tolerance is the largest error of any joint in metres, in model space (0.000001 to 0.1; 0.0001 is a good value). What would not become smaller stays as it is.\n\
-         Clip.lost returns the error that was made. Compress last: editing and retargeting decompress the keyframes.",
-        compress,
-    ),
-    Def::new(
-        Kind::Clip,
-        "additive",
-        "reference?",
-        CLIP,
-        "Returns an additive clip: the difference between this clip and a reference pose, applied to the rest pose. The reference is \"first\" (the first frame, the default), \"rest\" (the rest pose) or a time of the clip in seconds.\n\
-         The result is a clip like any other, which can be edited, mirrored and retargeted. To play it as an additive layer, use Cue.additive(\"rest\").",
-        additive,
-    ),
-    Def::new(
-        Kind::Clip,
-        "subtractive",
-        "reference?",
-        CLIP,
-        "Returns the opposite of Clip.additive: as a layer it takes the difference away.",
-        subtractive,
-    ),
-    Def::new(
-        Kind::Clip,
-        "bytes",
-        "",
-        Gives::Value("int"),
-        "Returns the size of the keyframes in bytes.",
-        byte_count,
-    ),
-    Def::new(
-        Kind::Clip,
-        "lost",
-        "",
-        Gives::Value("float"),
-        "Returns the largest error of any joint that the compression caused, in metres in model space; 0 for a clip that is not compressed.",
-        lost,
-    ),
-    Def::new(
-        Kind::Clip,
-        "keys",
-        "",
-        Gives::Value("int"),
-        "Returns the number of keyframes of all curves.",
-        key_count,
-    ),
-];
+api! {
+    /// Returns an empty clip for the asset. Clip.key adds keyframes to it.
+    Asset.new_clip("name") -> Clip = new_clip;
+    /// Returns the clip with keyframes [[time, value], …] for a property of a joint, in place of its own. `how` as
+    /// in Actor.key.
+    /// - Properties: "rotation" (degrees [x, y, z] about the axes of the joint, relative to the rest pose),
+    ///   "position" (metres relative to the rest pose, along the axes of the model), "scale" (factor of the scale
+    ///   at rest).
+    Clip.key("property, joint, keys, how?") -> Clip = key;
+    /// Returns the part of the clip between two times.
+    Clip.cut("from, until") -> Clip = cut;
+    /// Returns this clip followed by another. A joint that only one of them animates is in its rest pose during the
+    /// other.
+    Clip.append("clip") -> Clip = append;
+    /// Returns the clip played backwards.
+    Clip.reverse("") -> Clip = reverse;
+    /// Returns the clip played faster by a factor. The keyframes are moved.
+    Clip.speed("factor") -> Clip = speed;
+    /// Returns the clip with a joint moved or rotated at all times. Options: move (metres along the axes of the
+    /// model), turn (degrees [x, y, z] about the axes of the joint: x, then y, then z).
+    Clip.offset("joint, options") -> Clip = offset;
+    /// Returns the clip without jitter: each keyframe becomes the weighted mean of the clip in a window of that
+    /// many seconds around it.
+    Clip.smooth("seconds") -> Clip = smooth;
+    /// Returns the clip with keyframes at a constant frame rate in place of its own (baking).
+    Clip.resample("fps") -> Clip = resample;
+    /// Returns the clip with fewer keyframes. The tolerance is the largest error of any joint in metres, in model
+    /// space (0 to 1). Options: keep ("own", the default: each curve keeps its own keyframes, which takes the
+    /// fewest bytes; "shared": curves keep the same keyframes, which is the fastest to sample).
+    Clip.reduce("tolerance, options?") -> Clip = reduce;
+    /// Returns the clip compressed, in fewer bytes and as fast to sample. The tolerance is the largest error of any
+    /// joint in metres, in model space (0.000001 to 0.1; 0.0001 is a good value). What would not become smaller
+    /// stays as it is.
+    /// - Clip.lost returns the error that was made. Compress last: editing and retargeting decompress the
+    ///   keyframes.
+    Clip.compress("tolerance") -> Clip = compress;
+    /// Returns an additive clip: the difference between this clip and a reference pose, applied to the rest pose.
+    /// The reference is "first" (the first frame, the default), "rest" (the rest pose) or a time of the clip in
+    /// seconds.
+    /// - The result is a clip like any other, which can be edited, mirrored and retargeted. To play it as an
+    ///   additive layer, use Cue.additive("rest").
+    Clip.additive("reference?") -> Clip = additive;
+    /// Returns the opposite of Clip.additive: as a layer it takes the difference away.
+    Clip.subtractive("reference?") -> Clip = subtractive;
+    /// Returns the size of the keyframes in bytes.
+    Clip.bytes("") -> "int" = byte_count;
+    /// Returns the largest error of any joint that the compression caused, in metres in model space; 0 for a clip
+    /// that is not compressed.
+    Clip.lost("") -> "float" = lost;
+    /// Returns the number of keyframes of all curves.
+    Clip.keys("") -> "int" = key_count;
+}
 
 fn new_clip(c: &mut Call) -> Reply {
     let asset = c.this_asset()?;
@@ -246,14 +177,12 @@ fn key_count(c: &mut Call) -> Reply {
 fn key(c: &mut Call) -> Reply {
     let this: ClipRef = c.this()?;
     let joint = find_joint(&this.asset, &c.text(1)?)?;
-    let channels = keys::read(c, keys::Owner::JointOfClip)?;
+    let channel = keys::channel(c, keys::property(c, &keys::keyed::<Placement>())?, 2)?;
     edit(c, |clip, asset| {
         let mut curves = clip.curves().to_vec();
-        for channel in channels {
-            let curve = curve(asset, joint, &channel);
-            curves.retain(|c| (c.joint, c.path) != (joint, curve.path));
-            curves.push(curve);
-        }
+        let curve = curve(asset, joint, &channel);
+        curves.retain(|c| (c.joint, c.path) != (joint, curve.path));
+        curves.push(curve);
         Clip::new(clip.name.clone(), clip.joint_count(), curves)
     })
 }

@@ -1,112 +1,69 @@
 //! The comparisons that end an `expect(…)`: each is recorded with its place and judged when the stage is finished.
 
 use super::expect::{camera_subject, contact, subject};
-use super::goals::{events, formula, rotation_goal, tolerance};
+use super::expected_values::{events, formula, rotation_goal, tolerance};
 use super::test::record;
 use super::values::value;
-use crate::call::{ApiError, Call, Def, Gives, Reply, numbers, point};
-use crate::testing::*;
-use crate::value::*;
+use crate::call::{ApiError, Call, Reply, api, numbers, point};
+use crate::testing::{
+    Claim, EventPattern, EventsTest, ExpectRef, Flag, InFrame, Measure, NumberGoal, NumberTest, RotationGoal,
+    SameOther, SameWhat, Subject, TextsQuantity, TextsTest, Value, ValueTest, VectorGoal, VectorQuantity,
+    VectorTest, When,
+};
+use crate::value::{ActorRef, CameraRef, StageRef};
 use choreo_motion::Time;
 use rhai::Dynamic;
 
-const THIS: Gives = Gives::A(Kind::Expect);
-
-const fn comparison(
-    name: &'static str,
-    args: &'static str,
-    about: &'static str,
-    run: fn(&mut Call) -> Reply,
-) -> Def {
-    Def::new(Kind::Expect, name, args, THIS, about, run).in_tests()
+api! {
+    /// Tests that a value is within a tolerance of a number, a point, a color, the same property of another object,
+    /// or a function of time, |t| …. Rotations are given as [x, y, z] as in Actor.rotate, as degrees about y, or as
+    /// a quaternion [x, y, z, w]. Default tolerance: 0.001 (metres or the unit of the number), 0.1 degrees for
+    /// rotations, 1e-9 for plain values.
+    Expect.near("goal, tolerance?") -> Expect = near, in_tests;
+    /// Tests that a number is at most this limit.
+    Expect.below("limit") -> Expect = below, in_tests;
+    /// Tests that a number is at least this limit.
+    Expect.above("limit") -> Expect = above, in_tests;
+    /// Tests that a number lies between two others, both included.
+    Expect.between("low, high") -> Expect = between, in_tests;
+    /// Tests that a point lies in a box, given by its minimum and maximum.
+    Expect.within("min, max") -> Expect = within, in_tests;
+    /// Tests that a plain value or a count is the same. An int and a float of the same value are equal.
+    Expect.equals("value") -> Expect = equals, in_tests;
+    /// Tests that a text contains this part, an array this element, or one of several lines this part.
+    Expect.contains("part") -> Expect = contains, in_tests;
+    /// Tests that a text matches a pattern: `*` stands for any characters, `?` for one.
+    Expect.matches("pattern") -> Expect = matches, in_tests;
+    /// Tests that there are no lines, or that a text or array is empty.
+    Expect.empty("") -> Expect = empty, in_tests;
+    /// Tests that there are these events and no others: an array of [time, text], or of texts where the time does
+    /// not matter. `*` in a text stands for any characters. The tolerance is in seconds (default 0.000001).
+    Expect.exactly("events, tolerance?") -> Expect = exactly, in_tests;
+    /// Tests that these events come in this order, with others between; arguments as in Expect.exactly.
+    Expect.in_order("events, tolerance?") -> Expect = in_order, in_tests;
+    /// Tests that an actor is visible, by .hide, .show and keyframes.
+    Expect.visible("") -> Expect = visible, in_tests;
+    /// Tests that a camera is the active one.
+    Expect.on("") -> Expect = on, in_tests;
+    /// Tests that an effect is active on the stage.
+    Expect.has_effect("name") -> Expect = has_effect, in_tests;
+    /// Tests that a joint is on the floor. Options as in Expect.slide.
+    Expect.on_floor("options?") -> Expect = on_floor, in_tests;
+    /// Tests that an actor is completely inside the image. Options: camera (default the active one), margin (free
+    /// fraction at the sides of the image, 0 to 0.49, default 0), height ([low, high], as fractions of the image
+    /// height), upright (largest tilt in degrees).
+    Expect.in_frame("options?") -> Expect = in_frame, in_tests;
+    /// Tests for the same bits: of a stage and another stage, or the same stage at another time; of the pose of an
+    /// actor and another actor, or the same actor at another time.
+    Expect.same_as("other") -> Expect = same_as, in_tests;
+    /// Tests that a plan does without a feature, by its name in `choreo explain`: "skinning", "morph targets",
+    /// "blending and sorting back to front" and others.
+    Expect.leaves_out("what") -> Expect = leaves_out, in_tests;
+    /// Tests that evaluating all frames of this stage takes at most factor times as long as those of another stage.
+    /// The stages run in turns, and the smallest of three medians counts, so that a busy machine does not fail the
+    /// test.
+    Expect.costs_at_most("factor, stage") -> Expect = costs_at_most, in_tests;
 }
-
-pub const DEFS: &[Def] = &[
-    comparison(
-        "near",
-        "goal, tolerance?",
-        "Tests that a value is within a tolerance of a number, a point, a color, the same property of another object, or a function of time, |t| …. Rotations are given as [x, y, z] as in Actor.rotate, as degrees about y, or as a quaternion [x, y, z, w]. Default tolerance: 0.001 (metres or the unit of the number), 0.1 degrees for rotations, 1e-9 for plain values.",
-        near,
-    ),
-    comparison("below", "limit", "Tests that a number is at most this limit.", below),
-    comparison("above", "limit", "Tests that a number is at least this limit.", above),
-    comparison(
-        "between",
-        "low, high",
-        "Tests that a number lies between two others, both included.",
-        between,
-    ),
-    comparison(
-        "within",
-        "min, max",
-        "Tests that a point lies in a box, given by its minimum and maximum.",
-        within,
-    ),
-    comparison(
-        "equals",
-        "value",
-        "Tests that a plain value or a count is the same. An int and a float of the same value are equal.",
-        equals,
-    ),
-    comparison(
-        "contains",
-        "part",
-        "Tests that a text contains this part, an array this element, or one of several lines this part.",
-        contains,
-    ),
-    comparison(
-        "matches",
-        "pattern",
-        "Tests that a text matches a pattern: `*` stands for any characters, `?` for one.",
-        matches,
-    ),
-    comparison("empty", "", "Tests that there are no lines, or that a text or array is empty.", empty),
-    comparison(
-        "exactly",
-        "events, tolerance?",
-        "Tests that there are these events and no others: an array of [time, text], or of texts where the time does not matter. `*` in a text stands for any characters. The tolerance is in seconds (default 0.000001).",
-        exactly,
-    ),
-    comparison(
-        "in_order",
-        "events, tolerance?",
-        "Tests that these events come in this order, with others between; arguments as in Expect.exactly.",
-        in_order,
-    ),
-    comparison("visible", "", "Tests that an actor is visible, by .hide, .show and keyframes.", visible),
-    comparison("on", "", "Tests that a camera is the active one.", on),
-    comparison("has_effect", "name", "Tests that an effect is active on the stage.", has_effect),
-    comparison(
-        "on_floor",
-        "options?",
-        "Tests that a joint is on the floor. Options as in Expect.slide.",
-        on_floor,
-    ),
-    comparison(
-        "in_frame",
-        "options?",
-        "Tests that an actor is completely inside the image. Options: camera (default the active one), margin (free fraction at the sides of the image, 0 to 0.49, default 0), height ([low, high], as fractions of the image height), upright (largest tilt in degrees).",
-        in_frame,
-    ),
-    comparison(
-        "same_as",
-        "other",
-        "Tests for the same bits: of a stage and another stage, or the same stage at another time; of the pose of an actor and another actor, or the same actor at another time.",
-        same_as,
-    ),
-    comparison(
-        "leaves_out",
-        "what",
-        "Tests that a plan does without a feature, by its name in `choreo explain`: \"skinning\", \"morph targets\", \"blending and sorting back to front\" and others.",
-        leaves_out,
-    ),
-    comparison(
-        "costs_at_most",
-        "factor, stage",
-        "Tests that evaluating all frames of this stage takes at most factor times as long as those of another stage. The stages run in turns, and the smallest of three medians counts, so that a busy machine does not fail the test.",
-        costs_at_most,
-    ),
-];
 
 fn done(c: &Call, mut expect: ExpectRef, claim: Claim) -> Reply {
     if claim.timeless() && (expect.when != When::Always || expect.step.is_some()) {

@@ -2,50 +2,38 @@
 
 use super::keys;
 use crate::build::room;
-use crate::call::{ApiError, Call, Def, Gives, Options, Reply, describe, unknown};
+use crate::call::{ApiError, Call, Options, Reply, api, describe, unknown};
 use crate::hook;
 use crate::suggest::list;
-use crate::value::*;
+use crate::value::{ActorRef, CameraRef, EffectRef};
 use choreo_asset::Asset;
 use choreo_plugin::{Effect, Hook, OptionKind, OptionSpec};
 use choreo_stage::{Channel, EffectEdit, EffectTarget, EffectUse, Property};
 use rhai::Dynamic;
 use std::sync::Arc;
 
-const THIS: Gives = Gives::Itself;
-
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::None,
-        "effect",
-        "name, options?",
-        Gives::A(Kind::Effect),
-        "Adds an effect plugin to the whole frame or to all surfaces. Options are its parameters; `choreo plugins` lists all effects and their parameters.\n\
-         Built in, on the frame: \"tonemap\" (tone mapping, exposure), \"bloom\", \"motion_blur\" (accumulation of sub-frames while the shutter is open), \"fxaa\" (antialiasing), \"vignette\".\n\
-         Built in, on surfaces and as overlays: \"toon\", \"fog\", \"outline\", \"wireframe\", \"xray\", \"views\" (normals, uvs and more), \"skeleton\", \"grid\", \"shadow_catcher\".",
-        effect,
-    ),
-    Def::new(Kind::Effect, "set", "parameter, value", THIS, "Sets a parameter of the effect.", set)
-        .in_frames(),
-    Def::new(
-        Kind::Effect,
-        "key",
-        "parameter, keys, how?",
-        THIS,
-        "Animates a parameter, a number or a color, with keyframes [[time, value], …]. `how` and easing as in Actor.key. Flags and texts change at the keyframe.",
-        key,
-    ),
-    Def::new(Kind::Effect, "from", "time", THIS, "Sets the start time (default 0).", from),
-    Def::new(Kind::Effect, "until", "time", THIS, "Sets the end time.", until),
-    Def::new(
-        Kind::Effect,
-        "on",
-        "what, options?",
-        THIS,
-        "Limits the effect to an actor, or to each actor of an array, for effects on surfaces or around actors, such as \"outline\"; with #{ material: name or names } only to these materials. Or, for all effects, to the frames of a camera. Further calls add actors and cameras.",
-        on,
-    ),
-];
+api! {
+    /// Adds an effect plugin to the whole frame or to all surfaces. Options are its parameters; `choreo plugins`
+    /// lists all effects and their parameters.
+    /// - Built in, on the frame: "tonemap" (tone mapping, exposure), "bloom", "motion_blur" (accumulation of
+    ///   sub-frames while the shutter is open), "fxaa" (antialiasing), "vignette".
+    /// - Built in, on surfaces and as overlays: "toon", "fog", "outline", "wireframe", "xray", "views" (normals,
+    ///   uvs and more), "skeleton", "grid", "shadow_catcher".
+    effect("name, options?") -> Effect = effect;
+    /// Sets a parameter of the effect.
+    Effect.set("parameter, value") = set, in_frames;
+    /// Animates a parameter, a number or a color, with keyframes [[time, value], …]. `how` and easing as in
+    /// Actor.key. Flags and texts change at the keyframe.
+    Effect.key("parameter, keys, how?") = key;
+    /// Sets the start time (default 0).
+    Effect.from("time") = from;
+    /// Sets the end time.
+    Effect.until("time") = until;
+    /// Limits the effect to an actor, or to each actor of an array, for effects on surfaces or around actors, such
+    /// as "outline"; with #{ material: name or names } only to these materials. Or, for all effects, to the frames
+    /// of a camera. Further calls add actors and cameras.
+    Effect.on("what, options?") = on;
+}
 
 fn effect(c: &mut Call) -> Reply {
     let name = c.text(0)?;

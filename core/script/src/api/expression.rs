@@ -2,7 +2,7 @@
 
 use crate::call::{ApiError, Call, Reply, text, unknown};
 use crate::hook;
-use crate::value::*;
+use crate::value::ActorRef;
 use choreo_asset::Asset;
 use choreo_stage::ActorEdit;
 use rhai::Dynamic;

@@ -2,56 +2,32 @@
 
 use super::actor::{euler, radians};
 use super::{clip_edit, keys};
-use crate::call::{ApiError, Call, Def, Gives, Reply, unknown};
+use crate::call::{ApiError, Call, Reply, api, unknown};
 use crate::hook;
-use crate::value::*;
-use choreo_asset::*;
-use choreo_stage::*;
+use crate::value::{ActorRef, JointRef};
+use choreo_asset::Asset;
+use choreo_stage::{ActorEdit, Placement};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 
-const THIS: Gives = Gives::Itself;
-
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::Actor,
-        "joint",
-        "name",
-        Gives::A(Kind::Joint),
-        "Returns a joint (bone) by name, as a target, as a parent or for rotations of its own.",
-        joint,
-    )
-    .in_frames(),
-    Def::new(Kind::Actor, "joints", "", Gives::Value("array of texts"), "Returns the names of the joints (bones).", joints),
-    Def::new(
-        Kind::Joint,
-        "turn",
-        "degrees",
-        THIS,
-        "Rotates the joint about its own y axis, in degrees, on top of the clips. Only inside `on_frame`.",
-        joint_turn,
-    )
-    .in_frames(),
-    Def::new(
-        Kind::Joint,
-        "rotate",
-        "x, y, z",
-        THIS,
-        "Rotates the joint about its own x, then y, then z axis, in degrees, on top of the clips. Only inside `on_frame`.",
-        joint_rotate,
-    )
-    .in_frames(),
-    Def::new(
-        Kind::Joint,
-        "key",
-        "property, keys, how?",
-        THIS,
-        "Animates the joint with keyframes [[time, value], …] in stage time, added on top of its clips. `how` and the easing of single keyframes as in Actor.key.\n\
-         Properties: \"rotation\" (degrees [x, y, z] about the axes of the joint), \"position\" (metres along the axes of the model), \"scale\" (a factor, or one per axis).",
-        key,
-    ),
-    Def::new(Kind::Joint, "name", "", Gives::Value("text"), "Returns the name of the joint.", joint_name).in_frames(),
-];
+api! {
+    /// Returns a joint (bone) by name, as a target, as a parent or for rotations of its own.
+    Actor.joint("name") -> Joint = joint, in_frames;
+    /// Returns the names of the joints (bones).
+    Actor.joints("") -> "array of texts" = joints;
+    /// Rotates the joint about its own y axis, in degrees, on top of the clips. Only inside `on_frame`.
+    Joint.turn("degrees") = joint_turn, in_frames;
+    /// Rotates the joint about its own x, then y, then z axis, in degrees, on top of the clips. Only inside
+    /// `on_frame`.
+    Joint.rotate("x, y, z") = joint_rotate, in_frames;
+    /// Animates the joint with keyframes [[time, value], …] in stage time, added on top of its clips. `how` and the
+    /// easing of single keyframes as in Actor.key.
+    /// - Properties: "rotation" (degrees [x, y, z] about the axes of the joint), "position" (metres along the axes
+    ///   of the model), "scale" (a factor, or one per axis).
+    Joint.key("property, keys, how?") = key;
+    /// Returns the name of the joint.
+    Joint.name("") -> "text" = joint_name, in_frames;
+}
 
 pub fn find_joint(asset: &Asset, name: &str) -> Result<u32, ApiError> {
     if let Some(joint) = asset.skeleton.find(name) {
@@ -100,14 +76,12 @@ fn joint_rotate(c: &mut Call) -> Reply {
 
 fn key(c: &mut Call) -> Reply {
     let this: JointRef = c.this()?;
-    let channels = keys::read(c, keys::Owner::Joint)?;
+    let channel = keys::channel(c, keys::property(c, &keys::keyed::<Placement>())?, 1)?;
     let mut build = c.build();
     let drafts = &mut build.actor(this.actor)?.joint_keys;
-    for channel in channels {
-        let curve = clip_edit::curve(&this.asset, this.joint, &channel);
-        drafts.retain(|(c, _)| (c.joint, c.path) != (curve.joint, curve.path));
-        drafts.push((curve, c.place.clone()));
-    }
+    let curve = clip_edit::curve(&this.asset, this.joint, &channel);
+    drafts.retain(|(c, _)| (c.joint, c.path) != (curve.joint, curve.path));
+    drafts.push((curve, c.place.clone()));
     drop(build);
     c.itself()
 }

@@ -1,25 +1,29 @@
 //! Keyframes of properties: `.key("position", [[t, value], …], how)`.
 
-use super::actor::{MOST_WIDE, euler, has_copies, has_pen, morph_targets};
-use super::expression;
-use crate::call::{ApiError, Call, color, describe, number, number_in, numbers, one_of, rgb, wrong};
+use super::actor::euler;
+use crate::call::fields::pair;
+use crate::call::{ApiError, Call, color, describe, number, number_in, numbers, one_of, wrong};
 use crate::limits::raise_hint;
-use choreo_asset::Asset;
 use choreo_motion::{Ease, Interpolation, Time};
-use choreo_stage::{Channel, Property};
+use choreo_stage::{Channel, Described, Field, FieldType, Property};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 
-/// The kind of object whose property is animated.
-pub enum Owner<'a> {
-    Actor(&'a Asset),
-    Camera,
-    Light,
-    Sky,
-    Flat,
-    /// A joint of a clip; its name is the argument after the property.
-    JointOfClip,
-    Joint,
+/// A property that keyframes animate.
+#[derive(Clone, Copy)]
+pub struct Keyed {
+    /// The name that scripts use.
+    pub name: &'static str,
+    pub of_type: FieldType,
+    pub property: Property,
+}
+
+/// The properties of a type of the stage that keyframes animate.
+pub fn keyed<T: Described>() -> Vec<Keyed> {
+    let keyed = |field: &Field<T>| {
+        field.keyed.map(|(name, property)| Keyed { name, of_type: field.of_type, property })
+    };
+    T::FIELDS.iter().filter_map(keyed).collect()
 }
 
 const HOW: &[&str] = &["linear", "step", "smooth", "cubic"];
@@ -27,135 +31,93 @@ const HOW: &[&str] = &["linear", "step", "smooth", "cubic"];
 /// Reads the value of one key; the text is its label in messages.
 type Reader<'a> = dyn Fn(&Dynamic, &str) -> Result<Vec<f64>, ApiError> + 'a;
 
-/// The channels of a `.key(property, [name,] keys, how?)` call.
-pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
-    let allowed: &[&'static str] = match owner {
-        Owner::Actor(_) => {
-            &["position", "rotation", "scale", "visible", "tint", "width", "count", "morph", "expression"]
-        }
-        Owner::Camera => &["position", "rotation", "fov"],
-        Owner::Light => &["position", "intensity", "color", "kelvin", "direction", "range", "cone"],
-        Owner::Sky => &["turn", "strength"],
-        Owner::Flat => &["position", "scale", "opacity"],
-        Owner::JointOfClip | Owner::Joint => &["position", "rotation", "scale"],
-    };
-    let flat = matches!(owner, Owner::Flat);
-    let name = one_of(&c.value(0), "key: property", allowed)?;
-    match (name, &owner) {
-        ("width", Owner::Actor(asset)) => has_pen(asset, "key")?,
-        ("count", Owner::Actor(asset)) => has_copies(asset, "key")?,
-        _ => {}
+/// The channels of a `.key(property, keys, how?)` call on a value of the stage.
+pub fn of<T: Described>(c: &Call, of: &T) -> Result<Vec<Channel>, ApiError> {
+    let keyed = property(c, &keyed::<T>())?;
+    let is_it = |field: &&Field<T>| field.keyed.is_some_and(|(name, _)| name == keyed.name);
+    if let Some(why) = T::FIELDS.iter().find(is_it).and_then(|field| (field.lacks)(of)) {
+        let text = format!("key: {why}, so \"{}\" has no keys here", keyed.name);
+        return Err(ApiError::new(text).focus(keyed.name));
     }
-    let mut next = if matches!(owner, Owner::JointOfClip) { 2 } else { 1 };
-    let mut targets = Vec::new();
-    if let ("morph" | "expression", Owner::Actor(asset)) = (name, owner) {
-        let wanted = c.value(1);
-        targets = match name {
-            "morph" => {
-                let found = morph_targets(asset, &wanted, "key: name")?.into_iter();
-                found.map(|(instance, target)| Property::Morph { instance, target }).collect()
-            }
-            _ => vec![Property::Expression { expression: expression::find(asset, &wanted, "key: name")? }],
-        };
-        next = 2;
+    Ok(vec![channel(c, keyed, 1)?])
+}
+
+/// The property that the first argument of a `.key(property, …)` call names.
+pub fn property(c: &Call, all: &[Keyed]) -> Result<Keyed, ApiError> {
+    let names: Vec<&'static str> = all.iter().map(|keyed| keyed.name).collect();
+    let name = one_of(&c.value(0), "key: property", &names)?;
+    let found = all.iter().find(|keyed| keyed.name == name).copied();
+    found.ok_or_else(|| c.wrong(0, "a property"))
+}
+
+/// The channel of a property, from the keyframes in argument `at` and the interpolation after it.
+pub fn channel(c: &Call, keyed: Keyed, at: usize) -> Result<Channel, ApiError> {
+    if at >= c.len() {
+        return Err(ApiError::new(format!("key: write key(\"{}\", name, keys)", keyed.name)));
     }
-    if next >= c.len() {
-        return Err(ApiError::new(format!("key: write key(\"{name}\", name, keys)")));
-    }
-    let (how, ease) = if c.len() > next + 1 { how_or_ease(c, next + 1)? } else { ("linear", None) };
-    let keys = read_keys(c, &c.value(next), "key")?;
+    let (how, ease) = if c.len() > at + 1 { how_or_ease(c, at + 1)? } else { ("linear", None) };
+    let keys = read_keys(c, &c.value(at), "key")?;
     let values = |read: &Reader| {
-        keys.iter()
-            .enumerate()
-            .map(|(i, (_, v))| read(v, &format!("key: value of key {i}")))
-            .collect::<Result<Vec<_>, _>>()
+        let label = |i| format!("key: value of key {i}");
+        keys.iter().enumerate().map(|(i, (_, v))| read(v, &label(i))).collect::<Result<Vec<_>, _>>()
     };
     let times: Vec<Time> = keys.iter().map(|(t, _)| *t).collect();
-    let four = keys.iter().any(|(_, v)| numbers(v).is_some_and(|n| n.len() == 4));
-    let eases = eases(&c.value(next), how, ease)?;
-    let eased = |values: Vec<Vec<f64>>| eased(c, &times, values, &eases, straight);
-    let turns = |values: Vec<Vec<f64>>| quaternions(c, how, &times, values, &eases);
-    let one = |property, values: Vec<Vec<f64>>| {
-        let (times, values) = eased(values)?;
-        Ok::<_, ApiError>(vec![channel(property, how, &times, &values)])
-    };
-    Ok(match name {
-        "position" if flat => one(Property::Translation, values(&two)?)?,
-        "scale" if flat => one(Property::Scale, values(&|v, l| Ok(vec![number_in(v, l, 0.0, 1000.0)?; 3]))?)?,
-        "opacity" => one(Property::Opacity, values(&|v, l| Ok(vec![number_in(v, l, 0.0, 1.0)?]))?)?,
-        "position" => one(Property::Translation, values(&three)?)?,
-        "scale" => one(Property::Scale, values(&factors)?)?,
-        "count" => {
-            let most = f64::from(u32::MAX);
-            one(Property::Copies, values(&|v, l| Ok(vec![number_in(v, l, 0.0, most)?]))?)?
+    let eases = eases(&c.value(at), how, ease)?;
+    let Keyed { of_type, property, .. } = keyed;
+    match of_type {
+        FieldType::Rotation if keys.iter().any(|(_, v)| numbers(v).is_some_and(|n| n.len() == 4)) => {
+            let turns = values(&|v, l| Ok(quaternion(v, l)?.to_array().to_vec()))?;
+            quaternions(c, how, &times, turns, &eases)
         }
-        "width" => {
-            let most = f64::from(MOST_WIDE);
-            one(Property::LineWidth, values(&|v, l| Ok(vec![number_in(v, l, 0.0, most)?]))?)?
+        FieldType::Rotation => {
+            let (times, angles) = eased(c, &times, values(&angles)?, &eases, straight)?;
+            rotation(c, how, &times, &angles)
         }
-        "tint" => one(Property::Tint, values(&|v, l| Ok(color(v, l)?.to_array().map(f64::from).to_vec()))?)?,
-        "color" => {
-            one(Property::Color, values(&|v, l| Ok(rgb(color(v, l)?).to_array().map(f64::from).to_vec()))?)?
-        }
-        "fov" => one(Property::FieldOfView, values(&|v, l| Ok(vec![fov(v, l)?]))?)?,
-        "intensity" => one(
-            Property::Intensity,
-            values(&|v, l| {
-                let n = number(v, l)?;
-                if n < 0.0 {
-                    Err(ApiError::new(format!("{l} must not be negative, got {n:?}")))
-                } else {
-                    number_in(v, l, 0.0, 1e9).map(|n| vec![n])
-                }
-            })?,
-        )?,
-        "kelvin" => one(
-            Property::Color,
-            values(&|v, l| {
-                let warm = number_in(v, l, 1667.0, 25_000.0)?;
-                Ok(crate::color::kelvin(warm).to_array().map(f64::from).to_vec())
-            })?,
-        )?,
-        "range" => one(Property::Range, values(&|v, l| Ok(vec![number_in(v, l, 1e-3, 1e9)?]))?)?,
-        "cone" => one(Property::Cone, values(&|v, l| Ok(vec![number_in(v, l, 0.1, 90.0)?.to_radians()]))?)?,
-        "direction" => {
+        FieldType::Direction => {
             let ways = values(&|v, l| Ok(Call::direction(v, l)?.normalize().to_array().to_vec()))?;
-            // As in glTF, a rotation turns −Z; each goes on from the one before, so that between them lies the shortest way.
-            let (mut way, mut turn) = (DVec3::NEG_Z, DQuat::IDENTITY);
-            let turned = ways.iter().map(|next| {
-                let next = DVec3::from_slice(next);
-                turn = (DQuat::from_rotation_arc(way, next) * turn).normalize();
-                way = next;
-                turn.to_array().to_vec()
-            });
-            vec![turns(turned.collect())?]
+            quaternions(c, how, &times, turns_between(&ways), &eases)
         }
-        "strength" => one(Property::Intensity, values(&|v, l| Ok(vec![number_in(v, l, 0.0, 1000.0)?]))?)?,
-        "turn" => {
-            let radians = |v: &Dynamic, l: &str| Ok(vec![number_in(v, l, -1e6, 1e6)?.to_radians()]);
-            one(Property::Turn, values(&radians)?)?
-        }
-        // A visible thing appears at its key, whatever `how` says.
-        "visible" => {
-            let on = values(&|v, l| {
-                v.as_bool().map(|b| vec![f64::from(u8::from(b))]).map_err(|_| wrong(v, l, "true or false"))
-            })?;
-            vec![channel(Property::Visible, "step", &times, &on)]
-        }
-        "rotation" if four => {
-            vec![turns(values(&|v, l| Ok(quaternion(v, l)?.to_array().to_vec()))?)?]
-        }
-        "rotation" => {
-            let (times, angles) = eased(values(&angles)?)?;
-            vec![rotation(c, how, &times, &angles)?]
+        // What is visible appears at its keyframe, whatever `how` says.
+        FieldType::Flag => {
+            let flag = |v: &Dynamic, l: &str| {
+                v.as_bool().map(|on| vec![f64::from(u8::from(on))]).map_err(|_| wrong(v, l, "true or false"))
+            };
+            Ok(make_channel(property, "step", &times, &values(&flag)?))
         }
         _ => {
-            let (low, high) = if name == "morph" { (-1000.0, 1000.0) } else { (0.0, 1.0) };
-            let (times, weights) = eased(values(&|v, l| Ok(vec![number_in(v, l, low, high)?]))?)?;
-            let channel = |property| channel(property, how, &times, &weights);
-            targets.into_iter().map(channel).collect()
+            let values = values(&|v, l| components(v, l, of_type, property.width()))?;
+            let (times, values) = eased(c, &times, values, &eases, straight)?;
+            Ok(make_channel(property, how, &times, &values))
         }
-    })
+    }
+}
+
+/// The numbers of a keyframe.
+fn components(v: &Dynamic, label: &str, of_type: FieldType, width: usize) -> Result<Vec<f64>, ApiError> {
+    match of_type {
+        FieldType::Number(low, high, _) => Ok(vec![number_in(v, label, low, high)?; width]),
+        FieldType::Degrees(low, high) => Ok(vec![number_in(v, label, low, high)?.to_radians()]),
+        FieldType::Kelvin => {
+            let warm = number_in(v, label, crate::color::KELVIN.0, crate::color::KELVIN.1)?;
+            Ok(crate::color::kelvin(warm).to_array().map(f64::from).to_vec())
+        }
+        FieldType::Color => Ok(color(v, label)?.to_array()[..width].iter().map(|v| f64::from(*v)).collect()),
+        FieldType::Scale => factors(v, label),
+        FieldType::Pair => pair(v, label).map(|p| vec![p.x, p.y, 0.0]),
+        _ => three(v, label),
+    }
+}
+
+/// The rotations of −Z to unit vectors, as in glTF; each goes on from the one before on the shortest way.
+fn turns_between(ways: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let (mut way, mut turn) = (DVec3::NEG_Z, DQuat::IDENTITY);
+    let turned = ways.iter().map(|next| {
+        let next = DVec3::from_slice(next);
+        turn = (DQuat::from_rotation_arc(way, next) * turn).normalize();
+        way = next;
+        turn.to_array().to_vec()
+    });
+    turned.collect()
 }
 
 /// Channels of a property whose value has several numbers, one channel each. The keyframes are the second argument, `how` the third.
@@ -170,7 +132,7 @@ pub fn parts(c: &Call, property: Property, step: bool, read: &Reader) -> Result<
     let (times, values) = eased(c, &times, values, &eases(&c.value(1), how, ease)?, straight)?;
     let part = |n: usize| values.iter().map(|v| vec![v[n]]).collect::<Vec<_>>();
     let count = values.first().map_or(0, Vec::len);
-    Ok((0..count).map(|n| channel(property, how, &times, &part(n))).collect())
+    Ok((0..count).map(|n| make_channel(property, how, &times, &part(n))).collect())
 }
 
 /// Adds channels; they replace those of the same property.
@@ -210,7 +172,7 @@ pub fn scalars(
     let one = |(i, (_, v)): (usize, &(Time, Dynamic))| Ok(vec![read(v, &format!("{label}: key {i}"))?]);
     let values = keys.iter().enumerate().map(one).collect::<Result<Vec<_>, ApiError>>()?;
     let times: Vec<Time> = keys.iter().map(|(t, _)| *t).collect();
-    Ok(channel(property, how, &times, &values))
+    Ok(make_channel(property, how, &times, &values))
 }
 
 /// Time and value of each keyframe of an array; messages begin with `of`.
@@ -309,12 +271,6 @@ fn three(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
     crate::call::point(v, label).map(|p| p.to_array().to_vec())
 }
 
-/// Reads a position in the image.
-fn two(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
-    let two = numbers(v).filter(|n| n.len() == 2 && n.iter().all(|n| n.abs() <= 1e6));
-    two.map(|n| vec![n[0], n[1], 0.0]).ok_or_else(|| wrong(v, label, "[x, y]"))
-}
-
 fn factors(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
     /// The same as for `scale`, but an actor may shrink to nothing between its keyframes.
     const LARGEST: f64 = 1e6;
@@ -366,11 +322,7 @@ fn quaternions(
     let slerp =
         |a: &[f64], b: &[f64], w| DQuat::from_slice(a).slerp(DQuat::from_slice(b), w).to_array().to_vec();
     let (times, values) = eased(c, times, values, eases, slerp)?;
-    Ok(channel(Property::Rotation, how, &times, &values))
-}
-
-pub fn fov(v: &Dynamic, label: &str) -> Result<f64, ApiError> {
-    crate::call::number_in(v, label, 0.1, 179.0).map(f64::to_radians)
+    Ok(make_channel(Property::Rotation, how, &times, &values))
 }
 
 /// Tangent per second at a keyframe: zero for "smooth", that of the parabola through the neighbours for "cubic"
@@ -385,7 +337,7 @@ fn tangent(how: &str, times: &[Time], values: &[Vec<f64>], i: usize, component: 
     ((v1 - v0) / left * right + (v2 - v1) / right * left) / (left + right)
 }
 
-fn channel(property: Property, how: &str, times: &[Time], values: &[Vec<f64>]) -> Channel {
+fn make_channel(property: Property, how: &str, times: &[Time], values: &[Vec<f64>]) -> Channel {
     let interpolation = match how {
         "step" => Interpolation::Step,
         "linear" => Interpolation::Linear,

@@ -3,87 +3,94 @@
 use super::actor::{attachment, rgb_arg};
 use super::keys;
 use crate::build::room;
-use crate::call::{ApiError, Call, Def, Gives, Options, Reply, color, number_in, numbers, rgb};
-use crate::color::kelvin;
+use crate::call::{ApiError, Call, Options, Reply, api, color, fields, number_in, numbers, rgb};
 use crate::hook;
-use crate::value::*;
+use crate::value::LightRef;
 use choreo_asset::{Light, LightKind};
 use choreo_stage::{LightEdit, Shadow, StageLight, Target};
 use glam::{DVec3, Vec3};
 use rhai::{Dynamic, Map};
 
-const THIS: Gives = Gives::Itself;
-
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::None,
-        "sun",
-        "options?",
-        Gives::A(Kind::Light),
-        "Makes a directional light. Options: direction (in which it shines, default [-1, -2, -1.5]), color or kelvin (1667 to 25000; default white), intensity (lux, default 3), shadow (true, or #{ size, softness }: size of the shadow map in texels, 64 to 4096, default 2048; width of the soft edge in metres, default 0.01; default: no shadow), name.",
-        sun,
-    ),
-    Def::new(
-        Kind::None,
-        "point",
-        "options?",
-        Gives::A(Kind::Light),
-        "Makes a point light. Options: position (default [0, 3, 2]), color or kelvin, intensity (candela, default 20), range (metres, default unlimited), attenuation ([constant, linear, quadratic]: intensity falls with one over this polynomial of the distance in metres, in place of its square; not with range), shadow as in `sun`, name.",
-        point,
-    ),
-    Def::new(
-        Kind::None,
-        "spot",
-        "options?",
-        Gives::A(Kind::Light),
-        "Makes a spotlight. Options: position (default [0, 4, 3]), direction or look_at (a point, default [0, 1, 0]), outer and inner (half angles of the cone in degrees, default 30 and 0.8 times outer), color or kelvin, intensity (candela, default 60), range, attenuation and shadow as in `point`, name.",
-        spot,
-    ),
-    Def::new(
-        Kind::None,
-        "ambient",
-        "color, strength? | options",
-        Gives::Nothing,
-        "Sets the ambient light: a color, a strength of white light, or #{ up, down } for light from above and from below; `strength` multiplies it.",
-        ambient,
-    )
-    .in_frames(),
-    Def::new(Kind::Light, "at", "x, y, z | point", THIS, "Sets the position in metres.", at).in_frames(),
-    Def::new(Kind::Light, "intensity", "value", THIS, "Sets the intensity: lux for a sun, candela for the others.", intensity).in_frames(),
-    Def::new(Kind::Light, "color", "color", THIS, "Sets the color.", set_color).in_frames(),
-    Def::new(
-        Kind::Light,
-        "attach",
-        "actor_or_joint",
-        THIS,
-        "Makes the light a child of an actor or of a joint. Its position and direction are then in the space of that parent.",
-        attach,
-    ),
-    Def::new(
-        Kind::Light,
-        "key",
-        "property, keys, how?",
-        THIS,
-        "Animates a property with keyframes [[time, value], …]: \"intensity\", \"color\", \"kelvin\", \"position\", \"direction\", \"range\" or \"cone\" (outer half angle in degrees). `how` and easing as in Actor.key.",
-        key,
-    ),
-];
-
-/// Reads color or kelvin, and intensity, which all lights have.
-fn common(o: &Options, intensity: f64) -> Result<(Vec3, f32), ApiError> {
-    let color = o.color("color")?.map(rgb);
-    let warm = o.number_in("kelvin", 1667.0, 25_000.0)?.map(kelvin);
-    if color.is_some() && warm.is_some() {
-        return Err(ApiError::new(format!("{}: give color or kelvin, not both", o.function)));
-    }
-    let intensity = o.number_in("intensity", 0.0, 1e9)?.unwrap_or(intensity) as f32;
-    Ok((color.or(warm).unwrap_or(Vec3::ONE), intensity))
+api! {
+    /// Makes a directional light.
+    /// - Options: {}, shadow (true, or #{ size, softness }; default: no shadow), name. The default direction is
+    ///   [-1, -2, -1.5], the default color white, the unit of intensity lux.
+    sun("options?") -> Light = sun, options(|| documented(&default_sun()));
+    /// Makes a point light.
+    /// - Options: {}, attenuation ([constant, linear, quadratic]: intensity falls with one over this polynomial of
+    ///   the distance in metres, in place of its square; not with range), shadow as in `sun`, name. The default color
+    ///   is white, the default range unlimited, the unit of intensity candela.
+    point("options?") -> Light = point, options(|| documented(&default_point()));
+    /// Makes a spotlight.
+    /// - Options: {}, look_at (a point, in place of direction, default [0, 1, 0]), attenuation and shadow as in
+    ///   `point`, name. The default of inner is 0.8 times outer; color, range and intensity as in `point`.
+    spot("options?") -> Light = spot, options(|| documented(&default_spot()));
+    /// Sets the ambient light: a color, a strength of white light, or #{ up, down } for light from above and from
+    /// below; `strength` multiplies it.
+    ambient("color, strength? | options") -> () = ambient, in_frames;
+    /// Sets the position in metres.
+    Light.at("x, y, z | point") = at, in_frames;
+    /// Sets the intensity: lux for a sun, candela for the others.
+    Light.intensity("value") = intensity, in_frames;
+    /// Sets the color.
+    Light.color("color") = set_color, in_frames;
+    /// Makes the light a child of an actor or of a joint. Its position and direction are then in the space of that
+    /// parent.
+    Light.attach("actor_or_joint") = attach;
+    /// Animates a property with keyframes [[time, value], …]: "intensity", "color", "kelvin", "position",
+    /// "direction", "range" or "cone" (outer half angle in degrees). `how` and easing as in Actor.key.
+    Light.key("property, keys, how?") = key;
 }
 
-fn add(c: &Call, o: &Options, light: Light, position: DVec3, direction: Vec3) -> Reply {
-    let shadow = shadow(o)?;
-    let attenuation = attenuation(o)?;
-    if attenuation.is_some() && light.range.is_some() {
+/// A white light of the script, as it is without options.
+fn default_light(kind: LightKind, intensity: f32, position: DVec3, direction: Vec3) -> StageLight {
+    let light = Light { kind, color: Vec3::ONE, intensity, range: None };
+    StageLight { position, direction: direction.normalize(), ..StageLight::new("", light) }
+}
+
+fn default_sun() -> StageLight {
+    let direction = DVec3::new(-1.0, -2.0, -1.5).normalize().as_vec3();
+    default_light(LightKind::Directional, 3.0, DVec3::ZERO, direction)
+}
+
+fn default_point() -> StageLight {
+    default_light(LightKind::Point, 20.0, DVec3::new(0.0, 3.0, 2.0), Vec3::NEG_Y)
+}
+
+fn default_spot() -> StageLight {
+    let outer = 30.0_f64;
+    let kind = LightKind::Spot { inner: (outer * 0.8).to_radians() as f32, outer: outer.to_radians() as f32 };
+    default_light(kind, 60.0, DVec3::new(0.0, 4.0, 3.0), Vec3::NEG_Y)
+}
+
+/// Fields that are no options of a light.
+fn without(light: &StageLight) -> &'static [&'static str] {
+    if light.light.kind == LightKind::Directional { &["position"] } else { &[] }
+}
+
+fn documented(light: &StageLight) -> String {
+    fields::documented(light, without(light))
+}
+
+/// The options of a light: its fields, and those that are read here.
+fn options(c: &Call, light: &StageLight) -> Result<Options, ApiError> {
+    let more: &[&str] = match light.light.kind {
+        LightKind::Directional => &["shadow", "name"],
+        LightKind::Point => &["attenuation", "shadow", "name"],
+        LightKind::Spot { .. } => &["look_at", "attenuation", "shadow", "name"],
+    };
+    c.options(0, &[&fields::names(light, without(light))[..], more].concat())
+}
+
+/// Adds a light with its options to the stage.
+fn add(c: &Call, o: &Options, mut light: StageLight) -> Reply {
+    if o.get("color").is_some() && o.get("kelvin").is_some() {
+        return Err(ApiError::new(format!("{}: give color or kelvin, not both", o.function)));
+    }
+    fields::fill(c, o, &mut light)?;
+    light.shadow = shadow(c, o)?;
+    light.attenuation = attenuation(o)?;
+    if light.attenuation.is_some() && light.light.range.is_some() {
         let text =
             format!("{}: range cuts off what falls off by the square; give range or attenuation", o.function);
         return Err(ApiError::new(text).focus("attenuation"));
@@ -91,8 +98,7 @@ fn add(c: &Call, o: &Options, light: Light, position: DVec3, direction: Vec3) ->
     let mut build = c.build();
     room(build.lights.len(), "lights", &c.shared.limits)?;
     let number = build.lights.len() + 1;
-    let name = o.text("name")?.unwrap_or_else(|| format!("{} {number}", o.function));
-    let light = StageLight { position, direction, shadow, attenuation, ..StageLight::new(&name, light) };
+    light.name = o.text("name")?.unwrap_or_else(|| format!("{} {number}", o.function));
     build.lights.push(light);
     build.light_places.push(c.place.clone());
     Ok(Dynamic::from(LightRef(build.lights.len() - 1)))
@@ -109,66 +115,34 @@ fn attenuation(o: &Options) -> Result<Option<[f32; 3]>, ApiError> {
 }
 
 /// Reads the shadow: `true`, or `#{ size, softness }`.
-fn shadow(o: &Options) -> Result<Option<Shadow>, ApiError> {
+fn shadow(c: &Call, o: &Options) -> Result<Option<Shadow>, ApiError> {
     let Some(given) = o.get("shadow") else { return Ok(None) };
+    let mut shadow = Shadow::default();
     let Some(map) = given.read_lock::<Map>().map(|m| m.clone()) else {
-        return Ok(o.flag("shadow")?.filter(|on| *on).map(|_| Shadow::default()));
+        return Ok(o.flag("shadow")?.filter(|on| *on).map(|_| shadow));
     };
     let o = Options { function: o.label("shadow"), map };
-    o.check(&["size", "softness"])?;
-    let usual = Shadow::default();
-    let (low, high) = (f64::from(*Shadow::SIZES.start()), f64::from(*Shadow::SIZES.end()));
-    Ok(Some(Shadow {
-        size: o.number_in("size", low, high)?.map_or(usual.size, |v| v as u32),
-        softness: o.number_in("softness", 0.0, 100.0)?.map_or(usual.softness, |v| v as f32),
-    }))
+    o.check(&fields::names(&shadow, &[]))?;
+    fields::fill(c, &o, &mut shadow)?;
+    Ok(Some(shadow))
 }
 
 fn sun(c: &mut Call) -> Reply {
-    let o = c.options(0, &["direction", "color", "kelvin", "intensity", "shadow", "name"])?;
-    let direction = match o.get("direction") {
-        Some(v) => Call::direction(&v, "sun: direction")?,
-        None => DVec3::new(-1.0, -2.0, -1.5).normalize(),
-    };
-    let (color, intensity) = common(&o, 3.0)?;
-    let light = Light { kind: LightKind::Directional, color, intensity, range: None };
-    add(c, &o, light, DVec3::ZERO, direction.as_vec3().normalize())
-}
-
-fn range(o: &Options) -> Result<Option<f32>, ApiError> {
-    Ok(o.number_in("range", 1e-3, 1e9)?.map(|r| r as f32))
+    let light = default_sun();
+    let o = options(c, &light)?;
+    add(c, &o, light)
 }
 
 fn point(c: &mut Call) -> Reply {
-    let o = c.options(
-        0,
-        &["position", "color", "kelvin", "intensity", "range", "attenuation", "shadow", "name"],
-    )?;
-    let position = o.point("position")?.unwrap_or(DVec3::new(0.0, 3.0, 2.0));
-    let (color, intensity) = common(&o, 20.0)?;
-    let light = Light { kind: LightKind::Point, color, intensity, range: range(&o)? };
-    add(c, &o, light, position, Vec3::NEG_Y)
+    let light = default_point();
+    let o = options(c, &light)?;
+    add(c, &o, light)
 }
 
 fn spot(c: &mut Call) -> Reply {
-    let o = c.options(
-        0,
-        &[
-            "position",
-            "direction",
-            "look_at",
-            "inner",
-            "outer",
-            "color",
-            "kelvin",
-            "intensity",
-            "range",
-            "attenuation",
-            "shadow",
-            "name",
-        ],
-    )?;
-    let position = o.point("position")?.unwrap_or(DVec3::new(0.0, 4.0, 3.0));
+    let mut light = default_spot();
+    let o = options(c, &light)?;
+    let position = o.point("position")?.unwrap_or(light.position);
     let direction = match (o.get("direction"), o.target("look_at")?) {
         (Some(_), Some(_)) => return Err(ApiError::new("spot: give direction or look_at, not both")),
         (Some(v), None) => Call::direction(&v, "spot: direction")?,
@@ -182,15 +156,14 @@ fn spot(c: &mut Call) -> Reply {
         }
         (None, None) => (DVec3::new(0.0, 1.0, 0.0) - position).normalize_or(DVec3::NEG_Y),
     };
+    light.direction = direction.as_vec3().normalize();
     let outer = o.number_in("outer", 0.1, 90.0)?.unwrap_or(30.0);
     let inner = o.number_in("inner", 0.0, 90.0)?.unwrap_or(outer * 0.8);
     if inner >= outer {
         return Err(ApiError::new(format!("spot: inner must be less than outer, got {inner} and {outer}")));
     }
-    let (color, intensity) = common(&o, 60.0)?;
-    let kind = LightKind::Spot { inner: inner.to_radians() as f32, outer: outer.to_radians() as f32 };
-    let light = Light { kind, color, intensity, range: range(&o)? };
-    add(c, &o, light, position, direction.as_vec3().normalize())
+    light.light.kind = LightKind::Spot { inner: inner.to_radians() as f32, outer: outer.to_radians() as f32 };
+    add(c, &o, light)
 }
 
 /// Ambient light from above and from below: a color, a number (white), or `#{ up, down, strength }`.
@@ -272,18 +245,8 @@ fn attach(c: &mut Call) -> Reply {
 
 fn key(c: &mut Call) -> Reply {
     let this: LightRef = c.this()?;
-    let kind = c.build().light(this.0)?.light.kind;
-    // Keys of what such a light has not would change nothing.
-    let lacks = match (c.text(0).unwrap_or_default().as_str(), kind) {
-        ("cone", LightKind::Directional | LightKind::Point) => Some(("cone", "only a spot has a cone")),
-        ("range", LightKind::Directional) => Some(("range", "a sun shines however far")),
-        ("direction", LightKind::Point) => Some(("direction", "a point shines in all directions")),
-        _ => None,
-    };
-    if let Some((word, why)) = lacks {
-        return Err(ApiError::new(format!("key: {why}, so \"{word}\" has no keys here")).focus(word));
-    }
-    let channels = keys::read(c, keys::Owner::Light)?;
+    let light = c.build().light(this.0)?.clone();
+    let channels = keys::of(c, &light)?;
     keys::replace(&mut c.build().light(this.0)?.channels, channels);
     c.itself()
 }

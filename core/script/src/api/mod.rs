@@ -2,32 +2,32 @@
 
 pub mod actor;
 pub mod asset;
-pub mod body;
 pub mod camera;
 pub mod clip;
 pub mod clip_edit;
 pub mod compare;
+pub mod constraints;
 pub mod cue;
 pub mod effect;
 pub mod expect;
+pub mod expected_values;
 pub mod expression;
-pub mod flat;
-pub mod goals;
 pub mod joint;
 pub mod keys;
+pub mod layers_2d;
 pub mod light;
-pub mod look;
-pub mod made;
+pub mod look_at;
 pub mod maths;
+pub mod procedural;
+pub mod root_motion;
+pub mod sequences;
 pub mod sky;
-mod span;
+mod spring_bones;
 pub mod stage;
 pub mod surfaces;
-mod swing;
 pub mod test;
-pub mod together;
-pub mod travel;
 pub mod values;
+mod visibility;
 
 use crate::call::Def;
 
@@ -35,20 +35,20 @@ use crate::call::Def;
 pub const TABLES: &[(&str, &[&[Def]])] = &[
     ("Stage, parameters and callbacks", &[stage::DEFS]),
     ("Assets and clips", &[asset::DEFS]),
-    ("Shapes, meshes, materials, textures and instancing", &[made::DEFS]),
+    ("Shapes, meshes, materials, textures and instancing", &[procedural::DEFS]),
     ("Retargeting and mirroring", &[clip::DEFS]),
     ("Clips: keyframes, editing, compression and additive clips", &[clip_edit::DEFS]),
     (
         "Actors: transforms, keyframes, morph targets and joints",
-        &[actor::DEFS, surfaces::DEFS, span::DEFS, joint::DEFS],
+        &[actor::DEFS, surfaces::DEFS, visibility::DEFS, joint::DEFS],
     ),
-    ("Constraints, inverse kinematics (IK) and spring bones", &[look::DEFS, body::DEFS]),
-    ("Cues: clips on the timeline, crossfades, layers and masks", &[cue::DEFS]),
-    ("Root motion, in place and path following", &[travel::DEFS]),
-    ("Markers, footsteps and sequences", &[together::DEFS]),
+    ("Constraints, inverse kinematics (IK) and spring bones", &[look_at::DEFS, constraints::DEFS]),
+    ("Cues: clips on the timeline, crossfades, layers and masks", &[cue::OPTION_DEFS, cue::DEFS]),
+    ("Root motion, in place and path following", &[root_motion::DEFS]),
+    ("Markers, footsteps and sequences", &[sequences::DEFS]),
     ("Cameras: field of view, orbit, follow and cuts", &[camera::DEFS]),
     ("Lights, shadows and image-based lighting (HDRI)", &[light::DEFS, sky::DEFS]),
-    ("2D layers: titles, images and letterbox", &[flat::DEFS]),
+    ("2D layers: titles, images and letterbox", &[layers_2d::DEFS]),
     ("Effects and post-processing", &[effect::DEFS]),
     ("Tests: declaration and golden images", &[test::DEFS]),
     ("Tests: measured properties", &[expect::DEFS]),

@@ -1,54 +1,37 @@
 //! Image-based lighting: `sky`.
 
 use super::keys;
-use crate::call::{ApiError, Call, Def, Gives, Reply, unknown};
+use crate::call::{ApiError, Call, Reply, api, fields, unknown};
 use crate::hook;
 use crate::load::from_load;
-use crate::value::{Kind, SkyRef};
+use crate::value::SkyRef;
 use choreo_asset::Panorama;
-use choreo_stage::Sky;
+use choreo_stage::{Described, FieldValue, Sky};
 use rhai::Dynamic;
 use std::sync::Arc;
 
-const THIS: Gives = Gives::Itself;
-
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::None,
-        "sky",
-        "panorama, options?",
-        Gives::A(Kind::Sky),
-        "Sets an environment map: light from all directions (image-based lighting, IBL) with reflections. `panorama` is \"studio\" (a built-in room with soft boxes) or an HDRI file (.hdr, equirectangular, twice as wide as high; its center is seen in the direction -z). It replaces the default sun, and the ambient light where the script sets none.\n\
-         Options: turn (degrees about the vertical axis, counter-clockwise seen from above, default 0), strength (0 to 1000, default 1), background (true: visible as background, default false).",
-        sky,
-    ),
-    Def::new(
-        Kind::Sky,
-        "turn",
-        "degrees",
-        THIS,
-        "Sets the rotation about the vertical axis, in degrees counter-clockwise seen from above.",
-        turn,
-    )
-    .in_frames(),
-    Def::new(Kind::Sky, "strength", "value", THIS, "Sets the factor of its light (default 1).", strength)
-        .in_frames(),
-    Def::new(
-        Kind::Sky,
-        "key",
-        "property, keys, how?",
-        THIS,
-        "Animates \"turn\" or \"strength\" with keyframes [[time, value], …]. `how` and easing as in Actor.key.",
-        key,
-    ),
-];
+api! {
+    /// Sets an environment map: light from all directions (image-based lighting, IBL) with reflections. `panorama`
+    /// is "studio" (a built-in room with soft boxes) or an HDRI file (.hdr, equirectangular, twice as wide as high;
+    /// its center is seen in the direction -z). It replaces the default sun, and the ambient light where the script
+    /// sets none.
+    /// - Options: {}.
+    sky("panorama, options?") -> Sky = sky, options(|| fields::documented(&Sky::new(Panorama::studio()), &[]));
+    /// Sets the rotation about the vertical axis, in degrees counter-clockwise seen from above.
+    Sky.turn("degrees") = change, in_frames;
+    /// Sets the factor of its light (default 1).
+    Sky.strength("value") = change, in_frames;
+    /// Animates "turn" or "strength" with keyframes [[time, value], …]. `how` and easing as in Actor.key.
+    Sky.key("property, keys, how?") = key;
+}
 
 /// The names of the built-in panoramas.
 const BUILT_IN: &[&str] = &["studio"];
 
 fn sky(c: &mut Call) -> Reply {
     let name = c.text(0)?;
-    let o = c.options(1, &["turn", "strength", "background"])?;
+    let options: Vec<&str> = Sky::FIELDS.iter().map(|field| field.name).collect();
+    let o = c.options(1, &options)?;
     if let Some(before) = &c.build().sky_at {
         return Err(ApiError::new(format!("sky: a stage has one, already made in line {}", before.line))
             .hint("key its turn and strength instead"));
@@ -63,12 +46,8 @@ fn sky(c: &mut Call) -> Reply {
         }
         true => Arc::new(read(c, &name)?),
     };
-    let sky = Sky {
-        turn: o.number_in("turn", -1e6, 1e6)?.unwrap_or(0.0).to_radians(),
-        strength: o.number_in("strength", 0.0, 1000.0)?.unwrap_or(1.0) as f32,
-        background: o.flag("background")?.unwrap_or(false),
-        ..Sky::new(panorama)
-    };
+    let mut sky = Sky::new(panorama);
+    fields::fill(c, &o, &mut sky)?;
     let mut build = c.build();
     build.sky = Some(sky);
     build.sky_at = Some(c.place.clone());
@@ -91,26 +70,20 @@ fn read(c: &Call, name: &str) -> Result<Panorama, ApiError> {
     })
 }
 
-fn turn(c: &mut Call) -> Reply {
-    let turn = c.number_in(0, -1e6, 1e6)?.to_radians();
-    match c.in_frame {
-        true => hook::edit(|e| e.sky.turn = Some(turn)),
-        false => c.build().sky()?.turn = turn,
-    }
-    c.itself()
-}
-
-fn strength(c: &mut Call) -> Reply {
-    let strength = c.number_in(0, 0.0, 1000.0)? as f32;
-    match c.in_frame {
-        true => hook::edit(|e| e.sky.strength = Some(strength)),
-        false => c.build().sky()?.strength = strength,
+fn change(c: &mut Call) -> Reply {
+    let (field, value) = fields::given::<Sky>(c)?;
+    match (c.in_frame, value) {
+        (false, value) => (field.set)(c.build().sky()?, value),
+        (true, FieldValue::Number(turn)) if field.name == "turn" => hook::edit(|e| e.sky.turn = Some(turn)),
+        (true, FieldValue::Number(strength)) => hook::edit(|e| e.sky.strength = Some(strength as f32)),
+        (true, _) => {}
     }
     c.itself()
 }
 
 fn key(c: &mut Call) -> Reply {
-    let channels = keys::read(c, keys::Owner::Sky)?;
+    let sky = c.build().sky()?.clone();
+    let channels = keys::of(c, &sky)?;
     keys::replace(&mut c.build().sky()?.channels, channels);
     c.itself()
 }

@@ -1,52 +1,41 @@
 //! Stage settings, parameters and per-frame callbacks: `stage`, `f`, `param`, `on_frame`.
 
 use crate::build::{Parameter, room};
-use crate::call::{ApiError, Call, Def, Gives, Reply, color, numbers, point, rgb, wrong};
+use crate::call::{ApiError, Call, Options, Reply, api, color, numbers, point, rgb, wrong};
 use crate::hook::{HookDraft, own_captures};
 use crate::limits::raise_hint;
-use crate::value::{Kind, StageRef};
+use crate::value::StageRef;
 use choreo_motion::{FrameRate, Time};
-use choreo_stage::{Background, Pipeline, SkinOnce};
+use choreo_stage::{Background, Pipeline, Settings, SkinOnce};
 use rhai::{Dynamic, FnPtr, Map};
 
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::None,
-        "stage",
-        "options | ",
-        Gives::A(Kind::Stage),
-        "Sets the properties of the stage. Call it once, first. Without options, inside a test, it returns the stage for `expect`.\n\
-         Output: size ([width, height] in pixels, each 1 to 16384, default [1280, 720]), fps (0.001 to 1000, default 30), length (seconds, default 4), samples (per pixel, for multisample antialiasing: 1 or 4, default 4).\n\
-         Background and light: background (a color or #{ top, bottom } for a vertical gradient, default a blue-gray gradient), ambient (ambient light: a color, a strength of white light, or #{ up, down } for light from above and from below).\n\
-         Rendering: cutouts (edges of alpha-masked surfaces such as leaves and hair at 4 samples: \"smooth\", the default, or \"hard\"), transparency (order of transparent surfaces: \"sorted\" back to front mesh by mesh, \"independent\" of the order, per pixel, by depth peeling with up to 8 layers, or \"auto\", the default: \"independent\" where sorting fails), pipeline (\"forward\": surfaces are lit as they are drawn; \"deferred\": each pixel is lit once, from a G-buffer, with 1 sample; \"auto\", the default: the faster of the two, by the number of lights and the overdraw), skin_once (pre-skinning. true: a mesh is skinned once per frame for all passes that draw it; false: in each pass; \"auto\", the default: once where that is cheaper).",
-        stage,
-    ),
-    Def::new(
-        Kind::None,
-        "f",
-        "frame",
-        Gives::Value("float"),
-        "Returns the time of a frame in seconds, at the frame rate (fps) of the stage.",
-        frame,
-    )
-    .in_frames(),
-    Def::new(
-        Kind::None,
-        "param",
-        "name, default, about?",
-        Gives::Value("like the default"),
-        "Declares a parameter of the script and returns its value: the default, or the value that `--set name=value` gives, converted to the type of the default. The default is a number, true or false, a text or an array of numbers; `about` is a description.",
-        param,
-    ),
-    Def::new(
-        Kind::None,
-        "on_frame",
-        "callback",
-        Gives::Nothing,
-        "Calls a function |t| … for every frame; t is the time in seconds. What it changes on actors, cameras, lights and effects holds for that frame only.",
-        on_frame,
-    ),
-];
+api! {
+    /// Sets the properties of the stage. Call it once, first. Without options, inside a test, it returns the stage
+    /// for `expect`.
+    /// - Output: size ([width, height] in pixels, each 1 to 16384, default [1280, 720]), fps (0.001 to 1000,
+    ///   default 30), length (seconds, default 4), samples (per pixel, for multisample antialiasing: 1 or 4,
+    ///   default 4).
+    /// - Background and light: background (a color or #{ top, bottom } for a vertical gradient, default a blue-gray
+    ///   gradient), ambient (ambient light: a color, a strength of white light, or #{ up, down } for light from
+    ///   above and from below).
+    /// - Rendering: cutouts (edges of alpha-masked surfaces such as leaves and hair at 4 samples: "smooth", the
+    ///   default, or "hard"), transparency (order of transparent surfaces: "sorted" back to front mesh by mesh,
+    ///   "independent" of the order, per pixel, by depth peeling with up to 8 layers, or "auto", the default:
+    ///   "independent" where sorting fails), pipeline ("forward": surfaces are lit as they are drawn; "deferred":
+    ///   each pixel is lit once, from a G-buffer, with 1 sample; "auto", the default: the faster of the two, by the
+    ///   number of lights and the overdraw), skin_once (pre-skinning. true: a mesh is skinned once per frame for
+    ///   all passes that draw it; false: in each pass; "auto", the default: once where that is cheaper).
+    stage("options | ") -> Stage = stage;
+    /// Returns the time of a frame in seconds, at the frame rate (fps) of the stage.
+    f("frame") -> "float" = frame, in_frames;
+    /// Declares a parameter of the script and returns its value: the default, or the value that `--set name=value`
+    /// gives, converted to the type of the default. The default is a number, true or false, a text or an array of
+    /// numbers; `about` is a description.
+    param("name, default, about?") -> "like the default" = param;
+    /// Calls a function |t| … for every frame; t is the time in seconds. What it changes on actors, cameras, lights
+    /// and effects holds for that frame only.
+    on_frame("callback") -> () = on_frame;
+}
 
 fn stage(c: &mut Call) -> Reply {
     let this = StageRef(c.shared.test().current_stage);
@@ -77,43 +66,10 @@ fn stage(c: &mut Call) -> Reply {
     }
     let mut s = c.build().settings.clone();
     if let Some(size) = o.get("size") {
-        let sides = numbers(&size).filter(|n| n.len() == 2);
-        let sides = sides.filter(|n| n.iter().all(|v| v.fract() == 0.0 && (1.0..=16384.0).contains(v)));
-        let sides = sides
-            .ok_or_else(|| wrong(&size, "stage: size", "[width, height], whole numbers from 1 to 16384"))?;
-        s.size = [sides[0] as u32, sides[1] as u32];
-        let (pixels, most) = (s.size[0] as u64 * s.size[1] as u64, c.shared.limits.pixels);
-        if pixels > most {
-            return Err(ApiError::new(format!(
-                "stage: a picture of {} x {} has too many pixels",
-                s.size[0], s.size[1]
-            ))
-            .hint(raise_hint("pixels", most)));
-        }
+        s.size = read_size(c, &size)?;
     }
-    let mut length = None;
-    if let Some(fps) = o.number("fps")? {
-        s.fps = FrameRate::from_fps(fps)
-            .ok_or_else(|| ApiError::new(format!("stage: fps must be from 0.001 to 1000, got {fps:?}")))?;
-        // The frames of `stage(#{ fps: 25, length: f(50) })` are counted before the call: they are counted again.
-        let own_length = o.number("length").ok().flatten();
-        let changed = s.fps != c.build_fps();
-        let used = c.build().frames_used.clone().filter(|_| changed);
-        match used {
-            Some((_, 1, frame, time)) if own_length == Some(time) => {
-                length = Some(Time::from_secs(seconds(s.fps, frame)))
-            }
-            Some((place, ..)) => {
-                return Err(ApiError::new(format!(
-                    "stage: fps cannot change after f(…) in line {} has counted frames",
-                    place.line
-                ))
-                .hint("call stage(…) first"));
-            }
-            None => {}
-        }
-    }
-    if let Some(length) = length.or(o.duration("length")?) {
+    let counted = read_rate(c, &o, &mut s)?;
+    if let Some(length) = counted.or(o.duration("length")?) {
         if length == Time::ZERO {
             return Err(ApiError::new("stage: length must be above 0 s"));
         }
@@ -126,26 +82,72 @@ fn stage(c: &mut Call) -> Reply {
     if let Some(ambient) = &ambient {
         (s.ambient_up, s.ambient_down) = super::light::read_ambient(ambient, "stage: ambient")?;
     }
+    read_rendering(&o, &mut s)?;
+    check_frames(c, &s)?;
+    let place = c.place.clone();
+    let mut build = c.build();
+    build.settings = s;
+    build.ambient_given |= ambient.is_some();
+    build.settings_at = Some(place);
+    Ok(Dynamic::from(this))
+}
+
+fn read_size(c: &Call, size: &Dynamic) -> Result<[u32; 2], ApiError> {
+    let sides = numbers(size).filter(|n| n.len() == 2);
+    let sides = sides.filter(|n| n.iter().all(|v| v.fract() == 0.0 && (1.0..=16384.0).contains(v)));
+    let sides =
+        sides.ok_or_else(|| wrong(size, "stage: size", "[width, height], whole numbers from 1 to 16384"))?;
+    let [width, height] = [sides[0] as u32, sides[1] as u32];
+    let most = c.shared.limits.pixels;
+    if u64::from(width) * u64::from(height) > most {
+        let text = format!("stage: an image of {width} x {height} has too many pixels");
+        return Err(ApiError::new(text).hint(raise_hint("pixels", most)));
+    }
+    Ok([width, height])
+}
+
+/// Reads the frame rate. The frames of `stage(#{ fps: 25, length: f(50) })` are counted before the call: then the length is
+/// counted again.
+fn read_rate(c: &Call, o: &Options, s: &mut Settings) -> Result<Option<Time>, ApiError> {
+    let Some(fps) = o.number("fps")? else { return Ok(None) };
+    s.fps = FrameRate::from_fps(fps)
+        .ok_or_else(|| ApiError::new(format!("stage: fps must be from 0.001 to 1000, got {fps:?}")))?;
+    let own_length = o.number("length").ok().flatten();
+    let changed = s.fps != c.build_fps();
+    match c.build().frames_used.clone().filter(|_| changed) {
+        Some((_, 1, frame, time)) if own_length == Some(time) => {
+            Ok(Some(Time::from_secs(seconds(s.fps, frame))))
+        }
+        Some((place, ..)) => Err(ApiError::new(format!(
+            "stage: fps cannot change after f(…) in line {} has counted frames",
+            place.line
+        ))
+        .hint("call stage(…) first")),
+        None => Ok(None),
+    }
+}
+
+/// Reads how surfaces are drawn.
+fn read_rendering(o: &Options, s: &mut Settings) -> Result<(), ApiError> {
     if let Some(samples) = o.number("samples")? {
         if samples != 1.0 && samples != 4.0 {
             return Err(ApiError::new(format!("stage: samples must be 1 or 4, got {samples}")));
         }
         s.samples = Some(samples as u32);
     }
-    s.cutouts = super::surfaces::cutouts(&o)?.unwrap_or(s.cutouts);
-    s.transparency = super::surfaces::transparency(&o)?.unwrap_or(s.transparency);
-    if let Some(how) = o.one_of("pipeline", &["auto", "forward", "deferred"])? {
-        s.pipeline = match how {
-            "forward" => Pipeline::Forward,
-            "deferred" => Pipeline::Deferred,
-            _ => Pipeline::Auto,
-        };
-    }
+    s.cutouts = super::surfaces::cutouts(o)?.unwrap_or(s.cutouts);
+    s.transparency = super::surfaces::transparency(o)?.unwrap_or(s.transparency);
+    s.pipeline = match o.one_of("pipeline", &["auto", "forward", "deferred"])? {
+        Some("forward") => Pipeline::Forward,
+        Some("deferred") => Pipeline::Deferred,
+        Some(_) => Pipeline::Auto,
+        None => s.pipeline,
+    };
     if s.pipeline == Pipeline::Deferred {
-        // The G-buffer has one sample.
+        // A G-buffer has one sample.
         if let Some(samples) = s.samples.filter(|n| *n > 1) {
             return Err(ApiError::new(format!(
-                "stage: pipeline \"deferred\" has 1 sample a pixel, got samples: {samples}"
+                "stage: pipeline \"deferred\" has 1 sample per pixel, got samples: {samples}"
             ))
             .hint("leave samples out, or pipeline"));
         }
@@ -158,27 +160,24 @@ fn stage(c: &mut Call) -> Reply {
         Err(_) => Err(wrong(v, label, "true, false or \"auto\"")),
     };
     s.skin_once = o.read("skin_once", when)?.unwrap_or(s.skin_once);
-    let frames = s.fps.frames_in(s.length);
-    if frames > i64::try_from(c.shared.limits.frames).unwrap_or(i64::MAX) {
-        let (length, fps) = (s.length.as_secs(), s.fps.as_fps());
-        return Err(ApiError::new(format!(
-            "stage: {length} s at {fps} frames a second are too many frames, {frames}"
-        ))
-        .hint(raise_hint("frames", c.shared.limits.frames)));
+    Ok(())
+}
+
+fn check_frames(c: &Call, s: &Settings) -> Result<(), ApiError> {
+    let (frames, most) = (s.fps.frames_in(s.length), c.shared.limits.frames);
+    if frames <= i64::try_from(most).unwrap_or(i64::MAX) {
+        return Ok(());
     }
-    let place = c.place.clone();
-    let mut build = c.build();
-    build.settings = s;
-    build.ambient_given |= ambient.is_some();
-    build.settings_at = Some(place);
-    Ok(Dynamic::from(this))
+    let (length, fps) = (s.length.as_secs(), s.fps.as_fps());
+    let text = format!("stage: {length} s at {fps} frames per second are too many frames, {frames}");
+    Err(ApiError::new(text).hint(raise_hint("frames", most)))
 }
 
 fn read_background(v: &Dynamic) -> Result<Background, ApiError> {
     let Some(map) = v.read_lock::<Map>() else {
         return color(v, "stage: background").map(Background::Color);
     };
-    let o = crate::call::Options { function: "stage: background".into(), map: map.clone() };
+    let o = Options { function: "stage: background".into(), map: map.clone() };
     o.check(&["top", "bottom"])?;
     match (o.color("top")?, o.color("bottom")?) {
         (Some(top), Some(bottom)) => Ok(Background::Gradient { top: rgb(top), bottom: rgb(bottom) }),

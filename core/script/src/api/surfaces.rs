@@ -1,19 +1,17 @@
 //! Alpha masks and transparency of an actor's surfaces: `actor.surfaces(#{ … })`, and the same options of the stage.
 
 use super::effect::named_materials;
-use crate::call::{ApiError, Call, Def, Gives, Options, Reply};
-use crate::value::{ActorRef, Kind};
+use crate::call::{ApiError, Call, Options, Reply, api};
+use crate::value::ActorRef;
 use choreo_stage::{Cutouts, SurfaceRule, Transparency};
 
-pub const DEFS: &[Def] = &[Def::new(
-    Kind::Actor,
-    "surfaces",
-    "options",
-    Gives::Itself,
-    "Overrides for this actor how `stage(…)` draws its surfaces. Of several calls the last one wins.\n\
-         Options: cutouts (\"smooth\" or \"hard\"), transparency (\"sorted\", \"independent\" or \"auto\"; a frame is drawn order-independent if any surface asks for it or needs it, and a surface that is \"sorted\" never does), material (a name or an array of names: only these materials).",
-    surfaces,
-)];
+api! {
+    /// Overrides for this actor how `stage(…)` draws its surfaces. Of several calls the last one wins.
+    /// - Options: cutouts ("smooth" or "hard"), transparency ("sorted", "independent" or "auto"; a frame is drawn
+    ///   order-independent if any surface asks for it or needs it, and a surface that is "sorted" never does),
+    ///   material (a name or an array of names: only these materials).
+    Actor.surfaces("options") = surfaces;
+}
 
 fn surfaces(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;

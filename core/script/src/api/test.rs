@@ -1,7 +1,7 @@
 //! `test`, and what a test can use: other scripts, stages, render plans, golden images.
 
 use crate::build::{Mode, room};
-use crate::call::{ApiError, Call, Def, Gives, Options, Place, Reply, describe, numbers, unknown};
+use crate::call::{ApiError, Call, Options, Place, Reply, api, describe, numbers, unknown};
 use crate::diagnostic::Severity;
 use crate::engine::constants;
 use crate::errors;
@@ -10,74 +10,41 @@ use crate::modules::read_text;
 use crate::suggest::{did_you_mean, list};
 use crate::testing::run::{end_section, finish_stage};
 use crate::testing::{Claim, ExpectRef, PictureExpectation, PlanOptions, Scene, SectionInfo};
-use crate::value::*;
+use crate::value::{ActorRef, CameraRef, Kind, LightRef, PlanRef, SceneRef, StageRef};
 use choreo_motion::Time;
 use choreo_stage::Stage;
 use rhai::{Dynamic, EvalAltResult, FnPtr, ImmutableString, Map};
 use std::sync::{Arc, PoisonError};
 
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::None,
-        "test",
-        "name, section | name, options, section",
-        Gives::Nothing,
-        "Declares a test: || { … } builds a stage and states what is expected of it. `choreo test` runs each test by itself; other commands skip them. Options: skip (the reason), needs (a file or an array of files, without which the test is skipped), fails (a known bug: the reason), tags (a text or an array of texts).",
-        test,
-    ),
-    Def::new(
-        Kind::None,
-        "scene",
-        "file, options?",
-        Gives::A(Kind::Scene),
-        "Runs another script; its stage is then the stage of the test. Options: set (an object map of its parameters).",
-        scene,
-    )
-    .in_tests(),
-    Def::new(Kind::Scene, "actor", "name", Gives::A(Kind::Actor), "Returns an actor of the other script, by name.", actor)
-        .in_tests(),
-    Def::new(Kind::Scene, "camera", "name", Gives::A(Kind::Camera), "Returns a camera of the other script, by name.", camera)
-        .in_tests(),
-    Def::new(
-        Kind::Scene,
-        "light",
-        "number",
-        Gives::A(Kind::Light),
-        "Returns a light of the other script, by index from 0.",
-        light,
-    )
-    .in_tests(),
-    Def::new(
-        Kind::None,
-        "stage_of",
-        "build",
-        Gives::A(Kind::Stage),
-        "Returns another stage beside the one of the test. || { … } builds it. Expectations inside apply to that stage.",
-        stage_of,
-    )
-    .in_tests(),
-    Def::new(
-        Kind::None,
-        "plan",
-        "options?",
-        Gives::A(Kind::Plan),
-        "Returns the render plan of a frame, for `expect`: what is needed to draw it. Options: size ([width, height] in pixels), samples (per pixel, 1 or 4); default: those of the stage.",
-        plan,
-    )
-    .in_tests(),
-    Def::new(
-        Kind::None,
-        "expect_picture",
-        "name, options?",
-        Gives::Nothing,
-        "Compares a frame with its golden image (reference image), which is stored beside the test.\n\
-         Frame: at (time in seconds, default 0), size ([width, height]; default: the shape of the stage with at most 256 pixels a side), samples (per pixel, default those of the stage, else 4), device (\"cpu\", the default, or \"vulkan\").\n\
-         Allowed difference: tolerance (per channel, in steps of 255, default 4), share (of pixels beyond the tolerance, 0 to 1, default 0.001), visible (largest perceived difference by FLIP, 0 to 1, default 0.12).\n\
-         `large: true` allows a golden image of more than 20 KiB.",
-        expect_picture,
-    )
-    .in_tests(),
-];
+api! {
+    /// Declares a test: || { … } builds a stage and states what is expected of it. `choreo test` runs each test by
+    /// itself; other commands skip them. Options: skip (the reason), needs (a file or an array of files, without
+    /// which the test is skipped), fails (a known bug: the reason), tags (a text or an array of texts).
+    test("name, section | name, options, section") -> () = test;
+    /// Runs another script; its stage is then the stage of the test. Options: set (an object map of its
+    /// parameters).
+    scene("file, options?") -> Scene = scene, in_tests;
+    /// Returns an actor of the other script, by name.
+    Scene.actor("name") -> Actor = actor, in_tests;
+    /// Returns a camera of the other script, by name.
+    Scene.camera("name") -> Camera = camera, in_tests;
+    /// Returns a light of the other script, by index from 0.
+    Scene.light("number") -> Light = light, in_tests;
+    /// Returns another stage beside the one of the test. || { … } builds it. Expectations inside apply to that
+    /// stage.
+    stage_of("build") -> Stage = stage_of, in_tests;
+    /// Returns the render plan of a frame, for `expect`: what is needed to draw it. Options: size ([width, height]
+    /// in pixels), samples (per pixel, 1 or 4); default: those of the stage.
+    plan("options?") -> Plan = plan, in_tests;
+    /// Compares a frame with its golden image (reference image), which is stored beside the test.
+    /// - Frame: at (time in seconds, default 0), size ([width, height]; default: the shape of the stage with at
+    ///   most 256 pixels a side), samples (per pixel, default those of the stage, else 4), device ("cpu", the
+    ///   default, or "vulkan").
+    /// - Allowed difference: tolerance (per channel, in steps of 255, default 4), share (of pixels beyond the
+    ///   tolerance, 0 to 1, default 0.001), visible (largest perceived difference by FLIP, 0 to 1, default 0.12).
+    /// - `large: true` allows a golden image of more than 20 KiB.
+    expect_picture("name, options?") -> () = expect_picture, in_tests;
+}
 
 fn test(c: &mut Call) -> Reply {
     let reply = section(c);
@@ -367,7 +334,7 @@ fn stage_of(c: &mut Call) -> Reply {
 
 /// Refuses values with handles: a handle is an index into the stage that it was made for.
 fn no_handles(value: &Dynamic) -> Result<(), ApiError> {
-    let kind = crate::call::kind_of(value);
+    let kind = crate::value::kind_of(value);
     if !matches!(kind, Kind::None | Kind::Asset | Kind::Image | Kind::Clip | Kind::Stage | Kind::Plan) {
         return Err(ApiError::new(format!(
             "stage_of: the function uses {} of the stage around it",

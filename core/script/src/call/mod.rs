@@ -1,9 +1,8 @@
 //! One call of a script function: its definition as data, its arguments with checks, its errors.
 
-mod handles;
+pub mod fields;
 mod read;
 
-pub use handles::{dead, is_dead, kind_of, type_id};
 use read::near;
 pub use read::{
     color, describe, duration, number, number_in, numbers, one_of, point, rgb, target, text, time, wrong,
@@ -20,22 +19,61 @@ use glam::{DVec3, Vec4};
 use rhai::{Dynamic, Map};
 use std::sync::{Arc, MutexGuard, PoisonError};
 
-/// A function or method of the script API. Registration, messages and API.md are made from the tables of these.
+/// A function or method of the script API. Registration, messages and API.md are made from the tables of these, which
+/// [`api!`] declares.
 pub struct Def {
     pub on: Kind,
     pub name: &'static str,
     /// Ways to call it, separated by `|`; arguments ending in `?` may be left out: `x, y, z | point`.
     pub args: &'static str,
     pub gives: Gives,
-    /// The first line says what it does. Each further line describes a group of options or one aspect: an item of a list in
-    /// API.md.
-    pub about: &'static str,
+    /// The lines of its documentation comment.
+    pub doc: &'static [&'static str],
+    /// Documents its options in place of `{}`.
+    pub options: Option<fn() -> String>,
     /// Whether it can also be called inside `on_frame`.
     pub frame: bool,
     /// Whether it can be called only inside a test section.
     pub tests: bool,
     pub run: fn(&mut Call) -> Reply,
 }
+
+/// Declares the functions and methods of a module as `DEFS`:
+///
+/// ```text
+/// /// Sets the position in metres.
+/// Camera.at("x, y, z | point") = at, in_frames;
+/// /// Makes a camera.
+/// camera("name") -> Camera = camera;
+/// /// Returns the start time.
+/// Cue.start("") -> "float" = start;
+/// ```
+/// Without an arrow a method returns its receiver; `()` is nothing, and a text is the type of a plain value. The documentation
+/// begins with what the function does; each paragraph that begins with `- ` describes a group of options or one aspect.
+macro_rules! api {
+    ($($(#[doc = $doc:literal])+ $on:ident $(. $name:ident)? ($args:literal) $(-> $gives:tt)? = $run:expr $(, $mark:ident $(($mark_arg:expr))?)*;)*) => {
+        pub const DEFS: &[$crate::call::Def] = &[$($crate::call::api!(@def $on $($name)?, $crate::call::Def {
+            on: $crate::value::Kind::None,
+            name: "",
+            args: $args,
+            gives: $crate::call::api!(@gives $($gives)?),
+            doc: &[$($doc),+],
+            frame: false,
+            tests: false,
+            options: None,
+            run: $run,
+        })$(.$mark($($mark_arg)?))*),*];
+    };
+    (@def $name:ident, $def:expr) => { $crate::call::Def { name: stringify!($name), ..$def } };
+    (@def $on:ident $name:ident, $def:expr) => {
+        $crate::call::Def { on: $crate::value::Kind::$on, name: stringify!($name), ..$def }
+    };
+    (@gives) => { $crate::call::Gives::Itself };
+    (@gives ()) => { $crate::call::Gives::Nothing };
+    (@gives $value:literal) => { $crate::call::Gives::Value($value) };
+    (@gives $kind:ident) => { $crate::call::Gives::A($crate::value::Kind::$kind) };
+}
+pub(crate) use api;
 
 /// What a call returns: also what stands in for the result of one that failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,25 +89,38 @@ pub enum Gives {
 pub type Reply = Result<Dynamic, ApiError>;
 
 impl Def {
-    pub const fn new(
-        on: Kind,
-        name: &'static str,
-        args: &'static str,
-        gives: Gives,
-        about: &'static str,
-        run: fn(&mut Call) -> Reply,
-    ) -> Def {
-        Def { on, name, args, gives, about, frame: false, tests: false, run }
-    }
-
     pub const fn in_frames(mut self) -> Def {
         self.frame = true;
+        self
+    }
+
+    pub const fn options(mut self, options: fn() -> String) -> Def {
+        self.options = Some(options);
         self
     }
 
     pub const fn in_tests(mut self) -> Def {
         self.tests = true;
         self
+    }
+
+    /// What it does, then a paragraph for each group of options or aspect.
+    pub fn about(&self) -> Vec<String> {
+        let mut items: Vec<String> = Vec::new();
+        for line in self.doc {
+            let line = line.trim_start();
+            match (line.strip_prefix("- "), items.last_mut()) {
+                (None, Some(item)) => {
+                    item.push(' ');
+                    item.push_str(line);
+                }
+                (item, _) => items.push(item.unwrap_or(line).to_string()),
+            }
+        }
+        if let Some(options) = self.options {
+            items.iter_mut().for_each(|item| *item = item.replace("{}", &options()));
+        }
+        items
     }
 
     /// The ways to call it, as lists of argument names; optional ones are given in both forms.

@@ -1,9 +1,9 @@
 //! Values of a script as what is asked for: `LABEL must be ALLOWED, got …`.
 
-use super::{ApiError, kind_of, meant};
+use super::{ApiError, meant};
 use crate::color;
 use crate::suggest::list;
-use crate::value::{ActorRef, JointRef, Kind};
+use crate::value::{ActorRef, JointRef, Kind, kind_of};
 use choreo_motion::Time;
 use choreo_stage::Target;
 use glam::{DVec3, Vec3, Vec4};

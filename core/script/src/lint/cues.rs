@@ -17,7 +17,7 @@ struct Timed<'a> {
 
 impl Timed<'_> {
     fn name(&self) -> &str {
-        &self.draft.clip.name
+        &self.draft.cue.clip.name
     }
 
     /// The script said that the last pose is held.
@@ -97,7 +97,7 @@ fn base_layer(
             found.push(remark.hint("leave .until out to let it play on, or add .once() where it is meant"));
         }
         // A cue that comes in over the end of another is a crossfade.
-        let covered = a.start < b.start && b.start + b.draft.fade_in + frame <= end;
+        let covered = a.start < b.start && b.start + b.draft.cue.fade_in + frame <= end;
         if covered && a.draft.chain != b.draft.chain && b.start < length {
             let text = format!(
                 "clip \"{}\" is to play until {} s, but \"{}\" takes over at {} s",
@@ -182,18 +182,18 @@ fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<Rema
         return;
     }
     let slot = end - *start;
-    let fade_out = draft.fade_out.unwrap_or(draft.fade_in);
-    if *layer && next.is_none() && draft.fade_in <= slot && draft.fade_in + fade_out > slot {
+    let fade_out = draft.fade_out.unwrap_or(draft.cue.fade_in);
+    if *layer && next.is_none() && draft.cue.fade_in <= slot && draft.cue.fade_in + fade_out > slot {
         let text = format!(
             "clip \"{name}\" fades in over {} s and out over {} s, but its cue lasts {} s: it is never fully seen",
-            draft.fade_in.as_secs(),
+            draft.cue.fade_in.as_secs(),
             fade_out.as_secs(),
             slot.as_secs()
         );
         found.push(Remark::warning("fades_meet", place, text).on(subject, *start));
     }
     // What the next one fades in over is still seen.
-    let heard = slot + next.map_or(Time::ZERO, |n| n.draft.fade_in);
+    let heard = slot + next.map_or(Time::ZERO, |n| n.draft.cue.fade_in);
     if draft.until.is_some() && slot > Time::ZERO && heard < length && draft.trim.is_none() {
         let text = format!(
             "clip \"{name}\" takes {} s, its cue {} s: its end is cut off",

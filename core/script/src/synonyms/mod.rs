@@ -210,17 +210,22 @@ fn page(title: &str) -> String {
 }
 
 fn first_line(def: &Def) -> String {
-    def.about.lines().next().unwrap_or_default().to_string()
+    def.about().swap_remove(0)
 }
 
 /// What the reference states about an option: its name with the parentheses that follow it, or the item that names it.
 fn describe_option(def: &Def, option: &str) -> Option<String> {
     let with_range = format!("{option} (");
-    let whole = |at: &usize| !def.about[..*at].ends_with(char::is_alphanumeric);
-    let Some(at) = def.about.match_indices(&with_range).map(|(at, _)| at).find(whole) else {
-        return def.about.lines().find(|item| item.contains(option)).map(str::to_string);
+    let about = def.about();
+    let whole = |item: &str, at: &usize| !item[..*at].ends_with(char::is_alphanumeric);
+    let found = about.iter().find_map(|item| {
+        let mut places = item.match_indices(&with_range).map(|(at, _)| at);
+        Some((item, places.find(|at| whole(item, at))?))
+    });
+    let Some((item, at)) = found else {
+        return about.into_iter().find(|item| item.contains(option));
     };
-    let text = &def.about[at..];
+    let text = &item[at..];
     let mut depth = 0;
     let end = text.find(|c| {
         depth += i32::from(c == '(') - i32::from(c == ')');
@@ -256,7 +261,7 @@ pub fn examples() -> impl Iterator<Item = &'static str> {
 /// The entries of the reference whose description contains the term.
 pub fn mentions(term: &str) -> Vec<Call> {
     let wanted = term.to_lowercase();
-    let mentioning = entries().filter(|(_, def)| def.about.to_lowercase().contains(&wanted));
+    let mentioning = entries().filter(|(_, def)| def.about().join("\n").to_lowercase().contains(&wanted));
     mentioning.map(|(title, def)| Call::entry(title, def)).collect()
 }
 

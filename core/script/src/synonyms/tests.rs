@@ -57,7 +57,7 @@ fn every_topic_names_calls_that_exist() {
             let known = target.is_command() || target.entry().is_some() || mathematics(name).is_some();
             assert!(known, "{first}: there is no {name}");
             if let (Some(option), Some((_, def))) = (target.option(), target.entry()) {
-                assert!(def.about.contains(option), "{first}: {name} has no option {option}");
+                assert!(def.about().join("\n").contains(option), "{first}: {name} has no option {option}");
             }
             assert!(Call::of(*target).about.is_some() || target.is_command(), "{name} is not described");
         }
@@ -90,7 +90,7 @@ fn aliases_stand_for_what_exists() {
         let target = Target { text: name };
         let (_, def) =
             target.entry().unwrap_or_else(|| panic!("{alias} stands for {name}, which does not exist"));
-        assert!(target.option().is_none_or(|option| def.about.contains(option)), "{name}");
+        assert!(target.option().is_none_or(|option| def.about().join("\n").contains(option)), "{name}");
     }
     assert!(function_aliases().any(|(alias, def)| alias == "title" && def.name == "text"));
 }

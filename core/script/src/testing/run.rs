@@ -4,7 +4,7 @@ use super::file::Listing;
 use super::*;
 use crate::build::{Mode, Shared};
 use crate::call::{ApiError, Place};
-use crate::finish::finish;
+use crate::resolve::resolve;
 use crate::run::{Opened, begin, execute, hex, on_own_thread, open};
 use choreo_plugin::Registry;
 use rhai::Engine;
@@ -230,7 +230,7 @@ pub fn finish_stage(shared: &Arc<Shared>, engine: &Arc<Engine>) -> (Stage, Vec<D
         let text = sources.get(&place.file).cloned().unwrap_or_default();
         hex(blake3::hash(text.as_bytes()).as_bytes())
     };
-    let (stage, _) = finish(shared, engine, &identity);
+    let (stage, _) = resolve(shared, engine, &identity);
     let broken = stage.check().iter().map(|problem| Diagnostic::error(problem.to_string())).collect();
     (stage, broken)
 }

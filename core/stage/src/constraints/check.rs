@@ -3,6 +3,7 @@
 use crate::stage::Stage;
 use crate::stage::actor::{Actor, Target};
 use crate::stage::constraint::{ConstraintKind, FootLock};
+use crate::stage::described::Described;
 use choreo_motion::Time;
 
 /// What is wrong with an actor's, as place and text.
@@ -35,12 +36,7 @@ pub(crate) fn problems(stage: &Stage, actor: &Actor) -> Vec<(String, String)> {
         if let Some(what) = constraint.targets().find_map(|t| target(&t)) {
             bad(name, what);
         }
-        if !(0.0..=1.0).contains(&constraint.weight) {
-            bad(name, format!("weight is {}, must be 0..=1", constraint.weight));
-        }
-        if constraint.fade < Time::ZERO {
-            bad(name, "fade is negative".into());
-        }
+        constraint.problems().into_iter().for_each(|what| bad(name, what));
         if let Some(end) = constraint.end.filter(|end| *end < constraint.start) {
             let (end, start) = (end.as_secs(), constraint.start.as_secs());
             bad(name, format!("ends at {end} s, before it starts at {start} s"));

@@ -3,6 +3,7 @@
 use crate::stage::channel::Channel;
 use crate::stage::clips::Layer;
 use crate::stage::constraint::Constraint;
+use crate::stage::described::{FieldType, described, fields};
 use crate::stage::fade::{eased, fraction};
 use crate::stage::path::PathFollowing;
 use crate::stage::springs::ActorSprings;
@@ -13,57 +14,79 @@ use choreo_motion::{Ease, Skinning, Time};
 use glam::{DQuat, DVec3, Vec4};
 use std::sync::Arc;
 
-/// An asset on stage. The index in `Stage::actors` is its id; parents may come later than children.
-#[derive(Clone, Debug)]
-pub struct Actor {
-    pub name: String,
-    pub asset: Arc<Asset>,
-    pub transform: Placement,
-    pub parent: Option<Attachment>,
-    /// Turned about its parent's +Y so that +Z points to where this actor stands; its own rotation comes first.
-    pub face: Option<usize>,
-    pub layers: Vec<Layer>,
-    pub channels: Vec<Channel>,
-    pub look_at: Vec<LookAt>,
-    /// What the body does beside its clips; see [`crate::stage::constraint`] for the order.
-    pub constraints: Vec<Constraint>,
-    /// How far joints may turn, whatever clips and constraints do.
-    pub limits: Vec<(u32, Limit)>,
-    /// Hair, skirts and tails.
-    pub springs: Option<Arc<ActorSprings>>,
-    /// Goes along a path, from where it is placed. Its clips' root motion then only sets the pace.
-    pub path_following: Option<Arc<PathFollowing>>,
-    /// An actor is seen where it and all that it is attached to are visible.
-    pub visible: bool,
-    /// Multiplies every base colour, linear.
-    pub tint: Vec4,
-    /// Line width that replaces that of its materials ([`choreo_asset::Pen`]).
-    pub line_width: Option<f32>,
-    /// Number of the copies of its meshes that exist, the first ones; `None`: all.
-    pub copies: Option<u32>,
-    /// Morph weights by name or index set in the script: (mesh instance, target, weight), over the clips'.
-    pub morphs: Vec<(u32, u32, f32)>,
-    /// Weights of expressions set in the script: (index into `Asset::expressions`, weight), over the clips'.
-    pub expressions: Vec<(u32, f32)>,
-    /// Whether the file's own lights shine when this actor is on stage.
-    pub file_lights: bool,
-    /// How vertices follow several joints.
-    pub skinning: Skinning,
-    /// How its surfaces are cut out and mixed; of those that say the same thing the last counts.
-    pub surfaces: Vec<SurfaceRule>,
+described! {
+    /// An asset on stage, by default at the origin, at rest; the spring bones of its file swing. The index in `Stage::actors` is
+    /// its id; parents may come later than children.
+    #[derive(Clone, Debug)]
+    pub struct Actor(name: String => str, asset: Arc<Asset>) {
+        transform: Placement = Placement::default();
+        parent: Option<Attachment> = None;
+        /// Turned about its parent's +Y so that +Z points to where this actor stands; its own rotation comes first.
+        face: Option<usize> = None;
+        layers: Vec<Layer> = Vec::new();
+        channels: Vec<Channel> = Vec::new();
+        look_at: Vec<LookAt> = Vec::new();
+        /// Constraints over its clips; see [`crate::stage::constraint`] for their order.
+        constraints: Vec<Constraint> = Vec::new();
+        /// How far joints may turn, whatever clips and constraints do.
+        limits: Vec<(u32, Limit)> = Vec::new();
+        /// Hair, skirts and tails.
+        springs: Option<Arc<ActorSprings>> = ActorSprings::of(&asset);
+        /// Goes along a path, from where it is placed. Its clips' root motion then only sets the pace.
+        path_following: Option<Arc<PathFollowing>> = None;
+        /// An actor is seen where it and all that it is attached to are visible.
+        visible: bool = true;
+        /// Multiplies every base color, linear.
+        tint: Vec4 = Vec4::ONE;
+        /// Line width that replaces that of its materials ([`choreo_asset::LineStyle`]).
+        line_width: Option<f32> = None;
+        /// How many of the copies of its meshes exist, the first ones; `None`: all.
+        copies: Option<u32> = None;
+        /// Weights of expressions set in the script: (index into `Asset::expressions`, weight), over the clips'.
+        expressions: Vec<(u32, f32)> = Vec::new();
+        /// Morph weights by name or index set in the script: (mesh instance, target, weight), over the clips'.
+        morphs: Vec<(u32, u32, f32)> = Vec::new();
+        /// Whether the file's own lights shine when this actor is on stage.
+        file_lights: bool = true;
+        /// How vertices follow several joints.
+        skinning: Skinning = Skinning::default();
+        /// How its surfaces are cut out and mixed; of several rules for the same option the last counts.
+        surfaces: Vec<SurfaceRule> = Vec::new();
+    }
+    fields {
+        position: transform.translation, FieldType::Point, keys "position" Translation;
+        rotation: transform.rotation, FieldType::Rotation, keys "rotation" Rotation;
+        scale: transform.scale, FieldType::Scale, keys "scale" Scale;
+        visible: visible, FieldType::Flag, keys "visible" Visible;
+        tint: tint, FieldType::Color, keys "tint" Tint;
+        /// of its lines and points
+        width: line_width, FieldType::Number(0.0, 16384.0, ""), keys "width" LineWidth, lacks has_no_pen;
+        /// of its copies
+        count: copies, FieldType::Number(0.0, 4294967295.0, ""), keys "count" Copies, lacks has_no_copies;
+    }
 }
 
-/// Transform of something in its parent: f64, so that 10 000 km from the origin looks as the origin does.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Placement {
-    pub translation: DVec3,
-    pub rotation: DQuat,
-    pub scale: DVec3,
+fn has_no_pen(of: &Actor) -> Option<&'static str> {
+    let has = of.asset.materials.iter().any(|m| m.line_style.is_some());
+    (!has).then_some("has no lines or points of a width")
 }
 
-impl Default for Placement {
-    fn default() -> Self {
-        Placement { translation: DVec3::ZERO, rotation: DQuat::IDENTITY, scale: DVec3::ONE }
+fn has_no_copies(of: &Actor) -> Option<&'static str> {
+    (!of.asset.has_copies()).then_some("is there once")
+}
+
+described! {
+    /// Where something stands in its parent: f64, so that 10 000 km from the origin looks as the origin does.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Placement {
+        translation: DVec3 = DVec3::ZERO;
+        rotation: DQuat = DQuat::IDENTITY;
+        scale: DVec3 = DVec3::ONE;
+    }
+    fields {
+        position: translation, FieldType::Point, keys "position" Translation;
+        rotation: rotation, FieldType::Rotation, keys "rotation" Rotation;
+        scale: scale, FieldType::Scale, keys "scale" Scale;
     }
 }
 
@@ -86,6 +109,13 @@ pub struct LookAt {
     pub fade: Time,
     pub weight: f32,
 }
+
+fields! { LookAt {
+    from: start, FieldType::Time;
+    until: end, FieldType::Time;
+    fade: fade, FieldType::Duration;
+    weight: weight, FieldType::Number(0.0, 1.0, "");
+} }
 
 /// A place in the world, fixed or moving.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,6 +2,7 @@
 
 use crate::stage::actor::Target;
 use crate::stage::channel::Channel;
+use crate::stage::described::{FieldType, FieldValue, fields};
 use choreo_asset::Projection;
 use choreo_motion::Time;
 use glam::{DQuat, DVec3};
@@ -28,6 +29,76 @@ pub enum Rig {
     /// Stands still and fits everything that is visible at some time of the stage's length, from an azimuth and
     /// elevation in radians, as `Orbit` counts them. Flat ground is left out where there is anything else.
     Frame { azimuth: f64, elevation: f64 },
+}
+
+fields! { Camera {
+    /// vertical field of view
+    fov: [get |of: &Camera| match of.projection {
+        Projection::Perspective { yfov, .. } => FieldValue::Number(yfov.into()),
+        Projection::Orthographic { .. } => FieldValue::Unset,
+    }, set |of: &mut Camera, v| if let (Projection::Perspective { yfov, .. }, FieldValue::Number(n)) = (&mut of.projection, v) {
+        *yfov = n as f32;
+    }], FieldType::Degrees(0.1, 179.0), keys "fov" FieldOfView, lacks has_no_perspective;
+    /// height of the image
+    height: [get |of: &Camera| match of.projection {
+        Projection::Orthographic { height, .. } => FieldValue::Number(height.into()),
+        Projection::Perspective { .. } => FieldValue::Unset,
+    }, set |of: &mut Camera, v| if let (Projection::Orthographic { height, .. }, FieldValue::Number(n)) = (&mut of.projection, v) {
+        *height = n as f32;
+    }], FieldType::Number(1e-6, 1e9, "metres");
+    /// near clipping plane
+    near: [get |of: &Camera| FieldValue::Number(of.near().into()), set |of: &mut Camera, v| {
+        let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) = &mut of.projection;
+        crate::stage::described::Holds::hold(near, v);
+    }], FieldType::Number(1e-6, 1e9, "metres");
+    /// far clipping plane
+    far: [get |of: &Camera| crate::stage::described::Holds::value(&of.far()), set |of: &mut Camera, v| match &mut of.projection {
+        Projection::Perspective { far, .. } => crate::stage::described::Holds::hold(far, v),
+        Projection::Orthographic { far, .. } => crate::stage::described::Holds::hold(far, v),
+    }], FieldType::Number(1e-5, 1e15, "metres");
+    position: [get |of: &Camera| match &of.rig {
+        Rig::Fixed { position, .. } => FieldValue::Vector(*position),
+        _ => FieldValue::Unset,
+    }, set |of: &mut Camera, v| if let (Rig::Fixed { position, .. }, FieldValue::Vector(p)) = (&mut of.rig, v) {
+        *position = p;
+    }], FieldType::Point, keys "position" Translation, lacks moves_by_itself;
+    rotation: [get |of: &Camera| match &of.rig {
+        Rig::Fixed { rotation, .. } => FieldValue::Rotation(*rotation),
+        _ => FieldValue::Unset,
+    }, set |of: &mut Camera, v| if let (Rig::Fixed { rotation, .. }, FieldValue::Rotation(q)) = (&mut of.rig, v) {
+        *rotation = q;
+    }], FieldType::Rotation, keys "rotation" Rotation, lacks looks_at_its_target;
+} }
+
+fn has_no_perspective(of: &Camera) -> Option<&'static str> {
+    let orthographic = matches!(of.projection, Projection::Orthographic { .. });
+    orthographic.then_some("has no perspective, so its fov cannot be keyed")
+}
+
+fn moves_by_itself(of: &Camera) -> Option<&'static str> {
+    let placed = matches!(of.rig, Rig::Fixed { .. } | Rig::Follow { .. });
+    (!placed).then_some("moves by itself, so its position cannot be keyed")
+}
+
+fn looks_at_its_target(of: &Camera) -> Option<&'static str> {
+    let free = matches!(of.rig, Rig::Fixed { look_at: None, .. });
+    (!free).then_some("looks at its target, so its rotation cannot be keyed")
+}
+
+impl Camera {
+    /// The near clipping plane, metres.
+    pub fn near(&self) -> f32 {
+        let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) = self.projection;
+        near
+    }
+
+    /// The far clipping plane, metres; `None`: none.
+    pub fn far(&self) -> Option<f32> {
+        match self.projection {
+            Projection::Perspective { far, .. } => far,
+            Projection::Orthographic { far, .. } => Some(far),
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

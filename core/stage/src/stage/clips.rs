@@ -1,6 +1,7 @@
 //! Layers of clips on an actor.
 
 use crate::stage::channel::Channel;
+use crate::stage::described::{FieldType, described};
 use crate::stage::root_motion::CueRootMotion;
 use crate::stage::time_remapping::TimeRemapping;
 use choreo_motion::{Clip, Ease, PhaseMatchedFade, Repeat, Time};
@@ -45,36 +46,48 @@ pub enum Reference {
     Rest,
 }
 
-/// A clip placed on the timeline.
-#[derive(Clone, Debug)]
-pub struct Cue {
-    /// Bound to the actor's own skeleton (see `bind_clip`).
-    pub clip: Arc<Clip>,
-    pub start: Time,
-    /// End on the base layer: the pose is held from here on, unless a cue follows at once (one that does fades in over the
-    /// playing clip). On upper layers: faded out (over `fade_out`) by then. `None` = until the next cue or for ever.
-    pub end: Option<Time>,
-    pub fade_in: Time,
-    pub fade_out: Time,
-    pub ease: Ease,
-    /// Clip seconds a stage second; negative plays backwards from `trim.1`.
-    pub speed: f64,
-    /// The part of the clip that is played.
-    pub trim: (Time, Time),
-    pub repeat: Repeat,
-    /// 0..=1, times the fades. The first cue of the base layer always has all the weight.
-    pub weight: f32,
-    /// `Property::Weight` over stage time, in place of `weight`; what a spline overshoots is cut off at 0 and 1.
-    pub weight_keys: Option<Arc<Channel>>,
-    /// Clip time keyed over stage time, in place of the amount of `speed`, whose sign still says from which end.
-    pub time_remapping: Option<Arc<TimeRemapping>>,
-    /// When the clip stands still, from and to on stage; sorted, one after the other.
-    pub freezes: Vec<(Time, Time)>,
-    /// Base layer: keeps step with the cue that fades into this one, or out of it.
-    pub in_step: [Option<Arc<PhaseMatchedFade>>; 2],
-    /// Base layer: above zero, it begins at once with all its weight, and what the cues before it were away from it dies
-    /// down in this time ([`choreo_motion::Inertialization`]). In place of `fade_in`.
-    pub inertialization: Time,
-    /// Base layer: the root motion that is taken out of the clip.
-    pub root: Option<Arc<CueRootMotion>>,
+described! {
+    /// A clip placed on the timeline. By default all of the clip, looped from time zero on, without fades.
+    #[derive(Clone, Debug)]
+    pub struct Cue(
+        /// Bound to the actor's own skeleton (see `bind_clip`).
+        clip: Arc<Clip>,
+    ) {
+        start: Time = Time::ZERO;
+        /// On the base layer: the pose is held from here on, where no cue follows at once (one that does fades in over the
+        /// playing clip). On upper layers: faded out (over `fade_out`) by then. `None`: until the next cue or for ever.
+        end: Option<Time> = None;
+        fade_in: Time = Time::ZERO;
+        fade_out: Time = Time::ZERO;
+        /// The part of the clip that is played.
+        trim: (Time, Time) = (Time::ZERO, clip.duration);
+        ease: Ease = Ease::Linear;
+        /// Clip seconds per stage second; negative plays backwards from `trim.1`.
+        speed: f64 = 1.0;
+        repeat: Repeat = Repeat::Loop;
+        /// 0 to 1, times the fades. The first cue of the base layer always has all the weight.
+        weight: f32 = 1.0;
+        /// `Property::Weight` over stage time, in place of `weight`; what a spline overshoots is cut off at 0 and 1.
+        weight_keys: Option<Arc<Channel>> = None;
+        /// Clip time keyed over stage time, in place of the amount of `speed`, whose sign still says from which end.
+        time_remapping: Option<Arc<TimeRemapping>> = None;
+        /// When the clip stands still, from and to on stage; sorted, one after the other.
+        freezes: Vec<(Time, Time)> = Vec::new();
+        /// Base layer: phase matching with the cue that fades into this one, and with the one that this one fades into.
+        in_step: [Option<Arc<PhaseMatchedFade>>; 2] = [None, None];
+        /// Base layer: above zero, the cue begins at once with all its weight, and the offset from the pose before decays in this
+        /// time ([`choreo_motion::Inertialization`]). In place of `fade_in`.
+        inertialization: Time = Time::ZERO;
+        /// Base layer: the root motion that is taken out of the clip.
+        root: Option<Arc<CueRootMotion>> = None;
+    }
+    fields {
+        from: start, FieldType::Time;
+        until: end, FieldType::Time;
+        fade: fade_in, FieldType::Duration;
+        fade_out: fade_out, FieldType::Duration;
+        inertial: inertialization, FieldType::Duration;
+        speed: speed, FieldType::Number(-1000.0, 1000.0, "clip seconds per second"), keys "speed" Speed;
+        weight: weight, FieldType::Number(0.0, 1.0, ""), keys "weight" Weight;
+    }
 }

@@ -3,6 +3,7 @@
 use crate::Ease;
 use crate::mirroring::Mirroring;
 use crate::stage::actor::Target;
+use crate::stage::described::{FieldType, fields};
 use crate::stage::fade::{eased, fraction};
 use choreo_motion::Time;
 use glam::DVec3;
@@ -19,6 +20,13 @@ pub struct Constraint {
     /// 0..=1
     pub weight: f32,
 }
+
+fields! { Constraint {
+    from: start, FieldType::Time;
+    until: end, FieldType::Time;
+    fade: fade, FieldType::Duration;
+    weight: weight, FieldType::Number(0.0, 1.0, "");
+} }
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum ConstraintKind {

@@ -1,32 +1,47 @@
 //! 2D layers over and under the scene: text, images, panels, letterboxes; in painter's order.
 
 use crate::stage::channel::Channel;
+use crate::stage::described::{FieldType, described};
 use choreo_asset::Image;
 use choreo_motion::Time;
 pub use choreo_text::{Align, Font};
 use glam::{DVec2, Vec4};
 use std::sync::Arc;
 
-#[derive(Clone, Debug, PartialEq)]
-pub struct Layer2d {
-    pub content: Layer2dContent,
-    /// Position of its anchor, as fractions of the image: x from the left, y from the top.
-    pub at: DVec2,
-    /// Pixels beside that.
-    pub offset: DVec2,
-    /// Which point of its box, 0 to 1 from the left and from the top.
-    pub anchor: DVec2,
-    pub opacity: f64,
-    /// Times its size, about its anchor.
-    pub scale: f64,
-    /// Behind the scene, over its background; else over everything, effects included.
-    pub under: bool,
-    pub start: Time,
-    pub end: Option<Time>,
-    /// How long it takes to come in and to go.
-    pub fade: Time,
-    /// [`Property::Translation`] (x and y as `at`), [`Property::Scale`] (the first number), [`Property::Opacity`].
-    pub channels: Vec<Channel>,
+described! {
+    /// A 2D layer, by default in the middle of the image for the whole time.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct Layer2d(content: Layer2dContent) {
+        /// Where its anchor stands, as fractions of the image: x from the left, y from the top.
+        at: DVec2 = DVec2::splat(0.5);
+        /// Pixels added to that.
+        offset: DVec2 = DVec2::ZERO;
+        /// Which point of its box, 0 to 1 from the left and from the top.
+        anchor: DVec2 = DVec2::splat(0.5);
+        opacity: f64 = 1.0;
+        /// Times its size, about its anchor.
+        scale: f64 = 1.0;
+        /// Behind the scene, over its background; else over everything, effects included.
+        under: bool = false;
+        start: Time = Time::ZERO;
+        end: Option<Time> = None;
+        /// Duration of the fade-in and of the fade-out.
+        fade: Time = Time::ZERO;
+        /// [`Property::Translation`](crate::Property) (x and y as `at`), `Scale` (the first number) and `Opacity`.
+        channels: Vec<Channel> = Vec::new();
+    }
+    fields {
+        /// [x, y] as fractions of the image from its top left corner
+        at: at, FieldType::Pair, keys "position" Translation;
+        /// [x, y] in pixels
+        offset: offset, FieldType::Pair;
+        opacity: opacity, FieldType::Number(0.0, 1.0, ""), keys "opacity" Opacity;
+        scale: scale, FieldType::Number(0.0, 1000.0, ""), keys "scale" Scale;
+        from: start, FieldType::Time;
+        until: end, FieldType::Time;
+        fade: fade, FieldType::Duration;
+        under: under, FieldType::Flag;
+    }
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -70,22 +85,6 @@ pub enum Fit {
 }
 
 impl Layer2d {
-    pub fn new(content: Layer2dContent) -> Layer2d {
-        Layer2d {
-            content,
-            at: DVec2::splat(0.5),
-            offset: DVec2::ZERO,
-            anchor: DVec2::splat(0.5),
-            opacity: 1.0,
-            scale: 1.0,
-            under: false,
-            start: Time::ZERO,
-            end: None,
-            fade: Time::ZERO,
-            channels: Vec::new(),
-        }
-    }
-
     /// How much of it is there at a time, by its span and fades.
     pub(crate) fn presence(&self, time: Time) -> f64 {
         if time < self.start || self.end.is_some_and(|end| time >= end) {

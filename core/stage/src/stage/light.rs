@@ -2,40 +2,108 @@
 
 use crate::stage::actor::Attachment;
 use crate::stage::channel::Channel;
-use choreo_asset::Light;
+use crate::stage::described::{FieldType, FieldValue, described};
+use choreo_asset::{Light, LightKind};
 use glam::{DVec3, Vec3};
 
-#[derive(Clone, Debug, PartialEq)]
-pub struct StageLight {
-    pub name: String,
-    pub light: Light,
-    pub position: DVec3,
-    /// Unit vector along which the light shines (directional and spot).
-    pub direction: Vec3,
-    /// Moves with an actor or joint: position and direction are then in its space.
-    pub parent: Option<Attachment>,
-    pub channels: Vec<Channel>,
-    /// Casts one, drawn so; `None`: shines through everything.
-    pub shadow: Option<Shadow>,
-    /// Falls off by 1 / (constant + linear · d + square · d²) in place of 1 / d²; points and spots.
-    pub attenuation: Option<[f32; 3]>,
+described! {
+    /// A light of the stage. By default it stands at the origin and shines downwards, without a shadow.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct StageLight(name: String => str, light: Light) {
+        position: DVec3 = DVec3::ZERO;
+        /// Unit vector along which the light shines (directional and spot).
+        direction: Vec3 = Vec3::NEG_Y;
+        /// How its shadow is drawn; without one it shines through everything.
+        shadow: Option<Shadow> = None;
+        /// Falls off by 1 / (constant + linear · d + square · d²) in place of 1 / d²; points and spots.
+        attenuation: Option<[f32; 3]> = None;
+        /// Moves with an actor or joint: position and direction are then in its space.
+        parent: Option<Attachment> = None;
+        channels: Vec<Channel> = Vec::new();
+    }
+    fields {
+        position: position, FieldType::Point, keys "position" Translation;
+        /// in which it shines
+        direction: direction, FieldType::Direction, keys "direction" Rotation, lacks shines_all_around;
+        color: light.color, FieldType::Color, keys "color" Color;
+        kelvin: [get |_: &StageLight| FieldValue::Unset, set |of: &mut StageLight, v| {
+            crate::stage::described::Holds::hold(&mut of.light.color, v)
+        }], FieldType::Kelvin, keys "kelvin" Color;
+        intensity: light.intensity, FieldType::Number(0.0, 1e9, ""), keys "intensity" Intensity;
+        range: light.range, FieldType::Number(1e-3, 1e9, "metres"), keys "range" Range, lacks shines_however_far;
+        /// half angle of the cone
+        outer: [get |of: &StageLight| cone(of).map_or(FieldValue::Unset, |(_, outer)| FieldValue::Number(outer.into())),
+            set |of: &mut StageLight, v| set_cone(of, None, Some(v))],
+            FieldType::Degrees(0.1, 90.0), keys "cone" Cone, lacks has_no_cone;
+        /// half angle of the cone at full intensity
+        inner: [get |of: &StageLight| cone(of).map_or(FieldValue::Unset, |(inner, _)| FieldValue::Number(inner.into())),
+            set |of: &mut StageLight, v| set_cone(of, Some(v), None)],
+            FieldType::Degrees(0.0, 90.0), lacks has_no_cone;
+    }
 }
 
-/// How the shadow of a light is drawn: a map of depths seen from the light, looked up by what is lit.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Shadow {
-    /// The most texels along a side of a map; 64 to 4096.
-    pub size: u32,
-    /// Metres over which an edge goes from dark to light, ≥ 0. A map is as coarse as this allows: a soft shadow costs less.
-    pub softness: f32,
+described! {
+    /// How the shadow of a light is drawn: a map of depths seen from the light, looked up by what is lit.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Shadow {
+        /// The most texels along a side of a map.
+        size: u32 = 2048;
+        /// Metres over which an edge goes from dark to light. A map is as coarse as this allows: a soft shadow costs less.
+        softness: f32 = 0.01;
+    }
+    fields {
+        /// size of the shadow map
+        size: size, FieldType::Number(64.0, 4096.0, "texels");
+        /// width of the soft edge
+        softness: softness, FieldType::Number(0.0, 100.0, "metres");
+    }
 }
 
 impl Shadow {
+    /// Allowed sizes of a shadow map.
     pub const SIZES: std::ops::RangeInclusive<u32> = 64..=4096;
 }
 
-impl Default for Shadow {
-    fn default() -> Shadow {
-        Shadow { size: 2048, softness: 0.01 }
+fn shines_however_far(of: &StageLight) -> Option<&'static str> {
+    (of.light.kind == LightKind::Directional).then_some("a sun shines however far")
+}
+
+fn shines_all_around(of: &StageLight) -> Option<&'static str> {
+    (of.light.kind == LightKind::Point).then_some("a point shines in all directions")
+}
+
+fn has_no_cone(of: &StageLight) -> Option<&'static str> {
+    cone(of).is_none().then_some("only a spot has a cone")
+}
+
+/// Half angles of the inner and outer cone, radians.
+fn cone(of: &StageLight) -> Option<(f32, f32)> {
+    match of.light.kind {
+        LightKind::Spot { inner, outer } => Some((inner, outer)),
+        LightKind::Directional | LightKind::Point => None,
+    }
+}
+
+fn set_cone(of: &mut StageLight, new_inner: Option<FieldValue>, new_outer: Option<FieldValue>) {
+    if let LightKind::Spot { inner, outer } = &mut of.light.kind {
+        for (angle, new) in [(inner, new_inner), (outer, new_outer)] {
+            if let Some(FieldValue::Number(radians)) = new {
+                *angle = radians as f32;
+            }
+        }
+    }
+}
+
+impl StageLight {
+    /// White, this many lux, along a direction (made unit).
+    pub fn sun(name: &str, direction: Vec3, intensity: f32) -> StageLight {
+        let light = Light { kind: LightKind::Directional, color: Vec3::ONE, intensity, range: None };
+        StageLight { direction: direction.normalize_or(Vec3::NEG_Y), ..StageLight::new(name, light) }
+    }
+
+    /// White, this many candela.
+    pub fn point(name: &str, position: DVec3, intensity: f32) -> StageLight {
+        let light = Light { kind: LightKind::Point, color: Vec3::ONE, intensity, range: None };
+        StageLight { position, ..StageLight::new(name, light) }
     }
 }

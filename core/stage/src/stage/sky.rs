@@ -1,26 +1,29 @@
 //! Light from all around: a panorama, turned and dimmed over time.
 
 use crate::stage::channel::Channel;
+use crate::stage::described::{FieldType, described};
 use choreo_asset::Panorama;
 use std::sync::Arc;
 
-/// The sky of a stage.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Sky {
-    pub panorama: Arc<Panorama>,
-    /// Radians about +Y, counter-clockwise from above.
-    pub turn: f64,
-    /// Times the panorama's radiance.
-    pub strength: f32,
-    /// Seen behind everything, in place of the stage's background.
-    pub background: bool,
-    /// [`Property::Turn`] and [`Property::Intensity`].
-    pub channels: Vec<Channel>,
-}
-
-impl Sky {
-    pub fn new(panorama: Arc<Panorama>) -> Sky {
-        Sky { panorama, turn: 0.0, strength: 1.0, background: false, channels: Vec::new() }
+described! {
+    /// The sky of a stage.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct Sky(panorama: Arc<Panorama>) {
+        /// Radians about +Y, counter-clockwise from above.
+        turn: f64 = 0.0;
+        /// Times the panorama's radiance.
+        strength: f32 = 1.0;
+        /// Seen behind everything, in place of the stage's background.
+        background: bool = false;
+        /// `Property::Turn` and `Property::Intensity`.
+        channels: Vec<Channel> = Vec::new();
+    }
+    fields {
+        /// about the vertical axis, counter-clockwise seen from above
+        turn: turn, FieldType::Degrees(-1e6, 1e6), keys "turn" Turn;
+        strength: strength, FieldType::Number(0.0, 1000.0, ""), keys "strength" Intensity;
+        /// true: visible as background
+        background: background, FieldType::Flag;
     }
 }
 

@@ -10,7 +10,7 @@ use choreo_plugin::OptionKind;
 use choreo_script::Place;
 use choreo_session::Scene;
 use choreo_session::edit::format_number;
-use choreo_stage::{ActiveClip, ActorState, Stage};
+use choreo_stage::{ActiveClip, ActorState, Described, FieldType, FieldValue, Stage, StageLight};
 use egui::{Grid, RichText, Ui};
 use glam::{DQuat, DVec3, Vec3};
 use std::ops::RangeInclusive;
@@ -160,18 +160,27 @@ fn light(ui: &mut Ui, viewer: &Viewer, stage: &Stage, index: usize) -> Option<Wa
     let light = light_at(stage.lights.get(index)?, viewer.playhead.time());
     let mut wanted = None;
     Grid::new("light").num_columns(4).show(ui, |ui| {
-        ui.label("intensity");
-        if let Some(to) =
-            values::number(ui, "light intensity", f64::from(light.light.intensity), 0.05, 0.0..=1e6)
-        {
-            wanted = Some(Wanted::Value("intensity", format_number(to)));
+        for field in StageLight::FIELDS.iter().filter(|field| (field.lacks)(&light).is_none()) {
+            let name = format!("light {}", field.name);
+            let set = match ((field.get)(&light), field.of_type) {
+                (FieldValue::Number(n), FieldType::Number(low, high, _)) => {
+                    ui.label(field.name);
+                    values::number(ui, &name, n, 0.05, low..=high).map(format_number)
+                }
+                (FieldValue::Number(n), FieldType::Degrees(low, high)) => {
+                    ui.label(field.name);
+                    values::number(ui, &name, n.to_degrees(), 0.25, low..=high).map(format_number)
+                }
+                (_, FieldType::Color) => {
+                    ui.label(field.name);
+                    let set = values::color(ui, &name, srgb(light.light.color));
+                    set.map(|[r, g, b]| format!("\"#{r:02x}{g:02x}{b:02x}\""))
+                }
+                _ => continue,
+            };
+            wanted = set.map(|value| Wanted::Value(field.name, value)).or(wanted.take());
+            ui.end_row();
         }
-        ui.end_row();
-        ui.label("color");
-        if let Some([r, g, b]) = values::color(ui, "light color", srgb(light.light.color)) {
-            wanted = Some(Wanted::Value("color", format!("\"#{r:02x}{g:02x}{b:02x}\"")));
-        }
-        ui.end_row();
         let (label, name, vector, speed) = match light.light.kind {
             LightKind::Directional => ("shines along", "direction", light.direction.as_dvec3(), 0.01),
             _ => ("stands at", "position", light.position, 0.01),
@@ -325,16 +334,7 @@ fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected) -> Vec<(String, St
         Selected::Camera(name) => {
             if let Some(camera) = stage.cameras.iter().find(|c| c.name == *name) {
                 row("rig", rig_name(&camera.rig).into());
-                let metres = |value: f32| format!("{} m", super::rounded(f64::from(value), 1e3));
-                let (near, far) = match camera.projection {
-                    Projection::Perspective { near, far, .. } => (near, far),
-                    Projection::Orthographic { height, near, far } => {
-                        row("height (orthographic)", metres(height));
-                        (near, Some(far))
-                    }
-                };
-                row("sees from", metres(near));
-                row("sees up to", far.map_or("any distance".into(), metres));
+                fields(viewer, camera, &mut row);
                 row("keys", camera.channels.len().to_string());
             }
             if let Some(shown) = viewer.shown()
@@ -351,8 +351,7 @@ fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected) -> Vec<(String, St
         Selected::Light(index) => {
             if let Some(light) = stage.lights.get(*index) {
                 row("kind", light_kind(&light.light).into());
-                let c = light.light.color;
-                row("color (linear)", format!("{:.3} {:.3} {:.3}", c.x, c.y, c.z));
+                fields(viewer, light, &mut row);
                 row("shadow", light.shadow.map_or("none".into(), |s| format!("{} texels", s.size)));
             }
         }
@@ -368,6 +367,17 @@ fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected) -> Vec<(String, St
     rows
 }
 
+/// The described fields of a cue, camera or light.
+fn fields<T: Described>(viewer: &Viewer, of: &T, row: &mut impl FnMut(&str, String)) {
+    for field in T::FIELDS.iter().filter(|field| (field.lacks)(of).is_none()) {
+        let shown = match ((field.get)(of), field.of_type) {
+            (FieldValue::Time(time), FieldType::Time) => Some(viewer.shown_time(time)),
+            _ => field.shown_with_unit(of),
+        };
+        shown.into_iter().for_each(|shown| row(&field.name.replace('_', " "), shown));
+    }
+}
+
 fn of_cue(
     viewer: &Viewer,
     stage: &Stage,
@@ -379,16 +389,9 @@ fn of_cue(
     let Some(found) = actor(stage, name).map(|a| &stage.actors[a]) else { return };
     let Some(played) = found.layers.get(layer).and_then(|l| l.cues.get(cue)) else { return };
     row("clip", played.clip.name.clone());
-    row("from", viewer.shown_time(played.start));
-    if let Some(end) = played.end {
-        row("until", viewer.shown_time(end));
-    }
-    row("fade in", format!("{} s", played.fade_in.as_secs()));
-    row("fade out", format!("{} s", played.fade_out.as_secs()));
-    row("speed", played.speed.to_string());
+    fields(viewer, played, row);
     row("repeat", format!("{:?}", played.repeat));
     row("trim", format!("{} to {} s", played.trim.0.as_secs(), played.trim.1.as_secs()));
-    row("weight", played.weight.to_string());
     let heard = found.active_clips(viewer.playhead.time());
     match shares(&heard, layer).find(|(h, _)| h.cue == cue) {
         Some((heard, share)) => {

@@ -61,7 +61,7 @@ pub fn subtractive(c: &mut Call) -> Reply {
 
 fn reference_of_cue(c: &Call) -> Result<Reference, ApiError> {
     let this: CueRef = c.this()?;
-    let clip = c.build().cue(this.0)?.clip.clone();
+    let clip = c.build().cue(this.0)?.cue.clip.clone();
     reference(c, &clip)
 }
 

@@ -1,60 +1,213 @@
-//! The options of `play` and `then`, and the methods of the same names.
+//! The options of `play` and `then`, most of which are also methods of a cue: each is described once.
 
+use crate::api::keys;
 use crate::build::CueDraft;
-use crate::call::{ApiError, Call};
+use crate::call::{ApiError, Call, Def, Gives, Reply, number, number_in, numbers, wrong};
 use crate::suggest::{did_you_mean, list};
+use crate::value::{CueRef, Kind};
 use choreo_motion::{Ease, Shape, Time};
-use choreo_stage::{Property, Repeat, SpeedCurve, TimeRemapping};
+use choreo_stage::{Channel, Property, Repeat, SpeedCurve, TimeRemapping};
 use rhai::Dynamic;
 use std::sync::Arc;
 
-const OPTIONS: &[&str] = &[
-    "from", "until", "fade", "fade_out", "speed", "ease", "trim", "repeat", "reverse", "weight", "in_step",
-    "inertial",
-];
+/// An option of `play` and `then`.
+pub struct CueOption {
+    pub name: &'static str,
+    set: fn(&Call, &mut CueDraft, &Given) -> Result<(), ApiError>,
+}
 
+/// The value of an option, or the argument of the method of the same name.
+struct Given {
+    value: Dynamic,
+    label: String,
+    /// The interpolation of keyframes.
+    how: &'static str,
+}
+
+impl Given {
+    fn duration(&self) -> Result<Time, ApiError> {
+        crate::call::duration(&self.value, &self.label)
+    }
+    fn flag(&self) -> Result<bool, ApiError> {
+        self.value.as_bool().map_err(|_| wrong(&self.value, &self.label, "true or false"))
+    }
+}
+
+/// Declares options with their methods as in [`api!`](crate::call::api); `option` declares one without a method.
+macro_rules! options {
+    ($($(#[doc = $doc:literal])+ $name:ident($args:literal) = $set:expr;)* $(option $only:ident = $only_set:expr;)*) => {
+        pub const OPTIONS: &[CueOption] = &[
+            $(CueOption { name: stringify!($name), set: $set },)*
+            $(CueOption { name: stringify!($only), set: $only_set },)*
+        ];
+        pub const DEFS: &[Def] = &[$(Def {
+            on: Kind::Cue,
+            name: stringify!($name),
+            args: $args,
+            gives: Gives::Itself,
+            doc: &[$($doc),+],
+            options: None,
+            frame: false,
+            tests: false,
+            run: method,
+        }),*];
+    };
+}
+
+// In the order in which they are applied: a negative speed comes before `reverse`.
+options! {
+    /// Sets the start time of the cue.
+    from("time") = |c, cue, given| {
+        cue.start = Some(c.stage_time(&given.value, &given.label)?);
+        Ok(())
+    };
+    /// Sets the end time of the cue. On the base layer the next cue takes over, or the pose is held; on other
+    /// layers the cue has faded out by then.
+    until("time") = |c, cue, given| {
+        cue.until = Some(c.stage_time(&given.value, &given.label)?);
+        Ok(())
+    };
+    /// Sets the duration of the crossfade or fade-in in seconds (default 0); on a layer also that of the fade-out.
+    fade("seconds") = |_, cue, given| {
+        cue.cue.fade_in = given.duration()?;
+        cue.fade_out = Some(cue.cue.fade_in);
+        Ok(())
+    };
+    /// Sets the duration of the fade-out of a layer in seconds.
+    fade_out("seconds") = |_, cue, given| {
+        cue.fade_out = Some(given.duration()?);
+        Ok(())
+    };
+    /// Sets the easing of the fades: "linear" (the default), "smooth", one of in_, out_ or in_out_ with sine, quad,
+    /// cubic, quart, quint, expo or circ ("in_out_cubic"), or a Bézier curve [x1, y1, x2, y2] as in CSS.
+    ease("how") = |_, cue, given| {
+        cue.cue.ease = ease_of(&given.value, &given.label)?;
+        Ok(())
+    };
+    /// Sets the playback speed: clip seconds per second (default 1, 0.001 to 1000; negative plays backwards). Or
+    /// keyframes of it, [[time, factor], …]; `how` as in Actor.key.
+    speed("factor | keys, how?") = speed;
+    /// Plays only this part of the clip, in seconds of the clip.
+    trim("start, end") = trim;
+    /// Plays backwards.
+    reverse("") = |_, cue, given| {
+        cue.reverse ^= given.flag()?;
+        Ok(())
+    };
+    /// Sets the weight of the cue: 0 not at all, 1 fully (default 1). Or keyframes of it, [[time, weight], …];
+    /// `how` as in Actor.key.
+    weight("weight | keys, how?") = |c, cue, given| {
+        if given.value.is_array() {
+            cue.cue.weight_keys = Some(Arc::new(weight_keys(c, given)?));
+        } else {
+            cue.cue.weight = number_in(&given.value, &given.label, 0.0, 1.0)? as f32;
+            cue.cue.weight_keys = None;
+        }
+        Ok(())
+    };
+    option repeat = |_, cue, given| {
+        cue.repeat = Some(match crate::call::one_of(&given.value, &given.label, &["once", "loop", "ping_pong"])? {
+            "once" => Repeat::Once,
+            "loop" => Repeat::Loop,
+            _ => Repeat::PingPong,
+        });
+        Ok(())
+    };
+    option in_step = |_, cue, given| {
+        cue.in_step = given.flag()?;
+        Ok(())
+    };
+    option inertial = |_, cue, given| {
+        cue.cue.inertialization = given.duration()?;
+        Ok(())
+    };
+}
+
+/// Reads the option map at `i` into a cue.
 pub fn read_options(c: &Call, i: usize, cue: &mut CueDraft) -> Result<(), ApiError> {
-    let o = c.options(i, OPTIONS)?;
-    let time = |name: &str| o.get(name).map(|v| c.stage_time(&v, &o.label(name))).transpose();
-    cue.start = time("from")?.or(cue.start);
-    cue.until = time("until")?.or(cue.until);
-    cue.fade_in = o.duration("fade")?.unwrap_or(cue.fade_in);
-    cue.fade_out = o.duration("fade_out")?.or(o.duration("fade")?).or(cue.fade_out);
-    if let Some(speed) = o.get("speed") {
-        set_speed(c, cue, &speed, "linear", &o.label("speed"))?;
+    let names: Vec<&str> = OPTIONS.iter().map(|option| option.name).collect();
+    let o = c.options(i, &names)?;
+    for option in OPTIONS {
+        if let Some(value) = o.get(option.name) {
+            (option.set)(c, cue, &Given { value, label: o.label(option.name), how: "linear" })?;
+        }
     }
-    cue.in_step = o.flag("in_step")?.unwrap_or(cue.in_step);
-    cue.inertialization = o.duration("inertial")?.unwrap_or(cue.inertialization);
-    if let Some(ease) = o.get("ease") {
-        cue.ease = ease_of(&ease, &o.label("ease"))?;
+    Ok(())
+}
+
+/// The method of the same name as an option.
+fn method(c: &mut Call) -> Reply {
+    let Some(option) = OPTIONS.iter().find(|option| option.name == c.def.name) else { return c.itself() };
+    let how = if c.len() > 1 && c.def.args.ends_with("how?") { keys::how(c, 1)? } else { "linear" };
+    let (value, label) = match c.len() {
+        0 => (Dynamic::TRUE, option.name.to_string()),
+        2 if c.def.args == "start, end" => (vec![c.value(0), c.value(1)].into(), option.name.to_string()),
+        _ if c.value(0).is_array() => (c.value(0), option.name.to_string()),
+        _ => (c.value(0), c.label(0)),
+    };
+    change_copy(c, |cue| (option.set)(c, cue, &Given { value, label, how }))
+}
+
+/// Changes a copy of the cue, so that the build stays accessible while the values of the script are read.
+pub fn change_copy(c: &Call, change: impl FnOnce(&mut CueDraft) -> Result<(), ApiError>) -> Reply {
+    let this: CueRef = c.this()?;
+    let mut draft = c.build().cue(this.0)?.clone();
+    change(&mut draft)?;
+    *c.build().cue(this.0)? = draft;
+    c.itself()
+}
+
+fn weight_keys(c: &Call, given: &Given) -> Result<Channel, ApiError> {
+    let within = |v: &Dynamic, label: &str| number_in(v, label, 0.0, 1.0);
+    keys::scalars(c, &given.value, &given.label, given.how, Property::Weight, &within)
+}
+
+/// Sets the playback speed: a factor, or keyframes of it over stage time.
+fn speed(c: &Call, cue: &mut CueDraft, given: &Given) -> Result<(), ApiError> {
+    let Given { value, label, how } = given;
+    if value.is_array() {
+        let within = |v: &Dynamic, label: &str| number_in(v, label, -1000.0, 1000.0);
+        let keys = keys::scalars(c, value, label, how, Property::Speed, &within)?;
+        cue.cue.time_remapping = Some(Arc::new(TimeRemapping::Speed(SpeedCurve::new(keys))));
+        return Ok(());
     }
-    if let Some(trim) = o.get("trim") {
-        let ends = crate::call::numbers(&trim).filter(|n| n.len() == 2);
-        let ends = ends.ok_or_else(|| crate::call::wrong(&trim, &o.label("trim"), "[start, end]"))?;
-        set_trim(cue, Time::from_secs(ends[0]), Time::from_secs(ends[1]))?;
+    let speed = number(value, label)?;
+    if !(0.001..=1000.0).contains(&speed.abs()) {
+        return Err(ApiError::new(format!(
+            "{label} must be from 0.001 to 1000 (or negative, backwards), got {speed:?}"
+        )));
     }
-    match o.one_of("repeat", &["once", "loop", "ping_pong"])? {
-        Some("once") => cue.repeat = Some(Repeat::Once),
-        Some("loop") => cue.repeat = Some(Repeat::Loop),
-        Some(_) => cue.repeat = Some(Repeat::PingPong),
-        None => {}
+    cue.cue.time_remapping = None;
+    cue.cue.speed = speed.abs();
+    cue.reverse = speed < 0.0;
+    Ok(())
+}
+
+fn trim(_: &Call, cue: &mut CueDraft, given: &Given) -> Result<(), ApiError> {
+    let ends = numbers(&given.value).filter(|ends| ends.len() == 2);
+    let ends = ends.ok_or_else(|| wrong(&given.value, &given.label, "[start, end]"))?;
+    let (start, end) = (Time::from_secs(ends[0]), Time::from_secs(ends[1]));
+    let clip = &cue.cue.clip;
+    if start < Time::ZERO || end > clip.duration || start >= end {
+        return Err(ApiError::new(format!(
+            "trim: from {} s to {} s is no part of clip \"{}\", which runs from 0 s to {} s",
+            start.as_secs(),
+            end.as_secs(),
+            clip.name,
+            clip.duration.as_secs()
+        )));
     }
-    if o.flag("reverse")? == Some(true) {
-        cue.reverse = !cue.reverse;
-    }
-    if let Some(weight) = o.get("weight") {
-        set_weight(c, cue, &weight, "linear", &o.label("weight"))?;
-    }
+    cue.trim = Some((start, end));
     Ok(())
 }
 
 /// Reads an easing: a name, `in_out_cubic`, or the control points of a Bézier curve, `[x1, y1, x2, y2]`.
 pub fn ease_of(value: &Dynamic, label: &str) -> Result<Ease, ApiError> {
-    if let Some(points) = crate::call::numbers(value) {
+    if let Some(points) = numbers(value) {
         let bezier = <[f64; 4]>::try_from(points).ok().filter(|p| p.iter().all(|v| (0.0..=1.0).contains(v)));
         return bezier
             .map(Ease::Bezier)
-            .ok_or_else(|| crate::call::wrong(value, label, "[x1, y1, x2, y2] with numbers from 0 to 1"));
+            .ok_or_else(|| wrong(value, label, "[x1, y1, x2, y2] with numbers from 0 to 1"));
     }
     let name = crate::call::text(value, label)?;
     match name.as_str() {
@@ -76,64 +229,4 @@ pub fn ease_of(value: &Dynamic, label: &str) -> Result<Ease, ApiError> {
     Err(ApiError::new(format!("{label}: unknown ease \"{name}\"{}", did_you_mean(&name, names.clone())))
         .focus(name.clone())
         .hint(format!("known: {}, or a Bézier curve, [x1, y1, x2, y2]", list(names, 30))))
-}
-
-/// Sets a weight from 0 to 1, or keyframes of it, [[time, weight], …].
-pub fn set_weight(
-    c: &Call,
-    cue: &mut CueDraft,
-    value: &Dynamic,
-    how: &str,
-    label: &str,
-) -> Result<(), ApiError> {
-    if !value.is_array() {
-        cue.weight = crate::call::number_in(value, label, 0.0, 1.0)? as f32;
-        cue.weight_keys = None;
-        return Ok(());
-    }
-    let weight = |v: &Dynamic, label: &str| crate::call::number_in(v, label, 0.0, 1.0);
-    let keys = super::super::keys::scalars(c, value, label, how, Property::Weight, &weight)?;
-    cue.weight_keys = Some(Arc::new(keys));
-    Ok(())
-}
-
-/// Sets the playback speed: a factor, or keyframes of it over stage time.
-pub fn set_speed(
-    c: &Call,
-    cue: &mut CueDraft,
-    value: &Dynamic,
-    how: &str,
-    label: &str,
-) -> Result<(), ApiError> {
-    if value.is_array() {
-        let speed = |v: &Dynamic, label: &str| crate::call::number_in(v, label, -1000.0, 1000.0);
-        let keys = super::super::keys::scalars(c, value, label, how, Property::Speed, &speed)?;
-        cue.time_remapping = Some(Arc::new(TimeRemapping::Speed(SpeedCurve::new(keys))));
-        return Ok(());
-    }
-    let speed = crate::call::number(value, label)?;
-    if !(0.001..=1000.0).contains(&speed.abs()) {
-        return Err(ApiError::new(format!(
-            "{label} must be from 0.001 to 1000 (or negative, backwards), got {speed:?}"
-        )));
-    }
-    cue.time_remapping = None;
-    cue.speed = speed.abs();
-    cue.reverse = speed < 0.0;
-    Ok(())
-}
-
-pub fn set_trim(cue: &mut CueDraft, start: Time, end: Time) -> Result<(), ApiError> {
-    let duration = cue.clip.duration;
-    if start < Time::ZERO || end > duration || start >= end {
-        return Err(ApiError::new(format!(
-            "trim: from {} s to {} s is no part of clip \"{}\", which runs from 0 s to {} s",
-            start.as_secs(),
-            end.as_secs(),
-            cue.clip.name,
-            duration.as_secs()
-        )));
-    }
-    cue.trim = Some((start, end));
-    Ok(())
 }

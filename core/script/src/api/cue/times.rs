@@ -12,32 +12,25 @@ impl CueDraft {
     pub fn cue(&self, start: Time) -> Cue {
         Cue {
             start,
-            fade_in: self.fade_in,
-            ease: self.ease,
-            speed: if self.reverse { -self.speed } else { self.speed },
+            speed: if self.reverse { -self.cue.speed } else { self.cue.speed },
             trim: self.part(),
-            weight: self.weight,
-            weight_keys: self.weight_keys.clone(),
-            time_remapping: self.time_remapping.clone(),
-            freezes: self.freezes.clone(),
-            inertialization: self.inertialization,
-            ..Cue::new(self.clip.clone())
+            ..self.cue.clone()
         }
     }
 
     /// Whether the clip plays at one constant speed.
     pub fn is_even(&self) -> bool {
-        self.time_remapping.is_none() && self.freezes.is_empty()
+        self.cue.time_remapping.is_none() && self.cue.freezes.is_empty()
     }
 
     pub fn part(&self) -> (Time, Time) {
-        self.trim.unwrap_or((Time::ZERO, self.clip.duration))
+        self.trim.unwrap_or((Time::ZERO, self.cue.clip.duration))
     }
 
     /// Duration of the trimmed part, played once at its speed.
     pub fn length(&self) -> Time {
         let (start, end) = self.part();
-        (end - start).scaled(1.0 / self.speed)
+        (end - start).scaled(1.0 / self.cue.speed)
     }
 
     /// The repeat mode of the script. By default layers and cues that another follows play once; others loop.
@@ -70,7 +63,7 @@ fn cue_times(
         Some((before, (_, Some(end)))) => {
             // Where the one before is not cut off but ends by itself, this one comes in while it still moves.
             let natural = before.until.is_none();
-            end - if natural { cue.fade_in.min(before.length()) } else { Time::ZERO }
+            end - if natural { cue.cue.fade_in.min(before.length()) } else { Time::ZERO }
         }
     };
     let start = cue.start.unwrap_or(start);
@@ -127,12 +120,12 @@ pub fn time_of(c: &mut Call) -> Reply {
     let value = c.value(0);
     let draft = c.build().cue(this.0)?.clone();
     let at = if value.is_string() {
-        super::super::together::clip_marker(c, &draft.clip, &c.text(0)?)?
+        super::super::sequences::clip_marker(c, &draft.cue.clip, &c.text(0)?)?
     } else {
         c.duration(0)?
     };
     let (start, end) = draft.part();
-    let name = &draft.clip.name;
+    let name = &draft.cue.clip.name;
     if at < start || at > end {
         return Err(ApiError::new(format!(
             "time_of: {} s is not in the part of clip \"{name}\" that is played, {} s to {} s",

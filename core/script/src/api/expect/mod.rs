@@ -4,82 +4,114 @@ mod places;
 
 use super::actor::morph_targets;
 use super::values::{COUNTS, PLAN_COUNTS, value};
-use crate::call::{ApiError, Call, Def, Gives, Options, Reply};
+use crate::call::{ApiError, Call, Options, Reply, api};
 use crate::suggest::did_you_mean;
-use crate::testing::*;
-use crate::value::*;
+use crate::testing::{
+    Contact, ExpectRef, Measure, Quantity, SameWhat, Subject, TextsQuantity, VectorQuantity, When,
+};
+use crate::value::{ActorRef, CameraRef, ClipRef, JointRef, LightRef, PlanRef, StageRef};
 use choreo_motion::Time;
-use places::*;
+use places::{
+    acceleration, angle_to, component, direction, distance, in_picture, jerk, length, position, relative_to,
+    rotation, scale, size, speed, turn_speed,
+};
 use rhai::Dynamic;
 
-const THIS: Gives = Gives::A(Kind::Expect);
-
-const fn selector(
-    name: &'static str,
-    args: &'static str,
-    about: &'static str,
-    run: fn(&mut Call) -> Reply,
-) -> Def {
-    Def::new(Kind::Expect, name, args, THIS, about, run).in_tests()
+api! {
+    /// Chooses what is tested: an Actor, Joint, Camera or Light (its position, unless another property is chosen),
+    /// `stage()`, `plan()`, or a value.
+    expect("what") -> Expect = expect, in_tests;
+    /// Tests at one time only. Without at and during, every frame of the stage is tested.
+    Expect.at("time") -> Expect = at, in_tests;
+    /// Tests every frame from one time to another, both included.
+    Expect.during("from, until") -> Expect = during, in_tests;
+    /// Tests at this interval in seconds in place of once per frame. Speeds are then measured over this interval.
+    Expect.every("seconds") -> Expect = every, in_tests;
+    /// Negates the next comparison: it must fail at every tested time.
+    Expect.not("") -> Expect = not, in_tests;
+    /// Requires the next comparison to hold at one tested time in place of all. After .not() it must fail at one.
+    Expect.sometime("") -> Expect = sometime, in_tests;
+    /// Selects the position in metres.
+    Expect.position("") -> Expect = position, in_tests;
+    /// Selects the rotation.
+    Expect.rotation("") -> Expect = rotation, in_tests;
+    /// Selects the direction, a unit vector: +z of actors and joints, the viewing direction of cameras, the
+    /// direction in which lights shine.
+    Expect.direction("") -> Expect = direction, in_tests;
+    /// Selects the scale relative to the file, along the own axes.
+    Expect.scale("") -> Expect = scale, in_tests;
+    /// Selects the extent of an actor in its pose, along x, y and z, in metres.
+    Expect.size("") -> Expect = size, in_tests;
+    /// Transforms a position or rotation into the space of an actor or joint.
+    Expect.relative_to("actor_or_joint") -> Expect = relative_to, in_tests;
+    /// Selects the position in the image: x from 0 (left) to 1 (right), y from 0 (top) to 1 (bottom), z in metres
+    /// in front of the camera. The camera is the active one unless another is given.
+    Expect.in_picture("camera?") -> Expect = in_picture, in_tests;
+    /// Selects the first number of a point.
+    Expect.x("") -> Expect = |c| component(c, 0), in_tests;
+    /// Selects the second number of a point.
+    Expect.y("") -> Expect = |c| component(c, 1), in_tests;
+    /// Selects the third number of a point.
+    Expect.z("") -> Expect = |c| component(c, 2), in_tests;
+    /// Selects the distance of a point from the origin of its space.
+    Expect.length("") -> Expect = length, in_tests;
+    /// Selects the distance to an actor, joint or point in metres.
+    Expect.distance("target") -> Expect = distance, in_tests;
+    /// Selects the angle between its direction and an actor, joint or point, in degrees.
+    Expect.angle_to("target") -> Expect = angle_to, in_tests;
+    /// Selects the speed in metres per second, since the frame before.
+    Expect.speed("") -> Expect = speed, in_tests;
+    /// Selects the acceleration in metres per second², from the frames before and after.
+    Expect.acceleration("") -> Expect = acceleration, in_tests;
+    /// Selects the jerk in metres per second³, from four frames. It is large where the motion pops.
+    Expect.jerk("") -> Expect = jerk, in_tests;
+    /// Selects the angular speed in degrees per second, since the frame before.
+    Expect.turn_speed("") -> Expect = turn_speed, in_tests;
+    /// Selects the weight of a clip, 0 to 1: of an actor, in the layer that plays it; of a joint, in its pose, with
+    /// all layers.
+    Expect.weight("clip") -> Expect = weight, in_tests;
+    /// Selects the time of the clip that an actor is at, in seconds of the clip.
+    Expect.clip_time("clip") -> Expect = clip_time, in_tests;
+    /// Selects the weight of a morph target.
+    Expect.morph("name") -> Expect = morph, in_tests;
+    /// Selects the color by which an actor is multiplied, linear.
+    Expect.tint("") -> Expect = tint, in_tests;
+    /// Selects the color of a light, linear.
+    Expect.color("") -> Expect = color, in_tests;
+    /// Selects the intensity of a light.
+    Expect.intensity("") -> Expect = intensity, in_tests;
+    /// Selects the vertical field of view of a camera in degrees.
+    Expect.fov("") -> Expect = fov, in_tests;
+    /// Selects y of the lowest point of an actor in its pose, in metres.
+    Expect.lowest("") -> Expect = lowest, in_tests;
+    /// Selects y of the highest point of an actor in its pose, in metres.
+    Expect.highest("") -> Expect = highest, in_tests;
+    /// Selects the foot sliding of a joint: metres along the floor since it touched down, 0 while it is in the air.
+    /// Options: height (a joint this low is on the floor, metres, default 0.03), speed (a joint that rises or sinks
+    /// faster is not on the floor, metres per second, default 0.5), ground (y of the floor, default 0).
+    Expect.slide("options?") -> Expect = slide, in_tests;
+    /// Selects the height of an actor in the image, as a fraction of the image height.
+    Expect.picture_height("camera?") -> Expect = picture_height, in_tests;
+    /// Selects the fraction of an actor's vertices that are inside the image. Occlusion is ignored.
+    Expect.picture_share("camera?") -> Expect = picture_share, in_tests;
+    /// Selects the angle in the image between up and the +y axis of an actor or joint, in degrees.
+    Expect.tilt("camera?") -> Expect = tilt, in_tests;
+    /// Selects a number. Of a stage: "actors", "cameras", "cuts", "lights", "effects", "layers", "cues",
+    /// "callbacks", "assets", "joints", "triangles", "vertices", "frames".
+    /// - Of a plan: "passes", "post_passes", "pipelines", "draws", "copies" (instances), "triangles", "lights",
+    ///   "joint_matrices", "morphs", "shadow_maps", "overlay_triangles" (those that effects draw; two per line or
+    ///   point).
+    Expect.count("what") -> Expect = count, in_tests;
+    /// Selects the events: starts and ends of cues ("anna: Walk starts"), look-at constraints ("anna: look ends"),
+    /// cuts ("cut to wide") and effects ("vignette starts"). Of an actor, only its own.
+    Expect.events("") -> Expect = events, in_tests;
+    /// Selects the warnings about the script and the assets on stage, as lines.
+    Expect.warnings("") -> Expect = warnings, in_tests;
+    /// Selects the lines that the script printed.
+    Expect.printed("") -> Expect = printed, in_tests;
+    /// Selects the names of the active effects.
+    Expect.effects("") -> Expect = effects, in_tests;
 }
-
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::None,
-        "expect",
-        "what",
-        THIS,
-        "Chooses what is tested: an Actor, Joint, Camera or Light (its position, unless another property is chosen), `stage()`, `plan()`, or a value.",
-        expect,
-    )
-    .in_tests(),
-    selector("at", "time", "Tests at one time only. Without at and during, every frame of the stage is tested.", at),
-    selector("during", "from, until", "Tests every frame from one time to another, both included.", during),
-    selector(
-        "every",
-        "seconds",
-        "Tests at this interval in seconds in place of once per frame. Speeds are then measured over this interval.",
-        every,
-    ),
-    selector("not", "", "Negates the next comparison: it must fail at every tested time.", not),
-    selector("sometime", "", "Requires the next comparison to hold at one tested time in place of all. After .not() it must fail at one.", sometime),
-    selector("position", "", "Selects the position in metres.", position),
-    selector("rotation", "", "Selects the rotation.", rotation),
-    selector("direction", "", "Selects the direction, a unit vector: +z of actors and joints, the viewing direction of cameras, the direction in which lights shine.", direction),
-    selector("scale", "", "Selects the scale relative to the file, along the own axes.", scale),
-    selector("size", "", "Selects the extent of an actor in its pose, along x, y and z, in metres.", size),
-    selector("relative_to", "actor_or_joint", "Transforms a position or rotation into the space of an actor or joint.", relative_to),
-    selector("in_picture", "camera?", "Selects the position in the image: x from 0 (left) to 1 (right), y from 0 (top) to 1 (bottom), z in metres in front of the camera. The camera is the active one unless another is given.", in_picture),
-    selector("x", "", "Selects the first number of a point.", |c| component(c, 0)),
-    selector("y", "", "Selects the second number of a point.", |c| component(c, 1)),
-    selector("z", "", "Selects the third number of a point.", |c| component(c, 2)),
-    selector("length", "", "Selects the distance of a point from the origin of its space.", length),
-    selector("distance", "target", "Selects the distance to an actor, joint or point in metres.", distance),
-    selector("angle_to", "target", "Selects the angle between its direction and an actor, joint or point, in degrees.", angle_to),
-    selector("speed", "", "Selects the speed in metres per second, since the frame before.", speed),
-    selector("acceleration", "", "Selects the acceleration in metres per second², from the frames before and after.", acceleration),
-    selector("jerk", "", "Selects the jerk in metres per second³, from four frames. It is large where the motion pops.", jerk),
-    selector("turn_speed", "", "Selects the angular speed in degrees per second, since the frame before.", turn_speed),
-    selector("weight", "clip", "Selects the weight of a clip, 0 to 1: of an actor, in the layer that plays it; of a joint, in its pose, with all layers.", weight),
-    selector("clip_time", "clip", "Selects the time of the clip that an actor is at, in seconds of the clip.", clip_time),
-    selector("morph", "name", "Selects the weight of a morph target.", morph),
-    selector("tint", "", "Selects the color by which an actor is multiplied, linear.", tint),
-    selector("color", "", "Selects the color of a light, linear.", color),
-    selector("intensity", "", "Selects the intensity of a light.", intensity),
-    selector("fov", "", "Selects the vertical field of view of a camera in degrees.", fov),
-    selector("lowest", "", "Selects y of the lowest point of an actor in its pose, in metres.", lowest),
-    selector("highest", "", "Selects y of the highest point of an actor in its pose, in metres.", highest),
-    selector("slide", "options?", "Selects the foot sliding of a joint: metres along the floor since it touched down, 0 while it is in the air. Options: height (a joint this low is on the floor, metres, default 0.03), speed (a joint that rises or sinks faster is not on the floor, metres per second, default 0.5), ground (y of the floor, default 0).", slide),
-    selector("picture_height", "camera?", "Selects the height of an actor in the image, as a fraction of the image height.", picture_height),
-    selector("picture_share", "camera?", "Selects the fraction of an actor's vertices that are inside the image. Occlusion is ignored.", picture_share),
-    selector("tilt", "camera?", "Selects the angle in the image between up and the +y axis of an actor or joint, in degrees.", tilt),
-    selector("count", "what", "Selects a number. Of a stage: \"actors\", \"cameras\", \"cuts\", \"lights\", \"effects\", \"layers\", \"cues\", \"callbacks\", \"assets\", \"joints\", \"triangles\", \"vertices\", \"frames\".\n\
-         Of a plan: \"passes\", \"post_passes\", \"pipelines\", \"draws\", \"copies\" (instances), \"triangles\", \"lights\", \"joint_matrices\", \"morphs\", \"shadow_maps\", \"overlay_triangles\" (those that effects draw; two per line or point).", count),
-    selector("events", "", "Selects the events: starts and ends of cues (\"anna: Walk starts\"), look-at constraints (\"anna: look ends\"), cuts (\"cut to wide\") and effects (\"vignette starts\"). Of an actor, only its own.", events),
-    selector("warnings", "", "Selects the warnings about the script and the assets on stage, as lines.", warnings),
-    selector("printed", "", "Selects the lines that the script printed.", printed),
-    selector("effects", "", "Selects the names of the active effects.", effects),
-];
 
 fn expect(c: &mut Call) -> Reply {
     let given = c.value(0);
@@ -235,7 +267,7 @@ fn clip_name(c: &Call, actor: usize) -> Result<String, ApiError> {
     let build = c.build();
     let of_actor = |chain: usize| build.chains.get(chain).is_some_and(|chain| chain.actor == actor);
     let played: Vec<&str> =
-        build.cues.iter().filter(|cue| of_actor(cue.chain)).map(|cue| cue.clip.name.as_str()).collect();
+        build.cues.iter().filter(|cue| of_actor(cue.chain)).map(|cue| cue.cue.clip.name.as_str()).collect();
     if played.contains(&name.as_str()) {
         return Ok(name);
     }

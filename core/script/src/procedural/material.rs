@@ -60,56 +60,144 @@ pub const OPTIONS: [&str; 45] = [
     "environment_map",
 ];
 
-/// The material, and the pictures that it names by number.
-pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), ApiError> {
-    let other_maps = ["normal_map", "opacity_map", "height_map", "specular_map", "reflection_map"];
-    let alone = !other_maps.into_iter().any(|name| o.get(name).is_some());
-    let mut cells = None;
-    let mut image = match o.get("image").is_some_and(|v| v.is_array()) && alone {
-        // As cells of one picture, which other maps have not.
-        true => {
-            let all = maps::pictures(o, "image")?;
-            let (image, [columns, rows]) = maps::side_by_side(o, &all)?;
-            cells = Some([columns, rows, all.len() as u32]);
-            Some(image)
-        }
-        false => given(o, "image")?,
-    };
-    if let Some(map) = given(o, "opacity_map")? {
-        let base = image.unwrap_or_else(|| maps::white(&map));
-        image = Some(join(o, ["image", "opacity_map"], &base, &map, Rule::Opacity)?);
-    }
-    let depth = o.number_in("depth", 0.0, 1.0)?;
-    let mut normal_map = given(o, "normal_map")?;
-    let height_map = given(o, "height_map")?;
-    if depth.is_some() && height_map.is_none() {
-        let text = format!("{}: depth says more of height_map, which is not given", o.function);
-        return Err(ApiError::new(text).focus("depth"));
-    }
-    let relief = height_map.as_ref().map_or(0.0, |_| depth.unwrap_or(0.05) as f32);
-    if let Some(heights) = height_map {
-        normal_map = Some(match normal_map {
-            Some(normals) => join(o, ["normal_map", "height_map"], &normals, &heights, Rule::Heights)?,
-            None => {
-                let alone = ImageRef { files: None, ..heights.clone() };
-                join(o, ["height_map"; 2], &alone, &heights, Rule::HeightsAlone(relief))?
+/// The images that the options of a material name.
+struct Maps {
+    image: Option<ImageRef>,
+    /// Columns, rows and count of images that were given one after the other.
+    cells: Option<[u32; 3]>,
+    normal_map: Option<ImageRef>,
+    /// Depth of parallax mapping, 0 without a height map.
+    relief: f32,
+    specular_map: Option<ImageRef>,
+    reflection_map: Option<ImageRef>,
+    environment_map: Option<ImageRef>,
+}
+
+impl Maps {
+    fn read(o: &Options) -> Result<Maps, ApiError> {
+        let other_maps = ["normal_map", "opacity_map", "height_map", "specular_map", "reflection_map"];
+        let alone = !other_maps.into_iter().any(|name| o.get(name).is_some());
+        let mut cells = None;
+        let mut image = match o.get("image").is_some_and(|v| v.is_array()) && alone {
+            // As cells of one picture, which other maps have not.
+            true => {
+                let all = maps::pictures(o, "image")?;
+                let (image, [columns, rows]) = maps::side_by_side(o, &all)?;
+                cells = Some([columns, rows, all.len() as u32]);
+                Some(image)
             }
-        });
+            false => given(o, "image")?,
+        };
+        if let Some(map) = given(o, "opacity_map")? {
+            let base = image.unwrap_or_else(|| maps::white(&map));
+            image = Some(join(o, ["image", "opacity_map"], &base, &map, Rule::Opacity)?);
+        }
+        let depth = o.number_in("depth", 0.0, 1.0)?;
+        let mut normal_map = given(o, "normal_map")?;
+        let height_map = given(o, "height_map")?;
+        if depth.is_some() && height_map.is_none() {
+            let text = format!("{}: depth says more of height_map, which is not given", o.function);
+            return Err(ApiError::new(text).focus("depth"));
+        }
+        let relief = height_map.as_ref().map_or(0.0, |_| depth.unwrap_or(0.05) as f32);
+        if let Some(heights) = height_map {
+            normal_map = Some(match normal_map {
+                Some(normals) => join(o, ["normal_map", "height_map"], &normals, &heights, Rule::Heights)?,
+                None => {
+                    let alone = ImageRef { files: None, ..heights.clone() };
+                    join(o, ["height_map"; 2], &alone, &heights, Rule::HeightsAlone(relief))?
+                }
+            });
+        }
+        let specular_map = given(o, "specular_map")?;
+        let reflection_map = given(o, "reflection_map")?;
+        let environment_map = super::reflection::environment_map(o)?;
+        Ok(Maps { image, cells, normal_map, relief, specular_map, reflection_map, environment_map })
     }
-    let specular_map = given(o, "specular_map")?;
-    let reflection_map = given(o, "reflection_map")?;
-    let environment_map = super::reflection::environment_map(o)?;
-    let of = |map: &Option<ImageRef>| map.as_ref().and_then(|i| i.files.clone());
-    let normal_name = if o.get("normal_map").is_some() { "normal_map" } else { "height_map" };
-    let image_name = if o.get("image").is_some() { "image" } else { "opacity_map" };
-    let follow = [
-        (TextureSlot::BaseColor, image_name, of(&image)),
-        (TextureSlot::Normal, normal_name, of(&normal_map)),
-        (TextureSlot::SpecularColor, "specular_map", of(&specular_map)),
-        (TextureSlot::Specular, "reflection_map", of(&reflection_map)),
-    ];
+
+    /// The maps that show several images one after the other, with the slot and the option of each.
+    fn sequences(&self, o: &Options) -> [(TextureSlot, &'static str, Option<Following>); 4] {
+        let Maps { image, normal_map, specular_map, reflection_map, .. } = self;
+        let of = |map: &Option<ImageRef>| map.as_ref().and_then(|i| i.files.clone());
+        let normal_name = if o.get("normal_map").is_some() { "normal_map" } else { "height_map" };
+        let image_name = if o.get("image").is_some() { "image" } else { "opacity_map" };
+        [
+            (TextureSlot::BaseColor, image_name, of(image)),
+            (TextureSlot::Normal, normal_name, of(normal_map)),
+            (TextureSlot::SpecularColor, "specular_map", of(specular_map)),
+            (TextureSlot::Specular, "reflection_map", of(reflection_map)),
+        ]
+    }
+
+    /// Puts the maps on the material; the images that it names by number.
+    fn apply(self, o: &Options, material: &mut Material) -> Result<Vec<Arc<Image>>, ApiError> {
+        let tiles = o.number_in("tiles", 1.0, 4096.0)?;
+        let second = o.color("checker")?;
+        let Maps { image, normal_map, relief, specular_map, reflection_map, environment_map, .. } = self;
+        let base = material.base_color;
+        let mut images = Vec::new();
+        let mut texture = |image: Arc<Image>, sampler: Sampler, scale: f64| {
+            images.push(image);
+            let uv_transform = Affine2::from_scale(Vec2::splat(scale as f32));
+            TextureRef { image: images.len() as u32 - 1, sampler, uv_set: 0, uv_transform }
+        };
+        let fail = |text: &str, word: &str| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));
+        let scale = tiles.unwrap_or(1.0);
+        match (image, second) {
+            (Some(_), Some(_)) => {
+                return fail("checker makes a picture of its own; leave image or checker out", "checker");
+            }
+            (Some(given), None) => {
+                let files = given.files.as_ref();
+                material.alpha_mode = files.map_or_else(|| of_picture(&given.image), |f| f.alpha);
+                material.base_color_texture = Some(texture(given.image, given.sampler, scale));
+            }
+            (None, Some(second)) => {
+                let sampler = Sampler { mag_linear: false, ..Sampler::default() };
+                material.base_color = Vec4::new(1.0, 1.0, 1.0, base.w);
+                material.base_color_texture =
+                    Some(texture(checker(base, second), sampler, tiles.unwrap_or(10.0) / 2.0));
+            }
+            (None, None)
+                if tiles.is_some()
+                    && normal_map.is_none()
+                    && specular_map.is_none()
+                    && reflection_map.is_none() =>
+            {
+                return fail("tiles needs checker, the second color, or image", "tiles");
+            }
+            (None, None) => {}
+        }
+        if let Some(given) = normal_map {
+            if material.shading == Shading::Unlit {
+                let word = if relief > 0.0 { "height_map" } else { "normal_map" };
+                return fail(&format!("{word} changes how light falls; unlit has none"), word);
+            }
+            material.normal_texture = Some(texture(given.image, given.sampler, scale));
+            material.relief = relief;
+        }
+        if let Some(given) = specular_map {
+            if material.shading == Shading::Unlit {
+                return fail("specular_map changes what shines; unlit does not", "specular_map");
+            }
+            material.specular_color_texture = Some(texture(given.image, given.sampler, scale));
+        }
+        if let Some(reflection) = &mut material.reflection {
+            reflection.texture = reflection_map.map(|given| texture(given.image, given.sampler, scale));
+            reflection.environment =
+                environment_map.map(|given| texture(given.image, Reflection::panorama_sampler(), 1.0));
+        }
+        Ok(images)
+    }
+}
+
+/// The material, and the images that it names by number.
+pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), ApiError> {
+    let maps = Maps::read(o)?;
+    let sequences = maps.sequences(o);
+    let cells = maps.cells;
     // A picture is seen in its own colors.
-    let plain = if image.is_some() { Vec4::ONE } else { Vec4::new(0.6, 0.6, 0.6, 1.0) };
+    let plain = if maps.image.is_some() { Vec4::ONE } else { Vec4::new(0.6, 0.6, 0.6, 1.0) };
     let base = o.color("color")?.unwrap_or(plain);
     let mut material = Material {
         name: name.into(),
@@ -123,61 +211,8 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
     shading(o, &mut material)?;
     super::reflection::reflection(o, &mut material)?;
     layers(o, &mut material)?;
-    let tiles = o.number_in("tiles", 1.0, 4096.0)?;
-    let second = o.color("checker")?;
-    let mut images = Vec::new();
-    let mut texture = |image: Arc<Image>, sampler: Sampler, scale: f64| {
-        images.push(image);
-        let uv_transform = Affine2::from_scale(Vec2::splat(scale as f32));
-        TextureRef { image: images.len() as u32 - 1, sampler, uv_set: 0, uv_transform }
-    };
-    let fail = |text: &str, word: &str| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));
-    let scale = tiles.unwrap_or(1.0);
-    match (image, second) {
-        (Some(_), Some(_)) => {
-            return fail("checker makes a picture of its own; leave image or checker out", "checker");
-        }
-        (Some(given), None) => {
-            let files = given.files.as_ref();
-            material.alpha_mode = files.map_or_else(|| of_picture(&given.image), |f| f.alpha);
-            material.base_color_texture = Some(texture(given.image, given.sampler, scale));
-        }
-        (None, Some(second)) => {
-            let sampler = Sampler { mag_linear: false, ..Sampler::default() };
-            material.base_color = Vec4::new(1.0, 1.0, 1.0, base.w);
-            material.base_color_texture =
-                Some(texture(checker(base, second), sampler, tiles.unwrap_or(10.0) / 2.0));
-        }
-        (None, None)
-            if tiles.is_some()
-                && normal_map.is_none()
-                && specular_map.is_none()
-                && reflection_map.is_none() =>
-        {
-            return fail("tiles needs checker, the second color, or image", "tiles");
-        }
-        (None, None) => {}
-    }
-    if let Some(given) = normal_map {
-        if material.shading == Shading::Unlit {
-            let word = if relief > 0.0 { "height_map" } else { "normal_map" };
-            return fail(&format!("{word} changes how light falls; unlit has none"), word);
-        }
-        material.normal_texture = Some(texture(given.image, given.sampler, scale));
-        material.relief = relief;
-    }
-    if let Some(given) = specular_map {
-        if material.shading == Shading::Unlit {
-            return fail("specular_map changes what shines; unlit does not", "specular_map");
-        }
-        material.specular_color_texture = Some(texture(given.image, given.sampler, scale));
-    }
-    if let Some(reflection) = &mut material.reflection {
-        reflection.texture = reflection_map.map(|given| texture(given.image, given.sampler, scale));
-        reflection.environment =
-            environment_map.map(|given| texture(given.image, Reflection::panorama_sampler(), 1.0));
-    }
-    motion(o, &mut material, cells, &follow)?;
+    let images = maps.apply(o, &mut material)?;
+    motion(o, &mut material, cells, &sequences)?;
     if base.w < 1.0 {
         material.alpha_mode = AlphaMode::Blend;
     }

@@ -3,30 +3,36 @@
 
 use crate::api::camera::{DEFAULT_AZIMUTH, DEFAULT_ELEVATION};
 use crate::api::cue;
-use crate::build::{ActorDraft, Build, CameraDraft, RootUse, Shared};
+use crate::build::{ActorDraft, Build, CameraDraft, CueDraft, RootUse, Shared};
 use crate::call::{ApiError, Place};
+use crate::clip_analysis::{Found, in_step, root};
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::hook::{HookDraft, ScriptHook};
 use crate::lint::{ClipMarkers, Places};
-use crate::motion::{Found, in_step, root};
-use choreo_asset::*;
+use choreo_asset::Projection;
 use choreo_motion::{Clip, Time};
-use choreo_stage::*;
+use choreo_stage::{
+    Actor, Camera, Channel, Constraint, ConstraintKind, Cue, CueRootMotion, Cut, FootLock, Layer, LayerMode,
+    Pace, Property, Reference, Repeat, Rig, Stage,
+};
 use glam::{DQuat, DVec3, Vec3};
 use rhai::Engine;
 use std::sync::{Arc, PoisonError};
 
+/// Messages with their places.
+type Notes = Vec<(Severity, Place, ApiError)>;
+
 /// Empties the build into a stage, and where its things were made; what is wrong is noted among the build's diagnostics.
 ///
 /// `identity`: of the script that a callback is in, with its parameters and files.
-pub fn finish(
+pub fn resolve(
     shared: &Arc<Shared>,
     engine: &Arc<Engine>,
     identity: &dyn Fn(&Place) -> String,
 ) -> (Stage, Places) {
     let mut stage = Stage::default();
     let mut places = Places::default();
-    let mut notes: Vec<(Severity, Place, ApiError)> = Vec::new();
+    let mut notes = Notes::new();
     let hooks;
     shared.settle();
     {
@@ -128,7 +134,7 @@ fn clip_markers(build: &Build, layers: &[Vec<Layer>]) -> Vec<ClipMarkers> {
 const STANDING: f64 = 0.01;
 
 /// Root motion of clips that all stand still: nobody meant that.
-fn gets_nowhere(build: &Build, made: &[Option<Cue>], notes: &mut Vec<(Severity, Place, ApiError)>) {
+fn gets_nowhere(build: &Build, made: &[Option<Cue>], notes: &mut Notes) {
     for (index, actor) in build.actors.iter().enumerate() {
         let paced = actor
             .actor
@@ -174,28 +180,9 @@ struct Layers {
 }
 
 /// The layers of every actor: the base first, then each chain with a mask, in the order of the script.
-fn layers(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) -> Layers {
+fn layers(build: &Build, notes: &mut Notes) -> Layers {
     let times = cue::all_times(build);
-    let mut layers: Vec<Vec<Layer>> = build.actors.iter().map(|_| vec![Layer::default()]).collect();
-    // Layer of each chain, within its actor.
-    let mut slots = Vec::with_capacity(build.chains.len());
-    for chain in &build.chains {
-        let of_actor = &mut layers[chain.actor];
-        if !chain.is_layer() {
-            slots.push(0);
-            continue;
-        }
-        // Sorted below. Without a priority each lies over those before it; additive ones in a row are equals.
-        let last = of_actor.iter().rfind(|layer| layer.rank < PRIORITIES);
-        let additive = |mode: LayerMode| mode != LayerMode::Override;
-        let joins = last.is_some_and(|last| additive(last.mode) && additive(chain.mode));
-        let next = last.map_or(0, |last| if joins { last.rank } else { last.rank + 1 });
-        let rank = chain.priority.map_or(next.min(PRIORITIES - 1), |priority| PRIORITIES + priority);
-        let mask = chain.mask.clone().map(Arc::new);
-        let weight_keys = chain.weight_keys.clone();
-        of_actor.push(Layer { mask, mode: chain.mode, rank, weight_keys, cues: Vec::new() });
-        slots.push(of_actor.len() - 1);
-    }
+    let (layers, slots) = empty_layers(build);
     // Where a cue of the chain takes over, the one before it is over.
     let mut taken_over: Vec<Option<Time>> = vec![None; build.cues.len()];
     for (id, draft) in build.cues.iter().enumerate() {
@@ -207,72 +194,11 @@ fn layers(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) -> Layers
     let mut found = Found::default();
     let mut matched = Vec::new();
     for (id, draft) in build.cues.iter().enumerate() {
-        made.push(None);
-        let chain = &build.chains[draft.chain];
-        let layer = chain.is_layer();
-        let (start, end) = times[id];
-        if let Some(until) = draft.until
-            && until <= start
-        {
-            let error = ApiError::new(format!(
-                "clip \"{}\" would end at {} s, before it starts at {} s",
-                draft.clip.name,
-                until.as_secs(),
-                start.as_secs()
-            ));
-            notes.push((Severity::Error, draft.at.clone(), error));
-            continue;
+        let cue = resolve_cue(build, draft, times[id], taken_over[id], &mut found, notes);
+        made.push(cue);
+        if made[id].is_some() && draft.in_step {
+            matched.extend(match_phases(build, id, &mut made, &mut found, notes));
         }
-        // On the base layer the last pose of a clip played once is held anyway.
-        let natural = (layer || draft.until.is_some()) && !draft.hold;
-        let ends = if draft.hold { draft.until } else { end.filter(|_| natural) };
-        let mut cue = Cue {
-            end: taken_over[id].or(ends),
-            fade_out: draft.fade_out.unwrap_or(if layer { draft.fade_in } else { Time::ZERO }),
-            repeat: draft.repeats(layer),
-            root: if layer { None } else { root(build, draft, &mut found) },
-            ..draft.cue(start)
-        };
-        let mut refuse = |what: &str| {
-            let error = ApiError::new(format!("clip \"{}\": {what}", draft.clip.name));
-            notes.push((Severity::Error, draft.at.clone(), error));
-        };
-        if layer && cue.inertialization > Time::ZERO {
-            refuse("inertial is for clips that are no layer");
-        }
-        if layer && draft.root.is_some() {
-            refuse("root motion is for clips that are no layer");
-        }
-        if cue.inertialization > Time::ZERO && (draft.fade_in > Time::ZERO || draft.in_step) {
-            refuse("inertial begins at once, so there is no fade");
-        }
-        if draft.in_step && !layer {
-            match draft.after.and_then(|before| Some((before, made[before].as_ref()?))) {
-                Some((before, from)) => match in_step(build, [before, id], [from, &cue], &mut found) {
-                    Ok(fade) => {
-                        let fade = Arc::new(fade);
-                        let carried = [from, &cue].iter().any(|c| c.root.as_ref().is_some_and(|r| r.carries));
-                        matched.push(InStep {
-                            actor: chain.actor,
-                            span: (fade.start(), fade.end()),
-                            carried,
-                        });
-                        cue.in_step[0] = Some(fade.clone());
-                        if let Some(from) = &mut made[before] {
-                            from.in_step[1] = Some(fade);
-                        }
-                    }
-                    Err(why) => {
-                        let text = format!("clip \"{}\" cannot keep step: {why}", draft.clip.name);
-                        notes.push((Severity::Warning, draft.at.clone(), ApiError::new(text)));
-                    }
-                },
-                None => refuse("in_step keeps step with the clip before; use it with .then"),
-            }
-        } else if draft.in_step {
-            refuse("in_step is for clips that are no layer");
-        }
-        made[id] = Some(cue);
     }
     gets_nowhere(build, &made, notes);
     // With the place of each cue beside it.
@@ -289,6 +215,117 @@ fn layers(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) -> Layers
     }
     let (layers, places) = laid.into_iter().map(of_actor).unzip();
     Layers { layers, places, in_step: matched }
+}
+
+/// The layers of every actor without cues, and the layer of each chain within its actor.
+fn empty_layers(build: &Build) -> (Vec<Vec<Layer>>, Vec<usize>) {
+    let mut layers: Vec<Vec<Layer>> = build.actors.iter().map(|_| vec![Layer::default()]).collect();
+    let mut slots = Vec::with_capacity(build.chains.len());
+    for chain in &build.chains {
+        let of_actor = &mut layers[chain.actor];
+        if !chain.is_layer() {
+            slots.push(0);
+            continue;
+        }
+        // Sorted later. Without a priority each lies over those before it; additive ones in a row are equals.
+        let last = of_actor.iter().rfind(|layer| layer.rank < PRIORITIES);
+        let additive = |mode: LayerMode| mode != LayerMode::Override;
+        let joins = last.is_some_and(|last| additive(last.mode) && additive(chain.mode));
+        let next = last.map_or(0, |last| if joins { last.rank } else { last.rank + 1 });
+        let rank = chain.priority.map_or(next.min(PRIORITIES - 1), |priority| PRIORITIES + priority);
+        let mask = chain.mask.clone().map(Arc::new);
+        let weight_keys = chain.weight_keys.clone();
+        of_actor.push(Layer { mask, mode: chain.mode, rank, weight_keys, cues: Vec::new() });
+        slots.push(of_actor.len() - 1);
+    }
+    (layers, slots)
+}
+
+fn refuse(draft: &CueDraft, what: &str, notes: &mut Notes) {
+    let error = ApiError::new(format!("clip \"{}\": {what}", draft.cue.clip.name));
+    notes.push((Severity::Error, draft.at.clone(), error));
+}
+
+/// A cue with its times, as it is on stage.
+fn resolve_cue(
+    build: &Build,
+    draft: &CueDraft,
+    (start, end): (Time, Option<Time>),
+    taken_over: Option<Time>,
+    found: &mut Found,
+    notes: &mut Notes,
+) -> Option<Cue> {
+    if let Some(until) = draft.until.filter(|until| *until <= start) {
+        let error = ApiError::new(format!(
+            "clip \"{}\" would end at {} s, before it starts at {} s",
+            draft.cue.clip.name,
+            until.as_secs(),
+            start.as_secs()
+        ));
+        notes.push((Severity::Error, draft.at.clone(), error));
+        return None;
+    }
+    let layer = build.chains[draft.chain].is_layer();
+    // On the base layer the last pose of a clip played once is held anyway.
+    let natural = (layer || draft.until.is_some()) && !draft.hold;
+    let ends = if draft.hold { draft.until } else { end.filter(|_| natural) };
+    let cue = Cue {
+        end: taken_over.or(ends),
+        fade_out: draft.fade_out.unwrap_or(if layer { draft.cue.fade_in } else { Time::ZERO }),
+        repeat: draft.repeats(layer),
+        root: if layer { None } else { root(build, draft, found) },
+        ..draft.cue(start)
+    };
+    if layer && cue.inertialization > Time::ZERO {
+        refuse(draft, "inertial is for clips that are no layer", notes);
+    }
+    if layer && draft.root.is_some() {
+        refuse(draft, "root motion is for clips that are no layer", notes);
+    }
+    if cue.inertialization > Time::ZERO && (draft.cue.fade_in > Time::ZERO || draft.in_step) {
+        refuse(draft, "inertial begins at once, so there is no fade", notes);
+    }
+    if layer && draft.in_step {
+        refuse(draft, "in_step is for clips that are no layer", notes);
+    }
+    Some(cue)
+}
+
+/// Matches the phases of a cue on the base layer and the cue before it.
+fn match_phases(
+    build: &Build,
+    id: usize,
+    made: &mut [Option<Cue>],
+    found: &mut Found,
+    notes: &mut Notes,
+) -> Option<InStep> {
+    let draft = &build.cues[id];
+    let chain = &build.chains[draft.chain];
+    if chain.is_layer() {
+        return None;
+    }
+    let (earlier, [cue, ..]) = made.split_at_mut(id) else { return None };
+    let Some((before, from)) = draft.after.and_then(|before| Some((before, earlier[before].as_mut()?)))
+    else {
+        refuse(draft, "in_step keeps step with the clip before; use it with .then", notes);
+        return None;
+    };
+    let cue = cue.as_mut()?;
+    match in_step(build, [before, id], [from, cue], found) {
+        Ok(fade) => {
+            let fade = Arc::new(fade);
+            let carried = [&*from, &*cue].iter().any(|c| c.root.as_ref().is_some_and(|r| r.carries));
+            let span = (fade.start(), fade.end());
+            cue.in_step[0] = Some(fade.clone());
+            from.in_step[1] = Some(fade);
+            Some(InStep { actor: chain.actor, span, carried })
+        }
+        Err(why) => {
+            let text = format!("clip \"{}\" cannot keep step: {why}", draft.cue.clip.name);
+            notes.push((Severity::Warning, draft.at.clone(), ApiError::new(text)));
+            None
+        }
+    }
 }
 
 /// A layer without its cues, and those with their places.
@@ -346,9 +383,9 @@ fn plant_in_step(build: &mut Build, matched: Vec<InStep>) {
             // Planted as the script says, or by an earlier fade.
             Some(only) => only.extend((!only.is_empty()).then_some(span)),
             None if carried || keyed || actor.path_following.is_some() => {
-                let legs = crate::api::body::legs(&actor.asset);
+                let legs = crate::api::constraints::legs(&actor.asset);
                 if !legs.is_empty() {
-                    let hips = crate::api::body::hips(&actor.asset, &legs);
+                    let hips = crate::api::constraints::hips(&actor.asset, &legs);
                     let plant = FootLock { legs, hips, ground: Vec::new(), only: vec![span] };
                     actor.constraints.push(Constraint::new(ConstraintKind::FootLock(plant)));
                 }
@@ -372,7 +409,7 @@ fn actor((draft, layers): (ActorDraft, Vec<Layer>)) -> Actor {
     actor
 }
 
-fn camera(draft: CameraDraft, notes: &mut Vec<(Severity, Place, ApiError)>) -> Camera {
+fn camera(draft: CameraDraft, notes: &mut Notes) -> Camera {
     let projection = match draft.ortho {
         Some(height) => {
             // A far plane is needed to map depth; this one is beyond any stage.
@@ -424,7 +461,7 @@ fn camera(draft: CameraDraft, notes: &mut Vec<(Severity, Place, ApiError)>) -> C
 }
 
 /// Actors attached to themselves by way of others.
-fn cycles(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) {
+fn cycles(build: &Build, notes: &mut Notes) {
     let mut seen = vec![0usize; build.actors.len()];
     for first in 0..build.actors.len() {
         let mut at = first;

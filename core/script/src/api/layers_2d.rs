@@ -2,112 +2,69 @@
 
 use super::keys;
 use crate::build::room;
-use crate::call::{ApiError, Call, Def, Gives, Options, Reply, numbers, wrong};
+use crate::call::fields::pair;
+use crate::call::{ApiError, Call, Options, Reply, api, fields};
 use crate::hook;
 use crate::load::from_load;
-use crate::value::{FlatRef, ImageRef, Kind};
+use crate::value::{FlatRef, ImageRef};
 use choreo_asset::Image;
 use choreo_importer_kit::pictures::{Encoded, Formats};
-use choreo_motion::Time;
 use choreo_stage::{Align, Fit, Font, Layer2d, Layer2dContent, Layer2dEdit};
 use glam::{DVec2, Vec4};
 use rhai::Dynamic;
 use std::sync::Arc;
 
-const THIS: Gives = Gives::Itself;
-
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::None,
-        "text",
-        "words, options?",
-        Gives::A(Kind::Flat),
-        "Adds a text (title, caption) over the frame.\n\
-         Place: at ([x, y] as fractions of the image from its top left corner, default [0.5, 0.5]), offset ([x, y] in pixels, default [0, 0]), anchor (the point of its box that is placed there: \"center\", the default, \"left\", \"right\", \"top\", \"bottom\", \"top_left\", \"top_right\", \"bottom_left\" or \"bottom_right\").\n\
-         Text: size (fraction of the image height, default 0.08), color (default white), opacity (0 to 1, default 1), width (fraction of the image width at which lines break, default none), align (\"left\", \"center\", the default, or \"right\"), line_height (in sizes, default 1.25), font (a .ttf or .otf file, default a built-in font).",
-        text,
-    ),
-    Def::new(
-        Kind::None,
-        "picture",
-        "image, options?",
-        Gives::A(Kind::Flat),
-        "Adds an image over the frame: an Image, or a PNG, JPEG, WebP, BMP or TGA file. Options: at, offset, anchor and opacity as in `text`; and one of height or width (fraction of that of the frame, default height 0.3) and fit (\"contain\": as large as fits, \"cover\": fills the frame).",
-        picture,
-    ),
-    Def::new(
-        Kind::None,
-        "panel",
-        "options?",
-        Gives::A(Kind::Flat),
-        "Adds a rectangle of one color over the frame. Options: at, offset, anchor and opacity as in `text`, size ([width, height] as fractions of the image, default all of it), color (default black).",
-        panel,
-    ),
-    Def::new(
-        Kind::None,
-        "letterbox",
-        "ratio, options?",
-        Gives::A(Kind::Flat),
-        "Adds bars at the edges that leave an image ratio times as wide as high, such as 2.39. With keyframes of \"scale\" they slide in. Options: color (default black), opacity (0 to 1, default 1).",
-        letterbox,
-    ),
-    Def::new(
-        Kind::Flat,
-        "at",
-        "x, y | point",
-        THIS,
-        "Sets the position of its anchor, as fractions of the image.",
-        at,
-    )
-    .in_frames(),
-    Def::new(
-        Kind::Flat,
-        "opacity",
-        "value",
-        THIS,
-        "Sets the opacity: 0 is invisible, 1 hides what is below.",
-        opacity,
-    )
-    .in_frames(),
-    Def::new(Kind::Flat, "words", "text", THIS, "Changes the words of a text.", words).in_frames(),
-    Def::new(Kind::Flat, "scale", "factor", THIS, "Scales it about its anchor.", scale),
-    Def::new(Kind::Flat, "from", "time", THIS, "Sets the start time (default 0).", from),
-    Def::new(Kind::Flat, "until", "time", THIS, "Sets the end time.", until),
-    Def::new(
-        Kind::Flat,
-        "fade",
-        "seconds",
-        THIS,
-        "Sets the duration of the fade-in and of the fade-out in seconds (default 0).",
-        fade,
-    ),
-    Def::new(
-        Kind::Flat,
-        "under",
-        "",
-        THIS,
-        "Moves it behind the scene, in front of the background. By default it is in front of everything.",
-        under,
-    ),
-    Def::new(
-        Kind::Flat,
-        "key",
-        "property, keys, how?",
-        THIS,
-        "Animates a property with keyframes [[time, value], …]: \"position\" ([x, y] as in Flat.at), \"scale\" or \"opacity\". `how` and easing as in Actor.key.",
-        key,
-    ),
-];
-
-const PLACE: [&str; 4] = ["at", "offset", "anchor", "opacity"];
-
-fn known<'a>(more: &[&'a str]) -> Vec<&'a str> {
-    PLACE.iter().copied().chain(more.iter().copied()).collect()
+api! {
+    /// Adds a text (title, caption) over the frame.
+    /// - Place: {}, anchor (the point of its box that is placed there: "center", the default, "left", "right",
+    ///   "top", "bottom", "top_left", "top_right", "bottom_left" or "bottom_right").
+    /// - Text: size (fraction of the image height, default 0.08), color (default white), width
+    ///   (fraction of the image width at which lines break, default none), align ("left", "center", the
+    ///   default, or "right"), line_height (in sizes, default 1.25), font (a .ttf or .otf file, default a built-in
+    ///   font).
+    text("words, options?") -> Flat = text, options(|| fields::documented(&plain(), &METHODS));
+    /// Adds an image over the frame: an Image, or a PNG, JPEG, WebP, BMP or TGA file. Options: at, offset, anchor
+    /// and opacity as in `text`; and one of height or width (fraction of that of the frame, default height 0.3) and
+    /// fit ("contain": as large as fits, "cover": fills the frame).
+    picture("image, options?") -> Flat = picture;
+    /// Adds a rectangle of one color over the frame. Options: at, offset, anchor and opacity as in `text`, size
+    /// ([width, height] as fractions of the image, default all of it), color (default black).
+    panel("options?") -> Flat = panel;
+    /// Adds bars at the edges that leave an image ratio times as wide as high, such as 2.39. With keyframes of
+    /// "scale" they slide in. Options: color (default black), opacity (0 to 1, default 1).
+    letterbox("ratio, options?") -> Flat = letterbox;
+    /// Sets the position of its anchor, as fractions of the image.
+    Flat.at("x, y | point") = at, in_frames;
+    /// Sets the opacity: 0 is invisible, 1 hides what is below.
+    Flat.opacity("value") = opacity, in_frames;
+    /// Changes the words of a text.
+    Flat.words("text") = words, in_frames;
+    /// Scales it about its anchor.
+    Flat.scale("factor") = field;
+    /// Sets the start time (default 0).
+    Flat.from("time") = field;
+    /// Sets the end time.
+    Flat.until("time") = until;
+    /// Sets the duration of the fade-in and of the fade-out in seconds (default 0).
+    Flat.fade("seconds") = field;
+    /// Moves it behind the scene, in front of the background. By default it is in front of everything.
+    Flat.under("") = field;
+    /// Animates a property with keyframes [[time, value], …]: "position" ([x, y] as in Flat.at), "scale" or
+    /// "opacity". `how` and easing as in Actor.key.
+    Flat.key("property, keys, how?") = key;
 }
 
-fn pair(v: &Dynamic, label: &str) -> Result<DVec2, ApiError> {
-    let two = numbers(v).filter(|n| n.len() == 2 && n.iter().all(|n| n.abs() <= 1e6));
-    two.map(|n| DVec2::new(n[0], n[1])).ok_or_else(|| wrong(v, label, "[x, y]"))
+/// Fields that are methods of a 2D layer, not options.
+const METHODS: [&str; 5] = ["scale", "from", "until", "fade", "under"];
+
+/// The options of a 2D layer: those of all, and more.
+fn known<'a>(flat: &Layer2d, more: &[&'a str]) -> Vec<&'a str> {
+    [&fields::names(flat, &METHODS)[..], &["anchor"], more].concat()
+}
+
+/// A 2D layer as it is without options.
+fn plain() -> Layer2d {
+    Layer2d::new(Layer2dContent::Panel { size: DVec2::ONE, color: Vec4::W })
 }
 
 const ANCHORS: [(&str, [f64; 2]); 9] = [
@@ -125,17 +82,11 @@ const ANCHORS: [(&str, [f64; 2]); 9] = [
 /// Reads the options that all 2D layers have, and adds the layer to the stage.
 fn add(c: &Call, o: &Options, content: Layer2dContent) -> Reply {
     let mut flat = Layer2d::new(content);
-    if let Some(at) = o.get("at") {
-        flat.at = pair(&at, &o.label("at"))?;
-    }
-    if let Some(offset) = o.get("offset") {
-        flat.offset = pair(&offset, &o.label("offset"))?;
-    }
+    fields::fill(c, o, &mut flat)?;
     if let Some(name) = o.one_of("anchor", &ANCHORS.map(|(name, _)| name))? {
         let found = ANCHORS.iter().find(|(known, _)| *known == name);
         flat.anchor = found.map_or(flat.anchor, |(_, at)| DVec2::from_array(*at));
     }
-    flat.opacity = o.number_in("opacity", 0.0, 1.0)?.unwrap_or(1.0);
     let mut build = c.build();
     room(build.layers_2d.len(), "flats", &c.shared.limits)?;
     build.layers_2d.push(flat);
@@ -148,7 +99,7 @@ fn color(o: &Options, usual: Vec4) -> Result<Vec4, ApiError> {
 
 fn text(c: &mut Call) -> Reply {
     let words = c.text(0)?;
-    let o = c.options(1, &known(&["size", "color", "font", "width", "align", "line_height"]))?;
+    let o = c.options(1, &known(&plain(), &["size", "color", "font", "width", "align", "line_height"]))?;
     let font = match o.text("font")? {
         Some(name) => Font::new(&name, read_file(c, &name)?)
             .map_err(|e| ApiError::new(format!("text: \"{name}\" {e}")).focus(&name))?,
@@ -186,7 +137,7 @@ pub fn read_file(c: &Call, name: &str) -> Result<Vec<u8>, ApiError> {
 }
 
 fn picture(c: &mut Call) -> Reply {
-    let o = c.options(1, &known(&["height", "width", "fit"]))?;
+    let o = c.options(1, &known(&plain(), &["height", "width", "fit"]))?;
     let given = c.value(0);
     let image: Arc<Image> = match given.read_lock::<ImageRef>().map(|i| i.image.clone()) {
         Some(image) => image,
@@ -218,7 +169,7 @@ fn picture(c: &mut Call) -> Reply {
 }
 
 fn panel(c: &mut Call) -> Reply {
-    let o = c.options(0, &known(&["size", "color"]))?;
+    let o = c.options(0, &known(&plain(), &["size", "color"]))?;
     let size = match o.get("size") {
         Some(size) => pair(&size, "panel: size")?,
         None => DVec2::ONE,
@@ -277,14 +228,10 @@ fn words(c: &mut Call) -> Reply {
     c.itself()
 }
 
-fn scale(c: &mut Call) -> Reply {
-    let scale = c.number_in(0, 0.0, 1000.0)?;
-    change(c, |flat| flat.scale = scale)
-}
-
-fn from(c: &mut Call) -> Reply {
-    let t = c.time(0)?;
-    change(c, |flat| flat.start = t)
+/// The method of the same name as a field.
+fn field(c: &mut Call) -> Reply {
+    let (field, value) = fields::given::<Layer2d>(c)?;
+    change(c, |flat| (field.set)(flat, value))
 }
 
 fn until(c: &mut Call) -> Reply {
@@ -297,18 +244,10 @@ fn until(c: &mut Call) -> Reply {
     change(c, |flat| flat.end = Some(t))
 }
 
-fn fade(c: &mut Call) -> Reply {
-    let t: Time = c.duration(0)?;
-    change(c, |flat| flat.fade = t)
-}
-
-fn under(c: &mut Call) -> Reply {
-    change(c, |flat| flat.under = true)
-}
-
 fn key(c: &mut Call) -> Reply {
     let this: FlatRef = c.this()?;
-    let channels = keys::read(c, keys::Owner::Flat)?;
+    let flat = c.build().flat(this.0)?.clone();
+    let channels = keys::of(c, &flat)?;
     keys::replace(&mut c.build().flat(this.0)?.channels, channels);
     c.itself()
 }

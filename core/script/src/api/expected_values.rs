@@ -5,7 +5,7 @@ use super::expect::subject;
 use crate::build::Shared;
 use crate::call::{ApiError, Call, numbers};
 use crate::hook::{HookDraft, ScriptHook, own_captures};
-use crate::testing::*;
+use crate::testing::{EventPattern, Formula, RotationGoal};
 use choreo_motion::Time;
 use glam::{DQuat, DVec3};
 use rhai::{Dynamic, FnPtr};

@@ -62,16 +62,7 @@ pub fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
 
 /// The asset of a `mesh(#{ … })`, `lines(#{ … })` or `points(#{ … })` call.
 pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
-    let mut known = vec!["positions", "indices", "colors", "color", "name"];
-    match topology {
-        Topology::Triangles => {
-            known.extend(["normals", "uvs", "uvs2", "projection", "sharpness", "detail"]);
-            known.extend(material::OPTIONS.into_iter().filter(|name| !["color", "name"].contains(name)));
-        }
-        Topology::Lines => known.extend(["strip", "width", "metres", "round"]),
-        Topology::Points => known.extend(["size", "metres", "round"]),
-    }
-    let o = c.options(0, &known)?;
+    let o = c.options(0, &options(topology))?;
     let function = o.function.clone();
     crate::build::room(c.build().made.meshes, "meshes", &c.shared.limits)?;
     let positions = arrays::floats(&o, "positions", 3)?;
@@ -132,6 +123,28 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
         material.shading = Shading::Unlit;
         material.line_style = pen(&o, topology)?;
     }
+    check_uvs(&o, &primitive, &material)?;
+    let name = o.text("name")?.unwrap_or_else(|| function.clone());
+    asset(&name, &name, primitive, material, images)
+}
+
+/// The options of `mesh`, `lines` and `points`.
+fn options(topology: Topology) -> Vec<&'static str> {
+    let mut known = vec!["positions", "indices", "colors", "color", "name"];
+    match topology {
+        Topology::Triangles => {
+            known.extend(["normals", "uvs", "uvs2", "projection", "sharpness", "detail"]);
+            known.extend(material::OPTIONS.into_iter().filter(|name| !["color", "name"].contains(name)));
+        }
+        Topology::Lines => known.extend(["strip", "width", "metres", "round"]),
+        Topology::Points => known.extend(["size", "metres", "round"]),
+    }
+    known
+}
+
+/// Refuses textures on a mesh without texture coordinates.
+fn check_uvs(o: &Options, primitive: &Primitive, material: &Material) -> Result<(), ApiError> {
+    let function = &o.function;
     if let Some(picture) = [
         "image",
         "normal_map",
@@ -150,8 +163,7 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
         return Err(ApiError::new(format!("{function}: {picture} needs uvs, where it lies on the mesh"))
             .focus(picture));
     }
-    let name = o.text("name")?.unwrap_or_else(|| function.clone());
-    asset(&name, &name, primitive, material, images)
+    Ok(())
 }
 
 /// Second texture coordinates, for textures of `uv_set: 1`.

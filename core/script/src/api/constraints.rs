@@ -1,118 +1,67 @@
 //! Constraints: inverse kinematics (reach), aim, foot locking, mirroring, joint limits; and spring bones.
 
 use super::actor::{before_start, find_joint, radians};
-use super::swing::{collider, spring, springs, wind};
+use super::spring_bones::{collider, spring, springs, wind};
 use crate::build::room;
-use crate::call::{ApiError, Call, Def, Gives, Options, Reply, text};
+use crate::call::{ApiError, Call, Options, Reply, api, text};
 use crate::suggest::list;
-use crate::value::*;
-use choreo_asset::*;
+use crate::value::{ActorRef, GoalRef, JointRef};
+use choreo_asset::Asset;
 use choreo_motion::{HumanBone, Skeleton, Time};
-use choreo_stage::*;
+use choreo_stage::{
+    AimConstraint, Constraint, ConstraintKind, FootLock, Leg, Limit, ReachConstraint, Target, find_legs,
+};
 use glam::DVec3;
 use rhai::Dynamic;
 use std::sync::Arc;
 
-const THIS: Gives = Gives::Itself;
-const GOAL: Gives = Gives::A(Kind::Goal);
-
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::Actor,
-        "reach",
-        "joint, target, options?",
-        GOAL,
-        "Moves a joint, such as a hand, to an actor, a joint or a point by inverse kinematics (IK).\n\
-         Options: at (offset [x, y, z] in the space of the target), root (the first joint of the IK chain; default: two bones up), pole (pole target, an actor, joint or point, towards which the elbow or knee bends), soft (0 to 1: share of the reach in which the limb slows down before it is straight, default 0.05; two bones only), keep (true: the hand keeps its rotation from the clip), weight (0 to 1, default 1).",
-        reach,
-    ),
-    Def::new(
-        Kind::Actor,
-        "aim",
-        "joint, target, options?",
-        GOAL,
-        "Rotates a joint and joints above it until it points at a target (aim constraint).\n\
-         Options: joints (how many joints rotate, 1 to 64, default 1; or an array of their names from the root on), shares (an array, one number per joint: how the rotation is shared), limit (degrees, 0 to 180, default 80), weight (0 to 1, default 1).",
-        aim,
-    ),
-    Def::new(
-        Kind::Actor,
-        "plant_feet",
-        "options?",
-        GOAL,
-        "Locks feet that touch the ground in place (foot locking, against foot sliding), for bipeds and quadrupeds.\n\
-         Options: feet (an array of joint names; default: found by name), ground (an actor, or an array of actors, whose surfaces the feet stand on), weight (0 to 1, default 1).",
-        plant_feet,
-    ),
-    Def::new(
-        Kind::Actor,
-        "mirror",
-        "options?",
-        GOAL,
-        "Exchanges left and right in what its clips do, for joints, morph targets and expressions, as long as the constraint lasts. The path of root motion stays the same. Options: weight (0 to 1, default 1).",
-        mirror,
-    ),
-    Def::new(Kind::Goal, "from", "time", THIS, "Sets the start time of the constraint (default 0).", from),
-    Def::new(Kind::Goal, "until", "time", THIS, "Sets the end time of the constraint.", until),
-    Def::new(
-        Kind::Goal,
-        "fade",
-        "seconds",
-        THIS,
-        "Sets how long the constraint takes to fade in and out, in seconds (default 0.3).",
-        fade,
-    ),
-    Def::new(
-        Kind::Goal,
-        "weight",
-        "weight",
-        THIS,
-        "Sets the weight of the constraint: 0 not at all, 1 fully (default 1).",
-        weight,
-    ),
-    Def::new(
-        Kind::Joint,
-        "limit",
-        "options",
-        THIS,
-        "Limits the rotation of the joint relative to the rest pose, whatever clips and constraints do. Options, in degrees: swing (0 to 180, a cone about axis) with twist ([low, high] about axis), or hinge ([low, high] about axis); axis (default +y).",
-        limit,
-    ),
-    Def::new(
-        Kind::Actor,
-        "spring",
-        "joints, options?",
-        THIS,
-        "Makes joints spring bones (secondary motion, jiggle). Joints: \"Tail..\" for a joint and all below it, `\"*hair*\"` for a pattern, or an array of these.\n\
-         Options: frequency (Hz, 0 to 1000, default 2), damping (damping ratio; 0 never comes to rest, 1 does not oscillate; default 0.3), gravity (in multiples of Earth's gravity, default 0), radius (metres, for collisions, default 0), center (name of a joint whose motion is ignored).",
-        spring,
-    ),
-    Def::new(
-        Kind::Actor,
-        "springs",
-        "on | options",
-        THIS,
-        "Turns the spring bones of the actor on or off; those of a VRM file are on by default. Options: ground (height of a floor that they collide with, metres), pre_roll (seconds that are simulated before time 0, 0 to 600).",
-        springs,
-    ),
-    Def::new(
-        Kind::Actor,
-        "collider",
-        "joint, options",
-        THIS,
-        "Adds a collider for spring bones: a sphere at a joint, or a capsule if `to` is given. Options: radius (metres), `at` and `to` (points [x, y, z] in the space of the joint).",
-        collider,
-    ),
-    Def::new(
-        Kind::Actor,
-        "wind",
-        "x, y, z | velocity",
-        THIS,
-        "Sets the wind that acts on the spring bones, a velocity in metres per second.",
-        wind,
-    )
-    .in_frames(),
-];
+api! {
+    /// Moves a joint, such as a hand, to an actor, a joint or a point by inverse kinematics (IK).
+    /// - Options: at (offset [x, y, z] in the space of the target), root (the first joint of the IK chain; default:
+    ///   two bones up), pole (pole target, an actor, joint or point, towards which the elbow or knee bends), soft
+    ///   (0 to 1: share of the reach in which the limb slows down before it is straight, default 0.05; two bones
+    ///   only), keep (true: the hand keeps its rotation from the clip), weight (0 to 1, default 1).
+    Actor.reach("joint, target, options?") -> Goal = reach;
+    /// Rotates a joint and joints above it until it points at a target (aim constraint).
+    /// - Options: joints (how many joints rotate, 1 to 64, default 1; or an array of their names from the root on),
+    ///   shares (an array, one number per joint: how the rotation is shared), limit (degrees, 0 to 180, default
+    ///   80), weight (0 to 1, default 1).
+    Actor.aim("joint, target, options?") -> Goal = aim;
+    /// Locks feet that touch the ground in place (foot locking, against foot sliding), for bipeds and quadrupeds.
+    /// - Options: feet (an array of joint names; default: found by name), ground (an actor, or an array of actors,
+    ///   whose surfaces the feet stand on), weight (0 to 1, default 1).
+    Actor.plant_feet("options?") -> Goal = plant_feet;
+    /// Exchanges left and right in what its clips do, for joints, morph targets and expressions, as long as the
+    /// constraint lasts. The path of root motion stays the same. Options: weight (0 to 1, default 1).
+    Actor.mirror("options?") -> Goal = mirror;
+    /// Sets the start time of the constraint (default 0).
+    Goal.from("time") = from;
+    /// Sets the end time of the constraint.
+    Goal.until("time") = until;
+    /// Sets how long the constraint takes to fade in and out, in seconds (default 0.3).
+    Goal.fade("seconds") = fade;
+    /// Sets the weight of the constraint: 0 not at all, 1 fully (default 1).
+    Goal.weight("weight") = weight;
+    /// Limits the rotation of the joint relative to the rest pose, whatever clips and constraints do. Options, in
+    /// degrees: swing (0 to 180, a cone about axis) with twist ([low, high] about axis), or hinge ([low, high]
+    /// about axis); axis (default +y).
+    Joint.limit("options") = limit;
+    /// Makes joints spring bones (secondary motion, jiggle). Joints: "Tail.." for a joint and all below it,
+    /// `"*hair*"` for a pattern, or an array of these.
+    /// - Options: frequency (Hz, 0 to 1000, default 2), damping (damping ratio; 0 never comes to rest, 1 does not
+    ///   oscillate; default 0.3), gravity (in multiples of Earth's gravity, default 0), radius (metres, for
+    ///   collisions, default 0), center (name of a joint whose motion is ignored).
+    Actor.spring("joints, options?") = spring;
+    /// Turns the spring bones of the actor on or off; those of a VRM file are on by default. Options: ground
+    /// (height of a floor that they collide with, metres), pre_roll (seconds that are simulated before time 0, 0 to
+    /// 600).
+    Actor.springs("on | options") = springs;
+    /// Adds a collider for spring bones: a sphere at a joint, or a capsule if `to` is given. Options: radius
+    /// (metres), `at` and `to` (points [x, y, z] in the space of the joint).
+    Actor.collider("joint, options") = collider;
+    /// Sets the wind that acts on the spring bones, a velocity in metres per second.
+    Actor.wind("x, y, z | velocity") = wind, in_frames;
+}
 
 fn add(c: &Call, actor: usize, goal: Constraint) -> Reply {
     let mut build = c.build();

@@ -1,29 +1,17 @@
 //! Time span in which an actor is visible: `actor.from(time)`, `actor.until(time)`.
 
 use super::keys;
-use crate::call::{Call, Def, Gives, Reply};
-use crate::value::{ActorRef, Kind};
+use crate::call::{Call, Reply, api};
+use crate::value::ActorRef;
 use choreo_motion::{Interpolation, Time};
 use choreo_stage::{Channel, Property};
 
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::Actor,
-        "from",
-        "time",
-        Gives::Itself,
-        "Shows the actor from this time on; before, it is hidden.",
-        from,
-    ),
-    Def::new(
-        Kind::Actor,
-        "until",
-        "time",
-        Gives::Itself,
-        "Hides the actor from this time on. A hidden actor costs nothing: it is neither posed nor drawn.",
-        until,
-    ),
-];
+api! {
+    /// Shows the actor from this time on; before, it is hidden.
+    Actor.from("time") = from;
+    /// Hides the actor from this time on. A hidden actor costs nothing: it is neither posed nor drawn.
+    Actor.until("time") = until;
+}
 
 fn from(c: &mut Call) -> Reply {
     let t = c.time(0)?;

@@ -38,17 +38,7 @@ pub fn texture(c: &mut Call) -> Reply {
     let wanted = c.text(0)?;
     let slot = one_of(&c.value(1), "texture: slot", SLOTS)?;
     let o = c.options(3, &["fps", "once", "uv_set"])?;
-    let value = c.value(2);
-    let given = match value.read_lock::<Array>() {
-        Some(array) => {
-            let all: Option<Vec<ImageRef>> = array.iter().map(|v| v.clone().try_cast()).collect();
-            Some(all.ok_or_else(|| c.wrong(2, "an Image, from image(…), or an array of them"))?)
-                .map(|all| in_order(&o, "image", &all))
-                .transpose()?
-        }
-        None => value.clone().try_cast::<ImageRef>(),
-    };
-    let Some(given) = given else { return Err(c.wrong(2, "an Image, from image(…), or an array of them")) };
+    let given = read_image(c, &o)?;
     let index = source.materials.iter().position(|m| m.name == wanted).ok_or_else(|| {
         let names = source.materials.iter().map(|m| m.name.as_str());
         unknown("material", &wanted, &format!(" in {}", source.name), names)
@@ -57,15 +47,7 @@ pub fn texture(c: &mut Call) -> Reply {
     let image = asset.images.len() as u32;
     asset.images.push(given.image.clone());
     let material = &mut asset.materials[index];
-    let asked = match o.number("uv_set")? {
-        None => None,
-        Some(0.0) => Some(0),
-        Some(1.0) => Some(1),
-        Some(_) => {
-            let text = "texture: uv_set must be 0, for uvs, or 1, for uvs2";
-            return Err(ApiError::new(text).focus("uv_set"));
-        }
-    };
+    let asked = read_uv_set(&o)?;
     let triplanar = material.triplanar.is_some();
     if asked.is_some() && triplanar {
         let text = format!("texture: {wanted} has a triplanar projection, which needs no uv_set");
@@ -79,6 +61,55 @@ pub fn texture(c: &mut Call) -> Reply {
         };
         Some(TextureRef { image, sampler: given.sampler, uv_set, uv_transform })
     };
+    check_slot(material, slot)?;
+    set(material, slot, new);
+    follow(&o, material, slot, given.files.as_ref())?;
+    if slot == "color" && material.alpha_mode == AlphaMode::Opaque {
+        let one = || super::material::of_picture(&given.image);
+        material.alpha_mode = given.files.as_ref().map_or_else(one, |f| f.alpha);
+    }
+    let uv_set = usize::from(of(material, slot).map_or(0, |t| t.uv_set));
+    let any = with_tangents(&mut asset, index as u32, slot, uv_set);
+    if !any {
+        let which = if uv_set == 1 { "second " } else { "" };
+        let text = format!("texture: what has the material \"{wanted}\" has no {which}texture coordinates");
+        return Err(ApiError::new(text).focus(&wanted));
+    }
+    c.build().used(&source);
+    let from = c.build().made(&Arc::new(asset), &c.place);
+    Ok(Dynamic::from(AssetRef { from, dead: false }))
+}
+
+/// The image of the third argument, or an image sequence.
+fn read_image(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
+    let value = c.value(2);
+    let given = match value.read_lock::<Array>() {
+        Some(array) => {
+            let all: Option<Vec<ImageRef>> = array.iter().map(|v| v.clone().try_cast()).collect();
+            Some(all.ok_or_else(|| c.wrong(2, "an Image, from image(…), or an array of them"))?)
+                .map(|all| in_order(o, "image", &all))
+                .transpose()?
+        }
+        None => value.clone().try_cast::<ImageRef>(),
+    };
+    given.ok_or_else(|| c.wrong(2, "an Image, from image(…), or an array of them"))
+}
+
+fn read_uv_set(o: &Options) -> Result<Option<u8>, ApiError> {
+    match o.number("uv_set")? {
+        None => Ok(None),
+        Some(0.0) => Ok(Some(0)),
+        Some(1.0) => Ok(Some(1)),
+        Some(_) => {
+            let text = "texture: uv_set must be 0, for uvs, or 1, for uvs2";
+            Err(ApiError::new(text).focus("uv_set"))
+        }
+    }
+}
+
+/// Refuses a slot that the shading of a material does not read.
+fn check_slot(material: &Material, slot: &str) -> Result<(), ApiError> {
+    let wanted = &material.name;
     let lit = material.shading != Shading::Unlit;
     if !lit && slot != "color" {
         let text = format!("texture: {wanted} is unlit, of which light does not find a {slot}");
@@ -93,23 +124,21 @@ pub fn texture(c: &mut Call) -> Reply {
         let text = format!("texture: {wanted} has {model}; it reads no {slot}");
         return Err(ApiError::new(text).focus(slot).hint(format!("its slot is \"{instead}\"")));
     }
-    set(material, slot, new);
-    follow(&o, material, slot, given.files.as_ref())?;
-    if slot == "color" && material.alpha_mode == AlphaMode::Opaque {
-        let one = || super::material::of_picture(&given.image);
-        material.alpha_mode = given.files.as_ref().map_or_else(one, |f| f.alpha);
-    }
-    let uv_set = usize::from(of(material, slot).map_or(0, |t| t.uv_set));
+    Ok(())
+}
+
+/// Gives the meshes with a material tangents where its normal map needs them. Whether any has texture coordinates.
+fn with_tangents(asset: &mut Asset, material: u32, slot: &str, uv_set: usize) -> bool {
     let mut any = false;
     for mesh in &mut asset.meshes {
-        if !mesh.primitives.iter().any(|p| p.material == Some(index as u32)) {
+        if !mesh.primitives.iter().any(|p| p.material == Some(material)) {
             continue;
         }
         let made = Mesh::clone(mesh);
         let mut made = Mesh { primitives: Vec::new(), ..made };
         for p in &mesh.primitives {
             let mut p = p.clone();
-            if p.material == Some(index as u32) {
+            if p.material == Some(material) {
                 any |= !p.uvs[uv_set].is_empty();
                 let plain = !p.uvs[uv_set].is_empty() && !p.normals.is_empty() && p.morphs.is_empty();
                 if slot == "normal" && p.tangents.is_empty() && plain {
@@ -120,14 +149,7 @@ pub fn texture(c: &mut Call) -> Reply {
         }
         *mesh = Arc::new(made);
     }
-    if !any {
-        let which = if uv_set == 1 { "second " } else { "" };
-        let text = format!("texture: what has the material \"{wanted}\" has no {which}texture coordinates");
-        return Err(ApiError::new(text).focus(&wanted));
-    }
-    c.build().used(&source);
-    let from = c.build().made(&Arc::new(asset), &c.place);
-    Ok(Dynamic::from(AssetRef { from, dead: false }))
+    any
 }
 
 fn place<'a>(material: &'a mut Material, slot: &str) -> &'a mut Option<TextureRef> {

@@ -37,11 +37,11 @@ pub fn root(build: &Build, draft: &CueDraft, found: &mut Found) -> Option<Arc<Cu
     let asked = draft.root.or(actor.root).or(paced.then_some(own))?;
     let asset = &actor.actor.asset;
     let trim = draft.part();
-    let all = found.roots.entry(part(asset, &draft.clip, trim)).or_default();
+    let all = found.roots.entry(part(asset, &draft.cue.clip, trim)).or_default();
     if let Some((_, root)) = all.iter().find(|(known, _)| *known == asked) {
         return root.clone();
     }
-    let motion = RootMotion::new(&asset.skeleton, &draft.clip, asked.joint, asked.parts, trim);
+    let motion = RootMotion::new(&asset.skeleton, &draft.cue.clip, asked.joint, asked.parts, trim);
     let carries = asked.used == RootUse::Carries;
     let root = motion.map(|motion| Arc::new(CueRootMotion { motion, carries }));
     all.push((asked, root.clone()));
@@ -50,14 +50,14 @@ pub fn root(build: &Build, draft: &CueDraft, found: &mut Found) -> Option<Arc<Cu
 
 fn steps(build: &Build, draft: &CueDraft, found: &mut Found) -> Option<Arc<Footsteps>> {
     let trim = draft.part();
-    if let Some(times) = build.notes_of(&draft.clip).and_then(|notes| notes.steps.as_ref()) {
+    if let Some(times) = build.notes_of(&draft.cue.clip).and_then(|notes| notes.steps.as_ref()) {
         return Footsteps::given(times, trim).map(Arc::new);
     }
     let asset = &build.actors[build.chains[draft.chain].actor].actor.asset;
-    let entry = found.steps.entry(part(asset, &draft.clip, trim));
+    let entry = found.steps.entry(part(asset, &draft.cue.clip, trim));
     let find = || {
         let feet = find_feet(&asset.skeleton);
-        let contacts = Contacts::find(&asset.skeleton, &draft.clip, trim, &feet)?;
+        let contacts = Contacts::find(&asset.skeleton, &draft.cue.clip, trim, &feet)?;
         Footsteps::of(&contacts, trim).map(Arc::new)
     };
     entry.or_insert_with(find).clone()
@@ -73,7 +73,7 @@ pub fn in_step(
     let drafts = drafts.map(|id| &build.cues[id]);
     for (draft, cue) in drafts.iter().zip(cues) {
         if cue.repeat != Repeat::Loop || !draft.is_even() || cue.speed <= 0.0 {
-            return Err(format!("\"{}\" must loop, forwards and at one speed", draft.clip.name));
+            return Err(format!("\"{}\" must loop, forwards and at one speed", draft.cue.clip.name));
         }
     }
     if cues[1].fade_in <= Time::ZERO {
@@ -81,7 +81,7 @@ pub fn in_step(
     }
     let mut of = |draft: &CueDraft| {
         let hint = "clip.steps([…]) says when its feet come down";
-        steps(build, draft, found).ok_or(format!("no steps are found in \"{}\"; {hint}", draft.clip.name))
+        steps(build, draft, found).ok_or(format!("no steps are found in \"{}\"; {hint}", draft.cue.clip.name))
     };
     let steps = [of(drafts[0])?, of(drafts[1])?];
     let played = cues[0].played(cues[1].start);
@@ -94,5 +94,5 @@ pub fn in_step(
         cues[1].fade_in,
         cues[1].ease,
     )
-    .ok_or(format!("\"{}\" takes other steps", drafts[0].clip.name))
+    .ok_or(format!("\"{}\" takes other steps", drafts[0].cue.clip.name))
 }

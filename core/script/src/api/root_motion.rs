@@ -1,71 +1,40 @@
 //! Root motion, in-place playback and path following.
 
 use crate::build::{RootDraft, RootUse};
-use crate::call::{ApiError, Call, Def, Gives, Reply};
-use crate::value::*;
+use crate::call::{ApiError, Call, Reply, api};
+use crate::value::{ActorRef, ClipRef, CueRef};
 use choreo_motion::contacts::{self, Contacts, Foot};
 use choreo_motion::{RootMotion, RootParts, Time};
 use choreo_stage::{Pace, Path, PathFollowing};
 use rhai::{Dynamic, Map};
 use std::sync::Arc;
 
-const THIS: Gives = Gives::Itself;
-
-const ROOT: &str = "Moves the actor by the root motion of its clips. What the root joint does on the floor moves the actor, loops go on where they end, and the next clip starts where the last one ended. A clip that walks in place moves the actor as fast as its feet push the floor back.\n\
-    Options: joint (name of the root joint; found automatically by default), horizontal (default true), vertical (default false), yaw (default: true if the whole clip turns by 15° or more).";
-
-pub const DEFS: &[Def] = &[
-    Def::new(Kind::Actor, "root_motion", "options?", THIS, ROOT, actor_root),
-    Def::new(
-        Kind::Actor,
-        "in_place",
-        "options?",
-        THIS,
-        "Removes root motion from its clips, so that they play in place. Options as in Actor.root_motion.",
-        actor_in_place,
-    ),
-    Def::new(
-        Kind::Actor,
-        "path",
-        "points, options?",
-        THIS,
-        "Moves the actor along a smooth curve (path following) through points [[x, y, z], …], relative to where it is placed, facing forwards.\n\
-         Options: speed (metres per second; default: as fast as its clips walk, so that feet do not slide), from (start time in seconds, default 0), closed (true: the path is a loop), turn (false: the actor keeps its rotation).",
-        path,
-    ),
-    Def::new(
-        Kind::Cue,
-        "root_motion",
-        "options?",
-        THIS,
-        "Does the same as Actor.root_motion, for this cue only.",
-        cue_root,
-    ),
-    Def::new(
-        Kind::Cue,
-        "in_place",
-        "options?",
-        THIS,
-        "Does the same as Actor.in_place, for this cue only.",
-        cue_in_place,
-    ),
-    Def::new(
-        Kind::Clip,
-        "travel",
-        "joint?",
-        Gives::Value("float"),
-        "Returns the walking speed of the clip in metres per second: that of its root joint or, in place, that of its feet. `joint` is the root joint.",
-        travel,
-    ),
-    Def::new(
-        Kind::Clip,
-        "contacts",
-        "joints?",
-        Gives::Value("array of maps"),
-        "Returns the foot contacts: for each time that a foot stands on the floor #{ foot, from, to } in seconds of the clip, sorted by time. `joints` are the names of the feet, needed where they are not found by name.",
-        clip_contacts,
-    ),
-];
+api! {
+    /// Moves the actor by the root motion of its clips. What the root joint does on the floor moves the actor,
+    /// loops go on where they end, and the next clip starts where the last one ended. A clip that walks in place
+    /// moves the actor as fast as its feet push the floor back.
+    /// - Options: joint (name of the root joint; found automatically by default), horizontal (default true),
+    ///   vertical (default false), yaw (default: true if the whole clip turns by 15° or more).
+    Actor.root_motion("options?") = actor_root;
+    /// Removes root motion from its clips, so that they play in place. Options as in Actor.root_motion.
+    Actor.in_place("options?") = actor_in_place;
+    /// Moves the actor along a smooth curve (path following) through points [[x, y, z], …], relative to where it is
+    /// placed, facing forwards.
+    /// - Options: speed (metres per second; default: as fast as its clips walk, so that feet do not slide), from
+    ///   (start time in seconds, default 0), closed (true: the path is a loop), turn (false: the actor keeps its
+    ///   rotation).
+    Actor.path("points, options?") = path;
+    /// Does the same as Actor.root_motion, for this cue only.
+    Cue.root_motion("options?") = cue_root;
+    /// Does the same as Actor.in_place, for this cue only.
+    Cue.in_place("options?") = cue_in_place;
+    /// Returns the walking speed of the clip in metres per second: that of its root joint or, in place, that of its
+    /// feet. `joint` is the root joint.
+    Clip.travel("joint?") -> "float" = travel;
+    /// Returns the foot contacts: for each time that a foot stands on the floor #{ foot, from, to } in seconds of
+    /// the clip, sorted by time. `joints` are the names of the feet, needed where they are not found by name.
+    Clip.contacts("joints?") -> "array of maps" = clip_contacts;
+}
 
 fn read(c: &Call, used: RootUse) -> Result<(Option<String>, RootDraft), ApiError> {
     let o = c.options(0, &["joint", "horizontal", "vertical", "yaw"])?;

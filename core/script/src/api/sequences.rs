@@ -1,46 +1,25 @@
 //! Markers of clips and of the stage, footsteps of clips, and sequences for several actors.
 
 use crate::build::{Build, ClipNotes};
-use crate::call::{ApiError, Call, Def, Gives, Reply, unknown};
-use crate::value::*;
+use crate::call::{ApiError, Call, Reply, api, unknown};
+use crate::value::{ActorRef, ClipRef};
 use choreo_motion::{Clip, Time};
 use rhai::{Dynamic, FnPtr};
 use std::sync::{Arc, MutexGuard};
 
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::Clip,
-        "marker",
-        "name | name, time",
-        Gives::Value("float, or the Clip with a time"),
-        "Returns the time of a marker in seconds of the clip. With a time, sets the marker and returns the clip.",
-        marker_of_clip,
-    ),
-    Def::new(
-        Kind::Clip,
-        "steps",
-        "times",
-        Gives::Itself,
-        "Sets the footsteps for phase matching (in_step of Cue.then): the times of the clip in seconds at which feet come down, one foot after the other. By default they are found from the motion.",
-        steps,
-    ),
-    Def::new(
-        Kind::None,
-        "marker",
-        "name | name, time",
-        Gives::Value("float"),
-        "Returns the time of a marker of the stage in seconds. With a time, sets the marker.",
-        marker_of_stage,
-    ),
-    Def::new(
-        Kind::None,
-        "perform",
-        "who, what, options?",
-        Gives::Nothing,
-        "Calls a function |actor| … for an actor, or for each actor of an array. Times inside count from the start of its sequence. Options: from (start time of the sequence, default 0), stagger (delay of each further actor, default 0).",
-        perform,
-    ),
-];
+api! {
+    /// Returns the time of a marker in seconds of the clip. With a time, sets the marker and returns the clip.
+    Clip.marker("name | name, time") -> "float, or the Clip with a time" = marker_of_clip;
+    /// Sets the footsteps for phase matching (in_step of Cue.then): the times of the clip in seconds at which feet
+    /// come down, one foot after the other. By default they are found from the motion.
+    Clip.steps("times") = steps;
+    /// Returns the time of a marker of the stage in seconds. With a time, sets the marker.
+    marker("name | name, time") -> "float" = marker_of_stage;
+    /// Calls a function |actor| … for an actor, or for each actor of an array. Times inside count from the start of
+    /// its sequence. Options: from (start time of the sequence, default 0), stagger (delay of each further actor,
+    /// default 0).
+    perform("who, what, options?") -> () = perform;
+}
 
 /// The largest number of markers of one clip, and of the stage.
 const MOST_MARKERS: usize = 10_000;

@@ -2,44 +2,28 @@
 
 use super::joint::find_joint;
 use crate::build::room;
-use crate::call::{ApiError, Call, Def, Gives, Reply};
+use crate::call::{ApiError, Call, Reply, api};
 use crate::suggest::list;
-use crate::value::*;
-use choreo_asset::*;
+use crate::value::{ActorRef, LookRef};
+use choreo_asset::Asset;
 use choreo_motion::{HumanBone, Time};
-use choreo_stage::*;
+use choreo_stage::{LookAt, Target};
 use rhai::Dynamic;
 
-const THIS: Gives = Gives::Itself;
-
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::Actor,
-        "look_at",
-        "target, options?",
-        Gives::A(Kind::Look),
-        "Turns the head towards an actor, a joint or a point (look-at constraint), at most 80° away from the pose of the clip. The eyes of a VRM character follow within the limits of its file, by bones or morph targets. Options: joint (default: the head), weight (0 to 1, default 1).",
-        look_at,
-    ),
-    Def::new(Kind::Look, "from", "time", THIS, "Sets the start time (default 0).", look_from),
-    Def::new(Kind::Look, "until", "time", THIS, "Sets the end time.", look_until),
-    Def::new(
-        Kind::Look,
-        "fade",
-        "seconds",
-        THIS,
-        "Sets how long the head takes to turn to the target and back, in seconds (default 0.3).",
-        look_fade,
-    ),
-    Def::new(
-        Kind::Look,
-        "weight",
-        "weight",
-        THIS,
-        "Sets how far the head turns: 0 not at all, 1 all the way (default 1).",
-        look_weight,
-    ),
-];
+api! {
+    /// Turns the head towards an actor, a joint or a point (look-at constraint), at most 80° away from the pose of
+    /// the clip. The eyes of a VRM character follow within the limits of its file, by bones or morph targets.
+    /// Options: joint (default: the head), weight (0 to 1, default 1).
+    Actor.look_at("target, options?") -> Look = look_at;
+    /// Sets the start time (default 0).
+    Look.from("time") = look_from;
+    /// Sets the end time.
+    Look.until("time") = look_until;
+    /// Sets how long the head takes to turn to the target and back, in seconds (default 0.3).
+    Look.fade("seconds") = look_fade;
+    /// Sets how far the head turns: 0 not at all, 1 all the way (default 1).
+    Look.weight("weight") = look_weight;
+}
 
 fn look_at(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;

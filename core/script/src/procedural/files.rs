@@ -3,7 +3,7 @@
 use super::following::{Following, more_open};
 use super::material::of_picture;
 use super::picture::ImageRef;
-use crate::api::flat::read_file;
+use crate::api::layers_2d::read_file;
 use crate::call::{ApiError, Call, Options};
 use crate::limits::raise_hint;
 use choreo_asset::{AlphaMode, Image, ImageSource};
