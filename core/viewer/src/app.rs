@@ -302,7 +302,7 @@ impl Viewer {
     }
 
     /// The playhead goes to the next thing that begins, ends or happens, or to the last one.
-    pub(crate) fn to_next(&mut self, back: bool) {
+    pub(crate) fn seek_to_next(&mut self, back: bool) {
         let next = self.timeline.next(self.playhead.time(), self.playhead.fps(), back);
         if let Some(time) = next {
             self.playhead.pause();

@@ -76,7 +76,7 @@ fn playback_keys(ui: &Ui, viewer: &mut Viewer, now: f64) {
     }
     for (key, back) in [(Key::ArrowDown, false), (Key::ArrowUp, true)] {
         if pressed(key) {
-            viewer.to_next(back);
+            viewer.seek_to_next(back);
         }
     }
     viewer.playhead.looping ^= pressed(Key::L);
@@ -91,7 +91,8 @@ fn playback_keys(ui: &Ui, viewer: &mut Viewer, now: f64) {
 
 fn view_keys(ui: &Ui, viewer: &mut Viewer) {
     let pressed = |key| ui.input_mut(|i| i.consume_key(Modifiers::NONE, key));
-    let actions: [(Key, fn(&mut Viewer)); 4] = [
+    type Action = fn(&mut Viewer);
+    let actions: [(Key, Action); 4] = [
         (Key::C, viewport::toggle_camera),
         (Key::F, viewport::focus),
         (Key::H, hide),

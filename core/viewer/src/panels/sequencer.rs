@@ -95,10 +95,10 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
             viewer.in_seconds = !viewer.in_seconds;
         }
         if ui.button("◀ event").on_hover_text("to what begins, ends or happens before (↑)").clicked() {
-            viewer.to_next(true);
+            viewer.seek_to_next(true);
         }
         if ui.button("event ▶").on_hover_text("to what begins, ends or happens next (↓)").clicked() {
-            viewer.to_next(false);
+            viewer.seek_to_next(false);
         }
         if ui.button("Whole").on_hover_text("show the whole scene").clicked() {
             viewer.span = Span::whole(viewer.playhead.length().as_secs());

@@ -61,12 +61,11 @@ fn token(source: &str, from: usize) -> (Option<Kind>, usize) {
         (Some(Kind::Message), quoted(text))
     } else if text.starts_with('\'') {
         // A character; a lifetime has no second quote near.
-        let length = match text[1..].starts_with('\\') {
-            true => text[3..].find('\'').map_or(1, |end| end + 4),
-            false => text[1..].chars().next().map_or(1, |c| 1 + c.len_utf8()),
-        };
-        let is_char = text[1..].starts_with('\\') || text[length..].starts_with('\'');
-        (None, if is_char { length + usize::from(!text[1..].starts_with('\\')) } else { 1 })
+        if text[1..].starts_with('\\') {
+            return (None, text[3..].find('\'').map_or(1, |end| end + 4));
+        }
+        let length = text[1..].chars().next().map_or(1, |c| 1 + c.len_utf8());
+        (None, if text[length..].starts_with('\'') { length + 1 } else { 1 })
     } else {
         (None, 1)
     }
