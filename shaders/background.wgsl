@@ -21,7 +21,7 @@ fn background_fs(in: BackgroundOut) -> @location(0) vec4<f32> {
 }
 
 @if(SURFACE)
-// What effects on everything make of it. CPU reference: core/render/src/cpu/veil.rs.
+// The background after effects on everything. CPU reference: core/render/src/cpu/background_effects.rs.
 fn background_effects(color: vec4<f32>, pixel: vec2<f32>) -> vec4<f32> {
     // The rows of a perspective matrix without a translation stand at right angles, but for what the middle of a part of the
     // picture lies beside the view's: without that, this is its inverse.

@@ -77,16 +77,16 @@ fn ambient_specular(f0: vec3<f32>, f90: f32, roughness: f32, nv: f32) -> vec3<f3
 fn reflect_light(base: vec3<f32>, specular: vec3<f32>, n: vec3<f32>, v: vec3<f32>, l: vec3<f32>) -> vec3<f32> {
     @if(PHONG)
     let rv = clamp(dot(reflect(-l, n), v), 0.0, 1.0);
-    return base + specular * ((material.shininess + 2.0) * 0.5 * pow(rv, material.shininess));
+    return base + specular * ((material.phong.shininess + 2.0) * 0.5 * pow(rv, material.phong.shininess));
     @end
     @if(!PHONG)
     let nh = clamp(dot(n, unit(l + v)), 0.0, 1.0);
-    return base + specular * ((material.shininess + 8.0) * 0.125 * pow(nh, material.shininess));
+    return base + specular * ((material.phong.shininess + 8.0) * 0.125 * pow(nh, material.phong.shininess));
     @end
 }
 @end
 
-@if(SEEN_SHADOW)
+@if(EFFECT_SHADOW)
 // ITU-R BT.709.
 fn luminance(c: vec3<f32>) -> f32 {
     return dot(c, vec3(0.2126, 0.7152, 0.0722));
@@ -120,24 +120,25 @@ struct Incoming {
 
 // KHR_lights_punctual: inverse square, window at the range, cone.
 fn incoming(light: Light, relative: vec3<f32>) -> Incoming {
-    if (light.direction.w == 0.0) {
-        return Incoming(-light.direction.xyz, light.color.xyz);
+    if (light.kind == LIGHT_DIRECTIONAL) {
+        return Incoming(-light.direction, light.color);
     }
-    let offset = light.position.xyz - relative;
+    let offset = light.position - relative;
     let d2 = max(dot(offset, offset), 1e-8);
     let to_light = offset * inverseSqrt(d2);
-    let x = d2 * light.position.w;
+    let x = d2 * light.inverse_range_squared;
     var strength = clamp(1.0 - x * x, 0.0, 1.0) / d2;
-    @if(POLYNOMIAL)
-    if (light.position.w < 0.0) {
-        let square = -1.0 - light.position.w;
-        strength = 1.0 / ((1.0 - light.color.w - square) + light.color.w * sqrt(d2) + square * d2);
+    @if(POLYNOMIAL_FALLOFF)
+    if (light.polynomial.y >= 0.0) {
+        let linear = light.polynomial.x;
+        let quadratic = light.polynomial.y;
+        strength = 1.0 / ((1.0 - linear - quadratic) + linear * sqrt(d2) + quadratic * d2);
     }
     @end
-    if (light.direction.w == 2.0) {
-        let cone = clamp(dot(-light.direction.xyz, to_light) * light.cone.x + light.cone.y, 0.0, 1.0);
+    if (light.kind == LIGHT_SPOT) {
+        let cone = clamp(dot(-light.direction, to_light) * light.cone.x + light.cone.y, 0.0, 1.0);
         strength *= cone * cone;
     }
-    return Incoming(to_light, light.color.xyz * strength);
+    return Incoming(to_light, light.color * strength);
 }
 @end

@@ -1,7 +1,7 @@
 // Deferred shading (S. Deering et al., "The Triangle Processor and Normal Vector Shader", SIGGRAPH 1988; T. Saito and T. Takahashi,
-// "Comprehensible Rendering of 3-D Shapes", SIGGRAPH 1990): surfaces are drawn once without light, and what lights need of the
-// nearest one at each pixel is kept; then each pixel is lit once, by the same text as forward (scene.wgsl).
-// The CPU renderer shades forward: it says which picture both orders of work have to make.
+// "Comprehensible Rendering of 3-D Shapes", SIGGRAPH 1990): surfaces are drawn once without light into the G-buffer, which
+// holds the nearest one at each pixel; then each pixel is lit once, by the same text as forward (scene.wgsl).
+// The CPU renderer shades forward: its image is the reference of both.
 
 @if(GEOMETRY)
 // Nine words: two normals as octahedra, 16 bits each way; roughness and occlusion; f90 and red of what is emitted; the diffuse
@@ -13,7 +13,7 @@ struct Kept {
 }
 
 fn keep(depth: f32, n: vec3<f32>, own_n: vec3<f32>, s: Surface, occlusion: f32, emitted: vec3<f32>) -> Kept {
-    // No more than floats of 16 bits can say.
+    // The largest number of 16-bit floats.
     let e = min(emitted, vec3(65504.0));
     let d = min(s.diffuse, vec3(65504.0));
     let f = min(s.f0, vec3(65504.0));

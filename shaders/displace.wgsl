@@ -1,4 +1,4 @@
-// Effects that move the vertices of surfaces. Their functions, and `vertex_effects`, which calls them, are appended.
+// Effects that displace the vertices of surfaces. Their functions, and `vertex_effects`, which calls them, are appended.
 // CPU reference: core/render/src/cpu/displace.rs.
 
 @if(DISPLACED)

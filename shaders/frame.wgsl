@@ -1,5 +1,5 @@
-// What every shader of the scene reads. Layouts are compared with the Rust structs (gpu_types.rs, plan.rs) by a test.
-// Lines such as `@if(SKIN) …` are kept only where the plan asks for the feature; see shaders.rs.
+// What every shader of the scene reads. Layouts are compared with the Rust structs (core/render/src/shader/uniforms.rs, plan/mod.rs) by a test.
+// Lines such as `@if(SKIN) …` are kept only where the plan asks for the feature; see core/render/src/shader/features.rs, which declares the material textures, too.
 
 struct Frame {
     clip_from_relative: mat4x4<f32>,
@@ -29,14 +29,28 @@ fn tall(rows: mat4x4<f32>) -> f32 {
     return length(rows[1].xyz - rows[3].xyz * dot(rows[1].xyz, rows[3].xyz));
 }
 
+// `LightType` of the plan.
+const LIGHT_DIRECTIONAL: u32 = 0u;
+const LIGHT_POINT: u32 = 1u;
+const LIGHT_SPOT: u32 = 2u;
+
 struct Light {
-    // xyz position, w = 1/range² or 0
-    position: vec4<f32>,
-    // xyz unit direction in which it shines, w = 0 directional, 1 point, 2 spot
-    direction: vec4<f32>,
-    color: vec4<f32>,
-    // x = angle scale, y = angle offset, z = first shadow view, w = how many
-    cone: vec4<f32>,
+    // Point and spot lights.
+    position: vec3<f32>,
+    // LIGHT_DIRECTIONAL, LIGHT_POINT or LIGHT_SPOT
+    kind: u32,
+    // Unit, in which it shines.
+    direction: vec3<f32>,
+    // Its first shadow view in the low 16 bits, how many in the high ones.
+    shadow_views: u32,
+    // Times the intensity.
+    color: vec3<f32>,
+    // 0: without end
+    inverse_range_squared: f32,
+    // Spot lights: scale and offset of the cosine (KHR_lights_punctual, "Inner and Outer Cone Angles").
+    cone: vec2<f32>,
+    // Falloff by a polynomial of the distance: the linear and the quadratic term's share, the rest is constant; below 0: inverse square.
+    polynomial: vec2<f32>,
 }
 
 struct Instance {
@@ -61,33 +75,66 @@ struct UvTransform {
     y: vec4<f32>,
 }
 
-struct Material {
-    base_color: vec4<f32>,
-    emissive: vec3<f32>,
-    alpha_cutoff: f32,
+struct MetallicRoughness {
     specular_color: vec3<f32>,
     specular: f32,
     metallic: f32,
     roughness: f32,
+    pad: vec2<f32>,
+}
+
+struct Phong {
+    specular_color: vec3<f32>,
+    shininess: f32,
+    // The share of the surroundings that is reflected.
+    reflection: vec3<f32>,
+    reflection_roughness: f32,
+}
+
+// MToon.
+struct Toon {
+    shade_color: vec3<f32>,
+    shading_shift: f32,
+    rim_color: vec3<f32>,
+    rim_fresnel_power: f32,
+    matcap: vec3<f32>,
+    rim_lift: f32,
+    shading_toony: f32,
+    gi_equalization: f32,
+    shading_shift_scale: f32,
+    rim_lighting_mix: f32,
+}
+
+struct Outline {
+    color: vec3<f32>,
+    // How much the surface's light counts.
+    lighting_mix: f32,
+    // Meters, or a share of the image's height where `on_screen` is 1.
+    width: f32,
+    on_screen: f32,
+    pad: vec2<f32>,
+}
+
+struct Material {
+    base_color: vec4<f32>,
+    emissive: vec3<f32>,
+    alpha_cutoff: f32,
     normal_scale: f32,
     occlusion_strength: f32,
-    shininess: f32,
-    rim_lighting_mix: f32,
-    outline_width: f32,
-    outline_on_screen: f32,
-    // Toon: shading shift, toony, GI equalization, scale of the shift texture
-    toon: vec4<f32>,
-    // rim colour, Fresnel power
-    rim: vec4<f32>,
-    // matcap colour, rim lift
-    matcap: vec4<f32>,
-    // Outline's colour, and how much the surface's light counts
-    outline: vec4<f32>,
-    // How far a masked motion has come: textures, radians; w = how deep heights go, in textures
-    uv_moved: vec4<f32>,
-    // Of textures from three sides: their middle, 1 / their width; their sharpness is uv_moved.x
-    triplanar: vec4<f32>,
-    // base colour, metallic-roughness, normal, occlusion, emissive, specular, specular colour, outline width, mask of what moves
+    // In widths of the texture.
+    parallax_depth: f32,
+    triplanar_sharpness: f32,
+    triplanar_middle: vec3<f32>,
+    // 1 / width of the textures.
+    triplanar_scale: f32,
+    // How far a masked motion has come: widths of the texture, radians.
+    uv_motion: vec3<f32>,
+    pad: f32,
+    metallic_roughness: MetallicRoughness,
+    phong: Phong,
+    toon: Toon,
+    outline: Outline,
+    // By the slots of the base textures, then width of the outline and mask of the motion.
     uv: array<UvTransform, 9>,
 }
 
@@ -138,51 +185,9 @@ struct ShadowView {
 @if(MORPH) @group(0) @binding(3) var<storage, read> active_morphs: array<ActiveMorph>;
 @if(LIT) @group(0) @binding(4) var<uniform> lights: array<Light, 256>;
 
-@if(LIT && LIGHT_LISTS) @group(0) @binding(9) var<storage, read> light_lists: array<u32>;
+@if(LIT && LIGHT_CLUSTERS) @group(0) @binding(9) var<storage, read> light_lists: array<u32>;
 
 @if(!LIGHT_PASS) @group(3) @binding(0) var<uniform> material: Material;
-@if(BASE_COLOR_TEXTURE) @group(3) @binding(1) var base_color_texture: texture_2d<f32>;
-@if(BASE_COLOR_TEXTURE) @group(3) @binding(2) var base_color_sampler: sampler;
-@if(METALLIC_ROUGHNESS_TEXTURE) @group(3) @binding(3) var metallic_roughness_texture: texture_2d<f32>;
-@if(METALLIC_ROUGHNESS_TEXTURE) @group(3) @binding(4) var metallic_roughness_sampler: sampler;
-@if(NORMAL_TEXTURE) @group(3) @binding(5) var normal_texture: texture_2d<f32>;
-@if(NORMAL_TEXTURE) @group(3) @binding(6) var normal_sampler: sampler;
-@if(OCCLUSION_TEXTURE) @group(3) @binding(7) var occlusion_texture: texture_2d<f32>;
-@if(OCCLUSION_TEXTURE) @group(3) @binding(8) var occlusion_sampler: sampler;
-@if(EMISSIVE_TEXTURE) @group(3) @binding(9) var emissive_texture: texture_2d<f32>;
-@if(EMISSIVE_TEXTURE) @group(3) @binding(10) var emissive_sampler: sampler;
-@if(SPECULAR_TEXTURE) @group(3) @binding(11) var specular_texture: texture_2d<f32>;
-@if(SPECULAR_TEXTURE) @group(3) @binding(12) var specular_sampler: sampler;
-@if(SPECULAR_COLOR_TEXTURE) @group(3) @binding(13) var specular_color_texture: texture_2d<f32>;
-@if(SPECULAR_COLOR_TEXTURE) @group(3) @binding(14) var specular_color_sampler: sampler;
-@if(CLEARCOAT_TEXTURE) @group(3) @binding(15) var clearcoat_texture: texture_2d<f32>;
-@if(CLEARCOAT_TEXTURE) @group(3) @binding(16) var clearcoat_sampler: sampler;
-@if(CLEARCOAT_ROUGHNESS_TEXTURE) @group(3) @binding(17) var clearcoat_roughness_texture: texture_2d<f32>;
-@if(CLEARCOAT_ROUGHNESS_TEXTURE) @group(3) @binding(18) var clearcoat_roughness_sampler: sampler;
-@if(CLEARCOAT_NORMAL_TEXTURE) @group(3) @binding(19) var clearcoat_normal_texture: texture_2d<f32>;
-@if(CLEARCOAT_NORMAL_TEXTURE) @group(3) @binding(20) var clearcoat_normal_sampler: sampler;
-@if(SHEEN_COLOR_TEXTURE) @group(3) @binding(21) var sheen_color_texture: texture_2d<f32>;
-@if(SHEEN_COLOR_TEXTURE) @group(3) @binding(22) var sheen_color_sampler: sampler;
-@if(SHEEN_ROUGHNESS_TEXTURE) @group(3) @binding(23) var sheen_roughness_texture: texture_2d<f32>;
-@if(SHEEN_ROUGHNESS_TEXTURE) @group(3) @binding(24) var sheen_roughness_sampler: sampler;
-@if(TRANSMISSION_TEXTURE) @group(3) @binding(25) var transmission_texture: texture_2d<f32>;
-@if(TRANSMISSION_TEXTURE) @group(3) @binding(26) var transmission_sampler: sampler;
-@if(THICKNESS_TEXTURE) @group(3) @binding(27) var thickness_texture: texture_2d<f32>;
-@if(THICKNESS_TEXTURE) @group(3) @binding(28) var thickness_sampler: sampler;
-@if(IRIDESCENCE_TEXTURE) @group(3) @binding(29) var iridescence_texture: texture_2d<f32>;
-@if(IRIDESCENCE_TEXTURE) @group(3) @binding(30) var iridescence_sampler: sampler;
-@if(IRIDESCENCE_THICKNESS_TEXTURE) @group(3) @binding(31) var iridescence_thickness_texture: texture_2d<f32>;
-@if(IRIDESCENCE_THICKNESS_TEXTURE) @group(3) @binding(32) var iridescence_thickness_sampler: sampler;
-@if(ANISOTROPY_TEXTURE) @group(3) @binding(33) var anisotropy_texture: texture_2d<f32>;
-@if(ANISOTROPY_TEXTURE) @group(3) @binding(34) var anisotropy_sampler: sampler;
-@if(DIFFUSE_TRANSMISSION_TEXTURE) @group(3) @binding(35) var diffuse_transmission_texture: texture_2d<f32>;
-@if(DIFFUSE_TRANSMISSION_TEXTURE) @group(3) @binding(36) var diffuse_transmission_sampler: sampler;
-@if(DIFFUSE_TRANSMISSION_COLOR_TEXTURE) @group(3) @binding(37) var diffuse_transmission_color_texture: texture_2d<f32>;
-@if(DIFFUSE_TRANSMISSION_COLOR_TEXTURE) @group(3) @binding(38) var diffuse_transmission_color_sampler: sampler;
-@if(OUTLINE_WIDTH_TEXTURE) @group(3) @binding(39) var outline_width_texture: texture_2d<f32>;
-@if(OUTLINE_WIDTH_TEXTURE) @group(3) @binding(40) var outline_width_sampler: sampler;
-@if(UV_MASK) @group(3) @binding(41) var uv_mask_texture: texture_2d<f32>;
-@if(UV_MASK) @group(3) @binding(42) var uv_mask_sampler: sampler;
 @if(LAYERS) @group(3) @binding(43) var<uniform> layers: Layers;
 
 @if(SHADOW) @group(2) @binding(0) var<uniform> shadow_views: array<ShadowView, 32>;
@@ -194,5 +199,5 @@ struct ShadowView {
 // Of one primitive, for each target: its first vertex, how many, where their offsets begin. Then the offsets of each target: positions,
 // and as many normals and tangents where the mesh has them.
 @if(MORPH) @group(1) @binding(0) var<storage, read> morphs: array<vec4<u32>>;
-// Vertices of meshes that a compute stage posed; see posed.wgsl.
-@if(POSED) @group(1) @binding(0) var<storage, read> posed: array<f32>;
+// Vertices of bodies that a compute stage posed; see posed.wgsl.
+@if(PRE_SKINNED) @group(1) @binding(0) var<storage, read> posed: array<f32>;

@@ -106,7 +106,7 @@ fn layer_uv(in: VertexOut, slot: u32) -> vec2<f32> {
     @if(!UV_TRANSFORM) let placed = uv;
     @if(UV_TRANSFORM) let t = layers.uv[slot];
     @if(UV_TRANSFORM) let placed = vec2(dot(t.x.xy, uv) + t.x.z, dot(t.y.xy, uv) + t.y.z);
-    @if(!RELIEF) return placed;
-    @if(RELIEF) return placed + relief;
+    @if(!PARALLAX) return placed;
+    @if(PARALLAX) return placed + parallax;
 }
 @end

@@ -1,4 +1,4 @@
-// Layers of transparent surfaces, from the back: the depth test keeps the farthest of the surfaces that are nearer than the layer
+// Depth peeling from the back: the depth test keeps the farthest of the transparent surfaces that are nearer than the layer
 // before, at each sample. CPU reference: cpu/peel.rs.
 
 @if(PEEL_PASS && !MULTISAMPLED)

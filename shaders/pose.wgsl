@@ -1,4 +1,4 @@
-// A vertex in its pose: morphs, then the skin. The vertex stage and the compute stage (posed.wgsl) call the same functions.
+// Deforms a vertex: morph targets, then the skin. The vertex stage and pre-skinning (posed.wgsl) call the same functions.
 // CPU reference: core/render/src/cpu/vertex.rs.
 
 struct Shape {
@@ -34,8 +34,8 @@ fn weigh(sum: Rows, joint: u32, weight: f32) -> Rows {
 }
 @end
 
-@if(SKIN_DUAL)
-// GPU version of core/motion/src/dual_quaternion.rs: stretches are blended as matrices, then motions as dual quaternions.
+@if(DUAL_QUATERNIONS)
+// CPU reference of core/motion/src/dual_quaternion.rs: stretches are blended as matrices, then motions as dual quaternions.
 struct DualSum {
     real: vec4<f32>,
     dual: vec4<f32>,
@@ -63,7 +63,7 @@ fn motion(q: vec4<f32>, d: vec4<f32>) -> Rows {
 
 @end
 
-@if(SKIN_DUAL || SKIN_PLACED)
+@if(DUAL_QUATERNIONS || SKIN_INSTANCED)
 // One row of a map after another.
 fn row_after(outer: vec4<f32>, inner: Rows) -> vec4<f32> {
     return inner.x * outer.x + inner.y * outer.y + inner.z * outer.z + vec4(0.0, 0.0, 0.0, outer.w);
@@ -83,7 +83,7 @@ struct Influences {
 }
 @end
 
-@if(SKIN && !SKIN_DUAL)
+@if(SKIN && !DUAL_QUATERNIONS)
 // relative-from-mesh. `first`: where the skin's joints begin.
 fn skinned(first: u32, by: Influences) -> Rows {
     var m = Rows(vec4(0.0), vec4(0.0), vec4(0.0));
@@ -101,7 +101,7 @@ fn skinned(first: u32, by: Influences) -> Rows {
 }
 @end
 
-@if(SKIN_DUAL)
+@if(DUAL_QUATERNIONS)
 // model-from-mesh. `first`: where the skin's joints begin, two rows each.
 fn skinned(first: u32, by: Influences) -> Rows {
     var heaviest = vec2<f32>(by.weights.x, f32(by.joints.x));

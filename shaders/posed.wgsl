@@ -1,5 +1,5 @@
-// Vertices in their pose, once for all passes that draw them: positions of a body, then its normals, then its tangents.
-// A row of invocations is a vertex of one mesh, a column a body.
+// Pre-skinning: deformed vertices for all passes that draw them: positions of an instance, then its normals, then its tangents.
+// A row of invocations is a vertex of one mesh, a column an instance.
 
 struct Job {
     // relative-from-model of dual-quaternion skins and of copies, relative-from-mesh without a skin
@@ -67,8 +67,8 @@ fn pose(@builtin(global_invocation_id) id: vec3<u32>) {
 
     @if(SKIN && !SKIN_8) let by = Influences(numbers(at + JOINTS_AT), fractions(at + JOINTS_AT + 2u));
     @if(SKIN_8) let by = Influences(numbers(at + JOINTS_AT), fractions(at + JOINTS_AT + 2u), numbers(at + JOINTS_AT + 4u), fractions(at + JOINTS_AT + 6u));
-    @if(SKIN && !SKIN_DUAL && !SKIN_PLACED) let m = skinned(jobs[job].first_joint, by);
-    @if(SKIN_DUAL || SKIN_PLACED) let m = after(jobs[job].relative_from_mesh, skinned(jobs[job].first_joint, by));
+    @if(SKIN && !DUAL_QUATERNIONS && !SKIN_INSTANCED) let m = skinned(jobs[job].first_joint, by);
+    @if(DUAL_QUATERNIONS || SKIN_INSTANCED) let m = after(jobs[job].relative_from_mesh, skinned(jobs[job].first_joint, by));
     @if(!SKIN) let m = jobs[job].relative_from_mesh;
 
     let first = jobs[job].first;

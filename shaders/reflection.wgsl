@@ -1,33 +1,33 @@
-// What Blinn–Phong and Phong surfaces mirror. CPU reference: core/render/src/cpu/reflection.rs.
+// Reflections of Blinn–Phong and Phong surfaces. CPU reference: core/render/src/cpu/reflection.rs.
 
 @if(REFLECTION)
-// The share that is mirrored; the texture stands in the slot of specular, which this shading does not read.
+// The share that is mirrored.
 fn mirrored_share(in: VertexOut) -> vec3<f32> {
-    var share = material.rim.xyz;
-    @if(SPECULAR_TEXTURE && !TRIPLANAR) share *= textureSample(specular_texture, specular_sampler, texture_uv(in, 5u)).rgb;
-    @if(SPECULAR_TEXTURE && TRIPLANAR) share *= from_three_sides(specular_texture, specular_sampler, 5u).rgb;
+    var share = material.phong.reflection;
+    @if(REFLECTION_TEXTURE && !TRIPLANAR) share *= textureSample(reflection_texture, reflection_sampler, texture_uv(in, 5u)).rgb;
+    @if(REFLECTION_TEXTURE && TRIPLANAR) share *= from_three_sides(reflection_texture, reflection_sampler, 5u).rgb;
     return share;
 }
 
-@if(!METALLIC_ROUGHNESS_TEXTURE)
+@if(!ENVIRONMENT_TEXTURE)
 fn surroundings(way: vec3<f32>) -> vec3<f32> {
-    return mirrored(way, material.rim.w);
+    return mirrored(way, material.phong.reflection_roughness);
 }
 @end
 
-// The environment map, in the slot of metallic-roughness: an equirectangular panorama. Its level is the one whose texels are as
+// The environment map: an equirectangular panorama. Its level is the one whose texels are as
 // wide as the pixel's own directions, or as the highlight, whose half vectors stand α to each side: explicit, since the
 // texture coordinates jump where the panorama's ends meet.
-@if(METALLIC_ROUGHNESS_TEXTURE)
+@if(ENVIRONMENT_TEXTURE)
 fn surroundings(way: vec3<f32>) -> vec3<f32> {
     // At the poles every longitude is right, but atan2(0, 0) none.
     let flat = select(vec2(way.x, -way.z), vec2(0.0, 1.0), way.x == 0.0 && way.z == 0.0);
     let place = vec2(0.5 + atan2(flat.x, flat.y) / 6.2831853, acos(clamp(way.y, -1.0, 1.0)) / 3.14159265);
     let across = dpdxFine(way);
     let down = dpdyFine(way);
-    let angle = max(sqrt(max(dot(across, across), dot(down, down))), 2.0 * material.rim.w * material.rim.w);
-    let level = log2(max(angle * f32(textureDimensions(metallic_roughness_texture).x) / 6.2831853, 1.0));
-    return textureSampleLevel(metallic_roughness_texture, metallic_roughness_sampler, place, level).rgb;
+    let angle = max(sqrt(max(dot(across, across), dot(down, down))), 2.0 * material.phong.reflection_roughness * material.phong.reflection_roughness);
+    let level = log2(max(angle * f32(textureDimensions(environment_texture).x) / 6.2831853, 1.0));
+    return textureSampleLevel(environment_texture, environment_sampler, place, level).rgb;
 }
 @end
 @end

@@ -1,4 +1,4 @@
-// Glass that bends light: what lies behind, as the bent ray meets it. CPU reference: core/render/src/cpu/refraction.rs.
+// Refraction: the scene color copy where the refracted ray leaves the volume. CPU reference: core/render/src/cpu/refraction.rs.
 
 @if(REFRACTION)
 // The ray inside, by Snell's law; unit length. Nothing where no light enters.

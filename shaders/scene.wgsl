@@ -1,7 +1,7 @@
 // The fragment shader of the scene: linear colour out, the target encodes sRGB.
 
-@if(UV_MASK) var<private> uv_mask: f32;
-@if(RELIEF) var<private> relief: vec2<f32>;
+@if(UV_MOTION_MASK) var<private> uv_mask: f32;
+@if(PARALLAX) var<private> parallax: vec2<f32>;
 
 @if(UV0 || UV1)
 fn texture_uv(in: VertexOut, slot: u32) -> vec2<f32> {
@@ -11,27 +11,27 @@ fn texture_uv(in: VertexOut, slot: u32) -> vec2<f32> {
     @if(!UV_TRANSFORM) let placed = uv;
     @if(UV_TRANSFORM) let t = material.uv[slot];
     @if(UV_TRANSFORM) let placed = vec2(dot(t.x.xy, uv) + t.x.z, dot(t.y.xy, uv) + t.y.z);
-    @if(!UV_MASK && !RELIEF) return placed;
-    @if(!UV_MASK && RELIEF) return placed + relief;
+    @if(!UV_MOTION_MASK && !PARALLAX) return placed;
+    @if(!UV_MOTION_MASK && PARALLAX) return placed + parallax;
     // Turned about the middle, then moved, each place as much as the mask says.
-    @if(UV_MASK)
-    let angle = material.uv_moved.z * uv_mask;
+    @if(UV_MOTION_MASK)
+    let angle = material.uv_motion.z * uv_mask;
     let off = placed - 0.5;
     let turned = vec2(cos(angle) * off.x - sin(angle) * off.y, sin(angle) * off.x + cos(angle) * off.y);
-    return turned + 0.5 + material.uv_moved.xy * uv_mask;
+    return turned + 0.5 + material.uv_motion.xy * uv_mask;
     @end
 }
 @end
 
-@if(UV_MASK)
+@if(UV_MOTION_MASK)
 fn read_uv_mask(in: VertexOut) {
     uv_mask = 0.0;
-    uv_mask = textureSample(uv_mask_texture, uv_mask_sampler, texture_uv(in, 8u)).b;
+    uv_mask = textureSample(uv_motion_mask_texture, uv_motion_mask_sampler, texture_uv(in, 8u)).b;
 }
 @end
 
-@if(LIT && LIGHT_LISTS)
-// Where the lights that may reach a place are listed, beside those that reach everywhere: from, to. CPU reference: `LightLists::of`.
+@if(LIT && LIGHT_CLUSTERS)
+// The range of a place's light cluster in the lists, beside the lights without a range. CPU reference: `LightClusters::of`.
 fn light_list(pixel: vec2<f32>, relative: vec3<f32>) -> vec2<u32> {
     let depth = (frame.clip_from_relative * vec4(relative, 1.0)).w;
     let scale = bitcast<f32>(light_lists[4]);
@@ -42,11 +42,11 @@ fn light_list(pixel: vec2<f32>, relative: vec3<f32>) -> vec2<u32> {
 }
 @end
 
-@if(RELIEF)
+@if(PARALLAX)
 // Premecz, "Iterative Parallax Mapping with Slope Information", CESCG 2006: four steps towards where the view meets the heights
 // in the normal map's alpha. Where it grazes the surface it goes no farther than three times as far as deep.
-fn read_relief(in: VertexOut) {
-    relief = vec2(0.0);
+fn read_parallax(in: VertexOut) {
+    parallax = vec2(0.0);
     let at = texture_uv(in, 2u);
     let v = frame.eye.xyz - in.relative * frame.eye.w;
     let b = cross(in.normal, in.tangent.xyz) * in.tangent.w;
@@ -55,10 +55,10 @@ fn read_relief(in: VertexOut) {
     let way = vec2(dot(v, in.tangent.xyz), -dot(v, b)) / max(abs(up), 0.3 * length(v));
     var depth = 0.0;
     for (var i = 0; i < 4; i++) {
-        let texel = textureSample(normal_texture, normal_sampler, at + relief);
-        let below = (texel.a - 1.0) * material.uv_moved.w;
+        let texel = textureSample(normal_texture, normal_sampler, at + parallax);
+        let below = (texel.a - 1.0) * material.parallax_depth;
         depth += (below - depth) * clamp(texel.z * 2.0 - 1.0, 0.0, 1.0);
-        relief = way * depth;
+        parallax = way * depth;
     }
 }
 @end
@@ -67,8 +67,8 @@ fn read_relief(in: VertexOut) {
 @fragment
 @if(!GEOMETRY) fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
 @if(GEOMETRY) fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> Kept {
-    @if(UV_MASK) read_uv_mask(in);
-    @if(RELIEF) read_relief(in);
+    @if(UV_MOTION_MASK) read_uv_mask(in);
+    @if(PARALLAX) read_parallax(in);
     @if(TRIPLANAR) read_planes(in);
     var base = material.base_color;
     @if(VERTEX_COLOR || TINT) base *= in.color;
@@ -112,18 +112,21 @@ fn read_relief(in: VertexOut) {
     @end
 
     @if(METALLIC_ROUGHNESS)
-    var metallic = material.metallic;
-    var roughness = material.roughness;
+    var metallic = material.metallic_roughness.metallic;
+    var roughness = material.metallic_roughness.roughness;
     @if(METALLIC_ROUGHNESS_TEXTURE)
     let mr = textureSample(metallic_roughness_texture, metallic_roughness_sampler, texture_uv(in, 1u));
     roughness *= mr.g;
     metallic *= mr.b;
     @end
-    var specular = material.specular;
+    var specular = material.metallic_roughness.specular;
     @if(SPECULAR_TEXTURE) specular *= textureSample(specular_texture, specular_sampler, texture_uv(in, 5u)).a;
     @end
-    @if(LIT)
-    var specular_color = material.specular_color;
+    @if(TOON) var shade_color = material.toon.shade_color;
+    @if(SHADE_COLOR_TEXTURE) shade_color *= textureSample(shade_color_texture, shade_color_sampler, texture_uv(in, 6u)).rgb;
+    @if(LIT && !TOON)
+    @if(METALLIC_ROUGHNESS) var specular_color = material.metallic_roughness.specular_color;
+    @if(BLINN_PHONG) var specular_color = material.phong.specular_color;
     @if(SPECULAR_COLOR_TEXTURE && !TRIPLANAR) specular_color *= textureSample(specular_color_texture, specular_color_sampler, texture_uv(in, 6u)).rgb;
     @if(SPECULAR_COLOR_TEXTURE && TRIPLANAR) specular_color *= from_three_sides(specular_color_texture, specular_color_sampler, 6u).rgb;
     @end
@@ -252,17 +255,17 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
     @if(BLINN_PHONG) var color = base.rgb * ambient(n) * occlusion;
     @if(REFLECTION) color += mirrored_part * surroundings(reflect(-v, n)) * occlusion;
     @if(TOON)
-    @if(TINT) specular_color *= in.color.rgb;
-    var shift = material.toon.x;
-    @if(SPECULAR_TEXTURE) shift += material.toon.w * textureSample(specular_texture, specular_sampler, texture_uv(in, 5u)).r;
+    @if(TINT) shade_color *= in.color.rgb;
+    var shift = material.toon.shading_shift;
+    @if(SHADING_SHIFT_TEXTURE) shift += material.toon.shading_shift_scale * textureSample(shading_shift_texture, shading_shift_sampler, texture_uv(in, 5u)).r;
     // All the light that there is, for the rim.
     var lighting = toon_ambient(n);
     var color = base.rgb * lighting;
     @end
 
-    @if(SEEN_SHADOW && SHADOW) light_whole = luminance(ambient(own_n));
+    @if(EFFECT_SHADOW && SHADOW) light_whole = luminance(ambient(own_n));
 
-    @if(LIT && LIGHT_LISTS)
+    @if(LIT && LIGHT_CLUSTERS)
     let listed = light_list(in.position.xy, in.relative);
     let everywhere = light_lists[3];
     for (var i = 0u; i < everywhere + listed.y - listed.x; i++) {
@@ -270,7 +273,7 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
         if (i >= everywhere) { index = light_lists[listed.x + i - everywhere]; }
         let light = lights[index];
     @end
-    @if(LIT && !ONE_LIGHT && !LIGHT_LISTS)
+    @if(LIT && !ONE_LIGHT && !LIGHT_CLUSTERS)
     for (var i = 0u; i < frame.light_count; i++) {
         let light = lights[i];
     @end
@@ -283,12 +286,12 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
         @if(LOCAL_LIGHTS) let arriving = incoming(light, in.relative);
         @if(LOCAL_LIGHTS) let l = arriving.direction;
         @if(LOCAL_LIGHTS) var light_color = arriving.color;
-        @if(!LOCAL_LIGHTS) let l = -light.direction.xyz;
-        @if(!LOCAL_LIGHTS) var light_color = light.color.xyz;
+        @if(!LOCAL_LIGHTS) let l = -light.direction;
+        @if(!LOCAL_LIGHTS) var light_color = light.color;
         @if(SHADOW && !DIFFUSE_TRANSMISSION) let share = shadow_share(light, in.relative, own_n, l);
         // Light from behind falls on the other side.
         @if(SHADOW && DIFFUSE_TRANSMISSION) let share = shadow_share(light, in.relative, select(own_n, -own_n, dot(n, l) < 0.0), l);
-        @if(SEEN_SHADOW && SHADOW)
+        @if(EFFECT_SHADOW && SHADOW)
         let falling = luminance(light_color) * clamp(dot(own_n, l), 0.0, 1.0);
         light_whole += falling;
         light_lost += falling * (1.0 - share);
@@ -299,8 +302,8 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
         let nl = clamp(dot(n, l), 0.0, 1.0);
         @if(METALLIC_ROUGHNESS) let lit = reflect_light(s, n, v, l, nv, nl) * light_color * nl;
         @if(DIFFUSE_TRANSMISSION) color += behind_color * light_color * clamp(-dot(n, l), 0.0, 1.0);
-        @if(TOON && !SHADOW) color += mix(specular_color, base.rgb, toon_lit(dot(n, l), shift)) * light_color;
-        @if(TOON && SHADOW) color += mix(specular_color, base.rgb, toon_lit(dot(n, l), shift) * share) * light_color;
+        @if(TOON && !SHADOW) color += mix(shade_color, base.rgb, toon_lit(dot(n, l), shift)) * light_color;
+        @if(TOON && SHADOW) color += mix(shade_color, base.rgb, toon_lit(dot(n, l), shift) * share) * light_color;
         @if(TOON) lighting += light_color;
         @if(SHEEN) sheen += sheen_lobe(sheen_roughness, n, v, l, nv, max(nl, 0.001)) * light_color * nl;
         @if(CLEARCOAT) let coat_nl = clamp(dot(coat_n, l), 0.0, 1.0);
@@ -314,9 +317,9 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
 
     @if(TOON)
     var rim = toon_rim(n, v);
-    @if(METALLIC_ROUGHNESS_TEXTURE) rim += material.matcap.xyz * textureSample(metallic_roughness_texture, metallic_roughness_sampler, matcap_uv(n, v)).rgb;
-    @if(OCCLUSION_TEXTURE) rim *= textureSample(occlusion_texture, occlusion_sampler, texture_uv(in, 3u)).rgb;
-    color += rim * mix(vec3(1.0), lighting, material.rim_lighting_mix);
+    @if(MATCAP_TEXTURE) rim += material.toon.matcap * textureSample(matcap_texture, matcap_sampler, matcap_uv(n, v)).rgb;
+    @if(RIM_TEXTURE) rim *= textureSample(rim_texture, rim_sampler, texture_uv(in, 3u)).rgb;
+    color += rim * mix(vec3(1.0), lighting, material.toon.rim_lighting_mix);
     @end
 
     @if(TRANSMISSION && !REFRACTION) color += through * blurred * mirrored(-v, s.roughness);
@@ -326,7 +329,7 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
     @if(EMISSIVE && !EMISSIVE_TEXTURE && !LIGHT_PASS) color += material.emissive;
     @if(EMISSIVE_TEXTURE) color += material.emissive * textureSample(emissive_texture, emissive_sampler, texture_uv(in, 4u)).rgb;
     @if(CLEARCOAT) color = mix(color, coat, coat_weight);
-    @if(SHELL || EDGES) color = material.outline.xyz * mix(vec3(1.0), color, material.outline.w);
+    @if(OUTLINE || WIREFRAME) color = material.outline.color * mix(vec3(1.0), color, material.outline.lighting_mix);
     @if(!GLASS && !SURFACE) return vec4(color, alpha);
     @if(!GLASS && SURFACE && !COVERAGE) return surface_effects(vec4(color, alpha), seen_of(in, front));
     @if(SURFACE && COVERAGE) return vec4(surface_effects(vec4(color, 1.0), seen_of(in, front)).rgb, alpha);

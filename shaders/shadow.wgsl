@@ -3,8 +3,8 @@
 @if(SHADOW)
 // How much of a light arrives at a place, 0 to 1. `n`: the surface's own normal, without normal map; `l`: to the light.
 fn shadow_share(light: Light, relative: vec3<f32>, n: vec3<f32>, l: vec3<f32>) -> f32 {
-    let first = u32(light.cone.z);
-    let end = first + u32(light.cone.w);
+    let first = light.shadow_views & 0xffffu;
+    let end = first + (light.shadow_views >> 16u);
     let nl = clamp(dot(n, l), 0.0, 1.0);
     // A slope's depth changes by tan over a texel; a step of as many texels as the filter reaches along the normal, times
     // the sine, makes up for it at every angle (Holbert, "Saying Goodbye to Shadow Acne", GDC 2011).
@@ -47,7 +47,7 @@ fn shadow_filtered(at: vec3<f32>, scale: vec2<f32>) -> f32 {
 @if(SHADOW_PASS && ALPHA_MASK)
 @fragment
 fn shadow_fs(in: VertexOut) {
-    @if(UV_MASK) read_uv_mask(in);
+    @if(UV_MOTION_MASK) read_uv_mask(in);
     var alpha = material.base_color.a;
     @if(VERTEX_COLOR) alpha *= in.color.a;
     @if(TRIPLANAR) read_planes(in);

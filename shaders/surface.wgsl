@@ -1,6 +1,6 @@
 // Effects on surfaces: what they see of a place and of light. Their functions, and `surface_effects` and `light_effects`,
 // which call them, are appended.
-// CPU reference: `Seen` of core/plugin/src/effect.rs, filled in core/render/src/cpu/seen.rs.
+// CPU reference: `Seen` of core/plugin/src/effect.rs, filled in core/render/src/cpu/surface.rs.
 
 @if(SURFACE)
 struct Seen {
@@ -43,9 +43,9 @@ fn surface_parameters_of(index: u32) -> array<f32, 8> {
 
 @end
 
-@if(SURFACE && PLACE)
-@if(SEEN_SHADOW) var<private> light_whole: f32;
-@if(SEEN_SHADOW) var<private> light_lost: f32;
+@if(SURFACE && POSITION_OUT)
+@if(EFFECT_SHADOW) var<private> light_whole: f32;
+@if(EFFECT_SHADOW) var<private> light_lost: f32;
 
 fn seen_of(in: VertexOut, front: bool) -> Seen {
     var seen: Seen;
@@ -58,9 +58,9 @@ fn seen_of(in: VertexOut, front: bool) -> Seen {
     @end
     seen.background = mix(frame.background_top.xyz, frame.background_bottom.xyz, in.position.y / frame.size.y);
     @if(SKY) if (sky.texel.z > 0.5) { seen.background = sky_mirrored(select(-frame.eye.xyz, in.relative, frame.eye.w > 0.5), 0.0); }
-    @if(SEEN_JOINTS) seen.joints = in.joints;
+    @if(EFFECT_JOINTS) seen.joints = in.joints;
     @if(UV0) seen.uv = in.uv0;
-    @if(SEEN_SHADOW) seen.shadow = light_lost / max(light_whole, 1e-6);
+    @if(EFFECT_SHADOW) seen.shadow = light_lost / max(light_whole, 1e-6);
     seen.viewer = seen.world - in.relative * frame.eye.w + frame.eye.xyz * seen.distance;
     return seen;
 }

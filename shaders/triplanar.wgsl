@@ -1,4 +1,4 @@
-// Textures laid on a surface from three sides, mixed by where it faces. CPU reference: core/render/src/cpu/triplanar.rs.
+// Triplanar mapping: textures from three sides, mixed by where the surface faces. CPU reference: core/render/src/cpu/triplanar.rs.
 
 @if(TRIPLANAR)
 // In the space of the mesh: from the middle in widths of the picture, unit, −1 or 1, sum 1.
@@ -15,8 +15,8 @@ var<private> planes: Planes;
 fn read_planes(in: VertexOut) {
     let n = unit(in.model_normal);
     let away = abs(n);
-    let shares = pow(away / max(max(away.x, max(away.y, away.z)), 1e-6), vec3(material.uv_moved.x));
-    planes.at = (in.model_at - material.triplanar.xyz) * material.triplanar.w;
+    let shares = pow(away / max(max(away.x, max(away.y, away.z)), 1e-6), vec3(material.triplanar_sharpness));
+    planes.at = (in.model_at - material.triplanar_middle) * material.triplanar_scale;
     planes.normal = n;
     planes.signs = select(vec3(1.0), vec3(-1.0), n < vec3(0.0));
     planes.weights = shares / (shares.x + shares.y + shares.z);

@@ -1,9 +1,9 @@
 // Mesh space → morphs → skin or instance matrix (pose.wgsl, or read where a compute stage did both) → camera-relative space → clip space.
 
 struct VertexIn {
-    @if(!POSED) @location(0) position: vec3<f32>,
-    @if(NORMAL && !POSED) @location(1) normal: vec4<f32>,
-    @if(TANGENT && !POSED) @location(2) tangent: vec4<f32>,
+    @if(!PRE_SKINNED) @location(0) position: vec3<f32>,
+    @if(NORMAL && !PRE_SKINNED) @location(1) normal: vec4<f32>,
+    @if(TANGENT && !PRE_SKINNED) @location(2) tangent: vec4<f32>,
     @if(UV0) @location(3) uv0: vec2<f32>,
     @if(UV1) @location(4) uv1: vec2<f32>,
     @if(VERTEX_COLOR) @location(5) color: vec4<f32>,
@@ -11,8 +11,8 @@ struct VertexIn {
     @if(SKIN) @location(7) weights: vec4<f32>,
     @if(SKIN_8) @location(8) joints_high: vec4<u32>,
     @if(SKIN_8) @location(9) weights_high: vec4<f32>,
-    @if(WIDE) @location(10) other: vec3<f32>,
-    @if(WIDE) @location(11) corner: vec3<f32>,
+    @if(THICK_LINES) @location(10) other: vec3<f32>,
+    @if(THICK_LINES) @location(11) corner: vec3<f32>,
     @builtin(vertex_index) index: u32,
     @builtin(instance_index) instance: u32,
 }
@@ -21,7 +21,7 @@ struct VertexOut {
     @if(!PEELED) @builtin(position) position: vec4<f32>,
     // The same depths in the pass that finds a layer and in the one that shades it.
     @if(PEELED) @builtin(position) @invariant position: vec4<f32>,
-    @if(PLACE) @location(0) relative: vec3<f32>,
+    @if(POSITION_OUT) @location(0) relative: vec3<f32>,
     @if(NORMAL_OUT) @location(1) normal: vec3<f32>,
     @if(TANGENT) @location(2) tangent: vec4<f32>,
     @if(UV0) @location(3) uv0: vec2<f32>,
@@ -29,13 +29,13 @@ struct VertexOut {
     @if(VERTEX_COLOR || TINT) @location(5) color: vec4<f32>,
     // How much longer the mesh's metres are here.
     @if(VOLUME || REFRACTION) @location(6) scale: f32,
-    @if(SEEN_JOINTS) @location(7) joints: vec3<f32>,
+    @if(EFFECT_JOINTS) @location(7) joints: vec3<f32>,
     @if(TRIPLANAR) @location(8) model_at: vec3<f32>,
     @if(TRIPLANAR) @location(9) model_normal: vec3<f32>,
     @if(TRIPLANAR && TANGENT) @location(10) model_tangent: vec3<f32>,
 }
 
-@if(SEEN_JOINTS)
+@if(EFFECT_JOINTS)
 // Neighbouring numbers get colours far apart: hues a golden ratio of the circle from each other.
 fn joint_color(joint: u32) -> vec3<f32> {
     let hue = fract(f32(joint) * 0.61803399) * 6.0;
@@ -55,7 +55,7 @@ fn outline_uv(in: VertexIn) -> vec2<f32> {
 
 @vertex
 fn vs(in: VertexIn) -> VertexOut {
-    @if(!POSED)
+    @if(!PRE_SKINNED)
     var shape: Shape;
     shape.position = in.position;
     @if(NORMAL) shape.normal = in.normal.xyz;
@@ -63,13 +63,13 @@ fn vs(in: VertexIn) -> VertexOut {
     @if(MORPH) shape = morphed(shape, instances[in.instance].first_morph, instances[in.instance].morph_count, in.index);
     @if(SKIN && !SKIN_8) let skin = skinned(instances[in.instance].first_joint, Influences(in.joints, in.weights));
     @if(SKIN_8) let skin = skinned(instances[in.instance].first_joint, Influences(in.joints, in.weights, in.joints_high, in.weights_high));
-    @if(SKIN && !SKIN_DUAL && !SKIN_PLACED) let m = skin;
-    @if(SKIN_DUAL || SKIN_PLACED) let m = after(instances[in.instance].relative_from_mesh, skin);
+    @if(SKIN && !DUAL_QUATERNIONS && !SKIN_INSTANCED) let m = skin;
+    @if(DUAL_QUATERNIONS || SKIN_INSTANCED) let m = after(instances[in.instance].relative_from_mesh, skin);
     @if(!SKIN) let m = instances[in.instance].relative_from_mesh;
     let position = shape.position;
     var relative = placed(m, position);
     @end
-    @if(POSED)
+    @if(PRE_SKINNED)
     // As pose.wgsl left them: all positions of the body, then all normals, then all tangents.
     let count = instances[in.instance].first_morph;
     let at = instances[in.instance].first_joint + 3u * in.index;
@@ -77,11 +77,11 @@ fn vs(in: VertexIn) -> VertexOut {
     @end
 
     var out: VertexOut;
-    @if(NORMAL && !POSED)
+    @if(NORMAL && !PRE_SKINNED)
     let turned = turned_normal(m, shape.normal);
     var unit_normal = turned.xyz;
     @end
-    @if(NORMAL && POSED)
+    @if(NORMAL && PRE_SKINNED)
     let at_normal = at + 3u * count;
     let unit_normal = vec3(posed[at_normal], posed[at_normal + 1u], posed[at_normal + 2u]);
     @end
@@ -95,27 +95,27 @@ fn vs(in: VertexIn) -> VertexOut {
     @if(NORMAL) unit_normal = displaced_normal(place, m, moved);
     relative += moved;
     @end
-    @if(SHELL)
-    var width = material.outline_width;
+    @if(OUTLINE)
+    var width = material.outline.width;
     @if(OUTLINE_WIDTH_TEXTURE) width *= textureSampleLevel(outline_width_texture, outline_width_sampler, outline_uv(in), 0.0).g;
-    if (material.outline_on_screen < 0.5) { relative += unit_normal * width; }
+    if (material.outline.on_screen < 0.5) { relative += unit_normal * width; }
     @end
     out.position = frame.clip_from_relative * vec4(relative, 1.0);
-    @if(WIDE)
+    @if(THICK_LINES)
     let at_other = vec4(in.other, 1.0);
     var relative_other = vec3(dot(m.x, at_other), dot(m.y, at_other), dot(m.z, at_other));
     @end
-    @if(WIDE && DISPLACED)
+    @if(THICK_LINES && DISPLACED)
     place.world = relative_other + frame.camera.xyz;
     place.model = in.other;
     relative_other += vertex_effects(place, m);
     @end
-    @if(WIDE)
+    @if(THICK_LINES)
     let other = frame.clip_from_relative * vec4(relative_other, 1.0);
     out.position = spread(out.position, other, in.corner, instances[in.instance].width);
     @end
-    @if(SHELL)
-    if (material.outline_on_screen > 0.5) {
+    @if(OUTLINE)
+    if (material.outline.on_screen > 0.5) {
         // Where the normal goes in the picture, in pixels: d(xy/w) is proportional to this.
         let way = frame.clip_from_relative * vec4(unit_normal, 0.0);
         let pixels = (way.xy * out.position.w - out.position.xy * way.w) * frame.size;
@@ -123,25 +123,25 @@ fn vs(in: VertexIn) -> VertexOut {
         out.position = vec4(out.position.xy + step * out.position.w, out.position.zw);
     }
     @end
-    @if(EDGES)
+    @if(WIREFRAME)
     // An edge lies in its surface, and its line is a pixel wide: nearer by two pixels' sizes it is seen on what slopes by
     // up to two. In clip space that is a share of z where what is far is small, a distance where it is not.
     let rows = transpose(frame.clip_from_relative);
     let pixel = 2.0 / (frame.size.y * tall(rows));
     out.position.z += 2.0 * pixel * (abs(out.position.z) * length(rows[3].xyz) + length(rows[2].xyz));
     @end
-    @if(PLACE) out.relative = relative;
+    @if(POSITION_OUT) out.relative = relative;
     @if(NORMAL_OUT) out.normal = unit_normal;
-    @if(SEEN_JOINTS)
+    @if(EFFECT_JOINTS)
     out.joints = joint_color(in.joints.x) * in.weights.x + joint_color(in.joints.y) * in.weights.y
         + joint_color(in.joints.z) * in.weights.z + joint_color(in.joints.w) * in.weights.w;
     @end
-    @if(SEEN_JOINTS && SKIN_8)
+    @if(EFFECT_JOINTS && SKIN_8)
     out.joints += joint_color(in.joints_high.x) * in.weights_high.x + joint_color(in.joints_high.y) * in.weights_high.y
         + joint_color(in.joints_high.z) * in.weights_high.z + joint_color(in.joints_high.w) * in.weights_high.w;
     @end
-    @if(TANGENT && !POSED) out.tangent = turned_tangent(m, shape.tangent, in.tangent.w * turned.w);
-    @if(TANGENT && POSED)
+    @if(TANGENT && !PRE_SKINNED) out.tangent = turned_tangent(m, shape.tangent, in.tangent.w * turned.w);
+    @if(TANGENT && PRE_SKINNED)
     let at_tangent = instances[in.instance].first_joint + 6u * count + 4u * in.index;
     out.tangent = vec4(posed[at_tangent], posed[at_tangent + 1u], posed[at_tangent + 2u], posed[at_tangent + 3u]);
     @end

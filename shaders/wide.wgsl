@@ -1,7 +1,7 @@
-// Lines and points of a width. CPU reference: core/render/src/wide.rs.
+// Thick lines and points. CPU reference: core/render/src/scene_resources/thick_lines.rs.
 
-@if(WIDE)
-// Where a corner lies, from both ends of its line in clip space. What is added to an end is the same in the picture wherever on
+@if(THICK_LINES)
+// The place of a vertex, from both ends of its line in clip space. What is added to an end is the same in the picture wherever on
 // the line it is added, times w: so the near plane cuts off what is behind the eye, as of any triangle.
 fn spread(own: vec4<f32>, other: vec4<f32>, corner: vec3<f32>, width: f32) -> vec4<f32> {
     let second = corner.z > 0.5;

@@ -228,7 +228,7 @@ fn each_part_of_the_light_counts() {
         ("shadows", Features::SHADOW),
         ("sky", Features::SKY),
         ("lamps", Features::LOCAL_LIGHTS),
-        ("polynomials", Features::POLYNOMIAL),
+        ("polynomials", Features::POLYNOMIAL_FALLOFF),
         ("emission", Features::EMISSIVE),
     ] {
         let mut fault = plan.clone();

@@ -167,7 +167,10 @@ fn only_who_asks_pays() {
     assert!(without(&linear) && !without(&dual));
     assert_eq!((linear.joint_matrices.len(), dual.joint_matrices.len()), (2, 4));
     let features = dual.draws[0].pipeline.features;
-    assert!(features.has(Features::SKIN_DUAL) && !linear.draws[0].pipeline.features.has(Features::SKIN_DUAL));
+    assert!(
+        features.has(Features::DUAL_QUATERNIONS)
+            && !linear.draws[0].pipeline.features.has(Features::DUAL_QUATERNIONS)
+    );
     let recording =
         |plan: &Plan| format!("{}", commands::record(plan, commands::RecordOptions::default(), |_| 2));
     assert!(recording(&linear).contains("2 joints") && recording(&dual).contains("4 joints"));

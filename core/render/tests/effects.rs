@@ -140,9 +140,9 @@ fn who_has_no_effect_pays_for_none() {
     // Fog asks for nothing of the mesh; a view of normals for normals; each only of its actors.
     assert_eq!(keys(&[("fog", &[])]), (vec![(none, 1, 2, triangles)], false, true, 0));
     let views = keys(&[("views", &[1])]).0;
-    assert_eq!(views, [(none, 0, 1, triangles), (Features::SEEN_NORMALS, 1, 1, triangles)]);
+    assert_eq!(views, [(none, 0, 1, triangles), (Features::EFFECT_NORMALS, 1, 1, triangles)]);
     let lines = keys(&[("wireframe", &[0])]);
-    assert!(lines.0.contains(&(Features::EDGES, 0, 1, TopologyKey::Lines)) && !lines.2, "{lines:?}");
+    assert!(lines.0.contains(&(Features::WIREFRAME, 0, 1, TopologyKey::Lines)) && !lines.2, "{lines:?}");
     assert_eq!(keys(&[("bloom", &[]), ("fxaa", &[])]).3, 5, "bloom runs four times");
 }
 
@@ -197,6 +197,6 @@ fn an_effect_that_asks_for_joints_gets_them_and_others_none() {
     let effects = all();
     let (_, plan) = scene.plan(&PlanOptions { effects: &effects, ..PlanOptions::new([64, 64], 1) });
     // Nothing there is skinned.
-    assert!(plan.draws.iter().all(|d| !d.pipeline.features.has(Features::SEEN_JOINTS)));
+    assert!(plan.draws.iter().all(|d| !d.pipeline.features.has(Features::EFFECT_JOINTS)));
     assert!(plan.draws.iter().all(|d| d.pipeline.surface == 1));
 }

@@ -78,9 +78,9 @@ fn only_who_needs_them_pays() {
     let features = |scene: &Scene| scene.plan(&PlanOptions::new([5, 5], 1)).1.draws[0].pipeline.features;
     let mut scene = wall(shining(Shading::BlinnPhong, 8.0));
     lamp(&mut scene, DVec3::Z, None);
-    assert!(!features(&scene).has(Features::POLYNOMIAL) && !features(&scene).has(Features::PHONG));
+    assert!(!features(&scene).has(Features::POLYNOMIAL_FALLOFF) && !features(&scene).has(Features::PHONG));
     lamp(&mut scene, DVec3::Z, Some([1.0, 0.0, 0.0]));
-    assert!(features(&scene).has(Features::POLYNOMIAL));
+    assert!(features(&scene).has(Features::POLYNOMIAL_FALLOFF));
     let scene = wall(shining(Shading::Phong, 8.0));
     assert!(features(&scene).has(Features::PHONG) && features(&scene).has(Features::BLINN_PHONG));
 }

@@ -74,7 +74,7 @@ fn clusters_leave_out_most_lights_and_change_no_pixel() {
         let mut plan = plan.clone();
         let view = &plan.view;
         let mut short = plan.lights.clone();
-        short.iter_mut().filter(|l| l.position.w > 0.0).for_each(|l| l.position.w *= 16.0);
+        short.iter_mut().for_each(|l| l.inverse_range_squared *= 16.0);
         plan.light_clusters = Some(LightClusters::new(&short, view, SIZE));
         plan
     };

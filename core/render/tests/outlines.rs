@@ -253,10 +253,11 @@ fn only_those_who_have_one_pay_for_it() {
         let all = effects();
         let (_, plan) = scene.plan(&PlanOptions { effects: &all, ..PlanOptions::new([64, 64], 1) });
         let out = plan.left_out.iter().any(|l| l.what == "outlines");
-        let shells: Vec<_> = plan.draws.iter().filter(|d| d.pipeline.features.has(Features::SHELL)).collect();
+        let shells: Vec<_> =
+            plan.draws.iter().filter(|d| d.pipeline.features.has(Features::OUTLINE)).collect();
         let copies: u32 = shells.iter().map(|d| d.instance_count).sum();
         // Of an outline without light only the shape counts.
-        assert!(shells.iter().all(|d| d.pipeline.features == Features::SHELL));
+        assert!(shells.iter().all(|d| d.pipeline.features == Features::OUTLINE));
         (plan.draws.len(), shells.len(), copies, plan.material_overrides.len(), out)
     };
     assert_eq!(draws(None), (1, 0, 0, 0, true));

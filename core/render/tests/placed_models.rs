@@ -119,7 +119,7 @@ fn a_thousand_pay_one_pose_and_those_outside_nothing() {
     let plan = scene.plan(&options).1;
     assert_eq!((plan.joint_matrices.len(), plan.draws.len()), (2, 1), "one pose and one draw");
     let features = plan.draws[0].pipeline.features;
-    assert!(features.has(Features::SKIN.with(Features::SKIN_PLACED)));
+    assert!(features.has(Features::SKIN.with(Features::SKIN_INSTANCED)));
     // The view reaches 2 m to each side, and a body 0.2 m.
     let seen = (0..1000).filter(|i| at(*i).x.abs() < 2.2).count();
     assert_eq!(plan.instances.len(), seen);
@@ -127,7 +127,7 @@ fn a_thousand_pay_one_pose_and_those_outside_nothing() {
     scene.snapshot.actors[0].copies = Some(3);
     assert!(scene.plan(&options).1.draws.is_empty(), "the first three stand on the left");
     let single = crowd(0).plan(&options).1;
-    assert!(!single.draws[0].pipeline.features.has(Features::SKIN_PLACED));
+    assert!(!single.draws[0].pipeline.features.has(Features::SKIN_INSTANCED));
     assert!(single.left_out.iter().any(|l| l.what == "copies of skinned meshes"));
 }
 

@@ -150,14 +150,14 @@ fn only_what_mirrors_pays_and_forcing_it_in_changes_nothing() {
     let told = |scene: &Scene| {
         scene.plan(&options).1.left_out.iter().any(|l| l.what == "reflections of Blinn–Phong")
     };
-    let maps_read = Features::SPECULAR_TEXTURE.with(Features::METALLIC_ROUGHNESS_TEXTURE);
+    let maps_read = Features::REFLECTION_TEXTURE.with(Features::ENVIRONMENT_TEXTURE);
 
     let mirror = lit(wall(polished(Vec3::ONE, 60.0, Some(0), Some(1)), maps(), DVec3::Z));
     assert!(features(&mirror, &options).has(Features::REFLECTION.with(maps_read).with(Features::UV0)));
     assert!(!told(&mirror));
     // Of the sky, without maps: neither textures nor their coordinates.
     let plain = lit(wall(polished(Vec3::ONE, 60.0, None, None), vec![], DVec3::Z));
-    assert_eq!(features(&plain, &options).only(maps_read.with(Features::UV0)), Features(0));
+    assert_eq!(features(&plain, &options).only(maps_read.with(Features::UV0)), Features::default());
     assert!(features(&plain, &options).has(Features::REFLECTION));
 
     // What mirrors nothing is what has no reflection: textures and pixels, to the bit.
@@ -166,7 +166,7 @@ fn only_what_mirrors_pays_and_forcing_it_in_changes_nothing() {
     let none = lit(wall(polished(Vec3::ZERO, 60.0, Some(0), Some(1)), maps(), DVec3::Z));
     for scene in [&without, &none] {
         let f = features(scene, &options);
-        assert_eq!(f.only(Features::REFLECTION.with(maps_read)), Features(0));
+        assert_eq!(f.only(Features::REFLECTION.with(maps_read)), Features::default());
         assert!(told(scene));
         assert!(scene.resources().textures.is_empty());
     }
@@ -176,7 +176,7 @@ fn only_what_mirrors_pays_and_forcing_it_in_changes_nothing() {
     let metal =
         Material { shading: Shading::MetallicRoughness, ..polished(Vec3::ONE, 60.0, Some(0), Some(1)) };
     let f = features(&lit(wall(metal, maps(), DVec3::Z)), &options);
-    assert_eq!(f.only(Features::REFLECTION.with(maps_read)), Features(0));
+    assert_eq!(f.only(Features::REFLECTION.with(maps_read)), Features::default());
 
     let forced = PlanOptions { force_all: true, ..options.clone() };
     for scene in [&mirror, &plain, &without] {

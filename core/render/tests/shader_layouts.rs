@@ -1,11 +1,11 @@
 //! Shaders without a GPU: the layouts of their structs equal the Rust structs field by field.
 
-use choreo_render::plan::{ActiveMorph, Features, Instance, PipelineKey, PlanLight};
+use choreo_render::plan::{ActiveMorph, Features, Instance, LightType, PipelineKey, PlanLight};
 use choreo_render::shader::uniforms::{
-    FrameUniform, LayersUniform, MaterialUniform, PostUniform, RebuiltUniform, ShadowUniform, SkyUniform,
-    UvTransform,
+    FrameUniform, LayersUniform, MaterialUniform, MetallicRoughnessUniform, OutlineUniform, PhongUniform,
+    PostUniform, RebuiltUniform, ShadowUniform, SkyUniform, ToonUniform, UvTransform,
 };
-use choreo_render::shader::*;
+use choreo_render::shader::{BACKGROUND, DeferredPass, SCENE, SceneVariant, ShaderSources, parse, switches};
 use naga::TypeInner;
 use std::mem::offset_of;
 
@@ -36,41 +36,42 @@ macro_rules! fields {
     ($t:ty: $($f:ident),*) => { &[$((stringify!($f), offset_of!($t, $f))),*] };
 }
 
-fn variant(features: Features) -> SceneVariant {
-    SceneVariant {
-        key: PipelineKey::of(features),
-        tint: true,
-        joints_uniform: false,
-        lights: LightLoop::All,
-        shadow_pass: false,
-        peel: PeelPass::No,
-        deferred: DeferredPass::No,
-    }
+/// The module of the scene for these features.
+fn scene(features: Features, deferred: DeferredPass) -> naga::Module {
+    let variant = SceneVariant { deferred, ..SceneVariant::of(PipelineKey::of(features)) };
+    parse(&sources().files(&SCENE).unwrap(), &switches(&variant)).unwrap().0
 }
 
 #[test]
 fn layouts_equal_the_rust_structs() {
-    let all = Features((1 << 54) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0 + Features::SHADOW.0)
-        .with(Features::SKY);
-    let on = switches(&variant(all));
-    let (m, _) = parse(&sources().files(&SCENE).unwrap(), &on).unwrap();
-    let frame = fields!(FrameUniform: clip_from_relative, eye, camera, ambient_up, ambient_down, background_top,
-        background_bottom, size, light_count, pad);
-    compare(&m, "Frame", size_of::<FrameUniform>(), frame);
-    let material = fields!(MaterialUniform: base_color, emissive, alpha_cutoff, specular_color, specular, metallic,
-        roughness, normal_scale, occlusion_strength, shininess, rim_lighting_mix, outline_width, outline_on_screen, toon, rim,
-        matcap, outline, uv_moved, triplanar, uv);
-    compare(&m, "Material", size_of::<MaterialUniform>(), material);
-    let layers = fields!(LayersUniform: sheen_color, sheen_roughness, extinction, thickness, clearcoat,
-        clearcoat_roughness, clearcoat_normal_scale, transmission, diffuse_transmission_color, diffuse_transmission,
-        anisotropy_direction, anisotropy, iridescence, iridescence_thickness, iridescence_ior, pad, iors, pad_iors, uv);
-    compare(&m, "Layers", size_of::<LayersUniform>(), layers);
-    let lookup = fields!(ShadowUniform: texel_from_relative, inside, texel);
-    let sky = fields!(SkyUniform: harmonics, levels, turn, texel, right, down, ahead);
-    compare(&m, "Sky", size_of::<SkyUniform>(), sky);
-    compare(&m, "ShadowView", size_of::<ShadowUniform>(), lookup);
-    compare(&m, "UvTransform", size_of::<UvTransform>(), fields!(UvTransform: x, y));
-    compare(&m, "Light", size_of::<PlanLight>(), fields!(PlanLight: position, direction, color, cone));
+    let features = [Features::SHADOW, Features::SKY, Features::LAYERS, Features::SKIN, Features::MORPH];
+    let lit = Features::METALLIC_ROUGHNESS.with(Features::LOCAL_LIGHTS);
+    let m = scene(features.into_iter().fold(lit, Features::with), DeferredPass::No);
+    macro_rules! uniforms {
+        ($($module:expr, $name:literal: $uniform:ty;)*) => {
+            $(compare($module, $name, size_of::<$uniform>(), <$uniform>::FIELDS);)*
+        };
+    }
+    let light_pass = scene(Features::METALLIC_ROUGHNESS, DeferredPass::Light);
+    let effect =
+        "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color * p[0]; }";
+    let (post, _) = parse(&sources().post("test", effect, 0, false).unwrap(), &[]).unwrap();
+    uniforms! {
+        &m, "Frame": FrameUniform;
+        &m, "MetallicRoughness": MetallicRoughnessUniform;
+        &m, "Phong": PhongUniform;
+        &m, "Toon": ToonUniform;
+        &m, "Outline": OutlineUniform;
+        &m, "Material": MaterialUniform;
+        &m, "Layers": LayersUniform;
+        &m, "Sky": SkyUniform;
+        &m, "ShadowView": ShadowUniform;
+        &m, "UvTransform": UvTransform;
+        &light_pass, "Rebuilt": RebuiltUniform;
+        &post, "Post": PostUniform;
+    }
+    let light = fields!(PlanLight: position, kind, direction, shadow_views, color, inverse_range_squared, cone, polynomial);
+    compare(&m, "Light", size_of::<PlanLight>(), light);
     compare(&m, "Rows", 48, &[("x", 0), ("y", 16), ("z", 32)]);
     let (members, span) = layout(&m, "Instance");
     let rust =
@@ -80,21 +81,20 @@ fn layouts_equal_the_rust_structs() {
     assert_eq!(span as usize, size_of::<Instance>());
     assert_eq!(layout(&m, "ActiveMorph").1 as usize, size_of::<ActiveMorph>());
     assert_eq!(offset_of!(ActiveMorph, weight), layout(&m, "ActiveMorph").0[1].1 as usize);
+}
 
-    let on =
-        switches(&SceneVariant { deferred: DeferredPass::Light, ..variant(Features::METALLIC_ROUGHNESS) });
-    let (m, _) = parse(&sources().files(&SCENE).unwrap(), &on).unwrap();
-    compare(&m, "Rebuilt", size_of::<RebuiltUniform>(), fields!(RebuiltUniform: relative_from_clip));
-
-    let effect =
-        "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color * p[0]; }";
-    let (m, _) = parse(&sources().post("test", effect, 0, false).unwrap(), &[]).unwrap();
-    compare(
-        &m,
-        "Post",
-        size_of::<PostUniform>(),
-        fields!(PostUniform: parameters, size, number, shrink, input, whole),
-    );
+#[test]
+fn light_types_equal_the_rust_enum() {
+    let m = scene(Features::METALLIC_ROUGHNESS, DeferredPass::No);
+    for (name, kind) in [
+        ("LIGHT_DIRECTIONAL", LightType::Directional),
+        ("LIGHT_POINT", LightType::Point),
+        ("LIGHT_SPOT", LightType::Spot),
+    ] {
+        let (_, constant) = m.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name)).unwrap();
+        let value = naga::Expression::Literal(naga::Literal::U32(kind as u32));
+        assert_eq!(m.global_expressions[constant.init], value, "{name}");
+    }
 }
 
 #[test]
@@ -108,7 +108,5 @@ fn a_moved_field_is_found() {
     let mut files = sources().files(&BACKGROUND).unwrap();
     files[0].text = moved;
     let (m, _) = parse(&files, &[]).unwrap();
-    let frame = fields!(FrameUniform: clip_from_relative, eye, camera, ambient_up, ambient_down, background_top,
-        background_bottom, size, light_count, pad);
-    compare(&m, "Frame", size_of::<FrameUniform>(), frame);
+    compare(&m, "Frame", size_of::<FrameUniform>(), FrameUniform::FIELDS);
 }

@@ -184,7 +184,8 @@ fn only_what_has_a_width_pays_for_it_and_none_is_not_drawn() {
         scene.snapshot.actors[actor].line_width = width;
         scene.plan(&options).1
     };
-    let wide = |plan: &Plan| plan.draws.iter().filter(|d| d.pipeline.features.has(Features::WIDE)).count();
+    let wide =
+        |plan: &Plan| plan.draws.iter().filter(|d| d.pipeline.features.has(Features::THICK_LINES)).count();
     let thin = plan(None, None, 0.0);
     assert_eq!((thin.draws.len(), wide(&thin)), (1, 0));
     let drawn = plan(Some(pen(4.0)), None, 0.0);

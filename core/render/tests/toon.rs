@@ -228,5 +228,5 @@ fn only_those_who_use_it_pay_for_it() {
     };
     assert_eq!(features(other), (Features::TOON, 0));
     let matcap = toon_of(Toon { matcap_texture: Some(texture(0)), ..Toon::default() }, Vec3::ONE);
-    assert_eq!(features(matcap), (Features::TOON.with(Features::METALLIC_ROUGHNESS_TEXTURE), 1));
+    assert_eq!(features(matcap), (Features::TOON.with(Features::MATCAP_TEXTURE), 1));
 }

@@ -391,7 +391,17 @@ fn odd_sizes_and_misuse() {
     plan.samples = 3;
     assert_eq!(refused(&plan), "number of samples is 3, the limit of this device is 4");
     plan.samples = 1;
-    plan.lights = vec![Default::default(); 257];
+    let light = choreo_render::plan::PlanLight {
+        position: Vec3::ZERO,
+        kind: choreo_render::plan::LightType::Directional,
+        direction: Vec3::NEG_Y,
+        shadow_views: [0; 2],
+        color: Vec3::ONE,
+        inverse_range_squared: 0.0,
+        cone: Vec2::ZERO,
+        polynomial: choreo_render::plan::PlanLight::INVERSE_SQUARE,
+    };
+    plan.lights = vec![light; 257];
     assert!(refused(&plan).starts_with("257 lights shine at once; 256 are drawn at most"));
     plan.lights.clear();
     plan.post.push(choreo_render::plan::PostPass {

@@ -39,7 +39,9 @@ fn errors_name_element_and_line() {
     }
     let other = error_text(import_bytes(&ColladaImporter, "bad.dae", "<svg/>"));
     assert_eq!(other, "bad.dae: line 1: the root element is svg, not COLLADA");
-    assert!(error_text(import_bytes(&ColladaImporter, "bad.dae", "")).starts_with("bad.dae: line 1, column 1: "));
+    assert!(
+        error_text(import_bytes(&ColladaImporter, "bad.dae", "")).starts_with("bad.dae: line 1, column 1: ")
+    );
 }
 
 #[test]
@@ -48,7 +50,10 @@ fn entities_are_refused() {
     (1..30).for_each(|i| laughs += &format!("<!ENTITY a{i} \"&a{};&a{};\">", i - 1, i - 1));
     laughs += "]>\n<COLLADA>&a29;</COLLADA>";
     let error = import_bytes(&ColladaImporter, "laughs.dae", laughs).unwrap_err();
-    assert_eq!(error.to_string(), "laughs.dae: line 2, column 1: has a document type definition, which is not allowed");
+    assert_eq!(
+        error.to_string(),
+        "laughs.dae: line 2, column 1: has a document type definition, which is not allowed"
+    );
     let outside = "<!DOCTYPE COLLADA [<!ENTITY x SYSTEM \"file:///etc/passwd\">]><COLLADA>&x;</COLLADA>";
     assert!(
         error_text(import_bytes(&ColladaImporter, "x.dae", outside)).contains("document type definition")

@@ -2,9 +2,8 @@
 
 use crate::commands::draws::{DrawRecorder, light_loop};
 use crate::commands::{Command, Cull, Recorder, cull_of};
-use crate::plan::deferred::LIGHTS;
-use crate::plan::{Deferred, Features, PipelineKey, features_layers};
-use crate::shader::{DeferredPass, PeelPass, SceneVariant};
+use crate::plan::{Deferred, Features, PipelineKey};
+use crate::shader::{DeferredPass, SceneVariant};
 
 /// The pass before the scene's own: depth and G-buffer of the deferred surfaces.
 pub(super) fn record_gbuffer(recorder: Recorder, commands: &mut Vec<Command>) {
@@ -19,15 +18,8 @@ pub(super) fn record_gbuffer(recorder: Recorder, commands: &mut Vec<Command>) {
 pub(super) fn record_lighting(deferred: &Deferred, draws: &mut DrawRecorder) {
     let plan = draws.recorder.plan;
     let key = PipelineKey { surface: deferred.surface, ..PipelineKey::of(deferred.features) };
-    let variant = SceneVariant {
-        key,
-        tint: false,
-        joints_uniform: false,
-        lights: light_loop(plan, &key),
-        shadow_pass: false,
-        peel: PeelPass::No,
-        deferred: DeferredPass::Light,
-    };
+    let lights = light_loop(plan, &key);
+    let variant = SceneVariant { lights, deferred: DeferredPass::Light, ..SceneVariant::of(key) };
     draws.set_cull(Cull::None);
     draws.commands.push(Command::BindPipeline(variant));
     draws.draw_full_screen(Command::DrawLight { area: plan.dirty_rect.part_of(plan.size) });
@@ -36,7 +28,7 @@ pub(super) fn record_lighting(deferred: &Deferred, draws: &mut DrawRecorder) {
 /// The G-buffer pass's key of a draw with a forward key.
 pub(super) fn gbuffer_key(key: PipelineKey) -> PipelineKey {
     // Layers that are forced on and change no pixel.
-    let layers = features_layers::TEXTURES.iter().fold(features_layers::ALL, |all, f| all.with(*f));
-    let features = key.features.without(LIGHTS.with(layers).with(Features::SEEN_JOINTS));
+    let unread = Features::LIGHTS.with(Features::ALL_LAYERS).with(Features::EFFECT_JOINTS);
+    let features = key.features.without(unread);
     PipelineKey { features, surface: 0, ..key }
 }

@@ -12,8 +12,8 @@ use crate::commands::deferred::record_gbuffer;
 use crate::commands::draws::DrawRecorder;
 use crate::commands::preskin::{PreskinVariant, PreskinnedMesh};
 use crate::commands::scene::record_scene;
-use crate::plan::{Draw, Features, Plan, TopologyKey, features_layers};
-use crate::scene_resources::material::{BASE_SLOTS, TOON_SLOTS};
+pub use crate::plan::shader_features::texture_slots;
+use crate::plan::{Draw, Features, Plan, TopologyKey};
 use crate::scene_resources::vertex_layout::VertexLayout;
 use crate::shader::SceneVariant;
 use glam::Vec4;
@@ -304,28 +304,9 @@ fn record_post_passes(plan: &Plan, scene: Target, commands: &mut Vec<Command>) {
     }
 }
 
-/// Texture features of every material, in the order of their slots.
-const BASE_TEXTURES: [Features; BASE_SLOTS] = [
-    Features::BASE_COLOR_TEXTURE,
-    Features::METALLIC_ROUGHNESS_TEXTURE,
-    Features::NORMAL_TEXTURE,
-    Features::OCCLUSION_TEXTURE,
-    Features::EMISSIVE_TEXTURE,
-    Features::SPECULAR_TEXTURE,
-    Features::SPECULAR_COLOR_TEXTURE,
-];
-
-const TOON_TEXTURES: [Features; TOON_SLOTS] = [Features::OUTLINE_WIDTH_TEXTURE, Features::UV_MASK];
-
-/// Bits of the texture slots that the features read.
-pub fn texture_slots(features: Features) -> u32 {
-    let all = BASE_TEXTURES.iter().chain(&features_layers::TEXTURES).chain(&TOON_TEXTURES);
-    all.enumerate().map(|(i, f)| u32::from(features.has(*f)) << i).sum()
-}
-
 fn cull_of(draw: &Draw) -> Cull {
     match draw.pipeline.topology {
-        TopologyKey::Triangles if draw.pipeline.features.has(Features::SHELL) => Cull::Front,
+        TopologyKey::Triangles if draw.pipeline.features.has(Features::OUTLINE) => Cull::Front,
         TopologyKey::Triangles if !draw.pipeline.double_sided => Cull::Back,
         _ => Cull::None,
     }

@@ -5,6 +5,7 @@
 //! than deformed vertices (displacement effects, refraction, triplanar textures, joint colors, thick lines).
 
 use crate::commands::{Command, Recorder, Recording, UNIFORM_JOINTS};
+use crate::plan::shader_features::names;
 use crate::plan::{Features, LeftOut, PipelineKey, Plan};
 use crate::scene_resources::SceneResources;
 use crate::scene_resources::vertex_layout::VertexLayout;
@@ -22,7 +23,7 @@ const MOST_INSTANCES: usize = 65_535;
 /// What selects a pre-skinning pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct PreskinVariant {
-    /// A subset of [`Features::POSE`].
+    /// A subset of [`Features::SKINNING`].
     pub features: Features,
     pub normals: bool,
     pub tangents: bool,
@@ -32,18 +33,9 @@ pub struct PreskinVariant {
 impl PreskinVariant {
     /// Names of the shader switches that are on.
     pub fn switches(&self) -> Vec<&'static str> {
-        let of = |f| self.features.has(f);
-        let all = [
-            ("SKIN", of(Features::SKIN)),
-            ("SKIN_8", of(Features::SKIN_8)),
-            ("SKIN_DUAL", of(Features::SKIN_DUAL)),
-            ("SKIN_PLACED", of(Features::SKIN_PLACED)),
-            ("MORPH", of(Features::MORPH)),
-            ("NORMAL", self.normals),
-            ("TANGENT", self.tangents),
-            ("JOINTS_UNIFORM", self.joints_uniform),
-        ];
-        all.iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect()
+        let others =
+            [("NORMAL", self.normals), ("TANGENT", self.tangents), ("JOINTS_UNIFORM", self.joints_uniform)];
+        names(self.features).chain(others.into_iter().filter_map(|(name, on)| on.then_some(name))).collect()
     }
 
     /// Number of f32 of one vertex.
@@ -107,9 +99,14 @@ fn mesh_key(
     sorted: &Sorted,
 ) -> Option<MeshKey> {
     let features = variant.key.features;
-    let more =
-        [Features::WIDE, Features::SEEN_JOINTS, Features::VOLUME, Features::REFRACTION, Features::TRIPLANAR];
-    let pose = features.only(Features::POSE);
+    let more = [
+        Features::THICK_LINES,
+        Features::EFFECT_JOINTS,
+        Features::VOLUME,
+        Features::REFRACTION,
+        Features::TRIPLANAR,
+    ];
+    let pose = features.only(Features::SKINNING);
     let plain = variant.key.displaced == 0 && !more.iter().any(|f| features.has(*f));
     let order = order(variant, primitive, layout, sorted) | layout.0 & VertexLayout::WELDED;
     (pose != Features::default() && plain).then_some((primitive, order, pose))
@@ -238,7 +235,7 @@ fn rewritten(
 }
 
 fn preskinned_draw(v: SceneVariant, primitive: u32, order: u16) -> (SceneVariant, (u32, VertexLayout, bool)) {
-    let features = v.key.features.without(Features::POSE).with(Features::POSED);
+    let features = v.key.features.without(Features::SKINNING).with(Features::PRE_SKINNED);
     let key = PipelineKey { features, ..v.key };
     let layout = VertexLayout(VertexLayout::of(features).0 | order);
     (SceneVariant { key, joints_uniform: false, ..v }, (primitive, layout, false))
@@ -274,7 +271,7 @@ impl Recording {
     /// Why nothing is pre-skinned, if anything is skinned or morphed.
     pub fn left_out(&self, plan: &Plan) -> Option<LeftOut> {
         let deformed = |c: &Command| match c {
-            Command::BindPipeline(v) => v.key.features.only(Features::POSE) != Features::default(),
+            Command::BindPipeline(v) => v.key.features.only(Features::SKINNING) != Features::default(),
             _ => false,
         };
         if !self.preskinned.is_empty() || !self.commands.iter().any(deformed) {

@@ -1,22 +1,27 @@
 //! Textures of a material that are left out on a device that binds few.
 
-use crate::commands::{BASE_TEXTURES, texture_slots};
-use crate::plan::{Features, features_layers};
+use crate::plan::Features;
+use crate::plan::features::material_textures;
+use crate::plan::shader_features::texture_slots;
 use crate::scene_resources::material::MaterialResource;
 
 /// Textures in the order in which they are left out, the least visible first; their factors are used instead.
-const LEAST_VISIBLE: [(Features, &str); 12] = [
+const LEAST_VISIBLE: [(Features, &str); 16] = [
     (Features::IRIDESCENCE_THICKNESS_TEXTURE, "thickness of the film"),
     (Features::SHEEN_ROUGHNESS_TEXTURE, "roughness of the sheen"),
     (Features::CLEARCOAT_ROUGHNESS_TEXTURE, "roughness of the coat"),
     (Features::DIFFUSE_TRANSMISSION_TEXTURE, "diffuse transmission"),
     (Features::THICKNESS_TEXTURE, "thickness"),
     (Features::SPECULAR_TEXTURE, "specular"),
+    (Features::SHADING_SHIFT_TEXTURE, "shading shift"),
+    (Features::REFLECTION_TEXTURE, "reflection"),
     (Features::CLEARCOAT_NORMAL_TEXTURE, "normals of the coat"),
     (Features::IRIDESCENCE_TEXTURE, "iridescence"),
     (Features::ANISOTROPY_TEXTURE, "anisotropy"),
     (Features::OCCLUSION_TEXTURE, "occlusion"),
+    (Features::RIM_TEXTURE, "rim light"),
     (Features::SPECULAR_COLOR_TEXTURE, "specular color"),
+    (Features::SHADE_COLOR_TEXTURE, "shade color"),
     (Features::SHEEN_COLOR_TEXTURE, "sheen color"),
 ];
 
@@ -35,8 +40,5 @@ pub(super) fn fitting(features: Features, most: Option<u32>) -> (Features, Vec<&
 
 /// Names of a material's textures that are left out on a device that binds `most`.
 pub(crate) fn textures_beyond(material: &MaterialResource, most: u32) -> Vec<&'static str> {
-    let bits = BASE_TEXTURES.iter().chain(&features_layers::TEXTURES);
-    let there = bits.zip(material.textures).filter(|(_, t)| t.is_some());
-    let features = there.fold(Features::default(), |all, (bit, _)| all.with(*bit));
-    fitting(features, Some(most)).1
+    fitting(material_textures(material), Some(most)).1
 }

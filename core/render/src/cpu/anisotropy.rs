@@ -1,28 +1,23 @@
-//! Brushed metal: along which direction highlights are drawn out. CPU reference of the part of scene.wgsl.
+//! Anisotropy: the direction along which highlights are drawn out, as of brushed metal. CPU reference of the part of scene.wgsl.
 
-use super::brdf::Brushed;
+use super::brdf::Anisotropy;
 use super::lanes::{F4, V3};
 use super::shade::{Fragment, Quad};
-use super::vertex::Vertex;
+use crate::plan::Features;
 use choreo_asset::MaterialLayers;
 
 impl Fragment<'_> {
-    /// KHR_materials_anisotropy: directions and alphas, and where the sky is seen mirrored ("Bent normal" of its notes).
-    pub fn brushed(
+    /// KHR_materials_anisotropy: directions and alphas, and the direction of the sky's reflection ("Bent normal" of its notes).
+    pub fn anisotropy(
         &self,
-        vertices: &[Vertex],
-        ids: [u32; 3],
         quad: &Quad,
         layers: &MaterialLayers,
-        (texel, roughness): (Option<[F4; 4]>, F4),
+        roughness: F4,
         (n, v): (V3, V3),
-    ) -> (Brushed, V3) {
-        let interpolated = quad.weights.vec3(ids.map(|i| vertices[i as usize].normal));
-        let t = ids.map(|i| vertices[i as usize].tangent);
-        let tangent = quad.weights.vec3(t.map(|t| t.truncate()));
-        let bitangent = interpolated.cross(tangent) * quad.weights.scalar(t[0].w, t[1].w, t[2].w);
+    ) -> (Anisotropy, V3) {
+        let [tangent, bitangent, _] = quad.frame();
         let (mut x, mut y, mut strength) = (F4::ONE, F4::ZERO, F4::splat(layers.anisotropy));
-        if let Some([r, g, b, _]) = texel {
+        if let Some([r, g, b, _]) = self.texel(quad, Features::ANISOTROPY_TEXTURE) {
             (x, y) = (r * 2.0 - F4::ONE, g * 2.0 - F4::ONE);
             strength *= b;
         }
@@ -37,6 +32,6 @@ impl Fragment<'_> {
         let straight2 = straight * straight;
         let bent = fan.mix(n, straight2 * straight2).unit();
         let mirror = bent * (bent.dot(v) * 2.0) - v;
-        (Brushed { along, across, alpha_along, alpha_across }, mirror)
+        (Anisotropy { along, across, alpha_along, alpha_across }, mirror)
     }
 }

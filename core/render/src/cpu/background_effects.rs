@@ -1,4 +1,4 @@
-//! What effects on everything make of the background. CPU reference of `background_effects` in background.wgsl.
+//! The background after effects on everything. CPU reference of `background_effects` in background.wgsl.
 
 use super::row_color;
 use super::sky::Backdrop;

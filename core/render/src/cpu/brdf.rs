@@ -1,10 +1,10 @@
-//! CPU reference of brdf.wgsl: shading formulas, four pixels at once.
+//! Shading formulas, four pixels at once. CPU reference of brdf.wgsl.
 //!
 //! choreo's light convention: radiance out = π · f · colour · intensity · NL, so that a white diffuse surface facing a
 //! directional light of intensity 1 is 1. The functions here return π · f.
 
 use super::lanes::{F4, V3};
-use crate::plan::PlanLight;
+use crate::plan::{LightType, PlanLight};
 use glam::Vec3;
 
 pub struct Surface {
@@ -12,22 +12,22 @@ pub struct Surface {
     pub f0: V3,
     pub f90: F4,
     pub roughness: F4,
-    /// Anisotropy, where highlights are stretched.
-    pub brushed: Option<Brushed>,
+    /// Where highlights are drawn out.
+    pub anisotropy: Option<Anisotropy>,
     /// Reflectance under a thin film at this angle, and the film's share of the surface.
     pub film: Option<(V3, F4)>,
 }
 
 /// Unit, along and across which highlights are drawn out, and alpha in each.
 #[derive(Clone, Copy)]
-pub struct Brushed {
+pub struct Anisotropy {
     pub along: V3,
     pub across: V3,
     pub alpha_along: F4,
     pub alpha_across: F4,
 }
 
-impl Brushed {
+impl Anisotropy {
     /// GGX and Smith's visibility with an alpha each way (KHR_materials_anisotropy, "Implementation"), times π.
     fn lobe(&self, h: V3, v: V3, l: V3, [nh, nv, nl]: [F4; 3]) -> F4 {
         let (at, ab) = (self.alpha_along, self.alpha_across);
@@ -53,7 +53,7 @@ pub fn surface_of(base: V3, metallic: F4, roughness: F4, specular: F4, specular_
         f0: (tint * specular).mix(base, metallic),
         f90: specular.mix(F4::ONE, metallic),
         roughness: roughness.max(F4::splat(0.045)),
-        brushed: None,
+        anisotropy: None,
         film: None,
     }
 }
@@ -64,8 +64,8 @@ pub fn reflect_light(s: &Surface, n: V3, v: V3, l: V3, nv: F4, nl: F4) -> V3 {
     let h = (l + v).unit();
     let nh = n.dot(h).clamp(0.0, 1.0);
     let vh = v.dot(h).clamp(0.0, 1.0);
-    let lobe = match &s.brushed {
-        Some(brushed) => brushed.lobe(h, v, l, [nh, nv, nl]),
+    let lobe = match &s.anisotropy {
+        Some(anisotropy) => anisotropy.lobe(h, v, l, [nh, nv, nl]),
         None => {
             let alpha = s.roughness * s.roughness;
             let a2 = alpha * alpha;
@@ -122,21 +122,21 @@ pub fn ambient(up: Vec3, down: Vec3, n: V3) -> V3 {
 /// KHR_lights_punctual: direction to the light and its strength; inverse square, window max(1 − (d/range)⁴, 0), and
 /// the squared cone falloff clamp(cos · scale + offset).
 pub fn incoming(light: &PlanLight, relative: V3) -> (V3, F4) {
-    let shines = V3::splat(light.direction.truncate());
-    if light.direction.w == 0.0 {
+    let shines = V3::splat(light.direction);
+    if light.kind == LightType::Directional {
         return (-shines, F4::ONE);
     }
-    let offset = V3::splat(light.position.truncate()) - relative;
+    let offset = V3::splat(light.position) - relative;
     let d2 = offset.dot(offset).max(F4::splat(1e-8));
     let to_light = offset * (F4::ONE / d2.sqrt());
-    let x = d2 * light.position.w;
+    let x = d2 * light.inverse_range_squared;
     let mut strength = (F4::ONE - x * x).clamp(0.0, 1.0) / d2;
-    if light.position.w < 0.0 {
-        let (first, square) = (light.color.w, -1.0 - light.position.w);
+    if light.is_polynomial() {
+        let (first, square) = (light.polynomial.x, light.polynomial.y);
         let falloff = d2.sqrt() * first + d2 * square + F4::splat(1.0 - first - square);
         strength = F4::ONE / falloff;
     }
-    if light.direction.w == 2.0 {
+    if light.kind == LightType::Spot {
         let cos = -shines.dot(to_light);
         let cone = (cos * light.cone.x + light.cone.y).clamp(0.0, 1.0);
         strength *= cone * cone;

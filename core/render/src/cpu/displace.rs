@@ -1,4 +1,4 @@
-//! CPU reference of displace.wgsl: effects that move the vertices of surfaces.
+//! Effects that displace the vertices of surfaces. CPU reference of displace.wgsl.
 
 use super::CpuRenderer;
 use crate::affine::Affine3x4;

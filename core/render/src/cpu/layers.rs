@@ -1,4 +1,4 @@
-//! CPU reference of layers.wgsl: clearcoat, sheen and transmission, four pixels at once. Times π, as in brdf.rs.
+//! Formulas of clearcoat, sheen and transmission, four pixels at once. Times π, as in brdf.rs. CPU reference of layers.wgsl.
 
 use super::lanes::{F4, V3};
 use glam::Vec3;

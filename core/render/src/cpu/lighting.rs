@@ -1,4 +1,5 @@
-//! Effects that say what comes of a light on a surface, in place of its own model. CPU reference: `light_effects` in scene.wgsl.
+//! The lights of a surface, and effects that decide what light does on it, in place of its own model. CPU reference of
+//! `light_effects` in scene.wgsl.
 
 use super::brdf::incoming;
 use super::lanes::{F4, V3};
@@ -7,8 +8,10 @@ use crate::plan::PlanLight;
 use choreo_plugin::Falling;
 use glam::Vec3;
 
-/// What the lights fall on.
-pub struct Lit {
+/// Four points of a surface that lights fall on.
+#[derive(Clone, Copy)]
+pub struct SurfacePoint {
+    /// Camera-relative.
     pub relative: V3,
     /// Normal without the normal map; the other is with it.
     pub own_n: V3,
@@ -35,7 +38,7 @@ impl Fragment<'_> {
 
     /// As [`Fragment::lights`], by the effects where there are any.
     #[inline(always)]
-    pub fn all_lights(&self, on: &Lit, color: &mut V3, reflect: impl Fn(V3, F4) -> V3) {
+    pub fn all_lights(&self, on: &SurfacePoint, color: &mut V3, reflect: impl Fn(V3, F4) -> V3) {
         match self.lighting.is_empty() {
             true => self.lights(on.relative, [on.own_n, on.n], color, reflect),
             false => self.lights_by_effects(on, color, reflect),
@@ -43,13 +46,13 @@ impl Fragment<'_> {
     }
 
     /// Each light's part handed to the effects.
-    fn lights_by_effects(&self, on: &Lit, color: &mut V3, reflect: impl Fn(V3, F4) -> V3) {
+    fn lights_by_effects(&self, on: &SurfacePoint, color: &mut V3, reflect: impl Fn(V3, F4) -> V3) {
         for light in &self.plan.lights {
             let (l, strength) = incoming(light, on.relative);
             let cosine = on.n.dot(l);
             let nl = cosine.clamp(0.0, 1.0);
             let share = self.share(light, on.relative, on.own_n, l);
-            let arriving = V3::splat(light.color.truncate()) * strength;
+            let arriving = V3::splat(light.color) * strength;
             let lit = reflect(l, nl) * arriving * (nl * share);
             let mut out = [F4::ZERO; 3];
             for i in 0..4 {

@@ -1,6 +1,6 @@
 //! The CPU renderer: what each shader means, and what draws where no Vulkan driver is.
 //!
-//! vertex.rs, brdf.rs and shade.rs are the CPU references of vertex.wgsl, brdf.wgsl and scene.wgsl; setup.rs and raster.rs do
+//! vertex.rs, brdf.rs and shade.rs are the references of vertex.wgsl, brdf.wgsl and scene.wgsl; setup.rs and raster.rs do
 //! what Vulkan leaves to the device. Tiles are independent of each other: any number of threads gives the same bits.
 
 mod anisotropy;
@@ -10,6 +10,7 @@ mod changed;
 mod coverage;
 mod displace;
 mod lanes;
+mod layer_shading;
 mod layers;
 mod lighting;
 mod overlay;
@@ -186,7 +187,7 @@ impl CpuRenderer {
                     Some(changed) => &changed_materials[changed as usize],
                     None => &self.materials[draw.material as usize],
                 };
-                let hull = features.has(Features::SHELL).then(|| Hull {
+                let hull = features.has(Features::OUTLINE).then(|| Hull {
                     material,
                     normals: crate::scene_resources::vertex_layout::welded_normals(primitive),
                 });
@@ -198,10 +199,10 @@ impl CpuRenderer {
                 };
                 let vertices = bodies.vertices(draw, &stage);
                 let pipeline = draw.pipeline;
-                let triangles = if features.has(Features::WIDE) {
+                let triangles = if features.has(Features::THICK_LINES) {
                     wide::triangles(primitive, &vertices, pipeline, instance.width, clip_from_relative, size)
                 } else {
-                    let edges = features.has(Features::EDGES);
+                    let edges = features.has(Features::WIREFRAME);
                     let edges =
                         edges.then(|| crate::scene_resources::vertex_layout::edges(&primitive.indices));
                     let indices = edges.as_ref().unwrap_or(&primitive.indices);

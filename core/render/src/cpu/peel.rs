@@ -1,4 +1,4 @@
-//! CPU reference of peel.wgsl and of the passes around it: layers of transparent surfaces, from the back.
+//! Depth peeling of transparent surfaces, from the back. CPU reference of peel.wgsl and of the passes around it.
 
 use super::raster::cover;
 use super::target::Target;

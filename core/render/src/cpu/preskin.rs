@@ -1,4 +1,4 @@
-//! Meshes that are drawn more than once a frame — into the picture, shadow maps, hulls — are pre-skinned.
+//! Bodies that are drawn more than once a frame — into the picture, shadow maps, hulls — are posed once.
 //! CPU reference of posed.wgsl: what [`VertexStage::posed`] gives, shared by all draws.
 
 use super::CpuRenderer;
@@ -18,10 +18,10 @@ pub struct Bodies(BTreeMap<Body, Vec<Vertex>>);
 
 fn body(draw: &Draw, instance: &Instance) -> Option<Body> {
     let features = draw.pipeline.features;
-    let pose = Features(features.0 & Features::POSE.0);
-    // Effects that move vertices look at what a draw has of them.
+    let pose = features.only(Features::SKINNING);
+    // Effects that move corners look at what a draw has of them.
     let shared = pose != Features::default() && draw.pipeline.displaced == 0;
-    shared.then(|| (draw.primitive, pose, features.has(Features::SHELL), instance.deformation()))
+    shared.then(|| (draw.primitive, pose, features.has(Features::OUTLINE), instance.deformation()))
 }
 
 impl Bodies {

@@ -1,8 +1,9 @@
-//! What Blinn–Phong and Phong surfaces mirror. CPU reference of reflection.wgsl.
+//! Reflections of Blinn–Phong and Phong surfaces. CPU reference of reflection.wgsl.
 
 use super::lanes::{F4, V3};
 use super::shade::{Fragment, Quad};
 use crate::plan::Features;
+use crate::plan::shader_features::texture_slot;
 use choreo_asset::Reflection;
 use glam::Vec3;
 use std::f32::consts::PI;
@@ -16,12 +17,12 @@ impl Fragment<'_> {
         let material = &self.material.factors.material;
         let mut share =
             V3::splat(material.reflection.as_deref().map_or(Vec3::ZERO, |r: &Reflection| r.color));
-        if let Some([r, g, b, _]) = self.slot(quad, 5, Features::SPECULAR_TEXTURE) {
+        if let Some([r, g, b, _]) = self.texel(quad, Features::REFLECTION_TEXTURE) {
             share = share * V3 { x: r, y: g, z: b };
         }
         let way = n * (n.dot(v) * 2.0) - v;
         let roughness = material.mirror_roughness();
-        let seen = match self.features.has(Features::METALLIC_ROUGHNESS_TEXTURE) {
+        let seen = match self.features.has(Features::ENVIRONMENT_TEXTURE) {
             true => self.environment(way, roughness),
             false => self.around().mirrored(way, F4::splat(roughness)),
         };
@@ -31,7 +32,8 @@ impl Fragment<'_> {
     /// The environment map in four directions, which are a quad's.
     fn environment(&self, way: V3, roughness: f32) -> V3 {
         let refs = self.material.factors.textures;
-        let (Some(r), Some(map)) = (refs[1].as_ref(), self.material.textures[1].as_deref()) else {
+        let slot = texture_slot(Features::ENVIRONMENT_TEXTURE);
+        let (Some(r), Some(map)) = (refs[slot].as_ref(), self.material.textures[slot].as_deref()) else {
             return V3::splat(Vec3::ONE);
         };
         let ways: [Vec3; 4] = std::array::from_fn(|i| Vec3::new(way.x.0[i], way.y.0[i], way.z.0[i]));

@@ -1,4 +1,4 @@
-//! CPU reference of refraction.wgsl: what lies behind glass that bends light, as the bent ray meets it.
+//! Refraction: the scene color copy where the refracted ray leaves the volume. CPU reference of refraction.wgsl.
 
 use super::lanes::{F4, V3};
 use super::shade::Fragment;

@@ -172,7 +172,7 @@ impl Assembly<'_> {
         // Counter-clockwise with y up is a negative area with y down.
         let front = (area < 0) != self.pipeline.mirrored;
         // Of a hull the inside is seen.
-        let faces_us = front != self.pipeline.features.has(Features::SHELL);
+        let faces_us = front != self.pipeline.features.has(Features::OUTLINE);
         if !faces_us && !both_faces {
             return;
         }

@@ -1,4 +1,4 @@
-//! CPU reference of shadow.wgsl: shadow maps drawn by the same rasteriser as pictures, and looked up by what is lit.
+//! Shadow maps, drawn by the same rasterizer as images, and their lookup. CPU reference of shadow.wgsl.
 
 use super::lanes::{F4, V3, Weights};
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
@@ -41,7 +41,7 @@ impl ShadowMaps {
 
     /// How much of a light arrives at four places, 0 to 1. `n`: the surface's own normal; `l`: to the light.
     pub fn share(&self, light: &PlanLight, relative: V3, n: V3, l: V3) -> F4 {
-        let (first, count) = (light.cone.z as usize, light.cone.w as usize);
+        let [first, count] = light.shadow_views.map(usize::from);
         let Some(maps) = self.maps.get(first..first + count).filter(|m| !m.is_empty()) else {
             return F4::ONE;
         };

@@ -1,4 +1,4 @@
-//! CPU reference of sky.wgsl: light from all around, four pixels at once, and what is seen behind everything.
+//! Image-based light, four pixels at once, and the sky behind everything. CPU reference of sky.wgsl.
 
 use super::brdf;
 use super::lanes::{F4, V3};

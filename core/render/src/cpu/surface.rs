@@ -1,4 +1,4 @@
-//! CPU reference of surface.wgsl: what effects on surfaces see, and their functions one after the other.
+//! Effects on surfaces, one after the other, and what they read. CPU reference of surface.wgsl.
 
 use super::brdf::incoming;
 use super::lanes::{F4, V3, Weights};
@@ -26,7 +26,7 @@ impl Fragment<'_> {
         }
         let relative = weights.vec3(ids.map(|i| vertices[i as usize].relative));
         let has = |bit| self.features.has(bit);
-        let normals = self.features.is_lit() || has(Features::SEEN_NORMALS);
+        let normals = self.features.is_lit() || has(Features::EFFECT_NORMALS);
         let joints = weights.vec3(ids.map(|i| vertices[i as usize].joints));
         let mut normal = V3::splat(Vec3::ZERO);
         if normals {
@@ -35,7 +35,7 @@ impl Fragment<'_> {
         }
         let uvs = &self.primitive.uvs[0];
         let uv = (has(Features::UV0) && !uvs.is_empty()).then(|| weights.vec2(ids.map(|i| uvs[i as usize])));
-        let lost = has(Features::SEEN_SHADOW).then(|| self.lost_light(relative, normal));
+        let lost = has(Features::EFFECT_SHADOW).then(|| self.lost_light(relative, normal));
         let view = &self.plan.view;
         let sky = self.plan.sky.as_ref().filter(|sky| sky.background && has(Features::SKY));
         let sky = self.sky.zip(sky);
@@ -57,7 +57,7 @@ impl Fragment<'_> {
                     Some((maps, sky)) => behind(maps, sky, if view.eye.w > 0.5 { relative } else { -eye }),
                     None => row_color(self.plan, y).truncate(),
                 },
-                joints: if has(Features::SEEN_JOINTS) { lane(&joints) } else { Vec3::ZERO },
+                joints: if has(Features::EFFECT_JOINTS) { lane(&joints) } else { Vec3::ZERO },
                 shadow: lost.map_or(0.0, |lost| lost.0[i]),
                 uv: uv.map_or(Vec2::ZERO, |[u, v]| Vec2::new(u.0[i], v.0[i])),
             };
@@ -87,7 +87,7 @@ impl Fragment<'_> {
         let (mut whole, mut lost) = (self.around().diffuse(n).dot(V3::splat(luminance)), F4::ZERO);
         for light in &self.plan.lights {
             let (l, strength) = incoming(light, relative);
-            let falling = n.dot(l).clamp(0.0, 1.0) * strength * light.color.truncate().dot(luminance);
+            let falling = n.dot(l).clamp(0.0, 1.0) * strength * light.color.dot(luminance);
             whole += falling;
             lost += falling * (F4::ONE - self.share(light, relative, n, l));
         }

@@ -1,4 +1,4 @@
-//! CPU reference of the thin films in layers.wgsl (KHR_materials_iridescence).
+//! Thin films (KHR_materials_iridescence). CPU reference of their part of layers.wgsl.
 
 use super::lanes::{F4, V3};
 use glam::Vec3;

@@ -1,4 +1,4 @@
-//! CPU reference of toon.wgsl and of what scene.wgsl does where the shading is toon: MToon (VRMC_materials_mtoon 1.0).
+//! Toon shading: MToon (VRMC_materials_mtoon 1.0). CPU reference of toon.wgsl and of its part of scene.wgsl.
 
 use super::brdf::incoming;
 use super::lanes::{F4, V3};
@@ -32,12 +32,12 @@ impl ToonSurface<'_> {
         share: impl Fn(&PlanLight, V3) -> F4,
     ) -> V3 {
         let t = self.toon;
-        // All the light that there is, for the rim.
+        // The sum of all light, for the rim.
         let mut lighting = around.diffuse(n).mix(around.even(), F4::splat(t.gi_equalization));
         let mut color = self.base * lighting;
         for light in &plan.lights {
             let (l, strength) = incoming(light, relative);
-            let arriving = V3::splat(light.color.truncate()) * strength;
+            let arriving = V3::splat(light.color) * strength;
             color = color + self.shade.mix(self.base, self.lit_share(n.dot(l)) * share(light, l)) * arriving;
             lighting = lighting + arriving;
         }

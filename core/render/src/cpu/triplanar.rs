@@ -1,9 +1,8 @@
-//! Textures laid on a surface from three sides, mixed by where it faces. CPU reference: shaders/triplanar.wgsl.
+//! Triplanar mapping: textures from three sides, mixed by where the surface faces. CPU reference of triplanar.wgsl.
 
 use super::lanes::{F4, V3, Weights};
 use super::shade::{Fragment, Quad};
 use super::texture::Texture;
-use super::vertex::Vertex;
 use crate::plan::Features;
 use crate::scene_resources::material::MaterialTexture;
 use choreo_asset::TextureSlot;
@@ -74,13 +73,7 @@ impl Fragment<'_> {
 
     /// The normal map from three sides, each bending the surface's own normal ("Whiteout Blend" of the same article), then
     /// from the mesh's space to the world by the surface's frame, which is known in both. `None` without a map.
-    pub fn triplanar_normal(
-        &self,
-        vertices: &[Vertex],
-        ids: [u32; 3],
-        front: bool,
-        quad: &Quad,
-    ) -> Option<V3> {
+    pub fn triplanar_normal(&self, quad: &Quad) -> Option<V3> {
         let planes = quad.planes.as_ref().filter(|_| self.features.has(Features::NORMAL_TEXTURE))?;
         let factors = &self.material.factors;
         let (r, texture) =
@@ -97,15 +90,11 @@ impl Fragment<'_> {
         let bent = (of_x * w.x + of_y * w.y + of_z * w.z).unit();
 
         let tangents = &self.primitive.tangents;
-        let along = quad.weights.vec3(ids.map(|i| tangents[i as usize].truncate())).unit();
+        let along = quad.weights.vec3(quad.ids.map(|i| tangents[i as usize].truncate())).unit();
         let (to_t, to_b, to_n) = (bent.dot(along), bent.dot(n.cross(along)), bent.dot(n));
-        let of = ids.map(|i| &vertices[i as usize]);
-        let normal = quad.weights.vec3(of.map(|v| v.normal));
-        let tangent = quad.weights.vec3(of.map(|v| v.tangent.truncate()));
-        let w = of.map(|v| v.tangent.w);
-        let bitangent = normal.cross(tangent) * quad.weights.scalar(w[0], w[1], w[2]);
+        let [tangent, bitangent, normal] = quad.frame();
         let out = (tangent * to_t + bitangent * to_b + normal * to_n).unit();
-        Some(if self.double_sided && !front { -out } else { out })
+        Some(if self.double_sided && !quad.front { -out } else { out })
     }
 }
 

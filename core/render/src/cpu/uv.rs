@@ -3,13 +3,19 @@
 use super::lanes::{F4, Weights};
 use super::shade::{Fragment, Quad};
 use super::texture::Texture;
+use super::vertex::Vertex;
 use crate::plan::Features;
 use crate::scene_resources::material::MaterialTexture;
-use crate::scene_resources::material::TOON_SLOT;
 use glam::{Affine2, Vec2};
 
 impl Fragment<'_> {
-    pub fn quad<'a>(&self, ids: [u32; 3], weights: &'a Weights) -> Quad<'a> {
+    pub fn quad<'a>(
+        &self,
+        vertices: &'a [Vertex],
+        ids: [u32; 3],
+        front: bool,
+        weights: &'a Weights,
+    ) -> Quad<'a> {
         let mut uvs = [[F4::ZERO; 2]; 2];
         for (set, bit) in [Features::UV0, Features::UV1].into_iter().enumerate() {
             let list = &self.primitive.uvs[set];
@@ -17,12 +23,14 @@ impl Fragment<'_> {
                 uvs[set] = weights.vec2(ids.map(|i| list[i as usize]));
             }
         }
-        let mut quad = Quad { weights, uvs, uv_mask: None, relief: None, planes: self.planes(ids, weights) };
-        if self.features.has(Features::UV_MASK) {
-            let (mask, texture) =
-                (&self.material.factors.textures[TOON_SLOT + 1], &self.material.textures[TOON_SLOT + 1]);
-            let texel = self.sample(&quad, mask.as_ref(), texture.as_deref());
-            quad.uv_mask = texel.map(|[_, _, b, _]| b);
+        let vertices = ids.map(|i| &vertices[i as usize]);
+        let planes = self.planes(ids, weights);
+        let mut quad = Quad { vertices, ids, front, weights, uvs, uv_mask: None, parallax: None, planes };
+        if self.features.has(Features::UV_MOTION_MASK) {
+            quad.uv_mask = self.texel(&quad, Features::UV_MOTION_MASK).map(|[_, _, b, _]| b);
+        }
+        if self.features.has(Features::PARALLAX) {
+            quad.parallax = self.parallax(&quad);
         }
         quad
     }
@@ -44,7 +52,7 @@ impl Fragment<'_> {
             let [u, v] = uv;
             uv = [u * m.x_axis.x + v * m.y_axis.x + x, u * m.x_axis.y + v * m.y_axis.y + y];
         }
-        if let Some([u, v]) = quad.relief {
+        if let Some([u, v]) = quad.parallax {
             uv = [uv[0] + u, uv[1] + v];
         }
         if let (Some(mask), Some(toon)) = (quad.uv_mask, &self.material.factors.material.toon) {

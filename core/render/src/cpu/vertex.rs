@@ -94,7 +94,7 @@ impl VertexStage<'_> {
             if let Some(hull) = &self.hull {
                 self.push_out(hull, i, out);
             }
-            if self.features.has(Features::EDGES) {
+            if self.features.has(Features::WIREFRAME) {
                 out.clip.z += self.nearer(out.clip.z);
             }
         });
@@ -178,7 +178,7 @@ impl VertexStage<'_> {
 
     fn joint_colors(&self, i: usize) -> Vec3 {
         let stride = self.primitive.influences;
-        if !self.features.has(Features::SEEN_JOINTS) || stride == 0 {
+        if !self.features.has(Features::EFFECT_JOINTS) || stride == 0 {
             return Vec3::ZERO;
         }
         let used = if self.features.has(Features::SKIN_8) { stride } else { stride.min(4) };
@@ -238,7 +238,7 @@ impl VertexStage<'_> {
         let range = i * stride..i * stride + used;
         let joints = &self.primitive.joint_indices[range.clone()];
         let weights = &self.primitive.joint_weights[range];
-        if self.features.has(Features::SKIN_DUAL) {
+        if self.features.has(Features::DUAL_QUATERNIONS) {
             return self.dual(first, joints, weights);
         }
         let mut sum = Affine3x4::default();
@@ -248,7 +248,7 @@ impl VertexStage<'_> {
                 add(&mut sum, &self.joint_matrices[first + usize::from(*joint)], *weight);
             }
         }
-        match self.features.has(Features::SKIN_PLACED) {
+        match self.features.has(Features::SKIN_INSTANCED) {
             true => sum.after(&self.instance.relative_from_mesh),
             false => sum,
         }

@@ -16,7 +16,7 @@ pub fn triangles(
     clip_from_relative: &Mat4,
     size: [u32; 2],
 ) -> Vec<Triangle> {
-    let wide = thick_mesh(primitive, pipeline.features.has(Features::ROUND));
+    let wide = thick_mesh(primitive, pipeline.features.has(Features::ROUND_LINES));
     let spread = Spread::new(clip_from_relative, size);
     let corner = |i: usize| {
         let [own, other] = [wide.of[i], wide.other[i]].map(|v| &vertices[v as usize]);

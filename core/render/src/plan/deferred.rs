@@ -22,10 +22,3 @@ pub enum DeferredCause {
     /// surfaces, and light evaluations per pixel that forward shading would waste on hidden surfaces.
     Pays { lights: f32, surfaces: f32, wasted: f32 },
 }
-
-/// Features of the scene's lights rather than of a surface.
-pub(crate) const LIGHTS: Features = Features::SHADOW
-    .with(Features::SKY)
-    .with(Features::LOCAL_LIGHTS)
-    .with(Features::POLYNOMIAL)
-    .with(Features::SEEN_SHADOW);

@@ -1,18 +1,23 @@
-//! Which shader features a draw needs, and words for those that nothing needs.
+//! Which shader features a draw asks for. What each feature is stands in the table, [`crate::shader::features`].
 
-use crate::plan::{Features, LEFT_OUT, LeftOut, is_lit};
+use crate::plan::left_out::left_out_names;
+use crate::plan::shader_features::absences;
+use crate::plan::{Features, LeftOut, is_lit};
 use crate::scene_resources::PrimitiveResource;
-use crate::scene_resources::material::{MaterialResource, MaterialTexture, TOON_SLOT};
-use choreo_asset::{AlphaMode, Shading, TextureSlot};
+use crate::scene_resources::material::{
+    BASE_SLOTS, LAYER_SLOTS, MaterialResource, MaterialTexture, TOON_SLOT,
+};
+use crate::scene_resources::thick_lines::pen;
+use choreo_asset::{AlphaMode, MaterialLayers, Shading, TextureSlot};
 use glam::{Affine2, Vec3};
 
 /// What a draw brings besides primitive and material.
 #[derive(Clone, Copy, Debug)]
 pub struct DrawNeeds {
     pub skinned: bool,
-    /// Its joints lead to model space, and the copy's own map on.
+    /// Its joints lead to model space, and the instance's own matrix on from there.
     pub placed: bool,
-    /// Dual quaternion skinning.
+    /// Skinned by dual quaternions.
     pub dual: bool,
     pub morphed: bool,
     pub local_lights: bool,
@@ -22,113 +27,203 @@ pub struct DrawNeeds {
     pub polynomial: bool,
 }
 
-/// Only what changes a pixel. `force_all` sets every bit that leaves the pixels as they are; see [`Features`] for
-/// what a renderer then feeds to a shader whose primitive or material lacks the data.
+/// How a draw is lit, as far as features depend on it.
+struct Model {
+    lit: bool,
+    metallic_roughness: bool,
+    toon: bool,
+    phong: bool,
+    /// Blinn–Phong or Phong with reflections.
+    reflects: bool,
+    /// Textures come from three sides; those that cannot are not read.
+    triplanar: bool,
+}
+
+impl Model {
+    fn of(normals: bool, material: &MaterialResource) -> Model {
+        let m = &material.material;
+        let lit = is_lit(m.shading) && normals;
+        let phong = lit && matches!(m.shading, Shading::BlinnPhong | Shading::Phong);
+        Model {
+            lit,
+            metallic_roughness: lit && m.shading == Shading::MetallicRoughness,
+            toon: lit && m.shading == Shading::Toon,
+            phong,
+            reflects: phong && m.mirrors().is_some(),
+            triplanar: m.triplanar.is_some() && normals && m.shading != Shading::Toon,
+        }
+    }
+
+    /// The textures that this model reads, with their features.
+    fn textures(&self, m: &MaterialResource) -> Vec<(Option<MaterialTexture>, Features)> {
+        let of_toon = |toon: Features, other: Features| if self.toon { toon } else { other.when(self.lit) };
+        let [of_metallic_roughness, of_specular] = match (self.toon, self.reflects) {
+            (true, _) => [Features::MATCAP_TEXTURE, Features::SHADING_SHIFT_TEXTURE],
+            (_, true) => [Features::ENVIRONMENT_TEXTURE, Features::REFLECTION_TEXTURE],
+            _ => [Features::METALLIC_ROUGHNESS_TEXTURE, Features::SPECULAR_TEXTURE]
+                .map(|bit| bit.when(self.metallic_roughness)),
+        };
+        let layers = m.material.layers.as_deref().filter(|_| self.metallic_roughness);
+        let base = [
+            (m.texture(TextureSlot::BaseColor), Features::BASE_COLOR_TEXTURE),
+            (m.texture(TextureSlot::MetallicRoughness), of_metallic_roughness),
+            (m.texture(TextureSlot::Normal), Features::NORMAL_TEXTURE.when(self.lit)),
+            (m.texture(TextureSlot::Occlusion), of_toon(Features::RIM_TEXTURE, Features::OCCLUSION_TEXTURE)),
+            (m.texture(TextureSlot::Emissive), Features::EMISSIVE_TEXTURE.when(self.lit)),
+            (m.texture(TextureSlot::Specular), of_specular),
+            (
+                m.texture(TextureSlot::SpecularColor),
+                of_toon(Features::SHADE_COLOR_TEXTURE, Features::SPECULAR_COLOR_TEXTURE),
+            ),
+        ];
+        base.into_iter().chain(layer_textures(m, layers)).filter(|(_, bit)| !bit.is_empty()).collect()
+    }
+}
+
+/// The textures that triplanar mapping lays on from three sides; the others are not read then.
+const FROM_THREE_SIDES: Features = Features::BASE_COLOR_TEXTURE
+    .with(Features::NORMAL_TEXTURE)
+    .with(Features::SPECULAR_COLOR_TEXTURE)
+    .with(Features::REFLECTION_TEXTURE);
+
+/// Features of a draw: only those that change a pixel. `force_all` sets every bit that leaves the pixels as they are; see
+/// [`Features`] for what a renderer then feeds to a shader whose primitive or material lacks the data.
 pub fn features(
     primitive: &PrimitiveResource,
     material: &MaterialResource,
     needs: DrawNeeds,
     force_all: bool,
 ) -> Features {
-    let p = primitive.primitive();
     let m = &material.material;
-    let lit = is_lit(m.shading) && !p.normals.is_empty();
+    let model = Model::of(!primitive.primitive().normals.is_empty(), material);
+    let Model { lit, toon, phong, reflects, .. } = model;
+    let parallax = lit && !toon && m.relief > 0.0 && reads_normal_map(primitive, material);
+    let pen = pen(primitive.primitive().topology, m).filter(|_| !needs.skinned && !needs.morphed);
+    let layers = m.layers.as_deref().filter(|_| model.metallic_roughness);
+    let set = [
+        (Features::METALLIC_ROUGHNESS, model.metallic_roughness),
+        (Features::BLINN_PHONG, phong),
+        (Features::PHONG, lit && m.shading == Shading::Phong),
+        (Features::TOON, toon),
+        (Features::REFLECTION, reflects || (phong && force_all)),
+        (Features::SKIN, needs.skinned || force_all),
+        (Features::SKIN_8, (needs.skinned && primitive.info.influences == 8) || force_all),
+        (Features::DUAL_QUATERNIONS, needs.skinned && needs.dual),
+        (Features::SKIN_INSTANCED, needs.skinned && needs.placed),
+        (Features::MORPH, needs.morphed || force_all),
+        (Features::VERTEX_COLOR, (primitive.info.colored || force_all) && !toon),
+        (Features::PARALLAX, parallax),
+        (Features::THICK_LINES, pen.is_some()),
+        (Features::ROUND_LINES, pen.is_some_and(|pen| pen.round)),
+        (Features::EMISSIVE, lit && (m.emissive != Vec3::ZERO || force_all)),
+        (Features::ALPHA_MASK, matches!(m.alpha_mode, AlphaMode::Mask(_)) || force_all),
+        (Features::LOCAL_LIGHTS, lit && (needs.local_lights || force_all)),
+        (Features::SKY, lit && needs.sky),
+        (Features::POLYNOMIAL_FALLOFF, lit && needs.polynomial),
+    ];
+    let all = set.iter().fold(Features::default(), |all, (bit, on)| all.with(bit.when(*on)));
+    let layers = layer_features(layers, !primitive.primitive().tangents.is_empty(), force_all);
+    all.with(layers).with(texture_features(primitive, material, &model, force_all))
+}
+
+/// The textures that a draw reads, and the texture coordinates that they need.
+fn texture_features(
+    primitive: &PrimitiveResource,
+    material: &MaterialResource,
+    model: &Model,
+    force_all: bool,
+) -> Features {
+    let p = primitive.primitive();
     let mut f = Features::default();
-    let mut set = |on: bool, bit: Features| {
-        if on {
-            f = f.with(bit);
-        }
-    };
-    let metallic_roughness = lit && m.shading == Shading::MetallicRoughness;
-    let toon = lit && m.shading == Shading::Toon;
-    let phong = lit && matches!(m.shading, Shading::BlinnPhong | Shading::Phong);
-    let mirrors = phong && m.mirrors().is_some();
-    // What is laid on from three sides; the other textures are not read then.
-    let triplanar = m.triplanar.is_some() && !p.normals.is_empty() && m.shading != Shading::Toon;
-    let from_sides = [
-        Features::BASE_COLOR_TEXTURE,
-        Features::NORMAL_TEXTURE,
-        Features::SPECULAR_COLOR_TEXTURE,
-        // The reflection map: of other shading it is left out where textures come from three sides.
-        if mirrors { Features::SPECULAR_TEXTURE } else { Features::SPECULAR_COLOR_TEXTURE },
-    ];
-    // (texture, its bit, whether this kind of shading reads it)
-    let textures = [
-        (material.texture(TextureSlot::BaseColor), Features::BASE_COLOR_TEXTURE, true),
-        (
-            material.texture(TextureSlot::MetallicRoughness),
-            Features::METALLIC_ROUGHNESS_TEXTURE,
-            metallic_roughness || toon || mirrors,
-        ),
-        (material.texture(TextureSlot::Normal), Features::NORMAL_TEXTURE, lit),
-        (material.texture(TextureSlot::Occlusion), Features::OCCLUSION_TEXTURE, lit),
-        (material.texture(TextureSlot::Emissive), Features::EMISSIVE_TEXTURE, lit),
-        (
-            material.texture(TextureSlot::Specular),
-            Features::SPECULAR_TEXTURE,
-            metallic_roughness || toon || mirrors,
-        ),
-        (material.texture(TextureSlot::SpecularColor), Features::SPECULAR_COLOR_TEXTURE, lit),
-    ];
-    let layers = m.layers.as_deref().filter(|_| metallic_roughness);
-    let of_layers = crate::plan::features_layers::textures(material, layers);
-    for (texture, bit, read) in textures.into_iter().chain(of_layers) {
-        if (toon || mirrors) && bit == Features::METALLIC_ROUGHNESS_TEXTURE {
-            // A matcap is looked up by the normal; an environment map by what is mirrored, and without one that is the sky.
-            set(texture.is_some() || (toon && force_all), bit);
+    for (texture, bit) in model.textures(material) {
+        // A matcap is looked up by the normal; an environment map by the reflected direction, and without one that is the sky.
+        if bit == Features::MATCAP_TEXTURE || bit == Features::ENVIRONMENT_TEXTURE {
+            f = f.with(bit.when(texture.is_some() || (model.toon && force_all)));
             continue;
         }
         // A texture without its uvs, a normal map without tangents: out, even where everything is forced in.
-        let unusable = texture.is_some_and(|t| p.uvs[t.uv_set as usize].is_empty() && !triplanar)
-            || (triplanar && texture.is_some() && !from_sides.contains(&bit))
-            || ((bit.has_tangents() || bit == Features::ANISOTROPY_TEXTURE)
-                && texture.is_some()
-                && p.tangents.is_empty());
-        if !read || unusable {
+        let needs_tangents = bit.has_tangents() || bit == Features::ANISOTROPY_TEXTURE;
+        let unusable = texture.is_some_and(|t| {
+            let without_uvs = p.uvs[t.uv_set as usize].is_empty() && !model.triplanar;
+            let not_triplanar = model.triplanar && !FROM_THREE_SIDES.has(bit);
+            without_uvs || not_triplanar || (needs_tangents && p.tangents.is_empty())
+        });
+        if unusable || (texture.is_none() && !force_all) {
             continue;
         }
-        set(texture.is_some() || force_all, bit);
-        set(triplanar && texture.is_some(), Features::TRIPLANAR);
-        set(texture.is_some_and(|t| t.uv_set == 0 && !triplanar) || force_all, Features::UV0);
-        set(texture.is_some_and(|t| t.uv_set == 1 && !triplanar) || force_all, Features::UV1);
-        set(
-            texture.is_some_and(|t| t.uv_transform != Affine2::IDENTITY) || force_all,
-            Features::UV_TRANSFORM,
-        );
+        f = f.with(bit).with(Features::TRIPLANAR.when(model.triplanar && texture.is_some()));
+        f = f.with(match texture {
+            Some(t) if model.triplanar => uv_features(t).only(Features::UV_TRANSFORM),
+            Some(t) => uv_features(t),
+            None => Features::default(),
+        });
+        let forced = Features::UV0.with(Features::UV1).with(Features::UV_TRANSFORM);
+        f = f.with(forced.when(force_all));
     }
-    let mask = material.textures[TOON_SLOT + 1].filter(|t| toon && !p.uvs[t.uv_set as usize].is_empty());
-    if let Some(mask) = mask {
-        set(true, Features::UV_MASK);
-        set(mask.uv_set == 0, Features::UV0);
-        set(mask.uv_set == 1, Features::UV1);
-        set(mask.uv_transform != Affine2::IDENTITY, Features::UV_TRANSFORM);
-    }
-    crate::plan::features_layers::bits(layers, !p.tangents.is_empty(), force_all)
-        .into_iter()
-        .for_each(|(on, bit)| set(on, bit));
-    set(needs.skinned || force_all, Features::SKIN);
-    set((needs.skinned && primitive.info.influences == 8) || force_all, Features::SKIN_8);
-    set(needs.skinned && needs.dual, Features::SKIN_DUAL);
-    set(needs.skinned && needs.placed, Features::SKIN_PLACED);
-    set(needs.morphed || force_all, Features::MORPH);
-    set((primitive.info.colored || force_all) && !toon, Features::VERTEX_COLOR);
-    set(metallic_roughness, Features::METALLIC_ROUGHNESS);
-    set(phong, Features::BLINN_PHONG);
-    set(mirrors || (phong && force_all), Features::REFLECTION);
-    set(lit && m.shading == Shading::Phong, Features::PHONG);
-    let relief = reads_normal_map(primitive, material) && m.relief > 0.0;
-    set(lit && !toon && relief, Features::RELIEF);
-    let pen =
-        crate::scene_resources::thick_lines::pen(p.topology, m).filter(|_| !needs.skinned && !needs.morphed);
-    set(pen.is_some(), Features::WIDE);
-    set(pen.is_some_and(|pen| pen.round), Features::ROUND);
-    set(toon, Features::TOON);
-    set(lit && (m.emissive != Vec3::ZERO || force_all), Features::EMISSIVE);
-    set(matches!(m.alpha_mode, AlphaMode::Mask(_)) || force_all, Features::ALPHA_MASK);
-    set(lit && (needs.local_lights || force_all), Features::LOCAL_LIGHTS);
-    set(lit && needs.sky, Features::SKY);
-    set(lit && needs.polynomial, Features::POLYNOMIAL);
-    f
+    let mask =
+        material.textures[TOON_SLOT + 1].filter(|t| model.toon && !p.uvs[t.uv_set as usize].is_empty());
+    mask.map_or(f, |mask| f.with(Features::UV_MOTION_MASK).with(uv_features(mask)))
+}
+
+/// The textures that a material's shading model reads, as far as the material has them.
+pub(crate) fn material_textures(material: &MaterialResource) -> Features {
+    let there = Model::of(true, material).textures(material).into_iter().filter(|(t, _)| t.is_some());
+    there.fold(Features::default(), |all, (_, bit)| all.with(bit))
+}
+
+/// The set of texture coordinates of a texture, and its transform.
+fn uv_features(t: MaterialTexture) -> Features {
+    let set = if t.uv_set == 0 { Features::UV0 } else { Features::UV1.when(t.uv_set == 1) };
+    set.with(Features::UV_TRANSFORM.when(t.uv_transform != Affine2::IDENTITY))
+}
+
+/// Textures of layers that are on, with their features. A coat's normal map is never forced in: it needs tangents.
+fn layer_textures(
+    material: &MaterialResource,
+    layers: Option<&MaterialLayers>,
+) -> impl Iterator<Item = (Option<MaterialTexture>, Features)> {
+    let layer = |slot: usize| material.textures[BASE_SLOTS + slot];
+    let bits: [Features; LAYER_SLOTS] = layers.map_or_else(Default::default, |l| {
+        let coat = l.clearcoat > 0.0;
+        let sheen = l.sheen_color != Vec3::ZERO;
+        let film = l.iridescence > 0.0;
+        let behind = l.diffuse_transmission > 0.0;
+        [
+            Features::CLEARCOAT_TEXTURE.when(coat),
+            Features::CLEARCOAT_ROUGHNESS_TEXTURE.when(coat),
+            Features::CLEARCOAT_NORMAL_TEXTURE.when(coat && layer(2).is_some()),
+            Features::SHEEN_COLOR_TEXTURE.when(sheen),
+            Features::SHEEN_ROUGHNESS_TEXTURE.when(sheen),
+            Features::TRANSMISSION_TEXTURE.when(l.transmission > 0.0),
+            Features::THICKNESS_TEXTURE.when(l.absorbs() || l.refracts()),
+            Features::IRIDESCENCE_TEXTURE.when(film),
+            Features::IRIDESCENCE_THICKNESS_TEXTURE.when(film),
+            Features::ANISOTROPY_TEXTURE.when(layer(9).is_some()),
+            Features::DIFFUSE_TRANSMISSION_TEXTURE.when(behind),
+            Features::DIFFUSE_TRANSMISSION_COLOR_TEXTURE.when(behind),
+        ]
+    });
+    let textures: [Option<MaterialTexture>; LAYER_SLOTS] = std::array::from_fn(layer);
+    textures.into_iter().zip(bits)
+}
+
+/// Features of the layers themselves. A coat, sheen, film and light from behind of nothing change no pixel, so they can be forced
+/// in where the material has layers at all.
+pub fn layer_features(layers: Option<&MaterialLayers>, tangents: bool, force_all: bool) -> Features {
+    let Some(l) = layers else { return Features::default() };
+    let set = [
+        (Features::LAYERS, true),
+        (Features::CLEARCOAT, l.clearcoat > 0.0 || force_all),
+        (Features::SHEEN, l.sheen_color != Vec3::ZERO || force_all),
+        (Features::TRANSMISSION, l.transmission > 0.0),
+        (Features::VOLUME, l.absorbs()),
+        (Features::REFRACTION, l.refracts()),
+        (Features::DISPERSION, l.refracts() && l.dispersion > 0.0),
+        (Features::IRIDESCENCE, l.iridescence > 0.0 || force_all),
+        (Features::ANISOTROPY, l.anisotropy > 0.0 && tangents),
+        (Features::DIFFUSE_TRANSMISSION, l.diffuse_transmission > 0.0 || force_all),
+    ];
+    set.iter().fold(Features::default(), |all, (bit, on)| all.with(bit.when(*on)))
 }
 
 /// Whether its normal map can be read.
@@ -140,37 +235,33 @@ fn reads_normal_map(primitive: &PrimitiveResource, material: &MaterialResource) 
         && material.texture(TextureSlot::Normal).is_some_and(has_uvs)
 }
 
-/// Features of the hull around a surface with these features: light on the surface does not count, its shape alone.
-pub fn shell_features(
+/// Features of the outline around a surface with these features: where light on the surface does not count, its shape alone.
+pub fn outline_features(
     features: Features,
     primitive: &PrimitiveResource,
     material: &MaterialResource,
     blended: bool,
 ) -> Features {
-    let mix =
-        material.material.toon.as_ref().and_then(|t| t.outline.as_ref()).map_or(0.0, |o| o.lighting_mix);
-    let base = if mix > 0.0 { features } else { features.of_alpha(blended) };
-    let mut f = base.with(Features::SHELL);
+    let outline = material.material.toon.as_ref().and_then(|t| t.outline.as_ref());
+    let lit = outline.is_some_and(|o| o.lighting_mix > 0.0);
+    let base = if lit { features } else { features.of_alpha(blended) };
     let uvs = &primitive.primitive().uvs;
-    if let Some(width) = material.textures[TOON_SLOT].filter(|t| !uvs[t.uv_set as usize].is_empty()) {
-        f = f.with(Features::OUTLINE_WIDTH_TEXTURE);
-        f = f.with(if width.uv_set == 0 { Features::UV0 } else { Features::UV1 });
-        if width.uv_transform != Affine2::IDENTITY {
-            f = f.with(Features::UV_TRANSFORM);
-        }
-    }
-    f
+    let width = material.textures[TOON_SLOT].filter(|t| !uvs[t.uv_set as usize].is_empty());
+    let width = width.map_or_else(Features::default, |width| {
+        // An outline's width is read from the second set wherever it is not the first.
+        let set = if width.uv_set == 0 { Features::UV0 } else { Features::UV1 };
+        uv_features(width).with(set).with(Features::OUTLINE_WIDTH_TEXTURE)
+    });
+    base.with(Features::OUTLINE).with(width)
 }
 
-/// Facts of a frame from which the reasons are made.
+/// Facts of a frame from which the reasons are reported.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Facts {
-    /// Visible or not: some actor's mesh has a skin, morph targets, a lit material.
-    pub skins_exist: bool,
-    pub morphs_exist: bool,
+    /// Features that something of the stage has, visible or not: skins, morph targets, lit materials, a sky.
+    pub in_stage: Features,
     pub lit_exist: bool,
     pub lights_exist: bool,
-    pub sky_exists: bool,
     /// 2D layers under and over the scene.
     pub flats: usize,
     pub lit_drawn: bool,
@@ -178,7 +269,7 @@ pub struct Facts {
     pub copies: usize,
     pub culled: usize,
     pub hidden_actors: usize,
-    /// Out of the view beyond doubt, with their shadows, and so not even posed.
+    /// Culled with their shadows in any pose, and so not even posed.
     pub unposed_actors: usize,
     pub draws: usize,
     pub drawn_copies: usize,
@@ -193,160 +284,111 @@ pub struct Facts {
     pub shadow_views: usize,
     pub overlays: usize,
     pub shadows_beyond: usize,
-    /// Enough lamps have a range to list where they reach.
+    /// Enough lights have a range for clustered lighting.
     pub many_lights: bool,
-    /// Copies of crowds that are drawn coarser, in view or casting.
+    /// Instances that are drawn at a coarser level of detail, in view or casting shadows.
     pub coarse: usize,
-    /// Triangles in view of closed surfaces of two-sided materials.
+    /// Triangles in view of watertight surfaces of double-sided materials.
     pub closed: usize,
 }
 
+/// What a frame does without, and why: first of the scene, then of the features in the table's order, then of whole passes.
 pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
-    let mut out = Vec::new();
-    let mut say = |on: bool, what: &str, why: String| {
-        debug_assert!(LEFT_OUT.contains(&what), "{what} is not in LEFT_OUT");
-        if on {
-            out.push(LeftOut { what: what.into(), why });
-        }
-    };
-    let nothing_drawn_uses = |thing: &str| format!("no drawn material has {thing}");
-    if facts.hidden_actors > 0 {
-        say(true, "hidden actors", format!("{} set invisible", facts.hidden_actors));
-    }
-    if facts.unposed_actors > 0 {
-        let why = format!(
-            "{} are nowhere near the view in any pose of their clips, nor are their shadows: neither posed nor drawn",
-            facts.unposed_actors
-        );
-        say(true, "actors outside the view", why);
-    }
-    if facts.culled > 0 {
-        say(
-            true,
+    let of_features = absences(all, facts.in_stage).map(|(what, why)| (what, why.to_string()));
+    let reports = of_scene(facts).into_iter().chain(of_features);
+    let reports = reports.chain(of_lights(all, facts)).chain(of_passes(all, facts));
+    let known = |what| left_out_names().any(|known| known == what);
+    reports
+        .inspect(|(what, _)| debug_assert!(known(*what), "{what} is not among the names"))
+        .map(|(what, why)| LeftOut { what: what.into(), why })
+        .collect()
+}
+
+type Reports = Vec<(&'static str, String)>;
+
+fn report(on: bool, what: &'static str, why: impl Into<String>) -> Option<(&'static str, String)> {
+    on.then(|| (what, why.into()))
+}
+
+fn of_scene(facts: &Facts) -> Reports {
+    let Facts { hidden_actors, unposed_actors, culled, copies, coarse, closed, .. } = facts;
+    let [crowd, tolerance] =
+        [crate::scene_resources::lod::CROWD.to_string(), crate::scene_resources::lod::TOLERANCE.to_string()];
+    let reports = [
+        report(*hidden_actors > 0, "hidden actors", format!("{hidden_actors} set invisible")),
+        report(
+            *unposed_actors > 0,
+            "actors outside the view",
+            format!(
+                "{unposed_actors} are nowhere near the view in any pose of their clips, nor are their shadows: neither posed nor drawn"
+            ),
+        ),
+        report(
+            *culled > 0,
             "primitives outside the view",
-            format!("{} of {} have their bounds outside the frustum", facts.culled, facts.copies),
-        );
-    }
-    if facts.coarse > 0 {
-        let why = format!(
-            "{} copies in crowds of {} and more are drawn coarser, by at most {} pixel",
-            facts.coarse,
-            crate::scene_resources::lod::CROWD,
-            crate::scene_resources::lod::TOLERANCE
-        );
-        say(true, "triangles too small to see", why);
-    }
-    if facts.closed > 0 {
-        let why = format!(
-            "{} triangles of two-sided materials are parts of watertight meshes, seen from outside",
-            facts.closed
-        );
-        say(true, "back faces of closed surfaces", why);
-    }
-    let skin_why = if facts.skins_exist { "no skinned mesh is in view" } else { "no mesh has a skin" };
-    say(!all.has(Features::SKIN), "skinning", skin_why.into());
-    say(
-        all.has(Features::SKIN) && !all.has(Features::SKIN_8),
-        "influences 5 to 8",
-        "no vertex is moved by more than four joints".into(),
-    );
-    say(
-        all.has(Features::SKIN) && !all.has(Features::SKIN_DUAL),
-        "dual quaternions",
-        "every skin is blended linearly".into(),
-    );
-    say(
-        all.has(Features::SKIN) && !all.has(Features::SKIN_PLACED),
-        "copies of skinned meshes",
-        "every skinned body stands once".into(),
-    );
-    let morph_why =
-        if facts.morphs_exist { "every weight in view is zero" } else { "no mesh has morph targets" };
-    say(!all.has(Features::MORPH), "morph targets", morph_why.into());
-    let unlit_why = if facts.lit_exist { "nothing lit is in view" } else { "every material is unlit" };
-    say(!facts.lit_drawn, "normals, lights and ambient light", unlit_why.into());
-    say(facts.lit_drawn && !facts.lights_exist, "lights", "none shines; ambient light only".into());
-    say(
-        facts.dark_lights > 0,
-        "dark lights",
-        format!("{} have no intensity, no colour or a value that is not finite", facts.dark_lights),
-    );
-    say(
-        facts.lit_drawn && facts.lights_exist && !all.has(Features::LOCAL_LIGHTS),
-        "distance and cone attenuation",
-        "no point or spot light shines".into(),
-    );
-    say(
-        facts.lit_drawn && all.has(Features::LOCAL_LIGHTS) && !facts.many_lights,
-        "lists of lights",
-        format!("fewer than {} point and spot lights have a range", crate::plan::light_clusters::MANY),
-    );
-    say(facts.flats == 0, "flat layers", "no text, picture, panel or letterbox is seen".into());
-    let no_sky = if facts.sky_exists { "its strength is zero" } else { "the stage has no sky" };
-    say(facts.lit_drawn && !all.has(Features::SKY), "image-based light", no_sky.into());
-    say(!all.has(Features::VERTEX_COLOR), "vertex colours", "no drawn mesh has any but white".into());
-    say(
-        !all.has(Features::UV0) && !all.has(Features::UV1),
-        "texture coordinates",
-        nothing_drawn_uses("a texture"),
-    );
-    say(
-        all.has(Features::UV0) && !all.has(Features::UV1),
-        "second texture coordinates",
-        "no drawn texture uses them".into(),
-    );
-    let textures = [
-        (Features::BASE_COLOR_TEXTURE, "base colour textures", "a base colour texture", false),
-        (Features::METALLIC_ROUGHNESS_TEXTURE, "metallic-roughness textures", "one that matters", true),
-        (Features::NORMAL_TEXTURE, "normal maps and tangents", "a normal map", true),
-        (Features::OCCLUSION_TEXTURE, "occlusion textures", "one", true),
-        (Features::EMISSIVE_TEXTURE, "emissive textures", "one that is not multiplied by zero", true),
-        (Features::SPECULAR_TEXTURE, "specular textures", "one", true),
-        (Features::SPECULAR_COLOR_TEXTURE, "specular colour textures", "one", true),
+            format!("{culled} of {copies} have their bounds outside the frustum"),
+        ),
+        report(
+            *coarse > 0,
+            "triangles too small to see",
+            format!(
+                "{coarse} copies in crowds of {crowd} and more are drawn coarser, by at most {tolerance} pixel"
+            ),
+        ),
+        report(
+            *closed > 0,
+            "back faces of closed surfaces",
+            format!(
+                "{closed} triangles of two-sided materials are parts of watertight meshes, seen from outside"
+            ),
+        ),
     ];
-    for (bit, what, thing, lit_only) in textures {
-        say(!all.has(bit) && (facts.lit_drawn || !lit_only), what, nothing_drawn_uses(thing));
-    }
-    for (bit, what, thing) in crate::plan::features_layers::WORDS {
-        say(facts.lit_drawn && !all.has(*bit), what, nothing_drawn_uses(thing));
-    }
-    let mirror_why = "no drawn Blinn–Phong material mirrors its surroundings";
-    say(facts.lit_drawn && !all.has(Features::REFLECTION), "reflections of Blinn–Phong", mirror_why.into());
-    say(facts.lit_drawn && !all.has(Features::EMISSIVE), "emission", "no drawn material emits light".into());
-    say(!all.has(Features::EDGES), "edges", "no effect shows them".into());
-    say(facts.surface_effects == 0, "effects on surfaces", "none is on".into());
-    say(!all.has(Features::SHELL), "outlines", "no drawn material and no effect has one".into());
-    say(
-        (all.has(Features::UV0) || all.has(Features::UV1)) && !all.has(Features::UV_TRANSFORM),
-        "texture transforms",
-        "all are identity".into(),
-    );
-    say(!all.has(Features::ALPHA_MASK), "alpha test", nothing_drawn_uses("an alpha cutoff"));
-    let whole = if facts.samples == 1 {
-        "one sample a pixel was asked for: cut-outs keep or lose whole pixels"
-    } else {
-        "all cutouts are \"hard\", or nothing is cut at an alpha above 0"
-    };
-    say(all.has(Features::ALPHA_MASK) && !facts.coverage, "alpha to coverage", whole.into());
-    say(facts.blended == 0, "blending and sorting back to front", "everything drawn is opaque".into());
-    say(
-        facts.drawn_copies == facts.draws,
-        "instancing",
-        "no two drawn primitives are equal in shape, material and state".into(),
-    );
-    say(facts.samples == 1, "multisampling", "one sample a pixel was asked for".into());
-    say(facts.post_passes == 0, "full-screen passes and float target", "no effect is on".into());
-    say(facts.overlays == 0, "lines, points and triangles of effects", "no effect draws any".into());
+    reports.into_iter().flatten().collect()
+}
+
+fn of_lights(all: Features, facts: &Facts) -> Reports {
+    let unlit = if facts.lit_exist { "nothing lit is in view" } else { "every material is unlit" };
+    let fewer =
+        format!("fewer than {} point and spot lights have a range", crate::plan::light_clusters::MANY);
+    let dark = format!("{} have no intensity, no colour or a value that is not finite", facts.dark_lights);
     let no_shadows = match facts {
         f if !f.casting => "no light casts shadows",
         f if !f.lit_drawn => "nothing lit is in view",
         _ => "nothing stands between a light that casts and what it lights",
     };
-    say(facts.shadow_views == 0, "shadow maps", no_shadows.into());
-    say(
-        facts.shadows_beyond > 0,
-        "shadows beyond the limit",
-        format!("{} lights: all maps together are at most 32 and 8192 texels a side", facts.shadows_beyond),
-    );
-    out
+    let beyond =
+        format!("{} lights: all maps together are at most 32 and 8192 texels a side", facts.shadows_beyond);
+    let local = all.has(Features::LOCAL_LIGHTS);
+    let lit_by = facts.lit_drawn && facts.lights_exist;
+    let reports = [
+        report(!facts.lit_drawn, "normals, lights and ambient light", unlit),
+        report(facts.lit_drawn && !facts.lights_exist, "lights", "none shines; ambient light only"),
+        report(facts.dark_lights > 0, "dark lights", dark),
+        report(lit_by && !local, "distance and cone attenuation", "no point or spot light shines"),
+        report(facts.lit_drawn && local && !facts.many_lights, "lists of lights", fewer),
+        report(facts.shadow_views == 0, "shadow maps", no_shadows),
+        report(facts.shadows_beyond > 0, "shadows beyond the limit", beyond),
+    ];
+    reports.into_iter().flatten().collect()
+}
+
+fn of_passes(all: Features, facts: &Facts) -> Reports {
+    let uvs = all.has_any(Features::UV0.with(Features::UV1));
+    let whole = match facts.samples {
+        1 => "one sample a pixel was asked for: cut-outs keep or lose whole pixels",
+        _ => "all cutouts are \"hard\", or nothing is cut at an alpha above 0",
+    };
+    let alone = "no two drawn primitives are equal in shape, material and state";
+    let reports = [
+        report(facts.flats == 0, "flat layers", "no text, picture, panel or letterbox is seen"),
+        report(!uvs, "texture coordinates", "no drawn material has a texture"),
+        report(facts.surface_effects == 0, "effects on surfaces", "none is on"),
+        report(all.has(Features::ALPHA_MASK) && !facts.coverage, "alpha to coverage", whole),
+        report(facts.blended == 0, "blending and sorting back to front", "everything drawn is opaque"),
+        report(facts.drawn_copies == facts.draws, "instancing", alone),
+        report(facts.samples == 1, "multisampling", "one sample a pixel was asked for"),
+        report(facts.post_passes == 0, "full-screen passes and float target", "no effect is on"),
+        report(facts.overlays == 0, "lines, points and triangles of effects", "no effect draws any"),
+    ];
+    reports.into_iter().flatten().collect()
 }

@@ -1,51 +1,28 @@
 //! What a frame leaves out, by name.
 
+use crate::plan::shader_features::FEATURES;
+
 /// Every `LeftOut::what`, except effects without a plugin, which are reported by their names. Scripts use these words in tests.
-pub const LEFT_OUT: &[&str] = &[
+pub fn left_out_names() -> impl Iterator<Item = &'static str> {
+    FEATURES.iter().filter_map(|f| Some(f.absence?.what)).chain(OTHERS.iter().copied())
+}
+
+/// Those that are no shader feature.
+const OTHERS: &[&str] = &[
     "hidden actors",
     "actors outside the view",
     "primitives outside the view",
     "triangles too small to see",
     "back faces of closed surfaces",
-    "skinning",
-    "influences 5 to 8",
-    "dual quaternions",
-    "copies of skinned meshes",
     "skinning once for all passes",
-    "morph targets",
     "normals, lights and ambient light",
     "lights",
     "dark lights",
     "distance and cone attenuation",
     "lists of lights",
-    "image-based light",
     "flat layers",
-    "vertex colours",
     "texture coordinates",
-    "second texture coordinates",
-    "base colour textures",
-    "metallic-roughness textures",
-    "normal maps and tangents",
-    "occlusion textures",
-    "emissive textures",
-    "specular textures",
-    "specular colour textures",
-    "reflections of Blinn–Phong",
-    "emission",
-    "outlines",
-    "edges",
     "effects on surfaces",
-    "clear coats",
-    "sheen",
-    "transmission",
-    "absorption",
-    "refraction",
-    "dispersion",
-    "iridescence",
-    "anisotropy",
-    "diffuse transmission",
-    "texture transforms",
-    "alpha test",
     "alpha to coverage",
     "blending and sorting back to front",
     "order-independent transparency",

@@ -32,15 +32,15 @@ pub struct LightClusters(pub Vec<u32>);
 
 /// Bounding sphere of the volume that a light with a range reaches.
 fn reach(light: &PlanLight, range: f32) -> (Vec3, f32) {
-    let at = light.position.truncate();
+    let at = light.position;
     let cos_outer = light.cos_outer();
-    let narrow = light.light_type() == LightType::Spot && cos_outer >= std::f32::consts::FRAC_1_SQRT_2;
+    let narrow = light.kind == LightType::Spot && cos_outer >= std::f32::consts::FRAC_1_SQRT_2;
     if !narrow {
         return (at, range);
     }
     // The sphere through the tip and the rim of a narrow cone.
     let radius = range / (2.0 * cos_outer.min(1.0));
-    (at + light.direction.truncate() * radius, radius)
+    (at + light.direction * radius, radius)
 }
 
 /// Sorts lights without a range to the front, each with its shadow. False if too few have a range for clusters.

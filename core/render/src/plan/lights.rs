@@ -1,42 +1,53 @@
 //! Lights as shaders read them.
 
-use glam::Vec4;
+use glam::{Vec2, Vec3};
+
+/// The type of a light; shaders/frame.wgsl has the same constants.
+#[repr(u32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::NoUninit)]
+pub enum LightType {
+    Directional = 0,
+    Point = 1,
+    Spot = 2,
+}
 
 /// A camera-relative light. Laid out as the shader reads it.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::NoUninit)]
 pub struct PlanLight {
-    /// xyz: position (point, spot). w: 1/range², or 0 without a range; negative: −1 − the quadratic share of a polynomial.
-    pub position: Vec4,
-    /// xyz: unit direction in which it shines. w: 0 directional, 1 point, 2 spot; see [`PlanLight::light_type`].
-    pub direction: Vec4,
-    /// xyz: color · intensity, linear. w: the linear share of a polynomial, whose rest is constant.
-    pub color: Vec4,
-    /// Spot: x = angle scale, y = angle offset (KHR_lights_punctual, "Inner and Outer Cone Angles").
-    /// z = its first view in `ShadowMaps::views`, w = its number of views.
-    pub cone: Vec4,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LightType {
-    Directional,
-    Point,
-    Spot,
+    /// Position of point and spot lights.
+    pub position: Vec3,
+    pub kind: LightType,
+    /// Unit direction in which it shines.
+    pub direction: Vec3,
+    /// Its first view in `ShadowMaps::views`, and its number of views.
+    pub shadow_views: [u16; 2],
+    /// Color · intensity, linear.
+    pub color: Vec3,
+    /// 1/range², or 0 without a range.
+    pub inverse_range_squared: f32,
+    /// Spot lights: scale and offset of the cosine (KHR_lights_punctual, "Inner and Outer Cone Angles").
+    pub cone: Vec2,
+    /// Falloff by a polynomial of the distance: the shares of its linear and its quadratic term, whose rest is constant.
+    /// [`PlanLight::INVERSE_SQUARE`]: physical falloff.
+    pub polynomial: Vec2,
 }
 
 impl PlanLight {
-    pub fn light_type(&self) -> LightType {
-        match self.direction.w {
-            0.0 => LightType::Directional,
-            2.0 => LightType::Spot,
-            _ => LightType::Point,
-        }
+    pub const INVERSE_SQUARE: Vec2 = Vec2::new(0.0, -1.0);
+
+    pub fn is_local(&self) -> bool {
+        self.kind != LightType::Directional
+    }
+
+    /// Whether it falls off by a polynomial.
+    pub fn is_polynomial(&self) -> bool {
+        self.polynomial.y >= 0.0
     }
 
     /// Distance in meters beyond which a point or spot light has no effect.
     pub(crate) fn range(&self) -> Option<f32> {
-        let ranged = self.light_type() != LightType::Directional && self.position.w > 0.0;
-        ranged.then(|| 1.0 / self.position.w.sqrt())
+        (self.inverse_range_squared > 0.0).then(|| 1.0 / self.inverse_range_squared.sqrt())
     }
 
     /// Cosine of a spot's outer cone angle, from clamp(cos · scale + offset).

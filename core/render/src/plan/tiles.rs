@@ -98,7 +98,7 @@ impl Plan {
     fn widen_outlines(&mut self, factor: f32, resources: &SceneResources) {
         let views = self.shadow_maps.iter_mut().flat_map(|s| &mut s.views).flat_map(|v| &mut v.draws);
         let outlines =
-            self.draws.iter_mut().chain(views).filter(|d| d.pipeline.features.has(Features::SHELL));
+            self.draws.iter_mut().chain(views).filter(|d| d.pipeline.features.has(Features::OUTLINE));
         let mut wider: Vec<((u32, Option<u32>), u32)> = Vec::new();
         for draw in outlines {
             let of = (draw.material, draw.material_override);

@@ -6,7 +6,7 @@ use crate::scene_resources::vertex_layout::VertexLayout;
 impl VertexLayout {
     /// The attributes that vertex.wgsl declares for these features.
     pub fn of(features: Features) -> VertexLayout {
-        let posed = features.has(Features::POSED);
+        let posed = features.has(Features::PRE_SKINNED);
         let on = [
             !posed,
             features.has_normals() && !posed,
@@ -18,13 +18,13 @@ impl VertexLayout {
             features.has(Features::SKIN),
             features.has(Features::SKIN_8),
             features.has(Features::SKIN_8),
-            features.has(Features::WIDE),
-            features.has(Features::WIDE),
+            features.has(Features::THICK_LINES),
+            features.has(Features::THICK_LINES),
         ];
         let flags = [
-            (features.has(Features::SHELL) && !posed, Self::WELDED),
-            (features.has(Features::EDGES), Self::EDGES),
-            (features.has(Features::WIDE.with(Features::ROUND)), Self::ROUND),
+            (features.has(Features::OUTLINE) && !posed, Self::WELDED),
+            (features.has(Features::WIREFRAME), Self::EDGES),
+            (features.has(Features::THICK_LINES.with(Features::ROUND_LINES)), Self::ROUND),
         ];
         let attributes = on.iter().enumerate().map(|(i, on)| u16::from(*on) << i);
         VertexLayout(attributes.chain(flags.iter().map(|(on, flag)| if *on { *flag } else { 0 })).sum())

@@ -1,20 +1,23 @@
 //! WGSL modules → SPIR-V: a line-preserving `@if` preprocessor, and naga. No Vulkan here, so that every combination
 //! of features a plan can ask for is validated without a GPU.
 
+pub mod switches;
 pub mod uniforms;
 
 mod compile;
 mod preprocess;
 mod surface;
 mod textures;
+mod variant;
 
 pub use compile::{Entry, compile, parse};
 pub use preprocess::{PreprocessError, preprocess};
 pub use surface::{SceneEffect, surface_files};
+pub use switches::switches;
 pub use textures::{texture_bytes, texture_functions};
+pub use variant::{DeferredPass, LightLoop, PeelPass, SceneVariant, entry_points};
 
 use crate::error::RenderError;
-use crate::plan::{Features, Glass, PipelineKey};
 use choreo_files::Folder;
 use std::path::{Path, PathBuf};
 
@@ -53,9 +56,13 @@ const EMBEDDED: [(&str, &str); 23] = [
     ("post.wgsl", include_str!("../../../../shaders/post.wgsl")),
 ];
 
+/// Name of the module that the table of features makes: the bindings of material textures.
+const MATERIAL_TEXTURES: &str = "material_textures.wgsl";
+
 /// Files that make up a shader module, in order.
-pub const SCENE: [&str; 17] = [
+pub const SCENE: [&str; 18] = [
     "frame.wgsl",
+    MATERIAL_TEXTURES,
     "sky.wgsl",
     "brdf.wgsl",
     "reflection.wgsl",
@@ -121,6 +128,12 @@ impl ShaderSources {
                 return Ok(file.clone());
             }
         }
+        if name == MATERIAL_TEXTURES {
+            return Ok(SourceFile {
+                name: "table of shader features".into(),
+                text: switches::texture_bindings(),
+            });
+        }
         let (_, text) = EMBEDDED.iter().find(|(n, _)| *n == name).ok_or_else(|| RenderError::Shader {
             file: name.into(),
             text: "no such module in the program".into(),
@@ -150,151 +163,4 @@ impl ShaderSources {
         files.push(SourceFile { name: "number of the run".into(), text: run });
         Ok(files)
     }
-}
-
-/// Which lights a lit pixel asks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum LightLoop {
-    /// The only one.
-    One,
-    All,
-    /// Those of [`crate::plan::light_clusters`].
-    Lists,
-}
-
-/// What a scene shader is compiled for: the plan's key and what the recording found out beside it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct SceneVariant {
-    pub key: PipelineKey,
-    /// Some instance has a tint other than white.
-    pub tint: bool,
-    /// All joint matrices fit a uniform buffer, which is read faster than a storage buffer.
-    pub joints_uniform: bool,
-    /// Exactly one light shines.
-    pub lights: LightLoop,
-    /// Depth alone, into a shadow map.
-    pub shadow_pass: bool,
-    pub peel: PeelPass,
-    pub deferred: DeferredPass,
-}
-
-/// Finds the depths of a layer of transparent surfaces.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum PeelPass {
-    #[default]
-    No,
-    /// One sample per pixel.
-    One,
-    /// Several samples: each is a fragment of its own.
-    Several,
-}
-
-/// Which half of deferred shading.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum DeferredPass {
-    /// Forward: both at once.
-    #[default]
-    No,
-    /// What light needs of the nearest surface is kept.
-    Geometry,
-    /// What was kept is lit.
-    Light,
-}
-
-/// Names of the switches that are on, as the modules write them.
-pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
-    let names: [(&'static str, Features); 60] = [
-        ("SKIN", Features::SKIN),
-        ("SKIN_8", Features::SKIN_8),
-        ("SKIN_DUAL", Features::SKIN_DUAL),
-        ("SKIN_PLACED", Features::SKIN_PLACED),
-        ("MORPH", Features::MORPH),
-        ("POSED", Features::POSED),
-        ("VERTEX_COLOR", Features::VERTEX_COLOR),
-        ("UV0", Features::UV0),
-        ("UV1", Features::UV1),
-        ("METALLIC_ROUGHNESS", Features::METALLIC_ROUGHNESS),
-        ("BLINN_PHONG", Features::BLINN_PHONG),
-        ("TOON", Features::TOON),
-        ("BASE_COLOR_TEXTURE", Features::BASE_COLOR_TEXTURE),
-        ("METALLIC_ROUGHNESS_TEXTURE", Features::METALLIC_ROUGHNESS_TEXTURE),
-        ("NORMAL_TEXTURE", Features::NORMAL_TEXTURE),
-        ("OCCLUSION_TEXTURE", Features::OCCLUSION_TEXTURE),
-        ("EMISSIVE", Features::EMISSIVE),
-        ("EMISSIVE_TEXTURE", Features::EMISSIVE_TEXTURE),
-        ("SPECULAR_TEXTURE", Features::SPECULAR_TEXTURE),
-        ("SPECULAR_COLOR_TEXTURE", Features::SPECULAR_COLOR_TEXTURE),
-        ("ALPHA_MASK", Features::ALPHA_MASK),
-        ("UV_TRANSFORM", Features::UV_TRANSFORM),
-        ("LOCAL_LIGHTS", Features::LOCAL_LIGHTS),
-        ("SHADOW", Features::SHADOW),
-        ("SKY", Features::SKY),
-        ("PHONG", Features::PHONG),
-        ("REFLECTION", Features::REFLECTION),
-        ("POLYNOMIAL", Features::POLYNOMIAL),
-        ("LAYERS", Features::LAYERS),
-        ("CLEARCOAT", Features::CLEARCOAT),
-        ("CLEARCOAT_TEXTURE", Features::CLEARCOAT_TEXTURE),
-        ("CLEARCOAT_ROUGHNESS_TEXTURE", Features::CLEARCOAT_ROUGHNESS_TEXTURE),
-        ("CLEARCOAT_NORMAL_TEXTURE", Features::CLEARCOAT_NORMAL_TEXTURE),
-        ("SHEEN", Features::SHEEN),
-        ("SHEEN_COLOR_TEXTURE", Features::SHEEN_COLOR_TEXTURE),
-        ("SHEEN_ROUGHNESS_TEXTURE", Features::SHEEN_ROUGHNESS_TEXTURE),
-        ("TRANSMISSION", Features::TRANSMISSION),
-        ("TRANSMISSION_TEXTURE", Features::TRANSMISSION_TEXTURE),
-        ("VOLUME", Features::VOLUME),
-        ("THICKNESS_TEXTURE", Features::THICKNESS_TEXTURE),
-        ("REFRACTION", Features::REFRACTION),
-        ("DISPERSION", Features::DISPERSION),
-        ("RELIEF", Features::RELIEF),
-        ("SHELL", Features::SHELL),
-        ("EDGES", Features::EDGES),
-        ("WIDE", Features::WIDE),
-        ("TRIPLANAR", Features::TRIPLANAR),
-        ("SEEN_NORMALS", Features::SEEN_NORMALS),
-        ("SEEN_JOINTS", Features::SEEN_JOINTS),
-        ("SEEN_SHADOW", Features::SEEN_SHADOW),
-        ("OUTLINE_WIDTH_TEXTURE", Features::OUTLINE_WIDTH_TEXTURE),
-        ("UV_MASK", Features::UV_MASK),
-        ("IRIDESCENCE", Features::IRIDESCENCE),
-        ("IRIDESCENCE_TEXTURE", Features::IRIDESCENCE_TEXTURE),
-        ("IRIDESCENCE_THICKNESS_TEXTURE", Features::IRIDESCENCE_THICKNESS_TEXTURE),
-        ("ANISOTROPY", Features::ANISOTROPY),
-        ("ANISOTROPY_TEXTURE", Features::ANISOTROPY_TEXTURE),
-        ("DIFFUSE_TRANSMISSION", Features::DIFFUSE_TRANSMISSION),
-        ("DIFFUSE_TRANSMISSION_TEXTURE", Features::DIFFUSE_TRANSMISSION_TEXTURE),
-        ("DIFFUSE_TRANSMISSION_COLOR_TEXTURE", Features::DIFFUSE_TRANSMISSION_COLOR_TEXTURE),
-    ];
-    let key = &variant.key;
-    let mut on: Vec<&'static str> =
-        names.iter().filter(|(_, f)| key.features.has(*f)).map(|(n, _)| *n).collect();
-    let extra = [
-        ("LIT", key.features.is_lit()),
-        ("NORMAL", key.features.has_normals()),
-        ("TANGENT", key.features.has_tangents()),
-        ("SURFACE", key.surface != 0),
-        ("DISPLACED", key.displaced != 0),
-        ("LIGHTING", key.lighting != 0),
-        ("EFFECTS", key.effects() != 0),
-        ("PLACE", key.features.is_lit() || key.surface != 0),
-        ("NORMAL_OUT", key.features.is_lit() || key.features.has(Features::SEEN_NORMALS)),
-        ("GLASS", matches!(key.glass, Glass::Filter | Glass::Light)),
-        ("GLASS_FILTER", key.glass == Glass::Filter),
-        ("GLASS_LIGHT", key.glass == Glass::Light),
-        ("BLEND", key.blend),
-        ("COVERAGE", key.coverage),
-        ("DOUBLE_SIDED", key.double_sided),
-        ("TINT", variant.tint),
-        ("JOINTS_UNIFORM", variant.joints_uniform),
-        ("SHADOW_PASS", variant.shadow_pass),
-        ("PEELED", key.peeled),
-        ("GEOMETRY", variant.deferred == DeferredPass::Geometry),
-        ("LIGHT_PASS", variant.deferred == DeferredPass::Light),
-        ("PEEL_PASS", variant.peel != PeelPass::No),
-        ("MULTISAMPLED", variant.peel == PeelPass::Several),
-        ("ONE_LIGHT", variant.lights == LightLoop::One && key.features.is_lit()),
-        ("LIGHT_LISTS", variant.lights == LightLoop::Lists && key.features.is_lit()),
-    ];
-    on.extend(extra.iter().filter(|(_, is_on)| *is_on).map(|(n, _)| *n));
-    on
 }

@@ -1,6 +1,8 @@
 //! `@if(A && !B || C)`, `@else`, `@end`: lines are blanked, never removed, so that line and column of an error are
 //! those of the file. `@if(A) text` on one line keeps or drops that line alone.
 
+use super::switches::switch_names;
+use crate::plan::shader_features::holds;
 use thiserror::Error;
 
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -10,98 +12,6 @@ pub struct PreprocessError {
     pub line: usize,
     pub what: String,
 }
-
-/// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 88] = [
-    "SKIN",
-    "SKIN_8",
-    "SKIN_DUAL",
-    "SKIN_PLACED",
-    "MORPH",
-    "POSED",
-    "VERTEX_COLOR",
-    "UV0",
-    "UV1",
-    "METALLIC_ROUGHNESS",
-    "BLINN_PHONG",
-    "TOON",
-    "BASE_COLOR_TEXTURE",
-    "METALLIC_ROUGHNESS_TEXTURE",
-    "NORMAL_TEXTURE",
-    "OCCLUSION_TEXTURE",
-    "EMISSIVE",
-    "EMISSIVE_TEXTURE",
-    "SPECULAR_TEXTURE",
-    "SPECULAR_COLOR_TEXTURE",
-    "ALPHA_MASK",
-    "COVERAGE",
-    "UV_TRANSFORM",
-    "LOCAL_LIGHTS",
-    "SHADOW",
-    "SHADOW_PASS",
-    "GEOMETRY",
-    "LIGHT_PASS",
-    "PEELED",
-    "PEEL_PASS",
-    "MULTISAMPLED",
-    "SKY",
-    "PHONG",
-    "REFLECTION",
-    "POLYNOMIAL",
-    "SKY_BACKGROUND",
-    "LAYERS",
-    "CLEARCOAT",
-    "CLEARCOAT_TEXTURE",
-    "CLEARCOAT_ROUGHNESS_TEXTURE",
-    "CLEARCOAT_NORMAL_TEXTURE",
-    "SHEEN",
-    "SHEEN_COLOR_TEXTURE",
-    "SHEEN_ROUGHNESS_TEXTURE",
-    "TRANSMISSION",
-    "TRANSMISSION_TEXTURE",
-    "VOLUME",
-    "THICKNESS_TEXTURE",
-    "REFRACTION",
-    "DISPERSION",
-    "SHELL",
-    "EDGES",
-    "WIDE",
-    "TRIPLANAR",
-    "SEEN_NORMALS",
-    "SEEN_JOINTS",
-    "SEEN_SHADOW",
-    "SURFACE",
-    "RELIEF",
-    "DISPLACED",
-    "LIGHTING",
-    "EFFECTS",
-    "TEXTURES",
-    "PLACE",
-    "NORMAL_OUT",
-    "PICTURE",
-    "OUTLINE_WIDTH_TEXTURE",
-    "UV_MASK",
-    "NORMAL",
-    "IRIDESCENCE",
-    "IRIDESCENCE_TEXTURE",
-    "IRIDESCENCE_THICKNESS_TEXTURE",
-    "ANISOTROPY",
-    "ANISOTROPY_TEXTURE",
-    "DIFFUSE_TRANSMISSION",
-    "DIFFUSE_TRANSMISSION_TEXTURE",
-    "DIFFUSE_TRANSMISSION_COLOR_TEXTURE",
-    "TANGENT",
-    "GLASS",
-    "GLASS_FILTER",
-    "GLASS_LIGHT",
-    "LIT",
-    "BLEND",
-    "DOUBLE_SIDED",
-    "TINT",
-    "JOINTS_UNIFORM",
-    "ONE_LIGHT",
-    "LIGHT_LISTS",
-];
 
 pub fn preprocess(text: &str, on: &[&str]) -> Result<String, PreprocessError> {
     let mut out = String::with_capacity(text.len());
@@ -119,7 +29,8 @@ pub fn preprocess(text: &str, on: &[&str]) -> Result<String, PreprocessError> {
             let (condition, after) = inner
                 .split_once(')')
                 .ok_or_else(|| error("`@if(` has no closing parenthesis on its line".into()))?;
-            let holds = evaluate(condition, on).map_err(error)?;
+            check_names(condition).map_err(error)?;
+            let holds = holds(condition, |name| on.contains(&name));
             if after.trim().is_empty() {
                 open.push((line_number, holds, kept));
             } else if kept && holds {
@@ -144,25 +55,16 @@ pub fn preprocess(text: &str, on: &[&str]) -> Result<String, PreprocessError> {
     }
 }
 
-/// `||` of `&&` of names, each with or without `!`.
-fn evaluate(condition: &str, on: &[&str]) -> Result<bool, String> {
-    let mut any = false;
-    for group in condition.split("||") {
-        let mut all = true;
-        for term in group.split("&&") {
-            let term = term.trim();
-            let (negated, name) = match term.strip_prefix('!') {
-                Some(name) => (true, name.trim()),
-                None => (false, term),
-            };
-            if !SWITCHES.contains(&name) {
-                return Err(format!("unknown switch `{name}`; known: {}", SWITCHES.join(", ")));
-            }
-            all &= on.contains(&name) != negated;
+/// An unknown name is a typing mistake, not "off".
+fn check_names(condition: &str) -> Result<(), String> {
+    let names = condition.split("||").flat_map(|group| group.split("&&"));
+    for name in names.map(|term| term.trim().trim_start_matches('!').trim()) {
+        if !switch_names().any(|known| known == name) {
+            let known: Vec<&str> = switch_names().collect();
+            return Err(format!("unknown switch `{name}`; known: {}", known.join(", ")));
         }
-        any |= all;
     }
-    Ok(any)
+    Ok(())
 }
 
 #[cfg(test)]

@@ -1,34 +1,181 @@
-//! Uniform structs as the shaders read them (shaders/frame.wgsl, post.wgsl); `tests/shaders.rs` compares every field's offset.
+//! Uniform structs as the shaders read them (shaders/frame.wgsl, post.wgsl); `tests/shader_layouts.rs` compares every field's offset.
 
 use crate::plan::{PlanSky, PostPass, ShadowView, View};
 use crate::scene_resources::material::{
     BASE_SLOTS, LAYER_SLOTS, MaterialResource, MaterialTexture, TEXTURE_SLOTS, TOON_SLOT, TOON_SLOTS,
 };
 use crate::sky::{MAX_LEVELS, SkyMaps};
-use choreo_asset::{AlphaMode, Shading, TextureSlot, Toon};
+use choreo_asset::{AlphaMode, TextureSlot, Toon};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct FrameUniform {
-    pub clip_from_relative: Mat4,
-    pub eye: Vec4,
-    pub camera: Vec4,
-    pub ambient_up: Vec4,
-    pub ambient_down: Vec4,
-    pub background_top: Vec4,
-    pub background_bottom: Vec4,
-    /// Pixels.
-    pub size: Vec2,
-    pub light_count: u32,
-    pub pad: u32,
+macro_rules! uniforms {
+    ($($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident: $type:ty),* $(,)? })*) => { $(
+        $(#[$doc])*
+        #[repr(C)]
+        #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+        pub struct $name { $($(#[$field_doc])* pub $field: $type),* }
+
+        impl $name {
+            /// Names and byte offsets of the fields, which equal the WGSL struct's.
+            pub const FIELDS: &[(&str, usize)] =
+                &[$((stringify!($field), std::mem::offset_of!($name, $field))),*];
+        }
+    )* };
 }
 
-/// How a place is found again from its pixel and depth; deferred.wgsl.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct RebuiltUniform {
-    pub relative_from_clip: Mat4,
+uniforms! {
+    FrameUniform {
+        clip_from_relative: Mat4,
+        eye: Vec4,
+        camera: Vec4,
+        ambient_up: Vec4,
+        ambient_down: Vec4,
+        background_top: Vec4,
+        background_bottom: Vec4,
+        /// Pixels.
+        size: Vec2,
+        light_count: u32,
+        pad: u32,
+    }
+
+    /// How a place is found again from its pixel and depth; deferred.wgsl.
+    RebuiltUniform {
+        relative_from_clip: Mat4,
+    }
+
+    /// A sky as sky.wgsl reads it.
+    SkyUniform {
+        harmonics: [Vec4; 9],
+        /// xy: first texel inside the border; z: texels a side.
+        levels: [Vec4; MAX_LEVELS],
+        /// Cosine and sine of the turn, strength, last level.
+        turn: Vec4,
+        /// xy: 1 / texels of the atlas; z: 1 where it is seen behind everything.
+        texel: Vec4,
+        /// See [`crate::plan::view::rays`].
+        right: Vec4,
+        down: Vec4,
+        ahead: Vec4,
+    }
+
+    /// u = dot(x.xy, uv) + x.z, v = dot(y.xy, uv) + y.z; x.w = uv set.
+    UvTransform {
+        x: Vec4,
+        y: Vec4,
+    }
+
+    /// Parameters of the metallic-roughness model.
+    MetallicRoughnessUniform {
+        specular_color: Vec3,
+        specular: f32,
+        metallic: f32,
+        roughness: f32,
+        pad: Vec2,
+    }
+
+    /// Parameters of Blinn–Phong and Phong.
+    PhongUniform {
+        specular_color: Vec3,
+        shininess: f32,
+        /// The share of the surroundings that is reflected.
+        reflection: Vec3,
+        reflection_roughness: f32,
+    }
+
+    /// Parameters of toon shading (MToon).
+    ToonUniform {
+        shade_color: Vec3,
+        shading_shift: f32,
+        rim_color: Vec3,
+        rim_fresnel_power: f32,
+        matcap: Vec3,
+        rim_lift: f32,
+        shading_toony: f32,
+        gi_equalization: f32,
+        shading_shift_scale: f32,
+        rim_lighting_mix: f32,
+    }
+
+    OutlineUniform {
+        color: Vec3,
+        /// How much the surface's light counts.
+        lighting_mix: f32,
+        /// Meters, or a share of the image's height where `on_screen` is 1.
+        width: f32,
+        on_screen: f32,
+        pad: Vec2,
+    }
+
+    MaterialUniform {
+        base_color: Vec4,
+        emissive: Vec3,
+        alpha_cutoff: f32,
+        normal_scale: f32,
+        occlusion_strength: f32,
+        /// In widths of the texture.
+        parallax_depth: f32,
+        triplanar_sharpness: f32,
+        triplanar_middle: Vec3,
+        /// 1 / width of the textures.
+        triplanar_scale: f32,
+        /// How far a masked motion has come: widths of the texture, radians.
+        uv_motion: Vec3,
+        pad: f32,
+        metallic_roughness: MetallicRoughnessUniform,
+        phong: PhongUniform,
+        toon: ToonUniform,
+        outline: OutlineUniform,
+        uv: [UvTransform; BASE_SLOTS + TOON_SLOTS],
+    }
+
+    /// Only of materials that have layers.
+    LayersUniform {
+        sheen_color: Vec3,
+        sheen_roughness: f32,
+        extinction: Vec3,
+        thickness: f32,
+        clearcoat: f32,
+        clearcoat_roughness: f32,
+        clearcoat_normal_scale: f32,
+        transmission: f32,
+        diffuse_transmission_color: Vec3,
+        diffuse_transmission: f32,
+        /// Cosine and sine of the rotation.
+        anisotropy_direction: Vec2,
+        anisotropy: f32,
+        iridescence: f32,
+        /// Nanometres of the film: where its texture is 0, and where it is 1.
+        iridescence_thickness: Vec2,
+        iridescence_ior: f32,
+        pad: f32,
+        /// Indices of refraction of red, green and blue.
+        iors: Vec3,
+        pad_iors: f32,
+        uv: [UvTransform; LAYER_SLOTS],
+    }
+
+    /// One shadow map as it is looked up.
+    ShadowUniform {
+        /// xy: texels of the image; z: depth; all times w.
+        texel_from_relative: Mat4,
+        /// Where the filter's texels all lie in the map: from (xy) and to (zw), texels.
+        inside: Vec4,
+        /// x: metres of a texel where w is 1; zw: 1 / texels of the image.
+        texel: Vec4,
+    }
+
+    PostUniform {
+        parameters: [Vec4; 2],
+        /// Pixels of what it makes.
+        size: Vec2,
+        /// Of an effect that runs more than once: how often it has run.
+        number: u32,
+        /// How many times smaller than the whole what it reads or what it makes is, whichever is smaller.
+        shrink: u32,
+        /// Pixels of what the pass before made, and of the whole.
+        input: Vec2,
+        whole: Vec2,
+    }
 }
 
 impl RebuiltUniform {
@@ -36,23 +183,6 @@ impl RebuiltUniform {
         // In f64: of a far plane that is near, or a part of a large picture, little would be left.
         RebuiltUniform { relative_from_clip: view.clip_from_relative.as_dmat4().inverse().as_mat4() }
     }
-}
-
-/// A sky as sky.wgsl reads it.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct SkyUniform {
-    pub harmonics: [Vec4; 9],
-    /// xy: first texel inside the border; z: texels a side.
-    pub levels: [Vec4; MAX_LEVELS],
-    /// Cosine and sine of the turn, strength, last level.
-    pub turn: Vec4,
-    /// xy: 1 / texels of the atlas; z: 1 where it is seen behind everything.
-    pub texel: Vec4,
-    /// See [`crate::plan::view::rays`].
-    pub right: Vec4,
-    pub down: Vec4,
-    pub ahead: Vec4,
 }
 
 impl SkyUniform {
@@ -74,83 +204,14 @@ impl SkyUniform {
     }
 }
 
-/// u = dot(x.xy, uv) + x.z, v = dot(y.xy, uv) + y.z; x.w = uv set.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct UvTransform {
-    pub x: Vec4,
-    pub y: Vec4,
-}
-
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct MaterialUniform {
-    pub base_color: Vec4,
-    pub emissive: Vec3,
-    pub alpha_cutoff: f32,
-    pub specular_color: Vec3,
-    pub specular: f32,
-    pub metallic: f32,
-    pub roughness: f32,
-    pub normal_scale: f32,
-    pub occlusion_strength: f32,
-    pub shininess: f32,
-    pub rim_lighting_mix: f32,
-    /// Metres, or a share of the picture's height.
-    pub outline_width: f32,
-    /// 1: of the picture's height.
-    pub outline_on_screen: f32,
-    /// Toon: shading shift, toony, GI equalization, scale of the shift texture.
-    pub toon: Vec4,
-    /// Toon: rim colour and Fresnel power. Blinn–Phong: share that is mirrored, and roughness of the mirror.
-    pub rim: Vec4,
-    /// Toon: matcap colour and rim lift.
-    pub matcap: Vec4,
-    /// Outline's colour, and how much the surface's light counts.
-    pub outline: Vec4,
-    /// Toon: how far a masked motion has come. And how deep heights go, in textures.
-    pub uv_moved: Vec4,
-    /// Center of triplanar textures, 1 / their width; their sharpness is `uv_moved.x`.
-    pub triplanar: Vec4,
-    pub uv: [UvTransform; BASE_SLOTS + TOON_SLOTS],
-}
-
-/// Only of materials that have layers.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct LayersUniform {
-    pub sheen_color: Vec3,
-    pub sheen_roughness: f32,
-    pub extinction: Vec3,
-    pub thickness: f32,
-    pub clearcoat: f32,
-    pub clearcoat_roughness: f32,
-    pub clearcoat_normal_scale: f32,
-    pub transmission: f32,
-    pub diffuse_transmission_color: Vec3,
-    pub diffuse_transmission: f32,
-    /// Cosine and sine of the rotation.
-    pub anisotropy_direction: Vec2,
-    pub anisotropy: f32,
-    pub iridescence: f32,
-    /// Nanometres of the film: where its texture is 0, and where it is 1.
-    pub iridescence_thickness: Vec2,
-    pub iridescence_ior: f32,
-    pub pad: f32,
-    /// Indices of refraction of red, green and blue.
-    pub iors: Vec3,
-    pub pad_iors: f32,
-    pub uv: [UvTransform; LAYER_SLOTS],
-}
-
 impl LayersUniform {
     /// Binding after those of the textures.
     pub const BINDING: u32 = 1 + 2 * TEXTURE_SLOTS as u32;
 
     /// `None` where the material has no layers.
-    pub fn new(resources: &MaterialResource) -> Option<LayersUniform> {
-        let l = resources.material.layers.as_deref()?;
-        let refs = resources.textures;
+    pub fn new(resource: &MaterialResource) -> Option<LayersUniform> {
+        let l = resource.material.layers.as_deref()?;
+        let refs = resource.textures;
         let mut uv = [UvTransform { x: Vec4::X, y: Vec4::Y }; LAYER_SLOTS];
         for (out, slot) in uv.iter_mut().zip(&refs[BASE_SLOTS..TOON_SLOT]) {
             if let Some(t) = slot {
@@ -174,7 +235,7 @@ impl LayersUniform {
             ),
             anisotropy: l.anisotropy,
             iridescence: l.iridescence,
-            iridescence_thickness: resources.film_thickness(),
+            iridescence_thickness: resource.film_thickness(),
             iridescence_ior: l.iridescence_ior,
             pad: 0.0,
             iors: l.iors(),
@@ -182,18 +243,6 @@ impl LayersUniform {
             uv,
         })
     }
-}
-
-/// One shadow map as it is looked up.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct ShadowUniform {
-    /// xy: texels of the image; z: depth; all times w.
-    pub texel_from_relative: Mat4,
-    /// Range in which the filter's texels all lie in the map: from (xy) and to (zw), texels.
-    pub inside: Vec4,
-    /// x: metres of a texel where w is 1; zw: 1 / texels of the image.
-    pub texel: Vec4,
 }
 
 /// The filter reaches two texels to each side.
@@ -225,21 +274,6 @@ fn uv_transform(t: &MaterialTexture) -> UvTransform {
     }
 }
 
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct PostUniform {
-    pub parameters: [Vec4; 2],
-    /// Pixels of what it makes.
-    pub size: Vec2,
-    /// Number of earlier runs of an effect that runs more than once.
-    pub number: u32,
-    /// How many times smaller than the whole what it reads or what it makes is, whichever is smaller.
-    pub shrink: u32,
-    /// Pixels of what the pass before made, and of the whole.
-    pub input: Vec2,
-    pub whole: Vec2,
-}
-
 impl PostUniform {
     /// `before`: how many times smaller the picture is that it reads.
     pub fn new(pass: &PostPass, before: u32, whole: [u32; 2]) -> PostUniform {
@@ -257,29 +291,18 @@ impl PostUniform {
 }
 
 impl MaterialUniform {
-    pub fn new(resources: &MaterialResource) -> MaterialUniform {
-        let m = &resources.material;
+    pub fn new(resource: &MaterialResource) -> MaterialUniform {
+        let m = &resource.material;
         // A feature may be on where the material has no such texture (`PlanOptions::force_all`): identity then.
         let identity = UvTransform { x: Vec4::X, y: Vec4::Y };
         let mut uv = [identity; BASE_SLOTS + TOON_SLOTS];
-        let refs = resources.textures;
+        let refs = resource.textures;
         for (out, slot) in uv.iter_mut().zip(refs[..BASE_SLOTS].iter().chain(&refs[TOON_SLOT..])) {
             if let Some(t) = slot {
                 *out = uv_transform(t);
             }
         }
-        let default = Toon::default();
-        let toon = m.toon.as_deref().unwrap_or(&default);
-        let is_toon = m.shading == Shading::Toon;
-        let phong = matches!(m.shading, Shading::BlinnPhong | Shading::Phong);
-        // A factor of a texture that is not there counts nothing.
-        let matcap = if is_toon && resources.texture(TextureSlot::MetallicRoughness).is_some() {
-            toon.matcap
-        } else {
-            Vec3::ZERO
-        };
-        let shift_scale =
-            if resources.texture(TextureSlot::Specular).is_some() { toon.shading_shift_scale } else { 0.0 };
+        let triplanar = m.triplanar.as_ref();
         MaterialUniform {
             base_color: m.base_color,
             emissive: m.emissive,
@@ -287,30 +310,66 @@ impl MaterialUniform {
                 AlphaMode::Mask(cutoff) => cutoff,
                 _ => 0.0,
             },
-            specular_color: if is_toon { toon.shade_color } else { m.specular_color },
-            specular: m.specular,
-            metallic: m.metallic,
-            roughness: m.roughness,
-            normal_scale: if resources.texture(TextureSlot::Normal).is_some() { m.normal_scale } else { 0.0 },
+            normal_scale: if resource.texture(TextureSlot::Normal).is_some() { m.normal_scale } else { 0.0 },
             occlusion_strength: m.occlusion_strength,
-            shininess: m.shininess,
-            rim_lighting_mix: toon.rim_lighting_mix,
-            toon: Vec4::new(toon.shading_shift, toon.shading_toony, toon.gi_equalization, shift_scale),
-            rim: match m.mirrors() {
-                Some(r) => r.color.extend(m.mirror_roughness()),
-                None if phong => Vec3::ZERO.extend(m.mirror_roughness()),
-                None => toon.rim_color.extend(toon.rim_fresnel_power),
+            parallax_depth: m.relief,
+            triplanar_sharpness: triplanar.map_or(0.0, |t| t.sharpness),
+            triplanar_middle: triplanar.map_or(Vec3::ZERO, |t| t.middle),
+            triplanar_scale: triplanar.map_or(0.0, |t| 1.0 / t.size),
+            uv_motion: m.toon.as_ref().map_or(Vec3::ZERO, |t| t.uv_moved),
+            pad: 0.0,
+            metallic_roughness: MetallicRoughnessUniform {
+                specular_color: m.specular_color,
+                specular: m.specular,
+                metallic: m.metallic,
+                roughness: m.roughness,
+                pad: Vec2::ZERO,
             },
-            matcap: matcap.extend(toon.rim_lift),
-            outline_width: toon.outline.as_ref().map_or(0.0, |o| o.width),
-            outline_on_screen: toon.outline.as_ref().map_or(0.0, |o| f32::from(u8::from(o.on_screen))),
-            outline: toon.outline.as_ref().map_or(Vec4::ZERO, |o| o.color.extend(o.lighting_mix)),
-            uv_moved: match m.triplanar {
-                Some(t) => Vec4::new(t.sharpness, 0.0, 0.0, m.relief),
-                None => toon.uv_moved.extend(m.relief),
+            phong: PhongUniform {
+                specular_color: m.specular_color,
+                shininess: m.shininess,
+                reflection: m.mirrors().map_or(Vec3::ZERO, |r| r.color),
+                reflection_roughness: m.mirror_roughness(),
             },
-            triplanar: m.triplanar.map_or(Vec4::ZERO, |t| t.middle.extend(1.0 / t.size)),
+            toon: ToonUniform::new(resource),
+            outline: m.toon.as_ref().and_then(|t| t.outline.as_ref()).map_or_else(Default::default, |o| {
+                OutlineUniform {
+                    color: o.color,
+                    lighting_mix: o.lighting_mix,
+                    width: o.width,
+                    on_screen: f32::from(u8::from(o.on_screen)),
+                    pad: Vec2::ZERO,
+                }
+            }),
             uv,
+        }
+    }
+}
+
+impl ToonUniform {
+    fn new(resource: &MaterialResource) -> ToonUniform {
+        let default = Toon::default();
+        let t = resource.material.toon.as_deref().unwrap_or(&default);
+        ToonUniform {
+            shade_color: t.shade_color,
+            shading_shift: t.shading_shift,
+            rim_color: t.rim_color,
+            rim_fresnel_power: t.rim_fresnel_power,
+            // A factor of a texture that is not there counts nothing.
+            matcap: if resource.texture(TextureSlot::MetallicRoughness).is_some() {
+                t.matcap
+            } else {
+                Vec3::ZERO
+            },
+            rim_lift: t.rim_lift,
+            shading_toony: t.shading_toony,
+            gi_equalization: t.gi_equalization,
+            shading_shift_scale: if resource.texture(TextureSlot::Specular).is_some() {
+                t.shading_shift_scale
+            } else {
+                0.0
+            },
+            rim_lighting_mix: t.rim_lighting_mix,
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::context::Context;
 use super::descriptors::{Layouts, Pools, write_buffer, write_image};
 use super::execute::{Execution, to_color, to_depth};
-use super::frame_in_flight::Slot;
+use super::frame_in_flight::FrameInFlight;
 use super::{Ability, VulkanRenderer};
 use crate::commands::{Cull, RecordOptions};
 use crate::error::RenderError;
@@ -70,7 +70,7 @@ impl VulkanRenderer {
     }
 }
 
-impl Slot {
+impl FrameInFlight {
     /// `buffer`: where how places are rebuilt lies in the frame's data.
     pub(super) fn write_kept(
         &mut self,

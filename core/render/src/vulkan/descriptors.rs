@@ -4,7 +4,8 @@ use super::context::Context;
 use super::error::Named;
 use crate::commands::{Command, Recording};
 use crate::error::RenderError;
-use crate::scene_resources::material::{TEXTURE_SLOTS, TOON_SLOT};
+use crate::plan::shader_features::{FEATURES, Feature, TextureSlot};
+use crate::scene_resources::material::TEXTURE_SLOTS;
 use crate::shader::uniforms::LayersUniform;
 use ash::vk;
 use std::collections::BTreeMap;
@@ -134,7 +135,9 @@ impl Layouts {
         let vertex = vk::ShaderStageFlags::VERTEX;
         let mut bindings = vec![(0, T::UNIFORM_BUFFER, vertex | fragment)];
         for slot in (0..TEXTURE_SLOTS as u32).filter(|slot| slots & (1 << slot) != 0) {
-            let stage = if slot == TOON_SLOT as u32 { vertex } else { fragment };
+            let read_by_vertices =
+                |f: &Feature| f.texture == Some(TextureSlot { slot: slot as usize, vertex: true });
+            let stage = if FEATURES.iter().any(read_by_vertices) { vertex } else { fragment };
             bindings.push((1 + 2 * slot, T::SAMPLED_IMAGE, stage));
             bindings.push((2 + 2 * slot, T::SAMPLER, stage));
         }

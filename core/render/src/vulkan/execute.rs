@@ -2,7 +2,7 @@
 
 use super::context::Context;
 use super::descriptors::{Layouts, write_image};
-use super::frame_in_flight::Slot;
+use super::frame_in_flight::FrameInFlight;
 use super::memory::{Image, range};
 use super::pipelines::{Id, Pipelines};
 use super::resources::Resources;
@@ -11,6 +11,7 @@ use crate::commands::{Command, Cull, PassPart, Recording, Target};
 use crate::error::RenderError;
 use crate::plan::Features;
 use crate::scene_resources::SceneResources;
+use crate::scene_resources::vertex_layout::VertexLayout;
 use ash::vk;
 use glam::Vec4;
 
@@ -21,14 +22,13 @@ pub struct Execution<'a> {
     pub resources: &'a Resources,
     pub pipelines: &'a Pipelines,
     pub targets: &'a Targets,
-    pub slot: &'a Slot,
+    pub slot: &'a FrameInFlight,
 }
 
 impl Execution<'_> {
     pub fn run(&self, recording: &Recording, ids: &[Option<Id>]) -> Result<(), RenderError> {
         let device = &self.gpu.device;
         let commands = self.slot.commands;
-        let missing = |what: &str| RenderError::Usage(format!("{what} was not prepared"));
         let pipeline_of = |i: usize| {
             let id = ids[i].as_ref();
             id.and_then(|id| self.pipelines.get(id)).ok_or_else(|| missing("a pipeline"))
@@ -61,6 +61,7 @@ impl Execution<'_> {
                     self.bind_scene_sets();
                 }
                 Command::BeginPeel { layer, area, .. } => {
+                    // The scene's depths before the first layer, then those of even and odd layers in turn.
                     let set = self.slot.peel_sets.get(if *layer == 0 { 0 } else { 2 - *layer as usize % 2 });
                     let set = set.ok_or_else(|| missing("a set of layers"))?;
                     self.begin_peel(*layer, *area)?;
@@ -73,34 +74,15 @@ impl Execution<'_> {
                 }
                 Command::BindPipeline(variant) => {
                     self.bind_pipeline(pipeline_of(i)?);
-                    if variant.key.features.has(Features::POSED) {
+                    if variant.key.features.has(Features::PRE_SKINNED) {
                         self.bind_posed()?;
                     }
                 }
                 Command::BindMaterial { material, material_override, slots } => {
-                    let kept = || self.scene_resources.materials.get(*material as usize);
-                    let set = match material_override {
-                        Some(at) => self.slot.changed_set(*at, *slots),
-                        None => kept().and_then(|m| self.resources.material_set(m.hash, *slots)),
-                    };
-                    let layout = self.layouts.material(*slots)?.pipeline;
-                    self.bind_set(layout, 3, set.ok_or_else(|| missing("a material"))?);
+                    self.bind_material(*material, *material_override, *slots)?;
                 }
                 Command::BindMesh { primitive, layout, morphs } => {
-                    let hash = self.scene_resources.primitives[*primitive as usize].hash;
-                    let mesh = self.resources.mesh(hash, *layout).ok_or_else(|| missing("a mesh"))?;
-                    // SAFETY: the command buffer is being recorded; the buffer outlives the frame.
-                    unsafe {
-                        device.cmd_bind_vertex_buffers(commands, 0, &[mesh.buffer.raw], &[0]);
-                        let at = mesh.indices_at;
-                        device.cmd_bind_index_buffer(commands, mesh.buffer.raw, at, mesh.index_type);
-                    }
-                    index_count = mesh.index_count;
-                    if *morphs {
-                        let set = self.resources.morph_set(hash, *layout);
-                        let set = set.ok_or_else(|| missing("a set of morph targets"))?;
-                        self.bind_set(self.pipelines.layout, 1, set);
-                    }
+                    index_count = self.bind_mesh(*primitive, *layout, *morphs)?;
                 }
                 Command::Draw { first_instance, instance_count, indices } => {
                     let [first, count] = indices.unwrap_or([0, index_count]);
@@ -131,6 +113,34 @@ impl Execution<'_> {
             }
         }
         Ok(())
+    }
+
+    fn bind_material(&self, material: u32, changed: Option<u32>, slots: u32) -> Result<(), RenderError> {
+        let kept = || self.scene_resources.materials.get(material as usize);
+        let set = match changed {
+            Some(changed) => self.slot.changed_set(changed, slots),
+            None => kept().and_then(|m| self.resources.material_set(m.hash, slots)),
+        };
+        let layout = self.layouts.material(slots)?.pipeline;
+        self.bind_set(layout, 3, set.ok_or_else(|| missing("a material"))?);
+        Ok(())
+    }
+
+    /// Gives the number of indices.
+    fn bind_mesh(&self, primitive: u32, layout: VertexLayout, morphs: bool) -> Result<u32, RenderError> {
+        let (device, commands) = (&self.gpu.device, self.slot.commands);
+        let hash = self.scene_resources.primitives[primitive as usize].hash;
+        let mesh = self.resources.mesh(hash, layout).ok_or_else(|| missing("a mesh"))?;
+        // SAFETY: the command buffer is being recorded; the buffer outlives the frame.
+        unsafe {
+            device.cmd_bind_vertex_buffers(commands, 0, &[mesh.buffer.raw], &[0]);
+            device.cmd_bind_index_buffer(commands, mesh.buffer.raw, mesh.indices_at, mesh.index_type);
+        }
+        if morphs {
+            let set = self.resources.morph_set(hash, layout);
+            self.bind_set(self.pipelines.layout, 1, set.ok_or_else(|| missing("a set of morph targets"))?);
+        }
+        Ok(mesh.index_count)
     }
 
     pub(super) fn bind_scene_sets(&self) {
@@ -408,6 +418,10 @@ impl Execution<'_> {
             self.gpu.device.cmd_pipeline_barrier2(self.slot.commands, &info);
         }
     }
+}
+
+fn missing(what: &str) -> RenderError {
+    RenderError::Usage(format!("{what} was not prepared"))
 }
 
 pub(super) fn color_barrier(image: &Image) -> vk::ImageMemoryBarrier2<'static> {

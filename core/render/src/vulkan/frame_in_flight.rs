@@ -3,46 +3,39 @@
 use super::context::Context;
 use super::descriptors::{Layouts, Pools, Set, write_buffer, write_image};
 use super::error::Named;
+use super::frame_data::{Block, FrameData};
 use super::memory::{Buffer, Image};
 use super::preskin::Posing;
 use super::resources::Resources;
 use super::sky::flat_image;
-use super::targets::Seen;
+use super::targets::FrameImages;
 use super::upload::Uploads;
-use crate::affine::Affine3x4;
-use crate::commands::{Command, Recording, UNIFORM_JOINTS};
+use crate::commands::{Command, Recording};
 use crate::error::RenderError;
 use crate::layers_2d::LayerImage;
 use crate::plan::Plan;
-use crate::plan::build::effects::MOST_SURFACE_EFFECTS;
-use crate::plan::build::shadow_cascades::MAX_VIEWS;
-use crate::plan::light_clusters::MAX_LIGHTS;
 use crate::scene_resources::SceneResources;
-use crate::shader::uniforms::{
-    FrameUniform, LayersUniform, MaterialUniform, PostUniform, RebuiltUniform, ShadowUniform, SkyUniform,
-};
+use crate::shader::uniforms::LayersUniform;
 use ash::vk;
-use choreo_stage::Background;
-use glam::Vec2;
 use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
 
-pub struct Slot {
+pub struct FrameInFlight {
     pub pool: vk::CommandPool,
     pub commands: vk::CommandBuffer,
     ring: Option<Buffer>,
     pub frame_set: Set,
     /// As the frame's, seen from the light of each shadow map.
     pub view_sets: Vec<Set>,
-    /// Shadow maps, the picture behind glass and the sky, and which of them it was made for.
+    /// Shadow maps, the scene color copy, the sky and layers under the scene, and which of them it was made for.
     pub light_set: Option<(Set, [bool; 4])>,
-    /// Sets of the same layout, with the depths of the scene, of even layers and of odd ones.
+    /// Sets of the same layout, with the depths of the scene, of even peeled layers and of odd ones.
     pub peel_sets: Vec<Set>,
-    /// The G-buffer, of the pass that lights it.
+    /// The G-buffer, for the pass that lights it.
     pub kept_set: Option<Set>,
-    /// Offsets of the uniforms of the frame's changed materials, which of them with which textures, and their sets.
-    changed_at: Vec<[u64; 2]>,
-    /// Layers under the scene, by what they are made from.
+    /// The frame's changed materials: where their uniforms lie, which of them with which textures, and their sets.
+    changed_at: Vec<[Block; 2]>,
+    /// 2D layers under the scene, by their content.
     under: Option<([u8; 32], Image)>,
     /// Those over the frame.
     pub over: Option<Arc<LayerImage>>,
@@ -52,7 +45,7 @@ pub struct Slot {
     pub readback: Option<Buffer>,
     /// Kept until this frame is done.
     pub staging: Option<Buffer>,
-    /// Vertices that a compute stage poses.
+    /// Pre-skinned vertices.
     pub posed: Posing,
     pub size: [u32; 2],
     /// Value of the timeline at which the frame is done.
@@ -74,26 +67,8 @@ pub const FRAME_BINDINGS: [(u32, vk::DescriptorType); 10] = [
     (9, vk::DescriptorType::STORAGE_BUFFER),
 ];
 
-/// Parameters of as many effects on surfaces as there can be, and how far each moves them.
-const SURFACE_BYTES: u64 = REACHES_AT + (MOST_SURFACE_EFFECTS * size_of::<f32>()) as u64;
-const REACHES_AT: u64 = (MOST_SURFACE_EFFECTS * size_of::<[f32; 8]>()) as u64;
-
-/// Byte ranges of one frame's data in its buffer.
-struct Ranges {
-    end: u64,
-    align: u64,
-}
-
-impl Ranges {
-    fn take(&mut self, size: u64) -> u64 {
-        let at = self.end.next_multiple_of(self.align);
-        self.end = at + size;
-        at
-    }
-}
-
-impl Slot {
-    pub fn new(gpu: &Context, layouts: &Layouts, pools: &mut Pools) -> Result<Slot, RenderError> {
+impl FrameInFlight {
+    pub fn new(gpu: &Context, layouts: &Layouts, pools: &mut Pools) -> Result<FrameInFlight, RenderError> {
         let frame_set = pools.allocate(gpu, layouts.frame, "frame set")?;
         let info = vk::CommandPoolCreateInfo::default()
             .flags(vk::CommandPoolCreateFlags::TRANSIENT)
@@ -114,7 +89,7 @@ impl Slot {
             }
         };
         gpu.name(commands, "frame commands");
-        Ok(Slot {
+        Ok(FrameInFlight {
             pool,
             commands,
             ring: None,
@@ -145,83 +120,53 @@ impl Slot {
         pools: &mut Pools,
         plan: &Plan,
         recording: &Recording,
-        seen: Seen<'_>,
+        images: FrameImages<'_>,
     ) -> Result<(), RenderError> {
-        let Some(Command::UploadFrameData { instances, joints, morphs, lights }) = recording.commands.first()
-        else {
-            return Err(RenderError::Usage("a recording starts with its frame data".into()));
-        };
-        let shadow = seen.shadow;
-        let reads = recording.reads();
-        let limits = gpu.limits();
-        let align = limits
-            .min_uniform_buffer_offset_alignment
-            .max(limits.min_storage_buffer_offset_alignment)
-            .max(16);
-        let mut ranges = Ranges { end: 0, align };
-        let frame_at = ranges.take(size_of::<FrameUniform>() as u64);
-        let views = plan.shadow_maps.as_ref().map_or(&[][..], |s| &s.views);
-        let view_at: Vec<u64> = views.iter().map(|_| ranges.take(size_of::<FrameUniform>() as u64)).collect();
-        let of_material = [size_of::<MaterialUniform>(), size_of::<LayersUniform>()].map(|s| s as u64);
-        self.changed_at =
-            plan.material_overrides.iter().map(|_| of_material.map(|size| ranges.take(size))).collect();
-        let lookups_range = if shadow.is_some() { MAX_VIEWS * size_of::<ShadowUniform>() } else { 0 } as u64;
-        let lookups_at = ranges.take(lookups_range.max(16));
-        let sky = seen.sky.filter(|_| reads.sky).zip(plan.sky.as_ref());
-        let sky_range = if sky.is_some() { size_of::<SkyUniform>() } else { 0 } as u64;
-        let sky_at = ranges.take(sky_range);
-        let kept_range = if seen.kept.is_some() { size_of::<RebuiltUniform>() } else { 0 } as u64;
-        let kept_at = ranges.take(kept_range);
-        let post_at: Vec<u64> =
-            plan.post.iter().map(|_| ranges.take(size_of::<PostUniform>() as u64)).collect();
-        let instance_bytes: &[u8] = bytemuck::cast_slice(&plan.instances[..*instances]);
-        let joint_bytes: &[u8] = bytemuck::cast_slice(&plan.joint_matrices[..*joints]);
-        let morph_bytes: &[u8] = bytemuck::cast_slice(&plan.morphs[..*morphs]);
-        let light_bytes: &[u8] = bytemuck::cast_slice(&plan.lights[..*lights]);
-        let instances_at = ranges.take(instance_bytes.len() as u64);
-        // A shader may be made for morphs that no instance has; what it is bound to must not be empty.
-        let morphs_range = morph_bytes.len().max(16) as u64;
-        let morphs_at = ranges.take(morphs_range);
-        // Uniform arrays have a fixed length in the shader; what lies behind the used part is never read.
-        let lights_range =
-            if reads.lights { (MAX_LIGHTS * size_of::<crate::plan::PlanLight>()) as u64 } else { 0 };
-        let lights_at = ranges.take(lights_range);
-        let joints_range = match reads.joints_uniform {
-            true => UNIFORM_JOINTS * size_of::<Affine3x4>(),
-            false => joint_bytes.len().max(size_of::<Affine3x4>()),
-        } as u64;
-        let joints_at = ranges.take(joints_range);
-
-        let surface_range = if plan.scene_effects.is_empty() { 0 } else { SURFACE_BYTES };
-        let surface_at = ranges.take(surface_range);
-        let overlay_bytes: &[u8] = bytemuck::cast_slice(&plan.overlay.vertices);
-        let overlay_at = ranges.take(overlay_bytes.len() as u64);
-        let list_bytes: &[u8] =
-            plan.light_clusters.as_ref().map_or(&[], |lists| bytemuck::cast_slice(&lists.0));
-        let lists_at = ranges.take(list_bytes.len() as u64);
-        let stored = [
-            ("instances", instance_bytes),
-            ("joint matrices", joint_bytes),
-            ("weights of morph targets", morph_bytes),
-            ("vertices that effects draw", overlay_bytes),
-            ("lists of lights", list_bytes),
-        ];
-        let limit = u64::from(limits.max_storage_buffer_range);
-        if let Some((what, bytes)) = stored.into_iter().find(|(_, bytes)| bytes.len() as u64 > limit) {
-            let what = format!("size in bytes of all {what}");
-            return Err(RenderError::Limit { what, value: bytes.len() as u64, limit });
+        let data = FrameData::new(gpu, plan, recording, &images)?;
+        self.changed_at.clone_from(&data.materials);
+        self.prepare_buffer(gpu, layouts, pools, &data)?;
+        let Some(ring) = &mut self.ring else { return Ok(()) };
+        let raw = ring.raw;
+        let mapped = ring.mapped_mut();
+        data.write(plan, &images, mapped);
+        let Block { at, bytes } = data.instances;
+        self.posed.place(&mut mapped[at as usize..][..bytes as usize]);
+        // The frame's own data where effects have no textures: see `prepare_buffer`.
+        let texels = images.texels.map_or((raw, 16), |b| (b.raw, b.size));
+        self.write_frame_sets(gpu, &data, raw, texels);
+        self.write_scene_set(gpu, layouts, pools, &images, &data, raw)?;
+        self.write_peel_sets(gpu, layouts, pools, &images, raw)?;
+        if let Some(views) = images.kept {
+            self.write_kept(gpu, layouts, pools, views, (raw, data.rebuilt.at))?;
         }
+        while self.post_sets.len() < data.post.len() {
+            self.post_sets.push(pools.allocate(gpu, layouts.post, "post set")?);
+        }
+        for (set, block) in self.post_sets.iter().zip(&data.post) {
+            write_buffer(gpu, set.raw, 0, vk::DescriptorType::UNIFORM_BUFFER, raw, block.at, block.bytes);
+            write_buffer(gpu, set.raw, 3, vk::DescriptorType::STORAGE_BUFFER, texels.0, 0, texels.1);
+        }
+        self.prepare_readback(gpu, plan)
+    }
 
+    /// A buffer that is large enough, and sets of shadow views.
+    fn prepare_buffer(
+        &mut self,
+        gpu: &Context,
+        layouts: &Layouts,
+        pools: &mut Pools,
+        data: &FrameData,
+    ) -> Result<(), RenderError> {
         let old_views = self.view_sets.len();
-        while self.view_sets.len() < views.len() {
+        while self.view_sets.len() < data.views.len() {
             self.view_sets.push(pools.allocate(gpu, layouts.frame, "shadow view set")?);
         }
-        if self.ring.as_ref().is_none_or(|r| r.size < ranges.end) {
+        if self.ring.as_ref().is_none_or(|r| r.size < data.bytes) {
             if let Some(mut old) = self.ring.take() {
                 old.destroy(gpu);
             }
             let usage = vk::BufferUsageFlags::UNIFORM_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER;
-            let size = ranges.end.next_power_of_two();
+            let size = data.bytes.next_power_of_two();
             let ring = Buffer::new(gpu, "frame data", size, usage, MemoryLocation::CpuToGpu)?;
             // Every binding, read or not: lavapipe (22.3) follows what a bound set holds, and a descriptor of the buffer
             // that was just destroyed, legal where no shader reads it, crashes it.
@@ -231,124 +176,95 @@ impl Slot {
         } else if let Some(ring) = &self.ring {
             self.view_sets[old_views..].iter().for_each(|set| fill(gpu, set, ring.raw));
         }
-        let Some(ring) = &mut self.ring else { return Ok(()) };
-        let raw = ring.raw;
-        let mapped = ring.mapped_mut();
-        let mut put = |at: u64, bytes: &[u8]| {
-            mapped[at as usize..at as usize + bytes.len()].copy_from_slice(bytes);
-        };
-        let frame = frame_uniform(plan, *lights as u32);
-        put(frame_at, bytemuck::bytes_of(&frame));
-        if let Some(shadows) = plan.shadow_maps.as_ref().filter(|_| shadow.is_some()) {
-            for (i, (view, at)) in views.iter().zip(&view_at).enumerate() {
-                let seen = FrameUniform { clip_from_relative: view.clip_from_relative, ..frame };
-                put(*at, bytemuck::bytes_of(&seen));
-                let lookup = ShadowUniform::new(view, shadows.image);
-                let at = lookups_at + (i * size_of::<ShadowUniform>()) as u64;
-                put(at, bytemuck::bytes_of(&lookup));
-            }
-        }
-        for (i, used) in plan.scene_effects.iter().enumerate() {
-            put(surface_at + (i * size_of::<[f32; 8]>()) as u64, bytemuck::bytes_of(&used.parameters));
-        }
-        if surface_range > 0 {
-            put(surface_at + REACHES_AT, bytemuck::bytes_of(&plan.displacement_limits));
-        }
-        put(overlay_at, overlay_bytes);
-        put(lists_at, list_bytes);
-        if let Some((images, sky)) = &sky {
-            let maps = images.maps.as_ref().map(|(maps, _)| &**maps);
-            put(sky_at, bytemuck::bytes_of(&SkyUniform::new(sky, &plan.view, maps)));
-        }
-        if seen.kept.is_some() {
-            put(kept_at, bytemuck::bytes_of(&RebuiltUniform::new(&plan.view)));
-        }
-        put(joints_at, joint_bytes);
-        put(morphs_at, morph_bytes);
-        put(lights_at, light_bytes);
-        put(instances_at, instance_bytes);
-        for ([base_at, layers_at], material) in self.changed_at.iter().zip(&plan.material_overrides) {
-            put(*base_at, bytemuck::bytes_of(&MaterialUniform::new(material)));
-            if let Some(layers) = LayersUniform::new(material) {
-                put(*layers_at, bytemuck::bytes_of(&layers));
-            }
-        }
-        let mut before = 1;
-        for (at, pass) in post_at.iter().zip(&plan.post) {
-            put(*at, bytemuck::bytes_of(&PostUniform::new(pass, before, plan.size)));
-            before = pass.shrink;
-        }
-        self.posed.place(&mut mapped[instances_at as usize..][..instance_bytes.len()]);
+        Ok(())
+    }
 
-        // Of effects; the frame's own data where there are none, as above.
-        let (texels, texel_bytes) = seen.texels.map_or((raw, 16), |b| (b.raw, b.size));
-        use vk::DescriptorType as T;
-        let of_views = self.view_sets.iter().zip(&view_at);
-        for (set, at) in std::iter::once((&self.frame_set, &frame_at)).chain(of_views) {
-            let set = set.raw;
-            write_buffer(gpu, set, 0, T::UNIFORM_BUFFER, raw, *at, size_of::<FrameUniform>() as u64);
-            if *instances > 0 {
-                write_buffer(gpu, set, 1, T::STORAGE_BUFFER, raw, instances_at, instance_bytes.len() as u64);
+    /// Set 0 of the frame and of each shadow view.
+    fn write_frame_sets(&self, gpu: &Context, data: &FrameData, raw: vk::Buffer, texels: (vk::Buffer, u64)) {
+        let reads = &data.reads;
+        let joints = if reads.joints_uniform { 5 } else { 2 };
+        let blocks = [
+            (1, data.instances.bytes > 0, data.instances),
+            (3, reads.morphs, data.morphs),
+            (4, reads.lights, data.lights),
+            (joints, reads.joints, data.joints),
+            (6, data.surface.bytes > 0, data.surface),
+            (7, data.overlay.bytes > 0, data.overlay),
+            (9, data.light_clusters.bytes > 0, data.light_clusters),
+        ];
+        for (set, own) in std::iter::once(&self.frame_set).chain(&self.view_sets).zip(data.frame_and_views())
+        {
+            let write = |binding: u32, buffer: vk::Buffer, block: Block| {
+                let (_, kind) = FRAME_BINDINGS[binding as usize];
+                write_buffer(gpu, set.raw, binding, kind, buffer, block.at, block.bytes);
+            };
+            write(0, raw, own);
+            for (binding, _, block) in blocks.iter().filter(|(_, is_read, _)| *is_read) {
+                write(*binding, raw, *block);
             }
-            if reads.joints {
-                let (binding, kind) =
-                    if reads.joints_uniform { (5, T::UNIFORM_BUFFER) } else { (2, T::STORAGE_BUFFER) };
-                write_buffer(gpu, set, binding, kind, raw, joints_at, joints_range);
-            }
-            if reads.morphs {
-                write_buffer(gpu, set, 3, T::STORAGE_BUFFER, raw, morphs_at, morphs_range);
-            }
-            if surface_range > 0 {
-                write_buffer(gpu, set, 6, T::UNIFORM_BUFFER, raw, surface_at, surface_range);
-            }
-            if !overlay_bytes.is_empty() {
-                write_buffer(gpu, set, 7, T::STORAGE_BUFFER, raw, overlay_at, overlay_bytes.len() as u64);
-            }
-            write_buffer(gpu, set, 8, T::STORAGE_BUFFER, texels, 0, texel_bytes);
-            if !list_bytes.is_empty() {
-                write_buffer(gpu, set, 9, T::STORAGE_BUFFER, raw, lists_at, list_bytes.len() as u64);
-            }
-            if reads.lights {
-                write_buffer(gpu, set, 4, T::UNIFORM_BUFFER, raw, lights_at, lights_range);
-            }
+            write(8, texels.0, Block { at: 0, bytes: texels.1 });
         }
+    }
+
+    /// Set 2: shadow maps, the scene color copy, the sky and the 2D layers under the scene.
+    fn write_scene_set(
+        &mut self,
+        gpu: &Context,
+        layouts: &Layouts,
+        pools: &mut Pools,
+        images: &FrameImages<'_>,
+        data: &FrameData,
+        raw: vk::Buffer,
+    ) -> Result<(), RenderError> {
+        use vk::DescriptorType as T;
+        let under = self.under.as_ref().filter(|_| data.reads.layers_behind).map(|(_, image)| image.view);
+        let sky = images.sky.filter(|_| data.sky.bytes > 0);
         // Made anew where another of them is there: lavapipe (22.3) follows what a bound set holds, read or not.
-        let under = self.under.as_ref().filter(|_| reads.layers_behind).map(|(_, image)| image.view);
-        let has = [shadow.is_some(), seen.behind.is_some(), sky.is_some(), under.is_some()];
+        let has = [images.shadow.is_some(), images.behind.is_some(), sky.is_some(), under.is_some()];
         if let Some((set, _)) = self.light_set.take_if(|(_, had)| *had != has) {
             pools.free(gpu, set);
         }
         if self.light_set.is_none() && has != [false; 4] {
             self.light_set = Some((pools.allocate(gpu, layouts.shadow, "shadows, glass and sky")?, has));
         }
-        // Every binding, as above: what is not there has the place of what is, and is not read.
-        let shadows = shadow.map(|t| ([t.image.view; 2], t.sampler));
-        let glass = seen.behind.map(|t| ([t.image.view; 2], t.sampler));
-        let of_sky = sky.and_then(|(images, _)| Some((images.views()?, images.sampler)));
+        // Every binding: what is not there has the place of what is, and is not read.
+        let shadows = images.shadow.map(|t| ([t.image.view; 2], t.sampler));
+        let glass = images.behind.map(|t| ([t.image.view; 2], t.sampler));
+        let of_sky = sky.and_then(|images| Some((images.views()?, images.sampler)));
         // No sampler reads it.
         let of_under = under.map(|view| ([view; 2], vk::Sampler::null()));
         let any = shadows.or(glass).or(of_sky).or(of_under);
-        if let (Some((set, _)), Some(any)) = (self.light_set, any) {
-            let range = |bytes: u64, at: u64| if bytes > 0 { (at, bytes) } else { (0, 16) };
-            for (binding, (at, bytes)) in
-                [(0, range(lookups_range, lookups_at)), (5, range(sky_range, sky_at))]
-            {
-                write_buffer(gpu, set.raw, binding, T::UNIFORM_BUFFER, raw, at, bytes);
-            }
-            for (binding, there) in [(1, shadows), (3, glass), (6, of_sky)] {
-                let ([view, _], sampler) = there.unwrap_or(any);
-                write_image(gpu, set.raw, binding, T::SAMPLED_IMAGE, view, vk::Sampler::null());
-                if sampler != vk::Sampler::null() {
-                    write_image(gpu, set.raw, binding + 1, T::SAMPLER, vk::ImageView::null(), sampler);
-                }
-            }
-            let ([_, picture], _) = of_sky.unwrap_or(any);
-            write_image(gpu, set.raw, 8, T::SAMPLED_IMAGE, picture, vk::Sampler::null());
-            let ([under, _], _) = of_under.unwrap_or(any);
-            write_image(gpu, set.raw, 9, T::SAMPLED_IMAGE, under, vk::Sampler::null());
-            write_image(gpu, set.raw, 10, T::SAMPLED_IMAGE, under, vk::Sampler::null());
+        let (Some((set, _)), Some(any)) = (self.light_set, any) else { return Ok(()) };
+        for (binding, block) in [(0, data.shadow_lookups.or_any()), (5, data.sky.or_any())] {
+            write_buffer(gpu, set.raw, binding, T::UNIFORM_BUFFER, raw, block.at, block.bytes);
         }
-        for (i, view) in seen.layers.iter().flat_map(|(views, _)| views).enumerate() {
+        for (binding, there) in [(1, shadows), (3, glass), (6, of_sky)] {
+            let ([view, _], sampler) = there.unwrap_or(any);
+            write_image(gpu, set.raw, binding, T::SAMPLED_IMAGE, view, vk::Sampler::null());
+            if sampler != vk::Sampler::null() {
+                write_image(gpu, set.raw, binding + 1, T::SAMPLER, vk::ImageView::null(), sampler);
+            }
+        }
+        let ([_, picture], _) = of_sky.unwrap_or(any);
+        let ([under, _], _) = of_under.unwrap_or(any);
+        for (binding, view) in [(8, picture), (9, under), (10, under)] {
+            write_image(gpu, set.raw, binding, T::SAMPLED_IMAGE, view, vk::Sampler::null());
+        }
+        Ok(())
+    }
+
+    /// Set 2 of the passes that find peeled layers: the depths of the layer before.
+    fn write_peel_sets(
+        &mut self,
+        gpu: &Context,
+        layouts: &Layouts,
+        pools: &mut Pools,
+        images: &FrameImages<'_>,
+        raw: vk::Buffer,
+    ) -> Result<(), RenderError> {
+        use vk::DescriptorType as T;
+        let Some((views, sampler)) = images.layers else { return Ok(()) };
+        for (i, view) in views.into_iter().enumerate() {
             if self.peel_sets.len() <= i {
                 self.peel_sets.push(pools.allocate(gpu, layouts.shadow, "depths of layers")?);
             }
@@ -357,24 +273,16 @@ impl Slot {
                 write_buffer(gpu, set, binding, T::UNIFORM_BUFFER, raw, 0, 16);
             }
             for binding in [1, 3, 6, 8, 9, 10] {
-                write_image(gpu, set, binding, T::SAMPLED_IMAGE, *view, vk::Sampler::null());
+                write_image(gpu, set, binding, T::SAMPLED_IMAGE, view, vk::Sampler::null());
             }
-            let sampler = seen.layers.map_or(vk::Sampler::null(), |(_, sampler)| sampler);
             for binding in [2, 4, 7] {
                 write_image(gpu, set, binding, T::SAMPLER, vk::ImageView::null(), sampler);
             }
         }
-        if let Some(views) = seen.kept {
-            self.write_kept(gpu, layouts, pools, views, (raw, kept_at))?;
-        }
-        while self.post_sets.len() < post_at.len() {
-            self.post_sets.push(pools.allocate(gpu, layouts.post, "post set")?);
-        }
-        for (set, at) in self.post_sets.iter().zip(&post_at) {
-            write_buffer(gpu, set.raw, 0, T::UNIFORM_BUFFER, raw, *at, size_of::<PostUniform>() as u64);
-            write_buffer(gpu, set.raw, 3, T::STORAGE_BUFFER, texels, 0, texel_bytes);
-        }
+        Ok(())
+    }
 
+    fn prepare_readback(&mut self, gpu: &Context, plan: &Plan) -> Result<(), RenderError> {
         let pixel = if plan.linear { 8 } else { 4 };
         let bytes = plan.size[0] as u64 * plan.size[1] as u64 * pixel;
         if self.readback.as_ref().is_none_or(|b| b.size < bytes) {
@@ -432,8 +340,7 @@ impl Slot {
             let Command::BindMaterial { material, material_override: Some(changed), slots } = command else {
                 continue;
             };
-            let (Some(ring), Some([base_at, layers_at])) =
-                (&self.ring, self.changed_at.get(*changed as usize))
+            let (Some(ring), Some([own, layers])) = (&self.ring, self.changed_at.get(*changed as usize))
             else {
                 return Err(RenderError::Usage("a changed material is not in the plan".into()));
             };
@@ -444,9 +351,8 @@ impl Slot {
             self.changed_sets.push(made);
             let set = made.raw;
             let uniform = vk::DescriptorType::UNIFORM_BUFFER;
-            write_buffer(gpu, set, 0, uniform, ring.raw, *base_at, size_of::<MaterialUniform>() as u64);
-            let size = size_of::<LayersUniform>() as u64;
-            write_buffer(gpu, set, LayersUniform::BINDING, uniform, ring.raw, *layers_at, size);
+            write_buffer(gpu, set, 0, uniform, ring.raw, own.at, own.bytes);
+            write_buffer(gpu, set, LayersUniform::BINDING, uniform, ring.raw, layers.at, layers.bytes);
             resources.write_textures(gpu, scene_resources, *material, *slots, set)?;
             self.changed.push((*changed, *slots));
         }
@@ -481,24 +387,5 @@ impl Slot {
 fn fill(gpu: &Context, set: &Set, buffer: vk::Buffer) {
     for (binding, kind) in FRAME_BINDINGS {
         write_buffer(gpu, set.raw, binding, kind, buffer, 0, 16);
-    }
-}
-
-fn frame_uniform(plan: &Plan, light_count: u32) -> FrameUniform {
-    let (top, bottom, alpha) = match plan.background {
-        Background::Gradient { top, bottom } => (top, bottom, 1.0),
-        Background::Color(c) => (c.truncate(), c.truncate(), c.w),
-    };
-    FrameUniform {
-        clip_from_relative: plan.view.clip_from_relative,
-        eye: plan.view.eye,
-        camera: plan.view.position.as_vec3().extend(0.0),
-        ambient_up: plan.ambient_up.extend(0.0),
-        ambient_down: plan.ambient_down.extend(0.0),
-        background_top: top.extend(alpha),
-        background_bottom: bottom.extend(alpha),
-        size: Vec2::new(plan.size[0] as f32, plan.size[1] as f32),
-        light_count,
-        pad: 0,
     }
 }

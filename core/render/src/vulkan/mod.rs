@@ -12,12 +12,13 @@ pub mod deferred;
 mod descriptors;
 mod device_features;
 mod device_recovery;
+mod effect_textures;
 mod error;
 mod execute;
 mod expose;
 pub mod faults;
+mod frame_data;
 mod frame_in_flight;
-mod gbuffer;
 mod memory;
 mod memory_budget;
 mod options;
@@ -53,7 +54,7 @@ pub use device_recovery::SteadyRenderer;
 use error::Named;
 use execute::Execution;
 use faults::FaultPlace;
-use frame_in_flight::Slot;
+use frame_in_flight::FrameInFlight;
 use memory::Buffer;
 pub use options::GpuOptions;
 use options::frames_in_flight;
@@ -61,7 +62,7 @@ use pipelines::Pipelines;
 use resources::Resources;
 use std::collections::VecDeque;
 use std::sync::Arc;
-use targets::{Needs, Seen, Targets};
+use targets::{FrameImages, Needs, Targets};
 use upload::Uploads;
 
 /// A frame that takes longer is given up: a driver that hangs must not hang the program. Five minutes: a driver that draws
@@ -80,7 +81,7 @@ pub struct VulkanRenderer {
     targets: Option<Targets>,
     /// Textures of effects.
     texels: Option<Buffer>,
-    slots: Vec<Slot>,
+    slots: Vec<FrameInFlight>,
     /// Indices into `slots`, the oldest first.
     pending: VecDeque<usize>,
     /// Submitted after those, and drawn when they are collected; the oldest first.
@@ -158,7 +159,7 @@ impl VulkanRenderer {
             unsafe { renderer.gpu.device.create_semaphore(&info, None) }.named("frame timeline")?;
         renderer.gpu.name(renderer.timeline, "frame timeline");
         for _ in 0..frames_in_flight(renderer.gpu.info.kind, options.frugal) {
-            let slot = Slot::new(&renderer.gpu, &renderer.layouts, &mut renderer.pools)?;
+            let slot = FrameInFlight::new(&renderer.gpu, &renderer.layouts, &mut renderer.pools)?;
             renderer.slots.push(slot);
         }
         let slots = renderer.slots.len() as u32;
@@ -374,8 +375,8 @@ impl VulkanRenderer {
                 let slot = &mut self.slots[index];
                 let seen = self.targets.as_ref().map(Targets::seen).unwrap_or_default();
                 let (sky, texels) = (self.resources.sky.as_ref(), self.texels.as_ref());
-                let seen = Seen { sky, texels, ..seen };
-                slot.write(&self.gpu, &self.layouts, &mut self.pools, plan, &recording, seen)
+                let images = FrameImages { sky, texels, ..seen };
+                slot.write(&self.gpu, &self.layouts, &mut self.pools, plan, &recording, images)
             })
             .and_then(|()| {
                 let (slot, pools) = (&mut self.slots[index], &mut self.pools);

@@ -8,15 +8,13 @@ use super::faults::FaultPlace;
 use super::pipeline_ids::Backdrop;
 pub use super::pipeline_ids::{Id, ids};
 use super::preskin;
-use super::state::{Mix, State, format_of, vertex_format};
+use super::state::{Mix, State, format_of};
 use super::targets::DEPTH;
-use crate::commands::texture_slots;
 use crate::error::RenderError;
-use crate::plan::{Features, Glass, TopologyKey};
-use crate::scene_resources::vertex_layout::VertexLayout;
+use crate::plan::{Features, TopologyKey};
 use crate::shader::{
-    BACKGROUND, DeferredPass, Entry, OVERLAY, PeelPass, SCENE, SKY, SceneEffect, ShaderSources, SourceFile,
-    UNDER, compile, surface_files, switches, texture_functions,
+    BACKGROUND, Entry, OVERLAY, SCENE, SKY, SceneEffect, SceneVariant, ShaderSources, SourceFile, UNDER,
+    compile, entry_points, surface_files, switches, texture_functions,
 };
 use ash::vk;
 use choreo_plugin::{Effect, Hook};
@@ -185,102 +183,32 @@ impl Pipelines {
     }
 
     fn create(&self, gpu: &Context, layouts: &Layouts, id: &Id) -> Result<vk::Pipeline, RenderError> {
-        let stages = |vs, fs| [(vs, ShaderStage::Vertex), (fs, ShaderStage::Fragment)];
-        match id {
-            Id::Pose(variant) => preskin::pipeline(gpu, layouts, &self.sources, self.cache.raw, variant),
-            Id::Scene { variant, samples, float, surface } => {
-                let wide = variant.key.features.has(Features::WIDE);
-                let points = variant.key.topology == TopologyKey::Points && !wide;
-                let mut files = self.sources.files(&SCENE)?;
-                files.extend(self.surface_texts(surface)?);
-                let key = &variant.key;
-                // Of a shadow map only holes need a fragment shader.
-                let cut_out = key.features.has(Features::ALPHA_MASK);
-                let peel = variant.peel != PeelPass::No;
-                let light = variant.deferred == DeferredPass::Light;
-                let geometry = variant.deferred == DeferredPass::Geometry;
-                let stages = match (variant.shadow_pass, cut_out) {
-                    _ if light => stages("light_vs", "fs").to_vec(),
-                    _ if peel => stages("vs", "peel_fs").to_vec(),
-                    (false, _) => stages("vs", "fs").to_vec(),
-                    (true, true) => stages("vs", "shadow_fs").to_vec(),
-                    (true, false) => stages("vs", "").first().copied().into_iter().collect(),
-                };
-                let mut on = switches(variant);
-                on.extend(self.reads_textures(surface).then_some("TEXTURES"));
-                let code = compile(&files, &on, &stages, points)?;
-                self.build(
-                    gpu,
-                    &code,
-                    &State {
-                        name: format!("scene pipeline {}", switches(variant).join(" ")),
-                        layout: match light {
-                            true => layouts.light()?.pipeline,
-                            false => layouts.material(texture_slots(key.features))?.pipeline,
-                        },
-                        vertices: (!light).then(|| VertexLayout::of(key.features)),
-                        topology: match key.topology {
-                            _ if wide => vk::PrimitiveTopology::TRIANGLE_LIST,
-                            TopologyKey::Triangles => vk::PrimitiveTopology::TRIANGLE_LIST,
-                            TopologyKey::Lines => vk::PrimitiveTopology::LINE_LIST,
-                            TopologyKey::Points => vk::PrimitiveTopology::POINT_LIST,
-                        },
-                        clockwise: key.mirrored,
-                        samples: *samples,
-                        color: (!variant.shadow_pass && !peel && !geometry).then(|| format_of(*float)),
-                        kept: geometry,
-                        // Reversed Z: nearer is greater. Of a layer the farthest stays.
-                        depth: Some(match peel {
-                            // At depth 0, where anything was drawn.
-                            _ if light => (vk::CompareOp::LESS, false),
-                            true => (vk::CompareOp::LESS, true),
-                            false => (vk::CompareOp::GREATER, key.writes_depth()),
-                        }),
-                        mix: match (key.glass, key.blend) {
-                            (Glass::No | Glass::Refract, false) => Mix::Replace,
-                            (Glass::No | Glass::Refract, true) => Mix::Over,
-                            (Glass::Filter, _) => Mix::Multiply,
-                            (Glass::Light, _) => Mix::Add,
-                        },
-                        coverage: key.coverage,
-                        any_compare: key.peeled && !peel,
-                    },
-                )
+        let (code, state) = match id {
+            Id::Pose(variant) => {
+                return preskin::pipeline(gpu, layouts, &self.sources, self.cache.raw, variant);
             }
-            Id::Background { samples, float, depth, what, surface } => {
-                let (files, switch, fs): (&[&str], _, _) = match what {
-                    Backdrop::Gradient => (&BACKGROUND, None, "background_fs"),
-                    Backdrop::Sky => (&SKY, Some("SKY_BACKGROUND"), "sky_fs"),
-                    Backdrop::Under => (&UNDER, None, "under_fs"),
-                };
-                let mut files = self.sources.files(files)?;
-                files.extend(self.surface_texts(surface)?);
-                let mut on = Vec::from_iter(switch);
-                on.extend(if surface.is_empty() { &[][..] } else { &["SURFACE", "EFFECTS"] });
-                on.extend(self.reads_textures(surface).then_some("TEXTURES"));
-                let code = compile(&files, &on, &stages("background_vs", fs), false)?;
-                self.build(
-                    gpu,
-                    &code,
-                    &State {
-                        name: "background pipeline".into(),
-                        samples: *samples,
-                        color: Some(format_of(*float)),
-                        // Only where the depth is still the cleared 0.
-                        depth: depth.then_some((vk::CompareOp::EQUAL, false)),
-                        mix: if *what == Backdrop::Under { Mix::Over } else { Mix::Replace },
-                        ..State::full_screen(self.layout)
-                    },
-                )
-            }
+            Id::Scene { variant, samples, float, surface } => (
+                self.scene_code(variant, surface)?,
+                State { samples: *samples, ..State::scene(variant, *float, layouts)? },
+            ),
+            Id::Background { samples, float, depth, what, surface } => (
+                self.background_code(*what, surface)?,
+                State {
+                    name: "background pipeline".into(),
+                    samples: *samples,
+                    color: Some(format_of(*float)),
+                    // Only where the depth is still the cleared 0.
+                    depth: depth.then_some((vk::CompareOp::EQUAL, false)),
+                    mix: if *what == Backdrop::Under { Mix::Over } else { Mix::Replace },
+                    ..State::full_screen(self.layout)
+                },
+            ),
             Id::Overlay { samples, float, over } => {
-                let files = self.sources.files(&OVERLAY)?;
-                let code = compile(&files, &[], &stages("overlay_vs", "overlay_fs"), false)?;
                 let compare = if *over { vk::CompareOp::ALWAYS } else { vk::CompareOp::GREATER };
-                self.build(
-                    gpu,
-                    &code,
-                    &State {
+                let files = self.sources.files(&OVERLAY)?;
+                (
+                    compile(&files, &[], &stages("overlay_vs", "overlay_fs"), false)?,
+                    State {
                         name: "overlay pipeline".into(),
                         samples: *samples,
                         color: Some(format_of(*float)),
@@ -290,25 +218,54 @@ impl Pipelines {
                     },
                 )
             }
-            Id::Post { effect, number, float } => {
-                let plugin = self.effect(effect)?;
-                let text = format!("{}{}", plugin.wgsl(), texture_functions(&self.effects, plugin.as_ref()));
-                let textures = !plugin.textures().is_empty();
-                let files = self.sources.post(effect, &text, *number, textures)?;
-                let mut on = Vec::from_iter((plugin.hook() == Hook::Picture).then_some("PICTURE"));
-                on.extend(textures.then_some("TEXTURES"));
-                let code = compile(&files, &on, &stages("post_vs", "post_fs"), false)?;
-                self.build(
-                    gpu,
-                    &code,
-                    &State {
-                        name: format!("post pipeline {effect}"),
-                        color: Some(format_of(*float)),
-                        ..State::full_screen(self.post_layout)
-                    },
-                )
-            }
-        }
+            Id::Post { effect, number, float } => (
+                self.post_code(effect, *number)?,
+                State {
+                    name: format!("post pipeline {effect}"),
+                    color: Some(format_of(*float)),
+                    ..State::full_screen(self.post_layout)
+                },
+            ),
+        };
+        self.build(gpu, &code, &state)
+    }
+
+    fn scene_code(
+        &self,
+        variant: &SceneVariant,
+        surface: &[(u8, String)],
+    ) -> Result<Vec<Entry>, RenderError> {
+        let mut files = self.sources.files(&SCENE)?;
+        files.extend(self.surface_texts(surface)?);
+        let mut on = switches(variant);
+        let stages = entry_points(&on);
+        on.extend(self.reads_textures(surface).then_some("TEXTURES"));
+        let thick = variant.key.features.has(Features::THICK_LINES);
+        compile(&files, &on, &stages, variant.key.topology == TopologyKey::Points && !thick)
+    }
+
+    fn background_code(&self, what: Backdrop, surface: &[(u8, String)]) -> Result<Vec<Entry>, RenderError> {
+        let (files, switch, fs): (&[&str], _, _) = match what {
+            Backdrop::Gradient => (&BACKGROUND, None, "background_fs"),
+            Backdrop::Sky => (&SKY, Some("SKY_BACKGROUND"), "sky_fs"),
+            Backdrop::Under => (&UNDER, None, "under_fs"),
+        };
+        let mut files = self.sources.files(files)?;
+        files.extend(self.surface_texts(surface)?);
+        let mut on = Vec::from_iter(switch);
+        on.extend(if surface.is_empty() { &[][..] } else { &["SURFACE", "EFFECTS"] });
+        on.extend(self.reads_textures(surface).then_some("TEXTURES"));
+        compile(&files, &on, &stages("background_vs", fs), false)
+    }
+
+    fn post_code(&self, effect: &str, number: u32) -> Result<Vec<Entry>, RenderError> {
+        let plugin = self.effect(effect)?;
+        let text = format!("{}{}", plugin.wgsl(), texture_functions(&self.effects, plugin.as_ref()));
+        let textures = !plugin.textures().is_empty();
+        let files = self.sources.post(effect, &text, number, textures)?;
+        let mut on = Vec::from_iter((plugin.hook() == Hook::Picture).then_some("PICTURE"));
+        on.extend(textures.then_some("TEXTURES"));
+        compile(&files, &on, &stages("post_vs", "post_fs"), false)
     }
 
     /// The functions of effects on surfaces, and what calls them.
@@ -394,57 +351,15 @@ impl Pipelines {
                 vk::PipelineShaderStageCreateInfo::default().stage(*stage).module(*module).name(name)
             })
             .collect();
-        let (attributes, stride) = state.vertices.map(VertexLayout::attributes).unwrap_or_default();
-        let attributes: Vec<_> = attributes
-            .iter()
-            .map(|(location, offset, format)| vk::VertexInputAttributeDescription {
-                location: *location,
-                binding: 0,
-                format: vertex_format(*format),
-                offset: *offset,
-            })
-            .collect();
-        let bindings = [vk::VertexInputBindingDescription {
-            binding: 0,
-            stride,
-            input_rate: vk::VertexInputRate::VERTEX,
-        }];
-        let mut input =
-            vk::PipelineVertexInputStateCreateInfo::default().vertex_attribute_descriptions(&attributes);
-        if state.vertices.is_some() {
-            input = input.vertex_binding_descriptions(&bindings);
-        }
+        let (attributes, bindings) = state.vertex_input();
+        let input = vk::PipelineVertexInputStateCreateInfo::default()
+            .vertex_attribute_descriptions(&attributes)
+            .vertex_binding_descriptions(&bindings);
         let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(state.topology);
         let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
-        let raster = vk::PipelineRasterizationStateCreateInfo::default()
-            .front_face(if state.clockwise {
-                vk::FrontFace::CLOCKWISE
-            } else {
-                vk::FrontFace::COUNTER_CLOCKWISE
-            })
-            .line_width(1.0);
-        let multisample = vk::PipelineMultisampleStateCreateInfo::default()
-            .rasterization_samples(vk::SampleCountFlags::from_raw(state.samples))
-            .alpha_to_coverage_enable(state.coverage)
-            .alpha_to_one_enable(state.coverage);
-        let (compare, write) = state.depth.unwrap_or((vk::CompareOp::ALWAYS, false));
-        let depth = vk::PipelineDepthStencilStateCreateInfo::default()
-            .depth_test_enable(state.depth.is_some())
-            .depth_write_enable(write)
-            .depth_compare_op(compare);
-        let mut attachment =
-            vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA);
-        if let Some([from, to, alpha_from, alpha_to]) = state.mix.factors() {
-            attachment = attachment
-                .blend_enable(true)
-                .src_color_blend_factor(from)
-                .dst_color_blend_factor(to)
-                .src_alpha_blend_factor(alpha_from)
-                .dst_alpha_blend_factor(alpha_to);
-        }
-        let mut colors = Vec::from_iter(state.color);
-        colors.extend(state.kept.then_some(super::deferred::FORMATS).into_iter().flatten());
-        let attachments = vec![attachment; colors.len()];
+        let (raster, multisample, depth) = (state.rasterization(), state.multisample(), state.depth_test());
+        let colors = state.color_formats();
+        let attachments = vec![state.attachment(); colors.len()];
         let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&attachments);
         let mut dynamic =
             vec![vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR, vk::DynamicState::CULL_MODE];
@@ -489,4 +404,8 @@ impl Pipelines {
         }
         self.cache.destroy(gpu);
     }
+}
+
+fn stages(vertex: &'static str, fragment: &'static str) -> [(&'static str, ShaderStage); 2] {
+    [(vertex, ShaderStage::Vertex), (fragment, ShaderStage::Fragment)]
 }

@@ -1,8 +1,13 @@
-//! What a pipeline is made with beside its shaders.
+//! Fixed-function state of a pipeline.
 
+use super::descriptors::Layouts;
 use super::targets::format;
 use crate::commands::Target;
+use crate::error::RenderError;
+use crate::plan::shader_features::texture_slots;
+use crate::plan::{Features, Glass, TopologyKey};
 use crate::scene_resources::vertex_layout::{Format, VertexLayout};
+use crate::shader::{DeferredPass, PeelPass, SceneVariant, switches};
 use ash::vk;
 
 pub struct State {
@@ -14,8 +19,8 @@ pub struct State {
     pub samples: u32,
     /// `None`: depth alone.
     pub color: Option<vk::Format>,
-    /// Renders to the G-buffer.
-    pub kept: bool,
+    /// Renders to the G-buffer instead.
+    pub gbuffer: bool,
     /// Comparison and whether it writes; `None` without a depth image.
     pub depth: Option<(vk::CompareOp, bool)>,
     pub mix: Mix,
@@ -25,20 +30,20 @@ pub struct State {
     pub any_compare: bool,
 }
 
-/// How a fragment meets what is in the picture.
+/// How a fragment is blended with the image.
 #[derive(Clone, Copy)]
 pub enum Mix {
     Replace,
     /// Source over, straight alpha.
     Over,
-    /// The picture times the fragment's colour.
+    /// The image times the fragment's color.
     Multiply,
-    /// The picture plus the fragment's colour.
+    /// The image plus the fragment's color.
     Add,
 }
 
 impl Mix {
-    /// Factors of source and destination color, of source and destination alpha.
+    /// Factors of source and destination color, then of source and destination alpha.
     pub fn factors(self) -> Option<[vk::BlendFactor; 4]> {
         use vk::BlendFactor as F;
         match self {
@@ -51,6 +56,105 @@ impl Mix {
 }
 
 impl State {
+    /// The state of a scene pipeline with one sample a pixel.
+    pub fn scene(variant: &SceneVariant, float: bool, layouts: &Layouts) -> Result<State, RenderError> {
+        let key = &variant.key;
+        let thick = key.features.has(Features::THICK_LINES);
+        let peel = variant.peel != PeelPass::No;
+        let light = variant.deferred == DeferredPass::Light;
+        let gbuffer = variant.deferred == DeferredPass::Geometry;
+        let layout = match light {
+            true => layouts.light()?.pipeline,
+            false => layouts.material(texture_slots(key.features))?.pipeline,
+        };
+        Ok(State {
+            name: format!("scene pipeline {}", switches(variant).join(" ")),
+            vertices: (!light).then(|| VertexLayout::of(key.features)),
+            topology: match key.topology {
+                TopologyKey::Lines if !thick => vk::PrimitiveTopology::LINE_LIST,
+                TopologyKey::Points if !thick => vk::PrimitiveTopology::POINT_LIST,
+                _ => vk::PrimitiveTopology::TRIANGLE_LIST,
+            },
+            clockwise: key.mirrored,
+            color: (!variant.shadow_pass && !peel && !gbuffer).then(|| format_of(float)),
+            gbuffer,
+            // Reversed Z: nearer is greater. Of a peeled layer the farthest stays.
+            depth: Some(match peel {
+                // At depth 0, where anything was drawn.
+                _ if light => (vk::CompareOp::LESS, false),
+                true => (vk::CompareOp::LESS, true),
+                false => (vk::CompareOp::GREATER, key.writes_depth()),
+            }),
+            mix: match (key.glass, key.blend) {
+                (Glass::No | Glass::Refract, false) => Mix::Replace,
+                (Glass::No | Glass::Refract, true) => Mix::Over,
+                (Glass::Filter, _) => Mix::Multiply,
+                (Glass::Light, _) => Mix::Add,
+            },
+            coverage: key.coverage,
+            any_compare: key.peeled && !peel,
+            ..State::full_screen(layout)
+        })
+    }
+
+    /// Attributes of a vertex and their binding; none without vertices.
+    pub fn vertex_input(
+        &self,
+    ) -> (Vec<vk::VertexInputAttributeDescription>, Vec<vk::VertexInputBindingDescription>) {
+        let Some((attributes, stride)) = self.vertices.map(VertexLayout::attributes) else {
+            return (Vec::new(), Vec::new());
+        };
+        let attribute = |&(location, offset, format): &_| vk::VertexInputAttributeDescription {
+            location,
+            binding: 0,
+            format: vertex_format(format),
+            offset,
+        };
+        let input_rate = vk::VertexInputRate::VERTEX;
+        let binding = vk::VertexInputBindingDescription { binding: 0, stride, input_rate };
+        (attributes.iter().map(attribute).collect(), vec![binding])
+    }
+
+    pub fn rasterization(&self) -> vk::PipelineRasterizationStateCreateInfo<'static> {
+        let front = match self.clockwise {
+            true => vk::FrontFace::CLOCKWISE,
+            false => vk::FrontFace::COUNTER_CLOCKWISE,
+        };
+        vk::PipelineRasterizationStateCreateInfo::default().front_face(front).line_width(1.0)
+    }
+
+    pub fn multisample(&self) -> vk::PipelineMultisampleStateCreateInfo<'static> {
+        vk::PipelineMultisampleStateCreateInfo::default()
+            .rasterization_samples(vk::SampleCountFlags::from_raw(self.samples))
+            .alpha_to_coverage_enable(self.coverage)
+            .alpha_to_one_enable(self.coverage)
+    }
+
+    pub fn depth_test(&self) -> vk::PipelineDepthStencilStateCreateInfo<'static> {
+        let (compare, write) = self.depth.unwrap_or((vk::CompareOp::ALWAYS, false));
+        vk::PipelineDepthStencilStateCreateInfo::default()
+            .depth_test_enable(self.depth.is_some())
+            .depth_write_enable(write)
+            .depth_compare_op(compare)
+    }
+
+    pub fn attachment(&self) -> vk::PipelineColorBlendAttachmentState {
+        let attachment =
+            vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA);
+        let Some([from, to, alpha_from, alpha_to]) = self.mix.factors() else { return attachment };
+        attachment
+            .blend_enable(true)
+            .src_color_blend_factor(from)
+            .dst_color_blend_factor(to)
+            .src_alpha_blend_factor(alpha_from)
+            .dst_alpha_blend_factor(alpha_to)
+    }
+
+    pub fn color_formats(&self) -> Vec<vk::Format> {
+        let gbuffer = self.gbuffer.then_some(super::deferred::FORMATS).into_iter().flatten();
+        self.color.into_iter().chain(gbuffer).collect()
+    }
+
     pub fn full_screen(layout: vk::PipelineLayout) -> State {
         State {
             name: String::new(),
@@ -60,7 +164,7 @@ impl State {
             clockwise: false,
             samples: 1,
             color: Some(format(Target::Picture)),
-            kept: false,
+            gbuffer: false,
             depth: None,
             mix: Mix::Replace,
             coverage: false,
@@ -73,7 +177,7 @@ pub fn format_of(float: bool) -> vk::Format {
     format(if float { Target::Float(0) } else { Target::Picture })
 }
 
-pub fn vertex_format(format: Format) -> vk::Format {
+fn vertex_format(format: Format) -> vk::Format {
     match format {
         Format::F32x2 => vk::Format::R32G32_SFLOAT,
         Format::F32x3 => vk::Format::R32G32B32_SFLOAT,

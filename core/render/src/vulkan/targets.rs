@@ -101,7 +101,7 @@ pub struct Targets {
 
 /// Images of this frame that shaders of the scene read.
 #[derive(Clone, Copy, Default)]
-pub struct Seen<'a> {
+pub struct FrameImages<'a> {
     pub shadow: Option<&'a ShadowTarget>,
     pub behind: Option<&'a BehindTarget>,
     pub sky: Option<&'a SkyImages>,
@@ -180,7 +180,7 @@ impl Targets {
     }
 
     /// What shaders read beside materials; the sky is among the resources.
-    pub fn seen(&self) -> Seen<'_> {
+    pub fn seen(&self) -> FrameImages<'_> {
         let layers = match (&self.depth, &self.layers[..]) {
             (Some(depth), [even, odd]) => Some(([depth.view, even.view, odd.view], self.sampler)),
             _ => None,
@@ -190,7 +190,7 @@ impl Targets {
             _ => None,
         };
         let (shadow, behind) = (self.shadow.as_ref(), self.behind.as_ref());
-        Seen { layers, kept, shadow, behind, sky: None, texels: None }
+        FrameImages { layers, kept, shadow, behind, sky: None, texels: None }
     }
 
     pub fn image(&self, target: Target) -> &Image {
@@ -206,7 +206,7 @@ impl Targets {
         self.background.as_ref().is_some_and(|(_, colors)| *colors == [top, bottom])
     }
 
-    /// CPU reference of background.wgsl, encoded: mix(top, bottom, (y + ½) / height). No frame may be in flight.
+    /// The background as background.wgsl draws it, encoded: mix(top, bottom, (y + ½) / height). No frame may be in flight.
     pub fn set_background(&mut self, gpu: &Context, top: Vec4, bottom: Vec4) -> Result<(), RenderError> {
         let [width, height] = self.needs.size;
         let row_bytes = width as usize * 4;

@@ -5,7 +5,7 @@ use super::unjudged::Unjudged;
 use super::words::like;
 use super::{Judged, plan, words};
 use choreo_motion::Time;
-use choreo_render::plan::LEFT_OUT;
+use choreo_render::plan::left_out_names;
 use choreo_script::did_you_mean;
 use choreo_script::testing::{Expectation, SectionRun, TextsQuantity, TextsTest};
 use choreo_stage::Stage;
@@ -49,11 +49,11 @@ fn try_judge(
     test: &TextsTest,
 ) -> Result<Judged, Unjudged> {
     if let (TextsQuantity::LeftOut(_), TextsTest::Names(name)) = (texts, test)
-        && !LEFT_OUT.iter().any(|known| like(known, name))
+        && !left_out_names().any(|known| like(known, name))
     {
-        let why = format!("nothing is called \"{name}\"{}", did_you_mean(name, LEFT_OUT.iter().copied()));
+        let why = format!("nothing is called \"{name}\"{}", did_you_mean(name, left_out_names()));
         let mut judged = Judged::impossible("the name of something that a plan can leave out", why);
-        judged.hint = format!("known: {}", LEFT_OUT.join(", "));
+        judged.hint = format!("known: {}", left_out_names().collect::<Vec<_>>().join(", "));
         return Ok(judged);
     }
     let timed = matches!(texts, TextsQuantity::LeftOut(_) | TextsQuantity::Effects);

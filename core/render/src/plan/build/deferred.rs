@@ -2,8 +2,7 @@
 
 use crate::plan::build::Planner;
 use crate::plan::build::overdraw::WastedLights;
-use crate::plan::deferred::LIGHTS;
-use crate::plan::features_layers;
+use crate::plan::features::layer_features;
 use crate::plan::left_out::NotNeeded;
 use crate::plan::light_clusters::LightClusters;
 use crate::plan::{Deferred, DeferredCause, Draw, Features, PipelineKey, TopologyKey};
@@ -23,14 +22,14 @@ const FEWEST: usize = 2;
 /// Whether the G-buffer describes a surface: opaque metallic-roughness without layers.
 fn fits_gbuffer(key: &PipelineKey, material: &MaterialResource) -> bool {
     let m = &material.material;
-    let on = features_layers::bits(m.layers.as_deref(), true, false);
+    let layers = layer_features(m.layers.as_deref(), true, false).without(Features::LAYERS);
     let has = |f: Features| key.features.has(f);
     m.shading == Shading::MetallicRoughness
         && has(Features::METALLIC_ROUGHNESS)
-        && !on.iter().any(|(on, bit)| *on && *bit != Features::LAYERS)
+        && layers.is_empty()
         && key.topology == TopologyKey::Triangles
         && !key.is_transparent()
-        && !has(Features::SHELL)
+        && !has(Features::OUTLINE)
         && key.lighting == 0
 }
 
@@ -57,7 +56,7 @@ impl Planner<'_> {
         for draw in draws {
             draw.deferred = draw.pipeline.surface == surface && fits(draw);
             if draw.deferred {
-                let read = LIGHTS.with(Features::EMISSIVE).with(Features::SEEN_NORMALS);
+                let read = Features::LIGHTS.with(Features::EMISSIVE).with(Features::EFFECT_NORMALS);
                 features = features.with(draw.pipeline.features.only(read));
             }
         }

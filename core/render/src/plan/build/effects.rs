@@ -37,10 +37,9 @@ pub(super) struct SurfaceEffects {
 impl SurfaceEffects {
     /// Features of a shader that displaces the vertices of a shape, in shadow maps too.
     pub fn of_vertices(&self, shape: &Primitive) -> Features {
-        let bit = |on: bool, bit| if on { bit } else { Features::default() };
         let read = &self.displacement_needs;
-        bit(read.normals && !shape.normals.is_empty(), Features::SEEN_NORMALS)
-            .with(bit(read.uvs && !shape.uvs[0].is_empty(), Features::UV0))
+        let normals = Features::EFFECT_NORMALS.when(read.normals && !shape.normals.is_empty());
+        normals.with(Features::UV0.when(read.uvs && !shape.uvs[0].is_empty()))
     }
 }
 

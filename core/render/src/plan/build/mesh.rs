@@ -108,20 +108,19 @@ impl<'a> Planner<'a> {
             polynomial: self.polynomial,
         };
         let effects = self.effects_of(mesh.actor, entry.of_asset);
-        let bit = |on: bool, bit| if on { bit } else { Features::default() };
         let read = effects.needs;
         let features = features(primitive, resource, needs, self.options.force_all)
-            .with(bit(read.normals && !shape.normals.is_empty(), Features::SEEN_NORMALS))
-            .with(bit(read.uvs && !shape.uvs[0].is_empty(), Features::UV0))
+            .with(Features::EFFECT_NORMALS.when(read.normals && !shape.normals.is_empty()))
+            .with(Features::UV0.when(read.uvs && !shape.uvs[0].is_empty()))
             // Effects on surfaces may sample the background.
-            .with(bit(effects.surface != 0 && self.sky && self.sky_background, Features::SKY))
-            .with(bit(read.joints && needs.skinned && !needs.dual, Features::SEEN_JOINTS))
-            .with(bit(read.shadow && lit, Features::SEEN_SHADOW));
+            .with(Features::SKY.when(effects.surface != 0 && self.sky && self.sky_background))
+            .with(Features::EFFECT_JOINTS.when(read.joints && needs.skinned && !needs.dual))
+            .with(Features::EFFECT_SHADOW.when(read.shadow && lit));
         let morph_offset = info.morph_offset(mesh.weights);
         let context = PrimitiveContext {
-            pen: thick_lines::pen(shape.topology, material).filter(|_| features.has(Features::WIDE)),
+            pen: thick_lines::pen(shape.topology, material).filter(|_| features.has(Features::THICK_LINES)),
             alpha_mode: material.alpha_mode,
-            double_sided: material.double_sided || features.has(Features::WIDE),
+            double_sided: material.double_sided || features.has(Features::THICK_LINES),
             tint: state.tint * animated_base_color(&entry, asset, state),
             bounds_in_model: skin.and_then(|s| self.skins[s].bounds_in_model(primitive, morph_offset)),
             smooth_cutouts: self.smooth_cutouts(mesh.actor, entry.of_asset),
@@ -135,8 +134,8 @@ impl<'a> Planner<'a> {
             features,
             effects,
         };
-        self.facts.skins_exist |= skin.is_some();
-        self.facts.morphs_exist |= !info.morph_bounds.is_empty();
+        let morphs = Features::MORPH.when(!info.morph_bounds.is_empty());
+        self.facts.in_stage = self.facts.in_stage.with(Features::SKIN.when(skin.is_some())).with(morphs);
         self.facts.lit_exist |= lit;
         Some(context)
     }

@@ -31,7 +31,7 @@ use crate::plan::dirty_rect::DirtyRect;
 use crate::plan::features::{Facts, left_out};
 use crate::plan::light_clusters::LightClusters;
 use crate::plan::options::PlanOptions;
-use crate::plan::{ActiveMorph, Features, LeftOut, LightType, Plan, PlanLight, View, light_clusters};
+use crate::plan::{ActiveMorph, Features, LeftOut, Plan, PlanLight, View, light_clusters};
 use crate::scene_resources::SceneResources;
 use crate::scene_resources::material::MaterialResource;
 use choreo_asset::Aabb;
@@ -54,8 +54,8 @@ impl Plan {
         let mut planner = Planner {
             resources,
             options,
-            local_lights: lights.iter().any(|l| l.light_type() != LightType::Directional),
-            polynomial: lights.iter().any(|l| l.position.w < 0.0),
+            local_lights: lights.iter().any(PlanLight::is_local),
+            polynomial: lights.iter().any(PlanLight::is_polynomial),
             sky: snapshot.sky.as_ref().is_some_and(|sky| sky.strength > 0.0),
             sky_background: snapshot.sky.as_ref().is_some_and(|sky| sky.background),
             stage,
@@ -76,7 +76,7 @@ impl Plan {
             dirty_rect: DirtyRect::NOTHING,
             facts: Facts {
                 lights_exist: !lights.is_empty(),
-                sky_exists: snapshot.sky.is_some(),
+                in_stage: Features::SKY.when(snapshot.sky.is_some()),
                 dark_lights,
                 many_lights,
                 ..Facts::default()

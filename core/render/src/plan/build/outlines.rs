@@ -3,7 +3,7 @@
 use crate::plan::build::Planner;
 use crate::plan::build::effects::{effect_parameters, uses};
 use crate::plan::build::items::{DrawItem, DrawPhase};
-use crate::plan::features::shell_features;
+use crate::plan::features::outline_features;
 use crate::plan::options::PlanOptions;
 use crate::plan::{Features, PipelineKey, TopologyKey};
 use crate::scene_resources::material::{MaterialResource, TOON_SLOT};
@@ -102,8 +102,8 @@ impl Planner<'_> {
             let key = item.pipeline;
             let material = self.material(item.entry.material, material_override);
             let features = match wireframe {
-                true => key.features.of_alpha(key.blend).with(Features::EDGES),
-                false => shell_features(key.features, primitive, material, key.blend),
+                true => key.features.of_alpha(key.blend).with(Features::WIREFRAME),
+                false => outline_features(key.features, primitive, material, key.blend),
             };
             let topology = if wireframe { TopologyKey::Lines } else { key.topology };
             let features = features.with(vertex_features);

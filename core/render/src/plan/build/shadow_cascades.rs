@@ -43,13 +43,13 @@ pub(super) struct FittedMap {
 
 /// Shadow maps of one light; none if nothing casts on what it lights.
 pub(super) fn fit(light: &PlanLight, shadow: Shadow, region: &ShadowRegion<'_>) -> Vec<FittedMap> {
-    let direction = light.direction.truncate().as_dvec3().normalize_or(DVec3::NEG_Y);
+    let direction = light.direction.as_dvec3().normalize_or(DVec3::NEG_Y);
     let most = f64::from(shadow.size.clamp(*Shadow::SIZES.start(), *Shadow::SIZES.end()) / 16 * 16);
     let softness = f64::from(shadow.softness.max(0.0));
     if region.receivers.is_empty() || region.casters.is_empty() {
         return Vec::new();
     }
-    match light.light_type() {
+    match light.kind {
         LightType::Directional => cascades(Axes::along(direction), most, softness, region),
         _ => perspective_maps(light, direction, most, softness, region),
     }
@@ -238,8 +238,8 @@ fn perspective_maps(
     softness: f64,
     region: &ShadowRegion<'_>,
 ) -> Vec<FittedMap> {
-    let position = light.position.truncate().as_dvec3();
-    let is_spot = light.light_type() == LightType::Spot;
+    let position = light.position.as_dvec3();
+    let is_spot = light.kind == LightType::Spot;
     let cos_outer = if is_spot { f64::from(light.cos_outer()).clamp(-1.0, 1.0) } else { -1.0 };
     // The maps must be sharp at the distance of the center of what is lit.
     let middle = region.receivers.iter().fold(DVec3::ZERO, |sum, b| sum + b.center().as_dvec3())
@@ -254,7 +254,10 @@ fn perspective_maps(
         b.corners().map(|c| c.as_dvec3().distance_squared(position)).into_iter().fold(0.0, f64::max)
     };
     let lit = region.receivers.iter().map(farthest).fold(0.0, f64::max);
-    let range = if light.position.w <= 0.0 { f64::INFINITY } else { 1.0 / f64::from(light.position.w) };
+    let range = match light.inverse_range_squared {
+        0.0 => f64::INFINITY,
+        inverse => 1.0 / f64::from(inverse),
+    };
     let reaches = |b: &Aabb| {
         let nearest = position.clamp(b.min.as_dvec3(), b.max.as_dvec3());
         nearest.distance_squared(position) <= lit.min(range)
@@ -324,8 +327,21 @@ mod tests {
         Aabb { min: c - half, max: c + half }
     }
 
-    fn light(direction: Vec4, position: Vec4, cone: Vec4) -> PlanLight {
-        PlanLight { direction, position, cone, color: Vec4::ONE }
+    fn light(kind: LightType, direction: Vec3, position: Vec3, cone: Vec2) -> PlanLight {
+        PlanLight {
+            position,
+            kind,
+            direction,
+            shadow_views: [0; 2],
+            color: Vec3::ONE,
+            inverse_range_squared: 0.0,
+            cone,
+            polynomial: PlanLight::INVERSE_SQUARE,
+        }
+    }
+
+    fn a_sun() -> PlanLight {
+        light(LightType::Directional, Vec3::new(-0.4, -0.8, -0.45), Vec3::ZERO, Vec2::ZERO)
     }
 
     fn fit_in(view: &View, light: &PlanLight, receiver: f32) -> Vec<FittedMap> {
@@ -338,7 +354,7 @@ mod tests {
     #[test]
     fn receivers_lie_in_the_map_and_far_casters_do_not() {
         let v = view(0.0);
-        let sun = light(Vec4::new(-0.4, -0.8, -0.45, 0.0), Vec4::ZERO, Vec4::ZERO);
+        let sun = a_sun();
         let maps = fit_in(&v, &sun, 3.0);
         assert_eq!(maps.len(), 1, "a small scene needs no cascades");
         assert_eq!(maps[0].casters, [0]);
@@ -353,7 +369,7 @@ mod tests {
 
     #[test]
     fn a_far_view_gets_cascades_the_finest_first() {
-        let sun = light(Vec4::new(-0.4, -0.8, -0.45, 0.0), Vec4::ZERO, Vec4::ZERO);
+        let sun = a_sun();
         let v = view(0.0);
         let receivers = [around(&v, DVec3::new(0.0, -500.0, 0.0), 500.0)];
         let casters: Vec<Aabb> =
@@ -369,7 +385,7 @@ mod tests {
     /// Along the ground ahead, the map that a shader samples is fine enough, or as fine as with a smaller shadow map.
     #[test]
     fn more_texels_are_nowhere_coarser_than_fewer() {
-        let sun = light(Vec4::new(-0.4, -0.8, -0.45, 0.0), Vec4::ZERO, Vec4::ZERO);
+        let sun = a_sun();
         let v = view(0.0);
         // The ground continues under the camera.
         let ground = Aabb { min: Vec3::new(-6.0, -0.4, -11.0), max: Vec3::new(6.0, -0.4, 3.0) };
@@ -404,7 +420,7 @@ mod tests {
 
     #[test]
     fn a_moving_camera_moves_whole_texels() {
-        let sun = light(Vec4::new(-0.4, -0.8, -0.45, 0.0), Vec4::ZERO, Vec4::ZERO);
+        let sun = a_sun();
         let world = DVec3::new(0.3, 0.2, 0.1);
         let place = |x: f64| {
             let v = view(x);
@@ -427,19 +443,20 @@ mod tests {
     #[test]
     fn a_spot_light_has_one_map_and_a_point_light_those_faces_that_see_casters() {
         let v = view(0.0);
-        let at = (DVec3::new(0.0, 4.0, 0.0) - v.position).as_vec3().extend(0.0);
+        let at = (DVec3::new(0.0, 4.0, 0.0) - v.position).as_vec3();
         // 30° to each side.
         let (cos_in, cos_out) = (0.9f32, 0.8660254f32);
         let scale = 1.0 / (cos_in - cos_out);
-        let cone = Vec4::new(scale, -cos_out * scale, 0.0, 0.0);
-        let maps = fit_in(&v, &light(Vec3::NEG_Y.extend(2.0), at, cone), 3.0);
+        let cone = Vec2::new(scale, -cos_out * scale);
+        let maps = fit_in(&v, &light(LightType::Spot, Vec3::NEG_Y, at, cone), 3.0);
         assert_eq!(maps.len(), 1);
         let p = maps[0].clip_from_relative * (DVec3::Y - v.position).as_vec3().extend(1.0);
         assert!((p.x / p.w).abs() < 1e-5 && (p.w - 3.0).abs() < 1e-4, "{p}");
-        let lamp = fit_in(&v, &light(Vec3::NEG_Y.extend(1.0), at, Vec4::ZERO), 3.0);
+        let lamp = fit_in(&v, &light(LightType::Point, Vec3::NEG_Y, at, Vec2::ZERO), 3.0);
         assert_eq!(lamp.len(), 1, "the caster is below; nothing else is in reach of the other faces");
         // Beyond the light's range nothing casts.
-        let short = light(Vec3::NEG_Y.extend(1.0), at.truncate().extend(1.0), Vec4::ZERO);
+        let lamp = light(LightType::Point, Vec3::NEG_Y, at, Vec2::ZERO);
+        let short = PlanLight { inverse_range_squared: 1.0, ..lamp };
         assert!(fit_in(&v, &short, 3.0).is_empty());
     }
 

@@ -54,7 +54,7 @@ impl Planner<'_> {
             let placed = if sizes.is_empty() { None } else { pack(&sizes) };
             match placed {
                 Some((places, _)) if sizes.len() <= MAX_VIEWS => {
-                    (light.cone.z, light.cone.w) = (all.len() as f32, maps.len() as f32);
+                    light.shadow_views = [all.len() as u16, maps.len() as u16];
                     let new = maps.into_iter().map(|map| PlacedMap { light: index as u32, at: [0; 2], map });
                     all.extend(new);
                     all.iter_mut().zip(places).for_each(|(p, at)| p.at = at);

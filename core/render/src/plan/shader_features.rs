@@ -1,0 +1,376 @@
+//! The table of shader features: for each its name, which is its switch in WGSL too, what asks for it, what it needs, which texture
+//! it reads, and what a frame reports that does without it. Everything else that is known of features is made from this table:
+//! the bits of [`Features`], the switches of `@if`, the bindings of material textures, the reports, and the set of all pipeline
+//! keys that the planner can produce, which `tests/shader_keys.rs` compiles.
+
+/// A set of shader features, a bit for each row of [`FEATURES`], in the table's order.
+///
+/// A bit may be set where primitive or material lacks the data (`PlanOptions::force_all`). The shader then reads:
+/// uv 0, color 1, tangent 0, joint indices 0 with weights (1,0,0,0 | 0,0,0,0), normal scale 0, cutoff 0,
+/// identity uv transforms, and a white texture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Features(u128);
+
+impl Features {
+    pub const fn has(self, other: Features) -> bool {
+        self.0 & other.0 == other.0
+    }
+    pub const fn has_any(self, other: Features) -> bool {
+        self.0 & other.0 != 0
+    }
+    pub const fn with(self, other: Features) -> Features {
+        Features(self.0 | other.0)
+    }
+    pub const fn only(self, other: Features) -> Features {
+        Features(self.0 & other.0)
+    }
+    pub const fn without(self, other: Features) -> Features {
+        Features(self.0 & !other.0)
+    }
+    /// `self` where it is on, else nothing.
+    pub const fn when(self, on: bool) -> Features {
+        if on { self } else { Features(0) }
+    }
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// All features of a part of the shader.
+    pub const fn of_part(part: Part) -> Features {
+        let (mut all, mut row) = (Features(0), 0);
+        while row < FEATURES.len() {
+            all = all.with(FEATURES[row].bit.when(FEATURES[row].part as u8 == part as u8));
+            row += 1;
+        }
+        all
+    }
+
+    /// The features that a draw's depth depends on.
+    pub const fn of_depth(self) -> Features {
+        self.of_alpha(false)
+    }
+    /// The same, and those of its alpha where it is `blended` or cut out.
+    pub const fn of_alpha(self, blended: bool) -> Features {
+        let alpha = ALPHA.when(blended || self.has(Features::ALPHA_MASK));
+        self.only(Features::SKINNING.with(alpha))
+    }
+    /// Whether some normal map is read, or highlights follow the tangents.
+    pub const fn has_tangents(self) -> bool {
+        const READ: Features =
+            Features::NORMAL_TEXTURE.with(Features::CLEARCOAT_NORMAL_TEXTURE).with(Features::ANISOTROPY);
+        self.has_any(READ)
+    }
+    pub const fn has_normals(self) -> bool {
+        const READ: Features = Features::OUTLINE.with(Features::EFFECT_NORMALS).with(Features::TRIPLANAR);
+        self.is_lit() || self.has_any(READ)
+    }
+    pub const fn is_lit(self) -> bool {
+        const MODELS: Features =
+            Features::METALLIC_ROUGHNESS.with(Features::BLINN_PHONG).with(Features::TOON);
+        self.has_any(MODELS)
+    }
+
+    /// How vertices are posed: skin and morph targets.
+    pub const SKINNING: Features = Features::of_part(Part::Pose);
+    /// Every feature.
+    pub const ALL: Features = Features((1 << FEATURES.len()) - 1);
+    /// What lighting reads of the scene rather than of the surface.
+    pub const LIGHTS: Features = Features::of_part(Part::Light);
+    /// All material layers and their textures.
+    pub const ALL_LAYERS: Features = Features::of_part(Part::Layer);
+}
+
+pub(crate) const ALPHA: Features = Features::of_part(Part::Alpha);
+
+/// What of a scene asks for a feature.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RequestedBy {
+    Mesh,
+    Material,
+    /// The scene's lights, shadows and sky.
+    Lights,
+    Effects,
+    /// The recording, for draws that many passes make.
+    Recording,
+}
+
+/// The part of the shader that a feature belongs to: passes leave whole parts out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// How vertices are posed.
+    Pose,
+    /// What cuts out or blends.
+    Alpha,
+    /// The shading model and what it reads.
+    Surface,
+    /// Layers over, in or behind a metallic-roughness surface.
+    Layer,
+    /// What lighting reads of the scene.
+    Light,
+    /// What is drawn in place of the surface, and what effects read.
+    Other,
+}
+
+/// Binding of a material texture: set 3, bindings 1 + 2 · slot and, for its sampler, 2 + 2 · slot. Features of different shading
+/// models may share a slot, as no material has both.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TextureSlot {
+    pub slot: usize,
+    /// The vertex stage reads it, else the fragment stage.
+    pub vertex: bool,
+}
+
+/// What a frame reports when no draw has a feature.
+#[derive(Clone, Copy, Debug)]
+pub struct Absence {
+    pub what: &'static str,
+    pub why: &'static str,
+    /// In place of `why` where nothing of the stage has it, in view or not.
+    pub absent_from_stage: Option<&'static str>,
+    /// Reported only where this condition on the features of all draws holds.
+    pub when: &'static str,
+}
+
+/// One row of the table.
+#[derive(Clone, Copy, Debug)]
+pub struct Feature {
+    /// Of the constant of [`Features`], and of the switch in WGSL.
+    pub name: &'static str,
+    pub bit: Features,
+    pub by: RequestedBy,
+    pub part: Part,
+    /// Conditions that all hold wherever the feature is on, in the syntax of `@if`.
+    pub needs: &'static [&'static str],
+    pub texture: Option<TextureSlot>,
+    pub absence: Option<Absence>,
+}
+
+const PLAIN: Feature = Feature {
+    name: "",
+    bit: Features(0),
+    by: RequestedBy::Material,
+    part: Part::Surface,
+    needs: &[],
+    texture: None,
+    absence: None,
+};
+
+const fn slot(slot: usize) -> Option<TextureSlot> {
+    Some(TextureSlot { slot, vertex: false })
+}
+
+const fn absence(what: &'static str, why: &'static str, when: &'static str) -> Option<Absence> {
+    Some(Absence { what, why, absent_from_stage: None, when })
+}
+
+const fn absence_by_stage(
+    what: &'static str,
+    [why, absent_from_stage]: [&'static str; 2],
+    when: &'static str,
+) -> Option<Absence> {
+    Some(Absence { what, why, absent_from_stage: Some(absent_from_stage), when })
+}
+
+macro_rules! features {
+    ($($(#[$doc:meta])* $name:ident { $($field:ident: $value:expr),* $(,)? })*) => {
+        #[allow(non_camel_case_types, clippy::upper_case_acronyms)]
+        enum Row { $($name),* }
+
+        impl Features {
+            $($(#[$doc])* pub const $name: Features = Features(1 << Row::$name as u32);)*
+        }
+
+        /// The table, in the order of the bits, which is the order in which pipelines are sorted.
+        pub const FEATURES: &[Feature] =
+            &[$(Feature { name: stringify!($name), bit: Features::$name, $($field: $value,)* ..PLAIN }),*];
+    };
+}
+
+const UV: &str = "UV0 || UV1";
+const UV_OR_TRIPLANAR: &str = "UV0 || UV1 || TRIPLANAR";
+
+features! {
+    /// Linear blend skinning by up to 4 joints a vertex.
+    SKIN { by: RequestedBy::Mesh, part: Part::Pose,
+        absence: absence_by_stage("skinning", ["no skinned mesh is in view", "no mesh has a skin"], "") }
+    /// Up to 8 joints a vertex instead of 4.
+    SKIN_8 { by: RequestedBy::Mesh, part: Part::Pose, needs: &["SKIN"],
+        absence: absence("influences 5 to 8", "no vertex is moved by more than four joints", "SKIN") }
+    /// Morph targets (blend shapes).
+    MORPH { by: RequestedBy::Mesh, part: Part::Pose,
+        absence: absence_by_stage("morph targets", ["every weight in view is zero", "no mesh has morph targets"], "") }
+    VERTEX_COLOR { by: RequestedBy::Mesh, part: Part::Alpha, needs: &["!TOON"],
+        absence: absence("vertex colours", "no drawn mesh has any but white", "") }
+    UV0 { by: RequestedBy::Mesh, part: Part::Alpha }
+    UV1 { by: RequestedBy::Mesh, part: Part::Alpha,
+        absence: absence("second texture coordinates", "no drawn texture uses them", "UV0") }
+    /// Lit by the metallic-roughness model.
+    METALLIC_ROUGHNESS { needs: &["!BLINN_PHONG", "!TOON"] }
+    /// Lit by Blinn–Phong. Without this, METALLIC_ROUGHNESS and TOON: unlit.
+    BLINN_PHONG { needs: &["!TOON"] }
+    BASE_COLOR_TEXTURE { part: Part::Alpha, needs: &[UV_OR_TRIPLANAR], texture: slot(0),
+        absence: absence("base colour textures", "no drawn material has a base colour texture", "") }
+    METALLIC_ROUGHNESS_TEXTURE { needs: &["METALLIC_ROUGHNESS", UV], texture: slot(1),
+        absence: absence("metallic-roughness textures", "no drawn material has one that matters", "LIT") }
+    /// Toon: a picture of all light, looked up by the normal.
+    MATCAP_TEXTURE { needs: &["TOON"], texture: slot(1) }
+    /// Reflections of Blinn–Phong: an equirectangular panorama in place of the sky.
+    ENVIRONMENT_TEXTURE { needs: &["REFLECTION"], texture: slot(1) }
+    NORMAL_TEXTURE { needs: &["LIT", UV_OR_TRIPLANAR], texture: slot(2),
+        absence: absence("normal maps and tangents", "no drawn material has a normal map", "LIT") }
+    OCCLUSION_TEXTURE { needs: &["LIT", "!TOON", UV], texture: slot(3),
+        absence: absence("occlusion textures", "no drawn material has one", "LIT") }
+    /// Toon: the share of the rim light.
+    RIM_TEXTURE { needs: &["TOON", UV], texture: slot(3) }
+    EMISSIVE { needs: &["LIT"], absence: absence("emission", "no drawn material emits light", "LIT") }
+    EMISSIVE_TEXTURE { needs: &["LIT", UV], texture: slot(4),
+        absence: absence("emissive textures", "no drawn material has one that is not multiplied by zero", "LIT") }
+    SPECULAR_TEXTURE { needs: &["METALLIC_ROUGHNESS", UV], texture: slot(5),
+        absence: absence("specular textures", "no drawn material has one", "LIT") }
+    /// Toon: moves the border between light and shade.
+    SHADING_SHIFT_TEXTURE { needs: &["TOON", UV], texture: slot(5) }
+    /// The share that a Blinn–Phong surface reflects of its surroundings.
+    REFLECTION_TEXTURE { needs: &["REFLECTION", UV_OR_TRIPLANAR], texture: slot(5) }
+    SPECULAR_COLOR_TEXTURE { needs: &["LIT", "!TOON", UV_OR_TRIPLANAR], texture: slot(6),
+        absence: absence("specular colour textures", "no drawn material has one", "LIT") }
+    /// Toon: the color of shade.
+    SHADE_COLOR_TEXTURE { needs: &["TOON", UV], texture: slot(6) }
+    ALPHA_MASK { part: Part::Alpha,
+        absence: absence("alpha test", "no drawn material has an alpha cutoff", "") }
+    /// Some texture has a uv transform other than identity.
+    UV_TRANSFORM { part: Part::Alpha,
+        absence: absence("texture transforms", "all are identity", "UV0 || UV1") }
+    /// Point or spot lights shine, beside directional ones.
+    LOCAL_LIGHTS { by: RequestedBy::Lights, part: Part::Light, needs: &["LIT"] }
+    /// Lit by toon shading (MToon).
+    TOON { }
+    /// Some light's shadow may fall on it.
+    SHADOW { by: RequestedBy::Lights, part: Part::Light, needs: &["LIT"] }
+    /// An inverted hull in place of the surface: pushed out along the normals, back faces only, in the outline's color.
+    OUTLINE { part: Part::Other, needs: &["!WIREFRAME", "!THICK_LINES"],
+        absence: absence("outlines", "no drawn material and no effect has one", "") }
+    OUTLINE_WIDTH_TEXTURE { part: Part::Other, needs: &["OUTLINE", UV],
+        texture: Some(TextureSlot { slot: 19, vertex: true }) }
+    /// Toon: a mask of how much of a motion of the textures each place makes.
+    UV_MOTION_MASK { part: Part::Alpha, needs: &["!PARALLAX", "!TRIPLANAR", UV], texture: slot(20) }
+    /// Normals for effects on surfaces, whatever the shading model.
+    EFFECT_NORMALS { by: RequestedBy::Effects, part: Part::Other }
+    /// Colors of joints for effects on surfaces.
+    EFFECT_JOINTS { by: RequestedBy::Effects, part: Part::Other, needs: &["SKIN", "!DUAL_QUATERNIONS"] }
+    /// The edges of triangles as lines, a little nearer than the surface, in the outline's color.
+    WIREFRAME { by: RequestedBy::Effects, part: Part::Other, needs: &["!LIT", "!THICK_LINES"],
+        absence: absence("edges", "no effect shows them", "") }
+    /// The share of light that shadows take, for effects on surfaces.
+    EFFECT_SHADOW { by: RequestedBy::Effects, part: Part::Light, needs: &["SURFACE"] }
+    /// Lines and points have a width. Another way of drawing rather than more of one: never forced in.
+    THICK_LINES { by: RequestedBy::Mesh, part: Part::Other }
+    /// Points are discs, lines have round ends.
+    ROUND_LINES { by: RequestedBy::Mesh, part: Part::Other, needs: &["THICK_LINES"] }
+    /// Triplanar mapping: textures come from three sides. Never forced in.
+    TRIPLANAR { part: Part::Alpha, needs: &["!TOON"] }
+    /// The skin's joints are dual quaternions. Another way rather than more of one: never forced in.
+    DUAL_QUATERNIONS { by: RequestedBy::Mesh, part: Part::Pose, needs: &["SKIN"],
+        absence: absence("dual quaternions", "every skin is blended linearly", "SKIN") }
+
+    /// Some layer is on: the layers' uniform is read.
+    LAYERS { part: Part::Layer, needs: &["METALLIC_ROUGHNESS"] }
+    CLEARCOAT { part: Part::Layer, needs: &["LAYERS"],
+        absence: absence("clear coats", "no drawn material has one", "LIT") }
+    CLEARCOAT_TEXTURE { part: Part::Layer, needs: &["CLEARCOAT", UV], texture: slot(7) }
+    CLEARCOAT_ROUGHNESS_TEXTURE { part: Part::Layer, needs: &["CLEARCOAT", UV], texture: slot(8) }
+    CLEARCOAT_NORMAL_TEXTURE { part: Part::Layer, needs: &["CLEARCOAT", UV], texture: slot(9) }
+    SHEEN { part: Part::Layer, needs: &["LAYERS"],
+        absence: absence("sheen", "no drawn material has any", "LIT") }
+    SHEEN_COLOR_TEXTURE { part: Part::Layer, needs: &["SHEEN", UV], texture: slot(10) }
+    SHEEN_ROUGHNESS_TEXTURE { part: Part::Layer, needs: &["SHEEN", UV], texture: slot(11) }
+    TRANSMISSION { part: Part::Layer, needs: &["LAYERS"],
+        absence: absence("transmission", "no drawn material has any: none lets light through", "LIT") }
+    TRANSMISSION_TEXTURE { part: Part::Layer, needs: &["TRANSMISSION", UV], texture: slot(12) }
+    /// Transmitted light is absorbed on its way.
+    VOLUME { part: Part::Layer, needs: &["TRANSMISSION || DIFFUSE_TRANSMISSION"],
+        absence: absence("absorption", "no drawn material has a volume that takes light", "LIT") }
+    THICKNESS_TEXTURE { part: Part::Layer, needs: &["VOLUME || REFRACTION", UV], texture: slot(13) }
+    /// A thin film colors what the surface reflects.
+    IRIDESCENCE { part: Part::Layer, needs: &["LAYERS"],
+        absence: absence("iridescence", "no drawn material has a thin film", "LIT") }
+    IRIDESCENCE_TEXTURE { part: Part::Layer, needs: &["IRIDESCENCE", UV], texture: slot(14) }
+    IRIDESCENCE_THICKNESS_TEXTURE { part: Part::Layer, needs: &["IRIDESCENCE", UV], texture: slot(15) }
+    /// Highlights are drawn out along the tangent. Never forced in: it needs tangents.
+    ANISOTROPY { part: Part::Layer, needs: &["LAYERS"],
+        absence: absence("anisotropy", "no drawn material has highlights that are drawn out", "LIT") }
+    ANISOTROPY_TEXTURE { part: Part::Layer, needs: &["LAYERS", UV], texture: slot(16) }
+    /// Light from behind is scattered out in front.
+    DIFFUSE_TRANSMISSION { part: Part::Layer, needs: &["LAYERS"],
+        absence: absence("diffuse transmission", "no drawn material has any: none lets light from behind through", "LIT") }
+    DIFFUSE_TRANSMISSION_TEXTURE { part: Part::Layer, needs: &["DIFFUSE_TRANSMISSION", UV], texture: slot(17) }
+    DIFFUSE_TRANSMISSION_COLOR_TEXTURE { part: Part::Layer, needs: &["DIFFUSE_TRANSMISSION", UV], texture: slot(18) }
+    /// The scene color copy is seen where the refracted ray leaves the volume.
+    REFRACTION { part: Part::Layer, needs: &["TRANSMISSION"],
+        absence: absence("refraction", "no drawn material has a volume that bends light", "LIT") }
+    /// Each color is refracted by an index of its own.
+    DISPERSION { part: Part::Layer, needs: &["REFRACTION"],
+        absence: absence("dispersion", "no drawn material has a volume that bends colours apart", "LIT") }
+
+    /// Parallax mapping by the heights in the normal texture's alpha. Never forced in: other files keep other things there.
+    PARALLAX { needs: &["NORMAL_TEXTURE", "!TOON", "!TRIPLANAR", UV] }
+    /// The skin is posed once, in model space, and instanced: joints lead to model space, the instance's matrix on from there, as
+    /// with dual quaternions. Never forced in.
+    SKIN_INSTANCED { by: RequestedBy::Mesh, part: Part::Pose, needs: &["SKIN"],
+        absence: absence("copies of skinned meshes", "every skinned mesh stands once", "SKIN") }
+    /// Blinn–Phong that reflects its surroundings.
+    REFLECTION { needs: &["BLINN_PHONG"],
+        absence: absence("reflections of Blinn–Phong", "no drawn Blinn–Phong material mirrors its surroundings", "LIT") }
+    /// A sky's maps light it, or effects see it behind. Never forced in.
+    SKY { by: RequestedBy::Lights, part: Part::Light, needs: &["LIT || SURFACE"],
+        absence: absence_by_stage("image-based light", ["its strength is zero", "the stage has no sky"], "LIT") }
+    /// Highlights of Phong in place of Blinn's. Never forced in.
+    PHONG { needs: &["BLINN_PHONG"] }
+    /// Some light falls off by a polynomial of the distance. Never forced in.
+    POLYNOMIAL_FALLOFF { by: RequestedBy::Lights, part: Part::Light, needs: &["LIT"] }
+    /// Vertices are read where the compute pass left them. In recordings only: a plan keeps how they are posed.
+    PRE_SKINNED { by: RequestedBy::Recording, part: Part::Other,
+        needs: &["!SKIN", "!MORPH", "!DISPLACED", "!THICK_LINES", "!VOLUME", "!REFRACTION", "!TRIPLANAR"] }
+}
+
+const _: () = assert!(FEATURES.len() <= u128::BITS as usize, "Features needs a wider type");
+
+/// Names of the features in a set, in the table's order.
+pub fn names(features: Features) -> impl Iterator<Item = &'static str> {
+    FEATURES.iter().filter(move |f| features.has(f.bit)).map(|f| f.name)
+}
+
+/// Whether a condition in the syntax of `@if` holds: `||` of `&&` of names, each with or without `!`.
+pub fn holds(condition: &str, is_on: impl Fn(&str) -> bool) -> bool {
+    let term = |term: &str| match term.trim().strip_prefix('!') {
+        Some(name) => !is_on(name.trim()),
+        None => is_on(term.trim()),
+    };
+    condition.split("||").any(|group| group.split("&&").all(term))
+}
+
+/// What a frame reports of the features that none of its draws has, with the reason; `in_stage`: those that something of the
+/// stage has, in view or not.
+pub fn absences(all: Features, in_stage: Features) -> impl Iterator<Item = (&'static str, &'static str)> {
+    let mut on: Vec<&str> = names(all).collect();
+    on.extend(all.is_lit().then_some("LIT"));
+    FEATURES.iter().filter(move |f| !all.has(f.bit)).filter_map(move |f| {
+        let absence = f.absence?;
+        let why = absence.absent_from_stage.filter(|_| !in_stage.has(f.bit)).unwrap_or(absence.why);
+        let reported = absence.when.is_empty() || holds(absence.when, |name| on.contains(&name));
+        reported.then_some((absence.what, why))
+    })
+}
+
+/// Slots of material textures that the features read, a bit each.
+pub fn texture_slots(features: Features) -> u32 {
+    let read = FEATURES.iter().filter(|f| features.has(f.bit)).filter_map(|f| f.texture);
+    read.fold(0, |slots, t| slots | 1 << t.slot)
+}
+
+/// Slot of a feature's material texture.
+pub const fn texture_slot(feature: Features) -> usize {
+    match FEATURES[feature.0.trailing_zeros() as usize].texture {
+        Some(texture) => texture.slot,
+        None => panic!("the feature reads no texture"),
+    }
+}

@@ -1,0 +1,81 @@
+//! What a scene shader is compiled for: the plan's pipeline key, and what the recording knows beside it.
+
+use crate::plan::PipelineKey;
+use naga::ShaderStage;
+
+/// The lights that a lit pixel evaluates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum LightLoop {
+    /// The only one.
+    One,
+    All,
+    /// Those of the pixel's light cluster.
+    Lists,
+}
+
+/// All that a scene shader is compiled for: the plan's key, and what the recording knows beside it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct SceneVariant {
+    pub key: PipelineKey,
+    /// Some instance has a tint other than white.
+    pub tint: bool,
+    /// All joint matrices fit a uniform buffer, which is read faster than a storage buffer.
+    pub joints_uniform: bool,
+    pub lights: LightLoop,
+    /// Depth alone, into a shadow map.
+    pub shadow_pass: bool,
+    pub peel: PeelPass,
+    pub deferred: DeferredPass,
+}
+
+impl SceneVariant {
+    /// Forward shading of a key, without tint, by all lights.
+    pub const fn of(key: PipelineKey) -> SceneVariant {
+        SceneVariant {
+            key,
+            tint: false,
+            joints_uniform: false,
+            lights: LightLoop::All,
+            shadow_pass: false,
+            peel: PeelPass::No,
+            deferred: DeferredPass::No,
+        }
+    }
+}
+
+/// Entry points of a scene shader with these switches.
+pub fn entry_points(on: &[&str]) -> Vec<(&'static str, ShaderStage)> {
+    let has = |name: &str| on.contains(&name);
+    let vertex = if has("LIGHT_PASS") { "light_vs" } else { "vs" };
+    let fragment = match has("SHADOW_PASS") {
+        _ if has("PEEL_PASS") => Some("peel_fs"),
+        // Only cut-outs need a fragment shader in a shadow map.
+        true => has("ALPHA_MASK").then_some("shadow_fs"),
+        false => Some("fs"),
+    };
+    let fragment = fragment.map(|name| (name, ShaderStage::Fragment));
+    [(vertex, ShaderStage::Vertex)].into_iter().chain(fragment).collect()
+}
+
+/// Whether a pass finds the depths of a peeled layer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum PeelPass {
+    #[default]
+    No,
+    /// With one sample a pixel.
+    One,
+    /// With several: each is a fragment of its own.
+    Several,
+}
+
+/// Which half of deferred shading.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum DeferredPass {
+    /// Forward: both at once.
+    #[default]
+    No,
+    /// Renders to the G-buffer.
+    Geometry,
+    /// Lights the G-buffer.
+    Light,
+}

@@ -1,0 +1,238 @@
+//! The data of one frame: where each part lies in the frame's mapped buffer, and its contents.
+
+use super::context::Context;
+use super::targets::FrameImages;
+use crate::affine::Affine3x4;
+use crate::commands::{Command, Reads, Recording, UNIFORM_JOINTS};
+use crate::error::RenderError;
+use crate::plan::build::effects::MOST_SURFACE_EFFECTS;
+use crate::plan::build::shadow_cascades::MAX_VIEWS;
+use crate::plan::light_clusters::MAX_LIGHTS;
+use crate::plan::{Plan, PlanLight};
+use crate::shader::uniforms::{
+    FrameUniform, LayersUniform, MaterialUniform, PostUniform, RebuiltUniform, ShadowUniform, SkyUniform,
+};
+use choreo_stage::Background;
+use glam::Vec2;
+
+/// Parameters of as many effects on surfaces as there can be, and how far each moves them.
+const SURFACE_BYTES: u64 = REACHES_AT + (MOST_SURFACE_EFFECTS * size_of::<f32>()) as u64;
+const REACHES_AT: u64 = (MOST_SURFACE_EFFECTS * size_of::<[f32; 8]>()) as u64;
+
+/// A range of the frame's buffer.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Block {
+    pub at: u64,
+    pub bytes: u64,
+}
+
+impl Block {
+    /// A descriptor must be bound to something, though nothing reads it.
+    pub fn or_any(self) -> Block {
+        if self.bytes > 0 { self } else { Block { at: 0, bytes: 16 } }
+    }
+}
+
+/// Lays blocks out one after the other.
+struct Blocks {
+    end: u64,
+    align: u64,
+}
+
+impl Blocks {
+    fn take(&mut self, bytes: usize) -> Block {
+        let at = self.end.next_multiple_of(self.align);
+        self.end = at + bytes as u64;
+        Block { at, bytes: bytes as u64 }
+    }
+
+    /// As many of a type as are there, if any is.
+    fn take_if<T>(&mut self, is_there: bool, count: usize) -> Block {
+        self.take(if is_there { count * size_of::<T>() } else { 0 })
+    }
+}
+
+/// What is copied as it is in the plan.
+struct Stored<'a> {
+    what: &'static str,
+    block: Block,
+    data: &'a [u8],
+}
+
+/// Where a frame's data lies.
+pub struct FrameData<'a> {
+    pub reads: Reads,
+    /// Bytes of all.
+    pub bytes: u64,
+    light_count: u32,
+    pub frame: Block,
+    /// As the frame's, seen from the light of each shadow map.
+    pub views: Vec<Block>,
+    /// Of each changed material: its own uniform and its layers'.
+    pub materials: Vec<[Block; 2]>,
+    pub shadow_lookups: Block,
+    pub sky: Block,
+    pub rebuilt: Block,
+    pub post: Vec<Block>,
+    pub instances: Block,
+    pub morphs: Block,
+    pub lights: Block,
+    pub joints: Block,
+    pub surface: Block,
+    pub overlay: Block,
+    pub light_clusters: Block,
+    stored: [Stored<'a>; 6],
+}
+
+impl<'a> FrameData<'a> {
+    pub fn new(
+        gpu: &Context,
+        plan: &'a Plan,
+        recording: &Recording,
+        images: &FrameImages<'_>,
+    ) -> Result<FrameData<'a>, RenderError> {
+        let Some(Command::UploadFrameData { instances, joints, morphs, lights }) = recording.commands.first()
+        else {
+            return Err(RenderError::Usage("a recording starts with its frame data".into()));
+        };
+        let reads = recording.reads();
+        let limits = gpu.limits();
+        let align = limits
+            .min_uniform_buffer_offset_alignment
+            .max(limits.min_storage_buffer_offset_alignment)
+            .max(16);
+        let mut blocks = Blocks { end: 0, align };
+        let views = plan.shadow_maps.as_ref().map_or(0, |s| s.views.len());
+        let [instance_data, joint_data, morph_data, light_data, overlay_data]: [&[u8]; 5] = [
+            bytemuck::cast_slice(&plan.instances[..*instances]),
+            bytemuck::cast_slice(&plan.joint_matrices[..*joints]),
+            bytemuck::cast_slice(&plan.morphs[..*morphs]),
+            bytemuck::cast_slice(&plan.lights[..*lights]),
+            bytemuck::cast_slice(&plan.overlay.vertices),
+        ];
+        let cluster_data: &[u8] = plan.light_clusters.as_ref().map_or(&[], |l| bytemuck::cast_slice(&l.0));
+        let joint_bytes = match reads.joints_uniform {
+            true => UNIFORM_JOINTS * size_of::<Affine3x4>(),
+            false => joint_data.len().max(size_of::<Affine3x4>()),
+        };
+        let sky = images.sky.is_some() && reads.sky && plan.sky.is_some();
+        let frame = blocks.take(size_of::<FrameUniform>());
+        let instances = blocks.take(instance_data.len());
+        // A shader may be made for morphs that no instance has; what it is bound to must not be empty.
+        let morphs = blocks.take(morph_data.len().max(16));
+        let joints = blocks.take(joint_bytes);
+        // Uniform arrays have a fixed length in the shader; what lies behind the used part is never read.
+        let light_block = blocks.take_if::<PlanLight>(reads.lights, MAX_LIGHTS);
+        let overlay = blocks.take(overlay_data.len());
+        let light_clusters = blocks.take(cluster_data.len());
+        let stored = |what, block, data| Stored { what, block, data };
+        let data = FrameData {
+            reads,
+            light_count: *lights as u32,
+            frame,
+            views: (0..views).map(|_| blocks.take(size_of::<FrameUniform>())).collect(),
+            materials: plan
+                .material_overrides
+                .iter()
+                .map(|_| [size_of::<MaterialUniform>(), size_of::<LayersUniform>()].map(|s| blocks.take(s)))
+                .collect(),
+            shadow_lookups: blocks.take_if::<ShadowUniform>(images.shadow.is_some(), MAX_VIEWS),
+            sky: blocks.take_if::<SkyUniform>(sky, 1),
+            rebuilt: blocks.take_if::<RebuiltUniform>(images.kept.is_some(), 1),
+            post: plan.post.iter().map(|_| blocks.take(size_of::<PostUniform>())).collect(),
+            surface: blocks.take(if plan.scene_effects.is_empty() { 0 } else { SURFACE_BYTES as usize }),
+            instances,
+            morphs,
+            lights: light_block,
+            joints,
+            overlay,
+            light_clusters,
+            stored: [
+                stored("instances", instances, instance_data),
+                stored("joint matrices", joints, joint_data),
+                stored("weights of morph targets", morphs, morph_data),
+                stored("corners that effects draw", overlay, overlay_data),
+                stored("lists of lights", light_clusters, cluster_data),
+                stored("lights", light_block, light_data),
+            ],
+            bytes: blocks.end,
+        };
+        let limit = u64::from(limits.max_storage_buffer_range);
+        match data.stored.iter().find(|s| s.data.len() as u64 > limit) {
+            Some(Stored { what, data, .. }) => {
+                let what = format!("size in bytes of all {what}");
+                Err(RenderError::Limit { what, value: data.len() as u64, limit })
+            }
+            None => Ok(data),
+        }
+    }
+
+    /// Uniforms of the frame and of each shadow view.
+    pub fn frame_and_views(&self) -> impl Iterator<Item = Block> {
+        std::iter::once(self.frame).chain(self.views.iter().copied())
+    }
+
+    /// Copies everything into the frame's buffer.
+    pub fn write(&self, plan: &Plan, images: &FrameImages<'_>, mapped: &mut [u8]) {
+        let mut put = |at: u64, bytes: &[u8]| {
+            mapped[at as usize..at as usize + bytes.len()].copy_from_slice(bytes);
+        };
+        for Stored { block, data, .. } in &self.stored {
+            put(block.at, data);
+        }
+        let frame = frame_uniform(plan, self.light_count);
+        put(self.frame.at, bytemuck::bytes_of(&frame));
+        if let Some(shadows) = plan.shadow_maps.as_ref().filter(|_| images.shadow.is_some()) {
+            for (i, (view, block)) in shadows.views.iter().zip(&self.views).enumerate() {
+                let seen = FrameUniform { clip_from_relative: view.clip_from_relative, ..frame };
+                put(block.at, bytemuck::bytes_of(&seen));
+                let at = self.shadow_lookups.at + (i * size_of::<ShadowUniform>()) as u64;
+                put(at, bytemuck::bytes_of(&ShadowUniform::new(view, shadows.image)));
+            }
+        }
+        for (i, used) in plan.scene_effects.iter().enumerate() {
+            let at = self.surface.at + (i * size_of::<[f32; 8]>()) as u64;
+            put(at, bytemuck::bytes_of(&used.parameters));
+        }
+        if self.surface.bytes > 0 {
+            put(self.surface.at + REACHES_AT, bytemuck::bytes_of(&plan.displacement_limits));
+        }
+        if let (Some(images), Some(sky), true) = (images.sky, &plan.sky, self.sky.bytes > 0) {
+            let maps = images.maps.as_ref().map(|(maps, _)| &**maps);
+            put(self.sky.at, bytemuck::bytes_of(&SkyUniform::new(sky, &plan.view, maps)));
+        }
+        if self.rebuilt.bytes > 0 {
+            put(self.rebuilt.at, bytemuck::bytes_of(&RebuiltUniform::new(&plan.view)));
+        }
+        for ([own, layers], material) in self.materials.iter().zip(&plan.material_overrides) {
+            put(own.at, bytemuck::bytes_of(&MaterialUniform::new(material)));
+            if let Some(uniform) = LayersUniform::new(material) {
+                put(layers.at, bytemuck::bytes_of(&uniform));
+            }
+        }
+        let mut before = 1;
+        for (block, pass) in self.post.iter().zip(&plan.post) {
+            put(block.at, bytemuck::bytes_of(&PostUniform::new(pass, before, plan.size)));
+            before = pass.shrink;
+        }
+    }
+}
+
+fn frame_uniform(plan: &Plan, light_count: u32) -> FrameUniform {
+    let (top, bottom, alpha) = match plan.background {
+        Background::Gradient { top, bottom } => (top, bottom, 1.0),
+        Background::Color(c) => (c.truncate(), c.truncate(), c.w),
+    };
+    FrameUniform {
+        clip_from_relative: plan.view.clip_from_relative,
+        eye: plan.view.eye,
+        camera: plan.view.position.as_vec3().extend(0.0),
+        ambient_up: plan.ambient_up.extend(0.0),
+        ambient_down: plan.ambient_down.extend(0.0),
+        background_top: top.extend(alpha),
+        background_bottom: bottom.extend(alpha),
+        size: Vec2::new(plan.size[0] as f32, plan.size[1] as f32),
+        light_count,
+        pad: 0,
+    }
+}
