@@ -206,7 +206,10 @@ impl Checker<'_> {
     fn cue(&mut self, place: &str, cue: &Cue, joints: usize) {
         let playback = Playback { speed: cue.speed, trim: cue.trim, repeat: cue.repeat };
         if let Err(what) = playback.check() {
+            // Its speed is a field, too.
             self.need(false, place, || what.to_string());
+        } else {
+            self.fields(place, cue);
         }
         self.need(cue.clip.joint_count() == joints, place, || {
             format!(
@@ -214,7 +217,6 @@ impl Checker<'_> {
                 cue.clip.joint_count()
             )
         });
-        self.fields(place, cue);
         if let Some(keys) = &cue.weight_keys {
             self.channel(place, keys, keys.property == Property::Weight);
         }

@@ -13,13 +13,12 @@ use rhai::{Dynamic, Map};
 
 api! {
     /// Makes a directional light.
-    /// - Options: {}, shadow (true, or #{ size, softness }; default: no shadow), name. The default direction is
-    ///   [-1, -2, -1.5], the default color white, the unit of intensity lux.
-    sun("options?") -> Light = sun, options(|| documented(&default_sun()));
+    /// - Options: {}, name. The default direction is [-1, -2, -1.5], the default color white.
+    sun("options?") -> Light = sun, options(sun_options);
     /// Makes a point light.
     /// - Options: {}, attenuation ([constant, linear, quadratic]: intensity falls with one over this polynomial of
     ///   the distance in metres, in place of its square; not with range), shadow as in `sun`, name. The default color
-    ///   is white, the default range unlimited, the unit of intensity candela.
+    ///   is white, the default range unlimited.
     point("options?") -> Light = point, options(|| documented(&default_point()));
     /// Makes a spotlight.
     /// - Options: {}, look_at (a point, in place of direction, default [0, 1, 0]), attenuation and shadow as in
@@ -66,6 +65,12 @@ fn default_spot() -> StageLight {
 /// Fields that are no options of a light.
 fn without(light: &StageLight) -> &'static [&'static str] {
     if light.light.kind == LightKind::Directional { &["position"] } else { &[] }
+}
+
+/// The options of a sun for the reference, with those of its shadow.
+fn sun_options() -> String {
+    let shadow = fields::documented(&Shadow::default(), &[]);
+    format!("{}, shadow (true, or #{{ … }} with {shadow}; default: no shadow)", documented(&default_sun()))
 }
 
 fn documented(light: &StageLight) -> String {

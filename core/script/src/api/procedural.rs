@@ -65,8 +65,8 @@ api! {
     /// Returns an asset with one copy of this asset at each place (instancing, for crowds and swarms). A place is a
     /// point [x, y, z] or #{ at, turn, scale }; `turn` is degrees about the vertical, or [x, y, z] as in
     /// Actor.rotate.
-    /// - Cast it once: the copies are drawn together, each is culled by itself, and a character is posed once for
-    ///   all of them, whatever clips it plays. Actor.count sets how many of them exist.
+    /// - Cast it once: the copies are drawn together, each is culled by itself, and a character's pose is
+    ///   evaluated once for all of them, whatever clips it plays. Actor.count sets how many of them exist.
     /// - Level of detail (LOD): meshes with 64 copies or more on stage get simplified versions; small copies are
     ///   drawn with the coarsest one whose error is at most one pixel.
     Asset.repeat("places") -> Asset = crate::procedural::repeat;

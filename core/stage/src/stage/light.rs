@@ -29,6 +29,7 @@ described! {
         kelvin: [get |_: &StageLight| FieldValue::Unset, set |of: &mut StageLight, v| {
             crate::stage::described::Holds::hold(&mut of.light.color, v)
         }], FieldType::Kelvin, keys "kelvin" Color;
+        /// lux for a sun, candela for the others
         intensity: light.intensity, FieldType::Number(0.0, 1e9, ""), keys "intensity" Intensity;
         range: light.range, FieldType::Number(1e-3, 1e9, "metres"), keys "range" Range, lacks shines_however_far;
         /// half angle of the cone
