@@ -22,7 +22,7 @@ pub fn section() -> Result<Section, String> {
                (36 bytes a pixel), and each pixel is lit once. Keeping it and reading it again is paid everywhere: on lavapipe about what four lights \
                of a list take at each pixel. It pays where more are asked in vain, by surfaces that are hidden later: the plan estimates both from the \
                boxes of what is lit and the lists of lights, and takes deferred from four lights a pixel in vain on (`KEEPING` in \
-               `planner_deferred.rs`), with one sample a pixel. The walls are slanted tiles of eight materials, drawn material by material. A light \
+               `plan/build/deferred.rs`), with one sample a pixel. The walls are slanted tiles of eight materials, drawn material by material. A light \
                with a shadow counts as one here and costs more: the estimate errs towards forward. GPUs are not measured: 72 bytes of memory a pixel \
                there and back weigh more beside their arithmetic, so that deferred may pay later there than this table says."
             .into(),
