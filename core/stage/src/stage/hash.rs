@@ -115,8 +115,11 @@ written! {
     Skinning: |v, w| w.flag(*v == Skinning::DualQuaternion);
     Cutouts: |v, w| w.u32(*v as u32);
     Transparency: |v, w| w.u32(*v as u32);
-    // All that it holds is numbers and names, which Debug writes to the last bit.
-    PhaseMatchedFade: |v, w| w.text(&format!("{v:?}"));
+    // All that it holds is numbers and names, which Debug writes to the last bit; under the types' first names, so that the hashes of
+    // older outputs stay valid.
+    PhaseMatchedFade: |v, w| {
+        w.text(&format!("{v:?}").replace("PhaseMatchedFade", "PhaseFade").replace("Footsteps", "Steps"))
+    };
     // What it exchanges follows from the asset.
     Mirroring: |_v, _w| ();
     dyn FrameHook: |v, w| w.text(&v.identity());
