@@ -79,7 +79,7 @@ macro_rules! written {
         $(impl $crate::stage::hash::Hashed for $ty {
             fn hash(&self, $w: &mut $crate::stage::hash::StageWriter) {
                 let $this = self;
-                $write;
+                $write
             }
         })*
     };

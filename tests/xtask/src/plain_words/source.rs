@@ -59,13 +59,13 @@ fn token(source: &str, from: usize) -> (Option<Kind>, usize) {
         (Some(Kind::Message), text[open..].find(&close).map_or(text.len(), |end| open + end + close.len()))
     } else if text.starts_with('"') {
         (Some(Kind::Message), quoted(text))
-    } else if text.starts_with('\'') {
+    } else if let Some(inner) = text.strip_prefix('\'') {
         // A character; a lifetime has no second quote near.
-        if text[1..].starts_with('\\') {
+        if inner.starts_with('\\') {
             return (None, text[3..].find('\'').map_or(1, |end| end + 4));
         }
-        let length = text[1..].chars().next().map_or(1, |c| 1 + c.len_utf8());
-        (None, if text[length..].starts_with('\'') { length + 1 } else { 1 })
+        let length = inner.chars().next().map_or(0, char::len_utf8);
+        (None, if inner[length..].starts_with('\'') { length + 2 } else { 1 })
     } else {
         (None, 1)
     }
