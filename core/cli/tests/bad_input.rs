@@ -212,7 +212,7 @@ fn scripts_that_are_wrong_say_where() {
     std::fs::write(d.join("tri.gltf"), triangle(1.0)).unwrap();
     std::fs::write(dir.path().join("outside.txt"), "secret").unwrap();
     for (text, expected) in [
-        ("let a = lod(\"tri.gltf\");", "s.rhai:1:9: unknown function \"lod\"; did you mean \"load\"?"),
+        ("let a = laod(\"tri.gltf\");", "s.rhai:1:9: unknown function \"laod\"; did you mean \"load\"?"),
         ("let x = 1;\nlet y = ;", "s.rhai:2:9: unexpected ';'"),
         ("loop { }", "s.rhai:1:6: the script takes too many steps; does a loop never end?"),
         (

@@ -1,5 +1,6 @@
 //! `scripts/README.md` says where each capability is shown and judged; this holds that it is.
 
+use choreo_stage::{Described, Shadow, Sky, StageLight};
 use std::path::{Path, PathBuf};
 
 fn folder() -> PathBuf {
@@ -90,24 +91,23 @@ fn list(text: &str, mark: &str) -> Vec<String> {
     between(rest.split(']').next().unwrap(), '"').into_iter().map(String::from).collect()
 }
 
+/// The names by which scripts set keyframes of a type's fields.
+fn keyframe_names<T: Described>() -> Vec<String> {
+    T::FIELDS.iter().filter_map(|field| Some(field.keyed?.0.to_string())).collect()
+}
+
 /// What has to stand in a lesson, as it stands there: options and keys of lights, slots of textures, projections, ways to wrap. Of
 /// materials the crate that reads them knows.
 fn looks() -> Vec<String> {
-    let (light, keys, texture) = (source("api/light.rs"), source("api/keys.rs"), source("made/texture.rs"));
-    let options = |names: Vec<String>| names.into_iter().map(|name| format!("{name}:"));
+    let texture = source("procedural/texture.rs");
     let quoted = |names: Vec<String>| names.into_iter().map(|name| format!("\"{name}\""));
-    let mut all = Vec::new();
-    for function in ["fn sun(", "fn point(", "fn spot("] {
-        // A light's name is for messages.
-        all.extend(
-            options(list(light.split_once(function).unwrap().1, "c.options(")).filter(|o| o != "name:"),
-        );
-    }
-    all.extend(options(list(&light, "o.check(")));
-    all.extend(quoted(list(&keys, "Owner::Light =>")));
-    all.extend(quoted(list(&keys, "Owner::Sky =>")));
+    let mut all: Vec<String> = ["attenuation:", "look_at:", "shadow:"].map(String::from).to_vec();
+    all.extend(StageLight::FIELDS.iter().map(|field| format!("{}:", field.name)));
+    all.extend(Shadow::FIELDS.iter().map(|field| format!("{}:", field.name)));
+    all.extend(quoted(keyframe_names::<StageLight>()));
+    all.extend(quoted(keyframe_names::<Sky>()));
     all.extend(quoted(list(&texture, "SLOTS: &[&str] =")));
-    all.extend(quoted(list(&source("made/relief.rs"), "PROJECTIONS: &[&str] =")));
+    all.extend(quoted(list(&source("procedural/relief.rs"), "PROJECTIONS: &[&str] =")));
     all.extend(["repeat", "mirror", "clamp", "nearest"].map(|word| format!("\"{word}\"")));
     all.sort();
     all.dedup();

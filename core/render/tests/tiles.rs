@@ -146,7 +146,10 @@ fn what_tiles_cannot_show_is_reported() {
     tiled.load(resources).unwrap();
     tiled.submit(plan).unwrap();
     let said = tiled.collect(None).unwrap_err().to_string();
-    assert!(said.starts_with("a picture of 200×150 is drawn in tiles") && said.contains("glass"), "{said}");
+    assert!(
+        said.starts_with("an image of 200×150 is drawn in tiles") && said.contains("refraction"),
+        "{said}"
+    );
     let (_, plan) = scene.plan(&PlanOptions::new([MOST + 1, 8], 1));
     let said = tiled.submit(plan).unwrap_err().to_string();
     assert_eq!(said, format!("picture width is {}, the limit of this device is {MOST}", MOST + 1));

@@ -19,7 +19,7 @@ fn scene(left_out: &[&str]) -> Scene {
         clearcoat_texture: Some(texture(0)),
         clearcoat_roughness_texture: has("roughness of the coat"),
         sheen_color: Vec3::new(0.9, 0.5, 0.3),
-        sheen_color_texture: has("sheen colour"),
+        sheen_color_texture: has("sheen color"),
         sheen_roughness: 0.6,
         sheen_roughness_texture: has("roughness of the sheen"),
         ..MaterialLayers::default()
@@ -52,7 +52,7 @@ fn the_least_visible_are_left_out_and_named() {
     let (_, plan) = whole.plan(&options);
     assert_eq!(texture_slots(plan.draws[0].pipeline.features).count_ones(), 8);
     let complete = draw(&whole, &options);
-    let order = ["roughness of the sheen", "roughness of the coat", "specular", "occlusion", "sheen colour"];
+    let order = ["roughness of the sheen", "roughness of the coat", "specular", "occlusion", "sheen color"];
     // A device with room for all, with room for six, and with room for three.
     for (most, out) in [(None, &order[..0]), (Some(6), &order[..2]), (Some(3), &order[..])] {
         let Some(mut r) = vulkan(GpuOptions { textures: most, ..GpuOptions::default() }) else { return };

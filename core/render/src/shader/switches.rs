@@ -86,7 +86,11 @@ pub const SWITCHES: &[Switch] = &[
         &["ALPHA_MASK", "!BLEND", "!TRANSMISSION", "!SHADOW_PASS", "!GEOMETRY"],
     ),
     variant("DOUBLE_SIDED", |v| v.key.double_sided, &["!LIGHT_PASS"]),
-    variant("TINT", |v| v.tint, &["!SHADOW_PASS", "!LIGHT_PASS"]),
+    variant(
+        "TINT",
+        |v| v.tint && !v.shadow_pass && v.deferred != DeferredPass::Light,
+        &["!SHADOW_PASS", "!LIGHT_PASS"],
+    ),
     variant("JOINTS_UNIFORM", |v| v.joints_uniform, &["SKIN"]),
     pass(
         "SHADOW_PASS",

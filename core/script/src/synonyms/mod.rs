@@ -243,7 +243,8 @@ pub fn answer(term: &str) -> Answer {
         answer.note = topic.note;
     }
     let wanted = term.trim_end_matches("()");
-    let named = entries().filter(|(_, def)| def.name == wanted || def.full_name() == wanted);
+    let spelled = letters(wanted);
+    let named = entries().filter(|(_, def)| letters(def.name) == spelled || def.full_name() == wanted);
     let calls = named.map(|(title, def)| Call::entry(title, def)).chain(mathematics(wanted));
     for call in calls {
         if !answer.calls.contains(&call) {

@@ -29,7 +29,7 @@ const EFFECT: Files = &[
 ];
 
 /// Crates of ours that a plugin needs, by kind: always, and for its tests.
-const NEEDS: [(&[&str], &[&str]); 2] = [(&["plugin", "stage"], &[]), (&["plugin"], &["look"])];
+const NEEDS: [(&[&str], &[&str]); 2] = [(&["plugin", "asset"], &[]), (&["plugin"], &["wgsl-effect"])];
 
 pub fn run(args: NewArgs) -> Result<(), Failure> {
     check_name(&args.name)?;
@@ -169,7 +169,7 @@ fn cargo_toml(
     let crates = |names: &[&str]| -> String {
         let one = |n: &&str| match in_workspace {
             true => format!("choreo-{n}.workspace = true\n"),
-            false => format!("choreo-{n} = {{ path = \"{sources}/core/{n}\" }}\n"),
+            false => format!("choreo-{n} = {{ path = \"{sources}/core/{}\" }}\n", n.replace('-', "_")),
         };
         names.iter().map(one).collect()
     };
