@@ -199,5 +199,5 @@ struct ShadowView {
 // Of one primitive, for each target: its first vertex, how many, where their offsets begin. Then the offsets of each target: positions,
 // and as many normals and tangents where the mesh has them.
 @if(MORPH) @group(1) @binding(0) var<storage, read> morphs: array<vec4<u32>>;
-// Vertices of bodies that a compute stage posed; see posed.wgsl.
+// Vertices of meshes that a compute stage pre-skinned; see posed.wgsl.
 @if(PRE_SKINNED) @group(1) @binding(0) var<storage, read> posed: array<f32>;

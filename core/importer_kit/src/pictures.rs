@@ -114,7 +114,7 @@ pub const CANCELLED: &str = "the import was cancelled";
 const BEFORE_PICTURES: f32 = 0.5;
 
 /// Decodes images on threads of their own while `rest` runs here; one result an image, in order. Where no pixels are needed
-/// they have a name and a size. `files` is told how many pixels are done; where it calls the import off, the images that are
+/// they have a name and a size. `files` receives the number of decoded pixels; where it calls the import off, the images that are
 /// left are not begun.
 pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
     entries: &[Encoded<B>],

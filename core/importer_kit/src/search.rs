@@ -66,7 +66,7 @@ pub fn read_first(files: &dyn Files, places: &[String]) -> Result<Arc<Vec<u8>>, 
 }
 
 /// What to say of an image or library at none of its [`places`]: its name, where it was looked for, and what to do. `why` is
-/// what [`read_first`] said: anything but that there is no such file is told as it is.
+/// what [`read_first`] said: anything but that there is no such file is reported as it is.
 pub fn missing(written: &str, why: &str) -> String {
     let why_lower = why.to_lowercase();
     let absent =

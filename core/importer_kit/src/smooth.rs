@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Triangles around one vertex that are compared with each other, all pairs. Beyond it (no modelled surface has so many)
+/// Triangles around one vertex that are compared with each other, all pairs. Beyond it (more than any modelled surface has)
 /// the face vertices keep their triangles' normals, so that time stays proportional to the file.
 const MAX_AROUND: usize = 256;
 

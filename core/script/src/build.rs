@@ -299,7 +299,7 @@ pub struct CueDraft {
     pub reverse: bool,
     pub trim: Option<(Time, Time)>,
     pub repeat: Option<Repeat>,
-    /// Where its time zero lies.
+    /// The stage time of its time zero.
     pub origin: Time,
     /// A layer played once keeps its last pose.
     pub hold: bool,

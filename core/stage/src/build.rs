@@ -19,7 +19,7 @@ impl Stage {
     /// Adds a cue to the base layer of an actor, in its place by start time. Panics where there is no such actor.
     ///
     /// ```
-    /// # use choreo_asset::*; use choreo_stage::*; use choreo_motion::Time; use std::sync::Arc;
+    /// # use choreo_asset::*; use choreo_stage::*; use choreo_motion::{Clip, Time}; use std::sync::Arc;
     /// # let asset = Arc::new(Asset { clips: vec![Arc::new(Clip::new("Walk".into(), 0, vec![]).unwrap())], ..Asset::default() });
     /// let mut stage = Stage::default();
     /// let anna = stage.cast("anna", asset.clone());

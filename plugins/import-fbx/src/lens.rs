@@ -12,7 +12,7 @@ const MM_PER_INCH: f64 = 25.4;
 pub enum Lens {
     /// Proportional to the value.
     Times(f64),
-    /// A horizontal angle in degrees, of an image so many times as wide as high.
+    /// A horizontal angle in degrees, of an image with this ratio of width to height.
     Across(f64),
     /// A focal length in millimetres, before a film of this half height in millimetres.
     Focal(f64),

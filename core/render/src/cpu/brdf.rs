@@ -12,7 +12,7 @@ pub struct Surface {
     pub f0: V3,
     pub f90: F4,
     pub roughness: F4,
-    /// Where highlights are drawn out.
+    /// The direction in which highlights are stretched.
     pub anisotropy: Option<Anisotropy>,
     /// Reflectance under a thin film at this angle, and the film's share of the surface.
     pub film: Option<(V3, F4)>,

@@ -1,4 +1,4 @@
-//! Bodies that are drawn more than once a frame — into the picture, shadow maps, hulls — are posed once.
+//! Meshes that are drawn more than once per frame (into the image, shadow maps, outlines) are pre-skinned.
 //! CPU reference of posed.wgsl: what [`VertexStage::posed`] gives, shared by all draws.
 
 use super::CpuRenderer;
@@ -19,7 +19,7 @@ pub struct Bodies(BTreeMap<Body, Vec<Vertex>>);
 fn body(draw: &Draw, instance: &Instance) -> Option<Body> {
     let features = draw.pipeline.features;
     let pose = features.only(Features::SKINNING);
-    // Effects that move corners look at what a draw has of them.
+    // Effects that move vertices look at what a draw has of them.
     let shared = pose != Features::default() && draw.pipeline.displaced == 0;
     shared.then(|| (draw.primitive, pose, features.has(Features::OUTLINE), instance.deformation()))
 }

@@ -32,7 +32,7 @@ pub struct ShadeMaterial {
 /// Everything that shading a quad needs beside its weights.
 pub struct Fragment<'a> {
     pub plan: &'a Plan,
-    /// Where some light casts shadows.
+    /// Set if a light casts shadows.
     pub shadows: Option<&'a ShadowMaps>,
     /// The scene color copy that refracting glass shows.
     pub behind: Option<Arc<SceneColorCopy>>,
@@ -83,7 +83,7 @@ pub struct Quad<'a> {
     pub uv_mask: Option<F4>,
     /// How far parallax mapping shifts the textures.
     pub parallax: Option<[F4; 2]>,
-    /// For triplanar mapping.
+    /// The inputs of triplanar mapping.
     pub planes: Option<Planes>,
 }
 

@@ -125,7 +125,7 @@ pub struct TextureSlot {
 pub struct Absence {
     pub what: &'static str,
     pub why: &'static str,
-    /// In place of `why` where nothing of the stage has it, in view or not.
+    /// Replaces `why` where nothing of the stage has it, in view or not.
     pub absent_from_stage: Option<&'static str>,
     /// Reported only where this condition on the features of all draws holds.
     pub when: &'static str,
@@ -134,7 +134,7 @@ pub struct Absence {
 /// One row of the table.
 #[derive(Clone, Copy, Debug)]
 pub struct Feature {
-    /// Of the constant of [`Features`], and of the switch in WGSL.
+    /// The name of the constant of [`Features`] and of the switch in WGSL.
     pub name: &'static str,
     pub bit: Features,
     pub by: RequestedBy,
@@ -313,7 +313,7 @@ features! {
 
     /// Parallax mapping by the heights in the normal texture's alpha. Never forced in: other files keep other things there.
     PARALLAX { needs: &["NORMAL_TEXTURE", "!TOON", "!TRIPLANAR", UV] }
-    /// The skin is posed once, in model space, and instanced: joints lead to model space, the instance's matrix on from there, as
+    /// The skin is pre-skinned in model space, and instanced: joints lead to model space, the instance's matrix on from there, as
     /// with dual quaternions. Never forced in.
     SKIN_INSTANCED { by: RequestedBy::Mesh, part: Part::Pose, needs: &["SKIN"],
         absence: absence("copies of skinned meshes", "every skinned mesh stands once", "SKIN") }

@@ -4,10 +4,10 @@ use super::{DeferredPass, LightLoop, PeelPass, SceneVariant};
 use crate::plan::shader_features::{ALPHA, FEATURES, Feature, TextureSlot, holds, names};
 use crate::plan::{Features, Glass};
 
-/// Where a switch that is no feature comes from.
+/// The origin of a switch that is no feature.
 #[derive(Clone, Copy)]
 pub enum SwitchSource {
-    /// On exactly where a condition on features and earlier switches holds.
+    /// The switch is on exactly where a condition on features and earlier switches holds.
     Condition(&'static str),
     Variant(fn(&SceneVariant) -> bool),
     /// Set by those who compile other modules than the scene's.

@@ -112,7 +112,7 @@ uniforms! {
         alpha_cutoff: f32,
         normal_scale: f32,
         occlusion_strength: f32,
-        /// In widths of the texture.
+        /// The value is in widths of the texture.
         parallax_depth: f32,
         triplanar_sharpness: f32,
         triplanar_middle: Vec3,
@@ -158,7 +158,7 @@ uniforms! {
     ShadowUniform {
         /// xy: texels of the image; z: depth; all times w.
         texel_from_relative: Mat4,
-        /// Where the filter's texels all lie in the map: from (xy) and to (zw), texels.
+        /// The rectangle of the map that holds all texels of the filter: from (xy) and to (zw), texels.
         inside: Vec4,
         /// x: metres of a texel where w is 1; zw: 1 / texels of the image.
         texel: Vec4,
@@ -168,7 +168,7 @@ uniforms! {
         parameters: [Vec4; 2],
         /// Pixels of what it makes.
         size: Vec2,
-        /// Of an effect that runs more than once: how often it has run.
+        /// The number of completed passes of an effect that has several.
         number: u32,
         /// How many times smaller than the whole what it reads or what it makes is, whichever is smaller.
         shrink: u32,

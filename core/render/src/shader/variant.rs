@@ -62,9 +62,9 @@ pub fn entry_points(on: &[&str]) -> Vec<(&'static str, ShaderStage)> {
 pub enum PeelPass {
     #[default]
     No,
-    /// With one sample a pixel.
+    /// One sample per pixel.
     One,
-    /// With several: each is a fragment of its own.
+    /// Several samples per pixel: each is a fragment of its own.
     Several,
 }
 

@@ -59,7 +59,7 @@ struct Stored<'a> {
     data: &'a [u8],
 }
 
-/// Where a frame's data lies.
+/// The places of a frame's data.
 pub struct FrameData<'a> {
     pub reads: Reads,
     /// Bytes of all.
@@ -68,7 +68,7 @@ pub struct FrameData<'a> {
     pub frame: Block,
     /// As the frame's, seen from the light of each shadow map.
     pub views: Vec<Block>,
-    /// Of each changed material: its own uniform and its layers'.
+    /// The uniform of each changed material and that of its layers.
     pub materials: Vec<[Block; 2]>,
     pub shadow_lookups: Block,
     pub sky: Block,
@@ -151,7 +151,7 @@ impl<'a> FrameData<'a> {
                 stored("instances", instances, instance_data),
                 stored("joint matrices", joints, joint_data),
                 stored("weights of morph targets", morphs, morph_data),
-                stored("corners that effects draw", overlay, overlay_data),
+                stored("vertices that effects draw", overlay, overlay_data),
                 stored("lists of lights", light_clusters, cluster_data),
                 stored("lights", light_block, light_data),
             ],

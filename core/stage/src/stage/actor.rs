@@ -76,7 +76,7 @@ fn has_no_copies(of: &Actor) -> Option<&'static str> {
 }
 
 described! {
-    /// Where something stands in its parent: f64, so that 10 000 km from the origin looks as the origin does.
+    /// Position, rotation and scale of something in its parent: f64, so that 10 000 km from the origin looks as the origin does.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct Placement {
         translation: DVec3 = DVec3::ZERO;

@@ -54,7 +54,7 @@ described! {
         clip: Arc<Clip>,
     ) {
         start: Time = Time::ZERO;
-        /// On the base layer: the pose is held from here on, where no cue follows at once (one that does fades in over the
+        /// The pose of the base layer is held from here on, where no cue follows at once (one that does fades in over the
         /// playing clip). On upper layers: faded out (over `fade_out`) by then. `None`: until the next cue or for ever.
         end: Option<Time> = None;
         fade_in: Time = Time::ZERO;

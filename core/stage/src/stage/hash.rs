@@ -30,7 +30,7 @@ use std::sync::Arc;
 #[derive(Default)]
 pub struct StageWriter {
     writer: Writer,
-    /// By address; the content outlives the writer.
+    /// Keyed by address; the content outlives the writer.
     shared: BTreeMap<usize, ContentHash>,
     /// Writes masks themselves instead of their hashes.
     masks_inline: bool,

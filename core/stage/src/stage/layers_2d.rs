@@ -12,7 +12,7 @@ described! {
     /// A 2D layer, by default in the middle of the image for the whole time.
     #[derive(Clone, Debug, PartialEq)]
     pub struct Layer2d(content: Layer2dContent) {
-        /// Where its anchor stands, as fractions of the image: x from the left, y from the top.
+        /// Position of its anchor, as fractions of the image: x from the left, y from the top.
         at: DVec2 = DVec2::splat(0.5);
         /// Pixels added to that.
         offset: DVec2 = DVec2::ZERO;

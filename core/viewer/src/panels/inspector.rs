@@ -335,6 +335,9 @@ fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected) -> Vec<(String, St
             if let Some(camera) = stage.cameras.iter().find(|c| c.name == *name) {
                 row("rig", rig_name(&camera.rig).into());
                 fields(viewer, camera, &mut row);
+                if camera.far().is_none() {
+                    row("far", "any distance".into());
+                }
                 row("keys", camera.channels.len().to_string());
             }
             if let Some(shown) = viewer.shown()
