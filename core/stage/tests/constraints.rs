@@ -327,7 +327,7 @@ fn check_names_bad_goals() {
     }
     assert_eq!(
         contacts(|a| a.constraints[0].weight = f32::NAN),
-        with("actor \"anna\", reach: weight is NaN, must be 0..=1")
+        with("actor \"anna\", reach: weight is NaN, must be from 0 to 1")
     );
     assert_eq!(
         contacts(|a| kind(a).joints = vec![PALM, LOWER]),
