@@ -115,7 +115,8 @@ fn a_camera_s_field_of_view_is_changed_in_the_inspector() {
             desk.state_mut().reload_with(&text);
             desk.run();
         }
-        click(&mut desk, name);
+        desk.state_mut().viewer.selection = Some(Selected::Camera(name.into()));
+        desk.run();
         assert!(has(&desk, "any distance"));
         let viewer = &mut desk.state_mut().viewer;
         viewer.set_field_of_view(name, 61.0).unwrap();
