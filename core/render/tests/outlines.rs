@@ -57,7 +57,7 @@ fn ball(radius: f32) -> Primitive {
 }
 
 fn effects() -> Vec<Arc<dyn Effect>> {
-    vec![Arc::new(effect_outline::Outline)]
+    effects::named(&["outline"])
 }
 
 fn outlined(scene: &mut Scene, width: f64, actors: Vec<usize>) {

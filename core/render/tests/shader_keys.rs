@@ -362,7 +362,7 @@ fn effects(on: &[&str]) -> Vec<SceneEffect> {
         name: format!("e{bit}"),
         wgsl,
         hook,
-        along_model: bit == 4,
+        in_model_space: bit == 4,
     })
     .collect()
 }
