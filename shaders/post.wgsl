@@ -35,14 +35,6 @@ fn picture_size() -> vec2<i32> {
     return vec2<i32>(post.size);
 }
 
-fn original_size() -> vec2<i32> {
-    return vec2<i32>(post.whole);
-}
-
-fn shrink_factor() -> i32 {
-    return i32(post.shrink);
-}
-
 // Beyond the border the nearest pixel counts.
 fn picture(at: vec2<i32>) -> vec4<f32> {
     return textureLoad(post_input, clamp(at, vec2(0), vec2<i32>(post.input) - 1), 0);

@@ -9,7 +9,7 @@
 mod unhurried;
 
 use choreo_motion::{Level, LocalToModel, Pose, Sample, Time};
-use choreo_plugin::{Files, ImportScope, Importer, Registry, Source};
+use choreo_plugin::{Files, Importer, Needs, Registry, Source};
 use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
 use choreo_script::run_file;
 use choreo_stage::Evaluator;
@@ -32,7 +32,7 @@ impl Files for Nothing {
 fn poses(level: Level) -> String {
     let source = Source { name: "choreo:mannequin".into(), bytes: Arc::default() };
     let asset =
-        import_mannequin::Mannequin.import(&source, &Nothing, ImportScope::ALL, &Default::default()).unwrap();
+        import_mannequin::Mannequin.import(&source, &Nothing, Needs::ALL, &Default::default()).unwrap();
     let mut hasher = blake3::Hasher::new();
     for clip in &asset.clips {
         for i in -2..23 {
@@ -55,7 +55,7 @@ fn poses(level: Level) -> String {
 fn pictures(name: &str, secs: &[f64]) -> String {
     let mut registry = Registry::default();
     registry.add_importer(import_mannequin::Mannequin);
-    effects::named(&["vignette"]).into_iter().for_each(|effect| registry.add_shared_effect(effect));
+    registry.add_effect(effect_vignette::Vignette);
     let mut stage =
         run_file(&root().join("scripts").join(name), &registry, &unhurried::unhurried()).unwrap().stage;
     stage.settings.size = [160, 90];

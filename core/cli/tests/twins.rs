@@ -8,7 +8,7 @@ mod unhurried;
 use choreo_asset::*;
 use choreo_image_diff::{Comparison, compare};
 use choreo_motion::Time;
-use choreo_plugin::{Frame, ImportScope, Registry};
+use choreo_plugin::{Frame, Needs, Registry};
 use choreo_render::{
     CpuRenderer, GpuOptions, Plan, PlanOptions, RenderError, Renderer, SceneResources, VulkanRenderer,
 };
@@ -99,8 +99,7 @@ impl Twins {
 
     fn load(&self, path: &Path) -> Arc<Asset> {
         let name = path.file_name().unwrap().to_str().unwrap();
-        let loader =
-            Loader::for_file(path, &[], &self.registry, ImportScope::ALL, Limits::default().file).unwrap();
+        let loader = Loader::for_file(path, &[], &self.registry, Needs::ALL, Limits::default().file).unwrap();
         let loader = Arc::new(loader);
         loader.load(name, &Default::default()).unwrap_or_else(|e| panic!("{name}: {}", e.message))
     }

@@ -3,7 +3,7 @@
 use crate::budget::Notes;
 use crate::problem::{Problem, Result};
 use choreo_asset::Image;
-use choreo_plugin::{Files, ImportScope};
+use choreo_plugin::{Files, Needs};
 use image::{ImageFormat, ImageReader};
 use std::io::Cursor;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -118,7 +118,7 @@ const BEFORE_PICTURES: f32 = 0.5;
 /// left are not begun.
 pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
     entries: &[Encoded<B>],
-    needs: ImportScope,
+    needs: Needs,
     files: &dyn Files,
     rest: impl FnOnce() -> R,
 ) -> (Vec<Result<Arc<Image>>>, R) {
@@ -228,7 +228,7 @@ mod tests {
     #[test]
     fn each_picture_that_is_done_is_told() {
         let bar = Bar(RefCell::default(), 100);
-        let (images, rest) = decode_beside(&pictures(20), ImportScope::ALL, &bar, || 7);
+        let (images, rest) = decode_beside(&pictures(20), Needs::ALL, &bar, || 7);
         assert!(rest == 7 && images.iter().all(|i| i.as_ref().is_ok_and(|i| i.rgba[..3] == [9, 8, 7])));
         let told = bar.0.into_inner();
         assert!(told.is_sorted() && told.len() == 20 && told[19] == 1.0, "{told:?}");
@@ -239,7 +239,7 @@ mod tests {
     fn pictures_that_nobody_wants_are_not_begun() {
         let bar = Bar(RefCell::default(), 0);
         // More than can be done before the first word is heard.
-        let (images, _) = decode_beside(&pictures(4000), ImportScope::ALL, &bar, || ());
+        let (images, _) = decode_beside(&pictures(4000), Needs::ALL, &bar, || ());
         let left = images.iter().filter(|i| i.as_ref().is_err_and(|p| p.what == CANCELLED)).count();
         assert!(left > 0, "{left}");
     }

@@ -26,7 +26,7 @@ pub trait Importer: Send + Sync {
         &self,
         source: &Source,
         files: &dyn Files,
-        needs: ImportScope,
+        needs: Needs,
         options: &ImportOptions,
     ) -> Result<Asset, ImportError>;
 }
@@ -83,7 +83,7 @@ pub trait Files {
 
 /// What the caller will use; the rest is not decoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ImportScope {
+pub struct Needs {
     pub geometry: bool,
     pub clips: bool,
     /// Which pictures lie on the materials, by name and size.
@@ -92,16 +92,15 @@ pub struct ImportScope {
     pub pixels: bool,
 }
 
-impl ImportScope {
-    pub const ALL: ImportScope = ImportScope { geometry: true, clips: true, textures: true, pixels: true };
-    pub const CLIPS: ImportScope =
-        ImportScope { geometry: false, clips: true, textures: false, pixels: false };
+impl Needs {
+    pub const ALL: Needs = Needs { geometry: true, clips: true, textures: true, pixels: true };
+    pub const CLIPS: Needs = Needs { geometry: false, clips: true, textures: false, pixels: false };
     /// Everything but pixels, to describe a scene without drawing it.
-    pub const NO_PIXELS: ImportScope = ImportScope { pixels: false, ..ImportScope::ALL };
+    pub const NO_PIXELS: Needs = Needs { pixels: false, ..Needs::ALL };
 
     /// What both need.
-    pub fn both(self, other: ImportScope) -> ImportScope {
-        ImportScope {
+    pub fn both(self, other: Needs) -> Needs {
+        Needs {
             geometry: self.geometry && other.geometry,
             clips: self.clips && other.clips,
             textures: self.textures && other.textures,

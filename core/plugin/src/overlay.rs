@@ -8,7 +8,7 @@ use glam::{DAffine3, DVec3, Vec4};
 
 /// What an effect may look at to draw: the stage, and how it is at a time.
 #[derive(Clone, Copy)]
-pub struct EffectScene<'a> {
+pub struct Scene<'a> {
     pub stage: &'a Stage,
     pub snapshot: &'a Snapshot,
     /// How it was a frame ago, two frames ago and so on, as many as [`crate::Effect::history`] asks for; before the first frame
@@ -18,9 +18,9 @@ pub struct EffectScene<'a> {
     pub on: &'a [EffectTarget],
 }
 
-impl<'a> EffectScene<'a> {
+impl<'a> Scene<'a> {
     /// Those that are seen and have the effect, in the order of the stage; a body at many places counts once a place.
-    pub fn instances(&self) -> impl Iterator<Item = ActorInstance<'a>> + use<'a> {
+    pub fn bodies(&self) -> impl Iterator<Item = Body<'a>> + use<'a> {
         let (on, stage) = (self.on, self.stage);
         let actors = stage.actors.iter().zip(&self.snapshot.actors).enumerate();
         let seen =
@@ -33,22 +33,22 @@ impl<'a> EffectScene<'a> {
                     place.matrix3.z_axis.as_dvec3(),
                     place.translation.as_dvec3(),
                 );
-                ActorInstance::new(index, &actor.asset, place, state)
+                Body::new(index, &actor.asset, place, state)
             })
         })
     }
 
     /// The actor N frames ago, 1 or more, or as many as are known; `None` where none is, or it was not seen then.
-    pub fn earlier(&self, body: &ActorInstance<'a>, frames: usize) -> Option<ActorInstance<'a>> {
+    pub fn earlier(&self, body: &Body<'a>, frames: usize) -> Option<Body<'a>> {
         let before = self.before.get(frames.checked_sub(1)?).or(self.before.last())?;
         let state = before.actors.get(body.actor).filter(|state| state.visible)?;
-        Some(ActorInstance::new(body.actor, body.asset, body.place, state))
+        Some(Body::new(body.actor, body.asset, body.place, state))
     }
 }
 
 /// An actor that is seen, or one of the places where its body stands.
 #[derive(Clone, Copy)]
-pub struct ActorInstance<'a> {
+pub struct Body<'a> {
     /// Index into `Stage::actors`.
     pub actor: usize,
     pub asset: &'a Asset,
@@ -58,9 +58,9 @@ pub struct ActorInstance<'a> {
     pub world_from_model: DAffine3,
 }
 
-impl<'a> ActorInstance<'a> {
-    fn new(actor: usize, asset: &'a Asset, place: DAffine3, state: &'a ActorState) -> ActorInstance<'a> {
-        ActorInstance { actor, asset, state, place, world_from_model: state.world_from_model * place }
+impl<'a> Body<'a> {
+    fn new(actor: usize, asset: &'a Asset, place: DAffine3, state: &'a ActorState) -> Body<'a> {
+        Body { actor, asset, state, place, world_from_model: state.world_from_model * place }
     }
 
     /// World position of a joint; `None` where there is none, or no finite position.
@@ -131,7 +131,7 @@ impl Overlay {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triangle {
     /// World, metres.
-    pub vertices: [DVec3; 3],
+    pub corners: [DVec3; 3],
     /// Linear, straight alpha.
     pub color: Vec4,
 }
@@ -173,7 +173,7 @@ pub struct Lattice {
     pub cell: f64,
     /// Each Nth line is a thick one, and stays where there are too many thin ones for the pixels.
     pub every: u32,
-    /// In pixels, of thin lines and of thick ones.
+    /// Pixels, of thin lines and of thick ones.
     pub widths: [f32; 2],
     /// Linear, straight alpha.
     pub color: Vec4,

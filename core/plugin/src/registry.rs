@@ -2,8 +2,8 @@
 
 use crate::suggest::{did_you_mean, list};
 use crate::{
-    Claim, Effect, Exporter, Files, ImportError, ImportOptions, ImportScope, Importer, LazyEffect,
-    PluginError, Source,
+    Claim, Effect, EffectOnUse, Exporter, Files, ImportError, ImportOptions, Importer, Needs, PluginFault,
+    Source,
 };
 use choreo_asset::Asset;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ pub struct Registry {
     exporters: Vec<Arc<dyn Exporter>>,
     effects: Vec<Arc<dyn Effect>>,
     /// Clones share what was made of them.
-    on_use: Vec<Arc<LazyEffect>>,
+    on_use: Vec<Arc<EffectOnUse>>,
     /// Files that were meant as plugins and are none, as messages name them.
     faulty: Vec<String>,
 }
@@ -33,15 +33,11 @@ impl Registry {
         self.exporters.push(Arc::new(plugin));
     }
     pub fn add_effect(&mut self, plugin: impl Effect + 'static) {
-        self.add_shared_effect(Arc::new(plugin));
-    }
-    /// As [`Registry::add_effect`].
-    pub fn add_shared_effect(&mut self, plugin: Arc<dyn Effect>) {
         self.forget_effect(&plugin.manifest().name);
-        self.effects.push(plugin);
+        self.effects.push(Arc::new(plugin));
     }
     /// An effect of a plugin file, made when it is used first.
-    pub fn add_lazy_effect(&mut self, plugin: Arc<LazyEffect>) {
+    pub fn add_effect_on_use(&mut self, plugin: Arc<EffectOnUse>) {
         self.forget_effect(plugin.name());
         self.on_use.push(plugin);
     }
@@ -69,7 +65,7 @@ impl Registry {
         self.effects.iter().find(|e| e.manifest().name == name).or_else(made)
     }
     /// An effect to be used: that of a plugin file is made now. `None` where no effect has the name.
-    pub fn use_effect(&self, name: &str) -> Result<Option<&Arc<dyn Effect>>, &PluginError> {
+    pub fn use_effect(&self, name: &str) -> Result<Option<&Arc<dyn Effect>>, &PluginFault> {
         let of_file = || self.on_use.iter().find(|e| e.name() == name).map(|e| e.get()).transpose();
         self.effects.iter().find(|e| e.manifest().name == name).map_or_else(of_file, |e| Ok(Some(e)))
     }
@@ -147,7 +143,7 @@ impl Registry {
         &self,
         source: &Source,
         files: &dyn Files,
-        needs: ImportScope,
+        needs: Needs,
         options: &ImportOptions,
         named: Option<&str>,
     ) -> Result<Asset, ImportError> {
@@ -180,7 +176,7 @@ mod tests {
             &self,
             _: &Source,
             _: &dyn Files,
-            _: ImportScope,
+            _: Needs,
             _: &ImportOptions,
         ) -> Result<Asset, ImportError> {
             Ok(Asset::default())
@@ -234,13 +230,13 @@ mod tests {
         let mut registry = Registry::default();
         registry.add_effect(Named(Manifest::new("fog", "1", "the program's")));
         let count = made.clone();
-        registry.add_lazy_effect(Arc::new(LazyEffect::new("fog", move || {
+        registry.add_effect_on_use(Arc::new(EffectOnUse::new("fog", move || {
             count.fetch_add(1, Ordering::Relaxed);
             Ok(named("fog"))
         })));
-        let fault = PluginError { text: "bad.wgsl:1:1: faulty".into(), files: Vec::new() };
+        let fault = PluginFault { text: "bad.wgsl:1:1: faulty".into(), files: Vec::new() };
         let same = fault.clone();
-        registry.add_lazy_effect(Arc::new(LazyEffect::new("bad", move || Err(same.clone()))));
+        registry.add_effect_on_use(Arc::new(EffectOnUse::new("bad", move || Err(same.clone()))));
         assert_eq!(registry.effect_names().collect::<Vec<_>>(), ["fog", "bad"]);
         assert!(registry.effect("fog").is_none() && registry.settled().effects().is_empty());
         assert_eq!(made.load(Ordering::Relaxed), 0);

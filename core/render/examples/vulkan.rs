@@ -2,7 +2,7 @@
 //! [--grid N] [--size WxH] [--samples N] [--frames N] [--cache DIR] [--shaders DIR] [--plain] [--empty] [--validation] [-o OUT.png]`
 
 use choreo_motion::Time;
-use choreo_plugin::{Exporter, Files, ImportOptions, ImportScope, Importer, Source, VideoInfo};
+use choreo_plugin::{Exporter, Files, ImportOptions, Importer, Needs, Source, VideoInfo};
 use choreo_render::{GpuOptions, Plan, PlanOptions, Renderer, SceneResources, VulkanRenderer};
 use choreo_stage::{Camera, Cue, Placement, Rig, Stage, StageLight};
 use glam::Vec3;
@@ -46,7 +46,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let source = Source { name: file.clone(), bytes: Arc::new(std::fs::read(file)?) };
     let folder = Folder(Path::new(file).parent().unwrap_or(Path::new(".")).into());
     let importer = import_gltf::GltfImporter::new();
-    let asset = Arc::new(importer.import(&source, &folder, ImportScope::ALL, &ImportOptions::default())?);
+    let asset = Arc::new(importer.import(&source, &folder, Needs::ALL, &ImportOptions::default())?);
     let mut stage = Stage::default();
     let grid = number("--grid", 1.0) as i64;
     for i in 0..grid * grid {

@@ -14,19 +14,19 @@ use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
 use std::sync::Arc;
 
 fn all() -> Vec<Arc<dyn Effect>> {
-    effects::named(&[
-        "fog",
-        "toon",
-        "views",
-        "xray",
-        "wireframe",
-        "fxaa",
-        "bloom",
-        "vignette",
-        "skeleton",
-        "grid",
-        "shadow_catcher",
-    ])
+    vec![
+        Arc::new(effect_fog::Fog),
+        Arc::new(effect_toon::Toon),
+        Arc::new(effect_views::Views),
+        Arc::new(effect_xray::Xray),
+        Arc::new(effect_wireframe::Wireframe),
+        Arc::new(effect_fxaa::Fxaa),
+        Arc::new(effect_bloom::Bloom),
+        Arc::new(effect_vignette::Vignette),
+        Arc::new(effect_skeleton::Skeleton),
+        Arc::new(effect_grid::Grid),
+        Arc::new(effect_shadow_catcher::ShadowCatcher),
+    ]
 }
 
 fn with(scene: &mut Scene, plugin: &str, parameters: &[(&str, f64)], actors: &[usize]) {
@@ -191,7 +191,7 @@ fn edges_are_drawn_once_and_hidden_by_what_is_before_them() {
 
 #[test]
 fn an_effect_that_asks_for_joints_gets_them_and_others_none() {
-    assert_eq!(all()[0].hook(), Hook::Surface);
+    assert_eq!(effect_fog::Fog.hook(), Hook::Surface);
     let mut scene = layered_scene();
     with(&mut scene, "views", &[("show", 2.0)], &[]);
     let effects = all();

@@ -22,7 +22,7 @@ fn effect(name: &str, head: &str, gives: &str, body: &str) -> Arc<dyn Effect> {
         let rgba = (0..16u8).flat_map(|i| [i * 16, 255 - i * 16, (i % 4) * 80, 255]).collect();
         Ok(Picture { size: [4, 4], rgba, file: None })
     };
-    Arc::new(WgslEffect::with_textures("my.wgsl", &text, paper).unwrap_or_else(|e| panic!("{e}\n{text}")))
+    Arc::new(WgslEffect::with_pictures("my.wgsl", &text, paper).unwrap_or_else(|e| panic!("{e}\n{text}")))
 }
 
 const VERTEX: &str = "fn effect(place: Place, p: array<f32, 8>) -> vec3<f32>";

@@ -4,7 +4,7 @@ mod common;
 
 use choreo_image_diff::compare;
 use choreo_motion::{Interpolation, Time};
-use choreo_plugin::{Effect, EffectScene, Frame, Hook, Manifest, Overlay, Stroke};
+use choreo_plugin::{Effect, Frame, Hook, Manifest, Overlay, Scene as Seen, Stroke};
 use choreo_render::plan::motion_blur::plan_at;
 use choreo_render::{CpuRenderer, GpuOptions, PlanOptions, Renderer, SceneResources};
 use choreo_stage::{Channel, Evaluator, Property};
@@ -13,9 +13,7 @@ use glam::{DVec3, Vec3, Vec4};
 use std::sync::{Arc, LazyLock};
 
 fn effects() -> Vec<Arc<dyn Effect>> {
-    let mut all = effects::named(&["motion_blur", "vignette"]);
-    all.push(Arc::new(Line));
-    all
+    vec![Arc::new(effect_motion_blur::MotionBlur), Arc::new(effect_vignette::Vignette), Arc::new(Line)]
 }
 
 /// A bright quad, two metres wide, that crosses 64 pixels of an eighth of a metre in a second of one frame.
@@ -132,7 +130,7 @@ impl Effect for Line {
     fn hook(&self) -> Hook {
         Hook::Overlay
     }
-    fn overlay(&self, _: &EffectScene, _: &[f32; 8]) -> Overlay {
+    fn overlay(&self, _: &Seen, _: &[f32; 8]) -> Overlay {
         let line = |x: f64, y: f64, z: f64| Stroke {
             from: DVec3::new(-x, y, z),
             to: DVec3::new(x, y, z),

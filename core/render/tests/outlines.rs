@@ -57,7 +57,7 @@ fn ball(radius: f32) -> Primitive {
 }
 
 fn effects() -> Vec<Arc<dyn Effect>> {
-    effects::named(&["outline"])
+    vec![Arc::new(effect_outline::Outline)]
 }
 
 fn outlined(scene: &mut Scene, width: f64, actors: Vec<usize>) {

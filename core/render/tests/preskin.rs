@@ -123,7 +123,7 @@ fn scene(way: Way) -> Scene {
 }
 
 fn effects() -> Vec<Arc<dyn Effect>> {
-    effects::named(&["outline"])
+    vec![Arc::new(effect_outline::Outline)]
 }
 
 fn with(mut scene: Scene, skin_once: SkinOnce) -> Scene {

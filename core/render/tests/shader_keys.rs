@@ -362,7 +362,7 @@ fn effects(on: &[&str]) -> Vec<SceneEffect> {
         name: format!("e{bit}"),
         wgsl,
         hook,
-        in_model_space: bit == 4,
+        along_model: bit == 4,
     })
     .collect()
 }

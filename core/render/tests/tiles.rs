@@ -16,7 +16,14 @@ use std::sync::Arc;
 const SIZE: [u32; 2] = [200, 150];
 
 fn effects() -> Vec<Arc<dyn Effect>> {
-    effects::named(&["fog", "fxaa", "bloom", "wireframe", "grid", "outline"])
+    vec![
+        Arc::new(effect_fog::Fog),
+        Arc::new(effect_fxaa::Fxaa),
+        Arc::new(effect_bloom::Bloom),
+        Arc::new(effect_wireframe::Wireframe),
+        Arc::new(effect_grid::Grid),
+        Arc::new(effect_outline::Outline),
+    ]
 }
 
 /// Of everything something, seen from aside, with a shadow and many lamps before a gradient.

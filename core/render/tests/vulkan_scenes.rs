@@ -11,7 +11,7 @@ use choreo_render::*;
 use choreo_stage::*;
 use common::{draw as draw_cpu, *};
 use glam::{DAffine3, DVec3, Vec2, Vec3, Vec4};
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, LazyLock, Mutex, MutexGuard};
 
 /// One renderer for all tests of this file: making one costs more than most tests.
 fn renderer() -> Option<MutexGuard<'static, Option<VulkanRenderer>>> {
@@ -24,7 +24,10 @@ fn renderer() -> Option<MutexGuard<'static, Option<VulkanRenderer>>> {
 }
 
 fn new_renderer() -> Option<VulkanRenderer> {
-    vulkan(GpuOptions { effects: effects(), ..GpuOptions::default() })
+    vulkan(GpuOptions {
+        effects: vec![Arc::new(effect_vignette::Vignette), Arc::new(Swap)],
+        ..GpuOptions::default()
+    })
 }
 
 macro_rules! vulkan {
@@ -36,13 +39,22 @@ macro_rules! vulkan {
     };
 }
 
-/// The vignette, and an effect that exchanges red and blue: not its own inverse with anything else, so a chain shows its order.
-fn effects() -> Vec<Arc<dyn Effect>> {
-    let swap = "// effect: swap
-fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color.bgra; }";
-    let mut all = effects::named(&["vignette"]);
-    all.push(Arc::new(choreo_wgsl_effect::WgslEffect::from_text("swap.wgsl", swap).unwrap()));
-    all
+/// Exchanges red and blue: not its own inverse with anything else, so a chain shows its order.
+struct Swap;
+
+static SWAP: LazyLock<choreo_plugin::Manifest> =
+    LazyLock::new(|| choreo_plugin::Manifest::new("swap", "1", "exchanges red and blue"));
+
+impl Effect for Swap {
+    fn manifest(&self) -> &choreo_plugin::Manifest {
+        &SWAP
+    }
+    fn wgsl(&self) -> &str {
+        "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color.bgra; }"
+    }
+    fn cpu(&self, c: Vec4, _: Vec2, _: &[f32; 8]) -> Vec4 {
+        Vec4::new(c.z, c.y, c.x, c.w)
+    }
 }
 
 /// As a device that is no CPU gets it.
@@ -338,7 +350,7 @@ fn equal_content_is_uploaded_once_and_kept() {
 fn effects_run_in_order_on_linear_light() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
-    let effects = effects();
+    let effects: Vec<Arc<dyn Effect>> = vec![Arc::new(effect_vignette::Vignette), Arc::new(Swap)];
     let mut scene = busy_scene(DVec3::ZERO);
     scene.snapshot.background = Background::Gradient { top: Vec3::X, bottom: Vec3::new(0.5, 0.2, 0.1) };
     for chain in [&["vignette"][..], &["swap", "vignette"], &["vignette", "swap", "swap", "vignette"]] {

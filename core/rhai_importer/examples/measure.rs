@@ -1,7 +1,7 @@
 //! How long an importer in a script takes for 5 MB of vertices and indices:
 //! `cargo run --release -p choreo-rhai-importer --example measure`.
 
-use choreo_plugin::{Files, ImportOptions, ImportScope, Importer, Source};
+use choreo_plugin::{Files, ImportOptions, Importer, Needs, Source};
 use choreo_rhai_importer::RhaiImporter;
 use std::sync::Arc;
 use std::time::Instant;
@@ -56,7 +56,7 @@ fn main() {
         .map(|_| {
             let start = Instant::now();
             let asset = importer
-                .import(&source, &None, ImportScope::ALL, &ImportOptions::default())
+                .import(&source, &None, Needs::ALL, &ImportOptions::default())
                 .unwrap_or_else(|e| panic!("{e}"));
             assert_eq!(asset.meshes[0].primitives[0].positions.len(), (SIDE * SIDE) as usize);
             start.elapsed().as_secs_f64() * 1e3

@@ -15,7 +15,7 @@ use crate::modules::read_text;
 use crate::parsed::Parsed;
 use crate::resolve::resolve;
 use crate::suggest::{did_you_mean, list};
-use choreo_plugin::{ImportScope, Registry};
+use choreo_plugin::{Needs, Registry};
 use choreo_stage::Stage;
 use rhai::{AST, Engine};
 use std::collections::{BTreeMap, BTreeSet};
@@ -31,7 +31,7 @@ pub struct ScriptOptions {
     pub set: Vec<(String, String)>,
     pub limits: Limits,
     /// What the caller will use of the assets.
-    pub needs: ImportScope,
+    pub needs: Needs,
     /// Assets of earlier runs with clones of this.
     pub assets: AssetCache,
     /// Reports the progress of the files that the script loads, on any thread, and calls them off.
@@ -44,7 +44,7 @@ impl Default for ScriptOptions {
             search_paths: Vec::new(),
             set: Vec::new(),
             limits: Limits::default(),
-            needs: ImportScope::ALL,
+            needs: Needs::ALL,
             assets: AssetCache::default(),
             imports: Imports::default(),
         }

@@ -24,7 +24,7 @@ impl Importer for Meet {
         &self,
         source: &Source,
         files: &dyn Files,
-        _: ImportScope,
+        _: Needs,
         _: &ImportOptions,
     ) -> Result<Asset, ImportError> {
         let fail = |what: &str| ImportError {

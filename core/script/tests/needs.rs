@@ -2,7 +2,7 @@
 
 mod common;
 
-use choreo_plugin::ImportScope;
+use choreo_plugin::Needs;
 use choreo_script::ScriptOptions;
 use choreo_script::testing::{TestOptions, list_sections, run_section};
 use common::*;
@@ -80,7 +80,7 @@ fn the_script_shows_it_by_itself() {
 
 /// For `check`, `info` and `pose`.
 fn nobody_draws() {
-    let options = ScriptOptions { needs: ImportScope::NO_PIXELS, ..ScriptOptions::default() };
+    let options = ScriptOptions { needs: Needs::NO_PIXELS, ..ScriptOptions::default() };
     assets().run_text(r#"cast("a", load("hero.toy"));"#, &options).unwrap();
     assert_eq!(made(), (1, 0));
 }

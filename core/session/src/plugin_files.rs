@@ -4,7 +4,7 @@
 
 use choreo_files::{FileError, Folder};
 use choreo_importer_kit::pictures::{Encoded, Formats};
-use choreo_plugin::{BesideFile, Effect, LazyEffect, PluginError, PluginFile, Registry};
+use choreo_plugin::{BesideFile, Effect, EffectOnUse, PluginFault, PluginFile, Registry};
 use choreo_rhai_importer::{ImporterOnUse, RhaiImporter, ScriptError};
 use choreo_wgsl_effect::{Picture, WgslEffect};
 use std::io::Read;
@@ -66,7 +66,7 @@ struct Entry {
 
 #[derive(Clone)]
 enum Plugin {
-    Effect(Arc<LazyEffect>),
+    Effect(Arc<EffectOnUse>),
     Importer(Arc<ImporterOnUse>),
     /// It has no name to be used by.
     Faulty(String),
@@ -120,7 +120,7 @@ pub fn list(
         for source in sources(place)? {
             if let Some(entry) = listing.entry(source, place.kind, before) {
                 match &entry.plugin {
-                    Plugin::Effect(effect) => listing.registry.add_lazy_effect(effect.clone()),
+                    Plugin::Effect(effect) => listing.registry.add_effect_on_use(effect.clone()),
                     Plugin::Importer(importer) => listing.registry.add_shared_importer(importer.clone()),
                     Plugin::Faulty(_) => listing.registry.add_faulty(entry.source.shown.clone()),
                 }
@@ -214,7 +214,7 @@ impl Listing {
             let file = of.read();
             // Made once, so that the slot is empty.
             let _ = slot.set(file.clone());
-            let text = |text| PluginError { text, files: vec![of.path.clone()] };
+            let text = |text| PluginFault { text, files: vec![of.path.clone()] };
             file.map_err(text).map(|file| (of.shown.clone(), file))
         };
         let plugin = if source.is_wgsl() {
@@ -228,7 +228,7 @@ impl Listing {
             match choreo_wgsl_effect::name(&head) {
                 Some(name) => {
                     let make = move || reading().and_then(|(shown, file)| effect(&shown, file));
-                    Plugin::Effect(Arc::new(LazyEffect::new(&name, make)))
+                    Plugin::Effect(Arc::new(EffectOnUse::new(&name, make)))
                 }
                 None => Plugin::Faulty(source.fault()),
             }
@@ -349,21 +349,21 @@ fn picture(file: &PluginFile, name: &str) -> Result<Picture, String> {
     })
 }
 
-fn effect(shown: &str, file: PluginFile) -> Result<Arc<dyn Effect>, PluginError> {
-    let compiled = WgslEffect::with_textures(shown, &file.text, |name| picture(&file, name));
+fn effect(shown: &str, file: PluginFile) -> Result<Arc<dyn Effect>, PluginFault> {
+    let compiled = WgslEffect::with_pictures(shown, &file.text, |name| picture(&file, name));
     match compiled {
         Ok(effect) => Ok(Arc::new(effect.with_file(file))),
         Err(error) => {
             let beside = file.beside.into_iter().map(|b| b.path);
             let files = std::iter::once(file.path).chain(beside).collect();
-            Err(PluginError { text: error.to_string(), files })
+            Err(PluginFault { text: error.to_string(), files })
         }
     }
 }
 
-fn importer(shown: &str, file: PluginFile) -> Result<RhaiImporter, PluginError> {
+fn importer(shown: &str, file: PluginFile) -> Result<RhaiImporter, PluginFault> {
     match RhaiImporter::from_text(shown, &file.text) {
         Ok(importer) => Ok(importer.with_file(file)),
-        Err(error) => Err(PluginError { text: error.to_string(), files: vec![file.path] }),
+        Err(error) => Err(PluginFault { text: error.to_string(), files: vec![file.path] }),
     }
 }

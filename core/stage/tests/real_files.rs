@@ -2,7 +2,7 @@
 
 mod support;
 use choreo_asset::*;
-use choreo_plugin::{Files, ImportOptions, ImportScope, Importer, Source};
+use choreo_plugin::{Files, ImportOptions, Importer, Needs, Source};
 use choreo_stage::*;
 use glam::{DAffine3, DVec3};
 use std::path::PathBuf;
@@ -25,7 +25,7 @@ fn load(name: &str) -> Option<Arc<Asset>> {
         return None;
     };
     let source = Source { name: name.to_string(), bytes: Arc::new(bytes) };
-    let needs = ImportScope { geometry: true, clips: true, textures: false, pixels: false };
+    let needs = Needs { geometry: true, clips: true, textures: false, pixels: false };
     let importer = import_gltf::GltfImporter::new();
     Some(Arc::new(importer.import(&source, &NoFiles, needs, &ImportOptions::default()).unwrap()))
 }

@@ -6,22 +6,20 @@
 //! text ─► naga: parse, validate ────┴► Program: the same module, evaluated a pixel at a time (CPU)
 //! ```
 
+mod around;
 mod compile;
+mod depth;
 mod effect;
-mod environment;
+mod forms;
 mod head;
-mod lower;
-mod machine;
-mod nesting;
-mod operators;
+mod maths;
 mod overlay;
 mod parameters;
-mod pool;
+mod prepare;
 mod program;
 mod shape;
-mod signature;
-mod suggestions;
+mod slips;
 mod trial;
 
-pub use effect::{ENDING, EffectError, Picture, WgslEffect};
+pub use effect::{ENDING, LookError, Picture, WgslEffect};
 pub use head::{files, is_meant, name};

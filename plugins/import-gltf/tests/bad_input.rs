@@ -4,7 +4,7 @@ mod common;
 
 use choreo_asset::Asset;
 use choreo_importer_kit_testing::alone;
-use choreo_plugin::{Claim, Files, ImportOptions, ImportScope, Importer};
+use choreo_plugin::{Claim, Files, ImportOptions, Importer, Needs};
 use common::sample::{POSITIONS, ROTATIONS, TIMES, WEIGHTS, sample};
 use import_gltf::GltfImporter;
 use serde_json::{Value, json};
@@ -244,12 +244,7 @@ fn further_files() {
     let mut text_of = |uri: &str, files: &dyn Files| {
         json["buffers"][0]["uri"] = json!(uri);
         let source = common::source("bad.gltf", serde_json::to_vec(&json).unwrap());
-        common::error_text(GltfImporter::new().import(
-            &source,
-            files,
-            ImportScope::ALL,
-            &ImportOptions::default(),
-        ))
+        common::error_text(GltfImporter::new().import(&source, files, Needs::ALL, &ImportOptions::default()))
     };
     let wrong = |text: String, tail: &str| {
         assert!(text.contains("buffers[0]") && text.ends_with(tail), "{text}");

@@ -2,7 +2,7 @@
 //! through is proved harmless further down.
 
 use choreo_motion::Time;
-use choreo_plugin::{Files, ImportOptions, Importer, Manifest, ImportScope, OptionKind, OptionValue, Source};
+use choreo_plugin::{Files, ImportOptions, Importer, Manifest, Needs, OptionKind, OptionValue, Source};
 use choreo_render::{SceneResources, CpuRenderer, Plan, PlanOptions, Renderer};
 use choreo_asset::Asset;
 use choreo_stage::{Cue, Evaluator, Snapshot, Stage};
@@ -33,9 +33,9 @@ pub fn import(importer: &dyn Importer, name: &str, bytes: &[u8], files: &dyn Fil
     importer.claim(&source);
     let choice = if bytes.len() & 8 == 0 { 0 } else { bytes.len() as u64 };
     let needs = match choice & 7 {
-        1 => ImportScope { clips: false, ..ImportScope::ALL },
-        2 => ImportScope { geometry: false, ..ImportScope::ALL },
-        _ => ImportScope::ALL,
+        1 => Needs { clips: false, ..Needs::ALL },
+        2 => Needs { geometry: false, ..Needs::ALL },
+        _ => Needs::ALL,
     };
     match importer.import(&source, files, needs, &options(importer.manifest(), choice)) {
         Ok(asset) => play(Arc::new(asset)),

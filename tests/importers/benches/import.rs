@@ -9,7 +9,7 @@
 //! makes nothing of what it has read; the like of ours has the steps whose results ours always has ([`STEPS`]).
 //! Memory is the greatest that a whole process had resident.
 
-use choreo_plugin::{ImportScope, OptionValue};
+use choreo_plugin::{Needs, OptionValue};
 use importers::{SAMPLES, import_with, samples};
 use rustix::time::{ClockId, clock_gettime};
 use std::io::Read;
@@ -60,7 +60,7 @@ fn status(field: &str) -> Option<f64> {
 fn once(path: &Path, tolerance: Option<f64>) {
     let given: Vec<_> = tolerance.map(|t| ("tolerance", OptionValue::Number(t))).into_iter().collect();
     let before = thread_ms();
-    let asset = import_with(path, ImportScope { textures: false, ..ImportScope::ALL }, &given);
+    let asset = import_with(path, Needs { textures: false, ..Needs::ALL }, &given);
     let after = thread_ms();
     assert!(std::hint::black_box(asset).is_ok(), "{}", path.display());
     println!("{} {}", after - before, status("VmHWM:").unwrap_or(f64::NAN) / 1024.0);
@@ -70,7 +70,7 @@ fn once(path: &Path, tolerance: Option<f64>) {
 fn again(path: &Path) {
     let run = || {
         let before = thread_ms();
-        let asset = import_with(path, ImportScope { textures: false, ..ImportScope::ALL }, &[]);
+        let asset = import_with(path, Needs { textures: false, ..Needs::ALL }, &[]);
         assert!(std::hint::black_box(asset).is_ok(), "{}", path.display());
         thread_ms() - before
     };

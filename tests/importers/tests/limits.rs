@@ -2,7 +2,7 @@
 //! message, and the model is there without them. glTF holds its pictures itself; its own tests hold the words.
 
 use choreo_importer_kit_testing::{Companions, import, source, warnings};
-use choreo_plugin::{ImportScope, Importer};
+use choreo_plugin::{Importer, Needs};
 
 /// A PNG of this size, as far as its first rows: an empty IDAT.
 fn png_header(width: u32, height: u32) -> Vec<u8> {
@@ -90,7 +90,7 @@ fn pictures_larger_than_any() {
     for (name, text, importer) in importers {
         for (width, height, words) in cases {
             let files = Companions::of(vec![("a.mtl", MTL.into()), ("bomb.png", png_header(width, height))]);
-            let asset = import(importer, &source(name, text), &files, ImportScope::ALL);
+            let asset = import(importer, &source(name, text), &files, Needs::ALL);
             let asset = asset.unwrap_or_else(|e| panic!("{e}"));
             let said = warnings(&asset);
             assert!(said.iter().any(|w| w.contains(words)), "{name} {width} x {height}: {said:#?}");

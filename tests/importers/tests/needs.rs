@@ -2,7 +2,7 @@
 
 use choreo_asset::Asset;
 use choreo_importer_kit_testing::assets;
-use choreo_plugin::ImportScope;
+use choreo_plugin::Needs;
 use importers::{SAMPLES, import, samples, whole};
 
 fn pictures(asset: &Asset) -> Vec<(String, u32, u32)> {
@@ -16,7 +16,7 @@ fn without_pixels_pictures_are_told_the_same() {
     let mut told = 0;
     for name in samples(&folder) {
         let path = folder.join(&name);
-        let asset = import(&path, ImportScope::NO_PIXELS).unwrap_or_else(|e| panic!("{e}"));
+        let asset = import(&path, Needs::NO_PIXELS).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(pictures(&asset), pictures(&whole(&path)), "{}", name.display());
         assert!(asset.images.iter().all(|i| i.rgba.is_empty()), "{}", name.display());
         told += asset.images.len();

@@ -4,7 +4,8 @@ use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Choice, Row};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_bench::truth::Spread;
-use choreo_plugin::{Effect, EffectImage, EffectImages};
+use choreo_plugin::{Effect, Pictures, Pixels};
+use effect_bloom::Bloom;
 use glam::{DVec3, Vec3, Vec4};
 use std::hint::black_box;
 
@@ -131,19 +132,16 @@ fn truth(rgba: &[Vec4]) -> Vec<DVec3> {
 }
 
 /// What the effect adds, pass by pass.
-fn by_effect(bloom: &dyn Effect, rgba: &[Vec4]) -> Vec<Vec3> {
-    let Some(function) = bloom.function() else { return Vec::new() };
+fn by_effect(rgba: &[Vec4]) -> Vec<Vec3> {
     let whole = SIZE.map(|s| s as u32);
-    let original = EffectImage { size: whole, rgba };
+    let original = Pixels { size: whole, rgba };
     let (mut now, mut size) = (rgba.to_vec(), whole);
-    for pass in 0..bloom.passes() {
-        let shrink = if pass + 1 < bloom.passes() { bloom.shrink(pass, whole, &P) } else { 1 };
+    for pass in 0..Bloom.passes() {
+        let shrink = if pass + 1 < Bloom.passes() { Bloom.shrink(pass, whole, &P) } else { 1 };
         let [w, h] = whole.map(|s| s.div_ceil(shrink));
-        let pictures = EffectImages { now: EffectImage { size, rgba: &now }, original, before: &[] };
-        let mut next = vec![Vec4::ZERO; w as usize * h as usize];
-        for (y, row) in next.chunks_mut(w as usize).enumerate() {
-            function.image_row(&pictures, y as u32, pass, &P, row);
-        }
+        let pictures = Pictures { now: Pixels { size, rgba: &now }, original, before: &[] };
+        let all = (0..h as i32).flat_map(|y| (0..w as i32).map(move |x| [x, y]));
+        let next = all.map(|at| Bloom.cpu_picture(&pictures, at, pass, &P)).collect();
         (now, size) = (next, [w, h]);
     }
     now.iter().zip(rgba).map(|(with, without)| (*with - *without).truncate()).collect()
@@ -152,12 +150,11 @@ fn by_effect(bloom: &dyn Effect, rgba: &[Vec4]) -> Vec<Vec3> {
 fn shrinks() -> Result<Choice, String> {
     let rgba = picture();
     let exact = truth(&rgba);
-    let bloom = effects::named(&["bloom"]).remove(0);
-    let taken = bloom.shrink(0, SIZE.map(|s| s as u32), &P) as usize;
+    let taken = Bloom.shrink(0, SIZE.map(|s| s as u32), &P) as usize;
     let off = |a: &[Vec3], b: &[Vec3]| {
         a.iter().zip(b).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f32::max)
     };
-    let same = off(&spread(&rgba, taken), &by_effect(bloom.as_ref(), &rgba));
+    let same = off(&spread(&rgba, taken), &by_effect(&rgba));
     if same.is_nan() || same > 1e-4 {
         return Err(format!("what is measured is not the effect: {same} apart"));
     }

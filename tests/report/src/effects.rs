@@ -6,7 +6,7 @@ use choreo_bench::picture::Moment;
 use choreo_bench::plots::{Cell, Choice, Table, duration};
 use choreo_bench::timing::Clock;
 use choreo_motion::Time;
-use choreo_plugin::{Effect, Hook, Registry, Shutter};
+use choreo_plugin::{Effect, Exposure, Hook, Registry};
 use choreo_render::plan::motion_blur::{plan_at, times};
 use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
 use choreo_stage::{Evaluator, Stage};
@@ -84,7 +84,7 @@ const EFFECTS: [(&str, &str); 15] = [
 
 fn costs(registry: &Registry) -> Result<Table, String> {
     let effects = registry.effects();
-    for effect in effects.iter().filter(|e| e.hook() != Hook::Shutter) {
+    for effect in effects.iter().filter(|e| e.hook() != Hook::Exposure) {
         let name = &effect.manifest().name;
         if !EFFECTS.iter().any(|(_, script)| script.contains(&format!("\"{name}\""))) {
             return Err(format!("effect {name} is not in the table of costs"));
@@ -169,7 +169,7 @@ fn blur(registry: &Registry) -> Result<Choice, String> {
     let plan = |samples: u32| {
         let mut whole = one(at)?;
         if samples > 1 {
-            for time in times(&plain, at, &Shutter { samples, open: 0.5, before: 0.5 }) {
+            for time in times(&plain, at, &Exposure { samples, open: 0.5, before: 0.5 }) {
                 whole.subframes.push(Plan { linear: true, ..one(time)? });
             }
         }

@@ -3,7 +3,7 @@
 use super::row_color;
 use super::sky::Backdrop;
 use crate::plan::Plan;
-use choreo_plugin::{BACKGROUND_DISTANCE, Effect, SurfaceSample};
+use choreo_plugin::{BACKGROUND_DISTANCE, Effect, Seen};
 use glam::{Vec2, Vec3, Vec4, Vec4Swizzles};
 use std::sync::Arc;
 
@@ -39,19 +39,13 @@ impl Veil<'_> {
         };
         let way = ahead * (1.0 / ahead.dot(ahead).max(1e-20).sqrt());
         let viewer = view.position.as_vec3() + beside;
-        let seen = SurfaceSample {
+        let seen = Seen {
             world: viewer + way * BACKGROUND_DISTANCE,
             distance: BACKGROUND_DISTANCE,
             background: color.truncate(),
             viewer,
-            ..SurfaceSample::default()
+            ..Seen::default()
         };
-        let mut colors = [color];
-        for (effect, p) in &self.effects {
-            if let Some(function) = effect.function() {
-                function.surfaces(&mut colors, &[seen], p);
-            }
-        }
-        colors[0]
+        self.effects.iter().fold(color, |color, (effect, p)| effect.cpu_surface(color, &seen, p))
     }
 }

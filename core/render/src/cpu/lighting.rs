@@ -5,7 +5,7 @@ use super::brdf::incoming;
 use super::lanes::{F4, V3};
 use super::shade::Fragment;
 use crate::plan::PlanLight;
-use choreo_plugin::LightSample;
+use choreo_plugin::Falling;
 use glam::Vec3;
 
 /// Four points of a surface that lights fall on.
@@ -54,9 +54,10 @@ impl Fragment<'_> {
             let share = self.share(light, on.relative, on.own_n, l);
             let arriving = V3::splat(light.color) * strength;
             let lit = reflect(l, nl) * arriving * (nl * share);
-            let sample = |i: usize| {
+            let mut out = [F4::ZERO; 3];
+            for i in 0..4 {
                 let lane = |v: &V3| Vec3::new(v.x.0[i], v.y.0[i], v.z.0[i]);
-                LightSample {
+                let mut falling = Falling {
                     cosine: cosine.0[i],
                     share: share.0[i],
                     color: lane(&arriving),
@@ -66,16 +67,15 @@ impl Fragment<'_> {
                     light: lane(&l),
                     // Where the light is behind the surface the division by NL in V means nothing.
                     lit: if nl.0[i] > 0.0 { lane(&lit) } else { Vec3::ZERO },
+                };
+                for (effect, parameters) in &self.lighting {
+                    falling.lit = effect.cpu_lighting(&falling, parameters);
                 }
-            };
-            let mut samples: [LightSample; 4] = std::array::from_fn(sample);
-            for (effect, parameters) in &self.lighting {
-                if let Some(function) = effect.function() {
-                    function.lights(&mut samples, parameters);
+                for (out, c) in out.iter_mut().zip(falling.lit.to_array()) {
+                    out.0[i] = c;
                 }
             }
-            let [x, y, z] = [0, 1, 2].map(|c| F4(samples.map(|sample| sample.lit[c])));
-            *color = *color + V3 { x, y, z };
+            *color = *color + V3 { x: out[0], y: out[1], z: out[2] };
         }
     }
 }

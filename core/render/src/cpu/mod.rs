@@ -277,7 +277,7 @@ impl CpuRenderer {
 
     fn draw<T: Target, const S: usize>(&self, plan: &Plan, frame: &mut Frame) -> Result<(), RenderError> {
         let post = self.passes(plan)?;
-        if post.iter().any(|p| p.effect.hook() == Hook::Image) {
+        if post.iter().any(|p| p.effect.hook() == Hook::Picture) {
             let mut pixels = vec![Vec4::ZERO; plan.size[0] as usize * plan.size[1] as usize];
             self.tiles::<T, Vec4, S>(plan, &[], &mut pixels)?;
             picture::run(&post, plan.size, pixels, &[], &mut frame.rgba);

@@ -3,7 +3,7 @@
 use super::target::{Float, Srgb8, Target};
 use crate::error::RenderError;
 use crate::plan::PostPass;
-use choreo_plugin::{Effect, EffectImage, EffectImages, Hook};
+use choreo_plugin::{Effect, Hook, Pictures, Pixels};
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -38,37 +38,35 @@ pub fn effect<'a>(effects: &'a [Arc<dyn Effect>], name: &str) -> Result<&'a Arc<
         .ok_or_else(|| RenderError::Usage(format!("the renderer was made without the effect \"{name}\"")))
 }
 
-/// Centers of the pixels of a row, 0 to 1 from the top left of an image.
-pub fn pixel_uv([x, y]: [i32; 2], count: usize, size: [u32; 2]) -> Vec<Vec2> {
-    let size = Vec2::new(size[0] as f32, size[1] as f32);
-    (x..x + count as i32).map(|x| (Vec2::new(x as f32, y as f32) + 0.5) / size).collect()
-}
-
 /// `pixels`: linear, as the scene left them; `before`: those of the frames before. The last pass's are written as bytes.
 pub fn run(passes: &[Pass], size: [u32; 2], pixels: Vec<Vec4>, before: &[Vec<Vec4>], bytes: &mut [u8]) {
-    let before: Vec<EffectImage> = before.iter().map(|rgba| EffectImage { size, rgba }).collect();
+    let before: Vec<Pixels> = before.iter().map(|rgba| Pixels { size, rgba }).collect();
     let (mut now, mut now_size) = (pixels, size);
     let mut original = Vec::new();
     for pass in passes {
         if pass.number == 0 && pass.effect.passes() > 1 {
             original.clone_from(&now);
         }
-        let picture = EffectImage { size: now_size, rgba: &now };
-        let first = EffectImage { size, rgba: if pass.number == 0 { &now } else { &original } };
-        let pictures = EffectImages { now: picture, original: first, before: &before };
+        let picture = Pixels { size: now_size, rgba: &now };
+        let first = Pixels { size, rgba: if pass.number == 0 { &now } else { &original } };
+        let pictures = Pictures { now: picture, original: first, before: &before };
         let [width, height] = pass.size.map(|s| s as usize);
         let mut next = vec![Vec4::ZERO; width * height];
         next.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-            let Some(function) = pass.effect.function() else { return };
-            match pass.effect.hook() {
-                Hook::Image => function.image_row(&pictures, y as u32, pass.number, &pass.parameters, row),
-                _ => {
-                    let start = y.min(now_size[1] as usize - 1) * now_size[0] as usize;
-                    row.copy_from_slice(&now[start..start + width]);
-                    function.pixels(row, &pixel_uv([0, y as i32], width, size), &pass.parameters);
-                }
+            for (x, out) in row.iter_mut().enumerate() {
+                let color = match pass.effect.hook() {
+                    Hook::Picture => {
+                        let at = [x as i32, y as i32];
+                        pass.effect.cpu_picture(&pictures, at, pass.number, &pass.parameters)
+                    }
+                    _ => {
+                        let at = Vec2::new(x as f32, y as f32) + 0.5;
+                        let uv = at / Vec2::new(size[0] as f32, size[1] as f32);
+                        pass.effect.cpu(picture.at(x as i32, y as i32), uv, &pass.parameters)
+                    }
+                };
+                *out = Float::encode(color).decode();
             }
-            row.iter_mut().for_each(|color| *color = Float::encode(*color).decode());
         });
         (now, now_size) = (next, pass.size);
     }

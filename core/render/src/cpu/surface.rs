@@ -7,14 +7,11 @@ use super::shade::{Fragment, Shaded};
 use super::sky::behind;
 use super::vertex::Vertex;
 use crate::plan::{Features, Glass};
-use choreo_plugin::SurfaceSample;
-use glam::{Vec2, Vec3, Vec4};
-
-/// Quads that effects on surfaces are given at once: effects in WGSL run over 32 pixels together.
-pub const QUADS: usize = 8;
+use choreo_plugin::Seen;
+use glam::{Vec2, Vec3};
 
 impl Fragment<'_> {
-    /// A quad with the effects on surfaces; `at` is its first pixel.
+    /// `at`: the quad's first pixel.
     pub fn seen(
         &self,
         vertices: &[Vertex],
@@ -24,26 +21,9 @@ impl Fragment<'_> {
         at: [i32; 2],
     ) -> Shaded {
         let mut shaded = self.shade(vertices, ids, front, weights);
-        if self.has_surface_effects() {
-            let samples = self.samples(vertices, ids, front, weights, at);
-            self.apply_surface_effects(std::slice::from_mut(&mut shaded), &samples);
+        if self.surface.is_empty() || self.glass == Glass::Filter {
+            return shaded;
         }
-        shaded
-    }
-
-    pub fn has_surface_effects(&self) -> bool {
-        !self.surface.is_empty() && self.glass != Glass::Filter
-    }
-
-    /// What effects on surfaces are given of a quad.
-    pub fn samples(
-        &self,
-        vertices: &[Vertex],
-        ids: [u32; 3],
-        front: bool,
-        weights: &Weights,
-        at: [i32; 2],
-    ) -> [SurfaceSample; 4] {
         let relative = weights.vec3(ids.map(|i| vertices[i as usize].relative));
         let has = |bit| self.features.has(bit);
         let normals = self.features.is_lit() || has(Features::EFFECT_NORMALS);
@@ -59,7 +39,7 @@ impl Fragment<'_> {
         let view = &self.plan.view;
         let sky = self.plan.sky.as_ref().filter(|sky| sky.background && has(Features::SKY));
         let sky = self.sky.zip(sky);
-        let sample = |i: usize| {
+        for i in 0..4 {
             let lane = |v: &V3| Vec3::new(v.x.0[i], v.y.0[i], v.z.0[i]);
             let (relative, normal) = (lane(&relative), lane(&normal));
             let eye = view.eye.truncate();
@@ -67,7 +47,7 @@ impl Fragment<'_> {
             let y = (at[1] + i as i32 / 2).max(0) as usize;
             let world = relative + view.position.as_vec3();
             let distance = if view.eye.w > 0.5 { relative.length() } else { -relative.dot(eye) };
-            SurfaceSample {
+            let seen = Seen {
                 world,
                 distance,
                 viewer: world - relative * view.eye.w + eye * distance,
@@ -80,40 +60,24 @@ impl Fragment<'_> {
                 joints: if has(Features::EFFECT_JOINTS) { lane(&joints) } else { Vec3::ZERO },
                 shadow: lost.map_or(0.0, |lost| lost.0[i]),
                 uv: uv.map_or(Vec2::ZERO, |[u, v]| Vec2::new(u.0[i], v.0[i])),
-            }
-        };
-        std::array::from_fn(sample)
-    }
-
-    /// The effects' functions, one after the other, on up to [`QUADS`] quads; four samples for each.
-    pub fn apply_surface_effects(&self, quads: &mut [Shaded], samples: &[SurfaceSample]) {
-        let mut colors = [Vec4::ZERO; 4 * QUADS];
-        let colors = &mut colors[..samples.len()];
-        for (colors, shaded) in colors.chunks_exact_mut(4).zip(&*quads) {
-            for (i, color) in colors.iter_mut().enumerate() {
-                *color = shaded.pixel(i);
+            };
+            let mut color = shaded.pixel(i);
+            if self.glass == Glass::Light && color.w > 0.0 {
                 // The light of glass comes multiplied by its alpha.
-                if self.glass == Glass::Light && color.w > 0.0 {
-                    *color = (color.truncate() / color.w).extend(color.w);
-                }
+                color = (color.truncate() / color.w).extend(color.w);
+            }
+            for (effect, parameters) in &self.surface {
+                color = effect.cpu_surface(color, &seen, parameters);
+            }
+            if self.glass == Glass::Light {
+                let alpha = shaded.rgba[3].0[i];
+                color = (color.truncate() * alpha).extend(alpha);
+            }
+            for (out, c) in shaded.rgba.iter_mut().zip(color.to_array()) {
+                out.0[i] = c;
             }
         }
-        for (effect, parameters) in &self.surface {
-            if let Some(function) = effect.function() {
-                function.surfaces(colors, samples, parameters);
-            }
-        }
-        for (colors, shaded) in colors.chunks_exact(4).zip(quads) {
-            for (i, mut color) in colors.iter().copied().enumerate() {
-                if self.glass == Glass::Light {
-                    let alpha = shaded.rgba[3].0[i];
-                    color = (color.truncate() * alpha).extend(alpha);
-                }
-                for (out, c) in shaded.rgba.iter_mut().zip(color.to_array()) {
-                    out.0[i] = c;
-                }
-            }
-        }
+        shaded
     }
 
     /// Share of the light that a white matte surface would give back and that shadows take, by luminance.

@@ -8,7 +8,7 @@ use crate::plan::{ActiveMorph, Features, Instance, Plan};
 use crate::scene_resources::PrimitiveResource;
 use crate::scene_resources::material::TOON_SLOT;
 use choreo_asset::Primitive;
-use choreo_plugin::VertexSample;
+use choreo_plugin::Place;
 use glam::{Mat4, Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -163,7 +163,7 @@ impl VertexStage<'_> {
     /// Displacement by effects, and the normal after it.
     fn displace(&self, i: usize, model: Vec3, rows: &Affine3x4, out: &mut Vertex) {
         let uvs = self.features.has(Features::UV0).then(|| self.primitive.uvs[0].get(i).copied()).flatten();
-        let place = VertexSample {
+        let place = Place {
             world: out.relative + self.camera,
             normal: out.normal,
             uv: uvs.unwrap_or_default(),

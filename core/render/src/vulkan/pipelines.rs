@@ -139,7 +139,7 @@ impl Pipelines {
             let effect = all.iter().find(|e| e.manifest().name == name)?;
             // Where its textures lie is written into its functions.
             let textures = texture_functions(all, effect.as_ref());
-            Some((effect.wgsl().to_string(), textures, effect.hook(), effect.in_model_space()))
+            Some((effect.wgsl().to_string(), textures, effect.hook(), effect.along_model()))
         };
         self.made.retain(|id, pipeline| {
             let names: Vec<&String> = match id {
@@ -263,7 +263,7 @@ impl Pipelines {
         let text = format!("{}{}", plugin.wgsl(), texture_functions(&self.effects, plugin.as_ref()));
         let textures = !plugin.textures().is_empty();
         let files = self.sources.post(effect, &text, number, textures)?;
-        let mut on = Vec::from_iter((plugin.hook() == Hook::Image).then_some("PICTURE"));
+        let mut on = Vec::from_iter((plugin.hook() == Hook::Picture).then_some("PICTURE"));
         on.extend(textures.then_some("TEXTURES"));
         compile(&files, &on, &stages("post_vs", "post_fs"), false)
     }
@@ -280,7 +280,7 @@ impl Pipelines {
                 name: name.clone(),
                 wgsl: format!("{}{}", effect.wgsl(), texture_functions(&self.effects, effect.as_ref())),
                 hook: effect.hook(),
-                in_model_space: effect.in_model_space(),
+                along_model: effect.along_model(),
             })
         };
         let all: Result<Vec<_>, RenderError> = surface.iter().map(used).collect();

@@ -6,7 +6,7 @@ use crate::load::from_load;
 use crate::loader::ImportChoice;
 use crate::value::{AssetRef, ClipRef};
 use choreo_motion::Clip;
-use choreo_plugin::{ImportScope, OptionValue};
+use choreo_plugin::{Needs, OptionValue};
 use rhai::{Dynamic, Map};
 use std::sync::{Arc, PoisonError};
 
@@ -52,7 +52,7 @@ fn load(c: &mut Call) -> Reply {
             }
             if key == "only" {
                 one_of(value, "load: only", &["clips"])?;
-                choice.needs = Some(ImportScope::CLIPS);
+                choice.needs = Some(Needs::CLIPS);
                 continue;
             }
             if key == "compress" {
@@ -73,7 +73,7 @@ fn load(c: &mut Call) -> Reply {
         places.contains(&c.place)
     };
     if clips_only {
-        choice.needs = Some(ImportScope::CLIPS);
+        choice.needs = Some(Needs::CLIPS);
     }
     let begun = c.shared.loader.start(start.as_deref(), &name, &choice);
     let import = begun.map_err(|e| from_load(e).focus(name))?;

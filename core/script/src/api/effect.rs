@@ -235,7 +235,7 @@ fn on(c: &mut Call) -> Reply {
     if all.is_empty() {
         return Err(c.wrong(0, "an Actor or an array of them, or a Camera"));
     }
-    if !targets.is_empty() && !plugin(c, &this)?.applies_to_actors() {
+    if !targets.is_empty() && !plugin(c, &this)?.of_actors() {
         let text = "on: post effects cover the whole picture, not single actors";
         return Err(ApiError::new(text).hint("leave .on(…) out, or give it a camera"));
     }

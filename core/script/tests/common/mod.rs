@@ -6,7 +6,7 @@ use choreo_asset::{Asset, AssetCamera, Mesh, MeshInstance, MorphTarget, Primitiv
 use choreo_motion::{Clip, Curve, Interpolation, Path, Skeleton, Time, Transform};
 use choreo_plugin::*;
 use choreo_script::{Diagnostic, Script, ScriptOptions, run_file, run_text};
-use glam::Vec3;
+use glam::{Vec2, Vec3, Vec4};
 use std::path::{Path as FilePath, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, LazyLock};
@@ -43,7 +43,7 @@ impl Importer for Toy {
         &self,
         source: &Source,
         files: &dyn Files,
-        needs: ImportScope,
+        needs: Needs,
         _: &ImportOptions,
     ) -> Result<Asset, ImportError> {
         let text = String::from_utf8_lossy(&source.bytes).trim().to_string();
@@ -127,6 +127,12 @@ impl Effect for Glow {
     fn manifest(&self) -> &Manifest {
         &GLOW
     }
+    fn wgsl(&self) -> &str {
+        ""
+    }
+    fn cpu(&self, color: Vec4, _: Vec2, _: &[f32; 8]) -> Vec4 {
+        color
+    }
 }
 
 static LINE: LazyLock<Manifest> = LazyLock::new(|| {
@@ -144,7 +150,7 @@ impl Effect for Line {
         &LINE
     }
     fn hook(&self) -> choreo_plugin::Hook {
-        choreo_plugin::Hook::Outline
+        choreo_plugin::Hook::Shell
     }
 }
 

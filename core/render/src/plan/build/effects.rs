@@ -4,7 +4,7 @@ use crate::plan::build::Planner;
 use crate::plan::options::PlanOptions;
 use crate::plan::{Features, LeftOut, PostPass};
 use choreo_asset::Primitive;
-use choreo_plugin::{Effect, Hook, OptionKind, Shutter, SurfaceInputs};
+use choreo_plugin::{Effect, Exposure, Hook, OptionKind, SurfaceNeeds};
 use choreo_stage::{EffectState, EffectTarget, EffectUse, Snapshot, Stage};
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ pub(crate) const MOST_SURFACE_EFFECTS: usize = 8;
 pub(super) struct SceneEffect {
     pub used: PostPass,
     hook: Hook,
-    needs: SurfaceInputs,
+    needs: SurfaceNeeds,
     /// Largest displacement in meters.
     pub reach: f32,
     on: Vec<EffectTarget>,
@@ -27,9 +27,9 @@ pub(super) struct SurfaceEffects {
     pub surface: u8,
     pub displaced: u8,
     pub lighting: u8,
-    pub needs: SurfaceInputs,
+    pub needs: SurfaceNeeds,
     /// What displacements read, in shadow maps too.
-    displacement_needs: SurfaceInputs,
+    displacement_needs: SurfaceNeeds,
     /// Largest displacement in meters.
     pub reach: f32,
 }
@@ -110,15 +110,15 @@ pub(super) fn uses<'a>(
     })
 }
 
-/// Shutter of the last active effect that sets one.
+/// Exposure of the last active effect that sets one.
 pub(crate) fn exposure_of(
     stage: &Stage,
     snapshot: &Snapshot,
     effects: &[Arc<dyn Effect>],
-) -> Option<Shutter> {
-    let of_hook = uses(stage, snapshot, effects).filter(|(effect, ..)| effect.hook() == Hook::Shutter);
+) -> Option<Exposure> {
+    let of_hook = uses(stage, snapshot, effects).filter(|(effect, ..)| effect.hook() == Hook::Exposure);
     let exposures = of_hook
-        .filter_map(|(effect, _, state)| effect.shutter(&effect_parameters(effect, &state.parameters)));
+        .filter_map(|(effect, _, state)| effect.exposure(&effect_parameters(effect, &state.parameters)));
     exposures.last().filter(|e| e.samples > 1 && e.open > 0.0)
 }
 
@@ -138,7 +138,7 @@ pub(super) fn scene_effects(stage: &Stage, snapshot: &Snapshot, options: &PlanOp
         SceneEffect {
             used: PostPass { effect: used.plugin.clone(), parameters, number: 0, shrink: 1 },
             hook: effect.hook(),
-            needs: effect.surface_inputs(&parameters),
+            needs: effect.surface_needs(&parameters),
             reach: if reach.is_finite() { reach.max(0.0) } else { 0.0 },
             on: used.on.clone(),
         }
@@ -150,9 +150,7 @@ pub(super) fn scene_effects(stage: &Stage, snapshot: &Snapshot, options: &PlanOp
 pub(super) fn background_effects(effects: &[SceneEffect], options: &PlanOptions) -> u8 {
     let changes = |SceneEffect { used, hook, on, .. }: &SceneEffect| {
         let effect = options.effects.iter().find(|e| e.manifest().name == used.effect);
-        *hook == Hook::Surface
-            && on.is_empty()
-            && effect.is_some_and(|e| e.changes_background(&used.parameters))
+        *hook == Hook::Surface && on.is_empty() && effect.is_some_and(|e| e.of_background(&used.parameters))
     };
     effects.iter().enumerate().map(|(i, used)| u8::from(changes(used)) << i).sum()
 }
@@ -176,13 +174,13 @@ pub(super) fn post_passes(
         if effect.hook().is_in_scene() && in_scene > MOST_SURFACE_EFFECTS {
             leave_out(format!("at most {MOST_SURFACE_EFFECTS} effects on surfaces are on at once"));
         }
-        if !matches!(effect.hook(), Hook::Pixel | Hook::Image) {
+        if !matches!(effect.hook(), Hook::Pixel | Hook::Picture) {
             continue;
         }
         let parameters = effect_parameters(effect.as_ref(), &state.parameters);
-        let times = if effect.hook() == Hook::Image { effect.passes() } else { 1 };
+        let times = if effect.hook() == Hook::Picture { effect.passes() } else { 1 };
         passes.extend((0..times).map(|number| {
-            let smaller = effect.hook() == Hook::Image && number + 1 < times;
+            let smaller = effect.hook() == Hook::Picture && number + 1 < times;
             let shrink = if smaller { effect.shrink(number, options.size, &parameters).max(1) } else { 1 };
             PostPass { effect: used.plugin.clone(), parameters, number, shrink }
         }));

@@ -49,11 +49,11 @@ pub(super) fn effect_lines(
 ) -> Vec<(SurfaceLine, Vec<EffectTarget>)> {
     let mut out = Vec::new();
     for (effect, used, state) in uses(stage, snapshot, options.effects) {
-        if effect.hook() != Hook::Outline {
+        if effect.hook() != Hook::Shell {
             continue;
         }
         let parameters = effect_parameters(effect, &state.parameters);
-        if let Some(shell) = effect.inverted_hull(&parameters).filter(|s| s.width > 0.0) {
+        if let Some(shell) = effect.shell(&parameters).filter(|s| s.width > 0.0) {
             let outline = Outline {
                 width: shell.width / options.size[1].max(1) as f32,
                 on_screen: true,
@@ -63,9 +63,7 @@ pub(super) fn effect_lines(
             };
             out.push((SurfaceLine::Outline(outline), used.on.clone()));
         }
-        out.extend(
-            effect.wireframe(&parameters).map(|color| (SurfaceLine::Wireframe(color), used.on.clone())),
-        );
+        out.extend(effect.edges(&parameters).map(|color| (SurfaceLine::Wireframe(color), used.on.clone())));
     }
     out
 }

@@ -1,0 +1,11 @@
+// What a mesh is made of. p[0]: 0 normals, 1 uvs, 2 joints, 3 distance. Twin: `Views::cpu_surface` in lib.rs.
+fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32> {
+    if (p[0] == 0.0) { return vec4<f32>(seen.normal * 0.5 + 0.5, color.a); }
+    if (p[0] == 1.0) {
+        let uv = fract(seen.uv);
+        let odd = (floor(uv.x * 10.0) + floor(uv.y * 10.0)) % 2.0;
+        return vec4<f32>(vec3<f32>(uv, 0.0) * (1.0 - 0.4 * odd) + 0.1 * odd, color.a);
+    }
+    if (p[0] == 2.0) { return vec4<f32>(seen.joints, color.a); }
+    return vec4<f32>(vec3<f32>(1.0 - fract(seen.distance / 10.0)), color.a);
+}
