@@ -1,5 +1,5 @@
 // A vertical gradient behind everything: one triangle at depth 0, drawn last where the depth is still 0, so that
-// covered pixels cost nothing.
+// covered pixels cost nothing. CPU reference: core/render/src/cpu/mod.rs.
 
 struct BackgroundOut {
     @builtin(position) position: vec4<f32>,
@@ -24,7 +24,7 @@ fn background_fs(in: BackgroundOut) -> @location(0) vec4<f32> {
 // The background after effects on everything. CPU reference: core/render/src/cpu/background_effects.rs.
 fn background_effects(color: vec4<f32>, pixel: vec2<f32>) -> vec4<f32> {
     // The rows of a perspective matrix without a translation stand at right angles, but for what the middle of a part of the
-    // picture lies beside the view's: without that, this is its inverse.
+    // image lies beside the view's: without that, this is its inverse.
     let rows = transpose(frame.clip_from_relative);
     let back = rows[3].xyz;
     let beyond = vec2(dot(rows[0].xyz, back) + rows[0].w, dot(rows[1].xyz, back) + rows[1].w);

@@ -1,5 +1,6 @@
 // Shading formulas. choreo's light convention: radiance = π · f · colour · intensity · NL, so that a white diffuse
-// surface facing a directional light of intensity 1 is 1; the functions below return π · f.
+// surface facing a directional light of intensity 1 (π lux, see core/render/src/plan/lights.rs) is 1; the functions below return π · f.
+// CPU reference: core/render/src/cpu/brdf.rs.
 
 fn unit(v: vec3<f32>) -> vec3<f32> {
     // A zero vector (a degenerate normal) stays zero instead of turning into NaN.
@@ -108,37 +109,5 @@ fn ambient(n: vec3<f32>) -> vec3<f32> {
 fn mirrored(way: vec3<f32>, roughness: f32) -> vec3<f32> {
     @if(!SKY) return hemisphere(way);
     @if(SKY) return hemisphere(way) + sky_mirrored(way, roughness);
-}
-@end
-
-@if(LOCAL_LIGHTS)
-struct Incoming {
-    // To the light, unit.
-    direction: vec3<f32>,
-    color: vec3<f32>,
-}
-
-// KHR_lights_punctual: inverse square, window at the range, cone.
-fn incoming(light: Light, relative: vec3<f32>) -> Incoming {
-    if (light.kind == LIGHT_DIRECTIONAL) {
-        return Incoming(-light.direction, light.color);
-    }
-    let offset = light.position - relative;
-    let d2 = max(dot(offset, offset), 1e-8);
-    let to_light = offset * inverseSqrt(d2);
-    let x = d2 * light.inverse_range_squared;
-    var strength = clamp(1.0 - x * x, 0.0, 1.0) / d2;
-    @if(POLYNOMIAL_FALLOFF)
-    if (light.polynomial.y >= 0.0) {
-        let linear = light.polynomial.x;
-        let quadratic = light.polynomial.y;
-        strength = 1.0 / ((1.0 - linear - quadratic) + linear * sqrt(d2) + quadratic * d2);
-    }
-    @end
-    if (light.kind == LIGHT_SPOT) {
-        let cone = clamp(dot(-light.direction, to_light) * light.cone.x + light.cone.y, 0.0, 1.0);
-        strength *= cone * cone;
-    }
-    return Incoming(to_light, light.color * strength);
 }
 @end

@@ -14,7 +14,8 @@ struct Frame {
     // Pixels.
     size: vec2<f32>,
     light_count: u32,
-    pad: u32,
+    // Factor on all light.
+    exposure: f32,
 }
 
 // relative-from-mesh, three rows of an affine 3×4 matrix.
@@ -24,33 +25,9 @@ struct Rows {
     z: vec4<f32>,
 }
 
-// How long the second row of a view's matrix is, without what the middle of a part of the picture lies beside the view's.
+// How long the second row of a view's matrix is, without what the middle of a part of the image lies beside the view's.
 fn tall(rows: mat4x4<f32>) -> f32 {
     return length(rows[1].xyz - rows[3].xyz * dot(rows[1].xyz, rows[3].xyz));
-}
-
-// `LightType` of the plan.
-const LIGHT_DIRECTIONAL: u32 = 0u;
-const LIGHT_POINT: u32 = 1u;
-const LIGHT_SPOT: u32 = 2u;
-
-struct Light {
-    // Point and spot lights.
-    position: vec3<f32>,
-    // LIGHT_DIRECTIONAL, LIGHT_POINT or LIGHT_SPOT
-    kind: u32,
-    // Unit, in which it shines.
-    direction: vec3<f32>,
-    // Its first shadow view in the low 16 bits, how many in the high ones.
-    shadow_views: u32,
-    // Times the intensity.
-    color: vec3<f32>,
-    // 0: without end
-    inverse_range_squared: f32,
-    // Spot lights: scale and offset of the cosine (KHR_lights_punctual, "Inner and Outer Cone Angles").
-    cone: vec2<f32>,
-    // Falloff by a polynomial of the distance: the linear and the quadratic term's share, the rest is constant; below 0: inverse square.
-    polynomial: vec2<f32>,
 }
 
 struct Instance {
@@ -199,5 +176,5 @@ struct ShadowView {
 // Of one primitive, for each target: its first vertex, how many, where their offsets begin. Then the offsets of each target: positions,
 // and as many normals and tangents where the mesh has them.
 @if(MORPH) @group(1) @binding(0) var<storage, read> morphs: array<vec4<u32>>;
-// Vertices of meshes that a compute stage pre-skinned; see posed.wgsl.
+// Vertices of meshes that a compute stage pre-skinned; see preskin.wgsl.
 @if(PRE_SKINNED) @group(1) @binding(0) var<storage, read> posed: array<f32>;

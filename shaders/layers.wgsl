@@ -1,4 +1,5 @@
 // What lies over, in or behind a metallic-roughness surface: clearcoat, sheen, transmission, thin films. Times π, as in brdf.wgsl.
+// CPU reference: core/render/src/cpu/layers.rs, thin_film.rs.
 
 @if(CLEARCOAT)
 // Schlick's Fresnel of a coat of index 1.5 (KHR_materials_clearcoat, "Layering": by the angle to the viewer).

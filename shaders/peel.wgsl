@@ -1,5 +1,5 @@
 // Depth peeling from the back: the depth test keeps the farthest of the transparent surfaces that are nearer than the layer
-// before, at each sample. CPU reference: cpu/peel.rs.
+// before, at each sample. CPU reference: core/render/src/cpu/peel.rs.
 
 @if(PEEL_PASS && !MULTISAMPLED)
 @group(2) @binding(10) var layer_before: texture_depth_2d;

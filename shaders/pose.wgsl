@@ -1,4 +1,4 @@
-// Deforms a vertex: morph targets, then the skin. The vertex stage and pre-skinning (posed.wgsl) call the same functions.
+// Deforms a vertex: morph targets, then the skin. The vertex stage and pre-skinning (preskin.wgsl) call the same functions.
 // CPU reference: core/render/src/cpu/vertex.rs.
 
 struct Shape {

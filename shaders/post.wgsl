@@ -1,4 +1,5 @@
 // One full-screen pass: `effect` is the plugin's function, appended to this template.
+// CPU reference: core/render/src/cpu/image_passes.rs.
 
 struct Post {
     parameters: array<vec4<f32>, 2>,
@@ -35,6 +36,14 @@ fn picture_size() -> vec2<i32> {
     return vec2<i32>(post.size);
 }
 
+fn original_size() -> vec2<i32> {
+    return vec2<i32>(post.whole);
+}
+
+fn shrink_factor() -> i32 {
+    return i32(post.shrink);
+}
+
 // Beyond the border the nearest pixel counts.
 fn picture(at: vec2<i32>) -> vec4<f32> {
     return textureLoad(post_input, clamp(at, vec2(0), vec2<i32>(post.input) - 1), 0);
@@ -44,7 +53,7 @@ fn original(at: vec2<i32>) -> vec4<f32> {
     return textureLoad(post_original, clamp(at, vec2(0), vec2<i32>(post.whole) - 1), 0);
 }
 
-// Frames with a history are put together on the host. A plan of one time alone has none: the picture stands for them.
+// Frames with a history are put together on the host. A plan of one time alone has none: the image stands for them.
 fn previous(frames: u32, at: vec2<i32>) -> vec4<f32> {
     return original(at);
 }

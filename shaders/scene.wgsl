@@ -1,4 +1,5 @@
 // The fragment shader of the scene: linear colour out, the target encodes sRGB.
+// CPU reference: core/render/src/cpu/shade.rs.
 
 @if(UV_MOTION_MASK) var<private> uv_mask: f32;
 @if(PARALLAX) var<private> parallax: vec2<f32>;
@@ -202,7 +203,7 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
     @if(VOLUME) let absorbed = exp(-layers.extinction * depth);
     @if(TRANSMISSION)
     // What is neither reflected nor scattered lets light through (KHR_materials_transmission), less what the volume takes
-    // (KHR_materials_volume, Beer-Lambert). Thin glass sees no blurred picture of what is behind: of a rough surface the
+    // (KHR_materials_volume, Beer-Lambert). Thin glass sees no blurred image of what is behind: of a rough surface the
     // blurred share is the hemisphere light transmitted by it.
     var transmission = layers.transmission * (1.0 - metallic);
     @if(TRANSMISSION_TEXTURE) transmission *= textureSample(transmission_texture, transmission_sampler, layer_uv(in, 5u)).r;
@@ -323,12 +324,21 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
     @end
 
     @if(TRANSMISSION && !REFRACTION) color += through * blurred * mirrored(-v, s.roughness);
-    @if(REFRACTION) color += through * behind;
     @if(SHEEN) color = color * below_sheen + sheen_color * sheen;
     @if(EMISSIVE && LIGHT_PASS) color += kept.emitted;
     @if(EMISSIVE && !EMISSIVE_TEXTURE && !LIGHT_PASS) color += material.emissive;
     @if(EMISSIVE_TEXTURE) color += material.emissive * textureSample(emissive_texture, emissive_sampler, texture_uv(in, 4u)).rgb;
     @if(CLEARCOAT) color = mix(color, coat, coat_weight);
+    @if(EXPOSURE && LIT) color *= frame.exposure;
+    // Toon shading gives colors, as the unlit model does.
+    @if(VIEW_TRANSFORM && LIT && !TOON) color = view_transform(color);
+    @if(REFRACTION)
+    // The copy of the scene shows colors already.
+    behind *= through;
+    @if(SHEEN) behind *= below_sheen;
+    @if(CLEARCOAT) behind *= 1.0 - coat_weight;
+    color += behind;
+    @end
     @if(OUTLINE || WIREFRAME) color = material.outline.color * mix(vec3(1.0), color, material.outline.lighting_mix);
     @if(!GLASS && !SURFACE) return vec4(color, alpha);
     @if(!GLASS && SURFACE && !COVERAGE) return surface_effects(vec4(color, alpha), seen_of(in, front));

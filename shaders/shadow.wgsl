@@ -1,4 +1,4 @@
-// Shadow maps: how they are looked up, and what is drawn into them.
+// Shadow maps: how they are looked up, and what is drawn into them. CPU reference: core/render/src/cpu/shadow.rs.
 
 @if(SHADOW)
 // How much of a light arrives at a place, 0 to 1. `n`: the surface's own normal, without normal map; `l`: to the light.

@@ -1,5 +1,6 @@
 // Image-based light. The maps are made on the CPU (core/render/src/sky): spherical harmonics for what is diffuse, an atlas
 // of octahedra, each blurred for a roughness, for what is mirrored.
+// CPU reference: core/render/src/cpu/sky.rs.
 
 @if(SKY || SKY_BACKGROUND)
 struct Sky {
@@ -77,7 +78,9 @@ fn sky_fs(in: BackgroundOut) -> @location(0) vec4<f32> {
     let y1 = clamp(i32(low.y) + 1, 0, last.y);
     let above = mix(textureLoad(sky_picture, vec2(x0, y0), 0).rgb, textureLoad(sky_picture, vec2(x1, y0), 0).rgb, t.x);
     let below = mix(textureLoad(sky_picture, vec2(x0, y1), 0).rgb, textureLoad(sky_picture, vec2(x1, y1), 0).rgb, t.x);
-    let color = vec4(mix(above, below, t.y) * sky.turn.z, 1.0);
+    let light = mix(above, below, t.y) * sky.turn.z;
+    @if(EXPOSURE || VIEW_TRANSFORM) let color = vec4(displayed(light), 1.0);
+    @if(!EXPOSURE && !VIEW_TRANSFORM) let color = vec4(light, 1.0);
     @if(!SURFACE) return color;
     @if(SURFACE) return background_effects(color, in.position.xy);
 }

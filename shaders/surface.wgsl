@@ -1,5 +1,5 @@
 // Effects on surfaces: what they see of a place and of light. Their functions, and `surface_effects` and `light_effects`,
-// which call them, are appended.
+// which call them, are appended. CPU reference: core/render/src/cpu/surface.rs.
 // CPU reference: `Seen` of core/plugin/src/effect.rs, filled in core/render/src/cpu/surface.rs.
 
 @if(SURFACE)
@@ -57,7 +57,12 @@ fn seen_of(in: VertexOut, front: bool) -> Seen {
     seen.facing = dot(seen.normal, unit(frame.eye.xyz - in.relative * frame.eye.w));
     @end
     seen.background = mix(frame.background_top.xyz, frame.background_bottom.xyz, in.position.y / frame.size.y);
-    @if(SKY) if (sky.texel.z > 0.5) { seen.background = sky_mirrored(select(-frame.eye.xyz, in.relative, frame.eye.w > 0.5), 0.0); }
+    @if(SKY)
+    if (sky.texel.z > 0.5) {
+        seen.background = sky_mirrored(select(-frame.eye.xyz, in.relative, frame.eye.w > 0.5), 0.0);
+        @if(EXPOSURE || VIEW_TRANSFORM) seen.background = displayed(seen.background);
+    }
+    @end
     @if(EFFECT_JOINTS) seen.joints = in.joints;
     @if(UV0) seen.uv = in.uv0;
     @if(EFFECT_SHADOW) seen.shadow = light_lost / max(light_whole, 1e-6);

@@ -1,4 +1,4 @@
-// MToon (VRMC_materials_mtoon 1.0).
+// MToon (VRMC_materials_mtoon 1.0). CPU reference: core/render/src/cpu/toon.rs.
 
 @if(TOON)
 // §"Lighting": how much of the lit colour is seen, linearstep(−1 + toony, 1 − toony, NL + shift).

@@ -1,7 +1,7 @@
 // Triplanar mapping: textures from three sides, mixed by where the surface faces. CPU reference: core/render/src/cpu/triplanar.rs.
 
 @if(TRIPLANAR)
-// In the space of the mesh: from the middle in widths of the picture, unit, −1 or 1, sum 1.
+// In the space of the mesh: from the middle in widths of the image, unit, −1 or 1, sum 1.
 struct Planes {
     at: vec3<f32>,
     normal: vec3<f32>,

@@ -1,4 +1,5 @@
 // Mesh space → morphs → skin or instance matrix (pose.wgsl, or read where a compute stage did both) → camera-relative space → clip space.
+// CPU reference: core/render/src/cpu/vertex.rs.
 
 struct VertexIn {
     @if(!PRE_SKINNED) @location(0) position: vec3<f32>,
@@ -116,7 +117,7 @@ fn vs(in: VertexIn) -> VertexOut {
     @end
     @if(OUTLINE)
     if (material.outline.on_screen > 0.5) {
-        // Where the normal goes in the picture, in pixels: d(xy/w) is proportional to this.
+        // Where the normal goes in the image, in pixels: d(xy/w) is proportional to this.
         let way = frame.clip_from_relative * vec4(unit_normal, 0.0);
         let pixels = (way.xy * out.position.w - out.position.xy * way.w) * frame.size;
         let step = unit(vec3(pixels, 0.0)).xy * (2.0 * width * frame.size.y) / frame.size;

@@ -35,7 +35,7 @@ pub struct Asset {
     pub expressions: Vec<Expression>,
     /// Hair, skirts and tails that swing.
     pub springs: Springs,
-    /// How the eyes follow a target, where the file says.
+    /// How the eyes follow a target, where the file states.
     pub eyes: Option<Eyes>,
     /// The file's own convention, which was converted.
     pub origin: Origin,
@@ -45,7 +45,7 @@ pub struct Asset {
     pub derived: Derived,
 }
 
-/// How the file itself says what the asset holds in choreo's convention; shown by `choreo info`, used by nothing else.
+/// How the file itself states what the asset holds in choreo's convention; shown by `choreo info`, used by nothing else.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Origin {
     /// "COLLADA 1.4.1"; empty where the importer does not say.
@@ -58,11 +58,11 @@ pub struct Origin {
     pub unit_is_assumed: bool,
     /// The file's upward axis: "+Y", "+Z"; may be empty.
     pub up: String,
-    /// What else the file says of itself, as label and text: title, authors, licence.
+    /// What else the file states of itself, as label and text: title, authors, licence.
     pub about: Vec<(String, String)>,
 }
 
-/// Something an importer guessed or left out; `place` is an element path or byte offset ("materials[2]").
+/// Something an importer guessed or left out; `place` is an element path or byte offset (`materials[2]`).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Warning {
     pub place: String,
@@ -86,19 +86,19 @@ pub struct MeshInstance {
     /// Morph weights where no clip drives them; length = the mesh's `morph_targets`.
     pub weights: Vec<f32>,
     /// joint-from-mesh of every copy that is drawn (EXT_mesh_gpu_instancing): a field of grass is one instance. Empty: one, at
-    /// the joint itself. Without meaning for skinned instances: [`Asset::places`] has one for them.
+    /// the joint itself. Without meaning for skinned instances: `Asset::places` has one for them.
     pub copies: Arc<[Affine3A]>,
 }
 
 impl MeshInstance {
     /// joint-from-mesh of each thing drawn: of the copies, or the identity.
-    pub fn joint_from_copies(&self) -> impl Iterator<Item = Affine3A> + '_ {
+    pub(crate) fn joint_from_copies(&self) -> impl Iterator<Item = Affine3A> + '_ {
         let own = if self.copies.is_empty() { Some(Affine3A::IDENTITY) } else { None };
         own.into_iter().chain(self.copies.iter().copied())
     }
 
     /// The first N of the copies, all where there is no number; without copies the one.
-    pub fn joint_from_first(&self, count: Option<u32>) -> impl Iterator<Item = Affine3A> + '_ {
+    pub(crate) fn joint_from_first(&self, count: Option<u32>) -> impl Iterator<Item = Affine3A> + '_ {
         let most = count.filter(|_| !self.copies.is_empty()).map_or(usize::MAX, |n| n as usize);
         self.joint_from_copies().take(most)
     }

@@ -114,7 +114,7 @@ impl DAabb {
 pub struct InstanceBounds {
     pub parts: Vec<BoundsPart>,
     /// (primitive, vertex) of the vertices that reach farthest from each joint in 14 directions: with them posed, a still
-    /// picture of the instance is framed more closely than by boxes, and all but exactly. Sorted. Empty where morphs move them,
+    /// image of the instance is framed more closely than by boxes, and all but exactly. Sorted. Empty where morphs move them,
     /// of instances with copies, and of instanced characters.
     pub outline: Vec<(u32, u32)>,
 }
@@ -131,7 +131,7 @@ pub struct BoundsPart {
 
 impl InstanceBounds {
     /// A box in model space that holds the instance in this pose with these morph weights, where the body stands once
-    /// ([`Asset::spread`] goes on to its places): conservative, never smaller than the mesh, at a few ns a joint. Empty where the mesh has no vertices or nothing is finite.
+    /// (`Asset::spread` goes on to its places): conservative, never smaller than the mesh, at a few ns a joint. Empty where the mesh has no vertices or nothing is finite.
     pub fn posed(&self, model_from_joint: &[Affine3A], morph_weights: &[f32]) -> Aabb {
         let mut bounds = Aabb::EMPTY;
         for part in &self.parts {

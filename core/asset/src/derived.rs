@@ -6,7 +6,7 @@ use choreo_motion::Pose;
 use glam::Affine3A;
 use std::sync::OnceLock;
 
-/// Caches of one [`Asset`]. A clone starts empty, so an asset changed through `Arc::make_mut` never shows stale values;
+/// Caches of one `Asset`. A clone starts empty, so an asset changed through `Arc::make_mut` never shows stale values;
 /// whoever changes an asset in place after asking for its bounds must reset this field.
 #[derive(Default)]
 pub struct Derived {

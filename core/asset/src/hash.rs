@@ -40,7 +40,7 @@ impl Writer {
         self.0.update(&t.0.to_le_bytes());
     }
     /// Plain little-endian numbers in one go; every supported machine is little-endian or takes the loop.
-    pub fn pods<T: bytemuck::Pod>(&mut self, list: &[T], word: usize) {
+    pub(crate) fn pods<T: bytemuck::Pod>(&mut self, list: &[T], word: usize) {
         self.count(list.len());
         let bytes: &[u8] = bytemuck::cast_slice(list);
         if cfg!(target_endian = "little") {
@@ -56,13 +56,13 @@ impl Writer {
     pub fn f32s(&mut self, list: &[f32]) {
         self.pods(list, 4);
     }
-    pub fn vec2s(&mut self, list: &[Vec2]) {
+    pub(crate) fn vec2s(&mut self, list: &[Vec2]) {
         self.pods(list, 4);
     }
-    pub fn vec3s(&mut self, list: &[Vec3]) {
+    pub(crate) fn vec3s(&mut self, list: &[Vec3]) {
         self.pods(list, 4);
     }
-    pub fn vec4s(&mut self, list: &[Vec4]) {
+    pub(crate) fn vec4s(&mut self, list: &[Vec4]) {
         self.pods(list, 4);
     }
     pub fn vec3(&mut self, v: Vec3) {
@@ -74,7 +74,7 @@ impl Writer {
     pub fn quat(&mut self, q: Quat) {
         self.vec4(q.into());
     }
-    pub fn mat4(&mut self, m: &Mat4) {
+    pub(crate) fn mat4(&mut self, m: &Mat4) {
         m.to_cols_array().into_iter().for_each(|c| self.f32(c));
     }
     pub fn dvec3(&mut self, v: DVec3) {
@@ -83,7 +83,7 @@ impl Writer {
     pub fn dquat(&mut self, q: DQuat) {
         q.to_array().into_iter().for_each(|c| self.f64(c));
     }
-    pub fn affine2(&mut self, a: &Affine2) {
+    pub(crate) fn affine2(&mut self, a: &Affine2) {
         a.to_cols_array().into_iter().for_each(|c| self.f32(c));
     }
     pub fn option<T>(&mut self, value: &Option<T>, write: impl FnOnce(&mut Writer, &T)) {

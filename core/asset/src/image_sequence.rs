@@ -1,4 +1,4 @@
-//! Pictures that follow each other on a surface, each made only when it is seen.
+//! Images that follow each other on a surface, each made only when it is seen.
 
 use crate::hash::ContentHash;
 use crate::texture::Image;
@@ -8,14 +8,23 @@ use std::sync::Arc;
 
 /// Source of the images of a sequence.
 pub trait ImageSource: Debug + Send + Sync {
-    /// All of one size; an error is reported as it is.
-    fn picture(&self, index: usize) -> Result<Arc<Image>, String>;
+    /// The image of an index. All have one size.
+    fn image(&self, index: usize) -> Result<Arc<Image>, ImageSourceError>;
+}
+
+/// An image of a sequence that cannot be had.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ImageSourceError {
+    #[error("there is no image {0}")]
+    Missing(usize),
+    #[error("\"{file}\": {what}")]
+    Undecodable { file: String, what: String },
 }
 
 /// Images that replace textures of a material; the material's own images are the first of each. All change together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageSequence {
-    /// One a slot, each with as many pictures.
+    /// One a slot, each with as many images.
     pub streams: Vec<ImageStream>,
     /// Frames a second; after the last comes the first,
     pub fps: f32,
@@ -23,12 +32,12 @@ pub struct ImageSequence {
     pub once: bool,
 }
 
-/// The pictures of one texture.
+/// The images of one texture.
 #[derive(Clone, Debug)]
 pub struct ImageStream {
     pub slot: TextureSlot,
     pub pictures: Arc<dyn ImageSource>,
-    /// One a picture: equal hashes are equal pictures.
+    /// One a picture: equal hashes are equal images.
     pub hashes: Vec<ContentHash>,
 }
 
@@ -45,13 +54,6 @@ pub enum TextureSlot {
     SpecularColor,
 }
 
-impl TextureSlot {
-    /// Its colours are sRGB-encoded.
-    pub fn is_srgb(self) -> bool {
-        matches!(self, TextureSlot::BaseColor | TextureSlot::Emissive | TextureSlot::SpecularColor)
-    }
-}
-
 impl PartialEq for ImageStream {
     fn eq(&self, other: &ImageStream) -> bool {
         (self.slot, &self.hashes) == (other.slot, &other.hashes)
@@ -59,12 +61,12 @@ impl PartialEq for ImageStream {
 }
 
 impl ImageSequence {
-    /// How many pictures all of its streams have.
+    /// How many images all of its streams have.
     pub fn count(&self) -> usize {
         self.streams.iter().map(|s| s.hashes.len()).min().unwrap_or(0)
     }
 
-    /// Which picture is seen at a time.
+    /// Which image is seen at a time.
     pub fn index(&self, time: Time) -> usize {
         frame(time, self.fps, self.count().max(1), self.once)
     }

@@ -1,7 +1,7 @@
 //! What an importer makes of a file: meshes, materials, images, cameras, lights, clips. Knows no timeline.
 //!
 //! Everything is in choreo's convention: metres, +Y up, right-handed, counter-clockwise front faces,
-//! texture v pointing down (glTF). Colors are linear unless a field says sRGB.
+//! texture v pointing down (glTF). Colors are linear unless a field states sRGB.
 
 mod animated_materials;
 mod asset;
@@ -23,18 +23,19 @@ mod panorama;
 mod posed_mesh;
 mod reflection;
 mod skinning;
+mod srgb;
 mod texture;
 mod toon;
 
 pub use asset::{Asset, MeshInstance, Origin, Skin, Warning};
-pub use asset_hash::{clip_hash, skeleton_hash};
+pub use asset_hash::clip_hash;
 pub use bounds::{Aabb, BoundsPart, DAabb, InstanceBounds};
 pub use camera::{AssetCamera, Projection};
 pub use derived::Derived;
 pub use expression::{ColorBind, Expression, ExpressionGroup, MaterialColor, MorphBind, Override, UvBind};
 pub use eyes::{Eyes, EyesMovedBy, GAZE, RangeMap};
 pub use hash::ContentHash;
-pub use image_sequence::{ImageSequence, ImageSource, ImageStream, TextureSlot};
+pub use image_sequence::{ImageSequence, ImageSource, ImageSourceError, ImageStream, TextureSlot};
 pub use light::{AssetLight, Light, LightKind};
 pub use material::{AlphaMode, FrameStrip, LineStyle, Material, Shading, Triplanar};
 pub use material_layers::MaterialLayers;
@@ -43,5 +44,6 @@ pub use panorama::{Panorama, PanoramaError};
 pub use posed_mesh::{PosedInstance, PosedPrimitive, Standing, posed_meshes_by, posed_meshes_in};
 pub use reflection::Reflection;
 pub use skinning::{Carriers, widen};
+pub use srgb::{linear_from_srgb, linear_from_srgb_f32, srgb_from_linear};
 pub use texture::{Image, Sampler, TextureRef, Wrap};
 pub use toon::{Outline, Toon, UvMotion};

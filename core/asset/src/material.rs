@@ -75,7 +75,7 @@ pub struct Material {
     pub uv_motion: Option<UvMotion>,
     /// All its textures are frames side by side, of which one is seen at a time.
     pub strip: Option<FrameStrip>,
-    /// Some of its textures are the first of pictures that follow each other.
+    /// Some of its textures are the first of images that follow each other.
     pub sequence: Option<Arc<ImageSequence>>,
     /// Clearcoat, sheen, transmission; of metallic-roughness surfaces only.
     pub layers: Option<Box<MaterialLayers>>,
@@ -91,7 +91,7 @@ pub struct Material {
 pub struct Triplanar {
     /// The center of the images, mesh space.
     pub middle: Vec3,
-    /// Metres that a picture is wide.
+    /// Metres that an image is wide.
     pub size: f32,
     /// Power of the normal by which sides are mixed; the higher, the narrower the seams.
     pub sharpness: f32,

@@ -22,7 +22,7 @@ pub struct Toon {
     pub gi_equalization: f32,
     /// Times the matcap texture; nothing without one.
     pub matcap: Vec3,
-    /// sRGB, a picture of a lit ball looked up by the normal as the camera sees it.
+    /// sRGB, an image of a lit ball looked up by the normal as the camera sees it.
     pub matcap_texture: Option<TextureRef>,
     pub rim_color: Vec3,
     pub rim_fresnel_power: f32,

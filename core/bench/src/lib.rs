@@ -1,9 +1,10 @@
 //! Error against run time: what a numerical choice costs, how far each way is from the truth, and where.
 //!
-//! The truth is always a closed form, f64 or a picture of many more samples, never our own earlier output. [`scene`] measures
+//! The truth is always a closed form, f64 or an image of many more samples, never our own earlier output. [`scene`] measures
 //! the choices that one scene could make (`choreo measure`); `tests/report` measures the project's own, with the same parts.
 
 pub mod blend;
+mod error;
 pub mod picture;
 pub mod plots;
 pub mod rotation;
@@ -12,3 +13,5 @@ pub mod timing;
 pub mod truth;
 pub mod vertex;
 pub mod video;
+
+pub use error::BenchError;

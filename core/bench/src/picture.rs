@@ -1,4 +1,4 @@
-//! Pictures of a stage, and what they would be with many more samples.
+//! Images of a stage, and what they would be with many more samples.
 
 use choreo_motion::Time;
 use choreo_plugin::{Effect, Frame};

@@ -3,10 +3,10 @@
 use glam::{DVec3, Vec2, Vec3};
 
 /// A way to write a unit vector: name, bytes, and what comes back.
-pub type NormalPacking = (&'static str, usize, fn(Vec3) -> Vec3);
+pub(crate) type NormalPacking = (&'static str, usize, fn(Vec3) -> Vec3);
 
 /// A way to write the weights of a vertex: name, bytes of four, and what comes back, with the sum 1.
-pub type WeightPacking = (&'static str, usize, fn(&[f32]) -> Vec<f32>);
+pub(crate) type WeightPacking = (&'static str, usize, fn(&[f32]) -> Vec<f32>);
 
 pub const NORMALS: [NormalPacking; 5] = [
     ("f32 × 3", 12, |n| n),

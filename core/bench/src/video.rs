@@ -1,5 +1,6 @@
 //! What a viewer of an exported video sees: the file is decoded again and compared with what went in.
 
+use crate::error::BenchError;
 use choreo_plugin::Frame;
 use openh264::decoder::Decoder;
 use openh264::formats::YUVSource;
@@ -13,10 +14,10 @@ pub struct Planes {
     pub v: Vec<u8>,
 }
 
-/// The first picture of an MP4 with one H.264 track, as `export-mp4` writes it.
-pub fn first_picture(mp4: &[u8]) -> Result<Planes, String> {
-    let (sps, pps) = parameter_sets(mp4).ok_or("the MP4 has no avcC box")?;
-    let data = find(mp4, b"mdat").ok_or("the MP4 has no mdat box")?;
+/// The first image of an MP4 with one H.264 track, as `export-mp4` writes it.
+pub(crate) fn first_picture(mp4: &[u8]) -> Result<Planes, BenchError> {
+    let (sps, pps) = parameter_sets(mp4).ok_or(BenchError::Video("the MP4 has no avcC box"))?;
+    let data = find(mp4, b"mdat").ok_or(BenchError::Video("the MP4 has no mdat box"))?;
     let mut annex_b = Vec::new();
     for nal in [sps, pps] {
         annex_b.extend_from_slice(&[0, 0, 0, 1]);
@@ -29,13 +30,12 @@ pub fn first_picture(mp4: &[u8]) -> Result<Planes, String> {
         annex_b.extend_from_slice(nal);
         rest = tail;
     }
-    let failed = |e: openh264::Error| format!("H.264 decoder: {e}");
-    let mut decoder = Decoder::new().map_err(failed)?;
-    if let Some(picture) = decoder.decode(&annex_b).map_err(failed)? {
+    let mut decoder = Decoder::new()?;
+    if let Some(picture) = decoder.decode(&annex_b)? {
         return Ok(planes(&picture));
     }
-    let late = decoder.flush_remaining().map_err(failed)?;
-    late.first().map(planes).ok_or_else(|| "the video holds no picture".into())
+    let late = decoder.flush_remaining()?;
+    late.first().map(planes).ok_or(BenchError::Video("the video holds no image"))
 }
 
 fn planes(picture: &impl YUVSource) -> Planes {

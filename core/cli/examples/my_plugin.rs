@@ -3,17 +3,17 @@
 
 use choreo_asset::Asset;
 use choreo_plugin::{
-    AssetBuilder, Effect, Files, ImportError, ImportOptions, Importer, Manifest, MeshData, Needs, Registry,
+    AssetBuilder, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, MeshData, Registry,
     Source,
 };
-use glam::{Vec2, Vec4};
+use choreo_wgsl_effect::WgslEffect;
 use std::process::ExitCode;
 use std::sync::LazyLock;
 
 fn main() -> ExitCode {
     let mut plugins: Registry = choreo::registry();
     plugins.add_importer(Triangles);
-    plugins.add_effect(Negative);
+    plugins.add_effect(WgslEffect::from_text("negative.wgsl", NEGATIVE).expect("an effect"));
     choreo::run(std::env::args_os(), &plugins)
 }
 
@@ -38,7 +38,7 @@ impl Importer for Triangles {
         &self,
         source: &Source,
         _files: &dyn Files,
-        needs: Needs,
+        needs: ImportScope,
         options: &ImportOptions,
     ) -> Result<Asset, ImportError> {
         let error =
@@ -56,33 +56,12 @@ impl Importer for Triangles {
     }
 }
 
-static NEGATIVE: LazyLock<Manifest> = LazyLock::new(|| {
-    Manifest::new("negative", "1", "turns bright and dark around").number(
-        "amount",
-        "0 = untouched",
-        1.0,
-        0.0..=1.0,
-    )
-});
-
-struct Negative;
-
-impl Effect for Negative {
-    fn manifest(&self) -> &Manifest {
-        &NEGATIVE
-    }
-
-    fn wgsl(&self) -> &str {
-        "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {
+/// One text for both renderers.
+const NEGATIVE: &str = "// effect: negative
+// about: turns bright and dark around
+// param amount = 1 in 0..1: 0 = untouched
+fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {
     let turned = vec4<f32>(1.0 - color.rgb, color.a);
-    return color * (1.0 - p[0]) + turned * p[0];
+    return color * (1.0 - p[amount]) + turned * p[amount];
 }
-"
-    }
-
-    /// The same function, for the renderer on the CPU.
-    fn cpu(&self, color: Vec4, _uv: Vec2, p: &[f32; 8]) -> Vec4 {
-        let turned = (1.0 - color.truncate()).extend(color.w);
-        color * (1.0 - p[0]) + turned * p[0]
-    }
-}
+";

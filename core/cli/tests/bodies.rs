@@ -6,7 +6,7 @@ mod common;
 use choreo_asset::Asset;
 use choreo_motion::retarget::{Retarget, RetargetOptions};
 use choreo_motion::{Clip, HumanoidJoints, Pose, Sample, Skeleton, Time};
-use choreo_plugin::{Needs, Registry};
+use choreo_plugin::{ImportScope, Registry};
 use choreo_script::{ImportChoice, Limits, Loader};
 use glam::{DAffine3, DQuat, DVec3};
 use std::sync::Arc;
@@ -38,7 +38,8 @@ fn bodies(folder: &std::path::Path) -> Vec<Sampled> {
     registry.add_importer(import_bvh::BvhImporter);
     registry.add_importer(import_mannequin::Mannequin);
     let limits = Limits::default();
-    let loader = Loader::for_file(&folder.join("none"), &[], &registry, Needs::ALL, limits.file).unwrap();
+    let loader =
+        Loader::for_file(&folder.join("none"), &[], &registry, ImportScope::ALL, limits.file).unwrap();
     let loader = Arc::new(loader);
     let load = |(name, clip): &(&str, &str)| {
         let asset = loader.load(name, &ImportChoice::default()).unwrap_or_else(|e| panic!("{name}: {e:?}"));

@@ -5,7 +5,7 @@ mod common;
 
 use choreo_asset::*;
 use choreo_motion::Time;
-use choreo_plugin::{Frame, Needs, Registry};
+use choreo_plugin::{Frame, ImportScope, Registry};
 use choreo_render::{GpuOptions, Plan, PlanOptions, RenderError, Renderer, SceneResources, VulkanRenderer};
 use choreo_script::{Limits, Loader};
 use choreo_stage::*;
@@ -32,7 +32,7 @@ const FILES: [&str; 9] = [
 
 fn load(folder: &Path, name: &str, registry: &Registry) -> Arc<Asset> {
     let file = folder.join("none");
-    let loader = Loader::for_file(&file, &[], registry, Needs::ALL, Limits::default().file).unwrap();
+    let loader = Loader::for_file(&file, &[], registry, ImportScope::ALL, Limits::default().file).unwrap();
     let loader = Arc::new(loader);
     loader.load(name, &Default::default()).unwrap_or_else(|e| panic!("{name}: {}", e.message))
 }

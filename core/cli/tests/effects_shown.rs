@@ -1,5 +1,5 @@
-//! Each effect that the program has is a crate with a README, a sample with its picture, a lesson that uses it, and a section with
-//! a picture of it; its twin is compared in `twins.rs`. `CHOREO_ACCEPT=1` draws the samples' pictures anew.
+//! Each built-in effect has a README, a sample with its image, a lesson that uses it, and a test section with an image of it;
+//! both renderers are compared in `twins.rs`. `CHOREO_ACCEPT=1` draws the samples' images anew.
 
 use choreo_image_diff::compare;
 use choreo_plugin::Frame;
@@ -26,7 +26,7 @@ fn scripts(folder: &Path, out: &mut Vec<String>) {
 /// What an effect lacks.
 fn lacks(name: &str, lessons: &[String], suite: &[String]) -> Vec<&'static str> {
     let call = format!("effect(\"{name}\"");
-    let readme = root().join("plugins").join(format!("effect-{}", name.replace('_', "-"))).join("README.md");
+    let readme = root().join("plugins/effects").join(name).join("README.md");
     let mut out = Vec::new();
     if !std::fs::read_to_string(readme).is_ok_and(|text| text.contains(&call)) {
         out.push("a README that says how it is called");
@@ -36,7 +36,7 @@ fn lacks(name: &str, lessons: &[String], suite: &[String]) -> Vec<&'static str> 
     }
     let sections = suite.iter().flat_map(|text| text.split("\ntest(").skip(1));
     if !sections.clone().any(|s| s.contains(&call) && s.contains("expect_picture(")) {
-        out.push("a section with a picture");
+        out.push("a section with an image");
     }
     out
 }
@@ -78,9 +78,9 @@ fn every_sample_shows_its_effect() {
     let registry = choreo::registry();
     for effect in registry.effects().iter().filter(|e| e.manifest().name != "example") {
         let name = &effect.manifest().name;
-        let crate_folder = root().join("plugins").join(format!("effect-{}", name.replace('_', "-")));
-        let (script, picture) = (crate_folder.join("sample.rhai"), crate_folder.join("sample.png"));
-        let readme = std::fs::read_to_string(crate_folder.join("README.md")).unwrap();
+        let own = root().join("plugins/effects").join(name);
+        let (script, picture) = (own.join("sample.rhai"), own.join("sample.png"));
+        let readme = std::fs::read_to_string(own.join("README.md")).unwrap();
         assert!(readme.contains("](sample.png)") && readme.contains("(sample.rhai)"), "README of {name}");
         let got = drawn(&script, &folder.path().join("got.png"));
         if accept {
@@ -89,7 +89,7 @@ fn every_sample_shows_its_effect() {
         let expected = read(&picture).unwrap_or_else(|| panic!("no {}", picture.display()));
         let off = compare(&got, &expected, 2).unwrap();
         assert!(off.share_beyond < 0.001, "{name}: {off:?}");
-        // Without the effect the picture is another one.
+        // Without the effect the image is another one.
         let text = std::fs::read_to_string(&script).unwrap();
         let call = format!("effect(\"{name}\"");
         let rest: Vec<&str> = text.lines().filter(|line| !line.starts_with(&call)).collect();

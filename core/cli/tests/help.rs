@@ -71,9 +71,9 @@ fn every_example_of_a_script_runs() {
     let registry = choreo::registry();
     let (dir, mut failures, mut ran) = (tempfile::tempdir().unwrap(), Vec::new(), 0);
     std::fs::write(dir.path().join("steps.rhai"), "fn step() {}").unwrap();
-    for example in choreo_script::synonyms::examples().filter(|e| !e.starts_with("choreo ")) {
-        let script =
-            if example.starts_with("import") { example.to_string() } else { format!("{prelude}{example}") };
+    for example in choreo_script::help::examples().filter(|e| !e.starts_with("choreo ")) {
+        let first = ["import", "stage("].iter().any(|start| example.starts_with(start));
+        let script = if first { example.to_string() } else { format!("{prelude}{example}") };
         let file = dir.path().join("example.rhai");
         std::fs::write(&file, &script).unwrap();
         if let Err(errors) = choreo_script::run_file(&file, &registry, &ScriptOptions::default()) {

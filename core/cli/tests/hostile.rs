@@ -1,4 +1,4 @@
-//! Every script under tests/hostile through the real program: `check`, and `render` of two small pictures. Each says
+//! Every script under tests/hostile through the real program: `check`, and `render` of two small images. Each says
 //! in its head what is expected; beyond that nothing may panic, hang, fill the memory, write elsewhere or steer the
 //! terminal. `CHOREO_ACCEPT=1` writes what came into the heads, to be read before it is kept.
 //!
@@ -176,7 +176,7 @@ impl Yard {
         Ok(finished(output))
     }
 
-    /// All files with their content's size and time of change, but the pictures asked for.
+    /// All files with their content's size and time of change, but the images asked for.
     fn inventory(&self) -> BTreeMap<PathBuf, (u64, Option<std::time::SystemTime>)> {
         let mut found = BTreeMap::new();
         let mut open = vec![self.inside.clone(), self.outside.clone(), self.home.clone()];
@@ -219,7 +219,7 @@ fn judge(yard: &Yard, script: &Script, command: &str) -> Result<Run, String> {
     }
     let pictures = if folder.is_dir() { names(&folder) } else { Vec::new() };
     if run.code == 0 && command == "render" && pictures != ["0000.png", "0001.png"] {
-        return Err(format!("good, but the pictures are {pictures:?}"));
+        return Err(format!("good, but the images are {pictures:?}"));
     }
     if pictures.iter().any(|n| n.contains(".part")) {
         return Err(format!("leaves {pictures:?}"));

@@ -70,7 +70,7 @@ fn pictures_made_before_a_signal_are_whole() {
     let dir = long_folder();
     let d = dir.path();
     let child = start(d, "f/%05d.png", &[]);
-    wait_for("fifth picture", || d.join("f/00005.png").exists());
+    wait_for("fifth image", || d.join("f/00005.png").exists());
     signal(&child, "-INT");
     let run = finished(child.wait_with_output().unwrap());
     assert_eq!(run.code, 130, "{}", run.err);

@@ -92,7 +92,7 @@ const LADDER: &[Rung] = &[
         },
     },
     Rung {
-        name: "an unlit prop with a picture",
+        name: "an unlit prop with an image",
         script: r#"cast("prop", shape("box", #{ size: 0.8, checker: "white", color: "teal", unlit: true })).at(-1.6, 0, 0);"#,
         samples: 1,
         features: &["BASE_COLOR_TEXTURE", "UV0", "UV_TRANSFORM"],
@@ -114,7 +114,15 @@ const LADDER: &[Rung] = &[
             sun(#{ direction: [-1, -2, -1] });
             cast("lit", shape("sphere", #{ size: 0.8, color: "tomato" })).at(1.6, 0, 0);"#,
         samples: 1,
-        features: &["LIT", "METALLIC_ROUGHNESS", "NORMAL", "NORMAL_OUT", "ONE_LIGHT", "POSITION_OUT"],
+        features: &[
+            "LIT",
+            "METALLIC_ROUGHNESS",
+            "NORMAL",
+            "NORMAL_OUT",
+            "ONE_LIGHT",
+            "POSITION_OUT",
+            "VIEW_TRANSFORM",
+        ],
         gone: &[],
         data: &["lights"],
         cost: Cost {

@@ -1,15 +1,15 @@
-//! Equal bits on machines with different processors, as far as one machine can tell: hashes of poses and pictures that
+//! Equal bits on machines with different processors, as far as one machine can tell: hashes of poses and images that
 //! are written down here, and a look through the sources for what differs between processors and systems.
 //!
 //! The hashes were the same with AVX2, on `qemu-x86_64 -cpu Nehalem` (no AVX, no FMA) and `-cpu Haswell`. When a change
-//! of formulas is meant to change pictures, `CHOREO_ACCEPT=1 cargo test -p choreo --test machines -- --nocapture` prints
+//! of formulas is meant to change images, `CHOREO_ACCEPT=1 cargo test -p choreo --test machines -- --nocapture` prints
 //! the new ones.
 
 #[path = "common/unhurried.rs"]
 mod unhurried;
 
 use choreo_motion::{Level, LocalToModel, Pose, Sample, Time};
-use choreo_plugin::{Files, Importer, Needs, Registry, Source};
+use choreo_plugin::{Files, ImportScope, Importer, Registry, Source};
 use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
 use choreo_script::run_file;
 use choreo_stage::Evaluator;
@@ -32,7 +32,7 @@ impl Files for Nothing {
 fn poses(level: Level) -> String {
     let source = Source { name: "choreo:mannequin".into(), bytes: Arc::default() };
     let asset =
-        import_mannequin::Mannequin.import(&source, &Nothing, Needs::ALL, &Default::default()).unwrap();
+        import_mannequin::Mannequin.import(&source, &Nothing, ImportScope::ALL, &Default::default()).unwrap();
     let mut hasher = blake3::Hasher::new();
     for clip in &asset.clips {
         for i in -2..23 {
@@ -55,7 +55,7 @@ fn poses(level: Level) -> String {
 fn pictures(name: &str, secs: &[f64]) -> String {
     let mut registry = Registry::default();
     registry.add_importer(import_mannequin::Mannequin);
-    registry.add_effect(effect_vignette::Vignette);
+    effects::named(&["vignette"]).into_iter().for_each(|effect| registry.add_shared_effect(effect));
     let mut stage =
         run_file(&root().join("scripts").join(name), &registry, &unhurried::unhurried()).unwrap().stage;
     stage.settings.size = [160, 90];
@@ -183,7 +183,7 @@ fn differing(file: &Path, methods: &[&str], types: &[&str]) -> Vec<String> {
 
 const POSES: &str = "28b2f144c66d6d9c";
 const PICTURES: &[(&str, &[f64], &str)] = &[
-    ("01_first_dance.rhai", &[0.5, 3.2], "b42b4f6b0c679561"),
-    ("05_lights.rhai", &[1.0], "4e789cbf25842788"),
-    ("07_keys_and_frames.rhai", &[1.4, 2.9], "082c40f3ececb880"),
+    ("01_first_dance.rhai", &[0.5, 3.2], "a4426c80e2c7519c"),
+    ("05_lights.rhai", &[1.0], "7c6b4bb564bcf48a"),
+    ("07_keys_and_frames.rhai", &[1.4, 2.9], "82d9a0fa013d2e27"),
 ];

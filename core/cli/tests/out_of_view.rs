@@ -1,4 +1,4 @@
-//! Who is not in the picture is not posed, and nothing that is seen changes by it.
+//! Who is not in the image is not posed, and nothing that is seen changes by it.
 
 use choreo_motion::Time;
 use choreo_plugin::Registry;
@@ -28,7 +28,7 @@ fn picture(resources: &Arc<SceneResources>, evaluator: &mut Evaluator, secs: f64
     (renderer.collect(None).unwrap().rgba, plan)
 }
 
-/// Pictures at some times with and without the short cut are the same; how many poses either took.
+/// Images at some times with and without the short cut are the same; how many poses either took.
 fn poses(script: &str) -> [usize; 2] {
     let stage = stage(script);
     let resources = Arc::new(SceneResources::new(&stage));
@@ -40,14 +40,14 @@ fn poses(script: &str) -> [usize; 2] {
         let (expected, _) = picture(&resources, &mut all, secs);
         let (got, plan) = picture(&resources, &mut seen, secs);
         let differ = expected.iter().zip(&got).filter(|(a, b)| a != b).count();
-        assert_eq!(differ, 0, "bytes of the picture at {secs} s");
+        assert_eq!(differ, 0, "bytes of the image at {secs} s");
         let told = plan.left_out.iter().any(|l| l.what == "actors outside the view");
         assert_eq!(told, seen.poses() < all.poses(), "at {secs} s");
     }
     [all.total_poses(), seen.total_poses()]
 }
 
-/// A row of eleven that walk by, two metres apart, of whom the middle three are about the picture; a sword in every hand.
+/// A row of eleven that walk by, two metres apart, of whom the middle three are about the image; a sword in every hand.
 const ROW: &str = r#"
     stage(#{ size: [160, 90], length: 3.0 });
     let figure = load("choreo:mannequin");
@@ -76,7 +76,7 @@ fn whose_shadow_reaches_the_picture_casts_it() {
     let lamp = format!("{ROW} point(#{{ position: [0.0, 2.5, 1.0], intensity: 60, shadow: true }});");
     let [all, seen] = poses(&lamp);
     assert!(3 * seen <= 2 * all, "{seen} of {all} poses");
-    // One who is seen by no more than her shadow: without her the picture is another.
+    // One who is seen by no more than her shadow: without her the image is another.
     let alone = r#"
         stage(#{ size: [160, 90], length: 3.0 });
         let figure = load("choreo:mannequin");

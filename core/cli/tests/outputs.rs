@@ -157,7 +157,7 @@ fn what_must_not_be_written_is_not() {
     }
 }
 
-/// A scene with a picture, a module, a plugin and a test, in `scene`; beside it a file and a folder that nobody may change.
+/// A scene with an image, a module, a plugin and a test, in `scene`; beside it a file and a folder that nobody may change.
 fn planted() -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     let scene = dir.path().join("scene");
@@ -235,7 +235,7 @@ fn links_in_the_way_are_refused_and_named() {
         symlink(&target, d.join(link)).unwrap();
         let run = choreo(&d, args);
         let (said, all) = (run.err.clone() + &run.out, format!("{link} {args:?}: {}{}", run.err, run.out));
-        // A picture that cannot be accepted is a failed section.
+        // An image that cannot be accepted is a failed section.
         let expected = if link.starts_with("suite/") { 1 } else { 3 };
         assert_eq!(run.code, expected, "{all}");
         let words = format!("cannot write: {link} is a symbolic link to {}; remove it", target.display());
@@ -453,7 +453,7 @@ fn the_second_of_two_renders_to_one_output_is_refused() {
         let run = choreo(d, &render("long.gltf", output, &["--frames", overlap]));
         assert_eq!(run.code, 0, "{}", run.err);
         let left = if output.contains('/') { parts(&d.join("f")) } else { parts(d) };
-        // A picture that the first was writing may still lie there, under its number.
+        // An image that the first was writing may still lie there, under its number.
         assert!(left.iter().all(|n| n.ends_with(".png.part")), "{left:?}");
     }
 }

@@ -170,7 +170,7 @@ fn pictures_and_videos_tell_how_they_were_made() {
     assert!(ids.iter().all(|id| *id == ids[0] && id.len() == 16), "{ids:?}");
 }
 
-/// Nothing of where and when a render runs, under what name, of which frames, is in its bytes; what changes the picture is.
+/// Nothing of where and when a render runs, under what name, of which frames, is in its bytes; what changes the image is.
 #[test]
 fn how_it_was_made_depends_on_nothing_else() {
     let script = "let who = param(\"who\", \"x\");\nlet m = load(\"models/tri.gltf\");\nlet a = cast(who, m);\n\
@@ -222,7 +222,7 @@ fn how_it_was_made_depends_on_nothing_else() {
     assert_eq!(arguments, "--size 96x54 --fps 30 --samples 1 --set who=a\\nb --export compression=small");
 }
 
-/// Framed for the shape of the picture and not for the one that the scene would have had.
+/// Framed for the shape of the image and not for the one that the scene would have had.
 #[test]
 fn a_model_is_framed_whole_in_a_high_picture() {
     let dir = folder();
@@ -243,7 +243,7 @@ fn a_model_is_framed_whole_in_a_high_picture() {
     assert!(drawn > 30 * 50, "{drawn}: it is drawn, and large");
 }
 
-/// What a rasterizer does, a picture a stage; a file's name is none of a folder.
+/// What a rasterizer does, an image a stage; a file's name is none of a folder.
 #[test]
 fn stages_are_six_pictures_in_a_folder() {
     let dir = folder();
@@ -270,7 +270,7 @@ fn stages_are_six_pictures_in_a_folder() {
     assert_eq!(white(all[5]), 0);
     let run = choreo(d, &["render", "tri.gltf", "--stages", "-o", "steps.png"]);
     assert!(
-        run.code != 0 && run.err.contains("--stages writes a picture a stage into a folder"),
+        run.code != 0 && run.err.contains("--stages writes an image a stage into a folder"),
         "{}",
         run.err
     );

@@ -76,7 +76,7 @@ fn only_the_frames_that_a_save_touches_are_drawn() {
     assert!(picture(7).starts_with(b"\x89PNG"));
     save(folder.path(), &SCRIPT.replace("#c04020", "#20c040"));
     assert!(watching.says("8 frames").starts_with("8 frames, 4 of them drawn before, in "));
-    // The same pictures as without a memory.
+    // The same images as without a memory.
     let pixels = |name: &str| image::open(folder.path().join(name)).unwrap().into_rgba8();
     let once = Command::new(env!("CARGO_BIN_EXE_choreo"))
         .args(["render", "a.rhai", "-o", "once/%02d.png", "--device", "cpu", "--quiet"])

@@ -65,7 +65,7 @@ fn kill_after(folder: &Path, output: &str, more: &[&str], enough: usize, random:
     child.wait().unwrap();
 }
 
-/// Frames that a render has finished, read without the program's help: whole pictures, or records of the journal.
+/// Frames that a render has finished, read without the program's help: whole images, or records of the journal.
 fn finished_frames(folder: &Path, output: &str) -> usize {
     if let Some((folder_name, _)) = output.split_once('/') {
         let Ok(entries) = std::fs::read_dir(folder.join(folder_name)) else { return 0 };

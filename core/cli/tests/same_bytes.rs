@@ -147,7 +147,7 @@ fn orders(renderer: &mut dyn Renderer, registry: &Registry) {
 fn registry() -> Registry {
     let mut registry = Registry::default();
     registry.add_importer(import_mannequin::Mannequin);
-    registry.add_effect(effect_vignette::Vignette);
+    effects::named(&["vignette"]).into_iter().for_each(|effect| registry.add_shared_effect(effect));
     registry
 }
 

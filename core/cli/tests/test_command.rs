@@ -10,7 +10,7 @@ use std::process::Stdio;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// Three sections, two with a picture.
+/// Three sections, two with an image.
 const SUITE: &str = r##"
 fn set(x) {
     cast("box", shape("box", #{ size: [1, 1, 1], color: "coral" })).at(x, 0.5, 0.0).turn(30.0);
@@ -58,7 +58,7 @@ fn accepted() -> tempfile::TempDir {
     let dir = suite();
     let run = test(dir.path(), &["suite", "--accept"]);
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
-    assert!(run.out.contains("3 passed, 0 failed, 0 skipped, 2 pictures accepted"), "{}", run.out);
+    assert!(run.out.contains("3 passed, 0 failed, 0 skipped, 2 images accepted"), "{}", run.out);
     assert!(run.out.contains("accepted suite/pictures/box/box.png\n"), "{}", run.out);
     dir
 }
@@ -130,7 +130,7 @@ fn pictures_are_accepted_then_compared_and_a_planted_block_fails() {
     let run = test(d, &["suite", "--quiet"]);
     assert_eq!(run.code, 1);
     for part in [
-        "FAILED suite/box.rhai > the box is seen\n  suite/box.rhai:10:5: picture \"box\" at 0 s\n",
+        "FAILED suite/box.rhai > the box is seen\n  suite/box.rhai:10:5: image \"box\" at 0 s\n",
         "within 4x4 at (40, 20)",
         "see       target/choreo-test/pictures/suite_box/box.difference.png\n",
         "  alone:  choreo test suite/box.rhai --filter 'the box is seen'\n",
@@ -151,7 +151,7 @@ fn pictures_are_accepted_then_compared_and_a_planted_block_fails() {
     let run = test(d, &["suite", "--accept=asid"]);
     assert_eq!(run.code, 2);
     assert!(
-        run.err.contains("no section that ran has a picture of this name; did you mean \"aside\"?"),
+        run.err.contains("no section that ran has an image of this name; did you mean \"aside\"?"),
         "{}",
         run.err
     );
@@ -183,10 +183,10 @@ fn damaged_missing_and_misshapen_pictures_fail() {
     let good = std::fs::read(&path).unwrap();
     std::fs::write(&path, &good[..good.len() - 40]).unwrap();
     let run = test(d, &["suite"]);
-    assert!(run.code == 1 && run.out.contains("the stored picture is damaged"), "{}", run.out);
+    assert!(run.code == 1 && run.out.contains("the stored image is damaged"), "{}", run.out);
     std::fs::remove_file(&path).unwrap();
     let run = test(d, &["suite"]);
-    assert!(run.code == 1 && run.out.contains("no picture has been accepted"), "{}", run.out);
+    assert!(run.code == 1 && run.out.contains("no image has been accepted"), "{}", run.out);
     std::fs::write(&path, good).unwrap();
     write(
         d,
@@ -219,7 +219,7 @@ const FAULTS: &[(&str, &str)] = &[
     (
         "test(\"a\", || { cast(\"b\", shape(\"box\")); expect_picture(\"same\"); });\n\
          test(\"b\", || { cast(\"b\", shape(\"box\")); expect_picture(\"same\"); });",
-        "suite/t.rhai > a has a picture of this name too",
+        "suite/t.rhai > a has an image of this name too",
     ),
 ];
 
@@ -383,7 +383,7 @@ fn only_what_a_change_touches_runs_again() {
     assert_eq!(reused(&[]), (0, vec![true; 3]));
     let run = test(d, &["suite", "--changed"]);
     assert!(run.out.contains("3 passed (reused 3), 0 failed"), "{}", run.out);
-    // One section's line; a shared line; a picture.
+    // One section's line; a shared line; an image.
     write(d, "suite/box.rhai", &SUITE.replace("1 + 1", "3 - 1"));
     assert_eq!(reused(&[]), (0, vec![true, true, false]));
     write(d, "suite/box.rhai", &SUITE.replace("size: [1, 1, 1]", "size: [1, 1, 1.0]"));

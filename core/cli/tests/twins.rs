@@ -8,7 +8,7 @@ mod unhurried;
 use choreo_asset::*;
 use choreo_image_diff::{Comparison, compare};
 use choreo_motion::Time;
-use choreo_plugin::{Frame, Needs, Registry};
+use choreo_plugin::{Frame, ImportScope, Registry};
 use choreo_render::{
     CpuRenderer, GpuOptions, Plan, PlanOptions, RenderError, Renderer, SceneResources, VulkanRenderer,
 };
@@ -30,17 +30,19 @@ struct Bounds {
 
 /// Edges: a driver snaps vertices to its own fixed point, so that single pixels of an outline fall on the other side.
 /// Textures: it weighs texels with 8 bits, and chooses mipmap levels from its own approximations.
-const BOUNDS: Bounds = Bounds { mean: 0.16, share_beyond: 0.003 };
+/// The mean: lavapipe's sRGB encoder gives one more for more than half of the codes from 64 to 87, where much of a dark floor lies.
+const BOUNDS: Bounds = Bounds { mean: 0.2, share_beyond: 0.003 };
 
-/// A picture full of hard edges inside enlarged textures shows the eight bits of their weights wherever one is; where alpha is
+/// An image full of hard edges inside enlarged textures shows the eight bits of their weights wherever one is; where alpha is
 /// cut off, as a sample more or less.
-const OF_TEXTURES: Bounds = Bounds { mean: 0.16, share_beyond: 0.01 };
-const LESSONS_OF_TEXTURES: [&str; 2] = ["35_moving_textures.rhai", "39_leaves_and_panes.rhai"];
+const OF_TEXTURES: Bounds = Bounds { mean: 0.2, share_beyond: 0.01 };
+const SCENES_OF_TEXTURES: [&str; 3] =
+    ["35_moving_textures.rhai", "39_leaves_and_panes.rhai", "AlphaBlendModeTest.glb"];
 
 impl Bounds {
-    /// Of a picture by the name of its scene.
+    /// Of an image by the name of its scene.
     fn of(what: &str) -> Bounds {
-        if LESSONS_OF_TEXTURES.iter().any(|name| what.starts_with(name)) { OF_TEXTURES } else { BOUNDS }
+        if SCENES_OF_TEXTURES.iter().any(|name| what.starts_with(name)) { OF_TEXTURES } else { BOUNDS }
     }
 
     fn hold(self, c: &Comparison) -> bool {
@@ -99,7 +101,8 @@ impl Twins {
 
     fn load(&self, path: &Path) -> Arc<Asset> {
         let name = path.file_name().unwrap().to_str().unwrap();
-        let loader = Loader::for_file(path, &[], &self.registry, Needs::ALL, Limits::default().file).unwrap();
+        let loader =
+            Loader::for_file(path, &[], &self.registry, ImportScope::ALL, Limits::default().file).unwrap();
         let loader = Arc::new(loader);
         loader.load(name, &Default::default()).unwrap_or_else(|e| panic!("{name}: {}", e.message))
     }
@@ -160,7 +163,7 @@ impl Table {
     fn finish(self) {
         assert!(
             self.beyond.is_empty(),
-            "of {} pictures {} differ by more than mean {} and {} % of the pixels:\n{}",
+            "of {} images {} differ by more than mean {} and {} % of the pixels:\n{}",
             self.rows,
             self.beyond.len(),
             BOUNDS.mean,

@@ -129,18 +129,18 @@ pub fn print(text: &str) -> Result<(), Failure> {
 
 /// Writes one message to standard error, without what would steer a terminal. Its further lines are set in, so that no
 /// name in it can pass for a message of its own.
-pub fn print_message(message: impl std::fmt::Display) {
+pub(crate) fn print_message(message: impl std::fmt::Display) {
     let shown = printable(&message.to_string()).replace('\n', "\n    ").replace("\n        ", "\n    ");
     write_error(&shown);
 }
 
-pub fn print_json(value: &serde_json::Value) -> Result<(), Failure> {
+pub(crate) fn print_json(value: &serde_json::Value) -> Result<(), Failure> {
     // `to_string_pretty` of a `Value` cannot fail: all keys are strings.
     print(&format!("{}\n", escaped(&serde_json::to_string_pretty(value).unwrap_or_default())))
 }
 
 /// JSON on one line on standard error, for programs that write their result to standard output.
-pub fn print_json_message(value: &serde_json::Value) {
+pub(crate) fn print_json_message(value: &serde_json::Value) {
     write_error(&escaped(&value.to_string()));
 }
 
@@ -160,7 +160,7 @@ fn escaped(json: &str) -> String {
     json.chars().map(escape).collect()
 }
 
-pub fn output_error(place: &str, error: &std::io::Error) -> Failure {
+pub(crate) fn output_error(place: &str, error: &std::io::Error) -> Failure {
     match error.kind() {
         std::io::ErrorKind::BrokenPipe => Failure::ClosedPipe,
         _ => Failure::Output(format!("{place}: cannot write: {}", reason(error))),
@@ -168,7 +168,7 @@ pub fn output_error(place: &str, error: &std::io::Error) -> Failure {
 }
 
 /// Why an output that the user knows as `shown` was not written.
-pub fn write_failure(shown: &str, error: WriteError) -> Failure {
+pub(crate) fn write_failure(shown: &str, error: WriteError) -> Failure {
     match error {
         WriteError::Io(e) => output_error(shown, &e),
         WriteError::Busy => Failure::Output(format!(

@@ -48,7 +48,11 @@ pub fn run(args: impl IntoIterator<Item = OsString>, plugins: &Registry) -> Exit
 
 fn start(command: Command, args: &[OsString], plugins: &Registry) -> Result<(), Failure> {
     match &command {
-        Command::Render(given) => threads::start(given.jobs.as_deref().map(values::jobs).transpose()?)?,
+        Command::Render(given) => {
+            let jobs = given.jobs.as_deref().map(values::jobs).transpose()?;
+            jobs.into_iter().for_each(choreo_render::vulkan::limit_software_threads);
+            threads::start(jobs)?;
+        }
         Command::New(_) | Command::View(_) | Command::Plugins(_) | Command::Help(_) => {}
         _ => threads::start(None)?,
     }

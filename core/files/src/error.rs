@@ -29,17 +29,17 @@ impl FileError {
 
 /// The system's words without "(os error 2)".
 pub fn words(error: &io::Error) -> String {
-    use io::ErrorKind::*;
+    use io::ErrorKind as E;
     let text = match error.kind() {
-        NotFound => "no such file or folder".to_string(),
-        PermissionDenied => "permission denied".to_string(),
-        StorageFull => "the disk is full".to_string(),
-        QuotaExceeded => "the disk quota is used up".to_string(),
-        ReadOnlyFilesystem => "the file system is read-only".to_string(),
-        IsADirectory => "it is a folder".to_string(),
-        NotADirectory => "a part of the path is a file, not a folder".to_string(),
-        AlreadyExists => "it exists already".to_string(),
-        InvalidFilename => "the name is too long or not allowed".to_string(),
+        E::NotFound => "no such file or folder".to_string(),
+        E::PermissionDenied => "permission denied".to_string(),
+        E::StorageFull => "the disk is full".to_string(),
+        E::QuotaExceeded => "the disk quota is used up".to_string(),
+        E::ReadOnlyFilesystem => "the file system is read-only".to_string(),
+        E::IsADirectory => "it is a folder".to_string(),
+        E::NotADirectory => "a part of the path is a file, not a folder".to_string(),
+        E::AlreadyExists => "it exists already".to_string(),
+        E::InvalidFilename => "the name is too long or not allowed".to_string(),
         _ => error.to_string(),
     };
     text.split_once(" (os error").map_or(text.clone(), |(words, _)| words.to_string())

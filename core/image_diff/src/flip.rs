@@ -6,6 +6,7 @@
 //! point counts for more. Images are viewed at 67 pixels per degree: a 4K screen 0.7 m wide at 0.7 m.
 
 use crate::pixels::{CompareError, check};
+use choreo_asset::linear_from_srgb_f32;
 use choreo_plugin::Frame;
 
 /// Pixels per degree of the field of view.
@@ -36,9 +37,9 @@ impl FlipDifference {
             w if w <= SIDE_BY_SIDE => {
                 "visible when the two alternate; side by side only if the place is known"
             }
-            _ if self.mean <= 0.02 => "visible side by side, in a part of the picture",
+            _ if self.mean <= 0.02 => "visible side by side, in a part of the image",
             w if self.mean <= 0.2 || w <= 0.6 => "visible at first sight",
-            _ => "different pictures",
+            _ => "different images",
         }
     }
 }
@@ -113,7 +114,7 @@ impl Seen {
     /// `back`: the linear gray behind a transparent image.
     fn new(frame: &Frame, back: f32) -> Seen {
         let size = [frame.width as usize, frame.height as usize];
-        let linear: Vec<f32> = (0..=255).map(|v: i32| decoded(v as f32 / 255.0)).collect();
+        let linear: Vec<f32> = (0..=255).map(|v: i32| linear_from_srgb_f32(v as f32 / 255.0)).collect();
         let mut opponent = [const { Vec::new() }; 3];
         for p in frame.rgba.as_chunks::<4>().0 {
             let cover = f32::from(p[3]) / 255.0;
@@ -163,10 +164,6 @@ impl Seen {
             })
             .collect()
     }
-}
-
-fn decoded(v: f32) -> f32 {
-    if v <= 0.04045 { v / 12.92 } else { libm::powf((v + 0.055) / 1.055, 2.4) }
 }
 
 /// CIE XYZ of linear sRGB, and back (IEC 61966-2-1 in full digits).
@@ -352,7 +349,7 @@ mod tests {
         assert_eq!((v.mean, v.worst, v.words()), (0.0, 0.0, "equal to the eye"));
         let v = flip(&picture(0), &picture(1)).unwrap();
         assert!(v.worst_at[0].abs_diff(20) <= 1 && v.worst_at[1].abs_diff(10) <= 1, "{:?}", v.worst_at);
-        assert_eq!(flip(&picture(0), &picture(4)).unwrap().words(), "different pictures");
+        assert_eq!(flip(&picture(0), &picture(4)).unwrap().words(), "different images");
         let shown = flip_heatmap(&v, [64, 48]);
         assert_eq!(shown.rgba.len(), 64 * 48 * 4);
     }

@@ -90,7 +90,7 @@ pub fn compare(a: &Frame, b: &Frame, tolerance: u8) -> Result<Comparison, Compar
 
 impl Comparison {
     /// What the values mean to somebody who views the two images.
-    pub fn verdict(&self) -> &'static str {
+    pub(crate) fn verdict(&self) -> &'static str {
         match self {
             c if c.worst == 0 => "equal, bit for bit",
             c if c.worst <= 2 => "equal to the eye: rounding",
@@ -101,7 +101,7 @@ impl Comparison {
                 "the same but for single pixels: edges, or one small thing"
             }
             c if c.ssim > 0.95 => "alike, with a part that visibly differs",
-            _ => "different pictures",
+            _ => "different images",
         }
     }
 }
@@ -276,7 +276,7 @@ mod tests {
         assert_eq!(part.region, Some([56, 0, 8, 8]));
         let mut upside_down = a.clone();
         upside_down.rgba = a.rgba.chunks_exact(64 * 4).rev().flatten().copied().collect();
-        assert_eq!(compare(&a, &upside_down, 3).unwrap().verdict(), "different pictures");
+        assert_eq!(compare(&a, &upside_down, 3).unwrap().verdict(), "different images");
     }
 
     #[test]

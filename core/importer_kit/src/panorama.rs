@@ -20,7 +20,7 @@ pub fn panorama(name: &str, bytes: &[u8]) -> Result<Panorama> {
         reader
     };
     if !bytes.starts_with(b"#?") {
-        return Err(fail("is not a Radiance picture".into()).hint("panoramas are .hdr files (RGBE)"));
+        return Err(fail("is not a Radiance image".into()).hint("panoramas are .hdr files (RGBE)"));
     }
     let size = reader().into_dimensions();
     let (width, height) = size.map_err(|e| fail(format!("has a damaged header: {e}")))?;
@@ -70,7 +70,7 @@ mod tests {
     #[test]
     fn what_is_wrong_is_said() {
         let said = |bytes: &[u8]| panorama("a.hdr", bytes).unwrap_err().what;
-        assert!(said(b"\x89PNG").contains("is not a Radiance picture"));
+        assert!(said(b"\x89PNG").contains("is not a Radiance image"));
         assert!(said(&flat(3, 1, &[[0; 4]; 3])).contains("twice as wide as high"));
         assert!(said(&flat(2, 1, &[[0; 4]])).contains("cannot be decoded"));
         assert!(said(&flat(200_000, 100_000, &[])).contains("limit is 32 megapixels"));

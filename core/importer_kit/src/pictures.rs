@@ -3,7 +3,7 @@
 use crate::budget::Notes;
 use crate::problem::{Problem, Result};
 use choreo_asset::Image;
-use choreo_plugin::{Files, Needs};
+use choreo_plugin::{Files, ImportScope};
 use image::{ImageFormat, ImageReader};
 use std::io::Cursor;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -17,7 +17,7 @@ const MAX_WORKERS: usize = 4;
 
 /// An image whose header has been read. `B` holds its bytes.
 pub struct Encoded<B> {
-    /// Place at which the file names it: "images[3]".
+    /// Place at which the file names it: `images[3]`.
     pub place: String,
     pub name: String,
     pub width: u32,
@@ -50,7 +50,7 @@ impl<B: AsRef<[u8]>> Encoded<B> {
             None if tga => ImageFormat::Tga,
             _ => {
                 let known = if all { "PNG, JPEG, WebP, BMP or TGA" } else { "PNG, JPEG or WebP" };
-                return Err(fail(format!("is not a {known} picture"))
+                return Err(fail(format!("is not a {known} image"))
                     .hint("convert the textures to PNG or JPEG; KTX2 and DDS are not supported"));
             }
         };
@@ -118,7 +118,7 @@ const BEFORE_PICTURES: f32 = 0.5;
 /// left are not begun.
 pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
     entries: &[Encoded<B>],
-    needs: Needs,
+    needs: ImportScope,
     files: &dyn Files,
     rest: impl FnOnce() -> R,
 ) -> (Vec<Result<Arc<Image>>>, R) {
@@ -172,11 +172,12 @@ pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
         workers.into_iter().for_each(|w| drop(w.join()));
         rest
     });
-    let failed = |entry: &Encoded<B>| match cancelled {
-        true => Err(Problem::new(entry.place.clone(), CANCELLED)),
-        false => Err(Problem::new(entry.place.clone(), "the picture decoder failed")
-            .hint("convert the picture to PNG")),
-    };
+    let failed =
+        |entry: &Encoded<B>| match cancelled {
+            true => Err(Problem::new(entry.place.clone(), CANCELLED)),
+            false => Err(Problem::new(entry.place.clone(), "the image decoder failed")
+                .hint("convert the image to PNG")),
+        };
     let images = slots.into_iter().zip(entries).map(|(s, e)| s.into_inner().unwrap_or_else(|| failed(e)));
     (images.collect(), rest)
 }
@@ -228,7 +229,7 @@ mod tests {
     #[test]
     fn each_picture_that_is_done_is_told() {
         let bar = Bar(RefCell::default(), 100);
-        let (images, rest) = decode_beside(&pictures(20), Needs::ALL, &bar, || 7);
+        let (images, rest) = decode_beside(&pictures(20), ImportScope::ALL, &bar, || 7);
         assert!(rest == 7 && images.iter().all(|i| i.as_ref().is_ok_and(|i| i.rgba[..3] == [9, 8, 7])));
         let told = bar.0.into_inner();
         assert!(told.is_sorted() && told.len() == 20 && told[19] == 1.0, "{told:?}");
@@ -239,7 +240,7 @@ mod tests {
     fn pictures_that_nobody_wants_are_not_begun() {
         let bar = Bar(RefCell::default(), 0);
         // More than can be done before the first word is heard.
-        let (images, _) = decode_beside(&pictures(4000), Needs::ALL, &bar, || ());
+        let (images, _) = decode_beside(&pictures(4000), ImportScope::ALL, &bar, || ());
         let left = images.iter().filter(|i| i.as_ref().is_err_and(|p| p.what == CANCELLED)).count();
         assert!(left > 0, "{left}");
     }

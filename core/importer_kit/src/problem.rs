@@ -23,7 +23,7 @@ impl Problem {
         self
     }
 
-    /// Adds the element for which the failing one was read: "meshes[0].primitives[1].NORMAL (accessors[7])".
+    /// Adds the element for which the failing one was read: `meshes[0].primitives[1].NORMAL (accessors[7])`.
     pub fn used_by(mut self, user: String) -> Problem {
         self.place = if self.place.is_empty() { user } else { format!("{user} ({})", self.place) };
         self

@@ -8,7 +8,7 @@ use crate::pictures::{Encoded, Formats, decode_beside, or_white};
 use crate::search;
 use crate::text::percent_decoded;
 use choreo_asset::{Image, Material, TextureRef};
-use choreo_plugin::{Files, Needs};
+use choreo_plugin::{Files, ImportScope};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -77,7 +77,7 @@ impl Textures {
     pub fn decode_beside<R>(
         self,
         notes: &Notes,
-        needs: Needs,
+        needs: ImportScope,
         files: &dyn Files,
         rest: impl FnOnce() -> R,
     ) -> Result<(Vec<Arc<Image>>, R)> {

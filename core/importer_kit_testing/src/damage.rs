@@ -1,7 +1,7 @@
 //! Files cut off and with single bits turned over: no panic, bounded memory, an error with a place or a valid asset.
 
 use crate::{Companions, import, sound, source};
-use choreo_plugin::{Files, Importer, Needs};
+use choreo_plugin::{Files, ImportScope, Importer};
 use std::time::Instant;
 
 /// Flips of an everyday run; `$CHOREO_FLIPS` asks for more.
@@ -62,7 +62,7 @@ pub fn run_slice(
     let memory = Memory::start();
     let mut one = |how: &str, damaged: Vec<u8>| {
         let (start, computed) = (Instant::now(), computed_secs());
-        let result = import(importer, &source(name, damaged), beside, Needs::ALL);
+        let result = import(importer, &source(name, damaged), beside, ImportScope::ALL);
         let wall = start.elapsed().as_secs_f64();
         let secs = computed_secs().zip(computed).map_or(wall, |(after, before)| after - before);
         outcome.slowest_secs = outcome.slowest_secs.max(secs);

@@ -9,7 +9,7 @@ pub mod pose;
 pub mod sound;
 
 use choreo_asset::Asset;
-use choreo_plugin::{Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source};
+use choreo_plugin::{Files, ImportError, ImportOptions, ImportScope, Importer, OptionValue, Source};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -82,7 +82,7 @@ pub fn import(
     importer: &dyn Importer,
     source: &Source,
     files: &dyn Files,
-    needs: Needs,
+    needs: ImportScope,
 ) -> Result<Asset, ImportError> {
     importer.import(source, files, needs, &options(importer, &[]))
 }
@@ -93,7 +93,7 @@ pub fn import_bytes(
     name: &str,
     bytes: impl Into<Vec<u8>>,
 ) -> Result<Asset, ImportError> {
-    import(importer, &source(name, bytes), &Companions::none(), Needs::ALL)
+    import(importer, &source(name, bytes), &Companions::none(), ImportScope::ALL)
 }
 
 /// A file with what lies beside it.
@@ -101,7 +101,7 @@ pub fn import_path(importer: &dyn Importer, path: &Path) -> Result<Asset, Import
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let bytes = std::fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     let folder = path.parent().unwrap_or(Path::new("."));
-    import(importer, &source(&name, bytes), &Companions::in_folder(folder), Needs::ALL)
+    import(importer, &source(&name, bytes), &Companions::in_folder(folder), ImportScope::ALL)
 }
 
 pub fn error_text(result: Result<Asset, ImportError>) -> String {

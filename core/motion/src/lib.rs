@@ -38,26 +38,26 @@
 //! # Ok(()) }
 //! ```
 //!
-//! Two clips at once: [`Crossfade`]; many, in any order: [`WeightedBlend`] and, on top, [`AdditiveLayers`]. Names of another skeleton: [`bind_clip`]. `cargo bench -p choreo-motion` says how
+//! Two clips at once: [`Crossfade`]; many, in any order: [`WeightedBlend`] and, on top, [`AdditiveLayers`]. Names of another skeleton: [`bind_clip`]. `cargo bench -p choreo-motion` measures how
 //! fast and how exact all this is.
 
 pub mod clip;
-pub mod compress;
+mod compress;
 pub mod contacts;
 pub mod edit;
 pub mod ik;
-pub mod input_error;
+pub(crate) mod input_error;
 pub mod math;
-pub mod mirror;
-pub mod pose;
+mod mirror;
+mod pose;
 pub mod retarget;
-pub mod root_motion;
+mod root_motion;
 #[allow(unsafe_code, reason = "registers of AVX2 and AVX-512, and gathers without a look at each index")]
-pub mod simd;
+mod simd;
 pub mod skeleton;
 pub mod skinning;
 pub mod spring;
-pub mod time;
+mod time;
 
 pub use clip::crossfade::Crossfade;
 pub use clip::property_curve::{MaterialProperty, PropertyCurve, PropertyTarget};
@@ -73,18 +73,17 @@ pub use math::planar::Planar;
 pub use math::rotation::slerp;
 pub use math::transform::Transform;
 pub use mirror::Mirror;
+pub use pose::Pose;
 pub use pose::additive::AdditiveLayers;
 pub use pose::blend::{Blend, BlendOnto};
 pub use pose::inertialization::{Inertialization, WeightInertialization};
 pub use pose::local_to_model::LocalToModel;
 pub use pose::weighted_blend::WeightedBlend;
-pub use pose::{Pose, PoseBlock};
 pub use retarget::bind::bind_clip;
 pub use retarget::joint_map::JointMap;
 pub use retarget::{Retarget, bind_or_retarget};
 pub use root_motion::{RootMotion, RootParts};
 pub use simd::Level;
-pub use simd::lane::{LANES, Lane};
 pub use skeleton::humanoid::{HumanBone, Humanoid};
 pub use skeleton::humanoid_joints::HumanoidJoints;
 pub use skeleton::symmetry::{MirrorError, MirrorMap};

@@ -20,7 +20,7 @@ use std::sync::Arc;
 pub struct RootParts {
     pub horizontal: bool,
     pub vertical: bool,
-    /// `None`: where the clip as a whole turns by more than [`LEAST_TURN_RAD`]; a walk's hips sway about their way.
+    /// `None`: where the clip as a whole turns by more than `LEAST_TURN_RAD`; a walk's hips sway about their way.
     pub yaw: Option<bool>,
 }
 
@@ -65,7 +65,7 @@ pub struct RootMotion {
 }
 
 impl RootMotion {
-    /// Root motion of the trimmed part of a clip. `joint`: the root, else [`find_root`].
+    /// Root motion of the trimmed part of a clip. `joint`: the root, else `find_root`.
     pub fn new(
         skeleton: &Skeleton,
         clip: &Arc<Clip>,

@@ -256,7 +256,7 @@ fn keys_as_far_apart_as_time_goes_stay_as_they_are() {
         values: vec![0.0; 9].into(),
     };
     let Ok(clip) = Clip::new("long".into(), 1, vec![curve]) else { panic!("such keys can be") };
-    let (small, told) = clip.compressed(&body(1), 1e-4).unwrap();
-    assert_eq!((told.worst_m, told.bytes[0]), (0.0, told.bytes[1]));
+    let (small, report) = clip.compressed(&body(1), 1e-4).unwrap();
+    assert_eq!((report.worst_m, report.bytes[0]), (0.0, report.bytes[1]));
     assert_eq!(small.duration, clip.duration);
 }

@@ -1,4 +1,4 @@
-//! Clips on other bodies: laws on bodies of random proportions, names, rest poses and axes, with an f64 oracle of their own.
+//! Clips on other characters: laws on skeletons of random proportions, names, rest poses and axes, with an f64 oracle of their own.
 
 mod support;
 
@@ -413,7 +413,7 @@ fn parts_of_the_body_that_stay_at_rest_are_named() {
         None => n.to_string(),
     });
     assert_eq!(named(&hidden), (11, vec!["head", "left arm", "right leg"], false, false));
-    // No name is known; structure tells hips and legs.
+    // No name is known; structure identifies hips and legs.
     let legs = renamed(&from, |n| {
         let plain = n.trim_start_matches("mixamorig:").to_lowercase();
         let is_leg = ["leg", "foot", "toe"].iter().any(|part| plain.contains(part));

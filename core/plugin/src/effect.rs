@@ -1,145 +1,181 @@
-//! Looks: what an effect changes is named by its [`Hook`]; it does so on the GPU in WGSL and on the CPU in Rust.
+//! Effects. An effect names its [`Hook`] and gives one WGSL function; Vulkan runs it as part of a shader, and the CPU renderer
+//! evaluates the same text as an [`EffectFunction`].
 
-use crate::{EffectTexture, Manifest, Overlay, PluginFile, Scene};
+use crate::{EffectScene, EffectTexture, Manifest, Overlay, PluginFile};
 use glam::{Vec2, Vec3, Vec4};
 
-/// Where an effect takes hold of a frame.
+/// The step of drawing in which an effect changes a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Hook {
-    /// A function of one pixel of the finished picture: [`Effect::wgsl`] and [`Effect::cpu`].
+    /// A function of one pixel of the finished image.
     #[default]
     Pixel,
-    /// A function of one pixel of the finished picture and those around it: [`Effect::wgsl`] and [`Effect::cpu_picture`].
-    Picture,
-    /// A function of one place on a surface, after light has fallen on it: [`Effect::wgsl`] and [`Effect::cpu_surface`].
+    /// A pass over the finished image: a function that reads any pixel of it.
+    Image,
+    /// A function of one point on a surface, after lighting.
     Surface,
-    /// A function of one vertex of a surface, which says how far it is moved: [`Effect::wgsl`] and [`Effect::cpu_vertex`].
+    /// A function of one vertex: how far it is displaced.
     Vertex,
-    /// A function of one light at one place on a surface, which says what comes of it: [`Effect::wgsl`] and
-    /// [`Effect::cpu_lighting`].
+    /// A function of one light at one point on a surface: what the surface reflects of it.
     Lighting,
-    /// Geometry of its own around or on surfaces: [`Effect::shell`], [`Effect::edges`].
-    Shell,
-    /// Triangles, lines, points and lattices of its own: [`Effect::overlay`].
+    /// An inverted hull around surfaces, or the edges of their triangles: [`Effect::inverted_hull`], [`Effect::wireframe`].
+    Outline,
+    /// Triangles, lines, points and lattices: [`Effect::overlay`].
     Overlay,
-    /// How long the shutter is open: [`Effect::exposure`].
-    Exposure,
+    /// How long the shutter is open: [`Effect::shutter`].
+    Shutter,
 }
 
 impl Hook {
-    /// Whether single actors can have it.
-    pub fn of_actors(self) -> bool {
-        matches!(self, Hook::Shell | Hook::Overlay) || self.is_in_scene()
+    /// Whether single actors can have the effect.
+    pub fn applies_to_actors(self) -> bool {
+        matches!(self, Hook::Outline | Hook::Overlay) || self.is_in_scene()
     }
 
-    /// Whether its function is a part of the shaders that draw the scene.
+    /// Whether the function is part of the shaders that draw the scene.
     pub fn is_in_scene(self) -> bool {
         matches!(self, Hook::Surface | Hook::Vertex | Hook::Lighting)
     }
 }
 
-/// A picture as the mean of several, at times while the shutter is open.
+/// The order of an effect on images and the stage's view transform. The view transform brings scene-linear light to the colors
+/// of a display.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum ViewOrder {
+    /// The effect runs on the colors that the view transform gives.
+    #[default]
+    After,
+    /// The effect runs on light of any strength; the view transform follows as a pass over the whole image.
+    Before,
+    /// The effect takes the place of the view transform: it brings light to colors itself.
+    Replaces,
+}
+
+/// An open shutter: the frame is the mean of several images.
+///
+/// ```
+/// use choreo_plugin::Shutter;
+/// // 180 degrees, half of them before the frame's time.
+/// let film = Shutter { samples: 16, open: 180.0 / 360.0, before: 0.5 };
+/// assert_eq!(film.open, 0.5);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Exposure {
-    /// How many times; 1 or more.
+pub struct Shutter {
+    /// Number of images; 1 or more.
     pub samples: u32,
-    /// How long the shutter is open, as a share of the time from frame to frame.
+    /// How long the shutter is open, as a share of the time between frames.
     pub open: f64,
     /// How much of that lies before the frame's own time, 0 to 1.
     pub before: f64,
 }
 
-/// A hull around a surface, of which the inside is seen: an outline.
+/// An inverted hull: a shell around a surface of which only the inside is drawn, which makes an outline.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Shell {
-    /// Pixels of the picture, whatever the distance.
+pub struct InvertedHull {
+    /// Width of the outline in pixels, whatever the distance.
     pub width: f32,
-    /// Linear.
+    /// Linear color.
     pub color: Vec3,
-    /// 0: the colour as it is, 1: times what the surface shows.
+    /// 0: the color as it is; 1: multiplied by the lit surface.
     pub lighting_mix: f32,
 }
 
-/// One place on a surface as a [`Hook::Surface`] sees it. Laid out as the struct `Seen` of the shaders.
+/// What a [`Hook::Surface`] function is given of one point on a surface. Same layout as the struct `Seen` of the shaders.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Seen {
-    /// Where in the world, metres; exact to f32 only, so fine near the origin.
+pub struct SurfaceSample {
+    /// Position in the world in metres; f32, so accurate near the origin.
     pub world: Vec3,
-    /// Metres from the camera; of orthographic ones, along their view.
+    /// Distance from the camera in metres; of orthographic cameras along their view.
     pub distance: f32,
-    /// Unit, towards the viewer's side; zero without [`SurfaceNeeds::normals`] and of meshes without.
+    /// Unit normal towards the viewer's side; zero without [`SurfaceInputs::normals`] and of meshes without normals.
     pub normal: Vec3,
-    /// Cosine between the normal and the way to the viewer.
+    /// Cosine between the normal and the direction to the viewer.
     pub facing: f32,
-    /// Of the stage, at this pixel, linear.
+    /// The stage's background at this pixel, linear.
     pub background: Vec3,
-    /// Colours of the joints that move the place, by their weights; with [`SurfaceNeeds::joints`].
+    /// Colors of the joints that move the point, weighted; with [`SurfaceInputs::joints`].
     pub joints: Vec3,
-    /// With [`SurfaceNeeds::uvs`]; zero of meshes without.
+    /// Texture coordinates with [`SurfaceInputs::uvs`]; zero of meshes without them.
     pub uv: Vec2,
-    /// With [`SurfaceNeeds::shadow`]: share of the light that a white matte surface would give back here and that shadows
-    /// take, by luminance. Zero of unlit materials.
+    /// Share of the light that a white matte surface would reflect here and that shadows take, by luminance; with
+    /// [`SurfaceInputs::shadow`]. Zero of unlit materials.
     pub shadow: f32,
-    /// Where the viewer stands, as `world`; of orthographic cameras, where the way to the place begins.
+    /// Position of the viewer in the world; of orthographic cameras where the ray to the point begins.
     pub viewer: Vec3,
 }
 
-/// One vertex of a surface as a [`Hook::Vertex`] sees it. Laid out as the struct `Place` of the shaders.
+/// What a [`Hook::Vertex`] function is given of one vertex. Same layout as the struct `Place` of the shaders.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Place {
-    /// Where in the world as posed, metres; exact to f32 only, so fine near the origin.
+pub struct VertexSample {
+    /// Posed position in the world in metres; f32, so accurate near the origin.
     pub world: Vec3,
-    /// Unit, in the world; zero of meshes without, and where [`SurfaceNeeds::normals`] asks for none and nothing is lit.
+    /// Unit normal in the world; zero of meshes without normals, and where neither [`SurfaceInputs::normals`] nor light needs it.
     pub normal: Vec3,
-    /// With [`SurfaceNeeds::uvs`]; zero of meshes without.
+    /// Texture coordinates with [`SurfaceInputs::uvs`]; zero of meshes without them.
     pub uv: Vec2,
-    /// In the mesh's own space, morph targets counted, bones not: a pattern by it moves with the body.
+    /// Position in model space, after morph targets and before skinning: a pattern by it moves with the character.
     pub model: Vec3,
 }
 
-/// One light at one place on a surface as a [`Hook::Lighting`] sees it. Laid out as the struct `Falling` of the shaders.
+/// What a [`Hook::Lighting`] function is given of one light at one point on a surface. Same layout as the struct `Falling` of
+/// the shaders.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Falling {
-    /// Between the normal and the way to the light, −1 to 1.
+pub struct LightSample {
+    /// Cosine between the normal and the direction to the light, −1 to 1.
     pub cosine: f32,
-    /// Of the light what shadows let through, 0 to 1.
+    /// Share of the light that shadows let through, 0 to 1.
     pub share: f32,
-    /// Of the light as it arrives, by distance and cone, linear, without [`Falling::share`].
+    /// The light as it arrives, after distance and cone, linear, without [`LightSample::share`]: lux over π, so that base color ·
+    /// this · cosine is the light of a matte surface.
     pub color: Vec3,
-    /// Of the surface, linear.
+    /// Base color of the surface, linear.
     pub base: Vec3,
-    /// Unit, in the world, by the normal map where there is one.
+    /// Unit normal in the world, from the normal map where there is one.
     pub normal: Vec3,
-    /// Unit, to the viewer and to the light.
+    /// Unit direction to the viewer.
     pub viewer: Vec3,
+    /// Unit direction to the light.
     pub light: Vec3,
-    /// What the surface's own model makes of it: to be added to, or to be replaced.
+    /// What the surface's own shading model reflects: to be added to, or replaced.
     pub lit: Vec3,
 }
 
-/// Metres to the background: as good as without end, and finite.
+/// Distance of the background in metres: larger than any scene, and finite.
 pub const BACKGROUND_DISTANCE: f32 = 1e9;
 
-/// What a [`Hook::Surface`] reads of a surface; the rest is not made.
+/// Which parts of a [`SurfaceSample`] an effect reads; the others are not computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct SurfaceNeeds {
+pub struct SurfaceInputs {
+    /// [`SurfaceSample::normal`] and [`SurfaceSample::facing`].
     pub normals: bool,
+    /// [`SurfaceSample::uv`].
     pub uvs: bool,
+    /// [`SurfaceSample::joints`].
     pub joints: bool,
+    /// [`SurfaceSample::shadow`].
     pub shadow: bool,
-    /// It makes alpha: the surface is mixed with what is behind it.
+    /// The effect returns alpha: the surface is blended with what is behind it.
     pub see_through: bool,
 }
 
-/// A picture that a [`Hook::Picture`] reads: linear RGBA, rows from the top.
+/// An image that a [`Hook::Image`] function reads: linear RGBA, rows from the top.
+///
+/// ```
+/// use choreo_plugin::EffectImage;
+/// use glam::Vec4;
+/// let image = EffectImage { size: [2, 1], rgba: &[Vec4::ZERO, Vec4::ONE] };
+/// assert_eq!(image.at(7, -3), Vec4::ONE);
+/// ```
 #[derive(Clone, Copy, Debug)]
-pub struct Pixels<'a> {
+pub struct EffectImage<'a> {
+    /// Width and height.
     pub size: [u32; 2],
+    /// As many pixels as `size` says.
     pub rgba: &'a [Vec4],
 }
 
-impl Pixels<'_> {
-    /// Beyond the border the nearest pixel counts.
+impl EffectImage<'_> {
+    /// A pixel; beyond the border the nearest one.
     pub fn at(&self, x: i32, y: i32) -> Vec4 {
         let [w, h] = self.size.map(|s| s as i32);
         let (x, y) = (x.clamp(0, w - 1), y.clamp(0, h - 1));
@@ -147,136 +183,185 @@ impl Pixels<'_> {
     }
 }
 
-/// What a [`Hook::Picture`] reads.
+/// The images that a [`Hook::Image`] function reads.
 #[derive(Clone, Copy, Debug)]
-pub struct Pictures<'a> {
-    /// What the pass before gave.
-    pub now: Pixels<'a>,
-    /// What the effect's first pass got.
-    pub original: Pixels<'a>,
-    /// The scene a frame ago, two frames ago and so on, as it was drawn before any effect over the picture; as many as
-    /// [`Effect::history`] asks for, or more.
-    pub before: &'a [Pixels<'a>],
+pub struct EffectImages<'a> {
+    /// Result of the pass before.
+    pub now: EffectImage<'a>,
+    /// Input of the effect's first pass.
+    pub original: EffectImage<'a>,
+    /// The scene one frame ago, two frames ago and so on, before any effect on images; as many as [`Effect::history`], or more.
+    pub before: &'a [EffectImage<'a>],
 }
 
+/// The function of an effect on the CPU: its WGSL, evaluated. Each method belongs to one [`Hook`].
+pub trait EffectFunction: Send + Sync {
+    /// [`Hook::Pixel`]: replaces linear colors; `uv` is 0 to 1 from the top left, one for each color.
+    fn pixels(&self, colors: &mut [Vec4], uv: &[Vec2], parameters: &[f32; 8]);
+
+    /// [`Hook::Image`]: writes row `y` of what a pass makes.
+    fn image_row(
+        &self,
+        images: &EffectImages,
+        y: u32,
+        pass_number: u32,
+        parameters: &[f32; 8],
+        row: &mut [Vec4],
+    );
+
+    /// [`Hook::Surface`]: replaces the colors of surfaces, one for each sample.
+    fn surfaces(&self, colors: &mut [Vec4], samples: &[SurfaceSample], parameters: &[f32; 8]);
+
+    /// [`Hook::Vertex`]: the displacement in metres, or with [`Effect::in_model_space`] in model space.
+    fn vertex(&self, sample: &VertexSample, parameters: &[f32; 8]) -> Vec3;
+
+    /// [`Hook::Lighting`]: replaces [`LightSample::lit`] of each sample.
+    fn lights(&self, samples: &mut [LightSample], parameters: &[f32; 8]);
+}
+
+/// An effect: its manifest, its hook, and the WGSL function `effect` of that hook. Parameters are in the order of the manifest.
+///
+/// Most effects are one file, read by the crate `choreo-wgsl-effect`; a type of its own is needed only for geometry that WGSL cannot
+/// describe:
+///
+/// ```
+/// use choreo_plugin::{Effect, EffectScene, Hook, Label, Manifest, Overlay};
+/// use glam::Vec4;
+///
+/// /// The name of each actor above it.
+/// struct Names(Manifest);
+///
+/// impl Effect for Names {
+///     fn manifest(&self) -> &Manifest {
+///         &self.0
+///     }
+///     fn hook(&self) -> Hook {
+///         Hook::Overlay
+///     }
+///     fn overlay(&self, scene: &EffectScene, _: &[f32; 8]) -> Overlay {
+///         let label = |actor: choreo_plugin::ActorInstance| Label {
+///             at: actor.bounds().max,
+///             text: actor.asset.name.clone(),
+///             size: 12.0,
+///             beside: 2.0,
+///             color: Vec4::ONE,
+///         };
+///         Overlay { labels: scene.instances().map(label).collect(), ..Overlay::default() }
+///     }
+/// }
+///
+/// let names = Names(Manifest::new("names", "1", "the name of each actor above it"));
+/// assert!(names.applies_to_actors() && names.wgsl().is_empty());
+/// ```
 pub trait Effect: Send + Sync {
+    /// Name, description and parameters.
     fn manifest(&self) -> &Manifest;
 
-    /// The file that it was read from, where it is no part of the program.
+    /// The file that the effect was read from, unless it is part of the program.
     fn file(&self) -> Option<&PluginFile> {
         None
     }
 
+    /// The step of drawing in which the effect changes a frame.
     fn hook(&self) -> Hook {
         Hook::Pixel
     }
 
-    /// Whether single actors can have it.
-    fn of_actors(&self) -> bool {
-        self.hook().of_actors()
+    /// Whether single actors can have the effect.
+    fn applies_to_actors(&self) -> bool {
+        self.hook().applies_to_actors()
     }
 
-    /// WGSL source of a function `effect`; `p` holds the parameters in manifest order, colours are linear.
+    /// WGSL source of a function `effect`; colors are linear.
     /// - [`Hook::Pixel`]: `fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>`, `uv` 0..1 from the top left.
     /// - [`Hook::Surface`]: `fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32>`.
-    /// - [`Hook::Vertex`]: `fn effect(place: Place, p: array<f32, 8>) -> vec3<f32>`, how far it is moved.
-    /// - [`Hook::Lighting`]: `fn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32>`, what comes to the viewer.
-    /// - [`Hook::Picture`]: `fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32>`, which may call
-    ///   `picture(at)`, what the pass before gave, `original(at)`, what the first pass got, and `picture_size()`, in pixels;
-    ///   with a history `previous(frames, at)`, which is only ever run by its twin.
+    /// - [`Hook::Vertex`]: `fn effect(place: Place, p: array<f32, 8>) -> vec3<f32>`, the displacement. Normals follow it.
+    /// - [`Hook::Lighting`]: `fn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32>`, the reflected light.
+    /// - [`Hook::Image`]: `fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32>`, which may call
+    ///   `picture(at)`, the result of the pass before, `original(at)`, the input of the first pass, `picture_size()` and
+    ///   `original_size()`, in pixels, `shrink_factor()`, and with a history `previous(frames, at)`, which only the CPU runs.
     ///
     /// Each may call `NAME(uv)` of its [`Effect::textures`].
     fn wgsl(&self) -> &str {
         ""
     }
 
-    /// Of a [`Hook::Pixel`]: the same function, the specification of the WGSL.
-    fn cpu(&self, color: Vec4, _uv: Vec2, _parameters: &[f32; 8]) -> Vec4 {
-        color
+    /// The function of [`Effect::wgsl`] on the CPU; `None` for hooks without a function.
+    fn function(&self) -> Option<&dyn EffectFunction> {
+        None
     }
 
-    /// Of a [`Hook::Surface`]: the same function, the specification of the WGSL.
-    fn cpu_surface(&self, color: Vec4, _seen: &Seen, _parameters: &[f32; 8]) -> Vec4 {
-        color
+    /// Why the effect changes nothing with these parameters ("strength is 0"): it is then left out. `None` if it does something.
+    fn off(&self, _parameters: &[f32; 8]) -> Option<String> {
+        None
     }
 
-    /// Of a [`Hook::Vertex`]: the same function, the specification of the WGSL. Metres in the world, or with
-    /// [`Effect::along_model`] lengths along the mesh's own axes. Normals follow what it does with the place.
-    fn cpu_vertex(&self, _place: &Place, _parameters: &[f32; 8]) -> Vec3 {
-        Vec3::ZERO
-    }
-
-    /// Of a [`Hook::Vertex`]: how far it moves anything at most, metres; what would go farther is cut off there.
+    /// [`Hook::Vertex`]: the largest displacement in metres; longer ones are cut off.
     fn reach(&self, _parameters: &[f32; 8]) -> f32 {
         0.0
     }
 
-    /// Of a [`Hook::Vertex`]: whether it moves along the axes of the mesh, turned and stretched as the mesh is.
-    fn along_model(&self) -> bool {
+    /// [`Hook::Vertex`]: whether the displacement is in model space.
+    fn in_model_space(&self) -> bool {
         false
     }
 
-    /// Of a [`Hook::Lighting`]: the same function, the specification of the WGSL.
-    fn cpu_lighting(&self, falling: &Falling, _parameters: &[f32; 8]) -> Vec3 {
-        falling.lit
+    /// The parts of a surface that a function of the scene reads.
+    fn surface_inputs(&self, _parameters: &[f32; 8]) -> SurfaceInputs {
+        SurfaceInputs::default()
     }
 
-    /// What of a surface a function of the scene reads.
-    fn surface_needs(&self, _parameters: &[f32; 8]) -> SurfaceNeeds {
-        SurfaceNeeds::default()
-    }
-
-    /// Of a [`Hook::Surface`] on everything: whether it changes the background too, as a surface without a normal at
+    /// [`Hook::Surface`] on everything: whether it changes the background too, as a surface without a normal at
     /// [`BACKGROUND_DISTANCE`].
-    fn of_background(&self, _parameters: &[f32; 8]) -> bool {
+    fn changes_background(&self, _parameters: &[f32; 8]) -> bool {
         false
     }
 
-    /// Of a [`Hook::Picture`]: how often its function runs over the picture, each time over what it gave before.
+    /// [`Hook::Image`]: number of passes, each over the result of the one before.
     fn passes(&self) -> u32 {
         1
     }
 
-    /// Of a [`Hook::Picture`] or a [`Hook::Overlay`]: how many frames back it looks. They are drawn, or for an overlay posed, for
-    /// each frame, so that a frame is the same whether those before it were rendered or not; before the first stands the first.
+    /// [`Hook::Image`] and [`Hook::Overlay`]: how many frames back the effect looks. They are drawn, or for an overlay posed, for
+    /// each frame, so that a frame is the same whether those before it were rendered or not; before the first frame stands the first.
     fn history(&self, _parameters: &[f32; 8]) -> u32 {
         0
     }
 
-    /// Pictures that its functions read.
+    /// [`Hook::Pixel`] and [`Hook::Image`]: on which side of the view transform it runs.
+    fn view_order(&self) -> ViewOrder {
+        ViewOrder::After
+    }
+
+    /// Images that the effect's function reads.
     fn textures(&self) -> &[EffectTexture] {
         &[]
     }
 
-    /// Of a [`Hook::Picture`]: how many times smaller, each way, the picture is that a pass makes; 1 or more. The last pass makes
-    /// the whole, of this size. `at` counts the pixels that a pass makes, `picture(at)` those of the pass before, `original(at)`
-    /// those of the whole.
+    /// [`Hook::Image`]: by which factor the image that a pass makes is smaller, each way; 1 or more. The last pass makes the whole
+    /// image, of this size. `at` counts the pixels that a pass makes, `picture(at)` those of the pass before, `original(at)` those of
+    /// the whole image.
     fn shrink(&self, _pass_number: u32, _size: [u32; 2], _parameters: &[f32; 8]) -> u32 {
         1
     }
 
-    /// Of a [`Hook::Picture`]: the same function, the specification of the WGSL.
-    fn cpu_picture(&self, pictures: &Pictures, at: [i32; 2], _pass_number: u32, _p: &[f32; 8]) -> Vec4 {
-        pictures.now.at(at[0], at[1])
-    }
-
-    /// Of a [`Hook::Shell`]: the colour of lines along the edges of triangles, linear.
-    fn edges(&self, _parameters: &[f32; 8]) -> Option<Vec3> {
+    /// [`Hook::Outline`]: linear color of lines along the edges of triangles.
+    fn wireframe(&self, _parameters: &[f32; 8]) -> Option<Vec3> {
         None
     }
 
-    /// Of a [`Hook::Overlay`].
-    fn overlay(&self, _scene: &Scene, _parameters: &[f32; 8]) -> Overlay {
+    /// [`Hook::Overlay`]: what the effect draws.
+    fn overlay(&self, _scene: &EffectScene, _parameters: &[f32; 8]) -> Overlay {
         Overlay::default()
     }
 
-    /// Of a [`Hook::Exposure`].
-    fn exposure(&self, _parameters: &[f32; 8]) -> Option<Exposure> {
+    /// [`Hook::Shutter`]: how the frame is exposed.
+    fn shutter(&self, _parameters: &[f32; 8]) -> Option<Shutter> {
         None
     }
 
-    /// Of a [`Hook::Shell`]. `None` draws nothing.
-    fn shell(&self, _parameters: &[f32; 8]) -> Option<Shell> {
+    /// [`Hook::Outline`]: the hull; `None` draws nothing.
+    fn inverted_hull(&self, _parameters: &[f32; 8]) -> Option<InvertedHull> {
         None
     }
 }

@@ -1,15 +1,17 @@
-//! Pictures that effects read.
+//! Images that effects read.
 
+use choreo_asset::linear_from_srgb_f32;
 use glam::{IVec2, UVec2, Vec2, Vec4};
 
-/// A picture, repeated without end, without smaller copies of itself: for grain, paper, ramps and noise.
+/// An image, repeated without end, without smaller copies of itself: for grain, paper, ramps and noise.
 /// Linear RGBA in 16-bit floats (IEEE 754 binary16), which both renderers read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EffectTexture {
-    /// Of the function that reads it in WGSL: `NAME(uv: vec2<f32>) -> vec4<f32>`, bilinear.
+    /// Name of the function that reads it in WGSL: `NAME(uv: vec2<f32>) -> vec4<f32>`, bilinear.
     pub name: String,
     /// Its file, where it is from one.
     pub file: Option<std::path::PathBuf>,
+    /// Width and height in texels.
     pub size: [u32; 2],
     /// Row by row from the top.
     pub halves: Vec<[u16; 4]>,
@@ -20,15 +22,16 @@ impl EffectTexture {
     /// Most texels on a side.
     pub const MOST: u32 = 2048;
 
-    /// Of bytes, RGBA, row by row from the top. `srgb`: red, green and blue are encoded so. `None`: `size` is none or too
-    /// large, or there are not as many bytes.
+    /// Makes a texture of bytes, RGBA, row by row from the top. `srgb`: red, green and blue are encoded as sRGB. `None` if
+    /// `size` is zero or too large, or the number of bytes is another.
     pub fn new(name: &str, size: [u32; 2], rgba: &[u8], srgb: bool) -> Option<EffectTexture> {
         let fits = size.iter().all(|s| (1..=Self::MOST).contains(s));
         if !fits || rgba.len() != size[0] as usize * size[1] as usize * 4 {
             return None;
         }
         let plain: Vec<f32> = (0..=255u8).map(|v| f32::from(v) / 255.0).collect();
-        let decoded: Vec<f32> = plain.iter().map(|v| if srgb { linear(*v) } else { *v }).collect();
+        let decoded: Vec<f32> =
+            plain.iter().map(|v| if srgb { linear_from_srgb_f32(*v) } else { *v }).collect();
         let halves: Vec<[u16; 4]> = rgba
             .as_chunks::<4>()
             .0
@@ -42,6 +45,7 @@ impl EffectTexture {
         Some(EffectTexture { name: name.into(), file: None, size, halves, texels })
     }
 
+    /// Sets the file that it was read from.
     pub fn of_file(self, file: Option<std::path::PathBuf>) -> EffectTexture {
         EffectTexture { file, ..self }
     }
@@ -63,11 +67,6 @@ impl EffectTexture {
     }
 }
 
-/// IEC 61966-2-1.
-fn linear(v: f32) -> f32 {
-    if v <= 0.040_45 { v / 12.92 } else { libm::powf((v + 0.055) / 1.055, 2.4) }
-}
-
 /// The nearest 16-bit float of a number from 0 to 1.
 fn half_of(v: f32) -> u16 {
     if v < 6.103_515_6e-5 {
@@ -78,7 +77,7 @@ fn half_of(v: f32) -> u16 {
     ((v.to_bits() - (112 << 23) + (1 << 12)) >> 13) as u16
 }
 
-/// Of a 16-bit float that is finite and not negative.
+/// Value of a 16-bit float that is finite and not negative.
 fn of_half(bits: u16) -> f32 {
     match bits >> 10 {
         0 => f32::from(bits) * (1.0 / 16_777_216.0),
@@ -95,7 +94,7 @@ mod tests {
         for v in 0..=255u8 {
             let (plain, near) = (f32::from(v) / 255.0, of_half(half_of(f32::from(v) / 255.0)));
             assert!((plain - near).abs() <= plain / 2048.0 + 1e-7, "{v}: {near}");
-            let decoded = linear(plain);
+            let decoded = linear_from_srgb_f32(plain);
             assert!((decoded - of_half(half_of(decoded))).abs() <= decoded / 2048.0 + 6e-8, "{v}");
         }
         assert_eq!((half_of(0.0), half_of(1.0), of_half(0x3c00), of_half(0x3800)), (0, 0x3c00, 1.0, 0.5));

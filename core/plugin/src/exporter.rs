@@ -5,10 +5,52 @@ use choreo_motion::FrameRate;
 use std::io::{Read, Write};
 use thiserror::Error;
 
+/// Writes frames to a file of one format.
+///
+/// ```
+/// use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, VideoInfo};
+/// use std::io::Write;
+///
+/// /// The bytes of the pixels, and nothing else.
+/// struct Raw(Manifest);
+///
+/// impl Exporter for Raw {
+///     fn manifest(&self) -> &Manifest {
+///         &self.0
+///     }
+///     fn one_frame_per_file(&self) -> bool {
+///         false
+///     }
+///     fn begin(&self, _: &VideoInfo, out: Box<dyn Write + Send>) -> Result<Box<dyn FrameSink>, ExportError> {
+///         Ok(Box::new(RawFile(out)))
+///     }
+/// }
+///
+/// struct RawFile(Box<dyn Write + Send>);
+///
+/// impl FrameSink for RawFile {
+///     fn frame(&mut self, frame: &Frame) -> Result<(), ExportError> {
+///         Ok(self.0.write_all(&frame.rgba)?)
+///     }
+///     fn finish(mut self: Box<Self>) -> Result<Vec<u8>, ExportError> {
+///         self.0.flush()?;
+///         Ok(Vec::new())
+///     }
+/// }
+///
+/// let raw = Raw(Manifest::new("raw", "1", "pixels without a header").extensions(["raw"]));
+/// let fps = choreo_motion::FrameRate { num: 30, den: 1 };
+/// let info = VideoInfo { width: 1, height: 1, fps, frames: 1, provenance: Vec::new(), options: Default::default() };
+/// let mut file = raw.begin(&info, Box::new(Vec::new()))?;
+/// file.frame(&Frame { width: 1, height: 1, rgba: vec![255; 4] })?;
+/// assert!(file.finish()?.is_empty());
+/// # Ok::<(), ExportError>(())
+/// ```
 pub trait Exporter: Send + Sync {
+    /// Name, description, extensions and options.
     fn manifest(&self) -> &Manifest;
 
-    /// True for formats of one picture a file (PNG): the program then calls `begin` once a frame, on several
+    /// True for formats of one image a file (PNG): the program then calls `begin` once a frame, on several
     /// threads at once, and numbers the files.
     fn one_frame_per_file(&self) -> bool;
 
@@ -28,6 +70,19 @@ pub trait Exporter: Send + Sync {
     /// Starts a file. The program gives a writer onto a temporary file and renames it when `finish` succeeded.
     fn begin(&self, info: &VideoInfo, out: Box<dyn Write + Send>) -> Result<Box<dyn FrameSink>, ExportError>;
 
+    /// Copies a file with another provenance, in formats of one image per file: writes the image of `made`, a whole file of this
+    /// exporter with the same options, with the provenance of `info`; the bytes are those that encoding the image would give.
+    /// False where the format cannot: nothing is written then.
+    fn with_provenance(
+        &self,
+        info: &VideoInfo,
+        made: &[u8],
+        out: Box<dyn Write + Send>,
+    ) -> Result<bool, ExportError> {
+        let _ = (info, made, out);
+        Ok(false)
+    }
+
     /// Goes on with a file whose making was ended from outside. `so_far` is all that was written until the last
     /// [`Mark::Settled`], `states` what every one of them held, in order and at least one; `out` writes on from there.
     /// The frames that follow must give the bytes that they would have given undisturbed.
@@ -43,8 +98,16 @@ pub trait Exporter: Send + Sync {
     }
 }
 
+/// A file that is being written; see [`Exporter`].
 pub trait FrameSink: Send {
+    /// Writes the next frame.
     fn frame(&mut self, frame: &Frame) -> Result<(), ExportError>;
+
+    /// A frame with the pixels of the one given to this sink before: the bytes of [`FrameSink::frame`], for less where the format
+    /// allows it.
+    fn repeat(&mut self, frame: &Frame) -> Result<(), ExportError> {
+        self.frame(frame)
+    }
 
     /// Writes what is left and flushes. Gives what stands before it in the file: nothing, unless
     /// [`Exporter::head_comes_last`].
@@ -75,11 +138,16 @@ pub enum Mark<'a> {
     Open([&'a [u8]; 3]),
 }
 
+/// What an exporter knows of a video before its first frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VideoInfo {
+    /// Width in pixels.
     pub width: u32,
+    /// Height in pixels.
     pub height: u32,
+    /// Frames per second.
     pub fps: FrameRate,
+    /// Number of frames.
     pub frames: u64,
     /// How it was made, as (keyword, text): written as metadata where the format has a place for it.
     pub provenance: Vec<(String, String)>,
@@ -90,15 +158,21 @@ pub struct VideoInfo {
 /// sRGB-encoded RGBA, 8 bits a channel, straight alpha, rows from the top, no padding.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
+    /// Width in pixels.
     pub width: u32,
+    /// Height in pixels.
     pub height: u32,
+    /// Four bytes a pixel.
     pub rgba: Vec<u8>,
 }
 
+/// Why a file could not be written.
 #[derive(Debug, Error)]
 pub enum ExportError {
+    /// The writer failed.
     #[error("cannot write: {0}")]
     Io(#[from] std::io::Error),
+    /// The format cannot hold the frames.
     #[error("{0}")]
     Format(String),
 }

@@ -6,7 +6,53 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use thiserror::Error;
 
+/// Reads files of one format.
+///
+/// ```
+/// use choreo_plugin::{AssetBuilder, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, MeshData, Source};
+/// use std::sync::Arc;
+///
+/// /// Three numbers a line: a point.
+/// struct Points(Manifest);
+///
+/// impl Importer for Points {
+///     fn manifest(&self) -> &Manifest {
+///         &self.0
+///     }
+///     fn import(
+///         &self,
+///         source: &Source,
+///         _: &dyn Files,
+///         _: ImportScope,
+///         _: &ImportOptions,
+///     ) -> Result<choreo_asset::Asset, ImportError> {
+///         let error = |what: String| ImportError { file: source.name.clone(), place: String::new(), what, hint: None };
+///         let text = String::from_utf8_lossy(&source.bytes);
+///         let positions: Result<Vec<f32>, _> = text.split_whitespace().map(str::parse).collect();
+///         let positions = positions.map_err(|e| error(e.to_string()))?;
+///         let topology = choreo_asset::Topology::Points;
+///         let mut builder = AssetBuilder::default();
+///         builder.mesh(MeshData { positions, topology, ..MeshData::default() }).map_err(|e| error(e.to_string()))?;
+///         builder.finish(&source.name).map_err(|e| error(e.to_string()))
+///     }
+/// }
+///
+/// struct NoFiles;
+///
+/// impl Files for NoFiles {
+///     fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
+///         Err(format!("{relative}: there are no further files"))
+///     }
+/// }
+///
+/// let points = Points(Manifest::new("points", "1", "points as text").extensions(["points"]));
+/// let source = Source { name: "a.points".into(), bytes: Arc::new(b"0 0 0\n1 2 3".to_vec()) };
+/// let asset = points.import(&source, &NoFiles, ImportScope::ALL, &ImportOptions::default())?;
+/// assert_eq!(asset.meshes[0].primitives[0].positions.len(), 2);
+/// # Ok::<(), ImportError>(())
+/// ```
 pub trait Importer: Send + Sync {
+    /// Name, description, extensions and options.
     fn manifest(&self) -> &Manifest;
 
     /// Whether the bytes are this importer's own. Looks only at `source`, and must be fast.
@@ -26,7 +72,7 @@ pub trait Importer: Send + Sync {
         &self,
         source: &Source,
         files: &dyn Files,
-        needs: Needs,
+        needs: ImportScope,
         options: &ImportOptions,
     ) -> Result<Asset, ImportError>;
 }
@@ -34,6 +80,7 @@ pub trait Importer: Send + Sync {
 /// What an importer says of a file: the greatest claim reads it. What the bytes say counts more than any name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Claim {
+    /// Another format.
     NotMine,
     /// The name ends as such files do, and the bytes do not say that they are something else.
     Extension,
@@ -56,10 +103,12 @@ impl std::fmt::Display for Claim {
 pub struct Source {
     /// As the user wrote it, for messages; not to be opened.
     pub name: String,
+    /// The contents of the file.
     pub bytes: Arc<Vec<u8>>,
 }
 
 impl Source {
+    /// The extension of the name in lower case, without the dot; empty without one.
     pub fn extension(&self) -> String {
         match self.name.rsplit_once('.') {
             Some((_, e)) if !e.contains(['/', '\\']) => e.to_ascii_lowercase(),
@@ -71,6 +120,7 @@ impl Source {
 /// The only way for an importer to reach further files (buffers, textures): relative to the source, confined to
 /// the folders that the user gave. Refusals and failures are texts that name the file and why.
 pub trait Files {
+    /// Reads a file; the error names it and gives the reason.
     fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String>;
 
     /// Reported by importers that take long, from 0 to 1. False: nobody wants the asset any more, so that it can be given up with
@@ -83,24 +133,29 @@ pub trait Files {
 
 /// What the caller will use; the rest is not decoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Needs {
+pub struct ImportScope {
+    /// Meshes, skins and materials.
     pub geometry: bool,
+    /// Animation clips.
     pub clips: bool,
-    /// Which pictures lie on the materials, by name and size.
+    /// Which images lie on the materials, by name and size.
     pub textures: bool,
-    /// What is in these pictures. Without, their `rgba` is empty and nothing is decoded; their headers are read all the same.
+    /// What is in these images. Without, their `rgba` is empty and nothing is decoded; their headers are read all the same.
     pub pixels: bool,
 }
 
-impl Needs {
-    pub const ALL: Needs = Needs { geometry: true, clips: true, textures: true, pixels: true };
-    pub const CLIPS: Needs = Needs { geometry: false, clips: true, textures: false, pixels: false };
+impl ImportScope {
+    /// Everything.
+    pub const ALL: ImportScope = ImportScope { geometry: true, clips: true, textures: true, pixels: true };
+    /// Clips alone.
+    pub const CLIPS: ImportScope =
+        ImportScope { geometry: false, clips: true, textures: false, pixels: false };
     /// Everything but pixels, to describe a scene without drawing it.
-    pub const NO_PIXELS: Needs = Needs { pixels: false, ..Needs::ALL };
+    pub const NO_PIXELS: ImportScope = ImportScope { pixels: false, ..ImportScope::ALL };
 
     /// What both need.
-    pub fn both(self, other: Needs) -> Needs {
-        Needs {
+    pub fn both(self, other: ImportScope) -> ImportScope {
+        ImportScope {
             geometry: self.geometry && other.geometry,
             clips: self.clips && other.clips,
             textures: self.textures && other.textures,
@@ -116,10 +171,14 @@ pub struct ImportOptions(pub BTreeMap<String, OptionValue>);
 /// The same for exporters.
 pub type ExportOptions = ImportOptions;
 
+/// The value of an option.
 #[derive(Clone, Debug, PartialEq)]
 pub enum OptionValue {
+    /// A number.
     Number(f64),
+    /// True or false.
     Bool(bool),
+    /// A text.
     Text(String),
 }
 
@@ -134,18 +193,21 @@ impl std::fmt::Display for OptionValue {
 }
 
 impl ImportOptions {
+    /// The number of that name; `None` if there is none or it is of another type.
     pub fn number(&self, name: &str) -> Option<f64> {
         match self.0.get(name) {
             Some(OptionValue::Number(v)) => Some(*v),
             _ => None,
         }
     }
+    /// The text of that name; `None` if there is none or it is of another type.
     pub fn text(&self, name: &str) -> Option<&str> {
         match self.0.get(name) {
             Some(OptionValue::Text(v)) => Some(v),
             _ => None,
         }
     }
+    /// The flag of that name; `None` if there is none or it is of another type.
     pub fn bool(&self, name: &str) -> Option<bool> {
         match self.0.get(name) {
             Some(OptionValue::Bool(v)) => Some(*v),
@@ -158,9 +220,12 @@ impl ImportOptions {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{file}: {place}{what}", place = if place.is_empty() { String::new() } else { format!("{place}: ") })]
 pub struct ImportError {
+    /// Name of the file, as the user wrote it.
     pub file: String,
-    /// Element path ("accessors[3]") or byte offset ("byte 1024"); may be empty.
+    /// Element path (`accessors[3]`) or byte offset ("byte 1024"); may be empty.
     pub place: String,
+    /// What is wrong.
     pub what: String,
+    /// What to do about it.
     pub hint: Option<String>,
 }

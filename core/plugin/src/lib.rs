@@ -1,5 +1,7 @@
 //! The three things a plugin can be: [`Importer`], [`Effect`], [`Exporter`]; their manifests as data; the [`Registry`].
 
+#![warn(missing_docs)]
+
 pub mod build;
 pub mod effect;
 pub mod effect_texture;
@@ -14,14 +16,15 @@ pub mod yuv;
 
 pub use build::{AssetBuilder, BuildError, MeshData};
 pub use effect::{
-    BACKGROUND_DISTANCE, Effect, Exposure, Falling, Hook, Pictures, Pixels, Place, Seen, Shell, SurfaceNeeds,
+    BACKGROUND_DISTANCE, Effect, EffectFunction, EffectImage, EffectImages, Hook, InvertedHull, LightSample,
+    Shutter, SurfaceInputs, SurfaceSample, VertexSample, ViewOrder,
 };
 pub use effect_texture::EffectTexture;
 pub use exporter::{ExportError, Exporter, Frame, FrameSink, Mark, VideoInfo};
 pub use importer::{
-    Claim, ExportOptions, Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source,
+    Claim, ExportOptions, Files, ImportError, ImportOptions, ImportScope, Importer, OptionValue, Source,
 };
 pub use manifest::{BesideFile, Manifest, OptionError, OptionKind, OptionSpec, PluginFile};
-pub use on_use::{EffectOnUse, MadeOnce, PluginFault};
-pub use overlay::{Body, Label, Lattice, Overlay, Scene, Stroke, Triangle};
+pub use on_use::{LazyEffect, LazyPlugin, PluginError};
+pub use overlay::{ActorInstance, EffectScene, Label, Lattice, Overlay, Stroke, Triangle};
 pub use registry::Registry;

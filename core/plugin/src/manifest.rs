@@ -24,6 +24,7 @@ use thiserror::Error;
 pub struct Manifest {
     /// As in `load(…, #{ importer: NAME })`, `effect(NAME)`: "gltf", "vignette", "png".
     pub name: String,
+    /// Version of the plugin.
     pub version: String,
     /// One line.
     pub about: String,
@@ -31,6 +32,7 @@ pub struct Manifest {
     pub extensions: Vec<String>,
     /// First bytes of files that are certainly this format.
     pub magic: Vec<Vec<u8>>,
+    /// Options of an importer or exporter, parameters of an effect.
     pub options: Vec<OptionSpec>,
 }
 
@@ -39,6 +41,7 @@ pub struct Manifest {
 pub struct PluginFile {
     /// Canonical.
     pub path: std::path::PathBuf,
+    /// Its contents.
     pub text: String,
     /// Files that it reads, in its own folder.
     pub beside: Vec<BesideFile>,
@@ -49,6 +52,7 @@ pub struct PluginFile {
 pub struct BesideFile {
     /// As the plugin's file names it.
     pub name: String,
+    /// Its path.
     pub path: std::path::PathBuf,
     /// Or why it could not be read.
     pub bytes: Result<std::sync::Arc<[u8]>, String>,
@@ -57,24 +61,36 @@ pub struct BesideFile {
 /// One option or effect parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OptionSpec {
+    /// Name in scripts and on the command line.
     pub name: String,
+    /// One line.
     pub about: String,
+    /// Type, default and allowed values.
     pub kind: OptionKind,
 }
 
+/// Type, default and allowed values of an option.
 #[derive(Clone, Debug, PartialEq)]
 pub enum OptionKind {
+    /// A number from `min` to `max`, both included.
     Number {
+        /// Value where none is given.
         default: f64,
+        /// Smallest value.
         min: f64,
+        /// Largest value.
         max: f64,
     },
+    /// True or false.
     Bool {
+        /// Value where none is given.
         default: bool,
     },
     /// Any text where `one_of` is empty.
     Text {
+        /// Value where none is given.
         default: String,
+        /// Allowed texts.
         one_of: Vec<String>,
     },
 }
@@ -83,15 +99,19 @@ pub enum OptionKind {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{message}")]
 pub struct OptionError {
+    /// What is wrong, and what is allowed.
     pub message: String,
+    /// What to do about it.
     pub hint: Option<String>,
 }
 
 impl Manifest {
+    /// A manifest without extensions and options. `about` is one line.
     pub fn new(name: &str, version: &str, about: &str) -> Manifest {
         Manifest { name: name.into(), version: version.into(), about: about.into(), ..Manifest::default() }
     }
 
+    /// Adds extensions: lower case, without the dot.
     pub fn extensions<'a>(mut self, extensions: impl IntoIterator<Item = &'a str>) -> Manifest {
         self.extensions.extend(extensions.into_iter().map(str::to_string));
         self
@@ -103,6 +123,7 @@ impl Manifest {
         self
     }
 
+    /// Adds an option that is a number.
     pub fn number(self, name: &str, about: &str, default: f64, range: RangeInclusive<f64>) -> Manifest {
         self.with(name, about, OptionKind::Number { default, min: *range.start(), max: *range.end() })
     }
@@ -120,6 +141,7 @@ impl Manifest {
         })
     }
 
+    /// Adds an option that is true or false.
     pub fn flag(self, name: &str, about: &str, default: bool) -> Manifest {
         self.with(name, about, OptionKind::Bool { default })
     }
@@ -135,6 +157,7 @@ impl Manifest {
         self
     }
 
+    /// Whether files of this format have the extension.
     pub fn has_extension(&self, extension: &str) -> bool {
         self.extensions.iter().any(|e| e == extension)
     }
@@ -194,6 +217,7 @@ impl Manifest {
 }
 
 impl OptionSpec {
+    /// Value where none is given.
     pub fn default(&self) -> OptionValue {
         match &self.kind {
             OptionKind::Number { default, .. } => OptionValue::Number(*default),
@@ -202,6 +226,7 @@ impl OptionSpec {
         }
     }
 
+    /// Whether the type fits, and the value is allowed.
     pub fn accepts(&self, value: &OptionValue) -> bool {
         match (&self.kind, value) {
             (OptionKind::Number { min, max, .. }, OptionValue::Number(v)) => (*min..=*max).contains(v),

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Why a plugin file cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct PluginFault {
+pub struct PluginError {
     /// Complete with its place.
     pub text: String,
     /// The files on which that depends.
@@ -14,30 +14,31 @@ pub struct PluginFault {
 }
 
 /// An effect that is read and compiled when it is used first. What nothing uses costs nothing and breaks nothing.
-pub struct EffectOnUse {
+pub struct LazyEffect {
     name: String,
-    made: MadeOnce<Arc<dyn Effect>>,
+    made: LazyPlugin<Arc<dyn Effect>>,
 }
 
 /// A value that is made at its first use. What making it needs (an open folder) is freed then.
-pub struct MadeOnce<T> {
+pub struct LazyPlugin<T> {
     make: Mutex<Option<Make<T>>>,
-    made: OnceLock<Result<T, PluginFault>>,
+    made: OnceLock<Result<T, PluginError>>,
 }
 
-type Make<T> = Box<dyn FnOnce() -> Result<T, PluginFault> + Send>;
+type Make<T> = Box<dyn FnOnce() -> Result<T, PluginError> + Send>;
 
-impl<T> MadeOnce<T> {
-    pub fn new(make: impl FnOnce() -> Result<T, PluginFault> + Send + 'static) -> MadeOnce<T> {
-        MadeOnce { make: Mutex::new(Some(Box::new(make))), made: OnceLock::new() }
+impl<T> LazyPlugin<T> {
+    /// A value that `make` gives at its first use.
+    pub fn new(make: impl FnOnce() -> Result<T, PluginError> + Send + 'static) -> LazyPlugin<T> {
+        LazyPlugin { make: Mutex::new(Some(Box::new(make))), made: OnceLock::new() }
     }
 
     /// The value, made now where it was not made before; other threads that use it wait.
-    pub fn get(&self) -> Result<&T, &PluginFault> {
+    pub fn get(&self) -> Result<&T, &PluginError> {
         let make = || {
             let make = self.make.lock().unwrap_or_else(PoisonError::into_inner).take();
             // Empty only after a panic in `make`.
-            let gone = || PluginFault { text: "a plugin panicked".into(), files: Vec::new() };
+            let gone = || PluginError { text: "a plugin panicked".into(), files: Vec::new() };
             make.map_or_else(|| Err(gone()), |make| make())
         };
         self.made.get_or_init(make).as_ref()
@@ -49,21 +50,22 @@ impl<T> MadeOnce<T> {
     }
 }
 
-impl EffectOnUse {
+impl LazyEffect {
     /// `name`: as in the manifest of the effect that `make` gives.
     pub fn new(
         name: &str,
-        make: impl FnOnce() -> Result<Arc<dyn Effect>, PluginFault> + Send + 'static,
-    ) -> EffectOnUse {
-        EffectOnUse { name: name.into(), made: MadeOnce::new(make) }
+        make: impl FnOnce() -> Result<Arc<dyn Effect>, PluginError> + Send + 'static,
+    ) -> LazyEffect {
+        LazyEffect { name: name.into(), made: LazyPlugin::new(make) }
     }
 
+    /// The name of the effect.
     pub fn name(&self) -> &str {
         &self.name
     }
 
     /// The effect, made now where it was not made before; other threads that use it wait.
-    pub fn get(&self) -> Result<&Arc<dyn Effect>, &PluginFault> {
+    pub fn get(&self) -> Result<&Arc<dyn Effect>, &PluginError> {
         self.made.get()
     }
 

@@ -8,8 +8,10 @@ use glam::{DAffine3, DVec3, Vec4};
 
 /// What an effect may look at to draw: the stage, and how it is at a time.
 #[derive(Clone, Copy)]
-pub struct Scene<'a> {
+pub struct EffectScene<'a> {
+    /// The stage.
     pub stage: &'a Stage,
+    /// The stage at the time of the frame.
     pub snapshot: &'a Snapshot,
     /// How it was a frame ago, two frames ago and so on, as many as [`crate::Effect::history`] asks for; before the first frame
     /// stands the first. Empty where a frame is looked at alone.
@@ -18,9 +20,9 @@ pub struct Scene<'a> {
     pub on: &'a [EffectTarget],
 }
 
-impl<'a> Scene<'a> {
+impl<'a> EffectScene<'a> {
     /// Those that are seen and have the effect, in the order of the stage; a body at many places counts once a place.
-    pub fn bodies(&self) -> impl Iterator<Item = Body<'a>> + use<'a> {
+    pub fn instances(&self) -> impl Iterator<Item = ActorInstance<'a>> + use<'a> {
         let (on, stage) = (self.on, self.stage);
         let actors = stage.actors.iter().zip(&self.snapshot.actors).enumerate();
         let seen =
@@ -33,34 +35,37 @@ impl<'a> Scene<'a> {
                     place.matrix3.z_axis.as_dvec3(),
                     place.translation.as_dvec3(),
                 );
-                Body::new(index, &actor.asset, place, state)
+                ActorInstance::new(index, &actor.asset, place, state)
             })
         })
     }
 
     /// The actor N frames ago, 1 or more, or as many as are known; `None` where none is, or it was not seen then.
-    pub fn earlier(&self, body: &Body<'a>, frames: usize) -> Option<Body<'a>> {
+    pub fn earlier(&self, body: &ActorInstance<'a>, frames: usize) -> Option<ActorInstance<'a>> {
         let before = self.before.get(frames.checked_sub(1)?).or(self.before.last())?;
         let state = before.actors.get(body.actor).filter(|state| state.visible)?;
-        Some(Body::new(body.actor, body.asset, body.place, state))
+        Some(ActorInstance::new(body.actor, body.asset, body.place, state))
     }
 }
 
 /// An actor that is seen, or one of the places where its body stands.
 #[derive(Clone, Copy)]
-pub struct Body<'a> {
+pub struct ActorInstance<'a> {
     /// Index into `Stage::actors`.
     pub actor: usize,
+    /// The asset that it is cast from.
     pub asset: &'a Asset,
+    /// Its pose and transform at the time.
     pub state: &'a ActorState,
     /// model-from-model of the place where its body stands; the identity where it stands where it is cast.
     pub place: DAffine3,
+    /// Transform of the model into the world.
     pub world_from_model: DAffine3,
 }
 
-impl<'a> Body<'a> {
-    fn new(actor: usize, asset: &'a Asset, place: DAffine3, state: &'a ActorState) -> Body<'a> {
-        Body { actor, asset, state, place, world_from_model: state.world_from_model * place }
+impl<'a> ActorInstance<'a> {
+    fn new(actor: usize, asset: &'a Asset, place: DAffine3, state: &'a ActorState) -> ActorInstance<'a> {
+        ActorInstance { actor, asset, state, place, world_from_model: state.world_from_model * place }
     }
 
     /// World position of a joint; `None` where there is none, or no finite position.
@@ -111,10 +116,13 @@ impl<'a> Body<'a> {
 /// Drawn in this order: lattices, triangles, strokes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Overlay {
+    /// Lines and points.
     pub strokes: Vec<Stroke>,
     /// Drawn back to front by their middles.
     pub triangles: Vec<Triangle>,
+    /// Planes of lines.
     pub lattices: Vec<Lattice>,
+    /// Words.
     pub labels: Vec<Label>,
     /// Whether it is drawn over everything, rather than hidden by what is nearer.
     pub over: bool,
@@ -131,7 +139,7 @@ impl Overlay {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triangle {
     /// World, metres.
-    pub corners: [DVec3; 3],
+    pub vertices: [DVec3; 3],
     /// Linear, straight alpha.
     pub color: Vec4,
 }
@@ -141,8 +149,9 @@ pub struct Triangle {
 pub struct Stroke {
     /// World, metres.
     pub from: DVec3,
+    /// The other end; world, metres.
     pub to: DVec3,
-    /// Pixels of the picture, 1 to 64.
+    /// Pixels of the image, 1 to 64.
     pub width: f32,
     /// Linear, straight alpha.
     pub color: Vec4,
@@ -153,6 +162,7 @@ pub struct Stroke {
 pub struct Label {
     /// World, metres.
     pub at: DVec3,
+    /// The words.
     pub text: String,
     /// Font size in pixels.
     pub size: f32,
@@ -173,7 +183,7 @@ pub struct Lattice {
     pub cell: f64,
     /// Each Nth line is a thick one, and stays where there are too many thin ones for the pixels.
     pub every: u32,
-    /// Pixels, of thin lines and of thick ones.
+    /// Widths of thin and of thick lines, pixels.
     pub widths: [f32; 2],
     /// Linear, straight alpha.
     pub color: Vec4,

@@ -2,19 +2,36 @@
 
 use crate::suggest::{did_you_mean, list};
 use crate::{
-    Claim, Effect, EffectOnUse, Exporter, Files, ImportError, ImportOptions, Importer, Needs, PluginFault,
-    Source,
+    Claim, Effect, Exporter, Files, ImportError, ImportOptions, ImportScope, Importer, LazyEffect,
+    PluginError, Source,
 };
 use choreo_asset::Asset;
 use std::sync::Arc;
 
+/// Importers, exporters and effects by name.
+///
+/// ```
+/// use choreo_plugin::{Effect, Manifest, Registry};
+///
+/// struct Nothing(Manifest);
+///
+/// impl Effect for Nothing {
+///     fn manifest(&self) -> &Manifest {
+///         &self.0
+///     }
+/// }
+///
+/// let mut registry = Registry::default();
+/// registry.add_effect(Nothing(Manifest::new("nothing", "1", "changes nothing")));
+/// assert_eq!(registry.effect_names().collect::<Vec<_>>(), ["nothing"]);
+/// ```
 #[derive(Clone, Default)]
 pub struct Registry {
     importers: Vec<Arc<dyn Importer>>,
     exporters: Vec<Arc<dyn Exporter>>,
     effects: Vec<Arc<dyn Effect>>,
     /// Clones share what was made of them.
-    on_use: Vec<Arc<EffectOnUse>>,
+    on_use: Vec<Arc<LazyEffect>>,
     /// Files that were meant as plugins and are none, as messages name them.
     faulty: Vec<String>,
 }
@@ -24,20 +41,27 @@ impl Registry {
     pub fn add_importer(&mut self, plugin: impl Importer + 'static) {
         self.add_shared_importer(Arc::new(plugin));
     }
+    /// Adds an importer that others hold, too.
     pub fn add_shared_importer(&mut self, plugin: Arc<dyn Importer>) {
         self.importers.retain(|p| p.manifest().name != plugin.manifest().name);
         self.importers.push(plugin);
     }
+    /// Adds an exporter; one of the same name is replaced.
     pub fn add_exporter(&mut self, plugin: impl Exporter + 'static) {
         self.exporters.retain(|p| p.manifest().name != plugin.manifest().name);
         self.exporters.push(Arc::new(plugin));
     }
+    /// Adds an effect; one of the same name is replaced.
     pub fn add_effect(&mut self, plugin: impl Effect + 'static) {
+        self.add_shared_effect(Arc::new(plugin));
+    }
+    /// As [`Registry::add_effect`].
+    pub fn add_shared_effect(&mut self, plugin: Arc<dyn Effect>) {
         self.forget_effect(&plugin.manifest().name);
-        self.effects.push(Arc::new(plugin));
+        self.effects.push(plugin);
     }
     /// An effect of a plugin file, made when it is used first.
-    pub fn add_effect_on_use(&mut self, plugin: Arc<EffectOnUse>) {
+    pub fn add_lazy_effect(&mut self, plugin: Arc<LazyEffect>) {
         self.forget_effect(plugin.name());
         self.on_use.push(plugin);
     }
@@ -49,9 +73,11 @@ impl Registry {
     pub fn add_faulty(&mut self, file: String) {
         self.faulty.push(file);
     }
+    /// The importers, in the order in which they were added.
     pub fn importers(&self) -> &[Arc<dyn Importer>] {
         &self.importers
     }
+    /// The exporters, in the order in which they were added.
     pub fn exporters(&self) -> &[Arc<dyn Exporter>] {
         &self.exporters
     }
@@ -65,7 +91,7 @@ impl Registry {
         self.effects.iter().find(|e| e.manifest().name == name).or_else(made)
     }
     /// An effect to be used: that of a plugin file is made now. `None` where no effect has the name.
-    pub fn use_effect(&self, name: &str) -> Result<Option<&Arc<dyn Effect>>, &PluginFault> {
+    pub fn use_effect(&self, name: &str) -> Result<Option<&Arc<dyn Effect>>, &PluginError> {
         let of_file = || self.on_use.iter().find(|e| e.name() == name).map(|e| e.get()).transpose();
         self.effects.iter().find(|e| e.manifest().name == name).map_or_else(of_file, |e| Ok(Some(e)))
     }
@@ -143,7 +169,7 @@ impl Registry {
         &self,
         source: &Source,
         files: &dyn Files,
-        needs: Needs,
+        needs: ImportScope,
         options: &ImportOptions,
         named: Option<&str>,
     ) -> Result<Asset, ImportError> {
@@ -176,7 +202,7 @@ mod tests {
             &self,
             _: &Source,
             _: &dyn Files,
-            _: Needs,
+            _: ImportScope,
             _: &ImportOptions,
         ) -> Result<Asset, ImportError> {
             Ok(Asset::default())
@@ -230,13 +256,13 @@ mod tests {
         let mut registry = Registry::default();
         registry.add_effect(Named(Manifest::new("fog", "1", "the program's")));
         let count = made.clone();
-        registry.add_effect_on_use(Arc::new(EffectOnUse::new("fog", move || {
+        registry.add_lazy_effect(Arc::new(LazyEffect::new("fog", move || {
             count.fetch_add(1, Ordering::Relaxed);
             Ok(named("fog"))
         })));
-        let fault = PluginFault { text: "bad.wgsl:1:1: faulty".into(), files: Vec::new() };
+        let fault = PluginError { text: "bad.wgsl:1:1: faulty".into(), files: Vec::new() };
         let same = fault.clone();
-        registry.add_effect_on_use(Arc::new(EffectOnUse::new("bad", move || Err(same.clone()))));
+        registry.add_lazy_effect(Arc::new(LazyEffect::new("bad", move || Err(same.clone()))));
         assert_eq!(registry.effect_names().collect::<Vec<_>>(), ["fog", "bad"]);
         assert!(registry.effect("fog").is_none() && registry.settled().effects().is_empty());
         assert_eq!(made.load(Ordering::Relaxed), 0);

@@ -6,7 +6,9 @@
 /// Luma weights of red and blue (ITU-R BT.601-7 §2.5.1, BT.709-6 §3.2); green is the rest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Matrix {
+    /// Standard-definition video.
     Bt601,
+    /// High-definition video.
     Bt709,
 }
 
@@ -15,9 +17,13 @@ pub enum Matrix {
 pub struct Yuv420 {
     /// Even where `pad_to_even` was asked for.
     pub width: usize,
+    /// Rows; even where `pad_to_even` was asked for.
     pub height: usize,
+    /// Luma.
     pub y: Vec<u8>,
+    /// Blue-difference chroma.
     pub u: Vec<u8>,
+    /// Red-difference chroma.
     pub v: Vec<u8>,
     // One row pair, channels apart, so that the compiler turns the loops below into SIMD.
     rows: [[Vec<i16>; 3]; 2],

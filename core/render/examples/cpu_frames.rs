@@ -6,7 +6,7 @@
 //! ```
 
 use choreo_motion::Time;
-use choreo_plugin::{Files, ImportOptions, Importer, Needs, Source};
+use choreo_plugin::{Files, ImportOptions, ImportScope, Importer, Source};
 use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
 use choreo_stage::{Camera, Cue, Placement, Rig, Stage};
 use std::path::PathBuf;
@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = PathBuf::from(&file).parent().map(PathBuf::from).unwrap_or_default();
     let source = Source { name: file.clone(), bytes: Arc::new(std::fs::read(&file)?) };
     let importer = import_gltf::GltfImporter::new();
-    let asset = importer.import(&source, &Folder(folder), Needs::ALL, &ImportOptions::default());
+    let asset = importer.import(&source, &Folder(folder), ImportScope::ALL, &ImportOptions::default());
     let asset = Arc::new(asset.map_err(|e| e.to_string())?);
     let clip = option("--clip").and_then(|name| asset.clips.iter().find(|c| c.name == name));
     if let (Some(name), None) = (option("--clip"), clip) {

@@ -9,6 +9,7 @@ pub mod commands;
 pub mod cpu;
 pub(crate) mod error;
 pub mod explain;
+mod lanes;
 pub mod layers_2d;
 pub mod plan;
 pub mod renderer;

@@ -8,7 +8,7 @@ use common::*;
 use glam::{DVec3, Vec3, Vec4};
 use std::f64::consts::PI;
 
-/// A quad that fills the picture, facing an orthographic camera: N = V = +Z, tangent +X.
+/// A quad that fills the image, facing an orthographic camera: N = V = +Z, tangent +X.
 fn wall(material: Material) -> Scene {
     let mut wall = quad(2.0, 2.0);
     wall.tangents = vec![Vec4::new(1.0, 0.0, 0.0, 1.0); wall.positions.len()];
@@ -182,7 +182,7 @@ fn energy(alpha: [f64; 2]) -> f64 {
     2.0 * sum / f64::from(rings * sectors)
 }
 
-/// ∫ f cos dω over 250 suns spread evenly over the sky, in the picture.
+/// ∫ f cos dω over 250 suns spread evenly over the sky, in the image.
 #[test]
 fn brushed_metal_makes_no_light() {
     for (strength, roughness) in [(0.0f64, 0.7f64), (0.5, 0.6), (0.9, 0.7)] {

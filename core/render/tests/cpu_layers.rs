@@ -11,7 +11,7 @@ use common::*;
 use glam::{DVec3, Vec3, Vec4};
 use std::f64::consts::PI;
 
-/// A quad that fills the picture, facing an orthographic camera: N = V = +Z.
+/// A quad that fills the image, facing an orthographic camera: N = V = +Z.
 fn wall(material: Material) -> Scene {
     let mut scene = Scene::ortho(2.0);
     scene.at(&asset(vec![quad(2.0, 2.0)], vec![material], vec![]), 0.0, 0.0, 0.0);

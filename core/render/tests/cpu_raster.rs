@@ -11,7 +11,7 @@ use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
 const WHITE: [u8; 4] = [255; 4];
 const BLACK: [u8; 4] = [0, 0, 0, 255];
 
-/// An orthographic scene in which a metre is a pixel and (0, 0) the top left corner of an 8×8 picture.
+/// An orthographic scene in which a metre is a pixel and (0, 0) the top left corner of an 8×8 image.
 fn pixel_scene(primitives: Vec<Primitive>, material: Material) -> Scene {
     let mut scene = Scene::ortho(8.0);
     scene.at(&asset(primitives, vec![material], vec![]), -4.0, 4.0, 0.0);

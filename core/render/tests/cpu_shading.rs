@@ -4,14 +4,13 @@ mod common;
 
 use choreo_asset::*;
 use choreo_image_diff::compare;
-use choreo_plugin::Effect;
 use choreo_render::{CpuRenderer, PlanOptions, Renderer};
 use choreo_stage::*;
 use common::*;
 use glam::{Affine2, DVec3, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
-/// A quad that fills the picture, facing an orthographic camera.
+/// A quad that fills the image, facing an orthographic camera.
 fn wall(material: Material) -> Scene {
     let mut scene = Scene::ortho(2.0);
     scene.at(&asset(vec![quad(2.0, 2.0)], vec![material], vec![]), 0.0, 0.0, 0.0);
@@ -96,7 +95,7 @@ fn point_and_spot_lights_fall_off() {
         scene.snapshot.lights = vec![light(kind, range)];
         assert_color(middle(&scene), [expected; 3], &format!("{kind:?} {range:?}"));
     }
-    // Off the axis by 0.3 rad: between the cones. The pixel in the middle of the picture sees x = 0.
+    // Off the axis by 0.3 rad: between the cones. The pixel in the middle of the image sees x = 0.
     let mut spot = light(LightKind::Spot { inner: 0.2, outer: 0.5 }, None);
     let x = 2.0 * 0.3f64.tan();
     spot.position.x = x;
@@ -276,8 +275,7 @@ fn forcing_every_feature_in_changes_no_pixel() {
 
 #[test]
 fn an_effect_changes_each_pixel_by_its_function() {
-    let vignette: Arc<dyn Effect> = Arc::new(effect_vignette::Vignette);
-    let effects = [vignette.clone()];
+    let effects = effects::named(&["vignette"]);
     let mut scene = busy_scene(DVec3::ZERO);
     scene.snapshot.background = Background::Color(Vec4::new(0.5, 0.5, 0.5, 1.0));
     let options = PlanOptions { effects: &effects, ..PlanOptions::new([64, 48], 4) };
@@ -286,9 +284,12 @@ fn an_effect_changes_each_pixel_by_its_function() {
     let dark = draw(&scene, &options);
     let corner = pixel(&dark, 0, 0);
     let uv = Vec2::new(0.5 / 64.0, 0.5 / 48.0);
-    let parameters = [0.8, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-    let e = vignette.cpu(Vec4::new(0.5, 0.5, 0.5, 1.0), uv, &parameters);
-    assert_color(corner, [e.x.into(), e.y.into(), e.z.into()], "the corner");
+    let parameters = [0.8f32, 0.5];
+    // The function in f64: half a smoothstep of the distance from the center, as a share of that of the corner.
+    let from_center = f64::from((uv * 2.0 - 1.0).length()) * std::f64::consts::FRAC_1_SQRT_2;
+    let x = ((from_center - f64::from(parameters[1])) / (1.0 - f64::from(parameters[1]))).clamp(0.0, 1.0);
+    let expected = 0.5 * (1.0 - f64::from(parameters[0]) * x * x * (3.0 - 2.0 * x));
+    assert_color(corner, [expected; 3], "the corner");
     // Float samples are averaged before they are rounded: one step of difference.
     let center = (pixel(&plain, 32, 24), pixel(&dark, 32, 24));
     assert!(center.0.iter().zip(center.1).all(|(a, b)| a.abs_diff(b) <= 1), "{center:?}");
@@ -307,7 +308,7 @@ fn misuse_is_an_error_with_words() {
     r.load(resources).unwrap();
     assert_eq!(r.collect(None).unwrap_err().to_string(), "no frame is submitted: nothing to collect");
     let wide = choreo_render::Plan { size: [16385, 4], ..plan.clone() };
-    assert_eq!(said(r.submit(wide)), "picture width is 16385, the limit of this device is 16384");
+    assert_eq!(said(r.submit(wide)), "image width is 16385, the limit of this device is 16384");
     assert!(
         said(r.submit(choreo_render::Plan { samples: 2, ..plan.clone() })).starts_with("samples a pixel")
     );

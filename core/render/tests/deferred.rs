@@ -18,7 +18,7 @@ use std::sync::Arc;
 const SIZE: [u32; 2] = [192, 128];
 
 fn effects() -> Vec<Arc<dyn Effect>> {
-    vec![Arc::new(effect_fog::Fog), Arc::new(effect_bloom::Bloom), Arc::new(effect_wireframe::Wireframe)]
+    effects::named(&["fog", "bloom", "wireframe"])
 }
 
 fn options(effects: &[Arc<dyn Effect>]) -> PlanOptions<'_> {

@@ -90,7 +90,7 @@ fn a_twisted_tube_keeps_its_girth() {
     }
 }
 
-/// Stretched, mirrored and bent: both renderers draw what the f64 evaluation gives, which the picture of the linear way does not.
+/// Stretched, mirrored and bent: both renderers draw what the f64 evaluation gives, which the image of the linear way does not.
 #[test]
 fn stretched_and_mirrored_tubes_are_drawn_alike() {
     let Some(mut device) = vulkan(GpuOptions::default()) else { return };

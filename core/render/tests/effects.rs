@@ -1,4 +1,4 @@
-//! Effects on surfaces, over pictures and as geometry: both renderers draw the same, each is seen, and who has none pays for none.
+//! Effects on surfaces, over images and as geometry: both renderers draw the same, each is seen, and who has none pays for none.
 
 mod common;
 
@@ -14,19 +14,19 @@ use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
 use std::sync::Arc;
 
 fn all() -> Vec<Arc<dyn Effect>> {
-    vec![
-        Arc::new(effect_fog::Fog),
-        Arc::new(effect_toon::Toon),
-        Arc::new(effect_views::Views),
-        Arc::new(effect_xray::Xray),
-        Arc::new(effect_wireframe::Wireframe),
-        Arc::new(effect_fxaa::Fxaa),
-        Arc::new(effect_bloom::Bloom),
-        Arc::new(effect_vignette::Vignette),
-        Arc::new(effect_skeleton::Skeleton),
-        Arc::new(effect_grid::Grid),
-        Arc::new(effect_shadow_catcher::ShadowCatcher),
-    ]
+    effects::named(&[
+        "fog",
+        "toon",
+        "views",
+        "xray",
+        "wireframe",
+        "fxaa",
+        "bloom",
+        "vignette",
+        "skeleton",
+        "grid",
+        "shadow_catcher",
+    ])
 }
 
 fn with(scene: &mut Scene, plugin: &str, parameters: &[(&str, f64)], actors: &[usize]) {
@@ -191,7 +191,7 @@ fn edges_are_drawn_once_and_hidden_by_what_is_before_them() {
 
 #[test]
 fn an_effect_that_asks_for_joints_gets_them_and_others_none() {
-    assert_eq!(effect_fog::Fog.hook(), Hook::Surface);
+    assert_eq!(all()[0].hook(), Hook::Surface);
     let mut scene = layered_scene();
     with(&mut scene, "views", &[("show", 2.0)], &[]);
     let effects = all();
@@ -199,4 +199,36 @@ fn an_effect_that_asks_for_joints_gets_them_and_others_none() {
     // Nothing there is skinned.
     assert!(plan.draws.iter().all(|d| !d.pipeline.features.has(Features::EFFECT_JOINTS)));
     assert!(plan.draws.iter().all(|d| d.pipeline.surface == 1));
+}
+
+/// An effect whose head says with which value it is off is left out with it, and the pixels are those without the effect.
+#[test]
+fn effects_without_strength_change_nothing() {
+    let effects = effects::named(&["bloom", "vignette", "fog", "outline", "grid"]);
+    let options = PlanOptions { effects: &effects, ..PlanOptions::new([96, 64], 4) };
+    let mut renderer = CpuRenderer::new(&effects);
+    let plain = scene();
+    let expected = draw_with(&mut renderer, &plain, &options);
+    let off = [
+        ("bloom", "strength"),
+        ("vignette", "strength"),
+        ("fog", "density"),
+        ("outline", "width"),
+        ("grid", "opacity"),
+    ];
+    for (effect, parameter) in off {
+        let mut scene = scene();
+        with(&mut scene, effect, &[(parameter, 0.0)], &[]);
+        let (_, plan) = scene.plan(&options);
+        let told = plan.left_out.iter().find(|l| l.what == format!("effect \"{effect}\""));
+        assert_eq!(told.map(|l| l.why.clone()), Some(format!("{parameter} is 0")));
+        assert!(plan.post.is_empty() && plan.scene_effects.is_empty() && plan.overlay.parts.is_empty());
+        assert!(draw_with(&mut renderer, &scene, &options) == expected, "{effect}");
+        // It does something otherwise.
+        let mut seen = self::scene();
+        let floor = (effect == "grid").then_some(("height", -1.0));
+        let on: Vec<_> = [(parameter, 1.0)].into_iter().chain(floor).collect();
+        with(&mut seen, effect, &on, &[]);
+        assert!(draw_with(&mut renderer, &seen, &options) != expected, "{effect} does nothing");
+    }
 }

@@ -22,7 +22,7 @@ fn effect(name: &str, head: &str, gives: &str, body: &str) -> Arc<dyn Effect> {
         let rgba = (0..16u8).flat_map(|i| [i * 16, 255 - i * 16, (i % 4) * 80, 255]).collect();
         Ok(Picture { size: [4, 4], rgba, file: None })
     };
-    Arc::new(WgslEffect::with_pictures("my.wgsl", &text, paper).unwrap_or_else(|e| panic!("{e}\n{text}")))
+    Arc::new(WgslEffect::with_textures("my.wgsl", &text, paper).unwrap_or_else(|e| panic!("{e}\n{text}")))
 }
 
 const VERTEX: &str = "fn effect(place: Place, p: array<f32, 8>) -> vec3<f32>";
@@ -74,12 +74,12 @@ fn all() -> Vec<Arc<dyn Effect>> {
         ),
         effect(
             "smear",
-            "// hook: picture\n// passes: 2",
+            "// hook: image\n// passes: 2",
             PICTURE,
             "let step = select(vec2(0, 5), vec2(5, 0), pass_number == 0u);\n\
              return 0.25 * (picture(at - step) + picture(at + step)) + 0.5 * original(at) * f32(picture_size().x) / 200.0;",
         ),
-        effect("before", "// hook: picture\n// history: 2", PICTURE, "return previous(u32(p[amount]), at);"),
+        effect("before", "// hook: image\n// history: 2", PICTURE, "return previous(u32(p[amount]), at);"),
     ]
 }
 
@@ -184,7 +184,7 @@ fn a_texture_is_where_its_place_says() {
     }
 }
 
-/// A square whose picture tells its place, turned about both axes; its heights lie all at a share of `relief`.
+/// A square whose image tells its place, turned about both axes; its heights lie all at a share of `relief`.
 fn deep(relief: f32, behind: f64) -> Scene {
     let turned = DQuat::from_rotation_y(0.6) * DQuat::from_rotation_x(-0.4);
     let mut primitive = quad(0.5, 0.5);

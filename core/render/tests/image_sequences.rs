@@ -1,4 +1,4 @@
-//! Pictures that follow each other: the right one at each time, made when it is seen, and few of them held at once.
+//! Images that follow each other: the right one at each time, made when it is seen, and few of them held at once.
 
 mod common;
 
@@ -24,10 +24,13 @@ fn grey(i: usize) -> [u8; 4] {
 }
 
 impl ImageSource for Greys {
-    fn picture(&self, index: usize) -> Result<Arc<Image>, String> {
+    fn image(&self, index: usize) -> Result<Arc<Image>, ImageSourceError> {
         self.made.fetch_add(1, Ordering::Relaxed);
         if self.broken && index == COUNT - 2 {
-            return Err("\"grey_38.png\": its data ends early".into());
+            return Err(ImageSourceError::Undecodable {
+                file: "grey_38.png".into(),
+                what: "its data ends early".into(),
+            });
         }
         Ok(image(4, 4, |_, _| grey(index)))
     }
@@ -120,12 +123,12 @@ fn pattern(index: usize) -> Arc<Image> {
 }
 
 impl ImageSource for Patterns {
-    fn picture(&self, index: usize) -> Result<Arc<Image>, String> {
+    fn image(&self, index: usize) -> Result<Arc<Image>, ImageSourceError> {
         Ok(pattern(index))
     }
 }
 
-/// A lit plate with a picture in a slot: one of a sequence as seen at its time, or alone.
+/// A lit plate with an image in a slot: one of a sequence as seen at its time, or alone.
 fn plate(slots: &[TextureSlot], index: usize, alone: bool) -> Scene {
     let slot_texture = |slot| slots.contains(&slot).then(|| texture(0));
     let streams = slots.iter().map(|slot| ImageStream {
@@ -177,7 +180,7 @@ fn every_slot_shows_its_image_as_if_it_were_alone() {
             let mut drawn =
                 |index, single| draw_with(&mut **renderer, &plate(slots, index, single), &options);
             let truth: Vec<_> = (0..3).map(|i| drawn(i, true)).collect();
-            assert!(truth[1].rgba != truth[2].rgba, "{slots:?}: the comparison sees another picture");
+            assert!(truth[1].rgba != truth[2].rgba, "{slots:?}: the comparison sees another image");
             for index in [2, 0, 1] {
                 assert!(drawn(index, false).rgba == truth[index].rgba, "{slots:?} {index}");
             }

@@ -102,7 +102,7 @@ fn a_few_lamps_pay_for_no_lists() {
     for (lamps, lists) in [(1, false), (MANY - 1, false), (MANY, true)] {
         let (_, plan) = hall(lamps).plan(&PlanOptions::new(SIZE, 1));
         assert_eq!(plan.light_clusters.is_some(), lists, "{lamps}");
-        assert_eq!(plan.left_out.iter().any(|l| l.what == "lists of lights"), !lists, "{lamps}");
+        assert_eq!(plan.left_out.iter().any(|l| l.what == "clustered lighting"), !lists, "{lamps}");
         assert_eq!(plan.lights.len(), lamps + 2);
     }
 }

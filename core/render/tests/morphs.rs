@@ -1,7 +1,7 @@
 //! Morph targets cost what they move: bytes, and vertices that look at them.
 
 use choreo_asset::{MorphTarget, Primitive};
-use choreo_plugin::{Files, ImportOptions, Importer, Needs, Source};
+use choreo_plugin::{Files, ImportOptions, ImportScope, Importer, Source};
 use choreo_render::scene_resources::morph_buffers::{morphed_ranges, morphed_vertices};
 use choreo_render::scene_resources::vertex_layout::{VertexLayout, pack, pack_morphs};
 use glam::{Vec3, Vec3Swizzles};
@@ -127,8 +127,12 @@ fn faces_of_files_cost_less() {
             continue;
         };
         let source = Source { name: file.into(), bytes: Arc::new(bytes) };
-        let asset =
-            import_gltf::GltfImporter::new().import(&source, &Alone, Needs::ALL, &ImportOptions::default());
+        let asset = import_gltf::GltfImporter::new().import(
+            &source,
+            &Alone,
+            ImportScope::ALL,
+            &ImportOptions::default(),
+        );
         let (mut dense, mut kept, mut moving) = (0, 0, 0);
         for p in asset.unwrap().meshes.iter().flat_map(|m| &m.primitives).filter(|p| !p.morphs.is_empty()) {
             let vertices = pack(p, &p.indices, layout).vertex_count as usize;

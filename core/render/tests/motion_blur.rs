@@ -4,7 +4,7 @@ mod common;
 
 use choreo_image_diff::compare;
 use choreo_motion::{Interpolation, Time};
-use choreo_plugin::{Effect, Frame, Hook, Manifest, Overlay, Scene as Seen, Stroke};
+use choreo_plugin::{Effect, EffectScene, Frame, Hook, Manifest, Overlay, Stroke};
 use choreo_render::plan::motion_blur::plan_at;
 use choreo_render::{CpuRenderer, GpuOptions, PlanOptions, Renderer, SceneResources};
 use choreo_stage::{Channel, Evaluator, Property};
@@ -13,7 +13,9 @@ use glam::{DVec3, Vec3, Vec4};
 use std::sync::{Arc, LazyLock};
 
 fn effects() -> Vec<Arc<dyn Effect>> {
-    vec![Arc::new(effect_motion_blur::MotionBlur), Arc::new(effect_vignette::Vignette), Arc::new(Line)]
+    let mut all = effects::named(&["motion_blur", "vignette"]);
+    all.push(Arc::new(Line));
+    all
 }
 
 /// A bright quad, two metres wide, that crosses 64 pixels of an eighth of a metre in a second of one frame.
@@ -32,7 +34,7 @@ fn passing() -> Scene {
     scene
 }
 
-/// The picture of a stage at half a second.
+/// The image of a stage at half a second.
 fn shown(scene: &Scene, renderer: &mut dyn Renderer, samples: u32) -> Frame {
     let effects = effects();
     let options = PlanOptions { effects: &effects, ..PlanOptions::new([64, 64], samples) };
@@ -130,14 +132,14 @@ impl Effect for Line {
     fn hook(&self) -> Hook {
         Hook::Overlay
     }
-    fn overlay(&self, _: &Seen, _: &[f32; 8]) -> Overlay {
+    fn overlay(&self, _: &EffectScene, _: &[f32; 8]) -> Overlay {
         let line = |x: f64, y: f64, z: f64| Stroke {
             from: DVec3::new(-x, y, z),
             to: DVec3::new(x, y, z),
             width: 5.0,
             color: Vec3::Y.extend(0.5),
         };
-        // The last reaches from behind the camera far beyond the picture.
+        // The last reaches from behind the camera far beyond the image.
         let beyond = Stroke { from: DVec3::new(0.0, 0.0, 1e9), ..line(1e9, 0.0, -1e9) };
         Overlay {
             strokes: vec![line(3.0, 0.0625, 1.0), line(3.0, 2.0625, -1.0), beyond],

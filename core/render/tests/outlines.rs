@@ -57,7 +57,7 @@ fn ball(radius: f32) -> Primitive {
 }
 
 fn effects() -> Vec<Arc<dyn Effect>> {
-    vec![Arc::new(effect_outline::Outline)]
+    effects::named(&["outline"])
 }
 
 fn outlined(scene: &mut Scene, width: f64, actors: Vec<usize>) {
@@ -267,7 +267,7 @@ fn only_those_who_have_one_pay_for_it() {
 
 #[test]
 fn a_mask_says_what_moves() {
-    // Left half of the picture stands still, right half moves by half the texture: its stripes change places.
+    // Left half of the image stands still, right half moves by half the texture: its stripes change places.
     let stripes = image(8, 1, |x, _| if x % 4 < 2 { [255, 0, 0, 255] } else { [0, 0, 255, 255] });
     let mask = image(8, 1, |x, _| [0, 0, if x < 4 { 0 } else { 255 }, 255]);
     let nearest = Sampler { mag_linear: false, min_linear: false, mip_linear: None, ..Sampler::default() };

@@ -156,7 +156,7 @@ fn wake(time: Time) -> Vec<f64> {
     let (resources, options) = (scene.resources(), options(&effects, 1));
     let made = plan_with::<()>(&resources, &scene.stage, time, &options, |time| Ok(at(time).snapshot));
     let corners = made.unwrap().1.overlay.vertices;
-    // Four of six corners of each; the picture is 8/3 m wide.
+    // Four of six corners of each; the image is 8/3 m wide.
     let middle = |c: &[OverlayVertex]| [0, 1, 2, 5].map(|i| f64::from(c[i].clip.x)).iter().sum::<f64>() / 3.0;
     corners.chunks_exact(6).map(middle).collect()
 }

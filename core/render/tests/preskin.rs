@@ -123,7 +123,7 @@ fn scene(way: Way) -> Scene {
 }
 
 fn effects() -> Vec<Arc<dyn Effect>> {
-    vec![Arc::new(effect_outline::Outline)]
+    effects::named(&["outline"])
 }
 
 fn with(mut scene: Scene, skin_once: SkinOnce) -> Scene {

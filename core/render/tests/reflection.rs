@@ -20,7 +20,7 @@ fn motley() -> Arc<Image> {
     image(WIDTH, WIDTH / 2, |x, y| [(x * 4) as u8, (y * 8) as u8, ((x * 53 + y * 91) % 256) as u8, 255])
 }
 
-/// The direction in which a texel's middle is seen: −Z in the middle of the picture, +Y at its top.
+/// The direction in which a texel's middle is seen: −Z in the middle of the image, +Y at its top.
 fn way(x: u32, y: u32) -> DVec3 {
     let turn = ((f64::from(x) + 0.5) / f64::from(WIDTH) - 0.5) * TAU;
     let polar = (f64::from(y) + 0.5) / f64::from(WIDTH / 2) * PI;
@@ -43,7 +43,7 @@ fn polished(color: Vec3, shininess: f32, map: Option<u32>, around: Option<u32>) 
     }
 }
 
-/// A quad that fills the picture of a camera that looks along −Z, shaded as if it faced `normal`.
+/// A quad that fills the image of a camera that looks along −Z, shaded as if it faced `normal`.
 fn wall(material: Material, images: Vec<Arc<Image>>, normal: DVec3) -> Scene {
     let mut scene = Scene::ortho(2.0);
     let p = Primitive { normals: vec![normal.as_vec3(); 4], ..quad(2.0, 2.0) };

@@ -17,7 +17,7 @@ const SIDE: u32 = 128;
 /// Ten metres behind: half linear light at the left border, all at the right.
 const RAMP: [f64; 2] = [0.3, 0.6];
 
-/// A ramp of light over the whole picture, 2 m wide, seen without perspective.
+/// A ramp of light over the whole image, 2 m wide, seen without perspective.
 fn ramp() -> Scene {
     let mut scene = Scene::ortho(2.0);
     let mut back = quad(1.0, 1.0);
@@ -128,7 +128,7 @@ fn a_ball_draws_what_is_behind_to_its_middle() {
     by_all(|draw, who| {
         let by = |ior: f64| {
             move |x: f64| {
-                // On the row of half a pixel below the middle: the way to the middle, in the picture.
+                // On the row of half a pixel below the middle: the way to the middle, in the image.
                 let y = -1.0 / f64::from(SIDE);
                 let r = x.hypot(y);
                 let inwards = displaced((r / radius).asin().to_degrees(), thickness, ior);
@@ -188,7 +188,7 @@ fn roughness_blurs_by_levels_of_the_copy() {
         let at = |scene: &Scene, x: u32, draw: &mut dyn FnMut(&Scene) -> Frame| {
             decode(pixel(&draw(scene), x, SIDE / 2)[0])
         };
-        // log₂ 128 · 1 = 7: one texel, the mean of the picture. What is reflected is taken out: f0 = f90 = 0.
+        // log₂ 128 · 1 = 7: one texel, the mean of the image. What is reflected is taken out: f0 = f90 = 0.
         let mean = at(&edge(1.0, 1.5), SIDE / 2 - 20, draw);
         assert!((mean - 0.5).abs() < 0.01, "{who}: {mean}");
         // An index of 1.25 halves the blur: level 3.5 of texels of 8 and 16 pixels.

@@ -10,7 +10,7 @@ use choreo_plugin::Hook;
 use choreo_render::plan::shader_features::{FEATURES, Features, names};
 use choreo_render::shader::switches::{SWITCHES, SwitchSource, broken_rule, switch_names};
 use choreo_render::shader::{
-    BACKGROUND, OVERLAY, POSED, SCENE, SKY, SceneEffect, ShaderSources, SourceFile, UNDER, compile,
+    BACKGROUND, LAYERS_BEHIND, OVERLAY, PRESKIN, SCENE, SKY, SceneEffect, ShaderSources, SourceFile, compile,
     entry_points, parse, preprocess, surface_files,
 };
 use rayon::prelude::*;
@@ -362,7 +362,7 @@ fn effects(on: &[&str]) -> Vec<SceneEffect> {
         name: format!("e{bit}"),
         wgsl,
         hook,
-        along_model: bit == 4,
+        in_model_space: bit == 4,
     })
     .collect()
 }
@@ -445,7 +445,7 @@ fn a_broken_branch_of_a_rare_combination_is_found() {
 
 #[test]
 fn every_pose_variant_compiles() {
-    let files = ShaderSources::default().files(&POSED).unwrap();
+    let files = ShaderSources::default().files(&PRESKIN).unwrap();
     let skinning: Vec<&str> = names(Features::SKINNING).collect();
     let others = ["NORMAL", "TANGENT", "JOINTS_UNIFORM"];
     let all: Vec<&str> = skinning.iter().chain(&others).copied().collect();
@@ -476,7 +476,7 @@ fn the_other_modules_compile() {
             parse(&files, &on).unwrap_or_else(|e| panic!("{on:?}: {e}"));
         }
     }
-    parse(&sources.files(&UNDER).unwrap(), &[]).unwrap();
+    parse(&sources.files(&LAYERS_BEHIND).unwrap(), &[]).unwrap();
     parse(&sources.files(&OVERLAY).unwrap(), &[]).unwrap();
 }
 

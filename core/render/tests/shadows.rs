@@ -245,7 +245,7 @@ fn a_scene_without_shadows_pays_nothing() {
     let counts = recording.counts();
     assert_eq!((counts.passes, counts.shadow_views), (2, 1));
     assert_eq!(why(&with), None);
-    // Six draws into the map and into the picture; solid ones share their pipeline and need no material.
+    // Six draws into the map and into the image; solid ones share their pipeline and need no material.
     assert_eq!(with.instances.len(), plan.instances.len() + 6);
     let before = recording.commands.iter().position(|c| matches!(c, Command::BeginPass { .. })).unwrap();
     let count = |f: fn(&Command) -> bool| recording.commands[..before].iter().filter(|c| f(c)).count();
@@ -266,7 +266,7 @@ fn casters_out_of_view_are_drawn_into_the_map_alone() {
     let mut scene = Scene::ortho(2.0);
     let a = asset(vec![quad(1.0, 1.0)], vec![white()], vec![]);
     scene.at(&a, 0.0, 0.0, 0.0);
-    // Beside the picture, between its right half and a sun from the right; and one that shades nothing.
+    // Beside the image, between its right half and a sun from the right; and one that shades nothing.
     scene.at(&a, 4.0, 0.0, 4.0);
     scene.at(&a, -40.0, 0.0, 0.0);
     scene.sun(Vec3::new(-0.7, 0.0, -0.7), Vec3::ONE, 1.0);

@@ -32,7 +32,7 @@ fn soft() -> Arc<Panorama> {
     panorama(128, |way| DVec3::new(0.30 + 0.2 * way.x, 0.30 + 0.2 * way.y, 0.30 + 0.25 * way.z * way.x))
 }
 
-/// A quad that fills the picture, facing an orthographic camera (N = V = +Z), under a sky.
+/// A quad that fills the image, facing an orthographic camera (N = V = +Z), under a sky.
 fn wall(material: Material, sky: Sky) -> Scene {
     let mut scene = Scene::ortho(2.0);
     scene.at(&asset(vec![quad(2.0, 2.0)], vec![material], vec![]), 0.0, 0.0, 0.0);

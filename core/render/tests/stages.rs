@@ -1,4 +1,4 @@
-//! Pictures of the CPU renderer's stages belong together: what the raster covers is what is shaded, and has a depth.
+//! Images of the CPU renderer's stages belong together: what the raster covers is what is shaded, and has a depth.
 
 mod common;
 

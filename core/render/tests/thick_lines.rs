@@ -191,7 +191,7 @@ fn only_what_has_a_width_pays_for_it_and_none_is_not_drawn() {
     let drawn = plan(Some(pen(4.0)), None, 0.0);
     assert_eq!((drawn.draws.len(), wide(&drawn), drawn.instances[0].width), (1, 1, 4.0));
     assert_eq!(plan(Some(pen(4.0)), Some(0.0), 0.0).draws.len(), 0);
-    // Beside the picture by a tenth of a metre, a pixel: seen as far as it is wide.
+    // Beside the image by a tenth of a metre, a pixel: seen as far as it is wide.
     assert_eq!(plan(Some(pen(1.0)), None, 3.5).draws.len(), 0);
     assert_eq!(plan(Some(pen(9.0)), None, 3.5).draws.len(), 1);
 }

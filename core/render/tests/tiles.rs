@@ -1,4 +1,4 @@
-//! Pictures larger than a device draws at once are the same as drawn whole: by a limit that is set, tile by tile.
+//! Images larger than a device draws at once are the same as drawn whole: by a limit that is set, tile by tile.
 
 mod common;
 
@@ -16,14 +16,7 @@ use std::sync::Arc;
 const SIZE: [u32; 2] = [200, 150];
 
 fn effects() -> Vec<Arc<dyn Effect>> {
-    vec![
-        Arc::new(effect_fog::Fog),
-        Arc::new(effect_fxaa::Fxaa),
-        Arc::new(effect_bloom::Bloom),
-        Arc::new(effect_wireframe::Wireframe),
-        Arc::new(effect_grid::Grid),
-        Arc::new(effect_outline::Outline),
-    ]
+    effects::named(&["fog", "fxaa", "bloom", "wireframe", "grid", "outline"])
 }
 
 /// Of everything something, seen from aside, with a shadow and many lamps before a gradient.
@@ -152,5 +145,5 @@ fn what_tiles_cannot_show_is_reported() {
     );
     let (_, plan) = scene.plan(&PlanOptions::new([MOST + 1, 8], 1));
     let said = tiled.submit(plan).unwrap_err().to_string();
-    assert_eq!(said, format!("picture width is {}, the limit of this device is {MOST}", MOST + 1));
+    assert_eq!(said, format!("image width is {}, the limit of this device is {MOST}", MOST + 1));
 }

@@ -1,4 +1,4 @@
-//! Devices that are lost, run out of memory or fall silent: never a wrong picture, one more try with less, then an error.
+//! Devices that are lost, run out of memory or fall silent: never a wrong image, one more try with less, then an error.
 //! The failures are injected, the recovery is real: a new device, everything made and drawn again, under validation.
 
 mod common;
@@ -13,7 +13,7 @@ use std::sync::Arc;
 const FRAMES: usize = 4;
 
 fn options(faults: &Faults) -> GpuOptions {
-    let effects: Vec<Arc<dyn Effect>> = vec![Arc::new(effect_vignette::Vignette)];
+    let effects: Vec<Arc<dyn Effect>> = effects::named(&["vignette"]);
     GpuOptions { validation: true, effects, faults: faults.clone(), ..GpuOptions::default() }
 }
 
@@ -85,7 +85,7 @@ fn a_device_that_fails_once_gives_the_same_pictures() {
             let faults = Faults::new(vec![Fault { place, nth, kind }]);
             let mut renderer = steady(&faults).unwrap();
             let frames = draw(&mut renderer).unwrap_or_else(|e| panic!("{kind:?} at {place:?} {nth}: {e}"));
-            assert!(frames == expected, "{kind:?} at {place:?} {nth}: other pictures");
+            assert!(frames == expected, "{kind:?} at {place:?} {nth}: other images");
             let notes = renderer.take_notes();
             assert_eq!(notes.len(), 1, "{kind:?} at {place:?} {nth}: {notes:?}");
             assert!(
@@ -147,7 +147,7 @@ fn errors_have_their_kind_and_leave_nothing_behind() {
     }
 }
 
-/// With as little memory as can be: the same pictures, less memory, uploads in parts.
+/// With as little memory as can be: the same images, less memory, uploads in parts.
 #[test]
 fn a_frugal_renderer_draws_the_same() {
     let Some((expected, _)) = undisturbed() else { return };

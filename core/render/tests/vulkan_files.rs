@@ -3,7 +3,7 @@
 
 use choreo_image_diff::compare;
 use choreo_motion::Time;
-use choreo_plugin::{Files, Frame, ImportOptions, Importer, Needs, Source};
+use choreo_plugin::{Files, Frame, ImportOptions, ImportScope, Importer, Source};
 use choreo_render::*;
 use choreo_stage::{Camera, Cue, Rig, Stage};
 use std::path::{Path, PathBuf};
@@ -40,7 +40,8 @@ fn stage_of(path: &Path) -> Stage {
     let source = Source { name: path.display().to_string(), bytes };
     let folder = Folder(path.parent().unwrap().into());
     let importer = import_gltf::GltfImporter::new();
-    let asset = Arc::new(importer.import(&source, &folder, Needs::ALL, &ImportOptions::default()).unwrap());
+    let asset =
+        Arc::new(importer.import(&source, &folder, ImportScope::ALL, &ImportOptions::default()).unwrap());
     let mut stage = Stage::default();
     let actor = stage.cast("file", asset.clone());
     stage.actors[actor].file_lights = true;

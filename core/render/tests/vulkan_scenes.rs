@@ -11,7 +11,7 @@ use choreo_render::*;
 use choreo_stage::*;
 use common::{draw as draw_cpu, *};
 use glam::{DAffine3, DVec3, Vec2, Vec3, Vec4};
-use std::sync::{Arc, LazyLock, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 /// One renderer for all tests of this file: making one costs more than most tests.
 fn renderer() -> Option<MutexGuard<'static, Option<VulkanRenderer>>> {
@@ -24,10 +24,7 @@ fn renderer() -> Option<MutexGuard<'static, Option<VulkanRenderer>>> {
 }
 
 fn new_renderer() -> Option<VulkanRenderer> {
-    vulkan(GpuOptions {
-        effects: vec![Arc::new(effect_vignette::Vignette), Arc::new(Swap)],
-        ..GpuOptions::default()
-    })
+    vulkan(GpuOptions { effects: effects(), ..GpuOptions::default() })
 }
 
 macro_rules! vulkan {
@@ -39,22 +36,13 @@ macro_rules! vulkan {
     };
 }
 
-/// Exchanges red and blue: not its own inverse with anything else, so a chain shows its order.
-struct Swap;
-
-static SWAP: LazyLock<choreo_plugin::Manifest> =
-    LazyLock::new(|| choreo_plugin::Manifest::new("swap", "1", "exchanges red and blue"));
-
-impl Effect for Swap {
-    fn manifest(&self) -> &choreo_plugin::Manifest {
-        &SWAP
-    }
-    fn wgsl(&self) -> &str {
-        "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color.bgra; }"
-    }
-    fn cpu(&self, c: Vec4, _: Vec2, _: &[f32; 8]) -> Vec4 {
-        Vec4::new(c.z, c.y, c.x, c.w)
-    }
+/// The vignette, and an effect that exchanges red and blue: not its own inverse with anything else, so a chain shows its order.
+fn effects() -> Vec<Arc<dyn Effect>> {
+    let swap = "// effect: swap
+fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color.bgra; }";
+    let mut all = effects::named(&["vignette"]);
+    all.push(Arc::new(choreo_wgsl_effect::WgslEffect::from_text("swap.wgsl", swap).unwrap()));
+    all
 }
 
 /// As a device that is no CPU gets it.
@@ -152,10 +140,10 @@ fn coats_sheen_and_glass_as_the_cpu_reference_draws_them() {
         let (vulkan, cpu) = (draw_with(r, &scene, &options), draw_cpu(&scene, &options));
         let c = compare(&vulkan, &cpu, 2).unwrap();
         assert_like_reference(&c, &format!("layers, {samples} samples"));
-        // The layered parts are small in the picture.
+        // The layered parts are small in the image.
         assert!(c.share_beyond < 0.001, "{c}");
     }
-    // The planted faults: without one of the coats, sheens or glasses the pictures differ.
+    // The planted faults: without one of the coats, sheens or glasses the images differ.
     let options = PlanOptions::new([320, 240], 1);
     let cpu = draw_cpu(&scene, &options);
     for actor in [0, 5, 10] {
@@ -283,12 +271,12 @@ fn a_cpu_device_gets_rows_copied_and_back_faces_last() {
     );
     // Small triangles: the second run of the vertex shader costs more than it saves.
     assert!(!text(1, true, 4000).contains("cull Front"));
-    // Copies cannot write samples: around what is drawn they are the picture, and the rest is resolved into it.
+    // Copies cannot write samples: around what is drawn they are the image, and the rest is resolved into it.
     let samples = text(4, true, 2);
     assert!(samples.contains("copy background\nbegin Picture, 4 samples, clear"), "{samples}");
     assert!(samples.contains(", 40×40 at 12, 12\n") && samples.contains("  background\n"), "{samples}");
     assert!(!text(4, false, 2).contains(" at 12, 12\n"));
-    // What covers most of the picture is drawn whole.
+    // What covers most of the image is drawn whole.
     scene.at(&asset(vec![quad(1.9, 1.9)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
     let (_, plan) = scene.plan(&PlanOptions::new([64, 64], 4));
     let cpu = RecordOptions { cpu_device: true, ..RecordOptions::default() };
@@ -333,7 +321,7 @@ fn equal_content_is_uploaded_once_and_kept() {
     let picture = || image(4, 4, |x, y| [x as u8 * 60, y as u8 * 60, 9, 255]);
     let with = |color| Material { base_color_texture: Some(texture(0)), ..unlit(color) };
     let mut scene = Scene::ortho(4.0);
-    // Two files with equal meshes and pictures, but another colour.
+    // Two files with equal meshes and images, but another colour.
     scene.at(&asset(vec![quad(0.5, 0.5)], vec![with(Vec4::ONE)], vec![picture()]), -1.0, 0.0, 0.0);
     scene.at(&asset(vec![quad(0.5, 0.5)], vec![with(Vec4::X + Vec4::W)], vec![picture()]), 1.0, 0.0, 0.0);
     let options = PlanOptions::new([32, 32], 1);
@@ -350,7 +338,7 @@ fn equal_content_is_uploaded_once_and_kept() {
 fn effects_run_in_order_on_linear_light() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
-    let effects: Vec<Arc<dyn Effect>> = vec![Arc::new(effect_vignette::Vignette), Arc::new(Swap)];
+    let effects = effects();
     let mut scene = busy_scene(DVec3::ZERO);
     scene.snapshot.background = Background::Gradient { top: Vec3::X, bottom: Vec3::new(0.5, 0.2, 0.1) };
     for chain in [&["vignette"][..], &["swap", "vignette"], &["vignette", "swap", "swap", "vignette"]] {
@@ -384,9 +372,9 @@ fn odd_sizes_and_misuse() {
     let mut refused = |plan: &Plan| r.submit(plan.clone()).unwrap_err().to_string();
     plan.size = [70_000, 8];
     let e = refused(&plan);
-    assert!(e.starts_with("picture width is 70000, the limit of this device is "), "{e}");
+    assert!(e.starts_with("image width is 70000, the limit of this device is "), "{e}");
     plan.size = [8, 0];
-    assert_eq!(refused(&plan), "the picture height is 0");
+    assert_eq!(refused(&plan), "the image height is 0");
     plan.size = [8, 8];
     plan.samples = 3;
     assert_eq!(refused(&plan), "number of samples is 3, the limit of this device is 4");

@@ -83,9 +83,9 @@ fn back_faces_of_watertight_meshes_are_culled() {
     counts.sort_unstable();
     assert_eq!(counts, [36, 36, 36], "all of the boxes, and what is closed in the open one");
     assert!(plan.shadow_draws().all(|d| d.watertight == 36));
-    let said = plan.left_out.iter().find(|l| l.what == "back faces of closed surfaces").unwrap();
+    let said = plan.left_out.iter().find(|l| l.what == "back faces of watertight meshes").unwrap();
     assert!(said.why.starts_with("36 triangles"), "{said:?}");
-    // Front faces of the closed ones; both of the eight triangles that are open, once in the map and once in the picture.
+    // Front faces of the closed ones; both of the eight triangles that are open, once in the map and once in the image.
     let triangles = |p: u32| resources.primitives[p as usize].primitive().indices.len() / 3;
     let recording = record(&plan, RecordOptions::default(), triangles);
     let mut cull = None;

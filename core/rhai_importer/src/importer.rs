@@ -8,7 +8,7 @@ use crate::scene::{self, Request, Scene};
 use choreo_asset::Asset;
 use choreo_plugin::suggest::did_you_mean;
 use choreo_plugin::{
-    AssetBuilder, Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, OptionValue,
+    AssetBuilder, Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, OptionValue,
     PluginFile, Source,
 };
 use rhai::{AST, Dynamic, Engine, EvalAltResult, Map, Scope};
@@ -110,7 +110,7 @@ impl RhaiImporter {
     fn run(
         &self,
         source: &Source,
-        needs: Needs,
+        needs: ImportScope,
         options: &ImportOptions,
         budget: &Budget,
         ask: mpsc::Sender<Request>,
@@ -124,7 +124,7 @@ impl RhaiImporter {
         Ok(std::mem::take(&mut scene.builder))
     }
 
-    fn file_map(&self, source: &Source, needs: Needs, options: &ImportOptions, budget: &Budget) -> Map {
+    fn file_map(&self, source: &Source, needs: ImportScope, options: &ImportOptions, budget: &Budget) -> Map {
         let options: Map = options.0.iter().map(|(k, v)| (k.as_str().into(), value(v))).collect();
         [
             ("name".into(), Dynamic::from(source.name.clone())),
@@ -172,7 +172,7 @@ impl Importer for RhaiImporter {
         }
         let budget = Budget::for_file(0);
         let engine = engine(&budget, Some(FEW_STEPS));
-        let file = self.file_map(source, Needs::ALL, &ImportOptions::default(), &budget);
+        let file = self.file_map(source, ImportScope::ALL, &ImportOptions::default(), &budget);
         let answer: Result<Dynamic, _> = engine.call_fn(&mut Scope::new(), &self.ast, "claim", (file,));
         match answer {
             Ok(v) if v.as_bool() == Ok(true) => Claim::Content(90),
@@ -189,7 +189,7 @@ impl Importer for RhaiImporter {
         &self,
         source: &Source,
         files: &dyn Files,
-        needs: Needs,
+        needs: ImportScope,
         options: &ImportOptions,
     ) -> Result<Asset, ImportError> {
         let budget = Budget::for_file(source.bytes.len());

@@ -5,8 +5,8 @@ use crate::engine::manifest_engine;
 use crate::importer::{RhaiImporter, ScriptError, manifest_of, without_mark};
 use choreo_asset::Asset;
 use choreo_plugin::{
-    Claim, Files, ImportError, ImportOptions, Importer, MadeOnce, Manifest, Needs, PluginFault, PluginFile,
-    Source,
+    Claim, Files, ImportError, ImportOptions, ImportScope, Importer, LazyPlugin, Manifest, PluginError,
+    PluginFile, Source,
 };
 use rhai::{Engine, Position, Token};
 
@@ -15,7 +15,7 @@ pub struct ImporterOnUse {
     manifest: Manifest,
     /// Its text may define `fn claim(file)`, which is asked about every file.
     may_have_claim: bool,
-    made: MadeOnce<RhaiImporter>,
+    made: LazyPlugin<RhaiImporter>,
 }
 
 impl ImporterOnUse {
@@ -24,7 +24,7 @@ impl ImporterOnUse {
     pub fn new(
         file: &str,
         text: &str,
-        make: impl FnOnce() -> Result<RhaiImporter, PluginFault> + Send + 'static,
+        make: impl FnOnce() -> Result<RhaiImporter, PluginError> + Send + 'static,
     ) -> Result<ImporterOnUse, ScriptError> {
         let text = without_mark(text);
         let alone = manifest_function(text).and_then(|function| {
@@ -36,11 +36,11 @@ impl ImporterOnUse {
             None => RhaiImporter::from_text(file, text)?.manifest().clone(),
         };
         let may_have_claim = text.contains("claim");
-        Ok(ImporterOnUse { manifest, may_have_claim, made: MadeOnce::new(make) })
+        Ok(ImporterOnUse { manifest, may_have_claim, made: LazyPlugin::new(make) })
     }
 
     /// The importer, compiled now where it was not compiled before; other threads that use it wait.
-    pub fn get(&self) -> Result<&RhaiImporter, &PluginFault> {
+    pub fn get(&self) -> Result<&RhaiImporter, &PluginError> {
         self.made.get()
     }
 }
@@ -67,7 +67,7 @@ impl Importer for ImporterOnUse {
         &self,
         source: &Source,
         files: &dyn Files,
-        needs: Needs,
+        needs: ImportScope,
         options: &ImportOptions,
     ) -> Result<Asset, ImportError> {
         let error =
@@ -142,7 +142,7 @@ mod tests {
         let (count, all) = (made.clone(), text.to_string());
         let make = move || {
             count.fetch_add(1, Ordering::Relaxed);
-            let fault = |e: ScriptError| PluginFault { text: e.to_string(), files: Vec::new() };
+            let fault = |e: ScriptError| PluginError { text: e.to_string(), files: Vec::new() };
             RhaiImporter::from_text("d.importer.rhai", &all).map_err(fault)
         };
         (ImporterOnUse::new("d.importer.rhai", text, make), made)
@@ -167,7 +167,7 @@ mod tests {
                 Err("none".into())
             }
         }
-        let import = known.import(&source("a.dots"), &NoFiles, Needs::ALL, &ImportOptions::default());
+        let import = known.import(&source("a.dots"), &NoFiles, ImportScope::ALL, &ImportOptions::default());
         let error = import.unwrap_err().to_string();
         assert!(error.starts_with("a.dots: d.importer.rhai:5:13: "), "{error}");
         assert_eq!(made.load(Ordering::Relaxed), 1);

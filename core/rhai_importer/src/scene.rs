@@ -5,7 +5,7 @@ use crate::bytes::Bytes;
 use crate::fields::{self, FieldError, Fields, MESH, mesh_data};
 use choreo_asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Topology};
 use choreo_motion::{Curve, Interpolation, Path, Time, Transform};
-use choreo_plugin::{AssetBuilder, Needs};
+use choreo_plugin::{AssetBuilder, ImportScope};
 use glam::{Affine2, Mat4, Quat, Vec3, Vec4};
 use rhai::{Array, Dynamic, Engine, Map};
 use std::collections::BTreeMap;
@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 /// What one import is building.
 pub struct Scene {
     pub builder: AssetBuilder,
-    pub needs: Needs,
+    pub needs: ImportScope,
     /// Channel on which a file beside the source is requested: another thread reads it.
     pub ask: mpsc::Sender<Request>,
 }
@@ -286,7 +286,7 @@ fn curve(what: &str, map: &Map) -> fields::Result<Curve> {
 }
 
 /// The map of `file.needs`, for scripts with `if file.needs.geometry { … }`.
-pub fn needs_map(needs: Needs) -> Map {
+pub fn needs_map(needs: ImportScope) -> Map {
     let flag = |name: &str, on: bool| (name.into(), Dynamic::from(on));
     [flag("geometry", needs.geometry), flag("clips", needs.clips), flag("textures", needs.textures)].into()
 }

@@ -1,7 +1,7 @@
 //! Importers in Rhai on files made here: what arrives, and how everything wrong is answered.
 
 use choreo_asset::Asset;
-use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source};
+use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Importer, OptionValue, Source};
 use choreo_rhai_importer::RhaiImporter;
 use glam::{Quat, Vec2, Vec3};
 use std::sync::Arc;
@@ -78,7 +78,7 @@ fn source(name: &str, bytes: &[u8]) -> Source {
 fn import(text: &str, bytes: &[u8]) -> Result<Asset, ImportError> {
     let importer = importer(text);
     let options = importer.manifest().complete(&ImportOptions::default()).unwrap();
-    importer.import(&source("a.dat", bytes), &Beside, Needs::ALL, &options)
+    importer.import(&source("a.dat", bytes), &Beside, ImportScope::ALL, &options)
 }
 
 /// An importer whose `import` does this, on bytes 1 to 8.
@@ -117,7 +117,7 @@ fn options_come_from_the_manifest_and_reach_the_script() {
     assert_eq!(wrong.message, "tri: option scale must be a number from 0.001 to 1000, got 0");
     let mut options = given("scale", OptionValue::Number(0.5)).unwrap();
     options.0.insert("up".into(), OptionValue::Text("z".into()));
-    let asset = importer.import(&source("a.tri", &tri_bytes()), &Beside, Needs::ALL, &options).unwrap();
+    let asset = importer.import(&source("a.tri", &tri_bytes()), &Beside, ImportScope::ALL, &options).unwrap();
     assert_eq!(asset.meshes[0].primitives[0].positions[2], Vec3::new(0.0, 1.5, -1.0));
 }
 
@@ -275,7 +275,7 @@ fn memory_is_counted_and_bounded() {
 fn nothing_is_decoded_that_nobody_needs() {
     let importer = importer(TRI);
     let options = importer.manifest().complete(&ImportOptions::default()).unwrap();
-    let clips = Needs { geometry: false, clips: true, textures: false, pixels: false };
+    let clips = ImportScope { geometry: false, clips: true, textures: false, pixels: false };
     let asset = importer.import(&source("a.tri", &tri_bytes()), &Beside, clips, &options).unwrap();
     assert!(asset.meshes.is_empty());
 }
@@ -321,7 +321,9 @@ fn nothing_outside_can_be_reached() {
         let text = format!("fn manifest() {{ #{{ name: \"x\" }} }} fn load(f) {{ {code} }}");
         let refused = match RhaiImporter::from_text("m.importer.rhai", &text) {
             Err(_) => true,
-            Ok(i) => i.import(&source("a", &[]), &Beside, Needs::ALL, &ImportOptions::default()).is_err(),
+            Ok(i) => {
+                i.import(&source("a", &[]), &Beside, ImportScope::ALL, &ImportOptions::default()).is_err()
+            }
         };
         assert!(refused, "{code}");
     }

@@ -1,25 +1,31 @@
 //! The stage while the script runs: drafts, whose references and times are settled at the end.
 
-use crate::call::{ApiError, Place};
+use crate::api_error::{ApiError, Place};
+use crate::def::Defs;
 use crate::diagnostic::{Diagnostic, Severity};
+use crate::folders::{Found, LoadError};
 use crate::import::Import;
 use crate::limits::{Limits, raise_hint};
 use crate::load::Load;
 use crate::loader::Loader;
-use crate::testing::{TestState, Timeout};
+use crate::test_data::{TestState, Timeout};
 use choreo_asset::Asset;
 use choreo_motion::{Clip, Curve, RootParts, Time};
 use choreo_stage::{
-    Actor, Channel, Cue, EffectUse, Layer2d, LayerMode, Repeat, Rig, Settings, Sky, StageLight, Target,
+    Actor, Camera, Channel, Cue, EffectUse, Layer2d, LayerMode, Parenting, Placement, Repeat, Rig, Settings,
+    Sky, StageLight, Target,
 };
 use glam::{DQuat, DVec3};
+#[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
+use rhai::{FnPtr, NativeCallContextStore};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// What all calls of one script share.
-pub struct Shared {
+pub(crate) struct Shared {
     pub build: Mutex<Build>,
+    pub defs: &'static Defs,
     pub loader: Arc<Loader>,
     /// Places that load files of which only clips are used.
     pub clips_only: Mutex<BTreeSet<Place>>,
@@ -67,14 +73,14 @@ impl Shared {
         self.test.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub fn source_line(&self, file: &str, line: usize) -> String {
+    pub(crate) fn source_line(&self, file: &str, line: usize) -> String {
         let sources = self.sources.lock().unwrap_or_else(PoisonError::into_inner);
         let text = sources.get(file).cloned();
         text.and_then(|t| t.lines().nth(line.checked_sub(1)?).map(str::to_string)).unwrap_or_default()
     }
 
     /// A diagnostic at a place; the column moves to the string literal that is to blame, where the line has it.
-    pub fn diagnose(&self, severity: Severity, place: &Place, error: &ApiError) -> Diagnostic {
+    pub(crate) fn diagnose(&self, severity: Severity, place: &Place, error: &ApiError) -> Diagnostic {
         let source_line = self.source_line(&place.file, place.line);
         let mut column = place.column;
         if let Some(focus) = error.focus.as_ref().filter(|f| !f.is_empty()) {
@@ -103,7 +109,7 @@ impl Shared {
     }
 
     /// `order`: among the messages of the script, where it is not the latest.
-    pub fn note_in_order(&self, order: Option<u64>, severity: Severity, place: &Place, error: &ApiError) {
+    fn note_in_order(&self, order: Option<u64>, severity: Severity, place: &Place, error: &ApiError) {
         if error.silent {
             return;
         }
@@ -114,7 +120,7 @@ impl Shared {
     }
 
     /// Looks through a script's text, before it runs, for files of which it uses the clips alone.
-    pub fn of_clips_only(&self, ast: &rhai::AST, source: &str) {
+    pub(crate) fn of_clips_only(&self, ast: &rhai::AST, source: &str) {
         let found = crate::clips_only::find(ast, source);
         self.clips_only.lock().unwrap_or_else(PoisonError::into_inner).extend(found);
     }
@@ -126,9 +132,49 @@ impl Shared {
             build.loads.iter().map(|l| l.load.clone()).collect()
         };
         for load in loads {
-            // Reported by the load itself.
-            let _ = load.asset(self);
+            // A failure is reported there.
+            let _ = self.asset(&load);
         }
+    }
+
+    /// Waits for what a call has loaded. A failed import is reported at the place of that call, once; a call that uses it gets a
+    /// silent error.
+    pub fn asset(&self, load: &Load) -> Result<Arc<Asset>, ApiError> {
+        // Loading takes as long as the files are large: the script's own time stands still, but not for what fails or is there
+        // already, which could be asked for without end.
+        let before = Instant::now();
+        let result = load.wait();
+        let taken = before.elapsed();
+        if let Some(deadline) = self.deadline.lock().unwrap_or_else(PoisonError::into_inner).as_mut()
+            && result.is_ok()
+            && taken > Duration::from_millis(1)
+        {
+            *deadline += taken;
+        }
+        result.map_err(|reason| {
+            if let Some(reason) = reason {
+                let error = ApiError::from(reason).focus(load.name.clone());
+                self.note_in_order(Some(load.order), Severity::Error, &load.at, &error);
+            }
+            ApiError::silent()
+        })
+    }
+
+    /// Finds a file in the script's folder or on a search path.
+    pub(crate) fn find_file(&self, name: &str) -> Result<Found, LoadError> {
+        let start = self.test().scene.as_ref().map(|scene| scene.folder.clone());
+        self.loader.find_in(self.loader.folders(), start.as_deref(), name)
+    }
+
+    /// Reads a file of the script's folder or of a search path, and notes it for hot reload.
+    pub(crate) fn read_file(&self, name: &str) -> Result<Vec<u8>, ApiError> {
+        let read = || {
+            let found = self.find_file(name)?;
+            let bytes = self.loader.folders().read(&found, name)?;
+            self.loader.note_used(&found.path, &bytes);
+            Ok(bytes)
+        };
+        read().map_err(|e: LoadError| ApiError::from(e).focus(name))
     }
 }
 
@@ -142,7 +188,7 @@ fn find_word(text: &str, word: &str) -> Option<usize> {
 }
 
 #[derive(Default)]
-pub struct Build {
+pub(crate) struct Build {
     pub settings: Settings,
     /// Place of the call of `stage(…)`.
     pub settings_at: Option<Place>,
@@ -159,14 +205,14 @@ pub struct Build {
     pub sky: Option<Sky>,
     /// Place of the call of `sky(…)`.
     pub sky_at: Option<Place>,
-    /// The script says what ambient light there is.
+    /// The script sets the ambient light.
     pub ambient_given: bool,
     pub effects: Vec<EffectUse>,
     pub effect_places: Vec<Place>,
     pub loads: Vec<LoadDraft>,
     /// Variables of the script that nothing reads.
-    pub declared: Vec<crate::lint::Declared>,
-    pub hooks: Vec<crate::hook::HookDraft>,
+    pub declared: Vec<Declared>,
+    pub hooks: Vec<HookDraft>,
     pub keys: u64,
     /// Keys of clips that the script has made.
     pub clip_keys: u64,
@@ -185,7 +231,7 @@ pub struct Build {
     /// Clips bound to another skeleton, by the addresses of clip and asset.
     pub bound: BTreeMap<(usize, usize), Bound>,
     pub shapes: BTreeMap<String, Arc<Asset>>,
-    pub made: crate::procedural::Made,
+    pub made: Made,
     /// Stage time of the start of what is being performed.
     pub offset: Time,
     /// Notes by the address of the clip, which is kept alive.
@@ -194,31 +240,31 @@ pub struct Build {
     pub markers: Vec<(String, Time)>,
 }
 
-/// What the script says of a clip.
-pub struct ClipNotes {
+/// What the script sets for a clip.
+pub(crate) struct ClipNotes {
     pub _clip: Arc<Clip>,
     /// Named times of the clip, seconds.
     pub markers: Vec<(String, Time)>,
-    /// When feet come down, where the script says so.
+    /// When feet come down, where the script states it.
     pub steps: Option<Vec<Time>>,
 }
 
 /// Root motion as the script asks for it.
 #[derive(Clone, Copy, PartialEq)]
-pub struct RootDraft {
+pub(crate) struct RootDraft {
     pub joint: Option<u32>,
     pub parts: RootParts,
     pub used: RootUse,
 }
 
 #[derive(Clone, Copy, PartialEq)]
-pub enum RootUse {
+pub(crate) enum RootUse {
     Carries,
     InPlace,
 }
 
 /// What a `load` or `shape` gave.
-pub struct LoadDraft {
+pub(crate) struct LoadDraft {
     pub load: Arc<Load>,
     /// No file was read for it.
     pub made: bool,
@@ -226,6 +272,28 @@ pub struct LoadDraft {
     pub clips_only: bool,
     /// Cast, or a clip of it played, or the script asked what is in it.
     pub used: bool,
+}
+
+/// How much there is so far of what counts against limits.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Made {
+    pub meshes: usize,
+    pub vertices: u64,
+    pub texels: u64,
+}
+
+/// A variable of the script that nothing reads.
+pub struct Declared {
+    pub name: String,
+    pub at: Place,
+}
+
+/// An `on_frame` callback.
+#[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
+pub(crate) struct HookDraft {
+    pub callback: FnPtr,
+    pub context: NativeCallContextStore,
+    pub at: Place,
 }
 
 /// A bound clip, and what it was made of: kept alive, so that the addresses stay theirs.
@@ -247,7 +315,7 @@ pub struct Parameter {
     pub line: usize,
 }
 
-pub struct ActorDraft {
+pub(crate) struct ActorDraft {
     pub actor: Actor,
     pub at: Place,
     /// Placed by `.at`, `.attach` or a key.
@@ -258,8 +326,30 @@ pub struct ActorDraft {
     pub root: Option<RootDraft>,
     /// Keys of its joints, over what its clips do.
     pub joint_keys: Vec<(Curve, Place)>,
+    /// Parents in the order of the calls.
+    pub parents: Vec<ParentDraft>,
     /// Turned to this point at the end, when the position is known.
     pub face_point: Option<DVec3>,
+}
+
+/// A call of `attach` or `detach`.
+pub struct ParentDraft {
+    pub parent: Parenting,
+    pub until: Option<Time>,
+    pub at: Place,
+}
+
+impl ActorDraft {
+    /// The placement that `.at` and its like change: in the parent that was given last from a time on, else the actor's own.
+    pub fn placement(&mut self) -> &mut Placement {
+        match self.parents.last_mut().map(|draft| &mut draft.parent) {
+            Some(parent) if parent.start > Time::MIN && parent.to.is_some() => {
+                parent.keep = false;
+                parent.placement.get_or_insert_default()
+            }
+            _ => &mut self.actor.transform,
+        }
+    }
 }
 
 /// A `play` and what follows it by `then`.
@@ -279,14 +369,14 @@ impl Chain {
     }
 
     /// Not part of the base layer.
-    pub fn is_layer(&self) -> bool {
+    pub(crate) fn is_layer(&self) -> bool {
         self.mask.is_some() || self.mode != LayerMode::Override || self.priority.is_some()
     }
 }
 
 /// A cue as the script describes it so far.
 #[derive(Clone)]
-pub struct CueDraft {
+pub(crate) struct CueDraft {
     /// What the script sets as it is on stage; its speed is above 0.
     pub cue: Cue,
     pub chain: usize,
@@ -332,7 +422,7 @@ impl CueDraft {
         }
     }
 
-    /// Whether it ever counts, as far as its weight says.
+    /// Whether it ever counts, as far as its weight determines.
     pub fn counts(&self) -> bool {
         match &self.cue.weight_keys {
             Some(keys) => keys.values.iter().any(|v| *v > 0.0),
@@ -341,8 +431,14 @@ impl CueDraft {
     }
 }
 
-pub struct CameraDraft {
-    pub name: String,
+/// Default azimuth in degrees: a little from the side, where a character shows its shape.
+pub(crate) const DEFAULT_AZIMUTH: f64 = 25.0;
+/// Default elevation in degrees: a little from above.
+pub(crate) const DEFAULT_ELEVATION: f64 = 10.0;
+
+/// A camera while the script runs. Its rig and its projection follow from all calls together; everything else is in `camera`.
+pub(crate) struct CameraDraft {
+    pub camera: Camera,
     pub at: Place,
     pub perspective: Option<f32>,
     pub ortho: Option<f32>,
@@ -352,12 +448,11 @@ pub struct CameraDraft {
     pub position: Option<DVec3>,
     pub rotation: DQuat,
     pub look_at: Option<Target>,
-    pub channels: Vec<Channel>,
 }
 
 impl Build {
-    /// What the script says of a clip, or of the one that it was bound from.
-    pub fn notes_of(&self, clip: &Arc<Clip>) -> Option<&ClipNotes> {
+    /// What the script sets for a clip, or of the one that it was bound from.
+    pub(crate) fn notes_of(&self, clip: &Arc<Clip>) -> Option<&ClipNotes> {
         let key = |clip: &Arc<Clip>| Arc::as_ptr(clip) as usize;
         let from = || self.bound.values().find(|bound| Arc::ptr_eq(&bound.clip, clip));
         self.clip_notes.get(&key(clip)).or_else(|| self.clip_notes.get(&key(&from()?._from)))
@@ -375,7 +470,7 @@ impl Build {
     }
 
     /// The printed lines, with a last one that gives the number of those left out.
-    pub fn take_printed(&mut self, limit: u64) -> Vec<String> {
+    pub(crate) fn take_printed(&mut self, limit: u64) -> Vec<String> {
         let mut lines = std::mem::take(&mut self.printed);
         if self.unprinted > 0 {
             let hint = raise_hint("printed", format!("{limit} bytes"));
@@ -402,7 +497,7 @@ impl Build {
         self.diagnostics.insert(at, diagnostic);
     }
 
-    pub fn has_errors(&self) -> bool {
+    pub(crate) fn has_errors(&self) -> bool {
         self.diagnostics.iter().any(|d| d.severity == Severity::Error)
     }
 

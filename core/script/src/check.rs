@@ -1,8 +1,8 @@
-//! Checks that need no drawing: what is valid, but probably not intended.
+//! Warnings of every run: what is valid, but probably not intended. Unlike the rules of `lint`, they cannot be allowed.
 
-use crate::api::cue;
+use crate::api_error::{ApiError, Place};
 use crate::build::{ActorDraft, Build, LoadDraft};
-use crate::call::{ApiError, Place};
+use crate::cue_times::all_times;
 use crate::diagnostic::Severity;
 use choreo_motion::Time;
 use choreo_stage::Repeat;
@@ -26,7 +26,7 @@ pub fn before(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) {
 }
 
 fn cues(build: &Build, warn: &mut impl FnMut(&Place, String)) {
-    let times = cue::all_times(build);
+    let times = all_times(build);
     for (id, draft) in build.cues.iter().enumerate() {
         let name = &draft.cue.clip.name;
         let (start, end) = times[id];

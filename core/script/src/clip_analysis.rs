@@ -1,5 +1,6 @@
 //! What is found out about clips when the stage is settled: root motion and steps, once for all actors that play them.
 
+use crate::api_error::ApiError;
 use crate::build::{Build, CueDraft, RootDraft, RootUse};
 use choreo_asset::Asset;
 use choreo_motion::contacts::{Contacts, find_feet};
@@ -69,19 +70,22 @@ pub fn in_step(
     drafts: [usize; 2],
     cues: [&Cue; 2],
     found: &mut Found,
-) -> Result<PhaseMatchedFade, String> {
+) -> Result<PhaseMatchedFade, ApiError> {
     let drafts = drafts.map(|id| &build.cues[id]);
     for (draft, cue) in drafts.iter().zip(cues) {
         if cue.repeat != Repeat::Loop || !draft.is_even() || cue.speed <= 0.0 {
-            return Err(format!("\"{}\" must loop, forwards and at one speed", draft.cue.clip.name));
+            let text = format!("\"{}\" must loop, forwards and at one speed", draft.cue.clip.name);
+            return Err(ApiError::new(text));
         }
     }
     if cues[1].fade_in <= Time::ZERO {
-        return Err("there is no fade to keep step in".into());
+        return Err(ApiError::new("there is no fade to keep step in"));
     }
     let mut of = |draft: &CueDraft| {
         let hint = "clip.steps([…]) says when its feet come down";
-        steps(build, draft, found).ok_or(format!("no steps are found in \"{}\"; {hint}", draft.cue.clip.name))
+        let name = &draft.cue.clip.name;
+        let missing = || ApiError::new(format!("no steps are found in \"{name}\"; {hint}"));
+        steps(build, draft, found).ok_or_else(missing)
     };
     let steps = [of(drafts[0])?, of(drafts[1])?];
     let played = cues[0].played(cues[1].start);
@@ -94,5 +98,5 @@ pub fn in_step(
         cues[1].fade_in,
         cues[1].ease,
     )
-    .ok_or(format!("\"{}\" takes other steps", drafts[0].cue.clip.name))
+    .ok_or_else(|| ApiError::new(format!("\"{}\" takes other steps", drafts[0].cue.clip.name)))
 }

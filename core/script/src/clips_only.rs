@@ -1,10 +1,10 @@
-//! Files of which a script uses the clips alone: seen in its text before it runs, so that no mesh and no picture of them is
+//! Files of which a script uses the clips alone: seen in its text before it runs, so that no mesh and no image of them is
 //! made.
 //!
 //! Only what is certain counts: the asset stands in a variable of a name that is used for nothing but `.clip(…)` and its
 //! like, in the whole file, or `load(…).clip(…)` uses it on the spot. Whatever else is done with it, it may be cast.
 
-use crate::call::Place;
+use crate::api_error::Place;
 use rhai::{AST, ASTNode, Expr, Position, Stmt};
 use std::collections::BTreeSet;
 

@@ -1,20 +1,21 @@
 //! Colours by name and in hexadecimal; sRGB to linear.
 
+use crate::api_error::ApiError;
 use crate::suggest::did_you_mean;
 use glam::{Vec3, Vec4};
 
-/// IEC 61966-2-1, of one channel 0..=1. libm's power, so that the bits are the same everywhere.
+/// Linear value of one sRGB channel, 0 to 1.
 pub fn linear(srgb: f64) -> f32 {
-    let linear = if srgb <= 0.04045 { srgb / 12.92 } else { libm::pow((srgb + 0.055) / 1.055, 2.4) };
-    linear as f32
+    choreo_asset::linear_from_srgb(srgb) as f32
 }
 
-/// Linear RGBA of a CSS name or `#rgb`, `#rrggbb`, `#rrggbbaa`; the error says what is wrong.
-pub fn parse(text: &str) -> Result<Vec4, String> {
+/// Linear RGBA of a CSS name or `#rgb`, `#rrggbb`, `#rrggbbaa`.
+pub fn parse(text: &str) -> Result<Vec4, ApiError> {
     if let Some(hex) = text.strip_prefix('#') {
         return parse_hex(hex).ok_or_else(|| {
             let shown: String = text.chars().take(20).collect();
-            format!("\"{shown}\" is not a color; write #rgb, #rrggbb or #rrggbbaa in hexadecimal")
+            let text = format!("\"{shown}\" is not a color; write #rgb, #rrggbb or #rrggbbaa in hexadecimal");
+            ApiError::new(text)
         });
     }
     let lower = text.to_ascii_lowercase();
@@ -22,7 +23,8 @@ pub fn parse(text: &str) -> Result<Vec4, String> {
         Some((_, rgb)) => Ok(from_bytes([(rgb >> 16) as u8, (rgb >> 8) as u8, *rgb as u8, 255])),
         None => {
             let shown: String = text.chars().take(40).collect();
-            Err(format!("unknown color \"{shown}\"{}", did_you_mean(text, NAMES.iter().map(|(n, _)| *n))))
+            let meant = did_you_mean(text, NAMES.iter().map(|(n, _)| *n));
+            Err(ApiError::new(format!("unknown color \"{shown}\"{meant}")))
         }
     }
 }
@@ -43,7 +45,7 @@ fn from_bytes([r, g, b, a]: [u8; 4]) -> Vec4 {
 }
 
 /// The valid range of [`kelvin`].
-pub const KELVIN: (f64, f64) = (1667.0, 25_000.0);
+pub(crate) const KELVIN: (f64, f64) = (1667.0, 25_000.0);
 
 /// Linear sRGB color of a black body, brightest channel 1. Chromaticity of the Planckian locus after Kim et al.,
 /// US patent 7 024 034 (2002), valid from 1667 K to 25 000 K; then CIE xyY → XYZ → linear sRGB.
@@ -241,7 +243,7 @@ mod tests {
         assert_eq!(parse("teal").unwrap(), parse("#008080").unwrap());
         assert_eq!(parse("Teal").unwrap(), parse("#008080ff").unwrap());
         assert_eq!(parse("#f00").unwrap(), Vec4::new(1.0, 0.0, 0.0, 1.0));
-        assert_eq!(parse("tael").unwrap_err(), "unknown color \"tael\"; did you mean \"teal\"?");
+        assert_eq!(parse("tael").unwrap_err().message, "unknown color \"tael\"; did you mean \"teal\"?");
         assert!(parse("#12345").is_err() && parse("#éé").is_err());
     }
 

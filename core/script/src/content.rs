@@ -16,3 +16,8 @@ pub fn content_of(path: &Path) -> Option<[u8; 32]> {
         };
     }
 }
+
+/// Hexadecimal digits of a hash.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}

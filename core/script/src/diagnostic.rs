@@ -55,11 +55,6 @@ impl Diagnostic {
         self.file = file.into();
         self
     }
-
-    pub fn with_hint(mut self, hint: impl Into<String>) -> Diagnostic {
-        self.hint = Some(hint.into());
-        self
-    }
 }
 
 impl fmt::Display for Diagnostic {

@@ -1,46 +1,27 @@
-//! The sandbox: an interpreter with the API registered, every limit set and nothing that waits or tells the time.
+//! The sandbox: an interpreter with the API registered, every limit set and nothing that waits or reads the clock.
 
 use crate::api;
+use crate::api_error::{ApiError, Place};
 use crate::build::Shared;
-use crate::call::{Call, Def, Gives, Place};
+use crate::call::{Call, Function};
+use crate::compile::{REFUSED, TOO_SLOW, constants, is_refused};
+use crate::def::{Def, Gives};
 use crate::diagnostic::Severity;
 use crate::errors::{Thrown, throw};
 use crate::hook;
 use crate::limits::Limits;
 use crate::modules::Modules;
-use crate::synonyms;
+use crate::synonyms::ALIASES;
 use crate::value::{Kind, dead, is_dead, register_types};
 use rhai::packages::{
     BasicArrayPackage, BasicBlobPackage, BasicMapPackage, BitFieldPackage, CorePackage, LogicPackage,
     MoreStringPackage, Package,
 };
-use rhai::{
-    AST, ASTNode, Dynamic, Engine, EvalAltResult, Expr, LexError, NativeCallContext, ParseError,
-    ParseErrorType, Position, Scope, Stmt, Token,
-};
+use rhai::{Dynamic, Engine, EvalAltResult, LexError, NativeCallContext, Token};
 use std::any::TypeId;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
-
-/// Names that a script cannot use, and why.
-pub const REFUSED: &[(&str, &str)] = &[
-    ("eval", "all code of a script stands in its files"),
-    ("sleep", "a script only describes the scene; times are given to .from, .until and .key"),
-    ("curry", "a closure, || f(x), takes along what it uses"),
-    ("timestamp", "the same script must give the same scene at any time"),
-    ("**", "write pow(x, y), which gives the same result on every machine"),
-];
-
-/// Constants that every script and module sees.
-pub fn constants() -> Scope<'static> {
-    let mut scope = Scope::new();
-    scope.push_constant("PI", std::f64::consts::PI).push_constant("TAU", std::f64::consts::TAU);
-    scope
-}
-
-pub const CONSTANTS: &[(&str, &str)] =
-    &[("PI", "Is π, 3.14159…: half a turn in radians."), ("TAU", "Is 2 π: a turn in radians.")];
 
 pub fn engine(shared: &Arc<Shared>) -> Engine {
     let mut engine = Engine::new_raw();
@@ -67,11 +48,11 @@ pub fn engine(shared: &Arc<Shared>) -> Engine {
     engine.set_module_resolver(Modules::new(shared.clone()));
     register_types(&mut engine);
     api::maths::register(&mut engine);
-    for def in api::all() {
-        register(&mut engine, shared, def.name, def);
-    }
-    for (alias, def) in synonyms::function_aliases() {
-        register(&mut engine, shared, alias, def);
+    for function in api::functions() {
+        register(&mut engine, shared, function.def.name, function);
+        for (alias, _) in ALIASES.iter().filter(|(_, name)| *name == function.def.full_name()) {
+            register(&mut engine, shared, alias, function);
+        }
     }
     engine
 }
@@ -136,78 +117,6 @@ fn capture_output(engine: &mut Engine, shared: &Arc<Shared>) {
     });
 }
 
-/// Reads a script. Rhai takes a comment that is never closed for the end of the script, without a word: the last
-/// statement of the script as read would be missing from the same script with one more at its end.
-pub fn compile(engine: &Engine, shared: &Shared, text: &str) -> Result<AST, ParseError> {
-    let last_token = || *shared.last_token.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-    *shared.last_token.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = (0, 0);
-    let ast = engine.compile_with_scope(&constants(), text)?;
-    check_calls(&ast)?;
-    if !text.contains("/*") {
-        return Ok(ast);
-    }
-    let last = last_token();
-    engine.compile_with_scope(&constants(), format!("{text}\n;"))?;
-    if last_token() != last {
-        return Ok(ast);
-    }
-    let (mut line, mut column) = last;
-    let from = text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum::<usize>();
-    let rest = text.get(from..).unwrap_or("");
-    let skip: usize = rest.chars().take(column.saturating_sub(1)).map(char::len_utf8).sum();
-    if let Some(at) = rest.get(skip..).and_then(|r| r.find("/*")) {
-        let before = &rest[..skip + at];
-        line = line.max(1) + before.matches('\n').count();
-        column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
-    }
-    let place =
-        Position::new(u16::try_from(line).unwrap_or(u16::MAX), u16::try_from(column).unwrap_or(u16::MAX));
-    let why = LexError::Runtime(OPEN_COMMENT.into());
-    Err(ParseError(Box::new(ParseErrorType::BadInput(why)), place))
-}
-
-fn is_refused(name: &str) -> bool {
-    REFUSED.iter().any(|(refused, _)| *refused == name)
-}
-
-/// Methods that are refused, and calls of too many arguments: Rhai looks for a function in time that grows with their number
-/// and with 2 to the power of up to 16 of them, in one step that no limit interrupts.
-fn check_calls(ast: &AST) -> Result<(), ParseError> {
-    let mut wrong = None;
-    ast.walk(&mut |path| {
-        let (call, at) = match path.last() {
-            Some(ASTNode::Expr(Expr::MethodCall(call, at))) if is_refused(&call.name) => {
-                wrong = Some((call.name.to_string(), *at));
-                return false;
-            }
-            Some(ASTNode::Expr(Expr::FnCall(call, at) | Expr::MethodCall(call, at))) => (call, at),
-            Some(ASTNode::Stmt(Stmt::FnCall(call, at))) => (call, at),
-            _ => return true,
-        };
-        // What a closure captures is passed to `curry`, which is not looked for.
-        if call.args.len() > MOST_ARGUMENTS && call.name != "curry" {
-            wrong = Some((MANY_ARGUMENTS.to_string(), *at));
-        }
-        wrong.is_none()
-    });
-    match wrong {
-        None => Ok(()),
-        Some((why, at)) => Err(ParseError(Box::new(ParseErrorType::BadInput(LexError::Runtime(why))), at)),
-    }
-}
-
-/// Arguments of one call at most.
-pub const MOST_ARGUMENTS: usize = 64;
-
-/// The end of the message for a call with more arguments; `errors` recognizes it.
-pub const MANY_ARGUMENTS: &str = "arguments";
-
-/// What the parser ends with in a comment without an end; `errors` knows it.
-pub const OPEN_COMMENT: &str = "comment";
-
-/// What the parser ends with past the time limit; `errors` knows it.
-pub const TOO_SLOW: &str = "seconds";
-
 /// After a dot, Rhai's keywords are method names: `.loop()`, `.until(3.0)`; and `until` is a key of object maps.
 /// And past the time limit nothing more is read: Rhai takes quadratic time for a file with many variables.
 fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
@@ -251,14 +160,15 @@ fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
             token if token.is_standard_keyword() => token.literal_syntax().to_string(),
             _ => return token,
         };
-        let is_method = api::all().any(|def| def.on != Kind::None && def.name == word);
+        let is_method = api::defs().iter().any(|def| def.on != Kind::None && def.name == word);
         // What is refused is a name here, too: the parser would complain of the dot.
         let is_name = is_method || is_refused(&word);
         if is_name { Token::Identifier(Box::new(word.as_str().into())) } else { token }
     });
 }
 
-fn register(engine: &mut Engine, shared: &Arc<Shared>, name: &str, def: &'static Def) {
+fn register(engine: &mut Engine, shared: &Arc<Shared>, name: &str, function: &'static Function) {
+    let def = &function.def;
     let counts: BTreeSet<usize> = def.forms().iter().map(Vec::len).collect();
     for count in counts {
         let mut types = Vec::new();
@@ -269,7 +179,7 @@ fn register(engine: &mut Engine, shared: &Arc<Shared>, name: &str, def: &'static
         // The engine lives as long as the hooks on the stage, which hold what is shared.
         let shared = Arc::downgrade(shared);
         engine.register_raw_fn(name, types, move |context, args| match shared.upgrade() {
-            Some(shared) => dispatch(&shared, def, &context, args),
+            Some(shared) => dispatch(&shared, function, &context, args),
             None => Ok(Dynamic::UNIT),
         });
     }
@@ -277,7 +187,7 @@ fn register(engine: &mut Engine, shared: &Arc<Shared>, name: &str, def: &'static
 
 fn dispatch(
     shared: &Arc<Shared>,
-    def: &'static Def,
+    Function { def, run }: &'static Function,
     context: &NativeCallContext,
     args: &mut [&mut Dynamic],
 ) -> Result<Dynamic, Box<EvalAltResult>> {
@@ -298,11 +208,10 @@ fn dispatch(
         Gives::Value(_) => None,
     };
     if !in_frame && args.iter().any(|a| is_dead(a)) {
-        let silent = crate::call::ApiError { silent: true, ..crate::call::ApiError::new("") };
-        return stand_in.ok_or_else(|| throw(silent, place));
+        return stand_in.ok_or_else(|| throw(ApiError::silent(), place));
     }
     if def.tests && !in_frame && !shared.test().running {
-        let error = crate::call::ApiError::new(format!("{} can be used in test sections only", def.name))
+        let error = ApiError::new(format!("{} can be used in test sections only", def.name))
             .hint("a section is test(\"name\", || { … }); choreo test runs it");
         return match stand_in {
             Some(value) => {
@@ -313,7 +222,7 @@ fn dispatch(
         };
     }
     let mut call = Call { shared, def, args, place: place.clone(), in_frame, context };
-    match (def.run)(&mut call) {
+    match run(&mut call) {
         Ok(value) => Ok(value),
         Err(error) => match stand_in {
             Some(value) if !in_frame && !error.fatal => {
@@ -329,14 +238,10 @@ fn dispatch(
     }
 }
 
-fn not_in_frames(def: &Def) -> crate::call::ApiError {
-    let name = match def.on {
-        Kind::None => def.name.to_string(),
-        kind => format!("{}.{}", kind.name(), def.name),
-    };
-    let others: Vec<&str> =
-        api::all().filter(|d| d.on == def.on && d.frame && d.on != Kind::None).map(|d| d.name).collect();
-    crate::call::ApiError::new(format!("{name} cannot be used inside on_frame")).hint(
+fn not_in_frames(def: &Def) -> ApiError {
+    let of_kind = api::defs().iter().filter(|d| d.on == def.on && d.frame && d.on != Kind::None);
+    let others: Vec<&str> = of_kind.map(|d| d.name).collect();
+    ApiError::new(format!("{} cannot be used inside on_frame", def.full_name())).hint(
         match others.as_slice() {
             [] => "it builds the stage, once; call it before on_frame".to_string(),
             some => format!(

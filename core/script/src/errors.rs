@@ -1,9 +1,10 @@
 //! The interpreter's errors in the words of this program.
 
-use crate::api;
+use crate::api_error::{ApiError, Place};
 use crate::build::Shared;
-use crate::call::{ApiError, Def, Place, describe};
-use crate::engine::REFUSED;
+use crate::call::describe;
+use crate::compile::{MANY_ARGUMENTS, MOST_ARGUMENTS, OPEN_COMMENT, REFUSED, TOO_SLOW, is_refused};
+use crate::def::Def;
 use crate::limits::raise_hint;
 use crate::suggest::{closest, did_you_mean, list};
 use crate::synonyms::{self, Suggestion};
@@ -89,7 +90,7 @@ fn described(error: &EvalAltResult, place: &Place, shared: &Shared) -> ApiError 
             // `Unknown property 'foo' - a getter is not registered for type 'Actor'`.
             let mut quoted = text.split('\'').skip(1).step_by(2);
             match (quoted.next(), quoted.next()) {
-                (Some(name), Some(kind)) => unknown_member(name, kind),
+                (Some(name), Some(kind)) => unknown_member(name, kind, shared),
                 _ => ApiError::new(text.clone()),
             }
         }
@@ -171,38 +172,34 @@ fn too_large(what: &str, shared: &Shared) -> ApiError {
 }
 
 fn parsing(kind: &ParseErrorType, place: &Place, shared: &Shared) -> ApiError {
-    let word_refused = |word: &str| REFUSED.iter().any(|(n, _)| *n == word);
     match kind {
         ParseErrorType::VariableUndefined(name) => unknown_variable(name, place, shared),
         ParseErrorType::ModuleUndefined(name) => ApiError::new(format!("unknown module \"{name}\""))
             .hint(format!("write import \"file\" as {name}; before it is used")),
-        ParseErrorType::Reserved(word) | ParseErrorType::UnknownOperator(word) if word_refused(word) => {
+        ParseErrorType::Reserved(word) | ParseErrorType::UnknownOperator(word) if is_refused(word) => {
             refused(word)
         }
         ParseErrorType::BadInput(LexError::ImproperSymbol(word, _) | LexError::Runtime(word))
-            if word_refused(word) =>
+            if is_refused(word) =>
         {
             refused(word)
         }
-        ParseErrorType::BadInput(LexError::Runtime(why)) if why == crate::engine::TOO_SLOW => {
+        ParseErrorType::BadInput(LexError::Runtime(why)) if why == TOO_SLOW => {
             ApiError::new("the script takes too long to read; split it into functions and modules")
                 .hint(raise_hint("seconds", format!("{} s", shared.limits.seconds)))
         }
-        ParseErrorType::BadInput(LexError::Runtime(why)) if why == crate::engine::MANY_ARGUMENTS => {
-            ApiError::new(format!(
-                "this call has too many arguments: {} at most",
-                crate::engine::MOST_ARGUMENTS
-            ))
-            .hint("give it an array")
+        ParseErrorType::BadInput(LexError::Runtime(why)) if why == MANY_ARGUMENTS => {
+            ApiError::new(format!("this call has too many arguments: {} at most", MOST_ARGUMENTS))
+                .hint("give it an array")
         }
-        ParseErrorType::BadInput(LexError::Runtime(why)) if why == crate::engine::OPEN_COMMENT => {
+        ParseErrorType::BadInput(LexError::Runtime(why)) if why == OPEN_COMMENT => {
             ApiError::new("this comment is never closed: nothing after it is read")
                 .hint("close it with */; comments may lie inside comments, so each /* needs its own")
         }
         ParseErrorType::Reserved(word) => {
             ApiError::new(format!("\"{word}\" is a reserved word and cannot be a name"))
         }
-        // What Rhai says of a keyword in the place of a key, wherever it stands.
+        // What Rhai reports for a keyword in the place of a key, wherever it stands.
         ParseErrorType::PropertyExpected => ApiError::new("expected the name of a property")
             .hint("words of the language, like if or loop, are none unless quoted: #{ \"loop\": 1 }"),
         ParseErrorType::UnexpectedEOF => ApiError::new("the script ends too early; is a bracket left open?"),
@@ -251,13 +248,13 @@ fn unknown_variable(name: &str, place: &Place, shared: &Shared) -> ApiError {
     if below.contains(name) {
         return error.hint("it is declared further down: move that line up");
     }
-    if api::all().any(|d| d.name == name && d.on == Kind::None) {
+    if shared.defs.iter().any(|d| d.name == name && d.on == Kind::None) {
         return error.hint(format!("{name} is a function: write {name}(…)"));
     }
     if closest(name, known.iter().map(String::as_str)).is_some() {
         return error;
     }
-    match synonyms::of_function(name, Kind::None) {
+    match synonyms::of_function(shared.defs, name, Kind::None) {
         Some(synonym) => error.hint(synonym.hint),
         None => error,
     }
@@ -304,20 +301,20 @@ fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
     if REFUSED.iter().any(|(n, _)| *n == name) {
         return refused(name);
     }
-    let same: Vec<&Def> = api::all().filter(|d| d.name == name).collect();
+    let same: Vec<&Def> = shared.defs.iter().filter(|d| d.name == name).collect();
     let receiver = types.first().and_then(|t| Kind::from_name(t));
     if let Some(kind) = receiver {
         if let Some(def) = same.iter().find(|d| d.on == kind) {
             return ApiError::new(format!("write {}, not with {}", def.usage(), arguments(types.len() - 1)))
                 .hint(format!("{}.{}: {}", kind.name(), def.name, def.about().join(" ")));
         }
-        return unknown_member(name, kind.name());
+        return unknown_member(name, kind.name(), shared);
     }
     if let Some(def) = same.iter().find(|d| d.on == Kind::None) {
         return ApiError::new(format!("write {}, not with {}", def.usage(), arguments(types.len())))
             .hint(format!("{}: {}", def.name, def.about().join(" ")));
     }
-    if let Some((_, args, about)) = api::maths::FUNCTIONS.iter().find(|f| f.0 == name) {
+    if let Some((_, args, about)) = shared.defs.maths.iter().find(|f| f.0 == name) {
         return ApiError::new(format!("write {name}({args}) with numbers, not {name}({})", got()))
             .hint(format!("{name}: {about}"));
     }
@@ -339,14 +336,14 @@ fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
     if let Some((_, count)) = own.iter().find(|(n, _)| n == name) {
         return ApiError::new(format!("{name} takes {}, not {}", arguments(*count), types.len()));
     }
-    let globals = api::all().filter(|d| d.on == Kind::None).map(|d| d.name);
+    let globals = shared.defs.iter().filter(|d| d.on == Kind::None).map(|d| d.name);
     let known: Vec<&str> = globals
-        .chain(api::maths::FUNCTIONS.iter().map(|f| f.0))
+        .chain(shared.defs.maths.iter().map(|f| f.0))
         .chain(own.iter().map(|(n, _)| n.as_str()))
         .collect();
     let unknown = format!("unknown function \"{name}\"");
     // A call on a number or a text is no method of a handle, so functions come first.
-    if let Some(synonym) = synonyms::of_function(name, Kind::None) {
+    if let Some(synonym) = synonyms::of_function(shared.defs, name, Kind::None) {
         return ApiError::new(format!("{unknown}{}", meaning(&synonym.name))).hint(synonym.hint);
     }
     ApiError::new(format!("{unknown}{}", did_you_mean(name, known.iter().copied())))
@@ -357,17 +354,17 @@ fn arguments(count: usize) -> String {
     if count == 1 { "1 argument".to_string() } else { format!("{count} arguments") }
 }
 
-fn unknown_member(name: &str, kind: &str) -> ApiError {
+fn unknown_member(name: &str, kind: &str, shared: &Shared) -> ApiError {
     let Some(on) = Kind::from_name(kind) else {
         return ApiError::new(format!("{} has no \"{name}\"", a_type_word(kind)));
     };
-    let methods: Vec<&str> = api::all().filter(|d| d.on == on).map(|d| d.name).collect();
+    let methods: Vec<&str> = shared.defs.iter().filter(|d| d.on == on).map(|d| d.name).collect();
     if methods.contains(&name) {
         return ApiError::new(format!("{name} is a method of {kind}: write .{name}(…)"));
     }
     let others: Vec<&str> =
-        api::all().filter(|d| d.name == name && d.on != Kind::None).map(|d| d.on.name()).collect();
-    let synonym = synonyms::of_function(name, on);
+        shared.defs.iter().filter(|d| d.name == name && d.on != Kind::None).map(|d| d.on.name()).collect();
+    let synonym = synonyms::of_function(shared.defs, name, on);
     let own = |synonym: &Suggestion| methods.contains(&&*synonym.name);
     let (suggestion, hint) = match (closest(name, methods.iter().copied()), synonym) {
         (_, Some(synonym)) if own(&synonym) => (meaning(&synonym.name), Some(synonym.hint)),

@@ -106,7 +106,7 @@ impl Folders {
     }
 
     /// Only the script's own folder: for modules.
-    pub fn base_only(&self) -> Folders {
+    pub(crate) fn base_only(&self) -> Folders {
         Folders { roots: self.roots[..self.own].to_vec(), own: self.own, max_bytes: self.max_bytes }
     }
 
@@ -116,15 +116,15 @@ impl Folders {
 
     /// Finds `name` relative to `start` (a canonical folder within the roots), else in each root.
     pub fn find(&self, start: Option<&Path>, name: &str) -> Result<Found, LoadError> {
-        self.find_telling(start, name, &mut |_| ())
+        self.find_reporting(start, name, &mut |_| ())
     }
 
-    /// The same; `told` gets each path at which something, appearing or being pointed elsewhere, would be found instead.
-    pub fn find_telling(
+    /// The same; `report` gets each path at which something, appearing or being pointed elsewhere, would be found instead.
+    pub(crate) fn find_reporting(
         &self,
         start: Option<&Path>,
         name: &str,
-        told: &mut dyn FnMut(&Path),
+        report: &mut dyn FnMut(&Path),
     ) -> Result<Found, LoadError> {
         let refuse = |why: &str| {
             Err(LoadError::new(format!("cannot read \"{}\": {why}", cut(name))).hint(format!(
@@ -151,16 +151,16 @@ impl Folders {
             let path = match candidate.canonicalize() {
                 Ok(path) => {
                     if path != candidate {
-                        told(&candidate);
+                        report(&candidate);
                     }
                     path
                 }
                 Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-                    told(&candidate);
+                    report(&candidate);
                     continue;
                 }
                 Err(e) => {
-                    told(&candidate);
+                    report(&candidate);
                     let why = FileError::Io(e);
                     return Err(LoadError::new(format!("cannot read \"{}\": {why}", cut(name))));
                 }

@@ -1,7 +1,7 @@
 //! `on_frame` callbacks: closures of the script run as pure functions of the time.
 
-use crate::build::Shared;
-use crate::call::{ApiError, Place};
+use crate::api_error::{ApiError, Place};
+use crate::build::{HookDraft, Shared};
 use crate::diagnostic::Severity;
 use crate::errors;
 use choreo_motion::Time;
@@ -54,14 +54,7 @@ pub fn edit(change: impl FnOnce(&mut FrameEdits)) {
 
 /// A callback and where it was given.
 #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
-pub struct HookDraft {
-    pub callback: FnPtr,
-    pub context: NativeCallContextStore,
-    pub at: Place,
-}
-
-#[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
-pub struct ScriptHook {
+pub(crate) struct ScriptHook {
     engine: Arc<Engine>,
     callback: FnPtr,
     context: NativeCallContextStore,
@@ -79,7 +72,7 @@ impl std::fmt::Debug for ScriptHook {
 }
 
 impl ScriptHook {
-    /// `script`: tells this script, its parameters and files from others.
+    /// `script`: distinguishes this script, its parameters and files from others.
     pub fn new(
         engine: Arc<Engine>,
         shared: Arc<Shared>,
@@ -118,7 +111,7 @@ impl ScriptHook {
         result.map_err(|e| self.explain(&e))
     }
 
-    pub fn diagnose(&self, error: &ApiError) -> crate::Diagnostic {
+    pub(crate) fn diagnose(&self, error: &ApiError) -> crate::Diagnostic {
         self.shared.diagnose(Severity::Error, &self.at, error)
     }
 
@@ -135,7 +128,7 @@ impl ScriptHook {
         }
     }
 
-    pub fn try_at(&self, time: Time) -> Result<(), crate::Diagnostic> {
+    pub(crate) fn try_at(&self, time: Time) -> Result<(), crate::Diagnostic> {
         self.call(time, &mut FrameEdits::default()).map_err(|e| self.explain(&e))
     }
 
@@ -160,7 +153,7 @@ impl FrameHook for ScriptHook {
 
 /// The callback with everything that it captured made its own: a captured variable is shared between its calls, and
 /// one that a call changed would make the next frame depend on this one.
-pub fn own_captures(callback: &FnPtr) -> Result<FnPtr, ApiError> {
+pub(crate) fn own_captures(callback: &FnPtr) -> Result<FnPtr, ApiError> {
     let mut own = callback.clone();
     let mut left = MOST_CAPTURED;
     let curry = callback.curry().iter().map(|v| deep(v, 0, &mut left)).collect::<Result<Vec<_>, _>>()?;

@@ -99,7 +99,7 @@ impl Import {
         self.cancelled.store(true, Ordering::Relaxed);
     }
 
-    pub fn is_cancelled(&self) -> bool {
+    pub(crate) fn is_cancelled(&self) -> bool {
         let all = || self.all.upgrade().is_some_and(|all| all.cancelled.load(Ordering::Relaxed));
         self.cancelled.load(Ordering::Relaxed) || all()
     }

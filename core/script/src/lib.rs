@@ -4,9 +4,10 @@
 //! script.rhai ─► engine (sandbox) ─► api (tables of functions) ─► build (drafts) ─► resolve ─► Stage
 //!                                     └ loader ─► importer plugins                    └ check ─► warnings
 //! ```
-//! The only crate that knows Rhai. What a script can call is listed in `API.md`, made from the tables in [`api`].
+//! The only crate that knows Rhai. What a script can call is listed in `API.md`, made from the tables in `api`.
 
 mod api;
+mod api_error;
 mod build;
 mod cache;
 mod call;
@@ -14,13 +15,18 @@ mod check;
 mod clip_analysis;
 mod clips_only;
 mod color;
+mod compile;
 mod content;
+mod cue_times;
+mod def;
 mod diagnostic;
 mod engine;
 mod errors;
 mod folders;
+pub mod help;
 mod hook;
 mod import;
+mod legs;
 mod limits;
 mod lint;
 mod load;
@@ -32,20 +38,21 @@ mod procedural;
 mod reference;
 mod resolve;
 mod run;
-pub mod synonyms;
+mod synonyms;
+mod test_data;
 pub mod testing;
 mod tokens;
 mod totals;
 mod value;
 
+pub use api_error::Place;
 pub use build::Parameter;
 pub use cache::AssetCache;
-pub use call::Place;
 pub use content::content_of;
 pub use diagnostic::{Diagnostic, Severity, printable, printable_line, steers_terminal};
 pub use folders::{Folders, LoadError};
 pub use import::{Import, ImportProgress, Imports, Phase};
-pub use limits::{Limits, raise_hint};
+pub use limits::{LimitError, Limits, raise_hint};
 pub use lint::{ClipMarkers, Places};
 pub use loader::{BUILT_IN, ImportChoice, Loader};
 pub use reference::reference;

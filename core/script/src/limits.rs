@@ -1,4 +1,4 @@
-//! What a script may use up. Every limit has a name, and the message that it is reached says how to raise it.
+//! What a script may use up. Every limit has a name, and the message that it is reached states how to raise it.
 
 use crate::suggest::{did_you_mean, list};
 
@@ -74,7 +74,7 @@ limits! {
     cameras: u64 = 1_000, "cameras";
     lights: u64 = 1_000, "lights";
     cues: u64 = 100_000, "cues, layers included";
-    effects: u64 = 64, "effects over the picture";
+    effects: u64 = 64, "effects over the image";
     callbacks: u64 = 100, "on_frame callbacks";
     things: u64 = 10_000, "cuts, parameters, shapes, and looks of one actor, each";
     keys: u64 = 1_000_000, "keys of all .key(…) calls together";
@@ -82,13 +82,13 @@ limits! {
     joints: u64 = 2_000_000, "joints of all actors together";
     instances: u64 = 1_000_000, "meshes of all actors together";
     vertices: u64 = 50_000_000, "vertices of all actors together";
-    texels: u64 = 256 << 20, "pixels of all textures together, each picture counted once";
+    texels: u64 = 256 << 20, "pixels of all textures together, each image counted once";
     files: u64 = 1_000, "files loaded";
     file: u64 = 1 << 30, "bytes of one file";
     memory: u64 = 4 << 30, "bytes of memory that the program has in use (where the system reports it)";
     printed: u64 = 256 << 10, "bytes of what print and debug write";
     frames: u64 = 1_000_000, "frames of the stage and of one render";
-    pixels: u64 = 64 << 20, "pixels of one picture";
+    pixels: u64 = 64 << 20, "pixels of one image";
     output: u64 = 64 << 30, "bytes that a render writes";
 }
 
@@ -101,37 +101,24 @@ impl Limits {
         Limits::ALL.iter().map(|(name, ..)| *name)
     }
 
-    /// Sets a limit from the command line, `operations=50000000`. The error says what is allowed.
-    pub fn set(&mut self, text: &str) -> Result<(), String> {
-        let Some((name, value)) = text.split_once('=') else {
-            return Err(format!("a limit is written NAME=NUMBER, not \"{text}\""));
-        };
-        let Some(slot) = self.slot(name) else {
-            return Err(format!(
-                "unknown limit \"{name}\"{}; known limits: {}",
-                did_you_mean(name, Limits::names()),
-                list(Limits::names(), 100)
-            ));
-        };
+    /// Sets a limit from the command line, `operations=50000000`.
+    pub fn set(&mut self, text: &str) -> Result<(), LimitError> {
+        let (name, value) = text.split_once('=').ok_or_else(|| LimitError::Form(text.to_string()))?;
+        let slot = self.slot(name).ok_or_else(|| LimitError::Unknown { name: name.to_string() })?;
+        let not = |kind| LimitError::Value { name: name.to_string(), kind, value: value.to_string() };
         match slot {
             Slot::Secs(slot) => {
-                *slot = value
-                    .parse()
-                    .ok()
-                    .filter(|v: &f64| *v > 0.0 && v.is_finite())
-                    .ok_or_else(|| format!("limit {name} takes a number above 0, not \"{value}\""))?;
+                let parsed = value.parse().ok().filter(|v: &f64| *v > 0.0 && v.is_finite());
+                *slot = parsed.ok_or_else(|| not("number"))?;
             }
+            // Rhai reads 0 as "no limit", so it is not offered.
             Slot::Whole(slot) => {
-                // Rhai reads 0 as "no limit", so it is not offered.
-                *slot =
-                    value.parse().ok().filter(|v| *v > 0).ok_or_else(|| {
-                        format!("limit {name} takes a whole number above 0, not \"{value}\"")
-                    })?;
+                *slot = value.parse().ok().filter(|v| *v > 0).ok_or_else(|| not("whole number"))?;
             }
         }
         if self.call_levels > Self::DEEPEST {
             self.call_levels = Self::DEEPEST;
-            return Err(format!("limit call_levels can be raised to {} at most", Self::DEEPEST));
+            return Err(LimitError::TooDeep);
         }
         Ok(())
     }
@@ -153,6 +140,23 @@ impl Limits {
             None => default.to_string(),
         }
     }
+}
+
+/// A limit that cannot be set, and what is allowed.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum LimitError {
+    #[error("a limit is written NAME=NUMBER, not \"{0}\"")]
+    Form(String),
+    #[error(
+        "unknown limit \"{name}\"{}; known limits: {}",
+        did_you_mean(name, Limits::names()),
+        list(Limits::names(), 100)
+    )]
+    Unknown { name: String },
+    #[error("limit {name} takes a {kind} above 0, not \"{value}\"")]
+    Value { name: String, kind: &'static str, value: String },
+    #[error("limit call_levels can be raised to {} at most", Limits::DEEPEST)]
+    TooDeep,
 }
 
 /// What to do when a limit is reached.

@@ -1,13 +1,10 @@
 //! What `load`, `shape` and their like gave: an asset that is there, or one that is still being imported.
 
-use crate::build::Shared;
-use crate::call::{ApiError, Place};
-use crate::diagnostic::Severity;
+use crate::api_error::Place;
 use crate::folders::LoadError;
 use crate::import::Import;
 use choreo_asset::Asset;
-use std::sync::{Arc, OnceLock, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::{Arc, OnceLock};
 
 /// One call, wherever its handle goes.
 pub struct Load {
@@ -18,7 +15,7 @@ pub struct Load {
     pub name: String,
     pub at: Place,
     /// Its place among the messages of the script.
-    order: u64,
+    pub order: u64,
 }
 
 impl std::fmt::Debug for Load {
@@ -58,38 +55,13 @@ impl Load {
         self.asset.get().and_then(Option::as_ref)
     }
 
-    /// Waits for the asset. A failed import is reported at the place of the call, once, as if it had been found there; who uses it
-    /// gets a silent error.
-    pub fn asset(&self, shared: &Shared) -> Result<Arc<Asset>, ApiError> {
-        let silent = || ApiError { silent: true, ..ApiError::new("") };
+    /// Waits for the asset. Where the import has failed, the first call gets the error, and others get nothing more.
+    pub fn wait(&self) -> Result<Arc<Asset>, Option<LoadError>> {
         if let Some(settled) = self.asset.get() {
-            return settled.clone().ok_or_else(silent);
+            return settled.clone().ok_or(None);
         }
-        let Some(import) = &self.import else { return Err(silent()) };
-        // Loading takes as long as the files are large: the script's own time stands still, but not for what fails or is there
-        // already, which could be asked for without end.
-        let before = Instant::now();
-        let result = import.wait();
-        let taken = before.elapsed();
-        if let Some(deadline) = shared.deadline.lock().unwrap_or_else(PoisonError::into_inner).as_mut()
-            && result.is_ok()
-            && taken > Duration::from_millis(1)
-        {
-            *deadline += taken;
-        }
+        let result = self.import.as_ref().ok_or(None)?.wait();
         let first = self.asset.set(result.as_ref().ok().cloned()).is_ok();
-        result.map_err(|e| {
-            if first {
-                let error = from_load(e).focus(self.name.clone());
-                shared.note_in_order(Some(self.order), Severity::Error, &self.at, &error);
-            }
-            silent()
-        })
+        result.map_err(|e| first.then_some(e))
     }
-}
-
-pub fn from_load(e: LoadError) -> ApiError {
-    let mut error = ApiError::new(e.message);
-    error.hint = e.hint;
-    error
 }

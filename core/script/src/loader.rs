@@ -6,7 +6,7 @@ use crate::import::{Import, Imports, submit};
 use crate::suggest::{did_you_mean, list};
 use choreo_asset::Asset;
 use choreo_plugin::{
-    Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, OptionError, Registry, Source,
+    Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, OptionError, Registry, Source,
 };
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ pub struct ImportChoice {
     pub importer: Option<String>,
     pub options: ImportOptions,
     /// Less than the loader's own needs: a file for its clips alone decodes no mesh and no image.
-    pub needs: Option<Needs>,
+    pub needs: Option<ImportScope>,
     /// Clips are compressed within this tolerance in metres, as [`choreo_motion::Clip::compressed`] does it.
     pub compress: Option<f64>,
     /// Options as typed on the command line.
@@ -43,7 +43,7 @@ impl ImportChoice {
 pub struct Loader {
     registry: Registry,
     folders: Folders,
-    needs: Needs,
+    needs: ImportScope,
     cache: AssetCache,
     imports: Imports,
     /// Begun by the workers, and not only when somebody waits.
@@ -62,7 +62,7 @@ struct State {
 }
 
 impl Loader {
-    pub fn new(registry: &Registry, folders: Folders, needs: Needs) -> Loader {
+    pub fn new(registry: &Registry, folders: Folders, needs: ImportScope) -> Loader {
         Loader {
             registry: registry.clone(),
             folders,
@@ -97,7 +97,7 @@ impl Loader {
         path: &Path,
         search: &[PathBuf],
         registry: &Registry,
-        needs: Needs,
+        needs: ImportScope,
         max_bytes: u64,
     ) -> Result<Loader, LoadError> {
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -123,15 +123,20 @@ impl Loader {
     }
 
     /// Remembers files on which something depends that failed.
-    pub fn note_looked_for(&self, files: &[PathBuf]) {
+    pub(crate) fn note_looked_for(&self, files: &[PathBuf]) {
         self.state().looked_for.extend(files.iter().cloned());
     }
 
     /// [`Folders::find`], remembering where it looked.
-    pub fn find_in(&self, folders: &Folders, start: Option<&Path>, name: &str) -> Result<Found, LoadError> {
-        let mut told = Vec::new();
-        let found = folders.find_telling(start, name, &mut |path| told.push(path.to_path_buf()));
-        self.state().looked_for.extend(told);
+    pub(crate) fn find_in(
+        &self,
+        folders: &Folders,
+        start: Option<&Path>,
+        name: &str,
+    ) -> Result<Found, LoadError> {
+        let mut candidates = Vec::new();
+        let found = folders.find_reporting(start, name, &mut |path| candidates.push(path.to_path_buf()));
+        self.state().looked_for.extend(candidates);
         found
     }
 
@@ -144,7 +149,7 @@ impl Loader {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub fn note_used(&self, path: &Path, bytes: &[u8]) {
+    pub(crate) fn note_used(&self, path: &Path, bytes: &[u8]) {
         let hash = *blake3::hash(bytes).as_bytes();
         self.state().used.insert(path.to_path_buf(), hash);
     }
@@ -243,7 +248,7 @@ impl Loader {
             // A plugin whose text has changed makes something else of the same bytes.
             importer_name.push_str(&blake3::hash(file.text.as_bytes()).to_hex());
         }
-        let key = |needs: Needs| Key {
+        let key = |needs: ImportScope| Key {
             path: found.map_or_else(|| PathBuf::from(&source.name), |f| f.path.clone()),
             // The asset bears the name that it was loaded by.
             name: source.name.clone(),
@@ -264,7 +269,7 @@ impl Loader {
         };
         // One with its images also serves requests without images.
         if !needs.pixels
-            && let Some(more) = self.cache.made(&key(Needs { pixels: true, ..needs }))
+            && let Some(more) = self.cache.made(&key(ImportScope { pixels: true, ..needs }))
         {
             let more = more.lock().unwrap_or_else(PoisonError::into_inner);
             if let Some(made) = more.as_ref().filter(|made| same(made)) {
@@ -323,7 +328,7 @@ struct Making<'a> {
     importer: &'a Arc<dyn Importer>,
     options: &'a ImportOptions,
     compress: Option<f64>,
-    needs: Needs,
+    needs: ImportScope,
 }
 
 fn compress_clips(asset: &mut Asset, tolerance: f64, watch: &Import) -> Result<(), LoadError> {

@@ -1,5 +1,5 @@
 //! How much memory the program has in use, asked for by a thread of its own, so that looking costs two loads. The thread sleeps
-//! while nobody looks: a viewer that shows a still picture costs nothing.
+//! while nobody looks: a viewer that shows a still image costs nothing.
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

@@ -1,8 +1,8 @@
 //! `import "steps" as steps;`: other scripts, from the script's own folder only.
 
+use crate::api_error::{ApiError, Place};
 use crate::build::Shared;
-use crate::call::{ApiError, Place};
-use crate::engine::constants;
+use crate::compile::{compile, constants};
 use crate::errors::throw;
 use crate::limits::raise_hint;
 use rhai::{Engine, EvalAltResult, Module, ModuleResolver, Position, Shared as RhaiShared};
@@ -95,7 +95,7 @@ impl ModuleResolver for Modules {
         if let Some(folder) = found.path.parent() {
             self.state().folders.insert(name.clone(), folder.to_path_buf());
         }
-        let mut ast = crate::engine::compile(engine, &shared, &text)
+        let mut ast = compile(engine, &shared, &text)
             .map_err(|e| Box::new(EvalAltResult::ErrorInModule(name.clone(), e.into(), at)))?;
         ast.set_source(name.as_str());
         shared.of_clips_only(&ast, &name);
@@ -110,13 +110,13 @@ impl ModuleResolver for Modules {
 }
 
 /// Reads a script: UTF-8, of a size that a person could have written.
-pub fn read_text(shared: &Shared, found: &crate::folders::Found, name: &str) -> Result<String, ApiError> {
+pub(crate) fn read_text(
+    shared: &Shared,
+    found: &crate::folders::Found,
+    name: &str,
+) -> Result<String, ApiError> {
     const LARGEST: usize = 4 << 20;
-    let bytes = shared
-        .loader
-        .folders()
-        .read(found, name)
-        .map_err(|e| ApiError { hint: e.hint, ..ApiError::new(e.message) })?;
+    let bytes = shared.loader.folders().read(found, name)?;
     if bytes.len() > LARGEST {
         return Err(ApiError::new(format!(
             "\"{name}\" has {} bytes; a script may have {LARGEST}",

@@ -1,8 +1,8 @@
 //! The text of a script as it was read: what all its runs have in common.
 
+use crate::api_error::Place;
 use crate::build::Shared;
-use crate::call::Place;
-use crate::engine;
+use crate::compile::compile;
 use rhai::{AST, Engine, ParseError};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -19,7 +19,7 @@ pub struct Parsed {
 
 impl Parsed {
     pub fn new(engine: &Engine, shared: &Shared, name: &str, text: &str) -> Result<Parsed, ParseError> {
-        let mut ast = engine::compile(engine, shared, text)?;
+        let mut ast = compile(engine, shared, text)?;
         ast.set_source(name);
         let end = |f: &rhai::ScriptFuncDef| f.body.end_position().line().unwrap_or(0);
         Ok(Parsed {

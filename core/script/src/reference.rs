@@ -1,8 +1,8 @@
 //! The script reference, `API.md`, generated from the tables that also register the functions.
 
-use crate::api::{TABLES, maths::FUNCTIONS};
-use crate::call::Gives;
-use crate::engine::{CONSTANTS, REFUSED};
+use crate::api::{TABLES, defs};
+use crate::compile::{CONSTANTS, REFUSED};
+use crate::def::Gives;
 use crate::limits::Limits;
 use crate::synonyms::ALIASES;
 use std::fmt::Write;
@@ -12,7 +12,8 @@ pub fn reference() -> String {
     let mut out = String::from(HEAD);
     for (title, tables) in TABLES {
         let _ = writeln!(out, "\n## {title}\n");
-        for def in tables.iter().copied().flatten() {
+        for function in tables.iter().copied().flatten() {
+            let def = &function.def;
             let forms = def.usages(&def.full_name());
             let gives = match def.gives {
                 Gives::Nothing | Gives::Itself => String::new(),
@@ -28,7 +29,7 @@ pub fn reference() -> String {
         out,
         "\n## Mathematics\n\nFunctions of numbers take ints and floats. All functions give the same bits on every machine and can be called inside `on_frame` (◦).\n"
     );
-    for (name, args, about) in FUNCTIONS {
+    for (name, args, about) in defs().maths {
         let _ = writeln!(out, "- `{name}({args})` — {about}");
     }
     for (name, about) in CONSTANTS {
@@ -54,7 +55,7 @@ pub fn reference() -> String {
 
 const HEAD: &str = "# What a script can call
 
-This file is generated from the tables in `core/script/src/api/`. A test compares them; `CHOREO_ACCEPT=1 cargo test -p choreo-script` writes the file anew.
+This file is generated from the tables in `core/script/src/api/`. A test compares them; `CHOREO_ACCEPT=1 cargo test --workspace --test reference` writes the file anew.
 
 ## Conventions
 

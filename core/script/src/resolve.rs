@@ -1,19 +1,23 @@
 //! Resolves the script's drafts into a stage: times, positions and references are settled, and mistakes that no single call
 //! shows are found.
 
-use crate::api::camera::{DEFAULT_AZIMUTH, DEFAULT_ELEVATION};
-use crate::api::cue;
-use crate::build::{ActorDraft, Build, CameraDraft, CueDraft, RootUse, Shared};
-use crate::call::{ApiError, Place};
+use crate::api_error::{ApiError, Place};
+use crate::build::{
+    ActorDraft, Build, CameraDraft, CueDraft, DEFAULT_AZIMUTH, DEFAULT_ELEVATION, HookDraft, ParentDraft,
+    RootUse, Shared,
+};
 use crate::clip_analysis::{Found, in_step, root};
+use crate::content::hex;
+use crate::cue_times::all_times;
 use crate::diagnostic::{Diagnostic, Severity};
-use crate::hook::{HookDraft, ScriptHook};
+use crate::hook::ScriptHook;
+use crate::legs;
 use crate::lint::{ClipMarkers, Places};
 use choreo_asset::Projection;
 use choreo_motion::{Clip, Time};
 use choreo_stage::{
-    Actor, Camera, Channel, Constraint, ConstraintKind, Cue, CueRootMotion, Cut, FootLock, Layer, LayerMode,
-    Pace, Property, Reference, Repeat, Rig, Stage,
+    Actor, Camera, Channel, Constraint, ConstraintKind, Cue, CueRootMotion, Cut, Described, FootLock, Layer,
+    LayerMode, Pace, Parenting, Property, Reference, Repeat, Rig, Stage, StageError,
 };
 use glam::{DQuat, DVec3, Vec3};
 use rhai::Engine;
@@ -58,7 +62,6 @@ pub fn resolve(
         places.markers = build.markers.clone();
         places.clip_markers = clip_markers(&build, &layers);
         plant_in_step(&mut build, in_step);
-        cycles(&build, &mut notes);
         if let Some((place, error)) = crate::totals::too_much(&build, &shared.limits) {
             notes.push((Severity::Error, place, error));
         }
@@ -85,12 +88,33 @@ pub fn resolve(
     let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
     if !build.has_errors() {
         for problem in stage.check() {
-            build.note(Diagnostic::error(problem.to_string()));
+            let diagnostic = match &problem {
+                StageError::Cycle(name, _) => {
+                    let place = stage.actor(name).and_then(|index| places.actors.get(index));
+                    let error = ApiError::new(problem.to_string());
+                    shared.diagnose(Severity::Error, &place.cloned().unwrap_or_default(), &error)
+                }
+                _ => Diagnostic::error(problem.to_string()),
+            };
+            build.note(diagnostic);
         }
     }
     drop(build);
     places.sources = Arc::new(shared.sources.lock().unwrap_or_else(PoisonError::into_inner).clone());
     (stage, places)
+}
+
+/// The stage that has been built, and what is wrong with it as a whole.
+pub(crate) fn finish_stage(shared: &Arc<Shared>, engine: &Arc<Engine>) -> (Stage, Vec<Diagnostic>) {
+    // A callback is distinguished from others by the text that it stands in.
+    let identity = |place: &Place| {
+        let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
+        let text = sources.get(&place.file).cloned().unwrap_or_default();
+        hex(blake3::hash(text.as_bytes()).as_bytes())
+    };
+    let (stage, _) = resolve(shared, engine, &identity);
+    let broken = stage.check().iter().map(|problem| Diagnostic::error(problem.to_string())).collect();
+    (stage, broken)
 }
 
 /// Every hook runs once at time 0: its mistakes are found now, not in the middle of a render.
@@ -181,7 +205,7 @@ struct Layers {
 
 /// The layers of every actor: the base first, then each chain with a mask, in the order of the script.
 fn layers(build: &Build, notes: &mut Notes) -> Layers {
-    let times = cue::all_times(build);
+    let times = all_times(build);
     let (layers, slots) = empty_layers(build);
     // Where a cue of the chain takes over, the one before it is over.
     let mut taken_over: Vec<Option<Time>> = vec![None; build.cues.len()];
@@ -321,7 +345,7 @@ fn match_phases(
             Some(InStep { actor: chain.actor, span, carried })
         }
         Err(why) => {
-            let text = format!("clip \"{}\" cannot keep step: {why}", draft.cue.clip.name);
+            let text = format!("clip \"{}\" cannot keep step: {}", draft.cue.clip.name, why.message);
             notes.push((Severity::Warning, draft.at.clone(), ApiError::new(text)));
             None
         }
@@ -380,12 +404,12 @@ fn plant_in_step(build: &mut Build, matched: Vec<InStep>) {
             _ => None,
         });
         match planted {
-            // Planted as the script says, or by an earlier fade.
+            // Planted as the script states, or by an earlier fade.
             Some(only) => only.extend((!only.is_empty()).then_some(span)),
             None if carried || keyed || actor.path_following.is_some() => {
-                let legs = crate::api::constraints::legs(&actor.asset);
+                let legs = legs::legs(&actor.asset);
                 if !legs.is_empty() {
-                    let hips = crate::api::constraints::hips(&actor.asset, &legs);
+                    let hips = legs::hips(&actor.asset, &legs);
                     let plant = FootLock { legs, hips, ground: Vec::new(), only: vec![span] };
                     actor.constraints.push(Constraint::new(ConstraintKind::FootLock(plant)));
                 }
@@ -398,6 +422,7 @@ fn plant_in_step(build: &mut Build, matched: Vec<InStep>) {
 fn actor((draft, layers): (ActorDraft, Vec<Layer>)) -> Actor {
     let mut actor = draft.actor;
     actor.layers = layers;
+    actor.parents = parents(draft.parents);
     if let Some(point) = draft.face_point {
         let d = point - actor.transform.translation;
         if DVec3::new(d.x, 0.0, d.z).length() > 1e-9 {
@@ -407,6 +432,22 @@ fn actor((draft, layers): (ActorDraft, Vec<Layer>)) -> Actor {
         }
     }
     actor
+}
+
+/// Parents by their starts. One that ends before the next one starts is followed by none.
+fn parents(mut drafts: Vec<ParentDraft>) -> Vec<Parenting> {
+    drafts.sort_by_key(|draft| draft.parent.start);
+    let mut parents = Vec::with_capacity(drafts.len());
+    for (index, draft) in drafts.iter().enumerate() {
+        parents.push(draft.parent.clone());
+        let next = drafts.get(index + 1).map_or(Time::MAX, |next| next.parent.start);
+        if let Some(until) = draft.until.filter(|until| *until < next) {
+            let keep =
+                draft.parent.keep || draft.parent.start == Time::MIN || draft.parent.placement.is_some();
+            parents.push(Parenting { blend: draft.parent.blend, keep, ..Parenting::from(None, until) });
+        }
+    }
+    parents
 }
 
 fn camera(draft: CameraDraft, notes: &mut Notes) -> Camera {
@@ -426,59 +467,33 @@ fn camera(draft: CameraDraft, notes: &mut Notes) -> Camera {
             }
         }
     };
-    let mut note = |text: String| notes.push((Severity::Error, draft.at.clone(), ApiError::new(text)));
-    let name = &draft.name;
-    if let Some(far) = draft.far
-        && far <= draft.near
-    {
-        note(format!("camera \"{name}\": far must be more than near, got {far} and {}", draft.near));
-    }
-    let keyed = |property| draft.channels.iter().any(|c: &Channel| c.property == property);
-    if draft.ortho.is_some() && keyed(Property::FieldOfView) {
-        note(format!("camera \"{name}\" has no perspective, so its fov cannot be keyed"));
-    }
+    let mut camera = Camera { projection, ..draft.camera };
     let placed = draft.position.is_some() || draft.look_at.is_some() || draft.rotation != DQuat::IDENTITY;
-    let fixed = draft.rig.is_none()
-        && (placed || !draft.channels.iter().all(|c| c.property == Property::FieldOfView));
-    if keyed(Property::Rotation) && (!fixed || draft.look_at.is_some()) {
-        note(format!("camera \"{name}\" looks at its target, so its rotation cannot be keyed"));
-    }
-    let follows = matches!(draft.rig, Some(Rig::Follow { .. }));
-    if keyed(Property::Translation) && !fixed && !follows {
-        note(format!("camera \"{name}\" moves by itself, so its position cannot be keyed"));
-    }
-    if draft.rig.is_some() && placed {
-        note(format!("camera \"{name}\" cannot both stand somewhere and follow, orbit or frame"));
-    }
-    let rig = draft.rig.unwrap_or(if fixed {
+    let rigged = draft.rig.is_some();
+    let fixed = placed || !camera.channels.iter().all(|c| c.property == Property::FieldOfView);
+    camera.rig = draft.rig.unwrap_or(if fixed {
         // Where a person would stand to look at another.
         let position = draft.position.unwrap_or(DVec3::new(0.0, 1.6, 5.0));
         Rig::Fixed { position, rotation: draft.rotation, look_at: draft.look_at }
     } else {
         Rig::Frame { azimuth: DEFAULT_AZIMUTH.to_radians(), elevation: DEFAULT_ELEVATION.to_radians() }
     });
-    Camera { name: draft.name, projection, rig, channels: draft.channels }
-}
-
-/// Actors attached to themselves by way of others.
-fn cycles(build: &Build, notes: &mut Notes) {
-    let mut seen = vec![0usize; build.actors.len()];
-    for first in 0..build.actors.len() {
-        let mut at = first;
-        // Marks of this walk; earlier marks lead to no new cycle.
-        while seen[at] == 0 {
-            seen[at] = first + 1;
-            match &build.actors[at].actor.parent {
-                Some(parent) => at = parent.actor,
-                None => break,
-            }
-            if seen[at] == first + 1 {
-                let draft = &build.actors[at];
-                let through = draft.actor.parent.map_or("", |p| build.actors[p.actor].actor.name.as_str());
-                let text =
-                    format!("actor \"{}\" is attached to itself, by way of \"{through}\"", draft.actor.name);
-                notes.push((Severity::Error, draft.at.clone(), ApiError::new(text)));
-            }
-        }
+    let mut note = |text: String| {
+        let text = format!("camera \"{}\"{text}", camera.name);
+        notes.push((Severity::Error, draft.at.clone(), ApiError::new(text)));
+    };
+    if let Some(far) = draft.far
+        && far <= draft.near
+    {
+        note(format!(": far must be more than near, got {far} and {}", draft.near));
     }
+    for field in Camera::FIELDS {
+        let keyed = |property| camera.channels.iter().any(|c: &Channel| c.property == property);
+        let lacking = (field.lacks)(&camera).filter(|_| field.keyed.is_some_and(|(_, p)| keyed(p)));
+        lacking.into_iter().for_each(|why| note(format!(" {why}")));
+    }
+    if rigged && placed {
+        note(" cannot both stand somewhere and follow, orbit or frame".into());
+    }
+    camera
 }

@@ -1,8 +1,11 @@
 //! Runs a script file to a stage.
 
+use crate::api::defs;
+use crate::api_error::{ApiError, Place};
 use crate::build::{Build, Mode, Parameter, Shared};
 use crate::cache::AssetCache;
-use crate::call::{ApiError, Place};
+use crate::compile::constants;
+use crate::content::hex;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::engine;
 use crate::errors;
@@ -15,7 +18,7 @@ use crate::modules::read_text;
 use crate::parsed::Parsed;
 use crate::resolve::resolve;
 use crate::suggest::{did_you_mean, list};
-use choreo_plugin::{Needs, Registry};
+use choreo_plugin::{ImportScope, Registry};
 use choreo_stage::Stage;
 use rhai::{AST, Engine};
 use std::collections::{BTreeMap, BTreeSet};
@@ -31,7 +34,7 @@ pub struct ScriptOptions {
     pub set: Vec<(String, String)>,
     pub limits: Limits,
     /// What the caller will use of the assets.
-    pub needs: Needs,
+    pub needs: ImportScope,
     /// Assets of earlier runs with clones of this.
     pub assets: AssetCache,
     /// Reports the progress of the files that the script loads, on any thread, and calls them off.
@@ -44,7 +47,7 @@ impl Default for ScriptOptions {
             search_paths: Vec::new(),
             set: Vec::new(),
             limits: Limits::default(),
-            needs: Needs::ALL,
+            needs: ImportScope::ALL,
             assets: AssetCache::default(),
             imports: Imports::default(),
         }
@@ -118,7 +121,7 @@ pub fn run_file_touching(
 }
 
 /// A script file that has been read.
-pub struct Opened {
+pub(crate) struct Opened {
     /// As the caller named it, for messages.
     pub name: String,
     pub text: String,
@@ -134,11 +137,7 @@ pub fn open(
     options: &ScriptOptions,
 ) -> Result<Opened, Diagnostic> {
     let shown = path.display().to_string();
-    let fail = |e: LoadError| {
-        let mut d = Diagnostic::error(e.message);
-        d.hint = e.hint;
-        d
-    };
+    let fail = |e: LoadError| Diagnostic::from(ApiError::from(e));
     let Some(name) = path.file_name().map(|n| n.to_string_lossy().into_owned()) else {
         return Err(Diagnostic::error(format!("\"{shown}\" is not a script file")));
     };
@@ -155,11 +154,7 @@ pub fn open(
     }
     let shared = new_shared(folders, mode, registry, options);
     let found = crate::folders::Found { path: canonical };
-    let text = read_text(&shared, &found, &name).map_err(|e| {
-        let mut d = Diagnostic::error(e.message);
-        d.hint = e.hint;
-        d
-    })?;
+    let text = read_text(&shared, &found, &name)?;
     Ok(Opened { name: shown, text, shared })
 }
 
@@ -171,11 +166,8 @@ pub fn run_text(
     registry: &Registry,
     options: &ScriptOptions,
 ) -> Result<Script, Vec<Diagnostic>> {
-    let folders = Folders::new(base_dir, &options.search_paths, options.limits.file).map_err(|e| {
-        let mut d = Diagnostic::error(e.message);
-        d.hint = e.hint;
-        vec![d]
-    })?;
+    let folders = Folders::new(base_dir, &options.search_paths, options.limits.file)
+        .map_err(|e| vec![ApiError::from(e).into()])?;
     let shared = new_shared(folders, Mode::Stage, registry, options);
     let (name, text) = (name.to_string(), text.to_string());
     on_own_thread(move || run_here(&name, &text, &shared))
@@ -189,6 +181,7 @@ fn new_shared(folders: Folders, mode: Mode, registry: &Registry, options: &Scrip
     }
     Arc::new(Shared {
         build: Mutex::new(Build::default()),
+        defs: defs(),
         loader: Arc::new(loader),
         clips_only: Mutex::default(),
         limits: options.limits.clone(),
@@ -209,7 +202,7 @@ pub const NO_THREAD: &str = "cannot start a thread for the script: ";
 
 /// Runs on a thread of its own: its stack is known to hold the deepest calls and expressions that the limits allow,
 /// whatever thread this is called on.
-pub fn on_own_thread<T: Send + 'static>(
+pub(crate) fn on_own_thread<T: Send + 'static>(
     work: impl FnOnce() -> Result<T, Vec<Diagnostic>> + Send + 'static,
 ) -> Result<T, Vec<Diagnostic>> {
     const STACK: usize = 64 << 20;
@@ -252,7 +245,7 @@ pub fn execute(
                 .extend(parsed.clips_only.iter().cloned());
             *shared.functions.lock().unwrap_or_else(PoisonError::into_inner) = parsed.functions.clone();
             shared.test().ends = parsed.ends.clone();
-            let result = engine.run_ast_with_scope(&mut engine::constants(), ast);
+            let result = engine.run_ast_with_scope(&mut constants(), ast);
             if let Err(e) = result {
                 failed(&e);
             } else {
@@ -347,8 +340,4 @@ fn hash(text: &str, shared: &Shared) -> [u8; 32] {
         add(&file);
     }
     *hasher.finalize().as_bytes()
-}
-
-pub fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|b| format!("{b:02x}")).collect()
 }

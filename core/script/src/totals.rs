@@ -1,7 +1,7 @@
 //! What all actors take together: the sums that no single call can see.
 
+use crate::api_error::{ApiError, Place};
 use crate::build::Build;
-use crate::call::{ApiError, Place};
 use crate::limits::{Limits, raise_hint};
 use choreo_asset::{Asset, Image};
 use std::collections::BTreeSet;

@@ -3,76 +3,76 @@
 //! A handle made by a call that failed is dead: whatever is done with it is skipped without a word, so that one
 //! wrong name is one message and the script goes on to its next mistake.
 
+use crate::api_error::Place;
 use crate::load::Load;
-pub use crate::procedural::ImageRef;
-use crate::testing::{ExpectRef, PlanOptions};
-use choreo_asset::Asset;
-use choreo_motion::Clip;
+use crate::test_data::{Claim, Expectation, Measure, PlanOptions, Value, When};
+use choreo_asset::{AlphaMode, Asset, ContentHash, Image, ImageSource, Sampler};
+use choreo_motion::{Clip, Time};
 use rhai::{Dynamic, Engine};
 use std::any::TypeId;
 use std::sync::Arc;
 
 /// Index of a dead handle.
-pub const DEAD: usize = usize::MAX;
+const DEAD: usize = usize::MAX;
 
 #[derive(Clone, Debug)]
-pub struct AssetRef {
+pub(crate) struct AssetRef {
     pub from: Arc<Load>,
     pub dead: bool,
 }
 
 #[derive(Clone, Debug)]
-pub struct ClipRef {
+pub(crate) struct ClipRef {
     pub clip: Arc<Clip>,
     pub asset: Arc<Asset>,
     pub dead: bool,
 }
 
 #[derive(Clone, Debug)]
-pub struct ActorRef {
+pub(crate) struct ActorRef {
     pub id: usize,
     pub asset: Arc<Asset>,
 }
 
 #[derive(Clone, Debug)]
-pub struct JointRef {
+pub(crate) struct JointRef {
     pub actor: usize,
     pub joint: u32,
     pub asset: Arc<Asset>,
 }
 
 #[derive(Clone, Copy, Debug)]
-pub struct CueRef(pub usize);
+pub(crate) struct CueRef(pub usize);
 
 #[derive(Clone, Copy, Debug)]
-pub struct LookRef {
+pub(crate) struct LookRef {
     pub actor: usize,
     pub index: usize,
 }
 
 /// A reach, an aim or planted feet.
 #[derive(Clone, Copy, Debug)]
-pub struct GoalRef {
+pub(crate) struct GoalRef {
     pub actor: usize,
     pub index: usize,
 }
 
 #[derive(Clone, Copy, Debug)]
-pub struct CameraRef(pub usize);
+pub(crate) struct CameraRef(pub usize);
 
 #[derive(Clone, Copy, Debug)]
-pub struct LightRef(pub usize);
+pub(crate) struct LightRef(pub usize);
 
-/// A text, picture, panel or letterbox.
+/// A text, image, panel or letterbox.
 #[derive(Clone, Copy, Debug)]
-pub struct FlatRef(pub usize);
+pub(crate) struct FlatRef(pub usize);
 
 /// Handle of the one sky of a stage.
 #[derive(Clone, Copy, Debug)]
-pub struct SkyRef(pub usize);
+pub(crate) struct SkyRef(pub usize);
 
 #[derive(Clone, Debug)]
-pub struct EffectRef {
+pub(crate) struct EffectRef {
     pub id: usize,
     /// Callbacks run when the list of effects has left the script.
     pub plugin: Arc<str>,
@@ -80,18 +80,84 @@ pub struct EffectRef {
 
 /// A stage in a test: the section's own or one of `stage_of`.
 #[derive(Clone, Copy, Debug)]
-pub struct StageRef(pub usize);
+pub(crate) struct StageRef(pub usize);
 
 /// The plan of a frame, in a test.
 #[derive(Clone, Copy, Debug)]
-pub struct PlanRef {
+pub(crate) struct PlanRef {
     pub options: PlanOptions,
     pub dead: bool,
 }
 
 /// What another script has put on the stage of a test.
 #[derive(Clone, Copy, Debug)]
-pub struct SceneRef(pub usize);
+pub(crate) struct SceneRef(pub usize);
+
+/// Images of one size that follow each other.
+#[derive(Clone, Debug)]
+pub struct Following {
+    pub pictures: Arc<dyn ImageSource>,
+    pub hashes: Vec<ContentHash>,
+    /// What all of them together need.
+    pub alpha: AlphaMode,
+}
+
+/// An image and how it is looked up.
+#[derive(Clone, Debug)]
+pub(crate) struct ImageRef {
+    pub image: Arc<Image>,
+    pub sampler: Sampler,
+    pub dead: bool,
+    /// All of them, where several follow each other; `image` is the first.
+    pub files: Option<Following>,
+}
+
+impl ImageRef {
+    pub fn dead() -> ImageRef {
+        ImageRef { image: Arc::new(Image::default()), sampler: Sampler::default(), dead: true, files: None }
+    }
+}
+
+/// An `expect(…)` on its way to a comparison.
+#[derive(Clone, Debug)]
+pub(crate) struct ExpectRef {
+    /// Index into `TestState::asked`.
+    pub id: usize,
+    pub stage: usize,
+    pub measure: Measure,
+    pub when: When,
+    pub step: Option<Time>,
+    pub negated: bool,
+    pub sometime: bool,
+}
+
+impl ExpectRef {
+    pub fn dead() -> ExpectRef {
+        ExpectRef {
+            id: DEAD,
+            stage: 0,
+            measure: Measure::Value(Value::Nothing),
+            when: When::Always,
+            step: None,
+            negated: false,
+            sometime: false,
+        }
+    }
+
+    /// As recorded; `source` is the line of the script.
+    pub fn expectation(&self, claim: Claim, place: Place, source: String) -> Expectation {
+        Expectation {
+            place,
+            source,
+            stage: self.stage,
+            when: self.when,
+            step: self.step,
+            negated: self.negated,
+            sometime: self.sometime,
+            claim,
+        }
+    }
+}
 
 /// Declares the types of handles: the name that scripts and messages use, the type, when one is dead, and a dead one.
 macro_rules! handles {
@@ -114,7 +180,7 @@ macro_rules! handles {
                 }
             }
 
-            pub fn type_id(self) -> TypeId {
+            pub(crate) fn type_id(self) -> TypeId {
                 match self {
                     Kind::None => TypeId::of::<Dynamic>(),
                     $(Kind::$name => TypeId::of::<$handle>()),*
@@ -122,12 +188,12 @@ macro_rules! handles {
             }
         }
 
-        pub fn register_types(engine: &mut Engine) {
+        pub(crate) fn register_types(engine: &mut Engine) {
             $(engine.register_type_with_name::<$handle>(stringify!($name));)*
         }
 
         /// Whether a value is a handle made by a call that failed.
-        pub fn is_dead(v: &Dynamic) -> bool {
+        pub(crate) fn is_dead(v: &Dynamic) -> bool {
             match kind_of(v) {
                 Kind::None => false,
                 $(Kind::$name => v.read_lock::<$handle>().is_some_and(|h| {

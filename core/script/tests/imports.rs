@@ -1,4 +1,4 @@
-//! Files that a script loads are imported side by side, and told of in the order of the script.
+//! Files that a script loads are imported side by side, and reported in the order of the script.
 
 mod common;
 
@@ -24,7 +24,7 @@ impl Importer for Meet {
         &self,
         source: &Source,
         files: &dyn Files,
-        _: Needs,
+        _: ImportScope,
         _: &ImportOptions,
     ) -> Result<Asset, ImportError> {
         let fail = |what: &str| ImportError {

@@ -1,14 +1,14 @@
-//! What is not needed of a file is not made. Alone in its process, so that meshes and pictures can be counted.
+//! What is not needed of a file is not made. Alone in its process, so that meshes and images can be counted.
 
 mod common;
 
-use choreo_plugin::Needs;
+use choreo_plugin::ImportScope;
 use choreo_script::ScriptOptions;
 use choreo_script::testing::{TestOptions, list_sections, run_section};
 use common::*;
 use std::sync::atomic::Ordering;
 
-/// Meshes and pictures made since the last look.
+/// Meshes and images made since the last look.
 fn made() -> (usize, usize) {
     (MESHES_MADE.swap(0, Ordering::Relaxed), PICTURES_DECODED.swap(0, Ordering::Relaxed))
 }
@@ -32,7 +32,7 @@ fn a_file_for_its_clips_alone() {
     assert_eq!(made(), (0, 0));
     good(r#"cast("a", load("hero.toy")).play(load("moves.toy", #{ only: "clips" }).clip("Walk"));"#);
     assert_eq!(made(), (1, 1), "the hero's");
-    // Cast all the same: it plays, and its warning says why nothing is seen.
+    // Cast all the same: it plays, and its warning states why nothing is seen.
     let script = good(r#"cast("a", load("moves.toy", #{ only: "clips" }));"#);
     let asset = &script.stage.actors[0].asset;
     assert!(asset.meshes.is_empty() && asset.warnings[0].text.contains("loaded for its clips only"));
@@ -80,7 +80,7 @@ fn the_script_shows_it_by_itself() {
 
 /// For `check`, `info` and `pose`.
 fn nobody_draws() {
-    let options = ScriptOptions { needs: Needs::NO_PIXELS, ..ScriptOptions::default() };
+    let options = ScriptOptions { needs: ImportScope::NO_PIXELS, ..ScriptOptions::default() };
     assets().run_text(r#"cast("a", load("hero.toy"));"#, &options).unwrap();
     assert_eq!(made(), (1, 0));
 }

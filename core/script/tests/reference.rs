@@ -1,6 +1,6 @@
 //! `API.md` lists what is registered, in the words that users search for.
 
-use choreo_script::synonyms::{answer, mentions};
+use choreo_script::help::{answer, mentions};
 
 #[test]
 fn the_reference_is_up_to_date() {
@@ -12,7 +12,7 @@ fn the_reference_is_up_to_date() {
     let got = std::fs::read_to_string(path).unwrap_or_default();
     assert!(
         got == expected,
-        "API.md is out of date; CHOREO_ACCEPT=1 cargo test -p choreo-script writes it anew"
+        "API.md is out of date; CHOREO_ACCEPT=1 cargo test --workspace --test reference writes it anew"
     );
 }
 

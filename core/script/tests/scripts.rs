@@ -121,7 +121,7 @@ fn transforms_do_what_they_say() {
     assert_eq!((a.transform.scale, a.visible, a.tint.x, a.tint.y), (DVec3::splat(2.0), false, 1.0, 0.0));
     let b = &s.actors[1];
     assert!((b.transform.rotation * DVec3::Z).abs_diff_eq(DVec3::NEG_Z, 1e-12));
-    assert_eq!(b.parent, Some(Attachment { actor: 0, joint: Some(3) }));
+    assert_eq!(b.parents, [Parenting::always(Attachment { actor: 0, joint: Some(3) })]);
     assert_eq!(b.morphs, [(0, 0, 0.5)]);
     // About x first: y goes to z and stays; z goes to -y, and that about z to x.
     let c = s.actors[2].transform.rotation;

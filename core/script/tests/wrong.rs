@@ -1,5 +1,5 @@
 //! Wrong and hostile scripts, each with the exact text of its messages: `wrong/NAME.rhai` and `wrong/NAME.txt`.
-//! `CHOREO_ACCEPT=1 cargo test -p choreo-script --test wrong` writes the texts anew; read them before you commit them.
+//! `CHOREO_ACCEPT=1 cargo test --workspace --test wrong` writes the texts anew; read them before you commit them.
 
 mod common;
 

@@ -8,8 +8,8 @@ use choreo_plugin::{Effect, Frame};
 use choreo_render::plan::Draw;
 use choreo_render::plan::motion_blur::{plan_alone, plan_with};
 use choreo_render::renderer::CreatedCounts;
-use choreo_render::{DeviceInfo, DeviceUsage, PlanOptions, Renderer, SceneResources};
-use choreo_stage::Snapshot;
+use choreo_render::{DeviceInfo, DeviceUsage, PlanOptions, RenderError, Renderer, SceneResources};
+use choreo_stage::{Snapshot, StageError};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -26,7 +26,7 @@ pub struct FrameRequest {
     /// Pixels.
     pub size: [u32; 2],
     pub samples: u32,
-    /// It will be gone at once: played or scrubbed. Effects that take many pictures for one wait for a still.
+    /// It will be gone at once: played or scrubbed. Effects that take many images for one wait for a still.
     pub moving: bool,
     /// The view that asks: a new request of a view replaces its last one, and views take turns.
     pub view: u32,
@@ -54,11 +54,23 @@ impl FrameRequest {
     }
 }
 
+/// Why a frame could not be rendered.
+#[derive(Debug, thiserror::Error)]
+pub enum FrameError {
+    /// The renderer did not start.
+    #[error("{0}")]
+    NoRenderer(String),
+    #[error(transparent)]
+    Stage(#[from] StageError),
+    #[error(transparent)]
+    Render(#[from] RenderError),
+}
+
 /// A rendered frame, or why it could not be rendered.
 pub struct FrameReply {
     pub ticket: u64,
     pub view: u32,
-    pub result: Result<(Frame, FrameInfo), String>,
+    pub result: Result<(Frame, FrameInfo), FrameError>,
     /// What the renderer has made so far.
     pub work: CreatedCounts,
     /// What it has on its device now.
@@ -225,9 +237,8 @@ impl RenderState {
         shaders: bool,
         spare: Option<Frame>,
         notes: &mut Vec<String>,
-    ) -> Result<(Frame, FrameInfo), String> {
-        let renderer = self.renderer.as_mut().map_err(|why| why.clone())?;
-        let failed = |e: choreo_render::RenderError| e.to_string();
+    ) -> Result<(Frame, FrameInfo), FrameError> {
+        let renderer = self.renderer.as_mut().map_err(|why| FrameError::NoRenderer(why.clone()))?;
         if shaders && let Err(error) = renderer.reload_shaders() {
             // The last good ones draw on.
             notes.push(error.to_string());
@@ -238,18 +249,18 @@ impl RenderState {
             a.len() == b.len() && a.iter().zip(b).all(|(a, b)| Arc::ptr_eq(a, b))
         };
         if !same(&self.effects, effects) {
-            renderer.set_effects(effects).map_err(failed)?;
+            renderer.set_effects(effects)?;
             self.effects = effects.to_vec();
         }
         if self.resources.as_ref().is_none_or(|c| !Arc::ptr_eq(c, &scene.resources)) {
-            renderer.load(scene.resources.clone()).map_err(failed)?;
+            renderer.load(scene.resources.clone())?;
             self.resources = Some(scene.resources.clone());
         }
         let start = Instant::now();
         let options = PlanOptions { effects, ..PlanOptions::new(request.size, request.samples) };
         let stage = self.views.stage(request);
         let (snapshot, plan, evaluated_in) = if request.moving {
-            // What moves past is not worth many pictures a frame.
+            // What moves past is not worth many images a frame.
             let snapshot = self.views.at(request, request.time)?;
             let evaluated_in = start.elapsed();
             let at = |time| self.views.at(request, time);
@@ -264,8 +275,8 @@ impl RenderState {
         let draws = plan.draws.len();
         let triangles = plan.draws.iter().map(|d| triangles(&scene.resources, d)).sum();
         let planned_in = start.elapsed() - evaluated_in;
-        renderer.submit(plan).map_err(failed)?;
-        let frame = renderer.collect(spare).map_err(failed)?;
+        renderer.submit(plan)?;
+        let frame = renderer.collect(spare)?;
         let drawn_in = start.elapsed() - evaluated_in - planned_in;
         let device = renderer.device().clone();
         let info = FrameInfo {

@@ -18,7 +18,7 @@ mod session_thread;
 mod viewport;
 mod watch;
 
-pub use frame_renderer::{FrameInfo, FrameRenderer, FrameReply, FrameRequest, StartRenderer};
+pub use frame_renderer::{FrameError, FrameInfo, FrameRenderer, FrameReply, FrameRequest, StartRenderer};
 pub use scene_source::SceneSource;
 pub use session::{Problem, Scene, SceneVersion, Session, Work};
 pub use session_thread::SessionThread;

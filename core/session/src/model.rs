@@ -7,17 +7,23 @@ use choreo_stage::{Cue, Repeat, Stage};
 use std::path::Path;
 use std::sync::Arc;
 
+/// A clip that the file does not have, and which it has.
+#[derive(Debug, thiserror::Error)]
+#[error("{asset}: unknown clip \"{name}\"{known}")]
+pub struct UnknownClip {
+    asset: String,
+    name: String,
+    known: String,
+}
+
 /// The asset alone on stage, framed and lit by the stage's defaults, playing one clip once through.
-///
-/// # Errors
-/// It has no clip of that name; the text says which it has.
-pub fn stage(asset: Arc<Asset>, clip: Option<&str>) -> Result<Stage, String> {
+pub fn stage(asset: Arc<Asset>, clip: Option<&str>) -> Result<Stage, UnknownClip> {
     let clip = match clip {
         None => asset.clips.first().cloned(),
         Some(name) => Some(find_clip(&asset, name)?.clone()),
     };
     let mut stage = Stage::default();
-    // Something that stands still is one picture.
+    // Something that stands still is one image.
     stage.settings.length = stage.settings.fps.time_of(1);
     add(&mut stage, "model", asset, clip);
     Ok(stage)
@@ -75,20 +81,15 @@ pub fn name(path: &Path) -> String {
     path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-fn find_clip<'a>(asset: &'a Asset, name: &str) -> Result<&'a Arc<Clip>, String> {
+fn find_clip<'a>(asset: &'a Asset, name: &str) -> Result<&'a Arc<Clip>, UnknownClip> {
     let names = || asset.clips.iter().map(|c| c.name.as_str());
-    if let Some(clip) = asset.clips.iter().find(|c| c.name == name) {
-        return Ok(clip);
-    }
-    if asset.clips.is_empty() {
-        return Err(format!("{}: unknown clip \"{name}\"; the file has no clips", asset.name));
-    }
-    Err(format!(
-        "{}: unknown clip \"{name}\"{}\n    hint: clips: {}",
-        asset.name,
-        did_you_mean(name, names()),
-        list(names(), 100)
-    ))
+    asset.clips.iter().find(|c| c.name == name).ok_or_else(|| {
+        let known = match asset.clips.is_empty() {
+            true => "; the file has no clips".to_string(),
+            false => format!("{}\n    hint: clips: {}", did_you_mean(name, names()), list(names(), 100)),
+        };
+        UnknownClip { asset: asset.name.clone(), name: name.to_string(), known }
+    })
 }
 
 /// `a, b, c` of at most `most` names, then how many more.

@@ -4,7 +4,7 @@
 
 use choreo_files::{FileError, Folder};
 use choreo_importer_kit::pictures::{Encoded, Formats};
-use choreo_plugin::{BesideFile, Effect, EffectOnUse, PluginFault, PluginFile, Registry};
+use choreo_plugin::{BesideFile, Effect, LazyEffect, PluginError, PluginFile, Registry};
 use choreo_rhai_importer::{ImporterOnUse, RhaiImporter, ScriptError};
 use choreo_wgsl_effect::{Picture, WgslEffect};
 use std::io::Read;
@@ -61,12 +61,17 @@ struct Entry {
     source: Source,
     plugin: Plugin,
     /// The text that was compiled; empty until the plugin is used.
-    read: Arc<OnceLock<Result<PluginFile, String>>>,
+    read: Arc<OnceLock<Result<PluginFile, ReadError>>>,
 }
+
+/// Why a plugin file cannot be read, with its name.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error("{0}")]
+struct ReadError(String);
 
 #[derive(Clone)]
 enum Plugin {
-    Effect(Arc<EffectOnUse>),
+    Effect(Arc<LazyEffect>),
     Importer(Arc<ImporterOnUse>),
     /// It has no name to be used by.
     Faulty(String),
@@ -120,7 +125,7 @@ pub fn list(
         for source in sources(place)? {
             if let Some(entry) = listing.entry(source, place.kind, before) {
                 match &entry.plugin {
-                    Plugin::Effect(effect) => listing.registry.add_effect_on_use(effect.clone()),
+                    Plugin::Effect(effect) => listing.registry.add_lazy_effect(effect.clone()),
                     Plugin::Importer(importer) => listing.registry.add_shared_importer(importer.clone()),
                     Plugin::Faulty(_) => listing.registry.add_faulty(entry.source.shown.clone()),
                 }
@@ -214,13 +219,13 @@ impl Listing {
             let file = of.read();
             // Made once, so that the slot is empty.
             let _ = slot.set(file.clone());
-            let text = |text| PluginFault { text, files: vec![of.path.clone()] };
+            let text = |e: ReadError| PluginError { text: e.0, files: vec![of.path.clone()] };
             file.map_err(text).map(|file| (of.shown.clone(), file))
         };
         let plugin = if source.is_wgsl() {
             let head = match source.head() {
                 Ok(head) => head,
-                Err(text) => return Some(Entry { source, plugin: Plugin::Faulty(text), read }),
+                Err(e) => return Some(Entry { source, plugin: Plugin::Faulty(e.0), read }),
             };
             if kind == Kind::Own && !choreo_wgsl_effect::is_meant(&head) {
                 return None;
@@ -228,13 +233,13 @@ impl Listing {
             match choreo_wgsl_effect::name(&head) {
                 Some(name) => {
                     let make = move || reading().and_then(|(shown, file)| effect(&shown, file));
-                    Plugin::Effect(Arc::new(EffectOnUse::new(&name, make)))
+                    Plugin::Effect(Arc::new(LazyEffect::new(&name, make)))
                 }
                 None => Plugin::Faulty(source.fault()),
             }
         } else {
             let make = move || reading().and_then(|(shown, file)| importer(&shown, file));
-            let listed = source.text().and_then(|text| {
+            let listed = source.text().map_err(|e| e.0).and_then(|text| {
                 ImporterOnUse::new(&source.shown, &text, make).map_err(|e: ScriptError| e.to_string())
             });
             listed.map_or_else(Plugin::Faulty, |importer| Plugin::Importer(Arc::new(importer)))
@@ -268,9 +273,9 @@ impl Source {
         self.shown.ends_with(choreo_wgsl_effect::ENDING)
     }
 
-    fn failed(&self, error: &FileError) -> String {
+    fn failed(&self, error: &FileError) -> ReadError {
         let shown = &self.shown;
-        match error {
+        ReadError(match error {
             FileError::TooLarge(most) => format!("{shown}: a plugin of more than {most} bytes"),
             FileError::Outside => {
                 format!(
@@ -279,11 +284,11 @@ impl Source {
                 )
             }
             error => format!("{shown}: cannot read: {error}"),
-        }
+        })
     }
 
     /// The beginning of the text; letters that are none are left to the compiler.
-    fn head(&self) -> Result<String, String> {
+    fn head(&self) -> Result<String, ReadError> {
         let file = self.folder.open_file(&self.name).map_err(|e| self.failed(&e))?;
         let mut bytes = Vec::new();
         let read = file.take(HEAD_BYTES).read_to_end(&mut bytes);
@@ -291,14 +296,15 @@ impl Source {
         Ok(String::from_utf8_lossy(&bytes).into_owned())
     }
 
-    fn text(&self) -> Result<String, String> {
+    fn text(&self) -> Result<String, ReadError> {
         let bytes = self.folder.read(&self.name, MOST_BYTES).map_err(|e| self.failed(&e))?;
-        String::from_utf8(bytes)
-            .map_err(|e| format!("{}: byte {} is no UTF-8 text", self.shown, e.utf8_error().valid_up_to()))
+        String::from_utf8(bytes).map_err(|e| {
+            ReadError(format!("{}: byte {} is no UTF-8 text", self.shown, e.utf8_error().valid_up_to()))
+        })
     }
 
     /// The text with the files that it names.
-    fn read(&self) -> Result<PluginFile, String> {
+    fn read(&self) -> Result<PluginFile, ReadError> {
         let text = self.text()?;
         let named = if self.is_wgsl() { choreo_wgsl_effect::files(&text) } else { Vec::new() };
         let beside = named.into_iter().map(|name| self.beside(name)).collect();
@@ -326,7 +332,7 @@ impl Source {
 
     /// The error of an effect that has no name.
     fn fault(&self) -> String {
-        let compiled = self.text().and_then(|text| {
+        let compiled = self.text().map_err(|e| e.0).and_then(|text| {
             WgslEffect::from_text(&self.shown, &text).map(|_| String::new()).map_err(|e| e.to_string())
         });
         compiled.unwrap_or_else(|text| text)
@@ -349,21 +355,21 @@ fn picture(file: &PluginFile, name: &str) -> Result<Picture, String> {
     })
 }
 
-fn effect(shown: &str, file: PluginFile) -> Result<Arc<dyn Effect>, PluginFault> {
-    let compiled = WgslEffect::with_pictures(shown, &file.text, |name| picture(&file, name));
+fn effect(shown: &str, file: PluginFile) -> Result<Arc<dyn Effect>, PluginError> {
+    let compiled = WgslEffect::with_textures(shown, &file.text, |name| picture(&file, name));
     match compiled {
         Ok(effect) => Ok(Arc::new(effect.with_file(file))),
         Err(error) => {
             let beside = file.beside.into_iter().map(|b| b.path);
             let files = std::iter::once(file.path).chain(beside).collect();
-            Err(PluginFault { text: error.to_string(), files })
+            Err(PluginError { text: error.to_string(), files })
         }
     }
 }
 
-fn importer(shown: &str, file: PluginFile) -> Result<RhaiImporter, PluginFault> {
+fn importer(shown: &str, file: PluginFile) -> Result<RhaiImporter, PluginError> {
     match RhaiImporter::from_text(shown, &file.text) {
         Ok(importer) => Ok(importer.with_file(file)),
-        Err(error) => Err(PluginFault { text: error.to_string(), files: vec![file.path] }),
+        Err(error) => Err(PluginError { text: error.to_string(), files: vec![file.path] }),
     }
 }

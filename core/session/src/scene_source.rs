@@ -1,6 +1,6 @@
 //! The files and options that a scene is built from.
 
-use choreo_plugin::Needs;
+use choreo_plugin::ImportScope;
 use choreo_script::{ImportChoice, Limits};
 use std::path::{Path, PathBuf};
 
@@ -17,7 +17,7 @@ pub struct SceneSource {
     /// Further folders of plugin files.
     pub plugins: Vec<PathBuf>,
     pub limits: Limits,
-    pub needs: Needs,
+    pub needs: ImportScope,
     /// Models: the clip to play (`None`: the first), and how the file is read.
     pub clip: Option<String>,
     pub import: ImportChoice,
@@ -37,7 +37,7 @@ impl SceneSource {
             search: Vec::new(),
             plugins: Vec::new(),
             limits: Limits::default(),
-            needs: Needs::ALL,
+            needs: ImportScope::ALL,
             clip: None,
             import: ImportChoice::default(),
             size: None,

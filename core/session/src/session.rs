@@ -257,7 +257,7 @@ impl Session {
         }
         let stage = match (&assets[..], paths().count()) {
             ([(_, asset)], 1) => model::stage(asset.clone(), self.source.clip.as_deref())
-                .map_err(|text| vec![in_file(&self.source.input, text, None)])?,
+                .map_err(|e| vec![in_file(&self.source.input, e.to_string(), None)])?,
             _ => model::side_by_side(&assets),
         };
         let mut warnings = asset_warnings(&stage);

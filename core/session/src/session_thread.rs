@@ -17,7 +17,7 @@ pub struct SessionThread {
 }
 
 impl SessionThread {
-    /// `report` is called on the worker's thread, first with the first version. Once the system no longer tells of changes it is
+    /// `report` is called on the worker's thread, first with the first version. Once the system no longer reports changes it is
     /// called no more.
     pub fn start(
         source: SceneSource,

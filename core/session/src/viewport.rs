@@ -2,7 +2,9 @@
 
 use crate::{FrameRequest, Scene};
 use choreo_motion::Time;
-use choreo_stage::{CameraState, Cut, EffectState, EffectTarget, EffectUse, Evaluator, Snapshot, Stage};
+use choreo_stage::{
+    CameraState, Cut, EffectState, EffectTarget, EffectUse, Evaluator, Snapshot, Stage, StageError,
+};
 use glam::{DAffine3, DVec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -48,7 +50,7 @@ pub(crate) struct ViewEvaluators {
 }
 
 impl ViewEvaluators {
-    pub fn at(&mut self, request: &FrameRequest, time: Time) -> Result<Snapshot, String> {
+    pub fn at(&mut self, request: &FrameRequest, time: Time) -> Result<Snapshot, StageError> {
         let FrameRequest { scene, camera, overrides, .. } = request;
         self.set_scene(scene);
         let mut snapshot = match camera {
@@ -60,8 +62,7 @@ impl ViewEvaluators {
                 of_camera.at(time)
             }
             _ => self.own.get_or_insert_with(|| scene.evaluator.clone()).at(time),
-        }
-        .map_err(|e| e.to_string())?;
+        }?;
         match camera {
             ViewportCamera::Free(camera) => snapshot.camera = *camera,
             ViewportCamera::Following { actor, camera } => {

@@ -112,7 +112,7 @@ pub struct Watch {
     interest: WatchedPaths,
     watched: BTreeSet<PathBuf>,
     /// What the thread that hears the system needs to know of it.
-    heard: Arc<Mutex<EventFilter>>,
+    event_filter: Arc<Mutex<EventFilter>>,
     /// Touched when a wait ended, and not yet looked at.
     pending: Candidates,
 }
@@ -120,8 +120,8 @@ pub struct Watch {
 impl Watch {
     pub fn new() -> Result<Watch, WatchError> {
         let (to, signals) = channel();
-        let heard = Arc::new(Mutex::new(EventFilter::default()));
-        let (events, hears) = (to.clone(), heard.clone());
+        let event_filter = Arc::new(Mutex::new(EventFilter::default()));
+        let (events, hears) = (to.clone(), event_filter.clone());
         let watcher = notify::recommended_watcher(move |event: notify::Result<Event>| {
             let signal = match event {
                 Ok(event) if event.need_rescan() => Signal::Lost,
@@ -133,7 +133,7 @@ impl Watch {
             let _ = events.send(signal);
         })?;
         let (interest, pending) = (WatchedPaths::default(), Candidates::default());
-        Ok(Watch { watcher, signals, to, interest, watched: BTreeSet::new(), heard, pending })
+        Ok(Watch { watcher, signals, to, interest, watched: BTreeSet::new(), event_filter, pending })
     }
 
     pub fn waker(&self) -> Waker {
@@ -168,9 +168,9 @@ impl Watch {
 
     /// Notes the content of a file: it has changed as soon as its content differs.
     pub fn knows(&mut self, path: PathBuf, content: Option<[u8; 32]>) {
-        let mut heard = lock(&self.heard);
-        heard.ways.extend(path.ancestors().skip(1).map(Path::to_path_buf));
-        heard.interest.files.insert(path.clone(), content);
+        let mut event_filter = lock(&self.event_filter);
+        event_filter.ways.extend(path.ancestors().skip(1).map(Path::to_path_buf));
+        event_filter.interest.files.insert(path.clone(), content);
         self.interest.files.insert(path, content);
     }
 
@@ -254,7 +254,7 @@ impl Watch {
                 touched.extend(self.in_folders().into_iter().filter(|file| file.starts_with(path)));
             }
             // A folder on the way to what is of interest has come, gone or been put in another's place.
-            if lock(&self.heard).ways.contains(path) {
+            if lock(&self.event_filter).ways.contains(path) {
                 let below = self.all().into_iter().filter(|f| f != path && f.starts_with(path));
                 let below: Vec<PathBuf> = below.collect();
                 let gone: Vec<PathBuf> =
@@ -306,7 +306,8 @@ impl Watch {
         let folders = self.interest.files.keys().filter_map(|f| f.parent());
         let folders = folders.chain(self.interest.folders.iter().map(|(folder, _)| folder.as_path()));
         // Before anything is watched, so that nothing is missed.
-        *lock(&self.heard) = EventFilter { interest: self.interest.clone(), ways: self.interest.ways() };
+        *lock(&self.event_filter) =
+            EventFilter { interest: self.interest.clone(), ways: self.interest.ways() };
         let mut wanted = BTreeSet::new();
         for folder in folders {
             let Some(there) = folder.ancestors().find(|f| f.is_dir()) else { continue };
@@ -333,8 +334,8 @@ impl Watch {
 }
 
 /// What a thread that failed left there is whole.
-fn lock(heard: &Mutex<EventFilter>) -> MutexGuard<'_, EventFilter> {
-    heard.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+fn lock(event_filter: &Mutex<EventFilter>) -> MutexGuard<'_, EventFilter> {
+    event_filter.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
 fn is_in(path: &Path, (folder, ending): &(PathBuf, String)) -> bool {
@@ -412,7 +413,7 @@ mod tests {
         while !of_file(&watch.signals.recv_timeout(Duration::from_secs(300)).unwrap()) {
             passed_on += 1;
         }
-        // What the watch says of itself when it begins, and no more.
+        // What the watch reports of itself when it begins, and no more.
         assert!(passed_on <= 2, "{passed_on} signals of files that nobody waits for");
     }
 }

@@ -24,7 +24,7 @@ effect("glow");
 const GLOW: &str = "// effect: glow\n// about: brighter\n// version: 1\n// param amount = 0.5 in 0..1: how much\n\
     fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {\n    return color * (BY + p[amount]);\n}\n";
 
-/// What a process holds, where the system tells (Linux).
+/// What a process holds, where the system reports it (Linux).
 #[derive(Clone, Copy, Debug, Default)]
 struct Process {
     /// Bytes that are nobody else's.
@@ -105,7 +105,7 @@ impl Bench {
         held
     }
 
-    /// The `n`th edit, as the watch tells of it.
+    /// The `n`th edit, as the watch reports it.
     fn reload(&mut self, n: usize) -> DeviceUsage {
         edit(self.folder.path(), n);
         match self.session.wait(Some(Duration::from_secs(300))).unwrap() {

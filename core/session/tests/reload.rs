@@ -247,7 +247,7 @@ fn a_texture_of_an_effect_is_watched_as_its_text_is() {
     assert_eq!(texel(&first), 0);
     place.write("plugins/ink.tga", &tga(127));
     assert!(texel(&good(place.next())) > 0);
-    place.write("plugins/ink.tga", "no picture");
+    place.write("plugins/ink.tga", "no image");
     let error = first_error(&place.next());
     assert!(error.contains("glow.wgsl:3:1: texture ink: \"ink.tga\":"), "{error}");
     // Nothing outside the effect's own folder is read.
@@ -301,7 +301,7 @@ fn the_painter_draws_what_render_draws_and_the_newest_wish_wins() {
     assert_eq!((reply.ticket, info.number, info.time), (7, 1, Time::from_secs(1.0)));
     let expected = rendered(&scene, 1.0, &mut CpuRenderer::new(&[]));
     assert!(frame(&reply).rgba == expected.rgba);
-    assert!(frame(&studio.paint(&scene, 0.7)).rgba != expected.rgba, "another time is another picture");
+    assert!(frame(&studio.paint(&scene, 0.7)).rgba != expected.rgba, "another time is another image");
 }
 
 #[test]
@@ -311,7 +311,7 @@ fn a_painter_whose_renderer_does_not_start_says_so_each_time() {
     let studio = Studio::new(|| Err(RenderError::NoVulkan { why: "planted".into() }));
     for _ in 0..2 {
         assert_eq!(
-            studio.paint(&scene, 0.0).result.err().as_deref(),
+            studio.paint(&scene, 0.0).result.err().map(|e| e.to_string()).as_deref(),
             Some("Vulkan is not available: planted")
         );
     }

@@ -1,6 +1,6 @@
 //! Evaluation of actors from keyed properties, hooks and clips: everything before constraints.
 //!
-//! In this order: keyed properties, hooks, root motion, visibility, culling, which poses are needed at all, poses, transforms.
+//! In this order: keyed properties, hooks, parents, root motion, visibility, culling, which poses are needed at all, poses, transforms.
 
 use crate::culling::{Culling, PoseBounds};
 use crate::pose::PoseScratch;
@@ -18,7 +18,7 @@ use crate::stage::{Stage, StageError};
 use crate::transforms::facing;
 use crate::transforms::order;
 use crate::transforms::order::{PlacementOrder, PlacementStep};
-use crate::transforms::world_from_attachment;
+use crate::transforms::parents::{ActiveParents, KeptTransforms, mixed, world_from_parent};
 use crate::{camera, pose};
 use choreo_motion::Time;
 use glam::DAffine3;
@@ -34,8 +34,10 @@ pub(crate) struct Scratch {
     /// One for each part that a thread poses.
     pose: Vec<PoseScratch>,
     placements: Vec<Placement>,
-    /// World frame that an actor's placement is in.
-    world_from_parent: Vec<DAffine3>,
+    pub parents: ActiveParents,
+    pub kept_transforms: KeptTransforms,
+    /// World from each actor's model without its own scale.
+    unscaled: Vec<DAffine3>,
     needs: Vec<PoseNeed>,
     work: Vec<usize>,
     /// (actor, place in `edits.actors`) of edits that change poses, sorted.
@@ -62,7 +64,7 @@ impl Scratch {
     }
 
     /// As [`Scratch::only`], from now on.
-    pub fn look_only_at(&mut self, actors: &[usize]) {
+    pub(crate) fn look_only_at(&mut self, actors: &[usize]) {
         let only = self.only.get_or_insert_default();
         only.clear();
         only.extend_from_slice(actors);
@@ -82,7 +84,11 @@ pub(crate) fn evaluate_actors(
     bounds: Option<&PoseBounds>,
     out: &mut Snapshot,
 ) -> Result<(), StageError> {
-    order::find(stage, &mut scratch.order)?;
+    settle_parents(stage, scratch, time, |time, mut scratch| {
+        let mut snapshot = Snapshot::default();
+        evaluate_actors(stage, &mut scratch, time, None, &mut snapshot)?;
+        Ok((scratch, snapshot))
+    })?;
     out.actors.truncate(stage.actors.len());
     out.actors.resize_with(stage.actors.len(), ActorState::default);
     scratch.placements.clear();
@@ -90,12 +96,14 @@ pub(crate) fn evaluate_actors(
         scratch.placements.push(pose::keyed_placement(actor, time, state));
     }
     run_hooks(stage, scratch, time, &mut out.actors)?;
+    scratch.parents.find(stage, time, &scratch.edits.actors, &scratch.kept_transforms);
+    order::find(stage, &scratch.parents, &mut scratch.order)?;
     let motions = scratch.motions.get_or_insert_with(|| Arc::new(Motions::new(stage))).clone();
     apply::apply(stage, &motions.root_motion, time, &mut scratch.root_motion, &mut scratch.placements);
     for step in &scratch.order.steps {
         // Parents come first.
         if let PlacementStep::Position(a) = *step
-            && let Some(parent) = stage.actors[a].parent
+            && let Some(parent) = scratch.parents.of(a).last().and_then(|parent| parent.to)
         {
             out.actors[a].visible &= out.actors.get(parent.actor).is_none_or(|p| p.visible);
         }
@@ -133,13 +141,8 @@ fn run_hooks(
         else {
             continue;
         };
+        edit.place(placement);
         match *edit {
-            ActorEdit::MoveTo { translation, .. } => placement.translation = translation,
-            ActorEdit::MoveBy { offset, .. } => placement.translation += offset,
-            ActorEdit::Turn { rotation, .. } => {
-                placement.rotation = (rotation * placement.rotation).normalize();
-            }
-            ActorEdit::Scale { factor, .. } => placement.scale *= factor,
             ActorEdit::Visible { visible, .. } => state.visible = visible,
             ActorEdit::Tint { tint, .. } => state.tint = tint,
             ActorEdit::LineWidth { width, .. } => state.line_width = Some(width),
@@ -147,7 +150,7 @@ fn run_hooks(
             ActorEdit::Morph { .. } | ActorEdit::Expression { .. } | ActorEdit::TurnJoint { .. } => {
                 scratch.pose_edits.push((index, place))
             }
-            ActorEdit::Wind { .. } => {}
+            _ => {}
         }
     }
     scratch.pose_edits.sort_unstable();
@@ -163,12 +166,15 @@ fn cull(
 ) {
     let mut out = std::mem::take(&mut scratch.culled);
     out.clear();
+    // What a callback attaches, the camera may hang on.
+    let attaches = |edit: &ActorEdit| matches!(edit, ActorEdit::Attach { .. });
+    let bounds = bounds.filter(|_| !scratch.edits.actors.iter().any(attaches));
     if let (Some(pose_bounds), Some(aspect)) = (bounds, scratch.aspect) {
         // What hangs on joints is not asked for; the others are where they will be.
         place_actors(stage, scratch, actors);
-        let Scratch { edits, order, seen_by, .. } = &*scratch;
+        let Scratch { edits, order, parents, seen_by, .. } = &*scratch;
         let camera = camera::by_places(stage, edits, time, *seen_by, actors);
-        Culling { stage, pose_bounds, camera, aspect, edits, time, order: &order.steps, actors }
+        Culling { stage, pose_bounds, camera, aspect, edits, time, order: &order.steps, parents, actors }
             .run(&mut out);
     }
     for (index, state) in actors.iter_mut().enumerate() {
@@ -181,7 +187,7 @@ fn cull(
 /// or where all are asked for.
 fn find_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[ActorState]) {
     let camera = scratch.seen_by;
-    let (needs, work) = (&mut scratch.needs, &mut scratch.work);
+    let (needs, work, parents) = (&mut scratch.needs, &mut scratch.work, &scratch.parents);
     needs.clear();
     needs.resize(stage.actors.len(), PoseNeed::default());
     work.clear();
@@ -225,7 +231,7 @@ fn find_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[ActorS
     }
     while let Some(index) = work.pop() {
         let actor = &stage.actors[index];
-        if let Some(parent) = actor.parent {
+        for parent in parents.carriers(index) {
             want(work, parent.actor, parent.joint.is_some());
         }
         if let Some(face) = actor.face {
@@ -247,32 +253,84 @@ fn find_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[ActorS
 }
 
 fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState]) {
-    scratch.world_from_parent.clear();
-    scratch.world_from_parent.resize(actors.len(), DAffine3::IDENTITY);
-    for step in &scratch.order.steps {
+    let Scratch { order, parents, placements, root_motion, edits, unscaled, .. } = scratch;
+    unscaled.clear();
+    unscaled.resize(actors.len(), DAffine3::IDENTITY);
+    for step in &order.steps {
         match *step {
             PlacementStep::Position(a) => {
-                let frame = stage.actors[a].parent.map(|p| world_from_attachment(stage, actors, &p));
-                let frame = frame.unwrap_or(DAffine3::IDENTITY);
-                scratch.world_from_parent[a] = frame;
-                actors[a].world_from_model.translation =
-                    frame.transform_point3(scratch.placements[a].translation);
+                let own = &placements[a];
+                let mut position = own.translation;
+                let mut space = DAffine3::IDENTITY;
+                for parent in parents.of_mut(a) {
+                    parent.find_space(stage, actors);
+                    space = parent.world_from_parent;
+                    let local = parent.local(own, edits_of(edits, a));
+                    position = match space.transform_point3(local.translation) {
+                        here if parent.weight >= 1.0 => here,
+                        here => position.lerp(here, parent.weight),
+                    };
+                }
+                actors[a].world_from_parent = space;
+                actors[a].world_from_model.translation = position;
             }
             PlacementStep::World(a) => {
-                let frame = scratch.world_from_parent[a];
-                let Placement { translation, mut rotation, scale } = scratch.placements[a];
-                if let Some(other) = stage.actors[a]
-                    .face
-                    .and_then(|f| actors.get(f))
-                    .filter(|_| !scratch.root_motion.has_faced(a))
-                {
-                    let way = other.world_from_model.translation - actors[a].world_from_model.translation;
-                    rotation = facing(&frame, way) * rotation;
+                let at = actors[a].world_from_model.translation;
+                let faced = stage.actors[a].face.and_then(|f| actors.get(f));
+                let faced = faced.filter(|_| !root_motion.has_faced(a));
+                let way = faced.map(|other| other.world_from_model.translation - at);
+                let own = &placements[a];
+                let turned = |space: &DAffine3, rotation| match way {
+                    Some(way) => facing(space, way) * rotation,
+                    None => rotation,
+                };
+                let in_space = |space: &DAffine3, local: &Placement| {
+                    let rotation = turned(space, local.rotation);
+                    *space * DAffine3::from_rotation_translation(rotation, local.translation)
+                };
+                let all = parents.of(a);
+                let mut placed = in_space(&DAffine3::IDENTITY, own);
+                for parent in all {
+                    let here = in_space(&parent.world_from_parent, &parent.local(own, edits_of(edits, a)));
+                    placed = if parent.weight >= 1.0 { here } else { mixed(&placed, &here, parent.weight) };
                 }
-                let parent_from_model =
-                    DAffine3::from_scale_rotation_translation(scale, rotation, translation);
-                actors[a].world_from_model = frame * parent_from_model;
+                unscaled[a] = placed;
+                actors[a].world_from_model = placed * DAffine3::from_scale(own.scale);
             }
         }
     }
+}
+
+fn edits_of(edits: &FrameEdits, actor: usize) -> impl Iterator<Item = &ActorEdit> {
+    edits.actors.iter().filter(move |edit| edit.actor() == actor)
+}
+
+/// Finds out where actors are kept whose parents have changed before a time. `evaluate` evaluates the stage at the moment of a change,
+/// for the actors that the buffers name.
+pub(crate) fn settle_parents(
+    stage: &Stage,
+    scratch: &Scratch,
+    time: Time,
+    evaluate: impl Fn(Time, Scratch) -> Result<(Scratch, Snapshot), StageError>,
+) -> Result<(), StageError> {
+    let kept = &scratch.kept_transforms;
+    // The earliest first: what is kept later depends on it.
+    for changes in kept.unknown(stage, time).chunk_by(|a, b| a.0 == b.0) {
+        let parent_of = |actor: usize, number: usize| &stage.actors[actor].parents[number];
+        let parents = changes.iter().filter_map(|(_, a, n)| Some(parent_of(*a, *n).to?.actor));
+        let only = changes.iter().map(|(_, a, _)| *a).chain(parents).filter(|a| *a < stage.actors.len());
+        let (kept_transforms, motions) = (kept.clone(), scratch.motions.clone());
+        let at_change = Scratch { kept_transforms, motions, ..Scratch::only(only.collect()) };
+        let (at_change, snapshot) = evaluate(changes[0].0, at_change)?;
+        for (_, actor, number) in changes {
+            let parent = parent_of(*actor, *number);
+            let space = |to| world_from_parent(stage, &snapshot.actors, &to, parent.scale);
+            let space = parent.to.map_or(DAffine3::IDENTITY, space);
+            let Placement { translation, rotation, .. } = at_change.placements[*actor];
+            let local = DAffine3::from_rotation_translation(rotation, translation);
+            let offset = space.inverse() * at_change.unscaled[*actor] * local.inverse();
+            kept.insert(*actor, *number, if offset.is_finite() { offset } else { DAffine3::IDENTITY });
+        }
+    }
+    Ok(())
 }

@@ -4,7 +4,7 @@ use crate::stage::Stage;
 use crate::stage::actor::{Actor, LookAt, Placement, Target};
 use crate::stage::camera::{Camera, Rig};
 use crate::stage::clips::{Cue, Layer};
-use choreo_asset::{Asset, Projection};
+use choreo_asset::Asset;
 use choreo_motion::Time;
 use glam::{DQuat, DVec3};
 use std::sync::Arc;
@@ -69,7 +69,7 @@ impl LookAt {
 impl Camera {
     /// Perspective, 0.7 rad high.
     pub fn new(name: &str, rig: Rig) -> Camera {
-        Camera { name: name.to_string(), projection: Projection::default(), rig, channels: Vec::new() }
+        Camera { name: name.to_string(), rig, ..Camera::default() }
     }
 }
 

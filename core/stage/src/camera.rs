@@ -203,7 +203,7 @@ fn near_limited(projection: Projection, distance: f64) -> Projection {
     }
 }
 
-/// Looks along a direction, +Y up. Straight down, −Z is up in the picture; straight up, +Z: what a camera tilting from before
+/// Looks along a direction, +Y up. Straight down, −Z is up in the image; straight up, +Z: what a camera tilting from before
 /// a character comes to. `None` where there is no direction.
 pub(crate) fn look_rotation(way: DVec3) -> Option<DQuat> {
     let back = -way.try_normalize()?;

@@ -12,7 +12,8 @@ use crate::stage::time_remapping::TimeRemapping;
 use crate::stage::{Background, Settings, Stage, StageError};
 use crate::transforms::order;
 use crate::transforms::order::PlacementOrder;
-use choreo_asset::{Asset, LightKind, Projection};
+use crate::transforms::parents::{ActiveParents, KeptTransforms, times_of_change};
+use choreo_asset::{Asset, Projection};
 use choreo_motion::{Interpolation, Playback, Time};
 
 /// Everything wrong with one stage, by place.
@@ -29,9 +30,7 @@ impl Stage {
         for (index, actor) in self.actors.iter().enumerate() {
             checker.actor(index, actor);
         }
-        if let Err(cycle) = order::find(self, &mut PlacementOrder::default()) {
-            checker.problems.push(cycle);
-        }
+        checker.parents();
         for camera in &self.cameras {
             checker.camera(camera);
         }
@@ -103,7 +102,7 @@ impl Checker<'_> {
     }
 
     fn settings(&mut self) {
-        let Settings { size, fps, length, background, ambient_up, ambient_down, samples, .. } =
+        let Settings { size, fps, length, background, ambient_up, ambient_down, exposure, samples, .. } =
             &self.stage.settings;
         let place = "settings";
         let sizes = 1..=16384;
@@ -122,6 +121,9 @@ impl Checker<'_> {
         self.need(ambient_up.is_finite() && ambient_down.is_finite(), place, || {
             "ambient light is not finite".to_string()
         });
+        self.need(Settings::EXPOSURES.contains(exposure), place, || {
+            format!("exposure is {exposure} stops, must be from -20 to 20")
+        });
         self.need(matches!(samples, None | Some(1 | 4)), place, || {
             format!("samples is {}, must be 1 or 4", samples.unwrap_or(0))
         });
@@ -132,9 +134,11 @@ impl Checker<'_> {
         let joints = actor.asset.skeleton.len();
         let actors = self.stage.actors.len();
         self.fields(&place, actor);
-        if let Some(parent) = &actor.parent {
+        for parent in actor.parents.iter().filter_map(|parent| parent.to.as_ref()) {
             self.attachment(&place, parent);
         }
+        let sorted = actor.parents.windows(2).all(|pair| pair[0].start < pair[1].start);
+        self.need(sorted, &place, || "two parents start at one time, or are not sorted by start".to_string());
         if let Some(face) = actor.face {
             self.index(&place, "faced actor", face, actors);
             self.need(face != index, &place, || "faces itself".to_string());
@@ -247,6 +251,23 @@ impl Checker<'_> {
         let mesh = asset.instances.get(instance as usize).and_then(|i| asset.meshes.get(i.mesh as usize));
         if let Some(mesh) = mesh {
             self.index(place, "morph target", target as usize, mesh.morph_targets);
+        }
+    }
+
+    /// Circles of parents, at every time at which one changes.
+    fn parents(&mut self) {
+        let (mut parents, mut order) = (ActiveParents::default(), PlacementOrder::default());
+        for time in times_of_change(self.stage) {
+            parents.find(self.stage, time, &[], &KeptTransforms::default());
+            let Err(error) = order::find(self.stage, &parents, &mut order) else { continue };
+            self.problems.push(match error {
+                StageError::Cycle(actor, through) if time > Time::MIN => {
+                    let secs = (time.as_secs() * 1e6).round() / 1e6;
+                    StageError::Cycle(actor, format!("{through}, at {secs} s"))
+                }
+                error => error,
+            });
+            return;
         }
     }
 
@@ -380,11 +401,8 @@ impl Checker<'_> {
     fn light(&mut self, light: &StageLight) {
         let place = format!("light \"{}\"", light.name);
         self.fields(&place, light);
-        if let LightKind::Spot { inner, outer } = light.light.kind {
-            let fine = 0.0 <= inner && inner < outer && outer <= std::f32::consts::FRAC_PI_2 + 1e-6;
-            self.need(fine, &place, || {
-                format!("cone is {inner} to {outer} rad, must be 0 ≤ inner < outer ≤ π/2")
-            });
+        if let Some(problem) = light.light.kind.problem() {
+            self.need(false, &place, || problem);
         }
         if let Some(shadow) = &light.shadow {
             self.fields(&format!("{place}, shadow"), shadow);

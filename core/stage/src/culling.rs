@@ -1,8 +1,8 @@
-//! Who is surely not in the picture, found out before anybody is posed.
+//! Who is surely not in the image, found out before anybody is posed.
 //!
 //! A joint is never farther from its parent than the longest translation of its curves, however it turns. The sum along the
 //! skeleton is a ball about the actor's place that holds every vertex in every pose its layers can make. Whoever's ball is
-//! outside the picture, as all that its shadow could fall on, needs neither pose nor draw. Where that cannot be told (constraints,
+//! outside the image, as all that its shadow could fall on, needs neither pose nor draw. Where that cannot be told (constraints,
 //! springs, morphs, splines, cameras that hang on joints, effects …) everybody counts as seen.
 
 use crate::snapshot::{ActorState, CameraState};
@@ -11,8 +11,10 @@ use crate::stage::actor::{Actor, Target};
 use crate::stage::camera::Rig;
 use crate::stage::clips::LayerMode;
 use crate::stage::edits::FrameEdits;
+use crate::stage::parenting::ParentScale;
 use crate::transforms::order::PlacementStep;
-use choreo_asset::{LightKind, Projection};
+use crate::transforms::parents::{ActiveParent, ActiveParents};
+use choreo_asset::Projection;
 use choreo_motion::{Clip, Interpolation, Path, Skinning, Time};
 use glam::{DMat3, DVec3};
 
@@ -198,7 +200,7 @@ enum Casting {
     Along(DVec3),
 }
 
-/// Whose own picture is not needed; `out`: one an actor. All actors have been placed as if those that hang on joints were at rest.
+/// Whose own image is not needed; `out`: one an actor. All actors have been placed as if those that hang on joints were at rest.
 pub(crate) struct Culling<'a> {
     pub stage: &'a Stage,
     pub pose_bounds: &'a PoseBounds,
@@ -209,6 +211,7 @@ pub(crate) struct Culling<'a> {
     pub time: Time,
     /// Parents come first.
     pub order: &'a [PlacementStep],
+    pub parents: &'a ActiveParents,
     pub actors: &'a [ActorState],
 }
 
@@ -225,22 +228,29 @@ impl Culling<'_> {
         let mut balls: Vec<Option<(Ball, f64)>> = vec![None; self.actors.len()];
         for step in self.order {
             let PlacementStep::World(index) = *step else { continue };
-            let (actor, state) = (&self.stage.actors[index], &self.actors[index]);
+            let state = &self.actors[index];
             let ball = self.pose_bounds.0.get(index).copied().flatten().and_then(|pose_radius| {
                 let world = &state.world_from_model;
-                let Some(parent) = actor.parent else {
-                    let scale = norm(&world.matrix3);
-                    return Some((
-                        (world.translation, pose_radius.radius * scale),
-                        pose_radius.scale * scale,
-                    ));
+                let (parent, to) = match self.parents.of(index) {
+                    [parent] => (parent, parent.to),
+                    [] => {
+                        let scale = norm(&world.matrix3);
+                        let ball = (world.translation, pose_radius.radius * scale);
+                        return Some((ball, pose_radius.scale * scale));
+                    }
+                    // Somewhere between several.
+                    _ => return None,
                 };
                 // Anywhere about any joint of the other.
-                let ((center, radius), above) = (*balls.get(parent.actor)?)?;
-                let placed = self.placed(index)?;
-                let scale = above * placed.1;
+                let ((center, radius), above) = match to {
+                    Some(to) => (*balls.get(to.actor)?)?,
+                    None => ((DVec3::ZERO, 0.0), 1.0),
+                };
+                let above = if parent.scale == ParentScale::Inherit { above } else { 1.0 };
+                let (distance, scale) = self.placed(index, parent)?;
+                let scale = above * scale;
                 Some((
-                    (center, radius + above * placed.0 + scale * pose_radius.radius),
+                    (center, radius + above * distance + scale * pose_radius.radius),
                     pose_radius.scale * scale,
                 ))
             });
@@ -254,13 +264,15 @@ impl Culling<'_> {
     }
 
     /// How far from its parent's joint an actor is placed, and how large.
-    fn placed(&self, index: usize) -> Option<(f64, f64)> {
+    fn placed(&self, index: usize, parent: &ActiveParent) -> Option<(f64, f64)> {
         let actor = &self.stage.actors[index];
         let moved = self.edits.actors.iter().any(|edit| edit.actor() == index);
         if moved || !actor.channels.is_empty() || actor.path_following.is_some() {
             return None;
         }
-        Some((actor.transform.translation.length(), actor.transform.scale.abs().max_element()))
+        let local = parent.local(&actor.transform, [].iter());
+        let distance = parent.offset.transform_point3(local.translation).length();
+        Some((distance, norm(&parent.offset.matrix3) * local.scale.abs().max_element()))
     }
 
     /// And the width of the softest shadow's edge; `None` where some light's place hangs on a pose.
@@ -277,9 +289,9 @@ impl Culling<'_> {
             else {
                 continue;
             };
-            casting.push(match state.light.kind {
-                LightKind::Directional => Casting::Along(state.direction.as_dvec3()),
-                LightKind::Point | LightKind::Spot { .. } => Casting::From(state.position),
+            casting.push(match state.light.kind.is_directional() {
+                true => Casting::Along(state.direction.as_dvec3()),
+                false => Casting::From(state.position),
             });
         }
         Some((casting, softness))
@@ -299,7 +311,7 @@ fn norm(m: &DMat3) -> f64 {
 pub(crate) fn stands_without_poses(stage: &Stage, camera: Option<usize>) -> bool {
     let placed = |target: &Target| match *target {
         Target::Point(_) => true,
-        Target::Actor(actor) => stage.actors.get(actor).is_some_and(|a| a.parent.is_none()),
+        Target::Actor(actor) => stage.actors.get(actor).is_some_and(|a| a.parents.is_empty()),
         Target::Joint { .. } => false,
     };
     match camera.and_then(|c| stage.cameras.get(c)).map(|c| &c.rig) {

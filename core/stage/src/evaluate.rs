@@ -8,11 +8,12 @@ use crate::constraints::{self, ConstrainedScratch};
 use crate::culling::{PoseBounds, stands_without_poses};
 use crate::framing::Framings;
 use crate::pose::motions::Motions;
-use crate::snapshot::Snapshot;
+use crate::snapshot::{ActorState, Snapshot};
 use crate::springs::{self, Simulation, SpringCheckpoints};
+use crate::stage::actor::Actor;
 use crate::stage::edits::FrameEdits;
 use crate::stage::{Stage, StageError};
-use crate::{camera, effects, layers_2d, lights};
+use crate::{actors, camera, effects, layers_2d, lights};
 use choreo_motion::Time;
 use std::sync::{Arc, OnceLock};
 
@@ -45,6 +46,16 @@ pub struct Evaluator {
     stage: Arc<Stage>,
     memory: Arc<Memory>,
     scratch: Scratch,
+}
+
+/// What the processor does for one snapshot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct EvaluationCosts {
+    pub poses: usize,
+    /// Constraints and look-ats that are on, of actors that are posed.
+    pub constraints: usize,
+    /// Spring bones of actors that are posed.
+    pub spring_bones: usize,
 }
 
 /// What has been found out about one stage and holds for every time.
@@ -95,14 +106,14 @@ impl Evaluator {
         evaluate(&self.stage, &self.memory, &mut self.scratch, time, snapshot)
     }
 
-    /// Hidden actors are posed too: for tools that look at joints and not at pictures. What is seen does not change by it.
+    /// Hidden actors are posed too: for tools that look at joints and not at images. What is seen does not change by it.
     pub fn posing_hidden(mut self) -> Evaluator {
         self.scratch.constrained.actors.pose_hidden = true;
         self
     }
 
     /// An evaluator for images of the stage's own camera with this aspect ratio: actors that surely are neither visible in them nor cast a
-    /// visible shadow are not posed, and marked as [`ActorState::culled`]. The images do not change by it.
+    /// visible shadow are not posed, and marked as `ActorState::culled`. The images do not change by it.
     pub fn for_images(mut self, aspect: f64) -> Evaluator {
         self.scratch.constrained.actors.aspect = Some(aspect);
         self
@@ -116,6 +127,21 @@ impl Evaluator {
     /// How many poses the last evaluation took.
     pub fn poses(&self) -> usize {
         self.scratch.constrained.actors.poses
+    }
+
+    /// What the processor did for a snapshot of this evaluator's stage; its poses are those of the last evaluation.
+    pub fn costs(&self, snapshot: &Snapshot) -> EvaluationCosts {
+        let posed = |(actor, state): &(&Actor, &ActorState)| {
+            !state.model_from_joint.is_empty() && state.model_from_joint.len() == actor.asset.skeleton.len()
+        };
+        let mut costs = EvaluationCosts { poses: self.poses(), ..EvaluationCosts::default() };
+        for (actor, _) in self.stage.actors.iter().zip(&snapshot.actors).filter(posed) {
+            let solved = actor.constraints.iter().filter(|c| c.share(snapshot.time) > 0.0).count();
+            let looks = actor.look_at.iter().filter(|look| look.share(snapshot.time) > 0.0).count();
+            costs.constraints += solved + looks;
+            costs.spring_bones += actor.springs.as_ref().map_or(0, |springs| springs.rig.len());
+        }
+        costs
     }
 
     /// How many poses this evaluator has taken since it was made, those of earlier times for springs included.
@@ -138,6 +164,7 @@ fn evaluate(
     actors.seen_by = camera;
     let cull = actors.aspect.is_some() && stands_without_poses(stage, camera);
     let bounds = cull.then(|| pose_bounds.get_or_init(|| PoseBounds::new(stage)));
+    settle_parents(stage, memory, constrained, time)?;
     constraints::evaluate_actors(stage, constrained, time, foot_locks, bounds, out)?;
     let scratch = &mut constrained.actors;
     springs::run(stage, foot_locks, springs, simulation, time, scratch, &mut out.actors)?;
@@ -153,4 +180,21 @@ fn evaluate(
         |index, azimuth, elevation, projection| framings.camera(stage, index, azimuth, elevation, projection);
     out.camera = camera::evaluate(stage, frame, &scratch.edits, time, camera, &out.actors)?;
     Ok(())
+}
+
+/// Finds out where actors are kept whose parents have changed before a time, constraints and springs included.
+fn settle_parents(
+    stage: &Stage,
+    memory: &Memory,
+    scratch: &ConstrainedScratch,
+    time: Time,
+) -> Result<(), StageError> {
+    let Memory { foot_locks, springs, .. } = memory;
+    actors::settle_parents(stage, &scratch.actors, time, |time, actors| {
+        let (mut scratch, mut snapshot) = (ConstrainedScratch::of(actors), Snapshot::default());
+        constraints::evaluate_actors(stage, &mut scratch, time, foot_locks, None, &mut snapshot)?;
+        let (actors, mut simulation) = (&mut scratch.actors, Simulation::default());
+        springs::run(stage, foot_locks, springs, &mut simulation, time, actors, &mut snapshot.actors)?;
+        Ok((scratch.actors, snapshot))
+    })
 }

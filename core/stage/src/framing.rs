@@ -1,6 +1,6 @@
 //! The camera that fits everything in.
 //!
-//! It stands still for the whole length, so that a character that walks is in the picture from the first step to the last. The
+//! It stands still for the whole length, so that a character that walks is in the image from the first step to the last. The
 //! outlines of all visible actors are taken at some times of the stage, once; then a camera costs a few projected corners a frame.
 
 use crate::camera::orbit_rotation;
@@ -21,7 +21,7 @@ const MAX_POSES: usize = 2000;
 const TIMES: std::ops::RangeInclusive<usize> = 6..=48;
 /// Actors at most this share as high as they are wide are ground, which need not be seen to its edges.
 const FLAT: f32 = 0.01;
-/// Picture left free on each side, of its half.
+/// Image left free on each side, of its half.
 const MARGIN: f64 = 0.06;
 /// Bounds of an empty scene: the room of one person.
 const EMPTY_ROOM: (DVec3, DVec3) = (DVec3::new(-1.0, 0.0, -1.0), DVec3::new(1.0, 2.0, 1.0));
@@ -162,7 +162,7 @@ const FARTHEST: f64 = 1e30;
 
 /// Position in the axes of the view, and the projection with a near plane before everything.
 ///
-/// A point (x, y, z) is in the picture of a camera at (cx, cy, cz) looking along −z where |x − cx| ≤ tx (cz − z), so
+/// A point (x, y, z) is in the image of a camera at (cx, cy, cz) looking along −z where |x − cx| ≤ tx (cz − z), so
 /// cx + tx cz ≥ max(x + tx z) and −cx + tx cz ≥ max(−x + tx z): the closest camera solves both with equality.
 fn fit(boxes: &[DAabb], aspect: f64, projection: Projection) -> (DVec3, Projection) {
     let all = boxes.iter().fold(DAabb::EMPTY, |a, b| DAabb { min: a.min.min(b.min), max: a.max.max(b.max) });

@@ -28,10 +28,9 @@ mod transforms;
 pub use choreo_motion::ik::Limit;
 pub use choreo_motion::{Ease, Repeat, Skinning};
 pub use constraints::legs::find_legs;
-pub use constraints::look_at::LOOK_AT_LIMIT_RAD;
 pub use constraints::solve::{CHAIN_ITERATIONS, CHAIN_SOLVER, CHAIN_TOLERANCE};
-pub use evaluate::Evaluator;
-pub use lights::default_sun;
+pub use evaluate::{EvaluationCosts, Evaluator};
+pub use lights::{DEFAULT_SUN_LUX, default_sun};
 pub use mirroring::Mirroring;
 pub use pose::posed_mesh::posed_meshes;
 pub use properties::materials::uv_transform;
@@ -40,7 +39,7 @@ pub use snapshot::{
 };
 pub use stage::actor::{Actor, Attachment, LookAt, Placement, Target};
 pub use stage::camera::{Camera, Cut, Rig};
-pub use stage::channel::{Channel, Property, slerp};
+pub use stage::channel::{Channel, Property};
 pub use stage::clips::{Cue, Layer, LayerMode, Reference};
 pub use stage::constraint::{AimConstraint, Constraint, ConstraintKind, FootLock, Leg, ReachConstraint};
 pub use stage::described::{Described, Field, FieldType, FieldValue};
@@ -48,7 +47,8 @@ pub use stage::edits::{ActorEdit, FrameEdits, LightEdit};
 pub use stage::effects::{EffectEdit, EffectTarget, EffectUse};
 pub use stage::layers_2d::{Align, Fit, Font, Layer2d, Layer2dContent, Layer2dEdit};
 pub use stage::light::{Shadow, StageLight};
-pub use stage::path::{Pace, Path, PathFollowing};
+pub use stage::parenting::{ParentScale, Parenting};
+pub use stage::path::{Pace, Path, PathError, PathFollowing};
 pub use stage::root_motion::CueRootMotion;
 pub use stage::sky::{Sky, SkyEdit};
 pub use stage::springs::ActorSprings;
@@ -56,6 +56,7 @@ pub use stage::surfaces::SurfaceRule;
 pub use stage::time_remapping::{SpeedCurve, TimeRemapping};
 pub use stage::{
     Background, Cutouts, FrameHook, Pipeline, Settings, SkinOnce, Stage, StageError, Transparency,
+    ViewTransform,
 };
 pub use survey::{Finding, Subject};
 pub use timeline::active_clips::ActiveClip;

@@ -35,6 +35,8 @@ pub struct Snapshot {
 pub struct ActorState {
     pub visible: bool,
     pub world_from_model: DAffine3,
+    /// The space that the actor is placed in: of its parent, or the world.
+    pub world_from_parent: DAffine3,
     /// One per joint of the asset's skeleton. Empty, like the weights, where the actor is invisible and nothing seen hangs on
     /// its joints, unless [`Evaluator::posing_hidden`](crate::evaluate::Evaluator::posing_hidden) asks for them.
     pub model_from_joint: Vec<Affine3A>,
@@ -51,7 +53,7 @@ pub struct ActorState {
     pub skinning: Skinning,
     /// Materials of which clips, expressions or they themselves change more than that, in the asset's order.
     pub materials: Vec<ChangedMaterial>,
-    /// Neither it nor its shadow is in the picture that the snapshot is for, so that it is not posed for its own sake; see
+    /// Neither it nor its shadow is in the image that the snapshot is for, so that it is not posed for its own sake; see
     /// [`Evaluator::for_images`](crate::evaluate::Evaluator::for_images).
     pub culled: bool,
 }
@@ -61,6 +63,7 @@ impl Default for ActorState {
         ActorState {
             visible: false,
             world_from_model: DAffine3::IDENTITY,
+            world_from_parent: DAffine3::IDENTITY,
             model_from_joint: Vec::new(),
             morph_weights: Vec::new(),
             tint: Vec4::ONE,
@@ -90,7 +93,7 @@ pub struct LightState {
     /// Unit.
     pub direction: Vec3,
     pub shadow: Option<Shadow>,
-    /// See [`crate::stage::StageLight::attenuation`].
+    /// See `crate::stage::StageLight::attenuation`.
     pub attenuation: Option<[f32; 3]>,
 }
 
@@ -144,8 +147,8 @@ hashed! {
     struct Snapshot { time, actors, camera, lights, layers_2d, sky, background, ambient_up, ambient_down, effects }
     struct ActorState {
         visible, world_from_model, model_from_joint, morph_weights, tint, line_width, copies, base_colors, skinning, materials;
-        // Depends on the image, not on the stage.
-        without culled
+        // `culled` depends on the image, not on the stage; `world_from_parent` is in `world_from_model`.
+        without culled, world_from_parent
     }
     struct CameraState { camera, world_from_view, projection }
     struct LightState { light, position, direction, shadow, attenuation }

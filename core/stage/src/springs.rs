@@ -23,7 +23,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// The grid. 60 Hz is what spring parameters are tuned at; `tests/report` has what finer ones would change.
-pub const SPRING_STEP: Time = Time(Time::TICKS_PER_SECOND / 60);
+const SPRING_STEP: Time = Time(Time::TICKS_PER_SECOND / 60);
 /// Steps after which the motion begins anew, and how many before that it does.
 const STRETCH: i64 = 600 * 60;
 const WARM_UP: i64 = 60 * 60;
@@ -139,7 +139,7 @@ pub(crate) fn run(
         return Ok(());
     }
     let step = time.0.div_euclid(SPRING_STEP.0);
-    advance(stage, foot_locks, kept, simulation, step)?;
+    advance(stage, foot_locks, kept, simulation, step, scratch)?;
     let rest = Time(time.0 - time_of(step).0);
     simulation.shown.resize_with(simulation.states.len(), SpringState::default);
     for (shown, state) in simulation.shown.iter_mut().zip(&simulation.states) {
@@ -150,13 +150,14 @@ pub(crate) fn run(
     Ok(())
 }
 
-/// Brings the simulation to a point of the grid.
+/// Brings the simulation to a point of the grid. `shared`: knows the transforms that are kept where parents change.
 fn advance(
     stage: &Stage,
     foot_locks: &FootLocks,
     kept: &SpringCheckpoints,
     simulation: &mut Simulation,
     step: i64,
+    shared: &actors::Scratch,
 ) -> Result<(), StageError> {
     let (stretch, first) = stretch_of(stage, step);
     let mut at = simulation.at.filter(|at| at.0 == stretch && (first..=step).contains(&at.1)).map(|at| at.1);
@@ -172,6 +173,7 @@ fn advance(
     // Half done it is nothing, should a callback fail on the way.
     simulation.at = None;
     let mut scratch = simulation.scratch.take().unwrap_or_default();
+    scratch.actors.kept_transforms = shared.kept_transforms.clone();
     let mut from = at.map_or(first, |at| at + 1);
     if at.is_none() {
         simulation.states.clear();
@@ -220,7 +222,7 @@ fn swing(
             model_from_joint: &mut placed.model_from_joint,
         }
         .run();
-        if stage.actors.iter().any(|a| a.parent.is_some_and(|p| p.actor == index && p.joint.is_some())) {
+        if scratch.parents.has_on_joints(index) {
             scratch.place(stage, actors);
         }
     }

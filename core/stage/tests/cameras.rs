@@ -115,7 +115,7 @@ fn cuts_keys_and_hooks() {
     close(eye(&stage.at(secs(0.5)).unwrap()), v(0.0, 0.0, 9.0), 1e-12);
 }
 
-/// Vertices of everything visible in clip space: x and y in -1..1 are in the picture. Also the least distance before the eye.
+/// Vertices of everything visible in clip space: x and y in -1..1 are in the image. Also the least distance before the eye.
 fn projected(stage: &Stage, t: f64) -> (DVec3, f64) {
     let snapshot = stage.at(secs(t)).unwrap();
     let view = snapshot.camera.world_from_view.inverse();

@@ -102,9 +102,9 @@ fn hands_follow_props_in_hands_that_follow() {
     stage.actors[boris]
         .constraints
         .push(Constraint::new(ConstraintKind::Reach(reach(Target::Point(v(3.3, 1.8, -1.7))))));
-    stage.actors[prop].parent = Some(Attachment { actor: boris, joint: Some(PALM) });
+    stage.actors[prop].parents = vec![Parenting::always(Attachment { actor: boris, joint: Some(PALM) })];
     stage.actors[prop].transform.scale = DVec3::splat(0.1);
-    stage.actors[lamp].parent = Some(Attachment { actor: 0, joint: Some(PALM) });
+    stage.actors[lamp].parents = vec![Parenting::always(Attachment { actor: 0, joint: Some(PALM) })];
     let offset = Some(v(0.0, 1.0, 0.0));
     stage.actors[0].constraints.push(Constraint::new(ConstraintKind::Reach(ReachConstraint {
         offset,

@@ -20,6 +20,12 @@ fn scene() -> Stage {
     stage
 }
 
+fn on(change: fn(&mut Parenting)) -> Parenting {
+    let mut parent = Parenting::always(Attachment { actor: 0, joint: None });
+    change(&mut parent);
+    parent
+}
+
 #[derive(Debug)]
 struct Named(#[allow(dead_code)] &'static str);
 impl FrameHook for Named {
@@ -35,13 +41,18 @@ fn a_stage_built_twice_has_one_hash_and_every_change_another() {
     let mut warned = scene();
     warned.warnings.push("clip longer than its slot".into());
     assert_eq!(first, warned.content_hash(), "warnings are no content");
-    let changes: [fn(&mut Stage); 20] = [
+    let changes: [fn(&mut Stage); 25] = [
         |s| s.settings.length = secs(5.0),
         |s| s.settings.background = Background::default(),
         |s| s.actors[0].name = "boris".into(),
         |s| s.actors[0].transform.translation.x = -0.0,
-        |s| s.actors[0].parent = Some(Attachment { actor: 0, joint: None }),
-        |s| s.actors[0].parent = Some(Attachment { actor: 0, joint: Some(0) }),
+        |s| s.actors[0].parents = vec![Parenting::always(Attachment { actor: 0, joint: None })],
+        |s| s.actors[0].parents = vec![Parenting::always(Attachment { actor: 0, joint: Some(0) })],
+        |s| s.actors[0].parents = vec![on(|p| p.scale = ParentScale::Inherit)],
+        |s| s.actors[0].parents = vec![on(|p| p.start = Time(1))],
+        |s| s.actors[0].parents = vec![on(|p| p.blend = Time(1))],
+        |s| s.actors[0].parents = vec![on(|p| p.keep = true)],
+        |s| s.actors[0].parents = vec![on(|p| p.placement = Some(Placement::default()))],
         |s| s.actors[0].face = Some(0),
         |s| s.actors[0].tint.w = 0.5,
         |s| s.actors[0].layers.push(Layer::default()),

@@ -32,7 +32,7 @@ fn two_can_face_each_other_and_a_child_faces_in_its_parents_frame() {
     close(facing(&snapshot, anna), way, 1e-12);
     close(facing(&snapshot, boris), -way, 1e-12);
     // On a turned cart at another place she still faces him.
-    stage.actors[anna].parent = Some(Attachment { actor: cart, joint: None });
+    stage.actors[anna].parents = vec![Parenting::always(Attachment { actor: cart, joint: None })];
     stage.actors[boris].face = None;
     let snapshot = stage.at(Time::ZERO).unwrap();
     let way = place(&snapshot, boris) - place(&snapshot, anna);
@@ -51,19 +51,19 @@ fn loops_of_parents_and_of_facing_are_errors() {
     let mut stage = Stage::default();
     let asset = Arc::new(Asset::default());
     let [a, b, c] = ["a", "b", "c"].map(|name| stage.cast(name, asset.clone()));
-    let on = |actor| Some(Attachment { actor, joint: None });
-    stage.actors[a].parent = on(b);
-    stage.actors[b].parent = on(c);
-    stage.actors[c].parent = on(a);
+    let on = |actor| vec![Parenting::always(Attachment { actor, joint: None })];
+    stage.actors[a].parents = on(b);
+    stage.actors[b].parents = on(c);
+    stage.actors[c].parents = on(a);
     let text = "actor \"a\" is attached to itself, through \"b\", \"c\"";
     assert_eq!(stage.at(Time::ZERO).unwrap_err().to_string(), text);
     assert_eq!(stage.check().iter().map(ToString::to_string).collect::<Vec<_>>(), [text]);
-    stage.actors[c].parent = on(c);
+    stage.actors[c].parents = on(c);
     let text = "actor \"c\" is attached to itself, through nothing else";
     assert_eq!(stage.at(Time::ZERO).unwrap_err().to_string(), text);
     // c, carried by a, is what a faces: turning a moves c.
-    stage.actors[a].parent = None;
-    stage.actors[c].parent = on(a);
+    stage.actors[a].parents.clear();
+    stage.actors[c].parents = on(a);
     stage.actors[a].face = Some(c);
     let error = stage.at(Time::ZERO).unwrap_err().to_string();
     assert!(error.starts_with("actor \"a\" cannot face \"c\": where \"c\" stands depends on"), "{error}");
@@ -77,10 +77,11 @@ fn ten_thousand_in_a_chain_are_no_deeper_a_stack() {
         let actor = stage.cast("link", asset.clone());
         stage.actors[actor].transform = Placement::at(1.0, 0.0, 0.0);
         // Each hangs on the next: the worst order.
-        stage.actors[actor].parent = (i < 9_999).then_some(Attachment { actor: i + 1, joint: None });
+        let next = Attachment { actor: i + 1, joint: None };
+        stage.actors[actor].parents = (i < 9_999).then(|| Parenting::always(next)).into_iter().collect();
     }
     close(place(&stage.at(Time::ZERO).unwrap(), 0), v(10_000.0, 0.0, 0.0), 1e-9);
-    stage.actors[9_999].parent = Some(Attachment { actor: 3, joint: None });
+    stage.actors[9_999].parents = vec![Parenting::always(Attachment { actor: 3, joint: None })];
     let error = stage.at(Time::ZERO).unwrap_err().to_string();
     assert!(error.ends_with("\"link\", and 9988 more"), "{error}");
 }
@@ -211,7 +212,7 @@ fn what_is_not_seen_is_not_posed() {
     let mut stage = Stage::default();
     let [anna, sword, boris] =
         [("anna", figure()), ("sword", stick()), ("boris", figure())].map(|(n, a)| stage.cast(n, a));
-    stage.actors[sword].parent = Some(Attachment { actor: anna, joint: Some(HAND) });
+    stage.actors[sword].parents = vec![Parenting::always(Attachment { actor: anna, joint: Some(HAND) })];
     let poses = |stage: &Stage| {
         let mut evaluator = Evaluator::new(Arc::new(stage.clone()));
         let snapshot = evaluator.at(secs(0.5)).unwrap();
@@ -224,7 +225,7 @@ fn what_is_not_seen_is_not_posed() {
     let (count, snapshot) = poses(&stage);
     assert_eq!(count, 2);
     assert!(snapshot.actors[boris].model_from_joint.is_empty() && !snapshot.actors[boris].visible);
-    // Unless joints are asked for, not pictures.
+    // Unless joints are asked for, not images.
     let all = Evaluator::new(Arc::new(stage.clone())).posing_hidden().at(secs(0.5)).unwrap();
     assert_eq!(all.actors[boris].model_from_joint.len(), stage.actors[boris].asset.skeleton.len());
     assert!(!all.actors[boris].visible);

@@ -1,8 +1,8 @@
-//! Other people's characters: every clip stays in its boxes and in the framed picture, heads turn the right way.
+//! Other people's characters: every clip stays in its boxes and in the framed image, heads turn the right way.
 
 mod support;
 use choreo_asset::*;
-use choreo_plugin::{Files, ImportOptions, Importer, Needs, Source};
+use choreo_plugin::{Files, ImportOptions, ImportScope, Importer, Source};
 use choreo_stage::*;
 use glam::{DAffine3, DVec3};
 use std::path::PathBuf;
@@ -25,7 +25,7 @@ fn load(name: &str) -> Option<Arc<Asset>> {
         return None;
     };
     let source = Source { name: name.to_string(), bytes: Arc::new(bytes) };
-    let needs = Needs { geometry: true, clips: true, textures: false, pixels: false };
+    let needs = ImportScope { geometry: true, clips: true, textures: false, pixels: false };
     let importer = import_gltf::GltfImporter::new();
     Some(Arc::new(importer.import(&source, &NoFiles, needs, &ImportOptions::default()).unwrap()))
 }
@@ -88,7 +88,7 @@ fn clips_stay_in_their_boxes_and_in_the_framed_picture() {
             clips += 1;
         }
         println!(
-            "{name}: {clips} clips, reach {widest:.3} of the half picture, boxes up to {slack:.2} times as large"
+            "{name}: {clips} clips, reach {widest:.3} of the half image, boxes up to {slack:.2} times as large"
         );
         assert!(widest > 0.6, "{name} is framed from too far: {widest}");
     }
@@ -124,7 +124,7 @@ fn a_sword_lies_in_the_knights_hand_through_a_clip() {
     stage.cast("sword", stick());
     stage.play(0, Cue::new(asset.clips[asset.clips.len() / 2].clone()));
     stage.actors[0].transform = Placement::at(1e5, 0.0, 0.0);
-    stage.actors[1].parent = Some(Attachment { actor: 0, joint: Some(hand) });
+    stage.actors[1].parents = vec![Parenting::always(Attachment { actor: 0, joint: Some(hand) })];
     for i in 0..20 {
         let snapshot = stage.at(secs(f64::from(i) * 0.13)).unwrap();
         close(snapshot.actors[1].world_from_model.translation, joint_world(&snapshot, 0, hand), 1e-9);

@@ -16,7 +16,7 @@ fn scene() -> Stage {
     let sword = stage.cast("sword", stick());
     stage.actors[boris].transform = Placement::at(2.0, 0.0, 0.0);
     stage.actors[boris].face = Some(anna);
-    stage.actors[sword].parent = Some(Attachment { actor: anna, joint: Some(HAND) });
+    stage.actors[sword].parents = vec![Parenting::always(Attachment { actor: anna, joint: Some(HAND) })];
     stage.actors[boris].look_at.push(LookAt::new(HEAD, Target::Joint { actor: anna, joint: HAND }));
     for (i, start) in [0.0, 1.0, 1.7, 4.0].into_iter().enumerate() {
         let cue = Cue { start: secs(start), fade_in: secs(0.9), speed: 1.1, ..Cue::new(f.clips[i].clone()) };

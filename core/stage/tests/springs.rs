@@ -123,7 +123,7 @@ fn the_start_is_settled_and_a_pre_roll_begins_earlier() {
 fn springs_follow_springs_that_carry_them_and_goals_come_first() {
     let mut stage = stage();
     let bell = stage.cast("bell", dog());
-    stage.actors[bell].parent = Some(Attachment { actor: 0, joint: Some(4) });
+    stage.actors[bell].parents = vec![Parenting::always(Attachment { actor: 0, joint: Some(4) })];
     stage.actors[bell].springs = Some(Arc::new(springs()));
     let snapshot = stage.at(secs(2.2)).unwrap();
     // It hangs on the swung tip.
@@ -203,4 +203,18 @@ fn check_names_bad_springs() {
             "actor \"rex\", springs: the wind is [NaN, NaN, NaN], must be finite"
         ]
     );
+}
+
+#[test]
+fn a_joint_that_swings_lets_go_without_a_jump() {
+    let mut stage = stage();
+    let bell = stage.cast("bell", stick());
+    let on_tail = Attachment { actor: 0, joint: Some(4) };
+    stage.actors[bell].parents = vec![Parenting::always(on_tail), Parenting::from(None, secs(0.7))];
+    let place = |stage: &Stage, time: Time| stage.at(time).unwrap().actors[bell].world_from_model.translation;
+    let mut stiff = stage.clone();
+    stiff.actors[0].springs = None;
+    let swung = place(&stage, secs(0.7)).distance(place(&stiff, secs(0.7)));
+    let jump = place(&stage, secs(0.7)).distance(place(&stage, secs(0.7) + Time(1)));
+    assert!(swung > 0.01 && jump < 1e-7, "swung by {swung} m, jumps by {jump} m");
 }

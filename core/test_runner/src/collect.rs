@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 /// Files beyond this are a slip of the hand (`choreo test /`).
 const MOST_FILES: usize = 20_000;
-/// Folders that hold no tests of their own: modules are imported, pictures compared, the rest is not ours.
+/// Folders that hold no tests of their own: modules are imported, images compared, the rest is not ours.
 const PASSED_OVER: &[&str] = &["modules", "pictures", "target", "node_modules"];
 /// Plugins in Rhai are no tests.
 const PLUGIN: &str = ".importer.rhai";

@@ -1,5 +1,6 @@
 //! What a run of one section showed: plain data that every report reads.
 
+use choreo_image_diff::ImageDifference;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -93,7 +94,7 @@ pub struct Trace {
     pub mark: Option<f64>,
 }
 
-/// A picture expectation's three pictures, as PNG files, and by how much they differ.
+/// An image expectation's three images, as PNG files, and by how much they differ.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Pictures {
     /// The picture's name in the script.
@@ -126,11 +127,27 @@ pub struct Measures {
     pub worst_at: [u32; 2],
     /// Smallest box with every pixel beyond the tolerance: x, y, width, height.
     pub region: Option<[u32; 4]>,
-    /// What the eye sees when the pictures alternate (ꟻLIP), 0 = nothing, 1 = as different as can be: mean and largest.
+    /// What the eye sees when the images alternate (ꟻLIP), 0 = nothing, 1 = as different as can be: mean and largest.
     pub visible_mean: f64,
     pub visible_worst: f64,
     /// What that means to a viewer.
     pub words: String,
+}
+
+impl Measures {
+    pub(crate) fn of(difference: &ImageDifference) -> Measures {
+        let ImageDifference { pixels, visible, .. } = difference;
+        Measures {
+            share_beyond: pixels.share_beyond,
+            tolerance: pixels.tolerance,
+            worst: pixels.worst,
+            worst_at: pixels.worst_at,
+            region: pixels.region,
+            visible_mean: visible.mean,
+            visible_worst: visible.worst,
+            words: visible.words().to_string(),
+        }
+    }
 }
 
 impl std::fmt::Display for Place {

@@ -1,4 +1,4 @@
-//! Draws the picture of a stage at a time: on the CPU renderer, which gives the same bytes everywhere, or on Vulkan.
+//! Draws the image of a stage at a time: on the CPU renderer, which gives the same bytes everywhere, or on Vulkan.
 
 use choreo_motion::Time;
 use choreo_plugin::{Effect, Frame};
@@ -11,18 +11,18 @@ use choreo_stage::{Evaluator, Stage};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A test picture is small: this much is room for a "large" one, and keeps a slip of the hand from filling the memory.
+/// A test image is small: this much is room for a "large" one, and keeps a slip of the hand from filling the memory.
 pub const MOST_PIXELS: u64 = 4 << 20;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Device {
-    /// Our own renderer: the reference of all test pictures unless they say otherwise.
+    /// Our own renderer: the reference of all test images unless they say otherwise.
     #[default]
     Cpu,
     Vulkan,
 }
 
-/// Why there is no picture.
+/// Why there is no image.
 #[derive(Clone, Debug, PartialEq)]
 pub enum NoPicture {
     /// This machine has no such device; complete, with what to install.
@@ -35,11 +35,11 @@ pub struct Painter {
     effects: Vec<Arc<dyn Effect>>,
     /// Folder in which compiled pipelines are kept between runs.
     gpu_cache: Option<PathBuf>,
-    /// Vulkan under the validation layer; what it says makes a picture fail.
+    /// Vulkan under the validation layer; what it reports makes an image fail.
     pub validation: bool,
     cpu: Option<CpuRenderer>,
     vulkan: Option<Result<Box<VulkanRenderer>, NoPicture>>,
-    /// What each of the two holds: pictures of one stage often follow each other.
+    /// What each of the two holds: images of one stage often follow each other.
     loaded: [Option<(Arc<Stage>, Arc<SceneResources>)>; 2],
 }
 
@@ -84,18 +84,18 @@ impl Painter {
         Ok(())
     }
 
-    /// The picture, and the class of device that drew it (see [`device_class`]).
+    /// The image, and the class of device that drew it (see [`device_class`]).
     pub fn draw(&mut self, stage: &Arc<Stage>, shot: &Shot) -> Result<(Frame, String), NoPicture> {
         let [width, height] = shot.size;
         let pixels = u64::from(width) * u64::from(height);
         if pixels == 0 || pixels > MOST_PIXELS {
             return Err(NoPicture::Failed(format!(
-                "a test picture of {width}x{height} pixels: it must have 1 to {MOST_PIXELS}; give a smaller size: #{{ size: [256, 144] }}"
+                "a test image of {width}x{height} pixels: it must have 1 to {MOST_PIXELS}; give a smaller size: #{{ size: [256, 144] }}"
             )));
         }
         let mut stage = stage.clone();
         if stage.settings.size != shot.size {
-            // The stage too: a camera that frames what it sees does so for the shape of this picture.
+            // The stage too: a camera that frames what it sees does so for the shape of this image.
             Arc::make_mut(&mut stage).settings.size = shot.size;
         }
         let failed = |e: RenderError| NoPicture::Failed(e.to_string());
@@ -151,7 +151,7 @@ fn start_vulkan(options: GpuOptions) -> Result<Box<VulkanRenderer>, NoPicture> {
     }
 }
 
-/// Pictures of one class compare without asking: `cpu`, which is the same everywhere, or
+/// Images of one class compare without asking: `cpu`, which is the same everywhere, or
 /// `vulkan:DEVICE/DRIVER` with the driver's version.
 pub fn device_class(info: &DeviceInfo) -> String {
     match info.kind {

@@ -1,25 +1,20 @@
-//! `expect_picture`: a stage drawn at a time, against the picture stored beside its test.
+//! `expect_picture`: a stage drawn at a time, against the image stored beside its test.
 
 use crate::outcome::{Check, Evidence, Measures, Pictures, Place};
 use crate::painter::{Device, NoPicture, Painter, Shot};
 use crate::stored::{self, MOST_BYTES, Stored, Unreadable};
 use choreo_files::write_whole_beneath;
-use choreo_image_diff::{compare, difference_image};
-use choreo_image_diff::{flip, flip_heatmap};
+use choreo_image_diff::{ImageDifference, difference_image, flip_heatmap};
 use choreo_plugin::Frame;
 use choreo_script::testing::PictureExpectation;
 use choreo_stage::Stage;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What passes where the script says nothing: what nobody sees side by side, and hardly anybody when the pictures alternate.
-pub const TOLERANCE: u8 = 4;
-pub const SHARE: f64 = 0.001;
-pub const VISIBLE: f64 = choreo_image_diff::ALTERNATING;
-/// Pixels of a picture whose script gives no size.
+/// Pixels of an image whose script gives no size.
 const LARGEST_SIDE: u32 = 256;
 
-/// Which pictures are taken over as the expected ones.
+/// Which images are taken over as the expected ones.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Accept {
     #[default]
@@ -39,19 +34,19 @@ impl Accept {
     }
 }
 
-/// How pictures are compared in this run.
+/// How images are compared in this run.
 #[derive(Clone, Debug, Default)]
 pub struct PictureOptions {
     pub accept: Accept,
     /// Instead of what the scripts say.
     pub device: Option<Device>,
-    /// Pictures accepted on another device count too.
+    /// Images accepted on another device count too.
     pub any_device: bool,
     /// Folder for images of failures, if any.
     pub failures: Option<PathBuf>,
 }
 
-/// Whose picture it is.
+/// Whose image it is.
 pub struct Whose<'a> {
     pub path: &'a Path,
     /// File and section as the user names them.
@@ -78,7 +73,7 @@ pub fn judge(
     let stored_at = stored::place(whose.path, &wanted.name);
     let mut check = Check {
         place: whose.place.clone(),
-        title: format!("picture \"{}\" at {} s", wanted.name, wanted.at.as_secs()),
+        title: format!("image \"{}\" at {} s", wanted.name, wanted.at.as_secs()),
         passed: false,
         expected: crate::collect::shown(&stored_at),
         got: String::new(),
@@ -159,16 +154,16 @@ impl Failing<'_> {
         (check.expected, check.by) = match finding {
             Finding::Good(words) => (shown, words),
             Finding::Missing => {
-                (format!("{shown}, which is not there yet"), "no picture has been accepted".into())
+                (format!("{shown}, which is not there yet"), "no image has been accepted".into())
             }
             Finding::Damaged(why) => {
                 check.hint = "restore it from version control, or accept what came".into();
-                (format!("{shown}, which cannot be read: {why}"), "the stored picture is damaged".into())
+                (format!("{shown}, which cannot be read: {why}"), "the stored image is damaged".into())
             }
             Finding::OtherDevice(device) => {
                 let device = if device.is_empty() { "an unknown device".to_string() } else { device };
                 check.hint = "to compare all the same: --any-device".into();
-                let by = "pictures of different devices are not compared";
+                let by = "images of different devices are not compared";
                 (format!("{shown}, accepted on {device}"), by.into())
             }
             Finding::OtherSize((stored, bytes)) => {
@@ -177,19 +172,15 @@ impl Failing<'_> {
                 (format!("{shown}, {width}x{height} pixels"), "the sizes differ".into())
             }
             Finding::Differs(found) => {
-                let by = describe(&found.measures, [self.frame.width, self.frame.height]);
-                let expected = format!(
-                    "{shown}: at most {} % of pixels more than {} steps off, visible difference at most {}",
-                    found.share * 100.0,
-                    found.measures.tolerance,
-                    found.visible
-                );
+                let by = found.difference.describe();
+                let expected = format!("{shown}: {}", found.difference.allowed(&self.wanted.limits));
                 if let Ok(difference) = difference_image(&found.expected, self.frame) {
                     pictures.difference = stored::encode(&difference, &[]).unwrap_or_default();
                 }
                 pictures.expected = found.bytes;
-                pictures.seen = stored::encode(&found.seen, &[]).unwrap_or_default();
-                pictures.measures = Some(found.measures);
+                let seen = flip_heatmap(&found.difference.visible, found.difference.size);
+                pictures.seen = stored::encode(&seen, &[]).unwrap_or_default();
+                pictures.measures = Some(Measures::of(&found.difference));
                 (expected, by)
             }
         };
@@ -198,14 +189,14 @@ impl Failing<'_> {
 
 fn too_heavy(bytes: usize) -> String {
     format!(
-        "the picture takes {:.1} KiB as PNG, at most {} are kept; make it smaller (size), or say that it is meant: #{{ large: true }}",
+        "the image takes {:.1} KiB as PNG, at most {} are kept; make it smaller (size), or say that it is meant: #{{ large: true }}",
         bytes as f64 / 1024.0,
         MOST_BYTES >> 10
     )
 }
 
-/// `Check::by` of a picture that has just been taken over.
-pub const ACCEPTED: &str = "accepted now";
+/// `Check::by` of an image that has just been taken over.
+pub(crate) const ACCEPTED: &str = "accepted now";
 
 #[derive(Debug, thiserror::Error)]
 #[error("unknown device \"{0}\"; there are \"cpu\" and \"vulkan\"")]
@@ -241,7 +232,7 @@ enum Finding {
     Missing,
     Damaged(String),
     OtherDevice(String),
-    /// The stored picture and its file.
+    /// The stored image and its file.
     OtherSize((Stored, Vec<u8>)),
     Differs(Box<Found>),
 }
@@ -249,12 +240,7 @@ enum Finding {
 struct Found {
     expected: Frame,
     bytes: Vec<u8>,
-    measures: Measures,
-    /// Visible differences by FLIP, as an image.
-    seen: Frame,
-    /// What was allowed.
-    share: f64,
-    visible: f64,
+    difference: ImageDifference,
 }
 
 fn find(
@@ -287,70 +273,20 @@ fn against(
     if expected.frame == *frame {
         return Finding::Good("equal, bit for bit".into());
     }
-    let tolerance = wanted.tolerance.unwrap_or(TOLERANCE);
-    let share = wanted.share.unwrap_or(SHARE);
-    let allowed = wanted.visible.unwrap_or(VISIBLE);
-    let (Ok(comparison), Ok(visible)) =
-        (compare(&expected.frame, frame, tolerance), flip(&expected.frame, frame))
-    else {
+    let Ok(difference) = ImageDifference::new(&expected.frame, frame, wanted.tolerance) else {
         return Finding::OtherSize((expected, bytes));
     };
-    let measures = Measures {
-        share_beyond: comparison.share_beyond,
-        tolerance,
-        worst: comparison.worst,
-        worst_at: comparison.worst_at,
-        region: comparison.region,
-        visible_mean: visible.mean,
-        visible_worst: visible.worst,
-        words: visible.words().to_string(),
-    };
-    match comparison.share_beyond <= share && visible.worst <= allowed {
-        true => Finding::Good(describe(&measures, [frame.width, frame.height])),
-        false => Finding::Differs(Box::new(Found {
-            expected: expected.frame,
-            bytes,
-            measures,
-            seen: flip_heatmap(&visible, [frame.width, frame.height]),
-            share,
-            visible: allowed,
-        })),
+    match difference.within(&wanted.limits) {
+        true => Finding::Good(difference.describe()),
+        false => Finding::Differs(Box::new(Found { expected: expected.frame, bytes, difference })),
     }
-}
-
-/// Both measures, each with words.
-pub fn describe(m: &Measures, [w, h]: [u32; 2]) -> String {
-    let pixels = f64::from(w) * f64::from(h);
-    let beyond = libm::round(m.share_beyond * pixels);
-    let part = match m.share_beyond {
-        0.0 => "none",
-        s if s <= 0.0005 => "single ones",
-        s if s <= 0.01 => "a spot, or edges",
-        s if s <= 0.2 => "a part of the picture",
-        _ => "much of the picture",
-    };
-    let region = match m.region {
-        Some([x, y, w, h]) => format!(" within {w}x{h} at ({x}, {y})"),
-        None => String::new(),
-    };
-    format!(
-        "{}: visible difference {:.3} at worst, {:.4} in the mean; {beyond} of {pixels} pixels ({:.3} %: {part}) more than {} steps off{region}, the worst {} at ({}, {})",
-        m.words,
-        m.visible_worst,
-        m.visible_mean,
-        m.share_beyond * 100.0,
-        m.tolerance,
-        m.worst,
-        m.worst_at[0],
-        m.worst_at[1],
-    )
 }
 
 fn hint(check: &mut Check, text: String) {
     check.hint = if check.hint.is_empty() { text } else { format!("{}; {text}", check.hint) };
 }
 
-/// The three pictures where a person can open them.
+/// The three images where a person can open them.
 fn write(folder: &Path, file: &str, pictures: &mut Pictures, check: &mut Check) {
     for (kind, bytes) in
         [("expected", &pictures.expected), ("got", &pictures.got), ("difference", &pictures.difference)]

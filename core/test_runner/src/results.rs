@@ -1,7 +1,7 @@
 //! Outcomes of earlier runs, for `--changed`: a section that passed is not run again while all that it depends on is the same.
 //!
 //! What counts: the program itself, the options of the run, the section's text and what stands around the sections of its file, every
-//! file that it read and the pictures that it was compared with, by content; and which of the folders that could have
+//! file that it read and the images that it was compared with, by content; and which of the folders that could have
 //! given such a file had none. Not kept: failures, skips, and sections that expect an error, since the file that
 //! would end the error is not known by name.
 

@@ -42,9 +42,9 @@ pub struct Report {
     pub seconds: f64,
     /// Every file that was read, for those who watch them; canonical.
     pub files: BTreeSet<PathBuf>,
-    /// Names of all pictures that were compared.
+    /// Names of all images that were compared.
     pub pictures: BTreeSet<String>,
-    /// Stored pictures of the files run that no section asks for.
+    /// Stored images of the files run that no section asks for.
     pub unused: Vec<PathBuf>,
 }
 
@@ -59,7 +59,7 @@ pub struct Counts {
     pub reused: usize,
     pub checks: usize,
     pub warnings: usize,
-    /// Pictures taken over as the expected ones.
+    /// Images taken over as the expected ones.
     pub accepted: usize,
 }
 
@@ -96,12 +96,12 @@ impl Report {
     }
 }
 
-/// Runs the sections. `told` gets every outcome in order, as soon as it and all before it are known.
+/// Runs the sections. `on_outcome` gets every outcome in order, as soon as it and all before it are known.
 pub fn run(
     cases: &[Case],
     registry: &Registry,
     options: &RunOptions,
-    told: &mut (dyn FnMut(&Outcome) + Send),
+    on_outcome: &mut (dyn FnMut(&Outcome) + Send),
 ) -> Report {
     let start = Instant::now();
     let results = options.results.as_ref().map(|folder| {
@@ -120,12 +120,12 @@ pub fn run(
     let next = AtomicUsize::new(0);
     let teller = Mutex::new(Teller {
         waiting: BTreeMap::new(),
-        told,
+        on_outcome,
         report: Report::default(),
         claims: BTreeMap::new(),
     });
     let worker = || {
-        // A few sections on many cores: each picture is drawn by several threads.
+        // A few sections on many cores: each image is drawn by several threads.
         let pool = rayon::ThreadPoolBuilder::new().num_threads((jobs / workers).max(1)).build();
         let mut painter = Painter::new(registry.effects(), options.gpu_cache.clone());
         loop {
@@ -209,9 +209,9 @@ fn broken(case: &Case, panic: &(dyn std::any::Any + Send)) -> Ran {
 /// Puts what comes in any order back into order.
 struct Teller<'a> {
     waiting: BTreeMap<usize, Ran>,
-    told: &'a mut (dyn FnMut(&Outcome) + Send),
+    on_outcome: &'a mut (dyn FnMut(&Outcome) + Send),
     report: Report,
-    /// Stored pictures, and the section whose they are.
+    /// Stored images, and the section whose they are.
     claims: BTreeMap<PathBuf, String>,
 }
 
@@ -221,7 +221,7 @@ impl Teller<'_> {
         while let Some(mut ran) = self.waiting.remove(&self.report.outcomes.len()) {
             self.claim(&mut ran);
             self.report.files.extend(ran.files.into_iter().map(|(path, _)| path));
-            (self.told)(&ran.outcome);
+            (self.on_outcome)(&ran.outcome);
             self.report.outcomes.push(ran.outcome);
         }
     }
@@ -234,10 +234,10 @@ impl Teller<'_> {
             let stem = path.file_stem().unwrap_or_default().to_string_lossy();
             ran.outcome.checks.push(Check {
                 place: ran.outcome.place.clone(),
-                title: format!("picture \"{stem}\" has its name for itself"),
+                title: format!("image \"{stem}\" has its name for itself"),
                 passed: false,
                 expected: "names that differ within a file".into(),
-                got: format!("{owner} has a picture of this name too"),
+                got: format!("{owner} has an image of this name too"),
                 by: String::new(),
                 hint: "give one of them another name".into(),
                 evidence: Evidence::None,
@@ -249,7 +249,7 @@ impl Teller<'_> {
     }
 }
 
-/// Stored pictures that nothing asks for, of files whose sections have all been judged.
+/// Stored images that nothing asks for, of files whose sections have all been judged.
 fn unused(cases: &[Case], report: &Report, claims: &BTreeMap<PathBuf, String>) -> Vec<PathBuf> {
     let mut found = Vec::new();
     let mut files: BTreeMap<&PathBuf, (usize, usize, bool)> = BTreeMap::new();

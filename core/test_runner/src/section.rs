@@ -16,11 +16,11 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// The outcome, and what it rests on.
-pub struct Ran {
+pub(crate) struct Ran {
     pub outcome: Outcome,
     /// Canonical, with content hashes; sorted.
     pub files: Vec<(PathBuf, [u8; 32])>,
-    /// Stored pictures that it is compared with, with the content hash of what was read of each.
+    /// Stored images that it is compared with, with the content hash of what was read of each.
     pub pictures: Vec<(PathBuf, Option<[u8; 32]>)>,
     /// May be taken over by a later run that finds nothing changed.
     pub keep: bool,
@@ -157,8 +157,8 @@ fn judge(
         }
     }
     // Most warnings are failed checks already.
-    let told = |d: &&Diagnostic| outcome.checks.iter().any(|c| !c.passed && c.got == d.message);
-    outcome.warnings = run.warnings.iter().filter(|d| !told(d)).map(ToString::to_string).collect();
+    let reported = |d: &&Diagnostic| outcome.checks.iter().any(|c| !c.passed && c.got == d.message);
+    outcome.warnings = run.warnings.iter().filter(|d| !reported(d)).map(ToString::to_string).collect();
     // In the order of the script; checks of the file as a whole come first.
     outcome.checks.sort_by_key(|c| match c.place.file == run.info.file {
         true => (c.place.line, c.place.column),
@@ -189,7 +189,7 @@ fn drawable(case: &Case, stage: &Arc<Stage>, painter: &mut Painter) -> Check {
         place: Place { file: case.file.clone(), line: 0, column: 0 },
         title: format!("can be drawn, at {} s", middle.as_secs()),
         passed,
-        expected: "a picture".into(),
+        expected: "an image".into(),
         got,
         by: String::new(),
         hint: String::new(),

@@ -1,12 +1,12 @@
-//! Pictures as they lie beside the tests: PNG files that say on which class of device they were accepted.
+//! Images as they lie beside the tests: PNG files that say on which class of device they were accepted.
 
 use choreo_files::{FileError, Folder, WriteError, write_whole_beneath};
 use choreo_plugin::Frame;
 use std::path::{Path, PathBuf};
 
-/// What a stored picture may weigh unless it is marked as large: they are kept in version control for ever.
+/// What a stored image may weigh unless it is marked as large: they are kept in version control for ever.
 pub const MOST_BYTES: usize = 20 << 10;
-/// Nothing that could be a test picture is larger; read no more of what lies there.
+/// Nothing that could be a test image is larger; read no more of what lies there.
 const MOST_FILE_BYTES: u64 = 64 << 20;
 
 const DEVICE: &str = "choreo:device";
@@ -32,7 +32,7 @@ pub enum DecodeError {
     Truncated,
     #[error(transparent)]
     Png(png::DecodingError),
-    #[error("{0}x{1} pixels are no test picture")]
+    #[error("{0}x{1} pixels are no test image")]
     Dimensions(u32, u32),
     #[error("it is too large")]
     TooLarge,
@@ -59,7 +59,7 @@ pub struct NotWritten {
     error: WriteError,
 }
 
-/// `tests/suite/walk.rhai` keeps its picture "start" in `tests/suite/pictures/walk/start.png`.
+/// `tests/suite/walk.rhai` keeps its image "start" in `tests/suite/pictures/walk/start.png`.
 pub fn place(test_file: &Path, name: &str) -> PathBuf {
     let stem = test_file.file_stem().unwrap_or_default();
     test_file.with_file_name("pictures").join(stem).join(format!("{name}.png"))
@@ -81,7 +81,7 @@ fn beside(path: &Path) -> Result<Vec<u8>, FileError> {
     Folder::open(folder)?.read(inside, MOST_FILE_BYTES)
 }
 
-/// The picture in a PNG file's bytes, 8 bits a channel; else why not, without the file's name.
+/// The image in a PNG file's bytes, 8 bits a channel; else why not, without the file's name.
 pub fn decode(bytes: &[u8]) -> Result<Stored, DecodeError> {
     let mut decoder = png::Decoder::new(std::io::Cursor::new(bytes));
     decoder.set_transformations(png::Transformations::normalize_to_color8() | png::Transformations::ALPHA);
@@ -139,12 +139,12 @@ pub fn encode(frame: &Frame, texts: &[(&str, &str)]) -> Result<Vec<u8>, png::Enc
     Ok(bytes)
 }
 
-/// A picture as it is to be stored. `name`: file and section, for readers who find the image alone.
+/// An image as it is to be stored. `name`: file and section, for readers who find the image alone.
 pub fn encode_accepted(frame: &Frame, device: &str, name: &str) -> Result<Vec<u8>, png::EncodingError> {
     encode(frame, &[(DEVICE, device), ("choreo:test", name)])
 }
 
-/// Writes the bytes of a picture to its [`place`], through no link on the way from the test's folder.
+/// Writes the bytes of an image to its [`place`], through no link on the way from the test's folder.
 pub fn write(test_file: &Path, name: &str, bytes: &[u8]) -> Result<(), NotWritten> {
     let (folder, place) = (test_file.parent().unwrap_or(Path::new("")), place(test_file, name));
     let beneath = place.strip_prefix(folder).unwrap_or(&place);
@@ -198,7 +198,7 @@ mod tests {
         assert_eq!(std::fs::read_dir(dir.path().join("pictures/walk")).unwrap().count(), 1);
     }
 
-    /// Each folder on the way to the picture, and the picture itself.
+    /// Each folder on the way to the image, and the image itself.
     #[test]
     #[cfg(unix)]
     fn a_picture_is_written_through_no_link() {

@@ -1,5 +1,6 @@
-//! Picture expectations, each kind of fault planted.
+//! Image expectations, each kind of fault planted.
 
+use choreo_image_diff::METRICS;
 use choreo_motion::Time;
 use choreo_plugin::Registry;
 use choreo_render::CpuRenderer;
@@ -30,16 +31,23 @@ struct Bench {
     options: PictureOptions,
 }
 
+/// The default limits, but for these metrics.
+fn limits(changed: &[(&str, f64)]) -> [f64; METRICS.len()] {
+    METRICS.map(|metric| {
+        let limit = changed.iter().find(|(name, _)| *name == metric.name);
+        limit.map_or(metric.limit, |(_, limit)| *limit)
+    })
+}
+
 impl Bench {
     fn new() -> Bench {
         let folder = tempfile::tempdir().unwrap();
         let registry = Registry::default();
         let script = run_text("s.rhai", SCRIPT, folder.path(), &registry, &ScriptOptions::default()).unwrap();
         let wanted = PictureExpectation {
-            name: "start".into(),
             at: Time::from_secs(0.5),
             size: Some([96, 54]),
-            ..PictureExpectation::default()
+            ..PictureExpectation::new("start")
         };
         let options =
             PictureOptions { failures: Some(folder.path().join("out")), ..PictureOptions::default() };
@@ -102,7 +110,7 @@ fn an_accepted_picture_passes_bit_for_bit_and_says_where_it_is_from() {
     let missing = bench.check();
     assert!(!missing.passed);
     assert!(missing.expected.ends_with("pictures/walk/start.png, which is not there yet"), "{missing:?}");
-    assert_eq!((missing.by.as_str(), missing.hint.as_str()), ("no picture has been accepted", ""));
+    assert_eq!((missing.by.as_str(), missing.hint.as_str()), ("no image has been accepted", ""));
     assert!(pictures(&missing).expected.is_empty() && !pictures(&missing).got.is_empty());
     let accepted = bench.accept();
     assert_eq!((accepted.passed, accepted.by.as_str()), (true, "accepted now"));
@@ -141,7 +149,7 @@ fn a_planted_block_of_pixels_is_found_where_it_is() {
     assert_eq!((m.region, m.worst), (Some([40, 20, 4, 3]), 64));
     assert!((m.share_beyond - 12.0 / (96.0 * 54.0)).abs() < 1e-12);
     assert!(m.visible_worst > 0.3, "{m:?}");
-    assert!(check.by.starts_with("visible side by side, in a part of the picture: "), "{}", check.by);
+    assert!(check.by.starts_with("visible side by side, in a part of the image: "), "{}", check.by);
     assert!(
         check.by.contains(
             "12 of 5184 pixels (0.231 %: a spot, or edges) more than 4 steps off within 4x3 at (40, 20)"
@@ -149,7 +157,7 @@ fn a_planted_block_of_pixels_is_found_where_it_is() {
         "{}",
         check.by
     );
-    // The three pictures lie where it says; the difference shows the block and nothing else.
+    // The three images lie where it states; the difference shows the block and nothing else.
     let [expected, got, difference] = p.written.as_slice() else { panic!("{:?}", p.written) };
     assert!(expected.ends_with("out/tests_walk/start.expected.png"), "{expected:?}");
     assert_ne!(open(expected), open(got));
@@ -166,17 +174,18 @@ fn what_nobody_sees_passes_and_what_is_allowed_can_be_said() {
     let check = bench.check();
     assert!(check.passed, "{}", check.by);
     assert!(check.by.starts_with("not visible, even when the two alternate: "), "{}", check.by);
-    bench.wanted.visible = Some(0.0);
+    let default = std::mem::replace(&mut bench.wanted.limits, limits(&[("visible", 0.0)]));
     assert!(!bench.check().passed);
-    bench.wanted.visible = None;
+    bench.wanted.limits = default;
     // A darker picture: 8 steps everywhere.
     bench.accept();
     bench.plant(|_, _, p| p.iter_mut().take(3).for_each(|v| *v = v.saturating_sub(12)));
     assert!(!bench.check().passed);
-    (bench.wanted.tolerance, bench.wanted.visible) = (Some(16), Some(0.6));
+    (bench.wanted.tolerance, bench.wanted.limits) = (16, limits(&[("visible", 0.6)]));
     assert!(bench.check().passed);
-    bench.wanted.tolerance = Some(4);
-    bench.wanted.share = Some(1.0);
+    bench.wanted.tolerance = 4;
+    assert!(!bench.check().passed);
+    bench.wanted.limits = limits(&[("visible", 0.6), ("share", 1.0)]);
     assert!(bench.check().passed);
 }
 
@@ -221,8 +230,8 @@ fn damaged_wrong_and_heavy_pictures_are_told() {
     let bytes = std::fs::read(bench.stored()).unwrap();
     std::fs::write(bench.stored(), &bytes[..bytes.len() / 2]).unwrap();
     let check = bench.check();
-    assert!(!check.passed && check.by == "the stored picture is damaged", "{check:?}");
-    std::fs::write(bench.stored(), b"not a picture").unwrap();
+    assert!(!check.passed && check.by == "the stored image is damaged", "{check:?}");
+    std::fs::write(bench.stored(), b"not an image").unwrap();
     assert!(!bench.check().passed);
     assert!(matches!(stored::read(&bench.stored()), Err(Unreadable::Damaged(_))));
     // A damaged one can be replaced.
@@ -243,7 +252,7 @@ fn damaged_wrong_and_heavy_pictures_are_told() {
 
     bench.wanted.size = Some([100_000, 100_000]);
     let check = bench.check();
-    assert!(!check.passed && check.got.contains("a test picture of 100000x100000 pixels"), "{check:?}");
+    assert!(!check.passed && check.got.contains("a test image of 100000x100000 pixels"), "{check:?}");
     bench.wanted.device = Some("gpu".into());
     assert!(bench.check().got.starts_with("unknown device \"gpu\""));
 }
@@ -270,12 +279,12 @@ fn vulkan_pictures_carry_device_and_driver() {
             assert!(device.starts_with("vulkan:") && device.contains('/'), "{device}");
             let check = bench.check();
             assert_eq!((check.passed, check.by.as_str()), (true, "equal, bit for bit"));
-            // The CPU renderer's picture of the same scene is close, but of another device.
+            // The CPU renderer's image of the same scene is close, but of another device.
             bench.options.device = Some(Device::Cpu);
             let check = bench.check();
             assert!(!check.passed && check.expected.contains("accepted on vulkan:"), "{check:?}");
             bench.options.any_device = true;
-            (bench.wanted.share, bench.wanted.visible) = (Some(0.01), Some(0.5));
+            bench.wanted.limits = limits(&[("share", 0.01), ("visible", 0.5)]);
             let check = bench.check();
             assert!(check.passed, "{check:?}");
         }

@@ -90,7 +90,7 @@ fn nothing_fails_without_a_fault() {
     let checks = checks(&scene("", ""));
     assert!(checks.iter().all(|c| c.passed), "{}", failures(&checks).join("\n"));
     assert_eq!(checks.len(), 18);
-    // What has passed says by how much it was off from nothing, and keeps no curves.
+    // What has passed states by how much it was off from nothing, and keeps no curves.
     assert!(checks.iter().all(|c| c.by.is_empty() && c.evidence == Evidence::None));
 }
 

@@ -109,7 +109,7 @@ fn every_change_that_counts_is_noticed() {
         ("asset", Box::new(|b| std::fs::write(&b.asset, b"Asset").unwrap()), false),
         ("asset gone", Box::new(|b| std::fs::remove_file(&b.asset).unwrap()), false),
         ("picture", Box::new(|b| std::fs::write(&b.picture, b"Picture").unwrap()), false),
-        ("picture gone", Box::new(|b| std::fs::remove_file(&b.picture).unwrap()), false),
+        ("image gone", Box::new(|b| std::fs::remove_file(&b.picture).unwrap()), false),
         // In a folder that is looked into before the asset's.
         ("shadow", Box::new(|b| std::fs::write(b.folder.path().join("asset.bin"), b"x").unwrap()), false),
         (
@@ -149,7 +149,7 @@ fn a_text_that_nobody_ran_is_not_kept() {
     }
 }
 
-/// A stored picture was replaced after it was compared: what passed is the one from before.
+/// A stored image was replaced after it was compared: what passed is the one from before.
 #[test]
 fn a_picture_that_nobody_compared_is_not_kept() {
     let bench = Bench::new();

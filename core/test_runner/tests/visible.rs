@@ -11,7 +11,7 @@ fn dance(number: u32) -> Frame {
     stored::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap().0.frame
 }
 
-/// Where somebody's face is, in the third picture.
+/// Where somebody's face is, in the third image.
 const FACE: [u32; 2] = [200, 68];
 
 fn changed(change: impl Fn(u32, u32, &mut [u8])) -> Frame {
@@ -59,7 +59,7 @@ fn words_follow_what_a_person_sees() {
         ("4×4 pixels 4 steps brighter", block(4, 4), "not visible side by side"),
         ("4×4 pixels 64 steps brighter", block(4, 64), "visible side by side"),
         ("all one pixel to the right", shifted(), "visible"),
-        ("another moment of the scene", dance(4), "different pictures"),
+        ("another moment of the scene", dance(4), "different images"),
     ];
     let mut wrong = Vec::new();
     println!("| fault | largest | mean | words | pixels > 4 steps |\n|---|---|---|---|---|");

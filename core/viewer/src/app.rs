@@ -23,7 +23,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Larger pictures are for `render`.
+/// Larger images are for `render`.
 const LARGEST: u32 = 4096;
 
 /// How actors are shown here, whatever the script says.
@@ -162,7 +162,7 @@ impl Viewer {
         self.check_wanted();
     }
 
-    /// A frame that was drawn; gives its pixels, to be shown in its view. What could not be drawn leaves the last picture.
+    /// A frame that was drawn; gives its pixels, to be shown in its view. What could not be drawn leaves the last image.
     pub fn take_frame(&mut self, reply: FrameReply) -> Option<(usize, Frame)> {
         let index = reply.view as usize;
         let view = self.views.get_mut(index)?;
@@ -178,8 +178,8 @@ impl Viewer {
                 view.shown = Some(shown);
                 Some((index, frame))
             }
-            Err(text) => {
-                self.trouble.push(text);
+            Err(error) => {
+                self.trouble.push(error.to_string());
                 None
             }
         }
@@ -259,7 +259,7 @@ impl Viewer {
         self.views.iter().any(|v| v.waiting)
     }
 
-    /// The picture that the panels tell of.
+    /// The image that the panels tell of.
     pub fn shown(&self) -> Option<&FrameInfo> {
         self.view().shown.as_ref().or_else(|| self.views.iter().find_map(|v| v.shown.as_ref()))
     }

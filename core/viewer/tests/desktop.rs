@@ -31,7 +31,7 @@ fn open(screen: &Screen, folder: &Path, more: &[&str]) -> (Told, String) {
     command.stderr(fs::File::create(folder.join("said.txt")).unwrap());
     let told = Told::start(command);
     let window = screen.window();
-    until("the picture", || (screen.shot(&window).count(BACKGROUND) > 20_000).then_some(()));
+    until("the image", || (screen.shot(&window).count(BACKGROUND) > 20_000).then_some(()));
     (told, window)
 }
 
@@ -70,7 +70,7 @@ fn minimised_it_does_nothing_and_is_back_with_what_has_changed() {
         std::thread::sleep(Duration::from_millis(300));
         screen.xdotool(&["windowmap", "--sync", &window]);
         let wanted = [0x60, 0x20, (round + 4) * 16];
-        until("the new picture", || (screen.shot(&window).count(wanted) > 20_000).then_some(()));
+        until("the new image", || (screen.shot(&window).count(wanted) > 20_000).then_some(()));
         told.plays();
     }
     ends_well(&screen, &window, told, folder.path());
@@ -137,7 +137,7 @@ fn another_scale(managed: bool) {
         if dpi != 96 {
             // On the screen, which is smaller, so that it can be seen whole.
             screen.xdotool(&["windowsize", "--sync", &window, "1400", "1000"]);
-            // Buttons are as much larger; pictures have as many pixels as they are drawn with.
+            // Buttons are as much larger; images have as many pixels as they are drawn with.
             let scale = dpi as usize as f64 / 96.0;
             until("larger buttons", || {
                 let now = first_button(&screen.shot(&window), scale)?;
@@ -145,7 +145,7 @@ fn another_scale(managed: bool) {
                 ((now as f64 - button as f64 * scale).abs() <= 3.0).then_some(())
             });
             // For a moment after the resize the old frame is cut off by the window.
-            until("a picture of 16:9", || {
+            until("an image of 16:9", || {
                 let [left, top, right, bottom] = screen.shot(&window).bounds(BACKGROUND);
                 let shape = right.checked_sub(left)? as f64 / bottom.checked_sub(top)? as f64;
                 (left + 100 < right && (shape - 16.0 / 9.0).abs() < 0.02).then_some(())

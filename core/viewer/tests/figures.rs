@@ -87,7 +87,7 @@ fn start_rest_and_memory() {
         "window",
         "device of the window",
         "colors and fonts",
-        "picture drawn",
+        "image drawn",
     ];
     let mut all = Vec::new();
     let mut parts: Vec<Vec<f64>> = vec![Vec::new(); PARTS.len() + 1];
@@ -112,7 +112,7 @@ fn start_rest_and_memory() {
     all.sort_by(f64::total_cmp);
     println!("| start of a script of 15 lines, 1280×720 | ms |\n|---|---|");
     println!("| first time, without a cache on the disk | {cold:.0} |");
-    println!("| picture on the screen, median of 15 | {:.0} |", part(&all, 50));
+    println!("| image on the screen, median of 15 | {:.0} |", part(&all, 50));
     println!("| worst of 15 | {:.0} |", part(&all, 100));
     for (name, times) in PARTS.iter().zip(parts) {
         if !times.is_empty() {

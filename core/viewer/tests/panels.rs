@@ -268,7 +268,7 @@ fn the_tree_finds_by_name_and_panels_close_and_come_back() {
     harness.run();
 }
 
-/// A window that is moved to a screen of another scale: the panels are as large as before, the picture has more pixels.
+/// A window that is moved to a screen of another scale: the panels are as large as before, the image has more pixels.
 #[test]
 fn moved_between_scales_the_picture_is_drawn_for_each() {
     let script = SCRIPT_OF_A_LARGE_STAGE;
@@ -295,7 +295,7 @@ fn moved_between_scales_the_picture_is_drawn_for_each() {
             now.iter().zip(wanted).all(|(n, w)| (i64::from(*n) - w).abs() <= 1),
             "{now:?} for {wanted:?}"
         );
-        let asked = asked.expect("a picture of its own");
+        let asked = asked.expect("an image of its own");
         let wanted = size.map(|s| (s as f32 * scale) as i64);
         assert!(
             asked.iter().zip(wanted).all(|(n, w)| (i64::from(*n) - w).abs() <= 2),

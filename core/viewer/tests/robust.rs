@@ -24,7 +24,7 @@ fn script(folder: &Path) -> String {
 }
 
 fn picture(screen: &Screen, window: &str) {
-    until("the picture", || (screen.shot(window).count(BACKGROUND) > 3_000).then_some(()));
+    until("the image", || (screen.shot(window).count(BACKGROUND) > 3_000).then_some(()));
 }
 
 fn ends_well(screen: &Screen, window: &str, viewer: &mut screen::Running) {
@@ -137,12 +137,12 @@ fn a_window_that_was_hidden_shows_what_has_changed_meanwhile() {
     fs::write(&path, SCRIPT.replace("#204060", "#602040")).unwrap();
     std::thread::sleep(Duration::from_millis(800));
     screen.xdotool(&["windowmap", "--sync", &window]);
-    until("the new picture", || (screen.shot(&window).count([0x60, 0x20, 0x40]) > 3_000).then_some(()));
+    until("the new image", || (screen.shot(&window).count([0x60, 0x20, 0x40]) > 3_000).then_some(()));
     ends_well(&screen, &window, &mut viewer);
     assert_quiet(folder.path());
 }
 
-/// As on a screen with small pixels: everything is twice as large, and the picture has as many pixels as it is drawn with.
+/// As on a screen with small pixels: everything is twice as large, and the image has as many pixels as it is drawn with.
 #[test]
 fn on_a_screen_of_twice_the_scale_the_picture_is_pixel_on_pixel() {
     let Some(screen) = Screen::new() else { return };
@@ -162,7 +162,7 @@ fn on_a_screen_of_twice_the_scale_the_picture_is_pixel_on_pixel() {
     // On the screen, which is smaller, so that it can be seen whole.
     screen.xdotool(&["windowsize", "--sync", &window, "1400", "1000"]);
     let shot = until("the window in its new size", || Some(screen.shot(&window)).filter(|s| s.width == 1400));
-    until("the picture of its own size", || {
+    until("the image of its own size", || {
         let [left, top, right, bottom] = screen.shot(&window).bounds(BACKGROUND);
         (left < right && [right - left, bottom - top] == [160, 90]).then_some(())
     });

@@ -1,5 +1,5 @@
 //! A walk through the viewer, as a person would take it, on a display without a screen. Where CHOREO_SHOTS names a folder, a
-//! picture of each step is left there, and all of them in a strip, `walkthrough.png`:
+//! image of each step is left there, and all of them in a strip, `walkthrough.png`:
 //! `CHOREO_SHOTS=folder cargo test -p choreo -p choreo-viewer --test walkthrough`.
 
 #![cfg(target_os = "linux")]
@@ -93,12 +93,12 @@ fn a_scene_is_changed_with_the_mouse_and_in_the_editor() {
     screen.key(&window, "ctrl+z");
     until("the undo", || (text() == SCRIPT).then_some(()));
 
-    // The editor breaks the script: the last good picture stays, and the line is told.
+    // The editor breaks the script: the last good image stays, and the line is told.
     fs::write(&script, SCRIPT.replace("\"Wave\"", "\"Waev\"")).unwrap();
     screen.key(&window, "ctrl+5");
     std::thread::sleep(std::time::Duration::from_millis(1500));
     screen.rest(viewer.0.id());
-    until("the last good picture", || middle(true));
+    until("the last good image", || middle(true));
     screen.save(&window, "4_broken.png");
     fs::write(&script, SCRIPT.replace("\"coral\"", "\"lime\"")).unwrap();
     // She is green now, but for the line around her.
@@ -129,7 +129,7 @@ fn a_scene_is_changed_with_the_mouse_and_in_the_editor() {
     strip();
 }
 
-/// All steps in one picture, two in a row.
+/// All steps in one image, two in a row.
 fn strip() {
     let Some(folder) = std::env::var_os("CHOREO_SHOTS") else { return };
     let names = ["1_open", "2_selected", "3_dragged", "4_broken", "5_performance", "6_keys"];

@@ -28,8 +28,8 @@ fn a_session_at_the_window() {
     fs::write(&script, SCRIPT).unwrap();
     let mut viewer = screen.view(&[script.to_str().unwrap()], folder.path());
     let window = screen.window();
-    // Open: the picture is there.
-    let first = until("the first picture", || {
+    // Open: the image is there.
+    let first = until("the first image", || {
         let shot = screen.shot(&window);
         (shot.count(BACKGROUND) > 20_000).then_some(shot)
     });
@@ -37,7 +37,7 @@ fn a_session_at_the_window() {
     the_same_as_render(&first, &script, folder.path());
     screen.save(&window, "open.png");
 
-    // Keys: another frame is another picture, and home again the first.
+    // Keys: another frame is another image, and home again the first.
     screen.xdotool(&["mousemove", "--window", &window, "600", "300"]);
     screen.key(&window, "End");
     until("the last frame", || (screen.shot(&window) != first).then_some(()));
@@ -46,14 +46,14 @@ fn a_session_at_the_window() {
         (screen.shot(&window).count(BACKGROUND) == first.count(BACKGROUND)).then_some(())
     });
 
-    // The picture as a file beside the script, as render would write it.
+    // The image as a file beside the script, as render would write it.
     screen.key(&window, "p");
     let saved = folder.path().join("a_0.png");
-    until("the saved picture", || saved.is_file().then_some(()));
+    until("the saved image", || saved.is_file().then_some(()));
     let saved = screen.run("convert", &[saved.to_str().unwrap(), "-depth", "8", "ppm:-"]);
     let saved = Shot::read(&saved.stdout).unwrap();
     assert_eq!([saved.width, saved.height], [320, 180]);
-    assert!(saved.count(BACKGROUND) == first.count(BACKGROUND), "the same picture");
+    assert!(saved.count(BACKGROUND) == first.count(BACKGROUND), "the same image");
 
     // Play: it moves by itself, and pauses.
     screen.key(&window, "space");
@@ -72,12 +72,10 @@ fn a_session_at_the_window() {
     fs::write(folder.path().join("a.rhai.new"), &green).unwrap();
     fs::rename(folder.path().join("a.rhai.new"), &script).unwrap();
     until("the edit", || (screen.shot(&window).count([0x20, 0x60, 0x40]) > 20_000).then_some(()));
-    // Break it: the picture stays.
+    // Break it: the image stays.
     fs::write(&script, green.replace("Dance_Groove", "Dance_Grove")).unwrap();
     std::thread::sleep(Duration::from_millis(1000));
-    until("the last good picture", || {
-        (screen.shot(&window).count([0x20, 0x60, 0x40]) > 20_000).then_some(())
-    });
+    until("the last good image", || (screen.shot(&window).count([0x20, 0x60, 0x40]) > 20_000).then_some(()));
     screen.save(&window, "broken.png");
     // Mend it.
     fs::write(&script, green.replace("#206040", "#602040")).unwrap();
@@ -91,7 +89,7 @@ fn a_session_at_the_window() {
             (shot.width == width && shot.height == height).then_some(())
         });
     }
-    until("the picture", || (screen.shot(&window).count([0x60, 0x20, 0x40]) > 20_000).then_some(()));
+    until("the image", || (screen.shot(&window).count([0x60, 0x20, 0x40]) > 20_000).then_some(()));
     screen.save(&window, "resized.png");
 
     // Close; it ends well.
@@ -102,13 +100,13 @@ fn a_session_at_the_window() {
     assert_quiet(folder.path());
 }
 
-/// Compares the picture in the window, found by its background, with what `render` draws of the same size.
+/// Compares the image in the window, found by its background, with what `render` draws of the same size.
 fn the_same_as_render(shot: &Shot, script: &Path, folder: &Path) {
     let [left, top, right, bottom] = shot.bounds(BACKGROUND);
-    assert_eq!([right - left, bottom - top], [320, 180], "the picture has its own size");
+    assert_eq!([right - left, bottom - top], [320, 180], "the image has its own size");
     let picture = folder.join("a.png");
     let viewer = PathBuf::from(env!("CARGO_BIN_EXE_choreo-view"));
-    let args = ["render", "--at", "0", "--quiet", "-o"].map(String::from);
+    let args = ["render", "--at", "0", "--device", "vulkan", "--quiet", "-o"].map(String::from);
     let mut args: Vec<std::ffi::OsString> = args.into_iter().map(Into::into).collect();
     args.insert(0, viewer.into());
     args.push(picture.clone().into());
@@ -215,7 +213,7 @@ fn a_library_that_is_missing_is_told_with_its_package_and_render_goes_on() {
         assert!(hint.split_whitespace().any(|word| word == package), "{package}: {said}");
         assert!(said.contains("choreo render draws the same frames without one"), "{package}: {said}");
         assert!(!said.contains("panicked") && !said.contains(".rs:"), "{package}: {said}");
-        // The same picture is drawn without a window, where the same is missing.
+        // The same image is drawn without a window, where the same is missing.
         let picture = folder.path().join("a.png");
         let output = Command::new(std::env::current_exe().unwrap())
             .args(["--exact", "draws_for_another_test", "--ignored"])

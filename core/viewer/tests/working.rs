@@ -33,7 +33,7 @@ marker("hello", 1.0);
 
 type Desk = Harness<'static, Place>;
 
-/// With the picture of the first frame.
+/// With the image of the first frame.
 fn desk() -> Desk {
     let mut place = Place::new(SCRIPT);
     place.paint();
@@ -88,7 +88,7 @@ fn the_tree_hides_shows_alone_and_locks() {
     );
     assert!(desk.query_by_label("hide ball").is_none());
     assert!(desk.state().viewer.shelf.hidden.is_empty());
-    // A field that has the keyboard asks for no picture of its own: nothing blinks.
+    // A field that has the keyboard asks for no image of its own: nothing blinks.
     let delay = desk.output().viewport_output[&egui::ViewportId::ROOT].repaint_delay;
     assert!(delay > std::time::Duration::from_secs(60), "{delay:?}");
 }
@@ -200,7 +200,7 @@ fn a_view_follows_flies_and_looks_through_any_camera() {
     assert!(matches!(following, ViewportCamera::Following { actor: 0, .. }), "{following:?}");
     desk.state_mut().viewer.views[0].waiting = false;
     click(&mut desk, "follow");
-    // On foot: W goes ahead, along -z here, as long as it is held and the mouse is over the picture.
+    // On foot: W goes ahead, along -z here, as long as it is held and the mouse is over the image.
     let before = place(&desk);
     desk.hover_at(desk.get_by_label("picture").rect().center());
     desk.key_down(Key::W);
@@ -213,7 +213,7 @@ fn a_view_follows_flies_and_looks_through_any_camera() {
     assert_eq!(place(&desk) - before, walked, "and stands then");
 }
 
-/// What is picked is what was drawn there: told by the colors of the picture, which the renderer made without knowing of picking.
+/// What is picked is what was drawn there: told by the colors of the image, which the renderer made without knowing of picking.
 #[test]
 fn what_is_picked_is_what_is_seen() {
     let mut place = Place::new(SCRIPT);

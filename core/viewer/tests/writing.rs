@@ -73,7 +73,7 @@ impl Person<'_> {
         fs::read_to_string(&self.file).unwrap()
     }
 
-    /// Waits for a version after those known, and where it is to be good for its picture.
+    /// Waits for a version after those known, and where it is to be good for its image.
     fn taken(&mut self, good: bool) {
         loop {
             let (number, faulty) = self.told.version(self.version);
@@ -256,7 +256,7 @@ impl Person<'_> {
         self.settle();
     }
 
-    /// Where the picture has a color, from left to right.
+    /// Where the image has a color, from left to right.
     fn in_picture(&self, color: [u8; 3]) -> Vec<(usize, usize)> {
         let shot = self.screen.shot(self.window);
         let [left, top, right, bottom] = PICTURE;
@@ -319,7 +319,7 @@ impl Person<'_> {
         self.keys(&["Escape", "ctrl+0", "ctrl+1", "ctrl+2", "ctrl+4", "g", "Home"]);
         // Nothing is under the mouse.
         self.screen.xdotool(&["mousemove", "--window", self.window, "1270", "850"]);
-        // On a busy machine a picture can take a second.
+        // On a busy machine an image can take a second.
         self.told.settled(Duration::from_secs(2), Duration::from_secs(600)).expect("it comes to rest");
         self.screen.rest(self.told.viewer.0.id());
         let shot = self.screen.shot(self.window);
@@ -375,10 +375,10 @@ fn a_lesson_is_written_from_an_empty_file() {
         person.drag_the_actor(lesson, false);
         person.drag_the_actor(lesson, true);
         let first = person.rest();
-        // Shown able to tell: another frame is another picture.
+        // Shown able to tell: another frame is another image.
         person.keys(&["End"]);
-        until("another picture", || (person.screen.shot(person.window).rgb != first.rgb).then_some(()));
-        assert!(person.rest() == first, "the same picture as before");
+        until("another image", || (person.screen.shot(person.window).rgb != first.rgb).then_some(()));
+        assert!(person.rest() == first, "the same image as before");
     });
 }
 
@@ -407,7 +407,7 @@ fn an_hour_beside_the_editor() {
                 person.look_around();
             }
             let seen = person.rest();
-            assert!(*first.get_or_insert_with(|| seen.clone()) == seen, "the same script, the same picture");
+            assert!(*first.get_or_insert_with(|| seen.clone()) == seen, "the same script, the same image");
             // A break: nothing is done then.
             let (before, of_threads) = (person.told.processor_secs(), person.told.threads());
             std::thread::sleep(Duration::from_secs(20));

@@ -1,138 +1,152 @@
-//! Compiles an author's text to a program: parsed, validated, matched with its hook's form, and tried.
+//! Compiles an author's text to a program: parses and validates it, compares it with the form of its hook, and tries it.
 
-use crate::effect::LookError;
-use crate::forms::{EDGES, Form, Host, LINE, TRIANGLE, form};
+use crate::effect::EffectError;
+use crate::environment::Host;
 use crate::head::{self, Head};
-use crate::prepare::has_pointer_arguments;
+use crate::lower::{has_pointer_arguments, lower};
 use crate::program::Program;
-use crate::{depth, parameters, slips, trial};
+use crate::signature::{EDGES, LATTICE, LINE, Signature, TRIANGLE, signature};
+use crate::{nesting, parameters, suggestions, trial};
 use choreo_plugin::{Hook, Manifest};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{Function, Module, SourceLocation};
 
 /// Longer texts are no effect of one pixel.
-const MOST_BYTES: usize = 256 << 10;
+const MAX_BYTES: usize = 256 << 10;
 
-pub struct Compiled {
-    pub manifest: Manifest,
-    pub head: Head,
-    /// The author's text, and below it a constant for each parameter.
-    pub wgsl: String,
+/// The compiled function.
+pub struct Code {
     pub program: Program,
-    pub made: Made,
+    pub output: Output,
 }
 
-/// What the function gives.
+/// What the function returns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Made {
+pub enum Output {
     /// Numbers, as its hook says.
     Numbers,
     Strokes,
     Triangles,
-    Shell,
+    Lattices,
+    Hull,
     Edges,
 }
 
 /// A function of the shader around the author's: its name, a text that stands for it, what runs in its place.
-type Around = (String, String, Host);
+type Declared = (String, String, Host);
 
-/// The author's text, and where its mistakes are.
-struct Text<'a> {
+/// The author's text.
+pub struct Text {
     /// Its name in messages.
-    file: &'a str,
-    /// The text with what is declared below it.
+    pub file: String,
+    /// The text without a byte order mark.
+    pub author: String,
+    /// The text with a constant for each parameter below it.
+    pub wgsl: String,
+}
+
+impl Text {
+    /// Checks what can be checked without parsing, and reads the head comment.
+    pub fn read(file: &str, text: &str) -> Result<(Text, Manifest, Head), EffectError> {
+        let author = head::without_mark(text).to_string();
+        let text = Text { file: file.into(), wgsl: String::new(), author };
+        if text.author.len() > MAX_BYTES {
+            let length = text.author.len();
+            return Err(text.error(1, 1, format!("the text is {length} bytes long, at most {MAX_BYTES}")));
+        }
+        nesting::check(&text.author).map_err(|deep| text.error(deep.line, deep.column, deep.message))?;
+        let at_line = |(line, message)| text.error(line, 1, message);
+        let manifest = parameters::manifest(&text.author).map_err(at_line)?;
+        let head = head::head(&text.author, &manifest).map_err(at_line)?;
+        let constant = |(i, option): (usize, &choreo_plugin::OptionSpec)| {
+            format!("const {}: u32 = {i}u;\n", option.name)
+        };
+        let constants: String = manifest.options.iter().enumerate().map(constant).collect();
+        let wgsl = format!("{}\n{constants}", text.author);
+        Ok((Text { wgsl, ..text }, manifest, head))
+    }
+
+    fn error(&self, line: usize, column: usize, message: String) -> EffectError {
+        EffectError { file: self.file.clone(), line, column, message }
+    }
+}
+
+/// The text that is parsed, and where its mistakes are.
+struct Source<'a> {
+    text: &'a Text,
+    /// The text with all declarations below it.
     whole: String,
 }
 
-impl Text<'_> {
-    fn at(&self, line: usize, column: usize, message: String) -> LookError {
-        LookError { file: self.file.into(), line, column, message }
+impl Source<'_> {
+    fn error(&self, location: Option<SourceLocation>, message: String) -> EffectError {
+        let (line, column) = location.map_or((1, 1), |l| (l.line_number as usize, l.line_position as usize));
+        self.text.error(line, column, message)
     }
 
-    fn place(&self, location: Option<SourceLocation>, message: String) -> LookError {
-        match location {
-            Some(l) => self.at(l.line_number as usize, l.line_position as usize, message),
-            None => self.at(1, 1, message),
-        }
-    }
-
-    fn of_span(&self, span: naga::Span, message: String) -> LookError {
-        self.place(span.is_defined().then(|| span.location(&self.whole)), message)
+    fn error_at(&self, span: naga::Span, message: String) -> EffectError {
+        self.error(span.is_defined().then(|| span.location(&self.whole)), message)
     }
 }
 
 /// The parser and the validator go down trees, whatever thread they are called on: as deep as [`depth`] lets pass, many times over.
 const STACK: usize = 64 << 20;
 
-/// `file` is the text's name in messages. A byte order mark before the text is passed over.
-pub fn compile(file: &str, text: &str) -> Result<Compiled, LookError> {
-    let text = head::without_mark(text);
-    let refuse = |line, column, message| LookError { file: file.into(), line, column, message };
-    if text.len() > MOST_BYTES {
-        return Err(refuse(1, 1, format!("the text is {} bytes long, at most {MOST_BYTES}", text.len())));
-    }
-    depth::check(text).map_err(|deep| refuse(deep.line, deep.column, deep.message))?;
+/// Compiles the function of a text whose head was read, and tries it.
+pub fn compile(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, EffectError> {
     std::thread::scope(|scope| {
         let thread = std::thread::Builder::new().name("effect".into()).stack_size(STACK);
-        match thread.spawn_scoped(scope, || compile_here(file, text)).map(|thread| thread.join()) {
+        match thread.spawn_scoped(scope, || compile_here(text, head, manifest)).map(|thread| thread.join()) {
             Ok(Ok(compiled)) => compiled,
             Ok(Err(panic)) => std::panic::resume_unwind(panic),
-            // The deepest text that `depth` accepts needs a quarter of the smallest thread stack.
-            Err(_) => compile_here(file, text),
+            // The deepest text that `nesting` accepts needs a quarter of the smallest thread stack.
+            Err(_) => compile_here(text, head, manifest),
         }
     })
 }
 
-fn compile_here(file: &str, text: &str) -> Result<Compiled, LookError> {
-    let mut author = Text { file, whole: String::new() };
-    let at_line = |author: &Text, (line, message)| author.at(line, 1, message);
-    let manifest = parameters::manifest(text).map_err(|e| at_line(&author, e))?;
-    let head = head::head(text, &manifest).map_err(|e| at_line(&author, e))?;
-    let form = form(head.hook);
-    let around = around(form, &head);
-    if let Some(e) = taken(text, form, &around) {
-        return Err(at_line(&author, e));
-    }
-    let mut wgsl = format!("{text}\n");
-    for (i, option) in manifest.options.iter().enumerate() {
-        wgsl.push_str(&format!("const {}: u32 = {i}u;\n", option.name));
+fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, EffectError> {
+    let signature = signature(head.hook);
+    let declared = declared(signature, head);
+    if let Some((line, message)) = taken(&text.author, signature, &declared) {
+        return Err(text.error(line, 1, message));
     }
     // The shader that calls it declares what it sees; below the author's text, so that lines stay.
-    let texts: String = around.iter().map(|(_, text, _)| text.as_str()).collect();
-    author.whole = format!("{wgsl}{}{texts}", form.declared);
+    let functions: String = declared.iter().map(|(_, text, _)| text.as_str()).collect();
+    let source = Source { text, whole: format!("{}{}{functions}", text.wgsl, signature.declared) };
     let names =
-        || manifest.options.iter().map(|o| o.name.as_str()).chain(around.iter().map(|a| a.0.as_str()));
-    let module = naga::front::wgsl::parse_str(&author.whole).map_err(|e| {
-        let near = slips::near(e.message(), text, form.declared, &mut names());
-        author.place(e.location(&author.whole), format!("{}{near}", e.message()))
+        || manifest.options.iter().map(|o| o.name.as_str()).chain(declared.iter().map(|d| d.0.as_str()));
+    let module = naga::front::wgsl::parse_str(&source.whole).map_err(|e| {
+        let near = suggestions::near(e.message(), &text.author, signature.declared, &mut names());
+        source.error(e.location(&source.whole), format!("{}{near}", e.message()))
     })?;
-    let info = validated(&module, &author)?;
+    let info = validated(&module, &source)?;
     let entry = module.functions.iter().find(|(_, f)| f.name.as_deref() == Some("effect"));
     let Some((entry, function)) = entry else {
-        return Err(author.at(1, 1, format!("there is no function effect; write {}", form.signature)));
+        return Err(source.error(None, format!("there is no function effect; write {}", signature.text)));
     };
     let of_function = module.functions.get_span(entry);
-    if !form.fits(&module, function) {
-        return Err(author.of_span(of_function, format!("effect must be {}", form.signature)));
+    if !signature.fits(&module, function) {
+        return Err(source.error_at(of_function, format!("effect must be {}", signature.text)));
     }
-    let made = made(head.hook, &module, function);
+    let output = output(head.hook, &module, function);
     if let Some((handle, f)) = module.functions.iter().find(|(_, f)| has_pointer_arguments(&module, f)) {
         let name = f.name.clone().unwrap_or_default();
         let what = format!("{name}: pointers as parameters are not supported; return the value");
-        return Err(author.of_span(module.functions.get_span(handle), what));
+        return Err(source.error_at(module.functions.get_span(handle), what));
     }
-    let host = |name: &str| around.iter().find(|(n, ..)| n == name).map(|(.., host)| *host);
-    let program = Program::new(module, &info, entry, host)
-        .map_err(|e| author.of_span(e.span, format!("not supported: {}", e.what)))?;
-    trial::ends(&program, &head, &manifest)
-        .map_err(|slow| author.of_span(slow.span.unwrap_or(of_function), slow.what))?;
-    Ok(Compiled { manifest, head, wgsl, program, made })
+    let host = |name: &str| declared.iter().find(|(n, ..)| n == name).map(|(.., host)| *host);
+    let program = lower(&module, &info, entry, host)
+        .map_err(|e| source.error_at(e.span, format!("not supported: {}", e.what)))?;
+    trial::ends(&program, head, manifest)
+        .map_err(|slow| source.error_at(slow.span.unwrap_or(of_function), slow.what))?;
+    Ok(Code { program, output })
 }
 
-fn around(form: &Form, head: &Head) -> Vec<Around> {
-    let history = if head.history > 0 { form.with_history } else { &[] };
-    let always = form.functions.iter().chain(history);
-    let mut all: Vec<Around> =
+fn declared(signature: &Signature, head: &Head) -> Vec<Declared> {
+    let history = if head.history > 0 { signature.with_history } else { &[] };
+    let always = signature.functions.iter().chain(history);
+    let mut all: Vec<Declared> =
         always.map(|(name, text, host)| (name.to_string(), text.to_string(), *host)).collect();
     all.extend(head.joints.iter().enumerate().map(|(i, joint)| {
         let text = format!("fn {}() -> u32 {{ return {i}u; }}\n", joint.name);
@@ -146,7 +160,7 @@ fn around(form: &Form, head: &Head) -> Vec<Around> {
 }
 
 /// The first line (from 1) that declares what the program does.
-fn taken(text: &str, form: &Form, around: &[Around]) -> Option<(usize, String)> {
+fn taken(text: &str, signature: &Signature, around: &[Declared]) -> Option<(usize, String)> {
     let declared = |line: &str| {
         let line = line.trim_start().trim_start_matches('/').trim_start();
         let (word, rest) = line.split_once(' ')?;
@@ -155,8 +169,8 @@ fn taken(text: &str, form: &Form, around: &[Around]) -> Option<(usize, String)> 
         let is_function = || around.iter().any(|(n, ..)| n == name);
         match word {
             "fn" if is_function() => of_program("a function"),
-            "param" if form.functions.iter().any(|(n, ..)| *n == name) => of_program("a function"),
-            "struct" if form.structs().any(|n| n == name) => of_program("a type"),
+            "param" if signature.functions.iter().any(|(n, ..)| *n == name) => of_program("a function"),
+            "struct" if signature.structs().any(|n| n == name) => of_program("a type"),
             _ => None,
         }
     };
@@ -166,7 +180,7 @@ fn taken(text: &str, form: &Form, around: &[Around]) -> Option<(usize, String)> 
     })
 }
 
-fn validated(module: &Module, author: &Text) -> Result<ModuleInfo, LookError> {
+fn validated(module: &Module, source: &Source) -> Result<ModuleInfo, EffectError> {
     Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(module).map_err(|e| {
         let mut message = e.as_inner().to_string();
         let mut cause = std::error::Error::source(e.as_inner());
@@ -174,17 +188,18 @@ fn validated(module: &Module, author: &Text) -> Result<ModuleInfo, LookError> {
             message.push_str(&format!("; {c}"));
             cause = c.source();
         }
-        author.place(e.location(&author.whole), message)
+        source.error(e.location(&source.whole), message)
     })
 }
 
-fn made(hook: Hook, module: &Module, function: &Function) -> Made {
-    let gives = function.result.as_ref().and_then(|r| module.types[r.ty].name.as_deref());
-    match (hook, gives) {
-        (Hook::Overlay, Some(LINE)) => Made::Strokes,
-        (Hook::Overlay, Some(TRIANGLE)) => Made::Triangles,
-        (Hook::Shell, Some(EDGES)) => Made::Edges,
-        (Hook::Shell, _) => Made::Shell,
-        _ => Made::Numbers,
+fn output(hook: Hook, module: &Module, function: &Function) -> Output {
+    let name = function.result.as_ref().and_then(|r| module.types[r.ty].name.as_deref());
+    match (hook, name) {
+        (Hook::Overlay, Some(LINE)) => Output::Strokes,
+        (Hook::Overlay, Some(TRIANGLE)) => Output::Triangles,
+        (Hook::Overlay, Some(LATTICE)) => Output::Lattices,
+        (Hook::Outline, Some(EDGES)) => Output::Edges,
+        (Hook::Outline, _) => Output::Hull,
+        _ => Output::Numbers,
     }
 }

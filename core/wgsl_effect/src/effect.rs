@@ -1,16 +1,18 @@
 //! `NAME.wgsl` as an [`Effect`].
 
-use crate::around::{Seeing, Textured};
-use crate::compile::{self, Compiled, Made};
+use crate::compile::{self, Code, Output, Text};
+use crate::environment::{Environment, PassImages, Textures};
 use crate::head::Head;
+use crate::machine::{Lanes, Machine, Width};
 use crate::overlay::Drawing;
-use crate::program::{Around, Program};
-use crate::shape::Value;
+use crate::pool;
+use crate::program::Program;
 use choreo_plugin::{
-    Effect, EffectTexture, Falling, Hook, Manifest, Overlay, Pictures, Place, PluginFile, Scene, Seen, Shell,
-    SurfaceNeeds,
+    Effect, EffectFunction, EffectImages, EffectScene, EffectTexture, Hook, InvertedHull, LightSample,
+    Manifest, Overlay, PluginFile, Shutter, SurfaceInputs, SurfaceSample, VertexSample, ViewOrder,
 };
 use glam::{Vec2, Vec3, Vec4};
+use std::sync::OnceLock;
 use thiserror::Error;
 
 /// Names of effect files end so.
@@ -19,106 +21,295 @@ pub const ENDING: &str = ".wgsl";
 /// What is wrong with an effect's text, and where.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{file}:{line}:{column}: {message}")]
-pub struct LookError {
+pub struct EffectError {
+    /// Name of the text in messages.
     pub file: String,
-    /// Line number from 1.
+    /// Line, from 1.
     pub line: usize,
+    /// Column in characters, from 1.
     pub column: usize,
+    /// What is wrong.
     pub message: String,
 }
 
-/// Pixels of a hull.
-const MOST_WIDTH: f32 = 256.0;
+/// Widest outline in pixels.
+const MAX_WIDTH: f32 = 256.0;
 
-/// Magenta: it is seen, and no frame hangs.
-const TOO_LONG: Vec4 = Vec4::new(1.0, 0.0, 1.0, 1.0);
+/// Magenta in place of a pixel that takes more than its steps: it is seen, and no frame hangs.
+const TOO_LONG: [f32; 4] = [1.0, 0.0, 1.0, 1.0];
 
+/// An effect in one WGSL file.
 pub struct WgslEffect {
+    text: Text,
     manifest: Manifest,
-    /// The author's text, and below it a constant for each parameter.
-    wgsl: String,
-    program: Program,
     head: Head,
+    code: OnceLock<Code>,
     textures: Vec<EffectTexture>,
-    /// What of a surface its text reads.
-    needs: SurfaceNeeds,
-    made: Made,
-    /// Its text reads the boxes around actors.
+    inputs: SurfaceInputs,
+    /// The text reads the boxes around actors.
     boxes: bool,
-    origin: Option<PluginFile>,
+    file: Option<PluginFile>,
 }
 
 impl WgslEffect {
-    /// An effect without textures; see [`WgslEffect::with_pictures`].
-    pub fn from_text(file: &str, text: &str) -> Result<WgslEffect, LookError> {
-        Self::with_pictures(file, text, |_| Err("a text alone has no files beside it".into()))
+    /// An effect without textures; see [`WgslEffect::with_textures`].
+    ///
+    /// ```
+    /// use choreo_plugin::{Effect, EffectFunction};
+    /// use choreo_wgsl_effect::WgslEffect;
+    /// use glam::{Vec2, Vec4};
+    ///
+    /// let half = WgslEffect::from_text("half.wgsl", "// effect: half
+    /// fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return 0.5 * color; }")?;
+    /// let mut colors = [Vec4::ONE];
+    /// half.pixels(&mut colors, &[Vec2::ZERO], &[0.0; 8]);
+    /// assert_eq!((half.manifest().name.as_str(), colors), ("half", [Vec4::splat(0.5)]));
+    /// # Ok::<(), choreo_wgsl_effect::EffectError>(())
+    /// ```
+    pub fn from_text(file: &str, text: &str) -> Result<WgslEffect, EffectError> {
+        Self::with_textures(file, text, |_| Err("a text alone has no files beside it".into()))
     }
 
     /// Reads the head comment, compiles the text, and tries it. `file` is its name in messages; `picture` reads the files that
-    /// the head names, or says why it cannot.
-    pub fn with_pictures(
+    /// the head names, or gives the reason why it cannot.
+    pub fn with_textures(
         file: &str,
         text: &str,
         picture: impl Fn(&str) -> Result<Picture, String>,
-    ) -> Result<WgslEffect, LookError> {
-        let Compiled { manifest, head, wgsl, program, made } = compile::compile(file, text)?;
-        let reads = |field: &str| text.contains(&format!(".{field}"));
-        let needs = SurfaceNeeds {
-            normals: reads("normal") || reads("facing"),
-            uvs: reads("uv"),
-            joints: reads("joints"),
-            shadow: reads("shadow"),
-            see_through: head.see_through,
-        };
-        let mut textures = Vec::new();
-        for line in &head.textures {
+    ) -> Result<WgslEffect, EffectError> {
+        let mut effect = Self::read(file, text)?;
+        effect.code = OnceLock::from(compile::compile(&effect.text, &effect.head, &effect.manifest)?);
+        for line in &effect.head.textures {
             let made = picture(&line.file).and_then(|p| {
                 let most = EffectTexture::MOST;
                 let [w, h] = p.size;
                 let made = EffectTexture::new(&line.name, p.size, &p.rgba, line.srgb);
                 made.map(|made| made.of_file(p.file))
-                    .ok_or_else(|| format!("a picture of {w} × {h}, at most {most} × {most} for an effect"))
+                    .ok_or_else(|| format!("an image of {w} × {h}, at most {most} × {most} for an effect"))
             });
-            textures.push(made.map_err(|e| LookError {
+            effect.textures.push(made.map_err(|e| EffectError {
                 file: file.into(),
                 line: line.line,
                 column: 1,
                 message: format!("texture {}: \"{}\": {e}", line.name, line.file),
             })?);
         }
-        Ok(WgslEffect {
-            manifest,
-            wgsl,
-            program,
-            head,
-            textures,
-            needs,
-            made,
-            boxes: reads("low") || reads("high"),
-            origin: None,
-        })
+        Ok(effect)
     }
 
-    /// Sets the file that the text was read from.
+    /// An effect of the program, without textures: its function is compiled when the CPU runs it first. The program's tests
+    /// compile all of them.
+    ///
+    /// # Panics
+    /// Where the head comment is faulty, and later where the function is.
+    pub fn built_in(file: &str, text: &str, version: &str) -> WgslEffect {
+        let mut effect = Self::read(file, text).unwrap_or_else(|e| panic!("{e}"));
+        effect.manifest.version = version.into();
+        effect
+    }
+
+    fn read(file: &str, text: &str) -> Result<WgslEffect, EffectError> {
+        let (text, manifest, head) = Text::read(file, text)?;
+        let reads = |field: &str| text.author.contains(&format!(".{field}"));
+        let inputs = SurfaceInputs {
+            normals: reads("normal") || reads("facing"),
+            uvs: reads("uv"),
+            joints: reads("joints"),
+            shadow: reads("shadow"),
+            see_through: head.see_through,
+        };
+        let boxes = reads("low") || reads("high");
+        let (code, textures) = (OnceLock::new(), Vec::new());
+        Ok(WgslEffect { text, manifest, head, code, textures, inputs, boxes, file: None })
+    }
+
+    /// Sets where the text came from.
     pub fn with_file(mut self, file: PluginFile) -> WgslEffect {
-        self.origin = Some(file);
+        self.file = Some(file);
         self
     }
 
-    /// Runs its function on values, parameters last. `None`: more than its steps.
-    fn run(&self, mut arguments: Vec<Value>, around: &dyn Around, p: &[f32; 8]) -> Option<[f32; 4]> {
-        arguments.push(Value::floats(p));
-        let done = self.program.run(arguments, around).ok()?;
-        Some(std::array::from_fn(|i| done.value.f(i)))
+    fn code(&self) -> &Code {
+        self.code.get_or_init(|| {
+            let code = compile::compile(&self.text, &self.head, &self.manifest);
+            code.unwrap_or_else(|e| panic!("{e}"))
+        })
+    }
+
+    /// Calls a function that has no arguments but the parameters; `None` where it takes more than its steps.
+    fn call(&self, parameters: &[f32; 8]) -> Option<[f32; 5]> {
+        let program = &self.code().program;
+        let mut machine = Machine::<1>::new(program, parameters);
+        machine.run(program, 1, &Textures(&self.textures)).ok()?;
+        Some([0, 1, 2, 3, 4].map(|i| machine.float(program, 0, i)))
+    }
+
+    fn surface_batches<const N: usize>(
+        &self,
+        colors: &mut [Vec4],
+        samples: &[SurfaceSample],
+        parameters: &[f32; 8],
+    ) where
+        Machine<N>: pool::Pooled,
+        Lanes: Width<N>,
+    {
+        self.batches::<N, _>(
+            parameters,
+            &Textures(&self.textures),
+            colors,
+            |machine, program, first, part| {
+                machine.fill(program, 0, part, |color, i| color[i]);
+                machine.fill(program, 1, &samples[first..first + part.len()], surface_component);
+            },
+            |color, out| *color = Vec4::from_array(out),
+        );
+    }
+
+    /// Runs the function for each item, `N` at a time. `set` writes the arguments of a part of the items, which begins at a
+    /// number, and `get` takes what came out.
+    fn batches<const N: usize, T>(
+        &self,
+        parameters: &[f32; 8],
+        environment: &dyn Environment,
+        items: &mut [T],
+        set: impl Fn(&mut Machine<N>, &Program, usize, &[T]),
+        get: impl Fn(&mut T, [f32; 4]) + Copy,
+    ) where
+        Machine<N>: pool::Pooled,
+        Lanes: Width<N>,
+    {
+        let program = &self.code().program;
+        pool::with(program, parameters, |machine: &mut Machine<N>| {
+            for (number, part) in items.chunks_mut(N).enumerate() {
+                set(machine, program, number * N, part);
+                if machine.run(program, part.len(), environment).is_ok() {
+                    machine.read(program, part, get);
+                    continue;
+                }
+                // Together their branches took too many steps; alone each may not.
+                for (lane, item) in part.iter_mut().enumerate() {
+                    let mut alone = machine.lane(program, lane);
+                    match alone.run(program, 1, environment) {
+                        Ok(()) => alone.read(program, std::slice::from_mut(item), get),
+                        Err(_) => get(item, TOO_LONG),
+                    }
+                }
+            }
+        });
     }
 }
 
-/// A picture that a head names, as bytes of RGBA.
+/// An image that a head names, as bytes of RGBA.
 pub struct Picture {
+    /// Width and height.
     pub size: [u32; 2],
+    /// Row by row from the top.
     pub rgba: Vec<u8>,
-    /// File from which it was read.
+    /// The file that it was read from.
     pub file: Option<std::path::PathBuf>,
+}
+
+/// Pixels at a time where many come together, and in quads of transparent surfaces.
+const ROW: usize = 32;
+const QUAD: usize = 4;
+
+/// A component of a sample in the order of the struct `Seen`.
+#[inline(always)]
+fn surface_component(s: &SurfaceSample, i: usize) -> f32 {
+    match i {
+        0..3 => s.world[i],
+        3 => s.distance,
+        4..7 => s.normal[i - 4],
+        7 => s.facing,
+        8..11 => s.background[i - 8],
+        11..14 => s.joints[i - 11],
+        14..16 => s.uv[i - 14],
+        16 => s.shadow,
+        _ => s.viewer[i - 17],
+    }
+}
+
+impl EffectFunction for WgslEffect {
+    fn pixels(&self, colors: &mut [Vec4], uv: &[Vec2], parameters: &[f32; 8]) {
+        self.batches::<ROW, _>(
+            parameters,
+            &Textures(&self.textures),
+            colors,
+            |machine, program, first, part| {
+                machine.fill(program, 0, part, |color, i| color[i]);
+                machine.fill(program, 1, &uv[first..first + part.len()], |uv, i| uv[i]);
+            },
+            |color, out| *color = Vec4::from_array(out),
+        );
+    }
+
+    fn image_row(
+        &self,
+        images: &EffectImages,
+        y: u32,
+        pass_number: u32,
+        parameters: &[f32; 8],
+        row: &mut [Vec4],
+    ) {
+        let shrink = self.shrink(pass_number, images.original.size, parameters);
+        let environment = PassImages { images, textures: &self.textures, history: self.head.history, shrink };
+        self.batches::<ROW, _>(
+            parameters,
+            &environment,
+            row,
+            |machine, program, first, part| {
+                for lane in 0..part.len() {
+                    machine.set(program, 0, lane, &[(first + lane) as u32, y]);
+                    machine.set(program, 1, lane, &[pass_number]);
+                }
+            },
+            |color, out| *color = Vec4::from_array(out),
+        );
+    }
+
+    fn surfaces(&self, colors: &mut [Vec4], samples: &[SurfaceSample], parameters: &[f32; 8]) {
+        if colors.len() > QUAD {
+            self.surface_batches::<ROW>(colors, samples, parameters);
+        } else {
+            self.surface_batches::<QUAD>(colors, samples, parameters);
+        }
+    }
+
+    fn vertex(&self, sample: &VertexSample, parameters: &[f32; 8]) -> Vec3 {
+        let mut offset = [Vec3::ZERO];
+        let (w, n, uv, m) = (sample.world, sample.normal, sample.uv, sample.model);
+        let components = [w.x, w.y, w.z, n.x, n.y, n.z, uv.x, uv.y, m.x, m.y, m.z];
+        self.batches::<QUAD, _>(
+            parameters,
+            &Textures(&self.textures),
+            &mut offset,
+            |machine, program, _, _| machine.fill(program, 0, &[components], |vertex, i| vertex[i]),
+            // A vertex that takes more than its steps stays where it is.
+            |offset, out| {
+                *offset = if out == TOO_LONG { Vec3::ZERO } else { Vec4::from_array(out).truncate() }
+            },
+        );
+        offset[0]
+    }
+
+    fn lights(&self, samples: &mut [LightSample], parameters: &[f32; 8]) {
+        self.batches::<QUAD, _>(
+            parameters,
+            &Textures(&self.textures),
+            samples,
+            |machine, program, _, part| {
+                machine.fill(program, 0, part, |s, i| {
+                    let vectors = [s.color, s.base, s.normal, s.viewer, s.light, s.lit];
+                    match i {
+                        0 => s.cosine,
+                        1 => s.share,
+                        _ => vectors[(i - 2) / 3][(i - 2) % 3],
+                    }
+                });
+            },
+            |sample, out| sample.lit = Vec4::from_array(out).truncate(),
+        );
+    }
 }
 
 impl Effect for WgslEffect {
@@ -127,7 +318,7 @@ impl Effect for WgslEffect {
     }
 
     fn file(&self) -> Option<&PluginFile> {
-        self.origin.as_ref()
+        self.file.as_ref()
     }
 
     fn hook(&self) -> Hook {
@@ -135,20 +326,35 @@ impl Effect for WgslEffect {
     }
 
     /// What is drawn once for the scene belongs to no actor.
-    fn of_actors(&self) -> bool {
-        self.head.hook.of_actors() && !self.head.of_scene
+    fn applies_to_actors(&self) -> bool {
+        self.head.hook.applies_to_actors() && !self.head.of_scene
     }
 
-    fn surface_needs(&self, _: &[f32; 8]) -> SurfaceNeeds {
-        self.needs
+    fn wgsl(&self) -> &str {
+        &self.text.wgsl
     }
 
-    fn of_background(&self, _: &[f32; 8]) -> bool {
-        self.head.background
+    fn function(&self) -> Option<&dyn EffectFunction> {
+        let has_function =
+            matches!(self.head.hook, Hook::Pixel | Hook::Image) || self.head.hook.is_in_scene();
+        has_function.then_some(self as &dyn EffectFunction)
     }
 
-    fn along_model(&self) -> bool {
-        self.head.along_model
+    fn surface_inputs(&self, parameters: &[f32; 8]) -> SurfaceInputs {
+        self.head.inputs(self.inputs, parameters)
+    }
+
+    fn changes_background(&self, parameters: &[f32; 8]) -> bool {
+        self.head.background.of(parameters) > 0.5
+    }
+
+    fn off(&self, parameters: &[f32; 8]) -> Option<String> {
+        let (index, value) = self.head.off.filter(|(index, value)| parameters[*index] == *value)?;
+        Some(format!("{} is {value}", self.manifest.options[index].name))
+    }
+
+    fn in_model_space(&self) -> bool {
+        self.head.in_model_space
     }
 
     fn reach(&self, parameters: &[f32; 8]) -> f32 {
@@ -159,6 +365,10 @@ impl Effect for WgslEffect {
         self.head.passes
     }
 
+    fn view_order(&self) -> ViewOrder {
+        self.head.view
+    }
+
     fn history(&self, _: &[f32; 8]) -> u32 {
         self.head.history
     }
@@ -167,95 +377,50 @@ impl Effect for WgslEffect {
         &self.textures
     }
 
-    fn wgsl(&self) -> &str {
-        &self.wgsl
+    /// Halves the image until the length that the head names is short enough.
+    fn shrink(&self, _: u32, size: [u32; 2], parameters: &[f32; 8]) -> u32 {
+        let mut shrink = 1;
+        if let Some((length, most)) = self.head.shrink {
+            while length.of(parameters) * size[1] as f32 > (most * shrink) as f32 && shrink < size[1] {
+                shrink *= 2;
+            }
+        }
+        shrink
     }
 
-    fn cpu_surface(&self, color: Vec4, seen: &Seen, parameters: &[f32; 8]) -> Vec4 {
-        let (w, n, b, j) = (seen.world, seen.normal, seen.background, seen.joints);
-        let at = [
-            w.x,
-            w.y,
-            w.z,
-            seen.distance,
-            n.x,
-            n.y,
-            n.z,
-            seen.facing,
-            b.x,
-            b.y,
-            b.z,
-            j.x,
-            j.y,
-            j.z,
-            seen.uv.x,
-            seen.uv.y,
-            seen.shadow,
-            seen.viewer.x,
-            seen.viewer.y,
-            seen.viewer.z,
-        ];
-        let arguments = vec![Value::floats(&color.to_array()), Value::floats(&at)];
-        let out = self.run(arguments, &Textured(&self.textures), parameters);
-        out.map_or(TOO_LONG, Vec4::from_array)
+    fn overlay(&self, scene: &EffectScene, parameters: &[f32; 8]) -> Overlay {
+        let Code { program, output } = self.code();
+        let (head, textures) = (&self.head, &self.textures[..]);
+        Drawing { program, head, textures, output: *output, boxes: self.boxes, parameters }.run(scene)
     }
 
-    fn cpu_vertex(&self, place: &Place, parameters: &[f32; 8]) -> Vec3 {
-        let (w, n, uv, m) = (place.world, place.normal, place.uv, place.model);
-        let at = [w.x, w.y, w.z, n.x, n.y, n.z, uv.x, uv.y, m.x, m.y, m.z];
-        let out = self.run(vec![Value::floats(&at)], &Textured(&self.textures), parameters);
-        // One that takes more than its steps stays where it is.
-        out.map_or(Vec3::ZERO, |[x, y, z, _]| Vec3::new(x, y, z))
-    }
-
-    fn cpu_lighting(&self, falling: &Falling, parameters: &[f32; 8]) -> Vec3 {
-        let mut at = [falling.cosine, falling.share].to_vec();
-        let vectors =
-            [falling.color, falling.base, falling.normal, falling.viewer, falling.light, falling.lit];
-        vectors.iter().for_each(|v| at.extend(v.to_array()));
-        let out = self.run(vec![Value::floats(&at)], &Textured(&self.textures), parameters);
-        out.map_or(TOO_LONG.truncate(), |[x, y, z, _]| Vec3::new(x, y, z))
-    }
-
-    fn cpu_picture(&self, pictures: &Pictures, at: [i32; 2], pass: u32, parameters: &[f32; 8]) -> Vec4 {
-        let around = Seeing { pictures, textures: &self.textures, history: self.head.history };
-        let out = self.run(vec![Value::ints(at), Value::uint(pass)], &around, parameters);
-        out.map_or(TOO_LONG, Vec4::from_array)
-    }
-
-    /// A pixel that takes more than its steps is magenta: it is seen, and no frame hangs.
-    fn cpu(&self, color: Vec4, uv: Vec2, parameters: &[f32; 8]) -> Vec4 {
-        let arguments = vec![Value::floats(&color.to_array()), Value::floats(&uv.to_array())];
-        let out = self.run(arguments, &Textured(&self.textures), parameters);
-        out.map_or(TOO_LONG, Vec4::from_array)
-    }
-
-    fn overlay(&self, scene: &Scene, parameters: &[f32; 8]) -> Overlay {
-        let triangles = match self.made {
-            Made::Strokes => false,
-            Made::Triangles => true,
-            _ => return Overlay::default(),
-        };
-        let (program, head, textures) = (&self.program, &self.head, &self.textures[..]);
-        Drawing { program, head, textures, triangles, boxes: self.boxes, parameters }.run(scene)
+    fn shutter(&self, parameters: &[f32; 8]) -> Option<Shutter> {
+        if self.head.hook != Hook::Shutter {
+            return None;
+        }
+        let [samples, degrees, before, ..] = self.call(parameters)?;
+        Some(Shutter { samples: samples.to_bits(), open: f64::from(degrees) / 360.0, before: before.into() })
     }
 
     /// One whose numbers are not finite draws nothing, as one that takes more than its steps.
-    fn shell(&self, parameters: &[f32; 8]) -> Option<Shell> {
-        let Made::Shell = self.made else { return None };
-        let done = self.program.run(vec![Value::floats(parameters)], &Textured(&self.textures)).ok()?;
-        let [width, r, g, b, lighting_mix] = [0, 1, 2, 3, 4].map(|i| done.value.f(i));
-        let shell = Shell {
-            width: width.min(MOST_WIDTH),
+    fn inverted_hull(&self, parameters: &[f32; 8]) -> Option<InvertedHull> {
+        if self.head.hook != Hook::Outline || self.code().output != Output::Hull {
+            return None;
+        }
+        let [width, r, g, b, lighting_mix] = self.call(parameters)?;
+        let hull = InvertedHull {
+            width: width.min(MAX_WIDTH),
             color: Vec3::new(r, g, b),
             lighting_mix: lighting_mix.clamp(0.0, 1.0),
         };
-        (width > 0.0 && shell.color.is_finite() && lighting_mix.is_finite()).then_some(shell)
+        (width > 0.0 && hull.color.is_finite() && lighting_mix.is_finite()).then_some(hull)
     }
 
-    fn edges(&self, parameters: &[f32; 8]) -> Option<Vec3> {
-        let Made::Edges = self.made else { return None };
-        let done = self.program.run(vec![Value::floats(parameters)], &Textured(&self.textures)).ok()?;
-        Some(Vec3::from([0, 1, 2].map(|i| done.value.f(i)))).filter(|color| color.is_finite())
+    fn wireframe(&self, parameters: &[f32; 8]) -> Option<Vec3> {
+        if self.head.hook != Hook::Outline || self.code().output != Output::Edges {
+            return None;
+        }
+        let [r, g, b, ..] = self.call(parameters)?;
+        Some(Vec3::new(r, g, b)).filter(|color| color.is_finite())
     }
 }

@@ -7,25 +7,28 @@
 //! // hook: surface
 //! // see_through: true
 //! // background: true
+//! // inputs: normals
+//! // off: amount = 0
 //! // param amount = 0.1 in 0..1: how strong it is
 //! // param coloured = false: another grain for each colour
+//! // param tint = rgb(1.0, 0.5, 0.0): its color
 //! // param curve = soft of soft|hard: how it fades in the lights
 //! // texture paper = paper.png: what it is printed on
 //! // texture bumps = bumps.png as data: heights
 //! ```
 //!
-//! Of `hook: vertex` also `reach: METRES or PARAMETER` and `space: model`, of `hook: picture` `passes: 2` and `history: 3`, of
-//! `hook: overlay` `count: NUMBER or PARAMETER`, `over: true or PARAMETER`, `of: scene`, `history: 64` and
+//! Of `hook: vertex` also `reach: METRES or PARAMETER` and `space: model`, of `hook: picture` `passes: 2`, `halve: radius to 8` and
+//! `history: 3`, of `hook: overlay` `count: NUMBER or PARAMETER`, `over: true or PARAMETER`, `of: scene`, `history: 64` and
 //! `joint hand = RightHand|hand.r: where it burns`.
 
 use crate::parameters::identifier;
 use choreo_plugin::suggest::{closest, did_you_mean};
-use choreo_plugin::{Hook, Manifest, OptionKind, Overlay};
+use choreo_plugin::{Hook, Manifest, OptionKind, Overlay, SurfaceInputs, ViewOrder};
 
 /// Line from 1, and what is wrong with it.
-pub type HeadError = (usize, String);
+pub(crate) type HeadError = (usize, String);
 
-pub const MOST_TEXTURES: usize = 4;
+pub(crate) const MOST_TEXTURES: usize = 4;
 const MOST_JOINTS: usize = 16;
 const MOST_PASSES: u32 = 16;
 /// Frames back; each is one more to draw for every frame.
@@ -33,25 +36,35 @@ const MOST_HISTORY: u32 = 16;
 /// Frames back of an overlay; each is one more to pose.
 const MOST_POSES: u32 = 64;
 
-/// Hook of the effect, and its options.
-#[derive(Clone, Debug, PartialEq)]
+/// The hook of an effect, and what its head states of it.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Head {
     pub hook: Hook,
     /// A surface makes alpha.
     pub see_through: bool,
-    /// An effect on surfaces changes the background too.
-    pub background: bool,
-    /// Vertices are moved along the mesh's own axes.
-    pub along_model: bool,
-    /// How far corners are moved at most, metres.
+    /// Whether an effect on surfaces changes the background too, where it is not 0.
+    pub background: Amount,
+    /// Inputs of a surface beyond those that the text names.
+    pub inputs: SurfaceInputs,
+    /// A text parameter whose choices name inputs: of these only the chosen one is read.
+    pub chosen_input: Option<(usize, Vec<String>)>,
+    /// Vertices are displaced in model space.
+    pub in_model_space: bool,
+    /// The largest displacement, metres.
     pub reach: Amount,
+    /// A length as a share of the image's height, and how many pixels it may have in the passes before the last.
+    pub shrink: Option<(Amount, u32)>,
+    /// The parameter, by its index, and its value with which the effect changes nothing.
+    pub off: Option<(usize, f32)>,
     pub passes: u32,
+    /// The order of an effect on images and the view transform.
+    pub view: ViewOrder,
     pub history: u32,
-    /// Lines or triangles of its own, around each body.
+    /// Lines or triangles around each actor.
     pub count: Amount,
-    /// Not 0: drawn over everything.
+    /// Drawn over everything else if it is not 0.
     pub over: Amount,
-    /// They are made once for the scene, not around each body.
+    /// They are made once for the scene, not around each actor.
     pub of_scene: bool,
     pub joints: Vec<JointLine>,
     pub textures: Vec<TextureLine>,
@@ -59,40 +72,82 @@ pub struct Head {
 
 /// A number in the head.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Amount {
+pub(crate) enum Amount {
     Number(f32),
-    /// As a parameter says, by its place.
+    /// The value of a parameter, by its index.
     Parameter(usize),
+    /// 1 minus the value of a flag.
+    Not(usize),
+}
+
+impl Default for Amount {
+    fn default() -> Amount {
+        Amount::Number(0.0)
+    }
 }
 
 impl Amount {
     pub fn of(self, parameters: &[f32; 8]) -> f32 {
+        let parameter = |index: usize| parameters.get(index).copied().unwrap_or(0.0);
         match self {
             Amount::Number(number) => number,
-            Amount::Parameter(place) => parameters.get(place).copied().unwrap_or(0.0),
+            Amount::Parameter(index) => parameter(index),
+            Amount::Not(index) => 1.0 - parameter(index),
         }
     }
 }
 
-/// A picture that the functions read.
+impl Head {
+    /// What is read of a surface, where the text reads `text`.
+    pub fn inputs(&self, text: SurfaceInputs, parameters: &[f32; 8]) -> SurfaceInputs {
+        let mut inputs = SurfaceInputs {
+            normals: text.normals || self.inputs.normals,
+            uvs: text.uvs || self.inputs.uvs,
+            joints: text.joints || self.inputs.joints,
+            shadow: text.shadow || self.inputs.shadow,
+            see_through: self.see_through,
+        };
+        if let Some((index, choices)) = &self.chosen_input {
+            for (number, name) in choices.iter().enumerate() {
+                if let Some(input) = input(&mut inputs, name).filter(|_| parameters[*index] != number as f32)
+                {
+                    *input = false;
+                }
+            }
+        }
+        inputs
+    }
+}
+
+fn input<'a>(inputs: &'a mut SurfaceInputs, name: &str) -> Option<&'a mut bool> {
+    match name {
+        "normals" => Some(&mut inputs.normals),
+        "uvs" => Some(&mut inputs.uvs),
+        "joints" => Some(&mut inputs.joints),
+        "shadow" => Some(&mut inputs.shadow),
+        _ => None,
+    }
+}
+
+/// An image that the functions read.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct TextureLine {
+pub(crate) struct TextureLine {
     pub name: String,
-    /// File beside the effect's own file.
+    /// Path relative to the effect's own file.
     pub file: String,
     /// Its numbers are colors, encoded as sRGB.
     pub srgb: bool,
-    /// Line number from 1.
+    /// Line, from 1.
     pub line: usize,
 }
 
 /// A joint that an overlay asks for by name.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct JointLine {
+pub(crate) struct JointLine {
     pub name: String,
     /// The first of these that a body has.
     pub of: Vec<String>,
-    /// Line number from 1.
+    /// Line, from 1.
     pub line: usize,
 }
 
@@ -132,140 +187,184 @@ pub fn without_mark(text: &str) -> &str {
     text.strip_prefix('\u{feff}').unwrap_or(text)
 }
 
+/// Reads the settings of a head comment.
 pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeadError> {
-    let mut head = Head {
-        hook: Hook::Pixel,
-        see_through: false,
-        background: false,
-        along_model: false,
-        reach: Amount::Number(0.0),
-        passes: 1,
-        history: 0,
-        count: Amount::Number(0.0),
-        over: Amount::Number(0.0),
-        of_scene: false,
-        joints: joints(text, manifest)?,
-        textures: textures(text, manifest)?,
-    };
+    let joints = joints(text, manifest)?;
+    let mut head = Head { passes: 1, joints, textures: textures(text, manifest)?, ..Head::default() };
     let mut hook_line = 1;
     for (line, _, value) in fields(text).filter(|(_, name, _)| *name == "hook") {
-        hook_line = line;
-        head.hook = match value {
-            "pixel" => Hook::Pixel,
-            "picture" => Hook::Picture,
-            "surface" => Hook::Surface,
-            "vertex" => Hook::Vertex,
-            "lighting" => Hook::Lighting,
-            "shell" => Hook::Shell,
-            "overlay" => Hook::Overlay,
-            other => {
-                let near = did_you_mean(other, HOOKS);
-                let known = HOOKS.join(", ");
-                return Err((
-                    line,
-                    format!("hook is one of {known}, not \"{other}\"{near} (the shutter needs a crate)"),
-                ));
-            }
-        };
+        (hook_line, head.hook) = (line, hook(value).map_err(|message| (line, message))?);
     }
-    let (mut reaches, mut counts) = (false, false);
+    let mut given = Vec::new();
     for (line, name, value) in fields(text) {
-        let flag = || value.parse::<bool>().map_err(|_| (line, format!("{name} is true or false")));
-        let count = |most: u32| {
-            let number = value.parse().ok().filter(|n| (1..=most).contains(n));
-            number.ok_or_else(|| (line, format!("{name} is a whole number from 1 to {most}")))
-        };
-        let of = match name {
-            "see_through" => {
-                head.see_through = flag()?;
-                Hook::Surface
-            }
-            "background" => {
-                head.background = flag()?;
-                Hook::Surface
-            }
-            "space" => {
-                head.along_model = match value {
-                    "world" => false,
-                    "model" => true,
-                    _ => return Err((line, "space is world or model".into())),
-                };
-                Hook::Vertex
-            }
-            "reach" => {
-                reaches = true;
-                head.reach = reach(value, manifest).map_err(|message| (line, message))?;
-                Hook::Vertex
-            }
-            "passes" => {
-                head.passes = count(MOST_PASSES)?;
-                Hook::Picture
-            }
-            "history" => {
-                let poses = head.hook == Hook::Overlay;
-                head.history = count(if poses { MOST_POSES } else { MOST_HISTORY })?;
-                if poses { Hook::Overlay } else { Hook::Picture }
-            }
-            "count" => {
-                counts = true;
-                head.count = things(value, manifest).map_err(|message| (line, message))?;
-                Hook::Overlay
-            }
-            "over" => {
-                head.over = truth(value, manifest).map_err(|message| (line, message))?;
-                Hook::Overlay
-            }
-            "of" => {
-                head.of_scene = match value {
-                    "actors" => false,
-                    "scene" => true,
-                    _ => return Err((line, "of is actors or scene".into())),
-                };
-                Hook::Overlay
-            }
-            _ => {
-                slip(name).map_or(Ok(()), |meant| {
-                    Err((line, format!("unknown word \"{name}\"; did you mean \"{meant}\"?")))
-                })?;
-                continue;
-            }
-        };
-        if head.hook != of {
-            return Err((line, format!("{name} is of effects with hook: {}", named(of))));
+        let of = head.set(name, value, manifest).map_err(|message| (line, message))?;
+        if let Some(of) = of.filter(|of| *of != head.hook) {
+            return Err((line, format!("{name} is of effects with hook: {}", word(of))));
         }
+        given.push(name);
     }
     if let Some(joint) = head.joints.first().filter(|_| head.hook != Hook::Overlay) {
         return Err((joint.line, "joint is of effects with hook: overlay".into()));
     }
-    match head.hook {
-        Hook::Vertex if !reaches => Err((
-            hook_line,
-            "an effect that moves surfaces says how far at most: // reach: METRES, or the name of a parameter".into(),
-        )),
-        Hook::Overlay if !counts => Err((
-            hook_line,
-            "an overlay says how many lines or triangles it has: // count: NUMBER, or the name of a parameter".into(),
-        )),
-        _ => Ok(head),
+    let missing = match head.hook {
+        Hook::Vertex if !given.contains(&"reach") => {
+            "an effect that moves surfaces says how far at most: // reach: METRES, or the name of a parameter"
+        }
+        Hook::Overlay if !given.contains(&"count") => {
+            "an overlay says how many lines or triangles it has: // count: NUMBER, or the name of a parameter"
+        }
+        _ => return Ok(head),
+    };
+    Err((hook_line, missing.into()))
+}
+
+impl Head {
+    /// Sets what a word stands for, and gives the hook that it belongs to. Words of the author's own are passed over.
+    fn set(&mut self, name: &str, value: &str, manifest: &Manifest) -> Result<Option<Hook>, String> {
+        let flag = || value.parse::<bool>().map_err(|_| format!("{name} is true or false"));
+        let one_of = |no: &str, yes: &str| match value {
+            _ if value == no => Ok(false),
+            _ if value == yes => Ok(true),
+            _ => Err(format!("{name} is {no} or {yes}")),
+        };
+        let count = |most: u32| {
+            let number = value.parse().ok().filter(|n| (1..=most).contains(n));
+            number.ok_or_else(|| format!("{name} is a whole number from 1 to {most}"))
+        };
+        let of = match name {
+            "see_through" => {
+                self.see_through = flag()?;
+                Hook::Surface
+            }
+            "background" => {
+                self.background = truth(name, value, manifest)?;
+                Hook::Surface
+            }
+            "inputs" => {
+                self.read_inputs(value, manifest)?;
+                Hook::Surface
+            }
+            "space" => {
+                self.in_model_space = one_of("world", "model")?;
+                Hook::Vertex
+            }
+            "reach" => {
+                self.reach = reach(value, manifest)?;
+                Hook::Vertex
+            }
+            "passes" => {
+                self.passes = count(MOST_PASSES)?;
+                Hook::Image
+            }
+            "view" => {
+                self.view = match one_of("before", "replaced")? {
+                    false => ViewOrder::Before,
+                    true => ViewOrder::Replaces,
+                };
+                // Of both hooks for images.
+                if self.hook == Hook::Pixel { Hook::Pixel } else { Hook::Image }
+            }
+            "halve" => {
+                self.shrink = Some(halve(value, manifest)?);
+                Hook::Image
+            }
+            "history" if self.hook == Hook::Overlay => {
+                self.history = count(MOST_POSES)?;
+                Hook::Overlay
+            }
+            "history" => {
+                self.history = count(MOST_HISTORY)?;
+                Hook::Image
+            }
+            "count" => {
+                self.count = things(value, manifest)?;
+                Hook::Overlay
+            }
+            "over" => {
+                self.over = truth(name, value, manifest)?;
+                Hook::Overlay
+            }
+            "of" => {
+                self.of_scene = one_of("actors", "scene")?;
+                Hook::Overlay
+            }
+            "off" => {
+                self.off = Some(off(value, manifest)?);
+                return Ok(None);
+            }
+            _ => {
+                return match slip(name) {
+                    Some(meant) => Err(format!("unknown word \"{name}\"; did you mean \"{meant}\"?")),
+                    None => Ok(None),
+                };
+            }
+        };
+        Ok(Some(of))
+    }
+
+    /// `normals|uvs`, or the name of a text parameter whose choices are inputs.
+    fn read_inputs(&mut self, value: &str, manifest: &Manifest) -> Result<(), String> {
+        for name in value.split('|').map(str::trim) {
+            let chosen = manifest.options.iter().enumerate().find(|(_, o)| o.name == name);
+            if let Some((index, OptionKind::Text { one_of, .. })) = chosen.map(|(i, o)| (i, &o.kind)) {
+                self.chosen_input = Some((index, one_of.clone()));
+            } else {
+                let input = input(&mut self.inputs, name);
+                *input.ok_or_else(|| format!("inputs are normals, uvs, joints, shadow, not \"{name}\""))? =
+                    true;
+            }
+        }
+        Ok(())
     }
 }
 
-const HOOKS: [&str; 7] = ["pixel", "picture", "surface", "vertex", "lighting", "shell", "overlay"];
+const HOOKS: [(&str, Hook); 8] = [
+    ("pixel", Hook::Pixel),
+    ("picture", Hook::Image),
+    ("surface", Hook::Surface),
+    ("vertex", Hook::Vertex),
+    ("lighting", Hook::Lighting),
+    ("shell", Hook::Outline),
+    ("overlay", Hook::Overlay),
+    ("shutter", Hook::Shutter),
+];
 
-const WORDS: [&str; 13] = [
+fn hook(value: &str) -> Result<Hook, String> {
+    // The same hooks by the names that the program has for them.
+    let named = match value {
+        "image" => "picture",
+        "outline" => "shell",
+        other => other,
+    };
+    let found = HOOKS.iter().find(|(word, _)| *word == named).map(|(_, hook)| *hook);
+    found.ok_or_else(|| {
+        let words = HOOKS.map(|(word, _)| word);
+        format!("hook is one of {}, not \"{value}\"{}", words.join(", "), did_you_mean(value, words))
+    })
+}
+
+fn word(hook: Hook) -> &'static str {
+    HOOKS.iter().find(|(_, of)| *of == hook).map_or("pixel", |(word, _)| word)
+}
+
+const WORDS: [&str; 17] = [
     "effect",
     "about",
     "version",
     "hook",
     "see_through",
     "background",
+    "inputs",
     "space",
     "reach",
     "passes",
+    "halve",
+    "view",
     "history",
     "count",
     "over",
     "of",
+    "off",
 ];
 
 /// The word that a slip of the hand stands for. Other words are the author's own.
@@ -274,16 +373,6 @@ fn slip(name: &str) -> Option<&'static str> {
         return None;
     }
     closest(name, WORDS).filter(|word| word.len().abs_diff(name.len()) <= 2)
-}
-
-fn named(hook: Hook) -> &'static str {
-    match hook {
-        Hook::Surface => "surface",
-        Hook::Vertex => "vertex",
-        Hook::Picture => "picture",
-        Hook::Overlay => "overlay",
-        _ => "pixel",
-    }
 }
 
 fn reach(value: &str, manifest: &Manifest) -> Result<Amount, String> {
@@ -314,16 +403,41 @@ fn things(value: &str, manifest: &Manifest) -> Result<Amount, String> {
     })
 }
 
-fn truth(value: &str, manifest: &Manifest) -> Result<Amount, String> {
+/// `true`, `false`, the name of a flag, or `not` and the name of a flag.
+fn truth(name: &str, value: &str, manifest: &Manifest) -> Result<Amount, String> {
     if let Ok(flag) = value.parse::<bool>() {
         return Ok(Amount::Number(f32::from(u8::from(flag))));
     }
+    let (flag, negated) = value.strip_prefix("not ").map_or((value, false), |flag| (flag.trim(), true));
     let is_flag = |kind: &OptionKind| matches!(kind, OptionKind::Bool { .. });
-    let place = manifest.options.iter().position(|o| o.name == value && is_flag(&o.kind));
-    place.map(Amount::Parameter).ok_or_else(|| {
+    let index = manifest.options.iter().position(|o| o.name == flag && is_flag(&o.kind));
+    index.map(|index| if negated { Amount::Not(index) } else { Amount::Parameter(index) }).ok_or_else(|| {
         let near = near(value, manifest);
-        format!("over is true, false, or the name of a parameter that is, not \"{value}\"{near}")
+        format!("{name} is true, false, or the name of a parameter that is, not \"{value}\"{near}")
     })
+}
+
+/// `radius to 8`: passes before the last are halved until the parameter, a share of the image's height, is 8 pixels or less.
+fn halve(value: &str, manifest: &Manifest) -> Result<(Amount, u32), String> {
+    let read = || {
+        let (length, most) = value.split_once(" to ")?;
+        let index = manifest.options.iter().position(|o| o.name == length.trim())?;
+        Some((Amount::Parameter(index), most.trim().parse().ok().filter(|most| (1..=256).contains(most))?))
+    };
+    read().ok_or_else(|| "write // halve: PARAMETER to PIXELS, 1 to 256".into())
+}
+
+/// `strength = 0`: a number parameter, and the value with which the effect changes nothing.
+fn off(value: &str, manifest: &Manifest) -> Result<(usize, f32), String> {
+    let (name, at) = value.split_once('=').map(|(name, at)| (name.trim(), at.trim())).unwrap_or((value, ""));
+    let is_number = |kind: &OptionKind| matches!(kind, OptionKind::Number { .. });
+    let index = manifest.options.iter().position(|o| o.name == name && is_number(&o.kind));
+    let index = index.ok_or_else(|| {
+        let near = near(name, manifest);
+        format!("write // off: PARAMETER = NUMBER; no parameter \"{name}\" is a number{near}")
+    })?;
+    let at = at.parse().ok().filter(|at: &f32| at.is_finite());
+    Ok((index, at.ok_or("write // off: PARAMETER = NUMBER")?))
 }
 
 /// Did it mean a parameter?
@@ -405,28 +519,30 @@ mod tests {
 
     #[test]
     fn hooks_have_names() {
-        let hook = |text: &str| head_of(text).map(|h| (h.hook, h.see_through, h.background));
-        assert_eq!(hook("// effect: a"), Ok((Hook::Pixel, false, false)));
-        assert_eq!(hook("// hook: surface\n// see_through: true"), Ok((Hook::Surface, true, false)));
-        assert_eq!(hook("// background: true\n// hook: surface"), Ok((Hook::Surface, false, true)));
-        assert_eq!(hook("// hook: lighting"), Ok((Hook::Lighting, false, false)));
+        let hook = |text: &str| head_of(text).map(|h| (h.hook, h.see_through, h.background.of(&[0.0; 8])));
+        assert_eq!(hook("// effect: a"), Ok((Hook::Pixel, false, 0.0)));
+        assert_eq!(hook("// hook: surface\n// see_through: true"), Ok((Hook::Surface, true, 0.0)));
+        assert_eq!(hook("// background: true\n// hook: surface"), Ok((Hook::Surface, false, 1.0)));
+        assert_eq!(hook("// hook: lighting"), Ok((Hook::Lighting, false, 0.0)));
         let error = |text: &str| head_of(text).unwrap_err();
-        let known = "hook is one of pixel, picture, surface, vertex, lighting, shell, overlay, not ";
-        let unknown = format!("{known}\"overlai\"; did you mean \"overlay\"? (the shutter needs a crate)");
+        let known = "hook is one of pixel, picture, surface, vertex, lighting, shell, overlay, shutter, not ";
+        let unknown = format!("{known}\"overlai\"; did you mean \"overlay\"?");
         assert_eq!(error("// effect: a\n// hook: overlai"), (2, unknown));
         assert_eq!(error("// see_through: true").1, "see_through is of effects with hook: surface");
         assert_eq!(error("// background: true").1, "background is of effects with hook: surface");
         assert_eq!(error("// hook: surface\n// see_through: much").0, 2);
         let slip = "unknown word \"histroy\"; did you mean \"history\"?";
-        assert_eq!(error("// hook: picture\n// histroy: 2"), (2, slip.into()));
+        assert_eq!(error("// hook: image\n// histroy: 2"), (2, slip.into()));
         assert!(head_of("// see: another one\n// author: me\n// note of hooks: none").is_ok());
-        assert_eq!(error("// hook: surface\n// background: much").1, "background is true or false");
+        let flag = "background is true, false, or the name of a parameter that is, not \"much\"";
+        assert_eq!(error("// hook: surface\n// background: much").1, flag);
+        assert_eq!(head_of("// hook: image").map(|h| h.hook), Ok(Hook::Image));
     }
 
     #[test]
     fn what_moves_surfaces_says_how_far() {
         let reach =
-            |text: &str| head_of(&format!("// hook: vertex\n{text}")).map(|h| (h.reach, h.along_model));
+            |text: &str| head_of(&format!("// hook: vertex\n{text}")).map(|h| (h.reach, h.in_model_space));
         assert_eq!(reach("// reach: 0.25\n// space: model"), Ok((Amount::Number(0.25), true)));
         assert_eq!(reach("// reach: high"), Ok((Amount::Parameter(0), false)));
         assert!(reach("").unwrap_err().1.starts_with("an effect that moves surfaces says how far at most"));
@@ -475,9 +591,20 @@ mod tests {
     }
 
     #[test]
+    fn a_parameter_turns_an_effect_off() {
+        let off = |text: &str| head_of(text).map(|h| h.off);
+        assert_eq!(off("// off: high = 0"), Ok(Some((0, 0.0))));
+        assert_eq!(off("// hook: image"), Ok(None));
+        let unknown =
+            "write // off: PARAMETER = NUMBER; no parameter \"hihg\" is a number; did you mean \"high\"?";
+        assert_eq!(off("// off: hihg = 0"), Err((1, unknown.into())));
+        assert_eq!(off("// off: high"), Err((1, "write // off: PARAMETER = NUMBER".into())));
+    }
+
+    #[test]
     fn pictures_have_passes_a_history_and_textures() {
         let made = head_of(
-            "// hook: picture\n// passes: 2\n// history: 3\n// texture paper = a b.png: rough: very\n\
+            "// hook: image\n// passes: 2\n// history: 3\n// texture paper = a b.png: rough: very\n\
              // texture bumps = bumps.png as data: heights",
         )
         .unwrap();
@@ -492,7 +619,7 @@ mod tests {
         assert_eq!(made.textures, files);
         let error = |text: &str| head_of(text).unwrap_err();
         assert_eq!(error("// history: 1"), (1, "history is of effects with hook: picture".into()));
-        assert_eq!(error("// hook: picture\n// history: 17").1, "history is a whole number from 1 to 16");
+        assert_eq!(error("// hook: image\n// history: 17").1, "history is a whole number from 1 to 16");
         assert_eq!(error("// texture high = x.png: y"), (1, "high is declared twice".into()));
         assert!(error("// texture paper").1.starts_with("write // texture NAME"));
         let many: String = (0..5).map(|i| format!("// texture t{i} = x.png: y\n")).collect();

@@ -6,20 +6,22 @@
 //! text ─► naga: parse, validate ────┴► Program: the same module, evaluated a pixel at a time (CPU)
 //! ```
 
-mod around;
 mod compile;
-mod depth;
 mod effect;
-mod forms;
+mod environment;
 mod head;
-mod maths;
+mod lower;
+mod machine;
+mod nesting;
+mod operators;
 mod overlay;
 mod parameters;
-mod prepare;
+mod pool;
 mod program;
 mod shape;
-mod slips;
+mod signature;
+mod suggestions;
 mod trial;
 
-pub use effect::{ENDING, LookError, Picture, WgslEffect};
+pub use effect::{ENDING, EffectError, Picture, WgslEffect};
 pub use head::{files, is_meant, name};

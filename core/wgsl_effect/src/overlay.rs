@@ -1,24 +1,24 @@
 //! Lines and triangles of an effect's own: its function is asked for each, on the CPU, for both renderers.
 
-use crate::around::Beside;
+use crate::compile::Output;
+use crate::environment::Surroundings;
 use crate::head::{Head, JointLine};
-use crate::program::{MOST_STEPS, Program};
-use crate::shape::Value;
+use crate::machine::Machine;
+use crate::program::{MAX_STEPS, Program};
 use choreo_asset::{Asset, DAabb};
 use choreo_plugin::suggest::did_you_mean;
-use choreo_plugin::{Body, EffectTexture, Overlay, Scene, Stroke, Triangle};
+use choreo_plugin::{ActorInstance, EffectScene, EffectTexture, Lattice, Overlay, Stroke, Triangle};
 use glam::{DVec3, Vec4};
 
 /// Steps of all of an effect's lines or triangles in a frame, some tenths of a second; what comes after is not drawn.
-pub const MOST_FRAME_STEPS: u32 = 20_000_000;
+pub(crate) const MAX_FRAME_STEPS: u32 = 20_000_000;
 
 /// All that an effect draws in a frame.
 pub struct Drawing<'a> {
     pub program: &'a Program,
     pub head: &'a Head,
     pub textures: &'a [EffectTexture],
-    /// Rather than lines.
-    pub triangles: bool,
+    pub output: Output,
     /// The text reads the boxes around actors.
     pub boxes: bool,
     pub parameters: &'a [f32; 8],
@@ -38,12 +38,12 @@ struct Made {
 }
 
 impl Drawing<'_> {
-    pub fn run(&self, scene: &Scene) -> Overlay {
+    pub fn run(&self, scene: &EffectScene) -> Overlay {
         let time = scene.snapshot.time.as_secs() as f32;
         let mut made = Made::default();
         if self.head.of_scene {
             let mut bounds = DAabb::EMPTY;
-            for own in scene.bodies().filter(|_| self.boxes).map(|body| body.bounds()) {
+            for own in scene.instances().filter(|_| self.boxes).map(|body| body.bounds()) {
                 bounds.add(own.min);
                 bounds.add(own.max);
             }
@@ -52,10 +52,14 @@ impl Drawing<'_> {
             }
             let value = body_of(time, DVec3::ZERO, bounds, [0, 0]);
             let bones = Bones::default();
-            self.one(value, &Beside { scene, body: None, bones: &bones, textures: self.textures }, &mut made);
+            self.one(
+                value,
+                &Surroundings { scene, actor: None, bones: &bones, textures: self.textures },
+                &mut made,
+            );
         } else {
             let mut known: Option<(&Asset, Bones)> = None;
-            for (number, body) in scene.bodies().enumerate() {
+            for (number, body) in scene.instances().enumerate() {
                 // Many actors of one file follow each other.
                 let bones = match known.take() {
                     Some((asset, bones)) if std::ptr::eq(asset, body.asset) => bones,
@@ -64,7 +68,8 @@ impl Drawing<'_> {
                 let place = body.world_from_model.translation;
                 let bounds = if self.boxes { body.bounds() } else { DAabb { min: place, max: place } };
                 let value = body_of(time, place, bounds, [bones.count, number as u32]);
-                let around = Beside { scene, body: Some(&body), bones: &bones, textures: self.textures };
+                let around =
+                    Surroundings { scene, actor: Some(&body), bones: &bones, textures: self.textures };
                 self.one(value, &around, &mut made);
                 known = Some((body.asset, bones));
             }
@@ -73,60 +78,81 @@ impl Drawing<'_> {
     }
 
     /// All around one body.
-    fn one(&self, body: Value, around: &Beside, made: &mut Made) {
+    fn one(&self, body: [u32; 12], around: &Surroundings, made: &mut Made) {
         let count = self.head.count.of(self.parameters).clamp(0.0, Overlay::MOST as f32) as u32;
         made.asked += u64::from(count);
+        let program = self.program;
+        let mut machine = Machine::<1>::new(program, self.parameters);
+        machine.set(program, 1, 0, &body);
         for index in 0..count {
-            let drawn = made.out.strokes.len() + made.out.triangles.len();
-            made.full = made.full || made.steps >= MOST_FRAME_STEPS || drawn >= Overlay::MOST;
+            let drawn = made.out.strokes.len() + made.out.triangles.len() + made.out.lattices.len();
+            made.full = made.full || made.steps >= MAX_FRAME_STEPS || drawn >= Overlay::MOST;
             if made.full {
                 return;
             }
-            let arguments = vec![Value::uint(index), body, Value::floats(self.parameters)];
-            match self.program.run(arguments, around) {
-                Ok(done) => {
-                    made.steps += done.steps;
-                    self.add(&done.value, made);
+            machine.set(program, 0, 0, &[index]);
+            match machine.run(program, 1, around) {
+                Ok(()) => {
+                    made.steps += machine.steps;
+                    self.add(&machine, made);
                 }
                 Err(_) => {
-                    made.steps += MOST_STEPS;
+                    made.steps += MAX_STEPS;
                     made.too_long += 1;
                 }
             }
         }
     }
 
-    /// What the function gave, where there is anything to see.
-    fn add(&self, value: &Value, made: &mut Made) {
-        let f = |i: usize| value.f(i);
-        let place = |i: usize| DVec3::new(f(i).into(), f(i + 1).into(), f(i + 2).into());
-        let color = |i: usize| Vec4::new(f(i), f(i + 1), f(i + 2), f(i + 3).clamp(0.0, 1.0));
-        let size = if self.triangles { 13 } else { 11 };
-        if !(0..size).all(|i| f(i).is_finite()) {
+    /// What the function returned, where there is anything to see.
+    fn add(&self, machine: &Machine<1>, made: &mut Made) {
+        let f = |i: u32| machine.float(self.program, 0, i);
+        let place = |i: u32| DVec3::new(f(i).into(), f(i + 1).into(), f(i + 2).into());
+        let color = |i: u32| Vec4::new(f(i), f(i + 1), f(i + 2), f(i + 3).clamp(0.0, 1.0));
+        if !(0..self.program.entry().result.count).all(|i| f(i).is_finite()) {
             made.not_finite += 1;
-        } else if self.triangles {
-            let one = Triangle { corners: [place(0), place(3), place(6)], color: color(9) };
-            made.out.triangles.extend((one.color.w > 0.0).then_some(one));
-        } else {
-            let one = Stroke { from: place(0), to: place(3), width: f(6), color: color(7) };
-            made.out.strokes.extend((one.width > 0.0 && one.color.w > 0.0).then_some(one));
+            return;
+        }
+        match self.output {
+            Output::Triangles => {
+                let one = Triangle { vertices: [place(0), place(3), place(6)], color: color(9) };
+                made.out.triangles.extend((one.color.w > 0.0).then_some(one));
+            }
+            Output::Lattices => made.out.lattices.push(Lattice {
+                origin: place(0),
+                along: [place(3), place(6)],
+                cell: f(9).into(),
+                every: machine.bits(self.program, 0, 10),
+                widths: [f(11), f(12)],
+                color: color(13),
+                fade: f(17).into(),
+            }),
+            _ => {
+                let one = Stroke { from: place(0), to: place(3), width: f(6), color: color(7) };
+                made.out.strokes.extend((one.width > 0.0 && one.color.w > 0.0).then_some(one));
+            }
         }
     }
 
     fn finished(&self, made: Made) -> Overlay {
         let Made { mut out, steps, asked, not_finite, too_long, full } = made;
-        let what = if self.triangles { "triangles" } else { "lines" };
+        let what = match self.output {
+            Output::Triangles => "triangles",
+            Output::Lattices => "lattices",
+            _ => "lines",
+        };
         let mut say = |count: u32, why: String| {
             if count > 0 {
                 out.left_out.push(format!("{count} of {asked} {what} {why}"));
             }
         };
         say(not_finite, "have numbers that are not finite".into());
-        say(too_long, format!("take more than {MOST_STEPS} steps each"));
+        say(too_long, format!("take more than {MAX_STEPS} steps each"));
         if full {
-            let (drawn, most) = (out.strokes.len() + out.triangles.len(), Overlay::MOST);
+            let drawn = out.strokes.len() + out.triangles.len() + out.lattices.len();
+            let most = Overlay::MOST;
             out.left_out.push(format!(
-                "{drawn} of {asked} {what} are drawn, made in {steps} steps; a frame has at most {most} in {MOST_FRAME_STEPS} steps"
+                "{drawn} of {asked} {what} are drawn, made in {steps} steps; a frame has at most {most} in {MAX_FRAME_STEPS} steps"
             ));
         }
         out.over = self.head.over.of(self.parameters) > 0.5;
@@ -149,7 +175,7 @@ pub struct Bones {
 
 impl Bones {
     /// What is not there is reported once for each file.
-    fn of(body: &Body, joints: &[JointLine], left_out: &mut Vec<String>) -> Bones {
+    fn of(body: &ActorInstance, joints: &[JointLine], left_out: &mut Vec<String>) -> Bones {
         let shown = body.bones();
         let skeleton = &body.asset.skeleton;
         let mut number: Vec<Option<u32>> = vec![None; skeleton.len()];
@@ -185,19 +211,17 @@ impl Bones {
     }
 }
 
-fn body_of(time: f32, place: DVec3, bounds: DAabb, counts: [u32; 2]) -> Value {
-    let mut at = [0.0; 20];
-    for (i, v) in [place, bounds.min, bounds.max].into_iter().enumerate() {
-        at[3 * i..3 * i + 3].copy_from_slice(&v.as_vec3().to_array());
-    }
-    let mut value = Value::floats(&[time]);
-    value.0[1..10].copy_from_slice(&Value::floats(&at).0[..9]);
-    value.0[10..12].copy_from_slice(&counts);
-    value
+/// Bits of the struct `Body`.
+fn body_of(time: f32, place: DVec3, bounds: DAabb, counts: [u32; 2]) -> [u32; 12] {
+    let [p, low, high] = [place, bounds.min, bounds.max].map(|v| v.as_vec3().to_array().map(f32::to_bits));
+    let mut bits = [0; 12];
+    bits[0] = time.to_bits();
+    bits[1..10].copy_from_slice([p, low, high].as_flattened());
+    bits[10..].copy_from_slice(&counts);
+    bits
 }
 
-/// A body for a trial: around two places.
-pub fn body_value(time: f32, [low, high]: [[f32; 20]; 2], counts: [u32; 2]) -> Value {
-    let place = |at: [f32; 20]| DVec3::new(at[0].into(), at[1].into(), at[2].into());
-    body_of(time, place(low), DAabb { min: place(low), max: place(high) }, counts)
+/// An actor for a trial, between two points.
+pub(crate) fn trial_body(time: f32, [low, high]: [DVec3; 2], counts: [u32; 2]) -> [u32; 12] {
+    body_of(time, low, DAabb { min: low, max: high }, counts)
 }

@@ -52,7 +52,7 @@ fn slip(word: &str, known: &[&str]) -> Option<String> {
 
 /// `amount = 0.1 in 0..1: how strong`
 fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, String> {
-    const FORM: &str = "write // param NAME = 0.5 in 0..1: ABOUT, or = false: ABOUT, or = A of A|B: ABOUT";
+    const FORM: &str = "write // param NAME = 0.5 in 0..1: ABOUT, or = false: ABOUT, or = A of A|B: ABOUT, or = rgb(1, 1, 1): ABOUT";
     let (name, rest) = text.split_once('=').ok_or(FORM)?;
     let name = identifier(name.trim())?;
     if manifest.options.iter().any(|o| o.name == name) {
@@ -74,8 +74,6 @@ fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, String> {
             false => Err(format!("{name}: \"{first}\" is none of {}", all.join(", "))),
         };
     }
-    let (value, range) = value.split_once(" in ").ok_or(FORM)?;
-    let (min, max) = range.split_once("..").ok_or(FORM)?;
     let number = |text: &str| {
         let text = text.trim();
         text.parse::<f64>()
@@ -83,6 +81,18 @@ fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, String> {
             .filter(|v| v.is_finite())
             .ok_or_else(|| format!("{name}: \"{text}\" is no number"))
     };
+    if let Some(color) = value.strip_prefix("rgb(").and_then(|rest| rest.strip_suffix(')')) {
+        let parts = color.split(',').map(number).collect::<Result<Vec<f64>, String>>()?;
+        let color = <[f64; 3]>::try_from(parts).map_err(|_| FORM)?;
+        return match manifest.options.len() + 3 <= MOST && color.iter().all(|c| (0.0..=100.0).contains(c)) {
+            true => Ok(manifest.color(name, about, color)),
+            false => {
+                Err(format!("{name}: a color is three parameters of at most {MOST}, each from 0 to 100"))
+            }
+        };
+    }
+    let (value, range) = value.split_once(" in ").ok_or(FORM)?;
+    let (min, max) = range.split_once("..").ok_or(FORM)?;
     let (value, min, max) = (number(value)?, number(min)?, number(max)?);
     if !(min..=max).contains(&value) {
         return Err(format!("{name}: {value} is not within {min}..{max}"));

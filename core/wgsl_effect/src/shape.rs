@@ -1,35 +1,9 @@
-//! Values of a shader as flat lists of 32-bit components: scalars, vectors, matrices by columns, arrays, structs.
+//! Types of a shader as flat lists of 32-bit components: scalars, vectors, matrices by columns, arrays, structs.
 
 use naga::{ScalarKind, TypeInner, UniqueArena};
 
-/// Most components of a value held at once (a 4×4 matrix, what is seen of a surface); larger arrays are read through their variable.
-pub const MOST: usize = 20;
-
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Value(pub [u32; MOST]);
-
-impl Value {
-    pub fn f(self, i: usize) -> f32 {
-        f32::from_bits(self.0[i])
-    }
-    pub fn ints(values: [i32; 2]) -> Value {
-        let mut all = Value::default();
-        (all.0[0], all.0[1]) = (values[0] as u32, values[1] as u32);
-        all
-    }
-    pub fn uint(value: u32) -> Value {
-        let mut all = Value::default();
-        all.0[0] = value;
-        all
-    }
-    pub fn floats(values: &[f32]) -> Value {
-        let mut all = Value::default();
-        for (slot, v) in all.0.iter_mut().zip(values) {
-            *slot = v.to_bits();
-        }
-        all
-    }
-}
+/// Most components of a value held at once (a 4×4 matrix, a surface sample); larger arrays are read through their variable.
+pub(crate) const MAX_COMPONENTS: usize = 20;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -39,7 +13,7 @@ pub enum Kind {
     Bool,
 }
 
-/// What a type looks like in components.
+/// A type as components.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
     /// Kind of scalars, vectors and matrices.
@@ -52,8 +26,8 @@ pub struct Shape {
     pub is_pointer: bool,
 }
 
-pub fn kind(kind: ScalarKind, width: u8) -> Option<Kind> {
-    match (kind, width) {
+fn kind(scalar: naga::Scalar) -> Option<Kind> {
+    match (scalar.kind, scalar.width) {
         (ScalarKind::Float, 4) => Some(Kind::Float),
         (ScalarKind::Sint, 4) => Some(Kind::Int),
         (ScalarKind::Uint, 4) => Some(Kind::Uint),
@@ -66,10 +40,10 @@ pub fn kind(kind: ScalarKind, width: u8) -> Option<Kind> {
 pub fn shape(inner: &TypeInner, types: &UniqueArena<naga::Type>) -> Option<Shape> {
     let plain = |kind, size, columns, step| Some(Shape { kind, size, columns, step, is_pointer: false });
     match *inner {
-        TypeInner::Scalar(s) => plain(kind(s.kind, s.width)?, 1, 0, 0),
-        TypeInner::Vector { size, scalar: s } => plain(kind(s.kind, s.width)?, size as usize, 0, 1),
-        TypeInner::Matrix { columns, rows, scalar: s } => {
-            plain(kind(s.kind, s.width)?, columns as usize * rows as usize, columns as usize, rows as usize)
+        TypeInner::Scalar(scalar) => plain(kind(scalar)?, 1, 0, 0),
+        TypeInner::Vector { size, scalar } => plain(kind(scalar)?, size as usize, 0, 1),
+        TypeInner::Matrix { columns, rows, scalar } => {
+            plain(kind(scalar)?, columns as usize * rows as usize, columns as usize, rows as usize)
         }
         TypeInner::Array { base, size: naga::ArraySize::Constant(count), .. } => {
             let element = shape(&types[base].inner, types)?;
@@ -85,18 +59,27 @@ pub fn shape(inner: &TypeInner, types: &UniqueArena<naga::Type>) -> Option<Shape
         TypeInner::Pointer { base, .. } => {
             shape(&types[base].inner, types).map(|s| Shape { is_pointer: true, ..s })
         }
-        TypeInner::ValuePointer { size, scalar: s, .. } => {
+        TypeInner::ValuePointer { size, scalar, .. } => {
             let size = size.map_or(1, |s| s as usize);
             let step = usize::from(size > 1);
-            Some(Shape { kind: kind(s.kind, s.width)?, size, columns: 0, step, is_pointer: true })
+            Some(Shape { kind: kind(scalar)?, size, columns: 0, step, is_pointer: true })
         }
         _ => None,
     }
 }
 
-/// Components before a member of a struct.
-pub fn member_offset(inner: &TypeInner, index: usize, types: &UniqueArena<naga::Type>) -> Option<usize> {
-    let TypeInner::Struct { members, .. } = inner else { return None };
-    let before = members.get(..index)?;
-    before.iter().map(|m| shape(&types[m.ty].inner, types).map(|s| s.size)).sum()
+/// Components before a member of a struct, or of a struct that is pointed to.
+pub(crate) fn member_offset(
+    inner: &TypeInner,
+    index: usize,
+    types: &UniqueArena<naga::Type>,
+) -> Option<usize> {
+    match inner {
+        TypeInner::Pointer { base, .. } => member_offset(&types[*base].inner, index, types),
+        TypeInner::Struct { members, .. } => {
+            let before = members.get(..index)?;
+            before.iter().map(|m| shape(&types[m.ty].inner, types).map(|s| s.size)).sum()
+        }
+        _ => None,
+    }
 }

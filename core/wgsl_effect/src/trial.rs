@@ -1,11 +1,12 @@
 //! An effect is tried before it is used: an endless loop would hang the GPU.
 
-use crate::around::Plain;
+use crate::environment::Placeholder;
 use crate::head::Head;
-use crate::overlay::MOST_FRAME_STEPS;
-use crate::program::{MOST_STEPS, Program};
-use crate::shape::Value;
+use crate::machine::Machine;
+use crate::overlay::{MAX_FRAME_STEPS, trial_body};
+use crate::program::{MAX_STEPS, Program};
 use choreo_plugin::{Hook, Manifest, OptionKind};
+use glam::DVec3;
 use naga::Span;
 
 /// What takes too long, and where.
@@ -15,7 +16,7 @@ pub struct Slow {
     pub span: Option<Span>,
 }
 
-/// Tries a few pixels (places, corners, lights, lines) at the least, the usual and the largest parameters.
+/// Tries a few pixels (places, vertices, lights, lines) at the least, the usual and the largest parameters.
 pub fn ends(program: &Program, head: &Head, manifest: &Manifest) -> Result<(), Slow> {
     for set in SETS {
         let mut p = [0.0; 8];
@@ -23,21 +24,24 @@ pub fn ends(program: &Program, head: &Head, manifest: &Manifest) -> Result<(), S
             *slot = set(&option.kind);
         }
         let mut most = 0;
-        for mut arguments in trials(head, &p) {
-            arguments.push(Value::floats(&p));
-            let done = program.run(arguments, &Plain).map_err(|slow| Slow {
+        for arguments in trials(head, &p) {
+            let mut machine = Machine::<1>::new(program, &p);
+            for (number, bits) in arguments.iter().enumerate() {
+                machine.set(program, number, 0, bits);
+            }
+            machine.run(program, 1, &Placeholder).map_err(|slow| Slow {
                 what: format!(
-                    "{} takes more than {MOST_STEPS} steps; does a loop never end?",
+                    "{} takes more than {MAX_STEPS} steps; does a loop never end?",
                     what(head.hook)
                 ),
                 span: slow.span,
             })?;
-            most = most.max(done.steps);
+            most = most.max(machine.steps);
         }
         let count = head.count.of(&p) as u32;
-        if head.hook == Hook::Overlay && u64::from(count) * u64::from(most) > u64::from(MOST_FRAME_STEPS) {
+        if head.hook == Hook::Overlay && u64::from(count) * u64::from(most) > u64::from(MAX_FRAME_STEPS) {
             let what = format!(
-                "{count} times up to {most} steps are more than {MOST_FRAME_STEPS} a frame; give it a smaller count"
+                "{count} times up to {most} steps are more than {MAX_FRAME_STEPS} a frame; give it a smaller count"
             );
             return Err(Slow { what, span: None });
         }
@@ -48,7 +52,7 @@ pub fn ends(program: &Program, head: &Head, manifest: &Manifest) -> Result<(), S
 fn what(hook: Hook) -> &'static str {
     match hook {
         Hook::Overlay => "a line or triangle",
-        Hook::Shell => "the function",
+        Hook::Outline | Hook::Shutter => "the function",
         _ => "a pixel",
     }
 }
@@ -70,10 +74,10 @@ const SETS: [fn(&OptionKind) -> f32; 3] = [
     },
 ];
 
-/// What its function is given but for the parameters: dark and bright, near and far, of every facing, the first and the last.
-fn trials(head: &Head, p: &[f32; 8]) -> Vec<Vec<Value>> {
+/// What the function is given before the parameters: dark and bright, near and far, of every facing, the first and the last.
+fn trials(head: &Head, p: &[f32; 8]) -> Vec<Vec<Vec<u32>>> {
     let colors = [[0.0, 0.0, 0.0, 1.0], [1.0, 0.5, 0.25, 1.0], [8.0, 8.0, 8.0, 1.0]];
-    let places = [
+    let samples = [
         [0.0; 20],
         [0.5; 20],
         [
@@ -81,28 +85,25 @@ fn trials(head: &Head, p: &[f32; 8]) -> Vec<Vec<Value>> {
             1.6, 4.0,
         ],
     ];
-    let with_color = |n: usize| -> Vec<Vec<Value>> {
-        let pairs = colors.iter().flat_map(|c| places.iter().map(move |p| (c, p)));
-        pairs.map(|(c, p)| vec![Value::floats(c), Value::floats(&p[..n])]).collect()
-    };
+    let bits = |values: &[f32]| -> Vec<u32> { values.iter().map(|v| v.to_bits()).collect() };
     match head.hook {
-        Hook::Surface => with_color(20),
-        Hook::Vertex => places.iter().map(|p| vec![Value::floats(&p[..11])]).collect(),
-        Hook::Lighting => places.iter().map(|p| vec![Value::floats(p)]).collect(),
-        Hook::Picture => {
-            let pass =
-                |n: u32| [[0, 0], [63, 40], [10_000, 1]].map(|at| vec![Value::ints(at), Value::uint(n)]);
+        Hook::Vertex | Hook::Lighting => samples.iter().map(|s| vec![bits(s)]).collect(),
+        Hook::Image => {
+            let pass = |n: u32| [[0, 0], [63, 40], [10_000, 1]].map(|at| vec![at.to_vec(), vec![n]]);
             (0..head.passes).flat_map(pass).collect()
         }
         Hook::Overlay => {
             let count = head.count.of(p) as u32;
-            let bodies = [(0, 0), (40, 3)];
             let indices = [0, count / 2, count.saturating_sub(1)];
-            let body =
-                |(joints, number)| crate::overlay::body_value(2.5, [places[0], places[1]], [joints, number]);
-            bodies.iter().flat_map(|b| indices.map(|i| vec![Value::uint(i), body(*b)])).collect()
+            let body = |(joints, number)| {
+                trial_body(2.5, [DVec3::ZERO, DVec3::splat(0.5)], [joints, number]).to_vec()
+            };
+            [(0, 0), (40, 3)].iter().flat_map(|b| indices.map(|i| vec![vec![i], body(*b)])).collect()
         }
-        Hook::Shell => vec![Vec::new()],
-        _ => with_color(2),
+        Hook::Outline | Hook::Shutter => vec![Vec::new()],
+        Hook::Pixel | Hook::Surface => {
+            let pairs = colors.iter().flat_map(|c| samples.iter().map(move |s| (c, s)));
+            pairs.map(|(color, sample)| vec![bits(color), bits(sample)]).collect()
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! Texts that are nested deeply: refused with their place before naga or the evaluator could use up a thread's stack.
 
-use choreo_plugin::Effect;
+use choreo_plugin::EffectFunction;
 use choreo_wgsl_effect::WgslEffect;
 use glam::{Vec2, Vec4};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
@@ -117,7 +117,7 @@ fn what_is_not_refused_needs_little_stack() {
         on_a_small_stack(move || {
             through_naga(&text);
             if let Ok(effect) = compiled(&text) {
-                effect.cpu(Vec4::ONE, Vec2::ONE, &[0.0; 8]);
+                effect.pixels(&mut [Vec4::ONE], &[Vec2::ONE], &[0.0; 8]);
             }
         });
     }

@@ -1,9 +1,9 @@
 //! Effects in WGSL: what a pixel becomes, against closed forms and a twin written in Rust, and what is refused.
 
-use choreo_plugin::{Effect, Falling, Hook, Pictures, Pixels, Place, Seen, SurfaceNeeds};
+use choreo_plugin::{
+    Effect, EffectFunction, EffectImage, EffectImages, LightSample, SurfaceSample, VertexSample,
+};
 use choreo_wgsl_effect::WgslEffect;
-use effect_fog::Fog;
-use effect_vignette::Vignette;
 use glam::{Vec2, Vec3, Vec4};
 
 fn effect(text: &str) -> WgslEffect {
@@ -16,44 +16,17 @@ fn body(code: &str) -> Vec4 {
         "// effect: a\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {{\n{code}\n}}"
     );
     let p = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
-    effect(&text).cpu(Vec4::new(0.25, 0.5, 0.75, 1.0), Vec2::new(0.2, 0.6), &p)
+    pixel(&effect(&text), Vec4::new(0.25, 0.5, 0.75, 1.0), Vec2::new(0.2, 0.6), &p)
+}
+
+fn pixel(effect: &WgslEffect, color: Vec4, uv: Vec2, p: &[f32; 8]) -> Vec4 {
+    let mut colors = [color];
+    effect.pixels(&mut colors, &[uv], p);
+    colors[0]
 }
 
 fn error(text: &str) -> String {
     WgslEffect::from_text("my.wgsl", text).err().unwrap_or_else(|| panic!("no error:\n{text}")).to_string()
-}
-
-/// The plugin in the program has a twin written by hand: the evaluator gives its bits.
-#[test]
-fn the_vignette_is_its_twin_bit_for_bit() {
-    let text = format!("// effect: v\n{}", Vignette.wgsl());
-    let mine = effect(&text);
-    for i in 0..4096u32 {
-        let uv = Vec2::new((i % 64) as f32 / 63.0, (i / 64) as f32 / 63.0);
-        let color = Vec4::new(0.1 + uv.x, uv.y, 2.0 * uv.x, 1.0);
-        let p = [uv.y, 0.99 * uv.x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        assert_eq!(mine.cpu(color, uv, &p), Vignette.cpu(color, uv, &p), "{uv}");
-    }
-}
-
-/// An effect on surfaces sees what its twin in Rust sees.
-#[test]
-fn the_fog_is_its_twin_within_two_ulp() {
-    let mine = effect(&format!("// effect: f\n// hook: surface\n{}", Fog.wgsl()));
-    assert_eq!(mine.hook(), Hook::Surface);
-    assert_eq!(mine.surface_needs(&[0.0; 8]), SurfaceNeeds::default());
-    for i in 0..512u32 {
-        let t = i as f32 / 64.0;
-        let seen = Seen {
-            world: Vec3::new(t, t - 3.0, 1.0),
-            distance: 3.0 * t,
-            background: Vec3::new(0.1, 0.2, 0.3),
-            ..Seen::default()
-        };
-        let p = [0.1, 2.0, 0.5, 0.3, (i % 2) as f32, 0.9, 0.8, 0.7];
-        let (got, expected) = (mine.cpu_surface(Vec4::ONE, &seen, &p), Fog.cpu_surface(Vec4::ONE, &seen, &p));
-        assert!(got.abs_diff_eq(expected, 1e-6), "{t}: {got} {expected}");
-    }
 }
 
 #[test]
@@ -64,7 +37,7 @@ fn every_part_of_a_surface_is_where_its_name_says() {
              fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32> {{ return p[k] * vec4<f32>({part}); }}"
         );
         let made = effect(&text);
-        let seen = Seen {
+        let seen = SurfaceSample {
             world: Vec3::new(1.0, 2.0, 3.0),
             distance: 4.0,
             normal: Vec3::new(5.0, 6.0, 7.0),
@@ -75,10 +48,9 @@ fn every_part_of_a_surface_is_where_its_name_says() {
             shadow: 17.0,
             viewer: Vec3::new(18.0, 19.0, 20.0),
         };
-        (
-            made.cpu_surface(Vec4::ZERO, &seen, &[2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).to_array(),
-            made.surface_needs(&[0.0; 8]),
-        )
+        let mut colors = [Vec4::ZERO];
+        made.surfaces(&mut colors, &[seen], &[2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        (colors[0].to_array(), made.surface_inputs(&[0.0; 8]))
     };
     assert_eq!(part("seen.world, seen.distance").0, [2.0, 4.0, 6.0, 8.0]);
     let (got, needs) = part("seen.normal, seen.facing");
@@ -108,7 +80,7 @@ fn corners_lights_and_pictures_are_where_their_names_say() {
              fn effect(place: Place, p: array<f32, 8>) -> vec3<f32> {{ return p[k] * vec3<f32>({part}); }}"
         ))
     };
-    let place = Place {
+    let place = VertexSample {
         world: Vec3::new(1.0, 2.0, 3.0),
         normal: Vec3::new(4.0, 5.0, 6.0),
         uv: Vec2::new(7.0, 8.0),
@@ -117,18 +89,18 @@ fn corners_lights_and_pictures_are_where_their_names_say() {
     let parts = ["place.world", "place.normal", "place.uv, 0.0", "place.model"];
     let expected = [[2.0, 4.0, 6.0], [8.0, 10.0, 12.0], [14.0, 16.0, 0.0], [18.0, 20.0, 22.0]];
     for (part, expected) in parts.iter().zip(expected) {
-        assert_eq!(vertex(part).cpu_vertex(&place, &p).to_array(), expected, "{part}");
+        assert_eq!(vertex(part).vertex(&place, &p).to_array(), expected, "{part}");
     }
     let made = vertex("place.uv, 0.0");
-    let needs = made.surface_needs(&p);
-    assert_eq!((made.reach(&p), made.along_model(), needs.uvs, needs.normals), (2.0, false, true, false));
+    let needs = made.surface_inputs(&p);
+    assert_eq!((made.reach(&p), made.in_model_space(), needs.uvs, needs.normals), (2.0, false, true, false));
 
     let lighting = |part: &str| {
         let text = format!(
             "// effect: l\n// hook: lighting\nfn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32> {{ return vec3<f32>({part}); }}"
         );
         let v = |x: f32| Vec3::new(x, x + 1.0, x + 2.0);
-        let falling = Falling {
+        let falling = LightSample {
             cosine: 1.0,
             share: 2.0,
             color: v(3.0),
@@ -138,7 +110,9 @@ fn corners_lights_and_pictures_are_where_their_names_say() {
             light: v(15.0),
             lit: v(18.0),
         };
-        effect(&text).cpu_lighting(&falling, &p).to_array()
+        let mut samples = [falling];
+        effect(&text).lights(&mut samples, &p);
+        samples[0].lit.to_array()
     };
     assert_eq!(lighting("falling.cosine, falling.share, 0.0"), [1.0, 2.0, 0.0]);
     for (name, x) in
@@ -155,10 +129,12 @@ fn corners_lights_and_pictures_are_where_their_names_say() {
     assert_eq!((made.passes(), made.history(&p)), (3, 2));
     let rows = |x: f32| (0..4).map(|i| Vec4::splat(x + i as f32)).collect::<Vec<_>>();
     let all = [rows(0.0), rows(10.0), rows(20.0), rows(30.0)];
-    let [now, original, one, two] = std::array::from_fn(|i| Pixels { size: [2, 2], rgba: &all[i] });
-    let pictures = Pictures { now, original, before: &[one, two] };
+    let [now, original, one, two] = std::array::from_fn(|i| EffectImage { size: [2, 2], rgba: &all[i] });
+    let pictures = EffectImages { now, original, before: &[one, two] };
     // The border's nearest counts: of the original its lower left.
-    assert_eq!(made.cpu_picture(&pictures, [0, 1], 2, &p), Vec4::new(3.0, 12.0, 32.0, 22.0));
+    let mut row = [Vec4::ZERO; 2];
+    made.image_row(&pictures, 1, 2, &p, &mut row);
+    assert_eq!(row[0], Vec4::new(3.0, 12.0, 32.0, 22.0));
 }
 
 #[test]
@@ -255,7 +231,7 @@ fn loops_branches_variables_and_functions() {
             q.b += 1.0;
             return vec4(q.a, q.b, luma(vec3(1.0)));
         }";
-    let got = effect(text).cpu(Vec4::ZERO, Vec2::ZERO, &[0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let got = pixel(&effect(text), Vec4::ZERO, Vec2::ZERO, &[0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     assert!(got.abs_diff_eq(Vec4::new(5.0, 10.0, 16.0, 1.0), 1e-6), "{got}");
 }
 
@@ -266,7 +242,7 @@ fn parameters_are_constants_by_their_name() {
     let e = effect(text);
     assert_eq!((e.manifest().name.as_str(), e.manifest().options.len()), ("tint", 2));
     let p = [0.1, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-    assert_eq!(e.cpu(Vec4::ONE, Vec2::ZERO, &p), Vec4::new(0.1, 0.0, 0.2, 1.0));
+    assert_eq!(pixel(&e, Vec4::ONE, Vec2::ZERO, &p), Vec4::new(0.1, 0.0, 0.2, 1.0));
 }
 
 #[test]

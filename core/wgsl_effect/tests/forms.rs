@@ -2,7 +2,7 @@
 
 use choreo_asset::*;
 use choreo_motion::{Skeleton, Time, Transform};
-use choreo_plugin::{Effect, Hook, Overlay, Scene, Shell};
+use choreo_plugin::{Effect, EffectScene, Hook, InvertedHull, Overlay};
 use choreo_stage::*;
 use choreo_wgsl_effect::WgslEffect;
 use glam::{Affine3A, DAffine3, DVec3, Mat4, Vec3, Vec4};
@@ -61,7 +61,7 @@ impl Seen {
         let mut parameters = [0.0; 8];
         parameters[..p.len()].copy_from_slice(p);
         effect.overlay(
-            &Scene { stage: &self.stage, snapshot: &self.snapshot, before: &self.before, on: &[] },
+            &EffectScene { stage: &self.stage, snapshot: &self.snapshot, before: &self.before, on: &[] },
             &parameters,
         )
     }
@@ -169,11 +169,11 @@ fn triangles_over_all_and_once_for_the_scene() {
     assert_eq!((made.triangles.len(), made.strokes.len(), made.over), (2, 0, true));
     let corners = [DVec3::new(-3.0, 0.0, 0.0), DVec3::new(4.0, 2.0, 1.0), DVec3::ONE];
     assert_eq!(
-        (made.triangles[1].corners, made.triangles[1].color),
+        (made.triangles[1].vertices, made.triangles[1].color),
         (corners, Vec4::new(0.1, 0.2, 0.3, 1.0))
     );
     let per_scene = overlay("// count: n\n// of: scene", TRIANGLE, text);
-    assert!(!per_scene.of_actors() && overlay("// count: n", TRIANGLE, text).of_actors());
+    assert!(!per_scene.applies_to_actors() && overlay("// count: n", TRIANGLE, text).applies_to_actors());
     assert_eq!(per_scene.hook(), Hook::Overlay);
 }
 
@@ -212,14 +212,17 @@ fn hulls_and_edges() {
     };
     let p = [3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
     let hull = shell("Shell", "return Shell(2.0 * p[width], vec3(0.1, 0.2, 0.3), 1.5);");
-    let expected = Shell { width: 6.0, color: Vec3::new(0.1, 0.2, 0.3), lighting_mix: 1.0 };
-    assert_eq!((hull.hook(), hull.shell(&p), hull.edges(&p)), (Hook::Shell, Some(expected), None));
-    assert!(hull.of_actors());
-    assert_eq!(hull.shell(&[0.0; 8]), None);
+    let expected = InvertedHull { width: 6.0, color: Vec3::new(0.1, 0.2, 0.3), lighting_mix: 1.0 };
+    assert_eq!(
+        (hull.hook(), hull.inverted_hull(&p), hull.wireframe(&p)),
+        (Hook::Outline, Some(expected), None)
+    );
+    assert!(hull.applies_to_actors());
+    assert_eq!(hull.inverted_hull(&[0.0; 8]), None);
     let edges = shell("Edges", "return Edges(vec3(p[width], 1.0, 0.5));");
-    assert_eq!((edges.shell(&p), edges.edges(&p)), (None, Some(Vec3::new(3.0, 1.0, 0.5))));
+    assert_eq!((edges.inverted_hull(&p), edges.wireframe(&p)), (None, Some(Vec3::new(3.0, 1.0, 0.5))));
     let bad = shell("Shell", "return Shell(2.0, vec3(0.0, 1.0 / (p[width] - 3.0), 0.0), 0.0);");
-    assert_eq!((bad.shell(&p), bad.shell(&[1.0; 8]).is_some()), (None, true));
+    assert_eq!((bad.inverted_hull(&p), bad.inverted_hull(&[1.0; 8]).is_some()), (None, true));
 }
 
 #[test]
@@ -253,7 +256,7 @@ fn mistakes_have_their_line_and_what_was_meant() {
         many.starts_with("my.wgsl:4:1: 9000 times up to ") && many.ends_with("give it a smaller count"),
         "{many}"
     );
-    let form = "effect must be fn effect(index: u32, body: Body, p: array<f32, 8>) -> Line, or -> Triangle";
+    let form = "effect must be fn effect(index: u32, body: Body, p: array<f32, 8>) -> Line, or -> Triangle, or -> Lattice";
     let wrong =
         of("// hook: overlay\n// count: 4", "fn effect(p: array<f32, 8>) -> vec4<f32> { return vec4(0.0); }");
     assert_eq!(wrong, format!("my.wgsl:4:1: {form}"));
@@ -277,5 +280,5 @@ fn the_examples_of_the_readme_are_effects() {
         effect(&text).hook()
     });
     use Hook::*;
-    assert_eq!(hooks.collect::<Vec<_>>(), [Pixel, Surface, Lighting, Vertex, Picture, Overlay, Shell]);
+    assert_eq!(hooks.collect::<Vec<_>>(), [Pixel, Surface, Lighting, Vertex, Image, Overlay, Outline]);
 }

@@ -36,7 +36,7 @@ impl Exporter for GifExporter {
         let mut notes = Vec::new();
         if info.fps.as_fps() > 50.0 {
             notes.push(format!(
-                "GIF players slow down pictures shorter than 1/50 s: {:.3} frames a second will play slower; use --fps 50 or less",
+                "GIF players slow down images shorter than 1/50 s: {:.3} frames a second will play slower; use --fps 50 or less",
                 info.fps.as_fps()
             ));
         }
@@ -157,33 +157,18 @@ impl FrameSink for GifSink {
             }
         }
         if left >= right {
-            // Nothing moved: one pixel keeps the time.
-            (left, right, top, bottom) = (0, 1, 0, 1);
+            return self.repeat(frame);
         }
         let mut part = Vec::with_capacity((right - left) * (bottom - top));
         for y in top..bottom {
             part.extend_from_slice(&self.indices[y * w + left..y * w + right]);
         }
-        // Frame i is on screen from round(100 i / fps) to round(100 (i + 1) / fps) hundredths: right on average.
-        let delay = self.hundredths(self.frames + 1) - self.hundredths(self.frames);
-        self.frames += 1;
-        // All 256 entries, for decoders that check that `SAME` is one of them.
-        let mut table = self.quantizer.palette.as_flattened().to_vec();
-        table.resize(256 * 3, 0);
-        let picture = gif::Frame {
-            delay: delay.min(u64::from(u16::MAX)) as u16,
-            dispose: gif::DisposalMethod::Keep,
-            transparent: (!first).then_some(SAME),
-            left: left as u16,
-            top: top as u16,
-            width: (right - left) as u16,
-            height: (bottom - top) as u16,
-            palette: (!self.global_palette).then(|| table.clone()),
-            buffer: part.into(),
-            ..gif::Frame::default()
-        };
-        let encoder = self.output.open(self.size, &table, &self.comment)?;
-        encoder.write_frame(&picture).map_err(convert)
+        self.part([left, top, right - left, bottom - top], part, first)
+    }
+
+    /// Nothing moved: one pixel keeps the time.
+    fn repeat(&mut self, _: &Frame) -> Result<(), ExportError> {
+        self.part([0, 0, 1, 1], vec![SAME], false)
     }
 
     fn finish(self: Box<Self>) -> Result<Vec<u8>, ExportError> {
@@ -192,7 +177,7 @@ impl FrameSink for GifSink {
                 encoder.into_inner().map_err(convert)?.flush()?;
                 Ok(Vec::new())
             }
-            _ => Err(ExportError::Format("a GIF needs at least one picture, and there was none".into())),
+            _ => Err(ExportError::Format("a GIF needs at least one image, and there was none".into())),
         }
     }
 
@@ -234,6 +219,31 @@ impl Output {
 }
 
 impl GifSink {
+    /// Writes the pixels of a rectangle: left, top, width and height.
+    fn part(&mut self, place: [usize; 4], pixels: Vec<u8>, first: bool) -> Result<(), ExportError> {
+        let [left, top, width, height] = place.map(|pixels| pixels as u16);
+        // Frame i is on screen from round(100 i / fps) to round(100 (i + 1) / fps) hundredths: right on average.
+        let delay = self.hundredths(self.frames + 1) - self.hundredths(self.frames);
+        self.frames += 1;
+        // All 256 entries, for decoders that check that `SAME` is one of them.
+        let mut table = self.quantizer.palette.as_flattened().to_vec();
+        table.resize(256 * 3, 0);
+        let picture = gif::Frame {
+            delay: delay.min(u64::from(u16::MAX)) as u16,
+            dispose: gif::DisposalMethod::Keep,
+            transparent: (!first).then_some(SAME),
+            left,
+            top,
+            width,
+            height,
+            palette: (!self.global_palette).then(|| table.clone()),
+            buffer: pixels.into(),
+            ..gif::Frame::default()
+        };
+        let encoder = self.output.open(self.size, &table, &self.comment)?;
+        encoder.write_frame(&picture).map_err(convert)
+    }
+
     fn hundredths(&self, frame: u64) -> u64 {
         let (num, den) = self.fps;
         (200 * frame * den + num) / (2 * num)

@@ -161,7 +161,7 @@ fn sizes_and_emptiness_are_refused() {
     assert_eq!(error, "GIF: 70000×4 is too large, at most 65535 each way");
     info.width = 4;
     let sink = GifExporter.begin(&info, Box::new(Vec::new())).unwrap();
-    assert!(sink.finish().unwrap_err().to_string().contains("at least one picture"));
+    assert!(sink.finish().unwrap_err().to_string().contains("at least one image"));
 }
 
 #[test]
@@ -189,4 +189,26 @@ fn a_stopped_gif_goes_on_to_the_same_bytes() {
         assert!(GifExporter.resume(&info, &[state], &mut &whole[..], Box::new(Vec::new())).is_err());
     }
     assert!(GifExporter.resume(&info, &[vec![1; 17 + 3]], &mut &b""[..], Box::new(Vec::new())).is_err());
+}
+
+/// A repeated frame gives the bytes that the frame itself would give once more.
+#[test]
+fn repeated_frames_give_the_same_bytes() {
+    let fps = FrameRate { num: 30, den: 1 };
+    let frames: Vec<Frame> = [0, 0, 0, 3, 3, 4].map(|i| scene(i, i == 4)).to_vec();
+    let out = SharedBytes::default();
+    let info =
+        VideoInfo { width: W, height: H, fps, frames: 6, provenance: vec![], options: Default::default() };
+    let mut sink = GifExporter.begin(&info, Box::new(out.clone())).unwrap();
+    let mut before: Option<&Frame> = None;
+    for frame in &frames {
+        match before {
+            // What is given with it is not looked at.
+            Some(same) if same == frame => sink.repeat(&scene(9, false)).unwrap(),
+            _ => sink.frame(frame).unwrap(),
+        }
+        before = Some(frame);
+    }
+    sink.finish().unwrap();
+    assert!(out.bytes() == encode(&frames, fps));
 }

@@ -23,7 +23,7 @@ pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
             DEFAULT_QUALITY,
             0.0..=100.0,
         )
-        .number("keyframes", "seconds between pictures at which a player can start", 4.0, 0.0..=60.0)
+        .number("keyframes", "seconds between images at which a player can start", 4.0, 0.0..=60.0)
 });
 
 const DEFAULT_QUALITY: f64 = 75.0;
@@ -203,6 +203,11 @@ impl FrameSink for Mp4Sink {
             )));
         }
         self.yuv.convert(&frame.rgba, width, height, Matrix::Bt709, true);
+        self.encode()
+    }
+
+    /// Leaves out the conversion: the planes are still there. The encoder gets every frame.
+    fn repeat(&mut self, _: &Frame) -> Result<(), ExportError> {
         self.encode()
     }
 

@@ -115,7 +115,7 @@ impl Muxer {
     /// All that stands before the images.
     pub fn head(&self) -> io::Result<Vec<u8>> {
         if self.sizes.is_empty() || self.sps.len() < 4 || self.pps.is_empty() {
-            return Err(io::Error::other("an MP4 needs at least one picture, and there was none"));
+            return Err(io::Error::other("an MP4 needs at least one image, and there was none"));
         }
         let ftyp = boxed(b"ftyp", &[b"isom", &0x200u32.to_be_bytes(), b"isomiso2avc1mp41"]);
         let data: u64 = self.sizes.iter().map(|s| u64::from(*s)).sum();

@@ -163,7 +163,7 @@ fn sizes_out_of_range_are_refused_and_odd_ones_announced() {
     assert_eq!(notes, ["MP4 needs even sizes: 641×480 becomes 642×480, the last column or row is repeated"]);
     assert!(Mp4Exporter.notes(&info(640, 480, (30, 1), 1)).is_empty());
     let sink = Mp4Exporter.begin(&info(64, 64, (30, 1), 1), Box::new(Vec::new())).unwrap();
-    assert!(sink.finish().unwrap_err().to_string().contains("at least one picture"));
+    assert!(sink.finish().unwrap_err().to_string().contains("at least one image"));
 }
 
 /// In the middle of a segment, at its ends, in the first one.
@@ -237,4 +237,25 @@ fn segments_join_without_a_seam() {
         assert_eq!(keys, (0..60).step_by(every).collect::<Vec<_>>(), "every {keyframes} s");
         std::fs::remove_file(path).unwrap();
     }
+}
+
+/// A repeated frame gives the bytes that the frame itself would give once more, beyond the end of a segment too.
+#[test]
+fn repeated_frames_give_the_same_bytes() {
+    let info = info(64, 48, (10, 1), 60);
+    let bytes = |repeat: bool| {
+        let out = SharedBytes::default();
+        let mut sink = Mp4Exporter.begin(&info, Box::new(out.clone())).unwrap();
+        for number in 0..60 {
+            let frame = scene(64, 48, number / 20);
+            match repeat && number % 20 > 0 {
+                // What is given with it is not looked at.
+                true => sink.repeat(&scene(64, 48, 50)).unwrap(),
+                false => sink.frame(&frame).unwrap(),
+            }
+        }
+        let head = sink.finish().unwrap();
+        [head, out.bytes()].concat()
+    };
+    assert!(bytes(true) == bytes(false));
 }

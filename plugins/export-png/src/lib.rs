@@ -5,7 +5,7 @@ use std::io::Write;
 use std::sync::{LazyLock, Mutex, MutexGuard, PoisonError};
 
 pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
-    Manifest::new("png", env!("CARGO_PKG_VERSION"), "Lossless pictures, one file a frame")
+    Manifest::new("png", env!("CARGO_PKG_VERSION"), "Lossless images, one file a frame")
         .extensions(["png"])
         .magic(b"\x89PNG\r\n\x1a\n")
         .text(
@@ -28,8 +28,26 @@ impl Exporter for PngExporter {
     }
 
     fn begin(&self, info: &VideoInfo, out: Box<dyn Write + Send>) -> Result<Box<dyn FrameSink>, ExportError> {
-        let small = info.options.text("compression") == Some("small");
-        Ok(Box::new(PngSink { out: Some(out), provenance: info.provenance.clone(), small }))
+        Ok(Box::new(PngSink::new(info, Some(out))))
+    }
+
+    fn with_provenance(
+        &self,
+        info: &VideoInfo,
+        made: &[u8],
+        mut out: Box<dyn Write + Send>,
+    ) -> Result<bool, ExportError> {
+        // The chunk IHDR comes first: 8 bytes before its data, of which the tenth is the type of color.
+        let (Some(pixels), Some(color)) = (pixels_of(made), made.get(25)) else { return Ok(false) };
+        let color = if *color == 2 { png::ColorType::Rgb } else { png::ColorType::Rgba };
+        let mut head = Vec::new();
+        // Its end is written as it is dropped, too.
+        drop(PngSink::new(info, None).head(&mut head, [info.width, info.height], color)?);
+        let head = head.strip_suffix(&END).ok_or(ExportError::Format("PNG: a head without an end".into()))?;
+        out.write_all(head)?;
+        out.write_all(pixels)?;
+        out.flush()?;
+        Ok(true)
     }
 }
 
@@ -40,22 +58,20 @@ struct PngSink {
     small: bool,
 }
 
-impl FrameSink for PngSink {
-    fn frame(&mut self, frame: &Frame) -> Result<(), ExportError> {
-        let Some(out) = self.out.take() else {
-            return Err(ExportError::Format("a PNG holds one picture, and this one has it already".into()));
-        };
-        let pixels = frame.width as usize * frame.height as usize;
-        if frame.rgba.len() != pixels * 4 {
-            return Err(ExportError::Format(format!(
-                "a frame of {}×{} has {} bytes, must have {}",
-                frame.width,
-                frame.height,
-                frame.rgba.len(),
-                pixels * 4
-            )));
-        }
-        let mut encoder = png::Encoder::new(out, frame.width, frame.height);
+impl PngSink {
+    fn new(info: &VideoInfo, out: Option<Box<dyn Write + Send>>) -> PngSink {
+        let small = info.options.text("compression") == Some("small");
+        PngSink { out, provenance: info.provenance.clone(), small }
+    }
+
+    /// Writes all that stands before the pixels.
+    fn head<W: Write>(
+        &self,
+        out: W,
+        [width, height]: [u32; 2],
+        color: png::ColorType,
+    ) -> Result<png::Writer<W>, ExportError> {
+        let mut encoder = png::Encoder::new(out, width, height);
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
         if self.small {
@@ -73,10 +89,30 @@ impl FrameSink for PngSink {
                 encoder.add_itxt_chunk(keyword.clone(), text.clone()).map_err(convert)?;
             }
         }
+        encoder.set_color(color);
+        encoder.write_header().map_err(convert)
+    }
+}
+
+impl FrameSink for PngSink {
+    fn frame(&mut self, frame: &Frame) -> Result<(), ExportError> {
+        let Some(out) = self.out.take() else {
+            return Err(ExportError::Format("a PNG holds one image, and this one has it already".into()));
+        };
+        let pixels = frame.width as usize * frame.height as usize;
+        if frame.rgba.len() != pixels * 4 {
+            return Err(ExportError::Format(format!(
+                "a frame of {}×{} has {} bytes, must have {}",
+                frame.width,
+                frame.height,
+                frame.rgba.len(),
+                pixels * 4
+            )));
+        }
         let mut rgb = spare().pop().unwrap_or_default();
         let opaque = opaque_rgb(&frame.rgba, &mut rgb);
-        encoder.set_color(if opaque { png::ColorType::Rgb } else { png::ColorType::Rgba });
-        let mut writer = encoder.write_header().map_err(convert)?;
+        let color = if opaque { png::ColorType::Rgb } else { png::ColorType::Rgba };
+        let mut writer = self.head(out, [frame.width, frame.height], color)?;
         writer.write_image_data(if opaque { &rgb } else { &frame.rgba }).map_err(convert)?;
         spare().push(rgb);
         writer.finish().map_err(convert)
@@ -85,9 +121,22 @@ impl FrameSink for PngSink {
     fn finish(self: Box<Self>) -> Result<Vec<u8>, ExportError> {
         match self.out {
             None => Ok(Vec::new()),
-            Some(_) => Err(ExportError::Format("a PNG needs one picture, and there was none".into())),
+            Some(_) => Err(ExportError::Format("a PNG needs one image, and there was none".into())),
         }
     }
+}
+
+/// The chunk IEND.
+const END: [u8; 12] = *b"\0\0\0\0IEND\xae\x42\x60\x82";
+
+/// All of a PNG from its first chunk of pixels on.
+fn pixels_of(png: &[u8]) -> Option<&[u8]> {
+    let mut rest = png.get(8..)?;
+    while rest.get(4..8)? != b"IDAT" {
+        let length = u32::from_be_bytes(rest.get(..4)?.try_into().ok()?) as usize;
+        rest = rest.get(length.checked_add(12)?..)?;
+    }
+    Some(rest)
 }
 
 /// Buffers of images written before: taking fresh pages from the system costs more than filling them. As many as there

@@ -100,10 +100,36 @@ fn a_second_picture_and_none_are_refused() {
     let mut sink = PngExporter.begin(&info(&frame), Box::new(Vec::new())).unwrap();
     sink.frame(&frame).unwrap();
     let error = sink.frame(&frame).unwrap_err().to_string();
-    assert_eq!(error, "a PNG holds one picture, and this one has it already");
+    assert_eq!(error, "a PNG holds one image, and this one has it already");
     let empty = PngExporter.begin(&info(&frame), Box::new(Vec::new())).unwrap();
-    assert_eq!(empty.finish().unwrap_err().to_string(), "a PNG needs one picture, and there was none");
+    assert_eq!(empty.finish().unwrap_err().to_string(), "a PNG needs one image, and there was none");
     let mut sink = PngExporter.begin(&info(&frame), Box::new(Vec::new())).unwrap();
     let bad = Frame { width: 2, height: 2, rgba: vec![0; 15] };
     assert_eq!(sink.frame(&bad).unwrap_err().to_string(), "a frame of 2×2 has 15 bytes, must have 16");
+}
+
+/// A file made of another's pixels has the bytes that encoding the image gives, opaque or not.
+#[test]
+fn the_pixels_of_a_file_get_another_provenance() {
+    for alpha in [255, 7] {
+        let frame = picture(61, 40, alpha);
+        let encoded = |info: &VideoInfo| {
+            let out = SharedBytes::default();
+            let mut sink = PngExporter.begin(info, Box::new(out.clone())).unwrap();
+            sink.frame(&frame).unwrap();
+            sink.finish().unwrap();
+            out.bytes()
+        };
+        let first = info(&frame);
+        let mut later = first.clone();
+        later.provenance.push(("choreo:time".into(), "2.5 s".into()));
+        let out = SharedBytes::default();
+        let made = encoded(&first);
+        assert!(PngExporter.with_provenance(&later, &made, Box::new(out.clone())).unwrap());
+        assert!(out.bytes() == encoded(&later) && out.bytes() != made, "alpha {alpha}");
+        // What is no PNG is refused, and nothing is written.
+        let out = SharedBytes::default();
+        assert!(!PngExporter.with_provenance(&later, &made[..30], Box::new(out.clone())).unwrap());
+        assert!(out.bytes().is_empty());
+    }
 }

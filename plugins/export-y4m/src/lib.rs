@@ -96,6 +96,10 @@ impl FrameSink for Y4mSink {
             )));
         }
         self.yuv.convert(&frame.rgba, width, height, self.matrix, false);
+        self.repeat(frame)
+    }
+
+    fn repeat(&mut self, _: &Frame) -> Result<(), ExportError> {
         self.out.write_all(b"FRAME\n")?;
         for plane in [&self.yuv.y, &self.yuv.u, &self.yuv.v] {
             self.out.write_all(plane)?;

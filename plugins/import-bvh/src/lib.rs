@@ -8,7 +8,7 @@ use choreo_asset::{Asset, Origin};
 use choreo_importer_kit::text::stem;
 use choreo_importer_kit::{Notes, Problem, Progress, Result, bones};
 use choreo_motion::Skeleton;
-use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
+use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, Source};
 use glam::DQuat;
 use std::sync::{Arc, LazyLock};
 
@@ -46,7 +46,7 @@ impl Importer for BvhImporter {
         &self,
         source: &Source,
         files: &dyn Files,
-        needs: Needs,
+        needs: ImportScope,
         options: &ImportOptions,
     ) -> std::result::Result<Asset, ImportError> {
         import(source, files, needs, options).map_err(|p| p.in_file(&source.name))
@@ -61,7 +61,7 @@ struct Convention {
     turn: DQuat,
 }
 
-fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOptions) -> Result<Asset> {
+fn import(source: &Source, files: &dyn Files, needs: ImportScope, options: &ImportOptions) -> Result<Asset> {
     let notes = Notes::default();
     let (joints, rest_of_file) = hierarchy::read(&source.bytes, &notes)?;
     let up_z = options.text("up") == Some("z");

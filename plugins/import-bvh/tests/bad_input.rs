@@ -3,7 +3,7 @@
 use choreo_importer_kit_testing::{
     Companions, assets, damage, error_text, import_bytes, options, sound, source, warnings,
 };
-use choreo_plugin::{Claim, Importer, Needs, OptionValue};
+use choreo_plugin::{Claim, ImportScope, Importer, OptionValue};
 use glam::Vec3;
 use import_bvh::BvhImporter;
 
@@ -123,7 +123,9 @@ fn line_ends_and_letter_case_do_not_matter() {
 fn options_are_followed() {
     let import = |given: &[(&str, OptionValue)]| {
         let source = source("arm.bvh", ARM);
-        BvhImporter.import(&source, &Companions::none(), Needs::ALL, &options(&BvhImporter, given)).unwrap()
+        BvhImporter
+            .import(&source, &Companions::none(), ImportScope::ALL, &options(&BvhImporter, given))
+            .unwrap()
     };
     let half = import(&[("scale", OptionValue::Number(0.5))]);
     assert_eq!(half.skeleton.rest()[0].translation, Vec3::new(0.0, 0.7, 0.0));
@@ -140,20 +142,20 @@ fn options_are_followed() {
 
 #[test]
 fn what_is_not_needed_is_not_made() {
-    let import = |needs: Needs| {
+    let import = |needs: ImportScope| {
         choreo_importer_kit_testing::import(&BvhImporter, &source("arm.bvh", ARM), &Companions::none(), needs)
             .unwrap()
     };
-    let clips = import(Needs { geometry: false, clips: true, textures: false, pixels: false });
+    let clips = import(ImportScope { geometry: false, clips: true, textures: false, pixels: false });
     assert_eq!(
         (clips.meshes.len(), clips.skins.len(), clips.materials.len(), clips.clips.len()),
         (0, 0, 0, 1)
     );
-    let geometry = import(Needs { geometry: true, clips: false, textures: true, pixels: true });
+    let geometry = import(ImportScope { geometry: true, clips: false, textures: true, pixels: true });
     assert_eq!((geometry.meshes.len(), geometry.clips.len()), (1, 0));
     // Frames are not even looked at.
     let broken = ARM.replace("0 0 0  90 0 0", "no numbers");
-    let needs = Needs { geometry: true, clips: false, textures: false, pixels: false };
+    let needs = ImportScope { geometry: true, clips: false, textures: false, pixels: false };
     assert!(
         choreo_importer_kit_testing::import(
             &BvhImporter,

@@ -17,7 +17,7 @@ use choreo_asset::{Asset, Origin};
 use choreo_importer_kit::text::{shown, stem};
 use choreo_importer_kit::textures::use_normal_maps;
 use choreo_importer_kit::{Budget, Notes, Result, bones, tangents};
-use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
+use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, Source};
 use glam::{DMat4, DVec4};
 use std::sync::{Arc, LazyLock};
 
@@ -67,14 +67,14 @@ impl Importer for ColladaImporter {
         &self,
         source: &Source,
         files: &dyn Files,
-        needs: Needs,
+        needs: ImportScope,
         options: &ImportOptions,
     ) -> std::result::Result<Asset, ImportError> {
         import(source, files, needs, options).map_err(|p| p.in_file(&source.name))
     }
 }
 
-fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOptions) -> Result<Asset> {
+fn import(source: &Source, files: &dyn Files, needs: ImportScope, options: &ImportOptions) -> Result<Asset> {
     let notes = Notes::default();
     let budget = Budget::new(MAX_DECODED_BYTES);
     let text = encoding::decode(&source.bytes)?;

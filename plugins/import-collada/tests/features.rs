@@ -5,7 +5,7 @@ use choreo_importer_kit_testing::{
     Companions, error_text, import, import_bytes, pose, sound, source, warnings,
 };
 use choreo_motion::{Interpolation, Path};
-use choreo_plugin::{Claim, Importer, Needs};
+use choreo_plugin::{Claim, ImportScope, Importer};
 use glam::{Vec2, Vec3};
 use import_collada::ColladaImporter;
 
@@ -28,7 +28,7 @@ fn companions() -> Companions {
 }
 
 fn read(text: &str) -> Asset {
-    let asset = import(&ColladaImporter, &source("arm.dae", text), &companions(), Needs::ALL);
+    let asset = import(&ColladaImporter, &source("arm.dae", text), &companions(), ImportScope::ALL);
     let asset = asset.unwrap_or_else(|e| panic!("{e}"));
     sound::check("arm.dae", &asset);
     asset
@@ -152,17 +152,23 @@ fn cameras_and_lights() {
 
 #[test]
 fn what_is_not_needed_is_not_read() {
-    let read = |needs: Needs| {
+    let read = |needs: ImportScope| {
         let files = companions();
         let asset = import(&ColladaImporter, &source("arm.dae", ARM), &files, needs).unwrap();
         (asset.meshes.len(), asset.skins.len(), asset.clips.len(), asset.images.len(), files.reads())
     };
-    assert_eq!(read(Needs::ALL), (1, 1, 1, 1, 1));
-    assert_eq!(read(Needs { geometry: false, clips: true, textures: false, pixels: false }), (0, 0, 1, 0, 0));
-    assert_eq!(read(Needs { geometry: true, clips: false, textures: false, pixels: false }), (1, 1, 0, 0, 0));
+    assert_eq!(read(ImportScope::ALL), (1, 1, 1, 1, 1));
+    assert_eq!(
+        read(ImportScope { geometry: false, clips: true, textures: false, pixels: false }),
+        (0, 0, 1, 0, 0)
+    );
+    assert_eq!(
+        read(ImportScope { geometry: true, clips: false, textures: false, pixels: false }),
+        (1, 1, 0, 0, 0)
+    );
     // Positions that are no numbers are not even looked at.
     let broken = ARM.replace("0 0 0 100 0 0 200", "zero 0 0 100 0 0 200");
-    let clips = Needs { geometry: false, clips: true, textures: false, pixels: false };
+    let clips = ImportScope { geometry: false, clips: true, textures: false, pixels: false };
     assert!(import(&ColladaImporter, &source("arm.dae", broken), &companions(), clips).is_ok());
 }
 

@@ -3,7 +3,7 @@
 use choreo_asset::Asset;
 use choreo_importer_kit_testing::{Companions, assets, import, import_bytes, pose, source, warnings};
 use choreo_motion::Time;
-use choreo_plugin::Needs;
+use choreo_plugin::ImportScope;
 use glam::{DMat4, DVec3};
 use import_collada::ColladaImporter;
 use roxmltree::{Document, Node};
@@ -162,7 +162,7 @@ fn stacked(stack: &str, channels: &str) -> Asset {
         format!("{head}<library_animations><animation>{channels}</animation></library_animations>{tail}")
             .replace(node, stack);
     let files = Companions::none();
-    let needs = Needs { geometry: false, clips: true, textures: false, pixels: false };
+    let needs = ImportScope { geometry: false, clips: true, textures: false, pixels: false };
     let asset = import(&ColladaImporter, &source("arm.dae", text), &files, needs);
     asset.unwrap_or_else(|e| panic!("{e}"))
 }

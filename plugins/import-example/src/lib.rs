@@ -2,7 +2,7 @@
 
 use choreo_asset::Asset;
 use choreo_plugin::{
-    AssetBuilder, Files, ImportError, ImportOptions, Importer, Manifest, MeshData, Needs, Source,
+    AssetBuilder, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, MeshData, Source,
 };
 use std::sync::LazyLock;
 
@@ -28,7 +28,7 @@ impl Importer for ExampleImporter {
         &self,
         source: &Source,
         _files: &dyn Files,
-        needs: Needs,
+        needs: ImportScope,
         options: &ImportOptions,
     ) -> Result<Asset, ImportError> {
         let error = |(line, what): (usize, String)| ImportError {

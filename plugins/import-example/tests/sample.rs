@@ -1,7 +1,7 @@
 //! The sample arrives whole, and what is wrong is reported with its line.
 
 use choreo_asset::Asset;
-use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Needs, Source};
+use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Source};
 use import_example::ExampleImporter;
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ fn source(text: &str) -> Source {
 }
 
 fn import(text: &str) -> Result<Asset, ImportError> {
-    ExampleImporter.import(&source(text), &NoFiles, Needs::ALL, &ImportOptions::default())
+    ExampleImporter.import(&source(text), &NoFiles, ImportScope::ALL, &ImportOptions::default())
 }
 
 #[test]

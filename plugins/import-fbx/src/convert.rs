@@ -43,8 +43,3 @@ pub fn matrix(m: &DAffine3, place: impl FnOnce() -> String) -> Result<Mat4> {
         false => Err(Problem::new(place(), "a matrix is not finite")),
     }
 }
-
-/// One channel of an sRGB color, linear (IEC 61966-2-1).
-pub fn linear_from_srgb(v: f32) -> f32 {
-    if v <= 0.04045 { v / 12.92 } else { libm::powf((v + 0.055) / 1.055, 2.4) }
-}

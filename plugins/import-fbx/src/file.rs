@@ -3,7 +3,7 @@
 use crate::load;
 use choreo_asset::Origin;
 use choreo_importer_kit::{Budget, Notes, Result, WithPlace};
-use choreo_plugin::{Files, ImportOptions, Needs};
+use choreo_plugin::{Files, ImportOptions, ImportScope};
 use ufbx::{CoordinateAxis, Element, Exporter, Scene};
 
 /// All images of one file together, decoded.
@@ -36,7 +36,7 @@ impl Accuracy {
 pub struct File<'a> {
     pub scene: &'a Scene,
     pub files: &'a dyn Files,
-    pub needs: Needs,
+    pub needs: ImportScope,
     /// Samples a second of what has no closed form.
     pub rate: f64,
     pub accuracy: Accuracy,
@@ -52,7 +52,7 @@ impl<'a> File<'a> {
         scene: &'a Scene,
         size: usize,
         files: &'a dyn Files,
-        needs: Needs,
+        needs: ImportScope,
         options: &ImportOptions,
     ) -> File<'a> {
         let own = scene.settings.frames_per_second;

@@ -30,7 +30,7 @@ mod weights;
 
 use choreo_asset::Asset;
 use choreo_importer_kit::{Problem, Result, bones, pictures};
-use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
+use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, Source};
 use file::File;
 use std::sync::{Arc, LazyLock};
 
@@ -78,14 +78,14 @@ impl Importer for FbxImporter {
         &self,
         source: &Source,
         files: &dyn Files,
-        needs: Needs,
+        needs: ImportScope,
         options: &ImportOptions,
     ) -> std::result::Result<Asset, ImportError> {
         import(source, files, needs, options).map_err(|p| p.in_file(&source.name))
     }
 }
 
-fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOptions) -> Result<Asset> {
+fn import(source: &Source, files: &dyn Files, needs: ImportScope, options: &ImportOptions) -> Result<Asset> {
     let scene = load::load(&source.bytes, needs, files)?;
     let file = File::new(&scene, source.bytes.len(), files, needs, options);
     load::pass_warnings(&file);

@@ -3,7 +3,7 @@
 use crate::file::File;
 use choreo_importer_kit::text::count;
 use choreo_importer_kit::{Problem, Result};
-use choreo_plugin::{Files, Needs};
+use choreo_plugin::{Files, ImportScope};
 use std::cell::Cell;
 use std::sync::Arc;
 use ufbx::{
@@ -40,7 +40,7 @@ const INTERVAL: u64 = 16 << 10;
 const FINE_INTERVAL: u64 = 256;
 
 /// The file from memory: ufbx opens nothing itself. What fails is read once more, to tell more exactly where.
-pub fn load(bytes: &[u8], needs: Needs, files: &dyn Files) -> Result<SceneRoot> {
+pub fn load(bytes: &[u8], needs: ImportScope, files: &dyn Files) -> Result<SceneRoot> {
     attempt(bytes, needs, files, INTERVAL).or_else(|(problem, cancelled)| match cancelled {
         true => Err(problem),
         false => attempt(bytes, needs, &Silent, FINE_INTERVAL).map_err(|(problem, _)| problem),
@@ -59,7 +59,7 @@ impl Files for Silent {
 /// Loads the file; an error comes with whether it was cancelled.
 fn attempt(
     bytes: &[u8],
-    needs: Needs,
+    needs: ImportScope,
     files: &dyn Files,
     interval: u64,
 ) -> std::result::Result<SceneRoot, (Problem, bool)> {

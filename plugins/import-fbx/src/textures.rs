@@ -105,8 +105,8 @@ impl Table {
         let of_file = texture.file_textures.as_ref();
         if texture.type_ != TextureType::File || of_file.len() > 1 {
             let what = match of_file.len() {
-                0 => "is made by a program, not a picture, and is left out".to_string(),
-                n => format!("is put together of {n} pictures; the first is used"),
+                0 => "is made by a program, not an image, and is left out".to_string(),
+                n => format!("is put together of {n} images; the first is used"),
             };
             file.notes.warn(place.clone(), what);
         }
@@ -321,7 +321,7 @@ fn fetch(file: &File<'_>, texture: &Texture, place: &str) -> Result<Option<(Stri
     file.notes.warn(
         place,
         match tried.as_slice() {
-            [] => "names no file and holds no picture; it is left out".to_string(),
+            [] => "names no file and holds no image; it is left out".to_string(),
             _ => search::missing(named, &why),
         },
     );

@@ -1,6 +1,6 @@
 //! Faces to triangles, face vertices to vertices: one primitive for each material of a mesh.
 
-use crate::convert::{linear_from_srgb, vec3};
+use crate::convert::vec3;
 use crate::file::File;
 use crate::geometry::Geometry;
 use crate::materials::Read;
@@ -222,7 +222,7 @@ impl Maker<'_, '_> {
         for color in &mut self.out.colors {
             let finite =
                 if color.is_finite() { color.clamp(Vec4::ZERO, Vec4::splat(1e4)) } else { Vec4::ONE };
-            let rgb = finite.truncate().to_array().map(linear_from_srgb);
+            let rgb = finite.truncate().to_array().map(choreo_asset::linear_from_srgb_f32);
             *color = Vec3::from(rgb).extend(finite.w.min(1.0));
         }
         for uv in self.out.uvs.iter_mut().flatten().filter(|uv| !uv.is_finite()) {

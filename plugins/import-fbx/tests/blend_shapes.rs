@@ -5,7 +5,7 @@ mod common;
 
 use choreo_asset::Asset;
 use choreo_importer_kit_testing::{Companions, import, sound};
-use choreo_plugin::Needs;
+use choreo_plugin::ImportScope;
 use glam::DVec3;
 use import_fbx::FbxImporter;
 use std::fmt::Write;
@@ -62,8 +62,8 @@ fn file(shapes: &[(f64, [f64; 3])], rest: f64, animated: bool) -> Vec<u8> {
 
 fn read(bytes: &[u8]) -> Asset {
     let source = common::source("a.fbx", bytes.to_vec());
-    let asset =
-        import(&FbxImporter, &source, &Companions::none(), Needs::ALL).unwrap_or_else(|e| panic!("{e}"));
+    let asset = import(&FbxImporter, &source, &Companions::none(), ImportScope::ALL)
+        .unwrap_or_else(|e| panic!("{e}"));
     sound::check("a.fbx", &asset);
     asset
 }

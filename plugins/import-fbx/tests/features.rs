@@ -5,7 +5,7 @@ mod common;
 use choreo_asset::{AlphaMode, Asset, LightKind, Primitive, Projection, Shading};
 use choreo_importer_kit_testing::{Companions, import, sound, warnings};
 use choreo_motion::{Interpolation, Path, PropertyTarget, Time};
-use choreo_plugin::Needs;
+use choreo_plugin::ImportScope;
 use glam::{DVec3, Vec3};
 use import_fbx::FbxImporter;
 use std::f32::consts::PI;
@@ -19,14 +19,14 @@ fn stripes() -> Vec<u8> {
     png
 }
 
-fn flag(needs: Needs) -> (Asset, Companions) {
+fn flag(needs: ImportScope) -> (Asset, Companions) {
     let files = Companions::of(vec![("stripes.png", stripes())]);
     let asset = import(&FbxImporter, &common::source("flag.fbx", common::own()), &files, needs).unwrap();
     (asset, files)
 }
 
 fn all() -> Asset {
-    let asset = flag(Needs::ALL).0;
+    let asset = flag(ImportScope::ALL).0;
     sound::check("flag.fbx", &asset);
     asset
 }
@@ -227,7 +227,7 @@ fn materials_of_fbx() {
 
 #[test]
 fn textures_beside_embedded_and_lost() {
-    let (asset, _) = flag(Needs::ALL);
+    let (asset, _) = flag(ImportScope::ALL);
     let names: Vec<&str> = asset.images.iter().map(|i| i.name.as_str()).collect();
     assert_eq!(names, ["stripes.png", "glow.png"]);
     assert_eq!((asset.images[0].width, asset.images[0].rgba[..4].to_vec()), (2, vec![9, 8, 7, 255]));
@@ -295,9 +295,9 @@ fn lamp_and_camera() {
 
 #[test]
 fn what_is_not_needed_is_not_read() {
-    let (whole, files) = flag(Needs::ALL);
+    let (whole, files) = flag(ImportScope::ALL);
     assert!(files.reads() > 0);
-    let (clips, files) = flag(Needs { geometry: false, clips: true, textures: false, pixels: false });
+    let (clips, files) = flag(ImportScope { geometry: false, clips: true, textures: false, pixels: false });
     assert_eq!(
         (clips.meshes.len(), clips.instances.len(), clips.skins.len(), clips.images.len()),
         (0, 0, 0, 0)
@@ -305,7 +305,7 @@ fn what_is_not_needed_is_not_read() {
     assert_eq!(files.reads(), 0);
     assert_eq!(clips.skeleton, whole.skeleton);
     assert_eq!(clips.clips[0].curves(), whole.clips[0].curves());
-    let (still, _) = flag(Needs { geometry: true, clips: false, textures: false, pixels: false });
+    let (still, _) = flag(ImportScope { geometry: true, clips: false, textures: false, pixels: false });
     assert_eq!((still.clips.len(), still.images.len()), (0, 0));
     assert_eq!(still.meshes[0].primitives[0].positions, whole.meshes[0].primitives[0].positions);
 }

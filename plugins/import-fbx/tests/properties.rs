@@ -5,7 +5,7 @@ mod common;
 use choreo_asset::{Asset, Projection};
 use choreo_importer_kit_testing::{Companions, import, sound, warnings};
 use choreo_motion::{Clip, Interpolation, PropertyTarget, Time};
-use choreo_plugin::Needs;
+use choreo_plugin::ImportScope;
 use glam::{DQuat, DVec3};
 use import_fbx::FbxImporter;
 use std::f64::consts::PI;
@@ -17,8 +17,12 @@ fn asset(objects: &str, links: &str) -> Asset {
         "; FBX 7.4.0 project file\nFBXHeaderExtension: {{\nFBXVersion: 7400\n}}\nGlobalSettings: {{\nProperties70: {{\n\
          P: \"UnitScaleFactor\", \"double\", \"Number\", \"\", 100\n}}\n}}\nObjects: {{\n{objects}}}\nConnections: {{\n{links}}}\n"
     );
-    let asset =
-        import(&FbxImporter, &common::source("a.fbx", text.into_bytes()), &Companions::none(), Needs::ALL);
+    let asset = import(
+        &FbxImporter,
+        &common::source("a.fbx", text.into_bytes()),
+        &Companions::none(),
+        ImportScope::ALL,
+    );
     let asset = asset.unwrap_or_else(|e| panic!("{e}"));
     sound::check("a.fbx", &asset);
     asset
@@ -326,7 +330,7 @@ fn visibility_before_version_6() {
         ] {
             let text = file(version, &of_node, &of_take);
             let source = common::source("old.fbx", text.clone().into_bytes());
-            let asset = import(&FbxImporter, &source, &Companions::none(), Needs::ALL).unwrap();
+            let asset = import(&FbxImporter, &source, &Companions::none(), ImportScope::ALL).unwrap();
             assert_eq!(asset.instances.len(), shown, "{text}\n{:?}", warnings(&asset));
             let hidden = warnings(&asset).iter().any(|w| w.contains("its mesh is hidden in the file"));
             assert_eq!(hidden, shown == 0);

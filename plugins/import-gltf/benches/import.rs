@@ -1,7 +1,7 @@
 //! How long importing takes and what takes it: `cargo bench -p import-gltf [-- FILE…]`, medians and best of 21 runs.
 //! Each part alone, by asking for nothing else; images are decoded beside the rest.
 
-use choreo_plugin::{Files, ImportOptions, Importer, Needs, Source};
+use choreo_plugin::{Files, ImportOptions, ImportScope, Importer, Source};
 use import_gltf::GltfImporter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -27,13 +27,13 @@ fn main() {
             .to_vec(),
         false => given,
     };
-    let nothing = Needs { geometry: false, clips: false, textures: false, pixels: false };
+    let nothing = ImportScope { geometry: false, clips: false, textures: false, pixels: false };
     let cases = [
-        ("all", Needs::ALL),
+        ("all", ImportScope::ALL),
         ("JSON and nodes only", nothing),
-        ("+ geometry", Needs { geometry: true, ..nothing }),
-        ("+ clips", Needs { clips: true, ..nothing }),
-        ("+ textures", Needs { textures: true, pixels: true, ..nothing }),
+        ("+ geometry", ImportScope { geometry: true, ..nothing }),
+        ("+ clips", ImportScope { clips: true, ..nothing }),
+        ("+ textures", ImportScope { textures: true, pixels: true, ..nothing }),
     ];
     for path in files {
         let Ok(bytes) = std::fs::read(&path) else {

@@ -3,7 +3,7 @@
 use crate::file::File;
 use crate::problem::{Problem, Result};
 use crate::repair;
-use choreo_plugin::Needs;
+use choreo_plugin::ImportScope;
 use gltf::json::mesh::Primitive;
 
 const READ: &[&str] = &[
@@ -45,7 +45,7 @@ enum Content {
 }
 
 impl Essential {
-    fn is_needed(&self, needs: Needs) -> bool {
+    fn is_needed(&self, needs: ImportScope) -> bool {
         match self.part {
             Content::Geometry => needs.geometry,
             Content::Textures => needs.textures,
@@ -74,7 +74,7 @@ const ESSENTIAL: &[Essential] = &[
 ];
 
 /// `own`: extensions that the profile reads.
-pub fn check(file: &File<'_>, needs: Needs, own: &[&str]) -> Result<()> {
+pub fn check(file: &File<'_>, needs: ImportScope, own: &[&str]) -> Result<()> {
     let asset = &file.root.asset;
     let needed = asset.min_version.as_ref().unwrap_or(&asset.version);
     let readable = match asset.min_version.is_some() {

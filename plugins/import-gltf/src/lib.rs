@@ -28,7 +28,7 @@ use choreo_asset::Asset;
 use choreo_asset::{Material, TextureRef};
 use choreo_importer_kit::problem;
 use choreo_importer_kit::{bones, pictures};
-use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
+use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, Source};
 use file::File;
 pub use materials::MaterialTextures;
 use problem::Result;
@@ -97,7 +97,7 @@ impl Importer for GltfImporter {
         &self,
         source: &Source,
         files: &dyn Files,
-        needs: Needs,
+        needs: ImportScope,
         options: &ImportOptions,
     ) -> std::result::Result<Asset, ImportError> {
         profile::import_with(source, files, needs, options, &profile::Plain)
@@ -126,7 +126,7 @@ impl<'de> serde::Deserialize<'de> for Probe {
 fn import(
     source: &Source,
     files: &dyn Files,
-    needs: Needs,
+    needs: ImportScope,
     options: &ImportOptions,
     profile: &dyn Profile,
 ) -> Result<Asset> {
@@ -171,7 +171,7 @@ fn leave_out_normal_maps(material: &mut Material, images: &[u32]) {
     }
 }
 
-fn decode(file: &File<'_>, tree: &nodes::Tree, needs: Needs, materials: &[Material]) -> Result<Asset> {
+fn decode(file: &File<'_>, tree: &nodes::Tree, needs: ImportScope, materials: &[Material]) -> Result<Asset> {
     let mut asset = Asset::default();
     if needs.geometry {
         asset.skins = objects::skins(file, tree)?;

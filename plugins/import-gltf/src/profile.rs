@@ -9,7 +9,7 @@ use crate::nodes::Tree;
 use crate::problem::{Result, WithPlace};
 use choreo_asset::{Asset, Material};
 use choreo_importer_kit::{Budget, Notes};
-use choreo_plugin::{Files, ImportError, ImportOptions, Needs, Source};
+use choreo_plugin::{Files, ImportError, ImportOptions, ImportScope, Source};
 use gltf::json::Root;
 use serde_json::{Map, Value};
 
@@ -17,7 +17,7 @@ use serde_json::{Map, Value};
 pub fn import_with(
     source: &Source,
     files: &dyn Files,
-    needs: Needs,
+    needs: ImportScope,
     options: &ImportOptions,
     profile: &dyn Profile,
 ) -> std::result::Result<Asset, ImportError> {
@@ -45,7 +45,7 @@ pub trait Profile {
     }
 
     /// Called when everything else is there but for the images.
-    fn finish(&self, _document: &Document<'_>, _needs: Needs, _asset: &mut Asset) -> Result<()> {
+    fn finish(&self, _document: &Document<'_>, _needs: ImportScope, _asset: &mut Asset) -> Result<()> {
         Ok(())
     }
 }

@@ -4,7 +4,7 @@ mod common;
 
 use choreo_asset::Asset;
 use choreo_importer_kit_testing::alone;
-use choreo_plugin::{Claim, Files, ImportOptions, Importer, Needs};
+use choreo_plugin::{Claim, Files, ImportOptions, ImportScope, Importer};
 use common::sample::{POSITIONS, ROTATIONS, TIMES, WEIGHTS, sample};
 use import_gltf::GltfImporter;
 use serde_json::{Value, json};
@@ -244,7 +244,12 @@ fn further_files() {
     let mut text_of = |uri: &str, files: &dyn Files| {
         json["buffers"][0]["uri"] = json!(uri);
         let source = common::source("bad.gltf", serde_json::to_vec(&json).unwrap());
-        common::error_text(GltfImporter::new().import(&source, files, Needs::ALL, &ImportOptions::default()))
+        common::error_text(GltfImporter::new().import(
+            &source,
+            files,
+            ImportScope::ALL,
+            &ImportOptions::default(),
+        ))
     };
     let wrong = |text: String, tail: &str| {
         assert!(text.contains("buffers[0]") && text.ends_with(tail), "{text}");
@@ -314,7 +319,7 @@ fn pictures() {
     assert!(text.ends_with("; white is used"), "{text}");
     assert_eq!(
         with_picture(b"GIF89a and so on"),
-        "images[0]: \"coat\" is not a PNG, JPEG or WebP picture; the texture is left out"
+        "images[0]: \"coat\" is not a PNG, JPEG or WebP image; the texture is left out"
     );
     let text = with_picture(b"\x89PNG\r\n\x1a\n");
     assert!(text.starts_with("images[0]: \"coat\" has a damaged header: "), "{text}");

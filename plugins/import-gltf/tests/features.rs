@@ -4,7 +4,7 @@ mod common;
 
 use choreo_asset::{Asset, LightKind, Projection, Topology};
 use choreo_motion::Path;
-use choreo_plugin::{ImportOptions, Importer, Needs};
+use choreo_plugin::{ImportOptions, ImportScope, Importer};
 use common::sample::sample;
 use glam::{Mat4, Quat, Vec3, Vec4};
 use import_gltf::GltfImporter;
@@ -146,7 +146,7 @@ fn scene_option() {
     let source = common::source("feature.glb", common::glb_of(&b.json, &b.bin));
     let mut options = ImportOptions::default();
     options.0.insert("scene".into(), choreo_plugin::importer::OptionValue::Number(1.0));
-    let needs = Needs { clips: false, ..Needs::ALL };
+    let needs = ImportScope { clips: false, ..ImportScope::ALL };
     let asset = GltfImporter::new().import(&source, &common::Nothing, needs, &options).unwrap();
     assert_eq!(asset.skeleton.names(), ["node 3"]);
 }
@@ -304,7 +304,7 @@ fn only_what_is_needed_is_decoded() {
     b.json["materials"][0]["normalTexture"] = json!({"index": 0});
     let source = common::source("feature.glb", common::glb_of(&b.json, &b.bin));
     let import = |geometry, clips, textures| {
-        let needs = Needs { geometry, clips, textures, pixels: textures };
+        let needs = ImportScope { geometry, clips, textures, pixels: textures };
         GltfImporter::new().import(&source, &common::Nothing, needs, &ImportOptions::default())
     };
     assert!(

@@ -3,7 +3,7 @@
 mod common;
 
 use choreo_asset::{Asset, Material};
-use choreo_plugin::{ImportOptions, Importer, Needs, OptionValue};
+use choreo_plugin::{ImportOptions, ImportScope, Importer, OptionValue};
 use common::sample::sample;
 use glam::Vec3;
 use import_gltf::GltfImporter;
@@ -170,7 +170,7 @@ fn variants() {
         let given =
             ImportOptions([("variant".to_string(), OptionValue::Text(name.into()))].into_iter().collect());
         let options = importer.manifest().complete(&given).unwrap();
-        importer.import(&source, &common::Nothing, Needs::ALL, &options)
+        importer.import(&source, &common::Nothing, ImportScope::ALL, &options)
     };
     let shown = |name: &str| load(name).unwrap().meshes[0].primitives[0].material;
     assert_eq!([shown(""), shown("plain"), shown("festive")], [Some(0), Some(0), Some(1)]);

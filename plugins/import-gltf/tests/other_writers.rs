@@ -3,7 +3,7 @@
 mod common;
 
 use choreo_asset::{Asset, Primitive};
-use choreo_plugin::{ImportOptions, Importer, Needs, OptionValue};
+use choreo_plugin::{ImportOptions, ImportScope, Importer, OptionValue};
 use common::sample::{LENGTH, TIMES, sample};
 use glam::Vec3;
 use import_gltf::GltfImporter;
@@ -137,7 +137,7 @@ fn images_are_looked_for_where_other_formats_look() {
     let (json, bin) = with_image(json!({"uri": "C:/art/coat.png"}));
     let source = common::source("other.glb", common::glb_of(&json, &bin));
     let files = common::Folder(folder.clone());
-    let asset = GltfImporter::new().import(&source, &files, Needs::ALL, &ImportOptions::default());
+    let asset = GltfImporter::new().import(&source, &files, ImportScope::ALL, &ImportOptions::default());
     std::fs::remove_dir_all(folder).unwrap();
     assert_eq!(asset.unwrap().images[0].rgba, [9, 8, 7, 255]);
 }
@@ -159,7 +159,7 @@ fn all_extensions_that_are_missing_are_named() {
     );
     // Of what is not asked for, nothing.
     let source = common::source("other.glb", common::glb_of(&json, &bin));
-    let needs = Needs { geometry: true, clips: false, textures: false, pixels: false };
+    let needs = ImportScope { geometry: true, clips: false, textures: false, pixels: false };
     let error =
         GltfImporter::new().import(&source, &common::Nothing, needs, &ImportOptions::default()).unwrap_err();
     assert_eq!(
@@ -225,15 +225,15 @@ fn a_clip_without_a_mesh_shows_its_bones() {
     assert!((bounds.max.y - 1.0).abs() < 1e-5 && bounds.min.y.abs() < 1e-5, "{bounds:?}");
     // Not where they are not wanted, nor for clips alone.
     let source = common::source("other.glb", common::glb_of(&json, &bin));
-    let with = |needs: Needs, options: &ImportOptions| {
+    let with = |needs: ImportScope, options: &ImportOptions| {
         GltfImporter::new().import(&source, &common::Nothing, needs, options).unwrap().instances.len()
     };
     let mut off = ImportOptions::default();
     off.0.insert("bones".into(), OptionValue::Bool(false));
-    assert_eq!(with(Needs::ALL, &off), 0);
-    assert_eq!(with(Needs { geometry: false, ..Needs::ALL }, &ImportOptions::default()), 0);
+    assert_eq!(with(ImportScope::ALL, &off), 0);
+    assert_eq!(with(ImportScope { geometry: false, ..ImportScope::ALL }, &ImportOptions::default()), 0);
     // The same mesh where the clips are not asked for.
-    assert_eq!(with(Needs { clips: false, ..Needs::ALL }, &ImportOptions::default()), 1);
+    assert_eq!(with(ImportScope { clips: false, ..ImportScope::ALL }, &ImportOptions::default()), 1);
     // A camera that a clip moves is no skeleton.
     json["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}]);
     json["nodes"][2]["camera"] = json!(0);

@@ -3,7 +3,7 @@
 mod common;
 
 use choreo_asset::Asset;
-use choreo_plugin::{Files, ImportOptions, Importer, Needs};
+use choreo_plugin::{Files, ImportOptions, ImportScope, Importer};
 use common::sample::sample;
 use import_gltf::GltfImporter;
 use serde_json::json;
@@ -26,7 +26,7 @@ impl Files for Shelf {
 
 fn import(text: Vec<u8>, shelf: &Shelf) -> Result<Asset, choreo_plugin::ImportError> {
     let source = common::source("model.gltf", text);
-    GltfImporter::new().import(&source, shelf, Needs::ALL, &ImportOptions::default())
+    GltfImporter::new().import(&source, shelf, ImportScope::ALL, &ImportOptions::default())
 }
 
 fn with_uri(uri: &str) -> Vec<u8> {

@@ -5,7 +5,7 @@ mod common;
 
 use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
 use choreo_asset::{Asset, Primitive};
-use choreo_plugin::{ImportOptions, Importer, Needs};
+use choreo_plugin::{ImportOptions, ImportScope, Importer};
 use glam::Vec4;
 use import_gltf::GltfImporter;
 use serde_json::{Value, json};
@@ -35,7 +35,7 @@ fn import(path: &Path, keep_tangents: bool) -> Asset {
     };
     let source = common::source("edited.glb", bytes);
     let folder = common::Folder(path.parent().unwrap().to_path_buf());
-    GltfImporter::new().import(&source, &folder, Needs::ALL, &ImportOptions::default()).unwrap()
+    GltfImporter::new().import(&source, &folder, ImportScope::ALL, &ImportOptions::default()).unwrap()
 }
 
 /// How two lists of tangents, one a face vertex, differ.

@@ -1,5 +1,6 @@
 //! Colors as people write them.
 
+use choreo_asset::linear_from_srgb_f32;
 use glam::Vec3;
 
 /// sRGB, chosen to look well together under a warm key light.
@@ -33,11 +34,6 @@ pub fn linear(text: &str) -> Option<Vec3> {
         Some(_) => return None,
         None => NAMED.iter().find(|(name, _)| name.eq_ignore_ascii_case(text))?.1,
     };
-    let channel = |shift: u32| decode(((code >> shift) & 255) as f32 / 255.0);
+    let channel = |shift: u32| linear_from_srgb_f32(((code >> shift) & 255) as f32 / 255.0);
     Some(Vec3::new(channel(16), channel(8), channel(0)))
-}
-
-/// IEC 61966-2-1.
-fn decode(s: f32) -> f32 {
-    if s <= 0.04045 { s / 12.92 } else { libm::powf((s + 0.055) / 1.055, 2.4) }
 }

@@ -12,7 +12,7 @@ mod rig;
 mod skin;
 
 use choreo_asset::{Asset, Material, MeshInstance};
-use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
+use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, Source};
 use glam::{Vec3, Vec4};
 use std::sync::{Arc, LazyLock};
 
@@ -48,7 +48,7 @@ impl Importer for Mannequin {
         &self,
         source: &Source,
         _files: &dyn Files,
-        needs: Needs,
+        needs: ImportScope,
         options: &ImportOptions,
     ) -> Result<Asset, ImportError> {
         let refuse = |place: &str, what: String, hint: Option<String>| ImportError {

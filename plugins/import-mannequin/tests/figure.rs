@@ -4,7 +4,7 @@ mod common;
 
 use choreo_asset::Primitive;
 use choreo_plugin::importer::OptionValue;
-use choreo_plugin::{Claim, Importer, Needs, Source};
+use choreo_plugin::{Claim, ImportScope, Importer, Source};
 use common::{import, import_with, source};
 use glam::Vec3;
 use import_mannequin::Mannequin;
@@ -149,7 +149,8 @@ fn inverse_bind_matrices_undo_the_rest_pose() {
 #[test]
 fn options_color_and_height() {
     let text = |s: &str| OptionValue::Text(s.into());
-    let tall = import_with(&[("height", OptionValue::Number(3.5)), ("color", text("#ff0000"))], Needs::ALL);
+    let tall =
+        import_with(&[("height", OptionValue::Number(3.5)), ("color", text("#ff0000"))], ImportScope::ALL);
     let tall = tall.expect("valid options");
     assert!((tall.rest_bounds().max.y - 3.5).abs() < 0.02);
     assert_eq!(tall.materials[0].base_color.to_array(), [1.0, 0.0, 0.0, 1.0]);
@@ -159,14 +160,18 @@ fn options_color_and_height() {
 
 #[test]
 fn wrong_options_say_what_is_allowed() {
-    let refused = import_with(&[("color", OptionValue::Text("corall".into()))], Needs::ALL).unwrap_err();
+    let refused =
+        import_with(&[("color", OptionValue::Text("corall".into()))], ImportScope::ALL).unwrap_err();
     assert_eq!(refused.to_string(), "choreo:mannequin: option \"color\": unknown colour \"corall\"");
     assert!(refused.hint.unwrap().starts_with("write \"#rrggbb\" or one of ivory, white"));
     for bad in ["#12345", "#12345g", "#+12345", ""] {
-        assert!(import_with(&[("accent", OptionValue::Text(bad.into()))], Needs::ALL).is_err(), "{bad}");
+        assert!(
+            import_with(&[("accent", OptionValue::Text(bad.into()))], ImportScope::ALL).is_err(),
+            "{bad}"
+        );
     }
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        let refused = import_with(&[("height", OptionValue::Number(bad))], Needs::ALL).unwrap_err();
+        let refused = import_with(&[("height", OptionValue::Number(bad))], ImportScope::ALL).unwrap_err();
         assert!(refused.to_string().contains("must be 0.3 to 10 metres"), "{refused}");
     }
 }
@@ -178,7 +183,7 @@ fn claims_its_name_alone_and_makes_what_is_needed() {
     for other in ["mannequin", "choreo:mannequin.glb", "choreo:", "a/choreo:mannequin"] {
         assert_eq!(Mannequin.claim(&named(other)), Claim::NotMine, "{other}");
     }
-    let none = Needs { geometry: false, clips: false, textures: false, pixels: false };
+    let none = ImportScope { geometry: false, clips: false, textures: false, pixels: false };
     let bare = import_with(&[], none).expect("no options");
     assert!(bare.meshes.is_empty() && bare.clips.is_empty() && bare.skeleton.len() == 55);
 }

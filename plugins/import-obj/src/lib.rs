@@ -9,7 +9,7 @@ use choreo_importer_kit::search;
 use choreo_importer_kit::text::{Lines, next_word, stem};
 use choreo_importer_kit::textures::{BumpMap, Textures, use_normal_maps};
 use choreo_importer_kit::{Budget, Notes, Problem, Progress, Result, parts, tangents};
-use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
+use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, Source};
 use glam::Vec3;
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -58,7 +58,7 @@ impl Importer for ObjImporter {
         &self,
         source: &Source,
         files: &dyn Files,
-        needs: Needs,
+        needs: ImportScope,
         options: &ImportOptions,
     ) -> std::result::Result<Asset, ImportError> {
         import(source, files, needs, options).map_err(|p| p.in_file(&source.name))
@@ -90,7 +90,7 @@ fn looks_like_obj(bytes: &[u8]) -> bool {
     sure
 }
 
-fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOptions) -> Result<Asset> {
+fn import(source: &Source, files: &dyn Files, needs: ImportScope, options: &ImportOptions) -> Result<Asset> {
     let notes = Notes::default();
     let budget = Budget::new(MAX_DECODED_BYTES);
     let progress = Progress::new(files, source.bytes.len());
@@ -153,7 +153,7 @@ fn materials(
     model: &parse::Model,
     source: &Source,
     files: &dyn Files,
-    needs: Needs,
+    needs: ImportScope,
     settings: &mesh::Settings,
     textures: &mut Textures,
     budget: &Budget,

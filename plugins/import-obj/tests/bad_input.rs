@@ -3,7 +3,7 @@
 use choreo_importer_kit_testing::{
     Companions, assets, damage, error_text, import, import_bytes, sound, source, warnings,
 };
-use choreo_plugin::Needs;
+use choreo_plugin::ImportScope;
 use import_obj::ObjImporter;
 
 const ROOM: &str = include_str!("data/room.obj");
@@ -67,7 +67,7 @@ fn companions_that_are_missing_or_broken() {
     let text = "mtllib a.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n";
     let import = |mtl: &str| {
         let files = Companions::of(vec![("a.mtl", mtl.into()), ("cut.png", b"\x89PNG\r\n\x1a\n".to_vec())]);
-        let asset = import(&ObjImporter, &source("x.obj", text), &files, Needs::ALL).unwrap();
+        let asset = import(&ObjImporter, &source("x.obj", text), &files, ImportScope::ALL).unwrap();
         sound::check("x.obj", &asset);
         warnings(&asset)
     };

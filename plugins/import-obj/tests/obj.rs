@@ -2,7 +2,7 @@
 
 use choreo_asset::{AlphaMode, Asset, Shading, Topology, Wrap};
 use choreo_importer_kit_testing::{Companions, import, options, sound, source, warnings};
-use choreo_plugin::{Claim, Importer, Needs, OptionValue};
+use choreo_plugin::{Claim, ImportScope, Importer, OptionValue};
 use glam::{Vec2, Vec3, Vec4};
 use import_obj::ObjImporter;
 
@@ -31,11 +31,11 @@ fn companions() -> Companions {
 }
 
 fn room() -> Asset {
-    import(&ObjImporter, &source("room.obj", ROOM), &companions(), Needs::ALL).unwrap()
+    import(&ObjImporter, &source("room.obj", ROOM), &companions(), ImportScope::ALL).unwrap()
 }
 
 fn read(text: &str) -> Asset {
-    let asset = import(&ObjImporter, &source("x.obj", text), &Companions::none(), Needs::ALL).unwrap();
+    let asset = import(&ObjImporter, &source("x.obj", text), &Companions::none(), ImportScope::ALL).unwrap();
     sound::check("x.obj", &asset);
     asset
 }
@@ -120,23 +120,24 @@ fn materials_and_texture_options() {
 #[test]
 fn colours_of_blender_and_of_options_are_linear() {
     let text = ROOM.replace("made by hand", "Blender 3.6");
-    let asset = import(&ObjImporter, &source("room.obj", text), &companions(), Needs::ALL).unwrap();
+    let asset = import(&ObjImporter, &source("room.obj", text), &companions(), ImportScope::ALL).unwrap();
     assert_eq!(asset.materials[0].base_color, Vec4::new(0.5, 0.25, 1.0, 1.0));
     let linear = options(&ObjImporter, &[("colors", OptionValue::Text("linear".into()))]);
-    let asset = ObjImporter.import(&source("room.obj", ROOM), &companions(), Needs::ALL, &linear).unwrap();
+    let asset =
+        ObjImporter.import(&source("room.obj", ROOM), &companions(), ImportScope::ALL, &linear).unwrap();
     assert_eq!(asset.materials[0].base_color, Vec4::new(0.5, 0.25, 1.0, 1.0));
 }
 
 #[test]
 fn what_is_not_needed_is_not_read() {
-    let read = |needs: Needs| {
+    let read = |needs: ImportScope| {
         let files = companions();
         let asset = import(&ObjImporter, &source("room.obj", ROOM), &files, needs).unwrap();
         (asset.meshes.len(), asset.images.len(), files.reads())
     };
-    assert_eq!(read(Needs::ALL), (3, 2, 3));
-    assert_eq!(read(Needs { geometry: true, clips: true, textures: false, pixels: false }), (3, 0, 1));
-    assert_eq!(read(Needs { geometry: false, clips: true, textures: false, pixels: false }), (0, 0, 1));
+    assert_eq!(read(ImportScope::ALL), (3, 2, 3));
+    assert_eq!(read(ImportScope { geometry: true, clips: true, textures: false, pixels: false }), (3, 0, 1));
+    assert_eq!(read(ImportScope { geometry: false, clips: true, textures: false, pixels: false }), (0, 0, 1));
 }
 
 #[test]
@@ -223,7 +224,7 @@ fn missing_libraries_and_materials_are_said() {
     // No mtllib, but a library of the same name beside it.
     let files = Companions::of(vec![("x.mtl", b"newmtl gold\nKd 1 1 0\n".to_vec())]);
     let text = "usemtl gold\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
-    let asset = import(&ObjImporter, &source("x.obj", text), &files, Needs::ALL).unwrap();
+    let asset = import(&ObjImporter, &source("x.obj", text), &files, ImportScope::ALL).unwrap();
     assert_eq!(asset.materials[0].base_color, Vec4::new(1.0, 1.0, 0.0, 1.0));
     assert!(warnings(&asset)[0].starts_with("mtllib: the file names no material library"));
 }
@@ -234,7 +235,7 @@ fn units_and_axes_by_option() {
     let options = options(&ObjImporter, &given);
     let text = "v 100 200 300\nv 200 200 300\nv 100 200 400\nf 1 2 3\n";
     let asset =
-        ObjImporter.import(&source("x.obj", text), &Companions::none(), Needs::ALL, &options).unwrap();
+        ObjImporter.import(&source("x.obj", text), &Companions::none(), ImportScope::ALL, &options).unwrap();
     let p = &asset.meshes[0].primitives[0];
     assert_eq!(p.positions[0], Vec3::new(1.0, 3.0, -2.0));
     // −Y of the file, towards the viewer.
@@ -263,7 +264,7 @@ fn with_library(mtl: &str) -> Asset {
         ("a.png", picture([9, 9, 9])),
         ("b.png", picture([5; 3])),
     ]);
-    import(&ObjImporter, &source("x.obj", text), &files, Needs::ALL).unwrap()
+    import(&ObjImporter, &source("x.obj", text), &files, ImportScope::ALL).unwrap()
 }
 
 #[test]

@@ -4,7 +4,7 @@ use crate::Solid;
 use choreo_asset::{Asset, Material, Origin, Primitive};
 use choreo_importer_kit::text::count;
 use choreo_importer_kit::{Notes, Problem, Result, parts, smooth};
-use choreo_plugin::{ImportOptions, Needs, Source};
+use choreo_plugin::{ImportOptions, ImportScope, Source};
 use glam::{DVec3, Vec3, Vec4};
 
 /// Greatest extent in units from which on millimetres are meant, as by programs for machine parts and printing: few
@@ -15,7 +15,7 @@ pub fn asset(
     source: &Source,
     solids: Vec<Solid>,
     format: &str,
-    needs: Needs,
+    needs: ImportScope,
     options: &ImportOptions,
     notes: Notes,
 ) -> Result<Asset> {

@@ -6,7 +6,7 @@ mod build;
 
 use choreo_asset::Asset;
 use choreo_importer_kit::{Notes, Progress, Result};
-use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
+use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, Source};
 use glam::Vec3;
 use std::sync::LazyLock;
 
@@ -65,7 +65,7 @@ impl Importer for StlImporter {
         &self,
         source: &Source,
         files: &dyn Files,
-        needs: Needs,
+        needs: ImportScope,
         options: &ImportOptions,
     ) -> std::result::Result<Asset, ImportError> {
         import(source, files, needs, options).map_err(|p| p.in_file(&source.name))
@@ -84,7 +84,7 @@ struct Solid {
     colors: Vec<[u8; 3]>,
 }
 
-fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOptions) -> Result<Asset> {
+fn import(source: &Source, files: &dyn Files, needs: ImportScope, options: &ImportOptions) -> Result<Asset> {
     let notes = Notes::default();
     let progress = Progress::new(files, source.bytes.len());
     let (solids, format) = match (needs.geometry, Encoding::of(&source.bytes)) {

@@ -5,7 +5,7 @@ use choreo_importer_kit_testing::{
     Companions, assets, assimp, damage, error_text, import, import_bytes, import_path, options, sound,
     source, warnings,
 };
-use choreo_plugin::{Claim, ImportError, Importer, Needs, OptionValue};
+use choreo_plugin::{Claim, ImportError, ImportScope, Importer, OptionValue};
 use glam::{Vec3, Vec4};
 use import_stl::StlImporter;
 
@@ -31,7 +31,7 @@ fn read(bytes: impl Into<Vec<u8>>) -> Result<Asset, ImportError> {
 
 fn with(bytes: impl Into<Vec<u8>>, given: &[(&str, OptionValue)]) -> Asset {
     let options = options(&StlImporter, given);
-    StlImporter.import(&source("part.stl", bytes), &Companions::none(), Needs::ALL, &options).unwrap()
+    StlImporter.import(&source("part.stl", bytes), &Companions::none(), ImportScope::ALL, &options).unwrap()
 }
 
 #[test]
@@ -142,7 +142,7 @@ fn errors_name_the_place() {
     let huge = StlImporter.import(
         &source("part.stl", TWO.replace("4 3 4", "3e38 3 4")),
         &Companions::none(),
-        Needs::ALL,
+        ImportScope::ALL,
         &options(&StlImporter, &[("scale", OptionValue::Number(1e6))]),
     );
     assert!(error_text(huge).starts_with("part.stl: solid \"roof\": is too big"));
@@ -168,7 +168,7 @@ fn what_is_left_is_said() {
 
 #[test]
 fn what_is_not_needed_is_not_made() {
-    let needs = Needs { geometry: false, clips: true, textures: false, pixels: false };
+    let needs = ImportScope { geometry: false, clips: true, textures: false, pixels: false };
     for bytes in [TWO.as_bytes().to_vec(), binary(b"", [0; 4])] {
         let asset = import(&StlImporter, &source("part.stl", bytes), &Companions::none(), needs).unwrap();
         assert_eq!((asset.meshes.len(), asset.materials.len(), asset.instances.len()), (0, 0, 0));

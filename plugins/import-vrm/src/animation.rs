@@ -17,7 +17,9 @@ pub fn read(document: &Document<'_>, vrma: &At<'_>, asset: &mut Asset) -> Result
     let gaze = gaze_joint(document, vrma)?;
     for (index, clip) in asset.clips.iter_mut().enumerate() {
         let looks = match gaze {
-            Some(joint) => gaze::curves(clip, joint).map_err(|e| Problem::new(place(index), e))?,
+            Some(joint) => {
+                gaze::curves(clip, joint).map_err(|e| Problem::new(place(index), e.to_string()))?
+            }
             None => Vec::new(),
         };
         *clip = Arc::new(with_expressions(clip, &names, gaze, looks, index)?);

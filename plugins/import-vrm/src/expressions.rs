@@ -6,12 +6,12 @@ use choreo_asset::{
 };
 use choreo_importer_kit::color::linear_from_srgb;
 use choreo_importer_kit::{Problem, Result};
-use choreo_plugin::Needs;
+use choreo_plugin::ImportScope;
 use glam::{Vec2, Vec4};
 use import_gltf::profile::Document;
 
 /// VRM 1.0, "expressions.md".
-pub fn read(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut Asset) -> Result<()> {
+pub fn read(document: &Document<'_>, vrm: &At<'_>, needs: ImportScope, asset: &mut Asset) -> Result<()> {
     let Some(expressions) = vrm.get("expressions") else { return Ok(()) };
     let mut faces = Faces::new(document, needs, asset);
     for list in ["preset", "custom"] {
@@ -75,7 +75,7 @@ pub fn add_gaze(asset: &mut Asset) {
 }
 
 /// VRM 0.x, "Morph setting": binds name meshes, weights go to 100.
-pub fn read_v0(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut Asset) -> Result<()> {
+pub fn read_v0(document: &Document<'_>, vrm: &At<'_>, needs: ImportScope, asset: &mut Asset) -> Result<()> {
     let Some(master) = vrm.get("blendShapeMaster") else { return Ok(()) };
     let mut faces = Faces::new(document, needs, asset);
     for at in master.list("blendShapeGroups")? {
@@ -188,7 +188,7 @@ struct Faces<'a, 'd> {
 }
 
 impl<'a, 'd> Faces<'a, 'd> {
-    fn new(document: &'a Document<'d>, needs: Needs, asset: &'a mut Asset) -> Faces<'a, 'd> {
+    fn new(document: &'a Document<'d>, needs: ImportScope, asset: &'a mut Asset) -> Faces<'a, 'd> {
         Faces { document, geometry: needs.geometry, asset, unpainted: Vec::new() }
     }
 

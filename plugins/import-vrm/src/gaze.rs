@@ -5,7 +5,7 @@
 //! expressions [`GAZE`] that every character with eyes has.
 
 use choreo_asset::{GAZE, eyes};
-use choreo_motion::{Clip, ExpressionCurve, Interpolation, Path, Pose, Sample, Time};
+use choreo_motion::{Clip, ClipError, ExpressionCurve, Interpolation, Path, Pose, Sample, Time};
 use glam::DVec3;
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
@@ -17,11 +17,10 @@ const MOST_STEPS: usize = 128;
 const TICKS_A_STEP: i64 = Time::TICKS_PER_SECOND / 60;
 
 /// Four curves, or none where the clip does not turn the joint.
-pub fn curves(clip: &Clip, joint: u32) -> Result<Vec<ExpressionCurve>, String> {
+pub fn curves(clip: &Clip, joint: u32) -> Result<Vec<ExpressionCurve>, ClipError> {
     let turns = clip.curves().iter().find(|c| c.joint == joint && c.path == Path::Rotation);
     let Some(turns) = turns else { return Ok(Vec::new()) };
-    let alone = Clip::new(clip.name.clone(), clip.joint_count(), vec![turns.clone()]);
-    let alone = alone.map_err(|e| e.to_string())?;
+    let alone = Clip::new(clip.name.clone(), clip.joint_count(), vec![turns.clone()])?;
     let mut pose = Pose::identity(clip.joint_count());
     let mut angles_at = |time: Time| {
         Sample { clip: &alone, time, pose: &mut pose }.run();

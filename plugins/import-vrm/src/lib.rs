@@ -14,7 +14,7 @@ mod springs_v0;
 
 use choreo_asset::{Asset, Material};
 use choreo_importer_kit::{Problem, Result, bones};
-use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
+use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, Source};
 use import_gltf::MaterialTextures;
 use import_gltf::profile::{Document, Profile, has_extension, import_with};
 use json::At;
@@ -64,7 +64,7 @@ impl Importer for VrmImporter {
         &self,
         source: &Source,
         files: &dyn Files,
-        needs: Needs,
+        needs: ImportScope,
         options: &ImportOptions,
     ) -> std::result::Result<Asset, ImportError> {
         let vrm = Vrm { bones: options.bool("bones").unwrap_or(true), orders: mtoon::DrawOrders::default() };
@@ -106,7 +106,7 @@ impl Profile for Vrm {
         Ok(())
     }
 
-    fn finish(&self, document: &Document<'_>, needs: Needs, asset: &mut Asset) -> Result<()> {
+    fn finish(&self, document: &Document<'_>, needs: ImportScope, asset: &mut Asset) -> Result<()> {
         self.orders.warn(document);
         let root = |name: &str| document.extension(name).map(|v| At::new(v, format!("extensions.{name}")));
         if let Some(vrm) = root(V1) {
@@ -127,7 +127,7 @@ impl Profile for Vrm {
 }
 
 /// VRM 1.0.
-fn character(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut Asset) -> Result<()> {
+fn character(document: &Document<'_>, vrm: &At<'_>, needs: ImportScope, asset: &mut Asset) -> Result<()> {
     version(document, vrm, "1.0");
     about::read(document, vrm, asset);
     human::read(document, vrm, asset)?;
@@ -142,7 +142,7 @@ fn character(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut As
 }
 
 /// VRM 0.x. Its models look along −Z: everything is turned at the end.
-fn character_v0(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut Asset) -> Result<()> {
+fn character_v0(document: &Document<'_>, vrm: &At<'_>, needs: ImportScope, asset: &mut Asset) -> Result<()> {
     about::read_v0(document, vrm, asset);
     human::read_v0(document, vrm, asset)?;
     expressions::read_v0(document, vrm, needs, asset)?;

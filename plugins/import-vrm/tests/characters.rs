@@ -6,7 +6,7 @@ use choreo_asset::{Asset, EyesMovedBy};
 use choreo_importer_kit_testing::{Companions, error_text, import, import_bytes, sound, source, warnings};
 use choreo_motion::spring::parameters::ColliderShape;
 use choreo_motion::{HumanBone, Time, bind_clip};
-use choreo_plugin::{Claim, Importer, Needs};
+use choreo_plugin::{Claim, ImportScope, Importer};
 use choreo_stage::{Cue, Repeat, Stage, posed_meshes};
 use common::{Version, animation, character, edited, floats, glb, glb_of};
 use glam::{DVec3, Vec3};
@@ -369,7 +369,8 @@ fn content_decides_who_reads_a_file() {
 #[test]
 fn what_is_not_needed_is_not_read() {
     let clips =
-        import(&VrmImporter, &source("a.vrm", glb(Version::V0)), &Companions::none(), Needs::CLIPS).unwrap();
+        import(&VrmImporter, &source("a.vrm", glb(Version::V0)), &Companions::none(), ImportScope::CLIPS)
+            .unwrap();
     assert!(clips.meshes.is_empty() && clips.clips.len() == 1 && clips.skeleton.humanoid().is_some());
     assert_eq!(warnings(&clips), Vec::<String>::new());
     let plain = edited(Version::V1, |json| json["extensions"] = serde_json::json!({}));

@@ -1,12 +1,12 @@
 // effect: echo
 // about: what was there some frames ago, still seen, fainter and bluer
 // version: 1
-// hook: picture
+// hook: image
 // history: 6
 // param strength = 0.6 in 0..1: how much of it
-// param steps = 3 in 1..6: how many pictures, two frames apart from 3 on down
+// param steps = 3 in 1..6: how many images, two frames apart from 3 on down
 //
-// picture(at) is the picture now, previous(frames, at) the scene `frames` frames ago; picture_size() in pixels.
+// picture(at) is the image now, previous(frames, at) the scene `frames` frames ago; picture_size() in pixels.
 fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {
     let here = picture(at);
     var color = here.rgb;

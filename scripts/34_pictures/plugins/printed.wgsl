@@ -1,5 +1,5 @@
 // effect: printed
-// about: the picture on paper: its grain shows where the ink is thin
+// about: the image on paper: its grain shows where the ink is thin
 // version: 1
 // param amount = 0.8 in 0..1: how much paper is seen
 // param across = 4 in 0.5..64: how often the paper repeats from left to right

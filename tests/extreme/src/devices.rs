@@ -25,9 +25,9 @@ pub const CASES: &[Case] = &[
         stage.settings.pipeline = Pipeline::Deferred;
         without(Ability::ColorAttachments, &stage, 1, |s| s.settings.pipeline = Pipeline::Forward)
     }),
-    Case::new("a picture wider than any device's", "named error (0) or not (1)", 0.0, || {
+    Case::new("an image wider than any device's", "named error (0) or not (1)", 0.0, || {
         vulkan(GpuOptions::default(), |gpu| {
-            refused(draw(gpu, &pictures::panes(), [1 << 20, 16], 1).map(|_| ()), "picture width is 1048576")
+            refused(draw(gpu, &pictures::panes(), [1 << 20, 16], 1).map(|_| ()), "image width is 1048576")
         })
     }),
     Case::new("a device that is not there", "named error (0) or not (1)", 0.0, || {
@@ -64,7 +64,7 @@ fn draw(renderer: &mut dyn Renderer, stage: &Stage, size: [u32; 2], samples: u32
     Ok(renderer.collect(None).map_err(|e| e.to_string())?.rgba)
 }
 
-/// The 99th of 100 differences between a device that lacks something and the CPU's picture of a stage that does without it: on edges
+/// The 99th of 100 differences between a device that lacks something and the CPU's image of a stage that does without it: on edges
 /// single samples may fall on the other side.
 fn without(ability: Ability, stage: &Stage, samples: u32, change: impl FnOnce(&mut Stage)) -> f64 {
     let options = GpuOptions { without: vec![ability], anisotropy: Some(16.0), ..GpuOptions::default() };

@@ -7,8 +7,9 @@ use choreo_asset::{
 };
 use choreo_motion::{Skeleton, Time, Transform};
 use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
-use choreo_stage::{Background, Camera, Placement, Rig, Stage, StageLight};
+use choreo_stage::{Background, Camera, Placement, Rig, Stage, StageLight, ViewTransform};
 use glam::{Affine2, Affine3A, DQuat, DVec3, Vec2, Vec3, Vec4};
+use std::f32::consts::PI;
 use std::sync::Arc;
 
 pub const CASES: &[Case] = &[
@@ -25,19 +26,19 @@ pub const CASES: &[Case] = &[
     Case::new("10,000 km from the origin", "steps of 255 off the same at the origin", 0.0, far_away),
     Case::new("normals of zero", "steps of 255 off ambient light alone", 1.0, || normals(Vec3::ZERO)),
     Case::new("normals that point away", "steps of 255 off ambient light alone", 1.0, || normals(-Vec3::Z)),
-    Case::new("a mirrored relief", "steps of 255 off the mirrored picture", 1.0, mirrored_relief),
+    Case::new("a mirrored relief", "steps of 255 off the mirrored image", 1.0, mirrored_relief),
     Case::new("a vertex that is not a number", "pixels drawn of its mesh", 0.0, || broken(Vec3::NAN)),
     Case::new("a vertex at infinity", "pixels drawn of its mesh", 0.0, || broken(Vec3::INFINITY)),
     Case::new("triangles without an area", "pixels drawn", 0.0, no_area),
     Case::new("a texture of no pixels", "steps of 255 off none", 0.0, || textured([0, 0])),
     Case::new("a texture of 16,384 × 4 pixels", "steps of 255 off its colour", 1.0, || textured([16384, 4])),
     Case::new("100,000 copies", "draws", 1.0, || copies(100_000)),
-    Case::new("a picture of one pixel", "steps of 255 off its colour", 1.0, || sized([1, 1])),
-    Case::new("a picture 16,384 wide", "steps of 255 off its colour", 1.0, || sized([16384, 16])),
-    Case::new("a picture 16,385 wide", "named error (0) or not (1)", 0.0, || {
+    Case::new("an image of one pixel", "steps of 255 off its colour", 1.0, || sized([1, 1])),
+    Case::new("an image 16,384 wide", "steps of 255 off its colour", 1.0, || sized([16384, 16])),
+    Case::new("an image 16,385 wide", "named error (0) or not (1)", 0.0, || {
         refused(draw(&facing(), [16385, 16]).map(|_| ()), "16385")
     }),
-    Case::new("a picture of no height", "named error (0) or not (1)", 0.0, || {
+    Case::new("an image of no height", "named error (0) or not (1)", 0.0, || {
         refused(draw(&facing(), [16, 0]).map(|_| ()), "height")
     }),
 ];
@@ -77,10 +78,11 @@ fn asset(primitive: Primitive, material: Material) -> Asset {
     }
 }
 
-/// A camera at `position` that looks along −Z, black all around, no light.
+/// A camera at `position` that looks along −Z, black all around, no light, raw values.
 fn stage(position: DVec3, near: f32) -> Stage {
     let mut stage = Stage::default();
     stage.settings.background = Background::Color(Vec4::W);
+    stage.settings.view_transform = ViewTransform::None;
     (stage.settings.ambient_up, stage.settings.ambient_down) = (Vec3::ZERO, Vec3::ZERO);
     let rig = Rig::Fixed { position, rotation: DQuat::IDENTITY, look_at: None };
     let projection = Projection::Perspective { yfov: 0.8, near, far: None };
@@ -103,14 +105,14 @@ fn draw(stage: &Stage, size: [u32; 2]) -> Result<Vec<u8>, String> {
     Ok(renderer.collect(None).map_err(|e| e.to_string())?.rgba)
 }
 
-/// Share of pixels for which something holds; NaN without a picture.
+/// Share of pixels for which something holds; NaN without an image.
 fn share(stage: &Stage, holds: impl Fn([u8; 4]) -> bool) -> f64 {
     let Ok(rgba) = draw(stage, SIZE) else { return f64::NAN };
     let pixels = rgba.as_chunks::<4>().0;
     pixels.iter().filter(|p| holds(**p)).count() as f64 / pixels.len() as f64
 }
 
-/// The largest difference of two pictures, in steps of 255.
+/// The largest difference of two images, in steps of 255.
 fn off(a: &Result<Vec<u8>, String>, b: &Result<Vec<u8>, String>) -> f64 {
     match (a, b) {
         (Ok(a), Ok(b)) if a.len() == b.len() => {
@@ -144,14 +146,14 @@ fn wall(metres: f64, near: f32) -> f64 {
 }
 
 fn sun() -> StageLight {
-    StageLight::sun("sun", Vec3::new(-0.4, -0.3, -0.8).normalize(), 1.0)
+    StageLight::sun("sun", Vec3::new(-0.4, -0.3, -0.8).normalize(), PI)
 }
 
 fn far_away() -> f64 {
     let at = |origin: DVec3| {
         let mut stage = stage(origin + DVec3::new(0.3, 0.2, 4.0), 0.1);
         stage.lights.push(sun());
-        let lamp = Light { kind: LightKind::Point, color: Vec3::X, intensity: 3.0, range: Some(9.0) };
+        let lamp = Light { kind: LightKind::Point, color: Vec3::X, intensity: 3.0 * PI, range: Some(9.0) };
         stage.lights.push(StageLight { light: lamp, position: origin + DVec3::Z, ..sun() });
         let place = Placement { translation: origin, ..Placement::default() }.turned(0.4);
         put(&mut stage, asset(quad(1.0), matte()), place);
@@ -165,7 +167,7 @@ fn normals(normal: Vec3) -> f64 {
         let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);
         (stage.settings.ambient_up, stage.settings.ambient_down) = (Vec3::splat(0.3), Vec3::splat(0.3));
         if light {
-            stage.lights.push(StageLight::sun("sun", Vec3::NEG_Z, 1.0));
+            stage.lights.push(StageLight::sun("sun", Vec3::NEG_Z, PI));
         } else {
             // Something shines, or there would be a sun.
             stage.lights.push(StageLight::sun("none", Vec3::NEG_Z, 0.0));
@@ -177,7 +179,7 @@ fn normals(normal: Vec3) -> f64 {
     off(&with(normal, true), &with(normal, false))
 }
 
-/// A relief seen in a mirror is the mirrored picture of it, where its light is mirrored too.
+/// A relief seen in a mirror is the mirrored image of it, where its light is mirrored too.
 fn mirrored_relief() -> f64 {
     let relief = |x: u32, y: u32| {
         if (x / 4 + y / 4).is_multiple_of(2) { [180, 150, 220, 255] } else { [90, 110, 220, 255] }
@@ -185,7 +187,7 @@ fn mirrored_relief() -> f64 {
     let with = |mirror: f64| {
         let mut stage = stage(DVec3::new(0.0, 0.0, 3.0), 0.1);
         let direction = Vec3::new(-0.5 * mirror as f32, -0.3, -0.8).normalize();
-        stage.lights.push(StageLight::sun("sun", direction, 1.0));
+        stage.lights.push(StageLight::sun("sun", direction, PI));
         let primitive = Primitive { tangents: vec![Vec3::X.extend(1.0); 4], ..quad(1.0) };
         let normal_texture = Some(texture());
         let mut asset = asset(primitive, Material { normal_texture, ..matte() });
@@ -268,7 +270,7 @@ fn sized(size: [u32; 2]) -> f64 {
     off(&draw(&facing(), size), &Ok([0, 255, 0, 255].repeat(count)))
 }
 
-/// A leaf of soft alpha that is cut off, over half the picture.
+/// A leaf of soft alpha that is cut off, over half the image.
 pub fn leaf() -> Stage {
     let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);
     let texel = |i: u32| {
@@ -290,7 +292,7 @@ pub fn leaf() -> Stage {
 pub fn lit_wall() -> Stage {
     let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);
     stage.lights.push(sun());
-    let lamp = Light { kind: LightKind::Point, color: Vec3::X, intensity: 1.0, range: Some(3.0) };
+    let lamp = Light { kind: LightKind::Point, color: Vec3::X, intensity: PI, range: Some(3.0) };
     stage.lights.push(StageLight { light: lamp, position: DVec3::Z, ..sun() });
     put(&mut stage, asset(quad(0.7), matte()), Placement::default());
     stage

@@ -1,4 +1,4 @@
-//! PNG, MP4, GIF and y4m as `choreo info` and `--resume` read them, and PNG as the stored picture of a test.
+//! PNG, MP4, GIF and y4m as `choreo info` and `--resume` read them, and PNG as the stored image of a test.
 #![no_main]
 
 use choreo_test_runner::stored::{decode, encode};

@@ -119,7 +119,7 @@ impl Write for Bytes {
     }
 }
 
-/// Pictures that move a little, or a lot.
+/// Images that move a little, or a lot.
 fn pictures(u: &mut Unstructured, [width, height]: [u32; 2]) -> Result<Vec<Frame>> {
     let mut rgba = vec![255; (width * height * 4) as usize];
     let mut frames = Vec::new();

@@ -6,7 +6,7 @@ use choreo_fuzz::finite;
 use choreo_motion::ik::Limit;
 use choreo_motion::spring::{RigBone, SpringBone};
 use choreo_motion::{Interpolation, Time};
-use choreo_plugin::{Importer, Needs, Source};
+use choreo_plugin::{Importer, ImportScope, Source};
 use choreo_asset::*;
 use choreo_stage::*;
 use glam::{DQuat, DVec3, Vec3};
@@ -17,7 +17,7 @@ use std::sync::{Arc, LazyLock};
 static PERSON: LazyLock<Arc<Asset>> = LazyLock::new(|| {
     let source = Source { name: "choreo:mannequin".into(), bytes: Arc::default() };
     let asset =
-        import_mannequin::Mannequin.import(&source, &choreo_fuzz::Nothing, Needs::ALL, &Default::default());
+        import_mannequin::Mannequin.import(&source, &choreo_fuzz::Nothing, ImportScope::ALL, &Default::default());
     Arc::new(asset.expect("the built-in figure can be made"))
 });
 

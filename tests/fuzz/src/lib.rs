@@ -2,7 +2,7 @@
 //! through is proved harmless further down.
 
 use choreo_motion::Time;
-use choreo_plugin::{Files, ImportOptions, Importer, Manifest, Needs, OptionKind, OptionValue, Source};
+use choreo_plugin::{Files, ImportOptions, Importer, Manifest, ImportScope, OptionKind, OptionValue, Source};
 use choreo_render::{SceneResources, CpuRenderer, Plan, PlanOptions, Renderer};
 use choreo_asset::Asset;
 use choreo_stage::{Cue, Evaluator, Snapshot, Stage};
@@ -33,9 +33,9 @@ pub fn import(importer: &dyn Importer, name: &str, bytes: &[u8], files: &dyn Fil
     importer.claim(&source);
     let choice = if bytes.len() & 8 == 0 { 0 } else { bytes.len() as u64 };
     let needs = match choice & 7 {
-        1 => Needs { clips: false, ..Needs::ALL },
-        2 => Needs { geometry: false, ..Needs::ALL },
-        _ => Needs::ALL,
+        1 => ImportScope { clips: false, ..ImportScope::ALL },
+        2 => ImportScope { geometry: false, ..ImportScope::ALL },
+        _ => ImportScope::ALL,
     };
     match importer.import(&source, files, needs, &options(importer.manifest(), choice)) {
         Ok(asset) => play(Arc::new(asset)),
@@ -66,7 +66,7 @@ fn options(manifest: &Manifest, choice: u64) -> ImportOptions {
     manifest.complete(&all).expect("the values are within the manifest's ranges")
 }
 
-/// Sums that a picture of sixteen pixels is not worth drawing for.
+/// Sums that an image of sixteen pixels is not worth drawing for.
 fn small(asset: &Asset) -> bool {
     let primitives = asset.meshes.iter().flat_map(|m| &m.primitives);
     let vertices: usize = primitives.map(|p| p.positions.len() + p.indices.len()).sum();
@@ -95,7 +95,7 @@ fn play(asset: Arc<Asset>) {
         if drawable {
             let plan = Plan::new(&resources, evaluator.stage(), &snapshot, &PlanOptions::new([16, 12], 1));
             renderer.submit(plan).expect("the CPU renderer draws whatever a plan holds");
-            renderer.collect(None).expect("a picture was submitted");
+            renderer.collect(None).expect("an image was submitted");
         }
     }
 }

@@ -3,13 +3,13 @@
 //!
 //! Both as a fresh process for every run, in turns, so that both find memory as cold and the machine as busy. Time is what the
 //! system says the threads have computed, without the start of the process: assimp's whole process less that of `assimp version`;
-//! of ours, reading the file and importing all but pictures, which assimp does not decode.
+//! of ours, reading the file and importing all but images, which assimp does not decode.
 //!
 //! assimp twice, both times by `assimp extract` of a texture that no file has, so that it reads, does its steps and ends: raw
 //! makes nothing of what it has read; the like of ours has the steps whose results ours always has ([`STEPS`]).
 //! Memory is the greatest that a whole process had resident.
 
-use choreo_plugin::{Needs, OptionValue};
+use choreo_plugin::{ImportScope, OptionValue};
 use importers::{SAMPLES, import_with, samples};
 use rustix::time::{ClockId, clock_gettime};
 use std::io::Read;
@@ -60,7 +60,7 @@ fn status(field: &str) -> Option<f64> {
 fn once(path: &Path, tolerance: Option<f64>) {
     let given: Vec<_> = tolerance.map(|t| ("tolerance", OptionValue::Number(t))).into_iter().collect();
     let before = thread_ms();
-    let asset = import_with(path, Needs { textures: false, ..Needs::ALL }, &given);
+    let asset = import_with(path, ImportScope { textures: false, ..ImportScope::ALL }, &given);
     let after = thread_ms();
     assert!(std::hint::black_box(asset).is_ok(), "{}", path.display());
     println!("{} {}", after - before, status("VmHWM:").unwrap_or(f64::NAN) / 1024.0);
@@ -70,7 +70,7 @@ fn once(path: &Path, tolerance: Option<f64>) {
 fn again(path: &Path) {
     let run = || {
         let before = thread_ms();
-        let asset = import_with(path, Needs { textures: false, ..Needs::ALL }, &[]);
+        let asset = import_with(path, ImportScope { textures: false, ..ImportScope::ALL }, &[]);
         assert!(std::hint::black_box(asset).is_ok(), "{}", path.display());
         thread_ms() - before
     };

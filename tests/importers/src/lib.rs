@@ -4,7 +4,7 @@ pub mod assimp;
 
 use choreo_asset::Asset;
 use choreo_importer_kit_testing::{Companions, source};
-use choreo_plugin::{ImportError, Importer, Needs, OptionValue};
+use choreo_plugin::{ImportError, ImportScope, Importer, OptionValue};
 use std::path::{Path, PathBuf};
 
 pub struct Format {
@@ -68,12 +68,16 @@ fn files(folder: &Path, wanted: impl Fn(&str) -> bool) -> Vec<PathBuf> {
 }
 
 /// With what lies beside it, and default options.
-pub fn import(path: &Path, needs: Needs) -> Result<Asset, ImportError> {
+pub fn import(path: &Path, needs: ImportScope) -> Result<Asset, ImportError> {
     import_with(path, needs, &[])
 }
 
 /// As [`import`], with options of its importer.
-pub fn import_with(path: &Path, needs: Needs, given: &[(&str, OptionValue)]) -> Result<Asset, ImportError> {
+pub fn import_with(
+    path: &Path,
+    needs: ImportScope,
+    given: &[(&str, OptionValue)],
+) -> Result<Asset, ImportError> {
     let importer = importer(path).unwrap_or_else(|| panic!("no importer for {}", path.display()));
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let bytes = std::fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
@@ -83,5 +87,5 @@ pub fn import_with(path: &Path, needs: Needs, given: &[(&str, OptionValue)]) -> 
 }
 
 pub fn whole(path: &Path) -> Asset {
-    import(path, Needs::ALL).unwrap_or_else(|e| panic!("{e}"))
+    import(path, ImportScope::ALL).unwrap_or_else(|e| panic!("{e}"))
 }

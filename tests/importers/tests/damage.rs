@@ -69,7 +69,7 @@ fn all() {
 }
 
 #[test]
-#[ignore = "as all, with pictures to decode: most of an hour, in release"]
+#[ignore = "as all, with images to decode: most of an hour, in release"]
 fn all_of_gltf() {
     run(GLTF, 50, 1000, usize::MAX);
 }

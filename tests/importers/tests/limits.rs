@@ -1,8 +1,8 @@
-//! Pictures that say of themselves to be far larger than their file, in every format that names pictures: the limit is in the
-//! message, and the model is there without them. glTF holds its pictures itself; its own tests hold the words.
+//! Images that say of themselves to be far larger than their file, in every format that names pictures: the limit is in the
+//! message, and the model is there without them. glTF holds its images itself; its own tests hold the words.
 
 use choreo_importer_kit_testing::{Companions, import, source, warnings};
-use choreo_plugin::{Importer, Needs};
+use choreo_plugin::{ImportScope, Importer};
 
 /// A PNG of this size, as far as its first rows: an empty IDAT.
 fn png_header(width: u32, height: u32) -> Vec<u8> {
@@ -90,7 +90,7 @@ fn pictures_larger_than_any() {
     for (name, text, importer) in importers {
         for (width, height, words) in cases {
             let files = Companions::of(vec![("a.mtl", MTL.into()), ("bomb.png", png_header(width, height))]);
-            let asset = import(importer, &source(name, text), &files, Needs::ALL);
+            let asset = import(importer, &source(name, text), &files, ImportScope::ALL);
             let asset = asset.unwrap_or_else(|e| panic!("{e}"));
             let said = warnings(&asset);
             assert!(said.iter().any(|w| w.contains(words)), "{name} {width} x {height}: {said:#?}");

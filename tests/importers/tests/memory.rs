@@ -1,7 +1,7 @@
 //! Memory at its highest of files that ask for much more than they hold, each in a process of its own.
 
 use choreo_importer_kit_testing::{Companions, import, source};
-use choreo_plugin::Needs;
+use choreo_plugin::ImportScope;
 use std::path::Path;
 use std::process::Command;
 
@@ -50,7 +50,8 @@ fn import_alone(format: &str) {
     let source = source(&name, polygon(format));
     let before = status("VmRSS:");
     let importer = importers::importer(Path::new(&name)).unwrap();
-    let asset = import(importer, &source, &Companions::none(), Needs::ALL).unwrap_or_else(|e| panic!("{e}"));
+    let asset =
+        import(importer, &source, &Companions::none(), ImportScope::ALL).unwrap_or_else(|e| panic!("{e}"));
     let triangles = asset.meshes[0].primitives[0].indices.len() / 3;
     assert!(triangles >= VERTICES - 2, "{triangles}");
     if let (Some(before), Some(highest)) = (before, status("VmHWM:")) {

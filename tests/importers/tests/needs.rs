@@ -2,24 +2,24 @@
 
 use choreo_asset::Asset;
 use choreo_importer_kit_testing::assets;
-use choreo_plugin::Needs;
+use choreo_plugin::ImportScope;
 use importers::{SAMPLES, import, samples, whole};
 
 fn pictures(asset: &Asset) -> Vec<(String, u32, u32)> {
     asset.images.iter().map(|i| (i.name.clone(), i.width, i.height)).collect()
 }
 
-/// As `choreo info` opens them: pictures have their sizes and nothing in them.
+/// As `choreo info` opens them: images have their sizes and nothing in them.
 #[test]
 fn without_pixels_pictures_are_told_the_same() {
     let Some(folder) = assets(SAMPLES) else { return };
     let mut told = 0;
     for name in samples(&folder) {
         let path = folder.join(&name);
-        let asset = import(&path, Needs::NO_PIXELS).unwrap_or_else(|e| panic!("{e}"));
+        let asset = import(&path, ImportScope::NO_PIXELS).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(pictures(&asset), pictures(&whole(&path)), "{}", name.display());
         assert!(asset.images.iter().all(|i| i.rgba.is_empty()), "{}", name.display());
         told += asset.images.len();
     }
-    assert!(told > 5, "{told} pictures in all samples");
+    assert!(told > 5, "{told} images in all samples");
 }

@@ -1,11 +1,10 @@
-//! Bloom: in how small a picture its light is spread, against the Gaussian at full size.
+//! Bloom: in how small an image its light is spread, against the Gaussian at full size.
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Choice, Row};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_bench::truth::Spread;
-use choreo_plugin::{Effect, Pictures, Pixels};
-use effect_bloom::Bloom;
+use choreo_plugin::{Effect, EffectImage, EffectImages};
 use glam::{DVec3, Vec3, Vec4};
 use std::hint::black_box;
 
@@ -13,7 +12,7 @@ pub fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Bloom",
         text: "Light that spills far is spread in a smaller picture: the Gaussian's 17 taps lie on pixels that are means of squares, and the result is \
-               read between four of them. A picture is halved until eight of its pixels are three standard deviations or more. Smaller ones still are \
+               read between four of them. An image is halved until eight of its pixels are three standard deviations or more. Smaller ones still are \
                hardly cheaper, and show the squares."
             .into(),
         choices: vec![shrinks()?],
@@ -57,7 +56,7 @@ fn bright(c: Vec4) -> Vec3 {
     c * ((most - P[1]).max(0.0) / most.max(1e-6))
 }
 
-/// In a picture this many times smaller, with as many taps as three standard deviations need and no fewer than the effect has.
+/// In an image this many times smaller, with as many taps as three standard deviations need and no fewer than the effect has.
 fn spread(rgba: &[Vec4], shrink: usize) -> Vec<Vec3> {
     let small = SIZE.map(|s| s.div_ceil(shrink));
     let clamped = |v: i32, side: usize| v.clamp(0, side as i32 - 1) as usize;
@@ -132,16 +131,19 @@ fn truth(rgba: &[Vec4]) -> Vec<DVec3> {
 }
 
 /// What the effect adds, pass by pass.
-fn by_effect(rgba: &[Vec4]) -> Vec<Vec3> {
+fn by_effect(bloom: &dyn Effect, rgba: &[Vec4]) -> Vec<Vec3> {
+    let Some(function) = bloom.function() else { return Vec::new() };
     let whole = SIZE.map(|s| s as u32);
-    let original = Pixels { size: whole, rgba };
+    let original = EffectImage { size: whole, rgba };
     let (mut now, mut size) = (rgba.to_vec(), whole);
-    for pass in 0..Bloom.passes() {
-        let shrink = if pass + 1 < Bloom.passes() { Bloom.shrink(pass, whole, &P) } else { 1 };
+    for pass in 0..bloom.passes() {
+        let shrink = if pass + 1 < bloom.passes() { bloom.shrink(pass, whole, &P) } else { 1 };
         let [w, h] = whole.map(|s| s.div_ceil(shrink));
-        let pictures = Pictures { now: Pixels { size, rgba: &now }, original, before: &[] };
-        let all = (0..h as i32).flat_map(|y| (0..w as i32).map(move |x| [x, y]));
-        let next = all.map(|at| Bloom.cpu_picture(&pictures, at, pass, &P)).collect();
+        let pictures = EffectImages { now: EffectImage { size, rgba: &now }, original, before: &[] };
+        let mut next = vec![Vec4::ZERO; w as usize * h as usize];
+        for (y, row) in next.chunks_mut(w as usize).enumerate() {
+            function.image_row(&pictures, y as u32, pass, &P, row);
+        }
         (now, size) = (next, [w, h]);
     }
     now.iter().zip(rgba).map(|(with, without)| (*with - *without).truncate()).collect()
@@ -150,20 +152,21 @@ fn by_effect(rgba: &[Vec4]) -> Vec<Vec3> {
 fn shrinks() -> Result<Choice, String> {
     let rgba = picture();
     let exact = truth(&rgba);
-    let taken = Bloom.shrink(0, SIZE.map(|s| s as u32), &P) as usize;
+    let bloom = effects::named(&["bloom"]).remove(0);
+    let taken = bloom.shrink(0, SIZE.map(|s| s as u32), &P) as usize;
     let off = |a: &[Vec3], b: &[Vec3]| {
         a.iter().zip(b).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f32::max)
     };
-    let same = off(&spread(&rgba, taken), &by_effect(&rgba));
+    let same = off(&spread(&rgba, taken), &by_effect(bloom.as_ref(), &rgba));
     if same.is_nan() || same > 1e-4 {
         return Err(format!("what is measured is not the effect: {same} apart"));
     }
     let name =
         |shrink: usize| if shrink == 1 { "full size".to_string() } else { format!("{shrink} times smaller") };
-    let mut choice = Choice::new("bloom", "In how small a picture is light spread?");
+    let mut choice = Choice::new("bloom", "In how small an image is light spread?");
     choice.error_unit = "of white";
     choice.by_mean = true;
-    choice.per = format!("picture of {}×{} by the CPU's formulas, one thread", SIZE[0], SIZE[1]);
+    choice.per = format!("image of {}×{} by the CPU's formulas, one thread", SIZE[0], SIZE[1]);
     choice.reference = "the Gaussian at full size in f64, to six standard deviations; mean over all channels of all pixels; sixty lamps and a line, \
                         up to 15 times as bright as white; three standard deviations are 36 pixels"
         .into();

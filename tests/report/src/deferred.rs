@@ -89,7 +89,7 @@ fn table() -> Result<Table, String> {
         ("the plan takes", "chosen"),
         ("by", "estimate"),
     ];
-    let title = format!("Milliseconds a picture of {}×{}, {}", SIZE[0], SIZE[1], Clock::Process.words());
+    let title = format!("Milliseconds an image of {}×{}, {}", SIZE[0], SIZE[1], Clock::Process.words());
     let mut table = Table::new(title, &columns);
     let mut gpu = VulkanRenderer::new(GpuOptions::default()).map_err(|e| e.to_string())?;
     for layers in OVERDRAW {

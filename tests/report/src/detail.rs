@@ -1,4 +1,4 @@
-//! Levels of detail: how far coarser versions may be off in the picture, and what that saves.
+//! Levels of detail: how far coarser versions may be off in the image, and what that saves.
 
 use crate::pictures::{drawn, rows, stage};
 use crate::{BUDGET_SECS, Section};
@@ -41,11 +41,11 @@ pub fn section() -> Result<Section, String> {
 
 fn tolerance() -> Result<Choice, String> {
     let mut choice =
-        Choice::new("detail", "How far may a coarser version be off in the picture? (200 walkers)");
+        Choice::new("detail", "How far may a coarser version be off in the image? (200 walkers)");
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
     choice.reference = "every copy with all of its triangles; mean over all channels of all pixels".into();
-    choice.per = format!("picture of {}×{}, CPU renderer, {}", SIZE[0], SIZE[1], Clock::Process.words());
+    choice.per = format!("image of {}×{}, CPU renderer, {}", SIZE[0], SIZE[1], Clock::Process.words());
     let stage = stage(CROWD, &choreo::registry())?;
     let resources = Arc::new(SceneResources::new(&stage));
     let snapshot = stage.at(Time::from_secs(0.4)).map_err(|e| e.to_string())?;

@@ -4,12 +4,14 @@ use crate::pictures::{drawn, renderers, rows, stage};
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::picture::Moment;
 use choreo_bench::plots::{Cell, Choice, Table, duration};
-use choreo_bench::timing::Clock;
+use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::Time;
-use choreo_plugin::{Effect, Exposure, Hook, Registry};
+use choreo_plugin::{Effect, EffectImage, EffectImages, Hook, LightSample, Registry, Shutter, SurfaceSample};
 use choreo_render::plan::motion_blur::{plan_at, times};
-use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
+use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources, effect_parameters};
 use choreo_stage::{Evaluator, Stage};
+use glam::{Vec2, Vec3, Vec4};
+use std::cell::RefCell;
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [1280, 720];
@@ -23,12 +25,13 @@ pub fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Effects",
         text: "What an effect costs is what its frame takes beyond that of the same scene without it. Effects on surfaces cost what their \
-               function does on the pixels that have it; those over the picture need float targets and a pass. Motion blur is the mean of pictures \
-               at exact times: the error falls with their number, and so does the speed. FXAA finds edges in the finished picture, where samples \
+               function does on the pixels that have it; those over the image need float targets and a pass. Motion blur is the mean of images \
+               at exact times: the error falls with their number, and so does the speed. On the CPU the WGSL of an effect is evaluated over \
+               32 pixels at a time; tone mapping written by hand in Rust is its rival. FXAA finds edges in the finished image, where samples \
                know them."
             .into(),
         choices: vec![blur(&registry)?, edges(&registry)?],
-        tables: vec![costs(&registry)?],
+        tables: vec![costs(&registry)?, evaluation(&registry)?],
         off_front: vec![(
             "edges",
             "FXAA is an effect that a script asks for: it also softens what is sharp within a texture, which no mean over edges shows.",
@@ -84,7 +87,7 @@ const EFFECTS: [(&str, &str); 15] = [
 
 fn costs(registry: &Registry) -> Result<Table, String> {
     let effects = registry.effects();
-    for effect in effects.iter().filter(|e| e.hook() != Hook::Exposure) {
+    for effect in effects.iter().filter(|e| e.hook() != Hook::Shutter) {
         let name = &effect.manifest().name;
         if !EFFECTS.iter().any(|(_, script)| script.contains(&format!("\"{name}\""))) {
             return Err(format!("effect {name} is not in the table of costs"));
@@ -146,6 +149,136 @@ fn costs(registry: &Registry) -> Result<Table, String> {
     Ok(table.without_empty_columns())
 }
 
+/// Pixels of the image and points of the surfaces on which functions are evaluated.
+const EVALUATED: [u32; 2] = [256, 144];
+
+/// The time of each effect's function on the CPU, and that of tone mapping written by hand in Rust.
+fn evaluation(registry: &Registry) -> Result<Table, String> {
+    let effects: Vec<_> = registry.effects().iter().filter(|e| e.function().is_some()).cloned().collect();
+    let image = discs();
+    let results = RefCell::new(vec![Vec::new(); effects.len()]);
+    let by_hand = RefCell::new(Vec::new());
+    let mut cases: Vec<Case> = Vec::new();
+    for (i, effect) in effects.iter().enumerate() {
+        let (image, results) = (&image, &results);
+        cases.push(Case::new(image.len(), move || {
+            results.borrow_mut()[i] = evaluated(effect.as_ref(), image)
+        }));
+    }
+    cases.push(Case::new(image.len(), || {
+        let mapped = image.iter().map(|color| crate::tones::effect(0.0, color.truncate()).extend(color.w));
+        *by_hand.borrow_mut() = mapped.collect();
+    }));
+    let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
+    drop(cases);
+    let title = format!(
+        "Evaluation of each effect's function on the CPU, default parameters, all passes of an image of {}×{}, {}",
+        EVALUATED[0],
+        EVALUATED[1],
+        Clock::Thread.words()
+    );
+    let columns = [
+        ("effect", "effect"),
+        (">a pixel", "evaluated"),
+        (">by hand in Rust", "by_hand"),
+        (">times", "ratio"),
+        (">largest difference", "error"),
+    ];
+    let mut table = Table::new(title, &columns);
+    let (results, by_hand) = (results.into_inner(), by_hand.into_inner());
+    for (i, effect) in effects.iter().enumerate() {
+        let name = effect.manifest().name.as_str();
+        let mut row = vec![Cell::text(name), Cell::number(duration(nanos[i]), nanos[i])];
+        if name == "tonemap" {
+            let hand = nanos[effects.len()];
+            let apart =
+                results[i].iter().zip(&by_hand).map(|(a, b): (&Vec4, &Vec4)| (*a - *b).abs().max_element());
+            let error = f64::from(apart.fold(0.0, f32::max));
+            row.push(Cell::number(duration(hand), hand));
+            row.push(Cell::number(format!("{:.2}", nanos[i] / hand), nanos[i] / hand));
+            row.push(Cell::number(format!("{error:.1e}"), error));
+        } else {
+            row.extend([Cell::empty(), Cell::empty(), Cell::empty()]);
+        }
+        table.rows.push(row);
+    }
+    Ok(table)
+}
+
+/// Discs with sharp edges over a gradient, some brighter than white; linear.
+fn discs() -> Vec<Vec4> {
+    let [width, height] = EVALUATED;
+    let pixel = |i: u32| {
+        let (x, y) = (i % width, i / width);
+        let (dx, dy) = ((x % 48) as f32 - 24.0, (y % 48) as f32 - 24.0);
+        let light = if dx * dx + dy * dy < 300.0 { 0.3 * (1 + x / 48) as f32 } else { 0.1 };
+        let across = x as f32 / width as f32;
+        Vec4::new(light * across, light, light * (1.0 - across), 1.0)
+    };
+    (0..width * height).map(pixel).collect()
+}
+
+/// What an effect's function makes of an image, or of surfaces of these colors.
+fn evaluated(effect: &dyn Effect, image: &[Vec4]) -> Vec<Vec4> {
+    let (size, width) = (EVALUATED, EVALUATED[0] as usize);
+    let parameters = effect_parameters(effect, &[]);
+    let mut colors = image.to_vec();
+    let Some(function) = effect.function() else { return colors };
+    match effect.hook() {
+        Hook::Image => {
+            let mut now_size = size;
+            for pass in 0..effect.passes() {
+                let is_last = pass + 1 == effect.passes();
+                let shrink = if is_last { 1 } else { effect.shrink(pass, size, &parameters) };
+                let to = size.map(|s| s.div_ceil(shrink));
+                let now = EffectImage { size: now_size, rgba: &colors };
+                let images = EffectImages { now, original: EffectImage { size, rgba: image }, before: &[] };
+                let mut next = vec![Vec4::ZERO; (to[0] * to[1]) as usize];
+                for (y, row) in (0..).zip(next.chunks_mut(to[0] as usize)) {
+                    function.image_row(&images, y, pass, &parameters, row);
+                }
+                (colors, now_size) = (next, to);
+            }
+        }
+        Hook::Surface => {
+            let sample = |i: usize| SurfaceSample {
+                world: Vec3::new((i % width) as f32 * 0.1, (i / width) as f32 * 0.05, -3.0),
+                distance: 3.0 + (i % width) as f32 * 0.1,
+                normal: Vec3::Z,
+                facing: 0.8,
+                ..SurfaceSample::default()
+            };
+            let samples: Vec<SurfaceSample> = (0..colors.len()).map(sample).collect();
+            for (colors, samples) in colors.chunks_mut(width).zip(samples.chunks(width)) {
+                function.surfaces(colors, samples, &parameters);
+            }
+        }
+        Hook::Lighting => {
+            let sample = |color: &Vec4| LightSample {
+                cosine: 0.6,
+                share: 1.0,
+                color: Vec3::ONE,
+                base: color.truncate(),
+                normal: Vec3::Z,
+                viewer: Vec3::Z,
+                light: Vec3::Y,
+                lit: color.truncate() * 0.6,
+            };
+            let mut samples: Vec<LightSample> = colors.iter().map(sample).collect();
+            function.lights(&mut samples, &parameters);
+            colors = samples.iter().map(|sample| sample.lit.extend(1.0)).collect();
+        }
+        _ => {
+            let uv = |i: usize| Vec2::new((i % width) as f32, (i / width) as f32) / size[0] as f32;
+            let uv: Vec<Vec2> = (0..colors.len()).map(uv).collect();
+            for (colors, uv) in colors.chunks_mut(width).zip(uv.chunks(width)) {
+                function.pixels(colors, uv, &parameters);
+            }
+        }
+    }
+    colors
+}
+
 fn median(mut of: Vec<f64>) -> f64 {
     of.sort_by(f64::total_cmp);
     of[of.len() / 2]
@@ -154,11 +287,11 @@ fn median(mut of: Vec<f64>) -> f64 {
 fn blur(registry: &Registry) -> Result<Choice, String> {
     let effects = registry.effects();
     let mut choice =
-        Choice::new("blur", "How many pictures make one with motion blur? (a run, shutter of 180°)");
+        Choice::new("blur", "How many images make one with motion blur? (a run, shutter of 180°)");
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
     choice.reference = "512 times; mean over all channels of all pixels".into();
-    choice.per = format!("picture of {}×{}, {}", SMALL[0], SMALL[1], Clock::Process.words());
+    choice.per = format!("image of {}×{}, {}", SMALL[0], SMALL[1], Clock::Process.words());
     let plain = with("", registry)?;
     let (resources, at) = (Arc::new(SceneResources::new(&plain)), Time::from_secs(0.4));
     let options = PlanOptions { effects, ..PlanOptions::new(SMALL, 4) };
@@ -169,7 +302,7 @@ fn blur(registry: &Registry) -> Result<Choice, String> {
     let plan = |samples: u32| {
         let mut whole = one(at)?;
         if samples > 1 {
-            for time in times(&plain, at, &Exposure { samples, open: 0.5, before: 0.5 }) {
+            for time in times(&plain, at, &Shutter { samples, open: 0.5, before: 0.5 }) {
                 whole.subframes.push(Plan { linear: true, ..one(time)? });
             }
         }
@@ -188,11 +321,11 @@ fn blur(registry: &Registry) -> Result<Choice, String> {
 
 fn edges(registry: &Registry) -> Result<Choice, String> {
     let effects = registry.effects();
-    let mut choice = Choice::new("edges", "Smooth edges by samples, or by FXAA over the finished picture?");
+    let mut choice = Choice::new("edges", "Smooth edges by samples, or by FXAA over the finished image?");
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
     choice.reference = "64 samples a pixel, textures included; mean over all channels of all pixels".into();
-    choice.per = format!("picture of {}×{}, {}", SMALL[0], SMALL[1], Clock::Process.words());
+    choice.per = format!("image of {}×{}, {}", SMALL[0], SMALL[1], Clock::Process.words());
     let at = Time::from_secs(0.4);
     let plain = with("", registry)?;
     let moment = Moment::new(&plain, at, effects).map_err(|e| e.to_string())?;

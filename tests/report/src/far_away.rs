@@ -31,7 +31,7 @@ pub fn section() -> Result<Section, String> {
         for (way, errors) in by_distance.iter_mut().enumerate() {
             picture.clone_from(&shot.draw(way));
             for (got, exact) in picture.iter().zip(&exact) {
-                // Nothing at all where f32 has no such place: half a picture off.
+                // Nothing at all where f32 has no such place: half an image off.
                 let off = (*got - *exact).truncate().length();
                 errors[at].add(if off.is_finite() { off } else { HEIGHT });
             }
@@ -43,7 +43,7 @@ pub fn section() -> Result<Section, String> {
             nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
         }
     }
-    let mut choice = Choice::new("far_away", "In what numbers do points come to the picture?");
+    let mut choice = Choice::new("far_away", "In what numbers do points come to the image?");
     choice.error_unit = "pixels";
     choice.reference = format!(
         "f64 throughout; a figure {} from the origin, seen by a camera 5 m before it, 720 pixels high",

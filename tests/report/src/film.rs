@@ -1,4 +1,4 @@
-//! Thin films: the eye's answer to their spectrum, by terms, by wavelengths, and what a picture of them costs.
+//! Thin films: the eye's answer to their spectrum, by terms, by wavelengths, and what an image of them costs.
 
 use crate::pictures::{renderers, stage, times};
 use crate::{BUDGET_SECS, Section};
@@ -187,7 +187,7 @@ fn orders() -> Choice {
     choice
 }
 
-/// Spheres that fill much of a picture, with a film and without.
+/// Spheres that fill much of an image, with a film and without.
 fn costs() -> Result<Table, String> {
     let registry: Registry = choreo::registry();
     let planned = |look: &str| {

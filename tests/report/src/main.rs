@@ -1,5 +1,5 @@
 //! `cargo xtask report [NAME…]`: error against run time of the project's own numerical choices. Writes `tests/report/README.md`
-//! and a picture for each choice into `tests/report/plots/`; with names, those sections alone. The truth is a closed form, f64 or more samples.
+//! and an image for each choice into `tests/report/plots/`; with names, those sections alone. The truth is a closed form, f64 or more samples.
 //!
 //! A new choice: a file here with `pub fn section() -> Section`, and its line in `SECTIONS`.
 
@@ -155,10 +155,10 @@ const INTRODUCTION: &str = "\
 # Error against run time
 
 What each numerical choice of the project costs and how far it is from the truth: a closed form, f64 or many more samples,
-never our own earlier output. `cargo xtask report` writes this page and its pictures; `choreo measure SCRIPT` measures the choices
+never our own earlier output. `cargo xtask report` writes this page and its images; `choreo measure SCRIPT` measures the choices
 that one scene could make.
 
-Times are CPU time of one thread (of all threads for pictures), medians of rounds in which all ways take turns, on a shared virtual
+Times are CPU time of one thread (of all threads for images), medians of rounds in which all ways take turns, on a shared virtual
 machine with two cores (Xeon, AVX2) that is busy with other work: compare them within one table only. → is what runs. A way is on
 the front (the dashed line) where no other is both cheaper and more exact; where a default is not, the text says why, else
 the command fails.

@@ -94,7 +94,7 @@ fn filters() -> Choice {
         .into();
     choice.per = "pixel of the image".into();
     let mut random = Random(4);
-    // As many waves short as long, with less height the shorter they are, as in pictures.
+    // As many waves short as long, with less height the shorter they are, as in images.
     let waves: Vec<Wave> = (0..40)
         .map(|_| {
             let octave = random.unit() * 6.0;

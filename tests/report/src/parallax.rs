@@ -134,7 +134,7 @@ fn by_layers(map: &Map, at: Vec2, way: Vec2, layers: usize) -> f32 {
 
 fn steps() -> Choice {
     let mut choice = Choice::new("parallax", "How does a look find the heights?");
-    choice.error_unit = "of the picture's width";
+    choice.error_unit = "of the image's width";
     choice.by_mean = true;
     choice.reference = "the first meeting in f64, by 4096 layers and 40 halvings, of 4000 looks".into();
     choice.per = "look".into();

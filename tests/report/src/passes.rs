@@ -10,7 +10,7 @@ use choreo_render::Plan;
 use choreo_stage::SkinOnce;
 
 const SIZE: [u32; 2] = [1280, 720];
-/// The picture, and a map for each lamp.
+/// The image, and a map for each lamp.
 const MOST_PASSES: usize = 8;
 const CROWDS: [usize; 2] = [1, 25];
 

@@ -1,4 +1,4 @@
-//! What sections over pictures share: stages of a script's text, pictures of plans, their errors and their times.
+//! What sections over images share: stages of a script's text, images of plans, their errors and their times.
 
 use choreo_bench::plots::{Row, quantity};
 use choreo_bench::timing::{Case, Clock, interleaved};
@@ -38,7 +38,7 @@ pub fn renderers(registry: &Registry) -> Vec<(&'static str, Box<dyn Renderer>)> 
     all
 }
 
-/// Error of a picture against the truth, seen (ꟻLIP) too.
+/// Error of an image against the truth, seen (ꟻLIP) too.
 pub fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, String> {
     let c = compare(frame, truth, TOLERANCE).map_err(|e| e.to_string())?;
     let seen = flip(frame, truth).map_err(|e| e.to_string())?;
@@ -54,7 +54,7 @@ pub fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, String> {
         .note(note))
 }
 
-/// A row for each of these pictures of one scene, with what it costs when all are drawn in turns. The scene is loaded.
+/// A row for each of these images of one scene, with what it costs when all are drawn in turns. The scene is loaded.
 pub fn rows(
     renderer: &mut dyn Renderer,
     ways: &[(String, Plan)],
@@ -84,5 +84,5 @@ pub fn times(renderer: &mut dyn Renderer, plans: &[&Plan], secs: f64) -> Vec<f64
 
 /// IEC 61966-2-1, of linear light from 0 to 1.
 pub fn srgb(linear: f64) -> f64 {
-    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055 }
+    choreo_asset::srgb_from_linear(linear)
 }

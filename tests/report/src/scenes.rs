@@ -1,7 +1,7 @@
 //! Scenes and characters that several sections use.
 
 use choreo_asset::Asset;
-use choreo_plugin::{ImportOptions, Importer, Needs, Registry, Source};
+use choreo_plugin::{ImportOptions, ImportScope, Importer, Registry, Source};
 use choreo_script::{ScriptOptions, run_file};
 use choreo_stage::Stage;
 use std::path::Path;
@@ -17,7 +17,7 @@ pub fn mannequin() -> Result<Asset, String> {
     }
     let source = Source { name: import_mannequin::SOURCE_NAME.into(), bytes: Arc::default() };
     import_mannequin::Mannequin
-        .import(&source, &NoFiles, Needs::ALL, &ImportOptions::default())
+        .import(&source, &NoFiles, ImportScope::ALL, &ImportOptions::default())
         .map_err(|e| e.to_string())
 }
 

@@ -14,6 +14,7 @@ use choreo_render::scene_resources::mipmap::{linear_to_srgb8, srgb_to_linear_tab
 use choreo_render::{CpuRenderer, Renderer};
 use glam::{DVec2, DVec3};
 use std::cell::RefCell;
+use std::f64::consts::PI;
 use std::hint::black_box;
 
 const SIZE: [u32; 2] = [640, 360];
@@ -42,7 +43,7 @@ pub fn section() -> Result<Section, String> {
 fn moment(shadow: &str, intensity: f64, registry: &Registry) -> Result<Moment, String> {
     let text = format!(
         r##"
-        stage(#{{ length: 1.0, background: "#8aa0b8" }});
+        stage(#{{ length: 1.0, background: "#8aa0b8", view: "none" }});
         cast("floor", shape("plane", #{{ size: 12.0, color: "#d8d4cc" }}));
         let bar = shape("box", #{{ size: [0.03, 1.2, 0.03], color: "#b88a5a" }});
         for i in 0..16 {{ cast("bar " + i, bar).at(-1.2 + i * 0.12, 0.0, -0.3); }}
@@ -112,13 +113,13 @@ fn sizes() -> Result<Choice, String> {
     let dark = moment("false", 0.0, &registry)?;
     let shapes = Shapes::of(&dark.stage, &dark.snapshot);
     let unlit = drawn(&dark, &mut cpu)?;
-    let bright = drawn(&moment("false", 2.0, &registry)?, &mut cpu)?;
+    let bright = drawn(&moment("false", 2.0 * PI, &registry)?, &mut cpu)?;
     let linear = srgb_to_linear_table();
     let shares: Vec<f64> = seen(&dark, &shapes)
         .iter()
         .map(|h| h.as_ref().map_or(0.0, |h| lit(&shapes, h, SOFTNESS, RAYS)))
         .collect();
-    // Between the picture without the sun and that without shadows, in linear light.
+    // Between the image without the sun and that without shadows, in linear light.
     let truth: Vec<u8> = (0..unlit.rgba.len())
         .map(|i| {
             let [a, b] = [&unlit, &bright].map(|f| f64::from(linear[usize::from(f.rgba[i])]));
@@ -129,7 +130,7 @@ fn sizes() -> Result<Choice, String> {
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
     choice.reference = format!(
-        "the same picture with the lit part of each pixel by {} rays, {}×{}; edges as wide as asked for, {:.0} mm",
+        "the same image with the lit part of each pixel by {} rays, {}×{}; edges as wide as asked for, {:.0} mm",
         RAYS * RAYS,
         SIZE[0],
         SIZE[1],
@@ -144,7 +145,7 @@ fn sizes() -> Result<Choice, String> {
         ("2048", "#{ size: 2048 }".into()),
         ("4096", "#{ size: 4096 }".into()),
     ] {
-        let moment = moment(&shadow, 2.0, &registry)?;
+        let moment = moment(&shadow, 2.0 * PI, &registry)?;
         let picture = drawn(&moment, &mut cpu)?;
         let mut error = Spread::default();
         for (got, exact) in
@@ -169,7 +170,7 @@ fn sizes() -> Result<Choice, String> {
         moments.push(moment);
     }
     let Some((name, renderer)) = renderers(&registry).pop() else { return Err("no renderer".into()) };
-    choice.per = format!("picture by {name}, {}", Clock::Process.words());
+    choice.per = format!("image by {name}, {}", Clock::Process.words());
     let renderer = RefCell::new(renderer);
     let mut cases = Vec::new();
     for moment in &moments {
@@ -291,7 +292,7 @@ impl Map {
 
 fn kernels() -> Result<Choice, String> {
     let registry = choreo::registry();
-    let scene = moment("false", 2.0, &registry)?;
+    let scene = moment("false", 2.0 * PI, &registry)?;
     let shapes = Shapes::of(&scene.stage, &scene.snapshot);
     // Behind the fence and under the plank, away from the map's rim.
     let (middle, reach) = (DVec3::new(-0.4, 0.0, 0.1), 0.5);

@@ -82,7 +82,7 @@ pub fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Time",
         text: "A frame lasts 33 367 µs. f32 seconds are wrong by nearly a frame after 100 hours, sums in f32 by 80 frames after one. f64 would do \
-               for pictures, but a frame's time is then not the key's time that stands at the same place, and whether a cut is before \
+               for images, but a frame's time is then not the key's time that stands at the same place, and whether a cut is before \
                or after a frame becomes a matter of luck."
             .into(),
         choices: vec![choice],

@@ -5,12 +5,11 @@ use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Choice, Row};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_bench::truth::Spread;
-use choreo_plugin::Effect;
-use effect_tonemap::Tonemap;
-use glam::{DMat3, DVec3, Vec2, Vec3};
+use glam::{DMat3, DVec3, Vec2, Vec3, Vec4};
 use std::hint::black_box;
 
 pub fn section() -> Result<Section, String> {
+    check()?;
     Ok(Section {
         title: "Tone mapping",
         text: "Both transforms are chains of matrices, logarithms and curves; what runs is a fit of each. Of ACES the fit leaves out the glow of \
@@ -85,9 +84,72 @@ fn compare(choice: &mut Choice, truth: fn(DVec3) -> DVec3, ways: &[(&str, &dyn F
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
 }
 
-/// What runs, with the curve of that number.
-fn effect(curve: f32, light: Vec3) -> Vec3 {
-    Tonemap.cpu(light.extend(1.0), Vec2::ZERO, &[curve, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).truncate()
+/// The formulas of the effect, with the curve of that number.
+pub fn effect(curve: f32, light: Vec3) -> Vec3 {
+    let light = light.clamp(Vec3::ZERO, Vec3::splat(16_777_216.0));
+    let mapped = if curve < 0.5 { hill(light) } else { wrensch(light) };
+    mapped.clamp(Vec3::ZERO, Vec3::ONE)
+}
+
+/// Whether the formulas are those of the effect.
+fn check() -> Result<(), String> {
+    let tonemap = effects::named(&["tonemap"]).remove(0);
+    let lights = lights();
+    for curve in [0.0, 1.0] {
+        let mut colors: Vec<Vec4> = lights.iter().map(|(_, light)| light.extend(1.0)).collect();
+        let p = [curve, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        tonemap.function().ok_or("no function")?.pixels(&mut colors, &vec![Vec2::ZERO; lights.len()], &p);
+        for (got, (name, light)) in colors.iter().zip(&lights) {
+            let apart = (got.truncate() - effect(curve, *light)).abs().max_element();
+            if apart.is_nan() || apart > 1e-6 {
+                return Err(format!("what is measured is not the effect: {apart} apart at {name}"));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn rows(m: [[f32; 3]; 3], v: Vec3) -> Vec3 {
+    let dot = |r: [f32; 3]| r[0] * v.x + r[1] * v.y + r[2] * v.z;
+    Vec3::new(dot(m[0]), dot(m[1]), dot(m[2]))
+}
+
+/// Stephen Hill's fit of the ACES reference and output transforms, sRGB to sRGB (BakingLab, ACES.hlsl).
+fn hill(color: Vec3) -> Vec3 {
+    let v =
+        rows([[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]], color);
+    let a = v * (v + 0.0245786) - 0.000090537;
+    let b = v * (0.983729 * v + 0.432951) + 0.238081;
+    rows([[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]], a / b)
+}
+
+/// Troy Sobotka's AgX by Benjamin Wrensch's polynomial ("Minimal AgX Implementation", 2023): 16.5 stops, mid grey at 10 of them.
+fn wrensch(color: Vec3) -> Vec3 {
+    let inset = rows(
+        [
+            [0.842_479_05, 0.0784336, 0.079_223_745],
+            [0.042_328_242, 0.878_468_6, 0.079_166_13],
+            [0.042_375_655, 0.0784336, 0.879_143],
+        ],
+        color,
+    );
+    let stops = |v: f32| ((libm::log2f(v.max(1e-10)) + 12.47393) / 16.5).clamp(0.0, 1.0);
+    let x = Vec3::new(stops(inset.x), stops(inset.y), stops(inset.z));
+    let x2 = x * x;
+    let x4 = x2 * x2;
+    let y =
+        15.5 * x4 * x2 - 40.14 * x4 * x + 31.96 * x4 - 6.868 * x2 * x + 0.4298 * x2 + 0.1191 * x - 0.00232;
+    let out = rows(
+        [
+            [1.196_879, -0.098_020_88, -0.099_029_74],
+            [-0.052_896_852, 1.151_903_2, -0.098_961_174],
+            [-0.052_971_636, -0.098_043_45, 1.151_073_7],
+        ],
+        y,
+    );
+    // The curve gives codes of a 2.2 display; the image is linear.
+    let linear = |v: f32| libm::powf(v.max(0.0), 2.2);
+    Vec3::new(linear(out.x), linear(out.y), linear(out.z))
 }
 
 fn aces() -> Choice {

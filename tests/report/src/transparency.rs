@@ -27,7 +27,7 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-/// Rows of pictures of one scene, each against the truth, and their times, in turns.
+/// Rows of images of one scene, each against the truth, and their times, in turns.
 fn measured(
     choice: &mut Choice,
     resources: &Arc<SceneResources>,
@@ -42,7 +42,7 @@ fn measured(
     }
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
-    choice.per = format!("picture of {}×{}, {}", SIZE[0], SIZE[1], Clock::Process.words());
+    choice.per = format!("image of {}×{}, {}", SIZE[0], SIZE[1], Clock::Process.words());
     Ok(())
 }
 
@@ -170,7 +170,7 @@ fn exact() -> Frame {
     Frame { width: SIZE[0], height: SIZE[1], rgba }
 }
 
-/// Linear light along the ray through a place of the picture, in pixels.
+/// Linear light along the ray through a place of the image, in pixels.
 fn ray(x: f64, y: f64) -> [f64; 3] {
     let [half, tall, distance, eye, fov] = DOOR;
     let [width, height] = SIZE.map(f64::from);

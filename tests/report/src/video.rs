@@ -15,7 +15,7 @@ pub fn section() -> Result<Section, String> {
     let frame = moment.draw(&mut renderer, [1280, 720], 4).map_err(|e| e.to_string())?;
     let mut choice = video(&frame, &export_mp4::Mp4Exporter)?;
     choice.question =
-        "At which quality is a frame written as MP4? (the first dance, 1280×720, its first picture)".into();
+        "At which quality is a frame written as MP4? (the first dance, 1280×720, its first image)".into();
     Ok(Section {
         title: "Video quality",
         text: "The last row is what 4:2:0 loses by itself: thin colored edges. From quality 65 on the encoder adds less than that to the mean, \

@@ -21,9 +21,9 @@ pub fn section() -> Result<Section, String> {
         ("1/2^8 fixed point, [1 2 1] across", in_8_bits),
         ("f64, mean of 2 × 2", mean_of_four),
     ];
-    let mut choice = Choice::new("yuv", "How are pictures turned to Y′CbCr 4:2:0?");
+    let mut choice = Choice::new("yuv", "How are images turned to Y′CbCr 4:2:0?");
     choice.error_unit = "steps of 255";
-    choice.reference = "BT.709 in f64, chroma where H.264 says it sits, of a picture of smooth waves whose color at any place is known".into();
+    choice.reference = "BT.709 in f64, chroma where H.264 says it sits, of an image of smooth waves whose color at any place is known".into();
     choice.per = "pixel".into();
     let mut cases: Vec<Case> = Vec::new();
     for (name, way) in ways {
@@ -47,7 +47,7 @@ pub fn section() -> Result<Section, String> {
     choice.choose(OURS, "as exact as bytes can hold, at the speed of SIMD");
     Ok(Section {
         title: "Video colors",
-        text: "The picture's rounding to bytes and the result's make nine tenths of a step at worst. Weights in 1/256 add half a step more; a \
+        text: "The image's rounding to bytes and the result's make nine tenths of a step at worst. Weights in 1/256 add half a step more; a \
                plain mean of four pixels puts chroma half a pixel to the right of where players expect it."
             .into(),
         choices: vec![choice],

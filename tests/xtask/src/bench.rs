@@ -1,4 +1,4 @@
-//! `cargo xtask bench`: the whole job as a user runs it — CPU seconds, peak memory, first picture — as a Markdown table.
+//! `cargo xtask bench`: the whole job as a user runs it — CPU seconds, peak memory, first image — as a Markdown table.
 //!
 //! Every row starts the release binary several times; the figures are medians. CPU seconds are those of
 //! the whole process (user + system) from the operating system's own accounting.
@@ -121,7 +121,7 @@ impl Bench {
         let mut command = Command::new(&self.choreo);
         command.arg("render").arg(script).arg("-o").arg(self.work.join("device.png"));
         command.args(["--search", search, "--at", "0", "--json"]).current_dir(root());
-        command.args(gpu.iter().flat_map(|name| ["--gpu", name]));
+        command.args(gpu.map_or(["--device", "vulkan"], |name| ["--gpu", name]));
         let output = command.stderr(Stdio::inherit()).output().map_err(|e| e.to_string())?;
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         json_field(&text, "device").filter(|_| output.status.success()).ok_or(text)
@@ -134,7 +134,7 @@ impl Bench {
         Ok(medians(&runs))
     }
 
-    /// One picture with empty caches: every run gets a cache folder of its own.
+    /// One image with empty caches: every run gets a cache folder of its own.
     fn cold(&self, script: &Path, more: &[&str]) -> Result<Run, String> {
         let mut runs = Vec::new();
         for i in 0..self.repeats {
@@ -171,8 +171,8 @@ pub fn bench(args: &[&str]) -> Result<(), String> {
         println!("| {name} | {:.2} | {:.2} | {:.0} | {note} |", run.cpu_secs, run.wall_secs, run.peak_mb);
     };
     let first = bench.render(&knight, "one.png", &with(&["--at", "1.0"]))?;
-    row("first picture, warm cache", first, String::new());
-    row("first picture, cold cache", bench.cold(&knight, &at)?, String::new());
+    row("first image, warm cache", first, String::new());
+    row("first image, cold cache", bench.cold(&knight, &at)?, String::new());
     let png = bench.render(&knight, "frames/%04d.png", &with(&[]))?;
     let beyond = png.cpu_secs - first.cpu_secs;
     row("120 frames of one Knight → PNG", png, format!("{beyond:.2} CPU-s beyond start-up"));

@@ -1,5 +1,5 @@
 //! `cargo xtask contact [FILTER]`: every sample file of every format is told by `choreo info`, shown turning with its first clip
-//! playing, and checked to be seen at all. The pictures come together as sheets to look at: `target/contact/*.png`, four of
+//! playing, and checked to be seen at all. The images come together as sheets to look at: `target/contact/*.png`, four of
 //! each file from left to right, in the order printed.
 
 use crate::{assets, cargo, root, run};
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 const EXTENSIONS: [&str; 9] = ["bvh", "dae", "fbx", "glb", "gltf", "obj", "stl", "vrm", "vrma"];
-/// Pictures of one file, and files in a row of a sheet.
+/// Images of one file, and files in a row of a sheet.
 const SHOTS: usize = 4;
 const FILES_IN_A_ROW: usize = 3;
 const SIZE: (usize, usize) = (160, 120);

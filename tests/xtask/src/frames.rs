@@ -3,7 +3,7 @@
 //! by its own timestamps.
 //!
 //! A frame's cost is the difference of two runs of the release binary, one of few and one of more frames, divided by how many
-//! more: without start, loading and first frame. Pictures are written as y4m: their conversion is included, no video codec is,
+//! more: without start, loading and first frame. Images are written as y4m: their conversion is included, no video codec is,
 //! and one row says what a codec adds. Medians of rounds in which all rows take turns, so that other work on the machine falls on all.
 
 use crate::bench::{Bench, Run, median};
@@ -25,7 +25,7 @@ struct Job {
 /// Frames of the shorter run: the first ones make pipelines and textures.
 const FEW: usize = 4;
 
-/// Effects over the picture, on surfaces and in the scene, with what they are by default.
+/// Effects over the image, on surfaces and in the scene, with what they are by default.
 const LOOKS: [&str; 12] = [
     "tonemap",
     "vignette",
@@ -121,7 +121,7 @@ impl Job {
         let (samples, frames) = (self.samples.to_string(), format!("0..{frames}"));
         let mut more = vec!["--search", setting.search, "--samples", &samples, "--frames", &frames];
         more.extend(["--json", "--timings"]);
-        more.extend(setting.gpu.iter().flat_map(|name| ["--gpu", name]));
+        more.extend(setting.gpu.map_or(["--device", "vulkan"], |name| ["--gpu", name]));
         more.extend(self.size.iter().flat_map(|size| ["--size", size]));
         more.extend(self.set.iter().flat_map(|set| ["--set", set]));
         setting.bench.once(&root().join("tests/bench").join(self.script), self.out, &more)

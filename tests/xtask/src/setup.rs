@@ -24,7 +24,7 @@ const NEEDED: [(&str, &str, &[&str]); 13] = [
     ("ffmpeg", "second decoder of the videos we write", &["/usr/bin/ffmpeg"]),
     ("xvfb", "window system without a screen", &["/usr/bin/Xvfb"]),
     ("xdotool", "hands for the windows' tests", &["/usr/bin/xdotool"]),
-    ("imagemagick", "pictures of those windows", &["/usr/bin/convert"]),
+    ("imagemagick", "images of those windows", &["/usr/bin/convert"]),
     ("libx11-xcb1", "library of windows", &["libX11-xcb.so.1"]),
     ("libxcursor1", "library of windows", &["libXcursor.so.1"]),
     ("libxi6", "library of windows", &["libXi.so.6"]),

@@ -5,7 +5,7 @@ use crate::{lessons, release_binary, root, run};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Script, name of the pictures, their times in seconds.
+/// Script, name of the images, their times in seconds.
 const STRIPS: [(&str, &str, [&str; 5]); 2] = [
     ("scripts/01_first_dance.rhai", "first_dance", ["1.6", "3.2", "4.9", "7.6", "9.4"]),
     ("scripts/11_root_motion.rhai", "in_step", ["2.0", "2.15", "2.3", "2.45", "2.6"]),
@@ -23,12 +23,12 @@ pub fn strip() -> Result<(), String> {
             command.args(["--device", "cpu", "--at", time, "-o"]).arg(&out).current_dir(root());
             run(command, "choreo render")?;
         }
-        println!("wrote {} pictures of {script} to tests/pictures", times.len());
+        println!("wrote {} images of {script} to tests/pictures", times.len());
     }
     Ok(())
 }
 
-/// Pictures of a script's strip, as far apart as its length makes them.
+/// Images of a script's strip, as far apart as its length makes them.
 const SHOWN: usize = 20;
 
 /// `cargo xtask strip SCRIPT`: twenty frames from the first to the last, row by row, in `target/strips/NAME.png`.

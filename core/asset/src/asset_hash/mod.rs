@@ -5,8 +5,9 @@ mod character;
 use crate::asset::Asset;
 use crate::camera::Projection;
 use crate::hash::{ContentHash, Writer, hash_of};
-use crate::light::{Light, LightKind};
-use crate::material::{AlphaMode, LineStyle, Material, Shading, Triplanar};
+use crate::image_sequence::ImageSequence;
+use crate::light::Light;
+use crate::material::{AlphaMode, FrameStrip, LineStyle, Material, Shading, Triplanar};
 use crate::material_layers::MaterialLayers;
 use crate::mesh::{Mesh, Primitive, Topology};
 use crate::reflection::Reflection;
@@ -94,6 +95,7 @@ impl Material {
     }
 
     pub fn write_content(&self, w: &mut Writer, image_hash: &dyn Fn(u32) -> Option<ContentHash>) {
+        // One list of more than 80 lines: a new field does not compile until it is hashed or left out here.
         let Material {
             name: _,
             shading,
@@ -151,14 +153,7 @@ impl Material {
         w.option(uv_motion, |w, motion| {
             [motion.scroll.x, motion.scroll.y, motion.rotation].iter().for_each(|v| w.f32(*v));
         });
-        w.option(sequence, |w, sequence| {
-            w.list(&sequence.streams, |w, stream| {
-                w.tag(stream.slot as u8);
-                w.list(&stream.hashes, |w, hash| w.bytes(hash));
-            });
-            w.f32(sequence.fps);
-            w.flag(sequence.once);
-        });
+        w.option(sequence, |w, sequence| image_sequence(w, sequence));
         w.option(triplanar, |w, Triplanar { middle, size, sharpness }| {
             w.vec3(*middle);
             w.f32(*size);
@@ -169,11 +164,7 @@ impl Material {
             w.flag(*metres);
             w.flag(*round);
         });
-        w.option(strip, |w, strip| {
-            [strip.columns, strip.rows, strip.count].iter().for_each(|v| w.f64(f64::from(*v)));
-            w.f32(strip.fps);
-            w.flag(strip.once);
-        });
+        w.option(strip, frame_strip);
         for texture in [
             base_color_texture,
             metallic_roughness_texture,
@@ -192,54 +183,76 @@ impl Material {
             self::texture(w, environment, image_hash);
         });
         w.option(&toon.as_deref(), |w, toon| toon_parameters(w, toon, image_hash));
-        w.option(layers, |w, layers| {
-            let MaterialLayers {
-                clearcoat,
-                clearcoat_roughness,
-                clearcoat_normal_scale,
-                sheen_color,
-                sheen_roughness,
-                transmission,
-                thickness,
-                ior,
-                dispersion,
-                attenuation_distance,
-                attenuation_color,
-                iridescence,
-                iridescence_ior,
-                iridescence_thickness: [thin, thick],
-                anisotropy,
-                anisotropy_rotation,
-                diffuse_transmission,
-                diffuse_transmission_color,
-                ..
-            } = &**layers;
-            for factor in [
-                clearcoat,
-                clearcoat_roughness,
-                clearcoat_normal_scale,
-                sheen_roughness,
-                transmission,
-                thickness,
-                ior,
-                dispersion,
-                attenuation_distance,
-                iridescence,
-                iridescence_ior,
-                thin,
-                thick,
-                anisotropy,
-                anisotropy_rotation,
-                diffuse_transmission,
-            ] {
-                w.f32(*factor);
-            }
-            w.vec3(*sheen_color);
-            w.vec3(*attenuation_color);
-            w.vec3(*diffuse_transmission_color);
-            layers.textures().iter().for_each(|t| self::texture(w, t, image_hash));
-        });
+        w.option(&layers.as_deref(), |w, layers| layer_parameters(w, layers, image_hash));
     }
+}
+
+/// The layers over and under the base of a material.
+fn layer_parameters(
+    w: &mut Writer,
+    layers: &MaterialLayers,
+    image_hash: &dyn Fn(u32) -> Option<ContentHash>,
+) {
+    let MaterialLayers {
+        clearcoat,
+        clearcoat_roughness,
+        clearcoat_normal_scale,
+        sheen_color,
+        sheen_roughness,
+        transmission,
+        thickness,
+        ior,
+        dispersion,
+        attenuation_distance,
+        attenuation_color,
+        iridescence,
+        iridescence_ior,
+        iridescence_thickness: [thin, thick],
+        anisotropy,
+        anisotropy_rotation,
+        diffuse_transmission,
+        diffuse_transmission_color,
+        ..
+    } = layers;
+    for factor in [
+        clearcoat,
+        clearcoat_roughness,
+        clearcoat_normal_scale,
+        sheen_roughness,
+        transmission,
+        thickness,
+        ior,
+        dispersion,
+        attenuation_distance,
+        iridescence,
+        iridescence_ior,
+        thin,
+        thick,
+        anisotropy,
+        anisotropy_rotation,
+        diffuse_transmission,
+    ] {
+        w.f32(*factor);
+    }
+    w.vec3(*sheen_color);
+    w.vec3(*attenuation_color);
+    w.vec3(*diffuse_transmission_color);
+    layers.textures().iter().for_each(|t| texture(w, t, image_hash));
+}
+
+fn image_sequence(w: &mut Writer, sequence: &ImageSequence) {
+    w.list(&sequence.streams, |w, stream| {
+        w.tag(stream.slot as u8);
+        w.list(&stream.hashes, |w, hash| w.bytes(hash));
+    });
+    w.f32(sequence.fps);
+    w.flag(sequence.once);
+}
+
+fn frame_strip(w: &mut Writer, strip: &FrameStrip) {
+    [strip.columns, strip.rows, strip.count].iter().for_each(|v| w.f64(f64::from(*v)));
+    w.f32(strip.fps);
+    w.flag(strip.once);
 }
 
 /// A texture counts by the content of its image where that is known.
@@ -315,7 +328,7 @@ fn toon_parameters(w: &mut Writer, toon: &Toon, image_hash: &dyn Fn(u32) -> Opti
 }
 
 /// Name, tree, rest pose and the bones of a human body.
-pub fn skeleton_hash(skeleton: &Skeleton) -> ContentHash {
+pub(crate) fn skeleton_hash(skeleton: &Skeleton) -> ContentHash {
     hash_of(|w| {
         w.list(skeleton.names(), |w, name| w.text(name));
         w.list(skeleton.parents(), |w, parent| w.option(parent, |w, p| w.u32(*p)));
@@ -483,15 +496,9 @@ impl Writer {
     }
 
     pub fn light(&mut self, light: &Light) {
-        match light.kind {
-            LightKind::Directional => self.tag(0),
-            LightKind::Point => self.tag(1),
-            LightKind::Spot { inner, outer } => {
-                self.tag(2);
-                self.f32(inner);
-                self.f32(outer);
-            }
-        }
+        let (number, parameters) = light.kind.hashed();
+        self.tag(number);
+        parameters.into_iter().for_each(|v| self.f32(v));
         self.vec3(light.color);
         self.f32(light.intensity);
         self.option(&light.range, |w, range| w.f32(*range));

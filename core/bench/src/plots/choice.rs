@@ -69,7 +69,7 @@ pub struct Choice {
     /// What the error is measured against, and over what.
     pub reference: String,
     pub error_unit: &'static str,
-    /// The mean decides, not the worst: of pictures, whose worst pixel is one pixel.
+    /// The mean decides, not the worst: of images, whose worst pixel is one pixel.
     pub by_mean: bool,
     /// What one item is: "sample of 41 joints".
     pub per: String,

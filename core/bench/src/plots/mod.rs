@@ -1,4 +1,4 @@
-//! One style of report for every command: a table for the terminal and for Markdown, JSON for machines, a picture as SVG.
+//! One style of report for every command: a table for the terminal and for Markdown, JSON for machines, an image as SVG.
 //! Knows nothing of scenes.
 //!
 //! ```

@@ -58,7 +58,67 @@ impl Axis {
     }
 }
 
-/// The picture of a choice as SVG; `None` where no row has both an error and a cost.
+/// What stands around the points: the question, the axes and their labels.
+struct Frame<'a> {
+    choice: &'a Choice,
+    x: &'a Axis,
+    y: &'a Axis,
+    /// The cost is a time, else a size in bytes.
+    timed: bool,
+    /// Some points have no error.
+    exact: bool,
+    /// Lowest place of the axis of errors.
+    floor: f64,
+}
+
+impl Frame<'_> {
+    fn draw(&self, svg: &mut Svg) {
+        let Frame { choice, x, y, timed, exact, floor } = *self;
+        let (left, right) = (MARGIN[0], WIDTH - MARGIN[2]);
+        let (top, bottom) = (MARGIN[1], HEIGHT - MARGIN[3]);
+        let (question, size) = fitting(&choice.question, 15.0, right - left);
+        svg.text((left, 24.0), &question, size, INK, Anchor::Start);
+        if !choice.why.is_empty() {
+            let chosen = choice.chosen.map_or("", |c| choice.rows[c].name.as_str());
+            let (text, size) = fitting(&format!("chosen: {chosen}, {}", choice.why), 12.0, right - left);
+            svg.text((left, 42.0), &text, size, GREY, Anchor::Start);
+        }
+        for tick in x.ticks() {
+            let at = x.at(tick);
+            svg.line((at, top), (at, bottom), GRID, 1.0, "");
+            let text = if timed { duration(tick) } else { bytes(tick) };
+            svg.text((at, bottom + 18.0), &plain(&text), 11.0, GREY, Anchor::Middle);
+        }
+        for tick in y.ticks() {
+            let at = y.at(tick);
+            svg.line((left, at), (right, at), GRID, 1.0, "");
+            svg.text((left - 8.0, at + 4.0), &plain(&quantity(tick)), 11.0, GREY, Anchor::End);
+        }
+        if exact {
+            svg.text((left - 8.0, bottom - EXACT * 0.4 + 4.0), "exact", 11.0, GREY, Anchor::End);
+            svg.line((left, floor), (right, floor), GREY, 0.5, "2 3");
+        }
+        svg.line((left, top), (left, bottom), GREY, 1.0, "");
+        svg.line((left, bottom), (right, bottom), GREY, 1.0, "");
+        let what = if timed { "time" } else { "size" };
+        let per = if choice.per.is_empty() || !timed {
+            what.to_string()
+        } else {
+            format!("time of one {}", choice.per)
+        };
+        svg.text(((left + right) * 0.5, HEIGHT - 14.0), &per, 12.0, INK, Anchor::Middle);
+        let unit =
+            if choice.error_unit.is_empty() { String::new() } else { format!(", {}", choice.error_unit) };
+        svg.text_up(
+            (20.0, (top + bottom) * 0.5),
+            &format!("{} error{unit}", if choice.by_mean { "mean" } else { "worst" }),
+            12.0,
+            INK,
+        );
+    }
+}
+
+/// The image of a choice as SVG; `None` where no row has both an error and a cost.
 pub fn plot(choice: &Choice) -> Option<String> {
     let points: Vec<(usize, &Row, f64)> = choice
         .rows
@@ -83,44 +143,7 @@ pub fn plot(choice: &Choice) -> Option<String> {
     };
 
     let mut svg = Svg::new(WIDTH, HEIGHT);
-    let (question, size) = fitting(&choice.question, 15.0, right - left);
-    svg.text((left, 24.0), &question, size, INK, Anchor::Start);
-    if !choice.why.is_empty() {
-        let chosen = choice.chosen.map_or("", |c| choice.rows[c].name.as_str());
-        let (text, size) = fitting(&format!("chosen: {chosen}, {}", choice.why), 12.0, right - left);
-        svg.text((left, 42.0), &text, size, GREY, Anchor::Start);
-    }
-    for tick in x.ticks() {
-        let at = x.at(tick);
-        svg.line((at, top), (at, bottom), GRID, 1.0, "");
-        let text = if timed { duration(tick) } else { bytes(tick) };
-        svg.text((at, bottom + 18.0), &plain(&text), 11.0, GREY, Anchor::Middle);
-    }
-    for tick in y.ticks() {
-        let at = y.at(tick);
-        svg.line((left, at), (right, at), GRID, 1.0, "");
-        svg.text((left - 8.0, at + 4.0), &plain(&quantity(tick)), 11.0, GREY, Anchor::End);
-    }
-    if exact {
-        svg.text((left - 8.0, bottom - EXACT * 0.4 + 4.0), "exact", 11.0, GREY, Anchor::End);
-        svg.line((left, floor), (right, floor), GREY, 0.5, "2 3");
-    }
-    svg.line((left, top), (left, bottom), GREY, 1.0, "");
-    svg.line((left, bottom), (right, bottom), GREY, 1.0, "");
-    let what = if timed { "time" } else { "size" };
-    let per = if choice.per.is_empty() || !timed {
-        what.to_string()
-    } else {
-        format!("time of one {}", choice.per)
-    };
-    svg.text(((left + right) * 0.5, HEIGHT - 14.0), &per, 12.0, INK, Anchor::Middle);
-    let unit = if choice.error_unit.is_empty() { String::new() } else { format!(", {}", choice.error_unit) };
-    svg.text_up(
-        (20.0, (top + bottom) * 0.5),
-        &format!("{} error{unit}", if choice.by_mean { "mean" } else { "worst" }),
-        12.0,
-        INK,
-    );
+    Frame { choice, x: &x, y: &y, timed, exact, floor }.draw(&mut svg);
 
     let mut front: Vec<(f64, f64)> = Vec::new();
     for i in choice.front() {
@@ -152,7 +175,7 @@ pub fn plot(choice: &Choice) -> Option<String> {
     Some(svg.finish())
 }
 
-/// Several pictures below each other as one.
+/// Several images below each other as one.
 pub fn stacked(pictures: &[String]) -> String {
     let height = HEIGHT * pictures.len().max(1) as f64;
     let mut out = format!(

@@ -9,14 +9,14 @@ pub const BLUE: &str = "#2b6cb0";
 pub const RED: &str = "#c0392b";
 
 #[derive(Clone, Copy, PartialEq)]
-pub enum Anchor {
+pub(crate) enum Anchor {
     Start,
     Middle,
     End,
 }
 
-/// A picture being written; sizes in pixels.
-pub struct Svg {
+/// An image being written; sizes in pixels.
+pub(crate) struct Svg {
     body: String,
     width: f64,
     height: f64,

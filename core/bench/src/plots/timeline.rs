@@ -1,4 +1,4 @@
-//! Bars on tracks over time: a cue sheet as a picture.
+//! Bars on tracks over time: a cue sheet as an image.
 
 use super::svg::{Anchor, GREY, GRID, INK, RED, Svg, fitting, text_width};
 
@@ -124,7 +124,7 @@ mod tests {
     #[test]
     fn long_names_stay_in_the_picture() {
         let title =
-            "At which quality is a frame written as MP4? (the first dance, 1280×720, its first picture)";
+            "At which quality is a frame written as MP4? (the first dance, 1280×720, its first image)";
         let (text, size) = fitting(title, 15.0, 618.0);
         assert!(text == title && size < 15.0 && text_width(&text, size) <= 618.0);
         let (text, size) = fitting(&"somebody ".repeat(20), 12.0, 132.0);

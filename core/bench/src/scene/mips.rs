@@ -146,7 +146,7 @@ fn exact_level(image: &Image, width: u32, height: u32) -> Vec<[f64; 3]> {
 
 /// IEC 61966-2-1, times 255.
 fn encoded(linear: f64) -> f64 {
-    255.0 * if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055 }
+    255.0 * choreo_asset::srgb_from_linear(linear)
 }
 
 #[cfg(test)]

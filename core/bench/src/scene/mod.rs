@@ -8,6 +8,7 @@ pub mod skinning;
 pub mod vertices;
 pub mod video;
 
+use crate::error::BenchError;
 use crate::picture::Moment;
 use crate::plots::{Choice, Row};
 use choreo_motion::Time;
@@ -20,7 +21,7 @@ use std::sync::Arc;
 pub struct Scene<'a> {
     pub stage: &'a Arc<Stage>,
     pub registry: &'a Registry,
-    /// When pictures are taken.
+    /// When images are taken.
     pub at: Time,
     /// Pixels.
     pub size: [u32; 2],
@@ -41,8 +42,8 @@ pub struct Measured {
 pub const KEYS: [&str; 7] = ["bake", "crossfade", "skinning", "vertices", "mips", "renderer", "video"];
 
 /// Measures the choices of these keys; errors are of the scene or of a device.
-pub fn measure(scene: &mut Scene, keys: &[&str]) -> Result<Measured, String> {
-    let moment = Moment::new(scene.stage, scene.at, scene.registry.effects()).map_err(|e| e.to_string())?;
+pub fn measure(scene: &mut Scene, keys: &[&str]) -> Result<Measured, BenchError> {
+    let moment = Moment::new(scene.stage, scene.at, scene.registry.effects())?;
     let mut measured = Measured::default();
     for key in KEYS {
         if !keys.contains(&key) {

@@ -1,6 +1,7 @@
 //! Which renderer draws, with how many samples a pixel.
 
 use super::{Found, Scene};
+use crate::error::BenchError;
 use crate::picture::Moment;
 use crate::plots::{Choice, Row};
 use crate::timing::{Case, Clock, interleaved};
@@ -9,12 +10,12 @@ use choreo_plugin::Frame;
 use choreo_render::{DeviceKind, RenderError};
 use std::cell::RefCell;
 
-/// The reference draws 16 times as many pixels as the picture.
+/// The reference draws 16 times as many pixels as the image.
 const MOST_PIXELS: u32 = 1280 * 720;
 /// Differences beyond this many steps are seen side by side.
 const TOLERANCE: u8 = 8;
 
-pub fn choices(scene: &mut Scene, moment: &Moment) -> Result<Found, String> {
+pub fn choices(scene: &mut Scene, moment: &Moment) -> Result<Found, BenchError> {
     if moment.resources.primitives.is_empty() {
         return Ok(Found::None("there is nothing to draw".into()));
     }
@@ -22,8 +23,7 @@ pub fn choices(scene: &mut Scene, moment: &Moment) -> Result<Found, String> {
     // In steps of a whole divisor, so that the shape stays.
     let smaller = (1..=64).find(|n| (width / n) * (height / n) <= MOST_PIXELS).unwrap_or(64);
     let size = [width / smaller, height / smaller].map(|n| n.max(16));
-    let told = |e: RenderError| e.to_string();
-    let truth = moment.supersampled(size).map_err(told)?;
+    let truth = moment.supersampled(size)?;
     let mut choice = Choice::new("renderer", "Which renderer draws, with how many samples a pixel?");
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
@@ -34,21 +34,21 @@ pub fn choices(scene: &mut Scene, moment: &Moment) -> Result<Found, String> {
     );
     let mut rows = Vec::new();
     for renderer in &mut scene.renderers {
-        renderer.load(moment.resources.clone()).map_err(told)?;
+        renderer.load(moment.resources.clone())?;
         let name = match renderer.device().kind {
             DeviceKind::CpuReference => "CPU renderer".to_string(),
             _ => format!("Vulkan ({})", short(&renderer.device().name)),
         };
         for samples in [1, 4] {
-            let frame = moment.draw(renderer.as_mut(), size, samples).map_err(told)?;
+            let frame = moment.draw(renderer.as_mut(), size, samples)?;
             let plural = if samples == 1 { "" } else { "s" };
             rows.push((samples, row(format!("{name}, {samples} sample{plural}"), &frame, &truth)?));
         }
     }
     let gpu = scene.renderers.iter().any(|r| r.device().kind == DeviceKind::VulkanGpu);
     let clock = if gpu { Clock::Wall } else { Clock::Process };
-    choice.per = format!("picture, {}", clock.words());
-    // A failure after the first picture went well is not expected; it must not be timed as if it were fast.
+    choice.per = format!("image, {}", clock.words());
+    // A failure after the first image went well is not expected; it must not be timed as if it were fast.
     let failed: RefCell<Option<RenderError>> = RefCell::new(None);
     let cells: Vec<RefCell<_>> = scene.renderers.iter_mut().map(RefCell::new).collect();
     let mut cases: Vec<Case> = Vec::new();
@@ -66,7 +66,7 @@ pub fn choices(scene: &mut Scene, moment: &Moment) -> Result<Found, String> {
     drop(cases);
     drop(cells);
     if let Some(e) = failed.into_inner() {
-        return Err(e.to_string());
+        return Err(e.into());
     }
     let wanted = scene.stage.settings.samples.unwrap_or(4);
     choice.rows = rows.iter().zip(nanos).map(|((_, row), nanos)| row.clone().nanos(nanos)).collect();
@@ -89,8 +89,8 @@ pub fn choices(scene: &mut Scene, moment: &Moment) -> Result<Found, String> {
     Ok(Found::Choices(vec![choice]))
 }
 
-fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, String> {
-    let c = compare(frame, truth, TOLERANCE).map_err(|e| e.to_string())?;
+fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, BenchError> {
+    let c = compare(frame, truth, TOLERANCE)?;
     let share =
         format!("{:.2} % of pixels beyond {TOLERANCE}, PSNR {:.1} dB", c.share_beyond * 100.0, c.psnr);
     Ok(Row::new(name)

@@ -1,6 +1,7 @@
 //! The quality at which a frame is written as MP4.
 
 use super::{Found, Scene};
+use crate::error::BenchError;
 use crate::picture::Moment;
 use crate::plots::{Choice, Row};
 use crate::video::{first_picture, to_rgb};
@@ -14,28 +15,26 @@ use std::sync::{Arc, Mutex, PoisonError};
 const QUALITIES: [u32; 7] = [30, 50, 65, 75, 85, 95, 100];
 const TOLERANCE: u8 = 8;
 
-pub fn choices(scene: &Scene, moment: &Moment) -> Result<Found, String> {
+pub fn choices(scene: &Scene, moment: &Moment) -> Result<Found, BenchError> {
     let Some(exporter) = scene.registry.exporters().iter().find(|e| e.manifest().name == "mp4") else {
         return Ok(Found::None("this program has no exporter \"mp4\"".into()));
     };
     // Even sides, as the format needs.
     let size = scene.size.map(|n| (n & !1).clamp(16, 1920));
     let mut renderer = CpuRenderer::new(&moment.effects);
-    renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
-    let frame = moment
-        .draw(&mut renderer, size, scene.stage.settings.samples.unwrap_or(4))
-        .map_err(|e| e.to_string())?;
+    renderer.load(moment.resources.clone())?;
+    let frame = moment.draw(&mut renderer, size, scene.stage.settings.samples.unwrap_or(4))?;
     Ok(Found::Choices(vec![video(&frame, exporter.as_ref())?]))
 }
 
 /// The choice for this frame, as the first of a video. Its sides are even.
-pub fn video(frame: &Frame, exporter: &dyn Exporter) -> Result<Choice, String> {
+pub fn video(frame: &Frame, exporter: &dyn Exporter) -> Result<Choice, BenchError> {
     let mut choice = Choice::new("video", "At which quality is a frame written as MP4?");
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
     choice.reference = "the frame before it was encoded; the video decoded again, BT.709 and chroma by straight lines in f64".into();
-    let row = |name: String, back: &Frame, bytes: usize| -> Result<Row, String> {
-        let c = compare(back, frame, TOLERANCE).map_err(|e| e.to_string())?;
+    let row = |name: String, back: &Frame, bytes: usize| -> Result<Row, BenchError> {
+        let c = compare(back, frame, TOLERANCE)?;
         let note =
             format!("PSNR {:.1} dB, {:.2} % of pixels beyond {TOLERANCE}", c.psnr, c.share_beyond * 100.0);
         let at = format!("pixel {}, {}", c.worst_at[0], c.worst_at[1]);
@@ -72,7 +71,7 @@ impl Write for Bytes {
     }
 }
 
-fn encoded(frame: &Frame, exporter: &dyn Exporter, quality: u32) -> Result<Vec<u8>, String> {
+fn encoded(frame: &Frame, exporter: &dyn Exporter, quality: u32) -> Result<Vec<u8>, BenchError> {
     let mut info = VideoInfo {
         width: frame.width,
         height: frame.height,
@@ -83,10 +82,10 @@ fn encoded(frame: &Frame, exporter: &dyn Exporter, quality: u32) -> Result<Vec<u
     };
     info.options.0.insert("quality".into(), OptionValue::Number(f64::from(quality)));
     let bytes = Bytes::default();
-    let mut sink = exporter.begin(&info, Box::new(bytes.clone())).map_err(|e| e.to_string())?;
-    sink.frame(frame).map_err(|e| e.to_string())?;
-    // What stands before the pictures is known last.
-    let mut file = sink.finish().map_err(|e| e.to_string())?;
+    let mut sink = exporter.begin(&info, Box::new(bytes.clone()))?;
+    sink.frame(frame)?;
+    // What stands before the images is known last.
+    let mut file = sink.finish()?;
     file.append(&mut bytes.0.lock().unwrap_or_else(PoisonError::into_inner));
     Ok(file)
 }

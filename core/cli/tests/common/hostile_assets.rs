@@ -111,7 +111,7 @@ fn nodes(good: &str, count: usize, children: impl Fn(usize) -> String) -> &'stat
     text.into_bytes().leak()
 }
 
-/// The triangle with a picture on it.
+/// The triangle with an image on it.
 fn textured(uri: &str) -> String {
     let material = r#""materials": [{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }],"#;
     let texture = format!(r#""textures": [{{ "source": 0 }}], "images": [{{ "uri": "{uri}" }}],"#);
@@ -130,7 +130,7 @@ fn png(width: u32, height: u32, data: bool) -> Vec<u8> {
         out.extend(crc(&body).to_be_bytes());
     };
     let mut header = [width.to_be_bytes(), height.to_be_bytes()].concat();
-    // Palette-free grey, one bit a pixel: the smallest picture for its sides.
+    // Palette-free grey, one bit a pixel: the smallest image for its sides.
     header.extend([1, 0, 0, 0, 0]);
     chunk(b"IHDR", &header);
     if data {

@@ -5,7 +5,7 @@ pub mod values;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
-pub const EXIT_CODES: &str = "\
+pub(crate) const EXIT_CODES: &str = "\
 Exit codes:
   0    done
   1    the script, model or another input is wrong, or a test failed
@@ -30,14 +30,14 @@ fn limits_help() -> String {
 /// Turns a script and a folder of ready-made characters and clips into an animated scene.
 #[derive(Parser, Debug)]
 #[command(name = "choreo", version, after_help = EXIT_CODES, disable_help_subcommand = true)]
-pub struct Cli {
+pub(crate) struct Cli {
     #[command(subcommand)]
     pub command: Command,
 }
 
 #[derive(Subcommand, Debug)]
 pub enum Command {
-    /// Render a script, or a model file as it is, to video or pictures
+    /// Render a script, or a model file as it is, to video or images
     #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
     Render(RenderArgs),
     /// Open a window on a script, or a model: every save is seen at once
@@ -46,7 +46,7 @@ pub enum Command {
     /// Find everything that can be found without drawing
     #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
     Check(CheckArgs),
-    /// What is in a model file; how a picture or video was made
+    /// What is in a model file; how an image or video was made
     #[command(after_help = EXIT_CODES)]
     Info(InfoArgs),
     /// What a scene needs, what was left out, and why
@@ -58,7 +58,7 @@ pub enum Command {
     /// Every actor's joints in world space at one time
     #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
     Pose(PoseArgs),
-    /// Scenes tested by scripts: sections with assertions and pictures
+    /// Scenes tested by scripts: sections with assertions and images
     #[command(after_help = EXIT_CODES)]
     Test(TestArgs),
     /// The importers, effects and exporters that this program has
@@ -74,7 +74,7 @@ pub enum Command {
 
 /// What is put on stage.
 #[derive(Args, Clone, Debug)]
-pub struct SceneArgs {
+pub(crate) struct SceneArgs {
     /// A script (.rhai), or a model file to be framed, lit and played with no script
     #[arg(value_name = "SCRIPT|MODEL")]
     pub input: PathBuf,
@@ -96,7 +96,7 @@ pub struct SceneArgs {
 
 /// How a model file is read. Scripts say it themselves: `load(…, #{ … })`.
 #[derive(Args, Clone, Debug)]
-pub struct ImportArgs {
+pub(crate) struct ImportArgs {
     /// Model files: the importer, whatever the file looks like (see `choreo plugins --for FILE`)
     #[arg(long, value_name = "NAME")]
     pub importer: Option<String>,
@@ -109,16 +109,16 @@ pub struct ImportArgs {
 }
 
 #[derive(Args, Clone, Debug)]
-pub struct RenderArgs {
+pub(crate) struct RenderArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// out.mp4, out.gif, out.y4m, out.png (one picture), frames/%04d.png, or - for y4m on standard output
+    /// out.mp4, out.gif, out.y4m, out.png (one image), frames/%04d.png, or - for y4m on standard output
     #[arg(short, long, value_name = "FILE")]
     pub output: String,
     /// Which frames: 0..120 (120 not included), 0..=119, 30.., or one number
     #[arg(long, value_name = "RANGE", conflicts_with = "at", allow_hyphen_values = true)]
     pub frames: Option<String>,
-    /// One picture at this time in seconds
+    /// One image at this time in seconds
     #[arg(long, value_name = "SECS", allow_hyphen_values = true)]
     pub at: Option<String>,
     /// Pixels, as 1280x720
@@ -127,7 +127,7 @@ pub struct RenderArgs {
     /// Frames a second; 23.976, 29.97 and 59.94 mean the NTSC rates
     #[arg(long, value_name = "RATE")]
     pub fps: Option<String>,
-    /// auto: Vulkan where a driver works, else the CPU renderer
+    /// auto: Vulkan on a GPU, else the CPU renderer, which is faster than a Vulkan driver that draws on the CPU
     #[arg(long, value_enum, default_value_t = Device::Auto)]
     pub device: Device,
     /// Part of the name of the device that Vulkan draws on (default: the best there is)
@@ -154,13 +154,13 @@ pub struct RenderArgs {
     /// After every save, draw the frames that it touches again and write the output anew, until Ctrl-C
     #[arg(long, conflicts_with = "resume")]
     pub watch: bool,
-    /// What the CPU renderer does on the way to one frame, six pictures in the folder -o: model, view, clip, raster, depth, shade
+    /// What the CPU renderer does on the way to one frame, six images in the folder -o: model, view, clip, raster, depth, shade
     #[arg(long, conflicts_with_all = ["resume", "watch", "frames"])]
     pub stages: bool,
     /// Threads at most (default: one for each core)
     #[arg(long, value_name = "N")]
     pub jobs: Option<String>,
-    /// Add the time that the device was busy, measured by its clock, to the summary
+    /// Add the time that the device was busy, measured by its clock, to the summary; of the CPU renderer the time of each stage
     #[arg(long, conflicts_with = "watch")]
     pub timings: bool,
     /// No progress bar, no summary
@@ -179,7 +179,7 @@ pub enum Device {
 }
 
 #[derive(Args, Debug)]
-pub struct ViewArgs {
+pub(crate) struct ViewArgs {
     /// A script (.rhai), or a model file
     #[arg(value_name = "SCRIPT|MODEL")]
     pub input: PathBuf,
@@ -189,7 +189,7 @@ pub struct ViewArgs {
 }
 
 #[derive(Args, Debug)]
-pub struct CheckArgs {
+pub(crate) struct CheckArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
     /// Warnings fail too
@@ -206,8 +206,8 @@ pub struct CheckArgs {
 }
 
 #[derive(Args, Debug)]
-pub struct InfoArgs {
-    /// A model, or a picture or video that choreo made
+pub(crate) struct InfoArgs {
+    /// A model, or an image or video that choreo made
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
     #[command(flatten)]
@@ -230,7 +230,7 @@ pub struct InfoArgs {
 }
 
 #[derive(Args, Debug)]
-pub struct ExplainArgs {
+pub(crate) struct ExplainArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
     /// The time to look at, in seconds
@@ -241,7 +241,7 @@ pub struct ExplainArgs {
     pub size: Option<String>,
     #[arg(long, value_name = "1|4")]
     pub samples: Option<String>,
-    /// Also draw what it holds on the device, as a picture
+    /// Also draw what it holds on the device, as an image
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
     #[arg(long)]
@@ -249,13 +249,13 @@ pub struct ExplainArgs {
 }
 
 #[derive(Args, Debug)]
-pub struct MeasureArgs {
+pub(crate) struct MeasureArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
     /// Only this choice: bake, crossfade, vertices, mips, renderer or video; repeatable
     #[arg(long, value_name = "CHOICE")]
     pub only: Vec<String>,
-    /// When pictures are taken, in seconds (default: in the middle)
+    /// When images are taken, in seconds (default: in the middle)
     #[arg(long, value_name = "SECS", allow_hyphen_values = true)]
     pub at: Option<String>,
     /// Pixels, as 1280x720
@@ -264,7 +264,7 @@ pub struct MeasureArgs {
     /// auto: Vulkan beside the CPU renderer where a driver works
     #[arg(long, value_enum, default_value_t = Device::Auto)]
     pub device: Device,
-    /// Also draw error against run time, as pictures below each other
+    /// Also draw error against run time, as images below each other
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
     #[arg(long)]
@@ -272,7 +272,7 @@ pub struct MeasureArgs {
 }
 
 #[derive(Args, Debug)]
-pub struct PoseArgs {
+pub(crate) struct PoseArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
     /// Seconds
@@ -286,7 +286,7 @@ pub struct PoseArgs {
 }
 
 #[derive(Args, Debug)]
-pub struct TestArgs {
+pub(crate) struct TestArgs {
     /// Scripts and folders of them (default: tests/suite and scripts where they are, else all below this folder).
     /// Tests may read below the folder that this is started in
     #[arg(value_name = "PATH")]
@@ -312,10 +312,10 @@ pub struct TestArgs {
     /// Run what a change touches after every save, until Ctrl-C
     #[arg(long, conflicts_with_all = ["list", "json"])]
     pub watch: bool,
-    /// Draw all pictures on this device instead of the one that the scripts say (cpu, unless they say another)
+    /// Draw all images on this device instead of the one that the scripts say (cpu, unless they say another)
     #[arg(long, value_enum)]
     pub device: Option<Device>,
-    /// Compare with pictures that were accepted on another device or driver, too
+    /// Compare with images that were accepted on another device or driver, too
     #[arg(long)]
     pub any_device: bool,
     /// A further folder in which load(…) looks for files; repeatable
@@ -340,13 +340,13 @@ pub struct TestArgs {
     /// The report as JUnit XML, for build servers
     #[arg(long, value_name = "FILE")]
     pub junit: Option<PathBuf>,
-    /// The report as one HTML page with the pictures that differ
+    /// The report as one HTML page with the images that differ
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,
 }
 
 #[derive(Args, Debug)]
-pub struct PluginsArgs {
+pub(crate) struct PluginsArgs {
     /// A further folder of plugin files: NAME.importer.rhai, NAME.wgsl; repeatable
     #[arg(long = "plugins", value_name = "DIR")]
     pub plugins: Vec<PathBuf>,
@@ -359,7 +359,7 @@ pub struct PluginsArgs {
 }
 
 #[derive(Args, Debug)]
-pub struct NewArgs {
+pub(crate) struct NewArgs {
     #[arg(value_enum)]
     pub kind: Kind,
     /// Lower-case letters, digits and _; as my_format
@@ -379,7 +379,7 @@ pub struct NewArgs {
 }
 
 #[derive(Args, Debug)]
-pub struct HelpArgs {
+pub(crate) struct HelpArgs {
     /// A word of Blender, Unity, glTF or of a script ("foot sliding", ik, Actor.reach), or a command
     #[arg(value_name = "TERM", required = true)]
     pub term: Vec<String>,
@@ -395,8 +395,8 @@ pub enum Kind {
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum HookArg {
-    /// One pixel of the picture
+pub(crate) enum HookArg {
+    /// One pixel of the image
     Pixel,
     /// A pixel and those around it, and frames before
     Picture,

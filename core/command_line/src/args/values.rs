@@ -116,7 +116,7 @@ pub fn limits(given: &[String]) -> Result<Limits, Failure> {
 }
 
 /// NAME=VALUE of an option that is called `flag`.
-pub fn name_value<'a>(flag: &str, text: &'a str) -> Result<(&'a str, &'a str), Failure> {
+pub(crate) fn name_value<'a>(flag: &str, text: &'a str) -> Result<(&'a str, &'a str), Failure> {
     match text.split_once('=') {
         Some((name, value)) if !name.trim().is_empty() => Ok((name.trim(), value)),
         _ => usage(format!("{flag} {text}: write NAME=VALUE")),

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 /// What compressing each clip of a file would do.
-pub struct Savings(Vec<(String, f64, CompressionReport)>);
+pub(crate) struct Savings(Vec<(String, f64, CompressionReport)>);
 
 impl Savings {
     pub fn of(asset: &Asset, tolerance_m: f64) -> Result<Savings, Failure> {

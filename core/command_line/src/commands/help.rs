@@ -6,7 +6,7 @@ use crate::failure::{Failure, print, print_json};
 use crate::plugins::option_rows;
 use crate::terminal::page::Page;
 use choreo_plugin::{Manifest, Registry};
-use choreo_script::synonyms::{Answer, Call, answer, mentions, nearest};
+use choreo_script::help::{Answer, Call, answer, mentions, nearest};
 use choreo_session::plugin_files;
 use clap::CommandFactory;
 use serde_json::{Value, json};
@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 const MOST_MENTIONS: usize = 8;
 
 /// `help` and `help COMMAND` as `--help` and `COMMAND --help`.
-pub fn as_flag(args: Vec<OsString>) -> Vec<OsString> {
+pub(crate) fn as_flag(args: Vec<OsString>) -> Vec<OsString> {
     let is_command = |name: &OsString| Cli::command().find_subcommand(name).is_some();
     match args.as_slice() {
         [program, help] if help == "help" => vec![program.clone(), "--help".into()],

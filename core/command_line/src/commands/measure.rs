@@ -10,7 +10,7 @@ use choreo_bench::plots::{Choice, stacked};
 use choreo_bench::scene::{KEYS, Scene, measure};
 use choreo_motion::Time;
 use choreo_plugin::Registry;
-use choreo_render::{CpuRenderer, DeviceKind, Renderer};
+use choreo_render::{CpuRenderer, Renderer};
 use choreo_script::did_you_mean;
 use serde_json::{Value, json};
 
@@ -29,10 +29,11 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
     let mut renderers: Vec<Box<dyn Renderer>> = vec![Box::new(CpuRenderer::new(registry.effects()))];
     let mut note = None;
     if args.device != Device::Cpu && keys.contains(&"renderer") {
-        let started = device::start(args.device, registry.effects()).wait()?;
-        note = started.note;
-        if started.renderer.device().kind != DeviceKind::CpuReference {
-            renderers.push(started.renderer);
+        // Both renderers are compared, also where `auto` would not choose Vulkan.
+        match device::start(Device::Vulkan, registry.effects()).wait() {
+            Ok(started) => renderers.push(started.renderer),
+            Err(failure) if args.device == Device::Vulkan => return Err(failure),
+            Err(failure) => note = Some(failure.lines().join("\n")),
         }
     }
     let middle = Time(stage.settings.length.0 / 2);
@@ -50,13 +51,13 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
         note.iter().for_each(print_message);
         let [w, h] = measured.size;
         print(&format!(
-            "{}: pictures at {} s, {w}×{h}; → is what it would take\n",
+            "{}: images at {} s, {w}×{h}; → is what it would take\n",
             scene.name,
             measured.at.as_secs()
         ))?;
     }
     for key in keys {
-        let found = measure(&mut measured, &[key]).map_err(Failure::input)?;
+        let found = measure(&mut measured, &[key]).map_err(|e| Failure::input(e.to_string()))?;
         if !args.json {
             for choice in &found.choices {
                 print(&format!("\n{}", choice.table().text()))?;

@@ -1,12 +1,14 @@
-//! Which renderer draws: Vulkan where a driver works, else our own on the CPU.
+//! Which renderer draws: Vulkan where a driver of a GPU works, else our own on the CPU.
+//!
+//! A Vulkan driver that draws on the CPU is not chosen by itself: see `core/decisions/30-auto-device.md`.
 
 use crate::args::Device;
 use crate::drawing::pipeline::render_failure;
 use crate::failure::Failure;
 use crate::process::threads::{room_for_a_driver, too_few};
 use choreo_plugin::Effect;
-use choreo_render::cpu::CpuRenderer;
-use choreo_render::vulkan::{DeviceTime, GpuOptions, SteadyRenderer};
+use choreo_render::cpu::{CpuRenderer, StageTimes};
+use choreo_render::vulkan::{DeviceTime, GpuOptions, SteadyRenderer, chosen_device};
 use choreo_render::{DeviceInfo, DeviceKind, RenderError, Renderer};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -34,12 +36,16 @@ pub struct Started {
     pub renderer: Box<dyn Renderer>,
     /// The device's time, if it was asked for and the device has a clock.
     pub time: Option<Arc<DeviceTime>>,
+    /// Time of the CPU renderer's stages, if it was asked for.
+    pub stages: Option<Arc<StageTimes>>,
     /// Why it is not a faster one.
     pub note: Option<String>,
+    /// Why it was chosen, for the summary; `None` if it was named.
+    pub reason: Option<String>,
 }
 
 /// A renderer on its way.
-pub enum Starting {
+pub(crate) enum Starting {
     OnThread(JoinHandle<Result<Started, Failure>>),
     /// No thread could be had: it is started by the one that waits for it.
     WhenWaitedFor(Wanted, Vec<Arc<dyn Effect>>),
@@ -68,17 +74,28 @@ impl Starting {
 
 fn open(wanted: Wanted, effects: Vec<Arc<dyn Effect>>) -> Result<Started, Failure> {
     let device = wanted.device;
-    let cpu = |note| Ok(Started { renderer: Box::new(CpuRenderer::new(&effects)), time: None, note });
+    let cpu = |note, reason| {
+        let renderer = CpuRenderer::new(&effects);
+        let stages = wanted.timings.then(|| renderer.stage_times());
+        Ok(Started { renderer: Box::new(renderer), time: None, stages, note, reason })
+    };
     if device == Device::Cpu {
-        return cpu(None);
+        return cpu(None, None);
     }
     if !room_for_a_driver() {
         return match device == Device::Vulkan || wanted.gpu.is_some() {
             true => Err(too_few("a Vulkan driver needs more of them; --device cpu needs fewer")),
-            false => cpu(Some(
-                "rendering on the CPU: too few threads, or too little memory, for a Vulkan driver".into(),
-            )),
+            false => {
+                let why = "rendering on the CPU: too few threads, or too little memory, for a Vulkan driver";
+                cpu(Some(why.into()), None)
+            }
         };
+    }
+    let auto = device == Device::Auto && wanted.gpu.is_none();
+    let found = auto.then(chosen_device).and_then(Result::ok);
+    if let Some(found) = found.as_ref().filter(|found| found.kind == DeviceKind::VulkanCpu) {
+        let name = found.name.split(" (").next().unwrap_or_default();
+        return cpu(None, Some(format!("the only Vulkan device, {name}, draws on the CPU and is slower")));
     }
     let time = wanted.timings.then(Arc::<DeviceTime>::default);
     let options = GpuOptions {
@@ -90,11 +107,14 @@ fn open(wanted: Wanted, effects: Vec<Arc<dyn Effect>>) -> Result<Started, Failur
         ..GpuOptions::default()
     };
     match SteadyRenderer::new(options) {
-        Ok(renderer) => Ok(Started { renderer: Box::new(renderer), time, note: None }),
+        Ok(renderer) => {
+            let reason = found.map(|_| "the fastest Vulkan device".to_string());
+            Ok(Started { renderer: Box::new(renderer), time, stages: None, note: None, reason })
+        }
         // A device that is named is the only one wanted.
         Err(error) if device == Device::Vulkan || wanted.gpu.is_some() => Err(render_failure(error)),
-        Err(RenderError::NoVulkan { why }) => cpu(Some(on_the_cpu(&why))),
-        Err(error) => cpu(Some(on_the_cpu(&error.to_string()))),
+        Err(RenderError::NoVulkan { why }) => cpu(Some(on_the_cpu(&why)), None),
+        Err(error) => cpu(Some(on_the_cpu(&error.to_string())), None),
     }
 }
 
@@ -119,7 +139,7 @@ pub fn cache_dir() -> Option<PathBuf> {
 
 /// Four, for smooth edges, on every device: even the CPU renderer then draws one Knight at 1280×720 at nine frames a second
 /// on two busy cores (21 with one sample), and stairs on edges are the first thing that people see.
-pub fn default_samples(device: &DeviceInfo) -> u32 {
+pub(crate) fn default_samples(device: &DeviceInfo) -> u32 {
     match device.kind {
         DeviceKind::VulkanGpu | DeviceKind::VulkanCpu | DeviceKind::CpuReference => 4,
     }

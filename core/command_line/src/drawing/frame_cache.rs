@@ -3,21 +3,18 @@
 //! is not drawn again.
 
 use choreo_plugin::{Effect, Frame};
-use choreo_render::plan::{Draw, ShadowView};
+use choreo_render::plan::frame_key::{Key, frame_key};
 use choreo_render::renderer::CreatedCounts;
-use choreo_render::scene_resources::content_hash::material_content;
 use choreo_render::{DeviceInfo, Plan, RenderError, Renderer, SceneResources};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-
-type Key = [u8; 32];
 
 /// Bytes that remembered frames take at most, compressed.
 const MOST_BYTES: usize = 512 << 20;
 
 /// Clones share one renderer and one memory.
 #[derive(Clone)]
-pub struct Remembering {
+pub(crate) struct Remembering {
     shared: Arc<Mutex<Shared>>,
     device: DeviceInfo,
 }
@@ -98,7 +95,7 @@ impl Renderer for Remembering {
 
     fn submit(&mut self, plan: Plan) -> Result<(), RenderError> {
         let mut shared = self.shared();
-        let key = key(&plan, &shared.resources, &shared.effects);
+        let key = frame_key(&plan, &shared.resources, &shared.effects);
         // Also one that is being drawn: it is known by the time this one is collected.
         let coming = shared.queue.iter().any(|(k, _)| *k == key);
         let drawn = !coming && !shared.frames.contains_key(&key);
@@ -168,96 +165,6 @@ impl Shared {
             self.frames.insert(key, Known { png, round: self.round });
         }
     }
-}
-
-/// A draw by the content of what it refers to.
-fn draw_text(draw: &Draw, resources: &SceneResources) -> String {
-    let primitive = resources.primitives.get(draw.primitive as usize).map(|p| p.hash);
-    let material = resources.materials.get(draw.material as usize).map(|m| m.hash);
-    let Draw { pipeline, material_override, first_instance, instance_count, .. } = draw;
-    format!("{primitive:?} {material:?} {material_override:?} {pipeline:?} {first_instance} {instance_count}")
-}
-
-/// Hash of everything that the image is made from.
-fn key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Effect>]) -> Key {
-    let mut hasher = blake3::Hasher::new();
-    let mut add = |bytes: &[u8]| {
-        hasher.update(&(bytes.len() as u64).to_le_bytes());
-        hasher.update(bytes);
-    };
-    let Plan {
-        size,
-        samples,
-        view,
-        background,
-        ambient_up,
-        ambient_down,
-        lights,
-        sky,
-        layers_behind,
-        layers_in_front,
-        shadow_maps,
-        scene_color_copy,
-        depth_peeling,
-        deferred,
-        instances,
-        instance_actors: _,
-        joint_matrices,
-        morphs,
-        draws,
-        material_overrides,
-        scene_effects,
-        post,
-        background_effects,
-        overlay,
-        subframes,
-        history,
-        displacement_limits,
-        linear,
-        skin_once,
-        left_out: _,
-        // They say no more than instances and lights.
-        dirty_rect: _,
-        light_clusters: _,
-    } = plan;
-    // Numbers are printed so that no two that differ look alike: the shortest text that reads as the same number.
-    add(format!("{size:?} {samples} {view:?} {background:?} {ambient_up:?} {ambient_down:?}").as_bytes());
-    add(format!("{:?}", [layers_behind, layers_in_front].map(|layers| layers.as_ref().map(|f| f.hash)))
-        .as_bytes());
-    add(format!("{sky:?} {:?}", sky.and(resources.sky.as_ref()).map(|s| s.hash())).as_bytes());
-    add(bytemuck::cast_slice(lights));
-    add(bytemuck::cast_slice(instances));
-    add(bytemuck::cast_slice(joint_matrices));
-    add(bytemuck::cast_slice(morphs));
-    // By content: indices of another version of the scene may differ.
-    let draw_text = |draw: &Draw| draw_text(draw, resources);
-    draws.iter().for_each(|draw| add(draw_text(draw).as_bytes()));
-    material_overrides.iter().for_each(|m| add(&material_content(m, &resources.textures)));
-    if let Some(shadows) = shadow_maps {
-        add(format!("{:?} {:?}", shadows.image, shadows.size).as_bytes());
-        for map in &shadows.views {
-            let ShadowView { light, at, size, clip_from_relative, texel, draws } = map;
-            add(format!("{light} {at:?} {size:?} {clip_from_relative:?} {texel}").as_bytes());
-            draws.iter().for_each(|draw| add(draw_text(draw).as_bytes()));
-        }
-    }
-    add(format!("{scene_color_copy:?}").as_bytes());
-    // Other roundings.
-    add(&[u8::from(deferred.is_some())]);
-    add(format!("{:?}", depth_peeling.as_ref().map(|peeling| peeling.layers)).as_bytes());
-    for pass in scene_effects.iter().chain(post) {
-        add(format!("{pass:?}").as_bytes());
-        let effect = effects.iter().find(|e| e.manifest().name == pass.effect);
-        add(effect.map_or("", |e| e.wgsl()).as_bytes());
-        let halves = effect.iter().flat_map(|e| e.textures()).map(|t| &t.halves);
-        halves.for_each(|halves| add(bytemuck::cast_slice(halves)));
-    }
-    add(bytemuck::cast_slice(&overlay.vertices));
-    add(format!("{:?} {linear} {background_effects} {displacement_limits:?} {skin_once:?}", overlay.parts)
-        .as_bytes());
-    add(format!("{} {}", subframes.len(), history.len()).as_bytes());
-    subframes.iter().chain(history).for_each(|part| add(&key(part, resources, effects)));
-    *hasher.finalize().as_bytes()
 }
 
 /// Encodes a frame without loss and fast: it is read again within this process.

@@ -1,5 +1,5 @@
 //! Drawing frames: the device, the pipeline of threads, frames that are kept for reuse.
 
 pub mod device;
-pub mod frame_cache;
+pub(crate) mod frame_cache;
 pub mod pipeline;

@@ -1,5 +1,8 @@
 //! Frames on their way: evaluated and planned on one thread, drawn several in flight on this one, encoded on others.
-//! Queues are short and pictures are reused, so memory does not grow with the length of the video.
+//! Queues are short and images are reused, so memory does not grow with the length of the video.
+//!
+//! A frame whose plan equals that of the one before is not drawn again, and one that differs only in its 2D layers is composed anew
+//! over the scene as drawn.
 
 use crate::failure::Failure;
 use crate::process::interrupt;
@@ -7,27 +10,59 @@ use crate::process::threads::too_few;
 use crate::terminal::progress::Progress;
 use choreo_motion::Time;
 use choreo_plugin::Frame;
+use choreo_render::layers_2d::LayerImage;
+use choreo_render::plan::frame_key::Key;
 use choreo_render::{Plan, RenderError, Renderer};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Plans waiting for the renderer.
 const PLANS_AHEAD: usize = 2;
 
 /// Gives the plan for a time.
-pub type PlanAt<'a> = Box<dyn FnMut(Time) -> Result<Plan, Failure> + Send + 'a>;
+pub(crate) type PlanAt<'a> = Box<dyn FnMut(Time) -> Result<Plan, Failure> + Send + 'a>;
 
-/// Takes a finished frame with its number and time.
-pub type Encode<'a> = Box<dyn FnMut((i64, Time), &Frame) -> Result<(), Failure> + Send + 'a>;
+/// Gives the key of a plan without the 2D layers over it.
+pub(crate) type SceneKey<'a> = Box<dyn Fn(&Plan) -> Key + Send + 'a>;
+
+/// Takes a finished frame with its number and time, and whether the frame before had the same pixels.
+pub(crate) type Encode<'a> = Box<dyn FnMut((i64, Time), &Picture, bool) -> Result<(), Failure> + Send + 'a>;
+
+/// The pixels of one frame or of several that follow each other.
+pub(crate) struct Picture {
+    pub frame: Frame,
+    /// The file that an encoder has made of it, of formats of one image a file.
+    pub file: Mutex<Option<Vec<u8>>>,
+}
+
+/// How many frames were drawn, and how many were not because the one before was nearly the same.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Counts {
+    pub drawn: u64,
+    /// Equal to the frame before.
+    pub repeated: u64,
+    /// The scene of the frame before with other 2D layers.
+    pub recomposed: u64,
+}
+
+/// A planned frame.
+enum Work {
+    Draw(Box<Plan>, Layers),
+    Recompose(Layers),
+    Repeat,
+}
+
+type Layers = Option<Arc<LayerImage>>;
 
 pub struct Pipeline<'a> {
     /// Frame number and time, in the order wanted.
     pub frames: Vec<(i64, Time)>,
     pub plan: PlanAt<'a>,
+    pub scene_key: SceneKey<'a>,
     pub renderer: &'a mut dyn Renderer,
-    /// One: pictures arrive in order. Several: in any order, in parallel.
+    /// One: images arrive in order. Several: in any order, in parallel.
     pub encoders: Vec<Encode<'a>>,
     pub progress: &'a Progress,
 }
@@ -37,10 +72,11 @@ struct Shared {
     stop: AtomicBool,
     /// The failure of the smallest frame number, so that the same script always fails with the same words.
     failure: Mutex<Option<(i64, Failure)>>,
-    /// Pictures whose buffers can be drawn into again.
+    /// Images whose buffers can be drawn into again.
     spare: Mutex<Vec<Frame>>,
-    /// Frames that came from the renderer.
     drawn: AtomicU64,
+    repeated: AtomicU64,
+    recomposed: AtomicU64,
 }
 
 impl Shared {
@@ -52,28 +88,44 @@ impl Shared {
         }
     }
 
+    /// An image whose buffer can be drawn into.
+    fn spare(&self) -> Option<Frame> {
+        self.spare.lock().unwrap_or_else(PoisonError::into_inner).pop()
+    }
+
+    fn recycle(&self, frame: Frame) {
+        self.spare.lock().unwrap_or_else(PoisonError::into_inner).push(frame);
+    }
+
+    /// Gives the buffer back once nobody needs the picture.
+    fn release(&self, picture: Arc<Picture>) {
+        Arc::into_inner(picture).into_iter().for_each(|picture| self.recycle(picture.frame));
+    }
+
     fn stopped(&self) -> bool {
         self.stop.load(Ordering::SeqCst) || interrupt::interrupted()
     }
 }
 
 impl Pipeline<'_> {
-    /// Gives how many frames were drawn.
-    pub fn run(self) -> Result<u64, Failure> {
+    pub fn run(self) -> Result<Counts, Failure> {
         let shared = Shared {
             stop: AtomicBool::new(false),
             failure: Mutex::new(None),
             spare: Mutex::new(Vec::new()),
             drawn: AtomicU64::new(0),
+            repeated: AtomicU64::new(0),
+            recomposed: AtomicU64::new(0),
         };
-        let Pipeline { frames, plan, renderer, encoders, progress } = self;
+        let Pipeline { frames, plan, scene_key, renderer, encoders, progress } = self;
         let (plan_to, plans) = sync_channel(PLANS_AHEAD);
-        // From hand to hand: while the encoders work, one picture waits here and others are in flight.
+        // From hand to hand: while the encoders work, one image waits here and others are in flight.
         let (frame_to, pictures) = sync_channel(0);
         let pictures = Mutex::new(pictures);
         std::thread::scope(|scope| {
             let thread = |name: &str| std::thread::Builder::new().name(name.into());
-            let planner = thread("plan").spawn_scoped(scope, || make_plans(&shared, frames, plan, plan_to));
+            let planner =
+                thread("plan").spawn_scoped(scope, || make_plans(&shared, frames, plan, scene_key, plan_to));
             // One that encodes is enough.
             let started = encoders.into_iter().map(|encode| {
                 thread("encode").spawn_scoped(scope, || encode_pictures(&shared, &pictures, encode, progress))
@@ -88,7 +140,12 @@ impl Pipeline<'_> {
             return Err(Failure::Interrupted);
         }
         let failure = shared.failure.into_inner().unwrap_or_else(PoisonError::into_inner);
-        failure.map_or(Ok(shared.drawn.into_inner()), |(_, failure)| Err(failure))
+        let counts = Counts {
+            drawn: shared.drawn.into_inner(),
+            repeated: shared.repeated.into_inner(),
+            recomposed: shared.recomposed.into_inner(),
+        };
+        failure.map_or(Ok(counts), |(_, failure)| Err(failure))
     }
 }
 
@@ -96,31 +153,91 @@ fn make_plans(
     shared: &Shared,
     frames: Vec<(i64, Time)>,
     mut plan: PlanAt<'_>,
-    to: SyncSender<((i64, Time), Plan)>,
+    scene_key: SceneKey<'_>,
+    to: SyncSender<((i64, Time), Work)>,
 ) {
+    // Keys of the scene and of the layers of the frame before.
+    let mut before: Option<(Key, Option<Key>)> = None;
     for (frame, time) in frames {
         if shared.stopped() {
             return;
         }
-        match plan(time) {
-            Ok(plan) => {
-                if to.send(((frame, time), plan)).is_err() {
-                    return;
-                }
-            }
+        let mut plan = match plan(time) {
+            Ok(plan) => plan,
             Err(failure) => return shared.fail(frame, failure),
+        };
+        let layers = plan.layers_in_front.take();
+        let keys = (scene_key(&plan), layers.as_ref().map(|layers| layers.hash));
+        let work = match before {
+            Some(before) if before == keys => Work::Repeat,
+            Some((scene, _)) if scene == keys.0 => Work::Recompose(layers),
+            _ => Work::Draw(Box::new(plan), layers),
+        };
+        before = Some(keys);
+        if to.send(((frame, time), work)).is_err() {
+            return;
         }
+    }
+}
+
+/// The finished frames, composed of the drawn scenes and 2D layers.
+#[derive(Default)]
+struct Finished {
+    /// The last scene drawn, where layers lie over it in `last`.
+    scene: Option<Frame>,
+    last: Option<Arc<Picture>>,
+}
+
+impl Finished {
+    /// The next frame, of the renderer's image where it has drawn one.
+    fn next(
+        &mut self,
+        shared: &Shared,
+        drawn: Option<Frame>,
+        layers: Option<Layers>,
+    ) -> Option<Arc<Picture>> {
+        let Some(layers) = layers else {
+            shared.repeated.fetch_add(1, Ordering::Relaxed);
+            return self.last.clone();
+        };
+        let counter = if drawn.is_some() { &shared.drawn } else { &shared.recomposed };
+        counter.fetch_add(1, Ordering::Relaxed);
+        let last = self.last.take();
+        if let Some(frame) = drawn {
+            self.scene.take().into_iter().for_each(|scene| shared.recycle(scene));
+            self.scene = Some(frame);
+        } else if self.scene.is_none() {
+            // No layers lay over it.
+            self.scene = last.as_ref().map(|last| last.frame.clone());
+        }
+        last.into_iter().for_each(|last| shared.release(last));
+        let frame = match &layers {
+            None => self.scene.take()?,
+            Some(layers) => {
+                let scene = self.scene.as_ref()?;
+                let mut frame = shared.spare().unwrap_or(Frame { width: 0, height: 0, rgba: Vec::new() });
+                (frame.width, frame.height) = (scene.width, scene.height);
+                frame.rgba.clear();
+                frame.rgba.extend_from_slice(&scene.rgba);
+                layers.over(&mut frame);
+                frame
+            }
+        };
+        self.last = Some(Arc::new(Picture { frame, file: Mutex::default() }));
+        self.last.clone()
     }
 }
 
 fn draw(
     shared: &Shared,
     renderer: &mut dyn Renderer,
-    plans: Receiver<((i64, Time), Plan)>,
-    to: SyncSender<((i64, Time), Frame)>,
+    plans: Receiver<((i64, Time), Work)>,
+    to: SyncSender<DrawnFrame>,
 ) {
     let depth = renderer.frames_in_flight().max(1);
-    let mut flying = VecDeque::with_capacity(depth);
+    // Frame, whether the renderer draws it, and its layers; without them it repeats the one before.
+    let mut flying: VecDeque<((i64, Time), bool, Option<Layers>)> = VecDeque::with_capacity(depth);
+    let mut finished = Finished::default();
     let mut more = true;
     while !shared.stopped() && (more || !flying.is_empty()) {
         while more && flying.len() < depth {
@@ -130,62 +247,65 @@ fn draw(
                 false => plans.try_recv(),
             };
             match next {
-                Ok((frame, plan)) => match renderer.submit(plan) {
-                    Ok(()) => flying.push_back(frame),
+                Ok((frame, Work::Draw(plan, layers))) => match renderer.submit(*plan) {
+                    Ok(()) => flying.push_back((frame, true, Some(layers))),
                     Err(error) => return shared.fail(frame.0, render_failure(error)),
                 },
+                Ok((frame, Work::Recompose(layers))) => flying.push_back((frame, false, Some(layers))),
+                Ok((frame, Work::Repeat)) => flying.push_back((frame, false, None)),
                 Err(TryRecvError::Empty) => break,
                 Err(TryRecvError::Disconnected) => more = false,
             }
         }
-        if let Some(frame) = flying.pop_front() {
-            let reuse = shared.spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
-            match renderer.collect(reuse) {
-                Ok(picture) => {
-                    shared.drawn.fetch_add(1, Ordering::Relaxed);
-                    if to.send((frame, picture)).is_err() {
-                        return;
-                    }
-                }
-                Err(error) => return shared.fail(frame.0, render_failure(error)),
-            }
+        let Some((frame, drawn, layers)) = flying.pop_front() else { continue };
+        let drawn = match drawn.then(|| renderer.collect(shared.spare())).transpose() {
+            Ok(drawn) => drawn,
+            Err(error) => return shared.fail(frame.0, render_failure(error)),
+        };
+        let repeated = layers.is_none();
+        let Some(picture) = finished.next(shared, drawn, layers) else { return };
+        if to.send((frame, picture, repeated)).is_err() {
+            return;
         }
     }
 }
 
+/// Number and time of a frame, its image, and whether it repeats the one before.
+type DrawnFrame = ((i64, Time), Arc<Picture>, bool);
+
 fn encode_pictures(
     shared: &Shared,
-    pictures: &Mutex<Receiver<((i64, Time), Frame)>>,
+    pictures: &Mutex<Receiver<DrawnFrame>>,
     mut encode: Encode<'_>,
     progress: &Progress,
 ) {
     loop {
         let next = pictures.lock().unwrap_or_else(PoisonError::into_inner).recv();
-        let Ok((frame, picture)) = next else { return };
+        let Ok((frame, picture, repeated)) = next else { return };
         // After a failure the queue is emptied, so that the renderer does not wait for a place in it.
         if !shared.stopped() {
-            match encode(frame, &picture) {
+            match encode(frame, &picture, repeated) {
                 Ok(()) => progress.step(),
                 Err(failure) => shared.fail(frame.0, failure),
             }
         }
-        shared.spare.lock().unwrap_or_else(PoisonError::into_inner).push(picture);
+        shared.release(picture);
     }
 }
 
 /// The failure with a hint at what to lower if the device could not do it.
-pub fn render_failure(error: RenderError) -> Failure {
+pub(crate) fn render_failure(error: RenderError) -> Failure {
     let cause = match &error {
         RenderError::Twice { second, .. } => second,
         error => error,
     };
     let hint = match cause {
         RenderError::OutOfMemory { .. } => {
-            "\n    hint: smaller pictures (--size), one sample (--samples 1) or smaller textures need less memory; \
+            "\n    hint: smaller images (--size), one sample (--samples 1) or smaller textures need less memory; \
              --device cpu uses the machine's own"
         }
         RenderError::DeviceLost { .. } | RenderError::TimedOut { .. } => {
-            "\n    hint: smaller pictures (--size) or one sample (--samples 1) are less work at once; \
+            "\n    hint: smaller images (--size) or one sample (--samples 1) are less work at once; \
              --device cpu draws without the driver"
         }
         _ => "",
@@ -205,13 +325,13 @@ mod tests {
         assert_eq!(
             text(RenderError::Twice { first: lost(), second: full() }),
             "Vulkan: memory of depth: out of memory; tried twice, before that: Vulkan: frame 7: the device was lost; the \
-             kernel log may say why the driver gave it up\n    hint: smaller pictures (--size), one sample (--samples 1) or \
+             kernel log may say why the driver gave it up\n    hint: smaller images (--size), one sample (--samples 1) or \
              smaller textures need less memory; --device cpu uses the machine's own"
         );
         let timed_out = RenderError::TimedOut { object: "frame 7".into(), secs: 300 };
         assert!(
             text(timed_out)
-                .starts_with("Vulkan: frame 7: not finished after 300 s\n    hint: smaller pictures")
+                .starts_with("Vulkan: frame 7: not finished after 300 s\n    hint: smaller images")
         );
         assert_eq!(text(RenderError::Usage("no".into())), "no");
     }

@@ -18,7 +18,7 @@ impl Budget {
 }
 
 /// An exporter whose bytes count; more than the limit is an error.
-pub struct Budgeted {
+pub(crate) struct Budgeted {
     inner: Arc<dyn Exporter>,
     budget: Budget,
 }
@@ -46,6 +46,14 @@ impl Exporter for Budgeted {
     }
     fn begin(&self, info: &VideoInfo, out: Box<dyn Write + Send>) -> Begun {
         self.inner.begin(info, self.budget.count(out))
+    }
+    fn with_provenance(
+        &self,
+        info: &VideoInfo,
+        made: &[u8],
+        out: Box<dyn Write + Send>,
+    ) -> Result<bool, ExportError> {
+        self.inner.with_provenance(info, made, self.budget.count(out))
     }
     fn resume(
         &self,

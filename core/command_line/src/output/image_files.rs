@@ -1,30 +1,72 @@
 //! Numbered pictures: which exist already, which another program is making, and each to its own file.
 
+use crate::drawing::pipeline::Picture;
 use crate::failure::{Failure, output_error, write_failure};
 use crate::output::provenance;
 use crate::output::target::{Target, export_failure};
 use choreo_files::{Folder, Part, WriteError};
 use choreo_motion::Time;
 use choreo_plugin::{Exporter, Frame, VideoInfo};
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
-/// One picture to its own file. `part`: where it is open already.
+/// One image to its own file. `part`: where it is open already.
 pub fn write(
     target: &Target,
     part: Option<Part>,
     exporter: &dyn Exporter,
     info: &VideoInfo,
     (number, time): (i64, Time),
-    frame: &Frame,
+    picture: &Picture,
 ) -> Result<(), Failure> {
     let place: PathBuf = target.file(number);
     let info = VideoInfo { provenance: provenance::at(&info.provenance, time), ..info.clone() };
     let part = part.map_or_else(|| Part::create(&place), Ok);
-    write_to(&place, part, exporter, &info, frame)
+    let mut file = picture.file.lock().unwrap_or_else(PoisonError::into_inner);
+    let shown = place.display().to_string();
+    if let Some(made) = file.as_ref() {
+        let part = part.map_err(|e| write_failure(&shown, e))?;
+        let out = part.writer().map_err(|e| output_error(&shown, &e))?;
+        let written = exporter.with_provenance(&info, made, Box::new(out));
+        return match written.map_err(|e| export_failure(&shown, e))? {
+            true => part.commit().map_err(|e| write_failure(&shown, e)),
+            false => write_to(&place, Ok(part), exporter, &info, &picture.frame),
+        };
+    }
+    let made = Arc::new(Mutex::new(Some(Vec::new())));
+    let both = |out| -> Box<dyn Write + Send> { Box::new(Both { out, made: made.clone() }) };
+    write_through(&place, part, exporter, &info, &picture.frame, both)?;
+    *file = made.lock().unwrap_or_else(PoisonError::into_inner).take();
+    Ok(())
 }
 
-/// One picture to the file that was opened for it.
+/// Larger files are encoded again for a frame with the same pixels.
+const MOST_KEPT: usize = 32 << 20;
+
+/// A file, and its bytes for a frame with the same pixels; `None` once there are too many.
+struct Both {
+    out: Box<dyn Write + Send>,
+    made: Arc<Mutex<Option<Vec<u8>>>>,
+}
+
+impl Write for Both {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let written = self.out.write(bytes)?;
+        let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
+        *made = made.take().filter(|made| made.len() + written <= MOST_KEPT).map(|mut made| {
+            made.extend_from_slice(&bytes[..written]);
+            made
+        });
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.out.flush()
+    }
+}
+
+/// One image to the file that was opened for it.
 pub fn write_to(
     place: &Path,
     part: Result<Part, WriteError>,
@@ -32,17 +74,28 @@ pub fn write_to(
     info: &VideoInfo,
     frame: &Frame,
 ) -> Result<(), Failure> {
+    write_through(place, part, exporter, info, frame, |out| out)
+}
+
+fn write_through(
+    place: &Path,
+    part: Result<Part, WriteError>,
+    exporter: &dyn Exporter,
+    info: &VideoInfo,
+    frame: &Frame,
+    through: impl FnOnce(Box<dyn Write + Send>) -> Box<dyn Write + Send>,
+) -> Result<(), Failure> {
     let shown = place.display().to_string();
     let (failed, not_written) = (|e| export_failure(&shown, e), |e| write_failure(&shown, e));
     let part = part.map_err(not_written)?;
     let out = part.writer().map_err(|e| output_error(&shown, &e))?;
-    let mut sink = exporter.begin(info, Box::new(out)).map_err(failed)?;
+    let mut sink = exporter.begin(info, through(Box::new(out))).map_err(failed)?;
     sink.frame(frame).map_err(failed)?;
     sink.finish().map_err(failed)?;
     part.commit().map_err(not_written)
 }
 
-/// The frames that no file holds yet. A picture that is whole and was made otherwise, or by others, is an error: it would be
+/// The frames that no file holds yet. An image that is whole and was made otherwise, or by others, is an error: it would be
 /// replaced.
 pub fn missing(
     target: &Target,
@@ -72,7 +125,7 @@ pub fn missing(
 pub struct Claim(#[expect(dead_code, reason = "its drop gives the claim back")] Part);
 
 impl Claim {
-    /// `None` for everything but numbered pictures.
+    /// `None` for everything but numbered images.
     pub fn take(target: &Target, first: i64, last: i64) -> Result<Option<Claim>, Failure> {
         let Target::Numbered { folder, .. } = target else { return Ok(None) };
         let shown = target.shown();

@@ -6,7 +6,7 @@
 
 use std::io::{self, BufReader, Read, Write};
 
-pub const MAGIC: &[u8] = b"choreo journal 1\n";
+pub(crate) const MAGIC: &[u8] = b"choreo journal 1\n";
 
 /// One finished frame.
 #[derive(Clone, Debug, PartialEq, Eq)]

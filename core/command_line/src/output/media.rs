@@ -1,7 +1,7 @@
-//! What a picture or video says of itself, for `choreo info` and for `--resume`.
+//! What an image or video says of itself, for `choreo info` and for `--resume`.
 
 /// Keyword of the number that stands for all of a provenance where a format has no room.
-pub const ID: &str = "choreo:id";
+pub(crate) const ID: &str = "choreo:id";
 
 /// An image or video, as far as its header describes it.
 #[derive(Debug, Default, PartialEq, Eq)]
@@ -34,7 +34,7 @@ fn be32(bytes: &[u8], at: usize) -> Option<u32> {
 }
 
 fn read_png(mut rest: &[u8]) -> Media {
-    let mut media = Media { format: "PNG picture", ..Media::default() };
+    let mut media = Media { format: "PNG image", ..Media::default() };
     // length, type, data, checksum
     while let (Some(length), Some(kind)) = (be32(rest, 0), rest.get(4..8)) {
         let Some(data) = rest.get(8..8usize.saturating_add(length as usize)) else { break };
@@ -85,7 +85,7 @@ fn comment(text: &[u8]) -> Vec<(String, String)> {
     lines.map(|(key, text)| (key.to_string(), text.to_string())).collect()
 }
 
-/// GIF89a specification, §18 to §24: the comment stands before the first picture.
+/// GIF89a specification, §18 to §24: the comment stands before the first image.
 fn read_gif(bytes: &[u8]) -> Media {
     let mut media = Media { format: "GIF video", ..Media::default() };
     let le16 = |at: usize| bytes.get(at..at + 2).map_or(0, |b| u32::from(b[0]) | u32::from(b[1]) << 8);

@@ -1,4 +1,4 @@
-//! How a picture or video was made, as (keyword, text): exporters write it into their files, `choreo info` shows it, and
+//! How an image or video was made, as (keyword, text): exporters write it into their files, `choreo info` shows it, and
 //! `--resume` goes on only where it is the same.
 
 use crate::failure::Failure;
@@ -10,7 +10,7 @@ use choreo_render::DeviceInfo;
 use choreo_stage::Settings;
 use std::path::Path;
 
-/// Seconds on the scene's clock; of single pictures only.
+/// Seconds on the scene's clock; of single images only.
 pub const TIME: &str = "choreo:time";
 
 /// Nothing here depends on which frames are made, when or where: the halves of a video equal the whole.

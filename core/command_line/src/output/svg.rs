@@ -1,4 +1,4 @@
-//! Pictures of reports: SVG files, whole or not at all.
+//! Images of reports: SVG files, whole or not at all.
 
 use crate::failure::{Failure, write_failure};
 use crate::scene::inputs::Inputs;
@@ -16,7 +16,7 @@ pub fn check(path: Option<&Path>) -> Result<(), Failure> {
     }
 }
 
-/// `inputs`: of the scene that it is a picture of.
+/// `inputs`: of the scene that it is an image of.
 pub fn write(path: &Path, svg: &str, inputs: &Inputs) -> Result<(), Failure> {
     inputs.refuse(path)?;
     write_whole(path, svg.as_bytes()).map_err(|e| write_failure(&path.display().to_string(), e))

@@ -46,7 +46,7 @@ impl Target {
             };
         }
         if path.is_dir() {
-            return usage(format!("{text} is a folder; for numbered pictures type -o {text}/%04d.png"));
+            return usage(format!("{text} is a folder; for numbered images type -o {text}/%04d.png"));
         }
         Ok(Target::File(path))
     }
@@ -145,7 +145,7 @@ impl Target {
     }
 }
 
-pub fn export_failure(shown: &str, error: ExportError) -> Failure {
+pub(crate) fn export_failure(shown: &str, error: ExportError) -> Failure {
     match error {
         ExportError::Io(e) => output_error(shown, &e),
         ExportError::Format(text) => Failure::Output(format!("{shown}: {text}")),

@@ -67,7 +67,7 @@ struct Policy {
 
 impl Video {
     /// Begins a video on standard output.
-    pub fn to_stdout(exporter: &dyn Exporter, info: &VideoInfo) -> Result<Video, Failure> {
+    pub(crate) fn to_stdout(exporter: &dyn Exporter, info: &VideoInfo) -> Result<Video, Failure> {
         let shown = "standard output".to_string();
         let body = Body::new(Box::new(io::stdout()));
         let sink = exporter.begin(info, Box::new(body.clone())).map_err(|e| export_failure(&shown, e))?;
@@ -76,7 +76,7 @@ impl Video {
 
     /// Begins a video in a file. With `--resume` it goes on from what an earlier render of the same `identity` left; else it
     /// starts anew. Gives no video if the file is complete already and only its part folder was left.
-    pub fn to_file(
+    pub(crate) fn to_file(
         path: &Path,
         exporter: &dyn Exporter,
         info: &VideoInfo,
@@ -130,8 +130,10 @@ impl Video {
         Ok(Video { shown, sink, body, end })
     }
 
-    pub fn frame(&mut self, frame: &Frame) -> Result<(), Failure> {
-        self.sink.frame(frame).map_err(|e| export_failure(&self.shown, e))?;
+    /// `repeated`: the frame given before had the same pixels.
+    pub fn frame(&mut self, frame: &Frame, repeated: bool) -> Result<(), Failure> {
+        let written = if repeated { self.sink.repeat(frame) } else { self.sink.frame(frame) };
+        written.map_err(|e| export_failure(&self.shown, e))?;
         let End::Folder(folder) = &mut self.end else { return Ok(()) };
         folder.mark(self.sink.mark(), &self.body).map_err(|e| output_error(&self.shown, &e))
     }

@@ -5,7 +5,7 @@ pub mod plugin_files;
 use choreo_plugin::{Manifest, OptionKind, OptionSpec, OptionValue};
 
 /// One line for each option of a plugin.
-pub fn option_rows(m: &Manifest) -> String {
+pub(crate) fn option_rows(m: &Manifest) -> String {
     m.options.iter().map(|o| format!("      {:<14} {} ({})\n", o.name, o.about, range(o))).collect()
 }
 

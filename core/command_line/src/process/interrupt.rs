@@ -41,7 +41,7 @@ pub fn interrupted() -> bool {
 
 /// The command line `choreo render …` with `--resume`, as a shell reads it. Right behind "render", where no argument can take it
 /// for its value.
-pub fn command_to_resume(args: &[OsString]) -> String {
+pub(crate) fn command_to_resume(args: &[OsString]) -> String {
     let mut words: Vec<String> = args.iter().map(|a| a.to_string_lossy().into_owned()).collect();
     words.retain(|w| !matches!(w.as_str(), "--resume" | "--discard" | "--watch"));
     words.insert(words.len().min(2), "--resume".into());

@@ -21,7 +21,7 @@ pub fn clear() {
 }
 
 /// The message that names the frames that stay. The next call gives none.
-pub fn take_message() -> Option<String> {
+pub(crate) fn take_message() -> Option<String> {
     let (frames, place, again) = kept().take()?;
     let plural = if frames == 1 { "frame is" } else { "frames are" };
     Some(format!("{frames} {plural} kept in {}; to go on with them: {again}", place.display()))

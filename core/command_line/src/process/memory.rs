@@ -63,7 +63,7 @@ fn watch() {
 fn end(now: u64, limit: u64) -> ! {
     choreo_files::remove_unfinished();
     let failure = Failure::input(format!(
-        "the program would need more memory than it may use: it holds {} MB\n    hint: smaller pictures, textures and models \
+        "the program would need more memory than it may use: it holds {} MB\n    hint: smaller images, textures and models \
          need less; the limit is {limit} bytes; raise it with --limit memory=NUMBER if the scene means it",
         now / 1_000_000
     ));

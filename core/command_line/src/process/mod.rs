@@ -1,6 +1,6 @@
 //! The process: threads, memory, signals, panics.
 
-pub mod interrupt;
+pub(crate) mod interrupt;
 pub mod kept_frames;
 pub mod memory;
 pub mod panics;

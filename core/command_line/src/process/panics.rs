@@ -52,7 +52,7 @@ fn described(panic: &PanicHookInfo<'_>) -> String {
 }
 
 /// The work, or the panic that ended it.
-pub fn guarded(work: impl FnOnce() -> Result<(), Failure>) -> Result<(), Failure> {
+pub(crate) fn guarded(work: impl FnOnce() -> Result<(), Failure>) -> Result<(), Failure> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| {
         let latest = LATEST.lock().unwrap_or_else(PoisonError::into_inner).take();
         Err(Failure::Internal(latest.unwrap_or_else(|| "no message".into())))

@@ -47,7 +47,7 @@ pub fn start(wanted: Option<usize>) -> Result<(), Failure> {
 
 /// Whether a Vulkan driver that draws on the processor finds its threads, and address space. It waits for ever for a thread that it
 /// cannot start, and ends the whole program where an allocation of its fails: lavapipe with its compiler needs over 1 GB.
-pub fn room_for_a_driver() -> bool {
+pub(crate) fn room_for_a_driver() -> bool {
     #[cfg(unix)]
     if rustix::process::getrlimit(rustix::process::Resource::As).current.is_some_and(|bytes| bytes < 2 << 30)
     {
@@ -75,7 +75,7 @@ fn worker() -> Option<Sender<ThreadBuilder>> {
 }
 
 /// Too few threads, or too little memory for their stacks.
-pub fn too_few(what: &str) -> Failure {
+pub(crate) fn too_few(what: &str) -> Failure {
     Failure::Machine(format!(
         "too few threads: {what}\n    hint: end other programs, or raise the limits of processes and of address space (ulimit -u, ulimit -v)"
     ))

@@ -21,7 +21,7 @@ impl Inputs {
     }
 
     /// `input`: the script or model, whose folder strangers may have filled.
-    pub fn in_folder_of(self, input: &Path) -> Inputs {
+    pub(crate) fn in_folder_of(self, input: &Path) -> Inputs {
         let folder = input.parent().map(|f| if f.as_os_str().is_empty() { Path::new(".") } else { f });
         Inputs { folder: folder.and_then(|f| f.canonicalize().ok()), ..self }
     }

@@ -35,7 +35,7 @@ pub struct Scene {
     pub limits: Limits,
     /// What the script printed.
     pub printed: Vec<String>,
-    /// Parameters that change the picture, for provenance: `set`, `clip`.
+    /// Parameters that change the image, for provenance: `set`, `clip`.
     pub arguments: Vec<String>,
     /// Hash of the content of the script or model and of every file that it read.
     pub input_hash: [u8; 32],

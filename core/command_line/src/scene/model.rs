@@ -21,7 +21,7 @@ pub fn is_built_in(path: &Path) -> bool {
 }
 
 /// Says now, in one way for scripts and models, that there is no such file or that it is a folder.
-pub fn must_be_file(path: &Path) -> Result<(), Failure> {
+pub(crate) fn must_be_file(path: &Path) -> Result<(), Failure> {
     let shown = path.display();
     if is_built_in(path) {
         return Ok(());
@@ -82,7 +82,7 @@ pub fn head(path: &Path) -> Result<Vec<u8>, Failure> {
 }
 
 /// A model, and what it was made of.
-pub struct Imported {
+pub(crate) struct Imported {
     pub asset: Arc<Asset>,
     /// Hash of all files read, wherever they lie.
     pub hash: [u8; 32],
@@ -139,5 +139,5 @@ pub fn import(
 
 /// [`choreo_session::model::stage`].
 pub fn stage(asset: Arc<Asset>, clip: Option<&str>) -> Result<Stage, Failure> {
-    choreo_session::model::stage(asset, clip).map_err(Failure::input)
+    choreo_session::model::stage(asset, clip).map_err(|e| Failure::input(e.to_string()))
 }

@@ -1,21 +1,23 @@
 //! How a scene is opened, and what is kept for opening it again.
 
-use choreo_plugin::Needs;
+use choreo_plugin::ImportScope;
 use choreo_script::{AssetCache, Touched};
 use std::sync::{Mutex, PoisonError};
 
 /// How a scene is opened: what will be used of its assets, and whether a bar may be shown.
 #[derive(Clone, Copy, Debug)]
 pub struct Opening<'a> {
-    pub needs: Needs,
+    pub needs: ImportScope,
     pub quiet: bool,
     pub keep: Option<&'a Keep>,
 }
 
 impl Opening<'_> {
-    pub const TO_DRAW: Opening<'static> = Opening { needs: Needs::ALL, quiet: false, keep: None };
-    /// No picture is decoded.
-    pub const TO_TELL: Opening<'static> = Opening { needs: Needs::NO_PIXELS, quiet: false, keep: None };
+    pub(crate) const TO_DRAW: Opening<'static> =
+        Opening { needs: ImportScope::ALL, quiet: false, keep: None };
+    /// No image is decoded.
+    pub(crate) const TO_TELL: Opening<'static> =
+        Opening { needs: ImportScope::NO_PIXELS, quiet: false, keep: None };
 }
 
 /// What is kept between openings of the same input: the assets, and which files the last opening read, also where it failed.
@@ -30,7 +32,7 @@ impl Keep {
         self.touched.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    pub fn set_touched(&self, touched: Touched) {
+    pub(crate) fn set_touched(&self, touched: Touched) {
         *self.touched.lock().unwrap_or_else(PoisonError::into_inner) = touched;
     }
 }

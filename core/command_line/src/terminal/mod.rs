@@ -1,5 +1,5 @@
 //! Output on a terminal: lines, progress bars.
 
-pub mod import_bar;
+pub(crate) mod import_bar;
 pub mod page;
 pub mod progress;

@@ -5,7 +5,7 @@ use std::fmt::Arguments;
 
 /// Lines of which each stays one line, whatever names of files and from files are in it.
 #[derive(Default)]
-pub struct Page(String);
+pub(crate) struct Page(String);
 
 impl Page {
     pub fn line(&mut self, line: Arguments<'_>) {

@@ -6,7 +6,7 @@
 pub mod crossfade;
 pub(crate) mod key_search;
 pub(crate) mod packed;
-pub mod property_curve;
+pub(crate) mod property_curve;
 pub mod sample;
 pub(crate) mod sample_f64;
 pub(crate) mod slerp_series;
@@ -180,7 +180,7 @@ pub struct Clip {
     properties: Arc<[property_curve::CheckedPropertyCurve]>,
 }
 
-/// Morph targets that one curve may drive; a file that says more is refused.
+/// Morph targets that one curve may drive; a file that states more is refused.
 pub const MAX_WEIGHTS: u32 = 65_536;
 
 /// The largest number a key may hold, so that interpolation stays within f32.
@@ -424,7 +424,7 @@ fn check_keys(times: &[Time], values: &[f32], stride: usize) -> Result<(), Curve
     Ok(())
 }
 
-/// Checks one curve and renormalises its rotations; the text says which key is wrong.
+/// Checks one curve and renormalises its rotations; the text states which key is wrong.
 pub(crate) fn check_curve(curve: &mut Curve, joint_count: usize) -> Result<(), CurveError> {
     if curve.joint as usize >= joint_count {
         return Err(CurveError::NoJoint(joint_count));

@@ -188,7 +188,7 @@ fn columns<F: F8, const N: usize>(
     }
 }
 
-/// The first `W` components on the straight way between frames; those that are not stored are as `low` says.
+/// The first `W` components on the straight way between frames; those that are not stored are as `low` states.
 #[inline(always)]
 fn between_knots<F: F8, const N: usize, const W: usize>(
     column: &PackedColumn,

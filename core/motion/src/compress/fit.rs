@@ -110,7 +110,7 @@ struct Solver {
     factor: Vec<[f64; 4]>,
 }
 
-/// Pulls the few knots at the ends that no key tells to the line of their neighbours.
+/// Pulls the few knots at the ends that no key determines to the line of their neighbours.
 const STIFFNESS: f64 = 1e-9;
 
 impl Solver {

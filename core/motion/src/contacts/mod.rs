@@ -10,7 +10,7 @@
 //! those who stand by it. Authored clips move their feet by half more or less than that, and are still taken for standing.
 
 mod feet;
-pub mod phase_matching;
+pub(crate) mod phase_matching;
 mod still_intervals;
 
 use crate::clip::Clip;
@@ -38,7 +38,7 @@ const MOST: usize = 4096;
 /// A foot is on the floor for at least this share of a clip in which it stands at all.
 const LOWEST_SHARE: usize = 10;
 
-/// Thresholds below which a foot is in contact; above 0. A joint is in contact where [`ContactThresholds::unrest`] is at most 1.
+/// Thresholds below which a foot is in contact; above 0. A joint is in contact where `ContactThresholds::unrest` is at most 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactThresholds {
     /// Height above its lowest position, metres.

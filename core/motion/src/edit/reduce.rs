@@ -184,7 +184,7 @@ fn kept(curves: &[(&Curve, f64)]) -> Vec<usize> {
     kept
 }
 
-/// Whether the first key alone tells the curve.
+/// Whether the first key alone determines the curve.
 fn rests(curve: &Curve, allowed: f64) -> bool {
     (0..curve.times.len()).all(|key| apart(curve, &value(curve, 0), key) <= allowed)
 }

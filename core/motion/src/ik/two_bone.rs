@@ -16,7 +16,7 @@ pub struct TwoBone {
     /// Hand or foot.
     pub end: DVec3,
     pub target: DVec3,
-    /// A point that the elbow bends towards. One in line with start and target says nothing.
+    /// A point that the elbow bends towards. One in line with start and target gives no direction.
     pub pole: Option<DVec3>,
     /// Direction that a straight limb bends to, where there is no pole; zero: any, always the same.
     pub hint: DVec3,

@@ -4,7 +4,7 @@ pub mod additive;
 pub mod blend;
 pub mod inertialization;
 pub mod local_to_model;
-pub mod weighted_blend;
+pub(crate) mod weighted_blend;
 
 use crate::math::transform::Transform;
 use crate::simd::lane::{LANES, Lane};
@@ -14,7 +14,7 @@ use glam::{Quat, Vec3};
 /// Local transforms (parent-from-joint) of eight consecutive joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(32))]
-pub struct PoseBlock {
+pub(crate) struct PoseBlock {
     /// x y z, metres.
     pub translation: [Lane; 3],
     /// x y z w, unit.
@@ -62,11 +62,11 @@ impl Pose {
         self.len == 0
     }
 
-    pub fn blocks(&self) -> &[PoseBlock] {
+    pub(crate) fn blocks(&self) -> &[PoseBlock] {
         &self.blocks
     }
 
-    pub fn blocks_mut(&mut self) -> &mut [PoseBlock] {
+    pub(crate) fn blocks_mut(&mut self) -> &mut [PoseBlock] {
         &mut self.blocks
     }
 

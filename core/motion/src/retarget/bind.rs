@@ -1,16 +1,16 @@
 //! Clips on other skeletons: curves re-indexed by joint name.
 
 use crate::clip::{Clip, Curve, Path};
-use crate::retarget::t_pose::Bodies;
+use crate::retarget::t_pose::HumanoidPair;
 use crate::skeleton::Skeleton;
 use crate::skeleton::model_rest_pose::ModelRestPose;
 
 /// The clip's curves on the joints of another skeleton that have the same name, exactly or else without namespace
-/// prefixes ([`crate::skeleton::plain_name`]), or else by its place in a human body ([`crate::skeleton::joint_names::humanoid_name`]):
+/// prefixes (`crate::skeleton::plain_name`), or else by its place in a human body (`crate::skeleton::joint_names::humanoid_name`):
 /// that fits where both skeletons rest in the same pose with the same axes. Keys are shared with the given clip, not copied.
 /// Also returns the names of animated joints for which `to` has none, in skeleton order.
 ///
-/// Where a skeleton has a [`Humanoid`] of its own, human bones are matched by that before any name, and their rotations are
+/// Where a skeleton has a `Humanoid` of its own, human bones are matched by that before any name, and their rotations are
 /// carried from T-pose to T-pose, the hips' place in proportion to their height (VRM Animation 1.0,
 /// "how_to_transform_human_pose.md"); other bones keep their own lengths. So the axes and sizes of the two may differ.
 ///
@@ -21,17 +21,19 @@ pub fn bind_clip(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Vec<Stri
     if from.names() == to.names() {
         return (clip.clone(), Vec::new());
     }
-    let bodies = (from.humanoid().is_some() || to.humanoid().is_some()).then(|| Bodies::new(from, to));
-    let matched: Vec<Option<u32>> = match_joints(from, to, bodies.as_ref());
+    let humanoids =
+        (from.humanoid().is_some() || to.humanoid().is_some()).then(|| HumanoidPair::new(from, to));
+    let matched: Vec<Option<u32>> = match_joints(from, to, humanoids.as_ref());
     let units = Units { from: ModelRestPose::of(from).scales, to: ModelRestPose::of(to).scales };
     let mut unmatched = std::collections::BTreeSet::new();
     let mut curves: Vec<Curve> = Vec::with_capacity(clip.curves().len());
     for curve in clip.curves() {
         match matched.get(curve.joint as usize).copied().flatten() {
             Some(joint) => {
-                let bone = bodies.as_ref().and_then(|b| b.bone(curve.joint)).filter(|(_, to)| *to == joint);
-                match (&bodies, bone) {
-                    (Some(bodies), Some((bone, _))) => curves.extend(bodies.carry(curve, bone)),
+                let bone =
+                    humanoids.as_ref().and_then(|b| b.bone(curve.joint)).filter(|(_, to)| *to == joint);
+                match (&humanoids, bone) {
+                    (Some(humanoids), Some((bone, _))) => curves.extend(humanoids.carry(curve, bone)),
                     _ => {
                         let parents = [from.parents()[curve.joint as usize], to.parents()[joint as usize]];
                         curves.push(Curve { joint, ..units.carry(curve, parents) });
@@ -75,7 +77,7 @@ pub(crate) fn match_names(from: &Skeleton, to: &Skeleton) -> Vec<Option<u32>> {
 }
 
 /// Joint of `to` for each joint of `from`; no joint of `to` twice.
-fn match_joints(from: &Skeleton, to: &Skeleton, bodies: Option<&Bodies>) -> Vec<Option<u32>> {
+fn match_joints(from: &Skeleton, to: &Skeleton, humanoids: Option<&HumanoidPair>) -> Vec<Option<u32>> {
     let mut exact = std::collections::BTreeMap::new();
     let mut plain = std::collections::BTreeMap::new();
     for (joint, name) in to.names().iter().enumerate() {
@@ -88,7 +90,7 @@ fn match_joints(from: &Skeleton, to: &Skeleton, bodies: Option<&Bodies>) -> Vec<
     }
     let mut taken = vec![false; to.len()];
     let mut matched: Vec<Option<u32>> = vec![None; from.len()];
-    for (from, to) in bodies.iter().flat_map(|b| b.pairs()) {
+    for (from, to) in humanoids.iter().flat_map(|b| b.pairs()) {
         taken[to as usize] = true;
         matched[from as usize] = Some(to);
     }

@@ -26,7 +26,7 @@ pub struct RetargetReport {
     pub rests_standing: bool,
     /// Whether the target does ([`Retarget::target_stands`]).
     pub target_stands: bool,
-    /// Sampling stopped at [`MOST_KEYS`] before the tolerance was reached.
+    /// Sampling stopped at `MOST_KEYS` before the tolerance was reached.
     pub coarse: bool,
 }
 

@@ -268,7 +268,7 @@ impl<'a> Retarget<'a> {
 
 /// The clip on another skeleton, and how much of it follows: copied curve by curve where joints mean the same there (see
 /// [`same_joints`]); between characters retargeted, with a report. Where the skeletons are no characters it is copied by names, or
-/// retargeted where structure tells more joints than names do.
+/// retargeted where structure identifies more joints than names do.
 /// Where both files name the bones of a humanoid, rotations go from T-pose to T-pose, as VRM has it ([`crate::bind_clip`]).
 pub fn bind_or_retarget(
     clip: &Clip,

@@ -1,4 +1,4 @@
-//! Motion that no single curve tells, looked at as often as it takes.
+//! Motion that no single curve describes, sampled as often as it takes.
 
 use super::Retarget;
 use super::frame::Frame;

@@ -17,7 +17,7 @@ const SAME: f64 = 3e-7;
 const LOWEST_HIPS: f64 = 1e-3;
 
 /// The bones that two skeletons have in common.
-pub(crate) struct Bodies {
+pub(crate) struct HumanoidPair {
     /// The bone and target joint of each source joint.
     bones: BTreeMap<u32, Common>,
 }
@@ -32,9 +32,9 @@ struct Common {
     place: Option<DAffine3>,
 }
 
-impl Bodies {
+impl HumanoidPair {
     /// A skeleton without a [`Humanoid`] is taken for the one that its names tell, at rest in a T-pose.
-    pub fn new(from: &Skeleton, to: &Skeleton) -> Bodies {
+    pub fn new(from: &Skeleton, to: &Skeleton) -> HumanoidPair {
         let humanoid = |s: &Skeleton| s.humanoid().cloned().unwrap_or_else(|| Humanoid::from_names(s));
         let (source, target) = (humanoid(from), humanoid(to));
         let (source_pose, target_pose) = (source.model_from_t_pose(from), target.model_from_t_pose(to));
@@ -58,7 +58,7 @@ impl Bodies {
                 },
             );
         }
-        Bodies { bones }
+        HumanoidPair { bones }
     }
 
     /// Joints of the source and of the target.

@@ -162,7 +162,7 @@ mod tests {
                 rounded_twice += u32::from(naive.to_bits() != by_f64(a, b, c).to_bits());
             }
         }
-        // A product of 1 + 2^-12 and 1 + 2^-12 ends in a tie; a little beside it tells up from down.
+        // A product of 1 + 2^-12 and 1 + 2^-12 ends in a tie; a value a little beside it distinguishes up from down.
         let tie = 1.0 + 2f32.powi(-12);
         for little in [f32::from_bits(1), 1e-30, 1e-12] {
             for c in [little, -little] {

@@ -1,12 +1,12 @@
 //! Eight floats in memory, aligned for one register.
 
 /// Joints in one block of a pose: one AVX register of f32.
-pub const LANES: usize = 8;
+pub(crate) const LANES: usize = 8;
 
 /// One float of each of eight joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(32))]
-pub struct Lane(pub [f32; LANES]);
+pub(crate) struct Lane(pub [f32; LANES]);
 
 impl Lane {
     pub const fn splat(v: f32) -> Lane {

@@ -1,6 +1,6 @@
 //! Eight floats at a time, or for vertices sixteen: one set of kernels, three ways to run them, the same bits.
 //!
-//! A kernel is written once over [`F8`], one of skins over [`Vertices`]. [`Level::Portable`] computes on arrays, [`Level::Avx2`]
+//! A kernel is written once over `F8`, one of skins over `Vertices`. [`Level::Portable`] computes on arrays, [`Level::Avx2`]
 //! and [`Level::Avx512`] on registers; all do the same IEEE operations in the same order, so that every machine gives the
 //! same bits. Only skinning of vertices fuses multiplications with additions, which saves it a sixth of its time; where the processor
 //! cannot, `fused.rs` rounds once by other means. (The arrays alone, compiled for AVX2, were tried: the compiler vectorised the arithmetic, but not the

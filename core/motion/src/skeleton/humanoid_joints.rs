@@ -7,7 +7,7 @@ use crate::skeleton::sides::{Side, side_of};
 use crate::skeleton::symmetry::partners;
 use std::collections::BTreeMap;
 
-/// Joints of a humanoid by the names of [`humanoid_name`]: "hips", "left arm", "right toebase", …
+/// Joints of a humanoid by the names of `humanoid_name`: "hips", "left arm", "right toebase", …
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HumanoidJoints {
     joints: BTreeMap<String, u32>,

@@ -1,11 +1,11 @@
 //! A node tree in parent-first order with a rest pose.
 
 pub mod humanoid;
-pub mod humanoid_joints;
+pub(crate) mod humanoid_joints;
 pub mod joint_names;
 pub(crate) mod model_rest_pose;
 pub mod sides;
-pub mod symmetry;
+pub(crate) mod symmetry;
 
 use crate::math::transform::Transform;
 use crate::skeleton::humanoid::{HumanBone, Humanoid, HumanoidError};
@@ -71,7 +71,7 @@ impl Skeleton {
         Ok(Skeleton { humanoid: Some(Arc::new(humanoid)), ..self })
     }
 
-    /// The bones of a human body, where the file names them; see [`Humanoid::from_names`] for others.
+    /// The bones of a human body, where the file names them; see `Humanoid::from_names` for others.
     pub fn humanoid(&self) -> Option<&Humanoid> {
         self.humanoid.as_deref()
     }
@@ -98,9 +98,9 @@ impl Skeleton {
         &self.by_depth
     }
 
-    /// Index of the joint with this exact name, else of the only joint whose [`plain_name`] matches, else of the bone of this name
+    /// Index of the joint with this exact name, else of the only joint whose `plain_name` matches, else of the bone of this name
     /// of the skeleton's [`Humanoid`], else of the only one that is the same joint of a human body
-    /// ([`crate::skeleton::joint_names::humanoid_name`]).
+    /// (`crate::skeleton::joint_names::humanoid_name`).
     pub fn find(&self, name: &str) -> Option<usize> {
         if let Some(i) = self.names.iter().position(|n| n == name) {
             return Some(i);

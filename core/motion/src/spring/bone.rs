@@ -33,7 +33,7 @@ use std::f64::consts::PI;
 
 /// Metres a second: a head whose speed changes by more in one step has been put elsewhere, and the stick goes with it,
 /// undisturbed. (At 60 steps a second that is an acceleration of 600 g.)
-pub const TELEPORT_SPEED: f64 = 100.0;
+pub(crate) const TELEPORT_SPEED: f64 = 100.0;
 
 /// How a bone swings; the numbers of the equation above.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

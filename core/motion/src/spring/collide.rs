@@ -7,7 +7,7 @@ use glam::{DAffine3, DVec3};
 
 /// A [`ColliderShape`] where it is now; metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum WorldCollider {
+pub(crate) enum WorldCollider {
     Sphere {
         center: DVec3,
         radius: f64,

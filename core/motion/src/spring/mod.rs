@@ -1,6 +1,6 @@
 //! Spring bones (secondary motion): hair, skirts and tails that follow their character.
 //!
-//! [`SpringRig`] says which joints swing and how, from the parameters of a VRM file ([`parameters`]) or one's own numbers;
+//! [`SpringRig`] states which joints swing and how, from the parameters of a VRM file ([`parameters`]) or one's own numbers;
 //! [`SpringStep`] moves them on by a step of any length and turns the joints. [`bone`] has the equation, why it is stable and
 //! where it is exact.
 //!
@@ -9,14 +9,14 @@
 
 pub mod bone;
 pub mod collide;
-pub mod oscillator;
+pub(crate) mod oscillator;
 pub mod parameters;
 pub mod rig;
-pub mod simulate;
+mod simulate;
 pub mod sphere;
 
-pub use bone::{BoneState, Drive, SpringBone, TELEPORT_SPEED};
-pub use collide::WorldCollider;
+pub use bone::{BoneState, Drive, SpringBone};
+use collide::WorldCollider;
 pub use oscillator::Response;
 pub use parameters::{ColliderShape, SpringChain, SpringCollider, SpringError, SpringJoint, Springs};
 pub use rig::{RigBone, SpringRig};

@@ -90,6 +90,10 @@ impl SpringRig {
         &self.colliders
     }
 
+    pub fn len(&self) -> usize {
+        self.bones.len()
+    }
+
     pub fn is_empty(&self) -> bool {
         self.bones.is_empty()
     }

@@ -13,6 +13,7 @@ pub struct Time(pub i64);
 impl Time {
     pub const TICKS_PER_SECOND: i64 = 705_600_000;
     pub const ZERO: Time = Time(0);
+    pub const MIN: Time = Time(i64::MIN);
     pub const MAX: Time = Time(i64::MAX);
 
     /// Nearest tick; NaN gives zero and infinities saturate (callers that must refuse them check first).

@@ -37,6 +37,7 @@ pub struct AssetBuilder {
 /// One mesh. Only `positions` are needed; every array is flat and has as many elements as there are vertices.
 #[derive(Clone, Debug, Default)]
 pub struct MeshData {
+    /// Name of the mesh; empty: `mesh N`.
     pub name: String,
     /// The joint it hangs on; without one, a joint at the origin that is added for it.
     pub joint: Option<u32>,
@@ -54,10 +55,12 @@ pub struct MeshData {
     pub colors: Vec<f32>,
     /// Numbers of joints, as many a vertex as `weights` has: 1 to 8. The mesh then follows these joints.
     pub joints: Vec<u32>,
+    /// Weights of the joints, not negative; they need not add up to 1.
     pub weights: Vec<f32>,
     /// joint-from-mesh matrices at bind time by joint number, 16 numbers each, column by column; empty: the mesh lies as
     /// the joints rest.
     pub inverse_bind: Vec<f32>,
+    /// Number of its material; without one, the default material.
     pub material: Option<u32>,
 }
 
@@ -94,6 +97,7 @@ impl AssetBuilder {
         Ok(count as u32)
     }
 
+    /// Names of the joints so far, by number.
     pub fn joints(&self) -> &[String] {
         &self.names
     }
@@ -173,6 +177,7 @@ impl AssetBuilder {
         self.asset.warnings.push(Warning { place: place.to_string(), text: text.to_string() });
     }
 
+    /// Checks the skeleton and the clips, and gives the asset.
     pub fn finish(mut self, name: &str) -> Result<Asset> {
         if self.names.is_empty() {
             self.joint("root", None, Transform::IDENTITY)?;

@@ -59,11 +59,11 @@ impl<'a> DrawRecorder<'a> {
     }
 
     /// A new pass has begun, in which nothing is bound.
-    pub fn forget_state(&mut self) {
+    pub(crate) fn forget_state(&mut self) {
         self.bound = BoundState::default();
     }
 
-    pub fn set_cull(&mut self, cull: Cull) {
+    pub(crate) fn set_cull(&mut self, cull: Cull) {
         if self.bound.cull != Some(cull) {
             self.commands.push(Command::SetCull(cull));
             self.bound.cull = Some(cull);
@@ -71,7 +71,7 @@ impl<'a> DrawRecorder<'a> {
     }
 
     /// Records a full-screen draw, which binds a pipeline of its own.
-    pub fn draw_full_screen(&mut self, command: Command) {
+    pub(crate) fn draw_full_screen(&mut self, command: Command) {
         self.set_cull(Cull::None);
         self.commands.push(command);
         self.bound.pipeline = None;

@@ -3,7 +3,7 @@
 
 mod deferred;
 mod draws;
-pub mod preskin;
+pub(crate) mod preskin;
 mod scene;
 mod text;
 mod texture_limit;
@@ -121,6 +121,8 @@ pub enum Command {
     /// Draws the sky in its place, with the same effects.
     DrawSky {
         surface: u8,
+        /// [`Plan::display`].
+        display: Features,
     },
     /// Draws the 2D layers behind the scene.
     DrawLayersBehind,

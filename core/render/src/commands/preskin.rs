@@ -285,6 +285,6 @@ impl Recording {
                 )
             }
         };
-        Some(LeftOut { what: "skinning once for all passes".into(), why })
+        Some(LeftOut { what: "pre-skinning".into(), why })
     }
 }

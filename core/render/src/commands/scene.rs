@@ -132,7 +132,7 @@ fn record_background(draws: &mut DrawRecorder, pass: &ScenePass) {
     let surface = plan.background_effects;
     if pass.sky || ((pass.gradient || surface != 0) && !pass.copied) {
         draws.draw_full_screen(match pass.sky {
-            true => Command::DrawSky { surface },
+            true => Command::DrawSky { surface, display: plan.display },
             false => Command::DrawBackground { surface },
         });
     }

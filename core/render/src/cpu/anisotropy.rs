@@ -1,8 +1,8 @@
 //! Anisotropy: the direction along which highlights are drawn out, as of brushed metal. CPU reference of the part of scene.wgsl.
 
 use super::brdf::Anisotropy;
-use super::lanes::{F4, V3};
 use super::shade::{Fragment, Quad};
+use crate::lanes::{F4, V3};
 use crate::plan::Features;
 use choreo_asset::MaterialLayers;
 

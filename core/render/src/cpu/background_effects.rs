@@ -3,12 +3,12 @@
 use super::row_color;
 use super::sky::Backdrop;
 use crate::plan::Plan;
-use choreo_plugin::{BACKGROUND_DISTANCE, Effect, Seen};
+use choreo_plugin::{BACKGROUND_DISTANCE, Effect, SurfaceSample};
 use glam::{Vec2, Vec3, Vec4, Vec4Swizzles};
 use std::sync::Arc;
 
 /// The background where it is no color a row: the sky, or what effects make of it.
-pub struct Veil<'a> {
+pub(crate) struct Veil<'a> {
     pub plan: &'a Plan,
     pub backdrop: Option<Backdrop<'a>>,
     /// Effects in order, with their parameters.
@@ -16,7 +16,7 @@ pub struct Veil<'a> {
 }
 
 impl Veil<'_> {
-    /// Linear, of a pixel of the picture.
+    /// Linear, of a pixel of the image.
     pub fn pixel(&self, x: i32, y: i32) -> Vec4 {
         let color = match &self.backdrop {
             Some(backdrop) => backdrop.pixel(x, y),
@@ -39,13 +39,19 @@ impl Veil<'_> {
         };
         let way = ahead * (1.0 / ahead.dot(ahead).max(1e-20).sqrt());
         let viewer = view.position.as_vec3() + beside;
-        let seen = Seen {
+        let seen = SurfaceSample {
             world: viewer + way * BACKGROUND_DISTANCE,
             distance: BACKGROUND_DISTANCE,
             background: color.truncate(),
             viewer,
-            ..Seen::default()
+            ..SurfaceSample::default()
         };
-        self.effects.iter().fold(color, |color, (effect, p)| effect.cpu_surface(color, &seen, p))
+        let mut colors = [color];
+        for (effect, p) in &self.effects {
+            if let Some(function) = effect.function() {
+                function.surfaces(&mut colors, &[seen], p);
+            }
+        }
+        colors[0]
     }
 }

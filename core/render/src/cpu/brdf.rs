@@ -3,8 +3,7 @@
 //! choreo's light convention: radiance out = π · f · colour · intensity · NL, so that a white diffuse surface facing a
 //! directional light of intensity 1 is 1. The functions here return π · f.
 
-use super::lanes::{F4, V3};
-use crate::plan::{LightType, PlanLight};
+use crate::lanes::{F4, V3};
 use glam::Vec3;
 
 pub struct Surface {
@@ -20,7 +19,7 @@ pub struct Surface {
 
 /// Unit, along and across which highlights are drawn out, and alpha in each.
 #[derive(Clone, Copy)]
-pub struct Anisotropy {
+pub(crate) struct Anisotropy {
     pub along: V3,
     pub across: V3,
     pub alpha_along: F4,
@@ -45,7 +44,7 @@ impl Anisotropy {
 /// glTF 2.0 Appendix B.3 with KHR_materials_specular: c_diff = base · (1 − metallic),
 /// F0 = mix(min(0.04 · specular_color, 1) · specular, base, metallic), F90 = mix(specular, 1, metallic).
 /// Roughness below 0.045 would make highlights smaller than f32 resolves.
-pub fn surface_of(base: V3, metallic: F4, roughness: F4, specular: F4, specular_color: V3) -> Surface {
+pub(crate) fn surface_of(base: V3, metallic: F4, roughness: F4, specular: F4, specular_color: V3) -> Surface {
     let tint = specular_color * F4::splat(0.04);
     let tint = V3 { x: tint.x.min(F4::ONE), y: tint.y.min(F4::ONE), z: tint.z.min(F4::ONE) };
     Surface {
@@ -60,7 +59,7 @@ pub fn surface_of(base: V3, metallic: F4, roughness: F4, specular: F4, specular_
 
 /// c_diff · (1 − max F) + F · V · D (times π). D: GGX (Walter 2007, eq. 33) with α = roughness². V: Smith's
 /// height-correlated G / (4 NL NV) (Heitz 2014, eq. 99). F: Schlick 1994. glTF 2.0 Appendix B.3.
-pub fn reflect_light(s: &Surface, n: V3, v: V3, l: V3, nv: F4, nl: F4) -> V3 {
+pub(crate) fn reflect_light(s: &Surface, n: V3, v: V3, l: V3, nv: F4, nl: F4) -> V3 {
     let h = (l + v).unit();
     let nh = n.dot(h).clamp(0.0, 1.0);
     let vh = v.dot(h).clamp(0.0, 1.0);
@@ -90,7 +89,7 @@ pub fn reflect_light(s: &Surface, n: V3, v: V3, l: V3, nv: F4, nl: F4) -> V3 {
 
 /// The environment's BRDF, second half of the split sum: Karis, "Physically Based Shading on Mobile", 2014.
 /// His fit has F90 = 1; here it scales the second term, so that `specular` 0 reflects nothing.
-pub fn ambient_specular(f0: V3, f90: F4, roughness: F4, nv: F4) -> V3 {
+pub(crate) fn ambient_specular(f0: V3, f90: F4, roughness: F4, nv: F4) -> V3 {
     let x = F4::ONE - roughness;
     let y = roughness * -0.0275 + 0.0425;
     let z = roughness * -0.572 + 1.04;
@@ -103,7 +102,7 @@ pub fn ambient_specular(f0: V3, f90: F4, roughness: F4, nv: F4) -> V3 {
 /// Lambert + Blinn–Phong normalised by (s + 8) / 8 (Akenine-Möller et al., Real-Time Rendering, 3rd ed., eq. 7.48;
 /// times π, half vector not multiplied by NL again): base + specular · (s + 8)/8 · NH^s. Phong's own highlight is RV^s with R the
 /// mirrored light, normalised by (s + 2) / 2 (Lafortune & Willems 1994).
-pub fn reflect_light_phong(base: V3, [specular, n, v, l]: [V3; 4], shininess: f32, blinn: bool) -> V3 {
+pub(crate) fn reflect_light_phong(base: V3, [specular, n, v, l]: [V3; 4], shininess: f32, blinn: bool) -> V3 {
     if !blinn {
         let rv = (n * (n.dot(l) * 2.0) - l).dot(v).clamp(0.0, 1.0);
         let power = rv.map(|x| libm::powf(x, shininess));
@@ -117,29 +116,4 @@ pub fn reflect_light_phong(base: V3, [specular, n, v, l]: [V3; 4], shininess: f3
 /// Hemisphere light: mix(down, up, n.y · ½ + ½).
 pub fn ambient(up: Vec3, down: Vec3, n: V3) -> V3 {
     V3::splat(down).mix(V3::splat(up), n.y * 0.5 + 0.5)
-}
-
-/// KHR_lights_punctual: direction to the light and its strength; inverse square, window max(1 − (d/range)⁴, 0), and
-/// the squared cone falloff clamp(cos · scale + offset).
-pub fn incoming(light: &PlanLight, relative: V3) -> (V3, F4) {
-    let shines = V3::splat(light.direction);
-    if light.kind == LightType::Directional {
-        return (-shines, F4::ONE);
-    }
-    let offset = V3::splat(light.position) - relative;
-    let d2 = offset.dot(offset).max(F4::splat(1e-8));
-    let to_light = offset * (F4::ONE / d2.sqrt());
-    let x = d2 * light.inverse_range_squared;
-    let mut strength = (F4::ONE - x * x).clamp(0.0, 1.0) / d2;
-    if light.is_polynomial() {
-        let (first, square) = (light.polynomial.x, light.polynomial.y);
-        let falloff = d2.sqrt() * first + d2 * square + F4::splat(1.0 - first - square);
-        strength = F4::ONE / falloff;
-    }
-    if light.kind == LightType::Spot {
-        let cos = -shines.dot(to_light);
-        let cone = (cos * light.cone.x + light.cone.y).clamp(0.0, 1.0);
-        strength *= cone * cone;
-    }
-    (to_light, strength)
 }

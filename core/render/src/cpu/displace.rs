@@ -3,7 +3,7 @@
 use super::CpuRenderer;
 use crate::affine::Affine3x4;
 use crate::plan::Plan;
-use choreo_plugin::{Effect, Place};
+use choreo_plugin::{Effect, VertexSample};
 use glam::{Vec3, Vec4Swizzles};
 use std::sync::Arc;
 
@@ -27,10 +27,10 @@ impl CpuRenderer {
 const STEP: f32 = 0.003_906_25;
 
 /// How far all of them together move a corner, metres in the world. `rows`: what brought it there.
-pub fn offset(effects: &[Displacement], place: &Place, rows: &Affine3x4) -> Vec3 {
+pub fn offset(effects: &[Displacement], place: &VertexSample, rows: &Affine3x4) -> Vec3 {
     effects.iter().fold(Vec3::ZERO, |sum, d| {
-        let mut offset = d.effect.cpu_vertex(place, &d.parameters);
-        if d.effect.along_model() {
+        let mut offset = d.effect.function().map_or(Vec3::ZERO, |f| f.vertex(place, &d.parameters));
+        if d.effect.in_model_space() {
             offset = rows.transform_vector(offset);
         }
         sum + offset * (d.reach / offset.length().max(1e-20)).min(1.0)
@@ -38,7 +38,7 @@ pub fn offset(effects: &[Displacement], place: &Place, rows: &Affine3x4) -> Vec3
 }
 
 /// Normal of the displaced surface, from what a step along two tangents becomes.
-pub fn normal(effects: &[Displacement], place: &Place, rows: &Affine3x4, moved: Vec3) -> Vec3 {
+pub fn normal(effects: &[Displacement], place: &VertexSample, rows: &Affine3x4, moved: Vec3) -> Vec3 {
     // Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
     let n = place.normal;
     let s = if n.z >= 0.0 { 1.0 } else { -1.0 };
@@ -51,7 +51,7 @@ pub fn normal(effects: &[Displacement], place: &Place, rows: &Affine3x4, moved: 
     unit(unit(step(t)).cross(unit(step(u))))
 }
 
-fn shifted(place: &Place, rows: &Affine3x4, way: Vec3) -> Place {
+fn shifted(place: &VertexSample, rows: &Affine3x4, way: Vec3) -> VertexSample {
     let mut there = *place;
     there.world += way * STEP;
     // The inverse by cofactors.

@@ -2,20 +2,23 @@
 //! scene.wgsl that read the layers' uniform; their formulas are in layers.rs.
 
 use super::brdf::{Surface, ambient_specular};
-use super::lanes::{F4, V3};
 use super::layers::{coat_fresnel, coat_lobe, let_through, sheen_albedo, sheen_lobe};
 use super::lighting::SurfacePoint;
 use super::shade::{Fragment, Quad, rgb};
 use super::sky::Around;
 use super::thin_film::{film_f0, film_reflectance};
+use crate::lanes::{F4, V3};
 use crate::plan::Features;
 use choreo_asset::MaterialLayers;
 use glam::Vec3;
 
 /// What the layers add to a surface; by default nothing.
 pub struct Over {
-    /// Transmitted light of the scene behind, and of the sky or the scene color copy.
+    /// Transmitted share of the scene behind.
     pub through: V3,
+    /// Transmitted light from all around, of rough thin glass.
+    pub blurred: V3,
+    /// Transmitted part of the scene color copy, of refracting glass.
     pub behind: V3,
     pub below_sheen: F4,
     pub sheen: V3,
@@ -33,6 +36,7 @@ impl Default for Over {
         let none = V3::splat(Vec3::ZERO);
         Over {
             through: none,
+            blurred: none,
             behind: none,
             below_sheen: F4::ONE,
             sheen: none,
@@ -46,7 +50,7 @@ impl Default for Over {
 }
 
 /// Four points of a surface with layers.
-pub struct LayeredPoint<'a> {
+pub(crate) struct LayeredPoint<'a> {
     pub fragment: &'a Fragment<'a>,
     pub quad: &'a Quad<'a>,
     pub point: &'a SurfacePoint,
@@ -137,7 +141,7 @@ impl LayeredPoint<'_> {
             over.behind = through * seen;
         } else {
             let blurred = self.roughness * self.roughness;
-            over.behind = through * self.mirrored(-v, s.roughness) * blurred;
+            over.blurred = through * self.mirrored(-v, s.roughness) * blurred;
             over.through = through * (F4::ONE - blurred);
         }
         s.diffuse = s.diffuse * (F4::ONE - transmission);

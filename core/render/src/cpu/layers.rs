@@ -1,17 +1,17 @@
 //! Formulas of clearcoat, sheen and transmission, four pixels at once. Times π, as in brdf.rs. CPU reference of layers.wgsl.
 
-use super::lanes::{F4, V3};
+use crate::lanes::{F4, V3};
 use glam::Vec3;
 
 /// Schlick's Fresnel of a coat of index 1.5, F0 = 0.04, by the angle to the viewer (KHR_materials_clearcoat, "Layering").
-pub fn coat_fresnel(nv: F4) -> F4 {
+pub(crate) fn coat_fresnel(nv: F4) -> F4 {
     let x = F4::ONE - nv;
     let x2 = x * x;
     x2 * x2 * x * 0.96 + F4::splat(0.04)
 }
 
 /// GGX distribution times Smith's visibility, as the surface below has them (`brdf::reflect_light`), without Fresnel.
-pub fn coat_lobe(roughness: F4, n: V3, v: V3, l: V3, nv: F4, nl: F4) -> F4 {
+pub(crate) fn coat_lobe(roughness: F4, n: V3, v: V3, l: V3, nv: F4, nl: F4) -> F4 {
     let nh = n.dot((l + v).unit()).clamp(0.0, 1.0);
     let alpha = roughness * roughness;
     let a2 = alpha * alpha;
@@ -23,7 +23,7 @@ pub fn coat_lobe(roughness: F4, n: V3, v: V3, l: V3, nv: F4, nl: F4) -> F4 {
 
 /// "Charlie" distribution (Estevez & Kulla, "Production Friendly Microfacet Sheen BRDF", 2017, eq. 2, α = roughness²) times
 /// Neubelt's visibility 1 / (4 (NL + NV − NL·NV)), as KHR_materials_sheen has them.
-pub fn sheen_lobe(roughness: F4, n: V3, v: V3, l: V3, nv: F4, nl: F4) -> F4 {
+pub(crate) fn sheen_lobe(roughness: F4, n: V3, v: V3, l: V3, nv: F4, nl: F4) -> F4 {
     let nh = n.dot((l + v).unit()).clamp(0.0, 1.0);
     let inverse = F4::ONE / (roughness * roughness);
     let sine = (F4::ONE - nh * nh).max(F4::splat(1e-6));
@@ -46,7 +46,7 @@ pub fn sheen_albedo(roughness: F4, nv: F4) -> F4 {
 }
 
 /// The share of each colour that a volume lets through: Beer–Lambert (KHR_materials_volume, "Attenuation").
-pub fn let_through(extinction: Vec3, depth: F4) -> V3 {
+pub(crate) fn let_through(extinction: Vec3, depth: F4) -> V3 {
     let channel = |e: f32| (depth * -e).map(libm::expf);
     V3 { x: channel(extinction.x), y: channel(extinction.y), z: channel(extinction.z) }
 }

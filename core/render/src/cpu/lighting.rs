@@ -1,16 +1,15 @@
 //! The lights of a surface, and effects that decide what light does on it, in place of its own model. CPU reference of
 //! `light_effects` in scene.wgsl.
 
-use super::brdf::incoming;
-use super::lanes::{F4, V3};
 use super::shade::Fragment;
+use crate::lanes::{F4, V3};
 use crate::plan::PlanLight;
-use choreo_plugin::Falling;
+use choreo_plugin::LightSample;
 use glam::Vec3;
 
 /// Four points of a surface that lights fall on.
 #[derive(Clone, Copy)]
-pub struct SurfacePoint {
+pub(crate) struct SurfacePoint {
     /// Camera-relative.
     pub relative: V3,
     /// Normal without the normal map; the other is with it.
@@ -38,7 +37,7 @@ impl Fragment<'_> {
 
     /// As [`Fragment::lights`], by the effects where there are any.
     #[inline(always)]
-    pub fn all_lights(&self, on: &SurfacePoint, color: &mut V3, reflect: impl Fn(V3, F4) -> V3) {
+    pub(crate) fn all_lights(&self, on: &SurfacePoint, color: &mut V3, reflect: impl Fn(V3, F4) -> V3) {
         match self.lighting.is_empty() {
             true => self.lights(on.relative, [on.own_n, on.n], color, reflect),
             false => self.lights_by_effects(on, color, reflect),
@@ -48,16 +47,15 @@ impl Fragment<'_> {
     /// Each light's part handed to the effects.
     fn lights_by_effects(&self, on: &SurfacePoint, color: &mut V3, reflect: impl Fn(V3, F4) -> V3) {
         for light in &self.plan.lights {
-            let (l, strength) = incoming(light, on.relative);
+            let (l, strength) = light.incoming(on.relative);
             let cosine = on.n.dot(l);
             let nl = cosine.clamp(0.0, 1.0);
             let share = self.share(light, on.relative, on.own_n, l);
             let arriving = V3::splat(light.color) * strength;
             let lit = reflect(l, nl) * arriving * (nl * share);
-            let mut out = [F4::ZERO; 3];
-            for i in 0..4 {
+            let sample = |i: usize| {
                 let lane = |v: &V3| Vec3::new(v.x.0[i], v.y.0[i], v.z.0[i]);
-                let mut falling = Falling {
+                LightSample {
                     cosine: cosine.0[i],
                     share: share.0[i],
                     color: lane(&arriving),
@@ -67,15 +65,16 @@ impl Fragment<'_> {
                     light: lane(&l),
                     // Where the light is behind the surface the division by NL in V means nothing.
                     lit: if nl.0[i] > 0.0 { lane(&lit) } else { Vec3::ZERO },
-                };
-                for (effect, parameters) in &self.lighting {
-                    falling.lit = effect.cpu_lighting(&falling, parameters);
                 }
-                for (out, c) in out.iter_mut().zip(falling.lit.to_array()) {
-                    out.0[i] = c;
+            };
+            let mut samples: [LightSample; 4] = std::array::from_fn(sample);
+            for (effect, parameters) in &self.lighting {
+                if let Some(function) = effect.function() {
+                    function.lights(&mut samples, parameters);
                 }
             }
-            *color = *color + V3 { x: out[0], y: out[1], z: out[2] };
+            let [x, y, z] = [0, 1, 2].map(|c| F4(samples.map(|sample| sample.lit[c])));
+            *color = *color + V3 { x, y, z };
         }
     }
 }

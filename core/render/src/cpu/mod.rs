@@ -9,14 +9,13 @@ mod brdf;
 mod changed;
 mod coverage;
 mod displace;
-mod lanes;
+pub mod image_passes;
 mod layer_shading;
 mod layers;
 mod lighting;
 mod overlay;
 mod parallax;
 mod peel;
-pub mod picture;
 mod preskin;
 mod raster;
 mod reflection;
@@ -25,22 +24,24 @@ mod setup;
 mod shade;
 mod shadow;
 mod sky;
+mod stage_times;
 mod stages;
 mod streams;
 mod surface;
 mod target;
 mod texture;
+mod thick_lines;
 pub mod thin_film;
 mod tile;
 mod toon;
 mod triplanar;
 mod uv;
 mod vertex;
-mod wide;
+mod view_transform;
 
 use crate::error::RenderError;
 use crate::plan::motion_blur::Accumulated;
-use crate::plan::{Draw, Features, Glass, OverlayPart, PipelineKey, Plan};
+use crate::plan::{self, Draw, Features, Glass, OverlayPart, PipelineKey, Plan};
 use crate::renderer::{DeviceInfo, DeviceKind, Renderer};
 use crate::scene_resources::SceneResources;
 use crate::sky::{SkyBackground, SkyMaps};
@@ -55,6 +56,7 @@ use refraction::SceneColorCopy;
 use setup::Assembly;
 use shade::{Fragment, ShadeMaterial};
 use shadow::ShadowMaps;
+use stage_times::Stage;
 use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 use target::{Float, PixelOf, Srgb8, Target};
@@ -62,10 +64,11 @@ use texture::Texture;
 use tile::{Batch, Paint, Phase, Tile, TileBuffers, TriangleId, tiles_of};
 use vertex::{Hull, VertexStage};
 
+pub use stage_times::StageTimes;
 pub use stages::STAGES;
 
 /// Largest width and height, in pixels.
-pub const MAX_SIZE: u32 = 16384;
+pub(crate) const MAX_SIZE: u32 = 16384;
 
 /// Frames are drawn when they are collected, by all threads of the current rayon pool.
 pub struct CpuRenderer {
@@ -77,6 +80,7 @@ pub struct CpuRenderer {
     /// The scene's sky, once a plan has shown it.
     sky: Option<Sky>,
     submitted: VecDeque<Plan>,
+    times: Arc<StageTimes>,
 }
 
 #[derive(Default)]
@@ -102,11 +106,17 @@ impl CpuRenderer {
             textures: HashMap::new(),
             sky: None,
             submitted: VecDeque::new(),
+            times: Arc::default(),
         }
     }
 
+    /// Time of the stages of the frames drawn so far; goes on counting.
+    pub fn stage_times(&self) -> Arc<StageTimes> {
+        self.times.clone()
+    }
+
     fn check(&self, plan: &Plan) -> Result<(), RenderError> {
-        for (what, value) in [("picture width", plan.size[0]), ("picture height", plan.size[1])] {
+        for (what, value) in [("image width", plan.size[0]), ("image height", plan.size[1])] {
             if value == 0 || value > MAX_SIZE {
                 let (value, limit) = (u64::from(value), u64::from(MAX_SIZE));
                 return Err(RenderError::Limit { what: what.into(), value, limit });
@@ -136,7 +146,7 @@ impl CpuRenderer {
     }
 
     fn effect(&self, name: &str) -> Result<&Arc<dyn Effect>, RenderError> {
-        picture::effect(&self.effects, name)
+        image_passes::effect(&self.effects, name)
     }
 
     /// What of the sky the plan shows, where it was not made yet.
@@ -158,7 +168,7 @@ impl CpuRenderer {
         on.filter_map(|(_, used)| Some((self.effect(&used.effect).ok()?.clone(), used.parameters))).collect()
     }
 
-    /// All copies of the draws, projected by a matrix, on a picture of a size.
+    /// All copies of the draws, projected by a matrix, on an image of a size.
     fn batches<'a>(
         &'a self,
         plan: &'a Plan,
@@ -200,7 +210,8 @@ impl CpuRenderer {
                 let vertices = bodies.vertices(draw, &stage);
                 let pipeline = draw.pipeline;
                 let triangles = if features.has(Features::THICK_LINES) {
-                    wide::triangles(primitive, &vertices, pipeline, instance.width, clip_from_relative, size)
+                    let (width, clip) = (instance.width, clip_from_relative);
+                    thick_lines::triangles(primitive, &vertices, pipeline, width, clip, size)
                 } else {
                     let edges = features.has(Features::WIREFRAME);
                     let edges =
@@ -254,7 +265,7 @@ impl CpuRenderer {
         plan.overlay.parts.iter().map(batch).collect()
     }
 
-    /// The mean of the plans of an exposure, then what comes over the picture.
+    /// The mean of the plans of an exposure, then what comes over the image.
     fn expose<const S: usize>(&self, plan: &Plan, frame: &mut Frame) -> Result<(), RenderError> {
         let count = plan.size[0] as usize * plan.size[1] as usize;
         let mut sum = Accumulated::new(count);
@@ -267,20 +278,23 @@ impl CpuRenderer {
         for (part, pixels) in plan.history.iter().zip(&mut before) {
             self.tiles::<Float, Vec4, S>(part, &[], pixels)?;
         }
-        picture::run(&self.passes(plan)?, plan.size, sum.mean(), &before, &mut frame.rgba);
+        let passes = self.passes(plan)?;
+        let run = || image_passes::run(&passes, plan.size, sum.mean(), &before, &mut frame.rgba);
+        self.times.of(Stage::ImageEffects, run);
         Ok(())
     }
 
-    fn passes(&self, plan: &Plan) -> Result<Vec<picture::Pass>, RenderError> {
-        picture::passes(&plan.post, plan.size, &self.effects)
+    fn passes(&self, plan: &Plan) -> Result<Vec<image_passes::Pass>, RenderError> {
+        image_passes::passes(&plan.post, plan.size, &self.effects)
     }
 
     fn draw<T: Target, const S: usize>(&self, plan: &Plan, frame: &mut Frame) -> Result<(), RenderError> {
         let post = self.passes(plan)?;
-        if post.iter().any(|p| p.effect.hook() == Hook::Picture) {
+        if post.iter().any(|p| p.effect.hook() == Hook::Image) {
             let mut pixels = vec![Vec4::ZERO; plan.size[0] as usize * plan.size[1] as usize];
             self.tiles::<T, Vec4, S>(plan, &[], &mut pixels)?;
-            picture::run(&post, plan.size, pixels, &[], &mut frame.rgba);
+            let run = || image_passes::run(&post, plan.size, pixels, &[], &mut frame.rgba);
+            self.times.of(Stage::ImageEffects, run);
             return Ok(());
         }
         let (pixels, _) = frame.rgba.as_chunks_mut::<4>();
@@ -290,12 +304,12 @@ impl CpuRenderer {
     fn tiles<T: Target, P: PixelOf, const S: usize>(
         &self,
         plan: &Plan,
-        post: &[picture::Pass],
+        post: &[image_passes::Pass],
         out: &mut [P],
     ) -> Result<(), RenderError> {
         let changed = self.changed_materials(plan);
-        let bodies = Bodies::of(self, plan);
-        let maps = plan.shadow_maps.as_ref().map(|shadows| {
+        let bodies = self.times.of(Stage::Vertices, || Bodies::of(self, plan));
+        let draw_maps = |shadows: &plan::ShadowMaps| {
             ShadowMaps::draw(&shadows.views, shadows.image, |view| {
                 self.batches(
                     plan,
@@ -306,13 +320,15 @@ impl CpuRenderer {
                     &changed,
                 )
             })
-        });
+        };
+        let maps = self.times.of(Stage::ShadowMaps, || plan.shadow_maps.as_ref().map(draw_maps));
         let seen = &plan.view.clip_from_relative;
-        let mut batches =
-            self.batches(plan, (&plan.draws, &bodies), seen, plan.size, maps.as_ref(), &changed);
+        let mut batches = self.times.of(Stage::Vertices, || {
+            self.batches(plan, (&plan.draws, &bodies), seen, plan.size, maps.as_ref(), &changed)
+        });
         let seen = plan.sky.as_ref().filter(|sky| sky.background);
         let picture = self.sky.as_ref().and_then(|sky| sky.picture.as_ref());
-        let backdrop = seen.zip(picture).map(|(sky, p)| sky::Backdrop::new(p, sky, &plan.view, plan.size));
+        let backdrop = seen.zip(picture).map(|(sky, p)| sky::Backdrop::new(p, sky, plan));
         let effects = self.surface(plan, plan.background_effects);
         let needed = backdrop.is_some() || !effects.is_empty();
         let veil = needed.then_some(Veil { plan, backdrop, effects });
@@ -324,24 +340,25 @@ impl CpuRenderer {
         if let (Some(behind), Some(first)) = (plan.scene_color_copy, batches.iter().position(refracting)) {
             // Drawn as far as it is visible through such glass; then all of it, from the beginning.
             let mut pixels = vec![Vec4::ZERO; out.len()];
-            bands::<T, Vec4, S>(plan, &batches[..first], veil.as_ref(), &[], &mut pixels);
+            let before = || bands::<T, Vec4, S>(plan, &batches[..first], veil.as_ref(), &[], &mut pixels);
+            self.times.of(Stage::Pixels, before);
             let behind = Arc::new(SceneColorCopy::new(pixels, plan.size, behind.levels));
             let glass = batches[first..].iter_mut().filter(|b| refracting(b));
             glass.for_each(|b| b.paint.sees_through(&behind));
         }
         // Over all glass, so after the copy that it shows.
         batches.extend(self.overlays(plan));
-        bands::<T, P, S>(plan, &batches, veil.as_ref(), post, out);
+        self.times.of(Stage::Pixels, || bands::<T, P, S>(plan, &batches, veil.as_ref(), post, out));
         Ok(())
     }
 }
 
-/// All batches into the tiles of the picture, band by band.
+/// All batches into the tiles of the image, band by band.
 fn bands<T: Target, P: PixelOf, const S: usize>(
     plan: &Plan,
     batches: &[Batch],
     backdrop: Option<&Veil>,
-    post: &[picture::Pass],
+    post: &[image_passes::Pass],
     out: &mut [P],
 ) {
     let spans: Vec<Vec<[u16; 4]>> =
@@ -474,8 +491,9 @@ impl Renderer for CpuRenderer {
             (_, false) => self.draw::<Float, 4>(&plan, &mut frame)?,
         }
         if let Some(over) = &plan.layers_in_front {
-            over.over(&mut frame);
+            self.times.of(Stage::Layers2d, || over.over(&mut frame));
         }
+        self.times.count_frame();
         Ok(frame)
     }
 }

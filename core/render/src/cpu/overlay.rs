@@ -1,8 +1,8 @@
 //! CPU reference of overlay.wgsl: how much of each pixel triangles, lines, points and lattices cover, a 2×2 quad at a time.
 
-use super::lanes::{F4, Weights};
 use super::shade::{ALL_SAMPLES, Shaded};
 use super::vertex::Vertex;
+use crate::lanes::{F4, Weights};
 use crate::plan::OverlayVertex;
 use glam::{Vec3, Vec4};
 

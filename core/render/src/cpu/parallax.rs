@@ -1,7 +1,7 @@
 //! Parallax mapping: heights that shift the textures of a surface. CPU reference of `read_parallax` in scene.wgsl.
 
-use super::lanes::{F4, V3};
 use super::shade::{Fragment, Quad};
+use crate::lanes::{F4, V3};
 use choreo_asset::TextureSlot;
 use glam::Vec3;
 

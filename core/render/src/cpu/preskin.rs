@@ -1,5 +1,5 @@
 //! Meshes that are drawn more than once per frame (into the image, shadow maps, outlines) are pre-skinned.
-//! CPU reference of posed.wgsl: what [`VertexStage::posed`] gives, shared by all draws.
+//! CPU reference of preskin.wgsl: what [`VertexStage::posed`] gives, shared by all draws.
 
 use super::CpuRenderer;
 use super::vertex::{Hull, Vertex, VertexStage};

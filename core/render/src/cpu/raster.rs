@@ -3,9 +3,9 @@
 
 use super::setup::{SUBPIXEL, Triangle};
 
-pub const TILE_WIDTH: i32 = 64;
-pub const TILE_HEIGHT: i32 = 16;
-pub const TILE_PIXELS: usize = (TILE_WIDTH * TILE_HEIGHT) as usize;
+pub(crate) const TILE_WIDTH: i32 = 64;
+pub(crate) const TILE_HEIGHT: i32 = 16;
+pub(crate) const TILE_PIXELS: usize = (TILE_WIDTH * TILE_HEIGHT) as usize;
 
 /// Standard locations of four samples, in 1/256 pixel (Vulkan 1.3, table "Standard sample locations"); one sample lies
 /// in the middle.

@@ -1,7 +1,7 @@
 //! Reflections of Blinn–Phong and Phong surfaces. CPU reference of reflection.wgsl.
 
-use super::lanes::{F4, V3};
 use super::shade::{Fragment, Quad};
+use crate::lanes::{F4, V3};
 use crate::plan::Features;
 use crate::plan::shader_features::texture_slot;
 use choreo_asset::Reflection;

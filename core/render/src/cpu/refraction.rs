@@ -1,14 +1,14 @@
 //! Refraction: the scene color copy where the refracted ray leaves the volume. CPU reference of refraction.wgsl.
 
-use super::lanes::{F4, V3};
 use super::shade::Fragment;
+use crate::lanes::{F4, V3};
 use crate::plan::Features;
 use crate::plan::scene_color_copy::blur;
 use choreo_asset::MaterialLayers;
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-/// The picture before the first such glass, and its halves.
+/// The image before the first such glass, and its halves.
 pub struct SceneColorCopy {
     levels: Vec<Level>,
 }

@@ -6,7 +6,7 @@ use glam::{DVec3, DVec4, Vec4};
 use rayon::prelude::*;
 
 /// Fractions of a pixel: Vulkan's `subPixelPrecisionBits` = 8, as lavapipe and the usual GPUs have.
-pub const SUBPIXEL: i32 = 256;
+pub(crate) const SUBPIXEL: i32 = 256;
 
 /// A screen triangle. Positions are snapped; interpolation runs on exact ones.
 #[derive(Clone, Copy, Debug)]
@@ -25,7 +25,7 @@ pub struct Triangle {
 }
 
 impl Triangle {
-    /// Pixels that its samples can lie in: [x0, x1) × [y0, y1), not clamped to the picture.
+    /// Pixels that its samples can lie in: [x0, x1) × [y0, y1), not clamped to the image.
     pub fn pixels(&self) -> [i32; 4] {
         let low = |v: [i32; 3]| v[0].min(v[1]).min(v[2]).div_euclid(SUBPIXEL);
         let high = |v: [i32; 3]| v[0].max(v[1]).max(v[2]).div_euclid(SUBPIXEL) + 1;
@@ -33,7 +33,7 @@ impl Triangle {
     }
 }
 
-pub struct Assembly<'a> {
+pub(crate) struct Assembly<'a> {
     pub vertices: &'a [Vertex],
     pub indices: &'a [u32],
     pub pipeline: PipelineKey,
@@ -92,7 +92,7 @@ impl Assembly<'_> {
         if length.is_nan() || length <= 0.0 {
             return;
         }
-        // Half a pixel sideways; clip space spans two units over the picture. Linear in w, so right behind the eye too.
+        // Half a pixel sideways; clip space spans two units over the image. Linear in w, so right behind the eye too.
         let side =
             |c: Vec4, s: f32| c + Vec4::new(-y / length / w * c.w * s, x / length / h * c.w * s, 0.0, 0.0);
         let (a0, a1, b0, b1) = (side(ca, 1.0), side(ca, -1.0), side(cb, 1.0), side(cb, -1.0));

@@ -1,8 +1,7 @@
 //! The fragment shader, a 2×2 quad at a time, linear color out. CPU reference of scene.wgsl.
 
-use super::brdf::{ambient_specular, incoming, reflect_light, reflect_light_phong, surface_of};
+use super::brdf::{ambient_specular, reflect_light, reflect_light_phong, surface_of};
 use super::coverage::covered;
-use super::lanes::{F4, V3, Weights};
 use super::layer_shading::{LayeredPoint, Over};
 use super::lighting::SurfacePoint;
 use super::refraction::SceneColorCopy;
@@ -12,6 +11,8 @@ use super::texture::Texture;
 use super::toon::{ToonSurface, matcap_uv};
 use super::triplanar::Planes;
 use super::vertex::Vertex;
+use super::view_transform::transformed;
+use crate::lanes::{F4, V3, Weights};
 use crate::plan::shader_features::texture_slot;
 use crate::plan::{Features, Glass, Plan, PlanLight};
 use crate::scene_resources::material::MaterialResource;
@@ -23,7 +24,7 @@ use glam::{Vec3, Vec4};
 use std::sync::Arc;
 
 /// A material with its textures at hand.
-pub struct ShadeMaterial {
+pub(crate) struct ShadeMaterial {
     pub factors: MaterialResource,
     /// Textures in the order of `MaterialResource::textures`.
     pub textures: [Option<Arc<Texture>>; TEXTURE_SLOTS],
@@ -54,10 +55,10 @@ pub struct Fragment<'a> {
 }
 
 /// Every sample of a pixel.
-pub const ALL_SAMPLES: u8 = 0b1111;
+pub(crate) const ALL_SAMPLES: u8 = 0b1111;
 
 /// Linear RGBA of four pixels, and which samples of them the alpha test keeps, a bit each.
-pub struct Shaded {
+pub(crate) struct Shaded {
     pub rgba: [F4; 4],
     pub kept: [u8; 4],
 }
@@ -142,7 +143,8 @@ impl Fragment<'_> {
         }
         let point = self.surface_point(quad, rgb(rgba));
         let color = match self.features.has(Features::TOON) {
-            true => self.toon(quad, &point) + self.emission(quad),
+            // Toon shading gives colors, as the unlit model does.
+            true => self.exposed(self.toon(quad, &point) + self.emission(quad)),
             false => self.lit_color(quad, &point, alpha),
         };
         Shaded { rgba: [color.x, color.y, color.z, alpha], kept }
@@ -205,13 +207,18 @@ impl Fragment<'_> {
         };
         let layered = self.features.has(Features::LAYERS);
         if layered {
-            color = (color + over.behind) * over.below_sheen + over.sheen;
+            color = (color + over.blurred) * over.below_sheen + over.sheen;
         }
         if self.features.has(Features::EMISSIVE) {
             color = color + self.emission(quad);
         }
         if layered {
             color = color.mix(over.coat, over.coat_weight);
+        }
+        color = transformed(self.features, self.exposed(color));
+        if self.features.has(Features::REFRACTION) {
+            // The copy of the scene shows colors already.
+            color = color + over.behind * (over.below_sheen * (F4::ONE - over.coat_weight));
         }
         match self.glass {
             Glass::No | Glass::Refract => color,
@@ -220,6 +227,13 @@ impl Fragment<'_> {
                 let through = over.through * (over.below_sheen * (F4::ONE - over.coat_weight));
                 V3::splat(Vec3::ONE).mix(through, alpha)
             }
+        }
+    }
+
+    fn exposed(&self, light: V3) -> V3 {
+        match self.features.has(Features::EXPOSURE) {
+            true => light * F4::splat(self.plan.exposure),
+            false => light,
         }
     }
 
@@ -354,7 +368,7 @@ impl Fragment<'_> {
     #[inline(always)]
     pub fn lights(&self, relative: V3, [own_n, n]: [V3; 2], color: &mut V3, reflect: impl Fn(V3, F4) -> V3) {
         for light in self.reaching(relative) {
-            let (l, strength) = incoming(light, relative);
+            let (l, strength) = light.incoming(relative);
             let nl = n.dot(l).clamp(0.0, 1.0);
             if !(nl * strength).any_positive() {
                 continue;

@@ -1,9 +1,9 @@
 //! Shadow maps, drawn by the same rasterizer as images, and their lookup. CPU reference of shadow.wgsl.
 
-use super::lanes::{F4, V3, Weights};
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
 use super::setup::Triangle;
 use super::tile::{Batch, Paint};
+use crate::lanes::{F4, V3, Weights};
 use crate::plan::{Features, PlanLight, ShadowView};
 use crate::shader::uniforms::ShadowUniform;
 use glam::{Vec2, Vec3, Vec3Swizzles, Vec4Swizzles};

@@ -1,8 +1,9 @@
 //! Image-based light, four pixels at once, and the sky behind everything. CPU reference of sky.wgsl.
 
 use super::brdf;
-use super::lanes::{F4, V3};
-use crate::plan::{Plan, PlanSky, View};
+use super::view_transform::displayed;
+use crate::lanes::{F4, V3};
+use crate::plan::{Plan, PlanSky};
 use crate::sky::{SkyBackground, SkyMaps};
 use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
@@ -20,7 +21,7 @@ impl<'a> Around<'a> {
         Around { up: plan.ambient_up, down: plan.ambient_down, sky: maps.zip(plan.sky.as_ref()) }
     }
 
-    pub fn is_dark(&self) -> bool {
+    pub(crate) fn is_dark(&self) -> bool {
         self.up == Vec3::ZERO && self.down == Vec3::ZERO && self.sky.is_none()
     }
 
@@ -60,9 +61,10 @@ fn turned(sky: &PlanSky, way: V3) -> V3 {
 }
 
 /// What is seen of the sky in a direction, behind a surface.
-pub fn behind(maps: &SkyMaps, sky: &PlanSky, way: Vec3) -> Vec3 {
+pub fn behind(plan: &Plan, maps: &SkyMaps, sky: &PlanSky, way: Vec3) -> Vec3 {
     let [c, s] = sky.turn;
-    maps.specular(Vec3::new(c * way.x - s * way.z, way.y, s * way.x + c * way.z), 0.0) * sky.strength
+    let way = Vec3::new(c * way.x - s * way.z, way.y, s * way.x + c * way.z);
+    displayed(plan, maps.specular(way, 0.0) * sky.strength)
 }
 
 fn polynomial(h: &[Vec3; 9], V3 { x, y, z }: V3) -> V3 {
@@ -78,22 +80,21 @@ fn polynomial(h: &[Vec3; 9], V3 { x, y, z }: V3) -> V3 {
 }
 
 /// The panorama behind everything.
-pub struct Backdrop<'a> {
+pub(crate) struct Backdrop<'a> {
     pub picture: &'a SkyBackground,
     pub sky: &'a PlanSky,
-    /// Size of the image in pixels.
-    pub size: [u32; 2],
+    plan: &'a Plan,
     rays: [Vec3; 3],
 }
 
 impl<'a> Backdrop<'a> {
-    pub fn new(picture: &'a SkyBackground, sky: &'a PlanSky, view: &View, size: [u32; 2]) -> Backdrop<'a> {
-        Backdrop { picture, sky, size, rays: crate::plan::view::rays(view) }
+    pub fn new(picture: &'a SkyBackground, sky: &'a PlanSky, plan: &'a Plan) -> Backdrop<'a> {
+        Backdrop { picture, sky, plan, rays: crate::plan::view::rays(&plan.view) }
     }
 
     /// Color of a pixel, at its center.
     pub fn pixel(&self, x: i32, y: i32) -> Vec4 {
-        let size = Vec2::new(self.size[0] as f32, self.size[1] as f32);
+        let size = Vec2::new(self.plan.size[0] as f32, self.plan.size[1] as f32);
         let at = (Vec2::new(x as f32, y as f32) + 0.5) / size * 2.0 - 1.0;
         let [right, down, ahead] = self.rays;
         let way = (right * at.x + down * at.y + ahead).normalize();
@@ -106,6 +107,6 @@ impl<'a> Backdrop<'a> {
         let (low, t) = (place.floor(), place - place.floor());
         let (x, y) = (low.x as i64, low.y as i64);
         let row = |y| self.picture.texel(x, y) * (1.0 - t.x) + self.picture.texel(x + 1, y) * t.x;
-        ((row(y) * (1.0 - t.y) + row(y + 1) * t.y) * self.sky.strength).extend(1.0)
+        displayed(self.plan, (row(y) * (1.0 - t.y) + row(y + 1) * t.y) * self.sky.strength).extend(1.0)
     }
 }

@@ -102,7 +102,7 @@ fn mesh<'a>(batch: &'a Batch<'a>) -> Option<Mesh<'a>> {
 }
 
 impl CpuRenderer {
-    /// One picture a stage, in the order of [`STAGES`], each of the plan's size. Lines and points have no edges to show.
+    /// One image a stage, in the order of [`STAGES`], each of the plan's size. Lines and points have no edges to show.
     ///
     /// # Errors
     /// As when the plan is submitted.

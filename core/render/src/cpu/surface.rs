@@ -1,17 +1,19 @@
 //! Effects on surfaces, one after the other, and what they read. CPU reference of surface.wgsl.
 
-use super::brdf::incoming;
-use super::lanes::{F4, V3, Weights};
 use super::row_color;
 use super::shade::{Fragment, Shaded};
 use super::sky::behind;
 use super::vertex::Vertex;
+use crate::lanes::{F4, V3, Weights};
 use crate::plan::{Features, Glass};
-use choreo_plugin::Seen;
-use glam::{Vec2, Vec3};
+use choreo_plugin::SurfaceSample;
+use glam::{Vec2, Vec3, Vec4};
+
+/// Quads that effects on surfaces are given at once: effects in WGSL run over 32 pixels together.
+pub const QUADS: usize = 8;
 
 impl Fragment<'_> {
-    /// `at`: the quad's first pixel.
+    /// A quad with the effects on surfaces; `at` is its first pixel.
     pub fn seen(
         &self,
         vertices: &[Vertex],
@@ -21,9 +23,26 @@ impl Fragment<'_> {
         at: [i32; 2],
     ) -> Shaded {
         let mut shaded = self.shade(vertices, ids, front, weights);
-        if self.surface.is_empty() || self.glass == Glass::Filter {
-            return shaded;
+        if self.has_surface_effects() {
+            let samples = self.samples(vertices, ids, front, weights, at);
+            self.apply_surface_effects(std::slice::from_mut(&mut shaded), &samples);
         }
+        shaded
+    }
+
+    pub(crate) fn has_surface_effects(&self) -> bool {
+        !self.surface.is_empty() && self.glass != Glass::Filter
+    }
+
+    /// What effects on surfaces are given of a quad.
+    pub fn samples(
+        &self,
+        vertices: &[Vertex],
+        ids: [u32; 3],
+        front: bool,
+        weights: &Weights,
+        at: [i32; 2],
+    ) -> [SurfaceSample; 4] {
         let relative = weights.vec3(ids.map(|i| vertices[i as usize].relative));
         let has = |bit| self.features.has(bit);
         let normals = self.features.is_lit() || has(Features::EFFECT_NORMALS);
@@ -39,7 +58,7 @@ impl Fragment<'_> {
         let view = &self.plan.view;
         let sky = self.plan.sky.as_ref().filter(|sky| sky.background && has(Features::SKY));
         let sky = self.sky.zip(sky);
-        for i in 0..4 {
+        let sample = |i: usize| {
             let lane = |v: &V3| Vec3::new(v.x.0[i], v.y.0[i], v.z.0[i]);
             let (relative, normal) = (lane(&relative), lane(&normal));
             let eye = view.eye.truncate();
@@ -47,37 +66,55 @@ impl Fragment<'_> {
             let y = (at[1] + i as i32 / 2).max(0) as usize;
             let world = relative + view.position.as_vec3();
             let distance = if view.eye.w > 0.5 { relative.length() } else { -relative.dot(eye) };
-            let seen = Seen {
+            SurfaceSample {
                 world,
                 distance,
                 viewer: world - relative * view.eye.w + eye * distance,
                 normal,
                 facing: normal.dot(to_eye * (1.0 / to_eye.dot(to_eye).max(1e-20).sqrt())),
                 background: match &sky {
-                    Some((maps, sky)) => behind(maps, sky, if view.eye.w > 0.5 { relative } else { -eye }),
+                    Some((maps, sky)) => {
+                        behind(self.plan, maps, sky, if view.eye.w > 0.5 { relative } else { -eye })
+                    }
                     None => row_color(self.plan, y).truncate(),
                 },
                 joints: if has(Features::EFFECT_JOINTS) { lane(&joints) } else { Vec3::ZERO },
                 shadow: lost.map_or(0.0, |lost| lost.0[i]),
                 uv: uv.map_or(Vec2::ZERO, |[u, v]| Vec2::new(u.0[i], v.0[i])),
-            };
-            let mut color = shaded.pixel(i);
-            if self.glass == Glass::Light && color.w > 0.0 {
+            }
+        };
+        std::array::from_fn(sample)
+    }
+
+    /// The effects' functions, one after the other, on up to [`QUADS`] quads; four samples for each.
+    pub(crate) fn apply_surface_effects(&self, quads: &mut [Shaded], samples: &[SurfaceSample]) {
+        let mut colors = [Vec4::ZERO; 4 * QUADS];
+        let colors = &mut colors[..samples.len()];
+        for (colors, shaded) in colors.chunks_exact_mut(4).zip(&*quads) {
+            for (i, color) in colors.iter_mut().enumerate() {
+                *color = shaded.pixel(i);
                 // The light of glass comes multiplied by its alpha.
-                color = (color.truncate() / color.w).extend(color.w);
-            }
-            for (effect, parameters) in &self.surface {
-                color = effect.cpu_surface(color, &seen, parameters);
-            }
-            if self.glass == Glass::Light {
-                let alpha = shaded.rgba[3].0[i];
-                color = (color.truncate() * alpha).extend(alpha);
-            }
-            for (out, c) in shaded.rgba.iter_mut().zip(color.to_array()) {
-                out.0[i] = c;
+                if self.glass == Glass::Light && color.w > 0.0 {
+                    *color = (color.truncate() / color.w).extend(color.w);
+                }
             }
         }
-        shaded
+        for (effect, parameters) in &self.surface {
+            if let Some(function) = effect.function() {
+                function.surfaces(colors, samples, parameters);
+            }
+        }
+        for (colors, shaded) in colors.chunks_exact(4).zip(quads) {
+            for (i, mut color) in colors.iter().copied().enumerate() {
+                if self.glass == Glass::Light {
+                    let alpha = shaded.rgba[3].0[i];
+                    color = (color.truncate() * alpha).extend(alpha);
+                }
+                for (out, c) in shaded.rgba.iter_mut().zip(color.to_array()) {
+                    out.0[i] = c;
+                }
+            }
+        }
     }
 
     /// Share of the light that a white matte surface would give back and that shadows take, by luminance.
@@ -86,7 +123,7 @@ impl Fragment<'_> {
         let luminance = Vec3::new(0.2126, 0.7152, 0.0722);
         let (mut whole, mut lost) = (self.around().diffuse(n).dot(V3::splat(luminance)), F4::ZERO);
         for light in &self.plan.lights {
-            let (l, strength) = incoming(light, relative);
+            let (l, strength) = light.incoming(relative);
             let falling = n.dot(l).clamp(0.0, 1.0) * strength * light.color.dot(luminance);
             whole += falling;
             lost += falling * (F4::ONE - self.share(light, relative, n, l));

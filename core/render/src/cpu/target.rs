@@ -29,7 +29,7 @@ pub trait Target: Copy + PartialEq + Send + Sync {
         Self::encode(rgb.extend(source.w + below.w * (1.0 - source.w)))
     }
 
-    /// What the finished picture shows.
+    /// What the finished image shows.
     fn bytes(self) -> [u8; 4];
 
     /// Mean of the samples in linear light.
@@ -47,8 +47,8 @@ pub trait Target: Copy + PartialEq + Send + Sync {
     fn fragment(source: Vec4) -> Vec4;
 }
 
-/// What a pixel of the finished picture is kept as.
-pub trait PixelOf: Copy + Send + Sync {
+/// What a pixel of the finished image is kept as.
+pub(crate) trait PixelOf: Copy + Send + Sync {
     fn of<T: Target>(sample: T) -> Self;
 }
 
@@ -68,7 +68,7 @@ impl PixelOf for Vec4 {
 
 /// As VK_FORMAT_R8G8B8A8_SRGB: colour encoded, alpha linear.
 #[derive(Clone, Copy, PartialEq)]
-pub struct Srgb8(pub [u8; 4]);
+pub(crate) struct Srgb8(pub [u8; 4]);
 
 impl Target for Srgb8 {
     #[inline]

@@ -1,7 +1,7 @@
 //! Texture sampling as Vulkan defines it (1.3, chapter "Image Operations"): level from the quad's derivatives,
 //! bilinear within a level, linear between levels, sRGB decoded before filtering.
 
-use super::lanes::F4;
+use crate::lanes::F4;
 use crate::scene_resources::TextureResource;
 use crate::scene_resources::mipmap::{MipLevel, levels_below, srgb_to_linear_table};
 use choreo_asset::{Image, Sampler, Wrap};
@@ -62,13 +62,13 @@ impl Texture {
         out
     }
 
-    /// Texels in a row of the whole picture.
+    /// Texels in a row of the whole image.
     pub fn width(&self) -> f32 {
         self.image.width as f32
     }
 
     /// One sample of a level that is given, not below 0: r, g, b, a.
-    pub fn sample_level(&self, sampler: &Sampler, [u, v]: [f32; 2], lod: f32) -> F4 {
+    pub(crate) fn sample_level(&self, sampler: &Sampler, [u, v]: [f32; 2], lod: f32) -> F4 {
         let (level, blend, linear) = self.levels(sampler, lod);
         let near = self.filtered(&self.level(level), sampler, linear, u, v);
         if blend == 0.0 {

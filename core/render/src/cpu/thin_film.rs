@@ -1,6 +1,6 @@
 //! Thin films (KHR_materials_iridescence). CPU reference of their part of layers.wgsl.
 
-use super::lanes::{F4, V3};
+use crate::lanes::{F4, V3};
 use glam::Vec3;
 use std::f32::consts::{PI, TAU};
 
@@ -8,7 +8,7 @@ use std::f32::consts::{PI, TAU};
 pub const ORDERS: u32 = 2;
 
 /// [`reflectance`], four pixels at once.
-pub fn film_reflectance(ior: f32, nanometres: F4, nv: F4, f0: V3) -> V3 {
+pub(crate) fn film_reflectance(ior: f32, nanometres: F4, nv: F4, f0: V3) -> V3 {
     let at = |i: usize| {
         let f0 = Vec3::new(f0.x.0[i], f0.y.0[i], f0.z.0[i]);
         reflectance::<ORDERS>(ior, nanometres.0[i], nv.0[i], f0)
@@ -73,7 +73,7 @@ fn film_color(path: f32, shift: Vec3) -> Vec3 {
 }
 
 /// The F0 of which Schlick's Fresnel makes this at such an angle.
-pub fn film_f0(reflectance: V3, nv: F4) -> V3 {
+pub(crate) fn film_f0(reflectance: V3, nv: F4) -> V3 {
     let x = F4::ONE - nv;
     let x5 = (x * x * x * x * x).min(F4::splat(0.9999));
     let back = |c: F4| ((c - x5) / (F4::ONE - x5)).max(F4::ZERO);

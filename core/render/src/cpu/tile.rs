@@ -1,23 +1,25 @@
 //! One tile: opaque triangles into a visibility buffer, each visible one shaded once a pixel, then masked and blended
-//! ones in order, then samples resolved. The same picture as drawing one after the other, without shading what is hidden.
+//! ones in order, then samples resolved. The same image as drawing one after the other, without shading what is hidden.
 
 use super::background_effects::Veil;
-use super::lanes::{F4, Weights};
+use super::image_passes::{Pass, pixel_uv};
 use super::overlay;
-use super::picture::Pass;
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
 use super::refraction::SceneColorCopy;
 use super::setup::Triangle;
 use super::shade::{Fragment, Shaded};
+use super::surface::QUADS;
 use super::target::{PixelOf, Target};
 use super::vertex::Vertex;
+use crate::lanes::{F4, Weights};
 use crate::layers_2d::LayerImage;
 use crate::plan::{Glass, OverlayVertex};
-use glam::{Vec2, Vec4};
+use choreo_plugin::SurfaceSample;
+use glam::Vec4;
 use std::sync::Arc;
 
 /// What shades a batch's triangles.
-pub enum Paint<'a> {
+pub(crate) enum Paint<'a> {
     Surface(Fragment<'a>),
     Overlay {
         vertices: &'a [OverlayVertex],
@@ -35,7 +37,7 @@ impl Paint<'_> {
     }
 
     /// Sets the image behind glass for refraction.
-    pub fn sees_through(&mut self, behind: &Arc<SceneColorCopy>) {
+    pub(crate) fn sees_through(&mut self, behind: &Arc<SceneColorCopy>) {
         if let Paint::Surface(fragment) = self {
             fragment.behind = Some(behind.clone());
         }
@@ -75,12 +77,12 @@ pub(super) enum Against {
 }
 
 /// (batch, triangle of it), in drawing order.
-pub type TriangleId = [u32; 2];
+pub(crate) type TriangleId = [u32; 2];
 
 const NONE: u32 = u32::MAX;
 
 /// Sample arrays of one tile; reused.
-pub struct TileBuffers<T> {
+pub(crate) struct TileBuffers<T> {
     pub(super) depth: Vec<f32>,
     /// Position in the tile's triangle list.
     visible: Vec<u32>,
@@ -111,7 +113,7 @@ pub struct Tile<'a, 'b> {
     pub list: &'a [TriangleId],
     /// First pixel.
     pub at: [i32; 2],
-    /// Pixels of the picture that lie in this tile.
+    /// Pixels of the image that lie in this tile.
     pub size: [usize; 2],
     pub picture: [u32; 2],
     /// Linear RGBA of each row.
@@ -206,6 +208,7 @@ impl Tile<'_, '_> {
     }
 
     fn shade_visible<T: Target, const S: usize>(&self, b: &mut TileBuffers<T>) {
+        let mut waiting = Waiting::default();
         for qy in 0..self.size[1].div_ceil(2) {
             for qx in 0..self.size[0].div_ceil(2) {
                 let first = quad_samples::<S>(qx, qy);
@@ -214,22 +217,54 @@ impl Tile<'_, '_> {
                     ids.copy_from_slice(&b.visible[first..first + S]);
                 }
                 while let Some(&id) = ids.iter().flatten().find(|id| **id != NONE) {
-                    let shaded = self.shade(&self.list[id as usize], qx, qy);
-                    for (pixel, (ids, first)) in ids.iter_mut().zip(first).enumerate() {
-                        if !ids.contains(&id) {
-                            continue;
-                        }
-                        let color = T::encode(shaded.pixel(pixel));
-                        for (s, sample) in ids.iter_mut().enumerate() {
-                            if *sample == id {
-                                b.color[first + s] = color;
-                                *sample = NONE;
-                            }
-                        }
+                    for sample in ids.iter_mut().flatten().filter(|sample| **sample == id) {
+                        *sample = NONE;
                     }
+                    self.shade_triangle::<T, S>(b, &mut waiting, id, [qx, qy]);
                 }
             }
         }
+        self.flush::<T, S>(b, &mut waiting);
+    }
+
+    /// A quad of a visible triangle. Where it has effects on surfaces, it waits for others of its batch.
+    fn shade_triangle<T: Target, const S: usize>(
+        &self,
+        b: &mut TileBuffers<T>,
+        waiting: &mut Waiting,
+        id: u32,
+        [qx, qy]: [usize; 2],
+    ) {
+        let triangle = &self.list[id as usize];
+        let batch = &self.batches[triangle[0] as usize];
+        match &batch.paint {
+            Paint::Surface(fragment) if fragment.has_surface_effects() => {
+                if waiting.batch != triangle[0] || waiting.quads.len() == QUADS {
+                    self.flush::<T, S>(b, waiting);
+                }
+                waiting.batch = triangle[0];
+                let t = &batch.triangles[triangle[1] as usize];
+                let (weights, at) = self.weights(t, qx, qy);
+                let vertices = &batch.vertices;
+                waiting.quads.push(fragment.shade(vertices, t.vertices, t.front, &weights));
+                waiting.samples.extend(fragment.samples(vertices, t.vertices, t.front, &weights, at));
+                waiting.places.push((id, [qx, qy]));
+            }
+            _ => write_visible::<T, S>(b, id, [qx, qy], &self.shade(triangle, qx, qy)),
+        }
+    }
+
+    fn flush<T: Target, const S: usize>(&self, b: &mut TileBuffers<T>, waiting: &mut Waiting) {
+        if waiting.quads.is_empty() {
+            return;
+        }
+        if let Paint::Surface(fragment) = &self.batches[waiting.batch as usize].paint {
+            fragment.apply_surface_effects(&mut waiting.quads, &waiting.samples);
+        }
+        for ((id, at), shaded) in waiting.places.drain(..).zip(waiting.quads.drain(..)) {
+            write_visible::<T, S>(b, id, at, &shaded);
+        }
+        waiting.samples.clear();
     }
 
     /// One triangle after the other: alpha test before the depth is written, or blending without writing it.
@@ -305,6 +340,15 @@ impl Tile<'_, '_> {
     fn shade(&self, id: &TriangleId, qx: usize, qy: usize) -> Shaded {
         let batch = &self.batches[id[0] as usize];
         let t = &batch.triangles[id[1] as usize];
+        let (weights, at) = self.weights(t, qx, qy);
+        match &batch.paint {
+            Paint::Surface(fragment) => fragment.seen(&batch.vertices, t.vertices, t.front, &weights, at),
+            Paint::Overlay { vertices, .. } => overlay::shade(vertices, t.vertices, &weights),
+        }
+    }
+
+    /// The weights of a quad's pixels in a triangle, and its first pixel.
+    fn weights(&self, t: &Triangle, qx: usize, qy: usize) -> (Weights, [i32; 2]) {
         let px = (self.at[0] + 2 * qx as i32 - t.origin[0]) as f32 + 0.5;
         let py = (self.at[1] + 2 * qy as i32 - t.origin[1]) as f32 + 0.5;
         let x = F4([px, px + 1.0, px, px + 1.0]);
@@ -312,11 +356,7 @@ impl Tile<'_, '_> {
         let e = t.edges.map(|[a, b, c]| x * a + y * b + F4::splat(c));
         let scale = F4::ONE / (e[0] + e[1] + e[2]);
         let weights = Weights(e.map(|e| e * scale));
-        let at = [self.at[0] + 2 * qx as i32, self.at[1] + 2 * qy as i32];
-        match &batch.paint {
-            Paint::Surface(fragment) => fragment.seen(&batch.vertices, t.vertices, t.front, &weights, at),
-            Paint::Overlay { vertices, .. } => overlay::shade(vertices, t.vertices, &weights),
-        }
+        (weights, [self.at[0] + 2 * qx as i32, self.at[1] + 2 * qy as i32])
     }
 
     fn finish<T: Target, P: PixelOf, const S: usize>(
@@ -325,22 +365,26 @@ impl Tile<'_, '_> {
         rows: &mut [P],
         stride: usize,
     ) {
-        let size = Vec2::new(self.picture[0] as f32, self.picture[1] as f32);
         for y in 0..self.size[1] {
             let first = y * TILE_WIDTH as usize * S;
             let samples = &b.color[first..first + self.size[0] * S];
             let row = &mut rows[y * stride..y * stride + self.size[0]];
-            for (x, (out, samples)) in row.iter_mut().zip(samples.chunks_exact(S)).enumerate() {
-                let mut resolved = T::resolved(samples);
-                if !self.post.is_empty() {
-                    let pixel = Vec2::new((self.at[0] + x as i32) as f32, (self.at[1] + y as i32) as f32);
-                    let uv = (pixel + 0.5) / size;
-                    for pass in self.post {
-                        resolved = T::encode(pass.effect.cpu(resolved.decode(), uv, &pass.parameters));
-                    }
-                }
-                *out = P::of(resolved);
+            let resolved = samples.chunks_exact(S).map(T::resolved);
+            if self.post.is_empty() {
+                row.iter_mut().zip(resolved).for_each(|(out, resolved)| *out = P::of(resolved));
+                continue;
             }
+            let uv = pixel_uv([self.at[0], self.at[1] + y as i32], self.size[0], self.picture);
+            let mut colors: Vec<Vec4> = resolved.map(|resolved| resolved.decode()).collect();
+            for (number, pass) in self.post.iter().enumerate() {
+                if number > 0 {
+                    colors.iter_mut().for_each(|color| *color = T::encode(*color).decode());
+                }
+                if let Some(function) = pass.effect.function() {
+                    function.pixels(&mut colors, &uv, &pass.parameters);
+                }
+            }
+            row.iter_mut().zip(colors).for_each(|(out, color)| *out = P::of(T::encode(color)));
         }
     }
 }
@@ -354,7 +398,7 @@ fn quad_samples<const S: usize>(qx: usize, qy: usize) -> [usize; 4] {
 }
 
 /// Tiles that a triangle's pixels lie in: [x0, y0, x1, y1), in tiles.
-pub fn tiles_of(t: &Triangle, size: [u32; 2]) -> [u16; 4] {
+pub(crate) fn tiles_of(t: &Triangle, size: [u32; 2]) -> [u16; 4] {
     let [x0, y0, x1, y1] = t.pixels();
     let [w, h] = size.map(|s| s as i32);
     let up = |v: i32, tile: i32| ((v + tile - 1) / tile) as u16;
@@ -364,4 +408,33 @@ pub fn tiles_of(t: &Triangle, size: [u32; 2]) -> [u16; 4] {
         up(x1.clamp(0, w), TILE_WIDTH),
         up(y1.clamp(0, h), TILE_HEIGHT),
     ]
+}
+
+/// Quads of one batch that wait for their effects on surfaces.
+#[derive(Default)]
+struct Waiting {
+    /// Index of the batch.
+    batch: u32,
+    quads: Vec<Shaded>,
+    samples: Vec<SurfaceSample>,
+    /// The triangle of each quad, and where it is in the tile.
+    places: Vec<(u32, [usize; 2])>,
+}
+
+/// Writes a quad into the samples in which its triangle is visible.
+fn write_visible<T: Target, const S: usize>(
+    b: &mut TileBuffers<T>,
+    id: u32,
+    [qx, qy]: [usize; 2],
+    shaded: &Shaded,
+) {
+    for (pixel, first) in quad_samples::<S>(qx, qy).into_iter().enumerate() {
+        let visible = &b.visible[first..first + S];
+        if visible.contains(&id) {
+            let color = T::encode(shaded.pixel(pixel));
+            for (color_of, _) in b.color[first..].iter_mut().zip(visible).filter(|(_, v)| **v == id) {
+                *color_of = color;
+            }
+        }
+    }
 }

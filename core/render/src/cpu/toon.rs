@@ -1,13 +1,12 @@
 //! Toon shading: MToon (VRMC_materials_mtoon 1.0). CPU reference of toon.wgsl and of its part of scene.wgsl.
 
-use super::brdf::incoming;
-use super::lanes::{F4, V3};
 use super::sky::Around;
+use crate::lanes::{F4, V3};
 use crate::plan::{Plan, PlanLight};
 use choreo_asset::Toon;
 
 /// What the surface is made of at four pixels.
-pub struct ToonSurface<'a> {
+pub(crate) struct ToonSurface<'a> {
     pub toon: &'a Toon,
     pub base: V3,
     /// Shade colour with its texture and the actor's tint.
@@ -36,7 +35,7 @@ impl ToonSurface<'_> {
         let mut lighting = around.diffuse(n).mix(around.even(), F4::splat(t.gi_equalization));
         let mut color = self.base * lighting;
         for light in &plan.lights {
-            let (l, strength) = incoming(light, relative);
+            let (l, strength) = light.incoming(relative);
             let arriving = V3::splat(light.color) * strength;
             color = color + self.shade.mix(self.base, self.lit_share(n.dot(l)) * share(light, l)) * arriving;
             lighting = lighting + arriving;
@@ -63,7 +62,7 @@ impl ToonSurface<'_> {
 }
 
 /// §"MatCap"; v points down in glTF's textures.
-pub fn matcap_uv(n: V3, v: V3) -> [F4; 2] {
+pub(crate) fn matcap_uv(n: V3, v: V3) -> [F4; 2] {
     let x = V3 { x: v.z, y: F4::ZERO, z: -v.x }.unit();
     let y = v.cross(x);
     [x.dot(n) * 0.495 + 0.5, y.dot(n) * -0.495 + 0.5]

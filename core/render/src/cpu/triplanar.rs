@@ -1,8 +1,8 @@
 //! Triplanar mapping: textures from three sides, mixed by where the surface faces. CPU reference of triplanar.wgsl.
 
-use super::lanes::{F4, V3, Weights};
 use super::shade::{Fragment, Quad};
 use super::texture::Texture;
+use crate::lanes::{F4, V3, Weights};
 use crate::plan::Features;
 use crate::scene_resources::material::MaterialTexture;
 use choreo_asset::TextureSlot;
@@ -56,7 +56,7 @@ impl Fragment<'_> {
     }
 
     /// A texture from all three sides.
-    pub fn sample_planes(&self, planes: &Planes, r: &MaterialTexture, texture: &Texture) -> [F4; 4] {
+    pub(crate) fn sample_planes(&self, planes: &Planes, r: &MaterialTexture, texture: &Texture) -> [F4; 4] {
         let [x, y, z] = self.sides(planes, r, texture);
         let w = &planes.weights;
         std::array::from_fn(|c| w.x * x[c] + w.y * y[c] + w.z * z[c])
@@ -73,7 +73,7 @@ impl Fragment<'_> {
 
     /// The normal map from three sides, each bending the surface's own normal ("Whiteout Blend" of the same article), then
     /// from the mesh's space to the world by the surface's frame, which is known in both. `None` without a map.
-    pub fn triplanar_normal(&self, quad: &Quad) -> Option<V3> {
+    pub(crate) fn triplanar_normal(&self, quad: &Quad) -> Option<V3> {
         let planes = quad.planes.as_ref().filter(|_| self.features.has(Features::NORMAL_TEXTURE))?;
         let factors = &self.material.factors;
         let (r, texture) =

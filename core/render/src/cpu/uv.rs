@@ -1,9 +1,9 @@
 //! Texture coordinates of a surface. CPU reference of `texture_uv` in scene.wgsl.
 
-use super::lanes::{F4, Weights};
 use super::shade::{Fragment, Quad};
 use super::texture::Texture;
 use super::vertex::Vertex;
+use crate::lanes::{F4, Weights};
 use crate::plan::Features;
 use crate::scene_resources::material::MaterialTexture;
 use glam::{Affine2, Vec2};

@@ -1,14 +1,14 @@
 //! CPU reference of vertex.wgsl: mesh space → morphs → skin or instance matrix → camera-relative space → clip space.
 
 use super::displace::{self, Displacement};
-use super::lanes::F4;
 use super::shade::ShadeMaterial;
 use crate::affine::Affine3x4;
+use crate::lanes::F4;
 use crate::plan::{ActiveMorph, Features, Instance, Plan};
 use crate::scene_resources::PrimitiveResource;
 use crate::scene_resources::material::TOON_SLOT;
 use choreo_asset::Primitive;
-use choreo_plugin::Place;
+use choreo_plugin::VertexSample;
 use glam::{Mat4, Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -27,7 +27,7 @@ pub struct Vertex {
     pub joints: Vec3,
 }
 
-pub struct VertexStage<'a> {
+pub(crate) struct VertexStage<'a> {
     pub primitive: &'a Primitive,
     /// Range of vertices that each morph target moves, from the first to the last.
     pub moved: &'a [Range<u32>],
@@ -37,7 +37,7 @@ pub struct VertexStage<'a> {
     pub joint_matrices: &'a [Affine3x4],
     pub morphs: &'a [ActiveMorph],
     pub clip_from_relative: &'a Mat4,
-    /// Pixels of the picture.
+    /// Pixels of the image.
     pub size: [u32; 2],
     /// Inverted hull, if the pass draws one.
     pub hull: Option<Hull<'a>>,
@@ -163,7 +163,7 @@ impl VertexStage<'_> {
     /// Displacement by effects, and the normal after it.
     fn displace(&self, i: usize, model: Vec3, rows: &Affine3x4, out: &mut Vertex) {
         let uvs = self.features.has(Features::UV0).then(|| self.primitive.uvs[0].get(i).copied()).flatten();
-        let place = Place {
+        let place = VertexSample {
             world: out.relative + self.camera,
             normal: out.normal,
             uv: uvs.unwrap_or_default(),
@@ -189,7 +189,7 @@ impl VertexStage<'_> {
             .fold(Vec3::ZERO, |sum, (j, w)| sum + joint_color(*j) * *w)
     }
 
-    /// Along the normal: metres in the world, or a share of the picture's height in the picture.
+    /// Along the normal: metres in the world, or a share of the picture's height in the image.
     fn push_out(&self, hull: &Hull, i: usize, out: &mut Vertex) {
         let factors = &hull.material.factors;
         let Some(outline) = factors.material.toon.as_ref().and_then(|t| t.outline.as_ref()) else { return };
@@ -209,7 +209,7 @@ impl VertexStage<'_> {
             return;
         }
         let size = Vec2::new(self.size[0] as f32, self.size[1] as f32);
-        // Where the normal goes in the picture, in pixels: d(xy/w) is proportional to this.
+        // Where the normal goes in the image, in pixels: d(xy/w) is proportional to this.
         let way = *self.clip_from_relative * out.normal.extend(0.0);
         let pixels = (way.xy() * out.clip.w - out.clip.xy() * way.w) * size;
         let step = unit(pixels.extend(0.0)).xy() * (2.0 * width * size.y) / size * out.clip.w;

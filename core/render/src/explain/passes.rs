@@ -82,7 +82,7 @@ impl Costs<'_> {
         self.add(CostKind::Pass, what, None, requested_by);
     }
 
-    pub fn deferred_by(&self) -> RequestedBy {
+    pub(crate) fn deferred_by(&self) -> RequestedBy {
         let other = Some(match self.plan.deferred.as_ref().map(|d| d.cause) {
             Some(DeferredCause::Pays { .. }) => "many lights on overlapping surfaces",
             _ => "the stage's pipeline \"deferred\"",

@@ -9,7 +9,7 @@ const JOB_BYTES: u64 = 64;
 
 impl Costs<'_> {
     /// The compute pass, its pipelines, and the buffers of its vertices.
-    pub fn preskinning(&mut self, recording: &Recording) {
+    pub(crate) fn preskinning(&mut self, recording: &Recording) {
         let read: BTreeSet<u32> =
             recording.preskinned.iter().flat_map(|b| b.instances.iter().copied()).collect();
         let drawn = self

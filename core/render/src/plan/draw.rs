@@ -12,7 +12,7 @@ pub struct Draw {
     pub material: u32,
     /// Index into `Plan::material_overrides`, if the material is overridden in this frame.
     pub material_override: Option<u32>,
-    /// Number of indices, of those that [`crate::scene_resources::watertight`] puts first, whose back faces are culled although
+    /// Number of indices, of those that `crate::scene_resources::watertight` puts first, whose back faces are culled although
     /// the material is double-sided.
     pub watertight: u32,
     /// Drawn into the G-buffer if [`crate::plan::Plan::deferred`] is set.

@@ -13,7 +13,7 @@ use glam::{Affine2, Vec3};
 
 /// What a draw brings besides primitive and material.
 #[derive(Clone, Copy, Debug)]
-pub struct DrawNeeds {
+pub(crate) struct DrawNeeds {
     pub skinned: bool,
     /// Its joints lead to model space, and the instance's own matrix on from there.
     pub placed: bool,
@@ -25,6 +25,8 @@ pub struct DrawNeeds {
     pub sky: bool,
     /// Some light falls off by a polynomial.
     pub polynomial: bool,
+    /// What brings the frame's light to colors.
+    pub display: Features,
 }
 
 /// How a draw is lit, as far as features depend on it.
@@ -120,6 +122,9 @@ pub fn features(
         (Features::LOCAL_LIGHTS, lit && (needs.local_lights || force_all)),
         (Features::SKY, lit && needs.sky),
         (Features::POLYNOMIAL_FALLOFF, lit && needs.polynomial),
+        (Features::EXPOSURE, lit && (needs.display.has(Features::EXPOSURE) || force_all)),
+        // Toon shading gives colors.
+        (needs.display.without(Features::EXPOSURE), lit && !toon),
     ];
     let all = set.iter().fold(Features::default(), |all, (bit, on)| all.with(bit.when(*on)));
     let layers = layer_features(layers, !primitive.primitive().tangents.is_empty(), force_all);
@@ -209,7 +214,7 @@ fn layer_textures(
 
 /// Features of the layers themselves. A coat, sheen, film and light from behind of nothing change no pixel, so they can be forced
 /// in where the material has layers at all.
-pub fn layer_features(layers: Option<&MaterialLayers>, tangents: bool, force_all: bool) -> Features {
+pub(crate) fn layer_features(layers: Option<&MaterialLayers>, tangents: bool, force_all: bool) -> Features {
     let Some(l) = layers else { return Features::default() };
     let set = [
         (Features::LAYERS, true),
@@ -236,7 +241,7 @@ fn reads_normal_map(primitive: &PrimitiveResource, material: &MaterialResource) 
 }
 
 /// Features of the outline around a surface with these features: where light on the surface does not count, its shape alone.
-pub fn outline_features(
+pub(crate) fn outline_features(
     features: Features,
     primitive: &PrimitiveResource,
     material: &MaterialResource,
@@ -337,7 +342,7 @@ fn of_scene(facts: &Facts) -> Reports {
         ),
         report(
             *closed > 0,
-            "back faces of closed surfaces",
+            "back faces of watertight meshes",
             format!(
                 "{closed} triangles of two-sided materials are parts of watertight meshes, seen from outside"
             ),
@@ -365,7 +370,7 @@ fn of_lights(all: Features, facts: &Facts) -> Reports {
         report(facts.lit_drawn && !facts.lights_exist, "lights", "none shines; ambient light only"),
         report(facts.dark_lights > 0, "dark lights", dark),
         report(lit_by && !local, "distance and cone attenuation", "no point or spot light shines"),
-        report(facts.lit_drawn && local && !facts.many_lights, "lists of lights", fewer),
+        report(facts.lit_drawn && local && !facts.many_lights, "clustered lighting", fewer),
         report(facts.shadow_views == 0, "shadow maps", no_shadows),
         report(facts.shadows_beyond > 0, "shadows beyond the limit", beyond),
     ];
@@ -380,7 +385,7 @@ fn of_passes(all: Features, facts: &Facts) -> Reports {
     };
     let alone = "no two drawn primitives are equal in shape, material and state";
     let reports = [
-        report(facts.flats == 0, "flat layers", "no text, picture, panel or letterbox is seen"),
+        report(facts.flats == 0, "2D layers", "no text, image, panel or letterbox is seen"),
         report(!uvs, "texture coordinates", "no drawn material has a texture"),
         report(facts.surface_effects == 0, "effects on surfaces", "none is on"),
         report(all.has(Features::ALPHA_MASK) && !facts.coverage, "alpha to coverage", whole),
@@ -388,7 +393,7 @@ fn of_passes(all: Features, facts: &Facts) -> Reports {
         report(facts.drawn_copies == facts.draws, "instancing", alone),
         report(facts.samples == 1, "multisampling", "one sample a pixel was asked for"),
         report(facts.post_passes == 0, "full-screen passes and float target", "no effect is on"),
-        report(facts.overlays == 0, "lines, points and triangles of effects", "no effect draws any"),
+        report(facts.overlays == 0, "overlays of effects", "no effect draws any"),
     ];
     reports.into_iter().flatten().collect()
 }

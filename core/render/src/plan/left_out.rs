@@ -2,7 +2,7 @@
 
 use crate::plan::shader_features::FEATURES;
 
-/// Every `LeftOut::what`, except effects without a plugin, which are reported by their names. Scripts use these words in tests.
+/// Every `LeftOut::what`, except effects that are left out, which are reported by their names. Scripts use these words in tests.
 pub fn left_out_names() -> impl Iterator<Item = &'static str> {
     FEATURES.iter().filter_map(|f| Some(f.absence?.what)).chain(OTHERS.iter().copied())
 }
@@ -13,14 +13,14 @@ const OTHERS: &[&str] = &[
     "actors outside the view",
     "primitives outside the view",
     "triangles too small to see",
-    "back faces of closed surfaces",
-    "skinning once for all passes",
+    "back faces of watertight meshes",
+    "pre-skinning",
     "normals, lights and ambient light",
     "lights",
     "dark lights",
     "distance and cone attenuation",
-    "lists of lights",
-    "flat layers",
+    "clustered lighting",
+    "2D layers",
     "texture coordinates",
     "effects on surfaces",
     "alpha to coverage",
@@ -32,7 +32,7 @@ const OTHERS: &[&str] = &[
     "full-screen passes and float target",
     "shadow maps",
     "shadows beyond the limit",
-    "lines, points and triangles of effects",
+    "overlays of effects",
 ];
 
 /// Something that a frame leaves out, and why: "shadow maps: no light casts shadows".

@@ -7,7 +7,7 @@
 
 use crate::error::RenderError;
 use crate::plan::dirty_rect::DirtyRect;
-use crate::plan::{LightType, Plan, PlanLight, View};
+use crate::plan::{Plan, PlanLight, View};
 use choreo_asset::Aabb;
 use choreo_stage::Shadow;
 use glam::{Mat4, Vec3, Vec4Swizzles};
@@ -34,7 +34,7 @@ pub struct LightClusters(pub Vec<u32>);
 fn reach(light: &PlanLight, range: f32) -> (Vec3, f32) {
     let at = light.position;
     let cos_outer = light.cos_outer();
-    let narrow = light.kind == LightType::Spot && cos_outer >= std::f32::consts::FRAC_1_SQRT_2;
+    let narrow = cos_outer >= std::f32::consts::FRAC_1_SQRT_2;
     if !narrow {
         return (at, range);
     }
@@ -67,7 +67,7 @@ pub(crate) fn check(plan: &Plan) -> Result<(), RenderError> {
 }
 
 impl LightClusters {
-    /// Bins lights in the order of [`sort`].
+    /// Bins lights in the order of `sort`.
     pub fn new(lights: &[PlanLight], view: &View, size: [u32; 2]) -> LightClusters {
         let clip = &view.clip_from_relative;
         let [across, down] = size.map(|s| s.div_ceil(TILE));

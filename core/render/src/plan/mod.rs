@@ -9,6 +9,7 @@ pub(crate) mod depth_peeling;
 pub mod dirty_rect;
 pub(crate) mod draw;
 pub(crate) mod features;
+pub mod frame_key;
 pub(crate) mod instance;
 pub(crate) mod left_out;
 pub mod light_clusters;
@@ -60,6 +61,10 @@ pub struct Plan {
     /// Hemisphere light from +Y and −Y; both zero if nothing lit is drawn.
     pub ambient_up: Vec3,
     pub ambient_down: Vec3,
+    /// Factor on the light of surfaces and of the sky.
+    pub exposure: f32,
+    /// Those of [`Features::DISPLAY`] that the frame has.
+    pub display: Features,
     /// Empty if nothing lit is drawn.
     pub lights: Vec<PlanLight>,
     /// `None` if too few lights have a range.
@@ -111,14 +116,14 @@ pub struct Plan {
     pub history: Vec<Plan>,
     /// The image stays linear, to be accumulated.
     pub linear: bool,
-    /// Whether vertices are pre-skinned; see [`crate::commands::preskin`].
+    /// Whether vertices are pre-skinned; see `crate::commands::preskin`.
     pub skin_once: SkinOnce,
     pub left_out: Vec<LeftOut>,
 }
 
 impl Plan {
     /// Every plan that is drawn for this one.
-    pub fn sub_plans(&self) -> impl Iterator<Item = &Plan> {
+    pub(crate) fn sub_plans(&self) -> impl Iterator<Item = &Plan> {
         self.subframes.iter().chain(&self.history)
     }
 
@@ -133,10 +138,10 @@ impl Plan {
     }
 }
 
-pub fn is_lit(shading: Shading) -> bool {
+pub(crate) fn is_lit(shading: Shading) -> bool {
     !matches!(shading, Shading::Unlit)
 }
 
-pub fn alpha_blends(mode: AlphaMode) -> bool {
+pub(crate) fn alpha_blends(mode: AlphaMode) -> bool {
     matches!(mode, AlphaMode::Blend)
 }

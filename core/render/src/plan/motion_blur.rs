@@ -8,7 +8,7 @@ use crate::plan::build::effects::{exposure_of, history_of};
 use crate::plan::options::PlanOptions;
 use crate::scene_resources::SceneResources;
 use choreo_motion::Time;
-use choreo_plugin::{Exposure, Hook};
+use choreo_plugin::{Hook, Shutter};
 use choreo_stage::{CameraState, Evaluator, Snapshot, Stage, StageError};
 use glam::Vec4;
 
@@ -45,7 +45,7 @@ pub fn plan_with<E>(
             plan.subframes.push(linear(part));
         }
     }
-    let back = history_of(stage, &snapshot, options.effects, Hook::Picture);
+    let back = history_of(stage, &snapshot, options.effects, Hook::Image);
     if back > 0 {
         if plan.subframes.is_empty() {
             plan.subframes.push(linear(plan_alone(resources, stage, &snapshot, options, &mut at)?));
@@ -84,7 +84,7 @@ pub fn plan_alone<E>(
 
 /// Times of the sub-frames: evenly spaced while the shutter is open, each in the middle of its interval, and never beyond a cut,
 /// so that no shot bleeds into the next.
-pub fn times(stage: &Stage, time: Time, exposure: &Exposure) -> Vec<Time> {
+pub fn times(stage: &Stage, time: Time, exposure: &Shutter) -> Vec<Time> {
     let fps = stage.settings.fps;
     let frame = f64::from(fps.den) / f64::from(fps.num.max(1));
     let samples = exposure.samples.max(1);
@@ -129,14 +129,14 @@ mod tests {
     #[test]
     fn times_are_even_and_stay_in_the_shot() {
         let mut stage = Stage::default();
-        let exposure = Exposure { samples: 4, open: 0.5, before: 0.5 };
+        let exposure = Shutter { samples: 4, open: 0.5, before: 0.5 };
         let frame = Time::TICKS_PER_SECOND / 30;
         let at = Time(frame * 10);
         let off = |stage: &Stage| times(stage, at, &exposure).iter().map(|t| t.0 - at.0).collect::<Vec<_>>();
         assert_eq!(off(&stage), [-3, -1, 1, 3].map(|n| n * frame / 16));
         stage.cuts = vec![Cut { at, camera: 0 }, Cut { at: at + Time(frame / 8), camera: 0 }];
         assert_eq!(off(&stage), [0, 0, frame / 16, frame / 8 - 1]);
-        let later = Exposure { before: 0.0, ..exposure };
+        let later = Shutter { before: 0.0, ..exposure };
         assert!(times(&Stage::default(), at, &later).iter().all(|t| *t > at));
     }
 }

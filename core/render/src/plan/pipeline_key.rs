@@ -50,7 +50,7 @@ impl PipelineKey {
     }
 
     /// The key without lighting effects if no light reaches the surface, or if toon shading has its own.
-    pub fn of_lit(self) -> PipelineKey {
+    pub(crate) fn of_lit(self) -> PipelineKey {
         let lit = self.features.is_lit() && !self.features.has(Features::TOON);
         PipelineKey { lighting: if lit { self.lighting } else { 0 }, ..self }
     }
@@ -61,7 +61,7 @@ impl PipelineKey {
     }
 
     /// Blended surfaces leave the depth buffer as it is.
-    pub fn writes_depth(&self) -> bool {
+    pub(crate) fn writes_depth(&self) -> bool {
         !self.blend && matches!(self.glass, Glass::No | Glass::Refract)
     }
 }

@@ -36,7 +36,7 @@ impl Features {
     }
 
     /// All features of a part of the shader.
-    pub const fn of_part(part: Part) -> Features {
+    pub(crate) const fn of_part(part: Part) -> Features {
         let (mut all, mut row) = (Features(0), 0);
         while row < FEATURES.len() {
             all = all.with(FEATURES[row].bit.when(FEATURES[row].part as u8 == part as u8));
@@ -46,16 +46,16 @@ impl Features {
     }
 
     /// The features that a draw's depth depends on.
-    pub const fn of_depth(self) -> Features {
+    pub(crate) const fn of_depth(self) -> Features {
         self.of_alpha(false)
     }
     /// The same, and those of its alpha where it is `blended` or cut out.
-    pub const fn of_alpha(self, blended: bool) -> Features {
+    pub(crate) const fn of_alpha(self, blended: bool) -> Features {
         let alpha = ALPHA.when(blended || self.has(Features::ALPHA_MASK));
         self.only(Features::SKINNING.with(alpha))
     }
     /// Whether some normal map is read, or highlights follow the tangents.
-    pub const fn has_tangents(self) -> bool {
+    pub(crate) const fn has_tangents(self) -> bool {
         const READ: Features =
             Features::NORMAL_TEXTURE.with(Features::CLEARCOAT_NORMAL_TEXTURE).with(Features::ANISOTROPY);
         self.has_any(READ)
@@ -64,7 +64,7 @@ impl Features {
         const READ: Features = Features::OUTLINE.with(Features::EFFECT_NORMALS).with(Features::TRIPLANAR);
         self.is_lit() || self.has_any(READ)
     }
-    pub const fn is_lit(self) -> bool {
+    pub(crate) const fn is_lit(self) -> bool {
         const MODELS: Features =
             Features::METALLIC_ROUGHNESS.with(Features::BLINN_PHONG).with(Features::TOON);
         self.has_any(MODELS)
@@ -76,8 +76,10 @@ impl Features {
     pub const ALL: Features = Features((1 << FEATURES.len()) - 1);
     /// What lighting reads of the scene rather than of the surface.
     pub const LIGHTS: Features = Features::of_part(Part::Light);
+    /// What brings light to the colors of a display.
+    pub const DISPLAY: Features = Features::EXPOSURE.with(Features::VIEW_TRANSFORM).with(Features::AGX);
     /// All material layers and their textures.
-    pub const ALL_LAYERS: Features = Features::of_part(Part::Layer);
+    pub(crate) const ALL_LAYERS: Features = Features::of_part(Part::Layer);
 }
 
 pub(crate) const ALPHA: Features = Features::of_part(Part::Alpha);
@@ -212,7 +214,7 @@ features! {
         absence: absence("base colour textures", "no drawn material has a base colour texture", "") }
     METALLIC_ROUGHNESS_TEXTURE { needs: &["METALLIC_ROUGHNESS", UV], texture: slot(1),
         absence: absence("metallic-roughness textures", "no drawn material has one that matters", "LIT") }
-    /// Toon: a picture of all light, looked up by the normal.
+    /// Toon: an image of all light, looked up by the normal.
     MATCAP_TEXTURE { needs: &["TOON"], texture: slot(1) }
     /// Reflections of Blinn–Phong: an equirectangular panorama in place of the sky.
     ENVIRONMENT_TEXTURE { needs: &["REFLECTION"], texture: slot(1) }
@@ -327,6 +329,14 @@ features! {
     PHONG { needs: &["BLINN_PHONG"] }
     /// Some light falls off by a polynomial of the distance. Never forced in.
     POLYNOMIAL_FALLOFF { by: RequestedBy::Lights, part: Part::Light, needs: &["LIT"] }
+    /// Light is multiplied by the stage's exposure.
+    EXPOSURE { by: RequestedBy::Lights, part: Part::Light, needs: &["LIT || SKY"],
+        absence: absence("exposure", "it is 0 stops", "LIT") }
+    /// The view transform brings the light of surfaces and of the sky to the colors of a display: Khronos PBR Neutral. Never forced in.
+    VIEW_TRANSFORM { by: RequestedBy::Lights, part: Part::Light, needs: &["LIT || SKY"],
+        absence: absence("view transform", "the stage's view is \"none\", or an effect on images brings light to colors", "LIT") }
+    /// AgX in its place. Never forced in.
+    AGX { by: RequestedBy::Lights, part: Part::Light, needs: &["VIEW_TRANSFORM"] }
     /// Vertices are read where the compute pass left them. In recordings only: a plan keeps how they are posed.
     PRE_SKINNED { by: RequestedBy::Recording, part: Part::Other,
         needs: &["!SKIN", "!MORPH", "!DISPLACED", "!THICK_LINES", "!VOLUME", "!REFRACTION", "!TRIPLANAR"] }
@@ -350,7 +360,10 @@ pub fn holds(condition: &str, is_on: impl Fn(&str) -> bool) -> bool {
 
 /// What a frame reports of the features that none of its draws has, with the reason; `in_stage`: those that something of the
 /// stage has, in view or not.
-pub fn absences(all: Features, in_stage: Features) -> impl Iterator<Item = (&'static str, &'static str)> {
+pub(crate) fn absences(
+    all: Features,
+    in_stage: Features,
+) -> impl Iterator<Item = (&'static str, &'static str)> {
     let mut on: Vec<&str> = names(all).collect();
     on.extend(all.is_lit().then_some("LIT"));
     FEATURES.iter().filter(move |f| !all.has(f.bit)).filter_map(move |f| {
@@ -368,7 +381,7 @@ pub fn texture_slots(features: Features) -> u32 {
 }
 
 /// Slot of a feature's material texture.
-pub const fn texture_slot(feature: Features) -> usize {
+pub(crate) const fn texture_slot(feature: Features) -> usize {
     match FEATURES[feature.0.trailing_zeros() as usize].texture {
         Some(texture) => texture.slot,
         None => panic!("the feature reads no texture"),

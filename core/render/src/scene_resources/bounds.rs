@@ -108,7 +108,7 @@ impl PrimitiveInfo {
     }
 
     /// Bounds of the offset by which the weighted morph targets can move a vertex: Σ wᵢ · bounds of target i.
-    pub fn morph_offset(&self, weights: &[f32]) -> Aabb {
+    pub(crate) fn morph_offset(&self, weights: &[f32]) -> Aabb {
         let mut sum = Aabb { min: Vec3::ZERO, max: Vec3::ZERO };
         for (b, &w) in self.morph_bounds.iter().zip(weights) {
             let (a, b) = (b.min * w, b.max * w);

@@ -26,7 +26,7 @@ impl<'a> Surface<'a> {
 }
 
 /// Distance in meters between a surface and a simplified version with a subset of its vertices; 0 if either has no triangles.
-pub fn hausdorff_distance(fine: Surface, coarse: Surface) -> f32 {
+pub(crate) fn hausdorff_distance(fine: Surface, coarse: Surface) -> f32 {
     let (of_fine, of_coarse) = (Tree::new(fine), Tree::new(coarse));
     let mut worst = 0.0f32;
     for vertex in fine.triangles().flatten() {

@@ -15,7 +15,7 @@ impl TextureResource {
     /// The texture with its pixels, which are loaded now if it is streamed.
     pub fn whole(&self) -> Result<TextureResource, RenderError> {
         let Some((pictures, index)) = &self.streamed else { return Ok(self.clone()) };
-        let image = pictures.picture(*index).map_err(RenderError::Usage)?;
+        let image = pictures.image(*index).map_err(|e| RenderError::Usage(e.to_string()))?;
         let size = |i: &Image| (i.width, i.height);
         if size(&image) != size(&self.image) || image.rgba.len() as u64 != self.bytes() {
             return Err(RenderError::Usage(format!(

@@ -4,16 +4,16 @@ use choreo_asset::{AlphaMode, Material, MaterialLayers, Sampler, Shading, Textur
 use glam::{Affine2, Vec2, Vec3, Vec4};
 
 /// Slots of every material, in the order of [`TextureSlot`].
-pub const BASE_SLOTS: usize = 7;
+pub(crate) const BASE_SLOTS: usize = 7;
 /// Slots of a material's layers, in the order of `MaterialLayers::textures`: clearcoat, its roughness, its normal, sheen color,
 /// its roughness, transmission, thickness, iridescence, its thickness, anisotropy, diffuse transmission, its color.
-pub const LAYER_SLOTS: usize = 12;
+pub(crate) const LAYER_SLOTS: usize = 12;
 /// Slots of toon shading: width of the outline, mask of the animated texture coordinates.
-pub const TOON_SLOTS: usize = 2;
+pub(crate) const TOON_SLOTS: usize = 2;
 /// First slot of toon shading.
-pub const TOON_SLOT: usize = BASE_SLOTS + LAYER_SLOTS;
+pub(crate) const TOON_SLOT: usize = BASE_SLOTS + LAYER_SLOTS;
 /// All slots of a material. Vulkan guarantees 16 bindings; `commands::texture_limit` leaves out what a device cannot bind.
-pub const TEXTURE_SLOTS: usize = TOON_SLOT + TOON_SLOTS;
+pub(crate) const TEXTURE_SLOTS: usize = TOON_SLOT + TOON_SLOTS;
 /// Thickness of the thin film, among the slots of the layers.
 const FILM_THICKNESS_SLOT: usize = BASE_SLOTS + 8;
 

@@ -1,6 +1,6 @@
 //! Mipmaps, computed once on the CPU for both renderers: a box filter of the level above, in linear light for sRGB images.
 
-use choreo_asset::Image;
+use choreo_asset::{Image, linear_from_srgb};
 use rayon::prelude::{IndexedParallelIterator, ParallelIterator, ParallelSlice, ParallelSliceMut};
 use std::sync::OnceLock;
 
@@ -106,16 +106,12 @@ fn unorm8(v: f32) -> u8 {
 /// Decoded value of each of the 256 sRGB codes (IEC 61966-2-1).
 pub fn srgb_to_linear_table() -> &'static [f32; 256] {
     static TABLE: OnceLock<[f32; 256]> = OnceLock::new();
-    TABLE.get_or_init(|| std::array::from_fn(|i| srgb_decode(i as f64 / 255.0) as f32))
+    TABLE.get_or_init(|| std::array::from_fn(|i| linear_from_srgb(i as f64 / 255.0) as f32))
 }
 
 fn unorm_table() -> &'static [f32; 256] {
     static TABLE: OnceLock<[f32; 256]> = OnceLock::new();
     TABLE.get_or_init(|| std::array::from_fn(|i| i as f32 / 255.0))
-}
-
-fn srgb_decode(v: f64) -> f64 {
-    if v <= 0.04045 { v / 12.92 } else { libm::pow((v + 0.055) / 1.055, 2.4) }
 }
 
 /// The nearest sRGB code: the thresholds lie at the decoded values of code + ½. A table by the upper bits finds the code to
@@ -129,7 +125,7 @@ pub fn linear_to_srgb8(v: f32) -> u8 {
     static TABLES: OnceLock<Tables> = OnceLock::new();
     let t = TABLES.get_or_init(|| {
         let mut thresholds: [f32; 256] =
-            std::array::from_fn(|i| srgb_decode((i as f64 + 0.5) / 255.0) as f32);
+            std::array::from_fn(|i| linear_from_srgb((i as f64 + 0.5) / 255.0) as f32);
         thresholds[255] = f32::INFINITY;
         let code_of = |v: f32| thresholds.partition_point(|t| *t <= v).min(255) as u8;
         let first = (0..=(1usize << BITS)).map(|i| code_of(i as f32 / (1 << BITS) as f32)).collect();

@@ -130,7 +130,7 @@ impl Spread {
         Spread { clip_from_relative: *clip_from_relative, size }
     }
 
-    /// Clip-space position of a vertex, from both ends of its line. CPU reference of `spread` in wide.wgsl.
+    /// Clip-space position of a vertex, from both ends of its line. CPU reference of `spread` in thick_lines.wgsl.
     ///
     /// The offset is scaled by w, so that it is the same in the image anywhere on the line: the near plane then clips what is
     /// behind the camera as of any triangle, and ends there need no position in the image.

@@ -165,7 +165,7 @@ pub fn pack(p: &Primitive, indices: &[u32], layout: VertexLayout) -> PackedMesh 
     PackedMesh { vertices: bytes, vertex_count: order.len() as u32, indices, index_count, wide_indices }
 }
 
-/// Offsets of all morph targets for the vertices of [`pack`]; see [`morph_buffers::pack_morphs`].
+/// Offsets of all morph targets for the vertices of [`pack`]; see `morph_buffers::pack_morphs`.
 pub fn pack_morphs(p: &Primitive, indices: &[u32], layout: VertexLayout) -> Vec<u8> {
     let order = match layout.has(10) {
         true => thick_mesh(p, layout.0 & VertexLayout::ROUND != 0).of,

@@ -30,11 +30,13 @@ pub struct ShaderSources {
 }
 
 /// (file name, text built into the program).
-const EMBEDDED: [(&str, &str); 23] = [
+const EMBEDDED: [(&str, &str); 25] = [
     ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
-    ("under.wgsl", include_str!("../../../../shaders/under.wgsl")),
+    ("lights.wgsl", include_str!("../../../../shaders/lights.wgsl")),
+    ("layers_behind.wgsl", include_str!("../../../../shaders/layers_behind.wgsl")),
     ("peel.wgsl", include_str!("../../../../shaders/peel.wgsl")),
     ("deferred.wgsl", include_str!("../../../../shaders/deferred.wgsl")),
+    ("view.wgsl", include_str!("../../../../shaders/view.wgsl")),
     ("sky.wgsl", include_str!("../../../../shaders/sky.wgsl")),
     ("brdf.wgsl", include_str!("../../../../shaders/brdf.wgsl")),
     ("reflection.wgsl", include_str!("../../../../shaders/reflection.wgsl")),
@@ -43,10 +45,10 @@ const EMBEDDED: [(&str, &str); 23] = [
     ("refraction.wgsl", include_str!("../../../../shaders/refraction.wgsl")),
     ("shadow.wgsl", include_str!("../../../../shaders/shadow.wgsl")),
     ("displace.wgsl", include_str!("../../../../shaders/displace.wgsl")),
-    ("wide.wgsl", include_str!("../../../../shaders/wide.wgsl")),
+    ("thick_lines.wgsl", include_str!("../../../../shaders/thick_lines.wgsl")),
     ("triplanar.wgsl", include_str!("../../../../shaders/triplanar.wgsl")),
     ("pose.wgsl", include_str!("../../../../shaders/pose.wgsl")),
-    ("posed.wgsl", include_str!("../../../../shaders/posed.wgsl")),
+    ("preskin.wgsl", include_str!("../../../../shaders/preskin.wgsl")),
     ("vertex.wgsl", include_str!("../../../../shaders/vertex.wgsl")),
     ("scene.wgsl", include_str!("../../../../shaders/scene.wgsl")),
     ("surface.wgsl", include_str!("../../../../shaders/surface.wgsl")),
@@ -60,15 +62,17 @@ const EMBEDDED: [(&str, &str); 23] = [
 const MATERIAL_TEXTURES: &str = "material_textures.wgsl";
 
 /// Files that make up a shader module, in order.
-pub const SCENE: [&str; 18] = [
+pub const SCENE: [&str; 20] = [
     "frame.wgsl",
+    "lights.wgsl",
     MATERIAL_TEXTURES,
+    "view.wgsl",
     "sky.wgsl",
     "brdf.wgsl",
     "reflection.wgsl",
     "toon.wgsl",
     "displace.wgsl",
-    "wide.wgsl",
+    "thick_lines.wgsl",
     "pose.wgsl",
     "vertex.wgsl",
     "triplanar.wgsl",
@@ -80,12 +84,12 @@ pub const SCENE: [&str; 18] = [
     "surface.wgsl",
     "scene.wgsl",
 ];
-pub const POSED: [&str; 4] = ["frame.wgsl", "brdf.wgsl", "pose.wgsl", "posed.wgsl"];
+pub const PRESKIN: [&str; 4] = ["frame.wgsl", "brdf.wgsl", "pose.wgsl", "preskin.wgsl"];
 pub const OVERLAY: [&str; 2] = ["frame.wgsl", "overlay.wgsl"];
 pub const BACKGROUND: [&str; 3] = ["frame.wgsl", "surface.wgsl", "background.wgsl"];
-pub const UNDER: [&str; 4] = ["frame.wgsl", "surface.wgsl", "background.wgsl", "under.wgsl"];
+pub const LAYERS_BEHIND: [&str; 4] = ["frame.wgsl", "surface.wgsl", "background.wgsl", "layers_behind.wgsl"];
 /// Modules with the switch `SKY_BACKGROUND`.
-pub const SKY: [&str; 4] = ["frame.wgsl", "surface.wgsl", "background.wgsl", "sky.wgsl"];
+pub const SKY: [&str; 5] = ["frame.wgsl", "surface.wgsl", "background.wgsl", "view.wgsl", "sky.wgsl"];
 
 /// One file's text, before preprocessing.
 #[derive(Clone, Debug, PartialEq)]

@@ -29,7 +29,7 @@ pub fn preprocess(text: &str, on: &[&str]) -> Result<String, PreprocessError> {
             let (condition, after) = inner
                 .split_once(')')
                 .ok_or_else(|| error("`@if(` has no closing parenthesis on its line".into()))?;
-            check_names(condition).map_err(error)?;
+            check_names(condition, line_number)?;
             let holds = holds(condition, |name| on.contains(&name));
             if after.trim().is_empty() {
                 open.push((line_number, holds, kept));
@@ -56,12 +56,13 @@ pub fn preprocess(text: &str, on: &[&str]) -> Result<String, PreprocessError> {
 }
 
 /// An unknown name is a typing mistake, not "off".
-fn check_names(condition: &str) -> Result<(), String> {
+fn check_names(condition: &str, line: usize) -> Result<(), PreprocessError> {
     let names = condition.split("||").flat_map(|group| group.split("&&"));
     for name in names.map(|term| term.trim().trim_start_matches('!').trim()) {
         if !switch_names().any(|known| known == name) {
             let known: Vec<&str> = switch_names().collect();
-            return Err(format!("unknown switch `{name}`; known: {}", known.join(", ")));
+            let what = format!("unknown switch `{name}`; known: {}", known.join(", "));
+            return Err(PreprocessError { line, what });
         }
     }
     Ok(())

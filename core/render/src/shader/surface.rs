@@ -11,7 +11,7 @@ pub struct SceneEffect {
     pub name: String,
     pub wgsl: String,
     pub hook: Hook,
-    pub along_model: bool,
+    pub in_model_space: bool,
 }
 
 /// What a call of an effect's function is given, and what becomes of its value.
@@ -21,7 +21,7 @@ fn call(effect: &SceneEffect) -> String {
     match effect.hook {
         Hook::Vertex => {
             let offset = format!("effect_s{bit}(place, {p})");
-            let offset = if effect.along_model { format!("turned_by(m, {offset})") } else { offset };
+            let offset = if effect.in_model_space { format!("turned_by(m, {offset})") } else { offset };
             format!("    sum += within_reach({offset}, {bit}u);\n")
         }
         Hook::Lighting => format!("    f.lit = effect_s{bit}(f, {p});\n"),

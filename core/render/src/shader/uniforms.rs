@@ -35,7 +35,7 @@ uniforms! {
         /// Pixels.
         size: Vec2,
         light_count: u32,
-        pad: u32,
+        exposure: f32,
     }
 
     /// How a place is found again from its pixel and depth; deferred.wgsl.
@@ -52,7 +52,7 @@ uniforms! {
         turn: Vec4,
         /// xy: 1 / texels of the atlas; z: 1 where it is seen behind everything.
         texel: Vec4,
-        /// See [`crate::plan::view::rays`].
+        /// See `crate::plan::view::rays`.
         right: Vec4,
         down: Vec4,
         ahead: Vec4,
@@ -180,7 +180,7 @@ uniforms! {
 
 impl RebuiltUniform {
     pub fn new(view: &View) -> RebuiltUniform {
-        // In f64: of a far plane that is near, or a part of a large picture, little would be left.
+        // In f64: of a far plane that is near, or a part of a large image, little would be left.
         RebuiltUniform { relative_from_clip: view.clip_from_relative.as_dmat4().inverse().as_mat4() }
     }
 }
@@ -206,7 +206,7 @@ impl SkyUniform {
 
 impl LayersUniform {
     /// Binding after those of the textures.
-    pub const BINDING: u32 = 1 + 2 * TEXTURE_SLOTS as u32;
+    pub(crate) const BINDING: u32 = 1 + 2 * TEXTURE_SLOTS as u32;
 
     /// `None` where the material has no layers.
     pub fn new(resource: &MaterialResource) -> Option<LayersUniform> {
@@ -275,7 +275,7 @@ fn uv_transform(t: &MaterialTexture) -> UvTransform {
 }
 
 impl PostUniform {
-    /// `before`: how many times smaller the picture is that it reads.
+    /// `before`: how many times smaller the image is that it reads.
     pub fn new(pass: &PostPass, before: u32, whole: [u32; 2]) -> PostUniform {
         let p = &pass.parameters;
         let vec2 = |size: [u32; 2]| Vec2::new(size[0] as f32, size[1] as f32);

@@ -14,7 +14,7 @@ use rayon::prelude::{IntoParallelIterator, ParallelIterator};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Largest number of levels in the shaders.
-pub const MAX_LEVELS: usize = 8;
+pub(crate) const MAX_LEVELS: usize = 8;
 
 /// Resolution and quality of the maps; the defaults are chosen by `tests/report`, "Image-based light".
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -145,7 +145,7 @@ impl SkyMaps {
 
 /// The panorama as 16-bit floats, drawn behind everything; at a lower resolution if a device does not support its width.
 #[derive(Clone, Debug)]
-pub struct SkyBackground {
+pub(crate) struct SkyBackground {
     pub size: [u32; 2],
     pub texels: Vec<[f16; 4]>,
 }

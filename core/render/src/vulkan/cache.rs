@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 const CHECKSUM: usize = 32;
 
-pub struct PipelineCache {
+pub(crate) struct PipelineCache {
     pub raw: vk::PipelineCache,
     file: Option<PathBuf>,
 }

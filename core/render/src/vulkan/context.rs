@@ -39,7 +39,7 @@ pub struct Context {
     lost: AtomicBool,
 }
 
-pub struct ContextOptions<'a> {
+pub(crate) struct ContextOptions<'a> {
     pub validation: bool,
     /// Part of a device's name, any case.
     pub device: Option<&'a str>,
@@ -59,14 +59,45 @@ fn no_vulkan(why: impl Into<String>) -> RenderError {
     RenderError::NoVulkan { why: why.into() }
 }
 
+/// Kind and name of the device that [`Context::new`] would choose, without making one.
+pub fn chosen_device() -> Result<DeviceInfo, RenderError> {
+    let options = ContextOptions {
+        validation: false,
+        device: None,
+        instance_extensions: &[],
+        device_extensions: &[],
+        frugal: false,
+        faults: Faults::default(),
+        without: &[],
+        storage_range: None,
+    };
+    let entry = load()?;
+    let (instance, _) = create_instance(&entry, &options, &Messages::default())?;
+    let info = choose_device(&instance, None).map(|(physical, _)| describe(&instance, physical).1);
+    // SAFETY: nothing made from the instance is alive.
+    unsafe { instance.destroy_instance(None) };
+    info
+}
+
+/// Sets the number of threads that Mesa's software rasterizer (lavapipe) starts; it reads it when its driver is loaded. Call it
+/// before the program starts threads of its own.
+pub fn limit_software_threads(count: usize) {
+    // SAFETY: the caller has started no thread that reads the environment without the lock of std.
+    unsafe { std::env::set_var("LP_NUM_THREADS", count.to_string()) };
+}
+
+fn load() -> Result<ash::Entry, RenderError> {
+    // SAFETY: libvulkan is the system's loader; the caller keeps the entry for as long as anything of it is used.
+    unsafe { ash::Entry::load() }.map_err(|e| {
+        no_vulkan(format!(
+            "no Vulkan loader ({e}); install libvulkan1 and a driver (Debian: mesa-vulkan-drivers)"
+        ))
+    })
+}
+
 impl Context {
     pub fn new(options: &ContextOptions<'_>) -> Result<Context, RenderError> {
-        // SAFETY: libvulkan is the system's loader; it is kept loaded by `_entry` for as long as anything of it is used.
-        let entry = unsafe { ash::Entry::load() }.map_err(|e| {
-            no_vulkan(format!(
-                "no Vulkan loader ({e}); install libvulkan1 and a driver (Debian: mesa-vulkan-drivers)"
-            ))
-        })?;
+        let entry = load()?;
         let messages = Messages::default();
         let (instance, messenger) = create_instance(&entry, options, &messages)?;
         // From here on everything that was made is destroyed where a later step fails.
@@ -168,7 +199,7 @@ impl Context {
     }
 
     /// The validation layer's messages since the last call, as one error.
-    pub fn check_messages(&self) -> Result<(), RenderError> {
+    pub(crate) fn check_messages(&self) -> Result<(), RenderError> {
         let mut messages = self.messages.lock().unwrap_or_else(PoisonError::into_inner);
         if messages.is_empty() {
             return Ok(());
@@ -215,7 +246,7 @@ fn keep_freed_memory() {}
 /// What importing and compiling freed goes back to the kernel, from the heaps of all threads: a thread's own heap
 /// cannot be used by the others, and what [`keep_freed_memory`] keeps is for the frames.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
-pub fn give_back_freed_memory() {
+pub(crate) fn give_back_freed_memory() {
     unsafe extern "C" {
         fn malloc_trim(keep: usize) -> std::ffi::c_int;
     }
@@ -226,7 +257,7 @@ pub fn give_back_freed_memory() {
 }
 
 #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
-pub fn give_back_freed_memory() {}
+pub(crate) fn give_back_freed_memory() {}
 
 type Messenger = Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>;
 

@@ -18,10 +18,10 @@ use ash::vk;
 pub const FORMATS: [vk::Format; 3] =
     [vk::Format::R32G32B32A32_UINT, vk::Format::R32G32B32A32_UINT, vk::Format::R32_SFLOAT];
 /// Bytes of a pixel, in their order.
-pub const BYTES: [u64; 3] = [16, 16, 4];
+pub(crate) const BYTES: [u64; 3] = [16, 16, 4];
 
 /// Bindings of set 3 in the lighting pass.
-pub const BINDINGS: [(u32, vk::DescriptorType, vk::ShaderStageFlags); 4] = [
+pub(crate) const BINDINGS: [(u32, vk::DescriptorType, vk::ShaderStageFlags); 4] = [
     (0, vk::DescriptorType::UNIFORM_BUFFER, vk::ShaderStageFlags::FRAGMENT),
     (1, vk::DescriptorType::SAMPLED_IMAGE, vk::ShaderStageFlags::FRAGMENT),
     (2, vk::DescriptorType::SAMPLED_IMAGE, vk::ShaderStageFlags::FRAGMENT),

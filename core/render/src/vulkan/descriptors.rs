@@ -10,9 +10,9 @@ use crate::shader::uniforms::LayersUniform;
 use ash::vk;
 use std::collections::BTreeMap;
 
-/// Set 0: per frame. Set 1: morph offsets of a primitive. Set 2: shadow maps, the picture behind glass, the sky. Set 3: per material, last because its layout
+/// Set 0: per frame. Set 1: morph offsets of a primitive. Set 2: shadow maps, the image behind glass, the sky. Set 3: per material, last because its layout
 /// differs with the textures that a shader reads and must disturb no other. Set 0 of a post pass.
-pub struct Layouts {
+pub(crate) struct Layouts {
     pub frame: vk::DescriptorSetLayout,
     materials: BTreeMap<u32, MaterialLayout>,
     pub morphs: vk::DescriptorSetLayout,
@@ -27,7 +27,7 @@ pub struct Layouts {
 
 /// Layout of the materials of which a shader reads the same textures.
 #[derive(Clone, Copy)]
-pub struct MaterialLayout {
+pub(crate) struct MaterialLayout {
     pub set: vk::DescriptorSetLayout,
     /// Pipeline layout with the sets before it.
     pub pipeline: vk::PipelineLayout,
@@ -125,7 +125,7 @@ impl Layouts {
     }
 
     /// Makes the layout of materials with these textures (a bit a slot), where it is not there.
-    pub fn prepare_material(&mut self, gpu: &Context, slots: u32) -> Result<(), RenderError> {
+    pub(crate) fn prepare_material(&mut self, gpu: &Context, slots: u32) -> Result<(), RenderError> {
         if self.materials.contains_key(&slots) {
             return Ok(());
         }
@@ -148,7 +148,7 @@ impl Layouts {
     }
 
     /// Makes the layout of the G-buffer, where a recording has any and it is not there.
-    pub fn prepare_light(&mut self, gpu: &Context, recording: &Recording) -> Result<(), RenderError> {
+    pub(crate) fn prepare_light(&mut self, gpu: &Context, recording: &Recording) -> Result<(), RenderError> {
         if self.light.is_none() && recording.commands.contains(&Command::BeginGeometry) {
             self.light = Some(self.with_set(gpu, "kept set layout", &super::deferred::BINDINGS)?);
         }
@@ -217,7 +217,7 @@ pub struct Set {
 }
 
 #[derive(Default)]
-pub struct Pools {
+pub(crate) struct Pools {
     pools: Vec<vk::DescriptorPool>,
 }
 
@@ -292,7 +292,7 @@ fn allocate(
 }
 
 /// One write of a whole buffer range.
-pub fn write_buffer(
+pub(crate) fn write_buffer(
     gpu: &Context,
     set: vk::DescriptorSet,
     binding: u32,
@@ -312,7 +312,7 @@ pub fn write_buffer(
 }
 
 /// An image in shader-read layout, or a sampler.
-pub fn write_image(
+pub(crate) fn write_image(
     gpu: &Context,
     set: vk::DescriptorSet,
     binding: u32,

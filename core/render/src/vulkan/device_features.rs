@@ -70,7 +70,7 @@ impl Ability {
 
 /// Those that a device has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Abilities(u8);
+pub(crate) struct Abilities(u8);
 
 impl Abilities {
     /// `color_attachments`: as [`super::deferred::color_attachments`] tells. `queue`: what the queue can do.

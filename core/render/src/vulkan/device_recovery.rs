@@ -1,6 +1,6 @@
 //! A Vulkan renderer that survives its device: lost, out of memory or silent for too long, the frames that were not yet
 //! collected are drawn again, once, on a device made afresh that is asked for less. The same plans on the same device give the
-//! same bytes, so nobody sees it in the pictures.
+//! same bytes, so nobody sees it in the images.
 
 use super::{GpuOptions, VulkanRenderer};
 use crate::error::RenderError;

@@ -15,7 +15,7 @@ use crate::scene_resources::vertex_layout::VertexLayout;
 use ash::vk;
 use glam::Vec4;
 
-pub struct Execution<'a> {
+pub(crate) struct Execution<'a> {
     pub gpu: &'a Context,
     pub layouts: &'a Layouts,
     pub scene_resources: &'a SceneResources,
@@ -36,41 +36,9 @@ impl Execution<'_> {
         let mut index_count = 0;
         for (i, command) in recording.commands.iter().enumerate() {
             match command {
-                Command::UploadFrameData { .. } => {}
                 Command::Preskin { variant, primitive, layout, first, count } => {
                     let morphs = variant.features.has(Features::MORPH);
                     self.pose(pipeline_of(i)?, (*primitive, *layout), morphs, [*first, *count])?;
-                }
-                Command::EndPreskin => self.end_poses(),
-                Command::CopyBackground => self.copy_background(),
-                Command::SetCull(cull) => self.set_cull(*cull),
-                Command::BeginShadows { size, .. } => self.begin_shadows(*size)?,
-                Command::ShadowView { index, at, size } => {
-                    self.set_area(*at, *size);
-                    let set = self.slot.view_sets.get(*index).ok_or_else(|| missing("a shadow view"))?;
-                    self.bind_set(self.pipelines.layout, 0, set.raw);
-                }
-                Command::BeginGeometry => {
-                    self.begin_geometry()?;
-                    self.bind_scene_sets();
-                }
-                Command::DrawLight { area } => self.light(*area)?,
-                Command::CopySceneColor { from, .. } => self.copy_behind(*from)?,
-                Command::BeginPass { target, clear, part, kept, area, .. } => {
-                    self.begin_scene(*target, *clear, (*part, *kept), *area);
-                    self.bind_scene_sets();
-                }
-                Command::BeginPeel { layer, area, .. } => {
-                    // The scene's depths before the first layer, then those of even and odd layers in turn.
-                    let set = self.slot.peel_sets.get(if *layer == 0 { 0 } else { 2 - *layer as usize % 2 });
-                    let set = set.ok_or_else(|| missing("a set of layers"))?;
-                    self.begin_peel(*layer, *area)?;
-                    self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
-                    self.bind_set(self.pipelines.layout, 2, set.raw);
-                }
-                Command::BeginLayer { layer, rest, target, area, .. } => {
-                    self.begin_layer(*layer, *rest, *target, *area)?;
-                    self.bind_scene_sets();
                 }
                 Command::BindPipeline(variant) => {
                     self.bind_pipeline(pipeline_of(i)?);
@@ -96,10 +64,6 @@ impl Execution<'_> {
                     // SAFETY: the pipeline reads no vertices, and its one set is bound.
                     unsafe { device.cmd_draw(commands, 3, 1, 0, 0) };
                 }
-                Command::EndPass => {
-                    // SAFETY: `BeginPass` began it.
-                    unsafe { device.cmd_end_rendering(commands) };
-                }
                 Command::PostPass { index, from, original, to, size, .. } => {
                     self.post(pipeline_of(i)?, *index, [*from, *original, *to], *size);
                 }
@@ -108,9 +72,64 @@ impl Execution<'_> {
                     // SAFETY: the pipeline reads its vertices from the bound set, which holds as many.
                     unsafe { device.cmd_draw(commands, *count, 1, *first, 0) };
                 }
-                Command::ReadBack => self.read_back(Target::Picture),
-                Command::ReadBackLinear => self.read_back(Target::Float(0)),
+                other => self.pass_command(other)?,
             }
+        }
+        Ok(())
+    }
+
+    /// Executes a command that begins or ends a pass, copies an image or sets a state.
+    fn pass_command(&self, command: &Command) -> Result<(), RenderError> {
+        match command {
+            Command::EndPreskin => self.end_poses(),
+            Command::CopyBackground => self.copy_background(),
+            Command::SetCull(cull) => self.set_cull(*cull),
+            Command::BeginShadows { size, .. } => self.begin_shadows(*size)?,
+            Command::ShadowView { index, at, size } => {
+                self.set_area(*at, *size);
+                let set = self.slot.view_sets.get(*index).ok_or_else(|| missing("a shadow view"))?;
+                self.bind_set(self.pipelines.layout, 0, set.raw);
+            }
+            Command::BeginGeometry => {
+                self.begin_geometry()?;
+                self.bind_scene_sets();
+            }
+            Command::DrawLight { area } => self.light(*area)?,
+            Command::CopySceneColor { from, .. } => self.copy_behind(*from)?,
+            Command::BeginPass { target, clear, part, kept, area, .. } => {
+                self.begin_scene(*target, *clear, (*part, *kept), *area);
+                self.bind_scene_sets();
+            }
+            Command::BeginPeel { layer, area, .. } => {
+                // The scene's depths before the first layer, then those of even and odd layers in turn.
+                let set = self.slot.peel_sets.get(if *layer == 0 { 0 } else { 2 - *layer as usize % 2 });
+                let set = set.ok_or_else(|| missing("a set of layers"))?;
+                self.begin_peel(*layer, *area)?;
+                self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
+                self.bind_set(self.pipelines.layout, 2, set.raw);
+            }
+            Command::BeginLayer { layer, rest, target, area, .. } => {
+                self.begin_layer(*layer, *rest, *target, *area)?;
+                self.bind_scene_sets();
+            }
+            Command::EndPass => {
+                // SAFETY: `BeginPass` began it.
+                unsafe { self.gpu.device.cmd_end_rendering(self.slot.commands) };
+            }
+            Command::ReadBack => self.read_back(Target::Picture),
+            Command::ReadBackLinear => self.read_back(Target::Float(0)),
+            // Uploaded before the recording, or executed in `run`.
+            Command::UploadFrameData { .. }
+            | Command::Preskin { .. }
+            | Command::BindPipeline(_)
+            | Command::BindMaterial { .. }
+            | Command::BindMesh { .. }
+            | Command::Draw { .. }
+            | Command::DrawBackground { .. }
+            | Command::DrawSky { .. }
+            | Command::DrawLayersBehind
+            | Command::PostPass { .. }
+            | Command::DrawOverlay { .. } => {}
         }
         Ok(())
     }
@@ -182,7 +201,7 @@ impl Execution<'_> {
         unsafe { self.gpu.device.cmd_pipeline_barrier2(self.slot.commands, &info) };
     }
 
-    /// The whole picture from the host's gradient.
+    /// The whole image from the host's gradient.
     fn copy_background(&self) {
         let (picture, Some(rows)) = (&self.targets.picture, self.targets.background()) else { return };
         self.barriers(&[color_barrier(picture)
@@ -191,7 +210,7 @@ impl Execution<'_> {
             .dst_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
             .new_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)]);
         let region = [self.whole_picture()];
-        // SAFETY: the command buffer is being recorded; the buffer holds one picture.
+        // SAFETY: the command buffer is being recorded; the buffer holds one image.
         unsafe {
             let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
             let commands = self.slot.commands;
@@ -262,38 +281,7 @@ impl Execution<'_> {
         let kept = part != PassPart::Whole;
         let resumed = matches!(part, PassPart::AfterCopy | PassPart::AfterLayers);
         let goes_on = matches!(part, PassPart::UntilCopy | PassPart::UntilLayers);
-        let mut barriers = vec![match clear {
-            // The copy left the picture to be drawn into; with several samples it is only resolved into.
-            _ if resumed => again(to_color(resolved), vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
-            Some(_) if area.is_none() => to_color(resolved),
-            // As the background's copy left it: all of it, or what lies around the area.
-            _ => color_barrier(resolved)
-                .src_stage_mask(vk::PipelineStageFlags2::COPY)
-                .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
-                .dst_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
-                .dst_access_mask(
-                    vk::AccessFlags2::COLOR_ATTACHMENT_WRITE | vk::AccessFlags2::COLOR_ATTACHMENT_READ,
-                )
-                .old_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
-                .new_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
-        }];
-        let (of_samples, of_depth) = (multisampled.map(to_color), self.targets.depth.as_ref().map(to_depth));
-        if resumed {
-            barriers.extend(of_samples.map(|b| again(b, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)));
-            barriers.extend(of_depth.map(|b| again(b, vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)));
-        } else {
-            barriers.extend(of_samples);
-            barriers.extend(of_depth.map(|b| match after_geometry {
-                true => again(b, vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL),
-                false => b,
-            }));
-            if after_geometry {
-                barriers.extend(self.targets.kept.iter().map(from_color));
-            }
-            barriers.extend(self.targets.shadow.as_ref().map(|s| from_depth(&s.image)));
-        }
-        self.barriers(&barriers);
-
+        self.begin_scene_barriers(resolved, clear.is_some() && area.is_none(), resumed, after_geometry);
         let load = if clear.is_some() { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD };
         let float32 = clear.unwrap_or_default().to_array();
         let clear = vk::ClearValue { color: vk::ClearColorValue { float32 } };
@@ -332,6 +320,43 @@ impl Execution<'_> {
                 .clear_value(vk::ClearValue { depth_stencil: far })
         });
         self.begin(Some(&color), depth.as_ref(), area);
+    }
+
+    /// Puts the images of a scene's pass into their layouts. `clears_all`: the pass clears the whole image; `resumed`: it goes on
+    /// after a copy or layers.
+    fn begin_scene_barriers(&self, resolved: &Image, clears_all: bool, resumed: bool, after_geometry: bool) {
+        let mut barriers = vec![match clears_all {
+            // The copy left the image to be drawn into; with several samples it is only resolved into.
+            _ if resumed => again(to_color(resolved), vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
+            true => to_color(resolved),
+            // As the background's copy left it: all of it, or what lies around the area.
+            false => color_barrier(resolved)
+                .src_stage_mask(vk::PipelineStageFlags2::COPY)
+                .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
+                .dst_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
+                .dst_access_mask(
+                    vk::AccessFlags2::COLOR_ATTACHMENT_WRITE | vk::AccessFlags2::COLOR_ATTACHMENT_READ,
+                )
+                .old_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
+                .new_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
+        }];
+        let (of_samples, of_depth) =
+            (self.targets.multisampled.as_ref().map(to_color), self.targets.depth.as_ref().map(to_depth));
+        if resumed {
+            barriers.extend(of_samples.map(|b| again(b, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)));
+            barriers.extend(of_depth.map(|b| again(b, vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)));
+        } else {
+            barriers.extend(of_samples);
+            barriers.extend(of_depth.map(|b| match after_geometry {
+                true => again(b, vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL),
+                false => b,
+            }));
+            if after_geometry {
+                barriers.extend(self.targets.kept.iter().map(from_color));
+            }
+            barriers.extend(self.targets.shadow.as_ref().map(|s| from_depth(&s.image)));
+        }
+        self.barriers(&barriers);
     }
 
     pub(super) fn begin(
@@ -405,7 +430,7 @@ impl Execution<'_> {
             .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
             .dst_stage_mask(vk::PipelineStageFlags2::HOST)
             .dst_access_mask(vk::AccessFlags2::HOST_READ)];
-        // SAFETY: the command buffer is being recorded; the buffer holds at least one picture.
+        // SAFETY: the command buffer is being recorded; the buffer holds at least one image.
         unsafe {
             self.gpu.device.cmd_copy_image_to_buffer(
                 self.slot.commands,

@@ -1,9 +1,9 @@
 //! Exposures: frames that are the mean of several. Each of those is drawn as any frame and read back linear; the host adds
-//! them up and runs what comes over the picture, by the functions that are the passes' specification.
+//! them up and runs what comes over the image, by the functions that are the passes' specification.
 
 use super::VulkanRenderer;
 use super::context;
-use crate::cpu::picture;
+use crate::cpu::image_passes;
 use crate::error::RenderError;
 use crate::plan::Plan;
 use crate::plan::motion_blur::Accumulated;
@@ -41,7 +41,7 @@ impl VulkanRenderer {
             if done < plan.subframes.len() {
                 self.add_oldest(&mut sum)?;
             } else {
-                // A sum of one is the picture itself.
+                // A sum of one is the image itself.
                 let mut one = Accumulated::new(width as usize * height as usize);
                 self.add_oldest(&mut one)?;
                 before.push(one.mean());
@@ -51,8 +51,8 @@ impl VulkanRenderer {
         let mut frame = reuse.unwrap_or(Frame { width, height, rgba: Vec::new() });
         (frame.width, frame.height) = (width, height);
         frame.rgba.resize(width as usize * height as usize * 4, 0);
-        let passes = picture::passes(&plan.post, plan.size, self.pipelines.effects())?;
-        picture::run(&passes, plan.size, sum.mean(), &before, &mut frame.rgba);
+        let passes = image_passes::passes(&plan.post, plan.size, self.pipelines.effects())?;
+        image_passes::run(&passes, plan.size, sum.mean(), &before, &mut frame.rgba);
         if let Some(over) = &plan.layers_in_front {
             over.over(&mut frame);
         }

@@ -12,6 +12,7 @@ use crate::plan::{Plan, PlanLight};
 use crate::shader::uniforms::{
     FrameUniform, LayersUniform, MaterialUniform, PostUniform, RebuiltUniform, ShadowUniform, SkyUniform,
 };
+use ash::vk;
 use choreo_stage::Background;
 use glam::Vec2;
 
@@ -28,7 +29,7 @@ pub struct Block {
 
 impl Block {
     /// A descriptor must be bound to something, though nothing reads it.
-    pub fn or_any(self) -> Block {
+    pub(crate) fn or_any(self) -> Block {
         if self.bytes > 0 { self } else { Block { at: 0, bytes: 16 } }
     }
 }
@@ -40,6 +41,14 @@ struct Blocks {
 }
 
 impl Blocks {
+    fn new(limits: &vk::PhysicalDeviceLimits) -> Blocks {
+        let align = limits
+            .min_uniform_buffer_offset_alignment
+            .max(limits.min_storage_buffer_offset_alignment)
+            .max(16);
+        Blocks { end: 0, align }
+    }
+
     fn take(&mut self, bytes: usize) -> Block {
         let at = self.end.next_multiple_of(self.align);
         self.end = at + bytes as u64;
@@ -97,11 +106,7 @@ impl<'a> FrameData<'a> {
         };
         let reads = recording.reads();
         let limits = gpu.limits();
-        let align = limits
-            .min_uniform_buffer_offset_alignment
-            .max(limits.min_storage_buffer_offset_alignment)
-            .max(16);
-        let mut blocks = Blocks { end: 0, align };
+        let mut blocks = Blocks::new(limits);
         let views = plan.shadow_maps.as_ref().map_or(0, |s| s.views.len());
         let [instance_data, joint_data, morph_data, light_data, overlay_data]: [&[u8]; 5] = [
             bytemuck::cast_slice(&plan.instances[..*instances]),
@@ -152,23 +157,28 @@ impl<'a> FrameData<'a> {
                 stored("joint matrices", joints, joint_data),
                 stored("weights of morph targets", morphs, morph_data),
                 stored("vertices that effects draw", overlay, overlay_data),
-                stored("lists of lights", light_clusters, cluster_data),
+                stored("light clusters", light_clusters, cluster_data),
                 stored("lights", light_block, light_data),
             ],
             bytes: blocks.end,
         };
-        let limit = u64::from(limits.max_storage_buffer_range);
-        match data.stored.iter().find(|s| s.data.len() as u64 > limit) {
+        data.check(u64::from(limits.max_storage_buffer_range))?;
+        Ok(data)
+    }
+
+    /// An error if a shader reads more from one buffer than the device's limit.
+    fn check(&self, limit: u64) -> Result<(), RenderError> {
+        match self.stored.iter().find(|s| s.data.len() as u64 > limit) {
             Some(Stored { what, data, .. }) => {
                 let what = format!("size in bytes of all {what}");
                 Err(RenderError::Limit { what, value: data.len() as u64, limit })
             }
-            None => Ok(data),
+            None => Ok(()),
         }
     }
 
     /// Uniforms of the frame and of each shadow view.
-    pub fn frame_and_views(&self) -> impl Iterator<Item = Block> {
+    pub(crate) fn frame_and_views(&self) -> impl Iterator<Item = Block> {
         std::iter::once(self.frame).chain(self.views.iter().copied())
     }
 
@@ -233,6 +243,6 @@ fn frame_uniform(plan: &Plan, light_count: u32) -> FrameUniform {
         background_bottom: bottom.extend(alpha),
         size: Vec2::new(plan.size[0] as f32, plan.size[1] as f32),
         light_count,
-        pad: 0,
+        exposure: plan.exposure,
     }
 }

@@ -20,7 +20,7 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
 
-pub struct FrameInFlight {
+pub(crate) struct FrameInFlight {
     pub pool: vk::CommandPool,
     pub commands: vk::CommandBuffer,
     ring: Option<Buffer>,
@@ -54,7 +54,7 @@ pub struct FrameInFlight {
 
 /// Set 0: frame, instances, joints, morphs, lights, joints as a uniform buffer, parameters of effects on surfaces, what effects draw,
 /// textures of effects, lists of lights.
-pub const FRAME_BINDINGS: [(u32, vk::DescriptorType); 10] = [
+pub(crate) const FRAME_BINDINGS: [(u32, vk::DescriptorType); 10] = [
     (0, vk::DescriptorType::UNIFORM_BUFFER),
     (1, vk::DescriptorType::STORAGE_BUFFER),
     (2, vk::DescriptorType::STORAGE_BUFFER),
@@ -297,8 +297,8 @@ impl FrameInFlight {
         Ok(())
     }
 
-    /// The picture of what lies under the scene, where it is another than this slot has; keeps what lies over it.
-    pub fn prepare_flats(
+    /// The image of what lies under the scene, where it is another than this slot has; keeps what lies over it.
+    pub(crate) fn prepare_flats(
         &mut self,
         gpu: &Context,
         plan: &Plan,
@@ -317,14 +317,14 @@ impl FrameInFlight {
     }
 
     /// What an upload that failed was to fill.
-    pub fn forget_flats(&mut self, gpu: &Context) {
+    pub(crate) fn forget_flats(&mut self, gpu: &Context) {
         if let Some((_, mut image)) = self.under.take() {
             image.destroy(gpu);
         }
     }
 
     /// Sets of the materials that are not as in the scene resources; after `write`, and after the resources are prepared.
-    pub fn write_changed(
+    pub(crate) fn write_changed(
         &mut self,
         gpu: &Context,
         layouts: &Layouts,
@@ -359,12 +359,12 @@ impl FrameInFlight {
         Ok(())
     }
 
-    pub fn changed_set(&self, changed: u32, slots: u32) -> Option<vk::DescriptorSet> {
+    pub(crate) fn changed_set(&self, changed: u32, slots: u32) -> Option<vk::DescriptorSet> {
         let place = self.changed.iter().position(|c| *c == (changed, slots))?;
         self.changed_sets.get(place).map(|set| set.raw)
     }
 
-    pub fn release_staging(&mut self, gpu: &Context) {
+    pub(crate) fn release_staging(&mut self, gpu: &Context) {
         if let Some(mut staging) = self.staging.take() {
             staging.destroy(gpu);
         }

@@ -80,7 +80,7 @@ impl Buffer {
         self.allocation.as_ref().and_then(|a| a.mapped_slice()).unwrap_or(&[])
     }
 
-    pub fn mapped_mut(&mut self) -> &mut [u8] {
+    pub(crate) fn mapped_mut(&mut self) -> &mut [u8] {
         self.allocation.as_mut().and_then(|a| a.mapped_slice_mut()).unwrap_or(&mut [])
     }
 
@@ -102,7 +102,7 @@ pub struct Image {
     allocation: Option<Allocation>,
 }
 
-pub struct ImageDesc<'a> {
+pub(crate) struct ImageDesc<'a> {
     pub name: &'a str,
     pub width: u32,
     pub height: u32,

@@ -5,7 +5,7 @@ use crate::commands::textures_beyond;
 use crate::scene_resources::material::MaterialResource;
 
 impl VulkanRenderer {
-    /// Textures that a material's shader may read here, beside the shadow map, the picture behind glass, the sky's two and the layers under the scene.
+    /// Textures that a material's shader may read here, beside the shadow map, the image behind glass, the sky's two and the layers under the scene.
     pub(super) fn textures(&self) -> u32 {
         let limits = self.gpu.limits();
         let images = limits.max_per_stage_descriptor_sampled_images;

@@ -48,6 +48,7 @@ use choreo_plugin::{Effect, Frame};
 use choreo_stage::Background;
 pub use clock::DeviceTime;
 use context::{Context, ContextOptions};
+pub use context::{chosen_device, limit_software_threads};
 use descriptors::{Layouts, Pools};
 pub use device_features::Ability;
 pub use device_recovery::SteadyRenderer;
@@ -67,7 +68,7 @@ use upload::Uploads;
 
 /// A frame that takes longer is given up: a driver that hangs must not hang the program. Five minutes: a driver that draws
 /// on a busy CPU takes seconds for a large frame, and drivers of GPUs give up by themselves after some seconds.
-pub const TIMEOUT_SECS: u64 = 300;
+pub(crate) const TIMEOUT_SECS: u64 = 300;
 
 /// Bytes that a frugal renderer sends to the device at once.
 const FRUGAL_UPLOAD: usize = 8 << 20;
@@ -208,7 +209,7 @@ impl VulkanRenderer {
 
     fn check(&self, plan: &Plan) -> Result<(), RenderError> {
         let limit = self.longest_side().max(crate::plan::tiles::MOST);
-        for (what, value) in [("picture width", plan.size[0]), ("picture height", plan.size[1])] {
+        for (what, value) in [("image width", plan.size[0]), ("image height", plan.size[1])] {
             if value == 0 {
                 return Err(RenderError::Usage(format!("the {what} is 0")));
             }

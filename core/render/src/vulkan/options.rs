@@ -27,7 +27,7 @@ pub struct GpuOptions {
     pub frugal: bool,
     /// As if the device could bind no more textures of a material at once.
     pub textures: Option<u32>,
-    /// As if the device could draw no picture with a longer side, pixels: larger ones are drawn in tiles.
+    /// As if the device could draw no image with a longer side, pixels: larger ones are drawn in tiles.
     pub longest_side: Option<u32>,
     /// As if no storage buffer could be bound with more bytes (`maxStorageBufferRange`).
     pub storage_range: Option<u32>,

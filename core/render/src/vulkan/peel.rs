@@ -1,4 +1,4 @@
-//! Layers of transparent surfaces: passes that find their depths, and passes that mix them into the picture.
+//! Layers of transparent surfaces: passes that find their depths, and passes that mix them into the image.
 
 use super::execute::{Execution, again, from_depth, to_color, to_depth};
 use super::memory::Image;
@@ -35,7 +35,7 @@ impl Execution<'_> {
         Ok(())
     }
 
-    /// The picture goes on: where depths are those of the layer, or (`rest`) nearer.
+    /// The image goes on: where depths are those of the layer, or (`rest`) nearer.
     pub(super) fn begin_layer(
         &self,
         layer: u32,

@@ -2,6 +2,7 @@
 
 use crate::commands::preskin::PreskinVariant;
 use crate::commands::{Command, Recording, Target};
+use crate::plan::Features;
 use crate::shader::SceneVariant;
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -20,11 +21,12 @@ pub enum Id {
 
 /// What is drawn where the scene left nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Backdrop {
+pub(crate) enum Backdrop {
     Gradient,
-    Sky,
+    /// The sky, with those of [`Features::DISPLAY`] that the frame has.
+    Sky(Features),
     /// Layers under the scene, over either.
-    Under,
+    LayersBehind,
 }
 
 /// The pipeline of each command of a recording, in order (`None` for commands that bind none).
@@ -53,14 +55,16 @@ pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
             let surface = on_surface(recording, variant.key.effects());
             Some(Id::Scene { variant: *variant, samples, float, surface })
         }
-        Command::DrawBackground { surface } | Command::DrawSky { surface } => {
+        Command::DrawBackground { surface } | Command::DrawSky { surface, .. } => {
             let surface = on_surface(recording, *surface);
-            let sky = matches!(command, Command::DrawSky { .. });
-            let what = if sky { Backdrop::Sky } else { Backdrop::Gradient };
+            let what = match command {
+                Command::DrawSky { display, .. } => Backdrop::Sky(*display),
+                _ => Backdrop::Gradient,
+            };
             Some(Id::Background { samples, float, depth, what, surface })
         }
         Command::DrawLayersBehind => {
-            Some(Id::Background { samples, float, depth, what: Backdrop::Under, surface: Vec::new() })
+            Some(Id::Background { samples, float, depth, what: Backdrop::LayersBehind, surface: Vec::new() })
         }
         Command::DrawOverlay { over, .. } => Some(Id::Overlay { samples, float, over: *over }),
         Command::PostPass { effect, number, to, .. } => {

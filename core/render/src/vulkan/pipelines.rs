@@ -11,10 +11,11 @@ use super::preskin;
 use super::state::{Mix, State, format_of};
 use super::targets::DEPTH;
 use crate::error::RenderError;
+use crate::plan::shader_features::names;
 use crate::plan::{Features, TopologyKey};
 use crate::shader::{
-    BACKGROUND, Entry, OVERLAY, SCENE, SKY, SceneEffect, SceneVariant, ShaderSources, SourceFile, UNDER,
-    compile, entry_points, surface_files, switches, texture_functions,
+    BACKGROUND, Entry, LAYERS_BEHIND, OVERLAY, SCENE, SKY, SceneEffect, SceneVariant, ShaderSources,
+    SourceFile, compile, entry_points, surface_files, switches, texture_functions,
 };
 use ash::vk;
 use choreo_plugin::{Effect, Hook};
@@ -139,7 +140,7 @@ impl Pipelines {
             let effect = all.iter().find(|e| e.manifest().name == name)?;
             // Where its textures lie is written into its functions.
             let textures = texture_functions(all, effect.as_ref());
-            Some((effect.wgsl().to_string(), textures, effect.hook(), effect.along_model()))
+            Some((effect.wgsl().to_string(), textures, effect.hook(), effect.in_model_space()))
         };
         self.made.retain(|id, pipeline| {
             let names: Vec<&String> = match id {
@@ -199,7 +200,7 @@ impl Pipelines {
                     color: Some(format_of(*float)),
                     // Only where the depth is still the cleared 0.
                     depth: depth.then_some((vk::CompareOp::EQUAL, false)),
-                    mix: if *what == Backdrop::Under { Mix::Over } else { Mix::Replace },
+                    mix: if *what == Backdrop::LayersBehind { Mix::Over } else { Mix::Replace },
                     ..State::full_screen(self.layout)
                 },
             ),
@@ -247,12 +248,15 @@ impl Pipelines {
     fn background_code(&self, what: Backdrop, surface: &[(u8, String)]) -> Result<Vec<Entry>, RenderError> {
         let (files, switch, fs): (&[&str], _, _) = match what {
             Backdrop::Gradient => (&BACKGROUND, None, "background_fs"),
-            Backdrop::Sky => (&SKY, Some("SKY_BACKGROUND"), "sky_fs"),
-            Backdrop::Under => (&UNDER, None, "under_fs"),
+            Backdrop::Sky(_) => (&SKY, Some("SKY_BACKGROUND"), "sky_fs"),
+            Backdrop::LayersBehind => (&LAYERS_BEHIND, None, "layers_behind_fs"),
         };
         let mut files = self.sources.files(files)?;
         files.extend(self.surface_texts(surface)?);
         let mut on = Vec::from_iter(switch);
+        if let Backdrop::Sky(display) = what {
+            on.extend(names(display));
+        }
         on.extend(if surface.is_empty() { &[][..] } else { &["SURFACE", "EFFECTS"] });
         on.extend(self.reads_textures(surface).then_some("TEXTURES"));
         compile(&files, &on, &stages("background_vs", fs), false)
@@ -263,7 +267,7 @@ impl Pipelines {
         let text = format!("{}{}", plugin.wgsl(), texture_functions(&self.effects, plugin.as_ref()));
         let textures = !plugin.textures().is_empty();
         let files = self.sources.post(effect, &text, number, textures)?;
-        let mut on = Vec::from_iter((plugin.hook() == Hook::Picture).then_some("PICTURE"));
+        let mut on = Vec::from_iter((plugin.hook() == Hook::Image).then_some("PICTURE"));
         on.extend(textures.then_some("TEXTURES"));
         compile(&files, &on, &stages("post_vs", "post_fs"), false)
     }
@@ -280,7 +284,7 @@ impl Pipelines {
                 name: name.clone(),
                 wgsl: format!("{}{}", effect.wgsl(), texture_functions(&self.effects, effect.as_ref())),
                 hook: effect.hook(),
-                along_model: effect.along_model(),
+                in_model_space: effect.in_model_space(),
             })
         };
         let all: Result<Vec<_>, RenderError> = surface.iter().map(used).collect();

@@ -1,4 +1,4 @@
-//! Meshes pre-skinned once a frame by compute shaders; see [`crate::commands::preskin`] and posed.wgsl.
+//! Meshes pre-skinned once a frame by compute shaders; see [`crate::commands::preskin`] and preskin.wgsl.
 
 use super::VulkanRenderer;
 use super::context::Context;
@@ -15,7 +15,7 @@ use crate::error::RenderError;
 use crate::plan::{Instance, Plan};
 use crate::scene_resources::SceneResources;
 use crate::scene_resources::vertex_layout::VertexLayout;
-use crate::shader::{POSED, ShaderSources, compile};
+use crate::shader::{PRESKIN, ShaderSources, compile};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use naga::ShaderStage;
@@ -295,7 +295,7 @@ pub fn pipeline(
 ) -> Result<vk::Pipeline, RenderError> {
     let switches = variant.switches();
     let name = format!("pose pipeline {}", switches.join(" "));
-    let code = compile(&sources.files(&POSED)?, &switches, &[("pose", ShaderStage::Compute)], false)?;
+    let code = compile(&sources.files(&PRESKIN)?, &switches, &[("pose", ShaderStage::Compute)], false)?;
     let info = vk::ShaderModuleCreateInfo::default().code(&code[0].words);
     gpu.fault(FaultPlace::Pipeline).named(&name)?;
     // SAFETY: naga validated the module and wrote the SPIR-V; destroyed below.

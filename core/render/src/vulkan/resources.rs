@@ -54,7 +54,7 @@ struct Material {
 pub(super) type TextureKey = (Hash, bool, bool);
 
 #[derive(Default)]
-pub struct Resources {
+pub(crate) struct Resources {
     meshes: HashMap<(Hash, VertexLayout), Mesh>,
     morphs: HashMap<(Hash, VertexLayout), Morphs>,
     textures: HashMap<TextureKey, Image>,
@@ -77,11 +77,11 @@ impl Resources {
         self.meshes.get(&(hash, layout))
     }
 
-    pub fn morph_set(&self, hash: Hash, layout: VertexLayout) -> Option<vk::DescriptorSet> {
+    pub(crate) fn morph_set(&self, hash: Hash, layout: VertexLayout) -> Option<vk::DescriptorSet> {
         self.morphs.get(&(hash, layout)).map(|m| m.set.raw)
     }
 
-    pub fn material_set(&self, material: Hash, slots: u32) -> Option<vk::DescriptorSet> {
+    pub(crate) fn material_set(&self, material: Hash, slots: u32) -> Option<vk::DescriptorSet> {
         self.materials.get(&(material, slots)).map(|m| m.set.raw)
     }
 
@@ -90,7 +90,7 @@ impl Resources {
         [self.meshes.len(), self.textures.len(), self.materials.len()]
     }
 
-    pub fn descriptor_pools(&self) -> usize {
+    pub(crate) fn descriptor_pools(&self) -> usize {
         self.pools.count()
     }
 
@@ -317,7 +317,7 @@ impl Resources {
     }
 
     /// Textures and samplers of a material, prepared before, into a set of the materials' layout.
-    pub fn write_textures(
+    pub(crate) fn write_textures(
         &mut self,
         gpu: &Context,
         resources: &SceneResources,

@@ -1,4 +1,4 @@
-//! The picture behind glass that bends light: a copy with as many levels as the roughest such glass blurs with.
+//! The image behind glass that bends light: a copy with as many levels as the roughest such glass blurs with.
 
 use super::context::Context;
 use super::error::Named;
@@ -9,14 +9,14 @@ use crate::commands::Target;
 use crate::error::RenderError;
 use ash::vk;
 
-pub struct BehindTarget {
+pub(crate) struct BehindTarget {
     pub image: Image,
     pub sampler: vk::Sampler,
     levels: u32,
 }
 
 impl BehindTarget {
-    /// Floats whatever the picture holds, so that no level rounds what the one above it says.
+    /// Floats whatever the image holds, so that no level rounds what the one above it says.
     pub fn new(gpu: &Context, [width, height]: [u32; 2], levels: u32) -> Result<BehindTarget, RenderError> {
         let info = vk::SamplerCreateInfo::default()
             .mag_filter(vk::Filter::LINEAR)
@@ -30,7 +30,7 @@ impl BehindTarget {
         let mut image = Image::new(
             gpu,
             &ImageDesc {
-                name: "picture behind glass",
+                name: "image behind glass",
                 width,
                 height,
                 levels,
@@ -41,7 +41,7 @@ impl BehindTarget {
             },
         )?;
         // SAFETY: the device is alive; destroyed by `destroy`.
-        match unsafe { gpu.device.create_sampler(&info, None) }.named("sampler of the picture behind glass") {
+        match unsafe { gpu.device.create_sampler(&info, None) }.named("sampler of the image behind glass") {
             Ok(sampler) => Ok(BehindTarget { image, sampler, levels }),
             Err(e) => {
                 image.destroy(gpu);
@@ -63,7 +63,7 @@ impl Execution<'_> {
     /// Copies the scene color between two passes; the target stays as it is.
     pub(super) fn copy_behind(&self, from: Target) -> Result<(), RenderError> {
         let Some(behind) = &self.targets.behind else {
-            return Err(RenderError::Usage("the picture behind glass was not prepared".into()));
+            return Err(RenderError::Usage("the image behind glass was not prepared".into()));
         };
         let (source, copy) = (self.targets.image(from), &behind.image);
         use vk::{AccessFlags2 as A, ImageLayout as L, PipelineStageFlags2 as S};

@@ -7,7 +7,7 @@ use super::targets::DEPTH;
 use crate::error::RenderError;
 use ash::vk;
 
-pub struct ShadowTarget {
+pub(crate) struct ShadowTarget {
     pub image: Image,
     pub sampler: vk::Sampler,
 }

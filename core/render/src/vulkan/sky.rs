@@ -1,4 +1,4 @@
-//! Pictures of 16-bit floats on the device: the maps of a sky, layers under the scene.
+//! Images of 16-bit floats on the device: the maps of a sky, layers under the scene.
 
 use super::context::Context;
 use super::error::Named;
@@ -12,7 +12,7 @@ use choreo_asset::Panorama;
 use half::f16;
 use std::sync::Arc;
 
-pub struct SkyImages {
+pub(crate) struct SkyImages {
     /// Hash of the panorama.
     hash: [u8; 32],
     pub sampler: vk::Sampler,
@@ -52,7 +52,7 @@ impl SkyImages {
         }
         if picture && self.picture.is_none() {
             let made = SkyBackground::new(panorama, gpu.limits().max_image_dimension2_d);
-            self.picture = Some(upload(gpu, "picture of the sky", made.size, &made.texels, uploads)?);
+            self.picture = Some(upload(gpu, "image of the sky", made.size, &made.texels, uploads)?);
         }
         Ok(())
     }
@@ -101,7 +101,11 @@ fn upload(
 }
 
 /// Image of a whole 2D layer, alpha not multiplied in.
-pub fn flat_image(gpu: &Context, flat: &LayerImage, uploads: &mut Uploads) -> Result<Image, RenderError> {
+pub(crate) fn flat_image(
+    gpu: &Context,
+    flat: &LayerImage,
+    uploads: &mut Uploads,
+) -> Result<Image, RenderError> {
     let [width, height] = flat.size;
     let texel = |x: u32, y: u32| {
         let pixel = flat.pixel(x, y);

@@ -98,7 +98,7 @@ impl State {
     }
 
     /// Attributes of a vertex and their binding; none without vertices.
-    pub fn vertex_input(
+    pub(crate) fn vertex_input(
         &self,
     ) -> (Vec<vk::VertexInputAttributeDescription>, Vec<vk::VertexInputBindingDescription>) {
         let Some((attributes, stride)) = self.vertices.map(VertexLayout::attributes) else {
@@ -115,7 +115,7 @@ impl State {
         (attributes.iter().map(attribute).collect(), vec![binding])
     }
 
-    pub fn rasterization(&self) -> vk::PipelineRasterizationStateCreateInfo<'static> {
+    pub(crate) fn rasterization(&self) -> vk::PipelineRasterizationStateCreateInfo<'static> {
         let front = match self.clockwise {
             true => vk::FrontFace::CLOCKWISE,
             false => vk::FrontFace::COUNTER_CLOCKWISE,
@@ -130,7 +130,7 @@ impl State {
             .alpha_to_one_enable(self.coverage)
     }
 
-    pub fn depth_test(&self) -> vk::PipelineDepthStencilStateCreateInfo<'static> {
+    pub(crate) fn depth_test(&self) -> vk::PipelineDepthStencilStateCreateInfo<'static> {
         let (compare, write) = self.depth.unwrap_or((vk::CompareOp::ALWAYS, false));
         vk::PipelineDepthStencilStateCreateInfo::default()
             .depth_test_enable(self.depth.is_some())
@@ -150,12 +150,12 @@ impl State {
             .dst_alpha_blend_factor(alpha_to)
     }
 
-    pub fn color_formats(&self) -> Vec<vk::Format> {
+    pub(crate) fn color_formats(&self) -> Vec<vk::Format> {
         let gbuffer = self.gbuffer.then_some(super::deferred::FORMATS).into_iter().flatten();
         self.color.into_iter().chain(gbuffer).collect()
     }
 
-    pub fn full_screen(layout: vk::PipelineLayout) -> State {
+    pub(crate) fn full_screen(layout: vk::PipelineLayout) -> State {
         State {
             name: String::new(),
             layout,
@@ -173,7 +173,7 @@ impl State {
     }
 }
 
-pub fn format_of(float: bool) -> vk::Format {
+pub(crate) fn format_of(float: bool) -> vk::Format {
     format(if float { Target::Float(0) } else { Target::Picture })
 }
 

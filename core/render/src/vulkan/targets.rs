@@ -14,7 +14,7 @@ use glam::Vec4;
 use gpu_allocator::MemoryLocation;
 
 pub const PICTURE: vk::Format = vk::Format::R8G8B8A8_SRGB;
-pub const FLOAT: vk::Format = vk::Format::R16G16B16A16_SFLOAT;
+pub(crate) const FLOAT: vk::Format = vk::Format::R16G16B16A16_SFLOAT;
 pub const DEPTH: vk::Format = vk::Format::D32_SFLOAT;
 
 pub fn format(target: Target) -> vk::Format {
@@ -35,7 +35,7 @@ pub struct Needs {
     pub floats: usize,
     /// Texels of the image of shadow maps.
     pub shadow: Option<[u32; 2]>,
-    /// Levels of the picture behind glass.
+    /// Levels of the image behind glass.
     pub behind: Option<u32>,
     /// Depths of layers of transparent surfaces.
     pub layers: bool,
@@ -101,7 +101,7 @@ pub struct Targets {
 
 /// Images of this frame that shaders of the scene read.
 #[derive(Clone, Copy, Default)]
-pub struct FrameImages<'a> {
+pub(crate) struct FrameImages<'a> {
     pub shadow: Option<&'a ShadowTarget>,
     pub behind: Option<&'a BehindTarget>,
     pub sky: Option<&'a SkyImages>,
@@ -162,7 +162,7 @@ impl Targets {
             }
             if needs.samples > 1 {
                 let format = format(needs.scene);
-                let made = image("multisampled picture", format, U::COLOR_ATTACHMENT, needs.samples)?;
+                let made = image("multisampled image", format, U::COLOR_ATTACHMENT, needs.samples)?;
                 targets.multisampled = Some(made);
             }
             targets.shadow = needs.shadow.map(|size| ShadowTarget::new(gpu, size)).transpose()?;
@@ -202,12 +202,17 @@ impl Targets {
     }
 
     /// Whether the background's rows are there and are these.
-    pub fn has_background(&self, top: Vec4, bottom: Vec4) -> bool {
+    pub(crate) fn has_background(&self, top: Vec4, bottom: Vec4) -> bool {
         self.background.as_ref().is_some_and(|(_, colors)| *colors == [top, bottom])
     }
 
     /// The background as background.wgsl draws it, encoded: mix(top, bottom, (y + ½) / height). No frame may be in flight.
-    pub fn set_background(&mut self, gpu: &Context, top: Vec4, bottom: Vec4) -> Result<(), RenderError> {
+    pub(crate) fn set_background(
+        &mut self,
+        gpu: &Context,
+        top: Vec4,
+        bottom: Vec4,
+    ) -> Result<(), RenderError> {
         let [width, height] = self.needs.size;
         let row_bytes = width as usize * 4;
         let mut buffer = match self.background.take() {

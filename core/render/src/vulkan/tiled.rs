@@ -1,8 +1,8 @@
-//! Pictures larger than the device draws: tile after tile, put together on the host, where what comes over the picture runs on
+//! Images larger than the device draws: tile after tile, put together on the host, where what comes over the image runs on
 //! the whole, as of exposures.
 
 use super::VulkanRenderer;
-use crate::cpu::picture;
+use crate::cpu::image_passes;
 use crate::error::RenderError;
 use crate::plan::Plan;
 use crate::plan::motion_blur::Accumulated;
@@ -48,8 +48,8 @@ impl VulkanRenderer {
             }
             let before =
                 plan.history.iter().map(|part| self.linear_tiles(part)).collect::<Result<Vec<_>, _>>()?;
-            let passes = picture::passes(&plan.post, plan.size, self.pipelines.effects())?;
-            picture::run(&passes, plan.size, sum.mean(), &before, &mut frame.rgba);
+            let passes = image_passes::passes(&plan.post, plan.size, self.pipelines.effects())?;
+            image_passes::run(&passes, plan.size, sum.mean(), &before, &mut frame.rgba);
         }
         if let Some(over) = &plan.layers_in_front {
             over.over(&mut frame);
@@ -67,7 +67,7 @@ impl VulkanRenderer {
         Ok(pixels)
     }
 
-    /// Each pixel once: where it lies in the picture, and its bytes.
+    /// Each pixel once: where it lies in the image, and its bytes.
     fn draw_tiles<const BYTES: usize>(
         &mut self,
         plan: &Plan,

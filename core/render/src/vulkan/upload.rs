@@ -6,7 +6,7 @@ use crate::error::RenderError;
 use ash::vk;
 
 #[derive(Default)]
-pub struct Uploads {
+pub(crate) struct Uploads {
     bytes: Vec<u8>,
     buffers: Vec<(vk::Buffer, u64, u64)>,
     images: Vec<ImageUpload>,

@@ -38,8 +38,10 @@ impl Scene {
     }
 
     pub fn with_camera(camera: CameraState) -> Scene {
+        // Raw values, as closed forms give them.
+        let settings = Settings { view_transform: ViewTransform::None, ..Settings::default() };
         Scene {
-            stage: Stage::default(),
+            stage: Stage { settings, ..Stage::default() },
             snapshot: Snapshot {
                 time: Time::ZERO,
                 actors: Vec::new(),
@@ -65,6 +67,7 @@ impl Scene {
         }
         self.snapshot.actors.push(ActorState {
             visible: true,
+            world_from_parent: Default::default(),
             world_from_model,
             model_from_joint,
             morph_weights: asset.instances.iter().map(|i| i.weights.clone()).collect(),
@@ -98,9 +101,12 @@ impl Scene {
         Arc::new(SceneResources::new(&self.stage))
     }
 
+    /// Intensities of lights in the snapshot are multiples of π lux or candela: a white surface under 1 is 1.
     pub fn plan(&self, options: &PlanOptions) -> (Arc<SceneResources>, Plan) {
         let resources = self.resources();
-        let plan = Plan::new(&resources, &self.stage, &self.snapshot, options);
+        let mut snapshot = self.snapshot.clone();
+        snapshot.lights.iter_mut().for_each(|l| l.light.intensity *= std::f32::consts::PI);
+        let plan = Plan::new(&resources, &self.stage, &snapshot, options);
         (resources, plan)
     }
 }

@@ -1,14 +1,18 @@
 //! Actors: assets on stage, their transforms, parents, morph targets, keyframes and clips.
 
 pub use super::joint::find_joint;
-pub use super::look_at::before_start;
+pub(crate) use super::look_at::before_start;
 use super::{expression, keys};
-use crate::build::{ActorDraft, Chain, CueDraft, room};
-use crate::call::{ApiError, Call, Reply, api, number_in, rgb, unknown};
+use crate::build::{ActorDraft, Chain, CueDraft, ParentDraft, room};
+use crate::call::{ApiError, Call, Options, Reply, api, euler, number_in, radians, rgb, unknown};
 use crate::hook;
+use crate::procedural::MOST_WIDE;
 use crate::value::{ActorRef, AssetRef, CueRef, JointRef};
 use choreo_asset::{Asset, MeshInstance};
-use choreo_stage::{Actor, ActorEdit, Attachment, Channel, FieldType, Property, Skinning, Target};
+use choreo_motion::Time;
+use choreo_stage::{
+    Actor, ActorEdit, Attachment, Channel, FieldType, ParentScale, Parenting, Property, Skinning, Target,
+};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 
@@ -28,8 +32,20 @@ api! {
     /// Rotates the actor about the vertical axis so that it faces a point, or another actor wherever that is.
     Actor.face("actor_or_point") = face;
     /// Makes the actor a child of another actor or of one of its joints (parent constraint, "Child Of"), such as a
-    /// sword in a hand.
-    Actor.attach("actor_or_joint") = attach;
+    /// sword in a hand. Its position is then in the space of the parent, in metres.
+    /// - Options: scale ("keep", the default: the actor keeps its size, however the parent is scaled; "inherit": it
+    ///   is scaled with the parent, and placed in its units), from and until (times; several attachments may follow
+    ///   each other), blend (seconds that the change takes, default 0), keep (false: at the start of an attachment
+    ///   with `from` the actor moves to its own position in the new parent; default true: it stays where it is in
+    ///   the world, and goes on from there with the parent).
+    /// - Where .at, .move_by, .turn or .rotate follow an attachment with `from`, they place the actor in that parent.
+    /// - In a callback: the parent for this frame, without times.
+    Actor.attach("actor_or_joint, options?") = attach, in_frames;
+    /// Ends the attachment at a time: the actor stays where it is in the world.
+    /// - Options: from (time), blend (seconds that it takes to stop moving with the parent, default 0), keep (false:
+    ///   the actor moves to its own position in the world; default true).
+    /// - In a callback: without options, the actor is placed in the world for this frame.
+    Actor.detach("options?") = detach, in_frames;
     /// Hides the actor.
     Actor.hide("") = hide, in_frames;
     /// Shows the actor again.
@@ -76,7 +92,7 @@ fn cast(c: &mut Call) -> Reply {
     let Some(asset) = c.value(1).try_cast::<AssetRef>() else {
         return Err(c.wrong(1, "an Asset, from load(…) or shape(…)"));
     };
-    let asset = asset.from.asset(c.shared)?;
+    let asset = c.shared.asset(&asset.from)?;
     let mut build = c.build();
     room(build.actors.len(), "actors", &c.shared.limits)?;
     if let Some(before) = build.actors.iter().find(|a| a.actor.name == name) {
@@ -98,6 +114,7 @@ fn cast(c: &mut Call) -> Reply {
         looks: Vec::new(),
         root: None,
         joint_keys: Vec::new(),
+        parents: Vec::new(),
         face_point: None,
     });
     Ok(Dynamic::from(ActorRef { id, asset }))
@@ -120,7 +137,7 @@ fn at(c: &mut Call) -> Reply {
         c,
         |actor| ActorEdit::MoveTo { actor, translation: p },
         |d| {
-            d.actor.transform.translation = p;
+            d.placement().translation = p;
             d.placed = true;
         },
     )
@@ -132,7 +149,7 @@ fn move_by(c: &mut Call) -> Reply {
         c,
         |actor| ActorEdit::MoveBy { actor, offset },
         |d| {
-            d.actor.transform.translation += offset;
+            d.placement().translation += offset;
             d.placed = true;
         },
     )
@@ -142,7 +159,10 @@ fn turned(c: &Call, rotation: DQuat) -> Reply {
     change(
         c,
         |actor| ActorEdit::Turn { actor, rotation },
-        |d| d.actor.transform.rotation = (rotation * d.actor.transform.rotation).normalize(),
+        |d| {
+            let placement = d.placement();
+            placement.rotation = (rotation * placement.rotation).normalize();
+        },
     )
 }
 
@@ -157,18 +177,6 @@ fn rotate(c: &mut Call) -> Reply {
         _ => euler(DVec3::new(c.number(0)?, c.number(1)?, c.number(2)?)),
     };
     turned(c, rotation)
-}
-
-/// Converts degrees to radians. Whole turns are removed first, so that large angles lose no precision in the sine.
-pub fn radians(degrees: f64) -> f64 {
-    (degrees % 360.0).to_radians()
-}
-
-/// Rotation about x, then y, then z (fixed axes), in degrees.
-pub fn euler(degrees: DVec3) -> DQuat {
-    DQuat::from_rotation_z(radians(degrees.z))
-        * DQuat::from_rotation_y(radians(degrees.y))
-        * DQuat::from_rotation_x(radians(degrees.x))
 }
 
 fn scale(c: &mut Call) -> Reply {
@@ -204,14 +212,67 @@ fn face(c: &mut Call) -> Reply {
 
 fn attach(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
-    let parent = attachment(c, 0)?;
-    if parent.actor == this.id {
+    let to = attachment(c, 0)?;
+    if to.actor == this.id {
         return Err(ApiError::new("attach: an actor cannot be attached to itself"));
     }
+    let o =
+        c.options(1, if c.in_frame { &["scale"] } else { &["scale", "from", "until", "blend", "keep"] })?;
+    let start = o.get("from").map(|v| c.stage_time(&v, "attach: from")).transpose()?;
+    let mut parent = timed(&o, Some(to), start)?;
+    if o.one_of("scale", &["keep", "inherit"])? == Some("inherit") {
+        parent.scale = ParentScale::Inherit;
+    }
+    let until = o.get("until").map(|v| c.stage_time(&v, "attach: until")).transpose()?;
+    if let (Some(start), Some(until)) = (start, until)
+        && until <= start
+    {
+        return Err(before_start("attach: until", until, start));
+    }
+    add_parent(c, ParentDraft { parent, until, at: c.place.clone() })
+}
+
+fn detach(c: &mut Call) -> Reply {
+    let o = c.options(0, if c.in_frame { &[] } else { &["from", "blend", "keep"] })?;
+    let start = o.get("from").map(|v| c.stage_time(&v, "detach: from")).transpose()?;
+    if start.is_none() && !c.in_frame {
+        return Err(ApiError::new("detach: from is missing").hint("give a time: .detach(#{ from: 2.0 })"));
+    }
+    let parent = timed(&o, None, start)?;
+    add_parent(c, ParentDraft { parent, until: None, at: c.place.clone() })
+}
+
+/// A parent with the options `blend` and `keep`; what has no start has always been so, and keeps nothing.
+fn timed(o: &Options, to: Option<Attachment>, start: Option<Time>) -> Result<Parenting, ApiError> {
+    let (blend, keep) = (o.duration("blend")?, o.flag("keep")?);
+    if start.is_none() && (blend.is_some() || keep == Some(true)) {
+        let error = ApiError::new(format!("{}: blend and keep need a time of change", o.function));
+        return Err(error.hint("give it: from"));
+    }
+    let parent = Parenting::from(to, start.unwrap_or(Time::MIN));
+    let keep = start.is_some() && keep.unwrap_or(true);
+    Ok(Parenting { blend: blend.unwrap_or_default(), keep, ..parent })
+}
+
+fn add_parent(c: &Call, draft: ParentDraft) -> Reply {
+    let this: ActorRef = c.this()?;
+    if c.in_frame {
+        hook::edit(|e| e.actors.push(ActorEdit::Attach { actor: this.id, parent: draft.parent }));
+        return c.itself();
+    }
     let mut build = c.build();
-    let draft = build.actor(this.id)?;
-    draft.actor.parent = Some(parent);
-    draft.placed = true;
+    let actor = build.actor(this.id)?;
+    room(actor.parents.len(), "attachments of one actor", &c.shared.limits)?;
+    if let Some(before) = actor.parents.iter().find(|p| p.parent.start == draft.parent.start) {
+        let when = match draft.parent.start {
+            Time::MIN => "already".to_string(),
+            start => format!("at {} s already", start.as_secs()),
+        };
+        let text = format!("{}: its parent changes {when}, in line {}", c.def.name, before.at.line);
+        return Err(ApiError::new(text).hint("give each attachment a time of its own: #{ from: 2.0 }"));
+    }
+    actor.parents.push(draft);
+    actor.placed = true;
     drop(build);
     c.itself()
 }
@@ -251,9 +312,6 @@ fn width(c: &mut Call) -> Reply {
     change(c, |actor| ActorEdit::LineWidth { actor, width }, |d| d.actor.line_width = Some(width))
 }
 
-/// The largest width of lines and size of points, in pixels or metres: larger than any image.
-pub const MOST_WIDE: f32 = 16384.0;
-
 fn count(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     has_copies(&this.asset, "count")?;
@@ -271,7 +329,7 @@ pub fn has_copies(asset: &Asset, function: &str) -> Result<(), ApiError> {
 }
 
 /// Refuses an asset without lines or points that have a width.
-pub fn has_pen(asset: &Asset, function: &str) -> Result<(), ApiError> {
+fn has_pen(asset: &Asset, function: &str) -> Result<(), ApiError> {
     if asset.materials.iter().any(|m| m.line_style.is_some()) {
         return Ok(());
     }
@@ -408,6 +466,6 @@ fn play(c: &mut Call) -> Reply {
 }
 
 /// Linear RGB of a color argument.
-pub fn rgb_arg(c: &Call, i: usize) -> Result<glam::Vec3, ApiError> {
+pub(crate) fn rgb_arg(c: &Call, i: usize) -> Result<glam::Vec3, ApiError> {
     c.color(i).map(rgb)
 }

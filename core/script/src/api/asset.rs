@@ -2,11 +2,10 @@
 
 use crate::call::{ApiError, Call, Reply, api, describe, one_of, unknown};
 use crate::limits::raise_hint;
-use crate::load::from_load;
 use crate::loader::ImportChoice;
 use crate::value::{AssetRef, ClipRef};
 use choreo_motion::Clip;
-use choreo_plugin::{Needs, OptionValue};
+use choreo_plugin::{ImportScope, OptionValue};
 use rhai::{Dynamic, Map};
 use std::sync::{Arc, PoisonError};
 
@@ -52,7 +51,7 @@ fn load(c: &mut Call) -> Reply {
             }
             if key == "only" {
                 one_of(value, "load: only", &["clips"])?;
-                choice.needs = Some(Needs::CLIPS);
+                choice.needs = Some(ImportScope::CLIPS);
                 continue;
             }
             if key == "compress" {
@@ -73,10 +72,10 @@ fn load(c: &mut Call) -> Reply {
         places.contains(&c.place)
     };
     if clips_only {
-        choice.needs = Some(Needs::CLIPS);
+        choice.needs = Some(ImportScope::CLIPS);
     }
     let begun = c.shared.loader.start(start.as_deref(), &name, &choice);
-    let import = begun.map_err(|e| from_load(e).focus(name))?;
+    let import = begun.map_err(|e| ApiError::from(e).focus(name))?;
     let from = c.build().begun(import, &c.place, clips_only);
     Ok(Dynamic::from(AssetRef { from, dead: false }))
 }

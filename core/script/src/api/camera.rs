@@ -1,9 +1,8 @@
 //! Cameras: placement, projection and cuts.
 
-use super::actor::{euler, radians};
 use super::keys;
-use crate::build::{CameraDraft, room};
-use crate::call::{ApiError, Call, Reply, api, unknown};
+use crate::build::{CameraDraft, DEFAULT_AZIMUTH, DEFAULT_ELEVATION, room};
+use crate::call::{ApiError, Call, Reply, api, euler, radians, unknown};
 use crate::hook;
 use crate::value::{ActorRef, CameraRef};
 use choreo_asset::Asset;
@@ -51,7 +50,7 @@ api! {
 
 fn draft(c: &Call, name: String) -> CameraDraft {
     CameraDraft {
-        name,
+        camera: Camera { name, ..Camera::default() },
         at: c.place.clone(),
         perspective: None,
         ortho: None,
@@ -61,7 +60,6 @@ fn draft(c: &Call, name: String) -> CameraDraft {
         position: None,
         rotation: DQuat::IDENTITY,
         look_at: None,
-        channels: Vec::new(),
     }
 }
 
@@ -69,7 +67,7 @@ fn camera(c: &mut Call) -> Reply {
     let name = c.name(0)?;
     let mut build = c.build();
     room(build.cameras.len(), "cameras", &c.shared.limits)?;
-    if let Some(before) = build.cameras.iter().find(|k| k.name == name) {
+    if let Some(before) = build.cameras.iter().find(|k| k.camera.name == name) {
         return Err(ApiError::new(format!(
             "camera: there is a camera \"{name}\" already, from line {}",
             before.at.line
@@ -143,11 +141,6 @@ fn frame(c: &mut Call) -> Reply {
     change(c, |k| k.rig = Some(rig))
 }
 
-/// Default azimuth in degrees: a little from the side, where a character shows its shape.
-pub const DEFAULT_AZIMUTH: f64 = 25.0;
-/// Default elevation in degrees: a little from above.
-pub const DEFAULT_ELEVATION: f64 = 10.0;
-
 /// Allowed fields of view, degrees.
 const FOV: (f64, f64) = (0.1, 179.0);
 
@@ -197,7 +190,7 @@ fn key(c: &mut Call) -> Reply {
         if k.position.is_none() && channel.property == Property::Translation {
             k.position = Some(DVec3::ZERO);
         }
-        keys::replace(&mut k.channels, vec![channel]);
+        keys::replace(&mut k.camera.channels, vec![channel]);
     })
 }
 

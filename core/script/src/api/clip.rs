@@ -127,7 +127,7 @@ fn joints(o: &Options, of: &Asset, on: &Asset) -> Result<BTreeMap<u32, Option<u3
 
 fn other(c: &Call) -> Result<Arc<Asset>, ApiError> {
     let asset = c.value(0).try_cast::<AssetRef>().ok_or_else(|| c.wrong(0, "an Asset, as from load(…)"))?;
-    let asset = asset.from.asset(c.shared)?;
+    let asset = c.shared.asset(&asset.from)?;
     c.build().used(&asset);
     Ok(asset)
 }

@@ -1,9 +1,9 @@
 //! Edited and authored clips: cut, append, offset, smooth, reduce, compress, additive, keyframes.
 
-use super::actor::{euler, find_joint};
+use super::actor::find_joint;
 use super::clip::made;
 use super::keys;
-use crate::call::{ApiError, Call, Reply, api, point};
+use crate::call::{ApiError, Call, Reply, api, euler, point};
 use crate::value::ClipRef;
 use choreo_asset::Asset;
 use choreo_motion::edit::reduce::KeptTimes;

@@ -5,12 +5,12 @@ use super::expected_values::{events, formula, rotation_goal, tolerance};
 use super::test::record;
 use super::values::value;
 use crate::call::{ApiError, Call, Reply, api, numbers, point};
-use crate::testing::{
-    Claim, EventPattern, EventsTest, ExpectRef, Flag, InFrame, Measure, NumberGoal, NumberTest, RotationGoal,
-    SameOther, SameWhat, Subject, TextsQuantity, TextsTest, Value, ValueTest, VectorGoal, VectorQuantity,
-    VectorTest, When,
+use crate::test_data::{
+    Claim, EventPattern, EventsTest, Flag, InFrame, Measure, NumberGoal, NumberTest, RotationGoal, SameOther,
+    SameWhat, Subject, TextsQuantity, TextsTest, Value, ValueTest, VectorGoal, VectorQuantity, VectorTest,
+    When,
 };
-use crate::value::{ActorRef, CameraRef, StageRef};
+use crate::value::{ActorRef, CameraRef, ExpectRef, StageRef};
 use choreo_motion::Time;
 use rhai::Dynamic;
 
@@ -329,7 +329,7 @@ fn in_frame(c: &mut Call) -> Reply {
                 return Err(crate::call::wrong(
                     &given,
                     "in_frame: height",
-                    "[low, high], shares of the picture",
+                    "[low, high], shares of the image",
                 ));
             }
         },

@@ -1,15 +1,15 @@
 //! Constraints: inverse kinematics (reach), aim, foot locking, mirroring, joint limits; and spring bones.
 
-use super::actor::{before_start, find_joint, radians};
+use super::actor::{before_start, find_joint};
 use super::spring_bones::{collider, spring, springs, wind};
 use crate::build::room;
-use crate::call::{ApiError, Call, Options, Reply, api, text};
+use crate::call::{ApiError, Call, Options, Reply, api, radians, text};
+use crate::legs::{hips, leg_above, legs};
 use crate::suggest::list;
 use crate::value::{ActorRef, GoalRef, JointRef};
-use choreo_asset::Asset;
-use choreo_motion::{HumanBone, Skeleton, Time};
+use choreo_motion::Time;
 use choreo_stage::{
-    AimConstraint, Constraint, ConstraintKind, FootLock, Leg, Limit, ReachConstraint, Target, find_legs,
+    AimConstraint, Constraint, ConstraintKind, FootLock, Leg, Limit, ReachConstraint, Target,
 };
 use glam::DVec3;
 use rhai::Dynamic;
@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 api! {
     /// Moves a joint, such as a hand, to an actor, a joint or a point by inverse kinematics (IK).
-    /// - Options: at (offset [x, y, z] in the space of the target), root (the first joint of the IK chain; default:
+    /// - Options: at (offset [x, y, z] in the space of the target, beside a joint in metres), root (the first joint of the IK chain; default:
     ///   two bones up), pole (pole target, an actor, joint or point, towards which the elbow or knee bends), soft
     ///   (0 to 1: share of the reach in which the limb slows down before it is straight, default 0.05; two bones
     ///   only), keep (true: the hand keeps its rotation from the clip), weight (0 to 1, default 1).
@@ -209,44 +209,6 @@ fn mirror(c: &mut Call) -> Reply {
     let o = c.options(0, &["weight"])?;
     let mirroring = super::clip::mirroring(c, &this.asset)?;
     add(c, this.id, goal(ConstraintKind::Mirror(Arc::new(mirroring)), &o)?)
-}
-
-/// The legs found by joint names, else those above the feet that the file declares.
-pub fn legs(asset: &Asset) -> Vec<Leg> {
-    let found = find_legs(&asset.skeleton);
-    if !found.is_empty() {
-        return found;
-    }
-    let feet = [HumanBone::LeftFoot, HumanBone::RightFoot];
-    let feet = feet.iter().filter_map(|b| human(asset, *b));
-    feet.filter_map(|foot| leg_above(&asset.skeleton, foot).ok()).collect()
-}
-
-/// The lowest joint that is above all legs.
-pub fn hips(asset: &Asset, legs: &[Leg]) -> Option<u32> {
-    let parents = asset.skeleton.parents();
-    let above = |leg: &Leg| std::iter::successors(parents[leg.hip as usize], |j| parents[*j as usize]);
-    let (first, others) = legs.split_first()?;
-    above(first).find(|joint| others.iter().all(|leg| above(leg).any(|j| j == *joint)))
-}
-
-fn leg_above(skeleton: &Skeleton, foot: u32) -> Result<Leg, ApiError> {
-    let parents = skeleton.parents();
-    let above = parents[foot as usize].and_then(|knee| Some((knee, parents[knee as usize]?)));
-    let Some((knee, hip)) = above else {
-        let name = skeleton.names()[foot as usize].clone();
-        let error = format!("plant_feet: \"{name}\" has no leg of two joints above it");
-        return Err(ApiError::new(error).focus(name));
-    };
-    let mut children = (0..parents.len() as u32).filter(|j| parents[*j as usize] == Some(foot));
-    let toe = children.find(|j| skeleton.names()[*j as usize].to_ascii_lowercase().contains("toe"));
-    Ok(Leg { hip, knee, foot, toe })
-}
-
-/// The joint that the file declares for a humanoid bone, else the joint of that name.
-fn human(asset: &Asset, bone: HumanBone) -> Option<u32> {
-    let declared = asset.skeleton.humanoid().and_then(|h| h.joint(bone));
-    declared.or_else(|| asset.skeleton.find(bone.name()).map(|j| j as u32))
 }
 
 fn change(c: &Call, change: impl FnOnce(&mut Constraint) -> Result<(), ApiError>) -> Reply {

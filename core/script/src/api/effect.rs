@@ -235,8 +235,8 @@ fn on(c: &mut Call) -> Reply {
     if all.is_empty() {
         return Err(c.wrong(0, "an Actor or an array of them, or a Camera"));
     }
-    if !targets.is_empty() && !plugin(c, &this)?.of_actors() {
-        let text = "on: post effects cover the whole picture, not single actors";
+    if !targets.is_empty() && !plugin(c, &this)?.applies_to_actors() {
+        let text = "on: post effects cover the whole image, not single actors";
         return Err(ApiError::new(text).hint("leave .on(…) out, or give it a camera"));
     }
     if targets.iter().any(|t| t.material.is_some()) && plugin(c, &this)?.hook() == Hook::Overlay {
@@ -276,7 +276,11 @@ fn targets_of(actor: &ActorRef, o: &Options) -> Result<Vec<EffectTarget>, ApiErr
 }
 
 /// Indices of the materials that the option `material` names, one or several; `None` without the option.
-pub fn named_materials(o: &Options, function: &str, asset: &Asset) -> Result<Option<Vec<u32>>, ApiError> {
+pub(crate) fn named_materials(
+    o: &Options,
+    function: &str,
+    asset: &Asset,
+) -> Result<Option<Vec<u32>>, ApiError> {
     let Some(given) = o.get("material") else { return Ok(None) };
     let names: Vec<Dynamic> = match given.read_lock::<rhai::Array>() {
         Some(array) => array.iter().map(Dynamic::flatten_clone).collect(),

@@ -1,11 +1,10 @@
 //! The expected values of comparisons: functions of time, rotations, lists of events.
 
-use super::actor::euler;
 use super::expect::subject;
-use crate::build::Shared;
-use crate::call::{ApiError, Call, numbers};
-use crate::hook::{HookDraft, ScriptHook, own_captures};
-use crate::testing::{EventPattern, Formula, RotationGoal};
+use crate::build::{HookDraft, Shared};
+use crate::call::{ApiError, Call, euler, numbers};
+use crate::hook::{ScriptHook, own_captures};
+use crate::test_data::{EventPattern, Formula, RotationGoal};
 use choreo_motion::Time;
 use glam::{DQuat, DVec3};
 use rhai::{Dynamic, FnPtr};
@@ -49,7 +48,7 @@ pub fn formula(c: &Call, i: usize, widths: &'static [usize]) -> Result<Option<Fo
     }))))
 }
 
-pub fn rotation_goal(c: &Call) -> Result<RotationGoal, ApiError> {
+pub(crate) fn rotation_goal(c: &Call) -> Result<RotationGoal, ApiError> {
     let given = c.value(0);
     if let Some(subject) = subject(&given) {
         return Ok(RotationGoal::Subject(subject));

@@ -1,8 +1,7 @@
 //! Joints of actors: found by name, rotated for a frame, animated with keyframes.
 
-use super::actor::{euler, radians};
 use super::{clip_edit, keys};
-use crate::call::{ApiError, Call, Reply, api, unknown};
+use crate::call::{ApiError, Call, Reply, api, euler, radians, unknown};
 use crate::hook;
 use crate::value::{ActorRef, JointRef};
 use choreo_asset::Asset;

@@ -1,8 +1,7 @@
 //! Keyframes of properties: `.key("position", [[t, value], …], how)`.
 
-use super::actor::euler;
 use crate::call::fields::pair;
-use crate::call::{ApiError, Call, color, describe, number, number_in, numbers, one_of, wrong};
+use crate::call::{ApiError, Call, color, describe, euler, number, number_in, numbers, one_of, wrong};
 use crate::limits::raise_hint;
 use choreo_motion::{Ease, Interpolation, Time};
 use choreo_stage::{Channel, Described, Field, FieldType, Property};

@@ -5,7 +5,6 @@ use crate::build::room;
 use crate::call::fields::pair;
 use crate::call::{ApiError, Call, Options, Reply, api, fields};
 use crate::hook;
-use crate::load::from_load;
 use crate::value::{FlatRef, ImageRef};
 use choreo_asset::Image;
 use choreo_importer_kit::pictures::{Encoded, Formats};
@@ -101,7 +100,7 @@ fn text(c: &mut Call) -> Reply {
     let words = c.text(0)?;
     let o = c.options(1, &known(&plain(), &["size", "color", "font", "width", "align", "line_height"]))?;
     let font = match o.text("font")? {
-        Some(name) => Font::new(&name, read_file(c, &name)?)
+        Some(name) => Font::new(&name, c.shared.read_file(&name)?)
             .map_err(|e| ApiError::new(format!("text: \"{name}\" {e}")).focus(&name))?,
         None => Font::built_in(),
     };
@@ -125,17 +124,6 @@ fn text(c: &mut Call) -> Reply {
     add(c, &o, content)
 }
 
-/// Reads a file of the script's folder or of a search path, and notes it for hot reload.
-pub fn read_file(c: &Call, name: &str) -> Result<Vec<u8>, ApiError> {
-    let loader = &c.shared.loader;
-    let start = c.shared.test().scene.as_ref().map(|scene| scene.folder.clone());
-    let found = loader.find_in(loader.folders(), start.as_deref(), name);
-    let found = found.map_err(|e| from_load(e).focus(name))?;
-    let bytes = loader.folders().read(&found, name).map_err(|e| from_load(e).focus(name))?;
-    loader.note_used(&found.path, &bytes);
-    Ok(bytes)
-}
-
 fn picture(c: &mut Call) -> Reply {
     let o = c.options(1, &known(&plain(), &["height", "width", "fit"]))?;
     let given = c.value(0);
@@ -143,7 +131,7 @@ fn picture(c: &mut Call) -> Reply {
         Some(image) => image,
         None => {
             let name = c.text(0).map_err(|_| c.wrong(0, "an Image or the name of a file"))?;
-            let bytes = read_file(c, &name)?;
+            let bytes = c.shared.read_file(&name)?;
             let problem = |p: choreo_importer_kit::Problem| {
                 let error = ApiError::new(format!("picture: {}", p.what)).focus(&name);
                 match p.hint {

@@ -7,20 +7,22 @@ use crate::call::{ApiError, Call, Options, Reply, api, color, fields, number_in,
 use crate::hook;
 use crate::value::LightRef;
 use choreo_asset::{Light, LightKind};
-use choreo_stage::{LightEdit, Shadow, StageLight, Target};
+use choreo_stage::{DEFAULT_SUN_LUX, LightEdit, Shadow, StageLight, Target};
 use glam::{DVec3, Vec3};
 use rhai::{Dynamic, Map};
 
 api! {
-    /// Makes a directional light.
+    /// Makes a directional light, with its intensity in lux (illuminance of a surface that faces it).
+    /// - A white surface that faces a sun of π lux is 1 before exposure and view transform. Lights of files have the same
+    ///   units (KHR_lights_punctual).
     /// - Options: {}, name. The default direction is [-1, -2, -1.5], the default color white.
     sun("options?") -> Light = sun, options(sun_options);
-    /// Makes a point light.
+    /// Makes a point light, with its intensity in candela: at d metres it illuminates with intensity / d² lux.
     /// - Options: {}, attenuation ([constant, linear, quadratic]: intensity falls with one over this polynomial of
     ///   the distance in metres, in place of its square; not with range), shadow as in `sun`, name. The default color
     ///   is white, the default range unlimited.
     point("options?") -> Light = point, options(|| documented(&default_point()));
-    /// Makes a spotlight.
+    /// Makes a spotlight, with its intensity in candela as in `point`.
     /// - Options: {}, look_at (a point, in place of direction, default [0, 1, 0]), attenuation and shadow as in
     ///   `point`, name. The default of inner is 0.8 times outer; color, range and intensity as in `point`.
     spot("options?") -> Light = spot, options(|| documented(&default_spot()));
@@ -49,11 +51,11 @@ fn default_light(kind: LightKind, intensity: f32, position: DVec3, direction: Ve
 
 fn default_sun() -> StageLight {
     let direction = DVec3::new(-1.0, -2.0, -1.5).normalize().as_vec3();
-    default_light(LightKind::Directional, 3.0, DVec3::ZERO, direction)
+    default_light(LightKind::Directional, DEFAULT_SUN_LUX, DVec3::ZERO, direction)
 }
 
 fn default_point() -> StageLight {
-    default_light(LightKind::Point, 20.0, DVec3::new(0.0, 3.0, 2.0), Vec3::NEG_Y)
+    default_light(LightKind::Point, 30.0, DVec3::new(0.0, 3.0, 2.0), Vec3::NEG_Y)
 }
 
 fn default_spot() -> StageLight {
@@ -127,7 +129,7 @@ fn shadow(c: &Call, o: &Options) -> Result<Option<Shadow>, ApiError> {
         return Ok(o.flag("shadow")?.filter(|on| *on).map(|_| shadow));
     };
     let o = Options { function: o.label("shadow"), map };
-    o.check(&fields::names(&shadow, &[]))?;
+    o.check(c, &fields::names(&shadow, &[]))?;
     fields::fill(c, &o, &mut shadow)?;
     Ok(Some(shadow))
 }
@@ -172,10 +174,10 @@ fn spot(c: &mut Call) -> Reply {
 }
 
 /// Ambient light from above and from below: a color, a number (white), or `#{ up, down, strength }`.
-pub fn read_ambient(v: &Dynamic, label: &str) -> Result<(Vec3, Vec3), ApiError> {
+pub(crate) fn read_ambient(c: &Call, v: &Dynamic, label: &str) -> Result<(Vec3, Vec3), ApiError> {
     if let Some(map) = v.read_lock::<Map>() {
         let o = Options { function: label.to_string(), map: map.clone() };
-        o.check(&["up", "down", "color", "strength"])?;
+        o.check(c, &["up", "down", "color", "strength"])?;
         let strength = o.number_in("strength", 0.0, 1000.0)?.unwrap_or(1.0) as f32;
         let all = o.color("color")?.map(rgb);
         let up = o.color("up")?.map(rgb).or(all);
@@ -200,7 +202,7 @@ pub fn read_ambient(v: &Dynamic, label: &str) -> Result<(Vec3, Vec3), ApiError> 
 }
 
 fn ambient(c: &mut Call) -> Reply {
-    let (mut up, mut down) = read_ambient(&c.value(0), "ambient")?;
+    let (mut up, mut down) = read_ambient(c, &c.value(0), "ambient")?;
     if c.len() > 1 {
         let strength = c.number_in(1, 0.0, 1000.0)? as f32;
         up *= strength;

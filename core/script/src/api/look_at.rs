@@ -84,7 +84,7 @@ fn look_until(c: &mut Call) -> Reply {
     })
 }
 
-pub fn before_start(name: &str, t: Time, start: Time) -> ApiError {
+pub(crate) fn before_start(name: &str, t: Time, start: Time) -> ApiError {
     ApiError::new(format!("{name}: {} s is before the start, {} s", t.as_secs(), start.as_secs()))
 }
 

@@ -4,7 +4,7 @@ use glam::DQuat;
 use rhai::{Dynamic, Engine, EvalAltResult, ImmutableString, Position};
 
 /// Name, arguments and description of each function.
-pub const FUNCTIONS: &[(&str, &str, &str)] = &[
+pub(crate) const FUNCTIONS: &[(&str, &str, &str)] = &[
     ("sin", "x", "Returns the sine of an angle in radians."),
     ("cos", "x", "Returns the cosine of an angle in radians."),
     ("tan", "x", "Returns the tangent of an angle in radians."),
@@ -107,7 +107,7 @@ fn quaternions(engine: &mut Engine) {
     engine.register_fn("quaternion", |axis: Dynamic, degrees: Dynamic| -> Four {
         let axis = crate::call::Call::direction(&axis, "quaternion: axis");
         let axis = axis.map_err(|e| crate::errors::throw(e, crate::call::Place::default()))?;
-        let half = super::actor::radians(number(&degrees, "quaternion: degrees")?) * 0.5;
+        let half = crate::call::radians(number(&degrees, "quaternion: degrees")?) * 0.5;
         four(
             DQuat::from_xyzw(0.0, 0.0, 0.0, libm::cos(half))
                 + DQuat::from_vec4((axis * libm::sin(half)).extend(0.0)),
@@ -118,7 +118,7 @@ fn quaternions(engine: &mut Engine) {
     });
     engine.register_fn("slerp", |a: Dynamic, b: Dynamic, w: Dynamic| -> Four {
         let (a, b) = (quaternion(&a, "slerp: a")?, quaternion(&b, "slerp: b")?);
-        four(choreo_stage::slerp(a, b, number(&w, "slerp: w")?))
+        four(choreo_motion::slerp(a, b, number(&w, "slerp: w")?))
     });
 }
 

@@ -4,13 +4,13 @@ pub mod actor;
 pub mod asset;
 pub mod camera;
 pub mod clip;
-pub mod clip_edit;
+pub(crate) mod clip_edit;
 pub mod compare;
 pub mod constraints;
 pub mod cue;
 pub mod effect;
 pub mod expect;
-pub mod expected_values;
+pub(crate) mod expected_values;
 pub mod expression;
 pub mod joint;
 pub mod keys;
@@ -29,10 +29,12 @@ pub mod test;
 pub mod values;
 mod visibility;
 
-use crate::call::Def;
+use crate::call::Function;
+use crate::def::Defs;
+use std::sync::LazyLock;
 
 /// All functions and methods, by heading, in the order of the reference.
-pub const TABLES: &[(&str, &[&[Def]])] = &[
+pub const TABLES: &[(&str, &[&[Function]])] = &[
     ("Stage, parameters and callbacks", &[stage::DEFS]),
     ("Assets and clips", &[asset::DEFS]),
     ("Shapes, meshes, materials, textures and instancing", &[procedural::DEFS]),
@@ -55,6 +57,18 @@ pub const TABLES: &[(&str, &[&[Def]])] = &[
     ("Tests: comparisons", &[compare::DEFS]),
 ];
 
-pub fn all() -> impl Iterator<Item = &'static Def> {
+pub fn functions() -> impl Iterator<Item = &'static Function> {
     TABLES.iter().flat_map(|(_, tables)| tables.iter().copied().flatten())
+}
+
+/// The descriptions of all that a script can call.
+pub(crate) fn defs() -> &'static Defs {
+    static DEFS: LazyLock<Defs> = LazyLock::new(|| {
+        let of_heading = |(heading, tables): &(&'static str, &'static [&'static [Function]])| {
+            let heading = *heading;
+            tables.iter().copied().flatten().map(move |function| (heading, &function.def))
+        };
+        Defs { all: TABLES.iter().flat_map(of_heading).collect(), maths: maths::FUNCTIONS }
+    });
+    &DEFS
 }

@@ -53,7 +53,7 @@ fn find(markers: &[(String, Time)], name: &str, place: &str) -> Result<Time, Api
 }
 
 /// Time of a marker of a clip, in seconds of the clip.
-pub fn clip_marker(c: &Call, clip: &Arc<Clip>, name: &str) -> Result<Time, ApiError> {
+pub(crate) fn clip_marker(c: &Call, clip: &Arc<Clip>, name: &str) -> Result<Time, ApiError> {
     let build = c.build();
     let markers = build.notes_of(clip).map_or(&[][..], |notes| &notes.markers);
     find(markers, name, &format!(" in clip \"{}\"", clip.name))

@@ -3,7 +3,6 @@
 use super::keys;
 use crate::call::{ApiError, Call, Reply, api, fields, unknown};
 use crate::hook;
-use crate::load::from_load;
 use crate::value::SkyRef;
 use choreo_asset::Panorama;
 use choreo_stage::{Described, FieldValue, Sky};
@@ -55,12 +54,7 @@ fn sky(c: &mut Call) -> Reply {
 }
 
 fn read(c: &Call, name: &str) -> Result<Panorama, ApiError> {
-    let loader = &c.shared.loader;
-    let start = c.shared.test().scene.as_ref().map(|scene| scene.folder.clone());
-    let found = loader.find_in(loader.folders(), start.as_deref(), name);
-    let found = found.map_err(|e| from_load(e).focus(name))?;
-    let bytes = loader.folders().read(&found, name).map_err(|e| from_load(e).focus(name))?;
-    loader.note_used(&found.path, &bytes);
+    let bytes = c.shared.read_file(name)?;
     choreo_importer_kit::panorama::panorama(name, &bytes).map_err(|problem| {
         let text = ApiError::new(format!("sky: \"{}\" {}", problem.place, problem.what)).focus(name);
         match problem.hint {

@@ -1,12 +1,12 @@
 //! Stage settings, parameters and per-frame callbacks: `stage`, `f`, `param`, `on_frame`.
 
-use crate::build::{Parameter, room};
+use crate::build::{HookDraft, Parameter, room};
 use crate::call::{ApiError, Call, Options, Reply, api, color, numbers, point, rgb, wrong};
-use crate::hook::{HookDraft, own_captures};
+use crate::hook::own_captures;
 use crate::limits::raise_hint;
 use crate::value::StageRef;
 use choreo_motion::{FrameRate, Time};
-use choreo_stage::{Background, Pipeline, Settings, SkinOnce};
+use choreo_stage::{Background, Pipeline, Settings, SkinOnce, ViewTransform};
 use rhai::{Dynamic, FnPtr, Map};
 
 api! {
@@ -17,7 +17,12 @@ api! {
     ///   default 4).
     /// - Background and light: background (a color or #{ top, bottom } for a vertical gradient, default a blue-gray
     ///   gradient), ambient (ambient light: a color, a strength of white light, or #{ up, down } for light from
-    ///   above and from below).
+    ///   above and from below; a white surface under a strength of 1 is 1), exposure (stops, -20 to 20, default 0:
+    ///   1 doubles the light of surfaces and of the sky), view (the view transform, from light to the colors of a
+    ///   display: "neutral", the default, Khronos PBR Neutral, keeps base colors and compresses highlights; "agx"
+    ///   looks like film; "none" gives raw values, cut off at 1). Unlit and toon surfaces, 2D layers, lines and plain
+    ///   backgrounds keep their exact colors. The effect tonemap takes the place of the view transform; with bloom it
+    ///   runs after the bloom, over the whole image.
     /// - Rendering: cutouts (edges of alpha-masked surfaces such as leaves and hair at 4 samples: "smooth", the
     ///   default, or "hard"), transparency (order of transparent surfaces: "sorted" back to front mesh by mesh,
     ///   "independent" of the order, per pixel, by depth peeling with up to 8 layers, or "auto", the default:
@@ -53,6 +58,8 @@ fn stage(c: &mut Call) -> Reply {
             "length",
             "background",
             "ambient",
+            "exposure",
+            "view",
             "samples",
             "cutouts",
             "transparency",
@@ -76,12 +83,19 @@ fn stage(c: &mut Call) -> Reply {
         s.length = length;
     }
     if let Some(background) = o.get("background") {
-        s.background = read_background(&background)?;
+        s.background = read_background(c, &background)?;
     }
     let ambient = o.get("ambient");
     if let Some(ambient) = &ambient {
-        (s.ambient_up, s.ambient_down) = super::light::read_ambient(ambient, "stage: ambient")?;
+        (s.ambient_up, s.ambient_down) = super::light::read_ambient(c, ambient, "stage: ambient")?;
     }
+    s.exposure = o.number_in("exposure", -20.0, 20.0)?.map_or(s.exposure, |stops| stops as f32);
+    s.view_transform = match o.one_of("view", &["neutral", "agx", "none"])? {
+        Some("agx") => ViewTransform::Agx,
+        Some("none") => ViewTransform::None,
+        Some(_) => ViewTransform::Neutral,
+        None => s.view_transform,
+    };
     read_rendering(&o, &mut s)?;
     check_frames(c, &s)?;
     let place = c.place.clone();
@@ -173,12 +187,12 @@ fn check_frames(c: &Call, s: &Settings) -> Result<(), ApiError> {
     Err(ApiError::new(text).hint(raise_hint("frames", most)))
 }
 
-fn read_background(v: &Dynamic) -> Result<Background, ApiError> {
+fn read_background(c: &Call, v: &Dynamic) -> Result<Background, ApiError> {
     let Some(map) = v.read_lock::<Map>() else {
         return color(v, "stage: background").map(Background::Color);
     };
     let o = Options { function: "stage: background".into(), map: map.clone() };
-    o.check(&["top", "bottom"])?;
+    o.check(c, &["top", "bottom"])?;
     match (o.color("top")?, o.color("bottom")?) {
         (Some(top), Some(bottom)) => Ok(Background::Gradient { top: rgb(top), bottom: rgb(bottom) }),
         _ => Err(ApiError::new("stage: background needs both colors, #{ top, bottom }")),
@@ -306,7 +320,7 @@ fn on_frame(c: &mut Call) -> Reply {
 }
 
 impl Call<'_, '_> {
-    pub fn build_fps(&self) -> FrameRate {
+    fn build_fps(&self) -> FrameRate {
         self.build().settings.fps
     }
 

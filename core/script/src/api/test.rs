@@ -1,16 +1,17 @@
 //! `test`, and what a test can use: other scripts, stages, render plans, golden images.
 
-use crate::build::{Mode, room};
+use crate::build::{Mode, Shared, room};
 use crate::call::{ApiError, Call, Options, Place, Reply, api, describe, numbers, unknown};
+use crate::compile::{compile, constants};
 use crate::diagnostic::Severity;
-use crate::engine::constants;
 use crate::errors;
 use crate::hook::own_captures;
 use crate::modules::read_text;
+use crate::resolve::finish_stage;
 use crate::suggest::{did_you_mean, list};
-use crate::testing::run::{end_section, finish_stage};
-use crate::testing::{Claim, ExpectRef, PictureExpectation, PlanOptions, Scene, SectionInfo};
-use crate::value::{ActorRef, CameraRef, Kind, LightRef, PlanRef, SceneRef, StageRef};
+use crate::test_data::{Claim, PictureExpectation, PlanOptions, Scene, SectionInfo};
+use crate::value::{ActorRef, CameraRef, ExpectRef, Kind, LightRef, PlanRef, SceneRef, StageRef};
+use choreo_image_diff::{ImageMetric, METRICS};
 use choreo_motion::Time;
 use choreo_stage::Stage;
 use rhai::{Dynamic, EvalAltResult, FnPtr, ImmutableString, Map};
@@ -40,10 +41,9 @@ api! {
     /// - Frame: at (time in seconds, default 0), size ([width, height]; default: the shape of the stage with at
     ///   most 256 pixels a side), samples (per pixel, default those of the stage, else 4), device ("cpu", the
     ///   default, or "vulkan").
-    /// - Allowed difference: tolerance (per channel, in steps of 255, default 4), share (of pixels beyond the
-    ///   tolerance, 0 to 1, default 0.001), visible (largest perceived difference by FLIP, 0 to 1, default 0.12).
+    /// - Allowed difference: tolerance (per channel, in steps of 255, default 4), {}.
     /// - `large: true` allows a golden image of more than 20 KiB.
-    expect_picture("name, options?") -> () = expect_picture, in_tests;
+    expect_picture("name, options?") -> () = expect_picture, in_tests, options(limits);
 }
 
 fn test(c: &mut Call) -> Reply {
@@ -102,6 +102,19 @@ fn section(c: &mut Call) -> Reply {
     }
 }
 
+/// Notes what a section has left undone.
+fn end_section(shared: &Shared) {
+    let open: Vec<Place> = {
+        let test = shared.test();
+        test.asked.iter().filter(|(_, compared)| *compared == 0).map(|(place, _)| place.clone()).collect()
+    };
+    for place in open {
+        let error = ApiError::new("this expect compares with nothing")
+            .hint("end it with a comparison, as .near(…), .below(…), .equals(…) or .in_frame()");
+        shared.note(Severity::Error, &place, &error);
+    }
+}
+
 /// Whether a section is passed over: where the sections of the file are known to be in order, only the one that is run counts.
 fn passed_over(c: &Call) -> bool {
     let test = c.shared.test();
@@ -117,7 +130,7 @@ pub(super) fn failed(c: &Call, error: EvalAltResult) -> Reply {
     }
     c.shared.note(Severity::Error, &place, &explained);
     if is_final(&error) {
-        return Err(ApiError { silent: true, fatal: true, ..ApiError::new("") });
+        return Err(ApiError { fatal: true, ..ApiError::silent() });
     }
     Ok(Dynamic::UNIT)
 }
@@ -188,8 +201,7 @@ fn scene(c: &mut Call) -> Reply {
             .hint("a stage can take one script; stage_of(|| scene(…)) makes another stage"));
     }
     let folders = c.shared.loader.folders();
-    let found = folders.find(None, &name).map_err(|e| ApiError { hint: e.hint, ..ApiError::new(e.message) });
-    let found = found.map_err(|e| e.focus(name.clone()))?;
+    let found = folders.find(None, &name).map_err(|e| ApiError::from(e).focus(name.clone()))?;
     let text = read_text(c.shared, &found, &name)?;
     let folder = found.path.parent().map(std::path::Path::to_path_buf).unwrap_or_default();
     {
@@ -212,7 +224,7 @@ fn scene(c: &mut Call) -> Reply {
         let (place, explained) = errors::explain(&e, &name, c.shared);
         c.shared.note(Severity::Error, &place, &explained);
         if is_final(&e) {
-            return Err(ApiError { silent: true, fatal: true, ..ApiError::new("") });
+            return Err(ApiError { fatal: true, ..ApiError::silent() });
         }
     }
     let known = || its.iter().map(|p| p.name.as_str());
@@ -233,7 +245,7 @@ fn scene(c: &mut Call) -> Reply {
 fn run_scene(c: &Call, name: &str, text: &str) -> Result<(), Box<EvalAltResult>> {
     c.shared.sources.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_string(), text.into());
     let engine = c.context.engine();
-    let mut ast = crate::engine::compile(engine, c.shared, text)?;
+    let mut ast = compile(engine, c.shared, text)?;
     ast.set_source(name);
     c.shared.of_clips_only(&ast, name);
     engine.run_ast_with_scope(&mut constants(), &ast)
@@ -265,10 +277,10 @@ fn camera(c: &mut Call) -> Reply {
     of_scene(c)?;
     let name = c.text(0)?;
     let build = c.build();
-    match build.cameras.iter().position(|d| d.name == name) {
+    match build.cameras.iter().position(|d| d.camera.name == name) {
         Some(id) => Ok(Dynamic::from(CameraRef(id))),
         None => {
-            let names: Vec<&str> = build.cameras.iter().map(|d| d.name.as_str()).collect();
+            let names: Vec<&str> = build.cameras.iter().map(|d| d.camera.name.as_str()).collect();
             Err(unknown("camera", &name, "", names))
         }
     }
@@ -383,8 +395,11 @@ fn samples(o: &Options) -> Result<Option<u32>, ApiError> {
     }
 }
 
-const PICTURE_OPTIONS: &[&str] =
-    &["at", "size", "samples", "device", "tolerance", "share", "visible", "large"];
+/// The limits of the metrics, for the reference.
+fn limits() -> String {
+    let one = |m: ImageMetric| format!("{} ({}, 0 to 1, default {})", m.name, m.doc, m.limit);
+    METRICS.map(one).join(", ")
+}
 
 fn expect_picture(c: &mut Call) -> Reply {
     let name = c.text(0)?;
@@ -397,21 +412,26 @@ fn expect_picture(c: &mut Call) -> Reply {
         ))
         .focus(name));
     }
-    let o = c.options(1, PICTURE_OPTIONS)?;
+    let of_frame = ["at", "size", "samples", "device", "tolerance", "large"];
+    let o = c.options(1, &[&of_frame[..], &METRICS.map(|metric| metric.name)].concat())?;
     let tolerance = o.number_in("tolerance", 0.0, 255.0)?;
     if let Some(t) = tolerance.filter(|t| t.fract() != 0.0) {
         return Err(ApiError::new(format!("expect_picture: tolerance must be a whole number, got {t}")));
     }
+    let default = PictureExpectation::new(&name);
+    let mut limits = default.limits;
+    for (limit, metric) in limits.iter_mut().zip(METRICS) {
+        *limit = o.number_in(metric.name, 0.0, 1.0)?.unwrap_or(*limit);
+    }
     let picture = PictureExpectation {
-        name: name.clone(),
         at: o.get("at").map(|v| crate::call::time(&v, &o.label("at"))).transpose()?.unwrap_or(Time::ZERO),
         size: size(&o)?,
         samples: samples(&o)?,
         device: o.one_of("device", &["cpu", "vulkan"])?.map(str::to_string),
-        tolerance: tolerance.map(|t| t as u8),
-        share: o.number_in("share", 0.0, 1.0)?,
-        visible: o.number_in("visible", 0.0, 1.0)?,
+        tolerance: tolerance.map_or(default.tolerance, |t| t as u8),
+        limits,
         large: o.flag("large")?.unwrap_or(false),
+        ..default
     };
     let same = |claim: &Claim| matches!(claim, Claim::Picture(p) if p.name == name);
     if let Some(before) = c.shared.test().expectations.iter().find(|e| same(&e.claim)) {

@@ -1,9 +1,9 @@
 //! Plain values of a script as data, and the names of what `Expect.count` counts.
 
-use crate::testing::{Count, PlanCount, Value};
+use crate::test_data::{Count, PlanCount, Value};
 use rhai::{Dynamic, Map};
 
-pub const COUNTS: &[(&str, Count)] = &[
+pub(crate) const COUNTS: &[(&str, Count)] = &[
     ("actors", Count::Actors),
     ("cameras", Count::Cameras),
     ("cuts", Count::Cuts),
@@ -19,7 +19,7 @@ pub const COUNTS: &[(&str, Count)] = &[
     ("frames", Count::Frames),
 ];
 
-pub const PLAN_COUNTS: &[(&str, PlanCount)] = &[
+pub(crate) const PLAN_COUNTS: &[(&str, PlanCount)] = &[
     ("passes", PlanCount::Passes),
     ("post_passes", PlanCount::PostPasses),
     ("pipelines", PlanCount::Pipelines),

@@ -1,14 +1,17 @@
-//! One call of a script function: its definition as data, its arguments with checks, its errors.
+//! One call of a script function: its arguments with checks, its errors.
 
 pub mod fields;
 mod read;
 
 use read::near;
-pub use read::{
-    color, describe, duration, number, number_in, numbers, one_of, point, rgb, target, text, time, wrong,
+pub(crate) use read::{
+    color, describe, duration, euler, number, number_in, numbers, one_of, point, radians, rgb, target, text,
+    time, wrong,
 };
 
+pub(crate) use crate::api_error::{ApiError, Place};
 use crate::build::{Build, Shared};
+use crate::def::Def;
 use crate::suggest::{closest, did_you_mean, list};
 use crate::synonyms;
 use crate::value::{AssetRef, Kind};
@@ -18,25 +21,6 @@ use choreo_stage::Target;
 use glam::{DVec3, Vec4};
 use rhai::{Dynamic, Map};
 use std::sync::{Arc, MutexGuard, PoisonError};
-
-/// A function or method of the script API. Registration, messages and API.md are made from the tables of these, which
-/// [`api!`] declares.
-pub struct Def {
-    pub on: Kind,
-    pub name: &'static str,
-    /// Ways to call it, separated by `|`; arguments ending in `?` may be left out: `x, y, z | point`.
-    pub args: &'static str,
-    pub gives: Gives,
-    /// The lines of its documentation comment.
-    pub doc: &'static [&'static str],
-    /// Documents its options in place of `{}`.
-    pub options: Option<fn() -> String>,
-    /// Whether it can also be called inside `on_frame`.
-    pub frame: bool,
-    /// Whether it can be called only inside a test section.
-    pub tests: bool,
-    pub run: fn(&mut Call) -> Reply,
-}
 
 /// Declares the functions and methods of a module as `DEFS`:
 ///
@@ -52,154 +36,38 @@ pub struct Def {
 /// begins with what the function does; each paragraph that begins with `- ` describes a group of options or one aspect.
 macro_rules! api {
     ($($(#[doc = $doc:literal])+ $on:ident $(. $name:ident)? ($args:literal) $(-> $gives:tt)? = $run:expr $(, $mark:ident $(($mark_arg:expr))?)*;)*) => {
-        pub const DEFS: &[$crate::call::Def] = &[$($crate::call::api!(@def $on $($name)?, $crate::call::Def {
-            on: $crate::value::Kind::None,
-            name: "",
-            args: $args,
-            gives: $crate::call::api!(@gives $($gives)?),
-            doc: &[$($doc),+],
-            frame: false,
-            tests: false,
-            options: None,
+        pub(crate) const DEFS: &[$crate::call::Function] = &[$($crate::call::Function {
+            def: $crate::call::api!(@def $on $($name)?, $crate::def::Def {
+                on: $crate::value::Kind::None,
+                name: "",
+                args: $args,
+                gives: $crate::call::api!(@gives $($gives)?),
+                doc: &[$($doc),+],
+                frame: false,
+                tests: false,
+                options: None,
+            })$(.$mark($($mark_arg)?))*,
             run: $run,
-        })$(.$mark($($mark_arg)?))*),*];
+        }),*];
     };
-    (@def $name:ident, $def:expr) => { $crate::call::Def { name: stringify!($name), ..$def } };
+    (@def $name:ident, $def:expr) => { $crate::def::Def { name: stringify!($name), ..$def } };
     (@def $on:ident $name:ident, $def:expr) => {
-        $crate::call::Def { on: $crate::value::Kind::$on, name: stringify!($name), ..$def }
+        $crate::def::Def { on: $crate::value::Kind::$on, name: stringify!($name), ..$def }
     };
-    (@gives) => { $crate::call::Gives::Itself };
-    (@gives ()) => { $crate::call::Gives::Nothing };
-    (@gives $value:literal) => { $crate::call::Gives::Value($value) };
-    (@gives $kind:ident) => { $crate::call::Gives::A($crate::value::Kind::$kind) };
+    (@gives) => { $crate::def::Gives::Itself };
+    (@gives ()) => { $crate::def::Gives::Nothing };
+    (@gives $value:literal) => { $crate::def::Gives::Value($value) };
+    (@gives $kind:ident) => { $crate::def::Gives::A($crate::value::Kind::$kind) };
 }
 pub(crate) use api;
 
-/// What a call returns: also what stands in for the result of one that failed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Gives {
-    Nothing,
-    /// The receiver, for chaining.
-    Itself,
-    A(Kind),
-    /// A number, text or list: nothing can stand in for it, so an error ends the script.
-    Value(&'static str),
+/// A function or method, and what runs it.
+pub struct Function {
+    pub def: Def,
+    pub run: fn(&mut Call) -> Reply,
 }
 
-pub type Reply = Result<Dynamic, ApiError>;
-
-impl Def {
-    pub const fn in_frames(mut self) -> Def {
-        self.frame = true;
-        self
-    }
-
-    pub const fn options(mut self, options: fn() -> String) -> Def {
-        self.options = Some(options);
-        self
-    }
-
-    pub const fn in_tests(mut self) -> Def {
-        self.tests = true;
-        self
-    }
-
-    /// What it does, then a paragraph for each group of options or aspect.
-    pub fn about(&self) -> Vec<String> {
-        let mut items: Vec<String> = Vec::new();
-        for line in self.doc {
-            let line = line.trim_start();
-            match (line.strip_prefix("- "), items.last_mut()) {
-                (None, Some(item)) => {
-                    item.push(' ');
-                    item.push_str(line);
-                }
-                (item, _) => items.push(item.unwrap_or(line).to_string()),
-            }
-        }
-        if let Some(options) = self.options {
-            items.iter_mut().for_each(|item| *item = item.replace("{}", &options()));
-        }
-        items
-    }
-
-    /// The ways to call it, as lists of argument names; optional ones are given in both forms.
-    pub fn forms(&self) -> Vec<Vec<&'static str>> {
-        let mut forms = Vec::new();
-        for form in self.args.split('|') {
-            let names: Vec<&str> = form.split(',').map(str::trim).filter(|n| !n.is_empty()).collect();
-            let needed = names.iter().take_while(|n| !n.ends_with('?')).count();
-            for count in needed..=names.len() {
-                forms.push(names[..count].iter().map(|n| n.trim_end_matches('?')).collect());
-            }
-        }
-        forms
-    }
-
-    /// `turn(degrees)`, `at(x, y, z) or at(point)`.
-    pub fn usage(&self) -> String {
-        self.usages(self.name).join(" or ")
-    }
-
-    /// `Actor.turn(degrees)`, `Actor.at(x, y, z) or Actor.at(point)`, `load(file, options?)`.
-    pub fn full_usage(&self) -> String {
-        self.usages(&self.full_name()).join(" or ")
-    }
-
-    /// The ways to call it under a name.
-    pub fn usages(&self, name: &str) -> Vec<String> {
-        self.args.split('|').map(|form| format!("{name}({})", form.trim())).collect()
-    }
-
-    /// `Actor.turn`, `load`.
-    pub fn full_name(&self) -> String {
-        match self.on {
-            Kind::None => self.name.to_string(),
-            kind => format!("{}.{}", kind.name(), self.name),
-        }
-    }
-}
-
-/// A place in a script file.
-#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Place {
-    pub file: String,
-    pub line: usize,
-    pub column: usize,
-}
-
-/// An error in a call, before its place is known. Travels through the interpreter as a value.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ApiError {
-    pub message: String,
-    pub hint: Option<String>,
-    /// The string literal to point at, where one argument is to blame.
-    pub focus: Option<String>,
-    /// Follows from an error already noted: not shown.
-    pub silent: bool,
-    /// Ends the script at once, where going on would only repeat it.
-    pub fatal: bool,
-}
-
-impl ApiError {
-    pub fn new(message: impl Into<String>) -> ApiError {
-        ApiError { message: message.into(), hint: None, focus: None, silent: false, fatal: false }
-    }
-    pub fn hint(mut self, hint: impl Into<String>) -> ApiError {
-        self.hint = Some(hint.into());
-        self
-    }
-    pub fn focus(mut self, literal: impl Into<String>) -> ApiError {
-        self.focus = Some(literal.into());
-        self
-    }
-}
-
-impl From<String> for ApiError {
-    fn from(message: String) -> ApiError {
-        ApiError::new(message)
-    }
-}
+pub(crate) type Reply = Result<Dynamic, ApiError>;
 
 /// `; did you mean "bloom"?` for `glow` and for `blom`, or nothing.
 fn meant<'a>(name: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> String {
@@ -256,8 +124,8 @@ impl Call<'_, '_> {
     }
 
     /// The asset of the receiver, waited for where it is still being imported.
-    pub fn this_asset(&self) -> Result<Arc<Asset>, ApiError> {
-        self.this::<AssetRef>()?.from.asset(self.shared)
+    pub(crate) fn this_asset(&self) -> Result<Arc<Asset>, ApiError> {
+        self.shared.asset(&self.this::<AssetRef>()?.from)
     }
 
     /// The receiver, to return for chaining.
@@ -284,14 +152,14 @@ impl Call<'_, '_> {
     pub fn number(&self, i: usize) -> Result<f64, ApiError> {
         number(&self.value(i), &self.label(i))
     }
-    pub fn number_in(&self, i: usize, min: f64, max: f64) -> Result<f64, ApiError> {
+    pub(crate) fn number_in(&self, i: usize, min: f64, max: f64) -> Result<f64, ApiError> {
         number_in(&self.value(i), &self.label(i), min, max)
     }
     /// The argument as a stage time: inside `perform`, times count from its start.
     pub fn time(&self, i: usize) -> Result<Time, ApiError> {
         self.stage_time(&self.value(i), &self.label(i))
     }
-    pub fn stage_time(&self, value: &Dynamic, label: &str) -> Result<Time, ApiError> {
+    pub(crate) fn stage_time(&self, value: &Dynamic, label: &str) -> Result<Time, ApiError> {
         Ok(time(value, label)? + self.build().offset)
     }
     pub fn duration(&self, i: usize) -> Result<Time, ApiError> {
@@ -338,7 +206,7 @@ impl Call<'_, '_> {
         };
         let mut options = Options { function: self.def.name.to_string(), map };
         options.rename_aliases()?;
-        options.check(known)?;
+        options.check(self, known)?;
         Ok(options)
     }
 }
@@ -364,11 +232,11 @@ impl Options {
         }
         Ok(())
     }
-    pub fn check(&self, known: &[&str]) -> Result<(), ApiError> {
+    pub fn check(&self, c: &Call, known: &[&str]) -> Result<(), ApiError> {
         let Some(key) = self.map.keys().find(|k| !known.contains(&k.as_str())) else { return Ok(()) };
         let options = format!("options: {}", list(known.iter().copied(), 30));
         let near = closest(key, known.iter().copied());
-        let synonym = synonyms::of_option(key, &self.function, known);
+        let synonym = synonyms::of_option(c.shared.defs, key, &self.function, known);
         let (meant, hint) = match (near, synonym) {
             (_, Some(synonym)) if known.contains(&&*synonym.name) || near.is_none() => {
                 (Some(synonym.name), format!("{}\n{options}", synonym.hint))
@@ -395,7 +263,7 @@ impl Options {
     pub fn number(&self, name: &str) -> Result<Option<f64>, ApiError> {
         self.read(name, number)
     }
-    pub fn number_in(&self, name: &str, min: f64, max: f64) -> Result<Option<f64>, ApiError> {
+    pub(crate) fn number_in(&self, name: &str, min: f64, max: f64) -> Result<Option<f64>, ApiError> {
         self.read(name, |v, label| number_in(v, label, min, max))
     }
     pub fn duration(&self, name: &str) -> Result<Option<Time>, ApiError> {

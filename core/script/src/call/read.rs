@@ -6,7 +6,7 @@ use crate::suggest::list;
 use crate::value::{ActorRef, JointRef, Kind, kind_of};
 use choreo_motion::Time;
 use choreo_stage::Target;
-use glam::{DVec3, Vec3, Vec4};
+use glam::{DQuat, DVec3, Vec3, Vec4};
 use rhai::Dynamic;
 
 pub fn one_of(v: &Dynamic, label: &str, allowed: &[&'static str]) -> Result<&'static str, ApiError> {
@@ -81,7 +81,7 @@ pub fn number(v: &Dynamic, label: &str) -> Result<f64, ApiError> {
     }
 }
 
-pub fn number_in(v: &Dynamic, label: &str, min: f64, max: f64) -> Result<f64, ApiError> {
+pub(crate) fn number_in(v: &Dynamic, label: &str, min: f64, max: f64) -> Result<f64, ApiError> {
     let n = number(v, label)?;
     if (min..=max).contains(&n) {
         return Ok(n);
@@ -157,8 +157,8 @@ pub fn target(v: &Dynamic, label: &str) -> Result<Target, ApiError> {
 pub fn color(v: &Dynamic, label: &str) -> Result<Vec4, ApiError> {
     if v.is_string() {
         let name = text(v, label)?;
-        return color::parse(&name).map_err(|what| {
-            ApiError::new(format!("{label}: {what}"))
+        return color::parse(&name).map_err(|e| {
+            ApiError::new(format!("{label}: {}", e.message))
                 .focus(name)
                 .hint("a color is a CSS name, \"#rrggbb\" or [r, g, b] with numbers from 0 to 1")
         });
@@ -175,6 +175,18 @@ pub fn color(v: &Dynamic, label: &str) -> Result<Vec4, ApiError> {
         }
         _ => Err(wrong(v, label, "a color: a name, \"#rrggbb\" or [r, g, b]")),
     }
+}
+
+/// Converts degrees to radians. Whole turns are removed first, so that large angles lose no precision in the sine.
+pub fn radians(degrees: f64) -> f64 {
+    (degrees % 360.0).to_radians()
+}
+
+/// Rotation about x, then y, then z (fixed axes), in degrees.
+pub fn euler(degrees: DVec3) -> DQuat {
+    DQuat::from_rotation_z(radians(degrees.z))
+        * DQuat::from_rotation_y(radians(degrees.y))
+        * DQuat::from_rotation_x(radians(degrees.x))
 }
 
 pub fn rgb(c: Vec4) -> Vec3 {

@@ -1,8 +1,8 @@
 //! Cues that leave a gap, freeze, hide each other or are cut off.
 
 use super::Remark;
-use crate::api::cue;
 use crate::build::{Build, CueDraft};
+use crate::cue_times::all_times;
 use choreo_motion::Time;
 use choreo_stage::{LayerMode, Repeat, Subject};
 
@@ -27,7 +27,7 @@ impl Timed<'_> {
 }
 
 pub fn look(build: &Build, found: &mut Vec<Remark>) {
-    let times = cue::all_times(build);
+    let times = all_times(build);
     let timed: Vec<Timed> = build
         .cues
         .iter()
@@ -193,8 +193,8 @@ fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<Rema
         found.push(Remark::warning("fades_meet", place, text).on(subject, *start));
     }
     // What the next one fades in over is still seen.
-    let heard = slot + next.map_or(Time::ZERO, |n| n.draft.cue.fade_in);
-    if draft.until.is_some() && slot > Time::ZERO && heard < length && draft.trim.is_none() {
+    let active = slot + next.map_or(Time::ZERO, |n| n.draft.cue.fade_in);
+    if draft.until.is_some() && slot > Time::ZERO && active < length && draft.trim.is_none() {
         let text = format!(
             "clip \"{name}\" takes {} s, its cue {} s: its end is cut off",
             length.as_secs(),

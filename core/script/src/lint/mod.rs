@@ -1,4 +1,4 @@
-//! Lints of `check`: what is valid in a script but probably not intended. Every run warns of some of them.
+//! Lints of `check`: what is valid in a script but probably not intended. Only `choreo check` reports them.
 //!
 //! ```text
 //! drafts ─► cues, unused ─┐
@@ -9,10 +9,10 @@
 mod cues;
 mod unused;
 
-pub(crate) use unused::{Declared, declared};
+pub(crate) use unused::declared;
 
+use crate::api_error::Place;
 use crate::build::Build;
-use crate::call::Place;
 use crate::diagnostic::{Diagnostic, Severity};
 use choreo_motion::{Clip, Time};
 use choreo_stage::{Finding, Subject};
@@ -85,7 +85,7 @@ pub struct Places {
     pub clip_markers: Vec<ClipMarkers>,
     pub lights: Vec<Place>,
     pub effects: Vec<Place>,
-    /// Files of which the script uses the clips alone, so that no mesh and no picture of them was made.
+    /// Files of which the script uses the clips alone, so that no mesh and no image of them was made.
     pub clips_only: Vec<(String, Place)>,
     /// The script's name in messages.
     pub main: String,
@@ -110,7 +110,7 @@ impl Places {
     }
 
     /// What was found in the script and, given by the caller, on its stage: sorted by place, equal kinds from one place put
-    /// together, those left out that a comment `// allow: rule` on the line or the one above it says are meant.
+    /// together, those left out that a comment `// allow: rule` on the line or the one above it states are meant.
     pub fn findings(&self, on_stage: &[Finding]) -> Vec<Diagnostic> {
         let all = self.meant(on_stage);
         let mut found: Vec<Diagnostic> = Vec::new();
@@ -181,7 +181,7 @@ impl Places {
     }
 }
 
-/// Whether a comment on its line, or on the one above it, says that it is meant.
+/// Whether a comment on its line, or on the one above it, states that it is meant.
 fn allowed(remark: &Remark, lines: &[&str]) -> bool {
     let numbers = [remark.place.line.checked_sub(1), remark.place.line.checked_sub(2)];
     numbers.into_iter().flatten().filter_map(|n| lines.get(n)).any(|line| {

@@ -1,15 +1,10 @@
 //! What a script makes and never uses.
 
 use super::Remark;
-use crate::build::Build;
-use crate::call::Place;
+use crate::api_error::Place;
+use crate::build::{Build, Declared};
 use rhai::{AST, ASTNode, Stmt};
-
-/// A variable of the script that nothing reads.
-pub struct Declared {
-    name: String,
-    at: Place,
-}
+use std::collections::{HashMap, HashSet};
 
 /// Calls that put something on stage: a name for it is good for the reader, used or not.
 const STAGED: [&str; 12] = [
@@ -27,19 +22,22 @@ const STAGED: [&str; 12] = [
     "import",
 ];
 
-/// Variables whose name stands nowhere else in the file, not even in a comment.
+/// Variables whose name stands nowhere else in the file, not even in a comment. Takes time proportional to the file's length.
 pub fn declared(ast: &AST, file: &str, text: &str) -> Vec<Declared> {
+    let (words, lines, statements) = (words(text), line_starts(text), Statements::of(text));
     let mut found: Vec<Declared> = Vec::new();
     ast.walk(&mut |nodes| {
         if let Some(ASTNode::Stmt(Stmt::Var(variable, _, position))) = nodes.last()
             && let (Some(line), Some(column)) = (position.line(), position.position())
         {
             let name = variable.0.name.as_str();
-            let rest = text.lines().skip(line - 1).collect::<Vec<_>>().join("\n");
-            let from: usize = rest.chars().take(column - 1).map(char::len_utf8).sum();
-            let statement = rest.get(from..).unwrap_or("").split(';').next().unwrap_or("");
-            let staged = STAGED.iter().any(|call| statement.contains(call));
-            if !staged && !name.starts_with('_') && words(text, name) == 1 {
+            let unused = || !name.starts_with('_') && words.get(name) == Some(&1);
+            let staged = || {
+                let start = lines.get(line - 1).copied().unwrap_or(text.len());
+                let before = text[start..].chars().take(column - 1);
+                statements.stages(start + before.map(char::len_utf8).sum::<usize>())
+            };
+            if unused() && !staged() {
                 found.push(Declared {
                     name: name.to_string(),
                     at: Place { file: file.to_string(), line, column },
@@ -51,15 +49,39 @@ pub fn declared(ast: &AST, file: &str, text: &str) -> Vec<Declared> {
     found
 }
 
-/// How often a word stands in a text.
-fn words(text: &str, word: &str) -> usize {
-    let part = |c: char| c.is_alphanumeric() || c == '_';
-    text.match_indices(word)
-        .filter(|(at, _)| {
-            !text[..*at].chars().next_back().is_some_and(part)
-                && !text[at + word.len()..].chars().next().is_some_and(part)
-        })
-        .count()
+/// How often each word stands in a text.
+fn words(text: &str) -> HashMap<&str, usize> {
+    let mut counts = HashMap::new();
+    for word in text.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|word| !word.is_empty()) {
+        *counts.entry(word).or_default() += 1;
+    }
+    counts
+}
+
+/// The byte at which each line begins.
+fn line_starts(text: &str) -> Vec<usize> {
+    std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect()
+}
+
+/// The bytes at which the statements of a text end, and at which calls of [`STAGED`] begin, sorted.
+struct Statements {
+    ends: Vec<usize>,
+    staged: Vec<usize>,
+}
+
+impl Statements {
+    fn of(text: &str) -> Statements {
+        let begins = |call: &&'static str| text.match_indices(*call).map(|(at, _)| at).collect::<Vec<_>>();
+        let mut staged: Vec<usize> = STAGED.iter().flat_map(begins).collect();
+        staged.sort_unstable();
+        Statements { ends: text.match_indices(';').map(|(at, _)| at).collect(), staged }
+    }
+
+    /// Whether the statement that begins at a byte puts something on stage.
+    fn stages(&self, from: usize) -> bool {
+        let next = |places: &[usize]| places.get(places.partition_point(|at| *at < from)).copied();
+        next(&self.staged).is_some_and(|call| next(&self.ends).is_none_or(|end| call < end))
+    }
 }
 
 pub fn look(build: &Build, found: &mut Vec<Remark>) {
@@ -90,11 +112,10 @@ pub fn look(build: &Build, found: &mut Vec<Remark>) {
             }
         });
     }
-    for variable in &build.declared {
-        // A load that is not used is reported already.
-        if found.iter().any(|r| r.rule == "unused_load" && r.place.line == variable.at.line) {
-            continue;
-        }
+    // A load that is not used is reported already.
+    let reported: HashSet<usize> =
+        found.iter().filter(|r| r.rule == "unused_load").map(|r| r.place.line).collect();
+    for variable in build.declared.iter().filter(|v| !reported.contains(&v.at.line)) {
         let text = format!("the variable \"{}\" is never used", variable.name);
         found.push(
             Remark::note("unused_variable", &variable.at, text)
@@ -105,9 +126,31 @@ pub fn look(build: &Build, found: &mut Vec<Remark>) {
 
 #[cfg(test)]
 mod tests {
+    use super::{Statements, declared, words};
+
     #[test]
     fn words_are_counted_whole() {
-        assert_eq!(super::words("let a = ab + a_b + a;\n// a", "a"), 3);
-        assert_eq!(super::words("läuft; auf; auf", "auf"), 2);
+        assert_eq!(words("let a = ab + a_b + a;\n// a")["a"], 3);
+        assert_eq!(words("läuft; auf; auf")["auf"], 2);
+        assert_eq!(words("läuft; auf; auf").get("uft"), None);
+    }
+
+    #[test]
+    fn a_call_counts_until_the_statement_ends() {
+        let text = "let a = 1; let b = cast(x); let c = 2";
+        let stages = |part: &str| Statements::of(text).stages(text.find(part).unwrap());
+        assert_eq!([stages("a ="), stages("b ="), stages("c =")], [false, true, false]);
+    }
+
+    #[test]
+    fn each_place_is_found_in_lines_of_any_letters() {
+        let text = "/* ä€ */ let a = 1;\r\nlet used = 2; let _b = used;\n\
+                    if used > 1 { let c = 3; }\nlet d = sun(1); let e = 2; // e";
+        let mut engine = rhai::Engine::new();
+        engine.set_optimization_level(rhai::OptimizationLevel::None);
+        let ast = engine.compile(text).unwrap();
+        let found: Vec<_> =
+            declared(&ast, "f", text).iter().map(|d| (d.name.clone(), d.at.line, d.at.column)).collect();
+        assert_eq!(found, [("a".to_string(), 1, 10), ("c".to_string(), 3, 15)]);
     }
 }

@@ -1,12 +1,11 @@
-//! Pictures for surfaces from files: one, or numbered ones that follow each other.
+//! Images for surfaces from files: one, or numbered ones that follow each other.
 
-use super::following::{Following, more_open};
+use super::following::more_open;
 use super::material::of_picture;
-use super::picture::ImageRef;
-use crate::api::layers_2d::read_file;
 use crate::call::{ApiError, Call, Options};
 use crate::limits::raise_hint;
-use choreo_asset::{AlphaMode, Image, ImageSource};
+use crate::value::{Following, ImageRef};
+use choreo_asset::{AlphaMode, Image, ImageSource, ImageSourceError};
 use choreo_importer_kit::Problem;
 use choreo_importer_kit::pictures::{Encoded, Formats};
 use std::sync::Arc;
@@ -15,7 +14,7 @@ use std::sync::Arc;
 const GAP: u64 = 20;
 
 /// `image("brick.png", …)` or `image("smoke_###.png", …)`.
-pub fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
+pub(crate) fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
     let name = c.text(0)?;
     let (first, last) = (whole(o, "first")?, whole(o, "last")?);
     let sampler = super::picture::sampler(o)?;
@@ -27,7 +26,7 @@ pub fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
         return Ok(ImageRef { image: one(c, &name)?, sampler, dead: false, files: None });
     };
     let numbered = |n: u64| format!("{before}{n:0digits$}{after}");
-    let there = |n: u64| found(c, &numbered(n));
+    let there = |n: u64| c.shared.find_file(&numbered(n)).is_ok();
     let begin = match first {
         Some(first) => first,
         None => (0..=1).find(|n| there(*n)).ok_or_else(|| {
@@ -59,13 +58,13 @@ pub fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
     let mut image: Option<Arc<Image>> = None;
     for n in begin..=end {
         let name = numbered(n);
-        let bytes = read_file(c, &name)?;
+        let bytes = c.shared.read_file(&name)?;
         // Each is looked at once, so that mistakes are reported here, and whether any has holes.
-        let one = decoded(&name, &bytes).map_err(|p| told(&name, p))?;
+        let one = decoded(&name, &bytes).map_err(|p| undecodable(&name, p))?;
         let first = image.get_or_insert_with(|| one.clone());
         if (one.width, one.height) != (first.width, first.height) {
             let text = format!(
-                "image: pictures that follow each other have one size; {} is {} × {}, {name} {} × {}",
+                "image: images that follow each other have one size; {} is {} × {}, {name} {} × {}",
                 numbered(begin),
                 first.width,
                 first.height,
@@ -84,16 +83,17 @@ pub fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
     Ok(ImageRef { image, sampler, dead: false, files: Some(files) })
 }
 
-/// Files of pictures that follow each other, as they are on the disk.
+/// Files of images that follow each other, as they are on the disk.
 #[derive(Debug)]
 struct NumberedFiles {
     files: Vec<(String, Vec<u8>)>,
 }
 
 impl ImageSource for NumberedFiles {
-    fn picture(&self, index: usize) -> Result<Arc<Image>, String> {
-        let (name, bytes) = self.files.get(index).ok_or_else(|| format!("there is no picture {index}"))?;
-        decoded(name, bytes).map_err(|p| format!("\"{name}\": {}", p.what))
+    fn image(&self, index: usize) -> Result<Arc<Image>, ImageSourceError> {
+        let (name, bytes) = self.files.get(index).ok_or(ImageSourceError::Missing(index))?;
+        decoded(name, bytes)
+            .map_err(|problem| ImageSourceError::Undecodable { file: name.clone(), what: problem.what })
     }
 }
 
@@ -115,14 +115,8 @@ fn whole(o: &Options, word: &str) -> Result<Option<u64>, ApiError> {
     number.map(Some).ok_or_else(|| crate::call::wrong(&value, &o.label(word), "a whole number from 0"))
 }
 
-fn found(c: &Call, name: &str) -> bool {
-    let loader = &c.shared.loader;
-    let start = c.shared.test().scene.as_ref().map(|scene| scene.folder.clone());
-    loader.find_in(loader.folders(), start.as_deref(), name).is_ok()
-}
-
 fn one(c: &Call, name: &str) -> Result<Arc<Image>, ApiError> {
-    let image = decoded(name, &read_file(c, name)?).map_err(|p| told(name, p))?;
+    let image = decoded(name, &c.shared.read_file(name)?).map_err(|p| undecodable(name, p))?;
     super::picture::count(c, texels(&image))?;
     Ok(image)
 }
@@ -131,7 +125,7 @@ fn decoded(name: &str, bytes: &[u8]) -> Result<Arc<Image>, Problem> {
     Encoded::examine(name.into(), name.into(), bytes, Formats::All)?.decode()
 }
 
-fn told(name: &str, p: Problem) -> ApiError {
+fn undecodable(name: &str, p: Problem) -> ApiError {
     let error = ApiError::new(format!("image: \"{name}\": {}", p.what)).focus(name);
     match p.hint {
         Some(hint) => error.hint(hint),

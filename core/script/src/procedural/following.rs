@@ -1,32 +1,25 @@
-//! Pictures that follow each other on any texture of a material, and pictures made of two of them.
+//! Images that follow each other on any texture of a material, and images made of two of them.
 
 use super::maps;
 use super::material::of_picture;
-use super::picture::ImageRef;
 use crate::call::{ApiError, Options};
-use choreo_asset::{AlphaMode, ContentHash, Image, ImageSequence, ImageSource, ImageStream, TextureSlot};
+use crate::value::{Following, ImageRef};
+use choreo_asset::{
+    AlphaMode, Image, ImageSequence, ImageSource, ImageSourceError, ImageStream, TextureSlot,
+};
 use std::sync::Arc;
-
-/// Several of one size.
-#[derive(Clone, Debug)]
-pub struct Following {
-    pub pictures: Arc<dyn ImageSource>,
-    pub hashes: Vec<ContentHash>,
-    /// What all of them together need.
-    pub alpha: AlphaMode,
-}
 
 /// Those of an array, which are held in memory.
 #[derive(Debug)]
 struct Held(Vec<Arc<Image>>);
 
 impl ImageSource for Held {
-    fn picture(&self, index: usize) -> Result<Arc<Image>, String> {
-        self.0.get(index).cloned().ok_or_else(|| format!("there is no picture {index}"))
+    fn image(&self, index: usize) -> Result<Arc<Image>, ImageSourceError> {
+        self.0.get(index).cloned().ok_or(ImageSourceError::Missing(index))
     }
 }
 
-/// How one picture is made of two.
+/// How one image is made of two.
 #[derive(Clone, Copy, Debug)]
 pub enum Rule {
     /// The first with the brightness of the second as its alpha, times its own.
@@ -55,9 +48,9 @@ struct Joined {
 }
 
 impl ImageSource for Joined {
-    fn picture(&self, index: usize) -> Result<Arc<Image>, String> {
+    fn image(&self, index: usize) -> Result<Arc<Image>, ImageSourceError> {
         let part = |(one, many): &(Arc<Image>, Option<Following>)| match many {
-            Some(many) => many.pictures.picture(index),
+            Some(many) => many.pictures.image(index),
             None => Ok(one.clone()),
         };
         Ok(Arc::new(self.rule.make(&*part(&self.parts[0])?, &*part(&self.parts[1])?)))
@@ -65,7 +58,7 @@ impl ImageSource for Joined {
 }
 
 /// What is solid only where both are.
-pub fn more_open(a: AlphaMode, b: AlphaMode) -> AlphaMode {
+pub(crate) fn more_open(a: AlphaMode, b: AlphaMode) -> AlphaMode {
     match (a, b) {
         (AlphaMode::Blend, _) | (_, AlphaMode::Blend) => AlphaMode::Blend,
         (AlphaMode::Opaque, mode) => mode,
@@ -73,7 +66,7 @@ pub fn more_open(a: AlphaMode, b: AlphaMode) -> AlphaMode {
     }
 }
 
-/// One picture of two of one size, or as many as follow each other. `names`: of the options that gave them.
+/// One image of two of one size, or as many as follow each other. `names`: of the options that gave them.
 pub fn join(
     o: &Options,
     names: [&str; 2],
@@ -110,14 +103,14 @@ pub fn join(
     if matches!(rule, Rule::Opacity) {
         // Looked at once, to know whether any has holes.
         for i in 0..count {
-            let one = joined.picture(i).map_err(|e| ApiError::new(format!("{}: {e}", o.function)))?;
+            let one = joined.image(i).map_err(|e| ApiError::new(format!("{}: {e}", o.function)))?;
             alpha = more_open(alpha, of_picture(&one));
         }
     }
     Ok(ImageRef { files: Some(Following { pictures: Arc::new(joined), hashes, alpha }), ..made })
 }
 
-/// The options' picture, or those that follow each other there: numbered files, or an array.
+/// The options' image, or those that follow each other there: numbered files, or an array.
 pub fn given(o: &Options, name: &str) -> Result<Option<ImageRef>, ApiError> {
     let mut all = maps::pictures(o, name)?;
     if o.get(name).is_some_and(|v| v.is_array()) {
@@ -126,7 +119,7 @@ pub fn given(o: &Options, name: &str) -> Result<Option<ImageRef>, ApiError> {
     Ok(all.pop())
 }
 
-/// The pictures of an array one after the other.
+/// The images of an array one after the other.
 pub fn in_order(o: &Options, name: &str, all: &[ImageRef]) -> Result<ImageRef, ApiError> {
     let first = maps::of_one_size(o, name, all)?;
     let pictures: Vec<Arc<Image>> = all.iter().map(|i| i.image.clone()).collect();
@@ -163,7 +156,7 @@ pub fn sequence(
 
 fn unequal(o: &Options, names: [&str; 2], counts: [usize; 2]) -> ApiError {
     let text = format!(
-        "{}: {} has {} pictures, {} {}; what follows each other on one surface has as many",
+        "{}: {} has {} images, {} {}; what follows each other on one surface has as many",
         o.function, names[0], counts[0], names[1], counts[1]
     );
     ApiError::new(text).focus(names[1])

@@ -1,16 +1,20 @@
-//! Pictures made of pictures: frames side by side, alpha from brightness, normals with heights.
+//! Images made of pictures: frames side by side, alpha from brightness, normals with heights.
 
-use super::picture::ImageRef;
 use crate::call::{ApiError, Options};
+use crate::value::ImageRef;
 use choreo_asset::Image;
 use glam::Vec3;
 use rhai::Array;
 use std::sync::Arc;
 
-/// The first of pictures that follow each other, which have one size.
-pub fn of_one_size<'a>(o: &Options, name: &str, images: &'a [ImageRef]) -> Result<&'a ImageRef, ApiError> {
+/// The first of images that follow each other, which have one size.
+pub(crate) fn of_one_size<'a>(
+    o: &Options,
+    name: &str,
+    images: &'a [ImageRef],
+) -> Result<&'a ImageRef, ApiError> {
     if images.iter().any(|i| i.files.is_some()) {
-        let text = format!("{}: numbered files are pictures enough; give them alone", o.function);
+        let text = format!("{}: numbered files are images enough; give them alone", o.function);
         return Err(ApiError::new(text).focus(name));
     }
     let Some(first) = images.first() else {
@@ -20,7 +24,7 @@ pub fn of_one_size<'a>(o: &Options, name: &str, images: &'a [ImageRef]) -> Resul
     if let Some(i) = images.iter().position(|i| (i.image.width, i.image.height) != (width, height)) {
         let other = &images[i].image;
         let text = format!(
-            "{}: pictures that follow each other have one size; the first is {width} × {height}, number {} is {} × {}",
+            "{}: images that follow each other have one size; the first is {width} × {height}, number {} is {} × {}",
             o.function,
             i + 1,
             other.width,
@@ -31,7 +35,7 @@ pub fn of_one_size<'a>(o: &Options, name: &str, images: &'a [ImageRef]) -> Resul
     Ok(first)
 }
 
-/// Pictures of one size as the cells of one, from the top left, row by row: (columns, rows).
+/// Images of one size as the cells of one, from the top left, row by row: (columns, rows).
 pub fn side_by_side(o: &Options, images: &[ImageRef]) -> Result<(ImageRef, [u32; 2]), ApiError> {
     let first = of_one_size(o, "image", images)?;
     let (width, height) = (first.image.width, first.image.height);
@@ -52,7 +56,7 @@ pub fn side_by_side(o: &Options, images: &[ImageRef]) -> Result<(ImageRef, [u32;
     Ok((ImageRef { image: Arc::new(image), ..first.clone() }, [columns, rows]))
 }
 
-/// The options' picture, or pictures.
+/// The options' image, or images.
 pub fn pictures(o: &Options, name: &str) -> Result<Vec<ImageRef>, ApiError> {
     let Some(value) = o.get(name) else { return Ok(Vec::new()) };
     let all: Array = match value.read_lock::<Array>() {
@@ -67,15 +71,15 @@ pub fn pictures(o: &Options, name: &str) -> Result<Vec<ImageRef>, ApiError> {
     all.iter().map(read).collect()
 }
 
-/// A white picture, of which another is the opacity.
+/// A white image, of which another is the opacity.
 pub fn white(like: &ImageRef) -> ImageRef {
     let Image { width, height, ref rgba, .. } = *like.image;
     let image = Image { name: "opacity".into(), width, height, rgba: vec![255; rgba.len()] };
     ImageRef { image: Arc::new(image), files: None, ..like.clone() }
 }
 
-/// A picture with the brightness of another as its alpha, times its own.
-pub fn with_opacity(base: &Image, map: &Image) -> Image {
+/// An image with the brightness of another as its alpha, times its own.
+pub(crate) fn with_opacity(base: &Image, map: &Image) -> Image {
     let mut rgba = base.rgba.clone();
     for (out, m) in rgba.as_chunks_mut::<4>().0.iter_mut().zip(map.rgba.as_chunks::<4>().0) {
         out[3] = (u16::from(out[3]) * u16::from(brightness(m)) / 255) as u8;
@@ -84,7 +88,7 @@ pub fn with_opacity(base: &Image, map: &Image) -> Image {
 }
 
 /// A normal map with heights as its alpha.
-pub fn with_heights(normals: &Image, heights: &Image) -> Image {
+pub(crate) fn with_heights(normals: &Image, heights: &Image) -> Image {
     let mut rgba = normals.rgba.clone();
     for (out, h) in rgba.as_chunks_mut::<4>().0.iter_mut().zip(heights.rgba.as_chunks::<4>().0) {
         out[3] = brightness(h);
@@ -92,8 +96,8 @@ pub fn with_heights(normals: &Image, heights: &Image) -> Image {
     Image { rgba, name: normals.name.clone(), ..*normals }
 }
 
-/// The normal map of heights `depth` textures deep: central differences; the picture repeats.
-pub fn normals_of(image: &Image, depth: f32) -> Image {
+/// The normal map of heights `depth` textures deep: central differences; the image repeats.
+pub(crate) fn normals_of(image: &Image, depth: f32) -> Image {
     let (width, height) = (image.width as usize, image.height as usize);
     let texels = image.rgba.as_chunks::<4>().0;
     let at = |x: usize, y: usize| f32::from(brightness(&texels[(y % height) * width + x % width])) / 255.0;
@@ -115,7 +119,13 @@ pub fn brightness([r, g, b, _]: &[u8; 4]) -> u8 {
     ((u16::from(*r) + u16::from(*g) + u16::from(*b)) / 3) as u8
 }
 
-pub fn same_size(o: &Options, name: &str, a: &ImageRef, other: &str, b: &ImageRef) -> Result<(), ApiError> {
+pub(crate) fn same_size(
+    o: &Options,
+    name: &str,
+    a: &ImageRef,
+    other: &str,
+    b: &ImageRef,
+) -> Result<(), ApiError> {
     let size = |i: &ImageRef| (i.image.width, i.image.height);
     match size(a) == size(b) {
         true => Ok(()),

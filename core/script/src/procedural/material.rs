@@ -1,9 +1,10 @@
 //! The look of what a script makes: the options that `shape`, `mesh`, `lines` and `points` share.
 
-use super::following::{self, Following, Rule, given, join};
+use super::following::{self, Rule, given, join};
 use super::maps;
-use super::picture::{ImageRef, srgb_byte};
+use super::picture::srgb_byte;
 use crate::call::{ApiError, Options, rgb};
+use crate::value::{Following, ImageRef};
 use choreo_asset::{
     AlphaMode, FrameStrip, Image, Material, MaterialLayers, Reflection, Sampler, Shading, TextureRef,
     TextureSlot, UvMotion,
@@ -12,7 +13,7 @@ use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
 /// What [`material`] reads.
-pub const OPTIONS: [&str; 45] = [
+pub(crate) const OPTIONS: [&str; 45] = [
     "color",
     "image",
     "normal_map",
@@ -79,7 +80,7 @@ impl Maps {
         let alone = !other_maps.into_iter().any(|name| o.get(name).is_some());
         let mut cells = None;
         let mut image = match o.get("image").is_some_and(|v| v.is_array()) && alone {
-            // As cells of one picture, which other maps have not.
+            // As cells of one image, which other maps have not.
             true => {
                 let all = maps::pictures(o, "image")?;
                 let (image, [columns, rows]) = maps::side_by_side(o, &all)?;
@@ -145,7 +146,7 @@ impl Maps {
         let scale = tiles.unwrap_or(1.0);
         match (image, second) {
             (Some(_), Some(_)) => {
-                return fail("checker makes a picture of its own; leave image or checker out", "checker");
+                return fail("checker makes an image of its own; leave image or checker out", "checker");
             }
             (Some(given), None) => {
                 let files = given.files.as_ref();
@@ -196,7 +197,7 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
     let maps = Maps::read(o)?;
     let sequences = maps.sequences(o);
     let cells = maps.cells;
-    // A picture is seen in its own colors.
+    // An image is seen in its own colors.
     let plain = if maps.image.is_some() { Vec4::ONE } else { Vec4::new(0.6, 0.6, 0.6, 1.0) };
     let base = o.color("color")?.unwrap_or(plain);
     let mut material = Material {
@@ -225,7 +226,7 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
     Ok((material, images))
 }
 
-/// How the textures move: `cells` are the columns, rows and count of pictures that were given one after the other.
+/// How the textures move: `cells` are the columns, rows and count of images that were given one after the other.
 fn motion(
     o: &Options,
     material: &mut Material,
@@ -245,11 +246,11 @@ fn motion(
     let whole = |v: f64| (1.0..=256.0).contains(&v) && libm::floor(v) == v;
     let cells = match (cells, pair("frames")?) {
         (Some(_), Some(_)) => {
-            return fail("frames are the cells of one picture; several pictures have their own", "frames");
+            return fail("frames are the cells of one image; several images have their own", "frames");
         }
         (None, Some(_)) if several => {
             return fail(
-                "frames are the cells of one picture; those that follow each other are one each",
+                "frames are the cells of one image; those that follow each other are one each",
                 "frames",
             );
         }
@@ -278,7 +279,7 @@ fn motion(
         }
         let [u, v] = scroll.unwrap_or_default();
         material.uv_motion = Some(UvMotion {
-            // The picture goes that way, so the place where it is read goes the other.
+            // The image goes that way, so the place where it is read goes the other.
             scroll: Vec2::new(-u as f32, -v as f32),
             rotation: spin.unwrap_or(0.0).to_radians() as f32,
         });
@@ -290,7 +291,7 @@ fn motion(
     match cells {
         Some([columns, rows, count]) => {
             if o.get("tiles").is_some() {
-                return fail("tiles repeats a picture, frames show a part of one; leave one out", "tiles");
+                return fail("tiles repeats an image, frames show a part of one; leave one out", "tiles");
             }
             material.strip = Some(FrameStrip {
                 columns,
@@ -301,8 +302,8 @@ fn motion(
             });
             Ok(())
         }
-        None if once.is_some() => fail("once is of frames, or of several pictures as image or a map", "once"),
-        None if fps.is_some() => fail("fps is of frames, or of several pictures as image or a map", "fps"),
+        None if once.is_some() => fail("once is of frames, or of several images as image or a map", "once"),
+        None if fps.is_some() => fail("fps is of frames, or of several images as image or a map", "fps"),
         None => Ok(()),
     }
 }
@@ -313,7 +314,7 @@ fn shading(o: &Options, material: &mut Material) -> Result<(), ApiError> {
         let phong = o.flag("phong")?.unwrap_or(false);
         material.shading = if phong { Shading::Phong } else { Shading::BlinnPhong };
         material.shininess = shininess as f32;
-        // A map says how much itself.
+        // A map gives the amount itself.
         let usual = if o.get("specular_map").is_some() { 1.0 } else { 0.04 };
         material.specular_color = specular.map_or(Vec3::splat(usual), rgb);
         if let Some(other) = ["roughness", "metallic", "unlit"].into_iter().find(|name| o.get(name).is_some())
@@ -406,8 +407,8 @@ fn checker(base: Vec4, second: Vec4) -> Arc<Image> {
     Arc::new(Image { name: "checker".into(), width: 2, height: 2, rgba: [a, b, b, a].concat() })
 }
 
-/// Cut out where a picture has holes, blended where it is half transparent.
-pub fn of_picture(image: &Image) -> AlphaMode {
+/// Cut out where an image has holes, blended where it is half transparent.
+pub(crate) fn of_picture(image: &Image) -> AlphaMode {
     let alphas = || image.rgba.iter().skip(3).step_by(4);
     if alphas().all(|a| *a == 255) {
         AlphaMode::Opaque
@@ -419,13 +420,12 @@ pub fn of_picture(image: &Image) -> AlphaMode {
 }
 
 impl Options {
-    /// A picture made with `image(…)`.
+    /// An image made with `image(…)`.
     pub fn image(&self, name: &str) -> Result<Option<ImageRef>, ApiError> {
         let Some(value) = self.get(name) else { return Ok(None) };
         let given = value.clone().try_cast::<ImageRef>();
         if given.as_ref().is_some_and(|i| i.files.is_some()) {
-            let text =
-                format!("{}: {name} is one picture, not several that follow each other", self.function);
+            let text = format!("{}: {name} is one image, not several that follow each other", self.function);
             return Err(ApiError::new(text).focus(name));
         }
         given

@@ -1,4 +1,4 @@
-//! What a script makes itself: shapes, meshes, lines and points from arrays, pictures.
+//! What a script makes itself: shapes, meshes, lines and points from arrays, images.
 
 mod arrays;
 mod files;
@@ -12,11 +12,10 @@ mod repeat;
 mod solids;
 mod texture;
 
-pub use picture::{ImageRef, image};
+pub use picture::image;
 pub use repeat::repeat;
 pub use texture::texture;
 
-use crate::api::actor::MOST_WIDE;
 use crate::call::{ApiError, Call, Options, numbers, one_of, wrong};
 use crate::limits::raise_hint;
 use choreo_asset::{
@@ -28,14 +27,6 @@ use choreo_plugin::MeshData;
 use glam::{DVec3, Vec2, Vec3};
 use std::sync::Arc;
 
-/// How much there is so far of what counts against limits.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Made {
-    pub meshes: usize,
-    pub vertices: u64,
-    pub texels: u64,
-}
-
 /// The asset of a `shape(kind, options?)` call; equal calls share one.
 pub fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
     let kind = one_of(&c.value(0), "shape: kind", solids::KINDS)?;
@@ -44,7 +35,7 @@ pub fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
     let o = c.options(1, &known)?;
     let (mut material, images) = material::material(&o, "shape")?;
     let pictures: Vec<*const Image> = images.iter().map(Arc::as_ptr).collect();
-    // A checker's picture is made anew by each call.
+    // A checker's image is made anew by each call.
     let pictures = if o.get("checker").is_some() { Vec::new() } else { pictures };
     let key = format!("{kind} {:?} {pictures:?}", o.map);
     if let Some(asset) = c.build().shapes.get(&key) {
@@ -196,14 +187,17 @@ fn triplanar(o: &Options, primitive: &Primitive) -> Result<Option<Triplanar>, Ap
     let needs_uvs = ["height_map", "displacement_map", "anisotropy"];
     if let Some(word) = needs_uvs.into_iter().find(|word| o.get(word).is_some()) {
         return fail(
-            format!("{word} needs one place in a picture, triplanar reads three; take another projection"),
+            format!("{word} needs one place in an image, triplanar reads three; take another projection"),
             word,
         );
     }
-    let [low, high] = relief::corners(primitive);
+    let [low, high] = relief::bounds(primitive);
     let size = (high - low).max_element().max(1e-6);
     Ok(Some(Triplanar { middle: (low + high) * 0.5, size, sharpness: sharpness.unwrap_or(4.0) as f32 }))
 }
+
+/// The largest width of lines and size of points, in pixels or metres: larger than any image.
+pub(crate) const MOST_WIDE: f32 = 16384.0;
 
 /// How wide lines and points are, in pixels by one word or in metres by the other.
 fn pen(o: &Options, topology: Topology) -> Result<Option<LineStyle>, ApiError> {

@@ -1,26 +1,11 @@
-//! `image(width, height, pixels)`: a picture from numbers, for surfaces.
+//! `image(width, height, pixels)`: an image from numbers, for surfaces.
 
 use crate::call::{ApiError, Call, Options, color, describe, one_of};
 use crate::limits::raise_hint;
-use choreo_asset::{Image, Sampler, Wrap};
+use crate::value::ImageRef;
+use choreo_asset::{Sampler, Wrap};
 use rhai::{Array, Blob, Dynamic};
 use std::sync::Arc;
-
-/// A picture and how it is looked up.
-#[derive(Clone, Debug)]
-pub struct ImageRef {
-    pub image: Arc<Image>,
-    pub sampler: Sampler,
-    pub dead: bool,
-    /// All of them, where several follow each other; `image` is the first.
-    pub files: Option<super::following::Following>,
-}
-
-impl ImageRef {
-    pub fn dead() -> ImageRef {
-        ImageRef { image: Arc::new(Image::default()), sampler: Sampler::default(), dead: true, files: None }
-    }
-}
 
 /// As the importers take them.
 const MOST_A_SIDE: f64 = 16384.0;
@@ -132,10 +117,8 @@ fn bytes(pixels: &Dynamic, count: u64) -> Result<Vec<u8>, ApiError> {
 }
 
 /// The inverse of [`crate::color::linear`], to the nearest byte.
-pub fn srgb_byte(linear: f32) -> u8 {
-    let v = f64::from(linear);
-    let s = if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * libm::pow(v, 1.0 / 2.4) - 0.055 };
-    libm::round(s.clamp(0.0, 1.0) * 255.0) as u8
+pub(crate) fn srgb_byte(linear: f32) -> u8 {
+    libm::round(choreo_asset::srgb_from_linear(linear.into()).clamp(0.0, 1.0) * 255.0) as u8
 }
 
 #[cfg(test)]

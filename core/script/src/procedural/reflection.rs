@@ -1,19 +1,19 @@
 //! What a surface with shininess mirrors: reflection, its map, and an environment of its own.
 
-use super::picture::ImageRef;
 use crate::call::{ApiError, Options, rgb};
+use crate::value::ImageRef;
 use choreo_asset::{Material, Reflection, Shading};
 use glam::Vec3;
 
 /// The panorama that is mirrored in place of the sky.
-pub fn environment_map(o: &Options) -> Result<Option<ImageRef>, ApiError> {
+pub(crate) fn environment_map(o: &Options) -> Result<Option<ImageRef>, ApiError> {
     let Some(given) = o.image("environment_map")? else { return Ok(None) };
     let (width, height) = (given.image.width, given.image.height);
     if width == 2 * height {
         return Ok(Some(given));
     }
     let text = format!(
-        "{}: environment_map is a picture of all around, twice as wide as high; this is {width} × {height}",
+        "{}: environment_map is an image of all around, twice as wide as high; this is {width} × {height}",
         o.function
     );
     Err(ApiError::new(text).focus("environment_map"))
@@ -39,7 +39,7 @@ pub fn reflection(o: &Options, material: &mut Material) -> Result<(), ApiError> 
     if share.is_none() && word == "environment_map" {
         return fail("environment_map says what is mirrored; reflection, how much, is not given".into());
     }
-    // A map says how much itself.
+    // A map gives the amount itself.
     let color = share.unwrap_or(Vec3::ONE);
     material.reflection = Some(Box::new(Reflection { color, texture: None, environment: None }));
     Ok(())

@@ -1,4 +1,4 @@
-//! Shapes that a picture raises, and texture coordinates that a projection gives.
+//! Shapes that an image raises, and texture coordinates that a projection gives.
 
 use super::maps::brightness;
 use choreo_asset::{Image, Primitive};
@@ -9,7 +9,7 @@ pub const PROJECTIONS: &[&str] = &["plane", "box", "sphere", "cylinder", "cone",
 
 /// Texture coordinates by a projection from around the shape's center; every triangle gets vertices of its own.
 pub fn project(p: &mut Primitive, how: &str) {
-    let [low, high] = corners(p);
+    let [low, high] = bounds(p);
     let (middle, size) = ((low + high) * 0.5, (high - low).max(Vec3::splat(1e-6)));
     let old = std::mem::take(&mut p.indices);
     let pick =
@@ -32,9 +32,9 @@ pub fn project(p: &mut Primitive, how: &str) {
     let apex = Vec3::new(middle.x, high.y, middle.z);
     let slant = p.positions.iter().map(|q| q.distance(apex)).fold(1e-6, f32::max);
     let mut uvs = Vec::with_capacity(p.positions.len());
-    for corners in p.positions.as_chunks::<3>().0 {
-        let face = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-        let mut triangle = corners.map(|at| {
+    for vertices in p.positions.as_chunks::<3>().0 {
+        let face = (vertices[1] - vertices[0]).cross(vertices[2] - vertices[0]);
+        let mut triangle = vertices.map(|at| {
             let q = at - middle;
             match how {
                 "plane" => Vec2::new((at.x - low.x) / size.x, (at.z - low.z) / size.z),
@@ -53,7 +53,7 @@ pub fn project(p: &mut Primitive, how: &str) {
             }
         });
         if !matches!(how, "plane" | "box") {
-            around(&mut triangle, corners.map(|at| at - middle), size);
+            around(&mut triangle, vertices.map(|at| at - middle), size);
         }
         uvs.extend(triangle);
     }
@@ -61,7 +61,7 @@ pub fn project(p: &mut Primitive, how: &str) {
 }
 
 /// The least box around it.
-pub fn corners(p: &Primitive) -> [Vec3; 2] {
+pub fn bounds(p: &Primitive) -> [Vec3; 2] {
     let low = p.positions.iter().fold(Vec3::INFINITY, |a, b| a.min(*b));
     [low, p.positions.iter().fold(Vec3::NEG_INFINITY, |a, b| a.max(*b))]
 }
@@ -96,9 +96,9 @@ fn of_box(q: Vec3, face: Vec3) -> Vec2 {
     Vec2::new(u, v) + 0.5
 }
 
-/// A triangle over the seam goes on beyond 1, and a corner on the axis stands between its neighbours.
-fn around(triangle: &mut [Vec2; 3], corners: [Vec3; 3], size: Vec3) {
-    let on_axis = corners.map(|q| q.x.abs() + q.z.abs() < 1e-5 * size.max_element());
+/// A triangle over the seam goes on beyond 1, and a vertex on the axis stands between its neighbours.
+fn around(triangle: &mut [Vec2; 3], vertices: [Vec3; 3], size: Vec3) {
+    let on_axis = vertices.map(|q| q.x.abs() + q.z.abs() < 1e-5 * size.max_element());
     let others = |on: bool| (0..3).filter(move |i| on_axis[*i] == on);
     let most = others(false).map(|i| triangle[i].x).fold(f32::NEG_INFINITY, f32::max);
     for i in others(false) {
@@ -114,7 +114,7 @@ fn around(triangle: &mut [Vec2; 3], corners: [Vec3; 3], size: Vec3) {
 }
 
 /// Each triangle as four, by the middles of its edges.
-pub fn subdivide(p: &mut Primitive) {
+pub(crate) fn subdivide(p: &mut Primitive) {
     let mut middles: BTreeMap<(u32, u32), u32> = BTreeMap::new();
     let mut indices = Vec::with_capacity(p.indices.len() * 4);
     let old = std::mem::take(&mut p.indices);
@@ -159,10 +159,10 @@ pub fn displace(p: &mut Primitive, image: &Image, height: f32, tiles: f32) {
     let moved = p.positions.iter().zip(&p.normals).zip(&groups);
     p.positions = moved.map(|((at, n), group)| *at + *n * (height * mean(group))).collect();
     let mut sums: BTreeMap<_, Vec3> = BTreeMap::new();
-    for corners in p.indices.as_chunks::<3>().0 {
-        let [a, b, c] = corners.map(|i| p.positions[i as usize]);
+    for vertices in p.indices.as_chunks::<3>().0 {
+        let [a, b, c] = vertices.map(|i| p.positions[i as usize]);
         let face = (b - a).cross(c - a);
-        for i in corners {
+        for i in vertices {
             *sums.entry(groups[*i as usize]).or_insert(Vec3::ZERO) += face;
         }
     }
@@ -176,11 +176,11 @@ fn sample(image: &Image, uv: Vec2) -> f32 {
     let (width, height) = (image.width as usize, image.height as usize);
     let texels = image.rgba.as_chunks::<4>().0;
     let at = (uv - uv.floor()) * Vec2::new(width as f32, height as f32) - 0.5;
-    let corner = at.floor();
-    let f = at - corner;
+    let texel = at.floor();
+    let f = at - texel;
     let texel = |x: f32, y: f32| {
         let wrap = |v: f32, n: usize| (v as i64).rem_euclid(n as i64) as usize;
-        let (x, y) = (wrap(corner.x + x, width), wrap(corner.y + y, height));
+        let (x, y) = (wrap(texel.x + x, width), wrap(texel.y + y, height));
         f32::from(brightness(&texels[y * width + x])) / 255.0
     };
     let row = |y: f32| texel(0.0, y) * (1.0 - f.x) + texel(1.0, y) * f.x;
@@ -198,16 +198,17 @@ mod tests {
         project(&mut sphere, "sphere");
         assert_eq!(sphere.positions.len(), sphere.indices.len());
         let middle = Vec3::new(0.0, 0.5, 0.0);
-        for (corners, uvs) in sphere.positions.as_chunks::<3>().0.iter().zip(sphere.uvs[0].as_chunks::<3>().0)
+        for (vertices, uvs) in
+            sphere.positions.as_chunks::<3>().0.iter().zip(sphere.uvs[0].as_chunks::<3>().0)
         {
-            for (at, uv) in corners.iter().zip(uvs) {
+            for (at, uv) in vertices.iter().zip(uvs) {
                 let q = (*at - middle) * 2.0;
                 let (lat, lon) = (std::f32::consts::PI * uv.y, std::f32::consts::TAU * (uv.x - 0.5));
                 let ring = libm::sinf(lat);
                 let expected = Vec3::new(ring * libm::sinf(lon), libm::cosf(lat), ring * libm::cosf(lon));
                 assert!(q.distance(expected) < 1e-3, "{at} {uv}");
             }
-            // No triangle runs back over the whole picture.
+            // No triangle runs back over the whole image.
             let us = uvs.map(|uv| uv.x);
             assert!(us.iter().all(|u| (u - us[0]).abs() < 0.5), "{us:?}");
         }

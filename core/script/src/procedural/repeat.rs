@@ -1,7 +1,6 @@
 //! `asset.repeat(places)`: many copies of an asset as one.
 
-use crate::api::actor::euler;
-use crate::call::{ApiError, Call, Reply, describe, numbers, wrong};
+use crate::call::{ApiError, Call, Reply, describe, euler, numbers, wrong};
 use crate::limits::raise_hint;
 use crate::value::AssetRef;
 use choreo_asset::Asset;

@@ -57,20 +57,20 @@ fn primitive(vertices: Vec<(Vec3, Vec3, Vec2)>, indices: Vec<u32>) -> Primitive 
 
 /// A plane in x and z around the origin, seen from above.
 fn plane(size: Vec3) -> Primitive {
-    let corner =
+    let vertex =
         |u: f32, v: f32| (Vec3::new((u - 0.5) * size.x, 0.0, (v - 0.5) * size.z), Vec3::Y, Vec2::new(u, v));
     primitive(
-        vec![corner(0.0, 0.0), corner(0.0, 1.0), corner(1.0, 1.0), corner(1.0, 0.0)],
+        vec![vertex(0.0, 0.0), vertex(0.0, 1.0), vertex(1.0, 1.0), vertex(1.0, 0.0)],
         vec![0, 1, 2, 0, 2, 3],
     )
 }
 
-/// Upright on the ground, seen from +z: for pictures.
+/// Upright on the ground, seen from +z: for images.
 fn quad(size: Vec3) -> Primitive {
-    let corner =
+    let vertex =
         |u: f32, v: f32| (Vec3::new((u - 0.5) * size.x, (1.0 - v) * size.y, 0.0), Vec3::Z, Vec2::new(u, v));
     primitive(
-        vec![corner(0.0, 0.0), corner(0.0, 1.0), corner(1.0, 1.0), corner(1.0, 0.0)],
+        vec![vertex(0.0, 0.0), vertex(0.0, 1.0), vertex(1.0, 1.0), vertex(1.0, 0.0)],
         vec![0, 1, 2, 0, 2, 3],
     )
 }
@@ -94,7 +94,7 @@ fn cuboid(size: Vec3) -> Primitive {
 }
 
 /// A ring of a solid of revolution: its radius and height for size 1, its normal in the plane of the axis (any length,
-/// before the shape is stretched), and v. Without v the ring is part of a flat end, and a picture lies on it as seen from there.
+/// before the shape is stretched), and v. Without v the ring is part of a flat end, and an image lies on it as seen from there.
 struct Ring {
     radius: f32,
     y: f32,
@@ -196,7 +196,7 @@ fn capsule(size: Vec3) -> Primitive {
     // Height of a half sphere for a height of 1.
     let cap = 0.5 * size.x.max(size.z) / size.y;
     let half = ROWS / 2;
-    // Of the way from the top down along the outside, so that a picture is not stretched more on one part than another.
+    // Of the way from the top down along the outside, so that an image is not stretched more on one part than another.
     let arc = std::f32::consts::FRAC_PI_2 * cap;
     let whole = 2.0 * arc + (1.0 - 2.0 * cap);
     let row = |row: u32| {
@@ -298,8 +298,8 @@ mod tests {
             _ => 0.0,
         };
         let volume = |p: &Primitive| -> f64 {
-            let corner = |i: u32| p.positions[i as usize].as_dvec3();
-            p.indices.chunks(3).map(|t| corner(t[0]).dot(corner(t[1]).cross(corner(t[2]))) / 6.0).sum()
+            let vertex = |i: u32| p.positions[i as usize].as_dvec3();
+            p.indices.chunks(3).map(|t| vertex(t[0]).dot(vertex(t[1]).cross(vertex(t[2]))) / 6.0).sum()
         };
         for kind in ["box", "sphere", "cylinder", "cone", "capsule"] {
             let got = volume(&solid(kind, Vec3::new(1.0, 2.0, 1.0)));

@@ -1,9 +1,8 @@
-//! `asset.texture(material, slot, image)`: other pictures on the materials of a file.
+//! `asset.texture(material, slot, image)`: other images on the materials of a file.
 
-use super::following::{Following, in_order};
-use super::picture::ImageRef;
+use super::following::in_order;
 use crate::call::{ApiError, Call, Options, Reply, one_of, unknown};
-use crate::value::AssetRef;
+use crate::value::{AssetRef, Following, ImageRef};
 use choreo_asset::{
     AlphaMode, Asset, ImageSequence, ImageStream, Material, Mesh, Reflection, Shading, TextureRef,
     TextureSlot,
@@ -165,7 +164,7 @@ fn place<'a>(material: &'a mut Material, slot: &str) -> &'a mut Option<TextureRe
     }
 }
 
-/// A map says how much itself.
+/// A map gives the amount itself.
 fn whole() -> Box<Reflection> {
     Box::new(Reflection { color: Vec3::ONE, texture: None, environment: None })
 }
@@ -177,13 +176,13 @@ fn of(material: &mut Material, slot: &str) -> Option<TextureRef> {
 fn set(material: &mut Material, slot: &str, new: impl Fn(&Option<TextureRef>) -> Option<TextureRef>) {
     let place = place(material, slot);
     *place = new(place);
-    // A picture that black was multiplied with would not be seen.
+    // An image that black was multiplied with would not be seen.
     if slot == "emissive" && material.emissive == Vec3::ZERO {
         material.emissive = Vec3::ONE;
     }
 }
 
-/// The pictures that follow the first in a slot, beside those of other slots, which all change together.
+/// The images that follow the first in a slot, beside those of other slots, which all change together.
 fn follow(
     o: &Options,
     material: &mut Material,
@@ -206,7 +205,7 @@ fn follow(
     let word_of_time = if fps.is_some() { "fps" } else { "once" };
     let Some(files) = files else {
         if fps.is_some() || once.is_some() {
-            let text = format!("texture: {word_of_time} is of several pictures that follow each other");
+            let text = format!("texture: {word_of_time} is of several images that follow each other");
             return Err(ApiError::new(text).focus(word_of_time));
         }
         if let (false, Some(before)) = (streams.is_empty(), before) {
@@ -220,14 +219,14 @@ fn follow(
     let new = (fps.map_or(of_before.0, |v| v as f32), once.unwrap_or(of_before.1));
     if let Some(count) = others.filter(|n| *n != files.hashes.len()) {
         let text = format!(
-            "texture: {} pictures, and {count} in another slot; what follows each other on one surface has as many",
+            "texture: {} images, and {count} in another slot; what follows each other on one surface has as many",
             files.hashes.len()
         );
         return Err(ApiError::new(text));
     }
     if others.is_some() && new != of_before {
         let text =
-            format!("texture: {word_of_time} is not that of the other slot; all pictures change together");
+            format!("texture: {word_of_time} is not that of the other slot; all images change together");
         return Err(ApiError::new(text).focus(word_of_time));
     }
     streams.push(ImageStream { slot, pictures: files.pictures.clone(), hashes: files.hashes.clone() });

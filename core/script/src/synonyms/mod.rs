@@ -1,11 +1,9 @@
 //! Synonyms: words of the field and of other programs, and the calls that do the same here.
 //!
 //! `topics.txt` is the table. Error messages take their suggestions from it where a name is unknown, and `choreo help TERM`
-//! prints an [`Answer`].
+//! prints what it has on a term.
 
-use crate::api::{TABLES, maths::FUNCTIONS};
-use crate::call::Def;
-use crate::suggest::distance;
+use crate::def::{Def, Defs};
 use crate::value::Kind;
 use std::sync::LazyLock;
 
@@ -16,12 +14,6 @@ pub(crate) const ALIASES: &[(&str, &str)] = &[
     ("stage: frame_rate", "stage: fps"),
     ("stage: resolution", "stage: size"),
 ];
-
-/// The functions among the aliases.
-pub(crate) fn function_aliases() -> impl Iterator<Item = (&'static str, &'static Def)> {
-    let found = |name| entries().find(|(_, def)| def.full_name() == name);
-    ALIASES.iter().filter_map(move |(alias, name)| Some((*alias, found(*name)?.1)))
-}
 
 /// One paragraph of `topics.txt`.
 struct Topic {
@@ -76,18 +68,13 @@ impl Target {
     }
 
     /// The entry of the reference with its heading.
-    fn entry(self) -> Option<(&'static str, &'static Def)> {
-        entries().find(|(_, def)| def.full_name() == self.name())
+    fn entry(self, defs: &Defs) -> Option<(&'static str, &'static Def)> {
+        defs.all.iter().copied().find(|(_, def)| def.full_name() == self.name())
     }
 }
 
-/// All entries of the reference with their headings.
-fn entries() -> impl Iterator<Item = (&'static str, &'static Def)> {
-    TABLES.iter().flat_map(|(title, tables)| tables.iter().copied().flatten().map(move |def| (*title, def)))
-}
-
 /// The letters and digits of a term: "look at", "look_at" and "lookAt" are one term.
-fn letters(term: &str) -> String {
+pub fn letters(term: &str) -> String {
     let plain = |c: char| if c == 'é' { 'e' } else { c };
     term.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).map(plain).collect()
 }
@@ -106,27 +93,27 @@ pub(crate) struct Suggestion {
 }
 
 /// The function or method that does what somebody means who calls `name` on a value of this kind.
-pub(crate) fn of_function(name: &str, on: Kind) -> Option<Suggestion> {
+pub fn of_function(defs: &Defs, name: &str, on: Kind) -> Option<Suggestion> {
     let topic = topic(name)?;
-    let callable = |target: &Target| target.entry().filter(|_| target.option().is_none());
+    let callable = |target: &Target| target.entry(defs).filter(|_| target.option().is_none());
     let own = topic.calls.iter().find(|target| callable(target).is_some_and(|(_, def)| def.on == on));
     let target = own.or(topic.calls.first())?;
     let short = own.is_some() && target.value().is_none();
-    let name = if short { target.entry()?.1.name } else { target.text };
-    Some(Suggestion { name: name.to_string(), hint: topic.hint(*target) })
+    let name = if short { target.entry(defs)?.1.name } else { target.text };
+    Some(Suggestion { name: name.to_string(), hint: topic.hint(*target, defs) })
 }
 
 /// The option of a function that somebody means who writes the option `name`; else the call that does it.
-pub(crate) fn of_option(name: &str, function: &str, known: &[&str]) -> Option<Suggestion> {
+pub(crate) fn of_option(defs: &Defs, name: &str, function: &str, known: &[&str]) -> Option<Suggestion> {
     let topic = topic(name)?;
-    let of_this = |target: &&Target| target.entry().is_some_and(|(_, def)| def.name == function);
+    let of_this = |target: &&Target| target.entry(defs).is_some_and(|(_, def)| def.name == function);
     let options = || topic.calls.iter().filter(|target| target.option().is_some_and(|o| known.contains(&o)));
     if let Some(target) = options().find(of_this).or(options().next()) {
         let option = target.option().unwrap_or_default();
-        return Some(Suggestion { name: option.to_string(), hint: topic.hint(*target) });
+        return Some(Suggestion { name: option.to_string(), hint: topic.hint(*target, defs) });
     }
     let target = *topic.calls.first()?;
-    Some(Suggestion { name: target.text.to_string(), hint: topic.hint(target) })
+    Some(Suggestion { name: target.text.to_string(), hint: topic.hint(target, defs) })
 }
 
 /// The known value that somebody means who writes the text `given`: `bloom` for `glow`.
@@ -136,8 +123,8 @@ pub(crate) fn of_value<'a>(given: &str, known: impl IntoIterator<Item = &'a str>
 }
 
 impl Topic {
-    fn hint(&self, target: Target) -> String {
-        let Call { usage, about, page } = Call::of(target);
+    fn hint(&self, target: Target, defs: &Defs) -> String {
+        let Call { usage, about, page } = Call::of(target, defs);
         let about = about.unwrap_or_default();
         // Entries describe their options after the first sentence.
         let sentence = about.split_once(". ").map_or(&*about, |(first, _)| first).trim_end_matches('.');
@@ -166,8 +153,8 @@ pub struct Call {
 }
 
 impl Call {
-    fn of(target: Target) -> Call {
-        match target.entry() {
+    fn of(target: Target, defs: &Defs) -> Call {
+        match target.entry(defs) {
             Some((title, def)) => {
                 let described = target.option().and_then(|option| describe_option(def, option));
                 let usage = match (target.option(), target.value()) {
@@ -186,7 +173,7 @@ impl Call {
                 };
                 Call { usage: target.text.to_string(), about: None, page: page.to_string() }
             }
-            None => mathematics(target.name()).unwrap_or_else(|| Call {
+            None => mathematics(target.name(), defs).unwrap_or_else(|| Call {
                 usage: target.text.to_string(),
                 about: None,
                 page: page("Conventions"),
@@ -194,13 +181,13 @@ impl Call {
         }
     }
 
-    fn entry(title: &str, def: &Def) -> Call {
+    pub(crate) fn entry(title: &str, def: &Def) -> Call {
         Call { usage: def.full_usage(), about: Some(first_line(def)), page: page(title) }
     }
 }
 
-fn mathematics(name: &str) -> Option<Call> {
-    let (name, args, about) = FUNCTIONS.iter().find(|(known, ..)| *known == name)?;
+pub fn mathematics(name: &str, defs: &Defs) -> Option<Call> {
+    let (name, args, about) = defs.maths.iter().find(|(known, ..)| *known == name)?;
     let usage = format!("{name}({args})");
     Some(Call { usage, about: Some((*about).to_string()), page: page("Mathematics") })
 }
@@ -234,49 +221,23 @@ fn describe_option(def: &Def, option: &str) -> Option<String> {
     Some(format!("Option {}.", &text[..=end]))
 }
 
-/// The calls for a term: those of its topic, and the entries of that name. Empty where there are none.
-pub fn answer(term: &str) -> Answer {
-    let mut answer = Answer::default();
-    if let Some(topic) = topic(term) {
-        answer.calls = topic.calls.iter().map(|target| Call::of(*target)).collect();
-        answer.example = Some(topic.example);
-        answer.note = topic.note;
-    }
-    let wanted = term.trim_end_matches("()");
-    let spelled = letters(wanted);
-    let named = entries().filter(|(_, def)| letters(def.name) == spelled || def.full_name() == wanted);
-    let calls = named.map(|(title, def)| Call::entry(title, def)).chain(mathematics(wanted));
-    for call in calls {
-        if !answer.calls.contains(&call) {
-            answer.calls.push(call);
-        }
-    }
-    answer
+/// The answer of the topic of a term.
+pub(crate) fn of_topic(term: &str, defs: &Defs) -> Answer {
+    topic(term).map_or_else(Answer::default, |topic| Answer {
+        calls: topic.calls.iter().map(|target| Call::of(*target, defs)).collect(),
+        example: Some(topic.example),
+        note: topic.note,
+    })
+}
+
+/// The topics' terms.
+pub fn terms() -> impl Iterator<Item = &'static str> {
+    TOPICS.iter().flat_map(|topic| topic.terms.iter().copied())
 }
 
 /// The example of each topic: a line of a script, or a command.
 pub fn examples() -> impl Iterator<Item = &'static str> {
     TOPICS.iter().map(|topic| topic.example)
-}
-
-/// The entries of the reference whose description contains the term.
-pub fn mentions(term: &str) -> Vec<Call> {
-    let wanted = term.to_lowercase();
-    let mentioning = entries().filter(|(_, def)| def.about().join("\n").to_lowercase().contains(&wanted));
-    mentioning.map(|(title, def)| Call::entry(title, def)).collect()
-}
-
-/// The known terms and names that are spelled most like this one.
-pub fn nearest(term: &str, most: usize) -> Vec<&'static str> {
-    let wanted = letters(term);
-    let terms = TOPICS.iter().flat_map(|topic| topic.terms.iter().copied());
-    let known = terms.chain(entries().map(|(_, def)| def.name)).chain(FUNCTIONS.iter().map(|f| f.0));
-    let mut near: Vec<(usize, &str)> =
-        known.map(|known| (distance(&wanted, &letters(known)), known)).collect();
-    near.retain(|(far, known)| *far <= wanted.chars().count().max(known.chars().count()).div_ceil(3));
-    near.sort_unstable();
-    near.dedup();
-    near.into_iter().take(most).map(|(_, known)| known).collect()
 }
 
 #[cfg(test)]

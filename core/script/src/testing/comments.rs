@@ -1,7 +1,7 @@
 //! `//~ error: text`: what must go wrong, written on the line where it does.
 
 use super::ExpectedDiagnostic;
-use crate::call::Place;
+use crate::api_error::Place;
 use crate::diagnostic::{Diagnostic, Severity};
 
 const MARK: &str = "//~";

@@ -9,7 +9,7 @@ use rhai::{AST, Engine, Expr, ParseError, Stmt};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-pub struct TestFile {
+pub(crate) struct TestFile {
     name: String,
     text: String,
     limits: Limits,
@@ -142,7 +142,7 @@ impl TestFiles {
     /// Trees of statements take many times the memory of their text.
     const MOST: usize = 16;
 
-    pub fn read(
+    pub(crate) fn read(
         &self,
         engine: &Engine,
         shared: &Shared,
@@ -175,7 +175,7 @@ impl TestFiles {
     }
 
     /// Keeps the sections that a listing has found.
-    pub fn list(&self, file: &TestFile, listing: Listing) {
+    pub(crate) fn list(&self, file: &TestFile, listing: Listing) {
         let listing = Arc::new(listing);
         self.kept().listings.insert(file.name.clone(), (file.hash(), listing.clone()));
         // The same text has the same sections.

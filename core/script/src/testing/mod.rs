@@ -4,57 +4,24 @@
 //! path ─► list_sections ─► SectionInfo ─► run_section ─► SectionRun { stage, expectations } ─► choreo-test-runner judges
 //! ```
 
-pub(crate) mod comments;
-mod expectation;
+mod comments;
 mod file;
-pub(crate) mod run;
-mod state;
-mod timeout;
+mod run;
 
-pub use expectation::{
+pub use crate::test_data::{
     Claim, Contact, Count, EventPattern, EventsTest, Expectation, Flag, Formula, InFrame, NumberGoal,
     NumberTest, PictureExpectation, PlanCount, PlanOptions, Quantity, RotationGoal, RotationQuantity,
-    SameOther, SameWhat, Subject, TextsQuantity, TextsTest, Value, ValueTest, VectorGoal, VectorQuantity,
-    VectorTest, When,
+    SameOther, SameWhat, SectionInfo, Subject, TextsQuantity, TextsTest, TimeUsedUp, Timeout, Value,
+    ValueTest, VectorGoal, VectorQuantity, VectorTest, When,
 };
 pub use file::TestFiles;
 pub use run::{list_sections, run_section};
-pub(crate) use state::{ExpectRef, Measure, Scene, TestState};
-pub use timeout::{TimeUsedUp, Timeout};
 
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::run::ScriptOptions;
 use choreo_stage::Stage;
 use std::path::PathBuf;
 use std::sync::Arc;
-
-/// A `test(…)` of a file, found without running it; or a file without any, which is a test as it stands.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct SectionInfo {
-    /// Index among the sections of its file, from 0.
-    pub index: usize,
-    /// Unlike every other of its file. Empty: the file has no sections and is tested as it stands.
-    pub name: String,
-    /// The file as the caller named it.
-    pub file: String,
-    /// Line of its call of `test`, from 1; 0 where there is none.
-    pub line: usize,
-    /// Last line of its function.
-    pub end_line: usize,
-    /// Why it is not to be run.
-    pub skip: Option<String>,
-    /// A known bug: why it is expected to fail. It must not pass.
-    pub fails: Option<String>,
-    /// Tags in the order of the script.
-    pub tags: Vec<String>,
-}
-
-impl SectionInfo {
-    /// The file has no sections: it is to run without errors and warnings, and to give the same finite frames again.
-    pub fn as_it_stands(&self) -> bool {
-        self.name.is_empty()
-    }
-}
 
 /// `//~ error: text` in the script: a diagnostic that must come, at its line.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -3,11 +3,9 @@
 use super::file::Listing;
 use super::*;
 use crate::build::{Mode, Shared};
-use crate::call::{ApiError, Place};
-use crate::resolve::resolve;
-use crate::run::{Opened, begin, execute, hex, on_own_thread, open};
+use crate::resolve::finish_stage;
+use crate::run::{Opened, begin, execute, on_own_thread, open};
 use choreo_plugin::Registry;
-use rhai::Engine;
 use std::path::Path;
 use std::sync::PoisonError;
 
@@ -68,7 +66,7 @@ pub fn run_section(
 ) -> Result<SectionRun, Vec<Diagnostic>> {
     let opened = reopened(path, index, registry, options)?;
     if !sees_pixels(&opened.text) && options.script.needs.pixels {
-        // Decoding pictures takes longer than everything else: it is left out where the text shows that nobody looks.
+        // Decoding images takes longer than everything else: it is left out where the text shows that nobody looks.
         let mut plain = options.clone();
         plain.script.needs.pixels = false;
         let opened = reopened(path, index, registry, &plain)?;
@@ -83,7 +81,7 @@ pub fn run_section(
     section(path, index, registry, options, opened)
 }
 
-/// What compares pictures, or what they are made of, is called so.
+/// What compares images, or what they are made of, is called so.
 fn sees_pixels(text: &str) -> bool {
     ["expect_picture", "plan(", "same_as", "costs_at_most"].iter().any(|word| text.contains(word))
 }
@@ -222,19 +220,6 @@ fn of_section(
     expected.iter().filter(|e| own.contains(&e.line) || !in_section[e.line]).cloned().collect()
 }
 
-/// The stage that has been built, and what is wrong with it as a whole.
-pub fn finish_stage(shared: &Arc<Shared>, engine: &Arc<Engine>) -> (Stage, Vec<Diagnostic>) {
-    // A callback is told from others by the text that it stands in.
-    let identity = |place: &Place| {
-        let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
-        let text = sources.get(&place.file).cloned().unwrap_or_default();
-        hex(blake3::hash(text.as_bytes()).as_bytes())
-    };
-    let (stage, _) = resolve(shared, engine, &identity);
-    let broken = stage.check().iter().map(|problem| Diagnostic::error(problem.to_string())).collect();
-    (stage, broken)
-}
-
 fn hash(info: &SectionInfo, shared: &Shared, files: &[(PathBuf, [u8; 32])]) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     let mut add = |bytes: &[u8]| {
@@ -252,17 +237,4 @@ fn hash(info: &SectionInfo, shared: &Shared, files: &[(PathBuf, [u8; 32])]) -> [
     contents.sort_unstable();
     contents.into_iter().for_each(|content| add(content));
     *hasher.finalize().as_bytes()
-}
-
-/// Notes what a section has left undone.
-pub fn end_section(shared: &Shared) {
-    let open: Vec<Place> = {
-        let test = shared.test();
-        test.asked.iter().filter(|(_, compared)| *compared == 0).map(|(place, _)| place.clone()).collect()
-    };
-    for place in open {
-        let error = ApiError::new("this expect compares with nothing")
-            .hint("end it with a comparison, as .near(…), .below(…), .equals(…) or .in_frame()");
-        shared.note(Severity::Error, &place, &error);
-    }
 }

@@ -6,7 +6,7 @@ use choreo_asset::{Asset, AssetCamera, Mesh, MeshInstance, MorphTarget, Primitiv
 use choreo_motion::{Clip, Curve, Interpolation, Path, Skeleton, Time, Transform};
 use choreo_plugin::*;
 use choreo_script::{Diagnostic, Script, ScriptOptions, run_file, run_text};
-use glam::{Vec2, Vec3, Vec4};
+use glam::Vec3;
 use std::path::{Path as FilePath, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, LazyLock};
@@ -23,7 +23,7 @@ pub struct Toy;
 /// How often a toy's mesh was made in this process.
 pub static MESHES_MADE: AtomicUsize = AtomicUsize::new(0);
 
-/// How often a toy's picture was decoded in this process.
+/// How often a toy's image was decoded in this process.
 pub static PICTURES_DECODED: AtomicUsize = AtomicUsize::new(0);
 
 pub const JOINTS: [&str; 5] = ["Hips", "Spine", "Head", "LeftHand", "RightHand"];
@@ -43,7 +43,7 @@ impl Importer for Toy {
         &self,
         source: &Source,
         files: &dyn Files,
-        needs: Needs,
+        needs: ImportScope,
         _: &ImportOptions,
     ) -> Result<Asset, ImportError> {
         let text = String::from_utf8_lossy(&source.bytes).trim().to_string();
@@ -127,12 +127,6 @@ impl Effect for Glow {
     fn manifest(&self) -> &Manifest {
         &GLOW
     }
-    fn wgsl(&self) -> &str {
-        ""
-    }
-    fn cpu(&self, color: Vec4, _: Vec2, _: &[f32; 8]) -> Vec4 {
-        color
-    }
 }
 
 static LINE: LazyLock<Manifest> = LazyLock::new(|| {
@@ -150,7 +144,7 @@ impl Effect for Line {
         &LINE
     }
     fn hook(&self) -> choreo_plugin::Hook {
-        choreo_plugin::Hook::Shell
+        choreo_plugin::Hook::Outline
     }
 }
 

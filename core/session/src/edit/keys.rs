@@ -12,7 +12,7 @@ use std::ops::Range;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KeyTime {
     pub secs: f64,
-    /// Frames a second: keys at `f(12)` are at frame 12, and half a frame tells two keys apart.
+    /// Frames a second: keys at `f(12)` are at frame 12, and keys half a frame apart are two keys.
     pub fps: f64,
 }
 

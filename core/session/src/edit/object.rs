@@ -1,5 +1,5 @@
-//! What a script says of one thing that it makes: `let anna = cast(…).at(…);` and, further on, `anna.turn(…);`. Each change here
-//! is one edit of one call; where the value is computed, a line is offered that says it anew.
+//! What a script states of one thing that it makes: `let anna = cast(…).at(…);` and, further on, `anna.turn(…);`. Each change here
+//! is one edit of one call; where the value is computed, a line is offered that states it anew.
 
 use super::scan::{Call, Source};
 use super::values::{format_number, literal, literals, option_of, rewritten, set_option};
@@ -7,7 +7,8 @@ use super::{Edit, format_seconds};
 use glam::{DMat3, DQuat, DVec3};
 
 /// Why a change was not made, for the user, and the line that would make it all the same.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{why}")]
 pub struct EditRefused {
     pub why: String,
     /// Adds a line that holds over what is computed, or takes the place of what is in the way.
@@ -178,7 +179,7 @@ impl<'a> ScriptObject<'a> {
             let over = Some(Edit { range: old, text: format!("color: {value}") });
             return Err(EditRefused { why, over, agree: "Write the color" });
         }
-        Ok(set_option(&self.text, &self.made, self.line, name, value)?)
+        set_option(&self.text, &self.made, self.line, name, value)
     }
 
     /// A parameter: the last `.set("name", …)`, else an option.
@@ -192,7 +193,7 @@ impl<'a> ScriptObject<'a> {
             let first = self.text.value_end(call.inside.start, call.inside.end);
             return self.overwrite(call, (first + 1).min(call.inside.end)..call.inside.end, value);
         }
-        Ok(set_option(&self.text, &self.made, self.line, name, value)?)
+        set_option(&self.text, &self.made, self.line, name, value)
     }
 
     fn overwrite(

@@ -2,7 +2,7 @@
 
 use super::scan::{Source, find};
 use super::values::{literal, set_option};
-use super::{Edit, format_seconds};
+use super::{Edit, EditRefused, format_seconds};
 
 /// The part of a cue that was dragged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,9 +19,15 @@ pub enum CueTime {
 ///
 /// # Errors
 /// Why it cannot be set, for the user: the number is computed, or the call is not there.
-pub fn set_time(text: &str, line: usize, column: usize, part: CueTime, secs: f64) -> Result<Edit, String> {
+pub fn set_time(
+    text: &str,
+    line: usize,
+    column: usize,
+    part: CueTime,
+    secs: f64,
+) -> Result<Edit, EditRefused> {
     let text = &Source::new(text);
-    let refuse = |why: &str| Err(format!("line {line}: {why}"));
+    let refuse = |why: &str| Err(format!("line {line}: {why}").into());
     let Some(at) = text.byte_at(line, column) else { return refuse("the script has no such line") };
     let Some(call) = text.call_from(at) else { return refuse("there is no play or then to be changed") };
     let chain = text.chain_after(call.end);
@@ -65,7 +71,8 @@ mod tests {
         let line = before.matches('\n').count() + 1;
         let column = before.rsplit('\n').next().unwrap().chars().count() + 1;
         let text = text.replacen('|', "", 1);
-        set_time(&text, line, column, part, secs).map(|edit| {
+        let set = set_time(&text, line, column, part, secs).map_err(|refused| refused.why);
+        set.map(|edit| {
             let after = edit.apply(&text);
             // And back again.
             assert_eq!(edit.inverse(&text).apply(&after), text);

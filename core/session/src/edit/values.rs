@@ -1,7 +1,7 @@
 //! Values in a text: number literals, lists of them, and options of calls.
 
-use super::Edit;
 use super::scan::{Call, Source};
+use super::{Edit, EditRefused};
 use std::ops::Range;
 
 /// Writes a number as a person would: to the thousandth, smaller ones to six digits; always with a point, so that it stays a float.
@@ -78,13 +78,15 @@ pub(crate) fn set_option(
     line: usize,
     name: &str,
     value: &str,
-) -> Result<Edit, String> {
+) -> Result<Edit, EditRefused> {
     let inside = &text[call.inside.clone()];
     let new = format!("{name}: {value}");
     let Some(map) = text.map_in(&call.inside) else {
         let arguments = if inside.trim().is_empty() { 0 } else { text.count_arguments(&call.inside) };
         if inside.contains("#{") || arguments > 1 {
-            return Err(format!("line {line}: the options of this call are computed; change them there"));
+            return Err(
+                format!("line {line}: the options of this call are computed; change them there").into()
+            );
         }
         let comma = if arguments == 0 { "" } else { ", " };
         return Ok(Edit { range: call.inside.end..call.inside.end, text: format!("{comma}#{{ {new} }}") });
@@ -92,7 +94,7 @@ pub(crate) fn set_option(
     if let Some(bytes) = option_in(text, &map, name) {
         if !is_plain(text, &bytes) {
             let shown = text[bytes].trim();
-            return Err(format!("line {line}: {name}: {shown} is computed; change it there"));
+            return Err(format!("line {line}: {name}: {shown} is computed; change it there").into());
         }
         let inside = &text[bytes.clone()];
         let start = bytes.start + (inside.len() - inside.trim_start().len());

@@ -21,7 +21,7 @@ pub(super) struct Gaze<'a> {
 }
 
 impl Gaze<'_> {
-    /// Turns the eyes where the file says how far they turn: by their bones, or by the expressions lookLeft, lookRight, lookUp and
+    /// Turns the eyes where the file states how far they turn: by their bones, or by the expressions lookLeft, lookRight, lookUp and
     /// lookDown, which others may hold down. `aimed`: eyes that have a look of their own.
     pub fn follow(
         &self,

@@ -27,8 +27,8 @@ impl Ground {
             let Some(mesh) = a.asset.meshes.get(instance.mesh as usize) else { continue };
             for (primitive, posed) in mesh.primitives.iter().zip(&posed.primitives) {
                 let at = |i: u32| posed.positions.get(i as usize).copied();
-                let corners = primitive.indices.chunks_exact(3);
-                triangles.extend(corners.filter_map(|c| Some([at(c[0])?, at(c[1])?, at(c[2])?])));
+                let vertices = primitive.indices.chunks_exact(3);
+                triangles.extend(vertices.filter_map(|c| Some([at(c[0])?, at(c[1])?, at(c[2])?])));
             }
         }
         Ok(Ground { triangles })

@@ -9,7 +9,7 @@ use glam::{Affine3A, DQuat, DVec3, Mat3, Mat3A, Vec3, Vec3A};
 
 /// A joint turns at most this far from its clip's pose, 80°: a head's reach. Beyond it the turn fades out again until the
 /// target is straight behind, so that one that passes behind does not whip the head from one shoulder to the other.
-pub const LOOK_AT_LIMIT_RAD: f64 = 80.0 * std::f64::consts::PI / 180.0;
+pub(crate) const LOOK_AT_LIMIT_RAD: f64 = 80.0 * std::f64::consts::PI / 180.0;
 
 /// A look-at that counts now. Of two characters who look at each other's heads, each looks where the other's was before, and so
 /// does one at a thing in its own hand (see [`crate::stage::constraint`]).
@@ -77,7 +77,7 @@ pub(crate) fn turn(stage: &Stage, aim: &Aim, state: &mut ActorState, turned: &mu
     }
 }
 
-/// An eye of a character whose file says how far its eyes turn: by the direction from the head, through its own maps (VRM 1.0,
+/// An eye of a character whose file states how far its eyes turn: by the direction from the head, through its own maps (VRM 1.0,
 /// "lookAt.md"). `None` for any other joint.
 fn eye_turn(asset: &Asset, joint: usize, state: &ActorState, target: DVec3, share: f64) -> Option<DQuat> {
     let eyes = asset.eyes.as_ref().filter(|eyes| eyes.moved_by == EyesMovedBy::Bones)?;

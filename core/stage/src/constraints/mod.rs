@@ -31,6 +31,12 @@ pub(crate) struct ConstrainedScratch {
     solve: ConstraintScratch,
 }
 
+impl ConstrainedScratch {
+    pub fn of(actors: actors::Scratch) -> ConstrainedScratch {
+        ConstrainedScratch { actors, ..ConstrainedScratch::default() }
+    }
+}
+
 /// All of the snapshot's actors with their constraints, without springs. `bounds` as in [`actors::evaluate_actors`].
 pub(crate) fn evaluate_actors(
     stage: &Stage,
@@ -40,6 +46,11 @@ pub(crate) fn evaluate_actors(
     bounds: Option<&PoseBounds>,
     out: &mut Snapshot,
 ) -> Result<(), StageError> {
+    actors::settle_parents(stage, &scratch.actors, time, |time, actors| {
+        let (mut scratch, mut snapshot) = (ConstrainedScratch::of(actors), Snapshot::default());
+        evaluate_actors(stage, &mut scratch, time, foot_locks, None, &mut snapshot)?;
+        Ok((scratch.actors, snapshot))
+    })?;
     actors::evaluate_actors(stage, &mut scratch.actors, time, bounds, out)?;
     solve::run(stage, foot_locks, time, &mut scratch.solve, &mut scratch.actors, &mut out.actors)
 }

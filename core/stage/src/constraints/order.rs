@@ -2,6 +2,7 @@
 
 use crate::stage::Stage;
 use crate::stage::actor::Target;
+use crate::transforms::parents::ActiveParents;
 use choreo_motion::Time;
 
 /// Buffers of [`rounds`].
@@ -16,12 +17,14 @@ pub(crate) struct ConstraintOrder {
     needs: Vec<(usize, usize)>,
     done: Vec<bool>,
     path: Vec<usize>,
+    /// The carriers of one target, and theirs.
+    carriers: Vec<usize>,
 }
 
 /// Puts the actors that have constraints at a time into rounds: each round needs only what the ones before it have done. A circle is a round
 /// of its own.
-pub(crate) fn rounds(stage: &Stage, time: Time, order: &mut ConstraintOrder) {
-    let ConstraintOrder { actors, ends, waiting, needs, done, path } = order;
+pub(crate) fn rounds(stage: &Stage, time: Time, parents: &ActiveParents, order: &mut ConstraintOrder) {
+    let ConstraintOrder { actors, ends, waiting, needs, done, path, carriers } = order;
     actors.clear();
     ends.clear();
     needs.clear();
@@ -38,7 +41,7 @@ pub(crate) fn rounds(stage: &Stage, time: Time, order: &mut ConstraintOrder) {
         let constraints = a.constraints.iter().filter(|g| g.share(time) > 0.0).flat_map(|g| g.targets());
         let looks = a.look_at.iter().filter(|l| l.share(time) > 0.0).map(|l| l.target);
         for target in constraints.chain(looks) {
-            for_carriers(stage, target, |other| {
+            for_carriers(stage, parents, target, carriers, |other| {
                 if other != actor && !done[other] {
                     needs.push((actor, other));
                 }
@@ -81,23 +84,34 @@ fn is_busy(stage: &Stage, actor: usize, time: Time) -> bool {
 }
 
 /// The actors whose joints a target hangs on.
-fn for_carriers(stage: &Stage, target: Target, mut found: impl FnMut(usize)) {
-    let mut at = match target {
-        Target::Point(_) => return,
-        Target::Actor(actor) => actor,
+fn for_carriers(
+    stage: &Stage,
+    parents: &ActiveParents,
+    target: Target,
+    carriers: &mut Vec<usize>,
+    mut found: impl FnMut(usize),
+) {
+    carriers.clear();
+    match target {
+        Target::Point(_) => {}
+        Target::Actor(actor) => carriers.push(actor),
         // An unchecked stage may name nobody.
         Target::Joint { actor, .. } if actor < stage.actors.len() => {
             found(actor);
-            actor
+            carriers.push(actor);
         }
-        Target::Joint { .. } => return,
-    };
-    // No longer than there are actors: attachments in a circle are an error elsewhere.
-    for _ in 0..stage.actors.len() {
-        let Some(parent) = stage.actors.get(at).and_then(|a| a.parent) else { return };
-        if parent.joint.is_some() && parent.actor < stage.actors.len() {
-            found(parent.actor);
+        Target::Joint { .. } => {}
+    }
+    let mut next = 0;
+    while let Some(&at) = carriers.get(next) {
+        next += 1;
+        for parent in parents.carriers(at) {
+            if parent.joint.is_some() {
+                found(parent.actor);
+            }
+            if !carriers.contains(&parent.actor) {
+                carriers.push(parent.actor);
+            }
         }
-        at = parent.actor;
     }
 }

@@ -7,11 +7,12 @@ use crate::constraints::{foot_lock, look_at, order};
 use crate::pose::expressions::ExpressionWeights;
 use crate::pose::joints::{PosedSkeleton, rotation_of};
 use crate::snapshot::ActorState;
-use crate::stage::actor::Attachment;
-use crate::stage::actor::Target;
+use crate::stage::actor::{Actor, Attachment, Target};
 use crate::stage::constraint::{AimConstraint, Constraint, ConstraintKind, Leg, ReachConstraint};
+use crate::stage::parenting::ParentScale;
 use crate::stage::{Stage, StageError};
-use crate::transforms::{target_position, world_from_attachment};
+use crate::transforms::parents::world_from_parent;
+use crate::transforms::target_position;
 use choreo_asset::widen;
 use choreo_motion::Time;
 use choreo_motion::ik::Solver;
@@ -49,7 +50,7 @@ pub(crate) fn run(
     placing: &mut actors::Scratch,
     actors: &mut [ActorState],
 ) -> Result<(), StageError> {
-    order::rounds(stage, time, &mut scratch.order);
+    order::rounds(stage, time, &placing.parents, &mut scratch.order);
     if scratch.order.actors.is_empty() {
         return Ok(());
     }
@@ -66,8 +67,7 @@ pub(crate) fn run(
             }
             let expressions = &mut placing.expression_weights[index];
             solve_actor(stage, foot_locks, time, scratch, index, expressions, actors)?;
-            carried |=
-                stage.actors.iter().any(|a| a.parent.is_some_and(|p| p.actor == index && p.joint.is_some()));
+            carried |= placing.parents.has_on_joints(index);
         }
         if carried {
             placing.place(stage, actors);
@@ -126,7 +126,10 @@ fn hold(
     offset: DVec3,
 ) -> Option<DVec3> {
     stage.actors.get(actor)?;
-    Some(world_from_attachment(stage, actors, &Attachment { actor, joint }).transform_point3(offset))
+    let at = Attachment { actor, joint };
+    // A point of a prop is given in its units, one beside a joint in metres.
+    let scale = if joint.is_some() { ParentScale::Keep } else { ParentScale::Inherit };
+    Some(world_from_parent(stage, actors, &at, scale).transform_point3(offset))
 }
 
 fn solve_actor(
@@ -160,74 +163,99 @@ fn solve_actor(
             }
             if let ConstraintKind::FootLock(foot_lock) = &constraint.kind {
                 let track = foot_locks.track(stage, index, number, foot_lock)?;
-                let state = &mut actors[index];
-                let mut body = PosedSkeleton {
+                let mut posed = PosedSkeleton {
                     skeleton: &actor.asset.skeleton,
-                    model_from_joint: &mut state.model_from_joint,
+                    model_from_joint: &mut actors[index].model_from_joint,
                     below: &mut scratch.below,
                 };
-                foot_lock::apply(
-                    &track,
-                    foot_lock,
-                    time,
-                    share,
-                    &world_from_model,
-                    &model_from_world,
-                    &mut body,
-                );
+                let spaces = [&world_from_model, &model_from_world];
+                foot_lock::apply(&track, foot_lock, time, share, spaces[0], spaces[1], &mut posed);
                 continue;
             }
-            // A target on the own body moves with what has been done to it by now.
-            let own =
-                constraint.targets().all(|t| matches!(t, Target::Joint { actor, .. } if actor == index));
-            let found = match own {
-                true => places(stage, actors, constraint),
-                false => scratch
-                    .targets
-                    .iter()
-                    .find(|(a, n, ..)| (*a, *n) == (index, number))
-                    .map(|(_, _, target, pole)| (*target, *pole)),
+            let Some((target, pole)) = target_and_pole(stage, scratch, (index, number), constraint, actors)
+            else {
+                continue;
             };
-            let Some((target, pole)) = found else { continue };
             let target = model_from_world.transform_point3(target);
             let pole = pole.map(|p| model_from_world.transform_point3(p));
-            let rest = actor.asset.rest_model_from_joint();
-            let mut body = PosedSkeleton {
-                skeleton: &actor.asset.skeleton,
-                model_from_joint: &mut actors[index].model_from_joint,
-                below: &mut scratch.below,
-            };
-            match &constraint.kind {
-                ConstraintKind::Aim(aim) => {
-                    let forward = look_at::forward_in_joint(&rest[last(&aim.joints)]);
-                    solve_aim(aim, share, target, forward, &mut scratch.aim, &mut scratch.turns, &mut body);
-                }
-                ConstraintKind::Reach(reach) => {
-                    let limits = &actor.limits;
-                    solve_reach(reach, share, target, pole, limits, rest, &mut scratch.chain, &mut body);
-                }
-                ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_) => {}
-            }
+            solve_constraint(actor, &constraint.kind, share, (target, pole), scratch, &mut actors[index]);
             if let ConstraintKind::Aim(aim) = &constraint.kind {
-                let (joint, state) = (last(&aim.joints) as u32, &mut actors[index]);
-                let aimed = |eye| scratch.aims.iter().any(|a| (a.actor, a.joint) == (index, eye));
-                let gaze = Gaze { actor, joint, target, share, time };
-                gaze.follow(aimed, state, &mut scratch.below, expression_weights);
+                let gaze = Gaze { actor, joint: last(&aim.joints) as u32, target, share, time };
+                follow(&gaze, index, scratch, &mut actors[index], expression_weights);
             }
         }
         if phase == 1 {
-            for aim in scratch.aims.iter().filter(|aim| aim.actor == index) {
+            for at in 0..scratch.aims.len() {
+                let aim = scratch.aims[at];
+                if aim.actor != index {
+                    continue;
+                }
                 let state = &mut actors[index];
-                look_at::turn(stage, aim, state, &mut scratch.below);
+                look_at::turn(stage, &aim, state, &mut scratch.below);
                 let target = state.world_from_model.inverse().transform_point3(aim.world_target);
-                let aimed = |eye| scratch.aims.iter().any(|a| (a.actor, a.joint) == (index, eye));
                 let gaze = Gaze { actor, joint: aim.joint, target, share: aim.share, time };
-                gaze.follow(aimed, state, &mut scratch.below, expression_weights);
+                follow(&gaze, index, scratch, state, expression_weights);
             }
         }
     }
     hold_limits(stage, index, scratch, actors);
     Ok(())
+}
+
+/// The target and the pole of a constraint in the world; `of`: the index of the actor, and of the constraint there.
+fn target_and_pole(
+    stage: &Stage,
+    scratch: &ConstraintScratch,
+    of: (usize, usize),
+    constraint: &Constraint,
+    actors: &[ActorState],
+) -> Option<(DVec3, Option<DVec3>)> {
+    // A target on the actor itself moves with what has been done to it by now.
+    let own = constraint.targets().all(|t| matches!(t, Target::Joint { actor, .. } if actor == of.0));
+    if own {
+        return places(stage, actors, constraint);
+    }
+    let found = scratch.targets.iter().find(|(actor, number, ..)| (*actor, *number) == of);
+    found.map(|(_, _, target, pole)| (*target, *pole))
+}
+
+/// Aims or reaches; target and pole are in model space.
+fn solve_constraint(
+    actor: &Actor,
+    kind: &ConstraintKind,
+    share: f64,
+    (target, pole): (DVec3, Option<DVec3>),
+    scratch: &mut ConstraintScratch,
+    state: &mut ActorState,
+) {
+    let rest = actor.asset.rest_model_from_joint();
+    let mut posed = PosedSkeleton {
+        skeleton: &actor.asset.skeleton,
+        model_from_joint: &mut state.model_from_joint,
+        below: &mut scratch.below,
+    };
+    match kind {
+        ConstraintKind::Aim(aim) => {
+            let forward = look_at::forward_in_joint(&rest[last(&aim.joints)]);
+            solve_aim(aim, share, target, forward, &mut scratch.aim, &mut scratch.turns, &mut posed);
+        }
+        ConstraintKind::Reach(reach) => {
+            solve_reach(reach, share, target, pole, &actor.limits, rest, &mut scratch.chain, &mut posed);
+        }
+        ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_) => {}
+    }
+}
+
+/// Turns the eyes of an actor after its head, but for those that are aimed themselves.
+fn follow(
+    gaze: &Gaze,
+    index: usize,
+    scratch: &mut ConstraintScratch,
+    state: &mut ActorState,
+    expression_weights: &mut ExpressionWeights,
+) {
+    let aimed = |eye| scratch.aims.iter().any(|a| (a.actor, a.joint) == (index, eye));
+    gaze.follow(aimed, state, &mut scratch.below, expression_weights);
 }
 
 fn last(joints: &[u32]) -> usize {
@@ -241,20 +269,21 @@ fn solve_aim(
     forward_in_joint: glam::Vec3A,
     joints: &mut Vec<AimJoint>,
     turns: &mut Vec<DQuat>,
-    body: &mut PosedSkeleton,
+    posed: &mut PosedSkeleton,
 ) {
     joints.clear();
     let shares = aim.shares.iter().copied().chain(std::iter::repeat(1.0));
-    joints
-        .extend(aim.joints.iter().zip(shares).map(|(j, share)| AimJoint { position: body.place(*j), share }));
+    joints.extend(
+        aim.joints.iter().zip(shares).map(|(j, share)| AimJoint { position: posed.place(*j), share }),
+    );
     turns.clear();
     turns.resize(joints.len(), DQuat::IDENTITY);
-    let head = &body.model_from_joint[last(&aim.joints)];
+    let head = &posed.model_from_joint[last(&aim.joints)];
     let forward = glam::Vec3::from(head.matrix3 * forward_in_joint).as_dvec3();
     Aim { joints, forward, target, limit: aim.limit, weight: share }.run(turns);
     let mut before = DQuat::IDENTITY;
     for (joint, turn) in aim.joints.iter().zip(turns.iter()) {
-        body.turn(*joint, *turn * before.inverse());
+        posed.turn(*joint, *turn * before.inverse());
         before = *turn;
     }
 }
@@ -268,33 +297,33 @@ fn solve_reach(
     limits: &[(u32, Limit)],
     rest: &[glam::Affine3A],
     chain: &mut Chain,
-    body: &mut PosedSkeleton,
+    posed: &mut PosedSkeleton,
 ) {
     let Some((&end, bones)) = reach.joints.split_last() else { return };
-    let before = body.rotation(end);
+    let before = posed.rotation(end);
     // The hand goes a share of its way.
-    let target = body.place(end).lerp(target, share);
+    let target = posed.place(end).lerp(target, share);
     let limited = bones.iter().any(|j| limits.iter().any(|(joint, _)| joint == j));
     if let ([start, middle], false) = (bones, limited) {
         let limb = TwoBone {
-            start: body.place(*start),
-            middle: body.place(*middle),
-            end: body.place(end),
+            start: posed.place(*start),
+            middle: posed.place(*middle),
+            end: posed.place(end),
             target,
-            pole: pole.map(|p| body.place(*middle).lerp(p, share)),
+            pole: pole.map(|p| posed.place(*middle).lerp(p, share)),
             hint: reach.hint,
             soft: reach.soft * share,
         };
         if let Some(turned) = limb.solve() {
-            body.turn(*start, turned.start);
-            body.turn(*middle, turned.middle * turned.start.inverse());
+            posed.turn(*start, turned.start);
+            posed.turn(*middle, turned.middle * turned.start.inverse());
         }
     } else {
-        solve_chain(reach, bones, target, limits, rest, chain, body);
+        solve_chain(reach, bones, target, limits, rest, chain, posed);
     }
     if reach.keep_rotation {
-        let turned = before * body.rotation(end).inverse();
-        body.turn(end, rotation_fraction(turned, share));
+        let turned = before * posed.rotation(end).inverse();
+        posed.turn(end, rotation_fraction(turned, share));
     }
 }
 
@@ -305,34 +334,34 @@ fn solve_chain(
     limits: &[(u32, Limit)],
     rest: &[glam::Affine3A],
     chain: &mut Chain,
-    body: &mut PosedSkeleton,
+    posed: &mut PosedSkeleton,
 ) {
     let Some(&first) = bones.first() else { return };
-    let parents = body.skeleton.parents();
+    let parents = posed.skeleton.parents();
     let parent_of = |joint: u32| parents[joint as usize];
-    let turned = |joint: Option<u32>| joint.map_or(DQuat::IDENTITY, |j| body.rotation(j));
+    let turned = |joint: Option<u32>| joint.map_or(DQuat::IDENTITY, |j| posed.rotation(j));
     let rested = |joint: Option<u32>| joint.map_or(DQuat::IDENTITY, |j| rotation_of(&rest[j as usize]));
-    chain.origin = body.place(first);
+    chain.origin = posed.place(first);
     chain.parent = turned(parent_of(first));
     chain.bones.clear();
     let mut above = parent_of(first);
     for (bone, next) in bones.iter().zip(&reach.joints[1..]) {
-        let rotation = body.rotation(*bone);
+        let rotation = posed.rotation(*bone);
         chain.bones.push(ChainBone {
             rotation: (turned(above).inverse() * rotation).normalize(),
             rest: (rested(above).inverse() * rotation_of(&rest[*bone as usize])).normalize(),
-            offset: rotation.inverse() * (body.place(*next) - body.place(*bone)),
+            offset: rotation.inverse() * (posed.place(*next) - posed.place(*bone)),
             limit: limits.iter().find(|(j, _)| j == bone).map_or(Limit::Free, |(_, limit)| *limit),
         });
         above = Some(*bone);
     }
-    let before: Vec<DQuat> = bones.iter().map(|b| body.rotation(*b)).collect();
+    let before: Vec<DQuat> = bones.iter().map(|b| posed.rotation(*b)).collect();
     chain.solve(target, CHAIN_SOLVER, CHAIN_ITERATIONS, CHAIN_TOLERANCE);
     let (mut now, mut done) = (chain.parent, DQuat::IDENTITY);
     for ((joint, bone), before) in bones.iter().zip(&chain.bones).zip(before) {
         now = (now * bone.rotation).normalize();
         let whole = now * before.inverse();
-        body.turn(*joint, whole * done.inverse());
+        posed.turn(*joint, whole * done.inverse());
         done = whole;
     }
 }
@@ -342,35 +371,35 @@ fn hold_limits(stage: &Stage, index: usize, scratch: &mut ConstraintScratch, act
     let actor = &stage.actors[index];
     let rest = actor.asset.rest_model_from_joint();
     let skeleton = &actor.asset.skeleton;
-    let mut body = PosedSkeleton {
+    let mut posed = PosedSkeleton {
         skeleton,
         model_from_joint: &mut actors[index].model_from_joint,
         below: &mut scratch.below,
     };
     for (joint, limit) in actor.limits.iter().filter(|(j, _)| (*j as usize) < rest.len()) {
         let parent = skeleton.parents()[*joint as usize];
-        let turned = parent.map_or(DQuat::IDENTITY, |p| body.rotation(p));
+        let turned = parent.map_or(DQuat::IDENTITY, |p| posed.rotation(p));
         let rested = parent.map_or(DQuat::IDENTITY, |p| rotation_of(&rest[p as usize]));
-        let now = body.rotation(*joint);
+        let now = posed.rotation(*joint);
         let (local, rest) = (turned.inverse() * now, rested.inverse() * rotation_of(&rest[*joint as usize]));
         if limit.excess(rest, local) > 1e-6 {
             let kept = turned * limit.clamp(rest, local);
-            body.turn(*joint, kept * now.inverse());
+            posed.turn(*joint, kept * now.inverse());
         }
     }
 }
 
 /// Bends a leg so that its foot comes to a place, turned as before.
-pub(super) fn bend_leg(leg: &Leg, target: DVec3, hint: DVec3, body: &mut PosedSkeleton) {
-    let rotation = body.rotation(leg.foot);
-    let [start, middle, end] = [leg.hip, leg.knee, leg.foot].map(|j| body.place(j));
+pub(super) fn bend_leg(leg: &Leg, target: DVec3, hint: DVec3, posed: &mut PosedSkeleton) {
+    let rotation = posed.rotation(leg.foot);
+    let [start, middle, end] = [leg.hip, leg.knee, leg.foot].map(|j| posed.place(j));
     // Not soft: the foot must be where it stands as long as the leg reaches.
     let limb = TwoBone { start, middle, end, target, pole: None, hint, soft: 0.0 };
     if let Some(turned) = limb.solve() {
-        body.turn(leg.hip, turned.start);
-        body.turn(leg.knee, turned.middle * turned.start.inverse());
-        let back = rotation * body.rotation(leg.foot).inverse();
-        body.turn(leg.foot, back);
+        posed.turn(leg.hip, turned.start);
+        posed.turn(leg.knee, turned.middle * turned.start.inverse());
+        let back = rotation * posed.rotation(leg.foot).inverse();
+        posed.turn(leg.foot, back);
     }
 }
 

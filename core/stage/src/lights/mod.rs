@@ -10,17 +10,22 @@ use crate::stage::channel::Property;
 use crate::stage::channel::{keyed, vec3};
 use crate::stage::edits::{FrameEdits, LightEdit};
 use crate::stage::light::{Shadow, StageLight};
+use crate::stage::parenting::ParentScale;
+use crate::transforms::parents::world_from_parent;
 use crate::transforms::world_from_attachment;
 use choreo_asset::{Light, LightKind};
 use choreo_motion::{PropertyTarget, Time};
 use glam::{DQuat, DVec3, Vec3};
 
-/// The sun of a stage without lights: from over the left shoulder of a camera in front. A white surface facing a light of
-/// intensity 1 is 1, so this one makes 0.5, and with the default ambient's 0.45 from above 0.95: bright, and nothing diffuse clips.
+/// Illuminance of suns by default, lux. A white surface facing one of π lux is 1; with the default ambient light's 0.45 from above,
+/// one that faces this sun is 1.15, which the view transform shows as 243 of 255; #808080 on level ground shows as 118.
+pub const DEFAULT_SUN_LUX: f32 = 2.2;
+
+/// The sun of a stage without lights: from over the left shoulder of a camera in front.
 pub fn default_sun() -> LightState {
     let color = Vec3::new(1.0, 0.95, 0.88);
     LightState {
-        light: Light { kind: LightKind::Directional, color, intensity: 0.5, range: None },
+        light: Light { kind: LightKind::Directional, color, intensity: DEFAULT_SUN_LUX, range: None },
         position: DVec3::ZERO,
         direction: Vec3::new(0.48, -0.72, -0.504).normalize(),
         shadow: None,
@@ -57,9 +62,6 @@ pub(crate) fn evaluate(
             let at = Attachment { actor: index, joint: Some(light.joint) };
             let world_from_light = world_from_attachment(stage, actors, &at);
             let direction = -world_from_light.matrix3.z_axis;
-            // glTF's Lambert surface gives back 1/π of the light (Appendix B), choreo's all of it.
-            let mut shining = shining;
-            shining.intensity *= std::f32::consts::FRAC_1_PI;
             out.extend(finite(shining, (None, None), world_from_light.translation, direction));
         }
     }
@@ -74,19 +76,14 @@ fn animated(actor: &Actor, number_of: u32, light: Light, time: Time) -> Light {
     let intensity = properties::at(actor, PropertyTarget::LightIntensity(number_of), [light.intensity], time);
     let number = |target: PropertyTarget, rest: f32| properties::at(actor, target, [rest], time).map(|[v]| v);
     let range = number(PropertyTarget::LightRange(number_of), light.range.unwrap_or(0.0));
-    let kind = match light.kind {
-        LightKind::Spot { inner, outer } => {
-            // KHR_lights_punctual: 0 ≤ inner < outer ≤ π/2; splines overshoot.
-            let most = std::f32::consts::FRAC_PI_2;
-            let at = |target, rest| number(target, rest).unwrap_or(rest).clamp(0.0, most);
-            let outer = at(PropertyTarget::SpotOuter(number_of), outer).max(1e-3);
-            LightKind::Spot {
-                inner: at(PropertyTarget::SpotInner(number_of), inner).min(outer - 1e-3).max(0.0),
-                outer,
-            }
-        }
-        kind => kind,
-    };
+    let mut kind = light.kind;
+    if let Some([inner, outer]) = kind.cone_mut() {
+        // KHR_lights_punctual: 0 ≤ inner < outer ≤ π/2; splines overshoot.
+        let most = std::f32::consts::FRAC_PI_2;
+        let at = |target, rest| number(target, rest).unwrap_or(rest).clamp(0.0, most);
+        *outer = at(PropertyTarget::SpotOuter(number_of), *outer).max(1e-3);
+        *inner = at(PropertyTarget::SpotInner(number_of), *inner).min(*outer - 1e-3).max(0.0);
+    }
     Light {
         kind,
         range: range.map_or(light.range, |r| (r > 0.0).then_some(r)),
@@ -113,10 +110,10 @@ pub(crate) fn stage_light(
     shining.intensity = key(Property::Intensity).map_or(shining.intensity, |v| v[0] as f32);
     shining.color = key(Property::Color).map_or(shining.color, |v| vec3(v).as_vec3());
     shining.range = key(Property::Range).map_or(shining.range, |v| Some((v[0] as f32).max(1e-3)));
-    if let (LightKind::Spot { inner, outer }, Some(v)) = (shining.kind, key(Property::Cone)) {
+    if let (Some([inner, outer]), Some(v)) = (shining.kind.cone_mut(), key(Property::Cone)) {
         // The soft edge keeps its share.
         let wide = (v[0] as f32).clamp(1e-3, std::f32::consts::FRAC_PI_2);
-        shining.kind = LightKind::Spot { inner: wide * (inner / outer), outer: wide };
+        (*inner, *outer) = (wide * (*inner / *outer), wide);
     }
     if key(Property::Visible).is_some_and(|v| v[0] < 0.5) {
         return None;
@@ -134,7 +131,7 @@ pub(crate) fn stage_light(
     }
     match &light.parent {
         Some(parent) => {
-            let world_from_parent = world_from_attachment(stage, actors, parent);
+            let world_from_parent = world_from_parent(stage, actors, parent, ParentScale::Keep);
             let direction = world_from_parent.matrix3 * direction;
             finite(
                 shining,
@@ -151,7 +148,7 @@ fn shines(light: &Light) -> bool {
     light.intensity > 0.0 && light.color.max_element() > 0.0
 }
 
-/// A light squeezed flat by a parent of scale zero points down.
+/// A light whose direction cannot be told points down.
 fn finite(
     light: Light,
     (shadow, attenuation): (Option<Shadow>, Option<[f32; 3]>),

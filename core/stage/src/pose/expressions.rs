@@ -14,7 +14,11 @@ pub(crate) struct ExpressionWeights {
 
 impl ExpressionWeights {
     /// Settles anew what is asked for by now. What has changed is added to the morph weights; whether anything has.
-    pub fn settle_again(&mut self, expressions: &[Expression], morph_weights: &mut [Vec<f32>]) -> bool {
+    pub(crate) fn settle_again(
+        &mut self,
+        expressions: &[Expression],
+        morph_weights: &mut [Vec<f32>],
+    ) -> bool {
         self.before.clone_from(&self.settled);
         self.settled.clone_from(&self.requested);
         expression::settle(expressions, &mut self.settled);

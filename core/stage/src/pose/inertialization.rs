@@ -42,7 +42,7 @@ impl Inertializations {
             return Inertializations::default();
         }
         let mut found = Inertializations::default();
-        let mut bodies: [BasePose; 4] = Default::default();
+        let mut poses: [BasePose; 4] = Default::default();
         for (index, cue) in layer.cues.iter().enumerate() {
             let fits = cue.clip.joint_count() == actor.asset.skeleton.len();
             if index == 0 || cue.inertialization <= Time::ZERO || !fits {
@@ -50,7 +50,7 @@ impl Inertializations {
                 continue;
             }
             let before = Layer { cues: layer.cues[..index].to_vec(), ..Layer::default() };
-            let [old, source, target, after] = &mut bodies;
+            let [old, source, target, after] = &mut poses;
             old.base(actor, &before, cue.start - STEP, track, &found);
             source.base(actor, &before, cue.start, track, &found);
             for (body, time) in [(&mut *target, cue.start), (&mut *after, cue.start + STEP)] {

@@ -39,7 +39,7 @@ pub(crate) fn lay_over(
     scratch.active.clear();
     for (index, layer) in layers.iter().enumerate() {
         timeline::upper_cues(layer, time, &mut scratch.active_cues);
-        // A clip for another skeleton says nothing about this one; `Stage::check` names it.
+        // A clip for another skeleton states nothing about this one; `Stage::check` names it.
         scratch
             .active_cues
             .retain(|active| layer.cues[active.cue].clip.joint_count() == asset.skeleton.len());

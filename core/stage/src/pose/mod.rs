@@ -43,6 +43,13 @@ pub(crate) struct PoseScratch {
 }
 
 impl PoseScratch {
+    /// The rest pose, without expressions.
+    fn start(&mut self, asset: &Asset) {
+        self.expressions.clear();
+        self.expressions.resize(asset.expressions.len(), 0.0);
+        self.pose.copy_from(asset.rest_pose());
+    }
+
     /// Settled weights of the expressions of the actor that was posed last.
     pub fn expressions(&self) -> &[f32] {
         &self.expressions
@@ -70,13 +77,11 @@ pub(crate) fn pose_actor<'e>(
     model_from_joint.clear();
     model_from_joint.resize(joints, Affine3A::IDENTITY);
     start_weights(asset, morph_weights);
+    scratch.start(asset);
     let turned = edits.clone().any(|edit| matches!(edit, ActorEdit::TurnJoint { .. }));
     let mirrored =
         actor.constraints.iter().any(|g| matches!(g.kind, ConstraintKind::Mirror(_)) && g.share(time) > 0.0);
     let mut in_model_space = false;
-    scratch.expressions.clear();
-    scratch.expressions.resize(asset.expressions.len(), 0.0);
-    scratch.pose.copy_from(asset.rest_pose());
     let mut next = 0;
     while next < actor.layers.len() {
         let index = next;
@@ -98,7 +103,7 @@ pub(crate) fn pose_actor<'e>(
         } else {
             timeline::upper_cues(layer, time, &mut scratch.active_cues);
         }
-        // A clip for another skeleton says nothing about this one; `Stage::check` names it.
+        // A clip for another skeleton states nothing about this one; `Stage::check` names it.
         scratch.active_cues.retain(|active| layer.cues[active.cue].clip.joint_count() == joints);
         let blended = |(place, active): (usize, &ActiveCue)| BlendedClip {
             clip: &layer.cues[active.cue].clip,
@@ -111,24 +116,8 @@ pub(crate) fn pose_actor<'e>(
         let plain = !base
             || track.is_none() && inertializations.is_none_or(|inertializations| !inertializations.any());
         if !plain {
-            let mask = layer.mask.as_ref().map(|mask| mask.as_slice());
-            for (place, active) in scratch.active_cues.iter().enumerate() {
-                let first = place == 0 && mask.is_none();
-                let pose = if first { &mut scratch.pose } else { &mut scratch.over };
-                pose.copy_from(asset.rest_pose());
-                sample_cue(actor, layer, active, time, track, inertializations, pose);
-                if !first {
-                    let (pose, to) = (&mut scratch.pose, &scratch.over);
-                    BlendOnto { pose, to, weight: active.weight, mask }.run();
-                }
-            }
-            for active in scratch.active_cues.iter().enumerate().map(blended) {
-                active.blend_weights(asset, layer, base, &mut scratch.weights, morph_weights);
-                active.blend_expressions(asset, layer, base, &mut scratch.expressions);
-            }
-            continue;
-        }
-        if let [from, to] = &scratch.active_cues[..]
+            blend_changed(actor, layer, time, track, inertializations, scratch);
+        } else if let [from, to] = &scratch.active_cues[..]
             && base
             && actor.layers.len() == 1
             && layer.mask.is_none()
@@ -149,6 +138,44 @@ pub(crate) fn pose_actor<'e>(
             active.blend_expressions(asset, layer, base, &mut scratch.expressions);
         }
     }
+    apply_edits(actor, time, edits, mirrored, scratch, morph_weights);
+    if !in_model_space {
+        LocalToModel { skeleton: &asset.skeleton, pose: &scratch.pose, model_from_joint }.run();
+    }
+}
+
+/// Blends the clips of a base layer that root motion or inertialization offsets change.
+fn blend_changed(
+    actor: &Actor,
+    layer: &Layer,
+    time: Time,
+    track: Option<&RootMotionTrack>,
+    inertializations: Option<&Inertializations>,
+    scratch: &mut PoseScratch,
+) {
+    let mask = layer.mask.as_ref().map(|mask| mask.as_slice());
+    for (place, active) in scratch.active_cues.iter().enumerate() {
+        let first = place == 0 && mask.is_none();
+        let pose = if first { &mut scratch.pose } else { &mut scratch.over };
+        pose.copy_from(actor.asset.rest_pose());
+        sample_cue(actor, layer, active, time, track, inertializations, pose);
+        if !first {
+            let (pose, to) = (&mut scratch.pose, &scratch.over);
+            BlendOnto { pose, to, weight: active.weight, mask }.run();
+        }
+    }
+}
+
+/// What changes the pose and the weights after the clips: mirroring, keys and the edits of hooks.
+fn apply_edits<'e>(
+    actor: &Actor,
+    time: Time,
+    edits: impl Iterator<Item = &'e ActorEdit> + Clone,
+    mirrored: bool,
+    scratch: &mut PoseScratch,
+    morph_weights: &mut [Vec<f32>],
+) {
+    let asset = &*actor.asset;
     for constraint in actor.constraints.iter().filter(|_| mirrored) {
         if let (ConstraintKind::Mirror(mirroring), share @ f64::MIN_POSITIVE..) =
             (&constraint.kind, constraint.share(time))
@@ -166,15 +193,12 @@ pub(crate) fn pose_actor<'e>(
     }
     for edit in edits {
         if let ActorEdit::TurnJoint { joint, rotation, .. } = edit
-            && (*joint as usize) < joints
+            && (*joint as usize) < asset.skeleton.len()
         {
             let mut transform = scratch.pose.get(*joint as usize);
             transform.rotation = (transform.rotation * *rotation).normalize();
             scratch.pose.set(*joint as usize, transform);
         }
-    }
-    if !in_model_space {
-        LocalToModel { skeleton: &asset.skeleton, pose: &scratch.pose, model_from_joint }.run();
     }
 }
 
@@ -286,7 +310,7 @@ impl BlendedClip<'_> {
         BlendOnto { pose, to: over, weight: self.weight, mask }.run();
     }
 
-    pub fn blend_weights(
+    pub(crate) fn blend_weights(
         &self,
         asset: &Asset,
         layer: &Layer,
@@ -320,7 +344,7 @@ impl BlendedClip<'_> {
     }
 
     /// An expression that a clip does not drive is 0 on the base layer, and as below on upper ones. A mask counts at the head.
-    pub fn blend_expressions(&self, asset: &Asset, layer: &Layer, base: bool, weights: &mut [f32]) {
+    pub(crate) fn blend_expressions(&self, asset: &Asset, layer: &Layer, base: bool, weights: &mut [f32]) {
         if weights.is_empty() || (self.clip.expressions().is_empty() && !base) {
             return;
         }

@@ -33,8 +33,8 @@ pub(crate) struct Posing<'a> {
 }
 
 impl Posing<'_> {
-    /// Poses whom anything needs, and says how many they are. `scratch` grows to one for each part that a thread takes.
-    /// `faces`: one an actor, filled for those whose file says how their eyes move.
+    /// Poses the actors that anything needs, and returns how many they are. `scratch` grows to one for each part that a thread takes.
+    /// `faces`: one an actor, filled for those whose file states how their eyes move.
     pub fn run(
         &self,
         actors: &[Actor],

@@ -18,7 +18,7 @@ pub(crate) struct RootMotionScratch {
 
 impl RootMotionScratch {
     /// Whether an actor has been turned to what it faces already.
-    pub fn has_faced(&self, actor: usize) -> bool {
+    pub(crate) fn has_faced(&self, actor: usize) -> bool {
         self.faced.binary_search_by_key(&actor, |(actor, _)| *actor).is_ok()
     }
 }

@@ -133,7 +133,7 @@ impl RootMotionTrack {
     }
 
     /// What takes a clip's root back to where it stands: over the model space of its pose.
-    pub fn back_to_anchor(&self, root: &CueRootMotion, cue: &Cue, clip_time: Time) -> Option<Planar> {
+    pub(crate) fn back_to_anchor(&self, root: &CueRootMotion, cue: &Cue, clip_time: Time) -> Option<Planar> {
         // On the spot there is nothing to take out.
         if root.motion.treadmill.is_some() {
             return None;

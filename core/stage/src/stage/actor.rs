@@ -5,6 +5,8 @@ use crate::stage::clips::Layer;
 use crate::stage::constraint::Constraint;
 use crate::stage::described::{FieldType, described, fields};
 use crate::stage::fade::{eased, fraction};
+use crate::stage::hash::StageWriter;
+use crate::stage::parenting::Parenting;
 use crate::stage::path::PathFollowing;
 use crate::stage::springs::ActorSprings;
 use crate::stage::surfaces::SurfaceRule;
@@ -20,13 +22,21 @@ described! {
     #[derive(Clone, Debug)]
     pub struct Actor(name: String => str, asset: Arc<Asset>) {
         transform: Placement = Placement::default();
-        parent: Option<Attachment> = None;
+        /// Parents over time, sorted by start; before the first one the actor stands in the world.
+        parents: Vec<Parenting> = Vec::new(), hash |w: &mut StageWriter, parents: &[Parenting]| {
+            // No parent is written as it was when there was one at most.
+            for parent in parents {
+                w.flag(true);
+                parent.hash(w);
+            }
+            w.flag(false);
+        };
         /// Turned about its parent's +Y so that +Z points to where this actor stands; its own rotation comes first.
         face: Option<usize> = None;
         layers: Vec<Layer> = Vec::new();
         channels: Vec<Channel> = Vec::new();
         look_at: Vec<LookAt> = Vec::new();
-        /// Constraints over its clips; see [`crate::stage::constraint`] for their order.
+        /// Constraints over its clips; see `crate::stage::constraint` for their order.
         constraints: Vec<Constraint> = Vec::new();
         /// How far joints may turn, whatever clips and constraints do.
         limits: Vec<(u32, Limit)> = Vec::new();
@@ -127,6 +137,13 @@ pub enum Target {
         actor: usize,
         joint: u32,
     },
+}
+
+impl Actor {
+    /// The parent at a time, callbacks aside; `None`: it stands in the world.
+    pub fn parent_at(&self, time: Time) -> Option<&Parenting> {
+        self.parents.iter().rev().find(|parent| parent.has_begun(time))
+    }
 }
 
 impl LookAt {

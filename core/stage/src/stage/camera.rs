@@ -2,18 +2,10 @@
 
 use crate::stage::actor::Target;
 use crate::stage::channel::Channel;
-use crate::stage::described::{FieldType, FieldValue, fields};
+use crate::stage::described::{FieldType, FieldValue, described};
 use choreo_asset::Projection;
 use choreo_motion::Time;
 use glam::{DQuat, DVec3};
-
-#[derive(Clone, Debug, PartialEq)]
-pub struct Camera {
-    pub name: String,
-    pub projection: Projection,
-    pub rig: Rig,
-    pub channels: Vec<Channel>,
-}
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum Rig {
@@ -31,44 +23,54 @@ pub enum Rig {
     Frame { azimuth: f64, elevation: f64 },
 }
 
-fields! { Camera {
-    /// vertical field of view
-    fov: [get |of: &Camera| match of.projection {
-        Projection::Perspective { yfov, .. } => FieldValue::Number(yfov.into()),
-        Projection::Orthographic { .. } => FieldValue::Unset,
-    }, set |of: &mut Camera, v| if let (Projection::Perspective { yfov, .. }, FieldValue::Number(n)) = (&mut of.projection, v) {
-        *yfov = n as f32;
-    }], FieldType::Degrees(0.1, 179.0), keys "fov" FieldOfView, lacks has_no_perspective;
-    /// height of the image
-    height: [get |of: &Camera| match of.projection {
-        Projection::Orthographic { height, .. } => FieldValue::Number(height.into()),
-        Projection::Perspective { .. } => FieldValue::Unset,
-    }, set |of: &mut Camera, v| if let (Projection::Orthographic { height, .. }, FieldValue::Number(n)) = (&mut of.projection, v) {
-        *height = n as f32;
-    }], FieldType::Number(1e-6, 1e9, "metres");
-    /// near clipping plane
-    near: [get |of: &Camera| FieldValue::Number(of.near().into()), set |of: &mut Camera, v| {
-        let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) = &mut of.projection;
-        crate::stage::described::Holds::hold(near, v);
-    }], FieldType::Number(1e-6, 1e9, "metres");
-    /// far clipping plane
-    far: [get |of: &Camera| crate::stage::described::Holds::value(&of.far()), set |of: &mut Camera, v| match &mut of.projection {
-        Projection::Perspective { far, .. } => crate::stage::described::Holds::hold(far, v),
-        Projection::Orthographic { far, .. } => crate::stage::described::Holds::hold(far, v),
-    }], FieldType::Number(1e-5, 1e15, "metres");
-    position: [get |of: &Camera| match &of.rig {
-        Rig::Fixed { position, .. } => FieldValue::Vector(*position),
-        _ => FieldValue::Unset,
-    }, set |of: &mut Camera, v| if let (Rig::Fixed { position, .. }, FieldValue::Vector(p)) = (&mut of.rig, v) {
-        *position = p;
-    }], FieldType::Point, keys "position" Translation, lacks moves_by_itself;
-    rotation: [get |of: &Camera| match &of.rig {
-        Rig::Fixed { rotation, .. } => FieldValue::Rotation(*rotation),
-        _ => FieldValue::Unset,
-    }, set |of: &mut Camera, v| if let (Rig::Fixed { rotation, .. }, FieldValue::Rotation(q)) = (&mut of.rig, v) {
-        *rotation = q;
-    }], FieldType::Rotation, keys "rotation" Rotation, lacks looks_at_its_target;
-} }
+described! {
+    /// A camera of the stage. By default perspective, 0.7 rad high, and it fits everything into the image from the front.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct Camera {
+        name: String = String::new();
+        projection: Projection = Projection::default();
+        rig: Rig = Rig::Frame { azimuth: 0.0, elevation: 0.0 };
+        channels: Vec<Channel> = Vec::new();
+    }
+    fields {
+        /// vertical field of view
+        fov: [get |of: &Camera| match of.projection {
+            Projection::Perspective { yfov, .. } => FieldValue::Number(yfov.into()),
+            Projection::Orthographic { .. } => FieldValue::Unset,
+        }, set |of: &mut Camera, v| if let (Projection::Perspective { yfov, .. }, FieldValue::Number(n)) = (&mut of.projection, v) {
+            *yfov = n as f32;
+        }], FieldType::Degrees(0.1, 179.0), keys "fov" FieldOfView, lacks has_no_perspective;
+        /// height of the image
+        height: [get |of: &Camera| match of.projection {
+            Projection::Orthographic { height, .. } => FieldValue::Number(height.into()),
+            Projection::Perspective { .. } => FieldValue::Unset,
+        }, set |of: &mut Camera, v| if let (Projection::Orthographic { height, .. }, FieldValue::Number(n)) = (&mut of.projection, v) {
+            *height = n as f32;
+        }], FieldType::Number(1e-6, 1e9, "metres");
+        /// near clipping plane
+        near: [get |of: &Camera| FieldValue::Number(of.near().into()), set |of: &mut Camera, v| {
+            let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) = &mut of.projection;
+            crate::stage::described::Holds::hold(near, v);
+        }], FieldType::Number(1e-6, 1e9, "metres");
+        /// far clipping plane
+        far: [get |of: &Camera| crate::stage::described::Holds::value(&of.far()), set |of: &mut Camera, v| match &mut of.projection {
+            Projection::Perspective { far, .. } => crate::stage::described::Holds::hold(far, v),
+            Projection::Orthographic { far, .. } => crate::stage::described::Holds::hold(far, v),
+        }], FieldType::Number(1e-5, 1e15, "metres");
+        position: [get |of: &Camera| match &of.rig {
+            Rig::Fixed { position, .. } => FieldValue::Vector(*position),
+            _ => FieldValue::Unset,
+        }, set |of: &mut Camera, v| if let (Rig::Fixed { position, .. }, FieldValue::Vector(p)) = (&mut of.rig, v) {
+            *position = p;
+        }], FieldType::Point, keys "position" Translation, lacks moves_by_itself;
+        rotation: [get |of: &Camera| match &of.rig {
+            Rig::Fixed { rotation, .. } => FieldValue::Rotation(*rotation),
+            _ => FieldValue::Unset,
+        }, set |of: &mut Camera, v| if let (Rig::Fixed { rotation, .. }, FieldValue::Rotation(q)) = (&mut of.rig, v) {
+            *rotation = q;
+        }], FieldType::Rotation, keys "rotation" Rotation, lacks looks_at_its_target;
+    }
+}
 
 fn has_no_perspective(of: &Camera) -> Option<&'static str> {
     let orthographic = matches!(of.projection, Projection::Orthographic { .. });

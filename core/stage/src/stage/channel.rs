@@ -1,7 +1,7 @@
 //! Keyed properties at a time: glTF's three interpolations (2.0, Appendix C) in f64 on integer times.
 
-use choreo_motion::{Interpolation, Time};
-use glam::{DQuat, DVec3, DVec4};
+use choreo_motion::{Interpolation, Time, slerp};
+use glam::{DQuat, DVec3};
 
 /// Keyed property of an actor, camera, light, cue or effect.
 #[derive(Clone, Debug, PartialEq)]
@@ -121,23 +121,6 @@ impl Channel {
             v
         }
     }
-}
-
-/// Shortest-arc slerp, exact to f64 at every angle (glam's falls back to lerp below 2.6°).
-pub fn slerp(a: DQuat, b: DQuat, s: f64) -> DQuat {
-    let (a, mut b) = (DVec4::from(a), DVec4::from(b));
-    if a.dot(b) < 0.0 {
-        b = -b;
-    }
-    // Kahan's angle between vectors: no cancellation for small ones.
-    let angle = 2.0 * libm::atan2((a - b).length(), (a + b).length());
-    let sin = libm::sin(angle);
-    let mixed = if sin > 1e-12 {
-        a * (libm::sin((1.0 - s) * angle) / sin) + b * (libm::sin(s * angle) / sin)
-    } else {
-        a + (b - a) * s
-    };
-    DQuat::from_vec4(mixed).normalize()
 }
 
 /// The last of these channels that keys a property, at a time.

@@ -69,7 +69,7 @@ described! {
         weight: f32 = 1.0;
         /// `Property::Weight` over stage time, in place of `weight`; what a spline overshoots is cut off at 0 and 1.
         weight_keys: Option<Arc<Channel>> = None;
-        /// Clip time keyed over stage time, in place of the amount of `speed`, whose sign still says from which end.
+        /// Clip time keyed over stage time, in place of the amount of `speed`, whose sign still states from which end.
         time_remapping: Option<Arc<TimeRemapping>> = None;
         /// When the clip stands still, from and to on stage; sorted, one after the other.
         freezes: Vec<(Time, Time)> = Vec::new();

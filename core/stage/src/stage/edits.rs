@@ -1,7 +1,9 @@
-//! What a callback says of one frame.
+//! What a callback changes in one frame.
 
+use crate::stage::actor::Placement;
 use crate::stage::effects::EffectEdit;
 use crate::stage::layers_2d::Layer2dEdit;
+use crate::stage::parenting::Parenting;
 use crate::stage::sky::SkyEdit;
 use glam::{DQuat, DVec3, Vec3, Vec4};
 
@@ -65,6 +67,11 @@ pub enum ActorEdit {
         expression: u32,
         weight: f32,
     },
+    /// The parent in this frame, whatever parents it has over time.
+    Attach {
+        actor: usize,
+        parent: Parenting,
+    },
     /// A joint turned (after its clip) in its own space.
     TurnJoint {
         actor: usize,
@@ -86,6 +93,19 @@ pub enum LightEdit {
 }
 
 impl ActorEdit {
+    /// Moves, turns or scales a placement, if that is what it does.
+    pub(crate) fn place(&self, placement: &mut Placement) {
+        match *self {
+            ActorEdit::MoveTo { translation, .. } => placement.translation = translation,
+            ActorEdit::MoveBy { offset, .. } => placement.translation += offset,
+            ActorEdit::Turn { rotation, .. } => {
+                placement.rotation = (rotation * placement.rotation).normalize();
+            }
+            ActorEdit::Scale { factor, .. } => placement.scale *= factor,
+            _ => {}
+        }
+    }
+
     /// The actor that is changed.
     pub fn actor(&self) -> usize {
         match *self {
@@ -94,6 +114,7 @@ impl ActorEdit {
             | ActorEdit::Turn { actor, .. }
             | ActorEdit::Scale { actor, .. }
             | ActorEdit::Visible { actor, .. }
+            | ActorEdit::Attach { actor, .. }
             | ActorEdit::Tint { actor, .. }
             | ActorEdit::LineWidth { actor, .. }
             | ActorEdit::Copies { actor, .. }

@@ -5,18 +5,21 @@
 use crate::Limit;
 use crate::mirroring::Mirroring;
 use crate::stage::actor::{Attachment, LookAt, Target};
-use crate::stage::camera::{Camera, Cut, Rig};
+use crate::stage::camera::{Cut, Rig};
 use crate::stage::channel::{Channel, Property};
 use crate::stage::clips::{Layer, LayerMode, Reference};
 use crate::stage::constraint::{AimConstraint, Constraint, ConstraintKind, FootLock, Leg, ReachConstraint};
 use crate::stage::effects::{EffectTarget, EffectUse};
 use crate::stage::layers_2d::{Align, Fit, Font, Layer2dContent};
+use crate::stage::parenting::{ParentScale, Parenting};
 use crate::stage::path::{Pace, Path, PathFollowing};
 use crate::stage::root_motion::CueRootMotion;
 use crate::stage::springs::ActorSprings;
 use crate::stage::surfaces::SurfaceRule;
 use crate::stage::time_remapping::TimeRemapping;
-use crate::stage::{Background, Cutouts, FrameHook, Pipeline, Settings, SkinOnce, Stage, Transparency};
+use crate::stage::{
+    Background, Cutouts, FrameHook, Pipeline, Settings, SkinOnce, Stage, Transparency, ViewTransform,
+};
 use choreo_asset::hash::{ContentHash, Writer};
 use choreo_asset::{Asset, Light, LightKind, Panorama, Projection, clip_hash};
 use choreo_motion::spring::{ColliderShape, RigBone, SpringBone};
@@ -28,7 +31,7 @@ use std::sync::Arc;
 
 /// A [`Writer`] that hashes a clip or mask which many cues share once.
 #[derive(Default)]
-pub struct StageWriter {
+pub(crate) struct StageWriter {
     writer: Writer,
     /// Keyed by address; the content outlives the writer.
     shared: BTreeMap<usize, ContentHash>,
@@ -50,7 +53,7 @@ impl DerefMut for StageWriter {
 }
 
 /// What a content hash is made of.
-pub trait Hashed {
+pub(crate) trait Hashed {
     fn hash(&self, w: &mut StageWriter);
 }
 
@@ -122,6 +125,11 @@ written! {
     };
     // What it exchanges follows from the asset.
     Mirroring: |_v, _w| ();
+    LightKind: |v, w| {
+        let (number, parameters) = v.hashed();
+        w.tag(number);
+        parameters.into_iter().for_each(|v| w.f32(v));
+    };
     dyn FrameHook: |v, w| w.text(&v.identity());
 }
 
@@ -225,6 +233,11 @@ hashed! {
         1 Gradient { top, bottom },
     }
     struct Attachment { actor, joint }
+    struct Parenting { to, start, blend, keep, scale, placement }
+    enum ParentScale {
+        0 Keep,
+        1 Inherit,
+    }
     enum Target {
         0 Point(point),
         1 Actor(actor),
@@ -281,7 +294,6 @@ hashed! {
         18 LineWidth,
         19 Copies,
     }
-    struct Camera { name, projection, rig, channels }
     struct Cut { at, camera }
     enum Rig {
         0 Fixed { position, rotation, look_at },
@@ -295,11 +307,6 @@ hashed! {
         1 Orthographic { height, near, far },
     }
     struct Light { kind, color, intensity, range }
-    enum LightKind {
-        0 Directional,
-        1 Point,
-        2 Spot { inner, outer },
-    }
     struct PathFollowing { path, start, pace, turns }
     enum Pace {
         0 OfClips,
@@ -361,7 +368,7 @@ written! {
     };
     Settings: |v, w| {
         let Settings { size, fps, length, background, ambient_up, ambient_down, samples, .. } = v;
-        let Settings { cutouts, transparency, pipeline, skin_once, .. } = v;
+        let Settings { cutouts, transparency, pipeline, skin_once, exposure, view_transform, .. } = v;
         size.hash(w);
         fps.hash(w);
         w.time(*length);
@@ -377,6 +384,14 @@ written! {
         if *pipeline != Pipeline::default() {
             w.text("pipeline");
             w.u32(*pipeline as u32);
+        }
+        if *exposure != 0.0 {
+            w.text("exposure");
+            w.f32(*exposure);
+        }
+        if *view_transform != ViewTransform::default() {
+            w.text("view transform");
+            w.u32(*view_transform as u32);
         }
         if *skin_once != SkinOnce::default() {
             w.tag(1);

@@ -65,13 +65,13 @@ pub enum Layer2dContent {
         hash: [u8; 32],
         fit: Fit,
     },
-    /// Shares of the picture.
+    /// Shares of the image.
     Panel { size: DVec2, color: Vec4 },
     /// Bars that leave an image with this aspect ratio.
     Bars { ratio: f64, color: Vec4 },
 }
 
-/// How large a picture is.
+/// How large an image is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fit {
     /// Share of the picture's height.
@@ -98,7 +98,7 @@ impl Layer2d {
     }
 }
 
-/// What a callback says of an flat for one frame.
+/// What a callback sets on a 2D layer for one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Layer2dEdit {
     At { layer_2d: usize, at: DVec2 },

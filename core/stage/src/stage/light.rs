@@ -33,13 +33,9 @@ described! {
         intensity: light.intensity, FieldType::Number(0.0, 1e9, ""), keys "intensity" Intensity;
         range: light.range, FieldType::Number(1e-3, 1e9, "metres"), keys "range" Range, lacks shines_however_far;
         /// half angle of the cone
-        outer: [get |of: &StageLight| cone(of).map_or(FieldValue::Unset, |(_, outer)| FieldValue::Number(outer.into())),
-            set |of: &mut StageLight, v| set_cone(of, None, Some(v))],
-            FieldType::Degrees(0.1, 90.0), keys "cone" Cone, lacks has_no_cone;
+        outer: [get |of: &StageLight| half_angle(of, 1), set |of: &mut StageLight, v| set_cone(of, 1, v)], FieldType::Degrees(0.1, 90.0), keys "cone" Cone, lacks has_no_cone;
         /// half angle of the cone at full intensity
-        inner: [get |of: &StageLight| cone(of).map_or(FieldValue::Unset, |(inner, _)| FieldValue::Number(inner.into())),
-            set |of: &mut StageLight, v| set_cone(of, Some(v), None)],
-            FieldType::Degrees(0.0, 90.0), lacks has_no_cone;
+        inner: [get |of: &StageLight| half_angle(of, 0), set |of: &mut StageLight, v| set_cone(of, 0, v)], FieldType::Degrees(0.0, 90.0), lacks has_no_cone;
     }
 }
 
@@ -66,33 +62,25 @@ impl Shadow {
 }
 
 fn shines_however_far(of: &StageLight) -> Option<&'static str> {
-    (of.light.kind == LightKind::Directional).then_some("a sun shines however far")
+    of.light.kind.is_directional().then_some("a sun shines however far")
 }
 
 fn shines_all_around(of: &StageLight) -> Option<&'static str> {
-    (of.light.kind == LightKind::Point).then_some("a point shines in all directions")
+    (!of.light.kind.has_direction()).then_some("a point shines in all directions")
 }
 
 fn has_no_cone(of: &StageLight) -> Option<&'static str> {
-    cone(of).is_none().then_some("only a spot has a cone")
+    of.light.kind.cone().is_none().then_some("only a spot has a cone")
 }
 
-/// Half angles of the inner and outer cone, radians.
-fn cone(of: &StageLight) -> Option<(f32, f32)> {
-    match of.light.kind {
-        LightKind::Spot { inner, outer } => Some((inner, outer)),
-        LightKind::Directional | LightKind::Point => None,
+fn set_cone(of: &mut StageLight, index: usize, angle: FieldValue) {
+    if let (Some(cone), FieldValue::Number(radians)) = (of.light.kind.cone_mut(), angle) {
+        *cone[index] = radians as f32;
     }
 }
 
-fn set_cone(of: &mut StageLight, new_inner: Option<FieldValue>, new_outer: Option<FieldValue>) {
-    if let LightKind::Spot { inner, outer } = &mut of.light.kind {
-        for (angle, new) in [(inner, new_inner), (outer, new_outer)] {
-            if let Some(FieldValue::Number(radians)) = new {
-                *angle = radians as f32;
-            }
-        }
-    }
+fn half_angle(of: &StageLight, index: usize) -> FieldValue {
+    of.light.kind.cone().map_or(FieldValue::Unset, |cone| FieldValue::Number(cone[index].into()))
 }
 
 impl StageLight {

@@ -12,6 +12,7 @@ pub(crate) mod fade;
 pub(crate) mod hash;
 pub(crate) mod layers_2d;
 pub(crate) mod light;
+pub(crate) mod parenting;
 pub(crate) mod path;
 pub(crate) mod root_motion;
 pub(crate) mod sky;
@@ -58,15 +59,36 @@ pub struct Settings {
     pub fps: FrameRate,
     pub length: Time,
     pub background: Background,
-    /// Light from everywhere, a hemisphere: from above and from below; linear, times albedo.
+    /// Light from everywhere, a hemisphere: its luminance from above and from below, linear, in candela per square metre.
     pub ambient_up: Vec3,
     pub ambient_down: Vec3,
+    /// Stops: 1 doubles the light that the camera takes in.
+    pub exposure: f32,
+    pub view_transform: ViewTransform,
     /// MSAA samples, 1 or 4; `None` leaves it to the command line's default.
     pub samples: Option<u32>,
     pub cutouts: Cutouts,
     pub transparency: Transparency,
     pub pipeline: Pipeline,
     pub skin_once: SkinOnce,
+}
+
+impl Settings {
+    /// Allowed exposures, stops.
+    pub const EXPOSURES: std::ops::RangeInclusive<f32> = -20.0..=20.0;
+}
+
+/// The curve from scene-linear light to the colors of a display, for lit surfaces and the sky. Unlit and toon surfaces, 2D layers
+/// and plain backgrounds are colors already and stay as they are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum ViewTransform {
+    /// Raw values, cut off at 1.
+    None,
+    /// Khronos PBR Neutral: base colors stay, highlights are compressed.
+    #[default]
+    Neutral,
+    /// AgX by Troy Sobotka: the look of film, with less contrast and saturation.
+    Agx,
 }
 
 /// Whether a character's vertices are pre-skinned once a frame for all passes that draw it (shadow maps, layers, hulls), or by each.
@@ -116,7 +138,7 @@ pub enum Pipeline {
 pub enum Background {
     /// Linear RGBA.
     Color(Vec4),
-    /// Linear, from the top row to the bottom row of the picture.
+    /// Linear, from the top row to the bottom row of the image.
     Gradient { top: Vec3, bottom: Vec3 },
 }
 
@@ -139,6 +161,8 @@ impl Default for Settings {
             },
             ambient_up: Vec3::splat(0.45),
             ambient_down: Vec3::splat(0.25),
+            exposure: 0.0,
+            view_transform: ViewTransform::default(),
             samples: None,
             cutouts: Cutouts::default(),
             skin_once: SkinOnce::default(),
@@ -152,7 +176,7 @@ impl Default for Settings {
 pub trait FrameHook: Send + Sync + std::fmt::Debug {
     fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError>;
 
-    /// What tells this hook from another (source text and captured values), for [`Stage::content_hash`].
+    /// What distinguishes this hook from others (source text and captured values), for [`Stage::content_hash`].
     fn identity(&self) -> String {
         format!("{self:?}")
     }

@@ -19,6 +19,17 @@ pub struct Path {
     lengths: Vec<f64>,
 }
 
+/// Points that no path goes through.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PathError {
+    #[error("a path needs at least 2 points, there are {0}")]
+    TooFew(usize),
+    #[error("point {0} is not finite")]
+    NotFinite(usize),
+    #[error("points {0} and {1} are in the same place")]
+    SamePlace(usize, usize),
+}
+
 /// How an actor goes along a path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PathFollowing {
@@ -39,19 +50,19 @@ pub enum Pace {
 }
 
 impl Path {
-    /// A path through at least two points, neighbours apart; else the reason why not.
-    pub fn new(points: Vec<DVec3>, closed: bool) -> Result<Path, String> {
+    /// A path through at least two points, neighbours apart.
+    pub fn new(points: Vec<DVec3>, closed: bool) -> Result<Path, PathError> {
         if points.len() < 2 {
-            return Err(format!("a path needs at least 2 points, there are {}", points.len()));
+            return Err(PathError::TooFew(points.len()));
         }
         if let Some(i) = points.iter().position(|p| !p.is_finite()) {
-            return Err(format!("point {i} is not finite"));
+            return Err(PathError::NotFinite(i));
         }
         let count = points.len();
         let stretches = if closed { count } else { count - 1 };
         for i in 0..stretches {
             if points[i].distance(points[(i + 1) % count]) < 1e-9 {
-                return Err(format!("points {i} and {} are in the same place", (i + 1) % count));
+                return Err(PathError::SamePlace(i, (i + 1) % count));
             }
         }
         let at = |i: i64| -> DVec3 {

@@ -27,7 +27,7 @@ described! {
     }
 }
 
-/// What a callback says of the sky for one frame.
+/// What a callback sets on the sky for one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SkyEdit {
     pub turn: Option<f64>,

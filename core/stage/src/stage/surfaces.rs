@@ -1,4 +1,4 @@
-//! How an actor's surfaces are cut out and mixed, where it says so itself.
+//! How an actor's surfaces are cut out and mixed, where the actor itself sets it.
 
 use crate::stage::actor::Actor;
 use crate::stage::{Cutouts, Settings, Transparency};

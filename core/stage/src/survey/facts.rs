@@ -14,7 +14,7 @@ use crate::survey::sight::Miss;
 use crate::survey::sight::Sight;
 use crate::survey::{Finding, Subject, cameras_on};
 use crate::transforms::target_position;
-use choreo_asset::{Asset, DAabb, LightKind};
+use choreo_asset::{Asset, DAabb};
 use choreo_motion::Time;
 use glam::{DVec3, Vec3};
 
@@ -194,7 +194,7 @@ impl Facts {
                 say(
                     "camera_sees_nothing",
                     format!(
-                        "camera \"{}\" never has anything in its picture{}",
+                        "camera \"{}\" never has anything in its image{}",
                         camera.name,
                         self.times_said()
                     ),
@@ -252,7 +252,7 @@ impl Facts {
                 Some(Some(miss)) => format!(": it is {}", miss.words()),
                 _ => String::new(),
             };
-            let text = format!("\"{name}\" is never in the picture{place}{}", self.times_said());
+            let text = format!("\"{name}\" is never in the image{place}{}", self.times_said());
             say("never_in_picture", false, text, "");
         } else if facts.largest < 1.0 {
             let text =
@@ -277,7 +277,12 @@ impl Facts {
                 * actor.transform.scale.abs().max_element();
             let keyed = actor.channels.iter().any(|c| c.property == Property::Scale);
             let many = !actor.asset.placements.is_empty();
-            if bounds.is_empty() || many || keyed || actor.parent.is_some() || PERSON_METRES.contains(&high) {
+            if bounds.is_empty()
+                || many
+                || keyed
+                || !actor.parents.is_empty()
+                || PERSON_METRES.contains(&high)
+            {
                 return found;
             }
             let digits = if high < 0.001 { 9 } else { 3 };
@@ -348,11 +353,9 @@ impl Facts {
         {
             return None;
         }
-        let why = match (light.light.kind, light.light.range) {
-            (LightKind::Spot { .. }, None) => "nothing is in its cone".to_string(),
-            (LightKind::Spot { .. }, Some(range)) => {
-                format!("nothing is in its cone within its range of {range} m")
-            }
+        let why = match (light.light.kind.cone(), light.light.range) {
+            (Some(_), None) => "nothing is in its cone".to_string(),
+            (Some(_), Some(range)) => format!("nothing is in its cone within its range of {range} m"),
             (_, range) => format!("nothing is within its range of {} m", range.unwrap_or(f32::INFINITY)),
         };
         let text = format!("light \"{name}\" reaches nothing: {why}{}", self.times_said());
@@ -384,7 +387,9 @@ fn is_used(stage: &Stage, index: usize) -> bool {
         Rig::Frame { .. } => false,
     };
     let actor = |a: &Actor| {
-        attached(&a.parent) || a.face == Some(index) || a.look_at.iter().any(|look| on(&look.target))
+        a.parents.iter().any(|parent| attached(&parent.to))
+            || a.face == Some(index)
+            || a.look_at.iter().any(|look| on(&look.target))
     };
     stage.actors.iter().any(actor)
         || stage.cameras.iter().any(camera)
@@ -397,14 +402,14 @@ fn hidden_parent<'a>(stage: &'a Stage, facts: &[ActorFacts], index: usize) -> Op
     if !stage.actors[index].visible {
         return None;
     }
-    let parent = stage.actors[index].parent?.actor;
-    let hidden = facts.get(parent).is_some_and(|f| !f.visible);
-    hidden.then(|| stage.actors[parent].name.as_str())
+    let mut parents = stage.actors[index].parents.iter().filter_map(|parent| Some(parent.to?.actor));
+    let hidden = parents.find(|parent| facts.get(*parent).is_some_and(|f| !f.visible))?;
+    Some(stage.actors[hidden].name.as_str())
 }
 
 /// Whether light can fall on a box (in the axes of the view); on the safe side.
 fn reaches(light: &LightState, sight: &Sight, bounds: &DAabb) -> bool {
-    if light.light.kind == LightKind::Directional {
+    if light.light.kind.is_directional() {
         return true;
     }
     let position = sight.view_from_world.transform_point3(light.position);
@@ -412,7 +417,7 @@ fn reaches(light: &LightState, sight: &Sight, bounds: &DAabb) -> bool {
     if light.light.range.is_some_and(|range| (nearest - position).length() > f64::from(range)) {
         return false;
     }
-    let LightKind::Spot { outer, .. } = light.light.kind else { return true };
+    let Some([_, outer]) = light.light.kind.cone() else { return true };
     let direction: DVec3 =
         sight.view_from_world.transform_vector3(light.direction.as_dvec3()).normalize_or(DVec3::NEG_Y);
     let (center, radius) = ((bounds.min + bounds.max) * 0.5, (bounds.max - bounds.min).length() * 0.5);

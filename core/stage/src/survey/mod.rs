@@ -1,7 +1,7 @@
 //! What a stage shows over its length, and what in it never shows: found by evaluating it at some times, without drawing.
 //!
 //! Boxes are conservative (never smaller than what they hold), so "never in the picture" is true where it is reported; something
-//! that hides behind another thing, or whose box alone is in the picture, is not found.
+//! that hides behind another thing, or whose box alone is in the image, is not found.
 
 mod facts;
 mod sight;
@@ -47,7 +47,7 @@ const HOOK_COST: usize = 20;
 
 impl Stage {
     /// Everything that never shows, in the order of the stage. Looks at frames spread over the whole length until each thing
-    /// has been seen, at most at as many as [`MAX_COST`] allows; fails where a callback does.
+    /// has been seen, at most at as many as `MAX_COST` allows; fails where a callback does.
     pub fn survey(self: &std::sync::Arc<Stage>) -> Result<Vec<Finding>, StageError> {
         let mut evaluator = Evaluator::new(self.clone());
         let mut snapshot = Snapshot::default();

@@ -1,12 +1,12 @@
-//! Whether a box is in a camera's picture, and how large.
+//! Whether a box is in a camera's image, and how large.
 
 use crate::snapshot::{ActorState, CameraState};
 use choreo_asset::{Aabb, Asset, DAabb, Projection};
 use glam::DAffine3;
 
-/// Why something is not in the picture.
+/// Why something is not in the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Miss {
+pub(crate) enum Miss {
     Behind,
     TooNear,
     TooFar,
@@ -22,15 +22,15 @@ impl Miss {
             Miss::Behind => "behind the camera",
             Miss::TooNear => "nearer than the camera's near plane",
             Miss::TooFar => "beyond the camera's far plane",
-            Miss::Left => "left of the picture",
-            Miss::Right => "right of the picture",
-            Miss::Above => "above the picture",
-            Miss::Below => "below the picture",
+            Miss::Left => "left of the image",
+            Miss::Right => "right of the image",
+            Miss::Above => "above the image",
+            Miss::Below => "below the image",
         }
     }
 }
 
-pub struct Sight {
+pub(crate) struct Sight {
     pub view_from_world: DAffine3,
     projection: Projection,
     /// Pixels.
@@ -113,14 +113,14 @@ mod tests {
 
     #[test]
     fn boxes_are_found_where_they_are() {
-        // A field of view of 90°: at depth d the picture is 2d high and 4d wide.
+        // A field of view of 90°: at depth d the image is 2d high and 4d wide.
         let yfov = std::f32::consts::FRAC_PI_2;
         let s = sight(Projection::Perspective { yfov, near: 0.5, far: Some(100.0) });
         let at = |x: f64, y: f64, z: f64| {
             let p = DVec3::new(x, y, z);
             s.covers(&DAabb { min: p - 0.5, max: p + 0.5 })
         };
-        // Its front, 1 m high, is 9.5 m away, where the picture is 19 m high: 100 / 19 pixels.
+        // Its front, 1 m high, is 9.5 m away, where the image is 19 m high: 100 / 19 pixels.
         assert!((at(0.0, 0.0, -10.0).unwrap() - 100.0 / 19.0).abs() < 1e-4);
         assert_eq!(at(0.0, 0.0, 10.0), Err(Miss::Behind));
         assert_eq!(at(0.0, 0.0, 0.2), Err(Miss::TooNear));

@@ -144,7 +144,7 @@ pub(crate) fn shares(active_cues: &mut [ActiveCue]) {
 
 impl Cue {
     /// How much it counts at a time, fades left out, 0..=1.
-    pub fn weight_at(&self, time: Time) -> f32 {
+    fn weight_at(&self, time: Time) -> f32 {
         let keyed = self.weight_keys.as_ref().and_then(|keys| keys.at(time));
         keyed.map_or(self.weight, |v| (v[0] as f32).clamp(0.0, 1.0))
     }
@@ -204,13 +204,13 @@ mod tests {
     #[test]
     fn the_weight_of_a_layer_scales_what_each_of_its_clips_adds_to_the_whole() {
         let mut layer = layer(&[(0.0, 0.0), (1.0, 1.0), (1.5, 1.0)]);
-        let told = |layer: &Layer| {
+        let active = |layer: &Layer| {
             let mut active_cues = Vec::new();
             upper_cues(layer, Time::from_secs(1.75), &mut active_cues);
             shares(&mut active_cues);
             active_cues.iter().map(|v| (v.cue, v.weight)).collect::<Vec<_>>()
         };
-        let whole = told(&layer);
+        let whole = active(&layer);
         assert_eq!(whole.len(), 3);
         for by in [1.0, 0.999, 0.4, 1e-6] {
             layer.weight_keys = Some(Arc::new(crate::stage::channel::Channel {
@@ -219,7 +219,7 @@ mod tests {
                 times: vec![Time::ZERO],
                 values: vec![by],
             }));
-            for ((cue, share), (again, scaled)) in whole.iter().zip(told(&layer)) {
+            for ((cue, share), (again, scaled)) in whole.iter().zip(active(&layer)) {
                 assert!(
                     *cue == again && (f64::from(*share) * by - f64::from(scaled)).abs() < 1e-6 * by + 1e-9
                 );
@@ -228,6 +228,6 @@ mod tests {
         layer.weight_keys = layer
             .weight_keys
             .map(|keys| Arc::new(crate::stage::channel::Channel { values: vec![0.0], ..(*keys).clone() }));
-        assert!(told(&layer).is_empty());
+        assert!(active(&layer).is_empty());
     }
 }

@@ -1,6 +1,7 @@
 //! Places in the world: of actors, joints, targets.
 
 pub(crate) mod order;
+pub(crate) mod parents;
 
 use crate::snapshot::ActorState;
 use crate::stage::Stage;

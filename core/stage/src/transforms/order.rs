@@ -1,6 +1,7 @@
 //! PlacementOrder in which actors can be placed: after what they are attached to, and turned after what they face has its place.
 
 use crate::stage::{Stage, StageError};
+use crate::transforms::parents::ActiveParents;
 
 /// A step of placing actors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,11 +19,16 @@ pub(crate) struct PlacementOrder {
     /// 0 not seen, 1 on the stack, 2 done; two entries an actor.
     state: Vec<u8>,
     stack: Vec<usize>,
+    needs: Vec<usize>,
 }
 
 /// Fills `order.steps` so that each step comes after those that it needs. Two actors may face each other; an actor attached to
 /// itself through others, or facing something that it carries, is an error. Links to actors that do not exist are left out.
-pub(crate) fn find(stage: &Stage, order: &mut PlacementOrder) -> Result<(), StageError> {
+pub(crate) fn find(
+    stage: &Stage,
+    parents: &ActiveParents,
+    order: &mut PlacementOrder,
+) -> Result<(), StageError> {
     let count = stage.actors.len();
     order.steps.clear();
     order.state.clear();
@@ -37,7 +43,6 @@ pub(crate) fn find(stage: &Stage, order: &mut PlacementOrder) -> Result<(), Stag
             order.stack.pop();
             continue;
         }
-        let [a, b] = needs(stage, node);
         if order.state[node] == 1 {
             order.state[node] = 2;
             order.stack.pop();
@@ -49,7 +54,10 @@ pub(crate) fn find(stage: &Stage, order: &mut PlacementOrder) -> Result<(), Stag
             continue;
         }
         order.state[node] = 1;
-        for need in [a, b].into_iter().flatten() {
+        order.needs.clear();
+        needs(stage, parents, node, &mut order.needs);
+        for index in 0..order.needs.len() {
+            let need = order.needs[index];
             match order.state[need] {
                 0 => order.stack.push(need),
                 1 => return Err(cycle(stage, order, need)),
@@ -61,13 +69,13 @@ pub(crate) fn find(stage: &Stage, order: &mut PlacementOrder) -> Result<(), Stag
 }
 
 /// Node 2a is the position of actor a, 2a + 1 its world transform.
-fn needs(stage: &Stage, node: usize) -> [Option<usize>; 2] {
-    let actor = &stage.actors[node / 2];
-    let count = stage.actors.len();
+fn needs(stage: &Stage, parents: &ActiveParents, node: usize, out: &mut Vec<usize>) {
+    let actor = node / 2;
     if node.is_multiple_of(2) {
-        [actor.parent.map(|p| p.actor).filter(|p| *p < count).map(|p| 2 * p + 1), None]
+        out.extend(parents.carriers(actor).map(|p| 2 * p.actor + 1));
     } else {
-        [Some(node - 1), actor.face.filter(|f| *f < count && *f != node / 2).map(|f| 2 * f)]
+        let face = stage.actors[actor].face.filter(|f| *f < stage.actors.len() && *f != actor);
+        out.extend([node - 1].into_iter().chain(face.map(|f| 2 * f)));
     }
 }
 

@@ -13,7 +13,7 @@ pub struct Series {
 }
 
 /// What is allowed at each time, and how far off each value is: at most 0 is allowed, NaN and infinity never.
-pub struct Band {
+pub(crate) struct Band {
     pub allowed: Vec<[f64; 2]>,
     pub off: Vec<f64>,
     /// The expected curve, where a whole curve is expected.
@@ -24,7 +24,7 @@ pub struct Band {
 }
 
 /// All values must be allowed; negated: none may be. Sometime: one must be, or, negated, must not.
-pub fn judge_band(series: &Series, band: &Band, e: &Expectation, label: &str, unit: &str) -> Judged {
+pub(crate) fn judge_band(series: &Series, band: &Band, e: &Expectation, label: &str, unit: &str) -> Judged {
     let (n, negated) = (series.values.len(), e.negated);
     if n == 0 {
         return Judged::impossible(band.words.clone(), "nothing to look at: the span is empty");
@@ -50,8 +50,9 @@ pub fn judge_band(series: &Series, band: &Band, e: &Expectation, label: &str, un
             best = i;
         }
     }
-    let (passed, told) = if e.sometime { (failing.len() < n, best) } else { (failing.is_empty(), worst) };
-    let mut got = format!("{} at {}", with_unit(series.values[told], unit), words::time(series.times[told]));
+    let (passed, shown) = if e.sometime { (failing.len() < n, best) } else { (failing.is_empty(), worst) };
+    let mut got =
+        format!("{} at {}", with_unit(series.values[shown], unit), words::time(series.times[shown]));
     if n > 1 && !passed {
         let (first, last) = (series.times[failing[0]], series.times[failing[failing.len() - 1]]);
         got.push_str(&match (e.sometime, failing.len()) {
@@ -67,7 +68,7 @@ pub fn judge_band(series: &Series, band: &Band, e: &Expectation, label: &str, un
     let not = if negated { "not " } else { "" };
     let sometime = if e.sometime { ", sometime" } else { "" };
     let mut judged = Judged::new(passed, format!("{not}{}{sometime}", band.words), got);
-    let by = off(told);
+    let by = off(shown);
     if !passed && by.is_finite() && !negated {
         let distance = by + band.tolerance;
         judged.by = match band.tolerance > 0.0 {
@@ -82,7 +83,7 @@ pub fn judge_band(series: &Series, band: &Band, e: &Expectation, label: &str, un
         got: series.values.clone(),
         expected: band.goal.clone(),
         band: band.allowed.clone(),
-        mark: Some(series.times[told].as_secs()),
+        mark: Some(series.times[shown].as_secs()),
     }];
     judged
 }

@@ -8,7 +8,7 @@ use choreo_script::testing::{Contact, Expectation, When};
 use choreo_stage::Attachment;
 use glam::DVec3;
 
-pub fn foot_at(looks: &mut Looks, contact: &Contact, time: Time) -> Result<DVec3, Unjudged> {
+pub(crate) fn foot_at(looks: &mut Looks, contact: &Contact, time: Time) -> Result<DVec3, Unjudged> {
     let at = Attachment { actor: contact.actor, joint: Some(contact.joint) };
     Ok(looks.attachment(&at, time)?.translation)
 }

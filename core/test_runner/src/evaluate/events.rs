@@ -59,12 +59,12 @@ pub fn judge(looks: &Looks, e: &Expectation, of: Option<Subject>, test: &EventsT
         judged.by = String::new();
     }
     if !judged.passed {
-        judged.hint = format!("the events are:\n{}", told(&events));
+        judged.hint = format!("the events are:\n{}", listed(&events));
     }
     judged
 }
 
-fn told(events: &[Event]) -> String {
+fn listed(events: &[Event]) -> String {
     const MOST: usize = 40;
     let mut lines: Vec<String> = events.iter().take(MOST).map(event).collect();
     if events.len() > MOST {
@@ -123,7 +123,7 @@ fn in_order(events: &[Event], wanted: &[EventPattern], tolerance: Time) -> Judge
         match events[from..].iter().position(|e| fits(e, p, tolerance)) {
             Some(found) => from += found + 1,
             None => {
-                // The nearest of the same name says most.
+                // The nearest of the same name is the most informative.
                 let same = events.iter().filter(|e| like(&e.text, &p.text));
                 let nearest = same.min_by_key(|e| off(e, p).0.abs());
                 let after = match from {

@@ -27,7 +27,7 @@ fn vertices(looks: &mut Looks, actor: usize, time: Time) -> Result<Vec<DVec3>, U
     Ok(meshes.into_iter().flat_map(|m| m.primitives).flat_map(|p| p.positions).collect())
 }
 
-/// A camera at a time: from the world to the picture.
+/// A camera at a time: from the world to the image.
 pub struct Lens {
     view_from_world: DAffine3,
     projection: Projection,
@@ -67,7 +67,7 @@ impl Lens {
     }
 }
 
-/// The box of an actor in the picture.
+/// The box of an actor in the image.
 pub struct Outline {
     pub min: DVec3,
     pub max: DVec3,
@@ -81,7 +81,7 @@ impl Outline {
         self.max.y - self.min.y
     }
 
-    /// How far it reaches over the margin, as a share of the picture; at most 0: it does not.
+    /// How far it reaches over the margin, as a share of the image; at most 0: it does not.
     fn over(&self, margin: f64) -> f64 {
         if self.behind {
             return f64::INFINITY;
@@ -123,7 +123,7 @@ pub fn outline(
     Ok(outline)
 }
 
-/// Degrees in the picture between up and the subject's +y, 0..=180; 90 where it points straight at the camera or away.
+/// Degrees in the image between up and the subject's +y, 0..=180; 90 where it points straight at the camera or away.
 pub fn tilt(looks: &mut Looks, subject: Subject, camera: Option<usize>, time: Time) -> Result<f64, Unjudged> {
     let world_from = looks.world_from(subject, time)?;
     let lens = Lens::new(looks, camera, time)?;
@@ -149,15 +149,15 @@ pub fn tilt(looks: &mut Looks, subject: Subject, camera: Option<usize>, time: Ti
 pub fn judge(looks: &mut Looks, e: &Expectation, claim: &InFrame) -> Judged {
     match try_judge(looks, e, claim) {
         Ok(judged) => judged,
-        Err(why) => Judged::impossible("a picture to look at", why),
+        Err(why) => Judged::impossible("an image to look at", why),
     }
 }
 
 fn try_judge(looks: &mut Looks, e: &Expectation, claim: &InFrame) -> Result<Judged, Unjudged> {
     let name = super::vector::name(looks, Subject::Actor(claim.actor));
     let mut expected = match claim.margin > 0.0 {
-        true => format!("{name} inside the picture, {} free at each side", percent(claim.margin)),
-        false => format!("{name} inside the picture"),
+        true => format!("{name} inside the image, {} free at each side", percent(claim.margin)),
+        false => format!("{name} inside the image"),
     };
     if let Some((low, high)) = claim.height {
         expected.push_str(&format!(", {} to {} of its height", percent(low), percent(high)));
@@ -207,13 +207,13 @@ fn try_judge(looks: &mut Looks, e: &Expectation, claim: &InFrame) -> Result<Judg
         times: series.times.clone(),
         values: series.values.iter().map(|v| if v.is_finite() { *v } else { 0.0 }).collect(),
     };
-    let mut judged = judge_band(&known, &band, e, &format!("{name} height in the picture"), "");
+    let mut judged = judge_band(&known, &band, e, &format!("{name} height in the image"), "");
     let worst = judged.traces.first().and_then(|trace| trace.mark).unwrap_or(0.0);
     if let Some(i) = series.times.iter().position(|t| t.as_secs() == worst) {
         let when = judged.got.split_once(" at ").map_or(String::new(), |(_, when)| format!(" at {when}"));
         judged.got = format!("{}{when}", gots[i]);
         judged.by = match band.off[i].is_finite() && !e.negated {
-            true => format!("{} of the picture", percent(band.off[i].max(0.0))),
+            true => format!("{} of the image", percent(band.off[i].max(0.0))),
             false => String::new(),
         };
     }

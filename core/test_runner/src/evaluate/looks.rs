@@ -20,7 +20,7 @@ const KEPT: usize = 4096;
 
 /// When judging a section must be over: a script may ask for more looks than anybody waits for.
 #[derive(Clone, Copy, Debug)]
-pub struct Deadline {
+pub(crate) struct Deadline {
     at: Option<Instant>,
     seconds: f64,
     timeout: Option<Timeout>,
@@ -75,7 +75,7 @@ impl<'a> Looks<'a> {
     }
 
     /// An error once the section's time is used up.
-    pub fn go_on(&self) -> Result<(), Unjudged> {
+    pub(crate) fn go_on(&self) -> Result<(), Unjudged> {
         self.deadline.check()
     }
 
@@ -126,7 +126,7 @@ impl<'a> Looks<'a> {
     }
 
     /// World from a subject, without scale being taken out; NaN where it is not posed or does not shine.
-    pub fn world_from(&mut self, subject: Subject, time: Time) -> Result<DAffine3, Unjudged> {
+    pub(crate) fn world_from(&mut self, subject: Subject, time: Time) -> Result<DAffine3, Unjudged> {
         let nowhere = DAffine3 { matrix3: DMat3::IDENTITY, translation: DVec3::NAN };
         Ok(match subject {
             Subject::Actor(actor) => self.attachment(&Attachment { actor, joint: None }, time)?,
@@ -191,7 +191,7 @@ impl<'a> Looks<'a> {
     }
 
     /// As `times`, with the ends of a span, where they are between two frames.
-    pub fn times_and_ends(&self, e: &Expectation) -> Result<Vec<Time>, Unjudged> {
+    pub(crate) fn times_and_ends(&self, e: &Expectation) -> Result<Vec<Time>, Unjudged> {
         let mut times = self.times(e)?;
         if let When::During(from, until) = e.when {
             if times.first() != Some(&from) {
@@ -233,7 +233,7 @@ pub fn rotation_of(m: &DMat3) -> DQuat {
 }
 
 /// Degrees between two rotations, 0..=180; q and −q are the same.
-pub fn angle_deg(a: DQuat, b: DQuat) -> f64 {
+pub(crate) fn angle_deg(a: DQuat, b: DQuat) -> f64 {
     let between = a.conjugate() * b;
     let sine = DVec3::new(between.x, between.y, between.z).length();
     (2.0 * libm::atan2(sine, between.w.abs())).to_degrees()

@@ -29,11 +29,11 @@ use choreo_script::Severity;
 use choreo_script::testing::{Claim, Expectation, SectionRun, TextsQuantity};
 use looks::{Deadline, Looks};
 
-/// Every check of a section but its pictures, in the order of the script: its expectations, its `//~` comments, and the errors
+/// Every check of a section but its images, in the order of the script: its expectations, its `//~` comments, and the errors
 /// and warnings that none expects. A file that is a test as it stands is judged as such.
 pub fn evaluate(run: &SectionRun, registry: &Registry) -> Vec<Check> {
     let mut checks = diagnostics(run);
-    // An error that nobody expects says all; what is left of the stage would only confuse.
+    // An error that nobody expects explains everything; what is left of the stage would only confuse.
     if !run.errors.is_empty() {
         return checks;
     }
@@ -41,7 +41,7 @@ pub fn evaluate(run: &SectionRun, registry: &Registry) -> Vec<Check> {
         if !run.expectations.is_empty() {
             let place = Place { file: run.info.file.clone(), line: run.info.line, column: 0 };
             let mut check =
-                told(place, "the stage can be evaluated", "a sound stage", problem.message.clone());
+                failed(place, "the stage can be evaluated", "a sound stage", problem.message.clone());
             check.hint =
                 "after errors that leave no stage nothing can be expected of it: use two sections".into();
             checks.push(check);
@@ -147,14 +147,14 @@ fn diagnostics(run: &SectionRun) -> Vec<Check> {
         let expected = format!("{word}: {}", e.text);
         let title = format!("//~ {expected}");
         checks.push(match e.met {
-            true => Check { passed: true, ..told(place, title, expected.clone(), expected) },
-            false => told(place, title, expected, format!("no such {word} in this line")),
+            true => Check { passed: true, ..failed(place, title, expected.clone(), expected) },
+            false => failed(place, title, expected, format!("no such {word} in this line")),
         });
     }
     let unexpected = |d: &choreo_script::Diagnostic, word: &str| {
         let place = Place { file: d.file.clone(), line: d.line, column: d.column };
         let title = format!("no {word} but those expected");
-        let mut check = told(place, title, format!("no {word}"), d.message.clone());
+        let mut check = failed(place, title, format!("no {word}"), d.message.clone());
         check.hint = d.hint.clone().unwrap_or_default();
         check
     };
@@ -168,7 +168,7 @@ fn diagnostics(run: &SectionRun) -> Vec<Check> {
 }
 
 /// A check that has failed.
-fn told(
+fn failed(
     place: Place,
     title: impl Into<String>,
     expected: impl Into<String>,

@@ -56,8 +56,8 @@ pub fn label(looks: &Looks, quantity: &Quantity) -> String {
         Quantity::Morph { actor: a, .. } => format!("{} morph weight", actor(*a)),
         Quantity::Lowest(a) => format!("{} lowest point", actor(*a)),
         Quantity::Highest(a) => format!("{} highest point", actor(*a)),
-        Quantity::PictureHeight { actor: a, .. } => format!("{} height in the picture", actor(*a)),
-        Quantity::PictureShare { actor: a, .. } => format!("{} share in the picture", actor(*a)),
+        Quantity::PictureHeight { actor: a, .. } => format!("{} height in the image", actor(*a)),
+        Quantity::PictureShare { actor: a, .. } => format!("{} share in the image", actor(*a)),
         Quantity::Tilt { subject, .. } => format!("{} tilt", vector::name(looks, *subject)),
         Quantity::FieldOfView(c) => format!("{} fov", vector::name(looks, Subject::Camera(*c))),
         Quantity::Intensity(l) => format!("{} intensity", vector::name(looks, Subject::Light(*l))),
@@ -167,7 +167,7 @@ fn value(looks: &mut Looks, quantity: &Quantity, window: &[Time]) -> Result<f64,
     })
 }
 
-pub fn target_at(looks: &mut Looks, target: &Target, time: Time) -> Result<DVec3, Unjudged> {
+pub(crate) fn target_at(looks: &mut Looks, target: &Target, time: Time) -> Result<DVec3, Unjudged> {
     match *target {
         Target::Point(point) => Ok(point),
         Target::Joint { actor, joint } => {
@@ -184,46 +184,46 @@ pub fn target_at(looks: &mut Looks, target: &Target, time: Time) -> Result<DVec3
 /// The final weight of each active cue, after all later ones have been blended over it.
 fn shares(actor: &Actor, time: Time, part: impl Fn(&ActiveClip) -> f64) -> Vec<(ActiveClip, f64)> {
     let mut shares: Vec<(ActiveClip, f64)> = Vec::new();
-    for heard in actor.active_clips(time) {
-        let weight = part(&heard);
-        let covers = |under: &ActiveClip| !heard.additive || under.layer == heard.layer;
+    for active in actor.active_clips(time) {
+        let weight = part(&active);
+        let covers = |under: &ActiveClip| !active.additive || under.layer == active.layer;
         for (_, share) in shares.iter_mut().filter(|(under, _)| covers(under)) {
             *share *= 1.0 - weight;
         }
-        shares.push((heard, weight));
+        shares.push((active, weight));
     }
     shares
 }
 
-fn clip_name<'a>(actor: &'a Actor, heard: &ActiveClip) -> &'a str {
-    let cue = actor.layers.get(heard.layer).and_then(|layer| layer.cues.get(heard.cue));
+fn clip_name<'a>(actor: &'a Actor, active: &ActiveClip) -> &'a str {
+    let cue = actor.layers.get(active.layer).and_then(|layer| layer.cues.get(active.cue));
     cue.map_or("", |cue| cue.clip.name.as_str())
 }
 
 fn clip_weight(actor: &Actor, joint: Option<u32>, clip: &str, time: Time) -> f64 {
     let sum = |shares: Vec<(ActiveClip, f64)>| -> f64 {
-        shares.iter().filter(|(heard, _)| clip_name(actor, heard) == clip).map(|(_, share)| share).sum()
+        shares.iter().filter(|(active, _)| clip_name(actor, active) == clip).map(|(_, share)| share).sum()
     };
     if let Some(joint) = joint {
-        return sum(shares(actor, time, |heard| {
-            let mask = actor.layers.get(heard.layer).and_then(|layer| layer.mask.as_ref());
+        return sum(shares(actor, time, |active| {
+            let mask = actor.layers.get(active.layer).and_then(|layer| layer.mask.as_ref());
             let masked = mask.map_or(1.0, |m| m.get(joint as usize).copied().unwrap_or(0.0));
-            f64::from(heard.weight) * f64::from(masked)
+            f64::from(active.weight) * f64::from(masked)
         }));
     }
     let in_layer = |layer: usize| {
-        let own = |heard: &ActiveClip| if heard.layer == layer { f64::from(heard.weight) } else { 0.0 };
+        let own = |active: &ActiveClip| if active.layer == layer { f64::from(active.weight) } else { 0.0 };
         sum(shares(actor, time, own))
     };
     (0..actor.layers.len()).map(in_layer).fold(0.0, f64::max)
 }
 
 fn clip_time(actor: &Actor, clip: &str, time: Time) -> f64 {
-    let of_clip = shares(actor, time, |heard| f64::from(heard.weight));
+    let of_clip = shares(actor, time, |active| f64::from(active.weight));
     let mut best: Option<(f64, Time)> = None;
-    for (heard, share) in of_clip.iter().filter(|(heard, _)| clip_name(actor, heard) == clip) {
+    for (active, share) in of_clip.iter().filter(|(active, _)| clip_name(actor, active) == clip) {
         if best.is_none_or(|(most, _)| *share > most) {
-            best = Some((*share, heard.clip_time));
+            best = Some((*share, active.clip_time));
         }
     }
     best.map_or(f64::NAN, |(_, at)| at.as_secs())

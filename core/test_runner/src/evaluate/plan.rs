@@ -59,7 +59,7 @@ pub fn count(
     })
 }
 
-pub fn count_stage(looks: &Looks, what: Count) -> usize {
+pub(crate) fn count_stage(looks: &Looks, what: Count) -> usize {
     let stage = &looks.stage;
     let of_actors = |count: fn(&Asset) -> usize| stage.actors.iter().map(|a| count(&a.asset)).sum();
     match what {

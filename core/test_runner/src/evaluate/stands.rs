@@ -1,7 +1,7 @@
 //! A script that is a test as it stands: it runs without a word, every frame is finite, and it gives the same again.
 
 use super::looks::Looks;
-use super::{texts, told, words};
+use super::{failed, texts, words};
 use crate::outcome::{Check, Place};
 use choreo_motion::Time;
 use choreo_script::testing::SectionRun;
@@ -15,7 +15,8 @@ const AGAIN: usize = 16;
 pub fn judge(run: &SectionRun, looks: &mut [Looks]) -> Vec<Check> {
     let Some(own) = looks.first_mut() else { return Vec::new() };
     let place = || Place { file: run.info.file.clone(), line: 0, column: 0 };
-    let passed = |title: &str, got: String| Check { passed: true, ..told(place(), title, got.clone(), got) };
+    let passed =
+        |title: &str, got: String| Check { passed: true, ..failed(place(), title, got.clone(), got) };
     let mut checks = Vec::new();
     let expected = run.expected.len();
     if expected == 0 {
@@ -24,7 +25,7 @@ pub fn judge(run: &SectionRun, looks: &mut [Looks]) -> Vec<Check> {
             None => passed("runs without errors and warnings", "none".into()),
             Some(first) => {
                 let got = first.lines().next().unwrap_or_default();
-                told(place(), "runs without errors and warnings", "none", got)
+                failed(place(), "runs without errors and warnings", "none", got)
             }
         });
     }
@@ -45,12 +46,12 @@ pub fn judge(run: &SectionRun, looks: &mut [Looks]) -> Vec<Check> {
         }
     }
     checks.push(match first_problem {
-        Some(problem) => told(place(), title, "places and poses that are numbers", problem),
+        Some(problem) => failed(place(), title, "places and poses that are numbers", problem),
         None => passed(title, format!("{count} frames")),
     });
     let title = "the same again";
     checks.push(match again(run, own, &times) {
-        Some(how) => told(place(), title, "the same bits on a second run and in any order", how),
+        Some(how) => failed(place(), title, "the same bits on a second run and in any order", how),
         None => passed(title, "the same bits".into()),
     });
     checks

@@ -85,7 +85,7 @@ fn try_judge(
             let when = if timed { format!(" at {}", words::time(*time)) } else { String::new() };
             let got = match lines.as_slice() {
                 [] => format!("none{when}"),
-                // The first line says what it is about; the rest of a diagnostic shows its place.
+                // The first line states what it is about; the rest of a diagnostic shows its place.
                 [line] => format!("{}{when}", line.lines().next().unwrap_or_default()),
                 several => format!("{}: {}{when}", several.len(), short(several)),
             };

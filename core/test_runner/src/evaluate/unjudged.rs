@@ -6,7 +6,7 @@ use choreo_script::testing::TimeUsedUp;
 use choreo_stage::StageError;
 
 #[derive(Debug, thiserror::Error)]
-pub enum Unjudged {
+pub(crate) enum Unjudged {
     #[error("no such {0}")]
     Missing(&'static str),
     /// A callback of the stage failed, for example.

@@ -45,7 +45,7 @@ pub fn label(looks: &Looks, quantity: &VectorQuantity) -> String {
         VectorQuantity::Tint(actor) => (Subject::Actor(*actor), " tint"),
         VectorQuantity::LightColor(light) => (Subject::Light(*light), " color"),
         VectorQuantity::Size(actor) => (Subject::Actor(*actor), " size"),
-        VectorQuantity::InPicture(subject, _) => (*subject, " in the picture"),
+        VectorQuantity::InPicture(subject, _) => (*subject, " in the image"),
     };
     format!("{}{what}", name(looks, subject))
 }

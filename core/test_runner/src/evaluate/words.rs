@@ -24,7 +24,7 @@ pub fn number(v: f64) -> String {
     }
 }
 
-pub fn with_unit(v: f64, unit: &str) -> String {
+pub(crate) fn with_unit(v: f64, unit: &str) -> String {
     match unit {
         _ if v.is_nan() => number(v),
         "" => number(v),
@@ -45,7 +45,7 @@ pub fn time(t: Time) -> String {
 }
 
 /// `14 times the tolerance`, where there is one.
-pub fn times_tolerance(off: f64, tolerance: f64) -> String {
+pub(crate) fn times_tolerance(off: f64, tolerance: f64) -> String {
     match tolerance > 0.0 && off.is_finite() {
         true => format!(", {} times the tolerance", number((off / tolerance * 10.0).round() / 10.0)),
         false => String::new(),

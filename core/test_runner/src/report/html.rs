@@ -1,4 +1,4 @@
-//! The report as one HTML file that needs nothing else: pictures are in it as data, plots as SVG, and it works from a disk.
+//! The report as one HTML file that needs nothing else: images are in it as data, plots as SVG, and it works from a disk.
 
 use super::html_trace::plots;
 use super::junit::escaped;
@@ -53,7 +53,7 @@ pub fn report(report: &Report, about: &str) -> String {
         group(&mut html, file);
     }
     if !report.unused.is_empty() {
-        html.push_str("<section class=\"file\"><h2>Stored pictures that no section asks for</h2><ul>\n");
+        html.push_str("<section class=\"file\"><h2>Stored images that no section asks for</h2><ul>\n");
         for path in &report.unused {
             let _ = writeln!(html, "<li><code>{}</code></li>", text(&shown(path)));
         }
@@ -233,7 +233,7 @@ fn blake3_hex(parts: &[&str]) -> String {
     hasher.finalize().to_hex().to_string()
 }
 
-/// Small pictures are shown enlarged by a whole number, so that single pixels can be told.
+/// Small images are shown enlarged by a whole number, so that single pixels can be told.
 fn shown_width(png: &[u8]) -> u32 {
     let width = sides(png).map_or(256, |[width, _]| width);
     width * (480 / width.max(1)).clamp(1, 4)

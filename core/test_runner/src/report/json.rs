@@ -7,7 +7,7 @@ use crate::run::Report;
 use serde_json::{Value, json};
 
 /// Raised when a field changes its meaning; new fields may come at any time.
-pub const FORMAT: u32 = 1;
+pub(crate) const FORMAT: u32 = 1;
 
 pub fn report(report: &Report, options: &Value) -> Value {
     let counts = report.counts();

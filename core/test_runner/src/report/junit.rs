@@ -77,18 +77,18 @@ fn case(text: &mut String, outcome: &Outcome) {
 }
 
 fn failure(outcome: &Outcome, c: &Check) -> String {
-    let mut told = format!("{}: {}\nexpected {}\ngot {}", c.place, c.title, c.expected, c.got);
+    let mut details = format!("{}: {}\nexpected {}\ngot {}", c.place, c.title, c.expected, c.got);
     for (word, value) in [("off by ", &c.by), ("", &c.hint)] {
         if !value.is_empty() {
-            let _ = write!(told, "\n{word}{value}");
+            let _ = write!(details, "\n{word}{value}");
         }
     }
-    let _ = write!(told, "\n{}", rerun(outcome));
+    let _ = write!(details, "\n{}", rerun(outcome));
     if let Some(accept) = accept(outcome) {
-        let _ = write!(told, "\n{accept}");
+        let _ = write!(details, "\n{accept}");
     }
     let message = format!("{}: got {}", c.title, c.got);
-    format!("<failure type=\"check\" message=\"{}\">{}</failure>", escaped(&message), escaped(&told))
+    format!("<failure type=\"check\" message=\"{}\">{}</failure>", escaped(&message), escaped(&details))
 }
 
 /// Text for elements and attributes. What XML cannot hold at all becomes a question mark; line breaks in attributes would

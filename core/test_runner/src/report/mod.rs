@@ -18,7 +18,7 @@ pub fn rerun(outcome: &Outcome) -> String {
     }
 }
 
-/// What to type to accept what a section drew; `None` where no picture of it failed.
+/// What to type to accept what a section drew; `None` where no image of it failed.
 pub fn accept(outcome: &Outcome) -> Option<String> {
     let names: Vec<String> = outcome
         .checks

@@ -1,4 +1,4 @@
-//! Text for a person: a failure says what was expected, what came, by how much, where to look and what to type.
+//! Text for a person: a failure states what was expected, what came, by how much, where to look and what to type.
 
 use super::{accept, rerun};
 use crate::collect::{Case, shown};
@@ -99,7 +99,7 @@ pub fn summary(report: &Report) -> String {
     parts.push(format!("{} skipped", counts.skipped));
     if counts.accepted > 0 {
         let s = if counts.accepted == 1 { "" } else { "s" };
-        parts.push(format!("{} picture{s} accepted", counts.accepted));
+        parts.push(format!("{} image{s} accepted", counts.accepted));
     }
     if counts.warnings > 0 {
         let s = if counts.warnings == 1 { "" } else { "s" };

@@ -40,7 +40,7 @@ impl Viewer {
                 ScriptObject::at(text, place.line, place.column)?.time("from", secs)
             }
             (Selected::Effect(_), _) => ScriptObject::at(text, place.line, place.column)?.time("until", secs),
-            _ => Ok(set_time(text, place.line, place.column, part, secs)?),
+            _ => set_time(text, place.line, place.column, part, secs),
         })
     }
 

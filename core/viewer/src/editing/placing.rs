@@ -57,24 +57,22 @@ fn inside(change: Change, world_from_parent: &DAffine3) -> Change {
 }
 
 impl Viewer {
-    /// World from the space that an actor is placed in, in the picture that is shown.
-    fn world_from_parent(&self, actor: &Actor) -> Option<DAffine3> {
-        let Some(parent) = actor.parent else { return Some(DAffine3::IDENTITY) };
-        let state = self.shown()?.snapshot.actors.get(parent.actor)?;
-        let Some(joint) = parent.joint else { return Some(state.world_from_model) };
-        let model_from_joint = state.model_from_joint.get(joint as usize)?;
-        let rows = model_from_joint.to_cols_array().map(f64::from);
-        Some(state.world_from_model * DAffine3::from_cols_array(&rows))
-    }
-
     /// Moves, turns or scales an actor as it was dragged, by axes of the world (of itself for scale).
     ///
     /// # Errors
     /// Why not, for the user; nothing has changed.
     pub fn change_actor(&mut self, name: &str, change: Change) -> Result<(), String> {
         let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
-        let found = actor(&scene.stage, name).and_then(|index| scene.stage.actors.get(index));
-        let parent = self.world_from_parent(found.ok_or("it is no longer there")?);
+        let index = actor(&scene.stage, name).ok_or("it is no longer there")?;
+        let time = self.playhead.time();
+        if let Some(parent) = scene.stage.actors[index].parent_at(time).filter(|p| p.placement.is_some()) {
+            let start = format_number(parent.start.as_secs());
+            return Err(format!("what follows its .attach from {start} s places it now; change that"));
+        }
+        let parent = match scene.stage.actors[index].parents.is_empty() {
+            true => Some(DAffine3::IDENTITY),
+            false => self.shown().and_then(|s| Some(s.snapshot.actors.get(index)?.world_from_parent)),
+        };
         let parent = parent.filter(|parent| parent.matrix3.determinant().abs() > 1e-12);
         let parent = parent.ok_or("what it is attached to is not seen; show it first")?;
         self.place_actor(name, inside(change, &parent))

@@ -19,7 +19,7 @@ pub struct Lens {
 }
 
 impl Lens {
-    /// `corner` and `size` of the picture on the screen, in points.
+    /// `corner` and `size` of the image on the screen, in points.
     pub fn new(camera: &CameraState, corner: DVec2, size: DVec2) -> Lens {
         let (height, perspective) = match camera.projection {
             Projection::Perspective { yfov, .. } => (2.0 * libm::tan(f64::from(yfov) / 2.0), true),

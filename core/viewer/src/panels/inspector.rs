@@ -5,12 +5,12 @@ use crate::app::Viewer;
 use crate::editing::placing::{light_at, placement};
 use crate::geometry::gizmo::Change;
 use crate::state::selection::{Selected, actor};
-use choreo_asset::{Asset, Light, LightKind, Projection};
+use choreo_asset::{Asset, Projection};
 use choreo_plugin::OptionKind;
 use choreo_script::Place;
 use choreo_session::Scene;
 use choreo_session::edit::format_number;
-use choreo_stage::{ActiveClip, ActorState, Described, FieldType, FieldValue, Stage, StageLight};
+use choreo_stage::{ActiveClip, ActorState, Described, FieldType, FieldValue, Rig, Stage, StageLight};
 use egui::{Grid, RichText, Ui};
 use glam::{DQuat, DVec3, Vec3};
 use std::ops::RangeInclusive;
@@ -144,7 +144,7 @@ fn lens(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str) -> Option<Wante
     let Projection::Perspective { yfov, .. } = projection(viewer, stage, name)? else { return None };
     let mut wanted = None;
     ui.horizontal(|ui| {
-        ui.label("field of view").on_hover_text("degrees, from the top to the bottom of the picture");
+        ui.label("field of view").on_hover_text("degrees, from the top to the bottom of the image");
         let degrees = f64::from(yfov).to_degrees();
         wanted = values::number(ui, "field of view", degrees, 0.25, 1.0..=170.0).map(Wanted::FieldOfView);
     });
@@ -181,9 +181,9 @@ fn light(ui: &mut Ui, viewer: &Viewer, stage: &Stage, index: usize) -> Option<Wa
             wanted = set.map(|value| Wanted::Value(field.name, value)).or(wanted.take());
             ui.end_row();
         }
-        let (label, name, vector, speed) = match light.light.kind {
-            LightKind::Directional => ("shines along", "direction", light.direction.as_dvec3(), 0.01),
-            _ => ("stands at", "position", light.position, 0.01),
+        let (label, name, vector, speed) = match light.light.kind.is_directional() {
+            true => ("shines along", "direction", light.direction.as_dvec3(), 0.01),
+            false => ("stands at", "position", light.position, 0.01),
         };
         ui.label(label);
         for (axis, letter) in ["light x", "light y", "light z"].into_iter().enumerate() {
@@ -353,7 +353,7 @@ fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected) -> Vec<(String, St
         }
         Selected::Light(index) => {
             if let Some(light) = stage.lights.get(*index) {
-                row("kind", light_kind(&light.light).into());
+                row("kind", light.light.kind.title().into());
                 fields(viewer, light, &mut row);
                 row("shadow", light.shadow.map_or("none".into(), |s| format!("{} texels", s.size)));
             }
@@ -429,8 +429,11 @@ fn of_actor(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&st
         row("turned x, y, z", format!("{x:.1}° {y:.1}° {z:.1}°"));
         row("scale", point(scale));
     }
-    if let Some(parent) = found.parent {
-        row("attached to", stage.actors[parent.actor].name.clone());
+    if let Some(to) = found.parent_at(viewer.playhead.time()).and_then(|parent| parent.to) {
+        let carrier = &stage.actors[to.actor];
+        let joint = to.joint.and_then(|joint| carrier.asset.skeleton.names().get(joint as usize));
+        let joint = joint.map(|joint| format!(", {joint}")).unwrap_or_default();
+        row("attached to", format!("{}{joint}", carrier.name));
     }
     let heard = found.active_clips(viewer.playhead.time());
     for (number, layer) in found.layers.iter().enumerate() {
@@ -444,21 +447,12 @@ fn of_actor(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&st
     }
 }
 
-pub(crate) fn light_kind(light: &Light) -> &'static str {
-    match light.kind {
-        LightKind::Directional => "sun",
-        LightKind::Point => "point light",
-        LightKind::Spot { .. } => "spot light",
-    }
-}
-
-fn rig_name(rig: &choreo_stage::Rig) -> &'static str {
-    use choreo_stage::Rig::*;
+fn rig_name(rig: &Rig) -> &'static str {
     match rig {
-        Fixed { .. } => "fixed",
-        Follow { .. } => "follows",
-        Orbit { .. } => "orbits",
-        Frame { .. } => "frames all",
-        File { .. } => "of a file",
+        Rig::Fixed { .. } => "fixed",
+        Rig::Follow { .. } => "follows",
+        Rig::Orbit { .. } => "orbits",
+        Rig::Frame { .. } => "frames all",
+        Rig::File { .. } => "of a file",
     }
 }

@@ -198,7 +198,7 @@ const KEYS: [(&str, &str); 36] = [
     ("H", "hide or show what is selected"),
     ("C", "the script's camera or a free one"),
     ("F", "look at what is selected"),
-    ("P", "save the picture"),
+    ("P", "save the image"),
     ("Ctrl Z", "take a change of the script back"),
     ("Ctrl Shift Z", "make it again"),
     ("Ctrl 1 … 8", "open a panel and go there"),

@@ -70,7 +70,7 @@ impl Tab {
     }
 }
 
-/// Dark, as pictures are judged in the dark, or light; text that can be read for hours in both.
+/// Dark, as images are judged in the dark, or light; text that can be read for hours in both.
 pub(crate) fn set_colors(context: &egui::Context, light: bool) {
     context.options_mut(|options| {
         // Ours is remembered, and has ends.

@@ -56,7 +56,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
     section(ui, "lights", stage.lights.len());
     for (index, light) in stage.lights.iter().enumerate() {
-        let name = format!("{} {}", crate::panels::inspector::light_kind(&light.light), index + 1);
+        let name = format!("{} {}", light.light.kind.title(), index + 1);
         if matches(&name) {
             select(ui, viewer, RichText::new(name), Selected::Light(index));
         }

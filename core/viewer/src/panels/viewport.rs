@@ -1,4 +1,4 @@
-//! The picture, the camera that the mouse moves, and what is picked in it.
+//! The image, the camera that the mouse moves, and what is picked in it.
 
 use super::{handles, overlay};
 use crate::app::Viewer;
@@ -30,7 +30,7 @@ pub fn focus(viewer: &mut Viewer) {
     }
 }
 
-/// The next picture of the active viewport goes into a file beside the script: `NAME_12.png`, by its frame.
+/// The next image of the active viewport goes into a file beside the script: `NAME_12.png`, by its frame.
 pub fn screenshot(viewer: &mut Viewer) {
     let folder = viewer.path.as_ref().and_then(|p| p.parent()).unwrap_or(std::path::Path::new(""));
     let stem = viewer.name.rsplit_once('.').map_or(viewer.name.as_str(), |(stem, _)| stem).to_string();
@@ -42,7 +42,7 @@ pub fn screenshot(viewer: &mut Viewer) {
 pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<TextureId>) {
     toolbar(ui, viewer, index);
     let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
-    let name = if index == 0 { "picture".to_string() } else { format!("picture {}", index + 1) };
+    let name = if index == 0 { "picture".to_string() } else { format!("image {}", index + 1) };
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Image, true, name.clone()));
     if response.hovered() || response.clicked() || response.dragged() {
         viewer.active = index;
@@ -125,7 +125,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
             }
         }
         ui.separator();
-        if ui.button("Save picture").on_hover_text("beside the script (P)").clicked() {
+        if ui.button("Save image").on_hover_text("beside the script (P)").clicked() {
             viewer.active = index;
             screenshot(viewer);
         }

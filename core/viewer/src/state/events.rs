@@ -34,7 +34,7 @@ pub struct Event {
 
 /// The events of one row, gathered: those of one time are one.
 #[derive(Default)]
-pub struct Gathered {
+pub(crate) struct Gathered {
     all: Vec<(Time, Kind, String)>,
 }
 
@@ -124,7 +124,7 @@ impl Gathered {
         }
     }
 
-    /// Words and pictures that come and go.
+    /// Words and images that come and go.
     pub fn flats(&mut self, stage: &Stage) {
         for flat in &stage.layers_2d {
             let what = match &flat.content {

@@ -7,7 +7,7 @@ use std::time::Duration;
 pub const FRAMES: usize = 240;
 
 /// Times of one frame in milliseconds: poses, plan, drawing.
-pub type Millis = [f32; 3];
+pub(crate) type Millis = [f32; 3];
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Performance {

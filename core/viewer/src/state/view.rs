@@ -1,4 +1,4 @@
-//! One viewport: from where it looks, what is laid over the picture, and which frame it shows and wishes for.
+//! One viewport: from where it looks, what is laid over the image, and which frame it shows and wishes for.
 
 use crate::state::orbit::Orbit;
 use choreo_motion::Time;
@@ -23,7 +23,7 @@ pub enum ViewCamera {
     },
 }
 
-/// How large the picture is drawn.
+/// How large the image is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Resolution {
     /// The panel's size on the screen, pixels.
@@ -32,7 +32,7 @@ pub enum Resolution {
     Full,
 }
 
-/// What is drawn over the picture.
+/// What is drawn over the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Overlays {
     pub grid: bool,
@@ -105,7 +105,7 @@ impl View {
         }
     }
 
-    /// The camera of the picture on the screen, as it is now where the mouse moves it.
+    /// The camera of the image on the screen, as it is now where the mouse moves it.
     pub fn now(&self, stage: &Stage) -> Option<CameraState> {
         let shown = self.shown.as_ref()?;
         Some(match self.viewport_camera(stage) {

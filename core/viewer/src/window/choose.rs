@@ -3,7 +3,7 @@
 use super::gpu_error::{GpuError, Named};
 use ash::{khr, vk};
 
-/// A device that can show pictures in the window; a GPU before a driver that draws on the CPU.
+/// A device that can show images in the window; a GPU before a driver that draws on the CPU.
 pub fn choose(
     instance: &ash::Instance,
     surfaces: &khr::surface::Instance,
@@ -38,7 +38,7 @@ pub fn choose(
         }
     }
     best.map(|(_, physical, family)| (physical, family)).ok_or_else(|| {
-        let why = "no device with Vulkan 1.3 can show pictures in this window";
+        let why = "no device with Vulkan 1.3 can show images in this window";
         GpuError::Missing(format!("{why}\n    hint: apt install mesa-vulkan-drivers"))
     })
 }

@@ -42,7 +42,7 @@ pub struct Device {
     pub largest_texture: usize,
 }
 
-/// A view's picture, once there was one, and what egui calls it.
+/// A view's image, once there was one, and what egui calls it.
 pub struct Slot {
     set: vk::DescriptorSet,
     picture: Option<Picture>,

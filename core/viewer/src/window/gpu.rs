@@ -102,8 +102,8 @@ impl Gpu {
         self.device.iter().flat_map(|d| &d.pictures).map(|slot| slot.id).collect()
     }
 
-    /// Draws one frame of the window. `frames`: new pictures of views; `before`: called right before it is shown. Gives whether
-    /// it was drawn: a window without a pixel, as one that is minimised can be, keeps its pictures waiting.
+    /// Draws one frame of the window. `frames`: new images of views; `before`: called right before it is shown. Gives whether
+    /// it was drawn: a window without a pixel, as one that is minimised can be, keeps its images waiting.
     pub fn draw(
         &mut self,
         window: [u32; 2],

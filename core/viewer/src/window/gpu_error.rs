@@ -4,7 +4,7 @@ use ash::vk;
 use thiserror::Error;
 
 #[derive(Debug, Error)]
-pub enum GpuError {
+pub(crate) enum GpuError {
     #[error("Vulkan is not available: {0}")]
     Missing(String),
     #[error("Vulkan: {object}: {result:?}")]

@@ -51,7 +51,7 @@ pub fn run(asked: ViewerOptions) -> Result<(), String> {
     let shaders = asked.source.shaders.clone();
     let frame_renderer = {
         let proxy = proxy.clone();
-        // A window that has gone needs no picture; here and below.
+        // A window that has gone needs no image; here and below.
         let report = move |reply| drop(proxy.send_event(News::Frame(Box::new(reply))));
         FrameRenderer::start(start::renderer(registry.effects().to_vec(), shaders, tell), report)
     };
@@ -344,7 +344,7 @@ impl App {
         match again {
             Ok(open) => {
                 self.open = Some(open);
-                // The new device has no picture yet, and its context no colors.
+                // The new device has no image yet, and its context no colors.
                 self.viewer.views.iter_mut().for_each(|view| view.asked = None);
                 self.panels.forget_context();
                 self.redraw();

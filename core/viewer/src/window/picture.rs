@@ -63,7 +63,7 @@ impl Picture {
             linear: false,
             allocation_scheme: AllocationScheme::GpuAllocatorManaged,
         });
-        let memory = self.memory.insert(memory.named("memory of the picture")?);
+        let memory = self.memory.insert(memory.named("memory of the image")?);
         // SAFETY: the memory is the image's own, of the size that it asked for.
         unsafe { device.bind_image_memory(self.image, memory.memory(), memory.offset()) }.named("picture")?;
         let range = whole();
@@ -75,7 +75,7 @@ impl Picture {
             .components(vk::ComponentMapping { a: vk::ComponentSwizzle::ONE, ..Default::default() })
             .subresource_range(range);
         // SAFETY: as above.
-        self.view = unsafe { device.create_image_view(&info, None) }.named("view of the picture")?;
+        self.view = unsafe { device.create_image_view(&info, None) }.named("view of the image")?;
         let bytes = u64::from(width) * u64::from(height) * 4;
         let info = vk::BufferCreateInfo::default().size(bytes).usage(vk::BufferUsageFlags::TRANSFER_SRC);
         // SAFETY: as above.
@@ -100,7 +100,7 @@ impl Picture {
         self.view
     }
 
-    /// Records the upload of a frame of the picture's size. Nothing that uses the picture may be in flight.
+    /// Records the upload of a frame of the picture's size. Nothing that uses the image may be in flight.
     pub fn upload(&mut self, device: &ash::Device, commands: vk::CommandBuffer, frame: &Frame) {
         let Some(to) = self.staging_memory.as_mut().and_then(Allocation::mapped_slice_mut) else { return };
         let bytes = frame.rgba.len().min(to.len());

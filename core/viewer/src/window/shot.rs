@@ -1,4 +1,4 @@
-//! A viewport's picture as a file, whole or not at all.
+//! A viewport's image as a file, whole or not at all.
 
 use choreo_files::Part;
 use choreo_plugin::{Frame, Registry, VideoInfo};

@@ -114,7 +114,7 @@ pub fn renderer(effects: Vec<Arc<dyn Effect>>, shaders: Option<PathBuf>, tell: T
         let renderer: (Box<dyn Renderer>, Option<String>) = match SteadyRenderer::new(options) {
             Ok(renderer) => (Box::new(renderer), None),
             Err(error) => {
-                let note = format!("pictures are drawn on the CPU: {error}");
+                let note = format!("images are drawn on the CPU: {error}");
                 (Box::new(CpuRenderer::new(&effects)), Some(note))
             }
         };

@@ -31,7 +31,7 @@ impl Tell {
         });
     }
 
-    /// A picture that has gone to the screen, with what its frame took and what the renderer holds.
+    /// An image that has gone to the screen, with what its frame took and what the renderer holds.
     pub fn shown(&self, view: usize, shown: &FrameInfo, held: &DeviceUsage) {
         let frame = shown.evaluated_in + shown.planned_in + shown.drawn_in;
         self.say(|| {

@@ -10,7 +10,7 @@ pub struct Kept {
 }
 
 impl Kept {
-    /// A row of the table. `shown`: what was told of the picture that it rests at.
+    /// A row of the table. `shown`: what was told of the image that it rests at.
     pub fn note(&mut self, minute: u64, actions: u64, told: &Told, shown: &Value) {
         if self.rows.is_empty() {
             println!(

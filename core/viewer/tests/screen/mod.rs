@@ -115,8 +115,8 @@ impl Screen {
 
     /// RGB rows of what is on the screen.
     pub fn shot(&self, window: &str) -> Shot {
-        // A window that is being resized or mapped has no picture for a moment.
-        until("a picture of the window", || {
+        // A window that is being resized or mapped has no image for a moment.
+        until("an image of the window", || {
             let output = self.run("import", &["-window", window, "-depth", "8", "ppm:-"]);
             Shot::read(&output.stdout)
         })

@@ -33,7 +33,7 @@ impl Told {
         self.lines.recv_timeout(PATIENCE).unwrap_or_else(|e| panic!("the viewer tells nothing: {e}"))
     }
 
-    /// The next picture of this version or a later one on the screen.
+    /// The next image of this version or a later one on the screen.
     pub fn shown(&self, version: u64) -> (Instant, Value) {
         loop {
             let (when, value) = self.next();
@@ -54,7 +54,7 @@ impl Told {
         }
     }
 
-    /// The last picture that was shown, once nothing has been told for so long; `None` where it goes on for more than `most`.
+    /// The last image that was shown, once nothing has been told for so long; `None` where it goes on for more than `most`.
     pub fn settled(&self, quiet: Duration, most: Duration) -> Option<Option<Value>> {
         let end = Instant::now() + most;
         let mut last = None;

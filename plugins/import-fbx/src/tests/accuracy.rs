@@ -6,11 +6,11 @@ use crate::{FbxImporter, convert, load};
 use choreo_asset::Asset;
 use choreo_importer_kit_testing::{Companions, assets, options, source};
 use choreo_motion::{Pose, Sample, Time};
-use choreo_plugin::{Importer, Needs, OptionValue};
+use choreo_plugin::{ImportScope, Importer, OptionValue};
 use glam::{DQuat, DVec3};
 use std::path::Path;
 
-const ONLY_CLIPS: Needs = Needs { geometry: false, clips: true, textures: false, pixels: false };
+const ONLY_CLIPS: ImportScope = ImportScope { geometry: false, clips: true, textures: false, pixels: false };
 
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Worst {

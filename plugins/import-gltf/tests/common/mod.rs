@@ -4,7 +4,7 @@
 pub mod sample;
 
 use choreo_asset::Asset;
-use choreo_plugin::{Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source};
+use choreo_plugin::{Files, ImportError, ImportOptions, ImportScope, Importer, OptionValue, Source};
 use import_gltf::GltfImporter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -58,12 +58,12 @@ fn import_path_with(path: &Path, options: &ImportOptions) -> Result<Asset, Impor
     let name = path.file_name().unwrap().to_string_lossy();
     let folder = Folder(path.parent().unwrap().to_path_buf());
     let source = source(&name, std::fs::read(path).unwrap());
-    GltfImporter::new().import(&source, &folder, Needs::ALL, options)
+    GltfImporter::new().import(&source, &folder, ImportScope::ALL, options)
 }
 
 /// Imports a file without companions.
 pub fn import_bytes(name: &str, bytes: Vec<u8>) -> Result<Asset, ImportError> {
-    GltfImporter::new().import(&source(name, bytes), &Nothing, Needs::ALL, &ImportOptions::default())
+    GltfImporter::new().import(&source(name, bytes), &Nothing, ImportScope::ALL, &ImportOptions::default())
 }
 
 pub fn error_text(result: Result<Asset, ImportError>) -> String {

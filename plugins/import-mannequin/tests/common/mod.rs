@@ -4,7 +4,7 @@
 use choreo_asset::{Asset, posed_meshes_in};
 use choreo_motion::{Clip, LocalToModel, Pose, Sample, Time};
 use choreo_plugin::importer::OptionValue;
-use choreo_plugin::{Files, ImportError, ImportOptions, Importer, Needs, Source};
+use choreo_plugin::{Files, ImportError, ImportOptions, ImportScope, Importer, Source};
 use glam::{Affine3A, DAffine3, DVec3};
 use import_mannequin::{Mannequin, SOURCE_NAME};
 use std::sync::Arc;
@@ -20,13 +20,13 @@ pub fn source() -> Source {
     Source { name: SOURCE_NAME.into(), bytes: Arc::default() }
 }
 
-pub fn import_with(options: &[(&str, OptionValue)], needs: Needs) -> Result<Asset, ImportError> {
+pub fn import_with(options: &[(&str, OptionValue)], needs: ImportScope) -> Result<Asset, ImportError> {
     let options = ImportOptions(options.iter().map(|(k, v)| (k.to_string(), v.clone())).collect());
     Mannequin.import(&source(), &NoFiles, needs, &options)
 }
 
 pub fn import() -> Asset {
-    import_with(&[], Needs::ALL).expect("the figure is made without options")
+    import_with(&[], ImportScope::ALL).expect("the figure is made without options")
 }
 
 pub fn pose_at(asset: &Asset, clip: &Clip, secs: f64) -> Pose {

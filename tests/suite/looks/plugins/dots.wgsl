@@ -5,7 +5,7 @@
 // over: over
 // param dots = 4 in 0..100: how many
 // param size = 8 in 0..64: pixels of one
-// param over = false: over the picture, rather than hidden by what is nearer
+// param over = false: over the image, rather than hidden by what is nearer
 // param color_r = 1 in 0..100: red, linear
 // param color_g = 0 in 0..100: green, linear
 // param color_b = 0 in 0..100: blue, linear

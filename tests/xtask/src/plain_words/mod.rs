@@ -13,9 +13,6 @@ const PREPOSITIONS: &[&str] = &[
     "Among", "Between", "Through", "Beside", "Where",
 ];
 
-/// Folders whose effects move to WGSL files; their texts are checked once they have moved.
-const MOVING: &[&str] = &["core/plugin/src/effect", "core/wgsl_effect/", "plugins/effect"];
-
 /// A line of `words.txt`.
 struct Rule {
     word: String,
@@ -131,7 +128,7 @@ fn is_checked(path: &str) -> bool {
         || path.contains("/tests.rs");
     let scripts = path.starts_with("scripts/") || path.starts_with("shaders/");
     let code = (path.starts_with("core/") || path.starts_with("plugins/")) && !in_tests;
-    (code || scripts || path.ends_with(".md")) && !MOVING.iter().any(|folder| path.starts_with(folder))
+    code || scripts || path.ends_with(".md")
 }
 
 /// All problems of the repository's files.

@@ -167,20 +167,20 @@ fn left_out(effect: &dyn Effect, used: &EffectUse, stage: &Stage) -> Option<Stri
     [used.start, middle].into_iter().find_map(|time| {
         let snapshot = stage.at(time).ok()?;
         let parameters = choreo_render::effect_parameters(effect, &used.parameters_at(time));
-        let scene = choreo_plugin::Scene { stage, snapshot: &snapshot, before: &[], on: &used.on };
+        let scene = choreo_plugin::EffectScene { stage, snapshot: &snapshot, before: &[], on: &used.on };
         effect.overlay(&scene, &parameters).left_out.into_iter().next()
     })
 }
 
-/// Its function, tried on some colors all over the picture.
+/// Its function, tried on some colors all over the image.
 fn changes_nothing(effect: &dyn Effect, used: &EffectUse) -> bool {
-    if effect.hook() != Hook::Pixel {
-        return false;
-    }
+    let Some(function) = effect.function().filter(|_| effect.hook() == Hook::Pixel) else { return false };
     let parameters = choreo_render::effect_parameters(effect, &used.parameters);
     let colors = [Vec4::new(0.0, 0.0, 0.0, 1.0), Vec4::new(0.8, 0.4, 0.1, 1.0), Vec4::ONE];
     (0..81).all(|i| {
         let uv = Vec2::new((i % 9) as f32, (i / 9) as f32) / 8.0;
-        colors.iter().all(|color| effect.cpu(*color, uv, &parameters) == *color)
+        let mut changed = colors;
+        function.pixels(&mut changed, &[uv; 3], &parameters);
+        changed == colors
     })
 }

@@ -46,7 +46,7 @@ impl Inside<'_> {
         self.parts.iter().map(part).collect()
     }
 
-    /// Bytes by part, for the picture.
+    /// Bytes by part, for the image.
     pub fn amounts(&self) -> Vec<(String, u64)> {
         let named = |p: &Cost| Some((format!("{} {}", p.kind.word(), p.what), p.bytes?));
         self.parts.iter().filter_map(named).collect()

@@ -9,10 +9,12 @@ use crate::failure::{Failure, print, print_json};
 use crate::output::svg;
 use crate::scene::{self, opening::Opening};
 use choreo_bench::plots::{Cell, Table, byte_bars};
+use choreo_motion::Time;
 use choreo_plugin::Registry;
 use choreo_render::commands::{RecordOptions, record};
 use choreo_render::plan::LeftOut;
-use choreo_render::plan::motion_blur::plan_alone;
+use choreo_render::plan::frame_key::{Key, scene_key};
+use choreo_render::plan::motion_blur::plan_at;
 use choreo_render::{Plan, PlanOptions, SceneResources};
 use choreo_script::Places;
 use choreo_stage::{Evaluator, Stage};
@@ -35,9 +37,28 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
     let aspect = f64::from(size[0]) / f64::from(size[1].max(1));
     let mut evaluator = Evaluator::new(stage.clone()).for_images(aspect);
     let snapshot = evaluator.at(at).map_err(|e| Failure::input(e.to_string()))?;
-    let options = PlanOptions { effects: scene.registry.effects(), ..PlanOptions::new(size, samples) };
-    let plan = plan_alone(&resources, stage, &snapshot, &options, |at| evaluator.at(at))
-        .map_err(|e| Failure::input(e.to_string()))?;
+    let costs = evaluator.costs(&snapshot);
+    let effects = scene.registry.effects();
+    let options = PlanOptions { effects, ..PlanOptions::new(size, samples) };
+    let mut planned = |at| {
+        let plan = plan_at(&resources, &mut evaluator, at, &options, None);
+        plan.map(|(_, plan)| plan).map_err(|e| Failure::input(e.to_string()))
+    };
+    let mut plan = planned(at)?;
+    let before = at - stage.settings.fps.time_of(1);
+    let reuse = match before >= Time::ZERO {
+        true => Reuse::of(&planned(before)?, &plan, |plan| scene_key(plan, &resources, effects)),
+        false => Reuse::Nothing,
+    };
+    let sub_frames = std::mem::take(&mut plan.subframes).len();
+    let cpu = json!({
+        "poses": costs.poses,
+        "constraints": costs.constraints,
+        "spring_bones": costs.spring_bones,
+        "sub_frames": sub_frames,
+        "earlier_frames": std::mem::take(&mut plan.history).len(),
+        "reuse": reuse.word(),
+    });
     let triangles = |p: u32| resources.primitives[p as usize].primitive().indices.len() / 3;
     let recording = record(&plan, RecordOptions::default(), triangles);
     let parts = choreo_render::explain::explain(&resources, &plan, &recording);
@@ -46,10 +67,10 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
         let title = format!("{} at {} s: what one frame holds on the device", scene.name, at.as_secs());
         svg::write(path, &byte_bars(&title, &inside.amounts()), &scene.inputs)?;
     }
-    let mut plan = plan;
     plan.left_out.extend(recording.left_out(&plan));
     plan.left_out.extend(unread(&scene.places));
     let mut facts = facts(stage, &resources, &plan, at.as_secs());
+    facts["cpu"] = cpu;
     if args.json {
         facts["in"] = inside.json();
         return print_json(&facts);
@@ -57,10 +78,38 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
     print(&format!("{}\n{}\n{}", text(&facts), inside.table().text(), left_out(&plan).text()))
 }
 
+/// What of the frame before is shown again.
+#[derive(Clone, Copy)]
+enum Reuse {
+    Nothing,
+    /// All but the 2D layers over it.
+    Scene,
+    Frame,
+}
+
+impl Reuse {
+    fn of(before: &Plan, now: &Plan, scene_key: impl Fn(&Plan) -> Key) -> Reuse {
+        let layers = |plan: &Plan| plan.layers_in_front.as_ref().map(|layers| layers.hash);
+        match scene_key(before) == scene_key(now) {
+            true if layers(before) == layers(now) => Reuse::Frame,
+            true => Reuse::Scene,
+            false => Reuse::Nothing,
+        }
+    }
+
+    fn word(self) -> &'static str {
+        match self {
+            Reuse::Nothing => "nothing",
+            Reuse::Scene => "scene",
+            Reuse::Frame => "frame",
+        }
+    }
+}
+
 /// What was not even read of the script's files.
 fn unread(places: &Places) -> impl Iterator<Item = LeftOut> {
     places.clips_only.iter().map(|(file, place)| {
-        let what = format!("meshes and pictures of {file}");
+        let what = format!("meshes and images of {file}");
         let file = if places.is_main(&place.file) { String::new() } else { format!("{}:", place.file) };
         LeftOut { what, why: format!("its clips alone are used ({file}line {})", place.line) }
     })
@@ -146,6 +195,17 @@ fn text(f: &Value) -> String {
         "for them   {} joint matrices, {} active morph targets, {} lights",
         frame["joint_matrices"], frame["active_morphs"], frame["lights"]
     );
+    let cpu = &f["cpu"];
+    let _ = writeln!(
+        t,
+        "processor  {} poses, {} constraints, {} spring bones, {} sub-frames",
+        cpu["poses"], cpu["constraints"], cpu["spring_bones"], cpu["sub_frames"]
+    );
+    match cpu["reuse"].as_str() {
+        Some("frame") => t.push_str("reused     equal to the frame before: not drawn again\n"),
+        Some("scene") => t.push_str("reused     the scene of the frame before, under other 2D layers\n"),
+        _ => {}
+    }
     let clips = &f["clips"];
     if clips["compressed"] != 0 {
         let kilobytes = |key: &str| clips[key].as_f64().unwrap_or(0.0) / 1e3;

@@ -1,4 +1,4 @@
-//! `choreo info`: what is in a model file, or how a picture or video was made.
+//! `choreo info`: what is in a model file, or how an image or video was made.
 
 mod character;
 
@@ -10,7 +10,7 @@ use crate::plugins::plugin_files;
 use crate::scene::model;
 use crate::scene::{self, opening::Opening};
 use crate::terminal::page::Page;
-use choreo_asset::{Asset, Light, LightKind, Origin, Projection};
+use choreo_asset::{Asset, Light, Origin, Projection};
 use choreo_motion::Clip;
 use choreo_plugin::{Registry, Source};
 use choreo_script::{Limits, mapping_lines};
@@ -212,7 +212,7 @@ fn text(t: &mut Page, asset: &Asset, facts: &Facts, joints: bool) {
         t.line(format_args!(
             "light      {} ({}, {})",
             light.name,
-            kind(&light.light.kind),
+            light.light.kind.name(),
             brightness(&light.light)
         ));
     }
@@ -279,16 +279,7 @@ fn projection(p: &Projection) -> String {
 
 /// The intensity in the unit of its kind: candela, or lux for a directional light.
 fn brightness(light: &Light) -> String {
-    let unit = if light.kind == LightKind::Directional { "lx" } else { "cd" };
-    format!("{} {unit}", (f64::from(light.intensity) * 1e3).round() / 1e3)
-}
-
-fn kind(kind: &LightKind) -> &'static str {
-    match kind {
-        LightKind::Directional => "directional",
-        LightKind::Point => "point",
-        LightKind::Spot { .. } => "spot",
-    }
+    format!("{} {}", (f64::from(light.intensity) * 1e3).round() / 1e3, light.kind.unit())
 }
 
 fn facts_json(asset: &Asset, facts: &Facts, joints: bool) -> Value {
@@ -319,7 +310,7 @@ fn facts_json(asset: &Asset, facts: &Facts, joints: bool) -> Value {
             "name": c.name, "seconds": c.duration.as_secs(), "curves": c.curves().len(),
         })).collect::<Vec<_>>(),
         "cameras": asset.cameras.iter().map(|c| c.name.clone()).collect::<Vec<_>>(),
-        "lights": asset.lights.iter().map(|l| json!({ "name": l.name, "kind": kind(&l.light.kind) })).collect::<Vec<_>>(),
+        "lights": asset.lights.iter().map(|l| json!({ "name": l.name, "kind": l.light.kind.name() })).collect::<Vec<_>>(),
         "extents": facts.extents,
         "warnings": asset.warnings.iter().map(|w| json!({ "place": w.place, "text": w.text })).collect::<Vec<_>>(),
     });

@@ -28,8 +28,9 @@ const EFFECT: Files = &[
     ("src/example.wgsl", example!("effect-example/src/example.wgsl")),
 ];
 
-/// Crates of ours that a plugin needs, by kind: always, and for its tests.
-const NEEDS: [(&[&str], &[&str]); 2] = [(&["plugin", "asset"], &[]), (&["plugin"], &["wgsl-effect"])];
+/// Crates that a plugin depends on, by their folders in `core`.
+const IMPORTER_CRATES: &[&str] = &["plugin", "asset"];
+const EFFECT_CRATES: &[&str] = &["plugin", "wgsl_effect"];
 
 pub fn run(args: NewArgs) -> Result<(), Failure> {
     check_name(&args.name)?;
@@ -92,16 +93,16 @@ fn single(args: &NewArgs, into: &Path) -> Result<(), Failure> {
 fn whole(args: &NewArgs, into: &Path) -> Result<(), Failure> {
     let name = &args.name;
     let sources = sources(args)?;
-    let (prefix, files, needs) = match args.kind {
-        Kind::Importer => ("import", IMPORTER, &NEEDS[0]),
-        Kind::Effect => ("effect", EFFECT, &NEEDS[1]),
+    let (prefix, files, crates) = match args.kind {
+        Kind::Importer => ("import", IMPORTER, IMPORTER_CRATES),
+        Kind::Effect => ("effect", EFFECT, EFFECT_CRATES),
     };
     let own = PathBuf::from(format!("{prefix}-{}", name.replace('_', "-")));
     let folder = into.join(&own);
     free(&folder)?;
     let here = if into.as_os_str().is_empty() { Path::new(".") } else { into };
     let in_workspace = here.canonicalize().is_ok_and(|h| h == sources.join("plugins"));
-    let mut all = vec![(own.join("Cargo.toml"), cargo_toml(prefix, name, needs, &sources, in_workspace))];
+    let mut all = vec![(own.join("Cargo.toml"), cargo_toml(prefix, name, crates, &sources, in_workspace))];
     for (file, text) in files {
         all.push((own.join(renamed(file, name)), renamed(text, name)));
     }
@@ -156,23 +157,15 @@ fn renamed(text: &str, name: &str) -> String {
         .replace(&format!("core/cli/{name}s"), "core/cli/examples")
 }
 
-fn cargo_toml(
-    prefix: &str,
-    name: &str,
-    needs: &(&[&str], &[&str]),
-    sources: &Path,
-    in_workspace: bool,
-) -> String {
+fn cargo_toml(prefix: &str, name: &str, crates: &[&str], sources: &Path, in_workspace: bool) -> String {
     let name = name.replace('_', "-");
     // A path in a TOML text: backslashes of Windows would be escapes.
     let sources = sources.display().to_string().replace('\\', "/");
-    let crates = |names: &[&str]| -> String {
-        let one = |n: &&str| match in_workspace {
-            true => format!("choreo-{n}.workspace = true\n"),
-            false => format!("choreo-{n} = {{ path = \"{sources}/core/{}\" }}\n", n.replace('-', "_")),
-        };
-        names.iter().map(one).collect()
+    let one = |folder: &&str| match (folder.replace('_', "-"), in_workspace) {
+        (crate_name, true) => format!("choreo-{crate_name}.workspace = true\n"),
+        (crate_name, false) => format!("choreo-{crate_name} = {{ path = \"{sources}/core/{folder}\" }}\n"),
     };
+    let crates: String = crates.iter().map(one).collect();
     let glam = match (prefix, in_workspace) {
         ("effect", true) => "glam.workspace = true\n",
         ("effect", false) => {
@@ -187,14 +180,7 @@ fn cargo_toml(
         false => "version = \"0.1.0\"\nedition = \"2024\"\n",
     };
     let own = if in_workspace { "" } else { "\n[workspace]\n" };
-    let tests = match needs.1 {
-        [] => String::new(),
-        tests => format!("\n[dev-dependencies]\n{}", crates(tests)),
-    };
-    format!(
-        "[package]\nname = \"{prefix}-{name}\"\n{package}{own}\n[dependencies]\n{}{glam}{tests}",
-        crates(needs.0)
-    )
+    format!("[package]\nname = \"{prefix}-{name}\"\n{package}{own}\n[dependencies]\n{crates}{glam}")
 }
 
 /// All files or none, by names beneath a folder: nothing that exists is touched, and no link is followed.

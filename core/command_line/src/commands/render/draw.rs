@@ -3,7 +3,7 @@
 use crate::args::RenderArgs;
 use crate::commands::render::Job;
 use crate::drawing::device;
-use crate::drawing::pipeline::{Encode, Pipeline, PlanAt, render_failure};
+use crate::drawing::pipeline::{Counts, Encode, Pipeline, PlanAt, SceneKey, render_failure};
 use crate::failure::{Failure, print_message, write_failure};
 use crate::output::image_files::{self, Claim};
 use crate::output::journal::Identity;
@@ -16,23 +16,28 @@ use crate::terminal::progress::Progress;
 use choreo_files::Part;
 use choreo_motion::Time;
 use choreo_plugin::VideoInfo;
+use choreo_render::plan::frame_key::scene_key;
 use choreo_render::plan::motion_blur::plan_at;
 use choreo_render::{PlanOptions, Renderer, SceneResources};
 use choreo_stage::Evaluator;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Pictures being encoded take at most about this much memory, however large each is.
+/// Images being encoded take at most about this much memory, however large each is.
 const PICTURE_BYTES: usize = 256 << 20;
 
 /// What was drawn, and by whom.
 pub struct Drawn {
     pub device: String,
     pub samples: u32,
-    /// Frames drawn in this run; the others were there.
-    pub drawn: u64,
+    /// Why this device, unless it was named.
+    pub reason: Option<String>,
+    /// Frames of this run; the others were there.
+    pub counts: Counts,
     /// Frames that the device timed, and seconds that it was busy with them; where that was asked for and it has a clock.
     pub device_time: Option<(u64, f64)>,
+    /// Frames that the CPU renderer drew, and seconds of each of its stages; where that was asked for.
+    pub stage_times: Option<(u64, Vec<(&'static str, f64)>)>,
     pub provenance: Vec<(String, String)>,
 }
 
@@ -72,7 +77,10 @@ pub fn draw(
     }
     interrupt::watch(false);
     let device_time = time.map(|t| t.total()).filter(|(frames, _)| *frames > 0);
-    result.map(|drawn| Drawn { device, samples, drawn, device_time, provenance: info.provenance })
+    let stage_times = started.stages.map(|stages| stages.total()).filter(|(frames, _)| *frames > 0);
+    let stage_times = stage_times.map(|(frames, secs)| (frames, secs.to_vec()));
+    let (reason, provenance) = (started.reason, info.provenance);
+    result.map(|counts| Drawn { device, samples, reason, counts, device_time, stage_times, provenance })
 }
 
 struct Drawing<'a> {
@@ -84,8 +92,8 @@ struct Drawing<'a> {
 }
 
 impl Drawing<'_> {
-    /// Gives how many frames were drawn. The driver is shut down when it returns: the program may end then.
-    fn run(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<u64, Failure> {
+    /// The driver is shut down when it returns: the program may end then.
+    fn run(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<Counts, Failure> {
         let job = self.job;
         if job.exporter.one_frame_per_file() {
             return self.pictures(renderer, say);
@@ -99,8 +107,9 @@ impl Drawing<'_> {
             }
         };
         begun.note.iter().for_each(|line| say(line));
-        let Some(mut video) = video else { return Ok(0) };
-        let encode: Vec<Encode> = vec![Box::new(|_, frame| video.frame(frame))];
+        let Some(mut video) = video else { return Ok(Counts::default()) };
+        let encode: Vec<Encode> =
+            vec![Box::new(|_, picture, repeated| video.frame(&picture.frame, repeated))];
         let drawn = match self.frames(renderer, &job.frames[begun.done..], encode, say) {
             Ok(drawn) => video.finish().map(|()| drawn),
             Err(failure) => {
@@ -116,7 +125,7 @@ impl Drawing<'_> {
         drawn
     }
 
-    fn pictures(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<u64, Failure> {
+    fn pictures(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<Counts, Failure> {
         let (job, info) = (self.job, self.info);
         let numbers = job.frames.first().zip(job.frames.last());
         let _claim = match numbers {
@@ -139,7 +148,7 @@ impl Drawing<'_> {
         let workers = self.jobs.unwrap_or_else(threads::cores).min(frames.len()).min(PICTURE_BYTES / bytes);
         let mut encode = || -> Encode {
             let mut open = open.take();
-            Box::new(move |frame, picture| {
+            Box::new(move |frame, picture, _| {
                 image_files::write(&job.target, open.take(), &*job.exporter, info, frame, picture)
             })
         };
@@ -152,9 +161,9 @@ impl Drawing<'_> {
         frames: &[(i64, Time)],
         encoders: Vec<Encode>,
         say: &dyn Fn(&str),
-    ) -> Result<u64, Failure> {
+    ) -> Result<Counts, Failure> {
         if frames.is_empty() {
-            return Ok(0);
+            return Ok(Counts::default());
         }
         let resources = Arc::new(SceneResources::new(&self.job.scene.stage));
         let failed = render_failure;
@@ -165,6 +174,8 @@ impl Drawing<'_> {
         let aspect = f64::from(size[0]) / f64::from(size[1].max(1));
         let mut evaluator = Evaluator::new(self.job.scene.stage.clone()).for_images(aspect);
         let options = PlanOptions { effects, ..PlanOptions::new(size, self.samples) };
+        let loaded = resources.clone();
+        let scene_key: SceneKey = Box::new(move |plan| scene_key(plan, &loaded, effects));
         let (started, limit) = (Instant::now(), self.job.scene.limits.render_seconds);
         let plan: PlanAt = Box::new(move |time| {
             if started.elapsed().as_secs_f64() > limit {
@@ -176,13 +187,16 @@ impl Drawing<'_> {
         });
         let progress = Progress::new(frames.len() as u64, self.args.quiet || self.args.json);
         let frames = frames.to_vec();
-        let drawn = Pipeline { frames, plan, renderer: &mut *renderer, encoders, progress: &progress }.run();
+        let renderer_of_frames = &mut *renderer;
+        let pipeline =
+            Pipeline { frames, plan, scene_key, renderer: renderer_of_frames, encoders, progress: &progress };
+        let counts = pipeline.run();
         progress.clear();
         renderer.take_notes().iter().for_each(|line| say(line));
-        drawn
+        counts
     }
 
-    /// What a stopped render must have been to be gone on with: besides how a picture is made, which, and in what format.
+    /// What a stopped render must have been to be gone on with: besides how an image is made, which, and in what format.
     fn identity(&self) -> Identity {
         let mut identity = self.info.provenance.clone();
         let manifest = self.job.exporter.manifest();

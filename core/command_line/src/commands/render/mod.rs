@@ -91,7 +91,7 @@ pub fn prepare(
     let mut scene = scene::open(&args.scene, registry, opening)?;
     let mut settings = scene.stage.settings.clone();
     settings.size = size.unwrap_or(settings.size);
-    // The stage too: a camera that frames what it sees does so for the shape of this picture.
+    // The stage too: a camera that frames what it sees does so for the shape of this image.
     Arc::make_mut(&mut scene.stage).settings.size = settings.size;
     settings.fps = fps.unwrap_or(settings.fps);
     let total = settings.fps.frames_in(settings.length).max(1);
@@ -116,7 +116,7 @@ pub fn prepare(
         }
         (None, None) if one_picture && total > 1 && scene.is_script => {
             return Err(Failure::Usage(format!(
-                "{} holds one picture and the scene has {total} frames; type --at 0 for one of them, or -o {} for all",
+                "{} holds one image and the scene has {total} frames; type --at 0 for one of them, or -o {} for all",
                 target.shown(),
                 numbered(&args.output)
             )));

@@ -1,4 +1,4 @@
-//! `choreo render --stages`: what the CPU renderer does on the way to a frame, a picture a stage.
+//! `choreo render --stages`: what the CPU renderer does on the way to a frame, an image a stage.
 
 use crate::args::RenderArgs;
 use crate::commands::render;
@@ -23,7 +23,7 @@ use std::sync::Arc;
 const CAPTIONS: [&str; 5] = [
     "model: each mesh as its file has it, around its own origin",
     "view: all of it where it stands, from above; the camera is below, its view between the grey lines",
-    "clip: projected and divided by w; the picture is what lies in the white frame",
+    "clip: projected and divided by w; the image is what lies in the white frame",
     "raster: which triangle is nearest at each pixel, a color each",
     "depth: how near that is; white is nearest",
 ];
@@ -53,7 +53,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let folder = Path::new(&args.output);
     if folder.extension().is_some() {
         let text =
-            format!("--stages writes a picture a stage into a folder, and -o names a file: {}", args.output);
+            format!("--stages writes an image a stage into a folder, and -o names a file: {}", args.output);
         return Err(Failure::Usage(text));
     }
     let file = |number: usize, name: &str| folder.join(format!("{number}_{name}.png"));

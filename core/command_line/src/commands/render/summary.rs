@@ -3,11 +3,13 @@
 use crate::args::RenderArgs;
 use crate::commands::render::Job;
 use crate::commands::render::draw::Drawn;
+use crate::drawing::pipeline::Counts;
 use crate::failure::{Failure, print_json, print_json_message, print_message};
 use crate::output::target::Target;
 
 pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<(), Failure> {
-    let frames = job.frames.len();
+    let frames = job.frames.len() as u64;
+    let Counts { drawn: own, repeated, recomposed } = drawn.counts;
     if args.json {
         let made: serde_json::Map<String, serde_json::Value> =
             drawn.provenance.iter().map(|(k, v)| (k.clone(), v.clone().into())).collect();
@@ -15,12 +17,15 @@ pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<
             "ok": true,
             "output": job.target.shown(),
             "frames": frames,
-            "drawn": drawn.drawn,
-            "reused": frames as u64 - drawn.drawn.min(frames as u64),
+            "drawn": own,
+            "reused": frames - own.min(frames),
+            "repeated": repeated,
+            "recomposed": recomposed,
             "size": job.settings.size,
             "fps": job.settings.fps.as_fps(),
             "samples": drawn.samples,
             "device": drawn.device,
+            "device_reason": drawn.reason,
             "seconds": secs,
             "warnings": job.scene.warnings,
             "provenance": made,
@@ -28,6 +33,11 @@ pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<
         if let Some((frames, secs)) = drawn.device_time {
             value["device_frames"] = frames.into();
             value["device_seconds"] = secs.into();
+        }
+        if let Some((frames, stages)) = &drawn.stage_times {
+            value["stage_frames"] = (*frames).into();
+            let secs = stages.iter().map(|(name, secs)| (name.to_string(), (*secs).into()));
+            value["stage_seconds"] = secs.collect::<serde_json::Map<_, _>>().into();
         }
         if job.target == Target::Stdout {
             print_json_message(&value);
@@ -37,14 +47,11 @@ pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<
     }
     if !args.quiet {
         let plural = if frames == 1 { "frame" } else { "frames" };
-        let there = match frames as u64 - drawn.drawn.min(frames as u64) {
-            0 => String::new(),
-            reused if args.watch => format!(", {reused} of them drawn before,"),
-            reused => format!(", {reused} of them there before,"),
-        };
+        let because = drawn.reason.iter().map(|why| format!(" ({why})")).collect::<String>();
         print_message(format_args!(
-            "{frames} {plural}{there} in {secs:.1} s ({:.0} a second) on {}: {}",
-            drawn.drawn as f64 / secs,
+            "{frames} {plural}{} in {secs:.1} s ({:.0} a second) on {}{because}: {}",
+            not_drawn(frames, drawn.counts, args.watch),
+            (own + repeated + recomposed) as f64 / secs,
             drawn.device,
             job.target.shown()
         ));
@@ -53,9 +60,33 @@ pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<
                 "the device was busy for {:.3} ms a frame, measured by its clock",
                 secs * 1e3 / frames as f64
             )),
-            None if args.timings => print_message("no time of the device: it has no clock, or the CPU drew"),
+            None if args.timings && drawn.stage_times.is_none() => {
+                print_message("no time of the device: it has no clock, or no frame was drawn");
+            }
             None => {}
+        }
+        if let Some((frames, stages)) = &drawn.stage_times {
+            let of = |(name, secs): &(&str, f64)| format!("{name} {:.2}", secs * 1e3 / *frames as f64);
+            let stages: Vec<String> = stages.iter().map(of).collect();
+            print_message(format_args!("ms a drawn frame by the clock: {}", stages.join(", ")));
         }
     }
     Ok(())
+}
+
+/// What of the frames was not drawn, and why.
+fn not_drawn(frames: u64, counts: Counts, watch: bool) -> String {
+    let Counts { drawn, repeated, recomposed } = counts;
+    let reused = frames - drawn.min(frames);
+    let parts = match watch {
+        true => vec![(reused, "drawn before")],
+        false => vec![
+            (reused - (repeated + recomposed).min(reused), "there before"),
+            (repeated, "equal to the one before"),
+            (recomposed, "with other 2D layers over the same scene"),
+        ],
+    };
+    let parts = parts.into_iter().filter(|(count, _)| *count > 0);
+    let words: Vec<String> = parts.map(|(count, what)| format!("{count} of them {what}")).collect();
+    if words.is_empty() { String::new() } else { format!(", {},", words.join(", ")) }
 }

@@ -32,7 +32,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let mut watch = Watch::new().map_err(failed)?;
     let started = device::start(args.device, plugins.effects()).wait()?;
     let renderer = Remembering::new(started.renderer);
-    let mut note = started.note;
+    let (mut note, reason) = (started.note, started.reason);
     let keep = Keep::default();
     loop {
         let begun = Instant::now();
@@ -40,10 +40,15 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
             let registry = scene::plugins(&args.scene, plugins)?;
             let job = super::prepare(args, target.clone(), &registry, Some(&keep))?;
             renderer.begin().map_err(render_failure)?;
-            let started =
-                device::Started { renderer: Box::new(renderer.clone()), time: None, note: note.take() };
+            let started = device::Started {
+                renderer: Box::new(renderer.clone()),
+                time: None,
+                stages: None,
+                note: note.take(),
+                reason: reason.clone(),
+            };
             let mut drawn = draw::draw(args, &job, started, jobs)?;
-            drawn.drawn -= renderer.reused().min(drawn.drawn);
+            drawn.counts.drawn -= renderer.reused().min(drawn.counts.drawn);
             summary::report(args, &job, &drawn, begun.elapsed().as_secs_f64())
         };
         // What is wrong now may be right after the next save.

@@ -78,7 +78,7 @@ impl Job {
             Some(Device::Vulkan) => Some(painter::Device::Vulkan),
             Some(Device::Auto) => {
                 return Err(Failure::Usage(
-                    "--device auto: a picture belongs to one device; say cpu or vulkan".into(),
+                    "--device auto: an image belongs to one device; say cpu or vulkan".into(),
                 ));
             }
         };
@@ -159,7 +159,7 @@ fn folders() -> Result<(Option<PathBuf>, Option<PathBuf>), Failure> {
             let made =
                 Folder::open(Path::new("")).map_err(WriteError::Io).and_then(|f| f.create_folders(&folder));
             match made {
-                // Without results and pictures the tests still run.
+                // Without results and images the tests still run.
                 Ok(_) | Err(WriteError::Io(_)) => Ok(Some(folder)),
                 Err(e) => Err(write_failure(&work.display().to_string(), e)),
             }
@@ -189,7 +189,7 @@ fn once(args: &TestArgs, job: &Job, cases: &[Case], registry: &Registry) -> Resu
         && let Some(name) = names.iter().find(|n| !report.pictures.contains(*n))
     {
         return Err(Failure::Usage(format!(
-            "--accept={}: no section that ran has a picture of this name{}",
+            "--accept={}: no section that ran has an image of this name{}",
             quoted(name),
             did_you_mean(name, report.pictures.iter().map(String::as_str))
         )));

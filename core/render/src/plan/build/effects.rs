@@ -4,7 +4,7 @@ use crate::plan::build::Planner;
 use crate::plan::options::PlanOptions;
 use crate::plan::{Features, LeftOut, PostPass};
 use choreo_asset::Primitive;
-use choreo_plugin::{Effect, Exposure, Hook, OptionKind, SurfaceNeeds};
+use choreo_plugin::{Effect, Hook, OptionKind, Shutter, SurfaceInputs};
 use choreo_stage::{EffectState, EffectTarget, EffectUse, Snapshot, Stage};
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ pub(crate) const MOST_SURFACE_EFFECTS: usize = 8;
 pub(super) struct SceneEffect {
     pub used: PostPass,
     hook: Hook,
-    needs: SurfaceNeeds,
+    needs: SurfaceInputs,
     /// Largest displacement in meters.
     pub reach: f32,
     on: Vec<EffectTarget>,
@@ -27,9 +27,9 @@ pub(super) struct SurfaceEffects {
     pub surface: u8,
     pub displaced: u8,
     pub lighting: u8,
-    pub needs: SurfaceNeeds,
+    pub needs: SurfaceInputs,
     /// What displacements read, in shadow maps too.
-    displacement_needs: SurfaceNeeds,
+    displacement_needs: SurfaceInputs,
     /// Largest displacement in meters.
     pub reach: f32,
 }
@@ -45,7 +45,7 @@ impl SurfaceEffects {
 
 impl Planner<'_> {
     /// Effects on the surfaces of an actor with a material of its asset.
-    pub fn effects_of(&self, actor: usize, material: Option<u32>) -> SurfaceEffects {
+    pub(crate) fn effects_of(&self, actor: usize, material: Option<u32>) -> SurfaceEffects {
         let mut all = SurfaceEffects::default();
         for (i, effect) in self.scene_effects.iter().enumerate() {
             if !EffectTarget::among(&effect.on, actor, material) {
@@ -72,7 +72,7 @@ impl Planner<'_> {
     }
 
     /// Whether a key's effects on the surface read neither textures nor joints.
-    pub fn effects_read_position_only(&self, surface: u8) -> bool {
+    pub(crate) fn effects_read_position_only(&self, surface: u8) -> bool {
         let on = self.scene_effects.iter().enumerate().filter(|(bit, _)| surface >> bit & 1 == 1);
         on.map(|(_, effect)| &effect.needs).all(|needs| !needs.uvs && !needs.joints)
     }
@@ -98,7 +98,7 @@ pub fn effect_parameters(effect: &dyn Effect, given: &[(String, f64)]) -> [f32; 
     parameters
 }
 
-/// Active effects whose plugin is known.
+/// Active effects whose plugin is known and which change something.
 pub(super) fn uses<'a>(
     stage: &'a Stage,
     snapshot: &'a Snapshot,
@@ -106,19 +106,21 @@ pub(super) fn uses<'a>(
 ) -> impl Iterator<Item = (&'a dyn Effect, &'a EffectUse, &'a EffectState)> {
     snapshot.effects.iter().filter_map(|state| {
         let used = stage.effects.get(state.effect)?;
-        Some((&**effects.iter().find(|e| e.manifest().name == used.plugin)?, used, state))
+        let effect = &**effects.iter().find(|e| e.manifest().name == used.plugin)?;
+        let off = effect.off(&effect_parameters(effect, &state.parameters)).is_some();
+        (!off).then_some((effect, used, state))
     })
 }
 
-/// Exposure of the last active effect that sets one.
+/// Shutter of the last active effect that sets one.
 pub(crate) fn exposure_of(
     stage: &Stage,
     snapshot: &Snapshot,
     effects: &[Arc<dyn Effect>],
-) -> Option<Exposure> {
-    let of_hook = uses(stage, snapshot, effects).filter(|(effect, ..)| effect.hook() == Hook::Exposure);
+) -> Option<Shutter> {
+    let of_hook = uses(stage, snapshot, effects).filter(|(effect, ..)| effect.hook() == Hook::Shutter);
     let exposures = of_hook
-        .filter_map(|(effect, _, state)| effect.exposure(&effect_parameters(effect, &state.parameters)));
+        .filter_map(|(effect, _, state)| effect.shutter(&effect_parameters(effect, &state.parameters)));
     exposures.last().filter(|e| e.samples > 1 && e.open > 0.0)
 }
 
@@ -138,7 +140,7 @@ pub(super) fn scene_effects(stage: &Stage, snapshot: &Snapshot, options: &PlanOp
         SceneEffect {
             used: PostPass { effect: used.plugin.clone(), parameters, number: 0, shrink: 1 },
             hook: effect.hook(),
-            needs: effect.surface_needs(&parameters),
+            needs: effect.surface_inputs(&parameters),
             reach: if reach.is_finite() { reach.max(0.0) } else { 0.0 },
             on: used.on.clone(),
         }
@@ -150,7 +152,9 @@ pub(super) fn scene_effects(stage: &Stage, snapshot: &Snapshot, options: &PlanOp
 pub(super) fn background_effects(effects: &[SceneEffect], options: &PlanOptions) -> u8 {
     let changes = |SceneEffect { used, hook, on, .. }: &SceneEffect| {
         let effect = options.effects.iter().find(|e| e.manifest().name == used.effect);
-        *hook == Hook::Surface && on.is_empty() && effect.is_some_and(|e| e.of_background(&used.parameters))
+        *hook == Hook::Surface
+            && on.is_empty()
+            && effect.is_some_and(|e| e.changes_background(&used.parameters))
     };
     effects.iter().enumerate().map(|(i, used)| u8::from(changes(used)) << i).sum()
 }
@@ -170,17 +174,21 @@ pub(super) fn post_passes(
             leave_out("no plugin of this name is known".into());
             continue;
         };
+        let parameters = effect_parameters(effect.as_ref(), &state.parameters);
+        if let Some(why) = effect.off(&parameters) {
+            leave_out(why);
+            continue;
+        }
         in_scene += usize::from(effect.hook().is_in_scene());
         if effect.hook().is_in_scene() && in_scene > MOST_SURFACE_EFFECTS {
             leave_out(format!("at most {MOST_SURFACE_EFFECTS} effects on surfaces are on at once"));
         }
-        if !matches!(effect.hook(), Hook::Pixel | Hook::Picture) {
+        if !matches!(effect.hook(), Hook::Pixel | Hook::Image) {
             continue;
         }
-        let parameters = effect_parameters(effect.as_ref(), &state.parameters);
-        let times = if effect.hook() == Hook::Picture { effect.passes() } else { 1 };
+        let times = if effect.hook() == Hook::Image { effect.passes() } else { 1 };
         passes.extend((0..times).map(|number| {
-            let smaller = effect.hook() == Hook::Picture && number + 1 < times;
+            let smaller = effect.hook() == Hook::Image && number + 1 < times;
             let shrink = if smaller { effect.shrink(number, options.size, &parameters).max(1) } else { 1 };
             PostPass { effect: used.plugin.clone(), parameters, number, shrink }
         }));

@@ -8,7 +8,7 @@ use choreo_asset::Aabb;
 
 impl Planner<'_> {
     /// The entry with the coarsest level whose geometric error does not show.
-    pub fn level_of_detail(
+    pub(crate) fn level_of_detail(
         &mut self,
         entry: &PrimitiveEntry,
         bounds: Aabb,

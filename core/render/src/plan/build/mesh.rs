@@ -79,6 +79,12 @@ impl<'a> Planner<'a> {
         }
     }
 
+    /// What effects on a surface need to sample the sky behind it.
+    fn sky_of_effects(&self, effects: &SurfaceEffects) -> Features {
+        let sampled = effects.surface != 0 && self.sky && self.sky_background;
+        Features::SKY.with(self.display.features).when(sampled)
+    }
+
     fn primitive(&mut self, entry: &PrimitiveEntry, mesh: &MeshContext<'a>) -> Option<PrimitiveContext<'a>> {
         let (asset, state) = (mesh.asset, mesh.state);
         let entry = self.resources.showing(entry, self.time);
@@ -106,14 +112,14 @@ impl<'a> Planner<'a> {
             local_lights: self.local_lights,
             sky: self.sky,
             polynomial: self.polynomial,
+            display: self.display.features,
         };
         let effects = self.effects_of(mesh.actor, entry.of_asset);
         let read = effects.needs;
         let features = features(primitive, resource, needs, self.options.force_all)
             .with(Features::EFFECT_NORMALS.when(read.normals && !shape.normals.is_empty()))
             .with(Features::UV0.when(read.uvs && !shape.uvs[0].is_empty()))
-            // Effects on surfaces may sample the background.
-            .with(Features::SKY.when(effects.surface != 0 && self.sky && self.sky_background))
+            .with(self.sky_of_effects(&effects))
             .with(Features::EFFECT_JOINTS.when(read.joints && needs.skinned && !needs.dual))
             .with(Features::EFFECT_SHADOW.when(read.shadow && lit));
         let morph_offset = info.morph_offset(mesh.weights);

@@ -1,6 +1,7 @@
 //! Snapshot → plan: what is in view, which pipelines and matrices it needs, and in which order it is drawn.
 
 mod deferred;
+mod display;
 pub mod effects;
 mod items;
 mod lights;
@@ -17,6 +18,7 @@ mod transparency;
 
 use crate::affine::Affine3x4;
 use crate::layers_2d::compose_layers;
+use crate::plan::build::display::Display;
 use crate::plan::build::effects::{SceneEffect, background_effects, post_passes, scene_effects};
 use crate::plan::build::items::{DrawItem, sort};
 use crate::plan::build::lights::{plan_lights, plan_sky};
@@ -51,8 +53,10 @@ impl Plan {
         let view = View::new(&snapshot.camera, options.size);
         let (mut lights, mut shadows, dark_lights) = plan_lights(&snapshot.lights, &view);
         let many_lights = light_clusters::sort(&mut lights, &mut shadows);
+        let display = Display::new(stage, snapshot, options);
         let mut planner = Planner {
             resources,
+            display,
             options,
             local_lights: lights.iter().any(PlanLight::is_local),
             polynomial: lights.iter().any(PlanLight::is_polynomial),
@@ -97,6 +101,7 @@ struct Planner<'a> {
     options: &'a PlanOptions<'a>,
     view: View,
     time: Time,
+    display: Display,
     /// Point or spot lights shine.
     local_lights: bool,
     /// Some light falls off by a polynomial.
@@ -203,7 +208,8 @@ impl<'a> Planner<'a> {
         let deferred = self.deferred(&mut draws, (lights.len(), light_clusters.as_ref()));
         let (overlay, labels, overlay_left_out) = overlays(stage, snapshot, &self.view, options);
         let [layers_behind, layers_in_front] = compose_layers(stage, snapshot, &labels, options.size);
-        let (post, unknown_effects) = post_passes(stage, snapshot, options);
+        let (mut post, unknown_effects) = post_passes(stage, snapshot, options);
+        self.display.add_pass(&mut post, options);
         self.facts = Facts {
             flats: usize::from(layers_behind.is_some()) + usize::from(layers_in_front.is_some()),
             blended: self.items.len() - first_transparent,
@@ -228,6 +234,8 @@ impl<'a> Planner<'a> {
             background: snapshot.background,
             ambient_up: if lit { snapshot.ambient_up } else { Vec3::ZERO },
             ambient_down: if lit { snapshot.ambient_down } else { Vec3::ZERO },
+            exposure: self.display.exposure,
+            display: self.display.features,
             light_clusters,
             lights: if lit { lights } else { Vec::new() },
             layers_behind,

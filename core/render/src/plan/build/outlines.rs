@@ -49,11 +49,11 @@ pub(super) fn effect_lines(
 ) -> Vec<(SurfaceLine, Vec<EffectTarget>)> {
     let mut out = Vec::new();
     for (effect, used, state) in uses(stage, snapshot, options.effects) {
-        if effect.hook() != Hook::Shell {
+        if effect.hook() != Hook::Outline {
             continue;
         }
         let parameters = effect_parameters(effect, &state.parameters);
-        if let Some(shell) = effect.shell(&parameters).filter(|s| s.width > 0.0) {
+        if let Some(shell) = effect.inverted_hull(&parameters).filter(|s| s.width > 0.0) {
             let outline = Outline {
                 width: shell.width / options.size[1].max(1) as f32,
                 on_screen: true,
@@ -63,14 +63,16 @@ pub(super) fn effect_lines(
             };
             out.push((SurfaceLine::Outline(outline), used.on.clone()));
         }
-        out.extend(effect.edges(&parameters).map(|color| (SurfaceLine::Wireframe(color), used.on.clone())));
+        out.extend(
+            effect.wireframe(&parameters).map(|color| (SurfaceLine::Wireframe(color), used.on.clone())),
+        );
     }
     out
 }
 
 impl Planner<'_> {
     /// Largest outline width around a primitive of an actor: meters, and a share of the image's height.
-    pub fn outline_width(
+    pub(crate) fn outline_width(
         &self,
         entry: &PrimitiveEntry,
         material_override: Option<u32>,
@@ -92,7 +94,7 @@ impl Planner<'_> {
     }
 
     /// Adds the draws of the outlines and wireframes of a visible copy, whose own draw is `item`.
-    pub fn add_outlines(
+    pub(crate) fn add_outlines(
         &mut self,
         primitive: &PrimitiveResource,
         vertex_features: Features,

@@ -138,7 +138,7 @@ fn shares(
 
 impl Planner<'_> {
     /// Notes the bounds of a copy in view, if it is lit. `material`: its material and override.
-    pub fn add_receiver(&mut self, bounds: Aabb, key: &PipelineKey, material: (u32, Option<u32>)) {
+    pub(crate) fn add_receiver(&mut self, bounds: Aabb, key: &PipelineKey, material: (u32, Option<u32>)) {
         if !key.features.is_lit() || !bounds.min.is_finite() || !bounds.max.is_finite() {
             return;
         }

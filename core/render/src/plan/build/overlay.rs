@@ -4,7 +4,7 @@ use crate::layers_2d::ScreenLabel;
 use crate::plan::build::effects::{effect_parameters, uses};
 use crate::plan::options::PlanOptions;
 use crate::plan::{LeftOut, OverlayPart, OverlayVertex, PlanOverlay, View};
-use choreo_plugin::{Hook, Label, Lattice, Overlay, Scene, Stroke, Triangle};
+use choreo_plugin::{EffectScene, Hook, Label, Lattice, Overlay, Stroke, Triangle};
 use choreo_stage::{Snapshot, Stage};
 use glam::{DVec3, Vec2, Vec4, Vec4Swizzles};
 
@@ -24,8 +24,8 @@ pub(super) fn overlays(
             continue;
         }
         let parameters = effect_parameters(effect, &state.parameters);
-        let mut drawn =
-            effect.overlay(&Scene { stage, snapshot, before: options.before, on: &used.on }, &parameters);
+        let mut drawn = effect
+            .overlay(&EffectScene { stage, snapshot, before: options.before, on: &used.on }, &parameters);
         // Six vertices of 64 bytes for each stroke: 38 MB.
         let most = Overlay::MOST;
         let counts = [("lines and points", drawn.strokes.len()), ("triangles", drawn.triangles.len())];
@@ -73,7 +73,7 @@ fn label(l: Label, view: &View) -> Option<ScreenLabel> {
 fn triangles(all: &[Triangle], view: &View, out: &mut Vec<OverlayVertex>) {
     let mut seen: Vec<(f32, [Vec4; 3], Vec4)> = Vec::new();
     for t in all.iter().filter(|t| t.color.is_finite() && t.color.w > 0.0) {
-        let relative = t.corners.map(|c| (c - view.position).as_vec3());
+        let relative = t.vertices.map(|c| (c - view.position).as_vec3());
         let clip = relative.map(|r| view.clip_from_relative * r.extend(1.0));
         let beside = |c: &Vec4| [c.w - c.z, c.z, c.w + c.x, c.w - c.x, c.w + c.y, c.w - c.y];
         let [a, b, c] = [0, 1, 2].map(|i| beside(&clip[i]));

@@ -4,7 +4,7 @@
 //! Texels of a directional light's map lie on a grid that is fixed in the world, and their size changes in steps, so that shadows
 //! do not swim.
 
-use crate::plan::{LightType, PlanLight, View};
+use crate::plan::{PlanLight, View};
 use crate::scene_resources::bounds::outside;
 use choreo_asset::Aabb;
 use choreo_stage::Shadow;
@@ -49,9 +49,9 @@ pub(super) fn fit(light: &PlanLight, shadow: Shadow, region: &ShadowRegion<'_>) 
     if region.receivers.is_empty() || region.casters.is_empty() {
         return Vec::new();
     }
-    match light.kind {
-        LightType::Directional => cascades(Axes::along(direction), most, softness, region),
-        _ => perspective_maps(light, direction, most, softness, region),
+    match light.is_local() {
+        false => cascades(Axes::along(direction), most, softness, region),
+        true => perspective_maps(light, direction, most, softness, region),
     }
 }
 
@@ -239,8 +239,7 @@ fn perspective_maps(
     region: &ShadowRegion<'_>,
 ) -> Vec<FittedMap> {
     let position = light.position.as_dvec3();
-    let is_spot = light.kind == LightType::Spot;
-    let cos_outer = if is_spot { f64::from(light.cos_outer()).clamp(-1.0, 1.0) } else { -1.0 };
+    let cos_outer = f64::from(light.cos_outer()).clamp(-1.0, 1.0);
     // The maps must be sharp at the distance of the center of what is lit.
     let middle = region.receivers.iter().fold(DVec3::ZERO, |sum, b| sum + b.center().as_dvec3())
         / region.receivers.len() as f64;
@@ -312,6 +311,7 @@ pub(super) fn pack(sizes: &[[u32; 2]]) -> Option<(Vec<[u32; 2]>, [u32; 2])> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::LightType;
     use choreo_asset::Projection;
     use choreo_stage::CameraState;
     use glam::{DAffine3, Vec3, Vec4};

@@ -34,7 +34,7 @@ pub(super) struct PlacedMap {
 
 impl Planner<'_> {
     /// Shadow maps of all lights, as many as there is room for; each light gets the range of its views.
-    pub fn fit_shadow_maps(
+    pub(crate) fn fit_shadow_maps(
         &mut self,
         lights: &mut [PlanLight],
         shadows: &[Option<Shadow>],

@@ -56,7 +56,7 @@ impl SkinMatrices {
     }
 
     /// Bounds in model space, if the file places the model several times.
-    pub fn bounds_in_model(&self, primitive: &PrimitiveResource, morph_offset: Aabb) -> Option<Aabb> {
+    pub(crate) fn bounds_in_model(&self, primitive: &PrimitiveResource, morph_offset: Aabb) -> Option<Aabb> {
         let info = &primitive.info;
         let same = || Affine3x4::from_affine(DAffine3::IDENTITY);
         self.placed.then(|| match self.dual_quaternions.is_empty() {
@@ -69,7 +69,7 @@ impl SkinMatrices {
 impl Planner<'_> {
     /// The determinant whose sign distinguishes a copy's front faces from its back faces, and whether all of its joints have that
     /// sign.
-    pub fn handedness(
+    pub(crate) fn handedness(
         &self,
         info: &PrimitiveInfo,
         skin: Option<usize>,

@@ -147,14 +147,14 @@ impl Pairs<'_> {
 
 impl Planner<'_> {
     /// Whether cut-outs of a surface keep samples (alpha to coverage).
-    pub fn smooth_cutouts(&self, actor: usize, material: Option<u32>) -> bool {
+    pub(crate) fn smooth_cutouts(&self, actor: usize, material: Option<u32>) -> bool {
         let (actor, settings) = (&self.stage.actors[actor], &self.stage.settings);
         self.options.samples > 1 && actor.cutouts(material, settings) == Cutouts::Smooth
     }
 
     /// Adds a transparent copy and gives its index. `own`: bounds in mesh space and the transform from there, if it is rigid.
     /// `of`: actor and copy, the asset's material.
-    pub fn add_transparent(
+    pub(crate) fn add_transparent(
         &mut self,
         bounds: Aabb,
         own: Option<(Aabb, &Affine3x4)>,

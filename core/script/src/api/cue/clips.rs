@@ -8,7 +8,7 @@ use choreo_motion::Clip;
 use std::sync::Arc;
 
 /// The clip of an argument, bound to the joints of `asset`.
-pub fn bound_clip(c: &Call, i: usize, asset: &Arc<Asset>) -> Result<Arc<Clip>, ApiError> {
+pub(crate) fn bound_clip(c: &Call, i: usize, asset: &Arc<Asset>) -> Result<Arc<Clip>, ApiError> {
     let Some(given) = c.value(i).try_cast::<ClipRef>() else {
         return Err(c.wrong(i, "a Clip, as in asset.clip(\"name\")"));
     };

@@ -86,7 +86,7 @@ pub fn reference(c: &Call, clip: &Clip) -> Result<Reference, ApiError> {
     Ok(Reference::At(time))
 }
 
-pub fn layer_weight(c: &mut Call) -> Reply {
+pub(crate) fn layer_weight(c: &mut Call) -> Reply {
     let how = if c.len() > 1 { keys::how(c, 1)? } else { "linear" };
     let within = |v: &Dynamic, label: &str| crate::call::number_in(v, label, 0.0, 1.0);
     let value = c.value(0);
@@ -105,7 +105,7 @@ pub fn layer_weight(c: &mut Call) -> Reply {
     })
 }
 
-pub fn priority(c: &mut Call) -> Reply {
+pub(crate) fn priority(c: &mut Call) -> Reply {
     let value = c.value(0);
     let number = value.as_int().ok().filter(|n| (0..=1000).contains(n));
     let number = number.ok_or_else(|| c.wrong(0, "a whole number from 0 to 1000"))? as u32;

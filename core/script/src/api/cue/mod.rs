@@ -9,14 +9,13 @@ use crate::build::{CueDraft, room};
 use crate::call::{ApiError, Call, Reply, api};
 use crate::value::CueRef;
 use choreo_stage::{Property, Repeat, TimeRemapping};
-pub use clips::bound_clip;
+pub(crate) use clips::bound_clip;
 pub use layer::reference;
 use layer::{additive, layer_weight, on, priority, subtractive};
 use options::change_copy;
-pub use options::{DEFS as OPTION_DEFS, ease_of, read_options};
+pub(crate) use options::{DEFS as OPTION_DEFS, ease_of, read_options};
 use rhai::Dynamic;
 use std::sync::Arc;
-pub use times::all_times;
 use times::{end, length, start, time_of};
 
 api! {

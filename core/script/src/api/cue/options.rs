@@ -2,7 +2,8 @@
 
 use crate::api::keys;
 use crate::build::CueDraft;
-use crate::call::{ApiError, Call, Def, Gives, Reply, number, number_in, numbers, wrong};
+use crate::call::{ApiError, Call, Function, Reply, number, number_in, numbers, wrong};
+use crate::def::{Def, Gives};
 use crate::suggest::{did_you_mean, list};
 use crate::value::{CueRef, Kind};
 use choreo_motion::{Ease, Shape, Time};
@@ -11,7 +12,7 @@ use rhai::Dynamic;
 use std::sync::Arc;
 
 /// An option of `play` and `then`.
-pub struct CueOption {
+struct CueOption {
     pub name: &'static str,
     set: fn(&Call, &mut CueDraft, &Given) -> Result<(), ApiError>,
 }
@@ -36,19 +37,21 @@ impl Given {
 /// Declares options with their methods as in [`api!`](crate::call::api); `option` declares one without a method.
 macro_rules! options {
     ($($(#[doc = $doc:literal])+ $name:ident($args:literal) = $set:expr;)* $(option $only:ident = $only_set:expr;)*) => {
-        pub const OPTIONS: &[CueOption] = &[
+        const OPTIONS: &[CueOption] = &[
             $(CueOption { name: stringify!($name), set: $set },)*
             $(CueOption { name: stringify!($only), set: $only_set },)*
         ];
-        pub const DEFS: &[Def] = &[$(Def {
-            on: Kind::Cue,
-            name: stringify!($name),
-            args: $args,
-            gives: Gives::Itself,
-            doc: &[$($doc),+],
-            options: None,
-            frame: false,
-            tests: false,
+        pub(crate) const DEFS: &[Function] = &[$(Function {
+            def: Def {
+                on: Kind::Cue,
+                name: stringify!($name),
+                args: $args,
+                gives: Gives::Itself,
+                doc: &[$($doc),+],
+                options: None,
+                frame: false,
+                tests: false,
+            },
             run: method,
         }),*];
     };
@@ -124,7 +127,7 @@ options! {
 }
 
 /// Reads the option map at `i` into a cue.
-pub fn read_options(c: &Call, i: usize, cue: &mut CueDraft) -> Result<(), ApiError> {
+pub(crate) fn read_options(c: &Call, i: usize, cue: &mut CueDraft) -> Result<(), ApiError> {
     let names: Vec<&str> = OPTIONS.iter().map(|option| option.name).collect();
     let o = c.options(i, &names)?;
     for option in OPTIONS {
@@ -149,7 +152,7 @@ fn method(c: &mut Call) -> Reply {
 }
 
 /// Changes a copy of the cue, so that the build stays accessible while the values of the script are read.
-pub fn change_copy(c: &Call, change: impl FnOnce(&mut CueDraft) -> Result<(), ApiError>) -> Reply {
+pub(crate) fn change_copy(c: &Call, change: impl FnOnce(&mut CueDraft) -> Result<(), ApiError>) -> Reply {
     let this: CueRef = c.this()?;
     let mut draft = c.build().cue(this.0)?.clone();
     change(&mut draft)?;
@@ -202,7 +205,7 @@ fn trim(_: &Call, cue: &mut CueDraft, given: &Given) -> Result<(), ApiError> {
 }
 
 /// Reads an easing: a name, `in_out_cubic`, or the control points of a Bézier curve, `[x1, y1, x2, y2]`.
-pub fn ease_of(value: &Dynamic, label: &str) -> Result<Ease, ApiError> {
+pub(crate) fn ease_of(value: &Dynamic, label: &str) -> Result<Ease, ApiError> {
     if let Some(points) = numbers(value) {
         let bezier = <[f64; 4]>::try_from(points).ok().filter(|p| p.iter().all(|v| (0.0..=1.0).contains(v)));
         return bezier

@@ -1,95 +1,10 @@
-//! Start and end times of cues.
+//! Start and end times of cues, for scripts.
 
-use crate::build::{Build, CueDraft};
 use crate::call::{ApiError, Call, Reply};
+use crate::cue_times::times;
 use crate::value::CueRef;
-use choreo_motion::Time;
-use choreo_stage::{Cue, Repeat};
+use choreo_stage::Repeat;
 use rhai::Dynamic;
-
-impl CueDraft {
-    /// The cue as it is put on stage, with its start time.
-    pub fn cue(&self, start: Time) -> Cue {
-        Cue {
-            start,
-            speed: if self.reverse { -self.cue.speed } else { self.cue.speed },
-            trim: self.part(),
-            ..self.cue.clone()
-        }
-    }
-
-    /// Whether the clip plays at one constant speed.
-    pub fn is_even(&self) -> bool {
-        self.cue.time_remapping.is_none() && self.cue.freezes.is_empty()
-    }
-
-    pub fn part(&self) -> (Time, Time) {
-        self.trim.unwrap_or((Time::ZERO, self.cue.clip.duration))
-    }
-
-    /// Duration of the trimmed part, played once at its speed.
-    pub fn length(&self) -> Time {
-        let (start, end) = self.part();
-        (end - start).scaled(1.0 / self.cue.speed)
-    }
-
-    /// The repeat mode of the script. By default layers and cues that another follows play once; others loop.
-    pub fn repeats(&self, layer: bool) -> Repeat {
-        let once = layer || (self.followed && self.until.is_none());
-        self.repeat.unwrap_or(if once { Repeat::Once } else { Repeat::Loop })
-    }
-}
-
-/// Start and end of every cue; `None` for one that repeats without end.
-pub fn all_times(build: &Build) -> Vec<(Time, Option<Time>)> {
-    let mut times: Vec<(Time, Option<Time>)> = Vec::with_capacity(build.cues.len());
-    // A cue comes later in the list than the one it follows.
-    for cue in &build.cues {
-        let follows = cue.after.map(|before| (&build.cues[before], times[before]));
-        times.push(cue_times(build, cue, follows));
-    }
-    times
-}
-
-/// Start and end of one cue, given the one before it in its chain and that one's times.
-fn cue_times(
-    build: &Build,
-    cue: &CueDraft,
-    follows: Option<(&CueDraft, (Time, Option<Time>))>,
-) -> (Time, Option<Time>) {
-    let start = match follows {
-        None => cue.origin,
-        Some((_, (start, None))) => start,
-        Some((before, (_, Some(end)))) => {
-            // Where the one before is not cut off but ends by itself, this one comes in while it still moves.
-            let natural = before.until.is_none();
-            end - if natural { cue.cue.fade_in.min(before.length()) } else { Time::ZERO }
-        }
-    };
-    let start = cue.start.unwrap_or(start);
-    let layer = build.chains[cue.chain].is_layer();
-    let natural = match cue.repeats(layer) {
-        Repeat::Once if cue.is_even() => Some(start + cue.length()),
-        Repeat::Once => cue.cue(start).played_through(),
-        _ => None,
-    };
-    (start, cue.until.or(natural))
-}
-
-/// Start and end of the cue with this index.
-fn times(build: &Build, id: usize) -> (Time, Option<Time>) {
-    // To the front of the chain and back again, without recursion.
-    let mut walk = vec![id];
-    while let Some(before) = walk.last().and_then(|id| build.cues[*id].after) {
-        walk.push(before);
-    }
-    let mut last = None;
-    for id in walk.into_iter().rev() {
-        let cue = &build.cues[id];
-        last = Some((cue, cue_times(build, cue, last)));
-    }
-    last.map_or((Time::ZERO, None), |(_, times)| times)
-}
 
 pub fn length(c: &mut Call) -> Reply {
     let this: CueRef = c.this()?;

@@ -6,10 +6,8 @@ use super::actor::morph_targets;
 use super::values::{COUNTS, PLAN_COUNTS, value};
 use crate::call::{ApiError, Call, Options, Reply, api};
 use crate::suggest::did_you_mean;
-use crate::testing::{
-    Contact, ExpectRef, Measure, Quantity, SameWhat, Subject, TextsQuantity, VectorQuantity, When,
-};
-use crate::value::{ActorRef, CameraRef, ClipRef, JointRef, LightRef, PlanRef, StageRef};
+use crate::test_data::{Contact, Measure, Quantity, SameWhat, Subject, TextsQuantity, VectorQuantity, When};
+use crate::value::{ActorRef, CameraRef, ClipRef, ExpectRef, JointRef, LightRef, PlanRef, StageRef};
 use choreo_motion::Time;
 use places::{
     acceleration, angle_to, component, direction, distance, in_picture, jerk, length, position, relative_to,
@@ -202,7 +200,7 @@ impl Call<'_, '_> {
     }
 
     /// The error for a wrong subject: `speed: what is expected must be …, not …`.
-    pub fn not_for(&self, allowed: &str, measure: &Measure) -> ApiError {
+    pub(crate) fn not_for(&self, allowed: &str, measure: &Measure) -> ApiError {
         ApiError::new(format!(
             "{}: what is expected must be {allowed}, not {}",
             self.def.name,
@@ -329,7 +327,7 @@ fn intensity(c: &mut Call) -> Reply {
     measured(c, Measure::Number(Quantity::Intensity(light)))
 }
 
-pub fn camera_subject(c: &Call) -> Result<usize, ApiError> {
+pub(crate) fn camera_subject(c: &Call) -> Result<usize, ApiError> {
     match c.subject("a Camera")? {
         Subject::Camera(camera) => Ok(camera),
         other => Err(ApiError::new(format!(

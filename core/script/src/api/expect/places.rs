@@ -3,7 +3,7 @@
 use super::{measured, word};
 use crate::api::actor::attachment;
 use crate::call::{ApiError, Call, Reply};
-use crate::testing::{Measure, Quantity, RotationQuantity, Subject, VectorQuantity};
+use crate::test_data::{Measure, Quantity, RotationQuantity, Subject, VectorQuantity};
 use choreo_stage::Attachment;
 
 const THING: &str = "an Actor, Joint, Camera or Light";

@@ -1,7 +1,7 @@
 // effect: NAME
 // about: what is bright leaves streaks to both sides
 // version: 1
-// hook: picture
+// hook: image
 // param strength = 0.5 in 0..4: how bright they are
 // param reach = 24 in 1..200: pixels that they go to each side
 //

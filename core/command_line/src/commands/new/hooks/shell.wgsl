@@ -2,7 +2,7 @@
 // about: a line around actors, equally wide at any distance
 // version: 1
 // hook: shell
-// param width = 3 in 0..64: pixels of the picture
+// param width = 3 in 0..64: pixels of the image
 // param pulse = 0 in 0..1: key it over time: how much wider it is now
 // param color_r = 1 in 0..100: of the line: red, linear
 // param color_g = 0.2 in 0..100: of the line: green, linear

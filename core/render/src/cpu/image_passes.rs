@@ -1,0 +1,78 @@
+//! Full-screen passes over a whole picture: effects that see the pixels around theirs, and those of one pixel between them.
+
+use super::target::{Float, Srgb8, Target};
+use crate::error::RenderError;
+use crate::plan::PostPass;
+use choreo_plugin::{Effect, EffectImage, EffectImages, Hook};
+use glam::{Vec2, Vec4};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+pub struct Pass {
+    pub effect: Arc<dyn Effect>,
+    pub parameters: [f32; 8],
+    /// How often the effect has run.
+    pub number: u32,
+    /// Pixels of what it makes.
+    pub size: [u32; 2],
+}
+
+/// The passes of a plan, with the effects that they name.
+pub fn passes(
+    post: &[PostPass],
+    size: [u32; 2],
+    effects: &[Arc<dyn Effect>],
+) -> Result<Vec<Pass>, RenderError> {
+    let pass = |pass: &PostPass| {
+        let effect = effect(effects, &pass.effect)?.clone();
+        let size = pass.size(size);
+        Ok(Pass { effect, parameters: pass.parameters, number: pass.number, size })
+    };
+    post.iter().map(pass).collect()
+}
+
+pub fn effect<'a>(effects: &'a [Arc<dyn Effect>], name: &str) -> Result<&'a Arc<dyn Effect>, RenderError> {
+    effects
+        .iter()
+        .find(|e| e.manifest().name == name)
+        .ok_or_else(|| RenderError::Usage(format!("the renderer was made without the effect \"{name}\"")))
+}
+
+/// Centers of the pixels of a row, 0 to 1 from the top left of an image.
+pub(crate) fn pixel_uv([x, y]: [i32; 2], count: usize, size: [u32; 2]) -> Vec<Vec2> {
+    let size = Vec2::new(size[0] as f32, size[1] as f32);
+    (x..x + count as i32).map(|x| (Vec2::new(x as f32, y as f32) + 0.5) / size).collect()
+}
+
+/// `pixels`: linear, as the scene left them; `before`: those of the frames before. The last pass's are written as bytes.
+pub fn run(passes: &[Pass], size: [u32; 2], pixels: Vec<Vec4>, before: &[Vec<Vec4>], bytes: &mut [u8]) {
+    let before: Vec<EffectImage> = before.iter().map(|rgba| EffectImage { size, rgba }).collect();
+    let (mut now, mut now_size) = (pixels, size);
+    let mut original = Vec::new();
+    for pass in passes {
+        if pass.number == 0 && pass.effect.passes() > 1 {
+            original.clone_from(&now);
+        }
+        let picture = EffectImage { size: now_size, rgba: &now };
+        let first = EffectImage { size, rgba: if pass.number == 0 { &now } else { &original } };
+        let pictures = EffectImages { now: picture, original: first, before: &before };
+        let [width, height] = pass.size.map(|s| s as usize);
+        let mut next = vec![Vec4::ZERO; width * height];
+        next.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            let Some(function) = pass.effect.function() else { return };
+            match pass.effect.hook() {
+                Hook::Image => function.image_row(&pictures, y as u32, pass.number, &pass.parameters, row),
+                _ => {
+                    let start = y.min(now_size[1] as usize - 1) * now_size[0] as usize;
+                    row.copy_from_slice(&now[start..start + width]);
+                    function.pixels(row, &pixel_uv([0, y as i32], width, size), &pass.parameters);
+                }
+            }
+            row.iter_mut().for_each(|color| *color = Float::encode(*color).decode());
+        });
+        (now, now_size) = (next, pass.size);
+    }
+    for (out, color) in bytes.chunks_exact_mut(4).zip(now) {
+        out.copy_from_slice(&Srgb8::encode(color).bytes());
+    }
+}

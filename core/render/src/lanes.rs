@@ -1,0 +1,187 @@
+//! Four pixels at once: a 2×2 quad as arrays of four. The compiler turns these loops into vector instructions;
+//! every operation is one IEEE operation a lane, so the bits do not depend on which.
+
+use glam::{Vec2, Vec3};
+use std::ops::{Add, AddAssign, Mul, MulAssign, Neg, Sub};
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(16))]
+pub(crate) struct F4(pub [f32; 4]);
+
+macro_rules! lanewise {
+    ($trait:ident, $f:ident, $op:tt) => {
+        impl $trait for F4 {
+            type Output = F4;
+            #[inline(always)]
+            fn $f(self, o: F4) -> F4 {
+                let (a, b) = (self.0, o.0);
+                F4([a[0] $op b[0], a[1] $op b[1], a[2] $op b[2], a[3] $op b[3]])
+            }
+        }
+        impl $trait<f32> for F4 {
+            type Output = F4;
+            #[inline(always)]
+            fn $f(self, o: f32) -> F4 {
+                let a = self.0;
+                F4([a[0] $op o, a[1] $op o, a[2] $op o, a[3] $op o])
+            }
+        }
+    };
+}
+lanewise!(Add, add, +);
+lanewise!(Sub, sub, -);
+lanewise!(Mul, mul, *);
+lanewise!(Div, div, /);
+use std::ops::Div;
+
+impl AddAssign for F4 {
+    #[inline(always)]
+    fn add_assign(&mut self, o: F4) {
+        *self = *self + o;
+    }
+}
+impl MulAssign for F4 {
+    #[inline(always)]
+    fn mul_assign(&mut self, o: F4) {
+        *self = *self * o;
+    }
+}
+impl Neg for F4 {
+    type Output = F4;
+    #[inline(always)]
+    fn neg(self) -> F4 {
+        self.map(|v| -v)
+    }
+}
+
+impl F4 {
+    pub const ZERO: F4 = F4([0.0; 4]);
+    pub const ONE: F4 = F4([1.0; 4]);
+
+    #[inline(always)]
+    pub fn splat(v: f32) -> F4 {
+        F4([v; 4])
+    }
+    #[inline(always)]
+    pub fn map(self, f: impl Fn(f32) -> f32) -> F4 {
+        let a = self.0;
+        F4([f(a[0]), f(a[1]), f(a[2]), f(a[3])])
+    }
+    /// `self < o ? self : o`: o where either is NaN, one instruction.
+    #[inline(always)]
+    pub fn min(self, o: F4) -> F4 {
+        let (a, b) = (self.0, o.0);
+        F4(std::array::from_fn(|i| if a[i] < b[i] { a[i] } else { b[i] }))
+    }
+    #[inline(always)]
+    pub fn max(self, o: F4) -> F4 {
+        let (a, b) = (self.0, o.0);
+        F4(std::array::from_fn(|i| if a[i] > b[i] { a[i] } else { b[i] }))
+    }
+    #[inline(always)]
+    pub fn clamp(self, low: f32, high: f32) -> F4 {
+        self.max(F4::splat(low)).min(F4::splat(high))
+    }
+    #[inline(always)]
+    pub fn sqrt(self) -> F4 {
+        self.map(f32::sqrt)
+    }
+    #[inline(always)]
+    pub fn mix(self, to: F4, t: F4) -> F4 {
+        self * (F4::ONE - t) + to * t
+    }
+    pub(crate) fn any_positive(self) -> bool {
+        self.0.iter().any(|v| *v > 0.0)
+    }
+}
+
+/// Four vectors, structure of arrays.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct V3 {
+    pub x: F4,
+    pub y: F4,
+    pub z: F4,
+}
+
+impl Add for V3 {
+    type Output = V3;
+    #[inline(always)]
+    fn add(self, o: V3) -> V3 {
+        V3 { x: self.x + o.x, y: self.y + o.y, z: self.z + o.z }
+    }
+}
+impl Sub for V3 {
+    type Output = V3;
+    #[inline(always)]
+    fn sub(self, o: V3) -> V3 {
+        V3 { x: self.x - o.x, y: self.y - o.y, z: self.z - o.z }
+    }
+}
+impl Mul for V3 {
+    type Output = V3;
+    #[inline(always)]
+    fn mul(self, o: V3) -> V3 {
+        V3 { x: self.x * o.x, y: self.y * o.y, z: self.z * o.z }
+    }
+}
+impl Mul<F4> for V3 {
+    type Output = V3;
+    #[inline(always)]
+    fn mul(self, o: F4) -> V3 {
+        V3 { x: self.x * o, y: self.y * o, z: self.z * o }
+    }
+}
+impl Neg for V3 {
+    type Output = V3;
+    #[inline(always)]
+    fn neg(self) -> V3 {
+        V3 { x: -self.x, y: -self.y, z: -self.z }
+    }
+}
+
+impl V3 {
+    #[inline(always)]
+    pub fn splat(v: Vec3) -> V3 {
+        V3 { x: F4::splat(v.x), y: F4::splat(v.y), z: F4::splat(v.z) }
+    }
+    #[inline(always)]
+    pub fn dot(self, o: V3) -> F4 {
+        self.x * o.x + self.y * o.y + self.z * o.z
+    }
+    #[inline(always)]
+    pub fn cross(self, o: V3) -> V3 {
+        V3 { x: self.y * o.z - self.z * o.y, y: self.z * o.x - self.x * o.z, z: self.x * o.y - self.y * o.x }
+    }
+    /// A zero vector (a degenerate normal) stays zero instead of turning into NaN.
+    #[inline(always)]
+    pub fn unit(self) -> V3 {
+        self * (F4::ONE / self.dot(self).max(F4::splat(1e-20)).sqrt())
+    }
+    #[inline(always)]
+    pub fn mix(self, to: V3, t: F4) -> V3 {
+        V3 { x: self.x.mix(to.x, t), y: self.y.mix(to.y, t), z: self.z.mix(to.z, t) }
+    }
+    #[inline(always)]
+    pub(crate) fn max_component(self) -> F4 {
+        self.x.max(self.y).max(self.z)
+    }
+}
+
+/// Perspective-correct barycentric weights of the four pixels.
+#[derive(Clone, Copy, Debug)]
+pub struct Weights(pub [F4; 3]);
+
+impl Weights {
+    #[inline(always)]
+    pub fn scalar(&self, a: f32, b: f32, c: f32) -> F4 {
+        self.0[0] * a + self.0[1] * b + self.0[2] * c
+    }
+    #[inline(always)]
+    pub fn vec2(&self, [a, b, c]: [Vec2; 3]) -> [F4; 2] {
+        [self.scalar(a.x, b.x, c.x), self.scalar(a.y, b.y, c.y)]
+    }
+    #[inline(always)]
+    pub fn vec3(&self, [a, b, c]: [Vec3; 3]) -> V3 {
+        V3 { x: self.scalar(a.x, b.x, c.x), y: self.scalar(a.y, b.y, c.y), z: self.scalar(a.z, b.z, c.z) }
+    }
+}

@@ -1,0 +1,67 @@
+//! How a frame's light becomes colors: exposure and view transform, surface by surface or, where an effect on images needs light,
+//! as a pass over the image.
+
+use crate::plan::build::effects::{effect_parameters, uses};
+use crate::plan::options::PlanOptions;
+use crate::plan::{Features, PostPass};
+use choreo_plugin::{Effect, OptionKind, ViewOrder};
+use choreo_stage::{Snapshot, Stage, ViewTransform};
+use std::sync::Arc;
+
+/// Exposure and view transform of a frame.
+#[derive(Clone, Debug)]
+pub(super) struct Display {
+    /// Factor on all light.
+    pub exposure: f32,
+    /// Those of [`Features::DISPLAY`] that surfaces and the sky have.
+    pub features: Features,
+    /// The name of the view transform that runs as a pass over the image, after the last effect that works on light.
+    pass: Option<&'static str>,
+}
+
+impl Display {
+    pub fn new(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Display {
+        let settings = &stage.settings;
+        let exposure = libm::exp2f(settings.exposure);
+        let is_on = |order| uses(stage, snapshot, options.effects).any(|(e, ..)| e.view_order() == order);
+        let (curve, of_surfaces) = match settings.view_transform {
+            ViewTransform::None => (None, Features::default()),
+            ViewTransform::Neutral => (Some("neutral"), Features::VIEW_TRANSFORM),
+            ViewTransform::Agx => (Some("agx"), Features::VIEW_TRANSFORM.with(Features::AGX)),
+        };
+        let replaced = is_on(ViewOrder::Replaces);
+        let pass = curve.filter(|_| !replaced && is_on(ViewOrder::Before));
+        // Without an effect that has the curve there is no pass.
+        let pass = pass.filter(|curve| view_effect(options.effects, curve).is_some());
+        let linear = replaced || pass.is_some();
+        let features = Features::EXPOSURE.when(settings.exposure != 0.0);
+        Display { exposure, features: features.with(of_surfaces.when(!linear)), pass }
+    }
+
+    /// Inserts the pass of the view transform after the last effect that works on light.
+    pub fn add_pass(&self, passes: &mut Vec<PostPass>, options: &PlanOptions) {
+        let Some((effect, parameters)) = self.pass.and_then(|curve| view_effect(options.effects, curve))
+        else {
+            return;
+        };
+        let is_light = |pass: &PostPass| {
+            let of_pass = options.effects.iter().find(|e| e.manifest().name == pass.effect);
+            of_pass.is_some_and(|e| e.view_order() == ViewOrder::Before)
+        };
+        let after = passes.iter().rposition(is_light).map_or(0, |last| last + 1);
+        let pass = PostPass { effect: effect.manifest().name.clone(), parameters, number: 0, shrink: 1 };
+        passes.insert(after, pass);
+    }
+}
+
+/// The effect that has a view transform as one of its curves, with its parameters for it.
+fn view_effect<'a>(effects: &'a [Arc<dyn Effect>], name: &str) -> Option<(&'a dyn Effect, [f32; 8])> {
+    effects.iter().filter(|e| e.view_order() == ViewOrder::Replaces).find_map(|effect| {
+        effect.manifest().options.iter().find_map(|option| {
+            let OptionKind::Text { one_of, .. } = &option.kind else { return None };
+            let curve = one_of.iter().position(|o| o == name)?;
+            let given = [(option.name.clone(), curve as f64)];
+            Some((&**effect, effect_parameters(effect.as_ref(), &given)))
+        })
+    })
+}

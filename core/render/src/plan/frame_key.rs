@@ -1,0 +1,112 @@
+//! A frame by its content: what its plan says and what the scene resources and effects hold. Plans with equal keys give equal images
+//! on one device, at any time and of any version of the script.
+
+use crate::plan::{Draw, Plan, ShadowView};
+use crate::scene_resources::SceneResources;
+use crate::scene_resources::content_hash::material_content;
+use choreo_plugin::Effect;
+use std::sync::Arc;
+
+pub type Key = [u8; 32];
+
+/// A draw by the content of what it refers to.
+fn draw_text(draw: &Draw, resources: &SceneResources) -> String {
+    let primitive = resources.primitives.get(draw.primitive as usize).map(|p| p.hash);
+    let material = resources.materials.get(draw.material as usize).map(|m| m.hash);
+    let Draw { pipeline, material_override, first_instance, instance_count, .. } = draw;
+    format!("{primitive:?} {material:?} {material_override:?} {pipeline:?} {first_instance} {instance_count}")
+}
+
+/// Hash of everything that the image is made from.
+pub fn frame_key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Effect>]) -> Key {
+    let layers = plan.layers_in_front.as_ref().map(|layers| layers.hash);
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&scene_key(plan, resources, effects));
+    hasher.update(&layers.unwrap_or_default());
+    *hasher.finalize().as_bytes()
+}
+
+/// Hash of everything that the image is made from but the 2D layers over it.
+pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Effect>]) -> Key {
+    let mut hasher = blake3::Hasher::new();
+    let mut add = |bytes: &[u8]| {
+        hasher.update(&(bytes.len() as u64).to_le_bytes());
+        hasher.update(bytes);
+    };
+    let Plan {
+        size,
+        samples,
+        view,
+        background,
+        ambient_up,
+        ambient_down,
+        exposure,
+        display,
+        lights,
+        sky,
+        layers_behind,
+        // In `frame_key`.
+        layers_in_front: _,
+        shadow_maps,
+        scene_color_copy,
+        depth_peeling,
+        deferred,
+        instances,
+        instance_actors: _,
+        joint_matrices,
+        morphs,
+        draws,
+        material_overrides,
+        scene_effects,
+        post,
+        background_effects,
+        overlay,
+        subframes,
+        history,
+        displacement_limits,
+        linear,
+        skin_once,
+        left_out: _,
+        // They say no more than instances and lights.
+        dirty_rect: _,
+        light_clusters: _,
+    } = plan;
+    // Numbers are printed so that no two that differ look alike: the shortest text that reads as the same number.
+    add(format!("{size:?} {samples} {view:?} {background:?} {ambient_up:?} {ambient_down:?}").as_bytes());
+    add(format!("{exposure:?} {display:?}").as_bytes());
+    add(format!("{:?}", layers_behind.as_ref().map(|layers| layers.hash)).as_bytes());
+    add(format!("{sky:?} {:?}", sky.and(resources.sky.as_ref()).map(|s| s.hash())).as_bytes());
+    add(bytemuck::cast_slice(lights));
+    add(bytemuck::cast_slice(instances));
+    add(bytemuck::cast_slice(joint_matrices));
+    add(bytemuck::cast_slice(morphs));
+    // By content: indices of another version of the scene may differ.
+    let draw_text = |draw: &Draw| draw_text(draw, resources);
+    draws.iter().for_each(|draw| add(draw_text(draw).as_bytes()));
+    material_overrides.iter().for_each(|m| add(&material_content(m, &resources.textures)));
+    if let Some(shadows) = shadow_maps {
+        add(format!("{:?} {:?}", shadows.image, shadows.size).as_bytes());
+        for map in &shadows.views {
+            let ShadowView { light, at, size, clip_from_relative, texel, draws } = map;
+            add(format!("{light} {at:?} {size:?} {clip_from_relative:?} {texel}").as_bytes());
+            draws.iter().for_each(|draw| add(draw_text(draw).as_bytes()));
+        }
+    }
+    add(format!("{scene_color_copy:?}").as_bytes());
+    // Other roundings.
+    add(&[u8::from(deferred.is_some())]);
+    add(format!("{:?}", depth_peeling.as_ref().map(|peeling| peeling.layers)).as_bytes());
+    for pass in scene_effects.iter().chain(post) {
+        add(format!("{pass:?}").as_bytes());
+        let effect = effects.iter().find(|e| e.manifest().name == pass.effect);
+        add(effect.map_or("", |e| e.wgsl()).as_bytes());
+        let halves = effect.iter().flat_map(|e| e.textures()).map(|t| &t.halves);
+        halves.for_each(|halves| add(bytemuck::cast_slice(halves)));
+    }
+    add(bytemuck::cast_slice(&overlay.vertices));
+    add(format!("{:?} {linear} {background_effects} {displacement_limits:?} {skin_once:?}", overlay.parts)
+        .as_bytes());
+    add(format!("{} {}", subframes.len(), history.len()).as_bytes());
+    subframes.iter().chain(history).for_each(|part| add(&frame_key(part, resources, effects)));
+    *hasher.finalize().as_bytes()
+}

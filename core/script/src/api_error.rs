@@ -1,0 +1,62 @@
+//! An error in a call of a script, and its place.
+
+use crate::diagnostic::Diagnostic;
+use crate::folders::LoadError;
+
+/// A place in a script file.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Place {
+    pub file: String,
+    pub line: usize,
+    pub column: usize,
+}
+
+/// An error in a call, before its place is known. Travels through the interpreter as a value.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ApiError {
+    pub message: String,
+    pub hint: Option<String>,
+    /// The string literal to point at, where one argument is to blame.
+    pub focus: Option<String>,
+    /// Follows from an error already noted: not shown.
+    pub silent: bool,
+    /// Ends the script at once, where going on would only repeat it.
+    pub fatal: bool,
+}
+
+impl ApiError {
+    pub fn new(message: impl Into<String>) -> ApiError {
+        ApiError { message: message.into(), hint: None, focus: None, silent: false, fatal: false }
+    }
+    /// Follows from an error already noted.
+    pub fn silent() -> ApiError {
+        ApiError { silent: true, ..ApiError::new("") }
+    }
+    pub fn hint(mut self, hint: impl Into<String>) -> ApiError {
+        self.hint = Some(hint.into());
+        self
+    }
+    pub fn focus(mut self, literal: impl Into<String>) -> ApiError {
+        self.focus = Some(literal.into());
+        self
+    }
+}
+
+impl From<String> for ApiError {
+    fn from(message: String) -> ApiError {
+        ApiError::new(message)
+    }
+}
+
+impl From<LoadError> for ApiError {
+    fn from(e: LoadError) -> ApiError {
+        ApiError { hint: e.hint, ..ApiError::new(e.message) }
+    }
+}
+
+/// The diagnostic of an error, without a place.
+impl From<ApiError> for Diagnostic {
+    fn from(e: ApiError) -> Diagnostic {
+        Diagnostic { hint: e.hint, ..Diagnostic::error(e.message) }
+    }
+}

@@ -1,0 +1,118 @@
+//! What a script can call, as data.
+
+use crate::value::Kind;
+
+/// A function or method of the script API as it is described. Registration, messages and API.md are made from the tables
+/// of these, which [`api!`](crate::call::api) declares.
+pub(crate) struct Def {
+    pub on: Kind,
+    pub name: &'static str,
+    /// Ways to call it, separated by `|`; arguments ending in `?` may be left out: `x, y, z | point`.
+    pub args: &'static str,
+    pub gives: Gives,
+    /// The lines of its documentation comment.
+    pub doc: &'static [&'static str],
+    /// Documents its options in place of `{}`.
+    pub options: Option<fn() -> String>,
+    /// Whether it can also be called inside `on_frame`.
+    pub frame: bool,
+    /// Whether it can be called only inside a test section.
+    pub tests: bool,
+}
+
+/// What a call returns: also what stands in for the result of one that failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Gives {
+    Nothing,
+    /// The receiver, for chaining.
+    Itself,
+    A(Kind),
+    /// A number, text or list: nothing can stand in for it, so an error ends the script.
+    Value(&'static str),
+}
+
+impl Def {
+    pub const fn in_frames(mut self) -> Def {
+        self.frame = true;
+        self
+    }
+
+    pub const fn options(mut self, options: fn() -> String) -> Def {
+        self.options = Some(options);
+        self
+    }
+
+    pub const fn in_tests(mut self) -> Def {
+        self.tests = true;
+        self
+    }
+
+    /// What it does, then a paragraph for each group of options or aspect.
+    pub fn about(&self) -> Vec<String> {
+        let mut items: Vec<String> = Vec::new();
+        for line in self.doc {
+            let line = line.trim_start();
+            match (line.strip_prefix("- "), items.last_mut()) {
+                (None, Some(item)) => {
+                    item.push(' ');
+                    item.push_str(line);
+                }
+                (item, _) => items.push(item.unwrap_or(line).to_string()),
+            }
+        }
+        if let Some(options) = self.options {
+            items.iter_mut().for_each(|item| *item = item.replace("{}", &options()));
+        }
+        items
+    }
+
+    /// The ways to call it, as lists of argument names; optional ones are given in both forms.
+    pub fn forms(&self) -> Vec<Vec<&'static str>> {
+        let mut forms = Vec::new();
+        for form in self.args.split('|') {
+            let names: Vec<&str> = form.split(',').map(str::trim).filter(|n| !n.is_empty()).collect();
+            let needed = names.iter().take_while(|n| !n.ends_with('?')).count();
+            for count in needed..=names.len() {
+                forms.push(names[..count].iter().map(|n| n.trim_end_matches('?')).collect());
+            }
+        }
+        forms
+    }
+
+    /// `turn(degrees)`, `at(x, y, z) or at(point)`.
+    pub fn usage(&self) -> String {
+        self.usages(self.name).join(" or ")
+    }
+
+    /// `Actor.turn(degrees)`, `Actor.at(x, y, z) or Actor.at(point)`, `load(file, options?)`.
+    pub(crate) fn full_usage(&self) -> String {
+        self.usages(&self.full_name()).join(" or ")
+    }
+
+    /// The ways to call it under a name.
+    pub(crate) fn usages(&self, name: &str) -> Vec<String> {
+        self.args.split('|').map(|form| format!("{name}({})", form.trim())).collect()
+    }
+
+    /// `Actor.turn`, `load`.
+    pub(crate) fn full_name(&self) -> String {
+        match self.on {
+            Kind::None => self.name.to_string(),
+            kind => format!("{}.{}", kind.name(), self.name),
+        }
+    }
+}
+
+/// All that a script can call, in the order of the reference.
+pub(crate) struct Defs {
+    /// Functions and methods with their headings.
+    pub all: Vec<(&'static str, &'static Def)>,
+    /// Name, arguments and description of each mathematical function.
+    pub maths: &'static [(&'static str, &'static str, &'static str)],
+}
+
+impl Defs {
+    pub fn iter(&self) -> impl Iterator<Item = &'static Def> {
+        self.all.iter().map(|(_, def)| *def)
+    }
+}

@@ -1,0 +1,43 @@
+//! What `choreo help TERM` prints: the calls that answer a word of the field or of another program.
+
+use crate::api::defs;
+use crate::suggest::distance;
+pub use crate::synonyms::{Answer, Call, examples};
+use crate::synonyms::{letters, mathematics, of_topic, terms};
+
+/// The calls for a term: those of its topic, and the entries of that name. Empty where there are none.
+pub fn answer(term: &str) -> Answer {
+    let defs = defs();
+    let mut answer = of_topic(term, defs);
+    let wanted = term.trim_end_matches("()");
+    let spelled = letters(wanted);
+    let named = defs.all.iter().filter(|(_, def)| letters(def.name) == spelled || def.full_name() == wanted);
+    let calls = named.map(|(title, def)| Call::entry(title, def)).chain(mathematics(wanted, defs));
+    for call in calls {
+        if !answer.calls.contains(&call) {
+            answer.calls.push(call);
+        }
+    }
+    answer
+}
+
+/// The entries of the reference whose description contains the term.
+pub fn mentions(term: &str) -> Vec<Call> {
+    let wanted = term.to_lowercase();
+    let mentioning =
+        defs().all.iter().filter(|(_, def)| def.about().join("\n").to_lowercase().contains(&wanted));
+    mentioning.map(|(title, def)| Call::entry(title, def)).collect()
+}
+
+/// The known terms and names that are spelled most like this one.
+pub fn nearest(term: &str, most: usize) -> Vec<&'static str> {
+    let wanted = letters(term);
+    let defs = defs();
+    let known = terms().chain(defs.iter().map(|def| def.name)).chain(defs.maths.iter().map(|f| f.0));
+    let mut near: Vec<(usize, &str)> =
+        known.map(|known| (distance(&wanted, &letters(known)), known)).collect();
+    near.retain(|(far, known)| *far <= wanted.chars().count().max(known.chars().count()).div_ceil(3));
+    near.sort_unstable();
+    near.dedup();
+    near.into_iter().take(most).map(|(_, known)| known).collect()
+}

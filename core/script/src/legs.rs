@@ -1,0 +1,44 @@
+//! The legs of a character, for foot locking.
+
+use crate::api_error::ApiError;
+use choreo_asset::Asset;
+use choreo_motion::{HumanBone, Skeleton};
+use choreo_stage::{Leg, find_legs};
+
+/// The legs found by joint names, else those above the feet that the file declares.
+pub fn legs(asset: &Asset) -> Vec<Leg> {
+    let found = find_legs(&asset.skeleton);
+    if !found.is_empty() {
+        return found;
+    }
+    let feet = [HumanBone::LeftFoot, HumanBone::RightFoot];
+    let feet = feet.iter().filter_map(|b| human(asset, *b));
+    feet.filter_map(|foot| leg_above(&asset.skeleton, foot).ok()).collect()
+}
+
+/// The lowest joint that is above all legs.
+pub fn hips(asset: &Asset, legs: &[Leg]) -> Option<u32> {
+    let parents = asset.skeleton.parents();
+    let above = |leg: &Leg| std::iter::successors(parents[leg.hip as usize], |j| parents[*j as usize]);
+    let (first, others) = legs.split_first()?;
+    above(first).find(|joint| others.iter().all(|leg| above(leg).any(|j| j == *joint)))
+}
+
+pub(crate) fn leg_above(skeleton: &Skeleton, foot: u32) -> Result<Leg, ApiError> {
+    let parents = skeleton.parents();
+    let above = parents[foot as usize].and_then(|knee| Some((knee, parents[knee as usize]?)));
+    let Some((knee, hip)) = above else {
+        let name = skeleton.names()[foot as usize].clone();
+        let error = format!("plant_feet: \"{name}\" has no leg of two joints above it");
+        return Err(ApiError::new(error).focus(name));
+    };
+    let mut children = (0..parents.len() as u32).filter(|j| parents[*j as usize] == Some(foot));
+    let toe = children.find(|j| skeleton.names()[*j as usize].to_ascii_lowercase().contains("toe"));
+    Ok(Leg { hip, knee, foot, toe })
+}
+
+/// The joint that the file declares for a humanoid bone, else the joint of that name.
+fn human(asset: &Asset, bone: HumanBone) -> Option<u32> {
+    let declared = asset.skeleton.humanoid().and_then(|h| h.joint(bone));
+    declared.or_else(|| asset.skeleton.find(bone.name()).map(|j| j as u32))
+}

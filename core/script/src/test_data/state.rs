@@ -1,0 +1,47 @@
+//! What the calls of one run have said about tests so far.
+
+use super::{Expectation, SectionInfo};
+use crate::api_error::Place;
+use choreo_stage::Stage;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+#[derive(Default)]
+pub(crate) struct TestState {
+    /// Sections in the order of the script.
+    pub sections: Vec<SectionInfo>,
+    /// Line and column of the call for each of them.
+    pub calls: Vec<(usize, usize)>,
+    /// A call of `test` was wrong.
+    pub refused: bool,
+    /// The section to be run, where all of the file are known: the calls for others are passed over.
+    pub wanted: Option<SectionInfo>,
+    /// The section that was asked for is being run.
+    pub running: bool,
+    pub ran: bool,
+    pub expectations: Vec<Expectation>,
+    /// Calls of `expect`, with the number of comparisons made.
+    pub asked: Vec<(Place, usize)>,
+    /// Made with `stage_of`, in order.
+    pub stages: Vec<Arc<Stage>>,
+    /// 0: the section's own stage is being built; n: the n-th of `stages`.
+    pub current_stage: usize,
+    /// The other script that is being run.
+    pub scene: Option<Scene>,
+    /// Other scripts by their names in messages, with the place of the call that ran them.
+    pub scenes: Vec<(String, Place)>,
+    /// Place of the call of `scene` for the stage being built.
+    pub scene_at: Option<Place>,
+    /// Last line of each function of the script.
+    pub ends: Arc<BTreeMap<String, usize>>,
+}
+
+/// Another script while it runs.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// Canonical.
+    pub folder: PathBuf,
+    /// Parameters in place of `--set`.
+    pub set: Vec<(String, String)>,
+}

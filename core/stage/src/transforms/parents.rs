@@ -1,0 +1,223 @@
+//! The parents of actors at a time: which there are, how much each counts, and the space that each gives.
+
+use crate::snapshot::ActorState;
+use crate::stage::Stage;
+use crate::stage::actor::{Attachment, Placement};
+use crate::stage::edits::ActorEdit;
+use crate::stage::fade::{eased, fraction};
+use crate::stage::parenting::{ParentScale, Parenting};
+use crate::transforms::world_from_attachment;
+use choreo_motion::{Ease, Time};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A parent at a time.
+#[derive(Clone, Debug)]
+pub(crate) struct ActiveParent {
+    pub to: Option<Attachment>,
+    pub scale: ParentScale,
+    /// Keeps the world transform at the moment of change (Blender's inverse matrix).
+    pub offset: DAffine3,
+    /// Position and rotation in place of the actor's own.
+    placement: Option<Placement>,
+    /// How far it replaces the parents before it; the first one does so wholly.
+    pub weight: f64,
+    /// World from the space that it gives; written when actors are placed.
+    pub world_from_parent: DAffine3,
+}
+
+impl ActiveParent {
+    fn new(parent: &Parenting, offset: DAffine3, weight: f64) -> ActiveParent {
+        let Parenting { to, scale, placement, .. } = parent.clone();
+        ActiveParent { to, scale, offset, placement, weight, world_from_parent: DAffine3::IDENTITY }
+    }
+
+    /// The placement in it; `own`: the actor's, keys, edits and root motion included. Edits also move what is placed in the parent.
+    pub fn local<'e>(&self, own: &Placement, edits: impl Iterator<Item = &'e ActorEdit>) -> Placement {
+        let Some(placed) = self.placement else { return *own };
+        let mut local = placed;
+        edits.for_each(|edit| edit.place(&mut local));
+        Placement { scale: own.scale, ..local }
+    }
+
+    pub fn find_space(&mut self, stage: &Stage, actors: &[ActorState]) {
+        let frame =
+            self.to.map_or(DAffine3::IDENTITY, |to| world_from_parent(stage, actors, &to, self.scale));
+        self.world_from_parent = frame * self.offset;
+    }
+}
+
+/// The active parents of all actors; buffers.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ActiveParents {
+    all: Vec<ActiveParent>,
+    ends: Vec<usize>,
+}
+
+impl ActiveParents {
+    /// Fills the lists. `edits`: those of the frame, of which the last one that attaches an actor counts for it alone.
+    pub fn find(&mut self, stage: &Stage, time: Time, edits: &[ActorEdit], kept: &KeptTransforms) {
+        self.all.clear();
+        self.ends.clear();
+        let kept = kept.known();
+        for actor in &stage.actors {
+            let index = self.ends.len();
+            let begun = actor.parents.iter().take_while(|p| p.has_begun(time)).count();
+            let mut first = begun;
+            // Back to the last one that has replaced all before it; before the first of all there is the world.
+            while first > 0 && (first == begun || share(&actor.parents[first], time) < 1.0) {
+                first -= 1;
+            }
+            if begun > 0 && share(&actor.parents[first], time) < 1.0 {
+                self.all.push(ActiveParent::new(&Parenting::from(None, Time::MIN), DAffine3::IDENTITY, 1.0));
+            }
+            for (number, parent) in actor.parents[first..begun].iter().enumerate() {
+                let known = kept.get(&(index, first + number)).filter(|_| parent.keep);
+                let offset = known.copied().unwrap_or(DAffine3::IDENTITY);
+                self.all.push(ActiveParent::new(parent, offset, share(parent, time)));
+            }
+            self.ends.push(self.all.len());
+        }
+        for edit in edits {
+            if let ActorEdit::Attach { actor, parent } = edit
+                && *actor < self.ends.len()
+            {
+                let range = self.range(*actor);
+                let removed = range.len();
+                self.all.splice(range, [ActiveParent::new(parent, DAffine3::IDENTITY, 1.0)]);
+                self.ends[*actor..].iter_mut().for_each(|end| *end = *end + 1 - removed);
+            }
+        }
+    }
+
+    /// Empty for an actor that does not exist.
+    fn range(&self, actor: usize) -> std::ops::Range<usize> {
+        let Some(end) = self.ends.get(actor) else { return 0..0 };
+        actor.checked_sub(1).map_or(0, |before| self.ends[before])..*end
+    }
+
+    /// Those of an actor, the newest last; empty where it stands in the world.
+    pub fn of(&self, actor: usize) -> &[ActiveParent] {
+        &self.all[self.range(actor)]
+    }
+
+    pub fn of_mut(&mut self, actor: usize) -> &mut [ActiveParent] {
+        let range = self.range(actor);
+        &mut self.all[range]
+    }
+
+    /// What an actor is attached to, several during a blend; links to actors that do not exist are left out.
+    pub fn carriers(&self, actor: usize) -> impl Iterator<Item = Attachment> {
+        let count = self.ends.len();
+        self.of(actor).iter().filter_map(|parent| parent.to).filter(move |to| to.actor < count)
+    }
+
+    /// Whether anything is attached to a joint of an actor.
+    pub fn has_on_joints(&self, actor: usize) -> bool {
+        self.all.iter().any(|p| p.to.is_some_and(|to| to.actor == actor && to.joint.is_some()))
+    }
+}
+
+/// How far a parent has replaced the ones before it.
+fn share(parent: &Parenting, time: Time) -> f64 {
+    f64::from(eased(Ease::Smooth, fraction(time - parent.start, parent.blend)))
+}
+
+/// Transforms that keep actors where they are when their parents change, by actor and number of the parent; shared by clones.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct KeptTransforms(Arc<Mutex<BTreeMap<(usize, usize), DAffine3>>>);
+
+impl KeptTransforms {
+    fn known(&self) -> std::sync::MutexGuard<'_, BTreeMap<(usize, usize), DAffine3>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub fn insert(&self, actor: usize, parent: usize, transform: DAffine3) {
+        self.known().insert((actor, parent), transform);
+    }
+
+    /// (start, actor, number of the parent) of those that a time needs and that are not known, sorted.
+    pub fn unknown(&self, stage: &Stage, time: Time) -> Vec<(Time, usize, usize)> {
+        let mut needed = Vec::new();
+        for (index, actor) in stage.actors.iter().enumerate() {
+            let parents = actor.parents.iter().enumerate().take_while(|(_, p)| p.has_begun(time));
+            needed.extend(parents.filter(|(_, p)| p.keep).map(|(number, p)| (p.start, index, number)));
+        }
+        if !needed.is_empty() {
+            let known = self.known();
+            needed.retain(|(_, actor, parent)| !known.contains_key(&(*actor, *parent)));
+        }
+        needed.sort_unstable();
+        needed
+    }
+}
+
+/// The times at which some actor gets another parent, and those after them, sorted; with a time before all.
+pub(crate) fn times_of_change(stage: &Stage) -> Vec<Time> {
+    let starts = stage.actors.iter().flat_map(|actor| &actor.parents).map(|parent| parent.start);
+    let mut times: Vec<Time> = starts.flat_map(|start| [start, start + Time(1)]).collect();
+    times.push(Time::MIN);
+    times.sort_unstable();
+    times.dedup();
+    times
+}
+
+/// World from the space of a parent, in metres where children keep their size.
+pub(crate) fn world_from_parent(
+    stage: &Stage,
+    actors: &[ActorState],
+    to: &Attachment,
+    scale: ParentScale,
+) -> DAffine3 {
+    let frame = world_from_attachment(stage, actors, to);
+    match scale {
+        ParentScale::Keep => DAffine3 { matrix3: orthogonal(frame.matrix3), ..frame },
+        ParentScale::Inherit => frame,
+    }
+}
+
+/// A transform between two: rotations on the shortest way, scale and shear linearly, after a polar decomposition of each.
+pub(crate) fn mixed(a: &DAffine3, b: &DAffine3, share: f64) -> DAffine3 {
+    let parts = |m: DMat3| {
+        let turned = orthogonal(m) * m.determinant().signum();
+        (DQuat::from_mat3(&turned), turned.transpose() * m)
+    };
+    let ((turn_a, stretch_a), (turn_b, stretch_b)) = (parts(a.matrix3), parts(b.matrix3));
+    let turn = choreo_motion::slerp(turn_a, turn_b, share);
+    let stretch = stretch_a * (1.0 - share) + stretch_b * share;
+    DAffine3 {
+        matrix3: DMat3::from_quat(turn) * stretch,
+        translation: a.translation.lerp(b.translation, share),
+    }
+}
+
+/// Matrices of joints are f32 products: they are within this of a rotation where nothing is scaled, and are taken as they are.
+const ROUNDING: f64 = 1e-5;
+
+/// The nearest rotation, of a mirrored matrix the nearest reflection: its polar factor (N. Higham, "Computing the polar
+/// decomposition", 1986), by Newton's method. Of a matrix without an inverse: a rotation by the axes that it has.
+fn orthogonal(m: DMat3) -> DMat3 {
+    let off = m.transpose() * m - DMat3::IDENTITY;
+    let far = |v: DVec3| v.abs().max_element();
+    if far(off.x_axis).max(far(off.y_axis)).max(far(off.z_axis)) < ROUNDING {
+        return m;
+    }
+    let size = libm::cbrt(m.determinant().abs());
+    let mut turned = m * (1.0 / size);
+    for _ in 0..32 {
+        let next = (turned + turned.inverse().transpose()) * 0.5;
+        let step = next - turned;
+        turned = next;
+        if far(step.x_axis).max(far(step.y_axis)).max(far(step.z_axis)) < 1e-15 {
+            break;
+        }
+    }
+    if turned.is_finite() {
+        return turned;
+    }
+    let y = m.y_axis.try_normalize().unwrap_or(DVec3::Y);
+    let level = |v: DVec3| (v - y * v.dot(y)).try_normalize();
+    let x = level(m.x_axis).or_else(|| level(DVec3::X)).unwrap_or_else(|| y.any_orthonormal_vector());
+    DMat3::from_cols(x, y, x.cross(y))
+}

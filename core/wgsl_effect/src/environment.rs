@@ -1,0 +1,156 @@
+//! Functions of the shader around an effect's, on the CPU.
+
+use crate::overlay::{Bone, Bones};
+use choreo_plugin::{ActorInstance, EffectImage, EffectImages, EffectScene, EffectTexture};
+use glam::{DVec3, Vec2, Vec4};
+
+/// A function of the shader that calls the effect's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Host {
+    Picture,
+    Original,
+    PictureSize,
+    OriginalSize,
+    Shrink,
+    Previous,
+    /// Position of a joint of the actor that an overlay is drawn around; which bone is its parent; a point of its model space.
+    Joint,
+    Parent,
+    InWorld,
+    PreviousJoint,
+    PreviousInWorld,
+    /// The number of a bone that the head names.
+    Named(usize),
+    /// One of the effect's textures.
+    Texture(usize),
+}
+
+/// What stands around an effect's function while it runs.
+pub trait Environment {
+    /// The image that a function of a pixel's place reads, where it is one.
+    fn image(&self, _host: Host) -> Option<EffectImage<'_>> {
+        None
+    }
+
+    /// Calls a function: bits of its arguments, and of what it returns.
+    fn call(&self, host: Host, arguments: &[u32]) -> [u32; 4];
+}
+
+fn floats(v: Vec4) -> [u32; 4] {
+    v.to_array().map(f32::to_bits)
+}
+
+fn ints(values: [i32; 2]) -> [u32; 4] {
+    [values[0] as u32, values[1] as u32, 0, 0]
+}
+
+/// Colors made of the arguments: for trials, before there is anything to see.
+pub(crate) struct Placeholder;
+
+impl Environment for Placeholder {
+    fn call(&self, host: Host, arguments: &[u32]) -> [u32; 4] {
+        let bits = arguments.last().copied().unwrap_or(0);
+        match host {
+            Host::PictureSize | Host::OriginalSize => ints([1280, 720]),
+            Host::Shrink => ints([4, 0]),
+            Host::Named(i) => ints([i as i32, 0]),
+            Host::Parent => ints([arguments.first().map_or(0, |v| *v as i32) - 1, 0]),
+            _ => floats(Vec4::new(f32::from((bits & 255) as u8) / 255.0, 0.5, 0.25, 1.0)),
+        }
+    }
+}
+
+/// An effect's textures.
+pub struct Textures<'a>(pub &'a [EffectTexture]);
+
+impl Environment for Textures<'_> {
+    fn call(&self, host: Host, arguments: &[u32]) -> [u32; 4] {
+        let (Host::Texture(i), [u, v]) = (host, arguments) else { return [0; 4] };
+        let uv = Vec2::new(f32::from_bits(*u), f32::from_bits(*v));
+        floats(self.0.get(i).map_or(Vec4::ZERO, |texture| texture.sample(uv)))
+    }
+}
+
+/// The images of a pass, and textures.
+pub(crate) struct PassImages<'a> {
+    pub images: &'a EffectImages<'a>,
+    pub textures: &'a [EffectTexture],
+    /// Frames back that it may ask for.
+    pub history: u32,
+    pub shrink: u32,
+}
+
+impl Environment for PassImages<'_> {
+    fn image(&self, host: Host) -> Option<EffectImage<'_>> {
+        match host {
+            Host::Picture => Some(self.images.now),
+            Host::Original => Some(self.images.original),
+            _ => None,
+        }
+    }
+
+    fn call(&self, host: Host, arguments: &[u32]) -> [u32; 4] {
+        match (host, arguments) {
+            (Host::Texture(_), _) => Textures(self.textures).call(host, arguments),
+            (Host::PictureSize, _) => ints(self.images.now.size.map(|s| s as i32)),
+            (Host::OriginalSize, _) => ints(self.images.original.size.map(|s| s as i32)),
+            (Host::Shrink, _) => ints([self.shrink as i32, 0]),
+            (Host::Previous, [frames, x, y]) => {
+                // Farther back than the head allows is the farthest frame. A plan of one time alone has no frames before it:
+                // the image stands for them.
+                let frames = (*frames).clamp(1, self.history.max(1));
+                let before = self.images.before;
+                let image =
+                    before.get(frames as usize - 1).or(before.last()).unwrap_or(&self.images.original);
+                floats(image.at(*x as i32, *y as i32))
+            }
+            _ => [0; 4],
+        }
+    }
+}
+
+/// The actor that an overlay is drawn around, and textures.
+pub(crate) struct Surroundings<'a> {
+    pub scene: &'a EffectScene<'a>,
+    /// `None`: the scene.
+    pub actor: Option<&'a ActorInstance<'a>>,
+    pub bones: &'a Bones,
+    pub textures: &'a [EffectTexture],
+}
+
+impl Environment for Surroundings<'_> {
+    fn call(&self, host: Host, arguments: &[u32]) -> [u32; 4] {
+        let bone = self.bones.all.get(arguments.last().map_or(0, |v| *v as usize));
+        let earlier = || {
+            let frames = arguments.first().map_or(0, |v| *v as usize);
+            self.actor.map(|actor| self.scene.earlier(actor, frames).unwrap_or(*actor))
+        };
+        let at = match host {
+            Host::Texture(_) => return Textures(self.textures).call(host, arguments),
+            Host::Parent => {
+                let parent = bone.and_then(|(_, parent)| *parent);
+                return ints([parent.map_or(-1, |parent| parent as i32), 0]);
+            }
+            Host::Named(i) => return [self.bones.named.get(i).copied().unwrap_or(u32::MAX), 0, 0, 0],
+            Host::Joint => joint(self.actor, bone),
+            Host::PreviousJoint => joint(earlier().as_ref(), bone),
+            Host::InWorld => in_world(self.actor, arguments),
+            Host::PreviousInWorld => in_world(earlier().as_ref(), arguments),
+            _ => DVec3::ZERO,
+        };
+        floats(at.as_vec3().extend(0.0))
+    }
+}
+
+/// A bone that does not exist stands where the actor does.
+fn joint(actor: Option<&ActorInstance>, bone: Option<&Bone>) -> DVec3 {
+    let Some(actor) = actor else { return DVec3::ZERO };
+    bone.and_then(|(joint, _)| actor.joint(*joint)).unwrap_or(actor.world_from_model.translation)
+}
+
+/// The last three arguments are the point.
+fn in_world(actor: Option<&ActorInstance>, arguments: &[u32]) -> DVec3 {
+    let Some(point) = arguments.last_chunk::<3>() else { return DVec3::ZERO };
+    let at = DVec3::from(point.map(|bits| f64::from(f32::from_bits(bits))));
+    actor.map_or(at, |actor| actor.world_from_model.transform_point3(at))
+}

@@ -1,0 +1,908 @@
+//! Lowers a validated naga module to register code. What the machine does not support is refused here, with its place.
+
+use crate::environment::Host;
+use crate::operators::{
+    Conversion, FloatOperator, IntegerOperator, Operands, Operator, is_component_function,
+};
+use crate::program::{Case, Compute, Kernels, Node, Program, Register, Registers, Routine, Unsupported};
+use crate::shape::{self, Kind, MAX_COMPONENTS, Shape};
+use naga::valid::{FunctionInfo, ModuleInfo};
+use naga::{
+    BinaryOperator, Block, Expression, Function, Handle, Literal, MathFunction, Module, RelationalFunction,
+    ScalarKind, Span, Statement, SwitchValue, TypeInner, UnaryOperator,
+};
+use std::collections::{HashMap, HashSet};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Lowers a module. `host`: what runs in place of a function of a name.
+pub fn lower(
+    module: &Module,
+    info: &ModuleInfo,
+    entry: Handle<Function>,
+    host: impl Fn(&str) -> Option<Host>,
+) -> Result<Program, Unsupported> {
+    static NEXT_ID: AtomicU64 = AtomicU64::new(0);
+    if let Some((handle, variable)) = module.global_variables.iter().next() {
+        let name = variable.name.clone().unwrap_or_default();
+        return Err(Unsupported {
+            what: format!(
+                "global variable {name}: an effect is a function of one pixel and has no variables of its own"
+            ),
+            span: module.global_variables.get_span(handle),
+        });
+    }
+    // naga orders functions so that those that are called come first.
+    let mut levels = Vec::with_capacity(module.functions.len());
+    for (_, function) in module.functions.iter() {
+        levels.push(nesting(function, &levels)?);
+    }
+    let mut code = Code::default();
+    // Register 0 stands for operands that an operator does not have.
+    code.constant(0);
+    let globals = globals(module)?;
+    let mut routines: Vec<Routine> = Vec::with_capacity(module.functions.len());
+    for (handle, function) in module.functions.iter() {
+        let host = function.name.as_deref().and_then(&host);
+        let lowering = Lowering::new((module, info), handle, &globals, &routines, &mut code)?;
+        routines.push(lowering.routine(host, handle == entry)?);
+    }
+    let mut read = vec![false; code.registers as usize];
+    routines.iter().for_each(|routine| mark_read(&routine.body, &mut read));
+    let inputs = routines[entry.index()].arguments.iter().map(|argument| {
+        let used = argument.iter().zip(0..).filter(|(register, _)| read[*register as usize]);
+        used.map(|(_, component)| component).collect()
+    });
+    let inputs = inputs.collect();
+    Ok(Program {
+        id: NEXT_ID.fetch_add(1, Ordering::Relaxed),
+        registers: code.registers,
+        constants: code.bits.into_iter().collect(),
+        prologue: code.prologue,
+        routines,
+        entry: entry.index(),
+        inputs,
+    })
+}
+
+/// Marks the registers that nodes read.
+fn mark_read(nodes: &[Node], read: &mut [bool]) {
+    for node in nodes {
+        let mut mark = |register: Register| read[register as usize] = true;
+        match node {
+            Node::Compute(Compute { operands, .. }) => {
+                let steps = operands.first.into_iter().zip(operands.step);
+                steps.for_each(|(first, step)| (0..operands.count).for_each(|i| mark(first + i * step)));
+            }
+            Node::Copy { from, count, .. } | Node::Store { from, count, .. } => {
+                (*from..from + count).for_each(&mut mark);
+            }
+            Node::LoadElement { first, offset, .. } => {
+                mark(*offset);
+                // Any element of what begins there.
+                let end = (*first as usize + MAX_COMPONENTS).min(read.len());
+                read[*first as usize..end].fill(true);
+            }
+            Node::StoreElement { offset, from, .. } => [*offset, *from].into_iter().for_each(&mut mark),
+            Node::If { condition, accept, reject } => {
+                mark(*condition);
+                mark_read(accept, read);
+                mark_read(reject, read);
+            }
+            Node::Switch { selector, cases } => {
+                mark(*selector);
+                cases.iter().for_each(|case| mark_read(&case.body, read));
+            }
+            Node::Loop { body, continuing, break_if, .. } => {
+                break_if.iter().copied().for_each(&mut mark);
+                mark_read(body, read);
+                mark_read(continuing, read);
+            }
+            Node::Return(values) | Node::Call { arguments: values, .. } => {
+                values.iter().copied().for_each(&mut mark);
+            }
+            Node::Host { arguments, .. } => arguments.iter().copied().for_each(&mut mark),
+            Node::Steps(_) | Node::Break | Node::Continue => {}
+        }
+    }
+}
+
+/// Statements and calls within one another that a run may be in: the machine goes down by recursion.
+const MAX_NESTING: usize = 200;
+
+/// Refuses a function whose statements, with those of the functions that they call, are nested too deeply. `known`: the levels
+/// of the functions before it, which are those that it can call.
+fn nesting(function: &Function, known: &[usize]) -> Result<usize, Unsupported> {
+    let mut deepest = 0;
+    nested(&function.body, 1, known, &mut deepest)?;
+    Ok(deepest)
+}
+
+fn nested(block: &Block, level: usize, known: &[usize], deepest: &mut usize) -> Result<(), Unsupported> {
+    for (statement, span) in block.span_iter() {
+        let called = match statement {
+            Statement::Call { function, .. } => known.get(function.index()).copied().unwrap_or(0),
+            _ => 0,
+        };
+        if level + called > MAX_NESTING {
+            return Err(Unsupported {
+                what: format!("more than {MAX_NESTING} statements and calls within one another"),
+                span: *span,
+            });
+        }
+        *deepest = (*deepest).max(level + called);
+        let mut below = |block: &Block| nested(block, level + 1, known, deepest);
+        match statement {
+            Statement::Block(block) => below(block)?,
+            Statement::If { accept, reject, .. } => {
+                below(accept)?;
+                below(reject)?;
+            }
+            Statement::Switch { cases, .. } => cases.iter().try_for_each(|case| below(&case.body))?,
+            Statement::Loop { body, continuing, .. } => {
+                below(body)?;
+                below(continuing)?;
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// Bits of the module's constant expressions, by index. Constants stand before what uses them; naga has folded everything else.
+fn globals(module: &Module) -> Result<Vec<Vec<u32>>, Unsupported> {
+    let mut all: Vec<Vec<u32>> = Vec::with_capacity(module.global_expressions.len());
+    for (handle, expression) in module.global_expressions.iter() {
+        let size =
+            |ty: Handle<naga::Type>| shape::shape(&module.types[ty].inner, &module.types).map(|s| s.size);
+        let value = match expression {
+            Expression::Literal(literal) => Some(vec![bits_of(*literal)]),
+            Expression::Constant(c) => Some(all[module.constants[*c].init.index()].clone()),
+            Expression::ZeroValue(ty) => size(*ty).map(|size| vec![0; size]),
+            Expression::Splat { size, value } => Some(vec![all[value.index()][0]; *size as usize]),
+            Expression::Compose { components, .. } => {
+                Some(components.iter().flat_map(|part| all[part.index()].iter().copied()).collect())
+            }
+            _ => None,
+        };
+        all.push(value.ok_or_else(|| Unsupported {
+            what: "this constant".into(),
+            span: module.global_expressions.get_span(handle),
+        })?);
+    }
+    Ok(all)
+}
+
+fn bits_of(literal: Literal) -> u32 {
+    match literal {
+        Literal::F32(v) => v.to_bits(),
+        Literal::U32(v) => v,
+        Literal::I32(v) => v as u32,
+        Literal::Bool(v) => u32::from(v),
+        Literal::AbstractInt(v) => v as u32,
+        Literal::AbstractFloat(v) => (v as f32).to_bits(),
+        _ => 0,
+    }
+}
+
+/// Registers that are given out, and what is known of them.
+#[derive(Default)]
+struct Code {
+    registers: u32,
+    /// Scalars and vectors that lie one component behind the other.
+    constants: HashMap<Vec<u32>, Register>,
+    bits: HashMap<Register, u32>,
+    /// Registers of parameters and of what is computed of these and constants alone: the same in all lanes and batches.
+    invariant: HashSet<Register>,
+    prologue: Vec<Compute>,
+}
+
+impl Code {
+    fn allocate(&mut self, count: usize) -> Registers {
+        let first = self.registers;
+        self.registers += count as u32;
+        Registers { first, count: count as u32 }
+    }
+
+    fn constant(&mut self, bits: u32) -> Register {
+        self.constant_vector(vec![bits])
+    }
+
+    fn constant_vector(&mut self, vector: Vec<u32>) -> Register {
+        if let Some(known) = self.constants.get(&vector) {
+            return *known;
+        }
+        let registers = self.allocate(vector.len());
+        self.bits.extend(registers.iter().zip(vector.iter().copied()));
+        self.constants.insert(vector, registers.first);
+        registers.first
+    }
+
+    fn is_invariant(&self, register: Register) -> bool {
+        self.bits.contains_key(&register) || self.invariant.contains(&register)
+    }
+
+    /// The same components, one register behind the other if they are constants.
+    fn side_by_side(&mut self, components: Vec<Register>) -> Vec<Register> {
+        let bits: Option<Vec<u32>> = components.iter().map(|r| self.bits.get(r).copied()).collect();
+        match bits {
+            Some(bits) if !components.windows(2).all(|w| w[0] == w[1]) => {
+                let first = self.constant_vector(bits);
+                (first..).take(components.len()).collect()
+            }
+            _ => components,
+        }
+    }
+}
+
+/// The places of an expression's components.
+#[derive(Clone)]
+enum Value {
+    /// One register per component; swizzles and members share those of what they are taken from.
+    Components(Vec<Register>),
+    /// A variable or a part of it: its first register, and each lane's own offset from it.
+    Pointer { first: Register, offset: Option<Register> },
+}
+
+/// One function on its way.
+struct Lowering<'a> {
+    module: &'a Module,
+    function: &'a Function,
+    infos: &'a ModuleInfo,
+    info: &'a FunctionInfo,
+    globals: &'a [Vec<u32>],
+    routines: &'a [Routine],
+    code: &'a mut Code,
+    shapes: Vec<Shape>,
+    /// Values of the expressions lowered so far.
+    values: Vec<Option<Value>>,
+    parameters: Vec<Registers>,
+    /// The parameters' components, or a caller's where the function is lowered into it.
+    arguments: Vec<Vec<Register>>,
+    result: Registers,
+    /// What is returned where the function is lowered into its caller.
+    returned: Option<Vec<Register>>,
+    is_inlined: bool,
+    locals: Vec<Registers>,
+    /// Vectors of this block and those around it whose components lie apart: the first of copies that lie side by side, made at
+    /// the second use.
+    gathered: HashMap<Vec<Register>, Option<Register>>,
+    nodes: Vec<Node>,
+}
+
+impl<'a> Lowering<'a> {
+    fn new(
+        (module, infos): (&'a Module, &'a ModuleInfo),
+        handle: Handle<Function>,
+        globals: &'a [Vec<u32>],
+        routines: &'a [Routine],
+        code: &'a mut Code,
+    ) -> Result<Lowering<'a>, Unsupported> {
+        let function = &module.functions[handle];
+        let (types, info) = (&module.types, &infos[handle]);
+        let mut shapes = Vec::with_capacity(function.expressions.len());
+        for (handle, expression) in function.expressions.iter() {
+            let refuse = |what: &str| {
+                Err(Unsupported { what: what.into(), span: function.expressions.get_span(handle) })
+            };
+            let Some(shape) = shape::shape(info[handle].ty.inner_with(types), types) else {
+                return refuse("this type of value");
+            };
+            if shape.size > MAX_COMPONENTS && !shape.is_pointer {
+                return refuse("a value of more than 20 numbers; index it where it stands");
+            }
+            if let Some(what) = unknown(expression) {
+                return refuse(what);
+            }
+            shapes.push(shape);
+        }
+        let size = |ty: Handle<naga::Type>| shape::shape(&types[ty].inner, types).map_or(0, |s| s.size);
+        let parameters: Vec<_> = function.arguments.iter().map(|a| code.allocate(size(a.ty))).collect();
+        let result = code.allocate(function.result.as_ref().map_or(0, |r| size(r.ty)));
+        let mut locals = Vec::new();
+        for (handle, variable) in function.local_variables.iter() {
+            let refuse = |what: &str| {
+                Err(Unsupported { what: what.into(), span: function.local_variables.get_span(handle) })
+            };
+            let Some(shape) = shape::shape(&types[variable.ty].inner, types) else {
+                return refuse("a variable of this type");
+            };
+            if shape.size > MAX_COMPONENTS && variable.init.is_some() {
+                return refuse("a first value of more than 20 numbers");
+            }
+            locals.push(code.allocate(shape.size));
+        }
+        let values = vec![None; function.expressions.len()];
+        Ok(Lowering {
+            module,
+            function,
+            infos,
+            info,
+            globals,
+            routines,
+            code,
+            shapes,
+            values,
+            arguments: parameters.iter().map(|parameter| parameter.iter().collect()).collect(),
+            parameters,
+            result,
+            returned: None,
+            is_inlined: false,
+            locals,
+            gathered: HashMap::new(),
+            nodes: Vec::new(),
+        })
+    }
+
+    /// `host` runs in place of the function: only its parameters and result are needed.
+    fn routine(mut self, host: Option<Host>, is_entry: bool) -> Result<Routine, Unsupported> {
+        if let Some(host) = host {
+            let arguments: Vec<Register> = self.arguments.concat();
+            let body = vec![Node::Host { host, arguments, result: self.result }];
+            return Ok(Routine { arguments: self.parameters, result: self.result, body });
+        }
+        if let Some(last) = self.parameters.last().filter(|_| is_entry) {
+            self.code.invariant.extend(last.iter());
+        }
+        self.body()?;
+        Ok(Routine { arguments: self.parameters, result: self.result, body: self.nodes })
+    }
+
+    /// The first values of variables, and the statements.
+    fn body(&mut self) -> Result<(), Unsupported> {
+        for (handle, variable) in self.function.local_variables.iter() {
+            let to = self.locals[handle.index()];
+            let first = variable.init.map(|init| self.components(init));
+            let zero = self.code.constant(0);
+            for (i, to) in to.iter().enumerate() {
+                let from = first.as_ref().and_then(|first| first.get(i)).copied().unwrap_or(zero);
+                self.nodes.push(Node::Copy { to, from, count: 1 });
+            }
+        }
+        let function = self.function;
+        let statements = self.block(&function.body)?;
+        self.nodes.extend(statements);
+        Ok(())
+    }
+
+    /// A call: in place where the function ends with its only `return` and calls none but the shader's.
+    fn call(
+        &mut self,
+        handle: Handle<Function>,
+        arguments: Vec<Vec<Register>>,
+    ) -> Result<Vec<Register>, Unsupported> {
+        let routine = &self.routines[handle.index()];
+        let own = |code: &mut Code| code.allocate(routine.result.count as usize);
+        if let [Node::Host { host, .. }] = routine.body[..] {
+            let (arguments, result) = (arguments.concat(), own(self.code));
+            self.nodes.push(Node::Host { host, arguments, result });
+            return Ok(result.iter().collect());
+        }
+        if is_straight(&self.module.functions[handle], self.routines) {
+            let module = (self.module, self.infos);
+            let mut inner = Lowering::new(module, handle, self.globals, self.routines, self.code)?;
+            (inner.arguments, inner.is_inlined) = (arguments, true);
+            inner.body()?;
+            let (returned, nodes) = (inner.returned.unwrap_or_default(), inner.nodes);
+            self.nodes.extend(nodes);
+            return Ok(returned);
+        }
+        self.nodes.push(Node::Call { routine: handle.index(), arguments: arguments.concat() });
+        // The next call of the function writes its registers again.
+        let (to, from) = (own(self.code), routine.result);
+        if to.count > 0 {
+            self.nodes.push(Node::Copy { to: to.first, from: from.first, count: to.count });
+        }
+        Ok(to.iter().collect())
+    }
+
+    fn block(&mut self, block: &Block) -> Result<Vec<Node>, Unsupported> {
+        let before = std::mem::take(&mut self.nodes);
+        let gathered = self.gathered.clone();
+        let statements: Vec<(&Statement, &Span)> = block.span_iter().collect();
+        // Steps are counted together up to the next statement at which lanes may part.
+        for straight in statements.split_inclusive(|(statement, _)| branches(statement)) {
+            self.nodes.push(Node::Steps(straight.len() as u32));
+            straight.iter().try_for_each(|(statement, span)| self.statement(statement, **span))?;
+        }
+        self.gathered = gathered;
+        Ok(std::mem::replace(&mut self.nodes, before))
+    }
+
+    fn statement(&mut self, statement: &Statement, span: Span) -> Result<(), Unsupported> {
+        let refuse = |what: &str| Err(Unsupported { what: what.into(), span });
+        match statement {
+            Statement::Emit(range) => {
+                for handle in range.clone() {
+                    let value = self.evaluate(handle);
+                    self.values[handle.index()] = Some(value);
+                }
+            }
+            Statement::Block(block) => {
+                let nodes = self.block(block)?;
+                self.nodes.extend(nodes);
+            }
+            Statement::If { condition, accept, reject } => {
+                let condition = self.component(*condition);
+                let (accept, reject) = (self.block(accept)?, self.block(reject)?);
+                self.nodes.push(Node::If { condition, accept, reject });
+            }
+            Statement::Switch { selector, cases } => {
+                let selector = self.component(*selector);
+                let cases = cases.iter().map(|case| {
+                    let value = match case.value {
+                        SwitchValue::I32(v) => Some(v as u32),
+                        SwitchValue::U32(v) => Some(v),
+                        SwitchValue::Default => None,
+                    };
+                    Ok(Case { value, body: self.block(&case.body)?, fall_through: case.fall_through })
+                });
+                let cases = cases.collect::<Result<_, Unsupported>>()?;
+                self.nodes.push(Node::Switch { selector, cases });
+            }
+            Statement::Loop { body, continuing, break_if } => {
+                let (body, continuing) = (self.block(body)?, self.block(continuing)?);
+                let break_if = break_if.map(|condition| self.component(condition));
+                self.nodes.push(Node::Loop { body, continuing, break_if, span });
+            }
+            Statement::Break => self.nodes.push(Node::Break),
+            Statement::Continue => self.nodes.push(Node::Continue),
+            Statement::Return { value } => {
+                let value = value.map_or_else(Vec::new, |value| self.components(value));
+                if self.is_inlined {
+                    self.returned = Some(value);
+                } else {
+                    self.nodes.push(Node::Return(value));
+                }
+            }
+            Statement::Store { pointer, value } => self.store(*pointer, *value),
+            Statement::Call { function, arguments, result } => {
+                let arguments = arguments.iter().map(|a| self.components(*a)).collect();
+                let returned = self.call(*function, arguments)?;
+                if let Some(result) = result {
+                    self.values[result.index()] = Some(Value::Components(returned));
+                }
+            }
+            Statement::Kill => return refuse("discard: an effect gives every pixel a color"),
+            _ => return refuse("this statement"),
+        }
+        Ok(())
+    }
+
+    fn store(&mut self, pointer: Handle<Expression>, value: Handle<Expression>) {
+        let value = self.components(value);
+        let Value::Pointer { first, offset } = self.value(pointer) else { return };
+        if let (None, Some((from, 1))) = (offset, run(&value)) {
+            self.nodes.push(Node::Store { to: first, from, count: value.len() as u32 });
+            return;
+        }
+        self.nodes.extend((first..).zip(value).map(|(to, from)| match offset {
+            None => Node::Store { to, from, count: 1 },
+            Some(offset) => Node::StoreElement { first: to, offset, from },
+        }));
+    }
+
+    /// An expression's value: computed where it was emitted, or what needs no computing.
+    fn value(&mut self, handle: Handle<Expression>) -> Value {
+        match &self.values[handle.index()] {
+            Some(value) => value.clone(),
+            None => self.evaluate(handle),
+        }
+    }
+
+    fn components(&mut self, handle: Handle<Expression>) -> Vec<Register> {
+        match self.value(handle) {
+            Value::Components(registers) => registers,
+            Value::Pointer { .. } => Vec::new(),
+        }
+    }
+
+    fn component(&mut self, handle: Handle<Expression>) -> Register {
+        self.components(handle).first().copied().unwrap_or(0)
+    }
+
+    /// An operation on single components.
+    fn compute(&mut self, operator: Operator, operands: &[Register]) -> Register {
+        let mut first = [0; 3];
+        first[..operands.len()].copy_from_slice(operands);
+        let out = self.code.allocate(1).first;
+        self.operation(operator, out, Operands { first, step: [0; 3], count: 1 });
+        out
+    }
+
+    /// An operation on vectors; scalars meet every component.
+    fn compute_vector(&mut self, operator: Operator, operands: &[&[Register]]) -> Vec<Register> {
+        let count = operands.iter().map(|operand| operand.len()).max().unwrap_or(0);
+        let mut together = Operands { count: count as u32, ..Operands::default() };
+        let mut is_together = true;
+        for (k, operand) in operands.iter().enumerate() {
+            match self.side_by_side(operand) {
+                Some((first, step)) => (together.first[k], together.step[k]) = (first, step),
+                None => is_together = false,
+            }
+        }
+        let out = self.code.allocate(count);
+        if is_together && count > 0 {
+            self.operation(operator, out.first, together);
+            return out.iter().collect();
+        }
+        for (i, out) in out.iter().enumerate() {
+            let mut first = [0; 3];
+            for (first, operand) in first.iter_mut().zip(operands) {
+                *first = operand[if operand.len() == 1 { 0 } else { i }];
+            }
+            self.operation(operator, out, Operands { first, step: [0; 3], count: 1 });
+        }
+        out.iter().collect()
+    }
+
+    fn operation(&mut self, operator: Operator, out: Register, operands: Operands) {
+        let node = Compute { kernels: Kernels::of(operator), out, operands };
+        let mut all =
+            (0..operands.count).flat_map(|i| (0..3).map(move |k| operands.first[k] + i * operands.step[k]));
+        if all.all(|register| self.code.is_invariant(register)) {
+            self.code.invariant.extend(out..out + operands.count);
+            self.code.prologue.push(node);
+        } else {
+            self.nodes.push(Node::Compute(node));
+        }
+    }
+
+    /// The first register of a vector and the step to the next, with copies where its components lie apart and it is used again.
+    fn side_by_side(&mut self, vector: &[Register]) -> Option<(Register, u32)> {
+        if let Some(found) = run(vector) {
+            return Some(found);
+        }
+        match self.gathered.get(vector) {
+            Some(Some(first)) => Some((*first, 1)),
+            Some(None) => {
+                let first = self.contiguous(vector);
+                self.gathered.insert(vector.to_vec(), Some(first));
+                Some((first, 1))
+            }
+            None => {
+                self.gathered.insert(vector.to_vec(), None);
+                None
+            }
+        }
+    }
+
+    fn float(&mut self, operator: BinaryOperator, a: Register, b: Register) -> Register {
+        self.compute(Operator::Float(FloatOperator::Binary(operator)), &[a, b])
+    }
+
+    fn evaluate(&mut self, handle: Handle<Expression>) -> Value {
+        let shape = self.shapes[handle.index()];
+        let components = match &self.function.expressions[handle] {
+            Expression::Literal(literal) => vec![self.code.constant(bits_of(*literal))],
+            Expression::Constant(c) => {
+                let bits = &self.globals[self.module.constants[*c].init.index()];
+                (self.code.constant_vector(bits.clone())..).take(bits.len()).collect()
+            }
+            Expression::ZeroValue(_) => vec![self.code.constant(0); shape.size],
+            Expression::FunctionArgument(i) => self.arguments[*i as usize].clone(),
+            Expression::LocalVariable(v) => {
+                return Value::Pointer { first: self.locals[v.index()].first, offset: None };
+            }
+            Expression::Compose { components, .. } => {
+                let components = components.iter().flat_map(|part| self.components(*part)).collect();
+                self.code.side_by_side(components)
+            }
+            Expression::Splat { size, value } => vec![self.component(*value); *size as usize],
+            Expression::Swizzle { size, vector, pattern } => {
+                let vector = self.components(*vector);
+                pattern[..*size as usize].iter().map(|c| vector[*c as usize]).collect()
+            }
+            Expression::Access { base, index } => return self.access(*base, *index, shape),
+            Expression::AccessIndex { base, index } => return self.member(*base, *index, handle),
+            Expression::Load { pointer } => self.load(*pointer, shape.size),
+            Expression::Unary { op, expr } => self.unary(*op, *expr),
+            Expression::Binary { op, left, right } => self.binary(*op, *left, *right),
+            Expression::Select { condition, accept, reject } => {
+                let [c, a, r] = [*condition, *accept, *reject].map(|handle| self.components(handle));
+                self.compute_vector(Operator::Select, &[&r, &a, &c])
+            }
+            Expression::Relational { fun, argument } => self.relational(*fun, *argument),
+            Expression::Math { fun, arg, arg1, arg2, .. } => {
+                let arguments: Vec<_> = [Some(*arg), *arg1, *arg2].into_iter().flatten().collect();
+                self.math(*fun, &arguments)
+            }
+            Expression::As { expr, kind, convert } => self.convert(*expr, *kind, convert.is_none()),
+            // Results of calls are set where the call is; the rest is refused.
+            _ => vec![self.code.constant(0); shape.size],
+        };
+        Value::Components(components)
+    }
+
+    /// `base[index]` with an index that is computed: beyond the end, the last element's, as WGSL allows.
+    fn access(&mut self, base: Handle<Expression>, index: Handle<Expression>, shape: Shape) -> Value {
+        let of = self.shapes[base.index()];
+        let step = of.step.max(1);
+        let (last, step) = (self.code.constant((of.size / step).saturating_sub(1) as u32), step as u32);
+        let index = self.component(index);
+        let unsigned = |function| Operator::IntegerMath { signed: false, function };
+        let integer =
+            |operator| Operator::Integer { signed: false, operator: IntegerOperator::Binary(operator) };
+        let mut offset = self.compute(unsigned(MathFunction::Min), &[index, last]);
+        if step > 1 {
+            let step = self.code.constant(step);
+            offset = self.compute(integer(BinaryOperator::Multiply), &[offset, step]);
+        }
+        match self.value(base) {
+            Value::Pointer { first, offset: outer } => {
+                let offset = match outer {
+                    Some(outer) => self.compute(integer(BinaryOperator::Add), &[outer, offset]),
+                    None => offset,
+                };
+                Value::Pointer { first, offset: Some(offset) }
+            }
+            Value::Components(registers) => {
+                let first = self.contiguous(&registers);
+                let own = self.code.allocate(shape.size);
+                let loads = own.iter().zip(first..);
+                self.nodes.extend(loads.map(|(to, first)| Node::LoadElement { to, first, offset }));
+                Value::Components(own.iter().collect())
+            }
+        }
+    }
+
+    /// The first of registers that lie one behind the other with these values.
+    fn contiguous(&mut self, registers: &[Register]) -> Register {
+        let first = registers.first().copied().unwrap_or(0);
+        if registers.iter().copied().eq(first..first + registers.len() as u32) {
+            return first;
+        }
+        let own = self.code.allocate(registers.len());
+        let copies = own.iter().zip(registers);
+        self.nodes.extend(copies.map(|(to, from)| Node::Copy { to, from: *from, count: 1 }));
+        own.first
+    }
+
+    fn member(&mut self, base: Handle<Expression>, index: u32, handle: Handle<Expression>) -> Value {
+        let (shape, of) = (self.shapes[handle.index()], self.shapes[base.index()]);
+        let types = &self.module.types;
+        let before = shape::member_offset(self.info[base].ty.inner_with(types), index as usize, types);
+        let before = before.unwrap_or(of.step.max(1) * index as usize);
+        match self.value(base) {
+            Value::Pointer { first, offset } => Value::Pointer { first: first + before as u32, offset },
+            Value::Components(all) => Value::Components(all[before..before + shape.size].to_vec()),
+        }
+    }
+
+    fn load(&mut self, pointer: Handle<Expression>, size: usize) -> Vec<Register> {
+        let Value::Pointer { first, offset } = self.value(pointer) else { return Vec::new() };
+        let own = self.code.allocate(size);
+        match offset {
+            None => self.nodes.push(Node::Copy { to: own.first, from: first, count: own.count }),
+            Some(offset) => {
+                let loads = own.iter().zip(first..);
+                self.nodes.extend(loads.map(|(to, first)| Node::LoadElement { to, first, offset }));
+            }
+        }
+        own.iter().collect()
+    }
+
+    fn unary(&mut self, op: UnaryOperator, value: Handle<Expression>) -> Vec<Register> {
+        let operator = match (op, self.shapes[value.index()].kind) {
+            (UnaryOperator::Negate, Kind::Float) => Operator::Float(FloatOperator::Negate),
+            _ => Operator::Integer { signed: false, operator: IntegerOperator::Unary(op) },
+        };
+        let value = self.components(value);
+        self.compute_vector(operator, &[&value])
+    }
+
+    fn binary(
+        &mut self,
+        op: BinaryOperator,
+        left: Handle<Expression>,
+        right: Handle<Expression>,
+    ) -> Vec<Register> {
+        let (a, b) = (self.components(left), self.components(right));
+        let [sa, sb] = [left, right].map(|side| self.shapes[side.index()]);
+        let is_product = (sa.columns > 0 || sb.columns > 0) && sa.size > 1 && sb.size > 1;
+        if op == BinaryOperator::Multiply && is_product {
+            return self.matrix_product((&a, &sa), (&b, &sb));
+        }
+        let operator = match sa.kind {
+            Kind::Float => Operator::Float(FloatOperator::Binary(op)),
+            kind => Operator::Integer { signed: kind == Kind::Int, operator: IntegerOperator::Binary(op) },
+        };
+        self.compute_vector(operator, &[&a, &b])
+    }
+
+    /// Matrices lie column by column; a vector left of one is a row.
+    fn matrix_product(
+        &mut self,
+        (a, sa): (&[Register], &Shape),
+        (b, sb): (&[Register], &Shape),
+    ) -> Vec<Register> {
+        let rows = if sa.columns > 0 { sa.step } else { 1 };
+        let inner = if sa.columns > 0 { sa.columns } else { sa.size };
+        let columns = if sb.columns > 0 { sb.columns } else { 1 };
+        let entry = |i: usize| {
+            let (column, row) = (i / rows, i % rows);
+            let left: Vec<Register> = (0..inner).map(|k| a[k * rows + row]).collect();
+            self.dot(&left, &b[column * inner..(column + 1) * inner])
+        };
+        (0..rows * columns).map(entry).collect()
+    }
+
+    /// Sum of products, from the first component on.
+    fn dot(&mut self, a: &[Register], b: &[Register]) -> Register {
+        let multiply = Operator::Float(FloatOperator::Binary(BinaryOperator::Multiply));
+        let products = self.compute_vector(multiply, &[a, b]).into_iter();
+        products.reduce(|sum, product| self.float(BinaryOperator::Add, sum, product)).unwrap_or(0)
+    }
+
+    fn relational(&mut self, fun: RelationalFunction, argument: Handle<Expression>) -> Vec<Register> {
+        let of = match fun {
+            RelationalFunction::All => BinaryOperator::LogicalAnd,
+            _ => BinaryOperator::LogicalOr,
+        };
+        let operator = Operator::Integer { signed: false, operator: IntegerOperator::Binary(of) };
+        let all = self.components(argument).into_iter();
+        all.reduce(|a, b| self.compute(operator, &[a, b])).into_iter().collect()
+    }
+
+    fn convert(&mut self, value: Handle<Expression>, to: ScalarKind, keeps_bits: bool) -> Vec<Register> {
+        let components = self.components(value);
+        let conversion = match (self.shapes[value.index()].kind, to) {
+            _ if keeps_bits => return components,
+            (Kind::Float, ScalarKind::Sint) => Conversion::FloatToInt,
+            (Kind::Float, ScalarKind::Uint) => Conversion::FloatToUint,
+            (Kind::Float, ScalarKind::Bool) => Conversion::FloatToBool,
+            (Kind::Int, ScalarKind::Float) => Conversion::IntToFloat,
+            (Kind::Uint | Kind::Bool, ScalarKind::Float) => Conversion::UintToFloat,
+            (_, ScalarKind::Bool) => Conversion::ToBool,
+            _ => return components,
+        };
+        self.compute_vector(Operator::Convert(conversion), &[&components])
+    }
+
+    fn math(&mut self, function: MathFunction, arguments: &[Handle<Expression>]) -> Vec<Register> {
+        use BinaryOperator::{Add, Divide, Multiply, Subtract};
+        let kind = self.shapes[arguments[0].index()].kind;
+        let values: Vec<Vec<Register>> = arguments.iter().map(|a| self.components(*a)).collect();
+        let (a, b) = (&values[0], values.get(1).unwrap_or(&values[0]));
+        if kind != Kind::Float {
+            return self.integer_math(function, kind == Kind::Int, &values);
+        }
+        match function {
+            MathFunction::Dot => vec![self.dot(a, b)],
+            MathFunction::Length => vec![self.length(a)],
+            MathFunction::Distance => {
+                let subtract = Operator::Float(FloatOperator::Binary(Subtract));
+                let apart = self.compute_vector(subtract, &[a, b]);
+                vec![self.length(&apart)]
+            }
+            MathFunction::Normalize => {
+                let length = self.length(a);
+                self.compute_vector(Operator::Float(FloatOperator::Binary(Divide)), &[a, &[length]])
+            }
+            MathFunction::Cross => (0..3)
+                .map(|i| {
+                    let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+                    let (x, y) = (self.float(Multiply, a[j], b[k]), self.float(Multiply, a[k], b[j]));
+                    self.float(Subtract, x, y)
+                })
+                .collect(),
+            MathFunction::Reflect => {
+                let dot = self.dot(b, a);
+                let twice = self.float(Add, dot, dot);
+                let part = |(x, n): (&Register, &Register)| {
+                    let along = self.float(Multiply, twice, *n);
+                    self.float(Subtract, *x, along)
+                };
+                a.iter().zip(b).map(part).collect()
+            }
+            _ => {
+                let all: Vec<&[Register]> = values.iter().map(Vec::as_slice).collect();
+                self.compute_vector(Operator::Math(function), &all)
+            }
+        }
+    }
+
+    fn length(&mut self, a: &[Register]) -> Register {
+        let square = self.dot(a, a);
+        self.compute(Operator::Math(MathFunction::Sqrt), &[square])
+    }
+
+    fn integer_math(
+        &mut self,
+        function: MathFunction,
+        signed: bool,
+        values: &[Vec<Register>],
+    ) -> Vec<Register> {
+        if function != MathFunction::Dot {
+            let all: Vec<&[Register]> = values.iter().map(Vec::as_slice).collect();
+            return self.compute_vector(Operator::IntegerMath { signed, function }, &all);
+        }
+        let of = |op| Operator::Integer { signed, operator: IntegerOperator::Binary(op) };
+        let multiply = |(a, b): (&Register, &Register)| self.compute(of(BinaryOperator::Multiply), &[*a, *b]);
+        let products: Vec<Register> = values[0].iter().zip(&values[1]).map(multiply).collect();
+        let add = |a, b| self.compute(of(BinaryOperator::Add), &[a, b]);
+        products.into_iter().reduce(add).into_iter().collect()
+    }
+}
+
+/// The first of registers that lie one behind the other or are all the same, and the step from each to the next.
+fn run(registers: &[Register]) -> Option<(Register, u32)> {
+    let first = *registers.first()?;
+    let step = registers.get(1).map_or(0, |second| second.wrapping_sub(first));
+    let is_run =
+        (0..).zip(registers).all(|(i, register)| *register == first.wrapping_add(step.wrapping_mul(i)));
+    (step <= 1 && is_run).then_some((first, step))
+}
+
+/// Whether a function returns at its end alone and calls no function but those of the shader.
+fn is_straight(function: &Function, routines: &[Routine]) -> bool {
+    fn is_inner(block: &Block, routines: &[Routine]) -> bool {
+        block.iter().all(|statement| match statement {
+            Statement::Return { .. } => false,
+            Statement::Call { function, .. } => {
+                matches!(routines[function.index()].body[..], [Node::Host { .. }])
+            }
+            Statement::Block(block) => is_inner(block, routines),
+            Statement::If { accept, reject, .. } => is_inner(accept, routines) && is_inner(reject, routines),
+            Statement::Switch { cases, .. } => cases.iter().all(|case| is_inner(&case.body, routines)),
+            Statement::Loop { body, continuing, .. } => {
+                is_inner(body, routines) && is_inner(continuing, routines)
+            }
+            _ => true,
+        })
+    }
+    let Some((Statement::Return { .. }, before)) = function.body.split_last() else { return false };
+    before.iter().all(|statement| match statement {
+        Statement::Return { .. } => false,
+        _ => is_inner(&Block::from_vec(vec![statement.clone()]), routines),
+    })
+}
+
+/// Whether lanes may leave or part at a statement.
+fn branches(statement: &Statement) -> bool {
+    !matches!(statement, Statement::Emit(_) | Statement::Store { .. })
+}
+
+fn unknown(expression: &Expression) -> Option<&'static str> {
+    use MathFunction as M;
+    let of_vectors = [M::Dot, M::Length, M::Distance, M::Normalize, M::Cross, M::Reflect];
+    match expression {
+        Expression::Math { fun, .. } if !is_component_function(*fun) && !of_vectors.contains(fun) => {
+            Some("this built-in function")
+        }
+        Expression::Relational { fun: RelationalFunction::IsNan | RelationalFunction::IsInf, .. } => {
+            Some("isNan and isInf")
+        }
+        Expression::Derivative { .. } => Some("a derivative: an effect is a function of one pixel"),
+        Expression::ImageSample { .. } | Expression::ImageLoad { .. } | Expression::ImageQuery { .. } => {
+            Some("a texture of its own; name its file in the head comment: // texture NAME = FILE: ABOUT")
+        }
+        Expression::Override(_) => Some("an override; write const, or a parameter in the head comment"),
+        Expression::Literal(_)
+        | Expression::Constant(_)
+        | Expression::ZeroValue(_)
+        | Expression::Compose { .. }
+        | Expression::Access { .. }
+        | Expression::AccessIndex { .. }
+        | Expression::Splat { .. }
+        | Expression::Swizzle { .. }
+        | Expression::FunctionArgument(_)
+        | Expression::LocalVariable(_)
+        | Expression::Load { .. }
+        | Expression::Unary { .. }
+        | Expression::Binary { .. }
+        | Expression::Select { .. }
+        | Expression::Relational { .. }
+        | Expression::Math { .. }
+        | Expression::As { .. }
+        | Expression::CallResult(_) => None,
+        _ => Some("this expression"),
+    }
+}
+
+/// Whether a parameter of a function is a pointer: its place would be in another function's variables.
+pub(crate) fn has_pointer_arguments(module: &Module, function: &Function) -> bool {
+    let is_pointer = |ty: Handle<naga::Type>| {
+        matches!(module.types[ty].inner, TypeInner::Pointer { .. } | TypeInner::ValuePointer { .. })
+    };
+    function.arguments.iter().any(|a| is_pointer(a.ty))
+}

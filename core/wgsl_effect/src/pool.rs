@@ -1,0 +1,58 @@
+//! Machines that a thread keeps between calls, with their constants and parameters in place.
+
+use crate::machine::Machine;
+use crate::program::Program;
+use std::cell::RefCell;
+use std::thread::LocalKey;
+
+/// A machine, and what it was made for: program and bits of the parameters.
+pub struct Kept<M> {
+    key: (u64, [u32; 8]),
+    machine: M,
+}
+
+type Pool<M> = RefCell<Vec<Kept<M>>>;
+
+/// Machines that have a pool.
+pub(crate) trait Pooled: Sized + 'static {
+    /// Each thread's own.
+    fn pool() -> &'static LocalKey<Pool<Self>>;
+    /// A new machine.
+    fn new(program: &Program, parameters: &[f32; 8]) -> Self;
+}
+
+macro_rules! pooled {
+    ($lanes:literal, $name:ident) => {
+        thread_local! { static $name: Pool<Machine<$lanes>> = const { RefCell::new(Vec::new()) }; }
+        impl Pooled for Machine<$lanes> {
+            fn pool() -> &'static LocalKey<Pool<Self>> {
+                &$name
+            }
+            fn new(program: &Program, parameters: &[f32; 8]) -> Self {
+                Machine::new(program, parameters)
+            }
+        }
+    };
+}
+pooled!(4, QUADS);
+pooled!(32, ROWS);
+
+/// Machines that a thread keeps; a frame has a few effects.
+const MAX_KEPT: usize = 12;
+
+/// Lends a machine for a program and its parameters.
+pub fn with<M: Pooled>(program: &Program, parameters: &[f32; 8], run: impl FnOnce(&mut M)) {
+    let key = (program.id, parameters.map(f32::to_bits));
+    let taken = M::pool().with_borrow_mut(|all| {
+        let at = all.iter().rposition(|kept| kept.key == key)?;
+        Some(all.swap_remove(at))
+    });
+    let mut kept = taken.unwrap_or_else(|| Kept { key, machine: M::new(program, parameters) });
+    run(&mut kept.machine);
+    M::pool().with_borrow_mut(|all| {
+        if all.len() >= MAX_KEPT {
+            all.remove(0);
+        }
+        all.push(kept);
+    });
+}

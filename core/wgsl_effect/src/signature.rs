@@ -1,0 +1,196 @@
+//! What the function of each hook is given and gives, in WGSL and as components.
+
+use crate::environment::Host;
+use naga::{Module, ScalarKind, TypeInner, VectorSize};
+
+/// A parameter of an effect's function, or what it gives.
+#[derive(Clone, Copy)]
+enum Part {
+    Scalar(ScalarKind),
+    Vector(ScalarKind, VectorSize),
+    /// A struct with this name.
+    Struct(&'static str),
+    /// `array<f32, 8>`.
+    Parameters,
+}
+
+/// What the function of a hook is given and gives.
+pub(crate) struct Signature {
+    pub text: &'static str,
+    parts: &'static [Part],
+    /// One of these.
+    gives: &'static [Part],
+    /// Declared by the shader that calls the function; appended below the author's text, so that lines stay.
+    pub declared: &'static str,
+    /// Functions of the shader that it may call, as [`Host`] lists them. Their code is never run.
+    pub functions: &'static [Declared],
+    /// And those where the head asks for a history.
+    pub with_history: &'static [Declared],
+}
+
+/// Name, text, what runs in its place.
+type Declared = (&'static str, &'static str, Host);
+
+const F: ScalarKind = ScalarKind::Float;
+const I: ScalarKind = ScalarKind::Sint;
+const U: ScalarKind = ScalarKind::Uint;
+
+const PIXEL: Signature = Signature {
+    text: "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>",
+    parts: &[Part::Vector(F, VectorSize::Quad), Part::Vector(F, VectorSize::Bi), Part::Parameters],
+    gives: &[Part::Vector(F, VectorSize::Quad)],
+    declared: "",
+    functions: &[],
+    with_history: &[],
+};
+
+/// As in shaders/surface.wgsl, and `choreo_plugin::SurfaceSample` in this order.
+const SURFACE: Signature = Signature {
+    text: "fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32>",
+    parts: &[Part::Vector(F, VectorSize::Quad), Part::Struct("Seen"), Part::Parameters],
+    gives: &[Part::Vector(F, VectorSize::Quad)],
+    declared: "struct Seen { world: vec3<f32>, distance: f32, normal: vec3<f32>, facing: f32, background: vec3<f32>, \
+        joints: vec3<f32>, uv: vec2<f32>, shadow: f32, viewer: vec3<f32> }\n",
+    functions: &[],
+    with_history: &[],
+};
+
+/// As in shaders/displace.wgsl, and `choreo_plugin::VertexSample` in this order.
+const VERTEX: Signature = Signature {
+    text: "fn effect(place: Place, p: array<f32, 8>) -> vec3<f32>",
+    parts: &[Part::Struct("Place"), Part::Parameters],
+    gives: &[Part::Vector(F, VectorSize::Tri)],
+    declared: "struct Place { world: vec3<f32>, normal: vec3<f32>, uv: vec2<f32>, model: vec3<f32> }\n",
+    functions: &[],
+    with_history: &[],
+};
+
+/// As in shaders/surface.wgsl, and `choreo_plugin::LightSample` in this order.
+const LIGHTING: Signature = Signature {
+    text: "fn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32>",
+    parts: &[Part::Struct("Falling"), Part::Parameters],
+    gives: &[Part::Vector(F, VectorSize::Tri)],
+    declared: "struct Falling { cosine: f32, share: f32, color: vec3<f32>, base: vec3<f32>, normal: vec3<f32>, \
+        viewer: vec3<f32>, light: vec3<f32>, lit: vec3<f32> }\n",
+    functions: &[],
+    with_history: &[],
+};
+
+/// As in shaders/post.wgsl.
+const PICTURE: Signature = Signature {
+    text: "fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32>",
+    parts: &[Part::Vector(I, VectorSize::Bi), Part::Scalar(U), Part::Parameters],
+    gives: &[Part::Vector(F, VectorSize::Quad)],
+    declared: "",
+    functions: &[
+        ("picture", "fn picture(at: vec2<i32>) -> vec4<f32> { return vec4(f32(at.x)); }\n", Host::Picture),
+        ("original", "fn original(at: vec2<i32>) -> vec4<f32> { return vec4(f32(at.x)); }\n", Host::Original),
+        ("picture_size", "fn picture_size() -> vec2<i32> { return vec2(1); }\n", Host::PictureSize),
+        ("original_size", "fn original_size() -> vec2<i32> { return vec2(1); }\n", Host::OriginalSize),
+        ("shrink_factor", "fn shrink_factor() -> i32 { return 1; }\n", Host::Shrink),
+    ],
+    with_history: &[(
+        "previous",
+        "fn previous(frames: u32, at: vec2<i32>) -> vec4<f32> { return vec4(f32(at.x) + f32(frames)); }\n",
+        Host::Previous,
+    )],
+};
+
+/// As [`choreo_plugin::Stroke`] and [`choreo_plugin::Triangle`] in this order.
+const OVERLAY: Signature = Signature {
+    text: "fn effect(index: u32, body: Body, p: array<f32, 8>) -> Line, or -> Triangle, or -> Lattice",
+    parts: &[Part::Scalar(U), Part::Struct("Body"), Part::Parameters],
+    gives: &[Part::Struct(LINE), Part::Struct(TRIANGLE), Part::Struct(LATTICE)],
+    declared: "struct Body { time: f32, place: vec3<f32>, low: vec3<f32>, high: vec3<f32>, joints: u32, number: u32 }\n\
+        struct Line { a: vec3<f32>, b: vec3<f32>, width: f32, color: vec4<f32> }\n\
+        struct Triangle { a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, color: vec4<f32> }\n\
+        struct Lattice { origin: vec3<f32>, along: vec3<f32>, across: vec3<f32>, cell: f32, every: u32, widths: vec2<f32>, \
+        color: vec4<f32>, fade: f32 }\n",
+    functions: &[
+        ("joint", "fn joint(number: u32) -> vec3<f32> { return vec3(f32(number)); }\n", Host::Joint),
+        ("parent", "fn parent(number: u32) -> i32 { return i32(number) - 1; }\n", Host::Parent),
+        ("in_world", "fn in_world(place: vec3<f32>) -> vec3<f32> { return place; }\n", Host::InWorld),
+    ],
+    with_history: &[
+        (
+            "previous_joint",
+            "fn previous_joint(frames: u32, number: u32) -> vec3<f32> { return vec3(f32(number + frames)); }\n",
+            Host::PreviousJoint,
+        ),
+        (
+            "previous_in_world",
+            "fn previous_in_world(frames: u32, place: vec3<f32>) -> vec3<f32> { return place * f32(frames); }\n",
+            Host::PreviousInWorld,
+        ),
+    ],
+};
+pub const LINE: &str = "Line";
+pub const TRIANGLE: &str = "Triangle";
+pub(crate) const LATTICE: &str = "Lattice";
+
+/// As [`choreo_plugin::InvertedHull`] in this order.
+const SHELL: Signature = Signature {
+    text: "fn effect(p: array<f32, 8>) -> Shell, or -> Edges",
+    parts: &[Part::Parameters],
+    gives: &[Part::Struct("Shell"), Part::Struct(EDGES)],
+    declared: "struct Shell { width: f32, color: vec3<f32>, lighting_mix: f32 }\nstruct Edges { color: vec3<f32> }\n",
+    functions: &[],
+    with_history: &[],
+};
+pub const EDGES: &str = "Edges";
+
+/// The exposure of a frame: number of images, how long the shutter is open, and which share of that lies before the frame.
+const SHUTTER: Signature = Signature {
+    text: "fn effect(p: array<f32, 8>) -> Shutter",
+    parts: &[Part::Parameters],
+    gives: &[Part::Struct("Shutter")],
+    declared: "struct Shutter { samples: u32, degrees: f32, before: f32 }\n",
+    functions: &[],
+    with_history: &[],
+};
+
+pub fn signature(hook: choreo_plugin::Hook) -> &'static Signature {
+    use choreo_plugin::Hook;
+    match hook {
+        Hook::Surface => &SURFACE,
+        Hook::Vertex => &VERTEX,
+        Hook::Lighting => &LIGHTING,
+        Hook::Image => &PICTURE,
+        Hook::Overlay => &OVERLAY,
+        Hook::Outline => &SHELL,
+        Hook::Shutter => &SHUTTER,
+        Hook::Pixel => &PIXEL,
+    }
+}
+
+impl Signature {
+    /// The types that it declares.
+    pub fn structs(&self) -> impl Iterator<Item = &'static str> {
+        self.declared
+            .split("struct ")
+            .filter_map(|text| text.split(' ').next())
+            .filter(|name| !name.is_empty())
+    }
+
+    /// Whether a function is of this form.
+    pub fn fits(&self, module: &Module, function: &naga::Function) -> bool {
+        let types = &module.types;
+        let is = |part: &Part, ty: naga::Handle<naga::Type>| match (part, &types[ty].inner) {
+            (Part::Scalar(kind), TypeInner::Scalar(s)) => s.kind == *kind && s.width == 4,
+            (Part::Vector(kind, n), TypeInner::Vector { size, scalar: s }) => {
+                size == n && s.kind == *kind && s.width == 4
+            }
+            (Part::Struct(name), TypeInner::Struct { .. }) => types[ty].name.as_deref() == Some(name),
+            (Part::Parameters, TypeInner::Array { base, size: naga::ArraySize::Constant(n), .. }) => {
+                n.get() == 8 && types[*base].inner == TypeInner::Scalar(naga::Scalar::F32)
+            }
+            _ => false,
+        };
+        let arguments = &function.arguments;
+        let gives = |r: &naga::FunctionResult| self.gives.iter().any(|part| is(part, r.ty));
+        let gives = function.result.as_ref().is_some_and(gives);
+        gives
+            && arguments.len() == self.parts.len()
+            && arguments.iter().zip(self.parts).all(|(argument, part)| is(part, argument.ty))
+    }
+}

@@ -1,0 +1,37 @@
+// effect: fog
+// about: air that hides what is far, thicker near the ground
+// hook: surface
+// background: not sky
+// off: density = 0
+// param density = 0.08 in 0..10: share of the light lost in a metre, about
+// param start = 0 in 0..1000000: metres before the camera that are clear
+// param height = 0 in -10000..10000: metres above which the fog thins
+// param falloff = 0 in 0..100: how fast it thins with height, 1/m; 0: as thick everywhere
+// param sky = true: its color is the stage's background or sky, so that things fade into it
+// param color = rgb(0.6, 0.65, 0.7): of the fog where sky is false
+//
+// Beer–Lambert: exp(−∫ density ds), integrated in closed form along the ray to the viewer (as Wenzel, "Real-time Atmospheric
+// Effects in Games", SIGGRAPH 2006 course, but with as much fog everywhere below the height). Where its color is the sky's,
+// nothing of the background changes.
+
+// How much of unit density lies below a height above the one from which the fog thins.
+fn fog_up_to(y: f32, falloff: f32) -> f32 {
+    if (y > 0.0) { return (1.0 - exp(-falloff * y)) / falloff; }
+    return y;
+}
+
+fn mean_density(low: f32, high: f32, falloff: f32) -> f32 {
+    let rise = high - low;
+    // Their difference would be rounding only.
+    if (abs(rise) * falloff < 0.02) { return exp(-falloff * max((low + high) * 0.5, 0.0)); }
+    return (fog_up_to(high, falloff) - fog_up_to(low, falloff)) / rise;
+}
+
+fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32> {
+    let metres = max(seen.distance - p[start], 0.0);
+    let share = min(p[start] / max(seen.distance, 1e-6), 1.0);
+    let y = seen.viewer.y + (seen.world.y - seen.viewer.y) * share;
+    let left = exp(-p[density] * metres * mean_density(y - p[height], seen.world.y - p[height], p[falloff]));
+    let fog = select(vec3<f32>(p[color_r], p[color_g], p[color_b]), seen.background, p[sky] > 0.5);
+    return vec4<f32>(fog + (color.rgb - fog) * left, color.a);
+}

@@ -1,0 +1,67 @@
+//! The built-in effects: one WGSL file each beside this crate's folder `src`, and the skeleton, whose labels need Rust.
+
+mod skeleton;
+
+use choreo_plugin::Effect;
+use choreo_wgsl_effect::WgslEffect;
+use std::sync::Arc;
+
+/// Effects in WGSL, in the order of listings, with their texts.
+macro_rules! wgsl_effects {
+    ($($name:literal),*) => { [$(($name, text!($name))),*] };
+}
+
+// Development builds read the files when the program starts: a change in an effect needs no build.
+#[cfg(debug_assertions)]
+macro_rules! text {
+    ($name:literal) => {{
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/", $name, ".wgsl");
+        std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{path}: {e}"))
+    }};
+}
+#[cfg(not(debug_assertions))]
+macro_rules! text {
+    ($name:literal) => {
+        include_str!(concat!("../", $name, ".wgsl"))
+    };
+}
+
+/// All built-in effects.
+pub fn all() -> Vec<Arc<dyn Effect>> {
+    let texts = wgsl_effects![
+        "tonemap",
+        "outline",
+        "fog",
+        "toon",
+        "views",
+        "xray",
+        "wireframe",
+        "fxaa",
+        "bloom",
+        "grid",
+        "shadow_catcher",
+        "motion_blur",
+        "vignette"
+    ];
+    let wgsl = |(name, text)| -> Arc<dyn Effect> {
+        Arc::new(WgslEffect::built_in(
+            &format!("{name}.wgsl"),
+            AsRef::<str>::as_ref(&text),
+            env!("CARGO_PKG_VERSION"),
+        ))
+    };
+    let mut all: Vec<Arc<dyn Effect>> = texts.into_iter().map(wgsl).collect();
+    let after_bloom = all.len() - 4;
+    all.insert(after_bloom, Arc::new(skeleton::Skeleton));
+    all
+}
+
+/// Built-in effects by name.
+///
+/// # Panics
+/// Where there is no effect of a name.
+pub fn named(names: &[&str]) -> Vec<Arc<dyn Effect>> {
+    let all = all();
+    let find = |name: &&str| all.iter().find(|e| e.manifest().name == *name);
+    names.iter().map(|name| find(name).unwrap_or_else(|| panic!("no effect {name}")).clone()).collect()
+}

@@ -1,0 +1,66 @@
+//! Bones as lines and joints as points, over the image or hidden by what is nearer.
+
+use choreo_plugin::{Effect, EffectScene, Hook, Label, Manifest, Overlay, Stroke};
+use glam::Vec4;
+use std::sync::LazyLock;
+
+static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+    Manifest::new("skeleton", env!("CARGO_PKG_VERSION"), "bones as lines and joints as points")
+        .number("width", "of a bone, pixels", 2.0, 1.0..=32.0)
+        .number("joints", "how wide a joint's point is, pixels; 0: none", 6.0, 0.0..=64.0)
+        .color("color", "of the bones", [1.0, 0.75, 0.1])
+        .number("opacity", "of all of it", 1.0, 0.0..=1.0)
+        .flag("over", "over the image, rather than hidden by what is nearer", true)
+        .flag("names", "the names of the joints beside them", false)
+});
+
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Skeleton;
+
+impl Effect for Skeleton {
+    fn manifest(&self) -> &Manifest {
+        &MANIFEST
+    }
+
+    fn hook(&self) -> Hook {
+        Hook::Overlay
+    }
+
+    fn overlay(&self, scene: &EffectScene, p: &[f32; 8]) -> Overlay {
+        let [width, joints, r, g, b, opacity, over, names] = *p;
+        let (mut strokes, mut labels) = (Vec::new(), Vec::new());
+        // Joints are darker: seen on their own bones.
+        let color = Vec4::new(r, g, b, opacity);
+        let dark = Vec4::new(r * 0.25, g * 0.25, b * 0.25, opacity);
+        for body in scene.instances() {
+            let bones = body.bones();
+            let at = |joint: u32| body.joint(joint);
+            for (joint, parent) in &bones {
+                if let (Some(from), Some(to)) = (parent.and_then(at), at(*joint)) {
+                    strokes.push(Stroke { from, to, width, color });
+                }
+            }
+            if joints >= 1.0 {
+                let points = bones.iter().filter_map(|(joint, _)| at(*joint));
+                strokes.extend(points.map(|at| Stroke { from: at, to: at, width: joints, color: dark }));
+            }
+            if names > 0.5 {
+                let skeleton = &body.asset.skeleton;
+                // Without what Mixamo writes before all of them.
+                let name = |joint: u32| {
+                    skeleton.names()[joint as usize].trim_start_matches("mixamorig:").to_string()
+                };
+                let label = |(joint, at)| Label {
+                    at,
+                    text: name(joint),
+                    size: 11.0,
+                    beside: 0.5 * joints + 2.0,
+                    color,
+                };
+                let placed = bones.iter().filter_map(|(joint, _)| Some((*joint, at(*joint)?)));
+                labels.extend(placed.map(label));
+            }
+        }
+        Overlay { strokes, labels, over: over > 0.5, ..Overlay::default() }
+    }
+}

@@ -1,0 +1,28 @@
+// Thick lines and points. CPU reference: core/render/src/scene_resources/thick_lines.rs.
+
+@if(THICK_LINES)
+// The place of a vertex, from both ends of its line in clip space. What is added to an end is the same in the image wherever on
+// the line it is added, times w: so the near plane cuts off what is behind the eye, as of any triangle.
+fn spread(own: vec4<f32>, other: vec4<f32>, corner: vec3<f32>, width: f32) -> vec4<f32> {
+    let second = corner.z > 0.5;
+    let a = select(own, other, second);
+    let b = select(other, own, second);
+    // From the first end to the second in the picture: d(xy/w) is proportional to this.
+    let way = (b.xy * a.w - a.xy * b.w) * frame.size;
+    let most = max(abs(way.x), abs(way.y));
+    var along = vec2(1.0, 0.0);
+    if (most > 0.0) {
+        let scaled = way / most;
+        along = scaled / sqrt(dot(scaled, scaled));
+    }
+    // Half a width, pixels times w.
+    let least = 0.5 * own.w;
+    var radius = least * max(width, 1.0);
+    if (width < 0.0) {
+        let rows = transpose(frame.clip_from_relative);
+        radius = max(0.25 * -width * frame.size.y * tall(rows), least);
+    }
+    let off = along * corner.x + vec2(-along.y, along.x) * corner.y;
+    return own + vec4(off * (2.0 * radius) / frame.size, 0.0, 0.0);
+}
+@end
