@@ -1,4 +1,4 @@
-// Shading formulas. choreo's light convention: radiance = π · f · colour · intensity · NL, so that a white diffuse
+// Shading formulas. choreo's light convention: radiance = π · f · color · intensity · NL, so that a white diffuse
 // surface facing a directional light of intensity 1 (π lux, see core/render/src/plan/lights.rs) is 1; the functions below return π · f.
 // CPU reference: core/render/src/cpu/brdf.rs.
 

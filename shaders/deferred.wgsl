@@ -5,7 +5,7 @@
 
 @if(GEOMETRY)
 // Nine words: two normals as octahedra, 16 bits each way; roughness and occlusion; f90 and red of what is emitted; the diffuse
-// colour, f0 and the rest of what is emitted as 16-bit floats; the depth as it is.
+// color, f0 and the rest of what is emitted as 16-bit floats; the depth as it is.
 struct Kept {
     @location(0) normals: vec4<u32>,
     @location(1) colors: vec4<u32>,

@@ -139,8 +139,8 @@ struct Layers {
     // Indices of refraction of red, green and blue.
     iors: vec3<f32>,
     pad_iors: f32,
-    // clearcoat, its roughness, its normal, sheen colour, its roughness, transmission, thickness, iridescence, its thickness,
-    // anisotropy, diffuse transmission, its colour
+    // clearcoat, its roughness, its normal, sheen color, its roughness, transmission, thickness, iridescence, its thickness,
+    // anisotropy, diffuse transmission, its color
     uv: array<UvTransform, 12>,
 }
 @end
@@ -151,7 +151,7 @@ struct ShadowView {
     texel_from_relative: mat4x4<f32>,
     // Where the filter's texels all lie in the map: from, to
     inside: vec4<f32>,
-    // x = metres of a texel where w is 1, zw = 1 / texels of the image
+    // x = metres of a texel where w is 1, y = texels of penumbra per depth, zw = 1 / texels of the image
     texel: vec4<f32>,
 }
 

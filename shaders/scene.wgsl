@@ -1,4 +1,4 @@
-// The fragment shader of the scene: linear colour out, the target encodes sRGB.
+// The fragment shader of the scene: linear color out, the target encodes sRGB.
 // CPU reference: core/render/src/cpu/shade.rs.
 
 @if(UV_MOTION_MASK) var<private> uv_mask: f32;
@@ -136,7 +136,7 @@ fn read_parallax(in: VertexOut) {
     @if(OCCLUSION_TEXTURE) occlusion += material.occlusion_strength * (textureSample(occlusion_texture, occlusion_sampler, texture_uv(in, 3u)).r - 1.0);
     @end
 
-    // What is mirrored takes the base colour's place, so that no surface sends more than it gets: a reflection of 1 is a mirror.
+    // What is mirrored takes the base color's place, so that no surface sends more than it gets: a reflection of 1 is a mirror.
     @if(REFLECTION) let mirrored_part = mirrored_share(in);
     @if(REFLECTION) base = vec4(base.rgb * (vec3(1.0) - mirrored_part), base.a);
 

@@ -16,11 +16,70 @@ fn shadow_share(light: Light, relative: vec3<f32>, n: vec3<f32>, l: vec3<f32>) -
         let moved = relative + n * (slope * texel) + l * (0.25 * texel);
         let p = view.texel_from_relative * vec4(moved, 1.0);
         let at = p.xyz / max(p.w, 1e-6);
-        if (p.w > 0.0 && all(at.xy >= view.inside.xy) && all(at.xy <= view.inside.zw)) {
-            return shadow_filtered(at, view.texel.zw);
+        // What is behind all that a map is fitted to is in a later one.
+        if (p.w > 0.0 && at.z >= 0.0 && all(at.xy >= view.inside.xy) && all(at.xy <= view.inside.zw)) {
+            if (view.texel.y == 0.0) { return shadow_filtered(at, view.texel.zw); }
+            let slope = shadow_slope(view, n);
+            let width = penumbra_width(at, slope, view.texel.y);
+            if (width <= 3.0) { return shadow_filtered(at, view.texel.zw); }
+            return penumbra_filtered(at, slope, width, view.texel.zw);
         }
     }
     return 1.0;
+}
+
+// Widest penumbra in texels.
+const MAX_PENUMBRA = 12.0;
+
+// How much the depth of a surface changes from texel to texel, at most as if it stood 79° to the light.
+fn shadow_slope(view: ShadowView, n: vec3<f32>) -> vec2<f32> {
+    let rows = transpose(view.texel_from_relative);
+    let z = rows[2].xyz;
+    let nz = max(dot(n, z), 0.2 * length(z));
+    return -vec2(dot(n, rows[0].xyz), dot(n, rows[1].xyz)) * (view.texel.x * view.texel.x * dot(z, z) / nz);
+}
+
+// Width of the penumbra in texels, from the mean depth of what is nearer to the light among 4 × 4 texels (Fernando, "Percentage-Closer
+// Soft Shadows", 2005), which span the widest one, so that none begins with a step. 3, the narrowest, where all or none of them are
+// nearer.
+fn penumbra_width(at: vec3<f32>, slope: vec2<f32>, texels_per_depth: f32) -> f32 {
+    var sum = 0.0;
+    var count = 0.0;
+    for (var y = 0; y < 4; y++) {
+        for (var x = 0; x < 4; x++) {
+            let off = (vec2(f32(x), f32(y)) - 1.5) * (MAX_PENUMBRA / 3.0);
+            let texel = floor(at.xy + off);
+            let depth = at.z + dot(slope, texel + 0.5 - at.xy);
+            let found = textureLoad(shadow_map, vec2<i32>(texel), 0);
+            if (found > depth) {
+                sum += found - depth;
+                count += 1.0;
+            }
+        }
+    }
+    if (count == 0.0 || count == 16.0) { return 3.0; }
+    return clamp(sum / count * texels_per_depth, 3.0, MAX_PENUMBRA);
+}
+
+// A box of width × width texels; the depth follows the surface, in steps of 2 × 2 texels.
+fn penumbra_filtered(at: vec3<f32>, slope: vec2<f32>, width: f32, scale: vec2<f32>) -> f32 {
+    let low = at.xy - 0.5 * width;
+    let high = at.xy + 0.5 * width;
+    let first = floor(low);
+    let texels = vec2<i32>(floor(high) - first) + 1;
+    var sum = 0.0;
+    for (var y = 0; y < texels.y; y += 2) {
+        for (var x = 0; x < texels.x; x += 2) {
+            let corner = first + vec2(f32(x), f32(y)) + 1.0;
+            let depth = max(at.z + dot(slope, corner - at.xy), 0.0);
+            let lit = textureGatherCompare(shadow_map, shadow_sampler, corner * scale, depth);
+            let left = clamp(min(corner, high) - max(corner - 1.0, low), vec2(0.0), vec2(1.0));
+            let right = clamp(min(corner + 1.0, high) - max(corner, low), vec2(0.0), vec2(1.0));
+            let wx = vec4(left.x, right.x, right.x, left.x);
+            sum += dot(wx * vec4(right.y, right.y, left.y, left.y), lit);
+        }
+    }
+    return sum / (width * width);
 }
 
 // A box of 3 × 3 texels moved over the depth comparisons of 4 × 4: weights 1 − f, 1, 1, f.

@@ -37,7 +37,7 @@ struct VertexOut {
 }
 
 @if(EFFECT_JOINTS)
-// Neighbouring numbers get colours far apart: hues a golden ratio of the circle from each other.
+// Neighbouring numbers get colors far apart: hues a golden ratio of the circle from each other.
 fn joint_color(joint: u32) -> vec3<f32> {
     let hue = fract(f32(joint) * 0.61803399) * 6.0;
     return clamp(vec3(abs(hue - 3.0) - 1.0, 2.0 - abs(hue - 2.0), 2.0 - abs(hue - 4.0)), vec3(0.05), vec3(1.0));

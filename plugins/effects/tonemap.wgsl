@@ -21,7 +21,7 @@ fn aces(color: vec3<f32>) -> vec3<f32> {
     );
 }
 
-// Troy Sobotka's AgX by Benjamin Wrensch's polynomial ("Minimal AgX Implementation", 2023): 16.5 stops, mid grey at 10 of them.
+// Troy Sobotka's AgX by Benjamin Wrensch's polynomial ("Minimal AgX Implementation", 2023): 16.5 stops, mid gray at 10 of them.
 fn agx(color: vec3<f32>) -> vec3<f32> {
     let inset = vec3<f32>(
         dot(vec3<f32>(0.84247905, 0.0784336, 0.079223745), color),

@@ -8,7 +8,7 @@ use choreo_motion::PropertyTarget;
 use std::collections::BTreeSet;
 
 impl Asset {
-    /// Whether something in the file can change more than its base colour, for each material. Empty where nothing can.
+    /// Whether something in the file can change more than its base color, for each material. Empty where nothing can.
     pub fn changing_materials(&self) -> Vec<bool> {
         let mut all: BTreeSet<u32> = BTreeSet::new();
         let properties = self.clips.iter().flat_map(|clip| clip.properties());
@@ -26,7 +26,7 @@ impl Asset {
         out
     }
 
-    /// Whether some clip of the file animates its base colour, for each material. Empty where none does.
+    /// Whether some clip of the file animates its base color, for each material. Empty where none does.
     pub fn animated_base_colors(&self) -> Vec<bool> {
         let mut out = Vec::new();
         for (target, _) in self.clips.iter().flat_map(|clip| clip.properties()) {

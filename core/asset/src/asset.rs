@@ -9,7 +9,7 @@ use crate::material::Material;
 use crate::mesh::Mesh;
 use crate::texture::Image;
 use choreo_motion::spring::parameters::Springs;
-use choreo_motion::{Clip, Skeleton};
+use choreo_motion::{Clip, Front, Skeleton};
 use glam::{Affine3A, Mat4};
 use std::sync::Arc;
 
@@ -37,6 +37,8 @@ pub struct Asset {
     pub springs: Springs,
     /// How the eyes follow a target, where the file states.
     pub eyes: Option<Eyes>,
+    /// Its front, where the script says so; else [`Asset::facing`] finds it.
+    pub front: Option<Front>,
     /// The file's own convention, which was converted.
     pub origin: Origin,
     /// What the importer had to guess or leave.

@@ -5,10 +5,20 @@ use crate::asset_hash::asset_hash;
 use crate::bounds::{Aabb, BoundsPart, InstanceBounds};
 use crate::hash::ContentHash;
 use crate::skinning::Carriers;
-use choreo_motion::{Pose, Skeleton, Skinning};
+use choreo_motion::{Facing, Front, Pose, Skeleton, Skinning};
 use glam::{Affine3A, Mat4, Vec3};
 
 impl Asset {
+    /// Which way it faces, found by its skeleton and clips.
+    pub fn facing(&self) -> &Facing {
+        self.derived.facing.get_or_init(|| Facing::of(&self.skeleton, &self.clips))
+    }
+
+    /// Its front: as given, else as found.
+    pub fn front(&self) -> Front {
+        self.front.unwrap_or_else(|| self.facing().front)
+    }
+
     /// The skeleton's rest pose.
     pub fn rest_pose(&self) -> &Pose {
         self.derived.rest_pose.get_or_init(|| Pose::rest(&self.skeleton))

@@ -2,7 +2,7 @@
 
 use crate::bounds::{Aabb, AffineRange, InstanceBounds};
 use crate::hash::ContentHash;
-use choreo_motion::Pose;
+use choreo_motion::{Facing, Pose};
 use glam::Affine3A;
 use std::sync::OnceLock;
 
@@ -15,6 +15,7 @@ pub struct Derived {
     pub(crate) instance_bounds: OnceLock<Vec<InstanceBounds>>,
     pub(crate) rest_bounds: OnceLock<Aabb>,
     pub(crate) range_of_placements: OnceLock<Option<AffineRange>>,
+    pub(crate) facing: OnceLock<Facing>,
     pub(crate) content_hash: OnceLock<ContentHash>,
 }
 

@@ -28,12 +28,12 @@ pub struct MorphBind {
     pub weight: f32,
 }
 
-/// Takes one colour of a material towards `to`.
+/// Takes one color of a material towards `to`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ColorBind {
     pub material: u32,
     pub color: MaterialColor,
-    /// Linear; alpha counts for the base colour alone.
+    /// Linear; alpha counts for the base color alone.
     pub to: Vec4,
 }
 

@@ -37,7 +37,7 @@ pub struct ImageSequence {
 pub struct ImageStream {
     pub slot: TextureSlot,
     pub pictures: Arc<dyn ImageSource>,
-    /// One a picture: equal hashes are equal images.
+    /// One per image: equal hashes are equal images.
     pub hashes: Vec<ContentHash>,
 }
 

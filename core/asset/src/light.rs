@@ -10,7 +10,7 @@ pub struct AssetLight {
     pub light: Light,
 }
 
-/// KHR_lights_punctual: colour is linear and multiplied by intensity
+/// KHR_lights_punctual: color is linear and multiplied by intensity
 /// (lux for directional, candela for point and spot).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {

@@ -29,7 +29,7 @@ pub enum Shading {
     /// As Blinn–Phong, but the highlight falls off from the mirrored light's direction (Phong 1975).
     Phong,
     Unlit,
-    /// Two colours with a boundary between: [`Toon`]. Vertex colours do not count.
+    /// Two colors with a boundary between: [`Toon`]. Vertex colors do not count.
     Toon,
 }
 
@@ -39,7 +39,7 @@ pub struct Material {
     pub shading: Shading,
     /// Linear RGBA factor.
     pub base_color: Vec4,
-    /// sRGB colour, linear alpha.
+    /// sRGB color, linear alpha.
     pub base_color_texture: Option<TextureRef>,
     pub metallic: f32,
     pub roughness: f32,
@@ -59,7 +59,7 @@ pub struct Material {
     /// KHR_materials_specular factor; A of the texture.
     pub specular: f32,
     pub specular_texture: Option<TextureRef>,
-    /// KHR_materials_specular colour, or the Blinn–Phong specular colour.
+    /// KHR_materials_specular color, or the Blinn–Phong specular color.
     pub specular_color: Vec3,
     /// sRGB.
     pub specular_color_texture: Option<TextureRef>,
@@ -81,7 +81,7 @@ pub struct Material {
     pub layers: Option<Box<MaterialLayers>>,
     /// How wide lines and points are; `None`: a pixel. Without meaning for triangles, and for what has a skin or morphs.
     pub line_style: Option<LineStyle>,
-    /// Base colour, normals and specular colour are laid on from three sides, whatever texture coordinates there are; normals
+    /// Base color, normals and specular color are laid on from three sides, whatever texture coordinates there are; normals
     /// need tangents, each at a right angle to its normal.
     pub triplanar: Option<Triplanar>,
 }
@@ -104,7 +104,7 @@ pub struct LineStyle {
     pub width: f32,
     /// Metres of the model, else pixels at any distance.
     pub metres: bool,
-    /// Points are discs and lines have round ends; else squares along the picture's edges, and ends that are cut off.
+    /// Points are discs and lines have round ends; else squares along the image's edges, and ends that are cut off.
     pub round: bool,
 }
 

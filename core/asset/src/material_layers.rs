@@ -17,7 +17,7 @@ pub struct MaterialLayers {
     /// has.
     pub clearcoat_normal_texture: Option<TextureRef>,
     pub clearcoat_normal_scale: f32,
-    /// Linear colour of the fibres' sheen; black: none. RGB of the texture, sRGB.
+    /// Linear color of the fibres' sheen; black: none. RGB of the texture, sRGB.
     pub sheen_color: Vec3,
     pub sheen_color_texture: Option<TextureRef>,
     /// A of the texture.
@@ -31,9 +31,9 @@ pub struct MaterialLayers {
     pub thickness_texture: Option<TextureRef>,
     /// Index of refraction of the volume: what lies behind is seen displaced where there is one, and 1 bends nothing.
     pub ior: f32,
-    /// Dispersion: how far the colours of refracted light part: 20 ÷ Abbe number; 0: not at all.
+    /// Dispersion: how far the colors of refracted light part: 20 ÷ Abbe number; 0: not at all.
     pub dispersion: f32,
-    /// Metres after which white light has the attenuation colour; infinite: clear.
+    /// Metres after which white light has the attenuation color; infinite: clear.
     pub attenuation_distance: f32,
     pub attenuation_color: Vec3,
     /// Share of the surface under a thin film; R of the texture.
@@ -113,7 +113,7 @@ impl MaterialLayers {
         ]
     }
 
-    /// Light lost a metre, by Beer and Lambert: −ln(colour) ÷ distance. A black channel lets nothing through after a millionth.
+    /// Light lost a metre, by Beer and Lambert: −ln(color) ÷ distance. A black channel lets nothing through after a millionth.
     pub fn extinction(&self) -> Vec3 {
         if !(self.attenuation_distance > 0.0 && self.attenuation_distance.is_finite()) {
             return Vec3::ZERO;

@@ -31,7 +31,7 @@ pub struct Primitive {
     /// xyz unit, w = ±1 bitangent sign; present only where the material has a normal map.
     pub tangents: Vec<Vec4>,
     pub uvs: [Vec<Vec2>; 2],
-    /// Linear RGBA, multiplied into the base colour; empty = white.
+    /// Linear RGBA, multiplied into the base color; empty = white.
     pub colors: Vec<Vec4>,
     /// Indices into the skin's joint list, `influences` a vertex; 0, 4 or 8.
     pub influences: usize,

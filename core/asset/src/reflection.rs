@@ -6,12 +6,12 @@ use glam::Vec3;
 /// What a surface mirrors of its surroundings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reflection {
-    /// Linear share that is mirrored, 0 to 1 each; the diffuse colour keeps the rest.
+    /// Linear share that is mirrored, 0 to 1 each; the diffuse color keeps the rest.
     pub color: Vec3,
     /// Multiplied with it; sRGB, as the specular map of these materials is.
     pub texture: Option<TextureRef>,
     /// Mirrored in place of the sky: an equirectangular panorama, sRGB, looked up by the direction in the world (−Z in the
-    /// picture's middle, +Y at its top) rather than by texture coordinates.
+    /// image's middle, +Y at its top) rather than by texture coordinates.
     pub environment: Option<TextureRef>,
 }
 

@@ -2,7 +2,7 @@
 
 use glam::Affine2;
 
-/// 8 bits a channel, RGBA, rows from the top. Whether the colour channels are sRGB depends on the use.
+/// 8 bits a channel, RGBA, rows from the top. Whether the color channels are sRGB depends on the use.
 #[derive(Clone, Default, PartialEq)]
 pub struct Image {
     pub name: String,

@@ -3,11 +3,11 @@
 use crate::texture::TextureRef;
 use glam::{Vec2, Vec3};
 
-/// What [`crate::material::Shading::Toon`] needs beside a material's base colour, normal map, emission and alpha. Colours are linear.
+/// What [`crate::material::Shading::Toon`] needs beside a material's base color, normal map, emission and alpha. Colors are linear.
 /// Defaults are those of `VRMC_materials_mtoon`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Toon {
-    /// Colour where no light falls, times light all the same.
+    /// Color where no light falls, times light all the same.
     pub shade_color: Vec3,
     /// sRGB, multiplied into it.
     pub shade_texture: Option<TextureRef>,
@@ -115,7 +115,7 @@ impl Toon {
 /// A hull around the surface, of which the inside is seen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outline {
-    /// Metres, or a share of the picture's height.
+    /// Metres, or a share of the image's height.
     pub width: f32,
     pub on_screen: bool,
     /// G, linear, times the width.

@@ -1,26 +1,11 @@
-//! Ways to blend two poses, joint by joint, to model space.
+//! The truth of a blend of two poses, and how far others are from it.
 
-use crate::rotation::Interpolate;
 use crate::truth::{self, Local, Spread};
 use choreo_motion::{Pose, Skeleton, Transform};
 use glam::{Affine3A, DAffine3, DVec3, Vec3};
 
-/// A pose blended from two by one way of rotations, translation and scale by a line.
-pub fn blended(from: &Pose, to: &Pose, weight: f32, way: Interpolate, out: &mut Pose) {
-    for joint in 0..from.len().min(to.len()).min(out.len()) {
-        let (a, b) = (from.get(joint), to.get(joint));
-        let near = if a.rotation.dot(b.rotation) < 0.0 { -b.rotation } else { b.rotation };
-        let transform = Transform {
-            translation: a.translation.lerp(b.translation, weight),
-            rotation: way(a.rotation, near, weight),
-            scale: a.scale.lerp(b.scale, weight),
-        };
-        out.set(joint, transform);
-    }
-}
-
-/// The same in f64 from the same two poses, to model space.
-pub fn exact(skeleton: &Skeleton, from: &Pose, to: &Pose, weight: f64) -> Vec<DAffine3> {
+/// Two poses blended in f64, rotations by slerp, to model space.
+pub(crate) fn exact(skeleton: &Skeleton, from: &Pose, to: &Pose, weight: f64) -> Vec<DAffine3> {
     let local = |t: Transform| Local {
         translation: t.translation.as_dvec3(),
         rotation: t.rotation.as_dquat().normalize(),

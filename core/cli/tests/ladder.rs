@@ -183,12 +183,12 @@ const LADDER: &[Rung] = &[
         gone: &["ONE_LIGHT"],
         data: &["views of shadow maps"],
         cost: Cost {
-            commands: 56,
+            commands: 54,
             passes: 2,
-            draws: 16,
+            draws: 15,
             pipelines: 7,
-            frame_bytes: 83216,
-            resource_bytes: 774102,
+            frame_bytes: 83136,
+            resource_bytes: 774042,
             target_bytes: 1739776,
         },
     },
@@ -200,12 +200,12 @@ const LADDER: &[Rung] = &[
         gone: &[],
         data: &["parameters of vignette"],
         cost: Cost {
-            commands: 57,
+            commands: 55,
             passes: 3,
-            draws: 16,
+            draws: 15,
             pipelines: 7,
-            frame_bytes: 83280,
-            resource_bytes: 774102,
+            frame_bytes: 83200,
+            resource_bytes: 774042,
             target_bytes: 4734976,
         },
     },
@@ -358,7 +358,7 @@ fn everything_forced_in_looks_the_same() {
                 rung.name
             );
             assert!(apart.worst <= 1, "{} on {device}: {apart}", rung.name);
-            // What is not neutral is seen: everything forced in, and another colour.
+            // What is not neutral is seen: everything forced in, and another color.
             let mut other = scene.plan(&PlanOptions { force_all: true, ..usual.clone() });
             let instances = other.instances.iter_mut();
             instances.for_each(|i| i.tint *= glam::Vec4::new(0.9, 1.0, 1.0, 1.0));

@@ -275,3 +275,47 @@ fn stages_are_six_pictures_in_a_folder() {
         run.err
     );
 }
+
+#[test]
+fn lists_and_steps_of_frames() {
+    let dir = folder();
+    let run = render(dir.path(), &["tri.gltf", "-o", "f/%02d.png", "--frames", "0..30:12,29,3..5"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    assert_eq!(names(&dir.path().join("f")), ["00.png", "03.png", "04.png", "12.png", "24.png", "29.png"]);
+}
+
+#[test]
+fn a_model_renders_longer_than_its_clip() {
+    let dir = folder();
+    let d = dir.path();
+    assert_eq!(render(d, &["tri.gltf", "-o", "a.png", "--frames", "45"]).code, 2, "the clip has 30 frames");
+    for (name, frame) in [("a.png", "45"), ("b.png", "15"), ("c.png", "20")] {
+        let run = render(d, &["tri.gltf", "-o", name, "--length", "2", "--frames", frame]);
+        assert_eq!(run.code, 0, "{}", run.err);
+    }
+    let pixels = |name: &str| image::open(d.join(name)).unwrap().into_rgba8();
+    assert!(pixels("a.png") == pixels("b.png"), "the clip is looped");
+    assert!(pixels("a.png") != pixels("c.png"));
+    std::fs::write(d.join("s.rhai"), "cast(\"a\", shape(\"box\"));").unwrap();
+    let run = render(d, &["s.rhai", "-o", "s.png", "--length", "2"]);
+    assert!(run.code == 2 && run.err.contains("--length is for model files"), "{}", run.err);
+}
+
+#[test]
+fn a_contact_sheet_holds_its_frames() {
+    let dir = folder();
+    let d = dir.path();
+    let run = render(d, &["tri.gltf", "-o", "sheet.png", "--sheet", "--frames", "0,10,20"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let sheet = image::open(d.join("sheet.png")).unwrap().into_rgba8();
+    // Two columns and two rows of 96x54, with gaps of 4.
+    assert_eq!(sheet.dimensions(), (2 * 100 + 4, 2 * 58 + 4));
+    for (frame, left, top) in [("0", 4, 4), ("10", 104, 4), ("20", 4, 62)] {
+        assert_eq!(render(d, &["tri.gltf", "-o", "one.png", "--frames", frame]).code, 0);
+        let one = image::open(d.join("one.png")).unwrap().into_rgba8();
+        let cell = image::imageops::crop_imm(&sheet, left, top, 96, 54).to_image();
+        assert!(cell == one, "frame {frame}");
+    }
+    let run = render(d, &["tri.gltf", "-o", "sheet.mp4", "--sheet"]);
+    assert!(run.code == 2 && run.err.contains("--sheet makes one image"), "{}", run.err);
+}

@@ -135,8 +135,7 @@ pub(crate) fn print_message(message: impl std::fmt::Display) {
 }
 
 pub(crate) fn print_json(value: &serde_json::Value) -> Result<(), Failure> {
-    // `to_string_pretty` of a `Value` cannot fail: all keys are strings.
-    print(&format!("{}\n", escaped(&serde_json::to_string_pretty(value).unwrap_or_default())))
+    print(&format!("{}\n", escaped(&crate::terminal::json::pretty(value))))
 }
 
 /// JSON on one line on standard error, for programs that write their result to standard output.

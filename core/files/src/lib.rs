@@ -4,7 +4,7 @@
 //! write. Two rules follow from that, and this crate is the one place that holds them:
 //!
 //! - **Reading** follows a link only to a place beneath the folder that was opened ([`Folder::open_file`]).
-//! - **Writing** follows no link at all, and creates new files exclusively ([`Part`], [`PartFolder`], [`write_whole`]). A file
+//! - **Writing** follows no link at all, and creates new files exclusively ([`PartFile`], [`PartFolder`], [`write_whole`]). A file
 //!   appears whole or not at all; what is unfinished when a signal ends the program goes by [`remove_unfinished`].
 //!
 //! Reading refuses everything but regular files, writing opens a pipe or device only under the name that the user gave, and
@@ -25,7 +25,7 @@ pub use error::{FileError, words};
 pub use folder::{Folder, open_file, read};
 pub use identity::Identity;
 pub use leftovers::remove_unfinished;
-pub use part::{Part, part_of, write_whole, write_whole_beneath};
+pub use part::{PartFile, part_of, write_whole, write_whole_beneath};
 pub use part_folder::PartFolder;
-pub use place::Place;
+pub use place::Destination;
 pub use write_error::WriteError;

@@ -2,7 +2,7 @@
 
 use crate::leftovers::{Leftover, leftovers};
 use crate::write_error::WriteError;
-use crate::{Folder, Place};
+use crate::{Destination, Folder};
 use std::fs::{File, TryLockError};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ pub fn part_of(name: &Path) -> PathBuf {
 
 /// One file on its way to its place. Dropped, it is removed.
 #[derive(Debug)]
-pub struct Part {
+pub struct PartFile {
     file: File,
     /// `None` where the place is a pipe or device, which is written directly.
     way: Option<Way>,
@@ -32,33 +32,33 @@ struct Way {
     number: u64,
 }
 
-impl Part {
+impl PartFile {
     /// Written as `NAME.part`, which is locked: a second writer gets [`WriteError::Busy`]. The path is one that the user chose,
-    /// see [`Place::of`].
-    pub fn create(path: &Path) -> Result<Part, WriteError> {
-        match Place::of(path)? {
-            Place::File { folder, name } => Part::take(folder, part_of(&name), name),
-            Place::Direct(file) => Ok(Part { file, way: None }),
+    /// see [`Destination::of`].
+    pub fn create(path: &Path) -> Result<PartFile, WriteError> {
+        match Destination::of(path)? {
+            Destination::File { folder, name } => PartFile::take(folder, part_of(&name), name),
+            Destination::Direct(file) => Ok(PartFile { file, way: None }),
         }
     }
 
-    /// A locked file of this name that never gets another: what it says is that somebody holds it.
-    pub fn claim(folder: Arc<Folder>, name: PathBuf) -> Result<Part, WriteError> {
-        Part::take(folder, name.clone(), name)
+    /// A locked file of this name that never gets another: it shows that a process holds it.
+    pub fn claim(folder: Arc<Folder>, name: PathBuf) -> Result<PartFile, WriteError> {
+        PartFile::take(folder, name.clone(), name)
     }
 
-    fn take(folder: Arc<Folder>, part: PathBuf, name: PathBuf) -> Result<Part, WriteError> {
+    fn take(folder: Arc<Folder>, part: PathBuf, name: PathBuf) -> Result<PartFile, WriteError> {
         let mut leftovers = leftovers();
         let file = take(&folder, &part)?;
         let number = leftovers.add(Leftover::File(folder.clone(), part.clone()));
-        Ok(Part { file, way: Some(Way { folder, part, name, number }) })
+        Ok(PartFile { file, way: Some(Way { folder, part, name, number }) })
     }
 
     /// Creates a part under a name of its own, so that of several writers the last one wins.
-    fn unlocked(place: Place) -> Result<Part, WriteError> {
+    fn unlocked(place: Destination) -> Result<PartFile, WriteError> {
         let (folder, name) = match place {
-            Place::File { folder, name } => (folder, name),
-            Place::Direct(file) => return Ok(Part { file, way: None }),
+            Destination::File { folder, name } => (folder, name),
+            Destination::Direct(file) => return Ok(PartFile { file, way: None }),
         };
         let mut leftovers = leftovers();
         static COUNT: AtomicU64 = AtomicU64::new(0);
@@ -73,14 +73,14 @@ impl Part {
                 Err(e) => return Err(WriteError::at(folder.path().join(part), e)),
                 Ok(file) => {
                     let number = leftovers.add(Leftover::File(folder.clone(), part.clone()));
-                    return Ok(Part { file, way: Some(Way { folder, part, name, number }) });
+                    return Ok(PartFile { file, way: Some(Way { folder, part, name, number }) });
                 }
             }
         }
         Err(io::Error::from(ErrorKind::AlreadyExists).into())
     }
 
-    /// A writer to its end. It must be flushed and dropped before [`Part::commit`].
+    /// A writer to its end. It must be flushed and dropped before [`PartFile::commit`].
     pub fn writer(&self) -> io::Result<BufWriter<File>> {
         Ok(BufWriter::with_capacity(1 << 16, self.file.try_clone()?))
     }
@@ -97,7 +97,7 @@ impl Part {
     }
 }
 
-impl Drop for Part {
+impl Drop for PartFile {
     fn drop(&mut self) {
         if let Some(way) = self.way.take() {
             let mut leftovers = leftovers();
@@ -107,10 +107,10 @@ impl Drop for Part {
     }
 }
 
-/// Writes a file whole or not at all, by a path that the user chose ([`Place::of`]). A file that is there keeps its permissions.
+/// Writes a file whole or not at all, by a path that the user chose ([`Destination::of`]). A file that is there keeps its permissions.
 /// Of several writers the last one wins.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
-    write(Place::of(path)?, bytes)
+    write(Destination::of(path)?, bytes)
 }
 
 /// As [`write_whole`], beneath a folder that the user chose: the folders on the way of `name` are no links. Makes those that are
@@ -121,11 +121,11 @@ pub fn write_whole_beneath(folder: &Path, name: &Path, bytes: &[u8]) -> Result<(
         std::fs::create_dir_all(folder)?;
     }
     let folder = Folder::open(folder)?.create_folders(above)?;
-    write(Place::beneath(folder, name.ok_or(WriteError::IsFolder)?.as_ref())?, bytes)
+    write(Destination::beneath(folder, name.ok_or(WriteError::IsFolder)?.as_ref())?, bytes)
 }
 
-fn write(place: Place, bytes: &[u8]) -> Result<(), WriteError> {
-    let part = Part::unlocked(place)?;
+fn write(place: Destination, bytes: &[u8]) -> Result<(), WriteError> {
+    let part = PartFile::unlocked(place)?;
     let mut file = &part.file;
     file.write_all(bytes)?;
     if let Some(way) = &part.way {

@@ -8,33 +8,33 @@ use std::sync::Arc;
 
 /// The place of an output, found before anything is written.
 #[derive(Debug)]
-pub enum Place {
+pub enum Destination {
     /// A file of this name in this folder, which may exist already.
     File { folder: Arc<Folder>, name: PathBuf },
     /// A pipe or device, open for writing.
     Direct(File),
 }
 
-impl Place {
+impl Destination {
     /// Looks at a path that the user chose: links on the way to its folder are followed, a link under its name is refused.
     /// The exception are the links that the system itself keeps in `/dev` and `/proc`: `/dev/stdout`, `/proc/self/fd/3`.
-    pub fn of(path: &Path) -> Result<Place, WriteError> {
+    pub fn of(path: &Path) -> Result<Destination, WriteError> {
         let parent = path.parent().unwrap_or(Path::new(""));
         let name = path.file_name().ok_or(WriteError::IsFolder)?;
         if let Some(stream) = system_link(parent, name.as_ref()) {
-            return stream.map(Place::Direct);
+            return stream.map(Destination::Direct);
         }
-        Place::beneath(Folder::open(parent)?, name.as_ref())
+        Destination::beneath(Folder::open(parent)?, name.as_ref())
     }
 
-    /// As [`Place::of`], in an open folder and without the exception.
-    pub fn beneath(folder: Folder, name: &Path) -> Result<Place, WriteError> {
+    /// As [`Destination::of`], in an open folder and without the exception.
+    pub fn beneath(folder: Folder, name: &Path) -> Result<Destination, WriteError> {
         folder.no_link(name)?;
         match folder.kind(name) {
             Some(there) if there.is_dir() => Err(WriteError::IsFolder),
-            Some(there) if !there.is_file() => pipe::open(&folder, name).map(Place::Direct),
+            Some(there) if !there.is_file() => pipe::open(&folder, name).map(Destination::Direct),
             Some(there) if there.permissions().readonly() => Err(WriteError::ReadOnly),
-            _ => Ok(Place::File { folder: Arc::new(folder), name: name.to_path_buf() }),
+            _ => Ok(Destination::File { folder: Arc::new(folder), name: name.to_path_buf() }),
         }
     }
 }

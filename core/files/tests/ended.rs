@@ -1,7 +1,7 @@
 //! What is left when a signal ends the program. Alone in its process: nothing can be written afterwards.
 #![cfg(unix)]
 
-use choreo_files::{Folder, Part, PartFolder, remove_unfinished};
+use choreo_files::{Folder, PartFile, PartFolder, remove_unfinished};
 use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
@@ -11,9 +11,9 @@ fn unfinished_files_go_and_frames_to_go_on_with_stay() {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
     let folder = Arc::new(Folder::open(d).unwrap());
-    let half = Part::create(&d.join("half.png")).unwrap();
+    let half = PartFile::create(&d.join("half.png")).unwrap();
     half.writer().unwrap().write_all(b"half").unwrap();
-    let claim = Part::claim(folder.clone(), "%d.png.0-9.part".into()).unwrap();
+    let claim = PartFile::claim(folder.clone(), "%d.png.0-9.part".into()).unwrap();
     let open = |name: &str| PartFolder::open(folder.clone(), Path::new(name), &["body", "journal"]).unwrap();
     let (mut kept, dropped) = (open("kept.mp4"), open("dropped.mp4"));
     for part in [&kept, &dropped] {

@@ -1,7 +1,7 @@
 //! Outputs in folders that strangers have filled: links, hard links, pipes and leftovers in the way of every name.
 #![cfg(unix)]
 
-use choreo_files::{Part, PartFolder, Place, WriteError, write_whole, write_whole_beneath};
+use choreo_files::{Destination, PartFile, PartFolder, WriteError, write_whole, write_whole_beneath};
 use std::fs::{self, File, hard_link, symlink_metadata};
 use std::io::{Read, Write};
 use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
@@ -45,7 +45,9 @@ impl Planted {
     }
 
     fn part_folder(&self) -> Result<PartFolder, WriteError> {
-        let Place::File { folder, name } = Place::of(&self.inside.join("o")).unwrap() else { panic!() };
+        let Destination::File { folder, name } = Destination::of(&self.inside.join("o")).unwrap() else {
+            panic!()
+        };
         PartFolder::open(folder, &name, FILES)
     }
 
@@ -65,7 +67,7 @@ impl Drop for Planted {
     }
 }
 
-fn put(part: Part, bytes: &[u8]) -> Result<(), WriteError> {
+fn put(part: PartFile, bytes: &[u8]) -> Result<(), WriteError> {
     let mut out = part.writer().unwrap();
     out.write_all(bytes).unwrap();
     out.flush().unwrap();
@@ -78,17 +80,17 @@ fn a_link_under_the_name_or_its_part_is_refused_and_named() {
     let p = planted();
     let place = p.inside.join("o");
     let expected = p.link("o");
-    assert_eq!(Part::create(&place).unwrap_err().to_string(), expected);
+    assert_eq!(PartFile::create(&place).unwrap_err().to_string(), expected);
     assert_eq!(write_whole(&place, b"x").unwrap_err().to_string(), expected);
     assert_eq!(write_whole_beneath(&p.inside, Path::new("o"), b"x").unwrap_err().to_string(), expected);
     fs::remove_file(&place).unwrap();
     let expected = p.link("o.part");
-    assert_eq!(Part::create(&place).unwrap_err().to_string(), expected);
+    assert_eq!(PartFile::create(&place).unwrap_err().to_string(), expected);
     assert_eq!(p.part_folder().unwrap_err().to_string(), expected);
     fs::remove_file(p.inside.join("o.part")).unwrap();
     // What a link says cannot steer a terminal.
     symlink("\x1b[2J", &place).unwrap();
-    let text = Part::create(&place).unwrap_err().to_string();
+    let text = PartFile::create(&place).unwrap_err().to_string();
     assert!(text.ends_with("is a symbolic link to \\u{1b}[2J; remove it"), "{text}");
     fs::remove_file(&place).unwrap();
     for name in ["a", "a/b"] {
@@ -104,7 +106,7 @@ fn a_link_under_the_name_or_its_part_is_refused_and_named() {
 fn a_stale_part_is_replaced_and_not_written_into() {
     let p = planted();
     hard_link(p.secret(), p.inside.join("o.part")).unwrap();
-    put(Part::create(&p.inside.join("o")).unwrap(), b"result").unwrap();
+    put(PartFile::create(&p.inside.join("o")).unwrap(), b"result").unwrap();
     assert_eq!(fs::read(p.inside.join("o")).unwrap(), b"result");
     assert_eq!(p.names(), ["o"]);
 }
@@ -113,12 +115,14 @@ fn a_stale_part_is_replaced_and_not_written_into() {
 fn a_part_is_locked_and_goes_where_it_is_not_finished() {
     let p = planted();
     let place = p.inside.join("o");
-    let first = Part::create(&place).unwrap();
-    assert!(matches!(Part::create(&place), Err(WriteError::Busy)));
+    let first = PartFile::create(&place).unwrap();
+    assert!(matches!(PartFile::create(&place), Err(WriteError::Busy)));
     drop(first);
     assert_eq!(p.names(), Vec::<String>::new());
     fs::create_dir(p.inside.join("o.part")).unwrap();
-    assert!(matches!(Part::create(&place), Err(WriteError::InTheWay(at)) if at == p.inside.join("o.part")));
+    assert!(
+        matches!(PartFile::create(&place), Err(WriteError::InTheWay(at)) if at == p.inside.join("o.part"))
+    );
 }
 
 #[test]
@@ -209,7 +213,7 @@ fn a_file_is_written_whole_with_its_folders_and_keeps_its_permissions() {
 fn a_pipe_without_reader_is_an_error_and_one_with_a_reader_is_written() {
     let p = planted();
     let pipe = p.pipe("o");
-    assert!(matches!(Part::create(&pipe), Err(WriteError::NoReader)));
+    assert!(matches!(PartFile::create(&pipe), Err(WriteError::NoReader)));
     assert!(matches!(write_whole(&pipe, b"x"), Err(WriteError::NoReader)));
     // More than a pipe holds: the writer must wait for the reader, who takes his time.
     let bytes: Vec<u8> = (0..1_000_000u32).map(|i| i as u8).collect();
@@ -223,11 +227,11 @@ fn a_pipe_without_reader_is_an_error_and_one_with_a_reader_is_written() {
             read
         }
     });
-    put(Part::create(&pipe).unwrap(), &bytes).unwrap();
+    put(PartFile::create(&pipe).unwrap(), &bytes).unwrap();
     assert!(reader.join().unwrap() == bytes);
     // A pipe in the way of a part is no output.
     p.pipe("x.part");
-    assert!(matches!(Part::create(&p.inside.join("x")), Err(WriteError::InTheWay(_))));
+    assert!(matches!(PartFile::create(&p.inside.join("x")), Err(WriteError::InTheWay(_))));
 }
 
 #[test]
@@ -235,7 +239,7 @@ fn devices_and_the_links_of_the_system_are_written() {
     let p = planted();
     // Only looked at: where root runs this, a fault would replace them for the whole machine.
     for place in ["/dev/null", "/dev/stdout", "/dev/stderr"] {
-        assert!(matches!(Place::of(Path::new(place)), Ok(Place::Direct(_))), "{place}");
+        assert!(matches!(Destination::of(Path::new(place)), Ok(Destination::Direct(_))), "{place}");
     }
     let file = File::options().append(true).create(true).open(p.inside.join("open")).unwrap();
     (&file).write_all(b"before ").unwrap();
@@ -246,17 +250,17 @@ fn devices_and_the_links_of_the_system_are_written() {
     assert_eq!(fs::read(p.inside.join("open")).unwrap(), b"before more more ");
     // A link that a user made to them is one as any other.
     symlink("/dev/null", p.inside.join("null")).unwrap();
-    assert!(matches!(Part::create(&p.inside.join("null")), Err(WriteError::Link { .. })));
+    assert!(matches!(PartFile::create(&p.inside.join("null")), Err(WriteError::Link { .. })));
 }
 
 #[test]
 fn a_claim_is_held_by_one() {
     let p = planted();
     let folder = Arc::new(choreo_files::Folder::open(&p.inside).unwrap());
-    let claim = Part::claim(folder.clone(), PathBuf::from("0-9.part")).unwrap();
-    assert!(matches!(Part::claim(folder.clone(), PathBuf::from("0-9.part")), Err(WriteError::Busy)));
+    let claim = PartFile::claim(folder.clone(), PathBuf::from("0-9.part")).unwrap();
+    assert!(matches!(PartFile::claim(folder.clone(), PathBuf::from("0-9.part")), Err(WriteError::Busy)));
     drop(claim);
     assert_eq!(p.names(), Vec::<String>::new());
     let expected = p.link("0-9.part");
-    assert_eq!(Part::claim(folder, PathBuf::from("0-9.part")).unwrap_err().to_string(), expected);
+    assert_eq!(PartFile::claim(folder, PathBuf::from("0-9.part")).unwrap_err().to_string(), expected);
 }

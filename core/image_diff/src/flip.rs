@@ -58,7 +58,7 @@ pub fn flip(a: &Frame, b: &Frame) -> Result<FlipDifference, CompareError> {
         let opaque = [a, b].iter().all(|f| f.rgba.chunks_exact(4).all(|p| p[3] == 255));
         let backs: &[f32] = if opaque { &[0.0] } else { &[0.0, 1.0] };
         for back in backs {
-            let [p, q] = [a, b].map(|f| Seen::new(f, *back));
+            let [p, q] = [a, b].map(|f| PerceivedImage::new(f, *back));
             let difference = p.difference(&q);
             map.iter_mut().zip(difference).for_each(|(m, d): (&mut f32, f32)| *m = m.max(d));
         }
@@ -102,7 +102,7 @@ pub fn flip_heatmap(visible: &FlipDifference, size: [u32; 2]) -> Frame {
 }
 
 /// An image as an observer perceives it.
-struct Seen {
+struct PerceivedImage {
     /// L*, a* and b* after the contrast sensitivity filters, with a* and b* lowered in the dark (Hunt).
     color: [Vec<f32>; 3],
     /// Strength of edges and of points.
@@ -110,9 +110,9 @@ struct Seen {
     points: Vec<f32>,
 }
 
-impl Seen {
+impl PerceivedImage {
     /// `back`: the linear gray behind a transparent image.
-    fn new(frame: &Frame, back: f32) -> Seen {
+    fn new(frame: &Frame, back: f32) -> PerceivedImage {
         let size = [frame.width as usize, frame.height as usize];
         let linear: Vec<f32> = (0..=255).map(|v: i32| linear_from_srgb_f32(v as f32 / 255.0)).collect();
         let mut opponent = [const { Vec::new() }; 3];
@@ -135,14 +135,14 @@ impl Seen {
             let rgb = rgb_from_opponent([*y, *cx, *cz]).map(|v| v.clamp(0.0, 1.0));
             color.iter_mut().zip(lab_hunt(rgb)).for_each(|(plane, v)| plane.push(v));
         }
-        Seen { color, edges, points }
+        PerceivedImage { color, edges, points }
     }
 
     /// The difference at each pixel (sections 4.1.2 to 4.3).
-    fn difference(&self, other: &Seen) -> Vec<f32> {
+    fn difference(&self, other: &PerceivedImage) -> Vec<f32> {
         const COLOR_EXPONENT: f32 = 0.7;
         const FEATURE_EXPONENT: f32 = 0.5;
-        // Where the colour difference is bent: the lower 0.4 of its range takes 0.95 of the result's.
+        // Where the color difference is bent: the lower 0.4 of its range takes 0.95 of the result's.
         const BEND_AT: f32 = 0.4;
         const BEND_TO: f32 = 0.95;
         // The largest difference of the gamut: green and blue.

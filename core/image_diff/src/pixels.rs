@@ -264,7 +264,7 @@ mod tests {
         assert_eq!((rounding.share_beyond, rounding.verdict()), (0.0, "equal to the eye: rounding"));
         let darker = compare(&a, &changed(&|_, v| v.saturating_sub(5)), 3).unwrap();
         assert_eq!(darker.verdict(), "hard to tell apart: slightly other shading or filtering");
-        // Colour channels swapped in the right half.
+        // Color channels swapped in the right half.
         let mut part = a.clone();
         for (i, p) in part.rgba.chunks_exact_mut(4).enumerate() {
             if i % 64 >= 56 && i / 64 < 8 {

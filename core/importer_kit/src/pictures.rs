@@ -29,7 +29,7 @@ pub struct Encoded<B> {
 /// Formats that a kind of file may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Formats {
-    /// PNG, JPEG, WebP: what glTF knows.
+    /// PNG, JPEG, WebP: the formats of glTF.
     Web,
     /// Those, BMP, and TGA (known by the name's extension, as it has no magic number).
     All,
@@ -107,7 +107,7 @@ impl<B: AsRef<[u8]>> Encoded<B> {
     }
 }
 
-/// What an import says that nobody wants any more.
+/// The error of an import that was cancelled.
 pub const CANCELLED: &str = "the import was cancelled";
 
 /// Share of an import that is done when its images begin to be waited for: they take most of the rest.
@@ -204,7 +204,7 @@ mod tests {
     use super::*;
     use std::cell::RefCell;
 
-    /// Calls off after so many words; keeps what it was told.
+    /// Cancels after this many progress reports, and keeps them.
     struct Bar(RefCell<Vec<f32>>, usize);
 
     impl Files for Bar {
@@ -239,7 +239,7 @@ mod tests {
     #[test]
     fn pictures_that_nobody_wants_are_not_begun() {
         let bar = Bar(RefCell::default(), 0);
-        // More than can be done before the first word is heard.
+        // More than can be done before the first progress report is read.
         let (images, _) = decode_beside(&pictures(4000), ImportScope::ALL, &bar, || ());
         let left = images.iter().filter(|i| i.as_ref().is_err_and(|p| p.what == CANCELLED)).count();
         assert!(left > 0, "{left}");

@@ -34,6 +34,8 @@ pub struct Companions {
     /// Held in memory, by name.
     pub files: Vec<(&'static str, Vec<u8>)>,
     pub reads: AtomicUsize,
+    /// The only clip that is played; `None`: all.
+    pub played: Option<&'static str>,
 }
 
 impl Companions {
@@ -47,6 +49,10 @@ impl Companions {
 
     pub fn of(files: Vec<(&'static str, Vec<u8>)>) -> Companions {
         Companions { files, ..Companions::default() }
+    }
+
+    pub fn playing(clip: &'static str) -> Companions {
+        Companions { played: Some(clip), ..Companions::default() }
     }
 
     pub fn reads(&self) -> usize {
@@ -64,6 +70,10 @@ impl Files for Companions {
             Some(folder) => std::fs::read(folder.join(relative)).map(Arc::new).map_err(|e| e.to_string()),
             None => Err(format!("\"{relative}\": file not found")),
         }
+    }
+
+    fn wants_clip(&self, _: usize, name: &str) -> bool {
+        self.played.is_none_or(|played| played == name)
     }
 }
 

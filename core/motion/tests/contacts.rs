@@ -168,3 +168,30 @@ fn who_stands_at_ease_stands_all_the_time() {
     }
     assert!(found.floor_velocity.length() < 0.01);
 }
+
+/// As in Khronos' CesiumMan, where no joint is called foot or toe.
+#[test]
+fn feet_without_names_are_the_ends_of_the_legs() {
+    let mut joints: Vec<(String, Option<u32>, [f32; 3])> = vec![
+        ("Skeleton_torso_joint_1".into(), None, [0.0, 0.9, 0.0]),
+        ("torso_joint_3".into(), Some(0), [0.0, 0.4, 0.0]),
+        ("Skeleton_neck_joint_1".into(), Some(1), [0.0, 0.2, 0.0]),
+    ];
+    for (side, x) in [("L", 1.0f32), ("R", -1.0)] {
+        let mut above = 0;
+        let steps = [[0.1, 0.0, 0.0], [0.0, -0.4, 0.02], [0.0, -0.4, -0.02], [0.0, -0.1, 0.15]];
+        for (number, [out, up, ahead]) in [1, 2, 3, 5].into_iter().zip(steps) {
+            joints.push((format!("leg_joint_{side}_{number}"), Some(above), [x * out, up, ahead]));
+            above = joints.len() as u32 - 1;
+        }
+    }
+    let rest =
+        joints.iter().map(|j| Transform { translation: Vec3::from(j.2), ..Transform::IDENTITY }).collect();
+    let names = joints.iter().map(|j| j.0.clone()).collect();
+    let skeleton = Skeleton::new(names, joints.iter().map(|j| j.1).collect(), rest).unwrap();
+    let feet: Vec<Vec<&str>> = find_feet(&skeleton)
+        .iter()
+        .map(|foot| foot.joints.iter().map(|j| skeleton.names()[*j as usize].as_str()).collect())
+        .collect();
+    assert_eq!(feet, [["leg_joint_L_3", "leg_joint_L_5"], ["leg_joint_R_3", "leg_joint_R_5"]]);
+}

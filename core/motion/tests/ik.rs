@@ -110,9 +110,14 @@ fn two_bones_in_every_bad_place() {
     assert!((ok(TwoBone { target: x * 1e9, ..straight }) - (1e9 - 2.0)).abs() < 1.0, "far out of reach");
     let unlike = TwoBone { middle: x * 0.1, end: x * 1.1, target: x * 0.01, ..straight };
     assert!((ok(unlike) - 0.89).abs() < 1e-9, "too near for unequal bones");
+    // A hand that comes to the shoulder does not spring back to where the clip has it.
+    assert!(ok(TwoBone { target: DVec3::ZERO, ..straight }) < 1e-12, "the target in the start");
+    assert!(
+        (ok(TwoBone { target: DVec3::ZERO, ..unlike }) - 0.9).abs() < 1e-9,
+        "in the start of unequal bones"
+    );
     assert!(ok(TwoBone { middle: x * 1e-9, end: x * 2e-9, target: DVec3::Y * 1e-9, ..straight }) < 1e-18);
     for nothing in [
-        TwoBone { target: DVec3::ZERO, ..straight },
         TwoBone { middle: DVec3::ZERO, ..straight },
         TwoBone { end: x, ..straight },
         TwoBone { target: DVec3::NAN, ..straight },

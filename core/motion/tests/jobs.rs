@@ -4,7 +4,7 @@ mod support;
 
 use choreo_motion::{
     Blend, BlendOnto, Clip, Crossfade, InputError, Interpolation, Level, LinearSkinning, LocalToModel, Morph,
-    Path, Pose, Sample, Skeleton, SkinMatrices, Time, Transform,
+    Path, Pose, RotationBlend, Sample, Skeleton, SkinMatrices, Time, Transform,
 };
 use glam::{Affine3A, DQuat, DVec3, Mat4, Quat, Vec3};
 use proptest::prelude::*;
@@ -73,8 +73,9 @@ proptest! {
             prop_assert!(near(out.scale, a.scale, b.scale));
             let (p, q) = (a.rotation.as_dquat(), b.rotation.as_dquat());
             let q = if p.dot(q) < 0.0 { -q } else { q };
-            let wanted = (p * (1.0 - w) + q * w).normalize();
-            prop_assert!(degrees_between(quat64(out.rotation), wanted.to_array()) < 1e-4);
+            // Within what the corrected nlerp is off slerp.
+            let wanted = slerp(p.to_array(), q.to_array(), w);
+            prop_assert!(degrees_between(quat64(out.rotation), wanted) < 0.046);
         }
     }
 
@@ -292,24 +293,42 @@ fn antipodal_and_opposite_rotations_stay_finite() {
     }
 }
 
-/// The figures in the documentation of the blend module.
+/// The figures in the documentation of the blend module: each way within its limit, and not far within it.
 #[test]
-fn how_far_nlerp_is_from_slerp() {
-    for (degrees, limit) in [(20.0f64, 0.011), (45.0, 0.12), (90.0, 0.96), (135.0, 3.4), (180.0, 8.3)] {
-        let half = (degrees / 2.0).to_radians();
-        let b = [half.sin(), 0.0, 0.0, half.cos()];
-        let mut to = Pose::identity(1);
-        to.set(0, Transform { rotation: Quat::from_array(b.map(|c| c as f32)), ..Transform::IDENTITY });
-        let worst = (0..=100)
-            .map(|step| {
-                let w = step as f32 / 100.0;
-                let got = blend(&Pose::identity(1), &to, w, None).get(0).rotation;
-                degrees_between(quat64(got), slerp([0.0, 0.0, 0.0, 1.0], b, f64::from(w)))
-            })
-            .fold(0.0, f64::max);
-        println!("rotations {degrees}° apart: nlerp is at most {worst:.4}° from slerp");
-        assert!(worst < limit && worst > 0.8 * limit, "{degrees}: {worst}");
+fn how_far_blends_are_from_slerp() {
+    let limits = [
+        (RotationBlend::Nlerp, [(20.0f64, 0.011), (45.0, 0.12), (90.0, 0.96), (135.0, 3.4), (180.0, 8.3)]),
+        (
+            RotationBlend::CorrectedNlerp,
+            [(20.0, 0.0018), (45.0, 0.0017), (90.0, 0.005), (135.0, 0.009), (180.0, 0.045)],
+        ),
+    ];
+    for (way, (degrees, limit)) in
+        limits.iter().flat_map(|(way, l)| l.iter().map(move |limit| (*way, *limit)))
+    {
+        let worst = farthest_from_slerp(way, degrees);
+        println!("rotations {degrees}° apart: {way:?} is at most {worst:.5}° from slerp");
+        assert!(worst < limit && worst > 0.7 * limit, "{way:?} {degrees}: {worst}");
     }
+    for degrees in [1.0, 20.0, 90.0, 179.0] {
+        let worst = farthest_from_slerp(RotationBlend::Slerp, degrees);
+        assert!(worst < 5e-5, "{degrees}: {worst}");
+    }
+}
+
+/// Degrees, of the weights 0, 0.01 … 1.
+fn farthest_from_slerp(way: RotationBlend, degrees: f64) -> f64 {
+    let half = (degrees / 2.0).to_radians();
+    let b = [half.sin(), 0.0, 0.0, half.cos()];
+    let mut to = Pose::identity(1);
+    to.set(0, Transform { rotation: Quat::from_array(b.map(|c| c as f32)), ..Transform::IDENTITY });
+    let at = |step: u32| {
+        let weight = step as f32 / 100.0;
+        let mut pose = Pose::identity(1);
+        BlendOnto { pose: &mut pose, to: &to, weight, mask: None }.run_as(way);
+        degrees_between(quat64(pose.get(0).rotation), slerp([0.0, 0.0, 0.0, 1.0], b, f64::from(weight)))
+    };
+    (0..=100).map(at).fold(0.0, f64::max)
 }
 
 #[test]

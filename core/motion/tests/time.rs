@@ -1,6 +1,6 @@
 //! Ticks, frame rates, playback: exact however long.
 
-use choreo_motion::{FrameRate, Playback, Repeat, Time};
+use choreo_motion::{FrameRate, FrameRateError, Playback, Repeat, Time};
 use proptest::prelude::*;
 
 const SECOND: i64 = Time::TICKS_PER_SECOND;
@@ -23,12 +23,19 @@ fn common_rates_have_whole_ticks() {
 
 #[test]
 fn rates_by_name() {
-    assert_eq!(FrameRate::from_fps(30.0), Some(FrameRate { num: 30, den: 1 }));
-    assert_eq!(FrameRate::from_fps(29.97), Some(FrameRate { num: 30_000, den: 1001 }));
-    assert_eq!(FrameRate::from_fps(23.976), Some(FrameRate { num: 24_000, den: 1001 }));
-    assert_eq!(FrameRate::from_fps(12.5), Some(FrameRate { num: 12_500, den: 1000 }));
+    assert_eq!(FrameRate::from_fps(30.0), Ok(FrameRate { num: 30, den: 1 }));
+    assert_eq!(FrameRate::from_fps(29.97), Ok(FrameRate { num: 30_000, den: 1001 }));
+    assert_eq!(FrameRate::from_fps(23.976), Ok(FrameRate { num: 24_000, den: 1001 }));
+    assert_eq!(FrameRate::from_fps(23.98), Ok(FrameRate { num: 24_000, den: 1001 }));
+    assert_eq!(FrameRate::from_fps(12.5), Ok(FrameRate { num: 25, den: 2 }));
+    // Kept as they are, not rounded to thousandths or to NTSC.
+    assert_eq!(FrameRate::from_fps(29.973), Ok(FrameRate { num: 29_973, den: 1000 }));
+    assert_eq!(FrameRate::from_fps(12.3456), Ok(FrameRate { num: 7716, den: 625 }));
+    assert_eq!(FrameRate::from_fps(1.0 / 3.0), Ok(FrameRate { num: 1, den: 3 }));
+    assert_eq!(FrameRate::from_fps(0.0014), Ok(FrameRate { num: 7, den: 5000 }));
+    assert_eq!(FrameRate::from_fps(999.123456789), Err(FrameRateError::Ratio));
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-4, 1001.0] {
-        assert_eq!(FrameRate::from_fps(bad), None, "{bad}");
+        assert_eq!(FrameRate::from_fps(bad), Err(FrameRateError::Range), "{bad}");
     }
 }
 

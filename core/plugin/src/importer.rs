@@ -129,6 +129,13 @@ pub trait Files {
         let _ = part;
         true
     }
+
+    /// Whether the caller will play a clip of the file, where it has `ImportScope::clips`; `index` counts the clips that the asset has so far.
+    /// Of one that it does not play an importer may give the name alone ([`Clip::new`](choreo_motion::Clip::new) without curves).
+    fn wants_clip(&self, index: usize, name: &str) -> bool {
+        let _ = (index, name);
+        true
+    }
 }
 
 /// What the caller will use; the rest is not decoded.

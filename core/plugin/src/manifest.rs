@@ -95,7 +95,7 @@ pub enum OptionKind {
     },
 }
 
-/// Why a value is not taken: complete but for who said it.
+/// Why a value is not taken: complete but for the name of the plugin.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{message}")]
 pub struct OptionError {

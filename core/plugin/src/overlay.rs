@@ -135,7 +135,7 @@ impl Overlay {
     pub const MOST: usize = 100_000;
 }
 
-/// Both its faces are seen, in its colour as it is: no light falls on it, and it casts no shadow.
+/// Both its faces are seen, in its color as it is: no light falls on it, and it casts no shadow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triangle {
     /// World, metres.

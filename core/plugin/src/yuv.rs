@@ -39,8 +39,8 @@ struct Weights {
     v: [i16; 3],
 }
 
-// round(32768 × coefficient × 219/255) for luma and × 224/255 for chroma; each chroma row sums to 0, so that grey stays
-// grey, and luma to 28142, so that white is 235.
+// round(32768 × coefficient × 219/255) for luma and × 224/255 for chroma; each chroma row sums to 0, so that gray stays
+// gray, and luma to 28142, so that white is 235.
 const BT709: Weights =
     Weights { y: [5983, 20127, 2032], u: [-3298, -11094, 14392], v: [14392, -13073, -1319] };
 const BT601: Weights =

@@ -106,7 +106,7 @@ fn a_film_has_the_colours_of_its_spectrum() {
         }
     }
     println!("films: worst reflectance error {worst:.4}");
-    // The colours differ: the comparison sees more than a grey.
+    // The colors differ: the comparison sees more than a gray.
     let [r, _, b] = film_on(0.2, 1.33, 200.0, 1.2);
     let [r2, _, b2] = film_on(0.2, 1.33, 300.0, 1.2);
     assert!((r - b) * (r2 - b2) < 0.0, "{r} {b} {r2} {b2}");

@@ -30,7 +30,7 @@ fn ggx(roughness: f64, l: DVec3) -> f64 {
     d * 0.5 / (l.z + (a2 + (1.0 - a2) * l.z * l.z).sqrt())
 }
 
-/// Grey dielectric at N = V, one channel, times π.
+/// Gray dielectric at N = V, one channel, times π.
 fn dielectric(base: f64, roughness: f64, l: DVec3) -> f64 {
     let h = (l + DVec3::Z).normalize();
     let f = 0.04 + 0.96 * (1.0 - h.z).powi(5);

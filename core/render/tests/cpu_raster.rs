@@ -64,7 +64,7 @@ fn four_samples_cover_what_their_standard_positions_say() {
 
 #[test]
 fn interpolation_is_perspective_correct_even_behind_the_camera() {
-    // A floor from 20 m in front of the camera to 5 m behind it, coloured by place.
+    // A floor from 20 m in front of the camera to 5 m behind it, colored by place.
     let mut scene = Scene::perspective(1.0, 0.0);
     let mut floor = Primitive {
         indices: vec![0, 1, 2, 0, 2, 3],

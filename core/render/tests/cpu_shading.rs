@@ -1,4 +1,4 @@
-//! Colours of the CPU renderer against the formulas in f64; textures; effects; equal bits.
+//! Colors of the CPU renderer against the formulas in f64; textures; effects; equal bits.
 
 mod common;
 
@@ -51,7 +51,7 @@ fn metallic_roughness_under_one_sun() {
                 ..matte(color)
             });
             scene.sun(-to_light.as_vec3(), Vec3::ONE, 0.8);
-            // 1 − max F is each channel's own only where F is grey, or where the channel is the largest one.
+            // 1 − max F is each channel's own only where F is gray, or where the channel is the largest one.
             let expected = base.map(|b| 0.8 * metallic_roughness(b, metallic, roughness, specular, to_light));
             let got = middle(&scene);
             if metallic == 0.0 {

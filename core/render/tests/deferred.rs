@@ -27,7 +27,7 @@ fn options(effects: &[Arc<dyn Effect>]) -> PlanOptions<'_> {
 
 fn lamp(scene: &mut Scene, kind: LightKind, position: DVec3, range: Option<f32>, shadow: bool) {
     let light = Light { kind, color: Vec3::new(1.0, 0.8, 0.6), intensity: 1.5, range };
-    let shadow = shadow.then_some(Shadow { size: 512, softness: 0.02 });
+    let shadow = shadow.then_some(Shadow { size: 512, softness: Some(0.02) });
     let direction = Vec3::new(-0.2, -0.9, -0.4).normalize();
     scene.snapshot.lights.push(LightState { light, position, direction, shadow, attenuation: None });
 }
@@ -90,7 +90,7 @@ fn props() -> Scene {
 fn shadows() -> Scene {
     let mut scene = props();
     scene.sun(Vec3::new(-0.4, -0.8, -0.5), Vec3::ONE, 0.7);
-    scene.snapshot.lights[0].shadow = Some(Shadow { size: 1024, softness: 0.02 });
+    scene.snapshot.lights[0].shadow = Some(Shadow { size: 1024, softness: Some(0.02) });
     lamp(&mut scene, LightKind::Spot { inner: 0.4, outer: 0.7 }, DVec3::new(1.0, 3.0, 2.0), Some(9.0), true);
     lamp(&mut scene, LightKind::Point, DVec3::new(-1.5, 1.5, 2.5), None, true);
     lamp(&mut scene, LightKind::Point, DVec3::new(2.5, 0.5, 2.5), None, false);

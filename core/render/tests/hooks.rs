@@ -146,7 +146,7 @@ fn normals_follow_what_is_moved() {
         let normal = turned * (DVec3::new(-0.5, 0.0, 1.0) / 1.25f64.sqrt());
         let light = normal.dot(DVec3::new(0.6, 0.0, 0.8));
         let [r, ..] = pixel(&frame, 100, 75);
-        // Its own colour but for what the specular layer takes.
+        // Its own color but for what the specular layer takes.
         let flat = {
             let mut flat = wall(DQuat::from_rotation_arc(DVec3::Z, normal.normalize()));
             flat.snapshot.lights = scene.snapshot.lights.clone();

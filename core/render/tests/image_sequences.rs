@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 const COUNT: usize = 40;
 
-/// Each of a grey of its own; the last but one cannot be made.
+/// Each of a gray of its own; the last but one cannot be made.
 #[derive(Debug, Default)]
 struct Greys {
     made: AtomicUsize,

@@ -13,28 +13,6 @@ use common::*;
 use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
 use std::sync::Arc;
 
-/// A cube of half a side, its normals split at the edges.
-fn cube(half: f32) -> Primitive {
-    let mut cube = Primitive { material: Some(0), ..Primitive::default() };
-    for (n, u) in [
-        (Vec3::X, Vec3::Y),
-        (Vec3::NEG_X, Vec3::Y),
-        (Vec3::Y, Vec3::Z),
-        (Vec3::NEG_Y, Vec3::Z),
-        (Vec3::Z, Vec3::X),
-        (Vec3::NEG_Z, Vec3::X),
-    ] {
-        let v = n.cross(u);
-        let first = cube.positions.len() as u32;
-        for (a, b) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
-            cube.positions.push((n + u * a + v * b) * half);
-            cube.normals.push(n);
-        }
-        cube.indices.extend([0, 1, 2, 0, 2, 3].map(|i| first + i));
-    }
-    cube
-}
-
 fn ball(radius: f32) -> Primitive {
     let (rings, sectors) = (48u32, 96u32);
     let mut ball = Primitive { material: Some(0), ..Primitive::default() };
@@ -66,7 +44,7 @@ fn outlined(scene: &mut Scene, width: f64, actors: Vec<usize>) {
 
 const GREEN: [u8; 4] = [0, 255, 0, 255];
 
-/// Runs of the outline's colour in a row.
+/// Runs of the outline's color in a row.
 fn runs(frame: &Frame, y: u32, color: [u8; 4]) -> Vec<u32> {
     let mut out = Vec::new();
     let mut run = 0;
@@ -295,7 +273,7 @@ fn a_mask_says_what_moves() {
 
 #[test]
 fn an_outline_reaches_into_the_image_from_outside() {
-    // A ball whose rim is two pixels left of the picture: a line of eight pixels is seen.
+    // A ball whose rim is two pixels left of the image: a line of eight pixels is seen.
     let drawn = |width: f64, x: f64| {
         let mut scene = Scene::ortho(2.0);
         scene.at(&asset(vec![ball(0.5)], vec![unlit(Vec4::ONE)], vec![]), x, 0.0, 0.0);

@@ -46,7 +46,7 @@ fn places() -> Vec<Affine3A> {
 fn scene(as_one: bool, skinning: Skinning, upper: Affine3A) -> Scene {
     let mut scene = Scene::ortho(4.0);
     scene.sun(Vec3::new(-0.4, -0.5, -1.0), Vec3::ONE, 1.0);
-    scene.snapshot.lights[0].shadow = Some(Shadow { size: 512, softness: 0.0 });
+    scene.snapshot.lights[0].shadow = Some(Shadow { size: 512, softness: Some(0.0) });
     scene.snapshot.ambient_up = Vec3::splat(0.1);
     scene.at(&asset(vec![quad(3.0, 3.0)], vec![matte(Vec4::ONE)], vec![]), 0.0, 0.0, -1.5);
     let world = DAffine3::from_rotation_z(0.1);

@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 const WIDTH: u32 = 64;
 
-/// Every texel another colour.
+/// Every texel another color.
 fn motley() -> Arc<Image> {
     image(WIDTH, WIDTH / 2, |x, y| [(x * 4) as u8, (y * 8) as u8, ((x * 53 + y * 91) % 256) as u8, 255])
 }

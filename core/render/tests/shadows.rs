@@ -1,4 +1,4 @@
-//! ShadowMaps of the CPU renderer against rays cast in f64, of the Vulkan renderer against the CPU's; what they cost, and what
+//! Shadow maps of the CPU renderer against rays cast in f64, of the Vulkan renderer against the CPU's; what they cost, and what
 //! scenes without pay: nothing.
 
 mod common;
@@ -106,7 +106,7 @@ fn a_suns_shadow_is_where_rays_end() {
     for (size, softness) in [(2048, 0.0), (512, 0.0), (2048, 0.05), (256, 0.1)] {
         let mut scene = floor_and_square();
         let sun = plain(LightKind::Directional, 0.8);
-        cast(&mut scene, sun, DVec3::ZERO, direction, Shadow { size, softness });
+        cast(&mut scene, sun, DVec3::ZERO, direction, Shadow { size, softness: Some(softness) });
         let (_, plan) = scene.plan(&PlanOptions::new([160, 160], 1));
         let texel = f64::from(plan.shadow_maps.as_ref().unwrap().views[0].texel);
         let frame = draw_at(&scene, [160, 160], 1);
@@ -133,7 +133,7 @@ fn lamps_and_spots_cast_from_where_they_are() {
     let cone = LightKind::Spot { inner: 1.0, outer: 1.04 };
     for (kind, what) in [(cone, "spot"), (LightKind::Point, "point")] {
         let mut scene = floor_and_square();
-        let shadow = Shadow { size: 1024, softness: 0.0 };
+        let shadow = Shadow { size: 1024, softness: Some(0.0) };
         cast(&mut scene, plain(kind, 4.0), at, DVec3::NEG_Y, shadow);
         let (_, plan) = scene.plan(&PlanOptions::new([160, 160], 1));
         let shadows = plan.shadow_maps.as_ref().unwrap();
@@ -195,7 +195,7 @@ fn what_is_lit_does_not_shade_itself() {
             let l = DQuat::from_rotation_y(degrees.to_radians()) * DVec3::NEG_Z;
             scene.sun(l.as_vec3(), Vec3::ONE, 0.8);
             let bare = draw_at(&scene, [96, 96], 1);
-            scene.snapshot.lights[0].shadow = Some(Shadow { size: 512, softness });
+            scene.snapshot.lights[0].shadow = Some(Shadow { size: 512, softness: Some(softness) });
             let shaded = draw_at(&scene, [96, 96], 1);
             let darker = bare.rgba.iter().zip(&shaded.rgba).filter(|(a, b)| a.abs_diff(**b) > 3).count();
             // The bulge shades itself truly where its slope is steeper than the light: from 45° on.
@@ -218,7 +218,8 @@ fn alpha_tested_holes_let_light_through() {
         let a = asset(vec![quad(0.6, 0.6)], vec![material], vec![holes]);
         scene.add(&a, DAffine3::from_translation(DVec3::Y) * flat_down());
         let sun = plain(LightKind::Directional, 0.8);
-        cast(&mut scene, sun, DVec3::ZERO, DVec3::new(1.0, -0.8, 0.0), Shadow::default());
+        let shadow = Shadow { softness: Some(0.01), ..Shadow::default() };
+        cast(&mut scene, sun, DVec3::ZERO, DVec3::new(1.0, -0.8, 0.0), shadow);
         let frame = draw_at(&scene, [160, 160], 1);
         frame.rgba.chunks_exact(4).filter(|p| p[0] < 20).count()
     };
@@ -245,8 +246,8 @@ fn a_scene_without_shadows_pays_nothing() {
     let counts = recording.counts();
     assert_eq!((counts.passes, counts.shadow_views), (2, 1));
     assert_eq!(why(&with), None);
-    // Six draws into the map and into the image; solid ones share their pipeline and need no material.
-    assert_eq!(with.instances.len(), plan.instances.len() + 6);
+    // Six draws into the image, and five into the map without the flat floor; solid ones share their pipeline and need no material.
+    assert_eq!(with.instances.len(), plan.instances.len() + 5);
     let before = recording.commands.iter().position(|c| matches!(c, Command::BeginPass { .. })).unwrap();
     let count = |f: fn(&Command) -> bool| recording.commands[..before].iter().filter(|c| f(c)).count();
     assert_eq!(count(|c| matches!(c, Command::BindPipeline(_))), 2, "solid, and with holes");
@@ -279,7 +280,8 @@ fn casters_out_of_view_are_drawn_into_the_map_alone() {
         .flat_map(|d| d.first_instance..d.first_instance + d.instance_count)
         .map(|i| plan.instance_actors[i as usize])
         .collect();
-    assert_eq!(actors, [0, 1]);
+    // The square in view is flat and shades nothing else.
+    assert_eq!(actors, [1]);
     assert_eq!(plan.draws.iter().map(|d| d.instance_count).sum::<u32>(), 1);
     let frame = draw_at(&scene, [32, 32], 1);
     assert!(pixel(&frame, 16, 16)[0] < 10, "in the shadow of what is not seen");
@@ -303,9 +305,15 @@ fn forcing_everything_in_changes_no_pixel() {
 fn vulkan_draws_the_same_shadows() {
     let Some(mut r) = vulkan(GpuOptions::default()) else { return };
     let mut on_vulkan = |scene: &Scene, options: &PlanOptions| draw_with(&mut r, scene, options);
-    let mut lamps = bulge_on_floor(Some(Shadow { size: 1024, softness: 0.1 }));
+    let mut lamps = bulge_on_floor(Some(Shadow { size: 1024, softness: Some(0.1) }));
     let at = DVec3::new(0.3, 1.6, 1.0);
-    cast(&mut lamps, plain(LightKind::Point, 1.0), at, DVec3::NEG_Y, Shadow { size: 512, softness: 0.0 });
+    cast(
+        &mut lamps,
+        plain(LightKind::Point, 1.0),
+        at,
+        DVec3::NEG_Y,
+        Shadow { size: 512, softness: Some(0.0) },
+    );
     let spot = LightKind::Spot { inner: 0.4, outer: 0.6 };
     cast(
         &mut lamps,
@@ -315,7 +323,7 @@ fn vulkan_draws_the_same_shadows() {
         Shadow::default(),
     );
     let scenes = [
-        ("sun", bulge_on_floor(Some(Shadow { size: 1024, softness: 0.0 }))),
+        ("sun", bulge_on_floor(Some(Shadow { size: 1024, softness: Some(0.0) }))),
         ("sun, point and spot", lamps),
         ("none", bulge_on_floor(None)),
         ("sun again", bulge_on_floor(Some(Shadow::default()))),
@@ -336,4 +344,144 @@ fn vulkan_draws_the_same_shadows() {
     let options = PlanOptions::new([200, 150], 1);
     let c = compare(&on_vulkan(&scenes[0].1, &options), &draw(&scenes[2].1, &options), 2).unwrap();
     assert!(c.mean > 0.15 && c.share_beyond > 0.01, "{c}");
+}
+
+/// A post 0.4 m wide and 1.6 m high on a square floor, which stands 3 m before the camera; all of it `scale` times as large.
+fn post_on_floor(floor: f64, scale: f64, far_box: bool) -> Scene {
+    let camera = CameraState {
+        camera: None,
+        world_from_view: DAffine3::from_rotation_translation(
+            DQuat::from_rotation_x(-0.3),
+            DVec3::new(0.0, 1.2, 3.0) * scale,
+        ),
+        projection: Projection::Perspective { yfov: 0.8, near: (0.05 * scale) as f32, far: None },
+    };
+    let mut scene = Scene::with_camera(camera);
+    let half = (0.5 * floor * scale) as f32;
+    scene.add(&asset(vec![quad(half, half)], vec![white()], vec![]), flat_down());
+    let block = asset(vec![cube(0.5)], vec![white()], vec![]);
+    let turned = DAffine3::from_translation(DVec3::Y * 0.8 * scale) * DAffine3::from_rotation_y(0.3);
+    scene.add(&block, turned * DAffine3::from_scale(DVec3::new(0.4, 1.6, 0.4) * scale));
+    if far_box {
+        let place = DAffine3::from_translation(DVec3::new(0.0, 0.25, -5000.0));
+        scene.add(&block, place * DAffine3::from_scale(DVec3::splat(0.5)));
+    }
+    scene.sun(Vec3::new(-0.7, -1.0, 0.3), Vec3::ONE, 0.7);
+    scene.snapshot.lights[0].shadow = Some(Shadow::default());
+    scene.snapshot.ambient_up = Vec3::splat(0.1);
+    scene
+}
+
+/// The lower half of an image, where the feet are.
+fn feet(frame: &choreo_plugin::Frame) -> &[u8] {
+    &frame.rgba[frame.rgba.len() / 2..]
+}
+
+/// The greatest difference, and how many values differ by more than 2.
+fn apart(a: &[u8], b: &[u8]) -> (u8, usize) {
+    assert_eq!(a.len(), b.len());
+    let differences = || a.iter().zip(b).map(|(a, b)| a.abs_diff(*b));
+    (differences().max().unwrap_or(0), differences().filter(|d| *d > 2).count())
+}
+
+/// The same pixels at the feet, whatever the floor's size, the scale of the scene and what stands at the horizon.
+fn same_at_the_feet(draw: &mut dyn FnMut(&Scene) -> choreo_plugin::Frame) {
+    let room = draw(&post_on_floor(10.0, 1.0, false));
+    let dark = feet(&room).chunks_exact(4).filter(|p| p[0] < 110).count();
+    assert!(dark > 300, "{dark} pixels are in shadow");
+    for (floor, bound) in [(100.0, 0), (1e3, 0), (1e4, 0), (1e5, feet(&room).len() / 100)] {
+        let (worst, beyond) = apart(feet(&room), feet(&draw(&post_on_floor(floor, 1.0, false))));
+        println!("a floor of {floor} m: {worst} at worst, {beyond} beyond 2");
+        // Places on a triangle of 100 km are exact to a centimetre in f32.
+        assert!(beyond <= bound, "a floor of {floor} m: {worst}, {beyond}");
+    }
+    let with_box = draw(&post_on_floor(10.0, 1.0, true));
+    assert_eq!(apart(feet(&room), feet(&with_box)), (0, 0), "a box 5 km away");
+    // Texels have sizes in steps that divide an octave.
+    for scale in [1.0 / 1024.0, 0.125, 32.0, 1024.0] {
+        let scaled = draw(&post_on_floor(10.0, scale, false));
+        assert_eq!(apart(feet(&room), feet(&scaled)), (0, 0), "{scale} times as large");
+    }
+}
+
+#[test]
+fn the_extent_of_a_scene_changes_no_shadow_at_the_feet() {
+    same_at_the_feet(&mut |scene| draw_at(scene, [160, 120], 1));
+    let Some(mut r) = vulkan(GpuOptions::default()) else { return };
+    same_at_the_feet(&mut |scene| draw_with(&mut r, scene, &PlanOptions::new([160, 120], 1)));
+}
+
+/// The edge of a shadow that falls from 0.25 and from 0.75 m, against the part of the sun's disc that each place sees.
+#[test]
+fn a_penumbra_is_as_wide_as_the_suns_disc_makes_it() {
+    let mut widths = Vec::new();
+    for height in [0.25, 0.75] {
+        let from_above = CameraState {
+            camera: None,
+            world_from_view: DAffine3::from_rotation_translation(
+                DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2),
+                DVec3::new(0.0, 10.0, 0.0),
+            ),
+            projection: Projection::Orthographic { height: 0.004, near: 0.1, far: 100.0 },
+        };
+        let mut scene = Scene::with_camera(from_above);
+        scene.add(&asset(vec![quad(4.0, 4.0)], vec![white()], vec![]), flat_down());
+        // Its shadow's edge is the line x = 0; the sun is on the left, and so is the square.
+        let l = DVec3::new(1.0, -1.0, 0.0).normalize();
+        let middle = DVec3::new(-1.0 - height, height, 0.0);
+        let square = asset(vec![quad(1.0, 1.0)], vec![white()], vec![]);
+        scene.add(&square, DAffine3::from_translation(middle) * flat_down());
+        scene.sun(l.as_vec3(), Vec3::ONE, 0.8);
+        scene.snapshot.lights[0].shadow = Some(Shadow::default());
+        let frame = draw_at(&scene, [120, 4], 1);
+        let light: Vec<f64> = (0..120).map(|x| decode(pixel(&frame, x, 2)[0])).collect();
+        let lit = light[119];
+        assert!(light[0] < 0.01 && lit > 0.5, "{} to {lit}", light[0]);
+        // Pixels of 1 mm between a tenth and nine tenths of the light: a box filter of the disc's width has 0.8 of it there.
+        let between = light.iter().filter(|v| (0.1..0.9).contains(&(**v / lit))).count() as f64 * 1e-3;
+        let distance = height * 2f64.sqrt();
+        // The floor is inclined by 45°.
+        let exact = 0.8 * f64::from(SUN_ANGLE) * distance * 2f64.sqrt();
+        println!("from {height} m: {:.1} mm, of the disc {:.1} mm", between * 1e3, exact * 1e3);
+        assert!((between - exact).abs() < 0.25 * exact + 1e-3, "{between} instead of {exact}");
+        widths.push(between);
+    }
+    assert!(widths[1] > 2.0 * widths[0], "{widths:?}");
+}
+
+/// Pixels that a shadow makes darker, by both renderers.
+#[test]
+fn actors_cast_and_receive_as_they_are_told_to() {
+    let mut vulkan = vulkan(GpuOptions::default());
+    let mut darker = |square: ActorShadow, floor: ActorShadow| {
+        let mut scene = floor_and_square();
+        let sun = plain(LightKind::Directional, 0.8);
+        cast(&mut scene, sun, DVec3::ZERO, DVec3::new(-0.5, -1.0, -0.3), Shadow::default());
+        scene.stage.actors[0].shadow = floor;
+        scene.stage.actors[1].shadow = square;
+        let dark = |frame: &choreo_plugin::Frame| frame.rgba.chunks_exact(4).filter(|p| p[0] < 20).count();
+        let options = PlanOptions::new([160, 160], 1);
+        let on_cpu = draw(&scene, &options);
+        if let Some(r) = &mut vulkan {
+            let c = compare(&draw_with(r, &scene, &options), &on_cpu, 2).unwrap();
+            assert!(c.mean < 0.15 && c.share_beyond < 0.01, "{c}");
+        }
+        let why =
+            scene.plan(&options).1.left_out.iter().find(|l| l.what == "shadow maps").map(|l| l.why.clone());
+        (dark(&on_cpu), why)
+    };
+    let as_usual = ActorShadow::default();
+    let (dark, why) = darker(as_usual, as_usual);
+    assert!(dark > 500 && why.is_none(), "{dark}, {why:?}");
+    let off =
+        "no shadow of an actor that casts is seen on one that receives; some are switched off by `shadow`";
+    for (square, floor) in [
+        (ActorShadow { cast: false, ..as_usual }, as_usual),
+        (as_usual, ActorShadow { receive: false, ..as_usual }),
+    ] {
+        assert_eq!(darker(square, floor), (0, Some(off.to_string())));
+    }
+    // An actor that receives nothing still casts, and one that casts nothing still receives.
+    let silent = ActorShadow { cast: false, ..as_usual };
+    assert_eq!(darker(ActorShadow { receive: false, ..as_usual }, silent), (dark, None));
 }

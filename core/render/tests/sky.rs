@@ -90,7 +90,7 @@ fn near(got: [u8; 4], linear: DVec3, steps: f64, what: &str) {
 
 #[test]
 fn diffuse_light_is_the_integral_of_the_cosine() {
-    // Blinn–Phong without a specular colour is diffuse alone.
+    // Blinn–Phong without a specular color is diffuse alone.
     let dull = Material {
         shading: Shading::BlinnPhong,
         specular_color: Vec3::ZERO,

@@ -43,7 +43,7 @@ fn covered_deep_and_shaded_are_the_same_pixels() {
     assert!(shade.iter().filter(|d| **d).count() > 500);
     assert_eq!(raster, shade);
     assert_eq!(depth, shade);
-    // Four triangles, each in its own colour, and the nearer quad brighter than the other.
+    // Four triangles, each in its own color, and the nearer quad brighter than the other.
     let colors: std::collections::BTreeSet<&[u8]> =
         pictures[3].rgba.chunks_exact(4).zip(&raster).filter(|(_, d)| **d).map(|(p, _)| p).collect();
     assert_eq!(colors.len(), 4);

@@ -107,7 +107,7 @@ fn pixels_stay_and_metres_shrink_with_the_distance() {
     }
 }
 
-/// Much at once: through the eye, along the view, of no length, huge, coloured, mirrored.
+/// Much at once: through the eye, along the view, of no length, huge, colored, mirrored.
 fn hard() -> Scene {
     let mut scene = Scene::perspective(1.0, 4.0);
     let segments = |points: &[[f32; 3]], pen| {

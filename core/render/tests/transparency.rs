@@ -15,7 +15,7 @@ use glam::{DAffine3, DQuat, DVec3, DVec4, EulerRot, Vec3, Vec4};
 
 const SIDE: u32 = 96;
 
-/// A square 1.2 m wide, turned and moved, of one colour.
+/// A square 1.2 m wide, turned and moved, of one color.
 #[derive(Clone, Copy)]
 struct Pane {
     /// Degrees about y, then x.
@@ -153,7 +153,7 @@ fn beyond_the_most_layers_the_nearest_are_sorted() {
         let all = scene(&many, Transparency::Auto);
         let options = PlanOptions::new([SIDE; 2], samples);
         let frame = draw_with(renderer, &all, &options);
-        // Of one colour and alpha: no order matters, and no surface may be lost.
+        // Of one color and alpha: no order matters, and no surface may be lost.
         let off = wrong(&frame, &many, samples);
         assert!(off < 60, "{who}, {samples} samples: {off} pixels off");
         assert!(wrong(&frame, &many[1..], samples) > 1000, "a lost surface is seen");

@@ -321,7 +321,7 @@ fn equal_content_is_uploaded_once_and_kept() {
     let picture = || image(4, 4, |x, y| [x as u8 * 60, y as u8 * 60, 9, 255]);
     let with = |color| Material { base_color_texture: Some(texture(0)), ..unlit(color) };
     let mut scene = Scene::ortho(4.0);
-    // Two files with equal meshes and images, but another colour.
+    // Two files with equal meshes and images, but another color.
     scene.at(&asset(vec![quad(0.5, 0.5)], vec![with(Vec4::ONE)], vec![picture()]), -1.0, 0.0, 0.0);
     scene.at(&asset(vec![quad(0.5, 0.5)], vec![with(Vec4::X + Vec4::W)], vec![picture()]), 1.0, 0.0, 0.0);
     let options = PlanOptions::new([32, 32], 1);

@@ -4,7 +4,7 @@ use crate::budget::{Budget, refuse};
 use crate::bytes::Bytes;
 use crate::engine::{MOST_CALLS, MOST_IN_ARRAY, MOST_TEXT, engine, manifest_engine};
 use crate::manifest;
-use crate::scene::{self, Request, Scene};
+use crate::scene::{self, BuildInProgress, Request};
 use choreo_asset::Asset;
 use choreo_plugin::suggest::did_you_mean;
 use choreo_plugin::{
@@ -115,7 +115,7 @@ impl RhaiImporter {
         budget: &Budget,
         ask: mpsc::Sender<Request>,
     ) -> Result<AssetBuilder, Box<EvalAltResult>> {
-        let scene = Arc::new(Mutex::new(Scene { builder: AssetBuilder::default(), needs, ask }));
+        let scene = Arc::new(Mutex::new(BuildInProgress { builder: AssetBuilder::default(), needs, ask }));
         let mut engine = engine(budget, self.steps);
         scene::register(&mut engine, &scene, budget);
         let file = self.file_map(source, needs, options, budget);

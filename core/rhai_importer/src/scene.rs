@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 
 /// What one import is building.
-pub struct Scene {
+pub struct BuildInProgress {
     pub builder: AssetBuilder,
     pub needs: ImportScope,
     /// Channel on which a file beside the source is requested: another thread reads it.
@@ -22,9 +22,9 @@ pub struct Scene {
 /// A file's name, and where its bytes or the reason why not are awaited.
 pub type Request = (String, mpsc::Sender<Result<Arc<Vec<u8>>, String>>);
 
-pub type Shared = Arc<Mutex<Scene>>;
+pub type Shared = Arc<Mutex<BuildInProgress>>;
 
-fn lock(scene: &Shared) -> MutexGuard<'_, Scene> {
+fn lock(scene: &Shared) -> MutexGuard<'_, BuildInProgress> {
     scene.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

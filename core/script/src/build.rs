@@ -3,11 +3,11 @@
 use crate::api_error::{ApiError, Place};
 use crate::def::Defs;
 use crate::diagnostic::{Diagnostic, Severity};
-use crate::folders::{Found, LoadError};
+use crate::folders::{FoundFile, LoadError};
 use crate::import::Import;
 use crate::limits::{Limits, raise_hint};
 use crate::load::Load;
-use crate::loader::Loader;
+use crate::loader::{Loader, PlayedClips};
 use crate::test_data::{TestState, Timeout};
 use choreo_asset::Asset;
 use choreo_motion::{Clip, Curve, RootParts, Time};
@@ -19,7 +19,7 @@ use glam::{DQuat, DVec3};
 #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
 use rhai::{FnPtr, NativeCallContextStore};
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 /// What all calls of one script share.
@@ -29,6 +29,9 @@ pub(crate) struct Shared {
     pub loader: Arc<Loader>,
     /// Places that load files of which only clips are used.
     pub clips_only: Mutex<BTreeSet<Place>>,
+    pub played_clips_only: bool,
+    /// What `load` asks for; unset: all clips.
+    pub played_clips: OnceLock<PlayedClips>,
     pub limits: Limits,
     /// `--set`, in order.
     pub set: Vec<(String, String)>,
@@ -161,7 +164,7 @@ impl Shared {
     }
 
     /// Finds a file in the script's folder or on a search path.
-    pub(crate) fn find_file(&self, name: &str) -> Result<Found, LoadError> {
+    pub(crate) fn find_file(&self, name: &str) -> Result<FoundFile, LoadError> {
         let start = self.test().scene.as_ref().map(|scene| scene.folder.clone());
         self.loader.find_in(self.loader.folders(), start.as_deref(), name)
     }
@@ -330,6 +333,8 @@ pub(crate) struct ActorDraft {
     pub parents: Vec<ParentDraft>,
     /// Turned to this point at the end, when the position is known.
     pub face_point: Option<DVec3>,
+    /// Mesh instances that are not drawn.
+    pub hidden_parts: BTreeSet<u32>,
 }
 
 /// A call of `attach` or `detach`.
@@ -442,7 +447,7 @@ pub(crate) struct CameraDraft {
     pub at: Place,
     pub perspective: Option<f32>,
     pub ortho: Option<f32>,
-    pub near: f32,
+    pub near: Option<f32>,
     pub far: Option<f32>,
     pub rig: Option<Rig>,
     pub position: Option<DVec3>,

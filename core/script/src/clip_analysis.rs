@@ -10,23 +10,23 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// The part of a clip on a skeleton, by address: the build keeps them alive.
-type Part = (usize, usize, Time, Time);
+type ClipRange = (usize, usize, Time, Time);
 
 /// What was asked of a part, and what it has.
 type Asked = (RootDraft, Option<Arc<CueRootMotion>>);
 
 #[derive(Default)]
-pub struct Found {
-    roots: BTreeMap<Part, Vec<Asked>>,
-    steps: BTreeMap<Part, Option<Arc<Footsteps>>>,
+pub struct AnalyzedClips {
+    roots: BTreeMap<ClipRange, Vec<Asked>>,
+    steps: BTreeMap<ClipRange, Option<Arc<Footsteps>>>,
 }
 
-fn part(asset: &Asset, clip: &Arc<Clip>, trim: (Time, Time)) -> Part {
+fn part(asset: &Asset, clip: &Arc<Clip>, trim: (Time, Time)) -> ClipRange {
     (Arc::as_ptr(&asset.skeleton) as usize, Arc::as_ptr(clip) as usize, trim.0, trim.1)
 }
 
 /// The root motion of a cue on the base layer, as it or its actor asks for it.
-pub fn root(build: &Build, draft: &CueDraft, found: &mut Found) -> Option<Arc<CueRootMotion>> {
+pub fn root(build: &Build, draft: &CueDraft, found: &mut AnalyzedClips) -> Option<Arc<CueRootMotion>> {
     let actor = &build.actors[build.chains[draft.chain].actor];
     // An actor on a path that moves as fast as the clips walk has root motion without asking.
     let paced = actor
@@ -49,7 +49,7 @@ pub fn root(build: &Build, draft: &CueDraft, found: &mut Found) -> Option<Arc<Cu
     root
 }
 
-fn steps(build: &Build, draft: &CueDraft, found: &mut Found) -> Option<Arc<Footsteps>> {
+fn steps(build: &Build, draft: &CueDraft, found: &mut AnalyzedClips) -> Option<Arc<Footsteps>> {
     let trim = draft.part();
     if let Some(times) = build.notes_of(&draft.cue.clip).and_then(|notes| notes.steps.as_ref()) {
         return Footsteps::given(times, trim).map(Arc::new);
@@ -69,7 +69,7 @@ pub fn in_step(
     build: &Build,
     drafts: [usize; 2],
     cues: [&Cue; 2],
-    found: &mut Found,
+    found: &mut AnalyzedClips,
 ) -> Result<PhaseMatchedFade, ApiError> {
     let drafts = drafts.map(|id| &build.cues[id]);
     for (draft, cue) in drafts.iter().zip(cues) {

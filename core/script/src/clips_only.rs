@@ -1,11 +1,11 @@
-//! Files of which a script uses the clips alone: seen in its text before it runs, so that no mesh and no image of them is
-//! made.
+//! What a script uses of its files, seen in its text before it runs.
 //!
-//! Only what is certain counts: the asset stands in a variable of a name that is used for nothing but `.clip(…)` and its
+//! Files of which it uses the clips alone: no mesh and no image of them is made. Only what is certain counts: the asset stands in a variable of a name that is used for nothing but `.clip(…)` and its
 //! like, in the whole file, or `load(…).clip(…)` uses it on the spot. Whatever else is done with it, it may be cast.
 
 use crate::api_error::Place;
-use rhai::{AST, ASTNode, Expr, Position, Stmt};
+use crate::loader::PlayedClips;
+use rhai::{AST, ASTNode, Expr, FnCallExpr, Position, Stmt};
 use std::collections::BTreeSet;
 
 /// Methods of an asset that need no geometry.
@@ -87,6 +87,33 @@ pub fn find(ast: &AST, source: &str) -> Vec<Place> {
     loads.iter().filter(only).map(|(at, ..)| place(at)).collect()
 }
 
+/// The clips that a script can get: those named in its calls of `clip`. All, where one is not written out, where a list of clips
+/// is asked for, and where modules or pointers to functions could call `clip`.
+pub fn played(ast: &AST) -> PlayedClips {
+    let mut names = BTreeSet::new();
+    let mut all = ast.iter_functions().any(|f| f.name == "clip");
+    let mut call = |call: &FnCallExpr| match (call.name.as_str(), call.args.last()) {
+        ("clip", Some(Expr::StringConstant(name, _))) => _ = names.insert(name.to_string()),
+        ("clip" | "clips" | "Fn", _) => all = true,
+        _ => {}
+    };
+    let mut others = false;
+    ast.walk(&mut |path| {
+        match path.last() {
+            Some(ASTNode::Expr(Expr::FnCall(c, _) | Expr::MethodCall(c, _))) => call(c),
+            Some(ASTNode::Stmt(Stmt::FnCall(c, _))) => call(c),
+            Some(ASTNode::Stmt(Stmt::Import(..))) => others = true,
+            // Pointers to functions that are written out are constants.
+            Some(ASTNode::Expr(Expr::DynamicConstant(value, _))) => {
+                others |= format!("{value:?}").contains("clip");
+            }
+            _ => {}
+        }
+        true
+    });
+    if all || others { PlayedClips::All } else { PlayedClips::Named(names) }
+}
+
 fn address(node: &ASTNode<'_>) -> *const () {
     match node {
         ASTNode::Expr(expr) => std::ptr::from_ref(*expr).cast(),
@@ -111,6 +138,35 @@ mod tests {
         engine.set_allow_shadowing(true);
         let ast = engine.compile(text).unwrap();
         super::find(&ast, "t").iter().map(|place| place.line).collect()
+    }
+
+    fn played(text: &str) -> Option<Vec<String>> {
+        let ast = rhai::Engine::new_raw().compile(text).unwrap();
+        match super::played(&ast) {
+            super::PlayedClips::Named(names) => Some(names.into_iter().collect()),
+            _ => None,
+        }
+    }
+
+    #[test]
+    fn clips_that_are_named_are_those_that_are_played() {
+        let named = |names: &[&str]| Some(names.iter().map(|n| n.to_string()).collect::<Vec<_>>());
+        let text = "let m = load(\"a\"); fn g(m) { m.clip(\"Run\") } on_frame(|t| clip(m, \"Jump\")); m.clip(\"Walk\").mirror();";
+        assert_eq!(played(text), named(&["Jump", "Run", "Walk"]));
+        assert_eq!(played("cast(\"x\", load(\"a\"));"), named(&[]));
+        for text in [
+            "m.clip(0);",
+            "m.clip(name);",
+            "m.clip(\"a\" + i);",
+            "m.clip(`a${i}`);",
+            "m.clips();",
+            "for n in [\"a\"] { f(m.clip(n)); }",
+            "Fn(\"clip\").call(m, \"a\");",
+            "import \"x\" as x; m.clip(\"a\");",
+            "fn clip(m, n) { 1 } m.clip(\"a\");",
+        ] {
+            assert_eq!(played(text), None, "{text}");
+        }
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Colours by name and in hexadecimal; sRGB to linear.
+//! Colors by name and in hexadecimal; sRGB to linear.
 
 use crate::api_error::ApiError;
 use crate::suggest::did_you_mean;

@@ -1,11 +1,11 @@
 //! What a script can call, as data.
 
-use crate::value::Kind;
+use crate::value::HandleKind;
 
 /// A function or method of the script API as it is described. Registration, messages and API.md are made from the tables
 /// of these, which [`api!`](crate::call::api) declares.
 pub(crate) struct Def {
-    pub on: Kind,
+    pub on: HandleKind,
     pub name: &'static str,
     /// Ways to call it, separated by `|`; arguments ending in `?` may be left out: `x, y, z | point`.
     pub args: &'static str,
@@ -26,7 +26,7 @@ pub enum Gives {
     Nothing,
     /// The receiver, for chaining.
     Itself,
-    A(Kind),
+    A(HandleKind),
     /// A number, text or list: nothing can stand in for it, so an error ends the script.
     Value(&'static str),
 }
@@ -97,7 +97,7 @@ impl Def {
     /// `Actor.turn`, `load`.
     pub(crate) fn full_name(&self) -> String {
         match self.on {
-            Kind::None => self.name.to_string(),
+            HandleKind::None => self.name.to_string(),
             kind => format!("{}.{}", kind.name(), self.name),
         }
     }

@@ -105,7 +105,7 @@ pub fn printable_line(text: &str) -> String {
     printable(text).replace('\n', "\u{fffd}")
 }
 
-/// Printable, of a length that somebody reads, and with its further lines set in: none can pass for a message of its own.
+/// Printable, of a readable length, and with its further lines set in: none can pass for a message of its own.
 fn one_message(text: &str) -> String {
     const MOST: usize = 2_000;
     let mut shown: String = printable(text).chars().take(MOST).collect::<String>().replace('\n', "\n    ");

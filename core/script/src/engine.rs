@@ -12,7 +12,7 @@ use crate::hook;
 use crate::limits::Limits;
 use crate::modules::Modules;
 use crate::synonyms::ALIASES;
-use crate::value::{Kind, dead, is_dead, register_types};
+use crate::value::{HandleKind, dead, is_dead, register_types};
 use rhai::packages::{
     BasicArrayPackage, BasicBlobPackage, BasicMapPackage, BitFieldPackage, CorePackage, LogicPackage,
     MoreStringPackage, Package,
@@ -160,7 +160,7 @@ fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
             token if token.is_standard_keyword() => token.literal_syntax().to_string(),
             _ => return token,
         };
-        let is_method = api::defs().iter().any(|def| def.on != Kind::None && def.name == word);
+        let is_method = api::defs().iter().any(|def| def.on != HandleKind::None && def.name == word);
         // What is refused is a name here, too: the parser would complain of the dot.
         let is_name = is_method || is_refused(&word);
         if is_name { Token::Identifier(Box::new(word.as_str().into())) } else { token }
@@ -172,7 +172,7 @@ fn register(engine: &mut Engine, shared: &Arc<Shared>, name: &str, function: &'s
     let counts: BTreeSet<usize> = def.forms().iter().map(Vec::len).collect();
     for count in counts {
         let mut types = Vec::new();
-        if def.on != Kind::None {
+        if def.on != HandleKind::None {
             types.push(def.on.type_id());
         }
         types.extend(std::iter::repeat_n(TypeId::of::<Dynamic>(), count));
@@ -239,7 +239,7 @@ fn dispatch(
 }
 
 fn not_in_frames(def: &Def) -> ApiError {
-    let of_kind = api::defs().iter().filter(|d| d.on == def.on && d.frame && d.on != Kind::None);
+    let of_kind = api::defs().iter().filter(|d| d.on == def.on && d.frame && d.on != HandleKind::None);
     let others: Vec<&str> = of_kind.map(|d| d.name).collect();
     ApiError::new(format!("{} cannot be used inside on_frame", def.full_name())).hint(
         match others.as_slice() {

@@ -8,7 +8,7 @@ use crate::def::Def;
 use crate::limits::raise_hint;
 use crate::suggest::{closest, did_you_mean, list};
 use crate::synonyms::{self, Suggestion};
-use crate::value::Kind;
+use crate::value::HandleKind;
 use rhai::{Dynamic, EvalAltResult, LexError, ParseErrorType, Position};
 use std::collections::BTreeSet;
 use std::sync::PoisonError;
@@ -248,13 +248,13 @@ fn unknown_variable(name: &str, place: &Place, shared: &Shared) -> ApiError {
     if below.contains(name) {
         return error.hint("it is declared further down: move that line up");
     }
-    if shared.defs.iter().any(|d| d.name == name && d.on == Kind::None) {
+    if shared.defs.iter().any(|d| d.name == name && d.on == HandleKind::None) {
         return error.hint(format!("{name} is a function: write {name}(…)"));
     }
     if closest(name, known.iter().map(String::as_str)).is_some() {
         return error;
     }
-    match synonyms::of_function(shared.defs, name, Kind::None) {
+    match synonyms::of_function(shared.defs, name, HandleKind::None) {
         Some(synonym) => error.hint(synonym.hint),
         None => error,
     }
@@ -302,7 +302,7 @@ fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
         return refused(name);
     }
     let same: Vec<&Def> = shared.defs.iter().filter(|d| d.name == name).collect();
-    let receiver = types.first().and_then(|t| Kind::from_name(t));
+    let receiver = types.first().and_then(|t| HandleKind::from_name(t));
     if let Some(kind) = receiver {
         if let Some(def) = same.iter().find(|d| d.on == kind) {
             return ApiError::new(format!("write {}, not with {}", def.usage(), arguments(types.len() - 1)))
@@ -310,7 +310,7 @@ fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
         }
         return unknown_member(name, kind.name(), shared);
     }
-    if let Some(def) = same.iter().find(|d| d.on == Kind::None) {
+    if let Some(def) = same.iter().find(|d| d.on == HandleKind::None) {
         return ApiError::new(format!("write {}, not with {}", def.usage(), arguments(types.len())))
             .hint(format!("{}: {}", def.name, def.about().join(" ")));
     }
@@ -336,14 +336,14 @@ fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
     if let Some((_, count)) = own.iter().find(|(n, _)| n == name) {
         return ApiError::new(format!("{name} takes {}, not {}", arguments(*count), types.len()));
     }
-    let globals = shared.defs.iter().filter(|d| d.on == Kind::None).map(|d| d.name);
+    let globals = shared.defs.iter().filter(|d| d.on == HandleKind::None).map(|d| d.name);
     let known: Vec<&str> = globals
         .chain(shared.defs.maths.iter().map(|f| f.0))
         .chain(own.iter().map(|(n, _)| n.as_str()))
         .collect();
     let unknown = format!("unknown function \"{name}\"");
     // A call on a number or a text is no method of a handle, so functions come first.
-    if let Some(synonym) = synonyms::of_function(shared.defs, name, Kind::None) {
+    if let Some(synonym) = synonyms::of_function(shared.defs, name, HandleKind::None) {
         return ApiError::new(format!("{unknown}{}", meaning(&synonym.name))).hint(synonym.hint);
     }
     ApiError::new(format!("{unknown}{}", did_you_mean(name, known.iter().copied())))
@@ -355,15 +355,19 @@ fn arguments(count: usize) -> String {
 }
 
 fn unknown_member(name: &str, kind: &str, shared: &Shared) -> ApiError {
-    let Some(on) = Kind::from_name(kind) else {
+    let Some(on) = HandleKind::from_name(kind) else {
         return ApiError::new(format!("{} has no \"{name}\"", a_type_word(kind)));
     };
     let methods: Vec<&str> = shared.defs.iter().filter(|d| d.on == on).map(|d| d.name).collect();
     if methods.contains(&name) {
         return ApiError::new(format!("{name} is a method of {kind}: write .{name}(…)"));
     }
-    let others: Vec<&str> =
-        shared.defs.iter().filter(|d| d.name == name && d.on != Kind::None).map(|d| d.on.name()).collect();
+    let others: Vec<&str> = shared
+        .defs
+        .iter()
+        .filter(|d| d.name == name && d.on != HandleKind::None)
+        .map(|d| d.on.name())
+        .collect();
     let synonym = synonyms::of_function(shared.defs, name, on);
     let own = |synonym: &Suggestion| methods.contains(&&*synonym.name);
     let (suggestion, hint) = match (closest(name, methods.iter().copied()), synonym) {

@@ -59,7 +59,7 @@ impl Root {
 
 /// A file found within the folders.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Found {
+pub struct FoundFile {
     /// Canonical.
     pub path: PathBuf,
 }
@@ -115,7 +115,7 @@ impl Folders {
     }
 
     /// Finds `name` relative to `start` (a canonical folder within the roots), else in each root.
-    pub fn find(&self, start: Option<&Path>, name: &str) -> Result<Found, LoadError> {
+    pub fn find(&self, start: Option<&Path>, name: &str) -> Result<FoundFile, LoadError> {
         self.find_reporting(start, name, &mut |_| ())
     }
 
@@ -125,7 +125,7 @@ impl Folders {
         start: Option<&Path>,
         name: &str,
         report: &mut dyn FnMut(&Path),
-    ) -> Result<Found, LoadError> {
+    ) -> Result<FoundFile, LoadError> {
         let refuse = |why: &str| {
             Err(LoadError::new(format!("cannot read \"{}\": {why}", cut(name))).hint(format!(
                 "a script reads files in its own folder and in the folders given with --search: {}",
@@ -174,7 +174,7 @@ impl Folders {
             if !path.is_file() {
                 return refuse("it is not a regular file");
             }
-            return Ok(Found { path });
+            return Ok(FoundFile { path });
         }
         if escapes {
             return refuse("it leads out of the folders this script may read");
@@ -183,7 +183,7 @@ impl Folders {
     }
 
     /// Reads a found file, up to the limit.
-    pub fn read(&self, found: &Found, name: &str) -> Result<Vec<u8>, LoadError> {
+    pub fn read(&self, found: &FoundFile, name: &str) -> Result<Vec<u8>, LoadError> {
         let within = |root: &Root| {
             Some((root.open.clone()?, found.path.strip_prefix(&root.canonical).ok()?.to_path_buf()))
         };

@@ -15,7 +15,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
 /// A file on its way to an asset: a handle for any thread.
 pub struct Import {
     name: String,
-    state: Mutex<State>,
+    state: Mutex<ImportState>,
     changed: Condvar,
     bytes: AtomicU64,
     /// Bits of an f32 from 0 to 1.
@@ -26,7 +26,7 @@ pub struct Import {
 
 pub(crate) type Job = Box<dyn FnOnce(&Import) -> Result<Arc<Asset>, LoadError> + Send>;
 
-enum State {
+enum ImportState {
     Queued(Job),
     Running,
     Done(Result<Arc<Asset>, LoadError>),
@@ -47,7 +47,7 @@ impl Import {
     pub(crate) fn new(name: &str, all: &Imports, job: Job) -> Arc<Import> {
         let import = Arc::new(Import {
             name: name.to_string(),
-            state: Mutex::new(State::Queued(job)),
+            state: Mutex::new(ImportState::Queued(job)),
             changed: Condvar::new(),
             bytes: AtomicU64::new(0),
             part: AtomicU32::new(0),
@@ -65,10 +65,10 @@ impl Import {
 
     pub fn phase(&self) -> Phase {
         match &*self.state() {
-            State::Queued(_) => Phase::Queued,
-            State::Running => Phase::Running,
-            State::Done(Ok(_)) => Phase::Done,
-            State::Done(Err(_)) => Phase::Failed,
+            ImportState::Queued(_) => Phase::Queued,
+            ImportState::Running => Phase::Running,
+            ImportState::Done(Ok(_)) => Phase::Done,
+            ImportState::Done(Err(_)) => Phase::Failed,
         }
     }
 
@@ -107,7 +107,7 @@ impl Import {
     /// The asset, or why there is none, where it is settled.
     pub fn settled(&self) -> Option<Result<Arc<Asset>, LoadError>> {
         match &*self.state() {
-            State::Done(result) => Some(result.clone()),
+            ImportState::Done(result) => Some(result.clone()),
             _ => None,
         }
     }
@@ -121,7 +121,7 @@ impl Import {
         let mut state = self.state();
         loop {
             match &*state {
-                State::Done(result) => return result.clone(),
+                ImportState::Done(result) => return result.clone(),
                 _ => state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner),
             }
         }
@@ -131,8 +131,8 @@ impl Import {
     fn run(&self) {
         let job = {
             let mut state = self.state();
-            match std::mem::replace(&mut *state, State::Running) {
-                State::Queued(job) => job,
+            match std::mem::replace(&mut *state, ImportState::Running) {
+                ImportState::Queued(job) => job,
                 other => {
                     *state = other;
                     return;
@@ -147,7 +147,7 @@ impl Import {
             }),
         };
         let result = if self.is_cancelled() { Err(self.given_up()) } else { result };
-        *self.state() = State::Done(result);
+        *self.state() = ImportState::Done(result);
         self.changed.notify_all();
     }
 
@@ -155,7 +155,7 @@ impl Import {
         LoadError::new(format!("\"{}\" was not read to its end: cancelled", self.name))
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
+    fn state(&self) -> MutexGuard<'_, ImportState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -1,15 +1,17 @@
 //! `load(…)`: from a name to an asset, through the importer plugins, each file once.
 
 use crate::cache::{AssetCache, Key, Made, SideFile};
-use crate::folders::{Folders, Found, LoadError};
+use crate::folders::{Folders, FoundFile, LoadError};
 use crate::import::{Import, Imports, submit};
 use crate::suggest::{did_you_mean, list};
 use choreo_asset::Asset;
+use choreo_motion::{Facing, Front};
 use choreo_plugin::{
     Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, OptionError, Registry, Source,
 };
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Names that begin so are made by the program: `choreo:mannequin` is made by the importer "mannequin".
@@ -23,10 +25,27 @@ pub struct ImportChoice {
     pub options: ImportOptions,
     /// Less than the loader's own needs: a file for its clips alone decodes no mesh and no image.
     pub needs: Option<ImportScope>,
+    /// Clips of the file that are played; of the others an importer may give the name alone.
+    pub clips: PlayedClips,
     /// Clips are compressed within this tolerance in metres, as [`choreo_motion::Clip::compressed`] does it.
     pub compress: Option<f64>,
+    /// Which way the model faces, where that is not to be found by its skeleton and clips.
+    pub front: Option<Front>,
     /// Options as typed on the command line.
     pub texts: Vec<(String, String)>,
+}
+
+/// Clips of a file that the caller plays.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum PlayedClips {
+    #[default]
+    All,
+    /// The first, of a model alone.
+    First,
+    /// The one of this name, of a model alone.
+    One(String),
+    /// Those of these names, in a script.
+    Named(BTreeSet<String>),
 }
 
 impl ImportChoice {
@@ -46,13 +65,13 @@ pub struct Loader {
     needs: ImportScope,
     cache: AssetCache,
     imports: Imports,
-    /// Begun by the workers, and not only when somebody waits.
+    /// Begun by the workers, and not only when a caller waits.
     at_once: bool,
-    state: Mutex<State>,
+    state: Mutex<LoaderState>,
 }
 
 #[derive(Default)]
-struct State {
+struct LoaderState {
     /// Imports by path and choice.
     imports: BTreeMap<(PathBuf, String), Arc<Import>>,
     /// Canonical path and hash of everything read.
@@ -80,7 +99,7 @@ impl Loader {
         self
     }
 
-    /// Nothing is imported before somebody waits for it.
+    /// Nothing is imported before a caller waits for it.
     pub(crate) fn when_waited_for(mut self) -> Loader {
         self.at_once = false;
         self
@@ -133,7 +152,7 @@ impl Loader {
         folders: &Folders,
         start: Option<&Path>,
         name: &str,
-    ) -> Result<Found, LoadError> {
+    ) -> Result<FoundFile, LoadError> {
         let mut candidates = Vec::new();
         let found = folders.find_reporting(start, name, &mut |path| candidates.push(path.to_path_buf()));
         self.state().looked_for.extend(candidates);
@@ -145,7 +164,7 @@ impl Loader {
         self.state().imports.len()
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
+    fn state(&self) -> MutexGuard<'_, LoaderState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -209,7 +228,7 @@ impl Loader {
     fn read_and_import(
         &self,
         name: &str,
-        found: Option<&Found>,
+        found: Option<&FoundFile>,
         choice: &ImportChoice,
         import: &Import,
     ) -> Result<Arc<Asset>, LoadError> {
@@ -228,7 +247,14 @@ impl Loader {
         };
         let options = choice.complete(importer.manifest()).map_err(from_option)?;
         let needs = choice.needs.map_or(self.needs, |n| self.needs.both(n));
-        let made = Making { importer, options: &options, compress: choice.compress, needs };
+        let made = Making {
+            importer,
+            options: &options,
+            compress: choice.compress,
+            clips: &choice.clips,
+            front: choice.front,
+            needs,
+        };
         self.import(&source, found, made, import)
     }
 
@@ -236,11 +262,11 @@ impl Loader {
     fn import(
         &self,
         source: &Source,
-        found: Option<&Found>,
+        found: Option<&FoundFile>,
         making: Making<'_>,
         watch: &Import,
     ) -> Result<Arc<Asset>, LoadError> {
-        let Making { importer, options, compress, needs } = making;
+        let Making { importer, options, compress, clips, front, needs } = making;
         let start = found.and_then(|f| f.path.parent());
         let mut importer_name = importer.manifest().name.to_string();
         if let Some(file) = importer.file() {
@@ -253,14 +279,21 @@ impl Loader {
             // The asset bears the name that it was loaded by.
             name: source.name.clone(),
             importer: importer_name.clone(),
-            options: format!("{options:?} {compress:?}"),
+            options: format!("{options:?} {compress:?} {clips:?} {front:?}"),
             needs: format!("{needs:?}"),
         };
         let content = *blake3::hash(&source.bytes).as_bytes();
-        let files = || NearFiles { loader: self, start, read: Mutex::default(), watch };
+        let files = |clips| NearFiles {
+            loader: self,
+            start,
+            clips,
+            left_out: AtomicBool::default(),
+            read: Mutex::default(),
+            watch,
+        };
         // Made of the same bytes, with the same files beside them.
         let same = |made: &Made| {
-            let files = files();
+            let files = files(clips);
             let unchanged = |side: &SideFile| {
                 let now = files.read(&side.name).ok();
                 now.map(|bytes| *blake3::hash(&bytes).as_bytes()) == side.content
@@ -281,10 +314,19 @@ impl Loader {
         if let Some(made) = slot.as_ref().filter(|made| same(made)) {
             return Ok(made.asset.clone());
         }
-        let files = files();
+        let mut near = files(clips);
         self.cache.count_import();
-        let mut asset = importer.import(source, &files, needs, options).map_err(from_import)?;
+        let mut asset = importer.import(source, &near, needs, options).map_err(from_import)?;
+        let shows_front =
+            |asset: &Asset| front.is_some() || !Facing::of(&asset.skeleton, &[]).evidence.is_empty();
+        let in_script = matches!(clips, PlayedClips::Named(_)) && needs.geometry;
+        if in_script && near.left_out.load(Ordering::Relaxed) && !shows_front(&asset) {
+            // Its front shows in the clips alone, in all of them. A model without a script turns to nothing.
+            near = files(&PlayedClips::All);
+            asset = importer.import(source, &near, needs, options).map_err(from_import)?;
+        }
         asset.name = source.name.clone();
+        asset.front = front;
         if let Some(tolerance) = compress {
             compress_clips(&mut asset, tolerance, watch)?;
         }
@@ -296,7 +338,7 @@ impl Loader {
             });
         }
         let asset = Arc::new(asset);
-        let side_files = files.read.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let side_files = near.read.into_inner().unwrap_or_else(PoisonError::into_inner);
         *slot = Some(Made { source: content, side_files, asset: asset.clone() });
         Ok(asset)
     }
@@ -328,7 +370,9 @@ struct Making<'a> {
     importer: &'a Arc<dyn Importer>,
     options: &'a ImportOptions,
     compress: Option<f64>,
+    clips: &'a PlayedClips,
     needs: ImportScope,
+    front: Option<Front>,
 }
 
 fn compress_clips(asset: &mut Asset, tolerance: f64, watch: &Import) -> Result<(), LoadError> {
@@ -356,6 +400,9 @@ fn from_import(e: ImportError) -> LoadError {
 struct NearFiles<'a> {
     loader: &'a Loader,
     start: Option<&'a Path>,
+    clips: &'a PlayedClips,
+    /// Some clip is not played.
+    left_out: AtomicBool,
     watch: &'a Import,
     /// What was asked for, found or not.
     read: Mutex<Vec<SideFile>>,
@@ -367,7 +414,7 @@ impl Files for NearFiles<'_> {
             return Err(format!("cannot read \"{relative}\": cancelled"));
         }
         let folders = &self.loader.folders;
-        let bytes = self.loader.find_in(folders, self.start, relative).and_then(|found: Found| {
+        let bytes = self.loader.find_in(folders, self.start, relative).and_then(|found: FoundFile| {
             let bytes = folders.read(&found, relative)?;
             self.loader.note_used(&found.path, &bytes);
             Ok(bytes)
@@ -381,5 +428,16 @@ impl Files for NearFiles<'_> {
     fn progress(&self, part: f32) -> bool {
         self.watch.set_progress(part);
         !self.watch.is_cancelled()
+    }
+
+    fn wants_clip(&self, index: usize, name: &str) -> bool {
+        let wanted = match self.clips {
+            PlayedClips::All => true,
+            PlayedClips::First => index == 0,
+            PlayedClips::One(played) => name == played,
+            PlayedClips::Named(names) => names.contains(name),
+        };
+        self.left_out.fetch_or(!wanted, Ordering::Relaxed);
+        wanted
     }
 }

@@ -47,7 +47,7 @@ fn watch() {
             continue;
         }
         ASLEEP.store(true, Ordering::SeqCst);
-        // One who looked between the two has not seen that it sleeps.
+        // A thread that looked between the two has not seen that it sleeps.
         while ASLEEP.load(Ordering::SeqCst) && !LOOKED.load(Ordering::SeqCst) {
             std::thread::park();
         }

@@ -12,11 +12,11 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 pub struct Modules {
     shared: Weak<Shared>,
-    state: Mutex<State>,
+    state: Mutex<LoadedModules>,
 }
 
 #[derive(Default)]
-struct State {
+struct LoadedModules {
     loaded: BTreeMap<PathBuf, RhaiShared<Module>>,
     /// Being evaluated now, outermost first: importing one of these again would never end.
     open: Vec<(PathBuf, String)>,
@@ -30,7 +30,7 @@ impl Modules {
         Modules { shared: Arc::downgrade(&shared), state: Mutex::default() }
     }
 
-    fn state(&self) -> std::sync::MutexGuard<'_, State> {
+    fn state(&self) -> std::sync::MutexGuard<'_, LoadedModules> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -112,7 +112,7 @@ impl ModuleResolver for Modules {
 /// Reads a script: UTF-8, of a size that a person could have written.
 pub(crate) fn read_text(
     shared: &Shared,
-    found: &crate::folders::Found,
+    found: &crate::folders::FoundFile,
     name: &str,
 ) -> Result<String, ApiError> {
     const LARGEST: usize = 4 << 20;

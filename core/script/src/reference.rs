@@ -60,7 +60,7 @@ This file is generated from the tables in `core/script/src/api/`. A test compare
 ## Conventions
 
 - The language is [Rhai](https://rhai.rs/book/).
-- Times are in seconds; `f(12)` is the time of frame 12. Lengths are in metres. +y is up, and characters face +z.
+- Times are in seconds; `f(12)` is the time of frame 12. Lengths are in metres. +y is up, and characters face +z where their file does not show another front (`choreo info`, `load(…, #{ facing: … })`).
 - Angles are in degrees; only `sin`, `cos` and the other trigonometric functions use radians.
 - A color is a CSS name, `\"#rrggbb\"` or `[r, g, b]` with numbers from 0 to 1, in sRGB. A point is `[x, y, z]`.
 - `x?` is an argument that may be left out. `→` gives the type of the result. A method without an arrow returns the object that it was called on, so that calls can be chained.

@@ -6,10 +6,11 @@ use crate::build::{
     ActorDraft, Build, CameraDraft, CueDraft, DEFAULT_AZIMUTH, DEFAULT_ELEVATION, HookDraft, ParentDraft,
     RootUse, Shared,
 };
-use crate::clip_analysis::{Found, in_step, root};
+use crate::clip_analysis::{AnalyzedClips, in_step, root};
 use crate::content::hex;
 use crate::cue_times::all_times;
 use crate::diagnostic::{Diagnostic, Severity};
+use crate::hidden_parts::HiddenParts;
 use crate::hook::ScriptHook;
 use crate::legs;
 use crate::lint::{ClipMarkers, Places};
@@ -65,7 +66,9 @@ pub fn resolve(
         if let Some((place, error)) = crate::totals::too_much(&build, &shared.limits) {
             notes.push((Severity::Error, place, error));
         }
-        stage.actors = std::mem::take(&mut build.actors).into_iter().zip(layers).map(actor).collect();
+        let mut hidden_parts = HiddenParts::default();
+        let actors = std::mem::take(&mut build.actors).into_iter().zip(layers);
+        stage.actors = actors.map(|(draft, layers)| actor(draft, layers, &mut hidden_parts)).collect();
         stage.cameras =
             std::mem::take(&mut build.cameras).into_iter().map(|draft| camera(draft, &mut notes)).collect();
         let mut cuts = std::mem::take(&mut build.cuts);
@@ -215,7 +218,7 @@ fn layers(build: &Build, notes: &mut Notes) -> Layers {
         }
     }
     let mut made: Vec<Option<Cue>> = Vec::with_capacity(build.cues.len());
-    let mut found = Found::default();
+    let mut found = AnalyzedClips::default();
     let mut matched = Vec::new();
     for (id, draft) in build.cues.iter().enumerate() {
         let cue = resolve_cue(build, draft, times[id], taken_over[id], &mut found, notes);
@@ -276,7 +279,7 @@ fn resolve_cue(
     draft: &CueDraft,
     (start, end): (Time, Option<Time>),
     taken_over: Option<Time>,
-    found: &mut Found,
+    found: &mut AnalyzedClips,
     notes: &mut Notes,
 ) -> Option<Cue> {
     if let Some(until) = draft.until.filter(|until| *until <= start) {
@@ -320,7 +323,7 @@ fn match_phases(
     build: &Build,
     id: usize,
     made: &mut [Option<Cue>],
-    found: &mut Found,
+    found: &mut AnalyzedClips,
     notes: &mut Notes,
 ) -> Option<InStep> {
     let draft = &build.cues[id];
@@ -419,15 +422,15 @@ fn plant_in_step(build: &mut Build, matched: Vec<InStep>) {
     }
 }
 
-fn actor((draft, layers): (ActorDraft, Vec<Layer>)) -> Actor {
+fn actor(draft: ActorDraft, layers: Vec<Layer>, hidden_parts: &mut HiddenParts) -> Actor {
     let mut actor = draft.actor;
+    actor.asset = hidden_parts.without(&actor.asset, draft.hidden_parts);
     actor.layers = layers;
     actor.parents = parents(draft.parents);
     if let Some(point) = draft.face_point {
         let d = point - actor.transform.translation;
         if DVec3::new(d.x, 0.0, d.z).length() > 1e-9 {
-            // Characters look along +z.
-            let yaw = DQuat::from_rotation_y(libm::atan2(d.x, d.z));
+            let yaw = DQuat::from_rotation_y(libm::atan2(d.x, d.z) - actor.asset.front().yaw_rad());
             actor.transform.rotation = (yaw * actor.transform.rotation).normalize();
         }
     }
@@ -450,24 +453,24 @@ fn parents(mut drafts: Vec<ParentDraft>) -> Vec<Parenting> {
     parents
 }
 
+/// Near plane of a camera that sets none, metres.
+const NEAR: f32 = 0.05;
+
 fn camera(draft: CameraDraft, notes: &mut Notes) -> Camera {
+    let near = draft.near.unwrap_or(NEAR);
     let projection = match draft.ortho {
         Some(height) => {
             // A far plane is needed to map depth; this one is beyond any stage.
-            Projection::Orthographic { height, near: draft.near, far: draft.far.unwrap_or(10_000.0) }
+            Projection::Orthographic { height, near, far: draft.far.unwrap_or(10_000.0) }
         }
         None => {
             let Projection::Perspective { yfov, .. } = Projection::default() else {
                 unreachable!("the default camera has perspective")
             };
-            Projection::Perspective {
-                yfov: draft.perspective.unwrap_or(yfov),
-                near: draft.near,
-                far: draft.far,
-            }
+            Projection::Perspective { yfov: draft.perspective.unwrap_or(yfov), near, far: draft.far }
         }
     };
-    let mut camera = Camera { projection, ..draft.camera };
+    let mut camera = Camera { projection, near_is_set: draft.near.is_some(), ..draft.camera };
     let placed = draft.position.is_some() || draft.look_at.is_some() || draft.rotation != DQuat::IDENTITY;
     let rigged = draft.rig.is_some();
     let fixed = placed || !camera.channels.iter().all(|c| c.property == Property::FieldOfView);
@@ -483,9 +486,9 @@ fn camera(draft: CameraDraft, notes: &mut Notes) -> Camera {
         notes.push((Severity::Error, draft.at.clone(), ApiError::new(text)));
     };
     if let Some(far) = draft.far
-        && far <= draft.near
+        && far <= near
     {
-        note(format!(": far must be more than near, got {far} and {}", draft.near));
+        note(format!(": far must be more than near, got {far} and {near}"));
     }
     for field in Camera::FIELDS {
         let keyed = |property| camera.channels.iter().any(|c: &Channel| c.property == property);

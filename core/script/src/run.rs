@@ -23,7 +23,7 @@ use choreo_stage::Stage;
 use rhai::{AST, Engine};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 #[derive(Clone, Debug, PartialEq)]
@@ -37,6 +37,9 @@ pub struct ScriptOptions {
     pub needs: ImportScope,
     /// Assets of earlier runs with clones of this.
     pub assets: AssetCache,
+    /// Decodes the clips that the text names and no others, where it names all that it uses. For callers that show no clip that is
+    /// not played.
+    pub played_clips_only: bool,
     /// Reports the progress of the files that the script loads, on any thread, and calls them off.
     pub imports: Imports,
 }
@@ -49,6 +52,7 @@ impl Default for ScriptOptions {
             limits: Limits::default(),
             needs: ImportScope::ALL,
             assets: AssetCache::default(),
+            played_clips_only: false,
             imports: Imports::default(),
         }
     }
@@ -153,7 +157,7 @@ pub fn open(
         return Err(Diagnostic::error(format!("cannot read script \"{shown}\": it is not a file")));
     }
     let shared = new_shared(folders, mode, registry, options);
-    let found = crate::folders::Found { path: canonical };
+    let found = crate::folders::FoundFile { path: canonical };
     let text = read_text(&shared, &found, &name)?;
     Ok(Opened { name: shown, text, shared })
 }
@@ -184,6 +188,8 @@ fn new_shared(folders: Folders, mode: Mode, registry: &Registry, options: &Scrip
         defs: defs(),
         loader: Arc::new(loader),
         clips_only: Mutex::default(),
+        played_clips_only: options.played_clips_only,
+        played_clips: OnceLock::new(),
         limits: options.limits.clone(),
         set: options.set.clone(),
         sources: Mutex::default(),
@@ -260,6 +266,10 @@ fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<
     let engine = begin(name, text, shared);
     let parsed = Parsed::new(&engine, shared, name, text);
     if let Ok(parsed) = &parsed {
+        if shared.played_clips_only {
+            // Set here only.
+            let _ = shared.played_clips.set(crate::clips_only::played(&parsed.ast));
+        }
         let declared = crate::lint::declared(&parsed.ast, name, text);
         shared.build.lock().unwrap_or_else(PoisonError::into_inner).declared = declared;
     }

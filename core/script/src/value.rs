@@ -164,26 +164,26 @@ macro_rules! handles {
     ($($name:ident: $handle:ty, $is_dead:expr, $dead:expr;)*) => {
         /// The types of handles, by the names that scripts and messages use.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub enum Kind {
+        pub enum HandleKind {
             /// No receiver: a function.
             None,
             $($name),*
         }
 
-        impl Kind {
-            const HANDLES: &[Kind] = &[$(Kind::$name),*];
+        impl HandleKind {
+            const HANDLES: &[HandleKind] = &[$(HandleKind::$name),*];
 
             pub fn name(self) -> &'static str {
                 match self {
-                    Kind::None => "",
-                    $(Kind::$name => stringify!($name)),*
+                    HandleKind::None => "",
+                    $(HandleKind::$name => stringify!($name)),*
                 }
             }
 
             pub(crate) fn type_id(self) -> TypeId {
                 match self {
-                    Kind::None => TypeId::of::<Dynamic>(),
-                    $(Kind::$name => TypeId::of::<$handle>()),*
+                    HandleKind::None => TypeId::of::<Dynamic>(),
+                    $(HandleKind::$name => TypeId::of::<$handle>()),*
                 }
             }
         }
@@ -195,8 +195,8 @@ macro_rules! handles {
         /// Whether a value is a handle made by a call that failed.
         pub(crate) fn is_dead(v: &Dynamic) -> bool {
             match kind_of(v) {
-                Kind::None => false,
-                $(Kind::$name => v.read_lock::<$handle>().is_some_and(|h| {
+                HandleKind::None => false,
+                $(HandleKind::$name => v.read_lock::<$handle>().is_some_and(|h| {
                     let is_dead: fn(&$handle) -> bool = $is_dead;
                     is_dead(&h)
                 })),*
@@ -204,10 +204,10 @@ macro_rules! handles {
         }
 
         /// Stands in for the result of a call that failed.
-        pub fn dead(kind: Kind) -> Dynamic {
+        pub fn dead(kind: HandleKind) -> Dynamic {
             match kind {
-                Kind::None => Dynamic::UNIT,
-                $(Kind::$name => Dynamic::from($dead)),*
+                HandleKind::None => Dynamic::UNIT,
+                $(HandleKind::$name => Dynamic::from($dead)),*
             }
         }
     };
@@ -233,14 +233,14 @@ handles! {
     Scene: SceneRef, |h| h.0 == DEAD, SceneRef(DEAD);
 }
 
-impl Kind {
-    pub fn from_name(name: &str) -> Option<Kind> {
-        Kind::HANDLES.iter().copied().find(|k| k.name() == name)
+impl HandleKind {
+    pub fn from_name(name: &str) -> Option<HandleKind> {
+        HandleKind::HANDLES.iter().copied().find(|k| k.name() == name)
     }
 }
 
-/// The type of handle that a value is; [`Kind::None`] for any other value.
-pub fn kind_of(v: &Dynamic) -> Kind {
+/// The type of handle that a value is; [`HandleKind::None`] for any other value.
+pub fn kind_of(v: &Dynamic) -> HandleKind {
     let id = v.type_id();
-    Kind::HANDLES.iter().copied().find(|k| k.type_id() == id).unwrap_or(Kind::None)
+    HandleKind::HANDLES.iter().copied().find(|k| k.type_id() == id).unwrap_or(HandleKind::None)
 }

@@ -19,6 +19,35 @@ fn what_is_not_needed_is_not_made() {
     the_script_shows_it_by_itself();
     nobody_draws();
     sections_that_look_at_no_picture();
+    clips_that_are_not_played();
+}
+
+/// For commands that draw or describe a scene once.
+fn clips_that_are_not_played() {
+    let options = ScriptOptions { played_clips_only: true, ..ScriptOptions::default() };
+    let decoded = |text: &str, options: &ScriptOptions| {
+        CLIPS_DECODED.store(0, Ordering::Relaxed);
+        let script = assets().run_text(text, options).unwrap();
+        let clip = &script.stage.actors[0].layers[0].cues[0].clip;
+        assert!(!clip.curves().is_empty() && clip.duration.as_secs() > 0.0);
+        CLIPS_DECODED.load(Ordering::Relaxed)
+    };
+    let one = r#"let m = load("hero.toy", #{ facing: "+z" }); cast("a", m).play(m.clip("Run"));"#;
+    let two = r#"let m = load("hero.toy", #{ facing: "+z" });
+        cast("a", m).play(m.clip("Run")).then(load("moves.toy").clip("Wave"));"#;
+    assert_eq!(decoded(one, &options), 1);
+    assert_eq!(decoded(two, &options), 4, "each of two files has both names");
+    assert_eq!(decoded(one, &ScriptOptions::default()), 3);
+    // A front that shows in clips alone shows in all of them.
+    let facing = r#"let m = load("hero.toy"); cast("a", m).play(m.clip("Run"));"#;
+    assert_eq!(decoded(facing, &options), 1 + 3);
+    // Which clip it is shows only when the script runs.
+    let any = r#"let m = load("hero.toy"); let n = 1; cast("a", m).play(m.clip(n));"#;
+    assert_eq!(decoded(any, &options), 3);
+    // The names are all there, in messages too.
+    let wrong = r#"let m = load("hero.toy"); cast("a", m).play(m.clip("Rum"));"#;
+    let errors = assets().run_text(wrong, &options).unwrap_err();
+    assert!(show(&errors).contains("did you mean \"Run\"?"), "{}", show(&errors));
 }
 
 fn a_file_for_its_clips_alone() {

@@ -270,7 +270,7 @@ fn parameters_of_effects_are_keyed_and_set_by_callbacks() {
     for (t, width) in [(0.0, 1.0), (1.0, 1.0), (1.5, 2.0), (3.0, 5.0), (3.5, 5.0), (3.75, 7.0)] {
         assert_eq!(at(t, "width"), width, "{t} s");
     }
-    // Colours are mixed in linear light.
+    // Colors are mixed in linear light.
     assert_eq!((at(1.0, "color_r"), at(1.0, "color_b")), (0.5, 0.5));
     assert!(script.stage.check().is_empty());
 }
@@ -289,4 +289,65 @@ fn an_effect_can_belong_to_a_camera() {
     );
     let on = |t: f64| script.stage.at(secs(t)).unwrap().effects.len();
     assert_eq!([on(0.5), on(1.0), on(1.9), on(2.0)], [0, 1, 1, 0]);
+}
+
+#[test]
+fn parts_are_hidden_by_the_names_of_nodes_and_meshes() {
+    let script = good(
+        r#"
+        let hero = load("hero.toy");
+        cast("a", hero).hide_parts("bod*");
+        cast("b", hero);
+        cast("c", hero).hide_parts(["hips"]);
+        "#,
+    );
+    let drawn = |actor: usize| {
+        let asset = &script.stage.actors[actor].asset;
+        asset.meshes[asset.instances[0].mesh as usize].primitives.len()
+    };
+    assert_eq!([drawn(0), drawn(1), drawn(2)], [0, 1, 0]);
+    let [a, b, c] = [0, 1, 2].map(|actor: usize| &script.stage.actors[actor].asset);
+    assert!(std::sync::Arc::ptr_eq(a, c), "what hides the same is one asset");
+    assert_eq!(a.instances[0].weights, b.instances[0].weights);
+    assert!(a.rest_bounds().is_empty() && !b.rest_bounds().is_empty());
+    for (names, expected) in [("\"Hip\"", "unknown part \"Hip\""), ("[]", "must not be empty")] {
+        let text = format!("cast(\"a\", load(\"hero.toy\")).hide_parts({names});");
+        let errors = show(&run(&text).unwrap_err());
+        assert!(errors.contains(expected), "{errors}");
+    }
+}
+
+#[test]
+fn a_focal_length_is_a_field_of_view() {
+    let script = good(
+        r#"
+        cast("a", load("hero.toy"));
+        camera("wide").focal_length(24.0);
+        camera("same").fov(to_degrees(2.0 * atan(12.0 / 24.0)));
+        camera("tele").ortho(2.0).focal_length(100);
+        "#,
+    );
+    let yfov = |camera: usize| match script.stage.cameras[camera].projection {
+        Projection::Perspective { yfov, .. } => yfov.to_degrees(),
+        projection => panic!("{projection:?}"),
+    };
+    // Full-frame film is 24 mm high.
+    assert!((yfov(0) - 53.13).abs() < 0.01 && yfov(0) == yfov(1), "{} {}", yfov(0), yfov(1));
+    assert!((yfov(2) - 13.69).abs() < 0.01, "{}", yfov(2));
+    assert!(show(&run("camera(\"c\").focal_length(0.1);").unwrap_err()).contains("0.2"));
+}
+
+#[test]
+fn emitted_light_is_brighter_than_white() {
+    let script = good(
+        r#"
+        cast("a", shape("box", #{ emissive: "white", emissive_strength: 8 }));
+        cast("b", shape("box", #{ emissive: [0.5, 0.0, 0.0] }));
+        "#,
+    );
+    let emissive = |actor: usize| script.stage.actors[actor].asset.materials[0].emissive;
+    assert_eq!(emissive(0), Vec3::splat(8.0));
+    assert!((emissive(1).x - 0.214).abs() < 1e-3);
+    let errors = show(&run(r#"shape("box", #{ emissive_strength: 2 });"#).unwrap_err());
+    assert!(errors.contains("emissive_strength needs emissive"), "{errors}");
 }

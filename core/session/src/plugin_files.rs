@@ -91,14 +91,14 @@ struct Source {
 }
 
 /// A folder in which plugin files are looked for.
-struct Place {
+struct PluginFolder {
     /// Path as the user wrote it.
     path: PathBuf,
-    kind: Kind,
+    kind: FolderKind,
 }
 
 #[derive(Clone, Copy, PartialEq)]
-enum Kind {
+enum FolderKind {
     Named,
     /// The folder of an input, where other WGSL may lie.
     Own,
@@ -138,23 +138,24 @@ pub fn list(
 }
 
 /// The folders in the order in which they count, each once.
-fn places(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<Place>, FolderError> {
+fn places(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<PluginFolder>, FolderError> {
     let variable = std::env::var_os(VARIABLE).unwrap_or_default();
     let of_variable = std::env::split_paths(&variable).filter(|f| !f.as_os_str().is_empty());
     let of_variable = of_variable.map(|folder| (folder, VARIABLE));
-    let mut places: Vec<Place> = Vec::new();
+    let mut places: Vec<PluginFolder> = Vec::new();
     for (folder, flag) in of_variable.chain(named.iter().map(|f| (f.clone(), "--plugins"))) {
         if !folder.is_dir() {
             return Err(FolderError::Missing { flag, folder });
         }
-        places.push(Place { path: folder, kind: Kind::Named });
+        places.push(PluginFolder { path: folder, kind: FolderKind::Named });
     }
     for input in inputs {
         let folder = if input.is_dir() { input } else { input.parent().unwrap_or(Path::new("")) };
         let own = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-        for (path, kind) in [(own.to_path_buf(), Kind::Own), (folder.join(BESIDE), Kind::Beside)] {
+        for (path, kind) in [(own.to_path_buf(), FolderKind::Own), (folder.join(BESIDE), FolderKind::Beside)]
+        {
             if !places.iter().any(|known| is_same(&known.path, &path)) {
-                places.push(Place { path, kind });
+                places.push(PluginFolder { path, kind });
             }
         }
     }
@@ -166,17 +167,17 @@ fn is_same(a: &Path, b: &Path) -> bool {
 }
 
 /// Plugin files of a folder, by name, so that the order is the same on every machine.
-fn sources(place: &Place) -> Result<Vec<Source>, FolderError> {
+fn sources(place: &PluginFolder) -> Result<Vec<Source>, FolderError> {
     let unreadable = |error: FileError| FolderError::Unreadable { folder: place.path.clone(), error };
     // A file in `plugins` may be a link to another place in the script's folder, but not out of it.
     let (root, below) = match place.kind {
-        Kind::Beside => (place.path.parent().unwrap_or(Path::new("")), Path::new(BESIDE)),
+        FolderKind::Beside => (place.path.parent().unwrap_or(Path::new("")), Path::new(BESIDE)),
         _ => (place.path.as_path(), Path::new("")),
     };
     let root = if root.as_os_str().is_empty() { Path::new(".") } else { root };
     let opened = Folder::open(root).map_err(FileError::Io).and_then(|folder| {
         let names = match place.kind {
-            Kind::Beside => folder.folder(below)?.names(MOST_FILES)?,
+            FolderKind::Beside => folder.folder(below)?.names(MOST_FILES)?,
             _ => folder.names(MOST_FILES)?,
         };
         Ok((folder, names))
@@ -185,7 +186,7 @@ fn sources(place: &Place) -> Result<Vec<Source>, FolderError> {
         Ok(opened) => opened,
         Err(FileError::Outside) => return Err(FolderError::Link { folder: place.path.clone() }),
         // A script can stand in a folder that may not be listed.
-        Err(_) if place.kind == Kind::Own => return Ok(Vec::new()),
+        Err(_) if place.kind == FolderKind::Own => return Ok(Vec::new()),
         Err(error) => return Err(unreadable(error)),
     };
     let folder = Arc::new(folder);
@@ -203,7 +204,7 @@ fn sources(place: &Place) -> Result<Vec<Source>, FolderError> {
 
 impl Listing {
     /// The plugin of a file. `None` if the file is not meant as a plugin.
-    fn entry(&self, source: Source, kind: Kind, before: Option<&Listing>) -> Option<Entry> {
+    fn entry(&self, source: Source, kind: FolderKind, before: Option<&Listing>) -> Option<Entry> {
         let is_it = |e: &&Entry| e.read.get().is_some() && e.source.path == source.path;
         let known = before.and_then(|b| b.entries.iter().find(is_it));
         if let Some(known) = known.filter(|k| k.source.shown == source.shown)
@@ -227,7 +228,7 @@ impl Listing {
                 Ok(head) => head,
                 Err(e) => return Some(Entry { source, plugin: Plugin::Faulty(e.0), read }),
             };
-            if kind == Kind::Own && !choreo_wgsl_effect::is_meant(&head) {
+            if kind == FolderKind::Own && !choreo_wgsl_effect::is_meant(&head) {
                 return None;
             }
             match choreo_wgsl_effect::name(&head) {

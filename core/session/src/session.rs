@@ -226,6 +226,8 @@ impl Session {
             limits: self.source.limits.clone(),
             needs: self.source.needs,
             assets: self.assets.clone(),
+            // The inspector shows them all.
+            played_clips_only: false,
             imports: self.imports.clone(),
         };
         let (result, files) = run_file_touching(&self.source.input, registry, &options);

@@ -281,7 +281,7 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
                 let way = faced.map(|other| other.world_from_model.translation - at);
                 let own = &placements[a];
                 let turned = |space: &DAffine3, rotation| match way {
-                    Some(way) => facing(space, way) * rotation,
+                    Some(way) => facing(space, way, stage.actors[a].asset.front()) * rotation,
                     None => rotation,
                 };
                 let in_space = |space: &DAffine3, local: &Placement| {

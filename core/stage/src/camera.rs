@@ -13,8 +13,8 @@ use choreo_asset::Projection;
 use choreo_motion::{PropertyTarget, Time};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
-/// A camera that looks at something must not clip it away, however small the scene: the near plane is at most this share of
-/// the way there. Reversed-Z float depth makes near planes cheap.
+/// A camera that looks at something must not clip it away, however small the scene: a near plane that is not set is at most this
+/// share of the way there. Reversed-Z float depth makes near planes cheap.
 const NEAR_OF_DISTANCE: f64 = 0.01;
 
 /// Azimuth and elevation for a stage without a camera: from the front, a little from the right and above.
@@ -110,7 +110,7 @@ pub(crate) fn by_places(
     };
     let looking = |position: DVec3, at: DVec3, fallback: DQuat| {
         let rotation = look_rotation(at - position).unwrap_or(fallback);
-        state(position, rotation, near_limited(projection, (at - position).length()))
+        state(position, rotation, near_limited(camera, projection, (at - position).length()))
     };
     Some(match &camera.rig {
         Rig::Fixed { position, rotation, look_at } => {
@@ -135,7 +135,7 @@ pub(crate) fn by_places(
                 None => state(
                     at + rotation * DVec3::new(0.0, 0.0, *distance),
                     rotation,
-                    near_limited(projection, *distance),
+                    near_limited(camera, projection, *distance),
                 ),
             }
         }
@@ -193,9 +193,9 @@ fn keyed_projection(camera: &Camera, time: Time) -> Projection {
     }
 }
 
-fn near_limited(projection: Projection, distance: f64) -> Projection {
+fn near_limited(camera: &Camera, projection: Projection, distance: f64) -> Projection {
     match projection {
-        Projection::Perspective { yfov, near, far } if distance > 0.0 => {
+        Projection::Perspective { yfov, near, far } if distance > 0.0 && !camera.near_is_set => {
             let near = near.min((distance * NEAR_OF_DISTANCE) as f32).max(f32::MIN_POSITIVE);
             Projection::Perspective { yfov, near, far }
         }

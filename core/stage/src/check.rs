@@ -134,6 +134,7 @@ impl Checker<'_> {
         let joints = actor.asset.skeleton.len();
         let actors = self.stage.actors.len();
         self.fields(&place, actor);
+        self.fields(&format!("{place}, shadow"), &actor.shadow);
         for parent in actor.parents.iter().filter_map(|parent| parent.to.as_ref()) {
             self.attachment(&place, parent);
         }

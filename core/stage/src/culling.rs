@@ -11,6 +11,7 @@ use crate::stage::actor::{Actor, Target};
 use crate::stage::camera::Rig;
 use crate::stage::clips::LayerMode;
 use crate::stage::edits::FrameEdits;
+use crate::stage::light::{SUN_ANGLE, Shadow};
 use crate::stage::parenting::ParentScale;
 use crate::transforms::order::PlacementStep;
 use crate::transforms::parents::{ActiveParent, ActiveParents};
@@ -185,7 +186,8 @@ impl View {
         // Its shadow goes on away from the light, and must not come nearer to the half space.
         let shades = |n: &DVec3, casting: &Casting| match casting {
             Casting::From(light) => n.dot(center - *light) + radius > 0.0,
-            Casting::Along(direction) => n.dot(*direction) > 0.0,
+            // A penumbra widens by half of the sun's disc to each side.
+            Casting::Along(direction) => n.dot(*direction) > -0.5 * f64::from(SUN_ANGLE),
         };
         let shadow_outside =
             |plane: &(DVec3, f64), casting: &Casting| outside(plane) && !shades(&plane.0, casting);
@@ -258,7 +260,8 @@ impl Culling<'_> {
             out[index] = ball.is_some_and(|(ball, _)| {
                 // The edge of a shadow is wider than what casts it.
                 let ball = (ball.0, 1.02 * ball.1 + 2.0 * softness);
-                ball.0.is_finite() && ball.1.is_finite() && view.misses(ball, &casting)
+                let casting = if self.stage.actors[index].shadow.cast { &casting[..] } else { &[] };
+                ball.0.is_finite() && ball.1.is_finite() && view.misses(ball, casting)
             });
         }
     }
@@ -280,7 +283,7 @@ impl Culling<'_> {
         let (mut casting, mut softness) = (Vec::new(), 0.0f64);
         for (index, light) in self.stage.lights.iter().enumerate() {
             let Some(shadow) = light.shadow else { continue };
-            softness = softness.max(f64::from(shadow.softness));
+            softness = softness.max(f64::from(shadow.softness.unwrap_or(Shadow::LAMP_SOFTNESS)));
             if light.parent.is_some() {
                 return None;
             }

@@ -62,7 +62,7 @@ fn visible_boxes(stage: &Stage, world_from_axes: DQuat) -> Result<Vec<DAabb>, St
     let intervals = intervals.min((length.as_secs() * 48.0) as usize).max(1);
     let (mut boxes, mut ground) = (Vec::new(), Vec::new());
     let (mut scratch, mut snapshot) = (ConstrainedScratch::default(), Snapshot::default());
-    // Hair that flies changes no picture's frame.
+    // Hair that flies changes no image's frame.
     let foot_locks = FootLocks::default();
     for i in 0..=intervals {
         let time = Time((i128::from(length.0) * i as i128 / intervals as i128) as i64);

@@ -1,4 +1,4 @@
-//! Flat things over and under the scene: words, images, panels, letterboxes; in painter's order.
+//! 2D layers over and under the scene: words, images, panels, letterboxes; in painter's order.
 
 use crate::snapshot::Layer2dState;
 use crate::stage::Stage;

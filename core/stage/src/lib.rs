@@ -37,7 +37,7 @@ pub use properties::materials::uv_transform;
 pub use snapshot::{
     ActorState, CameraState, ChangedMaterial, EffectState, Layer2dState, LightState, SkyState, Snapshot,
 };
-pub use stage::actor::{Actor, Attachment, LookAt, Placement, Target};
+pub use stage::actor::{Actor, ActorShadow, Attachment, LookAt, Placement, Target};
 pub use stage::camera::{Camera, Cut, Rig};
 pub use stage::channel::{Channel, Property};
 pub use stage::clips::{Cue, Layer, LayerMode, Reference};
@@ -46,13 +46,14 @@ pub use stage::described::{Described, Field, FieldType, FieldValue};
 pub use stage::edits::{ActorEdit, FrameEdits, LightEdit};
 pub use stage::effects::{EffectEdit, EffectTarget, EffectUse};
 pub use stage::layers_2d::{Align, Fit, Font, Layer2d, Layer2dContent, Layer2dEdit};
-pub use stage::light::{Shadow, StageLight};
+pub use stage::light::{SUN_ANGLE, Shadow, StageLight};
 pub use stage::parenting::{ParentScale, Parenting};
 pub use stage::path::{Pace, Path, PathError, PathFollowing};
 pub use stage::root_motion::CueRootMotion;
 pub use stage::sky::{Sky, SkyEdit};
 pub use stage::springs::ActorSprings;
 pub use stage::surfaces::SurfaceRule;
+pub use stage::tangents::Tangents;
 pub use stage::time_remapping::{SpeedCurve, TimeRemapping};
 pub use stage::{
     Background, Cutouts, FrameHook, Pipeline, Settings, SkinOnce, Stage, StageError, Transparency,

@@ -6,8 +6,9 @@
 //! nearest one before it, and what is kept changes how long that takes and nothing else.
 //!
 //! **What a seek costs.** Without anything kept, 60 poses of the actors that have springs for each second from the start; later at most
-//! as many as lie between two kept states (16, more once they would take 32 MiB). Springs remember ten minutes: in each stretch of [`STRETCH`] steps the motion begins anew, settled, a minute
-//! before it, which no damped spring remembers, so that 100 hours into a stage cost no more than 11 minutes.
+//! as many as lie between two kept states (16, more once they would take 32 MiB). Springs remember ten minutes: in each stretch of [`STRETCH`]
+//! steps the motion begins anew, settled, a minute before it, so that 100 hours into a stage cost no more than 11 minutes. A stage with a
+//! spring of which that minute would leave more than a millionth of a swing ([`FORGETS`]), as of an undamped one, is one stretch.
 
 use crate::actors;
 use crate::constraints::foot_lock::FootLocks;
@@ -17,7 +18,7 @@ use crate::stage::edits::ActorEdit;
 use crate::stage::{Stage, StageError};
 use crate::transforms::order::PlacementStep;
 use choreo_motion::Time;
-use choreo_motion::spring::{SpringScratch, SpringState, SpringStep};
+use choreo_motion::spring::{RigBone, SpringScratch, SpringState, SpringStep};
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -27,6 +28,8 @@ const SPRING_STEP: Time = Time(Time::TICKS_PER_SECOND / 60);
 /// Steps after which the motion begins anew, and how many before that it does.
 const STRETCH: i64 = 600 * 60;
 const WARM_UP: i64 = 60 * 60;
+/// Least decay rate of springs that forget within [`WARM_UP`], 1/s: ln 10⁶ / 60 s.
+const FORGETS: f64 = 13.82 / 60.0;
 /// Bytes of states that are kept.
 const MOST_BYTES: usize = 32 << 20;
 
@@ -109,10 +112,16 @@ fn time_of(step: i64) -> Time {
 
 /// The stretch that a step is in, and the step at which that begins to be simulated.
 fn stretch_of(stage: &Stage, step: i64) -> (i64, i64) {
-    let pre_roll = stage.actors.iter().filter_map(|a| a.springs.as_ref()).map(|s| s.pre_roll).max();
+    let springs = || stage.actors.iter().filter_map(|a| a.springs.as_ref());
+    let pre_roll = springs().map(|s| s.pre_roll).max();
     let pre_roll = pre_roll.unwrap_or(Time::ZERO).0.clamp(0, time_of(STRETCH).0);
     let first = -(pre_roll + SPRING_STEP.0 - 1).div_euclid(SPRING_STEP.0);
-    let stretch = step.div_euclid(STRETCH).max(0);
+    let forgets = |bone: &RigBone| {
+        let length = f64::from(bone.tail.length()).max(f64::MIN_POSITIVE);
+        bone.spring.decay_rate(bone.pull.length() + bone.gravity.length() / length) >= FORGETS
+    };
+    let forgotten = springs().all(|springs| springs.rig.bones().iter().all(forgets));
+    let stretch = if forgotten { step.div_euclid(STRETCH).max(0) } else { 0 };
     (stretch, if stretch == 0 { first.min(step) } else { stretch * STRETCH - WARM_UP })
 }
 

@@ -73,6 +73,28 @@ fn the_camera_of_a_file_follows_its_node() {
 }
 
 #[test]
+fn a_near_plane_that_is_set_is_kept_by_every_rig() {
+    let target = Target::Point(v(0.0, 0.0, 0.0));
+    let rigs = [
+        Rig::Fixed { position: v(0.0, 0.0, 3.0), rotation: DQuat::IDENTITY, look_at: Some(target) },
+        Rig::Follow { target, offset: v(0.0, 0.0, 3.0) },
+        Rig::Orbit { target, distance: 3.0, elevation: 0.0, azimuth: 0.0, speed: 0.0 },
+    ];
+    for rig in rigs {
+        let mut stage = shot(rig);
+        let near = |stage: &Stage| match stage.at(Time::ZERO).unwrap().camera.projection {
+            Projection::Perspective { near, .. } => near,
+            Projection::Orthographic { .. } => panic!(),
+        };
+        // Not set: a hundredth of the distance, where that is nearer.
+        assert!((near(&stage) - 0.03).abs() < 1e-6, "{}", near(&stage));
+        let field = Camera::field("near").unwrap();
+        (field.set)(&mut stage.cameras[0], FieldValue::Number(2.0));
+        assert_eq!(near(&stage), 2.0);
+    }
+}
+
+#[test]
 fn cuts_keys_and_hooks() {
     let mut stage = shot(Rig::Fixed { position: DVec3::ZERO, rotation: DQuat::IDENTITY, look_at: None });
     let target = Target::Point(DVec3::ZERO);

@@ -41,7 +41,7 @@ fn a_stage_built_twice_has_one_hash_and_every_change_another() {
     let mut warned = scene();
     warned.warnings.push("clip longer than its slot".into());
     assert_eq!(first, warned.content_hash(), "warnings are no content");
-    let changes: [fn(&mut Stage); 25] = [
+    let changes: [fn(&mut Stage); 29] = [
         |s| s.settings.length = secs(5.0),
         |s| s.settings.background = Background::default(),
         |s| s.actors[0].name = "boris".into(),
@@ -54,6 +54,8 @@ fn a_stage_built_twice_has_one_hash_and_every_change_another() {
         |s| s.actors[0].parents = vec![on(|p| p.keep = true)],
         |s| s.actors[0].parents = vec![on(|p| p.placement = Some(Placement::default()))],
         |s| s.actors[0].face = Some(0),
+        |s| s.actors[0].shadow.cast = false,
+        |s| s.actors[0].shadow.receive = false,
         |s| s.actors[0].tint.w = 0.5,
         |s| s.actors[0].layers.push(Layer::default()),
         |s| s.actors[0].layers[0].mask = Some(Arc::new(vec![1.0; 5])),
@@ -63,7 +65,9 @@ fn a_stage_built_twice_has_one_hash_and_every_change_another() {
         |s| s.actors[0].look_at[0].target = Target::Actor(0),
         |s| s.cameras[0].rig = Rig::Frame { azimuth: 0.0, elevation: 0.1 },
         |s| s.cuts.push(Cut { at: Time::ZERO, camera: 0 }),
+        |s| s.cameras[0].near_is_set = true,
         |s| s.lights[0].light.kind = LightKind::Point,
+        |s| s.lights[0].shadow = Some(Shadow::default()),
         |s| s.actors[0].asset = stick(),
         |s| s.hooks.push(Arc::new(Named("a"))),
         |s| s.hooks.push(Arc::new(Named("b"))),

@@ -173,6 +173,30 @@ fn a_hundred_hours_cost_no_more_than_eleven_minutes_and_stretches_join() {
 }
 
 #[test]
+fn an_undamped_spring_swings_on_after_ten_minutes() {
+    let mut stage = stage();
+    let mut undamped = springs();
+    undamped.rig.retain(|joint| joint == 1);
+    // Without a load, whose pull is taken as a spring step by step, a step is exact.
+    let swings = |b: &mut RigBone| (b.spring, b.gravity) = (SpringBone::new(2.5, 0.0), DVec3::ZERO);
+    undamped.rig.bones_mut().for_each(swings);
+    stage.actors[0].springs = Some(Arc::new(undamped));
+    // Shoved once to the side; nothing else drives the tail.
+    let keys: [(f64, &[f32]); 2] = [(0.0, &[0.0, 1.0, 0.0]), (0.2, &[0.3, 1.0, 0.0])];
+    let shove = clip("shove", 5, vec![curve(0, Path::Translation, &keys)]);
+    stage.actors[0].layers[0].cues[0] = Cue { repeat: Repeat::Once, ..Cue::new(shove) };
+    let mut eyes = Evaluator::new(Arc::new(stage));
+    // How far the tip moves within a second.
+    let mut swing = |from: f64| {
+        let places: Vec<DVec3> =
+            (0..60).map(|i| joint_world(&eyes.at(secs(from + f64::from(i) / 60.0)).unwrap(), 0, 4)).collect();
+        places.iter().map(|p| p.distance(places[0])).fold(0.0, f64::max)
+    };
+    let (before, after) = (swing(598.0), swing(601.0));
+    assert!(before > 0.01 && (after - before).abs() < 0.2 * before, "{before} m, then {after} m");
+}
+
+#[test]
 fn without_springs_nothing_is_paid() {
     let mut stage = stage();
     stage.actors[0].springs = None;

@@ -16,4 +16,4 @@ pub mod run;
 mod section;
 pub mod stored;
 
-pub use outcome::{Check, Evidence, Measures, Outcome, Pictures, Place, Status, Trace};
+pub use outcome::{Check, Evidence, Measures, Outcome, Pictures, SourceLocation, Status, Trace};

@@ -11,7 +11,7 @@ pub struct Outcome {
     pub file: String,
     /// Name of the section; empty for a script that is a test as it stands.
     pub section: String,
-    pub place: Place,
+    pub place: SourceLocation,
     pub status: Status,
     /// Checks in the order of the script.
     pub checks: Vec<Check>,
@@ -41,7 +41,7 @@ pub enum Status {
 
 /// A place in a file; lines and columns from 1, 0 = unknown.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub struct Place {
+pub struct SourceLocation {
     pub file: String,
     pub line: usize,
     pub column: usize,
@@ -50,7 +50,7 @@ pub struct Place {
 /// One expectation, judged. The texts are short: one line each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Check {
-    pub place: Place,
+    pub place: SourceLocation,
     /// What is asserted, as a reader of the report wants to see it: `anna.joint("LeftHand") near [0.1, 1.2, 0.0] at 1.5 s`.
     pub title: String,
     pub passed: bool,
@@ -97,7 +97,7 @@ pub struct Trace {
 /// An image expectation's three images, as PNG files, and by how much they differ.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Pictures {
-    /// The picture's name in the script.
+    /// The image's name in the script.
     pub name: String,
     /// Path at which the golden image is, or would be, stored.
     pub stored: PathBuf,
@@ -150,7 +150,7 @@ impl Measures {
     }
 }
 
-impl std::fmt::Display for Place {
+impl std::fmt::Display for SourceLocation {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}", self.file)?;
         for number in [self.line, self.column].into_iter().take_while(|n| *n > 0) {
@@ -181,12 +181,12 @@ mod tests {
 
     #[test]
     fn places_and_names_are_written_as_a_user_types_them() {
-        let place = |line, column| Place { file: "a/b.rhai".into(), line, column }.to_string();
+        let place = |line, column| SourceLocation { file: "a/b.rhai".into(), line, column }.to_string();
         assert_eq!([place(0, 0), place(3, 0), place(3, 7)], ["a/b.rhai", "a/b.rhai:3", "a/b.rhai:3:7"]);
         let mut outcome = Outcome {
             file: "a.rhai".into(),
             section: String::new(),
-            place: Place::default(),
+            place: SourceLocation::default(),
             status: Status::Skipped("why".into()),
             checks: Vec::new(),
             warnings: Vec::new(),

@@ -1,6 +1,6 @@
 //! `expect_picture`: a stage drawn at a time, against the image stored beside its test.
 
-use crate::outcome::{Check, Evidence, Measures, Pictures, Place};
+use crate::outcome::{Check, Evidence, Measures, Pictures, SourceLocation};
 use crate::painter::{Device, NoPicture, Painter, Shot};
 use crate::stored::{self, MOST_BYTES, Stored, Unreadable};
 use choreo_files::write_whole_beneath;
@@ -52,7 +52,7 @@ pub struct Whose<'a> {
     /// File and section as the user names them.
     pub file: &'a str,
     pub section: &'a str,
-    pub place: Place,
+    pub place: SourceLocation,
 }
 
 pub enum Judged {
@@ -234,10 +234,10 @@ enum Finding {
     OtherDevice(String),
     /// The stored image and its file.
     OtherSize((Stored, Vec<u8>)),
-    Differs(Box<Found>),
+    Differs(Box<DifferentImage>),
 }
 
-struct Found {
+struct DifferentImage {
     expected: Frame,
     bytes: Vec<u8>,
     difference: ImageDifference,
@@ -278,7 +278,7 @@ fn against(
     };
     match difference.within(&wanted.limits) {
         true => Finding::Good(difference.describe()),
-        false => Finding::Differs(Box::new(Found { expected: expected.frame, bytes, difference })),
+        false => Finding::Differs(Box::new(DifferentImage { expected: expected.frame, bytes, difference })),
     }
 }
 

@@ -67,7 +67,7 @@ impl Results {
         }
     }
 
-    /// The earlier outcome, where all is as it was. Entries that are damaged, old or somebody else's count as none.
+    /// The earlier outcome, where all is as it was. Entries that are damaged, old or another user's count as none.
     pub fn find(&self, case: &Case) -> Option<Reused> {
         let bytes = choreo_files::read(&self.place(case)?, MOST_BYTES).ok()?;
         let entry: Entry = serde_json::from_slice(&bytes).ok()?;

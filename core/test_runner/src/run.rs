@@ -226,7 +226,7 @@ impl Teller<'_> {
         }
     }
 
-    /// Two sections cannot have one picture: they would be compared with each other's, and accepted over each other.
+    /// Two sections cannot have one image: they would be compared with each other's, and accepted over each other.
     fn claim(&mut self, ran: &mut Ran) {
         for (path, _) in &ran.pictures {
             let name = ran.outcome.name();

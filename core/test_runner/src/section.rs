@@ -2,7 +2,7 @@
 
 use crate::collect::Case;
 use crate::evaluate::evaluate;
-use crate::outcome::{Check, Evidence, Outcome, Place, Status};
+use crate::outcome::{Check, Evidence, Outcome, SourceLocation, Status};
 use crate::painter::{Device, NoPicture, Painter, Shot};
 use crate::pictures::{self, Accept, Judged, PictureOptions, Whose};
 use crate::stored;
@@ -35,7 +35,7 @@ pub fn blank(case: &Case) -> Outcome {
     Outcome {
         file: case.file.clone(),
         section,
-        place: Place { file: case.file.clone(), line, column: 0 },
+        place: SourceLocation { file: case.file.clone(), line, column: 0 },
         status: Status::Passed,
         checks: Vec::new(),
         warnings: Vec::new(),
@@ -137,7 +137,7 @@ fn judge(
                 break;
             }
             let at = &expectation.place;
-            let place = Place { file: at.file.clone(), line: at.line, column: at.column };
+            let place = SourceLocation { file: at.file.clone(), line: at.line, column: at.column };
             let Some(stage) = run.stages.get(expectation.stage) else { continue };
             let whose = Whose { path: &case.path, file: &case.file, section: &outcome.section, place };
             let read = match pictures::judge(wanted, stage, &whose, painter, options) {
@@ -186,7 +186,7 @@ fn drawable(case: &Case, stage: &Arc<Stage>, painter: &mut Painter) -> Check {
         Err(NoPicture::Failed(why) | NoPicture::NoDevice(why)) => (false, why),
     };
     Check {
-        place: Place { file: case.file.clone(), line: 0, column: 0 },
+        place: SourceLocation { file: case.file.clone(), line: 0, column: 0 },
         title: format!("can be drawn, at {} s", middle.as_secs()),
         passed,
         expected: "an image".into(),

@@ -181,7 +181,7 @@ mod tests {
         for at in 0..bytes.len() {
             let mut broken = bytes.clone();
             broken[at] ^= 0x10;
-            // What is not told has not touched the picture: a text, or the end mark.
+            // Other chunks have not touched the image: a text, or the end mark.
             let unharmed = decode(&broken).map_or(true, |stored| stored.frame == frame(255));
             assert!(unharmed, "byte {at}");
         }

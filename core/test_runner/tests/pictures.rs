@@ -11,7 +11,7 @@ use choreo_stage::Stage;
 use choreo_test_runner::painter::{Device, Painter, device_class};
 use choreo_test_runner::pictures::{Accept, Judged, PictureOptions, Whose, judge};
 use choreo_test_runner::stored::{self, Unreadable};
-use choreo_test_runner::{Check, Evidence, Pictures, Place};
+use choreo_test_runner::{Check, Evidence, Pictures, SourceLocation};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -61,7 +61,7 @@ impl Bench {
 
     fn judged(&mut self) -> Judged {
         let path = self.folder.path().join("walk.rhai");
-        let place = Place { file: "walk.rhai".into(), line: 7, column: 5 };
+        let place = SourceLocation { file: "walk.rhai".into(), line: 7, column: 5 };
         let whose = Whose { path: &path, file: "tests/walk.rhai", section: "it goes", place };
         judge(&self.wanted, &self.stage, &whose, &mut self.painter, &self.options)
     }
@@ -80,7 +80,7 @@ impl Bench {
         check
     }
 
-    /// Changes the stored picture's pixels; its device stays.
+    /// Changes the stored image's pixels; its device stays.
     fn plant(&self, change: impl Fn(u32, u32, &mut [u8])) {
         let (stored, _) = stored::read(&self.stored()).unwrap();
         let mut frame = stored.frame;
@@ -177,7 +177,7 @@ fn what_nobody_sees_passes_and_what_is_allowed_can_be_said() {
     let default = std::mem::replace(&mut bench.wanted.limits, limits(&[("visible", 0.0)]));
     assert!(!bench.check().passed);
     bench.wanted.limits = default;
-    // A darker picture: 8 steps everywhere.
+    // A darker image: 8 steps everywhere.
     bench.accept();
     bench.plant(|_, _, p| p.iter_mut().take(3).for_each(|v| *v = v.saturating_sub(12)));
     assert!(!bench.check().passed);

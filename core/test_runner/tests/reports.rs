@@ -3,11 +3,11 @@
 use choreo_test_runner::report::{html, json, junit, rerun, terminal};
 use choreo_test_runner::run::Report;
 use choreo_test_runner::stored;
-use choreo_test_runner::{Check, Evidence, Measures, Outcome, Pictures, Place, Status, Trace};
+use choreo_test_runner::{Check, Evidence, Measures, Outcome, Pictures, SourceLocation, Status, Trace};
 
 fn check(passed: bool, evidence: Evidence) -> Check {
     Check {
-        place: Place { file: "t/a.rhai".into(), line: 4, column: 3 },
+        place: SourceLocation { file: "t/a.rhai".into(), line: 4, column: 3 },
         title: "anna <LeftHand> near [0, 1, 0] & so on".into(),
         passed,
         expected: "[0, 1, 0] ± 0.001 m".into(),
@@ -22,7 +22,7 @@ fn outcome(file: &str, section: &str, status: Status, checks: Vec<Check>) -> Out
     Outcome {
         file: file.into(),
         section: section.into(),
-        place: Place { file: file.into(), line: 3, column: 0 },
+        place: SourceLocation { file: file.into(), line: 3, column: 0 },
         status,
         checks,
         warnings: vec!["t/a.rhai:1:1: warning: slow </script>".into()],

@@ -3,7 +3,7 @@
 use choreo_script::testing::SectionInfo;
 use choreo_test_runner::collect::Case;
 use choreo_test_runner::results::Results;
-use choreo_test_runner::{Outcome, Place, Status};
+use choreo_test_runner::{Outcome, SourceLocation, Status};
 use std::path::{Path, PathBuf};
 
 const TEXT: &str = "let shared = 1;\ntest(\"a\", || {\n  one();\n});\ntest(\"b\", || {\n  two();\n});\n";
@@ -32,7 +32,7 @@ fn outcome() -> Outcome {
     Outcome {
         file: "t.rhai".into(),
         section: "a".into(),
-        place: Place { file: "t.rhai".into(), line: 2, column: 0 },
+        place: SourceLocation { file: "t.rhai".into(), line: 2, column: 0 },
         status: Status::Passed,
         checks: Vec::new(),
         warnings: Vec::new(),

@@ -4,7 +4,7 @@
 mod place;
 
 use choreo_motion::Time;
-use choreo_viewer::state::events::Kind;
+use choreo_viewer::state::events::EventKind;
 use choreo_viewer::state::selection::Selected;
 use choreo_viewer::state::timeline::Timeline;
 use egui::{Key, Modifiers, pos2, vec2};
@@ -39,7 +39,7 @@ fn row<'a>(timeline: &'a Timeline, label: &str) -> &'a choreo_viewer::state::tim
 fn rows_have_what_happens_at_its_times() {
     let place = Place::new(SCRIPT);
     let timeline = &place.viewer.timeline;
-    let told = |label: &str| -> Vec<(f64, Kind, String)> {
+    let told = |label: &str| -> Vec<(f64, EventKind, String)> {
         let events = &row(timeline, label).events;
         events.iter().map(|e| (e.at.as_secs(), e.kind, e.label.replace('\n', ", "))).collect()
     };
@@ -47,14 +47,14 @@ fn rows_have_what_happens_at_its_times() {
     let round =
         place.viewer.scene.as_ref().unwrap().stage.actors[0].layers[0].cues[0].clip.duration.as_secs();
     let heels = (0..).map(|n| 0.5 + 0.2 + f64::from(n) * round).take_while(|t| *t < 2.0);
-    let mut expected: Vec<(f64, Kind, String)> =
-        heels.map(|t| (t, Kind::Mark, "heel of Walk".to_string())).collect();
+    let mut expected: Vec<(f64, EventKind, String)> =
+        heels.map(|t| (t, EventKind::Mark, "heel of Walk".to_string())).collect();
     assert!(!expected.is_empty());
     expected.extend([
-        (0.0, Kind::Key, "position".into()),
-        (1.0, Kind::Body, "position, look begins".into()),
-        (2.5, Kind::Body, "look ends".into()),
-        (3.0, Kind::Key, "position".into()),
+        (0.0, EventKind::Key, "position".into()),
+        (1.0, EventKind::Body, "position, look begins".into()),
+        (2.5, EventKind::Body, "look ends".into()),
+        (3.0, EventKind::Key, "position".into()),
     ]);
     expected.sort_by(|a, b| a.0.total_cmp(&b.0));
     let found = told("ada");
@@ -63,7 +63,7 @@ fn rows_have_what_happens_at_its_times() {
         assert!((found.0 - expected.0).abs() < 1e-6, "{found:?} for {expected:?}");
         assert_eq!((found.1, &found.2), (expected.1, &expected.2));
     }
-    let entrance = |at, what: &str| (at, Kind::Entrance, what.to_string());
+    let entrance = |at, what: &str| (at, EventKind::Entrance, what.to_string());
     assert_eq!(told("bob"), [entrance(1.5, "goes"), entrance(3.0, "appears")]);
     let hello = "\u{201c}Hello there\u{201d}";
     let words = [entrance(0.8, &format!("{hello} appears")), entrance(3.2, &format!("{hello} goes"))];

@@ -33,7 +33,7 @@ fn a_session_at_the_window() {
         let shot = screen.shot(&window);
         (shot.count(BACKGROUND) > 20_000).then_some(shot)
     });
-    // The picture's pixels are those that render writes.
+    // The image's pixels are those that render writes.
     the_same_as_render(&first, &script, folder.path());
     screen.save(&window, "open.png");
 

@@ -10,7 +10,7 @@
 //! // inputs: normals
 //! // off: amount = 0
 //! // param amount = 0.1 in 0..1: how strong it is
-//! // param coloured = false: another grain for each colour
+//! // param colored = false: another grain for each color
 //! // param tint = rgb(1.0, 0.5, 0.0): its color
 //! // param curve = soft of soft|hard: how it fades in the lights
 //! // texture paper = paper.png: what it is printed on

@@ -5,7 +5,7 @@ use crate::operators::{
     Conversion, FloatOperator, IntegerOperator, Operands, Operator, is_component_function,
 };
 use crate::program::{Case, Compute, Kernels, Node, Program, Register, Registers, Routine, Unsupported};
-use crate::shape::{self, Kind, MAX_COMPONENTS, Shape};
+use crate::shape::{self, ComponentKind, MAX_COMPONENTS, Shape};
 use naga::valid::{FunctionInfo, ModuleInfo};
 use naga::{
     BinaryOperator, Block, Expression, Function, Handle, Literal, MathFunction, Module, RelationalFunction,
@@ -683,7 +683,7 @@ impl<'a> Lowering<'a> {
 
     fn unary(&mut self, op: UnaryOperator, value: Handle<Expression>) -> Vec<Register> {
         let operator = match (op, self.shapes[value.index()].kind) {
-            (UnaryOperator::Negate, Kind::Float) => Operator::Float(FloatOperator::Negate),
+            (UnaryOperator::Negate, ComponentKind::Float) => Operator::Float(FloatOperator::Negate),
             _ => Operator::Integer { signed: false, operator: IntegerOperator::Unary(op) },
         };
         let value = self.components(value);
@@ -703,8 +703,11 @@ impl<'a> Lowering<'a> {
             return self.matrix_product((&a, &sa), (&b, &sb));
         }
         let operator = match sa.kind {
-            Kind::Float => Operator::Float(FloatOperator::Binary(op)),
-            kind => Operator::Integer { signed: kind == Kind::Int, operator: IntegerOperator::Binary(op) },
+            ComponentKind::Float => Operator::Float(FloatOperator::Binary(op)),
+            kind => Operator::Integer {
+                signed: kind == ComponentKind::Int,
+                operator: IntegerOperator::Binary(op),
+            },
         };
         self.compute_vector(operator, &[&a, &b])
     }
@@ -747,11 +750,11 @@ impl<'a> Lowering<'a> {
         let components = self.components(value);
         let conversion = match (self.shapes[value.index()].kind, to) {
             _ if keeps_bits => return components,
-            (Kind::Float, ScalarKind::Sint) => Conversion::FloatToInt,
-            (Kind::Float, ScalarKind::Uint) => Conversion::FloatToUint,
-            (Kind::Float, ScalarKind::Bool) => Conversion::FloatToBool,
-            (Kind::Int, ScalarKind::Float) => Conversion::IntToFloat,
-            (Kind::Uint | Kind::Bool, ScalarKind::Float) => Conversion::UintToFloat,
+            (ComponentKind::Float, ScalarKind::Sint) => Conversion::FloatToInt,
+            (ComponentKind::Float, ScalarKind::Uint) => Conversion::FloatToUint,
+            (ComponentKind::Float, ScalarKind::Bool) => Conversion::FloatToBool,
+            (ComponentKind::Int, ScalarKind::Float) => Conversion::IntToFloat,
+            (ComponentKind::Uint | ComponentKind::Bool, ScalarKind::Float) => Conversion::UintToFloat,
             (_, ScalarKind::Bool) => Conversion::ToBool,
             _ => return components,
         };
@@ -763,8 +766,8 @@ impl<'a> Lowering<'a> {
         let kind = self.shapes[arguments[0].index()].kind;
         let values: Vec<Vec<Register>> = arguments.iter().map(|a| self.components(*a)).collect();
         let (a, b) = (&values[0], values.get(1).unwrap_or(&values[0]));
-        if kind != Kind::Float {
-            return self.integer_math(function, kind == Kind::Int, &values);
+        if kind != ComponentKind::Float {
+            return self.integer_math(function, kind == ComponentKind::Int, &values);
         }
         match function {
             MathFunction::Dot => vec![self.dot(a, b)],

@@ -119,12 +119,12 @@ mod tests {
     fn a_head_comment_is_a_manifest() {
         let m = manifest(
             "// effect: grain\n// about: film grain\n//\n// param amount = 0.1 in 0..1: how strong\n\
-             // param coloured = false: each its own\n// param curve = soft of soft|hard: how\nfn x() {}\n// param no = 1",
+             // param colored = false: each its own\n// param curve = soft of soft|hard: how\nfn x() {}\n// param no = 1",
         )
         .unwrap();
         let expected = Manifest::new("grain", "1", "film grain")
             .number("amount", "how strong", 0.1, 0.0..=1.0)
-            .flag("coloured", "each its own", false)
+            .flag("colored", "each its own", false)
             .text("curve", "how", "soft", &["soft", "hard"]);
         assert_eq!(m, expected);
     }

@@ -6,7 +6,7 @@ use naga::{ScalarKind, TypeInner, UniqueArena};
 pub(crate) const MAX_COMPONENTS: usize = 20;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum ComponentKind {
     Float,
     Int,
     Uint,
@@ -17,7 +17,7 @@ pub enum Kind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
     /// Kind of scalars, vectors and matrices.
-    pub kind: Kind,
+    pub kind: ComponentKind,
     pub size: usize,
     /// Columns of a matrix, else 0.
     pub columns: usize,
@@ -26,12 +26,12 @@ pub struct Shape {
     pub is_pointer: bool,
 }
 
-fn kind(scalar: naga::Scalar) -> Option<Kind> {
+fn kind(scalar: naga::Scalar) -> Option<ComponentKind> {
     match (scalar.kind, scalar.width) {
-        (ScalarKind::Float, 4) => Some(Kind::Float),
-        (ScalarKind::Sint, 4) => Some(Kind::Int),
-        (ScalarKind::Uint, 4) => Some(Kind::Uint),
-        (ScalarKind::Bool, _) => Some(Kind::Bool),
+        (ScalarKind::Float, 4) => Some(ComponentKind::Float),
+        (ScalarKind::Sint, 4) => Some(ComponentKind::Int),
+        (ScalarKind::Uint, 4) => Some(ComponentKind::Uint),
+        (ScalarKind::Bool, _) => Some(ComponentKind::Bool),
         _ => None,
     }
 }
@@ -54,7 +54,7 @@ pub fn shape(inner: &TypeInner, types: &UniqueArena<naga::Type>) -> Option<Shape
         TypeInner::Struct { ref members, .. } => {
             let sizes: Option<Vec<Shape>> =
                 members.iter().map(|m| shape(&types[m.ty].inner, types)).collect();
-            plain(Kind::Float, sizes?.iter().map(|s| s.size).sum(), 0, 0)
+            plain(ComponentKind::Float, sizes?.iter().map(|s| s.size).sum(), 0, 0)
         }
         TypeInner::Pointer { base, .. } => {
             shape(&types[base].inner, types).map(|s| Shape { is_pointer: true, ..s })

@@ -5,7 +5,7 @@ use naga::{Module, ScalarKind, TypeInner, VectorSize};
 
 /// A parameter of an effect's function, or what it gives.
 #[derive(Clone, Copy)]
-enum Part {
+enum ValueType {
     Scalar(ScalarKind),
     Vector(ScalarKind, VectorSize),
     /// A struct with this name.
@@ -17,9 +17,9 @@ enum Part {
 /// What the function of a hook is given and gives.
 pub(crate) struct Signature {
     pub text: &'static str,
-    parts: &'static [Part],
+    parts: &'static [ValueType],
     /// One of these.
-    gives: &'static [Part],
+    gives: &'static [ValueType],
     /// Declared by the shader that calls the function; appended below the author's text, so that lines stay.
     pub declared: &'static str,
     /// Functions of the shader that it may call, as [`Host`] lists them. Their code is never run.
@@ -37,8 +37,12 @@ const U: ScalarKind = ScalarKind::Uint;
 
 const PIXEL: Signature = Signature {
     text: "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>",
-    parts: &[Part::Vector(F, VectorSize::Quad), Part::Vector(F, VectorSize::Bi), Part::Parameters],
-    gives: &[Part::Vector(F, VectorSize::Quad)],
+    parts: &[
+        ValueType::Vector(F, VectorSize::Quad),
+        ValueType::Vector(F, VectorSize::Bi),
+        ValueType::Parameters,
+    ],
+    gives: &[ValueType::Vector(F, VectorSize::Quad)],
     declared: "",
     functions: &[],
     with_history: &[],
@@ -47,8 +51,8 @@ const PIXEL: Signature = Signature {
 /// As in shaders/surface.wgsl, and `choreo_plugin::SurfaceSample` in this order.
 const SURFACE: Signature = Signature {
     text: "fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32>",
-    parts: &[Part::Vector(F, VectorSize::Quad), Part::Struct("Seen"), Part::Parameters],
-    gives: &[Part::Vector(F, VectorSize::Quad)],
+    parts: &[ValueType::Vector(F, VectorSize::Quad), ValueType::Struct("Seen"), ValueType::Parameters],
+    gives: &[ValueType::Vector(F, VectorSize::Quad)],
     declared: "struct Seen { world: vec3<f32>, distance: f32, normal: vec3<f32>, facing: f32, background: vec3<f32>, \
         joints: vec3<f32>, uv: vec2<f32>, shadow: f32, viewer: vec3<f32> }\n",
     functions: &[],
@@ -58,8 +62,8 @@ const SURFACE: Signature = Signature {
 /// As in shaders/displace.wgsl, and `choreo_plugin::VertexSample` in this order.
 const VERTEX: Signature = Signature {
     text: "fn effect(place: Place, p: array<f32, 8>) -> vec3<f32>",
-    parts: &[Part::Struct("Place"), Part::Parameters],
-    gives: &[Part::Vector(F, VectorSize::Tri)],
+    parts: &[ValueType::Struct("Place"), ValueType::Parameters],
+    gives: &[ValueType::Vector(F, VectorSize::Tri)],
     declared: "struct Place { world: vec3<f32>, normal: vec3<f32>, uv: vec2<f32>, model: vec3<f32> }\n",
     functions: &[],
     with_history: &[],
@@ -68,8 +72,8 @@ const VERTEX: Signature = Signature {
 /// As in shaders/surface.wgsl, and `choreo_plugin::LightSample` in this order.
 const LIGHTING: Signature = Signature {
     text: "fn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32>",
-    parts: &[Part::Struct("Falling"), Part::Parameters],
-    gives: &[Part::Vector(F, VectorSize::Tri)],
+    parts: &[ValueType::Struct("Falling"), ValueType::Parameters],
+    gives: &[ValueType::Vector(F, VectorSize::Tri)],
     declared: "struct Falling { cosine: f32, share: f32, color: vec3<f32>, base: vec3<f32>, normal: vec3<f32>, \
         viewer: vec3<f32>, light: vec3<f32>, lit: vec3<f32> }\n",
     functions: &[],
@@ -79,8 +83,8 @@ const LIGHTING: Signature = Signature {
 /// As in shaders/post.wgsl.
 const PICTURE: Signature = Signature {
     text: "fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32>",
-    parts: &[Part::Vector(I, VectorSize::Bi), Part::Scalar(U), Part::Parameters],
-    gives: &[Part::Vector(F, VectorSize::Quad)],
+    parts: &[ValueType::Vector(I, VectorSize::Bi), ValueType::Scalar(U), ValueType::Parameters],
+    gives: &[ValueType::Vector(F, VectorSize::Quad)],
     declared: "",
     functions: &[
         ("picture", "fn picture(at: vec2<i32>) -> vec4<f32> { return vec4(f32(at.x)); }\n", Host::Picture),
@@ -99,8 +103,8 @@ const PICTURE: Signature = Signature {
 /// As [`choreo_plugin::Stroke`] and [`choreo_plugin::Triangle`] in this order.
 const OVERLAY: Signature = Signature {
     text: "fn effect(index: u32, body: Body, p: array<f32, 8>) -> Line, or -> Triangle, or -> Lattice",
-    parts: &[Part::Scalar(U), Part::Struct("Body"), Part::Parameters],
-    gives: &[Part::Struct(LINE), Part::Struct(TRIANGLE), Part::Struct(LATTICE)],
+    parts: &[ValueType::Scalar(U), ValueType::Struct("Body"), ValueType::Parameters],
+    gives: &[ValueType::Struct(LINE), ValueType::Struct(TRIANGLE), ValueType::Struct(LATTICE)],
     declared: "struct Body { time: f32, place: vec3<f32>, low: vec3<f32>, high: vec3<f32>, joints: u32, number: u32 }\n\
         struct Line { a: vec3<f32>, b: vec3<f32>, width: f32, color: vec4<f32> }\n\
         struct Triangle { a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, color: vec4<f32> }\n\
@@ -131,8 +135,8 @@ pub(crate) const LATTICE: &str = "Lattice";
 /// As [`choreo_plugin::InvertedHull`] in this order.
 const SHELL: Signature = Signature {
     text: "fn effect(p: array<f32, 8>) -> Shell, or -> Edges",
-    parts: &[Part::Parameters],
-    gives: &[Part::Struct("Shell"), Part::Struct(EDGES)],
+    parts: &[ValueType::Parameters],
+    gives: &[ValueType::Struct("Shell"), ValueType::Struct(EDGES)],
     declared: "struct Shell { width: f32, color: vec3<f32>, lighting_mix: f32 }\nstruct Edges { color: vec3<f32> }\n",
     functions: &[],
     with_history: &[],
@@ -142,8 +146,8 @@ pub const EDGES: &str = "Edges";
 /// The exposure of a frame: number of images, how long the shutter is open, and which share of that lies before the frame.
 const SHUTTER: Signature = Signature {
     text: "fn effect(p: array<f32, 8>) -> Shutter",
-    parts: &[Part::Parameters],
-    gives: &[Part::Struct("Shutter")],
+    parts: &[ValueType::Parameters],
+    gives: &[ValueType::Struct("Shutter")],
     declared: "struct Shutter { samples: u32, degrees: f32, before: f32 }\n",
     functions: &[],
     with_history: &[],
@@ -175,13 +179,13 @@ impl Signature {
     /// Whether a function is of this form.
     pub fn fits(&self, module: &Module, function: &naga::Function) -> bool {
         let types = &module.types;
-        let is = |part: &Part, ty: naga::Handle<naga::Type>| match (part, &types[ty].inner) {
-            (Part::Scalar(kind), TypeInner::Scalar(s)) => s.kind == *kind && s.width == 4,
-            (Part::Vector(kind, n), TypeInner::Vector { size, scalar: s }) => {
+        let is = |part: &ValueType, ty: naga::Handle<naga::Type>| match (part, &types[ty].inner) {
+            (ValueType::Scalar(kind), TypeInner::Scalar(s)) => s.kind == *kind && s.width == 4,
+            (ValueType::Vector(kind, n), TypeInner::Vector { size, scalar: s }) => {
                 size == n && s.kind == *kind && s.width == 4
             }
-            (Part::Struct(name), TypeInner::Struct { .. }) => types[ty].name.as_deref() == Some(name),
-            (Part::Parameters, TypeInner::Array { base, size: naga::ArraySize::Constant(n), .. }) => {
+            (ValueType::Struct(name), TypeInner::Struct { .. }) => types[ty].name.as_deref() == Some(name),
+            (ValueType::Parameters, TypeInner::Array { base, size: naga::ArraySize::Constant(n), .. }) => {
                 n.get() == 8 && types[*base].inner == TypeInner::Scalar(naga::Scalar::F32)
             }
             _ => false,

@@ -306,7 +306,7 @@ mod tonemap {
 
     #[test]
     fn mid_grey_is_where_the_transforms_put_it() {
-        // AgX has its pivot at mid grey, of code one half (Sobotka, AgX-S2O3), shown by a 2.2 display.
+        // AgX has its pivot at mid gray, of code one half (Sobotka, AgX-S2O3), shown by a 2.2 display.
         let expected = libm::pow(0.5, 2.2);
         let got = f64::from(map(1.0, 0.0, Vec3::splat(0.18)).y);
         assert!((got - expected).abs() < 0.004, "{got} {expected}");

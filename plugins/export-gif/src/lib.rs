@@ -5,7 +5,7 @@ mod resume;
 
 use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, Mark, VideoInfo};
 use palette::Quantizer;
-use resume::{Gate, State};
+use resume::{Gate, ResumeState};
 use std::io::{Read, Write};
 use std::sync::LazyLock;
 
@@ -55,7 +55,7 @@ impl Exporter for GifExporter {
         out: Box<dyn Write + Send>,
     ) -> Result<Box<dyn FrameSink>, ExportError> {
         let cut = || ExportError::Format("what is kept of the GIF is cut".into());
-        let state = states.last().and_then(|s| State::read(s)).ok_or_else(cut)?;
+        let state = states.last().and_then(|s| ResumeState::read(s)).ok_or_else(cut)?;
         let (gate, opener) = Gate::shut(out);
         let mut sink = GifSink::new(info, Box::new(gate))?;
         sink.shown = resume::canvas(so_far, sink.size, state.frames).map_err(ExportError::Format)?;
@@ -182,7 +182,7 @@ impl FrameSink for GifSink {
     }
 
     fn mark(&mut self) -> Mark<'_> {
-        let state = State {
+        let state = ResumeState {
             frames: self.frames,
             global_palette: self.global_palette,
             made_for: self.quantizer.made_for(),

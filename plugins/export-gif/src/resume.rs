@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// What the next frame depends on, beside the canvas.
 #[derive(Debug, PartialEq)]
-pub struct State {
+pub struct ResumeState {
     pub frames: u64,
     pub global_palette: bool,
     /// Mean squared error of the palette on the frame that it was made for.
@@ -14,7 +14,7 @@ pub struct State {
     pub palette: Vec<[u8; 3]>,
 }
 
-impl State {
+impl ResumeState {
     pub fn bytes(&self) -> Vec<u8> {
         let mut bytes = self.frames.to_le_bytes().to_vec();
         bytes.push(self.global_palette.into());
@@ -23,13 +23,13 @@ impl State {
         bytes
     }
 
-    pub fn read(bytes: &[u8]) -> Option<State> {
+    pub fn read(bytes: &[u8]) -> Option<ResumeState> {
         let (frames, rest) = bytes.split_first_chunk::<8>()?;
         let (&global, rest) = rest.split_first()?;
         let (made_for, rest) = rest.split_first_chunk::<8>()?;
         let (palette, []) = rest.as_chunks::<3>() else { return None };
         // Entries are given by a byte, and the last byte means "as before".
-        (!palette.is_empty() && palette.len() < 256).then(|| State {
+        (!palette.is_empty() && palette.len() < 256).then(|| ResumeState {
             frames: u64::from_le_bytes(*frames),
             global_palette: global != 0,
             made_for: f64::from_bits(u64::from_le_bytes(*made_for)),

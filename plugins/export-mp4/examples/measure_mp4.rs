@@ -54,7 +54,7 @@ fn main() {
         "{n} frames of {width}×{height}; RGB to 4:2:0 {:.2} CPU ms a frame",
         (cpu_secs() - start) * 1e3 / n
     );
-    for quality in [30.0, 50.0, 60.0, 75.0, 90.0, 100.0] {
+    for quality in [30.0, 50.0, 60.0, 75.0, 90.0, 95.0, 98.0, 100.0] {
         let mut info = VideoInfo {
             width,
             height,

@@ -105,6 +105,12 @@ impl Coding {
     }
 }
 
+/// Quantiser 42 … 18 … 12, H.264's logarithmic scale: 6 steps double the error. The encoder takes none below 12.
+fn quantiser(quality: f64) -> u8 {
+    let quality = quality.clamp(0.0, 100.0);
+    (42.0 - 0.32 * quality.min(DEFAULT_QUALITY) - 0.24 * (quality - DEFAULT_QUALITY).max(0.0)).round() as u8
+}
+
 /// Frames that one encoder makes. Its state cannot be stored, so each segment starts with a new one and depends on its
 /// own frames only: a render that was killed goes on from the last whole segment and the kept frames of the next. Whole
 /// numbers of key frame distances, so that these stay equal; not few frames, because of the start (and because two IDR
@@ -149,8 +155,7 @@ impl Mp4Sink {
         let quality = info.options.number("quality").unwrap_or(DEFAULT_QUALITY);
         let keyframes = info.options.number("keyframes").unwrap_or(4.0) * info.fps.as_fps();
         let coding = Coding {
-            // Quantiser 42 … 10, H.264's logarithmic scale: 6 steps double the error.
-            qp: (42.0 - 0.32 * quality.clamp(0.0, 100.0)).round() as u8,
+            qp: quantiser(quality),
             keyframes: keyframes.clamp(1.0, 36_000.0) as u32,
             fps: info.fps.as_fps() as f32,
         };

@@ -152,6 +152,9 @@ fn quality_trades_size_for_error() {
     };
     let (Some(low), Some(high)) = (at(20.0), at(95.0)) else { return };
     assert!(low.0 > 1.3 * high.0 && low.1 * 2 < high.1, "{low:?} {high:?}");
+    // Up to the end of the scale.
+    let (high, highest) = (at(95.0).unwrap(), at(100.0).unwrap());
+    assert!(high.0 > highest.0 && high.1 < highest.1, "{high:?} {highest:?}");
 }
 
 #[test]

@@ -121,7 +121,7 @@ pub fn read<'a>(bytes: &'a [u8], notes: &Notes) -> Result<(Vec<Joint>, Rest<'a>)
                 None => return finish(joints, rest, &tokens),
                 Some(w) if w.eq_ignore_ascii_case(b"MOTION") => return finish(joints, rest, &tokens),
                 Some(w) if w.eq_ignore_ascii_case(b"ROOT") => {
-                    begin(&mut tokens, &mut joints, &mut open, Kind::Joint)?;
+                    begin(&mut tokens, &mut joints, &mut open, SectionKind::Joint)?;
                 }
                 Some(w) => {
                     return Err(
@@ -144,9 +144,9 @@ pub fn read<'a>(bytes: &'a [u8], notes: &Notes) -> Result<(Vec<Joint>, Rest<'a>)
         } else if word.eq_ignore_ascii_case(b"CHANNELS") {
             channels(&mut tokens, &mut joints[joint])?;
         } else if word.eq_ignore_ascii_case(b"JOINT") {
-            begin(&mut tokens, &mut joints, &mut open, Kind::Joint)?;
+            begin(&mut tokens, &mut joints, &mut open, SectionKind::Joint)?;
         } else if word.eq_ignore_ascii_case(b"End") {
-            begin(&mut tokens, &mut joints, &mut open, Kind::EndSite)?;
+            begin(&mut tokens, &mut joints, &mut open, SectionKind::EndSite)?;
         } else {
             let what =
                 format!("\"{}\" stands where OFFSET, CHANNELS, JOINT, End Site or }} should be", shown(word));
@@ -164,15 +164,20 @@ pub fn read<'a>(bytes: &'a [u8], notes: &Notes) -> Result<(Vec<Joint>, Rest<'a>)
 }
 
 #[derive(Clone, Copy, PartialEq)]
-enum Kind {
+enum SectionKind {
     Joint,
     EndSite,
 }
 
-fn begin(tokens: &mut Tokens<'_>, joints: &mut Vec<Joint>, open: &mut Vec<usize>, kind: Kind) -> Result<()> {
+fn begin(
+    tokens: &mut Tokens<'_>,
+    joints: &mut Vec<Joint>,
+    open: &mut Vec<usize>,
+    kind: SectionKind,
+) -> Result<()> {
     let parent = open.last().copied();
     let name = match (kind, parent) {
-        (Kind::EndSite, Some(parent)) => {
+        (SectionKind::EndSite, Some(parent)) => {
             tokens.name();
             format!("{}_end", joints[parent].name)
         }

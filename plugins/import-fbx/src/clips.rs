@@ -36,6 +36,12 @@ pub fn read(
 ) -> Result<Vec<Arc<Clip>>> {
     let mut clips = Vec::new();
     for stack in &file.scene.anim_stacks {
+        let name = name(stack);
+        if !file.files.wants_clip(clips.len(), &name) {
+            let clip = Clip::new(name, tree.skeleton.len(), Vec::new());
+            clips.push(Arc::new(clip.map_err(|e| Problem::new(place_of(&stack.element), e.to_string()))?));
+            continue;
+        }
         let driven = Driven::new(stack);
         let span = span(stack, &driven)?;
         let repeated = driven.repeated(span);
@@ -47,6 +53,13 @@ pub fn read(
         }
     }
     Ok(clips)
+}
+
+fn name(stack: &AnimStack) -> String {
+    match stack.element.name.as_ref() {
+        "" => format!("stack {}", stack.element.typed_id),
+        name => name.to_string(),
+    }
 }
 
 /// What the stack says it plays; where it says nothing, from its first key to its last.
@@ -97,11 +110,7 @@ impl Maker<'_, '_> {
             return Ok(None);
         }
         self.reach(&mut properties);
-        let name = match self.stack.element.name.as_ref() {
-            "" => format!("stack {}", self.stack.element.typed_id),
-            name => name.to_string(),
-        };
-        Clip::new(name, self.tree.skeleton.len(), self.curves)
+        Clip::new(name(self.stack), self.tree.skeleton.len(), self.curves)
             .and_then(|clip| clip.with_properties(properties))
             .map(Some)
             .map_err(|e| Problem::new(place_of(&self.stack.element), e.to_string()))

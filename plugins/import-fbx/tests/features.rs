@@ -309,3 +309,19 @@ fn what_is_not_needed_is_not_read() {
     assert_eq!((still.clips.len(), still.images.len()), (0, 0));
     assert_eq!(still.meshes[0].primitives[0].positions, whole.meshes[0].primitives[0].positions);
 }
+
+#[test]
+fn a_clip_that_is_not_played_is_a_name() {
+    let all = all();
+    let import = |played| {
+        let files = Companions::playing(played);
+        import(&FbxImporter, &common::source("flag.fbx", common::own()), &files, ImportScope::ALL).unwrap()
+    };
+    // That "Take 001" moves nothing, and is left out, shows only when it is decoded.
+    let names = |asset: &Asset| asset.clips.iter().map(|clip| clip.name.clone()).collect::<Vec<_>>();
+    let [none, one] = [import("none of them"), import("wave")];
+    assert_eq!((names(&none), names(&one)), (vec!["Take 001".into(), "wave".into()], names(&none)));
+    assert!(none.clips.iter().all(|clip| clip.curves().is_empty() && clip.properties().len() == 0));
+    assert_eq!(one.clips[1].curves(), all.clips[0].curves());
+    assert!(!all.clips[0].curves().is_empty() && one.clips[0].curves().is_empty());
+}

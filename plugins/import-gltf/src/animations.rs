@@ -19,8 +19,14 @@ pub fn read(file: &File<'_>, tree: &Tree) -> Result<Vec<Arc<Clip>>> {
     let mut times = BTreeMap::new();
     let morphs = morph_counts(file);
     let mut clips = Vec::with_capacity(file.root.animations.len());
-    for index in 0..file.root.animations.len() {
-        clips.push(Arc::new(clip(file, tree, index, &morphs, &mut times)?));
+    for (index, animation) in file.root.animations.iter().enumerate() {
+        let name = animation.name.clone().unwrap_or_else(|| format!("animation {index}"));
+        let clip = match file.files.wants_clip(index, &name) {
+            true => clip(file, tree, index, name, &morphs, &mut times)?,
+            false => Clip::new(name, tree.skeleton.len(), Vec::new())
+                .map_err(|e| Problem::new(format!("animations[{index}]"), e.to_string()))?,
+        };
+        clips.push(Arc::new(clip));
     }
     Ok(clips)
 }
@@ -36,6 +42,7 @@ fn clip(
     file: &File<'_>,
     tree: &Tree,
     index: usize,
+    name: String,
     morphs: &[usize],
     cache: &mut BTreeMap<usize, Keys>,
 ) -> Result<Clip> {
@@ -82,7 +89,6 @@ fn clip(
             }
         }
     }
-    let name = animation.name.clone().unwrap_or_else(|| format!("animation {index}"));
     let clip = Clip::new(name, tree.skeleton.len(), curves).and_then(|clip| clip.with_properties(properties));
     clip.map_err(|e| {
         let (channel, what) = match e {

@@ -363,3 +363,20 @@ fn imports_are_equal() {
     assert!(a.images.iter().zip(&b.images).all(|(x, y)| x == y));
     assert_eq!(a.materials, b.materials);
 }
+
+#[test]
+fn a_clip_that_is_not_played_is_a_name() {
+    let mut b = Builder::new();
+    let mut second = b.json["animations"][0].clone();
+    second["name"] = json!("nod");
+    b.json["animations"].as_array_mut().unwrap().push(second);
+    let source = common::source("feature.glb", common::glb_of(&b.json, &b.bin));
+    let curves = |played: &'static str| {
+        let files = choreo_importer_kit_testing::Companions::playing(played);
+        let import = GltfImporter::new().import(&source, &files, ImportScope::ALL, &ImportOptions::default());
+        let asset = import.unwrap();
+        asset.clips.iter().map(|clip| (clip.name.clone(), clip.curves().len())).collect::<Vec<_>>()
+    };
+    assert_eq!(curves("turn"), [("turn".to_string(), 1), ("nod".to_string(), 0)]);
+    assert_eq!(curves("nod"), [("turn".to_string(), 0), ("nod".to_string(), 1)]);
+}

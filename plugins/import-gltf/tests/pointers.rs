@@ -64,7 +64,7 @@ fn at(asset: &Arc<Asset>, secs: f64) -> Snapshot {
     stage.actors[actor].file_lights = true;
     stage.play(actor, Cue::new(asset.clips[0].clone()));
     let (projection, rig) = (Projection::default(), Rig::File { actor, camera: 0 });
-    stage.cameras.push(Camera { name: "own".into(), projection, rig, channels: Vec::new() });
+    stage.cameras.push(Camera { projection, ..Camera::new("own", rig) });
     stage.at(Time::from_secs(secs)).unwrap()
 }
 

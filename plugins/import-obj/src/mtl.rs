@@ -156,7 +156,7 @@ fn scalar(mut rest: &[u8]) -> Result<f32> {
     value.ok_or_else(|| format!("\"{}\" is not a finite number", shown(word)).into())
 }
 
-/// `r g b`, or `r` for a grey.
+/// `r g b`, or `r` for a gray.
 fn color(mut rest: &[u8]) -> Result<Vec3> {
     let mut values = Vec::with_capacity(3);
     while let (Some(word), true) = (next_word(&mut rest), values.len() < 3) {

@@ -8,8 +8,10 @@ use glam::{DQuat, DVec3};
 const LEFT: &str = "metres from the target";
 
 pub const CASES: &[Case] = &[
-    Case::new("two bones, target at the shoulder", "turned (0 or 1)", 0.0, || {
-        f64::from(arm(DVec3::ZERO, None).solve().is_some())
+    Case::new("two bones, target at the shoulder", "metres off the folded limb's reach", 1e-12, || {
+        let limb = arm(DVec3::ZERO, None);
+        let folded = (limb.middle.length() - (limb.end - limb.middle).length()).abs();
+        (left(limb) - folded).abs()
     }),
     Case::new("two bones, target at the elbow", LEFT, 1e-12, || left(arm(DVec3::new(0.3, 0.0, 0.0), None))),
     Case::new("two bones, target at the hand", LEFT, 1e-12, || left(arm(DVec3::new(0.5, 0.1, 0.0), None))),

@@ -7,7 +7,7 @@ use choreo_asset::{
 };
 use choreo_motion::{Skeleton, Time, Transform};
 use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
-use choreo_stage::{Background, Camera, Placement, Rig, Stage, StageLight, ViewTransform};
+use choreo_stage::{Background, Camera, Placement, Rig, Shadow, Stage, StageLight, ViewTransform};
 use glam::{Affine2, Affine3A, DQuat, DVec3, Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
 use std::sync::Arc;
@@ -24,6 +24,25 @@ pub const CASES: &[Case] = &[
         wall(1e7, 1e-4)
     }),
     Case::new("10,000 km from the origin", "steps of 255 off the same at the origin", 0.0, far_away),
+    Case::new("a shadow on a ground of 1 km", "share over 2 of 255 off that on 10 m", 0.0, || {
+        shadow_moved(1e3, 1.0, false)
+    }),
+    // Places on a triangle of 10 km are exact to a millimetre in f32, on one of 100 km to a centimetre.
+    Case::new("a shadow on a ground of 10 km", "share over 2 of 255 off that on 10 m", 0.005, || {
+        shadow_moved(1e4, 1.0, false)
+    }),
+    Case::new("a shadow on a ground of 100 km", "share over 2 of 255 off that on 10 m", 0.02, || {
+        shadow_moved(1e5, 1.0, false)
+    }),
+    Case::new("a shadow, and a box 5 km away", "share over 2 of 255 off that without", 0.0, || {
+        shadow_moved(10.0, 1.0, true)
+    }),
+    Case::new("a shadow in a scene of 1 cm", "share over 2 of 255 off that on 10 m", 0.0, || {
+        shadow_moved(10.0, 1.0 / 1024.0, false)
+    }),
+    Case::new("a shadow in a scene of 10 km", "share over 2 of 255 off that on 10 m", 0.0, || {
+        shadow_moved(10.0, 1024.0, false)
+    }),
     Case::new("normals of zero", "steps of 255 off ambient light alone", 1.0, || normals(Vec3::ZERO)),
     Case::new("normals that point away", "steps of 255 off ambient light alone", 1.0, || normals(-Vec3::Z)),
     Case::new("a mirrored relief", "steps of 255 off the mirrored image", 1.0, mirrored_relief),
@@ -162,6 +181,34 @@ fn far_away() -> f64 {
     off(&at(DVec3::ZERO), &at(DVec3::new(1e7, -1e7, 1e7)))
 }
 
+/// A board that stands on a square ground, in the sun; all of it `scale` times as large.
+fn shadow(ground: f64, scale: f64, far_box: bool) -> Stage {
+    let mut stage = stage(DVec3::new(0.0, 1.0, 3.0) * scale, (0.05 * scale) as f32);
+    stage.lights.push(StageLight { shadow: Some(Shadow::default()), ..sun() });
+    let level = DQuat::from_rotation_x(-0.5 * f64::from(PI));
+    let wide = |half: f64| asset(quad((half * scale) as f32), Material { double_sided: true, ..matte() });
+    put(&mut stage, wide(0.5 * ground), Placement { rotation: level, ..Placement::default() });
+    put(&mut stage, wide(0.5), Placement::at(0.0, 0.5 * scale, 0.0).turned(0.3));
+    if far_box {
+        put(&mut stage, wide(0.25), Placement::at(0.0, 0.25, -5e3));
+    }
+    stage
+}
+
+/// Against the same shadow in a scene of 10 m, where the board meets the ground.
+fn shadow_moved(ground: f64, scale: f64, far_box: bool) -> f64 {
+    let feet = |stage: &Stage| draw(stage, [96, 96]).map(|rgba| rgba[rgba.len() / 3 * 2..].to_vec());
+    let (Ok(room), Ok(moved)) = (feet(&shadow(10.0, 1.0, false)), feet(&shadow(ground, scale, far_box)))
+    else {
+        return f64::NAN;
+    };
+    if room.iter().filter(|v| **v == 0).count() < 200 {
+        return f64::NAN;
+    }
+    let apart = room.iter().zip(&moved).filter(|(a, b)| a.abs_diff(**b) > 2).count();
+    apart as f64 / room.len() as f64
+}
+
 fn normals(normal: Vec3) -> f64 {
     let with = |normal, light: bool| {
         let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);
@@ -232,7 +279,7 @@ fn image([width, height]: [u32; 2], texel: impl Fn(u32, u32) -> [u8; 4]) -> Arc<
     Arc::new(Image { name: String::new(), width, height, rgba: rgba.collect() })
 }
 
-/// A wall with a texture of one colour, against the same without.
+/// A wall with a texture of one color, against the same without.
 fn textured(size: [u32; 2]) -> f64 {
     let with = |there: bool| {
         let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);

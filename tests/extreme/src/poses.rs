@@ -5,6 +5,7 @@ use choreo_motion::{
     BlendOnto, Clip, Curve, Interpolation, LocalToModel, Path, Playback, Pose, Sample, Skeleton, Time,
     Transform,
 };
+use choreo_stage::{Channel, Property, Tangents};
 use glam::{Affine3A, DAffine3, Quat, Vec3};
 
 pub const CASES: &[Case] = &[
@@ -40,6 +41,7 @@ pub const CASES: &[Case] = &[
     Case::new("equal key times", "named error (0) or not (1)", 0.0, || {
         refused(clip(&[Time::ZERO, Time::ZERO], &[TILTED, TILTED]).map(drop), "curve 0")
     }),
+    Case::new("stage keys a microsecond apart", "metres out of their range", 1e-9, stage_keys),
     Case::new("one key", "radians from it", 1e-6, || turned(&[TILTED], 100.0)),
     Case::new("1,000,000 keys", "radians from the key asked for", 1e-5, many_keys),
     Case::new("100 h into a loop", "ticks off", 0.0, || {
@@ -56,6 +58,26 @@ pub const CASES: &[Case] = &[
     Case::new("weights summing to 0", "radians from the pose below", 0.0, || blend(1.0, Some(0.0)).0),
     Case::new("weights summing to 1e-30", "radians from the pose below", 1e-6, || blend(1e-30, None).0),
 ];
+
+/// A position keyed at 0, 1, 2 and 3 m, a second apart but for the gap, as scripts key it "cubic".
+fn stage_keys() -> f64 {
+    let times = [0.0, 1.0, 1.000_001, 2.000_001].map(Time::from_secs);
+    let places: Vec<Vec<f64>> = (0..4).map(|i| vec![f64::from(i), 0.0, 0.0]).collect();
+    let tangents = Tangents::Limited.of(&times, &places, true);
+    let key = |(tangent, place): (&Vec<f64>, &Vec<f64>)| [&tangent[..], place, tangent].concat();
+    let channel = Channel {
+        property: Property::Translation,
+        interpolation: Interpolation::CubicSpline,
+        times: times.to_vec(),
+        values: tangents.iter().zip(&places).flat_map(key).collect(),
+    };
+    let off = |i: i32| {
+        let x = channel.at(Time::from_secs(f64::from(i) / 500.0)).map_or(f64::NAN, |v| v[0]);
+        let (low, high) = if i <= 500 { (0.0, 1.0) } else { (2.0, 3.0) };
+        if (low..=high).contains(&x) { 0.0 } else { (x - low).abs().min((x - high).abs()) }
+    };
+    (0..=1000).map(off).sum()
+}
 
 const TILTED: Quat = Quat::from_xyzw(0.6, 0.0, 0.0, 0.8);
 

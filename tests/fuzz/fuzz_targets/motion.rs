@@ -269,7 +269,7 @@ fn playback(u: &mut Unstructured) -> Result<()> {
     let rate = FrameRate { num: u.int_in_range(1..=u32::MAX)?, den: u.int_in_range(1..=u32::MAX)? };
     rate.frames_in(time(u)?);
     rate.time_of(u.arbitrary()?);
-    FrameRate::from_fps(f64::arbitrary(u)?);
+    let _ = FrameRate::from_fps(f64::arbitrary(u)?);
     Time::from_secs(f64::arbitrary(u)?);
     Ok(())
 }

@@ -250,9 +250,7 @@ fn stage(u: &mut Unstructured) -> Result<Stage> {
             },
             _ => Rig::Frame { azimuth: number(u)?, elevation: 0.2 },
         };
-        let camera =
-            Camera { name: format!("c{i}"), projection: Projection::default(), rig, channels: Vec::new() };
-        stage.cameras.push(camera);
+        stage.cameras.push(Camera::new(&format!("c{i}"), rig));
         stage.cuts.push(Cut { at: time(u)?, camera: i });
     }
     stage.cuts.sort_by_key(|c| c.at);

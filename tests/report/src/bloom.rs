@@ -22,12 +22,12 @@ pub fn section() -> Result<Section, String> {
 }
 
 const SIZE: [usize; 2] = [640, 360];
-/// Of the picture's height: 36 pixels, three standard deviations of 12.
+/// Of the image's height: 36 pixels, three standard deviations of 12.
 const RADIUS: f32 = 0.1;
 /// Strength, threshold, radius.
 const P: [f32; 8] = [1.0, 0.9, RADIUS, 0.0, 0.0, 0.0, 0.0, 0.0];
 
-/// Lamps of all sizes and colours, and a thin bright line, away from the picture's edges.
+/// Lamps of all sizes and colors, and a thin bright line, away from the image's edges.
 fn picture() -> Vec<Vec4> {
     let mut rgba = vec![Vec3::splat(0.2).extend(1.0); SIZE[0] * SIZE[1]];
     let mut random = Random(17);
@@ -49,7 +49,7 @@ fn picture() -> Vec<Vec4> {
     rgba
 }
 
-/// As the effect has it: what of a colour is above the threshold, its hue kept.
+/// As the effect has it: what of a color is above the threshold, its hue kept.
 fn bright(c: Vec4) -> Vec3 {
     let c = c.truncate();
     let most = c.max_element();

@@ -118,7 +118,7 @@ fn by_spectrum(film: Film, from: u32, step: usize, receptors: impl Fn(f64) -> [f
     rgb(xyz.map(|v| v / whole)).map(|v| (middle + v).max(0.0))
 }
 
-/// The waves of three colours alone.
+/// The waves of three colors alone.
 fn three(film: Film) -> [f64; 3] {
     let (amplitudes, path) = sides(film);
     [611.0, 549.0, 465.0].map(|nm| {

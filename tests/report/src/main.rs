@@ -13,6 +13,7 @@ mod effects;
 mod far_away;
 mod film;
 mod ik;
+mod keys;
 mod mipmaps;
 mod packing;
 mod parallax;
@@ -53,10 +54,11 @@ pub struct Section {
 type Measure = fn() -> Result<Section, String>;
 
 /// By name, in the order of the report.
-const SECTIONS: [(&str, Measure); 26] = [
+const SECTIONS: [(&str, Measure); 27] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),
+    ("keys", keys::section),
     ("reduction", reduction::section),
     ("chains", chains::section),
     ("far_away", far_away::section),

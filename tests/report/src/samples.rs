@@ -4,7 +4,7 @@ use crate::{BUDGET_SECS, Section, scenes};
 use choreo_bench::picture::Moment;
 use choreo_bench::plots::{Cell, Table, quantity};
 use choreo_bench::scene::renderer;
-use choreo_bench::scene::{Found, Scene};
+use choreo_bench::scene::{MeasuredScene, SceneChoices};
 use choreo_motion::Time;
 use choreo_render::{CpuRenderer, DeviceKind, GpuOptions, Renderer, VulkanRenderer};
 
@@ -20,7 +20,7 @@ pub fn section() -> Result<Section, String> {
     {
         renderers.push(Box::new(vulkan));
     }
-    let mut scene = Scene {
+    let mut scene = MeasuredScene {
         stage: &stage,
         registry: &registry,
         at,
@@ -29,8 +29,8 @@ pub fn section() -> Result<Section, String> {
         budget_secs: 4.0 * BUDGET_SECS,
     };
     let mut choices = match renderer::choices(&mut scene, &moment)? {
-        Found::Choices(choices) => choices,
-        Found::None(why) => return Err(why),
+        SceneChoices::Choices(choices) => choices,
+        SceneChoices::None(why) => return Err(why),
     };
     for choice in &mut choices {
         choice.key = "samples".into();

@@ -5,20 +5,21 @@ use crate::rays::{Hit, Shapes};
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_asset::Projection;
 use choreo_bench::picture::Moment;
-use choreo_bench::plots::{Choice, Row};
+use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_bench::truth::Spread;
 use choreo_motion::Time;
 use choreo_plugin::{Frame, Registry};
 use choreo_render::scene_resources::mipmap::{linear_to_srgb8, srgb_to_linear_table};
 use choreo_render::{CpuRenderer, Renderer};
+use choreo_stage::SUN_ANGLE;
 use glam::{DVec2, DVec3};
 use std::cell::RefCell;
 use std::f64::consts::PI;
 use std::hint::black_box;
 
 const SIZE: [u32; 2] = [640, 360];
-/// Metres from dark to light: the default.
+/// Metres from dark to light.
 const SOFTNESS: f64 = 0.01;
 /// Rays a side of what is softened.
 const RAYS: usize = 6;
@@ -31,7 +32,7 @@ pub fn section() -> Result<Section, String> {
                together, and shadows leave the feet of what throws them."
             .into(),
         choices: vec![sizes()?, kernels()?],
-        tables: Vec::new(),
+        tables: vec![extents()?],
         off_front: vec![(
             "shadow_kernel",
             "kernels of one or four comparisons are cheaper, and at the width of the edge that is asked for they show texels as stairs.",
@@ -41,16 +42,28 @@ pub fn section() -> Result<Section, String> {
 
 /// With what the sun says of its shadow, and how bright it is.
 fn moment(shadow: &str, intensity: f64, registry: &Registry) -> Result<Moment, String> {
+    moment_on(12.0, "", shadow, intensity, registry)
+}
+
+/// On a ground so many metres wide, with `more` on stage.
+fn moment_on(
+    ground: f64,
+    more: &str,
+    shadow: &str,
+    intensity: f64,
+    registry: &Registry,
+) -> Result<Moment, String> {
     let text = format!(
         r##"
         stage(#{{ length: 1.0, background: "#8aa0b8", view: "none" }});
-        cast("floor", shape("plane", #{{ size: 12.0, color: "#d8d4cc" }}));
+        cast("floor", shape("plane", #{{ size: {ground:?}, color: "#d8d4cc" }}));
         let bar = shape("box", #{{ size: [0.03, 1.2, 0.03], color: "#b88a5a" }});
         for i in 0..16 {{ cast("bar " + i, bar).at(-1.2 + i * 0.12, 0.0, -0.3); }}
         cast("rail", shape("box", #{{ size: [2.0, 0.05, 0.04], color: "#b88a5a" }})).at(-0.3, 0.9, -0.3);
         cast("ball", shape("sphere", #{{ size: 0.6, color: "#c04a3a" }})).at(1.2, 0.0, 0.2);
         cast("plank", shape("box", #{{ size: [0.3, 1.4, 0.02], color: "#6a8a5a" }})).at(0.2, 0.0, 0.5).rotate(25.0, 0.0, 0.0);
         sun(#{{ direction: [-0.5, -1.0, 0.62], intensity: {intensity}, shadow: {shadow} }});
+        {more}
         camera("front").fov(34).at(0.6, 2.2, 4.8).look_at([0.1, 0.35, 0.3]);
         "##
     );
@@ -107,25 +120,105 @@ fn seen(moment: &Moment, shapes: &Shapes) -> Vec<Option<Hit>> {
     (0..(SIZE[0] * SIZE[1]) as usize).map(at).collect()
 }
 
+/// The image that rays give.
+struct Truth {
+    hits: Vec<Option<Hit>>,
+    rgba: Vec<u8>,
+}
+
+impl Truth {
+    /// `share`: how much of the sun arrives where a ray of the camera does.
+    fn of(
+        registry: &Registry,
+        cpu: &mut CpuRenderer,
+        share: impl Fn(&Shapes, &Hit) -> f64,
+    ) -> Result<Truth, String> {
+        let dark = moment("false", 0.0, registry)?;
+        let shapes = Shapes::of(&dark.stage, &dark.snapshot);
+        let unlit = drawn(&dark, cpu)?;
+        let bright = drawn(&moment("false", 2.0 * PI, registry)?, cpu)?;
+        let linear = srgb_to_linear_table();
+        let hits = seen(&dark, &shapes);
+        let shares: Vec<f64> = hits.iter().map(|h| h.as_ref().map_or(0.0, |h| share(&shapes, h))).collect();
+        // Between the image without the sun and that without shadows, in linear light.
+        let rgba = (0..unlit.rgba.len())
+            .map(|i| {
+                let [a, b] = [&unlit, &bright].map(|f| f64::from(linear[usize::from(f.rgba[i])]));
+                if i % 4 == 3 { 255 } else { linear_to_srgb8((a + (b - a) * shares[i / 4]) as f32) }
+            })
+            .collect();
+        Ok(Truth { hits, rgba })
+    }
+}
+
+/// Sizes of the shadow maps of a frame.
+fn maps(moment: &Moment) -> String {
+    let plan = moment.plan(SIZE, 1);
+    let views = plan.shadow_maps.iter().flat_map(|s| &s.views);
+    let sizes = views.map(|v| format!("{}×{} of {:.1} mm", v.size[0], v.size[1], v.texel * 1e3));
+    sizes.collect::<Vec<_>>().join(", ")
+}
+
+/// Part of the sun's disc that a place sees, by rays to the cells of a grid that lie in the disc.
+fn lit_by_disc(shapes: &Shapes, hit: &Hit) -> f64 {
+    let l = to_sun();
+    if hit.normal.dot(l) <= 0.0 {
+        return 0.0;
+    }
+    let (across, up) = axes(l);
+    let part = |i: usize| ((i as f64 + 0.5) / RAYS as f64 - 0.5) * 2.0;
+    let cells = (0..RAYS * RAYS).map(|i| DVec2::new(part(i % RAYS), part(i / RAYS)));
+    let (mut lit, mut all) = (0.0, 0.0);
+    for cell in cells.filter(|c| c.length() <= 1.0) {
+        let way = l + (across * cell.x + up * cell.y) * libm::tan(0.5 * f64::from(SUN_ANGLE));
+        all += 1.0;
+        lit += f64::from(u8::from(!shapes.blocked(hit.point + hit.normal * 1e-5, way.normalize())));
+    }
+    lit / all
+}
+
+/// The default shadow, whatever is at the horizon.
+fn extents() -> Result<Table, String> {
+    let registry = choreo::registry();
+    let mut cpu = CpuRenderer::new(registry.effects());
+    let truth = Truth::of(&registry, &mut cpu, lit_by_disc)?;
+    // What the smallest ground shows, too.
+    let near = |pixel: usize| truth.hits[pixel].as_ref().is_some_and(|hit| hit.point.length() < 4.0);
+    let mut table = Table::new(
+        "By the extent of the scene: the default shadow within 4 m, against rays to the sun's disc, steps of 255",
+        &[("ground", "way"), (">worst", "error"), (">mean", "error"), ("maps", "note")],
+    );
+    let far_box = r#"cast("far", shape("box", #{ size: 0.5 })).at(0.0, 0.0, -5000.0);"#;
+    for (name, ground, more) in [
+        ("12 m", 12.0, ""),
+        ("100 m", 1e2, ""),
+        ("1 km", 1e3, ""),
+        ("10 km", 1e4, ""),
+        ("100 km", 1e5, ""),
+        ("100 km, and a box of 0.5 m 5 km away", 1e5, far_box),
+    ] {
+        let moment = moment_on(ground, more, "true", 2.0 * PI, &registry)?;
+        let image = drawn(&moment, &mut cpu)?;
+        let mut error = Spread::default();
+        for (i, (got, exact)) in image.rgba.iter().zip(&truth.rgba).enumerate() {
+            if i % 4 != 3 && near(i / 4) {
+                error.add(f64::from(got.abs_diff(*exact)));
+            }
+        }
+        table.rows.push(vec![
+            Cell::text(name),
+            Cell::number(quantity(error.worst), error.worst),
+            Cell::number(quantity(error.mean()), error.mean()),
+            Cell::text(maps(&moment)),
+        ]);
+    }
+    Ok(table)
+}
+
 fn sizes() -> Result<Choice, String> {
     let registry = choreo::registry();
     let mut cpu = CpuRenderer::new(registry.effects());
-    let dark = moment("false", 0.0, &registry)?;
-    let shapes = Shapes::of(&dark.stage, &dark.snapshot);
-    let unlit = drawn(&dark, &mut cpu)?;
-    let bright = drawn(&moment("false", 2.0 * PI, &registry)?, &mut cpu)?;
-    let linear = srgb_to_linear_table();
-    let shares: Vec<f64> = seen(&dark, &shapes)
-        .iter()
-        .map(|h| h.as_ref().map_or(0.0, |h| lit(&shapes, h, SOFTNESS, RAYS)))
-        .collect();
-    // Between the image without the sun and that without shadows, in linear light.
-    let truth: Vec<u8> = (0..unlit.rgba.len())
-        .map(|i| {
-            let [a, b] = [&unlit, &bright].map(|f| f64::from(linear[usize::from(f.rgba[i])]));
-            if i % 4 == 3 { 255 } else { linear_to_srgb8((a + (b - a) * shares[i / 4]) as f32) }
-        })
-        .collect();
+    let truth = Truth::of(&registry, &mut cpu, |shapes, hit| lit(shapes, hit, SOFTNESS, RAYS))?.rgba;
     let mut choice = Choice::new("shadow_size", "How many texels may a sun's shadow map have, a side?");
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
@@ -137,13 +230,14 @@ fn sizes() -> Result<Choice, String> {
         SOFTNESS * 1e3
     );
     let mut moments = Vec::new();
+    let with_size = |size: u32| format!("#{{ size: {size}, softness: {SOFTNESS} }}");
     for (name, shadow) in [
         ("no shadow", "false".to_string()),
-        ("256", "#{ size: 256 }".into()),
-        ("512", "#{ size: 512 }".into()),
-        ("1024", "#{ size: 1024 }".into()),
-        ("2048", "#{ size: 2048 }".into()),
-        ("4096", "#{ size: 4096 }".into()),
+        ("256", with_size(256)),
+        ("512", with_size(512)),
+        ("1024", with_size(1024)),
+        ("2048", with_size(2048)),
+        ("4096", with_size(4096)),
     ] {
         let moment = moment(&shadow, 2.0 * PI, &registry)?;
         let picture = drawn(&moment, &mut cpu)?;
@@ -153,19 +247,12 @@ fn sizes() -> Result<Choice, String> {
         {
             error.add(f64::from(got.abs_diff(*exact)));
         }
-        let plan = moment.plan(SIZE, 1);
-        let views: Vec<String> = plan
-            .shadow_maps
-            .iter()
-            .flat_map(|s| &s.views)
-            .map(|v| format!("{}×{} of {:.1} mm", v.size[0], v.size[1], v.texel * 1e3))
-            .collect();
         let pixel = error.worst_at / 3;
         choice.rows.push(
             Row::new(name)
                 .error(error.worst, error.mean())
                 .at(format!("pixel {}, {}", pixel % SIZE[0] as usize, pixel / SIZE[0] as usize))
-                .note(views.join(", ")),
+                .note(maps(&moment)),
         );
         moments.push(moment);
     }

@@ -22,7 +22,7 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-/// Linear sRGB: greys, colours half and fully saturated, each from 10 stops below middle grey to 6 above.
+/// Linear sRGB: grays, colors half and fully saturated, each from 10 stops below middle gray to 6 above.
 fn lights() -> Vec<(String, Vec3)> {
     const HUES: [(&str, [f32; 3]); 13] = [
         ("grey", [1.0, 1.0, 1.0]),
@@ -123,7 +123,7 @@ fn hill(color: Vec3) -> Vec3 {
     rows([[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]], a / b)
 }
 
-/// Troy Sobotka's AgX by Benjamin Wrensch's polynomial ("Minimal AgX Implementation", 2023): 16.5 stops, mid grey at 10 of them.
+/// Troy Sobotka's AgX by Benjamin Wrensch's polynomial ("Minimal AgX Implementation", 2023): 16.5 stops, mid gray at 10 of them.
 fn wrensch(color: Vec3) -> Vec3 {
     let inset = rows(
         [
@@ -329,7 +329,7 @@ mod reference {
         DVec3::new(f(v.x), f(v.y), f(v.z))
     }
 
-    /// Between the colour and its grey of the same luminance.
+    /// Between the color and its gray of the same luminance.
     fn saturated(v: DVec3, factor: f64) -> DVec3 {
         DVec3::splat(v.dot(LUMA)).lerp(v, factor)
     }
@@ -350,7 +350,7 @@ mod reference {
     pub fn aces(light: DVec3) -> DVec3 {
         let (ap0, ap1, srgb) = (to_xyz(AP0, D60), to_xyz(AP1, D60), to_xyz(SRGB, D65));
         let mut c = ap0.inverse() * adapted(D65, D60) * srgb * light;
-        // Glow: dark saturated colours are lifted a little.
+        // Glow: dark saturated colors are lifted a little.
         let (least, most) = (c.min_element(), c.max_element());
         let saturation = (most.max(1e-10) - least.max(1e-10)) / most.max(1e-2);
         let chroma = (c.z * (c.z - c.y) + c.y * (c.y - c.x) + c.x * (c.x - c.z)).max(0.0).sqrt();
@@ -384,7 +384,7 @@ mod reference {
         [0.042_375_654_905_709_9, 0.078_433_600_000_000_2, 0.879_142_973_793_104],
     ]);
 
-    /// Linear sRGB to parts of 16.5 stops, of which 10 are below middle grey.
+    /// Linear sRGB to parts of 16.5 stops, of which 10 are below middle gray.
     pub fn agx_stops(light: DVec3) -> DVec3 {
         let v = INSET * light;
         let stops = |v: f64| ((libm::log2(v.max(1e-10)) + 12.47393) / 16.5).clamp(0.0, 1.0);
@@ -413,7 +413,7 @@ mod reference {
     mod tests {
         use super::*;
 
-        /// ACES 1.0.3 puts middle grey at 4.8 of 48 nits, before the dim room: 0.10 of the screen.
+        /// ACES 1.0.3 puts middle gray at 4.8 of 48 nits, before the dim room: 0.10 of the screen.
         #[test]
         fn middle_grey_is_where_the_makers_put_it() {
             let grey = aces(DVec3::splat(0.18));

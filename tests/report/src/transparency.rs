@@ -103,7 +103,7 @@ fn cutouts() -> Result<Choice, String> {
     Ok(choice)
 }
 
-/// Five panes through one line, as a revolving door: turn in degrees about y, colour, alpha.
+/// Five panes through one line, as a revolving door: turn in degrees about y, color, alpha.
 const PANES: [(f64, [f64; 3], f64); 5] = [
     (17.0, [0.8, 0.1, 0.1], 0.6),
     (53.0, [0.1, 0.3, 0.8], 0.5),

@@ -423,6 +423,7 @@ pub(crate) fn asset_hash(asset: &Asset) -> ContentHash {
             expressions,
             springs,
             eyes,
+            front,
             origin: _,
             warnings: _,
             derived: _,
@@ -465,6 +466,8 @@ pub(crate) fn asset_hash(asset: &Asset) -> ContentHash {
         w.list(expressions, character::expression);
         character::springs(w, springs);
         w.option(eyes, character::eyes);
+        // Without one nothing is written: the hashes of other assets stay.
+        front.iter().for_each(|front| w.text(front.name()));
     })
 }
 

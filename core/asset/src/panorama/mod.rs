@@ -6,7 +6,7 @@ use crate::hash::ContentHash;
 use glam::Vec3;
 use std::fmt;
 
-/// Radiance from every direction, linear, as an equirectangular picture: rows from straight up to straight down; the middle
+/// Radiance from every direction, linear, as an equirectangular image: rows from straight up to straight down; the middle
 /// column is what is seen looking along −Z, columns to the right of it lie to the right.
 #[derive(Clone, PartialEq)]
 pub struct Panorama {

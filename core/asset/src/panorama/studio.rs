@@ -1,4 +1,4 @@
-//! A photographer's studio made of numbers: soft boxes before a wall of greys.
+//! A photographer's studio made of numbers: soft boxes before a wall of grays.
 
 use super::Panorama;
 use glam::{DVec3, Vec3};
@@ -63,7 +63,7 @@ fn direction(azimuth: f64, elevation: f64) -> DVec3 {
     DVec3::new(-libm::sin(a) * libm::cos(e), libm::sin(e), -libm::cos(a) * libm::cos(e))
 }
 
-/// Walls and ceiling: dark floor, a bright horizon, grey above.
+/// Walls and ceiling: dark floor, a bright horizon, gray above.
 fn room(up: f64) -> Vec3 {
     let floor = 0.12 + 0.10 * smoothstep(-1.0, -0.1, up);
     let wall = 0.38 - 0.20 * smoothstep(0.05, 0.9, up);

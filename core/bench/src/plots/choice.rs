@@ -54,7 +54,7 @@ impl Row {
         self
     }
 
-    /// What it costs on the axis of the picture: time, else size.
+    /// What it costs on the axis of the image: time, else size.
     pub fn cost(&self) -> Option<f64> {
         self.nanos.or(self.bytes)
     }

@@ -1,6 +1,6 @@
 //! Clips as authored, resampled to an even rate, or compressed.
 
-use super::{Found, Limits, Scene, pick};
+use super::{Limits, MeasuredScene, SceneChoices, pick};
 use crate::plots::{Choice, Row};
 use crate::timing::{Case, Clock, interleaved};
 use crate::truth::{self, Spread};
@@ -20,7 +20,7 @@ const LIMITS: Limits = Limits { rounding: 0.001, seen: 0.1, said: "0.1 mm" };
 pub type Played = (Arc<Clip>, Arc<Skeleton>);
 
 /// Every different clip that some actor plays, in the order of the stage.
-pub fn played(scene: &Scene) -> Vec<Played> {
+pub fn played(scene: &MeasuredScene) -> Vec<Played> {
     let mut found: Vec<Played> = Vec::new();
     for actor in &scene.stage.actors {
         for cue in actor.layers.iter().flat_map(|l| &l.cues) {
@@ -32,16 +32,16 @@ pub fn played(scene: &Scene) -> Vec<Played> {
     found
 }
 
-pub fn choices(scene: &Scene) -> Found {
+pub fn choices(scene: &MeasuredScene) -> SceneChoices {
     let mut clips = played(scene);
     clips.retain(|(clip, _)| {
         clip.curves().iter().any(|c| c.times.len() > 1 && !matches!(c.path, Path::Weights(_)))
     });
     if clips.is_empty() {
-        return Found::None("no actor plays a clip that moves".into());
+        return SceneChoices::None("no actor plays a clip that moves".into());
     }
     clips.truncate(MOST_CLIPS);
-    Found::Choices(vec![bake(&clips, scene.budget_secs)])
+    SceneChoices::Choices(vec![bake(&clips, scene.budget_secs)])
 }
 
 /// The choice for these clips, each equally long in use.

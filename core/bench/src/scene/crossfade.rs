@@ -1,23 +1,26 @@
 //! How two poses are blended while one clip fades into the next.
 
-use super::{Found, Limits, Scene, pick};
-use crate::blend::{add_errors, blended, exact};
+use super::{Limits, MeasuredScene, SceneChoices, pick};
+use crate::blend::{add_errors, exact};
 use crate::plots::{Choice, Row};
-use crate::rotation::WAYS;
 use crate::timing::{Case, Clock, interleaved};
 use crate::truth::Spread;
-use choreo_motion::{Blend, LocalToModel, Pose, Sample, Skeleton, Time};
+use choreo_motion::{BlendOnto, LocalToModel, Pose, RotationBlend, Sample, Skeleton, Time};
 use choreo_stage::Cue;
 use glam::Affine3A;
 use std::sync::Arc;
 
 const MOST_FADES: usize = 16;
 const WEIGHTS: [f32; 5] = [0.1, 0.25, 0.4, 0.7, 0.9];
-/// A fade has no authored speed: a joint that is ahead or behind on its arc is another easing, which a hand makes up for in
-/// a frame or two.
-const LIMITS: Limits =
-    Limits { rounding: 0.01, seen: 20.0, said: "2 cm along the way of a fade, which is another easing" };
-const NOW: &str = "nlerp, eight at once";
+const LIMITS: Limits = Limits { rounding: 0.01, seen: 1.0, said: "1 mm" };
+/// Eight joints at once, each.
+const WAYS: [(&str, RotationBlend); 3] = [
+    ("nlerp", RotationBlend::Nlerp),
+    (NOW, RotationBlend::CorrectedNlerp),
+    ("slerp, power series", RotationBlend::Slerp),
+];
+/// What blends use.
+pub const NOW: &str = "nlerp, corrected";
 
 /// Two poses that are blended somewhere in the scene.
 pub struct Fade {
@@ -28,16 +31,16 @@ pub struct Fade {
     pub place: String,
 }
 
-pub fn choices(scene: &Scene) -> Found {
+pub fn choices(scene: &MeasuredScene) -> SceneChoices {
     let fades = fades(scene);
     if fades.is_empty() {
-        return Found::None("no clip fades into another".into());
+        return SceneChoices::None("no clip fades into another".into());
     }
-    Found::Choices(vec![crossfade(&fades, scene.budget_secs)])
+    SceneChoices::Choices(vec![crossfade(&fades, scene.budget_secs)])
 }
 
 /// The middle of every fade of a base layer.
-fn fades(scene: &Scene) -> Vec<Fade> {
+fn fades(scene: &MeasuredScene) -> Vec<Fade> {
     let mut fades = Vec::new();
     for actor in &scene.stage.actors {
         let Some(layer) = actor.layers.first().filter(|l| l.mask.is_none()) else { continue };
@@ -74,10 +77,10 @@ pub fn crossfade(fades: &[Fade], budget_secs: f64) -> Choice {
         "joints in model space against f64 slerp of the same two poses, at five weights".into();
     let joints = fades.iter().map(|f| f.skeleton.len()).sum::<usize>() / fades.len().max(1);
     choice.per = format!("blend of {joints} joints");
-    let names: Vec<&str> = WAYS.iter().map(|w| w.0).chain([NOW]).collect();
-    let blend = |way: usize, fade: &Fade, weight: f32, out: &mut Pose| match WAYS.get(way) {
-        Some((_, way)) => blended(&fade.from, &fade.to, weight, *way, out),
-        None => Blend { from: &fade.from, to: &fade.to, weight, mask: None, out }.run(),
+    let names = WAYS.map(|way| way.0);
+    let blend = |way: usize, fade: &Fade, weight: f32, out: &mut Pose| {
+        out.copy_from(&fade.from);
+        BlendOnto { pose: out, to: &fade.to, weight, mask: None }.run_as(WAYS[way].1);
     };
     let mut errors = vec![Spread::default(); names.len()];
     let mut places = vec![String::new(); names.len()];
@@ -113,10 +116,7 @@ pub fn crossfade(fades: &[Fade], budget_secs: f64) -> Choice {
     drop(cases);
     for (((name, error), place), nanos) in names.iter().zip(&errors).zip(places).zip(nanos) {
         let row = Row::new(*name).error(error.worst, error.mean()).at(place).nanos(nanos);
-        choice.rows.push(match *name {
-            NOW => row.note("what runs now"),
-            _ => row.note("one joint at a time"),
-        });
+        choice.rows.push(if *name == NOW { row.note("what blends use") } else { row });
     }
     pick(&mut choice, &LIMITS);
     choice

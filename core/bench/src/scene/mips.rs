@@ -1,6 +1,6 @@
 //! How the levels of a texture are made.
 
-use super::{Found, Scene};
+use super::{MeasuredScene, SceneChoices};
 use crate::picture::Moment;
 use crate::plots::{Choice, Row};
 use crate::timing::{Case, Clock, interleaved};
@@ -14,13 +14,13 @@ const MOST_SIDE: u32 = 512;
 /// Names of the ways; the first is what runs.
 const WAYS: [&str; 3] = ["linear light, unrounded levels", "linear light, rounded levels", "sRGB codes"];
 
-pub fn choices(scene: &Scene, moment: &Moment) -> Found {
+pub fn choices(scene: &MeasuredScene, moment: &Moment) -> SceneChoices {
     let textures = moment.resources.textures.iter().filter(|t| t.srgb && t.mipmaps);
     let largest = textures.max_by_key(|t| u64::from(t.image.width) * u64::from(t.image.height));
     let Some(texture) = largest.filter(|t| t.image.width > 1 && t.image.height > 1) else {
-        return Found::None("no texture of colors has mipmaps".into());
+        return SceneChoices::None("no texture of colors has mipmaps".into());
     };
-    Found::Choices(vec![mips(&part(&texture.image), scene.budget_secs)])
+    SceneChoices::Choices(vec![mips(&part(&texture.image), scene.budget_secs)])
 }
 
 /// The top left corner.

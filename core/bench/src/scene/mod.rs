@@ -18,7 +18,7 @@ use choreo_stage::Stage;
 use std::sync::Arc;
 
 /// What is measured, and how thoroughly.
-pub struct Scene<'a> {
+pub struct MeasuredScene<'a> {
     pub stage: &'a Arc<Stage>,
     pub registry: &'a Registry,
     /// When images are taken.
@@ -42,7 +42,7 @@ pub struct Measured {
 pub const KEYS: [&str; 7] = ["bake", "crossfade", "skinning", "vertices", "mips", "renderer", "video"];
 
 /// Measures the choices of these keys; errors are of the scene or of a device.
-pub fn measure(scene: &mut Scene, keys: &[&str]) -> Result<Measured, BenchError> {
+pub fn measure(scene: &mut MeasuredScene, keys: &[&str]) -> Result<Measured, BenchError> {
     let moment = Moment::new(scene.stage, scene.at, scene.registry.effects())?;
     let mut measured = Measured::default();
     for key in KEYS {
@@ -59,14 +59,14 @@ pub fn measure(scene: &mut Scene, keys: &[&str]) -> Result<Measured, BenchError>
             _ => video::choices(scene, &moment)?,
         };
         match found {
-            Found::Choices(choices) => measured.choices.extend(choices),
-            Found::None(why) => measured.left_out.push((key, why)),
+            SceneChoices::Choices(choices) => measured.choices.extend(choices),
+            SceneChoices::None(why) => measured.left_out.push((key, why)),
         }
     }
     Ok(measured)
 }
 
-pub enum Found {
+pub enum SceneChoices {
     Choices(Vec<Choice>),
     /// Why there is nothing to choose.
     None(String),

@@ -1,6 +1,6 @@
 //! Which renderer draws, with how many samples a pixel.
 
-use super::{Found, Scene};
+use super::{MeasuredScene, SceneChoices};
 use crate::error::BenchError;
 use crate::picture::Moment;
 use crate::plots::{Choice, Row};
@@ -15,9 +15,9 @@ const MOST_PIXELS: u32 = 1280 * 720;
 /// Differences beyond this many steps are seen side by side.
 const TOLERANCE: u8 = 8;
 
-pub fn choices(scene: &mut Scene, moment: &Moment) -> Result<Found, BenchError> {
+pub fn choices(scene: &mut MeasuredScene, moment: &Moment) -> Result<SceneChoices, BenchError> {
     if moment.resources.primitives.is_empty() {
-        return Ok(Found::None("there is nothing to draw".into()));
+        return Ok(SceneChoices::None("there is nothing to draw".into()));
     }
     let [width, height] = scene.size;
     // In steps of a whole divisor, so that the shape stays.
@@ -86,7 +86,7 @@ pub fn choices(scene: &mut Scene, moment: &Moment) -> Result<Found, BenchError> 
         let name = choice.rows[chosen].name.clone();
         choice.choose(&name, why);
     }
-    Ok(Found::Choices(vec![choice]))
+    Ok(SceneChoices::Choices(vec![choice]))
 }
 
 fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, BenchError> {

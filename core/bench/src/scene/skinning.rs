@@ -1,7 +1,7 @@
 //! Linear or dual-quaternion skinning: how much they differ on this scene's characters, and what each costs.
 
 use super::vertices::model_from_mesh;
-use super::{Found, Scene};
+use super::{MeasuredScene, SceneChoices};
 use crate::picture::Moment;
 use crate::plots::{Choice, Row};
 use crate::timing::{Case, Clock, interleaved};
@@ -24,11 +24,11 @@ struct Posed<'a> {
     stretches: Vec<Affine3A>,
 }
 
-pub fn choices(scene: &Scene, moment: &Moment) -> Found {
+pub fn choices(scene: &MeasuredScene, moment: &Moment) -> SceneChoices {
     let posed = posed(scene, moment);
     let vertices: usize = posed.iter().map(|p| p.primitive.positions.len()).sum();
     if vertices == 0 {
-        return Found::None("no mesh on stage has a skin".into());
+        return SceneChoices::None("no mesh on stage has a skin".into());
     }
     let mut choice =
         Choice::new("skinning", "Do vertices follow their joints linearly, or by dual quaternions?");
@@ -62,10 +62,10 @@ pub fn choices(scene: &Scene, moment: &Moment) -> Found {
             "as glTF has it; .skinning(\"dual_quaternion\") keeps the girth of twisted limbs",
         ),
     }
-    Found::Choices(vec![choice])
+    SceneChoices::Choices(vec![choice])
 }
 
-fn posed<'a>(scene: &'a Scene, moment: &Moment) -> Vec<Posed<'a>> {
+fn posed<'a>(scene: &'a MeasuredScene, moment: &Moment) -> Vec<Posed<'a>> {
     let mut out = Vec::new();
     for (actor, state) in scene.stage.actors.iter().zip(&moment.snapshot.actors) {
         let asset = &actor.asset;

@@ -1,6 +1,6 @@
 //! How normals and skin weights are packed for the GPU.
 
-use super::{Found, Scene};
+use super::{MeasuredScene, SceneChoices};
 use crate::picture::Moment;
 use crate::plots::{Choice, Row};
 use crate::truth::Spread;
@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// Vertices of one mesh at most, taken evenly.
 const MOST_VERTICES: usize = 20_000;
 
-pub fn choices(scene: &Scene, moment: &Moment) -> Found {
+pub fn choices(scene: &MeasuredScene, moment: &Moment) -> SceneChoices {
     let mut assets: Vec<(&Arc<Asset>, usize)> = Vec::new();
     for (index, actor) in scene.stage.actors.iter().enumerate() {
         if !assets.iter().any(|(a, _)| Arc::ptr_eq(a, &actor.asset)) {
@@ -23,8 +23,8 @@ pub fn choices(scene: &Scene, moment: &Moment) -> Found {
     found.extend(normals(&assets));
     found.extend(weights(&assets, moment));
     match found.is_empty() {
-        true => Found::None("no mesh has normals or a skin".into()),
-        false => Found::Choices(found),
+        true => SceneChoices::None("no mesh has normals or a skin".into()),
+        false => SceneChoices::Choices(found),
     }
 }
 

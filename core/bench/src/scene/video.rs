@@ -1,6 +1,6 @@
 //! The quality at which a frame is written as MP4.
 
-use super::{Found, Scene};
+use super::{MeasuredScene, SceneChoices};
 use crate::error::BenchError;
 use crate::picture::Moment;
 use crate::plots::{Choice, Row};
@@ -15,16 +15,16 @@ use std::sync::{Arc, Mutex, PoisonError};
 const QUALITIES: [u32; 7] = [30, 50, 65, 75, 85, 95, 100];
 const TOLERANCE: u8 = 8;
 
-pub fn choices(scene: &Scene, moment: &Moment) -> Result<Found, BenchError> {
+pub fn choices(scene: &MeasuredScene, moment: &Moment) -> Result<SceneChoices, BenchError> {
     let Some(exporter) = scene.registry.exporters().iter().find(|e| e.manifest().name == "mp4") else {
-        return Ok(Found::None("this program has no exporter \"mp4\"".into()));
+        return Ok(SceneChoices::None("this program has no exporter \"mp4\"".into()));
     };
     // Even sides, as the format needs.
     let size = scene.size.map(|n| (n & !1).clamp(16, 1920));
     let mut renderer = CpuRenderer::new(&moment.effects);
     renderer.load(moment.resources.clone())?;
     let frame = moment.draw(&mut renderer, size, scene.stage.settings.samples.unwrap_or(4))?;
-    Ok(Found::Choices(vec![video(&frame, exporter.as_ref())?]))
+    Ok(SceneChoices::Choices(vec![video(&frame, exporter.as_ref())?]))
 }
 
 /// The choice for this frame, as the first of a video. Its sides are even.

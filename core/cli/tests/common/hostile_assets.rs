@@ -130,7 +130,7 @@ fn png(width: u32, height: u32, data: bool) -> Vec<u8> {
         out.extend(crc(&body).to_be_bytes());
     };
     let mut header = [width.to_be_bytes(), height.to_be_bytes()].concat();
-    // Palette-free grey, one bit a pixel: the smallest image for its sides.
+    // Palette-free gray, one bit a pixel: the smallest image for its sides.
     header.extend([1, 0, 0, 0, 0]);
     chunk(b"IHDR", &header);
     if data {

@@ -115,12 +115,18 @@ pub(crate) struct RenderArgs {
     /// out.mp4, out.gif, out.y4m, out.png (one image), frames/%04d.png, or - for y4m on standard output
     #[arg(short, long, value_name = "FILE")]
     pub output: String,
-    /// Which frames: 0..120 (120 not included), 0..=119, 30.., or one number
-    #[arg(long, value_name = "RANGE", conflicts_with = "at", allow_hyphen_values = true)]
+    /// Which frames: 0..120 (120 not included), 0..=119, 30.., one number, every 24th as 0..240:24, or a list as 0,5,9..20
+    #[arg(long, value_name = "FRAMES", conflicts_with = "at", allow_hyphen_values = true)]
     pub frames: Option<String>,
     /// One image at this time in seconds
     #[arg(long, value_name = "SECS", allow_hyphen_values = true)]
     pub at: Option<String>,
+    /// Model files: seconds to render; the clip is looped (default: the clip once through)
+    #[arg(long, value_name = "SECS")]
+    pub length: Option<String>,
+    /// A contact sheet: one image of 12 frames of the scene, or of those of --frames, each with its time; --size is of one frame
+    #[arg(long, conflicts_with_all = ["resume", "watch", "stages", "at"])]
+    pub sheet: bool,
     /// Pixels, as 1280x720
     #[arg(long, value_name = "WxH")]
     pub size: Option<String>,
@@ -291,7 +297,7 @@ pub(crate) struct TestArgs {
     /// Tests may read below the folder that this is started in
     #[arg(value_name = "PATH")]
     pub paths: Vec<PathBuf>,
-    /// Take over what was drawn as the expected picture: all that failed, or the one of this name; repeatable
+    /// Take over what was drawn as the expected image: all that failed, or the one of this name; repeatable
     #[arg(long, value_name = "NAME", num_args = 0..=1, require_equals = true, default_missing_value = "", conflicts_with_all = ["watch", "list"])]
     pub accept: Vec<String>,
     /// A further folder of plugin files: NAME.importer.rhai, NAME.wgsl; repeatable
@@ -361,7 +367,7 @@ pub(crate) struct PluginsArgs {
 #[derive(Args, Debug)]
 pub(crate) struct NewArgs {
     #[arg(value_enum)]
-    pub kind: Kind,
+    pub kind: PluginKind,
     /// Lower-case letters, digits and _; as my_format
     pub name: String,
     /// One file that needs nothing but this program: NAME.importer.rhai or NAME.wgsl
@@ -389,7 +395,7 @@ pub(crate) struct HelpArgs {
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum PluginKind {
     Importer,
     Effect,
 }

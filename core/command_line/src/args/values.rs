@@ -12,19 +12,41 @@ fn usage<T>(text: String) -> Result<T, Failure> {
     Err(Failure::Usage(text))
 }
 
-/// `0..120`, `0..=119`, `30..`, `..60`, `7`, within the `total` frames of the scene.
-pub fn frames(text: &str, total: i64) -> Result<Range<i64>, Failure> {
+/// Frames within the `total` of the scene, rising, each once: `0..120`, `0..=119`, `30..`, `..60`, `7`, every 24th of a range as
+/// `0..240:24`, and lists of these, `0,5,9..20`.
+pub fn frames(text: &str, total: i64) -> Result<Vec<i64>, Failure> {
+    let mut frames = Vec::new();
+    for part in text.split(',') {
+        let (range, step) = some_frames(text, part, total)?;
+        frames.extend(range.step_by(step));
+    }
+    frames.sort_unstable();
+    frames.dedup();
+    Ok(frames)
+}
+
+/// One part of the list, and the step between its frames.
+fn some_frames(text: &str, part: &str, total: i64) -> Result<(Range<i64>, usize), Failure> {
     let number = |part: &str| -> Result<i64, Failure> {
         match part.trim().parse::<i64>() {
             Ok(n) if (0..=MOST_FRAMES).contains(&n) => Ok(n),
             _ => usage(format!(
                 "--frames {text}: \"{part}\" is not a frame number from 0 to {MOST_FRAMES}; \
-                 write 0..120, 0..=119, 30.. or 7"
+                 write 0..120, 0..=119, 30.., 7, 0..240:24 or 0,5,9..20"
             )),
         }
     };
-    let range = match text.split_once("..") {
-        None => number(text)?..number(text)? + 1,
+    let part = part.trim();
+    let (part, step) = match part.split_once(':') {
+        None => (part, 1),
+        Some((range, step)) => match number(step)? {
+            0 => return usage(format!("--frames {text}: the step after : must be at least 1")),
+            step if range.contains("..") => (range, step),
+            _ => return usage(format!("--frames {text}: a step is written after a range, as 0..240:24")),
+        },
+    };
+    let range = match part.split_once("..") {
+        None => number(part)?..number(part)? + 1,
         Some((from, to)) => {
             let from = if from.is_empty() { 0 } else { number(from)? };
             let to = match to.strip_prefix('=') {
@@ -41,7 +63,7 @@ pub fn frames(text: &str, total: i64) -> Result<Range<i64>, Failure> {
     if range.start >= total || range.end > total {
         return usage(format!("--frames {text}: the scene has {total} frames, 0..{total}"));
     }
-    Ok(range)
+    Ok((range, step as usize))
 }
 
 pub fn size(text: &str) -> Result<[u32; 2], Failure> {
@@ -65,12 +87,12 @@ pub fn fps(text: &str) -> Result<FrameRate, Failure> {
             }
             _ => None,
         },
-        None => text.parse().ok().and_then(FrameRate::from_fps),
+        None => text.parse().ok().and_then(|fps| FrameRate::from_fps(fps).ok()),
     };
     rate.map_or_else(
         || {
             usage(format!(
-                "--fps {text}: write frames a second from 0.001 to 1000, as 30, 29.97 or 30000/1001"
+                "--fps {text}: write frames a second from 0.001 to 1000 with up to 6 decimal places, as 30, 29.97 or 30000/1001"
             ))
         },
         Ok,
@@ -90,6 +112,14 @@ pub fn at(text: &str) -> Result<Time, Failure> {
         // 100 hours on either side of zero.
         Ok(secs) if secs.abs() <= 360_000.0 => Ok(Time::from_secs(secs)),
         _ => usage(format!("--at {text}: write seconds from -360000 to 360000, as 1.5")),
+    }
+}
+
+/// `--length`: seconds, above 0.
+pub fn length(text: &str) -> Result<Time, Failure> {
+    match text.parse::<f64>() {
+        Ok(secs) if secs > 0.0 && secs <= 360_000.0 => Ok(Time::from_secs(secs)),
+        _ => usage(format!("--length {text}: write seconds above 0, to 360000, as 4 or 2.5")),
     }
 }
 
@@ -137,6 +167,15 @@ mod tests {
             ("7", 7..8),
             ("..", 0..120),
         ] {
+            assert_eq!(frames(text, 120).unwrap(), expected.collect::<Vec<_>>(), "{text}");
+        }
+        for (text, expected) in [
+            ("0..100:24", &[0, 24, 48, 72, 96][..]),
+            ("..=96:48", &[0, 48, 96]),
+            ("100..:10", &[100, 110]),
+            ("0, 5,9..12", &[0, 5, 9, 10, 11]),
+            ("11,3..6:2,3", &[3, 5, 11]),
+        ] {
             assert_eq!(frames(text, 120).unwrap(), expected, "{text}");
         }
     }
@@ -146,15 +185,20 @@ mod tests {
         for (text, expected) in [
             (
                 "a..b",
-                "--frames a..b: \"a\" is not a frame number from 0 to 10000000; write 0..120, 0..=119, 30.. or 7",
+                "--frames a..b: \"a\" is not a frame number from 0 to 10000000; write 0..120, 0..=119, 30.., 7, \
+                 0..240:24 or 0,5,9..20",
             ),
             ("5..5", "--frames 5..5: no frame is in that range; the end is not included"),
             ("9..3", "--frames 9..3: no frame is in that range; the end is not included"),
             ("0..121", "--frames 0..121: the scene has 120 frames, 0..120"),
             ("120", "--frames 120: the scene has 120 frames, 0..120"),
+            ("0..9:0", "--frames 0..9:0: the step after : must be at least 1"),
+            ("7:2", "--frames 7:2: a step is written after a range, as 0..240:24"),
+            ("1,120", "--frames 1,120: the scene has 120 frames, 0..120"),
             (
                 "-1",
-                "--frames -1: \"-1\" is not a frame number from 0 to 10000000; write 0..120, 0..=119, 30.. or 7",
+                "--frames -1: \"-1\" is not a frame number from 0 to 10000000; write 0..120, 0..=119, 30.., 7, \
+                 0..240:24 or 0,5,9..20",
             ),
         ] {
             let Err(Failure::Usage(message)) = frames(text, 120) else { panic!("{text} was accepted") };
@@ -168,6 +212,10 @@ mod tests {
         assert_eq!(size("1280x720").unwrap(), [1280, 720]);
         for bad in ["1280", "0x5", "x", "99999x1", "1280x720x3", "-4x4"] {
             assert!(size(bad).is_err(), "{bad}");
+        }
+        assert_eq!(length("2.5").unwrap(), Time::from_secs(2.5));
+        for bad in ["0", "-1", "nan", "inf", "1e6", "4s"] {
+            assert!(length(bad).is_err(), "{bad}");
         }
         assert_eq!(fps("29.97").unwrap(), FrameRate { num: 30000, den: 1001 });
         assert_eq!(fps("24000/1001").unwrap(), FrameRate { num: 24000, den: 1001 });

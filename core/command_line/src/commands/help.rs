@@ -83,7 +83,7 @@ fn about_command(usage: &str) -> Option<String> {
 
 const READ_MODELS: [&str; 6] = ["render", "check", "info", "explain", "measure", "pose"];
 
-/// The command line with what the plugins say, where somebody asks for all of it.
+/// The command line with the options of the plugins, for `--help`.
 pub fn command(args: &[OsString], plugins: &Registry) -> clap::Command {
     let command = Cli::command();
     if !args.iter().any(|a| a == "--help") {

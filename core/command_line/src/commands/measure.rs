@@ -7,7 +7,7 @@ use crate::failure::{Failure, print, print_json, print_message};
 use crate::output::svg;
 use crate::scene::{self, opening::Opening};
 use choreo_bench::plots::{Choice, stacked};
-use choreo_bench::scene::{KEYS, Scene, measure};
+use choreo_bench::scene::{KEYS, MeasuredScene, measure};
 use choreo_motion::Time;
 use choreo_plugin::Registry;
 use choreo_render::{CpuRenderer, Renderer};
@@ -37,7 +37,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
         }
     }
     let middle = Time(stage.settings.length.0 / 2);
-    let mut measured = Scene {
+    let mut measured = MeasuredScene {
         stage,
         registry,
         at: at.unwrap_or(middle),

@@ -6,7 +6,7 @@ use crate::failure::{Failure, output_error, print, print_json, write_failure};
 use crate::scene::{self, opening::Opening};
 use crate::terminal::page::Page;
 use choreo_asset::{Asset, Topology};
-use choreo_files::Part;
+use choreo_files::PartFile;
 use choreo_plugin::Registry;
 use choreo_stage::{Evaluator, Snapshot, Stage, posed_meshes};
 use glam::{Affine3A, DAffine3, DMat4, Mat3, Vec3};
@@ -31,7 +31,7 @@ pub fn run(args: PoseArgs, plugins: &Registry) -> Result<(), Failure> {
         scene.inputs.refuse(path)?;
         let shown = path.display().to_string();
         let failed = |e| write_failure(&shown, e);
-        let part = Part::create(path).map_err(failed)?;
+        let part = PartFile::create(path).map_err(failed)?;
         let mut out = part.writer().map_err(|e| output_error(&shown, &e))?;
         write_obj(&scene.stage, &snapshot, &mut out)
             .and_then(|()| out.flush())

@@ -97,7 +97,7 @@ impl Shared {
         self.spare.lock().unwrap_or_else(PoisonError::into_inner).push(frame);
     }
 
-    /// Gives the buffer back once nobody needs the picture.
+    /// Gives the buffer back once nobody needs the image.
     fn release(&self, picture: Arc<Picture>) {
         Arc::into_inner(picture).into_iter().for_each(|picture| self.recycle(picture.frame));
     }

@@ -1,10 +1,10 @@
-//! Numbered pictures: which exist already, which another program is making, and each to its own file.
+//! Numbered images: which exist already, which another program is making, and each to its own file.
 
 use crate::drawing::pipeline::Picture;
 use crate::failure::{Failure, output_error, write_failure};
 use crate::output::provenance;
 use crate::output::target::{Target, export_failure};
-use choreo_files::{Folder, Part, WriteError};
+use choreo_files::{Folder, PartFile, WriteError};
 use choreo_motion::Time;
 use choreo_plugin::{Exporter, Frame, VideoInfo};
 use std::io::Write;
@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// One image to its own file. `part`: where it is open already.
 pub fn write(
     target: &Target,
-    part: Option<Part>,
+    part: Option<PartFile>,
     exporter: &dyn Exporter,
     info: &VideoInfo,
     (number, time): (i64, Time),
@@ -22,7 +22,7 @@ pub fn write(
 ) -> Result<(), Failure> {
     let place: PathBuf = target.file(number);
     let info = VideoInfo { provenance: provenance::at(&info.provenance, time), ..info.clone() };
-    let part = part.map_or_else(|| Part::create(&place), Ok);
+    let part = part.map_or_else(|| PartFile::create(&place), Ok);
     let mut file = picture.file.lock().unwrap_or_else(PoisonError::into_inner);
     let shown = place.display().to_string();
     if let Some(made) = file.as_ref() {
@@ -69,7 +69,7 @@ impl Write for Both {
 /// One image to the file that was opened for it.
 pub fn write_to(
     place: &Path,
-    part: Result<Part, WriteError>,
+    part: Result<PartFile, WriteError>,
     exporter: &dyn Exporter,
     info: &VideoInfo,
     frame: &Frame,
@@ -79,7 +79,7 @@ pub fn write_to(
 
 fn write_through(
     place: &Path,
-    part: Result<Part, WriteError>,
+    part: Result<PartFile, WriteError>,
     exporter: &dyn Exporter,
     info: &VideoInfo,
     frame: &Frame,
@@ -120,9 +120,9 @@ pub fn missing(
     Ok(missing)
 }
 
-/// The right to make a range of numbered pictures: a locked file beside them, so that two renders of the same frames do not
+/// The right to make a range of numbered images: a locked file beside them, so that two renders of the same frames do not
 /// mix while the halves of a video can be made side by side.
-pub struct Claim(#[expect(dead_code, reason = "its drop gives the claim back")] Part);
+pub struct Claim(#[expect(dead_code, reason = "its drop gives the claim back")] PartFile);
 
 impl Claim {
     /// `None` for everything but numbered images.
@@ -132,7 +132,7 @@ impl Claim {
         let (failed, not_written) = (|e| output_error(&shown, &e), |e| write_failure(&shown, e));
         let stem = format!("{}.", Path::new(&shown).file_name().unwrap_or_default().to_string_lossy());
         let open = Arc::new(Folder::open(folder).map_err(failed)?);
-        let claim = |name: PathBuf| Part::claim(open.clone(), name).map_err(not_written);
+        let claim = |name: PathBuf| PartFile::claim(open.clone(), name).map_err(not_written);
         let own = claim(PathBuf::from(format!("{stem}{first}-{last}.part")))?;
         let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
         for entry in std::fs::read_dir(here).map_err(failed)?.flatten() {

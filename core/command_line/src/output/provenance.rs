@@ -3,7 +3,7 @@
 
 use crate::failure::Failure;
 use crate::output::media::ID;
-use crate::scene::Scene;
+use crate::scene::OpenedScene;
 use choreo_motion::Time;
 use choreo_plugin::{ExportOptions, OptionValue};
 use choreo_render::DeviceInfo;
@@ -15,7 +15,7 @@ pub const TIME: &str = "choreo:time";
 
 /// Nothing here depends on which frames are made, when or where: the halves of a video equal the whole.
 pub fn of(
-    scene: &Scene,
+    scene: &OpenedScene,
     settings: &Settings,
     samples: u32,
     options: &ExportOptions,

@@ -6,7 +6,7 @@ use crate::output::journal::{self, Changes, Identity, Journal, Kept, Record, Spa
 use crate::output::provenance;
 use crate::output::target::export_failure;
 use crate::process::kept_frames;
-use choreo_files::{PartFolder, Place, WriteError};
+use choreo_files::{Destination, PartFolder, WriteError};
 use choreo_plugin::{Exporter, Frame, FrameSink, Mark, VideoInfo};
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
@@ -16,7 +16,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub struct Video {
     shown: String,
     sink: Box<dyn FrameSink>,
-    body: Body,
+    body: MeasuredWriter,
     end: End,
 }
 
@@ -69,7 +69,7 @@ impl Video {
     /// Begins a video on standard output.
     pub(crate) fn to_stdout(exporter: &dyn Exporter, info: &VideoInfo) -> Result<Video, Failure> {
         let shown = "standard output".to_string();
-        let body = Body::new(Box::new(io::stdout()));
+        let body = MeasuredWriter::new(Box::new(io::stdout()));
         let sink = exporter.begin(info, Box::new(body.clone())).map_err(|e| export_failure(&shown, e))?;
         Ok(Video { shown, sink, body, end: End::Nothing })
     }
@@ -84,9 +84,9 @@ impl Video {
         args: &RenderArgs,
     ) -> Result<(Option<Video>, Begun), Failure> {
         let shown = path.display().to_string();
-        let (parent, name) = match Place::of(path).map_err(|e| write_failure(&shown, e))? {
-            Place::File { folder, name } => (folder, name),
-            Place::Direct(to) => {
+        let (parent, name) = match Destination::of(path).map_err(|e| write_failure(&shown, e))? {
+            Destination::File { folder, name } => (folder, name),
+            Destination::Direct(to) => {
                 return Video::direct(shown, to, exporter, info).map(|v| (Some(v), Begun::default()));
             }
         };
@@ -125,7 +125,7 @@ impl Video {
             }
             false => (End::Nothing, to),
         };
-        let body = Body::new(Box::new(out));
+        let body = MeasuredWriter::new(Box::new(out));
         let sink = exporter.begin(info, Box::new(body.clone())).map_err(|e| export_failure(&shown, e))?;
         Ok(Video { shown, sink, body, end })
     }
@@ -226,13 +226,13 @@ impl Folder {
         Ok(Video { shown, sink, body, end: End::Folder(Box::new(self)) })
     }
 
-    fn start_over(&mut self, identity: &Identity) -> Result<Body, WriteError> {
+    fn start_over(&mut self, identity: &Identity) -> Result<MeasuredWriter, WriteError> {
         self.done = 0;
         self.part.keep(false);
         self.frames = None;
         self.part.renew_lock()?;
         self.part.lock_file().write_all(&journal::head(identity))?;
-        Ok(Body::new(Box::new(self.part.create("body")?)))
+        Ok(MeasuredWriter::new(Box::new(self.part.create("body")?)))
     }
 
     /// Whether the result was renamed and only the folder was left: the body is gone, and its bytes are in the place.
@@ -272,7 +272,7 @@ impl Folder {
         file.set_len(length).map_err(failed)?;
         file.rewind().map_err(failed)?;
         // One place in the file for both: moved to the end before anything is written.
-        let out = Body::new(Box::new(file.try_clone().map_err(failed)?));
+        let out = MeasuredWriter::new(Box::new(file.try_clone().map_err(failed)?));
         let mut sink = if states.is_empty() {
             exporter.begin(info, Box::new(out.clone())).map_err(export_failed)?
         } else {
@@ -314,7 +314,7 @@ impl Folder {
     }
 
     /// Writes down the frame that the sink has just taken.
-    fn mark(&mut self, mark: Mark<'_>, body: &Body) -> io::Result<()> {
+    fn mark(&mut self, mark: Mark<'_>, body: &MeasuredWriter) -> io::Result<()> {
         // Without this a render would go on for hours into files that have lost their names.
         if !self.part.is_there() {
             return Err(io::ErrorKind::NotFound.into());
@@ -378,7 +378,7 @@ impl Folder {
 
 /// The exporter's writer, measured as it writes.
 #[derive(Clone)]
-struct Body(Arc<Mutex<Measured>>);
+struct MeasuredWriter(Arc<Mutex<Measured>>);
 
 struct Measured {
     out: BufWriter<Box<dyn Write + Send>>,
@@ -386,10 +386,10 @@ struct Measured {
     crc: crc32fast::Hasher,
 }
 
-impl Body {
-    fn new(out: Box<dyn Write + Send>) -> Body {
+impl MeasuredWriter {
+    fn new(out: Box<dyn Write + Send>) -> MeasuredWriter {
         let out = BufWriter::with_capacity(1 << 16, out);
-        Body(Arc::new(Mutex::new(Measured { out, length: 0, crc: crc32fast::Hasher::new() })))
+        MeasuredWriter(Arc::new(Mutex::new(Measured { out, length: 0, crc: crc32fast::Hasher::new() })))
     }
 
     fn lock(&self) -> MutexGuard<'_, Measured> {
@@ -404,7 +404,7 @@ impl Body {
     }
 }
 
-impl Write for Body {
+impl Write for MeasuredWriter {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let mut body = self.lock();
         let n = body.out.write(bytes)?;

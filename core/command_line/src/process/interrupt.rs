@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-/// Whether somebody looks at `INTERRUPTED` and will end the program in order.
+/// Whether a command polls `INTERRUPTED` and will end the program in order.
 static WATCHED: AtomicBool = AtomicBool::new(false);
 
 /// How long a render has to finish its frame before it is ended anyway.

@@ -12,13 +12,16 @@ use crate::process::memory;
 use crate::process::threads::too_few;
 use crate::terminal::import_bar::Bar;
 use choreo_plugin::Registry;
-use choreo_script::{Diagnostic, Limits, NO_THREAD, Places, ScriptOptions, Severity, run_file_touching};
+use choreo_script::{
+    Diagnostic, ImportChoice, Limits, NO_THREAD, Places, PlayedClips, ScriptOptions, Severity,
+    run_file_touching,
+};
 use choreo_stage::Stage;
 use inputs::Inputs;
 use opening::Opening;
 use std::sync::Arc;
 
-pub struct Scene {
+pub struct OpenedScene {
     /// The file's name without folders.
     pub name: String,
     pub stage: Arc<Stage>,
@@ -48,7 +51,7 @@ pub fn plugins(args: &SceneArgs, plugins: &Registry) -> Result<Registry, Failure
 }
 
 /// Opens the script, or the model, of the command line.
-pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<Scene, Failure> {
+pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<OpenedScene, Failure> {
     let limits = values::limits(&args.limit)?;
     memory::guard(limits.memory);
     let set = args.set.iter().map(|text| values::name_value("--set", text));
@@ -66,7 +69,7 @@ fn open_script(
     limits: Limits,
     registry: &Registry,
     opening: Opening,
-) -> Result<Scene, Failure> {
+) -> Result<OpenedScene, Failure> {
     if args.clip.is_some() {
         return Err(Failure::Usage("--clip is for model files; a script says what is played".into()));
     }
@@ -81,6 +84,8 @@ fn open_script(
         search_paths: args.search.clone(),
         limits: limits.clone(),
         needs: opening.needs,
+        // What is opened again and again may play another clip the next time.
+        played_clips_only: opening.keep.is_none(),
         ..ScriptOptions::default()
     };
     let bar = Bar::over(&options.imports, opening.quiet);
@@ -93,7 +98,7 @@ fn open_script(
     let script = script.map_err(failure)?;
     let asset_warnings = asset_warnings(&script.stage);
     let warnings = script.warnings.iter().map(ToString::to_string);
-    Ok(Scene {
+    Ok(OpenedScene {
         name: name(args),
         stage: Arc::new(script.stage),
         registry: registry.settled(),
@@ -115,12 +120,18 @@ fn open_model(
     limits: Limits,
     registry: &Registry,
     opening: Opening,
-) -> Result<Scene, Failure> {
+) -> Result<OpenedScene, Failure> {
     let shown = args.input.display();
     if let Some(text) = args.set.first() {
         return Err(Failure::Usage(format!("--set {text} is for scripts; {shown} is a model")));
     }
-    let imported = model::import(&args.input, &args.search, &args.import, registry, &limits, opening)?;
+    let clips = match &args.clip {
+        _ if opening.keep.is_some() => PlayedClips::All,
+        Some(name) => PlayedClips::One(name.clone()),
+        None => PlayedClips::First,
+    };
+    let choice = ImportChoice { clips, ..model::choice(&args.import)? };
+    let imported = model::import(&args.input, &args.search, &choice, registry, &limits, opening)?;
     let stage = model::stage(imported.asset, args.clip.as_deref())?;
     let mut warnings = asset_warnings(&stage);
     if stage.actors.iter().all(|a| a.asset.clips.is_empty()) {
@@ -129,7 +140,7 @@ fn open_model(
     let importer = args.import.importer.iter().map(|i| format!("--importer {i}"));
     let options = args.import.import.iter().map(|i| format!("--import {i}"));
     let clip = args.clip.iter().map(|c| format!("--clip {c}"));
-    Ok(Scene {
+    Ok(OpenedScene {
         name: name(args),
         stage: Arc::new(stage),
         registry: registry.settled(),

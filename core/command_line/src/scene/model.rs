@@ -89,21 +89,26 @@ pub(crate) struct Imported {
     pub files: Vec<PathBuf>,
 }
 
-/// Imports with the same confinement as a script's `load(…)`: the model's own folder and the search folders.
-pub fn import(
-    path: &Path,
-    search: &[PathBuf],
-    args: &ImportArgs,
-    registry: &Registry,
-    limits: &Limits,
-    opening: Opening,
-) -> Result<Imported, Failure> {
-    must_be_file(path)?;
+/// What the command line chooses of an import.
+pub(crate) fn choice(args: &ImportArgs) -> Result<ImportChoice, Failure> {
     let mut choice = ImportChoice { importer: args.importer.clone(), ..ImportChoice::default() };
     for text in &args.import {
         let (name, value) = values::name_value("--import", text)?;
         choice.texts.push((name.to_string(), value.to_string()));
     }
+    Ok(choice)
+}
+
+/// Imports with the same confinement as a script's `load(…)`: the model's own folder and the search folders.
+pub fn import(
+    path: &Path,
+    search: &[PathBuf],
+    choice: &ImportChoice,
+    registry: &Registry,
+    limits: &Limits,
+    opening: Opening,
+) -> Result<Imported, Failure> {
+    must_be_file(path)?;
     // The loader knows the file by its name; the user, by the path typed.
     let name = match path.to_str() {
         Some(built_in) if is_built_in(path) => built_in,
@@ -127,7 +132,7 @@ pub fn import(
     };
     let loader = Arc::new(loader.watched_by(&imports));
     let _bar = Bar::over(&imports, opening.quiet);
-    let asset = loader.load(name, &choice);
+    let asset = loader.load(name, choice);
     if let Some(keep) = opening.keep {
         keep.set_touched(Touched::by(&loader));
     }

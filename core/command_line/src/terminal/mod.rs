@@ -1,5 +1,6 @@
-//! Output on a terminal: lines, progress bars.
+//! Output on a terminal: lines, JSON, progress bars.
 
 pub(crate) mod import_bar;
+pub mod json;
 pub mod page;
 pub mod progress;

@@ -167,7 +167,7 @@ pub struct Clip {
     curves: Arc<[Curve]>,
     packed: Option<Arc<Packed>>,
     compression: Option<CompressionReport>,
-    /// All curves of a packed clip, where somebody asks for them.
+    /// All curves of a packed clip, on request.
     decoded: Arc<OnceLock<Box<[Curve]>>>,
     /// Packed at the first sampling, shared by clones.
     tracks: Arc<OnceLock<Tracks>>,

@@ -1,12 +1,12 @@
 //! Curves of a clip beside joints and morph weights: properties of the cameras, lights and materials of its asset
-//! (KHR_animation_pointer). A clip for another skeleton has none: they speak of one file's things.
+//! (KHR_animation_pointer). A clip for another skeleton has none: they name elements of one file.
 
 use crate::clip::key_search::find_interval;
 use crate::clip::{ClipError, Curve, CurveError, Interpolation, Path, check_curve};
 use crate::time::Time;
 use std::sync::Arc;
 
-/// Which numbers of which thing; the number is an index into the asset's list.
+/// The property of an element; the number is an index into the asset's list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum PropertyTarget {
     /// Full vertical angle of a perspective camera, radians.
@@ -27,8 +27,8 @@ pub enum PropertyTarget {
     Material(u32, MaterialProperty),
 }
 
-/// Numbers of a material beside its base colour. Textures by their slot: base colour, metallic-roughness, normal, occlusion, emissive,
-/// specular, specular colour.
+/// Numbers of a material beside its base color. Textures by their slot: base color, metallic-roughness, normal, occlusion, emissive,
+/// specular, specular color.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum MaterialProperty {
     /// Linear RGB, the file's strength multiplied in.

@@ -3,13 +3,15 @@
 use super::{Foot, model};
 use crate::pose::Pose;
 use crate::skeleton::Skeleton;
+use crate::skeleton::humanoid_joints::HumanoidJoints;
 use crate::skeleton::joint_names::humanoid_name;
 
 /// Hands that rest at most this far above the feet are fore paws, in legs.
 const PAW: f32 = 0.25;
 
 /// The feet of a skeleton by their names, left before right: `left foot` with its toes, or with the one joint that hangs on it;
-/// else every joint called foot, toe, paw or hoof with no other below it, and hands that rest on the ground, as a fox's do.
+/// else every joint called foot, toe, paw or hoof with no other below it, and hands that rest on the ground, as a fox's do. Where no joint is
+/// called so, the ends of both legs by their structure.
 pub fn find_feet(skeleton: &Skeleton) -> Vec<Foot> {
     let named = |wanted: &str| {
         skeleton.names().iter().position(|n| humanoid_name(n).as_deref() == Some(wanted)).map(|j| j as u32)
@@ -27,6 +29,9 @@ pub fn find_feet(skeleton: &Skeleton) -> Vec<Foot> {
         return feet;
     }
     let mut feet = ends_called(skeleton, &["foot", "toe", "paw", "hoof"]);
+    if feet.is_empty() {
+        return feet_of_legs(skeleton);
+    }
     let rest = model(skeleton, &Pose::rest(skeleton));
     let height = |foot: &Foot| foot.joints.iter().map(|j| rest[*j as usize].y).fold(f32::INFINITY, f32::min);
     let ground = feet.iter().map(height).fold(f32::NEG_INFINITY, f32::max);
@@ -38,6 +43,17 @@ pub fn find_feet(skeleton: &Skeleton) -> Vec<Foot> {
         }
     }
     feet
+}
+
+/// The feet of a character by its structure: the ends of both legs.
+fn feet_of_legs(skeleton: &Skeleton) -> Vec<Foot> {
+    let human = HumanoidJoints::of(skeleton);
+    let foot = |side: &str| {
+        let heel = human.joint(&format!("{side} foot"))?;
+        let toe = human.joint(&format!("{side} toebase")).or_else(|| only_child(skeleton, heel));
+        Some(Foot { joints: std::iter::once(heel).chain(toe).collect() })
+    };
+    [foot("left"), foot("right")].into_iter().collect::<Option<_>>().unwrap_or_default()
 }
 
 fn only_child(skeleton: &Skeleton, joint: u32) -> Option<u32> {

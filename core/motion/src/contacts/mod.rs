@@ -7,7 +7,7 @@
 //!
 //! The floor's velocity is not known beforehand: of a clip with root motion it is zero, of one on the spot it is that of a
 //! treadmill. The lowest looks of each foot are at the floor, nearly always, so the median of their velocities is the floor's; then the median of
-//! those who stand by it. Authored clips move their feet by half more or less than that, and are still taken for standing.
+//! the feet that stand by it. Authored clips move their feet by half more or less than that, and are still taken for standing.
 
 mod feet;
 pub(crate) mod phase_matching;

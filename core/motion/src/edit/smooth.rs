@@ -14,7 +14,7 @@ const WEIGHTS: [f64; SIDE as usize + 1] =
 impl Clip {
     /// Each LINEAR key becomes the mean, weighted by a bell curve, of the clip within a window around it: rapid shaking goes, and
     /// straight and even motion stays. The window shrinks towards the ends, which stay where they are. Footsteps and cubics
-    /// are as somebody meant them, and stay.
+    /// are intended, and stay.
     pub fn smoothed(&self, window: Time) -> Result<Clip, EditError> {
         if window <= Time::ZERO || window > Time::from_secs(10.0) {
             return Err(EditError::Window { seconds: window.as_secs() });

@@ -35,11 +35,10 @@ pub struct TwoBoneSolution {
 }
 
 impl TwoBone {
-    /// `None` where there is nothing to turn: a bone without length, a target in the start, or a number that is not finite.
+    /// `None` where there is nothing to turn: a bone without length, or a number that is not finite.
     pub fn solve(&self) -> Option<TwoBoneSolution> {
         let (upper, lower) = (self.middle - self.start, self.end - self.middle);
         let (a, b) = (upper.length(), lower.length());
-        let towards = (self.target - self.start).try_normalize()?;
         let wanted = (self.target - self.start).length();
         if !(a > 0.0 && b > 0.0 && a.is_finite() && b.is_finite() && wanted.is_finite()) {
             return None;
@@ -47,6 +46,8 @@ impl TwoBone {
         let distance = soft_distance(wanted, a + b, self.soft).clamp((a - b).abs(), a + b);
         let before = self.end - self.start;
         let line = before.try_normalize().unwrap_or_else(|| upper.any_orthonormal_vector().normalize());
+        // A target in the start folds the limb where it points.
+        let towards = (self.target - self.start).try_normalize().unwrap_or(line);
         let across = |v: DVec3, line: DVec3| {
             let v_across = v - line * v.dot(line);
             // f32 poses are as straight as this; what is less is rounding, which has a direction too, but means nothing.

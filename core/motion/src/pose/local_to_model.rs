@@ -1,7 +1,7 @@
 //! Local-to-model: transforms of joints from their parents' spaces to model space.
 
 use crate::input_error::InputError;
-use crate::pose::blend::{dot, lerp, nlerp_unscaled};
+use crate::pose::blend::{CorrectedNlerp, Mix, dot, lerp};
 use crate::pose::{Pose, PoseBlock};
 use crate::simd::lane::{LANES, Lane};
 use crate::simd::{F8, Kernel, Level, dispatch, load3, load4};
@@ -80,7 +80,7 @@ impl Locals for Two<'_> {
     fn get<F: F8>(&self, block: usize) -> ([F; 3], [F; 4], Option<[F; 3]>) {
         let (a, b, w) = (&self.a[block], &self.b[block], F::splat(self.weight));
         let translation = lerp3(&a.translation, &b.translation, w);
-        let rotation = nlerp_unscaled(load4(&a.rotation), load4(&b.rotation), w);
+        let rotation = CorrectedNlerp::mix(load4(&a.rotation), load4(&b.rotation), w);
         let scale = if self.unit_scale { None } else { Some(lerp3(&a.scale, &b.scale, w)) };
         (translation, rotation, scale)
     }

@@ -1,11 +1,12 @@
 //! Weighted blend of any number of poses over a base, independent of their order.
 //!
 //! `out = (max(0, 1 − W) base + Σ wᵢ poseᵢ) / max(1, W)` joint by joint, W = Σ wᵢ: weights that do not reach 1 leave the rest to
-//! the base, weights beyond 1 share it out in proportion (ozz-animation's `BlendingJob`, whose threshold is 1 here). A sum
+//! the base, weights beyond 1 share it out in proportion (ozz-animation's `BlendingJob`, whose threshold is 1 here). Rotations go
+//! from the base to the mean of the poses as in [`crate::Blend`]. A sum
 //! does not depend on the order of its terms but for rounding. Quaternions are summed in the half space of the base's
 //! (q and −q are one rotation), which no order changes either; ozz takes the first pose's.
 
-use crate::pose::blend::dot;
+use crate::pose::blend::{CorrectedNlerp, Mix, dot};
 use crate::pose::{Pose, PoseBlock};
 use crate::simd::lane::{LANES, Lane};
 use crate::simd::{F8, Kernel, Level, dispatch, load4};
@@ -103,17 +104,21 @@ impl Kernel for Finish<'_> {
                 F::select(untouched, F::load(&base.scale[n]), s).store(&mut base.scale[n]);
             }
             let kept: [F; 4] = load4(&base.rotation);
-            let mut q = kept;
-            for (n, q) in q.iter_mut().enumerate() {
-                *q = mixed(&base.rotation[n], &sum.rotation[n]);
-            }
+            let q: [F; 4] = load4(&sum.rotation);
             let square = dot(q, q);
             // All lie within a quarter turn of the base in quaternion space, so a sum of nothing is rounding.
             let usable = F::splat(1e-12).less(square);
             let length = one.div(square.sqrt());
+            let mut mean = kept;
             for n in 0..4 {
-                let unit = F::select(usable, q[n].mul(length), kept[n]);
-                F::select(untouched, kept[n], unit).store(&mut base.rotation[n]);
+                mean[n] = F::select(usable, q[n].mul(length), kept[n]);
+            }
+            // As one pose of this weight, so that equal layers are what one layer of their sum is.
+            let partly = CorrectedNlerp::mix(kept, mean, F::select(total.less(one), total, one));
+            let length = one.div(dot(partly, partly).sqrt());
+            for n in 0..4 {
+                let turned = F::select(total.less(one), partly[n].mul(length), mean[n]);
+                F::select(untouched, kept[n], turned).store(&mut base.rotation[n]);
             }
         }
     }

@@ -44,14 +44,14 @@ pub fn side_of(name: &str) -> Option<(Side, String)> {
 /// Splits a name into words in lower case; `UpperArm01.L` is `upper`, `arm`, `01`, `l`.
 pub(crate) fn words(name: &str) -> Vec<String> {
     #[derive(PartialEq)]
-    enum Kind {
+    enum LetterKind {
         Upper,
         Lower,
         Digit,
     }
     let mut words = Vec::new();
     let mut word = String::new();
-    let mut before: Option<Kind> = None;
+    let mut before: Option<LetterKind> = None;
     let mut letters = name.chars().peekable();
     while let Some(c) = letters.next() {
         if !c.is_alphanumeric() {
@@ -60,18 +60,18 @@ pub(crate) fn words(name: &str) -> Vec<String> {
             continue;
         }
         let kind = if c.is_numeric() {
-            Kind::Digit
+            LetterKind::Digit
         } else if c.is_uppercase() {
-            Kind::Upper
+            LetterKind::Upper
         } else {
-            Kind::Lower
+            LetterKind::Lower
         };
         let next_is_small = letters.peek().is_some_and(|n| n.is_lowercase());
         let ends = match (&before, &kind) {
             (None, _) => false,
             // `HTMLText`: the last capital begins the next word.
-            (Some(Kind::Upper), Kind::Upper) => next_is_small,
-            (Some(Kind::Upper), Kind::Lower) => false,
+            (Some(LetterKind::Upper), LetterKind::Upper) => next_is_small,
+            (Some(LetterKind::Upper), LetterKind::Lower) => false,
             (Some(before), kind) => before != kind,
         };
         if ends {

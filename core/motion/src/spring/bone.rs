@@ -86,6 +86,13 @@ impl SpringBone {
         SpringBone { stiffness: omega * omega, damping: (2.0 * ratio * omega).clamp(0.0, 1e18) }
     }
 
+    /// Rate in 1/s at which a swing decays in the end, under a load that pulls with `load` in 1/s²: 0 where it never does.
+    pub fn decay_rate(&self, load: f64) -> f64 {
+        let (half, stiffness) = (0.5 * self.damping, self.stiffness + load);
+        let discriminant = half * half - stiffness;
+        if discriminant <= 0.0 { half } else { stiffness / (half + discriminant.sqrt()) }
+    }
+
     /// The state at rest: where target and load are in balance.
     pub fn settled(&self, drive: &Drive) -> BoneState {
         let load = self.load(drive, DVec3::ZERO);

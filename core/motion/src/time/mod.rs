@@ -5,6 +5,7 @@ pub mod ease;
 pub mod playback;
 
 use std::ops::{Add, AddAssign, Neg, Sub, SubAssign};
+use thiserror::Error;
 
 /// A point in time or a duration, in ticks. Arithmetic saturates: ±414 000 years is the end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -87,6 +88,35 @@ impl Neg for Time {
     }
 }
 
+/// The first convergent of the continued fraction of a number that is the number itself.
+fn ratio(number: f64) -> Option<FrameRate> {
+    const MOST: f64 = i32::MAX as f64;
+    let (mut before, mut last, mut rest) = ([0.0, 1.0], [1.0, 0.0], number);
+    loop {
+        let whole = libm::floor(rest);
+        let next = [whole * last[0] + before[0], whole * last[1] + before[1]];
+        if !(next[0] <= MOST && next[1] <= MOST) {
+            return None;
+        }
+        if next[0] / next[1] == number {
+            return Some(FrameRate { num: next[0] as u32, den: next[1] as u32 });
+        }
+        (before, last, rest) = (last, next, 1.0 / (rest - whole));
+    }
+}
+
+/// Why a number is no frame rate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum FrameRateError {
+    #[error("must be from 0.001 to 1000")]
+    Range,
+    /// Video files hold such a ratio.
+    #[error(
+        "must be a ratio of whole numbers below 2147483648, such as any number of up to 6 decimal places"
+    )]
+    Ratio,
+}
+
 /// Frames per second as a ratio: 30 is 30/1, 29.97 is 30000/1001.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct FrameRate {
@@ -95,21 +125,24 @@ pub struct FrameRate {
 }
 
 impl FrameRate {
-    /// A rate in frames per second, 1/1000 ≤ fps ≤ 1000. 23.976, 29.97 and 59.94 mean the NTSC ratios.
-    pub fn from_fps(fps: f64) -> Option<FrameRate> {
+    /// A rate in frames per second, 1/1000 ≤ fps ≤ 1000, as the ratio with the smallest numbers that is this `f64`. 23.976, 23.98, 29.97,
+    /// 59.94 and 119.88 mean the NTSC ratios.
+    pub fn from_fps(fps: f64) -> Result<FrameRate, FrameRateError> {
         if !(fps.is_finite() && (0.001..=1000.0).contains(&fps)) {
-            return None;
+            return Err(FrameRateError::Range);
         }
         if fps.fract() == 0.0 {
-            return Some(FrameRate { num: fps as u32, den: 1 });
+            return Ok(FrameRate { num: fps as u32, den: 1 });
         }
         for base in [24u32, 30, 60, 120] {
             let ntsc = f64::from(base) * 1000.0 / 1001.0;
-            if (fps - ntsc).abs() < 0.005 {
-                return Some(FrameRate { num: base * 1000, den: 1001 });
+            let rounded =
+                [100.0, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9].map(|digits| (ntsc * digits).round() / digits);
+            if fps == ntsc || rounded.contains(&fps) {
+                return Ok(FrameRate { num: base * 1000, den: 1001 });
             }
         }
-        Some(FrameRate { num: (fps * 1000.0).round() as u32, den: 1000 })
+        ratio(fps).ok_or(FrameRateError::Ratio)
     }
 
     pub fn as_fps(self) -> f64 {

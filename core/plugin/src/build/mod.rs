@@ -102,7 +102,7 @@ impl AssetBuilder {
         &self.names
     }
 
-    /// 8 bits a channel, rows from the top: 1 (grey), 3 (RGB) or 4 (RGBA) bytes a pixel.
+    /// 8 bits a channel, rows from the top: 1 (gray), 3 (RGB) or 4 (RGBA) bytes a pixel.
     pub fn image(&mut self, name: &str, width: u32, height: u32, pixels: &[u8]) -> Result<u32> {
         let image = image(name, width, height, pixels)?;
         self.asset.images.push(Arc::new(image));
@@ -258,7 +258,7 @@ impl AssetBuilder {
     }
 }
 
-/// 8 bits a channel, rows from the top: 1 (grey), 3 (RGB) or 4 (RGBA) bytes a pixel.
+/// 8 bits a channel, rows from the top: 1 (gray), 3 (RGB) or 4 (RGBA) bytes a pixel.
 pub fn image(name: &str, width: u32, height: u32, pixels: &[u8]) -> Result<Image> {
     let count = width as usize * height as usize;
     let channels = pixels.len().checked_div(count).unwrap_or(0);

@@ -1,6 +1,6 @@
 //! Shading formulas, four pixels at once. CPU reference of brdf.wgsl.
 //!
-//! choreo's light convention: radiance out = π · f · colour · intensity · NL, so that a white diffuse surface facing a
+//! choreo's light convention: radiance out = π · f · color · intensity · NL, so that a white diffuse surface facing a
 //! directional light of intensity 1 is 1. The functions here return π · f.
 
 use crate::lanes::{F4, V3};

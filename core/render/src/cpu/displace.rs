@@ -26,7 +26,7 @@ impl CpuRenderer {
 /// A power of two, so that adding it rounds little.
 const STEP: f32 = 0.003_906_25;
 
-/// How far all of them together move a corner, metres in the world. `rows`: what brought it there.
+/// How far all of them together move a vertex, metres in the world. `rows`: what brought it there.
 pub fn offset(effects: &[Displacement], place: &VertexSample, rows: &Affine3x4) -> Vec3 {
     effects.iter().fold(Vec3::ZERO, |sum, d| {
         let mut offset = d.effect.function().map_or(Vec3::ZERO, |f| f.vertex(place, &d.parameters));

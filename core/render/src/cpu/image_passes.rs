@@ -1,4 +1,4 @@
-//! Full-screen passes over a whole picture: effects that see the pixels around theirs, and those of one pixel between them.
+//! Full-screen passes over a whole image: effects that see the pixels around theirs, and those of one pixel between them.
 
 use super::target::{Float, Srgb8, Target};
 use crate::error::RenderError;

@@ -49,7 +49,7 @@ use background_effects::Veil;
 use choreo_plugin::{Effect, Frame, Hook};
 use choreo_stage::Background;
 use glam::{Mat4, Vec4};
-use preskin::Bodies;
+use preskin::DeformedMeshes;
 use raster::{TILE_HEIGHT, TILE_WIDTH};
 use rayon::prelude::*;
 use refraction::SceneColorCopy;
@@ -172,7 +172,7 @@ impl CpuRenderer {
     fn batches<'a>(
         &'a self,
         plan: &'a Plan,
-        (draws, bodies): (&[Draw], &Bodies),
+        (draws, bodies): (&[Draw], &DeformedMeshes),
         clip_from_relative: &Mat4,
         size: [u32; 2],
         shadows: Option<&'a ShadowMaps>,
@@ -308,7 +308,7 @@ impl CpuRenderer {
         out: &mut [P],
     ) -> Result<(), RenderError> {
         let changed = self.changed_materials(plan);
-        let bodies = self.times.of(Stage::Vertices, || Bodies::of(self, plan));
+        let bodies = self.times.of(Stage::Vertices, || DeformedMeshes::of(self, plan));
         let draw_maps = |shadows: &plan::ShadowMaps| {
             ShadowMaps::draw(&shadows.views, shadows.image, |view| {
                 self.batches(

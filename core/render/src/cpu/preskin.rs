@@ -10,13 +10,13 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// A mesh, how it is posed, whether normals are those of a hull, and the instance's pose.
-type Body = (u32, Features, bool, [u32; 15]);
+type DeformedKey = (u32, Features, bool, [u32; 15]);
 
 /// Vertices before they are seen from anywhere.
 #[derive(Default)]
-pub struct Bodies(BTreeMap<Body, Vec<Vertex>>);
+pub struct DeformedMeshes(BTreeMap<DeformedKey, Vec<Vertex>>);
 
-fn body(draw: &Draw, instance: &Instance) -> Option<Body> {
+fn body(draw: &Draw, instance: &Instance) -> Option<DeformedKey> {
     let features = draw.pipeline.features;
     let pose = features.only(Features::SKINNING);
     // Effects that move vertices look at what a draw has of them.
@@ -24,14 +24,14 @@ fn body(draw: &Draw, instance: &Instance) -> Option<Body> {
     shared.then(|| (draw.primitive, pose, features.has(Features::OUTLINE), instance.deformation()))
 }
 
-impl Bodies {
+impl DeformedMeshes {
     /// Those of the plan that are drawn more than once.
-    pub fn of(renderer: &CpuRenderer, plan: &Plan) -> Bodies {
+    pub fn of(renderer: &CpuRenderer, plan: &Plan) -> DeformedMeshes {
         if plan.skin_once == SkinOnce::Never {
-            return Bodies::default();
+            return DeformedMeshes::default();
         }
         // What any of its draws needs, an instance of its own, how many draws.
-        let mut wanted: BTreeMap<Body, (Features, &Instance, u32)> = BTreeMap::new();
+        let mut wanted: BTreeMap<DeformedKey, (Features, &Instance, u32)> = BTreeMap::new();
         for draw in plan.draws.iter().chain(plan.shadow_draws()) {
             let first = draw.first_instance as usize;
             for instance in &plan.instances[first..first + draw.instance_count as usize] {
@@ -43,14 +43,14 @@ impl Bodies {
         }
         wanted.retain(|_, (.., draws)| *draws > 1);
         let wanted: Vec<_> = wanted.into_iter().collect();
-        let pose = |(body, (features, instance, _)): (Body, (Features, &Instance, u32))| {
+        let pose = |(body, (features, instance, _)): (DeformedKey, (Features, &Instance, u32))| {
             let entry = &renderer.resources.primitives[body.0 as usize];
             let stage = VertexStage::new(entry, features, plan, instance, &Mat4::IDENTITY);
             let welded =
                 body.2.then(|| crate::scene_resources::vertex_layout::welded_normals(stage.primitive));
             (body, stage.posed(welded.as_deref()))
         };
-        Bodies(wanted.into_par_iter().map(pose).collect())
+        DeformedMeshes(wanted.into_par_iter().map(pose).collect())
     }
 
     /// A draw's vertices as this stage would make them.

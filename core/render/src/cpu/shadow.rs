@@ -5,7 +5,7 @@ use super::setup::Triangle;
 use super::tile::{Batch, Paint};
 use crate::lanes::{F4, V3, Weights};
 use crate::plan::{Features, PlanLight, ShadowView};
-use crate::shader::uniforms::ShadowUniform;
+use crate::shader::uniforms::{MAX_PENUMBRA, ShadowUniform};
 use glam::{Vec2, Vec3, Vec3Swizzles, Vec4Swizzles};
 use rayon::prelude::*;
 
@@ -21,20 +21,24 @@ struct Map {
     lookup: ShadowUniform,
     /// Row by row; 0 where nothing is.
     depth: Vec<f32>,
+    /// Least and greatest depth of each block, row by row, if its penumbras differ in width.
+    ranges: Vec<[f32; 2]>,
 }
 
+/// Side of a block of texels.
+const BLOCK: usize = 8;
+
 impl ShadowMaps {
-    /// `batches`: who is drawn into each view, seen from its light.
+    /// `batches`: what is drawn into each view, seen from its light.
     pub fn draw<'a>(
         views: &[ShadowView],
         image: [u32; 2],
         batches: impl Fn(&ShadowView) -> Vec<Batch<'a>>,
     ) -> ShadowMaps {
-        let draw = |view: &ShadowView| Map {
-            at: view.at,
-            size: view.size,
-            lookup: ShadowUniform::new(view, image),
-            depth: depths(view.size, &batches(view)),
+        let draw = |view: &ShadowView| {
+            let depth = depths(view.size, &batches(view));
+            let ranges = if view.penumbra > 0.0 { ranges(view.size, &depth) } else { Vec::new() };
+            Map { at: view.at, size: view.size, lookup: ShadowUniform::new(view, image), depth, ranges }
         };
         ShadowMaps { maps: views.iter().map(draw).collect() }
     }
@@ -65,8 +69,9 @@ fn share(maps: &[Map], relative: Vec3, n: Vec3, l: Vec3, nl: f32) -> f32 {
         let p = view.texel_from_relative * moved.extend(1.0);
         let at = p.truncate() / p.w.max(1e-6);
         let inside = at.xy().cmpge(view.inside.xy()).all() && at.xy().cmple(view.inside.zw()).all();
-        if p.w > 0.0 && inside {
-            return map.filtered(at);
+        // What is behind all that a map is fitted to is in a later one.
+        if p.w > 0.0 && at.z >= 0.0 && inside {
+            return if view.texel.y == 0.0 { map.filtered(at) } else { map.with_penumbra(at, n) };
         }
     }
     1.0
@@ -90,6 +95,131 @@ impl Map {
         }
         sum / 9.0
     }
+}
+
+impl Map {
+    /// `x`, `y`: texel of the image, which lies in this map.
+    fn depth_at(&self, x: usize, y: usize) -> f32 {
+        self.depth.get(y * self.size[0] as usize + x).copied().unwrap_or(0.0)
+    }
+
+    /// The texel of this map at a place of the image.
+    fn texel(&self, place: Vec2) -> [usize; 2] {
+        let texel = place - Vec2::new(self.at[0] as f32, self.at[1] as f32);
+        [texel.x.max(0.0) as usize, texel.y.max(0.0) as usize]
+    }
+
+    fn with_penumbra(&self, at: Vec3, n: Vec3) -> f32 {
+        if let Some(all) = self.uniform_around(at, n) {
+            return all;
+        }
+        let slope = self.slope(n);
+        let width = self.penumbra_width(at, slope);
+        if width <= 3.0 { self.filtered(at) } else { self.penumbra_filtered(at, slope, width) }
+    }
+
+    /// How much the depth of a surface changes from texel to texel, at most as if it stood 79° to the light.
+    fn slope(&self, n: Vec3) -> Vec2 {
+        let m = &self.lookup.texel_from_relative;
+        let [x, y, z] = [0, 1, 2].map(|i| m.row(i).xyz());
+        let nz = n.dot(z).max(0.2 * z.length());
+        -Vec2::new(n.dot(x), n.dot(y)) * (self.lookup.texel.x * self.lookup.texel.x * z.dot(z) / nz)
+    }
+
+    /// Width of the penumbra in texels, from the mean depth of what is nearer to the light among 4 × 4 texels (Fernando,
+    /// "Percentage-Closer Soft Shadows", 2005), which span the widest one, so that none begins with a step. 3, the narrowest, where
+    /// all or none of them are nearer.
+    fn penumbra_width(&self, at: Vec3, slope: Vec2) -> f32 {
+        const STEP: usize = MAX_PENUMBRA as usize / 3;
+        let middle = at.xy().floor();
+        let first = middle - 1.5 * STEP as f32;
+        let [x0, y0] = self.texel(first);
+        let depth = at.z + slope.dot(first + 0.5 - at.xy());
+        let (mut sum, mut count) = (0.0, 0.0);
+        for y in 0..4 {
+            let depth = depth + slope.y * (y * STEP) as f32;
+            for x in 0..4 {
+                let off = self.depth_at(x0 + x * STEP, y0 + y * STEP) - (depth + slope.x * (x * STEP) as f32);
+                if off > 0.0 {
+                    sum += off;
+                    count += 1.0;
+                }
+            }
+        }
+        if count == 0.0 || count == 16.0 {
+            return 3.0;
+        }
+        (sum / count * self.lookup.texel.y).clamp(3.0, MAX_PENUMBRA)
+    }
+
+    /// A box of width × width texels; the depth follows the surface, in steps of 2 × 2 texels.
+    fn penumbra_filtered(&self, at: Vec3, slope: Vec2, width: f32) -> f32 {
+        /// Texels that the widest box touches, to an even number.
+        const MOST: usize = MAX_PENUMBRA as usize + 2;
+        let (low, high) = (at.xy() - 0.5 * width, at.xy() + 0.5 * width);
+        let first = low.floor();
+        let [x0, y0] = self.texel(first);
+        let [columns, rows] = (high.floor() - first).to_array().map(|t| t as usize + 1);
+        let inside = |i: usize| {
+            let texel = first + i as f32;
+            ((texel + 1.0).min(high) - texel.max(low)).clamp(Vec2::ZERO, Vec2::ONE)
+        };
+        let weights: [Vec2; MOST] = std::array::from_fn(inside);
+        let depth = at.z + slope.dot(first + 1.0 - at.xy());
+        let mut sum = 0.0;
+        for y in (0..rows).step_by(2) {
+            for x in (0..columns).step_by(2) {
+                let depth = (depth + slope.x * x as f32 + slope.y * y as f32).max(0.0);
+                let row = |y: usize| {
+                    let lit = |x: usize| f32::from(u8::from(depth >= self.depth_at(x0 + x, y0 + y)));
+                    weights[x].x * lit(x) + weights[x + 1].x * lit(x + 1)
+                };
+                sum += weights[y].y * row(y) + weights[y + 1].y * row(y + 1);
+            }
+        }
+        sum / (width * width)
+    }
+
+    /// 1 or 0 if every texel that a lookup may read is lit or in shadow, by the ranges of its blocks: most places are.
+    fn uniform_around(&self, at: Vec3, n: Vec3) -> Option<f32> {
+        let reach = 0.5 * MAX_PENUMBRA + 2.0;
+        let first = Vec2::new(self.at[0] as f32, self.at[1] as f32);
+        let block = |v: f32| (v / BLOCK as f32).max(0.0) as usize;
+        let (low, high) = (at.xy() - reach - first, at.xy() + reach - first);
+        let blocks = self.size.map(|s| (s as usize).div_ceil(BLOCK));
+        let (mut nearest, mut farthest) = (0.0f32, f32::INFINITY);
+        for y in block(low.y)..=block(high.y).min(blocks[1] - 1) {
+            for x in block(low.x)..=block(high.x).min(blocks[0] - 1) {
+                let [least, most] = self.ranges[y * blocks[0] + x];
+                (nearest, farthest) = (nearest.max(most), farthest.min(least));
+            }
+        }
+        let slope = self.slope(n).abs();
+        let around = reach * (slope.x + slope.y);
+        if (at.z - around).max(0.0) >= nearest {
+            Some(1.0)
+        } else if at.z + around < farthest {
+            Some(0.0)
+        } else {
+            None
+        }
+    }
+}
+
+/// Least and greatest depth of each block of texels.
+fn ranges(size: [u32; 2], depth: &[f32]) -> Vec<[f32; 2]> {
+    let [width, height] = size.map(|s| s as usize);
+    let blocks = [width.div_ceil(BLOCK), height.div_ceil(BLOCK)];
+    let mut out = vec![[f32::INFINITY, 0.0]; blocks[0] * blocks[1]];
+    for (y, row) in depth.chunks_exact(width).enumerate() {
+        for (x, part) in row.chunks(BLOCK).enumerate() {
+            let [least, most] = &mut out[y / BLOCK * blocks[0] + x];
+            for d in part {
+                (*least, *most) = (least.min(*d), most.max(*d));
+            }
+        }
+    }
+    out
 }
 
 /// The greatest depth of each texel: what is nearest to the light.
@@ -142,7 +272,7 @@ fn depths(size: [u32; 2], batches: &[Batch]) -> Vec<f32> {
     out
 }
 
-/// Which of four texels in a row the alpha test keeps. Textures are filtered over quads, as the picture's are.
+/// Which of four texels in a row the alpha test keeps. Textures are filtered over quads, as the image's are.
 fn holes(batch: &Batch, triangle: &Triangle, at: [i32; 2], index: usize) -> [bool; 4] {
     let Paint::Surface(fragment) = &batch.paint else { return [true; 4] };
     if !fragment.features.has(Features::ALPHA_MASK) {

@@ -1,8 +1,8 @@
-//! What a rasterizer does, as pictures: the vertices of each mesh, all of them before the camera, in clip space, the pixels
+//! What a rasterizer does, as images: the vertices of each mesh, all of them before the camera, in clip space, the pixels
 //! that triangles cover, their depths, and the shaded frame.
 
 use super::CpuRenderer;
-use super::preskin::Bodies;
+use super::preskin::DeformedMeshes;
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
 use super::tile::{Batch, Paint};
 use crate::error::RenderError;
@@ -56,7 +56,7 @@ fn line(frame: &mut Frame, a: Vec2, b: Vec2, color: [u8; 3]) {
     }
 }
 
-/// Places of points in a picture: as large as fits with a margin, the same along both axes.
+/// Places of points in an image: as large as fits with a margin, the same along both axes.
 struct Fit {
     scale: f32,
     middle: Vec2,
@@ -113,7 +113,7 @@ impl CpuRenderer {
         let clip_from_relative = &plan.view.clip_from_relative;
         let batches = self.batches(
             plan,
-            (&plan.draws, &Bodies::default()),
+            (&plan.draws, &DeformedMeshes::default()),
             clip_from_relative,
             plan.size,
             None,
@@ -188,7 +188,7 @@ fn clip(meshes: &[Mesh], size: [u32; 2]) -> Frame {
     frame
 }
 
-/// The nearest triangle of every pixel, each in a colour of its own; and how near it is: white at the nearest.
+/// The nearest triangle of every pixel, each in a color of its own; and how near it is: white at the nearest.
 fn raster(batches: &[Batch], size: [u32; 2]) -> [Frame; 2] {
     let [mut covered, mut depths] = [blank(size), blank(size)];
     let width = size[0] as usize;

@@ -1,9 +1,9 @@
-//! What a sample of the colour target holds: 8 bits in sRGB, or floats where full-screen passes follow.
+//! What a sample of the color target holds: 8 bits in sRGB, or floats where full-screen passes follow.
 
 use crate::scene_resources::mipmap::{linear_to_srgb8, srgb_to_linear_table};
 use glam::Vec4;
 
-/// Colours go in and out as linear RGBA.
+/// Colors go in and out as linear RGBA.
 pub trait Target: Copy + PartialEq + Send + Sync {
     fn encode(linear: Vec4) -> Self;
     fn decode(self) -> Vec4;
@@ -16,7 +16,7 @@ pub trait Target: Copy + PartialEq + Send + Sync {
         Self::encode(rgb.extend(a + below.w * (1.0 - a)))
     }
 
-    /// Times the colour of what comes through a glass; the target's alpha stays.
+    /// Times the color of what comes through a glass; the target's alpha stays.
     fn filtered(self, source: Vec4) -> Self {
         let (source, below) = (Self::fragment(source), self.decode());
         Self::encode((below.truncate() * source.truncate()).extend(below.w))
@@ -43,7 +43,7 @@ pub trait Target: Copy + PartialEq + Send + Sync {
         Self::encode(sum * (1.0 / samples.len() as f32))
     }
 
-    /// Fragment colours are clamped before they are blended into fixed-point targets (Vulkan 1.3, "Blending").
+    /// Fragment colors are clamped before they are blended into fixed-point targets (Vulkan 1.3, "Blending").
     fn fragment(source: Vec4) -> Vec4;
 }
 
@@ -66,7 +66,7 @@ impl PixelOf for Vec4 {
     }
 }
 
-/// As VK_FORMAT_R8G8B8A8_SRGB: colour encoded, alpha linear.
+/// As VK_FORMAT_R8G8B8A8_SRGB: color encoded, alpha linear.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct Srgb8(pub [u8; 4]);
 

@@ -138,7 +138,7 @@ impl Tile<'_, '_> {
     ) {
         let plain = self.backdrop.is_none() && self.under.is_none();
         if self.list.is_empty() && self.post.is_empty() && plain {
-            // Most of a usual picture: every sample of a row is the background.
+            // Most of a usual image: every sample of a row is the background.
             for (y, background) in self.background[..self.size[1]].iter().enumerate() {
                 rows[y * stride..y * stride + self.size[0]].fill(P::of(T::encode(*background)));
             }

@@ -9,18 +9,18 @@ use choreo_asset::Toon;
 pub(crate) struct ToonSurface<'a> {
     pub toon: &'a Toon,
     pub base: V3,
-    /// Shade colour with its texture and the actor's tint.
+    /// Shade color with its texture and the actor's tint.
     pub shade: V3,
     /// Shift with its texture.
     pub shift: F4,
-    /// Matcap colour times its texture; zero without one.
+    /// Matcap color times its texture; zero without one.
     pub matcap: V3,
     /// Mask from the rim's texture.
     pub rim_mask: V3,
 }
 
 impl ToonSurface<'_> {
-    /// Colour without emission. `relative`: the place seen from the camera; `n` and `v` unit; `share`: of a light that
+    /// Color without emission. `relative`: the place seen from the camera; `n` and `v` unit; `share`: of a light that
     /// shadows leave, by the direction to it.
     pub fn lit(
         &self,

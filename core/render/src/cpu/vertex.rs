@@ -23,7 +23,7 @@ pub struct Vertex {
     pub tangent: Vec4,
     /// How much longer the mesh's metres are here; zero where not needed.
     pub scale: f32,
-    /// Colours of its joints by weight; zero where not needed.
+    /// Colors of its joints by weight; zero where not needed.
     pub joints: Vec3,
 }
 
@@ -189,7 +189,7 @@ impl VertexStage<'_> {
             .fold(Vec3::ZERO, |sum, (j, w)| sum + joint_color(*j) * *w)
     }
 
-    /// Along the normal: metres in the world, or a share of the picture's height in the image.
+    /// Along the normal: metres in the world, or a share of the image's height.
     fn push_out(&self, hull: &Hull, i: usize, out: &mut Vertex) {
         let factors = &hull.material.factors;
         let Some(outline) = factors.material.toon.as_ref().and_then(|t| t.outline.as_ref()) else { return };
@@ -276,7 +276,7 @@ impl VertexStage<'_> {
     }
 }
 
-/// Neighbouring numbers get colours far apart: hues a golden ratio of the circle from each other.
+/// Neighbouring numbers get colors far apart: hues a golden ratio of the circle from each other.
 fn joint_color(joint: u16) -> Vec3 {
     let x = f32::from(joint) * 0.618_034;
     let hue = (x - x.floor()) * 6.0;

@@ -287,6 +287,8 @@ pub struct Facts {
     /// Some light that shines casts shadows.
     pub casting: bool,
     pub shadow_views: usize,
+    /// Actors that do not cast or do not receive shadows.
+    pub unshadowed: usize,
     pub overlays: usize,
     pub shadows_beyond: usize,
     /// Enough lights have a range for clustered lighting.
@@ -359,7 +361,10 @@ fn of_lights(all: Features, facts: &Facts) -> Reports {
     let no_shadows = match facts {
         f if !f.casting => "no light casts shadows",
         f if !f.lit_drawn => "nothing lit is in view",
-        _ => "nothing stands between a light that casts and what it lights",
+        f if f.unshadowed > 0 => {
+            "no shadow of an actor that casts is seen on one that receives; some are switched off by `shadow`"
+        }
+        _ => "no shadow of an actor falls on anything in view",
     };
     let beyond =
         format!("{} lights: all maps together are at most 32 and 8192 texels a side", facts.shadows_beyond);

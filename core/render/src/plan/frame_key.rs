@@ -87,8 +87,8 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Eff
     if let Some(shadows) = shadow_maps {
         add(format!("{:?} {:?}", shadows.image, shadows.size).as_bytes());
         for map in &shadows.views {
-            let ShadowView { light, at, size, clip_from_relative, texel, draws } = map;
-            add(format!("{light} {at:?} {size:?} {clip_from_relative:?} {texel}").as_bytes());
+            let ShadowView { light, at, size, clip_from_relative, texel, penumbra, draws } = map;
+            add(format!("{light} {at:?} {size:?} {clip_from_relative:?} {texel} {penumbra}").as_bytes());
             draws.iter().for_each(|draw| add(draw_text(draw).as_bytes()));
         }
     }

@@ -36,7 +36,7 @@ impl Features {
     }
 
     /// All features of a part of the shader.
-    pub(crate) const fn of_part(part: Part) -> Features {
+    pub(crate) const fn of_part(part: ShaderPart) -> Features {
         let (mut all, mut row) = (Features(0), 0);
         while row < FEATURES.len() {
             all = all.with(FEATURES[row].bit.when(FEATURES[row].part as u8 == part as u8));
@@ -71,18 +71,18 @@ impl Features {
     }
 
     /// How vertices are posed: skin and morph targets.
-    pub const SKINNING: Features = Features::of_part(Part::Pose);
+    pub const SKINNING: Features = Features::of_part(ShaderPart::Pose);
     /// Every feature.
     pub const ALL: Features = Features((1 << FEATURES.len()) - 1);
     /// What lighting reads of the scene rather than of the surface.
-    pub const LIGHTS: Features = Features::of_part(Part::Light);
+    pub const LIGHTS: Features = Features::of_part(ShaderPart::Light);
     /// What brings light to the colors of a display.
     pub const DISPLAY: Features = Features::EXPOSURE.with(Features::VIEW_TRANSFORM).with(Features::AGX);
     /// All material layers and their textures.
-    pub(crate) const ALL_LAYERS: Features = Features::of_part(Part::Layer);
+    pub(crate) const ALL_LAYERS: Features = Features::of_part(ShaderPart::Layer);
 }
 
-pub(crate) const ALPHA: Features = Features::of_part(Part::Alpha);
+pub(crate) const ALPHA: Features = Features::of_part(ShaderPart::Alpha);
 
 /// What of a scene asks for a feature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -98,7 +98,7 @@ pub enum RequestedBy {
 
 /// The part of the shader that a feature belongs to: passes leave whole parts out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum ShaderPart {
     /// How vertices are posed.
     Pose,
     /// What cuts out or blends.
@@ -140,7 +140,7 @@ pub struct Feature {
     pub name: &'static str,
     pub bit: Features,
     pub by: RequestedBy,
-    pub part: Part,
+    pub part: ShaderPart,
     /// Conditions that all hold wherever the feature is on, in the syntax of `@if`.
     pub needs: &'static [&'static str],
     pub texture: Option<TextureSlot>,
@@ -151,7 +151,7 @@ const PLAIN: Feature = Feature {
     name: "",
     bit: Features(0),
     by: RequestedBy::Material,
-    part: Part::Surface,
+    part: ShaderPart::Surface,
     needs: &[],
     texture: None,
     absence: None,
@@ -193,24 +193,24 @@ const UV_OR_TRIPLANAR: &str = "UV0 || UV1 || TRIPLANAR";
 
 features! {
     /// Linear blend skinning by up to 4 joints a vertex.
-    SKIN { by: RequestedBy::Mesh, part: Part::Pose,
+    SKIN { by: RequestedBy::Mesh, part: ShaderPart::Pose,
         absence: absence_by_stage("skinning", ["no skinned mesh is in view", "no mesh has a skin"], "") }
     /// Up to 8 joints a vertex instead of 4.
-    SKIN_8 { by: RequestedBy::Mesh, part: Part::Pose, needs: &["SKIN"],
+    SKIN_8 { by: RequestedBy::Mesh, part: ShaderPart::Pose, needs: &["SKIN"],
         absence: absence("influences 5 to 8", "no vertex is moved by more than four joints", "SKIN") }
     /// Morph targets (blend shapes).
-    MORPH { by: RequestedBy::Mesh, part: Part::Pose,
+    MORPH { by: RequestedBy::Mesh, part: ShaderPart::Pose,
         absence: absence_by_stage("morph targets", ["every weight in view is zero", "no mesh has morph targets"], "") }
-    VERTEX_COLOR { by: RequestedBy::Mesh, part: Part::Alpha, needs: &["!TOON"],
+    VERTEX_COLOR { by: RequestedBy::Mesh, part: ShaderPart::Alpha, needs: &["!TOON"],
         absence: absence("vertex colours", "no drawn mesh has any but white", "") }
-    UV0 { by: RequestedBy::Mesh, part: Part::Alpha }
-    UV1 { by: RequestedBy::Mesh, part: Part::Alpha,
+    UV0 { by: RequestedBy::Mesh, part: ShaderPart::Alpha }
+    UV1 { by: RequestedBy::Mesh, part: ShaderPart::Alpha,
         absence: absence("second texture coordinates", "no drawn texture uses them", "UV0") }
     /// Lit by the metallic-roughness model.
     METALLIC_ROUGHNESS { needs: &["!BLINN_PHONG", "!TOON"] }
     /// Lit by Blinn–Phong. Without this, METALLIC_ROUGHNESS and TOON: unlit.
     BLINN_PHONG { needs: &["!TOON"] }
-    BASE_COLOR_TEXTURE { part: Part::Alpha, needs: &[UV_OR_TRIPLANAR], texture: slot(0),
+    BASE_COLOR_TEXTURE { part: ShaderPart::Alpha, needs: &[UV_OR_TRIPLANAR], texture: slot(0),
         absence: absence("base colour textures", "no drawn material has a base colour texture", "") }
     METALLIC_ROUGHNESS_TEXTURE { needs: &["METALLIC_ROUGHNESS", UV], texture: slot(1),
         absence: absence("metallic-roughness textures", "no drawn material has one that matters", "LIT") }
@@ -237,108 +237,108 @@ features! {
         absence: absence("specular colour textures", "no drawn material has one", "LIT") }
     /// Toon: the color of shade.
     SHADE_COLOR_TEXTURE { needs: &["TOON", UV], texture: slot(6) }
-    ALPHA_MASK { part: Part::Alpha,
+    ALPHA_MASK { part: ShaderPart::Alpha,
         absence: absence("alpha test", "no drawn material has an alpha cutoff", "") }
     /// Some texture has a uv transform other than identity.
-    UV_TRANSFORM { part: Part::Alpha,
+    UV_TRANSFORM { part: ShaderPart::Alpha,
         absence: absence("texture transforms", "all are identity", "UV0 || UV1") }
     /// Point or spot lights shine, beside directional ones.
-    LOCAL_LIGHTS { by: RequestedBy::Lights, part: Part::Light, needs: &["LIT"] }
+    LOCAL_LIGHTS { by: RequestedBy::Lights, part: ShaderPart::Light, needs: &["LIT"] }
     /// Lit by toon shading (MToon).
     TOON { }
     /// Some light's shadow may fall on it.
-    SHADOW { by: RequestedBy::Lights, part: Part::Light, needs: &["LIT"] }
+    SHADOW { by: RequestedBy::Lights, part: ShaderPart::Light, needs: &["LIT"] }
     /// An inverted hull in place of the surface: pushed out along the normals, back faces only, in the outline's color.
-    OUTLINE { part: Part::Other, needs: &["!WIREFRAME", "!THICK_LINES"],
+    OUTLINE { part: ShaderPart::Other, needs: &["!WIREFRAME", "!THICK_LINES"],
         absence: absence("outlines", "no drawn material and no effect has one", "") }
-    OUTLINE_WIDTH_TEXTURE { part: Part::Other, needs: &["OUTLINE", UV],
+    OUTLINE_WIDTH_TEXTURE { part: ShaderPart::Other, needs: &["OUTLINE", UV],
         texture: Some(TextureSlot { slot: 19, vertex: true }) }
     /// Toon: a mask of how much of a motion of the textures each place makes.
-    UV_MOTION_MASK { part: Part::Alpha, needs: &["!PARALLAX", "!TRIPLANAR", UV], texture: slot(20) }
+    UV_MOTION_MASK { part: ShaderPart::Alpha, needs: &["!PARALLAX", "!TRIPLANAR", UV], texture: slot(20) }
     /// Normals for effects on surfaces, whatever the shading model.
-    EFFECT_NORMALS { by: RequestedBy::Effects, part: Part::Other }
+    EFFECT_NORMALS { by: RequestedBy::Effects, part: ShaderPart::Other }
     /// Colors of joints for effects on surfaces.
-    EFFECT_JOINTS { by: RequestedBy::Effects, part: Part::Other, needs: &["SKIN", "!DUAL_QUATERNIONS"] }
+    EFFECT_JOINTS { by: RequestedBy::Effects, part: ShaderPart::Other, needs: &["SKIN", "!DUAL_QUATERNIONS"] }
     /// The edges of triangles as lines, a little nearer than the surface, in the outline's color.
-    WIREFRAME { by: RequestedBy::Effects, part: Part::Other, needs: &["!LIT", "!THICK_LINES"],
+    WIREFRAME { by: RequestedBy::Effects, part: ShaderPart::Other, needs: &["!LIT", "!THICK_LINES"],
         absence: absence("edges", "no effect shows them", "") }
     /// The share of light that shadows take, for effects on surfaces.
-    EFFECT_SHADOW { by: RequestedBy::Effects, part: Part::Light, needs: &["SURFACE"] }
+    EFFECT_SHADOW { by: RequestedBy::Effects, part: ShaderPart::Light, needs: &["SURFACE"] }
     /// Lines and points have a width. Another way of drawing rather than more of one: never forced in.
-    THICK_LINES { by: RequestedBy::Mesh, part: Part::Other }
+    THICK_LINES { by: RequestedBy::Mesh, part: ShaderPart::Other }
     /// Points are discs, lines have round ends.
-    ROUND_LINES { by: RequestedBy::Mesh, part: Part::Other, needs: &["THICK_LINES"] }
+    ROUND_LINES { by: RequestedBy::Mesh, part: ShaderPart::Other, needs: &["THICK_LINES"] }
     /// Triplanar mapping: textures come from three sides. Never forced in.
-    TRIPLANAR { part: Part::Alpha, needs: &["!TOON"] }
+    TRIPLANAR { part: ShaderPart::Alpha, needs: &["!TOON"] }
     /// The skin's joints are dual quaternions. Another way rather than more of one: never forced in.
-    DUAL_QUATERNIONS { by: RequestedBy::Mesh, part: Part::Pose, needs: &["SKIN"],
+    DUAL_QUATERNIONS { by: RequestedBy::Mesh, part: ShaderPart::Pose, needs: &["SKIN"],
         absence: absence("dual quaternions", "every skin is blended linearly", "SKIN") }
 
     /// Some layer is on: the layers' uniform is read.
-    LAYERS { part: Part::Layer, needs: &["METALLIC_ROUGHNESS"] }
-    CLEARCOAT { part: Part::Layer, needs: &["LAYERS"],
+    LAYERS { part: ShaderPart::Layer, needs: &["METALLIC_ROUGHNESS"] }
+    CLEARCOAT { part: ShaderPart::Layer, needs: &["LAYERS"],
         absence: absence("clear coats", "no drawn material has one", "LIT") }
-    CLEARCOAT_TEXTURE { part: Part::Layer, needs: &["CLEARCOAT", UV], texture: slot(7) }
-    CLEARCOAT_ROUGHNESS_TEXTURE { part: Part::Layer, needs: &["CLEARCOAT", UV], texture: slot(8) }
-    CLEARCOAT_NORMAL_TEXTURE { part: Part::Layer, needs: &["CLEARCOAT", UV], texture: slot(9) }
-    SHEEN { part: Part::Layer, needs: &["LAYERS"],
+    CLEARCOAT_TEXTURE { part: ShaderPart::Layer, needs: &["CLEARCOAT", UV], texture: slot(7) }
+    CLEARCOAT_ROUGHNESS_TEXTURE { part: ShaderPart::Layer, needs: &["CLEARCOAT", UV], texture: slot(8) }
+    CLEARCOAT_NORMAL_TEXTURE { part: ShaderPart::Layer, needs: &["CLEARCOAT", UV], texture: slot(9) }
+    SHEEN { part: ShaderPart::Layer, needs: &["LAYERS"],
         absence: absence("sheen", "no drawn material has any", "LIT") }
-    SHEEN_COLOR_TEXTURE { part: Part::Layer, needs: &["SHEEN", UV], texture: slot(10) }
-    SHEEN_ROUGHNESS_TEXTURE { part: Part::Layer, needs: &["SHEEN", UV], texture: slot(11) }
-    TRANSMISSION { part: Part::Layer, needs: &["LAYERS"],
+    SHEEN_COLOR_TEXTURE { part: ShaderPart::Layer, needs: &["SHEEN", UV], texture: slot(10) }
+    SHEEN_ROUGHNESS_TEXTURE { part: ShaderPart::Layer, needs: &["SHEEN", UV], texture: slot(11) }
+    TRANSMISSION { part: ShaderPart::Layer, needs: &["LAYERS"],
         absence: absence("transmission", "no drawn material has any: none lets light through", "LIT") }
-    TRANSMISSION_TEXTURE { part: Part::Layer, needs: &["TRANSMISSION", UV], texture: slot(12) }
+    TRANSMISSION_TEXTURE { part: ShaderPart::Layer, needs: &["TRANSMISSION", UV], texture: slot(12) }
     /// Transmitted light is absorbed on its way.
-    VOLUME { part: Part::Layer, needs: &["TRANSMISSION || DIFFUSE_TRANSMISSION"],
+    VOLUME { part: ShaderPart::Layer, needs: &["TRANSMISSION || DIFFUSE_TRANSMISSION"],
         absence: absence("absorption", "no drawn material has a volume that takes light", "LIT") }
-    THICKNESS_TEXTURE { part: Part::Layer, needs: &["VOLUME || REFRACTION", UV], texture: slot(13) }
+    THICKNESS_TEXTURE { part: ShaderPart::Layer, needs: &["VOLUME || REFRACTION", UV], texture: slot(13) }
     /// A thin film colors what the surface reflects.
-    IRIDESCENCE { part: Part::Layer, needs: &["LAYERS"],
+    IRIDESCENCE { part: ShaderPart::Layer, needs: &["LAYERS"],
         absence: absence("iridescence", "no drawn material has a thin film", "LIT") }
-    IRIDESCENCE_TEXTURE { part: Part::Layer, needs: &["IRIDESCENCE", UV], texture: slot(14) }
-    IRIDESCENCE_THICKNESS_TEXTURE { part: Part::Layer, needs: &["IRIDESCENCE", UV], texture: slot(15) }
+    IRIDESCENCE_TEXTURE { part: ShaderPart::Layer, needs: &["IRIDESCENCE", UV], texture: slot(14) }
+    IRIDESCENCE_THICKNESS_TEXTURE { part: ShaderPart::Layer, needs: &["IRIDESCENCE", UV], texture: slot(15) }
     /// Highlights are drawn out along the tangent. Never forced in: it needs tangents.
-    ANISOTROPY { part: Part::Layer, needs: &["LAYERS"],
+    ANISOTROPY { part: ShaderPart::Layer, needs: &["LAYERS"],
         absence: absence("anisotropy", "no drawn material has highlights that are drawn out", "LIT") }
-    ANISOTROPY_TEXTURE { part: Part::Layer, needs: &["LAYERS", UV], texture: slot(16) }
+    ANISOTROPY_TEXTURE { part: ShaderPart::Layer, needs: &["LAYERS", UV], texture: slot(16) }
     /// Light from behind is scattered out in front.
-    DIFFUSE_TRANSMISSION { part: Part::Layer, needs: &["LAYERS"],
+    DIFFUSE_TRANSMISSION { part: ShaderPart::Layer, needs: &["LAYERS"],
         absence: absence("diffuse transmission", "no drawn material has any: none lets light from behind through", "LIT") }
-    DIFFUSE_TRANSMISSION_TEXTURE { part: Part::Layer, needs: &["DIFFUSE_TRANSMISSION", UV], texture: slot(17) }
-    DIFFUSE_TRANSMISSION_COLOR_TEXTURE { part: Part::Layer, needs: &["DIFFUSE_TRANSMISSION", UV], texture: slot(18) }
+    DIFFUSE_TRANSMISSION_TEXTURE { part: ShaderPart::Layer, needs: &["DIFFUSE_TRANSMISSION", UV], texture: slot(17) }
+    DIFFUSE_TRANSMISSION_COLOR_TEXTURE { part: ShaderPart::Layer, needs: &["DIFFUSE_TRANSMISSION", UV], texture: slot(18) }
     /// The scene color copy is seen where the refracted ray leaves the volume.
-    REFRACTION { part: Part::Layer, needs: &["TRANSMISSION"],
+    REFRACTION { part: ShaderPart::Layer, needs: &["TRANSMISSION"],
         absence: absence("refraction", "no drawn material has a volume that bends light", "LIT") }
     /// Each color is refracted by an index of its own.
-    DISPERSION { part: Part::Layer, needs: &["REFRACTION"],
+    DISPERSION { part: ShaderPart::Layer, needs: &["REFRACTION"],
         absence: absence("dispersion", "no drawn material has a volume that bends colours apart", "LIT") }
 
     /// Parallax mapping by the heights in the normal texture's alpha. Never forced in: other files keep other things there.
     PARALLAX { needs: &["NORMAL_TEXTURE", "!TOON", "!TRIPLANAR", UV] }
     /// The skin is pre-skinned in model space, and instanced: joints lead to model space, the instance's matrix on from there, as
     /// with dual quaternions. Never forced in.
-    SKIN_INSTANCED { by: RequestedBy::Mesh, part: Part::Pose, needs: &["SKIN"],
+    SKIN_INSTANCED { by: RequestedBy::Mesh, part: ShaderPart::Pose, needs: &["SKIN"],
         absence: absence("copies of skinned meshes", "every skinned mesh stands once", "SKIN") }
     /// Blinn–Phong that reflects its surroundings.
     REFLECTION { needs: &["BLINN_PHONG"],
         absence: absence("reflections of Blinn–Phong", "no drawn Blinn–Phong material mirrors its surroundings", "LIT") }
     /// A sky's maps light it, or effects see it behind. Never forced in.
-    SKY { by: RequestedBy::Lights, part: Part::Light, needs: &["LIT || SURFACE"],
+    SKY { by: RequestedBy::Lights, part: ShaderPart::Light, needs: &["LIT || SURFACE"],
         absence: absence_by_stage("image-based light", ["its strength is zero", "the stage has no sky"], "LIT") }
     /// Highlights of Phong in place of Blinn's. Never forced in.
     PHONG { needs: &["BLINN_PHONG"] }
     /// Some light falls off by a polynomial of the distance. Never forced in.
-    POLYNOMIAL_FALLOFF { by: RequestedBy::Lights, part: Part::Light, needs: &["LIT"] }
+    POLYNOMIAL_FALLOFF { by: RequestedBy::Lights, part: ShaderPart::Light, needs: &["LIT"] }
     /// Light is multiplied by the stage's exposure.
-    EXPOSURE { by: RequestedBy::Lights, part: Part::Light, needs: &["LIT || SKY"],
+    EXPOSURE { by: RequestedBy::Lights, part: ShaderPart::Light, needs: &["LIT || SKY"],
         absence: absence("exposure", "it is 0 stops", "LIT") }
     /// The view transform brings the light of surfaces and of the sky to the colors of a display: Khronos PBR Neutral. Never forced in.
-    VIEW_TRANSFORM { by: RequestedBy::Lights, part: Part::Light, needs: &["LIT || SKY"],
+    VIEW_TRANSFORM { by: RequestedBy::Lights, part: ShaderPart::Light, needs: &["LIT || SKY"],
         absence: absence("view transform", "the stage's view is \"none\", or an effect on images brings light to colors", "LIT") }
     /// AgX in its place. Never forced in.
-    AGX { by: RequestedBy::Lights, part: Part::Light, needs: &["VIEW_TRANSFORM"] }
+    AGX { by: RequestedBy::Lights, part: ShaderPart::Light, needs: &["VIEW_TRANSFORM"] }
     /// Vertices are read where the compute pass left them. In recordings only: a plan keeps how they are posed.
-    PRE_SKINNED { by: RequestedBy::Recording, part: Part::Other,
+    PRE_SKINNED { by: RequestedBy::Recording, part: ShaderPart::Other,
         needs: &["!SKIN", "!MORPH", "!DISPLACED", "!THICK_LINES", "!VOLUME", "!REFRACTION", "!TRIPLANAR"] }
 }
 

@@ -3,7 +3,7 @@
 
 use crate::affine::Affine3x4;
 use crate::scene_resources::watertight::WatertightOrder;
-use choreo_asset::{Aabb, Primitive};
+use choreo_asset::{Aabb, Primitive, Topology};
 use choreo_motion::StretchedDualQuaternion;
 use glam::{DAffine3, Mat4, Vec2, Vec3};
 use std::ops::Range;
@@ -35,6 +35,8 @@ pub struct PrimitiveInfo {
     pub influences: usize,
     /// Some vertex color is not white.
     pub colored: bool,
+    /// Its triangles fill all faces of `bounds`: it is a rectangle along the axes, or a box.
+    pub fills_bounds: bool,
     /// Joints that share a vertex with each joint, itself included. Computed on first use.
     companions: OnceLock<Vec<Vec<u16>>>,
     /// Computed on first use; see [`crate::scene_resources::PrimitiveResource::watertight`].
@@ -66,6 +68,7 @@ impl PrimitiveInfo {
             morph_bounds: Vec::new(),
             influences: 0,
             colored: p.colors.iter().any(|&c| c != glam::Vec4::ONE),
+            fills_bounds: false,
             companions: OnceLock::new(),
             watertight: OnceLock::new(),
             morphed_ranges: OnceLock::new(),
@@ -73,6 +76,7 @@ impl PrimitiveInfo {
         if !valid {
             return info;
         }
+        info.fills_bounds = fills_bounds(p, &info.bounds);
         info.morph_bounds = p
             .morphs
             .iter()
@@ -192,6 +196,24 @@ fn companions(p: &Primitive, joints: usize) -> Vec<Vec<u16>> {
 
 fn grown(b: Aabb, by: Aabb) -> Aabb {
     Aabb { min: b.min + by.min, max: b.max + by.max }
+}
+
+/// Whether triangles lie in the faces of their bounds and have the area of these: of one for a flat primitive, else of all six.
+fn fills_bounds(p: &Primitive, bounds: &Aabb) -> bool {
+    let size = (bounds.max - bounds.min).as_dvec3();
+    let faces = size.x * size.y + size.y * size.z + size.z * size.x;
+    let wanted = if size.min_element() == 0.0 { faces } else { 2.0 * faces };
+    let mut area = 0.0;
+    for triangle in p.indices.chunks_exact(3) {
+        let [a, b, c] = [triangle[0], triangle[1], triangle[2]].map(|i| p.positions[i as usize]);
+        let in_face =
+            |k: usize| (a[k] == b[k] && b[k] == c[k]) && (a[k] == bounds.min[k] || a[k] == bounds.max[k]);
+        if !(0..3).any(in_face) {
+            return false;
+        }
+        area += 0.5 * (b - a).as_dvec3().cross((c - a).as_dvec3()).length();
+    }
+    p.topology == Topology::Triangles && wanted > 0.0 && area > 0.999_999 * wanted
 }
 
 /// Whether a whole box lies outside one plane of the view frustum `|x|,|y| ≤ w, 0 ≤ z ≤ w`.

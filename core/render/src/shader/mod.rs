@@ -113,7 +113,7 @@ impl ShaderSources {
                 let failed = |why: String| RenderError::Shader { file: name.clone(), text: why };
                 let bytes = match opened.read(Path::new(module), MOST_BYTES) {
                     Ok(bytes) => bytes,
-                    // A folder may hold only the modules that somebody is editing.
+                    // A folder may hold only the modules that are being edited.
                     Err(e) if e.is_missing() => continue,
                     Err(e) => return Err(failed(format!("cannot read: {e}"))),
                 };

@@ -160,7 +160,7 @@ uniforms! {
         texel_from_relative: Mat4,
         /// The rectangle of the map that holds all texels of the filter: from (xy) and to (zw), texels.
         inside: Vec4,
-        /// x: metres of a texel where w is 1; zw: 1 / texels of the image.
+        /// x: metres of a texel where w is 1; y: `ShadowView::penumbra`; zw: 1 / texels of the image.
         texel: Vec4,
     }
 
@@ -247,6 +247,8 @@ impl LayersUniform {
 
 /// The filter reaches two texels to each side.
 const SHADOW_MARGIN: f32 = 2.0;
+/// The widest penumbra in texels; shaders/shadow.wgsl has the same constant.
+pub const MAX_PENUMBRA: f32 = 12.0;
 
 impl ShadowUniform {
     pub fn new(view: &ShadowView, image: [u32; 2]) -> ShadowUniform {
@@ -257,11 +259,11 @@ impl ShadowUniform {
             Vec4::Z,
             Vec4::new(x + w * 0.5, y + h * 0.5, 0.0, 1.0),
         );
-        let m = SHADOW_MARGIN;
+        let m = SHADOW_MARGIN + if view.penumbra > 0.0 { 0.5 * MAX_PENUMBRA } else { 0.0 };
         ShadowUniform {
             texel_from_relative: texel_from_clip * view.clip_from_relative,
             inside: Vec4::new(x + m, y + m, x + w - m, y + h - m),
-            texel: Vec4::new(view.texel, 0.0, 1.0 / image[0] as f32, 1.0 / image[1] as f32),
+            texel: Vec4::new(view.texel, view.penumbra, 1.0 / image[0] as f32, 1.0 / image[1] as f32),
         }
     }
 }

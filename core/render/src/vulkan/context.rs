@@ -43,7 +43,7 @@ pub(crate) struct ContextOptions<'a> {
     pub validation: bool,
     /// Part of a device's name, any case.
     pub device: Option<&'a str>,
-    /// What a window system wants beside (none for a renderer without a window).
+    /// Further extensions for a window system (none for a renderer without a window).
     pub instance_extensions: &'a [CString],
     pub device_extensions: &'a [CString],
     /// Small blocks of memory: less is left over in them.

@@ -13,7 +13,7 @@ use crate::renderer::DeviceKind;
 use crate::shader::uniforms::RebuiltUniform;
 use ash::vk;
 
-/// Normals and shares, colours, depth: see shaders/deferred.wgsl. Vulkan promises these formats, and as many images, on
+/// Normals and shares, colors, depth: see shaders/deferred.wgsl. Vulkan promises these formats, and as many images, on
 /// every device (Vulkan 1.3, "Required Format Support", `maxColorAttachments`).
 pub const FORMATS: [vk::Format; 3] =
     [vk::Format::R32G32B32A32_UINT, vk::Format::R32G32B32A32_UINT, vk::Format::R32_SFLOAT];

@@ -110,7 +110,7 @@ impl SteadyRenderer {
     }
 }
 
-/// What a fresh device and less at once may mend.
+/// Errors after which a new device and fewer frames in flight may succeed.
 fn is_mishap(error: &RenderError) -> bool {
     matches!(
         error,

@@ -28,17 +28,17 @@ pub enum FaultKind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fault {
     pub place: FaultPlace,
-    /// The how-manieth call there, from 0, over all devices made with these faults.
+    /// The index of the call there, over all devices made with these faults.
     pub nth: usize,
     pub kind: FaultKind,
 }
 
 /// Clones count together.
 #[derive(Clone, Default)]
-pub struct Faults(Option<Arc<Mutex<State>>>);
+pub struct Faults(Option<Arc<Mutex<FaultCounts>>>);
 
 #[derive(Default)]
-struct State {
+struct FaultCounts {
     faults: Vec<Fault>,
     /// Calls by place.
     calls: [usize; 5],
@@ -46,7 +46,7 @@ struct State {
 
 impl Faults {
     pub fn new(faults: Vec<Fault>) -> Faults {
-        Faults(Some(Arc::new(Mutex::new(State { faults, ..State::default() }))))
+        Faults(Some(Arc::new(Mutex::new(FaultCounts { faults, ..FaultCounts::default() }))))
     }
 
     /// Calls at a place until now.

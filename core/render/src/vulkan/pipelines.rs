@@ -8,7 +8,7 @@ use super::faults::FaultPlace;
 use super::pipeline_ids::Backdrop;
 pub use super::pipeline_ids::{Id, ids};
 use super::preskin;
-use super::state::{Mix, State, format_of};
+use super::state::{Mix, PipelineState, format_of};
 use super::targets::DEPTH;
 use crate::error::RenderError;
 use crate::plan::shader_features::names;
@@ -190,18 +190,18 @@ impl Pipelines {
             }
             Id::Scene { variant, samples, float, surface } => (
                 self.scene_code(variant, surface)?,
-                State { samples: *samples, ..State::scene(variant, *float, layouts)? },
+                PipelineState { samples: *samples, ..PipelineState::scene(variant, *float, layouts)? },
             ),
             Id::Background { samples, float, depth, what, surface } => (
                 self.background_code(*what, surface)?,
-                State {
+                PipelineState {
                     name: "background pipeline".into(),
                     samples: *samples,
                     color: Some(format_of(*float)),
                     // Only where the depth is still the cleared 0.
                     depth: depth.then_some((vk::CompareOp::EQUAL, false)),
                     mix: if *what == Backdrop::LayersBehind { Mix::Over } else { Mix::Replace },
-                    ..State::full_screen(self.layout)
+                    ..PipelineState::full_screen(self.layout)
                 },
             ),
             Id::Overlay { samples, float, over } => {
@@ -209,22 +209,22 @@ impl Pipelines {
                 let files = self.sources.files(&OVERLAY)?;
                 (
                     compile(&files, &[], &stages("overlay_vs", "overlay_fs"), false)?,
-                    State {
+                    PipelineState {
                         name: "overlay pipeline".into(),
                         samples: *samples,
                         color: Some(format_of(*float)),
                         depth: Some((compare, false)),
                         mix: Mix::Over,
-                        ..State::full_screen(self.layout)
+                        ..PipelineState::full_screen(self.layout)
                     },
                 )
             }
             Id::Post { effect, number, float } => (
                 self.post_code(effect, *number)?,
-                State {
+                PipelineState {
                     name: format!("post pipeline {effect}"),
                     color: Some(format_of(*float)),
-                    ..State::full_screen(self.post_layout)
+                    ..PipelineState::full_screen(self.post_layout)
                 },
             ),
         };
@@ -316,7 +316,12 @@ impl Pipelines {
         })
     }
 
-    fn build(&self, gpu: &Context, code: &[Entry], state: &State) -> Result<vk::Pipeline, RenderError> {
+    fn build(
+        &self,
+        gpu: &Context,
+        code: &[Entry],
+        state: &PipelineState,
+    ) -> Result<vk::Pipeline, RenderError> {
         let name = &state.name;
         let mut modules = Vec::with_capacity(2);
         let result = (|| {
@@ -339,7 +344,7 @@ impl Pipelines {
         gpu: &Context,
         code: &[Entry],
         modules: &[vk::ShaderModule],
-        state: &State,
+        state: &PipelineState,
     ) -> Result<vk::Pipeline, RenderError> {
         let names: Vec<_> = code
             .iter()

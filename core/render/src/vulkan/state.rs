@@ -10,7 +10,7 @@ use crate::scene_resources::vertex_layout::{Format, VertexLayout};
 use crate::shader::{DeferredPass, PeelPass, SceneVariant, switches};
 use ash::vk;
 
-pub struct State {
+pub struct PipelineState {
     pub name: String,
     pub layout: vk::PipelineLayout,
     pub vertices: Option<VertexLayout>,
@@ -55,9 +55,13 @@ impl Mix {
     }
 }
 
-impl State {
+impl PipelineState {
     /// The state of a scene pipeline with one sample a pixel.
-    pub fn scene(variant: &SceneVariant, float: bool, layouts: &Layouts) -> Result<State, RenderError> {
+    pub fn scene(
+        variant: &SceneVariant,
+        float: bool,
+        layouts: &Layouts,
+    ) -> Result<PipelineState, RenderError> {
         let key = &variant.key;
         let thick = key.features.has(Features::THICK_LINES);
         let peel = variant.peel != PeelPass::No;
@@ -67,7 +71,7 @@ impl State {
             true => layouts.light()?.pipeline,
             false => layouts.material(texture_slots(key.features))?.pipeline,
         };
-        Ok(State {
+        Ok(PipelineState {
             name: format!("scene pipeline {}", switches(variant).join(" ")),
             vertices: (!light).then(|| VertexLayout::of(key.features)),
             topology: match key.topology {
@@ -93,7 +97,7 @@ impl State {
             },
             coverage: key.coverage,
             any_compare: key.peeled && !peel,
-            ..State::full_screen(layout)
+            ..PipelineState::full_screen(layout)
         })
     }
 
@@ -155,8 +159,8 @@ impl State {
         self.color.into_iter().chain(gbuffer).collect()
     }
 
-    pub(crate) fn full_screen(layout: vk::PipelineLayout) -> State {
-        State {
+    pub(crate) fn full_screen(layout: vk::PipelineLayout) -> PipelineState {
+        PipelineState {
             name: String::new(),
             layout,
             vertices: None,

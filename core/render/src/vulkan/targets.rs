@@ -1,4 +1,4 @@
-//! Colour, depth and float images of one size; made again when size, samples or the need for them change.
+//! Color, depth and float images of one size; made again when size, samples or the need for them change.
 
 use super::context::Context;
 use super::error::Named;

@@ -63,7 +63,7 @@ pub fn layered_scene() -> Scene {
         let glass = MaterialLayers {
             transmission: 1.0 - 0.2 * (i % 4) as f32,
             thickness: 0.4,
-            // Two bend light, one of them its colours apart.
+            // Two bend light, one of them its colors apart.
             ior: if i % 2 == 0 { 1.0 } else { 1.5 },
             dispersion: if i == 11 { 4.0 } else { 0.0 },
             attenuation_distance: 0.5,

@@ -129,6 +129,28 @@ pub fn quad(half_width: f32, half_height: f32) -> Primitive {
     }
 }
 
+/// A cube of half a side, its normals split at the edges.
+pub fn cube(half: f32) -> Primitive {
+    let mut cube = Primitive { material: Some(0), ..Primitive::default() };
+    for (n, u) in [
+        (Vec3::X, Vec3::Y),
+        (Vec3::NEG_X, Vec3::Y),
+        (Vec3::Y, Vec3::Z),
+        (Vec3::NEG_Y, Vec3::Z),
+        (Vec3::Z, Vec3::X),
+        (Vec3::NEG_Z, Vec3::X),
+    ] {
+        let v = n.cross(u);
+        let first = cube.positions.len() as u32;
+        for (a, b) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
+            cube.positions.push((n + u * a + v * b) * half);
+            cube.normals.push(n);
+        }
+        cube.indices.extend([0, 1, 2, 0, 2, 3].map(|i| first + i));
+    }
+    cube
+}
+
 pub fn triangle(a: Vec3, b: Vec3, c: Vec3) -> Primitive {
     Primitive {
         indices: vec![0, 1, 2],

@@ -4,17 +4,19 @@ pub use super::joint::find_joint;
 pub(crate) use super::look_at::before_start;
 use super::{expression, keys};
 use crate::build::{ActorDraft, Chain, CueDraft, ParentDraft, room};
-use crate::call::{ApiError, Call, Options, Reply, api, euler, number_in, radians, rgb, unknown};
+use crate::call::{ApiError, Call, Options, Reply, api, euler, fields, number_in, radians, rgb, unknown};
 use crate::hook;
 use crate::procedural::MOST_WIDE;
 use crate::value::{ActorRef, AssetRef, CueRef, JointRef};
 use choreo_asset::{Asset, MeshInstance};
 use choreo_motion::Time;
 use choreo_stage::{
-    Actor, ActorEdit, Attachment, Channel, FieldType, ParentScale, Parenting, Property, Skinning, Target,
+    Actor, ActorEdit, ActorShadow, Attachment, Channel, FieldType, ParentScale, Parenting, Property,
+    Skinning, Target,
 };
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
+use std::collections::BTreeSet;
 
 api! {
     /// Puts an asset on stage as an actor. The name must be unique.
@@ -69,14 +71,20 @@ api! {
     /// Sets the skinning method: "linear" (linear blend skinning as in glTF, the default) or "dual_quaternion"
     /// (dual quaternion skinning, which keeps the volume of twisted limbs).
     Actor.skinning("how") = skinning;
+    /// Sets whether the actor casts shadows and whether shadows fall on it.
+    /// - Options: {}.
+    Actor.shadow("options") = shadow, options(|| fields::documented(&ActorShadow::default(), &[]));
     /// Animates a property with keyframes [[time, value], …].
     /// - Properties: "position" (metres), "rotation" (degrees about y, [x, y, z] in degrees, or quaternions),
     ///   "scale" (a factor or [x, y, z]), "visible" (true or false, changes at the keyframe), "tint" (a color),
     ///   "width" (of lines and points), "count" (of copies, rounded down), and "morph" or "expression" with its
     ///   name as second argument.
     /// - `how`, the interpolation: "linear" (the default), "step", "smooth" (zero velocity at each keyframe) or
-    ///   "cubic" (a spline through the keyframes). Or an easing into every keyframe: a name such as "in_out_sine"
-    ///   (see Cue.ease) or a Bézier curve [x1, y1, x2, y2].
+    ///   "cubic" (a smooth curve through the keyframes: a number never leaves the range between two keyframes,
+    ///   monotone cubic; a position keeps its direction through a keyframe) or "catmull_rom" (a Catmull-Rom spline,
+    ///   which overshoots where keyframes of different speed lie close together). Or an easing into every keyframe: a
+    ///   name such as "in_out_sine" (see Cue.ease) or a Bézier curve [x1, y1, x2, y2].
+    /// - Two keyframes at the same time are a jump from the first value to the second.
     /// - A keyframe [time, value, ease] has its own easing, into that keyframe only; `how` is then "linear".
     Actor.key("property, keys, how? | property, name, keys, how?") = key;
     /// Plays a clip on the actor and returns its cue (an NLA strip), from time 0 or from Cue.from on. A clip of
@@ -85,6 +93,17 @@ api! {
     /// Returns a camera of the actor's file, by name or by index from 0. It moves with the actor. The argument may
     /// be left out where the file has one camera.
     Actor.camera("name_or_index?") -> Camera = super::camera::of_actor;
+}
+
+fn shadow(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    let mut build = c.build();
+    let mut shadow = build.actor(this.id)?.actor.shadow;
+    let o = c.options(0, &fields::names(&shadow, &[]))?;
+    fields::fill(c, &o, &mut shadow)?;
+    build.actor(this.id)?.actor.shadow = shadow;
+    drop(build);
+    c.itself()
 }
 
 fn cast(c: &mut Call) -> Reply {
@@ -116,6 +135,7 @@ fn cast(c: &mut Call) -> Reply {
         joint_keys: Vec::new(),
         parents: Vec::new(),
         face_point: None,
+        hidden_parts: BTreeSet::new(),
     });
     Ok(Dynamic::from(ActorRef { id, asset }))
 }

@@ -4,7 +4,7 @@ use crate::call::{ApiError, Call, Reply, api, describe, one_of, unknown};
 use crate::limits::raise_hint;
 use crate::loader::ImportChoice;
 use crate::value::{AssetRef, ClipRef};
-use choreo_motion::Clip;
+use choreo_motion::{Clip, Front};
 use choreo_plugin::{ImportScope, OptionValue};
 use rhai::{Dynamic, Map};
 use std::sync::{Arc, PoisonError};
@@ -13,6 +13,8 @@ api! {
     /// Loads a model or animation clips from the folder of the script or from a search path, or a built-in asset
     /// such as "choreo:mannequin". Files are imported in parallel; the script waits for a file only where it uses
     /// the contents.
+    /// - Options: facing ("+z", "-z", "+x" or "-x": the front of the model, which face, path and look_at turn to their
+    ///   targets; found by its feet, eyes, knees and clips by default, see `choreo info`).
     /// - Options: importer (name of the importer; chosen by the file by default), compress (tolerance in metres,
     ///   0.000001 to 0.1: each clip is compressed as by Clip.compress), only ("clips": imports neither meshes nor
     ///   textures), and all options of the importer (`choreo plugins` lists them).
@@ -54,6 +56,11 @@ fn load(c: &mut Call) -> Reply {
                 choice.needs = Some(ImportScope::CLIPS);
                 continue;
             }
+            if key == "facing" {
+                let given = one_of(value, "load: facing", &Front::ALL.map(|(name, _)| name))?;
+                choice.front = Front::ALL.iter().find(|(name, _)| *name == given).map(|(_, front)| *front);
+                continue;
+            }
             if key == "compress" {
                 choice.compress = Some(tolerance(value)?);
                 continue;
@@ -74,6 +81,7 @@ fn load(c: &mut Call) -> Reply {
     if clips_only {
         choice.needs = Some(ImportScope::CLIPS);
     }
+    choice.clips = c.shared.played_clips.get().cloned().unwrap_or_default();
     let begun = c.shared.loader.start(start.as_deref(), &name, &choice);
     let import = begun.map_err(|e| ApiError::from(e).focus(name))?;
     let from = c.build().begun(import, &c.place, clips_only);

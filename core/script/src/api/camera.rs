@@ -32,12 +32,15 @@ api! {
     /// Places the camera so that everything visible fits into the image. Options: azimuth (degrees, default 25),
     /// elevation (degrees, -89 to 89, default 10).
     Camera.frame("options?") = frame;
-    /// Sets the vertical field of view in degrees (0.1 to 179, default 40.1). A focal length of F mm on full-frame
-    /// film is `to_degrees(2.0 * atan(12.0 / F))`.
+    /// Sets the vertical field of view in degrees (0.1 to 179, default 40.1).
     Camera.fov("degrees") = fov;
+    /// Sets the focal length of the lens in millimetres (0.2 to 13000), on full-frame film, 24 mm high: 24 is wide,
+    /// 50 normal, 100 a telephoto lens. It sets the field of view.
+    Camera.focal_length("millimetres") = focal_length;
     /// Makes the camera orthographic; `height` is the height of the image in metres.
     Camera.ortho("height") = ortho;
-    /// Sets the near clipping plane in metres (default 0.05).
+    /// Sets the near clipping plane in metres. The default is 0.05, or a hundredth of the way to the target of a camera
+    /// that looks at, follows or orbits one, whichever is nearer.
     Camera.near("metres") = near;
     /// Sets the far clipping plane in metres (default: none; 10000 for an orthographic camera).
     Camera.far("metres") = far;
@@ -54,7 +57,7 @@ fn draft(c: &Call, name: String) -> CameraDraft {
         at: c.place.clone(),
         perspective: None,
         ortho: None,
-        near: 0.05,
+        near: None,
         far: None,
         rig: None,
         position: None,
@@ -153,6 +156,18 @@ fn fov(c: &mut Call) -> Reply {
     })
 }
 
+/// Height of full-frame film, millimetres.
+const FILM_HEIGHT: f64 = 24.0;
+
+fn focal_length(c: &mut Call) -> Reply {
+    let millimetres = c.number_in(0, 0.2, 13_000.0)?;
+    let yfov = (2.0 * libm::atan(FILM_HEIGHT / 2.0 / millimetres)) as f32;
+    change(c, |k| {
+        k.perspective = Some(yfov);
+        k.ortho = None;
+    })
+}
+
 fn ortho(c: &mut Call) -> Reply {
     let height = c.number_in(0, 1e-6, 1e9)? as f32;
     change(c, |k| {
@@ -163,7 +178,7 @@ fn ortho(c: &mut Call) -> Reply {
 
 fn near(c: &mut Call) -> Reply {
     let near = c.number_in(0, 1e-6, 1e9)? as f32;
-    change(c, |k| k.near = near)
+    change(c, |k| k.near = Some(near))
 }
 
 fn far(c: &mut Call) -> Reply {

@@ -119,7 +119,8 @@ fn smooth(c: &mut Call) -> Reply {
 
 fn resample(c: &mut Call) -> Reply {
     let fps = c.number_in(0, 0.001, 1000.0)?;
-    let rate = FrameRate::from_fps(fps).ok_or_else(|| c.wrong(0, "frames a second, from 0.001 to 1000"))?;
+    let rate =
+        FrameRate::from_fps(fps).map_err(|why| ApiError::new(format!("resample: fps {why}, got {fps:?}")))?;
     edit(c, |clip, _| clip.baked(rate).map(|(clip, _)| clip))
 }
 

@@ -115,7 +115,7 @@ fn reach(c: &mut Call) -> Reply {
         target,
         offset: o.point("at")?,
         pole: o.target("pole")?,
-        hint: if knee { DVec3::Z } else { DVec3::NEG_Z },
+        hint: this.asset.front().direction() * if knee { 1.0 } else { -1.0 },
         soft: o.number_in("soft", 0.0, 1.0)?.unwrap_or(0.05),
         keep_rotation: o.flag("keep")?.unwrap_or(false),
     });

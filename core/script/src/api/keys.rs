@@ -4,7 +4,7 @@ use crate::call::fields::pair;
 use crate::call::{ApiError, Call, color, describe, euler, number, number_in, numbers, one_of, wrong};
 use crate::limits::raise_hint;
 use choreo_motion::{Ease, Interpolation, Time};
-use choreo_stage::{Channel, Described, Field, FieldType, Property};
+use choreo_stage::{Channel, Described, Field, FieldType, Property, Tangents};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 
@@ -25,7 +25,7 @@ pub fn keyed<T: Described>() -> Vec<Keyed> {
     T::FIELDS.iter().filter_map(keyed).collect()
 }
 
-const HOW: &[&str] = &["linear", "step", "smooth", "cubic"];
+const HOW: &[&str] = &["linear", "step", "smooth", "cubic", "catmull_rom"];
 
 /// Reads the value of one key; the text is its label in messages.
 type Reader<'a> = dyn Fn(&Dynamic, &str) -> Result<Vec<f64>, ApiError> + 'a;
@@ -193,12 +193,20 @@ fn read_keys(c: &Call, value: &Dynamic, of: &str) -> Result<Vec<(Time, Dynamic)>
             return Err(ApiError::new(format!("{of}: key {n} must be [time, value], got {got}")));
         };
         let t = c.stage_time(&pair[0], &format!("{of}: time of key {n}"))?;
-        if keys.last().is_some_and(|(before, _)| *before >= t) {
+        if keys.last().is_some_and(|(before, _)| *before > t) {
             return Err(ApiError::new(format!(
                 "{of}: times must increase, but key {n} at {} s follows one at {} s",
                 t.as_secs(),
                 keys[n - 1].0.as_secs()
             )));
+        }
+        if keys.last().is_some_and(|(before, _)| *before == t) {
+            // A jump: the value before it holds until the last tick.
+            keys[n - 1].0 = t - Time(1);
+            if n > 1 && keys[n - 2].0 >= keys[n - 1].0 {
+                let text = format!("{of}: at most two keys can have the same time, but key {n} is the third");
+                return Err(ApiError::new(format!("{text} at {} s", t.as_secs())));
+            }
         }
         keys.push((t, pair[1].flatten_clone()));
     }
@@ -324,35 +332,26 @@ fn quaternions(
     Ok(make_channel(Property::Rotation, how, &times, &values))
 }
 
-/// Tangent per second at a keyframe: zero for "smooth", that of the parabola through the neighbours for "cubic"
-/// (finite differences weighted by the spans, as in non-uniform Catmull–Rom splines), zero at the ends.
-fn tangent(how: &str, times: &[Time], values: &[Vec<f64>], i: usize, component: usize) -> f64 {
-    if how == "smooth" || i == 0 || i + 1 == times.len() {
-        return 0.0;
+/// The tangents between which a cubic `how` runs; `None` for the others.
+fn tangents(how: &str) -> Option<Tangents> {
+    match how {
+        "smooth" => Some(Tangents::Flat),
+        "cubic" => Some(Tangents::Limited),
+        "catmull_rom" => Some(Tangents::CatmullRom),
+        _ => None,
     }
-    let at = |k: usize| (times[k].as_secs(), values[k][component]);
-    let ((t0, v0), (t1, v1), (t2, v2)) = (at(i - 1), at(i), at(i + 1));
-    let (left, right) = (t1 - t0, t2 - t1);
-    ((v1 - v0) / left * right + (v2 - v1) / right * left) / (left + right)
 }
 
 fn make_channel(property: Property, how: &str, times: &[Time], values: &[Vec<f64>]) -> Channel {
-    let interpolation = match how {
-        "step" => Interpolation::Step,
-        "linear" => Interpolation::Linear,
-        _ => Interpolation::CubicSpline,
-    };
-    let mut flat = Vec::new();
-    for (i, value) in values.iter().enumerate() {
-        if interpolation == Interpolation::CubicSpline {
-            let tangents: Vec<f64> = (0..value.len()).map(|n| tangent(how, times, values, i, n)).collect();
-            flat.extend_from_slice(&tangents);
-            flat.extend_from_slice(value);
-            flat.extend_from_slice(&tangents);
-        } else {
-            flat.extend_from_slice(value);
+    let (interpolation, flat) = match tangents(how) {
+        Some(tangents) => {
+            let tangents = tangents.of(times, values, property == Property::Translation);
+            let key = |(tangent, value): (&Vec<f64>, &Vec<f64>)| [&tangent[..], value, tangent].concat();
+            (Interpolation::CubicSpline, tangents.iter().zip(values).flat_map(key).collect())
         }
-    }
+        None if how == "step" => (Interpolation::Step, values.concat()),
+        None => (Interpolation::Linear, values.concat()),
+    };
     Channel { property, interpolation, times: times.to_vec(), values: flat }
 }
 
@@ -368,17 +367,25 @@ fn rotation(c: &Call, how: &str, times: &[Time], degrees: &[Vec<f64>]) -> Result
     let one_axis = (0..3).filter(|n| degrees.iter().any(|d| d[*n] != 0.0)).count() <= 1;
     let mut out_times = vec![times[0]];
     let mut out = vec![quat([degrees[0][0], degrees[0][1], degrees[0][2]])];
+    let tangents = tangents(how).map(|tangents| tangents.of(times, degrees, false));
     for i in 1..times.len() {
         let widest = (0..3).map(|n| (degrees[i][n] - degrees[i - 1][n]).abs()).fold(0.0, f64::max);
         let step = if how == "linear" && one_axis { LARGEST_STEP } else { SMALL_STEP };
         // Cubics may swing further than their ends are apart: at least a few keys.
-        let least = if matches!(how, "smooth" | "cubic") { 16.0 } else { 1.0 };
-        let steps = if how == "step" { 1.0 } else { libm::ceil(widest / step).max(least) };
-        count(c, steps.min(1e9) as usize)?;
+        let least = if tangents.is_some() { 16.0 } else { 1.0 };
         let span = times[i] - times[i - 1];
+        let steps = if how == "step" { 1.0 } else { libm::ceil(widest / step).max(least).min(span.0 as f64) };
+        count(c, steps.min(1e9) as usize)?;
         for s in 1..=steps as i64 {
             let w = s as f64 / steps;
-            let value = std::array::from_fn(|n| between(how, times, degrees, i, n, w));
+            let value = std::array::from_fn(|n| {
+                let (a, b) = (degrees[i - 1][n], degrees[i][n]);
+                match &tangents {
+                    _ if how == "step" => b,
+                    None => a + (b - a) * w,
+                    Some(tangents) => hermite([a, b], [tangents[i - 1][n], tangents[i][n]], span, w),
+                }
+            });
             let t = if s as f64 == steps { times[i] } else { times[i - 1] + span.scaled(w) };
             if t > out_times[out_times.len() - 1] {
                 out_times.push(t);
@@ -398,20 +405,11 @@ fn rotation(c: &Call, how: &str, times: &[Time], degrees: &[Vec<f64>]) -> Result
     Ok(Channel { property: Property::Rotation, interpolation, times: out_times, values })
 }
 
-/// Component `n` of the angles between keys `i - 1` and `i`, at weight `w`: cubic Hermite, or a straight line.
-fn between(how: &str, times: &[Time], values: &[Vec<f64>], i: usize, n: usize, w: f64) -> f64 {
-    let (a, b) = (values[i - 1][n], values[i][n]);
-    match how {
-        "step" => b,
-        "linear" => a + (b - a) * w,
-        _ => {
-            let span = (times[i] - times[i - 1]).as_secs();
-            let (ma, mb) = (tangent(how, times, values, i - 1, n), tangent(how, times, values, i, n));
-            let (w2, w3) = (w * w, w * w * w);
-            (2.0 * w3 - 3.0 * w2 + 1.0) * a
-                + (w3 - 2.0 * w2 + w) * span * ma
-                + (3.0 * w2 - 2.0 * w3) * b
-                + (w3 - w2) * span * mb
-        }
-    }
+/// A cubic between two values with their tangents per second, at weight `w`.
+fn hermite([a, b]: [f64; 2], [ma, mb]: [f64; 2], span: Time, w: f64) -> f64 {
+    let (span, w2, w3) = (span.as_secs(), w * w, w * w * w);
+    (2.0 * w3 - 3.0 * w2 + 1.0) * a
+        + (w3 - 2.0 * w2 + w) * span * ma
+        + (3.0 * w2 - 2.0 * w3) * b
+        + (w3 - w2) * span * mb
 }

@@ -17,7 +17,8 @@ api! {
     ///   checkerboard along a side, default 10), alpha ("opaque", "mask", "blend"; default by the alpha of color
     ///   and image).
     /// - Metallic-roughness material: roughness (0 to 1, default 0.9), metallic (0 to 1, default 0), emissive (a
-    ///   color, default black), unlit (true: no lighting), double_sided (true: no back-face culling).
+    ///   color, default black) with emissive_strength (0 to 1000000, default 1; above 1 it is brighter than white,
+    ///   for bloom), unlit (true: no lighting), double_sided (true: no back-face culling).
     /// - Blinn–Phong material, in place of roughness and metallic: shininess (exponent, 1 to 10000), specular (a
     ///   color), phong (true: the Phong highlight), specular_map (an Image: strength and color of the highlight),
     ///   reflection (0 to 1, or a color: the share of the environment reflection, blurred according to shininess,

@@ -124,8 +124,8 @@ fn read_size(c: &Call, size: &Dynamic) -> Result<[u32; 2], ApiError> {
 /// counted again.
 fn read_rate(c: &Call, o: &Options, s: &mut Settings) -> Result<Option<Time>, ApiError> {
     let Some(fps) = o.number("fps")? else { return Ok(None) };
-    s.fps = FrameRate::from_fps(fps)
-        .ok_or_else(|| ApiError::new(format!("stage: fps must be from 0.001 to 1000, got {fps:?}")))?;
+    s.fps =
+        FrameRate::from_fps(fps).map_err(|why| ApiError::new(format!("stage: fps {why}, got {fps:?}")))?;
     let own_length = o.number("length").ok().flatten();
     let changed = s.fps != c.build_fps();
     match c.build().frames_used.clone().filter(|_| changed) {

@@ -10,7 +10,7 @@ use crate::modules::read_text;
 use crate::resolve::finish_stage;
 use crate::suggest::{did_you_mean, list};
 use crate::test_data::{Claim, PictureExpectation, PlanOptions, Scene, SectionInfo};
-use crate::value::{ActorRef, CameraRef, ExpectRef, Kind, LightRef, PlanRef, SceneRef, StageRef};
+use crate::value::{ActorRef, CameraRef, ExpectRef, HandleKind, LightRef, PlanRef, SceneRef, StageRef};
 use choreo_image_diff::{ImageMetric, METRICS};
 use choreo_motion::Time;
 use choreo_stage::Stage;
@@ -347,7 +347,15 @@ fn stage_of(c: &mut Call) -> Reply {
 /// Refuses values with handles: a handle is an index into the stage that it was made for.
 fn no_handles(value: &Dynamic) -> Result<(), ApiError> {
     let kind = crate::value::kind_of(value);
-    if !matches!(kind, Kind::None | Kind::Asset | Kind::Image | Kind::Clip | Kind::Stage | Kind::Plan) {
+    if !matches!(
+        kind,
+        HandleKind::None
+            | HandleKind::Asset
+            | HandleKind::Image
+            | HandleKind::Clip
+            | HandleKind::Stage
+            | HandleKind::Plan
+    ) {
         return Err(ApiError::new(format!(
             "stage_of: the function uses {} of the stage around it",
             describe(value)

@@ -1,7 +1,8 @@
-//! Time span in which an actor is visible: `actor.from(time)`, `actor.until(time)`.
+//! What of an actor is visible, and when: `actor.from(time)`, `actor.until(time)`, `actor.hide_parts(names)`.
 
+use super::cue::layer::matches;
 use super::keys;
-use crate::call::{Call, Reply, api};
+use crate::call::{ApiError, Call, Reply, api, unknown};
 use crate::value::ActorRef;
 use choreo_motion::{Interpolation, Time};
 use choreo_stage::{Channel, Property};
@@ -11,6 +12,44 @@ api! {
     Actor.from("time") = from;
     /// Hides the actor from this time on. A hidden actor costs nothing: it is neither posed nor drawn.
     Actor.until("time") = until;
+    /// Hides parts of the model, such as the second sword of a character: the meshes of these names, or on nodes of
+    /// these names. One name or an array; `*` stands for any letters, as in "Knight_Sword*". Further calls hide
+    /// more.
+    Actor.hide_parts("names") = hide_parts;
+}
+
+fn hide_parts(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    let (value, label) = (c.value(0), c.label(0));
+    let patterns = match value.read_lock::<rhai::Array>() {
+        Some(array) => array.iter().map(|v| crate::call::text(v, &label)).collect::<Result<Vec<_>, _>>()?,
+        None => vec![crate::call::text(&value, &label)?],
+    };
+    let asset = &this.asset;
+    let names: Vec<[&str; 2]> = (asset.instances.iter())
+        .map(|instance| {
+            let mesh = asset.meshes.get(instance.mesh as usize).map_or("", |mesh| mesh.name.as_str());
+            let node = asset.skeleton.names().get(instance.joint as usize).map_or("", String::as_str);
+            [node, mesh]
+        })
+        .collect();
+    let mut hidden = Vec::new();
+    for pattern in &patterns {
+        let known = hidden.len();
+        let named = |names: &[&str; 2]| names.iter().any(|name| matches(pattern.as_bytes(), name.as_bytes()));
+        hidden.extend((0..).zip(&names).filter(|(_, names)| named(names)).map(|(index, _)| index));
+        if hidden.len() == known {
+            let mut nodes: Vec<&str> = names.iter().map(|[node, _]| *node).collect();
+            nodes.sort_unstable();
+            nodes.dedup();
+            return Err(unknown("part", pattern, &format!(" of \"{}\"", asset.name), nodes));
+        }
+    }
+    if patterns.is_empty() {
+        return Err(ApiError::new("hide_parts: names must not be empty"));
+    }
+    c.build().actor(this.id)?.hidden_parts.extend::<Vec<u32>>(hidden);
+    c.itself()
 }
 
 fn from(c: &mut Call) -> Reply {

@@ -14,7 +14,7 @@ use crate::build::{Build, Shared};
 use crate::def::Def;
 use crate::suggest::{closest, did_you_mean, list};
 use crate::synonyms;
-use crate::value::{AssetRef, Kind};
+use crate::value::{AssetRef, HandleKind};
 use choreo_asset::Asset;
 use choreo_motion::Time;
 use choreo_stage::Target;
@@ -38,7 +38,7 @@ macro_rules! api {
     ($($(#[doc = $doc:literal])+ $on:ident $(. $name:ident)? ($args:literal) $(-> $gives:tt)? = $run:expr $(, $mark:ident $(($mark_arg:expr))?)*;)*) => {
         pub(crate) const DEFS: &[$crate::call::Function] = &[$($crate::call::Function {
             def: $crate::call::api!(@def $on $($name)?, $crate::def::Def {
-                on: $crate::value::Kind::None,
+                on: $crate::value::HandleKind::None,
                 name: "",
                 args: $args,
                 gives: $crate::call::api!(@gives $($gives)?),
@@ -52,12 +52,12 @@ macro_rules! api {
     };
     (@def $name:ident, $def:expr) => { $crate::def::Def { name: stringify!($name), ..$def } };
     (@def $on:ident $name:ident, $def:expr) => {
-        $crate::def::Def { on: $crate::value::Kind::$on, name: stringify!($name), ..$def }
+        $crate::def::Def { on: $crate::value::HandleKind::$on, name: stringify!($name), ..$def }
     };
     (@gives) => { $crate::def::Gives::Itself };
     (@gives ()) => { $crate::def::Gives::Nothing };
     (@gives $value:literal) => { $crate::def::Gives::Value($value) };
-    (@gives $kind:ident) => { $crate::def::Gives::A($crate::value::Kind::$kind) };
+    (@gives $kind:ident) => { $crate::def::Gives::A($crate::value::HandleKind::$kind) };
 }
 pub(crate) use api;
 
@@ -104,7 +104,7 @@ pub struct Call<'a, 'b> {
 
 impl Call<'_, '_> {
     fn offset(&self) -> usize {
-        usize::from(self.def.on != Kind::None)
+        usize::from(self.def.on != HandleKind::None)
     }
 
     /// Arguments without the receiver.

@@ -3,7 +3,7 @@
 use super::{ApiError, meant};
 use crate::color;
 use crate::suggest::list;
-use crate::value::{ActorRef, JointRef, Kind, kind_of};
+use crate::value::{ActorRef, HandleKind, JointRef, kind_of};
 use choreo_motion::Time;
 use choreo_stage::Target;
 use glam::{DQuat, DVec3, Vec3, Vec4};
@@ -60,8 +60,12 @@ pub fn describe(v: &Dynamic) -> String {
         return "a function".into();
     }
     match kind_of(&v) {
-        Kind::None => format!("a value of type {}", v.type_name()),
-        k @ (Kind::Asset | Kind::Image | Kind::Actor | Kind::Effect | Kind::Expect) => {
+        HandleKind::None => format!("a value of type {}", v.type_name()),
+        k @ (HandleKind::Asset
+        | HandleKind::Image
+        | HandleKind::Actor
+        | HandleKind::Effect
+        | HandleKind::Expect) => {
             format!("an {}", k.name())
         }
         k => format!("a {}", k.name()),

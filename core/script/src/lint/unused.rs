@@ -24,7 +24,7 @@ const STAGED: [&str; 12] = [
 
 /// Variables whose name stands nowhere else in the file, not even in a comment. Takes time proportional to the file's length.
 pub fn declared(ast: &AST, file: &str, text: &str) -> Vec<Declared> {
-    let (words, lines, statements) = (words(text), line_starts(text), Statements::of(text));
+    let (words, statements) = (words(text), Statements::of(text));
     let mut found: Vec<Declared> = Vec::new();
     ast.walk(&mut |nodes| {
         if let Some(ASTNode::Stmt(Stmt::Var(variable, _, position))) = nodes.last()
@@ -32,12 +32,7 @@ pub fn declared(ast: &AST, file: &str, text: &str) -> Vec<Declared> {
         {
             let name = variable.0.name.as_str();
             let unused = || !name.starts_with('_') && words.get(name) == Some(&1);
-            let staged = || {
-                let start = lines.get(line - 1).copied().unwrap_or(text.len());
-                let before = text[start..].chars().take(column - 1);
-                statements.stages(start + before.map(char::len_utf8).sum::<usize>())
-            };
-            if unused() && !staged() {
+            if unused() && !statements.stages((line, column)) {
                 found.push(Declared {
                     name: name.to_string(),
                     at: Place { file: file.to_string(), line, column },
@@ -58,28 +53,35 @@ fn words(text: &str) -> HashMap<&str, usize> {
     counts
 }
 
-/// The byte at which each line begins.
-fn line_starts(text: &str) -> Vec<usize> {
-    std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect()
-}
+/// Line and column from 1, as Rhai counts them.
+type At = (usize, usize);
 
-/// The bytes at which the statements of a text end, and at which calls of [`STAGED`] begin, sorted.
+/// Ends of the statements of a text, and beginnings of calls of [`STAGED`]; sorted. Places and not bytes: finding the byte of
+/// each variable takes time proportional to the length of its line.
 struct Statements {
-    ends: Vec<usize>,
-    staged: Vec<usize>,
+    ends: Vec<At>,
+    staged: Vec<At>,
 }
 
 impl Statements {
     fn of(text: &str) -> Statements {
-        let begins = |call: &&'static str| text.match_indices(*call).map(|(at, _)| at).collect::<Vec<_>>();
-        let mut staged: Vec<usize> = STAGED.iter().flat_map(begins).collect();
-        staged.sort_unstable();
-        Statements { ends: text.match_indices(';').map(|(at, _)| at).collect(), staged }
+        let mut statements = Statements { ends: Vec::new(), staged: Vec::new() };
+        let (mut line, mut column) = (1, 1);
+        for (byte, c) in text.char_indices() {
+            if c == ';' {
+                statements.ends.push((line, column));
+            }
+            if STAGED.iter().any(|call| text[byte..].starts_with(call)) {
+                statements.staged.push((line, column));
+            }
+            (line, column) = if c == '\n' { (line + 1, 1) } else { (line, column + 1) };
+        }
+        statements
     }
 
-    /// Whether the statement that begins at a byte puts something on stage.
-    fn stages(&self, from: usize) -> bool {
-        let next = |places: &[usize]| places.get(places.partition_point(|at| *at < from)).copied();
+    /// Whether the statement that begins at a place puts something on stage.
+    fn stages(&self, from: At) -> bool {
+        let next = |places: &[At]| places.get(places.partition_point(|at| *at < from)).copied();
         next(&self.staged).is_some_and(|call| next(&self.ends).is_none_or(|end| call < end))
     }
 }
@@ -138,7 +140,7 @@ mod tests {
     #[test]
     fn a_call_counts_until_the_statement_ends() {
         let text = "let a = 1; let b = cast(x); let c = 2";
-        let stages = |part: &str| Statements::of(text).stages(text.find(part).unwrap());
+        let stages = |part: &str| Statements::of(text).stages((1, 1 + text.find(part).unwrap()));
         assert_eq!([stages("a ="), stages("b ="), stages("c =")], [false, true, false]);
     }
 

@@ -1,4 +1,4 @@
-//! Images made of pictures: frames side by side, alpha from brightness, normals with heights.
+//! Images made from other images: frames side by side, alpha from brightness, normals with heights.
 
 use crate::call::{ApiError, Options};
 use crate::value::ImageRef;
@@ -114,7 +114,7 @@ pub(crate) fn normals_of(image: &Image, depth: f32) -> Image {
     Image { rgba, name: image.name.clone(), ..*image }
 }
 
-/// Grey as it is, of colors the mean.
+/// Gray as it is, of colors the mean.
 pub fn brightness([r, g, b, _]: &[u8; 4]) -> u8 {
     ((u16::from(*r) + u16::from(*g) + u16::from(*b)) / 3) as u8
 }

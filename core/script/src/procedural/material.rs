@@ -13,7 +13,7 @@ use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
 /// What [`material`] reads.
-pub(crate) const OPTIONS: [&str; 45] = [
+pub(crate) const OPTIONS: [&str; 46] = [
     "color",
     "image",
     "normal_map",
@@ -59,6 +59,7 @@ pub(crate) const OPTIONS: [&str; 45] = [
     "reflection",
     "reflection_map",
     "environment_map",
+    "emissive_strength",
 ];
 
 /// The images that the options of a material name.
@@ -205,7 +206,7 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
         base_color: base,
         metallic: o.number_in("metallic", 0.0, 1.0)?.unwrap_or(0.0) as f32,
         roughness: o.number_in("roughness", 0.0, 1.0)?.unwrap_or(0.9) as f32,
-        emissive: o.color("emissive")?.map_or(Vec3::ZERO, rgb),
+        emissive: emissive(o)?,
         double_sided: o.flag("double_sided")?.unwrap_or(false),
         ..Material::default()
     };
@@ -224,6 +225,17 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
         None => {}
     }
     Ok((material, images))
+}
+
+/// The emitted light, linear; its strength is multiplied in.
+fn emissive(o: &Options) -> Result<Vec3, ApiError> {
+    let color = o.color("emissive")?.map(rgb);
+    let strength = o.number_in("emissive_strength", 0.0, 1e6)?;
+    if color.is_none() && strength.is_some() {
+        let error = ApiError::new(format!("{}: emissive_strength needs emissive, a color", o.function));
+        return Err(error.focus("emissive_strength"));
+    }
+    Ok(color.unwrap_or(Vec3::ZERO) * strength.unwrap_or(1.0) as f32)
 }
 
 /// How the textures move: `cells` are the columns, rows and count of images that were given one after the other.

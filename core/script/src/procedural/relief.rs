@@ -143,7 +143,7 @@ pub(crate) fn subdivide(p: &mut Primitive) {
     p.indices = indices;
 }
 
-/// Vertices moved along their normals by a picture's brightness, `height` metres where it is white; `tiles`: how often it
+/// Vertices moved along their normals by an image's brightness, `height` metres where it is white; `tiles`: how often it
 /// repeats. Vertices that stood together with one normal get one again.
 pub fn displace(p: &mut Primitive, image: &Image, height: f32, tiles: f32) {
     let key = |v: Vec3| v.to_array().map(|c| (c + 0.0).to_bits());

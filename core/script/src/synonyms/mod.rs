@@ -4,7 +4,7 @@
 //! prints what it has on a term.
 
 use crate::def::{Def, Defs};
-use crate::value::Kind;
+use crate::value::HandleKind;
 use std::sync::LazyLock;
 
 /// Other names that scripts may use: `NAME` of a function, or `FUNCTION: OPTION`, and what they stand for.
@@ -93,7 +93,7 @@ pub(crate) struct Suggestion {
 }
 
 /// The function or method that does what somebody means who calls `name` on a value of this kind.
-pub fn of_function(defs: &Defs, name: &str, on: Kind) -> Option<Suggestion> {
+pub fn of_function(defs: &Defs, name: &str, on: HandleKind) -> Option<Suggestion> {
     let topic = topic(name)?;
     let callable = |target: &Target| target.entry(defs).filter(|_| target.option().is_none());
     let own = topic.calls.iter().find(|target| callable(target).is_some_and(|(_, def)| def.on == on));

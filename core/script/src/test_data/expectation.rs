@@ -52,7 +52,7 @@ pub enum Subject {
 pub enum Claim {
     /// A number that may change over time.
     Number { quantity: Quantity, test: NumberTest },
-    /// A point or a colour that may change over time.
+    /// A point or a color that may change over time.
     Vector { quantity: VectorQuantity, test: VectorTest },
     /// A rotation that may change over time; the same rotation may be written as q and as −q.
     Rotation { quantity: RotationQuantity, goal: RotationGoal, tolerance_deg: f64 },
@@ -115,7 +115,7 @@ pub enum Quantity {
     /// Lowest and highest point of an actor as posed, metres.
     Lowest(usize),
     Highest(usize),
-    /// Height of an actor's outline in the image, as a share of the picture's.
+    /// Height of an actor's outline in the image, as a share of the image's.
     PictureHeight {
         actor: usize,
         camera: Option<usize>,
@@ -171,6 +171,8 @@ pub struct Contact {
     pub height: f64,
     /// Metres a second, up or down.
     pub speed: f64,
+    /// Metres a second along the floor.
+    pub swing: f64,
     /// y of the floor.
     pub ground: f64,
 }
@@ -282,11 +284,11 @@ pub struct InFrame {
     pub actor: usize,
     /// `None`: the camera that is on.
     pub camera: Option<usize>,
-    /// Share of the picture's sides that must stay free, 0 up to 0.5.
+    /// Share of the image's sides that must stay free, 0 up to 0.5.
     pub margin: f64,
-    /// Height of the actor as a share of the picture's.
+    /// Height of the actor as a share of the image's.
     pub height: Option<(f64, f64)>,
-    /// Most degrees between the actor's up and the picture's.
+    /// Most degrees between the actor's up and the image's.
     pub upright: Option<f64>,
 }
 

@@ -13,9 +13,9 @@ use crate::pose::joints::PosedSkeleton;
 use crate::snapshot::Snapshot;
 use crate::stage::constraint::{FootLock, Leg};
 use crate::stage::{Stage, StageError};
-use choreo_motion::Time;
 use choreo_motion::contacts::{ContactThresholds, still_intervals};
 use choreo_motion::math::rotation::rotation_between;
+use choreo_motion::{Front, Time};
 use glam::{DAffine3, DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -28,7 +28,8 @@ const LONGEST_GAP: Time = Time(Time::TICKS_PER_SECOND);
 const FADE: f64 = 0.25;
 /// Metres of a leg that has none.
 const PERSON: f64 = 0.85;
-/// Ground up to so much above where a foot stands in its clip is what it stands on: a high step, not the floor above.
+/// Ground up to so much above where a foot stands in its clip, raised as its last step was, is what it stands on: a high step, not the
+/// floor above.
 const HIGHEST_STEP: f64 = 1.2;
 /// The ball of a foot that is held is at most so high, in legs: one that is held while the toes leave the ground would push them into it.
 const FLAT: f64 = 0.04;
@@ -54,6 +55,8 @@ pub(crate) struct FootLockTrack {
     to_the_end: bool,
     /// Lowering of the hips, so that the legs reach the ground: start time and metres per step.
     drops: Vec<(Time, Vec<f64>)>,
+    /// The actor's front: knees bend there.
+    front: Front,
 }
 
 /// A contact: where the foot stands, and how far that is from where its clips have it at both ends.
@@ -72,7 +75,7 @@ struct Contact {
 pub(crate) struct FootLocks(Mutex<BTreeMap<(usize, usize), Arc<FootLockTrack>>>);
 
 impl FootLocks {
-    /// The same whoever asks first; two who ask at once may both work it out.
+    /// The same whichever thread asks first; two threads that ask at once may both compute it.
     pub fn track(
         &self,
         stage: &Stage,
@@ -96,22 +99,25 @@ fn find(stage: &Stage, actor: usize, foot_lock: &FootLock) -> Result<FootLockTra
     let leg = leg_length(stage, actor, foot_lock);
     let mut scratch = Scratch::only(vec![actor]);
     let mut legs = vec![Vec::new(); foot_lock.legs.len()];
+    // How much higher than in its clips each foot stood last.
+    let mut raised = vec![0.0; foot_lock.legs.len()];
     let mut drops = Vec::new();
     let windows = windows(stage, foot_lock);
     let contacts =
         (!foot_lock.only.is_empty()).then(|| FootContacts::new(&stage.actors[actor], &foot_lock.legs));
     for (from, to) in &windows {
         let samples = look(stage, actor, foot_lock, &mut scratch, *from, *to)?;
-        for (index, (places, legs)) in samples.feet.iter().zip(&mut legs).enumerate() {
+        for (index, ((places, legs), raised)) in
+            samples.feet.iter().zip(&mut legs).zip(&mut raised).enumerate()
+        {
+            let mut stand = |span: &ContactSpan| stand(&samples, span, index, foot_lock, &ground, raised);
             let Some(contacts) = &contacts else {
                 let found = still_intervals(&unrest(&samples, places, leg), STEP.as_secs(), false);
                 let stay = |(first, last): &(usize, usize)| ContactSpan {
                     span: (samples.time(*first), samples.time(*last)),
                     ends: [places[*first], places[*last]],
                 };
-                legs.extend(
-                    found.iter().map(|found| stand(&samples, &stay(found), index, foot_lock, &ground)),
-                );
+                legs.extend(found.iter().map(|found| stand(&stay(found))));
                 continue;
             };
             // Clips say to the instant when a foot comes down and goes up.
@@ -120,7 +126,7 @@ fn find(stage: &Stage, actor: usize, foot_lock: &FootLock) -> Result<FootLockTra
                 for (end, time) in ends.iter_mut().zip([span.0, span.1]) {
                     *end = look(stage, actor, foot_lock, &mut scratch, time, time)?.feet[index][0];
                 }
-                legs.push(stand(&samples, &ContactSpan { span, ends }, index, foot_lock, &ground));
+                legs.push(stand(&ContactSpan { span, ends }));
             }
         }
         if ground.is_empty() && foot_lock.hips.is_some() {
@@ -129,7 +135,8 @@ fn find(stage: &Stage, actor: usize, foot_lock: &FootLock) -> Result<FootLockTra
     }
     let span = windows.first().zip(windows.last()).map_or_else(Default::default, |(a, b)| (a.0, b.1));
     let to_the_end = span.1 >= stage.settings.length;
-    Ok(FootLockTrack { legs, span, to_the_end, drops })
+    let front = stage.actors[actor].asset.front();
+    Ok(FootLockTrack { legs, span, to_the_end, drops, front })
 }
 
 /// The times in which feet are looked at, one after the other: all of the stage, or around those that count.
@@ -262,12 +269,14 @@ struct ContactSpan {
     ends: [DVec3; 2],
 }
 
+/// Contact of a foot with the ground; `raised`: how much higher than in its clips it stood before, and then stands.
 fn stand(
     samples: &FootSamples,
     stay: &ContactSpan,
     leg: usize,
     foot_lock: &FootLock,
     ground: &[Ground],
+    raised: &mut f64,
 ) -> Contact {
     let ContactSpan { span: (from, to), ends } = *stay;
     if !foot_lock.only.is_empty() && !foot_lock.only.iter().any(|(begin, end)| from <= *end && to >= *begin) {
@@ -281,8 +290,9 @@ fn stand(
     if !ground.is_empty() {
         // As high above the ground as the clips have it above their floor.
         let floor = samples.floors[(first + last) / 2];
-        let heights = ground.iter().filter_map(|g| g.height(at, at.y + HIGHEST_STEP));
-        at.y += heights.reduce(f64::max).unwrap_or(floor) - floor;
+        let heights = ground.iter().filter_map(|g| g.height(at, at.y + *raised + HIGHEST_STEP));
+        *raised = heights.reduce(f64::max).unwrap_or(floor) - floor;
+        at.y += *raised;
     }
     Contact { from, to, at: Some(at), first: at - ends[0], last: at - ends[1] }
 }
@@ -376,7 +386,7 @@ impl FootLockTrack {
                     leaving(before).lerp(coming(after), way)
                 }
             }
-            // A foot that comes down soon after the beginning is on the way there already, and who has just left at the end is on it still.
+            // A foot that comes down soon after the beginning is on the way there already, and one that has just left the ground at the end is still on it.
             (None, Some(after)) if self.span.0 <= Time::ZERO && after.from <= LONGEST_GAP => after.first,
             (Some(before), None) if self.to_the_end && self.span.1 - before.to <= LONGEST_GAP => before.last,
             (Some(before), None) => leaving(before),
@@ -421,8 +431,7 @@ pub(super) fn apply(
         feet.iter().zip(&corrections).map(|(foot, c)| *foot + model_from_world.matrix3 * *c).collect();
     for (leg, target) in foot_lock.legs.iter().zip(targets) {
         let (ankle, roll) = on_the_ball(leg, target, body);
-        // Knees bend forward, where characters face.
-        bend_leg(leg, ankle, DVec3::Z, body);
+        bend_leg(leg, ankle, track.front.direction(), body);
         body.turn(leg.foot, roll);
     }
 }

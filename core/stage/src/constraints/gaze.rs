@@ -1,8 +1,7 @@
 //! Eyes that make up for what the head leaves: VRM 1.0, "lookAt.md".
 
 use crate::pose::expressions::ExpressionWeights;
-use crate::pose::gaze::Turn;
-use crate::pose::joints::rotation_of;
+use crate::pose::gaze::{Turn, turned_since_rest};
 use crate::snapshot::ActorState;
 use crate::stage::actor::Actor;
 use choreo_asset::eyes::angles_of;
@@ -36,10 +35,8 @@ impl Gaze<'_> {
         let Some(eyes) = asset.eyes.as_ref().filter(|_| human(HumanBone::Head) == Some(joint)) else {
             return;
         };
-        let rest = asset.rest_model_from_joint();
         let head = &state.model_from_joint[joint as usize];
-        // As the head is turned since it rested, when its axes were the model's.
-        let turned = (rotation_of(head) * rotation_of(&rest[joint as usize]).inverse()).normalize();
+        let turned = turned_since_rest(asset, joint as usize, head);
         let origin = head.transform_point3(eyes.offset_from_head).as_dvec3();
         let way = turned.inverse() * (self.target - origin);
         if !way.is_finite() || way.length_squared() == 0.0 {

@@ -4,7 +4,7 @@ use crate::snapshot::ActorState;
 use crate::stage::Stage;
 use crate::transforms::target_position;
 use choreo_asset::{Asset, EyesMovedBy};
-use choreo_motion::{HumanBone, Time};
+use choreo_motion::{Front, HumanBone, Time};
 use glam::{Affine3A, DQuat, DVec3, Mat3, Mat3A, Vec3, Vec3A};
 
 /// A joint turns at most this far from its clip's pose, 80°: a head's reach. Beyond it the turn fades out again until the
@@ -50,7 +50,7 @@ pub(crate) fn turn(stage: &Stage, aim: &Aim, state: &mut ActorState, turned: &mu
     let model_from_joint = state.model_from_joint[joint];
     let pivot = Vec3::from(model_from_joint.translation);
     let target = state.world_from_model.inverse().transform_point3(aim.world_target);
-    let forward = forward_in_joint(&rest[joint]);
+    let forward = forward_in_joint(&rest[joint], stage.actors[aim.actor].asset.front());
     let now = Vec3::from(model_from_joint.matrix3 * forward).as_dvec3();
     let eye = eye_turn(&stage.actors[aim.actor].asset, joint, state, target, aim.share);
     let turn = match eye {
@@ -90,9 +90,10 @@ fn eye_turn(asset: &Asset, joint: usize, state: &ActorState, target: DVec3, shar
     let head = humanoid.joint(HumanBone::Head)? as usize;
     let now = state.model_from_joint.get(head)?;
     let origin = now.transform_point3(eyes.offset_from_head).as_dvec3();
-    // From the head as it is to the head at rest, which looks along the model's +Z.
+    // From the head as it is to the head at rest, which looks along the model's front.
     let rotation = |m: &Affine3A| m.to_scale_rotation_translation().1.as_dquat();
-    let turned = (rotation(now) * rotation(asset.rest_model_from_joint().get(head)?).inverse()).normalize();
+    let rest = rotation(asset.rest_model_from_joint().get(head)?);
+    let turned = (rotation(now) * rest.inverse()).normalize() * asset.front().rotation();
     let way = (turned.inverse() * (target - origin)).try_normalize()?;
     let (yaw, pitch) = eyes.turn_of(left, way);
     let own = DQuat::from_rotation_y(yaw * share) * DQuat::from_rotation_x(-pitch * share);
@@ -100,9 +101,9 @@ fn eye_turn(asset: &Asset, joint: usize, state: &ActorState, target: DVec3, shar
     turn.is_finite().then_some(turn)
 }
 
-/// The direction in a joint's space that is the model's +Z at rest; +Z where the rest pose is flat.
-pub(crate) fn forward_in_joint(rest_model_from_joint: &Affine3A) -> Vec3A {
-    let forward = rest_model_from_joint.matrix3.inverse() * Vec3A::Z;
+/// The direction in a joint's space that is the model's front at rest; +Z where the rest pose is flat.
+pub(crate) fn forward_in_joint(rest_model_from_joint: &Affine3A, front: Front) -> Vec3A {
+    let forward = rest_model_from_joint.matrix3.inverse() * Vec3A::from(front.direction().as_vec3());
     if forward.is_finite() { forward.normalize_or(Vec3A::Z) } else { Vec3A::Z }
 }
 

@@ -236,7 +236,7 @@ fn solve_constraint(
     };
     match kind {
         ConstraintKind::Aim(aim) => {
-            let forward = look_at::forward_in_joint(&rest[last(&aim.joints)]);
+            let forward = look_at::forward_in_joint(&rest[last(&aim.joints)], actor.asset.front());
             solve_aim(aim, share, target, forward, &mut scratch.aim, &mut scratch.turns, &mut posed);
         }
         ConstraintKind::Reach(reach) => {

@@ -6,10 +6,10 @@ use crate::properties::materials as material_changes;
 use crate::snapshot::ActorState;
 use crate::stage::actor::Actor;
 use choreo_asset::eyes::requested;
-use choreo_asset::{Expression, Eyes, EyesMovedBy};
+use choreo_asset::{Asset, Expression, Eyes, EyesMovedBy};
 use choreo_motion::math::rotation::rotation_fraction;
 use choreo_motion::{HumanBone, Time};
-use glam::DQuat;
+use glam::{Affine3A, DQuat};
 
 /// What expressions ask of the eyes (see [`GAZE`](choreo_asset::eyes::GAZE)), in a body that its clips have posed.
 /// `faces.asked` and `.settled` are this actor's.
@@ -30,8 +30,7 @@ pub(crate) fn as_asked(
     let Some((yaw, pitch)) = requested(&asset.expressions, weights) else { return };
     let head = asset.skeleton.humanoid().and_then(|h| h.joint(HumanBone::Head));
     let Some(head) = head.map(|joint| joint as usize) else { return };
-    let now = rotation_of(&state.model_from_joint[head]);
-    let turned = (now * rotation_of(&asset.rest_model_from_joint()[head]).inverse()).normalize();
+    let turned = turned_since_rest(asset, head, &state.model_from_joint[head]);
     let mut below = std::mem::take(&mut expression_weights.below);
     Turn { actor, eyes, turned, yaw, pitch, share: 1.0, time }.apply(
         |_| false,
@@ -42,11 +41,17 @@ pub(crate) fn as_asked(
     expression_weights.below = below;
 }
 
+/// Rotation from axes with the model's front as +Z to those of a head, which are the same at rest.
+pub(crate) fn turned_since_rest(asset: &Asset, head: usize, model_from_head: &Affine3A) -> DQuat {
+    let rest = rotation_of(&asset.rest_model_from_joint()[head]);
+    (rotation_of(model_from_head) * rest.inverse()).normalize() * asset.front().rotation()
+}
+
 /// Eyes on their way to a direction seen from the head.
 pub(crate) struct Turn<'a> {
     pub actor: &'a Actor,
     pub eyes: &'a Eyes,
-    /// How the head is turned since it rested, when its axes were the model's.
+    /// See [`turned_since_rest`].
     pub turned: DQuat,
     pub yaw: f64,
     pub pitch: f64,

@@ -1,4 +1,4 @@
-//! Materials that change with the time: by clips (KHR_animation_pointer), by expressions (VRM's colour and texture binds), by
+//! Materials that change with the time: by clips (KHR_animation_pointer), by expressions (VRM's color and texture binds), by
 //! themselves (MToon's moving textures). An actor without any of these pays one look at its clips.
 
 use crate::properties;

@@ -42,7 +42,7 @@ pub(crate) fn at<const N: usize>(
     Some(value)
 }
 
-/// The base colour factors of an actor's materials; empty where its clips animate none.
+/// The base color factors of an actor's materials; empty where its clips animate none.
 pub(crate) fn base_colors(actor: &Actor, time: Time, out: &mut Vec<Vec4>) {
     out.clear();
     let asset = &actor.asset;

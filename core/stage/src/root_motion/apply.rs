@@ -40,7 +40,7 @@ pub(crate) fn apply(
             && let Some(other) = actor.face.and_then(|other| placements.get(other))
         {
             let way = other.translation - placements[index].translation;
-            faced.push((index, facing(&DAffine3::IDENTITY, way)));
+            faced.push((index, facing(&DAffine3::IDENTITY, way, actor.asset.front())));
         }
     }
     for (index, turn) in faced.iter() {
@@ -56,7 +56,7 @@ pub(crate) fn apply(
                 |at| track.map_or(0.0, |track| size * track.carried(actor, at, active_cues).forward);
             let metres = path_following.metres(time, forward);
             let anchor = track.map_or(DVec3::ZERO, RootMotionTrack::anchor);
-            placements[index] = path_following.placed(placement, metres, anchor);
+            placements[index] = path_following.placed(placement, metres, anchor, actor.asset.front());
         } else if let Some(track) = track {
             placements[index] = placement.carried(track.carried(actor, time, active_cues).frame);
         }

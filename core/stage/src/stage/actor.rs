@@ -31,7 +31,7 @@ described! {
             }
             w.flag(false);
         };
-        /// Turned about its parent's +Y so that +Z points to where this actor stands; its own rotation comes first.
+        /// Turned about its parent's +Y so that its front points to where this actor stands; its own rotation comes first.
         face: Option<usize> = None;
         layers: Vec<Layer> = Vec::new();
         channels: Vec<Channel> = Vec::new();
@@ -62,6 +62,7 @@ described! {
         skinning: Skinning = Skinning::default();
         /// How its surfaces are cut out and mixed; of several rules for the same option the last counts.
         surfaces: Vec<SurfaceRule> = Vec::new();
+        shadow: ActorShadow = ActorShadow::default();
     }
     fields {
         position: transform.translation, FieldType::Point, keys "position" Translation;
@@ -73,6 +74,21 @@ described! {
         width: line_width, FieldType::Number(0.0, 16384.0, ""), keys "width" LineWidth, lacks has_no_pen;
         /// of its copies
         count: copies, FieldType::Number(0.0, 4294967295.0, ""), keys "count" Copies, lacks has_no_copies;
+    }
+}
+
+described! {
+    /// Part of an actor in shadows.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct ActorShadow {
+        cast: bool = true;
+        receive: bool = true;
+    }
+    fields {
+        /// whether it casts shadows
+        cast: cast, FieldType::Flag;
+        /// whether shadows fall on it, its own among them
+        receive: receive, FieldType::Flag;
     }
 }
 
@@ -107,7 +123,7 @@ pub struct Attachment {
     pub joint: Option<u32>,
 }
 
-/// A joint turned towards a target: the direction that is the model's +Z in rest pose (glTF characters face +Z) is turned,
+/// A joint turned towards a target: the direction that is the model's front in rest pose ([`Asset::front`]) is turned,
 /// on the shortest way from the clip's pose, to point at it. See [`crate::constraints::look_at::LOOK_AT_LIMIT_RAD`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct LookAt {

@@ -29,6 +29,8 @@ described! {
     pub struct Camera {
         name: String = String::new();
         projection: Projection = Projection::default();
+        /// The near plane is as `projection` has it. Otherwise it is brought nearer for a target that is close.
+        near_is_set: bool = false;
         rig: Rig = Rig::Frame { azimuth: 0.0, elevation: 0.0 };
         channels: Vec<Channel> = Vec::new();
     }
@@ -51,6 +53,7 @@ described! {
         near: [get |of: &Camera| FieldValue::Number(of.near().into()), set |of: &mut Camera, v| {
             let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) = &mut of.projection;
             crate::stage::described::Holds::hold(near, v);
+            of.near_is_set = true;
         }], FieldType::Number(1e-6, 1e9, "metres");
         /// far clipping plane
         far: [get |of: &Camera| crate::stage::described::Holds::value(&of.far()), set |of: &mut Camera, v| match &mut of.projection {

@@ -59,7 +59,7 @@ pub struct ReachConstraint {
 /// Several joints turn until the last one points at a target.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AimConstraint {
-    /// Each below the one before; the last one points with the direction that is the model's +Z at rest.
+    /// Each below the one before; the last one points with the direction that is the model's front at rest.
     pub joints: Vec<u32>,
     /// One a joint, ≥ 0: how much of the turn it takes beside the others.
     pub shares: Vec<f64>,
@@ -101,7 +101,7 @@ impl Constraint {
         if time < self.start || self.end.is_some_and(|end| time >= end) {
             return 0.0;
         }
-        // Feet that stand as the stage begins stand already, and who is mirrored then has always been.
+        // Feet that stand as the stage begins stand already, and an actor that is mirrored then has always been.
         let begun = self.start <= Time::ZERO
             && matches!(self.kind, ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_));
         let fade_in = if begun { 1.0 } else { eased(Ease::Smooth, fraction(time - self.start, self.fade)) };

@@ -51,7 +51,7 @@ pub enum Layer2dContent {
         font: Font,
         /// Size of the font's em, as a fraction of the image's height.
         size: f64,
-        /// Lines are broken where they would be wider, in shares of the picture's width.
+        /// Lines are broken where they would be wider, in shares of the image's width.
         width: Option<f64>,
         align: Align,
         /// Line height in sizes.
@@ -74,9 +74,9 @@ pub enum Layer2dContent {
 /// How large an image is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fit {
-    /// Share of the picture's height.
+    /// Share of the image's height.
     Height(f64),
-    /// Share of the picture's width.
+    /// Share of the image's width.
     Width(f64),
     /// All of it is seen, as large as can be.
     Contain,

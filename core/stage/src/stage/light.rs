@@ -45,18 +45,24 @@ described! {
     pub struct Shadow {
         /// The most texels along a side of a map.
         size: u32 = 2048;
-        /// Metres over which an edge goes from dark to light. A map is as coarse as this allows: a soft shadow costs less.
-        softness: f32 = 0.01;
+        /// Metres over which an edge goes from dark to light, wherever it falls. `None`: a sun's edges are as wide as its disc makes them
+        /// ([`SUN_ANGLE`]), those of other lights [`Shadow::LAMP_SOFTNESS`].
+        softness: Option<f32> = None;
     }
     fields {
         /// size of the shadow map
         size: size, FieldType::Number(64.0, 4096.0, "texels");
-        /// width of the soft edge
+        /// width of the soft edge; by default 0.01, and of a sun what its disc of 0.53° makes, wider farther from the caster
         softness: softness, FieldType::Number(0.0, 100.0, "metres");
     }
 }
 
+/// Apparent diameter of the sun, radians (0.53°).
+pub const SUN_ANGLE: f32 = 0.53 * std::f32::consts::PI / 180.0;
+
 impl Shadow {
+    /// Width of the soft edges of point and spot lights that set none, metres.
+    pub const LAMP_SOFTNESS: f32 = 0.01;
     /// Allowed sizes of a shadow map.
     pub const SIZES: std::ops::RangeInclusive<u32> = 64..=4096;
 }

@@ -18,6 +18,7 @@ pub(crate) mod root_motion;
 pub(crate) mod sky;
 pub(crate) mod springs;
 pub(crate) mod surfaces;
+pub(crate) mod tangents;
 pub(crate) mod time_remapping;
 
 use crate::stage::actor::Actor;

@@ -1,7 +1,7 @@
 //! Paths: a smooth curve through points, gone along by its length.
 
 use crate::stage::actor::Placement;
-use choreo_motion::Time;
+use choreo_motion::{Front, Time};
 use glam::{DQuat, DVec3};
 
 /// Pieces of a stretch whose length is integrated (Gauss–Legendre, 3 points): 1e-9 of a stretch of a turn.
@@ -151,10 +151,14 @@ impl Path {
 }
 
 impl PathFollowing {
-    /// The placement at a distance in metres along the path. `anchor`: where in model space the root stands, which keeps to the path.
-    pub fn placed(&self, from: Placement, metres: f64, anchor: DVec3) -> Placement {
+    /// The placement at a distance in metres along the path, `front` ahead. `anchor`: where in model space the root stands, which keeps to the path.
+    pub fn placed(&self, from: Placement, metres: f64, anchor: DVec3, front: Front) -> Placement {
         let (place, way) = self.path.at(metres);
-        let yaw = if self.turns && (way.x != 0.0 || way.z != 0.0) { libm::atan2(way.x, way.z) } else { 0.0 };
+        let yaw = if self.turns && (way.x != 0.0 || way.z != 0.0) {
+            libm::atan2(way.x, way.z) - front.yaw_rad()
+        } else {
+            0.0
+        };
         let turned = from.rotation * DQuat::from_rotation_y(yaw);
         let root = from.translation + from.rotation * place;
         Placement {

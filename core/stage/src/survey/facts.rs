@@ -148,7 +148,9 @@ impl Facts {
                 let Some(target) = target_position(stage, &snapshot.actors, &look.target) else { continue };
                 let target = state.world_from_model.inverse().transform_point3(target);
                 let way = (target - Vec3::from(posed.translation).as_dvec3()).try_normalize();
-                let ahead = Vec3::from(posed.matrix3 * forward_in_joint(rest)).as_dvec3().try_normalize();
+                let ahead = Vec3::from(posed.matrix3 * forward_in_joint(rest, actor.asset.front()))
+                    .as_dvec3()
+                    .try_normalize();
                 facts.reached |= match (way, ahead) {
                     (Some(way), Some(ahead)) => libm::acos(way.dot(ahead).clamp(-1.0, 1.0)) < REACHED_RAD,
                     // The target is in the joint.

@@ -1,6 +1,6 @@
 //! What a stage shows over its length, and what in it never shows: found by evaluating it at some times, without drawing.
 //!
-//! Boxes are conservative (never smaller than what they hold), so "never in the picture" is true where it is reported; something
+//! Boxes are conservative (never smaller than what they hold), so "never in the image" is true where it is reported; something
 //! that hides behind another thing, or whose box alone is in the image, is not found.
 
 mod facts;

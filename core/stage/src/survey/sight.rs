@@ -63,7 +63,7 @@ impl Sight {
     pub fn covers(&self, bounds: &DAabb) -> Result<f64, Miss> {
         let (nearest, farthest) = (-bounds.max.z, -bounds.min.z);
         let aspect = self.size[0] / self.size[1];
-        // Half of the picture's width and height at a depth.
+        // Half of the image's width and height at a depth.
         let half = |depth: f64| match self.projection {
             Projection::Perspective { yfov, .. } => {
                 let up = libm::tan(f64::from(yfov) / 2.0) * depth;

@@ -8,16 +8,17 @@ use crate::stage::Stage;
 use crate::stage::actor::Attachment;
 use crate::stage::actor::Target;
 use choreo_asset::widen;
+use choreo_motion::Front;
 use glam::{DAffine3, DQuat, DVec3};
 
-/// The turn about +Y of a frame that brings its +Z towards a world direction; none where that goes straight up or nowhere.
-pub(crate) fn facing(world_from_frame: &DAffine3, world_way: DVec3) -> DQuat {
+/// The turn about +Y of a frame that brings a front towards a world direction; none where that goes straight up or nowhere.
+pub(crate) fn facing(world_from_frame: &DAffine3, world_way: DVec3, front: Front) -> DQuat {
     let way = world_from_frame.matrix3.inverse() * world_way;
     let yaw = libm::atan2(way.x, way.z);
     if (way.x == 0.0 && way.z == 0.0) || !yaw.is_finite() {
         return DQuat::IDENTITY;
     }
-    DQuat::from_rotation_y(yaw)
+    DQuat::from_rotation_y(yaw - front.yaw_rad())
 }
 
 /// World from the space of an actor or one of its joints. Of a joint that is not posed: as at rest.

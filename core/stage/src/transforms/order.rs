@@ -79,7 +79,7 @@ fn needs(stage: &Stage, parents: &ActiveParents, node: usize, out: &mut Vec<usiz
     }
 }
 
-/// Names the cycle that depth-first search has met: it is on the stack, from the node that is needed again upwards.
+/// Names the cycle that the depth-first search has found: it is on the stack, from the node that is needed again upwards.
 fn cycle(stage: &Stage, order: &PlacementOrder, again: usize) -> StageError {
     // A node may lie on the stack several times; its last place is the one that was entered.
     let from = order.stack.iter().rposition(|node| *node == again).unwrap_or(0);

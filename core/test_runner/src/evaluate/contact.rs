@@ -13,8 +13,13 @@ pub(crate) fn foot_at(looks: &mut Looks, contact: &Contact, time: Time) -> Resul
     Ok(looks.attachment(&at, time)?.translation)
 }
 
-pub fn touches(contact: &Contact, before: DVec3, now: DVec3, secs: f64) -> bool {
-    now.y - contact.ground <= contact.height && (now.y - before.y).abs() <= contact.speed * secs
+/// Whether a joint that moves from one place to another touches the floor; `stands`: whether it stood there before.
+pub fn touches(contact: &Contact, stands: bool, [before, now]: [DVec3; 2], secs: f64) -> bool {
+    let way = now - before;
+    now.y - contact.ground <= contact.height
+        && way.y.abs() <= contact.speed * secs
+        // A foot that swings low past the floor is no step; one that stands can be dragged at any speed.
+        && (stands || way.with_y(0.0).length() <= contact.swing * secs)
 }
 
 pub fn slide(looks: &mut Looks, e: &Expectation, contact: &Contact) -> Result<Series, Unjudged> {
@@ -33,7 +38,7 @@ pub fn slide(looks: &mut Looks, e: &Expectation, contact: &Contact) -> Result<Se
     let mut slid: Option<f64> = None;
     for time in &times {
         let now = foot_at(looks, contact, *time)?;
-        let down = touches(contact, before.0, now, (*time - before.1).as_secs());
+        let down = touches(contact, slid.is_some(), [before.0, now], (*time - before.1).as_secs());
         slid = down.then(|| match slid {
             Some(slid) => slid + (now - before.0).with_y(0.0).length(),
             None => 0.0,

@@ -45,7 +45,7 @@ impl Lens {
         })
     }
 
-    /// Half the picture's height in metres, at a depth before the camera.
+    /// Half the image's height in metres, at a depth before the camera.
     fn half_height(&self, depth: f64) -> f64 {
         match self.projection {
             Projection::Perspective { yfov, .. } => libm::tan(f64::from(yfov) / 2.0) * depth,

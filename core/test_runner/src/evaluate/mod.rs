@@ -23,7 +23,7 @@ mod value;
 mod vector;
 mod words;
 
-use crate::outcome::{Check, Evidence, Place, Trace};
+use crate::outcome::{Check, Evidence, SourceLocation, Trace};
 use choreo_plugin::Registry;
 use choreo_script::Severity;
 use choreo_script::testing::{Claim, Expectation, SectionRun, TextsQuantity};
@@ -39,7 +39,7 @@ pub fn evaluate(run: &SectionRun, registry: &Registry) -> Vec<Check> {
     }
     if let Some(problem) = run.broken.first() {
         if !run.expectations.is_empty() {
-            let place = Place { file: run.info.file.clone(), line: run.info.line, column: 0 };
+            let place = SourceLocation { file: run.info.file.clone(), line: run.info.line, column: 0 };
             let mut check =
                 failed(place, "the stage can be evaluated", "a sound stage", problem.message.clone());
             check.hint =
@@ -103,7 +103,7 @@ impl Judged {
             false => Evidence::Traces(self.traces),
         };
         Check {
-            place: Place { file: place.file.clone(), line: place.line, column: place.column },
+            place: SourceLocation { file: place.file.clone(), line: place.line, column: place.column },
             title: expectation.source.trim_end_matches(';').to_string(),
             passed: self.passed,
             expected: self.expected,
@@ -143,7 +143,7 @@ fn diagnostics(run: &SectionRun) -> Vec<Check> {
     let mut checks = Vec::new();
     for e in &run.expected {
         let word = if e.severity == Severity::Error { "error" } else { "warning" };
-        let place = Place { file: run.info.file.clone(), line: e.line, column: 0 };
+        let place = SourceLocation { file: run.info.file.clone(), line: e.line, column: 0 };
         let expected = format!("{word}: {}", e.text);
         let title = format!("//~ {expected}");
         checks.push(match e.met {
@@ -152,7 +152,7 @@ fn diagnostics(run: &SectionRun) -> Vec<Check> {
         });
     }
     let unexpected = |d: &choreo_script::Diagnostic, word: &str| {
-        let place = Place { file: d.file.clone(), line: d.line, column: d.column };
+        let place = SourceLocation { file: d.file.clone(), line: d.line, column: d.column };
         let title = format!("no {word} but those expected");
         let mut check = failed(place, title, format!("no {word}"), d.message.clone());
         check.hint = d.hint.clone().unwrap_or_default();
@@ -169,7 +169,7 @@ fn diagnostics(run: &SectionRun) -> Vec<Check> {
 
 /// A check that has failed.
 fn failed(
-    place: Place,
+    place: SourceLocation,
     title: impl Into<String>,
     expected: impl Into<String>,
     got: impl Into<String>,

@@ -2,7 +2,7 @@
 
 use super::looks::Looks;
 use super::{failed, texts, words};
-use crate::outcome::{Check, Place};
+use crate::outcome::{Check, SourceLocation};
 use choreo_motion::Time;
 use choreo_script::testing::SectionRun;
 use choreo_stage::{ActorState, Evaluator, Snapshot};
@@ -14,7 +14,7 @@ const AGAIN: usize = 16;
 
 pub fn judge(run: &SectionRun, looks: &mut [Looks]) -> Vec<Check> {
     let Some(own) = looks.first_mut() else { return Vec::new() };
-    let place = || Place { file: run.info.file.clone(), line: 0, column: 0 };
+    let place = || SourceLocation { file: run.info.file.clone(), line: 0, column: 0 };
     let passed =
         |title: &str, got: String| Check { passed: true, ..failed(place(), title, got.clone(), got) };
     let mut checks = Vec::new();

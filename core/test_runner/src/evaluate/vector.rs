@@ -1,4 +1,4 @@
-//! Points, directions and colours over time.
+//! Points, directions and colors over time.
 
 use super::band::{Band, Series, judge_band};
 use super::looks::{Looks, rotation_of};

@@ -2,7 +2,7 @@
 
 use super::{accept, rerun};
 use crate::collect::{Case, shown};
-use crate::outcome::{Evidence, Outcome, Place, Status};
+use crate::outcome::{Evidence, Outcome, SourceLocation, Status};
 use crate::run::Report;
 use serde_json::{Value, json};
 
@@ -67,7 +67,7 @@ fn outcome(o: &Outcome) -> Value {
     })
 }
 
-fn place(place: &Place) -> Value {
+fn place(place: &SourceLocation) -> Value {
     json!({ "file": place.file, "line": place.line, "column": place.column })
 }
 

@@ -3,7 +3,7 @@
 use super::sequencer::{COLORS, STRIP};
 use super::strip::Strips;
 use crate::app::Viewer;
-use crate::state::events::{Event, Kind};
+use crate::state::events::{Event, EventKind};
 use crate::state::selection::{Selected, actor};
 use crate::state::timeline::{Row, Timeline};
 use choreo_motion::Time;
@@ -70,21 +70,23 @@ fn hover(viewer: &Viewer, event: &Event) -> String {
 }
 
 /// A key is a diamond, as everywhere; an appearance or disappearance a circle, an actor's event a square, a named time a flag.
-fn shape(kind: Kind, at: egui::Pos2, fill: Color32) -> Shape {
+fn shape(kind: EventKind, at: egui::Pos2, fill: Color32) -> Shape {
     let line = Stroke::new(1.0, Color32::from_gray(20));
     let points = |all: &[(f32, f32)]| all.iter().map(|(x, y)| at + vec2(*x, *y) * HALF).collect();
     match kind {
-        Kind::Key => {
+        EventKind::Key => {
             Shape::convex_polygon(points(&[(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)]), fill, line)
         }
-        Kind::Entrance => Shape::Vec(vec![
+        EventKind::Entrance => Shape::Vec(vec![
             Shape::circle_filled(at, HALF - 0.5, fill),
             Shape::circle_stroke(at, HALF - 0.5, line),
         ]),
-        Kind::Body => {
+        EventKind::Body => {
             Shape::convex_polygon(points(&[(-0.8, -0.8), (0.8, -0.8), (0.8, 0.8), (-0.8, 0.8)]), fill, line)
         }
-        Kind::Mark => Shape::convex_polygon(points(&[(-1.0, -1.0), (1.0, -1.0), (0.0, 1.0)]), fill, line),
+        EventKind::Mark => {
+            Shape::convex_polygon(points(&[(-1.0, -1.0), (1.0, -1.0), (0.0, 1.0)]), fill, line)
+        }
     }
 }
 

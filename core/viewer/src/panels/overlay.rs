@@ -1,4 +1,4 @@
-//! What is laid over the picture: the ground's grid, skeletons, bounds, safe areas. Lines of the window, not of the scene: they are
+//! What is laid over the image: the ground's grid, skeletons, bounds, safe areas. Lines of the window, not of the scene: they are
 //! visible through everything.
 
 use crate::app::Viewer;

@@ -11,7 +11,7 @@ use std::sync::Arc;
 const MOST: usize = 2000;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Kind {
+pub enum EventKind {
     /// A value of its own is given for this time.
     Key,
     /// Somebody, or a word, comes or goes.
@@ -25,7 +25,7 @@ pub enum Kind {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Event {
     pub at: Time,
-    pub kind: Kind,
+    pub kind: EventKind,
     /// Everything that happens then, one line each.
     pub label: String,
     pub what: Option<Selected>,
@@ -35,11 +35,11 @@ pub struct Event {
 /// The events of one row, gathered: those of one time are one.
 #[derive(Default)]
 pub(crate) struct Gathered {
-    all: Vec<(Time, Kind, String)>,
+    all: Vec<(Time, EventKind, String)>,
 }
 
 impl Gathered {
-    fn add(&mut self, at: Time, kind: Kind, label: impl Into<String>) {
+    fn add(&mut self, at: Time, kind: EventKind, label: impl Into<String>) {
         if self.all.len() < MOST {
             self.all.push((at, kind, label.into()));
         }
@@ -52,21 +52,21 @@ impl Gathered {
                 continue;
             }
             let name = name(channel.property);
-            channel.times.iter().for_each(|at| self.add(*at, Kind::Key, format!("{of}{name}")));
+            channel.times.iter().for_each(|at| self.add(*at, EventKind::Key, format!("{of}{name}")));
         }
     }
 
     pub(crate) fn named_keys(&mut self, of: &str, name: &str, channel: &Channel) {
-        channel.times.iter().for_each(|at| self.add(*at, Kind::Key, format!("{of} {name}")));
+        channel.times.iter().for_each(|at| self.add(*at, EventKind::Key, format!("{of} {name}")));
     }
 
     fn spans(&mut self, what: &str, start: Time, end: Option<Time>) {
         // What has always been so does not begin.
         if start > Time::ZERO {
-            self.add(start, Kind::Body, format!("{what} begins"));
+            self.add(start, EventKind::Body, format!("{what} begins"));
         }
         if let Some(end) = end {
-            self.add(end, Kind::Body, format!("{what} ends"));
+            self.add(end, EventKind::Body, format!("{what} ends"));
         }
     }
 
@@ -78,7 +78,7 @@ impl Gathered {
             for (at, value) in channel.times.iter().zip(&channel.values) {
                 let now = *value > 0.5;
                 if now != seen {
-                    self.add(*at, Kind::Entrance, if now { "appears" } else { "goes" });
+                    self.add(*at, EventKind::Entrance, if now { "appears" } else { "goes" });
                 }
                 seen = now;
             }
@@ -113,7 +113,7 @@ impl Gathered {
                 };
                 match cue.time_of_played(played) {
                     Some(when) if when < end && self.all.len() < MOST => {
-                        self.add(when, Kind::Mark, format!("{name} of {}", cue.clip.name));
+                        self.add(when, EventKind::Mark, format!("{name} of {}", cue.clip.name));
                     }
                     _ => break,
                 }
@@ -137,10 +137,10 @@ impl Gathered {
                 Layer2dContent::Bars { .. } => "letterbox".to_string(),
             };
             if flat.start > Time::ZERO {
-                self.add(flat.start, Kind::Entrance, format!("{what} appears"));
+                self.add(flat.start, EventKind::Entrance, format!("{what} appears"));
             }
             if let Some(end) = flat.end {
-                self.add(end, Kind::Entrance, format!("{what} goes"));
+                self.add(end, EventKind::Entrance, format!("{what} goes"));
             }
             self.keys(&flat.channels, &format!("{what} "));
         }

@@ -100,7 +100,7 @@ impl Picture {
         self.view
     }
 
-    /// Records the upload of a frame of the picture's size. Nothing that uses the image may be in flight.
+    /// Records the upload of a frame of the image's size. Nothing that uses the image may be in flight.
     pub fn upload(&mut self, device: &ash::Device, commands: vk::CommandBuffer, frame: &Frame) {
         let Some(to) = self.staging_memory.as_mut().and_then(Allocation::mapped_slice_mut) else { return };
         let bytes = frame.rgba.len().min(to.len());

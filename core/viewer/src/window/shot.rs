@@ -1,6 +1,6 @@
 //! A viewport's image as a file, whole or not at all.
 
-use choreo_files::Part;
+use choreo_files::PartFile;
 use choreo_plugin::{Frame, Registry, VideoInfo};
 use std::path::Path;
 
@@ -23,7 +23,7 @@ pub fn save(
         options: Default::default(),
     };
     let write = || -> Result<(), String> {
-        let part = Part::create(file).map_err(|e| e.to_string())?;
+        let part = PartFile::create(file).map_err(|e| e.to_string())?;
         let out = part.writer().map_err(|e| e.to_string())?;
         let mut sink = exporter.begin(&info, Box::new(out)).map_err(|e| e.to_string())?;
         sink.frame(frame).map_err(|e| e.to_string())?;

@@ -16,7 +16,7 @@ pub(crate) struct Swapchain {
     pub window: [u32; 2],
 }
 
-/// What a surface is drawn in: sRGB where it has it, so that blending is linear and the picture's bytes come out as they are.
+/// What a surface is drawn in: sRGB where it has it, so that blending is linear and the image's bytes come out as they are.
 pub(crate) fn surface_format(formats: &[vk::SurfaceFormatKHR]) -> Option<vk::SurfaceFormatKHR> {
     let wanted = [
         vk::Format::B8G8R8A8_SRGB,

@@ -7,7 +7,7 @@ mod sheet;
 use crate::args::CheckArgs;
 use crate::failure::{Failure, Problem, print, print_json, print_message};
 use crate::output::svg;
-use crate::scene::{self, Scene, opening::Opening};
+use crate::scene::{self, OpenedScene, opening::Opening};
 use choreo_plugin::{Effect, Hook, Registry};
 use choreo_render::plan::light_clusters::MAX_LIGHTS;
 use choreo_script::{Diagnostic, Severity};
@@ -63,7 +63,7 @@ pub fn run(args: CheckArgs, plugins: &Registry) -> Result<(), Failure> {
 }
 
 /// Errors of the stage, and findings about it that are probably not intended.
-fn look(scene: &Scene) -> (Vec<Problem>, Vec<Finding>) {
+fn look(scene: &OpenedScene) -> (Vec<Problem>, Vec<Finding>) {
     let (stage, registry) = (&scene.stage, &scene.registry);
     let mut problems: Vec<Problem> = stage.check().iter().map(|e| Problem::Text(e.to_string())).collect();
     problems.extend(unknown_effects(stage, registry));
@@ -104,7 +104,7 @@ fn look(scene: &Scene) -> (Vec<Problem>, Vec<Finding>) {
 
 fn failures<'a>(
     args: &CheckArgs,
-    scene: &'a Scene,
+    scene: &'a OpenedScene,
     problems: Vec<Problem>,
     findings: impl Iterator<Item = &'a Diagnostic>,
     warnings: usize,

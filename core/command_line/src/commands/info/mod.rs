@@ -11,7 +11,7 @@ use crate::scene::model;
 use crate::scene::{self, opening::Opening};
 use crate::terminal::page::Page;
 use choreo_asset::{Asset, Light, Origin, Projection};
-use choreo_motion::Clip;
+use choreo_motion::{Clip, Facing, FacingEvidence};
 use choreo_plugin::{Registry, Source};
 use choreo_script::{Limits, mapping_lines};
 use serde_json::{Value, json};
@@ -32,7 +32,8 @@ pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
         return print_media(&args, &media);
     }
     let open = |path: &std::path::Path| {
-        model::import(path, &args.search, &args.import, &registry, &Limits::default(), Opening::TO_TELL)
+        let choice = model::choice(&args.import)?;
+        model::import(path, &args.search, &choice, &registry, &Limits::default(), Opening::TO_TELL)
             .map(|imported| imported.asset)
     };
     let asset = open(&args.file)?;
@@ -158,6 +159,9 @@ fn text(t: &mut Page, asset: &Asset, facts: &Facts, joints: bool) {
             size[0], size[1], size[2]
         ));
     }
+    if !asset.facing().evidence.is_empty() {
+        t.line(format_args!("facing     {}", facing(asset.facing())));
+    }
     t.line(format_args!(
         "meshes     {} with {}, {}, {}",
         asset.meshes.len(),
@@ -226,6 +230,17 @@ fn count(number: usize, one: &str, many: &str) -> String {
     format!("{number} {}", if number == 1 { one } else { many })
 }
 
+/// `+z (feet, eyes)`; what contradicts itself is listed with its directions.
+fn facing(facing: &Facing) -> String {
+    let part = |e: &FacingEvidence| match facing.doubtful {
+        true => format!("{} {:+.1} {:+.1}", e.part, e.direction.x, e.direction.z),
+        false => e.part.to_string(),
+    };
+    let parts: Vec<String> = facing.evidence.iter().map(part).collect();
+    let doubt = if facing.doubtful { ", kept: its parts show different directions (x, z)" } else { "" };
+    format!("{} ({}{doubt})", facing.front.name(), parts.join(", "))
+}
+
 /// The file's own convention, before it was converted.
 fn origin(o: &Origin, guessed: bool) -> String {
     let mut text = o.format.clone();
@@ -291,6 +306,11 @@ fn facts_json(asset: &Asset, facts: &Facts, joints: bool) -> Value {
         "origin": {
             "format": asset.origin.format, "writer": asset.origin.writer,
             "metres_per_unit": asset.origin.metres_per_unit, "unit_is_assumed": asset.origin.unit_is_assumed, "up": asset.origin.up,
+        },
+        "facing": {
+            "front": asset.facing().front.name(), "doubtful": asset.facing().doubtful,
+            "evidence": asset.facing().evidence.iter().map(|e| json!({ "part": e.part, "direction": e.direction.to_array() }))
+                .collect::<Vec<_>>(),
         },
         "joints": asset.skeleton.len(),
         "skins": asset.skins.iter().map(|s| s.joints.len()).collect::<Vec<_>>(),

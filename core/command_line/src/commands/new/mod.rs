@@ -1,6 +1,6 @@
 //! `choreo new importer NAME` and `new effect NAME`: the example crates under a new name, or with `--single` one file.
 
-use crate::args::{HookArg, Kind, NewArgs};
+use crate::args::{HookArg, NewArgs, PluginKind};
 use crate::failure::{Failure, print, write_failure};
 use choreo_files::{Folder, WriteError};
 use std::io::Write;
@@ -34,7 +34,7 @@ const EFFECT_CRATES: &[&str] = &["plugin", "wgsl_effect"];
 
 pub fn run(args: NewArgs) -> Result<(), Failure> {
     check_name(&args.name)?;
-    if args.hook.is_some() && args.kind == Kind::Importer {
+    if args.hook.is_some() && args.kind == PluginKind::Importer {
         return Err(Failure::Usage("--hook is of effects; an importer has none".into()));
     }
     let into = args.into.clone().unwrap_or_default();
@@ -73,19 +73,19 @@ fn single(args: &NewArgs, into: &Path) -> Result<(), Failure> {
     let named = |text: &str| text.replace("NAME", &args.name);
     let name = &args.name;
     let (file, text, sample) = match args.kind {
-        Kind::Importer => (
+        PluginKind::Importer => (
             format!("{name}.importer.rhai"),
             include_str!("single.importer.rhai"),
             Some(include_str!("single.sample")),
         ),
-        Kind::Effect => (format!("{name}.wgsl"), hook_text(args.hook), None),
+        PluginKind::Effect => (format!("{name}.wgsl"), hook_text(args.hook), None),
     };
     let mut files = vec![(PathBuf::from(&file), named(text))];
     files.extend(sample.map(|text| (PathBuf::from(format!("sample.{name}")), named(text))));
     write(into, &files)?;
     let try_it = match args.kind {
-        Kind::Importer => format!("choreo info {}", into.join(format!("sample.{name}")).display()),
-        Kind::Effect => format!("effect(\"{name}\") in a script beside it"),
+        PluginKind::Importer => format!("choreo info {}", into.join(format!("sample.{name}")).display()),
+        PluginKind::Effect => format!("effect(\"{name}\") in a script beside it"),
     };
     print(&format!("{}: written\n    try: {try_it}\n", into.join(file).display()))
 }
@@ -94,8 +94,8 @@ fn whole(args: &NewArgs, into: &Path) -> Result<(), Failure> {
     let name = &args.name;
     let sources = sources(args)?;
     let (prefix, files, crates) = match args.kind {
-        Kind::Importer => ("import", IMPORTER, IMPORTER_CRATES),
-        Kind::Effect => ("effect", EFFECT, EFFECT_CRATES),
+        PluginKind::Importer => ("import", IMPORTER, IMPORTER_CRATES),
+        PluginKind::Effect => ("effect", EFFECT, EFFECT_CRATES),
     };
     let own = PathBuf::from(format!("{prefix}-{}", name.replace('_', "-")));
     let folder = into.join(&own);

@@ -1,7 +1,7 @@
 //! Drawing a job's frames into its outputs.
 
 use crate::args::RenderArgs;
-use crate::commands::render::Job;
+use crate::commands::render::{Job, sheet};
 use crate::drawing::device;
 use crate::drawing::pipeline::{Counts, Encode, Pipeline, PlanAt, SceneKey, render_failure};
 use crate::failure::{Failure, print_message, write_failure};
@@ -13,7 +13,7 @@ use crate::output::video::Video;
 use crate::process::kept_frames;
 use crate::process::{interrupt, threads};
 use crate::terminal::progress::Progress;
-use choreo_files::Part;
+use choreo_files::PartFile;
 use choreo_motion::Time;
 use choreo_plugin::VideoInfo;
 use choreo_render::plan::frame_key::scene_key;
@@ -95,6 +95,9 @@ impl Drawing<'_> {
     /// The driver is shut down when it returns: the program may end then.
     fn run(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<Counts, Failure> {
         let job = self.job;
+        if self.args.sheet {
+            return self.sheet(renderer, say);
+        }
         if job.exporter.one_frame_per_file() {
             return self.pictures(renderer, say);
         }
@@ -125,6 +128,23 @@ impl Drawing<'_> {
         drawn
     }
 
+    fn sheet(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<Counts, Failure> {
+        let job = self.job;
+        let place = job.target.file(0);
+        // Whether it can be written is found before it is drawn.
+        let part = PartFile::create(&place).map_err(|e| write_failure(&place.display().to_string(), e))?;
+        let mut drawn = Vec::new();
+        let keep: Encode = Box::new(|frame, picture, _| {
+            drawn.push((frame, picture.frame.clone()));
+            Ok(())
+        });
+        let counts = self.frames(renderer, &job.frames, vec![keep], say)?;
+        let sheet = sheet::compose(drawn);
+        let info = VideoInfo { width: sheet.width, height: sheet.height, frames: 1, ..self.info.clone() };
+        image_files::write_to(&place, Ok(part), &*job.exporter, &info, &sheet)?;
+        Ok(counts)
+    }
+
     fn pictures(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<Counts, Failure> {
         let (job, info) = (self.job, self.info);
         let numbers = job.frames.first().zip(job.frames.last());
@@ -139,7 +159,7 @@ impl Drawing<'_> {
         let mut open = match &job.target {
             // Whether it can be written is found before it is drawn.
             Target::File(place) if !frames.is_empty() => {
-                let part = Part::create(place);
+                let part = PartFile::create(place);
                 Some(part.map_err(|e| write_failure(&place.display().to_string(), e))?)
             }
             _ => None,
@@ -204,7 +224,8 @@ impl Drawing<'_> {
         let numbers = self.job.frames.first().zip(self.job.frames.last());
         let frames = numbers.map_or(String::new(), |((first, time), (last, _))| match first == last {
             true => format!("{first} at {} s", time.as_secs()),
-            false => format!("{first}..={last}"),
+            false if last - first + 1 == self.job.frames.len() as i64 => format!("{first}..={last}"),
+            false => self.args.frames.clone().unwrap_or_default(),
         });
         identity.push(("frames".into(), frames));
         identity

@@ -1,6 +1,7 @@
 //! `choreo render`: from the command line to files, with everything that can be refused refused before the first frame.
 
 mod draw;
+mod sheet;
 mod stages;
 mod summary;
 mod watch;
@@ -12,19 +13,18 @@ use crate::failure::Failure;
 use crate::output::budget::Budgeted;
 use crate::output::target::Target;
 use crate::scene::{
-    self, Scene,
+    self, OpenedScene,
     opening::{Keep, Opening},
 };
 use choreo_motion::Time;
 use choreo_plugin::{ExportOptions, Exporter, Registry};
-use choreo_stage::Settings;
-use std::ops::Range;
+use choreo_stage::{Repeat, Settings};
 use std::sync::Arc;
 use std::time::Instant;
 
 /// What is to be made, checked.
 pub struct Job {
-    pub scene: Scene,
+    pub scene: OpenedScene,
     pub target: Target,
     pub exporter: Arc<dyn Exporter>,
     pub frames: Vec<(i64, Time)>,
@@ -87,10 +87,18 @@ pub fn prepare(
     let at = args.at.as_deref().map(values::at).transpose()?;
     let samples = args.samples.as_deref().map(values::samples).transpose()?;
 
+    let length = args.length.as_deref().map(values::length).transpose()?;
+
     let opening = Opening { quiet: args.quiet, keep, ..Opening::TO_DRAW };
     let mut scene = scene::open(&args.scene, registry, opening)?;
+    if let Some(length) = length {
+        loop_for(&mut scene, length)?;
+    }
     let mut settings = scene.stage.settings.clone();
-    settings.size = size.unwrap_or(settings.size);
+    settings.size = match args.sheet {
+        true => size.unwrap_or_else(|| sheet::cell(settings.size)),
+        false => size.unwrap_or(settings.size),
+    };
     // The stage too: a camera that frames what it sees does so for the shape of this image.
     Arc::make_mut(&mut scene.stage).settings.size = settings.size;
     settings.fps = fps.unwrap_or(settings.fps);
@@ -101,18 +109,25 @@ pub fn prepare(
         too_many(pixels, "pixels", scene.limits.pixels)?;
     }
     let mut notes = Vec::new();
-    let range = args.frames.as_deref().map(|f| values::frames(f, total)).transpose()?;
+    let chosen = args.frames.as_deref().map(|f| values::frames(f, total)).transpose()?;
     let one_picture = exporter.one_frame_per_file() && !matches!(target, Target::Numbered { .. });
-    let frames: Vec<(i64, Time)> = match (at, range) {
+    let timed = |f: i64| (f, settings.fps.time_of(f));
+    let frames: Vec<(i64, Time)> = match (at, chosen) {
         (Some(at), _) => vec![(0, at)],
-        (None, Some(range)) if one_picture && range.end - range.start > 1 => {
+        (None, chosen) if args.sheet => {
+            sheet::must_be_one_image(&target, one_picture)?;
+            let frames = chosen.unwrap_or_else(|| sheet::evenly(total));
+            too_many(pixels * frames.len() as u64, "pixels", scene.limits.pixels)?;
+            frames.into_iter().map(timed).collect()
+        }
+        (None, Some(frames)) if one_picture && frames.len() > 1 => {
             notes.push(format!(
-                "{} holds one picture: frame {} is drawn; for all of them type -o {}",
+                "{} holds one picture: frame {} is drawn; for all of them type -o {}, or --sheet",
                 target.shown(),
-                range.start,
+                frames[0],
                 numbered(&args.output)
             ));
-            vec![(range.start, settings.fps.time_of(range.start))]
+            vec![timed(frames[0])]
         }
         (None, None) if one_picture && total > 1 && scene.is_script => {
             return Err(Failure::Usage(format!(
@@ -122,9 +137,11 @@ pub fn prepare(
             )));
         }
         (None, None) if one_picture => vec![(0, Time::ZERO)],
-        (None, range) => within(range.unwrap_or(0..total), scene.limits.frames)?
-            .map(|f| (f, settings.fps.time_of(f)))
-            .collect(),
+        (None, chosen) => {
+            let count = chosen.as_ref().map_or(total.unsigned_abs(), |frames| frames.len() as u64);
+            too_many(count, "frames", scene.limits.frames)?;
+            chosen.unwrap_or_else(|| (0..total).collect()).into_iter().map(timed).collect()
+        }
     };
     if target != Target::Stdout {
         frames.iter().try_for_each(|(number, _)| scene.inputs.refuse(&target.file(*number)))?;
@@ -133,9 +150,18 @@ pub fn prepare(
     Ok(Job { scene, target, exporter, frames, settings, samples, options, notes })
 }
 
-fn within(range: Range<i64>, limit: u64) -> Result<Range<i64>, Failure> {
-    too_many((range.end - range.start).unsigned_abs(), "frames", limit)?;
-    Ok(range)
+/// `--length`: the model's clip again and again.
+fn loop_for(scene: &mut OpenedScene, length: Time) -> Result<(), Failure> {
+    if scene.is_script {
+        let what = "--length is for model files; a script states it: stage(#{ length: 4.0 })";
+        return Err(Failure::Usage(what.into()));
+    }
+    let stage = Arc::make_mut(&mut scene.stage);
+    stage.settings.length = length;
+    let layers = stage.actors.iter_mut().flat_map(|actor| &mut actor.layers);
+    layers.flat_map(|layer| &mut layer.cues).for_each(|cue| cue.repeat = Repeat::Loop);
+    scene.arguments.push(format!("--length {}", length.as_secs()));
+    Ok(())
 }
 
 fn too_many(count: u64, name: &str, limit: u64) -> Result<(), Failure> {

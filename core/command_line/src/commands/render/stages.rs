@@ -8,7 +8,7 @@ use crate::output::image_files;
 use crate::output::provenance;
 use crate::output::target::Target;
 use crate::scene;
-use choreo_files::Part;
+use choreo_files::PartFile;
 use choreo_plugin::{Frame, Registry, VideoInfo};
 use choreo_render::cpu::{CpuRenderer, STAGES};
 use choreo_render::layers_2d::{ScreenLabel, compose_layers};
@@ -28,10 +28,13 @@ const CAPTIONS: [&str; 5] = [
     "depth: how near that is; white is nearest",
 ];
 
-/// Draws a caption over the top left corner. Images that are too small for it to be readable get none.
 fn caption(picture: &mut Frame, text: &str) {
+    label(picture, text, (picture.height as f32 / 26.0).min(picture.width as f32 / 46.0));
+}
+
+/// Draws a text over the top left corner, `height` pixels high. One too small to be readable is left out.
+pub fn label(picture: &mut Frame, text: &str, height: f32) {
     let size = [picture.width, picture.height];
-    let height = (size[1] as f32 / 26.0).min(size[0] as f32 / 46.0);
     if height < 7.0 {
         return;
     }
@@ -91,7 +94,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     };
     for (number, (name, picture)) in (1..).zip(STAGES.iter().zip(&pictures)) {
         let path = file(number, name);
-        image_files::write_to(&path, Part::create(&path), &*job.exporter, &info, picture)?;
+        image_files::write_to(&path, PartFile::create(&path), &*job.exporter, &info, picture)?;
         if !args.quiet {
             print_message(path.display());
         }

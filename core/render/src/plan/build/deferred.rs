@@ -41,7 +41,12 @@ impl Planner<'_> {
         lights: (usize, Option<&LightClusters>),
     ) -> Result<Deferred, NotNeeded> {
         let cause = self.deferred_cause(lights)?;
-        let fits = |d: &Draw| fits_gbuffer(&d.pipeline, self.material(d.material, d.material_override));
+        // The lighting pass casts shadows on all that it lights.
+        let shadow = |d: &Draw| d.pipeline.features.has(Features::SHADOW);
+        let shadows = draws.iter().any(shadow);
+        let fits = |d: &Draw| {
+            shadow(d) == shadows && fits_gbuffer(&d.pipeline, self.material(d.material, d.material_override))
+        };
         // Effects that read only the position are part of the lighting pass. Where surfaces differ in them, the most common
         // combination is deferred.
         let mut copies: BTreeMap<u8, u32> = BTreeMap::new();

@@ -5,13 +5,14 @@ use crate::plan::build::Planner;
 use crate::plan::build::effects::SurfaceEffects;
 use crate::plan::build::items::{DrawItem, DrawPhase};
 use crate::plan::build::shadow_casters::ShadowCaster;
+use crate::plan::build::shadow_volumes::CasterBounds;
 use crate::plan::features::{DrawNeeds, features};
 use crate::plan::{ActiveMorph, Features, Glass, Instance, PipelineKey, TopologyKey, alpha_blends, is_lit};
 use crate::scene_resources::bounds::{is_before, outside, transformed};
 use crate::scene_resources::{PrimitiveEntry, PrimitiveResource, thick_lines};
 use choreo_asset::{Aabb, AlphaMode, Asset, LineStyle, MeshInstance};
 use choreo_stage::ActorState;
-use glam::{Affine3A, DAffine3, Vec2, Vec3, Vec4};
+use glam::{Affine3A, DAffine3, DVec3, Vec2, Vec3, Vec4};
 
 /// A mesh instance of an actor.
 pub(super) struct MeshContext<'a> {
@@ -206,7 +207,8 @@ impl<'a> Planner<'a> {
         }
         .of_lit();
         let watertight = self.watertight(entry.primitive, &key, one_handed);
-        let casts = self.casting && key.topology == TopologyKey::Triangles && !key.blend && !transmits;
+        let casts = self.casting && self.stage.actors[mesh.actor].shadow.cast;
+        let casts = casts && key.topology == TopologyKey::Triangles && !key.blend && !transmits;
         if copy.culled && !casts {
             return;
         }
@@ -218,7 +220,7 @@ impl<'a> Planner<'a> {
                 material_override: p.material_override,
                 key: PipelineKey { features, coverage: false, surface: 0, lighting: 0, ..key },
                 instance,
-                bounds: copy.bounds,
+                bounds: CasterBounds { bounds: copy.bounds, filled: filled(p, copy, &key) },
                 watertight,
                 skin: p.skin,
                 actor: mesh.actor as u32,
@@ -263,7 +265,7 @@ impl<'a> Planner<'a> {
         self.facts.closed += item.watertight as usize / 3;
         self.facts.lit_drawn |= key.features.is_lit();
         self.facts.coverage |= key.coverage;
-        self.add_receiver(copy.bounds, &key, (item.entry.material, item.material_override));
+        self.add_receiver(mesh.actor, copy.bounds, &key, (item.entry.material, item.material_override));
         if item.phase == DrawPhase::Transparent {
             let rigid = p.skin.is_none() && p.morph_count == 0 && p.effects.reach == 0.0;
             let own = rigid.then_some((p.primitive.info.bounds, &copy.relative_from_mesh));
@@ -347,6 +349,20 @@ fn copy_transform(p: &PrimitiveContext, mesh: &MeshContext, place: Affine3A, cop
         true => relative_from_place * model_from_joint,
         false => relative_from_place * model_from_joint * to_f64(copy),
     })
+}
+
+/// Center and half axes of a copy that is a filled rectangle or box.
+fn filled(p: &PrimitiveContext, copy: &CopyContext, key: &PipelineKey) -> Option<[DVec3; 4]> {
+    let rigid = p.skin.is_none() && p.morph_count == 0 && key.displaced == 0;
+    if !(p.primitive.info.fills_bounds && rigid && !matches!(p.alpha_mode, AlphaMode::Mask(_))) {
+        return None;
+    }
+    let Aabb { min, max } = p.primitive.info.bounds;
+    let (center, half) = ((min + max) * 0.5, (max - min) * 0.5);
+    let rows = copy.relative_from_mesh.0.map(|r| r.as_dvec4());
+    let axis = |k: usize| DVec3::new(rows[0][k], rows[1][k], rows[2][k]) * f64::from(half[k]);
+    let center = DVec3::from_array(rows.map(|r| r.dot(center.as_dvec3().extend(1.0))));
+    Some([center, axis(0), axis(1), axis(2)])
 }
 
 fn grown(b: Aabb, by: f32) -> Aabb {

@@ -13,6 +13,7 @@ mod overlay;
 mod refraction;
 pub(crate) mod shadow_cascades;
 mod shadow_casters;
+mod shadow_volumes;
 mod skins;
 mod transparency;
 
@@ -38,7 +39,7 @@ use crate::scene_resources::SceneResources;
 use crate::scene_resources::material::MaterialResource;
 use choreo_asset::Aabb;
 use choreo_motion::Time;
-use choreo_stage::{ActorState, EffectTarget, Shadow, Snapshot, Stage};
+use choreo_stage::{ActorShadow, ActorState, EffectTarget, Shadow, Snapshot, Stage};
 use glam::{DAffine3, Vec3};
 use std::sync::Arc;
 
@@ -92,6 +93,7 @@ impl Plan {
             planner.actor(index, state);
         }
         planner.facts.casting = planner.casting;
+        planner.facts.unshadowed = stage.actors.iter().filter(|a| a.shadow != ActorShadow::default()).count();
         planner.finish(snapshot, lights, &shadows)
     }
 }
@@ -193,7 +195,8 @@ impl<'a> Planner<'a> {
         let lit = self.facts.lit_drawn || options.force_all;
         let maps = self.fit_shadow_maps(&mut lights, shadows);
         if !maps.is_empty() || options.force_all {
-            let lit = self.items.iter_mut().filter(|i| i.pipeline.features.is_lit());
+            let receives = |i: &DrawItem| stage.actors[i.actor as usize].shadow.receive;
+            let lit = self.items.iter_mut().filter(|i| i.pipeline.features.is_lit() && receives(i));
             lit.for_each(|i| i.pipeline.features = i.pipeline.features.with(Features::SHADOW));
         }
         let first_transparent = sort(&mut self.items);

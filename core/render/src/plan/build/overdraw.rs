@@ -137,12 +137,18 @@ fn shares(
 }
 
 impl Planner<'_> {
-    /// Notes the bounds of a copy in view, if it is lit. `material`: its material and override.
-    pub(crate) fn add_receiver(&mut self, bounds: Aabb, key: &PipelineKey, material: (u32, Option<u32>)) {
+    /// Notes the bounds of an actor's copy in view, if it is lit. `material`: its material and override.
+    pub(crate) fn add_receiver(
+        &mut self,
+        actor: usize,
+        bounds: Aabb,
+        key: &PipelineKey,
+        material: (u32, Option<u32>),
+    ) {
         if !key.features.is_lit() || !bounds.min.is_finite() || !bounds.max.is_finite() {
             return;
         }
-        if self.casting {
+        if self.casting && self.stage.actors[actor].shadow.receive {
             self.receivers.push(bounds);
         }
         if let Some(overdraw) =

@@ -1,20 +1,22 @@
-//! Fits shadow maps: a directional light's map to the lit part of the view, in cascades if the view reaches far; a spot light has
-//! one map, a point light up to six.
+//! Fits shadow maps: a directional light's to where its shadows can be seen, in cascades if these reach far; a spot light has one
+//! map, a point light up to six.
 //!
 //! Texels of a directional light's map lie on a grid that is fixed in the world, and their size changes in steps, so that shadows
 //! do not swim.
 
+use crate::plan::build::shadow_volumes::{CasterBounds, ShadowVolume, shadow_volumes};
 use crate::plan::{PlanLight, View};
 use crate::scene_resources::bounds::outside;
+use crate::shader::uniforms::MAX_PENUMBRA;
 use choreo_asset::Aabb;
-use choreo_stage::Shadow;
+use choreo_stage::{SUN_ANGLE, Shadow};
 use glam::{DMat4, DVec3, DVec4, Mat4, Vec2};
 
 /// Largest number of shadow maps of a frame: the length of the shader's array.
 pub(crate) const MAX_VIEWS: usize = 32;
 /// Largest side of the image that all maps share, in texels: 256 MB.
 const MAX_IMAGE: u32 = 8192;
-const MAX_CASCADES: usize = 4;
+const MAX_CASCADES: usize = 5;
 /// Width of the filter in texels.
 const FILTER: f64 = 3.0;
 /// Margin on each side in texels: the filter's reach and the offset along the normal.
@@ -29,7 +31,7 @@ pub(super) struct ShadowRegion<'a> {
     pub size: [u32; 2],
     /// Bounds of the lit copies in view.
     pub receivers: &'a [Aabb],
-    pub casters: &'a [Aabb],
+    pub casters: &'a [CasterBounds],
 }
 
 /// A shadow map before it has its place in the image.
@@ -37,6 +39,8 @@ pub(super) struct FittedMap {
     pub clip_from_relative: Mat4,
     pub size: [u32; 2],
     pub texel: f32,
+    /// As in [`crate::plan::ShadowView::penumbra`].
+    pub penumbra: f32,
     /// Indices into `ShadowRegion::casters`.
     pub casters: Vec<usize>,
 }
@@ -45,22 +49,23 @@ pub(super) struct FittedMap {
 pub(super) fn fit(light: &PlanLight, shadow: Shadow, region: &ShadowRegion<'_>) -> Vec<FittedMap> {
     let direction = light.direction.as_dvec3().normalize_or(DVec3::NEG_Y);
     let most = f64::from(shadow.size.clamp(*Shadow::SIZES.start(), *Shadow::SIZES.end()) / 16 * 16);
-    let softness = f64::from(shadow.softness.max(0.0));
     if region.receivers.is_empty() || region.casters.is_empty() {
         return Vec::new();
     }
-    match light.is_local() {
-        false => cascades(Axes::along(direction), most, softness, region),
-        true => perspective_maps(light, direction, most, softness, region),
+    if light.is_local() {
+        let softness = f64::from(shadow.softness.unwrap_or(Shadow::LAMP_SOFTNESS).max(0.0));
+        perspective_maps(light, direction, most, softness, region)
+    } else {
+        cascades(Axes::along(direction), most, Edge::of(shadow), region)
     }
 }
 
 /// Right, up and forward of a light, as a camera's: orthonormal.
 #[derive(Clone, Copy)]
-struct Axes {
-    right: DVec3,
-    up: DVec3,
-    forward: DVec3,
+pub(super) struct Axes {
+    pub right: DVec3,
+    pub up: DVec3,
+    pub forward: DVec3,
 }
 
 impl Axes {
@@ -72,34 +77,33 @@ impl Axes {
 }
 
 /// Interval along an axis.
-#[derive(Clone, Copy)]
-struct Span([f64; 2]);
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Span(pub [f64; 2]);
 
 impl Span {
-    const EMPTY: Span = Span([f64::INFINITY, f64::NEG_INFINITY]);
+    pub const EMPTY: Span = Span([f64::INFINITY, f64::NEG_INFINITY]);
 
-    fn of(b: &Aabb, axis: DVec3) -> Span {
+    pub fn of(b: &Aabb, axis: DVec3) -> Span {
         let center = (b.min.as_dvec3() + b.max.as_dvec3()) * 0.5;
         let half = (b.max.as_dvec3() - b.min.as_dvec3()) * 0.5;
         let (middle, reach) = (axis.dot(center), axis.abs().dot(half));
         Span([middle - reach, middle + reach])
     }
-    fn union(self, o: Span) -> Span {
+    pub fn union(self, o: Span) -> Span {
         Span([self.0[0].min(o.0[0]), self.0[1].max(o.0[1])])
     }
-    fn meet(self, o: Span) -> Span {
+    pub fn meet(self, o: Span) -> Span {
         Span([self.0[0].max(o.0[0]), self.0[1].min(o.0[1])])
     }
-    fn length(self) -> f64 {
+    pub fn length(self) -> f64 {
         self.0[1] - self.0[0]
+    }
+    pub fn grown(self, by: f64) -> Span {
+        Span([self.0[0] - by, self.0[1] + by])
     }
     fn is_finite(self) -> bool {
         self.0.iter().all(|v| v.is_finite())
     }
-}
-
-fn spans(boxes: &[Aabb], axis: DVec3) -> Span {
-    boxes.iter().fold(Span::EMPTY, |all, b| all.union(Span::of(b, axis)))
 }
 
 /// Rounds up in steps of a quarter octave, so that small movements change nothing.
@@ -126,108 +130,193 @@ fn slice(region: &ShadowRegion<'_>, from: f64, to: f64) -> (DVec3, f64) {
     (back * -depth, radius)
 }
 
-fn cascades(axes: Axes, most: f64, softness: f64, region: &ShadowRegion<'_>) -> Vec<FittedMap> {
-    let forward = -region.view.view_from_relative.row(2).truncate().as_dvec3();
-    let depths = spans(region.receivers, forward);
-    if !depths.is_finite() || depths.0[1] <= 0.0 {
-        return Vec::new();
+/// How wide the edges of a directional light's shadows are.
+#[derive(Clone, Copy)]
+enum Edge {
+    /// Meters.
+    Fixed(f64),
+    /// Penumbra of the sun's disc: width per distance between caster and receiver.
+    Sun(f64),
+}
+
+impl Edge {
+    fn of(shadow: Shadow) -> Edge {
+        match shadow.softness {
+            Some(softness) => Edge::Fixed(f64::from(softness.max(0.0))),
+            None => Edge::Sun(2.0 * libm::tan(0.5 * f64::from(SUN_ANGLE))),
+        }
     }
-    let far = depths.0[1];
-    let near = depths.0[0].max(far * 1e-3);
+
+    /// Texels beside a map that its lookups reach: half the filter, and the offset along the normal.
+    fn margin(self) -> f64 {
+        match self {
+            Edge::Fixed(_) => MARGIN,
+            Edge::Sun(_) => MARGIN + 0.5 * f64::from(MAX_PENUMBRA),
+        }
+    }
+
+    /// Finer texels than this show nothing more. `pixel`: its size where the map begins.
+    fn finest(self, pixel: f64) -> f64 {
+        match self {
+            Edge::Fixed(softness) => softness / FILTER,
+            Edge::Sun(_) => 0.75 * pixel,
+        }
+    }
+
+    /// The coarsest texels that a map may have before another follows: the first one edges of 6 pixels, the others of 12.
+    fn coarsest(self, cascade: usize, pixel: f64) -> f64 {
+        let pixels = if cascade == 0 { 2.0 } else { 4.0 };
+        (pixels * pixel).max(1.2 * self.finest(0.0))
+    }
+}
+
+/// Depths at which a cascade may end behind `from`, in steps that are fixed so that small movements change nothing.
+fn ends(from: f64, view: &View) -> impl Iterator<Item = f64> {
+    let perspective = view.eye.w != 0.0;
+    let start =
+        if perspective { from } else { 2.0 / f64::from(view.clip_from_view.y_axis.y.abs()).max(1e-9) };
+    let first = libm::floor(libm::log2(start) * 2.0);
+    (1..).map(move |i| {
+        let step = libm::exp2((first + f64::from(i)) * 0.5);
+        if perspective { step } else { from + step }
+    })
+}
+
+/// Cascades from near to far (Zhang et al., "Parallel-Split Shadow Maps for Large-scale Virtual Environments", 2006), fitted to
+/// where shadows can be seen, as sample distribution shadow maps (Lauritzen et al. 2010) are to what a depth buffer shows, which the
+/// planner does not have. A cascade ends where its texels would become too coarse for where it begins, and the next one begins
+/// where a shadow volume goes on; so nothing farther away changes a cascade, however large the scene is.
+fn cascades(axes: Axes, most: f64, edge: Edge, region: &ShadowRegion<'_>) -> Vec<FittedMap> {
+    let spread = if let Edge::Sun(spread) = edge { spread } else { 0.0 };
+    let volumes = shadow_volumes(&axes, spread, region);
     let perspective = region.view.eye.w != 0.0;
-    // The first cascade begins where the view does, but is not refined for what lies right at the camera.
-    let finest = near.max(far / 64.0);
-    // Size of a pixel at a depth.
     let pixel = |depth: f64| {
         2.0 * if perspective { depth } else { 1.0 }
             / f64::from(region.view.clip_from_view.y_axis.y.abs()).max(1e-9)
             / f64::from(region.size[1].max(1))
     };
-    // Penumbras of 12 pixels where the view begins, and of 24 where another cascade does, which are fewer behind: another map
-    // draws every caster again.
-    let fine_enough = |cascade: usize, depth: f64| {
-        let pixels = if cascade == 0 { 4.0 } else { 8.0 };
-        (pixels * pixel(depth.max(finest))).max(1.2 * softness / FILTER)
-    };
-    let lit = [axes.right, axes.up, axes.forward].map(|axis| spans(region.receivers, axis));
-    if !lit.iter().all(|s| s.is_finite()) {
-        return Vec::new();
-    }
-    let mut all: Vec<(Span, Span, f64, bool)> = Vec::new();
-    for count in 1..=MAX_CASCADES {
-        all = (0..count)
-            .map(|i| {
-                let split = |i: usize| match i {
-                    0 => near,
-                    i => finest * libm::pow(far / finest, i as f64 / count as f64),
-                };
-                let (middle, radius) = slice(region, split(i), split(i + 1));
-                let around = |axis: DVec3| Span([axis.dot(middle) - radius, axis.dot(middle) + radius]);
-                let across = lit[0].meet(around(axes.right));
-                let up = lit[1].meet(around(axes.up));
-                let texel = (across.length().max(up.length()) / (most - 2.0 * MARGIN)).max(softness / FILTER);
-                let texel = texel.max(1e-6);
-                (across, up, texel, texel <= fine_enough(i, split(i)))
-            })
-            .collect();
-        // All must be fine enough: a cascade that is fine near and coarse behind would merge shadows that a smaller map separates.
-        if !perspective || all.iter().all(|c| c.3) {
-            break;
+    let mut maps = Vec::new();
+    let mut rest: Vec<&ShadowVolume> = volumes.iter().collect();
+    let mut from = f64::NEG_INFINITY;
+    for cascade in 0..MAX_CASCADES {
+        let Some(nearest) = rest.iter().map(|v| v.view_depths.0[0]).reduce(f64::min) else { break };
+        let farthest = rest.iter().map(|v| v.view_depths.0[1]).fold(nearest, f64::max);
+        from = nearest.max(from);
+        // What surrounds the camera is not looked at from its near plane.
+        let sharp =
+            |v: &&ShadowVolume| v.view_depths.0[0] * if v.at_camera && perspective { 64.0 } else { 1.0 };
+        let sharpest = rest.iter().map(sharp).fold(f64::INFINITY, f64::min).max(from);
+        let coarsest = edge.coarsest(cascade, pixel(sharpest));
+        let part = |to: f64| Part::of(&axes, [from, to], &rest, region);
+        let texel = |part: &Part| part.side() / (most - 2.0 * edge.margin());
+        let mut to = farthest;
+        if cascade + 1 < MAX_CASCADES && texel(&part(to)) > coarsest {
+            let fits = |to: &f64| *to < farthest && texel(&part(*to)) <= coarsest;
+            to = ends(sharpest, region.view)
+                .take_while(fits)
+                .last()
+                .unwrap_or(ends(sharpest, region.view).next().unwrap_or(to))
+                .min(farthest);
         }
+        let part = part(to);
+        let texel = stepped(texel(&part).max(edge.finest(pixel(sharpest))).max(f64::MIN_POSITIVE));
+        maps.extend(part.map(&axes, texel, edge, region));
+        rest.retain(|v| v.view_depths.0[1] > to);
+        from = to;
     }
-    let cascades = all.into_iter().filter(|(across, up, ..)| across.length() > 0.0 && up.length() > 0.0);
-    cascades
-        .filter_map(|(across, up, texel, _)| {
-            directional_map(axes, [across, up, lit[2]], stepped(texel), region)
-        })
-        .collect()
+    maps
 }
 
-fn directional_map(
-    axes: Axes,
-    [across, up, deep]: [Span; 3],
-    texel: f64,
-    region: &ShadowRegion<'_>,
-) -> Option<FittedMap> {
-    // Texel borders lie at whole multiples of a texel in the world.
-    let margin = MARGIN * texel;
-    let grid = |v: f64, world: f64, round: fn(f64) -> f64| round((v + world) / texel) * texel - world;
-    let (at_x, at_y) = (axes.right.dot(region.view.position), axes.up.dot(region.view.position));
-    let left = grid(across.0[0] - margin, at_x, libm::floor);
-    let top = grid(up.0[1] + margin, at_y, libm::ceil);
-    let texels =
-        |from_edge: f64| (libm::ceil((from_edge + margin) / texel / 16.0) * 16.0).clamp(16.0, 8192.0);
-    let (w, h) = (texels(across.0[1] - left), texels(top - up.0[0]));
-    let (right, bottom) = (left + w * texel, top - h * texel);
-    let mut depth = deep;
-    let mut casters = Vec::new();
-    for (i, b) in region.casters.iter().enumerate() {
-        let [x, y, z] = [axes.right, axes.up, axes.forward].map(|axis| Span::of(b, axis));
-        let beside = x.0[1] < left || x.0[0] > right || y.0[1] < bottom || y.0[0] > top;
-        // A caster behind everything lit shades nothing.
-        if beside || z.0[0] > deep.0[1] || !z.is_finite() {
-            continue;
+/// Extents of shadow volumes between two depths, along the axes of the light.
+struct Part<'a> {
+    across: Span,
+    up: Span,
+    deep: Span,
+    volumes: Vec<&'a ShadowVolume>,
+}
+
+impl<'a> Part<'a> {
+    fn of(
+        axes: &Axes,
+        [from, to]: [f64; 2],
+        volumes: &[&'a ShadowVolume],
+        region: &ShadowRegion<'_>,
+    ) -> Part<'a> {
+        let between = |v: &&&ShadowVolume| v.view_depths.0[0] <= to && v.view_depths.0[1] >= from;
+        let volumes: Vec<&ShadowVolume> = volumes.iter().filter(between).copied().collect();
+        let (middle, radius) = slice(region, from, to);
+        let around = |axis: DVec3, extent: fn(&ShadowVolume) -> Span| {
+            let sphere = Span([axis.dot(middle) - radius, axis.dot(middle) + radius]);
+            volumes.iter().fold(Span::EMPTY, |all, v| all.union(extent(v))).meet(sphere)
+        };
+        Part {
+            across: around(axes.right, |v| v.across),
+            up: around(axes.up, |v| v.up),
+            deep: around(axes.forward, |v| v.deep),
+            volumes,
         }
-        casters.push(i);
-        depth = depth.union(z);
     }
-    if casters.is_empty() {
-        return None;
+
+    /// The longer side.
+    fn side(&self) -> f64 {
+        self.across.length().max(self.up.length())
     }
-    let (near, far) = (depth.0[0] - margin, depth.0[1] + margin);
-    let row = |axis: DVec3, scale: f64, offset: f64| (axis * scale).extend(offset);
-    let rows = [
-        row(axes.right, 2.0 / (w * texel), -2.0 * left / (w * texel) - 1.0),
-        row(axes.up, -2.0 / (h * texel), 2.0 * top / (h * texel) - 1.0),
-        row(axes.forward, -1.0 / (far - near), far / (far - near)),
-        DVec4::W,
-    ];
-    fitted(rows, [w as u32, h as u32], texel, casters)
+
+    /// `None` if nothing casts in it.
+    fn map(&self, axes: &Axes, texel: f64, edge: Edge, region: &ShadowRegion<'_>) -> Option<FittedMap> {
+        if !(self.across.length() >= 0.0 && self.up.length() >= 0.0 && self.deep.length() >= 0.0) {
+            return None;
+        }
+        // Texel borders lie at whole multiples of a texel in the world.
+        let margin = edge.margin() * texel;
+        let grid = |v: f64, world: f64, round: fn(f64) -> f64| round((v + world) / texel) * texel - world;
+        let (at_x, at_y) = (axes.right.dot(region.view.position), axes.up.dot(region.view.position));
+        let left = grid(self.across.0[0] - margin, at_x, libm::floor);
+        let top = grid(self.up.0[1] + margin, at_y, libm::ceil);
+        let texels =
+            |from_edge: f64| (libm::ceil((from_edge + margin) / texel / 16.0) * 16.0).clamp(16.0, 8192.0);
+        let (w, h) = (texels(self.across.0[1] - left), texels(top - self.up.0[0]));
+        let (right, bottom) = (left + w * texel, top - h * texel);
+        let mut depth = self.deep;
+        let mut casters = Vec::new();
+        for v in &self.volumes {
+            let beside =
+                v.across.0[1] < left || v.across.0[0] > right || v.up.0[1] < bottom || v.up.0[0] > top;
+            let z = Span::of(&region.casters[v.caster].bounds, axes.forward);
+            // A caster behind everything lit shades nothing.
+            if beside || z.0[0] > self.deep.0[1] || !z.is_finite() {
+                continue;
+            }
+            casters.push(v.caster);
+            depth = depth.union(z);
+        }
+        casters.sort_unstable();
+        if casters.is_empty() {
+            return None;
+        }
+        let (near, far) = (depth.0[0] - margin, self.deep.0[1] + margin);
+        let row = |axis: DVec3, scale: f64, offset: f64| (axis * scale).extend(offset);
+        let rows = [
+            row(axes.right, 2.0 / (w * texel), -2.0 * left / (w * texel) - 1.0),
+            row(axes.up, -2.0 / (h * texel), 2.0 * top / (h * texel) - 1.0),
+            row(axes.forward, -1.0 / (far - near), far / (far - near)),
+            DVec4::W,
+        ];
+        let map = fitted(rows, [w as u32, h as u32], texel, casters)?;
+        let penumbra = if let Edge::Sun(spread) = edge { spread * (far - near) / texel } else { 0.0 };
+        Some(FittedMap { penumbra: penumbra as f32, ..map })
+    }
 }
 
 fn fitted(rows: [DVec4; 4], size: [u32; 2], texel: f64, casters: Vec<usize>) -> Option<FittedMap> {
     let clip = DMat4::from_cols_array_2d(&rows.map(|r| r.to_array())).transpose().as_mat4();
-    clip.is_finite().then_some(FittedMap { clip_from_relative: clip, size, texel: texel as f32, casters })
+    clip.is_finite().then_some(FittedMap {
+        clip_from_relative: clip,
+        size,
+        texel: texel as f32,
+        penumbra: 0.0,
+        casters,
+    })
 }
 
 /// Maps of a spot light's cone, or of the faces of a cube around a light that see casters.
@@ -268,15 +357,10 @@ fn perspective_maps(
         let depth = DVec4::new(0.0, 0.0, 0.0, NEAR);
         let rows = [row(axes.right) / tan, -row(axes.up) / tan, depth, row(axes.forward)];
         let clip = DMat4::from_cols_array_2d(&rows.map(|r| r.to_array())).transpose().as_mat4();
-        let seen = |boxes: &[Aabb]| -> Vec<usize> {
-            (0..)
-                .zip(boxes)
-                .filter(|(_, b)| reaches(b) && !outside(**b, &clip, Vec2::ZERO))
-                .map(|(i, _)| i)
-                .collect()
-        };
-        let casters = seen(region.casters);
-        if casters.is_empty() || seen(region.receivers).is_empty() {
+        let seen = |b: &Aabb| reaches(b) && !outside(*b, &clip, Vec2::ZERO);
+        let casters: Vec<usize> =
+            (0..region.casters.len()).filter(|i| seen(&region.casters[*i].bounds)).collect();
+        if casters.is_empty() || !region.receivers.iter().any(seen) {
             return None;
         }
         fitted(rows, [side as u32; 2], 2.0 * tan / side, casters)
@@ -327,6 +411,10 @@ mod tests {
         Aabb { min: c - half, max: c + half }
     }
 
+    fn caster(bounds: Aabb) -> CasterBounds {
+        CasterBounds { bounds, filled: None }
+    }
+
     fn light(kind: LightType, direction: Vec3, position: Vec3, cone: Vec2) -> PlanLight {
         PlanLight {
             position,
@@ -346,25 +434,30 @@ mod tests {
 
     fn fit_in(view: &View, light: &PlanLight, receiver: f32) -> Vec<FittedMap> {
         let receivers = [around(view, DVec3::ZERO, receiver)];
-        let casters = [around(view, DVec3::Y, 0.5), around(view, DVec3::new(900.0, 0.0, 0.0), 1.0)];
+        let casters =
+            [around(view, DVec3::Y, 0.5), around(view, DVec3::new(900.0, 0.0, 0.0), 1.0)].map(caster);
         let region = ShadowRegion { view, size: [1280, 720], receivers: &receivers, casters: &casters };
         fit(light, Shadow::default(), &region)
     }
 
     #[test]
-    fn receivers_lie_in_the_map_and_far_casters_do_not() {
+    fn shadows_lie_in_the_map_and_far_casters_do_not() {
         let v = view(0.0);
         let sun = a_sun();
         let maps = fit_in(&v, &sun, 3.0);
         assert_eq!(maps.len(), 1, "a small scene needs no cascades");
         assert_eq!(maps[0].casters, [0]);
-        for vertex in around(&v, DVec3::ZERO, 3.0).corners() {
-            let p = maps[0].clip_from_relative * vertex.extend(1.0);
-            assert!(p.x.abs() < 1.0 && p.y.abs() < 1.0 && (0.0..=1.0).contains(&p.z), "{p}");
+        let place = |p: DVec3| maps[0].clip_from_relative * (p - v.position).as_vec3().extend(1.0);
+        for vertex in around(&v, DVec3::Y, 0.5).corners() {
+            // The vertex, and where its shadow meets y = -3.
+            let vertex = vertex.as_dvec3() + v.position;
+            let direction = sun.direction.as_dvec3();
+            for p in [vertex, vertex + direction * ((-3.0 - vertex.y) / direction.y)].map(place) {
+                assert!(p.x.abs() < 1.0 && p.y.abs() < 1.0 && (0.0..=1.0).contains(&p.z), "{p}");
+            }
         }
         // Nearer to the light is greater.
-        let depth = |p: DVec3| (maps[0].clip_from_relative * (p - v.position).as_vec3().extend(1.0)).z;
-        assert!(depth(DVec3::Y) > depth(DVec3::ZERO));
+        assert!(place(DVec3::Y).z > place(DVec3::ZERO).z);
     }
 
     #[test]
@@ -372,14 +465,86 @@ mod tests {
         let sun = a_sun();
         let v = view(0.0);
         let receivers = [around(&v, DVec3::new(0.0, -500.0, 0.0), 500.0)];
-        let casters: Vec<Aabb> =
-            (0..40).map(|i| around(&v, DVec3::new(0.0, 1.0, 4.0 - 10.0 * f64::from(i)), 1.0)).collect();
-        let region = ShadowRegion { view: &v, size: [1280, 720], receivers: &receivers, casters: &casters };
-        let maps = fit(&sun, Shadow { softness: 0.0, ..Shadow::default() }, &region);
+        let row = |i: i32| caster(around(&v, DVec3::new(0.0, 1.0, 4.0 - 10.0 * f64::from(i)), 1.0));
+        let fit_first = |count: i32| {
+            let casters: Vec<CasterBounds> = (0..count).map(row).collect();
+            let region =
+                ShadowRegion { view: &v, size: [1280, 720], receivers: &receivers, casters: &casters };
+            fit(&sun, Shadow { softness: Some(0.0), ..Shadow::default() }, &region)
+        };
+        let maps = fit_first(40);
         assert!(maps.len() > 2, "{}", maps.len());
         assert!(maps.windows(2).all(|m| m[0].texel < m[1].texel));
-        assert!(maps[0].casters.len() < casters.len() / 2, "each map has its own casters");
+        assert!(maps[0].casters.len() < 20, "each map has its own casters");
         assert!(maps.iter().all(|m| m.size.iter().all(|s| *s <= 2048)));
+        // What is farther away changes no cascade before it.
+        let more = fit_first(400);
+        assert_eq!(more[0].clip_from_relative, maps[0].clip_from_relative);
+        assert_eq!((more[0].texel, more[0].size), (maps[0].texel, maps[0].size));
+    }
+
+    #[test]
+    fn a_ground_of_any_size_is_no_caster_and_changes_no_map() {
+        let v = view(0.0);
+        let fit_on = |half: f32, feet: f64| {
+            let ground = Aabb { min: Vec3::new(-half, -1.0, -half), max: Vec3::new(half, -1.0, half) };
+            let axes = [DVec3::ZERO, DVec3::X * f64::from(half), DVec3::ZERO, DVec3::Z * f64::from(half)];
+            let center = DVec3::NEG_Y;
+            let filled = Some([center, axes[1], axes[2], axes[3]]);
+            // Feet dip into the ground, which the ground itself hides.
+            let figure = around(&v, DVec3::new(0.0, 0.9 - feet, 0.0), 0.9);
+            let region = ShadowRegion {
+                view: &v,
+                size: [1280, 720],
+                receivers: &[ground, figure],
+                casters: &[CasterBounds { bounds: ground, filled }, caster(figure)],
+            };
+            fit(&a_sun(), Shadow::default(), &region)
+        };
+        for feet in [0.0, 0.02] {
+            let small = fit_on(10.0, feet);
+            assert_eq!(small.len(), 1);
+            assert_eq!(small[0].casters, [1], "the ground is not drawn");
+            for half in [50.0, 500.0, 5e3, 5e4] {
+                let large = fit_on(half, feet);
+                assert_eq!(large[0].casters, [1]);
+                assert_eq!((large.len(), large[0].texel, large[0].size), (1, small[0].texel, small[0].size));
+            }
+        }
+        // A shelf at the same height shades what is under it and seen.
+        let shelf = Aabb { min: Vec3::new(-0.5, -0.5, -8.5), max: Vec3::new(0.5, -0.5, -7.5) };
+        let filled = Some([shelf.center().as_dvec3(), DVec3::X * 0.5, DVec3::ZERO, DVec3::Z * 0.5]);
+        let floor = Aabb { min: Vec3::new(-9.0, -1.0, -19.0), max: Vec3::new(9.0, -1.0, 9.0) };
+        let region = ShadowRegion {
+            view: &v,
+            size: [1280, 720],
+            receivers: &[shelf, floor],
+            casters: &[CasterBounds { bounds: shelf, filled }],
+        };
+        assert_eq!(fit(&a_sun(), Shadow::default(), &region).len(), 1);
+    }
+
+    #[test]
+    fn a_scene_of_any_scale_has_the_same_maps() {
+        let fit_at = |scale: f64| {
+            let projection = Projection::Perspective { yfov: 0.7, near: (0.1 * scale) as f32, far: None };
+            let world_from_view = DAffine3::from_translation(DVec3::new(0.3, 1.0, 8.0) * scale);
+            let v = View::new(&CameraState { camera: None, world_from_view, projection }, [1280, 720]);
+            let s = scale as f32;
+            let ground =
+                Aabb { min: Vec3::new(-50.0, -1.0, -50.0) * s, max: Vec3::new(50.0, -1.0, 50.0) * s };
+            let casters: Vec<CasterBounds> = (0..20)
+                .map(|i| caster(around(&v, DVec3::new(0.0, 0.9, -4.0 * f64::from(i)) * scale, 0.9 * s)))
+                .collect();
+            let region =
+                ShadowRegion { view: &v, size: [1280, 720], receivers: &[ground], casters: &casters };
+            let maps = fit(&a_sun(), Shadow::default(), &region);
+            maps.iter().map(|m| (m.size, m.casters.clone())).collect::<Vec<_>>()
+        };
+        assert!(fit_at(1.0).len() > 1);
+        for exponent in [-10, -3, 7, 10] {
+            assert_eq!(fit_at(libm::exp2(f64::from(exponent))), fit_at(1.0), "2^{exponent}");
+        }
     }
 
     /// Along the ground ahead, the map that a shader samples is fine enough, or as fine as with a smaller shadow map.
@@ -389,11 +554,12 @@ mod tests {
         let v = view(0.0);
         // The ground continues under the camera.
         let ground = Aabb { min: Vec3::new(-6.0, -0.4, -11.0), max: Vec3::new(6.0, -0.4, 3.0) };
-        let region = ShadowRegion { view: &v, size: [2560, 1440], receivers: &[ground], casters: &[ground] };
+        let region =
+            ShadowRegion { view: &v, size: [2560, 1440], receivers: &[ground], casters: &[caster(ground)] };
         let depths: Vec<f32> = (0..97).map(|i| 1.2 + 0.1 * i as f32).collect();
         let softness = 0.01;
         let texels = |size: u32| -> Vec<f32> {
-            let maps = fit(&sun, Shadow { size, softness }, &region);
+            let maps = fit(&sun, Shadow { size, softness: Some(softness) }, &region);
             let at = |depth: &f32| {
                 let inside = |m: &&FittedMap| {
                     let p = m.clip_from_relative * Vec4::new(0.0, -0.4, -depth, 1.0);

@@ -3,10 +3,10 @@
 use crate::plan::build::Planner;
 use crate::plan::build::items::DrawMerger;
 use crate::plan::build::shadow_cascades::{FittedMap, MAX_VIEWS, ShadowRegion, fit, pack};
+use crate::plan::build::shadow_volumes::CasterBounds;
 use crate::plan::{Draw, Features, Instance, PipelineKey, PlanLight, ShadowMaps, ShadowView};
 use crate::scene_resources::PrimitiveEntry;
 use crate::scene_resources::bounds::is_before;
-use choreo_asset::Aabb;
 use choreo_stage::Shadow;
 use glam::Vec4;
 
@@ -17,7 +17,7 @@ pub(super) struct ShadowCaster {
     /// What its depth needs.
     pub key: PipelineKey,
     pub instance: Instance,
-    pub bounds: Aabb,
+    pub bounds: CasterBounds,
     /// Number of indices of watertight surfaces, for lights outside of it.
     pub watertight: u32,
     /// Index into `Planner::skins`.
@@ -39,7 +39,7 @@ impl Planner<'_> {
         lights: &mut [PlanLight],
         shadows: &[Option<Shadow>],
     ) -> Vec<PlacedMap> {
-        let casters: Vec<Aabb> = self.casters.iter().map(|c| c.bounds).collect();
+        let casters: Vec<CasterBounds> = self.casters.iter().map(|c| c.bounds).collect();
         let region = ShadowRegion {
             view: &self.view,
             size: self.options.size,
@@ -84,7 +84,7 @@ impl Planner<'_> {
                 // Materials count only where they cut holes.
                 let cut_out = c.key.features.has(Features::ALPHA_MASK);
                 let material = if cut_out { (c.entry.material, c.material_override) } else { (0, None) };
-                let outside = is_before(c.bounds, &map.clip_from_relative);
+                let outside = is_before(c.bounds.bounds, &map.clip_from_relative);
                 (c.key, material, c.entry.primitive, if outside { c.watertight } else { 0 })
             };
             let mut drawn: Vec<&ShadowCaster> = map.casters.iter().map(|i| &casters[*i]).collect();
@@ -110,8 +110,16 @@ impl Planner<'_> {
                 instances.push(instance);
                 instance_actors.push(caster.actor);
             }
-            let FittedMap { clip_from_relative, size, texel, .. } = map;
-            views.push(ShadowView { light, at, size, clip_from_relative, texel, draws: merger.draws });
+            let FittedMap { clip_from_relative, size, texel, penumbra, .. } = map;
+            views.push(ShadowView {
+                light,
+                at,
+                size,
+                clip_from_relative,
+                texel,
+                penumbra,
+                draws: merger.draws,
+            });
         }
         let end = |i: usize| views.iter().map(|v| v.at[i] + v.size[i]).max().unwrap_or(1);
         let size = [end(0), end(1)];

@@ -224,7 +224,7 @@ fn soften(asset: &Asset, mask: &mut [f32], soft: f64) {
 
 /// Whether `*` (any letters) and plain letters, ASCII case ignored, cover the whole text. Greedy with one step back,
 /// so the time is at most the product of the lengths.
-fn matches(pattern: &[u8], text: &[u8]) -> bool {
+pub fn matches(pattern: &[u8], text: &[u8]) -> bool {
     let (mut p, mut t, mut star) = (0, 0, None);
     while t < text.len() {
         if p < pattern.len() && pattern[p] == b'*' {

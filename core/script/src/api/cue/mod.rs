@@ -1,7 +1,7 @@
 //! Cues: clips on the timeline of an actor.
 
 mod clips;
-mod layer;
+pub(crate) mod layer;
 mod options;
 mod times;
 

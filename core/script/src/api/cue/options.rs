@@ -5,7 +5,7 @@ use crate::build::CueDraft;
 use crate::call::{ApiError, Call, Function, Reply, number, number_in, numbers, wrong};
 use crate::def::{Def, Gives};
 use crate::suggest::{did_you_mean, list};
-use crate::value::{CueRef, Kind};
+use crate::value::{CueRef, HandleKind};
 use choreo_motion::{Ease, Shape, Time};
 use choreo_stage::{Channel, Property, Repeat, SpeedCurve, TimeRemapping};
 use rhai::Dynamic;
@@ -43,7 +43,7 @@ macro_rules! options {
         ];
         pub(crate) const DEFS: &[Function] = &[$(Function {
             def: Def {
-                on: Kind::Cue,
+                on: HandleKind::Cue,
                 name: stringify!($name),
                 args: $args,
                 gives: Gives::Itself,

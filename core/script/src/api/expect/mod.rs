@@ -86,7 +86,8 @@ api! {
     Expect.highest("") -> Expect = highest, in_tests;
     /// Selects the foot sliding of a joint: metres along the floor since it touched down, 0 while it is in the air.
     /// Options: height (a joint this low is on the floor, metres, default 0.03), speed (a joint that rises or sinks
-    /// faster is not on the floor, metres per second, default 0.5), ground (y of the floor, default 0).
+    /// faster is not on the floor, metres per second, default 0.5), swing (a joint that comes down while it moves
+    /// faster along the floor swings past it, metres per second, default 2), ground (y of the floor, default 0).
     Expect.slide("options?") -> Expect = slide, in_tests;
     /// Selects the height of an actor in the image, as a fraction of the image height.
     Expect.picture_height("camera?") -> Expect = picture_height, in_tests;
@@ -358,12 +359,13 @@ pub fn contact(c: &Call, i: usize) -> Result<Contact, ApiError> {
     let Subject::Joint { actor, joint } = c.subject("a Joint")? else {
         return Err(ApiError::new(format!("{}: what is expected must be a Joint, of a foot", c.def.name)));
     };
-    let o: Options = c.options(i, &["height", "speed", "ground"])?;
+    let o: Options = c.options(i, &["height", "speed", "swing", "ground"])?;
     Ok(Contact {
         actor,
         joint,
         height: o.number_in("height", 0.0, 1e6)?.unwrap_or(0.03),
         speed: o.number_in("speed", 0.0, 1e6)?.unwrap_or(0.5),
+        swing: o.number_in("swing", 0.0, 1e6)?.unwrap_or(2.0),
         ground: o.number("ground")?.unwrap_or(0.0),
     })
 }

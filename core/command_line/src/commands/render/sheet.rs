@@ -1,0 +1,90 @@
+//! `choreo render --sheet`: a contact sheet, one image with frames of the scene side by side.
+
+use crate::commands::render::stages::label;
+use crate::failure::Failure;
+use crate::output::target::Target;
+use choreo_motion::Time;
+use choreo_plugin::Frame;
+
+/// Frames of a sheet for which none are chosen.
+const FRAMES: i64 = 12;
+/// Larger side in pixels of a frame for which no size is given.
+const SIDE: u32 = 384;
+/// Pixels between frames, and their color.
+const GAP: u32 = 4;
+const GRAY: [u8; 4] = [32, 32, 32, 255];
+
+/// The first frame, the last and those between at equal distances.
+pub fn evenly(total: i64) -> Vec<i64> {
+    let count = FRAMES.min(total.max(1));
+    (0..count).map(|i| i * (total - 1) / (count - 1).max(1)).collect()
+}
+
+/// The size of one frame, in the shape of the stage.
+pub fn cell(stage: [u32; 2]) -> [u32; 2] {
+    let larger = f64::from(stage[0].max(stage[1]));
+    let scale = (f64::from(SIDE) / larger).min(1.0);
+    stage.map(|side| ((f64::from(side) * scale).round() as u32).max(1))
+}
+
+pub fn must_be_one_image(target: &Target, one_picture: bool) -> Result<(), Failure> {
+    match target {
+        Target::File(_) if one_picture => Ok(()),
+        _ => Err(Failure::Usage(format!("--sheet makes one image: -o sheet.png, not {}", target.shown()))),
+    }
+}
+
+/// The sheet, row by row; each frame has its number and time in its corner.
+pub fn compose(frames: Vec<((i64, Time), Frame)>) -> Frame {
+    let [width, height] = frames.first().map_or([1, 1], |(_, frame)| [frame.width, frame.height]);
+    let columns = columns(frames.len() as u32, [width, height]);
+    let rows = (frames.len() as u32).div_ceil(columns);
+    let [w, h] = [(columns, width), (rows, height)].map(|(count, side)| count * (side + GAP) + GAP);
+    let mut sheet = Frame { width: w, height: h, rgba: GRAY.repeat(w as usize * h as usize) };
+    for (index, ((number, time), mut frame)) in (0..).zip(frames) {
+        let text = format!("{number}: {:.3} s", time.as_secs());
+        label(&mut frame, &text, (width as f32 / 16.0).min(height as f32 / 12.0));
+        let (left, top) = (index % columns * (width + GAP) + GAP, index / columns * (height + GAP) + GAP);
+        let row_bytes = 4 * width as usize;
+        for (y, row) in (top..).zip(frame.rgba.chunks_exact(row_bytes)) {
+            let at = 4 * (y as usize * w as usize + left as usize);
+            sheet.rgba[at..at + row_bytes].copy_from_slice(row);
+        }
+    }
+    sheet
+}
+
+/// As many that the sheet is about half as wide again as high.
+fn columns(count: u32, [width, height]: [u32; 2]) -> u32 {
+    let columns = (f64::from(count) * 1.5 * f64::from(height) / f64::from(width)).sqrt().round() as u32;
+    columns.clamp(1, count.max(1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_spread_from_the_first_to_the_last() {
+        assert_eq!(evenly(1), [0]);
+        assert_eq!(evenly(3), [0, 1, 2]);
+        assert_eq!(evenly(111), [0, 10, 20, 30, 40, 50, 60, 70, 80, 90, 100, 110]);
+    }
+
+    #[test]
+    fn cells_keep_the_shape() {
+        assert_eq!(cell([1280, 720]), [384, 216]);
+        assert_eq!(cell([720, 1280]), [216, 384]);
+        assert_eq!(cell([64, 32]), [64, 32]);
+    }
+
+    #[test]
+    fn frames_lie_row_by_row_with_gaps_between() {
+        let frame = |n: u8| ((i64::from(n), Time::ZERO), Frame { width: 3, height: 2, rgba: vec![n; 24] });
+        let sheet = compose((1..=4).map(frame).collect());
+        assert_eq!([sheet.width, sheet.height], [2 * 7 + 4, 2 * 6 + 4]);
+        let pixel = |x: u32, y: u32| sheet.rgba[4 * (y * sheet.width + x) as usize];
+        assert_eq!([pixel(4, 4), pixel(6, 5), pixel(11, 4), pixel(4, 10), pixel(13, 11)], [1, 1, 2, 3, 4]);
+        assert_eq!([pixel(0, 0), pixel(7, 4), pixel(4, 6), pixel(17, 15)], [32; 4]);
+    }
+}

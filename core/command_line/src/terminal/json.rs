@@ -1,0 +1,76 @@
+//! JSON for people and programs: indented, with each list of numbers, such as a matrix, on one line.
+
+use serde_json::Value;
+
+pub fn pretty(value: &Value) -> String {
+    let mut out = String::new();
+    write(value, 0, &mut out);
+    out
+}
+
+fn write(value: &Value, depth: usize, out: &mut String) {
+    let line = |out: &mut String, depth: usize| {
+        out.push('\n');
+        out.push_str(&"  ".repeat(depth));
+    };
+    match value {
+        Value::Array(items) if !items.is_empty() && items.iter().all(Value::is_number) => {
+            let numbers: Vec<String> = items.iter().map(Value::to_string).collect();
+            out.push_str(&format!("[{}]", numbers.join(", ")));
+        }
+        Value::Array(items) if !items.is_empty() => {
+            out.push('[');
+            for (index, item) in items.iter().enumerate() {
+                out.push_str(if index > 0 { "," } else { "" });
+                line(out, depth + 1);
+                write(item, depth + 1, out);
+            }
+            line(out, depth);
+            out.push(']');
+        }
+        Value::Object(members) if !members.is_empty() => {
+            out.push('{');
+            for (index, (name, member)) in members.iter().enumerate() {
+                out.push_str(if index > 0 { "," } else { "" });
+                line(out, depth + 1);
+                out.push_str(&format!("{}: ", Value::from(name.as_str())));
+                write(member, depth + 1, out);
+            }
+            line(out, depth);
+            out.push('}');
+        }
+        plain => out.push_str(&plain.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::pretty;
+    use serde_json::{Value, json};
+
+    #[test]
+    fn a_matrix_takes_one_line() {
+        let value =
+            json!({ "a\"b": [], "m": [1.0, 0.5, -2], "n": { "o": {}, "s": ["x", [1, 2]] }, "z": null });
+        let text = pretty(&value);
+        assert_eq!(serde_json::from_str::<Value>(&text).unwrap(), value);
+        let lines: Vec<&str> = text.lines().map(str::trim).collect();
+        assert_eq!(
+            lines,
+            [
+                "{",
+                "\"a\\\"b\": [],",
+                "\"m\": [1.0, 0.5, -2],",
+                "\"n\": {",
+                "\"o\": {},",
+                "\"s\": [",
+                "\"x\",",
+                "[1, 2]",
+                "]",
+                "},",
+                "\"z\": null",
+                "}"
+            ]
+        );
+    }
+}

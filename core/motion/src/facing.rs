@@ -1,0 +1,199 @@
+//! Which way a character faces in its file, by what its skeleton and its clips show.
+
+use crate::clip::{Clip, Curve, Path};
+use crate::contacts::find_feet;
+use crate::root_motion::{RootMotion, RootParts};
+use crate::skeleton::Skeleton;
+use crate::skeleton::humanoid_joints::HumanoidJoints;
+use crate::skeleton::model_rest_pose::ModelRestPose;
+use crate::skeleton::sides::{Side, side_of};
+use crate::time::Time;
+use glam::{DQuat, DVec3};
+use std::collections::BTreeMap;
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::sync::Arc;
+
+/// The horizontal axis of the model that is its front.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Front {
+    /// glTF's convention.
+    #[default]
+    PlusZ,
+    MinusZ,
+    PlusX,
+    MinusX,
+}
+
+impl Front {
+    /// The names that scripts give them.
+    pub const ALL: [(&str, Front); 4] =
+        [("+z", Front::PlusZ), ("-z", Front::MinusZ), ("+x", Front::PlusX), ("-x", Front::MinusX)];
+
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(_, front)| *front == self).map_or("", |(name, _)| name)
+    }
+
+    /// Angle about +Y that brings +Z to it.
+    pub fn yaw_rad(self) -> f64 {
+        match self {
+            Front::PlusZ => 0.0,
+            Front::MinusZ => PI,
+            Front::PlusX => FRAC_PI_2,
+            Front::MinusX => -FRAC_PI_2,
+        }
+    }
+
+    /// Rotation about +Y that brings +Z to it.
+    pub fn rotation(self) -> DQuat {
+        DQuat::from_rotation_y(self.yaw_rad())
+    }
+
+    pub fn direction(self) -> DVec3 {
+        match self {
+            Front::PlusZ => DVec3::Z,
+            Front::MinusZ => DVec3::NEG_Z,
+            Front::PlusX => DVec3::X,
+            Front::MinusX => DVec3::NEG_X,
+        }
+    }
+
+    /// The axis that a direction lies along, within 35°.
+    fn along(direction: DVec3) -> Option<Front> {
+        let level = direction.with_y(0.0).try_normalize()?;
+        Self::ALL.iter().map(|(_, front)| *front).find(|front| front.direction().dot(level) > 0.819)
+    }
+}
+
+/// Which way a character faces, and what shows it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Facing {
+    pub front: Front,
+    pub evidence: Vec<FacingEvidence>,
+    /// The evidence contradicts itself; +Z is kept.
+    pub doubtful: bool,
+}
+
+/// A part of a character, and the horizontal unit vector that it shows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FacingEvidence {
+    pub part: &'static str,
+    pub direction: DVec3,
+}
+
+impl Facing {
+    /// Finds it by the toes, the eyes, the bend of the knees, and left and right by joints' names; where none of them shows anything, by where
+    /// clips travel. The front is what most of them show.
+    pub fn of(skeleton: &Skeleton, clips: &[Arc<Clip>]) -> Facing {
+        let rest = ModelRestPose::of(skeleton);
+        let at = |joint: u32| rest.positions[joint as usize];
+        let shown = [
+            ("feet", toes(skeleton, at)),
+            ("eyes", eyes(skeleton, at)),
+            ("knees", knees(skeleton, at)),
+            ("left and right", sides(skeleton, at)),
+        ];
+        let level = |(part, direction): (&'static str, DVec3)| {
+            let direction = direction.with_y(0.0).try_normalize()?;
+            Some(FacingEvidence { part, direction })
+        };
+        let mut evidence: Vec<FacingEvidence> = shown.into_iter().filter_map(level).collect();
+        if evidence.is_empty() {
+            evidence.extend(level(("travel of clips", travel(skeleton, clips))));
+        }
+        let votes = |front| evidence.iter().filter(|e| Front::along(e.direction) == Some(front)).count();
+        let most = Front::ALL
+            .iter()
+            .map(|(_, front)| *front)
+            .max_by_key(|front| (votes(*front), *front == Front::PlusZ));
+        let most = most.unwrap_or_default();
+        let doubtful = !evidence.is_empty() && 2 * votes(most) <= evidence.len();
+        Facing {
+            front: if doubtful || evidence.is_empty() { Front::PlusZ } else { most },
+            evidence,
+            doubtful,
+        }
+    }
+}
+
+/// The way from heels to toes; toes that point down show nothing.
+fn toes(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
+    let ahead = |joints: &[u32]| match joints {
+        [heel, toe, ..] => way(at(*toe) - at(*heel), 0.3),
+        _ => DVec3::ZERO,
+    };
+    find_feet(skeleton).iter().map(|foot| ahead(&foot.joints)).sum()
+}
+
+/// The way to the eyes from the joint that carries them.
+fn eyes(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
+    let is_eye = |name: &str| {
+        let name = name.to_lowercase();
+        name.contains("eye")
+            && !["brow", "lid", "lash", "target", "end"].iter().any(|other| name.contains(other))
+    };
+    let eyes = (0u32..).zip(skeleton.names()).filter(|(_, name)| is_eye(name));
+    let parents = skeleton.parents();
+    eyes.filter_map(|(eye, _)| Some(way(at(eye) - at(parents[eye as usize]?), 0.2))).sum()
+}
+
+/// How far the knees stand before the lines from hips to ankles, where they are bent.
+fn knees(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
+    let joints = HumanoidJoints::of(skeleton);
+    let bend = |side: &str| {
+        let find = |part: &str| joints.joint(&format!("{side} {part}")).map(&at);
+        let (Some(hip), Some(knee), Some(ankle)) = (find("upleg"), find("leg"), find("foot")) else {
+            return DVec3::ZERO;
+        };
+        let leg = ankle - hip;
+        let before = knee - hip - leg * ((knee - hip).dot(leg) / leg.length_squared());
+        if before.length() > 0.01 * leg.length() { way(before, 0.3) } else { DVec3::ZERO }
+    };
+    bend("left") + bend("right")
+}
+
+/// Joints that are named as pairs: with +Y up, left × up is ahead.
+fn sides(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
+    let mut pairs: BTreeMap<String, [Vec<u32>; 2]> = BTreeMap::new();
+    for (joint, name) in (0u32..).zip(skeleton.names()) {
+        if let Some((side, rest)) = side_of(name) {
+            pairs.entry(rest).or_default()[usize::from(side == Side::Right)].push(joint);
+        }
+    }
+    let across = |pair: &[Vec<u32>; 2]| match pair {
+        [left, right] if left.len() == 1 && right.len() == 1 => way(at(left[0]) - at(right[0]), 0.7),
+        _ => DVec3::ZERO,
+    };
+    let across: Vec<DVec3> = pairs.values().map(across).filter(|way| *way != DVec3::ZERO).collect();
+    // Where they contradict each other the names are not sides.
+    together(&across).cross(DVec3::Y)
+}
+
+/// The sum of unit vectors; none where they contradict each other.
+fn together(directions: &[DVec3]) -> DVec3 {
+    let sum: DVec3 = directions.iter().sum();
+    if sum.length() > 0.5 * directions.len() as f64 { sum } else { DVec3::ZERO }
+}
+
+/// Limbs that turn in a clip of somebody who walks. Where fewer do, something slides: a door, a cart, a camera.
+const LIMBS: usize = 4;
+
+/// Direction in which most clips that get anywhere on limbs go.
+fn travel(skeleton: &Skeleton, clips: &[Arc<Clip>]) -> DVec3 {
+    let limbs = |clip: &&Arc<Clip>| {
+        let turns = |curve: &&Curve| curve.path == Path::Rotation && curve.times.len() > 1;
+        clip.curves().iter().filter(turns).count() >= LIMBS
+    };
+    let velocity = |clip: &Arc<Clip>| {
+        let span = (Time::ZERO, clip.duration);
+        RootMotion::new(skeleton, clip, None, RootParts::default(), span).map(|motion| motion.velocity())
+    };
+    let moving =
+        clips.iter().filter(limbs).filter_map(velocity).map(|v| v.with_y(0.0)).filter(|v| v.length() > 0.2);
+    together(&moving.map(|v| v.normalize()).collect::<Vec<_>>())
+}
+
+/// The horizontal unit vector along a way; none where less than a share of it is horizontal.
+fn way(way: DVec3, share: f64) -> DVec3 {
+    let level = way.with_y(0.0);
+    if level.length() > share * way.length() { level.normalize_or_zero() } else { DVec3::ZERO }
+}

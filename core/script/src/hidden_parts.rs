@@ -1,0 +1,40 @@
+//! Assets without the parts that a script hides.
+
+use choreo_asset::{Asset, Mesh};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+/// Actors of the same asset that hide the same parts share one asset.
+#[derive(Default)]
+pub struct HiddenParts {
+    /// Pairs of the whole asset, kept alive, and the one without parts, by the address of the whole.
+    made: BTreeMap<(usize, BTreeSet<u32>), [Arc<Asset>; 2]>,
+}
+
+impl HiddenParts {
+    /// The asset with empty meshes in the place of some instances: their indices, weights and joints stay what they are.
+    pub fn without(&mut self, whole: &Arc<Asset>, hidden: BTreeSet<u32>) -> Arc<Asset> {
+        if hidden.is_empty() {
+            return whole.clone();
+        }
+        let make = || {
+            let mut asset = Asset { derived: Default::default(), ..(**whole).clone() };
+            for index in &hidden {
+                let Some(instance) = asset.instances.get_mut(*index as usize) else { continue };
+                let Some(mesh) = asset.meshes.get(instance.mesh as usize) else { continue };
+                let (name, morph_names) = (mesh.name.clone(), mesh.morph_names.clone());
+                let morph_targets = mesh.morph_targets;
+                instance.mesh = asset.meshes.len() as u32;
+                asset.meshes.push(Arc::new(Mesh {
+                    name,
+                    primitives: Vec::new(),
+                    morph_targets,
+                    morph_names,
+                }));
+            }
+            [whole.clone(), Arc::new(asset)]
+        };
+        let key = (Arc::as_ptr(whole) as usize, hidden.clone());
+        self.made.entry(key).or_insert_with(make)[1].clone()
+    }
+}
