@@ -102,6 +102,12 @@ impl Shared {
         Arc::into_inner(picture).into_iter().for_each(|picture| self.recycle(picture.frame));
     }
 
+    /// Whether a frame is still encoded: also one before the frame that failed, since its failure is the one to report.
+    fn wants(&self, frame: i64) -> bool {
+        let failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
+        failure.as_ref().is_none_or(|(failed, _)| frame < *failed) && !interrupt::interrupted()
+    }
+
     fn stopped(&self) -> bool {
         self.stop.load(Ordering::SeqCst) || interrupt::interrupted()
     }
@@ -283,7 +289,7 @@ fn encode_pictures(
         let next = pictures.lock().unwrap_or_else(PoisonError::into_inner).recv();
         let Ok((frame, picture, repeated)) = next else { return };
         // After a failure the queue is emptied, so that the renderer does not wait for a place in it.
-        if !shared.stopped() {
+        if shared.wants(frame.0) {
             match encode(frame, &picture, repeated) {
                 Ok(()) => progress.step(),
                 Err(failure) => shared.fail(frame.0, failure),

@@ -1,5 +1,6 @@
 //! The background after effects on everything. CPU reference of `background_effects` in background.wgsl.
 
+use super::raster::TILE_WIDTH;
 use super::row_color;
 use super::sky::Backdrop;
 use crate::plan::Plan;
@@ -16,16 +17,31 @@ pub(crate) struct Veil<'a> {
 }
 
 impl Veil<'_> {
-    /// Linear, of a pixel of the image.
-    pub fn pixel(&self, x: i32, y: i32) -> Vec4 {
-        let color = match &self.backdrop {
-            Some(backdrop) => backdrop.pixel(x, y),
-            None => row_color(self.plan, y as usize),
-        };
-        if self.effects.is_empty() { color } else { self.seen_through(color, x, y) }
+    /// Linear, of the pixels of a row of the image from `x` on, at most a tile's width: effects run over all of them at once.
+    pub fn row(&self, x: i32, y: i32, colors: &mut [Vec4]) {
+        for (color, x) in colors.iter_mut().zip(x..) {
+            *color = match &self.backdrop {
+                Some(backdrop) => backdrop.pixel(x, y),
+                None => row_color(self.plan, y as usize),
+            };
+        }
+        if self.effects.is_empty() {
+            return;
+        }
+        let mut samples = [SurfaceSample::default(); TILE_WIDTH as usize];
+        let samples = &mut samples[..colors.len()];
+        for ((sample, color), x) in samples.iter_mut().zip(&*colors).zip(x..) {
+            *sample = self.sample(*color, x, y);
+        }
+        for (effect, p) in &self.effects {
+            if let Some(function) = effect.function() {
+                function.surfaces(colors, samples, p);
+            }
+        }
     }
 
-    fn seen_through(&self, color: Vec4, x: i32, y: i32) -> Vec4 {
+    /// What effects see of the background at a pixel.
+    fn sample(&self, color: Vec4, x: i32, y: i32) -> SurfaceSample {
         let view = &self.plan.view;
         let size = Vec2::new(self.plan.size[0] as f32, self.plan.size[1] as f32);
         // The rows of a perspective matrix without a translation stand at right angles, so that this is its inverse.
@@ -39,19 +55,12 @@ impl Veil<'_> {
         };
         let way = ahead * (1.0 / ahead.dot(ahead).max(1e-20).sqrt());
         let viewer = view.position.as_vec3() + beside;
-        let seen = SurfaceSample {
+        SurfaceSample {
             world: viewer + way * BACKGROUND_DISTANCE,
             distance: BACKGROUND_DISTANCE,
             background: color.truncate(),
             viewer,
             ..SurfaceSample::default()
-        };
-        let mut colors = [color];
-        for (effect, p) in &self.effects {
-            if let Some(function) = effect.function() {
-                function.surfaces(&mut colors, &[seen], p);
-            }
         }
-        colors[0]
     }
 }

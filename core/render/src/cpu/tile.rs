@@ -152,14 +152,17 @@ impl Tile<'_, '_> {
                 continue;
             }
             let y = self.at[1] + row as i32;
-            for (x, samples) in colors.chunks_exact_mut(S).take(self.size[0]).enumerate() {
-                let x = self.at[0] + x as i32;
-                let mut pixel = self.backdrop.map_or(*background, |backdrop| backdrop.pixel(x, y));
+            let mut behind = [*background; TILE_WIDTH as usize];
+            let behind = &mut behind[..self.size[0]];
+            if let Some(backdrop) = self.backdrop {
+                backdrop.row(self.at[0], y, behind);
+            }
+            for ((samples, pixel), x) in colors.chunks_exact_mut(S).zip(behind).zip(self.at[0]..) {
                 if let Some(under) = self.under {
                     let over = under.pixel(x as u32, y as u32);
-                    pixel = over + pixel * (1.0 - over.w);
+                    *pixel = over + *pixel * (1.0 - over.w);
                 }
-                samples.fill(T::encode(pixel));
+                samples.fill(T::encode(*pixel));
             }
         }
         if !self.list.is_empty() {

@@ -41,6 +41,7 @@ api! {
     ///   with `from` the actor moves to its own position in the new parent; default true: it stays where it is in
     ///   the world, and goes on from there with the parent).
     /// - Where .at, .move_by, .turn or .rotate follow an attachment with `from`, they place the actor in that parent.
+    ///   To move a prop into the palm of another hand, use keep: false, then .at in the new hand.
     /// - In a callback: the parent for this frame, without times.
     Actor.attach("actor_or_joint, options?") = attach, in_frames;
     /// Ends the attachment at a time: the actor stays where it is in the world.
@@ -81,7 +82,7 @@ api! {
     ///   name as second argument.
     /// - `how`, the interpolation: "linear" (the default), "step", "smooth" (zero velocity at each keyframe) or
     ///   "cubic" (a smooth curve through the keyframes: a number never leaves the range between two keyframes,
-    ///   monotone cubic; a position keeps its direction through a keyframe) or "catmull_rom" (a Catmull-Rom spline,
+    ///   monotone cubic; a position keeps its direction through a keyframe, so that a path that bends swings out beside it) or "catmull_rom" (a Catmull-Rom spline,
     ///   which overshoots where keyframes of different speed lie close together). Or an easing into every keyframe: a
     ///   name such as "in_out_sine" (see Cue.ease) or a Bézier curve [x1, y1, x2, y2].
     /// - Two keyframes at the same time are a jump from the first value to the second.

@@ -18,8 +18,8 @@ api! {
     Actor.root_motion("options?") = actor_root;
     /// Removes root motion from its clips, so that they play in place. Options as in Actor.root_motion.
     Actor.in_place("options?") = actor_in_place;
-    /// Moves the actor along a smooth curve (path following) through points [[x, y, z], …], relative to where it is
-    /// placed, facing forwards.
+    /// Moves the actor along a smooth curve (path following) through points [[x, y, z], …], relative to its
+    /// position and rotation, facing forwards.
     /// - Options: speed (metres per second; default: as fast as its clips walk, so that feet do not slide), from
     ///   (start time in seconds, default 0), closed (true: the path is a loop), turn (false: the actor keeps its
     ///   rotation).

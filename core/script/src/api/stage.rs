@@ -20,7 +20,7 @@ api! {
     ///   above and from below; a white surface under a strength of 1 is 1), exposure (stops, -20 to 20, default 0:
     ///   1 doubles the light of surfaces and of the sky), view (the view transform, from light to the colors of a
     ///   display: "neutral", the default, Khronos PBR Neutral, keeps base colors and compresses highlights; "agx"
-    ///   looks like film; "none" gives raw values, cut off at 1). Unlit and toon surfaces, 2D layers, lines and plain
+    ///   looks like film; "none" is no transform: values are cut off at 1 and sRGB-encoded). Unlit and toon surfaces, 2D layers, lines and plain
     ///   backgrounds keep their exact colors. The effect tonemap takes the place of the view transform; with bloom it
     ///   runs after the bloom, over the whole image.
     /// - Rendering: cutouts (edges of alpha-masked surfaces such as leaves and hair at 4 samples: "smooth", the

@@ -13,7 +13,7 @@ api! {
     /// Hides the actor from this time on. A hidden actor costs nothing: it is neither posed nor drawn.
     Actor.until("time") = until;
     /// Hides parts of the model, such as the second sword of a character: the meshes of these names, or on nodes of
-    /// these names. One name or an array; `*` stands for any letters, as in "Knight_Sword*". Further calls hide
+    /// these names, which `choreo info --joints` lists. One name or an array; `*` stands for any letters, as in "Knight_Sword*". Further calls hide
     /// more.
     Actor.hide_parts("names") = hide_parts;
 }
