@@ -9,7 +9,7 @@ use choreo_motion::{Facing, Front, Pose, Skeleton, Skinning};
 use glam::{Affine3A, Mat4, Vec3};
 
 impl Asset {
-    /// Which way it faces, found by its skeleton and clips.
+    /// The front of the character, found by its skeleton and clips.
     pub fn facing(&self) -> &Facing {
         self.derived.facing.get_or_init(|| Facing::of(&self.skeleton, &self.clips))
     }

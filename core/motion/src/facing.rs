@@ -1,4 +1,4 @@
-//! Which way a character faces in its file, by what its skeleton and its clips show.
+//! The front of a character in its file, found by its skeleton and its clips.
 
 use crate::clip::{Clip, Curve, Path};
 use crate::contacts::find_feet;
@@ -64,7 +64,7 @@ impl Front {
     }
 }
 
-/// Which way a character faces, and what shows it.
+/// The front of a character, and the evidence for it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Facing {
     pub front: Front,

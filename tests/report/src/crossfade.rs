@@ -32,10 +32,7 @@ pub fn section() -> Result<Section, String> {
         fades.push(Fade { from: from_pose, to: to_pose, skeleton: skeleton.clone(), place });
     }
     let mut choice = crossfade(&fades, BUDGET_SECS);
-    choice.choose(
-        NOW,
-        "nearer to slerp than anyone can see, for a small part of what it costs more than nlerp",
-    );
+    choice.choose(NOW, "an error that nobody sees, for about a fifth more time than plain nlerp");
     Ok(Section {
         title: "Crossfades",
         text: "All ways go along the same arc and agree at weights 0, ½ and 1. Between, plain nlerp is ahead or behind by what the table \

@@ -54,7 +54,7 @@ pub fn compose(frames: Vec<((i64, Time), Frame)>) -> Frame {
     sheet
 }
 
-/// As many that the sheet is about half as wide again as high.
+/// Number of columns for a sheet that is about half as wide again as high.
 fn columns(count: u32, [width, height]: [u32; 2]) -> u32 {
     let columns = (f64::from(count) * 1.5 * f64::from(height) / f64::from(width)).sqrt().round() as u32;
     columns.clamp(1, count.max(1))
