@@ -99,13 +99,13 @@ fn hemisphere(n: vec3<f32>) -> vec3<f32> {
     return mix(frame.ambient_down.xyz, frame.ambient_up.xyz, n.y * 0.5 + 0.5);
 }
 
-// On a white surface that faces this way.
+// Ambient light on a white surface with this normal.
 fn ambient(n: vec3<f32>) -> vec3<f32> {
     @if(!SKY) return hemisphere(n);
     @if(SKY) return hemisphere(n) + sky_diffuse(n);
 }
 
-// What a mirror as rough as this shows there.
+// Light reflected by a mirror of this roughness.
 fn mirrored(way: vec3<f32>, roughness: f32) -> vec3<f32> {
     @if(!SKY) return hemisphere(way);
     @if(SKY) return hemisphere(way) + sky_mirrored(way, roughness);

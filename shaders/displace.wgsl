@@ -39,7 +39,7 @@ fn shifted(place: Place, m: Rows, way: vec3<f32>) -> Place {
     return there;
 }
 
-// Of the moved surface: what a step along two tangents becomes.
+// Normal of the moved surface: the cross product of the moved steps along two tangents.
 fn displaced_normal(place: Place, m: Rows, offset: vec3<f32>) -> vec3<f32> {
     // Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
     let n = place.normal;
@@ -50,7 +50,7 @@ fn displaced_normal(place: Place, m: Rows, offset: vec3<f32>) -> vec3<f32> {
     let u = vec3(b, s + n.y * n.y * a, -n.y);
     let along = t * DISPLACED_STEP + (vertex_effects(shifted(place, m, t), m) - offset);
     let across = u * DISPLACED_STEP + (vertex_effects(shifted(place, m, u), m) - offset);
-    // Of unit length, so that the product of two small steps does not vanish.
+    // Both steps are normalized first, so that the product of two small steps does not vanish.
     return unit(cross(unit(along), unit(across)));
 }
 @end

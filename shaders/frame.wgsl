@@ -1,4 +1,4 @@
-// What every shader of the scene reads. Layouts are compared with the Rust structs (core/render/src/shader/uniforms.rs, plan/mod.rs) by a test.
+// Inputs of every shader of the scene. Layouts are compared with the Rust structs (core/render/src/shader/uniforms.rs, plan/mod.rs) by a test.
 // Lines such as `@if(SKIN) …` are kept only where the plan asks for the feature; see core/render/src/shader/features.rs, which declares the material textures, too.
 
 struct Frame {
@@ -33,11 +33,11 @@ fn tall(rows: mat4x4<f32>) -> f32 {
 struct Instance {
     relative_from_mesh: Rows,
     tint: vec4<f32>,
-    // Of a body that a compute stage posed: the first of its numbers, and how many vertices it has.
+    // For a pre-skinned mesh first_joint is its first number in the buffer, and first_morph its number of vertices.
     first_joint: u32,
     first_morph: u32,
     morph_count: u32,
-    // Of lines and points: pixels, below 0: metres
+    // Width of lines and points in pixels; below 0: in metres.
     width: f32,
 }
 
@@ -98,7 +98,7 @@ struct Material {
     alpha_cutoff: f32,
     normal_scale: f32,
     occlusion_strength: f32,
-    // In widths of the texture.
+    // Widths of the texture.
     parallax_depth: f32,
     triplanar_sharpness: f32,
     triplanar_middle: vec3<f32>,
@@ -111,7 +111,7 @@ struct Material {
     phong: Phong,
     toon: Toon,
     outline: Outline,
-    // By the slots of the base textures, then width of the outline and mask of the motion.
+    // The slots of the base textures, then width of the outline and mask of the motion.
     uv: array<UvTransform, 9>,
 }
 
@@ -119,7 +119,7 @@ struct Material {
 struct Layers {
     sheen_color: vec3<f32>,
     sheen_roughness: f32,
-    // Of the volume: light lost a metre, and metres.
+    // Volume: light lost a metre, and metres.
     extinction: vec3<f32>,
     thickness: f32,
     clearcoat: f32,
@@ -173,7 +173,7 @@ struct ShadowView {
 @if(REFRACTION) @group(2) @binding(3) var behind_texture: texture_2d<f32>;
 @if(REFRACTION) @group(2) @binding(4) var behind_sampler: sampler;
 
-// Of one primitive, for each target: its first vertex, how many, where their offsets begin. Then the offsets of each target: positions,
+// Morph targets of one primitive: for each its first vertex, the number of vertices and the start of their offsets. Then the offsets of each target: positions,
 // and as many normals and tangents where the mesh has them.
 @if(MORPH) @group(1) @binding(0) var<storage, read> morphs: array<vec4<u32>>;
 // Vertices of meshes that a compute stage pre-skinned; see preskin.wgsl.

@@ -1,4 +1,4 @@
-// What lies over, in or behind a metallic-roughness surface: clearcoat, sheen, transmission, thin films. Times π, as in brdf.wgsl.
+// Layers over, in or behind a metallic-roughness surface: clearcoat, sheen, transmission, thin films. Times π, as in brdf.wgsl.
 // CPU reference: core/render/src/cpu/layers.rs, thin_film.rs.
 
 @if(CLEARCOAT)
@@ -44,7 +44,7 @@ fn squared(v: f32) -> f32 {
     return v * v;
 }
 
-// What the eye's three receptors make of a reflectance that is a cosine of the frequency: sums of Gaussians (Belcour &
+// Response of the eye's three receptors to a reflectance that is a cosine of the frequency: sums of Gaussians (Belcour &
 // Barla, "A Practical Extension to Microfacet Theory for the Modeling of Varying Iridescence", 2017, §4), as linear sRGB.
 // `path`: metres, `shift`: radians, a channel each.
 fn film_color(path: f32, shift: vec3<f32>) -> vec3<f32> {

@@ -26,7 +26,7 @@ struct Light {
 
 @if(LOCAL_LIGHTS)
 struct Incoming {
-    // To the light, unit.
+    // Unit direction to the light.
     direction: vec3<f32>,
     color: vec3<f32>,
 }

@@ -31,7 +31,7 @@ fn post_vs(@builtin(vertex_index) index: u32) -> PostOut {
 }
 
 @if(PICTURE)
-// In pixels.
+// Size of the image in pixels.
 fn picture_size() -> vec2<i32> {
     return vec2<i32>(post.size);
 }

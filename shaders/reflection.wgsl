@@ -20,7 +20,7 @@ fn surroundings(way: vec3<f32>) -> vec3<f32> {
 // texture coordinates jump where the panorama's ends meet.
 @if(ENVIRONMENT_TEXTURE)
 fn surroundings(way: vec3<f32>) -> vec3<f32> {
-    // At the poles every longitude is right, but atan2(0, 0) none.
+    // Any longitude is valid at the poles, but atan2(0, 0) is undefined.
     let flat = select(vec2(way.x, -way.z), vec2(0.0, 1.0), way.x == 0.0 && way.z == 0.0);
     let place = vec2(0.5 + atan2(flat.x, flat.y) / 6.2831853, acos(clamp(way.y, -1.0, 1.0)) / 3.14159265);
     let across = dpdxFine(way);

@@ -136,7 +136,7 @@ fn read_parallax(in: VertexOut) {
     @if(OCCLUSION_TEXTURE) occlusion += material.occlusion_strength * (textureSample(occlusion_texture, occlusion_sampler, texture_uv(in, 3u)).r - 1.0);
     @end
 
-    // What is mirrored takes the base color's place, so that no surface sends more than it gets: a reflection of 1 is a mirror.
+    // The reflection replaces its share of the base color, so that no surface reflects more light than it gets: a reflection of 1 is a mirror.
     @if(REFLECTION) let mirrored_part = mirrored_share(in);
     @if(REFLECTION) base = vec4(base.rgb * (vec3(1.0) - mirrored_part), base.a);
 
@@ -149,7 +149,7 @@ fn read_parallax(in: VertexOut) {
     @end
     @end
 @if(LIGHT_PASS)
-// What was kept of the pixel's surface is lit by all that follows.
+// Lights the pixel's surface of the G-buffer.
 @fragment
 fn fs(at: LightOut) -> @location(0) vec4<f32> {
     let kept = kept_at(at.position);
@@ -182,7 +182,7 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
     s.across = unit(cross(n, s.along));
     let alpha_across = s.roughness * s.roughness;
     s.alphas = vec2(mix(alpha_across, 1.0, anisotropy * anisotropy), alpha_across);
-    // Of the sky what stands across the brushing is seen ("Bent normal" of the extension's implementation notes).
+    // The sky is reflected across the direction of the brushing ("Bent normal" of the extension's implementation notes).
     let fan = unit(cross(cross(s.across, v), s.across));
     let straight = 1.0 - anisotropy * (1.0 - s.roughness);
     let straight2 = straight * straight;
@@ -202,7 +202,7 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
     @end
     @if(VOLUME) let absorbed = exp(-layers.extinction * depth);
     @if(TRANSMISSION)
-    // What is neither reflected nor scattered lets light through (KHR_materials_transmission), less what the volume takes
+    // The light that is neither reflected nor scattered is transmitted (KHR_materials_transmission), less the absorption of the volume
     // (KHR_materials_volume, Beer-Lambert). Thin glass sees no blurred image of what is behind: of a rough surface the
     // blurred share is the hemisphere light transmitted by it.
     var transmission = layers.transmission * (1.0 - metallic);
@@ -218,7 +218,7 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
     @if(DISPERSION) behind.z = behind_glass(in.relative, n, v, layers.iors.z, depth, roughness).z;
     @end
     @if(DIFFUSE_TRANSMISSION)
-    // Of the diffuse light a share comes from behind instead (KHR_materials_diffuse_transmission), less what is reflected.
+    // A share of the diffuse light comes from behind instead (KHR_materials_diffuse_transmission), less the reflected part.
     var from_behind = layers.diffuse_transmission;
     @if(DIFFUSE_TRANSMISSION_TEXTURE) from_behind *= textureSample(diffuse_transmission_texture, diffuse_transmission_sampler, layer_uv(in, 10u)).a;
     var behind_color = layers.diffuse_transmission_color;
@@ -236,7 +236,7 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
     @if(SHEEN_ROUGHNESS_TEXTURE) sheen_roughness *= textureSample(sheen_roughness_texture, sheen_roughness_sampler, layer_uv(in, 4u)).a;
     sheen_roughness = max(sheen_roughness, 0.07);
     let sheen_share = sheen_albedo(sheen_roughness, nv);
-    // What the sheen takes, the surface below does not get ("Albedo-Scaling technique", by the angle to the viewer).
+    // The surface below gets only the light that the sheen leaves ("Albedo-Scaling technique", by the angle to the viewer).
     let below_sheen = 1.0 - max(sheen_color.x, max(sheen_color.y, sheen_color.z)) * sheen_share;
     var sheen = ambient(n) * sheen_share * occlusion;
     @end

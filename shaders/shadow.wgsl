@@ -16,7 +16,7 @@ fn shadow_share(light: Light, relative: vec3<f32>, n: vec3<f32>, l: vec3<f32>) -
         let moved = relative + n * (slope * texel) + l * (0.25 * texel);
         let p = view.texel_from_relative * vec4(moved, 1.0);
         let at = p.xyz / max(p.w, 1e-6);
-        // What is behind all that a map is fitted to is in a later one.
+        // A point behind the depth range of this map lies in a later one.
         if (p.w > 0.0 && at.z >= 0.0 && all(at.xy >= view.inside.xy) && all(at.xy <= view.inside.zw)) {
             if (view.texel.y == 0.0) { return shadow_filtered(at, view.texel.zw); }
             let slope = shadow_slope(view, n);

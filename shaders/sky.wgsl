@@ -4,7 +4,7 @@
 
 @if(SKY || SKY_BACKGROUND)
 struct Sky {
-    // Of 1, y, z, x, xy, yz, 3z² − 1, xz, x² − y²
+    // Coefficients of 1, y, z, x, xy, yz, 3z² − 1, xz, x² − y²
     harmonics: array<vec4<f32>, 9>,
     // First texel inside the border, texels a side
     levels: array<vec4<f32>, 8>,
@@ -20,7 +20,7 @@ struct Sky {
 
 @group(2) @binding(5) var<uniform> sky: Sky;
 
-// From the world to the panorama.
+// Direction in the panorama for a direction in the world.
 fn sky_turned(way: vec3<f32>) -> vec3<f32> {
     return vec3(sky.turn.x * way.x - sky.turn.y * way.z, way.y, sky.turn.y * way.x + sky.turn.x * way.z);
 }

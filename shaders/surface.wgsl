@@ -32,7 +32,7 @@ struct Falling {
 @if(TEXTURES) @group(0) @binding(8) var<storage, read> effect_texels: array<vec2<u32>>;
 
 @if(EFFECTS)
-// Of up to eight effects; then how far each moves anything at most.
+// Parameters of up to eight effects; then the reach of each.
 @group(0) @binding(6) var<uniform> surface_parameters: array<vec4<f32>, 18>;
 
 fn surface_parameters_of(index: u32) -> array<f32, 8> {

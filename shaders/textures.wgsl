@@ -1,8 +1,8 @@
-// Textures of effects, all in one buffer; of each effect functions with its textures' names are appended.
+// Textures of effects, all in one buffer; functions with the textures' names are appended for each effect.
 // CPU reference: core/plugin/src/effect_texture.rs.
 
 fn effect_texel(first: u32, size: vec2<u32>, at: vec2<i32>) -> vec4<f32> {
-    // From one texel before the first to one behind the last; what is not a number is anywhere.
+    // Coordinates go from one texel before the first to one after the last; NaN may read any texel.
     let wrapped = vec2<u32>(clamp(at + vec2<i32>(size), vec2(0), vec2<i32>(size) * 2)) % size;
     let t = effect_texels[first + wrapped.y * size.x + wrapped.x];
     return vec4(unpack2x16float(t.x), unpack2x16float(t.y));

@@ -7,7 +7,7 @@ fn spread(own: vec4<f32>, other: vec4<f32>, corner: vec3<f32>, width: f32) -> ve
     let second = corner.z > 0.5;
     let a = select(own, other, second);
     let b = select(other, own, second);
-    // From the first end to the second in the image: d(xy/w) is proportional to this.
+    // The direction from the first end to the second in the image: d(xy/w) is proportional to this.
     let way = (b.xy * a.w - a.xy * b.w) * frame.size;
     let most = max(abs(way.x), abs(way.y));
     var along = vec2(1.0, 0.0);

@@ -1,7 +1,7 @@
 // Triplanar mapping: textures from three sides, mixed by where the surface faces. CPU reference: core/render/src/cpu/triplanar.rs.
 
 @if(TRIPLANAR)
-// In the space of the mesh: from the middle in widths of the image, unit, −1 or 1, sum 1.
+// In the space of the mesh: position from the middle in widths of the image; unit normal; −1 or 1 each; weights with sum 1.
 struct Planes {
     at: vec3<f32>,
     normal: vec3<f32>,
@@ -11,7 +11,7 @@ struct Planes {
 
 var<private> planes: Planes;
 
-// By a power of the normal (Golus, "Normal Mapping for a Triplanar Shader", 2017): the higher, the narrower the seams.
+// The weights are powers of the normal (Golus, "Normal Mapping for a Triplanar Shader", 2017): the higher, the narrower the seams.
 fn read_planes(in: VertexOut) {
     let n = unit(in.model_normal);
     let away = abs(n);
@@ -22,7 +22,7 @@ fn read_planes(in: VertexOut) {
     planes.weights = shares / (shares.x + shares.y + shares.z);
 }
 
-// Of the sides that look along x, y and z: u to the right as seen from there, v down.
+// Texture coordinates of the sides that face x, y and z: u to the right as seen from there, v down.
 fn plane_uv(side: u32, slot: u32) -> vec2<f32> {
     let at = planes.at;
     var uv = vec2(0.5 - at.z * planes.signs.x, 0.5 - at.y);

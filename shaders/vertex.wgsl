@@ -71,7 +71,7 @@ fn vs(in: VertexIn) -> VertexOut {
     var relative = placed(m, position);
     @end
     @if(PRE_SKINNED)
-    // As pose.wgsl left them: all positions of the body, then all normals, then all tangents.
+    // The order of preskin.wgsl: all positions of the mesh, then all normals, then all tangents.
     let count = instances[in.instance].first_morph;
     let at = instances[in.instance].first_joint + 3u * in.index;
     var relative = vec3(posed[at], posed[at + 1u], posed[at + 2u]);

@@ -1,4 +1,4 @@
-//! Which materials of a file change over time.
+//! The materials of a file that change over time.
 
 use crate::asset::Asset;
 use crate::expression::Expression;

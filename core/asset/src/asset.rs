@@ -16,13 +16,13 @@ use std::sync::Arc;
 /// One imported file, shared by every actor cast from it.
 #[derive(Clone, Debug, Default)]
 pub struct Asset {
-    /// As the script wrote it: `knight.glb`.
+    /// The path as the script wrote it: `knight.glb`.
     pub name: String,
     /// All nodes of the file, parents first. "Joint" indices everywhere else refer to it.
     pub skeleton: Arc<Skeleton>,
     pub meshes: Vec<Arc<Mesh>>,
     pub skins: Vec<Skin>,
-    /// Which mesh hangs on which node, with which skin.
+    /// Mesh instances: the mesh, its node and its skin.
     pub instances: Vec<MeshInstance>,
     /// model-from-model of every placement of the whole character, which is evaluated once for all of them. Empty: where it is cast.
     pub placements: Arc<[Affine3A]>,
@@ -37,13 +37,13 @@ pub struct Asset {
     pub springs: Springs,
     /// How the eyes follow a target, where the file states.
     pub eyes: Option<Eyes>,
-    /// Its front, where the script says so; else [`Asset::facing`] finds it.
+    /// Its front, if the script gives it; else [`Asset::facing`] finds it.
     pub front: Option<Front>,
     /// The file's own convention, which was converted.
     pub origin: Origin,
-    /// What the importer had to guess or leave.
+    /// Warnings of the importer: what it guessed or left out.
     pub warnings: Vec<Warning>,
-    /// Filled when first asked for (bounds, hashes); start with `Default::default()`.
+    /// Filled when first requested (bounds, hashes); start with `Default::default()`.
     pub derived: Derived,
 }
 
@@ -60,7 +60,7 @@ pub struct Origin {
     pub unit_is_assumed: bool,
     /// The file's upward axis: "+Y", "+Z"; may be empty.
     pub up: String,
-    /// What else the file states of itself, as label and text: title, authors, licence.
+    /// Other statements of the file about itself, as label and text: title, authors, license.
     pub about: Vec<(String, String)>,
 }
 

@@ -1,4 +1,4 @@
-//! Rest pose, bounds and hash of an asset, each computed when first asked for.
+//! Rest pose, bounds and hash of an asset, each computed when first requested.
 
 use crate::asset::{Asset, MeshInstance};
 use crate::asset_hash::asset_hash;

@@ -1,4 +1,4 @@
-//! What is computed from an asset once, when first asked for, and then shared by every actor cast from it.
+//! Data computed from an asset once, when first requested, and then shared by every actor cast from it.
 
 use crate::bounds::{Aabb, AffineRange, InstanceBounds};
 use crate::hash::ContentHash;

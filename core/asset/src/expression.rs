@@ -14,7 +14,7 @@ pub struct Expression {
     pub morphs: Vec<MorphBind>,
     pub colors: Vec<ColorBind>,
     pub uvs: Vec<UvBind>,
-    /// What it does to expressions of the other groups while its own weight is above 0.
+    /// Its effect on expressions of the other groups while its own weight is above 0.
     pub over_mouth: Override,
     pub over_blink: Override,
     pub over_gaze: Override,
@@ -89,7 +89,7 @@ pub enum Override {
     Blend,
 }
 
-/// What comes of the weights that were asked for: clamped, all or nothing, held down by each other ("Procedural override").
+/// Turns requested weights into shown ones: clamped, all or nothing, suppressed by each other ("Procedural override").
 pub fn settle(expressions: &[Expression], weights: &mut [f32]) {
     for (expression, weight) in expressions.iter().zip(&mut *weights) {
         // Also takes what is not a number for 0.

@@ -4,7 +4,7 @@ use crate::expression::Expression;
 use glam::{DVec3, Vec3};
 use std::f64::consts::FRAC_PI_2;
 
-/// Expressions of every character that has [`Eyes`], with no binds of their own: by them clips and scripts say where the eyes look,
+/// Expressions of every character that has [`Eyes`], without binds: clips and scripts set the direction of the eyes by them,
 /// as a VRM animation's `lookAt` does. Seen from the head to its left, its right, up and down; 1 is a right angle.
 pub const GAZE: [&str; 4] = ["gazeLeft", "gazeRight", "gazeUp", "gazeDown"];
 
@@ -52,7 +52,7 @@ pub fn angles_of(way: DVec3) -> (f64, f64) {
     (libm::atan2(way.x, way.z), libm::atan2(way.y, libm::hypot(way.x, way.z)))
 }
 
-/// Yaw to the left and pitch up, radians, that weights of [`GAZE`] ask for; `None` where the eyes are to rest.
+/// Yaw to the left and pitch up, radians, that weights of [`GAZE`] request; `None` where the eyes are to rest.
 pub fn requested(expressions: &[Expression], weights: &[f32]) -> Option<(f64, f64)> {
     let (mut yaw, mut pitch) = (0.0, 0.0);
     for (expression, weight) in expressions.iter().zip(weights).filter(|(_, weight)| **weight > 0.0) {
@@ -115,7 +115,7 @@ mod tests {
                 "{got:?} {expected:?}"
             );
         };
-        // To its left: outwards for the left eye, inwards for the right one.
+        // A target on the character's left: outwards for the left eye, inwards for the right one.
         near(at(true, 45.0, 0.0), [6.0, 0.0]);
         near(at(false, 45.0, 0.0), [4.0, 0.0]);
         near(at(true, -45.0, 0.0), [-4.0, 0.0]);

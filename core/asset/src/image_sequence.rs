@@ -24,7 +24,7 @@ pub enum ImageSourceError {
 /// Images that replace textures of a material; the material's own images are the first of each. All change together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageSequence {
-    /// One a slot, each with as many images.
+    /// Streams, one a texture slot, each with the same number of images.
     pub streams: Vec<ImageStream>,
     /// Frames a second; after the last comes the first,
     pub fps: f32,
@@ -37,7 +37,7 @@ pub struct ImageSequence {
 pub struct ImageStream {
     pub slot: TextureSlot,
     pub pictures: Arc<dyn ImageSource>,
-    /// One per image: equal hashes are equal images.
+    /// Content hashes, one per image: equal hashes are equal images.
     pub hashes: Vec<ContentHash>,
 }
 
@@ -66,13 +66,13 @@ impl ImageSequence {
         self.streams.iter().map(|s| s.hashes.len()).min().unwrap_or(0)
     }
 
-    /// Which image is seen at a time.
+    /// Index of the image that is shown at a time.
     pub fn index(&self, time: Time) -> usize {
         frame(time, self.fps, self.count().max(1), self.once)
     }
 }
 
-/// Which of `count` frames is seen at a time.
+/// Index of the frame, of `count`, that is shown at a time.
 pub(crate) fn frame(time: Time, fps: f32, count: usize, once: bool) -> usize {
     let count = count as f64;
     let frame = libm::floor(time.0 as f64 * f64::from(fps) / Time::TICKS_PER_SECOND as f64);

@@ -43,7 +43,7 @@ impl LightKind {
         }
     }
 
-    /// What scripts and people call it.
+    /// Its name in scripts' messages and in reports.
     pub fn title(&self) -> &'static str {
         match self {
             LightKind::Directional => "sun",
@@ -92,7 +92,7 @@ impl LightKind {
         }
     }
 
-    /// What is wrong with its parameters.
+    /// The error of its parameters, if any.
     pub fn problem(&self) -> Option<String> {
         let [inner, outer] = self.cone()?;
         let allowed = 0.0 <= inner && inner < outer && outer <= std::f32::consts::FRAC_PI_2 + 1e-6;

@@ -26,7 +26,7 @@ pub enum Shading {
     MetallicRoughness,
     /// Lambert + normalised Blinn–Phong with `specular_color` and `shininess`.
     BlinnPhong,
-    /// As Blinn–Phong, but the highlight falls off from the mirrored light's direction (Phong 1975).
+    /// Like Blinn–Phong, but the highlight falls off from the mirrored light's direction (Phong 1975).
     Phong,
     Unlit,
     /// Two colors with a boundary between: [`Toon`]. Vertex colors do not count.
@@ -97,7 +97,7 @@ pub struct Triplanar {
     pub sharpness: f32,
 }
 
-/// What lines and points are drawn with.
+/// Style of lines and points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LineStyle {
     /// Across; nothing is drawn at 0, and never less than a pixel otherwise.
@@ -115,14 +115,14 @@ pub struct FrameStrip {
     pub rows: u32,
     /// How many of them there are; at most columns · rows.
     pub count: u32,
-    /// Frames a second; after the last comes the first,
+    /// Frames a second.
     pub fps: f32,
-    /// or the last stays.
+    /// The last frame stays; else the first follows it.
     pub once: bool,
 }
 
 impl FrameStrip {
-    /// What of the texture is seen at a time, over its whole.
+    /// Transform of texture coordinates to the frame that is shown at a time.
     pub fn cell(&self, time: Time) -> Affine2 {
         let (columns, rows) = (self.columns.max(1), self.rows.max(1));
         let count = self.count.clamp(1, columns * rows) as usize;
@@ -171,7 +171,7 @@ impl Default for Material {
 }
 
 impl Material {
-    /// What it mirrors, where its shading has that at all and something is seen of it.
+    /// Its reflection, if its shading model has one and it is not black.
     pub fn mirrors(&self) -> Option<&Reflection> {
         let phong = matches!(self.shading, Shading::BlinnPhong | Shading::Phong);
         self.reflection.as_deref().filter(|r| phong && r.color.max_element() > 0.0)

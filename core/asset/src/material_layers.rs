@@ -1,10 +1,10 @@
-//! What lies over, in or behind a metallic-roughness surface (KHR_materials_clearcoat, _sheen, _transmission, _volume,
+//! Layers over, in or behind a metallic-roughness surface (KHR_materials_clearcoat, _sheen, _transmission, _volume,
 //! _ior, _dispersion).
 
 use crate::texture::TextureRef;
 use glam::Vec3;
 
-/// All neutral by default: nothing of it is seen.
+/// Every layer is neutral by default: it changes nothing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MaterialLayers {
     /// Share of the surface under a clear coat of index 1.5; R of the texture.

@@ -24,7 +24,7 @@ pub struct PosedPrimitive {
     pub normals: Vec<DVec3>,
 }
 
-/// Which of its places and copies.
+/// The placement and copy that are posed: the first placement of a copy, or the character once without placements.
 #[derive(Clone, Copy)]
 pub enum Standing {
     First(Option<u32>),

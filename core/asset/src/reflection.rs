@@ -1,14 +1,14 @@
-//! What polished surfaces of Blinn–Phong and Phong shading mirror: the classic reflection map.
+//! The classic reflection map of polished surfaces with Blinn–Phong and Phong shading.
 
 use crate::texture::{Sampler, TextureRef, Wrap};
 use glam::Vec3;
 
-/// What a surface mirrors of its surroundings.
+/// Reflection of a surface's surroundings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reflection {
     /// Linear share that is mirrored, 0 to 1 each; the diffuse color keeps the rest.
     pub color: Vec3,
-    /// Multiplied with it; sRGB, as the specular map of these materials is.
+    /// Texture multiplied with the color; sRGB, as the specular map of these materials is.
     pub texture: Option<TextureRef>,
     /// Mirrored in place of the sky: an equirectangular panorama, sRGB, looked up by the direction in the world (−Z in the
     /// image's middle, +Y at its top) rather than by texture coordinates.

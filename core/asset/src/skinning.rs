@@ -10,7 +10,7 @@ pub fn widen(a: &Affine3A) -> DAffine3 {
     DAffine3 { matrix3: Mat3::from(a.matrix3).as_dmat3(), translation: Vec3::from(a.translation).as_dvec3() }
 }
 
-/// What carries the vertices of one instance: its skin's joints, or its node.
+/// The matrices that move the vertices of one instance: those of its skin's joints, or of its node.
 #[derive(Clone)]
 pub struct Carriers {
     skin: Slots,
@@ -46,7 +46,7 @@ impl Carriers {
         Carriers { skin, rigid: joint(instance.joint) }
     }
 
-    /// Those of one copy; skinned vertices have none.
+    /// The carriers of one copy. Skinned meshes have no copies.
     pub fn of_copy(&self, joint_from_copy: &Affine3A) -> Carriers {
         Carriers { skin: self.skin.clone(), rigid: self.rigid * widen(joint_from_copy) }
     }

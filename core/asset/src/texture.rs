@@ -52,7 +52,7 @@ pub struct TextureRef {
     /// Index into `Asset::images`.
     pub image: u32,
     pub sampler: Sampler,
-    /// Which of the primitive's uv lists: 0 or 1.
+    /// Index of the primitive's uv set: 0 or 1.
     pub uv_set: u8,
     /// texture-from-mesh uv (KHR_texture_transform); identity = none.
     pub uv_transform: Affine2,

@@ -3,7 +3,7 @@
 use crate::texture::TextureRef;
 use glam::{Vec2, Vec3};
 
-/// What [`crate::material::Shading::Toon`] needs beside a material's base color, normal map, emission and alpha. Colors are linear.
+/// Parameters of [`crate::material::Shading::Toon`] beside a material's base color, normal map, emission and alpha. Colors are linear.
 /// Defaults are those of `VRMC_materials_mtoon`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Toon {
@@ -20,7 +20,7 @@ pub struct Toon {
     pub shading_toony: f32,
     /// 0: ambient light as elsewhere, 1: the same from all sides.
     pub gi_equalization: f32,
-    /// Times the matcap texture; nothing without one.
+    /// Factor of the matcap texture; no effect without one.
     pub matcap: Vec3,
     /// sRGB, an image of a lit ball looked up by the normal as the camera sees it.
     pub matcap_texture: Option<TextureRef>,

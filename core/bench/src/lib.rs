@@ -5,7 +5,7 @@
 
 pub mod blend;
 mod error;
-pub mod picture;
+pub mod moment;
 pub mod plots;
 pub mod rotation;
 pub mod scene;

@@ -27,7 +27,7 @@ pub fn slerp(a: Quat, b: Quat, t: f32) -> Quat {
 /// Eberly's series in d = 1 − cos θ ("A Fast and Accurate Algorithm for Computing SLERP", 2011, eq. 8), as long as f32 needs
 /// for this d: what `choreo_motion::Sample` does for eight joints at once.
 pub fn slerp_series(a: Quat, b: Quat, t: f32) -> Quat {
-    // From the difference, not from the product: small angles keep their digits.
+    // Computed from the difference instead of the product, because small angles then keep their digits.
     let d = 0.5 * (a - b).length_squared();
     let u = 1.0 - t;
     let (uu, tt) = (u * u, t * t);
@@ -40,7 +40,7 @@ pub fn slerp_series(a: Quat, b: Quat, t: f32) -> Quat {
         term_b *= (n * n - tt) * k;
         weight_a += term_a;
         weight_b += term_b;
-        // What follows is at most twice this term for d ≤ 1.
+        // The sum of all further terms is at most twice this term for d ≤ 1.
         if term_a.max(term_b) < 3e-8 {
             break;
         }

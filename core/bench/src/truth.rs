@@ -1,4 +1,4 @@
-//! What is true: curves, poses and chains in f64, written from the glTF specification (2.0 §3.11, Appendix C), with
+//! The reference: curves, poses and chains in f64, written from the glTF specification (2.0 §3.11, Appendix C), with
 //! trigonometry and without shortcuts. Slow.
 
 use choreo_motion::{Clip, Curve, Interpolation, Path, Skeleton, Time};
@@ -132,7 +132,7 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// True where it is the worst so far.
+    /// Adds an error; true if it is the worst so far.
     pub fn add(&mut self, error: f64) -> bool {
         let index = self.count;
         self.sum += error;

@@ -1,4 +1,4 @@
-//! What a viewer of an exported video sees: the file is decoded again and compared with what went in.
+//! The error of an exported video: the file is decoded again and compared with the original frames.
 
 use crate::error::BenchError;
 use choreo_plugin::Frame;
@@ -54,7 +54,7 @@ fn planes(picture: &impl YUVSource) -> Planes {
     }
 }
 
-/// What follows a box's name, to its end; boxes are looked for anywhere.
+/// Content of a box after its name, to its end; boxes are searched for anywhere.
 fn find<'a>(file: &'a [u8], name: &[u8; 4]) -> Option<&'a [u8]> {
     let at = file.windows(4).position(|w| w == name)?;
     let size = u32::from_be_bytes(*file.get(at.checked_sub(4)?..at)?.first_chunk::<4>()?) as usize;

@@ -1,4 +1,4 @@
-//! What the program says to bad input: exact words, exit codes, no file left behind.
+//! Messages about bad input: exact words, exit codes, no file left behind.
 
 mod common;
 
@@ -104,7 +104,7 @@ fn command_lines_that_are_wrong() {
         ),
         (
             &["render", "tri.gltf", "-o", "o.mp4", "--frames", "0..31"],
-            "--frames 0..31: the scene has 30 frames, 0..30",
+            "--frames 0..31: the scene has 30 frames, 0..30; --length SECS makes it longer, with the clip again and again",
         ),
         (
             &["render", "tri.gltf", "-o", "o.mp4", "--size", "big"],
@@ -156,7 +156,7 @@ fn command_lines_that_are_wrong() {
         assert_eq!(refused(d, &["pose", "tri.gltf", "--mesh", mesh]), (2, expected));
     }
     assert_eq!(read(d, "tri.gltf"), triangle(1.0).into_bytes());
-    // What clap finds itself.
+    // These errors are found by clap itself.
     for args in [
         &["render", "tri.gltf"][..],
         &["paint"],
@@ -219,7 +219,7 @@ fn scripts_that_are_wrong_say_where() {
             "fn f() { f() }\nf();",
             "s.rhai:2:1: functions call each other too deeply; does one call itself without end?",
         ),
-        ("let s = \"x\";\nloop { s += s; }", "s.rhai:2:10: this text grows too long"),
+        ("let s = \"x\";\nloop { s += s; }", "s.rhai:2:13: this text grows too long"),
         (
             "let a = load(\"../outside.txt\");",
             "s.rhai:1:14: cannot read \"../outside.txt\": it leads out of the folders this script may read",
@@ -278,7 +278,7 @@ fn callbacks_that_fail_late_are_found() {
             names(d)
         );
     }
-    // The frames before it are there where each has a file of its own, and can be asked for alone.
+    // The frames before it are there where each has a file of its own, and can be requested alone.
     assert!(names(&d.join("f")).iter().all(|n| n.as_str() < "099.png" && n.ends_with(".png")));
     let args = ["render", "s.rhai", "-o", "o.mp4", "--frames", "0..99", "--device", "cpu", "--size", "64x64"];
     assert_eq!(choreo(d, &args).code, 0);
@@ -481,7 +481,7 @@ fn little_memory_ends_with_an_exit_code() {
     ] {
         for args in [
             &["render", "s.rhai", "-o", "x.mp4", "--size", "1280x720", "--device", "cpu"][..],
-            // Without a Vulkan driver, which would end the program by a signal.
+            // These commands must not load a Vulkan driver, which would end the program by a signal.
             &["render", "s.rhai", "-o", "x.png", "--at", "0", "--size", "64x36"],
             &["explain", "s.rhai"],
         ] {

@@ -178,10 +178,11 @@ fn every_body_moves_as_every_other() {
             if report.rests_standing && report.target_stands {
                 assert!(feet < 0.002, "{} on {}: {feet} m", from.asset.name, to.asset.name);
             }
-            // What comes back lacks what the other body has no joints for, and what moves within a body: 84 mm at worst, mocopi's spine of seven
-            // joints by way of the Knight's of two.
+            // The clip that comes back lacks the motion of joints that the other skeleton does not have, and of joints inside the trunk:
+            // 84 mm
+            // at worst, for mocopi's spine of seven joints by way of the Knight's of two.
             assert!(returned < 0.09, "{} on {} and back: {returned} m", from.asset.name, to.asset.name);
-            // That is all that is lost: what has been on the other body once comes back from it.
+            // Nothing else is lost: a clip that was on the other skeleton once comes back from it unchanged.
             assert!(second < 0.0001, "{} on {} and back again: {second} m", from.asset.name, to.asset.name);
             pairs += 1;
         }

@@ -12,12 +12,12 @@ fn links(cell: &str) -> Vec<&str> {
     cell.split("](").skip(1).filter_map(|rest| rest.split(')').next()).collect()
 }
 
-/// What stands between pairs of a mark.
+/// The texts between pairs of a mark.
 fn between(cell: &str, mark: char) -> Vec<&str> {
     cell.split(mark).skip(1).step_by(2).collect()
 }
 
-/// What is wrong with a table's row; `None` for lines that are none.
+/// Errors of a table's row; `None` for lines that are no rows.
 fn wrong(line: &str) -> Option<Vec<String>> {
     let cells: Vec<&str> = line.strip_prefix("| ")?.trim_end_matches(" |").split(" | ").collect();
     if cells[0] == "what" {
@@ -96,8 +96,8 @@ fn keyframe_names<T: Described>() -> Vec<String> {
     T::FIELDS.iter().filter_map(|field| Some(field.keyed?.0.to_string())).collect()
 }
 
-/// What has to stand in a lesson, as it stands there: options and keys of lights, slots of textures, projections, ways to wrap. Of
-/// materials the crate that reads them knows.
+/// The words that a lesson must contain: options and keys of lights, slots of textures, projections, ways to wrap. The crate
+/// that reads materials tests theirs.
 fn looks() -> Vec<String> {
     let texture = source("procedural/texture.rs");
     let quoted = |names: Vec<String>| names.into_iter().map(|name| format!("\"{name}\""));
@@ -114,7 +114,7 @@ fn looks() -> Vec<String> {
     all
 }
 
-/// What no lesson says. An option counts only as a whole word, a text only in quotes.
+/// The words that no lesson contains. An option counts only as a whole word, a text only in quotes.
 fn unseen(wanted: &[String], lessons: &str) -> Vec<String> {
     let said = |word: &String| {
         lessons
@@ -138,7 +138,7 @@ fn every_look_is_in_a_lesson() {
     let wanted = looks();
     assert!(wanted.len() >= 30, "{wanted:?}");
     assert_eq!(unseen(&wanted, &lessons), Vec::<String>::new(), "in no lesson");
-    // What is taken away is missed, and nothing else is.
+    // A word that is removed is missed, and no other one is.
     for word in ["kelvin:", "\"specular_color\"", "\"range\"", "attenuation:", "\"cone\""] {
         assert_eq!(unseen(&wanted, &lessons.replace(word, "")), [word], "{word}");
     }

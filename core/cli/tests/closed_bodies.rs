@@ -37,7 +37,7 @@ fn load(folder: &Path, name: &str, registry: &Registry) -> Arc<Asset> {
     loader.load(name, &Default::default()).unwrap_or_else(|e| panic!("{name}: {}", e.message))
 }
 
-/// With a joint turned about its own x, and all that hangs on it.
+/// The snapshot with a joint and all its descendants turned about the joint's own x.
 fn turned(snapshot: &Snapshot, asset: &Asset, joint: usize) -> Snapshot {
     let mut turned = snapshot.clone();
     let of = &mut turned.actors[0].model_from_joint;
@@ -53,7 +53,7 @@ fn turned(snapshot: &Snapshot, asset: &Asset, joint: usize) -> Snapshot {
     turned
 }
 
-/// In the middle of its first clips, and with one of its joints turned.
+/// Poses in the middle of its first clips, and with one of its joints turned.
 fn poses(asset: &Arc<Asset>) -> (Stage, Vec<Snapshot>) {
     let mut stage = Stage::default();
     stage.settings.size = SIZE;

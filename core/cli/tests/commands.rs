@@ -74,7 +74,7 @@ fn explain_names_what_is_left_out() {
     let out: Vec<String> =
         run.out.lines().map(|l| l.split_whitespace().collect::<Vec<_>>().join(" ")).collect();
     assert!(out.contains(&"skinning no mesh has a skin".to_string()), "{}", run.out);
-    // Three positions of 12 bytes and normals of 8, three 16-bit indices; asked for by the one actor there is.
+    // Three positions of 12 bytes and normals of 8, three 16-bit indices; requested by the one actor there is.
     let mesh = value["in"].as_array().unwrap().iter().find(|p| p["kind"] == "mesh").unwrap();
     assert_eq!(
         (mesh["bytes"].as_u64(), mesh["asked_by"]["actors"][0]["name"].as_str()),
@@ -135,7 +135,7 @@ fn measure_names_a_way_for_each_choice() {
             );
         }
     }
-    // As authored is exact to f32; a baked clip is not; slerp is nearer to the truth than nlerp, and the corrected
+    // Keys as authored are exact to f32; a baked clip is not; slerp is nearer to the truth than nlerp, and the corrected
     // nlerp, which blends use, in between.
     let worst = |choice: usize, row: usize| choices[choice]["rows"][row]["worst"].as_f64().unwrap();
     assert!(worst(0, 0) < 0.01 && worst(0, 1) > worst(0, 0), "{}", choices[0]);
@@ -467,6 +467,6 @@ fn a_character_that_faces_minus_z_is_named_so_and_walks_forwards() {
     };
     let (found, stated) = (ahead(""), ahead(", facing: \"+z\""));
     assert!((found - 0.12).abs() < 1e-3, "{found}");
-    // What the script states counts; everyone was taken to face +z, so this was a moonwalk.
+    // The front that the script gives takes precedence; everyone was taken to face +z, so this was a moonwalk.
     assert!((stated + 0.12).abs() < 1e-3, "{stated}");
 }

@@ -23,7 +23,7 @@ fn scripts(folder: &Path, out: &mut Vec<String>) {
     }
 }
 
-/// What an effect lacks.
+/// The documents and tests that an effect lacks.
 fn lacks(name: &str, lessons: &[String], suite: &[String]) -> Vec<&'static str> {
     let call = format!("effect(\"{name}\"");
     let readme = root().join("plugins/effects").join(name).join("README.md");
@@ -47,7 +47,7 @@ fn every_effect_has_a_readme_a_lesson_and_a_picture() {
     scripts(&root().join("scripts"), &mut lessons);
     scripts(&root().join("tests/suite"), &mut suite);
     let registry = choreo::registry();
-    // Those of the script's own folder are not the program's; the example is there to be copied.
+    // Effects of the script's own folder are not the program's; the example exists to be copied.
     let names: Vec<String> =
         registry.effects().iter().map(|e| e.manifest().name.clone()).filter(|n| *n != "example").collect();
     assert!(names.len() >= 14, "{names:?}");
@@ -57,7 +57,7 @@ fn every_effect_has_a_readme_a_lesson_and_a_picture() {
     assert_eq!(lacks("sparkle", &lessons, &suite).len(), 3, "what is not there is found");
 }
 
-/// What the CPU renderer makes of a script at half a second.
+/// The CPU renderer's image of a script at half a second.
 fn drawn(script: &Path, out: &Path) -> Frame {
     let mut command = Command::new(env!("CARGO_BIN_EXE_choreo"));
     command.args(["render", "--device", "cpu", "--at", "0.5", "-o"]).arg(out).arg(script);
@@ -89,7 +89,7 @@ fn every_sample_shows_its_effect() {
         let expected = read(&picture).unwrap_or_else(|| panic!("no {}", picture.display()));
         let off = compare(&got, &expected, 2).unwrap();
         assert!(off.share_beyond < 0.001, "{name}: {off:?}");
-        // Without the effect the image is another one.
+        // The image differs without the effect.
         let text = std::fs::read_to_string(&script).unwrap();
         let call = format!("effect(\"{name}\"");
         let rest: Vec<&str> = text.lines().filter(|line| !line.starts_with(&call)).collect();

@@ -1,4 +1,4 @@
-//! What a script shows by default: gray and white under the default lights by both renderers, raw values on request, and lights of
+//! Brightness by default: gray and white under the default lights by both renderers, raw values on request, and lights of
 //! files and of scripts in the same units.
 
 mod common;

@@ -147,7 +147,7 @@ impl Yard {
         for name in ["HOME", "TMPDIR", "XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME"] {
             program.env(name, &self.home);
         }
-        // Into files: a flood must not fill a pipe that nobody reads while we wait.
+        // The output goes into files, because a flood would fill a pipe that nobody reads while we wait.
         let log = |kind: &str| self.out.join(format!("{}.{command}.{kind}", script.name));
         program.stdout(std::fs::File::create(log("out")).unwrap());
         program.stderr(std::fs::File::create(log("err")).unwrap());
@@ -176,7 +176,7 @@ impl Yard {
         Ok(finished(output))
     }
 
-    /// All files with their content's size and time of change, but the images asked for.
+    /// All files with their content's size and time of change, but the images requested.
     fn inventory(&self) -> BTreeMap<PathBuf, (u64, Option<std::time::SystemTime>)> {
         let mut found = BTreeMap::new();
         let mut open = vec![self.inside.clone(), self.outside.clone(), self.home.clone()];
@@ -193,7 +193,7 @@ impl Yard {
     }
 }
 
-/// What is wrong with how one command took one script.
+/// Judges how one command handled one script.
 fn judge(yard: &Yard, script: &Script, command: &str) -> Result<Run, String> {
     let folder = yard.out.join(script.name.trim_end_matches(".rhai"));
     let frames = format!("../out/{}/%04d.png", script.name.trim_end_matches(".rhai"));

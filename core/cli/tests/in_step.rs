@@ -1,5 +1,5 @@
-//! From walk to run in step: planted feet stay where they are, on two feet and on four. Contacts of files by others are held against what was
-//! seen in their frames. `cargo test -p choreo --test in_step -- --nocapture` prints the tables.
+//! Fades from walk to run in step: planted feet stay where they are, on two feet and on four. Contacts of files by others are compared
+//! with their frames as we saw them. `cargo test -p choreo --test in_step -- --nocapture` prints the tables.
 
 mod common;
 
@@ -39,7 +39,7 @@ const PAIRS: [(&str, f64, &str, &str, f64); 10] = [
     ("gltf/Fox.glb", 0.01, "Run", "Walk", 0.6),
 ];
 
-/// In 240ths of a second.
+/// A foot counts as planted after this time, in 240ths of a second.
 const SHORTEST: u32 = 12;
 
 struct Seen {

@@ -120,7 +120,7 @@ fn a_folder_that_vanishes_is_named() {
     std::fs::create_dir(d.join("f")).unwrap();
     let child = start(d, "f/%05d.png", &[]);
     wait_for("picture", || d.join("f/00001.png").exists());
-    // At once: file by file, new ones would be added meanwhile.
+    // The folder goes at once: file by file, new ones would be added meanwhile.
     std::fs::rename(d.join("f"), d.join("gone")).unwrap();
     let run = finished(child.wait_with_output().unwrap());
     assert_eq!(run.code, 3, "{}", run.err);

@@ -1,5 +1,5 @@
-//! What scenes cost, each rung of a ladder with one thing more than the one below it: commands, pipelines, bytes, compiled
-//! shaders. A rung that pays for what only a higher one needs fails. `cargo test -p choreo --test ladder -- --nocapture`
+//! The cost of scenes, each rung of a ladder with one thing more than the one below it: commands, pipelines, bytes, compiled
+//! shaders. A rung that pays for a feature of a higher one fails. `cargo test -p choreo --test ladder -- --nocapture`
 //! prints the table.
 
 use choreo_image_diff::compare;
@@ -164,12 +164,12 @@ const LADDER: &[Rung] = &[
         gone: &["JOINTS_UNIFORM"],
         data: &[],
         cost: Cost {
-            commands: 31,
+            commands: 39,
             passes: 1,
-            draws: 7,
+            draws: 11,
             pipelines: 5,
             frame_bytes: 74480,
-            resource_bytes: 425634,
+            resource_bytes: 505218,
             target_bytes: 691200,
         },
     },
@@ -183,12 +183,12 @@ const LADDER: &[Rung] = &[
         gone: &["ONE_LIGHT"],
         data: &["views of shadow maps"],
         cost: Cost {
-            commands: 54,
+            commands: 70,
             passes: 2,
-            draws: 15,
+            draws: 23,
             pipelines: 7,
             frame_bytes: 83136,
-            resource_bytes: 774042,
+            resource_bytes: 919770,
             target_bytes: 1739776,
         },
     },
@@ -200,12 +200,12 @@ const LADDER: &[Rung] = &[
         gone: &[],
         data: &["parameters of vignette"],
         cost: Cost {
-            commands: 55,
+            commands: 71,
             passes: 3,
-            draws: 15,
+            draws: 23,
             pipelines: 7,
             frame_bytes: 83200,
-            resource_bytes: 774042,
+            resource_bytes: 919770,
             target_bytes: 4734976,
         },
     },
@@ -262,7 +262,7 @@ fn names(parts: &[explain::Cost], kind: CostKind) -> BTreeSet<String> {
     parts.iter().filter(|p| p.kind == kind).map(name).collect()
 }
 
-/// What a rung has that neither it nor one below it asked for, and what it lacks.
+/// Features of a rung that neither it nor one below it requested, and features that it lacks.
 fn faults(index: usize, recording: &Recording, parts: &[explain::Cost]) -> Vec<String> {
     let mut faults = Vec::new();
     let rungs = &LADDER[..=index];
@@ -315,7 +315,7 @@ fn no_rung_pays_for_a_higher_one() {
     assert_eq!(found, Vec::<String>::new());
 }
 
-/// The ladder can fail: everything forced in is found on every rung, and so are four samples a pixel where one was asked for.
+/// The ladder can fail: everything forced in is found on every rung, and so are four samples a pixel where one was requested.
 #[test]
 fn a_rung_that_pays_too_much_is_found() {
     let registry = choreo::registry();
@@ -334,7 +334,7 @@ fn a_rung_that_pays_too_much_is_found() {
     }
 }
 
-/// What is left out would not have changed a pixel.
+/// A feature that is left out would not have changed a pixel.
 #[test]
 fn everything_forced_in_looks_the_same() {
     let registry = choreo::registry();
@@ -358,7 +358,7 @@ fn everything_forced_in_looks_the_same() {
                 rung.name
             );
             assert!(apart.worst <= 1, "{} on {device}: {apart}", rung.name);
-            // What is not neutral is seen: everything forced in, and another color.
+            // The comparison can fail: everything forced in, and another color.
             let mut other = scene.plan(&PlanOptions { force_all: true, ..usual.clone() });
             let instances = other.instances.iter_mut();
             instances.for_each(|i| i.tint *= glam::Vec4::new(0.9, 1.0, 1.0, 1.0));

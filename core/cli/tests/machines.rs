@@ -98,7 +98,7 @@ fn pictures_are_those_of_other_machines() {
     }
 }
 
-/// What gives other bits on other processors or systems, or on other days.
+/// The sources use nothing that gives other bits on other processors or systems, or on other days.
 #[test]
 fn the_sources_hold_nothing_that_differs_between_machines() {
     // Rust leaves the precision of these open; `mul_add` is one rounding or two; the types tell the time or roll dice.
@@ -163,7 +163,7 @@ fn the_sources_hold_nothing_that_differs_between_machines() {
 
 fn differing(file: &Path, methods: &[&str], types: &[&str]) -> Vec<String> {
     let text = std::fs::read_to_string(file).unwrap();
-    // What stands below are the file's own tests.
+    // The code below is the file's own tests.
     let code = text.split("#[cfg(test)]").next().unwrap_or_default();
     let shown = file.strip_prefix(root()).unwrap_or(file).display().to_string();
     let mut found = Vec::new();
@@ -183,7 +183,7 @@ fn differing(file: &Path, methods: &[&str], types: &[&str]) -> Vec<String> {
 
 const POSES: &str = "28b2f144c66d6d9c";
 const PICTURES: &[(&str, &[f64], &str)] = &[
-    ("01_first_dance.rhai", &[0.5, 3.2], "01bd044668651ae2"),
+    ("01_first_dance.rhai", &[0.5, 3.2], "27650f5aba40e79e"),
     ("05_lights.rhai", &[1.0], "1e53be17af0b0073"),
-    ("07_keys_and_frames.rhai", &[1.4, 2.9], "10964c971999955c"),
+    ("07_keys_and_frames.rhai", &[1.4, 2.9], "db5d1c083693ffd2"),
 ];

@@ -87,3 +87,24 @@ fn nothing_is_overwritten_and_names_are_checked() {
     let run = choreo(dir.path(), &["new", "importer", "a", "--sources", "."]);
     assert!(run.code == 2 && run.err.contains("choreo's sources are not there"), "{}", run.err);
 }
+
+/// In a folder of a workspace the crate is a member of it: a second root would be an error of Cargo.
+#[test]
+fn a_crate_in_a_workspace_is_a_member_of_it() {
+    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap();
+    let dir = folder();
+    std::fs::write(dir.path().join("Cargo.toml"), "[workspace]\nresolver = \"3\"\nmembers = [\"mine/*\"]\n")
+        .unwrap();
+    let arguments =
+        ["new", "importer", "my_format", "--into", "mine", "--sources", sources.to_str().unwrap()];
+    std::fs::create_dir(dir.path().join("mine")).unwrap();
+    let run = choreo(dir.path(), &arguments);
+    assert!(run.code == 0 && run.out.contains("it belongs to the workspace of"), "{}{}", run.out, run.err);
+    let output = Command::new(env!("CARGO"))
+        .args(["metadata", "--no-deps", "--offline", "--format-version", "1"])
+        .current_dir(dir.path())
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(text.contains("import-my-format"), "{text}{}", String::from_utf8_lossy(&output.stderr));
+}

@@ -67,9 +67,31 @@ fn who_is_out_of_view_is_not_posed() {
     assert!(3 * seen <= 2 * all, "{seen} of {all} poses");
 }
 
+/// Constraints turn joints and lower hips by a known share: those of walkers out of view are not solved, and theirs are not posed.
+#[test]
+fn who_is_out_of_view_with_constraints_is_not_posed() {
+    let [plain, free] = poses(ROW);
+    for constraint in [
+        "who.plant_feet();",
+        "who.aim(\"Head\", [0.0, 1.5, 3.0]);",
+        "who.reach(\"RightHand\", [0.0, 1.2, 0.5]);",
+    ] {
+        let script = ROW.replace("who.root_motion();", &format!("who.root_motion(); {constraint}"));
+        let [all, seen] = poses(&script);
+        assert_eq!(all, plain, "{constraint}");
+        assert!(seen <= free + free / 10, "{constraint}: {seen} poses, {free} without it");
+        let stage = stage(&script);
+        let mut evaluator = Evaluator::new(stage.clone()).for_images(16.0 / 9.0);
+        let snapshot = evaluator.at(Time::from_secs(1.0)).unwrap();
+        let solved = evaluator.costs(&snapshot).constraints;
+        let posed = snapshot.actors.iter().filter(|a| !a.culled && a.model_from_joint.len() > 5).count();
+        assert!(0 < solved && solved <= posed && posed < 8, "{constraint}: {solved} solved for {posed}");
+    }
+}
+
 #[test]
 fn whose_shadow_reaches_the_picture_casts_it() {
-    // From the right and low: all who stand on that side may shade what is seen, the others not.
+    // The light comes from the right and low: actors on that side may shade visible surfaces, the others not.
     let low = format!("{ROW} sun(#{{ direction: [-1.0, -0.25, 0.0], shadow: true }});");
     let [all, seen] = poses(&low);
     assert!(5 * seen <= 4 * all && 2 * seen > all, "{seen} of {all} poses");

@@ -38,7 +38,7 @@ fn with_file_limit(folder: &Path, blocks: usize, args: &[&str]) -> Run {
     finished(command.stdin(Stdio::null()).output().unwrap())
 }
 
-/// What was there before stays, what was finished is kept and gone on with.
+/// A file that existed before stays; finished frames are kept, and the render can be resumed.
 #[test]
 fn a_disk_that_fills_up_loses_nothing() {
     for (output, blocks) in [("o.y4m", 300), ("o.gif", 20), ("o.mp4", 60)] {
@@ -133,7 +133,7 @@ fn what_must_not_be_written_is_not() {
         assert_eq!(run.code, 3, "{}", run.err);
         assert_eq!(run.err, format!("{output}: cannot write: the file there is read-only\n"));
         assert_eq!(read(d, output), b"old");
-        // In the way of the part.
+        // Something else is in the place of the part.
         let blocked = format!("b{output}");
         match output {
             "o.png" => std::fs::create_dir(d.join("bo.png.part")).unwrap(),
@@ -271,7 +271,7 @@ fn parts_to_go_on_with_that_have_other_names_are_refused() {
     }
 }
 
-/// What a killed render left cannot be written through, whatever other names it has.
+/// A link in place of a killed render's part cannot be written through, whatever other names it has.
 #[test]
 fn a_hard_link_in_the_place_of_a_part_is_replaced() {
     for (part, output) in

@@ -61,7 +61,7 @@ fn plugins_beside_a_script_are_listed_and_checked() {
     assert!(out.contains("      scale          metres a unit (0.1 to 10, default 1)"), "{out}");
     assert!(out.contains("swap.wgsl)"), "{out}");
     good(dir.path(), &["check", "s.rhai"]);
-    // Of the files beside what is named, too; from the manifest alone.
+    // Plugins beside the named files are listed, too; from the manifest alone.
     let out = good(dir.path(), &["info", "a.dots", "--help"]);
     assert!(out.contains("  dots\n      scale          metres a unit (0.1 to 10, default 1)"), "{out}");
     assert!(out.contains("      tolerance      degrees that a rotation may be off"), "{out}");
@@ -102,7 +102,7 @@ fn a_broken_plugin_says_its_file_and_line() {
     std::fs::write(dir.path().join("plugins/bad.importer.rhai"), "fn manifest() {\n  let = 1;\n}").unwrap();
     let run = choreo(dir.path(), &["plugins"]);
     assert_eq!(run.code, 1);
-    // As the other one, it is named swap; a later one of the same name is not used, and reported all the same.
+    // Its name is swap, like that of the other one; a later one of the same name is not used, and still reported.
     assert!(run.err.contains("plugins/bad.wgsl:5:23: "), "{}", run.err);
     assert!(run.err.contains("plugins/bad.importer.rhai:2:7: "), "{}", run.err);
     assert!(run.out.contains("dots"), "what works is listed: {}", run.out);
@@ -159,7 +159,7 @@ fn a_broken_plugin_breaks_only_what_uses_it() {
     assert_eq!((run.code, run.err.lines().count()), (1, 6), "{}", run.err);
 }
 
-/// What a stranger can put beside a script: links out of its folder, and pipes that nobody writes to.
+/// A stranger can put links out of its folder beside a script, and pipes that nobody writes to.
 #[test]
 #[cfg(unix)]
 fn links_out_of_the_folder_and_pipes_are_not_read() {
@@ -281,7 +281,7 @@ fn only_named_folders_are_read() {
     assert_eq!((run.code, run.err.lines().next()), (2, Some("--plugins nowhere: no such folder")));
 }
 
-/// Without a folder of their own, and named twice they are read once. WGSL of other kinds may lie beside them.
+/// Plugins can lie beside the script without a folder; if they are found twice they are read once. Other WGSL files may lie there, too.
 #[test]
 fn single_files_beside_the_script() {
     let dir = prepared();
@@ -322,4 +322,24 @@ fn the_lesson_is_good() {
     let lesson = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/08_plugins");
     let out = good(&lesson, &["check", "lesson.rhai"]);
     assert!(out.contains("good, 180 frames, no warnings"), "{out}");
+}
+
+/// A file may take the place of a built-in effect or of another file, but not without a message.
+#[test]
+fn a_plugin_that_hides_another_of_its_name_is_noted() {
+    let dir = prepared();
+    let run = choreo(dir.path(), &["check", "s.rhai"]);
+    assert_eq!((run.code, run.err.contains("takes the place")), (0, false), "{}", run.err);
+    let write =
+        |name: &str, text: String| std::fs::write(dir.path().join("plugins").join(name), text).unwrap();
+    write("my_fog.wgsl", EFFECT.replace("effect: swap", "effect: fog"));
+    write("swap_2.wgsl", EFFECT.into());
+    let run = choreo(dir.path(), &["check", "s.rhai"]);
+    let note = |file: &str, name: &str| {
+        let file = Path::new("plugins").join(file);
+        format!("note: {}: the effect {name} takes the place of another of this name", file.display())
+    };
+    assert_eq!(run.code, 0, "{}", run.err);
+    assert!(run.err.contains(&note("my_fog.wgsl", "fog")), "{}", run.err);
+    assert!(run.err.contains(&note("swap_2.wgsl", "swap")), "{}", run.err);
 }

@@ -19,7 +19,7 @@ const CASES: &[(&str, &str, f64)] = &[
     ("AnimatedMorphCube.glb", "Square", 1.3),
 ];
 
-/// Of the model's size: f32 through a dozen joints.
+/// Largest difference, as a share of the model's size: f32 through a dozen joints.
 const ALLOWED: f64 = 1e-6;
 
 struct Told {
@@ -27,7 +27,7 @@ struct Told {
     vertices: Vec<DVec3>,
 }
 
-/// What the program prints and writes.
+/// The output of the program, and the file that it writes.
 fn told(file: &str, clip: &str, at: f64) -> Told {
     let folder = tempfile::tempdir().unwrap();
     let file = assets().unwrap().join("gltf").join(file);

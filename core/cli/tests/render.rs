@@ -199,7 +199,7 @@ fn how_it_was_made_depends_on_nothing_else() {
             "{format}: moving the folder changes the bytes"
         );
     }
-    // One frame alone, in a range, and asked for by its time.
+    // One frame alone, in a range, and requested by its time.
     let d = here.path();
     assert_eq!(render(d, &["s.rhai", "-o", "f/%d.png", "--frames", "3..9"]).code, 0);
     assert_eq!(render(d, &["s.rhai", "-o", "alone.png", "--frames", "6"]).code, 0);
@@ -243,7 +243,7 @@ fn a_model_is_framed_whole_in_a_high_picture() {
     assert!(drawn > 30 * 50, "{drawn}: it is drawn, and large");
 }
 
-/// What a rasterizer does, an image a stage; a file's name is none of a folder.
+/// The stages of a rasterizer, an image each. The output must be a folder.
 #[test]
 fn stages_are_six_pictures_in_a_folder() {
     let dir = folder();

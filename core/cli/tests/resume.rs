@@ -232,7 +232,7 @@ fn damaged_parts_give_what_is_whole_of_them() {
     }
 }
 
-/// What differs is named; nothing is touched.
+/// The message names the difference, and nothing is touched.
 #[test]
 fn a_render_made_otherwise_is_refused() {
     let dir = scene();

@@ -144,7 +144,7 @@ fn pictures_are_accepted_then_compared_and_a_planted_block_fails() {
             read(d, &format!("target/choreo-test/pictures/suite_box/box.{kind}.png")).starts_with(b"\x89PNG")
         );
     }
-    // What it says to type works.
+    // The commands in the message work.
     assert_eq!(test(d, &["suite/box.rhai", "--filter", "the box is seen aside"]).code, 0);
     assert_eq!(test(d, &["suite/box.rhai", "--accept=box"]).code, 0);
     assert_eq!(test(d, &["suite"]).code, 0);
@@ -256,7 +256,7 @@ fn known_bugs_expected_errors_and_plain_scripts_pass() {
     let (code, value) = report(d, &["suite/t.rhai", "suite/plain.rhai"]);
     assert_eq!((code, &value["passed"], &value["failed"]), (0, &3.into(), &0.into()), "{value:#}");
     assert_eq!(value["sections"][0]["checks"][0]["title"], "known to fail: bug 7");
-    // What a known bug draws is not taken over.
+    // An image of a known bug is not accepted.
     write(
         d,
         "suite/bug.rhai",
@@ -395,7 +395,7 @@ fn only_what_a_change_touches_runs_again() {
     assert_eq!(reused(&[]), (0, vec![false, true, true]), "the accepted one is judged once more");
     assert_eq!(reused(&[]), (0, vec![true; 3]));
     assert_eq!(reused(&["--limit", "operations=1000000"]), (0, vec![false; 3]));
-    // Without the option everything runs.
+    // Everything runs without the option.
     let (_, value) = report(d, &["suite"]);
     assert_eq!(value["reused"], 0);
     // Damaged entries are none.
@@ -458,7 +458,7 @@ fn a_save_runs_what_it_touches_again() {
     assert_eq!(until("changed: "), "changed: suite/box.rhai");
     until("FAILED suite/box.rhai > numbers are numbers");
     until("watching ");
-    // As editors save: beside it, then renamed over it.
+    // Editors save beside the file, then rename over it.
     write(d, "suite/box.rhai~", SUITE);
     std::fs::rename(d.join("suite/box.rhai~"), d.join("suite/box.rhai")).unwrap();
     until("changed: ");

@@ -40,7 +40,7 @@ const SCENES_OF_TEXTURES: [&str; 3] =
     ["35_moving_textures.rhai", "39_leaves_and_panes.rhai", "AlphaBlendModeTest.glb"];
 
 impl Bounds {
-    /// Of an image by the name of its scene.
+    /// The bounds of an image by the name of its scene.
     fn of(what: &str) -> Bounds {
         if SCENES_OF_TEXTURES.iter().any(|name| what.starts_with(name)) { OF_TEXTURES } else { BOUNDS }
     }
@@ -114,7 +114,7 @@ impl Twins {
     }
 }
 
-/// As `choreo render MODEL` shows it: framed and lit by default, playing its first clip.
+/// The stage of `choreo render MODEL`: framed and lit by default, playing its first clip.
 fn stage_of(asset: Arc<Asset>) -> (Stage, Time) {
     let mut stage = Stage::default();
     stage.settings.size = SIZE;

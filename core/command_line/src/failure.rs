@@ -27,7 +27,7 @@ pub enum Failure {
     ClosedPipe,
 }
 
-/// One thing that is wrong with an input.
+/// An error of an input.
 #[derive(Debug, PartialEq)]
 pub enum Problem {
     /// Complete with its place.
@@ -76,12 +76,12 @@ impl Failure {
             Failure::Internal(_) => 6,
             Failure::Interrupted => 130,
             Failure::Told(code) => *code,
-            // What a shell reports for a process that SIGPIPE ended.
+            // The exit code that a shell reports for a process ended by SIGPIPE.
             Failure::ClosedPipe => 141,
         }
     }
 
-    /// What the user reads on standard error.
+    /// Its lines on standard error.
     pub fn lines(&self) -> Vec<String> {
         match self {
             Failure::Input(problems) => problems.iter().map(ToString::to_string).collect(),

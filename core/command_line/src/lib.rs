@@ -8,6 +8,7 @@ mod failure;
 pub mod output;
 mod plugins;
 mod process;
+mod project_file;
 mod scene;
 mod terminal;
 
@@ -28,20 +29,28 @@ use std::process::ExitCode;
 /// `plugins`. Writes to the process's standard streams, and takes Ctrl-C and panics for the length of the process.
 pub fn run(args: impl IntoIterator<Item = OsString>, plugins: &Registry) -> ExitCode {
     let args = help::as_flag(args.into_iter().collect());
-    let parsed = help::command(&args, plugins).try_get_matches_from(&args);
+    let extended = match project_file::extended(&args) {
+        Ok(extended) => extended,
+        Err(failure) => return ended(&failure, args.iter().any(|a| a == "--json"), &args),
+    };
+    let parsed = help::command(&args, plugins).try_get_matches_from(&extended);
     let cli = match parsed.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
         Err(error) => return unread(&args, &error),
     };
     panics::install();
     interrupt::install();
-    let (json, video_to_stdout) = (cli.command.json(), writes_video_to_stdout(&args));
+    let json = cli.command.json();
     let result = panics::guarded(|| start(cli.command, &args, plugins));
     let Err(failure) = result else { return ExitCode::SUCCESS };
+    ended(&failure, json, &args)
+}
+
+fn ended(failure: &Failure, json: bool, args: &[OsString]) -> ExitCode {
     failure.lines().iter().for_each(print_message);
     // A report of failed tests has said it already.
     if json && !matches!(failure, Failure::Tests(_)) {
-        write_json(&failure, video_to_stdout);
+        write_json(failure, writes_video_to_stdout(args));
     }
     ExitCode::from(failure.code())
 }

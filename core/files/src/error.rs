@@ -45,7 +45,7 @@ pub fn words(error: &io::Error) -> String {
     text.split_once(" (os error").map_or(text.clone(), |(words, _)| words.to_string())
 }
 
-/// A path without what would steer a terminal: strangers choose what links say.
+/// A path without characters that control a terminal: strangers choose the text of links.
 pub(crate) fn shown(path: &Path) -> String {
     let text = path.to_string_lossy();
     text.chars().map(|c| if c.is_control() { c.escape_default().to_string() } else { c.into() }).collect()

@@ -158,7 +158,7 @@ impl Folder {
         self.dir.remove_dir(name)
     }
 
-    /// A link is named as such, whatever the system says of the attempt to open it.
+    /// A link is named as such, whatever error the system gives for opening it.
     fn reason(&self, name: &Path, error: io::Error) -> FileError {
         match self.dir.read_link_contents(name) {
             Ok(target) => FileError::Link(target),

@@ -1,4 +1,4 @@
-//! Which file a path names, whatever the path: links and hard links to one file have one identity.
+//! The file that a path names, whatever the path: links and hard links to one file have one identity.
 
 use std::path::Path;
 

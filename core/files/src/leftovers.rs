@@ -13,7 +13,7 @@ pub enum Leftover {
 }
 
 impl Leftover {
-    /// Refers to open folders, because another folder can have the path by now.
+    /// Removes it by its open folders, because another folder can have the path by now.
     pub fn remove(&self) {
         match self {
             Leftover::File(folder, name) => drop(folder.remove_file(name)),

@@ -108,12 +108,12 @@ impl Drop for PartFile {
 }
 
 /// Writes a file whole or not at all, by a path that the user chose ([`Destination::of`]). A file that is there keeps its permissions.
-/// Of several writers the last one wins.
+/// If there are several writers, the last one wins.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
     write(Destination::of(path)?, bytes)
 }
 
-/// As [`write_whole`], beneath a folder that the user chose: the folders on the way of `name` are no links. Makes those that are
+/// Like [`write_whole`], beneath a folder that the user chose: the folders on the way of `name` are no links. Makes those that are
 /// missing.
 pub fn write_whole_beneath(folder: &Path, name: &Path, bytes: &[u8]) -> Result<(), WriteError> {
     let (above, name) = (name.parent().unwrap_or(Path::new("")), name.file_name());

@@ -27,7 +27,7 @@ impl Destination {
         Destination::beneath(Folder::open(parent)?, name.as_ref())
     }
 
-    /// As [`Destination::of`], in an open folder and without the exception.
+    /// Like [`Destination::of`], in an open folder and without the exception for links of the system.
     pub fn beneath(folder: Folder, name: &Path) -> Result<Destination, WriteError> {
         folder.no_link(name)?;
         match folder.kind(name) {
@@ -39,7 +39,7 @@ impl Destination {
     }
 }
 
-/// What a link of the system leads to. Nobody but the system makes links in `/proc`; in `/dev`, which has folders that all users
+/// Opens the target of a link of the system. Nobody but the system makes links in `/proc`; in `/dev`, which has folders that all users
 /// may write to, those of root count.
 #[cfg(unix)]
 fn system_link(parent: &Path, name: &Path) -> Option<Result<File, WriteError>> {

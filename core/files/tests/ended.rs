@@ -1,4 +1,4 @@
-//! What is left when a signal ends the program. Alone in its process: nothing can be written afterwards.
+//! The files that are left when a signal ends the program. Alone in its process: nothing can be written afterwards.
 #![cfg(unix)]
 
 use choreo_files::{Folder, PartFile, PartFolder, remove_unfinished};
@@ -19,7 +19,7 @@ fn unfinished_files_go_and_frames_to_go_on_with_stay() {
     for part in [&kept, &dropped] {
         part.create("body").unwrap().write_all(b"frames").unwrap();
     }
-    // What is no file of ours stays, and so does the folder around it.
+    // A file of somebody else stays, and so does the folder around it.
     let other = open("other.mp4");
     std::fs::write(d.join("other.mp4.part/mine"), "mine").unwrap();
     kept.keep(true);

@@ -1,4 +1,4 @@
-//! What strangers may have put into a folder: links out of it, links inside it, pipes, folders, hard links.
+//! Traps that strangers may have put into a folder: links out of it, links inside it, pipes, folders, hard links.
 #![cfg(unix)]
 
 use choreo_files::{FileError, Folder, open_file, read};

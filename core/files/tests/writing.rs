@@ -88,7 +88,7 @@ fn a_link_under_the_name_or_its_part_is_refused_and_named() {
     assert_eq!(PartFile::create(&place).unwrap_err().to_string(), expected);
     assert_eq!(p.part_folder().unwrap_err().to_string(), expected);
     fs::remove_file(p.inside.join("o.part")).unwrap();
-    // What a link says cannot steer a terminal.
+    // The text of a link cannot control a terminal.
     symlink("\x1b[2J", &place).unwrap();
     let text = PartFile::create(&place).unwrap_err().to_string();
     assert!(text.ends_with("is a symbolic link to \\u{1b}[2J; remove it"), "{text}");

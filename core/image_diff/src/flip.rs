@@ -25,7 +25,7 @@ pub struct FlipDifference {
 }
 
 impl FlipDifference {
-    /// What the values mean to an observer, by the worst pixel, since one wrong spot is enough. The bounds were set by viewing
+    /// Meaning of the values to an observer, by the worst pixel, since one wrong spot is enough. The bounds were set by viewing
     /// choreo's own images with known faults: the table is in core/test_runner/README.md.
     pub fn words(&self) -> &'static str {
         match self.worst {
@@ -254,7 +254,7 @@ fn features(luminance: &[f32], size: [usize; 2]) -> [Vec<f32>; 2] {
             value(x) * libm::expf(-x * x / (2.0 * deviation * deviation))
         };
         let taps: Vec<f32> = (0..=2 * radius).map(tap).collect();
-        // What brightens and what darkens weigh one each.
+        // The brightening taps sum to one, and so do the darkening ones.
         let positive: f32 = taps.iter().filter(|t| **t > 0.0).sum();
         let negative: f32 = -taps.iter().filter(|t| **t < 0.0).sum::<f32>();
         taps.iter()

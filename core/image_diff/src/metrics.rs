@@ -17,15 +17,15 @@ pub struct ImageDifference {
 pub struct ImageMetric {
     /// Option of `expect_picture` that sets the limit.
     pub name: &'static str,
-    /// What is limited, as in the reference.
+    /// Name of the limited quantity, as in the API reference.
     pub doc: &'static str,
     /// The limit where a test states none: a difference that nobody sees side by side, and hardly anybody when the images
     /// alternate.
     pub limit: f64,
     pub value: fn(&ImageDifference) -> f64,
-    /// What is allowed, in words.
+    /// The allowed values, in words.
     pub allowed: fn(&ImageDifference, f64) -> String,
-    /// What was found, in words.
+    /// The measured value, in words.
     pub found: fn(&ImageDifference) -> String,
 }
 
@@ -65,13 +65,13 @@ impl ImageDifference {
         METRICS.iter().zip(limits).all(|(metric, limit)| (metric.value)(self) <= *limit)
     }
 
-    /// What the limits allow.
+    /// The allowed values of all metrics, in words.
     pub fn allowed(&self, limits: &[f64; METRICS.len()]) -> String {
         let one = |(metric, limit): (&ImageMetric, &f64)| (metric.allowed)(self, *limit);
         METRICS.iter().zip(limits).map(one).collect::<Vec<_>>().join(", ")
     }
 
-    /// What the difference means to an observer, then each metric.
+    /// Meaning of the difference to an observer, then each metric.
     pub fn describe(&self) -> String {
         let found: Vec<String> = METRICS.iter().map(|metric| (metric.found)(self)).collect();
         format!("{}: {}", self.visible.words(), found.join("; "))

@@ -89,7 +89,7 @@ pub fn compare(a: &Frame, b: &Frame, tolerance: u8) -> Result<Comparison, Compar
 }
 
 impl Comparison {
-    /// What the values mean to somebody who views the two images.
+    /// Meaning of the values to a viewer of the two images.
     pub(crate) fn verdict(&self) -> &'static str {
         match self {
             c if c.worst == 0 => "equal, bit for bit",

@@ -5,7 +5,7 @@ use choreo_motion::Skeleton;
 use glam::{DAffine3, DVec3, Mat4, Vec3};
 use std::sync::Arc;
 
-/// More joints than a skin can number.
+/// Limit of the joints: a skin cannot number more.
 const MAX_JOINTS: usize = 1 << 16;
 /// Place at which a bone is thickest, as a fraction of its length; its half width there, as a fraction of its length, and the
 /// bounds of that as fractions of the skeleton's size: neither hair nor barrels.

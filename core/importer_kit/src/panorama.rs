@@ -69,11 +69,11 @@ mod tests {
 
     #[test]
     fn what_is_wrong_is_said() {
-        let said = |bytes: &[u8]| panorama("a.hdr", bytes).unwrap_err().what;
-        assert!(said(b"\x89PNG").contains("is not a Radiance image"));
-        assert!(said(&flat(3, 1, &[[0; 4]; 3])).contains("twice as wide as high"));
-        assert!(said(&flat(2, 1, &[[0; 4]])).contains("cannot be decoded"));
-        assert!(said(&flat(200_000, 100_000, &[])).contains("limit is 32 megapixels"));
+        let error = |bytes: &[u8]| panorama("a.hdr", bytes).unwrap_err().what;
+        assert!(error(b"\x89PNG").contains("is not a Radiance image"));
+        assert!(error(&flat(3, 1, &[[0; 4]; 3])).contains("twice as wide as high"));
+        assert!(error(&flat(2, 1, &[[0; 4]])).contains("cannot be decoded"));
+        assert!(error(&flat(200_000, 100_000, &[])).contains("limit is 32 megapixels"));
         // Every beginning of a good file.
         let good = flat(4, 2, &[[7, 8, 9, 130]; 8]);
         for end in 0..good.len() {

@@ -137,8 +137,9 @@ impl Triangulator {
         });
     }
 
-    /// A vertex that bulges, with no dent in its triangle. A dent at the very place of one of the triangle's vertices is no
-    /// hindrance: polygons with holes run along a seam there and back.
+    /// Whether a vertex is an ear: convex, with no reflex vertex in its triangle. A reflex vertex at the very place of one of the
+    /// triangle's
+    /// vertices does not count: polygons with holes run along a seam there and back.
     fn is_ear(&mut self, before: u32, at: u32, after: u32) -> bool {
         let [a, b, c] = [before, at, after].map(|i| self.flat[i as usize]);
         if orient(a, b, c) < 0.0 || self.dents.binary_search(&at).is_ok() {

@@ -1,6 +1,6 @@
 //! How far an import is, for a bar; and its end where nobody wants it any more.
 
-use crate::pictures::CANCELLED;
+use crate::images::CANCELLED;
 use crate::{Problem, Result};
 use choreo_plugin::Files;
 use std::cell::Cell;
@@ -61,8 +61,8 @@ mod tests {
         let progress = Progress::new(&bar, 1_000_000);
         let end = (0..=1_000_000).find_map(|done| progress.reach(done).err());
         assert_eq!(end.unwrap().what, "the import was cancelled");
-        let told = bar.0.into_inner();
-        assert!(told.is_sorted() && (100..=128).contains(&(told.len() - 1)), "{}", told.len());
-        assert!((0.5..0.51).contains(told.last().unwrap()));
+        let reported = bar.0.into_inner();
+        assert!(reported.is_sorted() && (100..=128).contains(&(reported.len() - 1)), "{}", reported.len());
+        assert!((0.5..0.51).contains(reported.last().unwrap()));
     }
 }

@@ -17,7 +17,7 @@ pub fn file_name(path: &str) -> &str {
     path.rsplit(['/', '\\']).next().unwrap_or(path)
 }
 
-/// Whether a path says where it lies by itself, on any system.
+/// Whether a path is absolute, on any system.
 pub fn is_absolute(path: &str) -> bool {
     path.starts_with(['/', '\\']) || path.as_bytes().get(1) == Some(&b':')
 }
@@ -65,8 +65,8 @@ pub fn read_first(files: &dyn Files, places: &[String]) -> Result<Arc<Vec<u8>>, 
     Err(first.unwrap_or_else(|| "it names no file".to_string()))
 }
 
-/// What to say of an image or library at none of its [`places`]: its name, where it was looked for, and what to do. `why` is
-/// what [`read_first`] said: anything but that there is no such file is reported as it is.
+/// Message about an image or library at none of its [`places`]: its name, where it was searched for, and what to do. `why` is the
+/// error of [`read_first`]; any reason other than a missing file is reported unchanged.
 pub fn missing(written: &str, why: &str) -> String {
     let why_lower = why.to_lowercase();
     let absent =
@@ -122,7 +122,7 @@ mod tests {
         assert_eq!(places(&[r".\art\skin.png"])[..2], ["art/skin.png", "skin.png"]);
         let up = places(&["../../secret/key"]);
         assert_eq!(up[..2], ["../../secret/key", "key"]);
-        // What climbs is for `Files` to refuse, and is made no worse.
+        // Names that lead upwards are refused by `Files`, and no further ones are added.
         assert_eq!(up.iter().filter(|p| p.contains("..")).count(), 1);
         assert!(places(&["", "/", "a/"]).is_empty());
     }

@@ -1,5 +1,5 @@
 //! Tangents for normal maps, as MikkTSpace makes them (M. Mikkelsen, "Simulation of Wrinkled Surfaces
-//! Revisited", 2008, and mikktspace.c), which glTF 2.0 §3.7.2.1 asks for.
+//! Revisited", 2008, and mikktspace.c), which glTF 2.0 §3.7.2.1 requires.
 //!
 //! The algorithm, with the angular threshold off as everybody uses it: face vertices with equal position, normal
 //! and uv are one vertex; around a vertex, triangles that share an edge and have the same uv orientation

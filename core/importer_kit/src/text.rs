@@ -139,7 +139,7 @@ fn white_word<'a>(rest: &mut &'a [u8]) -> &'a [u8] {
     word
 }
 
-/// What a text that begins with a number says.
+/// The number at the beginning of a text.
 struct Decimal {
     negative: bool,
     /// Digits without the point; wrapped where there are more than 19.

@@ -4,7 +4,7 @@
 
 use crate::Result;
 use crate::budget::{Budget, Notes};
-use crate::pictures::{Encoded, Formats, decode_beside, or_white};
+use crate::images::{Encoded, Formats, decode_beside, or_white};
 use crate::search;
 use crate::text::percent_decoded;
 use choreo_asset::{Image, Material, TextureRef};

@@ -4,7 +4,7 @@ use crate::{Companions, import, sound, source};
 use choreo_plugin::{Files, ImportScope, Importer};
 use std::time::Instant;
 
-/// Flips of an everyday run; `$CHOREO_FLIPS` asks for more.
+/// Flips of an everyday run; `$CHOREO_FLIPS` requests more.
 pub fn flips() -> usize {
     std::env::var("CHOREO_FLIPS").ok().and_then(|n| n.parse().ok()).unwrap_or(100)
 }
@@ -18,7 +18,7 @@ pub fn random(state: &mut u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// What came of one damaged file.
+/// Results of the variants of one damaged file.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
     pub refused: usize,
@@ -105,7 +105,7 @@ pub fn run_slice(
     outcome
 }
 
-/// What this thread has computed so far (Linux): unlike the clock, the same on a busy machine.
+/// Processor time of this thread so far (Linux), which unlike the clock does not depend on the load.
 fn computed_secs() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     Some(text.split_whitespace().next()?.parse::<f64>().ok()? * 1e-9)

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub struct SharedBytes(Arc<Mutex<Vec<u8>>>);
 
 impl SharedBytes {
-    /// What was written so far.
+    /// The bytes written so far.
     pub fn bytes(&self) -> Vec<u8> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -47,7 +47,7 @@ pub fn resumed(exporter: &dyn Exporter, info: &VideoInfo, frames: &[Frame], cut:
     if states.is_empty() {
         return None;
     }
-    // What it writes after the cut is lost.
+    // The exporter's writes after the cut are lost.
     let so_far = out.bytes()[..length].to_vec();
     drop(sink);
     let mut out = SharedBytes::default();

@@ -27,7 +27,7 @@ pub fn assets(cases: usize) -> Option<PathBuf> {
     None
 }
 
-/// Files beside the source, as the program would hand them over; counts what is asked for.
+/// Files beside the source, as the program would hand them over; counts what is requested.
 #[derive(Debug, Default)]
 pub struct Companions {
     pub folder: Option<PathBuf>,

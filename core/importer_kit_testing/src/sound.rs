@@ -1,4 +1,4 @@
-//! What the comments of `Asset` promise of every file.
+//! The promises of the comments of `Asset`, checked for any file.
 
 use choreo_asset::{Asset, Topology};
 

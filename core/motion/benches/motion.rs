@@ -73,7 +73,7 @@ fn main() {
     skinnings(quick);
 }
 
-/// What compression costs and saves: bytes against dense f32 at 30 Hz (40 bytes a joint and key), the error measured when it was made
+/// Costs and savings of compression: bytes against dense f32 at 30 Hz (40 bytes a joint and key), the error measured at compression
 /// and one found at other times in f64, and the time of a sample.
 fn compressed(skeleton: &Skeleton, sets: &[(&str, [Clip; 2])], quick: bool) {
     println!("\ncompressed clips, one sample");

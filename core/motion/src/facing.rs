@@ -115,7 +115,7 @@ impl Facing {
     }
 }
 
-/// The way from heels to toes; toes that point down show nothing.
+/// The direction from heels to toes; zero for toes that point down.
 fn toes(skeleton: &Skeleton, at: impl Fn(u32) -> DVec3) -> DVec3 {
     let ahead = |joints: &[u32]| match joints {
         [heel, toe, ..] => way(at(*toe) - at(*heel), 0.3),

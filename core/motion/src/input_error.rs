@@ -1,4 +1,4 @@
-//! What a job's `check()` returns.
+//! The error of a job's `check()`.
 
 use thiserror::Error;
 

@@ -14,7 +14,7 @@ use glam::DVec3;
 
 impl Clip {
     /// The clip with left and right exchanged, key by key. Curves of joints without a partner are left out. Morph weights
-    /// go with their joints; which target is left and which is right is the asset's to say.
+    /// go with their joints; the asset states which target is left and which is right.
     pub fn mirrored(&self, map: &MirrorMap) -> Clip {
         let curves = self.curves().iter().filter_map(|curve| {
             let joint = map.partner(curve.joint)?;

@@ -1,6 +1,6 @@
 //! Root motion: how far a clip moves its character over the floor.
 //!
-//! The root's frame at a clip time is a [`Planar`]: the place of the root joint in model space, as far as it is asked for,
+//! The root's frame at a clip time is a [`Planar`]: the place of the root joint in model space, as far as it is requested,
 //! and its heading, the twist about +Y of its rotation since the rest pose (swing–twist decomposition: P. Dobrowolski,
 //! "Swing-twist decomposition in Clifford algebra", 2015, §3). From the keys in f64: what is accumulated must not drift.
 //! A clip that walks on the spot carries its character as fast as the floor passes under its planted feet.
@@ -15,7 +15,7 @@ use crate::time::Time;
 use glam::{DAffine3, DQuat, DVec3};
 use std::sync::Arc;
 
-/// What of the root's motion is taken out of the clip.
+/// The parts of the root's motion that are extracted from the clip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct RootParts {
     pub horizontal: bool,
@@ -202,7 +202,7 @@ fn twist(q: DQuat) -> f64 {
 }
 
 /// The joint that carries a clip's character: the topmost from the hips upwards whose place the clip moves, else the hips.
-/// Without hips by name, the topmost joint that the clip moves, else the first.
+/// If no joint is named as the hips, it is the topmost joint that the clip moves, else the first.
 pub(crate) fn find_root(skeleton: &Skeleton, clip: &Clip) -> Option<u32> {
     let moves = |joint: u32| {
         clip.curves().iter().any(|c| {

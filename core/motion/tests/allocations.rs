@@ -10,7 +10,7 @@ use std::hint::black_box;
 struct Counting;
 
 thread_local! {
-    /// Of this thread: tests run beside each other.
+    /// Number of allocations of this thread. Tests run in parallel.
     static COUNT: Cell<usize> = const { Cell::new(0) };
 }
 

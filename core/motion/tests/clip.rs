@@ -1,4 +1,4 @@
-//! What a clip refuses, mends and shares; binding to other skeletons.
+//! Clips: errors, corrections and shared data; binding to other skeletons.
 
 mod support;
 

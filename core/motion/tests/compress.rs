@@ -1,4 +1,4 @@
-//! CompressionReport clips against f64 evaluations of the clips they were made of.
+//! Compressed clips against f64 evaluations of the clips they were made of.
 
 mod support;
 

@@ -10,7 +10,7 @@ struct Gait {
     secs: f64,
     /// Metres a second.
     speed: f64,
-    /// By how much feet in the air are lifted, in legs.
+    /// Height by which feet in the air are lifted, in leg lengths.
     lift: f64,
     downs: Vec<(f64, f64)>,
     /// Whether it is played on the spot.
@@ -28,7 +28,7 @@ impl Gait {
         let z = if phase < share {
             stride * (0.5 * share - phase)
         } else {
-            // In the air: from behind to before, as fast as the floor at both ends, so that nothing jerks.
+            // In the air the foot swings from behind to the front, as fast as the floor at both ends, so that nothing jerks.
             let s = (phase - share) / (1.0 - share);
             let (from, to, slope) = (-0.5 * share * stride, 0.5 * share * stride, -stride * (1.0 - share));
             let (s2, s3) = (s * s, s * s * s);
@@ -169,7 +169,7 @@ fn who_stands_at_ease_stands_all_the_time() {
     assert!(found.floor_velocity.length() < 0.01);
 }
 
-/// As in Khronos' CesiumMan, where no joint is called foot or toe.
+/// The skeleton is like that of Khronos' CesiumMan, where no joint is called foot or toe.
 #[test]
 fn feet_without_names_are_the_ends_of_the_legs() {
     let mut joints: Vec<(String, Option<u32>, [f32; 3])> = vec![

@@ -26,7 +26,7 @@ fn motion(seed: u64) -> (Skeleton, Clip, Clip) {
                     (0..keys).map(|k| k as f64 * 0.5 + random.below(400) as f64 / 1000.0).collect();
                 let mut curve = random_curve(random, joint, path, interpolation, times(&secs));
                 if path == Path::Scale {
-                    // Without a scale near zero, whose inverse is as large as you like.
+                    // Scales stay away from zero, because the inverse of a scale near zero is arbitrarily large.
                     curve.values = curve.values.iter().map(|v| 1.0 + 0.25 * v).collect();
                 }
                 curves.push(curve);

@@ -87,7 +87,7 @@ fn mirrored(map: &MirrorMap, from: &Pose) -> Pose {
     out
 }
 
-/// In metres and, of quaternions of either sign, their chord.
+/// Largest distance of two poses: metres, and the chord between quaternions of either sign.
 fn distance(a: &Pose, b: &Pose) -> f32 {
     let pairs = a.iter().zip(b.iter());
     let one = |(a, b): (Transform, Transform)| {

@@ -196,7 +196,7 @@ fn limbs_apart([a, b]: [(&Skeleton, &[DAffine3]); 2], yaw_degrees: f64) -> f64 {
     worst
 }
 
-/// Of the lowest foot or toe, from where it is at rest.
+/// Height of the lowest foot or toe over its height at rest.
 fn clearance(skeleton: &Skeleton, model: &[DAffine3]) -> f64 {
     let human = HumanoidJoints::of(skeleton);
     let rest = model_at(skeleton, &Clip::new("rest".into(), skeleton.len(), Vec::new()).unwrap(), 0.0);
@@ -395,7 +395,7 @@ fn with_fingers(skeleton: &Skeleton, finger: impl Fn(&str, usize) -> String) -> 
     Skeleton::new(names, parents, rest).unwrap()
 }
 
-/// What nothing follows is named by the part of the body that it is, however the clip goes over: copied or retargeted.
+/// Joints that nothing follows are named by their part of the body, whether the clip is copied or retargeted.
 #[test]
 fn parts_of_the_body_that_stay_at_rest_are_named() {
     let random = &mut Random(17);
@@ -427,7 +427,7 @@ fn parts_of_the_body_that_stay_at_rest_are_named() {
     let nothing = renamed(&from, |n| format!("bit {}", n.len()));
     let (count, parts, empty, _) = named(&nothing);
     assert_eq!((count, empty), (0, true), "{parts:?}");
-    // What the caller forbids is no loss.
+    // Joints that the caller excludes do not count as lost.
     let arm = HumanoidJoints::of(&from).joint("left arm").unwrap();
     let below = [arm, arm + 1, arm + 2].map(|j| (j, None));
     let options = RetargetOptions { joints: BTreeMap::from(below), ..RetargetOptions::default() };
@@ -534,7 +534,7 @@ fn what_is_copied_and_what_is_not() {
     let posed = Skeleton::new(from.names().to_vec(), from.parents().to_vec(), rest).unwrap();
     let (bound, _, report) = bind_or_retarget(&clip, &posed, &from);
     assert!(report.is_none() && bound.curves() == clip.curves());
-    // What is no body goes by names, as ever.
+    // Skeletons that are no humanoids are matched by names.
     let box_of = |names: [&str; 2]| {
         Skeleton::new(names.map(String::from).to_vec(), vec![None, Some(0)], vec![Transform::IDENTITY; 2])
             .unwrap()

@@ -163,7 +163,7 @@ fn linear_rotations_are_right_to_a_ten_thousandth_of_a_degree() {
             for step in 0..=64 {
                 let time = Time(i64::from(step) * Time::TICKS_PER_SECOND / 64 + 7);
                 let error = worst_error(&clip, &sampled(&clip, time), time).1;
-                // At 180° either way round is shortest.
+                // At 180° both directions are shortest.
                 if error > worst.0 && spacing < 180.0 {
                     worst = (error, spacing, time.as_secs());
                 }

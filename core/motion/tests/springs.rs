@@ -83,7 +83,7 @@ fn swing(start: f64, frequency: f64, ratio: f64, t: f64) -> f64 {
     }
 }
 
-/// With gravity, in space, at any step: the energy of a bone whose head and target rest never grows.
+/// With gravity, in vacuum, at any step, the energy of a bone whose head and target rest never grows.
 #[test]
 fn free_damped_motion_never_gains_energy() {
     let mut n = Numbers(7);
@@ -96,7 +96,7 @@ fn free_damped_motion_never_gains_energy() {
         let drive = Drive { gravity, length: n.power(-3.0, 1.0), ..still(n.direction()) };
         let step = n.power(-6.0, 1.0);
         let mut state = BoneState { velocity: DVec3::ZERO, ..at(n.direction(), &drive) };
-        // As fast as from half a turn away at most, which is where speeds are cut.
+        // The speed is at most that of a swing from half a turn away, at which speeds are limited.
         state.velocity = state.direction.any_orthonormal_vector() * bone.stiffness.sqrt();
         let mut energy = bone.energy(&state, &drive);
         let scale = energy + gravity.length() / drive.length;
@@ -112,7 +112,72 @@ fn free_damped_motion_never_gains_energy() {
     }
 }
 
-/// What the test above would say of the semi-implicit Euler method.
+/// Period of a pendulum of frequency ω and amplitude φ: 2π / (ω · agm(1, cos φ/2)), Gauss's arithmetic–geometric mean.
+fn pendulum_period(omega: f64, amplitude: f64) -> f64 {
+    let (mut a, mut g) = (1.0, libm::cos(0.5 * amplitude));
+    for _ in 0..8 {
+        (a, g) = (0.5 * (a + g), (a * g).sqrt());
+    }
+    2.0 * std::f64::consts::PI / (omega * a)
+}
+
+#[test]
+fn an_undamped_swing_under_a_load_is_as_wide_after_a_minute() {
+    let gravity = 9.81;
+    for amplitude in [0.1, 0.6, 1.5, 2.6] {
+        for rate in [24.0, 60.0, 144.0] {
+            // A pendulum without a spring, where energy and period are known.
+            let pendulum = SpringBone::new(0.0, 0.0);
+            let drive = Drive { gravity: DVec3::NEG_Y * gravity, ..still(DVec3::NEG_Y) };
+            let mut state = at(planar(amplitude), &drive);
+            let energy = pendulum.energy(&state, &drive);
+            let (mut widest, mut crossings, mut before) = (0.0f64, Vec::new(), amplitude);
+            let seconds = 60;
+            for frame in 1..=(seconds * rate as i32) {
+                pendulum.step(&mut state, &drive, 1.0 / rate);
+                let now = angle(state.direction);
+                let time = f64::from(frame) / rate;
+                if before > 0.0 && now <= 0.0 {
+                    crossings.push(time - now / (now - before) / rate);
+                }
+                before = now;
+                if time > f64::from(seconds - 5) {
+                    widest = widest.max(now.abs());
+                }
+            }
+            let off = pendulum.energy(&state, &drive) / energy - 1.0;
+            assert!(off.abs() < 1e-6, "{amplitude} rad at {rate} Hz: energy off by {off:e}");
+            assert!(
+                (widest / amplitude - 1.0).abs() < 0.02,
+                "{amplitude} rad at {rate} Hz: {widest} rad wide"
+            );
+            let periods = crossings.len() as f64 - 1.0;
+            let period = (crossings[crossings.len() - 1] - crossings[0]) / periods;
+            let exact = pendulum_period((gravity / drive.length).sqrt(), amplitude);
+            // The spring in place of the load is taken anew each step.
+            let allowed = 0.6 / (rate * rate) * gravity / drive.length;
+            assert!(
+                (period / exact - 1.0).abs() < allowed,
+                "{amplitude} rad at {rate} Hz: {period} s, {exact} s"
+            );
+        }
+    }
+    // With a spring and gravity across it, in all directions.
+    let mut n = Numbers(7);
+    for _ in 0..20 {
+        let bone = SpringBone::new(0.5 + n.next().abs(), 0.0);
+        let drive = Drive { gravity: n.vec3() * 20.0, ..still(n.direction()) };
+        let mut state = at(n.direction(), &drive);
+        let energy = bone.energy(&state, &drive);
+        for _ in 0..3600 {
+            bone.step(&mut state, &drive, 1.0 / 60.0);
+        }
+        let off = bone.energy(&state, &drive) / energy - 1.0;
+        assert!(off.abs() < 1e-6, "{bone:?}, {drive:?}: energy off by {off:e}");
+    }
+}
+
+/// The test of energy fails for the semi-implicit Euler method.
 #[test]
 fn the_energy_test_can_fail() {
     let (bone, drive) = (SpringBone::new(15.0, 0.0), still(DVec3::NEG_Y));
@@ -398,13 +463,13 @@ fn chains_converge_to_a_thousand_times_finer_steps() {
             let reach = count as f32 * 0.1;
             println!("{count} bones, ζ {ratio}: {off:?} m");
             assert!(off[0] < 0.1 * reach, "{count} bones, ζ {ratio}: {off:?}");
-            // Of first order at least, but for the rounding of f32 matrices.
+            // The order of convergence is at least first, except for the rounding of f32 matrices.
             assert!(off[1] < off[0] / 3.0 + 1e-4 * reach, "{count} bones, ζ {ratio}: {off:?}");
         }
     }
 }
 
-/// What is passed on along a chain is never more than what came in: the frequency response, far into an even shake.
+/// The swing that is passed on along a chain is never larger than what came in: the frequency response, long after an even shake began.
 #[test]
 fn a_bone_never_swings_farther_than_the_one_it_follows() {
     for frequency in [0.5, 3.0] {

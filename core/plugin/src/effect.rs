@@ -80,7 +80,7 @@ pub struct InvertedHull {
     pub lighting_mix: f32,
 }
 
-/// What a [`Hook::Surface`] function is given of one point on a surface. Same layout as the struct `Seen` of the shaders.
+/// Input of a [`Hook::Surface`] function: one point on a surface. Same layout as the struct `Seen` of the shaders.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SurfaceSample {
     /// Position in the world in metres; f32, so accurate near the origin.
@@ -104,7 +104,7 @@ pub struct SurfaceSample {
     pub viewer: Vec3,
 }
 
-/// What a [`Hook::Vertex`] function is given of one vertex. Same layout as the struct `Place` of the shaders.
+/// Input of a [`Hook::Vertex`] function: one vertex. Same layout as the struct `Place` of the shaders.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct VertexSample {
     /// Posed position in the world in metres; f32, so accurate near the origin.
@@ -117,8 +117,8 @@ pub struct VertexSample {
     pub model: Vec3,
 }
 
-/// What a [`Hook::Lighting`] function is given of one light at one point on a surface. Same layout as the struct `Falling` of
-/// the shaders.
+/// Input of a [`Hook::Lighting`] function: one light at one point on a surface. Same layout as the struct `Falling` of the
+/// shaders.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LightSample {
     /// Cosine between the normal and the direction to the light, −1 to 1.
@@ -136,14 +136,14 @@ pub struct LightSample {
     pub viewer: Vec3,
     /// Unit direction to the light.
     pub light: Vec3,
-    /// What the surface's own shading model reflects: to be added to, or replaced.
+    /// The reflected light by the surface's own shading model: to be added to, or replaced.
     pub lit: Vec3,
 }
 
 /// Distance of the background in metres: larger than any scene, and finite.
 pub const BACKGROUND_DISTANCE: f32 = 1e9;
 
-/// Which parts of a [`SurfaceSample`] an effect reads; the others are not computed.
+/// The parts of a [`SurfaceSample`] that an effect reads; the others are not computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SurfaceInputs {
     /// [`SurfaceSample::normal`] and [`SurfaceSample::facing`].
@@ -170,7 +170,7 @@ pub struct SurfaceInputs {
 pub struct EffectImage<'a> {
     /// Width and height.
     pub size: [u32; 2],
-    /// As many pixels as `size` says.
+    /// The pixels, as many as `size` states.
     pub rgba: &'a [Vec4],
 }
 

@@ -50,7 +50,7 @@ impl EffectTexture {
         EffectTexture { file, ..self }
     }
 
-    /// As the shaders' `effect_texture`. `uv` from 0 to 1 from the top left, and on beyond.
+    /// The texture at `uv`, like the shaders' `effect_texture`: from 0 to 1 from the top left, repeated beyond.
     pub fn sample(&self, uv: Vec2) -> Vec4 {
         let size = UVec2::from_array(self.size).as_ivec2();
         let at = (uv - uv.floor()) * size.as_vec2() - 0.5;
@@ -58,7 +58,7 @@ impl EffectTexture {
         let f = at - corner;
         let texel = |x: i32, y: i32| {
             let at = (corner.as_ivec2() + IVec2::new(x, y) + size) % size;
-            // What is not finite has no place; the first texel is as good as any.
+            // A coordinate that is not finite reads the first texel.
             let at = at.max(IVec2::ZERO);
             self.texels[at.y as usize * self.size[0] as usize + at.x as usize]
         };
@@ -73,7 +73,7 @@ fn half_of(v: f32) -> u16 {
         // Subnormal: a count of 2⁻²⁴.
         return libm::roundf(v * 16_777_216.0) as u16;
     }
-    // From 8 bits of exponent about 127 and 23 of fraction to 5 about 15 and 10, rounded to nearest.
+    // The exponent changes from 8 bits with bias 127 to 5 bits with bias 15; the fraction from 23 bits to 10, rounded to nearest.
     ((v.to_bits() - (112 << 23) + (1 << 12)) >> 13) as u16
 }
 

@@ -1,6 +1,6 @@
 //! Frames out: an exporter writes a sequence of frames to one file, a numbered set, or a stream.
 
-use crate::{ExportOptions, Manifest};
+use crate::{ExportOptions, Manifest, PluginPanic};
 use choreo_motion::FrameRate;
 use std::io::{Read, Write};
 use thiserror::Error;
@@ -54,7 +54,7 @@ pub trait Exporter: Send + Sync {
     /// threads at once, and numbers the files.
     fn one_frame_per_file(&self) -> bool;
 
-    /// What this format cannot keep of the video and does about it ("641×480 becomes 642×480: …"), reported to the
+    /// Notes about properties of the video that this format cannot keep, and its remedy ("641×480 becomes 642×480: …"), reported to the
     /// user once, before the first frame.
     fn notes(&self, info: &VideoInfo) -> Vec<String> {
         let _ = info;
@@ -113,7 +113,7 @@ pub trait FrameSink: Send {
     /// [`Exporter::head_comes_last`].
     fn finish(self: Box<Self>) -> Result<Vec<u8>, ExportError>;
 
-    /// What has to be kept after each frame, so that the program can be killed and go on from there.
+    /// The state that must be stored after each frame, so that a killed program can resume the file.
     fn mark(&mut self) -> Mark<'_> {
         Mark::Nothing
     }
@@ -128,17 +128,17 @@ pub trait FrameSink: Send {
 /// State of a file after its last frame.
 #[derive(Debug)]
 pub enum Mark<'a> {
-    /// It cannot be gone on with.
+    /// It cannot be resumed.
     Nothing,
-    /// What is written will not change, and these bytes say what else [`Exporter::resume`] must know: of this mark alone or
-    /// since the mark before, as the format likes.
+    /// The bytes written so far are final, and these bytes hold the other state that [`Exporter::resume`] needs: of this mark alone
+    /// or since the mark before, as the format likes.
     Settled(Vec<u8>),
     /// The encoder still holds the frames since the last settled mark and cannot be stored. These bytes hold the last
     /// frame as it was given to the encoder, for [`FrameSink::again`]; always of the same length in one file.
     Open([&'a [u8]; 3]),
 }
 
-/// What an exporter knows of a video before its first frame.
+/// The properties of a video that an exporter knows before its first frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VideoInfo {
     /// Width in pixels.
@@ -149,7 +149,7 @@ pub struct VideoInfo {
     pub fps: FrameRate,
     /// Number of frames.
     pub frames: u64,
-    /// How it was made, as (keyword, text): written as metadata where the format has a place for it.
+    /// Its provenance, as (keyword, text): written as metadata where the format has a place for it.
     pub provenance: Vec<(String, String)>,
     /// Option values by name, checked against the exporter's manifest ([`Manifest::option`]).
     pub options: ExportOptions,
@@ -175,4 +175,7 @@ pub enum ExportError {
     /// The format cannot hold the frames.
     #[error("{0}")]
     Format(String),
+    /// The exporter has panicked.
+    #[error(transparent)]
+    Panic(#[from] PluginPanic),
 }

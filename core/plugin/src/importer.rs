@@ -56,7 +56,7 @@ pub trait Importer: Send + Sync {
     fn manifest(&self) -> &Manifest;
 
     /// Whether the bytes are this importer's own. Looks only at `source`, and must be fast.
-    /// By default: the magic bytes of the manifest, else its extensions.
+    /// The default compares the magic bytes of the manifest, else its extensions.
     fn claim(&self, source: &Source) -> Claim {
         self.manifest().claim(source)
     }
@@ -77,7 +77,7 @@ pub trait Importer: Send + Sync {
     ) -> Result<Asset, ImportError>;
 }
 
-/// What an importer says of a file: the greatest claim reads it. What the bytes say counts more than any name.
+/// An importer's claim on a file: the greatest claim reads it. Claims by content are greater than those by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Claim {
     /// Another format.
@@ -101,7 +101,7 @@ impl std::fmt::Display for Claim {
 /// A file handed to an importer.
 #[derive(Clone, Debug)]
 pub struct Source {
-    /// As the user wrote it, for messages; not to be opened.
+    /// The path as the user wrote it, for messages. Do not open it.
     pub name: String,
     /// The contents of the file.
     pub bytes: Arc<Vec<u8>>,
@@ -131,23 +131,23 @@ pub trait Files {
     }
 
     /// Whether the caller will play a clip of the file, where it has `ImportScope::clips`; `index` counts the clips that the asset has so far.
-    /// Of one that it does not play an importer may give the name alone ([`Clip::new`](choreo_motion::Clip::new) without curves).
+    /// For a clip that it does not play, an importer may give the name alone ([`Clip::new`](choreo_motion::Clip::new) without curves).
     fn wants_clip(&self, index: usize, name: &str) -> bool {
         let _ = (index, name);
         true
     }
 }
 
-/// What the caller will use; the rest is not decoded.
+/// The parts of a file that the caller will use; the others are not decoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImportScope {
     /// Meshes, skins and materials.
     pub geometry: bool,
     /// Animation clips.
     pub clips: bool,
-    /// Which images lie on the materials, by name and size.
+    /// The images of the materials, with name and size.
     pub textures: bool,
-    /// What is in these images. Without, their `rgba` is empty and nothing is decoded; their headers are read all the same.
+    /// The pixels of these images. Otherwise their `rgba` is empty and nothing is decoded; their headers are read all the same.
     pub pixels: bool,
 }
 
@@ -160,7 +160,7 @@ impl ImportScope {
     /// Everything but pixels, to describe a scene without drawing it.
     pub const NO_PIXELS: ImportScope = ImportScope { pixels: false, ..ImportScope::ALL };
 
-    /// What both need.
+    /// The parts that both include.
     pub fn both(self, other: ImportScope) -> ImportScope {
         ImportScope {
             geometry: self.geometry && other.geometry,
@@ -231,8 +231,8 @@ pub struct ImportError {
     pub file: String,
     /// Element path (`accessors[3]`) or byte offset ("byte 1024"); may be empty.
     pub place: String,
-    /// What is wrong.
+    /// The problem.
     pub what: String,
-    /// What to do about it.
+    /// How to resolve it.
     pub hint: Option<String>,
 }

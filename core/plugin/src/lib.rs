@@ -7,6 +7,7 @@ pub mod effect;
 pub mod effect_texture;
 pub mod exporter;
 pub mod importer;
+mod isolated;
 pub mod manifest;
 pub mod on_use;
 pub mod overlay;
@@ -24,6 +25,7 @@ pub use exporter::{ExportError, Exporter, Frame, FrameSink, Mark, VideoInfo};
 pub use importer::{
     Claim, ExportOptions, Files, ImportError, ImportOptions, ImportScope, Importer, OptionValue, Source,
 };
+pub use isolated::PluginPanic;
 pub use manifest::{BesideFile, Manifest, OptionError, OptionKind, OptionSpec, PluginFile};
 pub use on_use::{LazyEffect, LazyPlugin, PluginError};
 pub use overlay::{ActorInstance, EffectScene, Label, Lattice, Overlay, Stroke, Triangle};

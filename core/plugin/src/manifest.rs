@@ -1,4 +1,4 @@
-//! What a plugin says of itself, as data: `choreo plugins`, `--help` and the script read it from here.
+//! The description of a plugin by itself, as data: `choreo plugins`, `--help` and the script read it from here.
 
 use crate::suggest::{did_you_mean, list};
 use crate::{Claim, ImportOptions, OptionValue, Source};
@@ -22,7 +22,7 @@ use thiserror::Error;
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Manifest {
-    /// As in `load(…, #{ importer: NAME })`, `effect(NAME)`: "gltf", "vignette", "png".
+    /// Name in scripts, as in `load(…, #{ importer: NAME })` or `effect(NAME)`: "gltf", "vignette", "png".
     pub name: String,
     /// Version of the plugin.
     pub version: String,
@@ -50,11 +50,11 @@ pub struct PluginFile {
 /// A file that a plugin's own file names.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BesideFile {
-    /// As the plugin's file names it.
+    /// Its name in the plugin's file.
     pub name: String,
     /// Its path.
     pub path: std::path::PathBuf,
-    /// Or why it could not be read.
+    /// Its content, or why it could not be read.
     pub bytes: Result<std::sync::Arc<[u8]>, String>,
 }
 
@@ -99,9 +99,9 @@ pub enum OptionKind {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{message}")]
 pub struct OptionError {
-    /// What is wrong, and what is allowed.
+    /// The problem, and the allowed values.
     pub message: String,
-    /// What to do about it.
+    /// How to resolve it.
     pub hint: Option<String>,
 }
 

@@ -1,4 +1,4 @@
-//! What effects draw of their own, beside the meshes of the stage: triangles, lines and points as wide as pixels say, and lattices.
+//! Geometry that effects draw beside the meshes of the stage: triangles, lines and points with a width in pixels, and lattices.
 //! Both renderers draw it after everything else of the scene; lines, points and lattices with smooth edges whatever the number of
 //! samples.
 
@@ -6,22 +6,22 @@ use choreo_asset::{Asset, DAabb};
 use choreo_stage::{ActorState, EffectTarget, Snapshot, Stage};
 use glam::{DAffine3, DVec3, Vec4};
 
-/// What an effect may look at to draw: the stage, and how it is at a time.
+/// Input of an effect that draws an overlay: the stage, and its state at a time.
 #[derive(Clone, Copy)]
 pub struct EffectScene<'a> {
     /// The stage.
     pub stage: &'a Stage,
     /// The stage at the time of the frame.
     pub snapshot: &'a Snapshot,
-    /// How it was a frame ago, two frames ago and so on, as many as [`crate::Effect::history`] asks for; before the first frame
-    /// stands the first. Empty where a frame is looked at alone.
+    /// The states one frame ago, two frames ago and so on, as many as [`crate::Effect::history`] requests; before the first frame
+    /// the first is repeated. Empty if a frame is drawn alone.
     pub before: &'a [Snapshot],
     /// Actors and materials to which the effect is limited; empty: everything.
     pub on: &'a [EffectTarget],
 }
 
 impl<'a> EffectScene<'a> {
-    /// Those that are seen and have the effect, in the order of the stage; a body at many places counts once a place.
+    /// The visible actors with the effect, in the order of the stage; a model with several placements counts once for each.
     pub fn instances(&self) -> impl Iterator<Item = ActorInstance<'a>> + use<'a> {
         let (on, stage) = (self.on, self.stage);
         let actors = stage.actors.iter().zip(&self.snapshot.actors).enumerate();
@@ -113,12 +113,12 @@ impl<'a> ActorInstance<'a> {
     }
 }
 
-/// Drawn in this order: lattices, triangles, strokes.
+/// Geometry of an overlay, drawn in this order: lattices, triangles, strokes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Overlay {
     /// Lines and points.
     pub strokes: Vec<Stroke>,
-    /// Drawn back to front by their middles.
+    /// Triangles, drawn back to front by their middles.
     pub triangles: Vec<Triangle>,
     /// Planes of lines.
     pub lattices: Vec<Lattice>,
@@ -126,7 +126,7 @@ pub struct Overlay {
     pub labels: Vec<Label>,
     /// Whether it is drawn over everything, rather than hidden by what is nearer.
     pub over: bool,
-    /// What of it could not be made, and why; `choreo explain` prints it.
+    /// The parts that could not be made, and why; `choreo explain` prints them.
     pub left_out: Vec<String>,
 }
 

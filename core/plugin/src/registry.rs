@@ -1,5 +1,6 @@
 //! All plugins known to the program.
 
+use crate::isolated::{IsolatedEffect, IsolatedExporter, IsolatedImporter};
 use crate::suggest::{did_you_mean, list};
 use crate::{
     Claim, Effect, Exporter, Files, ImportError, ImportOptions, ImportScope, Importer, LazyEffect,
@@ -34,6 +35,8 @@ pub struct Registry {
     on_use: Vec<Arc<LazyEffect>>,
     /// Files that were meant as plugins and are none, as messages name them.
     faulty: Vec<String>,
+    /// Plugins that took the place of others of their name.
+    replaced: Vec<String>,
 }
 
 impl Registry {
@@ -43,22 +46,28 @@ impl Registry {
     }
     /// Adds an importer that others hold, too.
     pub fn add_shared_importer(&mut self, plugin: Arc<dyn Importer>) {
-        self.importers.retain(|p| p.manifest().name != plugin.manifest().name);
-        self.importers.push(plugin);
+        let name = plugin.manifest().name.clone();
+        let before = self.importers.len();
+        self.importers.retain(|p| p.manifest().name != name);
+        self.note_replaced("importer", &name, self.importers.len() < before);
+        self.importers.push(Arc::new(IsolatedImporter(plugin)));
     }
     /// Adds an exporter; one of the same name is replaced.
     pub fn add_exporter(&mut self, plugin: impl Exporter + 'static) {
-        self.exporters.retain(|p| p.manifest().name != plugin.manifest().name);
-        self.exporters.push(Arc::new(plugin));
+        let name = plugin.manifest().name.clone();
+        let before = self.exporters.len();
+        self.exporters.retain(|p| p.manifest().name != name);
+        self.note_replaced("exporter", &name, self.exporters.len() < before);
+        self.exporters.push(Arc::new(IsolatedExporter(Arc::new(plugin))));
     }
     /// Adds an effect; one of the same name is replaced.
     pub fn add_effect(&mut self, plugin: impl Effect + 'static) {
         self.add_shared_effect(Arc::new(plugin));
     }
-    /// As [`Registry::add_effect`].
+    /// Like [`Registry::add_effect`], for a shared effect.
     pub fn add_shared_effect(&mut self, plugin: Arc<dyn Effect>) {
         self.forget_effect(&plugin.manifest().name);
-        self.effects.push(plugin);
+        self.effects.push(Arc::new(IsolatedEffect(plugin)));
     }
     /// An effect of a plugin file, made when it is used first.
     pub fn add_lazy_effect(&mut self, plugin: Arc<LazyEffect>) {
@@ -66,8 +75,19 @@ impl Registry {
         self.on_use.push(plugin);
     }
     fn forget_effect(&mut self, name: &str) {
+        let before = self.effects.len() + self.on_use.len();
         self.effects.retain(|p| p.manifest().name != name);
         self.on_use.retain(|p| p.name() != name);
+        self.note_replaced("effect", name, self.effects.len() + self.on_use.len() < before);
+    }
+    fn note_replaced(&mut self, kind: &str, name: &str, replaced: bool) {
+        if replaced {
+            self.replaced.push(format!("the {kind} {name} takes the place of another of this name"));
+        }
+    }
+    /// Which plugins took the place of others of their name, one sentence each, in the order in which they were added.
+    pub fn replaced(&self) -> &[String] {
+        &self.replaced
     }
     /// A file that was meant as a plugin and is none. It is named in the hint when a plugin is not found.
     pub fn add_faulty(&mut self, file: String) {
@@ -123,7 +143,7 @@ impl Registry {
         self.exporters.iter().find(|e| e.manifest().has_extension(&ext))
     }
 
-    /// What every importer says of a file, the one that reads it first. Greater claims come first; of equal ones those
+    /// Every importer's claim on a file, that of the reader first. Greater claims come first; of equal ones those
     /// whose manifest has the file's extension; then those added later, so that a user's own plugin wins over ours.
     pub fn claims(&self, source: &Source) -> Vec<(Claim, &Arc<dyn Importer>)> {
         let extension = source.extension();

@@ -15,9 +15,9 @@ pub enum Matrix {
 /// Three planes, each row `width` or `(width + 1) / 2` bytes, no padding. Reused from frame to frame.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Yuv420 {
-    /// Even where `pad_to_even` was asked for.
+    /// Even where `pad_to_even` was requested.
     pub width: usize,
-    /// Rows; even where `pad_to_even` was asked for.
+    /// Rows; even where `pad_to_even` was requested.
     pub height: usize,
     /// Luma.
     pub y: Vec<u8>,
@@ -48,7 +48,7 @@ const BT601: Weights =
 
 impl Yuv420 {
     /// `rgba` holds `width × height` pixels (both at least 1; rows beyond its end are left as they were).
-    /// With `pad_to_even`, odd sizes grow by one column or row, repeated from the edge.
+    /// If `pad_to_even` is set, odd sizes grow by one column or row, repeated from the edge.
     pub fn convert(&mut self, rgba: &[u8], width: usize, height: usize, matrix: Matrix, pad_to_even: bool) {
         let round = |n: usize| if pad_to_even { n.next_multiple_of(2) } else { n };
         (self.width, self.height) = (round(width), round(height));

@@ -1,7 +1,7 @@
 //! Renders one frame of a stage: `Plan` (what the frame needs, and what was left out) → commands → pixels.
 //!
 //! Two renderers draw the same plan: [`vulkan`], the only module that uses ash, and [`cpu`], the reference for every shader.
-//! Modules import in one direction: [`scene_resources`] ← [`sky`], [`layers_2d`] ← [`plan`] ← [`shader`] ← [`commands`] ← [`vulkan`], [`cpu`] ←
+//! Modules import in one direction: [`view`] ← [`scene_resources`] ← [`sky`], [`layers_2d`] ← [`plan`] ← [`shader`] ← [`commands`] ← [`vulkan`], [`cpu`] ←
 //! [`explain`].
 
 pub mod affine;
@@ -16,6 +16,7 @@ pub mod renderer;
 pub mod scene_resources;
 pub mod shader;
 pub mod sky;
+pub mod view;
 #[allow(unsafe_code, reason = "calls of Vulkan")]
 pub mod vulkan;
 

@@ -1,4 +1,4 @@
-//! What the program sees of a renderer, Vulkan or CPU: plans go in, frames come out, several in flight.
+//! The interface of renderers, Vulkan and CPU: plans go in, frames come out, several in flight.
 
 use crate::error::RenderError;
 use crate::plan::Plan;

@@ -50,7 +50,7 @@ fn airy(film: f64, base: f64, phase: f64) -> f64 {
     (r12 * r12 + r23 * r23 + cross) / (1.0 + r12 * r12 * r23 * r23 + cross)
 }
 
-/// What the eye sees of it: the mean over all phases, and the rest through the receptors, as linear sRGB.
+/// The film's reflectance as the eye sees it: the mean over all phases, and the rest through the receptors, as linear sRGB.
 fn seen(film: f64, base: f64, nanometres: f64) -> [f64; 3] {
     let mean = (0..720).map(|i| airy(film, base, f64::from(i) * PI / 360.0)).sum::<f64>() / 720.0;
     let (mut xyz, mut whole) = ([0.0; 3], 0.0);
@@ -167,7 +167,7 @@ fn brushed_metal_stretches_its_highlights() {
     }
 }
 
-/// What a white surface of one bounce gives back of an even sky, by the other form of the formulas.
+/// Share of an even sky that a white surface reflects in one bounce, by the other form of the formulas.
 fn energy(alpha: [f64; 2]) -> f64 {
     let (rings, sectors) = (400, 400);
     let mut sum = 0.0;
@@ -216,7 +216,7 @@ fn light_from_behind_shines_through() {
             let (s, c) = degrees.to_radians().sin_cos();
             scene.sun(Vec3::new(s as f32, 0.0, c as f32), Vec3::ONE, 0.9);
             for (got, color) in middle(&scene).into_iter().zip([0.25, 1.0, 0.5]) {
-                // At N = V 4 % are reflected.
+                // At N = V, 4 % are reflected.
                 let expected = 0.9 * c * color * f64::from(share) * 0.96;
                 assert!((got - expected).abs() < 0.005, "{share} {degrees}° {color}: {got} {expected}");
             }

@@ -178,7 +178,7 @@ fn glass_multiplies_what_is_behind_and_adds_what_it_reflects() {
             expected,
             &format!("{transmission} {roughness} {thickness} m in the dark"),
         );
-        // In the light the part that is not let through is scattered back.
+        // In the light, the part that is not transmitted is scattered back.
         scene.sun(Vec3::NEG_Z, Vec3::ONE, 0.3);
         let l = DVec3::Z;
         let diffuse = 0.96 * (1.0 - transmission);
@@ -227,7 +227,7 @@ fn without_layers_nothing_is_requested() {
             .iter()
             .all(|w| plain.2.contains(&w.to_string()))
     );
-    // MaterialLayers of which nothing shows are no layers.
+    // Layers without a visible effect count as none.
     assert_eq!(
         what(layered(
             MaterialLayers { thickness: 1.0, sheen_roughness: 0.5, ..MaterialLayers::default() },
@@ -239,7 +239,7 @@ fn without_layers_nothing_is_requested() {
         what(layered(MaterialLayers { clearcoat: 0.1, ..MaterialLayers::default() }, matte(Vec4::ONE))).1,
         plain.1
     );
-    // Of a material that is not of metallic-roughness neither.
+    // A material with another shading model ignores its layers, too.
     let unlit_glass =
         layered(MaterialLayers { transmission: 1.0, ..MaterialLayers::default() }, unlit(Vec4::ONE));
     assert_eq!(what(unlit_glass).1, what(unlit(Vec4::ONE)).1);

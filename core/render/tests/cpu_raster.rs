@@ -188,7 +188,7 @@ fn odd_triangles_and_odd_sizes() {
     bad.normals.extend([Vec3::Z; 4]);
     bad.uvs[0].extend([Vec2::splat(f32::NAN); 4]);
     bad.indices.extend([0, 1, 4, 0, 5, 2, 1, 1, 1, 0, 1, 0]);
-    // Corners so far away that they cover everything or nothing, by rounding: only no panic is asked for.
+    // Corners so far away that they cover everything or nothing, by rounding: only that nothing panics.
     let huge = Primitive { indices: vec![6, 7, 0, 6, 7, 6, 1, 6, 2], ..bad.clone() };
     let huge = asset(vec![huge], vec![unlit(Vec4::ONE)], vec![]);
     let image = image(4, 4, |_, _| [255; 4]);

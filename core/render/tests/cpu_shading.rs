@@ -164,7 +164,7 @@ fn a_distant_chequerboard_is_grey_in_linear_light() {
     let board = image(64, 64, |x, y| if (x + y) % 2 == 0 { [255; 4] } else { [0, 0, 0, 255] });
     let f = draw_at(&textured(unlit(Vec4::ONE), board.clone(), 1.0, 2.0), [8, 8], 1);
     assert!(f.rgba.chunks_exact(4).all(|p| p == [188, 188, 188, 255]), "{:?}", pixel(&f, 3, 3));
-    // Without mipmaps it is not.
+    // Without mipmaps the texture is not filtered to the mean.
     let sampler = Sampler { mip_linear: None, min_linear: false, mag_linear: false, ..Sampler::default() };
     let m = Material { base_color_texture: Some(TextureRef { sampler, ..texture(0) }), ..unlit(Vec4::ONE) };
     let f = draw_at(&textured(m, board, 1.0, 2.0), [8, 8], 1);
@@ -212,7 +212,7 @@ fn skin_and_morphs_move_vertices_and_normals() {
     scene.sun(-Vec3::Z, Vec3::ONE, 1.0);
     let f = draw_at(&scene, [64, 64], 1);
     let rows: Vec<u32> = (0..64).filter(|y| pixel(&f, 32, *y)[0] == 255).collect();
-    // From y = 0.5 (the upper edge, half a metre lower than at rest) to −1.
+    // The strip covers y = 0.5 (the upper edge, half a metre lower than at rest) to −1.
     assert_eq!((rows.first(), rows.last(), rows.len()), (Some(&24), Some(&47), 24));
     let mut p = quad(1.0, 1.0);
     p.morphs = vec![MorphTarget {

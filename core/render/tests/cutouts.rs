@@ -69,7 +69,7 @@ fn edges_of_cut_outs_are_smooth_with_several_samples() {
     println!("twin: {c:?}");
     assert!(c.share_beyond < 0.005 && error(&there) < 0.12, "{c:?}");
     assert!(compare(&one, &there, 2).unwrap().share_beyond > 0.01, "the comparison sees an edge");
-    // What coverage was made from is not left in the image.
+    // The alpha that coverage was made from does not stay in the image.
     assert!([&four, &there].iter().all(|f| f.rgba.iter().skip(3).step_by(4).all(|a| *a == 255)));
 
     // A device that cannot set alpha to one keeps whole pixels: only the mesh's own edges are smooth.

@@ -181,7 +181,7 @@ fn scenes() -> Vec<(&'static str, Scene)> {
     ]
 }
 
-/// What is kept has 16 bits a number: highlights and edges of shadows may be a few steps off.
+/// The G-buffer has 16 bits a number: highlights and edges of shadows may be a few steps off.
 fn assert_same(c: &Comparison, what: &str) {
     println!("{what}: {c}");
     assert!(c.mean < 0.05 && c.share_beyond < 0.002, "{what}: {c}");
@@ -206,7 +206,7 @@ fn deferred_gives_the_image_of_forward() {
         println!("{kept} of {all} draws");
         assert_same(&compare(&there, &deferred, 2).unwrap(), what);
         let Some(here) = here else { continue };
-        // As far from the twin, which shades forward, as forward shading may be.
+        // The difference from the CPU reference, which shades forward, is within the bound of forward shading.
         let c = compare(&here, &deferred, 2).unwrap();
         println!("  twin: {c}");
         assert!(c.mean < 0.15 && c.share_beyond < 0.01, "{what}, twin: {c}");
@@ -311,7 +311,7 @@ fn a_device_without_the_images_draws_forward_and_says_so() {
     }
 }
 
-/// As a device that is no CPU gets it.
+/// The recording for a device that is no CPU.
 fn recorded(scene: &Scene, samples: u32) -> (Plan, commands::Recording) {
     let (_, plan) = scene.plan(&PlanOptions::new(SIZE, samples));
     let recording = record(&plan, RecordOptions::default(), |_| 2);

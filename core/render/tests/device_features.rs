@@ -1,4 +1,5 @@
-//! What a device may lack, one feature at a time: the frame is drawn with a stated fallback; and those that it has, by what they are for.
+//! Missing abilities of a device, one at a time: the frame is drawn with a stated fallback; and the abilities that it has, by their
+//! purpose.
 
 mod common;
 

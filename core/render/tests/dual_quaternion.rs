@@ -60,7 +60,7 @@ fn lit(frame: &Frame, row: u32) -> usize {
     (0..frame.width).filter(|x| pixel(frame, *x, row)[0] > 8).count()
 }
 
-/// Of a tube turned by θ at one end, linear blending leaves cos(θ/2) of the girth halfway, dual quaternions all of it.
+/// For a tube turned by θ at one end, linear blending leaves cos(θ/2) of the girth halfway, dual quaternions all of it.
 #[test]
 fn a_twisted_tube_keeps_its_girth() {
     let options = PlanOptions::new([201, 201], 1);

@@ -137,7 +137,7 @@ fn who_has_no_effect_pays_for_none() {
     };
     let (none, triangles) = (Features::default(), TopologyKey::Triangles);
     assert_eq!(keys(&[]), (vec![(none, 0, 2, triangles)], true, true, 0));
-    // Fog asks for nothing of the mesh; a view of normals for normals; each only of its actors.
+    // Fog requests nothing of the mesh; a view of normals for normals; each only of its actors.
     assert_eq!(keys(&[("fog", &[])]), (vec![(none, 1, 2, triangles)], false, true, 0));
     let views = keys(&[("views", &[1])]).0;
     assert_eq!(views, [(none, 0, 1, triangles), (Features::EFFECT_NORMALS, 1, 1, triangles)]);
@@ -159,7 +159,7 @@ fn fog_by_its_formula_and_only_on_surfaces() {
     let expected = [0.2, 0.4, 0.6].map(|sky: f64| sky + (1.0 - sky) * left);
     assert_color(pixel(&frame, 10, 10), expected, "a wall in fog");
     assert_color(pixel(&frame, 1, 1), [0.2, 0.4, 0.6], "the sky is its color");
-    // With a color of its own the background, infinitely far, is that; on an actor only, it stays.
+    // If the fog has a color, it replaces the infinitely far background; fog on an actor only leaves the background as it is.
     for (on, expected) in [(&[][..], [1.0, 0.0, 0.0]), (&[0][..], [0.2, 0.4, 0.6])] {
         let mut scene = Scene::ortho(2.0);
         scene.snapshot.background = Background::Color(Vec4::new(0.2, 0.4, 0.6, 1.0));

@@ -9,7 +9,7 @@ use choreo_plugin::{Effect, EffectTexture, Frame};
 use choreo_render::plan::motion_blur::plan_with;
 use choreo_render::*;
 use choreo_stage::*;
-use choreo_wgsl_effect::{Picture, WgslEffect};
+use choreo_wgsl_effect::{TextureImage, WgslEffect};
 use common::*;
 use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
 use std::sync::Arc;
@@ -20,7 +20,7 @@ fn effect(name: &str, head: &str, gives: &str, body: &str) -> Arc<dyn Effect> {
     );
     let paper = |_: &str| {
         let rgba = (0..16u8).flat_map(|i| [i * 16, 255 - i * 16, (i % 4) * 80, 255]).collect();
-        Ok(Picture { size: [4, 4], rgba, file: None })
+        Ok(TextureImage { size: [4, 4], rgba, file: None })
     };
     Arc::new(WgslEffect::with_textures("my.wgsl", &text, paper).unwrap_or_else(|e| panic!("{e}\n{text}")))
 }
@@ -112,7 +112,7 @@ fn what_is_lifted_stands_as_if_put_there() {
     put.snapshot.actors[0].world_from_model.translation += DVec3::new(0.0, 0.25, 0.0);
     assert_eq!(bytes_of(&lifted).rgba, bytes_of(&put).rgba);
     assert_ne!(bytes_of(&wall(DQuat::IDENTITY)).rgba, bytes_of(&put).rgba);
-    // What goes farther than its reach is cut off there.
+    // A displacement beyond the effect's reach is cut off there.
     let mut far = wall(DQuat::IDENTITY);
     used(&mut far, "lift", 9.0);
     put.snapshot.actors[0].world_from_model.translation.y = f64::from(0.4f32);
@@ -138,7 +138,7 @@ fn normals_follow_what_is_moved() {
     {
         let mut scene = wall(turned);
         scene.snapshot.lights.clear();
-        // From the right, so that leaning towards −x counts.
+        // The light comes from the right, so that leaning towards −x counts.
         scene.sun(Vec3::new(-0.6, 0.0, -0.8), Vec3::ONE, 1.0);
         used(&mut scene, name, 0.5);
         let frame = bytes_of(&scene);

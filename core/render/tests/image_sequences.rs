@@ -92,7 +92,7 @@ fn a_device_holds_those_of_the_last_frames_alone() {
     let [_, textures, materials] = gpu.resource_counts();
     assert!((2..=11).contains(&textures) && materials <= 11, "{textures} textures, {materials} materials");
     assert_eq!(greys.made.load(Ordering::Relaxed), COUNT - 1);
-    // What was let go is made again.
+    // Images that were dropped are made again.
     frames(&mut gpu, &mut scene, [3, 4, 3, 38], false);
     assert_eq!(greys.made.load(Ordering::Relaxed), COUNT - 1 + 2);
 }

@@ -57,7 +57,7 @@ fn clusters_leave_out_most_lights_and_change_no_pixel() {
     let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
     let lists = plan.light_clusters.as_ref().unwrap();
     assert_eq!(lists.unlimited(), 2, "the sun and the lamp without an end");
-    // Of the lamps that a pixel would ask without lists.
+    // The number of lamps that a pixel evaluates, summed over places.
     let (mut asked, mut places) = (0, 0);
     for i in 0..400 {
         let at = Vec3::new((i % 20) as f32 - 9.5, -3.0, 6.0 - (i / 20) as f32 * 2.0 - 9.0);

@@ -1,12 +1,14 @@
-//! Levels of detail: crowds are drawn coarser far away, with an error of at most a pixel.
+//! Levels of detail: small copies are drawn coarser, with an error of at most a pixel, where that pays.
 
 mod common;
 
 use choreo_asset::*;
-use choreo_render::scene_resources::lod::{CROWD, TOLERANCE};
+use choreo_motion::Time;
+use choreo_render::scene_resources::lod::PAYS_FROM;
 use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
+use choreo_stage::{Camera, Rig};
 use common::*;
-use glam::{Vec3, Vec4};
+use glam::{DQuat, DVec3, Vec3, Vec4};
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [320, 180];
@@ -42,10 +44,15 @@ fn ball() -> Primitive {
 /// So many balls, ten abreast, the rows going away from the camera.
 fn crowd(count: usize) -> Scene {
     let mut scene = Scene::perspective(0.8, 3.0);
+    scene.stage.settings.size = SIZE;
     let ball = asset(vec![ball()], vec![unlit(Vec4::ONE)], vec![]);
     for i in 0..count {
-        scene.at(&ball, (i % 10) as f64 - 4.5, -0.5, -2.0 * (i / 10) as f64);
+        let at = DVec3::new((i % 10) as f64 - 4.5, -0.5, -2.0 * (i / 10) as f64);
+        let actor = scene.at(&ball, at.x, at.y, at.z);
+        scene.stage.actors[actor].transform.translation = at;
     }
+    let rig = Rig::Fixed { position: DVec3::Z * 3.0, rotation: DQuat::IDENTITY, look_at: None };
+    scene.stage.shoot(Camera { projection: scene.snapshot.camera.projection, ..Camera::new("front", rig) });
     scene
 }
 
@@ -87,9 +94,8 @@ fn copies_of_a_crowd_are_coarser_the_smaller_they_are() {
         full.draws.len()
     );
     assert!(3 * few < all, "{few} of {all}");
-    assert!(plan.draws.len() <= 1 + resources.lods[0].len(), "one a level at most");
-    let said = plan.left_out.iter().find(|l| l.what == "triangles too small to see").unwrap();
-    assert!(said.why.contains(&format!("at most {TOLERANCE} pixel")), "{said:?}");
+    assert!(plan.draws.len() <= 1 + resources.assets[0].levels.len(), "one a level at most");
+    assert!(plan.left_out.iter().any(|l| l.what == "triangles too small to see"));
     // Nearer copies are never coarser.
     let depth = |d: &choreo_render::plan::Draw| {
         let of = &plan.instances[d.first_instance as usize..][..d.instance_count as usize];
@@ -105,44 +111,76 @@ fn copies_of_a_crowd_are_coarser_the_smaller_they_are() {
     assert_eq!(far_off(&a, &b), 0, "pixels off by more than one");
     // All by the coarsest, the comparison fails.
     let mut wrong = (*resources).clone();
-    wrong.lods.iter_mut().flatten().for_each(|level| level.error = 0.0);
+    wrong.assets[0].levels.iter_mut().for_each(|level| level.error = 0.0);
     let plan = Plan::new(&wrong, &scene.stage, &scene.snapshot, &options);
     assert!(far_off(&a, &image(&Arc::new(wrong), &plan)) > 0);
 }
 
+/// So small that all copies have triangles smaller than pixels.
+const SMALL: [u32; 2] = [96, 54];
+
+/// A stage whose copies are in view and small for so many images in all.
+fn seen(images: f64, count: usize) -> Scene {
+    let mut scene = crowd(count);
+    scene.stage.settings.size = SMALL;
+    scene.stage.cameras[0].rig =
+        Rig::Fixed { position: DVec3::Z * 30.0, rotation: DQuat::IDENTITY, look_at: None };
+    scene.stage.settings.fps = choreo_motion::FrameRate { num: 10, den: 1 };
+    scene.stage.settings.length = Time::from_secs(images / count as f64 / 10.0);
+    scene
+}
+
 #[test]
-fn few_are_drawn_as_they_are() {
-    let options = PlanOptions::new(SIZE, 1);
-    let (resources, plan) = crowd(CROWD - 1).plan(&options);
-    assert!(resources.lods.iter().all(Vec::is_empty) && resources.primitives.len() == 1);
-    assert!(plan.draws.iter().all(|d| d.primitive == 0));
-    assert!(plan.left_out.iter().all(|l| l.what != "triangles too small to see"));
-    // A catalogue made after another takes the levels from there.
-    let scene = crowd(CROWD);
+fn levels_are_made_where_they_pay_and_only_there() {
+    let levels = |scene: &Scene| scene.resources().assets[0].levels.len();
+    for count in [1, 10, 50] {
+        assert_eq!(levels(&seen(0.9 * PAYS_FROM, count)), 0, "{count}");
+        assert!(levels(&seen(1.1 * PAYS_FROM, count)) > 1, "{count}: by images and not by copies");
+    }
+    let scene = seen(2.0 * PAYS_FROM, 50);
+    // Near ones need all their triangles.
+    let mut near = seen(2.0 * PAYS_FROM, 50);
+    near.stage.settings.size = [4000, 2250];
+    assert_eq!(levels(&near), 0);
+    let mut off = seen(2.0 * PAYS_FROM, 50);
+    off.stage.settings.levels_of_detail = false;
+    assert_eq!(levels(&off), 0);
+    // Resources made after others take the levels from there.
     let first = scene.resources();
     let next = SceneResources::after(&first, &scene.stage);
-    assert_eq!(first.lods, next.lods);
-    let level = first.lods[0][0].primitive as usize;
+    assert_eq!(first.assets[0].levels, next.assets[0].levels);
+    let level = first.assets[0].levels[0].primitives[0][0].unwrap() as usize;
     assert!(Arc::ptr_eq(&first.primitives[level].mesh, &next.primitives[level].mesh));
+    // Without them the plan says what would be.
+    let without = SceneResources::without_levels(&scene.stage);
+    let snapshot = scene.stage.at(Time::ZERO).unwrap();
+    let plan = Plan::new(&without, &scene.stage, &snapshot, &PlanOptions::new(SMALL, 1));
+    let said = plan.left_out.iter().find(|l| l.what == "triangles too small to see").unwrap();
+    assert!(said.why.contains("about 50 models"), "{said:?}");
+    assert!(without.primitives.len() == 1 && plan.draws.iter().all(|d| d.primitive == 0));
+}
+
+/// How deep the triangles of a ball are below its surface at most: the deepest place of one lies before its middle.
+fn depth_of(ball: &Primitive) -> f32 {
+    let depths = ball.indices.chunks_exact(3).map(|t| {
+        let [a, b, c] = [t[0], t[1], t[2]].map(|i| ball.positions[i as usize]);
+        RADIUS - (a + b + c).length() / 3.0
+    });
+    depths.fold(0.0, f32::max)
 }
 
 #[test]
 fn levels_are_off_by_what_they_say_and_keep_what_vertices_have() {
-    let scene = crowd(CROWD);
+    let scene = crowd(100);
     let resources = scene.resources();
-    let levels = &resources.lods[0];
+    let levels = &resources.assets[0].levels;
     assert!(levels.len() >= 2);
     let fine = ball();
     let (mut before, mut error) = (fine.indices.len() / 3, 0.0);
     for level in levels {
-        let coarse = resources.primitives[level.primitive as usize].primitive();
+        let coarse = resources.primitives[level.primitives[0][0].unwrap() as usize].primitive();
         let triangles = coarse.indices.len() / 3;
-        // The deepest place of a triangle with its corners on the ball lies before its middle.
-        let depths = coarse.indices.chunks_exact(3).map(|t| {
-            let [a, b, c] = [t[0], t[1], t[2]].map(|i| coarse.positions[i as usize]);
-            RADIUS - (a + b + c).length() / 3.0
-        });
-        let depth = depths.fold(0.0f32, f32::max);
+        let depth = depth_of(coarse) - depth_of(&fine);
         println!("{triangles} triangles, {} m stated, {depth} m deep", level.error);
         assert!(
             4 * triangles <= 3 * before && level.error > error,

@@ -60,7 +60,7 @@ fn check(mut draw: impl FnMut(&Scene, [u32; 2]) -> choreo_plugin::Frame) {
     let at = |x| pixel(&frame, x, 20);
     assert_eq!([at(10), at(30)], [[255, 0, 0, 255], [0, 255, 0, 255]], "the left wall is as its file has it");
     assert_eq!([at(50), at(70)], [[0, 255, 0, 255], [255, 0, 0, 255]], "the right wall's texture is moved");
-    // What the file has at nothing comes in when it is something.
+    // Emission that is zero in the file is added when an override sets it.
     assert_color(pixel(&draw(&glow(Vec3::new(0.5, 0.25, 1.0)), [5, 5]), 2, 2), [0.5, 0.25, 1.0], "emission");
     assert_color(pixel(&draw(&glow(Vec3::ZERO), [5, 5]), 2, 2), [0.0; 3], "no emission");
 }
@@ -85,7 +85,7 @@ fn only_what_changes_is_carried() {
     assert_eq!(changed, [None, Some(0)], "two draws, though the mesh is the same");
     let transforms = plan.draws.iter().map(|d| d.pipeline.features.has(Features::UV_TRANSFORM));
     assert_eq!(transforms.collect::<Vec<_>>(), [false, true], "only the moved one pays for moving");
-    // Without a change in the snapshot the copies are one draw again.
+    // If the snapshot changes nothing, the copies are one draw again.
     let mut still = two_walls();
     still.snapshot.actors[1].materials.clear();
     let (_, plan) = still.plan(&PlanOptions::new([80, 40], 1));

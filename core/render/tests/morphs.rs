@@ -31,7 +31,7 @@ fn words(bytes: &[u8]) -> Vec<[u32; 4]> {
     bytemuck::pod_collect_to_vec(bytes)
 }
 
-/// What the shader adds for a target to each vertex of the buffer, by the text of pose.wgsl.
+/// The offsets that the shader adds for a target to each vertex of the buffer, by the text of pose.wgsl.
 fn added(words: &[[u32; 4]], target: usize, vertices: usize, list: u32) -> Vec<Vec3> {
     let [first, count, begin, _] = words[target];
     let of = |index: u32| {
@@ -72,7 +72,7 @@ fn three_vertices_that_move_cost_three() {
     check(&p, &bytes);
     // Places alone.
     assert_eq!(pack_morphs(&p, &p.indices, VertexLayout(0b1)).len(), 16 * (3 + 3 + 1));
-    // As the file has them: from the first to the last.
+    // The ranges in the file's order of vertices: from the first to the last that is morphed.
     let every: Vec<u32> = (0..10_000).collect();
     assert_eq!(morphed_ranges(&p, &every), [17..9_999, 0..0, 5_000..5_001]);
 }

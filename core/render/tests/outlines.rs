@@ -234,7 +234,7 @@ fn only_those_who_have_one_pay_for_it() {
         let shells: Vec<_> =
             plan.draws.iter().filter(|d| d.pipeline.features.has(Features::OUTLINE)).collect();
         let copies: u32 = shells.iter().map(|d| d.instance_count).sum();
-        // Of an outline without light only the shape counts.
+        // An unlit outline depends on the shape only.
         assert!(shells.iter().all(|d| d.pipeline.features == Features::OUTLINE));
         (plan.draws.len(), shells.len(), copies, plan.material_overrides.len(), out)
     };

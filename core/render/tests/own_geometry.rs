@@ -44,7 +44,7 @@ fn all() -> Vec<Arc<dyn Effect>> {
         effect("square", "// hook: overlay\n// count: 4", TRIANGLE, square),
         effect("square_over", "// hook: overlay\n// count: 4\n// over: true", TRIANGLE, square),
         effect("fan", "// hook: overlay\n// count: 24", TRIANGLE, fan),
-        // From behind the camera to far before it.
+        // A triangle from behind the camera to far in front of it.
         effect(
             "long",
             "// hook: overlay\n// count: 2\n// of: scene",

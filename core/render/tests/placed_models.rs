@@ -10,7 +10,7 @@ use choreo_render::plan::Features;
 use choreo_render::*;
 use choreo_stage::*;
 use common::*;
-use glam::{Affine3A, DAffine3, EulerRot, Quat, Vec3, Vec4};
+use glam::{Affine3A, DAffine3, DQuat, DVec3, EulerRot, Quat, Vec3, Vec4};
 use std::sync::Arc;
 
 /// A beam about y whose upper part hangs on a second joint, and a hat on that joint without a skin.
@@ -42,7 +42,7 @@ fn places() -> Vec<Affine3A> {
     (0..11).map(place).collect()
 }
 
-/// As one actor at places, or as one actor a place. `upper`: model-from-joint of the second joint.
+/// A scene with one actor at many placements, or with one actor per placement. `upper`: model-from-joint of the second joint.
 fn scene(as_one: bool, skinning: Skinning, upper: Affine3A) -> Scene {
     let mut scene = Scene::ortho(4.0);
     scene.sun(Vec3::new(-0.4, -0.5, -1.0), Vec3::ONE, 1.0);
@@ -156,8 +156,11 @@ fn far_ones_of_a_crowd_are_coarser() {
     let mut scene = Scene::perspective(0.6, 3.0);
     scene.at(&Arc::new(body), 0.0, 0.0, 0.0);
     let options = PlanOptions::new([128, 128], 1);
+    scene.stage.settings.size = options.size;
+    let rig = Rig::Fixed { position: DVec3::Z * 3.0, rotation: DQuat::IDENTITY, look_at: None };
+    scene.stage.shoot(Camera { projection: scene.snapshot.camera.projection, ..Camera::new("front", rig) });
     let (resources, plan) = scene.plan(&options);
-    assert!(resources.lods.iter().any(|levels| !levels.is_empty()));
+    assert!(resources.assets.iter().any(|asset| !asset.levels.is_empty()));
     let sizes: Vec<usize> = (plan.draws.iter())
         .map(|d| resources.primitives[d.primitive as usize].primitive().indices.len() / 3)
         .collect();

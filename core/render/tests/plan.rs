@@ -1,4 +1,4 @@
-//! What the planner puts in, leaves out, and in which order.
+//! The content of a plan: what the planner puts in, leaves out, and in which order.
 
 mod common;
 
@@ -147,7 +147,7 @@ fn an_animated_base_color_comes_with_the_copies() {
         let (resources, plan) = scene.plan(&options());
         (resources.materials[0].material.base_color, plan.instances[0].tint)
     };
-    // At rest the material's own, with the clip its color: green, though the material has none.
+    // At rest the tint is the material's own color; with the clip it is the clip's color: green, though the material has none.
     assert_eq!(tint(&scene), (Vec4::ONE, Vec4::new(0.5, 0.0, 0.5, 1.0)));
     scene.snapshot.actors[index].base_colors = vec![Vec4::new(0.0, 1.0, 0.0, 1.0)];
     scene.snapshot.actors[index].tint = Vec4::new(1.0, 0.5, 1.0, 1.0);

@@ -249,7 +249,7 @@ fn only_what_is_drawn_more_than_once_is_posed_once() {
         let Command::BindPipeline(variant) = command else { continue };
         assert!(!variant.key.features.has(Features::SKIN));
     }
-    // What a device or the stage does not want.
+    // Neither a device nor a stage that excludes pre-skinning gets it.
     for (once, device) in
         [(SkinOnce::Never, gpu), (SkinOnce::Always, RecordOptions { no_compute: true, ..gpu })]
     {

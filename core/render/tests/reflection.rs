@@ -1,5 +1,5 @@
-//! What Blinn–Phong and Phong surfaces mirror: the CPU renderer against closed forms, the Vulkan renderer against it, and what
-//! materials without a reflection pay: nothing.
+//! Reflections of Blinn–Phong and Phong surfaces: the CPU renderer against closed forms, the Vulkan renderer against it, and the cost
+//! for materials without a reflection: none.
 
 mod common;
 
@@ -118,7 +118,7 @@ fn lights_shine_on_what_is_not_mirrored() {
     assert_color(middle(&scene), [0.5, 0.25, 0.125].map(|b| (b * 0.25 + highlight) * 0.8), "a sun");
 }
 
-/// Of a chequered panorama a broad highlight shows the mean, a sharp one its fields.
+/// A broad highlight on a checkered panorama shows the mean, a sharp one its fields.
 #[test]
 fn a_mirror_is_as_sharp_as_its_highlight() {
     let fields =
@@ -155,12 +155,12 @@ fn only_what_mirrors_pays_and_forcing_it_in_changes_nothing() {
     let mirror = lit(wall(polished(Vec3::ONE, 60.0, Some(0), Some(1)), maps(), DVec3::Z));
     assert!(features(&mirror, &options).has(Features::REFLECTION.with(maps_read).with(Features::UV0)));
     assert!(!told(&mirror));
-    // Of the sky, without maps: neither textures nor their coordinates.
+    // A reflection of the sky without maps needs neither textures nor texture coordinates.
     let plain = lit(wall(polished(Vec3::ONE, 60.0, None, None), vec![], DVec3::Z));
     assert_eq!(features(&plain, &options).only(maps_read.with(Features::UV0)), Features::default());
     assert!(features(&plain, &options).has(Features::REFLECTION));
 
-    // What mirrors nothing is what has no reflection: textures and pixels, to the bit.
+    // A material that reflects nothing equals one without reflection, to the bit: textures and pixels.
     let without = Material { reflection: None, ..polished(Vec3::ZERO, 60.0, None, None) };
     let without = lit(wall(without, maps(), DVec3::Z));
     let none = lit(wall(polished(Vec3::ZERO, 60.0, Some(0), Some(1)), maps(), DVec3::Z));

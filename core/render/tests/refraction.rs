@@ -53,7 +53,7 @@ fn light(x: f64) -> f64 {
     RAMP[0] + RAMP[1] * (x * 0.5 + 0.5).clamp(0.5 / f64::from(SIDE), 1.0 - 0.5 / f64::from(SIDE))
 }
 
-/// Of a pixel's centre.
+/// Position of a pixel's center in metres.
 fn metres(pixel: u32) -> f64 {
     (f64::from(pixel) + 0.5) / f64::from(SIDE) * 2.0 - 1.0
 }
@@ -68,7 +68,7 @@ fn worst(frame: &Frame, expected: impl Fn(f64) -> [f64; 3]) -> f64 {
     pixels.map(of_pixel).fold(0.0, f64::max)
 }
 
-/// By the CPU, and by Vulkan where there is some, with one sample a pixel and with four.
+/// Draws on the CPU, and by Vulkan where it exists, with one sample a pixel and with four.
 fn by_all(mut check: impl FnMut(&mut dyn FnMut(&Scene) -> Frame, &str)) {
     let mut all: Vec<(Box<dyn Renderer>, &str)> = vec![(Box::new(CpuRenderer::new(&[])), "CPU")];
     if let Some(r) = vulkan(GpuOptions::default()) {
@@ -128,7 +128,7 @@ fn a_ball_draws_what_is_behind_to_its_middle() {
     by_all(|draw, who| {
         let by = |ior: f64| {
             move |x: f64| {
-                // On the row of half a pixel below the middle: the way to the middle, in the image.
+                // The row lies half a pixel below the middle. The light is displaced towards the middle, in the image.
                 let y = -1.0 / f64::from(SIDE);
                 let r = x.hypot(y);
                 let inwards = displaced((r / radius).asin().to_degrees(), thickness, ior);
@@ -202,7 +202,7 @@ fn roughness_blurs_by_levels_of_the_copy() {
         let (_, plan) = edge(roughness, ior).plan(&PlanOptions::new([SIDE, SIDE], 1));
         plan.scene_color_copy.map(|b| b.levels)
     };
-    // As many levels as are read: none below the copy for what is smooth.
+    // Only the levels that are read exist: none below the copy for a smooth material.
     assert_eq!(levels(0.0, 1.5), Some(1));
     assert_eq!(levels(1.0, 1.25), Some(5));
     assert_eq!(levels(1.0, 1.5), Some(8));

@@ -307,7 +307,7 @@ const TRIES: usize = 40;
 fn cover(rules: &Rules, combinations: HashSet<Partial>) -> Vec<Partial> {
     let mut sorted: Vec<Partial> = combinations.into_iter().collect();
     sorted.sort_by_key(|p| (std::cmp::Reverse((p.on | p.off).count_ones()), *p));
-    // What is decided, and a whole set that satisfies the rules.
+    // The switches that are decided, and a whole set that satisfies the rules.
     let mut sets: Vec<(Partial, Partial)> = Vec::new();
     for wanted in sorted {
         if let Some((set, _)) = sets.iter_mut().find(|(_, whole)| whole.contains(wanted)) {
@@ -367,7 +367,7 @@ fn effects(on: &[&str]) -> Vec<SceneEffect> {
     .collect()
 }
 
-/// The scene's files with the effects that the switches ask for.
+/// The scene's files with the effects that the switches require.
 fn scene_files(scene: &[SourceFile], on: &[&str]) -> Vec<SourceFile> {
     let mut files = scene.to_vec();
     if on.contains(&"TEXTURES") {

@@ -12,7 +12,7 @@ fn mistakes_point_at_the_users_line() {
             RenderError::Shader { file, text } => format!("{file}: {text}"),
             e => panic!("{e}"),
         };
-    // In the template's wrapper nothing is wrong; the third line of the effect is.
+    // The template's wrapper has no error; the third line of the effect has.
     let m = message(
         "// blur\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {\n    return colour;\n}\n",
     );

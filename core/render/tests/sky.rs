@@ -54,7 +54,7 @@ fn turned(degrees: f64) -> Sky {
     Sky { turn: degrees.to_radians(), ..Sky::new(soft()) }
 }
 
-/// From the world to the panorama of a sky that is turned.
+/// Direction in the panorama of a turned sky for a direction in the world.
 fn seen(way: DVec3, degrees: f64) -> DVec3 {
     let (s, c) = degrees.to_radians().sin_cos();
     DVec3::new(c * way.x - s * way.z, way.y, s * way.x + c * way.z)
@@ -106,7 +106,7 @@ fn diffuse_light_is_the_integral_of_the_cosine() {
 fn mirrored_light_is_the_integral_of_the_lobe() {
     for roughness in [0.2, 0.4, 0.7, 1.0] {
         let alpha2 = f64::powi(roughness, 4);
-        // Of a white metal the whole reflection: D · G2 / (4 NV) with N = V, Fresnel 1.
+        // A white metal shows the whole reflection: D · G2 / (4 NV) with N = V, Fresnel 1.
         let lobe = |l: DVec3| {
             let h = (l + DVec3::Z).normalize();
             let d = alpha2 / (PI * (h.z * h.z * (alpha2 - 1.0) + 1.0).powi(2));
@@ -126,14 +126,14 @@ fn mirrored_light_is_the_integral_of_the_lobe() {
     }
 }
 
-/// In a room that is white everywhere nothing can be told from the room.
+/// In a room that is white everywhere, no material can be distinguished from the room.
 #[test]
 fn white_furnace() {
     let white = Sky { strength: 0.5, ..Sky::new(panorama(16, |_| DVec3::ONE)) };
     for roughness in [0.0, 0.3, 0.6, 1.0] {
         let metal = Material { metallic: 1.0, roughness, ..matte(Vec4::ONE) };
         let got = decode(middle(&wall(metal, white.clone()))[0]);
-        // What is lost is the fit's, and grows with the roughness.
+        // The fit loses energy, more with the roughness.
         assert!((0.48 - 0.275 * f64::from(roughness)..=0.505).contains(&got), "roughness {roughness}: {got}");
     }
 }

@@ -40,7 +40,8 @@ fn ten_a_metre(asset: &Arc<Asset>) -> Scene {
 
 #[test]
 fn squares_and_lines_along_pixels_cover_exactly_what_they_should() {
-    // From the pixel corner (22, 32) to (42, 32), and about the corner (32, 32): nothing is in parts.
+    // The line goes from the pixel corner (22, 32) to (42, 32), and the square is centered on the corner (32, 32): no pixel is covered in
+    // part.
     let line = drawn(Topology::Lines, vec![Vec3::X * -1.0, Vec3::X], square(4.0));
     let point = drawn(Topology::Points, vec![Vec3::ZERO], square(6.0));
     for samples in [1, 4] {
@@ -79,7 +80,7 @@ fn areas_are_those_of_discs_and_stadiums() {
         // A tenth more would be noticed.
         assert!((got * 1.21 - exact).abs() > 0.06 * exact);
     }
-    // Of no length: a dot with round ends, nothing with flat ones.
+    // A line without length is a dot with round ends, and nothing with flat ones.
     let nowhere = vec![Vec3::ZERO; 2];
     let dot = area(&draw_at(&ten_a_metre(&drawn(Topology::Lines, nowhere.clone(), pen(10.0))), [64, 64], 4));
     assert!((dot - pi * 25.0).abs() < 3.0, "{dot}");

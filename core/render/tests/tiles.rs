@@ -19,7 +19,7 @@ fn effects() -> Vec<Arc<dyn Effect>> {
     effects::named(&["fog", "fxaa", "bloom", "wireframe", "grid", "outline"])
 }
 
-/// Of everything something, seen from aside, with a shadow and many lamps before a gradient.
+/// A scene with something of everything, seen from the side, with a shadow and many lamps before a gradient.
 fn scene() -> Scene {
     let mut scene = busy_scene(DVec3::ZERO);
     scene.snapshot.camera.world_from_view =

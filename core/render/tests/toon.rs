@@ -194,7 +194,7 @@ fn vulkan_and_the_cpu_reference_draw_the_same_toon() {
     let c = compare(&vulkan, &cpu, 2).unwrap();
     println!("{c}");
     assert!(c.mean < 0.15 && c.share_beyond < 0.01, "{c}");
-    // With every feature forced in, the same pixels.
+    // Every feature forced in gives the same pixels.
     let forced = draw_with(&scene, &PlanOptions { force_all: true, ..PlanOptions::new([320, 240], 1) });
     let c = compare(&vulkan, &forced, 0).unwrap();
     assert!(c.share_beyond < 0.001, "forced in: {c}");
@@ -219,7 +219,7 @@ fn only_those_who_use_it_pay_for_it() {
     };
     assert_eq!(features(unused), (Features::METALLIC_ROUGHNESS, 0));
     assert_eq!(features(toon_of(Toon::default(), Vec3::ONE)), (Features::TOON, 0));
-    // What metallic-roughness would read is not read by toon, nor a rim's mask where there is no rim.
+    // Toon shading does not read the textures of metallic-roughness, nor a rim's mask if there is no rim.
     let other = Material {
         metallic_roughness_texture: Some(texture(0)),
         occlusion_texture: Some(texture(0)),

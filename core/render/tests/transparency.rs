@@ -153,7 +153,7 @@ fn beyond_the_most_layers_the_nearest_are_sorted() {
         let all = scene(&many, Transparency::Auto);
         let options = PlanOptions::new([SIDE; 2], samples);
         let frame = draw_with(renderer, &all, &options);
-        // Of one color and alpha: no order matters, and no surface may be lost.
+        // All have one color and alpha: no order matters, and no surface may be lost.
         let off = wrong(&frame, &many, samples);
         assert!(off < 60, "{who}, {samples} samples: {off} pixels off");
         assert!(wrong(&frame, &many[1..], samples) > 1000, "a lost surface is seen");
@@ -280,7 +280,7 @@ fn an_actors_word_goes_before_the_stages() {
     assert!(cause(&one).is_err_and(|why| why == "the actors' transparency is \"sorted\""));
     says(&mut one, 0, Transparency::Independent, Some(0));
     assert_eq!(cause(&one), Ok(PeelCause::RequestedBy(0)));
-    // Of another material.
+    // A rule for another material does not apply here.
     let mut other = bodies(false, 1.4);
     says(&mut other, 0, Transparency::Independent, Some(1));
     assert!(cause(&other).is_err());

@@ -58,7 +58,7 @@ fn steady(faults: &Faults) -> Option<SteadyRenderer> {
     }
 }
 
-/// What an undisturbed run draws, and how often it comes by each place.
+/// The frames of a run without faults, and how often it passes each place.
 fn undisturbed() -> Option<(Vec<Frame>, Faults)> {
     let faults = Faults::new(Vec::new());
     let mut renderer = steady(&faults)?;
@@ -125,8 +125,8 @@ fn a_frame_that_fails_twice_is_an_error() {
     assert_eq!(renderer.take_notes().len(), 2);
 }
 
-/// Without the second try, failures are errors with their kind, and what the failed frame left over is cleaned up: the
-/// validation layer has nothing to say, the next frame is right.
+/// Without a second try, failures are errors with their kind, and the resources of the failed frame are freed: the
+/// validation layer reports nothing, and the next frame is right.
 #[test]
 fn errors_have_their_kind_and_leave_nothing_behind() {
     let Some((expected, counts)) = undisturbed() else { return };
@@ -147,7 +147,7 @@ fn errors_have_their_kind_and_leave_nothing_behind() {
     }
 }
 
-/// With as little memory as can be: the same images, less memory, uploads in parts.
+/// With as little memory as possible: the same images, less memory, uploads in parts.
 #[test]
 fn a_frugal_renderer_draws_the_same() {
     let Some((expected, _)) = undisturbed() else { return };

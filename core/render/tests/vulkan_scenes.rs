@@ -45,7 +45,7 @@ fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { retu
     all
 }
 
-/// As a device that is no CPU gets it.
+/// The recording for a device that is no CPU.
 fn record(plan: &Plan) -> Recording {
     choreo_render::commands::record(plan, RecordOptions::default(), |_| 2)
 }
@@ -187,7 +187,7 @@ fn same_plan_same_bytes_in_any_order() {
         .collect();
     let mut run = |order: &[usize]| -> Vec<(usize, Frame)> {
         let mut out = Vec::new();
-        // As many in flight as there may be.
+        // As many frames are in flight as possible.
         for chunk in order.chunks(r.frames_in_flight()) {
             chunk.iter().for_each(|i| r.submit(plans[*i].clone()).unwrap());
             out.extend(chunk.iter().map(|i| (*i, r.collect(None).unwrap())));
@@ -276,7 +276,7 @@ fn a_cpu_device_gets_rows_copied_and_back_faces_last() {
     assert!(samples.contains("copy background\nbegin Picture, 4 samples, clear"), "{samples}");
     assert!(samples.contains(", 40×40 at 12, 12\n") && samples.contains("  background\n"), "{samples}");
     assert!(!text(4, false, 2).contains(" at 12, 12\n"));
-    // What covers most of the image is drawn whole.
+    // A draw that covers most of the image is drawn whole.
     scene.at(&asset(vec![quad(1.9, 1.9)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
     let (_, plan) = scene.plan(&PlanOptions::new([64, 64], 4));
     let cpu = RecordOptions { cpu_device: true, ..RecordOptions::default() };
@@ -308,7 +308,7 @@ fn a_part_drawn_with_samples_is_as_if_all_were() {
         let c = compare(&part, &whole, 1).unwrap();
         println!("{}", c.worst);
         assert!(c.worst <= 1, "{c:?}");
-        // What is said to be elsewhere is cut off.
+        // Pixels outside the dirty rectangle are cut off.
         let wrong = frame(Plan { dirty_rect: choreo_render::plan::dirty_rect::DirtyRect::NOTHING, ..plan });
         assert!(compare(&wrong, &whole, 1).unwrap().worst > 50);
     }

@@ -63,7 +63,7 @@ fn the_least_visible_are_left_out_and_named() {
             format!("material \"velvet\": this device binds at most {most} textures; left out: {names}")
         });
         assert_eq!(said, Vec::from_iter(line));
-        // What is bound is what the shader reads: as the twin draws the file without those textures.
+        // The shader reads the bound textures only: the CPU reference draws the file without the others.
         let c = compare(&frame, &draw(&scene(out), &options), 2).unwrap();
         println!("{most:?} textures: {c}");
         assert!(c.mean < 0.15 && c.share_beyond < 0.01, "{most:?}: {c}");

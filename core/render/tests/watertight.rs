@@ -165,7 +165,7 @@ fn vulkan_draws_the_same_without_them() {
         let c = compare(&front, &twin, 2).unwrap();
         println!("{samples} samples, against the CPU: {c}");
         assert!(c.mean < 0.15 && c.share_beyond < 0.01, "{c}");
-        // What is open lacks its inside if it counts as closed.
+        // An open mesh lacks its inside if it counts as watertight.
         let mut wrong = plan;
         wrong.draws.iter_mut().for_each(|d| d.watertight = 60);
         let wrong = draw_plan(&mut renderer, &resources, wrong);

@@ -1,12 +1,13 @@
-//! How long an importer in a script takes for 5 MB of vertices and indices:
-//! `cargo run --release -p choreo-rhai-importer --example measure_import`.
+//! How long importers in a script take: 5 MB of binary vertices and indices, and an ASCII PLY of a million vertices, with the peak
+//! of the process's memory: `cargo run --release -p choreo-rhai-importer --example measure_import`.
 
 use choreo_plugin::{Files, ImportOptions, ImportScope, Importer, Source};
 use choreo_rhai_importer::RhaiImporter;
+use std::fmt::Write as _;
 use std::sync::Arc;
 use std::time::Instant;
 
-const IMPORTER: &str = r#"
+const BINARY: &str = r#"
 fn manifest() { #{ name: "grid" } }
 
 fn load(file) {
@@ -23,6 +24,32 @@ fn load(file) {
 }
 "#;
 
+const ASCII_PLY: &str = r#"
+fn manifest() { #{ name: "ascii_ply", extensions: "ply", magic: "ply" } }
+
+fn load(file) {
+    let lines = file.bytes.lines();
+    let vertices = 0;
+    let faces = 0;
+    let header = 0;
+    for line in lines {
+        header += 1;
+        let words = line.words();
+        switch words[0] {
+            "element" if words[1] == "vertex" => vertices = parse_int(words[2]),
+            "element" if words[1] == "face" => faces = parse_int(words[2]),
+            "end_header" => break,
+        }
+    }
+    let table = lines.part(header, vertices).numbers();
+    mesh(#{
+        positions: table.columns(6, [0, 1, 2]),
+        normals: table.columns(6, [3, 4, 5]),
+        indices: lines.part(header + vertices, faces).numbers().fans(),
+    });
+}
+"#;
+
 struct None;
 
 impl Files for None {
@@ -31,37 +58,79 @@ impl Files for None {
     }
 }
 
-fn main() {
-    const SIDE: u32 = 300;
-    let mut bytes = (SIDE * SIDE).to_le_bytes().to_vec();
+/// Two triangles of each square of a grid.
+fn triangles(side: u32) -> impl Iterator<Item = [u32; 3]> {
+    (0..side - 1).flat_map(move |z| {
+        (0..side - 1).flat_map(move |x| {
+            let a = z * side + x;
+            [[a, a + side, a + 1], [a + 1, a + side, a + side + 1]]
+        })
+    })
+}
+
+fn binary(side: u32) -> Vec<u8> {
+    let mut bytes = (side * side).to_le_bytes().to_vec();
     let floats = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
-    for i in 0..SIDE * SIDE {
-        bytes.extend(floats(&[(i % SIDE) as f32, 0.0, (i / SIDE) as f32, 0.0, 1.0, 0.0]));
+    for i in 0..side * side {
+        bytes.extend(floats(&[(i % side) as f32, 0.0, (i / side) as f32, 0.0, 1.0, 0.0]));
     }
-    for i in 0..SIDE * SIDE {
-        bytes.extend(floats(&[(i % SIDE) as f32 / SIDE as f32, (i / SIDE) as f32 / SIDE as f32]));
+    for i in 0..side * side {
+        bytes.extend(floats(&[(i % side) as f32 / side as f32, (i / side) as f32 / side as f32]));
     }
-    for z in 0..SIDE - 1 {
-        for x in 0..SIDE - 1 {
-            let a = z * SIDE + x;
-            bytes.extend(
-                [a, a + SIDE, a + 1, a + 1, a + SIDE, a + SIDE + 1].iter().flat_map(|i| i.to_le_bytes()),
-            );
-        }
+    bytes.extend(triangles(side).flatten().flat_map(u32::to_le_bytes));
+    bytes
+}
+
+fn ascii_ply(side: u32) -> Vec<u8> {
+    let (vertices, faces) = (side * side, 2 * (side - 1) * (side - 1));
+    let mut text = format!(
+        "ply\nformat ascii 1.0\nelement vertex {vertices}\nproperty float x\nproperty float y\nproperty float z\n\
+         property float nx\nproperty float ny\nproperty float nz\nelement face {faces}\n\
+         property list uchar int vertex_indices\nend_header\n"
+    );
+    for i in 0..vertices {
+        let (x, z) = (f64::from(i % side) * 0.01, f64::from(i / side) * 0.01);
+        let _ = writeln!(text, "{x:.4} {:.6} {z:.4} 0 1 0", libm::sin(x) * libm::cos(z));
     }
+    for [a, b, c] in triangles(side) {
+        let _ = writeln!(text, "3 {a} {b} {c}");
+    }
+    text.into_bytes()
+}
+
+fn measure(name: &str, importer: &str, bytes: Vec<u8>, vertices: u32) {
     let size = bytes.len();
-    let source = Source { name: "grid.bin".into(), bytes: Arc::new(bytes) };
-    let importer = RhaiImporter::from_text("grid.importer.rhai", IMPORTER).unwrap_or_else(|e| panic!("{e}"));
+    let source = Source { name: name.into(), bytes: Arc::new(bytes) };
+    let importer = RhaiImporter::from_text("my.importer.rhai", importer).unwrap_or_else(|e| panic!("{e}"));
     let mut times: Vec<f64> = (0..5)
         .map(|_| {
             let start = Instant::now();
             let asset = importer
                 .import(&source, &None, ImportScope::ALL, &ImportOptions::default())
                 .unwrap_or_else(|e| panic!("{e}"));
-            assert_eq!(asset.meshes[0].primitives[0].positions.len(), (SIDE * SIDE) as usize);
+            assert_eq!(asset.meshes[0].primitives[0].positions.len(), vertices as usize);
             start.elapsed().as_secs_f64() * 1e3
         })
         .collect();
     times.sort_by(f64::total_cmp);
-    println!("{:.2} MB, {} vertices: {:.1} ms (median of 5)", size as f64 / 1e6, SIDE * SIDE, times[2]);
+    println!(
+        "{name}: {:.2} MB, {vertices} vertices: {:.1} ms (median of 5, {:.1}–{:.1}), peak {} MB",
+        size as f64 / 1e6,
+        times[2],
+        times[0],
+        times[4],
+        peak_mb()
+    );
+}
+
+/// The most memory that the process has held (Linux), files of the test included.
+fn peak_mb() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    line.and_then(|line| line.trim().trim_end_matches(" kB").parse::<u64>().ok()).unwrap_or(0) / 1024
+}
+
+fn main() {
+    measure("grid.bin", BINARY, binary(300), 300 * 300);
+    measure("grid.ply", ASCII_PLY, ascii_ply(1000), 1000 * 1000);
 }

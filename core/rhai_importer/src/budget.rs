@@ -26,7 +26,7 @@ impl Budget {
         Budget { left: Arc::new(AtomicU64::new(all)), all }
     }
 
-    /// Counts an array of this number of bytes before it is made; what is dropped later is not given back.
+    /// Counts an array of this number of bytes before it is made, for the rest of the import.
     pub fn take(&self, bytes: usize) -> Result<(), Refused> {
         let taken = self
             .left
@@ -37,5 +37,33 @@ impl Budget {
                 self.all >> 20
             ))
         })
+    }
+
+    /// As [`Budget::take`], and gives the bytes back when the share is dropped.
+    pub fn share(&self, bytes: usize) -> Result<Share, Refused> {
+        self.take(bytes)?;
+        Ok(Share { budget: self.clone(), bytes })
+    }
+}
+
+/// Bytes of a budget that one array holds.
+#[derive(Debug)]
+pub struct Share {
+    pub budget: Budget,
+    bytes: usize,
+}
+
+impl Share {
+    /// Counts further bytes before they are allocated.
+    pub fn grow(&mut self, bytes: usize) -> Result<(), Refused> {
+        self.budget.take(bytes)?;
+        self.bytes += bytes;
+        Ok(())
+    }
+}
+
+impl Drop for Share {
+    fn drop(&mut self) {
+        self.budget.left.fetch_add(self.bytes as u64, Ordering::Relaxed);
     }
 }

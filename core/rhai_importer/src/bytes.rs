@@ -2,19 +2,20 @@
 
 use crate::budget::{Budget, Refused, refuse};
 use crate::engine::MOST_IN_ARRAY;
+use crate::lines::{self, Lines};
 use crate::numbers::{self, Numbers};
 use choreo_plugin::suggest::{did_you_mean, list};
 use rhai::{Array, Dynamic, Engine, ImmutableString, Map};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// A file or a part of one. Numbers are little-endian, or big-endian where [`Bytes::big`] was asked for.
+/// A file or a part of one. Numbers are little-endian, or big-endian where [`Bytes::big`] was requested.
 #[derive(Clone, Debug)]
 pub struct Bytes {
     pub all: Arc<Vec<u8>>,
-    range: Range<usize>,
+    pub range: Range<usize>,
     big: bool,
-    budget: Budget,
+    pub budget: Budget,
 }
 
 /// A number's layout, and how it becomes an f64 (exactly, but for 64-bit integers beyond 2^53).
@@ -80,7 +81,7 @@ impl Bytes {
         })
     }
 
-    fn part(&self, offset: i64, count: i64) -> Result<Bytes, Refused> {
+    pub fn part(&self, offset: i64, count: i64) -> Result<Bytes, Refused> {
         self.take(offset, count, "part")?;
         // `take` has shown that both are in range.
         let start = self.range.start + offset as usize;
@@ -143,7 +144,7 @@ impl Bytes {
         };
         let span = span.ok_or_else(|| refuse(format!("{what}: {count} rows of {stride} bytes")))?;
         let bytes = self.take(offset, span, &what)?;
-        self.budget.take(8 * (count * width) as usize)?;
+        let share = self.budget.share(8 * (count * width) as usize)?;
         let mut values = Vec::with_capacity((count * width) as usize);
         for row in bytes.chunks(stride as usize) {
             for number in row[..packed as usize].chunks_exact(kind.size) {
@@ -151,10 +152,10 @@ impl Bytes {
                 values.push(if scale == 1.0 { value } else { (value * scale).max(-1.0) });
             }
         }
-        Ok(Numbers::new(values, &self.budget))
+        Ok(Numbers::new(values, share))
     }
 
-    fn text(&self) -> Result<&str, Refused> {
+    pub fn text(&self) -> Result<&str, Refused> {
         std::str::from_utf8(self.slice())
             .map_err(|e| refuse(format!("byte {} is no UTF-8 text", self.range.start + e.valid_up_to())))
     }
@@ -171,17 +172,6 @@ impl Bytes {
         let text = self.text()?;
         self.budget.take(text.len())?;
         Ok(text.strip_prefix('\u{feff}').unwrap_or(text).into())
-    }
-
-    fn lines(&self) -> Result<Array, Refused> {
-        let text = self.text()?;
-        let count = text.lines().take(MOST_IN_ARRAY + 1).count();
-        if count > MOST_IN_ARRAY {
-            return Err(refuse(format!("lines: more than {MOST_IN_ARRAY} lines; read the file in parts")));
-        }
-        self.budget.take(text.len() + 32 * count)?;
-        let lines = text.strip_prefix('\u{feff}').unwrap_or(text).lines();
-        Ok(lines.map(|line| Dynamic::from(ImmutableString::from(line))).collect())
     }
 
     fn find(&self, wanted: &str, from: i64) -> i64 {
@@ -234,12 +224,13 @@ pub fn register(engine: &mut Engine) {
     engine.register_fn("big", |b: &mut Bytes| Bytes { big: true, ..b.clone() });
     engine.register_fn("text", |b: &mut Bytes| b.whole_text());
     engine.register_fn("text", |b: &mut Bytes, offset: i64, count: i64| b.name(offset, count));
-    engine.register_fn("lines", |b: &mut Bytes| b.lines());
+    engine.register_fn("lines", |b: &mut Bytes| Lines::of(b));
     engine.register_fn("json", |b: &mut Bytes| b.json());
     engine.register_fn("numbers", |b: &mut Bytes| numbers::parse(b.text()?, &b.budget));
     engine.register_fn("find", |b: &mut Bytes, wanted: &str, from: i64| b.find(wanted, from));
     engine.register_fn("find", |b: &mut Bytes, wanted: &str| b.find(wanted, 0));
     engine.register_fn("starts_with", |b: &mut Bytes, wanted: &str| b.slice().starts_with(wanted.as_bytes()));
+    lines::register(engine);
     engine.register_fn("words", |text: &str| -> Array {
         text.split_whitespace().map(|w| Dynamic::from(ImmutableString::from(w))).collect()
     });

@@ -2,6 +2,7 @@
 
 use crate::budget::Budget;
 use crate::{bytes, numbers};
+use choreo_sandbox::SizeLimits;
 use rhai::packages::{
     BasicArrayPackage, BasicMapPackage, BitFieldPackage, CorePackage, LogicPackage, MoreStringPackage,
     Package,
@@ -45,9 +46,7 @@ pub fn engine(budget: &Budget, steps: Option<u64>) -> Engine {
     engine.set_fail_on_invalid_map_property(true);
     engine.set_max_call_levels(MOST_CALLS);
     engine.set_max_expr_depths(64, 48);
-    engine.set_max_string_size(MOST_TEXT);
-    engine.set_max_array_size(MOST_IN_ARRAY);
-    engine.set_max_map_size(MOST_IN_ARRAY);
+    SizeLimits { string: MOST_TEXT, array: MOST_IN_ARRAY, map: MOST_IN_ARRAY }.install(&mut engine);
     engine.set_max_variables(256);
     engine.set_max_functions(256);
     engine.set_max_modules(0);
@@ -74,9 +73,7 @@ pub fn engine(budget: &Budget, steps: Option<u64>) -> Engine {
 /// The engine for `fn manifest()`, which runs for every listed file: fewer steps, small texts and arrays.
 pub fn manifest_engine() -> Engine {
     let mut engine = engine(&Budget::for_file(0), Some(MANIFEST_STEPS));
-    engine.set_max_string_size(64 << 10);
-    engine.set_max_array_size(1000);
-    engine.set_max_map_size(1000);
+    SizeLimits { string: 64 << 10, array: 1000, map: 1000 }.install(&mut engine);
     engine
 }
 

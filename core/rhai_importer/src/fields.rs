@@ -124,7 +124,7 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// What `mesh(#{ … })`, `lines(#{ … })` and `points(#{ … })` know.
+/// The options of `mesh(#{ … })`, `lines(#{ … })` and `points(#{ … })`.
 pub const MESH: &[&str] = &[
     "name",
     "joint",

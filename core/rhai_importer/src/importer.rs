@@ -11,6 +11,7 @@ use choreo_plugin::{
     AssetBuilder, Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, OptionValue,
     PluginFile, Source,
 };
+use choreo_sandbox::{operator_error, signature_parts, type_word};
 use rhai::{AST, Dynamic, Engine, EvalAltResult, Map, Scope};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use thiserror::Error;
@@ -24,7 +25,7 @@ const STACK: usize = 64 << 20;
 /// Steps that `claim` may take: it runs for files that are none of the importer's.
 const FEW_STEPS: u64 = 100_000;
 
-/// What is wrong with an importer's script, and where.
+/// Error of an importer's script, with its place.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{file}:{line}:{column}: {message}")]
 pub struct ScriptError {
@@ -101,7 +102,7 @@ impl RhaiImporter {
         self
     }
 
-    /// Fewer steps for one import than the README says.
+    /// Limits the steps of one import below the README's number.
     pub fn with_steps(mut self, steps: u64) -> RhaiImporter {
         self.steps = Some(steps);
         self
@@ -137,10 +138,51 @@ impl RhaiImporter {
 
     fn names(&self) -> Vec<String> {
         const OURS: &[&str] = &[
-            "joint", "mesh", "material", "image", "clip", "warn", "read", "numbers", "words", "u8", "i8",
-            "u16", "i16", "u32", "i32", "u64", "i64", "f32", "f64", "u8s", "i8s", "u16s", "i16s", "u32s",
-            "i32s", "u64s", "i64s", "f32s", "f64s", "text", "lines", "json", "find", "part", "big",
-            "columns", "rows", "array", "len",
+            "joint",
+            "mesh",
+            "material",
+            "image",
+            "clip",
+            "warn",
+            "read",
+            "numbers",
+            "words",
+            "u8",
+            "i8",
+            "u16",
+            "i16",
+            "u32",
+            "i32",
+            "u64",
+            "i64",
+            "f32",
+            "f64",
+            "u8s",
+            "i8s",
+            "u16s",
+            "i16s",
+            "u32s",
+            "i32s",
+            "u64s",
+            "i64s",
+            "f32s",
+            "f64s",
+            "text",
+            "lines",
+            "json",
+            "find",
+            "part",
+            "big",
+            "columns",
+            "rows",
+            "array",
+            "len",
+            "fans",
+            "append",
+            "push",
+            "without",
+            "parse_float",
+            "parse_int",
         ];
         let own = self.ast.iter_functions().map(|f| f.name.to_string());
         OURS.iter().map(ToString::to_string).chain(own).collect()
@@ -180,7 +222,7 @@ impl Importer for RhaiImporter {
                 Ok(score @ 1..=100) => Claim::Content(score as u8),
                 _ => Claim::NotMine,
             },
-            // Too short for the header, say: where the name is right, `import` reports what is wrong.
+            // The bytes may be too short for the header: if the name matches, `import` reports the error.
             Err(_) => plain.min(Claim::Extension),
         }
     }
@@ -228,7 +270,7 @@ impl Importer for RhaiImporter {
     }
 }
 
-/// What `fn manifest()` gives. `file` is the text's name in messages.
+/// The manifest that `fn manifest()` returns. `file` is the text's name in messages.
 pub fn manifest_of(ast: &AST, file: &str, text: &str) -> Result<Manifest, ScriptError> {
     let line = line_of(text, "manifest");
     let called = manifest_engine().call_fn(&mut Scope::new(), ast, "manifest", ());
@@ -277,11 +319,12 @@ fn script_error(file: &str, error: Box<EvalAltResult>, names: &[String], line: u
     let message = match &*error {
         EvalAltResult::ErrorRuntime(value, _) => value.to_string(),
         EvalAltResult::ErrorFunctionNotFound(signature, _) => {
-            let name = signature.split([' ', '(']).next().unwrap_or_default();
-            match names.iter().any(|n| n == name) {
-                true => format!("wrong arguments: there is no {signature}"),
+            let (name, types) = signature_parts(signature);
+            let types = || types.iter().map(|t| type_word(t)).collect::<Vec<_>>().join(", ");
+            operator_error(signature).unwrap_or_else(|| match names.iter().any(|n| n == name) {
+                true => format!("wrong arguments: there is no {name}({})", types()),
                 false => format!("unknown function {name}{}", near(name)),
-            }
+            })
         }
         EvalAltResult::ErrorTerminated(why, _) => why.to_string(),
         EvalAltResult::ErrorStackOverflow(_) => {

@@ -10,6 +10,7 @@ mod bytes;
 mod engine;
 mod fields;
 mod importer;
+mod lines;
 mod manifest;
 mod numbers;
 mod on_use;

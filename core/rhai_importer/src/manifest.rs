@@ -1,4 +1,4 @@
-//! What `fn manifest()` returns, as the manifest that every plugin has.
+//! The result of `fn manifest()`, as the manifest that every plugin has.
 
 use crate::fields::{Fields, Result};
 use choreo_plugin::Manifest;

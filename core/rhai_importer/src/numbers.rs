@@ -1,54 +1,85 @@
 //! Arrays of numbers that stay in native memory: a mesh goes from the file to the asset without a script value a number.
 
-use crate::budget::{Budget, Refused, refuse};
+use crate::budget::{Budget, Refused, Share, refuse};
 use rhai::{Array, Dynamic, Engine};
+use std::ops::Deref;
 use std::sync::Arc;
 
-/// Cheap to copy; every operation makes a new one.
+/// Values and their share of the import's budget.
+#[derive(Debug)]
+struct Values {
+    values: Vec<f64>,
+    share: Share,
+}
+
+/// An array of f64. Copies share the values; only `append` changes them, after a copy of its own where others share them.
 #[derive(Clone, Debug)]
-pub struct Numbers {
-    pub values: Arc<Vec<f64>>,
-    pub(crate) budget: Budget,
+pub struct Numbers(Arc<Values>);
+
+impl Deref for Numbers {
+    type Target = [f64];
+
+    fn deref(&self) -> &[f64] {
+        &self.0.values
+    }
 }
 
 impl Numbers {
-    pub(crate) fn new(values: Vec<f64>, budget: &Budget) -> Numbers {
-        Numbers { values: Arc::new(values), budget: budget.clone() }
+    /// `share` counts at least 8 bytes of each value.
+    pub(crate) fn new(values: Vec<f64>, share: Share) -> Numbers {
+        Numbers(Arc::new(Values { values, share }))
+    }
+
+    fn budget(&self) -> &Budget {
+        &self.0.share.budget
     }
 
     fn map(&self, f: impl Fn(f64) -> f64) -> Result<Numbers, Refused> {
-        self.budget.take(8 * self.values.len())?;
-        Ok(Numbers::new(self.values.iter().map(|v| f(*v)).collect(), &self.budget))
+        let share = self.budget().share(8 * self.len())?;
+        Ok(Numbers::new(self.iter().map(|v| f(*v)).collect(), share))
     }
 
     fn zip(&self, other: &Numbers, what: &str, f: impl Fn(f64, f64) -> f64) -> Result<Numbers, Refused> {
-        if self.values.len() != other.values.len() {
+        if self.len() != other.len() {
             return Err(refuse(format!(
                 "{what}: one array has {} numbers, the other {}",
-                self.values.len(),
-                other.values.len()
+                self.len(),
+                other.len()
             )));
         }
-        self.budget.take(8 * self.values.len())?;
-        let both = self.values.iter().zip(other.values.iter());
-        Ok(Numbers::new(both.map(|(a, b)| f(*a, *b)).collect(), &self.budget))
+        let share = self.budget().share(8 * self.len())?;
+        Ok(Numbers::new(self.iter().zip(other.iter()).map(|(a, b)| f(*a, *b)).collect(), share))
+    }
+
+    /// Adds numbers at the end, in time proportional to their count.
+    pub(crate) fn append(&mut self, more: &[f64]) -> Result<(), Refused> {
+        if Arc::get_mut(&mut self.0).is_none() {
+            let share = self.budget().share(8 * self.len())?;
+            *self = Numbers::new(self.to_vec(), share);
+        }
+        // Nobody else holds the values now.
+        let Some(own) = Arc::get_mut(&mut self.0) else { return Ok(()) };
+        own.share.grow(8 * more.len())?;
+        own.values.extend_from_slice(more);
+        Ok(())
     }
 
     fn at(&self, index: i64) -> Result<f64, Refused> {
-        usize::try_from(index).ok().and_then(|i| self.values.get(i)).copied().ok_or_else(|| {
-            refuse(format!("number {index} of an array of {}, counted from 0", self.values.len()))
-        })
+        usize::try_from(index)
+            .ok()
+            .and_then(|i| self.get(i))
+            .copied()
+            .ok_or_else(|| refuse(format!("number {index} of an array of {}, counted from 0", self.len())))
     }
 
     /// `count` numbers from `start` on.
     fn part(&self, start: i64, count: i64) -> Result<Numbers, Refused> {
         let range = usize::try_from(start).ok().zip(usize::try_from(count).ok());
-        let part = range.and_then(|(s, c)| self.values.get(s..s.checked_add(c)?));
-        let part = part.ok_or_else(|| {
-            refuse(format!("part({start}, {count}) of an array of {} numbers", self.values.len()))
-        })?;
-        self.budget.take(8 * part.len())?;
-        Ok(Numbers::new(part.to_vec(), &self.budget))
+        let part = range.and_then(|(s, c)| self.get(s..s.checked_add(c)?));
+        let part = part
+            .ok_or_else(|| refuse(format!("part({start}, {count}) of an array of {} numbers", self.len())))?;
+        let share = self.budget().share(8 * part.len())?;
+        Ok(Numbers::new(part.to_vec(), share))
     }
 
     /// The given columns, in this order, of rows of `width` numbers: rows of x y z with `[0, 2, 1]` become x z y.
@@ -63,11 +94,11 @@ impl Numbers {
             return Err(refuse(format!("columns: column {bad} of rows of {width}, counted from 0")));
         }
         self.rows_of(width, "columns")?;
-        let rows = self.values.len() / width;
-        self.budget.take(8 * rows.saturating_mul(columns.len()))?;
-        let rows = self.values.chunks_exact(width);
+        let rows = self.len() / width;
+        let share = self.budget().share(8 * rows.saturating_mul(columns.len()))?;
+        let rows = self.chunks_exact(width);
         let picked = rows.flat_map(|row| columns.iter().map(|c| row[*c])).collect();
-        Ok(Numbers::new(picked, &self.budget))
+        Ok(Numbers::new(picked, share))
     }
 
     /// The rows of `width` numbers with these numbers, in their order: vertices that faces share, one by one.
@@ -75,10 +106,10 @@ impl Numbers {
         let width = usize::try_from(width).ok().filter(|w| (1..=4096).contains(w));
         let width = width.ok_or_else(|| refuse("rows(width, numbers): width is from 1 to 4096"))?;
         self.rows_of(width, "rows")?;
-        let count = self.values.len() / width;
-        self.budget.take(8 * rows.values.len().saturating_mul(width))?;
-        let mut picked = Vec::with_capacity(rows.values.len() * width);
-        for (i, row) in rows.values.iter().enumerate() {
+        let count = self.len() / width;
+        let share = self.budget().share(8 * rows.len().saturating_mul(width))?;
+        let mut picked = Vec::with_capacity(rows.len() * width);
+        for (i, row) in rows.iter().enumerate() {
             // A fraction or a negative number is no row.
             let at = *row as usize;
             if at as f64 != *row || at >= count {
@@ -86,34 +117,34 @@ impl Numbers {
                     "rows: number {i} asks for row {row} of {count}, counted from 0"
                 )));
             }
-            picked.extend_from_slice(&self.values[at * width..(at + 1) * width]);
+            picked.extend_from_slice(&self[at * width..(at + 1) * width]);
         }
-        Ok(Numbers::new(picked, &self.budget))
+        Ok(Numbers::new(picked, share))
     }
 
     fn rows_of(&self, width: usize, what: &str) -> Result<(), Refused> {
-        if self.values.len().is_multiple_of(width) {
+        if self.len().is_multiple_of(width) {
             return Ok(());
         }
-        Err(refuse(format!("{what}: {} numbers are no whole rows of {width}", self.values.len())))
+        Err(refuse(format!("{what}: {} numbers are no whole rows of {width}", self.len())))
     }
 
     fn array(&self) -> Result<Array, Refused> {
-        if self.values.len() > crate::engine::MOST_IN_ARRAY {
+        if self.len() > crate::engine::MOST_IN_ARRAY {
             return Err(refuse(format!(
                 "array(): {} numbers, at most {} fit a script's array; work on the numbers as they are",
-                self.values.len(),
+                self.len(),
                 crate::engine::MOST_IN_ARRAY
             )));
         }
-        Ok(self.values.iter().map(|v| Dynamic::from_float(*v)).collect())
+        Ok(self.iter().map(|v| Dynamic::from_float(*v)).collect())
     }
 }
 
 /// The numbers of an array, `Numbers` or script values.
 pub fn read(value: &Dynamic) -> Option<Vec<f64>> {
     if let Some(numbers) = value.read_lock::<Numbers>() {
-        return Some(numbers.values.to_vec());
+        return Some(numbers.to_vec());
     }
     let array = value.read_lock::<Array>()?;
     array.iter().map(|v| v.as_float().ok().or_else(|| v.as_int().ok().map(|i| i as f64))).collect()
@@ -121,32 +152,95 @@ pub fn read(value: &Dynamic) -> Option<Vec<f64>> {
 
 /// Numbers in a text, apart by anything that is no part of a number: `1 2/3,4e-5`.
 pub fn parse(text: &str, budget: &Budget) -> Result<Numbers, Refused> {
+    let mut share = budget.share(0)?;
     let mut values = Vec::new();
-    let is_part = |c: char| c.is_ascii_alphanumeric() || matches!(c, '+' | '-' | '.');
-    for word in text.split(|c: char| !is_part(c)).filter(|w| !w.is_empty()) {
+    let is_part = |byte: &u8| byte.is_ascii_alphanumeric() || matches!(byte, b'+' | b'-' | b'.');
+    let mut rest = text;
+    while let Some(start) = rest.as_bytes().iter().position(is_part) {
+        rest = &rest[start..];
+        let end = rest.as_bytes().iter().position(|byte| !is_part(byte)).unwrap_or(rest.len());
+        let word = &rest[..end];
         let value: f64 = word.parse().map_err(|_| {
             let shown: String = word.chars().take(40).collect();
             refuse(format!("numbers: \"{shown}\" is no number"))
         })?;
-        if values.len() % 4096 == 0 {
-            budget.take(8 * 4096)?;
+        if values.len() == values.capacity() {
+            // As many again, which is what the vector will allocate.
+            let more = values.len().max(64);
+            share.grow(8 * more)?;
+            values.reserve_exact(more);
         }
         values.push(value);
+        rest = &rest[end..];
     }
-    Ok(Numbers::new(values, budget))
+    Ok(Numbers::new(values, share))
+}
+
+/// Triangles of polygons that are written as a count and that many vertices each, as in PLY and OFF: fans around the first vertex.
+fn fans(polygons: &Numbers) -> Result<Numbers, Refused> {
+    let mut triangles = Vec::new();
+    let mut share = polygons.budget().share(0)?;
+    let mut rest: &[f64] = polygons;
+    while let Some((count, after)) = rest.split_first() {
+        let whole = Some(*count as usize).filter(|n| *n as f64 == *count && *n <= after.len());
+        let (polygon, next) = after.split_at(whole.ok_or_else(|| {
+            let at = polygons.len() - rest.len();
+            refuse(format!("fans: number {at} is {count}, must be the number of vertices that follow"))
+        })?);
+        share.grow(24 * polygon.len().saturating_sub(2))?;
+        if let Some((first, others)) = polygon.split_first() {
+            triangles.extend(others.windows(2).flat_map(|pair| [*first, pair[0], pair[1]]));
+        }
+        rest = next;
+    }
+    Ok(Numbers::new(triangles, share))
+}
+
+impl IntoIterator for Numbers {
+    type Item = f64;
+    type IntoIter = Iter;
+
+    fn into_iter(self) -> Iter {
+        Iter { numbers: self, next: 0 }
+    }
+}
+
+/// The values in order, without a copy of all.
+pub struct Iter {
+    numbers: Numbers,
+    next: usize,
+}
+
+impl Iterator for Iter {
+    type Item = f64;
+
+    fn next(&mut self) -> Option<f64> {
+        let value = self.numbers.get(self.next).copied();
+        self.next += 1;
+        value
+    }
 }
 
 pub fn register(engine: &mut Engine, budget: &Budget) {
     engine.register_type_with_name::<Numbers>("Numbers");
-    engine.register_fn("len", |n: &mut Numbers| n.values.len() as i64);
-    engine.register_get("len", |n: &mut Numbers| n.values.len() as i64);
+    engine.register_fn("len", |n: &mut Numbers| n.len() as i64);
+    engine.register_get("len", |n: &mut Numbers| n.len() as i64);
     engine.register_indexer_get(|n: &mut Numbers, i: i64| n.at(i));
     engine.register_fn("part", |n: &mut Numbers, start: i64, count: i64| n.part(start, count));
     engine.register_fn("columns", |n: &mut Numbers, width: i64, c: Array| n.columns(width, &c));
     engine.register_fn("rows", |n: &mut Numbers, width: i64, rows: Numbers| n.rows(width, &rows));
     engine.register_fn("array", |n: &mut Numbers| n.array());
-    engine.register_fn("min", |n: &mut Numbers| n.values.iter().copied().fold(f64::INFINITY, f64::min));
-    engine.register_fn("max", |n: &mut Numbers| n.values.iter().copied().fold(f64::NEG_INFINITY, f64::max));
+    engine.register_fn("fans", |n: &mut Numbers| fans(n));
+    engine.register_iterator::<Numbers>();
+    engine.register_fn("append", |n: &mut Numbers, more: Numbers| n.append(&more));
+    engine.register_fn("append", |n: &mut Numbers, more: Array| {
+        let more = read(&more.into()).ok_or_else(|| refuse("append: an array of numbers is needed"))?;
+        n.append(&more)
+    });
+    engine.register_fn("push", |n: &mut Numbers, value: f64| n.append(&[value]));
+    engine.register_fn("push", |n: &mut Numbers, value: i64| n.append(&[value as f64]));
+    engine.register_fn("min", |n: &mut Numbers| n.iter().copied().fold(f64::INFINITY, f64::min));
+    engine.register_fn("max", |n: &mut Numbers| n.iter().copied().fold(f64::NEG_INFINITY, f64::max));
     engine.register_fn("*", |n: Numbers, by: f64| n.map(|v| v * by));
     engine.register_fn("*", |n: Numbers, by: i64| n.map(|v| v * by as f64));
     engine.register_fn("/", |n: Numbers, by: f64| n.map(|v| v / by));
@@ -160,10 +254,12 @@ pub fn register(engine: &mut Engine, budget: &Budget) {
     engine.register_fn("-", |a: Numbers, b: Numbers| a.zip(&b, "-", |a, b| a - b));
     engine.register_fn("*", |a: Numbers, b: Numbers| a.zip(&b, "*", |a, b| a * b));
     let given = budget.clone();
+    engine.register_fn("numbers", move || Ok::<_, Refused>(Numbers::new(Vec::new(), given.share(0)?)));
+    let given = budget.clone();
     engine.register_fn("numbers", move |array: Array| {
-        given.take(8 * array.len())?;
+        let share = given.share(8 * array.len())?;
         let values = read(&array.into()).ok_or_else(|| refuse("numbers: an array of numbers is needed"))?;
-        Ok::<_, Refused>(Numbers::new(values, &given))
+        Ok::<_, Refused>(Numbers::new(values, share))
     });
     let given = budget.clone();
     engine.register_fn("numbers", move |text: &str| parse(text, &given));

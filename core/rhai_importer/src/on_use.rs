@@ -153,7 +153,7 @@ mod tests {
         let function = manifest_function(TEXT).unwrap();
         assert_eq!(function.lines().nth(2).unwrap(), TEXT.lines().nth(2).unwrap());
         assert!(!function.contains("load") && !function.contains("after"));
-        // What stands behind is not even looked at.
+        // The text behind it is not parsed.
         let (importer, made) = on_use(&format!("\u{feff}{TEXT} fn broken( {{ ) ` ${{"));
         let mut registry = Registry::default();
         registry.add_importer(importer.unwrap());

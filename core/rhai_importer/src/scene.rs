@@ -11,7 +11,7 @@ use rhai::{Array, Dynamic, Engine, Map};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 
-/// What one import is building.
+/// The asset that an import is building.
 pub struct BuildInProgress {
     pub builder: AssetBuilder,
     pub needs: ImportScope,

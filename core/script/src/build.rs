@@ -9,11 +9,12 @@ use crate::limits::{Limits, raise_hint};
 use crate::load::Load;
 use crate::loader::{Loader, PlayedClips};
 use crate::test_data::{TestState, Timeout};
+use crate::walk::Walk;
 use choreo_asset::Asset;
 use choreo_motion::{Clip, Curve, RootParts, Time};
 use choreo_stage::{
-    Actor, Camera, Channel, Cue, EffectUse, Layer2d, LayerMode, Parenting, Placement, Repeat, Rig, Settings,
-    Sky, StageLight, Target,
+    Actor, Camera, CameraLook, Channel, Cue, Cut, EffectUse, Layer2d, LayerMode, Parenting, Placement,
+    Repeat, Rig, Settings, Sky, StageLight, Target,
 };
 use glam::{DQuat, DVec3};
 #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
@@ -22,7 +23,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
-/// What all calls of one script share.
+/// State that all calls of one script share.
 pub(crate) struct Shared {
     pub build: Mutex<Build>,
     pub defs: &'static Defs,
@@ -30,7 +31,7 @@ pub(crate) struct Shared {
     /// Places that load files of which only clips are used.
     pub clips_only: Mutex<BTreeSet<Place>>,
     pub played_clips_only: bool,
-    /// What `load` asks for; unset: all clips.
+    /// The clips that `load` requests; unset: all clips.
     pub played_clips: OnceLock<PlayedClips>,
     pub limits: Limits,
     /// `--set`, in order.
@@ -51,7 +52,7 @@ pub(crate) struct Shared {
     pub test: Mutex<TestState>,
 }
 
-/// What a script is run for.
+/// Purpose of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// Its stage. Test sections are not run.
@@ -63,7 +64,7 @@ pub enum Mode {
 }
 
 impl Shared {
-    /// Which limit of time the script has reached.
+    /// The time limit that the script has exceeded, if any.
     pub fn late(&self) -> Option<&'static str> {
         if self.timeout.is_some_and(|timeout| timeout.check().is_err()) {
             return Some("timeout");
@@ -113,7 +114,7 @@ impl Shared {
 
     /// `order`: among the messages of the script, where it is not the latest.
     fn note_in_order(&self, order: Option<u64>, severity: Severity, place: &Place, error: &ApiError) {
-        if error.silent {
+        if error.silent || error.message.contains(crate::value::POISON) {
             return;
         }
         let diagnostic = self.diagnose(severity, place, error);
@@ -144,7 +145,7 @@ impl Shared {
     /// silent error.
     pub fn asset(&self, load: &Load) -> Result<Arc<Asset>, ApiError> {
         // Loading takes as long as the files are large: the script's own time stands still, but not for what fails or is there
-        // already, which could be asked for without end.
+        // already, which could be requested without end.
         let before = Instant::now();
         let result = load.wait();
         let taken = before.elapsed();
@@ -201,10 +202,12 @@ pub(crate) struct Build {
     pub chains: Vec<Chain>,
     pub cues: Vec<CueDraft>,
     pub cameras: Vec<CameraDraft>,
-    pub cuts: Vec<(Time, usize, Place)>,
+    pub cuts: Vec<(Cut, Place)>,
     pub lights: Vec<StageLight>,
     pub light_places: Vec<Place>,
     pub layers_2d: Vec<Layer2d>,
+    /// Calls of `fade_in` and `fade_out`.
+    pub fades: Vec<FadeDraft>,
     pub sky: Option<Sky>,
     /// Place of the call of `sky(…)`.
     pub sky_at: Option<Place>,
@@ -243,7 +246,7 @@ pub(crate) struct Build {
     pub markers: Vec<(String, Time)>,
 }
 
-/// What the script sets for a clip.
+/// The script's annotations of a clip.
 pub(crate) struct ClipNotes {
     pub _clip: Arc<Clip>,
     /// Named times of the clip, seconds.
@@ -252,7 +255,7 @@ pub(crate) struct ClipNotes {
     pub steps: Option<Vec<Time>>,
 }
 
-/// Root motion as the script asks for it.
+/// Root motion as the script requests it.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct RootDraft {
     pub joint: Option<u32>,
@@ -266,7 +269,7 @@ pub(crate) enum RootUse {
     InPlace,
 }
 
-/// What a `load` or `shape` gave.
+/// The result of a `load` or `shape` call.
 pub(crate) struct LoadDraft {
     pub load: Arc<Load>,
     /// No file was read for it.
@@ -329,12 +332,25 @@ pub(crate) struct ActorDraft {
     pub root: Option<RootDraft>,
     /// Keys of its joints, over what its clips do.
     pub joint_keys: Vec<(Curve, Place)>,
+    /// Calls of `walk_to`, one after the other.
+    pub walks: Vec<Walk>,
     /// Parents in the order of the calls.
     pub parents: Vec<ParentDraft>,
     /// Turned to this point at the end, when the position is known.
     pub face_point: Option<DVec3>,
     /// Mesh instances that are not drawn.
     pub hidden_parts: BTreeSet<u32>,
+}
+
+/// A fade of the whole image from a color or to it.
+#[derive(Clone, Copy)]
+pub struct FadeDraft {
+    /// Index of its panel among the 2D layers.
+    pub layer: usize,
+    /// Whether it fades to the color.
+    pub out: bool,
+    /// Start of a fade from the color, end of a fade to it.
+    pub at: Time,
 }
 
 /// A call of `attach` or `detach`.
@@ -373,7 +389,7 @@ impl Chain {
         Chain { actor, mask: None, mode: LayerMode::Override, priority: None, weight_keys: None }
     }
 
-    /// Not part of the base layer.
+    /// Whether it lies over the base layer.
     pub(crate) fn is_layer(&self) -> bool {
         self.mask.is_some() || self.mode != LayerMode::Override || self.priority.is_some()
     }
@@ -382,7 +398,7 @@ impl Chain {
 /// A cue as the script describes it so far.
 #[derive(Clone)]
 pub(crate) struct CueDraft {
-    /// What the script sets as it is on stage; its speed is above 0.
+    /// The cue's options as the stage stores them; its speed is above 0.
     pub cue: Cue,
     pub chain: usize,
     pub at: Place,
@@ -453,10 +469,12 @@ pub(crate) struct CameraDraft {
     pub position: Option<DVec3>,
     pub rotation: DQuat,
     pub look_at: Option<Target>,
+    /// Calls of `look_at` with a time, and when they end.
+    pub looks: Vec<(CameraLook, Option<Time>)>,
 }
 
 impl Build {
-    /// What the script sets for a clip, or of the one that it was bound from.
+    /// The script's annotations of a clip, or of the clip that it was bound from.
     pub(crate) fn notes_of(&self, clip: &Arc<Clip>) -> Option<&ClipNotes> {
         let key = |clip: &Arc<Clip>| Arc::as_ptr(clip) as usize;
         let from = || self.bound.values().find(|bound| Arc::ptr_eq(&bound.clip, clip));

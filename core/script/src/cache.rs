@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Assets by what they were made of. Clones share one store. An entry is used while the bytes of its file, and of all that the
-/// importer asked for beside it, are the same, and is replaced when they are not.
+/// importer requested beside it, are the same, and is replaced when they are not.
 #[derive(Clone, Debug, Default)]
 pub struct AssetCache(Arc<Store>);
 
@@ -51,7 +51,7 @@ impl AssetCache {
         self.0.slots.lock().unwrap_or_else(PoisonError::into_inner).entry(key).or_default().clone()
     }
 
-    /// The slot of what has been asked for before.
+    /// The slot of an earlier request.
     pub(crate) fn made(&self, key: &Key) -> Option<Slot> {
         self.0.slots.lock().unwrap_or_else(PoisonError::into_inner).get(key).cloned()
     }

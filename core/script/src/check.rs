@@ -5,7 +5,7 @@ use crate::build::{ActorDraft, Build, LoadDraft};
 use crate::cue_times::all_times;
 use crate::diagnostic::Severity;
 use choreo_motion::Time;
-use choreo_stage::Repeat;
+use choreo_stage::{Cut, Repeat};
 use std::sync::Arc;
 
 /// Looks through the drafts.
@@ -14,12 +14,17 @@ pub fn before(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) {
         |place: &Place, text: String| notes.push((Severity::Warning, place.clone(), ApiError::new(text)));
     cues(build, &mut warn);
     unplaced(build, &mut warn);
-    for (i, (at, camera, place)) in build.cuts.iter().enumerate() {
+    for (i, (Cut { at, camera, dissolve }, place)) in build.cuts.iter().enumerate() {
+        let next = build.cuts.iter().map(|(next, _)| next.at).filter(|next| next > at).min();
+        if let Some(next) = next.filter(|next| *next < *at + *dissolve) {
+            let text = "this dissolve is not over when the next cut comes, at";
+            warn(place, format!("{text} {} s", next.as_secs()));
+        }
         if *at >= build.settings.length {
             let end = build.settings.length.as_secs();
             warn(place, format!("this cut at {} s comes after the end of the stage, {end} s", at.as_secs()));
         }
-        if build.cuts[..i].iter().any(|(t, k, _)| t == at && k != camera) {
+        if build.cuts[..i].iter().any(|(cut, _)| cut.at == *at && cut.camera != *camera) {
             warn(place, format!("two cameras are cut to at {} s; this one wins", at.as_secs()));
         }
     }
@@ -102,8 +107,8 @@ fn cues(build: &Build, warn: &mut impl FnMut(&Place, String)) {
     }
 }
 
-/// A part of a clip repeats with a jump, since its ends do not match; while the next clip fades in over it nobody meant
-/// that. (Whole clips are taken to be made for repeating.)
+/// Warns about a part of a clip that repeats with a jump, since its ends do not match; while the next clip fades in over it this is
+/// probably not intended. (Whole clips are taken to be made for repeating.)
 fn restarts(build: &Build, times: &[(Time, Option<Time>)], warn: &mut impl FnMut(&Place, String)) {
     for (id, next) in build.cues.iter().enumerate() {
         let Some(before) = next.after else { continue };
@@ -131,10 +136,10 @@ fn restarts(build: &Build, times: &[(Time, Option<Time>)], warn: &mut impl FnMut
     }
 }
 
-/// Several actors in one place were not meant to be there; a flat ground below them was.
+/// Warns about several actors in one place, which is probably not intended; a flat ground below them is.
 fn unplaced(build: &Build, warn: &mut impl FnMut(&Place, String)) {
     let flat = |a: &ActorDraft| a.actor.asset.name == "shape plane";
-    // What is made of vertices stands where they are.
+    // The position of an actor made of vertices is in its vertices.
     let of_vertices = |a: &ActorDraft| {
         let own = |l: &&LoadDraft| l.load.ready().is_some_and(|made| Arc::ptr_eq(made, &a.actor.asset));
         !a.actor.asset.name.starts_with("shape ") && build.loads.iter().any(|l| l.made && own(&l))

@@ -1,31 +1,47 @@
-//! What is found out about clips when the stage is settled: root motion and steps, once for all actors that play them.
+//! Analysis of clips when the stage is resolved: root motion, steps and gaits, once for all actors that play them.
 
 use crate::api_error::ApiError;
 use crate::build::{Build, CueDraft, RootDraft, RootUse};
 use choreo_asset::Asset;
-use choreo_motion::contacts::{Contacts, find_feet};
+use choreo_motion::contacts::{ContactInterval, Contacts, find_feet, leg_length};
 use choreo_motion::{Clip, Footsteps, PhaseMatchedFade, RootMotion, RootParts, Time};
-use choreo_stage::{Cue, CueRootMotion, Pace, Repeat};
+use choreo_stage::{Cue, CueRootMotion, Pace, Repeat, StandingFade};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// The part of a clip on a skeleton, by address: the build keeps them alive.
+/// A range of a clip on a skeleton, by address: the build keeps both alive.
 type ClipRange = (usize, usize, Time, Time);
 
-/// What was asked of a part, and what it has.
+/// A request for the root motion of a clip's range, and the result.
 type Asked = (RootDraft, Option<Arc<CueRootMotion>>);
 
 #[derive(Default)]
 pub struct AnalyzedClips {
     roots: BTreeMap<ClipRange, Vec<Asked>>,
     steps: BTreeMap<ClipRange, Option<Arc<Footsteps>>>,
+    gaits: BTreeMap<ClipRange, Gait>,
 }
+
+/// The gait of a character in a clip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Gait {
+    /// Walks, runs or crawls, on the spot or not.
+    Walks,
+    /// Stands on all its feet.
+    Stands,
+    Other,
+}
+
+/// Slowest walk, in leg lengths per second.
+const SLOWEST: f64 = 0.15;
+/// Feet are on the ground for this share of a clip in which a character stands.
+const STANDS: f64 = 0.9;
 
 fn part(asset: &Asset, clip: &Arc<Clip>, trim: (Time, Time)) -> ClipRange {
     (Arc::as_ptr(&asset.skeleton) as usize, Arc::as_ptr(clip) as usize, trim.0, trim.1)
 }
 
-/// The root motion of a cue on the base layer, as it or its actor asks for it.
+/// The root motion of a cue on the base layer, as it or its actor requests it.
 pub fn root(build: &Build, draft: &CueDraft, found: &mut AnalyzedClips) -> Option<Arc<CueRootMotion>> {
     let actor = &build.actors[build.chains[draft.chain].actor];
     // An actor on a path that moves as fast as the clips walk has root motion without asking.
@@ -99,4 +115,45 @@ pub fn in_step(
         cues[1].ease,
     )
     .ok_or_else(|| ApiError::new(format!("\"{}\" takes other steps", drafts[0].cue.clip.name)))
+}
+
+/// The gait of a character in the trimmed part of a clip.
+pub fn gait(asset: &Asset, cue: &Cue, found: &mut AnalyzedClips) -> Gait {
+    let find = || {
+        let skeleton = &asset.skeleton;
+        let feet = find_feet(skeleton);
+        let leg = leg_length(skeleton, &feet)?;
+        let motion = RootMotion::new(skeleton, &cue.clip, None, RootParts::default(), cue.trim)?;
+        if motion.velocity().with_y(0.0).length() > SLOWEST * leg {
+            return Some(Gait::Walks);
+        }
+        let contacts = Contacts::find(skeleton, &cue.clip, cue.trim, &feet)?;
+        let secs = (cue.trim.1 - cue.trim.0).as_secs();
+        let stands = |foot: &Vec<ContactInterval>| {
+            let on_ground = |c: &ContactInterval| (c.to - c.from).as_secs();
+            foot.iter().map(on_ground).sum::<f64>() >= STANDS * secs
+        };
+        contacts.intervals.iter().all(stands).then_some(Gait::Stands)
+    };
+    let entry = found.gaits.entry(part(asset, &cue.clip, cue.trim));
+    *entry.or_insert_with(|| find().unwrap_or(Gait::Other))
+}
+
+/// The fades of a base layer between a clip that walks and one that stands.
+pub fn standing_fades(asset: &Asset, cues: &[Cue], found: &mut AnalyzedClips) -> Vec<StandingFade> {
+    let mut fades: Vec<StandingFade> = Vec::new();
+    for pair in cues.windows(2) {
+        let [before, cue] = pair else { continue };
+        let (from, to) = (cue.start, cue.start + cue.fade_in.max(cue.inertialization));
+        if to <= from || fades.last().is_some_and(|last| from < last.to) {
+            continue;
+        }
+        let ends_standing = match [gait(asset, before, found), gait(asset, cue, found)] {
+            [Gait::Walks, Gait::Stands] => true,
+            [Gait::Stands, Gait::Walks] => false,
+            _ => continue,
+        };
+        fades.push(StandingFade { from, to, ends_standing });
+    }
+    fades
 }

@@ -1,4 +1,4 @@
-//! What a script uses of its files, seen in its text before it runs.
+//! The parts of its files that a script uses, found in its text before it runs.
 //!
 //! Files of which it uses the clips alone: no mesh and no image of them is made. Only what is certain counts: the asset stands in a variable of a name that is used for nothing but `.clip(…)` and its
 //! like, in the whole file, or `load(…).clip(…)` uses it on the spot. Whatever else is done with it, it may be cast.
@@ -88,7 +88,7 @@ pub fn find(ast: &AST, source: &str) -> Vec<Place> {
 }
 
 /// The clips that a script can get: those named in its calls of `clip`. All, where one is not written out, where a list of clips
-/// is asked for, and where modules or pointers to functions could call `clip`.
+/// is requested, and where modules or pointers to functions could call `clip`.
 pub fn played(ast: &AST) -> PlayedClips {
     let mut names = BTreeSet::new();
     let mut all = ast.iter_functions().any(|f| f.name == "clip");

@@ -71,7 +71,7 @@ fn check_calls(ast: &AST) -> Result<(), ParseError> {
             Some(ASTNode::Stmt(Stmt::FnCall(call, at))) => (call, at),
             _ => return true,
         };
-        // What a closure captures is passed to `curry`, which is not looked for.
+        // `curry` receives everything that a closure captures; Rhai calls it without a search.
         if call.args.len() > MOST_ARGUMENTS && call.name != "curry" {
             wrong = Some((MANY_ARGUMENTS.to_string(), *at));
         }
@@ -89,8 +89,8 @@ pub(crate) const MOST_ARGUMENTS: usize = 64;
 /// The end of the message for a call with more arguments; `errors` recognizes it.
 pub(crate) const MANY_ARGUMENTS: &str = "arguments";
 
-/// What the parser ends with in a comment without an end; `errors` recognizes it.
+/// The parser's error in a comment that is never closed; `errors` recognizes it.
 pub(crate) const OPEN_COMMENT: &str = "comment";
 
-/// What the parser ends with past the time limit; `errors` recognizes it.
+/// The parser's error past the time limit; `errors` recognizes it.
 pub(crate) const TOO_SLOW: &str = "seconds";

@@ -75,7 +75,7 @@ fn cue_times(
 
 /// Start and end of the cue with this index.
 pub fn times(build: &Build, id: usize) -> (Time, Option<Time>) {
-    // To the front of the chain and back again, without recursion.
+    // Walks to the front of the chain and back again, without recursion.
     let mut walk = vec![id];
     while let Some(before) = walk.last().and_then(|id| build.cues[*id].after) {
         walk.push(before);

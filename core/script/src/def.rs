@@ -1,4 +1,4 @@
-//! What a script can call, as data.
+//! The functions that a script can call, as data.
 
 use crate::value::HandleKind;
 
@@ -20,7 +20,7 @@ pub(crate) struct Def {
     pub tests: bool,
 }
 
-/// What a call returns: also what stands in for the result of one that failed.
+/// Type of a call's result, also of the value that replaces the result of a failed call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gives {
     Nothing,
@@ -47,7 +47,7 @@ impl Def {
         self
     }
 
-    /// What it does, then a paragraph for each group of options or aspect.
+    /// Its description, then a paragraph for each group of options or aspect.
     pub fn about(&self) -> Vec<String> {
         let mut items: Vec<String> = Vec::new();
         for line in self.doc {

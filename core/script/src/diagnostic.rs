@@ -1,4 +1,4 @@
-//! What is wrong with a script, where, and what to do.
+//! Errors and warnings about a script: what, where, and how to resolve it.
 
 use std::fmt;
 
@@ -22,7 +22,7 @@ pub struct Diagnostic {
     pub severity: Severity,
     /// A fixed name of the kind of finding, for `// allow: …` and machines; empty for what has none.
     pub rule: &'static str,
-    /// As the user wrote it; empty where no file is to blame (the command line).
+    /// The path as the user wrote it; empty where no file is the cause (the command line).
     pub file: String,
     /// Line number from 1; 0 = the file as a whole.
     pub line: usize,
@@ -100,7 +100,7 @@ pub fn printable(text: &str) -> String {
     text.chars().map(|c| if c != '\n' && steers_terminal(c) { '\u{fffd}' } else { c }).collect()
 }
 
-/// As [`printable`], on one line.
+/// Like [`printable`], on one line.
 pub fn printable_line(text: &str) -> String {
     printable(text).replace('\n', "\u{fffd}")
 }

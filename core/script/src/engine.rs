@@ -13,6 +13,7 @@ use crate::limits::Limits;
 use crate::modules::Modules;
 use crate::synonyms::ALIASES;
 use crate::value::{HandleKind, dead, is_dead, register_types};
+use choreo_sandbox::{SizeLimits, memory};
 use rhai::packages::{
     BasicArrayPackage, BasicBlobPackage, BasicMapPackage, BitFieldPackage, CorePackage, LogicPackage,
     MoreStringPackage, Package,
@@ -25,7 +26,7 @@ use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
 pub fn engine(shared: &Arc<Shared>) -> Engine {
     let mut engine = Engine::new_raw();
-    // Rhai's standard packages but mathematics, which is ours, and time, which is nobody's.
+    // Rhai's standard packages except mathematics, which is ours, and time, which scripts must not read.
     for package in [
         CorePackage::new().as_shared_module(),
         LogicPackage::new().as_shared_module(),
@@ -72,9 +73,8 @@ fn restrict(engine: &mut Engine, shared: &Arc<Shared>) {
     // Steps are counted by `on_progress`, which knows whether a frame is being made.
     engine.set_max_operations(0);
     engine.set_max_call_levels(size(limits.call_levels.min(Limits::DEEPEST)));
-    engine.set_max_string_size(size(limits.string));
-    engine.set_max_array_size(size(limits.array));
-    engine.set_max_map_size(size(limits.map));
+    SizeLimits { string: size(limits.string), array: size(limits.array), map: size(limits.map) }
+        .install(engine);
     engine.set_max_variables(size(limits.variables));
     engine.set_max_functions(size(limits.functions));
     engine.set_max_modules(size(limits.modules));
@@ -83,7 +83,7 @@ fn restrict(engine: &mut Engine, shared: &Arc<Shared>) {
     let watched = Arc::downgrade(shared);
     let (operations, memory) = (limits.operations, limits.memory);
     engine.on_progress(move |steps| {
-        if crate::memory::in_use() > memory {
+        if memory::in_use() > memory {
             return Some("memory".into());
         }
         if hook::in_frame() {
@@ -161,7 +161,7 @@ fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
             _ => return token,
         };
         let is_method = api::defs().iter().any(|def| def.on != HandleKind::None && def.name == word);
-        // What is refused is a name here, too: the parser would complain of the dot.
+        // Refused functions count as names, too; otherwise the parser would report the dot.
         let is_name = is_method || is_refused(&word);
         if is_name { Token::Identifier(Box::new(word.as_str().into())) } else { token }
     });
@@ -229,7 +229,7 @@ fn dispatch(
                 shared.note(Severity::Error, &place, &error);
                 Ok(value)
             }
-            // What ends the script cannot be caught by it.
+            // The script cannot catch an error that ends it.
             _ if error.fatal => {
                 Err(Box::new(EvalAltResult::ErrorTerminated(Dynamic::from(Thrown { error, place }), at)))
             }

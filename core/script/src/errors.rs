@@ -9,11 +9,12 @@ use crate::limits::raise_hint;
 use crate::suggest::{closest, did_you_mean, list};
 use crate::synonyms::{self, Suggestion};
 use crate::value::HandleKind;
+use choreo_sandbox::{operator_error, signature_parts, type_word};
 use rhai::{Dynamic, EvalAltResult, LexError, ParseErrorType, Position};
 use std::collections::BTreeSet;
 use std::sync::PoisonError;
 
-/// What an API error is to the interpreter.
+/// An API error as the interpreter carries it.
 #[derive(Clone, Debug)]
 pub struct Thrown {
     pub error: ApiError,
@@ -199,7 +200,7 @@ fn parsing(kind: &ParseErrorType, place: &Place, shared: &Shared) -> ApiError {
         ParseErrorType::Reserved(word) => {
             ApiError::new(format!("\"{word}\" is a reserved word and cannot be a name"))
         }
-        // What Rhai reports for a keyword in the place of a key, wherever it stands.
+        // Rhai reports this for a keyword in the place of a key, wherever it stands.
         ParseErrorType::PropertyExpected => ApiError::new("expected the name of a property")
             .hint("words of the language, like if or loop, are none unless quoted: #{ \"loop\": 1 }"),
         ParseErrorType::UnexpectedEOF => ApiError::new("the script ends too early; is a bracket left open?"),
@@ -282,21 +283,14 @@ fn declared(text: &str, line: usize) -> BTreeSet<String> {
 
 /// `signature`: `name (type, type)`.
 fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
-    let (name, types) = signature.split_once(" (").unwrap_or((signature, ")"));
-    let types = types.trim_end_matches(')').replace("&str | ImmutableString | String", "text");
-    let types: Vec<&str> = types.split(", ").filter(|t| !t.is_empty()).collect();
+    let (name, types) = signature_parts(signature);
     let got = || types.iter().map(|t| type_word(t)).collect::<Vec<_>>().join(", ");
     if name.starts_with("anon$") {
         return ApiError::new("this function takes another number of arguments than it is called with")
             .hint(format!("it is called with ({}); an on_frame callback takes the time, |t| …", got()));
     }
-    if !name.starts_with(|c: char| c.is_alphabetic() || c == '_') {
-        let what = match types.as_slice() {
-            [a] => format!("{name} {}", type_word(a)),
-            [a, b] => format!("{} {name} {}", type_word(a), type_word(b)),
-            _ => signature.to_string(),
-        };
-        return ApiError::new(format!("cannot compute {what}"));
+    if let Some(error) = operator_error(signature) {
+        return ApiError::new(error);
     }
     if REFUSED.iter().any(|(n, _)| *n == name) {
         return refused(name);
@@ -318,7 +312,7 @@ fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
         return ApiError::new(format!("write {name}({args}) with numbers, not {name}({})", got()))
             .hint(format!("{name}: {about}"));
     }
-    // What only tests can call would be a strange guess: many of its names are words of every day.
+    // Functions of tests are no good suggestions: many of their names are everyday words.
     let plain: Vec<&Def> = same.iter().filter(|d| !d.tests).copied().collect();
     if let Some(def) = plain.first() {
         let kinds: Vec<&str> = plain.iter().map(|d| d.on.name()).collect();
@@ -327,7 +321,7 @@ fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
             kinds.join(", "),
             match types.first() {
                 Some(t) => type_word(t),
-                None => "nothing".to_string(),
+                None => "nothing",
             }
         ))
         .hint(format!("write x.{}", def.usage()));
@@ -383,21 +377,6 @@ fn unknown_member(name: &str, kind: &str, shared: &Shared) -> ApiError {
 
 fn meaning(name: &str) -> String {
     format!("; did you mean \"{name}\"?")
-}
-
-/// A type in the words of scripts.
-fn type_word(rust: &str) -> String {
-    match rust {
-        "i64" | "int" => "int",
-        "f64" | "float" => "float",
-        "()" => "nothing",
-        "string" | "text" | "ImmutableString" | "&str" => "text",
-        "array" => "array",
-        "map" => "object map",
-        "Fn" => "function",
-        other => other.rsplit("::").next().unwrap_or(other),
-    }
-    .to_string()
 }
 
 fn a_type_word(rust: &str) -> String {

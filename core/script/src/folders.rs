@@ -1,4 +1,4 @@
-//! Which files a script may reach: those under its own folder and the search paths given, and no others.
+//! The files that a script may reach: those under its own folder and the search paths given, and no others.
 
 use crate::suggest::{closest, list};
 use choreo_files::{FileError, Folder};
@@ -41,7 +41,7 @@ pub struct Folders {
 /// A folder that may be read.
 #[derive(Clone, Debug)]
 struct Root {
-    /// As the caller named it, for messages.
+    /// The path as the caller named it, for messages.
     given: PathBuf,
     canonical: PathBuf,
     /// Files are opened relative to it, so that nothing can be put in their place after they were found. `None`: it may be
@@ -284,7 +284,7 @@ mod tests {
     use std::fs;
     use std::os::unix::fs::symlink;
 
-    /// What is put in a file's place after it was found is not read.
+    /// A file that is replaced after it was found is not read.
     #[test]
     fn a_file_that_is_exchanged_after_it_was_found_is_refused() {
         let outer = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! What `choreo help TERM` prints: the calls that answer a word of the field or of another program.
+//! The text of `choreo help TERM`: the calls that answer a word of the field or of another program.
 
 use crate::api::defs;
 use crate::suggest::distance;

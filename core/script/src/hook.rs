@@ -17,7 +17,7 @@ thread_local! {
     /// The edits of the callback that runs on this thread. Handle methods find them here, since a method is one
     /// function whether it is called while the stage is built or for a frame, and frames run on many threads.
     static FRAME: RefCell<Option<FrameEdits>> = const { RefCell::new(None) };
-    /// What the callback that runs on this thread may use up.
+    /// The budget of the callback that runs on this thread.
     static SHARE: Cell<Share> = const { Cell::new(Share { steps: 0, until: None }) };
 }
 
@@ -99,7 +99,7 @@ impl ScriptHook {
         result.map(|_| ())
     }
 
-    /// As `call`, for what the callback gives back.
+    /// Like `call`, with the callback's return value.
     pub fn value_at(&self, time: Time) -> Result<Dynamic, crate::Diagnostic> {
         #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
         let context = self.context.create_context(&self.engine);
@@ -117,7 +117,7 @@ impl ScriptHook {
 
     /// Equal parts for all callbacks of the stage, so that many small ones take no longer than one large one.
     fn share(&self) -> Share {
-        /// Less would fail on a machine that is busy with something else.
+        /// A smaller share would fail on a machine that is busy with something else.
         const LEAST: Duration = Duration::from_millis(100);
         let limits = &self.shared.limits;
         let all = self.all.max(1);

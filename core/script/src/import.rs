@@ -58,7 +58,7 @@ impl Import {
         import
     }
 
-    /// As the script wrote it.
+    /// The path as the script wrote it.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -115,7 +115,7 @@ impl Import {
     /// Waits for the asset; does the work here where no worker has begun it.
     ///
     /// # Errors
-    /// What the file, its importer or its options have against it; that it was cancelled.
+    /// Returns an error if the file, its importer or its options are at fault, or if the import was cancelled.
     pub fn wait(&self) -> Result<Arc<Asset>, LoadError> {
         self.run();
         let mut state = self.state();
@@ -178,7 +178,7 @@ pub struct ImportProgress {
     /// Bytes of all files whose size is known.
     pub bytes: u64,
     pub bytes_done: u64,
-    /// What is being read.
+    /// Names of the files being read.
     pub names: Vec<String>,
 }
 
@@ -244,7 +244,7 @@ fn pool() -> MutexGuard<'static, Pool> {
 
 /// Hands an import to the workers of the process, one for each core at most; they end when there is nothing to do.
 pub(crate) fn submit(import: &Arc<Import>) {
-    /// As a script's own thread has it: importers go down trees of nodes.
+    /// Stack size, as for a script's own thread: importers walk down trees of nodes.
     const STACK: usize = 64 << 20;
     // One reads while another computes.
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).max(2);
@@ -252,7 +252,7 @@ pub(crate) fn submit(import: &Arc<Import>) {
     pool.queue.push_back(import.clone());
     if pool.workers < cores {
         let worker = std::thread::Builder::new().name("import".into()).stack_size(STACK).spawn(work);
-        // Without a worker, the waiting thread does the work.
+        // If no worker could be started, the waiting thread does the work.
         pool.workers += usize::from(worker.is_ok());
     }
 }

@@ -1,4 +1,4 @@
-//! What a script may use up. Every limit has a name, and the message that it is reached states how to raise it.
+//! Limits of the resources of a script. Every limit has a name, and the message that it is reached states how to raise it.
 
 use crate::suggest::{did_you_mean, list};
 
@@ -159,7 +159,7 @@ pub enum LimitError {
     TooDeep,
 }
 
-/// What to do when a limit is reached.
+/// Hint of the error that a limit was reached.
 pub fn raise_hint(name: &str, now: impl std::fmt::Display) -> String {
     format!("the limit is {now}; raise it with --limit {name}=NUMBER if the script means it")
 }

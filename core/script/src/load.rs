@@ -1,4 +1,4 @@
-//! What `load`, `shape` and their like gave: an asset that is there, or one that is still being imported.
+//! The result of `load`, `shape` and the like: an asset, or an import that is still running.
 
 use crate::api_error::Place;
 use crate::folders::LoadError;
@@ -11,7 +11,7 @@ pub struct Load {
     import: Option<Arc<Import>>,
     /// Settled: the asset, or nothing where the import has failed and that is reported.
     asset: OnceLock<Option<Arc<Asset>>>,
-    /// As the script wrote it.
+    /// The path as the script wrote it.
     pub name: String,
     pub at: Place,
     /// Its place among the messages of the script.

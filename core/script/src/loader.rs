@@ -17,19 +17,19 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// Names that begin so are made by the program: `choreo:mannequin` is made by the importer "mannequin".
 pub const BUILT_IN: &str = "choreo:";
 
-/// Which importer is to read a file whatever its bytes look like, and with which options. Which options there are
-/// is known only once the importer is.
+/// The importer that reads a file, whatever its bytes look like, and its options. Which options there are is known only
+/// once the importer is.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImportChoice {
     pub importer: Option<String>,
     pub options: ImportOptions,
-    /// Less than the loader's own needs: a file for its clips alone decodes no mesh and no image.
+    /// Restriction of the loader's own needs: a file for its clips alone decodes no mesh and no image.
     pub needs: Option<ImportScope>,
     /// Clips of the file that are played; of the others an importer may give the name alone.
     pub clips: PlayedClips,
     /// Clips are compressed within this tolerance in metres, as [`choreo_motion::Clip::compressed`] does it.
     pub compress: Option<f64>,
-    /// Which way the model faces, where that is not to be found by its skeleton and clips.
+    /// The model's front, where its skeleton and clips do not show it.
     pub front: Option<Front>,
     /// Options as typed on the command line.
     pub texts: Vec<(String, String)>,
@@ -44,7 +44,7 @@ pub enum PlayedClips {
     First,
     /// The one of this name, of a model alone.
     One(String),
-    /// Those of these names, in a script.
+    /// The clips of these names, in a script.
     Named(BTreeSet<String>),
 }
 
@@ -99,7 +99,7 @@ impl Loader {
         self
     }
 
-    /// Nothing is imported before a caller waits for it.
+    /// A loader that imports nothing before a caller waits for it.
     pub(crate) fn when_waited_for(mut self) -> Loader {
         self.at_once = false;
         self
@@ -176,7 +176,7 @@ impl Loader {
     /// Begins and waits.
     ///
     /// # Errors
-    /// What [`Loader::start`] and [`Import::wait`] give.
+    /// Fails as [`Loader::start`] and [`Import::wait`] do.
     pub fn load(self: &Arc<Self>, name: &str, choice: &ImportChoice) -> Result<Arc<Asset>, LoadError> {
         self.start(None, name, choice)?.wait()
     }
@@ -364,7 +364,7 @@ impl Loader {
     }
 }
 
-/// What is made of a file.
+/// How a file's asset is made.
 #[derive(Clone, Copy)]
 struct Making<'a> {
     importer: &'a Arc<dyn Importer>,
@@ -404,7 +404,7 @@ struct NearFiles<'a> {
     /// Some clip is not played.
     left_out: AtomicBool,
     watch: &'a Import,
-    /// What was asked for, found or not.
+    /// The files that the importer requested, found or not.
     read: Mutex<Vec<SideFile>>,
 }
 

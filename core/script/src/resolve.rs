@@ -6,7 +6,7 @@ use crate::build::{
     ActorDraft, Build, CameraDraft, CueDraft, DEFAULT_AZIMUTH, DEFAULT_ELEVATION, HookDraft, ParentDraft,
     RootUse, Shared,
 };
-use crate::clip_analysis::{AnalyzedClips, in_step, root};
+use crate::clip_analysis::{AnalyzedClips, in_step, root, standing_fades};
 use crate::content::hex;
 use crate::cue_times::all_times;
 use crate::diagnostic::{Diagnostic, Severity};
@@ -17,8 +17,8 @@ use crate::lint::{ClipMarkers, Places};
 use choreo_asset::Projection;
 use choreo_motion::{Clip, Time};
 use choreo_stage::{
-    Actor, Camera, Channel, Constraint, ConstraintKind, Cue, CueRootMotion, Cut, Described, FootLock, Layer,
-    LayerMode, Pace, Parenting, Property, Reference, Repeat, Rig, Stage, StageError,
+    Actor, Camera, CameraLook, Channel, Constraint, ConstraintKind, Cue, CueRootMotion, Described, FootLock,
+    Layer, LayerMode, Pace, Parenting, Property, Reference, Repeat, Rig, Stage, StageError, StandingFade,
 };
 use glam::{DQuat, DVec3, Vec3};
 use rhai::Engine;
@@ -49,7 +49,7 @@ pub fn resolve(
             (stage.settings.ambient_up, stage.settings.ambient_down) = (Vec3::ZERO, Vec3::ZERO);
         }
         crate::check::before(&build, &mut notes);
-        places.remarks = crate::lint::remarks(&build);
+        places.script_findings = crate::lint::script_findings(&build);
         let clips_only = build.loads.iter().filter(|l| l.clips_only);
         places.clips_only = clips_only.map(|l| (l.load.name.clone(), l.load.at.clone())).collect();
         places.settings = build.settings_at.clone().unwrap_or_default();
@@ -58,11 +58,12 @@ pub fn resolve(
         places.cameras = build.cameras.iter().map(|c| c.at.clone()).collect();
         places.lights = std::mem::take(&mut build.light_places);
         places.effects = std::mem::take(&mut build.effect_places);
-        let Layers { layers, places: cue_places, in_step } = layers(&build, &mut notes);
+        let Layers { layers, places: cue_places, in_step, standing_fades } = layers(&build, &mut notes);
         places.cues = cue_places;
         places.markers = build.markers.clone();
         places.clip_markers = clip_markers(&build, &layers);
         plant_in_step(&mut build, in_step);
+        plant_in_fades(&mut build, standing_fades);
         if let Some((place, error)) = crate::totals::too_much(&build, &shared.limits) {
             notes.push((Severity::Error, place, error));
         }
@@ -72,9 +73,8 @@ pub fn resolve(
         stage.cameras =
             std::mem::take(&mut build.cameras).into_iter().map(|draft| camera(draft, &mut notes)).collect();
         let mut cuts = std::mem::take(&mut build.cuts);
-        cuts.sort_by_key(|(at, _, _)| *at);
-        places.cuts = cuts.iter().map(|(.., place)| place.clone()).collect();
-        stage.cuts = cuts.into_iter().map(|(at, camera, _)| Cut { at, camera }).collect();
+        cuts.sort_by_key(|(cut, _)| cut.at);
+        (stage.cuts, places.cuts) = cuts.into_iter().unzip();
         stage.lights = std::mem::take(&mut build.lights);
         stage.effects = std::mem::take(&mut build.effects);
         hooks = std::mem::take(&mut build.hooks);
@@ -157,10 +157,10 @@ fn clip_markers(build: &Build, layers: &[Vec<Layer>]) -> Vec<ClipMarkers> {
     all
 }
 
-/// Metres a second below which nobody walks.
+/// Speed in metres a second below which an actor stands.
 const STANDING: f64 = 0.01;
 
-/// Root motion of clips that all stand still: nobody meant that.
+/// Warns about root motion of clips that all stand still, which is probably not intended.
 fn gets_nowhere(build: &Build, made: &[Option<Cue>], notes: &mut Notes) {
     for (index, actor) in build.actors.iter().enumerate() {
         let paced = actor
@@ -197,13 +197,15 @@ fn gets_nowhere(build: &Build, made: &[Option<Cue>], notes: &mut Notes) {
 /// Ranks from here on are of layers with a priority.
 const PRIORITIES: u32 = 1 << 30;
 
-/// What the cues come to.
+/// The layers that the cues are resolved to.
 struct Layers {
     /// Layers of each actor.
     layers: Vec<Vec<Layer>>,
     /// Place of each cue in the script.
     places: Vec<Vec<Vec<Place>>>,
     in_step: Vec<InStep>,
+    /// Fades between walking and standing of each actor that gets on.
+    standing_fades: Vec<Vec<StandingFade>>,
 }
 
 /// The layers of every actor: the base first, then each chain with a mask, in the order of the script.
@@ -228,7 +230,7 @@ fn layers(build: &Build, notes: &mut Notes) -> Layers {
         }
     }
     gets_nowhere(build, &made, notes);
-    // With the place of each cue beside it.
+    // Each cue is stored with its place in the script.
     let mut laid: Vec<Vec<Laid>> = Vec::with_capacity(layers.len());
     for of_actor in layers {
         laid.push(of_actor.into_iter().map(|layer| (layer, Vec::new())).collect());
@@ -240,8 +242,20 @@ fn layers(build: &Build, notes: &mut Notes) -> Layers {
     for (laid, draft) in laid.iter_mut().zip(&build.actors) {
         laid.extend(keyed_joints(draft));
     }
-    let (layers, places) = laid.into_iter().map(of_actor).unzip();
-    Layers { layers, places, in_step: matched }
+    let (layers, places): (Vec<Vec<Layer>>, _) = laid.into_iter().map(of_actor).unzip();
+    let fades_of = |(draft, layers): (&ActorDraft, &Vec<Layer>)| {
+        let cues = layers.first().map_or(&[][..], |base| &base.cues);
+        let carried = cues.iter().any(|cue| cue.root.as_ref().is_some_and(|root| root.carries));
+        let gets_on = carried || is_moved(&draft.actor);
+        if gets_on { standing_fades(&draft.actor.asset, cues, &mut found) } else { Vec::new() }
+    };
+    let standing_fades = build.actors.iter().zip(&layers).map(fades_of).collect();
+    Layers { layers, places, in_step: matched, standing_fades }
+}
+
+/// Whether keyframes or a path move an actor.
+fn is_moved(actor: &Actor) -> bool {
+    actor.path_following.is_some() || actor.channels.iter().any(|c| c.property == Property::Translation)
 }
 
 /// The layers of every actor without cues, and the layer of each chain within its actor.
@@ -293,7 +307,7 @@ fn resolve_cue(
         return None;
     }
     let layer = build.chains[draft.chain].is_layer();
-    // On the base layer the last pose of a clip played once is held anyway.
+    // The base layer holds the last pose of a clip played once anyway.
     let natural = (layer || draft.until.is_some()) && !draft.hold;
     let ends = if draft.hold { draft.until } else { end.filter(|_| natural) };
     let cue = Cue {
@@ -396,29 +410,63 @@ struct InStep {
     carried: bool,
 }
 
-/// Who fades from one gait to another in step, and gets on, keeps standing feet where they are meanwhile: the two clips' strides are of
+/// Plants the feet of actors that fade from one gait to another in step and move along: the two clips' strides are of
 /// different lengths, so that the mean of both slides.
 fn plant_in_step(build: &mut Build, matched: Vec<InStep>) {
     for InStep { actor, span, carried } in matched {
         let Some(ActorDraft { actor, .. }) = build.actors.get_mut(actor) else { continue };
-        let keyed = actor.channels.iter().any(|c| c.property == Property::Translation);
-        let planted = actor.constraints.iter_mut().find_map(|goal| match &mut goal.kind {
-            ConstraintKind::FootLock(plant) => Some(&mut plant.only),
-            _ => None,
-        });
+        let gets_on = carried || is_moved(actor);
+        let planted = foot_locks(actor).next().map(|lock| &mut lock.only);
         match planted {
             // Planted as the script states, or by an earlier fade.
             Some(only) => only.extend((!only.is_empty()).then_some(span)),
-            None if carried || keyed || actor.path_following.is_some() => {
-                let legs = legs::legs(&actor.asset);
-                if !legs.is_empty() {
-                    let hips = legs::hips(&actor.asset, &legs);
-                    let plant = FootLock { legs, hips, ground: Vec::new(), only: vec![span] };
-                    actor.constraints.push(Constraint::new(ConstraintKind::FootLock(plant)));
-                }
-            }
+            None if gets_on => plant(actor, vec![span], Vec::new()),
             None => {}
         }
+    }
+}
+
+/// A character that fades between walking and standing, and gets on, takes steps in the fade instead of sliding.
+fn plant_in_fades(build: &mut Build, standing_fades: Vec<Vec<StandingFade>>) {
+    for (ActorDraft { actor, walks, .. }, mut fades) in build.actors.iter_mut().zip(standing_fades) {
+        // A walk to a point begins with the turn.
+        for walk in walks.iter() {
+            fades
+                .iter_mut()
+                .filter(|f| f.to == walk.walks && !f.ends_standing)
+                .for_each(|f| f.from = walk.from);
+        }
+        let walked = walks.iter().map(|walk| (walk.from, walk.until));
+        let spans: Vec<(Time, Time)> = fades.iter().map(|f| (f.from, f.to)).chain(walked).collect();
+        if spans.is_empty() {
+            continue;
+        }
+        for lock in foot_locks(actor) {
+            if !lock.only.is_empty() {
+                lock.only.extend(&spans);
+            }
+            lock.standing_fades.clone_from(&fades);
+        }
+        if foot_locks(actor).next().is_none() {
+            plant(actor, spans, fades);
+        }
+    }
+}
+
+fn foot_locks(actor: &mut Actor) -> impl Iterator<Item = &mut FootLock> {
+    actor.constraints.iter_mut().filter_map(|goal| match &mut goal.kind {
+        ConstraintKind::FootLock(lock) => Some(lock),
+        _ => None,
+    })
+}
+
+/// Locks the feet of an actor, if it has legs.
+fn plant(actor: &mut Actor, only: Vec<(Time, Time)>, standing_fades: Vec<StandingFade>) {
+    let legs = legs::legs(&actor.asset);
+    if !legs.is_empty() {
+        let hips = legs::hips(&actor.asset, &legs);
+        let lock = FootLock { legs, hips, ground: Vec::new(), only, standing_fades };
+        actor.constraints.push(Constraint::new(ConstraintKind::FootLock(lock)));
     }
 }
 
@@ -453,6 +501,19 @@ fn parents(mut drafts: Vec<ParentDraft>) -> Vec<Parenting> {
     parents
 }
 
+/// The targets of a camera, by their starts. After one that ends before the next one starts the camera looks where its rig does.
+fn looks(mut drafts: Vec<(CameraLook, Option<Time>)>) -> Vec<CameraLook> {
+    drafts.sort_by_key(|(look, _)| look.start);
+    let mut looks = Vec::with_capacity(drafts.len());
+    for (index, (look, until)) in drafts.iter().enumerate() {
+        looks.push(*look);
+        let next = drafts.get(index + 1).map_or(Time::MAX, |(next, _)| next.start);
+        let end = until.filter(|until| *until < next);
+        looks.extend(end.map(|start| CameraLook { target: None, start, ..*look }));
+    }
+    looks
+}
+
 /// Near plane of a camera that sets none, metres.
 const NEAR: f32 = 0.05;
 
@@ -471,9 +532,12 @@ fn camera(draft: CameraDraft, notes: &mut Notes) -> Camera {
         }
     };
     let mut camera = Camera { projection, near_is_set: draft.near.is_some(), ..draft.camera };
+    camera.looks = looks(draft.looks);
     let placed = draft.position.is_some() || draft.look_at.is_some() || draft.rotation != DQuat::IDENTITY;
     let rigged = draft.rig.is_some();
-    let fixed = placed || !camera.channels.iter().all(|c| c.property == Property::FieldOfView);
+    let fixed = placed
+        || !camera.looks.is_empty()
+        || !camera.channels.iter().all(|c| c.property == Property::FieldOfView);
     camera.rig = draft.rig.unwrap_or(if fixed {
         // Where a person would stand to look at another.
         let position = draft.position.unwrap_or(DVec3::new(0.0, 1.6, 5.0));

@@ -4,7 +4,6 @@ use crate::api::defs;
 use crate::api_error::{ApiError, Place};
 use crate::build::{Build, Mode, Parameter, Shared};
 use crate::cache::AssetCache;
-use crate::compile::constants;
 use crate::content::hex;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::engine;
@@ -33,7 +32,7 @@ pub struct ScriptOptions {
     /// `--set name=value`; of equal names the last counts.
     pub set: Vec<(String, String)>,
     pub limits: Limits,
-    /// What the caller will use of the assets.
+    /// The parts of the assets that the caller will use.
     pub needs: ImportScope,
     /// Assets of earlier runs with clones of this.
     pub assets: AssetCache,
@@ -58,7 +57,7 @@ impl Default for ScriptOptions {
     }
 }
 
-/// What a script made.
+/// The result of a script.
 #[derive(Clone, Debug)]
 pub struct Script {
     pub stage: Stage,
@@ -101,7 +100,7 @@ impl Touched {
     }
 }
 
-/// As [`run_file`], and reports which files the run depends on also where it fails.
+/// Like [`run_file`]; reports the files that the run depends on, also if it fails.
 pub fn run_file_touching(
     path: &Path,
     registry: &Registry,
@@ -126,7 +125,7 @@ pub fn run_file_touching(
 
 /// A script file that has been read.
 pub(crate) struct Opened {
-    /// As the caller named it, for messages.
+    /// The path as the caller named it, for messages.
     pub name: String,
     pub text: String,
     pub shared: Arc<Shared>,
@@ -237,12 +236,11 @@ pub fn execute(
     shared: &Shared,
     script: Result<(&Parsed, &AST), rhai::ParseError>,
 ) {
-    let failed = |error: &rhai::EvalAltResult| {
-        let (place, error) = errors::explain(error, name, shared);
-        shared.note(Severity::Error, &place, &error);
-    };
     match script {
-        Err(e) => failed(&e.into()),
+        Err(e) => {
+            let (place, error) = errors::explain(&e.into(), name, shared);
+            shared.note(Severity::Error, &place, &error);
+        }
         Ok((parsed, ast)) => {
             shared
                 .clips_only
@@ -251,10 +249,7 @@ pub fn execute(
                 .extend(parsed.clips_only.iter().cloned());
             *shared.functions.lock().unwrap_or_else(PoisonError::into_inner) = parsed.functions.clone();
             shared.test().ends = parsed.ends.clone();
-            let result = engine.run_ast_with_scope(&mut constants(), ast);
-            if let Err(e) = result {
-                failed(&e);
-            } else {
+            if crate::recover::run(engine, name, shared, ast) {
                 unknown_set_names(shared);
             }
         }
@@ -306,7 +301,7 @@ fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<
     })
 }
 
-/// Names given with `--set` that no `param` asked for.
+/// Names given with `--set` that no `param` requested.
 fn unknown_set_names(shared: &Shared) {
     let known: Vec<String> = {
         let build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);

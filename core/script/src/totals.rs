@@ -1,4 +1,4 @@
-//! What all actors take together: the sums that no single call can see.
+//! Totals of all actors: the sums that no single call can see.
 
 use crate::api_error::{ApiError, Place};
 use crate::build::Build;

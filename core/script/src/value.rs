@@ -1,4 +1,4 @@
-//! What a script holds in its variables: handles onto the stage being built.
+//! The values of a script's variables: handles onto the stage being built.
 //!
 //! A handle made by a call that failed is dead: whatever is done with it is skipped without a word, so that one
 //! wrong name is one message and the script goes on to its next mistake.
@@ -89,7 +89,7 @@ pub(crate) struct PlanRef {
     pub dead: bool,
 }
 
-/// What another script has put on the stage of a test.
+/// Everything that another script has put on the stage of a test.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SceneRef(pub usize);
 
@@ -98,7 +98,7 @@ pub(crate) struct SceneRef(pub usize);
 pub struct Following {
     pub pictures: Arc<dyn ImageSource>,
     pub hashes: Vec<ContentHash>,
-    /// What all of them together need.
+    /// The alpha mode that covers all of them.
     pub alpha: AlphaMode,
 }
 
@@ -117,6 +117,13 @@ impl ImageRef {
         ImageRef { image: Arc::new(Image::default()), sampler: Sampler::default(), dead: true, files: None }
     }
 }
+
+/// Stands for a value that a statement failed to make; see [`recover`](crate::recover).
+#[derive(Clone, Debug)]
+pub(crate) struct Poison;
+
+/// Name of [`Poison`] as a type, by which errors that it causes are known.
+pub(crate) const POISON: &str = "value of a failed statement";
 
 /// An `expect(…)` on its way to a comparison.
 #[derive(Clone, Debug)]
@@ -144,7 +151,7 @@ impl ExpectRef {
         }
     }
 
-    /// As recorded; `source` is the line of the script.
+    /// The expectation as recorded; `source` is the line of the script.
     pub fn expectation(&self, claim: Claim, place: Place, source: String) -> Expectation {
         Expectation {
             place,
@@ -190,12 +197,13 @@ macro_rules! handles {
 
         pub(crate) fn register_types(engine: &mut Engine) {
             $(engine.register_type_with_name::<$handle>(stringify!($name));)*
+            engine.register_type_with_name::<Poison>(POISON);
         }
 
         /// Whether a value is a handle made by a call that failed.
         pub(crate) fn is_dead(v: &Dynamic) -> bool {
             match kind_of(v) {
-                HandleKind::None => false,
+                HandleKind::None => v.is::<Poison>(),
                 $(HandleKind::$name => v.read_lock::<$handle>().is_some_and(|h| {
                     let is_dead: fn(&$handle) -> bool = $is_dead;
                     is_dead(&h)
@@ -203,7 +211,7 @@ macro_rules! handles {
             }
         }
 
-        /// Stands in for the result of a call that failed.
+        /// A value that stands for the result of a call that failed.
         pub fn dead(kind: HandleKind) -> Dynamic {
             match kind {
                 HandleKind::None => Dynamic::UNIT,

@@ -1,4 +1,4 @@
-//! What is not needed of a file is not made. Alone in its process, so that meshes and images can be counted.
+//! Parts of a file that are not needed are not made. Alone in its process, so that meshes and images can be counted.
 
 mod common;
 
@@ -22,7 +22,7 @@ fn what_is_not_needed_is_not_made() {
     clips_that_are_not_played();
 }
 
-/// For commands that draw or describe a scene once.
+/// Only the played clips are decoded, for commands that draw or describe a scene once.
 fn clips_that_are_not_played() {
     let options = ScriptOptions { played_clips_only: true, ..ScriptOptions::default() };
     let decoded = |text: &str, options: &ScriptOptions| {
@@ -41,7 +41,7 @@ fn clips_that_are_not_played() {
     // A front that shows in clips alone shows in all of them.
     let facing = r#"let m = load("hero.toy"); cast("a", m).play(m.clip("Run"));"#;
     assert_eq!(decoded(facing, &options), 1 + 3);
-    // Which clip it is shows only when the script runs.
+    // A clip by number is known only when the script runs.
     let any = r#"let m = load("hero.toy"); let n = 1; cast("a", m).play(m.clip(n));"#;
     assert_eq!(decoded(any, &options), 3);
     // The names are all there, in messages too.
@@ -107,7 +107,7 @@ fn the_script_shows_it_by_itself() {
     assert_eq!(made(), (1, 1));
 }
 
-/// For `check`, `info` and `pose`.
+/// No image is decoded for `check`, `info` and `pose`.
 fn nobody_draws() {
     let options = ScriptOptions { needs: ImportScope::NO_PIXELS, ..ScriptOptions::default() };
     assets().run_text(r#"cast("a", load("hero.toy"));"#, &options).unwrap();

@@ -1,4 +1,4 @@
-//! What a script can reach and use up, beyond what `wrong/` shows.
+//! The sandbox: what a script can reach and use up, beyond the cases of `wrong/`.
 
 mod common;
 
@@ -24,7 +24,7 @@ fn links_out_of_the_folder_are_refused() {
     // Names behind the door are not reported either.
     assert!(!error(r#"load("door/secre.toy");"#).contains("secret"));
     assert!(inside.run_text(r#"load("good.toy");"#, &ScriptOptions::default()).is_ok());
-    // With the folder given, the link is fine; modules still come from the script's own folder only.
+    // If the folder is given, the link is accepted; modules still come from the script's own folder only.
     let options = ScriptOptions { search_paths: vec![outside.path().into()], ..ScriptOptions::default() };
     assert!(inside.run_text(r#"load("link.toy"); load("secret.toy");"#, &options).is_ok());
     assert!(inside.run_text(r#"import "secret" as s;"#, &options).is_err());
@@ -76,7 +76,7 @@ fn every_limit_is_in_the_table() {
         assert!(*default > 0.0 && row(name).contains(&default.to_string()) && row(name).ends_with(about));
         assert!(reference.contains(&format!("- `{name}` = {} — ", Limits::shown(*default, about))), "{name}");
         Limits::default().set(&format!("{name}=7")).unwrap();
-        // What the table states is what holds.
+        // The default in the table is the one in effect.
         let mut set = Limits::default();
         set.set(&format!("{name}={default}")).unwrap();
         assert_eq!(set, Limits::default(), "{name}");
@@ -130,7 +130,7 @@ fn nothing_is_curried() {
         let wanted = "\"curry\" cannot be used in a script: a closure, || f(x), takes along what it uses";
         assert_eq!((errors[0].message.as_str(), errors[0].line), (wanted, 2), "{text}");
     }
-    // What captures is as ever.
+    // Closures that capture values still work.
     assets()
         .run_text("let n = 2; let f = |a| a * n; if f.call(3) != 6 { throw }", &ScriptOptions::default())
         .unwrap();

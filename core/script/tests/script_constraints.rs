@@ -65,7 +65,7 @@ fn what_swings_is_named_by_patterns_and_can_be_switched_off() {
     assert_eq!((springs.rig.ground, springs.wind), (Some(0.0), DVec3::new(1.0, 0.0, 2.0)));
     assert_eq!(springs.pre_roll, Time::from_secs(2.0));
     assert!(actor("anna.spring(\"Head\").springs(false);").springs.is_none());
-    // Of a callback, for that frame.
+    // A callback sets the wind for that frame.
     let script = good(
         "let anna = cast(\"anna\", load(\"hero.toy\")); anna.spring(\"Head\"); on_frame(|t| anna.wind(t, 0.0, 0.0));",
     );

@@ -60,7 +60,7 @@ fn the_example_makes_the_stage_that_it_reads_as() {
     assert_eq!((wave.fade_in, wave.fade_out), (secs(0.3), secs(0.3)));
     assert_eq!(s.actors[1].face, Some(0));
     assert_eq!(s.actors[1].look_at[0].target, Target::Joint { actor: 0, joint: 2 });
-    assert_eq!(s.cuts, [Cut { at: secs(4.0), camera: 1 }]);
+    assert_eq!(s.cuts, [Cut::new(secs(4.0), 1)]);
     assert_eq!(s.effects[0].parameters, [("strength".to_string(), 0.2)]);
     assert!(script.warnings.is_empty(), "{}", show(&script.warnings));
     let shot = s.at(secs(3.2)).unwrap();
@@ -99,7 +99,7 @@ fn hooks_are_functions_of_the_time_alone() {
     assert_eq!(run(1.5), first, "a captured variable must not carry over from frame to frame");
     assert_eq!(first.0[0], ActorEdit::MoveTo { actor: 0, translation: DVec3::new(1.0, 1.5, 0.0) });
     assert_eq!(first.1, [LightEdit::Intensity { light: 0, intensity: 3.0 }]);
-    // From many threads at once.
+    // Many threads run it at once.
     std::thread::scope(|s| {
         for _ in 0..4 {
             s.spawn(|| (0..50).for_each(|_| assert_eq!(run(1.5), first)));

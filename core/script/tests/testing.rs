@@ -132,7 +132,7 @@ fn a_file_without_sections_is_a_test_as_it_stands() {
     assert!(sections.len() == 1 && sections[0].as_it_stands());
     let run = section(&folder, "t.rhai", 0);
     assert!(run.errors.is_empty() && run.stages[0].actors.len() == 1);
-    // As is one that cannot be parsed.
+    // A file that cannot be parsed is a test as it stands, too.
     let folder = Folder::new(&[("t.rhai", "let x = ; //~ error: is a reserved\n")]);
     let run = section(&folder, "t.rhai", 0);
     assert!(run.info.as_it_stands() && run.errors.len() == 1, "{}", show(&run.errors));
@@ -182,7 +182,7 @@ fn another_script_is_taken_with_its_parameters_and_its_folder() {
     let run = run_section(&path, 2, &registry(), &options).unwrap();
     let errors = show(&run.errors);
     assert!(errors.contains("open.rhai:2:1: this comment is never closed"), "{errors}");
-    // Without the root it lies outside.
+    // Without the root the file lies outside.
     let run = run_section(&path, 0, &registry(), &TestOptions::default()).unwrap();
     assert!(show(&run.errors).contains("leads out of the folders"), "{}", show(&run.errors));
 }

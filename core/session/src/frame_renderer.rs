@@ -26,13 +26,13 @@ pub struct FrameRequest {
     /// Pixels.
     pub size: [u32; 2],
     pub samples: u32,
-    /// It will be gone at once: played or scrubbed. Effects that take many images for one wait for a still.
+    /// The view is played or scrubbed: the image is shown for a moment only, and motion blur waits until it rests.
     pub moving: bool,
     /// The view that asks: a new request of a view replaces its last one, and views take turns.
     pub view: u32,
     pub camera: ViewportCamera,
     pub overrides: ViewOverrides,
-    /// Given back with the frame.
+    /// A number that the frame brings back.
     pub ticket: u64,
 }
 
@@ -71,9 +71,9 @@ pub struct FrameReply {
     pub ticket: u64,
     pub view: u32,
     pub result: Result<(Frame, FrameInfo), FrameError>,
-    /// What the renderer has made so far.
+    /// Counts of the objects that the renderer has created so far.
     pub work: CreatedCounts,
-    /// What it has on its device now.
+    /// Objects that it has on its device now.
     pub held: DeviceUsage,
     /// Messages for the user.
     pub notes: Vec<String>,
@@ -87,7 +87,7 @@ pub struct FrameInfo {
     /// Pixels.
     pub size: [u32; 2],
     pub snapshot: Snapshot,
-    /// What it did without, and why.
+    /// Features that it left out, and why.
     pub left_out: Vec<(String, String)>,
     pub draws: usize,
     pub triangles: u64,
@@ -173,7 +173,7 @@ impl FrameRenderer {
         self.queue.changed.notify_all();
     }
 
-    /// Before the next frame the shader folder is read again.
+    /// Makes the renderer read the shader folder again before the next frame.
     pub fn shaders_changed(&self) {
         self.queue.requests().shaders = true;
     }
@@ -260,7 +260,7 @@ impl RenderState {
         let options = PlanOptions { effects, ..PlanOptions::new(request.size, request.samples) };
         let stage = self.views.stage(request);
         let (snapshot, plan, evaluated_in) = if request.moving {
-            // What moves past is not worth many images a frame.
+            // A moving view gets one image a frame instead of many for motion blur.
             let snapshot = self.views.at(request, request.time)?;
             let evaluated_in = start.elapsed();
             let at = |time| self.views.at(request, time);

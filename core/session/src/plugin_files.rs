@@ -3,10 +3,10 @@
 //! Beside a script there can be WGSL of any kind: only what begins as an effect is taken for one.
 
 use choreo_files::{FileError, Folder};
-use choreo_importer_kit::pictures::{Encoded, Formats};
+use choreo_importer_kit::images::{Encoded, Formats};
 use choreo_plugin::{BesideFile, Effect, LazyEffect, PluginError, PluginFile, Registry};
 use choreo_rhai_importer::{ImporterOnUse, RhaiImporter, ScriptError};
-use choreo_wgsl_effect::{Picture, WgslEffect};
+use choreo_wgsl_effect::{TextureImage, WgslEffect};
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -52,6 +52,8 @@ pub struct Listing {
     entries: Vec<Entry>,
     /// Folders in which a plugin file would be found; those beside the inputs need not exist.
     pub folders: Vec<PathBuf>,
+    /// Plugin files whose plugin took the place of another of its name, one sentence each with the file.
+    pub replaced: Vec<String>,
     /// How many plugin files were compiled, here and in the listings before.
     compiled: Arc<AtomicU64>,
 }
@@ -119,16 +121,22 @@ pub fn list(
         registry: plugins.clone(),
         entries: Vec::new(),
         folders: Vec::new(),
+        replaced: Vec::new(),
         compiled: before.map(|b| b.compiled.clone()).unwrap_or_default(),
     };
     for place in places.iter().filter(|p| p.path.is_dir()) {
         for source in sources(place)? {
             if let Some(entry) = listing.entry(source, place.kind, before) {
+                let before = listing.registry.replaced().len();
                 match &entry.plugin {
                     Plugin::Effect(effect) => listing.registry.add_lazy_effect(effect.clone()),
                     Plugin::Importer(importer) => listing.registry.add_shared_importer(importer.clone()),
                     Plugin::Faulty(_) => listing.registry.add_faulty(entry.source.shown.clone()),
                 }
+                let replaced = &listing.registry.replaced()[before..];
+                listing
+                    .replaced
+                    .extend(replaced.iter().map(|text| format!("{}: {text}", entry.source.shown)));
                 listing.entries.push(entry);
             }
         }
@@ -341,7 +349,7 @@ impl Source {
 }
 
 /// Pixels of a file that an effect names.
-fn picture(file: &PluginFile, name: &str) -> Result<Picture, String> {
+fn picture(file: &PluginFile, name: &str) -> Result<TextureImage, String> {
     let found = file.beside.iter().find(|b| b.name == name);
     let found = found.ok_or_else(|| "it was not read".to_string())?;
     let bytes = found.bytes.clone()?;
@@ -349,7 +357,7 @@ fn picture(file: &PluginFile, name: &str) -> Result<Picture, String> {
     let decoded = Encoded::examine(place, name.to_string(), bytes, Formats::All)
         .and_then(|encoded| encoded.decode())
         .map_err(|problem| problem.what)?;
-    Ok(Picture {
+    Ok(TextureImage {
         size: [decoded.width, decoded.height],
         rgba: decoded.rgba.clone(),
         file: Some(found.path.clone()),

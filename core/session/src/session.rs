@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Everything that drawing frames of one version takes, and where it comes from.
+/// Everything needed to draw frames of one version, and its origin.
 pub struct Scene {
     /// Number of the version.
     pub number: u64,
@@ -54,7 +54,7 @@ pub struct SceneVersion {
     pub scene: Option<Arc<Scene>>,
     /// Errors where it is faulty, else warnings.
     pub problems: Vec<Problem>,
-    /// Which files had changed.
+    /// The files that had changed.
     pub changed: BTreeSet<PathBuf>,
     /// A file of the shader folder is among them.
     pub shaders: bool,
@@ -80,7 +80,7 @@ pub struct Session {
 /// Assets that changed so often are dropped together.
 const KEPT_IMPORTS: u64 = 64;
 
-/// What a build found out, before it is a version.
+/// Result of a build, before it becomes a version.
 struct Built {
     stage: Stage,
     places: Places,
@@ -191,7 +191,7 @@ impl Session {
         let before = self.last.as_ref().map_or(&nothing, |scene| &scene.resources);
         let resources = Arc::new(SceneResources::after(before, &stage));
         let mut evaluator = Evaluator::new(stage.clone());
-        // What fails at once is faulty; what fails later is reported when that time is shown.
+        // An error at time 0 makes the version faulty; a later one is reported when its time is shown.
         let zero = choreo_motion::Time::ZERO;
         evaluator.at(zero).map_err(|error| vec![Diagnostic::error(error.to_string())])?;
         let registry = registry.settled();
@@ -211,7 +211,7 @@ impl Session {
             interest.folders.extend(ENDINGS.iter().map(|ending| (folder.clone(), ending.to_string())));
         }
         if self.watch.is_some() {
-            // Those that are not used, too: an edit can give one the name that the script asks for.
+            // Unused plugin files are watched, too: an edit can give one the name that the script requests.
             interest.files.extend(listing.files().map(|file| (file.to_path_buf(), content_of(file))));
         }
         let registry = listing.registry.clone();

@@ -17,7 +17,7 @@ pub enum ViewportCamera {
     /// One of the stage's, on or not.
     Camera(usize),
     Free(CameraState),
-    /// Goes with an actor: `camera` as it stands while the actor is at the origin.
+    /// A camera that moves with an actor: `camera` is its transform while the actor is at the origin.
     Following {
         actor: usize,
         camera: CameraState,
@@ -56,13 +56,16 @@ impl ViewEvaluators {
         let mut snapshot = match camera {
             ViewportCamera::Camera(camera) if *camera < scene.stage.cameras.len() => {
                 let of_camera = self.cameras.entry(*camera).or_insert_with(|| {
-                    let cuts = vec![Cut { at: Time::ZERO, camera: *camera }];
+                    let cuts = vec![Cut::new(Time::ZERO, *camera)];
                     Evaluator::new(Arc::new(Stage { cuts, ..(*scene.stage).clone() }))
                 });
                 of_camera.at(time)
             }
             _ => self.own.get_or_insert_with(|| scene.evaluator.clone()).at(time),
         }?;
+        if !matches!(camera, ViewportCamera::Script) {
+            snapshot.dissolve = None;
+        }
         match camera {
             ViewportCamera::Free(camera) => snapshot.camera = *camera,
             ViewportCamera::Following { actor, camera } => {
@@ -84,7 +87,9 @@ impl ViewEvaluators {
         }
         if self.outline(request).is_some() {
             let parameters = OUTLINE.map(|(name, value)| (name.to_string(), value)).to_vec();
-            snapshot.effects.push(EffectState { effect: scene.stage.effects.len(), parameters });
+            let outline = EffectState { effect: scene.stage.effects.len(), parameters };
+            snapshot.dissolve.iter_mut().for_each(|dissolve| dissolve.effects.push(outline.clone()));
+            snapshot.effects.push(outline);
         }
         Ok(snapshot)
     }

@@ -73,7 +73,7 @@ enum Signal {
     Wake,
 }
 
-/// What is passed on: however much happens to other names in the folders that are watched, nobody waits for it, wakes up or keeps it.
+/// Filter of the system's events: changes of other names in watched folders are dropped at once, and wake nobody.
 #[derive(Default)]
 struct EventFilter {
     interest: WatchedPaths,
@@ -111,7 +111,7 @@ pub struct Watch {
     to: Sender<Signal>,
     interest: WatchedPaths,
     watched: BTreeSet<PathBuf>,
-    /// What the thread that hears the system needs to know of it.
+    /// The filter, shared with the thread that receives the system's events.
     event_filter: Arc<Mutex<EventFilter>>,
     /// Touched when a wait ended, and not yet looked at.
     pending: Candidates,
@@ -161,7 +161,7 @@ impl Watch {
         let _ = self.to.send(signal);
     }
 
-    /// What lies in the folders and trees of interest now.
+    /// The files in the folders and trees of interest.
     pub fn there(&self) -> BTreeSet<PathBuf> {
         self.in_folders()
     }
@@ -250,7 +250,7 @@ impl Watch {
             if in_tree && !is_passed_over(path) && path.is_dir() {
                 self.grow();
                 self.arrange();
-                // What came with it.
+                // Files that came with the folder.
                 touched.extend(self.in_folders().into_iter().filter(|file| file.starts_with(path)));
             }
             // A folder on the way to what is of interest has come, gone or been put in another's place.
@@ -277,7 +277,7 @@ impl Watch {
         self.interest.files.keys().cloned().chain(self.in_folders()).collect()
     }
 
-    /// What lies in the folders of interest.
+    /// The files in the folders of interest.
     fn in_folders(&self) -> BTreeSet<PathBuf> {
         let mut found = BTreeSet::new();
         for folder in &self.interest.folders {
@@ -333,7 +333,7 @@ impl Watch {
     }
 }
 
-/// What a thread that failed left there is whole.
+/// The filter stays consistent even if a thread that held it failed.
 fn lock(event_filter: &Mutex<EventFilter>) -> MutexGuard<'_, EventFilter> {
     event_filter.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
@@ -401,7 +401,7 @@ mod tests {
         let mut watch = Watch::new().unwrap();
         let files = [(file.clone(), Some(*blake3::hash(b"0").as_bytes()))].into();
         watch.set(WatchedPaths { files, ..WatchedPaths::default() });
-        // Of one file's alone the system makes one event.
+        // Two files are written in turns, because the system merges events of the same file.
         for n in 0..1500 {
             for log in ["one.log", "two.log"] {
                 fs::write(above.join(log), n.to_string()).unwrap();
@@ -413,7 +413,7 @@ mod tests {
         while !of_file(&watch.signals.recv_timeout(Duration::from_secs(300)).unwrap()) {
             passed_on += 1;
         }
-        // What the watch reports of itself when it begins, and no more.
+        // A few signals are the watch's own, when it begins.
         assert!(passed_on <= 2, "{passed_on} signals of files that nobody waits for");
     }
 }

@@ -24,7 +24,7 @@ effect("glow");
 const GLOW: &str = "// effect: glow\n// about: brighter\n// version: 1\n// param amount = 0.5 in 0..1: how much\n\
     fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {\n    return color * (BY + p[amount]);\n}\n";
 
-/// What a process holds, where the system reports it (Linux).
+/// Resources that a process holds, where the system reports them (Linux).
 #[derive(Clone, Copy, Debug, Default)]
 struct Process {
     /// Bytes that are nobody else's.

@@ -202,7 +202,7 @@ fn plugin_files_come_change_and_break() {
     good(version);
 }
 
-/// What nothing uses is not compiled, and heard of when it gets the name that the script asks for.
+/// An unused plugin is not compiled. It is reported once it gets the name that the script requests.
 #[test]
 fn a_plugin_file_that_nothing_uses_breaks_nothing() {
     let mut place = Place::new(|_| ());
@@ -279,7 +279,7 @@ fn frame(reply: &FrameReply) -> &Frame {
     &reply.result.as_ref().unwrap_or_else(|e| panic!("{e}")).0
 }
 
-/// What `render` draws.
+/// The frame that `render` draws.
 fn rendered(scene: &Scene, time: f64, renderer: &mut dyn Renderer) -> Frame {
     let resources = Arc::new(choreo_render::SceneResources::new(&scene.stage));
     let snapshot = scene.stage.at(Time::from_secs(time)).unwrap();

@@ -1,4 +1,4 @@
-//! What counts as a change, however it comes about.
+//! Changes of files that count, however they come about.
 
 use choreo_session::{Watch, WatchEvent, WatchedPaths};
 use std::collections::BTreeSet;
@@ -80,7 +80,7 @@ fn the_same_bytes_and_other_files_are_no_change() {
     fs::write(folder.at("b.rhai"), "1").unwrap();
     fs::read(&file).unwrap();
     assert_eq!(watch.wait(NOTHING).unwrap(), WatchEvent::TimedOut);
-    // FrameInfo able to see one all the while.
+    // A real change is still seen after that.
     fs::write(&file, "1").unwrap();
     assert_eq!(watch.wait(SOON).unwrap(), changed(&[&file]));
 }

@@ -1,4 +1,4 @@
-//! What `Evaluator::at_into` costs: `cargo bench -p choreo-stage`. Medians of one thread.
+//! The cost of `Evaluator::at_into`: `cargo bench -p choreo-stage`. Medians of one thread.
 
 #[path = "../tests/support/mod.rs"]
 mod support;
@@ -52,7 +52,7 @@ fn stage(actors: usize, fade: bool) -> Stage {
 }
 
 fn main() {
-    // `cargo test --benches` passes arguments that ask for a trial run only.
+    // `cargo test --benches` passes arguments that request a trial run only.
     let runs = if std::env::args().any(|a| a == "--bench") { 200 } else { 1 };
     println!("{:<44}{:>14}{:>16}", "case", "µs a frame", "ns a character");
     for (actors, fade) in [(1, false), (1, true), (25, true), (1000, true)] {

@@ -12,14 +12,14 @@ use crate::root_motion::apply::RootMotionScratch;
 use crate::snapshot::{ActorState, Snapshot};
 use crate::stage::actor::{Placement, Target};
 use crate::stage::camera::Rig;
-use crate::stage::edits::{ActorEdit, FrameEdits};
+use crate::stage::edits::{ActorEdit, CameraEdit, FrameEdits};
 use crate::stage::sky::SkyEdit;
 use crate::stage::{Stage, StageError};
 use crate::transforms::facing;
 use crate::transforms::order;
 use crate::transforms::order::{PlacementOrder, PlacementStep};
 use crate::transforms::parents::{ActiveParents, KeptTransforms, mixed, world_from_parent};
-use crate::{camera, pose};
+use crate::{camera, camera_moves, pose};
 use choreo_motion::Time;
 use glam::DAffine3;
 use std::sync::Arc;
@@ -48,9 +48,9 @@ pub(crate) struct Scratch {
     pub poses: usize,
     pub all_poses: usize,
     pub pose_hidden: bool,
-    /// The camera whose targets must be known.
-    pub seen_by: Option<usize>,
-    /// Aspect ratio, if nothing but images is asked for.
+    /// The camera whose targets must be known, and the one before it while that dissolves.
+    pub seen_by: [Option<usize>; 2],
+    /// Aspect ratio, if nothing but images is requested.
     pub aspect: Option<f64>,
     /// Whether each actor is out of view.
     culled: Vec<bool>,
@@ -63,7 +63,7 @@ impl Scratch {
         Scratch { only: Some(actors), ..Scratch::default() }
     }
 
-    /// As [`Scratch::only`], from now on.
+    /// Restricts all further evaluations as [`Scratch::only`] does.
     pub(crate) fn look_only_at(&mut self, actors: &[usize]) {
         let only = self.only.get_or_insert_default();
         only.clear();
@@ -166,14 +166,16 @@ fn cull(
 ) {
     let mut out = std::mem::take(&mut scratch.culled);
     out.clear();
-    // What a callback attaches, the camera may hang on.
+    // If a callback attaches an actor or aims the camera, the camera may depend on a pose; then nothing is culled.
     let attaches = |edit: &ActorEdit| matches!(edit, ActorEdit::Attach { .. });
-    let bounds = bounds.filter(|_| !scratch.edits.actors.iter().any(attaches));
+    let looks = |edit: &CameraEdit| matches!(edit, CameraEdit::LookAt { .. });
+    let edits = &scratch.edits;
+    let bounds = bounds.filter(|_| !edits.actors.iter().any(attaches) && !edits.cameras.iter().any(looks));
     if let (Some(pose_bounds), Some(aspect)) = (bounds, scratch.aspect) {
-        // What hangs on joints is not asked for; the others are where they will be.
+        // Joints are not posed yet, so that actors on joints have no place here; all others are where they will be.
         place_actors(stage, scratch, actors);
         let Scratch { edits, order, parents, seen_by, .. } = &*scratch;
-        let camera = camera::by_places(stage, edits, time, *seen_by, actors);
+        let camera = camera::by_places(stage, edits, time, seen_by[0], actors);
         Culling { stage, pose_bounds, camera, aspect, edits, time, order: &order.steps, parents, actors }
             .run(&mut out);
     }
@@ -184,9 +186,8 @@ fn cull(
 }
 
 /// An invisible actor is posed only where something visible, the camera, a light or a look-at hangs on one of its joints,
-/// or where all are asked for.
+/// or where all are requested.
 fn find_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[ActorState]) {
-    let camera = scratch.seen_by;
     let (needs, work, parents) = (&mut scratch.needs, &mut scratch.work, &scratch.parents);
     needs.clear();
     needs.resize(stage.actors.len(), PoseNeed::default());
@@ -218,14 +219,16 @@ fn find_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[ActorS
     for parent in lights.iter().filter_map(|light| light.parent) {
         want(work, parent.actor, parent.joint.is_some());
     }
-    if let Some(camera) = camera.and_then(|c| stage.cameras.get(c)) {
+    for (index, camera) in scratch.seen_by.iter().flatten().filter_map(|c| Some((*c, stage.cameras.get(*c)?)))
+    {
         let target = match &camera.rig {
             Rig::Fixed { look_at, .. } => look_at.as_ref().and_then(want_target),
             Rig::Follow { target, .. } | Rig::Orbit { target, .. } => want_target(target),
             Rig::File { actor, .. } => Some((*actor, true)),
             Rig::Frame { .. } => None,
         };
-        if let Some((actor, pose)) = target {
+        let looks = camera_moves::targets(camera, index, &scratch.edits, time);
+        for (actor, pose) in target.into_iter().chain(looks.filter_map(|target| want_target(&target))) {
             want(work, actor, pose);
         }
     }

@@ -78,7 +78,7 @@ impl Placement {
         Placement { translation: DVec3::new(x, y, z), ..Placement::default() }
     }
 
-    /// Turned about +Y before its own rotation.
+    /// The placement turned about +Y before its own rotation.
     pub fn turned(self, angle_rad: f64) -> Placement {
         Placement { rotation: DQuat::from_rotation_y(angle_rad) * self.rotation, ..self }
     }

@@ -1,21 +1,19 @@
-//! Which camera is on, where it stands and what it sees.
+//! The camera that is on, its placement and its projection.
 
+use crate::camera_moves::{look_rotation, moved, near_limited};
 use crate::properties;
 use crate::snapshot::{ActorState, CameraState};
 use crate::stage::actor::{Actor, Attachment, Target};
 use crate::stage::camera::{Camera, Rig};
 use crate::stage::channel::Property;
 use crate::stage::channel::{keyed, vec3};
-use crate::stage::edits::FrameEdits;
+use crate::stage::edits::{CameraEdit, FrameEdits};
+use crate::stage::fade::fraction;
 use crate::stage::{Stage, StageError};
 use crate::transforms::{target_position, world_from_attachment};
 use choreo_asset::Projection;
 use choreo_motion::{PropertyTarget, Time};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
-
-/// A camera that looks at something must not clip it away, however small the scene: a near plane that is not set is at most this
-/// share of the way there. Reversed-Z float depth makes near planes cheap.
-const NEAR_OF_DISTANCE: f64 = 0.01;
 
 /// Azimuth and elevation for a stage without a camera: from the front, a little from the right and above.
 const DEFAULT_VIEW: (f64, f64) = (0.45, 0.18);
@@ -23,8 +21,21 @@ const DEFAULT_VIEW: (f64, f64) = (0.45, 0.18);
 /// The camera cut to last, else the first, else none.
 pub(crate) fn on_at(stage: &Stage, time: Time) -> Option<usize> {
     let begun = stage.cuts.partition_point(|cut| cut.at <= time);
-    let cut = stage.cuts[..begun].last().map(|cut| cut.camera);
+    on_after(stage, begun)
+}
+
+/// The camera that is on after a number of cuts.
+fn on_after(stage: &Stage, cuts: usize) -> Option<usize> {
+    let cut = stage.cuts[..cuts].last().map(|cut| cut.camera);
     cut.or((!stage.cameras.is_empty()).then_some(0)).filter(|c| *c < stage.cameras.len())
+}
+
+/// The camera before the last cut and its share of the image, 0 to 1, while that dissolves.
+pub(crate) fn dissolving_at(stage: &Stage, time: Time) -> Option<(usize, f32)> {
+    let begun = stage.cuts.partition_point(|cut| cut.at <= time);
+    let cut = stage.cuts[..begun].last().filter(|cut| time < cut.at + cut.dissolve)?;
+    let before = on_after(stage, begun - 1).filter(|before| *before != cut.camera)?;
+    Some((before, 1.0 - fraction(time - cut.at, cut.dissolve)))
 }
 
 pub(crate) fn evaluate(
@@ -49,7 +60,7 @@ pub(crate) fn evaluate(
         world_from_view: DAffine3::from_rotation_translation(rotation, position),
         projection,
     };
-    Ok(match &camera.rig {
+    let of_rig = match &camera.rig {
         Rig::Fixed { .. } | Rig::Follow { .. } | Rig::Orbit { .. } => CameraState::default(),
         Rig::File { actor, camera } => {
             let of_file = stage.actors.get(*actor).and_then(|a| a.asset.cameras.get(*camera as usize));
@@ -82,12 +93,16 @@ pub(crate) fn evaluate(
             }
             framed
         }
-    })
+    };
+    Ok(moved(stage, edits, time, index, actors, of_rig))
 }
 
 /// Position that callbacks give a camera.
 fn moved_to(edits: &FrameEdits, index: usize) -> Option<DVec3> {
-    edits.cameras.iter().rev().find(|(c, _)| *c == index).map(|(_, position)| *position)
+    edits.cameras.iter().rev().find_map(|edit| match edit {
+        CameraEdit::MoveTo { camera, position } if *camera == index => Some(*position),
+        _ => None,
+    })
 }
 
 /// A camera that needs to know no more than where its target is; `None` for others.
@@ -112,7 +127,7 @@ pub(crate) fn by_places(
         let rotation = look_rotation(at - position).unwrap_or(fallback);
         state(position, rotation, near_limited(camera, projection, (at - position).length()))
     };
-    Some(match &camera.rig {
+    let of_rig = match &camera.rig {
         Rig::Fixed { position, rotation, look_at } => {
             let position = moved_to.or(keyed_position).unwrap_or(*position);
             let keyed_rotation = keyed(&camera.channels, Property::Rotation, time).map(DQuat::from_array);
@@ -140,7 +155,8 @@ pub(crate) fn by_places(
             }
         }
         Rig::File { .. } | Rig::Frame { .. } => return None,
-    })
+    };
+    Some(moved(stage, edits, time, index, actors, of_rig))
 }
 
 /// The rotation of an affine map without its scale and shear: −Z is kept, then +Y as well as can be. Finite for any map.
@@ -191,26 +207,6 @@ fn keyed_projection(camera: &Camera, time: Time) -> Projection {
         }
         (projection, _) => projection,
     }
-}
-
-fn near_limited(camera: &Camera, projection: Projection, distance: f64) -> Projection {
-    match projection {
-        Projection::Perspective { yfov, near, far } if distance > 0.0 && !camera.near_is_set => {
-            let near = near.min((distance * NEAR_OF_DISTANCE) as f32).max(f32::MIN_POSITIVE);
-            Projection::Perspective { yfov, near, far }
-        }
-        projection => projection,
-    }
-}
-
-/// Looks along a direction, +Y up. Straight down, −Z is up in the image; straight up, +Z: what a camera tilting from before
-/// a character comes to. `None` where there is no direction.
-pub(crate) fn look_rotation(way: DVec3) -> Option<DQuat> {
-    let back = -way.try_normalize()?;
-    let right = DVec3::Y.cross(back);
-    let right = if right.length() < 1e-9 { DVec3::X } else { right.normalize() };
-    let rotation = DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back));
-    rotation.is_finite().then(|| rotation.normalize())
 }
 
 /// Rotation of an orbiting camera, without a pole: at elevation π/2 the image's up is where the camera came from.

@@ -1,7 +1,8 @@
-//! What a stage must be for frames to be made of it. `Stage::at` itself is lenient: it leaves out what does not exist.
+//! Errors of a stage for which no frames can be made. `Stage::at` itself is lenient: it leaves out what does not exist.
 
 use crate::stage::actor::{Actor, Attachment, Target};
 use crate::stage::camera::{Camera, Rig};
+use crate::stage::camera_moves::CameraShake;
 use crate::stage::channel::{Channel, Property};
 use crate::stage::clips::{Cue, LayerMode};
 use crate::stage::described::Described;
@@ -16,7 +17,7 @@ use crate::transforms::parents::{ActiveParents, KeptTransforms, times_of_change}
 use choreo_asset::{Asset, Projection};
 use choreo_motion::{Interpolation, Playback, Time};
 
-/// Everything wrong with one stage, by place.
+/// The errors of one stage, by place.
 struct Checker<'a> {
     stage: &'a Stage,
     problems: Vec<StageError>,
@@ -363,6 +364,23 @@ impl Checker<'_> {
         };
         self.need(numbers, &place, || "its place is not finite".to_string());
         self.channels(&place, camera, &camera.channels);
+        self.camera_moves(&place, camera);
+    }
+
+    fn camera_moves(&mut self, place: &str, camera: &Camera) {
+        camera
+            .looks
+            .iter()
+            .filter_map(|look| look.target.as_ref())
+            .for_each(|target| self.target(place, target));
+        let sorted = camera.looks.is_sorted_by_key(|look| look.start);
+        self.need(sorted, place, || "looks must be sorted by their starts".to_string());
+        let finite = |shake: &CameraShake| {
+            [shake.angle, shake.shift, shake.frequency].iter().all(|n| n.is_finite() && *n >= 0.0)
+        };
+        self.need(camera.shakes.iter().all(finite), place, || {
+            "a shake's angle, shift and frequency must be finite and not negative".to_string()
+        });
     }
 
     fn cuts(&mut self) {

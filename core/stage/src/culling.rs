@@ -1,15 +1,19 @@
-//! Who is surely not in the image, found out before anybody is posed.
+//! Culling: finds actors that are surely not in the image, before any pose is computed.
 //!
 //! A joint is never farther from its parent than the longest translation of its curves, however it turns. The sum along the
-//! skeleton is a ball about the actor's place that holds every vertex in every pose its layers can make. Whoever's ball is
-//! outside the image, as all that its shadow could fall on, needs neither pose nor draw. Where that cannot be told (constraints,
-//! springs, morphs, splines, cameras that hang on joints, effects …) everybody counts as seen.
+//! skeleton is a ball about the actor's place that holds every vertex in every pose its layers can make. An actor whose ball is
+//! outside the image, with all that its shadow could fall on, needs neither pose nor draw. Constraints and springs turn joints within
+//! the ball and are not solved where there is no pose; foot locking can lower the hips, by a known share of a leg. If it cannot be
+//! decided (feet on uneven ground, mirrored poses, morphs, splines, cameras that hang on joints, effects …) all actors count as
+//! visible.
 
 use crate::snapshot::{ActorState, CameraState};
 use crate::stage::Stage;
 use crate::stage::actor::{Actor, Target};
 use crate::stage::camera::Rig;
+use crate::stage::channel::Property;
 use crate::stage::clips::LayerMode;
+use crate::stage::constraint::{ConstraintKind, FootLock};
 use crate::stage::edits::FrameEdits;
 use crate::stage::light::{SUN_ANGLE, Shadow};
 use crate::stage::parenting::ParentScale;
@@ -34,22 +38,22 @@ struct PoseRadius {
 
 impl PoseBounds {
     pub fn new(stage: &Stage) -> PoseBounds {
-        PoseBounds(stage.actors.iter().map(pose_radius).collect())
+        PoseBounds(stage.actors.iter().map(|actor| pose_radius(stage, actor)).collect())
     }
 }
 
 /// `None` where poses have no bound that is known beforehand.
-fn pose_radius(actor: &Actor) -> Option<PoseRadius> {
+fn pose_radius(stage: &Stage, actor: &Actor) -> Option<PoseRadius> {
     let asset = &actor.asset;
     let lit_by_file = actor.file_lights && !asset.lights.is_empty();
     let outlined = asset.materials.iter().any(|m| m.toon.as_ref().is_some_and(|t| t.outline.is_some()));
     // Pixels have no metres.
     let outlined = outlined || asset.materials.iter().any(|m| m.line_style.is_some());
-    let unbounded = !actor.constraints.is_empty() || actor.springs.is_some();
     // Dual quaternions take vertices out of the hull of where their joints' matrices would.
-    if unbounded || lit_by_file || outlined || actor.skinning != Skinning::Linear {
+    if lit_by_file || outlined || actor.skinning != Skinning::Linear {
         return None;
     }
+    let lowered = lowered_by_constraints(stage, actor)?;
     // Farthest from the parent, and largest scale, by joint; what additive layers add.
     let mut far: Vec<f64> = asset.skeleton.rest().iter().map(|t| length(&t.translation.to_array())).collect();
     let mut scale: Vec<f64> = asset.skeleton.rest().iter().map(|t| largest(&t.scale.to_array())).collect();
@@ -83,14 +87,29 @@ fn pose_radius(actor: &Actor) -> Option<PoseRadius> {
         let corner = part.reach.min.abs().max(part.reach.max.abs());
         all.radius = all.radius.max(distance + scale * length(&corner.to_array()));
     }
-    let (radius, larger) = asset.farthest(all.radius);
+    let (radius, larger) = asset.farthest(all.radius * lowered);
     (all.radius, all.scale) = (radius, all.scale * larger);
     // Rounding in f32.
     all.radius = all.radius * 1.001 + 1e-5;
     (all.radius.is_finite() && all.scale.is_finite()).then_some(all)
 }
 
-/// What the curves of a clip do to the joints' farthest places and largest scales; `None` for splines, which overshoot, and for
+/// Factor by which constraints make the ball larger; `None` where that has no bound. Hips come down by a share of a leg, which is no
+/// longer than the ball's radius as long as the actor's scale does not change.
+fn lowered_by_constraints(stage: &Stage, actor: &Actor) -> Option<f64> {
+    let scaled = || actor.channels.iter().any(|channel| channel.property == Property::Scale);
+    let steady = || stage.hooks.is_empty() && actor.parents.is_empty() && !scaled();
+    actor.constraints.iter().try_fold(1.0, |factor, constraint| match &constraint.kind {
+        ConstraintKind::Reach(_) | ConstraintKind::Aim(_) => Some(factor),
+        ConstraintKind::FootLock(feet) if feet.hips.is_none() => Some(factor),
+        ConstraintKind::FootLock(feet) if feet.ground.is_empty() && steady() => {
+            Some(factor * (1.0 + FootLock::LOWEST))
+        }
+        ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_) => None,
+    })
+}
+
+/// Widens the joints' largest distances and scales by the curves of a clip; `None` for splines, which overshoot, and for
 /// scales that are added.
 fn widen_by(
     clip: &Clip,
@@ -116,7 +135,7 @@ fn widen_by(
             let here = match carries {
                 // The difference of two of its poses.
                 _ if additive => 2.0 * most,
-                // Without what it has come, turned about where it began.
+                // Without the distance that it has come; it turns about its start.
                 true => most + 2.0 * keys().map(away).fold(0.0, f64::max),
                 false => most,
             };
@@ -141,7 +160,7 @@ fn largest(v: &[f32]) -> f64 {
 /// A place that a ball is about, and its radius.
 type Ball = (DVec3, f64);
 
-/// What is seen of the world: half spaces (n, d), inside where n · p + d ≥ 0.
+/// The view frustum as half spaces (n, d), inside where n · p + d ≥ 0.
 struct View([(DVec3, f64); 5]);
 
 impl View {
@@ -202,7 +221,8 @@ enum Casting {
     Along(DVec3),
 }
 
-/// Whose own image is not needed; `out`: one an actor. All actors have been placed as if those that hang on joints were at rest.
+/// Finds the actors that the image does not need; `out`: one flag an actor. All actors are placed as if those that hang on joints were at
+/// rest.
 pub(crate) struct Culling<'a> {
     pub stage: &'a Stage,
     pub pose_bounds: &'a PoseBounds,
@@ -226,7 +246,7 @@ impl Culling<'_> {
             return;
         }
         let view = View::new(camera, self.aspect);
-        // By actor: its ball, and the largest scale from its joints' spaces to the world.
+        // The bounding sphere of each actor, and the largest scale from its joints' spaces to the world.
         let mut balls: Vec<Option<(Ball, f64)>> = vec![None; self.actors.len()];
         for step in self.order {
             let PlacementStep::World(index) = *step else { continue };
@@ -278,7 +298,7 @@ impl Culling<'_> {
         Some((distance, norm(&parent.offset.matrix3) * local.scale.abs().max_element()))
     }
 
-    /// And the width of the softest shadow's edge; `None` where some light's place hangs on a pose.
+    /// The lights that cast shadows, and the width of the softest edge; `None` if some light's place depends on a pose.
     fn casting(&self) -> Option<(Vec<Casting>, f64)> {
         let (mut casting, mut softness) = (Vec::new(), 0.0f64);
         for (index, light) in self.stage.lights.iter().enumerate() {
@@ -301,7 +321,7 @@ impl Culling<'_> {
     }
 }
 
-/// At least the most that a matrix makes a vector longer.
+/// An upper bound of the factor by which a matrix lengthens a vector.
 fn norm(m: &DMat3) -> f64 {
     let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis];
     let lengths = [x.length_squared(), y.length_squared(), z.length_squared()];
@@ -310,14 +330,19 @@ fn norm(m: &DMat3) -> f64 {
     if crooked <= 1e-9 * most { (most * (1.0 + 1e-6)).sqrt() } else { lengths.iter().sum::<f64>().sqrt() }
 }
 
-/// Whether a camera's place can be told from where actors are placed, without poses.
+/// Whether a camera's place follows from the actors' places, without poses.
 pub(crate) fn stands_without_poses(stage: &Stage, camera: Option<usize>) -> bool {
     let placed = |target: &Target| match *target {
         Target::Point(_) => true,
         Target::Actor(actor) => stage.actors.get(actor).is_some_and(|a| a.parents.is_empty()),
         Target::Joint { .. } => false,
     };
-    match camera.and_then(|c| stage.cameras.get(c)).map(|c| &c.rig) {
+    let camera = camera.and_then(|c| stage.cameras.get(c));
+    let mut looks = camera.iter().flat_map(|camera| &camera.looks);
+    if !looks.all(|look| look.target.as_ref().is_none_or(placed)) {
+        return false;
+    }
+    match camera.map(|c| &c.rig) {
         Some(Rig::Fixed { look_at, .. }) => look_at.as_ref().is_none_or(placed),
         Some(Rig::Follow { target, .. } | Rig::Orbit { target, .. }) => placed(target),
         Some(Rig::File { .. } | Rig::Frame { .. }) | None => false,

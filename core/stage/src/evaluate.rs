@@ -8,7 +8,7 @@ use crate::constraints::{self, ConstrainedScratch};
 use crate::culling::{PoseBounds, stands_without_poses};
 use crate::framing::Framings;
 use crate::pose::motions::Motions;
-use crate::snapshot::{ActorState, Snapshot};
+use crate::snapshot::{ActorState, Dissolve, Snapshot};
 use crate::springs::{self, Simulation, SpringCheckpoints};
 use crate::stage::actor::Actor;
 use crate::stage::edits::FrameEdits;
@@ -39,8 +39,8 @@ impl Stage {
     }
 }
 
-/// Evaluates one stage at many times without allocating anew. Clones share what a framing camera, planted feet and springs have
-/// found out, so one a thread is cheap. None of it changes what comes out.
+/// Evaluates one stage at many times and reuses its buffers. Clones share the results of framing, foot locking and springs, so that one
+/// a thread is cheap. None of these changes the snapshots.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
     stage: Arc<Stage>,
@@ -48,7 +48,7 @@ pub struct Evaluator {
     scratch: Scratch,
 }
 
-/// What the processor does for one snapshot.
+/// Work of the processor for one snapshot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EvaluationCosts {
     pub poses: usize,
@@ -58,7 +58,7 @@ pub struct EvaluationCosts {
     pub spring_bones: usize,
 }
 
-/// What has been found out about one stage and holds for every time.
+/// Results about one stage that hold for every time; each is computed when it is first needed.
 #[derive(Debug)]
 struct Memory {
     framings: Framings,
@@ -101,12 +101,12 @@ impl Evaluator {
         Ok(snapshot)
     }
 
-    /// As `at`, reusing a snapshot's memory. After an error the snapshot is half filled.
+    /// Like `at`, reusing a snapshot's memory. After an error the snapshot is half filled.
     pub fn at_into(&mut self, time: Time, snapshot: &mut Snapshot) -> Result<(), StageError> {
         evaluate(&self.stage, &self.memory, &mut self.scratch, time, snapshot)
     }
 
-    /// Hidden actors are posed too: for tools that look at joints and not at images. What is seen does not change by it.
+    /// Poses hidden actors, too, for tools that need joints instead of images. The images do not change.
     pub fn posing_hidden(mut self) -> Evaluator {
         self.scratch.constrained.actors.pose_hidden = true;
         self
@@ -119,7 +119,7 @@ impl Evaluator {
         self
     }
 
-    /// What the callbacks changed at the last evaluation.
+    /// Changes by the callbacks at the last evaluation.
     pub(crate) fn edits(&self) -> &FrameEdits {
         &self.scratch.constrained.actors.edits
     }
@@ -129,7 +129,7 @@ impl Evaluator {
         self.scratch.constrained.actors.poses
     }
 
-    /// What the processor did for a snapshot of this evaluator's stage; its poses are those of the last evaluation.
+    /// Work of the processor for a snapshot of this evaluator's stage; `poses` counts those of the last evaluation.
     pub fn costs(&self, snapshot: &Snapshot) -> EvaluationCosts {
         let posed = |(actor, state): &(&Actor, &ActorState)| {
             !state.model_from_joint.is_empty() && state.model_from_joint.len() == actor.asset.skeleton.len()
@@ -161,8 +161,9 @@ fn evaluate(
     let Memory { framings, foot_locks, springs, pose_bounds } = memory;
     let Scratch { constrained, simulation } = scratch;
     let actors = &mut constrained.actors;
-    actors.seen_by = camera;
-    let cull = actors.aspect.is_some() && stands_without_poses(stage, camera);
+    let dissolving = camera::dissolving_at(stage, time);
+    actors.seen_by = [camera, dissolving.map(|(before, _)| before)];
+    let cull = actors.aspect.is_some() && dissolving.is_none() && stands_without_poses(stage, camera);
     let bounds = cull.then(|| pose_bounds.get_or_init(|| PoseBounds::new(stage)));
     settle_parents(stage, memory, constrained, time)?;
     constraints::evaluate_actors(stage, constrained, time, foot_locks, bounds, out)?;
@@ -179,6 +180,13 @@ fn evaluate(
     let frame =
         |index, azimuth, elevation, projection| framings.camera(stage, index, azimuth, elevation, projection);
     out.camera = camera::evaluate(stage, frame, &scratch.edits, time, camera, &out.actors)?;
+    out.dissolve = None;
+    if let Some((before, share)) = dissolving {
+        let camera = camera::evaluate(stage, frame, &scratch.edits, time, Some(before), &out.actors)?;
+        let mut effects = Vec::new();
+        effects::evaluate(stage, &scratch.edits, time, Some(before), &mut effects);
+        out.dissolve = Some(Dissolve { camera, effects, share });
+    }
     Ok(())
 }
 

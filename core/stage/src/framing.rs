@@ -16,7 +16,7 @@ use choreo_motion::{Skinning, Time};
 use glam::{DAffine3, DQuat, DVec3};
 use std::sync::OnceLock;
 
-/// Poses that framing may cost, and between how many times of the stage they are shared out.
+/// Limit of the poses that framing may cost, and the numbers of times over which they are distributed.
 const MAX_POSES: usize = 2000;
 const TIMES: std::ops::RangeInclusive<usize> = 6..=48;
 /// Actors at most this share as high as they are wide are ground, which need not be seen to its edges.
@@ -26,7 +26,7 @@ const MARGIN: f64 = 0.06;
 /// Bounds of an empty scene: the room of one person.
 const EMPTY_ROOM: (DVec3, DVec3) = (DVec3::new(-1.0, 0.0, -1.0), DVec3::new(1.0, 2.0, 1.0));
 
-/// What the cameras of one stage have found out: one slot a camera, the last for the stage without any.
+/// Bounds that the cameras of one stage frame, computed once: one slot a camera, the last for a stage without any.
 #[derive(Debug)]
 pub(crate) struct Framings(Vec<OnceLock<Result<Vec<DAabb>, StageError>>>);
 
@@ -87,7 +87,7 @@ fn visible_boxes(stage: &Stage, world_from_axes: DQuat) -> Result<Vec<DAabb>, St
                 };
                 actor.asset.posed_boxes(index, &state.model_from_joint, weights, add);
             }
-            // What is beyond all numbers cannot be seen beside anything else, nor on its own.
+            // Bounds beyond `FARTHEST` cannot be framed, neither with anything else nor alone.
             let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
             if !bounds.is_empty() && reach < FARTHEST {
                 (if is_flat(&actor.asset) { &mut ground } else { &mut boxes }).push(bounds);
@@ -164,7 +164,7 @@ const FARTHEST: f64 = 1e30;
 ///
 /// A point (x, y, z) is in the image of a camera at (cx, cy, cz) looking along −z where |x − cx| ≤ tx (cz − z), so
 /// cx + tx cz ≥ max(x + tx z) and −cx + tx cz ≥ max(−x + tx z): the closest camera solves both with equality.
-fn fit(boxes: &[DAabb], aspect: f64, projection: Projection) -> (DVec3, Projection) {
+pub(crate) fn fit(boxes: &[DAabb], aspect: f64, projection: Projection) -> (DVec3, Projection) {
     let all = boxes.iter().fold(DAabb::EMPTY, |a, b| DAabb { min: a.min.min(b.min), max: a.max.max(b.max) });
     // Something to stand off from where all is one point.
     let size = (all.max - all.min).length().max(1e-6);

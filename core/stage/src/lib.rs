@@ -6,6 +6,7 @@
 mod actors;
 mod build;
 mod camera;
+mod camera_moves;
 mod check;
 mod constraints;
 mod culling;
@@ -15,6 +16,8 @@ mod framing;
 mod layers_2d;
 mod lights;
 mod mirroring;
+pub mod noise;
+mod placed;
 mod pose;
 mod properties;
 mod root_motion;
@@ -35,15 +38,19 @@ pub use mirroring::Mirroring;
 pub use pose::posed_mesh::posed_meshes;
 pub use properties::materials::uv_transform;
 pub use snapshot::{
-    ActorState, CameraState, ChangedMaterial, EffectState, Layer2dState, LightState, SkyState, Snapshot,
+    ActorState, CameraState, ChangedMaterial, Dissolve, EffectState, Layer2dState, LightState, SkyState,
+    Snapshot,
 };
 pub use stage::actor::{Actor, ActorShadow, Attachment, LookAt, Placement, Target};
 pub use stage::camera::{Camera, Cut, Rig};
+pub use stage::camera_moves::{CameraLook, CameraShake};
 pub use stage::channel::{Channel, Property};
 pub use stage::clips::{Cue, Layer, LayerMode, Reference};
-pub use stage::constraint::{AimConstraint, Constraint, ConstraintKind, FootLock, Leg, ReachConstraint};
+pub use stage::constraint::{
+    AimConstraint, Constraint, ConstraintKind, FootLock, Leg, ReachConstraint, StandingFade,
+};
 pub use stage::described::{Described, Field, FieldType, FieldValue};
-pub use stage::edits::{ActorEdit, FrameEdits, LightEdit};
+pub use stage::edits::{ActorEdit, CameraEdit, FrameEdits, LightEdit};
 pub use stage::effects::{EffectEdit, EffectTarget, EffectUse};
 pub use stage::layers_2d::{Align, Fit, Font, Layer2d, Layer2dContent, Layer2dEdit};
 pub use stage::light::{SUN_ANGLE, Shadow, StageLight};

@@ -4,7 +4,7 @@ use choreo_asset::{Asset, MeshInstance};
 use choreo_motion::skeleton::sides::side_of;
 use choreo_motion::{BlendOnto, Clip, Curve, Mirror, MirrorError, MirrorMap, Path, Pose};
 
-/// What each part of an asset takes from which other.
+/// The part of an asset from which each part takes its value when a character is mirrored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mirroring {
     pub joints: MirrorMap,
@@ -56,7 +56,7 @@ impl Mirroring {
         mirrored.rekeyed(curves)
     }
 
-    /// A curve of weights that has come from the other side, or was in the middle, with its targets in their new order.
+    /// A mirrored curve of weights, with its targets in their new order.
     fn curve(&self, asset: &Asset, curve: &Curve) -> Curve {
         let Path::Weights(width) = curve.path else { return curve.clone() };
         let own = asset.instances.iter().position(|i| i.joint == curve.joint);

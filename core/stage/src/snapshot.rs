@@ -18,10 +18,11 @@ pub struct Snapshot {
     /// Index-aligned with `Stage::actors`.
     pub actors: Vec<ActorState>,
     pub camera: CameraState,
+    pub dissolve: Option<Dissolve>,
     /// World space, only those that shine (intensity > 0).
     pub lights: Vec<LightState>,
     pub sky: Option<SkyState>,
-    /// Those that are seen, in painter's order.
+    /// The visible ones, in painter's order.
     pub layers_2d: Vec<Layer2dState>,
     pub background: Background,
     /// Hemisphere light from above and below, linear.
@@ -38,7 +39,7 @@ pub struct ActorState {
     /// The space that the actor is placed in: of its parent, or the world.
     pub world_from_parent: DAffine3,
     /// One per joint of the asset's skeleton. Empty, like the weights, where the actor is invisible and nothing seen hangs on
-    /// its joints, unless [`Evaluator::posing_hidden`](crate::evaluate::Evaluator::posing_hidden) asks for them.
+    /// its joints, unless [`Evaluator::posing_hidden`](crate::evaluate::Evaluator::posing_hidden) requests them.
     pub model_from_joint: Vec<Affine3A>,
     /// One list per mesh instance of the asset; empty lists where the mesh has no morph targets.
     pub morph_weights: Vec<Vec<f32>>,
@@ -86,6 +87,16 @@ pub struct CameraState {
     pub projection: Projection,
 }
 
+/// The image of the camera before the last cut, which goes over into that of `Snapshot::camera`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Dissolve {
+    pub camera: CameraState,
+    /// Effects on in its image.
+    pub effects: Vec<EffectState>,
+    /// Its share of the frame, above 0, at most 1.
+    pub share: f32,
+}
+
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightState {
     pub light: Light,
@@ -111,7 +122,7 @@ pub struct SkyState {
 pub struct EffectState {
     /// Index into `Stage::effects`.
     pub effect: usize,
-    /// What the script gives it, as it is now; sorted by name. A spline may have left the parameter's range.
+    /// The parameters that the script gives, at this time, sorted by name. A spline may have left the parameter's range.
     pub parameters: Vec<(String, f64)>,
 }
 
@@ -144,13 +155,14 @@ impl Snapshot {
 }
 
 hashed! {
-    struct Snapshot { time, actors, camera, lights, layers_2d, sky, background, ambient_up, ambient_down, effects }
+    struct Snapshot { time, actors, camera, dissolve, lights, layers_2d, sky, background, ambient_up, ambient_down, effects }
     struct ActorState {
         visible, world_from_model, model_from_joint, morph_weights, tint, line_width, copies, base_colors, skinning, materials;
         // `culled` depends on the image, not on the stage; `world_from_parent` is in `world_from_model`.
         without culled, world_from_parent
     }
     struct CameraState { camera, world_from_view, projection }
+    struct Dissolve { camera, effects, share }
     struct LightState { light, position, direction, shadow, attenuation }
     struct Layer2dState { layer_2d, at, scale, opacity, words }
     struct SkyState { panorama, turn, strength, background }

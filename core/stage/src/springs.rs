@@ -175,7 +175,7 @@ fn advance(
         && at.is_none_or(|at| at < kept_at)
     {
         at = Some(kept_at);
-        // Into the memory that is there: a clone of each would be allocated.
+        // The states are copied into existing memory, because a clone of each would allocate.
         simulation.states.resize_with(states.len(), SpringState::default);
         simulation.states.iter_mut().zip(states.iter()).for_each(|(own, kept)| own.copy_from(kept));
     }

@@ -14,7 +14,7 @@ use support::*;
 struct Counting;
 
 thread_local! {
-    /// Of this thread: tests run beside each other.
+    /// Number of allocations of this thread. Tests run in parallel.
     static COUNT: Cell<usize> = const { Cell::new(0) };
 }
 

@@ -102,7 +102,7 @@ fn cuts_keys_and_hooks() {
         "orbit",
         Rig::Orbit { target, distance: 1.0, elevation: 0.0, azimuth: 0.0, speed: 0.0 },
     ));
-    stage.cuts = vec![Cut { at: secs(1.0), camera: 1 }, Cut { at: secs(2.0), camera: 0 }];
+    stage.cuts = vec![Cut::new(secs(1.0), 1), Cut::new(secs(2.0), 0)];
     let on = |stage: &Stage, t: f64| stage.at(secs(t)).unwrap().camera.camera;
     for (t, camera) in [(-1.0, 0), (0.999, 0), (1.0, 1), (1.999, 1), (2.0, 0), (99.0, 0)] {
         assert_eq!(on(&stage, t), Some(camera), "at {t}");
@@ -128,8 +128,8 @@ fn cuts_keys_and_hooks() {
     struct Hook;
     impl FrameHook for Hook {
         fn run(&self, _: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
-            edits.cameras.push((0, v(0.0, 0.0, 9.0)));
-            edits.cameras.push((7, v(0.0, 0.0, 9.0)));
+            edits.cameras.push(CameraEdit::MoveTo { camera: 0, position: v(0.0, 0.0, 9.0) });
+            edits.cameras.push(CameraEdit::MoveTo { camera: 7, position: v(0.0, 0.0, 9.0) });
             Ok(())
         }
     }

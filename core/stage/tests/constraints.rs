@@ -228,6 +228,7 @@ fn planted(ground: Option<usize>) -> Constraint {
         hips: Some(0),
         ground: ground.into_iter().collect(),
         only: Vec::new(),
+        standing_fades: Vec::new(),
     }))
 }
 

@@ -69,7 +69,7 @@ fn a_scale_of_zero_is_flat_but_finite() {
     let eyes = stage.shoot(Camera::new("eyes", Rig::File { actor: 0, camera: 0 }));
     let frame = stage.shoot(Camera::new("frame", Rig::Frame { azimuth: 0.0, elevation: 0.0 }));
     for camera in [eyes, frame] {
-        stage.cuts = vec![Cut { at: Time::ZERO, camera }];
+        stage.cuts = vec![Cut::new(Time::ZERO, camera)];
         let snapshot = stage.at(secs(1.0)).unwrap();
         assert!(snapshot.camera.world_from_view.is_finite(), "{:?}", snapshot.camera);
         assert!((snapshot.camera.world_from_view.matrix3.determinant() - 1.0).abs() < 1e-9);
@@ -208,10 +208,7 @@ fn check_names_each_planted_fault_and_at_survives_it() {
             |s| s.cameras[0].rig = Rig::File { actor: 0, camera: 8 },
             "camera \"c\": camera of the file 8 does not exist, there are 1",
         ),
-        (
-            |s| s.cuts.push(Cut { at: secs(1.0), camera: 3 }),
-            "cut 0 at 1 s: camera 3 does not exist, there are 1",
-        ),
+        (|s| s.cuts.push(Cut::new(secs(1.0), 3)), "cut 0 at 1 s: camera 3 does not exist, there are 1"),
         (|s| s.lights[0].direction = Vec3::ZERO, "light \"sun\": direction has length 0, must be 1"),
         (
             |s| s.lights[0].light.intensity = f32::NAN,

@@ -46,7 +46,7 @@ fn the_front_is_found_by_feet_eyes_knees_and_sides() {
         for evidence in &facing.evidence {
             close(evidence.direction, front.direction(), 1e-6);
         }
-        // What the script says counts.
+        // The front that the script gives takes precedence.
         let given = Asset { front: Some(Front::MinusX), ..(*asset).clone() };
         assert_eq!(given.front(), Front::MinusX);
         assert_ne!(given.content_hash(), asset.content_hash());

@@ -64,7 +64,7 @@ fn a_stage_built_twice_has_one_hash_and_every_change_another() {
         |s| s.actors[0].layers[0].cues[0].clip = figure().clips[NOD].clone(),
         |s| s.actors[0].look_at[0].target = Target::Actor(0),
         |s| s.cameras[0].rig = Rig::Frame { azimuth: 0.0, elevation: 0.1 },
-        |s| s.cuts.push(Cut { at: Time::ZERO, camera: 0 }),
+        |s| s.cuts.push(Cut::new(Time::ZERO, 0)),
         |s| s.cameras[0].near_is_set = true,
         |s| s.lights[0].light.kind = LightKind::Point,
         |s| s.lights[0].shadow = Some(Shadow::default()),

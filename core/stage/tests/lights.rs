@@ -1,4 +1,4 @@
-//! What shines.
+//! The lights that shine.
 
 mod support;
 use choreo_asset::*;

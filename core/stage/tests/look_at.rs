@@ -103,7 +103,7 @@ fn eyes_make_up_for_what_the_head_leaves() {
             let z = turn * DVec3::Z;
             z.x.atan2(z.z).to_degrees()
         };
-        // What is left, mapped, by the weight of the look; the right eye turns towards the nose.
+        // The eyes turn by the rest of the angle, mapped, times the weight of the look; the right eye turns towards the nose.
         let head = 60.0 * f64::from(weight);
         let expected = [head, head + left / 3.0 * f64::from(weight), head + left / 2.0 * f64::from(weight)];
         for (joint, expected) in [1, 2, 3].into_iter().zip(expected) {
@@ -190,7 +190,7 @@ fn eyes_that_expressions_move_go_as_far_as_others_let_them() {
     near(shown(&[], 0.5), 0.125);
     near(shown(&[("happy", 0.75)], 0.5), 0.125 * 0.25);
     near(shown(&[("angry", 0.01)], 0.5), 0.0);
-    // What a script asks of the same expression is added, up to all of it.
+    // A script's weight of the same expression is added, up to 1.
     near(shown(&[("lookLeft", 0.5)], 0.5), 0.625);
     near(shown(&[("lookLeft", 0.95)], 0.5), 1.0);
 }

@@ -195,7 +195,7 @@ fn what_carries_and_what_is_carried_may_change_places() {
     let places = |stage: &Stage, t: f64| [tray, cup].map(|a| world(stage, a, secs(t)).translation);
     assert_eq!(places(&stage, 0.5), [v(1.0, 0.0, 0.0), v(1.0, 0.2, 0.0)]);
     assert_eq!(places(&stage, 3.0), [v(1.0, 0.0, 0.0), v(1.0, 0.2, 0.0)]);
-    // At one time they cannot: the cup is let go later than the tray hangs on it.
+    // They cannot be attached to each other at the same time: here the cup is released later than the tray is attached to it.
     stage.actors[cup].parents[1].start = secs(2.0);
     let found = stage.check().iter().map(ToString::to_string).collect::<Vec<_>>();
     assert_eq!(found, ["actor \"tray\" is attached to itself, through \"cup\", at 1 s"]);
@@ -310,7 +310,7 @@ fn who_carries_is_posed_and_who_is_carried_out_of_view_is_culled_only_there() {
     let mut culled =
         |t: f64| evaluator.at(secs(t)).unwrap().actors.iter().map(|a| a.culled).collect::<Vec<_>>();
     assert_eq!(culled(0.5), [false, true, false]);
-    // On its way it may be anywhere.
+    // During a blend it may be anywhere, so it is not culled.
     assert_eq!(culled(1.2), [false, true, false]);
     assert_eq!(culled(1.6), [false, true, true]);
     // Hidden carriers are posed for it.

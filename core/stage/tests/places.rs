@@ -31,7 +31,7 @@ fn two_can_face_each_other_and_a_child_faces_in_its_parents_frame() {
     let way = v(2.0, 0.0, 1.0).normalize();
     close(facing(&snapshot, anna), way, 1e-12);
     close(facing(&snapshot, boris), -way, 1e-12);
-    // On a turned cart at another place she still faces him.
+    // She still faces him on a turned cart at another place.
     stage.actors[anna].parents = vec![Parenting::always(Attachment { actor: cart, joint: None })];
     stage.actors[boris].face = None;
     let snapshot = stage.at(Time::ZERO).unwrap();
@@ -128,7 +128,7 @@ fn keyed_properties_follow_their_closed_forms() {
     for t in [1.0, 1.3, 2.0, 2.9, 3.0] {
         close(place(&at(&stage, t), a), v(t * t * t, 0.0, 0.0), 1e-8);
     }
-    // With tangents per key interval, as some tools write, x(2) would be 8.0 + another value: the test can fail.
+    // With tangents per key interval, as some tools write them, x(2) would differ from 8.0: the test can fail.
     let halved: Vec<f64> =
         spline.iter().enumerate().map(|(i, v)| if (i / 3) % 3 == 1 { *v } else { v / 2.0 }).collect();
     set(&mut stage, vec![keys(Property::Translation, Interpolation::CubicSpline, &[1.0, 3.0], &halved)]);
@@ -225,7 +225,7 @@ fn what_is_not_seen_is_not_posed() {
     let (count, snapshot) = poses(&stage);
     assert_eq!(count, 2);
     assert!(snapshot.actors[boris].model_from_joint.is_empty() && !snapshot.actors[boris].visible);
-    // Unless joints are asked for, not images.
+    // Unless joints are requested, not images.
     let all = Evaluator::new(Arc::new(stage.clone())).posing_hidden().at(secs(0.5)).unwrap();
     assert_eq!(all.actors[boris].model_from_joint.len(), stage.actors[boris].asset.skeleton.len());
     assert!(!all.actors[boris].visible);

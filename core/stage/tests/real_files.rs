@@ -107,11 +107,11 @@ fn a_real_head_faces_what_it_looks_at() {
     let target = from + before.actors[0].world_from_model.transform_vector3(v(1.0, 0.5, 1.5));
     stage.actors[0].look_at.push(LookAt::new(head, Target::Point(target)));
     let after = stage.at(secs(0.0)).unwrap();
-    // What pointed along the model's +Z at rest points at the target now.
+    // The direction that is the model's +Z at rest points at the target now.
     let turn = joint_axes(&after.actors[0].model_from_joint[head as usize])
         * joint_axes(&before.actors[0].model_from_joint[head as usize]).inverse();
-    let expression_weights = (after.actors[0].world_from_model.matrix3 * turn * DVec3::Z).normalize();
-    close(expression_weights, (target - from).normalize(), 1e-5);
+    let facing = (after.actors[0].world_from_model.matrix3 * turn * DVec3::Z).normalize();
+    close(facing, (target - from).normalize(), 1e-5);
 }
 
 #[test]

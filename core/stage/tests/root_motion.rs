@@ -148,7 +148,7 @@ fn the_next_starts_where_the_last_one_ended() {
 #[test]
 fn played_backwards_and_back_and_forth_it_comes_home() {
     let back = stage(vec![Cue { speed: -2.0, ..Cue::new(straight(1.5)) }]);
-    // From where the clip ends, backwards.
+    // The clip starts at its end and goes backwards.
     assert!((hips(&back, 4.0).z - (1.5 - 12.0)).abs() < 1e-5, "{}", hips(&back, 4.0));
     let forth = stage(vec![Cue { repeat: Repeat::PingPong, ..Cue::new(bend()) }]);
     close(hips(&forth, 2.0), hips(&forth, 0.0), 1e-5);

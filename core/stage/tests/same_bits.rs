@@ -44,7 +44,7 @@ fn scene() -> Stage {
         "o",
         Rig::Orbit { target, distance: 3.0, elevation: 0.1, azimuth: 0.0, speed: 1.0 },
     ));
-    stage.cuts = vec![Cut { at: secs(2.5), camera: 1 }, Cut { at: secs(5.0), camera: 0 }];
+    stage.cuts = vec![Cut::new(secs(2.5), 1), Cut::new(secs(5.0), 0)];
     assert_eq!(stage.check().len(), 0, "{:?}", stage.check());
     stage
 }
@@ -66,7 +66,7 @@ fn any_order_gives_the_same_bits() {
         evaluator.at_into(times()[i], &mut snapshot).unwrap();
         assert_eq!(snapshot.content_hash(), fresh[i], "frame {i}");
     }
-    // On several threads that share what framing has found out.
+    // Several threads share the results of framing.
     std::thread::scope(|scope| {
         for thread in 0..4 {
             let (mut evaluator, fresh) = (evaluator.clone(), &fresh);

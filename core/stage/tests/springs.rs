@@ -177,7 +177,7 @@ fn an_undamped_spring_swings_on_after_ten_minutes() {
     let mut stage = stage();
     let mut undamped = springs();
     undamped.rig.retain(|joint| joint == 1);
-    // Without a load, whose pull is taken as a spring step by step, a step is exact.
+    // A step is exact without a load; a load's pull is approximated by a spring at each step.
     let swings = |b: &mut RigBone| (b.spring, b.gravity) = (SpringBone::new(2.5, 0.0), DVec3::ZERO);
     undamped.rig.bones_mut().for_each(swings);
     stage.actors[0].springs = Some(Arc::new(undamped));

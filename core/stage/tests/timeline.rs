@@ -1,4 +1,4 @@
-//! What scripts cannot say of cues: masks between 0 and 1, a speed of zero, two ways of one fold, the order of morph weights.
+//! Cues that scripts cannot make: masks between 0 and 1, a speed of zero, two ways of one fold, the order of morph weights.
 //! All else of the timeline is tested against closed forms in `tests/suite/timeline` and `tests/suite/layers`.
 
 mod support;
@@ -49,7 +49,7 @@ fn a_mask_weighs_joints_and_what_the_upper_clip_leaves_alone_stays() {
     let angle = 22.5f64.to_radians();
     let hand = v(1.0 + 0.3 + 0.6 * angle.cos(), 1.4 + 0.6 * angle.sin(), 0.0);
     close(joint_world(&snapshot, 0, HAND), hand, 1e-5);
-    // Without a mask the hips still follow the base: the clip does not animate them.
+    // The hips still follow the base without a mask, because the clip does not animate them.
     let stage = layered(ALONG_X, None, vec![cue(&f, RAISE, 0.0, 0.0)]);
     close(hips(&stage, 1.0), v(1.0, 0.0, 0.0), 1e-5);
 }

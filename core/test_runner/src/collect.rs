@@ -17,7 +17,7 @@ const PLUGIN: &str = ".importer.rhai";
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
     pub path: PathBuf,
-    /// As messages name it: with `/`.
+    /// Its path in messages, with `/`.
     pub file: String,
     /// A folder that holds the file, and in which its test may read: the one of the options, else the one that was given.
     pub root: Option<PathBuf>,
@@ -36,7 +36,7 @@ pub enum NothingToRun {
     Input(String),
 }
 
-/// Which of the sections are asked for.
+/// The requested sections.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Selection {
     /// Parts of `FILE > SECTION`, any case, or tags; none = all. Each must fit at least one section.
@@ -165,7 +165,7 @@ fn walk(folder: &Path, root: &Path, files: &mut Vec<(PathBuf, Option<PathBuf>)>)
     Ok(())
 }
 
-/// The sections that were asked for, in order.
+/// The sections that were requested, in order.
 pub fn select(cases: Vec<Case>, selection: &Selection) -> Result<Vec<Case>, NothingToRun> {
     for filter in &selection.filter {
         if cases.iter().any(|c| c.fits(filter)) {
@@ -213,7 +213,7 @@ pub fn shown(path: &Path) -> String {
     }
 }
 
-/// As a shell takes it for one word.
+/// The text, quoted so that a shell takes it for one word.
 pub fn quoted(text: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=+,@%".contains(c);
     match !text.is_empty() && text.chars().all(plain) {

@@ -7,9 +7,9 @@
 
 pub mod collect;
 pub mod evaluate;
+pub mod images;
 pub mod outcome;
 pub mod painter;
-pub mod pictures;
 pub mod report;
 pub mod results;
 pub mod run;

@@ -1,4 +1,4 @@
-//! What a run of one section showed: plain data that every report reads.
+//! The outcome of one section: plain data that every report reads.
 
 use choreo_image_diff::ImageDifference;
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use std::path::PathBuf;
 /// One section, or one plain script, after its run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
-    /// As the user can type it: the path as it was given or found, with `/`.
+    /// The path as the user can type it: as given or found, with `/`.
     pub file: String,
     /// Name of the section; empty for a script that is a test as it stands.
     pub section: String,
@@ -17,7 +17,7 @@ pub struct Outcome {
     pub checks: Vec<Check>,
     /// Warnings of the script, its stage and its assets, each complete with its place.
     pub warnings: Vec<String>,
-    /// What the section printed.
+    /// Lines that the section printed.
     pub printed: Vec<String>,
     /// Wall time, seconds; of the earlier run where the outcome was reused.
     pub seconds: f64,
@@ -51,7 +51,7 @@ pub struct SourceLocation {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Check {
     pub place: SourceLocation,
-    /// What is asserted, as a reader of the report wants to see it: `anna.joint("LeftHand") near [0.1, 1.2, 0.0] at 1.5 s`.
+    /// The assertion, for a reader of the report: `anna.joint("LeftHand") near [0.1, 1.2, 0.0] at 1.5 s`.
     pub title: String,
     pub passed: bool,
     /// `[0.100, 1.200, 0.000] ± 0.001 m`
@@ -60,12 +60,12 @@ pub struct Check {
     pub got: String,
     /// How far off: `0.014 m, 14 times the tolerance`. Empty where there is no such measure.
     pub by: String,
-    /// What to do about a failure, a command to type included; empty where nothing is known beyond the obvious.
+    /// How to resolve a failure, with a command to type; empty if there is nothing beyond the obvious.
     pub hint: String,
     pub evidence: Evidence,
 }
 
-/// What a report can show of a check beyond its texts. Filled for failures; empty for checks that passed.
+/// Evidence of a check beyond its texts, for a report. Filled for failures; empty for checks that passed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Evidence {
     #[default]
@@ -86,7 +86,7 @@ pub struct Trace {
     pub times: Vec<f64>,
     /// Values at each of `times`; NaN where there is none.
     pub got: Vec<f64>,
-    /// As `got`, where a whole curve is expected; else empty.
+    /// Expected values at each of `times`, if a whole curve is expected; else empty.
     pub expected: Vec<f64>,
     /// Lowest and highest value allowed at each of `times`; infinite where that side is open, NaN where nothing is asserted.
     pub band: Vec<[f64; 2]>,
@@ -108,7 +108,7 @@ pub struct Pictures {
     pub got: Vec<u8>,
     #[serde(skip)]
     pub difference: Vec<u8>,
-    /// What the eye sees of it (ꟻLIP), from black over violet and orange to pale yellow.
+    /// Map of the visible difference (ꟻLIP), from black over violet and orange to pale yellow.
     #[serde(skip)]
     pub seen: Vec<u8>,
     /// Paths of the three written images, in the order expected, got, difference; empty if they were not written.
@@ -127,10 +127,10 @@ pub struct Measures {
     pub worst_at: [u32; 2],
     /// Smallest box with every pixel beyond the tolerance: x, y, width, height.
     pub region: Option<[u32; 4]>,
-    /// What the eye sees when the images alternate (ꟻLIP), 0 = nothing, 1 = as different as can be: mean and largest.
+    /// Visible difference when the images alternate (ꟻLIP), 0 = nothing, 1 = the largest possible: mean and largest.
     pub visible_mean: f64,
     pub visible_worst: f64,
-    /// What that means to a viewer.
+    /// Its meaning to a viewer, in words.
     pub words: String,
 }
 
@@ -161,7 +161,7 @@ impl std::fmt::Display for SourceLocation {
 }
 
 impl Outcome {
-    /// As a user names it: `tests/suite/walk.rhai > feet stay on the floor`, or the file alone.
+    /// Its name for a user: `tests/suite/walk.rhai > feet stay on the floor`, or the file alone.
     pub fn name(&self) -> String {
         match self.section.as_str() {
             "" => self.file.clone(),
@@ -169,7 +169,7 @@ impl Outcome {
         }
     }
 
-    /// Neither passed nor skipped.
+    /// Whether it neither passed nor was skipped.
     pub fn bad(&self) -> bool {
         matches!(self.status, Status::Failed | Status::Error(_))
     }

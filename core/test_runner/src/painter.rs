@@ -24,7 +24,7 @@ pub enum Device {
 
 /// Why there is no image.
 #[derive(Clone, Debug, PartialEq)]
-pub enum NoPicture {
+pub enum NoImage {
     /// This machine has no such device; complete, with what to install.
     NoDevice(String),
     Failed(String),
@@ -38,12 +38,12 @@ pub struct Painter {
     /// Vulkan under the validation layer; what it reports makes an image fail.
     pub validation: bool,
     cpu: Option<CpuRenderer>,
-    vulkan: Option<Result<Box<VulkanRenderer>, NoPicture>>,
-    /// What each of the two holds: images of one stage often follow each other.
+    vulkan: Option<Result<Box<VulkanRenderer>, NoImage>>,
+    /// The stage that each renderer holds: images of one stage often follow each other.
     loaded: [Option<(Arc<Stage>, Arc<SceneResources>)>; 2],
 }
 
-/// What is to be drawn.
+/// An image to draw.
 #[derive(Clone, Debug)]
 pub struct Shot {
     pub at: Time,
@@ -67,14 +67,14 @@ impl Painter {
     }
 
     /// Draws with these effects from now on: those of the program and of the plugin files that a section uses.
-    pub fn set_effects(&mut self, effects: &[Arc<dyn Effect>]) -> Result<(), NoPicture> {
+    pub fn set_effects(&mut self, effects: &[Arc<dyn Effect>]) -> Result<(), NoImage> {
         let same = self.effects.len() == effects.len()
             && self.effects.iter().zip(effects).all(|(a, b)| Arc::ptr_eq(a, b));
         if same {
             return Ok(());
         }
         self.effects = effects.to_vec();
-        let failed = |e: RenderError| NoPicture::Failed(e.to_string());
+        let failed = |e: RenderError| NoImage::Failed(e.to_string());
         if let Some(cpu) = &mut self.cpu {
             cpu.set_effects(effects).map_err(failed)?;
         }
@@ -85,11 +85,11 @@ impl Painter {
     }
 
     /// The image, and the class of device that drew it (see [`device_class`]).
-    pub fn draw(&mut self, stage: &Arc<Stage>, shot: &Shot) -> Result<(Frame, String), NoPicture> {
+    pub fn draw(&mut self, stage: &Arc<Stage>, shot: &Shot) -> Result<(Frame, String), NoImage> {
         let [width, height] = shot.size;
         let pixels = u64::from(width) * u64::from(height);
         if pixels == 0 || pixels > MOST_PIXELS {
-            return Err(NoPicture::Failed(format!(
+            return Err(NoImage::Failed(format!(
                 "a test image of {width}x{height} pixels: it must have 1 to {MOST_PIXELS}; give a smaller size: #{{ size: [256, 144] }}"
             )));
         }
@@ -98,7 +98,7 @@ impl Painter {
             // The stage too: a camera that frames what it sees does so for the shape of this image.
             Arc::make_mut(&mut stage).settings.size = shot.size;
         }
-        let failed = |e: RenderError| NoPicture::Failed(e.to_string());
+        let failed = |e: RenderError| NoImage::Failed(e.to_string());
         let slot = usize::from(shot.device == Device::Vulkan);
         let effects = self.effects.clone();
         let known = self.loaded[slot].take().filter(|(s, _)| same_scene(s, &stage));
@@ -126,7 +126,7 @@ impl Painter {
         };
         let options = PlanOptions { effects: &self.effects, ..PlanOptions::new(shot.size, shot.samples) };
         let planned = plan_at(&resources, &mut Evaluator::new(stage.clone()), shot.at, &options, None);
-        let (_, plan) = planned.map_err(|e| NoPicture::Failed(e.to_string()))?;
+        let (_, plan) = planned.map_err(|e| NoImage::Failed(e.to_string()))?;
         renderer.submit(plan).map_err(failed)?;
         let frame = renderer.collect(None).map_err(failed)?;
         let class = device_class(renderer.device());
@@ -141,13 +141,13 @@ fn same_scene(a: &Stage, b: &Stage) -> bool {
         && a.actors.iter().zip(&b.actors).all(|(a, b)| Arc::ptr_eq(&a.asset, &b.asset))
 }
 
-fn start_vulkan(options: GpuOptions) -> Result<Box<VulkanRenderer>, NoPicture> {
+fn start_vulkan(options: GpuOptions) -> Result<Box<VulkanRenderer>, NoImage> {
     match VulkanRenderer::new(options) {
         Ok(renderer) => Ok(Box::new(renderer)),
         Err(RenderError::NoVulkan { why }) => {
-            Err(NoPicture::NoDevice(format!("no Vulkan: {}", why.lines().next().unwrap_or_default())))
+            Err(NoImage::NoDevice(format!("no Vulkan: {}", why.lines().next().unwrap_or_default())))
         }
-        Err(e) => Err(NoPicture::Failed(e.to_string())),
+        Err(e) => Err(NoImage::Failed(e.to_string())),
     }
 }
 

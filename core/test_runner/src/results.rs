@@ -1,6 +1,7 @@
 //! Outcomes of earlier runs, for `--changed`: a section that passed is not run again while all that it depends on is the same.
 //!
-//! What counts: the program itself, the options of the run, the section's text and what stands around the sections of its file, every
+//! The outcome depends on the program itself, the options of the run, the section's text and the text around the sections of its file,
+//! every
 //! file that it read and the images that it was compared with, by content; and which of the folders that could have
 //! given such a file had none. Not kept: failures, skips, and sections that expect an error, since the file that
 //! would end the error is not known by name.
@@ -18,7 +19,7 @@ use std::sync::{Mutex, PoisonError};
 const FORMAT: u32 = 1;
 /// An entry is a few kilobytes.
 const MOST_BYTES: u64 = 4 << 20;
-/// More than a script may have.
+/// Limit of the size of a script.
 const MOST_SCRIPT: u64 = 64 << 20;
 
 type Hash = [u8; 32];
@@ -45,7 +46,7 @@ struct Entry {
     outcome: Outcome,
 }
 
-/// What an earlier outcome rested on.
+/// An earlier outcome, and the files that it depends on.
 pub struct Reused {
     pub outcome: Outcome,
     pub files: Vec<PathBuf>,
@@ -53,7 +54,7 @@ pub struct Reused {
 }
 
 impl Results {
-    /// `identity`: texts that tell this program and its options from others.
+    /// `identity`: texts that identify this program and its options.
     pub fn new(folder: PathBuf, identity: &[&str]) -> Results {
         let mut hasher = blake3::Hasher::new();
         for text in identity {

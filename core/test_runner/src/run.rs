@@ -1,9 +1,9 @@
 //! Runs sections on all cores; outcomes are reported in the order of the sections, whichever finishes first.
 
 use crate::collect::Case;
+use crate::images::ImageOptions;
 use crate::outcome::{Check, Evidence, Outcome, Status};
 use crate::painter::Painter;
-use crate::pictures::PictureOptions;
 use crate::results::Results;
 use crate::section::{self, Ran, blank};
 use choreo_plugin::Registry;
@@ -18,7 +18,7 @@ use std::time::Instant;
 #[derive(Clone, Debug, Default)]
 pub struct RunOptions {
     pub test: TestOptions,
-    pub pictures: PictureOptions,
+    pub pictures: ImageOptions,
     /// Sections at once; 0 = one a core.
     pub jobs: usize,
     /// Seconds that a section may take; `None`: any.
@@ -44,7 +44,7 @@ pub struct Report {
     pub files: BTreeSet<PathBuf>,
     /// Names of all images that were compared.
     pub pictures: BTreeSet<String>,
-    /// Stored images of the files run that no section asks for.
+    /// Stored images of the files run that no section requests.
     pub unused: Vec<PathBuf>,
 }
 
@@ -76,7 +76,7 @@ impl Report {
             counts.reused += usize::from(outcome.reused);
             counts.checks += outcome.checks.len();
             counts.warnings += outcome.warnings.len();
-            counts.accepted += outcome.checks.iter().filter(|c| c.by == crate::pictures::ACCEPTED).count();
+            counts.accepted += outcome.checks.iter().filter(|c| c.by == crate::images::ACCEPTED).count();
         }
         counts
     }
@@ -145,7 +145,7 @@ pub fn run(
     };
     std::thread::scope(|scope| {
         let thread = || std::thread::Builder::new().name("section".into()).spawn_scoped(scope, worker);
-        // With fewer threads it takes longer; with none, this one does the work.
+        // Fewer threads only take longer; if none could be started, this one does the work.
         if (0..workers).map_while(|_| thread().ok()).count() == 0 {
             worker();
         }
@@ -166,7 +166,7 @@ fn one(
     painter: &mut Painter,
 ) -> Ran {
     if let Some(found) = results.filter(|_| options.changed).and_then(|r| r.find(case)) {
-        // Their hashes have been compared and are not asked for again.
+        // Their hashes have been compared and are not requested again.
         let files = found.files.into_iter().map(|f| (f, [0; 32])).collect();
         let pictures = found.pictures.into_iter().map(|p| (p, None)).collect();
         return Ran { outcome: found.outcome, files, pictures, keep: false };
@@ -249,7 +249,7 @@ impl Teller<'_> {
     }
 }
 
-/// Stored images that nothing asks for, of files whose sections have all been judged.
+/// Stored images that nothing requests, of files whose sections have all been judged.
 fn unused(cases: &[Case], report: &Report, claims: &BTreeMap<PathBuf, String>) -> Vec<PathBuf> {
     let mut found = Vec::new();
     let mut files: BTreeMap<&PathBuf, (usize, usize, bool)> = BTreeMap::new();

@@ -2,9 +2,9 @@
 
 use crate::collect::Case;
 use crate::evaluate::evaluate;
+use crate::images::{self, Accept, ImageOptions, Judged, Whose};
 use crate::outcome::{Check, Evidence, Outcome, SourceLocation, Status};
-use crate::painter::{Device, NoPicture, Painter, Shot};
-use crate::pictures::{self, Accept, Judged, PictureOptions, Whose};
+use crate::painter::{Device, NoImage, Painter, Shot};
 use crate::stored;
 use choreo_motion::Time;
 use choreo_plugin::Registry;
@@ -26,7 +26,7 @@ pub(crate) struct Ran {
     pub keep: bool,
 }
 
-/// As far as it can be said without running it.
+/// The outcome before the section has run.
 pub fn blank(case: &Case) -> Outcome {
     let (section, line) = match &case.section {
         Ok(info) => (info.name.clone(), info.line),
@@ -54,7 +54,7 @@ pub fn run(
     case: &Case,
     registry: &Registry,
     options: &TestOptions,
-    picture_options: &PictureOptions,
+    picture_options: &ImageOptions,
     painter: &mut Painter,
 ) -> Ran {
     let start = Instant::now();
@@ -81,14 +81,14 @@ pub fn run(
         }
     };
     outcome.printed = run.printed.clone();
-    // With the effects of plugin files that the section uses, and perhaps those of others.
+    // The effects include those of plugin files that the section uses, and perhaps others.
     let registry = registry.settled();
-    if let Err(NoPicture::Failed(why) | NoPicture::NoDevice(why)) = painter.set_effects(registry.effects()) {
+    if let Err(NoImage::Failed(why) | NoImage::NoDevice(why)) = painter.set_effects(registry.effects()) {
         outcome.status = Status::Error(why);
         return without(outcome);
     }
-    // What a known bug draws is not what is expected.
-    let without_accept = PictureOptions { accept: Accept::None, ..picture_options.clone() };
+    // An image of a known bug must not become the expected one.
+    let without_accept = ImageOptions { accept: Accept::None, ..picture_options.clone() };
     let picture_options = if info.fails.is_some() { &without_accept } else { picture_options };
     let mut ran = judge(case, outcome, &run, &registry, picture_options, painter);
     if let Some(why) = &info.fails {
@@ -109,7 +109,7 @@ fn judge(
     mut outcome: Outcome,
     run: &SectionRun,
     registry: &Registry,
-    options: &PictureOptions,
+    options: &ImageOptions,
     painter: &mut Painter,
 ) -> Ran {
     let mut pictures = Vec::new();
@@ -140,7 +140,7 @@ fn judge(
             let place = SourceLocation { file: at.file.clone(), line: at.line, column: at.column };
             let Some(stage) = run.stages.get(expectation.stage) else { continue };
             let whose = Whose { path: &case.path, file: &case.file, section: &outcome.section, place };
-            let read = match pictures::judge(wanted, stage, &whose, painter, options) {
+            let read = match images::judge(wanted, stage, &whose, painter, options) {
                 Judged::Check(check, read) => {
                     outcome.checks.push(*check);
                     read
@@ -159,7 +159,7 @@ fn judge(
     // Most warnings are failed checks already.
     let reported = |d: &&Diagnostic| outcome.checks.iter().any(|c| !c.passed && c.got == d.message);
     outcome.warnings = run.warnings.iter().filter(|d| !reported(d)).map(ToString::to_string).collect();
-    // In the order of the script; checks of the file as a whole come first.
+    // Checks are in the order of the script; checks of the file as a whole come first.
     outcome.checks.sort_by_key(|c| match c.place.file == run.info.file {
         true => (c.place.line, c.place.column),
         false => (0, 0),
@@ -170,7 +170,7 @@ fn judge(
         (true, None) => Status::Passed,
     };
     let expects_errors = run.expected.iter().any(|e| e.severity == choreo_script::Severity::Error);
-    let accepted = outcome.checks.iter().any(|c| c.by == pictures::ACCEPTED);
+    let accepted = outcome.checks.iter().any(|c| c.by == images::ACCEPTED);
     let keep = outcome.status == Status::Passed && !expects_errors && !accepted;
     Ran { outcome, files: Vec::new(), pictures, keep }
 }
@@ -183,7 +183,7 @@ fn drawable(case: &Case, stage: &Arc<Stage>, painter: &mut Painter) -> Check {
     let drawn = painter.draw(stage, &Shot { at: middle, size, samples: 1, device: Device::Cpu });
     let (passed, got) = match drawn {
         Ok((frame, _)) => (true, format!("{}x{} pixels", frame.width, frame.height)),
-        Err(NoPicture::Failed(why) | NoPicture::NoDevice(why)) => (false, why),
+        Err(NoImage::Failed(why) | NoImage::NoDevice(why)) => (false, why),
     };
     Check {
         place: SourceLocation { file: case.file.clone(), line: 0, column: 0 },

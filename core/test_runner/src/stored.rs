@@ -4,9 +4,9 @@ use choreo_files::{FileError, Folder, WriteError, write_whole_beneath};
 use choreo_plugin::Frame;
 use std::path::{Path, PathBuf};
 
-/// What a stored image may weigh unless it is marked as large: they are kept in version control for ever.
+/// Largest size of a stored image that is not marked as large: stored images stay in version control for ever.
 pub const MOST_BYTES: usize = 20 << 10;
-/// Nothing that could be a test image is larger; read no more of what lies there.
+/// Limit of the bytes that are read of a file: no test image is larger.
 const MOST_FILE_BYTES: u64 = 64 << 20;
 
 const DEVICE: &str = "choreo:device";
@@ -14,7 +14,7 @@ const DEVICE: &str = "choreo:device";
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stored {
     pub frame: Frame,
-    /// Empty where the file does not tell: it was not written by `choreo test`.
+    /// Empty where the file does not state it: it was not written by `choreo test`.
     pub device: String,
 }
 
@@ -111,7 +111,7 @@ pub fn decode(bytes: &[u8]) -> Result<Stored, DecodeError> {
     Ok(Stored { frame: Frame { width, height, rgba }, device: device.unwrap_or_default() })
 }
 
-/// As small as PNG gets: these are written once and kept. `texts`: keyword and text.
+/// Compressed as far as PNG allows, since images are written once and kept. `texts`: keyword and text.
 pub fn encode(frame: &Frame, texts: &[(&str, &str)]) -> Result<Vec<u8>, png::EncodingError> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, frame.width, frame.height);

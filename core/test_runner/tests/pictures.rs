@@ -5,11 +5,11 @@ use choreo_motion::Time;
 use choreo_plugin::Registry;
 use choreo_render::CpuRenderer;
 use choreo_render::Renderer;
-use choreo_script::testing::PictureExpectation;
+use choreo_script::testing::ImageExpectation;
 use choreo_script::{ScriptOptions, run_text};
 use choreo_stage::Stage;
+use choreo_test_runner::images::{Accept, ImageOptions, Judged, Whose, judge};
 use choreo_test_runner::painter::{Device, Painter, device_class};
-use choreo_test_runner::pictures::{Accept, Judged, PictureOptions, Whose, judge};
 use choreo_test_runner::stored::{self, Unreadable};
 use choreo_test_runner::{Check, Evidence, Pictures, SourceLocation};
 use std::path::{Path, PathBuf};
@@ -27,8 +27,8 @@ struct Bench {
     folder: tempfile::TempDir,
     stage: Arc<Stage>,
     painter: Painter,
-    wanted: PictureExpectation,
-    options: PictureOptions,
+    wanted: ImageExpectation,
+    options: ImageOptions,
 }
 
 /// The default limits, but for these metrics.
@@ -44,13 +44,12 @@ impl Bench {
         let folder = tempfile::tempdir().unwrap();
         let registry = Registry::default();
         let script = run_text("s.rhai", SCRIPT, folder.path(), &registry, &ScriptOptions::default()).unwrap();
-        let wanted = PictureExpectation {
+        let wanted = ImageExpectation {
             at: Time::from_secs(0.5),
             size: Some([96, 54]),
-            ..PictureExpectation::new("start")
+            ..ImageExpectation::new("start")
         };
-        let options =
-            PictureOptions { failures: Some(folder.path().join("out")), ..PictureOptions::default() };
+        let options = ImageOptions { failures: Some(folder.path().join("out")), ..ImageOptions::default() };
         let painter = Painter::new(registry.effects(), None);
         Bench { stage: Arc::new(script.stage), painter, wanted, options, folder }
     }
@@ -196,7 +195,7 @@ fn a_moved_thing_is_another_picture() {
     bench.wanted.at = Time::from_secs(0.6);
     let check = bench.check();
     assert!(!check.passed && pictures(&check).measures.as_ref().unwrap().visible_worst > 0.3, "{}", check.by);
-    // By the least that can be seen, a fiftieth of a second and a hundredth of a metre: under what is tolerated.
+    // A difference that is barely visible, a fiftieth of a second and a hundredth of a metre, is within the tolerance.
     bench.wanted.at = Time::from_secs(0.5002);
     assert!(bench.check().passed);
 }

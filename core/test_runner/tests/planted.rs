@@ -66,7 +66,7 @@ fn scene(plant: &str, frame: &str) -> String {
         .replace("/*PLANT*/", plant)
 }
 
-/// By the motion library, without a stage: hand in model space, head as a quaternion.
+/// The result of the motion library, without a stage: hand in model space, head as a quaternion.
 fn reference() -> ([f64; 3], [f64; 4]) {
     use choreo_motion::{LocalToModel, Pose, Sample, Time};
     let options = options();
@@ -90,7 +90,7 @@ fn nothing_fails_without_a_fault() {
     let checks = checks(&scene("", ""));
     assert!(checks.iter().all(|c| c.passed), "{}", failures(&checks).join("\n"));
     assert_eq!(checks.len(), 18);
-    // What has passed states by how much it was off from nothing, and keeps no curves.
+    // A check that passed states no difference, and keeps no curves.
     assert!(checks.iter().all(|c| c.by.is_empty() && c.evidence == Evidence::None));
 }
 
@@ -162,7 +162,7 @@ fn a_failure_tells_when_by_how_much_and_shows_the_curve() {
     let Evidence::Traces(traces) = &speed.evidence else { panic!("{speed:?}") };
     // A twentieth of a metre and back, in a thirtieth of a second each, beside the metre a second along x.
     assert!((traces[0].got.iter().copied().fold(0.0, f64::max) - (1.0f64 + 1.5 * 1.5).sqrt()).abs() < 1e-9);
-    // At one time: half a second around it, of which only that time is asserted.
+    // At a single time: half a second around it is shown, of which only that time is asserted.
     let off = common::checks(&scene("", r#"anna.joint("LeftForeArm").rotate(5, 0, 0);"#));
     let hand = off.iter().find(|c| c.title.contains("LeftHand")).unwrap();
     let Evidence::Traces(traces) = &hand.evidence else { panic!("{hand:?}") };
@@ -187,7 +187,7 @@ fn not_turns_a_claim_around_at_every_time() {
     assert_eq!(fails("expect(1).not().equals(2); expect(1).not().equals(1);"), 1);
     assert_eq!(fails("expect(plan()).at(0).not().leaves_out(\"skinning\");"), 1);
     assert_eq!(fails("expect(plan()).at(0).not().leaves_out(\"skining\");"), 1, "a slip must not pass");
-    // What is not there is neither near nor not near.
+    // A hidden object is neither near nor not near.
     assert_eq!(fails("b.hide(); expect(b.joint(b.joints()[0])).not().near([5, 0, 0]);"), 1);
     assert_eq!(fails("expect(stage()).events().not().in_order([\"*\"]);"), 0);
 }

@@ -1,4 +1,4 @@
-//! What the reports say of every kind of outcome, and that no text can break them.
+//! Reports of every kind of outcome, which no text can break.
 
 use choreo_test_runner::report::{html, json, junit, rerun, terminal};
 use choreo_test_runner::run::Report;

@@ -110,7 +110,7 @@ fn every_change_that_counts_is_noticed() {
         ("asset gone", Box::new(|b| std::fs::remove_file(&b.asset).unwrap()), false),
         ("picture", Box::new(|b| std::fs::write(&b.picture, b"Picture").unwrap()), false),
         ("image gone", Box::new(|b| std::fs::remove_file(&b.picture).unwrap()), false),
-        // In a folder that is looked into before the asset's.
+        // The file lies in a folder that is searched before the asset's.
         ("shadow", Box::new(|b| std::fs::write(b.folder.path().join("asset.bin"), b"x").unwrap()), false),
         (
             "something else",

@@ -1,4 +1,4 @@
-//! What the visible difference is for faults that everybody can picture: the table of the README, and the bounds of its words.
+//! The visible difference of faults that everybody can imagine: the table of the README, and the bounds of its words.
 
 use choreo_image_diff::compare;
 use choreo_image_diff::flip;

@@ -1,6 +1,7 @@
 //! Layout: words to lines.
 
 use crate::coverage::{Coverage, Outline};
+use crate::fallback::fallbacks;
 use crate::font::{Font, kerning};
 use ttf_parser::{Face, GlyphId};
 
@@ -27,26 +28,94 @@ pub enum Align {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Laid {
     pub size: [f32; 2],
-    /// Glyph, and the position of its origin on the baseline.
-    glyphs: Vec<(u16, [f32; 2])>,
-    scale: f32,
+    /// Glyphs with the positions of their origins on the baseline.
+    glyphs: Vec<(Glyph, [f32; 2])>,
+    size_of_em: f32,
+    /// Fonts for what the text's own font lacks.
+    fallbacks: Vec<Font>,
     pub lines: usize,
+}
+
+/// A glyph of the text's own font, or of the fallback with an index.
+type Glyph = (Option<u8>, u16);
+
+/// The fonts of a text, parsed.
+struct Faces<'f> {
+    own: Face<'f>,
+    /// Index of the fallback for a character that the own font lacks.
+    index_of: Vec<(char, u8)>,
+    fallbacks: Vec<Face<'f>>,
+}
+
+impl<'f> Faces<'f> {
+    fn glyph(&self, c: char) -> Glyph {
+        if let Some(glyph) = self.own.glyph_index(c) {
+            return (None, glyph.0);
+        }
+        let index = self.index_of.iter().find(|(known, _)| *known == c).map(|(_, index)| *index);
+        let of_fallback =
+            index.and_then(|i| Some((Some(i), self.fallbacks[usize::from(i)].glyph_index(c)?.0)));
+        // Glyph 0 is the font's sign for what it lacks.
+        of_fallback.unwrap_or((None, 0))
+    }
+
+    fn of(&self, font: Option<u8>) -> &Face<'f> {
+        font.map_or(&self.own, |index| &self.fallbacks[usize::from(index)])
+    }
+
+    fn advance(&self, (font, glyph): Glyph, size: f32) -> f32 {
+        let face = self.of(font);
+        f32::from(face.glyph_hor_advance(GlyphId(glyph)).unwrap_or(0)) * scale(face, size)
+    }
+
+    /// Glyphs of two fonts have no kerning.
+    fn kerning(&self, left: Glyph, right: Glyph, size: f32) -> f32 {
+        if left.0 != right.0 {
+            return 0.0;
+        }
+        let face = self.of(left.0);
+        kerning(face, GlyphId(left.1), GlyphId(right.1)) * scale(face, size)
+    }
+}
+
+/// Pixels of a font unit.
+fn scale(face: &Face, size: f32) -> f32 {
+    size / f32::from(face.units_per_em().max(1))
+}
+
+/// The fonts for what a font lacks of a text, each once, and the index of that for each character.
+fn fallbacks_of(font: &Font, text: &str) -> (Vec<Font>, Vec<(char, u8)>) {
+    let (mut fonts, mut index_of) = (Vec::new(), Vec::new());
+    let missing = font.missing(text);
+    if missing.is_empty() {
+        return (fonts, index_of);
+    }
+    for (c, found) in missing.iter().zip(fallbacks(&missing)) {
+        let Some(fallback) = found else { continue };
+        let known = fonts.iter().position(|font| *font == fallback.font);
+        let index = known.unwrap_or_else(|| {
+            fonts.push(fallback.font);
+            fonts.len() - 1
+        });
+        index_of.extend(u8::try_from(index).ok().map(|index| (*c, index)));
+    }
+    (fonts, index_of)
 }
 
 /// A run of glyphs without a line break opportunity; widths in pixels.
 struct Word {
-    glyphs: Vec<(u16, f32)>,
+    glyphs: Vec<(Glyph, f32)>,
     width: f32,
     /// Width of the space after it.
     space: f32,
 }
 
 pub fn lay_out(font: &Font, text: &str, style: &Style) -> Laid {
-    let face = font.face();
-    let scale = style.size / f32::from(face.units_per_em().max(1));
+    let (fallbacks, index_of) = fallbacks_of(font, text);
+    let faces = Faces { own: font.face(), index_of, fallbacks: fallbacks.iter().map(Font::face).collect() };
     let mut lines: Vec<(Vec<Word>, f32)> = Vec::new();
     for paragraph in text.split('\n') {
-        let words: Vec<Word> = paragraph.split(' ').map(|w| word(&face, w, scale)).collect();
+        let words: Vec<Word> = paragraph.split(' ').map(|w| word(&faces, w, style.size)).collect();
         let (mut line, mut width) = (Vec::new(), 0.0f32);
         for word in words {
             let gap = line.last().map_or(0.0, |before: &Word| before.space);
@@ -63,9 +132,10 @@ pub fn lay_out(font: &Font, text: &str, style: &Style) -> Laid {
     }
     let widest = lines.iter().map(|(_, width)| *width).fold(0.0, f32::max);
     let box_width = style.width.unwrap_or(widest).max(widest);
+    let (face, scale) = (&faces.own, scale(&faces.own, style.size));
     let (up, down) = (f32::from(face.ascender()) * scale, f32::from(face.descender()) * scale);
     let step = style.size * style.line_height;
-    let mut laid = Laid { scale, lines: lines.len(), ..Laid::default() };
+    let mut laid = Laid { size_of_em: style.size, lines: lines.len(), ..Laid::default() };
     for (row, (words, width)) in lines.iter().enumerate() {
         let mut x = match style.align {
             Align::Left => 0.0,
@@ -78,33 +148,32 @@ pub fn lay_out(font: &Font, text: &str, style: &Style) -> Laid {
             x += word.width + word.space;
         }
     }
+    drop(faces);
+    laid.fallbacks = fallbacks;
     laid.size = [box_width, up - down + step * (lines.len() - 1) as f32];
     laid
 }
 
-fn word(face: &Face, text: &str, scale: f32) -> Word {
-    let advance = |g: GlyphId| f32::from(face.glyph_hor_advance(g).unwrap_or(0)) * scale;
+fn word(faces: &Faces, text: &str, size: f32) -> Word {
     let mut glyphs = Vec::new();
     let (mut x, mut before) = (0.0, None);
     for c in text.chars().filter(|c| !c.is_control()) {
-        // Glyph 0 is the font's sign for what it lacks.
-        let glyph = face.glyph_index(c).unwrap_or(GlyphId(0));
+        let glyph = faces.glyph(c);
         if let Some(before) = before {
-            x += kerning(face, before, glyph) * scale;
+            x += faces.kerning(before, glyph, size);
         }
-        glyphs.push((glyph.0, x));
-        x += advance(glyph);
+        glyphs.push((glyph, x));
+        x += faces.advance(glyph, size);
         before = Some(glyph);
     }
-    let space = face.glyph_index(' ').map_or(0.0, advance);
+    let space = faces.own.glyph_index(' ').map_or(0.0, |glyph| faces.advance((None, glyph.0), size));
     Word { glyphs, width: x, space }
 }
 
 impl Laid {
     /// Coverage of all glyphs in an image of a size, with the box's top left at a position, scaled by a factor.
     pub fn coverage(&self, font: &Font, at: [f32; 2], factor: f32, picture: [u32; 2]) -> Coverage {
-        let face = font.face();
-        let scale = self.scale * factor;
+        let faces: Vec<Face> = std::iter::once(font).chain(&self.fallbacks).map(Font::face).collect();
         let size = self.size.map(|s| s * factor);
         // Accents and slanted letters reach over the box.
         let over = (size[1].max(1.0) * 0.25).ceil();
@@ -113,9 +182,10 @@ impl Laid {
             [at[0] + size[0] + over, at[1] + size[1] + over],
             picture,
         );
-        for (glyph, [x, y]) in &self.glyphs {
+        for ((font, glyph), [x, y]) in &self.glyphs {
+            let face = &faces[font.map_or(0, |index| usize::from(index) + 1)];
             let origin = [at[0] + x * factor, at[1] + y * factor];
-            let mut outline = Outline::new(&mut coverage, origin, scale);
+            let mut outline = Outline::new(&mut coverage, origin, scale(face, self.size_of_em) * factor);
             face.outline_glyph(GlyphId(*glyph), &mut outline);
         }
         coverage

@@ -2,9 +2,11 @@
 //! Lengths are pixels, y down.
 
 mod coverage;
+mod fallback;
 mod font;
 mod layout;
 
 pub use coverage::Coverage;
+pub use fallback::{Fallback, fallbacks, needs_shaping};
 pub use font::{Font, FontError};
 pub use layout::{Align, Laid, Style, lay_out};

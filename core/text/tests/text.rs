@@ -125,3 +125,38 @@ fn what_is_no_font_is_told() {
         laid.coverage(&Font::built_in(), [f32::NAN, 1e30], 1.0, [10, 10]);
     }
 }
+
+#[test]
+fn characters_that_a_font_lacks_are_drawn_in_another() {
+    let emoji = Font::new("emoji", epaint_default_fonts::NOTO_EMOJI_REGULAR).unwrap();
+    assert_eq!(emoji.missing("😀Ж"), ['Ж']);
+    let ink = |font: &Font, text: &str| {
+        let laid = lay_out(font, text, &style(60.0));
+        (sum(&laid.coverage(font, [10.0, 10.0], 1.0, [400, 400])), laid.size[0])
+    };
+    let [(alone, width), (own, own_width), (both, both_width)] =
+        [ink(&Font::built_in(), "Ж"), ink(&emoji, "😀"), ink(&emoji, "😀Ж")];
+    // Its ink is that of the font which has it, as wide as there.
+    assert!(alone > 50.0 && (both - own - alone).abs() < 0.5, "{both} of {own} and {alone}");
+    assert!((both_width - own_width - width).abs() < 1e-3, "{both_width} of {own_width} and {width}");
+    // No font of the tests has it: the sign of the text's own font.
+    let found = fallbacks(&['Ж', '\u{10fffd}']);
+    assert_eq!(
+        found[0].as_ref().map(|f| (f.font.name.as_str(), f.file.is_none())),
+        Some(("Ubuntu Light", true))
+    );
+    assert_eq!(found[1], None);
+    assert!(needs_shaping('ش') && needs_shaping('क') && !needs_shaping('漢') && !needs_shaping('Ж'));
+}
+
+#[test]
+fn fonts_of_the_system_come_last() {
+    // A letter of Hebrew, which the built-in fonts lack and DejaVu Sans has.
+    let file = std::path::Path::new("/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf");
+    if !file.is_file() {
+        return eprintln!("SKIP 1: no DejaVu Sans on this system");
+    }
+    let found = fallbacks(&['א', 'é']);
+    let of = |index: usize| found[index].as_ref().map(|f: &Fallback| f.file.is_some());
+    assert_eq!((of(0), of(1)), (Some(true), Some(false)), "{found:?}");
+}

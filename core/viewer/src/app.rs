@@ -1,4 +1,4 @@
-//! What the window shows and knows, apart from how it is drawn: fed with versions, frames and the clock, asked for the next
+//! The content and state of the window, apart from how it is drawn: fed with versions, frames and the clock, asked for the next
 //! frame to draw. No toolkit here.
 
 use crate::geometry::gizmo::{Change, Drag, Tool};
@@ -26,17 +26,17 @@ use std::time::Duration;
 /// Larger images are for `render`.
 const LARGEST: u32 = 4096;
 
-/// How actors are shown here, whatever the script says.
+/// How actors are shown in this window, whatever the script states.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shelf {
     pub hidden: BTreeSet<String>,
     /// If there are any, only these are shown.
     pub solo: BTreeSet<String>,
-    /// Neither picked nor moved with the mouse.
+    /// Actors that are neither picked nor moved with the mouse.
     pub locked: BTreeSet<String>,
 }
 
-/// Something that is being dragged in a viewport.
+/// The object that is being dragged in a viewport.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dragging {
     pub actor: String,
@@ -55,7 +55,7 @@ pub struct Viewer {
     /// The window is to be closed.
     pub quit: bool,
     /// Why the last change was not made.
-    pub said: Option<String>,
+    pub message: Option<String>,
     /// The last good one.
     pub scene: Option<Arc<Scene>>,
     pub timeline: Timeline,
@@ -66,7 +66,7 @@ pub struct Viewer {
     /// Problems of the renderer: drivers that failed, shaders that do not compile, callbacks that fail at this time.
     pub trouble: Vec<String>,
     pub playhead: Playhead,
-    /// At least one.
+    /// The views; at least one.
     pub views: Vec<View>,
     /// The one that keys are for.
     pub active: usize,
@@ -75,7 +75,7 @@ pub struct Viewer {
     pub shelf: Shelf,
     pub selection: Option<Selected>,
     pub span: Span,
-    /// Times as seconds, not as frames.
+    /// Times are shown as seconds instead of frames.
     pub in_seconds: bool,
     /// Dragged times are whole frames.
     pub snap: bool,
@@ -105,7 +105,7 @@ impl Viewer {
             path: None,
             history: History::default(),
             offer: None,
-            said: None,
+            message: None,
             quit: false,
             scene: None,
             timeline: Timeline::default(),
@@ -151,7 +151,7 @@ impl Viewer {
         let Some(scene) = version.scene else { return };
         let settings = &scene.stage.settings;
         let length = settings.length.as_secs();
-        // What was shown as a whole still is.
+        // If the whole scene was shown, the whole new one is shown.
         if self.scene.is_none() || self.span == Span::whole(self.playhead.length().as_secs()) {
             self.span = Span::whole(length);
         }
@@ -185,7 +185,7 @@ impl Viewer {
         }
     }
 
-    /// The next frame to draw, where a view wants another than was drawn or asked for last, and none is being drawn for it.
+    /// The next frame to draw, where a view wants another than was drawn or requested last, and none is being drawn for it.
     pub fn next_request(&mut self) -> Option<FrameRequest> {
         let scene = self.scene.clone()?;
         // Four, as `render` has it.
@@ -259,7 +259,7 @@ impl Viewer {
         self.views.iter().any(|v| v.waiting)
     }
 
-    /// The image that the panels tell of.
+    /// The image that the panels describe.
     pub fn shown(&self) -> Option<&FrameInfo> {
         self.view().shown.as_ref().or_else(|| self.views.iter().find_map(|v| v.shown.as_ref()))
     }

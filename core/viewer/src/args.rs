@@ -46,14 +46,14 @@ struct Args {
     tell: bool,
 }
 
-/// What the user asks for.
+/// Options of the program, checked.
 pub(crate) struct ViewerOptions {
     pub source: SceneSource,
     pub at: f64,
     pub play: bool,
     /// Frames of the window at which its device is as good as lost.
     pub lose: Vec<u64>,
-    /// Lines on standard output tell what has been shown.
+    /// Reports on standard output what is shown, a line each.
     pub tell: bool,
 }
 

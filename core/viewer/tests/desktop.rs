@@ -54,7 +54,7 @@ fn minimised_it_does_nothing_and_is_back_with_what_has_changed() {
         screen.xdotool(&["windowminimize", &window]);
         let last = told.settled(Duration::from_millis(700), Duration::from_secs(300));
         assert!(last.is_some(), "it goes on drawing");
-        // What was being drawn may be drawn to its end.
+        // A frame that was being drawn may be finished.
         until("rest", || {
             let before = told.processor_secs();
             std::thread::sleep(Duration::from_secs(2));
@@ -64,7 +64,7 @@ fn minimised_it_does_nothing_and_is_back_with_what_has_changed() {
         std::thread::sleep(Duration::from_secs(1));
         let more = told.meanwhile();
         assert!(more.iter().all(|v| v["told"] != "shown"), "a frame of a window that is not seen: {more:?}");
-        // What is saved meanwhile is there when it comes back.
+        // A version that is saved meanwhile is there when the window comes back.
         let color = format!("#6020{}0", round + 4);
         fs::write(folder.path().join("a.rhai"), SCRIPT.replace("#204060", &color)).unwrap();
         std::thread::sleep(Duration::from_millis(300));
@@ -107,7 +107,7 @@ fn covered_it_does_nothing() {
     ends_well(&screen, &window, told, folder.path());
 }
 
-/// As when the desktop's scale is changed, or the window comes to a screen of another: the same in points, twice the pixels.
+/// The desktop's scale changes, or the window moves to a screen with another: the same in points, twice the pixels.
 #[test]
 fn another_scale_while_it_runs() {
     another_scale(false);
@@ -135,7 +135,7 @@ fn another_scale(managed: bool) {
                 .then_some(())
         });
         if dpi != 96 {
-            // On the screen, which is smaller, so that it can be seen whole.
+            // The window must fit on the screen, which is smaller, so that it is visible as a whole.
             screen.xdotool(&["windowsize", "--sync", &window, "1400", "1000"]);
             // Buttons are as much larger; images have as many pixels as they are drawn with.
             let scale = dpi as usize as f64 / 96.0;
@@ -144,7 +144,7 @@ fn another_scale(managed: bool) {
                 screen.save(&window, &format!("scale_{dpi}.png"));
                 ((now as f64 - button as f64 * scale).abs() <= 3.0).then_some(())
             });
-            // For a moment after the resize the old frame is cut off by the window.
+            // For a moment after the resize the window cuts off the old frame.
             until("an image of 16:9", || {
                 let [left, top, right, bottom] = screen.shot(&window).bounds(BACKGROUND);
                 let shape = right.checked_sub(left)? as f64 / bottom.checked_sub(top)? as f64;

@@ -36,10 +36,10 @@ fn a_change_is_one_number_in_the_file_and_can_be_taken_back() {
     assert_eq!(place.text(), format!("// a note\n{}", SCRIPT.replace(".from(0.5)", ".from(0.72)")));
     place.viewer.undo().unwrap();
     assert_eq!(place.text(), format!("// a note\n{SCRIPT}"));
-    assert_eq!(place.viewer.undo().unwrap_err(), "there is nothing to take back");
+    assert_eq!(place.viewer.undo().unwrap_err().to_string(), "there is nothing to take back");
 }
 
-/// On the first line, too, which is one character shorter to the script than to the file.
+/// An edit of the first line, too, which has one character less for the script than in the file.
 #[test]
 fn a_byte_order_mark_stays_before_the_text() {
     let script = SCRIPT.replacen('\n', " ", 3);
@@ -64,13 +64,13 @@ fn where_two_clips_meet_is_the_end_of_the_first() {
 fn what_is_not_one_number_is_refused_and_nothing_changes() {
     let mut place = Place::new(SCRIPT);
     let in_loop = Selected::Cue { actor: "ada".into(), layer: 1, cue: 0 };
-    let why = place.viewer.set_cue(&in_loop, CueTime::Start, 0.1).unwrap_err();
+    let why = place.viewer.set_cue(&in_loop, CueTime::Start, 0.1).unwrap_err().to_string();
     assert!(why.contains("a.rhai:6: this line makes 2 of them"), "{why}");
     assert_eq!(place.text(), SCRIPT);
     // Changed on disk and not yet shown.
     let other = SCRIPT.replace("she", "he");
     place.write(&other);
-    let why = place.viewer.set_cue(&cue(0), CueTime::Start, 0.1).unwrap_err();
+    let why = place.viewer.set_cue(&cue(0), CueTime::Start, 0.1).unwrap_err().to_string();
     assert!(why.contains("changed on disk"), "{why}");
     assert_eq!(place.text(), other);
 }
@@ -81,7 +81,7 @@ fn a_drag_of_a_bar_s_end_writes_the_file() {
     let mut harness = place.harness(vec2(1280.0, 860.0));
     let ruler = harness.get_by_label("time").rect();
     let handle = harness.get_by_label("start of Walk in row 1").rect().center();
-    // To 1 s of 4.
+    // The handle is dragged to 1 s of 4.
     let to = pos2(ruler.left() + ruler.width() * 0.25, handle.y);
     harness.drag_at(handle);
     harness.run();
@@ -90,6 +90,6 @@ fn a_drag_of_a_bar_s_end_writes_the_file() {
     harness.drop_at(to);
     harness.run();
     let place = harness.state();
-    assert_eq!(place.viewer.said, None);
+    assert_eq!(place.viewer.message, None);
     assert_eq!(place.text(), SCRIPT.replace(".from(0.5)", ".from(1.0)"));
 }

@@ -1,5 +1,5 @@
-//! What the sequencer marks beside bars: keys, who comes and goes, what bodies do, named times of clips, feet; what is wrong, until
-//! it is mended.
+//! Marks of the sequencer beside bars: keys, who comes and goes, what actors do, named times of clips, feet; problems, until
+//! they are resolved.
 
 mod place;
 
@@ -161,7 +161,7 @@ fn what_is_wrong_is_marked_until_it_is_mended() {
     assert_eq!(marked(&desk), (vec![], vec![]));
 }
 
-/// As at twice the scale on a small screen: buttons go into a second line before the ruler goes out of sight.
+/// At twice the scale on a small screen, the buttons wrap into a second line before the ruler leaves the window.
 #[test]
 fn in_a_narrow_window_the_whole_ruler_is_seen() {
     let desk = Place::new(SCRIPT).harness(vec2(640.0, 600.0));

@@ -1,4 +1,5 @@
-//! What the viewer takes, measured on a real window without a screen: `cargo test --release -p choreo -p choreo-viewer --test figures --
+//! The time and memory that the viewer takes, measured on a real window without a screen: `cargo test --release -p choreo -p
+//! choreo-viewer --test figures --
 //! --ignored --nocapture`. Lines for the README; the device and the machine's load are part of them.
 
 #![cfg(target_os = "linux")]
@@ -11,7 +12,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Of fifteen lines.
+/// A script of fifteen lines.
 const SHORT: &str = r##"stage(#{ size: [1280, 720], fps: 30, length: 4.0 });
 let moves = load("choreo:mannequin");
 let ada = cast("ada", load("choreo:mannequin", #{ color: "coral" }));
@@ -190,8 +191,8 @@ fn hill(height: f32) -> Vec<u8> {
     out
 }
 
-/// From right before a file is written until the window shows the new version, less what the same frame takes once more where
-/// nothing has changed but a comment: that is drawn after each edit, so that a busy machine slows both.
+/// Time from right before a file is written until the window shows the new version, less the time of the same frame after an edit
+/// that changes only a comment. That edit follows each other one, so that a busy machine slows both.
 #[test]
 #[ignore = "takes some minutes, and is a measurement"]
 fn from_save_to_pixel() {

@@ -42,7 +42,7 @@ struct Person<'a> {
 
 impl Person<'_> {
     fn save(&self, text: &str) {
-        // In place, or beside it and renamed, as editors do.
+        // Editors save in place, or beside the file and rename.
         let file = self.folder.join("a.rhai");
         if text.len().is_multiple_of(2) {
             fs::write(self.folder.join("a.new"), text).unwrap();
@@ -53,7 +53,7 @@ impl Person<'_> {
     }
 
     fn point(&mut self, part: [u64; 4]) -> [String; 2] {
-        // In hundredths of the window: left, right, top, bottom.
+        // The part is in hundredths of the window: left, right, top, bottom.
         let [left, right, top, bottom] = part;
         let x = self.size[0] * (left + self.chance.next(right - left)) / 100;
         let y = self.size[1] * (top + self.chance.next(bottom - top)) / 100;
@@ -167,7 +167,7 @@ impl Person<'_> {
         let quiet = Duration::from_millis(1500);
         let mut marked = 0;
         loop {
-            // What was told before is old.
+            // Earlier lines are outdated.
             if told.settled(quiet, Duration::from_secs(6)).is_none() {
                 // It plays.
                 self.screen.key(self.window, "space");

@@ -1,4 +1,4 @@
-//! What is changed through the panels reaches the script: transform, lights, effects, clips, cuts, markers; questions are asked
+//! Changes through the panels reach the script: transform, lights, effects, clips, cuts, markers; questions are asked
 //! with a difference; undo and redo.
 
 mod place;
@@ -33,13 +33,13 @@ fn what_is_dragged_in_the_viewport_is_written_and_shown() {
     place.viewer.change_actor("ada", Change::Move(DVec3::new(0.25, 0.0, 1.0))).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".at(-0.5, 0.0, 0.0)", ".at(-0.25, 0.0, 1.0)"));
     place.reload();
-    assert_eq!(place.viewer.said, None, "it stands where it was put");
+    assert_eq!(place.viewer.message, None, "it stands where it was put");
     let (sin, cos) = libm::sincos(core::f64::consts::FRAC_PI_4 / 2.0);
     place.viewer.change_actor("ada", Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos))).unwrap();
     place.reload();
     place.viewer.change_actor("ada", Change::Scale(DVec3::splat(1.5))).unwrap();
     place.reload();
-    assert_eq!(place.viewer.said, None);
+    assert_eq!(place.viewer.message, None);
     assert!(place.text().contains(".turn(45.0)") && place.text().contains(".scale(1.5)"), "{}", place.text());
     for _ in 0..3 {
         place.viewer.undo().unwrap();
@@ -57,16 +57,17 @@ fn what_another_line_undoes_is_told() {
     place.viewer.change_actor("ada", Change::Move(DVec3::X)).unwrap();
     place.reload();
     assert!(
-        place.viewer.said.as_ref().unwrap().contains("another line places \"ada\" anew"),
+        place.viewer.message.as_ref().unwrap().contains("another line places \"ada\" anew"),
         "{:?}",
-        place.viewer.said
+        place.viewer.message
     );
 }
 
 #[test]
 fn what_is_computed_is_asked_about_with_a_line_that_would_do_it() {
     let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
-    let refused = harness.state_mut().viewer.change_actor("bob", Change::Move(DVec3::X)).unwrap_err();
+    let refused =
+        harness.state_mut().viewer.change_actor("bob", Change::Move(DVec3::X)).unwrap_err().to_string();
     assert!(refused.contains("line 6: .at(x * 2.0, 0.0, 0.0) is computed"), "{refused}");
     harness.run();
     harness.get_by_label("+ bob.move_by(1.0, 0.0, 0.0);");
@@ -79,7 +80,7 @@ fn what_is_computed_is_asked_about_with_a_line_that_would_do_it() {
     assert_eq!(harness.state().viewer.scene.as_ref().unwrap().stage.actors[1].transform.translation.x, 1.5);
 }
 
-/// On a busy machine a frame can take longer than a second: press and release are seen in different ones.
+/// A frame on a busy machine can take longer than a second: press and release arrive in different ones.
 #[test]
 fn a_click_is_one_however_long_a_frame_takes() {
     let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
@@ -106,7 +107,15 @@ fn a_file_that_has_changed_meanwhile_is_asked_about_and_keeps_both() {
     let other = SCRIPT.replace("let x = 0.25;", "let x = 0.75; // by the editor");
     harness.state().write(&other);
     let change = Change::Move(DVec3::new(0.1, 0.0, 0.0));
-    assert!(harness.state_mut().viewer.change_actor("ada", change).unwrap_err().contains("changed on disk"));
+    assert!(
+        harness
+            .state_mut()
+            .viewer
+            .change_actor("ada", change)
+            .unwrap_err()
+            .to_string()
+            .contains("changed on disk")
+    );
     assert_eq!(harness.state().text(), other, "nothing is written unasked");
     harness.run();
     harness.get_by_label("- let x = 0.25;");
@@ -155,7 +164,7 @@ fn a_clip_is_added_at_the_playhead_and_by_a_drag_onto_its_row() {
     harness.run();
     harness.get_by_label("play Wave").click();
     harness.run();
-    assert_eq!(harness.state().viewer.said, None);
+    assert_eq!(harness.state().viewer.message, None);
     let line = "ada.play(moves.clip(\"Wave\"), #{ fade: 0.3 }).from(2.0);\n";
     let expected = SCRIPT.replace("clip(\"Walk\"));\n", &format!("clip(\"Walk\"));\n{line}"));
     assert_eq!(harness.state().text(), expected);
@@ -173,7 +182,7 @@ fn a_clip_is_added_at_the_playhead_and_by_a_drag_onto_its_row() {
     harness.run();
     harness.drop_at(to);
     harness.run();
-    assert_eq!(harness.state().viewer.said, None);
+    assert_eq!(harness.state().viewer.message, None);
     assert!(harness.state().text().contains("ada.play(moves.clip(\"Bow\"), #{ fade: 0.3 }).from(3.0);\n"));
     harness.state_mut().reload();
     assert_eq!(harness.state().viewer.scene.as_ref().unwrap().stage.actors[0].layers[0].cues.len(), 3);
@@ -194,7 +203,7 @@ fn a_marker_and_a_cut_are_dragged() {
         harness.run();
         harness.drop_at(to);
         harness.run();
-        assert_eq!(harness.state().viewer.said, None);
+        assert_eq!(harness.state().viewer.message, None);
         assert!(harness.state().text().contains(expected), "{}", harness.state().text());
         harness.state_mut().reload();
         harness.run();
@@ -224,10 +233,10 @@ fn a_number_of_the_inspector_is_one_change() {
 
 const TRIANGLE: &str = "v -1 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
-/// As the window does it: the files in place of the script.
+/// Drops files as the window does: they are shown instead of the script.
 fn dropped(place: &mut Place, files: &[PathBuf]) {
     let (source, left_out) = SceneSource::of_models(files.to_vec(), place.session.source()).unwrap();
-    place.viewer.said = left_out;
+    place.viewer.message = left_out;
     place.viewer.guests = std::iter::once(&source.input).chain(&source.beside).cloned().collect();
     let mut session = Session::new(source, &choreo::registry(), false).unwrap();
     place.viewer.take_version(session.build(BTreeSet::new()));
@@ -250,7 +259,7 @@ fn a_dropped_file_is_added_as_a_line() {
     let elsewhere = tempfile::tempdir().unwrap();
     fs::write(elsewhere.path().join("b.obj"), TRIANGLE).unwrap();
     dropped(&mut place, &[elsewhere.path().join("b.obj")]);
-    assert!(place.viewer.add_guests().unwrap_err().contains("outside the script's folder"));
+    assert!(place.viewer.add_guests().unwrap_err().to_string().contains("outside the script's folder"));
 }
 
 #[test]
@@ -264,7 +273,7 @@ fn files_that_are_dropped_together_stand_side_by_side_and_are_one_change() {
         fs::write(file, text).unwrap();
     }
     dropped(&mut place, &files);
-    assert_eq!(place.viewer.said.as_deref(), Some("a.rhai: a script is shown alone"));
+    assert_eq!(place.viewer.message.as_deref(), Some("a.rhai: a script is shown alone"));
     assert!(!place.viewer.faulty, "{:?}", place.viewer.problems);
     let told = |p: &Problem| p.file.ends_with("broken.obj") && p.severity == choreo_script::Severity::Warning;
     assert!(place.viewer.problems.iter().any(told), "{:?}", place.viewer.problems);
@@ -273,7 +282,7 @@ fn files_that_are_dropped_together_stand_side_by_side_and_are_one_change() {
         scene.stage.actors.iter().map(|a| (a.name.as_str(), a.transform.translation.x)).collect();
     // Two metres wide, and a tenth between.
     assert_eq!(stand, [("one", 0.0), ("one 2", 2.2), ("two", 4.4)]);
-    let refused = place.viewer.add_guests().unwrap_err();
+    let refused = place.viewer.add_guests().unwrap_err().to_string();
     assert!(refused.contains("broken.obj: it cannot be read; "), "{refused}");
     assert!(refused.contains("outside the script's folder"), "{refused}");
     let lines = "let one = cast(\"one\", load(\"one.obj\"));\n\
@@ -287,6 +296,6 @@ fn files_that_are_dropped_together_stand_side_by_side_and_are_one_change() {
     let broken = files[1].clone();
     dropped(&mut place, &[broken.clone(), broken]);
     assert!(place.viewer.faulty && place.viewer.problems.len() == 2);
-    assert!(place.viewer.add_guests().unwrap_err().contains("cannot be read"));
+    assert!(place.viewer.add_guests().unwrap_err().to_string().contains("cannot be read"));
     assert_eq!(place.text(), SCRIPT);
 }

@@ -230,7 +230,7 @@ fn a_faulty_version_leaves_all_as_it_was_and_says_why() {
     assert_eq!((viewer.views[0].camera.clone(), viewer.selection.clone()), before);
     assert_eq!(viewer.timeline.rows[1].bars[1].fade_in, Time::from_secs(0.25));
     assert_eq!((viewer.playhead.frame(), viewer.playhead.is_playing()), (62, true));
-    // What the script no longer makes is no longer selected.
+    // A selected object is deselected if the script no longer makes it.
     let without = script("").replace(".then(moves.clip(\"Wave\"), #{ fade: 0.5 })", "");
     let version = studio.save(&without);
     harness.state_mut().viewer.take_version(version);
@@ -301,7 +301,7 @@ fn moved_between_scales_the_picture_is_drawn_for_each() {
             asked.iter().zip(wanted).all(|(n, w)| (i64::from(*n) - w).abs() <= 2),
             "{asked:?} for {wanted:?}"
         );
-        // What is selected and where the playhead is do not depend on it.
+        // The selection and the playhead do not depend on it.
         assert_eq!(harness.state().viewer.playhead.frame(), 0);
     }
 }

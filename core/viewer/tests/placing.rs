@@ -1,4 +1,4 @@
-//! What the mouse makes of things that are keyed, attached or face something, and of lights: the script's own literals change.
+//! Edits by mouse of things that are keyed, attached or face something, and of lights: the script's own literals change.
 
 mod place;
 
@@ -50,7 +50,7 @@ fn a_keyed_actor_gets_its_key_at_the_playhead() {
     let new = "by the door\n    [1.0, [1.0, 0.0, 0.5]],\n    [f(50)";
     assert_eq!(place.text(), SCRIPT.replace("by the door\n    [f(50)", new));
     place.reload();
-    assert_eq!(place.viewer.said, None, "it stands where it was put");
+    assert_eq!(place.viewer.message, None, "it stands where it was put");
     // Again, at the same time: that one is changed.
     place.viewer.change_actor("ada", Change::Move(DVec3::new(0.25, 0.0, 0.0))).unwrap();
     assert_eq!(
@@ -73,7 +73,7 @@ fn a_keyed_actor_gets_its_key_at_the_playhead() {
     place.viewer.change_actor("ada", Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos))).unwrap();
     assert_eq!(place.text(), SCRIPT.replace("[4.0, 360]", "[4.0, 405.0]"));
     place.reload();
-    assert_eq!(place.viewer.said, None);
+    assert_eq!(place.viewer.message, None);
     // Between two of them it has gone on, too.
     at(&mut place, 2.0);
     place.viewer.change_actor("ada", Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos))).unwrap();
@@ -91,7 +91,7 @@ fn computed_keys_are_refused_with_their_line() {
     place.write(&computed);
     place.reload();
     at(&mut place, 2.0);
-    let why = place.viewer.change_actor("ada", Change::Move(DVec3::X)).unwrap_err();
+    let why = place.viewer.change_actor("ada", Change::Move(DVec3::X)).unwrap_err().to_string();
     assert_ends(&why, "a.rhai: line 3: its position has keys that are computed; change them there");
     assert_eq!(place.text(), computed);
 }
@@ -105,7 +105,7 @@ fn what_is_attached_is_moved_in_its_parent() {
         let by = DVec3::new(0.2, 0.1, -0.3);
         place.viewer.change_actor(name, Change::Move(by)).unwrap();
         place.reload();
-        assert_eq!(place.viewer.said, None);
+        assert_eq!(place.viewer.message, None);
         // Where the mouse left it; written to the thousandth.
         assert!((world(&place, name) - before - by).length() < 2e-3, "{name}: {}", world(&place, name));
     }
@@ -117,7 +117,8 @@ fn what_is_attached_is_moved_in_its_parent() {
 #[test]
 fn what_faces_something_is_moved_and_not_turned() {
     let mut place = Place::new(SCRIPT);
-    let why = place.viewer.change_actor("fan", Change::Turn(DQuat::from_rotation_y(0.5))).unwrap_err();
+    let why =
+        place.viewer.change_actor("fan", Change::Turn(DQuat::from_rotation_y(0.5))).unwrap_err().to_string();
     assert_ends(&why, "a.rhai: line 10: .face(…) turns it; change that, or take it away");
     assert_eq!(place.text(), SCRIPT);
     place.viewer.change_actor("fan", Change::Move(DVec3::X)).unwrap();
@@ -140,7 +141,7 @@ fn a_camera_stands_where_the_free_one_did() {
     harness.get_by_label("as \"wide\"").click();
     harness.run();
     let place = harness.state_mut();
-    assert_eq!(place.viewer.said, None);
+    assert_eq!(place.viewer.message, None);
     let line = "camera(\"wide\").at(4.5, 1.25, 0.0).look_at([0.5, 1.25, 0.0]);";
     assert_eq!(
         place.text(),
@@ -160,7 +161,7 @@ fn a_camera_stands_where_the_free_one_did() {
     let follows = SCRIPT.replace(".at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0])", ".follow(bob, [0, 1, 3])");
     place.write(&follows);
     place.reload();
-    let why = place.viewer.set_camera("wide", &orbit).unwrap_err();
+    let why = place.viewer.set_camera("wide", &orbit).unwrap_err().to_string();
     assert_ends(&why, "a.rhai:11: it moves by itself; change that there");
 }
 
@@ -182,7 +183,7 @@ fn a_new_camera_stands_where_the_free_one_does_from_the_playhead_on() {
             .click();
         harness.run();
         let place = harness.state_mut();
-        assert_eq!(place.viewer.said, None);
+        assert_eq!(place.viewer.message, None);
         let line = place.text().strip_prefix(&script).unwrap().to_string();
         assert!(line.starts_with("camera(\"view 1\").at(") && line.ends_with(end), "{line}");
         place.reload();
@@ -205,7 +206,12 @@ fn a_color_takes_the_place_of_kelvin_if_the_user_agrees_and_keys_get_numbers() {
     assert_eq!(place.text(), SCRIPT.replace("[2.0, 20]", "[2.0, 35.0]"));
     place.reload();
     let mut harness = place.harness(vec2(1500.0, 1000.0));
-    let why = harness.state_mut().viewer.set_value(&Selected::Light(0), "color", "\"#ff8040\"").unwrap_err();
+    let why = harness
+        .state_mut()
+        .viewer
+        .set_value(&Selected::Light(0), "color", "\"#ff8040\"")
+        .unwrap_err()
+        .to_string();
     assert_ends(&why, "a.rhai: line 12: kelvin: 3200 says its color; a color would take its place");
     harness.run();
     harness.get_by_label_contains("- spot(").rect();

@@ -107,7 +107,7 @@ fn a_device_that_is_lost_each_time_ends_with_a_message() {
 
 #[test]
 fn a_display_that_goes_ends_it_without_a_panic() {
-    // At whatever it is doing: several times.
+    // The display goes at several moments, whatever the viewer is doing then.
     for wait in [0, 3, 17, 40] {
         let Some(mut screen) = Screen::new() else { return };
         let folder = tempfile::tempdir().unwrap();
@@ -142,7 +142,7 @@ fn a_window_that_was_hidden_shows_what_has_changed_meanwhile() {
     assert_quiet(folder.path());
 }
 
-/// As on a screen with small pixels: everything is twice as large, and the image has as many pixels as it is drawn with.
+/// On a screen with small pixels everything is twice as large, and the image has as many pixels as it is drawn with.
 #[test]
 fn on_a_screen_of_twice_the_scale_the_picture_is_pixel_on_pixel() {
     let Some(screen) = Screen::new() else { return };
@@ -159,7 +159,7 @@ fn on_a_screen_of_twice_the_scale_the_picture_is_pixel_on_pixel() {
     picture(&screen, &window);
     let size = screen.xdotool(&["getwindowgeometry", "--shell", &window]);
     assert!(size.contains("WIDTH=2560") && size.contains("HEIGHT=1720"), "{size}");
-    // On the screen, which is smaller, so that it can be seen whole.
+    // The window must fit on the screen, which is smaller, so that it is visible as a whole.
     screen.xdotool(&["windowsize", "--sync", &window, "1400", "1000"]);
     let shot = until("the window in its new size", || Some(screen.shot(&window)).filter(|s| s.width == 1400));
     until("the image of its own size", || {

@@ -179,7 +179,7 @@ fn a_wayland_that_is_not_there_is_told_and_x11_takes_its_place() {
     drop(viewer);
 }
 
-/// What is loaded when a window is opened, and the package that has it. (libX11 is looked for by its whole path, too.)
+/// Libraries that are loaded when a window is opened, and their packages. (libX11 is also searched for by its whole path.)
 const LIBRARIES: [(&[&str], &str); 6] = [
     (&["libX11-xcb.so.1", "libX11-xcb.so"], "libx11-xcb1"),
     (&["libXcursor.so.1", "libXcursor.so"], "libxcursor1"),

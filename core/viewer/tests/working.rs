@@ -33,7 +33,7 @@ marker("hello", 1.0);
 
 type Desk = Harness<'static, Place>;
 
-/// With the image of the first frame.
+/// A desk that shows the image of the first frame.
 fn desk() -> Desk {
     let mut place = Place::new(SCRIPT);
     place.paint();
@@ -56,7 +56,7 @@ fn click(desk: &mut Desk, label: &str) {
     desk.run();
 }
 
-/// What a panel says, for a look at a failure.
+/// Texts of a panel, to look at after a failure.
 fn said(desk: &Desk, part: &str) -> Vec<String> {
     desk.query_all_by_label_contains(part).map(|node| format!("{node:?}")).collect()
 }
@@ -88,7 +88,7 @@ fn the_tree_hides_shows_alone_and_locks() {
     );
     assert!(desk.query_by_label("hide ball").is_none());
     assert!(desk.state().viewer.shelf.hidden.is_empty());
-    // A field that has the keyboard asks for no image of its own: nothing blinks.
+    // A field that has the keyboard requests no image of its own: nothing blinks.
     let delay = desk.output().viewport_output[&egui::ViewportId::ROOT].repaint_delay;
     assert!(delay > std::time::Duration::from_secs(60), "{delay:?}");
 }
@@ -123,7 +123,7 @@ fn a_camera_s_field_of_view_is_changed_in_the_inspector() {
         desk.state_mut().reload();
         assert!(desk.state().text().contains(literal), "{}", desk.state().text());
     }
-    // By the mouse, as one change.
+    // The mouse makes one change.
     desk.state_mut().viewer.selection = Some(Selected::Camera("wide".into()));
     desk.run();
     let before = desk.state().text();
@@ -135,7 +135,7 @@ fn a_camera_s_field_of_view_is_changed_in_the_inspector() {
     assert_eq!(desk.state().text(), before, "not before it is let go");
     desk.drop_at(field + vec2(40.0, 0.0));
     desk.run();
-    assert_eq!(desk.state().viewer.said, None);
+    assert_eq!(desk.state().viewer.message, None);
     assert_ne!(desk.state().text(), before);
     assert!(!desk.state().text().contains(".fov(61.0)"));
 }
@@ -186,7 +186,7 @@ fn a_view_follows_flies_and_looks_through_any_camera() {
         other => panic!("{other:?}"),
     };
     click(&mut desk, "camera");
-    // In the tree, and in the menu.
+    // The name stands in the tree and in the menu.
     desk.get_all_by_label("near").last().unwrap().click();
     desk.run();
     assert_eq!(desk.state().viewer.views[0].camera, ViewCamera::Named("near".into()));
@@ -200,7 +200,7 @@ fn a_view_follows_flies_and_looks_through_any_camera() {
     assert!(matches!(following, ViewportCamera::Following { actor: 0, .. }), "{following:?}");
     desk.state_mut().viewer.views[0].waiting = false;
     click(&mut desk, "follow");
-    // On foot: W goes ahead, along -z here, as long as it is held and the mouse is over the image.
+    // On foot, W moves ahead, along -z here, while it is held and the mouse is over the image.
     let before = place(&desk);
     desk.hover_at(desk.get_by_label("picture").rect().center());
     desk.key_down(Key::W);
@@ -213,7 +213,7 @@ fn a_view_follows_flies_and_looks_through_any_camera() {
     assert_eq!(place(&desk) - before, walked, "and stands then");
 }
 
-/// What is picked is what was drawn there: told by the colors of the image, which the renderer made without knowing of picking.
+/// Picking returns the object drawn there. The image's colors show which it is; the renderer does not know of picking.
 #[test]
 fn what_is_picked_is_what_is_seen() {
     let mut place = Place::new(SCRIPT);
@@ -297,7 +297,7 @@ fn a_click_in_the_picture_selects_and_what_is_locked_stays() {
     let mut desk = desk();
     let rect = desk.get_by_label("picture").rect();
     let shown = desk.state().viewer.shown().unwrap();
-    // As it lies on the screen: pixel on pixel in the middle.
+    // The lens matches the image on the screen: pixel on pixel in the middle.
     let corner = rect.center() - vec2(160.0, 90.0);
     let corner = DVec2::new(f64::from(corner.x.round()), f64::from(corner.y.round()));
     let lens = Lens::new(&shown.snapshot.camera, corner, DVec2::new(320.0, 180.0));
@@ -324,7 +324,7 @@ fn a_click_in_the_picture_selects_and_what_is_locked_stays() {
 #[test]
 fn the_inspector_tells_layers_materials_joints_and_parameters() {
     let mut desk = desk();
-    // In the middle of the fade: half of each.
+    // In the middle of the fade, each has half of the weight.
     desk.state_mut().viewer.playhead.seek(Time::from_secs(2.4));
     paint(&mut desk);
     click(&mut desk, "row ada");
@@ -344,7 +344,7 @@ fn the_inspector_tells_layers_materials_joints_and_parameters() {
     desk.drop_at(materials);
     desk.run();
     assert!(has(&desk, "metallic 1.00") && has(&desk, "roughness 0.25"));
-    // As its manifest has it: the slider's value goes into the script.
+    // The slider has the range of the manifest, and writes its value into the script.
     click(&mut desk, "vignette on effects");
     let slider = desk.get_by_role_and_label(Role::SpinButton, "strength").rect();
     let to = pos2(slider.left() + 4.0, slider.center().y);
@@ -393,7 +393,7 @@ fn the_sequencer_has_times_as_one_likes_them() {
         desk.run();
         desk.drop_at(to);
         desk.run();
-        assert_eq!(desk.state().viewer.said, None);
+        assert_eq!(desk.state().viewer.message, None);
         let text = desk.state().text();
         let near = |text: &str| text.contains(expected) || text.contains(&expected.replace(".0)", ".00"));
         assert!(near(&text), "{text}");
@@ -441,7 +441,7 @@ fn all_of_it_by_the_keyboard_alone() {
         desk.state().text(),
         SCRIPT.replace(".until(2.0)", ".until(2.04)"),
         "{:?}",
-        desk.state().viewer.said
+        desk.state().viewer.message
     );
     press(&mut desk, Modifiers::COMMAND, Key::Z);
     assert_eq!(desk.state().text(), SCRIPT);

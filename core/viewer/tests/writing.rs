@@ -1,6 +1,6 @@
 //! Somebody writes `scripts/02_layers.rhai` with the viewer beside the editor: line by line from an empty file, with mistakes made and
 //! mended, saved in the three ways of editors; looks around between, drags a bar, a clip of the inspector, the actor itself, takes it
-//! back, does it again. Once as fast as it goes; at a person's pace, with breaks, for as long as asked for:
+//! back, does it again. Once as fast as it goes; at a person's pace, with breaks, for as long as requested:
 //! `CHOREO_MINUTES=60 cargo test -p choreo -p choreo-viewer --test writing -- --ignored --nocapture`.
 
 #![cfg(target_os = "linux")]
@@ -15,7 +15,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// In the sequencer: the playhead, and the bar of the second clip (`Run`).
+/// Colors in the sequencer: the playhead, and the bar of the second clip (`Run`).
 const PLAYHEAD: [u8; 3] = [0xff, 0x6a, 0x3d];
 const SECOND: [u8; 3] = [0x00, 0x8a, 0x66];
 /// The gizmo's arrow along x, and its ring about y.
@@ -43,13 +43,13 @@ struct Person<'a> {
 }
 
 impl Person<'_> {
-    /// As one breathes between two deeds.
+    /// Pauses like a user between two actions.
     fn breathe(&mut self) {
         let part = 0.5 + self.chance.next(1000) as f64 / 1000.0;
         std::thread::sleep(Duration::from_secs_f64(self.pace * part));
     }
 
-    /// In place; beside it and renamed over it; the old one moved away first.
+    /// Saves in three ways: in place; beside the file and renamed over it; with the old file moved away first.
     fn save(&mut self, text: &str) {
         assert_ne!(text, self.text(), "there is something to save");
         let beside = self.file.with_extension("new");
@@ -112,7 +112,7 @@ impl Person<'_> {
         self.actions += 1;
     }
 
-    /// What one mistypes: half a line, a name, a parenthesis.
+    /// A typing error: half a line, a name, a parenthesis.
     fn mistake(&mut self, before: &str, line: &str) -> Option<String> {
         let half = line.char_indices().nth(line.chars().count() / 2)?.0;
         let mistyped = match self.chance.next(3) {
@@ -297,7 +297,7 @@ impl Person<'_> {
         if turn {
             let (middle, _) = until("the arrow", || self.in_picture(ALONG_X).first().copied());
             self.keys(&["r"]);
-            // As wide as the arrow was long; the arrow along y has its color, too.
+            // The ring is as wide as the arrow was long; the arrow along y has its color, too.
             let is_ring = |at: &(usize, usize)| at.0 + 40 < middle;
             let left = until("the ring", || self.in_picture(ABOUT_Y).first().copied().filter(is_ring));
             self.drag((left.0 + 1, left.1), (left.0 + 6, left.1 + by));
@@ -319,7 +319,7 @@ impl Person<'_> {
         self.keys(&["Escape", "ctrl+0", "ctrl+1", "ctrl+2", "ctrl+4", "g", "Home"]);
         // Nothing is under the mouse.
         self.screen.xdotool(&["mousemove", "--window", self.window, "1270", "850"]);
-        // On a busy machine an image can take a second.
+        // An image on a busy machine can take a second.
         self.told.settled(Duration::from_secs(2), Duration::from_secs(600)).expect("it comes to rest");
         self.screen.rest(self.told.viewer.0.id());
         let shot = self.screen.shot(self.window);

@@ -20,10 +20,10 @@ pub struct Code {
     pub output: Output,
 }
 
-/// What the function returns.
+/// Type of the function's result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {
-    /// Numbers, as its hook says.
+    /// Numbers, as its hook requires.
     Numbers,
     Strokes,
     Triangles,

@@ -18,7 +18,7 @@ use thiserror::Error;
 /// Names of effect files end so.
 pub const ENDING: &str = ".wgsl";
 
-/// What is wrong with an effect's text, and where.
+/// Error of an effect's text, with its place.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{file}:{line}:{column}: {message}")]
 pub struct EffectError {
@@ -28,7 +28,7 @@ pub struct EffectError {
     pub line: usize,
     /// Column in characters, from 1.
     pub column: usize,
-    /// What is wrong.
+    /// The problem.
     pub message: String,
 }
 
@@ -75,7 +75,7 @@ impl WgslEffect {
     pub fn with_textures(
         file: &str,
         text: &str,
-        picture: impl Fn(&str) -> Result<Picture, String>,
+        picture: impl Fn(&str) -> Result<TextureImage, String>,
     ) -> Result<WgslEffect, EffectError> {
         let mut effect = Self::read(file, text)?;
         effect.code = OnceLock::from(compile::compile(&effect.text, &effect.head, &effect.manifest)?);
@@ -200,7 +200,7 @@ impl WgslEffect {
 }
 
 /// An image that a head names, as bytes of RGBA.
-pub struct Picture {
+pub struct TextureImage {
     /// Width and height.
     pub size: [u32; 2],
     /// Row by row from the top.
@@ -325,7 +325,7 @@ impl Effect for WgslEffect {
         self.head.hook
     }
 
-    /// What is drawn once for the scene belongs to no actor.
+    /// An overlay that is drawn once for the scene belongs to no actor.
     fn applies_to_actors(&self) -> bool {
         self.head.hook.applies_to_actors() && !self.head.of_scene
     }
@@ -402,7 +402,7 @@ impl Effect for WgslEffect {
         Some(Shutter { samples: samples.to_bits(), open: f64::from(degrees) / 360.0, before: before.into() })
     }
 
-    /// One whose numbers are not finite draws nothing, as one that takes more than its steps.
+    /// The hull, unless its numbers are not finite or it takes more than its steps.
     fn inverted_hull(&self, parameters: &[f32; 8]) -> Option<InvertedHull> {
         if self.head.hook != Hook::Outline || self.code().output != Output::Hull {
             return None;

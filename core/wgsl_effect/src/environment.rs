@@ -25,7 +25,7 @@ pub enum Host {
     Texture(usize),
 }
 
-/// What stands around an effect's function while it runs.
+/// The functions and images that an effect's function can use while it runs.
 pub trait Environment {
     /// The image that a function of a pixel's place reads, where it is one.
     fn image(&self, _host: Host) -> Option<EffectImage<'_>> {
@@ -75,7 +75,7 @@ impl Environment for Textures<'_> {
 pub(crate) struct PassImages<'a> {
     pub images: &'a EffectImages<'a>,
     pub textures: &'a [EffectTexture],
-    /// Frames back that it may ask for.
+    /// Frames back that it may request.
     pub history: u32,
     pub shrink: u32,
 }

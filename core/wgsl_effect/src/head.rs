@@ -17,8 +17,8 @@
 //! // texture bumps = bumps.png as data: heights
 //! ```
 //!
-//! Of `hook: vertex` also `reach: METRES or PARAMETER` and `space: model`, of `hook: picture` `passes: 2`, `halve: radius to 8` and
-//! `history: 3`, of `hook: overlay` `count: NUMBER or PARAMETER`, `over: true or PARAMETER`, `of: scene`, `history: 64` and
+//! With `hook: vertex` also `reach: METRES or PARAMETER` and `space: model`; with `hook: picture` `passes: 2`, `halve: radius to 8` and
+//! `history: 3`; with `hook: overlay` `count: NUMBER or PARAMETER`, `over: true or PARAMETER`, `of: scene`, `history: 64` and
 //! `joint hand = RightHand|hand.r: where it burns`.
 
 use crate::parameters::identifier;
@@ -62,9 +62,9 @@ pub struct Head {
     pub history: u32,
     /// Lines or triangles around each actor.
     pub count: Amount,
-    /// Drawn over everything else if it is not 0.
+    /// Whether it is drawn over everything else: if not 0.
     pub over: Amount,
-    /// They are made once for the scene, not around each actor.
+    /// The overlay is made once for the scene, not around each actor.
     pub of_scene: bool,
     pub joints: Vec<JointLine>,
     pub textures: Vec<TextureLine>,
@@ -98,7 +98,7 @@ impl Amount {
 }
 
 impl Head {
-    /// What is read of a surface, where the text reads `text`.
+    /// The inputs of a surface that the effect reads, where its function reads `text`.
     pub fn inputs(&self, text: SurfaceInputs, parameters: &[f32; 8]) -> SurfaceInputs {
         let mut inputs = SurfaceInputs {
             normals: text.normals || self.inputs.normals,
@@ -141,7 +141,7 @@ pub(crate) struct TextureLine {
     pub line: usize,
 }
 
-/// A joint that an overlay asks for by name.
+/// A joint that an overlay requests by name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct JointLine {
     pub name: String,
@@ -151,7 +151,7 @@ pub(crate) struct JointLine {
     pub line: usize,
 }
 
-/// What comes after the name of a field, by line.
+/// The values of fields, by line.
 fn fields(text: &str) -> impl Iterator<Item = (usize, &str, &str)> {
     comment(text).filter_map(|(i, line)| {
         let (name, value) = line.trim().trim_start_matches('/').trim().split_once(':')?;
@@ -177,7 +177,7 @@ pub fn is_meant(text: &str) -> bool {
 
 /// The effect's name, whatever else is wrong with its head. `None`: it cannot be used by any name.
 pub fn name(text: &str) -> Option<String> {
-    // As in the manifest, the last one counts.
+    // The last one counts, as in the manifest.
     let named = fields(without_mark(text)).filter(|(_, name, _)| *name == "effect").last();
     named.and_then(|(_, _, value)| Some(identifier(value).ok()?.to_string()))
 }
@@ -261,7 +261,7 @@ impl Head {
                     false => ViewOrder::Before,
                     true => ViewOrder::Replaces,
                 };
-                // Of both hooks for images.
+                // Both hooks for images are possible.
                 if self.hook == Hook::Pixel { Hook::Pixel } else { Hook::Image }
             }
             "halve" => {

@@ -23,5 +23,5 @@ mod signature;
 mod suggestions;
 mod trial;
 
-pub use effect::{ENDING, EffectError, Picture, WgslEffect};
+pub use effect::{ENDING, EffectError, TextureImage, WgslEffect};
 pub use head::{files, is_meant, name};

@@ -259,7 +259,7 @@ struct Lowering<'a> {
     /// The parameters' components, or a caller's where the function is lowered into it.
     arguments: Vec<Vec<Register>>,
     result: Registers,
-    /// What is returned where the function is lowered into its caller.
+    /// The returned value where the function is lowered into its caller.
     returned: Option<Vec<Register>>,
     is_inlined: bool,
     locals: Vec<Registers>,

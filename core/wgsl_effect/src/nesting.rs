@@ -4,7 +4,7 @@
 /// Levels of nesting of an expression or statement: brackets, operators (of `a + b + c` each is one level more), members,
 /// `else if`s. In builds for tests `else if`s overflow 2 MiB of stack at 1,500 levels, the others at 4,000 (`tests/deep.rs`).
 pub(crate) const MOST_LEVELS: usize = 350;
-/// What a bracket counts, and a `<`, which can be one: the parser goes down a dozen functions for each. At its own limit of 200 it
+/// Levels of a bracket, and of a `<`, which can be one: the parser goes down a dozen functions for each. At its own limit of 200 it
 /// takes up to 1 MiB.
 const BRACKET: usize = 5;
 /// Declarations of a text. Each can use another, and naga orders them by recursion: 4,200 structs overflow 2 MiB.
@@ -139,7 +139,7 @@ impl<'a> Scan<'a> {
         }
     }
 
-    /// What was between brackets is one level deeper than its deepest part; a block ends the statement that it belongs to.
+    /// The content of a bracket is one level deeper than its deepest part; a block ends the statement that it belongs to.
     fn close(&mut self, is_block: bool) {
         let Some(inner) = self.open.pop() else { return };
         let Some(level) = self.open.last_mut() else { return };

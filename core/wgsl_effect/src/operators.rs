@@ -141,7 +141,7 @@ impl<const N: usize> Columns<'_, N> {
         });
     }
 
-    /// As [`Columns::slow`], of one operand: the second is register 0, a constant.
+    /// Like [`Columns::slow`], with one operand: the second is register 0, a constant.
     #[inline(always)]
     fn slow_one(&mut self, of: &Operands, f: impl Fn(f32) -> f32) {
         self.slow(of, |a, _| f(a));
@@ -160,7 +160,7 @@ fn lanes<const N: usize>(out: &mut Column<N>, f: impl Fn(usize) -> u32) {
     }
 }
 
-/// What applies an operator lane by lane.
+/// A function that applies an operator lane by lane.
 pub type Kernel<const N: usize> = fn(&Operands, &mut Columns<N>);
 
 /// The kernel of an operator: chosen once, so that running it costs one call.
@@ -379,7 +379,7 @@ fn trunc(x: f32) -> f32 {
     whole.copysign(x)
 }
 
-/// As [`trunc`], downwards.
+/// Like [`trunc`], downwards.
 #[inline(always)]
 fn floor(x: f32) -> f32 {
     let whole = trunc(x);

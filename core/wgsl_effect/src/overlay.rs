@@ -24,12 +24,12 @@ pub struct Drawing<'a> {
     pub parameters: &'a [f32; 8],
 }
 
-/// What was made so far.
+/// The geometry made so far.
 #[derive(Default)]
 struct Made {
     out: Overlay,
     steps: u32,
-    /// How many were asked for; of those, which cannot be drawn.
+    /// How many were requested; of those, which cannot be drawn.
     asked: u64,
     not_finite: u32,
     too_long: u32,
@@ -104,7 +104,7 @@ impl Drawing<'_> {
         }
     }
 
-    /// What the function returned, where there is anything to see.
+    /// Adds the function's result, if it is visible.
     fn add(&self, machine: &Machine<1>, made: &mut Made) {
         let f = |i: u32| machine.float(self.program, 0, i);
         let place = |i: u32| DVec3::new(f(i).into(), f(i + 1).into(), f(i + 2).into());
@@ -166,7 +166,7 @@ pub type Bone = (u32, Option<u32>);
 /// The bones of a body, by number.
 #[derive(Default)]
 pub struct Bones {
-    /// After the bones joints that are none and that the head names.
+    /// The bones, then joints that are no bones and that the head names.
     pub all: Vec<Bone>,
     pub count: u32,
     /// The number of each joint that the head names; beyond the end where the body has none.
@@ -174,7 +174,7 @@ pub struct Bones {
 }
 
 impl Bones {
-    /// What is not there is reported once for each file.
+    /// Finds the bones; a missing joint is reported once for each file.
     fn of(body: &ActorInstance, joints: &[JointLine], left_out: &mut Vec<String>) -> Bones {
         let shown = body.bones();
         let skeleton = &body.asset.skeleton;

@@ -4,7 +4,7 @@ use crate::head::{HeadError, comment};
 use choreo_plugin::Manifest;
 use choreo_plugin::suggest::closest;
 
-/// As many as the shader's array of parameters holds.
+/// Size of the shader's array of parameters.
 const MOST: usize = 8;
 
 pub fn manifest(text: &str) -> Result<Manifest, HeadError> {

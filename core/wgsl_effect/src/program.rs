@@ -102,7 +102,7 @@ pub enum Node {
         first: Register,
         offset: Register,
     },
-    /// As `LoadElement` in the other direction, in active lanes only.
+    /// Like `LoadElement` in the other direction, in active lanes only.
     StoreElement {
         first: Register,
         offset: Register,
@@ -145,7 +145,7 @@ pub struct Case {
     pub fall_through: bool,
 }
 
-/// What the evaluator does not support, and where it stands.
+/// Something that the evaluator does not support, and its place.
 pub struct Unsupported {
     pub what: String,
     pub span: Span,

@@ -1,4 +1,4 @@
-//! What the function of each hook is given and gives, in WGSL and as components.
+//! The parameters and result of the function of each hook, in WGSL and as components.
 
 use crate::environment::Host;
 use naga::{Module, ScalarKind, TypeInner, VectorSize};
@@ -14,7 +14,7 @@ enum ValueType {
     Parameters,
 }
 
-/// What the function of a hook is given and gives.
+/// Parameters and result of the function of a hook.
 pub(crate) struct Signature {
     pub text: &'static str,
     parts: &'static [ValueType],
@@ -24,7 +24,7 @@ pub(crate) struct Signature {
     pub declared: &'static str,
     /// Functions of the shader that it may call, as [`Host`] lists them. Their code is never run.
     pub functions: &'static [Declared],
-    /// And those where the head asks for a history.
+    /// Further functions if the head requests a history.
     pub with_history: &'static [Declared],
 }
 
@@ -48,7 +48,7 @@ const PIXEL: Signature = Signature {
     with_history: &[],
 };
 
-/// As in shaders/surface.wgsl, and `choreo_plugin::SurfaceSample` in this order.
+/// The signature of shaders/surface.wgsl, and the order of `choreo_plugin::SurfaceSample`.
 const SURFACE: Signature = Signature {
     text: "fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32>",
     parts: &[ValueType::Vector(F, VectorSize::Quad), ValueType::Struct("Seen"), ValueType::Parameters],
@@ -59,7 +59,7 @@ const SURFACE: Signature = Signature {
     with_history: &[],
 };
 
-/// As in shaders/displace.wgsl, and `choreo_plugin::VertexSample` in this order.
+/// The signature of shaders/displace.wgsl, and the order of `choreo_plugin::VertexSample`.
 const VERTEX: Signature = Signature {
     text: "fn effect(place: Place, p: array<f32, 8>) -> vec3<f32>",
     parts: &[ValueType::Struct("Place"), ValueType::Parameters],
@@ -69,7 +69,7 @@ const VERTEX: Signature = Signature {
     with_history: &[],
 };
 
-/// As in shaders/surface.wgsl, and `choreo_plugin::LightSample` in this order.
+/// The signature of shaders/surface.wgsl, and the order of `choreo_plugin::LightSample`.
 const LIGHTING: Signature = Signature {
     text: "fn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32>",
     parts: &[ValueType::Struct("Falling"), ValueType::Parameters],
@@ -80,7 +80,7 @@ const LIGHTING: Signature = Signature {
     with_history: &[],
 };
 
-/// As in shaders/post.wgsl.
+/// The signature of shaders/post.wgsl.
 const PICTURE: Signature = Signature {
     text: "fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32>",
     parts: &[ValueType::Vector(I, VectorSize::Bi), ValueType::Scalar(U), ValueType::Parameters],
@@ -100,7 +100,7 @@ const PICTURE: Signature = Signature {
     )],
 };
 
-/// As [`choreo_plugin::Stroke`] and [`choreo_plugin::Triangle`] in this order.
+/// The order of the members of [`choreo_plugin::Stroke`] and [`choreo_plugin::Triangle`].
 const OVERLAY: Signature = Signature {
     text: "fn effect(index: u32, body: Body, p: array<f32, 8>) -> Line, or -> Triangle, or -> Lattice",
     parts: &[ValueType::Scalar(U), ValueType::Struct("Body"), ValueType::Parameters],
@@ -132,7 +132,7 @@ pub const LINE: &str = "Line";
 pub const TRIANGLE: &str = "Triangle";
 pub(crate) const LATTICE: &str = "Lattice";
 
-/// As [`choreo_plugin::InvertedHull`] in this order.
+/// The order of the members of [`choreo_plugin::InvertedHull`].
 const SHELL: Signature = Signature {
     text: "fn effect(p: array<f32, 8>) -> Shell, or -> Edges",
     parts: &[ValueType::Parameters],

@@ -77,9 +77,9 @@ pub fn near<'a>(
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum How {
-    /// After fn, const, let, var, struct.
+    /// A name after fn, const, let, var or struct.
     Declared,
-    /// Before a colon: a field, a parameter, a variable.
+    /// A name before a colon: a field, a parameter, a variable.
     Typed,
 }
 

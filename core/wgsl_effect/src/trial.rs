@@ -9,7 +9,7 @@ use choreo_plugin::{Hook, Manifest, OptionKind};
 use glam::DVec3;
 use naga::Span;
 
-/// What takes too long, and where.
+/// A part of an effect that takes too long, and its place.
 pub struct Slow {
     pub what: String,
     /// `None`: the function as a whole.
@@ -74,7 +74,7 @@ const SETS: [fn(&OptionKind) -> f32; 3] = [
     },
 ];
 
-/// What the function is given before the parameters: dark and bright, near and far, of every facing, the first and the last.
+/// Arguments of the function before the parameters: dark and bright, near and far, of every facing, the first and the last.
 fn trials(head: &Head, p: &[f32; 8]) -> Vec<Vec<Vec<u32>>> {
     let colors = [[0.0, 0.0, 0.0, 1.0], [1.0, 0.5, 0.25, 1.0], [8.0, 8.0, 8.0, 1.0]];
     let samples = [

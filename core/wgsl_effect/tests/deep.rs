@@ -75,7 +75,7 @@ fn compiled(text: &str) -> Result<WgslEffect, String> {
     WgslEffect::from_text("deep.wgsl", text).map_err(|e| e.to_string())
 }
 
-/// As Vulkan gets it, on a small stack; whether it is valid does not matter.
+/// Compiles a text as for Vulkan, on a small stack; whether it is valid does not matter.
 fn through_naga(text: &str) {
     let Ok(module) = naga::front::wgsl::parse_str(text) else { return };
     let Ok(info) = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module) else {
@@ -106,7 +106,7 @@ fn deepest(kind: &str) -> usize {
     good
 }
 
-/// What passes the limits goes through naga, and runs, on a quarter of a thread's usual stack. (Without the limits these texts
+/// A text within the limits goes through naga, and runs, on a quarter of a thread's usual stack. (Without the limits these texts
 /// overflow a whole one at 1,500 `else if`s, at 4,000 operators, structs or members and at 6,000 constants.)
 #[test]
 fn what_is_not_refused_needs_little_stack() {

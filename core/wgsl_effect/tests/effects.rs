@@ -70,7 +70,7 @@ fn every_part_of_a_surface_is_where_its_name_says() {
     );
 }
 
-/// What each hook's function is given is where its name says, and it gives what it says.
+/// The arguments of each hook's function are where their names say, and the function returns what its signature says.
 #[test]
 fn corners_lights_and_pictures_are_where_their_names_say() {
     let p = [2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];

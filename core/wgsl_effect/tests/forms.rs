@@ -71,7 +71,7 @@ fn moved(x: f64, y: f64, z: f64) -> DAffine3 {
     DAffine3::from_translation(DVec3::new(x, y, z))
 }
 
-/// What a body is made of is where its name says, of each copy of it.
+/// The parts of an actor are where their names say, for each of its copies.
 #[test]
 fn lines_know_the_body_they_are_around() {
     let asset = body(&[]);
@@ -268,7 +268,7 @@ fn mistakes_have_their_line_and_what_was_meant() {
     assert_eq!(shell, "my.wgsl:3:32: no definition in scope for identifier: `Shel`; did you mean \"Shell\"?");
 }
 
-/// What the README shows is taken as it stands, but for its name.
+/// The README's examples compile as they stand, but for their names.
 #[test]
 fn the_examples_of_the_readme_are_effects() {
     let readme = include_str!("../README.md");

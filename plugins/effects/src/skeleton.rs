@@ -46,7 +46,7 @@ impl Effect for Skeleton {
             }
             if names > 0.5 {
                 let skeleton = &body.asset.skeleton;
-                // Without what Mixamo writes before all of them.
+                // The prefix that Mixamo writes before all names is left out.
                 let name = |joint: u32| {
                     skeleton.names()[joint as usize].trim_start_matches("mixamorig:").to_string()
                 };

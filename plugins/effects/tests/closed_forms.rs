@@ -79,7 +79,7 @@ mod bloom {
             rgba[61 * 121 + 61] = Vec4::new(5.0, 2.5, 0.0, 1.0);
             let out = passes("bloom", &rgba, [121, 121], &p);
             let sum: Vec4 = out.iter().zip(&rgba).map(|(a, b)| *a - *b).sum();
-            // Of 5 above 1 is 4, times ½; green half of it.
+            // 5 is 4 above the threshold of 1, times ½; green is half of it.
             assert!((sum.x - 2.0).abs() < 2e-3 && (sum.y - 1.0).abs() < 1e-3 && sum.z == 0.0, "{sum}");
             let at = |x: usize, y: usize| out[y * 121 + x].x;
             assert!((at(64, 61) - at(61, 64)).abs() < 1e-6, "round");
@@ -95,7 +95,7 @@ mod bloom {
         let color = |i: i32| if bright(i % 120, i / 120) { Vec4::new(2.5, 2.5, 2.5, 1.0) } else { Vec4::W };
         let rgba: Vec<Vec4> = (0..120 * 120).map(color).collect();
         let out = passes("bloom", &rgba, size, &p);
-        // Of a box, in closed form: differences of the normal distribution; 24 pixels are three standard deviations.
+        // The blur of a box, in closed form: differences of the normal distribution; 24 pixels are three standard deviations.
         let share = |x: f64, from: f64, to: f64| {
             let normal = |x: f64| 0.5 * (1.0 + libm::erf(x / (8.0 * std::f64::consts::SQRT_2)));
             normal(to - x) - normal(from - x)

@@ -90,7 +90,7 @@ struct GifSink {
     /// Colors on the player's canvas.
     shown: Vec<[u8; 3]>,
     indices: Vec<u8>,
-    /// How it was made, for the comment.
+    /// The provenance, for the comment.
     comment: String,
 }
 
@@ -166,7 +166,7 @@ impl FrameSink for GifSink {
         self.part([left, top, right - left, bottom - top], part, first)
     }
 
-    /// Nothing moved: one pixel keeps the time.
+    /// Writes a frame without change: one pixel keeps the time.
     fn repeat(&mut self, _: &Frame) -> Result<(), ExportError> {
         self.part([0, 0, 1, 1], vec![SAME], false)
     }

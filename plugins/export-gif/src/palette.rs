@@ -95,7 +95,7 @@ impl Quantizer {
     }
 
     /// Index of the palette entry nearest to a color's cell; the palette must not be empty. Of the cell and not of the
-    /// color, so that it does not matter which of a cell's colors was asked for first.
+    /// color, so that it does not matter which of a cell's colors was requested first.
     pub fn entry(&mut self, color: [u8; 3]) -> u8 {
         let k = key(color);
         if self.nearest[k] == 0 {

@@ -4,7 +4,7 @@ use std::io::{self, Read, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// What the next frame depends on, beside the canvas.
+/// State that the next frame depends on, beside the canvas.
 #[derive(Debug, PartialEq)]
 pub struct ResumeState {
     pub frames: u64,
@@ -38,7 +38,7 @@ impl ResumeState {
     }
 }
 
-/// What a player shows after the first `frames` frames.
+/// The image that a player shows after the first `frames` frames.
 pub fn canvas(so_far: &mut dyn Read, size: (u16, u16), frames: u64) -> Result<Vec<[u8; 3]>, String> {
     let failed = |e: gif::DecodingError| format!("what is kept of the GIF cannot be read: {e}");
     let mut options = gif::DecodeOptions::new();

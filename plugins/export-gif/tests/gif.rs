@@ -184,7 +184,7 @@ fn a_stopped_gif_goes_on_to_the_same_bytes() {
     // The comparison can fail: other frames give other bytes.
     info.frames -= 1;
     assert!(resumed(&GifExporter, &info, &frames[1..], 3).unwrap() != whole);
-    // What was kept and then damaged is an error.
+    // A stored state that was damaged is an error.
     for state in [vec![], vec![0; 17], vec![0; 19], vec![0xff; 17 + 3]] {
         assert!(GifExporter.resume(&info, &[state], &mut &whole[..], Box::new(Vec::new())).is_err());
     }
@@ -203,7 +203,7 @@ fn repeated_frames_give_the_same_bytes() {
     let mut before: Option<&Frame> = None;
     for frame in &frames {
         match before {
-            // What is given with it is not looked at.
+            // The frame given with it is not read.
             Some(same) if same == frame => sink.repeat(&scene(9, false)).unwrap(),
             _ => sink.frame(frame).unwrap(),
         }

@@ -73,7 +73,7 @@ impl Exporter for Mp4Exporter {
     }
 }
 
-/// What the encoder is made from, once a segment.
+/// Settings of the encoder, which is made once a segment.
 struct Coding {
     qp: u8,
     /// Frames between images at which a player can start.
@@ -115,7 +115,7 @@ fn quantiser(quality: f64) -> u8 {
 /// own frames only: a render that was killed goes on from the last whole segment and the kept frames of the next. Whole
 /// numbers of key frame distances, so that these stay equal; not few frames, because of the start (and because two IDR
 /// images in a row must differ in `idr_pic_id`, H.264 §7.4.3, which counts from 0 in each); and as few as keep the
-/// frames of a segment within `KEPT_BYTES`, at the price of more key frames than asked for.
+/// frames of a segment within `KEPT_BYTES`, at the price of more key frames than requested.
 fn segment(keyframes: u32, frame_bytes: u64) -> u32 {
     const FEWEST: u32 = 24;
     const KEPT_BYTES: u64 = 1 << 30;
@@ -129,7 +129,7 @@ fn padded(info: &VideoInfo) -> (u32, u32) {
 
 struct Mp4Sink {
     coding: Coding,
-    /// Made at the first frame of each segment.
+    /// The encoder, made at the first frame of each segment.
     encoder: Option<Encoder>,
     /// Frames in a whole segment, and how many this one has.
     segment: u32,

@@ -1,6 +1,6 @@
 //! The MP4 container (ISO/IEC 14496-12, -14, -15) for one H.264 track, index first, so that players and browsers
 //! start at once. Written by us rather than by a crate: the track's clock is the frame rate's own ratio, so that NTSC
-//! rates are exact, a video can be gone on with after its program was killed, and colors and provenance have their boxes.
+//! rates are exact, a video can be resumed after its program was killed, and colors and provenance have their boxes.
 
 use choreo_motion::FrameRate;
 use std::io::{self, Write};
@@ -19,7 +19,7 @@ pub struct Muxer {
     sps: Vec<u8>,
     pps: Vec<u8>,
     /// Frames that `take_state` has reported.
-    told: usize,
+    reported: usize,
 }
 
 /// Bit of an image's size in a state: a player can start at it. An image is far below 2 GiB.
@@ -38,7 +38,7 @@ impl Muxer {
             keys: Vec::new(),
             sps: Vec::new(),
             pps: Vec::new(),
-            told: 0,
+            reported: 0,
         }
     }
 
@@ -75,18 +75,18 @@ impl Muxer {
         size > 0
     }
 
-    /// What the index needs of the frames since the last call: the parameter sets, each with its length, and the sizes.
+    /// State that the index needs of the frames since the last call: the parameter sets, each with its length, and the sizes.
     pub fn take_state(&mut self) -> Vec<u8> {
         let mut state = Vec::new();
         for set in [&self.sps, &self.pps] {
             state.extend((set.len() as u32).to_le_bytes());
             state.extend(set);
         }
-        for (i, size) in self.sizes.iter().enumerate().skip(self.told) {
+        for (i, size) in self.sizes.iter().enumerate().skip(self.reported) {
             let key = self.keys.binary_search(&(i as u32 + 1)).is_ok();
             state.extend((size | if key { KEY } else { 0 }).to_le_bytes());
         }
-        self.told = self.sizes.len();
+        self.reported = self.sizes.len();
         state
     }
 
@@ -108,7 +108,7 @@ impl Muxer {
                 self.keys.push(self.sizes.len() as u32);
             }
         }
-        self.told = self.sizes.len();
+        self.reported = self.sizes.len();
         Ok(())
     }
 

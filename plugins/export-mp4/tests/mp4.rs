@@ -169,7 +169,7 @@ fn sizes_out_of_range_are_refused_and_odd_ones_announced() {
     assert!(sink.finish().unwrap_err().to_string().contains("at least one image"));
 }
 
-/// In the middle of a segment, at its ends, in the first one.
+/// The video stops in the middle of a segment, at its ends, and in the first one.
 #[test]
 fn a_stopped_video_goes_on_to_the_same_bytes() {
     let mut info = info(96, 64, (30, 1), 60);
@@ -252,7 +252,7 @@ fn repeated_frames_give_the_same_bytes() {
         for number in 0..60 {
             let frame = scene(64, 48, number / 20);
             match repeat && number % 20 > 0 {
-                // What is given with it is not looked at.
+                // The frame given with it is not read.
                 true => sink.repeat(&scene(64, 48, 50)).unwrap(),
                 false => sink.frame(&frame).unwrap(),
             }

@@ -146,7 +146,7 @@ fn spare() -> MutexGuard<'static, Vec<Vec<u8>>> {
     SPARE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Fills `rgb` with the pixels without alpha and says true, where all alpha is 255.
+/// Fills `rgb` with the pixels without alpha; true if all alpha is 255.
 fn opaque_rgb(rgba: &[u8], rgb: &mut Vec<u8>) -> bool {
     let pixels = rgba.as_chunks::<4>().0;
     rgb.resize(pixels.len() * 3, 0);

@@ -127,7 +127,7 @@ fn the_pixels_of_a_file_get_another_provenance() {
         let made = encoded(&first);
         assert!(PngExporter.with_provenance(&later, &made, Box::new(out.clone())).unwrap());
         assert!(out.bytes() == encoded(&later) && out.bytes() != made, "alpha {alpha}");
-        // What is no PNG is refused, and nothing is written.
+        // Bytes that are no PNG are refused, and nothing is written.
         let out = SharedBytes::default();
         assert!(!PngExporter.with_provenance(&later, &made[..30], Box::new(out.clone())).unwrap());
         assert!(out.bytes().is_empty());

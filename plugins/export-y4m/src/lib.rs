@@ -112,7 +112,7 @@ impl FrameSink for Y4mSink {
         Ok(Vec::new())
     }
 
-    /// Nothing but what is written: each frame stands alone.
+    /// The state is what is written, because each frame stands alone.
     fn mark(&mut self) -> Mark<'_> {
         Mark::Settled(Vec::new())
     }

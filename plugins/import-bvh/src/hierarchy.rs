@@ -38,7 +38,7 @@ impl Joint {
     }
 }
 
-/// What follows HIERARCHY: the bytes from MOTION on, and the number of their first line.
+/// The part after HIERARCHY: the bytes from MOTION on, and the number of their first line.
 #[derive(Clone, Copy, Debug)]
 pub struct Rest<'a> {
     pub bytes: &'a [u8],
@@ -87,7 +87,7 @@ impl<'a> Tokens<'a> {
         Problem::new(format!("line {}", self.line), what)
     }
 
-    /// The next word; at the end of the file says what was to come.
+    /// The next word; at the end of the file an error that names the expected one.
     fn want(&mut self, wanted: &str) -> Result<&'a [u8]> {
         self.next().ok_or_else(|| {
             self.problem(format!("the file ends where {wanted} should be"))

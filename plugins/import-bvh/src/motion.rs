@@ -128,7 +128,7 @@ impl Step {
     }
 }
 
-/// Reads up to `declared` frames, one a line, and says how many there were.
+/// Reads up to `declared` frames, one a line, and returns how many there were.
 fn frames(
     lines: &mut Lines<'_>,
     tracks: &mut Tracks<'_>,
@@ -194,7 +194,7 @@ fn frames(
     Ok(read)
 }
 
-/// What one joint takes of a frame and the keys made of it so far.
+/// One joint's columns of a frame, and its keys so far.
 struct Track<'a> {
     joint: u32,
     root: bool,

@@ -14,7 +14,7 @@ const UNITS: [(f64, f64, &str); 5] = [
     (5200.0, 0.001, "1 mm"),
 ];
 
-/// Metres a unit; says so in a warning.
+/// Metres a unit; a warning states the guess.
 pub fn guess(joints: &[Joint], notes: &Notes) -> f64 {
     let mut at: Vec<DVec3> = Vec::with_capacity(joints.len());
     for joint in joints {

@@ -131,7 +131,7 @@ fn options_are_followed() {
     assert_eq!(half.skeleton.rest()[0].translation, Vec3::new(0.0, 0.7, 0.0));
     assert!(half.warnings.is_empty());
     assert!(import(&[("bones", OptionValue::Bool(false))]).meshes.is_empty());
-    // What the file calls +Z is up: its y axis then points away from the viewer.
+    // The file's +Z is up: its y axis then points away from the viewer.
     let z = import(&[("up", OptionValue::Text("z".into()))]);
     assert!((z.skeleton.rest()[0].translation - Vec3::new(0.0, 0.0, -1.4)).length() < 1e-6);
     assert_eq!(z.origin.up, "+Z");

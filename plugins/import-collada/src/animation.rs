@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// What a channel drives.
+/// Target of a channel.
 enum Target {
     /// Component of a joint's stack: element and which of its values.
     Joints(Vec<u32>, usize, Component),
@@ -79,7 +79,7 @@ struct Reader<'x, 'a> {
 }
 
 impl<'a> Reader<'_, 'a> {
-    /// One clip of these channels. `start` and `end`: what the file says of its range; its first and last key where it says nothing.
+    /// One clip of these channels. `start` and `end`: the range that the file states, else its first and last key.
     fn clip(
         &mut self,
         name: String,

@@ -15,14 +15,14 @@ use glam::{DQuat, Vec3};
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Radians; relative; and for lengths relative to the longest translation of the node.
+/// Tolerance: radians for rotations, relative for scales, and for lengths relative to the longest translation of the node.
 const TOLERANCE: f64 = 5e-5;
 /// Halvings of an interval between two keys.
 const MAX_DEPTH: u32 = 9;
 /// Keys one node may come to.
 const MAX_KEYS: usize = 1_000_000;
 
-/// Which values of a transform a channel drives.
+/// The values of a transform that a channel drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Component {
     All,
@@ -102,7 +102,7 @@ impl AnimatedNode<'_, '_> {
     }
 }
 
-/// What the motion crate makes of two keys.
+/// Interpolation between two keys, as the motion crate does it.
 fn between(a: &Trs, b: &Trs, part: f64) -> Trs {
     Trs {
         translation: a.translation.lerp(b.translation, part),

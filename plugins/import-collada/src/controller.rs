@@ -10,7 +10,7 @@ use choreo_importer_kit::Result;
 use glam::{DMat4, Mat4, Vec3};
 use std::rc::Rc;
 
-/// What animations need to know of a morphed mesh instance.
+/// A morphed mesh instance, as animations refer to it.
 pub struct MorphTargets {
     pub controller: NodeId,
     pub joint: u32,
@@ -32,7 +32,7 @@ pub struct SkinData {
     pub weights: Weights,
 }
 
-/// More joints a vertex than this are the weakest ones, and go.
+/// Limit of the joints a vertex; the weakest ones go.
 const MAX_INFLUENCES: usize = 8;
 
 /// `roots` are the joints below which the names are looked for.

@@ -209,7 +209,7 @@ impl<'a> Reader<'_, 'a> {
                 // COLLADA counts v from the bottom.
                 *uv = Vec2::new(u, 1.0 - v);
             }
-            // By the values of the sources, not by index: many files have a texture coordinate for every face vertex.
+            // Vertices are compared by the values of the sources, not by index: many files have a texture coordinate for every face vertex.
             let (vertex, new) = self.welder.vertex(point as u32, |vertex| {
                 let at = vertex as usize;
                 (normals.is_none() || out.normals[at] == normal)

@@ -26,7 +26,7 @@ pub struct Materials<'f> {
     known: BTreeMap<String, u32>,
 }
 
-/// Which of a primitive's uv lists the texture coordinates of an effect mean.
+/// The uv set of a primitive that each set of texture coordinates of an effect refers to.
 #[derive(Clone, Debug, Default)]
 struct Uvs {
     /// Semantic of the effect → `set` of the mesh.

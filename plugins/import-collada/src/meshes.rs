@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// What an instance shows.
+/// Shape of an instance.
 #[derive(Clone, Copy)]
 struct InstancedShape<'a> {
     geometry: Node<'a>,

@@ -90,8 +90,8 @@ pub fn cameras(xml: &Xml<'_>, tree: &Tree<'_>) -> Result<Vec<AssetCamera>> {
     Ok(out)
 }
 
-/// A directional light of color 1 shines on a white surface until it is white: π lux. Others fall off as their attenuation
-/// says, which becomes an inverse square that is equal at five metres.
+/// A directional light of color 1 makes a white surface white: π lux. Other lights fall off with their attenuation, which becomes an
+/// inverse square that is equal at five metres.
 pub fn lights(xml: &Xml<'_>, tree: &Tree<'_>) -> Result<Vec<AssetLight>> {
     let mut out = Vec::new();
     for (joint, node) in (0u32..).zip(tree.joints.iter().map(|j| j.node)) {

@@ -38,7 +38,7 @@ fn layout(
             }),
         }
     };
-    // Without a stride it is 1 by the schema, but some exporters leave it out where the params say more.
+    // The default stride is 1 by the schema, but some exporters leave it out where the params say more.
     let stride = read("stride", default_stride)?.max(1);
     let offset = read("offset", 0)?;
     let room = length.saturating_sub(offset) / stride;

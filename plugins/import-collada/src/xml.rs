@@ -162,7 +162,7 @@ impl<'a> Xml<'a> {
         })
     }
 
-    /// What an instance (`instance_camera`, `instance_light` …) refers to, an element of this kind. A reference to nothing, or to
+    /// The element that an instance (`instance_camera`, `instance_light` …) refers to, of this kind. A reference to nothing, or to
     /// something else, is a warning that ends with what is done instead.
     pub fn instanced(&self, instance: Node<'_>, url: &str, kind: &str, instead: &str) -> Option<Node<'a>> {
         match self.follow(instance, url) {
@@ -315,8 +315,8 @@ mod tests {
             (&many, "line 2, column 1: the element has more than 256 attributes, which is the limit"),
         ] {
             let problem = parse(text).unwrap_err();
-            let said = format!("{}: {}", problem.place, problem.what);
-            assert!(said.starts_with(wanted), "{said} instead of {wanted}");
+            let text = format!("{}: {}", problem.place, problem.what);
+            assert!(text.starts_with(wanted), "{text} instead of {wanted}");
         }
         let elements = format!("<a>{}</a>", "<b/>".repeat(MAX_NODES as usize));
         assert_eq!(

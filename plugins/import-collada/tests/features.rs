@@ -75,7 +75,7 @@ fn skins_move_their_vertices() {
     // The bind shape moves all by 10 cm.
     assert!((rest[0][0] - Vec3::new(0.1, 0.0, 0.0)).length() < 1e-6, "{:?}", rest[0]);
     assert!(rest[0].iter().any(|v| (*v - Vec3::new(2.1, 0.5, 0.0)).length() < 1e-6), "{:?}", rest[0]);
-    // At 0.5 s the forearm points along the file's y, away from the viewer.
+    // The forearm points along the file's y at 0.5 s, away from the viewer.
     let bent = pose::vertices(&asset, 0, &pose::at(&asset, Some(0), 0.5));
     assert!(bent[0].iter().any(|v| (*v - Vec3::new(1.0, 0.5, -1.1)).length() < 1e-6), "{:?}", bent[0]);
     // Weight 0.75 on the upper arm: (1.1, 0, 0) stays for three quarters, (1, 0, −0.1) for one.
@@ -130,7 +130,7 @@ fn what_is_mirrored_is_reflective_times_reflectivity() {
     let map =
         format!("<reflective><texture texture=\"skin-sampler\" texcoord=\"DETAIL\"/></reflective>{half}");
     assert_eq!(share(&map), Some((Vec3::splat(0.5), true)));
-    // What exporters write of a surface that mirrors nothing.
+    // Exporters write this for a surface without reflection.
     let black = format!("<reflective><color>0 0 0 1</color></reflective>{half}");
     for nothing in ["", half, &black, &format!("<reflective>{white}</reflective>")] {
         assert_eq!(of(nothing), None, "{nothing}");
@@ -313,7 +313,7 @@ fn a_skeleton_alone_has_bones_to_be_seen() {
     assert!(warnings(&asset)[0].contains("url=\"#gone\" refers to nothing in this file; it is left out"));
 }
 
-/// What an instance refers to may be missing, or be something else: the rest of the file is read all the same.
+/// The target of an instance may be missing, or be of another kind: the rest of the file is read all the same.
 #[test]
 fn instances_of_nothing_are_left_out() {
     let nothing = "refers to nothing in this file";
@@ -388,7 +388,7 @@ fn instances_of_nothing_are_left_out() {
     }
 }
 
-/// As programs write it whose user's language has a decimal comma.
+/// Some programs write decimal commas if the user's language has them.
 #[test]
 fn units_that_are_no_numbers() {
     let size = |asset: &Asset| (asset.rest_bounds().max - asset.rest_bounds().min).max_element();

@@ -13,7 +13,7 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         .number("scale", "metres a unit of the file", 1.0, 1e-6..=1e6)
 });
 
-/// More lines than a text of points has a use for.
+/// Limit of the lines: a text of points has no use for more.
 const MOST_LINES: usize = 1_000_000;
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -40,7 +40,7 @@ impl Importer for ExampleImporter {
         let mut builder = AssetBuilder::default();
         let scale = options.number("scale").unwrap_or(1.0) as f32;
         let mesh = read(&source.bytes, scale, &mut builder).map_err(error)?;
-        // Callers say what they need; a mesh that nobody asked for is not made.
+        // Callers say what they need; a mesh that nobody requested is not made.
         if needs.geometry {
             builder.mesh(mesh).map_err(|e| error((0, e.to_string())))?;
         }

@@ -62,7 +62,7 @@ fn name(stack: &AnimStack) -> String {
     }
 }
 
-/// What the stack says it plays; where it says nothing, from its first key to its last.
+/// The time span that the stack states; if it states none, from its first key to its last.
 fn span(stack: &AnimStack, driven: &Driven<'_>) -> Result<Span> {
     let (begin, end) = match stack.time_end > stack.time_begin {
         true => (stack.time_begin, stack.time_end),
@@ -145,7 +145,7 @@ impl Maker<'_, '_> {
 
     fn nodes(&mut self) -> Result<()> {
         let scene = self.file.scene;
-        // Those that have a closed form, kept for as long as their members.
+        // Nodes with a closed form are kept for as long as their members.
         let mut closed = Vec::new();
         for id in self.driven.nodes(scene) {
             let Some(node) = scene.nodes.get(id as usize) else { continue };
@@ -230,7 +230,7 @@ impl Maker<'_, '_> {
         let mut multiplied = Vec::new();
         for f in 0..factors.len() {
             let of = of_factor(f);
-            // What the others make of its error.
+            // The other factors multiply its error.
             let others = size * whole / greatest(&of);
             multiplied.push(add(&of, self.tolerance(path, own, props) / others.max(1e-12))?);
         }
@@ -302,7 +302,7 @@ impl Maker<'_, '_> {
         self.curves.push(Curve { joint, path, interpolation, times, values: values.into() });
     }
 
-    /// One curve a mesh: at every time at which one of its channels bends, the weights of all its shapes.
+    /// Makes one curve a mesh: at every time at which one of its channels bends, the weights of all its shapes.
     fn weights(&mut self) -> Result<()> {
         let mut done = BTreeSet::new();
         for one in self.shown {
@@ -341,7 +341,7 @@ impl Maker<'_, '_> {
         Ok(())
     }
 
-    /// What of the stack clips cannot hold.
+    /// Warns about parts of the stack that clips cannot hold.
     fn left_out(&self) {
         let known = |id: u32, name: &str| {
             self.objects.iter().any(|o| o.element_id() == Some(id) && properties::is_known(o, name))

@@ -16,7 +16,7 @@ pub struct Piece {
 
 /// Halvings of a weighted segment.
 const MAX_DEPTH: u32 = 10;
-/// What 1/3 may differ by: FBX writes it with six digits.
+/// Tolerance of 1/3, which FBX writes with six digits.
 const THIRD: f64 = 2e-6;
 
 /// Range of a clip on the file's time line; ticks, and seconds.

@@ -1,4 +1,4 @@
-//! What an animation stack drives, element by element: which curves, through which layers.
+//! The elements that an animation stack drives: which curves, through which layers.
 
 use crate::clips::PARTS;
 use crate::curve::Span;
@@ -48,7 +48,7 @@ fn curves(value: &AnimValue) -> impl Iterator<Item = &AnimCurve> {
 pub enum Source<'a> {
     Nothing,
     One(&'a AnimValue),
-    /// Several layers, or a connection.
+    /// Curves of several layers, or a connection.
     Mixed(Vec<&'a AnimCurve>),
 }
 
@@ -78,7 +78,7 @@ impl<'a> Driven<'a> {
         Some((first, times().max_by(f64::total_cmp)?))
     }
 
-    /// Elements (by id) with a curve that goes on in another way than by holding its last value.
+    /// Elements (by id) with a curve that does not hold its first or last value within the span, but repeats or goes on.
     pub fn repeated(&self, span: Span) -> BTreeSet<u32> {
         let (begin, end) = (span.begin.as_secs(), span.end.as_secs());
         let goes_on = |curve: &AnimCurve| {

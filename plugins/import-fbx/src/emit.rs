@@ -13,7 +13,7 @@ const MAX_PARTS: i64 = 4096;
 /// rest is for weighted tangents.
 const SHARE: f64 = 0.4;
 
-/// What lies at a key: change a second before, value, change a second after.
+/// The value at a key, and its change a second before and after.
 #[derive(Clone, Copy)]
 struct Key {
     before: [f64; 4],
@@ -74,7 +74,7 @@ pub fn curve(member: &Member<'_>, parts: &[u32], times: &[Time], accuracy: Accur
     spline(along, member.path, limit, accuracy, |i, u| member.at(i, u, &mut latest))
 }
 
-/// Intervals without gaps but jumps, the parts of each, and the key times that come of both.
+/// Intervals without gaps except at jumps, the parts of each, and the key times that follow from both.
 #[derive(Clone, Copy)]
 pub struct Along<'a> {
     pub intervals: &'a [(Time, Time)],

@@ -25,7 +25,7 @@ pub struct Accuracy {
 pub const TOLERANCE_DEG: f64 = 0.05;
 
 impl Accuracy {
-    /// The other limits grow and shrink with that of rotations: at 0.05° they are 0.1 mm, 1e-4 and 1e-3.
+    /// Limits in proportion to that of rotations: at 0.05° they are 0.1 mm, 1e-4 and 1e-3.
     pub fn of_degrees(degrees: f64, rate: Option<f64>) -> Accuracy {
         let share = degrees / 0.05;
         let radians = degrees * (std::f64::consts::PI / 180.0);

@@ -57,7 +57,7 @@ impl Joined {
         self.pieces.extend(pieces);
     }
 
-    /// What jumps have left no room for.
+    /// Removes intervals that jumps have left without length.
     fn drop_empty(&mut self) {
         let kept = |i: &(Time, Time)| i.1.0 - i.0.0 > 1;
         if self.intervals.iter().all(kept) {
@@ -89,7 +89,7 @@ impl Joined {
         self.vector(interval, first, |c| c[1] + u * (2.0 * c[2] + u * (3.0 * c[3])))
     }
 
-    /// Up to three plain numbers, each given to a function that also says its slope: values, and changes an interval.
+    /// Up to three plain numbers, each mapped by a function that also returns its slope: values, and changes an interval.
     pub fn numbers(&self, interval: usize, u: f64, of: impl Fn(f64) -> (f64, f64)) -> ([f64; 4], [f64; 4]) {
         let (mut values, mut changes) = ([0.0; 4], [0.0; 4]);
         for (k, c) in self.pieces[interval * self.width..][..self.width].iter().enumerate() {
@@ -147,7 +147,7 @@ pub struct Member<'a> {
 /// Bounds of a value and its first four derivatives, axis by axis.
 type Bounds = [DVec3; 5];
 
-/// Those of a product (Leibniz).
+/// Bounds of a product (Leibniz).
 fn product(a: &Bounds, b: &Bounds) -> Bounds {
     const BINOMIAL: [[f64; 5]; 5] = [
         [1.0, 0.0, 0.0, 0.0, 0.0],
@@ -236,7 +236,7 @@ impl Member<'_> {
         self.factors.iter().fold(own, of)[4]
     }
 
-    /// That of what rotates about a pivot, in metres.
+    /// The bound of a rotation about a pivot, in metres.
     fn swung(&self, interval: usize) -> f64 {
         let Some(turned) = self.turned else { return 0.0 };
         let r = bell(self.curves.bounds(interval, turned, 2.0 * HALF_RAD));

@@ -1,5 +1,5 @@
-//! What cameras see of FBX's numbers: field of view in one of four ways, or the width of an orthographic view. By libm from the
-//! numbers of the file, so that every machine gets the same bits; ufbx's own angles come from the C library.
+//! The projection of cameras from FBX's numbers: field of view in one of four ways, or the width of an orthographic view. Computed
+//! with libm from the numbers of the file, so that every machine gets the same bits; ufbx's own angles come from the C library.
 
 use std::f64::consts::PI;
 use ufbx::{ApertureMode, Camera, ProjectionMode};
@@ -60,7 +60,7 @@ pub fn of(camera: &Camera) -> (&'static str, Lens, f64) {
     }
 }
 
-/// All that say how much a camera sees: those that [`of`] does not name change nothing.
+/// All properties that a camera's field of view depends on: those that [`of`] does not name change nothing.
 pub const ALL: [&str; 5] = ["FieldOfView", "FieldOfViewX", "FieldOfViewY", "FocalLength", "OrthoZoom"];
 
 #[cfg(test)]

@@ -29,7 +29,7 @@ mod vertices;
 mod weights;
 
 use choreo_asset::Asset;
-use choreo_importer_kit::{Problem, Result, bones, pictures};
+use choreo_importer_kit::{Problem, Result, bones, images};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, Source};
 use file::File;
 use std::sync::{Arc, LazyLock};
@@ -94,16 +94,16 @@ fn import(source: &Source, files: &dyn Files, needs: ImportScope, options: &Impo
     let mut materials = materials::read(&file, &mut table)?;
 
     // Images take as long as everything else together: they are decoded beside it.
-    let (pictures, rest) =
-        pictures::decode_beside(table.pictures(), needs, files, || decode(&file, &tree, &materials));
+    let (decoded, rest) =
+        images::decode_beside(table.encoded(), needs, files, || decode(&file, &tree, &materials));
     let mut asset = rest?;
-    let is_off = |p: &Problem| p.what == pictures::CANCELLED;
-    if let Some(off) = pictures.iter().filter_map(|p| p.as_ref().err()).find(|p| is_off(p)) {
+    let is_off = |p: &Problem| p.what == images::CANCELLED;
+    if let Some(off) = decoded.iter().filter_map(|p| p.as_ref().err()).find(|p| is_off(p)) {
         return Err(off.clone());
     }
     let show_bones = options.bool("bones").unwrap_or(true) && !scene.bones.is_empty();
     asset.name = source.name.clone();
-    asset.images = table.finish(&file, pictures, &mut materials)?;
+    asset.images = table.finish(&file, decoded, &mut materials)?;
     asset.materials = materials.into_iter().map(|m| m.material).collect();
     asset.origin = file.origin();
     asset.skeleton = Arc::new(tree.skeleton);

@@ -1,4 +1,4 @@
-//! The file through ufbx: what it is asked for, the limits it works under, what it says when it gives up.
+//! Loading a file with ufbx: the options, the limits, and the errors.
 
 use crate::file::File;
 use choreo_importer_kit::text::count;
@@ -39,7 +39,7 @@ const INTERVAL: u64 = 16 << 10;
 /// The same where only the place of an error is wanted.
 const FINE_INTERVAL: u64 = 256;
 
-/// The file from memory: ufbx opens nothing itself. What fails is read once more, to tell more exactly where.
+/// The file from memory: ufbx opens nothing itself. A file that fails is read once more, to find the exact place.
 pub fn load(bytes: &[u8], needs: ImportScope, files: &dyn Files) -> Result<SceneRoot> {
     attempt(bytes, needs, files, INTERVAL).or_else(|(problem, cancelled)| match cancelled {
         true => Err(problem),
@@ -66,7 +66,7 @@ fn attempt(
     let reached = Cell::new(0);
     let progress = |p: &ufbx::Progress| {
         reached.set(p.bytes_read);
-        // What is read becomes curves and meshes after that: about as much work again.
+        // The data read becomes curves and meshes after that: about as much work again.
         match files.progress(0.5 * p.bytes_read as f32 / p.bytes_total.max(1) as f32) {
             true => ProgressResult::Continue,
             false => ProgressResult::Cancel,
@@ -138,7 +138,7 @@ fn problem(error: &ufbx::Error, reached: u64, size: usize) -> Problem {
     }
 }
 
-/// What ufbx had to guess.
+/// Passes on the guesses of ufbx as warnings.
 pub fn pass_warnings(file: &File<'_>) {
     let element = |w: &ufbx::Warning| file.scene.elements.as_ref().get(w.element_id as usize);
     let mut names = 0;

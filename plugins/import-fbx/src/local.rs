@@ -141,7 +141,7 @@ impl Local {
         turn(self.axes, degrees)
     }
 
-    /// What the Euler rotation is held between.
+    /// The node's rotation for an Euler rotation, with the fixed rotations around it.
     pub fn rotation_of(&self, turn: &Turn) -> DQuat {
         self.mirrored(self.between(turn.all))
     }
@@ -151,7 +151,7 @@ impl Local {
         self.mirrored(self.between(self.euler_rate(turn, rates)))
     }
 
-    /// What turns nothing costs nothing: most nodes have neither axes to turn nor rotations before and after.
+    /// Identity rotations are skipped: most nodes have neither axes to turn nor rotations before and after.
     fn between(&self, q: DQuat) -> DQuat {
         let q = if self.after == DQuat::IDENTITY { q } else { q * self.after };
         let q = if self.before == DQuat::IDENTITY { q } else { self.before * q };

@@ -244,9 +244,9 @@ impl Reader<'_, '_> {
             return self.texture(normal);
         }
         let Some(bump) = bump else { return Ok(None) };
-        let said =
+        let names =
             format!("{} {}", bump.element.name.as_ref(), bump.relative_filename.as_ref()).to_lowercase();
-        if ["normal", "nrm", "_n.", "_nor"].iter().any(|mark| said.contains(mark)) {
+        if ["normal", "nrm", "_n.", "_nor"].iter().any(|mark| names.contains(mark)) {
             return self.texture(Some(bump));
         }
         self.file

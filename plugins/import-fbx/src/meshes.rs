@@ -1,4 +1,4 @@
-//! Which meshes hang where, with which materials; each combination is built once.
+//! Meshes with their nodes and materials; each combination is built once.
 
 use crate::file::{File, place_of};
 use crate::geometry::Geometry;
@@ -15,7 +15,7 @@ use ufbx::{Node, SubdivisionDisplayMode};
 /// A mesh on a node that is shown.
 pub struct Shown<'a> {
     pub joint: u32,
-    /// That of the file, which a helper may hold the mesh for.
+    /// The node of the file, for which a helper may hold the mesh.
     pub node: &'a Node,
     pub holder: &'a Node,
     pub mesh: &'a ufbx::Mesh,
@@ -140,7 +140,7 @@ fn build(file: &File<'_>, one: &Shown<'_>, slots: &[u32], materials: &[Read]) ->
     Ok(Some(Mesh { name, primitives, morph_targets: targets.len(), morph_names: morphs::names(mesh) }))
 }
 
-/// What of a mesh is not read.
+/// Warns about parts of a mesh that are not read.
 fn left_out(file: &File<'_>, mesh: &ufbx::Mesh, place: &str) {
     let few = mesh.num_point_faces + mesh.num_line_faces;
     if few > 0 {

@@ -125,7 +125,7 @@ fn is_lod_group(node: &Node) -> bool {
     is(node) || node.geometry_transform_helper.as_ref().is_some_and(|h| is(h))
 }
 
-/// What the node itself says; visible where it says nothing. Before version 6 the visibility is the value of a channel, which ufbx
+/// The node's own visibility; visible if it states none. Before version 6 the visibility is the value of a channel, which ufbx
 /// keeps as a real number alone: its whole number stays 0, by which it takes every node with such a channel for hidden.
 fn is_visible(file: &File<'_>, node: &Node) -> bool {
     match node.element.props.find_prop("Visibility") {

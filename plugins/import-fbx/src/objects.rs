@@ -108,7 +108,7 @@ pub fn lights<'a>(file: &File<'a>, tree: &Tree, objects: &mut Vec<Object<'a>>) -
     Ok(out)
 }
 
-/// Also what its intensity is multiplied by.
+/// Reads a light, and the factor of its intensity.
 fn read(file: &File<'_>, node: &Node, light: &ufbx::Light) -> Result<(Light, f64)> {
     let color = vec3(&light.color);
     let fail = |what: &str| Problem::new(place_of(&node.element), what);

@@ -1,4 +1,4 @@
-//! What clips change of cameras and lights: field of view, color, intensity, the angles of a spot. Where one layer drives a
+//! Clips of cameras and lights: field of view, color, intensity, the angles of a spot. Where one layer drives a
 //! number, its keys are the file's, exact as those of nodes; what is mixed or repeats is sampled.
 
 use crate::clips::Maker;
@@ -165,7 +165,7 @@ impl Maker<'_, '_> {
         Ok(emit::spline(along, Path::Weights(width as u32), limit, self.file.accuracy, at))
     }
 
-    /// Several layers, or a curve that goes on beyond its keys: as ufbx evaluates them.
+    /// A channel of several layers, or with a curve that goes on beyond its keys: sampled as ufbx evaluates it.
     fn mixed(&mut self, channel: &Channel<'_>, curves: Vec<&AnimCurve>) -> Result<Option<Keys>> {
         let place = || self.place();
         let times = match self.repeated.contains(&channel.element.element_id) {
@@ -189,7 +189,7 @@ impl Maker<'_, '_> {
         Ok(Some(keys::finish(rows.times, values, width, Blend::Numbers)))
     }
 
-    /// What the value may be off: an angle as joints may, all else in proportion to its greatest.
+    /// Tolerance of the value: that of joints for an angle, else a share of its largest value.
     fn limit(&self, channel: &Channel<'_>, curves: &[Option<&AnimCurve>]) -> f64 {
         let accuracy = self.file.accuracy;
         match channel.target {

@@ -11,7 +11,7 @@ const MIN_TICKS: i64 = Time::TICKS_PER_SECOND / 4000;
 /// curves were seen that cross it at one.
 const PROBES: [f64; 2] = [0.375, 0.7];
 
-/// What one part of a row is, for measuring.
+/// Type of one part of a row, for measuring.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     Translation,
@@ -59,7 +59,7 @@ impl Quantity {
     }
 }
 
-/// Rows of numbers at shared times; `parts` says what lies in a row.
+/// Rows of numbers at shared times; `parts` describes a row.
 pub struct Rows<'a> {
     pub parts: &'a [Quantity],
     pub times: Vec<Time>,
@@ -80,7 +80,7 @@ pub fn refine(
         let row = |i: usize| rows.values[i * width..(i + 1) * width].to_vec();
         out.times.push(pair[0]);
         out.values.extend_from_slice(&rows.values[i * width..(i + 1) * width]);
-        // What is right of the place reached, nearest last.
+        // The keys to the right of the current one, the nearest last.
         let mut ahead = vec![(pair[1], row(i + 1), 0u32)];
         let (mut from, mut a) = (pair[0], row(i));
         while let Some((to, b, depth)) = ahead.pop() {

@@ -1,4 +1,4 @@
-//! What has no closed form — layers that are mixed, curves that repeat, blend shapes — is
+//! Motion without a closed form — layers that are mixed, curves that repeat, blend shapes — is
 //! evaluated by ufbx at every key of what it depends on, at the file's rate between, and closer where lines miss it.
 
 use crate::curve::Span;

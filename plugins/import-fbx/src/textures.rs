@@ -5,7 +5,7 @@ use crate::file::{File, place_of};
 use crate::local;
 use crate::materials::Read;
 use choreo_asset::{Image, Sampler, TextureRef, Wrap};
-use choreo_importer_kit::pictures::{Encoded, Formats};
+use choreo_importer_kit::images::{Encoded, Formats};
 use choreo_importer_kit::search;
 use choreo_importer_kit::textures::Bytes;
 use choreo_importer_kit::{Problem, Result, WithPlace};
@@ -39,18 +39,18 @@ pub struct Source<'a> {
 /// An image, its channel, and whether it is inverted; white where `None`.
 type Recipe = [Option<(u32, Channel, bool)>; 4];
 
-/// The images that materials ask for, each once.
+/// The images that materials request, each once.
 #[derive(Default)]
 pub struct Table {
     /// Image of each texture.
     known: BTreeMap<u32, Option<u32>>,
-    pictures: Vec<Encoded<Bytes>>,
+    encoded: Vec<Encoded<Bytes>>,
     recipes: Vec<Recipe>,
 }
 
 impl Table {
-    pub fn pictures(&self) -> &[Encoded<Bytes>] {
-        &self.pictures
+    pub fn encoded(&self) -> &[Encoded<Bytes>] {
+        &self.encoded
     }
 
     pub fn reference(
@@ -84,7 +84,7 @@ impl Table {
             Some(known) => known,
             None => {
                 let size =
-                    recipe.iter().flatten().map(|r| self.pictures[r.0 as usize].pixels()).max().unwrap_or(0);
+                    recipe.iter().flatten().map(|r| self.encoded[r.0 as usize].pixels()).max().unwrap_or(0);
                 file.picture_budget.charge(size, 4).at(|| place_of(&leader.element))?;
                 self.recipes.push(recipe);
                 self.recipes.len() - 1
@@ -124,7 +124,7 @@ impl Table {
 
     fn load(&mut self, file: &File<'_>, texture: &Texture, place: &str) -> Result<Option<u32>> {
         let Some((name, bytes)) = fetch(file, texture, place)? else { return Ok(None) };
-        for (index, known) in self.pictures.iter().enumerate() {
+        for (index, known) in self.encoded.iter().enumerate() {
             if known.bytes.0.len() == bytes.len() && known.bytes.0 == bytes {
                 return Ok(Some(index as u32));
             }
@@ -138,8 +138,8 @@ impl Table {
         };
         let too_much = |p: Problem| Problem::new(place, format!("\"{}\" {}", encoded.name, p.what));
         file.picture_budget.charge(encoded.pixels(), 4).map_err(too_much)?;
-        self.pictures.push(encoded);
-        Ok(Some(self.pictures.len() as u32 - 1))
+        self.encoded.push(encoded);
+        Ok(Some(self.encoded.len() as u32 - 1))
     }
 
     /// The images of the asset: those that materials use, with their references to them made right.
@@ -202,7 +202,7 @@ fn combine(recipe: &Recipe, decoded: &[Option<Arc<Image>>]) -> Option<Arc<Image>
     let image = |r: &Option<(u32, Channel, bool)>| r.and_then(|r| decoded.get(r.0 as usize)?.as_ref());
     let largest = recipe.iter().filter_map(image).max_by_key(|i| u64::from(i.width) * u64::from(i.height))?;
     let (width, height) = (largest.width, largest.height);
-    // Who asks for no pixels gets images that are empty and have a size.
+    // If no pixels are requested, the images are empty and have a size.
     let filled = recipe.iter().filter_map(image).all(|i| !i.rgba.is_empty());
     let mut rgba = vec![255; if filled { width as usize * height as usize * 4 } else { 0 }];
     for (to, source) in recipe.iter().enumerate().filter(|_| filled) {
@@ -298,7 +298,7 @@ fn place(file: &File<'_>, texture: &Texture, image: u32, uv_set: u8) -> TextureR
     TextureRef { image, sampler, uv_set, uv_transform }
 }
 
-/// Embedded, else where [`search::places`] says.
+/// Embedded bytes, else a file at the places of [`search::places`].
 fn fetch(file: &File<'_>, texture: &Texture, place: &str) -> Result<Option<(String, Arc<Vec<u8>>)>> {
     let paths =
         [texture.relative_filename.as_ref(), texture.absolute_filename.as_ref(), texture.filename.as_ref()];

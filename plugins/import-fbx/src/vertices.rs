@@ -13,7 +13,7 @@ use choreo_importer_kit::{Result, normals, tangents};
 use glam::{Vec2, Vec3, Vec4};
 use ufbx::{Face, Mesh, MeshPart, VertexVec2, VertexVec3, VertexVec4};
 
-/// What the points of a mesh have beside their place.
+/// Attributes of the points of a mesh beside their positions.
 #[derive(Clone, Copy)]
 pub struct OfPoints<'a> {
     pub weights: Option<&'a Weights>,

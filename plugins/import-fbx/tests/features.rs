@@ -92,7 +92,7 @@ fn a_concave_face_is_cut_into_triangles_inside_it() {
         let [a, b, c] = [t[0], t[1], t[2]].map(|i| p.positions[i as usize].as_dvec3() / INCH);
         area += (b - a).cross(c - a).length() / 2.0;
         let middle = (a + b + c) / 3.0;
-        // In the mesh's own axes the hexagon lies in the xz plane; the geometric translation lifts it.
+        // The hexagon lies in the xz plane of the mesh's own axes; the geometric translation lifts it.
         let (x, z) = (middle.x, middle.z + 40.0 - 5.0);
         assert!(x < 10.0 || z < 10.0, "{middle}");
     }
@@ -282,7 +282,7 @@ fn lamp_and_camera() {
     let Projection::Perspective { yfov, near, far } = eye.projection else { panic!() };
     assert!((yfov.to_degrees() - 40.0).abs() < 1e-3, "{}", yfov.to_degrees());
     assert!((near - 0.0254).abs() < 1e-6 && (far.unwrap() - 25.4).abs() < 1e-4);
-    // From nothing to what it is at rest, in a second.
+    // The intensity goes from zero to its value at rest in a second.
     let mut at = [0.0];
     assert!(asset.clips[0].sample_property(
         PropertyTarget::LightIntensity(0),
@@ -317,7 +317,7 @@ fn a_clip_that_is_not_played_is_a_name() {
         let files = Companions::playing(played);
         import(&FbxImporter, &common::source("flag.fbx", common::own()), &files, ImportScope::ALL).unwrap()
     };
-    // That "Take 001" moves nothing, and is left out, shows only when it is decoded.
+    // "Take 001" moves nothing and is left out, but that is known only once it is decoded.
     let names = |asset: &Asset| asset.clips.iter().map(|clip| clip.name.clone()).collect::<Vec<_>>();
     let [none, one] = [import("none of them"), import("wave")];
     assert_eq!((names(&none), names(&one)), (vec!["Take 001".into(), "wave".into()], names(&none)));

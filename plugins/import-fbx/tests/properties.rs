@@ -243,7 +243,7 @@ fn layers_are_mixed() {
     }
 }
 
-/// What a curve holds that is there at rest is no change.
+/// A curve that holds the value at rest is no change.
 #[test]
 fn a_light_that_stays_as_it_is() {
     let asset = lamp(|objects, links| {
@@ -293,7 +293,7 @@ fn geometric_transforms_are_in_the_mesh() {
     assert_eq!(model[1].translation.to_array(), [10.0, 1.0, 0.0]);
 }
 
-/// In two places with two geometric transforms, it cannot go into the mesh: each gets a joint.
+/// A mesh in two places with two geometric transforms cannot have them in its vertices: each instance gets a joint.
 #[test]
 fn a_mesh_used_twice_has_them_in_joints() {
     let at = |x: f64| format!("P: \"GeometricRotation\", \"Vector3D\", \"Vector\", \"\", 0, 0, {x}\n");

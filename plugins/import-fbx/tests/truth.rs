@@ -116,7 +116,7 @@ fn planted_faults_are_seen() {
     assert!(wrong > 10.0 * TOLERANCE, "{wrong}");
 }
 
-/// What Maya says of its light at frames of 1/24 s (ufbx, test/test_animation.h): intensity, red, green, blue.
+/// Maya's values of its light at frames of 1/24 s (ufbx, test/test_animation.h): intensity, red, green, blue.
 const LIGHT: [(f64, [f64; 4]); 8] = [
     (0.0, [3.072, 0.148, 0.095, 0.440]),
     (12.0, [1.638, 0.102, 0.136, 0.335]),

@@ -5,10 +5,10 @@ use crate::problem::{Problem, Result, WithPlace, element};
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::validation::Checked;
 
-/// An accessor without a buffer view is all zeros and could ask for any amount.
+/// Limit of an accessor without a buffer view, which is all zeros and could request any amount of memory.
 const MAX_ZERO_ELEMENTS: u64 = 1 << 24;
 
-/// What integer components mean.
+/// Meaning of integer components.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Integers {
     /// Normalised where the accessor's `normalized` is set (KHR_mesh_quantization has plain integers).

@@ -21,12 +21,12 @@ pub const MAX_DECODED_BYTES: u64 = 2 << 30;
 pub struct File<'a> {
     pub root: Root,
     pub pointers: Pointers,
-    /// KHR_materials_variants: the variant asked for.
+    /// KHR_materials_variants: the variant requested.
     pub variant: Option<u64>,
     bin: Option<&'a [u8]>,
     pub files: &'a dyn Files,
     buffers: Vec<OnceCell<Bytes<'a>>>,
-    /// Bytes of compressed buffer views, once asked for.
+    /// Bytes of compressed buffer views, once requested.
     unpacked: Vec<OnceCell<Vec<u8>>>,
     budget: Budget,
     pub notes: Notes,
@@ -78,7 +78,7 @@ impl<'a> File<'a> {
         self.notes.warn(place, text);
     }
 
-    /// What a profile sees; `tree` once it is known.
+    /// The file as a profile reads it; `tree` once it is known.
     pub fn document<'d>(&'d self, tree: Option<&'d Tree>) -> Document<'d> {
         Document { root: &self.root, notes: &self.notes, budget: &self.budget, tree }
     }
@@ -154,9 +154,9 @@ impl<'a> File<'a> {
         let place = || format!("bufferViews[{index}]");
         let stride = view.byte_stride.map_or(0, |s| s.0);
         if let Some(extensions) = &view.extensions
-            && let Some(said) = packed::of(&extensions.others)
+            && let Some(extension) = packed::of(&extensions.others)
         {
-            return Ok((self.unpack(index, said)?, stride));
+            return Ok((self.unpack(index, extension)?, stride));
         }
         let offset = view.byte_offset.map_or(0, |o| o.0);
         Ok((self.slice(view.buffer.value(), offset, view.byte_length.0, place)?, stride))
@@ -172,13 +172,13 @@ impl<'a> File<'a> {
         })
     }
 
-    /// The bytes of a compressed view. What the view itself says of buffer and offset is for readers without the extension.
-    fn unpack(&self, index: usize, (name, said): (&str, &serde_json::Value)) -> Result<&[u8]> {
+    /// The bytes of a compressed view. Buffer and offset of the view itself are for readers without the extension.
+    fn unpack(&self, index: usize, (name, extension): (&str, &serde_json::Value)) -> Result<&[u8]> {
         if let Some(bytes) = self.unpacked[index].get() {
             return Ok(bytes);
         }
         let place = || format!("bufferViews[{index}].{name}");
-        let view = packed::read(said).at(place)?;
+        let view = packed::read(extension).at(place)?;
         let length = self.root.buffer_views[index].byte_length.0;
         if view.packed.bytes() != length {
             let what = format!("unpacks to {} bytes, but the view has {length}", view.packed.bytes());

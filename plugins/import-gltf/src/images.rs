@@ -4,13 +4,13 @@
 use crate::file::{Bytes, File};
 use crate::problem::{Result, element};
 use crate::uri;
-use choreo_importer_kit::pictures::{Encoded, Formats};
+use choreo_importer_kit::images::{Encoded, Formats};
 use choreo_importer_kit::search;
 
 /// Images in the order in which materials ask for them.
 #[derive(Default)]
 pub struct ImageTable<'a> {
-    /// Asset image of each file image asked for so far; `Some(None)` for those that cannot be read.
+    /// Asset image of each file image requested so far; `Some(None)` for those that cannot be read.
     known: Vec<Option<Option<u32>>>,
     pub entries: Vec<Encoded<Slice<'a>>>,
 }
@@ -82,7 +82,7 @@ impl<'a> ImageTable<'a> {
     }
 }
 
-/// An image inside the URI, or in a file of this name: as the URI gives it, else where [`search::places`] says.
+/// An image inside the URI, or in a file of this name: as the URI gives it, else at the places of [`search::places`].
 fn fetch<'a>(file: &File<'_>, uri: &str) -> Result<Slice<'a>> {
     if let Some(inside) = uri::data_uri(uri) {
         return inside.map(|bytes| Slice::Loaded(Bytes::Owned(bytes)));

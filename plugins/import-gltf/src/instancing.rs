@@ -12,10 +12,10 @@ pub const NAME: &str = "EXT_mesh_gpu_instancing";
 
 /// joint-from-mesh of every copy; empty where the node has no such extension.
 pub fn copies(file: &File<'_>, node: usize) -> Result<Arc<[Affine3A]>> {
-    let said = file.root.nodes[node].extensions.as_ref().and_then(|e| e.others.get(NAME));
-    let Some(said) = said else { return Ok([].into()) };
+    let extension = file.root.nodes[node].extensions.as_ref().and_then(|e| e.others.get(NAME));
+    let Some(extension) = extension else { return Ok([].into()) };
     let place = || format!("nodes[{node}].extensions.{NAME}");
-    let listed = said.get("attributes").and_then(Value::as_object);
+    let listed = extension.get("attributes").and_then(Value::as_object);
     let accessor = |name: &str| -> Result<Option<usize>> {
         let Some(value) = listed.and_then(|l| l.get(name)) else { return Ok(None) };
         let index = whole(value).and_then(|n| usize::try_from(n).ok());

@@ -63,7 +63,7 @@ impl Extension<'_, '_, '_, '_, '_> {
     }
 }
 
-/// Nothing where the material has no such extension or is not of metallic-roughness.
+/// Reads the layers of a metallic-roughness material; other materials have none.
 pub fn read(reader: &mut Reader<'_, '_, '_>, others: &Map<String, Value>, out: &mut Material) -> Result<()> {
     if out.shading != Shading::MetallicRoughness {
         return Ok(());

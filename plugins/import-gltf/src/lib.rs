@@ -26,8 +26,8 @@ mod variants;
 
 use choreo_asset::Asset;
 use choreo_asset::{Material, TextureRef};
+use choreo_importer_kit::bones;
 use choreo_importer_kit::problem;
-use choreo_importer_kit::{bones, pictures};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, Source};
 use file::File;
 pub use materials::MaterialTextures;
@@ -142,14 +142,15 @@ fn import(
     let (mut materials, glossy) = materials::read(&file, &mut table, needs.textures, profile)?;
 
     // Images take as long as everything else together: they are decoded beside it.
-    let (images, rest) =
-        pictures::decode_beside(&table.entries, needs, files, || decode(&file, &tree, needs, &materials));
+    let (images, rest) = choreo_importer_kit::images::decode_beside(&table.entries, needs, files, || {
+        decode(&file, &tree, needs, &materials)
+    });
     let mut asset = rest?;
     asset.name = source.name.clone();
     // White is no direction: a normal map that cannot be decoded has no effect.
     let lost: Vec<u32> = (0..).zip(&images).filter(|(_, image)| image.is_err()).map(|(i, _)| i).collect();
     materials.iter_mut().for_each(|material| leave_out_normal_maps(material, &lost));
-    asset.images = pictures::or_white(images, &table.entries, &file.notes)?;
+    asset.images = choreo_importer_kit::images::or_white(images, &table.entries, &file.notes)?;
     drop(table);
     glossiness::convert(&glossy, &mut materials, &mut asset.images);
     asset.materials = materials;

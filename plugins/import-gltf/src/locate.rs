@@ -1,4 +1,4 @@
-//! Which element of a JSON text an offset lies in: `accessors[3].count`.
+//! The element of a JSON text at an offset: `accessors[3].count`.
 
 enum Level {
     Object { key: String },

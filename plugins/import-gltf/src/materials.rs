@@ -66,8 +66,8 @@ pub(crate) struct Reader<'a, 'b, 'f> {
 
 /// Textures that a profile's extension of a material uses.
 pub trait MaterialTextures {
-    /// `info` is a textureInfo as glTF has it: index, texCoord, KHR_texture_transform. `None` where textures are not asked for, or
-    /// cannot be used, which is then said. `slot` names it in messages.
+    /// `info` is a textureInfo as glTF has it: index, texCoord, KHR_texture_transform. `None` where textures are not requested, or
+    /// cannot be used, which is a warning. `slot` names it in messages.
     fn texture(&mut self, slot: &'static str, info: &serde_json::Value) -> Result<Option<TextureRef>>;
 }
 
@@ -183,7 +183,7 @@ impl<'a> Reader<'a, '_, '_> {
         if e.unlit.is_some() {
             out.shading = Shading::Unlit;
         }
-        // What the conversion has made of the other model has no layers.
+        // A material converted from the other model has no layers.
         if e.pbr_specular_glossiness.is_none() {
             layers::read(self, &e.others, out)?;
         }

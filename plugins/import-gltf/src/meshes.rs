@@ -297,7 +297,7 @@ fn charge_split(file: &File<'_>, out: &Primitive, place: &dyn Fn() -> String) ->
     file.charge(out.indices.len() as u64, 72 + out.influences * 6 + morphs).at(place)
 }
 
-/// What of the shown nodes carries meshes.
+/// The mesh instances of the shown nodes.
 pub fn instances(
     file: &File<'_>,
     tree: &Tree,

@@ -1,4 +1,4 @@
-//! What a buffer view says of its compression (EXT_meshopt_compression, KHR_meshopt_compression).
+//! The compression of a buffer view (EXT_meshopt_compression, KHR_meshopt_compression).
 
 use crate::meshopt::{Filter, Mode, Packed};
 use crate::problem::Result;
@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 
 const NAMES: [&str; 2] = ["KHR_meshopt_compression", "EXT_meshopt_compression"];
 
-/// The extension that the view has, if any, and what it says.
+/// The compression extension of the view, if any, and its content.
 pub fn of(extensions: &Map<String, Value>) -> Option<(&'static str, &Value)> {
     NAMES.iter().find_map(|name| Some((*name, extensions.get(*name)?)))
 }
@@ -21,15 +21,15 @@ pub struct PackedView {
     pub packed: Packed,
 }
 
-pub fn read(said: &Value) -> Result<PackedView> {
-    let number = |key: &str, default: Option<u64>| match said.get(key) {
+pub fn read(extension: &Value) -> Result<PackedView> {
+    let number = |key: &str, default: Option<u64>| match extension.get(key) {
         None => default.ok_or_else(|| format!("has no {key}")),
         Some(value) => {
             whole(value).ok_or_else(|| format!("has a {key} of {value}; whole numbers from 0 are allowed"))
         }
     };
     let size = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
-    let text = |key: &str| said.get(key).map(|value| value.as_str().unwrap_or_default());
+    let text = |key: &str| extension.get(key).map(|value| value.as_str().unwrap_or_default());
     let mode = match text("mode") {
         Some("ATTRIBUTES") => Mode::Attributes,
         Some("TRIANGLES") => Mode::Triangles,

@@ -38,7 +38,7 @@ pub fn mark_channels(root: &mut Value) -> Option<Pointers> {
     any.then_some(pointers)
 }
 
-/// What a pointer means here.
+/// Target of a pointer in the asset.
 pub enum Meaning {
     /// A node's own property, as plain channels have it.
     Node(usize, Property),
@@ -102,7 +102,7 @@ pub fn meaning(file: &File<'_>, tree: &Tree, pointer: &str) -> Option<Meaning> {
     }
 }
 
-/// What of a material the rest of a pointer means, and what its values are to be multiplied by.
+/// The property of a material that the rest of a pointer refers to, and the factor of its values.
 fn material_property(material: &gltf::json::Material, path: &[&str]) -> Option<(MaterialProperty, f32)> {
     let strength = || {
         let extensions = material.extensions.as_ref()?;
@@ -143,14 +143,14 @@ fn material_property(material: &gltf::json::Material, path: &[&str]) -> Option<(
     }
 }
 
-/// Which of the asset's cameras come from this one of the file; the order is that of `objects::cameras`.
+/// The asset's cameras that come from this one of the file; the order is that of `objects::cameras`.
 fn cameras_of(file: &File<'_>, tree: &Tree, camera: usize) -> Vec<u32> {
     let shown = tree.node_of_joint[..tree.shown].iter();
     let all = shown.filter_map(|node| file.root.nodes[*node].camera.map(|c| c.value()));
     (0..).zip(all).filter(|(_, of)| *of == camera).map(|(index, _)| index).collect()
 }
 
-/// Which of the asset's lights come from this one of the file; the order is that of `objects::lights`.
+/// The asset's lights that come from this one of the file; the order is that of `objects::lights`.
 fn lights_of(file: &File<'_>, tree: &Tree, light: usize) -> Vec<u32> {
     let shown = tree.node_of_joint[..tree.shown].iter();
     let all = shown.filter_map(|node| {

@@ -1,7 +1,7 @@
-//! What an importer of a format over glTF adds: VRM is glTF with extensions of its own.
+//! Profiles: formats on top of glTF, such as VRM, which is glTF with its own extensions.
 //!
 //! [`import_with`] reads a file as [`crate::GltfImporter`] does and asks a [`Profile`] at each place where its extensions
-//! have a say.
+//! count.
 
 use crate::container;
 use crate::materials::MaterialTextures;
@@ -26,13 +26,13 @@ pub fn import_with(
 
 /// Extensions that an importer over glTF reads itself.
 pub trait Profile {
-    /// Names of its extensions, which are then not said to be ignored.
+    /// Names of its extensions, which are then not reported as ignored.
     fn extensions(&self) -> &[&str] {
         &[]
     }
 
     /// Called for each material once it is read as glTF has it. `extensions`: those of the material that glTF itself does not
-    /// read; textures asked for here count as the material's own.
+    /// read; textures requested here count as the material's own.
     fn material(
         &self,
         _document: &Document<'_>,
@@ -55,7 +55,7 @@ pub(crate) struct Plain;
 
 impl Profile for Plain {}
 
-/// What a profile sees of the file.
+/// The file as a profile reads it.
 pub struct Document<'d> {
     pub(crate) root: &'d Root,
     pub(crate) notes: &'d Notes,

@@ -79,7 +79,7 @@ pub fn unsupported_version(version: &str) -> Problem {
     })
 }
 
-/// What to do about glTF 1.0.
+/// Hint for files of glTF 1.0.
 pub const CONVERT_1: &str =
     "convert the file to glTF 2.0, for example with `gltf-pipeline -i old.gltf -o new.glb`";
 

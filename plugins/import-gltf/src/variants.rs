@@ -1,4 +1,4 @@
-//! KHR_materials_variants: which material a primitive has in the variant asked for.
+//! KHR_materials_variants: which material a primitive has in the variant requested.
 
 use crate::file::File;
 use crate::problem::{Problem, Result};

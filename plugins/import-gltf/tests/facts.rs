@@ -1,4 +1,4 @@
-//! What is in each sample file, as its publisher counts it.
+//! The content of each sample file, as its publisher counts it.
 
 mod common;
 
@@ -93,7 +93,7 @@ fn number_of_clips() {
     }
 }
 
-/// What `Asset`'s comments promise of every file.
+/// Checks the promises of `Asset`'s comments about every file.
 fn sound(name: &str, asset: &Asset) {
     for mesh in &asset.meshes {
         for p in &mesh.primitives {

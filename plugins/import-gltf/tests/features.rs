@@ -1,4 +1,4 @@
-//! What the sample files do not show: small glTF made here, one feature each.
+//! Features that the sample files do not have: small glTF made here, one feature each.
 
 mod common;
 

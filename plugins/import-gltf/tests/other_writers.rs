@@ -55,7 +55,7 @@ fn whole_numbers_with_a_fraction() {
     assert_eq!(same.skins, plain.skins);
     assert_eq!(same.clips[0].curves(), plain.clips[0].curves());
     assert_eq!(same.skeleton.names(), plain.skeleton.names());
-    // In extensions too, which are not part of the schema: packed views, instances, materials.
+    // The same holds in extensions, which are not part of the schema: packed views, instances, materials.
     let layers: Value = serde_json::from_slice(include_bytes!("samples/layers.gltf")).unwrap();
     let import =
         |json: &Value| common::import_bytes("layers.gltf", serde_json::to_vec(json).unwrap()).unwrap();
@@ -91,7 +91,7 @@ fn with_image(image: Value) -> (Value, Vec<u8>) {
     (json, bin)
 }
 
-/// As in OBJ, COLLADA and FBX: the model is there, with the material's own color.
+/// The model is imported with the material's own color, like OBJ, COLLADA and FBX.
 #[test]
 fn a_missing_image_is_a_warning() {
     for (uri, told) in [
@@ -119,7 +119,7 @@ fn a_missing_image_is_a_warning() {
     let (json, bin) = with_image(json!({"name": "coat"}));
     let told = "images[0]: has neither a bufferView nor a uri; the texture is left out";
     assert_eq!(warnings(&import(&json, &bin).unwrap()), [told]);
-    // What the file itself says wrong stays an error.
+    // An error of the file itself stays an error.
     let (json, bin) = with_image(json!({"bufferView": 99}));
     let text = common::error_text(import(&json, &bin));
     assert!(text.contains("images[0]: refers to bufferViews[99], but the last is bufferViews[7]"), "{text}");
@@ -157,7 +157,7 @@ fn all_extensions_that_are_missing_are_named() {
         error.hint.unwrap(),
         "export without Draco compression, or decompress with `gltf-transform copy in.glb out.glb`; convert the textures to PNG, JPEG or WebP"
     );
-    // Of what is not asked for, nothing.
+    // Parts that are not requested give no warning.
     let source = common::source("other.glb", common::glb_of(&json, &bin));
     let needs = ImportScope { geometry: true, clips: false, textures: false, pixels: false };
     let error =
@@ -200,7 +200,7 @@ fn indices_that_are_no_whole_numbers() {
     json["bufferViews"][1] = json!({"buffer": 0, "byteOffset": LENGTH, "byteLength": 12});
     json["accessors"][1]["componentType"] = json!(5126);
     assert_eq!(common::error_text(import(&json, &bin)), told);
-    // Without data, too: the specification makes them zeros.
+    // The same holds without data: the specification makes them zeros.
     json["accessors"][1].as_object_mut().unwrap().remove("bufferView");
     assert_eq!(common::error_text(import(&json, &bin)), told);
     json["accessors"][1]["componentType"] = json!(5122);
@@ -232,7 +232,7 @@ fn a_clip_without_a_mesh_shows_its_bones() {
     off.0.insert("bones".into(), OptionValue::Bool(false));
     assert_eq!(with(ImportScope::ALL, &off), 0);
     assert_eq!(with(ImportScope { geometry: false, ..ImportScope::ALL }, &ImportOptions::default()), 0);
-    // The same mesh where the clips are not asked for.
+    // The same mesh where the clips are not requested.
     assert_eq!(with(ImportScope { clips: false, ..ImportScope::ALL }, &ImportOptions::default()), 1);
     // A camera that a clip moves is no skeleton.
     json["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}]);

@@ -133,7 +133,7 @@ fn what_is_wrong_is_said_with_its_place() {
 
 #[test]
 fn fallbacks_are_not_needed_and_a_million_copies_are_refused_by_the_budget() {
-    // The second buffer has no bytes at all: the compressed views stand for it. With a uri it is not asked for either.
+    // The second buffer has no bytes at all: the compressed views stand for it. With a uri it is not requested either.
     let bytes = common::edited(&sample(), |json, _| json["buffers"][1]["uri"] = json!("missing.bin"));
     assert!(common::import_bytes("sample.glb", bytes).is_ok());
     let many = common::edited(&sample(), |json, _| {

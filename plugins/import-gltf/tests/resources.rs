@@ -9,7 +9,7 @@ use import_gltf::GltfImporter;
 use serde_json::json;
 use std::sync::{Arc, Mutex};
 
-/// Files by name, and the names that were asked for.
+/// Files by name, and the names that were requested.
 #[derive(Default)]
 struct Shelf {
     files: Vec<(&'static str, Vec<u8>)>,

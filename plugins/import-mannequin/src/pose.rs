@@ -150,7 +150,7 @@ struct FootTarget {
 fn foot_target(foot: &Foot, side: Side) -> FootTarget {
     let yaw = ry(side.sign() * foot.out);
     let pitch = rx(foot.pitch);
-    // From the pivot to the ankle, sole flat, toes ahead.
+    // The vector from the pivot to the ankle, with a flat sole and the toes ahead.
     let (pivot, to_ankle) = if foot.pitch >= 0.0 {
         let pivot = vec3(0.0, rig::BALL_HEIGHT, rig::BALL_AHEAD);
         (pivot, vec3(0.0, rig::ANKLE_HEIGHT - rig::BALL_HEIGHT, -rig::BALL_AHEAD))

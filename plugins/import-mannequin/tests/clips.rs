@@ -93,7 +93,7 @@ fn slide(asset: &Asset, clip: &Clip, floor_speed: f32) -> f32 {
         for k in 0..=(clip.duration.as_secs() / step) as i64 {
             let secs = k as f64 * step;
             let p = joints_at(asset, clip, secs)[joint].transform_point3(local);
-            // In the floor's frame, which moves backwards under the figure.
+            // The position relative to the floor, which moves backwards under the figure.
             let on_floor = p + Vec3::Z * floor_speed * secs as f32;
             if p.y > 0.002 {
                 touched = None;

@@ -18,7 +18,7 @@ pub struct Settings {
     pub srgb: bool,
 }
 
-/// What makes a primitive: kind, group, material, and whether its face vertices have normals.
+/// Key of a primitive: kind, group, material, and whether its face vertices have normals.
 type Key = (u32, Shape, u32, bool);
 
 /// Primitives with the group each belongs to, by group, and within it in the order of the file's materials.

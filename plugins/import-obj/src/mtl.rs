@@ -143,7 +143,7 @@ fn line_of(m: &mut Mtl, keyword: &[u8], rest: &[u8], unknown: &mut BTreeMap<Stri
         b"illum" => m.illum = Some(scalar(rest)? as i64),
         b"pr" => m.roughness = Some(scalar(rest)?.clamp(0.0, 1.0)),
         b"pm" => m.metallic = Some(scalar(rest)?.clamp(0.0, 1.0)),
-        // What stands for light that this renderer does not have, or for glass: nothing seen is lost.
+        // These are for glass, or for light that this renderer does not have; without them the image looks the same.
         b"ka" | b"tf" | b"ni" | b"map_ka" | b"sharpness" => {}
         _ => *unknown.entry(shown(keyword)).or_insert(0) += 1,
     }

@@ -53,7 +53,7 @@ pub struct Model {
     pub groups: Vec<String>,
     /// Names in the order of their first use, with the line of it.
     pub materials: Vec<(String, usize)>,
-    /// What follows `mtllib`, with its line.
+    /// The names after `mtllib`, with their lines.
     pub libraries: Vec<(String, usize)>,
     /// Any `s` line.
     pub has_smoothing: bool,
@@ -125,7 +125,7 @@ pub fn read(
     };
     let mut lines = Lines::new(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes));
     while let Some((line, text)) = lines.next() {
-        // What is read becomes meshes after that, in about half of the time again.
+        // The data read becomes meshes after that, in about half of the time again.
         progress.reach((bytes.len() - lines.left()) / 3 * 2)?;
         let mut text = Cow::Borrowed(text);
         // A backslash at the end continues the line.

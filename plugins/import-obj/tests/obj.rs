@@ -1,4 +1,4 @@
-//! What comes out of OBJ and MTL files.
+//! Imports of OBJ and MTL files.
 
 use choreo_asset::{AlphaMode, Asset, Shading, Topology, Wrap};
 use choreo_importer_kit_testing::{Companions, import, options, sound, source, warnings};
@@ -151,7 +151,7 @@ fn vertex_colours() {
     assert!(weights.meshes[0].primitives[0].colors.is_empty(), "w is no colour");
 }
 
-/// What `tobj` alone would take from the vertex before, scale, refuse or leave out.
+/// Cases that `tobj` alone would fill from the vertex before, scale, refuse or leave out.
 #[test]
 fn corners_have_what_the_file_gives_them() {
     let triangle = "v 0 0 0\nv 1 0 0 2\nv 0 1 0\nvt 0.25\nvt 0.5 0.5\nvn 0 0 1\n";

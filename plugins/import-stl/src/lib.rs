@@ -21,7 +21,7 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StlImporter;
 
-/// What the bytes are.
+/// Encoding of the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Encoding {
     Ascii,

@@ -1,4 +1,4 @@
-//! What comes out of STL files, good and bad.
+//! Imports of STL files, good and bad.
 
 use choreo_asset::Asset;
 use choreo_importer_kit_testing::{

@@ -1,4 +1,4 @@
-//! What a file says of itself: title, authors, licence.
+//! Statements of a file about itself: title, authors, license.
 
 use crate::json::At;
 use choreo_asset::{Asset, Origin};
@@ -20,9 +20,9 @@ pub fn read(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) {
         about.add("references", &texts(&meta, "references").join(", "));
         about.text(&meta, "licence", "licenseUrl");
         about.text(&meta, "other licence", "otherLicenseUrl");
-        let said = ["avatarPermission", "commercialUsage", "creditNotation", "modification"];
+        let keys = ["avatarPermission", "commercialUsage", "creditNotation", "modification"];
         let mut permissions: Vec<String> =
-            said.iter().filter_map(|k| Some(format!("{k} {}", meta.text(k)?))).collect();
+            keys.iter().filter_map(|k| Some(format!("{k} {}", meta.text(k)?))).collect();
         if let Ok(Some(allowed)) = meta.flag("allowRedistribution") {
             permissions.push(format!("redistribution {}", if allowed { "allowed" } else { "not allowed" }));
         }
@@ -45,9 +45,9 @@ pub fn read_v0(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) {
         about.text(&meta, "references", "reference");
         about.text(&meta, "licence", "licenseName");
         about.text(&meta, "other licence", "otherLicenseUrl");
-        let said = [("allowedUserName", "avatar"), ("commercialUssageName", "commercial use")];
+        let keys = [("allowedUserName", "avatar"), ("commercialUssageName", "commercial use")];
         let permissions: Vec<String> =
-            said.iter().filter_map(|(key, label)| Some(format!("{label} {}", meta.text(key)?))).collect();
+            keys.iter().filter_map(|(key, label)| Some(format!("{label} {}", meta.text(key)?))).collect();
         about.add("permissions", &permissions.join(", "));
     }
     let flags = |v: &At<'_>| {
@@ -57,7 +57,7 @@ pub fn read_v0(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) {
     asset.origin = origin(document, "VRM 0.x", about);
 }
 
-/// A VRM animation says nothing of itself but who wrote it.
+/// A VRM animation states nothing about itself but its writer.
 pub fn read_animation(document: &Document<'_>, asset: &mut Asset) {
     asset.origin = origin(document, "VRM Animation 1.0", About::new());
 }
@@ -91,7 +91,7 @@ impl About {
         self.add(label, meta.text(key).unwrap_or_default());
     }
 
-    /// What a viewer from the character's own eyes is to hide; there is none here.
+    /// Lists the meshes to hide in a view from the character's own eyes; there is no such view here.
     fn first_person(&mut self, meshes: Option<usize>) {
         if let Some(n @ 1..) = meshes {
             self.add("first person", &format!("{n} meshes shown or hidden in it; not used"));

@@ -30,7 +30,7 @@ pub fn read(document: &Document<'_>, vrma: &At<'_>, asset: &mut Asset) -> Result
     Ok(())
 }
 
-/// The node whose rotation says where the eyes look, if one does.
+/// The node whose rotation gives the direction of the eyes, if one does.
 fn gaze_joint(document: &Document<'_>, vrma: &At<'_>) -> Result<Option<u32>> {
     let Some(look) = vrma.get("lookAt") else { return Ok(None) };
     let Some(node) = look.index("node")? else { return Ok(None) };

@@ -203,7 +203,7 @@ impl<'a, 'd> Faces<'a, 'd> {
         if !self.geometry {
             return Ok(());
         }
-        // Looking through all instances for each bind is work that a file can ask for at will.
+        // Looking through all instances for each bind is work that a file can request at will.
         self.document.charge(self.asset.instances.len() as u64, 16, &|| at.place())?;
         let mut found = false;
         for (instance, i) in self.asset.instances.iter().enumerate().filter(|(_, i)| is_meant(i)) {

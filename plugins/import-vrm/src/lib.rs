@@ -72,7 +72,7 @@ impl Importer for VrmImporter {
     }
 }
 
-/// What VRM adds to glTF.
+/// The profile of VRM, which extends glTF.
 struct Vrm {
     bones: bool,
     orders: mtoon::DrawOrders,

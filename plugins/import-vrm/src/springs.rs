@@ -94,7 +94,7 @@ pub fn once(
     kept
 }
 
-/// One stick from each joint to the next.
+/// Makes one stick from each joint to the next.
 fn sticks(
     document: &Document<'_>,
     spring: &At<'_>,
@@ -168,7 +168,7 @@ pub fn gravity(direction: Vec3, power: f32) -> (Vec3, f32) {
     }
 }
 
-/// Numbers from 0 to a limit; what is outside is brought in and said.
+/// Numbers from 0 to a limit; others are clamped, with a warning.
 pub struct Numbers<'a, 'd> {
     pub document: &'a Document<'d>,
     pub at: &'a At<'a>,

@@ -1,4 +1,4 @@
-//! What VRM adds to glTF: the same character as 0.x and as 1.0 must come out the same.
+//! The extensions of VRM to glTF: the same character as 0.x and as 1.0 must come out the same.
 
 mod common;
 
@@ -99,7 +99,7 @@ fn expressions_are_those_of_1_0() {
         assert_eq!(faces.iter().map(|e| e.binary).collect::<Vec<_>>(), [true, false, false]);
         let binds = faces.iter().map(|e| (e.morphs[0].target, e.morphs[0].weight)).collect::<Vec<_>>();
         assert_eq!(binds, [(0, 1.0), (1, 0.5), (0, 1.0)]);
-        // On stage: happy lifts the nose by half a bind, and holds blink down where the file says so.
+        // On the stage, happy lifts the nose by half a bind, and suppresses blink if the file says so.
         let mut stage = Stage::default();
         let actor = stage.cast("a", asset.clone());
         let index = |name: &str| asset.expressions.iter().position(|e| e.name == name).unwrap() as u32;
@@ -158,7 +158,7 @@ fn animations_play_on_both_by_the_bones_whatever_axes_they_rest_in() {
         let (sin, cos) = (0.75f64.sqrt(), 0.5);
         let expected = DVec3::new(0.0, 2.0 - 0.4 * sin + 0.05 * cos, 0.4 * cos + 0.05 * sin);
         assert!((tip - expected).length() < 1e-6, "{version:?}: {tip} {expected}");
-        // Without the bones' T-poses the same keys would turn the head about another axis.
+        // If the bones had no T-poses, the same keys would turn the head about another axis.
         let mut raw = clip.curves().to_vec();
         for curve in raw.iter_mut().filter(|c| c.path == choreo_motion::Path::Rotation) {
             let source =
@@ -190,7 +190,7 @@ fn eyes_and_words_about_the_file_are_kept() {
     assert_eq!((old.origin.format.as_str(), new.origin.format.as_str()), ("VRM 0.x", "VRM 1.0"));
 }
 
-/// From the file to the image: eyes that are painted on, of 1.0 and of 0.x.
+/// Painted eyes from the file to the image, of 1.0 and of 0.x.
 #[test]
 fn painted_eyes_follow_what_is_looked_at() {
     use choreo_stage::{LookAt, Target};
@@ -356,7 +356,7 @@ fn content_decides_who_reads_a_file() {
     }
     let (json, bin) = animation();
     assert_eq!(claim("x.bin", glb_of(&json, &bin)), Claim::Content(98));
-    // As text, with the words but not as an extension, and without either.
+    // The claim on text: with the words but not as an extension, and without either.
     let (json, _) = character(Version::V1);
     assert_eq!(claim("x.gltf", serde_json::to_vec(&json).unwrap()), Claim::Content(98));
     let plain = edited(Version::V1, |json| {

@@ -132,7 +132,7 @@ fn expressions_change_colours_on_stage() {
         let base = rest.base_color.lerp(Vec4::new(0.5, 1.0, 0.0, 1.0), 0.5);
         assert!(now.base_color.abs_diff_eq(base, 1e-4), "{} is not {base}", now.base_color);
         assert!(now.emissive.abs_diff_eq(rest.emissive.lerp(Vec3::Z, 0.5), 1e-5), "{}", now.emissive);
-        // Without the face nothing changes.
+        // Nothing changes without the expression.
         stage.actors[actor].expressions.clear();
         assert!(stage.at(choreo_motion::Time::ZERO).unwrap().actors[actor].materials.is_empty());
     }

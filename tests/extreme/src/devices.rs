@@ -1,6 +1,6 @@
 //! Devices that lack what choreo uses where it is there: each feature masked, and limits gone beyond.
 
-use crate::{Case, pictures, refused};
+use crate::{Case, images, refused};
 use choreo_motion::Time;
 use choreo_render::vulkan::Ability;
 use choreo_render::{
@@ -11,23 +11,23 @@ use std::sync::Arc;
 
 pub const CASES: &[Case] = &[
     Case::new("a device without alphaToOne", "steps of 255 off hard cut-outs by the CPU", 2.0, || {
-        without(Ability::AlphaToOne, &pictures::leaf(), 4, |s| s.settings.cutouts = Cutouts::Hard)
+        without(Ability::AlphaToOne, &images::leaf(), 4, |s| s.settings.cutouts = Cutouts::Hard)
     }),
     Case::new("a device without sampleRateShading", "steps of 255 off sorted panes by the CPU", 2.0, || {
         let sorted = |s: &mut Stage| s.settings.transparency = Transparency::Sorted;
-        without(Ability::SampleRateShading, &pictures::panes(), 4, sorted)
+        without(Ability::SampleRateShading, &images::panes(), 4, sorted)
     }),
     Case::new("a device without samplerAnisotropy", "steps of 255 off none by the CPU", 3.0, || {
-        without(Ability::SamplerAnisotropy, &pictures::leaf(), 4, |_| {})
+        without(Ability::SamplerAnisotropy, &images::leaf(), 4, |_| {})
     }),
     Case::new("a device without maxColorAttachments", "steps of 255 off forward by the CPU", 2.0, || {
-        let mut stage = pictures::lit_wall();
+        let mut stage = images::lit_wall();
         stage.settings.pipeline = Pipeline::Deferred;
         without(Ability::ColorAttachments, &stage, 1, |s| s.settings.pipeline = Pipeline::Forward)
     }),
     Case::new("an image wider than any device's", "named error (0) or not (1)", 0.0, || {
         vulkan(GpuOptions::default(), |gpu| {
-            refused(draw(gpu, &pictures::panes(), [1 << 20, 16], 1).map(|_| ()), "image width is 1048576")
+            refused(draw(gpu, &images::panes(), [1 << 20, 16], 1).map(|_| ()), "image width is 1048576")
         })
     }),
     Case::new("a device that is not there", "named error (0) or not (1)", 0.0, || {
@@ -46,7 +46,7 @@ fn skip(why: &str) -> f64 {
     0.0
 }
 
-/// With the validation layer where it is installed.
+/// A renderer with the validation layer, if it is installed.
 fn vulkan(options: GpuOptions, value: impl FnOnce(&mut VulkanRenderer) -> f64) -> f64 {
     let checked = VulkanRenderer::new(GpuOptions { validation: true, ..options.clone() });
     match checked.or_else(|_| VulkanRenderer::new(options)) {

@@ -70,7 +70,7 @@ fn arm(target: DVec3, pole: Option<DVec3>) -> TwoBone {
     }
 }
 
-/// By forward kinematics.
+/// Distance to the target that is left, by forward kinematics.
 fn left(limb: TwoBone) -> f64 {
     limb.solve().map_or(f64::NAN, |turned| {
         let middle = limb.start + turned.start * (limb.middle - limb.start);

@@ -2,14 +2,14 @@
 
 pub mod devices;
 pub mod goals;
-pub mod pictures;
+pub mod images;
 pub mod poses;
 pub mod springs;
 
 /// One case.
 pub struct Case {
     pub name: &'static str,
-    /// What `run` gives, with its unit.
+    /// The quantity that `run` returns, with its unit.
     pub measured: &'static str,
     pub bound: f64,
     pub run: fn() -> f64,
@@ -27,7 +27,7 @@ impl Case {
 }
 
 pub fn all() -> impl Iterator<Item = &'static Case> {
-    springs::CASES.iter().chain(goals::CASES).chain(poses::CASES).chain(pictures::CASES).chain(devices::CASES)
+    springs::CASES.iter().chain(goals::CASES).chain(poses::CASES).chain(images::CASES).chain(devices::CASES)
 }
 
 /// 0 where a named error was given, as it must be, and 1 where not.

@@ -1,4 +1,4 @@
-//! What a render that was killed leaves: journals of any bytes, journals cut or bent, kept frames, and exporters that go on from
+//! The files of a render that was killed: journals of any bytes, journals cut or bent, kept frames, and exporters that go on from
 //! their own states (the same file as without the stop) or from any bytes.
 #![no_main]
 
@@ -13,7 +13,7 @@ use libfuzzer_sys::fuzz_target;
 use std::io::Write;
 use std::sync::{Arc, Mutex};
 
-/// What is read is exactly what would be written.
+/// A journal that is read is exactly the one that would be written.
 fn any_journal(bytes: &[u8]) {
     let Some(found) = journal::read(bytes) else { return };
     let mut again = journal::head(&found.identity);

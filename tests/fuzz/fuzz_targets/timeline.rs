@@ -35,7 +35,7 @@ fn span(u: &mut Unstructured) -> Result<Time> {
 
 fn number(u: &mut Unstructured) -> Result<f64> {
     Ok(match u.int_in_range(0..=15)? {
-        // As far as the callbacks of a script can get; NaN and infinity are for `check`.
+        // Numbers that the callbacks of a script can reach; `check` handles NaN and infinity.
         0 => match u.arbitrary::<f64>()? {
             v if v.is_finite() => v % 1e20,
             v => v,
@@ -251,7 +251,7 @@ fn stage(u: &mut Unstructured) -> Result<Stage> {
             _ => Rig::Frame { azimuth: number(u)?, elevation: 0.2 },
         };
         stage.cameras.push(Camera::new(&format!("c{i}"), rig));
-        stage.cuts.push(Cut { at: time(u)?, camera: i });
+        stage.cuts.push(Cut::new(time(u)?, i));
     }
     stage.cuts.sort_by_key(|c| c.at);
     if u.ratio(1, 4)? {

@@ -1,5 +1,5 @@
-//! What the fuzz targets share: an importer's asset is put on stage, evaluated and drawn, so that what an importer lets
-//! through is proved harmless further down.
+//! The common part of the fuzz targets: an importer's asset is put on stage, evaluated and drawn, so that a file which an importer
+//! accepts is proved harmless further down.
 
 use choreo_motion::Time;
 use choreo_plugin::{Files, ImportOptions, Importer, Manifest, ImportScope, OptionKind, OptionValue, Source};

@@ -66,7 +66,7 @@ fn once(path: &Path, tolerance: Option<f64>) {
     println!("{} {}", after - before, status("VmHWM:").unwrap_or(f64::NAN) / 1024.0);
 }
 
-/// Of this process: milliseconds of the first import, and of the fastest of a hundred more, which find code and memory warm.
+/// Times of this process: milliseconds of the first import, and of the fastest of a hundred more, which find code and memory warm.
 fn again(path: &Path) {
     let run = || {
         let before = thread_ms();
@@ -123,7 +123,7 @@ fn medians(runs: &[Run]) -> Run {
     Run { ms: median(runs.iter().map(|r| r.ms)), mib: median(runs.iter().map(|r| r.mib)) }
 }
 
-/// What the option of import-fbx costs: files whose clips it shapes.
+/// Times by the tolerance of import-fbx, for files whose clips depend on it.
 fn tolerances(folder: &Path) {
     const DEGREES: [f64; 3] = [0.5, 0.05, 0.005];
     println!("| file | ms at tolerance 0.5 | 0.05 | 0.005 |\n|---|---|---|---|");

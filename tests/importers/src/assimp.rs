@@ -1,4 +1,4 @@
-//! What assimp's command line (Debian: assimp-utils) makes of a file, by its export to JSON: the second importer.
+//! The content of a file by assimp's command line (Debian: assimp-utils), by its export to JSON: the second importer.
 
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -8,7 +8,7 @@ use std::process::Command;
 /// One clip.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Animation {
-    /// From 0 to the end.
+    /// Its length in seconds, from 0.
     pub secs: f64,
     pub channels: usize,
 }
@@ -25,7 +25,7 @@ pub struct Scene {
     pub animations: Vec<Animation>,
     pub cameras: usize,
     pub lights: usize,
-    /// Of all meshes where their nodes stand, unskinned, in the file's units and axes.
+    /// Extent of all meshes at their nodes, unskinned, in the file's units and axes.
     pub extent: [[f64; 3]; 2],
 }
 

@@ -22,14 +22,14 @@ pub const FORMATS: [Format; 5] = [
 
 /// Sample files of all these formats; there are others beside them.
 pub const SAMPLES: usize = 54;
-/// Those of glTF, VRM and VRMA.
+/// The samples of glTF, VRM and VRMA.
 pub const GLTF_SAMPLES: usize = 40;
 
 fn extension(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
 }
 
-/// By extension, so that a file which only another importer would claim is seen as an error.
+/// The importer of a file's extension, so that a file which only another importer would claim is seen as an error.
 pub fn importer(path: &Path) -> Option<&'static dyn Importer> {
     let extension = extension(path);
     match extension.as_str() {
@@ -67,12 +67,12 @@ fn files(folder: &Path, wanted: impl Fn(&str) -> bool) -> Vec<PathBuf> {
     out
 }
 
-/// With what lies beside it, and default options.
+/// Imports a file with the files beside it, and default options.
 pub fn import(path: &Path, needs: ImportScope) -> Result<Asset, ImportError> {
     import_with(path, needs, &[])
 }
 
-/// As [`import`], with options of its importer.
+/// Like [`import`], with options of its importer.
 pub fn import_with(
     path: &Path,
     needs: ImportScope,

@@ -69,7 +69,7 @@ fn lengths(secs: impl Iterator<Item = f64>) -> String {
     if list.is_empty() { "none".into() } else { list.join(" ") }
 }
 
-/// Of the meshes where their nodes stand, without skins: so assimp's are.
+/// Extent of the meshes at their nodes, without skins: assimp's is the same.
 fn extent(asset: &Asset) -> [[f64; 3]; 2] {
     let model = pose::at(asset, None, 0.0);
     let mut out = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];

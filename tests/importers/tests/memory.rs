@@ -1,4 +1,4 @@
-//! Memory at its highest of files that ask for much more than they hold, each in a process of its own.
+//! Memory at its highest of files that request much more than they hold, each in a process of its own.
 
 use choreo_importer_kit_testing::{Companions, import, source};
 use choreo_plugin::ImportScope;
@@ -8,7 +8,7 @@ use std::process::Command;
 const VERTICES: usize = 600_000;
 /// KiB above what the process takes before.
 const MOST: usize = 40_000;
-/// In a process that only imports: the format.
+/// Variable that is set in a process that only imports: the format.
 const OF: &str = "CHOREO_PEAK_OF";
 
 /// One polygon that goes round the same three points: a file of 1.2 MB.

@@ -1,4 +1,4 @@
-//! What a caller does not ask for is left out, and all else is the same.
+//! Parts that a caller does not request are left out, and all else is the same.
 
 use choreo_asset::Asset;
 use choreo_importer_kit_testing::assets;
@@ -9,7 +9,7 @@ fn pictures(asset: &Asset) -> Vec<(String, u32, u32)> {
     asset.images.iter().map(|i| (i.name.clone(), i.width, i.height)).collect()
 }
 
-/// As `choreo info` opens them: images have their sizes and nothing in them.
+/// `choreo info` opens files like this: images have their sizes and no pixels.
 #[test]
 fn without_pixels_pictures_are_told_the_same() {
     let Some(folder) = assets(SAMPLES) else { return };

@@ -34,7 +34,7 @@ fn apart(a: &[DVec3], b: &[DVec3]) -> f64 {
     one_way(&a, &b).max(one_way(&b, &a))
 }
 
-/// By cells a hundredth wide.
+/// Largest distance from one set of points to the other, found with cells a hundredth wide.
 fn one_way(from: &[DVec3], to: &[DVec3]) -> f64 {
     let cell = |p: DVec3| (p * 100.0).floor().as_ivec3().to_array();
     let mut cells: BTreeMap<[i32; 3], Vec<DVec3>> = BTreeMap::new();

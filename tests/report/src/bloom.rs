@@ -22,7 +22,7 @@ pub fn section() -> Result<Section, String> {
 }
 
 const SIZE: [usize; 2] = [640, 360];
-/// Of the image's height: 36 pixels, three standard deviations of 12.
+/// Radius as a share of the image's height: 36 pixels, three standard deviations of 12.
 const RADIUS: f32 = 0.1;
 /// Strength, threshold, radius.
 const P: [f32; 8] = [1.0, 0.9, RADIUS, 0.0, 0.0, 0.0, 0.0, 0.0];
@@ -49,14 +49,14 @@ fn picture() -> Vec<Vec4> {
     rgba
 }
 
-/// As the effect has it: what of a color is above the threshold, its hue kept.
+/// The part of a color above the threshold, with its hue, as in the effect.
 fn bright(c: Vec4) -> Vec3 {
     let c = c.truncate();
     let most = c.max_element();
     c * ((most - P[1]).max(0.0) / most.max(1e-6))
 }
 
-/// In an image this many times smaller, with as many taps as three standard deviations need and no fewer than the effect has.
+/// Blurs in an image this many times smaller, with as many taps as three standard deviations need and no fewer than the effect has.
 fn spread(rgba: &[Vec4], shrink: usize) -> Vec<Vec3> {
     let small = SIZE.map(|s| s.div_ceil(shrink));
     let clamped = |v: i32, side: usize| v.clamp(0, side as i32 - 1) as usize;
@@ -130,7 +130,7 @@ fn truth(rgba: &[Vec4]) -> Vec<DVec3> {
     now
 }
 
-/// What the effect adds, pass by pass.
+/// The light that the effect adds, pass by pass.
 fn by_effect(bloom: &dyn Effect, rgba: &[Vec4]) -> Vec<Vec3> {
     let Some(function) = bloom.function() else { return Vec::new() };
     let whole = SIZE.map(|s| s as u32);

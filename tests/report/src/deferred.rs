@@ -1,6 +1,6 @@
 //! Lighting surfaces as they are drawn, or once a pixel: by how many lights reach a place and how many surfaces lie over each other.
 
-use crate::pictures::{drawn, stage, times};
+use crate::images::{drawn, stage, times};
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Cell, Table};
 use choreo_bench::timing::Clock;
@@ -67,7 +67,7 @@ fn plan(stage: &Arc<Stage>, resources: &SceneResources, pipeline: Pipeline) -> R
     Ok(Plan::new(resources, &stage, &snapshot, &PlanOptions::new(SIZE, 1)))
 }
 
-/// What the plan found out before it chose.
+/// The plan's estimates before it chose.
 fn numbers(plan: &Plan) -> String {
     if let Some(DeferredCause::Pays { lights, surfaces, wasted }) = plan.deferred.as_ref().map(|d| d.cause) {
         return format!("{lights:.1} lights per surface, {surfaces:.1} surfaces, {wasted:.1} wasted");

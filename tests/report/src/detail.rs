@@ -1,6 +1,6 @@
 //! Levels of detail: how far coarser versions may be off in the image, and what that saves.
 
-use crate::pictures::{drawn, rows, stage};
+use crate::images::{drawn, rows, stage};
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::Choice;
 use choreo_bench::timing::Clock;
@@ -29,9 +29,10 @@ const CROWD: &str = r##"
 pub fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Levels of detail",
-        text: "Of what is on stage sixty-four times and more, small copies are drawn as coarser versions, whose distance to the surface as it is \
-               (Hausdorff's, by samples) is known in metres. A copy is drawn with the coarsest that is off by no more than the tolerance where the \
-               copy is nearest to the camera."
+        text: "Models that are often so small that their triangles are smaller than pixels get simplified versions. For each version two sizes \
+               are known in metres: its distance to the surface as it is (Hausdorff's, by samples), and the size of the pixels from which \
+               images of both from fourteen sides have the same colors. A copy is drawn by the coarsest version of which both are at most \
+               the tolerance where the copy is nearest to the camera."
             .into(),
         choices: vec![tolerance()?],
         tables: Vec::new(),
@@ -52,7 +53,8 @@ fn tolerance() -> Result<Choice, String> {
     let plan = |tolerance: f32| {
         // The planner's tolerance is one pixel: what is off by less counts as less.
         let mut scaled = (*resources).clone();
-        scaled.lods.iter_mut().flatten().for_each(|level| level.error /= tolerance.max(1e-9));
+        let levels = scaled.assets.iter_mut().flat_map(|asset| &mut asset.levels);
+        levels.for_each(|level| level.error /= tolerance.max(1e-9));
         let options = PlanOptions { full_detail: tolerance == 0.0, ..PlanOptions::new(SIZE, 4) };
         Plan::new(&scaled, &stage, &snapshot, &options)
     };

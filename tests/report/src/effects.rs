@@ -1,8 +1,8 @@
 //! Effects: what each costs a frame, how many times make motion blur, and smooth edges with and without samples.
 
-use crate::pictures::{drawn, renderers, rows, stage};
+use crate::images::{drawn, renderers, rows, stage};
 use crate::{BUDGET_SECS, Section};
-use choreo_bench::picture::Moment;
+use choreo_bench::moment::Moment;
 use choreo_bench::plots::{Cell, Choice, Table, duration};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::Time;
@@ -218,7 +218,7 @@ fn discs() -> Vec<Vec4> {
     (0..width * height).map(pixel).collect()
 }
 
-/// What an effect's function makes of an image, or of surfaces of these colors.
+/// The result of an effect's function for an image, or for surfaces of these colors.
 fn evaluated(effect: &dyn Effect, image: &[Vec4]) -> Vec<Vec4> {
     let (size, width) = (EVALUATED, EVALUATED[0] as usize);
     let parameters = effect_parameters(effect, &[]);
@@ -298,7 +298,7 @@ fn blur(registry: &Registry) -> Result<Choice, String> {
     let one = |time| {
         Ok::<_, String>(Plan::new(&resources, &plain, &plain.at(time).map_err(|e| e.to_string())?, &options))
     };
-    // As the effect has it, and with more than scripts may ask for.
+    // The number of samples is the effect's, or larger than scripts may request.
     let plan = |samples: u32| {
         let mut whole = one(at)?;
         if samples > 1 {

@@ -6,7 +6,7 @@ use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_bench::truth::Spread;
 use choreo_render::plan::View;
-use choreo_render::plan::view::relative;
+use choreo_render::view::relative;
 use choreo_stage::CameraState;
 use glam::{DAffine3, DMat4, DQuat, DVec3, DVec4, Vec3};
 
@@ -90,7 +90,7 @@ struct Shot {
 impl Shot {
     fn new(distance: f64) -> Shot {
         let mut random = Random(5);
-        // In no direction in which f32 is lucky.
+        // The direction is arbitrary, so that f32 is not exact by chance.
         let origin = DVec3::new(0.48, 0.6, 0.64) * distance + DVec3::new(0.123, 0.0, 0.456);
         let world_from_model = DAffine3::from_rotation_translation(DQuat::from_rotation_y(0.4), origin);
         let points = (0..POINTS)
@@ -116,7 +116,7 @@ impl Shot {
                 self.points.iter().map(|p| pixels(self.clip_from_world * world(p).extend(1.0))).collect()
             }
             1 => {
-                // As the planner and the vertex shader do it.
+                // The computation of the planner and the vertex shader.
                 let offset = relative(self.world_from_model.translation, &self.view);
                 let turn = glam::Mat3::from_cols(
                     self.world_from_model.matrix3.x_axis.as_vec3(),

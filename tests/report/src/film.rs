@@ -1,8 +1,8 @@
 //! Thin films: the eye's answer to their spectrum, by terms, by wavelengths, and what an image of them costs.
 
-use crate::pictures::{renderers, stage, times};
+use crate::images::{renderers, stage, times};
 use crate::{BUDGET_SECS, Section};
-use choreo_bench::picture::Moment;
+use choreo_bench::moment::Moment;
 use choreo_bench::plots::{Cell, Choice, Row, Table, duration};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_bench::truth::Spread;
@@ -220,7 +220,7 @@ fn costs() -> Result<Table, String> {
         let mut nanos = Vec::new();
         for (moment, plan) in &scenes {
             renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
-            crate::pictures::drawn(&mut *renderer, plan)?;
+            crate::images::drawn(&mut *renderer, plan)?;
             nanos.extend(times(&mut *renderer, &[plan], BUDGET_SECS));
         }
         let cell = |nanos: f64| Cell::number(duration(nanos), nanos);

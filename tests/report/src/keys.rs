@@ -137,7 +137,7 @@ fn between(times: &[Time], values: &[Vec<f64>], [into, out]: &[Values; 2], key: 
     (0..values[key].len()).map(component).collect()
 }
 
-/// What a short gap does: how far values leave the range of the keys beside them, and how the speed changes at a key.
+/// Effects of a short gap: how far values leave the range of the keys beside them, and how the speed changes at a key.
 fn faults() -> Table {
     const GAPS: [(f64, &str); 3] = [(0.1, ">gap of 0.1 s"), (1e-3, ">gap of 1 ms"), (1e-6, ">gap of 1 µs")];
     let mut columns: Vec<(&str, &'static str)> = vec![("overshoot of 0, 1, 2, 3 m", "way")];

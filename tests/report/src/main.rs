@@ -9,18 +9,21 @@ mod chains;
 mod crossfade;
 mod deferred;
 mod detail;
+mod easing;
 mod effects;
 mod far_away;
 mod film;
 mod ik;
+mod images;
 mod keys;
 mod mipmaps;
 mod packing;
 mod parallax;
 mod passes;
-mod pictures;
+mod path_length;
 mod rays;
 mod reduction;
+mod root_motion;
 mod rotation;
 mod samples;
 mod scenes;
@@ -28,6 +31,7 @@ mod shadows;
 mod skinning;
 mod sky;
 mod springs;
+mod srgb;
 mod time;
 mod tones;
 mod transparency;
@@ -42,7 +46,7 @@ use std::process::ExitCode;
 /// One chapter of the report.
 pub struct Section {
     pub title: &'static str,
-    /// What is at stake, and what the tables say.
+    /// The question, and the result of the tables.
     pub text: String,
     pub choices: Vec<Choice>,
     /// The same by another measure: by distance, by length.
@@ -53,8 +57,8 @@ pub struct Section {
 
 type Measure = fn() -> Result<Section, String>;
 
-/// By name, in the order of the report.
-const SECTIONS: [(&str, Measure); 27] = [
+/// Sections by name, in the order of the report.
+const SECTIONS: [(&str, Measure); 31] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),
@@ -63,11 +67,15 @@ const SECTIONS: [(&str, Measure); 27] = [
     ("chains", chains::section),
     ("far_away", far_away::section),
     ("time", time::section),
+    ("easing", easing::section),
+    ("path_length", path_length::section),
+    ("root_motion", root_motion::section),
     ("springs", springs::section),
     ("ik", ik::section),
     ("skinning", skinning::section),
     ("packing", packing::section),
     ("mipmaps", mipmaps::section),
+    ("srgb", srgb::section),
     ("sky", sky::section),
     ("parallax", parallax::section),
     ("film", film::section),

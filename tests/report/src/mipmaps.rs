@@ -73,7 +73,7 @@ fn sinc(x: f64) -> f64 {
     if x.abs() < 1e-9 { 1.0 } else { libm::sin(p) / p }
 }
 
-/// With β = 4.
+/// The Kaiser window with β = 4.
 fn kaiser(x: f64) -> f64 {
     let bessel = |v: f64| {
         let (mut term, mut sum) = (1.0, 1.0);
@@ -94,7 +94,7 @@ fn filters() -> Choice {
         .into();
     choice.per = "pixel of the image".into();
     let mut random = Random(4);
-    // As many waves short as long, with less height the shorter they are, as in images.
+    // There are as many short waves as long ones, and shorter ones are lower, as in images.
     let waves: Vec<Wave> = (0..40)
         .map(|_| {
             let octave = random.unit() * 6.0;

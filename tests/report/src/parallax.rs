@@ -88,7 +88,7 @@ impl Map {
     }
 }
 
-/// Which map, where on it, and how far it goes sideways for each metre down.
+/// A ray: its map, its position on the map, and its displacement for each metre down.
 type Look = (usize, DVec2, DVec2);
 
 /// First meeting of a look with the heights, as the depth there.
@@ -105,7 +105,7 @@ fn truth(map: &Map, at: DVec2, way: DVec2) -> f64 {
     0.5 * (high + low)
 }
 
-/// As `read_relief` of scene.wgsl.
+/// The search of `read_relief` of scene.wgsl.
 fn by_slopes(map: &Map, at: Vec2, way: Vec2, steps: usize) -> f32 {
     let mut depth = 0.0;
     for _ in 0..steps {

@@ -1,8 +1,8 @@
 //! Characters pre-skinned once a frame, or skinned by every pass that draws them.
 
-use crate::pictures::{renderers, stage, times};
+use crate::images::{renderers, stage, times};
 use crate::{BUDGET_SECS, Section};
-use choreo_bench::picture::Moment;
+use choreo_bench::moment::Moment;
 use choreo_bench::plots::{Cell, Table};
 use choreo_motion::Time;
 use choreo_plugin::Registry;

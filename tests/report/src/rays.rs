@@ -6,7 +6,7 @@ use glam::DVec3;
 
 pub struct Hit {
     pub point: DVec3,
-    /// Of the triangle, to the side that the ray came from.
+    /// Normal of the triangle, to the side that the ray came from.
     pub normal: DVec3,
 }
 
@@ -44,7 +44,7 @@ impl Shapes {
         Shapes(shapes)
     }
 
-    /// What a ray meets first; `way` of unit length.
+    /// The first hit of a ray; `way` of unit length.
     pub fn first(&self, from: DVec3, way: DVec3) -> Option<Hit> {
         let mut nearest = f64::INFINITY;
         let mut found = None;

@@ -17,7 +17,7 @@ pub fn section() -> Result<Section, String> {
         asset.clips.iter().find(|c| c.name == "Dance_Groove").ok_or("the mannequin has no Dance_Groove")?;
     let (dense, _) = dance.baked(FrameRate { num: 30, den: 1 }).map_err(|e| e.to_string())?;
     let mut ways: Vec<(String, Clip, usize)> = Vec::new();
-    for (keep, name) in [(KeptTimes::PerCurve, "own keys"), (KeptTimes::Shared, "shared keys")] {
+    for (keep, name) in [(KeptTimes::Fewest, "fewest bytes"), (KeptTimes::Shared, "shared keys")] {
         for mm in TOLERANCES {
             let (clip, report) = dense.reduced(skeleton, mm * 1e-3, keep).map_err(|e| e.to_string())?;
             if ways.is_empty() {

@@ -1,7 +1,7 @@
 //! Smooth edges: how many samples a pixel.
 
 use crate::{BUDGET_SECS, Section, scenes};
-use choreo_bench::picture::Moment;
+use choreo_bench::moment::Moment;
 use choreo_bench::plots::{Cell, Table, quantity};
 use choreo_bench::scene::renderer;
 use choreo_bench::scene::{MeasuredScene, SceneChoices};
@@ -105,7 +105,7 @@ fn grid(side: usize) -> Vec<[f64; 2]> {
     (0..side * side).map(|i| [at(i % side), at(i / side)]).collect()
 }
 
-/// Of the unit square, where (p − middle) · normal < offset: the square clipped by the line (Sutherland and Hodgman), then
+/// Area of the part of the unit square where (p − middle) · normal < offset: the square clipped by the line (Sutherland and Hodgman), then
 /// the shoelace formula.
 fn covered_area(normal: [f64; 2], offset: f64) -> f64 {
     let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];

@@ -1,10 +1,10 @@
 //! Shadow maps: how fine, and what filter, against rays.
 
-use crate::pictures::{renderers, stage};
+use crate::images::{renderers, stage};
 use crate::rays::{Hit, Shapes};
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_asset::Projection;
-use choreo_bench::picture::Moment;
+use choreo_bench::moment::Moment;
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_bench::truth::Spread;
@@ -40,12 +40,12 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-/// With what the sun says of its shadow, and how bright it is.
+/// The moment with these options of the sun's shadow, and with its brightness.
 fn moment(shadow: &str, intensity: f64, registry: &Registry) -> Result<Moment, String> {
     moment_on(12.0, "", shadow, intensity, registry)
 }
 
-/// On a ground so many metres wide, with `more` on stage.
+/// The moment on a ground of this width, with `more` on stage.
 fn moment_on(
     ground: f64,
     more: &str,
@@ -105,7 +105,7 @@ fn axes(l: DVec3) -> (DVec3, DVec3) {
     (across, across.cross(l))
 }
 
-/// What the camera sees through the middle of each pixel.
+/// The first hit of the camera's ray through the middle of each pixel.
 fn seen(moment: &Moment, shapes: &Shapes) -> Vec<Option<Hit>> {
     let camera = &moment.snapshot.camera;
     let Projection::Perspective { yfov, .. } = camera.projection else { return Vec::new() };
@@ -182,7 +182,7 @@ fn extents() -> Result<Table, String> {
     let registry = choreo::registry();
     let mut cpu = CpuRenderer::new(registry.effects());
     let truth = Truth::of(&registry, &mut cpu, lit_by_disc)?;
-    // What the smallest ground shows, too.
+    // Only the area that the smallest ground has, too, is compared.
     let near = |pixel: usize| truth.hits[pixel].as_ref().is_some_and(|hit| hit.point.length() < 4.0);
     let mut table = Table::new(
         "By the extent of the scene: the default shadow within 4 m, against rays to the sun's disc, steps of 255",
@@ -313,7 +313,7 @@ impl Map {
         Map { origin, texel, side, depth, moments }
     }
 
-    /// In texels, and the depth; moved off the surface as the renderer does.
+    /// The position in texels, and the depth; offset from the surface as the renderer does.
     fn place(&self, hit: &Hit) -> [f32; 3] {
         let l = to_sun();
         let (across, up) = axes(l);

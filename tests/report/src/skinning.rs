@@ -10,7 +10,7 @@ use choreo_motion::{
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat3A, Vec3, Vec3A};
 
 const VERTICES: usize = 4_000;
-/// Of the limb, metres.
+/// Radius of the limb, metres.
 const RADIUS: f64 = 0.04;
 const ANGLES: [f64; 6] = [10.0, 45.0, 90.0, 120.0, 150.0, 175.0];
 

@@ -175,7 +175,7 @@ fn frame(method: Method, steps: u32, bone: &SpringBone, state: &mut BoneState, d
                 ((u1 + (u2 + u3) * 2.0 + u4) * (h / 6.0), v + (w1 + (w2 + w3) * 2.0 + w4) * (h / 6.0))
             }
         };
-        // What has run away stays finite here, and counts as π.
+        // A diverged spring stays finite here, and counts as π.
         let way = way.clamp_length_max(1e6);
         (state.direction, state.velocity) = exp(state.direction, way, after.clamp_length_max(1e12));
     }

@@ -1,6 +1,6 @@
 //! Tone mapping: curves fitted to the transforms of ACES and AgX, against those transforms in f64.
 
-use crate::pictures::srgb;
+use crate::images::srgb;
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Choice, Row};
 use choreo_bench::timing::{Case, Clock, interleaved};
@@ -209,7 +209,7 @@ fn agx() -> Choice {
     choice
 }
 
-/// Of a function on 0..1, found at the extrema of the polynomial above.
+/// Chebyshev series of a function on 0..1, interpolated at the roots of the polynomial of the next degree.
 struct Chebyshev(Vec<f32>);
 
 impl Chebyshev {
@@ -247,7 +247,7 @@ mod reference {
         ])
     }
 
-    /// From the primaries' and the white point's chromaticities: RGB to XYZ (SMPTE RP 177).
+    /// RGB to XYZ from the chromaticities of the primaries and the white point (SMPTE RP 177).
     fn to_xyz(primaries: [[f64; 2]; 3], white: [f64; 2]) -> DMat3 {
         let xyz = |[x, y]: [f64; 2]| DVec3::new(x / y, 1.0, (1.0 - x - y) / y);
         let m = DMat3::from_cols(xyz(primaries[0]), xyz(primaries[1]), xyz(primaries[2]));
@@ -371,7 +371,7 @@ mod reference {
         let c = each(saturated(c, 0.96), scene_curve);
         // The output transform, for 48 nits of a cinema, where black is 0.02.
         let c = (each(c, output_curve) - 0.02) / (48.0 - 0.02);
-        // From a dark room to a dim one, by luminance.
+        // Adaptation from a dark room to a dim one, by luminance.
         let xyz = ap1 * c;
         let dim = libm::pow(xyz.y.max(0.0), 0.9811) / xyz.y.max(1e-10);
         let c = saturated(ap1.inverse() * (xyz * dim), 0.93);
@@ -404,7 +404,7 @@ mod reference {
         scale * term / libm::pow(1.0 + libm::pow(term, power), 1.0 / power) + value
     }
 
-    /// What the curve gives to linear sRGB of a screen of gamma 2.2.
+    /// The linear sRGB that a screen of gamma 2.2 shows for the curve's result.
     pub fn agx_shown(curve: DVec3) -> DVec3 {
         each(INSET.inverse() * curve, |v| libm::pow(v.clamp(0.0, 1.0), 2.2))
     }

@@ -1,8 +1,8 @@
 //! Edges that a texture cuts, and what is seen through: by discard and by coverage, sorted and told apart pixel by pixel.
 
-use crate::pictures::{renderers, rows, srgb, stage};
+use crate::images::{renderers, rows, srgb, stage};
 use crate::{BUDGET_SECS, Section};
-use choreo_bench::picture::Moment;
+use choreo_bench::moment::Moment;
 use choreo_bench::plots::Choice;
 use choreo_bench::timing::Clock;
 use choreo_motion::Time;
@@ -176,7 +176,7 @@ fn ray(x: f64, y: f64) -> [f64; 3] {
     let [width, height] = SIZE.map(f64::from);
     let scale = libm::tan(fov.to_radians() * 0.5) * 2.0 / height;
     let (right, up) = ((x - width * 0.5) * scale, (height * 0.5 - y) * scale);
-    // At so many distances in front of the eye the ray is at (right, up) times as many metres.
+    // At these distances in front of the eye the ray is at (right, up) times as many metres.
     let mut met: Vec<(f64, usize)> = Vec::new();
     for (i, (turn, ..)) in PANES.iter().enumerate() {
         let (sin, cos) = libm::sincos(turn.to_radians());

@@ -1,7 +1,7 @@
 //! Quality of videos.
 
 use crate::{Section, scenes};
-use choreo_bench::picture::Moment;
+use choreo_bench::moment::Moment;
 use choreo_bench::scene::video::video;
 use choreo_motion::Time;
 use choreo_render::{CpuRenderer, Renderer};

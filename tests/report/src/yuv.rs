@@ -1,4 +1,4 @@
-//! From RGB to the video's luma and half-size chroma.
+//! Conversion from RGB to the video's luma and half-size chroma.
 
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Choice, Row};

@@ -15,7 +15,7 @@ pub struct Run {
     pub cpu_secs: f64,
     pub wall_secs: f64,
     peak_mb: f64,
-    /// Of all frames together, by the device's own clock; where `--timings` was given and it has one.
+    /// Time of all frames together, by the device's own clock; where `--timings` was given and it has one.
     pub device_secs: Option<f64>,
 }
 
@@ -42,7 +42,7 @@ pub fn measured(args: &[&str]) -> Result<(), String> {
     Ok(())
 }
 
-/// What a flat field of a summary in JSON holds, without quotes.
+/// Value of a flat field of a summary in JSON, without quotes.
 pub fn json_field(text: &str, name: &str) -> Option<String> {
     let (_, rest) = text.split_once(&format!("\"{name}\""))?;
     let value = rest.trim_start().strip_prefix(':')?.trim_start();
@@ -97,7 +97,7 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// With a folder of its own for what is written.
+    /// A bench with a folder for its files.
     pub fn new(choreo: PathBuf, name: &str, repeats: usize) -> Result<Bench, String> {
         let work = std::env::temp_dir().join(format!("choreo-{name}-{}", std::process::id()));
         std::fs::create_dir_all(work.join("frames")).map_err(|e| e.to_string())?;

@@ -105,11 +105,11 @@ fn looks() -> Vec<Job> {
 struct Cost {
     wall: f64,
     cpu: f64,
-    /// By the device's own clock; NaN where it has none.
+    /// Time by the device's own clock; NaN where it has none.
     device: f64,
 }
 
-/// What is drawn on, and with what.
+/// The program and the device of a run.
 struct Setting<'a> {
     bench: &'a Bench,
     search: &'a str,
@@ -176,7 +176,7 @@ pub fn frames(args: &[&str]) -> Result<(), String> {
     let setting = Setting { bench: &bench, search: &search, gpu };
     let device = bench.device(&root().join("tests/bench/frames_knight.rhai"), &search, gpu)?;
     println!("On {device}.\n");
-    // Half a minute a frame where the CPU draws: only where it is asked for.
+    // Half a minute a frame where the CPU draws: only where it is requested.
     let gpu_alone = |job: &Job| job.size.is_some() && filter.is_empty();
     let by_cpu = device.contains("llvmpipe") || device.contains("choreo CPU renderer");
     let wanted = |job: &Job| job.name.contains(filter) && !(by_cpu && gpu_alone(job));

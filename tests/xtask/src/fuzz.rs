@@ -99,7 +99,7 @@ pub fn fuzz(args: &[&str]) -> Result<(), String> {
     run(command, "cargo fuzz (cargo install cargo-fuzz --locked; rustup toolchain install nightly)")
 }
 
-/// What fields are read from has no format, so any bytes will do; each begins with another one.
+/// Inputs of targets that read fields from bytes: these have no format, so any bytes will do; each begins with another one.
 fn numbers(corpus: &Path) -> Result<usize, String> {
     const LENGTH: usize = 512;
     for first in 0..16u8 {

@@ -62,7 +62,7 @@ fn halved(shot: &Shot) -> Shot {
     Shot { width, height, rgb }
 }
 
-/// From left to right, row by row, in the order of their numbers.
+/// Writes the images from left to right, row by row, in the order of their numbers.
 pub(crate) fn write(path: &std::path::Path, shots: &[Shot]) -> Result<(), String> {
     let (width, height) = (SIZE.0 * COLUMNS.min(shots.len()), SIZE.1 * shots.len().div_ceil(COLUMNS));
     let mut rgb = vec![255; width * height * 3];

@@ -3,7 +3,7 @@
 use crate::notices::Package;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Licences that ask for no more than their text and the names of the authors.
+/// Licences that require no more than their text and the names of the authors.
 pub const PLAIN: &[&str] =
     &["MIT", "Apache-2.0", "Zlib", "BSD-2-Clause", "BSD-3-Clause", "ISC", "CC0-1.0", "Unlicense", "0BSD"];
 
@@ -150,7 +150,7 @@ mod tests {
         assert!(faults.is_empty(), "deny.toml:\n{}", faults.join("\n"));
     }
 
-    /// Without any of its entries something is refused: none is superfluous, and the check sees each.
+    /// If one of its entries is removed, something is refused: none is superfluous, and the check sees each.
     #[test]
     fn every_licence_and_exception_of_deny_toml_is_needed() {
         let (packages, mut deny) = (packages().unwrap(), deny());

@@ -80,7 +80,7 @@ fn run(mut command: Command, what: &str) -> Result<(), String> {
     if status.success() { Ok(()) } else { Err(format!("{what} failed ({status})")) }
 }
 
-/// In release: times are part of it.
+/// Runs the report in release, because it contains times.
 fn report(names: &[&str]) -> Result<(), String> {
     let mut command = cargo(&["run", "--release", "--quiet", "-p", "report", "--"]);
     command.args(names);

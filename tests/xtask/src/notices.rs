@@ -138,7 +138,7 @@ fn faults(file: &str, packages: &BTreeMap<String, Package>) -> Result<Vec<String
     faults.extend(gone.map(|line| format!("no longer so: {line}")));
     let ids = PROGRAMS.iter().flat_map(|(package, _)| linked(packages, package));
     for package in ids.collect::<BTreeSet<_>>().iter().map(|id| &packages[id]) {
-        // These ask for more than a licence's text in the list: a person says what.
+        // These require more than a licence's text in the list: a person says what.
         let special = !satisfied(&package.licence, PLAIN);
         if (special || package.has_c) && !by_hand.contains(&format!("`{}`", package.name)) {
             faults.push(format!("above the table nobody says anything of `{}`", package.name));

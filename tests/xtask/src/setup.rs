@@ -1,4 +1,5 @@
-//! What the tests use beyond cargo: a Vulkan driver, the validation layers, ffmpeg as a second decoder, assimp as a second importer.
+//! The programs that the tests use beyond cargo: a Vulkan driver, the validation layers, ffmpeg as a second decoder, assimp as a second
+//! importer.
 
 use std::path::Path;
 use std::process::{Command, Stdio};

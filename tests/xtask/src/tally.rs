@@ -16,7 +16,7 @@ pub struct Tally {
 /// The test binary that runs now.
 #[derive(Default)]
 struct Binary {
-    /// As in cargo's header line: `tests/leaks.rs`, `unittests src/lib.rs`.
+    /// The name in cargo's header line: `tests/leaks.rs`, `unittests src/lib.rs`.
     header: String,
     path: String,
     /// Passed, failed and ignored.
@@ -25,7 +25,7 @@ struct Binary {
     failed: Vec<String>,
     /// The thread, named like its test, whose stack overflowed: such an end prints no result.
     overflowed: Option<String>,
-    /// As in `cargo test …`, for a binary that failed: cargo says so after the binary has ended.
+    /// The arguments of `cargo test …` for a binary that failed: cargo prints them after the binary has ended.
     rerun: Option<String>,
 }
 

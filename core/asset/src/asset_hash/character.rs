@@ -1,4 +1,4 @@
-//! What makes a model a character: bones of a human body, expressions, springs, eyes.
+//! Hashes of the parts that make a model a character: bones of a human body, expressions, springs, eyes.
 
 use crate::expression::{ColorBind, Expression, ExpressionGroup, MorphBind, Override, UvBind};
 use crate::eyes::{Eyes, EyesMovedBy, RangeMap};

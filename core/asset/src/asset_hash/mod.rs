@@ -17,7 +17,7 @@ use choreo_motion::{Clip, Interpolation, MaterialProperty, Path, PropertyTarget,
 use std::sync::Arc;
 
 impl Primitive {
-    /// Everything drawn, the material index left out: equal geometry is shared whatever it is painted with.
+    /// Hash of everything drawn except the material index: equal geometry is shared whatever its material.
     pub fn content_hash(&self) -> ContentHash {
         hash_of(|w| self.write(w))
     }
@@ -87,7 +87,7 @@ impl Image {
 }
 
 impl Material {
-    /// Everything but the name. Textures count by the content of their images where `images` has them, so that equal
+    /// Hash of everything except the name. Textures count by the content of their images where `images` has them, so that equal
     /// materials of two files are equal.
     pub fn content_hash(&self, images: &[Arc<Image>]) -> ContentHash {
         let of = |index: u32| images.get(index as usize).map(|image| image.content_hash());
@@ -466,12 +466,12 @@ pub(crate) fn asset_hash(asset: &Asset) -> ContentHash {
         w.list(expressions, character::expression);
         character::springs(w, springs);
         w.option(eyes, character::eyes);
-        // Without one nothing is written: the hashes of other assets stay.
+        // An asset without a given front writes nothing here, so that its hash stays as it was before this field existed.
         front.iter().for_each(|front| w.text(front.name()));
     })
 }
 
-/// What assets and stages both hold.
+/// Types that both assets and stages contain.
 impl Writer {
     pub fn interpolation(&mut self, interpolation: Interpolation) {
         self.tag(match interpolation {

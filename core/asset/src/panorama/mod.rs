@@ -18,7 +18,7 @@ pub struct Panorama {
     hash: ContentHash,
 }
 
-/// What a panorama cannot be.
+/// Error of a panorama's texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PanoramaError {
     /// No columns or no rows, or another number of texels than they make.

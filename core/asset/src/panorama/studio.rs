@@ -15,7 +15,7 @@ struct SoftBox {
     color: Vec3,
 }
 
-/// Who is lit faces +Z (azimuth 180): a large warm key before and left of a camera there, a cool fill on the other side, two
+/// The subject faces +Z (azimuth 180): a large warm key before and left of a camera there, a cool fill on the other side, two
 /// strips behind for the rims, and a sheet overhead.
 const BOXES: [SoftBox; 5] = [
     SoftBox {
@@ -79,7 +79,7 @@ fn radiance(way: DVec3) -> Vec3 {
         if ahead <= 0.0 {
             continue;
         }
-        // On the plane that the box lies in.
+        // Angles are measured along the axes of the plane that the box lies in.
         let across = middle.cross(DVec3::Y).normalize_or(DVec3::X);
         let upward = across.cross(middle);
         let degrees = |axis: DVec3| libm::atan(way.dot(axis) / ahead).to_degrees().abs();

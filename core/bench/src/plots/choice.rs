@@ -17,7 +17,7 @@ pub struct Row {
     /// Median time of one item, nanoseconds; `None` where time is not the price.
     pub nanos: Option<f64>,
     pub bytes: Option<f64>,
-    /// Anything else worth a word.
+    /// A remark about the row.
     pub note: String,
 }
 
@@ -54,7 +54,7 @@ impl Row {
         self
     }
 
-    /// What it costs on the axis of the image: time, else size.
+    /// Its cost on the axis of the image: time, else size.
     pub fn cost(&self) -> Option<f64> {
         self.nanos.or(self.bytes)
     }
@@ -66,12 +66,12 @@ pub struct Choice {
     /// A word for files and machines: `bake`.
     pub key: String,
     pub question: String,
-    /// What the error is measured against, and over what.
+    /// The reference that the error is measured against, and its extent.
     pub reference: String,
     pub error_unit: &'static str,
     /// The mean decides, not the worst: of images, whose worst pixel is one pixel.
     pub by_mean: bool,
-    /// What one item is: "sample of 41 joints".
+    /// One item, in words: "sample of 41 joints".
     pub per: String,
     pub rows: Vec<Row>,
     pub chosen: Option<usize>,

@@ -58,7 +58,7 @@ impl Axis {
     }
 }
 
-/// What stands around the points: the question, the axes and their labels.
+/// Surroundings of the points: the question, the axes and their labels.
 struct Frame<'a> {
     choice: &'a Choice,
     x: &'a Axis,
@@ -175,7 +175,7 @@ pub fn plot(choice: &Choice) -> Option<String> {
     Some(svg.finish())
 }
 
-/// Several images below each other as one.
+/// Stacks several images below each other into one.
 pub fn stacked(pictures: &[String]) -> String {
     let height = HEIGHT * pictures.len().max(1) as f64;
     let mut out = format!(
@@ -188,7 +188,7 @@ pub fn stacked(pictures: &[String]) -> String {
     out + "</svg>\n"
 }
 
-/// Beside, above or below its point, where it covers the least.
+/// Draws the label of a point beside, above or below it, where it covers the least.
 fn label(
     svg: &mut Svg,
     room: &mut Room,

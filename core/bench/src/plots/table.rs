@@ -43,7 +43,7 @@ pub struct Table {
     pub title: String,
     pub columns: Vec<Column>,
     pub rows: Vec<Vec<Cell>>,
-    /// What to know about it, a line each.
+    /// Notes, a line each.
     pub notes: Vec<String>,
 }
 

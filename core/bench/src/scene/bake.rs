@@ -14,7 +14,7 @@ const MOST_TIMES: usize = 240;
 const RATES: [u32; 3] = [30, 60, 120];
 /// A tenth of a millimetre at a joint is a small part of a pixel in any shot of a whole character; a micrometre is f32's
 /// own rounding.
-const LIMITS: Limits = Limits { rounding: 0.001, seen: 0.1, said: "0.1 mm" };
+const LIMITS: Limits = Limits { rounding: 0.001, seen: 0.1, words: "0.1 mm" };
 
 /// A clip with the skeleton that it is played on.
 pub type Played = (Arc<Clip>, Arc<Skeleton>);
@@ -118,7 +118,7 @@ fn times(clip: &Clip) -> Vec<Time> {
     keys.sort_unstable();
     keys.dedup();
     let middles: Vec<Time> = keys.windows(2).map(|p| Time(p[0].0 + (p[1].0 - p[0].0) / 2)).collect();
-    // In no step with any rate.
+    // Times that are in step with no frame rate.
     let odd = (0..60).map(|i| clip.duration.scaled((f64::from(i) * 0.618_034) % 1.0));
     let mut all: Vec<Time> = keys.into_iter().chain(middles).chain(odd).collect();
     all.sort_unstable();

@@ -12,14 +12,14 @@ use std::sync::Arc;
 
 const MOST_FADES: usize = 16;
 const WEIGHTS: [f32; 5] = [0.1, 0.25, 0.4, 0.7, 0.9];
-const LIMITS: Limits = Limits { rounding: 0.01, seen: 1.0, said: "1 mm" };
+const LIMITS: Limits = Limits { rounding: 0.01, seen: 1.0, words: "1 mm" };
 /// Eight joints at once, each.
 const WAYS: [(&str, RotationBlend); 3] = [
     ("nlerp", RotationBlend::Nlerp),
     (NOW, RotationBlend::CorrectedNlerp),
     ("slerp, power series", RotationBlend::Slerp),
 ];
-/// What blends use.
+/// The method that blends use.
 pub const NOW: &str = "nlerp, corrected";
 
 /// Two poses that are blended somewhere in the scene.

@@ -1,7 +1,7 @@
 //! How the levels of a texture are made.
 
 use super::{MeasuredScene, SceneChoices};
-use crate::picture::Moment;
+use crate::moment::Moment;
 use crate::plots::{Choice, Row};
 use crate::timing::{Case, Clock, interleaved};
 use crate::truth::Spread;

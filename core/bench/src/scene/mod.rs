@@ -5,11 +5,12 @@ pub mod crossfade;
 pub mod mips;
 pub mod renderer;
 pub mod skinning;
+pub mod variants;
 pub mod vertices;
 pub mod video;
 
 use crate::error::BenchError;
-use crate::picture::Moment;
+use crate::moment::Moment;
 use crate::plots::{Choice, Row};
 use choreo_motion::Time;
 use choreo_plugin::Registry;
@@ -17,7 +18,7 @@ use choreo_render::Renderer;
 use choreo_stage::Stage;
 use std::sync::Arc;
 
-/// What is measured, and how thoroughly.
+/// The scene that is measured, and how thoroughly.
 pub struct MeasuredScene<'a> {
     pub stage: &'a Arc<Stage>,
     pub registry: &'a Registry,
@@ -39,7 +40,8 @@ pub struct Measured {
 }
 
 /// Keys of all choices, in the order in which they are measured.
-pub const KEYS: [&str; 7] = ["bake", "crossfade", "skinning", "vertices", "mips", "renderer", "video"];
+pub const KEYS: [&str; 9] =
+    ["bake", "crossfade", "skinning", "vertices", "mips", "shadows", "motion_blur", "renderer", "video"];
 
 /// Measures the choices of these keys; errors are of the scene or of a device.
 pub fn measure(scene: &mut MeasuredScene, keys: &[&str]) -> Result<Measured, BenchError> {
@@ -55,6 +57,8 @@ pub fn measure(scene: &mut MeasuredScene, keys: &[&str]) -> Result<Measured, Ben
             "skinning" => skinning::choices(scene, &moment),
             "vertices" => vertices::choices(scene, &moment),
             "mips" => mips::choices(scene, &moment),
+            "shadows" => variants::shadows(scene, &moment)?,
+            "motion_blur" => variants::motion_blur(scene, &moment)?,
             "renderer" => renderer::choices(scene, &moment)?,
             _ => video::choices(scene, &moment)?,
         };
@@ -72,22 +76,22 @@ pub enum SceneChoices {
     None(String),
 }
 
-/// What the errors of a way mean.
+/// Bounds for the errors of the compared methods.
 struct Limits {
     /// Below it ways are equally exact: rounding.
     rounding: f64,
     /// Beyond it an error may be seen.
     seen: f64,
-    /// That limit in words.
-    said: &'static str,
+    /// The bound `seen` in words.
+    words: &'static str,
 }
 
 /// The row that is taken: the cheapest within the limit; but the most exact one where it costs at most half as much again.
-/// With no row within, the most exact. Of rows that are equal to rounding and within a tenth of the cost, the first.
+/// Without a row within the limit, the most exact one. Of rows that are equal to rounding and within a tenth of the cost, the first.
 fn pick(choice: &mut Choice, limits: &Limits) {
     const WORTH: f64 = 1.5;
     const EQUAL: f64 = 1.1;
-    let Limits { rounding, seen: tolerance, said: tolerance_said } = *limits;
+    let Limits { rounding, seen: tolerance, words: tolerance_words } = *limits;
     let cost = |r: &Row| r.cost().unwrap_or(f64::INFINITY);
     let least = choice.rows.iter().map(|r| r.worst).fold(f64::INFINITY, f64::min);
     let best: Vec<&Row> = choice.rows.iter().filter(|r| r.worst <= least.max(rounding)).collect();
@@ -98,7 +102,7 @@ fn pick(choice: &mut Choice, limits: &Limits) {
     let Some(exact) = cheapest(&best) else { return };
     let within: Vec<&Row> = choice.rows.iter().filter(|r| r.worst <= tolerance).collect();
     let (name, why) = match cheapest(&within) {
-        None => (exact.name, format!("no way stays within {tolerance_said}, and this one is nearest")),
+        None => (exact.name, format!("no way stays within {tolerance_words}, and this one is nearest")),
         Some(cheap) if cheap.name == exact.name => (
             exact.name,
             "none is more exact but for rounding, and none within the limit is cheaper".to_string(),
@@ -107,13 +111,15 @@ fn pick(choice: &mut Choice, limits: &Limits) {
             let more = (cost(&exact) / cost(&cheap) - 1.0) * 100.0;
             (
                 exact.name,
-                format!("the most exact one, for {more:.0} % more than the cheapest within {tolerance_said}"),
+                format!(
+                    "the most exact one, for {more:.0} % more than the cheapest within {tolerance_words}"
+                ),
             )
         }
         Some(cheap) => {
             let times = cost(&exact) / cost(&cheap);
             let why = format!(
-                "the cheapest within {tolerance_said}; the most exact one costs {times:.1} times as much"
+                "the cheapest within {tolerance_words}; the most exact one costs {times:.1} times as much"
             );
             (cheap.name, why)
         }
@@ -128,7 +134,7 @@ mod tests {
     fn picked(rows: &[(&str, f64, f64)]) -> String {
         let mut c = Choice::new("c", "?");
         c.rows = rows.iter().map(|(n, e, t)| Row::new(*n).error(*e, *e).nanos(*t)).collect();
-        pick(&mut c, &Limits { rounding: 0.01, seen: 1.0, said: "1 mm" });
+        pick(&mut c, &Limits { rounding: 0.01, seen: 1.0, words: "1 mm" });
         c.chosen.map_or(String::new(), |i| c.rows[i].name.clone())
     }
 

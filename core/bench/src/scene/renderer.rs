@@ -1,8 +1,8 @@
-//! Which renderer draws, with how many samples a pixel.
+//! The choice of the renderer and of the number of samples a pixel.
 
 use super::{MeasuredScene, SceneChoices};
 use crate::error::BenchError;
-use crate::picture::Moment;
+use crate::moment::Moment;
 use crate::plots::{Choice, Row};
 use crate::timing::{Case, Clock, interleaved};
 use choreo_image_diff::compare;
@@ -20,7 +20,7 @@ pub fn choices(scene: &mut MeasuredScene, moment: &Moment) -> Result<SceneChoice
         return Ok(SceneChoices::None("there is nothing to draw".into()));
     }
     let [width, height] = scene.size;
-    // In steps of a whole divisor, so that the shape stays.
+    // The size is reduced by a whole divisor, so that the aspect ratio stays.
     let smaller = (1..=64).find(|n| (width / n) * (height / n) <= MOST_PIXELS).unwrap_or(64);
     let size = [width / smaller, height / smaller].map(|n| n.max(16));
     let truth = moment.supersampled(size)?;

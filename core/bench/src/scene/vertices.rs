@@ -1,7 +1,7 @@
 //! How normals and skin weights are packed for the GPU.
 
 use super::{MeasuredScene, SceneChoices};
-use crate::picture::Moment;
+use crate::moment::Moment;
 use crate::plots::{Choice, Row};
 use crate::truth::Spread;
 use crate::vertex::{NORMALS, WEIGHTS, degrees_between};
@@ -112,7 +112,7 @@ fn weights(assets: &[(&Arc<Asset>, usize)], moment: &Moment) -> Option<Choice> {
     Some(choice)
 }
 
-/// What each joint of a skin does to the mesh.
+/// The matrix of each joint of a skin, from the mesh to the model.
 pub(super) fn model_from_mesh(skin: &Skin, posed: &[Affine3A]) -> Vec<DAffine3> {
     let pairs = skin.joints.iter().zip(&skin.inverse_bind);
     let map = |(joint, bind): (&u32, &Mat4)| {

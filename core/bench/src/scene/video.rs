@@ -2,7 +2,7 @@
 
 use super::{MeasuredScene, SceneChoices};
 use crate::error::BenchError;
-use crate::picture::Moment;
+use crate::moment::Moment;
 use crate::plots::{Choice, Row};
 use crate::video::{first_picture, to_rgb};
 use choreo_image_diff::compare;
@@ -84,7 +84,7 @@ fn encoded(frame: &Frame, exporter: &dyn Exporter, quality: u32) -> Result<Vec<u
     let bytes = Bytes::default();
     let mut sink = exporter.begin(&info, Box::new(bytes.clone()))?;
     sink.frame(frame)?;
-    // What stands before the images is known last.
+    // The head of the file is known last.
     let mut file = sink.finish()?;
     file.append(&mut bytes.0.lock().unwrap_or_else(PoisonError::into_inner));
     Ok(file)

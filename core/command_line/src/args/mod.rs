@@ -21,7 +21,7 @@ A result appears whole or not at all: files are written beside their place as NA
 A video's finished frames stay in the folder NAME.part when its render is stopped, by Ctrl-C too, and --resume goes on with
 them. Symbolic links in the place of an output are refused, and outputs in the place of an input.";
 
-/// What `--help`, unlike `-h`, ends with.
+/// The end of `--help`, which `-h` leaves out.
 fn limits_help() -> String {
     let table = choreo_script::Limits::table();
     format!("Limits, set with --limit NAME=NUMBER:\n{table}\n{EXIT_CODES}")
@@ -33,6 +33,9 @@ fn limits_help() -> String {
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub command: Command,
+    /// Do not read choreo.toml, which names search folders, plugin folders and default options of the project
+    #[arg(long, global = true)]
+    pub no_project_file: bool,
 }
 
 #[derive(Subcommand, Debug)]
@@ -46,10 +49,10 @@ pub enum Command {
     /// Find everything that can be found without drawing
     #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
     Check(CheckArgs),
-    /// What is in a model file; how an image or video was made
+    /// Describe a model file, or how an image or video was made
     #[command(after_help = EXIT_CODES)]
     Info(InfoArgs),
-    /// What a scene needs, what was left out, and why
+    /// List what a scene needs, what was left out, and why
     #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
     Explain(ExplainArgs),
     /// Error against run time for each numerical choice that this scene could make
@@ -72,7 +75,7 @@ pub enum Command {
     Help(HelpArgs),
 }
 
-/// What is put on stage.
+/// The scene of a command.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct SceneArgs {
     /// A script (.rhai), or a model file to be framed, lit and played with no script
@@ -94,7 +97,7 @@ pub(crate) struct SceneArgs {
     pub limit: Vec<String>,
 }
 
-/// How a model file is read. Scripts say it themselves: `load(…, #{ … })`.
+/// How a model file is read. Scripts state it themselves: `load(…, #{ … })`.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct ImportArgs {
     /// Model files: the importer, whatever the file looks like (see `choreo plugins --for FILE`)
@@ -160,7 +163,7 @@ pub(crate) struct RenderArgs {
     /// After every save, draw the frames that it touches again and write the output anew, until Ctrl-C
     #[arg(long, conflicts_with = "resume")]
     pub watch: bool,
-    /// What the CPU renderer does on the way to one frame, six images in the folder -o: model, view, clip, raster, depth, shade
+    /// Draw the stages of the CPU renderer for one frame, six images in the folder -o: model, view, clip, raster, depth, shade
     #[arg(long, conflicts_with_all = ["resume", "watch", "frames"])]
     pub stages: bool,
     /// Threads at most (default: one for each core)
@@ -224,7 +227,7 @@ pub(crate) struct InfoArgs {
     /// Which joints of this character follow which of the file's, when it plays the file's clips
     #[arg(long, value_name = "CHARACTER")]
     pub on: Option<PathBuf>,
-    /// What compressing the clips to this tolerance in metres would save, and what it would cost in accuracy
+    /// Print what compressing the clips to this tolerance in metres would save, and what it would cost in accuracy
     #[arg(long, value_name = "METRES")]
     pub compress: Option<f64>,
     /// Model files: a further folder in which their textures may lie; repeatable
@@ -258,7 +261,7 @@ pub(crate) struct ExplainArgs {
 pub(crate) struct MeasureArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// Only this choice: bake, crossfade, vertices, mips, renderer or video; repeatable
+    /// Only this choice: bake, crossfade, skinning, vertices, mips, shadows, motion_blur, renderer or video; repeatable
     #[arg(long, value_name = "CHOICE")]
     pub only: Vec<String>,
     /// When images are taken, in seconds (default: in the middle)
@@ -318,7 +321,7 @@ pub(crate) struct TestArgs {
     /// Run what a change touches after every save, until Ctrl-C
     #[arg(long, conflicts_with_all = ["list", "json"])]
     pub watch: bool,
-    /// Draw all images on this device instead of the one that the scripts say (cpu, unless they say another)
+    /// Draw all images on this device instead of the one that the scripts name (cpu, unless they name another)
     #[arg(long, value_enum)]
     pub device: Option<Device>,
     /// Compare with images that were accepted on another device or driver, too
@@ -356,7 +359,7 @@ pub(crate) struct PluginsArgs {
     /// A further folder of plugin files: NAME.importer.rhai, NAME.wgsl; repeatable
     #[arg(long = "plugins", value_name = "DIR")]
     pub plugins: Vec<PathBuf>,
-    /// Only what each importer says of this file; the first reads it
+    /// Only the claim of each importer on this file; the first reads it
     #[arg(long = "for", value_name = "FILE")]
     pub file: Option<PathBuf>,
     /// JSON on standard output, for programs

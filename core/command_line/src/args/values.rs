@@ -5,7 +5,7 @@ use choreo_motion::{FrameRate, Time};
 use choreo_script::Limits;
 use std::ops::Range;
 
-/// More frames than this in one run are a slip of the hand: 92 hours at 30 frames a second.
+/// Limit of the frames of one run; more are a slip of the hand: 92 hours at 30 frames a second.
 const MOST_FRAMES: i64 = 10_000_000;
 
 fn usage<T>(text: String) -> Result<T, Failure> {

@@ -1,4 +1,4 @@
-//! What compressed clips save, and how far off they are: for `info --compress` and `explain`.
+//! Size and error of compressed clips: for `info --compress` and `explain`.
 
 use crate::failure::Failure;
 use choreo_asset::Asset;
@@ -8,7 +8,7 @@ use choreo_stage::Stage;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// What compressing each clip of a file would do.
+/// Results of compressing each clip of a file.
 pub(crate) struct Savings(Vec<(String, f64, CompressionReport)>);
 
 impl Savings {

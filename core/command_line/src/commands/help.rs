@@ -89,7 +89,7 @@ pub fn command(args: &[OsString], plugins: &Registry) -> clap::Command {
     if !args.iter().any(|a| a == "--help") {
         return command;
     }
-    // Those beside what is named, and here; a plugin that is broken is reported elsewhere.
+    // Plugins lie beside the named files and here; a broken plugin is reported elsewhere.
     let inputs: Vec<&Path> = args.iter().skip(2).map(Path::new).filter(|p| p.exists()).collect();
     let here = [&[Path::new(".")], inputs.as_slice()].concat();
     let after = |flag: &OsString| args.iter().skip_while(move |a| *a != flag).nth(1).map(PathBuf::from);

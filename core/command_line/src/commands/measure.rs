@@ -86,7 +86,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
     Ok(())
 }
 
-/// All, or those asked for.
+/// All, or those requested.
 fn keys(only: &[String]) -> Result<Vec<&'static str>, Failure> {
     if only.is_empty() {
         return Ok(KEYS.to_vec());

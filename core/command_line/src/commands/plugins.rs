@@ -22,7 +22,7 @@ pub fn run(args: PluginsArgs, plugins: &Registry) -> Result<(), Failure> {
     } else {
         list(&registry, args.json)?;
     }
-    // What works is shown all the same.
+    // The working plugins are listed all the same.
     if problems.is_empty() { Ok(()) } else { Err(Failure::Input(problems)) }
 }
 
@@ -52,7 +52,7 @@ fn list(registry: &Registry, as_json: bool) -> Result<(), Failure> {
     print(text.as_str())
 }
 
-/// What every importer says of one file, the one that reads it first.
+/// Prints every importer's claim on one file; the importer that reads it comes first.
 fn claims(file: &Path, registry: &Registry, as_json: bool) -> Result<(), Failure> {
     model::must_be_file(file)?;
     let source = Source { name: file.display().to_string(), bytes: Arc::new(model::head(file)?) };

@@ -120,7 +120,7 @@ fn pose_text(stage: &Stage, snapshot: &Snapshot) -> Page {
 fn write_obj(stage: &Stage, snapshot: &Snapshot, out: &mut dyn Write) -> std::io::Result<()> {
     let mut first = 1;
     let mut first_normal = 1;
-    // What is hidden has joints, but is not seen.
+    // A hidden actor has joints, but its meshes are not visible.
     for (actor, state) in stage.actors.iter().zip(&snapshot.actors).filter(|(_, s)| s.visible) {
         for posed in posed_meshes(&actor.asset, state) {
             let asset: &Asset = &actor.asset;

@@ -35,7 +35,7 @@ pub fn run(args: ViewArgs) -> Result<(), Failure> {
     }
 }
 
-/// How it ended; `None` where a signal ended this program, and the viewer with it: it would stay without anybody to end it.
+/// Its exit status; `None` where a signal ended this program. The viewer is ended with it, since nobody else would.
 fn wait(command: &mut Command) -> io::Result<Option<ExitStatus>> {
     interrupt::watch(true);
     let mut viewer = command.spawn()?;

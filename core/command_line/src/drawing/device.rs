@@ -1,4 +1,4 @@
-//! Which renderer draws: Vulkan where a driver of a GPU works, else our own on the CPU.
+//! The choice of the renderer: Vulkan where a driver of a GPU works, else our own on the CPU.
 //!
 //! A Vulkan driver that draws on the CPU is not chosen by itself: see `core/decisions/30-auto-device.md`.
 
@@ -14,7 +14,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-/// What is asked for.
+/// The requested device.
 #[derive(Clone, Debug)]
 pub struct Wanted {
     pub device: Device,
@@ -34,9 +34,9 @@ impl From<Device> for Wanted {
 
 pub struct Started {
     pub renderer: Box<dyn Renderer>,
-    /// The device's time, if it was asked for and the device has a clock.
+    /// The device's time, if it was requested and the device has a clock.
     pub time: Option<Arc<DeviceTime>>,
-    /// Time of the CPU renderer's stages, if it was asked for.
+    /// Time of the CPU renderer's stages, if it was requested.
     pub stages: Option<Arc<StageTimes>>,
     /// Why it is not a faster one.
     pub note: Option<String>,
@@ -118,7 +118,7 @@ fn open(wanted: Wanted, effects: Vec<Arc<dyn Effect>>) -> Result<Started, Failur
     }
 }
 
-/// One line: why, and the packages that make it faster.
+/// The note about drawing on the CPU: why, and the packages that make it faster.
 fn on_the_cpu(why: &str) -> String {
     let why = why.lines().next().unwrap_or_default();
     let packages = match why.contains("mesa-vulkan-drivers") {

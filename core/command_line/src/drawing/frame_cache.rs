@@ -1,6 +1,5 @@
-//! `render --watch`: a renderer that remembers what it has drawn. A frame is known by its content, which is what its plan says
-//! and what the scene resources, the effects and the device hold: the same frame at another time, or of another version of the script,
-//! is not drawn again.
+//! `render --watch`: a renderer that keeps the images that it has drawn. A frame is identified by its content: its plan, the scene
+//! resources, the effects and the device. The same frame at another time, or of another version of the script, is not drawn again.
 
 use choreo_plugin::{Effect, Frame};
 use choreo_render::plan::frame_key::{Key, frame_key};
@@ -59,7 +58,7 @@ impl Remembering {
         let mut shared = self.shared();
         shared.round += 1;
         shared.reused = 0;
-        // What a render that failed left behind.
+        // Discards the frames in flight of a render that failed.
         while let Some((_, drawn)) = shared.queue.pop_front() {
             if drawn {
                 shared.renderer.collect(None)?;
@@ -152,13 +151,13 @@ impl Shared {
     fn keep(&mut self, key: Key, frame: &Frame) {
         let Some(png) = write(frame) else { return };
         if self.bytes + png.len() > MOST_BYTES {
-            // Of earlier versions, which nobody may want again.
+            // Frames of earlier versions go first.
             let round = self.round;
             self.frames.retain(|_, known| known.round == round);
             self.bytes = self.frames.values().map(|known| known.png.len()).sum();
         }
-        // Those of this render come again in the same order: the first are kept, and the rest drawn each time. Ones that are
-        // waited for are never dropped: they are of this round.
+        // Frames of this render are drawn again in the same order: the first are kept, and the rest drawn each time. Frames that are
+        // waited for belong to this round, and are never dropped.
         let waited_for = self.queue.iter().any(|(k, _)| *k == key);
         if self.bytes + png.len() <= MOST_BYTES || waited_for {
             self.bytes += png.len();

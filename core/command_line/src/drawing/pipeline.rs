@@ -6,6 +6,7 @@
 
 use crate::failure::Failure;
 use crate::process::interrupt;
+use crate::process::panics::plugin_failures;
 use crate::process::threads::too_few;
 use crate::terminal::progress::Progress;
 use choreo_motion::Time;
@@ -67,7 +68,7 @@ pub struct Pipeline<'a> {
     pub progress: &'a Progress,
 }
 
-/// What the threads share.
+/// State that the threads share.
 struct Shared {
     stop: AtomicBool,
     /// The failure of the smallest frame number, so that the same script always fails with the same words.
@@ -125,18 +126,22 @@ impl Pipeline<'_> {
         };
         let Pipeline { frames, plan, scene_key, renderer, encoders, progress } = self;
         let (plan_to, plans) = sync_channel(PLANS_AHEAD);
-        // From hand to hand: while the encoders work, one image waits here and others are in flight.
+        // The channel has no buffer: while the encoders work, one image waits here and others are in flight.
         let (frame_to, pictures) = sync_channel(0);
-        let pictures = Mutex::new(pictures);
+        // Only the encoders hold it: once all of them have ended, the renderer no longer waits.
+        let pictures = Arc::new(Mutex::new(pictures));
         std::thread::scope(|scope| {
             let thread = |name: &str| std::thread::Builder::new().name(name.into());
             let planner =
                 thread("plan").spawn_scoped(scope, || make_plans(&shared, frames, plan, scene_key, plan_to));
             // One that encodes is enough.
             let started = encoders.into_iter().map(|encode| {
-                thread("encode").spawn_scoped(scope, || encode_pictures(&shared, &pictures, encode, progress))
+                let (shared, pictures) = (&shared, pictures.clone());
+                thread("encode")
+                    .spawn_scoped(scope, move || encode_pictures(shared, &pictures, encode, progress))
             });
             let encoding = started.filter(Result::is_ok).count();
+            drop(pictures);
             match planner {
                 Ok(_) if encoding > 0 => draw(&shared, renderer, plans, frame_to),
                 _ => shared.fail(0, too_few("none can be started to plan and encode frames")),
@@ -168,7 +173,8 @@ fn make_plans(
         if shared.stopped() {
             return;
         }
-        let mut plan = match plan(time) {
+        // An effect may fail where it says what it draws.
+        let mut plan = match plugin_failures(|| plan(time)) {
             Ok(plan) => plan,
             Err(failure) => return shared.fail(frame, failure),
         };
@@ -247,7 +253,7 @@ fn draw(
     let mut more = true;
     while !shared.stopped() && (more || !flying.is_empty()) {
         while more && flying.len() < depth {
-            // With nothing in flight there is nothing better to do than to wait for a plan.
+            // If nothing is in flight, it waits for a plan.
             let next = match flying.is_empty() {
                 true => plans.recv().map_err(|_| TryRecvError::Disconnected),
                 false => plans.try_recv(),

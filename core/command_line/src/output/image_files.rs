@@ -11,7 +11,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// One image to its own file. `part`: where it is open already.
+/// Writes one image to its own file. `part`: the file if it is open already.
 pub fn write(
     target: &Target,
     part: Option<PartFile>,
@@ -44,7 +44,7 @@ pub fn write(
 /// Larger files are encoded again for a frame with the same pixels.
 const MOST_KEPT: usize = 32 << 20;
 
-/// A file, and its bytes for a frame with the same pixels; `None` once there are too many.
+/// A writer to a file that keeps the bytes for a frame with the same pixels; `None` once there are too many.
 struct Both {
     out: Box<dyn Write + Send>,
     made: Arc<Mutex<Option<Vec<u8>>>>,
@@ -66,7 +66,7 @@ impl Write for Both {
     }
 }
 
-/// One image to the file that was opened for it.
+/// Writes one image to the file that was opened for it.
 pub fn write_to(
     place: &Path,
     part: Result<PartFile, WriteError>,

@@ -79,7 +79,7 @@ impl Record {
     }
 }
 
-/// What is rendered, as (keyword, text): two renders may share a journal where all of it is equal.
+/// Identity of a render, as (keyword, text): two renders may share a journal if all of it is equal.
 pub type Identity = Vec<(String, String)>;
 
 /// The magic and the first record.

@@ -1,4 +1,4 @@
-//! What an image or video says of itself, for `choreo info` and for `--resume`.
+//! Metadata of an image or video, for `choreo info` and for `--resume`.
 
 /// Keyword of the number that stands for all of a provenance where a format has no room.
 pub(crate) const ID: &str = "choreo:id";

@@ -13,7 +13,7 @@ use std::path::Path;
 /// Seconds on the scene's clock; of single images only.
 pub const TIME: &str = "choreo:time";
 
-/// Nothing here depends on which frames are made, when or where: the halves of a video equal the whole.
+/// Provenance of an image or video. It does not depend on which frames are made, when or where: the halves of a video equal the whole.
 pub fn of(
     scene: &OpenedScene,
     settings: &Settings,
@@ -96,7 +96,7 @@ pub fn differences(was: &[(String, String)], is: &[(String, String)]) -> Vec<(St
     found
 }
 
-/// Refuses to go on with what was made otherwise, and says what differs.
+/// Refuses to resume a render with other options, and names the difference.
 pub fn same(
     shown: &str,
     part: &Path,

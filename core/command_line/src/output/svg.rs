@@ -5,7 +5,7 @@ use crate::scene::inputs::Inputs;
 use choreo_files::write_whole;
 use std::path::Path;
 
-/// Said before any work is done for it.
+/// Checks the name of an image before any work is done for it.
 pub fn check(path: Option<&Path>) -> Result<(), Failure> {
     match path {
         Some(path) if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("svg")) => {

@@ -51,7 +51,7 @@ impl Target {
         Ok(Target::File(path))
     }
 
-    /// As messages name it.
+    /// Its name in messages.
     pub fn shown(&self) -> String {
         match self {
             Target::Stdout => "standard output".into(),
@@ -149,5 +149,6 @@ pub(crate) fn export_failure(shown: &str, error: ExportError) -> Failure {
     match error {
         ExportError::Io(e) => output_error(shown, &e),
         ExportError::Format(text) => Failure::Output(format!("{shown}: {text}")),
+        ExportError::Panic(panic) => Failure::Output(format!("{shown}: {panic}")),
     }
 }

@@ -20,7 +20,7 @@ pub struct Video {
     end: End,
 }
 
-/// What becomes of the body.
+/// Destination of the body at the end.
 enum End {
     /// It was the result as it came.
     Nothing,
@@ -30,7 +30,7 @@ enum End {
     Folder(Box<Folder>),
 }
 
-/// What a render found of an earlier one, for the user.
+/// Finished work of an earlier render, for the user.
 #[derive(Default)]
 pub struct Begun {
     /// Frames that are finished, from the first on.
@@ -245,7 +245,7 @@ impl Folder {
                 .is_ok_and(|mut f| found.settled(&mut f) == found.records.len())
     }
 
-    /// Uses what is whole of the journal, the body and the kept frames; gives how many frames that are.
+    /// Takes over the intact part of the journal, the body and the kept frames; returns the number of these frames.
     fn resume(
         mut self,
         found: &Journal,
@@ -315,7 +315,7 @@ impl Folder {
 
     /// Writes down the frame that the sink has just taken.
     fn mark(&mut self, mark: Mark<'_>, body: &MeasuredWriter) -> io::Result<()> {
-        // Without this a render would go on for hours into files that have lost their names.
+        // Without this check a render would go on for hours into files that have lost their names.
         if !self.part.is_there() {
             return Err(io::ErrorKind::NotFound.into());
         }

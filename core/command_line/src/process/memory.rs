@@ -3,13 +3,13 @@
 
 use crate::failure::{Failure, print_message};
 use crate::process::kept_frames;
-use choreo_script::memory::in_use;
+use choreo_sandbox::memory::in_use;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::Thread;
 use std::time::{Duration, Instant};
 
-/// How long the interpreter has to say it better.
+/// Time that the interpreter has to report it with a better message.
 const PATIENCE: Duration = Duration::from_secs(2);
 const EVERY: Duration = Duration::from_millis(10);
 

@@ -1,8 +1,9 @@
-//! What the program says where it is itself at fault, or where the system gives it no more memory: a message and an exit
+//! Messages where the program itself is at fault, or where the system gives it no more memory: a text and an exit
 //! code instead of Rust's own words.
 
 use crate::failure::Failure;
-use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, set_hook, take_hook};
+use choreo_plugin::PluginPanic;
+use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, resume_unwind, set_hook, take_hook};
 use std::sync::{Mutex, PoisonError};
 
 /// The latest panic.
@@ -51,9 +52,17 @@ fn described(panic: &PanicHookInfo<'_>) -> String {
     }
 }
 
+/// The work, or the failure of the plugin that ended it. Other panics go on.
+pub(crate) fn plugin_failures<T>(work: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| match payload.downcast::<PluginPanic>() {
+        Ok(panic) => Err(Failure::input(panic.to_string())),
+        Err(payload) => resume_unwind(payload),
+    })
+}
+
 /// The work, or the panic that ended it.
 pub(crate) fn guarded(work: impl FnOnce() -> Result<(), Failure>) -> Result<(), Failure> {
-    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| {
+    catch_unwind(AssertUnwindSafe(|| plugin_failures(work))).unwrap_or_else(|_| {
         let latest = LATEST.lock().unwrap_or_else(PoisonError::into_inner).take();
         Err(Failure::Internal(latest.unwrap_or_else(|| "no message".into())))
     })

@@ -64,7 +64,7 @@ fn link_out(output: &Path, folder: &Path) -> Option<PathBuf> {
     None
 }
 
-/// As the user would type it where the current folder is above it.
+/// The path relative to the current folder where that is above it, else as it is.
 fn shown(path: &Path) -> String {
     let here = std::env::current_dir().and_then(|d| d.canonicalize()).unwrap_or_default();
     path.strip_prefix(&here).unwrap_or(path).display().to_string()

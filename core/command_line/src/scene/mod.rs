@@ -21,6 +21,9 @@ use inputs::Inputs;
 use opening::Opening;
 use std::sync::Arc;
 
+/// Warning about a model without clips, after its name.
+pub const ONE_FRAME: &str = "no clips: one frame";
+
 pub struct OpenedScene {
     /// The file's name without folders.
     pub name: String,
@@ -28,7 +31,7 @@ pub struct OpenedScene {
     /// The plugins, with those of the plugin files that the scene uses.
     pub registry: Registry,
     pub is_script: bool,
-    /// What was guessed or left; each complete with its place.
+    /// Warnings of guesses and of parts left out; each complete with its place.
     pub warnings: Vec<String>,
     /// The same, apart: of the assets, and of the script.
     pub asset_warnings: Vec<String>,
@@ -36,7 +39,7 @@ pub struct OpenedScene {
     /// Places in the script that created what is on stage; empty for a model.
     pub places: Places,
     pub limits: Limits,
-    /// What the script printed.
+    /// Lines that the script printed.
     pub printed: Vec<String>,
     /// Parameters that change the image, for provenance: `set`, `clip`.
     pub arguments: Vec<String>,
@@ -84,7 +87,7 @@ fn open_script(
         search_paths: args.search.clone(),
         limits: limits.clone(),
         needs: opening.needs,
-        // What is opened again and again may play another clip the next time.
+        // A scene that is opened repeatedly may play another clip the next time.
         played_clips_only: opening.keep.is_none(),
         ..ScriptOptions::default()
     };
@@ -135,7 +138,7 @@ fn open_model(
     let stage = model::stage(imported.asset, args.clip.as_deref())?;
     let mut warnings = asset_warnings(&stage);
     if stage.actors.iter().all(|a| a.asset.clips.is_empty()) {
-        warnings.push(format!("{shown}: no clips: one frame"));
+        warnings.push(format!("{shown}: {ONE_FRAME}"));
     }
     let importer = args.import.importer.iter().map(|i| format!("--importer {i}"));
     let options = args.import.import.iter().map(|i| format!("--import {i}"));

@@ -89,7 +89,7 @@ pub(crate) struct Imported {
     pub files: Vec<PathBuf>,
 }
 
-/// What the command line chooses of an import.
+/// Options of an import from the command line.
 pub(crate) fn choice(args: &ImportArgs) -> Result<ImportChoice, Failure> {
     let mut choice = ImportChoice { importer: args.importer.clone(), ..ImportChoice::default() };
     for text in &args.import {

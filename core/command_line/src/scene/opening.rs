@@ -20,7 +20,7 @@ impl Opening<'_> {
         Opening { needs: ImportScope::NO_PIXELS, quiet: false, keep: None };
 }
 
-/// What is kept between openings of the same input: the assets, and which files the last opening read, also where it failed.
+/// State that is kept between openings of the same input: the assets, and the files that the last opening read, also if it failed.
 #[derive(Debug, Default)]
 pub struct Keep {
     pub assets: AssetCache,

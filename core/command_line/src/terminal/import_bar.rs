@@ -37,7 +37,7 @@ impl Bar {
                 bar.finish_and_clear();
             }
         });
-        // Without a thread there is no bar.
+        // If the thread cannot start, there is no bar.
         Bar(watcher.ok().map(|watcher| (end, watcher)))
     }
 }
@@ -49,7 +49,7 @@ fn show(bar: &ProgressBar, now: &ImportProgress) {
     bar.set_position(now.bytes_done);
 }
 
-/// One line at any width: what does not fit of the names is cut.
+/// The bar, in one line at any width: names that do not fit are cut.
 fn bar(target: ProgressDrawTarget) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(1), target);
     if let Ok(style) = ProgressStyle::with_template("{bar:24} importing {bytes} of {total_bytes}, {wide_msg}")

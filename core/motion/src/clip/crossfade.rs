@@ -10,8 +10,8 @@ use crate::skeleton::Skeleton;
 use crate::time::Time;
 use glam::Affine3A;
 
-/// What `Sample` twice, `Blend` and `LocalToModel` do (to the rounding of f32), but the
-/// blended pose is never written down. Made to be run over many characters with the same scratch poses.
+/// The result of two `Sample`, a `Blend` and `LocalToModel` (to the rounding of f32), without storing the
+/// blended pose. It can be run over many characters with the same scratch poses.
 pub struct Crossfade<'a> {
     pub skeleton: &'a Skeleton,
     /// In: transforms of joints that a clip does not animate; as many joints as the skeleton.

@@ -3,6 +3,7 @@
 //! Curves are the authored keys (glTF 2.0 §3.11, Appendix C); a clip is built from them once and
 //! sampled at any time, without a cache, in any order.
 
+pub(crate) mod common_times;
 pub mod crossfade;
 pub(crate) mod key_search;
 pub(crate) mod packed;
@@ -39,7 +40,7 @@ pub enum Path {
     Rotation,
     /// 3 floats a key.
     Scale,
-    /// This many floats a key: the morph weights of the mesh at that joint.
+    /// Morph weights of the mesh at that joint, this many floats a key.
     Weights(u32),
 }
 
@@ -107,7 +108,7 @@ pub enum ClipError {
     Property { curve: usize, target: PropertyTarget, what: CurveError },
 }
 
-/// What is wrong with a curve.
+/// Error of a curve.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum CurveError {
     #[error("it has no keys")]
@@ -145,12 +146,12 @@ pub struct ExpressionError {
     pub what: CurveError,
 }
 
-/// What a compression did.
+/// Result of a compression.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CompressionReport {
     /// Bytes of keys, ranges and constants, before and after.
     pub bytes: [usize; 2],
-    /// What translation, rotation and scale of every joint at 30 Hz would take in f32: 40 bytes a joint and key.
+    /// Size of translation, rotation and scale of every joint at 30 Hz in f32: 40 bytes a joint and key.
     pub dense_bytes: usize,
     /// Metres of the model, of any joint's place and of points 10 cm from it along each axis: at all keys and halfway between,
     /// 4,000 times at most. Zero where the clip stays as it was, since it would not have become smaller.
@@ -305,7 +306,7 @@ impl Clip {
         Ok(self)
     }
 
-    /// What is animated beside the skeleton, with the curve (as one of weights).
+    /// The animated properties beside the skeleton, each with its curve (in the form of a weight curve).
     pub fn properties(&self) -> impl ExactSizeIterator<Item = (PropertyTarget, &Curve)> {
         self.properties.iter().map(|p| (p.target(), p.curve()))
     }
@@ -329,7 +330,7 @@ impl Clip {
         self.tracks.get_or_init(|| Tracks::pack(self.joint_count, &self.curves, self.packed.as_ref()))
     }
 
-    /// The authored curves, as checked; those of a compressed clip are decoded, once, when they are asked for.
+    /// The authored curves, as checked; those of a compressed clip are decoded once, when they are requested.
     pub fn curves(&self) -> &[Curve] {
         let Some(packed) = &self.packed else { return &self.curves };
         self.decoded.get_or_init(|| {
@@ -352,7 +353,7 @@ impl Clip {
         self.packed.is_some()
     }
 
-    /// What its compression did; `None` where it was not compressed, or would not have become smaller.
+    /// The result of its compression; `None` if it was not compressed, or would not have become smaller.
     pub fn compression(&self) -> Option<CompressionReport> {
         self.compression
     }

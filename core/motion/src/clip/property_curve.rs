@@ -83,7 +83,7 @@ pub struct PropertyCurve {
     pub values: Arc<[f32]>,
 }
 
-/// CheckedPropertyCurve: the numbers as a curve of weights, which are interpolated alike.
+/// A checked curve: its numbers are stored as a curve of weights, which are interpolated alike.
 #[derive(Clone, Debug)]
 pub(crate) struct CheckedPropertyCurve {
     target: PropertyTarget,

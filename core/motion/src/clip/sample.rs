@@ -13,7 +13,7 @@ use crate::time::Time;
 
 /// Evaluates a clip at a time. Joints and properties that the clip does not animate keep what is in the pose.
 ///
-/// At a key the pose is that key, bit for bit, but for the sign of a quaternion and the normalising of CUBICSPLINE.
+/// At the time of a key the pose equals that key bit for bit, except for the sign of a quaternion and the normalization of CUBICSPLINE.
 pub struct Sample<'a> {
     pub clip: &'a Clip,
     /// Clip time; before the first and after the last key the end values hold.

@@ -5,8 +5,10 @@
 //! - Where a timeline drives enough joints of a pose block (eight neighbouring joints), their keys are laid out in
 //!   frame-major rows: all that one key time holds lies together, eight joints a register. Sampling reads two
 //!   neighbouring rows, so that a random time costs what the next frame costs.
+//! - Linear curves with key times of their own get the key times of all of them ([`crate::clip::common_times`]), so that they can lie in rows, too.
 //! - The few others ("singles") stay as authored, and are gathered eight at a time.
 
+use crate::clip::common_times::{CommonTimes, common_times};
 use crate::clip::key_search::Timeline;
 use crate::clip::packed::Packed;
 use crate::clip::slerp_series::{one_minus_cos, terms_for};
@@ -119,7 +121,7 @@ pub(crate) struct Tracks {
 }
 
 /// Below this share of a pose block's joints, curves stay single: rows would be mostly empty.
-const WORTH_A_COLUMN: usize = 4;
+pub(crate) const WORTH_A_COLUMN: usize = 4;
 
 type Lanes<'a> = [Option<&'a Curve>; LANES];
 
@@ -149,6 +151,14 @@ impl Tracks {
                 groups.entry(&curve.times).or_default().push(index);
             }
         }
+        let merged = common_times(curves, groups.values());
+        let strays = merged.as_ref().map_or(&[][..], |merged| &merged.sources);
+        groups.values_mut().for_each(|members| members.retain(|index| !strays.contains(index)));
+        groups.retain(|_, members| !members.is_empty());
+        let merged = merged.map(|CommonTimes { curves, .. }| {
+            let members: Vec<usize> = (0..curves.len()).collect();
+            Group::pack(joint_count, &curves, &members)
+        });
         for (column, packed) in packed.iter().flat_map(|p| p.columns().map(move |c| (c, p))) {
             driven[column.channel as usize] += packed.joints(column, joint_count).len();
             unit_scale &= column.channel != Channel::Scale;
@@ -162,7 +172,11 @@ impl Tracks {
                     rows: gather(channel, &lanes, |curve| key_value(curve, 0)),
                 })
                 .collect(),
-            groups: groups.into_values().map(|members| Group::pack(joint_count, curves, &members)).collect(),
+            groups: groups
+                .into_values()
+                .map(|members| Group::pack(joint_count, curves, &members))
+                .chain(merged)
+                .collect(),
             covers: driven.map(|n| n == joint_count),
             unit_scale,
         }

@@ -15,7 +15,7 @@ pub(super) struct Grid {
 const RATES: [i64; 9] = [24, 25, 30, 48, 50, 60, 100, 120, 240];
 /// Key times in files are f32 seconds: ticks that one may be beside the grid.
 const BESIDE: i64 = Time::TICKS_PER_SECOND / 50_000;
-/// More frames than this are not looked at: two hours at 120 Hz.
+/// Limit of the frames that are tried: two hours at 120 Hz.
 const MOST_FRAMES: i64 = 1 << 20;
 
 /// Whether a curve is one that is packed.

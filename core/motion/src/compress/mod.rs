@@ -1,4 +1,4 @@
-//! CompressionReport clips: fewer bytes within a stated distance of any joint in model space, sampled as fast as others.
+//! Compression of clips: fewer bytes within a stated distance of any joint in model space, sampled as fast as others.
 //!
 //! The ideas are ACL's (N. Frechette, "Animation Compression: Uniformly Sampled", nfrechette.github.io, 2016, and its series):
 //! even sampling, so that any time is found at once; ranges of each track; as few bits as the tolerance needs; an error that is
@@ -11,8 +11,8 @@
 //!   that a random time costs what the next frame does.
 //! - Knots are whole numbers of 0 to 16 bits in the range of each joint's component.
 //!
-//! What an error at a joint may be follows from how far the joints below it reach; then all is decoded and measured, and what each may
-//! cost is shared out anew, until it holds and little is left. The reported error is the measured one.
+//! The error allowed at a joint follows from the distance of the joints below it. Then all is decoded and measured, and the
+//! allowed errors are distributed anew, until the bound holds and little is left. The reported error is the measured one.
 
 mod fit;
 mod grid;

@@ -84,7 +84,7 @@ impl Draft {
             let fit = fits.of(index)?;
             let (knots, worst) = &fit.splines[stride];
             draft.straight &= STRAIGHT * fit.widest * fit.widest.sqrt() <= 0.2 * allowed;
-            // What is left for the rounding of the knots: errors that do not depend on each other add up by their squares.
+            // The error that remains for the rounding of the knots: independent errors add up by their squares.
             let left = (allowed * allowed - worst * worst).max(0.0).sqrt();
             if left < 0.3 * allowed {
                 return None;

@@ -1,4 +1,4 @@
-//! Which joints are feet, and how long the legs are.
+//! Finds the joints that are feet, and the length of the legs.
 
 use super::{Foot, model};
 use crate::pose::Pose;

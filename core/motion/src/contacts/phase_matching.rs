@@ -98,7 +98,7 @@ impl Footsteps {
         self.stands[foot].iter().any(|(from, long)| (at - from).rem_euclid(self.length) <= *long)
     }
 
-    /// Both with one event a stride, so that the feet of both are down together as much as they can.
+    /// Both clips' footsteps with one event a stride, so that the feet of both are on the floor together as much as they can.
     fn by_strides(&self, other: &Footsteps) -> Option<[Footsteps; 2]> {
         let feet = self.stands.len();
         if feet < 3 || other.stands.len() != feet {
@@ -114,7 +114,7 @@ impl Footsteps {
             };
             (0..PHASES).map(same).sum::<usize>()
         };
-        // Of equals the first.
+        // The first of equal ones wins: `max_by_key` returns the last, so the range is reversed.
         let best = (0..PHASES).rev().max_by_key(alike)?;
         Some([self.evenly(0), other.evenly(at(other, best))])
     }
@@ -172,7 +172,7 @@ pub struct PhaseMatchedFade {
     pieces: Vec<(Time, f64)>,
 }
 
-/// More steps than any fade has.
+/// Limit of the steps of a fade.
 const MOST_STEPS: usize = 100_000;
 
 impl PhaseMatchedFade {
@@ -335,7 +335,7 @@ mod tests {
         let fade = Time::from_secs(0.6);
         let matched =
             PhaseMatchedFade::new([&walk, &gallop], [1.0; 2], 0, Time::ZERO, fade, Ease::Linear).unwrap();
-        // At an even pace: nowhere faster than the gallop nor slower than the walk, in strides.
+        // The pace is even: in strides, it is nowhere faster than the gallop nor slower than the walk.
         let rate = |t: f64| {
             let h = Time::from_secs(1e-3);
             (matched.phase(Time::from_secs(t) + h) - matched.phase(Time::from_secs(t))) / 1e-3

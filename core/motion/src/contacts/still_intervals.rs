@@ -72,7 +72,7 @@ mod tests {
         (0..4).chain(16..21).for_each(|i| row[i] = 0.5);
         assert_eq!(still_intervals(&row, 0.02, true), [(16, 23)]);
         assert_eq!(still_intervals(&row, 0.02, false), [(0, 3), (16, 20)]);
-        // What is only held on to at the beginning has begun at the end.
+        // An interval that only continues at the beginning of the loop starts at its end.
         (0..4).for_each(|i| row[i] = 1.4);
         assert_eq!(still_intervals(&row, 0.02, true), [(16, 23)]);
         assert_eq!(still_intervals(&row, 0.02, false), [(16, 20)]);

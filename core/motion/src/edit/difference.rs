@@ -1,4 +1,4 @@
-//! What a clip does beyond a pose, as a clip of its own.
+//! The difference of a clip from a pose, as a clip.
 
 use super::EditError;
 use crate::clip::{Clip, Interpolation, Path};
@@ -7,10 +7,10 @@ use crate::skeleton::Skeleton;
 use glam::{DQuat, DVec3, Vec3};
 
 impl Clip {
-    /// What each joint does beyond `reference`, over the rest pose: laid on another with the rest pose as reference
-    /// ([`crate::AdditiveLayers`]) it adds what this clip adds with `reference`. `taken_away`: the opposite. With q the clip's rotation, r the
-    /// reference's and q₀ that at rest, q₀ r⁻¹ q, or q₀ q⁻¹ r: linear in q, so that slerp and cubics between keys stay exact. Scales are
-    /// multiplied (their opposite only at the keys), morph weights as they are.
+    /// A clip of each joint's motion relative to `reference`, applied to the rest pose. As an additive layer with the rest pose as
+    /// reference ([`crate::AdditiveLayers`]) it adds the same as this clip does with `reference`; with `taken_away` it adds the opposite.
+    /// With q the clip's rotation, r the reference's and q₀ the one at rest, it is q₀ r⁻¹ q, or q₀ q⁻¹ r: linear in q, so that slerp and
+    /// cubics between keys stay exact. Scales are multiplied (their opposite is exact only at the keys), morph weights are subtracted.
     pub fn difference_from(
         &self,
         reference: &Pose,

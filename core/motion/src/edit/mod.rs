@@ -1,6 +1,6 @@
 //! Clips made from a clip: a part of it, backwards, faster, one after the other, offset, smoothed. All pure, all by its keys.
 //!
-//! What is promised of each holds at every tick, to the rounding of f32: `clip.cut(a, b)` at t is the clip at a + t, `reversed` at t is
+//! Each promise holds at every tick, to the rounding of f32: `clip.cut(a, b)` at t is the clip at a + t, `reversed` at t is
 //! the clip at its end − t, and so on (`tests/edit.rs`).
 
 pub mod bake;
@@ -85,7 +85,7 @@ impl Clip {
         clip
     }
 
-    /// Faster or slower: at t what the clip is at t · factor, to the nearest tick.
+    /// The clip at another speed: at t it equals the clip at t · factor, to the nearest tick.
     pub fn at_speed(&self, factor: f64) -> Result<Clip, EditError> {
         if !(0.001..=1000.0).contains(&factor) {
             return Err(EditError::Speed { clip: self.name.clone(), factor });

@@ -8,12 +8,12 @@ use crate::time::Time;
 use glam::{DQuat, DVec3};
 use std::sync::Arc;
 
-/// What a joint is moved and turned by at every time.
+/// A constant translation and rotation of a joint, applied at every time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Offset {
     /// Metres, along the model's axes where the parent rests.
     pub moved: DVec3,
-    /// After the clip's own rotation, about the joint's own axes.
+    /// Rotation after the clip's own, about the joint's own axes.
     pub turned: DQuat,
 }
 

@@ -1,4 +1,4 @@
-//! Key reduction: LINEAR keys that the others tell are left out, within a stated distance of any joint in model space.
+//! Key reduction: LINEAR keys that follow from the others are left out, within a stated distance of any joint in model space.
 //!
 //! A key of a joint moves all that hangs below it, so that what it may be off is the tolerance over the distance to the farthest joint
 //! below, shared out over the joints above each other. Then the whole clip is compared with its source in model space, at all keys
@@ -14,17 +14,17 @@ use glam::{DAffine3, DQuat, DVec3};
 use std::sync::Arc;
 use thiserror::Error;
 
-/// Which keys go.
+/// Whether curves that share key times keep sharing them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum KeptTimes {
-    /// Each curve keeps keys at times of its own: fewest bytes.
+    /// Whatever takes the fewest bytes: each curve keeps keys at times of its own, or shared ones, or all.
     #[default]
-    PerCurve,
+    Fewest,
     /// Curves that share their key times keep the same ones: sampled fastest.
     Shared,
 }
 
-/// What a reduction did; errors in metres of the model, of any joint's place and of a point 10 cm from it along each axis.
+/// Result of a reduction. Errors are in metres of the model, of any joint's position and of a point 10 cm from it along each axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ReductionReport {
     pub keys: [usize; 2],
@@ -63,17 +63,34 @@ impl Clip {
             return Err(ReduceError::Joints { clip: self.name.clone(), joints, expected });
         }
         let reach = Reach::of(skeleton);
+        let ways: &[bool] = if keep == KeptTimes::Shared { &[true] } else { &[false, true] };
+        let reduced =
+            ways.iter().filter_map(|shared| self.reduced_by(skeleton, &reach, tolerance_m, *shared));
+        let all = ReductionReport { keys: [self.keys(); 2], bytes: [bytes(self); 2], worst_m: 0.0 };
+        // Times of a curve's own take as many bytes as three numbers; where few keys go, all of them take less.
+        let smaller = reduced.filter(|(_, report)| report.bytes[1] < report.bytes[0]);
+        Ok(smaller.min_by_key(|(_, report)| report.bytes[1]).unwrap_or_else(|| (self.clone(), all)))
+    }
+
+    /// `shared`: curves of equal key times keep the same keys.
+    fn reduced_by(
+        &self,
+        skeleton: &Skeleton,
+        reach: &Reach,
+        tolerance_m: f64,
+        shared: bool,
+    ) -> Option<(Clip, ReductionReport)> {
         let mut share = 0.5;
         for _ in 0..ROUNDS {
-            let clip = self.without_keys(&reach, tolerance_m * share, keep);
+            let clip = self.without_keys(reach, tolerance_m * share, shared);
             let worst_m = distance(skeleton, self, &clip, usize::MAX);
             if worst_m <= tolerance_m {
                 let (keys, bytes) = ([self.keys(), clip.keys()], [bytes(self), bytes(&clip)]);
-                return Ok((clip, ReductionReport { keys, bytes, worst_m }));
+                return Some((clip, ReductionReport { keys, bytes, worst_m }));
             }
             share *= 0.5;
         }
-        Ok((self.clone(), ReductionReport { keys: [self.keys(); 2], bytes: [bytes(self); 2], worst_m: 0.0 }))
+        None
     }
 
     /// Keys of all curves.
@@ -81,7 +98,7 @@ impl Clip {
         self.curves().iter().map(|c| c.times.len()).sum()
     }
 
-    fn without_keys(&self, reach: &Reach, tolerance_m: f64, keep: KeptTimes) -> Clip {
+    fn without_keys(&self, reach: &Reach, tolerance_m: f64, shared: bool) -> Clip {
         let allowed = |curve: &Curve| {
             let joint = curve.joint as usize;
             match curve.path {
@@ -94,33 +111,30 @@ impl Clip {
             curve.interpolation == Interpolation::Linear && !matches!(curve.path, Path::Weights(_))
         };
         let mut curves = self.curves().to_vec();
-        match keep {
-            KeptTimes::PerCurve => {
-                for curve in curves.iter_mut().filter(|c| linear(c)) {
-                    let kept = kept(&[(curve, allowed(curve))]);
-                    *curve = with_keys(curve, &kept, None);
-                }
+        if !shared {
+            for curve in curves.iter_mut().filter(|c| linear(c)) {
+                let kept = kept(&[(curve, allowed(curve))]);
+                *curve = with_keys(curve, &kept, None);
             }
-            KeptTimes::Shared => {
-                let mut done = vec![false; curves.len()];
-                for first in 0..curves.len() {
-                    if done[first] || !linear(&curves[first]) {
-                        continue;
-                    }
-                    let times = curves[first].times.clone();
-                    let group: Vec<usize> = (first..curves.len())
-                        .filter(|i| linear(&curves[*i]) && curves[*i].times == times)
-                        .collect();
-                    let members: Vec<(&Curve, f64)> =
-                        group.iter().map(|i| (&curves[*i], allowed(&curves[*i]))).collect();
-                    let kept = kept(&members);
-                    let times: Arc<[Time]> = kept.iter().map(|k| times[*k]).collect();
-                    let reduced: Vec<Curve> =
-                        group.iter().map(|i| with_keys(&curves[*i], &kept, Some(times.clone()))).collect();
-                    for (i, curve) in group.into_iter().zip(reduced) {
-                        curves[i] = curve;
-                        done[i] = true;
-                    }
+        } else {
+            let mut done = vec![false; curves.len()];
+            for first in 0..curves.len() {
+                if done[first] || !linear(&curves[first]) {
+                    continue;
+                }
+                let times = curves[first].times.clone();
+                let group: Vec<usize> = (first..curves.len())
+                    .filter(|i| linear(&curves[*i]) && curves[*i].times == times)
+                    .collect();
+                let members: Vec<(&Curve, f64)> =
+                    group.iter().map(|i| (&curves[*i], allowed(&curves[*i]))).collect();
+                let kept = kept(&members);
+                let times: Arc<[Time]> = kept.iter().map(|k| times[*k]).collect();
+                let reduced: Vec<Curve> =
+                    group.iter().map(|i| with_keys(&curves[*i], &kept, Some(times.clone()))).collect();
+                for (i, curve) in group.into_iter().zip(reduced) {
+                    curves[i] = curve;
+                    done[i] = true;
                 }
             }
         }
@@ -128,7 +142,7 @@ impl Clip {
     }
 }
 
-/// What an error at a joint moves in the model.
+/// The effect of a joint's error on positions in the model.
 pub(crate) struct Reach {
     /// Metres to the farthest joint below it, at rest, and [`SHELL`].
     pub distance: Vec<f64>,

@@ -34,13 +34,13 @@ impl Aim<'_> {
         let shares = |joints: &[AimJoint]| joints.iter().map(|j| j.share.max(0.0)).sum::<f64>();
         let Some(last) = self.joints.last().copied() else { return };
         let whole = limited(self.forward, self.target - last.position, self.limit, self.weight);
-        // What is left to turn is counted from where the limited turn would point, at the target's distance.
+        // The remaining turn is measured from the direction of the limited turn, at the target's distance.
         let Some(whole) = whole else { return };
         let goal = last.position + whole * self.forward.normalize() * (self.target - last.position).length();
         let mut forward = self.forward;
         let mut total = DQuat::IDENTITY;
         let count = self.joints.len();
-        // As the joints before it turn, the last one moves and its way to the target changes: a few rounds for the others,
+        // While the joints before it turn, the last one moves and its direction to the target changes: a few rounds for the others,
         // then the last one makes up for what remains.
         for (at, turned) in turns.iter_mut().enumerate().take(count) {
             let left = shares(&self.joints[at..]);
@@ -83,7 +83,7 @@ mod tests {
         [at(0), at(1), at(2)]
     }
 
-    /// Where the last joint is and points after all turns, by forward kinematics.
+    /// Position and direction of the last joint after all turns, by forward kinematics.
     fn after(turns: &[DQuat; 3], joints: [AimJoint; 3]) -> (DVec3, DVec3) {
         let (mut at, mut before) = (joints[0].position, joints[0].position);
         for i in 1..3 {

@@ -194,7 +194,7 @@ impl Chain {
     }
 }
 
-/// What the methods keep between iterations of one call.
+/// Buffers of the methods, kept between the iterations of one call.
 #[derive(Clone, Debug)]
 pub(super) struct Scratch {
     pub positions: Vec<DVec3>,
@@ -221,7 +221,7 @@ impl Default for Scratch {
 }
 
 impl ChainBone {
-    /// Turned by a rotation in the space of the chain; `parent` is chain-from-parent.
+    /// Turns the bone by a rotation in the space of the chain; `parent` is chain-from-parent.
     pub(super) fn turn(&mut self, turn: DQuat, parent: DQuat) {
         let local = (parent.inverse() * turn * parent * self.rotation).normalize();
         if local.is_finite() {

@@ -100,7 +100,7 @@ mod tests {
         let clamped = limit.clamp(rest, beyond);
         let (tilt, turn) = split(rest.inverse() * clamped, DVec3::Y);
         assert!((angle_of(tilt).to_degrees() - 30.0).abs() < 1e-9 && (turn + 0.2).abs() < 1e-9);
-        // In the same direction as before.
+        // The direction of the tilt is unchanged.
         let way = tilt.xyz().normalize();
         assert!(way.abs_diff_eq(DVec3::new(1.0, 0.0, 1.0).normalize(), 1e-9), "{way}");
         assert!(limit.excess(rest, clamped) < 1e-7 && limit.excess(rest, beyond) > 0.5);
@@ -120,18 +120,18 @@ mod tests {
 
     #[test]
     fn check_names_what_is_wrong() {
-        let said = |limit: Limit| limit.check().unwrap_err().to_string();
+        let error = |limit: Limit| limit.check().unwrap_err().to_string();
         assert_eq!(
-            said(Limit::Hinge { axis: DVec3::ONE * 0.5, angle: (0.0, 1.0) }),
+            error(Limit::Hinge { axis: DVec3::ONE * 0.5, angle: (0.0, 1.0) }),
             "`Limit.axis` is of length 0.8660254037844386, must be of length 1"
         );
         assert_eq!(
-            said(Limit::Hinge { axis: DVec3::X, angle: (1.0, 0.0) }),
+            error(Limit::Hinge { axis: DVec3::X, angle: (1.0, 0.0) }),
             "`Limit` is 1 to 0, must be an interval of -π..=π"
         );
         let twist = (0.0, 0.0);
         assert_eq!(
-            said(Limit::SwingTwist { axis: DVec3::X, swing: f64::NAN, twist }),
+            error(Limit::SwingTwist { axis: DVec3::X, swing: f64::NAN, twist }),
             "`Limit.swing` is NaN, must be 0..=π"
         );
     }

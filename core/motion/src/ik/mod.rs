@@ -2,7 +2,7 @@
 //!
 //! All in f64 and in one space, usually the model's. [`TwoBone`] is a closed form; [`Chain`] holds any number of bones with
 //! limits, and three ways to solve it; [`Aim`] shares a turn among several joints. Nothing is remembered between frames: the
-//! answer depends on the pose before it and the goal alone, so that any frame can be had first.
+//! answer depends on the pose before it and the goal alone, so that frames can be evaluated in any order.
 
 mod aim;
 mod ccd;

@@ -7,6 +7,9 @@ use glam::{DMat3, DQuat, DVec3};
 ///
 /// The triangle of shoulder, elbow and hand is given by its three sides (the law of cosines); it is laid towards the target, and
 /// turned about that line so that the elbow keeps its side, or goes to the side of the pole.
+///
+/// Within [`CORE`] of the start the hand leaves the target, and the limb swings around instead of turning over at once. No limb follows every
+/// target without a jump: those left are one point of that core, and directions 13° to either side of the one opposite to where the limb points.
 #[derive(Clone, Copy, Debug)]
 pub struct TwoBone {
     /// Shoulder or hip.
@@ -24,6 +27,15 @@ pub struct TwoBone {
     /// that moves out of reach, smoothly.
     pub soft: f64,
 }
+
+/// Radius of the core in lengths of the limb: 17 mm of an arm.
+const CORE: f64 = 0.03;
+/// Share of the bend direction in the way that the limb swings within the core, beside the direction in which it points: a straight way
+/// through the start is hardly along it.
+const BY_WAY: f64 = 0.6;
+/// Cosines of the directions, against the one in which the limb points, from and to which the plane of its bend stays instead of being turned
+/// on the shortest way, which has no axis for half a turn: 162° and 174°.
+const STAYING: [f64; 2] = [-0.951, -0.9945];
 
 /// How the two bones are turned in the space of the positions, each about its own start, and where the end comes to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,8 +58,6 @@ impl TwoBone {
         let distance = soft_distance(wanted, a + b, self.soft).clamp((a - b).abs(), a + b);
         let before = self.end - self.start;
         let line = before.try_normalize().unwrap_or_else(|| upper.any_orthonormal_vector().normalize());
-        // A target in the start folds the limb where it points.
-        let towards = (self.target - self.start).try_normalize().unwrap_or(line);
         let across = |v: DVec3, line: DVec3| {
             let v_across = v - line * v.dot(line);
             // f32 poses are as straight as this; what is less is rounding, which has a direction too, but means nothing.
@@ -56,17 +66,22 @@ impl TwoBone {
         let pole = |line| self.pole.and_then(|p| across(p - self.start, line));
         let bend = across(upper, line).or_else(|| pole(line)).or_else(|| across(self.hint, line));
         let bend = bend.unwrap_or_else(|| line.any_orthonormal_vector());
-        let new_bend = pole(towards).or_else(|| across(rotation_between(line, towards) * bend, towards))?;
-        // At the start, between the line to the end and the upper bone.
+        let towards = direction(self.target - self.start, CORE * (a + b), line + bend * BY_WAY);
+        let normal = bend.cross(line);
+        let kept = || across(towards.cross(carried(normal, line, towards)), towards);
+        let new_bend = pole(towards).or_else(kept)?;
+        // The angle at the start joint, between the line to the end and the upper bone.
+        // Of equal bones rounding is left, which is much beside a short distance.
+        let unlike = if (a - b).abs() > 1e-9 * (a + b) { a * a - b * b } else { 0.0 };
         let cos = if distance > 0.0 {
-            ((a * a + distance * distance - b * b) / (2.0 * a * distance)).clamp(-1.0, 1.0)
+            ((unlike + distance * distance) / (2.0 * a * distance)).clamp(-1.0, 1.0)
         } else {
             0.0
         };
         let sin = (1.0 - cos * cos).max(0.0).sqrt();
         let new_middle = self.start + (towards * cos + new_bend * sin) * a;
         let new_end = self.start + towards * distance;
-        let (normal, new_normal) = (bend.cross(line), new_bend.cross(towards));
+        let new_normal = new_bend.cross(towards);
         let start = turn(upper, normal, new_middle - self.start, new_normal)?;
         // Folded onto itself the lower bone runs back along the upper.
         let new_lower = new_end - new_middle;
@@ -78,6 +93,23 @@ impl TwoBone {
             new_end,
         })
     }
+}
+
+/// Direction of a target, continuous but for one point: within the core it leans to `by_way`, and is that at the start itself.
+fn direction(target: DVec3, core: f64, by_way: DVec3) -> DVec3 {
+    let lean = (core * core - target.length_squared()).max(0.0).sqrt();
+    (target + by_way.normalize() * lean).try_normalize().unwrap_or_else(|| by_way.normalize())
+}
+
+/// The normal of the bend for a new direction: turned as the direction is, but where that is nearly half a turn as near to what it was as
+/// may be, so that rounding does not choose the axis.
+fn carried(normal: DVec3, line: DVec3, towards: DVec3) -> DVec3 {
+    let turned = rotation_between(line, towards) * normal;
+    let share = ((STAYING[0] - line.dot(towards)) / (STAYING[0] - STAYING[1])).clamp(0.0, 1.0);
+    let share = share * share * (3.0 - 2.0 * share);
+    let stays = normal - towards * normal.dot(towards);
+    let mixed = turned.lerp(stays.try_normalize().unwrap_or(turned), share);
+    mixed.try_normalize().unwrap_or(turned)
 }
 
 /// The rotation that brings a direction and a normal of it to another direction and its normal.

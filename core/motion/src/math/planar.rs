@@ -44,7 +44,7 @@ impl Planar {
     pub fn velocity(self) -> (DVec3, f64) {
         let yaw = wrapped(self.yaw);
         let half = yaw / 2.0;
-        // Of an arc of this angle, the chord is sin(θ/2) / (θ/2) as long, and turned by θ/2.
+        // The chord of an arc with this angle is shorter by sin(θ/2) / (θ/2), and turned by θ/2.
         let chord = if half.abs() < 1e-9 { 1.0 } else { libm::sin(half) / half };
         let mut step = turned(self.translation, -half) / chord;
         step.y = self.translation.y;

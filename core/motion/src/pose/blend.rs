@@ -95,7 +95,7 @@ pub enum RotationBlend {
     Nlerp,
     /// nlerp at a corrected weight: what blends use.
     CorrectedNlerp,
-    /// As exact as f32 allows, by a series of 26 terms, since two poses may be any angle apart.
+    /// Exact up to f32 rounding, by a series of 26 terms, since two poses may be any angle apart.
     Slerp,
 }
 
@@ -207,7 +207,7 @@ impl Mix for Slerp {
     fn mix<F: F8>(p: [F; 4], q: [F; 4], w: F) -> [F; 4] {
         let side = dot(p, q);
         let q = q.map(|c| c.flipped_by(side));
-        // From the difference, not from the product: small angles keep their digits.
+        // Computed from the difference instead of the product, because small angles then keep their digits.
         let way: [F; 4] = std::array::from_fn(|i| q[i].sub(p[i]));
         let (a, b) = weights_at(w, dot(way, way).mul(F::splat(0.5)), MAX_TERMS);
         std::array::from_fn(|i| p[i].mul(a).add(q[i].mul(b)))

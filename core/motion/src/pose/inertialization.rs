@@ -13,7 +13,7 @@ use crate::pose::Pose;
 use crate::time::Time;
 use glam::DVec3;
 
-/// What is left of an offset and its velocity along its direction after `t` of `duration` seconds. `x0` ≥ 0.
+/// The remaining length of an offset at time `t` of `duration` seconds. `x0` ≥ 0 is its length and `v0` its velocity along its direction.
 pub fn decay(x0: f64, v0: f64, duration: f64, t: f64) -> f64 {
     let mut end = duration;
     if v0 < 0.0 {
@@ -80,7 +80,7 @@ impl Inertialization {
             let [before, source] = from.map(|pose| pose.get(joint));
             let [target, after] = to.map(|pose| pose.get(joint));
             let turn = |a: Transform, b: Transform| {
-                // From a to b, in the parent's space.
+                // The rotation from a to b, in the parent's space.
                 rotation_vector(b.rotation.as_dquat() * a.rotation.as_dquat().conjugate())
             };
             let spin = (turn(before, source) - turn(target, after)) * per_second;
@@ -128,7 +128,7 @@ pub struct WeightInertialization {
 }
 
 impl WeightInertialization {
-    /// As for [`Inertialization::new`]; what one of them does not have is left out.
+    /// Like [`Inertialization::new`]; weights that one of them lacks are left out.
     pub fn new(from: [&[f32]; 2], to: [&[f32]; 2], step: Time, duration: Time) -> WeightInertialization {
         let per_second = 1.0 / step.as_secs().max(1e-9);
         let at = |of: &[f32], i: usize| f64::from(of[i]);
@@ -175,7 +175,7 @@ mod tests {
                 assert!(x(f64::from(i) / 100.0 * end) >= -1e-12, "overshoots: {x0} {v0}");
             }
         }
-        // Without the limit on its end this one would overshoot by far.
+        // Without the limit on its end this offset would overshoot by far.
         let free = 0.2 - 5.0 * 0.2;
         assert!(free < -0.5);
     }

@@ -94,7 +94,7 @@ pub(crate) struct Matrices<'a, L> {
     /// See [`Skeleton::by_depth`].
     pub by_depth: &'a [[u32; 2]],
     pub locals: L,
-    /// One a joint; what is too few or too many is left out.
+    /// Matrices, one a joint; missing or superfluous ones are left out.
     pub out: &'a mut [Affine3A],
 }
 

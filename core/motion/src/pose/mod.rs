@@ -106,7 +106,7 @@ impl Pose {
         self.len = other.len;
     }
 
-    /// Translations, rotations, scales of a pose of as many joints, those that are asked for.
+    /// Translations, rotations, scales of a pose of as many joints, those that are requested.
     pub(crate) fn copy_channels(&mut self, other: &Pose, channels: [bool; 3]) {
         if channels == [false; 3] {
             return;
@@ -126,7 +126,7 @@ impl Pose {
 
     /// Whether no joint is scaled.
     pub(crate) fn unit_scale(&self) -> bool {
-        // Without early exits, so that it is vectorised.
+        // The fold has no early exit, so that it is vectorized.
         let odd = |lane: &Lane| lane.0.iter().fold(false, |odd, v| odd | (*v != 1.0));
         !self.blocks.iter().flat_map(|block| &block.scale).fold(false, |any, lane| any | odd(lane))
     }

@@ -113,7 +113,7 @@ impl Kernel for Finish<'_> {
             for n in 0..4 {
                 mean[n] = F::select(usable, q[n].mul(length), kept[n]);
             }
-            // As one pose of this weight, so that equal layers are what one layer of their sum is.
+            // The mean is mixed in like one pose of the total weight, so that equal layers give the same as one layer of their sum.
             let partly = CorrectedNlerp::mix(kept, mean, F::select(total.less(one), total, one));
             let length = one.div(dot(partly, partly).sqrt());
             for n in 0..4 {

@@ -51,11 +51,11 @@ pub(super) fn facing(source: &Side, target: &Side) -> (DQuat, f64) {
     }
 }
 
-/// What a joint does to look like the source's at rest.
+/// How a joint of the target is aligned with the source's rest pose.
 enum How {
     /// Its bone is laid along the source's by the shortest turn.
     Limb(u32),
-    /// Turned about the vertical only, so that a flat sole stays flat.
+    /// It is turned about the vertical only, so that a flat sole stays flat.
     Foot(Option<u32>),
     /// Stays as it is: rigs put the joints of the trunk where they like, and nobody rests bent.
     Trunk,

@@ -18,7 +18,7 @@ const PARTS: [&str; 9] = [
     "right fingers",
 ];
 
-/// Unmatched joints below a hand from which on it is said to have fingers: what it holds has one or two.
+/// A hand with this many unmatched joints below it has fingers: a held prop has one or two joints.
 const FINGER_JOINTS: usize = 3;
 
 /// The part of a clip that another skeleton follows.
@@ -32,7 +32,7 @@ pub struct Coverage {
     pub parts: Vec<&'static str>,
 }
 
-/// Which joints of both skeletons belong together.
+/// The joints of both skeletons that belong together.
 pub(super) struct Partners {
     /// Joints of the source that are followed.
     pub followed: BTreeSet<u32>,

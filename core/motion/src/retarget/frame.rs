@@ -9,14 +9,14 @@ use crate::pose::Pose;
 use crate::time::Time;
 use glam::{DAffine3, DQuat, DVec3};
 
-/// What is kept from one time to the next, to allocate nothing.
+/// Buffers that are kept from one time to the next, so that nothing is allocated.
 pub(super) struct Frame {
     pose: Pose,
     source: Model,
     target: Model,
     /// parent-from-joint of the target.
     pub locals: Vec<(DVec3, DQuat)>,
-    /// What the hips were raised by for the feet's sake, metres.
+    /// Metres by which the hips were raised, so that the feet stay on the floor.
     pub raised: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Which joint of one skeleton takes its motion from which joint of another.
+//! The map of joints: which joint of one skeleton takes its motion from which joint of another.
 
 use crate::retarget::bind::match_names;
 use crate::skeleton::Skeleton;
@@ -8,13 +8,13 @@ use std::collections::BTreeMap;
 /// How two joints were matched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum MatchedBy {
-    /// The caller said so.
+    /// The caller stated it.
     Given,
     /// The names are equal, exactly or without a prefix.
     Name,
     /// The same joint of a human body, by names of other families, by the file or by structure.
     Body,
-    /// Both lie at the same fraction of the spine or neck, which has more joints in one skeleton than in the other.
+    /// A joint at the same fraction of the spine or neck, which has more joints in one skeleton than in the other.
     Share,
 }
 

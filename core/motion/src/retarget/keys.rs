@@ -11,7 +11,7 @@ use glam::{DAffine3, DQuat, DVec3};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// What became of a clip.
+/// Result of retargeting a clip.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RetargetReport {
     /// Target joints whose curves are sampled, rather than mapped key by key.
@@ -35,11 +35,11 @@ pub(crate) const MOST_KEYS: usize = 1 << 22;
 
 /// How a target joint's rotation follows from the source's curves.
 enum Rotation<'c> {
-    /// Nothing that the clip moves.
+    /// The clip does not move it.
     Still(DQuat),
     /// before · q · after, or of q's inverse.
     Keys { curve: &'c Curve, before: DQuat, after: DQuat, inverse: bool },
-    /// More than one curve has a part in it.
+    /// Several curves take part in it.
     Sampled,
 }
 
@@ -65,7 +65,7 @@ impl Retarget<'_> {
         let mut out: Vec<Curve> = Vec::new();
         let mut times: BTreeSet<Time> = BTreeSet::new();
         let mut turning: Vec<u32> = Vec::new();
-        // From the outermost joints inwards, to know what moves below a joint that stands still itself.
+        // The joints are visited from the outermost inwards, to know what moves below a joint that itself stands still.
         let mut moves_below = vec![false; self.to.len()];
         for joint in (0..self.to.len() as u32).rev() {
             let Some(rotation) = self.rotation(joint, &curves) else {
@@ -254,7 +254,7 @@ impl Retarget<'_> {
         moves
     }
 
-    /// Scales, morph weights, and where asked for translations within the body.
+    /// Scales, morph weights, and where requested translations within the body.
     fn other_curves(&self, clip: &Clip, out: &mut Vec<Curve>, report: &mut RetargetReport) {
         let followers: BTreeMap<u32, u32> =
             self.map.pairs().map(|(joint, source, _)| (source, joint)).collect();
@@ -293,7 +293,7 @@ impl Retarget<'_> {
         }
     }
 
-    /// What a joint's source moves from its rest, in the target's axes and size; where both parents go together.
+    /// Keys of the source joint's offset from its rest, in the target's axes and size; `None` unless both parents follow each other.
     fn offset_keys(&self, joint: u32, curve: &Curve) -> Option<Curve> {
         let (parent, above) =
             (self.to.parents()[joint as usize]?, self.from.parents()[curve.joint as usize]?);
@@ -328,7 +328,7 @@ impl Retarget<'_> {
         }
     }
 
-    /// Curves that share their key times: all that are given, and as many between as the tolerance asks for.
+    /// Curves that share their key times: all that are given, and as many between as the tolerance requires.
     fn sampled(
         &self,
         clip: &Clip,
@@ -354,7 +354,7 @@ impl Retarget<'_> {
         for (i, joint) in turning.iter().enumerate() {
             let mut before = DQuat::IDENTITY;
             let values = keys.iter().flat_map(|key| {
-                // Of both signs that which is nearer to the one before.
+                // Of the two signs of the quaternion, the one nearer to the key before is taken.
                 let turn = if key.turns[i].dot(before) < 0.0 { -key.turns[i] } else { key.turns[i] };
                 before = turn;
                 turn.to_array().map(|v| v as f32)

@@ -38,7 +38,7 @@ pub use coverage::Coverage;
 pub use keys::RetargetReport;
 pub use same_joints::same_joints;
 
-/// Which joints move, rather than turn only.
+/// The joints whose translations are retargeted, too.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Translations {
     /// The hips and what is above them.
@@ -60,7 +60,7 @@ pub struct RetargetOptions {
     pub floor: bool,
     /// Whether limbs at rest are laid along the source's; else rest poses are taken for the same.
     pub align: bool,
-    /// What sampled rotations may be off between keys; in metres a tenth of it, times the leg's length.
+    /// Largest error of sampled rotations between keys. For positions it is a tenth of this number times the leg's length, in metres.
     pub tolerance_rad: f64,
 }
 
@@ -163,7 +163,7 @@ impl<'a> Retarget<'a> {
     pub fn new(from: &'a Skeleton, to: &'a Skeleton, options: RetargetOptions) -> Retarget<'a> {
         let (mut source, mut target) = (Side::of(from), Side::of(to));
         let map = JointMap::new([from, to], [&source.human, &target.human], &options.joints);
-        // Toes that the other body has none of tell nothing of its height, and there and back would not end where it began.
+        // Toes that the other skeleton lacks do not define its height, and a clip would not come back to where it began.
         target.contacts.retain(|(joint, _)| map.source(*joint).is_some());
         source.contacts.retain(|(joint, _)| map.pairs().any(|(_, followed, _)| followed == *joint));
         let ratio = |a: f64, b: f64| Some(a / b).filter(|r| r.is_finite() && *r > 1e-6 && *r < 1e6);

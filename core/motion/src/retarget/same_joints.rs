@@ -16,7 +16,7 @@ pub fn same_joints(clip: &Clip, from: &Skeleton, to: &Skeleton) -> bool {
         return true;
     }
     let matched = match_names(from, to);
-    // Names must tell all that is known: else there is more to it than copying.
+    // Every bone must be known by its name: else the clip cannot just be copied.
     let map =
         JointMap::new([from, to], [&HumanoidJoints::of(from), &HumanoidJoints::of(to)], &BTreeMap::new());
     let mut known: Vec<Option<u32>> = vec![None; from.len()];

@@ -67,7 +67,7 @@ impl Sampler<'_> {
             2.0 * (half - *m).length().min((half + *m).length())
         };
         let turned = from.turns.iter().zip(middle.turns.iter().zip(&to.turns)).map(off).fold(0.0, f64::max);
-        // In metres of the model, whatever unit the parents are in.
+        // Differences are in metres of the model, whatever unit the parents are in.
         let size =
             |joint: &u32| of.to.parents()[*joint as usize].map_or(1.0, |p| of.target.rest.scales[p as usize]);
         let gone = from.places.iter().zip(middle.places.iter().zip(&to.places)).zip(self.going);

@@ -33,7 +33,7 @@ struct Common {
 }
 
 impl HumanoidPair {
-    /// A skeleton without a [`Humanoid`] is taken for the one that its names tell, at rest in a T-pose.
+    /// A skeleton without a [`Humanoid`] gets the one that follows from its names, at rest in a T-pose.
     pub fn new(from: &Skeleton, to: &Skeleton) -> HumanoidPair {
         let humanoid = |s: &Skeleton| s.humanoid().cloned().unwrap_or_else(|| Humanoid::from_names(s));
         let (source, target) = (humanoid(from), humanoid(to));
@@ -66,7 +66,7 @@ impl HumanoidPair {
         self.bones.iter().map(|(from, common)| (*from, common.to))
     }
 
-    /// Which bone a joint of the source is, and the target's joint.
+    /// The bone that a joint of the source is, and the target's joint for it.
     pub fn bone(&self, from: u32) -> Option<(HumanBone, u32)> {
         self.bones.get(&from).map(|c| (c.bone, c.to))
     }
@@ -123,7 +123,7 @@ fn moved(curve: &Curve, joint: u32, place: &DAffine3) -> Option<Curve> {
     let mut values = Vec::with_capacity(curve.values.len());
     for (index, v) in vectors.iter().enumerate() {
         let v = DVec3::from_array(v.map(f64::from));
-        // In a spline each key is in-tangent, value, out-tangent.
+        // A spline stores each key as in-tangent, value, out-tangent.
         let is_place = keys_are_every == 1 || index % 3 == 1;
         let moved = if is_place { place.transform_point3(v) } else { place.transform_vector3(v) };
         if !moved.is_finite() || moved.abs().max_element() > f64::from(MAX_KEY) {

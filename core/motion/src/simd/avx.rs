@@ -35,12 +35,12 @@ impl Lanes for Avx {
     // Only what skins vertices fuses, and that is entered after asking for FMA too.
     #[inline(always)]
     fn fused_add(self, b: Self, c: Self) -> Self {
-        // SAFETY: on values alone, inside the `run_avx2` of vertices, which asks for FMA too.
+        // SAFETY: on values alone, inside the `run_avx2` of vertices, which requires FMA, too.
         Avx(unsafe { _mm256_fmadd_ps(self.0, b.0, c.0) })
     }
     #[inline(always)]
     fn fused_sub(self, b: Self, c: Self) -> Self {
-        // SAFETY: on values alone, inside the `run_avx2` of vertices, which asks for FMA too.
+        // SAFETY: on values alone, inside the `run_avx2` of vertices, which requires FMA, too.
         Avx(unsafe { _mm256_fmsub_ps(self.0, b.0, c.0) })
     }
     #[inline(always)]
@@ -255,7 +255,7 @@ impl F8 for Avx {
         unsafe {
             let wide = [&bits.from, &bits.left, &bits.right];
             let from = _mm256_cvtepu8_epi32(_mm_loadl_epi64(wide[0].as_ptr().cast()));
-            // That they are below 32 must be seen: for others the compiler adds a selection to each shift.
+            // The mask shows the compiler that the counts are below 32; for larger ones it adds a selection to each shift.
             let below_32 = _mm256_set1_epi32(31);
             let left =
                 _mm256_and_si256(_mm256_cvtepu8_epi32(_mm_loadl_epi64(wide[1].as_ptr().cast())), below_32);
@@ -281,7 +281,7 @@ impl F8 for Avx {
         // SAFETY: inside `run_avx2`; the load is of 16 borrowed bytes, which need no alignment.
         unsafe {
             let bytes = _mm256_broadcastsi128_si256(_mm_loadu_si128(bytes.as_ptr().cast()));
-            // Of an index, the four lowest bits count.
+            // Only the four lowest bits of an index count.
             let words = _mm256_shuffle_epi8(bytes, four);
             Avx(_mm256_cvtepi32_ps(_mm256_srlv_epi32(_mm256_sllv_epi32(words, left), right)))
         }

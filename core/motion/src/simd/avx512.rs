@@ -105,7 +105,7 @@ impl Vertices for Avx512 {
     }
     #[inline(always)]
     fn four([a, b, c, d]: [Self; 4]) -> [Self; 3] {
-        // In each quarter a column: x y z w of four vertices to components.
+        // Each quarter holds a column: x y z w of four vertices become components.
         // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
         unsafe {
             let (ab, cd) = (_mm512_unpacklo_ps(a.0, b.0), _mm512_unpacklo_ps(c.0, d.0));
@@ -185,7 +185,7 @@ unsafe fn quarters([a, b, c, d]: [__m512; 4]) -> [__m512; 4] {
     }
 }
 
-/// Which floats two permutations take: the first from two registers, the second from the result and a third.
+/// Indices of the floats that two permutations take: the first from two registers, the second from the result and a third.
 type Picks = [[[i32; COUNT]; 2]; 3];
 
 /// Positions of each component among the 48 floats of the points.

@@ -22,7 +22,7 @@ pub(crate) use by_f64 as fused;
 pub(crate) fn by_f64(a: f32, b: f32, c: f32) -> f32 {
     let (product, c) = (f64::from(a) * f64::from(b), f64::from(c));
     let sum = product + c;
-    // What the sum lost, exactly (D. Knuth's TwoSum); NaN where the sum is not finite, and nothing is to be mended.
+    // The exact rounding error of the sum (D. Knuth's TwoSum). It is NaN where the sum is not finite; then nothing is corrected.
     let part = sum - product;
     let lost = (product - (sum - part)) + (c - part);
     let bits = sum.to_bits();
@@ -95,7 +95,7 @@ mod tests {
         fn bit(&self, at: i32) -> bool {
             at >= 0 && self.0[at as usize / 64] >> (at % 64) & 1 == 1
         }
-        /// As f32: 24 bits from the highest, but none below 2^-149, which is bit 149 here.
+        /// The nearest f32: 24 bits from the highest one, but none below 2^-149, which is bit 149 here.
         fn nearest(&self) -> f32 {
             let top = (0..640).rev().find(|at| self.bit(*at)).unwrap_or(0);
             let low = (top - 23).max(149);

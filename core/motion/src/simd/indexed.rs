@@ -10,7 +10,7 @@ pub(crate) struct Indices<'a> {
 impl<'a> Indices<'a> {
     #[inline(always)]
     pub fn new(all: &'a [u16]) -> Self {
-        // Without early exit, so that it is vectorised.
+        // The fold has no early exit, so that it is vectorized.
         Indices { all, largest: all.iter().copied().fold(0, u16::max) }
     }
 
@@ -45,16 +45,16 @@ impl<'a, T> Indexed<'a, T> {
         Indexed { items, indices: all }
     }
 
-    /// That of one index. Panics beyond the last.
+    /// The item of one index. Panics beyond the last index.
     #[inline(always)]
     pub fn one(&self, at: usize) -> &'a T {
         // SAFETY: as in `four`.
         unsafe { self.items.get_unchecked(usize::from(self.indices[at])) }
     }
 
-    /// Those of four indices, the first of which is at `4 * four`. Panics beyond the last.
+    /// The items of four indices, the first of which is at `4 * four`. Panics beyond the last index.
     ///
-    /// By one load instead of four, and without a look at each: kernels that gather wait for loads more than for
+    /// One load replaces four, and no index is checked by itself: kernels that gather wait for loads more than for
     /// arithmetic (skinning by four joints took 3.4 ns a vertex with both, else 4.0).
     #[inline(always)]
     pub fn four(&self, four: usize) -> [&'a T; 4] {

@@ -98,9 +98,9 @@ pub(crate) trait F8: Lanes {
     fn half_rows(pairs: [Self; 4]) -> [Self; 3];
     /// The inverse of `column_pairs`: component rows of both columns, of the half rows of four pairs and of the next four.
     fn joined_rows(first: [Self; 3], next: [Self; 3]) -> [[Self; 3]; 2];
-    /// As `half_rows`, with the fourth components.
+    /// Like `half_rows`, with the fourth components.
     fn half_rows4(pairs: [Self; 4]) -> [Self; 4];
-    /// As `joined_rows`.
+    /// Like `joined_rows`, with the fourth components.
     fn joined_rows4(first: [Self; 4], next: [Self; 4]) -> [[Self; 4]; 2];
     /// Each weight, with the other sign where the dot product of its four and the pivot, (0 + 2) + (1 + 3), is negative.
     fn sided(fours: [&[f32; 4]; 4], pivot: &[f32; 4], weights: &[f32; 4]) -> [f32; 4];

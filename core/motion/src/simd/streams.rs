@@ -22,7 +22,7 @@ pub(crate) struct Block<'a> {
 /// Positions and, where there are any, normals.
 pub(crate) type Deformed<F> = ([F; 3], Option<[F; 3]>);
 
-/// What skinning reads and writes; as many joints and weights as vertices have influences, as many normals as positions or none.
+/// Input and output of skinning. There are `influences` joints and weights per vertex, and as many normals as positions, or none.
 pub(crate) struct VertexStreams<'a> {
     pub influences: usize,
     pub joint_indices: &'a [u16],

@@ -1,4 +1,4 @@
-//! What skinning needs of a register: as many vertices at a time as it has lanes.
+//! Operations of a register that skinning needs: as many vertices at a time as it has lanes.
 
 use super::{F8, Level, portable::Array};
 use glam::Affine3A;
@@ -37,7 +37,7 @@ pub(crate) trait Vertices: Lanes {
     type Eight: F8;
     /// The four columns of one matrix.
     type Matrix: Copy;
-    /// Those of four vertices, component by component.
+    /// The columns of four vertices' matrices, component by component.
     type Four: Copy;
 
     fn no_matrix() -> Self::Matrix;
@@ -98,7 +98,7 @@ impl<F: F8> Vertices for F {
     }
 }
 
-/// What a block of vertices is.
+/// Panic message where a block of vertices is too short.
 pub(super) const BLOCK: &str = "a vertex for each lane";
 
 /// A [`super::Kernel`] over vertices.

@@ -160,7 +160,7 @@ impl Humanoid {
         Humanoid { t_pose: Some(t_pose.into()), ..self }
     }
 
-    /// The bones that the joints' names tell ([`HumanBone::of_joint`]); a bone that several joints are named for is none of them.
+    /// The bones that follow from the joints' names ([`HumanBone::of_joint`]); a bone that several joints are named for is none of them.
     /// The rest pose counts as T-pose.
     pub(crate) fn from_names(skeleton: &Skeleton) -> Humanoid {
         let mut found: BTreeMap<HumanBone, Option<u32>> = BTreeMap::new();
@@ -193,7 +193,7 @@ impl Humanoid {
         self.joints[bone as usize]
     }
 
-    /// Which bone a joint is.
+    /// The bone that a joint is, if any.
     pub fn bone(&self, joint: u32) -> Option<HumanBone> {
         HumanBone::ALL.into_iter().find(|b| self.joints[*b as usize] == Some(joint))
     }

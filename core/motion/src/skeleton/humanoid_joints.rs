@@ -125,7 +125,7 @@ impl HumanoidJoints {
         }
     }
 
-    /// Fills in limbs that names did not tell: pairs of chains that go out from one joint of the middle.
+    /// Finds limbs that have no known names: pairs of chains that go out from one joint of the middle.
     fn by_structure(&mut self, skeleton: &Skeleton) {
         if self.is_complete() {
             return;
@@ -154,7 +154,7 @@ impl HumanoidJoints {
         }
         let legs = limbs.remove(0);
         let start = |limb: &Limb| rest.positions[limb.chains[0][0] as usize].y;
-        // What stands on four legs has no arms.
+        // A quadruped has no arms.
         let knee = legs.low + 0.25 * (start(&legs) - legs.low);
         limbs.retain(|limb| {
             start(limb) > start(&legs) && limb.low > knee && is_below(skeleton, limb.middle, legs.middle)

@@ -66,7 +66,7 @@ pub(crate) fn humanoid_name(name: &str) -> Option<String> {
         let number = words.get(1).is_some_and(|w| w.bytes().all(|b| b.is_ascii_digit()));
         words.drain(..1 + usize::from(number));
     }
-    // What some exporters hang on every name.
+    // Some exporters append this word to every name.
     if words.last() == Some(&"armature") {
         words.pop();
     }

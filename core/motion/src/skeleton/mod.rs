@@ -65,7 +65,7 @@ impl Skeleton {
         Ok(Skeleton { names, parents, rest, by_depth, humanoid: None })
     }
 
-    /// The same skeleton with its file's word on which joint is which bone of a human body: names then count less.
+    /// The same skeleton with the human bones that its file states; they take precedence over names.
     pub fn with_humanoid(self, humanoid: Humanoid) -> Result<Skeleton, SkeletonError> {
         humanoid.check(self.len())?;
         Ok(Skeleton { humanoid: Some(Arc::new(humanoid)), ..self })

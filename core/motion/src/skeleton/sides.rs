@@ -1,4 +1,4 @@
-//! Which joints are left and which are right, by their names.
+//! Left and right joints, by their names.
 
 use crate::skeleton::joint_names::humanoid_name;
 

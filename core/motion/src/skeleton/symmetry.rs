@@ -20,7 +20,7 @@ pub enum MirrorError {
 /// How the joints of a skeleton change sides.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MirrorMap {
-    /// What each joint becomes; `None` where it has no partner and stays at rest.
+    /// The mirrored joint of each joint; `None` where it has no partner and stays at rest.
     pub(crate) joints: Vec<Option<MirroredJoint>>,
     rest: Vec<Transform>,
     /// 0 = x, 1 = y, 2 = z: across the character's middle plane.
@@ -29,22 +29,22 @@ pub struct MirrorMap {
     asymmetry: (f64, u32),
 }
 
-/// What a joint takes from its partner.
+/// How a joint takes its transform from its partner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct MirroredJoint {
-    /// The joint itself for those of the middle.
+    /// Index of the partner; the joint itself for joints of the middle.
     pub(crate) partner: u32,
     /// C_parent⁻¹ and C.
     before: DQuat,
     after: DQuat,
-    /// Which of the partner's axes each own axis lies along, reflected.
+    /// The partner's axis along which each own axis lies, reflected.
     axes: [usize; 3],
     /// The partner's parent's unit over the own parent's.
     unit: f64,
 }
 
 impl MirrorMap {
-    /// Pairs joints by their names ([`side_of`]), and where names alone do not tell, by sides and place in the tree. A joint's parent is
+    /// Pairs joints by their names ([`side_of`]), and where names are not enough, by sides and place in the tree. A joint's parent is
     /// always its partner's parent's partner.
     pub fn new(skeleton: &Skeleton) -> Result<MirrorMap, MirrorError> {
         let partners = partners(skeleton);
@@ -91,7 +91,7 @@ impl MirrorMap {
         self.joints.len()
     }
 
-    /// (left, right) of all pairs, in the order of the left joints; sides as names say.
+    /// (left, right) of all pairs, in the order of the left joints; sides by names.
     pub fn pairs(&self, skeleton: &Skeleton) -> Vec<(u32, u32)> {
         let left = |joint: u32| {
             let name = skeleton.names().get(joint as usize);
@@ -257,7 +257,7 @@ fn pair_up(a: &[u32], b: &[u32], sides: &[Option<(Side, String)>], partners: &mu
             partners[partner as usize] = Some(joint);
         }
     }
-    // Without a side: below the middle itself, below a pair its like in order, where both have as many.
+    // Joints without a side: below the middle each is its own partner; below a pair they are paired in order, if both sides have as many.
     let plain = |list: &[u32]| -> Vec<u32> {
         list.iter().copied().filter(|j| sides[*j as usize].is_none()).collect()
     };

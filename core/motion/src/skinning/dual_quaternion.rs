@@ -22,7 +22,7 @@ pub enum Skinning {
     DualQuaternion,
 }
 
-/// What moves the vertices of one joint: `x ↦ R (S x) + t`.
+/// The map of the vertices of one joint: `x ↦ R (S x) + t`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StretchedDualQuaternion {
     /// R, unit.
@@ -102,7 +102,7 @@ fn nearest_rotation(m: DMat3) -> DMat3 {
     let square = m.transpose() * m;
     let [xx, yy, zz] = [square.x_axis.x, square.y_axis.y, square.z_axis.z];
     let off = square.y_axis.x.abs().max(square.z_axis.x.abs()).max(square.z_axis.y.abs());
-    // As it nearly always is: a rotation and one scale.
+    // The usual case: a rotation and one scale.
     if off <= 1e-13 * xx && (xx - yy).abs() <= 1e-13 * xx && (xx - zz).abs() <= 1e-13 * xx {
         return m * (1.0 / xx.sqrt());
     }

@@ -7,7 +7,7 @@ use crate::simd::{
 };
 use glam::{Affine3A, Mat4, Vec3};
 
-/// LinearSkinning matrices: `out[i] = model_from_joint[joints[i]] * inverse_bind[i]`, model from the mesh at bind time.
+/// Skin matrices: `out[i] = model_from_joint[joints[i]] * inverse_bind[i]`, model from the mesh at bind time.
 pub struct SkinMatrices<'a> {
     pub model_from_joint: &'a [Affine3A],
     /// Skeleton joint of each skin joint.
@@ -92,7 +92,7 @@ impl LinearSkinning<'_> {
         self.run_on(Level::best());
     }
 
-    /// The same bits at any level; for tests and benchmarks.
+    /// Runs at a SIMD level, for tests and benchmarks; the bits are the same at any.
     pub fn run_on(&mut self, level: Level) {
         dispatch_vertices(level, SkinVertices(self));
     }

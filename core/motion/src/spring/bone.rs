@@ -16,7 +16,8 @@
 //! the exponential map of a sphere brings no two points farther apart than they are in the tangent plane (Toponogov's
 //! comparison, positive curvature), and the load's energy, −f cos φ, is concave in φ², so that the spring that touches it
 //! lies above it. Hence kinetic and potential energy together never grow while target, head and load are at rest
-//! ([`SpringBone::energy`]).
+//! ([`SpringBone::energy`]). At the end of a step the tangent plane and that spring have more energy than the sphere and the load; without
+//! damping the difference goes into the velocity, or else the swing would come to rest.
 //!
 //! In a chain each bone is pulled towards where the bone before it has turned its target, and gives nothing back. What is passed on
 //! that way must not grow: bones of one frequency, each driven at its resonance by the one before, make of a shake of the root a whip whose
@@ -60,7 +61,7 @@ pub struct BoneState {
     pub target: DVec3,
 }
 
-/// What acts on a bone during a step, and where the step ends.
+/// Inputs of a step: the forces on a bone, and where the step ends.
 #[derive(Clone, Copy, Debug)]
 pub struct Drive {
     /// Place of the head at the end of the step, metres; of a bone that follows another, as the body without swinging has it.
@@ -73,7 +74,7 @@ pub struct Drive {
     pub length: f64,
     /// Gravity, metres/s².
     pub gravity: DVec3,
-    /// What pulls at a stick whatever its length, 1/s²: VRM's gravity.
+    /// Acceleration of a stick, independent of its length, 1/s²: VRM's gravity.
     pub pull: DVec3,
     /// Speed of the air, metres a second.
     pub wind: DVec3,
@@ -158,6 +159,18 @@ impl SpringBone {
         let way = velocity * response.impulse + steady * response.load + ramp * response.ramp;
         let after = velocity * response.impulse_rate + steady * response.impulse + ramp * response.load;
         (state.direction, state.velocity) = exp(d, way, after);
+        if damping == 0.0 {
+            let bent = log(state.direction, drive.target).length();
+            let mut left =
+                self.stiffness * rounded_off(0.5 * ((next_target - way).length_squared() - bent * bent));
+            if strength > 0.0 {
+                left += strength
+                    * load_energy_left([log(d, load / strength), way, log(state.direction, load / strength)]);
+            }
+            if let Some(along) = state.velocity.try_normalize() {
+                state.velocity = along * (state.velocity.length_squared() + 2.0 * left).sqrt();
+            }
+        }
         // No bone can have more than it would have from half a turn away; a chain of undamped ones would feed on each other.
         state.velocity = state.velocity.clamp_length_max((PI / seconds).max(PI * stiffness.sqrt()));
         state.head = drive.head;
@@ -178,6 +191,21 @@ impl SpringBone {
         let load = drive.pull + (drive.gravity + (drive.wind - head_velocity) * self.damping) / drive.length;
         load.clamp_length_max(1e18)
     }
+}
+
+/// Energy that a spring in place of a load of strength 1 has more than the load at the end of a step.
+/// The ways from where the step begins to the load's direction and to where it ends, and from there to the load's direction.
+fn load_energy_left([before, step, after]: [DVec3; 3]) -> f64 {
+    let (from, to) = (before.length(), after.length());
+    // 1 − cos φ at both ends, and the spring that touches it at the first.
+    let height = |angle: f64| 2.0 * libm::sin(0.5 * angle) * libm::sin(0.5 * angle);
+    let spring = 0.5 * sinc(from) * ((before - step).length_squared() - from * from);
+    rounded_off(spring + height(from) - height(to))
+}
+
+/// Nothing where it is rounding.
+fn rounded_off(energy: f64) -> f64 {
+    if energy > 1e-14 { energy } else { 0.0 }
 }
 
 /// The least damping, 1/s, with which an oscillator of stiffness K + s amplifies no motion of the target that K pulls to: the

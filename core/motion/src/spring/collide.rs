@@ -1,4 +1,4 @@
-//! What tails cannot enter. A tail moves on a sphere about its head, so that what keeps it out of another sphere is a cone:
+//! Colliders that tails cannot enter. A tail moves on a sphere about its head, so that the part of it inside another sphere is a cone:
 //! every answer is exact, and the length of the stick stays.
 
 use super::ColliderShape;

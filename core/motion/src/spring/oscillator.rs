@@ -1,6 +1,6 @@
 //! The damped oscillator under a load that changes evenly, solved exactly.
 
-/// What a step of `h` seconds of `u'' + κ u' + K u = F₀ + F₁ t` does, from `u(0) = 0` and `u'(0) = v`:
+/// Response over a step of `h` seconds of `u'' + κ u' + K u = F₀ + F₁ t`, from `u(0) = 0` and `u'(0) = v`:
 ///
 /// ```text
 /// u (h) = v · g  + F₀ · ∫g + F₁ · ∬g
@@ -63,7 +63,7 @@ fn series(kh: f64, kh2: f64, h: f64) -> Response {
 /// Two real roots x₁ > x₂ (times h), more than 2 apart.
 fn exponentials(half: f64, kh2: f64, discriminant: f64, h: f64) -> Response {
     let x2 = -(half + discriminant.sqrt());
-    // From the product of the roots: their sum would lose the small one.
+    // The second root comes from the product of both: the sum would cancel the digits of the small one.
     let x1 = kh2 / x2;
     let apart = x1 - x2;
     let (e1, e2) = (libm::exp(x1), libm::exp(x2));

@@ -1,4 +1,4 @@
-//! What spring bones are made of, as plain data in choreo's convention: metres, seconds, +Y up, right-handed.
+//! Parameters of spring bones, as plain data in choreo's convention: metres, seconds, +Y up, right-handed.
 //!
 //! The parameters are those of VRM: `VRMC_springBone` 1.0 ("VRMC_springBone-1.0/README.md"), its extension
 //! `VRMC_springBone_extended_collider` 1.0, and `secondaryAnimation` of VRM 0.x, all brought to the form below.
@@ -73,7 +73,7 @@ impl Default for SpringJoint {
     }
 }
 
-/// Something that tails cannot enter; moves with a joint.
+/// A collider that tails cannot enter; it moves with a joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpringCollider {
     pub joint: u32,
@@ -91,7 +91,7 @@ pub enum ColliderShape {
     Plane { offset: Vec3, normal: Vec3 },
 }
 
-/// What a solver could not work with; `place` as in `chains[1].joints[0]`.
+/// A parameter that a solver cannot work with; `place` is a path like `chains[1].joints[0]`.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{place}: {what}")]
 pub struct SpringError {

@@ -1,4 +1,4 @@
-//! Which joints of a skeleton swing, and how.
+//! The joints of a skeleton that swing, and their springs.
 
 use super::{SpringBone, SpringCollider, SpringError, SpringJoint, Springs};
 use crate::skeleton::Skeleton;
@@ -26,7 +26,7 @@ pub struct RigBone {
     pub spring: SpringBone,
     /// Metres/s².
     pub gravity: DVec3,
-    /// What pulls whatever the length of the stick, 1/s²: VRM's gravity.
+    /// Acceleration independent of the length of the stick, 1/s²: VRM's gravity.
     pub pull: DVec3,
     /// Radius of the tail against colliders, metres before the joint's scale.
     pub hit_radius: f64,
@@ -257,7 +257,7 @@ mod tests {
             for i in 0..2 {
                 assert!((wanted[i] - got[i]).abs() < 1e-5, "{stiffness} {drag}: {wanted:?} {got:?}");
             }
-            // At another rate, the specification's own update is another spring.
+            // At another rate, the specification's own update behaves like a different spring.
             let (wanted, got) = at(144.0);
             assert!((wanted[1] - got[1]).abs() > 1e-3, "{stiffness} {drag}: {wanted:?} {got:?}");
         }

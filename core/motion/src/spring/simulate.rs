@@ -34,7 +34,7 @@ impl SpringState {
 /// Buffers; what is in them on entry does not matter.
 #[derive(Clone, Debug, Default)]
 pub struct SpringScratch {
-    /// What each joint has been moved by.
+    /// Rigid motion of each joint by the springs so far.
     moved: Vec<Option<Moved>>,
     obstacles: Vec<Option<WorldCollider>>,
 }
@@ -123,7 +123,7 @@ impl SpringStep<'_> {
         self.state.bones = states;
     }
 
-    /// One bone; how its joint is moved then, or `None` where it has no direction.
+    /// Simulates one bone; returns how its joint moves, or `None` where it has no direction.
     fn swing(
         &self,
         bone: &RigBone,
@@ -188,7 +188,7 @@ impl SpringStep<'_> {
     ) -> bool {
         let mut touched = false;
         let ground = self.rig.ground.map(|y| WorldCollider::Plane { point: DVec3::Y * y, normal: DVec3::Y });
-        // What pushes out of one may push into another; the last word has the ground.
+        // Pushing a tail out of one collider may push it into another. The ground comes last, so that it always holds.
         for _ in 0..2 {
             let own = bone.colliders.iter().filter_map(|c| self.scratch.obstacles.get(*c as usize)?.as_ref());
             let before = touched;

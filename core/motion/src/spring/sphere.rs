@@ -4,7 +4,7 @@ use glam::DVec3;
 use std::f64::consts::PI;
 
 /// The way from one direction to another along the great circle: tangent to the sphere at `from`, as long as the angle, 0..=π.
-/// To the opposite direction any way is as good; it is always the same one.
+/// For opposite directions any great circle is valid; the result is always the same one.
 pub fn log(from: DVec3, to: DVec3) -> DVec3 {
     let cross = from.cross(to);
     let sin = cross.length();
@@ -54,7 +54,7 @@ mod tests {
             assert!(way.dot(a).abs() < 1e-12 && way.length() <= PI + 1e-12);
             let (there, carried) = exp(a, way, way);
             assert!((there - b).length() < 1e-12, "{b}: {there}");
-            // What points along the way still does, and is as long.
+            // A vector along the way is carried to one along the way, with the same length.
             assert!((carried.length() - way.length()).abs() < 1e-12 && carried.dot(there).abs() < 1e-12);
         }
     }

@@ -90,7 +90,7 @@ fn scaled_ticks(ticks: i64, factor: f64) -> i128 {
     let fraction = (bits & ((1 << 52) - 1)) as i128;
     let (mantissa, exponent) =
         if exponent_bits == 0 { (fraction, -1074) } else { (fraction | 1 << 52, exponent_bits - 1075) };
-    // At most 63 + 53 bits.
+    // The product has at most 63 + 53 bits.
     let product = i128::from(ticks) * mantissa;
     if exponent >= 0 {
         let shift = exponent as u32;

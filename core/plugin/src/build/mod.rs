@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use thiserror::Error;
 
-/// Which array, which element, and what must hold.
+/// Error of an array: its name, the element, and the condition that must hold.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{0}")]
 pub struct BuildError(pub String);
@@ -43,7 +43,7 @@ pub struct MeshData {
     pub joint: Option<u32>,
     /// Metres, x y z.
     pub positions: Vec<f32>,
-    /// What the indices are: triangles by default.
+    /// Topology of the indices: triangles by default.
     pub topology: Topology,
     /// Three a triangle, counter-clockwise from outside; two a line; one a point. Empty: the vertices in their order.
     pub indices: Vec<u32>,
@@ -172,7 +172,7 @@ impl AssetBuilder {
         self.asset.warnings.len()
     }
 
-    /// Something that was guessed or left out.
+    /// Adds a warning about something that was guessed or left out.
     pub fn warn(&mut self, place: &str, text: &str) {
         self.asset.warnings.push(Warning { place: place.to_string(), text: text.to_string() });
     }

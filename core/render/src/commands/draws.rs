@@ -146,7 +146,7 @@ impl<'a> DrawRecorder<'a> {
     }
 }
 
-/// Which lights a lit pixel evaluates.
+/// The lights that a lit pixel evaluates.
 pub(super) fn light_loop(plan: &Plan, key: &PipelineKey) -> LightLoop {
     match &plan.light_clusters {
         // A lighting effect may add light where a light has no effect.

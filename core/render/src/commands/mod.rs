@@ -158,11 +158,11 @@ pub enum PassPart {
     Whole,
     /// Until the scene color copy: color, samples and depth are stored.
     UntilCopy,
-    /// After the copy: color, samples and depth are loaded.
+    /// The pass continues after the copy: color, samples and depth are loaded.
     AfterCopy,
     /// Until the peeled layers: color, samples and depth are stored.
     UntilLayers,
-    /// After the layers, with the scene's own depth.
+    /// The pass continues after the layers, with the scene's own depth.
     AfterLayers,
 }
 
@@ -173,7 +173,7 @@ pub enum Cull {
     Front,
 }
 
-/// What a device supports, and what is faster on it.
+/// Abilities of a device, and which ways of drawing are faster on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RecordOptions {
     /// A Vulkan driver on the CPU: a full-screen draw costs it more than all the rest of a small scene, a copy of rows hardly
@@ -185,7 +185,7 @@ pub struct RecordOptions {
     pub no_coverage: bool,
     /// Transparent surfaces are sorted: the device does not support sample-rate shading.
     pub no_depth_peeling: bool,
-    /// Everything is shaded forward: the device cannot draw into a G-buffer.
+    /// The device cannot draw into a G-buffer: everything is shaded forward.
     pub no_deferred: bool,
     /// The device's queue cannot compute, or a buffer would be too large: every pass skins vertices.
     pub no_compute: bool,
@@ -217,7 +217,7 @@ pub struct Reads {
     pub joints: bool,
     pub morphs: bool,
     pub joints_uniform: bool,
-    /// Anything of the sky, its maps, its image.
+    /// The sky in any form: its maps or its image.
     pub sky: bool,
     pub sky_maps: bool,
     pub sky_background: bool,
@@ -257,7 +257,7 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
     preskin::preskin(recorder, recording)
 }
 
-/// What all parts of a recording are made from.
+/// Inputs of all parts of a recording.
 #[derive(Clone, Copy)]
 struct Recorder<'a> {
     plan: &'a Plan,

@@ -20,7 +20,7 @@ const DRAWS_THAT_PAY: f64 = 5.0;
 /// Largest number of instances of one mesh: the work groups of one dimension that every device supports.
 const MOST_INSTANCES: usize = 65_535;
 
-/// What selects a pre-skinning pipeline.
+/// Key of a pre-skinning pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct PreskinVariant {
     /// A subset of [`Features::SKINNING`].

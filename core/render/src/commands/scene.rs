@@ -40,7 +40,7 @@ impl ScenePass {
             target,
             samples: plan.samples,
             area: if partial { plan.dirty_rect.part_of(plan.size) } else { None },
-            // Without draws the gradient needs no depth to be tested against.
+            // If nothing else is drawn, the gradient needs no depth test.
             depth: !plan.draws.is_empty() || !no_overlay,
             kept: deferred,
             sky,

@@ -9,14 +9,14 @@ use glam::{Vec2, Vec3, Vec4, Vec4Swizzles};
 use std::sync::Arc;
 
 /// The background where it is no color a row: the sky, or what effects make of it.
-pub(crate) struct Veil<'a> {
+pub(crate) struct BackgroundEffects<'a> {
     pub plan: &'a Plan,
     pub backdrop: Option<Backdrop<'a>>,
     /// Effects in order, with their parameters.
     pub effects: Vec<(Arc<dyn Effect>, [f32; 8])>,
 }
 
-impl Veil<'_> {
+impl BackgroundEffects<'_> {
     /// Linear, of the pixels of a row of the image from `x` on, at most a tile's width: effects run over all of them at once.
     pub fn row(&self, x: i32, y: i32, colors: &mut [Vec4]) {
         for (color, x) in colors.iter_mut().zip(x..) {
@@ -40,7 +40,7 @@ impl Veil<'_> {
         }
     }
 
-    /// What effects see of the background at a pixel.
+    /// The background's sample at a pixel, as effects read it.
     fn sample(&self, color: Vec4, x: i32, y: i32) -> SurfaceSample {
         let view = &self.plan.view;
         let size = Vec2::new(self.plan.size[0] as f32, self.plan.size[1] as f32);

@@ -2,9 +2,9 @@
 
 use super::shade::ALL_SAMPLES;
 
-/// That many of four samples, in the order of their numbers: which ones Vulkan leaves to the device, and lavapipe takes these. As many on
-/// every device, so that a pixel of one surface resolves to the same; where an edge of the mesh or a second cut-out shares the
-/// pixel, it may be off by what a sample weighs.
+/// Sample masks for 0 to 4 covered samples, filled in the order of their numbers. Vulkan leaves the choice to the device; lavapipe chooses
+/// these. The number is the same on every device, so that a pixel of one surface resolves to the same color; where an edge of the
+/// mesh or a second cut-out shares the pixel, it may differ by the weight of one sample.
 const SAMPLES: [u8; 5] = [0, 0b0001, 0b0011, 0b0111, 0b1111];
 
 /// Samples of a quad's pixels, a bit each: the cut is made one pixel wide, whatever the texture's own slope is (B. Golus,

@@ -47,7 +47,7 @@ pub fn normal(effects: &[Displacement], place: &VertexSample, rows: &Affine3x4, 
     let t = Vec3::new(1.0 + s * n.x * n.x * a, s * b, -s * n.x);
     let u = Vec3::new(b, s + n.y * n.y * a, -n.y);
     let step = |way: Vec3| way * STEP + (offset(effects, &shifted(place, rows, way), rows) - moved);
-    // Of unit length, so that the product of two small steps does not vanish.
+    // Both steps are normalized first, so that the product of two small steps does not vanish.
     unit(unit(step(t)).cross(unit(step(u))))
 }
 

@@ -12,7 +12,7 @@ use crate::plan::Features;
 use choreo_asset::MaterialLayers;
 use glam::Vec3;
 
-/// What the layers add to a surface; by default nothing.
+/// Contributions of a material's layers to a surface; by default none.
 pub struct Over {
     /// Transmitted share of the scene behind.
     pub through: V3,
@@ -64,7 +64,7 @@ pub(crate) struct LayeredPoint<'a> {
 }
 
 impl LayeredPoint<'_> {
-    /// What the layers add, and `s`, the surface below, as they change it.
+    /// Contributions of the layers; `s`, the surface below, is changed by them.
     pub fn over(&self, s: &mut Surface) -> Over {
         let f = self.fragment.features;
         let mut over = Over::default();

@@ -35,7 +35,7 @@ impl Fragment<'_> {
         all[..first].iter().chain(listed.iter().map(|i| &all[*i as usize]))
     }
 
-    /// As [`Fragment::lights`], by the effects where there are any.
+    /// Like [`Fragment::lights`], but by the lighting effects if there are any.
     #[inline(always)]
     pub(crate) fn all_lights(&self, on: &SurfacePoint, color: &mut V3, reflect: impl Fn(V3, F4) -> V3) {
         match self.lighting.is_empty() {

@@ -40,12 +40,13 @@ mod vertex;
 mod view_transform;
 
 use crate::error::RenderError;
+use crate::plan::dissolve::dissolved;
 use crate::plan::motion_blur::Accumulated;
 use crate::plan::{self, Draw, Features, Glass, OverlayPart, PipelineKey, Plan};
 use crate::renderer::{DeviceInfo, DeviceKind, Renderer};
 use crate::scene_resources::SceneResources;
 use crate::sky::{SkyBackground, SkyMaps};
-use background_effects::Veil;
+use background_effects::BackgroundEffects;
 use choreo_plugin::{Effect, Frame, Hook};
 use choreo_stage::Background;
 use glam::{Mat4, Vec4};
@@ -149,7 +150,7 @@ impl CpuRenderer {
         image_passes::effect(&self.effects, name)
     }
 
-    /// What of the sky the plan shows, where it was not made yet.
+    /// Makes the maps and the background of the sky that the plan shows, unless they exist.
     fn prepare_sky(&mut self, plan: &Plan) {
         let (Some(shown), Some(panorama)) = (&plan.sky, &self.resources.sky) else { return };
         let sky = self.sky.get_or_insert_default();
@@ -172,7 +173,7 @@ impl CpuRenderer {
     fn batches<'a>(
         &'a self,
         plan: &'a Plan,
-        (draws, bodies): (&[Draw], &DeformedMeshes),
+        (draws, deformed): (&[Draw], &DeformedMeshes),
         clip_from_relative: &Mat4,
         size: [u32; 2],
         shadows: Option<&'a ShadowMaps>,
@@ -207,7 +208,7 @@ impl CpuRenderer {
                     displaced: self.displaced(plan, draw.pipeline.displaced),
                     ..VertexStage::new(entry, features, plan, instance, clip_from_relative)
                 };
-                let vertices = bodies.vertices(draw, &stage);
+                let vertices = deformed.vertices(draw, &stage);
                 let pipeline = draw.pipeline;
                 let triangles = if features.has(Features::THICK_LINES) {
                     let (width, clip) = (instance.width, clip_from_relative);
@@ -308,12 +309,12 @@ impl CpuRenderer {
         out: &mut [P],
     ) -> Result<(), RenderError> {
         let changed = self.changed_materials(plan);
-        let bodies = self.times.of(Stage::Vertices, || DeformedMeshes::of(self, plan));
+        let deformed = self.times.of(Stage::Vertices, || DeformedMeshes::of(self, plan));
         let draw_maps = |shadows: &plan::ShadowMaps| {
             ShadowMaps::draw(&shadows.views, shadows.image, |view| {
                 self.batches(
                     plan,
-                    (&view.draws, &bodies),
+                    (&view.draws, &deformed),
                     &view.clip_from_relative,
                     view.size,
                     None,
@@ -324,14 +325,14 @@ impl CpuRenderer {
         let maps = self.times.of(Stage::ShadowMaps, || plan.shadow_maps.as_ref().map(draw_maps));
         let seen = &plan.view.clip_from_relative;
         let mut batches = self.times.of(Stage::Vertices, || {
-            self.batches(plan, (&plan.draws, &bodies), seen, plan.size, maps.as_ref(), &changed)
+            self.batches(plan, (&plan.draws, &deformed), seen, plan.size, maps.as_ref(), &changed)
         });
         let seen = plan.sky.as_ref().filter(|sky| sky.background);
         let picture = self.sky.as_ref().and_then(|sky| sky.picture.as_ref());
         let backdrop = seen.zip(picture).map(|(sky, p)| sky::Backdrop::new(p, sky, plan));
         let effects = self.surface(plan, plan.background_effects);
         let needed = backdrop.is_some() || !effects.is_empty();
-        let veil = needed.then_some(Veil { plan, backdrop, effects });
+        let background = needed.then_some(BackgroundEffects { plan, backdrop, effects });
         let glass_of = |b: &Batch| match &b.paint {
             Paint::Surface(fragment) => Some(fragment.glass),
             Paint::Overlay { .. } => None,
@@ -340,7 +341,8 @@ impl CpuRenderer {
         if let (Some(behind), Some(first)) = (plan.scene_color_copy, batches.iter().position(refracting)) {
             // Drawn as far as it is visible through such glass; then all of it, from the beginning.
             let mut pixels = vec![Vec4::ZERO; out.len()];
-            let before = || bands::<T, Vec4, S>(plan, &batches[..first], veil.as_ref(), &[], &mut pixels);
+            let before =
+                || bands::<T, Vec4, S>(plan, &batches[..first], background.as_ref(), &[], &mut pixels);
             self.times.of(Stage::Pixels, before);
             let behind = Arc::new(SceneColorCopy::new(pixels, plan.size, behind.levels));
             let glass = batches[first..].iter_mut().filter(|b| refracting(b));
@@ -348,7 +350,7 @@ impl CpuRenderer {
         }
         // Over all glass, so after the copy that it shows.
         batches.extend(self.overlays(plan));
-        self.times.of(Stage::Pixels, || bands::<T, P, S>(plan, &batches, veil.as_ref(), post, out));
+        self.times.of(Stage::Pixels, || bands::<T, P, S>(plan, &batches, background.as_ref(), post, out));
         Ok(())
     }
 }
@@ -357,7 +359,7 @@ impl CpuRenderer {
 fn bands<T: Target, P: PixelOf, const S: usize>(
     plan: &Plan,
     batches: &[Batch],
-    backdrop: Option<&Veil>,
+    backdrop: Option<&BackgroundEffects>,
     post: &[image_passes::Pass],
     out: &mut [P],
 ) {
@@ -477,23 +479,30 @@ impl Renderer for CpuRenderer {
             .submitted
             .pop_front()
             .ok_or_else(|| RenderError::Usage("no frame is submitted: nothing to collect".into()))?;
+        let frame = dissolved(plan, reuse, |plan, reuse| self.picture(&plan, reuse))?;
+        self.times.count_frame();
+        Ok(frame)
+    }
+}
+
+impl CpuRenderer {
+    fn picture(&mut self, plan: &Plan, reuse: Option<Frame>) -> Result<Frame, RenderError> {
         let mut frame = reuse.unwrap_or(Frame { width: 0, height: 0, rgba: Vec::new() });
-        self.prepare_sky(&plan);
-        self.stream(&plan)?;
+        self.prepare_sky(plan);
+        self.stream(plan)?;
         [frame.width, frame.height] = plan.size;
         frame.rgba.resize(plan.size[0] as usize * plan.size[1] as usize * 4, 0);
         match (plan.samples, plan.post.is_empty()) {
-            (1, _) if !plan.subframes.is_empty() => self.expose::<1>(&plan, &mut frame)?,
-            _ if !plan.subframes.is_empty() => self.expose::<4>(&plan, &mut frame)?,
-            (1, true) => self.draw::<Srgb8, 1>(&plan, &mut frame)?,
-            (1, false) => self.draw::<Float, 1>(&plan, &mut frame)?,
-            (_, true) => self.draw::<Srgb8, 4>(&plan, &mut frame)?,
-            (_, false) => self.draw::<Float, 4>(&plan, &mut frame)?,
+            (1, _) if !plan.subframes.is_empty() => self.expose::<1>(plan, &mut frame)?,
+            _ if !plan.subframes.is_empty() => self.expose::<4>(plan, &mut frame)?,
+            (1, true) => self.draw::<Srgb8, 1>(plan, &mut frame)?,
+            (1, false) => self.draw::<Float, 1>(plan, &mut frame)?,
+            (_, true) => self.draw::<Srgb8, 4>(plan, &mut frame)?,
+            (_, false) => self.draw::<Float, 4>(plan, &mut frame)?,
         }
         if let Some(over) = &plan.layers_in_front {
             self.times.of(Stage::Layers2d, || over.over(&mut frame));
         }
-        self.times.count_frame();
         Ok(frame)
     }
 }

@@ -6,7 +6,7 @@ use crate::lanes::{F4, Weights};
 use crate::plan::OverlayVertex;
 use glam::{Vec3, Vec4};
 
-/// What the assembly of triangles needs of the vertices.
+/// Vertices of an overlay for the assembly of triangles.
 pub fn corners(vertices: &[OverlayVertex]) -> Vec<Vertex> {
     let corner = |v: &OverlayVertex| Vertex {
         clip: v.clip,

@@ -25,12 +25,12 @@ fn body(draw: &Draw, instance: &Instance) -> Option<DeformedKey> {
 }
 
 impl DeformedMeshes {
-    /// Those of the plan that are drawn more than once.
+    /// The meshes of the plan that are drawn more than once.
     pub fn of(renderer: &CpuRenderer, plan: &Plan) -> DeformedMeshes {
         if plan.skin_once == SkinOnce::Never {
             return DeformedMeshes::default();
         }
-        // What any of its draws needs, an instance of its own, how many draws.
+        // For each mesh: the features that any of its draws needs, one of its instances, and the number of draws.
         let mut wanted: BTreeMap<DeformedKey, (Features, &Instance, u32)> = BTreeMap::new();
         for draw in plan.draws.iter().chain(plan.shadow_draws()) {
             let first = draw.first_instance as usize;

@@ -40,7 +40,7 @@ impl SceneColorCopy {
 }
 
 impl Level {
-    /// As a blit with a linear filter makes it: each texel is the level above at its own centre.
+    /// The next mip level, as a blit with a linear filter makes it: each texel is the level above, sampled at the texel's center.
     fn half(&self) -> Level {
         let size = self.size.map(|side| (side / 2).max(1));
         let mut texels = vec![Vec4::ZERO; size[0] * size[1]];

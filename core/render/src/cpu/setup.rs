@@ -171,7 +171,7 @@ impl Assembly<'_> {
         }
         // Counter-clockwise with y up is a negative area with y down.
         let front = (area < 0) != self.pipeline.mirrored;
-        // Of a hull the inside is seen.
+        // An inverted-hull outline shows its back faces.
         let faces_us = front != self.pipeline.features.has(Features::OUTLINE);
         if !faces_us && !both_faces {
             return;
@@ -200,7 +200,7 @@ impl Assembly<'_> {
         });
         let e = [q[1].cross(q[2]), q[2].cross(q[0]), q[0].cross(q[1])];
         let determinant = q[0].dot(e[0]);
-        // With this scale Σ eᵢ·wᵢ = 1 everywhere, so that depth = Σ eᵢ·zᵢ.
+        // This scale makes Σ eᵢ·wᵢ = 1 everywhere, so that depth = Σ eᵢ·zᵢ.
         let e = e.map(|e| e / determinant);
         let depth = e[0] * clip[0].z + e[1] * clip[1].z + e[2] * clip[2].z;
         if !(e.iter().all(|e| e.is_finite()) && depth.is_finite()) {

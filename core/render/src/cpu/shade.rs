@@ -293,7 +293,7 @@ impl Fragment<'_> {
 
     fn blinn_phong(&self, quad: &Quad, point: &SurfacePoint, specular_color: V3, occlusion: F4) -> V3 {
         let &SurfacePoint { n, v, .. } = point;
-        // What is reflected takes the base color's place.
+        // The reflection replaces its share of the base color.
         let reflection = self.reflection(quad, [n, v]);
         let base = reflection.map_or(point.base, |[share, _]| point.base * (V3::splat(Vec3::ONE) - share));
         let mut color = base * self.around().diffuse(n) * occlusion;

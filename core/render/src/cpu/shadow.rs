@@ -69,7 +69,7 @@ fn share(maps: &[Map], relative: Vec3, n: Vec3, l: Vec3, nl: f32) -> f32 {
         let p = view.texel_from_relative * moved.extend(1.0);
         let at = p.truncate() / p.w.max(1e-6);
         let inside = at.xy().cmpge(view.inside.xy()).all() && at.xy().cmple(view.inside.zw()).all();
-        // What is behind all that a map is fitted to is in a later one.
+        // A point behind the depth range of this map lies in a later one.
         if p.w > 0.0 && at.z >= 0.0 && inside {
             return if view.texel.y == 0.0 { map.filtered(at) } else { map.with_penumbra(at, n) };
         }
@@ -272,7 +272,7 @@ fn depths(size: [u32; 2], batches: &[Batch]) -> Vec<f32> {
     out
 }
 
-/// Which of four texels in a row the alpha test keeps. Textures are filtered over quads, as the image's are.
+/// Whether the alpha test keeps each of four texels in a row. Textures are filtered over quads, as the image's are.
 fn holes(batch: &Batch, triangle: &Triangle, at: [i32; 2], index: usize) -> [bool; 4] {
     let Paint::Surface(fragment) = &batch.paint else { return [true; 4] };
     if !fragment.features.has(Features::ALPHA_MASK) {

@@ -8,7 +8,7 @@ use crate::sky::{SkyBackground, SkyMaps};
 use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::PI;
 
-/// What a surface is lit by from everywhere: the hemisphere, and a sky's maps where there is one.
+/// Ambient light of a surface: the hemisphere light, and a sky's maps if there is one.
 #[derive(Clone, Copy)]
 pub struct Around<'a> {
     up: Vec3,
@@ -35,7 +35,7 @@ impl<'a> Around<'a> {
         light + positive * F4::splat(sky.strength)
     }
 
-    /// What a mirror as rough as this shows there.
+    /// Light reflected by a mirror of this roughness.
     pub fn mirrored(&self, way: V3, roughness: F4) -> V3 {
         let light = brdf::ambient(self.up, self.down, way);
         let Some((maps, sky)) = self.sky else { return light };
@@ -60,7 +60,7 @@ fn turned(sky: &PlanSky, way: V3) -> V3 {
     V3 { x: way.x * c - way.z * s, y: way.y, z: way.x * s + way.z * c }
 }
 
-/// What is seen of the sky in a direction, behind a surface.
+/// Color of the sky in a direction, behind a surface.
 pub fn behind(plan: &Plan, maps: &SkyMaps, sky: &PlanSky, way: Vec3) -> Vec3 {
     let [c, s] = sky.turn;
     let way = Vec3::new(c * way.x - s * way.z, way.y, s * way.x + c * way.z);
@@ -89,7 +89,7 @@ pub(crate) struct Backdrop<'a> {
 
 impl<'a> Backdrop<'a> {
     pub fn new(picture: &'a SkyBackground, sky: &'a PlanSky, plan: &'a Plan) -> Backdrop<'a> {
-        Backdrop { picture, sky, plan, rays: crate::plan::view::rays(&plan.view) }
+        Backdrop { picture, sky, plan, rays: crate::view::rays(&plan.view) }
     }
 
     /// Color of a pixel, at its center.

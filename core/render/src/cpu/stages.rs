@@ -1,4 +1,4 @@
-//! What a rasterizer does, as images: the vertices of each mesh, all of them before the camera, in clip space, the pixels
+//! The stages of the rasterizer as images: the vertices of each mesh, all of them before the camera, in clip space, the pixels
 //! that triangles cover, their depths, and the shaded frame.
 
 use super::CpuRenderer;
@@ -102,10 +102,10 @@ fn mesh<'a>(batch: &'a Batch<'a>) -> Option<Mesh<'a>> {
 }
 
 impl CpuRenderer {
-    /// One image a stage, in the order of [`STAGES`], each of the plan's size. Lines and points have no edges to show.
+    /// The stages of a frame, one image each, in the order of [`STAGES`], each of the plan's size. Lines and points have no edges to show.
     ///
     /// # Errors
-    /// As when the plan is submitted.
+    /// Fails as submitting the plan does.
     pub fn stages(&mut self, plan: &Plan) -> Result<Vec<Frame>, RenderError> {
         self.submit(plan.clone())?;
         let shaded = self.collect(None)?;
@@ -127,7 +127,7 @@ impl CpuRenderer {
     }
 }
 
-/// Each mesh as its file has it, from the front: nobody has been placed yet.
+/// Each mesh as its file has it, from the front, before anything is placed.
 fn model(meshes: &[Mesh], size: [u32; 2]) -> Frame {
     let mut frame = blank(size);
     let all = meshes.iter().flat_map(|(_, primitive)| &primitive.positions);
@@ -142,7 +142,7 @@ fn model(meshes: &[Mesh], size: [u32; 2]) -> Frame {
     frame
 }
 
-/// Everything where it stands, seen from above with the camera at the bottom: x to the right, what is ahead upwards.
+/// The scene seen from above with the camera at the bottom: x to the right, the camera's forward direction upwards.
 fn view(meshes: &[Mesh], plan: &Plan) -> Frame {
     let mut frame = blank(plan.size);
     let seen = |relative: Vec3| {
@@ -172,7 +172,7 @@ fn view(meshes: &[Mesh], plan: &Plan) -> Frame {
 fn clip(meshes: &[Mesh], size: [u32; 2]) -> Frame {
     let mut frame = blank(size);
     let picture = Vec2::new(size[0] as f32, size[1] as f32);
-    // With room around the border.
+    // The scale leaves a margin around the border.
     let place = |ndc: Vec2| picture * (0.5 + ndc * 0.36);
     let corners = [Vec2::new(-1.0, -1.0), Vec2::new(1.0, -1.0), Vec2::ONE, Vec2::new(-1.0, 1.0)];
     for (i, (batch, primitive)) in meshes.iter().enumerate() {

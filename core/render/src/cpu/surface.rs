@@ -34,7 +34,7 @@ impl Fragment<'_> {
         !self.surface.is_empty() && self.glass != Glass::Filter
     }
 
-    /// What effects on surfaces are given of a quad.
+    /// The samples of a quad that effects on surfaces read.
     pub fn samples(
         &self,
         vertices: &[Vertex],

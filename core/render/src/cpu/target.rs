@@ -1,4 +1,4 @@
-//! What a sample of the color target holds: 8 bits in sRGB, or floats where full-screen passes follow.
+//! Sample formats of the color target: 8 bits in sRGB, or floats where full-screen passes follow.
 
 use crate::scene_resources::mipmap::{linear_to_srgb8, srgb_to_linear_table};
 use glam::Vec4;
@@ -16,20 +16,20 @@ pub trait Target: Copy + PartialEq + Send + Sync {
         Self::encode(rgb.extend(a + below.w * (1.0 - a)))
     }
 
-    /// Times the color of what comes through a glass; the target's alpha stays.
+    /// Multiplies the color by the color of a glass; the target's alpha stays.
     fn filtered(self, source: Vec4) -> Self {
         let (source, below) = (Self::fragment(source), self.decode());
         Self::encode((below.truncate() * source.truncate()).extend(below.w))
     }
 
-    /// Plus what the glass itself shows; the target's alpha becomes its coverage.
+    /// Adds the light of the glass itself; the target's alpha becomes its coverage.
     fn lit(self, source: Vec4) -> Self {
         let (source, below) = (Self::fragment(source), self.decode());
         let rgb = below.truncate() + source.truncate();
         Self::encode(rgb.extend(source.w + below.w * (1.0 - source.w)))
     }
 
-    /// What the finished image shows.
+    /// The pixel of the finished image, sRGB.
     fn bytes(self) -> [u8; 4];
 
     /// Mean of the samples in linear light.
@@ -47,12 +47,12 @@ pub trait Target: Copy + PartialEq + Send + Sync {
     fn fragment(source: Vec4) -> Vec4;
 }
 
-/// What a pixel of the finished image is kept as.
+/// Type of a pixel of the finished image.
 pub(crate) trait PixelOf: Copy + Send + Sync {
     fn of<T: Target>(sample: T) -> Self;
 }
 
-/// As it is written to files.
+/// Bytes, as files store them.
 impl PixelOf for [u8; 4] {
     fn of<T: Target>(sample: T) -> [u8; 4] {
         sample.bytes()
@@ -66,7 +66,7 @@ impl PixelOf for Vec4 {
     }
 }
 
-/// As VK_FORMAT_R8G8B8A8_SRGB: color encoded, alpha linear.
+/// Pixel like VK_FORMAT_R8G8B8A8_SRGB: color encoded, alpha linear.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct Srgb8(pub [u8; 4]);
 
@@ -95,7 +95,7 @@ impl Target for Srgb8 {
     }
 }
 
-/// As VK_FORMAT_R16G16B16A16_SFLOAT, without its rounding (relative 2⁻¹¹, below one 8-bit step).
+/// Pixel like VK_FORMAT_R16G16B16A16_SFLOAT, without its rounding (relative 2⁻¹¹, below one 8-bit step).
 #[derive(Clone, Copy, PartialEq)]
 pub struct Float(pub Vec4);
 

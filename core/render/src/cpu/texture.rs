@@ -77,7 +77,7 @@ impl Texture {
         near * (1.0 - blend) + self.filtered(&self.level(level + 1), sampler, linear, u, v) * blend
     }
 
-    /// Which level is read, how much of the next is mixed in, and whether texels are.
+    /// The level that is read, how much of the next is mixed in, and whether texels are interpolated.
     fn levels(&self, sampler: &Sampler, lod: f32) -> (usize, f32, bool) {
         let last = self.below.len() as f32;
         let magnified = lod <= 0.0;

@@ -25,7 +25,7 @@ pub fn triangles(
     let corners: Vec<Vertex> = (0..wide.of.len()).map(corner).collect();
     let pipeline = PipelineKey { topology: TopologyKey::Triangles, ..pipeline };
     let mut out = Assembly { vertices: &corners, indices: &wide.indices, pipeline, size }.run();
-    // What is interpolated is the same at all vertices of an end.
+    // All vertices of an end share its interpolated values.
     out.iter_mut().for_each(|t| t.vertices = t.vertices.map(|i| wide.of[i as usize]));
     out
 }

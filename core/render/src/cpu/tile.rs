@@ -1,7 +1,7 @@
 //! One tile: opaque triangles into a visibility buffer, each visible one shaded once a pixel, then masked and blended
 //! ones in order, then samples resolved. The same image as drawing one after the other, without shading what is hidden.
 
-use super::background_effects::Veil;
+use super::background_effects::BackgroundEffects;
 use super::image_passes::{Pass, pixel_uv};
 use super::overlay;
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
@@ -18,12 +18,12 @@ use choreo_plugin::SurfaceSample;
 use glam::Vec4;
 use std::sync::Arc;
 
-/// What shades a batch's triangles.
+/// Shading of a batch's triangles.
 pub(crate) enum Paint<'a> {
     Surface(Fragment<'a>),
     Overlay {
         vertices: &'a [OverlayVertex],
-        /// Not hidden by what is nearer.
+        /// Drawn over nearer surfaces, too.
         over: bool,
     },
 }
@@ -65,14 +65,14 @@ pub enum Phase {
     Blend,
 }
 
-/// Which samples of a triangle are drawn.
+/// The samples of a triangle that are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Against {
-    /// Those nearer than the scene.
+    /// Samples nearer than the scene.
     Scene,
-    /// Those of the layer.
+    /// Samples of the peeled layer.
     Layer,
-    /// Those nearer than it.
+    /// Samples nearer than the peeled layer.
     Nearer,
 }
 
@@ -119,7 +119,7 @@ pub struct Tile<'a, 'b> {
     /// Linear RGBA of each row.
     pub background: [Vec4; TILE_HEIGHT as usize],
     /// Backdrop that replaces it, one color per pixel.
-    pub backdrop: Option<&'a Veil<'a>>,
+    pub backdrop: Option<&'a BackgroundEffects<'a>>,
     /// Layers over either.
     pub under: Option<&'a LayerImage>,
     /// Layers of transparent surfaces, sorted pixel by pixel.

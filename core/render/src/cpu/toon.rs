@@ -5,7 +5,7 @@ use crate::lanes::{F4, V3};
 use crate::plan::{Plan, PlanLight};
 use choreo_asset::Toon;
 
-/// What the surface is made of at four pixels.
+/// Surface of a toon material at four pixels.
 pub(crate) struct ToonSurface<'a> {
     pub toon: &'a Toon,
     pub base: V3,

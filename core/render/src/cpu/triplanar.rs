@@ -42,7 +42,7 @@ impl Fragment<'_> {
         let normal = weights.vec3(ids.map(|i| p.normals[i as usize])).unit();
         let at = weights.vec3(ids.map(|i| p.positions[i as usize])) - V3::splat(how.middle);
         let map = |v: V3, f: fn(f32) -> f32| V3 { x: v.x.map(f), y: v.y.map(f), z: v.z.map(f) };
-        // By a power of the normal (Golus, "Normal Mapping for a Triplanar Shader", 2017): the higher, the narrower the seams.
+        // The weights are powers of the normal (Golus, "Normal Mapping for a Triplanar Shader", 2017): the higher, the narrower the seams.
         let away = map(normal, f32::abs);
         let scale = F4::ONE / away.max_component().max(F4::splat(1e-6));
         let shares = (away * scale).power(how.sharpness);

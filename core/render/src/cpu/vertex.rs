@@ -47,7 +47,7 @@ pub(crate) struct VertexStage<'a> {
     pub camera: Vec3,
 }
 
-/// What pushes a hull out.
+/// Inputs of the displacement of an inverted hull.
 pub struct Hull<'a> {
     pub material: &'a ShadeMaterial,
     /// Normals that replace the primitive's ([`crate::scene_resources::vertex_layout::welded_normals`]).

@@ -49,7 +49,7 @@ impl CostKind {
     }
 }
 
-/// What requests something.
+/// The actors, materials and effects that request something.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RequestedBy {
     /// Indices into `Stage::actors`, sorted.
@@ -124,7 +124,7 @@ impl Costs<'_> {
         self.plan.draws.iter().filter(|d| d.pipeline.glass == Glass::Refract)
     }
 
-    /// What requests depth peeling.
+    /// The cause of depth peeling.
     fn peeled_by(&self) -> RequestedBy {
         let mut requested_by = RequestedBy::default();
         match self.plan.depth_peeling.map(|peel| peel.cause) {
@@ -145,7 +145,7 @@ impl Costs<'_> {
         requested_by
     }
 
-    /// What requests the draws, without materials.
+    /// The actors that request the draws, without materials.
     fn actors<'d>(&self, draws: impl Iterator<Item = &'d Draw>) -> RequestedBy {
         RequestedBy { materials: BTreeSet::new(), ..self.requested_by(draws) }
     }

@@ -7,7 +7,7 @@ use crate::plan::Features;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Deferred {
     pub cause: DeferredCause,
-    /// What lighting reads, for all deferred surfaces together.
+    /// Features of the lighting pass, for all deferred surfaces together.
     pub features: Features,
     /// Bits of the effects among `Plan::scene_effects` that all deferred surfaces have.
     pub surface: u8,

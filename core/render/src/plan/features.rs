@@ -1,4 +1,4 @@
-//! Which shader features a draw asks for. What each feature is stands in the table, [`crate::shader::features`].
+//! The shader features that a draw requests. Each feature is described in the table, [`crate::shader::features`].
 
 use crate::plan::left_out::left_out_names;
 use crate::plan::shader_features::absences;
@@ -11,7 +11,7 @@ use crate::scene_resources::thick_lines::pen;
 use choreo_asset::{AlphaMode, MaterialLayers, Shading, TextureSlot};
 use glam::{Affine2, Vec3};
 
-/// What a draw brings besides primitive and material.
+/// Requests of a draw for features, beside those of its primitive and material.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DrawNeeds {
     pub skinned: bool,
@@ -25,7 +25,7 @@ pub(crate) struct DrawNeeds {
     pub sky: bool,
     /// Some light falls off by a polynomial.
     pub polynomial: bool,
-    /// What brings the frame's light to colors.
+    /// Features of exposure and view transform.
     pub display: Features,
 }
 
@@ -295,11 +295,14 @@ pub struct Facts {
     pub many_lights: bool,
     /// Instances that are drawn at a coarser level of detail, in view or casting shadows.
     pub coarse: usize,
+    /// Copies of models that are small enough for levels of detail, where these are not made.
+    pub small: usize,
     /// Triangles in view of watertight surfaces of double-sided materials.
     pub closed: usize,
 }
 
-/// What a frame does without, and why: first of the scene, then of the features in the table's order, then of whole passes.
+/// The features and passes that a frame does without, and why: first of the scene, then of the features in the table's order, then of
+/// whole passes.
 pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
     let of_features = absences(all, facts.in_stage).map(|(what, why)| (what, why.to_string()));
     let reports = of_scene(facts).into_iter().chain(of_features);
@@ -318,9 +321,7 @@ fn report(on: bool, what: &'static str, why: impl Into<String>) -> Option<(&'sta
 }
 
 fn of_scene(facts: &Facts) -> Reports {
-    let Facts { hidden_actors, unposed_actors, culled, copies, coarse, closed, .. } = facts;
-    let [crowd, tolerance] =
-        [crate::scene_resources::lod::CROWD.to_string(), crate::scene_resources::lod::TOLERANCE.to_string()];
+    let Facts { hidden_actors, unposed_actors, culled, copies, coarse, small, closed, .. } = facts;
     let reports = [
         report(*hidden_actors > 0, "hidden actors", format!("{hidden_actors} set invisible")),
         report(
@@ -338,8 +339,13 @@ fn of_scene(facts: &Facts) -> Reports {
         report(
             *coarse > 0,
             "triangles too small to see",
+            format!("{coarse} copies are drawn at a level of detail that is seen as the same at their size"),
+        ),
+        report(
+            *small > 0,
+            "triangles too small to see",
             format!(
-                "{coarse} copies in crowds of {crowd} and more are drawn coarser, by at most {tolerance} pixel"
+                "about {small} models have triangles smaller than pixels, and are drawn at levels of detail, which `explain` does not make"
             ),
         ),
         report(

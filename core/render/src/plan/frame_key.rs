@@ -1,4 +1,4 @@
-//! A frame by its content: what its plan says and what the scene resources and effects hold. Plans with equal keys give equal images
+//! The key of a frame by its content: its plan, the scene resources and the effects. Plans with equal keys give equal images
 //! on one device, at any time and of any version of the script.
 
 use crate::plan::{Draw, Plan, ShadowView};
@@ -45,7 +45,7 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Eff
         lights,
         sky,
         layers_behind,
-        // In `frame_key`.
+        // Part of `frame_key` instead.
         layers_in_front: _,
         shadow_maps,
         scene_color_copy,
@@ -63,11 +63,12 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Eff
         overlay,
         subframes,
         history,
+        dissolve,
         displacement_limits,
         linear,
         skin_once,
         left_out: _,
-        // They say no more than instances and lights.
+        // They follow from instances and lights.
         dirty_rect: _,
         light_clusters: _,
     } = plan;
@@ -80,7 +81,7 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Eff
     add(bytemuck::cast_slice(instances));
     add(bytemuck::cast_slice(joint_matrices));
     add(bytemuck::cast_slice(morphs));
-    // By content: indices of another version of the scene may differ.
+    // Draws are hashed by content, because indices of another version of the scene may differ.
     let draw_text = |draw: &Draw| draw_text(draw, resources);
     draws.iter().for_each(|draw| add(draw_text(draw).as_bytes()));
     material_overrides.iter().for_each(|m| add(&material_content(m, &resources.textures)));
@@ -108,5 +109,9 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Eff
         .as_bytes());
     add(format!("{} {}", subframes.len(), history.len()).as_bytes());
     subframes.iter().chain(history).for_each(|part| add(&frame_key(part, resources, effects)));
+    if let Some(dissolve) = dissolve {
+        add(format!("{:?}", dissolve.share).as_bytes());
+        add(&scene_key(&dissolve.plan, resources, effects));
+    }
     *hasher.finalize().as_bytes()
 }

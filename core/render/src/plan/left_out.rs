@@ -1,4 +1,4 @@
-//! What a frame leaves out, by name.
+//! Names and reasons of the parts that a frame leaves out.
 
 use crate::plan::shader_features::FEATURES;
 
@@ -7,7 +7,7 @@ pub fn left_out_names() -> impl Iterator<Item = &'static str> {
     FEATURES.iter().filter_map(|f| Some(f.absence?.what)).chain(OTHERS.iter().copied())
 }
 
-/// Those that are no shader feature.
+/// Names of what can be left out beside shader features.
 const OTHERS: &[&str] = &[
     "hidden actors",
     "actors outside the view",
@@ -35,7 +35,7 @@ const OTHERS: &[&str] = &[
     "overlays of effects",
 ];
 
-/// Something that a frame leaves out, and why: "shadow maps: no light casts shadows".
+/// A part that a frame leaves out, and why: "shadow maps: no light casts shadows".
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LeftOut {
     pub what: String,

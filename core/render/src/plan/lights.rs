@@ -2,7 +2,7 @@
 
 use crate::lanes::{F4, V3};
 use crate::plan::View;
-use crate::plan::view::relative;
+use crate::view::relative;
 use choreo_asset::LightKind;
 use choreo_stage::LightState;
 use glam::{Vec2, Vec3};
@@ -138,6 +138,6 @@ pub struct PlanSky {
     /// Cosine and sine of its rotation about +Y.
     pub turn: [f32; 2],
     pub strength: f32,
-    /// Drawn behind everything, in place of the background.
+    /// Whether it is drawn behind everything, in place of the background.
     pub background: bool,
 }

@@ -1,4 +1,4 @@
-//! What one frame needs, as plain data: cameras, lights, instances, skin matrices, sorted draws; and what was left out, and why.
+//! The plan of one frame, as plain data: cameras, lights, instances, skin matrices, sorted draws; and what was left out, and why.
 //!
 //! All positions are camera-relative: world axes, with the origin at the camera. They are computed in f64 and stored as f32.
 //! [`build`] makes a plan of a snapshot; the other modules are the plan's types.
@@ -7,6 +7,7 @@ pub mod build;
 pub(crate) mod deferred;
 pub(crate) mod depth_peeling;
 pub mod dirty_rect;
+pub(crate) mod dissolve;
 pub(crate) mod draw;
 pub(crate) mod features;
 pub mod frame_key;
@@ -24,7 +25,6 @@ pub mod shader_features;
 pub(crate) mod shadow_maps;
 pub mod tiles;
 mod vertex_attributes;
-pub mod view;
 
 use crate::affine::Affine3x4;
 use crate::layers_2d::LayerImage;
@@ -38,6 +38,7 @@ use std::sync::Arc;
 
 pub use crate::plan::deferred::{Deferred, DeferredCause};
 pub use crate::plan::depth_peeling::{DepthPeeling, PeelCause};
+pub use crate::plan::dissolve::PlanDissolve;
 pub use crate::plan::draw::Draw;
 pub use crate::plan::instance::{ActiveMorph, Instance};
 pub use crate::plan::left_out::{LeftOut, left_out_names};
@@ -48,7 +49,7 @@ pub use crate::plan::post::PostPass;
 pub use crate::plan::scene_color_copy::SceneColorCopy;
 pub use crate::plan::shader_features::Features;
 pub use crate::plan::shadow_maps::{ShadowMaps, ShadowView};
-pub use crate::plan::view::View;
+pub use crate::view::View;
 
 #[derive(Clone, Debug)]
 pub struct Plan {
@@ -63,7 +64,7 @@ pub struct Plan {
     pub ambient_down: Vec3,
     /// Factor on the light of surfaces and of the sky.
     pub exposure: f32,
-    /// Those of [`Features::DISPLAY`] that the frame has.
+    /// The features of [`Features::DISPLAY`] that the frame uses.
     pub display: Features,
     /// Empty if nothing lit is drawn.
     pub lights: Vec<PlanLight>,
@@ -114,6 +115,8 @@ pub struct Plan {
     pub subframes: Vec<Plan>,
     /// Plans of the scene one frame ago, two frames ago and so on, for effects that read them; `subframes` is then not empty.
     pub history: Vec<Plan>,
+    /// The camera before a cut, while that dissolves.
+    pub dissolve: Option<Box<PlanDissolve>>,
     /// The image stays linear, to be accumulated.
     pub linear: bool,
     /// Whether vertices are pre-skinned; see `crate::commands::preskin`.
@@ -124,7 +127,9 @@ pub struct Plan {
 impl Plan {
     /// Every plan that is drawn for this one.
     pub(crate) fn sub_plans(&self) -> impl Iterator<Item = &Plan> {
-        self.subframes.iter().chain(&self.history)
+        let dissolve = self.dissolve.iter().map(|dissolve| &dissolve.plan);
+        let of_dissolve = dissolve.flat_map(|p| std::iter::once(p).chain(&p.subframes).chain(&p.history));
+        self.subframes.iter().chain(&self.history).chain(of_dissolve)
     }
 
     /// Draws into all shadow maps.

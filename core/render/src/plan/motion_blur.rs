@@ -3,16 +3,16 @@
 //!
 //! Earlier frames that an effect reads are planned here, too, without motion blur.
 
-use crate::plan::Plan;
 use crate::plan::build::effects::{exposure_of, history_of};
 use crate::plan::options::PlanOptions;
+use crate::plan::{Plan, PlanDissolve};
 use crate::scene_resources::SceneResources;
 use choreo_motion::Time;
 use choreo_plugin::{Hook, Shutter};
-use choreo_stage::{CameraState, Evaluator, Snapshot, Stage, StageError};
+use choreo_stage::{CameraState, Cut, Evaluator, Snapshot, Stage, StageError};
 use glam::Vec4;
 
-/// The stage at a time and its plan, with the sub-frames and earlier frames that effects ask for. `camera` replaces the stage's.
+/// The stage at a time and its plan, with the sub-frames and earlier frames that effects request. `camera` replaces the stage's.
 pub fn plan_at(
     resources: &SceneResources,
     evaluator: &mut Evaluator,
@@ -23,7 +23,9 @@ pub fn plan_at(
     let stage = evaluator.stage().clone();
     plan_with(resources, &stage, time, options, |time| {
         let mut snapshot = evaluator.at(time)?;
-        snapshot.camera = camera.unwrap_or(snapshot.camera);
+        if let Some(camera) = camera {
+            (snapshot.camera, snapshot.dissolve) = (camera, None);
+        }
         Ok(snapshot)
     })
 }
@@ -37,25 +39,55 @@ pub fn plan_with<E>(
     mut at: impl FnMut(Time) -> Result<Snapshot, E>,
 ) -> Result<(Snapshot, Plan), E> {
     let snapshot = at(time)?;
-    let mut plan = plan_alone(resources, stage, &snapshot, options, &mut at)?;
-    if let Some(exposure) = exposure_of(stage, &snapshot, options.effects) {
+    let mut plan = plan_shot(resources, stage, time, &snapshot, options, &mut at)?;
+    if let Some(dissolve) = &snapshot.dissolve {
+        let cut = stage.cuts.iter().rev().find(|cut| cut.at <= time);
+        let cut = cut.map_or(Cut::new(time, 0), |cut| *cut);
+        let share = dissolve.share;
+        let mut before_cut = |time: Time| {
+            // Before the cut its camera is the one that is on.
+            let mut then = at(time.min(cut.at + cut.dissolve - Time(1)))?;
+            if let Some(dissolve) = then.dissolve.take().filter(|_| time >= cut.at) {
+                (then.camera, then.effects) = (dissolve.camera, dissolve.effects);
+            }
+            Ok(then)
+        };
+        let then = before_cut(time)?;
+        let before = plan_shot(resources, stage, time, &then, options, &mut before_cut)?;
+        let before = Plan { layers_in_front: None, ..before };
+        plan.dissolve = Some(Box::new(PlanDissolve { plan: before, share }));
+    }
+    Ok((snapshot, plan))
+}
+
+/// The plan of one camera at a time, with sub-frames and earlier frames.
+fn plan_shot<E>(
+    resources: &SceneResources,
+    stage: &Stage,
+    time: Time,
+    snapshot: &Snapshot,
+    options: &PlanOptions,
+    mut at: impl FnMut(Time) -> Result<Snapshot, E>,
+) -> Result<Plan, E> {
+    let mut plan = plan_alone(resources, stage, snapshot, options, &mut at)?;
+    if let Some(exposure) = exposure_of(stage, snapshot, options.effects) {
         for time in times(stage, time, &exposure) {
             let then = at(time)?;
             let part = plan_alone(resources, stage, &then, options, &mut at)?;
             plan.subframes.push(linear(part));
         }
     }
-    let back = history_of(stage, &snapshot, options.effects, Hook::Image);
+    let back = history_of(stage, snapshot, options.effects, Hook::Image);
     if back > 0 {
         if plan.subframes.is_empty() {
-            plan.subframes.push(linear(plan_alone(resources, stage, &snapshot, options, &mut at)?));
+            plan.subframes.push(linear(plan_alone(resources, stage, snapshot, options, &mut at)?));
         }
         for frames in 1..=i64::from(back) {
             let then = at(frames_ago(stage, time, frames))?;
             plan.history.push(linear(plan_alone(resources, stage, &then, options, &mut at)?));
         }
     }
-    Ok((snapshot, plan))
+    Ok(plan)
 }
 
 /// A plan whose image is accumulated: full-screen passes and layers over the image come later.
@@ -124,7 +156,6 @@ impl Accumulated {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use choreo_stage::Cut;
 
     #[test]
     fn times_are_even_and_stay_in_the_shot() {
@@ -134,7 +165,7 @@ mod tests {
         let at = Time(frame * 10);
         let off = |stage: &Stage| times(stage, at, &exposure).iter().map(|t| t.0 - at.0).collect::<Vec<_>>();
         assert_eq!(off(&stage), [-3, -1, 1, 3].map(|n| n * frame / 16));
-        stage.cuts = vec![Cut { at, camera: 0 }, Cut { at: at + Time(frame / 8), camera: 0 }];
+        stage.cuts = vec![Cut::new(at, 0), Cut::new(at + Time(frame / 8), 0)];
         assert_eq!(off(&stage), [0, 0, frame / 16, frame / 8 - 1]);
         let later = Shutter { before: 0.0, ..exposure };
         assert!(times(&Stage::default(), at, &later).iter().all(|t| *t > at));

@@ -4,7 +4,7 @@ use choreo_plugin::Effect;
 use choreo_stage::Snapshot;
 use std::sync::Arc;
 
-/// What a frame is planned for. [`PlanOptions::new`] gives the usual choices.
+/// Options of a frame's plan. [`PlanOptions::new`] gives the usual choices.
 #[derive(Clone, Default)]
 pub struct PlanOptions<'a> {
     /// Pixels.
@@ -21,7 +21,7 @@ pub struct PlanOptions<'a> {
     pub no_culling: bool,
     /// Makes one draw of each instance.
     pub no_instancing: bool,
-    /// Draws crowds without levels of detail.
+    /// Draws all triangles, without levels of detail.
     pub full_detail: bool,
     /// Evaluates every light at every pixel, however many there are.
     pub no_light_clusters: bool,

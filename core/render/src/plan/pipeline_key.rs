@@ -1,4 +1,4 @@
-//! What selects a pipeline: as few different ones as the scene needs.
+//! The key that selects a pipeline: as few different ones as the scene needs.
 
 use crate::plan::Features;
 use choreo_asset::Topology;

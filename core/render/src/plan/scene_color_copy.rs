@@ -1,6 +1,6 @@
 //! Scene color copy: the image so far as refracting surfaces sample it (screen-space refraction).
 
-/// Made before the first refracting surface is drawn.
+/// The copy for refraction, made before the first refracting surface is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SceneColorCopy {
     /// Mipmap levels: as many as the roughest refracting surface in view blurs with.

@@ -1,4 +1,4 @@
-//! The table of shader features: for each its name, which is its switch in WGSL too, what asks for it, what it needs, which texture
+//! The table of shader features: for each its name, which is its switch in WGSL too, what requests it, what it needs, which texture
 //! it reads, and what a frame reports that does without it. Everything else that is known of features is made from this table:
 //! the bits of [`Features`], the switches of `@if`, the bindings of material textures, the reports, and the set of all pipeline
 //! keys that the planner can produce, which `tests/shader_keys.rs` compiles.
@@ -74,9 +74,9 @@ impl Features {
     pub const SKINNING: Features = Features::of_part(ShaderPart::Pose);
     /// Every feature.
     pub const ALL: Features = Features((1 << FEATURES.len()) - 1);
-    /// What lighting reads of the scene rather than of the surface.
+    /// Features of lighting that depend on the scene instead of the surface.
     pub const LIGHTS: Features = Features::of_part(ShaderPart::Light);
-    /// What brings light to the colors of a display.
+    /// Features that turn light into display colors.
     pub const DISPLAY: Features = Features::EXPOSURE.with(Features::VIEW_TRANSFORM).with(Features::AGX);
     /// All material layers and their textures.
     pub(crate) const ALL_LAYERS: Features = Features::of_part(ShaderPart::Layer);
@@ -84,7 +84,7 @@ impl Features {
 
 pub(crate) const ALPHA: Features = Features::of_part(ShaderPart::Alpha);
 
-/// What of a scene asks for a feature.
+/// The part of a scene that requests a feature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RequestedBy {
     Mesh,
@@ -101,15 +101,15 @@ pub enum RequestedBy {
 pub enum ShaderPart {
     /// How vertices are posed.
     Pose,
-    /// What cuts out or blends.
+    /// Alpha test and blending.
     Alpha,
     /// The shading model and what it reads.
     Surface,
     /// Layers over, in or behind a metallic-roughness surface.
     Layer,
-    /// What lighting reads of the scene.
+    /// Inputs of lighting from the scene.
     Light,
-    /// What is drawn in place of the surface, and what effects read.
+    /// Drawing that replaces the surface, and inputs of effects.
     Other,
 }
 
@@ -122,7 +122,7 @@ pub struct TextureSlot {
     pub vertex: bool,
 }
 
-/// What a frame reports when no draw has a feature.
+/// The report of a frame in which no draw has a feature.
 #[derive(Clone, Copy, Debug)]
 pub struct Absence {
     pub what: &'static str,
@@ -358,8 +358,8 @@ pub fn holds(condition: &str, is_on: impl Fn(&str) -> bool) -> bool {
     condition.split("||").any(|group| group.split("&&").all(term))
 }
 
-/// What a frame reports of the features that none of its draws has, with the reason; `in_stage`: those that something of the
-/// stage has, in view or not.
+/// Reports of the features that none of a frame's draws has, with the reason. `in_stage`: the features of all objects of the
+/// stage, in view or not.
 pub(crate) fn absences(
     all: Features,
     in_stage: Features,

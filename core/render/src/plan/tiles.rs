@@ -81,6 +81,7 @@ impl Plan {
             post: Vec::new(),
             subframes: Vec::new(),
             history: Vec::new(),
+            dissolve: None,
             ..self.clone()
         };
         if part.light_clusters.is_some() {

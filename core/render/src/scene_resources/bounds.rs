@@ -141,7 +141,7 @@ impl PrimitiveInfo {
     /// Camera-relative bounds of an instance with dual-quaternion skinning.
     ///
     /// With q = Σ wᵢ qᵢ, a vertex goes to Σᵢⱼ wᵢ wⱼ pᵢ qᵢ q̄ⱼ / |q|², where pᵢ is where motion i alone takes its
-    /// stretched position. As the same sum of any fixed point c is c, it is at most max |pᵢ − c| / |q| from c; and where all
+    /// stretched position. Since the same sum of any fixed point c is c, it is at most max |pᵢ − c| / |q| from c; and where all
     /// qᵢ are at least κ alike, |q| ≥ κ + (1 − κ) / n for n influences, since the heaviest weighs at least 1/n.
     pub fn dual_skinned(
         &self,

@@ -2,15 +2,15 @@
 
 use crate::scene_resources::bounds::PrimitiveInfo;
 use crate::scene_resources::content_hash::{material_content, material_hash, short};
-use crate::scene_resources::lod::{CROWD, LodLevel, simplified};
+use crate::scene_resources::lod::{LodLevel, paying};
 use crate::scene_resources::material::{MaterialResource, MaterialTexture, slot_sources};
+use crate::scene_resources::simplify::{Level, Model};
 use crate::scene_resources::{
     AssetEntry, PrimitiveEntry, PrimitiveResource, SceneResources, TextureResource,
 };
 use choreo_asset::{Asset, Image, ImageStream, Material, Mesh, Shading, TextureRef};
 use choreo_stage::Stage;
 use glam::Vec4;
-use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -22,27 +22,92 @@ impl SceneResources {
 
     /// The same as `new`. Assets that the earlier resources were made of are not hashed and measured again.
     pub fn after(earlier: &SceneResources, stage: &Stage) -> SceneResources {
+        let (mut resources, assets) = SceneResources::collected(earlier, stage);
+        let pays = paying(&resources, stage);
+        for (index, asset) in assets.iter().enumerate().filter(|(index, _)| pays[*index]) {
+            resources.add_levels(index, asset, earlier);
+        }
+        resources
+    }
+
+    /// The same as `new` without levels of detail, which take time: it is only noted which assets would have them.
+    pub fn without_levels(stage: &Stage) -> SceneResources {
+        let (mut resources, _) = SceneResources::collected(&SceneResources::default(), stage);
+        let pays = paying(&resources, stage);
+        resources.assets.iter_mut().zip(pays).for_each(|(entry, pays)| entry.wants_levels = pays);
+        resources
+    }
+
+    /// The resources without levels of detail, and the assets.
+    fn collected<'a>(earlier: &SceneResources, stage: &'a Stage) -> (SceneResources, Vec<&'a Asset>) {
         let mut builder = Builder::default();
         for p in &earlier.primitives {
             builder.known_primitives.insert((Arc::as_ptr(&p.mesh), p.index), (p.hash, p.info.clone()));
         }
         builder.image_hashes = earlier.textures.iter().map(|t| (Arc::as_ptr(&t.image), t.hash)).collect();
         let mut asset_ids: HashMap<*const Asset, u32> = HashMap::new();
+        let mut assets: Vec<&Asset> = Vec::new();
         for actor in &stage.actors {
             let id = *asset_ids.entry(Arc::as_ptr(&actor.asset)).or_insert_with(|| {
                 let entry = builder.asset(&actor.asset);
                 builder.resources.assets.push(entry);
+                assets.push(&actor.asset);
                 builder.resources.assets.len() as u32 - 1
             });
             builder.resources.asset_of_actor.push(id);
         }
-        builder.add_lods(earlier, stage);
         let mut resources = builder.resources;
         resources.sky = stage.sky.as_ref().map(|sky| sky.panorama.clone());
         for m in &mut resources.materials {
             m.hash = material_content(m, &resources.textures);
         }
-        resources
+        for (entry, asset) in resources.assets.iter_mut().zip(&assets) {
+            entry.content = model_content(entry, asset, &resources.primitives, &resources.materials);
+        }
+        (resources, assets)
+    }
+
+    /// Adds the levels of detail of an asset, and their primitives after all others.
+    fn add_levels(&mut self, index: usize, asset: &Asset, earlier: &SceneResources) {
+        let content = self.assets[index].content;
+        let known = earlier.assets.iter().find(|e| e.content == content && !e.levels.is_empty());
+        if let Some(known) = known {
+            for level in &known.levels {
+                let primitives = level.primitives.iter().map(|of_instance| {
+                    let add = |p: &Option<u32>| p.map(|p| self.add(earlier.primitives[p as usize].clone()));
+                    of_instance.iter().map(add).collect()
+                });
+                let primitives = primitives.collect();
+                self.assets[index].levels.push(LodLevel { error: level.error, primitives });
+            }
+            return;
+        }
+        let entry = self.assets[index].clone();
+        let valid =
+            |i: usize, p: usize| self.primitives[entry.primitives[i][p].primitive as usize].info.valid;
+        let levels = Model::new(asset, valid).map_or(Vec::new(), |model| model.levels());
+        for Level { error, primitives } in levels {
+            // What is no part of the model, such as lines, stays as it is.
+            let own =
+                |of_instance: &Vec<PrimitiveEntry>| of_instance.iter().map(|e| Some(e.primitive)).collect();
+            let mut level = LodLevel { error, primitives: entry.primitives.iter().map(own).collect() };
+            for ((instance, at), primitive) in primitives {
+                let name = &asset.meshes[asset.instances[instance].mesh as usize].name;
+                let name = format!("{name}, coarser");
+                level.primitives[instance][at] =
+                    primitive.map(|primitive| self.add(PrimitiveResource::alone(name, primitive)));
+            }
+            self.assets[index].levels.push(level);
+        }
+    }
+
+    /// Index of a primitive that is added where there is no equal one.
+    fn add(&mut self, primitive: PrimitiveResource) -> u32 {
+        let known = self.primitives.iter().position(|p| p.hash == primitive.hash);
+        known.unwrap_or_else(|| {
+            self.primitives.push(primitive);
+            self.primitives.len() - 1
+        }) as u32
     }
 }
 
@@ -59,43 +124,6 @@ struct Builder {
 }
 
 impl Builder {
-    /// Adds simplified versions of the primitives of crowds, after all other primitives.
-    fn add_lods(&mut self, earlier: &SceneResources, stage: &Stage) {
-        let mut copies = vec![0usize; self.resources.primitives.len()];
-        for (at, actor) in stage.actors.iter().enumerate() {
-            for (instance, entries) in actor.asset.instances.iter().zip(&self.resources.entry(at).primitives)
-            {
-                entries.iter().for_each(|e| copies[e.primitive as usize] += actor.asset.times(instance));
-            }
-        }
-        let resources = &mut self.resources;
-        resources.lods = vec![Vec::new(); copies.len()];
-        let crowds = |at: &usize| copies[*at] >= CROWD && resources.primitives[*at].info.valid;
-        let crowds: Vec<usize> = (0..copies.len()).filter(crowds).collect();
-        let known = |at: usize| {
-            let same = |p: &PrimitiveResource| p.hash == resources.primitives[at].hash;
-            let levels = earlier.lods.get(earlier.primitives.iter().position(same)?)?;
-            let found = levels.iter().map(|l| (earlier.primitives[l.primitive as usize].clone(), l.error));
-            Some(found.collect::<Vec<_>>()).filter(|levels| !levels.is_empty())
-        };
-        let make = |at: &usize| {
-            let new = || {
-                let fine = &resources.primitives[*at];
-                let name = || format!("{}, coarser", fine.mesh.name);
-                let levels = simplified(fine.primitive()).into_iter();
-                levels.map(|(level, error)| (PrimitiveResource::alone(name(), level), error)).collect()
-            };
-            (*at, known(*at).unwrap_or_else(new))
-        };
-        let made: Vec<(usize, Vec<(PrimitiveResource, f32)>)> = crowds.par_iter().map(make).collect();
-        for (at, levels) in made {
-            for (primitive, error) in levels {
-                resources.lods[at].push(LodLevel { primitive: resources.primitives.len() as u32, error });
-                resources.primitives.push(primitive);
-            }
-        }
-    }
-
     fn asset(&mut self, asset: &Asset) -> AssetEntry {
         let animated_color = asset.animated_base_colors();
         let animated = asset.changing_materials();
@@ -188,11 +216,16 @@ impl Builder {
     fn texture(&mut self, asset: &Asset, t: &TextureRef, srgb: bool) -> Option<MaterialTexture> {
         let image = asset.images.get(t.image as usize)?;
         let bytes = 4 * u64::from(image.width) * u64::from(image.height);
-        if bytes == 0 || bytes != image.rgba.len() as u64 {
+        // Scenes that are described and not drawn know the sizes of their images alone.
+        let is_header = image.rgba.is_empty();
+        if bytes == 0 || !is_header && bytes != image.rgba.len() as u64 {
             return None;
         }
-        let hash =
-            *self.image_hashes.entry(Arc::as_ptr(image)).or_insert_with(|| short(image.content_hash()));
+        let hash = || match is_header {
+            true => short(*blake3::hash(&(Arc::as_ptr(image) as usize).to_le_bytes()).as_bytes()),
+            false => short(image.content_hash()),
+        };
+        let hash = *self.image_hashes.entry(Arc::as_ptr(image)).or_insert_with(hash);
         let textures = &mut self.resources.textures;
         let texture = *self.textures.entry((hash, srgb)).or_insert_with(|| {
             let image = image.clone();
@@ -203,4 +236,25 @@ impl Builder {
         let uv_set = t.uv_set.min(1);
         Some(MaterialTexture { texture, sampler: t.sampler, uv_set, uv_transform: t.uv_transform })
     }
+}
+
+/// Hash of the primitives, materials and places of a model.
+fn model_content(
+    entry: &AssetEntry,
+    asset: &Asset,
+    primitives: &[PrimitiveResource],
+    materials: &[MaterialResource],
+) -> [u8; 16] {
+    let mut hasher = blake3::Hasher::new();
+    for (instance, of_instance) in asset.instances.iter().zip(&entry.primitives) {
+        let place = asset.rest_model_from_joint().get(instance.joint as usize).copied().unwrap_or_default();
+        for number in place.to_cols_array() {
+            hasher.update(&number.to_le_bytes());
+        }
+        for e in of_instance {
+            hasher.update(&primitives[e.primitive as usize].hash);
+            hasher.update(&materials[e.material as usize].hash);
+        }
+    }
+    short(*hasher.finalize().as_bytes())
 }

@@ -6,9 +6,12 @@
 
 use choreo_asset::Aabb;
 use glam::Vec3;
+use rayon::prelude::{ParallelIterator, ParallelSlice};
 
 /// Steps of the grid along a triangle's edge: 28 points, its vertices, centroid and edge midpoints among them.
 const STEPS: u32 = 6;
+/// Vertices or triangles that one thread looks at together.
+const CHUNK: usize = 256;
 /// Most triangles of a leaf.
 const LEAF_SIZE: usize = 4;
 
@@ -28,19 +31,25 @@ impl<'a> Surface<'a> {
 /// Distance in meters between a surface and a simplified version with a subset of its vertices; 0 if either has no triangles.
 pub(crate) fn hausdorff_distance(fine: Surface, coarse: Surface) -> f32 {
     let (of_fine, of_coarse) = (Tree::new(fine), Tree::new(coarse));
-    let mut worst = 0.0f32;
-    for vertex in fine.triangles().flatten() {
-        worst = of_coarse.farther(vertex, worst);
-    }
-    for [a, b, c] in coarse.triangles() {
-        for i in 0..=STEPS {
-            for j in 0..=STEPS - i {
-                let [u, v] = [i, j].map(|n| n as f32 / STEPS as f32);
-                worst = of_fine.farther(a + (b - a) * u + (c - a) * v, worst);
-            }
-        }
-    }
-    worst.sqrt()
+    let mut used = fine.indices.to_vec();
+    used.sort_unstable();
+    used.dedup();
+    let of_vertex = |worst: f32, vertex: &u32| of_coarse.farther(fine.positions[*vertex as usize], worst);
+    let of_triangle = |worst: f32, triangle: &[u32]| {
+        let [a, b, c] = [triangle[0], triangle[1], triangle[2]].map(|i| coarse.positions[i as usize]);
+        let steps = (0..=STEPS).flat_map(|i| (0..=STEPS - i).map(move |j| [i, j]));
+        steps.fold(worst, |worst, step| {
+            let [u, v] = step.map(|n| n as f32 / STEPS as f32);
+            of_fine.farther(a + (b - a) * u + (c - a) * v, worst)
+        })
+    };
+    // What is no farther than these few need not be measured.
+    let few = used.iter().step_by(CHUNK / 8).fold(0.0, of_vertex);
+    let few = coarse.indices.chunks_exact(3).step_by(CHUNK / 8).fold(few, of_triangle);
+    let vertices = used.par_chunks(CHUNK).map(|vertices| vertices.iter().fold(few, of_vertex));
+    let triangles = coarse.indices.par_chunks(3 * CHUNK);
+    let triangles = triangles.map(|corners| corners.chunks_exact(3).fold(few, of_triangle));
+    vertices.chain(triangles).reduce(|| 0.0, f32::max).sqrt()
 }
 
 /// Bounding volume hierarchy. A node's first child is the next node.
@@ -201,7 +210,7 @@ mod tests {
         ] {
             assert!((squared_distance(p, t) - square).abs() < 1e-6, "{p}");
         }
-        // Without area: its edges.
+        // A triangle without area has the distance to its edges.
         assert_eq!(squared_distance(Vec3::new(0.5, 1.0, 0.0), [Vec3::ZERO, Vec3::X, Vec3::X]), 1.0);
         let nothing = Surface { positions: &[], indices: &[] };
         assert_eq!(hausdorff_distance(nothing, nothing), 0.0);

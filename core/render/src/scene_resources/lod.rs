@@ -1,111 +1,119 @@
-//! Levels of detail (LOD) of crowds: simplified versions of primitives that are drawn so often that most copies must be small.
+//! Levels of detail (LOD): simplified versions of whole models, which are drawn where a copy is so small that the difference is
+//! not visible.
 //!
-//! A level is a primitive of its own with some of the vertices (edge collapse by quadric error: M. Garland, P. Heckbert,
-//! "Surface Simplification Using Quadric Error Metrics", SIGGRAPH 1997; by meshoptimizer), so that joints, morph targets and
-//! textures work as before. Its geometric error is known in meters; a plan takes the coarsest level whose error is at most
-//! [`TOLERANCE`] on the screen.
+//! A level has a simplified version of each primitive of a model, so that one layer of it does not come through another, and the
+//! size of the pixels from which it looks like the model (`appearance`). A plan takes the coarsest level whose pixels are no
+//! larger than those of the image. A version is a primitive with some of the vertices (`simplify`), so that joints, morph targets
+//! and textures work as before.
+//!
+//! Levels are made only where they pay: where enough copies, over all frames of the stage, are so small that their triangles are
+//! smaller than pixels. That is estimated from where actors and the camera stand, and depends on the stage alone.
 
-use crate::scene_resources::hausdorff::{Surface, hausdorff_distance};
-use choreo_asset::{MorphTarget, Primitive, Topology};
-use glam::Vec3;
-use meshopt::{SimplifyOptions, VertexDataAdapter};
+use crate::affine::{Affine3x4, to_f64};
+use crate::scene_resources::SceneResources;
+use crate::scene_resources::bounds::{outside, transformed};
+use crate::view::View;
+use choreo_asset::{Aabb, Asset};
+use choreo_motion::Time;
+use choreo_stage::{ActorState, Stage};
+use glam::{Affine3A, DAffine3, Vec2};
 
-/// Number of copies from which a primitive is a crowd. Others are always drawn in full detail.
-pub const CROWD: usize = 64;
-/// Geometric error that a level may show, in pixels.
+/// Pixels that the error of a level may be large.
 pub const TOLERANCE: f32 = 1.0;
-/// Each level keeps one triangle in 2, 4, ….
-const SHARES: [usize; 6] = [2, 4, 8, 16, 32, 64];
-/// Factor for the error between the sampled points of the Hausdorff distance.
-const SLACK: f32 = 1.1;
-/// Factor by which the error may grow to keep the seams of normals and texture coordinates.
-const SEAM_FACTOR: f32 = 1.5;
-/// Levels with fewer triangles are not worth a draw of their own.
-const LEAST: usize = 12;
+/// Images of a small copy, over all frames, that cost as much as its levels do. On the CPU renderer's threads the levels of a model
+/// take as long as 150 images of it.
+pub const PAYS_FROM: f64 = 256.0;
+/// Times at which the sizes of copies are estimated, spread over the stage.
+const TIMES: i64 = 5;
+/// Models with fewer triangles have no levels.
+pub(super) const LEAST: usize = 64;
 
-/// A simplified version of a primitive.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A simplified version of a model.
+#[derive(Clone, Debug, PartialEq)]
 pub struct LodLevel {
-    /// Index into `SceneResources::primitives`.
-    pub primitive: u32,
-    /// Largest distance between its surface and the original one, meters in mesh space.
+    /// Meters of the model at rest that one pixel may cover without a visible difference.
     pub error: f32,
+    /// Indices into `SceneResources::primitives`: `[mesh instance][primitive of its mesh]`; `None` where nothing of it is left.
+    pub primitives: Vec<Vec<Option<u32>>>,
 }
 
-/// Simplified versions and the geometric error of each, the finest first; none for lines, points and meshes that are coarse
-/// already. Indices must be in range.
-pub(crate) fn simplified(primitive: &Primitive) -> Vec<(Primitive, f32)> {
-    let triangles = primitive.indices.len() / 3;
-    let whole = primitive.indices.len() == 3 * triangles && primitive.positions.iter().all(|p| p.is_finite());
-    if primitive.topology != Topology::Triangles || !whole {
-        return Vec::new();
+/// Whether levels of detail pay for each asset of the resources.
+pub(super) fn paying(resources: &SceneResources, stage: &Stage) -> Vec<bool> {
+    let assets = resources.assets.len();
+    let frames = stage.settings.fps.frames_in(stage.settings.length).max(1) as f64;
+    // How often each asset can be seen at most.
+    let mut copies = vec![0.0f64; assets];
+    let mut triangles = vec![0usize; assets];
+    for (index, actor) in stage.actors.iter().enumerate() {
+        let asset = resources.asset_of_actor[index] as usize;
+        copies[asset] += copies_of(&actor.asset) as f64;
+        triangles[asset] = triangles_of(resources, asset);
     }
-    let bytes: &[u8] = bytemuck::cast_slice(&primitive.positions);
-    let Ok(vertices) = VertexDataAdapter::new(bytes, size_of::<Vec3>(), 0) else { return Vec::new() };
-    let mut levels = Vec::new();
-    let mut before = triangles;
-    for share in SHARES {
-        let wanted = triangles / share;
-        if wanted < LEAST {
-            break;
-        }
-        let options = SimplifyOptions::ErrorAbsolute | SimplifyOptions::Prune;
-        let simplify = |options| {
-            let (indices, mut error) = (&primitive.indices, 0.0);
-            let left = meshopt::simplify(indices, &vertices, 3 * wanted, f32::MAX, options, Some(&mut error));
-            (left, error)
-        };
-        // Seams are kept where the surface keeps its shape with them: a mesh with a seam at every edge cannot be simplified well.
-        let (kept, free) = (simplify(options), simplify(options | SimplifyOptions::Permissive));
-        let keeps = kept.0.len() <= 4 * wanted && kept.1 <= SEAM_FACTOR * free.1;
-        let (indices, error) = if keeps { kept } else { free };
-        let left = indices.len() / 3;
-        if left == 0 || 4 * left > 3 * before || !error.is_finite() {
-            continue;
-        }
-        before = left;
-        // meshoptimizer's own error is a mean of distances to planes.
-        let fine = Surface { positions: &primitive.positions, indices: &primitive.indices };
-        let off = hausdorff_distance(fine, Surface { positions: &primitive.positions, indices: &indices });
-        levels.push((with_triangles(primitive, indices), SLACK * off));
+    let may = |asset: usize| copies[asset] * frames >= PAYS_FROM && triangles[asset] >= LEAST;
+    let mut pays: Vec<bool> = (0..assets).map(may).collect();
+    if !stage.settings.levels_of_detail || !pays.contains(&true) {
+        return vec![false; assets];
     }
-    levels
+    let length = i128::from(stage.settings.length.0);
+    let time = |i: i64| Time((length * i128::from(2 * i + 1) / i128::from(2 * TIMES)) as i64);
+    let times: Vec<Time> = (0..TIMES).map(time).collect();
+    let Ok(snapshots) = stage.placed_at(&times) else { return vec![false; assets] };
+    let mut small = vec![0.0f64; assets];
+    for snapshot in &snapshots {
+        let view = View::new(&snapshot.camera, stage.settings.size);
+        for (index, state) in snapshot.actors.iter().enumerate().filter(|(_, state)| state.visible) {
+            let asset = resources.asset_of_actor[index] as usize;
+            if pays[asset] {
+                let model = &stage.actors[index].asset;
+                let count = small_copies(model, triangles[asset], state, &view, stage.settings.size);
+                small[asset] += count as f64 * frames / TIMES as f64;
+            }
+        }
+    }
+    pays.iter_mut().zip(small).for_each(|(pays, small)| *pays &= small >= PAYS_FROM);
+    pays
 }
 
-/// The primitive with these triangles and the vertices that they use, in order of first use.
-fn with_triangles(p: &Primitive, mut indices: Vec<u32>) -> Primitive {
-    let mut places = vec![u32::MAX; p.positions.len()];
-    let mut used: Vec<usize> = Vec::new();
-    for index in &mut indices {
-        let place = &mut places[*index as usize];
-        if *place == u32::MAX {
-            *place = used.len() as u32;
-            used.push(*index as usize);
-        }
-        *index = *place;
-    }
-    fn of<T: Copy>(used: &[usize], all: &[T]) -> Vec<T> {
-        if all.is_empty() { Vec::new() } else { used.iter().map(|v| all[*v]).collect() }
-    }
-    let influences = |v: &usize| v * p.influences..(v + 1) * p.influences;
-    Primitive {
-        topology: p.topology,
-        indices,
-        positions: of(&used, &p.positions),
-        normals: of(&used, &p.normals),
-        tangents: of(&used, &p.tangents),
-        uvs: [of(&used, &p.uvs[0]), of(&used, &p.uvs[1])],
-        colors: of(&used, &p.colors),
-        influences: p.influences,
-        joint_indices: used.iter().flat_map(|v| p.joint_indices[influences(v)].iter().copied()).collect(),
-        joint_weights: used.iter().flat_map(|v| p.joint_weights[influences(v)].iter().copied()).collect(),
-        morphs: (p.morphs.iter())
-            .map(|m| MorphTarget {
-                positions: of(&used, &m.positions),
-                normals: of(&used, &m.normals),
-                tangents: of(&used, &m.tangents),
-            })
-            .collect(),
-        material: p.material,
-    }
+/// How often the model is drawn; where only parts of it have copies, how often the most frequent one is.
+fn copies_of(asset: &Asset) -> usize {
+    asset.instances.iter().map(|instance| asset.times(instance)).max().unwrap_or(0)
+}
+
+/// Triangles of one copy of a model.
+pub(crate) fn triangles_of(resources: &SceneResources, asset: usize) -> usize {
+    let of = |p: u32| resources.primitives[p as usize].primitive().indices.len() / 3;
+    resources.assets[asset].primitives.iter().flatten().map(|entry| of(entry.primitive)).sum()
+}
+
+/// How many copies of an actor are in view and have triangles that are smaller than pixels.
+pub(crate) fn small_copies(
+    asset: &Asset,
+    triangles: usize,
+    state: &ActorState,
+    view: &View,
+    size: [u32; 2],
+) -> usize {
+    let relative_from_model = DAffine3 {
+        translation: state.world_from_model.translation - view.position,
+        ..state.world_from_model
+    };
+    let bounds = asset.rest_bounds();
+    let count_parts = |instance: &choreo_asset::MeshInstance| instance.copies.len();
+    // Copies of parts, such as blades of grass, stand all over their model.
+    let parts = asset.instances.iter().map(count_parts).max().unwrap_or(0);
+    let is_small = |place: &Affine3A| {
+        let relative_from_place = Affine3x4::from_affine(relative_from_model * to_f64(*place));
+        let here = transformed(bounds, &relative_from_place);
+        !outside(here, &view.clip_from_relative, Vec2::ZERO)
+            && (triangles as f32) > pixels_of(here, view, size) / parts.max(1) as f32
+    };
+    asset.first_placements(state.copies).filter(is_small).count() * parts.max(1)
+}
+
+/// Pixels that the two largest sides of a box cover where it is nearest; infinite around the camera.
+fn pixels_of(bounds: Aabb, view: &View, size: [u32; 2]) -> f32 {
+    let sides = bounds.max - bounds.min;
+    let area = (sides.x * sides.y).max(sides.y * sides.z).max(sides.z * sides.x);
+    let per_meter = view.pixels_per_meter(view.depth(bounds.center()) - sides.length() * 0.5, size);
+    area * per_meter * per_meter
 }

@@ -19,61 +19,118 @@ pub fn level_count(width: u32, height: u32) -> u32 {
 
 /// All levels below the image itself, down to 1×1: each is half of the one above, rounded down. An odd side is covered by three
 /// taps weighted by their share, so that nothing is dropped. Colors are not weighted by alpha, nor are they by a sampler's filter.
+///
+/// The values are not rounded from level to level. Level 1 is held row by row, since its values take as much memory as the image.
 pub fn levels_below(image: &Image, srgb: bool) -> Vec<MipLevel> {
     let decode = if srgb { srgb_to_linear_table() } else { unorm_table() };
+    let (w, h) = (image.width.max(1) as usize, image.height.max(1) as usize);
+    let texel = |x: usize, y: usize| -> [f32; 4] {
+        let at = (y * w + x) * 4;
+        let c = &image.rgba[at..at + 4];
+        [decode[c[0] as usize], decode[c[1] as usize], decode[c[2] as usize], c[3] as f32 * (1.0 / 255.0)]
+    };
     let mut out = Vec::new();
-    // Not rounded from level to level.
-    let mut above: Vec<[f32; 4]> = Vec::new();
-    let (mut w, mut h) = (image.width.max(1) as usize, image.height.max(1) as usize);
-    while w > 1 || h > 1 {
-        let (nw, nh) = ((w / 2).max(1), (h / 2).max(1));
-        let columns: Vec<Taps> = (0..nw).map(|x| taps(x, w, nw)).collect();
-        let fetch = |x: usize, y: usize| -> [f32; 4] {
-            if above.is_empty() {
-                let at = (y * w + x) * 4;
-                let c = &image.rgba[at..at + 4];
-                [
-                    decode[c[0] as usize],
-                    decode[c[1] as usize],
-                    decode[c[2] as usize],
-                    c[3] as f32 * (1.0 / 255.0),
-                ]
-            } else {
-                above[y * w + x]
+    if w == 1 && h == 1 {
+        return out;
+    }
+    let first = Halving::new(w, h);
+    let mut bytes = vec![0u8; first.width * first.height * 4];
+    let mut above = vec![[0.0f32; 4]; first.width * first.height];
+    if first.width == 1 && first.height == 1 {
+        first.row(0, texel, &mut above);
+        encode(&above, &mut bytes, srgb);
+        out.push(first.level(bytes));
+        return out;
+    }
+    let second = Halving::new(first.width, first.height);
+    above = vec![[0.0; 4]; second.width * second.height];
+    let two_rows = 2 * first.width * 4;
+    above.par_chunks_mut(second.width).zip(bytes.par_chunks_mut(two_rows)).enumerate().for_each(
+        |(y, (row, bytes))| {
+            let covered = taps(y, first.height, second.height);
+            let mut rows = vec![[0.0f32; 4]; covered.count * first.width];
+            for (i, row) in rows.chunks_exact_mut(first.width).enumerate() {
+                first.row(covered.first + i, texel, row);
             }
-        };
-        let row = |y: usize, row: &mut [[f32; 4]]| {
-            let rows = taps(y, h, nh);
-            for (texel, columns) in row.iter_mut().zip(&columns) {
-                let mut sum = [0.0f32; 4];
-                for (dy, wy) in rows.weights[..rows.count].iter().enumerate() {
-                    for (dx, wx) in columns.weights[..columns.count].iter().enumerate() {
-                        let c = fetch(columns.first + dx, rows.first + dy);
-                        let weight = wx * wy;
-                        for (s, c) in sum.iter_mut().zip(c) {
-                            *s += c * weight;
-                        }
+            for (row, bytes) in rows.chunks_exact(first.width).zip(bytes.chunks_exact_mut(first.width * 4)) {
+                encode(row, bytes, srgb);
+            }
+            second.row(y, |x, y| rows[(y - covered.first) * first.width + x], row);
+        },
+    );
+    if first.height == 2 * second.height + 1 {
+        // The third row that the last row of an odd height covers.
+        let mut row = vec![[0.0f32; 4]; first.width];
+        first.row(first.height - 1, texel, &mut row);
+        let at = (first.height - 1) * first.width * 4;
+        encode(&row, &mut bytes[at..], srgb);
+    }
+    out.push(first.level(bytes));
+    let mut last = second;
+    loop {
+        let mut bytes = vec![0u8; last.width * last.height * 4];
+        let texels = above.par_chunks(last.width);
+        bytes
+            .par_chunks_mut(last.width * 4)
+            .zip(texels)
+            .for_each(|(bytes, texels)| encode(texels, bytes, srgb));
+        out.push(last.level(bytes));
+        if last.width == 1 && last.height == 1 {
+            return out;
+        }
+        let next = Halving::new(last.width, last.height);
+        let mut level = vec![[0.0f32; 4]; next.width * next.height];
+        let fetch = |x: usize, y: usize| above[y * last.width + x];
+        level.par_chunks_mut(next.width).enumerate().for_each(|(y, row)| next.row(y, fetch, row));
+        above = level;
+        last = next;
+    }
+}
+
+/// A level of half the size of the one above.
+struct Halving {
+    width: usize,
+    height: usize,
+    /// Height of the level above.
+    above: usize,
+    columns: Vec<Taps>,
+}
+
+impl Halving {
+    fn new(w: usize, h: usize) -> Halving {
+        let (width, height) = ((w / 2).max(1), (h / 2).max(1));
+        Halving { width, height, above: h, columns: (0..width).map(|x| taps(x, w, width)).collect() }
+    }
+
+    fn row(&self, y: usize, above: impl Fn(usize, usize) -> [f32; 4], out: &mut [[f32; 4]]) {
+        let rows = taps(y, self.above, self.height);
+        for (texel, columns) in out.iter_mut().zip(&self.columns) {
+            let mut sum = [0.0f32; 4];
+            for (dy, wy) in rows.weights[..rows.count].iter().enumerate() {
+                for (dx, wx) in columns.weights[..columns.count].iter().enumerate() {
+                    let c = above(columns.first + dx, rows.first + dy);
+                    let weight = wx * wy;
+                    for (s, c) in sum.iter_mut().zip(c) {
+                        *s += c * weight;
                     }
                 }
-                *texel = sum;
             }
-        };
-        let mut level = vec![[0.0f32; 4]; nw * nh];
-        level.par_chunks_mut(nw).enumerate().for_each(|(y, r)| row(y, r));
-        let mut rgba = vec![0u8; nw * nh * 4];
-        rgba.par_chunks_mut(nw * 4).zip(level.par_chunks(nw)).for_each(|(bytes, texels)| {
-            for (b, t) in bytes.chunks_exact_mut(4).zip(texels) {
-                for i in 0..3 {
-                    b[i] = if srgb { linear_to_srgb8(t[i]) } else { unorm8(t[i]) };
-                }
-                b[3] = unorm8(t[3]);
-            }
-        });
-        out.push(MipLevel { width: nw as u32, height: nh as u32, rgba });
-        above = level;
-        (w, h) = (nw, nh);
+            *texel = sum;
+        }
     }
-    out
+
+    fn level(&self, rgba: Vec<u8>) -> MipLevel {
+        MipLevel { width: self.width as u32, height: self.height as u32, rgba }
+    }
+}
+
+fn encode(texels: &[[f32; 4]], bytes: &mut [u8], srgb: bool) {
+    for (b, t) in bytes.chunks_exact_mut(4).zip(texels) {
+        for i in 0..3 {
+            b[i] = if srgb { linear_to_srgb8(t[i]) } else { unorm8(t[i]) };
+        }
+        b[3] = unorm8(t[3]);
+    }
 }
 
 struct Taps {
@@ -185,6 +242,45 @@ mod tests {
             let levels = levels_below(&image(5, 1, rgba), false);
             assert_eq!(levels.iter().map(|l| (l.width, l.height)).collect::<Vec<_>>(), [(2, 1), (1, 1)]);
             assert_eq!(levels[1].rgba[0], 51, "texel {bright}");
+        }
+    }
+
+    /// Level by level, each held whole: the same sums in the same order.
+    fn plainly(image: &Image, srgb: bool) -> Vec<MipLevel> {
+        let decode = if srgb { srgb_to_linear_table() } else { unorm_table() };
+        let (mut w, mut h) = (image.width as usize, image.height as usize);
+        let texels = image.rgba.as_chunks::<4>().0.iter();
+        let color = |c: &[u8; 4]| {
+            let [r, g, b] = [0, 1, 2].map(|i| decode[usize::from(c[i])]);
+            [r, g, b, f32::from(c[3]) * (1.0 / 255.0)]
+        };
+        let mut above: Vec<[f32; 4]> = texels.map(color).collect();
+        let mut out = Vec::new();
+        while w > 1 || h > 1 {
+            let next = Halving::new(w, h);
+            let mut level = vec![[0.0; 4]; next.width * next.height];
+            for (y, row) in level.chunks_exact_mut(next.width).enumerate() {
+                next.row(y, |x, y| above[y * w + x], row);
+            }
+            let mut bytes = vec![0; 4 * level.len()];
+            encode(&level, &mut bytes, srgb);
+            out.push(next.level(bytes));
+            (w, h, above) = (next.width, next.height, level);
+        }
+        out
+    }
+
+    #[test]
+    fn rows_give_the_same_bits_as_whole_levels() {
+        for (width, height) in
+            [(1, 1), (2, 1), (1, 3), (3, 2), (5, 7), (7, 5), (16, 16), (31, 9), (1, 40), (40, 1), (13, 27)]
+        {
+            let rgba =
+                (0..4 * width * height).map(|i: u32| (i.wrapping_mul(2_654_435_761) >> 23) as u8).collect();
+            let image = image(width, height, rgba);
+            for srgb in [true, false] {
+                assert_eq!(levels_below(&image, srgb), plainly(&image, srgb), "{width}×{height}");
+            }
         }
     }
 

@@ -1,5 +1,6 @@
-//! What all frames of a stage share: every distinct primitive, material and texture once, keyed by content.
+//! Data that all frames of a stage share: every distinct primitive, material and texture once, keyed by content.
 
+mod appearance;
 pub mod bounds;
 mod build;
 pub mod content_hash;
@@ -9,6 +10,7 @@ pub mod lod;
 pub(crate) mod material;
 pub mod mipmap;
 pub mod morph_buffers;
+mod simplify;
 pub(crate) mod thick_lines;
 pub mod vertex_layout;
 pub(crate) mod watertight;
@@ -29,14 +31,12 @@ pub struct SceneResources {
     pub primitives: Vec<PrimitiveResource>,
     pub materials: Vec<MaterialResource>,
     pub textures: Vec<TextureResource>,
-    /// The stage's sky. Its maps are computed where a renderer first asks for them ([`crate::sky::SkyMaps::of`]).
+    /// The stage's sky. Its maps are computed where a renderer first requests them ([`crate::sky::SkyMaps::of`]).
     pub sky: Option<Arc<Panorama>>,
     /// Entries of each asset; see [`SceneResources::entry`].
     pub assets: Vec<AssetEntry>,
     /// Index into `assets` for each actor of the stage.
     pub asset_of_actor: Vec<u32>,
-    /// Levels of detail of each primitive, the finest first; empty except for crowds.
-    pub lods: Vec<Vec<LodLevel>>,
 }
 
 /// One distinct primitive. Holds its asset's mesh alive.
@@ -89,7 +89,7 @@ pub struct TextureResource {
     pub image: Arc<Image>,
     /// Color channels are sRGB-encoded and filtered in linear light.
     pub srgb: bool,
-    /// Some use of it asks for mipmaps.
+    /// Some use of it requests mipmaps.
     pub mipmaps: bool,
     pub hash: [u8; 16],
     /// Set where the image has no pixels: they are loaded when the texture is visible.
@@ -100,6 +100,12 @@ pub struct TextureResource {
 #[derive(Clone, Debug, Default)]
 pub struct AssetEntry {
     pub primitives: Vec<Vec<PrimitiveEntry>>,
+    /// The finest first; empty where they do not pay.
+    pub levels: Vec<LodLevel>,
+    /// Levels pay and are not made ([`SceneResources::without_levels`]).
+    pub wants_levels: bool,
+    /// Hash of everything that levels of detail depend on.
+    content: [u8; 16],
 }
 
 /// A primitive and its material.

@@ -136,7 +136,7 @@ impl Spread {
     /// behind the camera as of any triangle, and ends there need no position in the image.
     pub fn vertex(&self, own: Vec4, other: Vec4, offset: Vec3, width: f32) -> Vec4 {
         let (a, b) = if offset.z > 0.5 { (other, own) } else { (own, other) };
-        // From the first end to the second in the image: d(xy/w) is proportional to this.
+        // The direction from the first end to the second in the image: d(xy/w) is proportional to this.
         let way = (b.xy() * a.w - a.xy() * b.w) * self.size;
         let most = way.x.abs().max(way.y.abs());
         let along = if most > 0.0 {
@@ -213,7 +213,7 @@ mod tests {
         let spread = Spread::new(&clip, [200, 100]);
         let at = |x: f32, z: f32| clip * Vec4::new(x, -0.5, z, 1.0);
         let (front, behind) = (at(0.2, -3.0), at(0.2, 4.0));
-        // From the front to the camera the line goes down, and both edges keep their distance.
+        // The line goes down from its front end to the camera, and both edges keep their distance.
         let edges = [1.0, -1.0].map(|y| {
             let near = spread.vertex(front, behind, Vec3::new(0.0, y, 0.0), 8.0);
             let far = spread.vertex(behind, front, Vec3::new(0.0, y, 1.0), 8.0);

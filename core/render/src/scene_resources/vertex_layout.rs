@@ -8,7 +8,7 @@ use crate::scene_resources::thick_lines::thick_mesh;
 use choreo_asset::Primitive;
 use glam::{Vec3, Vec4};
 
-/// Set of vertex attributes, a bit for each location of vertex.wgsl; the upper bits say how vertices and indices are ordered.
+/// Set of vertex attributes, a bit for each location of vertex.wgsl; the upper bits are the order of vertices and indices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct VertexLayout(pub u16);
 

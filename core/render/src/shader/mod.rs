@@ -1,5 +1,5 @@
 //! WGSL modules → SPIR-V: a line-preserving `@if` preprocessor, and naga. No Vulkan here, so that every combination
-//! of features a plan can ask for is validated without a GPU.
+//! of features a plan can request is validated without a GPU.
 
 pub mod switches;
 pub mod uniforms;
@@ -101,7 +101,7 @@ pub struct SourceFile {
 impl ShaderSources {
     /// Reads the folder's modules.
     pub fn read(folder: Option<PathBuf>) -> Result<ShaderSources, RenderError> {
-        /// More than any module has.
+        /// No module is larger.
         const MOST_BYTES: u64 = 4 << 20;
         let mut texts = Vec::new();
         if let Some(folder) = &folder {

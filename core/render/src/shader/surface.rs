@@ -14,7 +14,7 @@ pub struct SceneEffect {
     pub in_model_space: bool,
 }
 
-/// What a call of an effect's function is given, and what becomes of its value.
+/// The WGSL text that calls an effect's function and uses its result.
 fn call(effect: &SceneEffect) -> String {
     let bit = effect.bit;
     let p = format!("surface_parameters_of({bit}u)");

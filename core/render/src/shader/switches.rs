@@ -19,7 +19,7 @@ pub enum SwitchSource {
 pub struct Switch {
     pub name: &'static str,
     pub source: SwitchSource,
-    /// As in [`Feature`].
+    /// Switches that it needs, as in [`Feature`].
     pub needs: &'static [&'static str],
     /// The features that may be on with it.
     pub only: Option<Features>,

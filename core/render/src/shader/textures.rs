@@ -20,7 +20,7 @@ pub fn texture_functions(effects: &[Arc<dyn Effect>], effect: &dyn Effect) -> St
     text
 }
 
-/// What the buffer holds: 8 bytes a texel.
+/// Content of the texel buffer: 8 bytes a texel.
 pub fn texture_bytes(effects: &[Arc<dyn Effect>]) -> Vec<u8> {
     let halves = effects.iter().flat_map(|e| e.textures()).flat_map(|t| t.halves.iter().flatten());
     halves.flat_map(|half| half.to_le_bytes()).collect()

@@ -52,7 +52,7 @@ uniforms! {
         turn: Vec4,
         /// xy: 1 / texels of the atlas; z: 1 where it is seen behind everything.
         texel: Vec4,
-        /// See `crate::plan::view::rays`.
+        /// See `crate::view::rays`.
         right: Vec4,
         down: Vec4,
         ahead: Vec4,
@@ -128,7 +128,7 @@ uniforms! {
         uv: [UvTransform; BASE_SLOTS + TOON_SLOTS],
     }
 
-    /// Only of materials that have layers.
+    /// Parameters of material layers; only materials with layers have them.
     LayersUniform {
         sheen_color: Vec3,
         sheen_roughness: f32,
@@ -180,7 +180,7 @@ uniforms! {
 
 impl RebuiltUniform {
     pub fn new(view: &View) -> RebuiltUniform {
-        // In f64: of a far plane that is near, or a part of a large image, little would be left.
+        // Inverted in f64, because f32 would lose most digits for a far plane that is near, or a part of a large image.
         RebuiltUniform { relative_from_clip: view.clip_from_relative.as_dmat4().inverse().as_mat4() }
     }
 }
@@ -188,7 +188,7 @@ impl RebuiltUniform {
 impl SkyUniform {
     /// Uniforms of a sky without maps: what is visible behind everything.
     pub fn new(sky: &PlanSky, view: &View, maps: Option<&SkyMaps>) -> SkyUniform {
-        let [right, down, ahead] = crate::plan::view::rays(view).map(|v| v.extend(0.0));
+        let [right, down, ahead] = crate::view::rays(view).map(|v| v.extend(0.0));
         let [c, s] = sky.turn;
         let mut out =
             SkyUniform { turn: Vec4::new(c, s, sky.strength, 0.0), right, down, ahead, ..Self::default() };

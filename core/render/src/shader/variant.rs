@@ -1,4 +1,4 @@
-//! What a scene shader is compiled for: the plan's pipeline key, and what the recording knows beside it.
+//! The key of a scene shader: the plan's pipeline key, and what the recording knows beside it.
 
 use crate::plan::PipelineKey;
 use naga::ShaderStage;
@@ -9,7 +9,7 @@ pub enum LightLoop {
     /// The only one.
     One,
     All,
-    /// Those of the pixel's light cluster.
+    /// The lights of the pixel's light cluster.
     Lists,
 }
 
@@ -68,7 +68,7 @@ pub enum PeelPass {
     Several,
 }
 
-/// Which half of deferred shading.
+/// The half of deferred shading that a shader does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum DeferredPass {
     /// Forward: both at once.

@@ -56,7 +56,7 @@ pub struct SkyMaps {
 
 impl SkyMaps {
     pub fn new(panorama: &Panorama, options: &SkyOptions) -> SkyMaps {
-        // As fine as the panorama: its height is half a turn, a side of the octahedron about as much.
+        // As fine as the panorama: its height is half a turn, and so is roughly a side of the octahedron.
         let fine = panorama.size()[1].next_power_of_two().clamp(16, 1024).max(options.size);
         let pyramid = prefilter::pyramid(prefilter::base(panorama, fine));
         let harmonics = harmonics::harmonics(pyramid.iter().find(|l| l.size <= 256).unwrap_or(&pyramid[0]));

@@ -94,7 +94,7 @@ pub(crate) fn solid_angle(size: u32, x: u32, y: u32) -> f64 {
     let height = 1.0 - p[0].abs() - p[1].abs();
     let (a, b) = if height >= 0.0 { (p[0], p[1]) } else { (1.0 - p[1].abs(), 1.0 - p[0].abs()) };
     let d2 = a * a + b * b + height * height;
-    // Of area 4 of the square the faces make 4√3.
+    // The square of area 4 is folded onto faces of area 4√3.
     let side = 2.0 / f64::from(size);
     side * side / (d2 * d2.sqrt())
 }

@@ -21,7 +21,7 @@ pub fn radiance(panorama: &Panorama, way: Vec3) -> Vec3 {
 
 /// A panorama as an octahedral map: each texel is the mean of what it covers, so that small suns keep their light.
 pub fn base(panorama: &Panorama, size: u32) -> OctahedralMap {
-    // From pole to pole an octahedral map has half as many texels as its side.
+    // An octahedral map has half as many texels from pole to pole as its side.
     let each = (2 * panorama.size()[1]).div_ceil(size).clamp(2, 16);
     OctahedralMap::from_fn(size, |x, y, _| {
         let mut sum = Vec3::ZERO;

@@ -52,7 +52,7 @@ impl Clock {
         Ok(Some(Clock { pool, time, nanos: f64::from(gpu.limits().timestamp_period), bits }))
     }
 
-    /// Before the first command of a frame in this slot.
+    /// Writes the time stamp before the first command of a frame in this slot.
     pub fn begin(&self, gpu: &Context, commands: vk::CommandBuffer, slot: usize) {
         let first = 2 * slot as u32;
         // SAFETY: the command buffer is being recorded, outside a pass; the slot's last frame is done.

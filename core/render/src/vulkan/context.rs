@@ -12,7 +12,7 @@ use std::ffi::{CStr, CString, c_void};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Everything of warning or error severity that the validation layer said.
+/// All messages of the validation layer with severity warning or error.
 pub type Messages = Arc<Mutex<Vec<String>>>;
 
 const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
@@ -49,9 +49,9 @@ pub(crate) struct ContextOptions<'a> {
     /// Small blocks of memory: less is left over in them.
     pub frugal: bool,
     pub faults: Faults,
-    /// As if the device lacked these.
+    /// Abilities to ignore, for tests.
     pub without: &'a [Ability],
-    /// As if no storage buffer could be bound with more bytes.
+    /// Limit of `maxStorageBufferRange`, for tests.
     pub storage_range: Option<u32>,
 }
 
@@ -100,7 +100,7 @@ impl Context {
         let entry = load()?;
         let messages = Messages::default();
         let (instance, messenger) = create_instance(&entry, options, &messages)?;
-        // From here on everything that was made is destroyed where a later step fails.
+        // Every object that exists by now is destroyed if a later step fails.
         let destroy = |error: RenderError| {
             // SAFETY: nothing made from the instance is alive.
             unsafe {
@@ -243,8 +243,8 @@ fn keep_freed_memory() {
 #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
 fn keep_freed_memory() {}
 
-/// What importing and compiling freed goes back to the kernel, from the heaps of all threads: a thread's own heap
-/// cannot be used by the others, and what [`keep_freed_memory`] keeps is for the frames.
+/// Returns the memory freed by importing and compiling to the kernel, from the heaps of all threads: other threads cannot use a
+/// thread's own heap, and [`keep_freed_memory`] keeps memory for the frames only.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 pub(crate) fn give_back_freed_memory() {
     unsafe extern "C" {
@@ -461,7 +461,7 @@ fn create_device(
         .enabled_features(&optional)
         .push_next(&mut features12)
         .push_next(&mut features13);
-    // SAFETY: features were asked for above; all pointers live until the call returns.
+    // SAFETY: features were requested above; all pointers live until the call returns.
     let device = unsafe { instance.create_device(physical, &create, None) };
     Ok((device.named(&format!("device {}", info.name))?, abilities))
 }

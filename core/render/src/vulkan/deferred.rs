@@ -43,7 +43,7 @@ pub fn color_attachments(instance: &ash::Instance, physical: vk::PhysicalDevice)
 }
 
 impl VulkanRenderer {
-    /// What pays here, and what the device cannot do.
+    /// Options of recordings for this device: faster ways of drawing, and missing abilities.
     pub(super) fn record_options(&mut self, plan: &Plan) -> RecordOptions {
         let has = |ability| self.gpu.abilities.has(ability);
         let no_deferred = !has(Ability::ColorAttachments);
@@ -94,7 +94,7 @@ impl FrameInFlight {
 }
 
 impl Execution<'_> {
-    /// Depth, and what is kept: where nothing is drawn it stays undefined, and the depth says so.
+    /// Begins the G-buffer pass. Where nothing is drawn the G-buffer stays undefined; the depth marks these pixels.
     pub(super) fn begin_geometry(&self) -> Result<(), RenderError> {
         let targets = self.targets;
         let (Some(depth), true) = (&targets.depth, targets.needs.kept) else {

@@ -27,7 +27,7 @@ impl Ability {
         Ability::Compute,
     ];
 
-    /// As Vulkan calls it.
+    /// Vulkan's name of it.
     pub fn name(self) -> &'static str {
         match self {
             Ability::AlphaToOne => "alphaToOne",
@@ -38,7 +38,7 @@ impl Ability {
         }
     }
 
-    /// What a frame does without it.
+    /// The fallback of a frame without it.
     pub fn fallback(self) -> &'static str {
         match self {
             Ability::AlphaToOne => "cut-outs keep or lose whole pixels",
@@ -68,7 +68,7 @@ impl Ability {
     }
 }
 
-/// Those that a device has.
+/// The abilities of a device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Abilities(u8);
 
@@ -88,7 +88,7 @@ impl Abilities {
         self.0 & (1 << ability as u8) != 0
     }
 
-    /// What a device is made with.
+    /// The features to create a device with.
     pub fn features(self) -> vk::PhysicalDeviceFeatures {
         vk::PhysicalDeviceFeatures::default()
             .alpha_to_one(self.has(Ability::AlphaToOne))

@@ -22,7 +22,7 @@ pub struct SteadyRenderer {
     plans: VecDeque<Plan>,
     /// How many of them the inner renderer has.
     inside: usize,
-    /// What failed, until a frame was collected after it.
+    /// The error of the failed device, until a later frame was collected.
     failed: Option<RenderError>,
     notes: Vec<String>,
 }
@@ -61,7 +61,7 @@ impl SteadyRenderer {
         Ok(())
     }
 
-    /// Does something until it succeeds or has failed twice.
+    /// Tries an operation until it succeeds or has failed twice.
     fn steadily<T>(
         &mut self,
         mut what: impl FnMut(&mut SteadyRenderer) -> Result<T, RenderError>,

@@ -329,7 +329,7 @@ impl Execution<'_> {
             // The copy left the image to be drawn into; with several samples it is only resolved into.
             _ if resumed => again(to_color(resolved), vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
             true => to_color(resolved),
-            // As the background's copy left it: all of it, or what lies around the area.
+            // The copy of the background left it in this layout: the whole image, or the part around the area.
             false => color_barrier(resolved)
                 .src_stage_mask(vk::PipelineStageFlags2::COPY)
                 .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
@@ -453,7 +453,7 @@ pub(super) fn color_barrier(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
     vk::ImageMemoryBarrier2::default().image(image.raw).subresource_range(range(vk::ImageAspectFlags::COLOR))
 }
 
-/// Drawn; from now on shaders read it.
+/// Barrier after drawing: shaders read the image from now on.
 pub(super) fn from_color(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
     color_barrier(image)
         .src_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
@@ -464,7 +464,7 @@ pub(super) fn from_color(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
         .new_layout(vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL)
 }
 
-/// Contents kept, which are in this layout.
+/// The barrier with the image's contents kept, which are in this layout.
 pub(super) fn again(
     barrier: vk::ImageMemoryBarrier2<'static>,
     layout: vk::ImageLayout,
@@ -472,7 +472,7 @@ pub(super) fn again(
     barrier.old_layout(layout)
 }
 
-/// Contents dropped; after whatever the frame before did with it.
+/// Barrier before drawing: the contents are dropped, after all uses by the frame before.
 pub(super) fn to_color(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
     color_barrier(image)
         .src_stage_mask(
@@ -501,7 +501,7 @@ pub(super) fn to_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
         .new_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
 }
 
-/// Drawn; from now on shaders read it.
+/// Barrier after drawing: shaders read the depth from now on.
 pub(super) fn from_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
     let stages = vk::PipelineStageFlags2::EARLY_FRAGMENT_TESTS | vk::PipelineStageFlags2::LATE_FRAGMENT_TESTS;
     vk::ImageMemoryBarrier2::default()

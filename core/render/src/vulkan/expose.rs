@@ -6,6 +6,7 @@ use super::context;
 use crate::cpu::image_passes;
 use crate::error::RenderError;
 use crate::plan::Plan;
+use crate::plan::dissolve::dissolved;
 use crate::plan::motion_blur::Accumulated;
 use choreo_plugin::Frame;
 use glam::Vec4;
@@ -15,11 +16,15 @@ impl VulkanRenderer {
     /// Whether a plan waits before it is handed to the device: one with an exposure needs all frames in flight, and those after
     /// it wait.
     pub(super) fn waits(&self, plan: &Plan) -> bool {
-        !plan.subframes.is_empty() || self.is_tiled(plan) || !self.later.is_empty()
+        !plan.subframes.is_empty() || plan.dissolve.is_some() || self.is_tiled(plan) || !self.later.is_empty()
     }
 
     /// The oldest of the plans that wait. Nothing is in flight.
     pub(super) fn collect_later(&mut self, plan: Plan, reuse: Option<Frame>) -> Result<Frame, RenderError> {
+        dissolved(plan, reuse, |plan, reuse| self.collect_exposed(plan, reuse))
+    }
+
+    fn collect_exposed(&mut self, plan: Plan, reuse: Option<Frame>) -> Result<Frame, RenderError> {
         if self.is_tiled(&plan) {
             return self.collect_tiled(&plan, reuse);
         }

@@ -55,13 +55,13 @@ impl Blocks {
         Block { at, bytes: bytes as u64 }
     }
 
-    /// As many of a type as are there, if any is.
+    /// Room for `count` values of a type, or none.
     fn take_if<T>(&mut self, is_there: bool, count: usize) -> Block {
         self.take(if is_there { count * size_of::<T>() } else { 0 })
     }
 }
 
-/// What is copied as it is in the plan.
+/// Data that is copied unchanged from the plan.
 struct Stored<'a> {
     what: &'static str,
     block: Block,
@@ -75,7 +75,7 @@ pub struct FrameData<'a> {
     pub bytes: u64,
     light_count: u32,
     pub frame: Block,
-    /// As the frame's, seen from the light of each shadow map.
+    /// The frame's uniform as seen from the light of each shadow map.
     pub views: Vec<Block>,
     /// The uniform of each changed material and that of its layers.
     pub materials: Vec<[Block; 2]>,

@@ -1,4 +1,4 @@
-//! What one frame in flight owns: commands, the mapped buffer of its data, descriptor sets, the buffer it is read back from.
+//! The objects of one frame in flight: commands, the mapped buffer of its data, descriptor sets, the buffer it is read back from.
 
 use super::context::Context;
 use super::descriptors::{Layouts, Pools, Set, write_buffer, write_image};
@@ -25,7 +25,7 @@ pub(crate) struct FrameInFlight {
     pub commands: vk::CommandBuffer,
     ring: Option<Buffer>,
     pub frame_set: Set,
-    /// As the frame's, seen from the light of each shadow map.
+    /// The frame's set as seen from the light of each shadow map.
     pub view_sets: Vec<Set>,
     /// Shadow maps, the scene color copy, the sky and layers under the scene, and which of them it was made for.
     pub light_set: Option<(Set, [bool; 4])>,
@@ -37,13 +37,13 @@ pub(crate) struct FrameInFlight {
     changed_at: Vec<[Block; 2]>,
     /// 2D layers under the scene, by their content.
     under: Option<([u8; 32], Image)>,
-    /// Those over the frame.
+    /// 2D layers over the frame.
     pub over: Option<Arc<LayerImage>>,
     changed: Vec<(u32, u32)>,
     changed_sets: Vec<Set>,
     pub post_sets: Vec<Set>,
     pub readback: Option<Buffer>,
-    /// Kept until this frame is done.
+    /// Staging buffer, kept until this frame is done.
     pub staging: Option<Buffer>,
     /// Pre-skinned vertices.
     pub posed: Posing,
@@ -316,7 +316,7 @@ impl FrameInFlight {
         Ok(())
     }
 
-    /// What an upload that failed was to fill.
+    /// Drops the image of the layers under the scene, which a failed upload did not fill.
     pub(crate) fn forget_flats(&mut self, gpu: &Context) {
         if let Some((_, mut image)) = self.under.take() {
             image.destroy(gpu);

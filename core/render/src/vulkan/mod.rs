@@ -94,10 +94,10 @@ pub struct VulkanRenderer {
     /// No frame of these scene resources was collected yet: their uploads and pipelines still leave freed memory behind.
     fresh: bool,
     frugal: bool,
-    /// What was left out, for the user.
+    /// Notes for the user about what was left out.
     notes: Vec<String>,
     most_textures: Option<u32>,
-    /// That what the stage asks for is drawn forward was said.
+    /// Whether the note was given that the requested deferred shading is replaced by forward shading.
     told_forward: bool,
     clock: Option<clock::Clock>,
     longest_side: u32,
@@ -152,7 +152,7 @@ impl VulkanRenderer {
             longest_side: options.longest_side.unwrap_or(u32::MAX).max(1),
             frugal: options.frugal,
         };
-        // From here on `drop` cleans up.
+        // From here on `drop` frees everything.
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
         // SAFETY: the device is alive and has the feature; destroyed by `drop`.
@@ -325,7 +325,7 @@ impl VulkanRenderer {
         Ok(())
     }
 
-    /// As [`Renderer::submit`], and the plan stays the caller's.
+    /// Like [`Renderer::submit`], without taking the plan.
     pub fn submit_plan(&mut self, plan: &Plan) -> Result<(), RenderError> {
         if self.pending.len() + self.later.len() >= self.slots.len() {
             let text = format!("{} frames are in flight; collect one first", self.slots.len());
@@ -398,7 +398,7 @@ impl VulkanRenderer {
             .and_then(|()| self.record_commands(index, &recording, &ids, uploads))
             .and_then(|()| self.queue(index));
         if let Err(e) = prepared {
-            // What was to be uploaded never arrived: forget everything, the next frame makes it again.
+            // The uploads never arrived: forget the resources, so that the next frame creates them again.
             self.wait_idle()?;
             self.resources.forget(&self.gpu);
             self.slots[index].forget_flats(&self.gpu);

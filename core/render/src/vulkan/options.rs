@@ -1,4 +1,4 @@
-//! What a renderer is made with.
+//! The options of a Vulkan renderer.
 
 use super::faults::Faults;
 use super::{Ability, DeviceTime};
@@ -20,18 +20,18 @@ pub struct GpuOptions {
     pub effects: Vec<Arc<dyn Effect>>,
     /// Part of a device's name, any case. Otherwise discrete before integrated before CPU.
     pub device: Option<String>,
-    /// What a window system asks for beside.
+    /// Extensions that a window system needs in addition.
     pub instance_extensions: Vec<CString>,
     pub device_extensions: Vec<CString>,
-    /// As little memory as can be: one frame in flight, small blocks, uploads in small parts.
+    /// As little memory as possible: one frame in flight, small blocks, uploads in small parts.
     pub frugal: bool,
-    /// As if the device could bind no more textures of a material at once.
+    /// Limit of the number of textures of a material bound at once, for tests.
     pub textures: Option<u32>,
-    /// As if the device could draw no image with a longer side, pixels: larger ones are drawn in tiles.
+    /// Limit of an image's longer side, pixels: larger ones are drawn in tiles.
     pub longest_side: Option<u32>,
-    /// As if no storage buffer could be bound with more bytes (`maxStorageBufferRange`).
+    /// Limit of the bytes of a bound storage buffer (`maxStorageBufferRange`), for tests.
     pub storage_range: Option<u32>,
-    /// As if the device lacked these features.
+    /// Device features to ignore, for tests.
     pub without: Vec<Ability>,
     /// How many times as many texels are read along a slanted surface as across it, at most; 1: none more. Left out: 16 on a
     /// GPU, 1 on a device that draws on the CPU, where a first frame with more takes seconds.

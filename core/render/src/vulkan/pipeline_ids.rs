@@ -1,4 +1,4 @@
-//! What a pipeline is for, and which ones a recording binds.
+//! The keys of all pipelines, and those that a recording binds.
 
 use crate::commands::preskin::PreskinVariant;
 use crate::commands::{Command, Recording, Target};
@@ -19,7 +19,7 @@ pub enum Id {
     Post { effect: String, number: u32, float: bool },
 }
 
-/// What is drawn where the scene left nothing.
+/// Background of pixels that the scene leaves empty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum Backdrop {
     Gradient,

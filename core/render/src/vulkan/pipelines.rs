@@ -132,7 +132,7 @@ impl Pipelines {
         self.created
     }
 
-    /// Other effects in place of those before; pipelines of those whose text is another are made again where a frame asks.
+    /// Replaces the effects. Pipelines of effects whose text has changed are made again when a frame needs them.
     /// No frame may be in flight.
     pub fn set_effects(&mut self, gpu: &Context, effects: &[Arc<dyn Effect>]) {
         let old = std::mem::replace(&mut self.effects, effects.to_vec());
@@ -168,7 +168,7 @@ impl Pipelines {
         let made = match self.create_all(gpu, layouts, &ids.iter().collect::<Vec<_>>()) {
             Ok(made) => made,
             Err(error) => {
-                // A pipeline that a later frame asks for comes from what worked, too.
+                // A pipeline that a later frame requests comes from what worked, too.
                 self.sources = before;
                 return Err(error);
             }

@@ -22,7 +22,7 @@ use naga::ShaderStage;
 use std::collections::HashMap;
 use std::mem::offset_of;
 
-/// Invocations of a work group, as the shader says.
+/// Invocations of a work group, as in the shader.
 const GROUP: u32 = 64;
 
 /// A body as the shader reads it.
@@ -37,19 +37,19 @@ pub struct Job {
     pub first: u32,
 }
 
-/// What one frame in flight has of it.
+/// Pre-skinning buffers of one frame in flight.
 #[derive(Default)]
 pub struct Posing {
     jobs: Option<Buffer>,
     vertices: Option<Buffer>,
-    /// Both, for the compute stage; the vertices, for all passes.
+    /// Sets: both buffers for the compute stage; the vertices for all passes.
     write: Option<Set>,
     read: Option<Set>,
     /// The first number and the number of vertices of each instance that reads them.
     placed: Vec<(u32, [u32; 2])>,
 }
 
-/// Grown, never shrunk; `true` where it is another now.
+/// Grows a buffer, which never shrinks; `true` if it was replaced.
 fn grow(
     gpu: &Context,
     buffer: &mut Option<Buffer>,
@@ -150,7 +150,7 @@ impl Posing {
     }
 }
 
-/// Bytes of a buffer that is to grow, all of which are bound: no more than the device binds, and no less than are asked for.
+/// Bytes of a buffer that is to grow, all of which are bound: no more than the device binds, and no less than are requested.
 fn room(bytes: u64, limit: u64) -> u64 {
     bytes.next_power_of_two().min(limit).max(bytes)
 }
@@ -166,8 +166,8 @@ impl VulkanRenderer {
             }
             _ => 0,
         };
-        let bodies = (recording.preskinned.len() * size_of::<Job>()) as u64;
-        bodies.max(recording.preskinned_bytes(&self.scene_resources)) <= limit
+        let jobs = (recording.preskinned.len() * size_of::<Job>()) as u64;
+        jobs.max(recording.preskinned_bytes(&self.scene_resources)) <= limit
             && recording.commands.iter().all(|command| mesh(command) <= limit)
     }
 }
@@ -180,7 +180,7 @@ fn missing(what: &str) -> RenderError {
 pub type Sources = HashMap<([u8; 16], VertexLayout), Set>;
 
 impl Resources {
-    /// Those of a recording, whose meshes are there.
+    /// Makes the sets of a recording's meshes, which must exist.
     pub(super) fn prepare_sources(
         &mut self,
         gpu: &Context,
@@ -204,7 +204,7 @@ impl Resources {
         Ok(())
     }
 
-    /// Those whose meshes stay. No frame may be in flight.
+    /// Drops the sets of meshes that go. No frame may be in flight.
     pub(super) fn retain_sources(&mut self, gpu: &Context, keep: impl Fn(&[u8; 16]) -> bool) {
         let pools = &mut self.pools;
         self.sources.retain(|(hash, _), set| {

@@ -41,11 +41,11 @@ struct Morphs {
     set: Set,
 }
 
-/// The greatest that Vulkan lets a device ask for (`minUniformBufferOffsetAlignment`).
+/// The greatest that Vulkan lets a device require (`minUniformBufferOffsetAlignment`).
 const UNIFORM_ALIGNMENT: u64 = 256;
 
 struct Material {
-    /// That of every material, then that of its layers.
+    /// The uniform of the material, then the uniform of its layers.
     uniform: Buffer,
     set: Set,
 }
@@ -59,7 +59,7 @@ pub(crate) struct Resources {
     morphs: HashMap<(Hash, VertexLayout), Morphs>,
     textures: HashMap<TextureKey, Image>,
     samplers: HashMap<Sampler, vk::Sampler>,
-    /// Asked for; see `GpuOptions::anisotropy`.
+    /// The requested anisotropy; see `GpuOptions::anisotropy`.
     pub anisotropy: f32,
     /// Materials by content and by which texture slots the shader reads.
     materials: HashMap<(Hash, u32), Material>,
@@ -68,7 +68,7 @@ pub(crate) struct Resources {
     pub(super) pools: Pools,
     pub(super) sources: Sources,
     pub(super) streams: Streams,
-    /// What has been made so far.
+    /// Counts of the objects created so far.
     pub work: CreatedCounts,
 }
 
@@ -302,7 +302,7 @@ impl Resources {
                 return Err(e);
             }
         };
-        // In the table first, so that it is destroyed with the rest where a later step fails.
+        // Inserted into the table first, so that it is destroyed with the rest if a later step fails.
         let raw = uniform.raw;
         self.materials.insert((material.hash, slots), Material { uniform, set });
         self.work.materials += 1;
@@ -373,7 +373,7 @@ impl Resources {
                 Some(true) => vk::SamplerMipmapMode::LINEAR,
                 _ => vk::SamplerMipmapMode::NEAREST,
             })
-            // Without mipmaps: level 0 only, and still minified where the level of detail says so
+            // Without mipmaps, only level 0 is read, but still minified where the level of detail says so
             // (Vulkan, "VkSamplerCreateInfo", the table of GL equivalents).
             .max_lod(if s.mip_linear.is_some() { vk::LOD_CLAMP_NONE } else { 0.25 })
             .anisotropy_enable(anisotropy > 1.0)
@@ -385,7 +385,7 @@ impl Resources {
         Ok(sampler)
     }
 
-    /// New scene resources: what they hold too stays. No frame may be in flight.
+    /// Drops everything that new scene resources do not hold. No frame may be in flight.
     pub fn retain(&mut self, gpu: &Context, resources: &SceneResources) {
         let primitives: HashSet<Hash> = resources.primitives.iter().map(|p| p.hash).collect();
         let textures: HashSet<TextureKey> =

@@ -16,7 +16,7 @@ pub(crate) struct BehindTarget {
 }
 
 impl BehindTarget {
-    /// Floats whatever the image holds, so that no level rounds what the one above it says.
+    /// Floats whatever format the image has, so that no level rounds the one above it.
     pub fn new(gpu: &Context, [width, height]: [u32; 2], levels: u32) -> Result<BehindTarget, RenderError> {
         let info = vk::SamplerCreateInfo::default()
             .mag_filter(vk::Filter::LINEAR)

@@ -16,7 +16,7 @@ pub(crate) struct SkyImages {
     /// Hash of the panorama.
     hash: [u8; 32],
     pub sampler: vk::Sampler,
-    /// Once a pipeline reads them.
+    /// The maps, uploaded once a pipeline reads them.
     pub maps: Option<(Arc<SkyMaps>, Image)>,
     pub picture: Option<Image>,
 }
@@ -57,7 +57,7 @@ impl SkyImages {
         Ok(())
     }
 
-    /// Both images, one in the place of the other where only one is there: no binding is left without.
+    /// The views of both images. If only one exists it takes both places, so that no binding stays empty.
     pub fn views(&self) -> Option<[vk::ImageView; 2]> {
         let maps = self.maps.as_ref().map(|(_, image)| image.view);
         let picture = self.picture.as_ref().map(|image| image.view);

@@ -84,7 +84,7 @@ impl PipelineState {
             gbuffer,
             // Reversed Z: nearer is greater. Of a peeled layer the farthest stays.
             depth: Some(match peel {
-                // At depth 0, where anything was drawn.
+                // The lighting pass draws a triangle at depth 0, which passes where anything was drawn.
                 _ if light => (vk::CompareOp::LESS, false),
                 true => (vk::CompareOp::LESS, true),
                 false => (vk::CompareOp::GREATER, key.writes_depth()),

@@ -5,7 +5,7 @@ use super::resources::{Resources, TextureKey, texture_key};
 use crate::commands::{Command, Recording};
 use crate::scene_resources::SceneResources;
 
-/// More than there are frames in flight, parts of an exposure included: what was last used that many frames ago is used no longer.
+/// Frames for which an unused texture is kept: more than can be in flight, sub-frames of an exposure included.
 const KEPT: u64 = 8;
 
 #[derive(Default)]
@@ -44,7 +44,7 @@ impl Resources {
         }
     }
 
-    /// New scene resources: what they do not hold is gone already.
+    /// Drops the records of textures that new scene resources do not hold; the textures are gone already.
     pub(super) fn keep_streams(&mut self, held: impl Fn(&TextureKey) -> bool) {
         self.streams.used.retain(|(key, ..)| held(key));
     }

@@ -24,7 +24,7 @@ pub fn format(target: Target) -> vk::Format {
     }
 }
 
-/// What a recording needs; equal needs share the images.
+/// Images that a recording needs; recordings with equal needs share them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Needs {
     pub size: [u32; 2],
@@ -179,7 +179,7 @@ impl Targets {
         }
     }
 
-    /// What shaders read beside materials; the sky is among the resources.
+    /// Images that shaders read, beside materials; the sky is among the resources.
     pub fn seen(&self) -> FrameImages<'_> {
         let layers = match (&self.depth, &self.layers[..]) {
             (Some(depth), [even, odd]) => Some(([depth.view, even.view, odd.view], self.sampler)),

@@ -46,6 +46,7 @@ impl Scene {
                 time: Time::ZERO,
                 actors: Vec::new(),
                 camera,
+                dissolve: None,
                 lights: Vec::new(),
                 sky: None,
                 layers_2d: Vec::new(),
@@ -227,7 +228,7 @@ pub fn image(width: u32, height: u32, texel: impl Fn(u32, u32) -> [u8; 4]) -> Ar
 use choreo_plugin::Frame;
 use choreo_render::{CpuRenderer, GpuOptions, RenderError, Renderer, VulkanRenderer};
 
-/// With the validation layer on; `None`, with a word, where there is no Vulkan.
+/// A renderer with the validation layer; `None`, with a message, where there is no Vulkan.
 pub fn vulkan(options: GpuOptions) -> Option<VulkanRenderer> {
     match VulkanRenderer::new(GpuOptions { validation: true, ..options }) {
         Ok(renderer) => Some(renderer),
@@ -246,7 +247,7 @@ pub fn draw_with(renderer: &mut dyn Renderer, scene: &Scene, options: &PlanOptio
     renderer.collect(None).unwrap()
 }
 
-/// On the CPU.
+/// Draws on the CPU.
 pub fn draw(scene: &Scene, options: &PlanOptions) -> Frame {
     draw_with(&mut CpuRenderer::new(options.effects), scene, options)
 }
@@ -321,7 +322,7 @@ pub fn busy_scene(offset: DVec3) -> Scene {
     scene
 }
 
-/// On at any time; `actors`: on these only, where there are any.
+/// Adds an effect that is on at all times, on these actors only, if there are any.
 pub fn use_effect(scene: &mut Scene, plugin: &str, parameters: &[(&str, f64)], actors: &[usize]) {
     let parameters: Vec<(String, f64)> = parameters.iter().map(|(n, v)| (n.to_string(), *v)).collect();
     let effect = scene.stage.effects.len();

@@ -134,6 +134,7 @@ fn cast(c: &mut Call) -> Reply {
         looks: Vec::new(),
         root: None,
         joint_keys: Vec::new(),
+        walks: Vec::new(),
         parents: Vec::new(),
         face_point: None,
         hidden_parts: BTreeSet::new(),

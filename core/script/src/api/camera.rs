@@ -1,13 +1,14 @@
 //! Cameras: placement, projection and cuts.
 
+use super::actor::before_start;
 use super::keys;
 use crate::build::{CameraDraft, DEFAULT_AZIMUTH, DEFAULT_ELEVATION, room};
-use crate::call::{ApiError, Call, Reply, api, euler, radians, unknown};
+use crate::call::{ApiError, Call, Reply, api, euler, radians, unknown, wrong};
 use crate::hook;
 use crate::value::{ActorRef, CameraRef};
 use choreo_asset::Asset;
 use choreo_motion::Time;
-use choreo_stage::{Camera, Property, Rig};
+use choreo_stage::{Camera, CameraEdit, CameraLook, CameraShake, Cut, Property, Rig};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 
@@ -17,12 +18,23 @@ api! {
     /// Sets the position in metres.
     Camera.at("x, y, z | point") = at, in_frames;
     /// Points the camera at an actor, a joint or a point, and keeps it pointed there as that moves.
-    Camera.look_at("target") = look_at;
+    /// - Options: from and until (times; several targets may follow each other, and before and after them the camera
+    ///   looks where it did without them), blend (seconds that it takes to turn to the target, and back at `until`,
+    ///   default 0.5; 0 is a jump). With `from`, also for cameras that follow, orbit or belong to a file.
+    /// - In a callback: without options, the target for this frame.
+    Camera.look_at("target, options?") = look_at, in_frames;
     /// Rotates the camera about the vertical axis, in degrees counter-clockwise. Without rotation it looks along
-    /// -z.
-    Camera.turn("degrees") = turn;
-    /// Rotates the camera about x, then y, then z, in degrees.
-    Camera.rotate("x, y, z") = rotate;
+    /// -z. In a callback it rotates on top of all else.
+    Camera.turn("degrees") = turn, in_frames;
+    /// Rotates the camera about x, then y, then z, in degrees. In a callback it rotates on top of all else.
+    Camera.rotate("x, y, z") = rotate, in_frames;
+    /// Shakes the camera by smooth noise, as a handheld camera or in a collision; further calls add to it.
+    /// - Options: from (time, default 0), until (time, default none), fade (seconds that it takes to begin and to
+    ///   end, default 0.3), amplitude (degrees that it pans and tilts to each side at most, 0 to 90, default 0.5; it
+    ///   rolls half as far), move (metres that it moves to each side, up and down at most, 0 to 1000, default 0),
+    ///   frequency (how often it goes to and fro at most, Hz, 0 to 100, default 2), seed (a whole number, default the
+    ///   number of the call).
+    Camera.shake("options?") = shake;
     /// Moves the camera with a target, at an offset [x, y, z] from it, and points it at the target.
     Camera.follow("target, offset") = follow;
     /// Moves the camera in a circle around a target. Options: distance (metres, default 4), elevation (degrees, -89
@@ -33,19 +45,20 @@ api! {
     /// elevation (degrees, -89 to 89, default 10).
     Camera.frame("options?") = frame;
     /// Sets the vertical field of view in degrees (0.1 to 179, default 40.1).
-    Camera.fov("degrees") = fov;
+    Camera.fov("degrees") = fov, in_frames;
     /// Sets the focal length of the lens in millimetres (0.2 to 13000), on full-frame film, 24 mm high: 24 is wide,
     /// 50 normal, 100 a telephoto lens. It sets the field of view.
-    Camera.focal_length("millimetres") = focal_length;
+    Camera.focal_length("millimetres") = focal_length, in_frames;
     /// Makes the camera orthographic; `height` is the height of the image in metres.
-    Camera.ortho("height") = ortho;
+    Camera.ortho("height") = ortho, in_frames;
     /// Sets the near clipping plane in metres. The default is 0.05, or a hundredth of the way to the target of a camera
     /// that looks at, follows or orbits one, whichever is nearer.
     Camera.near("metres") = near;
     /// Sets the far clipping plane in metres (default: none; 10000 for an orthographic camera).
     Camera.far("metres") = far;
-    /// Cuts to this camera at a time: from then on it is the active camera.
-    Camera.cut("time") = cut;
+    /// Cuts to this camera at a time: from then on it is the active camera. Options: dissolve (seconds in which the
+    /// image goes over from that of the camera before, a cross dissolve, default 0).
+    Camera.cut("time, options?") = cut;
     /// Animates a property with keyframes [[time, value], …]: "position" (dolly, crane), "rotation" (pan, tilt,
     /// roll) or "fov" (zoom). Values, `how` and easing as in Actor.key.
     Camera.key("property, keys, how?") = key;
@@ -63,6 +76,7 @@ fn draft(c: &Call, name: String) -> CameraDraft {
         position: None,
         rotation: DQuat::IDENTITY,
         look_at: None,
+        looks: Vec::new(),
     }
 }
 
@@ -89,28 +103,105 @@ fn change(c: &Call, change: impl FnOnce(&mut CameraDraft)) -> Reply {
 }
 
 fn at(c: &mut Call) -> Reply {
-    let p = c.point(0)?;
+    let position = c.point(0)?;
     if c.in_frame {
-        let this: CameraRef = c.this()?;
-        hook::edit(|e| e.cameras.push((this.0, p)));
-        return c.itself();
+        return edit(c, |camera| CameraEdit::MoveTo { camera, position });
     }
-    change(c, |k| k.position = Some(p))
+    change(c, |k| k.position = Some(position))
 }
+
+/// Notes an edit of the camera for the frame that a callback runs for.
+fn edit(c: &Call, change: impl FnOnce(usize) -> CameraEdit) -> Reply {
+    let this: CameraRef = c.this()?;
+    hook::edit(|e| e.cameras.push(change(this.0)));
+    c.itself()
+}
+
+/// Seconds that a camera takes to turn to its next target.
+const BLEND: f64 = 0.5;
 
 fn look_at(c: &mut Call) -> Reply {
     let target = c.target(0)?;
-    change(c, |k| k.look_at = Some(target))
+    let o = c.options(1, if c.in_frame { &[] } else { &["from", "until", "blend"] })?;
+    if c.in_frame {
+        return edit(c, |camera| CameraEdit::LookAt { camera, target });
+    }
+    let start = o.get("from").map(|v| c.stage_time(&v, "look_at: from")).transpose()?;
+    let until = o.get("until").map(|v| c.stage_time(&v, "look_at: until")).transpose()?;
+    let blend = o.duration("blend")?;
+    if start.is_none() && until.is_none() {
+        if blend.is_some() {
+            let error = ApiError::new("look_at: blend needs a time of change");
+            return Err(error.hint("give it: #{ from: 2.0, blend: 0.5 }"));
+        }
+        return change(c, |k| k.look_at = Some(target));
+    }
+    if let (Some(start), Some(until)) = (start, until)
+        && until <= start
+    {
+        return Err(before_start("look_at: until", until, start));
+    }
+    let start = start.unwrap_or(Time::MIN);
+    let this: CameraRef = c.this()?;
+    let mut build = c.build();
+    let looks = &mut build.camera(this.0)?.looks;
+    room(looks.len(), "looks of one camera", &c.shared.limits)?;
+    if looks.iter().any(|(look, _)| look.start == start) {
+        let when =
+            if start == Time::MIN { "already".into() } else { format!("at {} s already", start.as_secs()) };
+        let error = ApiError::new(format!("look_at: this camera looks at another target {when}"));
+        return Err(error.hint("give each target a time of its own: #{ from: 2.0 }"));
+    }
+    let blend = blend.unwrap_or(Time::from_secs(BLEND));
+    looks.push((CameraLook { target: Some(target), start, blend }, until));
+    drop(build);
+    c.itself()
+}
+
+fn rotated(c: &Call, rotation: DQuat) -> Reply {
+    if c.in_frame {
+        return edit(c, |camera| CameraEdit::Turn { camera, rotation });
+    }
+    change(c, |k| k.rotation = (rotation * k.rotation).normalize())
 }
 
 fn turn(c: &mut Call) -> Reply {
-    let turn = DQuat::from_rotation_y(radians(c.number(0)?));
-    change(c, |k| k.rotation = (turn * k.rotation).normalize())
+    rotated(c, DQuat::from_rotation_y(radians(c.number(0)?)))
 }
 
 fn rotate(c: &mut Call) -> Reply {
-    let turn = euler(DVec3::new(c.number(0)?, c.number(1)?, c.number(2)?));
-    change(c, |k| k.rotation = (turn * k.rotation).normalize())
+    rotated(c, euler(DVec3::new(c.number(0)?, c.number(1)?, c.number(2)?)))
+}
+
+fn shake(c: &mut Call) -> Reply {
+    let o = c.options(0, &["from", "until", "fade", "amplitude", "move", "frequency", "seed"])?;
+    let time = |name| o.get(name).map(|v| c.stage_time(&v, &o.label(name))).transpose();
+    let (start, end) = (time("from")?, time("until")?);
+    let start = start.unwrap_or(c.build().offset);
+    if let Some(until) = end.filter(|until| *until <= start) {
+        return Err(before_start("shake: until", until, start));
+    }
+    let seed = o.read("seed", |v, label| match v.as_int().map(u32::try_from) {
+        Ok(Ok(seed)) => Ok(seed),
+        _ => Err(wrong(v, label, "a whole number from 0 to 4294967295")),
+    })?;
+    let shake = CameraShake {
+        start,
+        end,
+        fade: o.duration("fade")?.unwrap_or(Time::from_secs(0.3)),
+        angle: o.number_in("amplitude", 0.0, 90.0)?.unwrap_or(0.5).to_radians(),
+        shift: o.number_in("move", 0.0, 1000.0)?.unwrap_or(0.0),
+        frequency: o.number_in("frequency", 0.0, 100.0)?.unwrap_or(2.0),
+        seed: 0,
+    };
+    let this: CameraRef = c.this()?;
+    let mut build = c.build();
+    let shakes = &mut build.camera(this.0)?.camera.shakes;
+    room(shakes.len(), "shakes of one camera", &c.shared.limits)?;
+    let seed = seed.unwrap_or(shakes.len() as u32);
+    shakes.push(CameraShake { seed, ..shake });
+    drop(build);
+    c.itself()
 }
 
 fn follow(c: &mut Call) -> Reply {
@@ -149,7 +240,13 @@ const FOV: (f64, f64) = (0.1, 179.0);
 
 fn fov(c: &mut Call) -> Reply {
     let (low, high) = FOV;
-    let yfov = c.number_in(0, low, high)?.to_radians() as f32;
+    perspective(c, c.number_in(0, low, high)?.to_radians() as f32)
+}
+
+fn perspective(c: &Call, yfov: f32) -> Reply {
+    if c.in_frame {
+        return edit(c, |camera| CameraEdit::FieldOfView { camera, yfov });
+    }
     change(c, |k| {
         k.perspective = Some(yfov);
         k.ortho = None;
@@ -161,15 +258,14 @@ const FILM_HEIGHT: f64 = 24.0;
 
 fn focal_length(c: &mut Call) -> Reply {
     let millimetres = c.number_in(0, 0.2, 13_000.0)?;
-    let yfov = (2.0 * libm::atan(FILM_HEIGHT / 2.0 / millimetres)) as f32;
-    change(c, |k| {
-        k.perspective = Some(yfov);
-        k.ortho = None;
-    })
+    perspective(c, (2.0 * libm::atan(FILM_HEIGHT / 2.0 / millimetres)) as f32)
 }
 
 fn ortho(c: &mut Call) -> Reply {
     let height = c.number_in(0, 1e-6, 1e9)? as f32;
+    if c.in_frame {
+        return edit(c, |camera| CameraEdit::Height { camera, height });
+    }
     change(c, |k| {
         k.ortho = Some(height);
         k.perspective = None;
@@ -189,11 +285,12 @@ fn far(c: &mut Call) -> Reply {
 fn cut(c: &mut Call) -> Reply {
     let this: CameraRef = c.this()?;
     let t: Time = c.time(0)?;
+    let dissolve = c.options(1, &["dissolve"])?.duration("dissolve")?.unwrap_or_default();
     let place = c.place.clone();
     let mut build = c.build();
     room(build.cuts.len(), "cuts", &c.shared.limits)?;
     build.camera(this.0)?;
-    build.cuts.push((t, this.0, place));
+    build.cuts.push((Cut { at: t, camera: this.0, dissolve }, place));
     drop(build);
     c.itself()
 }

@@ -169,7 +169,7 @@ fn checked(
     Ok(clip)
 }
 
-/// Which parts of a body stay at rest; where nothing is known of parts, which joints.
+/// The error that parts of a body stay at rest; if no parts are known, it lists joints.
 fn partial(of: &ClipRef, on: &Asset, coverage: &Coverage) -> ApiError {
     let clip = format!("clip \"{}\" of \"{}\" on \"{}\"", of.clip.name, of.asset.name, on.name);
     if coverage.parts.is_empty() {
@@ -219,7 +219,7 @@ impl NothingFollows {
     }
 }
 
-/// What may surprise about a retargeted clip.
+/// Warns that a retargeted clip has too many keys to stay within the tolerance.
 fn note(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetReport) {
     if report.coarse {
         let text = format!(

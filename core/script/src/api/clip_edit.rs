@@ -39,8 +39,8 @@ api! {
     /// Returns the clip with keyframes at a constant frame rate in place of its own (baking).
     Clip.resample("fps") -> Clip = resample;
     /// Returns the clip with fewer keyframes. The tolerance is the largest error of any joint in metres, in model
-    /// space (0 to 1). Options: keep ("own", the default: each curve keeps its own keyframes, which takes the
-    /// fewest bytes; "shared": curves keep the same keyframes, which is the fastest to sample).
+    /// space (0 to 1). Options: keep ("fewest", the default: curves keep keyframes of their own, the same ones or all,
+    /// whatever takes the fewest bytes; "shared": curves keep the same keyframes, which is the fastest to sample).
     Clip.reduce("tolerance, options?") -> Clip = reduce;
     /// Returns the clip compressed, in fewer bytes and as fast to sample. The tolerance is the largest error of any
     /// joint in metres, in model space (0.000001 to 0.1; 0.0001 is a good value). What would not become smaller
@@ -126,9 +126,9 @@ fn resample(c: &mut Call) -> Reply {
 
 fn reduce(c: &mut Call) -> Reply {
     let tolerance = c.number_in(0, 0.0, 1.0)?;
-    let keep = match c.options(1, &["keep"])?.one_of("keep", &["own", "shared"])? {
+    let keep = match c.options(1, &["keep"])?.one_of("keep", &["fewest", "shared"])? {
         Some("shared") => KeptTimes::Shared,
-        _ => KeptTimes::PerCurve,
+        _ => KeptTimes::Fewest,
     };
     edit(c, |clip, asset| clip.reduced(&asset.skeleton, tolerance, keep).map(|(clip, _)| clip))
 }

@@ -201,7 +201,11 @@ fn plant_feet(c: &mut Call) -> Reply {
             None => vec![one(&given)?],
         },
     };
-    add(c, this.id, goal(ConstraintKind::FootLock(FootLock { legs, hips, ground, only: Vec::new() }), &o)?)
+    add(
+        c,
+        this.id,
+        goal(ConstraintKind::FootLock(FootLock { legs, hips, ground, ..FootLock::default() }), &o)?,
+    )
 }
 
 fn mirror(c: &mut Call) -> Reply {

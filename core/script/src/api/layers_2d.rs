@@ -4,10 +4,11 @@ use super::keys;
 use crate::build::room;
 use crate::call::fields::pair;
 use crate::call::{ApiError, Call, Options, Reply, api, fields};
+use crate::fonts;
 use crate::hook;
 use crate::value::{FlatRef, ImageRef};
 use choreo_asset::Image;
-use choreo_importer_kit::pictures::{Encoded, Formats};
+use choreo_importer_kit::images::{Encoded, Formats};
 use choreo_stage::{Align, Fit, Font, Layer2d, Layer2dContent, Layer2dEdit};
 use glam::{DVec2, Vec4};
 use rhai::Dynamic;
@@ -20,7 +21,8 @@ api! {
     /// - Text: size (fraction of the image height, default 0.08), color (default white), width
     ///   (fraction of the image width at which lines break, default none), align ("left", "center", the
     ///   default, or "right"), line_height (in sizes, default 1.25), font (a .ttf or .otf file, default a built-in
-    ///   font).
+    ///   font). Characters that the font lacks are drawn in another built-in font, else in one of the system, with a
+    ///   warning. Letters run from left to right and are not joined.
     text("words, options?") -> Flat = text, options(|| fields::documented(&plain(), &METHODS));
     /// Adds an image over the frame: an Image, or a PNG, JPEG, WebP, BMP or TGA file. Options: at, offset, anchor
     /// and opacity as in `text`; and one of height or width (fraction of that of the frame, default height 0.3) and
@@ -104,10 +106,7 @@ fn text(c: &mut Call) -> Reply {
             .map_err(|e| ApiError::new(format!("text: \"{name}\" {e}")).focus(&name))?,
         None => Font::built_in(),
     };
-    if let Some(missing) = font.missing(&words).first() {
-        let error = ApiError::new(format!("text: the font \"{}\" has no '{missing}'", font.name));
-        return Err(error.hint("give a font that has it: font: \"file.ttf\""));
-    }
+    fonts::warn(c, &font, &words);
     let content = Layer2dContent::Text {
         words,
         font,
@@ -209,10 +208,14 @@ fn words(c: &mut Call) -> Reply {
         hook::edit(|e| e.layers_2d.push(Layer2dEdit::Words { layer_2d: this.0, words: said }));
         return c.itself();
     }
-    match &mut c.build().flat(this.0)?.content {
-        Layer2dContent::Text { words, .. } => *words = said,
+    let font = match &mut c.build().flat(this.0)?.content {
+        Layer2dContent::Text { words, font, .. } => {
+            words.clone_from(&said);
+            font.clone()
+        }
         _ => return Err(ApiError::new("words: only a text says anything")),
-    }
+    };
+    fonts::warn(c, &font, &said);
     c.itself()
 }
 

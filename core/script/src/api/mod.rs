@@ -12,6 +12,7 @@ pub mod effect;
 pub mod expect;
 pub(crate) mod expected_values;
 pub mod expression;
+mod fade;
 pub mod joint;
 pub mod keys;
 pub mod layers_2d;
@@ -28,6 +29,7 @@ pub mod surfaces;
 pub mod test;
 pub mod values;
 mod visibility;
+pub mod walk_to;
 
 use crate::call::Function;
 use crate::def::Defs;
@@ -46,11 +48,11 @@ pub const TABLES: &[(&str, &[&[Function]])] = &[
     ),
     ("Constraints, inverse kinematics (IK) and spring bones", &[look_at::DEFS, constraints::DEFS]),
     ("Cues: clips on the timeline, crossfades, layers and masks", &[cue::OPTION_DEFS, cue::DEFS]),
-    ("Root motion, in place and path following", &[root_motion::DEFS]),
+    ("Root motion, in place, path following and walks", &[walk_to::DEFS, root_motion::DEFS]),
     ("Markers, footsteps and sequences", &[sequences::DEFS]),
     ("Cameras: field of view, orbit, follow and cuts", &[camera::DEFS]),
     ("Lights, shadows and image-based lighting (HDRI)", &[light::DEFS, sky::DEFS]),
-    ("2D layers: titles, images and letterbox", &[layers_2d::DEFS]),
+    ("2D layers: titles, images and letterbox", &[layers_2d::DEFS, fade::DEFS]),
     ("Effects and post-processing", &[effect::DEFS]),
     ("Tests: declaration and golden images", &[test::DEFS]),
     ("Tests: measured properties", &[expect::DEFS]),

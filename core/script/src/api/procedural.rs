@@ -68,8 +68,8 @@ api! {
     /// Actor.rotate.
     /// - Cast it once: the copies are drawn together, each is culled by itself, and a character's pose is
     ///   evaluated once for all of them, whatever clips it plays. Actor.count sets how many of them exist.
-    /// - Level of detail (LOD): meshes with 64 copies or more on stage get simplified versions; small copies are
-    ///   drawn with the coarsest one whose error is at most one pixel.
+    /// - Level of detail (LOD): small copies are drawn by simplified versions where the difference is not visible;
+    ///   see the option levels_of_detail of `stage`.
     Asset.repeat("places") -> Asset = crate::procedural::repeat;
     /// Returns the names of the materials.
     Asset.materials("") -> "array of texts" = materials;

@@ -29,7 +29,10 @@ api! {
     ///   "independent" where sorting fails), pipeline ("forward": surfaces are lit as they are drawn; "deferred":
     ///   each pixel is lit once, from a G-buffer, with 1 sample; "auto", the default: the faster of the two, by the
     ///   number of lights and the overdraw), skin_once (pre-skinning. true: a mesh is skinned once per frame for
-    ///   all passes that draw it; false: in each pass; "auto", the default: once where that is cheaper).
+    ///   all passes that draw it; false: in each pass; "auto", the default: once where that is cheaper),
+    ///   levels_of_detail (LOD; true, the default: models that are often so small on screen that their triangles are
+    ///   smaller than pixels get simplified versions, which are drawn where the difference is not visible; false:
+    ///   all triangles are drawn).
     stage("options | ") -> Stage = stage;
     /// Returns the time of a frame in seconds, at the frame rate (fps) of the stage.
     f("frame") -> "float" = frame, in_frames;
@@ -65,6 +68,7 @@ fn stage(c: &mut Call) -> Reply {
             "transparency",
             "pipeline",
             "skin_once",
+            "levels_of_detail",
         ],
     )?;
     if let Some(before) = &c.build().settings_at {
@@ -174,6 +178,7 @@ fn read_rendering(o: &Options, s: &mut Settings) -> Result<(), ApiError> {
         Err(_) => Err(wrong(v, label, "true, false or \"auto\"")),
     };
     s.skin_once = o.read("skin_once", when)?.unwrap_or(s.skin_once);
+    s.levels_of_detail = o.flag("levels_of_detail")?.unwrap_or(s.levels_of_detail);
     Ok(())
 }
 

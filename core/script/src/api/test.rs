@@ -9,7 +9,7 @@ use crate::hook::own_captures;
 use crate::modules::read_text;
 use crate::resolve::finish_stage;
 use crate::suggest::{did_you_mean, list};
-use crate::test_data::{Claim, PictureExpectation, PlanOptions, Scene, SectionInfo};
+use crate::test_data::{Claim, ImageExpectation, PlanOptions, Scene, SectionInfo};
 use crate::value::{ActorRef, CameraRef, ExpectRef, HandleKind, LightRef, PlanRef, SceneRef, StageRef};
 use choreo_image_diff::{ImageMetric, METRICS};
 use choreo_motion::Time;
@@ -203,6 +203,13 @@ fn scene(c: &mut Call) -> Reply {
     let folders = c.shared.loader.folders();
     let found = folders.find(None, &name).map_err(|e| ApiError::from(e).focus(name.clone()))?;
     let text = read_text(c.shared, &found, &name)?;
+    let own = c.shared.sources.lock().unwrap_or_else(PoisonError::into_inner).get(&c.place.file).cloned();
+    if own.as_deref() == Some(&*text) {
+        let error = ApiError::new(format!("scene: \"{name}\" is the file of this test")).focus(&*name);
+        return Err(error.hint(
+            "the statements of this file outside its tests have run already: leave scene(…) out, or move the tests to a file of their own",
+        ));
+    }
     let folder = found.path.parent().map(std::path::Path::to_path_buf).unwrap_or_default();
     {
         let mut test = c.shared.test();
@@ -426,12 +433,12 @@ fn expect_picture(c: &mut Call) -> Reply {
     if let Some(t) = tolerance.filter(|t| t.fract() != 0.0) {
         return Err(ApiError::new(format!("expect_picture: tolerance must be a whole number, got {t}")));
     }
-    let default = PictureExpectation::new(&name);
+    let default = ImageExpectation::new(&name);
     let mut limits = default.limits;
     for (limit, metric) in limits.iter_mut().zip(METRICS) {
         *limit = o.number_in(metric.name, 0.0, 1.0)?.unwrap_or(*limit);
     }
-    let picture = PictureExpectation {
+    let picture = ImageExpectation {
         at: o.get("at").map(|v| crate::call::time(&v, &o.label("at"))).transpose()?.unwrap_or(Time::ZERO),
         size: size(&o)?,
         samples: samples(&o)?,

@@ -1,8 +1,9 @@
-//! What of an actor is visible, and when: `actor.from(time)`, `actor.until(time)`, `actor.hide_parts(names)`.
+//! The visibility of an actor: `actor.from(time)`, `actor.until(time)`, `actor.hide_parts(names)`.
 
 use super::cue::layer::matches;
 use super::keys;
 use crate::call::{ApiError, Call, Reply, api, unknown};
+use crate::suggest::list;
 use crate::value::ActorRef;
 use choreo_motion::{Interpolation, Time};
 use choreo_stage::{Channel, Property};
@@ -13,7 +14,7 @@ api! {
     /// Hides the actor from this time on. A hidden actor costs nothing: it is neither posed nor drawn.
     Actor.until("time") = until;
     /// Hides parts of the model, such as the second sword of a character: the meshes of these names, or on nodes of
-    /// these names, which `choreo info --joints` lists. One name or an array; `*` stands for any letters, as in "Knight_Sword*". Further calls hide
+    /// these names, which `choreo info` lists. One name or an array; `*` stands for any letters, as in "Knight_Sword*". Further calls hide
     /// more.
     Actor.hide_parts("names") = hide_parts;
 }
@@ -39,10 +40,7 @@ fn hide_parts(c: &mut Call) -> Reply {
         let named = |names: &[&str; 2]| names.iter().any(|name| matches(pattern.as_bytes(), name.as_bytes()));
         hidden.extend((0..).zip(&names).filter(|(_, names)| named(names)).map(|(index, _)| index));
         if hidden.len() == known {
-            let mut nodes: Vec<&str> = names.iter().map(|[node, _]| *node).collect();
-            nodes.sort_unstable();
-            nodes.dedup();
-            return Err(unknown("part", pattern, &format!(" of \"{}\"", asset.name), nodes));
+            return Err(no_part(pattern, &asset.name, &names));
         }
     }
     if patterns.is_empty() {
@@ -50,6 +48,26 @@ fn hide_parts(c: &mut Call) -> Reply {
     }
     c.build().actor(this.id)?.hidden_parts.extend::<Vec<u32>>(hidden);
     c.itself()
+}
+
+/// No mesh and no node with a mesh has this name; names that contain it are what was meant.
+fn no_part(pattern: &str, asset: &str, names: &[[&str; 2]]) -> ApiError {
+    let mut known: Vec<&str> = names.as_flattened().iter().copied().filter(|name| !name.is_empty()).collect();
+    known.sort_unstable();
+    known.dedup();
+    let of = format!(" of \"{asset}\"");
+    let lower = pattern.trim_matches('*').to_lowercase();
+    let found = known.iter().map(|name| (name, name.to_lowercase().find(&lower)));
+    let Some((name, at)) = found.filter(|_| !lower.is_empty()).find_map(|(name, at)| Some((name, at?)))
+    else {
+        return unknown("part", pattern, &of, known);
+    };
+    // Letters may have other lengths in lower case.
+    let written = name.get(at..at + lower.len()).unwrap_or(&lower);
+    let matching: Vec<&str> =
+        known.iter().copied().filter(|name| name.to_lowercase().contains(&lower)).collect();
+    let text = format!("unknown part \"{pattern}\"{of}; did you mean \"*{written}*\"?");
+    ApiError::new(text).focus(pattern).hint(format!("it matches {}", list(matching, 24)))
 }
 
 fn from(c: &mut Call) -> Reply {

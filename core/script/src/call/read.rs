@@ -1,4 +1,4 @@
-//! Values of a script as what is asked for: `LABEL must be ALLOWED, got …`.
+//! Values of a script as the requested type: `LABEL must be ALLOWED, got …`.
 
 use super::{ApiError, meant};
 use crate::color;

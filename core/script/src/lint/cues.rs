@@ -1,6 +1,6 @@
 //! Cues that leave a gap, freeze, hide each other or are cut off.
 
-use super::Remark;
+use super::PlacedFinding;
 use crate::build::{Build, CueDraft};
 use crate::cue_times::all_times;
 use choreo_motion::Time;
@@ -20,13 +20,13 @@ impl Timed<'_> {
         &self.draft.cue.clip.name
     }
 
-    /// The script said that the last pose is held.
+    /// Whether the script states that the last pose is held.
     fn asked_to_hold(&self) -> bool {
         self.draft.repeat == Some(Repeat::Once)
     }
 }
 
-pub fn look(build: &Build, found: &mut Vec<Remark>) {
+pub fn look(build: &Build, found: &mut Vec<PlacedFinding>) {
     let times = all_times(build);
     let timed: Vec<Timed> = build
         .cues
@@ -69,7 +69,7 @@ fn base_layer(
     actor: &str,
     base: &[&Timed],
     frame: Time,
-    found: &mut Vec<Remark>,
+    found: &mut Vec<PlacedFinding>,
 ) {
     let length = build.settings.length;
     if let Some(first) = base.first()
@@ -81,7 +81,7 @@ fn base_layer(
             first.name(),
             first.start.as_secs()
         );
-        found.push(Remark::note("starts_late", &first.draft.at, text).on(subject, Time::ZERO));
+        found.push(PlacedFinding::note("starts_late", &first.draft.at, text).on(subject, Time::ZERO));
     }
     for pair in base.windows(2) {
         let (a, b) = (pair[0], pair[1]);
@@ -93,8 +93,8 @@ fn base_layer(
                 b.start.min(length).as_secs(),
                 a.name()
             );
-            let remark = Remark::warning("gap", &a.draft.at, text).on(subject, end);
-            found.push(remark.hint("leave .until out to let it play on, or add .once() where it is meant"));
+            let finding = PlacedFinding::warning("gap", &a.draft.at, text).on(subject, end);
+            found.push(finding.hint("leave .until out to let it play on, or add .once() where it is meant"));
         }
         // A cue that comes in over the end of another is a crossfade.
         let covered = a.start < b.start && b.start + b.draft.cue.fade_in + frame <= end;
@@ -106,8 +106,8 @@ fn base_layer(
                 b.name(),
                 b.start.as_secs()
             );
-            let remark = Remark::warning("cues_overlap", &b.draft.at, text).on(subject, b.start);
-            found.push(remark.hint("begin later with .from, or add .on(\"Spine..\") to play both at once"));
+            let finding = PlacedFinding::warning("cues_overlap", &b.draft.at, text).on(subject, b.start);
+            found.push(finding.hint("begin later with .from, or add .on(\"Spine..\") to play both at once"));
         }
     }
     let last_end = base.last().and_then(|last| Some((last, last.end?)));
@@ -122,9 +122,9 @@ fn base_layer(
             end.as_secs(),
             length.as_secs()
         );
-        let remark = Remark::warning("frozen_at_end", &last.draft.at, text).on(subject, end);
+        let finding = PlacedFinding::warning("frozen_at_end", &last.draft.at, text).on(subject, end);
         found.push(
-            remark.hint("leave .until out to let it play on, add .then(…), or .once() where it is meant"),
+            finding.hint("leave .until out to let it play on, add .then(…), or .once() where it is meant"),
         );
     }
 }
@@ -133,7 +133,7 @@ fn base_layer(
 const MOST_LAYERS: usize = 32;
 
 /// Two layers that move the same joints at the same time.
-fn layers(build: &Build, upper: &[&Timed], found: &mut Vec<Remark>) {
+fn layers(build: &Build, upper: &[&Timed], found: &mut Vec<PlacedFinding>) {
     for (i, b) in upper.iter().enumerate() {
         for a in &upper[i.saturating_sub(MOST_LAYERS)..i] {
             let chains = [a, b].map(|t| &build.chains[t.draft.chain]);
@@ -158,19 +158,19 @@ fn layers(build: &Build, upper: &[&Timed], found: &mut Vec<Remark>) {
                     to.as_secs(),
                     if chains[0].priority == chains[1].priority { "later" } else { "higher" },
                 );
-                found.push(Remark::note("layers_overlap", &b.draft.at, text));
+                found.push(PlacedFinding::note("layers_overlap", &b.draft.at, text));
             }
         }
     }
 }
 
-fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<Remark>) {
+fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<PlacedFinding>) {
     let Timed { draft, start, end, layer } = cue;
     let (name, place) = (cue.name(), &draft.at);
     let length = draft.length();
     if !draft.counts() {
         let text = format!("clip \"{name}\" is never seen: its weight is 0");
-        found.push(Remark::warning("weight_zero", place, text).on(subject, *start));
+        found.push(PlacedFinding::warning("weight_zero", place, text).on(subject, *start));
     }
     let Some(end) = *end else { return };
     if end <= Time::ZERO && (*layer || next.is_some()) {
@@ -178,7 +178,7 @@ fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<Rema
             "clip \"{name}\" is never seen: it is over at {} s, before the stage begins",
             end.as_secs()
         );
-        found.push(Remark::warning("before_start", place, text).on(subject, *start));
+        found.push(PlacedFinding::warning("before_start", place, text).on(subject, *start));
         return;
     }
     let slot = end - *start;
@@ -190,9 +190,9 @@ fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<Rema
             fade_out.as_secs(),
             slot.as_secs()
         );
-        found.push(Remark::warning("fades_meet", place, text).on(subject, *start));
+        found.push(PlacedFinding::warning("fades_meet", place, text).on(subject, *start));
     }
-    // What the next one fades in over is still seen.
+    // The cue is still visible while the next one fades in over it.
     let active = slot + next.map_or(Time::ZERO, |n| n.draft.cue.fade_in);
     if draft.until.is_some() && slot > Time::ZERO && active < length && draft.trim.is_none() {
         let text = format!(
@@ -200,6 +200,6 @@ fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<Rema
             length.as_secs(),
             slot.as_secs()
         );
-        found.push(Remark::note("cut_off", place, text));
+        found.push(PlacedFinding::note("cut_off", place, text));
     }
 }

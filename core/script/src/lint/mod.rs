@@ -1,8 +1,8 @@
-//! Lints of `check`: what is valid in a script but probably not intended. Only `choreo check` reports them.
+//! The rules of `check`: they find things that are valid in a script but probably not intended. Only `choreo check` reports them.
 //!
 //! ```text
 //! drafts ─► cues, unused ─┐
-//!                         ├─► Remark ─► findings (places, lines, `// allow:` comments, equals put together)
+//!                         ├─► PlacedFinding ─► Diagnostic (`// allow:` comments, equal ones merged)
 //! Stage::survey ──────────┘
 //! ```
 
@@ -19,9 +19,9 @@ use choreo_stage::{Finding, Subject};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Something found, and where.
+/// A finding with its place in the script.
 #[derive(Clone, Debug)]
-pub(crate) struct Remark {
+pub(crate) struct PlacedFinding {
     pub rule: &'static str,
     pub severity: Severity,
     pub place: Place,
@@ -32,29 +32,37 @@ pub(crate) struct Remark {
     pub at: Time,
 }
 
-impl Remark {
-    pub fn warning(rule: &'static str, place: &Place, text: String) -> Remark {
+impl PlacedFinding {
+    pub fn warning(rule: &'static str, place: &Place, text: String) -> PlacedFinding {
         let (subject, at) = (Subject::Stage, Time::ZERO);
-        Remark { rule, severity: Severity::Warning, place: place.clone(), text, hint: None, subject, at }
+        PlacedFinding {
+            rule,
+            severity: Severity::Warning,
+            place: place.clone(),
+            text,
+            hint: None,
+            subject,
+            at,
+        }
     }
 
-    pub fn note(rule: &'static str, place: &Place, text: String) -> Remark {
-        Remark { severity: Severity::Note, ..Remark::warning(rule, place, text) }
+    pub fn note(rule: &'static str, place: &Place, text: String) -> PlacedFinding {
+        PlacedFinding { severity: Severity::Note, ..PlacedFinding::warning(rule, place, text) }
     }
 
-    pub fn hint(mut self, hint: impl Into<String>) -> Remark {
+    pub fn hint(mut self, hint: impl Into<String>) -> PlacedFinding {
         self.hint = Some(hint.into());
         self
     }
 
-    pub fn on(mut self, subject: Subject, at: Time) -> Remark {
+    pub fn on(mut self, subject: Subject, at: Time) -> PlacedFinding {
         (self.subject, self.at) = (subject, at);
         self
     }
 }
 
-/// Looks through the drafts, before they become a stage.
-pub(crate) fn remarks(build: &Build) -> Vec<Remark> {
+/// The findings about the drafts, before they become a stage.
+pub(crate) fn script_findings(build: &Build) -> Vec<PlacedFinding> {
     let mut found = Vec::new();
     cues::look(build, &mut found);
     unused::look(build, &mut found);
@@ -89,13 +97,13 @@ pub struct Places {
     pub clips_only: Vec<(String, Place)>,
     /// The script's name in messages.
     pub main: String,
-    pub(crate) remarks: Vec<Remark>,
+    pub(crate) script_findings: Vec<PlacedFinding>,
     /// The text of the script and its modules, by their names in messages.
     pub sources: Arc<BTreeMap<String, Arc<str>>>,
 }
 
 impl Places {
-    /// Nowhere for what the script did not make.
+    /// The place of a subject; empty for one that the script did not make.
     pub fn of(&self, subject: Subject) -> Place {
         let place = match subject {
             Subject::Stage => Some(&self.settings),
@@ -109,24 +117,24 @@ impl Places {
         place.cloned().unwrap_or_default()
     }
 
-    /// What was found in the script and, given by the caller, on its stage: sorted by place, equal kinds from one place put
-    /// together, those left out that a comment `// allow: rule` on the line or the one above it states are meant.
+    /// Findings about the script and about its stage, which the caller gives, as diagnostics: sorted by place, equal rules at one
+    /// place merged. Those that a comment `// allow: rule`, on the line or the one above it, marks as intended are left out.
     pub fn findings(&self, on_stage: &[Finding]) -> Vec<Diagnostic> {
         let all = self.meant(on_stage);
         let mut found: Vec<Diagnostic> = Vec::new();
         let mut last: Option<(Place, &str, usize)> = None;
-        for remark in all {
+        for finding in all {
             if let Some((place, rule, more)) = &mut last
-                && *place == remark.place
-                && *rule == remark.rule
+                && *place == finding.place
+                && *rule == finding.rule
                 && place.line > 0
             {
                 *more += 1;
                 continue;
             }
             close(&mut found, last.take());
-            found.push(self.diagnostic(&remark));
-            last = Some((remark.place, remark.rule, 0));
+            found.push(self.diagnostic(&finding));
+            last = Some((finding.place, finding.rule, 0));
         }
         close(&mut found, last);
         found
@@ -143,9 +151,9 @@ impl Places {
         warnings.map(|r| (r.subject, r.at, r.rule)).collect()
     }
 
-    /// All remarks but those that a comment allows, by place.
-    fn meant(&self, on_stage: &[Finding]) -> Vec<Remark> {
-        let from_stage = on_stage.iter().map(|f| Remark {
+    /// All findings except those that a comment allows, by place.
+    fn meant(&self, on_stage: &[Finding]) -> Vec<PlacedFinding> {
+        let from_stage = on_stage.iter().map(|f| PlacedFinding {
             rule: f.rule,
             severity: if f.note { Severity::Note } else { Severity::Warning },
             place: self.of(f.subject),
@@ -154,7 +162,7 @@ impl Places {
             subject: f.subject,
             at: Time::ZERO,
         });
-        let mut all: Vec<Remark> = self.remarks.iter().cloned().chain(from_stage).collect();
+        let mut all: Vec<PlacedFinding> = self.script_findings.iter().cloned().chain(from_stage).collect();
         let lines: BTreeMap<&str, Vec<&str>> =
             self.sources.iter().map(|(file, text)| (file.as_str(), text.lines().collect())).collect();
         all.retain(|r| !allowed(r, lines.get(r.place.file.as_str()).map_or(&[], Vec::as_slice)));
@@ -162,16 +170,16 @@ impl Places {
         all
     }
 
-    fn diagnostic(&self, remark: &Remark) -> Diagnostic {
+    fn diagnostic(&self, finding: &PlacedFinding) -> Diagnostic {
         Diagnostic {
-            severity: remark.severity,
-            rule: remark.rule,
-            file: remark.place.file.clone(),
-            line: remark.place.line,
-            column: remark.place.column,
-            source_line: self.line(&remark.place).unwrap_or_default().to_string(),
-            message: remark.text.clone(),
-            hint: remark.hint.clone(),
+            severity: finding.severity,
+            rule: finding.rule,
+            file: finding.place.file.clone(),
+            line: finding.place.line,
+            column: finding.place.column,
+            source_line: self.line(&finding.place).unwrap_or_default().to_string(),
+            message: finding.text.clone(),
+            hint: finding.hint.clone(),
         }
     }
 
@@ -182,12 +190,12 @@ impl Places {
 }
 
 /// Whether a comment on its line, or on the one above it, states that it is meant.
-fn allowed(remark: &Remark, lines: &[&str]) -> bool {
-    let numbers = [remark.place.line.checked_sub(1), remark.place.line.checked_sub(2)];
+fn allowed(finding: &PlacedFinding, lines: &[&str]) -> bool {
+    let numbers = [finding.place.line.checked_sub(1), finding.place.line.checked_sub(2)];
     numbers.into_iter().flatten().filter_map(|n| lines.get(n)).any(|line| {
         let comment = line.split_once("//").map_or("", |(_, comment)| comment);
         let rules = comment.trim_start().strip_prefix("allow:").unwrap_or("");
-        rules.split([',', ' ']).any(|rule| rule == remark.rule)
+        rules.split([',', ' ']).any(|rule| rule == finding.rule)
     })
 }
 

@@ -1,6 +1,6 @@
-//! What a script makes and never uses.
+//! Things that a script makes and never uses.
 
-use super::Remark;
+use super::PlacedFinding;
 use crate::api_error::Place;
 use crate::build::{Build, Declared};
 use rhai::{AST, ASTNode, Stmt};
@@ -86,7 +86,7 @@ impl Statements {
     }
 }
 
-pub fn look(build: &Build, found: &mut Vec<Remark>) {
+pub fn look(build: &Build, found: &mut Vec<PlacedFinding>) {
     for load in build.loads.iter().filter(|l| !l.used) {
         // Another call may have got the same asset and used it.
         let shared = |other: &&crate::build::LoadDraft| {
@@ -97,7 +97,7 @@ pub fn look(build: &Build, found: &mut Vec<Remark>) {
         if build.loads.iter().any(|other| shared(&other)) {
             continue;
         }
-        // What could not be read is reported as an error.
+        // A failed load is reported as an error.
         if load.load.ready().is_none() {
             continue;
         }
@@ -105,12 +105,12 @@ pub fn look(build: &Build, found: &mut Vec<Remark>) {
         found.push(match load.made {
             true => {
                 let text = format!("the {name} is made, but nothing is cast from it");
-                Remark::warning("unused_load", at, text)
+                PlacedFinding::warning("unused_load", at, text)
             }
             false => {
                 let text =
                     format!("\"{name}\" is loaded, but nothing is cast from it and no clip of it is played");
-                Remark::warning("unused_load", at, text).hint("leave it out: loading takes time")
+                PlacedFinding::warning("unused_load", at, text).hint("leave it out: loading takes time")
             }
         });
     }
@@ -120,7 +120,7 @@ pub fn look(build: &Build, found: &mut Vec<Remark>) {
     for variable in build.declared.iter().filter(|v| !reported.contains(&v.at.line)) {
         let text = format!("the variable \"{}\" is never used", variable.name);
         found.push(
-            Remark::note("unused_variable", &variable.at, text)
+            PlacedFinding::note("unused_variable", &variable.at, text)
                 .hint(format!("call it _{} where that is meant", variable.name)),
         );
     }

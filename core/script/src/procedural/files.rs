@@ -7,17 +7,17 @@ use crate::limits::raise_hint;
 use crate::value::{Following, ImageRef};
 use choreo_asset::{AlphaMode, Image, ImageSource, ImageSourceError};
 use choreo_importer_kit::Problem;
-use choreo_importer_kit::pictures::{Encoded, Formats};
+use choreo_importer_kit::images::{Encoded, Formats};
 use std::sync::Arc;
 
-/// How far beyond a missing number is looked for others, to tell a gap from the end.
+/// How far beyond a missing number others are searched for, to distinguish a gap from the end.
 const GAP: u64 = 20;
 
 /// `image("brick.png", …)` or `image("smoke_###.png", …)`.
 pub(crate) fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
     let name = c.text(0)?;
     let (first, last) = (whole(o, "first")?, whole(o, "last")?);
-    let sampler = super::picture::sampler(o)?;
+    let sampler = super::raw_image::sampler(o)?;
     let Some((before, digits, after)) = pattern(&name)? else {
         if let Some(word) = ["first", "last"].into_iter().find(|w| o.get(w).is_some()) {
             let text = format!("image: {word} is of numbered files, whose name has # for each digit");
@@ -77,7 +77,7 @@ pub(crate) fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
         files.push((name, bytes));
     }
     let Some(image) = image else { return Err(ApiError::new("image: no files")) };
-    super::picture::count(c, texels(&image))?;
+    super::raw_image::count(c, texels(&image))?;
     let hashes = files.iter().map(|(_, bytes)| *blake3::hash(bytes).as_bytes()).collect();
     let files = Following { pictures: Arc::new(NumberedFiles { files }), hashes, alpha };
     Ok(ImageRef { image, sampler, dead: false, files: Some(files) })
@@ -117,7 +117,7 @@ fn whole(o: &Options, word: &str) -> Result<Option<u64>, ApiError> {
 
 fn one(c: &Call, name: &str) -> Result<Arc<Image>, ApiError> {
     let image = decoded(name, &c.shared.read_file(name)?).map_err(|p| undecodable(name, p))?;
-    super::picture::count(c, texels(&image))?;
+    super::raw_image::count(c, texels(&image))?;
     Ok(image)
 }
 

@@ -9,7 +9,7 @@ use choreo_asset::{
 };
 use std::sync::Arc;
 
-/// Those of an array, which are held in memory.
+/// Images of an array, which are held in memory.
 #[derive(Debug)]
 struct Held(Vec<Arc<Image>>);
 
@@ -40,7 +40,7 @@ impl Rule {
     }
 }
 
-/// Made of two when it is seen; of a single one there is always the same.
+/// Images made of two when they are needed; a single image is the same at all times.
 #[derive(Debug)]
 struct Joined {
     parts: [(Arc<Image>, Option<Following>); 2],
@@ -57,7 +57,7 @@ impl ImageSource for Joined {
     }
 }
 
-/// What is solid only where both are.
+/// The alpha mode of two combined surfaces: solid only where both are.
 pub(crate) fn more_open(a: AlphaMode, b: AlphaMode) -> AlphaMode {
     match (a, b) {
         (AlphaMode::Blend, _) | (_, AlphaMode::Blend) => AlphaMode::Blend,

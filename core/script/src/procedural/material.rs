@@ -2,7 +2,7 @@
 
 use super::following::{self, Rule, given, join};
 use super::maps;
-use super::picture::srgb_byte;
+use super::raw_image::srgb_byte;
 use crate::call::{ApiError, Options, rgb};
 use crate::value::{Following, ImageRef};
 use choreo_asset::{
@@ -12,7 +12,7 @@ use choreo_asset::{
 use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
-/// What [`material`] reads.
+/// The options of [`material`].
 pub(crate) const OPTIONS: [&str; 46] = [
     "color",
     "image",
@@ -81,7 +81,7 @@ impl Maps {
         let alone = !other_maps.into_iter().any(|name| o.get(name).is_some());
         let mut cells = None;
         let mut image = match o.get("image").is_some_and(|v| v.is_array()) && alone {
-            // As cells of one image, which other maps have not.
+            // The images become cells of one image, which is possible only without other maps.
             true => {
                 let all = maps::pictures(o, "image")?;
                 let (image, [columns, rows]) = maps::side_by_side(o, &all)?;
@@ -353,7 +353,7 @@ fn shading(o: &Options, material: &mut Material) -> Result<(), ApiError> {
     Ok(())
 }
 
-/// What lies over, in or behind the surface, by the terms of glTF's extensions.
+/// Layers over, in or behind the surface, with the terms of glTF's extensions.
 fn layers(o: &Options, material: &mut Material) -> Result<(), ApiError> {
     const LAYERS: std::ops::Range<usize> = 13..29;
     let Some(first) = OPTIONS[LAYERS].iter().find(|name| o.get(name).is_some()) else { return Ok(()) };
@@ -382,7 +382,7 @@ fn layers(o: &Options, material: &mut Material) -> Result<(), ApiError> {
         Ok(o.number_in(name, 0.0, 1.0)?.map_or(default, |v| v as f32))
     };
     let ior = o.number_in("ior", 1.0, 10.0)?.unwrap_or(1.5);
-    // What a surface reflects straight on is ((n − 1) / (n + 1))², and 0.04 at 1.5.
+    // The reflectance at normal incidence is ((n − 1) / (n + 1))², and 0.04 at 1.5.
     let amplitude = (ior - 1.0) / (ior + 1.0);
     material.specular_color *= (amplitude * amplitude / 0.04) as f32;
     let film = o.number_in("film", 0.0, 100_000.0)?.unwrap_or(400.0) as f32;

@@ -1,18 +1,18 @@
-//! What a script makes itself: shapes, meshes, lines and points from arrays, images.
+//! Things that a script makes itself: shapes, meshes, lines and points from arrays, images.
 
 mod arrays;
 mod files;
 mod following;
 mod maps;
 mod material;
-mod picture;
+mod raw_image;
 mod reflection;
 mod relief;
 mod repeat;
 mod solids;
 mod texture;
 
-pub use picture::image;
+pub use raw_image::image;
 pub use repeat::repeat;
 pub use texture::texture;
 
@@ -110,7 +110,7 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
         }
     }
     if topology != Topology::Triangles {
-        // Without faces there is nothing for light to fall on.
+        // Lines and points have no faces, so light has no effect on them.
         material.shading = Shading::Unlit;
         material.line_style = pen(&o, topology)?;
     }

@@ -1,4 +1,4 @@
-//! What a surface with shininess mirrors: reflection, its map, and an environment of its own.
+//! The reflection of a surface with shininess: its color, its map, and its own environment.
 
 use crate::call::{ApiError, Options, rgb};
 use crate::value::ImageRef;

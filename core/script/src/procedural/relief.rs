@@ -148,7 +148,7 @@ pub(crate) fn subdivide(p: &mut Primitive) {
 pub fn displace(p: &mut Primitive, image: &Image, height: f32, tiles: f32) {
     let key = |v: Vec3| v.to_array().map(|c| (c + 0.0).to_bits());
     let groups: Vec<_> = p.positions.iter().zip(&p.normals).map(|(a, n)| (key(*a), key(*n))).collect();
-    // By the mean of what they show: a seam of the texture coordinates must not tear.
+    // Vertices of one group move by their mean brightness, so that a seam of the texture coordinates does not tear.
     let mut heights: BTreeMap<_, (f32, f32)> = BTreeMap::new();
     for (group, uv) in groups.iter().zip(&p.uvs[0]) {
         let (sum, count) = heights.entry(*group).or_default();
@@ -226,7 +226,7 @@ mod tests {
         for (at, n) in sphere.positions.iter().zip(&sphere.normals) {
             let q = *at - middle;
             assert!((q.length() - 0.75).abs() < 4e-3, "{at}");
-            // At the poles triangles have vertices in one place, whose edges have no middle of their own.
+            // Triangles at the poles have vertices in one place, and the edges between those have no middle of their own.
             assert!(q.normalize().dot(*n) > 0.99, "{at} {n}");
         }
         let black = Image { rgba: vec![0, 0, 0, 255], ..white };

@@ -196,7 +196,7 @@ fn capsule(size: Vec3) -> Primitive {
     // Height of a half sphere for a height of 1.
     let cap = 0.5 * size.x.max(size.z) / size.y;
     let half = ROWS / 2;
-    // Of the way from the top down along the outside, so that an image is not stretched more on one part than another.
+    // v is the share of the way from the top down along the outside, so that an image is stretched evenly.
     let arc = std::f32::consts::FRAC_PI_2 * cap;
     let whole = 2.0 * arc + (1.0 - 2.0 * cap);
     let row = |row: u32| {
@@ -218,7 +218,7 @@ fn torus(size: Vec3) -> Primitive {
     let thick = 0.5 * size.y / size.x.min(size.z);
     let row = |row: u32| {
         let part = f64::from(row) / f64::from(ROWS);
-        // From the inside over the top to the outside and back below.
+        // The row goes from the inside over the top to the outside and back below.
         let slope = half_turn(2.0 * part);
         let out = -slope.y;
         let normal = Vec2::new(out / thick, slope.x / 0.5);
@@ -238,7 +238,7 @@ mod tests {
             .map(move |kind| (*kind, solid(kind, size)))
     }
 
-    /// For each kind one of them is right.
+    /// Each kind accepts at least one of these sizes.
     const SIZES: [Vec3; 2] = [Vec3::new(2.0, 1.0, 3.0), Vec3::new(1.0, 3.0, 2.0)];
 
     #[test]

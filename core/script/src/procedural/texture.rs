@@ -24,7 +24,7 @@ const SLOTS: &[&str] = &[
     "reflection",
 ];
 
-/// What the light on a material reads; toon shading has its own words in files.
+/// Whether a shading model reads a texture slot. Files state the slots of toon shading themselves.
 fn reads(shading: Shading, slot: &str) -> bool {
     match shading {
         Shading::BlinnPhong | Shading::Phong => !matches!(slot, "metallic_roughness" | "specular"),

@@ -84,15 +84,15 @@ fn topic(term: &str) -> Option<&'static Topic> {
     TOPICS.iter().find(|topic| topic.terms.iter().any(|known| letters(known) == wanted))
 }
 
-/// What to use in place of an unknown name.
+/// The function or option to use in place of an unknown name.
 pub(crate) struct Suggestion {
-    /// As the message names it: `reach` to somebody who wrote a method of an actor, `Actor.reach` to others.
+    /// Its name as the message writes it: `reach` if the user wrote a method of an actor, `Actor.reach` otherwise.
     pub name: String,
-    /// What it does, and its page.
+    /// Its description, and its page.
     pub hint: String,
 }
 
-/// The function or method that does what somebody means who calls `name` on a value of this kind.
+/// The function or method to use in place of the unknown `name`, called on a value of this kind.
 pub fn of_function(defs: &Defs, name: &str, on: HandleKind) -> Option<Suggestion> {
     let topic = topic(name)?;
     let callable = |target: &Target| target.entry(defs).filter(|_| target.option().is_none());
@@ -103,7 +103,7 @@ pub fn of_function(defs: &Defs, name: &str, on: HandleKind) -> Option<Suggestion
     Some(Suggestion { name: name.to_string(), hint: topic.hint(*target, defs) })
 }
 
-/// The option of a function that somebody means who writes the option `name`; else the call that does it.
+/// The option to use in place of the unknown option `name` of a function; else the call that does it.
 pub(crate) fn of_option(defs: &Defs, name: &str, function: &str, known: &[&str]) -> Option<Suggestion> {
     let topic = topic(name)?;
     let of_this = |target: &&Target| target.entry(defs).is_some_and(|(_, def)| def.name == function);
@@ -113,10 +113,14 @@ pub(crate) fn of_option(defs: &Defs, name: &str, function: &str, known: &[&str])
         return Some(Suggestion { name: option.to_string(), hint: topic.hint(*target, defs) });
     }
     let target = *topic.calls.first()?;
-    Some(Suggestion { name: target.text.to_string(), hint: topic.hint(target, defs) })
+    let name = match target.option() {
+        Some(_) => Call::of(target, defs).usage,
+        None => target.text.to_string(),
+    };
+    Some(Suggestion { name, hint: topic.hint(target, defs) })
 }
 
-/// The known value that somebody means who writes the text `given`: `bloom` for `glow`.
+/// The known value that replaces the unknown text `given`: `bloom` for `glow`.
 pub(crate) fn of_value<'a>(given: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let topic = topic(given)?;
     known.into_iter().find(|known| topic.calls.iter().any(|target| target.value() == Some(known)))
@@ -133,7 +137,7 @@ impl Topic {
     }
 }
 
-/// What `choreo help TERM` prints.
+/// The answer that `choreo help TERM` prints.
 #[derive(Debug, Default)]
 pub struct Answer {
     pub calls: Vec<Call>,
@@ -146,7 +150,7 @@ pub struct Answer {
 pub struct Call {
     /// How to write it: `Actor.reach(joint, target, options?)`, or a command, `choreo render --fps`.
     pub usage: String,
-    /// What it does; none for a command, which describes itself.
+    /// Its description; none for a command, which describes itself.
     pub about: Option<String>,
     /// The page that describes it: a file, with the heading if it has several.
     pub page: String,
@@ -200,7 +204,7 @@ fn first_line(def: &Def) -> String {
     def.about().swap_remove(0)
 }
 
-/// What the reference states about an option: its name with the parentheses that follow it, or the item that names it.
+/// The reference's text about an option: its name with the parentheses that follow it, or the item that names it.
 fn describe_option(def: &Def, option: &str) -> Option<String> {
     let with_range = format!("{option} (");
     let about = def.about();

@@ -21,13 +21,22 @@ const TRIED: &[(&str, &str)] = &[
     ("duration", "stage(#{ length })"),
     ("resolution", "stage(#{ size })"),
     ("lookAt", "Actor.look_at(target, options?)"),
-    ("look-at", "Camera.look_at(target)"),
+    ("look-at", "Camera.look_at(target, options?)"),
     ("dof", "Camera.fov(degrees)"),
     ("opacity", "Actor.tint(color)"),
     ("Actor.reach", "Actor.reach(joint, target, options?)"),
     ("reach()", "Actor.reach(joint, target, options?)"),
     ("lerp", "lerp(a, b, w)"),
     ("headless", "choreo render --frames"),
+    ("clip plane", "Camera.near(metres)"),
+    ("85mm", "Camera.focal_length(millimetres)"),
+    ("cache", "choreo render --watch"),
+    ("still frame", "choreo render --at"),
+    ("weapon", "Actor.attach(actor_or_joint, options?)"),
+    ("hide mesh", "Actor.hide_parts(names)"),
+    ("dissolve", "Camera.cut(#{ dissolve })"),
+    ("camera shake", "Camera.shake(options?)"),
+    ("fade to black", "fade_out(seconds, options?)"),
 ];
 
 #[test]
@@ -86,6 +95,8 @@ fn options_and_values_have_synonyms() {
     assert_eq!(option("mask", "play", &["fade", "weight"]).as_deref(), Some("Cue.on"));
     assert_eq!(option("crossfade", "then", &["fade", "weight"]).as_deref(), Some("fade"));
     assert_eq!(option("quaggaflux", "then", &["fade"]), None);
+    assert_eq!(option("facing", "path", &["speed", "turn"]).as_deref(), Some("load(#{ facing })"));
+    assert_eq!(of_value("spline", ["linear", "cubic", "catmull_rom"]), Some("cubic"));
     assert_eq!(of_value("glow", ["fog", "bloom"]), Some("bloom"));
     assert_eq!(of_value("glow", ["fog"]), None);
 }

@@ -1,4 +1,4 @@
-//! What a section asserts, as data: said by the script, recorded with its place, judged once the stage is finished.
+//! The expectations of a section, as data: recorded by the script with their place, judged once the stage is finished.
 //!
 //! `expect(anna.joint("Head")).at(1.5).near([0.0, 1.6, 0.0], 0.01)` is an [`Expectation`] with the claim
 //! `Vector { quantity: Position of the joint, test: Near a point }`.
@@ -15,7 +15,7 @@ use std::sync::Arc;
 pub struct Expectation {
     /// Place of the call that compares.
     pub place: Place,
-    /// As written: the line of the script, without indentation.
+    /// Its text: the line of the script, without indentation.
     pub source: String,
     /// 0: the section's own stage; n: the n-th made with `stage_of`. Index into `SectionRun::stages`.
     pub stage: usize,
@@ -71,7 +71,7 @@ pub enum Claim {
     /// Evaluating this stage at all its frames takes at most `factor` times as long as the other.
     Cost { other: usize, factor: f64 },
     /// The image at a time is like the stored one.
-    Picture(PictureExpectation),
+    Picture(ImageExpectation),
 }
 
 /// Numbers of a stage, each a function of the time. Lengths in metres, angles in degrees, times in seconds.
@@ -145,7 +145,7 @@ pub enum VectorQuantity {
     /// Position in the world, or in the space of an actor or joint.
     Position(Subject, Option<Attachment>),
     Scale(Subject),
-    /// Direction of the subject as a unit vector (+z of actors and joints; where cameras and lights point).
+    /// Direction of the subject as a unit vector (the front of actors, +z of joints; where cameras and lights point).
     Direction(Subject),
     /// Red, green, blue, linear.
     Tint(usize),
@@ -194,7 +194,7 @@ pub enum Count {
     Frames,
 }
 
-/// What a plan is made for; `None`: as the stage states, 4 samples where it states nothing.
+/// Size and samples of a plan; `None`: those of the stage, and 4 samples if the stage has none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PlanOptions {
     pub size: Option<[u32; 2]>,
@@ -215,7 +215,7 @@ pub enum PlanCount {
     Morphs,
     /// Depths seen from lights that cast shadows.
     ShadowMaps,
-    /// What effects draw of their own: two a line or point.
+    /// Geometry that effects draw: two triangles a line or point.
     OverlayTriangles,
 }
 
@@ -263,7 +263,7 @@ pub enum VectorGoal {
 #[derive(Clone, Debug)]
 pub enum RotationGoal {
     Rotation(DQuat),
-    /// As another subject is turned at the same time.
+    /// The rotation of another subject at the same time.
     Subject(Subject),
     /// Gives degrees about y, or [x, y, z] as for `.rotate`.
     Formula(Formula),
@@ -331,7 +331,7 @@ pub enum TextsQuantity {
     /// Warnings about the script and the assets on stage.
     Warnings,
     Printed,
-    /// What the plan leaves out: `skinning: no mesh has a skin`.
+    /// A feature or object that the plan leaves out: `skinning: no mesh has a skin`.
     LeftOut(PlanOptions),
     /// Names of the effects that are on.
     Effects,
@@ -379,7 +379,7 @@ pub enum ValueTest {
 
 /// The image of the stage at a time, against a stored one.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PictureExpectation {
+pub struct ImageExpectation {
     /// Unlike every other of its file; letters, digits, `_`, `-`.
     pub name: String,
     pub at: Time,
@@ -397,10 +397,10 @@ pub struct PictureExpectation {
     pub large: bool,
 }
 
-impl PictureExpectation {
+impl ImageExpectation {
     /// The image at time zero, with the limits that hold where a test states none.
-    pub fn new(name: &str) -> PictureExpectation {
-        PictureExpectation {
+    pub fn new(name: &str) -> ImageExpectation {
+        ImageExpectation {
             name: name.to_string(),
             at: Time::ZERO,
             size: None,
@@ -430,7 +430,7 @@ impl std::fmt::Debug for Formula {
     }
 }
 
-/// What is compared.
+/// The measured property of an expectation.
 #[derive(Clone, Debug)]
 pub enum Measure {
     Number(Quantity),

@@ -5,10 +5,10 @@ mod state;
 mod timeout;
 
 pub use expectation::{
-    Claim, Contact, Count, EventPattern, EventsTest, Expectation, Flag, Formula, InFrame, Measure,
-    NumberGoal, NumberTest, PictureExpectation, PlanCount, PlanOptions, Quantity, RotationGoal,
-    RotationQuantity, SameOther, SameWhat, Subject, TextsQuantity, TextsTest, Value, ValueTest, VectorGoal,
-    VectorQuantity, VectorTest, When,
+    Claim, Contact, Count, EventPattern, EventsTest, Expectation, Flag, Formula, ImageExpectation, InFrame,
+    Measure, NumberGoal, NumberTest, PlanCount, PlanOptions, Quantity, RotationGoal, RotationQuantity,
+    SameOther, SameWhat, Subject, TextsQuantity, TextsTest, Value, ValueTest, VectorGoal, VectorQuantity,
+    VectorTest, When,
 };
 pub(crate) use state::{Scene, TestState};
 pub use timeout::{TimeUsedUp, Timeout};

@@ -1,4 +1,4 @@
-//! What the calls of one run have said about tests so far.
+//! The state of the tests of one run, filled by its calls.
 
 use super::{Expectation, SectionInfo};
 use crate::api_error::Place;
@@ -17,13 +17,13 @@ pub(crate) struct TestState {
     pub refused: bool,
     /// The section to be run, where all of the file are known: the calls for others are passed over.
     pub wanted: Option<SectionInfo>,
-    /// The section that was asked for is being run.
+    /// The requested section is being run.
     pub running: bool,
     pub ran: bool,
     pub expectations: Vec<Expectation>,
     /// Calls of `expect`, with the number of comparisons made.
     pub asked: Vec<(Place, usize)>,
-    /// Made with `stage_of`, in order.
+    /// The stages made with `stage_of`, in order.
     pub stages: Vec<Arc<Stage>>,
     /// 0: the section's own stage is being built; n: the n-th of `stages`.
     pub current_stage: usize,

@@ -9,10 +9,10 @@ mod file;
 mod run;
 
 pub use crate::test_data::{
-    Claim, Contact, Count, EventPattern, EventsTest, Expectation, Flag, Formula, InFrame, NumberGoal,
-    NumberTest, PictureExpectation, PlanCount, PlanOptions, Quantity, RotationGoal, RotationQuantity,
-    SameOther, SameWhat, SectionInfo, Subject, TextsQuantity, TextsTest, TimeUsedUp, Timeout, Value,
-    ValueTest, VectorGoal, VectorQuantity, VectorTest, When,
+    Claim, Contact, Count, EventPattern, EventsTest, Expectation, Flag, Formula, ImageExpectation, InFrame,
+    NumberGoal, NumberTest, PlanCount, PlanOptions, Quantity, RotationGoal, RotationQuantity, SameOther,
+    SameWhat, SectionInfo, Subject, TextsQuantity, TextsTest, TimeUsedUp, Timeout, Value, ValueTest,
+    VectorGoal, VectorQuantity, VectorTest, When,
 };
 pub use file::TestFiles;
 pub use run::{list_sections, run_section};
@@ -78,7 +78,7 @@ pub struct SectionRun {
 }
 
 impl SectionRun {
-    /// Neither an expectation nor a `//~` comment of its own: such a test cannot fail.
+    /// Whether it has neither an expectation nor a `//~` comment: such a test cannot fail.
     pub fn asserts_nothing(&self) -> bool {
         let own = |e: &ExpectedDiagnostic| (self.info.line..=self.info.end_line).contains(&e.line);
         !self.info.as_it_stands() && self.expectations.is_empty() && !self.expected.iter().any(own)

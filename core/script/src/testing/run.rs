@@ -81,7 +81,7 @@ pub fn run_section(
     section(path, index, registry, options, opened)
 }
 
-/// What compares images, or what they are made of, is called so.
+/// Whether a test compares images or inspects plans, by the names of the functions in its text.
 fn sees_pixels(text: &str) -> bool {
     ["expect_picture", "plan(", "same_as", "costs_at_most"].iter().any(|word| text.contains(word))
 }
@@ -205,7 +205,7 @@ fn run_here(
     }))
 }
 
-/// Leaves out what the other sections expect.
+/// The diagnostics without those that other sections expect.
 fn of_section(
     expected: &[ExpectedDiagnostic],
     own: &SectionInfo,

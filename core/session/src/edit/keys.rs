@@ -135,7 +135,7 @@ fn over(text: &Source, bytes: &Range<usize>, value: &KeyValue) -> Option<Edit> {
     let values: Vec<f64> = old.iter().map(|(_, v)| *v).collect();
     let new = numbers_like(&values, value);
     match new.len() == old.len() {
-        // What is between the numbers stays, too.
+        // The text between the numbers stays.
         true => rewritten(text, &old, &new),
         false => Some(Edit { range: bytes.clone(), text: list(&new) }),
     }
@@ -171,7 +171,7 @@ fn list(values: &[f64]) -> String {
     if let [one] = all.as_slice() { one.clone() } else { format!("[{}]", all.join(", ")) }
 }
 
-/// The value with as many numbers as a key near it has, where they can say it; angles as near to its as they can be.
+/// The value with as many numbers as a key near it has, if they can express it; angles as near to its as they can be.
 fn numbers_like(near: &[f64], value: &KeyValue) -> Vec<f64> {
     match *value {
         KeyValue::Point(p) => p.to_array().to_vec(),
@@ -209,9 +209,9 @@ fn nearest(q: DQuat, near: DVec3) -> DVec3 {
     if (all[1] - near).length() < (all[0] - near).length() - 1e-6 { all[1] } else { all[0] }
 }
 
-/// Before the key `next`, or behind the last: on a line of its own where the others are.
+/// Inserts a key before the key `next`, or after the last: on its own line if the others are.
 fn inserted(text: &str, keys: &[Key], next: usize, key: &str) -> Edit {
-    // What stands before a key: a new line with its blanks, or a space.
+    // The separator before a key: a new line with its blanks, or a space.
     let before = |at: usize| {
         let line = text[..at].rfind('\n').map_or(0, |n| n + 1);
         let blanks = &text[line..at];
@@ -226,9 +226,9 @@ fn inserted(text: &str, keys: &[Key], next: usize, key: &str) -> Edit {
     let at = last.all.end;
     let gap = before(last.all.start);
     let rest = &text[at..text[at..].find('\n').map_or(text.len(), |n| at + n)];
-    let remark = rest.trim_start().trim_start_matches(',').trim_start().starts_with("//");
-    if gap.starts_with('\n') && remark {
-        // Behind the remark on the last one, which needs a comma then.
+    let has_comment = rest.trim_start().trim_start_matches(',').trim_start().starts_with("//");
+    if gap.starts_with('\n') && has_comment {
+        // After the comment on the last key, which then needs a comma.
         let comma = if rest.trim_start().starts_with(',') { "" } else { "," };
         return Edit { range: at..at + rest.len(), text: format!("{comma}{rest}{gap}{key}") };
     }

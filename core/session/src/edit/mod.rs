@@ -36,7 +36,7 @@ impl Edit {
         Edit { range: start..before.len() - end, text: after[start..after.len() - end].to_string() }
     }
 
-    /// What takes it back, of the text before it.
+    /// The edit that undoes it, given the text before it.
     pub fn inverse(&self, before: &str) -> Edit {
         let range = self.range.start..self.range.start + self.text.len();
         Edit { range, text: before[self.range.clone()].to_string() }

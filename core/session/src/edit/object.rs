@@ -1,4 +1,4 @@
-//! What a script states of one thing that it makes: `let anna = cast(…).at(…);` and, further on, `anna.turn(…);`. Each change here
+//! The statements of a script about one object: `let anna = cast(…).at(…);` and, further on, `anna.turn(…);`. Each change here
 //! is one edit of one call; where the value is computed, a line is offered that states it anew.
 
 use super::scan::{Call, Source};
@@ -11,7 +11,7 @@ use glam::{DMat3, DQuat, DVec3};
 #[error("{why}")]
 pub struct EditRefused {
     pub why: String,
-    /// Adds a line that holds over what is computed, or takes the place of what is in the way.
+    /// A line to add that overrides a computed value, or replaces the line in the way.
     pub over: Option<Edit>,
     /// Label of the button for `over`.
     pub agree: &'static str,
@@ -30,7 +30,7 @@ pub struct ScriptObject<'a> {
     pub(super) text: Source<'a>,
     pub(super) line: usize,
     made: Call,
-    /// What the script calls it.
+    /// The script's variable for it.
     pub variable: Option<String>,
     /// Its own calls in the order of the text; the last of a name counts.
     pub(super) calls: Vec<Call>,
@@ -39,7 +39,7 @@ pub struct ScriptObject<'a> {
 }
 
 impl<'a> ScriptObject<'a> {
-    /// Made by the call at a place: line and column in characters, from 1.
+    /// The object made by the call at a place: line and column in characters, from 1.
     pub fn at(text: &'a str, line: usize, column: usize) -> Result<ScriptObject<'a>, EditRefused> {
         let refuse = |why: &str| EditRefused::from(format!("line {line}: {why}"));
         let text = Source::new(text);
@@ -83,11 +83,11 @@ impl<'a> ScriptObject<'a> {
         }
     }
 
-    /// `variable.call;` after everything that is said of it.
+    /// `variable.call;` after the last statement about it.
     fn new_line(&self, call: &str) -> Option<Edit> {
         let name = self.variable.as_ref()?;
         let mut end = self.text.statement_end(self.last_at);
-        // Behind a remark on the same line.
+        // After a comment on the same line.
         let rest = self.text[end..].find('\n').map_or(&self.text[end..], |n| &self.text[end..end + n]);
         if rest.trim().is_empty() || rest.trim_start().starts_with("//") {
             end += rest.trim_end().len();
@@ -164,7 +164,7 @@ impl<'a> ScriptObject<'a> {
         Ok(Edit { range, text: format_seconds(secs) })
     }
 
-    /// An option of the call that made it, or what a method of that name said of it later. `value`: as it is written.
+    /// Sets an option of the call that made it, or of a later method with that name. `value`: the text to write.
     pub fn option(&self, name: &str, value: &str) -> Result<Edit, EditRefused> {
         if let Some(call) = self.last(&[name]) {
             return self.overwrite(call, call.inside.clone(), value);
@@ -217,7 +217,7 @@ impl<'a> ScriptObject<'a> {
         let first = self.text.value_end(inside.start, inside.end);
         let asset = self.text.get(first + 1..inside.end).map(str::trim).filter(|a| !a.is_empty());
         let asset = asset.ok_or_else(|| format!("line {}: it is not cast from a file", self.line))?;
-        // By the name that the script has for the same file, where it has one.
+        // Uses the script's own name of the same file, if it has one.
         let named = self.text.call_from(first + 1).filter(|load| self.text[load.name.clone()] == *"load");
         let named = named.and_then(|load| {
             let file = &self.text[load.inside.start..self.text.value_end(load.inside.start, load.inside.end)];
@@ -280,7 +280,7 @@ fn call_text(name: &str, values: &[f64]) -> String {
     format!("{name}({})", values.iter().map(|v| format_number(*v)).collect::<Vec<_>>().join(", "))
 }
 
-/// What the script calls a file that it has loaded before a byte: `let NAME = load("FILE" …)`; `file` with its quotes.
+/// The script's variable of a file that it has loaded before a byte: `let NAME = load("FILE" …)`; `file` with its quotes.
 fn loaded_as<'a>(text: &Source<'a>, file: &str, before: usize) -> Option<&'a str> {
     let is_it = |call: &Call| {
         let first = call.inside.start..text.value_end(call.inside.start, call.inside.end);
@@ -297,7 +297,7 @@ fn wrapped(degrees: f64) -> f64 {
     if degrees.abs() <= 360.0 { degrees } else { degrees % 360.0 }
 }
 
-/// About x, then y, then z (fixed axes), as scripts say it, degrees.
+/// A rotation about x, then y, then z (fixed axes), as in scripts, degrees.
 pub(super) fn rotation(degrees: DVec3) -> DQuat {
     let about = |axis: DVec3, degrees: f64| {
         let (sin, cos) = libm::sincos(degrees.to_radians() / 2.0);
@@ -306,7 +306,7 @@ pub(super) fn rotation(degrees: DVec3) -> DQuat {
     about(DVec3::Z, degrees.z) * about(DVec3::Y, degrees.y) * about(DVec3::X, degrees.x)
 }
 
-/// The angles about x, then y, then z (fixed axes) of a rotation, as scripts say them, degrees; where y is ±90°, z is 0.
+/// The angles about x, then y, then z (fixed axes) of a rotation, as in scripts, degrees; where y is ±90°, z is 0.
 pub fn euler_degrees(q: DQuat) -> DVec3 {
     let m = DMat3::from_quat(q.normalize());
     let y = libm::asin((-m.x_axis.z).clamp(-1.0, 1.0));

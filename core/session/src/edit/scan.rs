@@ -69,7 +69,7 @@ impl<'a> Source<'a> {
         None
     }
 
-    /// Behind blanks and comments.
+    /// The next byte that is no blank and in no comment.
     pub fn skip(&self, at: usize) -> usize {
         self.start(self.index(at))
     }
@@ -123,7 +123,7 @@ impl<'a> Source<'a> {
         })
     }
 
-    /// Behind the `;` that ends the statement in which a byte stands, before the bracket that closes around it, or the text's end.
+    /// The byte after the `;` that ends the statement around a byte, before the bracket that closes around it, or the text's end.
     pub(crate) fn statement_end(&self, at: usize) -> usize {
         let index = self.find_outside(at, |token| token == ";" || is_close(token));
         self.start(index) + usize::from(self.token(index) == ";")

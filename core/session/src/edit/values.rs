@@ -55,7 +55,7 @@ pub fn rewritten(text: &str, old: &[(Range<usize>, f64)], new: &[f64]) -> Option
     let mut at = first.0.start;
     for ((range, before), value) in old.iter().zip(new) {
         out += &text[at..range.start];
-        // What has not changed stays as it was written.
+        // An unchanged number stays as it was written.
         let same = format_number(*before) == format_number(*value);
         out += &if same { text[range.clone()].to_string() } else { format_number(*value) };
         at = range.end;

@@ -1,4 +1,4 @@
-//! What constraints, limits and springs must be.
+//! Errors of constraints, limits and springs.
 
 use crate::stage::Stage;
 use crate::stage::actor::{Actor, Target};
@@ -6,18 +6,13 @@ use crate::stage::constraint::{ConstraintKind, FootLock};
 use crate::stage::described::Described;
 use choreo_motion::Time;
 
-/// What is wrong with the constraints, limits and springs of an actor, as place and text.
+/// Errors of the constraints, limits and springs of an actor, as place and text.
 pub(crate) fn problems(stage: &Stage, actor: &Actor) -> Vec<(String, String)> {
     let mut found = Vec::new();
     let joints = actor.asset.skeleton.len();
     let mut bad = |place: &str, what: String| found.push((place.to_string(), what));
     for constraint in &actor.constraints {
-        let name = match &constraint.kind {
-            ConstraintKind::Reach(_) => "reach",
-            ConstraintKind::Aim(_) => "aim",
-            ConstraintKind::FootLock(_) => "plant_feet",
-            ConstraintKind::Mirror(_) => "mirror",
-        };
+        let name = constraint.kind.name();
         if let Some(what) = constraint.targets().find_map(|t| target_problem(stage, &t)) {
             bad(name, what);
         }
@@ -71,7 +66,7 @@ fn target_problem(stage: &Stage, target: &Target) -> Option<String> {
     unknown.map(|j| format!("target joint {j} does not exist, there are {count}"))
 }
 
-/// What is wrong with a constraint whose joints exist.
+/// Errors of a constraint whose joints exist.
 fn kind_problems(stage: &Stage, actor: &Actor, kind: &ConstraintKind) -> Vec<String> {
     let (chain, in_range) = match kind {
         ConstraintKind::Reach(reach) => {

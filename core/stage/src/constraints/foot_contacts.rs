@@ -1,4 +1,4 @@
-//! What an actor's clips say of when its feet stand.
+//! The foot contacts of an actor, by its clips.
 
 use crate::stage::actor::Actor;
 use crate::stage::clips::Cue;
@@ -70,11 +70,34 @@ impl<'a> FootContacts<'a> {
         found
     }
 
-    /// 0 where the foot stands in most of what plays, by its weights, else 2 (see [`choreo_motion::contacts::still_intervals`]): contacts are mixed as poses
+    /// Seconds until a leg's foot comes down as the clip has it that plays at a time with most weight; 0: it stands. `backwards`: since it
+    /// went up. At most `most`.
+    pub fn lands_secs(&self, leg: usize, time: Time, backwards: bool, most: f64) -> f64 {
+        let leg = self.leg_in_clips(leg, time);
+        let playing = self.actor.active_clips(time);
+        let Some(cue) = playing.iter().rev().find(|c| c.layer == 0 && c.weight >= 0.5).map(|c| c.cue) else {
+            return 0.0;
+        };
+        let step = if backwards { Time(-STEP.0) } else { STEP };
+        let looks = (most / STEP.as_secs()) as i64;
+        let down = |i: &i64| {
+            let clip_time = self.actor.layers[0].cues[cue].clip_time(time + Time(step.0 * i), false);
+            self.is_down(cue, leg, clip_time)
+        };
+        (0..looks).find(down).map_or(most, |i| i as f64 * STEP.as_secs())
+    }
+
+    /// The leg whose steps a leg takes while the character is mirrored.
+    fn leg_in_clips(&self, leg: usize, time: Time) -> usize {
+        let constraints = self.mirrored.iter().filter(|(constraint, _)| constraint.share(time) >= 0.5);
+        constraints.fold(leg, |leg, (_, across)| across.get(leg).copied().unwrap_or(leg))
+    }
+
+    /// 0 if the foot stands in most of the active clips, by their weights, else 2 (see [`choreo_motion::contacts::still_intervals`]):
+    /// contacts are mixed as poses
     /// are (L. Kovar, M. Gleicher, "Flexible Automatic Motion Blending with Registration Curves", SCA 2003, §3.3).
     fn unrest(&self, leg: usize, time: Time) -> f64 {
-        let constraints = self.mirrored.iter().filter(|(constraint, _)| constraint.share(time) >= 0.5);
-        let leg = constraints.fold(leg, |leg, (_, across)| across.get(leg).copied().unwrap_or(leg));
+        let leg = self.leg_in_clips(leg, time);
         // Each is blended over those before it.
         let mut share = 0.0;
         for active in self.actor.active_clips(time).iter().filter(|h| h.layer == 0) {

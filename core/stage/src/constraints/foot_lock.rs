@@ -1,16 +1,18 @@
-//! Feet that stay where they stand.
+//! Foot locking: feet stay where they stand.
 //!
-//! Where a foot touches the ground follows from how it moves without this constraint, over the whole length of the stage: looked at
-//! once, at 60 Hz, and kept ([`Plants`]), so that any frame can be had first. In a fade in which clips keep step, they themselves say when
-//! ([`Said`]): the mean of two strides slides, so that its motion tells less than theirs. During a contact the ball of the foot stands still
-//! at one point; between two contacts the foot is moved by what lies between both corrections, so that nothing jumps.
+//! The contacts of a foot follow from its motion without this constraint, over the whole length of the stage: they are found once,
+//! at 60 Hz, and kept ([`FootLocks`]), so that frames can be evaluated in any order. While clips fade in step, the contacts are those
+//! of the clips, because the mean of two strides slides. During a contact the ball of the foot stays at one point; between two contacts
+//! the foot is moved by an interpolation of both corrections, so that nothing jumps.
 
-use crate::actors::{Scratch, evaluate_actors};
+use crate::actors::Scratch;
 use crate::constraints::foot_contacts::FootContacts;
+use crate::constraints::foot_samples::{FeetInMotion, FootSamples, Limb, leg_length};
+use crate::constraints::footsteps::Footstep;
 use crate::constraints::ground::Ground;
 use crate::constraints::solve::{bend_leg, world_place};
+use crate::constraints::standing_fades::FadeSteps;
 use crate::pose::joints::PosedSkeleton;
-use crate::snapshot::Snapshot;
 use crate::stage::constraint::{FootLock, Leg};
 use crate::stage::{Stage, StageError};
 use choreo_motion::contacts::{ContactThresholds, still_intervals};
@@ -20,26 +22,22 @@ use glam::{DAffine3, DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-const STEP: Time = Time(Time::TICKS_PER_SECOND / 60);
+pub(super) const STEP: Time = Time(Time::TICKS_PER_SECOND / 60);
 /// Feet are looked at for an hour at most; beyond it and outside the stage's length they are not planted.
 const MOST_SAMPLES: i64 = 60 * 3600;
 /// Across a longer gap between two contacts a foot is as its clips have it.
-const LONGEST_GAP: Time = Time(Time::TICKS_PER_SECOND);
+pub(super) const LONGEST_GAP: Time = Time(Time::TICKS_PER_SECOND);
 const FADE: f64 = 0.25;
-/// Metres of a leg that has none.
-const PERSON: f64 = 0.85;
-/// Ground up to so much above where a foot stands in its clip, raised as its last step was, is what it stands on: a high step, not the
-/// floor above.
+/// A foot stands on ground up to this height above its place in the clip, raised as its last step was: a high step, not the floor
+/// above.
 const HIGHEST_STEP: f64 = 1.2;
-/// The ball of a foot that is held is at most so high, in legs: one that is held while the toes leave the ground would push them into it.
+/// Largest height of the ball of a locked foot, in legs: a foot locked while the toes leave the ground would push them into it.
 const FLAT: f64 = 0.04;
-/// Looks to either side among which a foot is at its lowest: feet of two clips differ by centimetres, and each is to stand.
+/// Looks to either side among which a foot is at its lowest: feet of two clips differ by centimetres, and each must stand.
 const AROUND: usize = 36;
-/// How much of the sole's length raising the heel makes a leg longer, as far as it is counted on.
+/// Share of the sole's length by which raising the heel lengthens a leg, as far as it is used.
 const RAISED: f64 = 0.6;
-/// Hips come down by this share of a leg at most.
-const LOWEST: f64 = 0.25;
-/// Looks that they take there, and back.
+/// Number of looks over which the hips come down, and rise again.
 const SMOOTH: usize = 14;
 /// Number of places that are tried to either side, as far as half of the body's way during a contact.
 const REACH_PLACES: u32 = 32;
@@ -50,7 +48,9 @@ const JUMP: f64 = 0.12;
 #[derive(Debug, Default)]
 pub(crate) struct FootLockTrack {
     legs: Vec<Vec<Contact>>,
-    /// What has been looked at, and whether the stage is over then.
+    /// Steps of each leg in fades between walking and standing.
+    steps: Vec<Vec<Footstep>>,
+    /// The span that the contacts cover, and whether it reaches the end of the stage.
     span: (Time, Time),
     to_the_end: bool,
     /// Lowering of the hips, so that the legs reach the ground: start time and metres per step.
@@ -61,16 +61,18 @@ pub(crate) struct FootLockTrack {
 
 /// A contact: where the foot stands, and how far that is from where its clips have it at both ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Contact {
-    from: Time,
-    to: Time,
+pub(super) struct Contact {
+    pub from: Time,
+    pub to: Time,
     /// World; `None` = as its clips have it.
-    at: Option<DVec3>,
-    first: DVec3,
-    last: DVec3,
+    pub at: Option<DVec3>,
+    pub first: DVec3,
+    pub last: DVec3,
+    /// A step leads there or away.
+    pub by_step: bool,
 }
 
-/// What the plant constraints of one stage have found out, by actor and constraint.
+/// The contacts of the foot lock constraints of one stage, by actor and constraint.
 #[derive(Debug, Default)]
 pub(crate) struct FootLocks(Mutex<BTreeMap<(usize, usize), Arc<FootLockTrack>>>);
 
@@ -97,51 +99,68 @@ fn find(stage: &Stage, actor: usize, foot_lock: &FootLock) -> Result<FootLockTra
     let ground: Vec<Ground> =
         foot_lock.ground.iter().map(|g| Ground::of(stage, *g)).collect::<Result<_, _>>()?;
     let leg = leg_length(stage, actor, foot_lock);
-    let mut scratch = Scratch::only(vec![actor]);
-    let mut legs = vec![Vec::new(); foot_lock.legs.len()];
+    let mut feet = FeetInMotion { stage, actor, foot_lock, scratch: Scratch::only(vec![actor]) };
+    let count = foot_lock.legs.len();
+    let (mut legs, mut steps) = (vec![Vec::new(); count], vec![Vec::new(); count]);
     // How much higher than in its clips each foot stood last.
-    let mut raised = vec![0.0; foot_lock.legs.len()];
+    let mut raised = vec![0.0; count];
     let mut drops = Vec::new();
     let windows = windows(stage, foot_lock);
-    let contacts =
-        (!foot_lock.only.is_empty()).then(|| FootContacts::new(&stage.actors[actor], &foot_lock.legs));
+    let by_clips = !foot_lock.only.is_empty() || !foot_lock.standing_fades.is_empty();
+    let by_clips = by_clips.then(|| FootContacts::new(&stage.actors[actor], &foot_lock.legs));
     for (from, to) in &windows {
-        let samples = look(stage, actor, foot_lock, &mut scratch, *from, *to)?;
-        for (index, ((places, legs), raised)) in
-            samples.feet.iter().zip(&mut legs).zip(&mut raised).enumerate()
-        {
+        let samples = feet.look(*from, *to)?;
+        let mut found = vec![Vec::new(); count];
+        for (index, (found, raised)) in found.iter_mut().zip(&mut raised).enumerate() {
             let mut stand = |span: &ContactSpan| stand(&samples, span, index, foot_lock, &ground, raised);
-            let Some(contacts) = &contacts else {
-                let found = still_intervals(&unrest(&samples, places, leg), STEP.as_secs(), false);
+            let Some(contacts) = by_clips.as_ref().filter(|_| !foot_lock.only.is_empty()) else {
+                let places = &samples.feet[index];
+                let still = still_intervals(&unrest(&samples, places, leg), STEP.as_secs(), false);
                 let stay = |(first, last): &(usize, usize)| ContactSpan {
                     span: (samples.time(*first), samples.time(*last)),
                     ends: [places[*first], places[*last]],
                 };
-                legs.extend(found.iter().map(|found| stand(&stay(found))));
+                found.extend(still.iter().map(|still| stand(&stay(still))));
                 continue;
             };
-            // Clips say to the instant when a foot comes down and goes up.
+            // The contacts of clips are exact in time.
             for span in contacts.stands(index, *from, *to) {
                 let mut ends = [DVec3::ZERO; 2];
                 for (end, time) in ends.iter_mut().zip([span.0, span.1]) {
-                    *end = look(stage, actor, foot_lock, &mut scratch, time, time)?.feet[index][0];
+                    *end = feet.look(time, time)?.feet[index][0];
                 }
-                legs.push(stand(&ContactSpan { span, ends }));
+                found.push(stand(&ContactSpan { span, ends }));
+            }
+        }
+        if let Some(contacts) = &by_clips {
+            let fades = &foot_lock.standing_fades;
+            for (i, fade) in fades.iter().enumerate().filter(|(_, f)| *from <= f.from && f.to <= *to) {
+                let mut stand = |leg: usize, span: &ContactSpan| {
+                    stand(&samples, span, leg, foot_lock, &ground, &mut raised[leg])
+                };
+                let before = i.checked_sub(1).map_or(*from, |i| fades[i].to);
+                let after = fades.get(i + 1).map_or(*to, |next| next.from);
+                let room = (before.max(*from), after.min(*to));
+                FadeSteps { fade, room, leg_length: leg, samples: &samples, clips: contacts }
+                    .run(&mut feet, &mut stand, &mut found, &mut steps)?;
             }
         }
         if ground.is_empty() && foot_lock.hips.is_some() {
-            drops.push((*from, come_down(&samples, &legs)));
+            drops.push((*from, come_down(&samples, &found)));
         }
+        legs.iter_mut().zip(found).for_each(|(all, found)| all.extend(found));
     }
     let span = windows.first().zip(windows.last()).map_or_else(Default::default, |(a, b)| (a.0, b.1));
     let to_the_end = span.1 >= stage.settings.length;
     let front = stage.actors[actor].asset.front();
-    Ok(FootLockTrack { legs, span, to_the_end, drops, front })
+    Ok(FootLockTrack { legs, steps, span, to_the_end, drops, front })
 }
 
 /// The times in which feet are looked at, one after the other: all of the stage, or around those that count.
 fn windows(stage: &Stage, foot_lock: &FootLock) -> Vec<(Time, Time)> {
-    let length = stage.settings.length.max(Time::ZERO).min(Time(MOST_SAMPLES * STEP.0));
+    // A stage may end while feet still step.
+    let last_steps = foot_lock.standing_fades.last().map_or(Time::ZERO, |fade| fade.to + LONGEST_GAP);
+    let length = stage.settings.length.max(last_steps).min(Time(MOST_SAMPLES * STEP.0));
     if foot_lock.only.is_empty() {
         return vec![(Time::ZERO, length)];
     }
@@ -160,85 +179,10 @@ fn windows(stage: &Stage, foot_lock: &FootLock) -> Vec<(Time, Time)> {
     all
 }
 
-/// How an actor's feet move without the constraint.
-struct FootSamples {
-    from: Time,
-    /// World, by foot.
-    feet: Vec<Vec<DVec3>>,
-    /// Likewise, what each hangs on.
-    limbs: Vec<Vec<Limb>>,
-    /// Height of the floor.
-    floors: Vec<f64>,
-}
-
-/// World, metres.
-#[derive(Clone, Copy, Debug, Default)]
-struct Limb {
-    hip: DVec3,
-    ankle: DVec3,
-    /// How long the leg is.
-    reach: f64,
-    /// Distance from the ankle to the ball.
-    sole: f64,
-}
-
-fn look(
-    stage: &Stage,
-    actor: usize,
-    foot_lock: &FootLock,
-    scratch: &mut Scratch,
-    from: Time,
-    to: Time,
-) -> Result<FootSamples, StageError> {
-    let mut snapshot = Snapshot::default();
-    let count = foot_lock.legs.len();
-    let mut samples =
-        FootSamples { from, feet: vec![Vec::new(); count], limbs: vec![Vec::new(); count], floors: vec![] };
-    for sample in 0..=(to - from).0 / STEP.0 {
-        evaluate_actors(stage, scratch, from + Time(sample * STEP.0), None, &mut snapshot)?;
-        let state = &snapshot.actors[actor];
-        let place = |joint: u32| {
-            let place = state.model_from_joint.get(joint as usize);
-            let place = place.map(|m| world_place(&state.world_from_model, m));
-            place.filter(|p| p.is_finite()).unwrap_or(DVec3::ZERO)
-        };
-        samples.floors.push(state.world_from_model.translation.y);
-        for ((leg, places), limbs) in foot_lock.legs.iter().zip(&mut samples.feet).zip(&mut samples.limbs) {
-            places.push(place(leg.toe.unwrap_or(leg.foot)));
-            let [hip, knee, ankle] = [leg.hip, leg.knee, leg.foot].map(place);
-            let reach = (knee - hip).length() + (ankle - knee).length();
-            limbs.push(Limb {
-                hip,
-                ankle,
-                reach,
-                sole: leg.toe.map_or(0.0, |toe| (place(toe) - ankle).length()),
-            });
-        }
-    }
-    Ok(samples)
-}
-
-/// Length of a leg in metres of the world at time 0.
-fn leg_length(stage: &Stage, actor: usize, foot_lock: &FootLock) -> f64 {
-    let a = &stage.actors[actor];
-    let rest = a.asset.rest_model_from_joint();
-    let Some(leg) = foot_lock.legs.first() else { return PERSON };
-    let place =
-        |joint: u32| rest.get(joint as usize).map_or(DVec3::ZERO, |m| world_place(&DAffine3::IDENTITY, m));
-    let (hip, knee, foot) = (place(leg.hip), place(leg.knee), place(leg.foot));
-    let length = ((knee - hip).length() + (foot - knee).length()) * a.transform.scale.y.abs();
-    if length.is_finite() && length > 1e-9 { length } else { PERSON }
-}
-
-impl FootSamples {
-    fn time(&self, look: usize) -> Time {
-        self.from + Time(look as i64 * STEP.0)
-    }
-}
-
 /// How far a foot is from standing at each look.
 fn unrest(samples: &FootSamples, places: &[DVec3], leg: f64) -> Vec<f64> {
-    let above: Vec<f64> = places.iter().zip(&samples.floors).map(|(p, floor)| p.y - floor).collect();
+    let above: Vec<f64> =
+        places.iter().zip(&samples.bodies).map(|(p, body)| p.y - body.translation.y).collect();
     let lowest = above.iter().copied().fold(f64::INFINITY, f64::min);
     // The first leg's hip: where the body is.
     let body: Vec<DVec3> =
@@ -263,13 +207,13 @@ fn velocity(places: &[DVec3], i: usize) -> DVec3 {
 }
 
 /// A foot that touches the ground as its clips have it.
-struct ContactSpan {
-    span: (Time, Time),
+pub(super) struct ContactSpan {
+    pub span: (Time, Time),
     /// Its positions at both times, world space.
-    ends: [DVec3; 2],
+    pub ends: [DVec3; 2],
 }
 
-/// Contact of a foot with the ground; `raised`: how much higher than in its clips it stood before, and then stands.
+/// Contact of a foot with the ground. `raised`: its height above that in its clips at the contact before, and then at this one.
 fn stand(
     samples: &FootSamples,
     stay: &ContactSpan,
@@ -280,21 +224,21 @@ fn stand(
 ) -> Contact {
     let ContactSpan { span: (from, to), ends } = *stay;
     if !foot_lock.only.is_empty() && !foot_lock.only.iter().any(|(begin, end)| from <= *end && to >= *begin) {
-        return Contact { from, to, at: None, first: DVec3::ZERO, last: DVec3::ZERO };
+        return Contact { from, to, at: None, first: DVec3::ZERO, last: DVec3::ZERO, by_step: false };
     }
     // The looks between, at least one.
     let first = ((from - samples.from).0 as u64).div_ceil(STEP.0 as u64) as usize;
-    let first = first.min(samples.floors.len() - 1);
-    let last = (((to - samples.from).0 / STEP.0) as usize).clamp(first, samples.floors.len() - 1);
+    let first = first.min(samples.bodies.len() - 1);
+    let last = (((to - samples.from).0 / STEP.0) as usize).clamp(first, samples.bodies.len() - 1);
     let mut at = within_reach(&samples.feet[leg][first..=last], &samples.limbs[leg][first..=last]);
     if !ground.is_empty() {
-        // As high above the ground as the clips have it above their floor.
-        let floor = samples.floors[(first + last) / 2];
+        // The height above the ground is the one that the clips have above their floor.
+        let floor = samples.floor((first + last) / 2);
         let heights = ground.iter().filter_map(|g| g.height(at, at.y + *raised + HIGHEST_STEP));
         *raised = heights.reduce(f64::max).unwrap_or(floor) - floor;
         at.y += *raised;
     }
-    Contact { from, to, at: Some(at), first: at - ends[0], last: at - ends[1] }
+    Contact { from, to, at: Some(at), first: at - ends[0], last: at - ends[1], by_step: false }
 }
 
 /// Position of a foot during a contact: the middle of its positions in the clips, or else the nearest along the way at which the leg has
@@ -332,11 +276,11 @@ fn come_down(samples: &FootSamples, legs: &[Vec<Contact>]) -> Vec<f64> {
             let far = (limb.reach + RAISED * limb.sole) * 0.998;
             let across = (limb.hip - at).with_y(0.0).length_squared();
             let high = (far * far - across).max(0.0).sqrt();
-            Some((limb.hip.y - at.y - high).clamp(0.0, LOWEST * limb.reach))
+            Some((limb.hip.y - at.y - high).clamp(0.0, FootLock::LOWEST * limb.reach))
         };
         legs.iter().zip(&samples.limbs).filter_map(of_leg).fold(0.0, f64::max)
     };
-    let count = samples.floors.len();
+    let count = samples.bodies.len();
     let need: Vec<f64> = (0..count).map(need).collect();
     let smooth = |look: usize| {
         let near = look.saturating_sub(SMOOTH)..(look + SMOOTH + 1).min(count);
@@ -361,6 +305,9 @@ impl FootLockTrack {
     /// How far a foot that its clips have at `place` is to be moved.
     fn correction(&self, leg: usize, time: Time, place: DVec3) -> DVec3 {
         let Some(stands) = self.legs.get(leg) else { return DVec3::ZERO };
+        if let Some(step) = self.steps[leg].iter().find(|step| step.from < time && time < step.to) {
+            return step.at(time) - place;
+        }
         let next = stands.partition_point(|s| s.to < time);
         let upright = |d: DVec3| DVec3::new(0.0, d.y, 0.0);
         let smooth = |w: f64| {
@@ -418,7 +365,7 @@ pub(super) fn apply(
         .collect();
     let feet: Vec<DVec3> = foot_lock.legs.iter().map(|leg| body.place(leg.foot)).collect();
     if let (Some(hips), true) = (foot_lock.hips, !foot_lock.ground.is_empty()) {
-        // As low as the lower foot needs.
+        // The hips come down as far as the lower foot needs.
         let drop = corrections.iter().map(|c| c.y).fold(f64::INFINITY, f64::min);
         if drop.is_finite() {
             body.shift(hips, model_from_world.matrix3 * (DVec3::Y * drop));

@@ -11,7 +11,7 @@ use glam::DVec3;
 /// A look of the head, and what of it the eyes are to make up for.
 pub(super) struct Gaze<'a> {
     pub actor: &'a Actor,
-    /// That was turned: nothing follows another one than the head.
+    /// The joint that was turned. The eyes follow it only if it is the head.
     pub joint: u32,
     /// Target in model space.
     pub target: DVec3,

@@ -1,4 +1,4 @@
-//! Which joints are legs that can be bent.
+//! The joints that are legs which can be bent.
 
 use crate::stage::constraint::Leg;
 use choreo_motion::contacts::find_feet;

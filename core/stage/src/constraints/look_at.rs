@@ -90,7 +90,7 @@ fn eye_turn(asset: &Asset, joint: usize, state: &ActorState, target: DVec3, shar
     let head = humanoid.joint(HumanBone::Head)? as usize;
     let now = state.model_from_joint.get(head)?;
     let origin = now.transform_point3(eyes.offset_from_head).as_dvec3();
-    // From the head as it is to the head at rest, which looks along the model's front.
+    // The direction is taken from the current head to the head at rest, which faces the model's front.
     let rotation = |m: &Affine3A| m.to_scale_rotation_translation().1.as_dquat();
     let rest = rotation(asset.rest_model_from_joint().get(head)?);
     let turned = (rotation(now) * rest.inverse()).normalize() * asset.front().rotation();

@@ -95,7 +95,7 @@ fn for_carriers(
     match target {
         Target::Point(_) => {}
         Target::Actor(actor) => carriers.push(actor),
-        // An unchecked stage may name nobody.
+        // An unchecked stage may name actors that do not exist.
         Target::Joint { actor, .. } if actor < stage.actors.len() => {
             found(actor);
             carriers.push(actor);

@@ -1,4 +1,4 @@
-//! What shines: the stage's lights, those of files, or a sun where there is neither, nor a sky.
+//! The lights that shine: those of the stage and of files, or a sun where there is neither, nor a sky.
 
 pub(crate) mod sky;
 
@@ -92,7 +92,7 @@ fn animated(actor: &Actor, number_of: u32, light: Light, time: Time) -> Light {
     }
 }
 
-/// Keyed, then edited, then moved with its parent; `None` where it does not shine.
+/// A light with its keys, edits and parent applied; `None` if it does not shine.
 pub(crate) fn stage_light(
     stage: &Stage,
     light: &StageLight,
@@ -148,7 +148,7 @@ fn shines(light: &Light) -> bool {
     light.intensity > 0.0 && light.color.max_element() > 0.0
 }
 
-/// A light whose direction cannot be told points down.
+/// A light without a valid direction points down.
 fn finite(
     light: Light,
     (shadow, attenuation): (Option<Shadow>, Option<[f32; 3]>),

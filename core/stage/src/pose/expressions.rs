@@ -2,7 +2,7 @@
 
 use choreo_asset::{Expression, expression};
 
-/// What the expressions of one actor show: asked for by clips and scripts, and by what looks around; and what comes of it.
+/// Expression weights of one actor: requested by clips, scripts and looks, and settled into those that are shown.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ExpressionWeights {
     pub requested: Vec<f32>,
@@ -13,7 +13,7 @@ pub(crate) struct ExpressionWeights {
 }
 
 impl ExpressionWeights {
-    /// Settles anew what is asked for by now. What has changed is added to the morph weights; whether anything has.
+    /// Settles the requested weights once more and adds the change to the morph weights; true if there was any.
     pub(crate) fn settle_again(
         &mut self,
         expressions: &[Expression],

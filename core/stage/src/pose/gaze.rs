@@ -11,8 +11,8 @@ use choreo_motion::math::rotation::rotation_fraction;
 use choreo_motion::{HumanBone, Time};
 use glam::{Affine3A, DQuat};
 
-/// What expressions ask of the eyes (see [`GAZE`](choreo_asset::eyes::GAZE)), in a body that its clips have posed.
-/// `faces.asked` and `.settled` are this actor's.
+/// Turns the eyes as expressions request it (see [`GAZE`](choreo_asset::eyes::GAZE)), in a skeleton that its clips have posed.
+/// `expression_weights` are those of this actor.
 pub(crate) fn as_asked(
     actor: &Actor,
     time: Time,
@@ -21,7 +21,7 @@ pub(crate) fn as_asked(
 ) {
     let asset = &*actor.asset;
     let Some(eyes) = &asset.eyes else { return };
-    // What is drawn on the face is held down by others when it is settled.
+    // Eyes that are drawn on the face are suppressed by other expressions only when the weights are settled.
     let weights = if eyes.moved_by == EyesMovedBy::Bones {
         &expression_weights.settled
     } else {

@@ -1,4 +1,4 @@
-//! What inertialized cues take over from those before them: found once, in the order of the cues, so that one that follows
+//! The offsets that inertialized cues take over from those before them: found once, in the order of the cues, so that one that follows
 //! another at once takes over what is still decaying.
 
 use crate::pose::{BlendedClip, inertialization, sample_cue, start_weights};
@@ -12,7 +12,7 @@ use choreo_motion::{BlendOnto, Inertialization, Pose, Time, WeightInertializatio
 /// How far apart the poses are whose difference is a velocity.
 const STEP: Time = Time(Time::TICKS_PER_SECOND / 240);
 
-/// What one switch leaves to die down.
+/// The inertialization offsets that one transition leaves.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct CueInertialization {
     pub joints: Inertialization,
@@ -74,7 +74,7 @@ fn switch(from: [&BasePose; 2], to: [&BasePose; 2], duration: Time) -> CueInerti
     }
 }
 
-/// What a base layer alone makes of a body.
+/// Pose and weights of an actor by its base layer alone.
 #[derive(Default)]
 struct BasePose {
     pose: Pose,

@@ -57,7 +57,7 @@ pub(crate) fn lay_over(
     lay_over_expressions(layers, asset, scratch, expressions);
 }
 
-/// As for morph weights: those that override are mixed, additive ones added. A mask counts at the head.
+/// Blends expression weights like morph weights: overriding ones are mixed, additive ones added. The mask counts at the head.
 fn lay_over_expressions(layers: &[Layer], asset: &Asset, scratch: &GroupScratch, expressions: &mut [f32]) {
     for (expression, weight) in asset.expressions.iter().zip(expressions) {
         let (mut total, mut sum, mut added_up) = (0.0, 0.0, 0.0);
@@ -135,7 +135,7 @@ fn add_to_pose(layers: &[Layer], asset: &Asset, scratch: &mut GroupScratch, pose
         if let Some(time) = reference_time(from, cue) {
             Sample { clip: &cue.clip, time, pose: reference }.run();
         }
-        // What the clip does not animate is as in the reference: no difference.
+        // A joint that the clip does not animate equals the reference, and so has no difference.
         over.copy_from(reference);
         Sample { clip: &cue.clip, time: active.clip_time, pose: over }.run();
         let mask = layer.mask.as_ref().map(|mask| mask.as_slice());

@@ -36,7 +36,7 @@ pub(crate) struct PoseScratch {
     active_cues: Vec<ActiveCue>,
     weights: Vec<f32>,
     expressions: Vec<f32>,
-    /// Before they were settled.
+    /// Weights before they are settled.
     requested: Vec<f32>,
     group: GroupScratch,
     mirror: MirrorScratch,
@@ -55,7 +55,7 @@ impl PoseScratch {
         &self.expressions
     }
 
-    /// What was asked of them.
+    /// The requested weights.
     pub fn requested(&self) -> &[f32] {
         &self.requested
     }
@@ -166,7 +166,7 @@ fn blend_changed(
     }
 }
 
-/// What changes the pose and the weights after the clips: mirroring, keys and the edits of hooks.
+/// Changes the pose and the weights after the clips: mirroring, keys and the edits of hooks.
 fn apply_edits<'e>(
     actor: &Actor,
     time: Time,
@@ -291,14 +291,14 @@ pub(crate) struct BlendedClip<'a> {
     pub clip: &'a Clip,
     pub time: Time,
     pub weight: f32,
-    /// Nothing lies under it but the rest pose.
+    /// It is blended onto the rest pose alone.
     pub first: bool,
-    /// See [`dying`].
+    /// See [`inertialization()`].
     pub inertialization: Option<(&'a CueInertialization, Time)>,
 }
 
 impl BlendedClip<'_> {
-    /// What a clip does not animate is at rest on the base layer, and as the layers below have it on upper ones.
+    /// Joints that a clip does not animate are at rest on the base layer, and as the layers below pose them on upper ones.
     fn blend_pose(&self, asset: &Asset, layer: &Layer, base: bool, pose: &mut Pose, over: &mut Pose) {
         let mask = layer.mask.as_ref().map(|mask| mask.as_slice());
         if self.first && mask.is_none() {
@@ -363,7 +363,7 @@ impl BlendedClip<'_> {
     }
 }
 
-/// What a layer's mask leaves of its weight at the head.
+/// Factor of a layer's mask at the head.
 pub(crate) fn masked_at_head(asset: &Asset, layer: &Layer) -> f32 {
     let head = || {
         let humanoid = asset.skeleton.humanoid();
@@ -445,7 +445,7 @@ fn set_expressions<'e>(
     }
 }
 
-/// Placement of an actor as keyed, before hooks, and of its state what needs no pose.
+/// Keyed placement of an actor, before hooks, and the parts of its state that need no pose.
 pub(crate) fn keyed_placement(
     actor: &Actor,
     time: Time,
@@ -462,7 +462,7 @@ pub(crate) fn keyed_placement(
             Property::Scale => placement.scale = channels::vec3(v),
             Property::Visible => state.visible = v[0] >= 0.5,
             Property::Tint => state.tint = glam::DVec4::from_array(v).as_vec4(),
-            // What is keyed from 3 to 4 is 4 at the end, whatever was rounded on the way.
+            // A value keyed from 3 to 4 reaches 4 at the end, in spite of rounding errors.
             Property::Copies => state.copies = Some((v[0] + 1e-9).max(0.0) as u32),
             Property::LineWidth => state.line_width = Some(v[0].max(0.0) as f32),
             _ => {}

@@ -1,10 +1,10 @@
-//! What is computed once of the clips of a stage: root motion and inertialization.
+//! Results that are computed once from the clips of a stage: root motion and inertialization.
 
 use crate::pose::inertialization::Inertializations;
 use crate::root_motion::track::{RootMotionTrack, RootMotionTracks};
 use crate::stage::Stage;
 
-/// What is found out once for a stage, by actor: root motion, and inertialization offsets of cues.
+/// Results that are computed once for a stage, by actor: root motion, and inertialization offsets of cues.
 #[derive(Debug, Default)]
 pub(crate) struct Motions {
     pub root_motion: RootMotionTracks,

@@ -21,7 +21,7 @@ pub(crate) struct PoseNeed {
     pub pose: bool,
 }
 
-/// What the poses read. Each is a function of its actor, the time and the edits alone, so that threads change no bit.
+/// Inputs of the poses. Each pose is a function of its actor, the time and the edits alone, so that threads change no bit.
 pub(crate) struct Posing<'a> {
     pub time: Time,
     pub motions: &'a Motions,

@@ -107,7 +107,7 @@ fn by_expression(expression: &Expression, weight: f32, index: u32, rest: &Materi
     for bind in expression.uvs.iter().filter(|b| b.material == index) {
         textures(now, |texture| {
             let mut uv = Uv::of(&texture.uv_transform);
-            // Of the texture at rest the offset is added to and the scale multiplied; VRM's own are 0 and 1.
+            // The offset is added to that of the texture at rest and the scale multiplied by its scale; VRM's own are 0 and 1.
             uv.offset += bind.offset * weight;
             uv.scale *= Vec2::ONE + (bind.scale - Vec2::ONE) * weight;
             texture.uv_transform = uv.transform();

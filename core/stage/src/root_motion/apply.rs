@@ -11,7 +11,7 @@ use glam::{DAffine3, DQuat, DVec3};
 /// Buffers.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RootMotionScratch {
-    /// Turned to what they face where they start, since they walk there; sorted by actor.
+    /// Actors turned to what they face where they start, since they walk there; sorted by actor.
     faced: Vec<(usize, DQuat)>,
     active_cues: Vec<ActiveCue>,
 }
@@ -23,8 +23,8 @@ impl RootMotionScratch {
     }
 }
 
-/// Carries actors on from their placements. One that faces another walks towards where that one starts from: where it comes
-/// to would depend on where it is.
+/// Moves actors by root motion from their placements. An actor that faces another walks towards the other's placement: following the
+/// other's motion would make each position depend on the other.
 pub(crate) fn apply(
     stage: &Stage,
     root_motion: &RootMotionTracks,

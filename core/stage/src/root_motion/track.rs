@@ -74,7 +74,7 @@ struct Segment {
 #[derive(Clone, Debug)]
 enum SegmentKind {
     Alone(usize),
-    /// Several at weights that do not change.
+    /// Several clips with constant weights.
     Mixed,
     /// Steps from the segment's start, evenly spaced up to `end`.
     Fading {
@@ -120,7 +120,7 @@ impl RootMotionTrack {
         }
     }
 
-    /// What an actor's placement is to be followed by: model space now from model space without root motion.
+    /// Motion that moves an actor's placement: model space now from model space without root motion.
     pub fn carried(&self, actor: &Actor, time: Time, active_cues: &mut Vec<ActiveCue>) -> Displacement {
         let Some(layer) = actor.layers.first() else { return Displacement::default() };
         let Displacement { frame, forward } = self.step(layer, time, active_cues);
@@ -132,9 +132,9 @@ impl RootMotionTrack {
         self.anchor
     }
 
-    /// What takes a clip's root back to where it stands: over the model space of its pose.
+    /// Transform, applied to a pose's model space, that removes the clip's root motion and puts the root back on its anchor.
     pub(crate) fn back_to_anchor(&self, root: &CueRootMotion, cue: &Cue, clip_time: Time) -> Option<Planar> {
-        // On the spot there is nothing to take out.
+        // A clip on the spot has no motion to remove.
         if root.motion.treadmill.is_some() {
             return None;
         }
@@ -273,10 +273,10 @@ fn direction(way: DVec3) -> DVec3 {
 }
 
 impl Placement {
-    /// This placement with the actor carried on from it, in its own space.
+    /// This placement moved by root motion, in its own space.
     pub fn carried(self, by: Planar) -> Placement {
         let Placement { translation, rotation, scale } = self;
-        // In a mirror what turns left turns right.
+        // In a mirrored space a turn to the left is one to the right.
         let mirrored = if scale.x * scale.z < 0.0 { -1.0 } else { 1.0 };
         let turned = DQuat::from_rotation_y(by.yaw * mirrored);
         Placement {

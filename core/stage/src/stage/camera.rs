@@ -1,6 +1,7 @@
 //! Cameras of a stage, and the cuts between them.
 
 use crate::stage::actor::Target;
+use crate::stage::camera_moves::{CameraLook, CameraShake};
 use crate::stage::channel::Channel;
 use crate::stage::described::{FieldType, FieldValue, described};
 use choreo_asset::Projection;
@@ -33,6 +34,9 @@ described! {
         near_is_set: bool = false;
         rig: Rig = Rig::Frame { azimuth: 0.0, elevation: 0.0 };
         channels: Vec<Channel> = Vec::new();
+        /// Targets in place of that of its rig; sorted by start.
+        looks: Vec<CameraLook> = Vec::new();
+        shakes: Vec<CameraShake> = Vec::new();
     }
     fields {
         /// vertical field of view
@@ -110,4 +114,13 @@ impl Camera {
 pub struct Cut {
     pub at: Time,
     pub camera: usize,
+    /// How long the image of the camera before goes over into that of this one, from `at` on, at most until the next cut.
+    pub dissolve: Time,
+}
+
+impl Cut {
+    /// A cut without a dissolve.
+    pub fn new(at: Time, camera: usize) -> Cut {
+        Cut { at, camera, dissolve: Time::ZERO }
+    }
 }

@@ -23,7 +23,7 @@ pub struct Layer {
     pub cues: Vec<Cue>,
 }
 
-/// What a layer does to what is below it.
+/// How a layer changes the layers below it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LayerMode {
     /// Goes towards the layer's pose, by its weight.

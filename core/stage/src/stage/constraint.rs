@@ -5,11 +5,12 @@ use crate::mirroring::Mirroring;
 use crate::stage::actor::Target;
 use crate::stage::described::{FieldType, fields};
 use crate::stage::fade::{eased, fraction};
+use crate::stage::hash::hashed;
 use choreo_motion::Time;
 use glam::DVec3;
 use std::sync::Arc;
 
-/// Something that an actor's body does from one time to another, over what its clips do.
+/// A change of an actor's pose from one time to another, over what its clips do.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constraint {
     pub kind: ConstraintKind,
@@ -33,7 +34,7 @@ pub enum ConstraintKind {
     Reach(ReachConstraint),
     Aim(AimConstraint),
     FootLock(FootLock),
-    /// Left and right change places in what its clips do, before all other constraints. The way it is carried stays.
+    /// Mirrors what its clips do, left to right, before all other constraints. Root motion is not mirrored.
     Mirror(Arc<Mirroring>),
 }
 
@@ -69,7 +70,7 @@ pub struct AimConstraint {
 }
 
 /// Feet that are on the ground stay where they are.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct FootLock {
     pub legs: Vec<Leg>,
     /// Joint that is lowered or raised with the ground: the hips.
@@ -79,6 +80,22 @@ pub struct FootLock {
     pub ground: Vec<usize>,
     /// Only feet that stand at any time of one of these, from their coming down to their going up; empty: all.
     pub only: Vec<(Time, Time)>,
+    /// Fades in which feet take steps to where the standing clip has them; sorted, one after the other.
+    pub standing_fades: Vec<StandingFade>,
+}
+
+/// A fade between a clip that walks and one that stands, or a turn while standing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StandingFade {
+    pub from: Time,
+    pub to: Time,
+    /// The standing clip plays at the end, else at the start.
+    pub ends_standing: bool,
+}
+
+impl FootLock {
+    /// Hips come down by this share of a leg at most.
+    pub(crate) const LOWEST: f64 = 0.25;
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,6 +105,33 @@ pub struct Leg {
     pub foot: u32,
     /// The ball of the foot, which stays while the heel rises.
     pub toe: Option<u32>,
+}
+
+hashed! {
+    struct Constraint { start, end, fade, weight, kind }
+    enum ConstraintKind {
+        0 Reach(reach),
+        1 Aim(aim),
+        2 FootLock(foot_lock),
+        3 Mirror(mirroring),
+    }
+    struct ReachConstraint { joints, target, offset, pole, hint, soft, keep_rotation }
+    struct AimConstraint { joints, shares, target, limit }
+    struct FootLock { legs, hips, ground, only, standing_fades }
+    struct StandingFade { from, to, ends_standing }
+    struct Leg { hip, knee, foot, toe }
+}
+
+impl ConstraintKind {
+    /// Its name in scripts.
+    pub fn name(&self) -> &'static str {
+        match self {
+            ConstraintKind::Reach(_) => "reach",
+            ConstraintKind::Aim(_) => "aim",
+            ConstraintKind::FootLock(_) => "plant_feet",
+            ConstraintKind::Mirror(_) => "mirror",
+        }
+    }
 }
 
 impl Constraint {

@@ -6,7 +6,7 @@ use crate::stage::channel::Property;
 use choreo_motion::Time;
 use glam::{DQuat, DVec2, DVec3, Vec3, Vec4};
 
-/// What a field holds, and which values are allowed.
+/// Type of a field, and the values that are allowed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FieldType {
     /// A number from … to …, both included, and its unit.
@@ -67,7 +67,7 @@ pub trait Described: Sized + 'static {
         Self::FIELDS.iter().find(|field| field.name == name)
     }
 
-    /// What is wrong with the values of its fields.
+    /// Errors of the values of its fields.
     fn problems(&self) -> Vec<String> {
         let own = Self::FIELDS.iter().filter(|field| (field.lacks)(self).is_none());
         own.filter_map(|field| field.problem(self)).collect()
@@ -81,7 +81,7 @@ pub trait Described: Sized + 'static {
 }
 
 impl<T> Field<T> {
-    /// What it is, as in the reference: `in which it shines`.
+    /// Its description, as in the reference: `in which it shines`.
     pub fn about(&self) -> String {
         self.doc.iter().map(|line| line.trim()).collect::<Vec<_>>().join(" ")
     }

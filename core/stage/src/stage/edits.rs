@@ -1,17 +1,17 @@
-//! What a callback changes in one frame.
+//! The changes of a callback in one frame.
 
-use crate::stage::actor::Placement;
+use crate::stage::actor::{Placement, Target};
 use crate::stage::effects::EffectEdit;
 use crate::stage::layers_2d::Layer2dEdit;
 use crate::stage::parenting::Parenting;
 use crate::stage::sky::SkyEdit;
 use glam::{DQuat, DVec3, Vec3, Vec4};
 
-/// What a hook may change for one frame: by actor, camera, light and effect index.
+/// The changes that a hook may make for one frame, by index of actor, camera, light and effect.
 #[derive(Clone, Debug, Default)]
 pub struct FrameEdits {
     pub actors: Vec<ActorEdit>,
-    pub cameras: Vec<(usize, DVec3)>,
+    pub cameras: Vec<CameraEdit>,
     pub lights: Vec<LightEdit>,
     pub effects: Vec<EffectEdit>,
     pub ambient: Option<(Vec3, Vec3)>,
@@ -31,7 +31,7 @@ pub enum ActorEdit {
         actor: usize,
         offset: DVec3,
     },
-    /// Turned by this rotation, before its own (world axes of the parent).
+    /// Turns the actor before its own rotation (world axes of the parent).
     Turn {
         actor: usize,
         rotation: DQuat,
@@ -83,6 +83,47 @@ pub enum ActorEdit {
         actor: usize,
         wind: DVec3,
     },
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub enum CameraEdit {
+    /// Replaces the position; a camera that looks at a target still does.
+    MoveTo {
+        camera: usize,
+        position: DVec3,
+    },
+    LookAt {
+        camera: usize,
+        target: Target,
+    },
+    /// Turned by this rotation about world axes, after all else.
+    Turn {
+        camera: usize,
+        rotation: DQuat,
+    },
+    /// Perspective with this vertical field of view, radians.
+    FieldOfView {
+        camera: usize,
+        yfov: f32,
+    },
+    /// Orthographic with this height of the image, metres.
+    Height {
+        camera: usize,
+        height: f32,
+    },
+}
+
+impl CameraEdit {
+    /// The camera that is changed.
+    pub fn camera(&self) -> usize {
+        match *self {
+            CameraEdit::MoveTo { camera, .. }
+            | CameraEdit::LookAt { camera, .. }
+            | CameraEdit::Turn { camera, .. }
+            | CameraEdit::FieldOfView { camera, .. }
+            | CameraEdit::Height { camera, .. } => camera,
+        }
+    }
 }
 
 #[derive(Clone, Debug, PartialEq)]

@@ -19,7 +19,7 @@ pub struct EffectUse {
     pub cameras: Vec<usize>,
 }
 
-/// What of the stage has an effect.
+/// An actor, or one of its materials, to which an effect applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct EffectTarget {
     /// Index into `Stage::actors`.

@@ -6,9 +6,9 @@ use crate::Limit;
 use crate::mirroring::Mirroring;
 use crate::stage::actor::{Attachment, LookAt, Target};
 use crate::stage::camera::{Cut, Rig};
+use crate::stage::camera_moves::{CameraLook, CameraShake};
 use crate::stage::channel::{Channel, Property};
 use crate::stage::clips::{Layer, LayerMode, Reference};
-use crate::stage::constraint::{AimConstraint, Constraint, ConstraintKind, FootLock, Leg, ReachConstraint};
 use crate::stage::effects::{EffectTarget, EffectUse};
 use crate::stage::layers_2d::{Align, Fit, Font, Layer2dContent};
 use crate::stage::parenting::{ParentScale, Parenting};
@@ -52,7 +52,7 @@ impl DerefMut for StageWriter {
     }
 }
 
-/// What a content hash is made of.
+/// A type that is part of a content hash.
 pub(crate) trait Hashed {
     fn hash(&self, w: &mut StageWriter);
 }
@@ -63,14 +63,14 @@ pub(crate) fn hash_of(content: &(impl Hashed + ?Sized), mut w: StageWriter) -> C
 }
 
 impl Stage {
-    /// Everything that a snapshot depends on; warnings are left out. Hooks count by [`FrameHook::identity`].
+    /// Hash of everything that a snapshot depends on; warnings are left out. Hooks count by [`FrameHook::identity`].
     pub fn content_hash(&self) -> ContentHash {
         hash_of(self, StageWriter::default())
     }
 }
 
 impl Layer {
-    /// Everything that a pose takes from it.
+    /// Hash of everything that a pose takes from it.
     pub fn content_hash(&self) -> ContentHash {
         hash_of(self, StageWriter { masks_inline: true, ..StageWriter::default() })
     }
@@ -123,7 +123,7 @@ written! {
     PhaseMatchedFade: |v, w| {
         w.text(&format!("{v:?}").replace("PhaseMatchedFade", "PhaseFade").replace("Footsteps", "Steps"))
     };
-    // What it exchanges follows from the asset.
+    // The mirrored pairs follow from the asset.
     Mirroring: |_v, _w| ();
     LightKind: |v, w| {
         let (number, parameters) = v.hashed();
@@ -294,7 +294,9 @@ hashed! {
         18 LineWidth,
         19 Copies,
     }
-    struct Cut { at, camera }
+    struct Cut { at, camera, dissolve }
+    struct CameraLook { target, start, blend }
+    struct CameraShake { start, end, fade, angle, shift, frequency, seed }
     enum Rig {
         0 Fixed { position, rotation, look_at },
         1 Follow { target, offset },
@@ -316,17 +318,6 @@ hashed! {
     struct EffectUse { plugin, parameters, start, end, keys, on, cameras }
     struct EffectTarget { actor, material }
     struct LookAt { joint, target, start, end, fade, weight }
-    struct Constraint { start, end, fade, weight, kind }
-    enum ConstraintKind {
-        0 Reach(reach),
-        1 Aim(aim),
-        2 FootLock(plant),
-        3 Mirror(mirroring),
-    }
-    struct ReachConstraint { joints, target, offset, pole, hint, soft, keep_rotation }
-    struct AimConstraint { joints, shares, target, limit }
-    struct FootLock { legs, hips, ground, only }
-    struct Leg { hip, knee, foot, toe }
     enum Limit {
         0 Free,
         1 SwingTwist { axis, swing, twist },
@@ -369,6 +360,7 @@ written! {
     Settings: |v, w| {
         let Settings { size, fps, length, background, ambient_up, ambient_down, samples, .. } = v;
         let Settings { cutouts, transparency, pipeline, skin_once, exposure, view_transform, .. } = v;
+        let Settings { levels_of_detail, .. } = v;
         size.hash(w);
         fps.hash(w);
         w.time(*length);
@@ -396,6 +388,9 @@ written! {
         if *skin_once != SkinOnce::default() {
             w.tag(1);
             w.u32(*skin_once as u32);
+        }
+        if !*levels_of_detail {
+            w.text("no levels of detail");
         }
     };
     CueRootMotion: |v, w| {

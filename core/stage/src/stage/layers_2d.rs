@@ -98,7 +98,7 @@ impl Layer2d {
     }
 }
 
-/// What a callback sets on a 2D layer for one frame.
+/// A change of a 2D layer by a callback, for one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Layer2dEdit {
     At { layer_2d: usize, at: DVec2 },

@@ -2,6 +2,7 @@
 
 pub(crate) mod actor;
 pub(crate) mod camera;
+pub(crate) mod camera_moves;
 pub(crate) mod channel;
 pub(crate) mod clips;
 pub(crate) mod constraint;
@@ -39,7 +40,7 @@ pub struct Stage {
     pub settings: Settings,
     pub actors: Vec<Actor>,
     pub cameras: Vec<Camera>,
-    /// Which camera is on from when; sorted by time. Before the first cut the first camera is on.
+    /// The camera that is on from each time, sorted by time. Before the first cut the first camera is on.
     pub cuts: Vec<Cut>,
     pub lights: Vec<StageLight>,
     /// Light from all around; a stage with it and no light of its own has no default sun.
@@ -72,6 +73,8 @@ pub struct Settings {
     pub transparency: Transparency,
     pub pipeline: Pipeline,
     pub skin_once: SkinOnce,
+    /// Small copies may be drawn by simplified meshes.
+    pub levels_of_detail: bool,
 }
 
 impl Settings {
@@ -95,7 +98,7 @@ pub enum ViewTransform {
 /// Whether a character's vertices are pre-skinned once a frame for all passes that draw it (shadow maps, layers, hulls), or by each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum SkinOnce {
-    /// Once if enough passes draw it for that to be cheaper.
+    /// Pre-skinned if enough passes draw the mesh for that to be cheaper.
     #[default]
     Auto,
     Always,
@@ -124,10 +127,10 @@ pub enum Transparency {
     Independent,
 }
 
-/// When what is opaque is lit: as each surface is drawn, or once a pixel when all of it is there.
+/// When opaque surfaces are lit: as each is drawn (forward), or once a pixel when all are drawn (deferred).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Pipeline {
-    /// Deferred where that is quicker, by the lights and the surfaces over each other; never with several samples a pixel.
+    /// Deferred if it is estimated to be faster, by the lights and the overlapping surfaces; never with several samples a pixel.
     #[default]
     Auto,
     Forward,
@@ -167,6 +170,7 @@ impl Default for Settings {
             samples: None,
             cutouts: Cutouts::default(),
             skin_once: SkinOnce::default(),
+            levels_of_detail: true,
             transparency: Transparency::default(),
             pipeline: Pipeline::default(),
         }
@@ -177,7 +181,7 @@ impl Default for Settings {
 pub trait FrameHook: Send + Sync + std::fmt::Debug {
     fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError>;
 
-    /// What distinguishes this hook from others (source text and captured values), for [`Stage::content_hash`].
+    /// Text that distinguishes this hook from others (source text and captured values), for [`Stage::content_hash`].
     fn identity(&self) -> String {
         format!("{self:?}")
     }
@@ -197,7 +201,7 @@ pub enum StageError {
          turn \"{0}\" by hand, or face something that it does not carry"
     )]
     FacingCycle(String, String),
-    /// Something that no frame can be made of: NaN, an index out of range, keys out of order.
+    /// A part of the stage of which no frame can be made: NaN, an index out of range, keys out of order.
     #[error("{place}: {what}")]
     Bad { place: String, what: String },
 }

@@ -19,13 +19,13 @@ pub struct Parenting {
     pub placement: Option<Placement>,
 }
 
-/// What the scale of a parent does to its children.
+/// Effect of a parent's scale on its children.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ParentScale {
-    /// Nothing: they keep their size, and are placed in metres.
+    /// The children keep their size, and are placed in metres.
     #[default]
     Keep,
-    /// They are scaled with it, and placed in its units.
+    /// The children are scaled with the parent, and placed in its units.
     Inherit,
 }
 

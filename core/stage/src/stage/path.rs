@@ -45,7 +45,7 @@ pub struct PathFollowing {
 pub enum Pace {
     /// Metres a second.
     Constant(f64),
-    /// As fast as the root motion of its clips.
+    /// The speed of the root motion of its clips.
     OfClips,
 }
 

@@ -2,7 +2,7 @@
 
 use choreo_motion::RootMotion;
 
-/// What a clip's root motion is for.
+/// The root motion of a cue's clip.
 #[derive(Clone, Debug)]
 pub struct CueRootMotion {
     pub motion: RootMotion,

@@ -27,7 +27,7 @@ described! {
     }
 }
 
-/// What a callback sets on the sky for one frame.
+/// A change of the sky by a callback, for one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SkyEdit {
     pub turn: Option<f64>,

@@ -17,7 +17,7 @@ pub struct ActorSprings {
 }
 
 impl ActorSprings {
-    /// Those of a file; `None` where it has none, or none that can swing.
+    /// The springs of a file; `None` where it has none, or none that can swing.
     pub fn of(asset: &Asset) -> Option<Arc<ActorSprings>> {
         if asset.springs.chains.is_empty() {
             return None;

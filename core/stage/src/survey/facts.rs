@@ -1,4 +1,4 @@
-//! What was seen at the times looked at, and what that means.
+//! Observations at the surveyed times, and the findings that follow from them.
 
 use crate::constraints::look_at::LOOK_AT_LIMIT_RAD;
 use crate::constraints::look_at::forward_in_joint;
@@ -62,7 +62,7 @@ pub struct Facts {
     cameras: Vec<CameraFacts>,
     on: Vec<Time>,
     pub times: usize,
-    /// Not every frame was looked at.
+    /// Some frames were left out.
     pub gave_up: bool,
 }
 
@@ -210,7 +210,7 @@ impl Facts {
         findings
     }
 
-    /// Only where that is not every frame.
+    /// The number of surveyed times, in words; empty if every frame was surveyed.
     fn times_said(&self) -> String {
         match self.gave_up {
             true => format!(" (at {} times looked at)", self.times),
@@ -375,7 +375,7 @@ fn still(actor: &Actor) -> bool {
     !plays && !actor.asset.skins.is_empty() && !actor.asset.clips.is_empty()
 }
 
-/// Something else hangs on it, looks at it or is seen from it.
+/// Whether something else hangs on it, looks at it or is seen from it.
 fn is_used(stage: &Stage, index: usize) -> bool {
     let on = |target: &Target| match *target {
         Target::Point(_) => false,
@@ -388,6 +388,7 @@ fn is_used(stage: &Stage, index: usize) -> bool {
         Rig::File { actor, .. } => *actor == index,
         Rig::Frame { .. } => false,
     };
+    let camera = |c: &Camera| camera(c) || c.looks.iter().any(|look| look.target.as_ref().is_some_and(on));
     let actor = |a: &Actor| {
         a.parents.iter().any(|parent| attached(&parent.to))
             || a.face == Some(index)

@@ -1,4 +1,4 @@
-//! What a stage shows over its length, and what in it never shows: found by evaluating it at some times, without drawing.
+//! The survey of a stage: things that never show over its length, found by evaluating it at some times, without drawing.
 //!
 //! Boxes are conservative (never smaller than what they hold), so "never in the image" is true where it is reported; something
 //! that hides behind another thing, or whose box alone is in the image, is not found.
@@ -13,7 +13,7 @@ use crate::stage::{Stage, StageError};
 use choreo_motion::Time;
 use facts::Facts;
 
-/// What a finding is about; indices into the stage's lists.
+/// The subject of a finding; indices into the stage's lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Subject {
     Stage,
@@ -29,7 +29,7 @@ pub enum Subject {
     Effect(usize),
 }
 
-/// Something that is valid, but probably not intended.
+/// A part of the stage that is valid, but probably not intended.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     /// A fixed name of the kind of finding: `never_in_picture`.
@@ -41,7 +41,7 @@ pub struct Finding {
     pub hint: Option<String>,
 }
 
-/// What looking may cost: poses, with [`HOOK_COST`] for each callback. About 20 ms for characters of 50 joints.
+/// Limit of the cost of a survey, in poses; a callback costs [`HOOK_COST`]. About 20 ms for characters of 50 joints.
 const MAX_COST: usize = 3000;
 const HOOK_COST: usize = 20;
 
@@ -75,14 +75,14 @@ impl Stage {
     }
 }
 
-/// 0, and then always the middle of what is still far from any number before: each of `0..count` once.
+/// All numbers of `0..count`, each once: 0, then always the middle of the largest gaps.
 fn spread(count: i64) -> impl Iterator<Item = i64> {
     let bits = (count as u64).next_power_of_two().trailing_zeros();
     let reversed = move |i: u64| if bits == 0 { 0 } else { (i.reverse_bits() >> (64 - bits)) as i64 };
     (0..1u64 << bits).map(reversed).filter(move |i| *i < count)
 }
 
-/// What the lists alone tell.
+/// Findings from the stage's lists alone, without evaluating a frame.
 fn never_used(stage: &Stage, findings: &mut Vec<Finding>) {
     let length = stage.settings.length;
     let warn = |rule, subject, text: String, hint: &str| Finding {
@@ -187,7 +187,8 @@ fn cameras_on(stage: &Stage) -> Vec<Time> {
     let length = stage.settings.length;
     let mut on = vec![Time::ZERO; stage.cameras.len()];
     let starts = std::iter::once((Time::ZERO, 0)).chain(stage.cuts.iter().map(|c| (c.at, c.camera)));
-    let ends = stage.cuts.iter().map(|c| c.at).chain([length]);
+    // The camera before a cut stays on while that dissolves.
+    let ends = stage.cuts.iter().map(|c| c.at + c.dissolve).chain([length]);
     for ((start, camera), end) in starts.zip(ends) {
         let (start, end) = (start.max(Time::ZERO), end.min(length));
         if let Some(on) = on.get_mut(camera)

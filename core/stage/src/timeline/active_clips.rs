@@ -1,4 +1,4 @@
-//! Which clips of a layer are active at a time, at which clip time and with what weight.
+//! The clips of a layer that are active at a time, with clip time and weight.
 
 use crate::stage::actor::Actor;
 use crate::stage::clips::{Cue, Layer, LayerMode};
@@ -21,8 +21,8 @@ pub struct ActiveClip {
 }
 
 impl Actor {
-    /// What plays at a time, in the order in which it is blended: each over what came before it, additive ones on top. Of
-    /// layers of one rank each is given as it is by itself.
+    /// The clips that play at a time, in the order in which they are blended: each over those before it, additive ones on top.
+    /// The weights of layers with the same priority are given before these layers are averaged.
     pub fn active_clips(&self, time: Time) -> Vec<ActiveClip> {
         let mut active = Vec::new();
         let mut active_cues = Vec::new();

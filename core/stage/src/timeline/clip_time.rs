@@ -50,12 +50,12 @@ impl Cue {
         }
     }
 
-    /// When the part has been played through once, if ever: the first tick at which nothing more is to come.
+    /// The time when the part has been played through once, if ever: the first tick at which it is complete.
     pub fn played_through(&self) -> Option<Time> {
         self.time_of_played(i128::from((self.trim.1 - self.trim.0).0.max(0)))
     }
 
-    /// The time when this number of ticks of the clip has been played, if ever. Of a speed curve that turns back, as far as its keys tell.
+    /// The time when this number of ticks of the clip has been played, if ever. For a speed curve that turns back, only its keys count.
     pub fn time_of_played(&self, ticks: i128) -> Option<Time> {
         if ticks <= 0 {
             return Some(self.start);
@@ -88,8 +88,8 @@ impl Cue {
         None
     }
 
-    /// Clip time at a stage time. `held`: it stays there from then on, and shows the last pose of a round, not
-    /// the first of one that never comes.
+    /// Clip time at a stage time. `held`: the time stays there, and shows the last pose of a round instead of the first pose of a
+    /// round that never comes.
     pub(crate) fn clip_time(&self, time: Time, held: bool) -> Time {
         let played = self.played(time);
         let at = self.playback().clip_time_at(played);

@@ -1,4 +1,4 @@
-//! PlacementOrder in which actors can be placed: after what they are attached to, and turned after what they face has its place.
+//! The order in which actors can be placed: after those that they are attached to; oriented after those that they face.
 
 use crate::stage::{Stage, StageError};
 use crate::transforms::parents::ActiveParents;
@@ -8,7 +8,7 @@ use crate::transforms::parents::ActiveParents;
 pub(crate) enum PlacementStep {
     /// Position: needs its parent's world transform.
     Position(usize),
-    /// How it is turned: needs its own position and that of what it faces.
+    /// Orientation: needs its own position and that of the actor that it faces.
     World(usize),
 }
 

@@ -97,7 +97,7 @@ impl ActiveParents {
         actor.checked_sub(1).map_or(0, |before| self.ends[before])..*end
     }
 
-    /// Those of an actor, the newest last; empty where it stands in the world.
+    /// The active parents of an actor, the newest last; empty where it stands in the world.
     pub fn of(&self, actor: usize) -> &[ActiveParent] {
         &self.all[self.range(actor)]
     }
@@ -107,7 +107,7 @@ impl ActiveParents {
         &mut self.all[range]
     }
 
-    /// What an actor is attached to, several during a blend; links to actors that do not exist are left out.
+    /// The actors and joints that an actor is attached to, several during a blend; links to actors that do not exist are left out.
     pub fn carriers(&self, actor: usize) -> impl Iterator<Item = Attachment> {
         let count = self.ends.len();
         self.of(actor).iter().filter_map(|parent| parent.to).filter(move |to| to.actor < count)

@@ -12,7 +12,7 @@ pub struct Series {
     pub values: Vec<f64>,
 }
 
-/// What is allowed at each time, and how far off each value is: at most 0 is allowed, NaN and infinity never.
+/// The allowed range at each time, and how far each value is off: at most 0 is allowed, NaN and infinity never.
 pub(crate) struct Band {
     pub allowed: Vec<[f64; 2]>,
     pub off: Vec<f64>,
@@ -35,7 +35,7 @@ pub(crate) fn judge_band(series: &Series, band: &Band, e: &Expectation, label: &
     let off = |i: usize| match band.off[i] {
         _ if unknown(i) => f64::INFINITY,
         off if off.is_nan() => f64::INFINITY,
-        // On the edge is allowed, so it is no denial.
+        // The edge itself is allowed, so that it is a failure of the negated expectation.
         off if negated && off <= 0.0 => (-off).max(f64::MIN_POSITIVE),
         off if negated => -off,
         off => off,

@@ -1,4 +1,4 @@
-//! What begins and ends when, as a list of texts with times.
+//! Events of a stage, as a list of texts with times.
 
 use super::Judged;
 use super::looks::Looks;

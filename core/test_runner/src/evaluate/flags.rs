@@ -1,4 +1,4 @@
-//! What is so or not at a time: seen, on, on the floor.
+//! Properties that are true or false at a time: visible, on, on the floor.
 
 use super::band::{Band, Series, judge_band};
 use super::contact::{foot_at, touches};
@@ -8,7 +8,7 @@ use super::{Judged, vector};
 use choreo_motion::Time;
 use choreo_script::testing::{Expectation, Flag, Subject};
 
-/// What is so or not, at each time.
+/// Judges a property that is true or false at each time.
 pub fn judge(looks: &mut Looks, e: &Expectation, flag: &Flag) -> Judged {
     let (who, what) = flag_words(looks, flag);
     let (label, words) = (format!("{who} {what}"), format!("{who} is {what}"));

@@ -13,12 +13,12 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Most looks that one expectation may take: hours of film, and no more memory than a machine has.
+/// Limit of the looks of one expectation: hours of film, and no more memory than a machine has.
 pub const MOST: i64 = 200_000;
 /// Snapshots kept for the next expectation.
 const KEPT: usize = 4096;
 
-/// When judging a section must be over: a script may ask for more looks than anybody waits for.
+/// When judging a section must be over: a script may request more looks than anybody waits for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Deadline {
     at: Option<Instant>,
@@ -99,7 +99,7 @@ impl<'a> Looks<'a> {
         let stage = &self.stage;
         let evaluator = self.cameras.entry(camera).or_insert_with(|| {
             let mut alone = (**stage).clone();
-            alone.cuts = vec![Cut { at: Time(i64::MIN), camera }];
+            alone.cuts = vec![Cut::new(Time(i64::MIN), camera)];
             Evaluator::new(Arc::new(alone))
         });
         Ok(evaluator.at(time)?.camera)
@@ -190,7 +190,7 @@ impl<'a> Looks<'a> {
         Ok(times)
     }
 
-    /// As `times`, with the ends of a span, where they are between two frames.
+    /// Like `times`, with the ends of a span that lie between two frames.
     pub(crate) fn times_and_ends(&self, e: &Expectation) -> Result<Vec<Time>, Unjudged> {
         let mut times = self.times(e)?;
         if let When::During(from, until) = e.when {

@@ -20,7 +20,7 @@ pub fn judge(looks: &mut [Looks], e: &Expectation, what: SameWhat, other: SameOt
     }
 }
 
-/// What differs first, in words.
+/// The first difference, in words.
 fn find(
     looks: &mut [Looks],
     e: &Expectation,

@@ -64,11 +64,16 @@ pub fn at(looks: &mut Looks, quantity: &VectorQuantity, time: Time) -> Result<DV
             DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length())
         }
         VectorQuantity::Direction(subject) => {
-            let z = rotation_of(&looks.world_from(*subject, time)?.matrix3) * DVec3::Z;
-            match subject {
-                Subject::Camera(_) | Subject::Light(_) => -z,
-                Subject::Actor(_) | Subject::Joint { .. } => z,
-            }
+            let rotation = rotation_of(&looks.world_from(*subject, time)?.matrix3);
+            rotation
+                * match subject {
+                    Subject::Camera(_) | Subject::Light(_) => DVec3::NEG_Z,
+                    Subject::Actor(actor) => {
+                        let actor = looks.stage.actors.get(*actor);
+                        actor.map_or(DVec3::Z, |actor| actor.asset.front().rotation() * DVec3::Z)
+                    }
+                    Subject::Joint { .. } => DVec3::Z,
+                }
         }
         VectorQuantity::Tint(actor) => match looks.at(time)?.actors.get(*actor) {
             Some(state) => state.tint.truncate().as_dvec3(),
@@ -221,7 +226,7 @@ fn traces(
     label: &str,
     mark: f64,
 ) -> Vec<Trace> {
-    // At one time: what is before and after it, of which nothing is asserted.
+    // At a single time: shows the values before and after it, of which nothing is asserted.
     let half = Time::from_secs(0.5);
     let (mut all, mut points_of, mut allowed) = (times.to_vec(), got.to_vec(), goals.to_vec());
     if let When::At(time) = e.when {

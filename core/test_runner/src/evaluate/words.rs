@@ -1,4 +1,4 @@
-//! Numbers in messages: as many digits as say something, no more.
+//! Numbers in messages: as many digits as are significant.
 
 use choreo_motion::Time;
 use glam::DVec3;

@@ -180,7 +180,7 @@ fn pictures(html: &mut String, o: &Outcome, c: &Check, p: &Pictures) {
         let _ = writeln!(html, "<div class=\"side\">{}</div>", figure(&p.got, "got"));
         return;
     }
-    // Both are shown in one width: where they are of different sizes it is said.
+    // Both are shown in one width; different sizes are stated.
     let size = |bytes: &[u8], what: &str| match (sides(&p.expected), sides(&p.got)) {
         (Some(a), Some(b)) if a != b => {
             sides(bytes).map_or(what.to_string(), |[w, h]| format!("{what}, {w}x{h} pixels"))
@@ -233,7 +233,7 @@ fn blake3_hex(parts: &[&str]) -> String {
     hasher.finalize().to_hex().to_string()
 }
 
-/// Small images are shown enlarged by a whole number, so that single pixels can be told.
+/// Small images are shown enlarged by a whole number, so that single pixels can be distinguished.
 fn shown_width(png: &[u8]) -> u32 {
     let width = sides(png).map_or(256, |[width, _]| width);
     width * (480 / width.max(1)).clamp(1, 4)

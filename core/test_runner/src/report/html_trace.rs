@@ -8,7 +8,7 @@ const WIDTH: f64 = 680.0;
 const HEIGHT: f64 = 180.0;
 /// Around the plot, for the numbers: left, top, right, bottom.
 const MARGIN: [f64; 4] = [64.0, 10.0, 12.0, 24.0];
-/// More points than this cannot be told apart at the plot's width.
+/// Limit of the points of a curve: at the plot's width more cannot be distinguished.
 const MOST_POINTS: usize = 1300;
 /// Plots of one check at most.
 const MOST_PLOTS: usize = 12;
@@ -26,7 +26,7 @@ pub fn plots(traces: &[Trace]) -> String {
     html
 }
 
-/// What the lines mean that are there.
+/// Legend of the lines that are drawn.
 fn legend(drawn: &str) -> String {
     let keys = [
         ("got", "got"),
@@ -170,7 +170,7 @@ impl Axes {
     }
 }
 
-/// Which points are drawn: all of a short curve, of a long one the lowest and highest of each short stretch.
+/// The points that are drawn: all of a short curve; of a long one the lowest and highest in each short range.
 fn kept(trace: &Trace, count: usize) -> Vec<usize> {
     if count <= MOST_POINTS {
         return (0..count).collect();
@@ -216,7 +216,7 @@ fn ticks(low: f64, high: f64, most: usize) -> Vec<f64> {
     (0..=2 * most as i64).map(|i| (first + i) as f64 * step).take_while(|v| *v <= high).collect()
 }
 
-/// The number with enough digits to tell two ticks apart.
+/// The number with enough digits to distinguish two ticks.
 fn number(value: f64, range: f64) -> String {
     let digits = (2.0 - libm::floor(libm::log10(range.max(1e-12)))).clamp(0.0, 9.0) as usize;
     let text = format!("{value:.digits$}");

@@ -9,7 +9,7 @@ pub mod terminal;
 use crate::collect::quoted;
 use crate::outcome::{Evidence, Outcome};
 
-/// What to type to run one section alone.
+/// The command that runs one section alone.
 pub fn rerun(outcome: &Outcome) -> String {
     let file = quoted(&outcome.file);
     match outcome.section.as_str() {
@@ -18,7 +18,7 @@ pub fn rerun(outcome: &Outcome) -> String {
     }
 }
 
-/// What to type to accept what a section drew; `None` where no image of it failed.
+/// The command that accepts a section's images; `None` if no image of it failed.
 pub fn accept(outcome: &Outcome) -> Option<String> {
     let names: Vec<String> = outcome
         .checks

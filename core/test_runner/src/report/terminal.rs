@@ -2,8 +2,8 @@
 
 use super::{accept, rerun};
 use crate::collect::{Case, shown};
+use crate::images::ACCEPTED;
 use crate::outcome::{Check, Evidence, Outcome, Status};
-use crate::pictures::ACCEPTED;
 use crate::run::Report;
 use choreo_script::{printable, printable_line};
 use std::fmt::Write;
@@ -11,7 +11,7 @@ use std::fmt::Write;
 /// Failed checks of one section that are printed in full; the rest is counted.
 const MOST_CHECKS: usize = 10;
 
-/// What a failed section has to say; empty for the others.
+/// The text about a failed section; empty for others.
 pub fn failure(outcome: &Outcome) -> String {
     let mut text = String::new();
     match &outcome.status {

@@ -2,7 +2,7 @@
 
 /// Lines around a change that are shown though they stay.
 const AROUND: usize = 1;
-/// More lines than these are left out in the middle.
+/// Limit of the lines; those in the middle are left out.
 const MOST: usize = 400;
 
 /// `-`, `+` or a blank, and the line. Longest common subsequence of what lies between the lines that begin and end both.

@@ -1,11 +1,12 @@
 //! The user's own editor, opened at a line.
 
+use crate::editing::EditError;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// Those that want `-g file:line`.
+/// Editors that take `-g file:line`.
 const GOTO: [&str; 5] = ["code", "codium", "code-oss", "cursor", "windsurf"];
-/// Those that need a terminal.
+/// Editors that need a terminal.
 const IN_TERMINAL: [&str; 8] = ["vi", "vim", "nvim", "nano", "emacs", "hx", "micro", "kak"];
 
 /// The program and its arguments: `$VISUAL`, else `$EDITOR`, else Visual Studio Code.
@@ -31,7 +32,7 @@ fn command(editor: Option<&str>, terminal: Option<&str>, file: &str, line: usize
 ///
 /// # Errors
 /// It cannot be started; the text says what to set.
-pub fn open(file: &Path, line: usize) -> Result<(), String> {
+pub fn open(file: &Path, line: usize) -> Result<(), EditError> {
     let set = |name: &str| std::env::var(name).ok().filter(|v| !v.trim().is_empty());
     let editor = set("VISUAL").or_else(|| set("EDITOR"));
     let all = command(editor.as_deref(), set("TERMINAL").as_deref(), &file.to_string_lossy(), line);
@@ -41,8 +42,7 @@ pub fn open(file: &Path, line: usize) -> Result<(), String> {
         .stdout(Stdio::null())
         .stderr(Stdio::null())
         .spawn();
-    let mut child =
-        started.map_err(|e| format!("{}: cannot be started: {e}; set VISUAL to your editor", all[0]))?;
+    let mut child = started.map_err(|source| EditError::Editor { editor: all[0].clone(), source })?;
     // Nobody else would collect it.
     let _ = std::thread::Builder::new().name("editor".into()).spawn(move || drop(child.wait()));
     Ok(())

@@ -1,10 +1,13 @@
-//! Dragging writes the script: the file stays the only document. One change is one undoable edit. What is computed, what stands
-//! in a module or makes several things is not touched, and said, with a line that would do it where there is one. A file that has
-//! changed on disk meanwhile is asked about, with the difference.
+//! Dragging edits the script: the file stays the only document. One change is one undoable edit. A value that is computed, stands
+//! in a module or makes several things is not changed; a message states why, with a line that would do it if possible. If the file has
+//! changed on disk meanwhile, the user is asked, with the difference.
 
 pub(crate) mod difference;
+mod error;
 pub(crate) mod external_editor;
 pub mod placing;
+
+pub use error::EditError;
 
 use crate::app::Viewer;
 use crate::state::history::{Done, Offer};
@@ -23,9 +26,9 @@ impl Viewer {
     ///
     /// # Errors
     /// Why not, for the user; nothing has changed.
-    pub fn set_cue(&mut self, what: &Selected, part: CueTime, secs: f64) -> Result<(), String> {
+    pub fn set_cue(&mut self, what: &Selected, part: CueTime, secs: f64) -> Result<(), EditError> {
         let bars = || self.timeline.rows.iter().flat_map(|row| &row.bars);
-        let place = bars().find(|bar| bar.what == *what).ok_or("it is no longer there")?.place.clone();
+        let place = bars().find(|bar| bar.what == *what).ok_or(EditError::Gone)?.place.clone();
         if let (Selected::Cue { actor, layer, cue: 1.. }, CueTime::Start) = (what, part)
             && self.known().is_some_and(|text| follows(&text, place.line, place.column))
             && let Selected::Cue { cue, .. } = what
@@ -34,8 +37,8 @@ impl Viewer {
             let before = Selected::Cue { actor: actor.clone(), layer: *layer, cue: cue - 1 };
             return self.set_cue(&before, CueTime::End, secs);
         }
-        let twins = bars().filter(|b| b.place == place).count();
-        self.change(&place, twins, |text| match (what, part) {
+        let siblings = bars().filter(|b| b.place == place).count();
+        self.change(&place, siblings, |text| match (what, part) {
             (Selected::Effect(_), CueTime::Start) => {
                 ScriptObject::at(text, place.line, place.column)?.time("from", secs)
             }
@@ -51,31 +54,31 @@ impl Viewer {
     }
 
     /// Moves a cut; `index` of the stage's cuts.
-    pub fn set_cut(&mut self, index: usize, secs: f64) -> Result<(), String> {
-        let scene = self.scene.as_ref().ok_or("there is nothing to change yet")?;
-        let place = scene.places.cuts.get(index).ok_or("it is no longer there")?.clone();
-        let twins = scene.places.cuts.iter().filter(|p| **p == place).count();
-        self.change(&place, twins, |text| {
+    pub fn set_cut(&mut self, index: usize, secs: f64) -> Result<(), EditError> {
+        let scene = self.scene.as_ref().ok_or(EditError::NothingShown)?;
+        let place = scene.places.cuts.get(index).ok_or(EditError::Gone)?.clone();
+        let siblings = scene.places.cuts.iter().filter(|p| **p == place).count();
+        self.change(&place, siblings, |text| {
             choreo_session::edit::set_call(text, place.line, place.column, secs)
         })
     }
 
     /// Moves a named time of the stage.
-    pub fn set_marker(&mut self, name: &str, secs: f64) -> Result<(), String> {
-        let scene = self.scene.as_ref().ok_or("there is nothing to change yet")?;
+    pub fn set_marker(&mut self, name: &str, secs: f64) -> Result<(), EditError> {
+        let scene = self.scene.as_ref().ok_or(EditError::NothingShown)?;
         let place = Place { file: scene.places.main.clone(), line: 1, ..Place::default() };
         self.change(&place, 1, |text| set_marker(text, name, secs))
     }
 
     /// Lets an actor play a clip of its file from a time on.
-    pub(crate) fn add_clip(&mut self, name: &str, clip: &str, secs: f64) -> Result<(), String> {
-        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
-        let index = actor(&scene.stage, name).ok_or("it is no longer there")?;
+    pub(crate) fn add_clip(&mut self, name: &str, clip: &str, secs: f64) -> Result<(), EditError> {
+        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
+        let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
         let place = scene.places.actors.get(index).cloned().unwrap_or_default();
-        let twins = scene.places.actors.iter().filter(|p| **p == place).count();
+        let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
         let plays = scene.stage.actors[index].layers.first().is_some_and(|l| !l.cues.is_empty());
         let options = if plays { ", #{ fade: 0.3 }" } else { "" };
-        self.change(&place, twins, |text| {
+        self.change(&place, siblings, |text| {
             ScriptObject::at(text, place.line, place.column)?.play(clip, secs, options)
         })
     }
@@ -83,9 +86,9 @@ impl Viewer {
     /// Puts files that were dropped on stage: a line each at the end of the script, as one change; several where they are shown.
     ///
     /// # Errors
-    /// What is not added, and why: files that cannot be read, or lie outside the script's folder; the others are.
-    pub fn add_guests(&mut self) -> Result<(), String> {
-        let path = self.path.clone().ok_or("there is no script that it could be added to")?;
+    /// Returns the files that are not added, and why: they cannot be read, or lie outside the script's folder. The others are added.
+    pub fn add_guests(&mut self) -> Result<(), EditError> {
+        let path = self.path.clone().ok_or(EditError::NoScript)?;
         let folder =
             path.canonicalize().ok().and_then(|p| Some(p.parent()?.to_path_buf())).unwrap_or_default();
         let mut text = read(&path)?;
@@ -93,10 +96,14 @@ impl Viewer {
         if !text.is_empty() && !text.ends_with('\n') {
             text.push('\n');
         }
-        let scene = self.scene.clone().filter(|_| !self.faulty).ok_or("what was dropped cannot be read")?;
+        let scene = self
+            .scene
+            .clone()
+            .filter(|_| !self.faulty)
+            .ok_or_else(|| EditError::Refused("what was dropped cannot be read".into()))?;
         let (mut shown, mut refused) = (scene.stage.actors.iter().peekable(), Vec::new());
         for guest in &self.guests {
-            // In the order in which they were dropped, without those that cannot be read.
+            // The actors follow the order in which the files were dropped, without those that cannot be read.
             let is_it = |actor: &&Actor| guest.file_name().is_some_and(|name| *name == *actor.asset.name);
             let Some(actor) = shown.next_if(is_it) else {
                 refused.push(format!("{}: it cannot be read", guest.display()));
@@ -116,44 +123,45 @@ impl Viewer {
             self.write_edit(&path, &before, edit)?;
             self.guests_leave = true;
         }
-        if refused.is_empty() { Ok(()) } else { Err(refused.join("; ")) }
+        if refused.is_empty() { Ok(()) } else { Err(EditError::Refused(refused.join("; "))) }
     }
 
     /// Adds a line at the end of the script.
-    pub(crate) fn add_line(&mut self, line: &str) -> Result<(), String> {
-        let path = self.path.clone().ok_or("there is no script")?;
+    pub(crate) fn add_line(&mut self, line: &str) -> Result<(), EditError> {
+        let path = self.path.clone().ok_or(EditError::NoScript)?;
         let text = read(&path)?;
         let blank = if text.is_empty() || text.ends_with('\n') { "" } else { "\n" };
         self.write_edit(&path, &text, Edit { range: text.len()..text.len(), text: format!("{blank}{line}") })
     }
 
-    /// `twins`: how many things come from this place.
+    /// `siblings`: how many things come from this place.
     pub(crate) fn change(
         &mut self,
         place: &Place,
-        twins: usize,
+        siblings: usize,
         mut make: impl FnMut(&str) -> Result<Edit, EditRefused>,
-    ) -> Result<(), String> {
-        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
+    ) -> Result<(), EditError> {
+        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let places = &scene.places;
         if place.line == 0 {
-            return Err("it does not come from a script".into());
+            return Err(EditError::NotFromScript);
         }
         if place.file != places.main {
-            return Err(format!("{}:{}: it stands in a module; change it there", place.file, place.line));
+            return Err(EditError::InModule { file: place.file.to_string(), line: place.line });
         }
-        if twins > 1 {
-            return Err(format!(
-                "{}:{}: this line makes {twins} of them; change it there",
-                place.file, place.line
-            ));
+        if siblings > 1 {
+            return Err(EditError::SharedLine {
+                file: place.file.to_string(),
+                line: place.line,
+                objects: siblings,
+            });
         }
-        let path = self.path.clone().ok_or("there is no script")?;
+        let path = self.path.clone().ok_or(EditError::NoScript)?;
         let text = read(&path)?;
         let known = places.sources.get(&places.main).cloned().unwrap_or_default();
         let made = make(&known);
         if *known != *text || self.faulty {
-            // For what is shown; the file has something else by now.
+            // The edit was made for the text that is shown; the file has changed since.
             let carried = made.ok().and_then(|edit| edit.carried_over(&known, &text));
             if let Some(edit) = carried {
                 let difference = difference::lines(&known, &edit.apply(&text));
@@ -161,7 +169,7 @@ impl Viewer {
                     .to_string();
                 self.offer = Some(Offer { why, agree: "Write both".into(), difference, edit, text });
             }
-            return Err("the file has changed on disk; wait until it is shown, and try again".into());
+            return Err(EditError::ChangedOnDisk);
         }
         match made {
             Ok(edit) => self.write_edit(&path, &text, edit),
@@ -172,12 +180,12 @@ impl Viewer {
                     self.offer =
                         Some(Offer { why: why.clone(), agree: agree.into(), difference, edit, text });
                 }
-                Err(why)
+                Err(EditError::Refused(why))
             }
         }
     }
 
-    fn write_edit(&mut self, path: &Path, text: &str, edit: Edit) -> Result<(), String> {
+    fn write_edit(&mut self, path: &Path, text: &str, edit: Edit) -> Result<(), EditError> {
         let after = edit.apply(text);
         if after == text {
             self.dragging = None;
@@ -190,22 +198,23 @@ impl Viewer {
     }
 
     /// Makes the change that was offered.
-    pub(crate) fn accept_offer(&mut self) -> Result<(), String> {
-        let offer = self.offer.take().ok_or("nothing was offered")?;
-        let path = self.path.clone().ok_or("there is no script")?;
+    pub(crate) fn accept_offer(&mut self) -> Result<(), EditError> {
+        let offer = self.offer.take().ok_or(EditError::Overtaken("nothing was offered"))?;
+        let path = self.path.clone().ok_or(EditError::NoScript)?;
         let now = read(&path)?;
         let edit =
             if now == offer.text { Some(offer.edit) } else { offer.edit.carried_over(&offer.text, &now) };
-        let edit = edit.ok_or("the file has changed once more; try again when it is shown")?;
+        let edit =
+            edit.ok_or(EditError::Overtaken("the file has changed once more; try again when it is shown"))?;
         self.write_edit(&path, &now, edit)
     }
 
     /// Takes the newest change back, also where the file has since been changed elsewhere.
     ///
     /// # Errors
-    /// As for [`Viewer::set_cue`]; that there is none.
-    pub fn undo(&mut self) -> Result<(), String> {
-        let last = self.history.done.last().ok_or("there is nothing to take back")?;
+    /// Fails as [`Viewer::set_cue`] does, or if there is no change.
+    pub fn undo(&mut self) -> Result<(), EditError> {
+        let last = self.history.done.last().ok_or(EditError::NothingToUndo)?;
         let again = self.take_back(&last.back, &last.text)?;
         self.history.done.pop();
         self.history.undone.push(again);
@@ -215,20 +224,21 @@ impl Viewer {
     /// Makes the change again that was taken back last.
     ///
     /// # Errors
-    /// As for [`Viewer::undo`].
-    pub fn redo(&mut self) -> Result<(), String> {
-        let last = self.history.undone.last().ok_or("there is nothing to do again")?;
+    /// Fails as [`Viewer::undo`] does.
+    pub fn redo(&mut self) -> Result<(), EditError> {
+        let last = self.history.undone.last().ok_or(EditError::NothingToRedo)?;
         let again = self.take_back(&last.back, &last.text)?;
         self.history.undone.pop();
         self.history.done.push(again);
         Ok(())
     }
 
-    fn take_back(&self, back: &Edit, from: &str) -> Result<Done, String> {
-        let path = self.path.clone().ok_or("there is no script")?;
+    fn take_back(&self, back: &Edit, from: &str) -> Result<Done, EditError> {
+        let path = self.path.clone().ok_or(EditError::NoScript)?;
         let now = read(&path)?;
         let back = if now == from { Some(back.clone()) } else { back.carried_over(from, &now) };
-        let back = back.ok_or("the line has been changed since; take it back in the editor")?;
+        let back =
+            back.ok_or(EditError::Overtaken("the line has been changed since; take it back in the editor"))?;
         let after = back.apply(&now);
         write(&path, &after)?;
         Ok(Done { back: back.inverse(&now), text: after })
@@ -255,30 +265,26 @@ fn guest_line(file: &Path, x: f64, text: &str) -> String {
 const MARK: &str = "\u{feff}";
 
 /// A script's text without a byte order mark.
-pub(crate) fn read(path: &Path) -> Result<String, String> {
+pub(crate) fn read(path: &Path) -> Result<String, EditError> {
     let text = read_all(path)?;
     Ok(text.strip_prefix(MARK).map(str::to_string).unwrap_or(text))
 }
 
-fn read_all(path: &Path) -> Result<String, String> {
-    /// More than a script may have.
+fn read_all(path: &Path) -> Result<String, EditError> {
+    /// Limit of the size of a script.
     const MOST_BYTES: u64 = 64 << 20;
-    let shown = path.display();
-    let bytes = choreo_files::read(path, MOST_BYTES).map_err(|e| format!("{shown}: cannot read: {e}"))?;
-    String::from_utf8(bytes).map_err(|_| format!("{shown}: cannot read: it is no UTF-8 text"))
+    let bytes = choreo_files::read(path, MOST_BYTES)
+        .map_err(|source| EditError::Read { path: path.to_path_buf(), source })?;
+    String::from_utf8(bytes).map_err(|_| EditError::NotText(path.to_path_buf()))
 }
 
-/// Whole or not at all. A link to another file of the script's folder stays a link, and a byte order mark stays before the text.
-pub(crate) fn write(path: &Path, text: &str) -> Result<(), String> {
-    let failed = |e: WriteError| format!("{}: cannot write: {e}", path.display());
+/// Writes a file whole or not at all. A link to another file of its folder stays a link, and a byte order mark stays first.
+pub(crate) fn write(path: &Path, text: &str) -> Result<(), EditError> {
+    let failed = |source: WriteError| EditError::Write { path: path.to_path_buf(), source };
     let place = path.canonicalize().map_err(|e| failed(e.into()))?;
     let folder = path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if path.is_symlink() && folder.canonicalize().is_ok_and(|folder| !place.starts_with(folder)) {
-        return Err(format!(
-            "{}: cannot write: it is a symbolic link to {}, outside its folder; open that file itself",
-            path.display(),
-            place.display()
-        ));
+        return Err(EditError::LinkOutside { path: path.to_path_buf(), target: place });
     }
     let mark = if read_all(&place).is_ok_and(|old| old.starts_with(MARK)) { MARK } else { "" };
     write_whole(&place, format!("{mark}{text}").as_bytes()).map_err(failed)
@@ -311,7 +317,7 @@ mod tests {
             script.display(),
             outside.canonicalize().unwrap().display()
         );
-        assert_eq!(write(&script, "new"), Err(expected));
+        assert_eq!(write(&script, "new").unwrap_err().to_string(), expected);
         fs::remove_file(&script).unwrap();
         // A second name keeps the old text, and the file its permissions.
         hard_link(&outside, &script).unwrap();

@@ -1,7 +1,8 @@
-//! What moving, turning and scaling an actor means for the script, and numbers of lights and effects: where a thing is keyed, the
+//! Edits of the script for moving, turning and scaling an actor, and for numbers of lights and effects: where a thing is keyed, the
 //! key at the playhead; where it hangs on another one, in that one's space; where it faces something, no turn.
 
 use crate::app::Viewer;
+use crate::editing::EditError;
 use crate::geometry::gizmo::Change;
 use crate::state::history::ExpectedPlacement;
 use crate::state::orbit::Orbit;
@@ -35,7 +36,7 @@ pub(crate) fn light_at(light: &StageLight, time: Time) -> StageLight {
             Property::Intensity => now.light.intensity = x as f32,
             Property::Color => now.light.color = DVec3::new(x, y, z).as_vec3(),
             Property::Translation => now.position = DVec3::new(x, y, z),
-            // As in glTF, a rotation turns −Z.
+            // A rotation turns −Z, as in glTF.
             Property::Rotation => now.direction = (DQuat::from_xyzw(x, y, z, w) * DVec3::NEG_Z).as_vec3(),
             _ => {}
         }
@@ -61,36 +62,38 @@ impl Viewer {
     ///
     /// # Errors
     /// Why not, for the user; nothing has changed.
-    pub fn change_actor(&mut self, name: &str, change: Change) -> Result<(), String> {
-        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
-        let index = actor(&scene.stage, name).ok_or("it is no longer there")?;
+    pub fn change_actor(&mut self, name: &str, change: Change) -> Result<(), EditError> {
+        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
+        let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
         let time = self.playhead.time();
         if let Some(parent) = scene.stage.actors[index].parent_at(time).filter(|p| p.placement.is_some()) {
             let start = format_number(parent.start.as_secs());
-            return Err(format!("what follows its .attach from {start} s places it now; change that"));
+            let why = format!("what follows its .attach from {start} s places it now; change that");
+            return Err(EditError::Refused(why));
         }
         let parent = match scene.stage.actors[index].parents.is_empty() {
             true => Some(DAffine3::IDENTITY),
             false => self.shown().and_then(|s| Some(s.snapshot.actors.get(index)?.world_from_parent)),
         };
         let parent = parent.filter(|parent| parent.matrix3.determinant().abs() > 1e-12);
-        let parent = parent.ok_or("what it is attached to is not seen; show it first")?;
+        let parent = parent
+            .ok_or_else(|| EditError::Refused("what it is attached to is not seen; show it first".into()))?;
         self.place_actor(name, inside(change, &parent))
     }
 
-    /// As [`Viewer::change_actor`], by the axes of what it is attached to.
-    pub(crate) fn place_actor(&mut self, name: &str, change: Change) -> Result<(), String> {
-        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
-        let index = actor(&scene.stage, name).ok_or("it is no longer there")?;
+    /// Like [`Viewer::change_actor`], along the axes of the actor's parent.
+    pub(crate) fn place_actor(&mut self, name: &str, change: Change) -> Result<(), EditError> {
+        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
+        let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
         let found = &scene.stage.actors[index];
         let place = scene.places.actors.get(index).cloned().unwrap_or_default();
-        let twins = scene.places.actors.iter().filter(|p| **p == place).count();
+        let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
         let time = self.playhead.time();
         let when = KeyTime { secs: time.as_secs(), fps: self.playhead.fps().as_fps() };
         let old = placement(found, time);
         let keyed = |property| found.channels.iter().any(|c| c.property == property);
         let (mut at, mut rotation) = (old.translation, old.rotation);
-        self.change(&place, twins, |text| {
+        self.change(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             match change {
                 Change::Move(by) => {
@@ -133,23 +136,25 @@ impl Viewer {
     /// change; where its place is keyed, the key at the playhead.
     ///
     /// # Errors
-    /// As for [`Viewer::change_actor`].
-    pub fn set_camera(&mut self, name: &str, from: &Orbit) -> Result<(), String> {
-        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
-        let index = scene.stage.cameras.iter().position(|c| c.name == name).ok_or("it is no longer there")?;
+    /// Fails as [`Viewer::change_actor`] does.
+    pub fn set_camera(&mut self, name: &str, from: &Orbit) -> Result<(), EditError> {
+        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
+        let index = scene.stage.cameras.iter().position(|c| c.name == name).ok_or(EditError::Gone)?;
         let camera = &scene.stage.cameras[index];
         let place = scene.places.cameras.get(index).cloned().unwrap_or_default();
-        let twins = scene.places.cameras.iter().filter(|p| **p == place).count();
+        let siblings = scene.places.cameras.iter().filter(|p| **p == place).count();
         if !matches!(camera.rig, Rig::Fixed { .. }) {
-            return Err(format!("{}:{}: it moves by itself; change that there", place.file, place.line));
+            let why = format!("{}:{}: it moves by itself; change that there", place.file, place.line);
+            return Err(EditError::Refused(why));
         }
         let keyed = camera.channels.iter().any(|c| c.property == Property::Translation);
         if camera.channels.iter().any(|c| c.property == Property::Rotation) {
-            return Err(format!("{}:{}: its rotation has keys; change them there", place.file, place.line));
+            let why = format!("{}:{}: its rotation has keys; change them there", place.file, place.line);
+            return Err(EditError::Refused(why));
         }
         let when = KeyTime { secs: self.playhead.time().as_secs(), fps: self.playhead.fps().as_fps() };
         let (at, center) = (from.camera().world_from_view.translation, from.center);
-        self.change(&place, twins, |text| {
+        self.change(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             let looked = object.set_point("look_at", center)?.apply(text);
             // It begins where it did: all that was changed stands behind.
@@ -165,9 +170,9 @@ impl Viewer {
     /// A new camera where the free one stands, as a line at the end of the script; where there are others, it is on from the playhead on.
     ///
     /// # Errors
-    /// As for [`Viewer::change_actor`].
-    pub(crate) fn add_camera(&mut self, from: &Orbit) -> Result<(), String> {
-        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
+    /// Fails as [`Viewer::change_actor`] does.
+    pub(crate) fn add_camera(&mut self, from: &Orbit) -> Result<(), EditError> {
+        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let taken = |name: &str| scene.stage.cameras.iter().any(|c| c.name == name);
         let name = (1..).map(|n| format!("view {n}")).find(|name| !taken(name)).unwrap_or_default();
         let point = |p: DVec3| p.to_array().map(format_number).join(", ");
@@ -180,15 +185,15 @@ impl Viewer {
     /// The vertical angle that a camera sees, degrees: `.fov`, or its key at the playhead.
     ///
     /// # Errors
-    /// As for [`Viewer::change_actor`].
-    pub fn set_field_of_view(&mut self, name: &str, degrees: f64) -> Result<(), String> {
-        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
-        let index = scene.stage.cameras.iter().position(|c| c.name == name).ok_or("it is no longer there")?;
+    /// Fails as [`Viewer::change_actor`] does.
+    pub fn set_field_of_view(&mut self, name: &str, degrees: f64) -> Result<(), EditError> {
+        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
+        let index = scene.stage.cameras.iter().position(|c| c.name == name).ok_or(EditError::Gone)?;
         let place = scene.places.cameras.get(index).cloned().unwrap_or_default();
-        let twins = scene.places.cameras.iter().filter(|p| **p == place).count();
+        let siblings = scene.places.cameras.iter().filter(|p| **p == place).count();
         let keyed = scene.stage.cameras[index].channels.iter().any(|c| c.property == Property::FieldOfView);
         let when = KeyTime { secs: self.playhead.time().as_secs(), fps: self.playhead.fps().as_fps() };
-        self.change(&place, twins, |text| {
+        self.change(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             match keyed {
                 true => object.set_key("fov", when, KeyValue::Text(&format_number(degrees))),
@@ -198,15 +203,15 @@ impl Viewer {
     }
 
     /// A parameter of an effect, or an option of a light; `value` as it is written. What is keyed gets it at the playhead.
-    pub fn set_value(&mut self, what: &Selected, name: &str, value: &str) -> Result<(), String> {
-        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
+    pub fn set_value(&mut self, what: &Selected, name: &str, value: &str) -> Result<(), EditError> {
+        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let (places, index) = match what {
             Selected::Effect(index) => (&scene.places.effects, *index),
             Selected::Light(index) => (&scene.places.lights, *index),
-            _ => return Err("it has no such value".into()),
+            _ => return Err(EditError::Refused("it has no such value".into())),
         };
         let place = places.get(index).cloned().unwrap_or_default();
-        let twins = places.iter().filter(|p| **p == place).count();
+        let siblings = places.iter().filter(|p| **p == place).count();
         let light = matches!(what, Selected::Light(_)).then(|| scene.stage.lights.get(index)).flatten();
         let property = match name {
             "intensity" => Some(Property::Intensity),
@@ -217,7 +222,7 @@ impl Viewer {
         };
         let keyed = light.is_some_and(|l| l.channels.iter().any(|c| Some(c.property) == property));
         let when = KeyTime { secs: self.playhead.time().as_secs(), fps: self.playhead.fps().as_fps() };
-        self.change(&place, twins, |text| {
+        self.change(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             match light {
                 Some(_) if keyed => object.set_key(name, when, KeyValue::Text(value)),
@@ -238,7 +243,7 @@ impl Viewer {
         // Written to the thousandth.
         let there =
             (now.translation - wanted.at).length() < 0.01 && now.rotation.dot(wanted.rotation).abs() > 0.9999;
-        self.said = (!there).then(|| {
+        self.message = (!there).then(|| {
             let line = wanted.line;
             format!(
                 "line {line}: it was written, but another line places \"{}\" anew; Ctrl Z takes it back",

@@ -28,7 +28,7 @@ pub(crate) const RING: usize = 48;
 /// Steps of degrees and metres while a key is held.
 pub const STEPS: (f64, f64) = (15.0, 0.1);
 
-/// What a drag has made of it so far.
+/// The change that a drag has made so far.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Change {
     Move(DVec3),
@@ -89,7 +89,7 @@ pub fn ring(center: DVec3, axis: usize, radius: f64) -> impl Iterator<Item = DVe
     })
 }
 
-/// Which handle is at a place on the screen.
+/// The handle at a place on the screen.
 pub(crate) fn handle_at(tool: Tool, world_from_model: &DAffine3, lens: &Lens, at: DVec2) -> Option<Handle> {
     let center = world_from_model.translation;
     let length = LENGTH * lens.metres_a_point(center);
@@ -121,7 +121,7 @@ fn to_segment(p: DVec2, a: DVec2, b: DVec2) -> f64 {
 }
 
 impl Drag {
-    /// What it means that the mouse is now here. `in_steps`: rounded to whole ones.
+    /// The change if the mouse is now at `to`. `in_steps`: rounded to whole steps.
     pub fn change(&self, lens: &Lens, to: DVec2, in_steps: bool) -> Change {
         let center = self.world_from_model.translation;
         let round = |value: f64, step: f64| if in_steps { (value / step).round() * step } else { value };
@@ -137,7 +137,7 @@ impl Drag {
                 Change::Move(DVec3::new(round(by.x, STEPS.1), 0.0, round(by.z, STEPS.1)))
             }
             (Tool::Turn, Handle::Axis(axis)) => {
-                // On the screen, where a ring seen edge on is as good as one seen flat.
+                // Angles are measured on the screen, where a ring seen edge-on works as well as one seen from its axis.
                 let middle = lens.point(center).unwrap_or(self.from);
                 let angle = |at: DVec2| libm::atan2(middle.y - at.y, at.x - middle.x);
                 let towards = if lens.to_eye(center).dot(AXES[axis]) < 0.0 { -1.0 } else { 1.0 };
@@ -236,7 +236,7 @@ mod tests {
 
     #[test]
     fn a_ring_turns_with_the_mouse() {
-        // From straight above: counter-clockwise on the screen is counter-clockwise about y.
+        // The camera looks straight down: counter-clockwise on the screen is counter-clockwise about y.
         let world_from_view = DAffine3::from_rotation_translation(
             DQuat::from_rotation_x(-core::f64::consts::FRAC_PI_2),
             DVec3::new(0.3, 8.0, 0.2),

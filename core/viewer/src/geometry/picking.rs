@@ -1,4 +1,4 @@
-//! What is under the mouse: the actor whose surface, as posed, a ray meets first.
+//! Picking: finds the actor whose surface, as posed, a ray hits first.
 
 use choreo_asset::{Asset, Topology};
 use choreo_stage::{ActorState, Snapshot, Stage, posed_meshes};

@@ -40,7 +40,7 @@ impl Lens {
         (!self.perspective || -view.z >= NEAREST).then(|| self.screen(view))
     }
 
-    /// What is seen of a line.
+    /// The visible part of a line.
     pub fn line(&self, a: DVec3, b: DVec3) -> Option<[DVec2; 2]> {
         let [mut a, mut b] = [a, b].map(|p| self.view_from_world.transform_point3(p));
         if self.perspective {

@@ -1,4 +1,4 @@
-//! What stands above the panels: menus, what is wrong, what the last change would need.
+//! The bar above the panels: menus, the first problem, the offer of the last change.
 
 use super::{Panels, Tab};
 use crate::app::Viewer;
@@ -60,19 +60,19 @@ fn guests(ui: &mut Ui, viewer: &mut Viewer) {
     ui.separator();
     short(ui, RichText::new(name).color(ui.visuals().warn_fg_color).strong(), &all.join("\n"));
     if viewer.path.is_some() && ui.button("Add to script").clicked() {
-        viewer.said = viewer.add_guests().err();
+        viewer.message = viewer.add_guests().err().map(|e| e.to_string());
     }
     if ui.button("Back to the script").clicked() {
         viewer.guests_leave = true;
     }
 }
 
-/// What is wrong, in a line; a click goes there.
+/// The first problem, in a line; a click goes there.
 fn first_problem(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(first) = viewer.problems.first().filter(|_| viewer.faulty) else { return };
     let (line, whole) = (first.line, first.to_string());
-    let said = first.message.lines().next().unwrap_or("");
-    let text = if line > 0 { format!("line {line}: {said}") } else { said.to_string() };
+    let message = first.message.lines().next().unwrap_or("");
+    let text = if line > 0 { format!("line {line}: {message}") } else { message.to_string() };
     let text = RichText::new(text).color(ui.visuals().error_fg_color);
     let label = ui.add(egui::Label::new(text).truncate().sense(egui::Sense::click()));
     let label = label.on_hover_text(RichText::new(whole).monospace());
@@ -121,7 +121,7 @@ fn status(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
             ));
             ui.label(format!("{}×{}", shown.size[0], shown.size[1]));
         }
-        if let Some(why) = &viewer.said {
+        if let Some(why) = &viewer.message {
             let text = RichText::new(why).color(ui.visuals().warn_fg_color);
             ui.add(egui::Label::new(text).truncate()).on_hover_text(why);
         } else {
@@ -162,7 +162,7 @@ pub fn offer(ui: &mut Ui, viewer: &mut Viewer) {
         });
     });
     match agreed {
-        Some(true) => viewer.said = viewer.accept_offer().err(),
+        Some(true) => viewer.message = viewer.accept_offer().err().map(|e| e.to_string()),
         Some(false) => viewer.offer = None,
         None => {}
     }

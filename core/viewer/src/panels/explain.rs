@@ -1,4 +1,4 @@
-//! What the frame that is shown needed and what was left out; what was done so far.
+//! The parts of the shown frame, and those left out; the work done so far.
 
 use crate::app::Viewer;
 use egui::{Grid, Ui};

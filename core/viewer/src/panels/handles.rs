@@ -64,8 +64,8 @@ pub fn show(
         if change == Change::none(dragging.drag.tool) {
             viewer.dragging = None;
         } else {
-            viewer.said = viewer.change_actor(&name, change).err();
-            if viewer.said.is_some() {
+            viewer.message = viewer.change_actor(&name, change).err().map(|e| e.to_string());
+            if viewer.message.is_some() {
                 viewer.dragging = None;
             }
         }

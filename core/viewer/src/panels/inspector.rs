@@ -1,4 +1,4 @@
-//! Everything about the selection at the playhead; what the script says of it can be changed here.
+//! Everything about the selection at the playhead; the script's own values can be changed here.
 
 use super::values;
 use crate::app::Viewer;
@@ -22,7 +22,7 @@ pub(crate) struct ClipDrag {
     pub clip: String,
 }
 
-/// What is changed here, once everything has been drawn.
+/// The change that the user makes here, applied once everything has been drawn.
 enum Wanted {
     Actor(Change),
     Value(&'static str, String),
@@ -99,10 +99,10 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             selection.actor().map_or(Ok(()), |name| viewer.add_clip(name, &clip, secs))
         }
     };
-    viewer.said = change.err();
+    viewer.message = change.err().map(|e| e.to_string());
 }
 
-/// As the script places it, in what it is attached to, at the playhead where it is keyed.
+/// The transform as the script places it, relative to its parent, at the playhead if it is keyed.
 fn transform(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str) -> Option<Wanted> {
     let placed = placement(stage.actors.get(actor(stage, name)?)?, viewer.playhead.time());
     let mut wanted = None;
@@ -133,7 +133,7 @@ fn transform(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str) -> Option<
     wanted
 }
 
-/// What a camera sees at the playhead, where it is the active one; else as it begins.
+/// The projection of a camera at the playhead, if it is the active one; else its first.
 fn projection(viewer: &Viewer, stage: &Stage, name: &str) -> Option<Projection> {
     let index = stage.cameras.iter().position(|c| c.name == name)?;
     let shown = viewer.shown().map(|shown| shown.snapshot.camera).filter(|c| c.camera == Some(index));
@@ -203,16 +203,16 @@ fn light(ui: &mut Ui, viewer: &Viewer, stage: &Stage, index: usize) -> Option<Wa
 fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize) -> Option<Wanted> {
     let used = scene.stage.effects.get(index)?;
     let plugin = scene.registry.effect(&used.plugin)?;
-    let said = choreo_render::effect_parameters(plugin.as_ref(), &used.parameters);
+    let given = choreo_render::effect_parameters(plugin.as_ref(), &used.parameters);
     let state = viewer.shown().and_then(|s| s.snapshot.effects.iter().find(|e| e.effect == index));
     let now =
         choreo_render::effect_parameters(plugin.as_ref(), state.map_or(&used.parameters, |s| &s.parameters));
     let mut wanted = None;
     Grid::new("parameters").num_columns(2).show(ui, |ui| {
-        for ((option, value), now) in plugin.manifest().options.iter().zip(said).zip(now) {
+        for ((option, value), now) in plugin.manifest().options.iter().zip(given).zip(now) {
             ui.label(&option.name).on_hover_text(&option.about);
             match &option.kind {
-                // Of keys or of a callback, which a literal would not change.
+                // The value comes from keys or a callback, which a literal would not change.
                 _ if now != value => drop(ui.monospace(format!("{now:.3} (keyed)"))),
                 OptionKind::Number { min, max, .. } => {
                     let value = f64::from(value);
@@ -395,18 +395,18 @@ fn of_cue(
     fields(viewer, played, row);
     row("repeat", format!("{:?}", played.repeat));
     row("trim", format!("{} to {} s", played.trim.0.as_secs(), played.trim.1.as_secs()));
-    let heard = found.active_clips(viewer.playhead.time());
-    match shares(&heard, layer).find(|(h, _)| h.cue == cue) {
-        Some((heard, share)) => {
-            row("now", format!("{:.0} % at {:.3} s of the clip", share * 100.0, heard.clip_time.as_secs()))
+    let active = found.active_clips(viewer.playhead.time());
+    match shares(&active, layer).find(|(h, _)| h.cue == cue) {
+        Some((active, share)) => {
+            row("now", format!("{:.0} % at {:.3} s of the clip", share * 100.0, active.clip_time.as_secs()))
         }
         None => row("now", "not active".into()),
     }
 }
 
-/// What each cue of a layer makes of its pose: those above leave it the rest. The last first.
-fn shares(heard: &[ActiveClip], layer: usize) -> impl Iterator<Item = (&ActiveClip, f32)> {
-    let of_layer = heard.iter().filter(move |h| h.layer == layer).rev();
+/// The share of each cue in a layer's pose, the last cue first: upper ones leave the rest to those below.
+fn shares(active: &[ActiveClip], layer: usize) -> impl Iterator<Item = (&ActiveClip, f32)> {
+    let of_layer = active.iter().filter(move |h| h.layer == layer).rev();
     of_layer.scan(1.0, |rest, h| {
         let share = if h.additive { h.weight } else { *rest * h.weight };
         *rest -= if h.additive { 0.0 } else { share };
@@ -435,15 +435,15 @@ fn of_actor(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&st
         let joint = joint.map(|joint| format!(", {joint}")).unwrap_or_default();
         row("attached to", format!("{}{joint}", carrier.name));
     }
-    let heard = found.active_clips(viewer.playhead.time());
+    let active = found.active_clips(viewer.playhead.time());
     for (number, layer) in found.layers.iter().enumerate() {
         let layer_name = if number == 0 { "base layer".to_string() } else { format!("layer {number}") };
-        let voices: Vec<String> = shares(&heard, number)
+        let lines: Vec<String> = shares(&active, number)
             .filter_map(|(h, share)| {
                 Some(format!("{:3.0} % {}", share * 100.0, layer.cues.get(h.cue)?.clip.name))
             })
             .collect();
-        row(&layer_name, if voices.is_empty() { "—".into() } else { voices.join("\n") });
+        row(&layer_name, if lines.is_empty() { "—".into() } else { lines.join("\n") });
     }
 }
 

@@ -19,7 +19,7 @@ pub fn handle(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         return;
     }
     edit_keys(ui, viewer);
-    // Those without Ctrl or Alt belong to the button or bar that has the focus.
+    // Keys without Ctrl or Alt belong to the button or bar that has the focus.
     if ui.ctx().egui_wants_keyboard_input() {
         return;
     }
@@ -48,10 +48,10 @@ fn window_keys(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer) {
 fn edit_keys(ui: &Ui, viewer: &mut Viewer) {
     let with = |modifiers, key| ui.input_mut(|i| i.consume_key(modifiers, key));
     if with(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z) || with(Modifiers::COMMAND, Key::Y) {
-        viewer.said = viewer.redo().err();
+        viewer.message = viewer.redo().err().map(|e| e.to_string());
     }
     if with(Modifiers::COMMAND, Key::Z) {
-        viewer.said = viewer.undo().err();
+        viewer.message = viewer.undo().err().map(|e| e.to_string());
     }
     for (key, frames) in [(Key::ArrowRight, 1), (Key::ArrowLeft, -1)] {
         if with(Modifiers::ALT | Modifiers::SHIFT, key) {
@@ -118,7 +118,7 @@ fn view_keys(ui: &Ui, viewer: &mut Viewer) {
             true => viewer.offer = None,
             false => viewer.selection = None,
         }
-        viewer.said = None;
+        viewer.message = None;
     }
 }
 
@@ -131,10 +131,11 @@ fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
     };
     let fps = viewer.playhead.fps();
     let secs = fps.time_of((fps.frames_in(time) + frames).max(0)).as_secs();
-    viewer.said = match (cut, part) {
-        (Some(cut), CueTime::Start) => viewer.set_cut(cut, secs).err(),
-        _ => viewer.set_cue(&what, part, secs).err(),
+    let edit = match (cut, part) {
+        (Some(cut), CueTime::Start) => viewer.set_cut(cut, secs),
+        _ => viewer.set_cue(&what, part, secs),
     };
+    viewer.message = edit.err().map(|e| e.to_string());
 }
 
 /// The part that is played begins or ends here; pressed again there, it is the whole once more.

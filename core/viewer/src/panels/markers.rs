@@ -5,7 +5,7 @@ use choreo_motion::Time;
 use egui::{Rect, Sense, Stroke, Ui, pos2, vec2};
 
 const SIZE: f32 = 11.5;
-/// One above the other, where their names would lie over each other.
+/// Rows of names, one above the other, where they would overlap.
 const LEVELS: usize = 4;
 /// Points; what is longer is read where the mouse is.
 const WIDEST: f32 = 180.0;
@@ -26,7 +26,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
         let x = place(*time);
         // Below the ruler, whose times are read.
         painter.vline(x, ruler.bottom()..=lanes.bottom(), Stroke::new(1.0, color));
-        // At the end a name stands before its line.
+        // A name near the end stands before its line.
         let galley = super::elided(&painter, name, SIZE, color, WIDEST.min(lanes.width()));
         let size = galley.size();
         let left = (x + 3.0).min(lanes.right() - size.x - 2.0);
@@ -59,6 +59,6 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
         }
     }
     if let Some((name, secs)) = moved {
-        viewer.said = viewer.set_marker(&name, secs).err();
+        viewer.message = viewer.set_marker(&name, secs).err().map(|e| e.to_string());
     }
 }

@@ -1,4 +1,4 @@
-//! What is marked in a row of the sequencer beside its bars: events, and feet on the floor. A click goes there.
+//! Marks in a row of the sequencer beside its bars: events, and feet on the floor. A click goes there.
 
 use super::sequencer::{COLORS, STRIP};
 use super::strip::Strips;

@@ -1,4 +1,4 @@
-//! What is wrong, with places, and what the script printed. A click goes to the line.
+//! Problems with their places, and the lines that the script printed. A click goes to the line.
 
 use crate::app::Viewer;
 use choreo_script::Severity;
@@ -20,7 +20,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             Severity::Warning => visuals.warn_fg_color,
             Severity::Note => visuals.text_color(),
         };
-        // As the command line says it, with the line and a caret.
+        // The text is that of the command line, with the line and a caret.
         let text = RichText::new(problem.to_string()).color(color).monospace();
         let placed = problem.line > 0;
         let label =

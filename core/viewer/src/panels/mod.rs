@@ -108,7 +108,7 @@ pub struct Panels {
     pub light: bool,
     /// 1 to 2.
     pub scale: f32,
-    /// What of it the context knows.
+    /// The colors and scale that were last given to egui's context.
     applied: Option<(bool, f32)>,
 }
 
@@ -150,7 +150,7 @@ impl Panels {
             self.applied = Some((self.light, self.scale));
         }
         for dropped in ui.input(|i| i.raw.dropped_files.clone()) {
-            // Of what is no file there is no path.
+            // An object that is no file has no path.
             viewer.dropped.extend(Some(dropped.path().to_path_buf()).filter(|p| !p.as_os_str().is_empty()));
         }
         keys::handle(self, ui, viewer, now);
@@ -205,7 +205,7 @@ impl Panels {
     }
 }
 
-/// What files that are dragged over the window would do.
+/// A hint while files are dragged over the window: what dropping them does.
 fn hovering(ui: &Ui) {
     let files = ui.input(|i| i.raw.hovered_files.clone());
     if files.is_empty() {

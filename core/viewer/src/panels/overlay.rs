@@ -1,4 +1,4 @@
-//! What is laid over the image: the ground's grid, skeletons, bounds, safe areas. Lines of the window, not of the scene: they are
+//! Overlays over the image: the ground's grid, skeletons, bounds, safe areas. Lines of the window, not of the scene: they are
 //! visible through everything.
 
 use crate::app::Viewer;
@@ -29,7 +29,7 @@ pub fn line(painter: &Painter, lens: &Lens, a: DVec3, b: DVec3, stroke: Stroke) 
     }
 }
 
-/// What of a line lies in a rectangle (Liang and Barsky 1984): from right before the camera it would run on for kilometres.
+/// The part of a line inside a rectangle (Liang and Barsky 1984). A line close to the camera could extend for kilometres.
 fn clipped([a, b]: [DVec2; 2], to: Rect) -> Option<[DVec2; 2]> {
     let by = b - a;
     let (mut from, mut until) = (0.0_f64, 1.0_f64);

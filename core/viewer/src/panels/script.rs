@@ -79,7 +79,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
 
 pub(crate) fn open_in_editor(viewer: &mut Viewer, line: usize) {
     if let Some(path) = &viewer.path {
-        viewer.said = crate::editing::external_editor::open(path, line).err();
+        viewer.message = crate::editing::external_editor::open(path, line).err().map(|e| e.to_string());
     }
 }
 

@@ -16,7 +16,7 @@ const ROW: f32 = 22.0;
 pub(crate) const STRIP: f32 = 3.0;
 const RULER: f32 = 22.0;
 
-/// Told apart also by eyes that do not tell red from green (after Okabe and Ito, "Color Universal Design").
+/// Colors that can also be distinguished with a red-green deficiency (after Okabe and Ito, "Color Universal Design").
 pub const COLORS: [[u8; 3]; 8] = [
     [0x00, 0x72, 0xb2],
     [0x00, 0x8a, 0x66],
@@ -133,7 +133,7 @@ fn scrub(ui: &mut Ui, viewer: &mut Viewer, ruler: Rect) {
     }
     let font = FontId::proportional(10.5);
     let fps = viewer.playhead.fps().as_fps();
-    // In frames the lines lie on whole frames.
+    // If times are shown as frames, the lines lie on whole frames.
     let unit = if viewer.in_seconds { 1.0 } else { 1.0 / fps };
     let in_units = Span { from: viewer.span.from / unit, to: viewer.span.to / unit };
     let step = in_units.ruler(ruler.width(), 56.0);
@@ -221,12 +221,16 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
         viewer.playhead.seek(at);
     }
     match dragged {
-        Some((_, Some(cut), _, secs)) => viewer.said = viewer.set_cut(cut, secs).err(),
-        Some((what, None, part, secs)) => viewer.said = viewer.set_cue(&what, part, secs).err(),
+        Some((_, Some(cut), _, secs)) => {
+            viewer.message = viewer.set_cut(cut, secs).err().map(|e| e.to_string())
+        }
+        Some((what, None, part, secs)) => {
+            viewer.message = viewer.set_cue(&what, part, secs).err().map(|e| e.to_string())
+        }
         None => {}
     }
     if let Some((clip, secs)) = dropped {
-        viewer.said = viewer.add_clip(&clip.actor, &clip.clip, secs).err();
+        viewer.message = viewer.add_clip(&clip.actor, &clip.clip, secs).err().map(|e| e.to_string());
     }
     if let Some(what) = clicked {
         viewer.selection = if viewer.selection.as_ref() == Some(&what) { None } else { Some(what) };
@@ -267,7 +271,7 @@ fn dropped(ui: &Ui, viewer: &Viewer, index: usize, lane: Rect) -> Option<(ClipDr
     Some(((*clip).clone(), secs))
 }
 
-/// What of a bar can be dragged, and where it is.
+/// The handles of a bar, and their times.
 fn handles(bar: &Bar) -> Vec<(CueTime, Time)> {
     match bar.what {
         Selected::Cue { .. } => {
@@ -282,7 +286,7 @@ fn handles(bar: &Bar) -> Vec<(CueTime, Time)> {
     }
 }
 
-/// One of them; once it is let go, the new value in seconds, on a whole frame.
+/// Draws a handle; once it is let go, returns the new value in seconds, on a whole frame.
 fn handle(
     ui: &Ui,
     viewer: &Viewer,
@@ -388,7 +392,7 @@ fn over_all(ui: &Ui, viewer: &Viewer, area: Rect, ruler: Rect) {
     let lanes = Rect::from_min_max(ruler.min, area.max);
     let painter = ui.painter_at(lanes);
     let x = |time: Time| ruler.left() + viewer.span.x_of(time.as_secs(), ruler.width());
-    // What comes after the end is no scene.
+    // The range after the end of the scene is darkened.
     let after = Rect::from_min_max(pos2(x(viewer.timeline.length), lanes.top()), lanes.max);
     painter.rect_filled(after.intersect(lanes), 0.0, Color32::from_black_alpha(110));
     let head = x(viewer.playhead.time());

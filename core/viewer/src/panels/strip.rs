@@ -22,7 +22,7 @@ pub struct Foot {
     pub spans: Vec<(f64, f64)>,
 }
 
-/// Foot strips of one version of the scene, computed actor by actor when asked for.
+/// Foot strips of one version of the scene, computed actor by actor when requested.
 #[derive(Clone, Default)]
 pub struct Strips {
     number: u64,
@@ -73,21 +73,22 @@ fn feet(stage: &Stage, actor: &Actor) -> Feet {
     while frame < frames {
         let (from, to) = (settings.fps.time_of(frame), settings.fps.time_of((frame + stride).min(frames)));
         frame += stride;
-        // Of what counts most.
-        let heard = actor.active_clips(from);
-        let Some(voice) = heard.iter().filter(|h| h.layer == 0).max_by(|a, b| a.weight.total_cmp(&b.weight))
+        // The clip with the greatest weight decides.
+        let active = actor.active_clips(from);
+        let Some(strongest) =
+            active.iter().filter(|h| h.layer == 0).max_by(|a, b| a.weight.total_cmp(&b.weight))
         else {
             continue;
         };
         let (Some(contacts), Some(cue)) =
-            (contacts.get(voice.cue).and_then(Option::as_ref), base.cues.get(voice.cue))
+            (contacts.get(strongest.cue).and_then(Option::as_ref), base.cues.get(strongest.cue))
         else {
             continue;
         };
         let round = cue.trim.1 - cue.trim.0;
         for (Foot { spans, .. }, stands) in out.iter_mut().zip(&contacts.intervals) {
             let on = |t: Time| stands.iter().any(|s| s.from <= t && t < s.to);
-            if !on(voice.clip_time) && !on(voice.clip_time + round) {
+            if !on(strongest.clip_time) && !on(strongest.clip_time + round) {
                 continue;
             }
             let (from, to) = (from.as_secs(), to.as_secs());

@@ -67,7 +67,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
 }
 
-/// One of the small buttons before a name.
+/// Draws one of the small buttons before a name.
 fn toggle(ui: &mut Ui, set: &mut BTreeSet<String>, name: &str, [word, about]: [&str; 2]) {
     let on = set.contains(name);
     let letter = &word[..1].to_uppercase();
@@ -95,7 +95,7 @@ fn section(ui: &mut Ui, name: &str, count: usize) {
 fn select(ui: &mut Ui, viewer: &mut Viewer, text: RichText, what: Selected) {
     let selected = viewer.selection.as_ref() == Some(&what);
     let name = text.text().to_string();
-    // What is cut off is read where the mouse is.
+    // A name that is cut off is shown whole under the mouse.
     let response = ui.add(egui::Button::selectable(selected, text).truncate());
     let is_cut = response.intrinsic_size().is_some_and(|whole| whole.x > response.rect.width() + 0.5);
     let response = if is_cut { response.on_hover_text(name) } else { response };

@@ -66,7 +66,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
     painter.image(texture, place, whole, Color32::WHITE);
     if viewer.faulty {
-        // Seen without looking up: this is not what the script says.
+        // A border shows that the script has an error, and that the image is of an earlier version.
         let stroke = Stroke::new(3.0, ui.visuals().error_fg_color);
         painter.rect_stroke(place, 0.0, stroke, StrokeKind::Inside);
     }
@@ -152,7 +152,7 @@ fn cameras(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
     });
 }
 
-/// One of the script's cameras can be put where the free one stands, or a new one.
+/// Writes the free camera into the script: into one of its cameras, or as a new one.
 fn into_script(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
     let (ViewCamera::Free(orbit), Some(scene)) = (&viewer.views[index].camera, viewer.scene.clone()) else {
         return;
@@ -164,7 +164,7 @@ fn into_script(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
     let menu = ui.menu_button("into the script", |ui| {
         for camera in &scene.stage.cameras {
             if ui.button(format!("as \"{}\"", camera.name)).clicked() {
-                viewer.said = viewer.set_camera(&camera.name, &orbit).err();
+                viewer.message = viewer.set_camera(&camera.name, &orbit).err().map(|e| e.to_string());
             }
         }
         let text = match scene.stage.cameras.is_empty() {
@@ -172,7 +172,7 @@ fn into_script(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
             false => format!("as a new camera, from {} on", viewer.shown_time(viewer.playhead.time())),
         };
         if ui.button(text).clicked() {
-            viewer.said = viewer.add_camera(&orbit).err();
+            viewer.message = viewer.add_camera(&orbit).err().map(|e| e.to_string());
         }
     });
     menu.response.on_hover_text("a camera of the script then stands here: .at and .look_at");

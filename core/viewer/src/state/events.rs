@@ -1,10 +1,10 @@
-//! What happens at one time: keys, actors that appear and go, what an actor begins to do, named times of clips.
+//! Events at a time: keys, actors that appear and go, what an actor begins to do, named times of clips.
 
 use crate::state::selection::Selected;
 use choreo_motion::{Repeat, Time};
 use choreo_script::{ClipMarkers, Place};
 use choreo_session::Scene;
-use choreo_stage::{Actor, Channel, ConstraintKind, Cue, Layer2dContent, Property, Stage};
+use choreo_stage::{Actor, Channel, Cue, Layer2dContent, Property, Stage};
 use std::sync::Arc;
 
 /// Events in one row at most; further ones would not be told apart.
@@ -14,7 +14,7 @@ const MOST: usize = 2000;
 pub enum EventKind {
     /// A value of its own is given for this time.
     Key,
-    /// Somebody, or a word, comes or goes.
+    /// An actor or a 2D layer appears or goes.
     Entrance,
     /// A reach, an aim, a look begins or ends.
     Body,
@@ -26,7 +26,7 @@ pub enum EventKind {
 pub struct Event {
     pub at: Time,
     pub kind: EventKind,
-    /// Everything that happens then, one line each.
+    /// Everything that happens at that time, one line each.
     pub label: String,
     pub what: Option<Selected>,
     pub place: Place,
@@ -61,7 +61,7 @@ impl Gathered {
     }
 
     fn spans(&mut self, what: &str, start: Time, end: Option<Time>) {
-        // What has always been so does not begin.
+        // A state from the start is no event.
         if start > Time::ZERO {
             self.add(start, EventKind::Body, format!("{what} begins"));
         }
@@ -70,7 +70,7 @@ impl Gathered {
         }
     }
 
-    /// What happens to an actor, its cues left out.
+    /// Events of an actor, without its cues.
     pub fn actor(&mut self, actor: &Actor) {
         self.keys(&actor.channels, "");
         let mut seen = actor.visible;
@@ -83,15 +83,7 @@ impl Gathered {
                 seen = now;
             }
         }
-        for goal in &actor.constraints {
-            let what = match goal.kind {
-                ConstraintKind::Reach(_) => "reach",
-                ConstraintKind::Aim(_) => "aim",
-                ConstraintKind::FootLock(_) => "planting of feet",
-                ConstraintKind::Mirror(_) => "mirror",
-            };
-            self.spans(what, goal.start, goal.end);
-        }
+        actor.constraints.iter().for_each(|goal| self.spans(goal.kind.name(), goal.start, goal.end));
         actor.look_at.iter().for_each(|look| self.spans("look", look.start, look.end));
     }
 

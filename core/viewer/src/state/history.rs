@@ -9,12 +9,12 @@ use glam::{DQuat, DVec3};
 pub struct History {
     pub(crate) done: Vec<Done>,
     pub(crate) undone: Vec<Done>,
-    /// What the next version must show, if the change did what was meant.
+    /// The placement that the next version must show, if the change had its effect.
     pub(crate) wanted: Option<ExpectedPlacement>,
 }
 
 pub(crate) struct Done {
-    /// What takes it back.
+    /// The edit that undoes it.
     pub(crate) back: Edit,
     /// The text that it takes back from.
     pub(crate) text: String,
@@ -28,11 +28,11 @@ pub struct Offer {
     /// Lines that go (`-`), come (`+`) and stay (` `).
     pub difference: Vec<(char, String)>,
     pub(crate) edit: Edit,
-    /// What the edit was made for.
+    /// The text that the edit was made for.
     pub(crate) text: String,
 }
 
-/// What the next version must show.
+/// The placement of an actor that the next version must show.
 pub(crate) struct ExpectedPlacement {
     pub(crate) actor: String,
     /// Time of the keys.

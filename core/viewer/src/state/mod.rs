@@ -1,4 +1,4 @@
-//! What the viewer shows and how: plain data without a toolkit, tested without a window.
+//! The state of the viewer: plain data without a toolkit, tested without a window.
 
 pub mod events;
 pub mod history;

@@ -48,7 +48,7 @@ impl Orbit {
         let rotation = self.rotation();
         let position = self.center + rotation * DVec3::new(0.0, 0.0, self.distance);
         let world_from_view = DAffine3 { matrix3: DMat3::from_quat(rotation), translation: position };
-        // What is looked at from close by is not clipped away.
+        // The near plane comes closer, so that objects viewed from close by are not clipped.
         let near_limit = (self.distance * 0.01) as f32;
         let projection = match self.projection {
             Projection::Perspective { yfov, near, far } => {
@@ -69,7 +69,7 @@ impl Orbit {
         self.elevation = (self.elevation + by.y * TURN).clamp(-STEEPEST, STEEPEST);
     }
 
-    /// What is under the mouse goes with it, at the distance of the center.
+    /// Moves the view so that points at the distance of the center follow the mouse.
     pub fn pan(&mut self, by: DVec2) {
         let height = match self.projection {
             Projection::Perspective { yfov, .. } => 2.0 * libm::tan(f64::from(yfov) / 2.0) * self.distance,

@@ -1,4 +1,4 @@
-//! What time it is on stage: playing, looping, scrubbing, stepping. Moves by the caller's clock.
+//! The playhead: playing, looping, scrubbing, stepping. Moves by the caller's clock.
 
 use choreo_motion::{FrameRate, Time};
 
@@ -71,7 +71,7 @@ impl Playhead {
         self.range
     }
 
-    /// Whole frames, at least one; what is not of the scene is cut off.
+    /// Limits playing to whole frames, at least one; a part outside the scene is cut off.
     pub(crate) fn set_range(&mut self, range: Option<(Time, Time)>) {
         self.range = range.map(|(a, b)| {
             let first = self.frame_at(a.min(b));
@@ -91,7 +91,7 @@ impl Playhead {
 
     /// `now`: the caller's clock, seconds.
     pub fn play(&mut self, now: f64) {
-        // From the end one begins anew.
+        // At the end, playing starts again from the beginning.
         let (first, end) = self.ends();
         if self.time < first || self.fps.time_of(self.frame() + 1) >= end {
             self.time = first;
@@ -126,7 +126,7 @@ impl Playhead {
         self.time = self.fps.time_of(frame);
     }
 
-    /// Moves on to where the clock says. Gives in how many seconds the next frame is due, where it plays.
+    /// Moves on to the time of the clock. Returns the seconds until the next frame is due, while it plays.
     pub fn tick(&mut self, now: f64) -> Option<f64> {
         let (began, from) = self.began?;
         let began = if began.is_nan() { now } else { began };

@@ -1,4 +1,4 @@
-//! What is selected, by name: it survives a reload where the script still makes it.
+//! The selection, by name: it survives a reload if the script still makes the object.
 
 use choreo_stage::Stage;
 

@@ -1,4 +1,4 @@
-//! What the window remembers between runs: where its panels lie, light or dark, how large. A small JSON file in the user's state
+//! Settings that the window keeps between runs: where its panels lie, light or dark, how large. A small JSON file in the user's state
 //! folder; one that cannot be read counts as none.
 
 use choreo_files::write_whole_beneath;
@@ -10,9 +10,9 @@ pub(crate) const SCALES: (f32, f32) = (1.0, 2.0);
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     pub light: bool,
-    /// Scale of everything drawn, 1 to 2, beyond what the system asks for.
+    /// Scale of everything drawn, 1 to 2, beyond what the system requests.
     pub scale: f32,
-    /// As [`crate::panels::Panels`] writes it.
+    /// The layout as [`crate::panels::Panels`] writes it.
     pub layout: Option<Value>,
 }
 

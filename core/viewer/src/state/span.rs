@@ -1,4 +1,4 @@
-//! Which part of the timeline the sequencer shows, between times and points on the screen.
+//! The part of the timeline that the sequencer shows, between times and points on the screen.
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Span {

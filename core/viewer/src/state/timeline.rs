@@ -7,7 +7,7 @@ use choreo_script::Place;
 use choreo_session::{Problem, Scene};
 use choreo_stage::{Cue, Layer, Stage};
 
-/// What was made where in the script.
+/// A bar of the timeline: something that the script made, and its place there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bar {
     pub label: String,
@@ -145,7 +145,7 @@ impl Timeline {
         }
     }
 
-    /// Everything that is on at a time, for the line of the script that is marked.
+    /// The bars at a time, for the line of the script that is marked.
     pub fn on_at(&self, time: Time) -> impl Iterator<Item = &Bar> {
         self.rows.iter().flat_map(|row| &row.bars).filter(move |bar| bar.start <= time && time < bar.end)
     }
@@ -180,7 +180,7 @@ fn bar(stage: &Stage, layer: &Layer, at: usize, cue: &Cue, what: Selected, place
         end,
         until,
         fade_in: if cue.inertialization > Time::ZERO { cue.inertialization } else { cue.fade_in },
-        // What lies under everything does not fade out: its last pose is held.
+        // The base layer does not fade out: its last pose is held.
         fade_out: if is_base { Time::ZERO } else { cue.fade_out },
         holds_from,
         place,

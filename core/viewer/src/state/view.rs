@@ -13,10 +13,10 @@ pub(crate) const MOST_VIEWS: usize = 4;
 pub enum ViewCamera {
     /// The camera that the script uses.
     Script,
-    /// One of the script's, on or not.
+    /// A camera of the script, on or not.
     Named(String),
     Free(Orbit),
-    /// Goes with an actor: the orbit is around where it stands.
+    /// A camera that moves with an actor: the orbit is around where it stands.
     Follow {
         actor: String,
         orbit: Orbit,
@@ -32,7 +32,7 @@ pub enum Resolution {
     Full,
 }
 
-/// What is drawn over the image.
+/// The overlays that are drawn over the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Overlays {
     pub grid: bool,
@@ -42,7 +42,7 @@ pub struct Overlays {
     pub safe: bool,
 }
 
-/// What a wish is for: an equal one has been drawn or is being drawn.
+/// Everything that a requested image depends on: an equal request is drawn once.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Wish {
     pub number: u64,
@@ -87,7 +87,7 @@ impl Default for View {
 }
 
 impl View {
-    /// What the painter is to look from.
+    /// The viewport camera for the renderer.
     pub fn viewport_camera(&self, stage: &Stage) -> ViewportCamera {
         let actor = |name: &str| stage.actors.iter().position(|a| a.name == name);
         match &self.camera {
@@ -118,7 +118,7 @@ impl View {
         })
     }
 
-    /// Goes with an actor from where it stands now; `None`: stays where it is.
+    /// Follows an actor from where the camera stands now; `None`: stops following.
     pub fn follow(&mut self, actor: Option<(String, usize)>, near: DVec3) {
         let Some(shown) = &self.shown else { return };
         let mut orbit = match &self.camera {

@@ -1,4 +1,4 @@
-//! Which device draws the window.
+//! The choice of the device that draws the window.
 
 use super::gpu_error::{GpuError, Named};
 use ash::{khr, vk};

@@ -1,8 +1,8 @@
-//! What is made from the window's Vulkan device, and how a frame of the window is recorded. One frame in flight: what is drawn is a
+//! Objects of the window's Vulkan device, and how a frame of the window is recorded. One frame in flight: the window draws a
 //! few thousand triangles and one texture a view, and waiting for the last of them costs less than keeping everything twice.
 
 use super::gpu_error::{GpuError, Named};
-use super::picture::{Picture, whole};
+use super::image::{WindowImage, whole};
 use super::swapchain::Swapchain;
 use ash::{khr, vk};
 use choreo_plugin::Frame;
@@ -45,7 +45,7 @@ pub struct Device {
 /// A view's image, once there was one, and what egui calls it.
 pub struct Slot {
     set: vk::DescriptorSet,
-    picture: Option<Picture>,
+    picture: Option<WindowImage>,
     pub id: Option<TextureId>,
 }
 
@@ -178,7 +178,7 @@ impl Device {
         if let Some(mut old) = slot.picture.take() {
             old.destroy(&self.raw, &mut allocator);
         }
-        let picture = Picture::new(&self.raw, &mut allocator, size)?;
+        let picture = WindowImage::new(&self.raw, &mut allocator, size)?;
         let image = [vk::DescriptorImageInfo::default()
             .sampler(self.sampler)
             .image_view(picture.view())

@@ -50,7 +50,7 @@ impl Gpu {
             physical: vk::PhysicalDevice::null(),
             device: None,
         };
-        // From here on `drop` cleans up.
+        // From here on `drop` frees everything.
         // SAFETY: the handles are the window's, which outlives this.
         gpu.surface =
             unsafe { ash_window::create_surface(&gpu._entry, &gpu.instance, display, handle, None) }
@@ -84,7 +84,7 @@ impl Gpu {
         // SAFETY: the device belongs to the instance, which is alive.
         let limits = unsafe { self.instance.get_physical_device_properties(self.physical) }.limits;
         let mut device = Device::new(&self.instance, raw, queue, limits.max_image_dimension2_d as usize);
-        // From here on `drop` cleans up.
+        // From here on `drop` frees everything.
         let formats = formats.named("formats of the window")?;
         device.format = surface_format(&formats)
             .ok_or(GpuError::Other { object: "window", text: "it has no format".into() })?;

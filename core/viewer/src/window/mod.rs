@@ -2,10 +2,11 @@
 
 mod choose;
 mod device;
+mod error;
 mod gpu;
 mod gpu_error;
+mod image;
 mod open;
-mod picture;
 mod shot;
 mod start;
 mod swapchain;
@@ -17,6 +18,7 @@ use crate::panels::Panels;
 use crate::state::settings::Settings;
 use choreo_plugin::{Frame, Registry};
 use choreo_session::{FrameRenderer, FrameReply, SceneSource, SceneVersion, SessionThread};
+use error::ViewerError;
 use open::Open;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -29,7 +31,7 @@ use winit::event::{StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
 use winit::window::{Window, WindowId};
 
-/// What other threads tell.
+/// Messages of other threads to the window.
 enum News {
     /// A version of the script, or of the dropped file with this number.
     Version(u64, Box<SceneVersion>),
@@ -42,7 +44,7 @@ enum News {
 const OWN: u64 = 0;
 
 /// Opens the window and stays until it is closed. The text says what is missing.
-pub fn run(asked: ViewerOptions) -> Result<(), String> {
+pub fn run(asked: ViewerOptions) -> Result<(), ViewerError> {
     let tell = Tell::new(asked.tell);
     let events = start::event_loop()?;
     tell.done("event loop");
@@ -55,7 +57,7 @@ pub fn run(asked: ViewerOptions) -> Result<(), String> {
         let report = move |reply| drop(proxy.send_event(News::Frame(Box::new(reply))));
         FrameRenderer::start(start::renderer(registry.effects().to_vec(), shaders, tell), report)
     };
-    let frame_renderer = frame_renderer.map_err(|e| format!("cannot start a thread: {e}"))?;
+    let frame_renderer = frame_renderer.map_err(ViewerError::Thread)?;
     let path = asked.source.is_script().then(|| asked.source.input.clone());
     let name = asked.source.input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let live = watched(asked.source.clone(), &registry, &proxy, OWN)?;
@@ -94,7 +96,7 @@ pub fn run(asked: ViewerOptions) -> Result<(), String> {
     let ran = start::run(events, &mut app);
     app.remember();
     if let Err(error) = ran {
-        // What belongs to the window system can no longer be given back to it.
+        // After an error the objects of the window system can no longer be freed.
         std::mem::forget(app);
         return Err(error);
     }
@@ -106,10 +108,10 @@ fn watched(
     plugins: &Registry,
     proxy: &EventLoopProxy<News>,
     whose: u64,
-) -> Result<SessionThread, String> {
+) -> Result<SessionThread, ViewerError> {
     let proxy = proxy.clone();
     let report = move |version| drop(proxy.send_event(News::Version(whose, Box::new(version))));
-    SessionThread::start(source, plugins, report).map_err(|e| e.to_string())
+    Ok(SessionThread::start(source, plugins, report)?)
 }
 
 struct App {
@@ -123,7 +125,7 @@ struct App {
     source: SceneSource,
     registry: Registry,
     _live: SessionThread,
-    /// What shows files that were dropped.
+    /// The session that shows dropped files.
     guest: Option<SessionThread>,
     /// How many there were: versions of those before are late.
     guests: u64,
@@ -131,7 +133,7 @@ struct App {
     own: Option<SceneVersion>,
     proxy: EventLoopProxy<News>,
     open: Option<Open>,
-    /// Drawn and not yet on the screen, by view.
+    /// Frames that are drawn and not yet on the screen, by view.
     frames: BTreeMap<usize, Frame>,
     /// Changes of shaders that the painter knows of.
     reloads: u64,
@@ -142,13 +144,13 @@ struct App {
     drawn: u64,
     /// A button of the mouse went down or up since the panels were drawn last.
     pressed: bool,
-    /// Something else covers the window.
+    /// Whether something else covers the window.
     covered: bool,
     lose: Vec<u64>,
     tell: Tell,
     /// Failures in a row.
     failures: u32,
-    failed: Option<String>,
+    failed: Option<ViewerError>,
 }
 
 impl App {
@@ -162,7 +164,7 @@ impl App {
         }
     }
 
-    /// Minimised or covered: nothing is drawn, and none is asked for, until the window is seen again.
+    /// Minimised or covered: nothing is drawn, and none is requested, until the window is seen again.
     fn is_hidden(&self) -> bool {
         let minimized = |open: &Open| open.window.is_minimized() == Some(true);
         self.covered || self.open.as_ref().is_some_and(minimized)
@@ -179,7 +181,7 @@ impl App {
         }
     }
 
-    /// Moves the playhead on and asks for the frames that are due.
+    /// Moves the playhead on and requests the frames that are due.
     fn advance(&mut self) {
         if self.is_hidden() {
             return;
@@ -273,7 +275,7 @@ impl App {
     fn guests(&mut self) {
         let dropped = SceneSource::of_models(std::mem::take(&mut self.viewer.dropped), &self.source);
         if let Some((source, left_out)) = dropped {
-            self.viewer.said = left_out;
+            self.viewer.message = left_out;
             self.guests += 1;
             let files = std::iter::once(&source.input).chain(&source.beside).cloned().collect();
             match watched(source, &self.registry, &self.proxy, self.guests) {
@@ -281,7 +283,7 @@ impl App {
                     self.guest = Some(live);
                     self.viewer.guests = files;
                 }
-                Err(error) => self.viewer.said = Some(error),
+                Err(error) => self.viewer.message = Some(error.to_string()),
             }
         }
         if std::mem::take(&mut self.viewer.guests_leave) {
@@ -325,7 +327,10 @@ impl App {
             && let Some(file) = self.viewer.screenshot.take()
         {
             let saved = shot::save(&self.registry, &frame, self.viewer.playhead.fps(), &file);
-            self.viewer.said = Some(saved.map_or_else(|e| e, |()| format!("saved {}", file.display())));
+            self.viewer.message = Some(match saved {
+                Ok(()) => format!("saved {}", file.display()),
+                Err(error) => format!("{}: {error}", file.display()),
+            });
         }
         if let Some(skipped) = self.frames.insert(view, frame) {
             self.frame_renderer.give_back(skipped);
@@ -338,7 +343,7 @@ impl App {
         // A window has one surface at a time: the old one goes here.
         let window = self.open.take().map(|open| open.window);
         let again = match window {
-            Some(window) if self.failures < 3 => Open::new(window, &self.proxy),
+            Some(window) if self.failures < 3 => Open::new(window, &self.proxy).map_err(|e| e.to_string()),
             _ => Err("tried again".to_string()),
         };
         match again {
@@ -350,7 +355,7 @@ impl App {
                 self.redraw();
             }
             Err(second) => {
-                self.failed = Some(format!("the window can no longer be drawn: {error}; {second}"));
+                self.failed = Some(ViewerError::NotDrawn { first: error.to_string(), second });
                 events.exit();
             }
         }
@@ -375,7 +380,8 @@ impl ApplicationHandler<News> for App {
             .with_min_inner_size(LogicalSize::new(320.0, 200.0));
         let window = events.create_window(attributes).map_err(|e| e.to_string());
         self.tell.done("window");
-        match window.and_then(|window| Open::new(Arc::new(window), &self.proxy)) {
+        let opened = window.and_then(|w| Open::new(Arc::new(w), &self.proxy).map_err(|e| e.to_string()));
+        match opened {
             Ok(open) => {
                 self.tell.done("device of the window");
                 self.open = Some(open);

@@ -2,6 +2,7 @@
 
 use super::News;
 use super::gpu::Gpu;
+use super::gpu_error::GpuError;
 use std::sync::Arc;
 use winit::event::InnerSizeWriter;
 use winit::event_loop::EventLoopProxy;
@@ -19,8 +20,8 @@ pub struct Open {
 }
 
 impl Open {
-    pub fn new(window: Arc<Window>, proxy: &EventLoopProxy<News>) -> Result<Open, String> {
-        let gpu = Gpu::new(&window).map_err(|e| e.to_string())?;
+    pub fn new(window: Arc<Window>, proxy: &EventLoopProxy<News>) -> Result<Open, GpuError> {
+        let gpu = Gpu::new(&window)?;
         let egui = egui::Context::default();
         let proxy = std::sync::Mutex::new(proxy.clone());
         egui.set_request_repaint_callback(move |info| {
@@ -39,7 +40,7 @@ impl Open {
         Ok(Open { egui, input, gpu, window, scale })
     }
 
-    /// What has come in, in points of the scale that holds.
+    /// The input events since the last call, in points of the current scale.
     pub fn taken(&mut self) -> egui::RawInput {
         let mut input = self.input.take_egui_input(&self.window);
         if self.scale != self.window.scale_factor() {
@@ -53,7 +54,7 @@ impl Open {
         input
     }
 
-    /// Takes another scale; the window keeps its size in points. X11 can tell twice of one change, and would enlarge it twice.
+    /// Takes another scale; the window keeps its size in points. X11 may report a change twice, and would enlarge the window twice.
     pub(crate) fn rescale(&mut self, scale: f64, size: &mut InnerSizeWriter) {
         if scale == self.scale {
             // One that comes too late leaves it as it is.

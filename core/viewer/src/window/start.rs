@@ -1,6 +1,7 @@
-//! What can be missing when a window is to be opened, said with the package that has it.
+//! Messages about libraries that are missing when a window is to be opened, with the package that has them.
 
 use super::News;
+use super::error::ViewerError;
 use super::tell::Tell;
 use choreo_plugin::Effect;
 use choreo_render::vulkan::{GpuOptions, SteadyRenderer};
@@ -27,7 +28,7 @@ const PACKAGES: [(&str, &str); 8] = [
     ("wayland library", "libwayland-client0"),
 ];
 
-pub(crate) fn event_loop() -> Result<EventLoop<News>, String> {
+pub(crate) fn event_loop() -> Result<EventLoop<News>, ViewerError> {
     let set = |name: &str| std::env::var_os(name).is_some_and(|v| !v.is_empty());
     let windows = cfg!(windows) || cfg!(target_os = "macos");
     if !windows && !set("DISPLAY") && !set("WAYLAND_DISPLAY") && !set("WAYLAND_SOCKET") {
@@ -49,7 +50,7 @@ pub(crate) fn event_loop() -> Result<EventLoop<News>, String> {
     match made {
         Ok(Ok(events)) => Ok(events),
         Ok(Err(error)) => Err(no_window(&error.to_string())),
-        Err(panic) => Err(no_window(said(&*panic))),
+        Err(panic) => Err(no_window(panic_message(&*panic))),
     }
 }
 
@@ -63,8 +64,8 @@ fn wayland_answers() -> bool {
 }
 
 /// Runs the window. A display that goes away is a panic inside winit (its X11 window unwraps every answer of the server); here it is
-/// an error, whose text says what was asked for in vain.
-pub fn run(events: EventLoop<News>, app: &mut impl ApplicationHandler<News>) -> Result<(), String> {
+/// an error, whose text names what is missing.
+pub fn run(events: EventLoop<News>, app: &mut impl ApplicationHandler<News>) -> Result<(), ViewerError> {
     let gone = Arc::new(AtomicBool::new(false));
     let usual = take_hook();
     let (seen, thread) = (gone.clone(), std::thread::current().id());
@@ -78,25 +79,27 @@ pub fn run(events: EventLoop<News>, app: &mut impl ApplicationHandler<News>) -> 
     let ran = catch_unwind(AssertUnwindSafe(|| events.run_app(app)));
     drop(take_hook());
     match ran {
-        Ok(ran) => ran.map_err(|e| format!("the window system failed: {e}")),
+        Ok(ran) => Ok(ran?),
         Err(panic) if gone.load(Ordering::SeqCst) => {
-            Err(format!("the window system has gone: {}", said(&*panic)))
+            Err(ViewerError::WindowSystemGone(panic_message(&*panic).to_string()))
         }
         Err(panic) => resume_unwind(panic),
     }
 }
 
-fn said(panic: &(dyn Any + Send)) -> &str {
+fn panic_message(panic: &(dyn Any + Send)) -> &str {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("a library is missing")
 }
 
 /// `why`: in the system's words, or with a hint of its own.
-pub(crate) fn no_window(why: &str) -> String {
+pub(crate) fn no_window(why: &str) -> ViewerError {
     let why = without_place(why);
     let package = PACKAGES.iter().find(|(part, _)| why.contains(part));
     let package = package.map_or_else(String::new, |(_, names)| format!("\n    hint: apt install {names}"));
-    format!("cannot open a window: {why}{package}\n    choreo render draws the same frames without one")
+    ViewerError::NoWindow(format!(
+        "cannot open a window: {why}{package}\n    choreo render draws the same frames without one"
+    ))
 }
 
 /// winit reports where in its own source an error was met.
@@ -125,7 +128,9 @@ pub fn renderer(effects: Vec<Arc<dyn Effect>>, shaders: Option<PathBuf>, tell: T
 
 #[cfg(test)]
 mod tests {
-    use super::no_window;
+    fn no_window(why: &str) -> String {
+        super::no_window(why).to_string()
+    }
 
     #[test]
     fn what_is_missing_is_told_with_its_package() {

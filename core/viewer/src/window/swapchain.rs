@@ -1,7 +1,7 @@
 //! The images that the window shows.
 
 use super::gpu_error::{GpuError, Named};
-use super::picture::whole;
+use super::image::whole;
 use ash::{khr, vk};
 
 pub(crate) struct Swapchain {
@@ -9,14 +9,14 @@ pub(crate) struct Swapchain {
     raw: vk::SwapchainKHR,
     pub images: Vec<vk::Image>,
     pub views: Vec<vk::ImageView>,
-    /// One an image: signalled when it has been drawn.
+    /// Semaphores, one an image: signalled when it has been drawn.
     pub drawn: Vec<vk::Semaphore>,
     pub extent: vk::Extent2D,
-    /// As the window was when it was made.
+    /// Size of the window for which it was made.
     pub window: [u32; 2],
 }
 
-/// What a surface is drawn in: sRGB where it has it, so that blending is linear and the image's bytes come out as they are.
+/// The format of a surface: sRGB if it has one, so that blending is linear and the image's bytes are shown unchanged.
 pub(crate) fn surface_format(formats: &[vk::SurfaceFormatKHR]) -> Option<vk::SurfaceFormatKHR> {
     let wanted = [
         vk::Format::B8G8R8A8_SRGB,
@@ -38,7 +38,7 @@ impl Swapchain {
         format: vk::SurfaceFormatKHR,
         window: [u32; 2],
     ) -> Result<Swapchain, GpuError> {
-        // A surface whose size is up to us says so with the greatest number.
+        // A surface whose size we choose reports the greatest number.
         let extent = match capabilities.current_extent {
             vk::Extent2D { width: u32::MAX, .. } => vk::Extent2D {
                 width: window[0]

@@ -18,7 +18,7 @@ impl Tell {
         Tell { since: on.then(Instant::now) }
     }
 
-    /// Something that is done once, as the program starts.
+    /// Reports an event that happens once, as the program starts.
     pub fn done(&self, what: &str) {
         self.say(|| json!({ "told": what }));
     }

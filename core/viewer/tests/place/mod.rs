@@ -27,7 +27,7 @@ impl Place {
         Place::within(tempfile::tempdir().unwrap(), script)
     }
 
-    /// In a folder with files of its own.
+    /// A place in a given folder that contains files.
     pub fn within(folder: tempfile::TempDir, script: &str) -> Place {
         let path = folder.path().join("a.rhai");
         fs::write(&path, script).unwrap();

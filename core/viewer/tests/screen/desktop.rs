@@ -1,4 +1,4 @@
-//! What else is on a desktop: a window manager, and a file manager from which files are dragged.
+//! The other programs of a desktop: a window manager, and a file manager from which files are dragged.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -26,7 +26,7 @@ fn atom(connection: &RustConnection, name: &str) -> Atom {
     connection.intern_atom(false, name.as_bytes()).unwrap().reply().unwrap().atom
 }
 
-/// The least that a window manager does: maps what asks for it, iconifies (ICCCM §4.1.4) and says so (EWMH, `_NET_WM_STATE_HIDDEN`).
+/// The least that a window manager does: maps what requests it, iconifies (ICCCM §4.1.4) and says so (EWMH, `_NET_WM_STATE_HIDDEN`).
 pub struct Manager {
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -72,7 +72,7 @@ fn manage(connection: &RustConnection, stop: &AtomicBool) {
             Ok(Some(Event::ConfigureRequest(asked))) => {
                 let wanted = ConfigureWindowAux::from_configure_request(&asked);
                 connection.configure_window(asked.window, &wanted).unwrap();
-                // As most do, where it is not only moved, too.
+                // Most window managers send this event, even if the window is not only moved.
                 let place = connection.get_geometry(asked.window).unwrap().reply().unwrap();
                 let told = ConfigureNotifyEvent {
                     response_type: CONFIGURE_NOTIFY_EVENT,
@@ -99,7 +99,7 @@ fn manage(connection: &RustConnection, stop: &AtomicBool) {
     }
 }
 
-/// What tells programs of the desktop's scale (<https://specifications.freedesktop.org/xsettings-spec/0.5/>).
+/// The program that tells others the desktop's scale (<https://specifications.freedesktop.org/xsettings-spec/0.5/>).
 pub struct Settings {
     connection: RustConnection,
     owner: Window,
@@ -213,7 +213,7 @@ impl Drag {
 
     pub fn leave(self) {
         self.tell("XdndLeave", [self.source, 0, 0, 0, 0]);
-        // What is still to be read when a connection is closed takes what was written with it.
+        // A reply that is unread when a connection closes discards earlier requests, so everything is read first.
         self.connection.get_input_focus().unwrap().reply().unwrap();
     }
 

@@ -1,4 +1,4 @@
-//! What a viewer holds while it is used for long: a row now and then, and whether anything grows.
+//! The memory and objects that a viewer holds over a long time: a row now and then, and whether anything grows.
 
 use super::told::Told;
 use serde_json::Value;
@@ -34,7 +34,7 @@ impl Kept {
         self.rows.push(row);
     }
 
-    /// What was hidden or selected when it came to rest differs; what leaks grows with each of a thousand versions.
+    /// Hidden or selected objects make the numbers at rest differ. A leak grows with each of a thousand versions.
     pub fn judge(&self) {
         let (first, second) = self.rows.split_at(self.rows.len().div_ceil(2));
         let most = |rows: &[[u64; 5]], n: usize| rows.iter().map(|row| row[n]).max().unwrap_or(0);

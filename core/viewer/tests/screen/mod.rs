@@ -123,7 +123,7 @@ impl Screen {
     }
 
     pub fn save(&self, window: &str, name: &str) {
-        // For people to look at, where they ask for it.
+        // Screenshots are kept for people to look at, on request.
         if let Some(folder) = std::env::var_os("CHOREO_SHOTS") {
             let file = Path::new(&folder).join(name);
             self.run("import", &["-window", window, &file.to_string_lossy()]);

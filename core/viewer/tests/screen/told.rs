@@ -80,11 +80,11 @@ impl Told {
     pub fn processor_secs(&self) -> f64 {
         let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.viewer.0.id())).unwrap();
         // The name may hold blanks; it ends with the last parenthesis.
-        // Of Linux on every machine that this runs on: `getconf CLK_TCK`.
+        // 100 ticks a second, on every Linux machine that runs this: `getconf CLK_TCK`.
         ticks(stat.rsplit(')').next().unwrap()) / 100.0
     }
 
-    /// What has been told by now.
+    /// The lines that have arrived since.
     pub fn meanwhile(&self) -> Vec<Value> {
         self.lines.try_iter().map(|(_, value)| value).collect()
     }
@@ -102,7 +102,7 @@ impl Told {
             .collect()
     }
 
-    /// Of `/proc/PID/status`: kB, or a count.
+    /// A value of `/proc/PID/status`: kB, or a count.
     pub fn status(&self, name: &str) -> u64 {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.viewer.0.id())).unwrap();
         let line = status.lines().find_map(|l| l.strip_prefix(name)?.strip_prefix(':'));
@@ -115,7 +115,7 @@ impl Told {
     }
 }
 
-/// Of what follows the name.
+/// Processor time from the fields after the name, in ticks.
 fn ticks(fields: &str) -> f64 {
     fields.split_whitespace().skip(11).take(2).map(|f| f.parse().unwrap_or(0.0)).sum()
 }

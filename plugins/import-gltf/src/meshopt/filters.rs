@@ -1,4 +1,4 @@
-//! What is done to unpacked attributes: unit vectors, rotations, floats and colors from fewer bits.
+//! Filters of unpacked attributes: unit vectors, rotations, floats and colors from fewer bits.
 
 use super::Filter;
 

@@ -27,7 +27,7 @@ pub enum Filter {
     Color,
 }
 
-/// What the JSON says of one compressed view.
+/// Description of one compressed view in the JSON.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Packed {
     pub mode: Mode,
@@ -39,7 +39,7 @@ pub struct Packed {
 }
 
 impl Packed {
-    /// What the specification demands of count and stride; the text says what is wrong.
+    /// Checks the specification's rules for count and stride; the text states the problem.
     pub fn check(&self) -> Result<()> {
         let Packed { mode, filter, count, stride } = *self;
         let strides = |allowed: bool, text: &str| match allowed {

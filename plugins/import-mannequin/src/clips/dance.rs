@@ -30,7 +30,7 @@ fn touch(beat: f32, beats: &[f32]) -> f32 {
 /// hands overhead, four pointing up and down.
 pub fn groove(t: f32) -> Pose {
     let beat = t * BEATS_PER_SECOND;
-    // On the spot from beat 8 to 16.
+    // Beats 8 to 16 are danced on the spot.
     let spot = ease(beat, 7.7, 8.6) * (1.0 - ease(beat, 15.1, 16.0));
     let weight = |b: f32| {
         let travel =
@@ -131,7 +131,7 @@ fn feet(beat: f32, spot: f32, weight: f32) -> [Foot; 2] {
     // The heel is up at a touch; wrapped so that the last touch reaches over the seam.
     let left_touch = touch(beat, &[3.0, 7.0, 15.0]).max(touch(beat + BEATS, &[15.0]));
     let right_touch = touch(beat, &[1.0, 5.0]);
-    // On the spot the free knee comes in, its heel up.
+    // While on the spot, the free knee comes in, its heel up.
     let free = |side: f32| spot * (-side * weight).max(0.0) * (-side * weight).max(0.0);
     let foot = |x: f32, lift: f32, touching: f32, free: f32| Foot {
         x,

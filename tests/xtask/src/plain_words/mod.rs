@@ -7,10 +7,10 @@ use source::{Kind, Text, texts_of_rust};
 use std::path::Path;
 use std::process::Command;
 
-/// Words that no doc comment begins with: what follows them is a fragment.
-const PREPOSITIONS: &[&str] = &[
+/// Words that no doc comment begins with: what follows them is a fragment or a riddle.
+const OPENINGS: &[&str] = &[
     "Of", "In", "Into", "By", "For", "From", "With", "Without", "At", "On", "Onto", "To", "Over", "Under",
-    "Among", "Between", "Through", "Beside", "Where",
+    "Among", "Between", "Through", "Beside", "Where", "What", "Those", "Who",
 ];
 
 /// A line of `words.txt`.
@@ -57,7 +57,7 @@ impl Rule {
     }
 }
 
-/// What is wrong in one text, as `file:line: message`.
+/// The problems of one text, as `file:line: message`.
 fn problems(path: &str, text: &Text, rules: &[Rule]) -> Vec<String> {
     let lower = without_code(&text.words).to_lowercase();
     let banned = rules.iter().filter_map(|rule| {
@@ -68,7 +68,7 @@ fn problems(path: &str, text: &Text, rules: &[Rule]) -> Vec<String> {
     let (first, second) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
     // "At least one", "At most N" are subjects.
     let is_quantity = first == "At" && ["least", "most"].contains(&second);
-    let fragment = text.kind == Kind::Doc && PREPOSITIONS.contains(&first) && !is_quantity;
+    let fragment = text.kind == Kind::Doc && OPENINGS.contains(&first) && !is_quantity;
     let fragment = fragment.then(|| {
         format!(
             "{path}:{}: a doc comment begins with \"{first}\": begin with what the thing is or does",
@@ -203,9 +203,10 @@ mod tests {
     }
 
     #[test]
-    fn a_doc_comment_that_begins_with_a_preposition_is_found() {
+    fn a_doc_comment_that_begins_as_a_fragment_or_riddle_is_found() {
         let message = "a.rs:2: a doc comment begins with \"Of\": begin with what the thing is or does";
         assert_eq!(found("a.rs", "\n/// Of a mesh.\n/// In a scene.\nstruct S;\n"), [message]);
+        assert_eq!(found("a.rs", "/// What is drawn.\nstruct S;\n").len(), 1);
         assert_eq!(
             found("a.rs", "/// Vertices of a mesh.\n///\n/// In a scene.\nstruct S;\n"),
             Vec::<String>::new()

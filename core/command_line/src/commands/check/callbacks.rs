@@ -24,7 +24,7 @@ pub fn failures(stage: &Stage, limits: &Limits) -> Vec<Problem> {
     let frames = rate.frames_in(stage.settings.length).max(1);
     let step = (frames + MOST_FRAMES - 1) / MOST_FRAMES;
     let wanted: Vec<i64> = (0..frames).step_by(step.max(1) as usize).collect();
-    // In the order of the frames, whatever thread ran them.
+    // The results are in the order of the frames, whatever thread ran them.
     let started = Instant::now();
     let late = || started.elapsed().as_secs_f64() > limits.check_seconds;
     let results: Vec<Looked> =
@@ -39,7 +39,7 @@ pub fn failures(stage: &Stage, limits: &Limits) -> Vec<Problem> {
             None => {}
         }
     }
-    let told = |(mut problem, secs, count): (Problem, f64, u64)| {
+    let with_frames = |(mut problem, secs, count): (Problem, f64, u64)| {
         let more = match count {
             1 => String::new(),
             n => format!(" and in {} more frames", n - 1),
@@ -50,7 +50,7 @@ pub fn failures(stage: &Stage, limits: &Limits) -> Vec<Problem> {
         }
         problem
     };
-    let mut problems: Vec<Problem> = failed.into_iter().map(told).collect();
+    let mut problems: Vec<Problem> = failed.into_iter().map(with_frames).collect();
     if done < wanted.len() {
         problems.push(Problem::Text(format!(
             "the frames could not all be looked at in {} s: {done} of {} were\n    hint: {}",

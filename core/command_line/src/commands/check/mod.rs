@@ -70,7 +70,7 @@ fn look(scene: &OpenedScene) -> (Vec<Problem>, Vec<Finding>) {
     problems.extend(callbacks::failures(stage, &scene.limits));
     let mut on_stage = Vec::new();
     if !problems.is_empty() {
-        // What never shows is hard to say of a stage that is wrong, and takes its callbacks' time.
+        // A survey of a stage with errors would mislead, and costs the time of its callbacks.
         return (problems, on_stage);
     }
     match stage.survey() {
@@ -136,7 +136,7 @@ fn unknown_effects(stage: &Stage, registry: &Registry) -> Vec<Problem> {
         .collect()
 }
 
-/// The first light that has no room, at the first of some times, the beginning among them, at which one has none.
+/// The finding that more lights shine than can be drawn, at the first of some times, the beginning among them.
 fn too_many_lights(stage: &Stage) -> Option<Finding> {
     /// Times at which lights are counted; that takes a few milliseconds.
     const TIMES: i64 = 32;
@@ -157,7 +157,7 @@ fn too_many_lights(stage: &Stage) -> Option<Finding> {
     })
 }
 
-/// What of its own lines it cannot draw, at the beginning of its time or in the middle of it.
+/// The overlay that an effect cannot draw at the beginning or in the middle of its time, if any.
 fn left_out(effect: &dyn Effect, used: &EffectUse, stage: &Stage) -> Option<String> {
     if effect.hook() != Hook::Overlay {
         return None;

@@ -1,4 +1,4 @@
-//! What a frame contains, what asked for it, and where in the script that was created.
+//! The content of a frame: its parts, what requested them, and where in the script that was created.
 
 use choreo_bench::plots::{Cell, Table, bytes};
 use choreo_render::SceneResources;

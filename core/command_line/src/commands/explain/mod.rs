@@ -1,6 +1,7 @@
-//! `choreo explain`: what one frame of a scene needs and what asked for it, what was left out, and why.
+//! `choreo explain`: what one frame of a scene needs and what requested it, what was left out, and why.
 
 mod inside;
+mod reuse;
 
 use crate::args::ExplainArgs;
 use crate::args::values;
@@ -9,16 +10,16 @@ use crate::failure::{Failure, print, print_json};
 use crate::output::svg;
 use crate::scene::{self, opening::Opening};
 use choreo_bench::plots::{Cell, Table, byte_bars};
-use choreo_motion::Time;
 use choreo_plugin::Registry;
 use choreo_render::commands::{RecordOptions, record};
 use choreo_render::plan::LeftOut;
-use choreo_render::plan::frame_key::{Key, scene_key};
+use choreo_render::plan::frame_key::scene_key;
 use choreo_render::plan::motion_blur::plan_at;
 use choreo_render::{Plan, PlanOptions, SceneResources};
 use choreo_script::Places;
 use choreo_stage::{Evaluator, Stage};
 use inside::Inside;
+use reuse::Reuses;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -29,27 +30,25 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
     let size = args.size.as_deref().map(values::size).transpose()?;
     let samples = args.samples.as_deref().map(values::samples).transpose()?;
     let registry = scene::plugins(&args.scene, plugins)?;
-    let scene = scene::open(&args.scene, &registry, Opening::TO_DRAW)?;
+    let scene = scene::open(&args.scene, &registry, Opening::TO_TELL)?;
     let stage = &scene.stage;
     let size = size.unwrap_or(stage.settings.size);
     let samples = samples.or(stage.settings.samples).unwrap_or(4);
-    let resources = SceneResources::new(stage);
+    let resources = SceneResources::without_levels(stage);
     let aspect = f64::from(size[0]) / f64::from(size[1].max(1));
     let mut evaluator = Evaluator::new(stage.clone()).for_images(aspect);
     let snapshot = evaluator.at(at).map_err(|e| Failure::input(e.to_string()))?;
     let costs = evaluator.costs(&snapshot);
     let effects = scene.registry.effects();
     let options = PlanOptions { effects, ..PlanOptions::new(size, samples) };
-    let mut planned = |at| {
+    let planned = |at| {
         let plan = plan_at(&resources, &mut evaluator, at, &options, None);
         plan.map(|(_, plan)| plan).map_err(|e| Failure::input(e.to_string()))
     };
-    let mut plan = planned(at)?;
-    let before = at - stage.settings.fps.time_of(1);
-    let reuse = match before >= Time::ZERO {
-        true => Reuse::of(&planned(before)?, &plan, |plan| scene_key(plan, &resources, effects)),
-        false => Reuse::Nothing,
-    };
+    let mut reuses = Reuses { plan: planned, scene_key: |plan: &Plan| scene_key(plan, &resources, effects) };
+    let mut plan = (reuses.plan)(at)?;
+    let reuse = reuses.at(&plan, at, &stage.settings)?;
+    let frames = reuses.count(&stage.settings)?;
     let sub_frames = std::mem::take(&mut plan.subframes).len();
     let cpu = json!({
         "poses": costs.poses,
@@ -57,7 +56,9 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
         "spring_bones": costs.spring_bones,
         "sub_frames": sub_frames,
         "earlier_frames": std::mem::take(&mut plan.history).len(),
+        "cameras": 1 + u8::from(plan.dissolve.take().is_some()),
         "reuse": reuse.word(),
+        "reuses": frames.json(),
     });
     let triangles = |p: u32| resources.primitives[p as usize].primitive().indices.len() / 3;
     let recording = record(&plan, RecordOptions::default(), triangles);
@@ -75,38 +76,16 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
         facts["in"] = inside.json();
         return print_json(&facts);
     }
-    print(&format!("{}\n{}\n{}", text(&facts), inside.table().text(), left_out(&plan).text()))
+    let frames = frames.text();
+    print(&format!(
+        "{}frames     {frames}\n\n{}\n{}",
+        text(&facts),
+        inside.table().text(),
+        left_out(&plan).text()
+    ))
 }
 
-/// What of the frame before is shown again.
-#[derive(Clone, Copy)]
-enum Reuse {
-    Nothing,
-    /// All but the 2D layers over it.
-    Scene,
-    Frame,
-}
-
-impl Reuse {
-    fn of(before: &Plan, now: &Plan, scene_key: impl Fn(&Plan) -> Key) -> Reuse {
-        let layers = |plan: &Plan| plan.layers_in_front.as_ref().map(|layers| layers.hash);
-        match scene_key(before) == scene_key(now) {
-            true if layers(before) == layers(now) => Reuse::Frame,
-            true => Reuse::Scene,
-            false => Reuse::Nothing,
-        }
-    }
-
-    fn word(self) -> &'static str {
-        match self {
-            Reuse::Nothing => "nothing",
-            Reuse::Scene => "scene",
-            Reuse::Frame => "frame",
-        }
-    }
-}
-
-/// What was not even read of the script's files.
+/// The parts of the script's files that were not even read.
 fn unread(places: &Places) -> impl Iterator<Item = LeftOut> {
     places.clips_only.iter().map(|(file, place)| {
         let what = format!("meshes and images of {file}");
@@ -134,7 +113,8 @@ fn facts(stage: &Stage, resources: &SceneResources, plan: &Plan, at: f64) -> Val
         .iter()
         // A chain of mipmaps is a third more.
         .filter(|t| t.streamed.is_none())
-        .map(|t| if t.mipmaps { t.image.rgba.len() / 3 * 4 } else { t.image.rgba.len() })
+        .map(|t| (t, 4 * t.image.width as usize * t.image.height as usize))
+        .map(|(t, bytes)| if t.mipmaps { bytes / 3 * 4 } else { bytes })
         .sum();
     json!({
         "seconds": at,
@@ -205,6 +185,9 @@ fn text(f: &Value) -> String {
         Some("frame") => t.push_str("reused     equal to the frame before: not drawn again\n"),
         Some("scene") => t.push_str("reused     the scene of the frame before, under other 2D layers\n"),
         _ => {}
+    }
+    if cpu["cameras"] == 2 {
+        t.push_str("dissolve   two cameras are drawn and mixed\n");
     }
     let clips = &f["clips"];
     if clips["compressed"] != 0 {

@@ -1,4 +1,4 @@
-//! What makes a model a character, for `choreo info`: bones of a human body, expressions, springs, eyes.
+//! The parts that make a model a character, for `choreo info`: bones of a human body, expressions, springs, eyes.
 
 use crate::scene::model::list;
 use crate::terminal::page::Page;

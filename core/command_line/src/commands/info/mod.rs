@@ -148,8 +148,8 @@ fn text(t: &mut Page, asset: &Asset, facts: &Facts, joints: bool) {
     let texts = scene::texts(asset);
     t.line(format_args!("{}: {} ({})", asset.name, facts.importer.0, facts.importer.1));
     if !asset.origin.format.is_empty() {
-        let told = asset.warnings.iter().any(|w| w.text.starts_with("the format has no unit"));
-        let guessed = asset.origin.unit_is_assumed && told;
+        let is_warned = asset.warnings.iter().any(|w| w.text.starts_with("the format has no unit"));
+        let guessed = asset.origin.unit_is_assumed && is_warned;
         t.line(format_args!("file       {}", origin(&asset.origin, guessed)));
     }
     if let Some([min, max]) = facts.extents {
@@ -169,6 +169,9 @@ fn text(t: &mut Page, asset: &Asset, facts: &Facts, joints: bool) {
         count(facts.vertices, "vertex", "vertices"),
         count(facts.triangles, "triangle", "triangles")
     ));
+    for mesh in named_meshes(asset) {
+        t.line(format_args!("  mesh     {mesh}"));
+    }
     let copied: Vec<usize> =
         asset.instances.iter().filter(|i| !i.copies.is_empty()).map(|i| asset.times(i)).collect();
     if !copied.is_empty() {
@@ -224,6 +227,29 @@ fn text(t: &mut Page, asset: &Asset, facts: &Facts, joints: bool) {
         tree(t, asset);
     }
     t.lines(texts);
+}
+
+/// Lines of meshes beyond which only a number is given.
+const MOST_MESHES: usize = 100;
+
+/// Each mesh with the nodes that show it under another name: what `hide_parts` takes.
+fn named_meshes(asset: &Asset) -> Vec<String> {
+    let mut lines = Vec::new();
+    for (index, mesh) in asset.meshes.iter().enumerate() {
+        let shown = asset.instances.iter().filter(|instance| instance.mesh as usize == index);
+        let nodes = shown.filter_map(|instance| asset.skeleton.names().get(instance.joint as usize));
+        let mut nodes: Vec<&str> = nodes.map(String::as_str).filter(|node| *node != mesh.name).collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        lines.push(match nodes.is_empty() {
+            true => mesh.name.clone(),
+            false => format!("{} on {}", mesh.name, model::list(nodes.into_iter(), 12)),
+        });
+    }
+    let more = lines.len().saturating_sub(MOST_MESHES);
+    lines.truncate(MOST_MESHES);
+    lines.extend((more > 0).then(|| format!("and {more} more; --json lists all")));
+    lines
 }
 
 fn count(number: usize, one: &str, many: &str) -> String {

@@ -101,17 +101,49 @@ fn whole(args: &NewArgs, into: &Path) -> Result<(), Failure> {
     let folder = into.join(&own);
     free(&folder)?;
     let here = if into.as_os_str().is_empty() { Path::new(".") } else { into };
-    let in_workspace = here.canonicalize().is_ok_and(|h| h == sources.join("plugins"));
-    let mut all = vec![(own.join("Cargo.toml"), cargo_toml(prefix, name, crates, &sources, in_workspace))];
+    let workspace = Workspace::around(here, &sources);
+    let mut all = vec![(own.join("Cargo.toml"), cargo_toml(prefix, name, crates, &sources, &workspace))];
     for (file, text) in files {
         all.push((own.join(renamed(file, name)), renamed(text, name)));
     }
     write(into, &all)?;
+    let member = match &workspace {
+        Workspace::Other(root) => format!(
+            "    it belongs to the workspace of {}: add it to members there, where they do not include it\n",
+            root.display()
+        ),
+        Workspace::Ours | Workspace::None => String::new(),
+    };
     print(&format!(
-        "{}: written\n    try: cargo test --manifest-path {}/Cargo.toml\n",
+        "{}: written\n{member}    try: cargo test --manifest-path {}/Cargo.toml\n",
         folder.display(),
         folder.display()
     ))
+}
+
+/// The Cargo workspace around a new crate.
+enum Workspace {
+    /// The one of choreo's sources.
+    Ours,
+    /// Another one, with its `Cargo.toml`.
+    Other(PathBuf),
+    None,
+}
+
+impl Workspace {
+    /// As Cargo finds it: the nearest `Cargo.toml` above with a `[workspace]`.
+    fn around(folder: &Path, sources: &Path) -> Workspace {
+        let Ok(folder) = folder.canonicalize() else { return Workspace::None };
+        if folder == sources.join("plugins") {
+            return Workspace::Ours;
+        }
+        let is_root = |manifest: &PathBuf| {
+            let text = std::fs::read_to_string(manifest).unwrap_or_default();
+            text.lines().any(|line| line.trim() == "[workspace]" || line.starts_with("[workspace."))
+        };
+        let root = folder.ancestors().map(|folder| folder.join("Cargo.toml")).find(is_root);
+        root.map_or(Workspace::None, Workspace::Other)
+    }
 }
 
 /// The sources that the new crate builds against: given, or those around the current folder.
@@ -144,7 +176,7 @@ fn renamed(text: &str, name: &str) -> String {
                 .collect::<String>()
         })
         .collect();
-    // What the examples say of themselves is no longer true of the copy.
+    // The copy must not contain what the examples state about themselves.
     text.replace(": the importer to copy. `choreo new importer NAME` does it.", ".")
         .replace(": the effect to copy. `choreo new effect NAME` does it.", ".")
         .replace(" The one to copy for a format of your own.", "")
@@ -157,7 +189,8 @@ fn renamed(text: &str, name: &str) -> String {
         .replace(&format!("core/cli/{name}s"), "core/cli/examples")
 }
 
-fn cargo_toml(prefix: &str, name: &str, crates: &[&str], sources: &Path, in_workspace: bool) -> String {
+fn cargo_toml(prefix: &str, name: &str, crates: &[&str], sources: &Path, workspace: &Workspace) -> String {
+    let in_workspace = matches!(workspace, Workspace::Ours);
     let name = name.replace('_', "-");
     // A path in a TOML text: backslashes of Windows would be escapes.
     let sources = sources.display().to_string().replace('\\', "/");
@@ -179,7 +212,8 @@ fn cargo_toml(prefix: &str, name: &str, crates: &[&str], sources: &Path, in_work
         }
         false => "version = \"0.1.0\"\nedition = \"2024\"\n",
     };
-    let own = if in_workspace { "" } else { "\n[workspace]\n" };
+    // A crate outside a workspace is one, so that Cargo looks for none above it.
+    let own = if matches!(workspace, Workspace::None) { "\n[workspace]\n" } else { "" };
     format!("[package]\nname = \"{prefix}-{name}\"\n{package}{own}\n[dependencies]\n{crates}{glam}")
 }
 

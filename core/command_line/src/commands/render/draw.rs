@@ -26,7 +26,7 @@ use std::time::Instant;
 /// Images being encoded take at most about this much memory, however large each is.
 const PICTURE_BYTES: usize = 256 << 20;
 
-/// What was drawn, and by whom.
+/// Result of a render, and the device that drew it.
 pub struct Drawn {
     pub device: String,
     pub samples: u32,
@@ -34,9 +34,9 @@ pub struct Drawn {
     pub reason: Option<String>,
     /// Frames of this run; the others were there.
     pub counts: Counts,
-    /// Frames that the device timed, and seconds that it was busy with them; where that was asked for and it has a clock.
+    /// Frames that the device timed, and seconds that it was busy with them; where that was requested and it has a clock.
     pub device_time: Option<(u64, f64)>,
-    /// Frames that the CPU renderer drew, and seconds of each of its stages; where that was asked for.
+    /// Frames that the CPU renderer drew, and seconds of each of its stages; where that was requested.
     pub stage_times: Option<(u64, Vec<(&'static str, f64)>)>,
     pub provenance: Vec<(String, String)>,
 }
@@ -64,8 +64,8 @@ pub fn draw(
         }
     };
     let printed = job.scene.printed.iter().flat_map(|text| text.lines()).map(str::to_string);
-    let said = printed.chain(job.scene.warnings.iter().chain(&job.notes).cloned());
-    said.chain(job.exporter.notes(&info)).chain(started.note).for_each(|line| say(&line));
+    let messages = printed.chain(job.scene.warnings.iter().chain(&job.notes).cloned());
+    messages.chain(job.exporter.notes(&info)).chain(started.note).for_each(|line| say(&line));
     let device = renderer.device().name.clone();
     let drawing = Drawing { args, job, info: &info, samples, jobs };
     let made = job.target.prepare()?;
@@ -116,7 +116,7 @@ impl Drawing<'_> {
         let drawn = match self.frames(renderer, &job.frames[begun.done..], encode, say) {
             Ok(drawn) => video.finish().map(|()| drawn),
             Err(failure) => {
-                // What the script ends would end there again. The rest can be gone on with.
+                // If the script failed, it would fail again there. After any other failure the render can be resumed.
                 let outside =
                     matches!(failure, Failure::Output(_) | Failure::Device(_) | Failure::Interrupted);
                 video.leave(outside);
@@ -216,7 +216,7 @@ impl Drawing<'_> {
         counts
     }
 
-    /// What a stopped render must have been to be gone on with: besides how an image is made, which, and in what format.
+    /// Identity of a render, which a stopped one must share to be resumed: how images are made, which frames, and the format.
     fn identity(&self) -> Identity {
         let mut identity = self.info.provenance.clone();
         let manifest = self.job.exporter.manifest();

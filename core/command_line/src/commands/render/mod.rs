@@ -13,7 +13,7 @@ use crate::failure::Failure;
 use crate::output::budget::Budgeted;
 use crate::output::target::Target;
 use crate::scene::{
-    self, OpenedScene,
+    self, ONE_FRAME, OpenedScene,
     opening::{Keep, Opening},
 };
 use choreo_motion::Time;
@@ -22,7 +22,7 @@ use choreo_stage::{Repeat, Settings};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What is to be made, checked.
+/// A render, with checked arguments.
 pub struct Job {
     pub scene: OpenedScene,
     pub target: Target,
@@ -103,13 +103,21 @@ pub fn prepare(
     Arc::make_mut(&mut scene.stage).settings.size = settings.size;
     settings.fps = fps.unwrap_or(settings.fps);
     let total = settings.fps.frames_in(settings.length).max(1);
+    let mut notes = Vec::new();
     let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
     // The limit is for what a script says. A size given here is intended, unless a limit is given too.
     if size.is_none() || args.scene.limit.iter().any(|l| l.trim_start().starts_with("pixels")) {
         too_many(pixels, "pixels", scene.limits.pixels)?;
     }
-    let mut notes = Vec::new();
-    let chosen = args.frames.as_deref().map(|f| values::frames(f, total)).transpose()?;
+    let chosen = args.frames.as_deref().map(|f| values::frames(f, total)).transpose();
+    let chosen = chosen.map_err(|failure| match failure {
+        Failure::Usage(text)
+            if !scene.is_script && length.is_none() && text.ends_with(&format!("0..{total}")) =>
+        {
+            Failure::Usage(format!("{text}; --length SECS makes it longer, with the clip again and again"))
+        }
+        other => other,
+    })?;
     let one_picture = exporter.one_frame_per_file() && !matches!(target, Target::Numbered { .. });
     let timed = |f: i64| (f, settings.fps.time_of(f));
     let frames: Vec<(i64, Time)> = match (at, chosen) {
@@ -160,6 +168,11 @@ fn loop_for(scene: &mut OpenedScene, length: Time) -> Result<(), Failure> {
     stage.settings.length = length;
     let layers = stage.actors.iter_mut().flat_map(|actor| &mut actor.layers);
     layers.flat_map(|layer| &mut layer.cues).for_each(|cue| cue.repeat = Repeat::Loop);
+    for warning in &mut scene.warnings {
+        if let Some(model) = warning.strip_suffix(ONE_FRAME) {
+            *warning = format!("{model}no clips: the same frame for {} s", length.as_secs());
+        }
+    }
     scene.arguments.push(format!("--length {}", length.as_secs()));
     Ok(())
 }

@@ -19,7 +19,7 @@ use glam::{DVec2, Vec4};
 use std::path::Path;
 use std::sync::Arc;
 
-/// What one sees in each; the last is the frame itself, and has none.
+/// Captions of the stages; the last is the frame itself, and has none.
 const CAPTIONS: [&str; 5] = [
     "model: each mesh as its file has it, around its own origin",
     "view: all of it where it stands, from above; the camera is below, its view between the grey lines",

@@ -1,4 +1,4 @@
-//! What a render says when it is done.
+//! The summary of a finished render.
 
 use crate::args::RenderArgs;
 use crate::commands::render::Job;

@@ -51,7 +51,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
             drawn.counts.drawn -= renderer.reused().min(drawn.counts.drawn);
             summary::report(args, &job, &drawn, begun.elapsed().as_secs_f64())
         };
-        // What is wrong now may be right after the next save.
+        // An error may be corrected by the next save.
         match { round }() {
             Ok(()) => {}
             Err(failure @ (Failure::Interrupted | Failure::ClosedPipe | Failure::Usage(_))) => {
@@ -97,7 +97,7 @@ fn interest(args: &RenderArgs, keep: &Keep) -> WatchedPaths {
             }
         }
     }
-    // What a render that failed before it read anything was about.
+    // A render that failed before it read anything depends on its input.
     if let Ok(input) = std::path::absolute(Path::new(&args.scene.input)) {
         let input = input.canonicalize().unwrap_or(input);
         let there = content_of(&input);

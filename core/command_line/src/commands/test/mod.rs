@@ -15,8 +15,8 @@ use choreo_plugin::Registry;
 use choreo_script::testing::TestOptions;
 use choreo_script::{NO_THREAD, ScriptOptions, did_you_mean};
 use choreo_test_runner::collect::{self, Case, NothingToRun, Selection, quoted};
+use choreo_test_runner::images::{Accept, ImageOptions};
 use choreo_test_runner::outcome::Status;
-use choreo_test_runner::pictures::{Accept, PictureOptions};
 use choreo_test_runner::report::{html, json, junit, terminal};
 use choreo_test_runner::run::{Report, RunOptions, run as run_cases};
 use choreo_test_runner::{painter, results};
@@ -88,7 +88,7 @@ impl Job {
         let options = RunOptions {
             // A project is tested from its folder: its tests may use its scenes and assets.
             test: TestOptions { script, root: std::env::current_dir().ok(), ..TestOptions::default() },
-            pictures: PictureOptions { accept, device, any_device: args.any_device, failures: pictures },
+            pictures: ImageOptions { accept, device, any_device: args.any_device, failures: pictures },
             timeout: Some(values::timeout(&args.timeout)?),
             jobs: args.jobs.as_deref().map(values::jobs).transpose()?.unwrap_or(0),
             results: results.filter(|_| program.is_some()),
@@ -159,7 +159,7 @@ fn folders() -> Result<(Option<PathBuf>, Option<PathBuf>), Failure> {
             let made =
                 Folder::open(Path::new("")).map_err(WriteError::Io).and_then(|f| f.create_folders(&folder));
             match made {
-                // Without results and images the tests still run.
+                // The tests run even if results and images cannot be kept.
                 Ok(_) | Err(WriteError::Io(_)) => Ok(Some(folder)),
                 Err(e) => Err(write_failure(&work.display().to_string(), e)),
             }
@@ -172,7 +172,7 @@ fn folders() -> Result<(Option<PathBuf>, Option<PathBuf>), Failure> {
     Ok((pictures, cache))
 }
 
-/// Whether the system gave a section no thread, which says nothing of the section.
+/// Whether the system gave a section no thread, which is no result of the section.
 fn without_thread(report: &Report) -> bool {
     let mut statuses = report.outcomes.iter().map(|outcome| &outcome.status);
     statuses.any(|status| matches!(status, Status::Error(text) if text.contains(NO_THREAD)))

@@ -1,4 +1,4 @@
-//! What a person sees while the tests run: a bar on a terminal, failures as they come, a line for each file, the counts.
+//! Output while the tests run: a bar on a terminal, failures as they come, a line for each file, the counts.
 
 use crate::args::TestArgs;
 use crate::failure::{Failure, print};
@@ -65,11 +65,11 @@ impl Teller {
         if self.silent || self.broken.is_some() {
             return;
         }
-        let said = match &self.bar {
+        let printed = match &self.bar {
             Some(bar) => bar.suspend(|| print(text)),
             None => print(text),
         };
-        self.broken = said.err();
+        self.broken = printed.err();
     }
 
     pub fn finish(mut self, report: &Report) -> Result<(), Failure> {

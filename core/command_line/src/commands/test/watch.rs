@@ -23,11 +23,11 @@ pub fn run(args: &TestArgs, job: &Job, plugins: &Registry) -> Result<(), Failure
     let mut watch = Watch::new().map_err(failed)?;
     let mut known = Contents::new();
     loop {
-        // What is saved while the tests run is no longer what they have read.
+        // A file that is saved while the tests run differs from the one that they have read.
         known.iter_mut().for_each(|(path, content)| *content = content_of(path));
         let begun = SystemTime::now();
         let mut read: BTreeSet<PathBuf> = BTreeSet::new();
-        // What is wrong now may be right after the next save: only a reader that has gone ends this.
+        // An error may be corrected by the next save: only a closed pipe ends the loop.
         let ran = job.plugins(args, plugins).and_then(|registry| {
             let cases = job.cases(&registry)?;
             read.extend(cases.iter().filter_map(|c| c.path.canonicalize().ok()));

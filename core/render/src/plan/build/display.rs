@@ -13,7 +13,7 @@ use std::sync::Arc;
 pub(super) struct Display {
     /// Factor on all light.
     pub exposure: f32,
-    /// Those of [`Features::DISPLAY`] that surfaces and the sky have.
+    /// The features of [`Features::DISPLAY`] that surfaces and the sky use.
     pub features: Features,
     /// The name of the view transform that runs as a pass over the image, after the last effect that works on light.
     pass: Option<&'static str>,
@@ -31,7 +31,7 @@ impl Display {
         };
         let replaced = is_on(ViewOrder::Replaces);
         let pass = curve.filter(|_| !replaced && is_on(ViewOrder::Before));
-        // Without an effect that has the curve there is no pass.
+        // Without an effect that implements the view transform there is no pass.
         let pass = pass.filter(|curve| view_effect(options.effects, curve).is_some());
         let linear = replaced || pass.is_some();
         let features = Features::EXPOSURE.when(settings.exposure != 0.0);

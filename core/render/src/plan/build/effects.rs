@@ -28,7 +28,7 @@ pub(super) struct SurfaceEffects {
     pub displaced: u8,
     pub lighting: u8,
     pub needs: SurfaceInputs,
-    /// What displacements read, in shadow maps too.
+    /// Inputs of displacements, which shadow maps need, too.
     displacement_needs: SurfaceInputs,
     /// Largest displacement in meters.
     pub reach: f32,

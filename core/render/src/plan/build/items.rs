@@ -17,7 +17,7 @@ pub(super) struct DrawItem {
     pub depth: f32,
     /// The smallest depth among the copies that share its draw.
     pub nearest: f32,
-    /// As in [`Draw::watertight`].
+    /// Number of indices, as in [`Draw::watertight`].
     pub watertight: u32,
     pub instance: Instance,
     pub actor: u32,
@@ -33,7 +33,7 @@ pub(super) enum DrawPhase {
 }
 
 impl DrawItem {
-    /// What the instances of one draw have in common.
+    /// State that the instances of one draw share.
     fn state(&self) -> (DrawPhase, PipelineKey, u32, Option<u32>, u32, u32) {
         let entry = &self.entry;
         (self.phase, self.pipeline, entry.material, self.material_override, entry.primitive, self.watertight)

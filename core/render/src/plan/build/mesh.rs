@@ -19,6 +19,8 @@ pub(super) struct MeshContext<'a> {
     pub asset: &'a Asset,
     pub state: &'a ActorState,
     pub actor: usize,
+    /// Index of the mesh instance in its asset.
+    pub index: usize,
     pub instance: &'a MeshInstance,
     pub relative_from_model: DAffine3,
     /// Index into `Planner::skins`.
@@ -30,6 +32,8 @@ pub(super) struct MeshContext<'a> {
 
 /// A primitive of the mesh, with everything that its copies share.
 struct PrimitiveContext<'a> {
+    /// Index of the primitive in its mesh.
+    index: usize,
     entry: PrimitiveEntry,
     primitive: &'a PrimitiveResource,
     material_override: Option<u32>,
@@ -70,8 +74,8 @@ fn active(&(_, weight): &(usize, &f32)) -> bool {
 
 impl<'a> Planner<'a> {
     pub fn mesh(&mut self, primitives: &[PrimitiveEntry], mesh: &mut MeshContext<'a>) {
-        for entry in primitives {
-            let Some(p) = self.primitive(entry, mesh) else { continue };
+        for (index, entry) in primitives.iter().enumerate() {
+            let Some(p) = self.primitive((index, entry), mesh) else { continue };
             for (number, (place, copy)) in mesh.asset.standing(mesh.instance, mesh.state.copies).enumerate() {
                 if let Some(copy) = self.copy(&p, mesh, number, (place, copy)) {
                     self.add_copy(&p, mesh, &copy);
@@ -80,13 +84,17 @@ impl<'a> Planner<'a> {
         }
     }
 
-    /// What effects on a surface need to sample the sky behind it.
+    /// Features with which effects on a surface sample the sky behind it.
     fn sky_of_effects(&self, effects: &SurfaceEffects) -> Features {
         let sampled = effects.surface != 0 && self.sky && self.sky_background;
         Features::SKY.with(self.display.features).when(sampled)
     }
 
-    fn primitive(&mut self, entry: &PrimitiveEntry, mesh: &MeshContext<'a>) -> Option<PrimitiveContext<'a>> {
+    fn primitive(
+        &mut self,
+        (index, entry): (usize, &PrimitiveEntry),
+        mesh: &MeshContext<'a>,
+    ) -> Option<PrimitiveContext<'a>> {
         let (asset, state) = (mesh.asset, mesh.state);
         let entry = self.resources.showing(entry, self.time);
         let primitive = &self.resources.primitives[entry.primitive as usize];
@@ -125,6 +133,7 @@ impl<'a> Planner<'a> {
             .with(Features::EFFECT_SHADOW.when(read.shadow && lit));
         let morph_offset = info.morph_offset(mesh.weights);
         let context = PrimitiveContext {
+            index,
             pen: thick_lines::pen(shape.topology, material).filter(|_| features.has(Features::THICK_LINES)),
             alpha_mode: material.alpha_mode,
             double_sided: material.double_sided || features.has(Features::THICK_LINES),
@@ -189,7 +198,8 @@ impl<'a> Planner<'a> {
     }
 
     fn add_copy(&mut self, p: &PrimitiveContext, mesh: &mut MeshContext, copy: &CopyContext) {
-        let entry = self.level_of_detail(&p.entry, copy.bounds, p.skin, &copy.relative_from_mesh);
+        let at = (copy.bounds, &copy.relative_from_mesh);
+        let Some(entry) = self.at_level(&p.entry, mesh, (copy.number, p.index), at) else { return };
         let (determinant, one_handed) = self.handedness(&p.primitive.info, p.skin, &copy.relative_from_mesh);
         let transmits = p.features.has(Features::TRANSMISSION);
         let blend = alpha_blends(p.alpha_mode) || mesh.state.tint.w < 1.0 || p.effects.needs.see_through;

@@ -23,6 +23,7 @@ use crate::plan::build::display::Display;
 use crate::plan::build::effects::{SceneEffect, background_effects, post_passes, scene_effects};
 use crate::plan::build::items::{DrawItem, sort};
 use crate::plan::build::lights::{plan_lights, plan_sky};
+use crate::plan::build::lod::ActorLevels;
 use crate::plan::build::mesh::MeshContext;
 use crate::plan::build::outlines::{OutlineKey, SurfaceLine, effect_lines};
 use crate::plan::build::overdraw::OverdrawEstimate;
@@ -71,6 +72,7 @@ impl Plan {
             skins: Vec::new(),
             material_overrides: Vec::new(),
             overrides_of_actor: Vec::new(),
+            levels: ActorLevels::default(),
             casting: shadows.iter().any(Option::is_some),
             casters: Vec::new(),
             receivers: Vec::new(),
@@ -122,6 +124,8 @@ struct Planner<'a> {
     material_overrides: Vec<Arc<MaterialResource>>,
     /// Overrides of the current actor: (its asset's material, the scene resources' material, index into `material_overrides`).
     overrides_of_actor: Vec<(u32, u32, u32)>,
+    /// Levels of detail of the current actor.
+    levels: ActorLevels<'a>,
     /// Some light casts shadows, so that casters outside the view count, too.
     casting: bool,
     casters: Vec<ShadowCaster>,
@@ -155,7 +159,9 @@ impl<'a> Planner<'a> {
         let first_skin = self.skins.len();
         self.overrides_of_actor.clear();
         let asset = &*self.stage.actors[index].asset;
-        let entry = self.resources.entry(index);
+        let resources = self.resources;
+        let entry = resources.entry(index);
+        self.levels = self.actor_levels(index, entry, state, relative_from_model);
         for (i, (instance, primitives)) in asset.instances.iter().zip(&entry.primitives).enumerate() {
             let skin = instance.skin.filter(|s| (*s as usize) < asset.skins.len()).map(|skin| {
                 let known = self.skins[first_skin..].iter().position(|s| s.skin == skin);
@@ -172,6 +178,7 @@ impl<'a> Planner<'a> {
                 asset,
                 state,
                 actor: index,
+                index: i,
                 instance,
                 relative_from_model,
                 skin,
@@ -262,6 +269,7 @@ impl<'a> Planner<'a> {
             overlay,
             subframes: Vec::new(),
             history: Vec::new(),
+            dissolve: None,
             linear: false,
             skin_once: stage.settings.skin_once,
             left_out,

@@ -14,7 +14,7 @@ use choreo_stage::{EffectTarget, Snapshot, Stage};
 use glam::Vec3;
 use std::sync::Arc;
 
-/// What an effect draws around or on surfaces.
+/// Lines that an effect draws around or on surfaces.
 #[derive(Clone, Debug)]
 pub(super) enum SurfaceLine {
     Outline(Outline),

@@ -18,7 +18,7 @@ const FILLED: f32 = 0.7;
 /// Number of depth slices that are sampled for a box.
 const SLICE_SAMPLES: u32 = 4;
 
-/// What is drawn front to back: pipeline, material, material override.
+/// Copies that are drawn front to back together: pipeline, material, material override.
 type Batch = (PipelineKey, u32, Option<u32>);
 
 /// Bounds of lit opaque copies in view.
@@ -38,7 +38,7 @@ pub(super) struct WastedLights {
 /// Coverage of a screen tile, in shares of it.
 #[derive(Clone, Copy, Default)]
 struct TileCoverage {
-    /// At most 1 from each batch.
+    /// Coverage by batches, each at most 1.
     surfaces: f32,
     /// The current batch.
     of_batch: f32,

@@ -24,7 +24,7 @@ const MARGIN: f64 = 6.0;
 /// Near plane of point and spot lights in meters: casters nearer than this (the bulb) throw no shadow.
 const NEAR: f64 = 0.05;
 
-/// What is in view and what casts shadows, in camera-relative space.
+/// Everything in view and everything that casts shadows, in camera-relative space.
 pub(super) struct ShadowRegion<'a> {
     pub view: &'a View,
     /// Pixels.
@@ -39,7 +39,7 @@ pub(super) struct FittedMap {
     pub clip_from_relative: Mat4,
     pub size: [u32; 2],
     pub texel: f32,
-    /// As in [`crate::plan::ShadowView::penumbra`].
+    /// Width of the penumbra, as in [`crate::plan::ShadowView::penumbra`].
     pub penumbra: f32,
     /// Indices into `ShadowRegion::casters`.
     pub casters: Vec<usize>,
@@ -202,7 +202,7 @@ fn cascades(axes: Axes, most: f64, edge: Edge, region: &ShadowRegion<'_>) -> Vec
         let Some(nearest) = rest.iter().map(|v| v.view_depths.0[0]).reduce(f64::min) else { break };
         let farthest = rest.iter().map(|v| v.view_depths.0[1]).fold(nearest, f64::max);
         from = nearest.max(from);
-        // What surrounds the camera is not looked at from its near plane.
+        // A volume around the camera would begin at the near plane, which demands far more sharpness than its visible part needs.
         let sharp =
             |v: &&ShadowVolume| v.view_depths.0[0] * if v.at_camera && perspective { 64.0 } else { 1.0 };
         let sharpest = rest.iter().map(sharp).fold(f64::INFINITY, f64::min).max(from);
@@ -477,7 +477,7 @@ mod tests {
         assert!(maps.windows(2).all(|m| m[0].texel < m[1].texel));
         assert!(maps[0].casters.len() < 20, "each map has its own casters");
         assert!(maps.iter().all(|m| m.size.iter().all(|s| *s <= 2048)));
-        // What is farther away changes no cascade before it.
+        // Objects farther away change no nearer cascade.
         let more = fit_first(400);
         assert_eq!(more[0].clip_from_relative, maps[0].clip_from_relative);
         assert_eq!((more[0].texel, more[0].size), (maps[0].texel, maps[0].size));

@@ -14,7 +14,7 @@ use glam::Vec4;
 pub(super) struct ShadowCaster {
     pub entry: PrimitiveEntry,
     pub material_override: Option<u32>,
-    /// What its depth needs.
+    /// Pipeline key of its depth pass.
     pub key: PipelineKey,
     pub instance: Instance,
     pub bounds: CasterBounds,

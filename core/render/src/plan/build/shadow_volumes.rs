@@ -37,7 +37,7 @@ pub(super) fn shadow_volumes(axes: &Axes, spread: f64, region: &ShadowRegion<'_>
     let lit = region.receivers.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
     let lit_across = Span::of(&lit, axes.right);
     let lit_up = Span::of(&lit, axes.up);
-    // What shades others mostly shades the largest of them, such as a floor.
+    // Most casters that shade other objects shade the largest one, such as a floor, so large receivers are tested first.
     let mut receivers: Vec<&Aabb> = region.receivers.iter().collect();
     receivers.sort_by(|a, b| (b.max - b.min).length().total_cmp(&(a.max - a.min).length()));
     let volume = |(caster, c): (usize, &CasterBounds)| {
@@ -175,7 +175,7 @@ fn shades_others(filled: &[DVec3; 4], own: &Aabb, to_light: DVec3, receivers: &[
 /// A parallelogram that faces the light.
 struct LitFace {
     center: DVec3,
-    /// Half of its sides.
+    /// Half vectors of its sides.
     sides: [DVec3; 2],
     /// Unit, towards the light.
     normal: DVec3,
@@ -226,7 +226,7 @@ impl LitFace {
 
     /// Whether the camera sees the face in front of a point.
     fn covers(&self, p: DVec3, view: &View) -> bool {
-        // From the point to the camera.
+        // The direction from the point to the camera.
         let way = if view.eye.w == 0.0 { view.eye.truncate().as_dvec3() } else { -p };
         let (height, rise) = (self.normal.dot(p - self.center), self.normal.dot(way));
         let above = rise > 0.0 && (view.eye.w == 0.0 || height + rise > 0.0);

@@ -12,16 +12,23 @@ pub(crate) fn bound_clip(c: &Call, i: usize, asset: &Arc<Asset>) -> Result<Arc<C
     let Some(given) = c.value(i).try_cast::<ClipRef>() else {
         return Err(c.wrong(i, "a Clip, as in asset.clip(\"name\")"));
     };
+    bound(c, &given, asset)
+}
+
+/// A clip bound to the joints of `asset`.
+pub(crate) fn bound(c: &Call, given: &ClipRef, asset: &Arc<Asset>) -> Result<Arc<Clip>, ApiError> {
     c.build().used(&given.asset);
     if Arc::ptr_eq(&given.asset, asset) {
-        return Ok(given.clip);
+        return Ok(given.clip.clone());
     }
     let key = (Arc::as_ptr(&given.clip) as usize, Arc::as_ptr(asset) as usize);
     if let Some(bound) = c.build().bound.get(&key) {
         return Ok(bound.clip.clone());
     }
-    let bound = crate::api::clip::fit(c, &given, asset)?;
+    let bound = crate::api::clip::fit(c, given, asset)?;
     let bound = Arc::new(bound);
-    c.build().bound.insert(key, Bound { clip: bound.clone(), _from: given.clip, _onto: asset.clone() });
+    c.build()
+        .bound
+        .insert(key, Bound { clip: bound.clone(), _from: given.clip.clone(), _onto: asset.clone() });
     Ok(bound)
 }

@@ -9,7 +9,7 @@ use crate::build::{CueDraft, room};
 use crate::call::{ApiError, Call, Reply, api};
 use crate::value::CueRef;
 use choreo_stage::{Property, Repeat, TimeRemapping};
-pub(crate) use clips::bound_clip;
+pub(crate) use clips::{bound, bound_clip};
 pub use layer::reference;
 use layer::{additive, layer_weight, on, priority, subtractive};
 use options::change_copy;

@@ -33,8 +33,8 @@ api! {
     Expect.position("") -> Expect = position, in_tests;
     /// Selects the rotation.
     Expect.rotation("") -> Expect = rotation, in_tests;
-    /// Selects the direction, a unit vector: +z of actors and joints, the viewing direction of cameras, the
-    /// direction in which lights shine.
+    /// Selects the direction, a unit vector: the front of actors (`choreo info` shows it), +z of joints, the viewing
+    /// direction of cameras, the direction in which lights shine.
     Expect.direction("") -> Expect = direction, in_tests;
     /// Selects the scale relative to the file, along the own axes.
     Expect.scale("") -> Expect = scale, in_tests;

@@ -1,4 +1,4 @@
-//! What sections over images share: stages of a script's text, images of plans, their errors and their times.
+//! Shared parts of the sections over images: stages of a script's text, images of plans, their errors and their times.
 
 use choreo_bench::plots::{Row, quantity};
 use choreo_bench::timing::{Case, Clock, interleaved};

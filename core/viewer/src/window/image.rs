@@ -9,7 +9,7 @@ use choreo_plugin::Frame;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator};
 
-pub struct Picture {
+pub struct WindowImage {
     pub size: [u32; 2],
     image: vk::Image,
     view: vk::ImageView,
@@ -20,9 +20,13 @@ pub struct Picture {
     fresh: bool,
 }
 
-impl Picture {
-    pub fn new(device: &ash::Device, allocator: &mut Allocator, size: [u32; 2]) -> Result<Picture, GpuError> {
-        let mut picture = Picture {
+impl WindowImage {
+    pub fn new(
+        device: &ash::Device,
+        allocator: &mut Allocator,
+        size: [u32; 2],
+    ) -> Result<WindowImage, GpuError> {
+        let mut picture = WindowImage {
             size,
             image: vk::Image::null(),
             view: vk::ImageView::null(),
@@ -64,14 +68,14 @@ impl Picture {
             allocation_scheme: AllocationScheme::GpuAllocatorManaged,
         });
         let memory = self.memory.insert(memory.named("memory of the image")?);
-        // SAFETY: the memory is the image's own, of the size that it asked for.
+        // SAFETY: the memory is the image's own, of the size that it requested.
         unsafe { device.bind_image_memory(self.image, memory.memory(), memory.offset()) }.named("picture")?;
         let range = whole();
         let info = vk::ImageViewCreateInfo::default()
             .image(self.image)
             .view_type(vk::ImageViewType::TYPE_2D)
             .format(vk::Format::R8G8B8A8_SRGB)
-            // What is transparent in a file is not transparent in the window.
+            // The window shows transparent pixels of a file as opaque.
             .components(vk::ComponentMapping { a: vk::ComponentSwizzle::ONE, ..Default::default() })
             .subresource_range(range);
         // SAFETY: as above.

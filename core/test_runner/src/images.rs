@@ -1,12 +1,12 @@
 //! `expect_picture`: a stage drawn at a time, against the image stored beside its test.
 
 use crate::outcome::{Check, Evidence, Measures, Pictures, SourceLocation};
-use crate::painter::{Device, NoPicture, Painter, Shot};
+use crate::painter::{Device, NoImage, Painter, Shot};
 use crate::stored::{self, MOST_BYTES, Stored, Unreadable};
 use choreo_files::write_whole_beneath;
 use choreo_image_diff::{ImageDifference, difference_image, flip_heatmap};
 use choreo_plugin::Frame;
-use choreo_script::testing::PictureExpectation;
+use choreo_script::testing::ImageExpectation;
 use choreo_stage::Stage;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// Pixels of an image whose script gives no size.
 const LARGEST_SIDE: u32 = 256;
 
-/// Which images are taken over as the expected ones.
+/// The images that are accepted as the expected ones.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Accept {
     #[default]
@@ -36,7 +36,7 @@ impl Accept {
 
 /// How images are compared in this run.
 #[derive(Clone, Debug, Default)]
-pub struct PictureOptions {
+pub struct ImageOptions {
     pub accept: Accept,
     /// Instead of what the scripts say.
     pub device: Option<Device>,
@@ -64,11 +64,11 @@ pub enum Judged {
 
 /// Draws one image and compares it with the golden image, which is replaced if it is to be accepted and differs.
 pub fn judge(
-    wanted: &PictureExpectation,
+    wanted: &ImageExpectation,
     stage: &Arc<Stage>,
     whose: &Whose,
     painter: &mut Painter,
-    options: &PictureOptions,
+    options: &ImageOptions,
 ) -> Judged {
     let stored_at = stored::place(whose.path, &wanted.name);
     let mut check = Check {
@@ -87,27 +87,27 @@ pub fn judge(
     };
     let (frame, class) = match painter.draw(stage, &shot) {
         Ok(drawn) => drawn,
-        Err(NoPicture::NoDevice(why)) => return Judged::Skipped(why),
-        Err(NoPicture::Failed(why)) => {
+        Err(NoImage::NoDevice(why)) => return Judged::Skipped(why),
+        Err(NoImage::Failed(why)) => {
             check.got = format!("no picture: {why}");
             return Judged::Check(Box::new(check), None);
         }
     };
     check.got = format!("{}x{} drawn on {class}", frame.width, frame.height);
-    let (finding, read) = find(wanted, &frame, &class, &stored_at, options);
-    if let Finding::Good(words) = finding {
+    let (verdict, read) = find(wanted, &frame, &class, &stored_at, options);
+    if let Verdict::Good(words) = verdict {
         (check.passed, check.by) = (true, words);
     } else {
-        Failing { wanted, whose, options, stored_at, frame: &frame, class: &class }.fill(finding, &mut check);
+        Failing { wanted, whose, options, stored_at, frame: &frame, class: &class }.fill(verdict, &mut check);
     }
     Judged::Check(Box::new(check), read)
 }
 
 /// An image that differs from its golden image, or has none.
 struct Failing<'a> {
-    wanted: &'a PictureExpectation,
+    wanted: &'a ImageExpectation,
     whose: &'a Whose<'a>,
-    options: &'a PictureOptions,
+    options: &'a ImageOptions,
     stored_at: PathBuf,
     frame: &'a Frame,
     class: &'a str,
@@ -115,7 +115,7 @@ struct Failing<'a> {
 
 impl Failing<'_> {
     /// Accepts the image, or fills the check with the difference and writes the images for people to look at.
-    fn fill(self, finding: Finding, check: &mut Check) {
+    fn fill(self, verdict: Verdict, check: &mut Check) {
         let (wanted, whose) = (self.wanted, self.whose);
         let name = match whose.section {
             "" => whose.file.to_string(),
@@ -140,7 +140,7 @@ impl Failing<'_> {
             return;
         }
         let mut pictures = Pictures { name: wanted.name.clone(), got: bytes, ..Pictures::default() };
-        self.describe(finding, check, &mut pictures);
+        self.describe(verdict, check, &mut pictures);
         pictures.stored = self.stored_at;
         heavy.into_iter().for_each(|text| hint(check, text));
         if let Some(folder) = &self.options.failures {
@@ -149,29 +149,29 @@ impl Failing<'_> {
         check.evidence = Evidence::Pictures(Box::new(pictures));
     }
 
-    fn describe(&self, finding: Finding, check: &mut Check, pictures: &mut Pictures) {
+    fn describe(&self, verdict: Verdict, check: &mut Check, pictures: &mut Pictures) {
         let shown = std::mem::take(&mut check.expected);
-        (check.expected, check.by) = match finding {
-            Finding::Good(words) => (shown, words),
-            Finding::Missing => {
+        (check.expected, check.by) = match verdict {
+            Verdict::Good(words) => (shown, words),
+            Verdict::Missing => {
                 (format!("{shown}, which is not there yet"), "no image has been accepted".into())
             }
-            Finding::Damaged(why) => {
+            Verdict::Damaged(why) => {
                 check.hint = "restore it from version control, or accept what came".into();
                 (format!("{shown}, which cannot be read: {why}"), "the stored image is damaged".into())
             }
-            Finding::OtherDevice(device) => {
+            Verdict::OtherDevice(device) => {
                 let device = if device.is_empty() { "an unknown device".to_string() } else { device };
                 check.hint = "to compare all the same: --any-device".into();
                 let by = "images of different devices are not compared";
                 (format!("{shown}, accepted on {device}"), by.into())
             }
-            Finding::OtherSize((stored, bytes)) => {
+            Verdict::OtherSize((stored, bytes)) => {
                 pictures.expected = bytes;
                 let Frame { width, height, .. } = stored.frame;
                 (format!("{shown}, {width}x{height} pixels"), "the sizes differ".into())
             }
-            Finding::Differs(found) => {
+            Verdict::Differs(found) => {
                 let by = found.difference.describe();
                 let expected = format!("{shown}: {}", found.difference.allowed(&self.wanted.limits));
                 if let Ok(difference) = difference_image(&found.expected, self.frame) {
@@ -202,7 +202,7 @@ pub(crate) const ACCEPTED: &str = "accepted now";
 #[error("unknown device \"{0}\"; there are \"cpu\" and \"vulkan\"")]
 struct UnknownDevice(String);
 
-fn shot(wanted: &PictureExpectation, stage: &Stage, options: &PictureOptions) -> Result<Shot, UnknownDevice> {
+fn shot(wanted: &ImageExpectation, stage: &Stage, options: &ImageOptions) -> Result<Shot, UnknownDevice> {
     let device = match (options.device, wanted.device.as_deref()) {
         (Some(device), _) => device,
         (None, None | Some("cpu")) => Device::Cpu,
@@ -211,7 +211,7 @@ fn shot(wanted: &PictureExpectation, stage: &Stage, options: &PictureOptions) ->
             return Err(UnknownDevice(other.to_string()));
         }
     };
-    // As the stage is shaped, and small.
+    // A small image with the stage's aspect ratio.
     let [w, h] = stage.settings.size;
     let largest = w.max(h).max(1);
     let scaled = |v: u32| match largest > LARGEST_SIDE {
@@ -226,7 +226,8 @@ fn shot(wanted: &PictureExpectation, stage: &Stage, options: &PictureOptions) ->
     })
 }
 
-enum Finding {
+/// Result of comparing an image with the stored one.
+enum Verdict {
     /// The images are equal within the tolerance; the text describes the difference.
     Good(String),
     Missing,
@@ -244,41 +245,41 @@ struct DifferentImage {
 }
 
 fn find(
-    wanted: &PictureExpectation,
+    wanted: &ImageExpectation,
     frame: &Frame,
     class: &str,
     stored_at: &Path,
-    options: &PictureOptions,
-) -> (Finding, Option<[u8; 32]>) {
+    options: &ImageOptions,
+) -> (Verdict, Option<[u8; 32]>) {
     match stored::read(stored_at) {
         Ok((expected, bytes)) => {
             let hash = *blake3::hash(&bytes).as_bytes();
             (against(wanted, frame, class, (expected, bytes), options), Some(hash))
         }
-        Err(Unreadable::Missing) => (Finding::Missing, None),
-        Err(Unreadable::Damaged(why)) => (Finding::Damaged(why), None),
+        Err(Unreadable::Missing) => (Verdict::Missing, None),
+        Err(Unreadable::Damaged(why)) => (Verdict::Damaged(why), None),
     }
 }
 
 fn against(
-    wanted: &PictureExpectation,
+    wanted: &ImageExpectation,
     frame: &Frame,
     class: &str,
     (expected, bytes): (Stored, Vec<u8>),
-    options: &PictureOptions,
-) -> Finding {
+    options: &ImageOptions,
+) -> Verdict {
     if expected.device != class && !options.any_device {
-        return Finding::OtherDevice(expected.device);
+        return Verdict::OtherDevice(expected.device);
     }
     if expected.frame == *frame {
-        return Finding::Good("equal, bit for bit".into());
+        return Verdict::Good("equal, bit for bit".into());
     }
     let Ok(difference) = ImageDifference::new(&expected.frame, frame, wanted.tolerance) else {
-        return Finding::OtherSize((expected, bytes));
+        return Verdict::OtherSize((expected, bytes));
     };
     match difference.within(&wanted.limits) {
-        true => Finding::Good(difference.describe()),
-        false => Finding::Differs(Box::new(DifferentImage { expected: expected.frame, bytes, difference })),
+        true => Verdict::Good(difference.describe()),
+        false => Verdict::Differs(Box::new(DifferentImage { expected: expected.frame, bytes, difference })),
     }
 }
 
@@ -294,7 +295,7 @@ fn write(folder: &Path, file: &str, pictures: &mut Pictures, check: &mut Check) 
         let name = Path::new(&flat(file)).join(format!("{}.{kind}.png", pictures.name));
         let path = folder.join(&name);
         if bytes.is_empty() {
-            // Of an earlier run; not this failure's.
+            // A file of an earlier run does not belong to this failure.
             let _ = std::fs::remove_file(&path);
             pictures.written.push(PathBuf::new());
             continue;

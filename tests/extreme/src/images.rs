@@ -1,4 +1,4 @@
-//! What is drawn at the ends of what can be drawn; by the CPU renderer, which every driver is held to.
+//! Images at the limits of what can be drawn; by the CPU renderer, which every driver is compared with.
 
 use crate::{Case, refused};
 use choreo_asset::{
@@ -254,7 +254,7 @@ fn broken(at: Vec3) -> f64 {
     primitive.positions[2] = at;
     let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);
     put(&mut stage, asset(primitive, unlit(GREEN)), Placement::default());
-    // What stands beside it is seen.
+    // A valid mesh beside it must be visible.
     put(&mut stage, asset(quad(0.1), unlit(Vec4::ONE)), Placement::default());
     let white = share(&stage, |p| p == [255; 4]);
     if white == 0.0 { f64::NAN } else { share(&stage, |p| p[1] == 255 && p[0] == 0) * 1024.0 }

@@ -7,7 +7,7 @@ use choreo_asset::{Sampler, Wrap};
 use rhai::{Array, Blob, Dynamic};
 use std::sync::Arc;
 
-/// As the importers take them.
+/// The same limit as for importers.
 const MOST_A_SIDE: f64 = 16384.0;
 
 pub fn image(c: &Call) -> Result<ImageRef, ApiError> {

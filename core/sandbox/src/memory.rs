@@ -1,4 +1,4 @@
-//! How much memory the program has in use, asked for by a thread of its own, so that looking costs two loads. The thread sleeps
+//! The memory that the program has in use, measured by a thread of its own, so that looking costs two loads. The thread sleeps
 //! while nobody looks: a viewer that shows a still image costs nothing.
 
 use std::sync::OnceLock;
@@ -21,7 +21,7 @@ pub fn in_use() -> u64 {
     static WATCHER: OnceLock<Option<Thread>> = OnceLock::new();
     let watcher = WATCHER.get_or_init(|| {
         IN_USE.store(ask()?, Ordering::Relaxed);
-        // Without the thread the first answer stays: no limit is better than no script.
+        // If the thread cannot start, the first answer stays: better no limit than no script.
         let started = std::thread::Builder::new().name("memory".into()).stack_size(64 << 10).spawn(watch);
         started.ok().map(|handle| handle.thread().clone())
     });
@@ -29,7 +29,7 @@ pub fn in_use() -> u64 {
     if !LOOKED.load(Ordering::Relaxed) {
         LOOKED.store(true, Ordering::SeqCst);
         if ASLEEP.swap(false, Ordering::SeqCst) {
-            // What it saw last is old.
+            // The watcher's last number is outdated.
             IN_USE.store(ask().unwrap_or(0), Ordering::Relaxed);
             watcher.iter().for_each(Thread::unpark);
         }

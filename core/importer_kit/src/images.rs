@@ -4,7 +4,7 @@ use crate::budget::Notes;
 use crate::problem::{Problem, Result};
 use choreo_asset::Image;
 use choreo_plugin::{Files, ImportScope};
-use image::{ImageFormat, ImageReader};
+use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, ImageResult};
 use std::io::Cursor;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Sender, channel};
@@ -31,7 +31,7 @@ pub struct Encoded<B> {
 pub enum Formats {
     /// PNG, JPEG, WebP: the formats of glTF.
     Web,
-    /// Those, BMP, and TGA (known by the name's extension, as it has no magic number).
+    /// The formats of `Web`, BMP, and TGA (known by the name's extension, as it has no magic number).
     All,
 }
 
@@ -76,7 +76,7 @@ impl<B: AsRef<[u8]>> Encoded<B> {
         u64::from(self.width) * u64::from(self.height)
     }
 
-    /// What the header says.
+    /// The image with its size from the header and without pixels.
     fn without_pixels(&self) -> Image {
         Image { name: self.name.clone(), width: self.width, height: self.height, rgba: Vec::new() }
     }
@@ -93,18 +93,41 @@ impl<B: AsRef<[u8]>> Encoded<B> {
         // A 16-bit RGBA image and the decoder's own rows.
         limits.max_alloc = Some(MAX_IMAGE_PIXELS * 16);
         reader.limits(limits);
-        let decoded = reader.decode().map_err(|e| fail(e.to_string()))?;
-        let rgba = decoded.into_rgba8();
-        if (rgba.width(), rgba.height()) != (self.width, self.height) {
+        let decoder = reader.into_decoder().map_err(|e| fail(e.to_string()))?;
+        if decoder.dimensions() != (self.width, self.height) {
             return Err(fail("its size differs from its header".into()));
         }
-        Ok(Arc::new(Image {
-            name: self.name.clone(),
-            width: self.width,
-            height: self.height,
-            rgba: rgba.into_raw(),
-        }))
+        let rgba = rgba(decoder).map_err(|e| fail(e.to_string()))?;
+        Ok(Arc::new(Image { name: self.name.clone(), width: self.width, height: self.height, rgba }))
     }
+}
+
+/// Decodes to 8-bit RGBA. Colors of 8 bits are widened where they lie, so that no second image is in memory.
+fn rgba(decoder: impl ImageDecoder) -> ImageResult<Vec<u8>> {
+    let (width, height) = decoder.dimensions();
+    let channels = match decoder.color_type() {
+        ColorType::L8 => 1,
+        ColorType::La8 => 2,
+        ColorType::Rgb8 => 3,
+        ColorType::Rgba8 => 4,
+        _ => return Ok(DynamicImage::from_decoder(decoder)?.into_rgba8().into_raw()),
+    };
+    let pixels = width as usize * height as usize;
+    let mut rgba = vec![0; 4 * pixels];
+    decoder.read_image(&mut rgba[..channels * pixels])?;
+    if channels < 4 {
+        // From the end: a pixel is never written over one that is still to be read.
+        for pixel in (0..pixels).rev() {
+            let from: [u8; 3] = std::array::from_fn(|i| rgba[channels * pixel + i.min(channels - 1)]);
+            let wide = match channels {
+                1 => [from[0], from[0], from[0], 255],
+                2 => [from[0], from[0], from[0], from[1]],
+                _ => [from[0], from[1], from[2], 255],
+            };
+            rgba[4 * pixel..4 * pixel + 4].copy_from_slice(&wide);
+        }
+    }
+    Ok(rgba)
 }
 
 /// The error of an import that was cancelled.
@@ -144,7 +167,7 @@ pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
     };
     let mut cancelled = false;
     let rest = std::thread::scope(|scope| {
-        let (done, told) = channel();
+        let (done, decoded) = channel();
         let workers: Vec<_> = (0..cores.min(MAX_WORKERS).min(entries.len()))
             .map_while(|_| {
                 let done = done.clone();
@@ -160,7 +183,7 @@ pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
         drop(done);
         let all: u64 = entries.iter().map(Encoded::pixels).sum();
         let mut sum = 0;
-        while let Ok(pixels) = told.recv() {
+        while let Ok(pixels) = decoded.recv() {
             sum += pixels;
             let part = sum as f64 / all.max(1) as f64;
             if !files.progress(BEFORE_PICTURES + (1.0 - BEFORE_PICTURES) * part as f32) {
@@ -227,13 +250,36 @@ mod tests {
     }
 
     #[test]
+    fn images_of_few_channels_are_widened_in_place() {
+        // Against the conversions of the image crate.
+        let (width, height) = (7, 5);
+        let gray = image::GrayImage::from_fn(width, height, |x, y| image::Luma([(31 * x + 7 * y) as u8]));
+        let veiled = image::GrayAlphaImage::from_fn(width, height, |x, y| {
+            image::LumaA([(9 * x) as u8, (40 * y) as u8])
+        });
+        let color =
+            image::RgbImage::from_fn(width, height, |x, y| image::Rgb([x as u8, y as u8, (x * y) as u8]));
+        let deep = image::ImageBuffer::from_fn(width, height, |x, y| {
+            image::Rgb([(9000 * x) as u16, (9000 * y) as u16, 77])
+        });
+        let images: [DynamicImage; 4] = [gray.into(), veiled.into(), color.into(), deep.into()];
+        for (index, picture) in images.into_iter().enumerate() {
+            let mut png = Vec::new();
+            picture.write_to(&mut Cursor::new(&mut png), ImageFormat::Png).unwrap_or_else(|e| panic!("{e}"));
+            let encoded = Encoded::examine("i".into(), "i.png".into(), png, Formats::Web);
+            let decoded = encoded.and_then(|e| e.decode()).unwrap_or_else(|e| panic!("{}", e.what));
+            assert!(decoded.rgba == picture.to_rgba8().into_raw(), "image {index}");
+        }
+    }
+
+    #[test]
     fn each_picture_that_is_done_is_told() {
         let bar = Bar(RefCell::default(), 100);
         let (images, rest) = decode_beside(&pictures(20), ImportScope::ALL, &bar, || 7);
         assert!(rest == 7 && images.iter().all(|i| i.as_ref().is_ok_and(|i| i.rgba[..3] == [9, 8, 7])));
-        let told = bar.0.into_inner();
-        assert!(told.is_sorted() && told.len() == 20 && told[19] == 1.0, "{told:?}");
-        assert_eq!(told[0], 0.525);
+        let reported = bar.0.into_inner();
+        assert!(reported.is_sorted() && reported.len() == 20 && reported[19] == 1.0, "{reported:?}");
+        assert_eq!(reported[0], 0.525);
     }
 
     #[test]

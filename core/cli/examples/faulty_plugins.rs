@@ -1,0 +1,79 @@
+//! choreo with an importer, an exporter and an effect that panic: `tests/faulty_plugins.rs` runs it.
+
+use choreo_asset::Asset;
+use choreo_plugin::{
+    Effect, EffectScene, ExportError, Exporter, Files, Frame, FrameSink, Hook, ImportError, ImportOptions,
+    ImportScope, Importer, Manifest, Overlay, Registry, Source, VideoInfo,
+};
+use std::io::Write;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let mut plugins: Registry = choreo::registry();
+    let manifest = || Manifest::new("faulty", "1.2", "panics").extensions(["faulty"]);
+    plugins.add_importer(Faulty(manifest()));
+    plugins.add_exporter(Faulty(manifest()));
+    plugins.add_effect(Faulty(manifest()));
+    choreo::run(std::env::args_os(), &plugins)
+}
+
+struct Faulty(Manifest);
+
+impl Importer for Faulty {
+    fn manifest(&self) -> &Manifest {
+        &self.0
+    }
+
+    fn import(
+        &self,
+        source: &Source,
+        _: &dyn Files,
+        _: ImportScope,
+        _: &ImportOptions,
+    ) -> Result<Asset, ImportError> {
+        panic!("{} has no header", source.name)
+    }
+}
+
+impl Exporter for Faulty {
+    fn manifest(&self) -> &Manifest {
+        &self.0
+    }
+
+    fn one_frame_per_file(&self) -> bool {
+        false
+    }
+
+    fn begin(&self, _: &VideoInfo, _: Box<dyn Write + Send>) -> Result<Box<dyn FrameSink>, ExportError> {
+        Ok(Box::new(FaultySink(0)))
+    }
+}
+
+/// Panics at the third frame.
+struct FaultySink(u32);
+
+impl FrameSink for FaultySink {
+    fn frame(&mut self, _: &Frame) -> Result<(), ExportError> {
+        self.0 += 1;
+        assert!(self.0 < 3, "three frames are too many");
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<Vec<u8>, ExportError> {
+        Ok(Vec::new())
+    }
+}
+
+impl Effect for Faulty {
+    fn manifest(&self) -> &Manifest {
+        &self.0
+    }
+
+    fn hook(&self) -> Hook {
+        Hook::Overlay
+    }
+
+    fn overlay(&self, _: &EffectScene, _: &[f32; 8]) -> Overlay {
+        panic!("nothing to draw")
+    }
+}

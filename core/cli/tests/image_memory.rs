@@ -1,0 +1,122 @@
+//! Memory for images: commands that describe a scene read headers alone, and a render holds an image once with its mipmaps.
+
+use choreo_importer_kit_testing::alone;
+use std::ffi::OsString;
+use std::path::Path;
+use std::process::ExitCode;
+
+/// Pixels a side: 48 MiB of RGB, 64 MiB decoded, 21 MiB of mipmaps.
+const SIDE: u32 = 4096;
+
+/// A triangle with a large image in a folder of its own.
+fn folder() -> tempfile::TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    let numbers: [f32; 15] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0];
+    let bytes: Vec<u8> = numbers.iter().flat_map(|n| n.to_le_bytes()).collect();
+    std::fs::write(dir.path().join("a.bin"), bytes).unwrap();
+    let image = image::RgbImage::from_fn(SIDE, SIDE, |x, y| image::Rgb([x as u8, (x >> 4) as u8, y as u8]));
+    image.save(dir.path().join("large.png")).unwrap();
+    let model = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
+"meshes":[{"primitives":[{"attributes":{"POSITION":0,"TEXCOORD_0":1},"material":0}]}],
+"materials":[{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}],
+"textures":[{"source":0}],"images":[{"uri":"large.png"}],
+"accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]},
+{"bufferView":1,"componentType":5126,"count":3,"type":"VEC2"}],
+"bufferViews":[{"buffer":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":24}],
+"buffers":[{"byteLength":60,"uri":"a.bin"}]}"#;
+    std::fs::write(dir.path().join("a.gltf"), model).unwrap();
+    dir
+}
+
+/// MiB that Linux states for this process at its highest; the mark is set back before. `None` elsewhere.
+fn peak(work: impl FnOnce()) -> Option<u64> {
+    std::fs::write("/proc/self/clear_refs", "5").ok()?;
+    let status = |key: &str| -> Option<u64> {
+        let text = std::fs::read_to_string("/proc/self/status").ok()?;
+        let line = text.lines().find_map(|line| line.strip_prefix(key))?;
+        line.split_whitespace().next()?.parse().ok()
+    };
+    let before = status("VmRSS:")?;
+    work();
+    Some((status("VmHWM:")?.saturating_sub(before)) >> 10)
+}
+
+fn run(folder: &Path, args: &[&str]) {
+    let path = |arg: &&str| match folder.join(arg).exists() || arg.ends_with(".y4m") {
+        true => folder.join(arg).into_os_string(),
+        false => OsString::from(arg),
+    };
+    let args = std::iter::once(OsString::from("choreo")).chain(args.iter().map(path));
+    assert_eq!(choreo::run(args, &choreo::registry()), ExitCode::SUCCESS);
+}
+
+/// Runs a command in a process of its own, and bounds its memory.
+fn takes_at_most(most: u64, args: &[&str]) {
+    if alone::elsewhere() {
+        return;
+    }
+    let folder = folder();
+    match peak(|| run(folder.path(), args)) {
+        None => println!("SKIP 1: the system does not state the memory of a process"),
+        Some(peak) => {
+            println!("{}: {peak} MiB", args[0]);
+            assert!(peak <= most, "{args:?}: {peak} MiB, at most {most} are allowed");
+        }
+    }
+}
+
+#[test]
+fn check_reads_the_header() {
+    takes_at_most(24, &["check", "a.gltf"]);
+}
+
+#[test]
+fn pose_reads_the_header() {
+    takes_at_most(24, &["pose", "a.gltf", "--json"]);
+}
+
+#[test]
+fn info_reads_the_header() {
+    takes_at_most(24, &["info", "a.gltf"]);
+}
+
+#[test]
+fn explain_reads_the_header() {
+    takes_at_most(24, &["explain", "a.gltf"]);
+}
+
+#[test]
+fn a_render_holds_the_image_once_with_its_mipmaps() {
+    takes_at_most(
+        136,
+        &[
+            "render",
+            "a.gltf",
+            "-o",
+            "a.y4m",
+            "--frames",
+            "0",
+            "--size",
+            "64x64",
+            "--device",
+            "cpu",
+            "--samples",
+            "1",
+            "--quiet",
+        ],
+    );
+}
+
+/// The bounds can be exceeded: with the header alone nothing can be drawn.
+#[test]
+fn what_decodes_the_image_takes_more_than_a_header() {
+    if alone::elsewhere() {
+        return;
+    }
+    let folder = folder();
+    let open = || drop(image::open(folder.path().join("large.png")).unwrap());
+    match peak(open) {
+        None => println!("SKIP 1: the system does not state the memory of a process"),
+        Some(peak) => assert!(peak > 40, "{peak} MiB"),
+    }
+}

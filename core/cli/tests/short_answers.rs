@@ -1,0 +1,69 @@
+//! Short messages that help on: lengths of models without clips, frames beyond the end, meshes in `info`, reused frames in `explain`.
+
+mod common;
+
+use common::{choreo, folder};
+
+/// The triangle with its clip taken away.
+fn still(d: &std::path::Path) {
+    let text = common::triangle(1.0);
+    let (before, rest) = text.split_once("\"animations\"").unwrap();
+    let (_, after) = rest.split_once("}] }],").unwrap();
+    std::fs::write(d.join("still.gltf"), format!("{before}{after}")).unwrap();
+}
+
+#[test]
+fn lengths_and_frames_of_models() {
+    let dir = folder();
+    let d = dir.path();
+    still(d);
+    let small = ["--size", "16x16", "--samples", "1", "--device", "cpu"];
+    let run = choreo(d, &[&["render", "still.gltf", "-o", "a.y4m", "--length", "0.5"][..], &small].concat());
+    assert_eq!(run.code, 0, "{}", run.err);
+    assert!(run.err.contains("still.gltf: no clips: the same frame for 0.5 s\n"), "{}", run.err);
+    assert!(!run.err.contains("one frame"), "{}", run.err);
+    let run = choreo(d, &[&["render", "tri.gltf", "-o", "b.y4m", "--frames", "0..120"][..], &small].concat());
+    assert_eq!(run.code, 2);
+    assert!(
+        run.err.contains("0..30; --length SECS makes it longer, with the clip again and again"),
+        "{}",
+        run.err
+    );
+}
+
+#[test]
+fn info_names_meshes_and_the_nodes_that_show_them() {
+    let dir = folder();
+    let run = choreo(dir.path(), &["info", "tri.gltf"]);
+    assert!(run.out.contains("\n  mesh     Tri on Slider\n"), "{}", run.out);
+}
+
+#[test]
+fn explain_counts_reused_frames_in_the_words_of_render() {
+    let dir = folder();
+    let d = dir.path();
+    let script = r##"stage(#{ size: [16, 16], fps: 8, length: 1.0 });
+cast("b", shape("box")).key("position", [[0.0, [0, 0, 0]], [0.5, [0, 0, 0]], [1.0, [1, 0, 0]]]);
+camera("c").at(0, 1, 6).look_at([0, 0, 0]);
+text("a", #{ size: 0.5 }).from(0.25);
+"##;
+    std::fs::write(d.join("a.rhai"), script).unwrap();
+    let explained = choreo(d, &["explain", "a.rhai", "--json", "--at", "0.125"]);
+    let explained: serde_json::Value = serde_json::from_str(&explained.out).unwrap();
+    let counts = &explained["cpu"]["reuses"];
+    assert_eq!(counts["looked_at"], 8);
+    assert_eq!(explained["cpu"]["reuse"], "frame");
+    let rendered =
+        choreo(d, &["render", "a.rhai", "-o", "a.y4m", "--json", "--samples", "1", "--device", "cpu"]);
+    let rendered: serde_json::Value = serde_json::from_str(&rendered.out).unwrap();
+    for word in ["frames", "drawn", "reused", "repeated", "recomposed"] {
+        assert_eq!(counts[word], rendered[word], "{word}");
+    }
+    // 1 drawn, 1 repeated, 1 with the title, 2 repeated, 3 drawn.
+    assert_eq!(counts["drawn"], 4, "{counts}");
+    let text = choreo(d, &["explain", "a.rhai"]).out;
+    assert!(
+        text.contains("frames     4 of 8 frames are drawn, 3 repeat the one before, 1 only its scene"),
+        "{text}"
+    );
+}

@@ -1,0 +1,116 @@
+//! Counts of frames that are drawn and that show the frame before again, in the words of `choreo render`.
+
+use crate::failure::Failure;
+use choreo_motion::Time;
+use choreo_render::Plan;
+use choreo_render::plan::frame_key::Key;
+use choreo_stage::Settings;
+use serde_json::{Value, json};
+use std::time::{Duration, Instant};
+
+/// A scene with more frames than can be planned in this time is looked at from its start.
+const LONGEST: Duration = Duration::from_secs(2);
+
+/// The part of the previous frame that is reused.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reuse {
+    Nothing,
+    /// All but the 2D layers over it.
+    Scene,
+    Frame,
+}
+
+/// Keys of a frame's scene and of the 2D layers over it.
+type Keys = (Key, Option<Key>);
+
+impl Reuse {
+    fn of(before: Option<&Keys>, now: &Keys) -> Reuse {
+        match before {
+            Some(before) if before == now => Reuse::Frame,
+            Some((scene, _)) if *scene == now.0 => Reuse::Scene,
+            _ => Reuse::Nothing,
+        }
+    }
+
+    pub fn word(self) -> &'static str {
+        match self {
+            Reuse::Nothing => "nothing",
+            Reuse::Scene => "scene",
+            Reuse::Frame => "frame",
+        }
+    }
+}
+
+/// Frames from the first one on, in the words of `choreo render --json`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FrameCounts {
+    /// Number of frames of the scene.
+    pub frames: u64,
+    pub looked_at: u64,
+    pub drawn: u64,
+    pub repeated: u64,
+    pub recomposed: u64,
+}
+
+impl FrameCounts {
+    pub fn json(self) -> Value {
+        let FrameCounts { frames, looked_at, drawn, repeated, recomposed } = self;
+        json!({
+            "frames": frames, "looked_at": looked_at, "drawn": drawn, "reused": repeated + recomposed, "repeated": repeated,
+            "recomposed": recomposed,
+        })
+    }
+
+    pub fn text(self) -> String {
+        let FrameCounts { frames, looked_at, drawn, repeated, recomposed } = self;
+        let of = if looked_at < frames { format!("the first {looked_at} of ") } else { String::new() };
+        format!(
+            "{drawn} of {of}{frames} frames are drawn, {repeated} repeat the one before, {recomposed} only its scene"
+        )
+    }
+}
+
+/// Plans frames and compares them.
+pub struct Reuses<P, K> {
+    pub plan: P,
+    /// Hash of a plan without the 2D layers over it.
+    pub scene_key: K,
+}
+
+impl<P: FnMut(Time) -> Result<Plan, Failure>, K: Fn(&Plan) -> Key> Reuses<P, K> {
+    fn keys(&self, plan: &Plan) -> Keys {
+        ((self.scene_key)(plan), plan.layers_in_front.as_ref().map(|layers| layers.hash))
+    }
+
+    /// Compares one frame, whose plan is given, with the one before.
+    pub fn at(&mut self, plan: &Plan, at: Time, settings: &Settings) -> Result<Reuse, Failure> {
+        let before = at - settings.fps.time_of(1);
+        if before < Time::ZERO {
+            return Ok(Reuse::Nothing);
+        }
+        let before = (self.plan)(before)?;
+        Ok(Reuse::of(Some(&self.keys(&before)), &self.keys(plan)))
+    }
+
+    /// Counts the frames of the scene.
+    pub fn count(&mut self, settings: &Settings) -> Result<FrameCounts, Failure> {
+        let frames = settings.fps.frames_in(settings.length).max(1);
+        let mut counts = FrameCounts { frames: frames.unsigned_abs(), ..FrameCounts::default() };
+        let (begun, mut before) = (Instant::now(), None);
+        for frame in 0..frames {
+            if begun.elapsed() > LONGEST {
+                break;
+            }
+            let plan = (self.plan)(settings.fps.time_of(frame))?;
+            let now = self.keys(&plan);
+            match Reuse::of(before.as_ref(), &now) {
+                Reuse::Nothing => counts.drawn += 1,
+                Reuse::Scene => counts.recomposed += 1,
+                Reuse::Frame => counts.repeated += 1,
+            }
+            counts.looked_at += 1;
+            before = Some(now);
+        }
+        Ok(counts)
+    }
+}

@@ -1,0 +1,246 @@
+//! `choreo.toml` beside the input, or in a folder around it up to the one with `.git`: search folders, plugin folders and default
+//! options of commands. It becomes options of the command line, unless they are given there.
+
+use crate::args::Cli;
+use crate::failure::Failure;
+use choreo_plugin::suggest::{did_you_mean, list};
+use clap::parser::ValueSource;
+use clap::{Arg, ArgAction, ArgMatches, CommandFactory};
+use std::ffi::OsString;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+const NAME: &str = "choreo.toml";
+
+/// Bytes of the largest file that is read.
+const LARGEST: u64 = 64 << 10;
+
+/// Options that may have a default. Those that write files, loosen limits or belong to one scene are for the command line alone.
+const OPTIONS: [&str; 15] = [
+    "size",
+    "fps",
+    "samples",
+    "device",
+    "gpu",
+    "anisotropy",
+    "jobs",
+    "quiet",
+    "timings",
+    "strict",
+    "notes",
+    "timeout",
+    "any-device",
+    "only",
+    "joints",
+];
+
+/// The command line with the options of the input's `choreo.toml` behind its own.
+pub fn extended(args: &[OsString]) -> Result<Vec<OsString>, Failure> {
+    // What is wrong with the command line is reported when it is read.
+    let Ok(matches) = Cli::command().try_get_matches_from(args) else { return Ok(args.to_vec()) };
+    let Some((name, given)) = matches.subcommand() else { return Ok(args.to_vec()) };
+    if given.get_flag("no_project_file") {
+        return Ok(args.to_vec());
+    }
+    let Some(start) = start_folder(name, given) else { return Ok(args.to_vec()) };
+    let Some(file) = find(&start) else { return Ok(args.to_vec()) };
+    let cli = Cli::command();
+    let Some(command) = cli.find_subcommand(name) else { return Ok(args.to_vec()) };
+    let mut extended = args.to_vec();
+    let options = ProjectFile::read(file)?.options(&cli, command, given)?;
+    // Words behind -- are no options.
+    let end = args.iter().position(|a| a == "--").unwrap_or(args.len());
+    extended.splice(end..end, options);
+    Ok(extended)
+}
+
+/// The folder that the file is looked for in first.
+fn start_folder(command: &str, given: &ArgMatches) -> Option<PathBuf> {
+    let input = match command {
+        "test" | "plugins" => return std::env::current_dir().ok(),
+        "info" => given.get_one::<PathBuf>("file")?,
+        "render" | "check" | "explain" | "measure" | "pose" | "view" => given.get_one::<PathBuf>("input")?,
+        _ => return None,
+    };
+    let folder = input.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    folder.canonicalize().ok()
+}
+
+/// The nearest file. Only inside a repository are the folders around the first one looked at.
+fn find(start: &Path) -> Option<PathBuf> {
+    let root = start.ancestors().position(|folder| folder.join(".git").exists()).unwrap_or(0);
+    start
+        .ancestors()
+        .take(root + 1)
+        .map(|folder| folder.join(NAME))
+        .find(|file| file.symlink_metadata().is_ok())
+}
+
+struct ProjectFile {
+    path: PathBuf,
+    text: String,
+}
+
+impl ProjectFile {
+    fn read(path: PathBuf) -> Result<ProjectFile, Failure> {
+        let failed = |what: String| Failure::input(format!("{}: {what}", path.display()));
+        if path.symlink_metadata().is_ok_and(|m| m.is_symlink()) {
+            return Err(failed("it is a symbolic link, which is not followed".into()));
+        }
+        let bytes = choreo_files::read(&path, LARGEST).map_err(|e| failed(format!("cannot read: {e}")))?;
+        let text = String::from_utf8(bytes).map_err(|_| failed("it is not UTF-8 text".into()))?;
+        Ok(ProjectFile { path, text: text.strip_prefix('\u{feff}').map(str::to_string).unwrap_or(text) })
+    }
+
+    /// An error at a place of the file.
+    fn wrong(&self, span: Range<usize>, what: impl std::fmt::Display) -> Failure {
+        let before = &self.text[..span.start.min(self.text.len())];
+        let line = before.matches('\n').count() + 1;
+        let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
+        Failure::input(format!("{}:{line}:{column}: {what}", self.path.display()))
+    }
+
+    /// The options that the command takes of it, as words of a command line.
+    fn options(
+        &self,
+        cli: &clap::Command,
+        command: &clap::Command,
+        given: &ArgMatches,
+    ) -> Result<Vec<OsString>, Failure> {
+        let table = DeTable::parse(&self.text).map_err(|e| {
+            let what = e.message().lines().collect::<Vec<_>>().join(", ");
+            self.wrong(e.span().unwrap_or(0..0), what)
+        })?;
+        let mut words = Vec::new();
+        for (key, value) in table.get_ref() {
+            let name = key.get_ref().as_ref();
+            let of_command = cli.find_subcommand(name).filter(|of| !defaults(of).is_empty());
+            match (name, value.get_ref(), of_command) {
+                ("search" | "plugins", _, _) => {
+                    let folders = self.folders(name, value)?;
+                    let takes = command.get_name() == "view" || argument(command, name).is_some();
+                    words.extend(folders.into_iter().filter(|_| takes));
+                }
+                (_, DeValue::Table(options), Some(of)) => {
+                    let own = self.defaults(of, options, given)?;
+                    words.extend(own.into_iter().filter(|_| of.get_name() == command.get_name()));
+                }
+                (_, _, Some(_)) => {
+                    return Err(
+                        self.wrong(value.span(), format!("{name} must be a table of options: [{name}]"))
+                    );
+                }
+                _ => {
+                    let commands = cli.get_subcommands().filter(|c| !defaults(c).is_empty());
+                    let known: Vec<&str> = ["search", "plugins"]
+                        .into_iter()
+                        .chain(commands.map(clap::Command::get_name))
+                        .collect();
+                    return Err(self.unknown(key, "key", &known));
+                }
+            }
+        }
+        Ok(words)
+    }
+
+    fn unknown(&self, key: &Spanned<impl AsRef<str>>, what: &str, known: &[&str]) -> Failure {
+        let name = key.get_ref().as_ref();
+        let meant = did_you_mean(name, known.iter().copied());
+        let known = list(known.iter().copied(), 30);
+        self.wrong(key.span(), format!("unknown {what} \"{name}\"{meant}\n    hint: known: {known}"))
+    }
+
+    /// Folders beneath that of the file: a project of a stranger must not reach what lies outside it.
+    fn folders(&self, name: &str, value: &Spanned<DeValue>) -> Result<Vec<OsString>, Failure> {
+        let must = || self.wrong(value.span(), format!("{name} must be an array of folders, [\"assets\"]"));
+        let DeValue::Array(folders) = value.get_ref() else { return Err(must()) };
+        let root = self.path.parent().unwrap_or(Path::new("."));
+        let mut words = Vec::new();
+        for folder in folders.iter() {
+            let DeValue::String(text) = folder.get_ref() else { return Err(must()) };
+            let shown = root.join(text.as_ref());
+            let found = shown.canonicalize().ok().filter(|path| path.is_dir());
+            let Some(found) = found else {
+                return Err(self.wrong(folder.span(), format!("{name}: there is no folder \"{text}\"")));
+            };
+            if !root.canonicalize().is_ok_and(|root| found.starts_with(root)) {
+                let what = format!(
+                    "{name}: \"{text}\" leads out of the folder of {NAME}\n    hint: type --{name} {} to allow it",
+                    found.display()
+                );
+                return Err(self.wrong(folder.span(), what));
+            }
+            words.push(OsString::from(format!("--{name}")));
+            words.push(found.into_os_string());
+        }
+        Ok(words)
+    }
+
+    /// The default options of a command, without those that the command line gives or that it excludes.
+    fn defaults(
+        &self,
+        command: &clap::Command,
+        options: &DeTable,
+        given: &ArgMatches,
+    ) -> Result<Vec<OsString>, Failure> {
+        let known = defaults(command);
+        let mut words = Vec::new();
+        for (key, value) in options.iter() {
+            let name = key.get_ref().as_ref();
+            let Some(argument) = known.iter().find(|arg| arg.get_long() == Some(name)) else {
+                if argument(command, name).is_some() {
+                    return Err(self.wrong(key.span(), format!("--{name} is for the command line alone")));
+                }
+                let names: Vec<&str> = known.iter().filter_map(|arg| arg.get_long()).collect();
+                return Err(self.unknown(key, &format!("option of {}", command.get_name()), &names));
+            };
+            let typed = |arg: &Arg| {
+                let id = arg.get_id().as_str();
+                let source = given.try_contains_id(id).ok().and_then(|_| given.value_source(id));
+                source == Some(ValueSource::CommandLine)
+            };
+            if !typed(argument) && !command.get_arg_conflicts_with(argument).into_iter().any(typed) {
+                words.extend(self.words(name, argument, value)?);
+            }
+        }
+        Ok(words)
+    }
+
+    fn words(&self, name: &str, argument: &Arg, value: &Spanned<DeValue>) -> Result<Vec<OsString>, Failure> {
+        let flag = matches!(argument.get_action(), ArgAction::SetTrue);
+        let repeated = matches!(argument.get_action(), ArgAction::Append);
+        let text = |value: &Spanned<DeValue>| match value.get_ref() {
+            DeValue::String(text) => Some(text.to_string()),
+            DeValue::Integer(number) => Some(number.as_str().to_string()),
+            DeValue::Float(number) => Some(number.as_str().to_string()),
+            _ => None,
+        };
+        let word = |text: String| OsString::from(format!("--{name}={text}"));
+        let texts = match value.get_ref() {
+            DeValue::Boolean(on) if flag => {
+                return Ok(on.then(|| format!("--{name}").into()).into_iter().collect());
+            }
+            DeValue::Array(values) if repeated => values.iter().map(text).collect::<Option<Vec<_>>>(),
+            _ if flag => None,
+            _ => text(value).map(|text| vec![text]),
+        };
+        let must = match (flag, repeated) {
+            (true, _) => "true or false",
+            (_, true) => "an array of texts",
+            _ => "a text or a number",
+        };
+        let texts = texts.ok_or_else(|| self.wrong(value.span(), format!("{name} must be {must}")))?;
+        Ok(texts.into_iter().map(word).collect())
+    }
+}
+
+fn argument<'c>(command: &'c clap::Command, name: &str) -> Option<&'c Arg> {
+    command.get_arguments().find(|arg| arg.get_long() == Some(name))
+}
+
+/// The options of a command that may have defaults.
+fn defaults(command: &clap::Command) -> Vec<&Arg> {
+    OPTIONS.iter().filter_map(|name| argument(command, name)).collect()
+}

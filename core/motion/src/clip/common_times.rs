@@ -1,0 +1,83 @@
+//! Linear curves whose key times differ, on the key times of all of them.
+//!
+//! Between two keys of its own a curve gets keys that lie on it, so that sampling gives the same but for rounding (below 1e-6; a test compares
+//! with f64). All are then found by one search and interpolated eight at a time.
+
+use crate::clip::key_search::find_interval;
+use crate::clip::tracks::{Channel, WORTH_A_COLUMN, key_value};
+use crate::clip::{Curve, Interpolation};
+use crate::math::rotation::slerp;
+use crate::simd::lane::LANES;
+use crate::time::Time;
+use glam::DQuat;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Rows take at most this many times the bytes of the keys, or this many bytes in all: curves of hundreds of keys each at times of their own
+/// would take the square.
+const MOST_TIMES_THE_BYTES: usize = 16;
+const ALWAYS_BYTES: usize = 1 << 20;
+
+/// Curves on common key times.
+pub(crate) struct CommonTimes {
+    /// Their indices before, sorted.
+    pub sources: Vec<usize>,
+    pub curves: Vec<Curve>,
+}
+
+/// The curves of a clip that gain by common key times; `groups`: those of equal key times. `None` where there are none.
+pub(crate) fn common_times<'a>(
+    curves: &[Curve],
+    groups: impl Iterator<Item = &'a Vec<usize>>,
+) -> Option<CommonTimes> {
+    let mut columns: BTreeMap<(u32, Channel), Vec<usize>> = BTreeMap::new();
+    for members in groups {
+        let mut own: BTreeMap<(u32, Channel), Vec<usize>> = BTreeMap::new();
+        for &index in members.iter().filter(|i| curves[**i].interpolation == Interpolation::Linear) {
+            let Some(channel) = Channel::of(curves[index].path) else { continue };
+            own.entry((curves[index].joint / LANES as u32, channel)).or_default().push(index);
+        }
+        // The others lie in rows already.
+        own.retain(|_, members| members.len() < WORTH_A_COLUMN);
+        own.into_iter().for_each(|(column, members)| columns.entry(column).or_default().extend(members));
+    }
+    columns.retain(|_, members| members.len() >= WORTH_A_COLUMN);
+    let mut sources: Vec<usize> = columns.values().flatten().copied().collect();
+    sources.sort_unstable();
+    let mut times: Vec<Time> = sources.iter().flat_map(|i| curves[*i].times.iter().copied()).collect();
+    times.sort_unstable();
+    times.dedup();
+    let lanes: usize =
+        columns.keys().map(|(_, channel)| if *channel == Channel::Rotation { 5 } else { 3 }).sum();
+    let bytes = times.len() * lanes * LANES * size_of::<f32>();
+    let keys: usize = sources.iter().map(|i| curves[*i].values.len() * size_of::<f32>()).sum();
+    if sources.is_empty() || bytes > ALWAYS_BYTES.max(keys * MOST_TIMES_THE_BYTES) {
+        return None;
+    }
+    let times: Arc<[Time]> = times.into();
+    let curves = sources.iter().map(|i| at_times(&curves[*i], &times)).collect();
+    Some(CommonTimes { sources, curves })
+}
+
+/// A linear curve with keys at other times, among them all of its own.
+fn at_times(curve: &Curve, times: &Arc<[Time]>) -> Curve {
+    let width = curve.path.width();
+    let mut values = Vec::with_capacity(times.len() * width);
+    for time in times.iter() {
+        let at = find_interval(&curve.times, *time);
+        let from = key_value(curve, at.key);
+        if at.fraction == 0.0 {
+            values.extend_from_slice(&from[..width]);
+            continue;
+        }
+        let t = (*time - curve.times[at.key]).0 as f64 / at.span.0 as f64;
+        let [a, b] = [from, key_value(curve, at.next)].map(|key| key.map(f64::from));
+        let between = if width == 4 {
+            slerp(DQuat::from_array(a).normalize(), DQuat::from_array(b).normalize(), t).to_array()
+        } else {
+            std::array::from_fn(|i| a[i] + (b[i] - a[i]) * t)
+        };
+        values.extend(between[..width].iter().map(|v| *v as f32));
+    }
+    Curve { times: times.clone(), values: values.into(), ..curve.clone() }
+}

@@ -1,0 +1,308 @@
+//! A panic of a plugin ends its call, not the program: importers and exporters return an error, and a panic of an effect goes on as a
+//! [`PluginPanic`], which callers report. The message names the plugin and its version.
+
+use crate::effect::{EffectFunction, Hook, InvertedHull, Shutter, SurfaceInputs, ViewOrder};
+use crate::{
+    Claim, Effect, EffectScene, EffectTexture, ExportError, Exporter, Files, Frame, FrameSink, ImportError,
+    ImportOptions, ImportScope, Importer, Manifest, Mark, Overlay, PluginFile, Source, VideoInfo,
+};
+use choreo_asset::Asset;
+use glam::Vec3;
+use std::any::Any;
+use std::io::{Read, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::Arc;
+
+/// A panic of a plugin: payload of the panic that goes on.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the plugin {plugin} {version} has failed: {text}")]
+pub struct PluginPanic {
+    /// Name of the plugin.
+    pub plugin: String,
+    /// Version of the plugin.
+    pub version: String,
+    /// The message of the panic.
+    pub text: String,
+}
+
+impl PluginPanic {
+    /// `payload`: of a caught panic, of the plugin or already with its name.
+    fn new(manifest: &Manifest, payload: &(dyn Any + Send)) -> PluginPanic {
+        payload.downcast_ref::<PluginPanic>().cloned().unwrap_or_else(|| PluginPanic {
+            plugin: manifest.name.clone(),
+            version: manifest.version.clone(),
+            text: panic_text(payload).to_string(),
+        })
+    }
+}
+
+/// The message of a panic.
+fn panic_text(payload: &(dyn Any + Send)) -> &str {
+    let text = payload.downcast_ref::<String>().map(String::as_str);
+    text.or(payload.downcast_ref::<&str>().copied()).unwrap_or("no message")
+}
+
+/// The call's result, or its panic.
+fn isolated<T>(manifest: &Manifest, call: impl FnOnce() -> T) -> Result<T, PluginPanic> {
+    catch_unwind(AssertUnwindSafe(call)).map_err(|payload| PluginPanic::new(manifest, &*payload))
+}
+
+/// An importer whose panics are import errors.
+pub(crate) struct IsolatedImporter(pub Arc<dyn Importer>);
+
+impl Importer for IsolatedImporter {
+    fn manifest(&self) -> &Manifest {
+        self.0.manifest()
+    }
+
+    /// A claim that fails claims nothing.
+    fn claim(&self, source: &Source) -> Claim {
+        isolated(self.manifest(), || self.0.claim(source)).unwrap_or(Claim::NotMine)
+    }
+
+    fn file(&self) -> Option<&PluginFile> {
+        self.0.file()
+    }
+
+    fn import(
+        &self,
+        source: &Source,
+        files: &dyn Files,
+        needs: ImportScope,
+        options: &ImportOptions,
+    ) -> Result<Asset, ImportError> {
+        isolated(self.manifest(), || self.0.import(source, files, needs, options)).unwrap_or_else(|panic| {
+            Err(ImportError {
+                file: source.name.clone(),
+                place: String::new(),
+                what: panic.to_string(),
+                hint: Some(
+                    "this is a fault of the plugin; please report it to its author with the file".into(),
+                ),
+            })
+        })
+    }
+}
+
+/// An exporter whose panics are export errors.
+pub(crate) struct IsolatedExporter(pub Arc<dyn Exporter>);
+
+impl IsolatedExporter {
+    fn call<T>(&self, call: impl FnOnce(&dyn Exporter) -> Result<T, ExportError>) -> Result<T, ExportError> {
+        isolated(self.0.manifest(), || call(&*self.0))?
+    }
+
+    fn sink(&self, sink: Box<dyn FrameSink>) -> Box<dyn FrameSink> {
+        Box::new(IsolatedSink { exporter: self.0.clone(), sink })
+    }
+}
+
+impl Exporter for IsolatedExporter {
+    fn manifest(&self) -> &Manifest {
+        self.0.manifest()
+    }
+
+    fn one_frame_per_file(&self) -> bool {
+        self.0.one_frame_per_file()
+    }
+
+    fn notes(&self, info: &VideoInfo) -> Vec<String> {
+        isolated(self.manifest(), || self.0.notes(info)).unwrap_or_else(|panic| vec![panic.to_string()])
+    }
+
+    fn head_comes_last(&self) -> bool {
+        self.0.head_comes_last()
+    }
+
+    fn begin(&self, info: &VideoInfo, out: Box<dyn Write + Send>) -> Result<Box<dyn FrameSink>, ExportError> {
+        self.call(|exporter| exporter.begin(info, out)).map(|sink| self.sink(sink))
+    }
+
+    fn with_provenance(
+        &self,
+        info: &VideoInfo,
+        made: &[u8],
+        out: Box<dyn Write + Send>,
+    ) -> Result<bool, ExportError> {
+        self.call(|exporter| exporter.with_provenance(info, made, out))
+    }
+
+    fn resume(
+        &self,
+        info: &VideoInfo,
+        states: &[Vec<u8>],
+        so_far: &mut dyn Read,
+        out: Box<dyn Write + Send>,
+    ) -> Result<Box<dyn FrameSink>, ExportError> {
+        self.call(|exporter| exporter.resume(info, states, so_far, out)).map(|sink| self.sink(sink))
+    }
+}
+
+/// A file that an isolated exporter writes.
+struct IsolatedSink {
+    exporter: Arc<dyn Exporter>,
+    sink: Box<dyn FrameSink>,
+}
+
+impl FrameSink for IsolatedSink {
+    fn frame(&mut self, frame: &Frame) -> Result<(), ExportError> {
+        isolated(self.exporter.manifest(), || self.sink.frame(frame))?
+    }
+
+    fn repeat(&mut self, frame: &Frame) -> Result<(), ExportError> {
+        isolated(self.exporter.manifest(), || self.sink.repeat(frame))?
+    }
+
+    fn finish(self: Box<Self>) -> Result<Vec<u8>, ExportError> {
+        let IsolatedSink { exporter, sink } = *self;
+        isolated(exporter.manifest(), || sink.finish())?
+    }
+
+    fn mark(&mut self) -> Mark<'_> {
+        isolated(self.exporter.manifest(), || self.sink.mark()).unwrap_or(Mark::Nothing)
+    }
+
+    fn again(&mut self, kept: &[u8]) -> Result<(), ExportError> {
+        isolated(self.exporter.manifest(), || self.sink.again(kept))?
+    }
+}
+
+/// An effect whose panics go on as [`PluginPanic`].
+pub(crate) struct IsolatedEffect(pub Arc<dyn Effect>);
+
+/// Methods that pass their arguments on.
+macro_rules! forward {
+    ($(fn $name:ident(&self $(, $argument:ident: $type:ty)*) -> $result:ty;)*) => {
+        $(fn $name(&self $(, $argument: $type)*) -> $result {
+            isolated(self.0.manifest(), || self.0.$name($($argument),*))
+                .unwrap_or_else(|panic| resume_unwind(Box::new(panic)))
+        })*
+    };
+}
+
+impl Effect for IsolatedEffect {
+    fn manifest(&self) -> &Manifest {
+        self.0.manifest()
+    }
+
+    forward! {
+        fn file(&self) -> Option<&PluginFile>;
+        fn hook(&self) -> Hook;
+        fn applies_to_actors(&self) -> bool;
+        fn wgsl(&self) -> &str;
+        fn function(&self) -> Option<&dyn EffectFunction>;
+        fn off(&self, parameters: &[f32; 8]) -> Option<String>;
+        fn reach(&self, parameters: &[f32; 8]) -> f32;
+        fn in_model_space(&self) -> bool;
+        fn surface_inputs(&self, parameters: &[f32; 8]) -> SurfaceInputs;
+        fn changes_background(&self, parameters: &[f32; 8]) -> bool;
+        fn passes(&self) -> u32;
+        fn history(&self, parameters: &[f32; 8]) -> u32;
+        fn view_order(&self) -> ViewOrder;
+        fn textures(&self) -> &[EffectTexture];
+        fn shrink(&self, pass_number: u32, size: [u32; 2], parameters: &[f32; 8]) -> u32;
+        fn wireframe(&self, parameters: &[f32; 8]) -> Option<Vec3>;
+        fn overlay(&self, scene: &EffectScene, parameters: &[f32; 8]) -> Overlay;
+        fn shutter(&self, parameters: &[f32; 8]) -> Option<Shutter>;
+        fn inverted_hull(&self, parameters: &[f32; 8]) -> Option<InvertedHull>;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Registry;
+
+    /// Fails in each call that a plugin may fail in.
+    struct Faulty(Manifest);
+
+    impl Importer for Faulty {
+        fn manifest(&self) -> &Manifest {
+            &self.0
+        }
+        fn import(
+            &self,
+            _: &Source,
+            _: &dyn Files,
+            _: ImportScope,
+            _: &ImportOptions,
+        ) -> Result<Asset, ImportError> {
+            panic!("index {} is out of range", 7)
+        }
+    }
+
+    impl Exporter for Faulty {
+        fn manifest(&self) -> &Manifest {
+            &self.0
+        }
+        fn one_frame_per_file(&self) -> bool {
+            false
+        }
+        fn begin(&self, _: &VideoInfo, _: Box<dyn Write + Send>) -> Result<Box<dyn FrameSink>, ExportError> {
+            Ok(Box::new(FaultySink))
+        }
+    }
+
+    struct FaultySink;
+
+    impl FrameSink for FaultySink {
+        fn frame(&mut self, _: &Frame) -> Result<(), ExportError> {
+            panic!("no such color")
+        }
+        fn finish(self: Box<Self>) -> Result<Vec<u8>, ExportError> {
+            panic!("not finished")
+        }
+    }
+
+    impl Effect for Faulty {
+        fn manifest(&self) -> &Manifest {
+            &self.0
+        }
+        fn shutter(&self, _: &[f32; 8]) -> Option<Shutter> {
+            panic!("no shutter")
+        }
+    }
+
+    struct NoFiles;
+
+    impl Files for NoFiles {
+        fn read(&self, name: &str) -> Result<Arc<Vec<u8>>, String> {
+            Err(format!("no file {name}"))
+        }
+    }
+
+    fn faulty() -> Faulty {
+        Faulty(Manifest::new("faulty", "1.2", "fails").extensions(["x"]))
+    }
+
+    #[test]
+    fn panics_of_plugins_are_errors_with_their_names() {
+        let mut registry = Registry::default();
+        registry.add_importer(faulty());
+        registry.add_exporter(faulty());
+        registry.add_effect(faulty());
+        let source = Source { name: "a.x".into(), bytes: Arc::default() };
+        let error =
+            registry.import(&source, &NoFiles, ImportScope::ALL, &ImportOptions::default(), None).err();
+        let text = error.map(|e| e.what).unwrap_or_default();
+        assert_eq!(text, "the plugin faulty 1.2 has failed: index 7 is out of range");
+        let info = VideoInfo {
+            width: 1,
+            height: 1,
+            fps: choreo_motion::FrameRate { num: 30, den: 1 },
+            frames: 1,
+            provenance: Vec::new(),
+            options: Default::default(),
+        };
+        let exporter = registry.exporter_for("a.x").unwrap();
+        let mut sink = exporter.begin(&info, Box::new(Vec::new())).unwrap();
+        let frame = Frame { width: 1, height: 1, rgba: vec![0; 4] };
+        let failed = |result: Result<(), ExportError>| result.err().unwrap().to_string();
+        assert_eq!(failed(sink.frame(&frame)), "the plugin faulty 1.2 has failed: no such color");
+        assert_eq!(failed(sink.finish().map(drop)), "the plugin faulty 1.2 has failed: not finished");
+        let effect = registry.effect("faulty").unwrap();
+        let panic = catch_unwind(AssertUnwindSafe(|| effect.shutter(&[0.0; 8]))).unwrap_err();
+        let panic = panic.downcast_ref::<PluginPanic>().unwrap().to_string();
+        assert_eq!(panic, "the plugin faulty 1.2 has failed: no shutter");
+    }
+}

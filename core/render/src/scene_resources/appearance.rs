@@ -1,0 +1,278 @@
+//! Appearance of a model and of a simplified version of it: small images from all sides, compared at several sizes of pixels.
+//!
+//! After P. Lindstrom, G. Turk, "Image-Driven Simplification", ACM TOG 2000: a bound of the geometric error says nothing about a
+//! head that comes through its helmet, or about a stripe that has got the color of the trousers.
+
+use crate::scene_resources::simplify::{Model, Part};
+use glam::{Mat3, Vec2, Vec3, Vec4};
+use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
+
+/// Pixels along each side of the finest images, a power of two.
+const SIDE: usize = 256;
+/// Each size of pixels is twice the one before.
+const SIZES: usize = 7;
+/// Largest mean difference of coverage and of color over the pixels that show the model, and largest difference of the mean color of
+/// two by two pixels, all of 1.
+const SHAPE: f32 = 0.06;
+const COLOR: f32 = 0.03;
+const WORST: f32 = 0.25;
+/// Pixels by which a vertex may lie behind the center of its pixel: one view looks at its surface less than 35° from the normal.
+const NEAR: f32 = 0.6;
+/// Directions from which the model is seen: the faces and corners of a cube.
+const DIRECTIONS: [Vec3; 14] = [
+    Vec3::X,
+    Vec3::Y,
+    Vec3::Z,
+    Vec3::NEG_X,
+    Vec3::NEG_Y,
+    Vec3::NEG_Z,
+    Vec3::new(1.0, 1.0, 1.0),
+    Vec3::new(1.0, 1.0, -1.0),
+    Vec3::new(1.0, -1.0, 1.0),
+    Vec3::new(1.0, -1.0, -1.0),
+    Vec3::new(-1.0, 1.0, 1.0),
+    Vec3::new(-1.0, 1.0, -1.0),
+    Vec3::new(-1.0, -1.0, 1.0),
+    Vec3::new(-1.0, -1.0, -1.0),
+];
+
+/// A part with other triangles.
+pub(super) struct Shape {
+    pub indices: Vec<u32>,
+    /// One for each vertex of the part, in model space.
+    pub positions: Vec<Vec3>,
+}
+
+/// Triangles of a part to be drawn.
+#[derive(Clone, Copy)]
+struct Drawn<'a> {
+    part: &'a Part,
+    indices: &'a [u32],
+    positions: &'a [Vec3],
+}
+
+/// A model from all directions.
+pub(super) struct Appearance {
+    views: Vec<View>,
+    /// Meters that a pixel of the finest images is wide.
+    pixel: f32,
+}
+
+struct View {
+    /// x right, y up in pixels, z towards the viewer.
+    pixels_from_model: (Mat3, Vec3),
+    /// Color times coverage, and coverage, at each size of pixels, the finest first.
+    images: Vec<Vec<Vec4>>,
+    /// Whether each vertex of each part can be seen.
+    seen: Vec<Vec<bool>>,
+}
+
+impl Appearance {
+    pub fn new(model: &Model) -> Appearance {
+        let pixel = model.size / SIDE as f32;
+        let drawn: Vec<Drawn> = model
+            .parts
+            .iter()
+            .map(|part| Drawn { part, indices: &part.primitive().indices, positions: &part.positions })
+            .collect();
+        let view = |direction: &Vec3| {
+            let pixels_from_model = look(*direction, model, pixel);
+            let (finest, nearest) = draw(&drawn, pixels_from_model);
+            let seen = drawn.iter().map(|d| seen(d.positions, pixels_from_model, &nearest)).collect();
+            View { pixels_from_model, images: pyramid(finest), seen }
+        };
+        Appearance { views: DIRECTIONS.par_iter().map(view).collect(), pixel }
+    }
+
+    /// Whether each vertex of each part is hidden from all sides.
+    pub fn hidden(&self) -> Vec<Vec<bool>> {
+        let part = |part: usize| {
+            let seen = |v: usize| self.views.iter().any(|view| view.seen[part][v]);
+            (0..self.views[0].seen[part].len()).map(|v| !seen(v)).collect()
+        };
+        (0..self.views[0].seen.len()).map(part).collect()
+    }
+
+    /// The smallest size of pixels in meters from which other shapes of the parts look like the model; `None` if none does.
+    pub fn smallest_pixel(&self, model: &Model, shapes: &[Shape]) -> Option<f32> {
+        let drawn: Vec<Drawn> = model
+            .parts
+            .iter()
+            .zip(shapes)
+            .map(|(part, shape)| Drawn { part, indices: &shape.indices, positions: &shape.positions })
+            .collect();
+        let compared = |view: &View| {
+            let images = pyramid(draw(&drawn, view.pixels_from_model).0);
+            let compare = |size: usize| Difference::of(&view.images[size], &images[size]);
+            (0..SIZES).map(compare).collect::<Vec<_>>()
+        };
+        let by_view: Vec<Vec<Difference>> = self.views.par_iter().map(compared).collect();
+        // The excess over what is allowed, by size.
+        let excess: Vec<f32> = (0..SIZES)
+            .map(|size| {
+                let all = || by_view.iter().map(|view| &view[size]);
+                let pixels: f32 = all().map(|d| d.pixels).sum::<f32>().max(1.0);
+                let shape = all().map(|d| d.shape).sum::<f32>() / pixels;
+                let color = all().map(|d| d.color).sum::<f32>() / pixels;
+                let worst = all().map(|d| d.worst).fold(0.0, f32::max);
+                (shape / SHAPE).max(color / COLOR).max(worst / WORST)
+            })
+            .collect();
+        let first = excess.iter().rposition(|e| *e > 1.0).map_or(0, |last| last + 1);
+        let wide = |size: f32| self.pixel * libm::exp2f(size);
+        match first {
+            0 => Some(wide(0.0)),
+            SIZES => None,
+            _ => {
+                // Between the two sizes.
+                let [above, below] = [excess[first - 1], excess[first].max(1e-6)].map(libm::log2f);
+                Some(wide((first - 1) as f32 + above / (above - below)))
+            }
+        }
+    }
+}
+
+/// How two images of one size differ.
+struct Difference {
+    /// Pixels that show either.
+    pixels: f32,
+    /// Sum of the differences of coverage.
+    shape: f32,
+    /// Sum of the differences of color where both are.
+    color: f32,
+    /// Largest difference of a square's mean color where both are.
+    worst: f32,
+}
+
+impl Difference {
+    fn of(a: &[Vec4], b: &[Vec4]) -> Difference {
+        let of_color = |a: &Vec4, b: &Vec4| match a.w > 0.0 && b.w > 0.0 {
+            true => a.w.min(b.w) * (a.truncate() / a.w - b.truncate() / b.w).abs().max_element(),
+            false => 0.0,
+        };
+        let covered = || a.iter().zip(b).filter(|(a, b)| a.w > 0.0 || b.w > 0.0);
+        let [halves_a, halves_b] = [a, b].map(halved);
+        Difference {
+            pixels: covered().count() as f32,
+            shape: covered().map(|(a, b)| (a.w - b.w).abs()).sum(),
+            color: covered().map(|(a, b)| of_color(a, b)).sum(),
+            worst: halves_a.iter().zip(&halves_b).map(|(a, b)| of_color(a, b)).fold(0.0, f32::max),
+        }
+    }
+}
+
+/// An orthographic view of the whole model: rotation with scale, and what is added.
+fn look(direction: Vec3, model: &Model, pixel: f32) -> (Mat3, Vec3) {
+    let back = direction.normalize();
+    let up = if back.y.abs() > 0.99 { Vec3::NEG_Z } else { Vec3::Y };
+    let right = up.cross(back).normalize();
+    let up = back.cross(right);
+    let rotation = Mat3::from_cols(right, up, back).transpose() * (1.0 / pixel);
+    let all = choreo_asset::Aabb::of(model.parts.iter().flat_map(|part| part.positions.iter().copied()));
+    let half = SIDE as f32 * 0.5;
+    (rotation, Vec3::new(half, half, 0.0) - rotation * all.center())
+}
+
+/// Whether points lie on what is nearest to the viewer.
+fn seen(points: &[Vec3], (rotation, offset): (Mat3, Vec3), nearest: &[f32]) -> Vec<bool> {
+    let seen = |point: &Vec3| {
+        let here = rotation * *point + offset;
+        let [x, y] = [here.x, here.y].map(|c| (c as usize).min(SIDE - 1));
+        here.z >= nearest[y * SIDE + x] - NEAR
+    };
+    points.iter().map(seen).collect()
+}
+
+/// The image, and how near what it shows is.
+fn draw(drawn: &[Drawn], (rotation, offset): (Mat3, Vec3)) -> (Vec<Vec4>, Vec<f32>) {
+    let mut nearest = vec![f32::NEG_INFINITY; SIDE * SIDE];
+    let mut ids = vec![(u32::MAX, 0); SIDE * SIDE];
+    let mut points: Vec<Vec<Vec3>> = Vec::new();
+    for (part, d) in (0..).zip(drawn) {
+        let here: Vec<Vec3> = d.positions.iter().map(|p| rotation * *p + offset).collect();
+        for (index, triangle) in (0..).zip(d.indices.chunks_exact(3)) {
+            let corners = [triangle[0], triangle[1], triangle[2]].map(|v| here[v as usize]);
+            each_pixel(corners, |at, weights| {
+                let depth = weights.dot(Vec3::from_array(corners.map(|c| c.z)));
+                let cut = d.part.paint.cutoff > 0.0 && color(d, triangle, weights).w < d.part.paint.cutoff;
+                if depth > nearest[at] && !cut {
+                    (nearest[at], ids[at]) = (depth, (part, index));
+                }
+            });
+        }
+        points.push(here);
+    }
+    let mut image = vec![Vec4::ZERO; SIDE * SIDE];
+    for (at, (part, index)) in ids.iter().enumerate().filter(|(_, id)| id.0 != u32::MAX) {
+        let d = &drawn[*part as usize];
+        let triangle = &d.indices[3 * *index as usize..][..3];
+        let corners = [triangle[0], triangle[1], triangle[2]].map(|v| points[*part as usize][v as usize]);
+        let center = Vec2::new((at % SIDE) as f32 + 0.5, (at / SIDE) as f32 + 0.5);
+        let Some(weights) = weights_at(corners, center) else { continue };
+        let light = rotation.transpose() * Vec3::new(0.3, 0.5, 0.8);
+        let normal = |v: &u32| d.part.normals.get(*v as usize).copied().unwrap_or_default();
+        let normals = [normal(&triangle[0]), normal(&triangle[1]), normal(&triangle[2])];
+        let normal = normals[0] * weights.x + normals[1] * weights.y + normals[2] * weights.z;
+        // A lamp over the viewer's shoulder; surfaces are lit from both sides.
+        let lit = 0.3 + 0.7 * normal.normalize_or_zero().dot(light.normalize()).abs();
+        image[at] = (color(d, triangle, weights).truncate() * lit).extend(1.0);
+    }
+    (image, nearest)
+}
+
+/// Color of a place of a triangle.
+fn color(d: &Drawn, triangle: &[u32], weights: Vec3) -> Vec4 {
+    let uvs = d.part.uvs();
+    let uv = |v: u32| uvs.get(v as usize).copied().unwrap_or_default();
+    let uv = uv(triangle[0]) * weights.x + uv(triangle[1]) * weights.y + uv(triangle[2]) * weights.z;
+    let colors = &d.part.primitive().colors;
+    let vertex = |v: u32| colors.get(v as usize).copied().unwrap_or(Vec4::ONE);
+    let own =
+        vertex(triangle[0]) * weights.x + vertex(triangle[1]) * weights.y + vertex(triangle[2]) * weights.z;
+    d.part.paint.at(uv) * own
+}
+
+/// Barycentric coordinates of a point in the image; `None` for a triangle without area there.
+fn weights_at([a, b, c]: [Vec3; 3], at: Vec2) -> Option<Vec3> {
+    let [a, b, c] = [a, b, c].map(Vec3::truncate);
+    let area = (b - a).perp_dot(c - a);
+    let weights = Vec3::new((b - at).perp_dot(c - at), (c - at).perp_dot(a - at), (a - at).perp_dot(b - at));
+    (area != 0.0).then(|| weights / area)
+}
+
+/// Each pixel whose center is in a triangle, with barycentric coordinates.
+fn each_pixel(corners: [Vec3; 3], mut each: impl FnMut(usize, Vec3)) {
+    let low = corners[0].min(corners[1]).min(corners[2]) - 0.5;
+    let high = corners[0].max(corners[1]).max(corners[2]) - 0.5;
+    // Casts cut off at the image's edges.
+    let first = |v: f32| v.ceil() as usize;
+    let end = |v: f32| ((v.floor() + 1.0) as usize).min(SIDE);
+    for y in first(low.y)..end(high.y) {
+        for x in first(low.x)..end(high.x) {
+            let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+            match weights_at(corners, center) {
+                Some(weights) if weights.min_element() >= 0.0 => each(y * SIDE + x, weights),
+                _ => {}
+            }
+        }
+    }
+}
+
+/// An image and its halves, as many as there are sizes of pixels.
+fn pyramid(finest: Vec<Vec4>) -> Vec<Vec<Vec4>> {
+    let mut images = vec![finest];
+    while images.len() < SIZES {
+        images.push(halved(&images[images.len() - 1]));
+    }
+    images
+}
+
+/// Means of two by two pixels.
+fn halved(image: &[Vec4]) -> Vec<Vec4> {
+    let side = image.len().isqrt();
+    let pixel = |i: usize| {
+        let at = 2 * (i / (side / 2)) * side + 2 * (i % (side / 2));
+        (image[at] + image[at + 1] + image[at + side] + image[at + side + 1]) * 0.25
+    };
+    (0..side / 2 * (side / 2)).map(pixel).collect()
+}

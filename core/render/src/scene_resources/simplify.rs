@@ -1,0 +1,315 @@
+//! Simplifies a whole model: every primitive up to the same error.
+//!
+//! Edge collapse by quadric error (M. Garland, P. Heckbert, "Surface Simplification Using Quadric Error Metrics", SIGGRAPH 1997;
+//! by meshoptimizer) keeps some of the vertices. Colors, texture coordinates and normals count beside positions. A count of
+//! triangles per primitive would not do: of a head and the helmet around it, the one with more triangles would be off by less.
+
+use crate::scene_resources::appearance::{Appearance, Shape};
+use crate::scene_resources::hausdorff::{Surface, hausdorff_distance};
+use choreo_asset::{
+    Aabb, AlphaMode, Asset, Image, Material, Mesh, MorphTarget, Primitive, Standing, TextureRef, Topology,
+    posed_meshes_by,
+};
+use choreo_motion::Skinning;
+use glam::{DAffine3, Vec2, Vec3, Vec4};
+use meshopt::{SimplifyOptions, SimplifyVertex, VertexDataAdapter};
+use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
+use std::sync::Arc;
+
+/// Errors of the levels as shares of the model's size.
+const ERRORS: [f32; 7] =
+    [1.0 / 512.0, 1.0 / 360.0, 1.0 / 256.0, 1.0 / 180.0, 1.0 / 128.0, 1.0 / 90.0, 1.0 / 64.0];
+/// Share of the model's size by which a vertex may be off instead of having quite another color or quite another normal.
+const COLOR_WEIGHT: f32 = 0.05;
+const NORMAL_WEIGHT: f32 = 0.01;
+/// Factor for the error between the sampled points of the Hausdorff distance.
+const SLACK: f32 = 1.1;
+
+/// A model at rest.
+pub(super) struct Model {
+    pub parts: Vec<Part>,
+    /// Diagonal of its bounds, meters.
+    pub size: f32,
+}
+
+/// A simplified version of a model.
+pub(super) struct Level {
+    /// Meters of the model that a pixel may cover without a visible difference.
+    pub error: f32,
+    /// Simplified primitives with the places of their parts; `None` where no triangle is left.
+    pub primitives: Vec<((usize, usize), Option<Primitive>)>,
+}
+
+/// One primitive of a model. A mesh that several nodes have is a part for each.
+pub(super) struct Part {
+    /// Mesh instance of the asset, and primitive of its mesh.
+    pub place: (usize, usize),
+    mesh: Arc<Mesh>,
+    /// Positions at rest in model space.
+    pub positions: Vec<Vec3>,
+    pub normals: Vec<Vec3>,
+    pub paint: Paint,
+    /// Meters of the model per meter of the mesh.
+    stretch: f32,
+}
+
+/// The material inputs that give a surface its color.
+pub(super) struct Paint {
+    /// Square roots of linear RGB, about as they are seen; alpha.
+    factor: Vec4,
+    texture: Option<(Arc<Image>, TextureRef)>,
+    /// Fragments with a smaller alpha are not drawn.
+    pub cutoff: f32,
+}
+
+impl Paint {
+    fn new(asset: &Asset, material: &Material) -> Paint {
+        let texture = material.base_color_texture.as_ref().and_then(|texture| {
+            let image = asset.images.get(texture.image as usize)?;
+            let whole = image.rgba.len() == 4 * image.width as usize * image.height as usize;
+            (whole && !image.rgba.is_empty()).then(|| (image.clone(), texture.clone()))
+        });
+        let color = (material.base_color.truncate() + material.emissive).max(Vec3::ZERO).min(Vec3::ONE);
+        let factor = Vec3::new(color.x.sqrt(), color.y.sqrt(), color.z.sqrt());
+        let cutoff = match material.alpha_mode {
+            AlphaMode::Opaque => 0.0,
+            AlphaMode::Mask(cutoff) => cutoff,
+            AlphaMode::Blend => 0.25,
+        };
+        Paint { factor: factor.extend(material.base_color.w), texture, cutoff }
+    }
+
+    /// The color at texture coordinates, by the nearest texel.
+    pub fn at(&self, uv: Vec2) -> Vec4 {
+        let Some((image, texture)) = &self.texture else { return self.factor };
+        let uv = texture.uv_transform.transform_point2(uv);
+        let texel = |u: f32, n: u32| {
+            let along = ((u - u.floor()) * n as f32) as u32;
+            along.min(n - 1) as usize
+        };
+        let at = 4 * (texel(uv.y, image.height) * image.width as usize + texel(uv.x, image.width));
+        let byte = |i: usize| f32::from(image.rgba[at + i]) / 255.0;
+        self.factor * Vec4::new(byte(0), byte(1), byte(2), byte(3))
+    }
+
+    pub fn uv_set(&self) -> usize {
+        self.texture.as_ref().map_or(0, |(_, texture)| usize::from(texture.uv_set.min(1)))
+    }
+}
+
+impl Part {
+    pub fn primitive(&self) -> &Primitive {
+        &self.mesh.primitives[self.place.1]
+    }
+
+    /// Texture coordinates of its color; empty where it has none.
+    pub fn uvs(&self) -> &[Vec2] {
+        &self.primitive().uvs[self.paint.uv_set()]
+    }
+
+    /// The triangles simplified to an error of at most `error` metres of the model.
+    fn simplified(&self, error: f32, size: f32) -> Vec<u32> {
+        let p = self.primitive();
+        let bytes: &[u8] = bytemuck::cast_slice(&self.positions);
+        let Ok(vertices) = VertexDataAdapter::new(bytes, size_of::<Vec3>(), 0) else {
+            return p.indices.clone();
+        };
+        // meshoptimizer weighs attributes against positions as shares of the part's own extent.
+        let bounds = Aabb::of(self.positions.iter().copied());
+        let share = size / (bounds.max - bounds.min).max_element().max(1e-9);
+        let [color, normal] = [COLOR_WEIGHT * share, NORMAL_WEIGHT * share];
+        let weights = [color, color, color, color, color, normal, normal, normal];
+        let attributes: Vec<f32> = (0..self.positions.len()).flat_map(|v| self.attributes(v)).collect();
+        let locks = vec![SimplifyVertex::None; self.positions.len()];
+        let options = SimplifyOptions::ErrorAbsolute | SimplifyOptions::Permissive;
+        meshopt::simplify_with_attributes_and_locks(
+            &p.indices,
+            &vertices,
+            &attributes,
+            &weights,
+            size_of::<[f32; 8]>(),
+            &locks,
+            0,
+            error,
+            options,
+            None,
+        )
+    }
+
+    /// Color, texture coordinates and normal of a vertex.
+    fn attributes(&self, v: usize) -> [f32; 8] {
+        let uv = self.uvs().get(v).copied().unwrap_or_default();
+        let vertex_color = self.primitive().colors.get(v).map_or(Vec4::ONE, |c| *c);
+        let color = self.paint.at(uv) * vertex_color;
+        let normal = self.normals.get(v).copied().unwrap_or_default();
+        let uv = if self.paint.texture.is_some() { uv } else { Vec2::ZERO };
+        [color.x, color.y, color.z, uv.x, uv.y, normal.x, normal.y, normal.z]
+    }
+}
+
+impl Model {
+    /// `None` where nothing of it can be simplified.
+    pub fn new(asset: &Asset, valid: impl Fn(usize, usize) -> bool) -> Option<Model> {
+        let weights: Vec<Vec<f32>> = asset.instances.iter().map(|i| i.weights.clone()).collect();
+        let posed = posed_meshes_by(
+            (Skinning::Linear, Standing::Once),
+            asset,
+            asset.rest_model_from_joint(),
+            &weights,
+            DAffine3::IDENTITY,
+        );
+        let (mut parts, mut before) = (Vec::new(), None);
+        for instance in posed {
+            // Of several copies the first.
+            if before.replace(instance.instance) == Some(instance.instance) {
+                continue;
+            }
+            let mesh = &asset.meshes[asset.instances[instance.instance].mesh as usize];
+            for (index, posed) in instance.primitives.into_iter().enumerate() {
+                let primitive = &mesh.primitives[index];
+                let triangles = primitive.topology == Topology::Triangles && !primitive.indices.is_empty();
+                if !triangles || !valid(instance.instance, index) {
+                    continue;
+                }
+                let default = Material::default();
+                let material = primitive.material.and_then(|m| asset.materials.get(m as usize));
+                let positions: Vec<Vec3> = posed.positions.iter().map(|p| p.as_vec3()).collect();
+                parts.push(Part {
+                    place: (instance.instance, index),
+                    mesh: mesh.clone(),
+                    stretch: stretch(&primitive.positions, &positions),
+                    positions,
+                    normals: posed.normals.iter().map(|n| n.as_vec3()).collect(),
+                    paint: Paint::new(asset, material.unwrap_or(&default)),
+                });
+            }
+        }
+        let finite = |part: &Part| part.positions.iter().all(|p| p.is_finite());
+        let all = Aabb::of(parts.iter().flat_map(|part| part.positions.iter().copied()));
+        let size = (all.max - all.min).length();
+        (!parts.is_empty() && parts.iter().all(finite) && size > 0.0).then_some(Model { parts, size })
+    }
+
+    /// The finest first.
+    pub fn levels(&self) -> Vec<Level> {
+        let appearance = Appearance::new(self);
+        let hidden = appearance.hidden();
+        let mut before: usize = self.parts.iter().map(|part| part.primitive().indices.len()).sum();
+        let mut levels: Vec<Level> = Vec::new();
+        for share in ERRORS {
+            let simplified = |part: &Part| part.simplified(share * self.size, self.size);
+            let indices: Vec<Vec<u32>> = self.parts.par_iter().map(simplified).collect();
+            let left: usize = indices.iter().map(Vec::len).sum();
+            if left == 0 || 4 * left > 3 * before {
+                continue;
+            }
+            let distance = SLACK * self.distance(&indices);
+            // Twice: the outside may have come in by that, and the inside out.
+            let inwards = 2.0 * distance;
+            let shapes = self.shapes(indices, &hidden, inwards);
+            let Some(pixel) = appearance.smallest_pixel(self, &shapes) else { continue };
+            let error = pixel.max(distance);
+            // A finer level that shows no sooner than a coarser one is not worth its memory.
+            levels.retain(|finer| finer.error < error);
+            before = left;
+            levels.push(Level { error, primitives: self.primitives(shapes, &hidden, inwards) });
+        }
+        levels
+    }
+
+    /// Largest distance between the surfaces of the model and those of its simplified parts.
+    fn distance(&self, shapes: &[Vec<u32>]) -> f32 {
+        let mut positions: Vec<Vec3> = Vec::new();
+        let (mut fine, mut coarse) = (Vec::new(), Vec::new());
+        for (part, shape) in self.parts.iter().zip(shapes) {
+            let first = positions.len() as u32;
+            fine.extend(part.primitive().indices.iter().map(|i| first + i));
+            coarse.extend(shape.iter().map(|i| first + i));
+            positions.extend(&part.positions);
+        }
+        let surface = |indices| Surface { positions: &positions, indices };
+        hausdorff_distance(surface(&fine), surface(&coarse))
+    }
+
+    /// The parts with these triangles. What is inside of the model is moved inwards, so that it stays behind what is outside.
+    fn shapes(&self, indices: Vec<Vec<u32>>, hidden: &[Vec<bool>], inwards: f32) -> Vec<Shape> {
+        let shape = |((part, indices), hidden): ((&Part, Vec<u32>), &Vec<bool>)| {
+            let positions = moved(&part.positions, &part.normals, hidden, inwards);
+            Shape { indices, positions }
+        };
+        self.parts.iter().zip(indices).zip(hidden).map(shape).collect()
+    }
+
+    /// The same as primitives in the spaces of their meshes.
+    fn primitives(
+        &self,
+        shapes: Vec<Shape>,
+        hidden: &[Vec<bool>],
+        inwards: f32,
+    ) -> Vec<((usize, usize), Option<Primitive>)> {
+        let primitive = |((part, shape), hidden): ((&Part, Shape), &Vec<bool>)| {
+            let fine = part.primitive();
+            let positions = moved(&fine.positions, &fine.normals, hidden, inwards / part.stretch);
+            let some = !shape.indices.is_empty();
+            (part.place, some.then(|| with_triangles(fine, &positions, shape.indices)))
+        };
+        self.parts.iter().zip(shapes).zip(hidden).map(primitive).collect()
+    }
+}
+
+/// Positions, the marked ones moved against their normals.
+fn moved(positions: &[Vec3], normals: &[Vec3], marked: &[bool], by: f32) -> Vec<Vec3> {
+    let moved = |(v, position): (usize, &Vec3)| match marked[v] {
+        true => *position - normals.get(v).copied().unwrap_or_default() * by,
+        false => *position,
+    };
+    positions.iter().enumerate().map(moved).collect()
+}
+
+/// How much larger points are after a map.
+fn stretch(before: &[Vec3], after: &[Vec3]) -> f32 {
+    let size = |points: &[Vec3]| {
+        let bounds = Aabb::of(points.iter().copied());
+        (bounds.max - bounds.min).length()
+    };
+    let ratio = size(after) / size(before);
+    if ratio.is_finite() && ratio > 0.0 { ratio } else { 1.0 }
+}
+
+/// The primitive with these triangles and the vertices that they use, in order of first use. `positions` replaces its own.
+fn with_triangles(p: &Primitive, positions: &[Vec3], mut indices: Vec<u32>) -> Primitive {
+    let mut places = vec![u32::MAX; p.positions.len()];
+    let mut used: Vec<usize> = Vec::new();
+    for index in &mut indices {
+        let place = &mut places[*index as usize];
+        if *place == u32::MAX {
+            *place = used.len() as u32;
+            used.push(*index as usize);
+        }
+        *index = *place;
+    }
+    fn of<T: Copy>(used: &[usize], all: &[T]) -> Vec<T> {
+        if all.is_empty() { Vec::new() } else { used.iter().map(|v| all[*v]).collect() }
+    }
+    let influences = |v: &usize| v * p.influences..(v + 1) * p.influences;
+    Primitive {
+        topology: p.topology,
+        indices,
+        positions: of(&used, positions),
+        normals: of(&used, &p.normals),
+        tangents: of(&used, &p.tangents),
+        uvs: [of(&used, &p.uvs[0]), of(&used, &p.uvs[1])],
+        colors: of(&used, &p.colors),
+        influences: p.influences,
+        joint_indices: used.iter().flat_map(|v| p.joint_indices[influences(v)].iter().copied()).collect(),
+        joint_weights: used.iter().flat_map(|v| p.joint_weights[influences(v)].iter().copied()).collect(),
+        morphs: (p.morphs.iter())
+            .map(|m| MorphTarget {
+                positions: of(&used, &m.positions),
+                normals: of(&used, &m.normals),
+                tangents: of(&used, &m.tangents),
+            })
+            .collect(),
+        material: p.material,
+    }
+}

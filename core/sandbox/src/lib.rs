@@ -1,0 +1,9 @@
+//! Limits on what a script of strangers may use up, for scene scripts and for importers in Rhai: memory in use, and sizes of values;
+//! and the words for types in their messages.
+
+pub mod memory;
+mod sizes;
+mod types;
+
+pub use sizes::SizeLimits;
+pub use types::{operator_error, signature_parts, type_word};

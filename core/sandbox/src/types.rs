@@ -1,0 +1,35 @@
+//! Types of Rhai in the words of scripts.
+
+/// A type as scripts call it: `i64` is "int", `&str` is "text".
+pub fn type_word(rust: &str) -> &str {
+    match rust {
+        "i64" | "int" => "int",
+        "f64" | "float" => "float",
+        "()" => "nothing",
+        "string" | "text" | "ImmutableString" | "&str" => "text",
+        "array" => "array",
+        "map" => "object map",
+        "Fn" => "function",
+        other => other.rsplit("::").next().unwrap_or(other),
+    }
+}
+
+/// Name and types of a signature of [`rhai::EvalAltResult::ErrorFunctionNotFound`], such as `- (&str | ImmutableString | String, i64)`.
+pub fn signature_parts(signature: &str) -> (&str, Vec<&str>) {
+    let (name, types) = signature.split_once(" (").unwrap_or((signature, ")"));
+    let types = types.trim_end_matches(')').split(", ").filter(|t| !t.is_empty());
+    (name, types.map(|t| if t.starts_with("&str |") { "text" } else { t }).collect())
+}
+
+/// `cannot compute text - int`, where the signature is an operator's.
+pub fn operator_error(signature: &str) -> Option<String> {
+    let (name, types) = signature_parts(signature);
+    if name.starts_with(|c: char| c.is_alphabetic() || c == '_') {
+        return None;
+    }
+    Some(match types.as_slice() {
+        [a] => format!("cannot compute {name} {}", type_word(a)),
+        [a, b] => format!("cannot compute {} {name} {}", type_word(a), type_word(b)),
+        _ => format!("cannot compute {signature}"),
+    })
+}

@@ -1,0 +1,69 @@
+//! Fades of the whole image from a color and to a color: `fade_in` and `fade_out`.
+
+use crate::build::{FadeDraft, room};
+use crate::call::{Call, Reply, api};
+use crate::value::FlatRef;
+use choreo_motion::{Interpolation, Time};
+use choreo_stage::{Channel, Layer2d, Layer2dContent, Property};
+use glam::{DVec2, Vec4};
+use rhai::Dynamic;
+
+api! {
+    /// Fades the image in from a color. 2D layers that come later in the script stay above it. Options: from (time,
+    /// default 0), color (default black).
+    fade_in("seconds, options?") -> Flat = fade_in;
+    /// Fades the image out to a color, which stays until a fade_in. 2D layers that come later in the script stay above
+    /// it. Options: until (time at which only the color is left, default the last frame of the stage), color (default
+    /// black).
+    fade_out("seconds, options?") -> Flat = fade_out;
+}
+
+fn fade_in(c: &mut Call) -> Reply {
+    let seconds = c.duration(0)?;
+    let o = c.options(1, &["from", "color"])?;
+    let from = o.get("from").map(|v| c.stage_time(&v, "fade_in: from")).transpose()?;
+    let from = from.unwrap_or(c.build().offset);
+    let color = o.color("color")?.unwrap_or(Vec4::W);
+    let mut build = c.build();
+    // The colors of fades before it are over.
+    let drafts = build.fades.clone();
+    for out in drafts.iter().filter(|fade| fade.out && fade.at <= from) {
+        let layer = build.flat(out.layer)?;
+        layer.end = Some(layer.end.map_or(from, |end| end.min(from)));
+    }
+    drop(build);
+    add(c, color, (from, 1.0), (from + seconds, 0.0), FadeDraft { layer: 0, out: false, at: from })
+}
+
+fn fade_out(c: &mut Call) -> Reply {
+    let seconds = c.duration(0)?;
+    let o = c.options(1, &["until", "color"])?;
+    let until = o.get("until").map(|v| c.stage_time(&v, "fade_out: until")).transpose()?;
+    let last_frame = {
+        let settings = &c.build().settings;
+        settings.length - settings.fps.time_of(1)
+    };
+    let until = until.unwrap_or(last_frame);
+    let color = o.color("color")?.unwrap_or(Vec4::W);
+    add(c, color, (until - seconds, 0.0), (until, 1.0), FadeDraft { layer: 0, out: true, at: until })
+}
+
+/// Adds a panel over the whole image with an opacity from one key to the other.
+fn add(c: &Call, color: Vec4, first: (Time, f64), second: (Time, f64), fade: FadeDraft) -> Reply {
+    let mut layer = Layer2d::new(Layer2dContent::Panel { size: DVec2::ONE, color });
+    layer.start = first.0;
+    layer.channels = vec![Channel {
+        property: Property::Opacity,
+        interpolation: Interpolation::Linear,
+        times: vec![first.0, second.0],
+        values: vec![first.1, second.1],
+    }];
+    let mut build = c.build();
+    room(build.layers_2d.len(), "flats", &c.shared.limits)?;
+    let ins = build.fades.iter().filter(|fade| !fade.out && fade.at >= second.0);
+    layer.end = if fade.out { ins.map(|fade| fade.at).min() } else { Some(second.0) };
+    let index = build.layers_2d.len();
+    build.layers_2d.push(layer);
+    build.fades.push(FadeDraft { layer: index, ..fade });
+    Ok(Dynamic::from(FlatRef(index)))
+}

@@ -1,0 +1,157 @@
+//! Walks to a point: turn, start, walk and stop, as keyframes of the actor and cues of its base layer.
+
+use super::cue::bound;
+use crate::build::{ActorDraft, Build, Chain, CueDraft, RootDraft, RootUse, room};
+use crate::call::{ApiError, Call, Options, Reply, api};
+use crate::cue_times::times;
+use crate::value::{ActorRef, ClipRef, CueRef};
+use crate::walk::{Walk, WalkPace, WalkPlan, channels};
+use choreo_asset::Asset;
+use choreo_motion::{Clip, Repeat, RootMotion, RootParts, Time};
+use choreo_stage::Property;
+use glam::{DQuat, DVec3};
+use rhai::Dynamic;
+use std::sync::Arc;
+
+api! {
+    /// Walks to a point and stops there: the actor turns to it, starts, walks straight ahead, and takes a last step,
+    /// without foot sliding. Returns the cue of the walk; its .end() is the time of arrival.
+    /// - Options: clip (the clip in which it walks), idle (the clip in which it stands before and after; default:
+    ///   the clip that it plays when it starts), from (time at which it begins to turn and walk; default: the arrival
+    ///   of the walk before, else 0), speed (metres per second; default: that of the clip), arrive (time of arrival,
+    ///   instead of a speed), fade (seconds to start and to stop, 0.1 to 3, default 0.5).
+    /// - The walk begins where the actor has been placed so far, or where the walk before ended. At the time of
+    ///   arrival its position is the point.
+    Actor.walk_to("point, options") -> Cue = walk_to;
+}
+
+/// Metres per second below which a clip stands.
+const SLOWEST: f64 = 0.01;
+/// A clip is played at up to this many times its own speed, or at its inverse.
+const FASTEST: f64 = 4.0;
+
+fn walk_to(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    let point = c.point(0)?;
+    let o = c.options(1, &["clip", "idle", "from", "speed", "arrive", "fade"])?;
+    let clip = clip_option(c, &o, "clip", &this.asset)?.ok_or_else(|| {
+        ApiError::new("walk_to: clip is missing")
+            .hint("name the clip: walk_to(point, #{ clip: hero.clip(\"Walk\") })")
+    })?;
+    let own_idle = clip_option(c, &o, "idle", &this.asset)?;
+    let stage_time = |name: &str| o.get(name).map(|v| c.stage_time(&v, &o.label(name))).transpose();
+    let (from, arrive) = (stage_time("from")?, stage_time("arrive")?);
+    let speed = o.number_in("speed", 1e-3, 1e3)?;
+    if speed.is_some() && arrive.is_some() {
+        return Err(ApiError::new("walk_to: speed and arrive exclude each other")
+            .hint("the speed follows from arrive"));
+    }
+    let fade = Time::from_secs(o.number_in("fade", 0.1, 3.0)?.unwrap_or(0.5));
+    room(c.build().cues.len() + 2, "cues", &c.shared.limits)?;
+    let mut build = c.build();
+    let origin = build.offset;
+    let draft = build.actor(this.id)?;
+    let (start, rotation) = begin(draft)?;
+    let from = from.or(draft.walks.last().map(|walk| walk.until)).unwrap_or(origin);
+    if let Some(before) = draft.walks.last().filter(|walk| from < walk.until) {
+        let text = format!("walk_to: begins at {} s, before the last walk ends", from.as_secs());
+        return Err(ApiError::new(text).hint(format!("from is at least {}", before.until.as_secs())));
+    }
+    let own_speed = clip_speed(&this.asset, &clip) * draft.actor.transform.scale.z.abs();
+    if own_speed < SLOWEST {
+        let text = format!("walk_to: nobody gets anywhere in clip \"{}\"", clip.name);
+        return Err(ApiError::new(text).hint("name a clip that walks or runs, on the spot or not"));
+    }
+    let pace = match arrive {
+        Some(arrive) => WalkPace::Arrive(arrive),
+        None => WalkPace::Speed(speed.unwrap_or(own_speed)),
+    };
+    let ahead = this.asset.front().direction();
+    let walk = Walk::new(WalkPlan { from, start, rotation, point, ahead, fade, pace })?;
+    let factor = walk.speed / own_speed;
+    if !(1.0 / FASTEST..=FASTEST).contains(&factor) {
+        let text =
+            format!("walk_to: it would walk at {:.3} m/s, its clip walks at {own_speed:.3}", walk.speed);
+        return Err(ApiError::new(text).hint("choose another time or speed, or a clip that runs"));
+    }
+    draft.walks.push(walk.clone());
+    draft.placed = true;
+    let channels = channels(&draft.walks);
+    super::keys::replace(&mut draft.actor.channels, channels.into());
+    let playing = playing(&build, this.id, from);
+    let idle = own_idle.or_else(|| playing.clone()).ok_or_else(|| {
+        let hint = "play its standing clip before, or name it: #{ idle: hero.clip(\"Idle\") }";
+        ApiError::new("walk_to: the actor plays no clip when it starts").hint(hint)
+    })?;
+    if playing.is_none() {
+        add_cue(&mut build, c, this.id, (&idle, origin), Time::ZERO);
+    }
+    let id = add_cue(&mut build, c, this.id, (&clip, walk.walks_from), fade);
+    let walking = build.cue(id)?;
+    (walking.until, walking.repeat) = (Some(walk.until), Some(Repeat::Loop));
+    walking.cue.speed = factor;
+    add_cue(&mut build, c, this.id, (&idle, walk.stops_from), fade);
+    Ok(Dynamic::from(CueRef(id)))
+}
+
+fn clip_option(c: &Call, o: &Options, name: &str, asset: &Arc<Asset>) -> Result<Option<Arc<Clip>>, ApiError> {
+    let Some(value) = o.get(name) else { return Ok(None) };
+    let Some(given) = value.clone().try_cast::<ClipRef>() else {
+        return Err(crate::call::wrong(&value, &o.label(name), "a Clip, as in asset.clip(\"name\")"));
+    };
+    bound(c, &given, asset).map(Some)
+}
+
+/// Position and rotation from which the next walk goes on.
+fn begin(draft: &ActorDraft) -> Result<(DVec3, DQuat), ApiError> {
+    if let Some(walk) = draft.walks.last() {
+        return Ok((walk.point, walk.rotation()));
+    }
+    let keyed =
+        draft.actor.channels.iter().any(|c| matches!(c.property, Property::Translation | Property::Rotation));
+    if keyed
+        || draft.actor.path_following.is_some()
+        || draft.actor.face.is_some()
+        || draft.face_point.is_some()
+    {
+        let text = "walk_to: the actor is moved or turned by keyframes, a path or .face already";
+        return Err(ApiError::new(text)
+            .hint("walk_to sets position and rotation itself; place it with .at and .turn"));
+    }
+    Ok((draft.actor.transform.translation, draft.actor.transform.rotation))
+}
+
+/// Metres per second that a clip gets on.
+fn clip_speed(asset: &Asset, clip: &Arc<Clip>) -> f64 {
+    let motion =
+        RootMotion::new(&asset.skeleton, clip, None, RootParts::default(), (Time::ZERO, clip.duration));
+    motion.map_or(0.0, |motion| motion.velocity().with_y(0.0).length())
+}
+
+/// The clip of the last cue of an actor's base layer that has begun by a time.
+fn playing(build: &Build, actor: usize, time: Time) -> Option<Arc<Clip>> {
+    let of_base = |id: &usize| {
+        let chain = &build.chains[build.cues[*id].chain];
+        chain.actor == actor && !chain.is_layer()
+    };
+    let begun = (0..build.cues.len()).filter(of_base).map(|id| (times(build, id).0, id));
+    let last = begun.filter(|(start, _)| *start <= time).max()?;
+    Some(build.cues[last.1].cue.clip.clone())
+}
+
+/// Adds a cue on the spot to the base layer of an actor.
+fn add_cue(
+    build: &mut Build,
+    c: &Call,
+    actor: usize,
+    (clip, start): (&Arc<Clip>, Time),
+    fade: Time,
+) -> usize {
+    build.chains.push(Chain::new(actor));
+    let mut cue = CueDraft::new(build.chains.len() - 1, clip.clone(), c.place.clone());
+    cue.start = Some(start);
+    cue.cue.fade_in = fade;
+    cue.root = Some(RootDraft { joint: None, parts: RootParts::default(), used: RootUse::InPlace });
+    build.cues.push(cue);
+    build.cues.len() - 1
+}

@@ -1,0 +1,53 @@
+//! Warnings about characters that the font of a text lacks.
+
+use crate::api_error::ApiError;
+use crate::call::Call;
+use crate::diagnostic::Severity;
+use crate::suggest::list;
+use choreo_stage::Font;
+use choreo_text::{fallbacks, needs_shaping};
+use std::collections::BTreeMap;
+
+/// Names the characters that are drawn in a font of this system, in no font, or without the shaping that their script needs.
+pub fn warn(c: &Call, font: &Font, words: &str) {
+    let missing = font.missing(words);
+    let mut of_system: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    let mut of_none = Vec::new();
+    for (missing, found) in missing.iter().zip(fallbacks(&missing)) {
+        match found {
+            None => of_none.push(missing.to_string()),
+            Some(fallback) if fallback.file.is_some() => {
+                of_system.entry(fallback.font.name).or_default().push(missing.to_string());
+            }
+            Some(_) => {}
+        }
+    }
+    let shown = |chars: &[String]| list(chars.iter().map(String::as_str), 24);
+    let warn = |text: String, hint: &str| {
+        let error = ApiError::new(format!("{}: {text}", c.def.name)).hint(hint);
+        c.shared.note(Severity::Warning, &c.place, &error);
+    };
+    let own = "give a font that has them: font: \"file.ttf\"";
+    if !of_none.is_empty() {
+        warn(format!("no font has {}: boxes are drawn in their place", shown(&of_none)), own);
+    }
+    for (name, chars) in of_system {
+        let chars = shown(&chars);
+        let text = format!(
+            "the font \"{}\" has no {chars}: drawn in \"{name}\" of this system, elsewhere perhaps in another font",
+            font.name
+        );
+        warn(text, own);
+    }
+    let unshaped: Vec<String> = words.chars().filter(|c| needs_shaping(*c)).map(String::from).collect();
+    if !unshaped.is_empty() {
+        let mut unshaped = unshaped;
+        unshaped.sort_unstable();
+        unshaped.dedup();
+        let text = format!(
+            "{} are drawn one by one from left to right, neither joined nor reordered",
+            shown(&unshaped)
+        );
+        warn(text, "make an image of such words elsewhere and show it with picture(…)");
+    }
+}

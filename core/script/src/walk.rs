@@ -1,0 +1,201 @@
+//! A walk from a place to a point as keyframes: a turn on the spot, an even start, a straight way, an even stop.
+
+use crate::api_error::ApiError;
+use choreo_motion::{Interpolation, Time};
+use choreo_stage::{Channel, Property};
+use glam::{DQuat, DVec3};
+
+/// Radians per second of a turn on the spot, on average: 150° per second.
+const TURN_SPEED: f64 = 2.618;
+/// Walks lead at least this far, metres.
+const NEAREST: f64 = 0.05;
+/// Keyframes of a turn per second.
+const TURN_KEYS: f64 = 60.0;
+
+/// How fast a walk is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum WalkPace {
+    /// Metres per second between start and stop.
+    Speed(f64),
+    /// Time of arrival.
+    Arrive(Time),
+}
+
+/// Inputs from which a walk is computed.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct WalkPlan {
+    /// When the turn begins.
+    pub from: Time,
+    pub start: DVec3,
+    /// Rotation of the actor at the start.
+    pub rotation: DQuat,
+    pub point: DVec3,
+    /// The model's front, model space.
+    pub ahead: DVec3,
+    /// How long it takes to start, and to stop.
+    pub fade: Time,
+    pub pace: WalkPace,
+}
+
+/// A walk with its times.
+#[derive(Clone, Debug)]
+pub(crate) struct Walk {
+    pub from: Time,
+    /// When the first step fades in, and has.
+    pub walks_from: Time,
+    pub walks: Time,
+    /// When the stop begins.
+    pub stops_from: Time,
+    /// Arrival.
+    pub until: Time,
+    /// Metres per second between start and stop.
+    pub speed: f64,
+    start: DVec3,
+    pub point: DVec3,
+    rotations: Vec<(Time, DQuat)>,
+}
+
+impl Walk {
+    pub fn new(plan: WalkPlan) -> Result<Walk, ApiError> {
+        let WalkPlan { from, start, rotation, point, ahead, fade, pace } = plan;
+        let way = (point - start).with_y(0.0);
+        let metres = way.length();
+        if metres < NEAREST {
+            return Err(ApiError::new(format!(
+                "walk_to: the point is {metres:.3} m away, must be at least {NEAREST} m"
+            )));
+        }
+        let ahead = rotation * ahead;
+        let angle = libm::atan2(way.x, way.z) - libm::atan2(ahead.x, ahead.z);
+        let angle = libm::remainder(angle, std::f64::consts::TAU);
+        let turn_secs = angle.abs() / TURN_SPEED;
+        // The turn ends halfway through the start, when the actor has hardly moved.
+        let walks_from = from + Time::from_secs((turn_secs - 0.5 * fade.as_secs()).max(0.0));
+        let walks = walks_from + fade;
+        // Start and stop take as long as half of the time at full speed would.
+        let shortest = walks + fade;
+        let until = match pace {
+            WalkPace::Speed(speed) => (walks + Time::from_secs(metres / speed)).max(shortest),
+            WalkPace::Arrive(arrive) if arrive < shortest => {
+                let text = format!("walk_to: the arrival at {} s is too early", arrive.as_secs());
+                let (earliest, turn, fade) = (shortest.as_secs(), turn_secs, fade.as_secs());
+                return Err(ApiError::new(text).hint(format!(
+                    "turn ({turn:.2} s), start and stop ({fade} s each) take until {earliest:.2} s; a shorter fade starts faster"
+                )));
+            }
+            WalkPace::Arrive(arrive) => arrive,
+        };
+        let speed = metres / (until - walks).as_secs();
+        let count = libm::ceil(turn_secs * TURN_KEYS).max(1.0) as i32;
+        let key = |i: i32| {
+            let s = f64::from(i) / f64::from(count);
+            let turned = DQuat::from_rotation_y(angle * s * s * (3.0 - 2.0 * s)) * rotation;
+            (from + Time::from_secs(turn_secs * s), turned.normalize())
+        };
+        let rotations = (0..=count).map(key).collect();
+        Ok(Walk { from, walks_from, walks, stops_from: until - fade, until, speed, start, point, rotations })
+    }
+
+    /// The rotation at the end.
+    pub fn rotation(&self) -> DQuat {
+        self.rotations.last().map_or(DQuat::IDENTITY, |(_, rotation)| *rotation)
+    }
+
+    /// Keyframes of the position with their tangents, metres per second: the speed rises and falls evenly, which cubic Hermite splines hit exactly.
+    fn positions(&self) -> [(Time, DVec3, DVec3); 4] {
+        let metres = (self.point - self.start).with_y(0.0).length();
+        let velocity = (self.point - self.start) * (self.speed / metres);
+        let ramp = velocity * (0.5 * (self.walks - self.walks_from).as_secs());
+        [
+            (self.walks_from, self.start, DVec3::ZERO),
+            (self.walks, self.start + ramp, velocity),
+            (self.stops_from, self.point - ramp, velocity),
+            (self.until, self.point, DVec3::ZERO),
+        ]
+    }
+}
+
+/// Keyframes of position and rotation of walks one after another.
+pub(crate) fn channels(walks: &[Walk]) -> [Channel; 2] {
+    let mut position = Channel {
+        property: Property::Translation,
+        interpolation: Interpolation::CubicSpline,
+        times: Vec::new(),
+        values: Vec::new(),
+    };
+    let mut rotation = Channel {
+        property: Property::Rotation,
+        interpolation: Interpolation::Linear,
+        times: Vec::new(),
+        values: Vec::new(),
+    };
+    for walk in walks {
+        for (time, at, tangent) in walk.positions() {
+            // Where a walk begins as the one before ends, or has no way between start and stop, the key is there already.
+            if position.times.last().is_none_or(|last| *last < time) {
+                position.times.push(time);
+                position.values.extend([tangent, at, tangent].iter().flat_map(|v| v.to_array()));
+            }
+        }
+        for (time, turned) in &walk.rotations {
+            if rotation.times.last().is_none_or(|last| last < time) {
+                rotation.times.push(*time);
+                rotation.values.extend(turned.to_array());
+            }
+        }
+    }
+    [position, rotation]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plan(point: DVec3, pace: WalkPace) -> WalkPlan {
+        WalkPlan {
+            from: Time::from_secs(1.0),
+            start: DVec3::new(1.0, 0.2, 2.0),
+            rotation: DQuat::from_rotation_y(0.5),
+            point,
+            ahead: DVec3::NEG_Z,
+            fade: Time::from_secs(0.5),
+            pace,
+        }
+    }
+
+    #[test]
+    fn a_walk_arrives_at_its_point_in_time_and_looks_along_the_way() {
+        let point = DVec3::new(-3.0, 0.5, 4.0);
+        for pace in [WalkPace::Speed(1.3), WalkPace::Speed(30.0), WalkPace::Arrive(Time::from_secs(7.25))] {
+            let walk = Walk::new(plan(point, pace)).unwrap();
+            match pace {
+                WalkPace::Arrive(arrive) => assert_eq!(walk.until, arrive),
+                WalkPace::Speed(speed) => assert!(walk.speed < speed + 1e-6, "{}", walk.speed),
+            }
+            let [position, rotation] = channels(std::slice::from_ref(&walk));
+            let at = |time: Time| DVec3::from_slice(&position.at(time).unwrap()[..3]);
+            assert!(
+                (at(walk.from) - walk.start).length() < 1e-12 && (at(walk.until) - point).length() < 1e-12
+            );
+            // The speed rises evenly, stays, and falls evenly; integrated independently.
+            let (mut metres, steps) = (0.0, 20_000);
+            for i in 0..steps {
+                let secs = (f64::from(i) + 0.5) / f64::from(steps) * (walk.until - walk.walks_from).as_secs();
+                let time = walk.walks_from + Time::from_secs(secs);
+                let left = (walk.until - time).as_secs();
+                metres += walk.speed
+                    * (secs / 0.5).min(left / 0.5).min(1.0)
+                    * (walk.until - walk.walks_from).as_secs()
+                    / f64::from(steps);
+                let level = (at(time) - walk.start).with_y(0.0).length();
+                assert!((level - metres).abs() < 1e-3, "{secs} s: {level} m, {metres} m");
+            }
+            let q = rotation.at(walk.walks).unwrap();
+            let looks = DQuat::from_array(q) * DVec3::NEG_Z;
+            let way = (point - walk.start).with_y(0.0).normalize();
+            assert!((looks - way).length() < 1e-9, "{looks} {way}");
+        }
+        assert!(Walk::new(plan(point, WalkPace::Arrive(Time::from_secs(2.0)))).is_err());
+        assert!(Walk::new(plan(DVec3::new(1.0, 3.0, 2.01), WalkPace::Speed(1.0))).is_err());
+    }
+}

@@ -1,0 +1,237 @@
+//! From walk to stand and back: feet step and do not slide, on every character among the sample files with clips of its own or of another.
+//! `cargo test --workspace --test footsteps -- --nocapture` prints the tables.
+
+use choreo_motion::Time;
+use choreo_plugin::Registry;
+use choreo_script::{ScriptOptions, run_text};
+use choreo_stage::{ConstraintKind, Evaluator, Leg, Stage, find_legs};
+use glam::DVec3;
+use std::path::Path;
+use std::sync::Arc;
+
+fn stage(folder: &Path, text: &str) -> Stage {
+    let mut registry = Registry::default();
+    registry.add_importer(import_gltf::GltfImporter);
+    registry.add_importer(import_fbx::FbxImporter);
+    registry.add_importer(import_bvh::BvhImporter);
+    registry.add_importer(import_mannequin::Mannequin);
+    let options = ScriptOptions { search_paths: vec![folder.to_path_buf()], ..ScriptOptions::default() };
+    run_text("footsteps.rhai", text, folder, &registry, &options)
+        .unwrap_or_else(|e| panic!("{e:?}\n{text}"))
+        .stage
+}
+
+/// File and size of a character; files and names of its walk and of its stand.
+type Character = (&'static str, f64, [&'static str; 2], [&'static str; 2]);
+const CHARACTERS: [Character; 8] = [
+    ("choreo:mannequin", 1.0, ["choreo:mannequin", "Walk"], ["choreo:mannequin", "Idle"]),
+    ("gltf/Knight.glb", 1.0, ["gltf/Knight.glb", "Walking_A"], ["gltf/Knight.glb", "Idle"]),
+    ("gltf/CesiumMan.glb", 1.0, ["gltf/CesiumMan.glb", "0"], ["choreo:mannequin", "Idle"]),
+    ("gltf/Fox.glb", 0.01, ["gltf/Fox.glb", "Walk"], ["gltf/Fox.glb", "Survey"]),
+    ("fbx/pab/arnaud.fbx", 1.0, ["fbx/pab/locomotions.fbx", "walk"], ["choreo:mannequin", "Idle"]),
+    ("vrm/cool_loops.vrm", 1.0, ["choreo:mannequin", "Walk"], ["choreo:mannequin", "Idle"]),
+    ("vrm/Godette_vrm_v4.vrm", 1.0, ["gltf/Knight.glb", "Walking_A"], ["choreo:mannequin", "Idle"]),
+    ("bvh/walk01.bvh", 1.0, ["choreo:mannequin", "Walk"], ["choreo:mannequin", "Idle"]),
+];
+
+/// Metres above the ground below which a foot is on it.
+const LOW: f64 = 0.01;
+/// Metres per second: a foot in the air that is as slow has come down.
+const SLOW: f64 = 0.3;
+const RATE: f64 = 240.0;
+/// Metres that feet may slide.
+const MOST: f64 = 0.02;
+/// On the way, where a foot that leaves rolls over its ball.
+const ROLLS_OFF: f64 = 0.036;
+
+/// The Fox's own walk slides by 10 cm (as it plays alone), so that its contacts are not found by stillness.
+fn own_slides(character: &Character, planted: &str) -> bool {
+    character.0.contains("Fox") && !planted.is_empty()
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Slide {
+    /// Farthest that a foot went while it was on the ground, metres.
+    metres: f64,
+    at_secs: f64,
+    /// Farthest that a foot went from one 240th of a second to the next, metres.
+    step: f64,
+    /// How often a foot came down.
+    stands: usize,
+}
+
+fn balls(stage: &Stage, legs: &[Leg], from: f64, to: f64) -> Vec<Vec<DVec3>> {
+    let mut evaluator = Evaluator::new(Arc::new(stage.clone()));
+    let mut feet = vec![Vec::new(); legs.len()];
+    for i in 0..=((to - from) * RATE) as i64 {
+        let snapshot = evaluator.at(Time::from_secs(from + i as f64 / RATE)).unwrap();
+        let state = &snapshot.actors[0];
+        for (leg, places) in legs.iter().zip(&mut feet) {
+            let m = state.model_from_joint[leg.toe.unwrap_or(leg.foot) as usize];
+            places.push(state.world_from_model.transform_point3(glam::Vec3::from(m.translation).as_dvec3()));
+        }
+    }
+    feet
+}
+
+/// A foot is on the ground from when it is low and slow until it is above its lowest place since then; meanwhile it must not get anywhere.
+/// `ground`: the height at which each foot stands, from somewhere else.
+fn slide(feet: &[Vec<DVec3>], ground: &[f64], from: f64) -> Slide {
+    let mut found = Slide::default();
+    for (places, ground) in feet.iter().zip(ground) {
+        // Where, and the lowest since.
+        let mut stands: Option<(DVec3, f64)> = None;
+        for i in 1..places.len() {
+            let (before, now) = (places[i - 1], places[i]);
+            found.step = found.step.max((now - before).length());
+            let slow = (now - before).with_y(0.0).length() * RATE < SLOW;
+            match &mut stands {
+                Some((first, lowest)) if now.y - *lowest < LOW => {
+                    *lowest = lowest.min(now.y);
+                    let off = (now - *first).with_y(0.0).length();
+                    if off > found.metres {
+                        (found.metres, found.at_secs) = (off, from + i as f64 / RATE);
+                    }
+                }
+                None if now.y - ground < LOW && slow => {
+                    stands = Some((now, now.y));
+                    found.stands += 1;
+                }
+                Some(_) => stands = None,
+                None => {}
+            }
+        }
+    }
+    found
+}
+
+fn without_foot_locks(stage: &Stage) -> Stage {
+    let mut stage = stage.clone();
+    stage.actors[0].constraints.retain(|g| !matches!(g.kind, ConstraintKind::FootLock(_)));
+    stage
+}
+
+fn script(character: &Character, rest: &str) -> String {
+    let (file, scale, walk, idle) = character;
+    let clip = |[file, name]: &[&str; 2]| {
+        let name = name.parse::<u32>().map_or(format!("\"{name}\""), |n| n.to_string());
+        format!("load(\"{file}\").clip({name})")
+    };
+    format!(
+        "stage(#{{ fps: 60, length: 12 }});
+         let anna = cast(\"anna\", load(\"{file}\")).at(0, 0, 0).scale({scale});
+         let walk = {}; let idle = {};
+         {rest}",
+        clip(walk),
+        clip(idle)
+    )
+}
+
+#[test]
+fn a_stop_takes_a_last_step() {
+    let Some(folder) = choreo_importer_kit_testing::assets(8) else { return };
+    println!("| file | how | at, s | slide, mm | without steps, mm | fastest foot, m/s | without, m/s |");
+    println!("| --- | --- | ---: | ---: | ---: | ---: | ---: |");
+    let mut least_without = f64::INFINITY;
+    for character in &CHARACTERS {
+        let mut most_without = 0.0f64;
+        for (how, planted) in
+            [("fade: 0.5", ""), ("inertial: 0.4", ""), ("fade: 0.3", "anna.plant_feet();"), ("fade: 1.2", "")]
+        {
+            for at in [2.0, 2.17, 2.41, 2.63] {
+                let text = script(
+                    character,
+                    &format!(
+                        "anna.root_motion(); {planted} anna.play(walk).until({at}).then(idle, #{{ {how} }});"
+                    ),
+                );
+                let stage = stage(&folder, &text);
+                let legs = find_legs(&stage.actors[0].asset.skeleton);
+                // Where feet stand long after.
+                let ground: Vec<f64> = balls(&stage, &legs, 6.0, 6.0).iter().map(|b| b[0].y).collect();
+                let watch = |stage: &Stage| slide(&balls(stage, &legs, at, at + 2.5), &ground, at);
+                let (own, plain) = (watch(&stage), watch(&without_foot_locks(&stage)));
+                println!(
+                    "| {} | {how} {planted} | {at} | {:.1} at {:.2} s | {:.1} | {:.2} | {:.2} |",
+                    character.0,
+                    own.metres * 1e3,
+                    own.at_secs,
+                    plain.metres * 1e3,
+                    own.step * RATE,
+                    plain.step * RATE
+                );
+                let most = if own_slides(character, planted) { f64::INFINITY } else { MOST };
+                assert!(own.metres < most, "{}, {how} {planted} at {at} s: {own:?}", character.0);
+                most_without = most_without.max(plain.metres);
+            }
+        }
+        least_without = least_without.min(most_without);
+    }
+    // Without steps every character slides.
+    assert!(least_without > 2.0 * MOST, "{least_without} m");
+}
+
+/// World position and front of the actor at a time.
+fn placed(stage: &Stage, time: f64) -> (DVec3, DVec3) {
+    let snapshot = Evaluator::new(Arc::new(stage.clone())).at(Time::from_secs(time)).unwrap();
+    let world = snapshot.actors[0].world_from_model;
+    let front = stage.actors[0].asset.front().direction();
+    (world.translation, (world.matrix3 * front).with_y(0.0).normalize())
+}
+
+#[test]
+fn walks_to_points_arrive_in_time_and_do_not_slide() {
+    let Some(folder) = choreo_importer_kit_testing::assets(8) else { return };
+    println!("| file | arrives, mm | slide, mm | without steps, mm | stands | fastest foot, m/s |");
+    println!("| --- | ---: | ---: | ---: | ---: | ---: |");
+    for character in &CHARACTERS {
+        let text = script(
+            character,
+            "anna.at(1, 0, -1).turn(40);
+             anna.play(idle);
+             let there = anna.walk_to([3, 0, 1.5], #{ clip: walk, from: 0.5 });
+             anna.walk_to([0.5, 0, 0.5], #{ clip: walk, from: there.end() + 1.0, arrive: there.end() + 5.0 });
+             print(there.end());",
+        );
+        let stage = stage(&folder, &text);
+        // Idle, walk, idle, walk, idle.
+        let arrived = stage.actors[0].layers[0].cues[1].end.unwrap().as_secs();
+        let (points, starts) =
+            ([DVec3::new(3.0, 0.0, 1.5), DVec3::new(0.5, 0.0, 0.5)], [DVec3::new(1.0, 0.0, -1.0)]);
+        let ways = [points[0] - starts[0], points[1] - points[0]];
+        let mut off: f64 = 0.0;
+        for (i, end) in [arrived, arrived + 5.0].into_iter().enumerate() {
+            // At the arrival, and ever after until it goes on.
+            for later in [0.0, 0.5, 1.0] {
+                off = off.max((placed(&stage, end + later).0 - points[i]).length());
+            }
+            // On the way straight ahead, facing along it.
+            let (at, front) = placed(&stage, end - 1.2);
+            let way = ways[i].normalize();
+            let beside = (points[i] - at).reject_from(way).length();
+            assert!(front.dot(way) > 0.9999 && beside < 1e-3, "{}: {front} {way} {beside}", character.0);
+        }
+        assert!(off < 0.01, "{}: {off} m off", character.0);
+        let legs = find_legs(&stage.actors[0].asset.skeleton);
+        let still = [0.2, arrived + 0.8, arrived + 6.5];
+        let grounds = still.map(|t| balls(&stage, &legs, t, t));
+        let ground: Vec<f64> = (0..legs.len())
+            .map(|leg| grounds.iter().map(|g| g[leg][0].y).fold(f64::INFINITY, f64::min))
+            .collect();
+        let watch = |stage: &Stage| slide(&balls(stage, &legs, 0.3, arrived + 6.8), &ground, 0.3);
+        let (own, plain) = (watch(&stage), watch(&without_foot_locks(&stage)));
+        println!(
+            "| {} | {:.3} | {:.1} at {:.2} s | {:.1} | {} | {:.2} |",
+            character.0,
+            off * 1e3,
+            own.metres * 1e3,
+            own.at_secs,
+            plain.metres * 1e3,
+            own.stands,
+            own.step * RATE
+        );
+        // The feet of the Fox slide in its clip.
+        let most = if character.0.contains("Fox") { plain.metres / 3.0 } else { ROLLS_OFF };
+        assert!(own.metres < most && plain.metres > 5.0 * MOST, "{}: {own:?}, {plain:?}", character.0);
+    }
+}

@@ -1,0 +1,163 @@
+//! Looks, edits of callbacks and shakes of cameras, on top of what their rigs give; and how a camera looks at a place.
+
+use crate::noise::noise;
+use crate::snapshot::{ActorState, CameraState};
+use crate::stage::Stage;
+use crate::stage::actor::Target;
+use crate::stage::camera::Camera;
+use crate::stage::camera_moves::{CameraLook, CameraShake};
+use crate::stage::edits::{CameraEdit, FrameEdits};
+use crate::stage::fade::{eased, fraction};
+use crate::transforms::target_position;
+use choreo_asset::Projection;
+use choreo_motion::{Ease, Time};
+use glam::{DMat3, DQuat, DVec3};
+
+/// Far plane of an orthographic camera that sets none, metres.
+const ORTHOGRAPHIC_FAR: f32 = 10_000.0;
+
+/// A camera that looks at something must not clip it away, however small the scene: a near plane that is not set is at most this
+/// share of the way there. Reversed-Z float depth makes near planes cheap.
+const NEAR_OF_DISTANCE: f64 = 0.01;
+
+impl CameraLook {
+    /// How far it has replaced the ones before it.
+    fn share(&self, time: Time) -> f64 {
+        f64::from(eased(Ease::Smooth, fraction(time - self.start, self.blend)))
+    }
+}
+
+impl CameraShake {
+    /// How much of it there is at a time, 0 to 1.
+    fn presence(&self, time: Time) -> f64 {
+        if time < self.start || self.end.is_some_and(|end| time >= end) {
+            return 0.0;
+        }
+        let share = |span: Time| f64::from(eased(Ease::Smooth, fraction(span, self.fade)));
+        share(time - self.start) * self.end.map_or(1.0, |end| share(end - time))
+    }
+
+    /// Rotation in the camera's own axes, and its way right and up, metres.
+    fn at(&self, time: Time) -> (DQuat, DVec3) {
+        let presence = self.presence(time);
+        // Noise swings to a new value at every whole number.
+        let x = time.as_secs() * 2.0 * self.frequency;
+        let part = |number: u64, size: f64| presence * size * noise(u64::from(self.seed) * 8 + number, x);
+        let rotation = DQuat::from_rotation_y(part(0, self.angle))
+            * DQuat::from_rotation_x(part(1, self.angle))
+            * DQuat::from_rotation_z(part(2, 0.5 * self.angle));
+        (rotation, DVec3::new(part(3, self.shift), part(4, self.shift), 0.0))
+    }
+}
+
+/// The looks of a camera that count at a time, with their shares, the newest last.
+pub(crate) fn active_looks(camera: &Camera, time: Time) -> impl Iterator<Item = (&CameraLook, f64)> {
+    let begun = camera.looks.partition_point(|look| look.start <= time);
+    let begun = &camera.looks[..begun];
+    let first = begun.iter().rposition(|look| look.share(time) >= 1.0).unwrap_or(0);
+    begun[first..].iter().map(move |look| (look, look.share(time)))
+}
+
+/// The targets that turn a camera at a time.
+pub(crate) fn targets<'a>(
+    camera: &'a Camera,
+    index: usize,
+    edits: &'a FrameEdits,
+    time: Time,
+) -> impl Iterator<Item = Target> + 'a {
+    let edited = edits.cameras.iter().filter_map(move |edit| match edit {
+        CameraEdit::LookAt { camera, target } if *camera == index => Some(*target),
+        _ => None,
+    });
+    active_looks(camera, time).filter_map(|(look, _)| look.target).chain(edited)
+}
+
+/// A camera as its looks, callbacks and shakes have it, from what its rig gives.
+pub(crate) fn moved(
+    stage: &Stage,
+    edits: &FrameEdits,
+    time: Time,
+    index: usize,
+    actors: &[ActorState],
+    state: CameraState,
+) -> CameraState {
+    let camera = &stage.cameras[index];
+    let own = || edits.cameras.iter().filter(|edit| edit.camera() == index);
+    if camera.looks.is_empty() && camera.shakes.is_empty() && own().next().is_none() {
+        return state;
+    }
+    let position = state.world_from_view.translation;
+    let of_rig = DQuat::from_mat3(&state.world_from_view.matrix3);
+    let (mut rotation, mut projection) = (of_rig, state.projection);
+    let look = |target: &Target, projection: &mut Projection| {
+        let way = target_position(stage, actors, target)? - position;
+        *projection = near_limited(camera, *projection, way.length());
+        look_rotation(way)
+    };
+    for (active, share) in active_looks(camera, time) {
+        let to = match &active.target {
+            Some(target) => look(target, &mut projection).unwrap_or(rotation),
+            None => of_rig,
+        };
+        rotation = if share >= 1.0 { to } else { panned(rotation, to, share) };
+    }
+    for edit in own() {
+        match edit {
+            CameraEdit::MoveTo { .. } => {}
+            CameraEdit::LookAt { target, .. } => {
+                rotation = look(target, &mut projection).unwrap_or(rotation);
+            }
+            CameraEdit::Turn { rotation: turn, .. } => rotation = (*turn * rotation).normalize(),
+            CameraEdit::FieldOfView { yfov, .. } => {
+                let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) =
+                    projection;
+                let far = camera.far().filter(|_| matches!(projection, Projection::Perspective { .. }));
+                projection = Projection::Perspective { yfov: *yfov, near, far };
+            }
+            CameraEdit::Height { height, .. } => {
+                let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) =
+                    projection;
+                let far = camera.far().unwrap_or(ORTHOGRAPHIC_FAR);
+                projection = Projection::Orthographic { height: *height, near, far };
+            }
+        }
+    }
+    let mut moved = state;
+    moved.projection = projection;
+    moved.world_from_view.translation = position;
+    for (turn, shift) in camera.shakes.iter().map(|shake| shake.at(time)) {
+        moved.world_from_view.translation += rotation * shift;
+        rotation *= turn;
+    }
+    moved.world_from_view.matrix3 = DMat3::from_quat(rotation.normalize());
+    moved
+}
+
+/// A rotation between two, on the shortest way. Where the horizon is level in both it stays level.
+fn panned(a: DQuat, b: DQuat, share: f64) -> DQuat {
+    let between = choreo_motion::slerp(a, b, share);
+    let level = |q: DQuat| (q * DVec3::X).y.abs() < 1e-9 && (q * DVec3::Y).y > 0.0;
+    let leveled = (level(a) && level(b)).then(|| look_rotation(between * DVec3::NEG_Z)).flatten();
+    leveled.unwrap_or(between)
+}
+
+/// The projection with a near plane that does not clip a target at a distance away.
+pub(crate) fn near_limited(camera: &Camera, projection: Projection, distance: f64) -> Projection {
+    match projection {
+        Projection::Perspective { yfov, near, far } if distance > 0.0 && !camera.near_is_set => {
+            let near = near.min((distance * NEAR_OF_DISTANCE) as f32).max(f32::MIN_POSITIVE);
+            Projection::Perspective { yfov, near, far }
+        }
+        projection => projection,
+    }
+}
+
+/// Looks along a direction, +Y up. Straight down, −Z is up in the image; straight up, +Z: what a camera tilting from before
+/// a character comes to. `None` where there is no direction.
+pub(crate) fn look_rotation(way: DVec3) -> Option<DQuat> {
+    let back = -way.try_normalize()?;
+    let right = DVec3::Y.cross(back);
+    let right = if right.length() < 1e-9 { DVec3::X } else { right.normalize() };
+    let rotation = DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back));
+    rotation.is_finite().then(|| rotation.normalize())
+}

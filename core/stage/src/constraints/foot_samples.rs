@@ -1,0 +1,122 @@
+//! How the feet of an actor move without foot locking, at 60 Hz.
+
+use crate::actors::{Scratch, evaluate_actors};
+use crate::constraints::foot_lock::STEP;
+use crate::constraints::footsteps::LEG;
+use crate::constraints::solve::world_place;
+use crate::snapshot::Snapshot;
+use crate::stage::constraint::FootLock;
+use crate::stage::{Stage, StageError};
+use choreo_motion::Time;
+use glam::{DAffine3, DVec3};
+
+/// How an actor's feet move without the constraint.
+pub(super) struct FootSamples {
+    pub from: Time,
+    /// World, by foot.
+    pub feet: Vec<Vec<DVec3>>,
+    /// Likewise, what each hangs on.
+    pub limbs: Vec<Vec<Limb>>,
+    /// World from model.
+    pub bodies: Vec<DAffine3>,
+}
+
+/// World, metres.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Limb {
+    pub hip: DVec3,
+    pub ankle: DVec3,
+    /// How long the leg is.
+    pub reach: f64,
+    /// Distance from the ankle to the ball.
+    pub sole: f64,
+}
+
+/// An actor whose feet are looked at.
+pub(super) struct FeetInMotion<'a> {
+    pub stage: &'a Stage,
+    pub actor: usize,
+    pub foot_lock: &'a FootLock,
+    pub scratch: Scratch,
+}
+
+impl FeetInMotion<'_> {
+    pub fn look(&mut self, from: Time, to: Time) -> Result<FootSamples, StageError> {
+        let mut snapshot = Snapshot::default();
+        let foot_lock = self.foot_lock;
+        let count = foot_lock.legs.len();
+        let mut samples = FootSamples {
+            from,
+            feet: vec![Vec::new(); count],
+            limbs: vec![Vec::new(); count],
+            bodies: vec![],
+        };
+        for sample in 0..=(to - from).0 / STEP.0 {
+            evaluate_actors(
+                self.stage,
+                &mut self.scratch,
+                from + Time(sample * STEP.0),
+                None,
+                &mut snapshot,
+            )?;
+            let state = &snapshot.actors[self.actor];
+            let place = |joint: u32| {
+                let place = state.model_from_joint.get(joint as usize);
+                let place = place.map(|m| world_place(&state.world_from_model, m));
+                place.filter(|p| p.is_finite()).unwrap_or(DVec3::ZERO)
+            };
+            samples.bodies.push(state.world_from_model);
+            for ((leg, places), limbs) in foot_lock.legs.iter().zip(&mut samples.feet).zip(&mut samples.limbs)
+            {
+                places.push(place(leg.toe.unwrap_or(leg.foot)));
+                let [hip, knee, ankle] = [leg.hip, leg.knee, leg.foot].map(place);
+                let reach = (knee - hip).length() + (ankle - knee).length();
+                limbs.push(Limb {
+                    hip,
+                    ankle,
+                    reach,
+                    sole: leg.toe.map_or(0.0, |toe| (place(toe) - ankle).length()),
+                });
+            }
+        }
+        Ok(samples)
+    }
+}
+
+/// Length of a leg in metres of the world at time 0.
+pub(super) fn leg_length(stage: &Stage, actor: usize, foot_lock: &FootLock) -> f64 {
+    let a = &stage.actors[actor];
+    let rest = a.asset.rest_model_from_joint();
+    let Some(leg) = foot_lock.legs.first() else { return LEG };
+    let place =
+        |joint: u32| rest.get(joint as usize).map_or(DVec3::ZERO, |m| world_place(&DAffine3::IDENTITY, m));
+    let (hip, knee, foot) = (place(leg.hip), place(leg.knee), place(leg.foot));
+    let length = ((knee - hip).length() + (foot - knee).length()) * a.transform.scale.y.abs();
+    if length.is_finite() && length > 1e-9 { length } else { LEG }
+}
+
+impl FootSamples {
+    pub fn time(&self, look: usize) -> Time {
+        self.from + Time(look as i64 * STEP.0)
+    }
+
+    /// The last look at or before a time, and how far the time is on the way to the next one, 0..=1.
+    pub fn look_at(&self, time: Time) -> (usize, f64) {
+        let last = self.bodies.len() - 1;
+        let looks = ((time - self.from).0 as f64 / STEP.0 as f64).clamp(0.0, last as f64);
+        let low = (looks as usize).min(last.saturating_sub(1));
+        (low, looks - low as f64)
+    }
+
+    /// Place of a foot at a time between two looks.
+    pub fn place(&self, leg: usize, time: Time) -> DVec3 {
+        let (low, share) = self.look_at(time);
+        let places = &self.feet[leg];
+        places[low].lerp(places[(low + 1).min(places.len() - 1)], share)
+    }
+
+    /// Height of the floor.
+    pub fn floor(&self, look: usize) -> f64 {
+        self.bodies[look].translation.y
+    }
+}

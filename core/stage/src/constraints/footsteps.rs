@@ -1,0 +1,257 @@
+//! Footsteps between a walk and a stand: which foot steps when, and where to.
+//!
+//! In a fade both clips' feet are averaged, so that they are dragged over the ground. Here each foot stays where it stands until it is
+//! lifted, and comes down where the standing clip wants it once the body is there: a foot in the air first, then whichever is farthest from
+//! its place. A long fade, in which the body goes on, takes several steps. A fade from a stand to a walk is the same backwards in time.
+//! Nothing is kept from frame to frame: a step is a function of the time.
+
+use choreo_motion::Time;
+use glam::DVec3;
+
+/// Seconds of a step by a leg of [`LEG`], and the leg's length in metres.
+const STEP_SECS: f64 = 0.35;
+pub(super) const LEG: f64 = 0.85;
+/// A hurried step takes at least this share of the time.
+const HURRIED: f64 = 0.65;
+/// Height of a step, as a share of how far it leads, and at most, at least in legs.
+const LIFT: f64 = 0.25;
+const HIGHEST: f64 = 0.1;
+const LOWEST: f64 = 0.04;
+/// Shares of a step before and after which the foot only rises and comes down.
+const UPRIGHT: [f64; 2] = [0.1, 0.85];
+/// Steps lead to where the body is so much later than they end, in steps: the middle of the stand that follows.
+const AHEAD: f64 = 0.7;
+/// Number of parts in which this is tried.
+const SHARES: u32 = 7;
+/// Feet that are off by less, in legs, while the body still moves, wait.
+const PATIENCE: f64 = 0.2;
+/// A foot that would come down so near to its last place, in legs, comes down there.
+const LAST: f64 = 0.15;
+/// Feet that are off by less, in legs, stay.
+const NEAR: f64 = 0.004;
+const MOST_STEPS: usize = 64;
+/// Seconds between two times that the planner looks at.
+const LOOK: f64 = 1.0 / 60.0;
+
+/// A foot as the plan begins; world space.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FootState {
+    pub at: DVec3,
+    /// Metres per second.
+    pub velocity: DVec3,
+    /// Seconds until it comes down as its clip has it; 0: it stands.
+    pub lands_secs: f64,
+}
+
+/// Inputs of the planner; times in seconds since the plan begins.
+pub(super) struct FootstepPlan<'a> {
+    pub feet: &'a [FootState],
+    /// Position that the standing clip gives a foot under the hips.
+    pub stance: &'a dyn Fn(usize, f64) -> DVec3,
+    /// Whether a leg reaches a place.
+    pub reaches: &'a dyn Fn(usize, DVec3, f64) -> bool,
+    /// Length of the fade: the body stands from then on.
+    pub fade_secs: f64,
+    /// Length of a leg, metres.
+    pub leg: f64,
+}
+
+/// One step; times in seconds since the plan begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct PlannedStep {
+    pub from: f64,
+    pub to: f64,
+    pub start: DVec3,
+    /// Velocity at the start, metres per second.
+    pub velocity: DVec3,
+    pub end: DVec3,
+    /// Metres above the way from start to end.
+    pub lift: f64,
+}
+
+impl FootstepPlan<'_> {
+    /// The steps of each foot, one after the other. `None` where no number of steps brings the feet to their places.
+    pub fn run(&self) -> Option<Vec<Vec<PlannedStep>>> {
+        let step_secs = STEP_SECS * (self.leg / LEG).sqrt();
+        let mut steps: Vec<Vec<PlannedStep>> = vec![Vec::new(); self.feet.len()];
+        let mut places: Vec<DVec3> = self.feet.iter().map(|f| f.at).collect();
+        let mut now: f64 = 0.0;
+        for (leg, foot) in self.feet.iter().enumerate().filter(|(_, f)| f.lands_secs > 0.0) {
+            let secs = foot.lands_secs.clamp(HURRIED * step_secs, step_secs);
+            let end = self.place(leg, secs, step_secs);
+            // What it is above the ground already counts.
+            let high = (foot.at.y - end.y).max(0.0);
+            let lift = (self.lift(foot.at, end) - high).max(LOWEST * self.leg);
+            let step =
+                PlannedStep { from: 0.0, to: secs, start: foot.at, velocity: foot.velocity, end, lift };
+            steps[leg].push(step);
+            places[leg] = end;
+            now = now.max(secs);
+        }
+        let at_once = (self.feet.len() / 2).max(1);
+        for _ in 0..MOST_STEPS {
+            let off =
+                |leg: usize, time: f64| (self.place(leg, time, step_secs) - places[leg]).with_y(0.0).length();
+            let mut worst: Vec<usize> = (0..places.len()).collect();
+            worst.sort_by(|a, b| off(*b, now).total_cmp(&off(*a, now)));
+            let wait = if now < self.fade_secs { PATIENCE } else { NEAR };
+            worst.retain(|leg| off(*leg, now) > wait * self.leg);
+            worst.truncate(at_once);
+            if worst.is_empty() {
+                if now >= self.fade_secs {
+                    return Some(steps);
+                }
+                now += LOOK;
+                continue;
+            }
+            // The others carry the body for as long as they reach.
+            let stays = |secs: f64| {
+                let mut others = (0..places.len()).filter(|leg| !worst.contains(leg));
+                others.all(|leg| (self.reaches)(leg, places[leg], now + secs))
+            };
+            let mut secs = HURRIED * step_secs;
+            while secs + LOOK <= step_secs && stays(secs + LOOK) {
+                secs += LOOK;
+            }
+            for leg in worst {
+                let (start, end) = (places[leg], self.place(leg, now + secs, step_secs));
+                let (velocity, lift) = (DVec3::ZERO, self.lift(start, end));
+                steps[leg].push(PlannedStep { from: now, to: now + secs, start, velocity, end, lift });
+                places[leg] = end;
+            }
+            now += secs;
+        }
+        None
+    }
+
+    /// Position at which a foot comes down at a time: ahead of the hips, as far as the leg reaches by then.
+    fn place(&self, leg: usize, secs: f64, step_secs: f64) -> DVec3 {
+        let last = (self.stance)(leg, self.fade_secs);
+        let ahead = |share: u32| {
+            let there = (self.stance)(leg, secs + AHEAD * step_secs * f64::from(share) / f64::from(SHARES));
+            if (there - last).length() < LAST * self.leg { last } else { there }
+        };
+        let reached = (0..=SHARES).rev().map(ahead).find(|there| (self.reaches)(leg, *there, secs));
+        reached.unwrap_or_else(|| (self.stance)(leg, secs))
+    }
+
+    fn lift(&self, start: DVec3, end: DVec3) -> f64 {
+        let way = (end - start).with_y(0.0).length();
+        (LIFT * way).clamp(LOWEST * self.leg, HIGHEST * self.leg)
+    }
+}
+
+/// A step on stage: a [`PlannedStep`], forwards or backwards in time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Footstep {
+    pub from: Time,
+    pub to: Time,
+    step: PlannedStep,
+    backwards: bool,
+}
+
+impl Footstep {
+    /// `begin`: when the plan begins; `backwards`: it leads back in time from there.
+    pub fn new(step: PlannedStep, begin: Time, backwards: bool) -> Footstep {
+        let sign = if backwards { -1.0 } else { 1.0 };
+        let [a, b] = [step.from, step.to].map(|secs| begin + Time::from_secs(sign * secs));
+        Footstep { from: a.min(b), to: a.max(b), step, backwards }
+    }
+
+    /// Positions of the foot before and after the step, in the order of time.
+    pub fn ends(&self) -> [DVec3; 2] {
+        let PlannedStep { start, end, .. } = self.step;
+        if self.backwards { [end, start] } else { [start, end] }
+    }
+
+    /// Position of the foot at a time of the step. Horizontally it is the way of least jerk (T. Flash, N. Hogan, "The Coordination of Arm
+    /// Movements", 1985): the quintic from the start's position and velocity to rest. It rises as 16 s² (1 − s)², and before and after
+    /// it moves.
+    pub fn at(&self, time: Time) -> DVec3 {
+        let whole = (self.to - self.from).as_secs();
+        let s = ((time - self.from).as_secs() / whole).clamp(0.0, 1.0);
+        let s = if self.backwards { 1.0 - s } else { s };
+        let PlannedStep { start, velocity, end, lift, .. } = self.step;
+        // A foot in the air goes on at once.
+        let lifts = if velocity == DVec3::ZERO { UPRIGHT[0] } else { 0.0 };
+        let over = UPRIGHT[1] - lifts;
+        let t = ((s - lifts) / over).clamp(0.0, 1.0);
+        let way = t * t * t * (10.0 - t * (15.0 - 6.0 * t));
+        let onward = t - t * t * t * (6.0 - t * (8.0 - 3.0 * t));
+        let mut at = start.lerp(end, way) + velocity * (onward * over * whole);
+        at.y = at.y.max(start.y.min(end.y)) + lift * 16.0 * s * s * (1.0 - s) * (1.0 - s);
+        at
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A body that comes from −z and stops at 0 after `fade` seconds, with feet 0.1 m to either side.
+    fn plan(feet: [FootState; 2], speed: f64, fade: f64) -> Vec<Vec<PlannedStep>> {
+        let body = move |t: f64| -speed * (fade - t.min(fade)).powi(2) / (2.0 * fade);
+        let stance = move |leg: usize, t: f64| DVec3::new(0.1 - 0.2 * leg as f64, 0.0, body(t));
+        let reaches = move |_: usize, place: DVec3, t: f64| (place.z - body(t)).abs() < 0.45;
+        FootstepPlan { feet: &feet, stance: &stance, reaches: &reaches, fade_secs: fade, leg: 0.85 }
+            .run()
+            .unwrap()
+    }
+
+    fn standing(x: f64, z: f64) -> FootState {
+        FootState { at: DVec3::new(x, 0.0, z), velocity: DVec3::ZERO, lands_secs: 0.0 }
+    }
+
+    #[test]
+    fn feet_step_in_turns_until_both_are_in_place() {
+        for fade in [0.2, 0.5, 1.5] {
+            let begin = -1.2 * fade / 2.0;
+            let air = FootState { velocity: DVec3::Z * 2.0, lands_secs: 0.2, ..standing(-0.1, begin - 0.1) };
+            for (feet, first) in [
+                ([standing(0.1, begin + 0.3), standing(-0.1, begin - 0.35)], 1),
+                ([standing(0.1, begin), air], 1),
+            ] {
+                let steps = plan(feet, 1.2, fade);
+                let mut all: Vec<(usize, PlannedStep)> = Vec::new();
+                for (leg, steps) in steps.iter().enumerate() {
+                    all.extend(steps.iter().map(|step| (leg, *step)));
+                    assert!(steps.last().is_none_or(|s| s.end.z.abs() < 0.004), "{fade}: {steps:?}");
+                }
+                all.sort_by(|a, b| a.1.from.total_cmp(&b.1.from));
+                assert_eq!(all[0].0, first, "{fade}: {all:?}");
+                // One foot is on the ground at any time, and both in turns.
+                for pair in all.windows(2) {
+                    assert!(
+                        pair[1].1.from >= pair[0].1.to - 1e-9 && pair[0].0 != pair[1].0,
+                        "{fade}: {all:?}"
+                    );
+                }
+                // A foot that stands in its place needs no step; in a long fade one of them steps twice.
+                let out_of_place = feet.iter().filter(|foot| foot.at.z.abs() > 0.05).count();
+                assert!(all.len() >= if fade > 1.0 { 3 } else { out_of_place }, "{fade}: {all:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_step_begins_as_fast_as_the_foot_and_rises_before_it_moves() {
+        let (start, end) = (DVec3::ZERO, DVec3::new(0.0, 0.02, 0.5));
+        let step = |velocity| PlannedStep { from: 0.0, to: 0.35, start, velocity, end, lift: 0.08 };
+        let begin = Time::from_secs(2.0);
+        let secs = |t: f64| begin + Time::from_secs(t);
+        let fast = Footstep::new(step(DVec3::new(0.3, 0.1, 2.0)), begin, false);
+        let h = 1e-5;
+        let velocity = (fast.at(secs(h)) - fast.at(secs(0.0))) / h;
+        assert!((velocity - DVec3::new(0.3, 0.1, 2.0)).length() < 1e-2, "{velocity}");
+        assert!((fast.at(fast.to) - end).length() < 1e-12);
+        // Backwards it leads back to where the foot came from.
+        let back = Footstep::new(step(DVec3::ZERO), begin, true);
+        assert!(back.to == begin && back.ends() == [end, start]);
+        assert!((back.at(back.from) - end).length() < 1e-12 && back.at(back.to).length() < 1e-12);
+        let slow = Footstep::new(step(DVec3::ZERO), begin, false);
+        let low = (0..=350).map(|i| slow.at(secs(f64::from(i) * 1e-3)));
+        let slid =
+            low.filter(|p| p.y - 0.02 * p.z / 0.5 < 0.01).map(|p| p.z.min(0.5 - p.z)).fold(0.0, f64::max);
+        assert!(slid < 0.005, "{slid}");
+    }
+}

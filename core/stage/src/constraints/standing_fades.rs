@@ -1,0 +1,209 @@
+//! Fades between a walk and a stand, within foot locking: contacts before and after a fade stay, and steps lead from the ones to the others.
+
+use crate::constraints::foot_contacts::FootContacts;
+use crate::constraints::foot_lock::{Contact, ContactSpan, LONGEST_GAP, STEP};
+use crate::constraints::foot_samples::{FeetInMotion, FootSamples};
+use crate::constraints::footsteps::{FootState, Footstep, FootstepPlan};
+use crate::stage::StageError;
+use crate::stage::constraint::StandingFade;
+use choreo_motion::Time;
+use glam::DVec3;
+
+/// Feet whose clip lifts them for longer have just been lifted, seconds.
+const LONGEST_SWING: f64 = 0.6;
+/// How much of its sole's length a leg reaches farther with the heel raised.
+const RAISED: f64 = 0.2;
+/// Times between which a velocity is measured.
+const INSTANT: Time = Time(Time::TICKS_PER_SECOND / 480);
+
+/// Contact of a leg's foot over a span, as foot locking makes it.
+pub(super) type Stand<'a> = dyn FnMut(usize, &ContactSpan) -> Contact + 'a;
+
+/// A foot on the walking and on the standing side of a fade.
+struct FootSides {
+    /// Contact of the walking foot; of a foot in the air, a contact of no length where it is.
+    walking: Contact,
+    state: FootState,
+    standing: Contact,
+}
+
+/// The steps of one fade.
+pub(super) struct FadeSteps<'a> {
+    pub fade: &'a StandingFade,
+    /// Time span between the fades before and after.
+    pub room: (Time, Time),
+    /// Metres.
+    pub leg_length: f64,
+    pub samples: &'a FootSamples,
+    pub clips: &'a FootContacts<'a>,
+}
+
+impl FadeSteps<'_> {
+    /// Replaces the contacts of all legs in the fade, and adds its steps. Where feet would not get to their places in time the contacts stay.
+    pub fn run(
+        &self,
+        feet: &mut FeetInMotion,
+        stand: &mut Stand,
+        contacts: &mut [Vec<Contact>],
+        steps: &mut [Vec<Footstep>],
+    ) -> Result<(), StageError> {
+        let backwards = self.backwards();
+        let [walking_at, _] = self.times();
+        let mut sides = Vec::new();
+        for (leg, contacts) in contacts.iter().enumerate() {
+            // The clip before the fade is the only one that counts just before it.
+            let just = if backwards { walking_at } else { walking_at - Time(1) };
+            let lands_secs = self.clips.lands_secs(leg, just, backwards, LONGEST_SWING);
+            sides.push(self.sides(feet, leg, lands_secs, contacts, stand)?);
+        }
+        let Some(planned) = self.plan(&sides) else { return Ok(()) };
+        for (leg, (side, planned)) in sides.iter().zip(planned).enumerate() {
+            self.rewrite(&mut contacts[leg], leg, side, &planned);
+            steps[leg].extend(planned);
+        }
+        Ok(())
+    }
+
+    fn backwards(&self) -> bool {
+        !self.fade.ends_standing
+    }
+
+    /// Times of the walking and of the standing side.
+    fn times(&self) -> [Time; 2] {
+        let StandingFade { from, to, ends_standing } = *self.fade;
+        if ends_standing { [from, to] } else { [to, from] }
+    }
+
+    /// The steps of each leg in the order of time; `None` where they are not over by the time that the feet go on.
+    fn plan(&self, sides: &[FootSides]) -> Option<Vec<Vec<Footstep>>> {
+        let samples = self.samples;
+        let [walking_at, standing_at] = self.times();
+        let backwards = self.backwards();
+        let time_at = |secs: f64| walking_at + Time::from_secs(if backwards { -secs } else { secs });
+        let fade_secs = (self.fade.to - self.fade.from).as_secs();
+        let (low, share) = samples.look_at(standing_at);
+        let last = if share > 0.0 && !backwards { low + 1 } else { low };
+        let model_from_stand = samples.bodies[last].inverse();
+        let stance = |leg: usize, secs: f64| {
+            let place = sides[leg].standing.at.unwrap_or_default();
+            if secs >= fade_secs {
+                return place;
+            }
+            let (low, share) = samples.look_at(time_at(secs));
+            let in_model = model_from_stand.transform_point3(place);
+            let under = |look: usize| samples.bodies[look].transform_point3(in_model);
+            under(low).lerp(under((low + 1).min(samples.bodies.len() - 1)), share).with_y(place.y)
+        };
+        let reaches = |leg: usize, place: DVec3, secs: f64| {
+            let (look, _) = samples.look_at(time_at(secs));
+            let limb = samples.limbs[leg][look];
+            let ankle = limb.ankle + (place - samples.feet[leg][look]);
+            (ankle - limb.hip).length() < limb.reach + RAISED * limb.sole
+        };
+        let states: Vec<FootState> = sides.iter().map(|side| side.state).collect();
+        let leg = self.leg_length;
+        let plan =
+            FootstepPlan { feet: &states, stance: &stance, reaches: &reaches, fade_secs, leg }.run()?;
+        let mut planned = Vec::new();
+        for steps in plan {
+            let mut steps: Vec<Footstep> =
+                steps.into_iter().map(|step| Footstep::new(step, walking_at, backwards)).collect();
+            if backwards {
+                steps.reverse();
+            }
+            if steps.iter().any(|step| step.from < self.room.0 || step.to > self.room.1) {
+                return None;
+            }
+            planned.push(steps);
+        }
+        Some(planned)
+    }
+
+    /// How a foot begins and ends a fade.
+    fn sides(
+        &self,
+        feet: &mut FeetInMotion,
+        leg: usize,
+        lands_secs: f64,
+        contacts: &[Contact],
+        stand: &mut Stand,
+    ) -> Result<FootSides, StageError> {
+        let [walking_at, standing_at] = self.times();
+        let mut place = |time: Time| Ok::<DVec3, StageError>(feet.look(time, time)?.feet[leg][0]);
+        let edge = Time(3 * STEP.0);
+        let over = |time: Time| contacts.iter().find(|c| c.from - edge <= time && time <= c.to + edge);
+        // Contacts without what the fade makes of them.
+        let mut cut = |at: Time, before: bool| {
+            let (from, to) = over(at).map_or((at, at), |c| (c.from, c.to));
+            let span = if before { (from.min(at), at) } else { (at, to.max(at)) };
+            let ends = [place(span.0)?, place(span.1)?];
+            let contact = stand(leg, &ContactSpan { span, ends });
+            // Another fade's step may lead there.
+            let by_step = over(at).filter(|c| c.by_step).and_then(|c| c.at);
+            let at = by_step.or(contact.at).unwrap_or(ends[0]);
+            let (first, last) = (at - ends[0], at - ends[1]);
+            Ok::<Contact, StageError>(Contact {
+                at: Some(at),
+                first,
+                last,
+                by_step: by_step.is_some(),
+                ..contact
+            })
+        };
+        let backwards = self.backwards();
+        let standing = cut(standing_at, backwards)?;
+        if lands_secs <= 0.0 {
+            let walking = cut(walking_at, !backwards)?;
+            let state =
+                FootState { at: walking.at.unwrap_or_default(), velocity: DVec3::ZERO, lands_secs: 0.0 };
+            return Ok(FootSides { walking, state, standing });
+        }
+        let carried = if backwards {
+            contacts
+                .iter()
+                .find(|c| c.from >= walking_at && c.from - walking_at <= LONGEST_GAP)
+                .map(|c| c.first)
+        } else {
+            let mut before = contacts.iter().rev();
+            before.find(|c| c.to <= walking_at && walking_at - c.to <= LONGEST_GAP).map(|c| c.last)
+        };
+        let (here, carried) = (place(walking_at)?, carried.unwrap_or_default());
+        let beside = if backwards { walking_at + INSTANT } else { walking_at - INSTANT };
+        let velocity = (here - place(beside)?) / INSTANT.as_secs();
+        let at = here + carried;
+        let walking = Contact {
+            from: walking_at,
+            to: walking_at,
+            at: Some(at),
+            first: carried,
+            last: carried,
+            by_step: true,
+        };
+        Ok(FootSides { walking, state: FootState { at, velocity, lands_secs }, standing })
+    }
+
+    /// Replaces a leg's contacts in the fade: the foot stands before, between and after its steps.
+    fn rewrite(&self, contacts: &mut Vec<Contact>, leg: usize, side: &FootSides, steps: &[Footstep]) {
+        let FootSides { walking, standing, .. } = *side;
+        let (first, last) = if self.backwards() { (standing, walking) } else { (walking, standing) };
+        let mut stands = Vec::new();
+        let (mut from, mut at) = (first.from, first.at.unwrap_or_default());
+        for step in steps {
+            stands.push((from, step.from.max(from), at));
+            (from, at) = (step.to, step.ends()[1]);
+        }
+        stands.push((from, last.to.max(from), at));
+        let in_clip = |time: Time| {
+            let known = [(first.from, first.at, first.first), (last.to, last.at, last.last)];
+            let known = known.iter().find(|(of, ..)| *of == time);
+            known.map_or_else(|| self.samples.place(leg, time), |(_, at, off)| at.unwrap_or_default() - *off)
+        };
+        let stand = |(from, to, at)| {
+            let (first, last) = (at - in_clip(from), at - in_clip(to));
+            Contact { from, to, at: Some(at), first, last, by_step: true }
+        };
+        contacts.retain(|c| c.to < first.from || c.from > last.to);
+        let place = contacts.partition_point(|c| c.from < first.from);
+        contacts.splice(place..place, stands.into_iter().map(stand));
+    }
+}

@@ -1,0 +1,50 @@
+//! Transforms of actors and the camera at a time, without poses: for estimates of what images will show.
+
+use crate::actors::{Scratch, evaluate_actors};
+use crate::camera;
+use crate::camera::orbit_rotation;
+use crate::framing::fit;
+use crate::snapshot::{ActorState, CameraState, Snapshot};
+use crate::stage::{Stage, StageError};
+use choreo_asset::{DAabb, Projection};
+use choreo_motion::Time;
+use glam::{DAffine3, DQuat};
+
+impl Stage {
+    /// The stage at some times, evaluated as far as it can be without poses: actors have a place and a visibility, and no joint
+    /// matrices. What is attached to joints stands about where they are at rest, and a framing camera frames rest poses.
+    pub fn placed_at(&self, times: &[Time]) -> Result<Vec<Snapshot>, StageError> {
+        let mut scratch = Scratch::only(Vec::new());
+        times.iter().map(|time| placed(self, &mut scratch, *time)).collect()
+    }
+}
+
+fn placed(stage: &Stage, scratch: &mut Scratch, time: Time) -> Result<Snapshot, StageError> {
+    let mut out = Snapshot { time, ..Snapshot::default() };
+    let index = camera::on_at(stage, time);
+    scratch.seen_by = [index, None];
+    evaluate_actors(stage, scratch, time, None, &mut out)?;
+    let frame = |camera, azimuth, elevation, projection| {
+        let rotation = orbit_rotation(azimuth, elevation);
+        Ok(CameraState { camera, ..framed(stage, &out.actors, rotation, projection) })
+    };
+    out.camera = camera::evaluate(stage, frame, &scratch.edits, time, index, &out.actors)?;
+    Ok(out)
+}
+
+/// A camera that fits all visible actors in, as they are at rest.
+fn framed(stage: &Stage, actors: &[ActorState], rotation: DQuat, projection: Projection) -> CameraState {
+    let axes_from_world = DAffine3::from_quat(rotation.inverse());
+    let mut all = DAabb::EMPTY;
+    for (actor, state) in stage.actors.iter().zip(actors).filter(|(_, state)| state.visible) {
+        let bounds = actor.asset.spread(&actor.asset.rest_bounds());
+        all.add_box(&(axes_from_world * state.world_from_model), &bounds);
+    }
+    if all.is_empty() {
+        return CameraState { projection, ..CameraState::default() };
+    }
+    let [width, height] = stage.settings.size.map(|n| f64::from(n.max(1)));
+    let (position, projection) = fit(&[all], width / height, projection);
+    let world_from_view = DAffine3::from_rotation_translation(rotation, rotation * position);
+    CameraState { camera: None, world_from_view, projection }
+}

@@ -1,0 +1,46 @@
+//! Why an edit of the script is not made.
+
+use choreo_files::{FileError, WriteError};
+use std::io;
+use std::path::PathBuf;
+
+/// An edit that is not made; the script has not changed. Each text is for the user.
+#[derive(Debug, thiserror::Error)]
+pub enum EditError {
+    #[error("there is nothing to change yet")]
+    NothingShown,
+    /// The object that was edited has left the scene.
+    #[error("it is no longer there")]
+    Gone,
+    /// A model file is shown.
+    #[error("there is no script")]
+    NoScript,
+    #[error("it does not come from a script")]
+    NotFromScript,
+    #[error("{file}:{line}: it stands in a module; change it there")]
+    InModule { file: String, line: usize },
+    #[error("{file}:{line}: this line makes {objects} of them; change it there")]
+    SharedLine { file: String, line: usize, objects: usize },
+    #[error("the file has changed on disk; wait until it is shown, and try again")]
+    ChangedOnDisk,
+    /// The text around the edit was changed after it had been offered or made.
+    #[error("{0}")]
+    Overtaken(&'static str),
+    #[error("there is nothing to take back")]
+    NothingToUndo,
+    #[error("there is nothing to do again")]
+    NothingToRedo,
+    /// The script computes the value, or something else determines it.
+    #[error("{0}")]
+    Refused(String),
+    #[error("{}: cannot read: {source}", path.display())]
+    Read { path: PathBuf, source: FileError },
+    #[error("{}: cannot read: it is no UTF-8 text", .0.display())]
+    NotText(PathBuf),
+    #[error("{}: cannot write: {source}", path.display())]
+    Write { path: PathBuf, source: WriteError },
+    #[error("{}: cannot write: it is a symbolic link to {}, outside its folder; open that file itself", path.display(), target.display())]
+    LinkOutside { path: PathBuf, target: PathBuf },
+    #[error("{editor}: cannot be started: {source}; set VISUAL to your editor")]
+    Editor { editor: String, source: io::Error },
+}

@@ -1,0 +1,143 @@
+//! How the weight of a Bézier easing is found at a time.
+
+use crate::{BUDGET_SECS, Random, Section};
+use choreo_bench::plots::{Choice, Row};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::truth::Spread;
+use choreo_motion::Ease;
+
+const OURS: &str = "bisection, 60 steps (Ease::at)";
+const WAYS: [&str; 5] = [
+    OURS,
+    "bisection, 20 steps",
+    "Newton, 4 steps",
+    "table of 11 and Newton, 4 steps",
+    "table of 256, linear",
+];
+
+/// One coordinate of the Bézier curve 0, a, b, 1.
+fn cubic(a: f64, b: f64, s: f64) -> f64 {
+    let r = 1.0 - s;
+    3.0 * r * r * s * a + 3.0 * r * s * s * b + s * s * s
+}
+
+fn slope(a: f64, b: f64, s: f64) -> f64 {
+    let r = 1.0 - s;
+    3.0 * r * r * a + 6.0 * r * s * (b - a) + 3.0 * s * s * (1.0 - b)
+}
+
+/// A curve and what the ways prepare of it.
+struct Curve {
+    points: [f64; 4],
+    /// x at parameters 0, 0.1, … 1.
+    starts: [f64; 11],
+    /// y at x = 0, 1/255, … 1.
+    weights: Vec<f64>,
+}
+
+impl Curve {
+    fn new(points: [f64; 4]) -> Curve {
+        let starts = std::array::from_fn(|i| cubic(points[0], points[2], i as f64 / 10.0));
+        let weights = (0..256).map(|i| Ease::Bezier(points).at(f64::from(i) / 255.0)).collect();
+        Curve { points, starts, weights }
+    }
+
+    fn newton(&self, mut s: f64, x: f64) -> f64 {
+        let [x1, y1, x2, y2] = self.points;
+        for _ in 0..4 {
+            let slope = slope(x1, x2, s);
+            if slope.abs() > 1e-9 {
+                s = (s - (cubic(x1, x2, s) - x) / slope).clamp(0.0, 1.0);
+            }
+        }
+        cubic(y1, y2, s)
+    }
+
+    fn at(&self, way: usize, x: f64) -> f64 {
+        let [x1, y1, x2, y2] = self.points;
+        match way {
+            0 => Ease::Bezier(self.points).at(x),
+            1 => {
+                let (mut low, mut high) = (0.0, 1.0);
+                for _ in 0..20 {
+                    let middle = 0.5 * (low + high);
+                    if cubic(x1, x2, middle) < x { low = middle } else { high = middle }
+                }
+                cubic(y1, y2, 0.5 * (low + high))
+            }
+            2 => self.newton(x, x),
+            3 => {
+                let at = self.starts[1..10].partition_point(|start| *start <= x);
+                let (from, to) = (self.starts[at], self.starts[at + 1]);
+                let share = if to > from { (x - from) / (to - from) } else { 0.0 };
+                self.newton((at as f64 + share) / 10.0, x)
+            }
+            _ => {
+                let place = x * 255.0;
+                let at = (place as usize).min(254);
+                self.weights[at] + (self.weights[at + 1] - self.weights[at]) * (place - at as f64)
+            }
+        }
+    }
+}
+
+pub fn section() -> Result<Section, String> {
+    let mut random = Random(0xEA5E);
+    let mut curves: Vec<Curve> = [
+        [0.25, 0.1, 0.25, 1.0],
+        [0.42, 0.0, 0.58, 1.0],
+        [1.0, 0.0, 0.0, 1.0],
+        [0.0, 1.0, 1.0, 0.0],
+        [0.9, 0.0, 1.0, 0.1],
+    ]
+    .map(Curve::new)
+    .into();
+    curves.extend((0..200).map(|_| Curve::new(std::array::from_fn(|_| random.unit()))));
+    let mut errors = [(); WAYS.len()].map(|()| (Spread::default(), String::new()));
+    for curve in &curves {
+        let [x1, y1, x2, y2] = curve.points;
+        for i in 1..400 {
+            // The parameter is given: time and weight are polynomials of it.
+            let s = f64::from(i) / 400.0;
+            let (x, y) = (cubic(x1, x2, s), cubic(y1, y2, s));
+            for (way, (error, place)) in errors.iter_mut().enumerate() {
+                if error.add((curve.at(way, x) - y).abs()) {
+                    *place = format!("Bézier [{x1:.2}, {y1:.2}, {x2:.2}, {y2:.2}] at {x:.3}");
+                }
+            }
+        }
+    }
+    let mut choice = Choice::new("easing", "How is the weight of a Bézier easing found at a time?");
+    choice.error_unit = "of the way";
+    choice.reference =
+        "points of the curve by their parameter, f64; CSS's easings, the steepest ones and 200 random curves"
+            .into();
+    choice.per = "weight".into();
+    let times: Vec<f64> = (1..100).map(|i| f64::from(i) / 100.0).collect();
+    let (curves, times) = (&curves[..20], &times);
+    let case = |way: usize| {
+        Case::new(curves.len() * times.len(), move || {
+            for (curve, x) in curves.iter().flat_map(|curve| times.iter().map(move |x| (curve, x))) {
+                std::hint::black_box(curve.at(way, std::hint::black_box(*x)));
+            }
+        })
+    };
+    let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut (0..WAYS.len()).map(case).collect::<Vec<_>>());
+    for (way, (error, place)) in errors.into_iter().enumerate() {
+        let row = Row::new(WAYS[way]).error(error.worst, error.mean()).nanos(nanos[way]).at(place);
+        choice.rows.push(row);
+    }
+    choice.choose(
+        OURS,
+        "to the last bit of the time for every curve, also where it is vertical; a frame needs a few weights",
+    );
+    Ok(Section {
+        title: "Easing",
+        text: "A Bézier easing gives the weight by a parameter that time does not tell. Bisection needs no slope and never fails; Newton's \
+               method is faster, and wrong where the curve is steep."
+            .into(),
+        choices: vec![choice],
+        tables: Vec::new(),
+        off_front: vec![("easing", "a faster way that fails for steep curves would pop; the difference is paid a few times a frame")],
+    })
+}

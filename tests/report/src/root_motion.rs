@@ -1,0 +1,127 @@
+//! How the root motion of many loops of a clip is accumulated.
+
+use crate::{BUDGET_SECS, Section};
+use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_motion::Planar;
+use glam::{DVec2, DVec3, Vec2};
+
+const OURS: &str = "power in closed form, f64 (Planar::power)";
+const WAYS: [&str; 4] = [OURS, "a step each loop, f64", "a step each frame, f64", "a step each loop, f32"];
+/// Loops of a second, and their time.
+const LOOPS: [(i64, &str); 4] = [(60, "1 min"), (3600, "1 h"), (36_000, "10 h"), (360_000, "100 h")];
+const FRAMES: i64 = 30;
+/// Turns of a loop as a fraction, and metres that it leads ahead: a walk along a circle, nearly straight ahead, and on the spot.
+const WALKS: [((i64, i64), f64); 3] = [((1, 997), 1.4), ((1, 100_003), 1.4), ((17, 64), 0.9)];
+
+fn angle((turns, parts): (i64, i64)) -> f64 {
+    std::f64::consts::TAU * turns as f64 / parts as f64
+}
+
+fn turned(v: DVec2, angle: f64) -> DVec2 {
+    let (sin, cos) = angle.sin_cos();
+    DVec2::new(cos * v.x + sin * v.y, cos * v.y - sin * v.x)
+}
+
+/// Whole circles sum to nothing, so that the steps of the last, incomplete circle are the place: each from an angle reduced in
+/// whole numbers. Summed from the smallest error on (Kahan).
+fn exact((turns, parts): (i64, i64), metres: f64, loops: i64) -> DVec2 {
+    let (mut sum, mut lost) = (DVec2::ZERO, DVec2::ZERO);
+    for step in 0..loops % parts {
+        let direction = angle(((step * turns) % parts, parts));
+        let add = turned(DVec2::new(0.0, metres), direction) - lost;
+        let next = sum + add;
+        lost = (next - sum) - add;
+        sum = next;
+    }
+    sum
+}
+
+fn accumulated(way: usize, turn: f64, metres: f64, loops: i64) -> DVec2 {
+    match way {
+        0 => {
+            let step = Planar { translation: DVec3::new(0.0, 0.0, metres), yaw: turn };
+            let place = step.power(loops).translation;
+            DVec2::new(place.x, place.z)
+        }
+        1 => {
+            let (mut place, mut yaw) = (DVec2::ZERO, 0.0);
+            for _ in 0..loops {
+                place += turned(DVec2::new(0.0, metres), yaw);
+                yaw += turn;
+            }
+            place
+        }
+        2 => {
+            // The loop in equal parts: each is the root of the motion, whose powers lie on the same circle.
+            let part = turn / FRAMES as f64;
+            let chord = metres * (part / 2.0).sin() / (turn / 2.0).sin();
+            let step = turned(DVec2::new(0.0, chord), -(turn - part) / 2.0);
+            let (mut place, mut yaw) = (DVec2::ZERO, 0.0);
+            for _ in 0..loops * FRAMES {
+                place += turned(step, yaw);
+                yaw += part;
+            }
+            place
+        }
+        _ => {
+            let (mut place, mut yaw) = (Vec2::ZERO, 0.0f32);
+            for _ in 0..loops {
+                let (sin, cos) = yaw.sin_cos();
+                place += Vec2::new(sin, cos) * metres as f32;
+                yaw += turn as f32;
+            }
+            place.as_dvec2()
+        }
+    }
+}
+
+pub fn section() -> Result<Section, String> {
+    let mut errors = [[0.0f64; LOOPS.len()]; WAYS.len()];
+    for (fraction, metres) in WALKS {
+        for (at, (loops, _)) in LOOPS.iter().enumerate() {
+            let truth = exact(fraction, metres, *loops);
+            for (way, errors) in errors.iter_mut().enumerate() {
+                let off = (accumulated(way, angle(fraction), metres, *loops) - truth).length() * 1e3;
+                errors[at] = errors[at].max(off);
+            }
+        }
+    }
+    let mut choice =
+        Choice::new("root_motion", "How is the root motion of many loops of a clip accumulated?");
+    choice.error_unit = "mm";
+    choice.reference = format!(
+        "{} into walks of a step a second along circles of {} steps: sums of the last circle's steps, angles reduced in whole numbers",
+        LOOPS[1].1, WALKS[0].0.1
+    );
+    choice.per = format!("place after {}, no frame before it being known", LOOPS[1].1);
+    let (fraction, metres) = WALKS[0];
+    let case = |way: usize| {
+        Case::new(1, move || {
+            let turn = std::hint::black_box(angle(fraction));
+            std::hint::black_box(accumulated(way, turn, metres, LOOPS[1].0));
+        })
+    };
+    let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut (0..WAYS.len()).map(case).collect::<Vec<_>>());
+    for (way, name) in WAYS.into_iter().enumerate() {
+        choice.rows.push(Row::new(name).error(errors[way][1], f64::NAN).nanos(nanos[way]));
+    }
+    choice.choose(OURS, "any frame first, at the same price, and nothing adds up");
+    let titles: Vec<String> = LOOPS.iter().map(|l| format!(">after {}", l.1)).collect();
+    let mut columns: Vec<(&str, &'static str)> = vec![("worst error in mm", "way")];
+    columns.extend(titles.iter().map(|t| (t.as_str(), "loops")));
+    let mut table = Table::new("By the time on the timeline", &columns);
+    for (name, errors) in WAYS.iter().zip(errors) {
+        let cells = errors.iter().map(|e| Cell::number(quantity(*e), *e));
+        table.rows.push([Cell::text(*name)].into_iter().chain(cells).collect());
+    }
+    Ok(Section {
+        title: "Root motion",
+        text: "A character walks on where the last loop ended. Steps that are added one by one must all be added for any frame, and their \
+               rounding grows with the time; in f32 a walker along a circle is meters off after hours."
+            .into(),
+        choices: vec![choice],
+        tables: vec![table],
+        off_front: Vec::new(),
+    })
+}
