@@ -1,6 +1,6 @@
 //! The sandbox of an importer: no files, no clock, no modules; limits on steps, seconds and memory.
 
-use crate::budget::Budget;
+use crate::budget::{Budget, Refused, refuse};
 use crate::{bytes, numbers};
 use choreo_sandbox::SizeLimits;
 use rhai::packages::{
@@ -77,6 +77,14 @@ pub fn manifest_engine() -> Engine {
     engine
 }
 
+/// A number at the whole of a text, spaces around it allowed.
+fn parse<T: std::str::FromStr>(name: &str, kind: &str, text: &str) -> Result<T, Refused> {
+    text.trim().parse().map_err(|_| {
+        let shown: String = text.chars().take(40).collect();
+        refuse(format!("{name}: \"{shown}\" is no {kind}"))
+    })
+}
+
 /// Registers mathematics from `libm`, so that an import gives the same bits on every machine.
 fn maths(engine: &mut Engine) {
     type One = (&'static str, fn(f64) -> f64);
@@ -104,6 +112,8 @@ fn maths(engine: &mut Engine) {
     engine.register_fn("to_float", |x: i64| x as f64);
     engine.register_fn("to_float", |x: f64| x);
     engine.register_fn("to_int", |x: f64| x as i64);
+    engine.register_fn("parse_float", |text: &str| parse::<f64>("parse_float", "number", text));
+    engine.register_fn("parse_int", |text: &str| parse::<i64>("parse_int", "whole number", text));
     engine.register_fn("radians", |x: f64| x * (std::f64::consts::PI / 180.0));
     engine.register_fn("radians", |x: i64| x as f64 * (std::f64::consts::PI / 180.0));
 }

@@ -233,6 +233,10 @@ fn errors_have_the_importer_s_line_and_the_file_s_byte() {
             "an array or map of more than 1000000 elements, which is the limit; numbers(…) and f32s(…) hold more",
         ),
         ("let a = \"ab\"; loop { a += a; }", "a text of more than 67108864 bytes, which is the limit"),
+        ("parse_int(\"1.5\")", "parse_int: \"1.5\" is no whole number"),
+        ("parse_float(\"one\")", "parse_float: \"one\" is no number"),
+        ("if parse_int(\" 7 \") + parse_float(\"0.5\") != 7.5 { throw \"no\" } throw \"yes\"", "yes"),
+        ("let a = \"a\" - 1;", "cannot compute text - int"),
         ("throw \"not today\"", "not today"),
     ];
     for (code, message) in cases {
@@ -331,4 +335,26 @@ fn nothing_outside_can_be_reached() {
         };
         assert!(refused, "{code}");
     }
+}
+
+#[test]
+fn lines_are_read_in_place_and_polygons_become_triangles() {
+    let file = b"\xef\xbb\xbf# head\r\n0 0 0\r\n1 0 0\n\n1 1 0\n# between\n0 1 0\n4 0 1 2 3\n3 0 1 2";
+    let code = "let lines = file.bytes.lines();
+        if lines.len != 9 || lines[1] != \"0 0 0\" { throw `${lines.len} ${lines[1]}` }
+        let data = lines.without(\"#\");
+        let count = 0;
+        for line in data { count += 1; }
+        if count != 6 { throw count }
+        let points = data.part(0, 4).numbers();
+        let polygons = numbers();
+        for line in data.part(4, 2) { polygons.append(numbers(line)); }
+        mesh(#{ positions: points, indices: polygons.fans() });";
+    let text = format!("fn manifest() {{ #{{ name: \"x\" }} }}\nfn load(file) {{\n{code}\n}}");
+    let asset = import(&text, file).unwrap_or_else(|e| panic!("{e}"));
+    let primitive = &asset.meshes[0].primitives[0];
+    assert_eq!(primitive.positions.len(), 4);
+    assert_eq!(primitive.indices.to_vec(), [0, 1, 2, 0, 2, 3, 0, 1, 2]);
+    let wrong = fails("numbers([3, 0, 1]).fans()");
+    assert!(wrong.contains("fans: number 0 is 3, must be the number of vertices that follow"), "{wrong}");
 }
