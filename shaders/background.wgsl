@@ -16,8 +16,15 @@ fn background_vs(@builtin(vertex_index) index: u32) -> BackgroundOut {
 fn background_fs(in: BackgroundOut) -> @location(0) vec4<f32> {
     let t = in.position.y / frame.size.y;
     let color = mix(frame.background_top, frame.background_bottom, t);
-    @if(!SURFACE) return color;
-    @if(SURFACE) return background_effects(color, in.position.xy);
+    return shown_behind(color, in.position.xy);
+}
+
+// A color of the background as it is drawn: after effects, and dithered where the target has 8 bits.
+fn shown_behind(color: vec4<f32>, pixel: vec2<f32>) -> vec4<f32> {
+    var shown = color;
+    @if(SURFACE) shown = background_effects(shown, pixel);
+    @if(DITHER) shown = dithered(shown, pixel);
+    return shown;
 }
 
 @if(SURFACE)
@@ -36,6 +43,7 @@ fn background_effects(color: vec4<f32>, pixel: vec2<f32>) -> vec4<f32> {
     let ahead = select(-frame.eye.xyz, rows[3].xyz + x + y, frame.eye.w > 0.5);
     let beside = select(x + y, vec3<f32>(0.0), frame.eye.w > 0.5);
     let way = ahead * inverseSqrt(max(dot(ahead, ahead), 1e-20));
+    effect_at(pixel);
     var seen: Seen;
     seen.viewer = frame.camera.xyz + beside;
     // BACKGROUND_DISTANCE of core/plugin/src/effect.rs.

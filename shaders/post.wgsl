@@ -18,6 +18,7 @@ struct Post {
 @group(0) @binding(1) var post_input: texture_2d<f32>;
 @if(PICTURE) @group(0) @binding(2) var post_original: texture_2d<f32>;
 @if(TEXTURES) @group(0) @binding(3) var<storage, read> effect_texels: array<vec2<u32>>;
+@if(FAULT_RECORDS) @group(0) @binding(4) var<storage, read_write> effect_faults: array<atomic<u32>>;
 
 struct PostOut {
     @builtin(position) position: vec4<f32>,
@@ -64,7 +65,8 @@ fn post_fs(in: PostOut) -> @location(0) vec4<f32> {
     let a = post.parameters[0];
     let b = post.parameters[1];
     let p = array<f32, 8>(a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w);
-    @if(PICTURE) return effect(vec2<i32>(in.position.xy), post_run, p);
+    effect_at(in.position.xy);
+    @if(PICTURE) return effect_color(effect(vec2<i32>(in.position.xy), post_run, p), post_faults);
     @if(!PICTURE) let color = textureLoad(post_input, vec2<i32>(in.position.xy), 0);
-    @if(!PICTURE) return effect(color, in.position.xy / post.size, p);
+    @if(!PICTURE) return effect_color(effect(color, in.position.xy / post.size, p), post_faults);
 }

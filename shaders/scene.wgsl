@@ -65,9 +65,12 @@ fn read_parallax(in: VertexOut) {
 @end
 
 @if(!LIGHT_PASS)
+// Records of faults would let hidden pixels be shaded, where nothing is discarded without need.
+@if(FAULT_RECORDS && SURFACE && !ALPHA_MASK && !COVERAGE && !PEEL_PASS || FAULT_RECORDS && LIGHTING && !ALPHA_MASK && !COVERAGE && !PEEL_PASS) @early_depth_test(force)
 @fragment
 @if(!GEOMETRY) fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
 @if(GEOMETRY) fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> Kept {
+    @if(SURFACE || LIGHTING) effect_at(in.position.xy);
     @if(UV_MOTION_MASK) read_uv_mask(in);
     @if(PARALLAX) read_parallax(in);
     @if(TRIPLANAR) read_planes(in);
@@ -152,6 +155,7 @@ fn read_parallax(in: VertexOut) {
 // Lights the pixel's surface of the G-buffer.
 @fragment
 fn fs(at: LightOut) -> @location(0) vec4<f32> {
+    @if(SURFACE) effect_at(at.position.xy);
     let kept = kept_at(at.position);
     let in = kept.place;
     let front = true;
@@ -340,6 +344,7 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
     color += behind;
     @end
     @if(OUTLINE || WIREFRAME) color = material.outline.color * mix(vec3(1.0), color, material.outline.lighting_mix);
+    @if(LIGHTING) if (effect_light_failed) { color = vec3(1.0, 0.0, 1.0); }
     @if(!GLASS && !SURFACE) return vec4(color, alpha);
     @if(!GLASS && SURFACE && !COVERAGE) return surface_effects(vec4(color, alpha), seen_of(in, front));
     @if(SURFACE && COVERAGE) return vec4(surface_effects(vec4(color, 1.0), seen_of(in, front)).rgb, alpha);

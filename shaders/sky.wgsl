@@ -81,7 +81,6 @@ fn sky_fs(in: BackgroundOut) -> @location(0) vec4<f32> {
     let light = mix(above, below, t.y) * sky.turn.z;
     @if(EXPOSURE || VIEW_TRANSFORM) let color = vec4(displayed(light), 1.0);
     @if(!EXPOSURE && !VIEW_TRANSFORM) let color = vec4(light, 1.0);
-    @if(!SURFACE) return color;
-    @if(SURFACE) return background_effects(color, in.position.xy);
+    return shown_behind(color, in.position.xy);
 }
 @end

@@ -31,6 +31,8 @@ struct Falling {
 
 @if(TEXTURES) @group(0) @binding(8) var<storage, read> effect_texels: array<vec2<u32>>;
 
+@if(FAULT_RECORDS) @group(0) @binding(10) var<storage, read_write> effect_faults: array<atomic<u32>>;
+
 @if(EFFECTS)
 // Parameters of up to eight effects; then the reach of each.
 @group(0) @binding(6) var<uniform> surface_parameters: array<vec4<f32>, 18>;

@@ -37,7 +37,7 @@ pub struct Asset {
     pub springs: Springs,
     /// How the eyes follow a target, where the file states.
     pub eyes: Option<Eyes>,
-    /// Its front, if the script gives it; else [`Asset::facing`] finds it.
+    /// The front, if the script gives it; else [`Asset::facing`] finds it.
     pub front: Option<Front>,
     /// The file's own convention, which was converted.
     pub origin: Origin,
@@ -52,6 +52,8 @@ pub struct Asset {
 pub struct Origin {
     /// "COLLADA 1.4.1"; empty where the importer does not say.
     pub format: String,
+    /// Name and version of the importer, "collada 0.1.0"; empty of assets that no file gave.
+    pub importer: String,
     /// The program that wrote the file, as it calls itself; may be empty.
     pub writer: String,
     /// Metres a unit of the file; `None` where it is not known.

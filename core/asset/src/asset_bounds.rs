@@ -14,7 +14,7 @@ impl Asset {
         self.derived.facing.get_or_init(|| Facing::of(&self.skeleton, &self.clips))
     }
 
-    /// Its front: as given, else as found.
+    /// The front: as given, else as found.
     pub fn front(&self) -> Front {
         self.front.unwrap_or_else(|| self.facing().front)
     }

@@ -14,7 +14,7 @@ pub struct Expression {
     pub morphs: Vec<MorphBind>,
     pub colors: Vec<ColorBind>,
     pub uvs: Vec<UvBind>,
-    /// Its effect on expressions of the other groups while its own weight is above 0.
+    /// The effect on expressions of the other groups while its own weight is above 0.
     pub over_mouth: Override,
     pub over_blink: Override,
     pub over_gaze: Override,

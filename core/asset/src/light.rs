@@ -43,7 +43,7 @@ impl LightKind {
         }
     }
 
-    /// Its name in scripts' messages and in reports.
+    /// The name in scripts' messages and in reports.
     pub fn title(&self) -> &'static str {
         match self {
             LightKind::Directional => "sun",

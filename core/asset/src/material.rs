@@ -171,7 +171,7 @@ impl Default for Material {
 }
 
 impl Material {
-    /// Its reflection, if its shading model has one and it is not black.
+    /// The reflection, if its shading model has one and it is not black.
     pub fn mirrors(&self) -> Option<&Reflection> {
         let phong = matches!(self.shading, Shading::BlinnPhong | Shading::Phong);
         self.reflection.as_deref().filter(|r| phong && r.color.max_element() > 0.0)

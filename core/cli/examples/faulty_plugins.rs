@@ -3,18 +3,18 @@
 use choreo_asset::Asset;
 use choreo_plugin::{
     Effect, EffectScene, ExportError, Exporter, Files, Frame, FrameSink, Hook, ImportError, ImportOptions,
-    ImportScope, Importer, Manifest, Overlay, Registry, Source, VideoInfo,
+    ImportScope, Importer, Manifest, Overlay, Source, VideoInfo,
 };
 use std::io::Write;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let mut plugins: Registry = choreo::registry();
+    let mut app = choreo::app();
     let manifest = || Manifest::new("faulty", "1.2", "panics").extensions(["faulty"]);
-    plugins.add_importer(Faulty(manifest()));
-    plugins.add_exporter(Faulty(manifest()));
-    plugins.add_effect(Faulty(manifest()));
-    choreo::run(std::env::args_os(), &plugins)
+    app.registry.add_importer(Faulty(manifest()));
+    app.registry.add_exporter(Faulty(manifest()));
+    app.registry.add_effect(Faulty(manifest()));
+    choreo::run(std::env::args_os(), &app)
 }
 
 struct Faulty(Manifest);

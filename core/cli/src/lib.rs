@@ -1,9 +1,16 @@
-//! The program `choreo`: the command line with the plugins of this repository. A program with plugins of its own calls [`run`] with
-//! the [`registry`] and what it adds to it; `examples/my_plugin.rs` shows how.
+//! The program `choreo`: the command line with the plugins of this repository. A program with plugins of its own adds them to
+//! [`app`] and gives it to [`run`] and, for its viewer, to `choreo_viewer::run`; `tests/studio` shows how.
 
 use choreo_plugin::Registry;
 
-pub use choreo_command_line::run;
+pub use choreo_command_line::{App, run};
+
+/// The program `choreo`.
+pub fn app() -> App {
+    // Making the plugins takes memory, too.
+    choreo_command_line::exit_code_of_abort();
+    App::new("choreo", env!("CARGO_PKG_VERSION"), registry())
+}
 
 /// The plugins that this program is built with.
 pub fn registry() -> Registry {
@@ -21,5 +28,6 @@ pub fn registry() -> Registry {
     registry.add_exporter(export_mp4::Mp4Exporter);
     registry.add_exporter(export_gif::GifExporter);
     registry.add_exporter(export_y4m::Y4mExporter);
+    registry.add_scene_exporter(export_csv::CsvExporter);
     registry
 }

@@ -1,5 +1,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    choreo::run(std::env::args_os(), &choreo::registry())
+    choreo::run(std::env::args_os(), &choreo::app())
 }

@@ -507,3 +507,25 @@ fn little_memory_ends_with_an_exit_code() {
     }
     assert!(codes.iter().filter(|code| **code == 5).count() >= 4, "{codes:?}");
 }
+
+/// `info` ends before a model uses up the memory, as `check` does.
+#[test]
+fn info_and_check_have_one_memory_limit() {
+    let dir = folder();
+    let mut stl = vec![0u8; 80];
+    let triangles = 400_000u32;
+    stl.extend(triangles.to_le_bytes());
+    for i in 0..triangles {
+        let at = i as f32;
+        let numbers = [0.0, 0.0, 1.0, at, 0.0, 0.0, at + 1.0, 0.0, 0.0, at, 1.0, 0.0f32];
+        stl.extend(numbers.iter().flat_map(|v| v.to_le_bytes()));
+        stl.extend([0, 0]);
+    }
+    std::fs::write(dir.path().join("large.stl"), stl).unwrap();
+    for command in ["check", "info"] {
+        let (code, first) = refused(dir.path(), &[command, "large.stl", "--limit", "memory=20000000"]);
+        assert_eq!(code, 1, "{command}: {first}");
+        assert!(first.contains("the program would need more memory than it may use"), "{command}: {first}");
+    }
+    assert_eq!(choreo(dir.path(), &["info", "large.stl"]).code, 0);
+}

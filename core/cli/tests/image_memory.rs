@@ -47,7 +47,7 @@ fn run(folder: &Path, args: &[&str]) {
         false => OsString::from(arg),
     };
     let args = std::iter::once(OsString::from("choreo")).chain(args.iter().map(path));
-    assert_eq!(choreo::run(args, &choreo::registry()), ExitCode::SUCCESS);
+    assert_eq!(choreo::run(args, &choreo::app()), ExitCode::SUCCESS);
 }
 
 /// Runs a command in a process of its own, and bounds its memory.

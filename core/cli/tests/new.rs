@@ -3,7 +3,7 @@
 mod common;
 
 use common::*;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 #[test]
@@ -19,7 +19,7 @@ fn single_files_work_as_they_are() {
     std::fs::write(dir.path().join("s.rhai"), "effect(\"old_photo\", #{ amount: 0.5 });\n").unwrap();
     let run = choreo(dir.path(), &["check", "s.rhai"]);
     assert_eq!(run.code, 0, "{}", run.err);
-    for hook in ["pixel", "picture", "surface", "vertex", "lighting", "shell", "overlay"] {
+    for hook in HOOKS.into_iter().chain(["pixel"]) {
         let run = choreo(dir.path(), &["new", "effect", &format!("of_{hook}"), "--single", "--hook", hook]);
         assert_eq!(run.code, 0, "{}", run.err);
         let script = format!(
@@ -30,6 +30,17 @@ fn single_files_work_as_they_are() {
         assert_eq!(run.code, 0, "{hook}: {}", run.err);
         std::fs::remove_file(dir.path().join("a.png")).unwrap();
     }
+    let run = choreo(dir.path(), &["new", "exporter", "my_lines", "--single"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let script = "stage(#{ fps: 4, length: 0.75 });\ncast(\"a\", shape(\"box\")).at(1.0, 0.0, 2.5);\n";
+    std::fs::write(dir.path().join("s.rhai"), script).unwrap();
+    let run = choreo(dir.path(), &["export", "s.rhai", "-o", "s.my_lines", "--export", "step=2"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let lines = String::from_utf8(read(dir.path(), "s.my_lines")).unwrap();
+    let lines: Vec<&str> = lines.lines().collect();
+    let of = |secs: &str| lines.iter().filter(|l| l.starts_with(secs) && l.ends_with(",1.0,0.0,2.5")).count();
+    assert_eq!((lines[0], of("0.0,a,"), of("0.5,a,")), ("seconds,actor,joint,x,y,z", 1, 1), "{lines:?}");
+    assert_eq!(lines.len(), 3);
     let run = choreo(dir.path(), &["new", "importer", "c", "--single", "--hook", "vertex"]);
     assert!(run.code != 0 && run.err.contains("--hook is of effects"), "{}", run.err);
     // A folder that is not there yet is made.
@@ -38,37 +49,78 @@ fn single_files_work_as_they_are() {
     assert!(dir.path().join("looks/mine/b.wgsl").is_file());
 }
 
-/// One crate of each kind, built where no registry is asked, and its own tests. What they are built from is kept between runs.
+/// Runs the tests of the crates in a folder where no registry is asked. What they are built from is kept between runs.
+fn tested(folder: &Path) -> String {
+    // The versions that are here already.
+    std::fs::copy(sources().join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
+    let output = Command::new(env!("CARGO"))
+        .args(["test", "--offline", "--workspace", "--no-fail-fast"])
+        .current_dir(folder)
+        .env("CARGO_TARGET_DIR", Path::new(env!("CARGO_TARGET_TMPDIR")).join("new-crates"))
+        .env("CARGO_PROFILE_DEV_DEBUG", "false")
+        .env_remove("RUSTFLAGS")
+        .output()
+        .unwrap();
+    let text =
+        String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{text}");
+    text
+}
+
+fn sources() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
+}
+
+const HOOKS: [&str; 6] = ["picture", "surface", "vertex", "lighting", "shell", "overlay"];
+
+/// A crate of each kind and an effect of each hook, members of one workspace, with their own tests.
 #[test]
 fn crates_build_and_pass_their_tests() {
-    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap();
-    let dir = folder();
-    for (kind, made) in [("importer", "import-my-format"), ("effect", "effect-my-format")] {
-        let run = choreo(dir.path(), &["new", kind, "my_format", "--sources", sources.to_str().unwrap()]);
-        assert_eq!(run.code, 0, "{}", run.err);
-        let made = dir.path().join(made);
-        // The versions that are here already.
-        std::fs::copy(sources.join("Cargo.lock"), made.join("Cargo.lock")).unwrap();
-        let output = Command::new(env!("CARGO"))
-            .args(["test", "--offline", "--quiet"])
-            .current_dir(&made)
-            .env("CARGO_TARGET_DIR", Path::new(env!("CARGO_TARGET_TMPDIR")).join("new-crates"))
-            .env_remove("RUSTFLAGS")
-            .output()
-            .unwrap();
-        let text =
-            String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.success(), "{kind}: {text}");
-        // Not an empty run: both have tests, and none of the words of the example is left.
+    let (dir, sources) = (folder(), sources());
+    std::fs::write(dir.path().join("Cargo.toml"), "[workspace]\nresolver = \"3\"\nmembers = [\"mine/*\"]\n")
+        .unwrap();
+    std::fs::create_dir(dir.path().join("mine")).unwrap();
+    let new = |kind: &str, name: &str, hook: &[&str]| {
+        let arguments = ["new", kind, name, "--into", "mine", "--sources", sources.to_str().unwrap()];
+        let run = choreo(dir.path(), &[&arguments, hook].concat());
         assert!(
-            text.contains("test result: ok. 2 passed") || text.contains("test result: ok. 3 passed"),
-            "{kind}: {text}"
+            run.code == 0 && run.out.contains("it belongs to the workspace of"),
+            "{}{}",
+            run.out,
+            run.err
         );
-        let source = std::fs::read_to_string(made.join("src/lib.rs")).unwrap();
-        assert!(!source.to_lowercase().contains("example"), "{source}");
-        let readme = std::fs::read_to_string(made.join("README.md")).unwrap();
+    };
+    for (kind, made, copied) in [
+        ("importer", "import-my-format", "example"),
+        ("effect", "effect-my-format", "example"),
+        ("exporter", "export-my-format", "csv"),
+    ] {
+        new(kind, "my_format", &[]);
+        // None of the words of the crate that was copied is left.
+        let made = dir.path().join("mine").join(made);
+        let text = |name: &str| std::fs::read_to_string(made.join(name)).unwrap();
+        let (source, readme) = (text("src/lib.rs"), text("README.md"));
+        assert!(!source.to_lowercase().contains(copied), "{source}");
         assert!(!format!("{source}{readme}").contains(" to copy"), "{readme}");
     }
+    HOOKS.iter().for_each(|hook| new("effect", &format!("of_{hook}"), &["--hook", hook]));
+    let text = tested(dir.path());
+    let passed = |tests: usize| text.matches(&format!("test result: ok. {tests} passed")).count();
+    // Of the importer; of the exporter and the seven effects.
+    assert_eq!((passed(3), passed(2)), (1, 8), "{text}");
+    for test in ["a_crest_is_as_high_as_the_parameter", "a_pulse_makes_it_twice_as_wide"] {
+        assert!(text.contains(test), "{text}");
+    }
+}
+
+/// Outside a workspace a crate is one.
+#[test]
+fn a_crate_on_its_own_builds() {
+    let (dir, sources) = (folder(), sources());
+    let run = choreo(dir.path(), &["new", "exporter", "alone", "--sources", sources.to_str().unwrap()]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let text = tested(&dir.path().join("export-alone"));
+    assert!(text.contains("test result: ok. 2 passed"), "{text}");
 }
 
 #[test]
@@ -86,25 +138,4 @@ fn nothing_is_overwritten_and_names_are_checked() {
     assert!(run.code == 2 && run.err.contains("--sources DIR"), "{}", run.err);
     let run = choreo(dir.path(), &["new", "importer", "a", "--sources", "."]);
     assert!(run.code == 2 && run.err.contains("choreo's sources are not there"), "{}", run.err);
-}
-
-/// In a folder of a workspace the crate is a member of it: a second root would be an error of Cargo.
-#[test]
-fn a_crate_in_a_workspace_is_a_member_of_it() {
-    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap();
-    let dir = folder();
-    std::fs::write(dir.path().join("Cargo.toml"), "[workspace]\nresolver = \"3\"\nmembers = [\"mine/*\"]\n")
-        .unwrap();
-    let arguments =
-        ["new", "importer", "my_format", "--into", "mine", "--sources", sources.to_str().unwrap()];
-    std::fs::create_dir(dir.path().join("mine")).unwrap();
-    let run = choreo(dir.path(), &arguments);
-    assert!(run.code == 0 && run.out.contains("it belongs to the workspace of"), "{}{}", run.out, run.err);
-    let output = Command::new(env!("CARGO"))
-        .args(["metadata", "--no-deps", "--offline", "--format-version", "1"])
-        .current_dir(dir.path())
-        .output()
-        .unwrap();
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(text.contains("import-my-format"), "{text}{}", String::from_utf8_lossy(&output.stderr));
 }

@@ -65,32 +65,32 @@ fn without_a_repository_only_the_folder_of_the_script_counts() {
 fn what_is_wrong_with_it_is_told_with_its_place() {
     let dir = project();
     let d = dir.path();
-    let told = |text: &str| -> String {
+    let message = |text: &str| -> String {
         write(d, text);
         let Run { code, err, .. } = choreo(d, &["check", "scenes/a.rhai"]);
         assert_eq!(code, 1, "{text}: {err}");
         err.split_once("choreo.toml:").map(|(_, rest)| rest.to_string()).unwrap_or(err)
     };
     assert_eq!(
-        told("serach = [\"assets\"]\n"),
-        "1:1: unknown key \"serach\"; did you mean \"search\"?\n    hint: known: search, plugins, render, check, info, explain, \
+        message("serach = [\"assets\"]\n"),
+        "1:1: unknown key \"serach\"; did you mean \"search\"?\n    hint: known: search, plugins, render, export, check, info, explain, \
          measure, test\n"
     );
     assert!(
-        told("[render]\nsiez = \"8x8\"\n")
+        message("[render]\nsiez = \"8x8\"\n")
             .starts_with("2:1: unknown option of render \"siez\"; did you mean \"size\"?")
     );
-    assert_eq!(told("[render]\n\noutput = \"a.mp4\"\n"), "3:1: --output is for the command line alone\n");
-    assert_eq!(told("[check]\nlimit = [\"frames=1\"]\n"), "2:1: --limit is for the command line alone\n");
-    assert_eq!(told("search = \"assets\"\n"), "1:10: search must be an array of folders, [\"assets\"]\n");
-    assert_eq!(told("search = [\"assets\", \"asets\"]\n"), "1:21: search: there is no folder \"asets\"\n");
+    assert_eq!(message("[render]\n\noutput = \"a.mp4\"\n"), "3:1: --output is for the command line alone\n");
+    assert_eq!(message("[check]\nlimit = [\"frames=1\"]\n"), "2:1: --limit is for the command line alone\n");
+    assert_eq!(message("search = \"assets\"\n"), "1:10: search must be an array of folders, [\"assets\"]\n");
+    assert_eq!(message("search = [\"assets\", \"asets\"]\n"), "1:21: search: there is no folder \"asets\"\n");
     assert!(
-        told("search = [\"..\"]\n")
+        message("search = [\"..\"]\n")
             .starts_with("1:11: search: \"..\" leads out of the folder of choreo.toml\n")
     );
-    assert_eq!(told("[check]\nstrict = 1\n"), "2:10: strict must be true or false\n");
-    assert_eq!(told("render = 3\n"), "1:10: render must be a table of options: [render]\n");
-    assert_eq!(told("search = [\n"), "1:11: unclosed array, expected `]`\n");
+    assert_eq!(message("[check]\nstrict = 1\n"), "2:10: strict must be true or false\n");
+    assert_eq!(message("render = 3\n"), "1:10: render must be a table of options: [render]\n");
+    assert_eq!(message("search = [\n"), "1:11: unclosed array, expected `]`\n");
 }
 
 #[cfg(unix)]

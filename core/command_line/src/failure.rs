@@ -81,7 +81,7 @@ impl Failure {
         }
     }
 
-    /// Its lines on standard error.
+    /// The lines on standard error.
     pub fn lines(&self) -> Vec<String> {
         match self {
             Failure::Input(problems) => problems.iter().map(ToString::to_string).collect(),

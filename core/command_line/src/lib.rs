@@ -1,6 +1,7 @@
-//! The command line of the program `choreo`. [`run`] gets the plugins from its caller and knows none of them, so that a change in a
+//! The command line of the program `choreo`. [`run`] gets the [`App`] from its caller and knows no plugin, so that a change in a
 //! plugin compiles the plugin and `core/cli` only. Each command is one module; `failure` defines how commands end.
 
+mod app;
 mod args;
 mod commands;
 mod drawing;
@@ -12,28 +13,29 @@ mod project_file;
 mod scene;
 mod terminal;
 
+pub use app::App;
 pub use drawing::device::cache_dir;
+pub use process::panics::exit_code_of_abort;
 
 use args::{Cli, Command, RenderArgs, values};
-use choreo_plugin::Registry;
 use clap::FromArgMatches;
 use commands::{
-    check, explain, help, info, measure, new, plugins as plugins_command, pose, render, test, view,
+    check, explain, export, help, info, measure, new, plugins as plugins_command, pose, render, test, view,
 };
 use failure::{Failure, print_json, print_json_message, print_message};
 use process::{interrupt, panics, threads};
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-/// One call of the program: `args` as in `std::env::args_os()`, the program's name first. Plugin files beside scripts are added to
-/// `plugins`. Writes to the process's standard streams, and takes Ctrl-C and panics for the length of the process.
-pub fn run(args: impl IntoIterator<Item = OsString>, plugins: &Registry) -> ExitCode {
+/// One call of the program: `args` as in `std::env::args_os()`, the program's name first. Writes to the process's standard streams,
+/// and takes Ctrl-C and panics for the length of the process.
+pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
     let args = help::as_flag(args.into_iter().collect());
-    let extended = match project_file::extended(&args) {
+    let extended = match project_file::extended(&args, app) {
         Ok(extended) => extended,
         Err(failure) => return ended(&failure, args.iter().any(|a| a == "--json"), &args),
     };
-    let parsed = help::command(&args, plugins).try_get_matches_from(&extended);
+    let parsed = help::command(&args, app).try_get_matches_from(&extended);
     let cli = match parsed.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
         Err(error) => return unread(&args, &error),
@@ -41,7 +43,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, plugins: &Registry) -> Exit
     panics::install();
     interrupt::install();
     let json = cli.command.json();
-    let result = panics::guarded(|| start(cli.command, &args, plugins));
+    let result = panics::guarded(|| start(cli.command, &args, app));
     let Err(failure) = result else { return ExitCode::SUCCESS };
     ended(&failure, json, &args)
 }
@@ -55,7 +57,7 @@ fn ended(failure: &Failure, json: bool, args: &[OsString]) -> ExitCode {
     ExitCode::from(failure.code())
 }
 
-fn start(command: Command, args: &[OsString], plugins: &Registry) -> Result<(), Failure> {
+fn start(mut command: Command, args: &[OsString], app: &App) -> Result<(), Failure> {
     match &command {
         Command::Render(given) => {
             let jobs = given.jobs.as_deref().map(values::jobs).transpose()?;
@@ -65,6 +67,10 @@ fn start(command: Command, args: &[OsString], plugins: &Registry) -> Result<(), 
         Command::New(_) | Command::View(_) | Command::Plugins(_) | Command::Help(_) => {}
         _ => threads::start(None)?,
     }
+    if let Some(scene) = command.scene() {
+        scene.software = app.software();
+    }
+    let plugins = &app.registry;
     match command {
         Command::Render(given) => {
             render::run(RenderArgs { again: interrupt::command_to_resume(args), ..given }, plugins)
@@ -74,7 +80,8 @@ fn start(command: Command, args: &[OsString], plugins: &Registry) -> Result<(), 
         Command::Explain(args) => explain::run(args, plugins),
         Command::Measure(args) => measure::run(args, plugins),
         Command::Pose(args) => pose::run(args, plugins),
-        Command::View(args) => view::run(args),
+        Command::Export(args) => export::run(&args, plugins),
+        Command::View(args) => view::run(args, app),
         Command::Test(args) => test::run(args, plugins),
         Command::Plugins(args) => plugins_command::run(args, plugins),
         Command::New(args) => new::run(args),

@@ -1,6 +1,8 @@
 //! `choreo.toml` beside the input, or in a folder around it up to the one with `.git`: search folders, plugin folders and default
-//! options of commands. It becomes options of the command line, unless they are given there.
+//! options of commands. It becomes options of the command line, unless they are given there. The defaults of the [`App`] follow in
+//! the same way.
 
+use crate::App;
 use crate::args::Cli;
 use crate::failure::Failure;
 use choreo_plugin::suggest::{did_you_mean, list};
@@ -36,24 +38,53 @@ const OPTIONS: [&str; 15] = [
     "joints",
 ];
 
-/// The command line with the options of the input's `choreo.toml` behind its own.
-pub fn extended(args: &[OsString]) -> Result<Vec<OsString>, Failure> {
+/// The command line with the options of the input's `choreo.toml` behind its own, and then those of the program.
+pub fn extended(args: &[OsString], app: &App) -> Result<Vec<OsString>, Failure> {
+    let args = with_options(args, |name, given| match given.get_flag("no_project_file") {
+        true => Ok(None),
+        false => start_folder(name, given).and_then(|start| find(&start)).map(ProjectFile::read).transpose(),
+    })?;
+    let args = with_options(&args, |_, _| Ok(ProjectFile::of_app(app)))?;
+    with_folders(args, app)
+}
+
+/// The words with the options of a file that is chosen by the command's name and arguments.
+fn with_options(
+    args: &[OsString],
+    file: impl FnOnce(&str, &ArgMatches) -> Result<Option<ProjectFile>, Failure>,
+) -> Result<Vec<OsString>, Failure> {
     // What is wrong with the command line is reported when it is read.
     let Ok(matches) = Cli::command().try_get_matches_from(args) else { return Ok(args.to_vec()) };
     let Some((name, given)) = matches.subcommand() else { return Ok(args.to_vec()) };
-    if given.get_flag("no_project_file") {
-        return Ok(args.to_vec());
-    }
-    let Some(start) = start_folder(name, given) else { return Ok(args.to_vec()) };
-    let Some(file) = find(&start) else { return Ok(args.to_vec()) };
+    let Some(file) = file(name, given)? else { return Ok(args.to_vec()) };
     let cli = Cli::command();
     let Some(command) = cli.find_subcommand(name) else { return Ok(args.to_vec()) };
-    let mut extended = args.to_vec();
-    let options = ProjectFile::read(file)?.options(&cli, command, given)?;
-    // Words behind -- are no options.
+    Ok(appended(args, file.options(&cli, command, given)?))
+}
+
+/// The words with further options; words behind -- are no options.
+fn appended(args: &[OsString], options: Vec<OsString>) -> Vec<OsString> {
     let end = args.iter().position(|a| a == "--").unwrap_or(args.len());
+    let mut extended = args.to_vec();
     extended.splice(end..end, options);
-    Ok(extended)
+    extended
+}
+
+/// The words with the folders of the program, where the command takes them. The viewer has them of its own program.
+fn with_folders(args: Vec<OsString>, app: &App) -> Result<Vec<OsString>, Failure> {
+    let Ok(matches) = Cli::command().try_get_matches_from(&args) else { return Ok(args) };
+    let cli = Cli::command();
+    let Some(command) = matches.subcommand_name().and_then(|name| cli.find_subcommand(name)) else {
+        return Ok(args);
+    };
+    let mut options: Vec<OsString> = Vec::new();
+    for (name, folders) in [("search", &app.search), ("plugins", &app.plugins)] {
+        if argument(command, name).is_some() {
+            let flag = OsString::from(format!("--{name}"));
+            options.extend(folders.iter().flat_map(|folder| [flag.clone(), folder.clone().into()]));
+        }
+    }
+    Ok(appended(&args, options))
 }
 
 /// The folder that the file is looked for in first.
@@ -61,7 +92,9 @@ fn start_folder(command: &str, given: &ArgMatches) -> Option<PathBuf> {
     let input = match command {
         "test" | "plugins" => return std::env::current_dir().ok(),
         "info" => given.get_one::<PathBuf>("file")?,
-        "render" | "check" | "explain" | "measure" | "pose" | "view" => given.get_one::<PathBuf>("input")?,
+        "render" | "export" | "check" | "explain" | "measure" | "pose" | "view" => {
+            given.get_one::<PathBuf>("input")?
+        }
         _ => return None,
     };
     let folder = input.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -81,6 +114,8 @@ fn find(start: &Path) -> Option<PathBuf> {
 struct ProjectFile {
     path: PathBuf,
     text: String,
+    /// Whether the text is that of a program, whose folders are fields.
+    of_app: bool,
 }
 
 impl ProjectFile {
@@ -91,7 +126,14 @@ impl ProjectFile {
         }
         let bytes = choreo_files::read(&path, LARGEST).map_err(|e| failed(format!("cannot read: {e}")))?;
         let text = String::from_utf8(bytes).map_err(|_| failed("it is not UTF-8 text".into()))?;
-        Ok(ProjectFile { path, text: text.strip_prefix('\u{feff}').map(str::to_string).unwrap_or(text) })
+        let text = text.strip_prefix('\u{feff}').map(str::to_string).unwrap_or(text);
+        Ok(ProjectFile { path, text, of_app: false })
+    }
+
+    /// The defaults of the program, which messages call so.
+    fn of_app(app: &App) -> Option<ProjectFile> {
+        let path = PathBuf::from(format!("defaults of {}", app.name));
+        (!app.defaults.is_empty()).then(|| ProjectFile { path, text: app.defaults.clone(), of_app: true })
     }
 
     /// An error at a place of the file.
@@ -118,6 +160,9 @@ impl ProjectFile {
             let name = key.get_ref().as_ref();
             let of_command = cli.find_subcommand(name).filter(|of| !defaults(of).is_empty());
             match (name, value.get_ref(), of_command) {
+                ("search" | "plugins", _, _) if self.of_app => {
+                    return Err(self.wrong(key.span(), format!("{name} is a field of the App")));
+                }
                 ("search" | "plugins", _, _) => {
                     let folders = self.folders(name, value)?;
                     let takes = command.get_name() == "view" || argument(command, name).is_some();

@@ -5,7 +5,6 @@ pub mod budget;
 pub mod color;
 pub mod decompose;
 pub mod images;
-pub mod normals;
 pub mod panorama;
 pub mod parts;
 pub mod polygon;
@@ -17,6 +16,8 @@ pub mod tangents;
 pub mod text;
 pub mod textures;
 pub mod weld;
+
+pub use choreo_plugin::build::normals;
 
 pub use budget::{Budget, Notes};
 pub use problem::{Problem, Result, WithPlace};

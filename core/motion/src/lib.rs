@@ -81,7 +81,7 @@ pub use pose::blend::{Blend, BlendOnto, RotationBlend};
 pub use pose::inertialization::{Inertialization, WeightInertialization};
 pub use pose::local_to_model::LocalToModel;
 pub use pose::weighted_blend::WeightedBlend;
-pub use retarget::bind::bind_clip;
+pub use retarget::bind::{bind_by_name, bind_clip};
 pub use retarget::joint_map::JointMap;
 pub use retarget::{Retarget, bind_or_retarget};
 pub use root_motion::{RootMotion, RootParts};

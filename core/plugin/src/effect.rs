@@ -32,6 +32,11 @@ impl Hook {
         matches!(self, Hook::Outline | Hook::Overlay) || self.is_in_scene()
     }
 
+    /// Whether effects have a function that both devices run: [`Effect::function`].
+    pub fn has_function(self) -> bool {
+        matches!(self, Hook::Pixel | Hook::Image) || self.is_in_scene()
+    }
+
     /// Whether the function is part of the shaders that draw the scene.
     pub fn is_in_scene(self) -> bool {
         matches!(self, Hook::Surface | Hook::Vertex | Hook::Lighting)
@@ -194,8 +199,48 @@ pub struct EffectImages<'a> {
     pub before: &'a [EffectImage<'a>],
 }
 
-/// The function of an effect on the CPU: its WGSL, evaluated. Each method belongs to one [`Hook`].
+/// Steps that one call of an effect's function may take: rounds of its loops, each times the statements of the loop's body.
+pub const MAX_EFFECT_STEPS: u32 = 100_000;
+
+/// Bits of a NaN that stands for a result that took more than [`MAX_EFFECT_STEPS`], without the loop's number.
+const ENDLESS: u32 = 0x7fc1_0000;
+
+/// The result of a call that took too many steps, in its first component: a NaN with the number of the loop, 0 for none.
+///
+/// ```
+/// use choreo_plugin::effect::{endless, endless_loop};
+/// assert_eq!((endless_loop(endless(3)), endless_loop(f32::NAN), endless_loop(1.0)), (Some(3), None, None));
+/// ```
+pub fn endless(loop_number: u32) -> f32 {
+    f32::from_bits(ENDLESS | loop_number & 0xffff)
+}
+
+/// The number of the loop, where a value is one of [`endless`].
+pub fn endless_loop(value: f32) -> Option<u32> {
+    (value.to_bits() & 0xffff_0000 == ENDLESS).then_some(value.to_bits() & 0xffff)
+}
+
+/// The function of an effect: its WGSL, and the same function on the CPU. Each method but the first two belongs to one [`Hook`].
+/// Where a result is NaN or infinite, or [`endless`], the renderers warn and draw magenta.
 pub trait EffectFunction: Send + Sync {
+    /// WGSL source of a function `effect`; colors are linear.
+    /// - [`Hook::Pixel`]: `fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>`, `uv` 0..1 from the top left.
+    /// - [`Hook::Surface`]: `fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32>`.
+    /// - [`Hook::Vertex`]: `fn effect(place: Place, p: array<f32, 8>) -> vec3<f32>`, the displacement. Normals follow it.
+    /// - [`Hook::Lighting`]: `fn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32>`, the reflected light.
+    /// - [`Hook::Image`]: `fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32>`, which may call
+    ///   `picture(at)`, the result of the pass before, `original(at)`, the input of the first pass, `picture_size()` and
+    ///   `original_size()`, in pixels, `shrink_factor()`, and with a history `previous(frames, at)`, which only the CPU runs.
+    ///
+    /// Each may call `NAME(uv)` of its [`Effect::textures`].
+    fn wgsl(&self) -> &str;
+
+    /// Places (`my.wgsl:3:5`) of the loops in [`EffectFunction::wgsl`] that count their rounds with `effect_round(cost, number)`,
+    /// in the order of their numbers, which begin at 1.
+    fn loops(&self) -> &[String] {
+        &[]
+    }
+
     /// [`Hook::Pixel`]: replaces linear colors; `uv` is 0 to 1 from the top left, one for each color.
     fn pixels(&self, colors: &mut [Vec4], uv: &[Vec2], parameters: &[f32; 8]);
 
@@ -251,7 +296,7 @@ pub trait EffectFunction: Send + Sync {
 /// }
 ///
 /// let names = Names(Manifest::new("names", "1", "the name of each actor above it"));
-/// assert!(names.applies_to_actors() && names.wgsl().is_empty());
+/// assert!(names.applies_to_actors() && names.function().is_none());
 /// ```
 pub trait Effect: Send + Sync {
     /// Name, description and parameters.
@@ -272,21 +317,7 @@ pub trait Effect: Send + Sync {
         self.hook().applies_to_actors()
     }
 
-    /// WGSL source of a function `effect`; colors are linear.
-    /// - [`Hook::Pixel`]: `fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>`, `uv` 0..1 from the top left.
-    /// - [`Hook::Surface`]: `fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32>`.
-    /// - [`Hook::Vertex`]: `fn effect(place: Place, p: array<f32, 8>) -> vec3<f32>`, the displacement. Normals follow it.
-    /// - [`Hook::Lighting`]: `fn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32>`, the reflected light.
-    /// - [`Hook::Image`]: `fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32>`, which may call
-    ///   `picture(at)`, the result of the pass before, `original(at)`, the input of the first pass, `picture_size()` and
-    ///   `original_size()`, in pixels, `shrink_factor()`, and with a history `previous(frames, at)`, which only the CPU runs.
-    ///
-    /// Each may call `NAME(uv)` of its [`Effect::textures`].
-    fn wgsl(&self) -> &str {
-        ""
-    }
-
-    /// The function of [`Effect::wgsl`] on the CPU; `None` for hooks without a function.
+    /// The effect's function, on both devices; `None` for hooks without one.
     fn function(&self) -> Option<&dyn EffectFunction> {
         None
     }

@@ -2,6 +2,7 @@
 
 use crate::{ExportOptions, Manifest, PluginPanic};
 use choreo_motion::FrameRate;
+use choreo_stage::StageError;
 use std::io::{Read, Write};
 use thiserror::Error;
 
@@ -149,7 +150,7 @@ pub struct VideoInfo {
     pub fps: FrameRate,
     /// Number of frames.
     pub frames: u64,
-    /// Its provenance, as (keyword, text): written as metadata where the format has a place for it.
+    /// The provenance, as (keyword, text): written as metadata where the format has a place for it.
     pub provenance: Vec<(String, String)>,
     /// Option values by name, checked against the exporter's manifest ([`Manifest::option`]).
     pub options: ExportOptions,
@@ -168,6 +169,7 @@ pub struct Frame {
 
 /// Why a file could not be written.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum ExportError {
     /// The writer failed.
     #[error("cannot write: {0}")]
@@ -175,6 +177,9 @@ pub enum ExportError {
     /// The format cannot hold the frames.
     #[error("{0}")]
     Format(String),
+    /// The stage cannot be evaluated at a time.
+    #[error(transparent)]
+    Stage(#[from] StageError),
     /// The exporter has panicked.
     #[error(transparent)]
     Panic(#[from] PluginPanic),

@@ -1,10 +1,12 @@
 //! A panic of a plugin ends its call, not the program: importers and exporters return an error, and a panic of an effect goes on as a
 //! [`PluginPanic`], which callers report. The message names the plugin and its version.
 
+use crate::asset_check::{AssetFault, checked};
 use crate::effect::{EffectFunction, Hook, InvertedHull, Shutter, SurfaceInputs, ViewOrder};
 use crate::{
-    Claim, Effect, EffectScene, EffectTexture, ExportError, Exporter, Files, Frame, FrameSink, ImportError,
-    ImportOptions, ImportScope, Importer, Manifest, Mark, Overlay, PluginFile, Source, VideoInfo,
+    Claim, Effect, EffectScene, EffectTexture, ExportError, ExportedScene, Exporter, Files, Frame, FrameSink,
+    ImportError, ImportOptions, ImportScope, Importer, Manifest, Mark, Overlay, PluginFile, SceneExporter,
+    SceneFiles, Source, VideoInfo,
 };
 use choreo_asset::Asset;
 use glam::Vec3;
@@ -47,7 +49,7 @@ fn isolated<T>(manifest: &Manifest, call: impl FnOnce() -> T) -> Result<T, Plugi
     catch_unwind(AssertUnwindSafe(call)).map_err(|payload| PluginPanic::new(manifest, &*payload))
 }
 
-/// An importer whose panics are import errors.
+/// An importer whose panics and faulty assets are import errors, and whose assets say who made them.
 pub(crate) struct IsolatedImporter(pub Arc<dyn Importer>);
 
 impl Importer for IsolatedImporter {
@@ -71,15 +73,19 @@ impl Importer for IsolatedImporter {
         needs: ImportScope,
         options: &ImportOptions,
     ) -> Result<Asset, ImportError> {
-        isolated(self.manifest(), || self.0.import(source, files, needs, options)).unwrap_or_else(|panic| {
-            Err(ImportError {
-                file: source.name.clone(),
-                place: String::new(),
-                what: panic.to_string(),
-                hint: Some(
-                    "this is a fault of the plugin; please report it to its author with the file".into(),
-                ),
-            })
+        let manifest = self.manifest();
+        let fault = |place: String, what: String| ImportError {
+            file: source.name.clone(),
+            place,
+            what,
+            hint: Some("this is a fault of the plugin; please report it to its author with the file".into()),
+        };
+        let imported = isolated(manifest, || self.0.import(source, files, needs, options));
+        let mut asset = imported.unwrap_or_else(|panic| Err(fault(String::new(), panic.to_string())))?;
+        asset.origin.importer = manifest.to_string();
+        checked(asset, needs).map_err(|AssetFault { place, what }| {
+            let Manifest { name, version, .. } = manifest;
+            fault(place, format!("the plugin {name} {version} has made a faulty asset: {what}"))
         })
     }
 }
@@ -167,6 +173,23 @@ impl FrameSink for IsolatedSink {
     }
 }
 
+/// A scene exporter whose panics are export errors.
+pub(crate) struct IsolatedSceneExporter(pub Arc<dyn SceneExporter>);
+
+impl SceneExporter for IsolatedSceneExporter {
+    fn manifest(&self) -> &Manifest {
+        self.0.manifest()
+    }
+
+    fn file(&self) -> Option<&PluginFile> {
+        self.0.file()
+    }
+
+    fn export(&self, scene: &ExportedScene, files: &mut dyn SceneFiles) -> Result<Vec<String>, ExportError> {
+        isolated(self.manifest(), || self.0.export(scene, files))?
+    }
+}
+
 /// An effect whose panics go on as [`PluginPanic`].
 pub(crate) struct IsolatedEffect(pub Arc<dyn Effect>);
 
@@ -189,7 +212,6 @@ impl Effect for IsolatedEffect {
         fn file(&self) -> Option<&PluginFile>;
         fn hook(&self) -> Hook;
         fn applies_to_actors(&self) -> bool;
-        fn wgsl(&self) -> &str;
         fn function(&self) -> Option<&dyn EffectFunction>;
         fn off(&self, parameters: &[f32; 8]) -> Option<String>;
         fn reach(&self, parameters: &[f32; 8]) -> f32;
@@ -211,7 +233,7 @@ impl Effect for IsolatedEffect {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Registry;
+    use crate::{MemoryFiles, Registry};
 
     /// Fails in each call that a plugin may fail in.
     struct Faulty(Manifest);
@@ -263,6 +285,15 @@ mod tests {
         }
     }
 
+    impl SceneExporter for Faulty {
+        fn manifest(&self) -> &Manifest {
+            &self.0
+        }
+        fn export(&self, _: &ExportedScene, _: &mut dyn SceneFiles) -> Result<Vec<String>, ExportError> {
+            panic!("no such actor")
+        }
+    }
+
     struct NoFiles;
 
     impl Files for NoFiles {
@@ -281,6 +312,7 @@ mod tests {
         registry.add_importer(faulty());
         registry.add_exporter(faulty());
         registry.add_effect(faulty());
+        registry.add_scene_exporter(faulty());
         let source = Source { name: "a.x".into(), bytes: Arc::default() };
         let error =
             registry.import(&source, &NoFiles, ImportScope::ALL, &ImportOptions::default(), None).err();
@@ -300,6 +332,10 @@ mod tests {
         let failed = |result: Result<(), ExportError>| result.err().unwrap().to_string();
         assert_eq!(failed(sink.frame(&frame)), "the plugin faulty 1.2 has failed: no such color");
         assert_eq!(failed(sink.finish().map(drop)), "the plugin faulty 1.2 has failed: not finished");
+        let scene = ExportedScene::new("a.rhai", Arc::default());
+        let exported =
+            registry.scene_exporter_for("a.X").unwrap().export(&scene, &mut MemoryFiles::default());
+        assert_eq!(failed(exported.map(drop)), "the plugin faulty 1.2 has failed: no such actor");
         let effect = registry.effect("faulty").unwrap();
         let panic = catch_unwind(AssertUnwindSafe(|| effect.shutter(&[0.0; 8]))).unwrap_err();
         let panic = panic.downcast_ref::<PluginPanic>().unwrap().to_string();

@@ -1,7 +1,13 @@
-//! The three things a plugin can be: [`Importer`], [`Effect`], [`Exporter`]; their manifests as data; the [`Registry`].
+//! The kinds of plugins: an [`Importer`], an [`Effect`], an [`Exporter`] of frames or a [`SceneExporter`]; manifests as data; the
+//! [`Registry`]. The only crate that a plugin needs: `glam`, [`asset`], [`motion`] (transforms, curves, clips, time) and [`stage`] are
+//! reached through it.
+//!
+//! Everywhere: metres, +Y up, right-handed, counter-clockwise front faces, seconds as integer [`motion::Time`], radians, colors
+//! linear unless a field states sRGB, texture v pointing down.
 
 #![warn(missing_docs)]
 
+mod asset_check;
 pub mod build;
 pub mod effect;
 pub mod effect_texture;
@@ -12,16 +18,21 @@ pub mod manifest;
 pub mod on_use;
 pub mod overlay;
 pub mod registry;
+mod scene_exporter;
 pub mod suggest;
 pub mod yuv;
 
-pub use build::{AssetBuilder, BuildError, MeshData};
+pub use build::{AssetBuilder, BuildError, MeshData, MeshPart, MorphData};
+pub use choreo_asset as asset;
+pub use choreo_motion as motion;
+pub use choreo_stage as stage;
 pub use effect::{
     BACKGROUND_DISTANCE, Effect, EffectFunction, EffectImage, EffectImages, Hook, InvertedHull, LightSample,
-    Shutter, SurfaceInputs, SurfaceSample, VertexSample, ViewOrder,
+    MAX_EFFECT_STEPS, Shutter, SurfaceInputs, SurfaceSample, VertexSample, ViewOrder,
 };
 pub use effect_texture::EffectTexture;
 pub use exporter::{ExportError, Exporter, Frame, FrameSink, Mark, VideoInfo};
+pub use glam;
 pub use importer::{
     Claim, ExportOptions, Files, ImportError, ImportOptions, ImportScope, Importer, OptionValue, Source,
 };
@@ -30,3 +41,4 @@ pub use manifest::{BesideFile, Manifest, OptionError, OptionKind, OptionSpec, Pl
 pub use on_use::{LazyEffect, LazyPlugin, PluginError};
 pub use overlay::{ActorInstance, EffectScene, Label, Lattice, Overlay, Stroke, Triangle};
 pub use registry::Registry;
+pub use scene_exporter::{ExportedScene, MemoryFiles, SceneExporter, SceneFiles};

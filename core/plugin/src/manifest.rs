@@ -50,11 +50,11 @@ pub struct PluginFile {
 /// A file that a plugin's own file names.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BesideFile {
-    /// Its name in the plugin's file.
+    /// The name in the plugin's file.
     pub name: String,
     /// Its path.
     pub path: std::path::PathBuf,
-    /// Its content, or why it could not be read.
+    /// The content, or why it could not be read.
     pub bytes: Result<std::sync::Arc<[u8]>, String>,
 }
 
@@ -103,6 +103,13 @@ pub struct OptionError {
     pub message: String,
     /// How to resolve it.
     pub hint: Option<String>,
+}
+
+/// Name and version, as provenance has them: "gltf 0.1.0".
+impl std::fmt::Display for Manifest {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} {}", self.name, self.version)
+    }
 }
 
 impl Manifest {
@@ -160,6 +167,12 @@ impl Manifest {
     /// Whether files of this format have the extension.
     pub fn has_extension(&self, extension: &str) -> bool {
         self.extensions.iter().any(|e| e == extension)
+    }
+
+    /// Whether an output file of this name is of this format.
+    pub fn writes(&self, file_name: &str) -> bool {
+        let extension = file_name.rsplit_once('.').map(|(_, extension)| extension.to_ascii_lowercase());
+        extension.is_some_and(|extension| self.has_extension(&extension))
     }
 
     /// Whether a file is of this format by its first bytes, else by its name.

@@ -1,15 +1,15 @@
 //! All plugins known to the program.
 
-use crate::isolated::{IsolatedEffect, IsolatedExporter, IsolatedImporter};
+use crate::isolated::{IsolatedEffect, IsolatedExporter, IsolatedImporter, IsolatedSceneExporter};
 use crate::suggest::{did_you_mean, list};
 use crate::{
     Claim, Effect, Exporter, Files, ImportError, ImportOptions, ImportScope, Importer, LazyEffect,
-    PluginError, Source,
+    PluginError, SceneExporter, Source,
 };
 use choreo_asset::Asset;
 use std::sync::Arc;
 
-/// Importers, exporters and effects by name.
+/// Importers, exporters of frames and of scenes, and effects, by name.
 ///
 /// ```
 /// use choreo_plugin::{Effect, Manifest, Registry};
@@ -30,6 +30,7 @@ use std::sync::Arc;
 pub struct Registry {
     importers: Vec<Arc<dyn Importer>>,
     exporters: Vec<Arc<dyn Exporter>>,
+    scene_exporters: Vec<Arc<dyn SceneExporter>>,
     effects: Vec<Arc<dyn Effect>>,
     /// Clones share what was made of them.
     on_use: Vec<Arc<LazyEffect>>,
@@ -59,6 +60,18 @@ impl Registry {
         self.exporters.retain(|p| p.manifest().name != name);
         self.note_replaced("exporter", &name, self.exporters.len() < before);
         self.exporters.push(Arc::new(IsolatedExporter(Arc::new(plugin))));
+    }
+    /// Adds an exporter of scenes; one of the same name is replaced.
+    pub fn add_scene_exporter(&mut self, plugin: impl SceneExporter + 'static) {
+        self.add_shared_scene_exporter(Arc::new(plugin));
+    }
+    /// Adds an exporter of scenes that others hold, too.
+    pub fn add_shared_scene_exporter(&mut self, plugin: Arc<dyn SceneExporter>) {
+        let name = plugin.manifest().name.clone();
+        let before = self.scene_exporters.len();
+        self.scene_exporters.retain(|p| p.manifest().name != name);
+        self.note_replaced("scene exporter", &name, self.scene_exporters.len() < before);
+        self.scene_exporters.push(Arc::new(IsolatedSceneExporter(plugin)));
     }
     /// Adds an effect; one of the same name is replaced.
     pub fn add_effect(&mut self, plugin: impl Effect + 'static) {
@@ -101,6 +114,10 @@ impl Registry {
     pub fn exporters(&self) -> &[Arc<dyn Exporter>] {
         &self.exporters
     }
+    /// The exporters of scenes, in the order in which they were added.
+    pub fn scene_exporters(&self) -> &[Arc<dyn SceneExporter>] {
+        &self.scene_exporters
+    }
     /// The effects that are ready. Those of plugin files that were used are among them after [`Registry::settled`].
     pub fn effects(&self) -> &[Arc<dyn Effect>] {
         &self.effects
@@ -139,8 +156,13 @@ impl Registry {
 
     /// The exporter for an output file name, by extension.
     pub fn exporter_for(&self, file_name: &str) -> Option<&Arc<dyn Exporter>> {
-        let ext = file_name.rsplit_once('.')?.1.to_ascii_lowercase();
-        self.exporters.iter().find(|e| e.manifest().has_extension(&ext))
+        self.exporters.iter().find(|e| e.manifest().writes(file_name))
+    }
+
+    /// The exporter of scenes for an output file name, by extension; of several the one added last, so that a user's own plugin
+    /// wins over ours.
+    pub fn scene_exporter_for(&self, file_name: &str) -> Option<&Arc<dyn SceneExporter>> {
+        self.scene_exporters.iter().rfind(|e| e.manifest().writes(file_name))
     }
 
     /// Every importer's claim on a file, that of the reader first. Greater claims come first; of equal ones those

@@ -64,8 +64,8 @@ impl Rules {
                         rules.clauses.push(Partial { on: own | group.off, off: group.on });
                     }
                 }
-                // Only effects' textures are a matter of the scene's shader.
-                Some(SwitchSource::OtherModules) if name != "TEXTURES" => {
+                // Only effects' textures and faults are a matter of the scene's shader.
+                Some(SwitchSource::OtherModules) if name != "TEXTURES" && name != "FAULT_RECORDS" => {
                     rules.clauses.push(Partial { on: 0, off: own });
                 }
                 _ => {}
@@ -363,6 +363,7 @@ fn effects(on: &[&str]) -> Vec<SceneEffect> {
         wgsl,
         hook,
         in_model_space: bit == 4,
+        faults: 16 * u32::from(bit),
     })
     .collect()
 }
@@ -388,7 +389,7 @@ fn every_key_that_the_planner_can_produce_compiles() {
     let rules = Rules::of_table();
     let scene = scene();
     let lines = lines(&scene, &rules);
-    let of_others = rules.bit("SKY_BACKGROUND") | rules.bit("PICTURE");
+    let of_others = rules.bit("DITHER") | rules.bit("SKY_BACKGROUND") | rules.bit("PICTURE");
     for line in lines.iter().filter(|line| line.switches() & of_others == 0) {
         let switches: Vec<u128> = bits(line.switches()).collect();
         let some = (0..1u32 << switches.len()).any(|n| {
@@ -419,7 +420,7 @@ fn every_key_that_the_planner_can_produce_compiles() {
         compile(&scene_files(&scene, on), on, &stages, false).unwrap_or_else(|e| panic!("{on:?}: {e}"));
     });
     // Each switch is on in some key and off in another.
-    let off = ["SKY_BACKGROUND", "PICTURE"];
+    let off = ["DITHER", "SKY_BACKGROUND", "PICTURE"];
     for name in switch_names().filter(|name| !off.contains(name)) {
         assert!(distinct.iter().any(|on| on.contains(&name)), "{name} is on nowhere");
         assert!(distinct.iter().any(|on| !on.contains(&name)), "{name} is on everywhere");
@@ -471,9 +472,11 @@ fn the_other_modules_compile() {
     let sources = ShaderSources::default();
     for surface in [&[][..], &["SURFACE", "EFFECTS"], &["SURFACE", "EFFECTS", "TEXTURES"]] {
         for (files, switch) in [(&BACKGROUND[..], None), (&SKY, Some("SKY_BACKGROUND"))] {
-            let on: Vec<&str> = surface.iter().copied().chain(switch).collect();
-            let files = scene_files(&sources.files(files).unwrap(), &on);
-            parse(&files, &on).unwrap_or_else(|e| panic!("{on:?}: {e}"));
+            for dither in [None, Some("DITHER")] {
+                let on: Vec<&str> = surface.iter().copied().chain(switch).chain(dither).collect();
+                let files = scene_files(&sources.files(files).unwrap(), &on);
+                parse(&files, &on).unwrap_or_else(|e| panic!("{on:?}: {e}"));
+            }
         }
     }
     parse(&sources.files(&LAYERS_BEHIND).unwrap(), &[]).unwrap();

@@ -5,13 +5,13 @@ use choreo_render::shader::*;
 
 #[test]
 fn mistakes_point_at_the_users_line() {
-    let message =
-        |effect: &str| match parse(&ShaderSources::default().post("blur", effect, 0, false).unwrap(), &[])
-            .unwrap_err()
-        {
+    let message = |effect: &str| {
+        let files = ShaderSources::default().post("blur", effect, [0, 0], false).unwrap();
+        match parse(&files, &["EFFECTS"]).unwrap_err() {
             RenderError::Shader { file, text } => format!("{file}: {text}"),
             e => panic!("{e}"),
-        };
+        }
+    };
     // The template's wrapper has no error; the third line of the effect has.
     let m = message(
         "// blur\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {\n    return colour;\n}\n",

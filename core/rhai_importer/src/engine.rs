@@ -79,10 +79,19 @@ pub fn manifest_engine() -> Engine {
 
 /// A number at the whole of a text, spaces around it allowed.
 fn parse<T: std::str::FromStr>(name: &str, kind: &str, text: &str) -> Result<T, Refused> {
-    text.trim().parse().map_err(|_| {
-        let shown: String = text.chars().take(40).collect();
-        refuse(format!("{name}: \"{shown}\" is no {kind}"))
-    })
+    text.trim().parse().map_err(|_| not_a(kind, name, text))
+}
+
+/// A whole number with a radix of 2 to 36.
+fn parse_radix(text: &str, radix: i64) -> Result<i64, Refused> {
+    let radix = u32::try_from(radix).ok().filter(|radix| (2..=36).contains(radix));
+    let number = radix.and_then(|radix| i64::from_str_radix(text.trim(), radix).ok());
+    number.ok_or_else(|| not_a("whole number of this radix", "parse_int", text))
+}
+
+fn not_a(kind: &str, name: &str, text: &str) -> Refused {
+    let shown: String = text.chars().take(40).collect();
+    refuse(format!("{name}: \"{shown}\" is no {kind}"))
 }
 
 /// Registers mathematics from `libm`, so that an import gives the same bits on every machine.
@@ -114,6 +123,7 @@ fn maths(engine: &mut Engine) {
     engine.register_fn("to_int", |x: f64| x as i64);
     engine.register_fn("parse_float", |text: &str| parse::<f64>("parse_float", "number", text));
     engine.register_fn("parse_int", |text: &str| parse::<i64>("parse_int", "whole number", text));
+    engine.register_fn("parse_int", parse_radix);
     engine.register_fn("radians", |x: f64| x * (std::f64::consts::PI / 180.0));
     engine.register_fn("radians", |x: i64| x as f64 * (std::f64::consts::PI / 180.0));
 }

@@ -3,8 +3,8 @@
 use crate::budget::{Refused, refuse};
 use crate::numbers;
 use choreo_asset::Topology;
-use choreo_plugin::MeshData;
 use choreo_plugin::suggest::{did_you_mean, list};
+use choreo_plugin::{MeshData, MeshPart, MorphData};
 use rhai::{Dynamic, Map};
 
 /// An object map with known names; every error names the function and the field.
@@ -116,6 +116,27 @@ impl<'a> Fields<'a> {
         numbers.iter().enumerate().map(whole).collect()
     }
 
+    /// An array of object maps with these fields, each as a value.
+    pub fn maps<T>(
+        &self,
+        name: &str,
+        known: &[&str],
+        read: impl Fn(&Fields<'_>) -> Result<T>,
+    ) -> Result<Vec<T>> {
+        let Some(value) = self.value(name) else { return Ok(Vec::new()) };
+        let Some(array) = value.read_lock::<rhai::Array>() else {
+            return self.wrong(name, "an array of object maps", value);
+        };
+        let element = |(at, value): (usize, &Dynamic)| {
+            let what = format!("{}: {name}[{at}]", self.what);
+            let map = value.read_lock::<Map>();
+            let map =
+                map.ok_or_else(|| format!("{what} must be an object map, got {}", value.type_name()))?;
+            read(&Fields::new(&what, &map, known)?)
+        };
+        array.iter().enumerate().map(element).collect()
+    }
+
     /// Exactly `N` numbers.
     pub fn vector<const N: usize>(&self, name: &str) -> Result<Option<[f32; N]>> {
         let Some(value) = self.value(name) else { return Ok(None) };
@@ -137,6 +158,8 @@ pub const MESH: &[&str] = &[
     "weights",
     "inverse_bind",
     "material",
+    "parts",
+    "morphs",
 ];
 
 /// The arrays of a `mesh(#{ … })`, `lines(#{ … })` or `points(#{ … })` call.
@@ -154,5 +177,12 @@ pub fn mesh_data(f: &Fields<'_>, topology: Topology) -> Result<MeshData> {
         weights: f.floats("weights")?,
         inverse_bind: f.floats("inverse_bind")?,
         material: f.index("material")?,
+        parts: f.maps("parts", &["indices", "material"], |f| {
+            Ok(MeshPart { indices: f.indices("indices")?, material: f.index("material")? })
+        })?,
+        morphs: f.maps("morphs", &["name", "positions", "normals"], |f| {
+            let name = f.text("name")?.unwrap_or_default();
+            Ok(MorphData { name, positions: f.floats("positions")?, normals: f.floats("normals")? })
+        })?,
     })
 }

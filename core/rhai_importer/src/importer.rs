@@ -20,12 +20,12 @@ use thiserror::Error;
 pub const ENDING: &str = ".importer.rhai";
 
 /// Deep enough for the call levels and expressions that the engine allows, in builds without optimisation too.
-const STACK: usize = 64 << 20;
+pub const STACK: usize = 64 << 20;
 
 /// Steps that `claim` may take: it runs for files that are none of the importer's.
 const FEW_STEPS: u64 = 100_000;
 
-/// Error of an importer's script, with its place.
+/// Error of a plugin's script, with its place.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{file}:{line}:{column}: {message}")]
 pub struct ScriptError {
@@ -54,36 +54,9 @@ impl RhaiImporter {
     /// Compiles the script and asks it for its manifest. `file` is its name in messages.
     pub fn from_text(file: &str, text: &str) -> Result<RhaiImporter, ScriptError> {
         let text = without_mark(text);
-        let budget = Budget::for_file(0);
-        let engine = engine(&budget, None);
-        let failed = |e| script_error(file, e, &[], line_of(text, "manifest"));
-        let mut ast = engine.compile(text).map_err(|e| failed(e.into()))?;
-        if let Some(at) = open_comment(&engine, text) {
-            let before = &text[..at];
-            return Err(ScriptError {
-                file: file.into(),
-                line: before.matches('\n').count() + 1,
-                column: before.chars().rev().take_while(|c| *c != '\n').count() + 1,
-                message: "this comment is never closed: nothing after it is read".into(),
-            });
-        }
-        ast.set_source(file);
-        let has = |name: &str, parameters: usize| {
-            ast.iter_functions().any(|f| f.name == name && f.params.len() == parameters)
-        };
-        for (name, parameters, shown) in [("manifest", 0, "fn manifest()"), ("load", 1, "fn load(file)")] {
-            if !has(name, parameters) {
-                return Err(ScriptError {
-                    file: file.into(),
-                    line: 1,
-                    column: 1,
-                    message: format!("an importer needs {shown}"),
-                });
-            }
-        }
-        let has_claim = has("claim", 1);
-        // Statements outside functions are not run: an importer is its functions.
-        let ast = ast.clone_functions_only();
+        let needed = [("manifest", 0, "fn manifest()"), ("load", 1, "fn load(file)")];
+        let ast = compiled(file, text, "an importer", &needed)?;
+        let has_claim = has(&ast, "claim", 1);
         let manifest = manifest_of(&ast, file, text)?;
         Ok(RhaiImporter {
             file: file.into(),
@@ -142,6 +115,8 @@ impl RhaiImporter {
             "mesh",
             "material",
             "image",
+            "camera",
+            "light",
             "clip",
             "warn",
             "read",
@@ -189,7 +164,8 @@ impl RhaiImporter {
     }
 }
 
-fn value(option: &OptionValue) -> Dynamic {
+/// An option as a value of a script.
+pub fn value(option: &OptionValue) -> Dynamic {
     match option {
         OptionValue::Number(v) => Dynamic::from_float(*v),
         OptionValue::Bool(v) => Dynamic::from_bool(*v),
@@ -270,6 +246,38 @@ impl Importer for RhaiImporter {
     }
 }
 
+/// The functions of a plugin's script. `needed`: name, number of parameters and declaration of those that it must have.
+pub fn compiled(
+    file: &str,
+    text: &str,
+    what: &str,
+    needed: &[(&str, usize, &str)],
+) -> Result<AST, ScriptError> {
+    let engine = engine(&Budget::for_file(0), None);
+    let failed = |e| script_error(file, e, &[], line_of(text, "manifest"));
+    let mut ast = engine.compile(text).map_err(|e| failed(e.into()))?;
+    if let Some(at) = open_comment(&engine, text) {
+        let before = &text[..at];
+        return Err(ScriptError {
+            file: file.into(),
+            line: before.matches('\n').count() + 1,
+            column: before.chars().rev().take_while(|c| *c != '\n').count() + 1,
+            message: "this comment is never closed: nothing after it is read".into(),
+        });
+    }
+    ast.set_source(file);
+    if let Some((_, _, shown)) = needed.iter().find(|(name, parameters, _)| !has(&ast, name, *parameters)) {
+        let message = format!("{what} needs {shown}");
+        return Err(ScriptError { file: file.into(), line: 1, column: 1, message });
+    }
+    // Statements outside functions are not run: a plugin is its functions.
+    Ok(ast.clone_functions_only())
+}
+
+fn has(ast: &AST, name: &str, parameters: usize) -> bool {
+    ast.iter_functions().any(|f| f.name == name && f.params.len() == parameters)
+}
+
 /// The manifest that `fn manifest()` returns. `file` is the text's name in messages.
 pub fn manifest_of(ast: &AST, file: &str, text: &str) -> Result<Manifest, ScriptError> {
     let line = line_of(text, "manifest");
@@ -298,7 +306,7 @@ fn open_comment(engine: &Engine, text: &str) -> Option<usize> {
 }
 
 /// The line (from 1) on which a function is defined.
-fn line_of(text: &str, function: &str) -> usize {
+pub fn line_of(text: &str, function: &str) -> usize {
     let starts = |l: &str| {
         let rest =
             l.trim_start().strip_prefix("fn ").map(str::trim_start).and_then(|r| r.strip_prefix(function));
@@ -309,7 +317,7 @@ fn line_of(text: &str, function: &str) -> usize {
 
 /// The innermost place and reason, in the words of this crate. `line` is for limits reached, of which the interpreter
 /// forgets the place on its way out of the function.
-fn script_error(file: &str, error: Box<EvalAltResult>, names: &[String], line: usize) -> ScriptError {
+pub fn script_error(file: &str, error: Box<EvalAltResult>, names: &[String], line: usize) -> ScriptError {
     let mut error = error;
     while let EvalAltResult::ErrorInFunctionCall(_, _, inner, _) = *error {
         error = inner;

@@ -1,20 +1,25 @@
-//! Importers in one file: `NAME.importer.rhai` reads a format of your own, with nothing but the program.
+//! Importers and exporters in one file: `NAME.importer.rhai` reads a format of your own, with nothing but the program, and
+//! `NAME.exporter.rhai` writes scenes.
 //!
 //! ```text
 //! file's bytes ─► importer.rhai (sandbox: bytes, numbers, budget) ─► fields ─► AssetBuilder ─► Asset
+//! scene ─► exporter.rhai (sandbox: posed) ─► SceneFiles
 //! ```
 //! The script sees the bytes handed over and files beside them, and nothing else; steps, seconds and memory are limited.
 
 mod budget;
 mod bytes;
 mod engine;
+mod exporter;
 mod fields;
 mod importer;
 mod lines;
 mod manifest;
 mod numbers;
 mod on_use;
+mod posed;
 mod scene;
 
+pub use exporter::{EXPORTER_ENDING, RhaiExporter};
 pub use importer::{ENDING, RhaiImporter, ScriptError};
 pub use on_use::ImporterOnUse;

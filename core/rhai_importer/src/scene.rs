@@ -1,9 +1,11 @@
-//! `joint`, `mesh`, `lines`, `points`, `material`, `image`, `clip`, `warn` and `read`: how an importer makes the asset.
+//! `joint`, `mesh`, `lines`, `points`, `material`, `image`, `camera`, `light`, `clip`, `warn` and `read`: how an importer makes the asset.
 
 use crate::budget::{Budget, Refused, refuse};
 use crate::bytes::Bytes;
 use crate::fields::{self, FieldError, Fields, MESH, mesh_data};
-use choreo_asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Topology};
+use choreo_asset::{
+    AlphaMode, Light, LightKind, Material, Projection, Sampler, Shading, TextureRef, Topology,
+};
 use choreo_motion::{Curve, Interpolation, Path, Time, Transform};
 use choreo_plugin::{AssetBuilder, ImportScope};
 use glam::{Affine2, Mat4, Quat, Vec3, Vec4};
@@ -57,6 +59,10 @@ pub fn register(engine: &mut Engine, scene: &Shared, budget: &Budget) {
         let fields = [("width", width.into()), ("height", height.into()), ("pixels", pixels)];
         image(&s, &b, &fields.into_iter().map(|(name, value)| (name.into(), value)).collect())
     });
+    let s = scene.clone();
+    engine.register_fn("camera", move |map: Map| camera(&s, &map));
+    let s = scene.clone();
+    engine.register_fn("light", move |map: Map| light(&s, &map));
     let s = scene.clone();
     engine.register_fn("clip", move |name: &str, curves: Array| clip(&s, name, &curves));
     let s = scene.clone();
@@ -136,6 +142,11 @@ fn read_material(map: &Map, textures: bool) -> fields::Result<Material> {
         "name",
         "color",
         "image",
+        "normal_image",
+        "normal_scale",
+        "metallic_roughness_image",
+        "occlusion_image",
+        "emissive_image",
         "metallic",
         "roughness",
         "emissive",
@@ -189,12 +200,73 @@ fn read_material(map: &Map, textures: bool) -> fields::Result<Material> {
             return Err(format!("material: alpha is opaque, mask or blend, not \"{other}\"").into());
         }
     };
-    if let (Some(image), true) = (f.index("image")?, textures) {
-        let sampler = Sampler::default();
-        material.base_color_texture =
-            Some(TextureRef { image, sampler, uv_set: 0, uv_transform: Affine2::IDENTITY });
-    }
+    let texture = |name: &str| {
+        let (sampler, uv_transform) = (Sampler::default(), Affine2::IDENTITY);
+        let image = f.index(name)?.filter(|_| textures);
+        Ok::<_, FieldError>(image.map(|image| TextureRef { image, sampler, uv_set: 0, uv_transform }))
+    };
+    material.base_color_texture = texture("image")?;
+    material.normal_texture = texture("normal_image")?;
+    material.normal_scale = number("normal_scale", 1.0, 100.0)?;
+    material.metallic_roughness_texture = texture("metallic_roughness_image")?;
+    material.occlusion_texture = texture("occlusion_image")?;
+    material.emissive_texture = texture("emissive_image")?;
     Ok(material)
+}
+
+/// `fov` in degrees, or `height` in metres for an orthographic camera.
+fn camera(scene: &Shared, map: &Map) -> Result<i64, Refused> {
+    let f = Fields::new("camera", map, &["name", "joint", "fov", "height", "near", "far"])?;
+    let near = f.number("near")?.unwrap_or(0.05) as f32;
+    let far = f.number("far")?.map(|far| far as f32);
+    if !(near.is_finite() && near > 0.0 && far.is_none_or(|far| far.is_finite() && far > near)) {
+        return Err(refuse("camera: near must be above 0 and far above near"));
+    }
+    let within = |name: &str, value: f64, most: f64| match value > 0.0 && value < most {
+        true => Ok(value as f32),
+        false => Err(refuse(format!("camera: {name} must be above 0 and below {most}, got {value}"))),
+    };
+    let projection = match (f.number("fov")?, f.number("height")?) {
+        (Some(_), Some(_)) => {
+            return Err(refuse("camera: fov is for perspective, height for orthographic ones"));
+        }
+        (_, Some(height)) => Projection::Orthographic {
+            height: within("height", height, 1e6)?,
+            near,
+            far: far.unwrap_or(1000.0),
+        },
+        (fov, None) => {
+            let yfov = within("fov", fov.unwrap_or(40.0), 180.0)?.to_radians();
+            Projection::Perspective { yfov, near, far }
+        }
+    };
+    let name = f.text("name")?.unwrap_or_default();
+    let joint = f.index("joint")?;
+    lock(scene).builder.camera(&name, joint, projection).map(i64::from).map_err(|e| refuse(e.to_string()))
+}
+
+/// Angles in degrees, from the axis; intensity in lux for a sun, else in candela.
+fn light(scene: &Shared, map: &Map) -> Result<i64, Refused> {
+    let known = ["name", "joint", "kind", "color", "intensity", "range", "inner", "outer"];
+    let f = Fields::new("light", map, &known)?;
+    let degrees = |name: &str, default: f64| {
+        Ok::<_, FieldError>(f.number(name)?.unwrap_or(default).to_radians() as f32)
+    };
+    let kind = match f.text("kind")?.as_deref() {
+        Some("sun") => LightKind::Directional,
+        Some("point") => LightKind::Point,
+        Some("spot") => LightKind::Spot { inner: degrees("inner", 0.0)?, outer: degrees("outer", 45.0)? },
+        _ => return Err(refuse("light: kind must be \"sun\", \"point\" or \"spot\"")),
+    };
+    let light = Light {
+        kind,
+        color: f.vector("color")?.map_or(Vec3::ONE, Vec3::from_array),
+        intensity: f.number("intensity")?.unwrap_or(1.0) as f32,
+        range: f.number("range")?.map(|range| range as f32),
+    };
+    let name = f.text("name")?.unwrap_or_default();
+    let joint = f.index("joint")?;
+    lock(scene).builder.light(&name, joint, light).map(i64::from).map_err(|e| refuse(e.to_string()))
 }
 
 /// Pixels as bytes or numbers from 0 to 255, or a whole PNG, JPEG or WebP file.
@@ -262,12 +334,6 @@ fn clip(scene: &Shared, name: &str, curves: &Array) -> Result<(), Refused> {
 
 fn curve(what: &str, map: &Map) -> fields::Result<Curve> {
     let f = Fields::new(what, map, &["joint", "path", "times", "values", "interpolation"])?;
-    let path = match f.text("path")?.as_deref() {
-        Some("translation") => Path::Translation,
-        Some("rotation") => Path::Rotation,
-        Some("scale") => Path::Scale,
-        _ => return Err(format!("{what}: path must be \"translation\", \"rotation\" or \"scale\"").into()),
-    };
     let interpolation = match f.text("interpolation")?.as_deref() {
         None | Some("linear") => Interpolation::Linear,
         Some("step") => Interpolation::Step,
@@ -282,7 +348,21 @@ fn curve(what: &str, map: &Map) -> fields::Result<Curve> {
         return Err(format!("{what}: times are seconds from 0 to 1000000, got {bad}").into());
     }
     let times = seconds.iter().map(|t| Time::from_secs(*t)).collect();
-    Ok(Curve { joint, path, interpolation, times, values: f.floats("values")?.into() })
+    let values = f.floats("values")?;
+    let path = match f.text("path")?.as_deref() {
+        Some("translation") => Path::Translation,
+        Some("rotation") => Path::Rotation,
+        Some("scale") => Path::Scale,
+        Some("weights") => {
+            let tangents = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
+            Path::Weights((values.len() / (tangents * seconds.len()).max(1)) as u32)
+        }
+        _ => {
+            let paths = "\"translation\", \"rotation\", \"scale\" or \"weights\"";
+            return Err(format!("{what}: path must be {paths}").into());
+        }
+    };
+    Ok(Curve { joint, path, interpolation, times, values: values.into() })
 }
 
 /// The map of `file.needs`, for scripts with `if file.needs.geometry { … }`.

@@ -1,6 +1,7 @@
 //! Importers in Rhai on files made here: what arrives, and how everything wrong is answered.
 
-use choreo_asset::Asset;
+use choreo_asset::{Asset, Projection};
+use choreo_motion::Time;
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Importer, OptionValue, Source};
 use choreo_rhai_importer::RhaiImporter;
 use glam::{Quat, Vec2, Vec3};
@@ -212,7 +213,7 @@ fn errors_have_the_importer_s_line_and_the_file_s_byte() {
         ("jont(\"a\")", "unknown function jont; did you mean \"joint\"?"),
         (
             "mesh(#{ position: [] })",
-            "mesh: unknown field \"position\"; did you mean \"positions\"?; it knows name, joint, positions, indices, normals, uvs, colors, joints, weights, inverse_bind, material",
+            "mesh: unknown field \"position\"; did you mean \"positions\"?; it knows name, joint, positions, indices, normals, uvs, colors, joints, weights, inverse_bind, material, parts, morphs",
         ),
         (
             "mesh(#{ positions: [0,0,0], indices: [0, 0, 1] })",
@@ -233,6 +234,9 @@ fn errors_have_the_importer_s_line_and_the_file_s_byte() {
             "an array or map of more than 1000000 elements, which is the limit; numbers(…) and f32s(…) hold more",
         ),
         ("let a = \"ab\"; loop { a += a; }", "a text of more than 67108864 bytes, which is the limit"),
+        ("parse_int(\"fg\", 16)", "parse_int: \"fg\" is no whole number of this radix"),
+        ("parse_int(\"1\", 1)", "parse_int: \"1\" is no whole number of this radix"),
+        ("if parse_int(\"-ff\", 16) != -255 { throw \"no\" } throw \"yes\"", "yes"),
         ("parse_int(\"1.5\")", "parse_int: \"1.5\" is no whole number"),
         ("parse_float(\"one\")", "parse_float: \"one\" is no number"),
         ("if parse_int(\" 7 \") + parse_float(\"0.5\") != 7.5 { throw \"no\" } throw \"yes\"", "yes"),
@@ -357,4 +361,54 @@ fn lines_are_read_in_place_and_polygons_become_triangles() {
     assert_eq!(primitive.indices.to_vec(), [0, 1, 2, 0, 2, 3, 0, 1, 2]);
     let wrong = fails("numbers([3, 0, 1]).fans()");
     assert!(wrong.contains("fans: number 0 is 3, must be the number of vertices that follow"), "{wrong}");
+}
+
+#[test]
+fn morphs_parts_normal_maps_cameras_and_lights() {
+    let asset = body(
+        r#"
+        let bumps = image(1, 1, [128, 128, 255]);
+        let bumpy = material(#{ name: "bumpy", normal_image: bumps, normal_scale: 0.5 });
+        let plain = material(#{ name: "plain" });
+        let head = joint("head", -1, #{ translation: [0, 2, 0] });
+        mesh(#{
+            joint: head,
+            positions: [0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0],
+            uvs: [0, 1, 1, 1, 0, 0, 1, 0],
+            parts: [#{ indices: [0, 1, 2], material: bumpy }, #{ indices: [2, 1, 3], material: plain }],
+            morphs: [#{ name: "smile", positions: [0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 2] }],
+        });
+        camera(#{ name: "eye", joint: head, fov: 90 });
+        camera(#{ name: "plan", height: 4 });
+        light(#{ name: "lamp", joint: head, kind: "spot", intensity: 20, inner: 10, outer: 30, range: 5 });
+        clip("talk", [#{ joint: head, path: "weights", times: [0, 1], values: [0, 1] }]);
+        "#,
+    )
+    .unwrap();
+    let [first, second] = &asset.meshes[0].primitives[..] else { panic!("{:?}", asset.meshes) };
+    assert_eq!((asset.materials[0].normal_scale, first.tangents.len(), second.tangents.len()), (0.5, 3, 0));
+    assert_eq!((second.indices.as_slice(), second.material), ([0, 1, 2].as_slice(), Some(1)));
+    assert_eq!(second.morphs[0].positions[2], Vec3::Z * 2.0);
+    assert_eq!(asset.meshes[0].morph_names, ["smile"]);
+    let [eye, plan] = &asset.cameras[..] else { panic!("{:?}", asset.cameras) };
+    let quarter = std::f32::consts::FRAC_PI_2;
+    assert_eq!(eye.projection, Projection::Perspective { yfov: quarter, near: 0.05, far: None });
+    assert_eq!(plan.projection, Projection::Orthographic { height: 4.0, near: 0.05, far: 1000.0 });
+    let lamp = &asset.lights[0].light;
+    assert_eq!((lamp.intensity, lamp.range), (20.0, Some(5.0)));
+    assert_eq!(lamp.kind.cone(), Some([10f32.to_radians(), 30f32.to_radians()]));
+    // Halfway through the clip the target has half its weight.
+    let mut weights = [0.0];
+    assert!(asset.clips[0].sample_weights(0, Time::from_secs(0.5), &mut weights));
+    assert_eq!(weights, [0.5]);
+    for (code, message) in [
+        ("camera(#{ fov: 180 });", "camera: fov must be above 0 and below 180, got 180"),
+        ("camera(#{ fov: 40, height: 2 });", "camera: fov is for perspective"),
+        ("light(#{ kind: \"lamp\" });", "light: kind must be"),
+        ("light(#{ kind: \"spot\", inner: 40, outer: 20 });", "must be 0 ≤ inner < outer"),
+        ("mesh(#{ positions: [0, 0, 0], parts: [3] });", "mesh: parts[0] must be an object map, got i64"),
+    ] {
+        let error = body(code).unwrap_err().what;
+        assert!(error.contains(message), "{code}: {error}");
+    }
 }

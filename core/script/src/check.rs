@@ -94,7 +94,9 @@ fn cues(build: &Build, warn: &mut impl FnMut(&Place, String)) {
         if chain.is_layer() {
             continue;
         }
-        if let Some(first) = begins.insert((chain.actor, times[id].0), id) {
+        let first = begins.insert((chain.actor, times[id].0), id);
+        // While it fades in, the one below is seen.
+        if let Some(first) = first.filter(|_| draft.cue.fade_in == Time::ZERO) {
             let hidden = &build.cues[first];
             let text = format!(
                 "clip \"{}\" is never seen: \"{}\" starts at the same time, {} s; use .from, or .on(\"Spine..\") for a layer",

@@ -47,7 +47,7 @@ impl Def {
         self
     }
 
-    /// Its description, then a paragraph for each group of options or aspect.
+    /// The description, then a paragraph for each group of options or aspect.
     pub fn about(&self) -> Vec<String> {
         let mut items: Vec<String> = Vec::new();
         for line in self.doc {

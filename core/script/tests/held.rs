@@ -1,9 +1,9 @@
 //! A prop in a hand keeps its size in metres, on characters of all formats among the sample files.
 
+mod common;
+
 use choreo_motion::{HumanoidJoints, Time};
-use choreo_plugin::Registry;
-use choreo_script::{ScriptOptions, run_text};
-use choreo_stage::Stage;
+use common::stage_of_samples;
 use glam::{DAffine3, DVec3, Vec3};
 use std::path::Path;
 
@@ -19,20 +19,10 @@ const CHARACTERS: [&str; 9] = [
     "bvh/mocopi-mobile-arm-raise-turn.bvh",
 ];
 
-fn stage(folder: &Path, text: &str) -> Stage {
-    let mut registry = Registry::default();
-    registry.add_importer(import_gltf::GltfImporter);
-    registry.add_importer(import_fbx::FbxImporter);
-    registry.add_importer(import_bvh::BvhImporter);
-    registry.add_importer(import_mannequin::Mannequin);
-    let options = ScriptOptions { search_paths: vec![folder.to_path_buf()], ..ScriptOptions::default() };
-    run_text("held.rhai", text, folder, &registry, &options).unwrap_or_else(|e| panic!("{e:?}\n{text}")).stage
-}
-
 /// A box in the right hand, 10 cm from the joint: the worst error of its edges, and of its distance from the hand, in metres.
 fn errors(folder: &Path, file: &str, scale: f64, how: &str) -> [f64; 2] {
     let look = "let asset = load(\"FILE\"); cast(\"anna\", asset);".replace("FILE", file);
-    let skeleton = stage(folder, &look).actors[0].asset.skeleton.clone();
+    let skeleton = stage_of_samples(folder, &look).actors[0].asset.skeleton.clone();
     let hand =
         HumanoidJoints::of(&skeleton).joint("right hand").unwrap_or_else(|| panic!("{file}: no right hand"));
     let name = &skeleton.names()[hand as usize];
@@ -43,7 +33,7 @@ fn errors(folder: &Path, file: &str, scale: f64, how: &str) -> [f64; 2] {
          let prop = cast(\"prop\", shape(\"box\", #{{ size: 0.2 }}));
          prop.attach(anna.joint(\"{name}\"), #{{ {how} }}).at(0.06, 0.08, 0.0);"
     );
-    let stage = stage(folder, &text);
+    let stage = stage_of_samples(folder, &text);
     let mut worst = [0.0f64; 2];
     for i in 0..8 {
         let snapshot = stage.at(Time::from_secs(f64::from(i) * 0.11)).unwrap();

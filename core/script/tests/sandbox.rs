@@ -210,6 +210,9 @@ fn check_tells_what_is_hardly_meant() {
            a.play(h.clip("Run")).from(5);
            b.play(h.clip("Walk"));
            b.play(h.clip("Run"), #{ fade: 2, until: 1 });
+           let d = cast("d", h).at(1, 0, 0);
+           d.play(h.clip("Walk"));
+           d.play(h.clip("Run"));
            camera("c").at(0, 1, 5).cut(9);"#,
     );
     assert_eq!(
@@ -218,9 +221,9 @@ fn check_tells_what_is_hardly_meant() {
             "5: clip \"Walk\" is played once and takes 1 s, but its cue lasts 3 s: the last pose is held",
             "6: clip \"Run\" starts at 5 s, after the end of the stage, 4 s",
             "8: clip \"Run\" fades in over 2 s, but its cue lasts 1 s: it is never fully seen",
-            "7: clip \"Walk\" is never seen: \"Run\" starts at the same time, 0 s; use .from, or .on(\"Spine..\") for a layer",
+            "10: clip \"Walk\" is never seen: \"Run\" starts at the same time, 0 s; use .from, or .on(\"Spine..\") for a layer",
             "4: 2 actors stand in the same place, the origin: a, b; place them with .at(x, y, z)",
-            "9: this cut at 9 s comes after the end of the stage, 4 s",
+            "12: this cut at 9 s comes after the end of the stage, 4 s",
         ]
     );
 }

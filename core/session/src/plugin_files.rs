@@ -1,11 +1,11 @@
-//! Plugins that are files: `NAME.importer.rhai` and `NAME.wgsl` beside the script and in a folder `plugins` there, in the
+//! Plugins that are files: `NAME.importer.rhai`, `NAME.exporter.rhai` and `NAME.wgsl` beside the script and in a folder `plugins` there, in the
 //! folders given with `--plugins`, and in those that the environment variable CHOREO_PLUGINS names. No other place is read.
 //! Beside a script there can be WGSL of any kind: only what begins as an effect is taken for one.
 
 use choreo_files::{FileError, Folder};
 use choreo_importer_kit::images::{Encoded, Formats};
 use choreo_plugin::{BesideFile, Effect, LazyEffect, PluginError, PluginFile, Registry};
-use choreo_rhai_importer::{ImporterOnUse, RhaiImporter, ScriptError};
+use choreo_rhai_importer::{EXPORTER_ENDING, ImporterOnUse, RhaiExporter, RhaiImporter, ScriptError};
 use choreo_wgsl_effect::{TextureImage, WgslEffect};
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
@@ -19,7 +19,7 @@ pub(crate) const VARIABLE: &str = "CHOREO_PLUGINS";
 const BESIDE: &str = "plugins";
 
 /// Endings of the names of plugin files.
-pub const ENDINGS: [&str; 2] = [choreo_rhai_importer::ENDING, choreo_wgsl_effect::ENDING];
+pub const ENDINGS: [&str; 3] = [choreo_rhai_importer::ENDING, EXPORTER_ENDING, choreo_wgsl_effect::ENDING];
 
 /// Bytes of a plugin's text, and files looked at in one folder.
 const MOST_BYTES: u64 = 4 << 20;
@@ -75,6 +75,8 @@ struct ReadError(String);
 enum Plugin {
     Effect(Arc<LazyEffect>),
     Importer(Arc<ImporterOnUse>),
+    /// Compiled when it is found: only `choreo export` and `choreo plugins` look at it, and its text is short.
+    Exporter(Arc<RhaiExporter>),
     /// It has no name to be used by.
     Faulty(String),
 }
@@ -131,6 +133,9 @@ pub fn list(
                 match &entry.plugin {
                     Plugin::Effect(effect) => listing.registry.add_lazy_effect(effect.clone()),
                     Plugin::Importer(importer) => listing.registry.add_shared_importer(importer.clone()),
+                    Plugin::Exporter(exporter) => {
+                        listing.registry.add_shared_scene_exporter(exporter.clone());
+                    }
                     Plugin::Faulty(_) => listing.registry.add_faulty(entry.source.shown.clone()),
                 }
                 let replaced = &listing.registry.replaced()[before..];
@@ -246,6 +251,9 @@ impl Listing {
                 }
                 None => Plugin::Faulty(source.fault()),
             }
+        } else if source.shown.ends_with(EXPORTER_ENDING) {
+            let made = reading().and_then(|(shown, file)| exporter(&shown, file));
+            made.map_or_else(|e| Plugin::Faulty(e.text), |made| Plugin::Exporter(Arc::new(made)))
         } else {
             let make = move || reading().and_then(|(shown, file)| importer(&shown, file));
             let listed = source.text().map_err(|e| e.0).and_then(|text| {
@@ -261,6 +269,7 @@ impl Listing {
         let fault = |entry: &Entry| match &entry.plugin {
             Plugin::Effect(effect) => effect.get().err().map(|fault| fault.text.clone()),
             Plugin::Importer(importer) => importer.get().err().map(|fault| fault.text.clone()),
+            Plugin::Exporter(_) => None,
             Plugin::Faulty(text) => Some(text.clone()),
         };
         self.entries.iter().filter_map(fault).collect()
@@ -373,6 +382,13 @@ fn effect(shown: &str, file: PluginFile) -> Result<Arc<dyn Effect>, PluginError>
             let files = std::iter::once(file.path).chain(beside).collect();
             Err(PluginError { text: error.to_string(), files })
         }
+    }
+}
+
+fn exporter(shown: &str, file: PluginFile) -> Result<RhaiExporter, PluginError> {
+    match RhaiExporter::from_text(shown, &file.text) {
+        Ok(exporter) => Ok(exporter.with_file(file)),
+        Err(error) => Err(PluginError { text: error.to_string(), files: vec![file.path] }),
     }
 }
 

@@ -9,7 +9,7 @@ use choreo_asset::Panorama;
 use choreo_asset::{Light, Projection};
 use choreo_motion::{Skinning, Time};
 use glam::DVec2;
-use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec4};
+use glam::{Affine3A, DAffine3, DVec3, Mat3, Vec3, Vec4};
 use std::sync::Arc;
 
 #[derive(Clone, Debug, Default)]
@@ -59,6 +59,18 @@ pub struct ActorState {
     pub culled: bool,
 }
 
+impl ActorState {
+    /// World transform of a joint, metres: f32 joints placed in the f64 world, exact but for the product. `None` where the actor
+    /// is not posed or has no such joint.
+    pub fn world_from_joint(&self, joint: usize) -> Option<DAffine3> {
+        let model_from_joint = self.model_from_joint.get(joint)?;
+        let rotation = Mat3::from(model_from_joint.matrix3).as_dmat3();
+        let placed =
+            DAffine3::from_mat3_translation(rotation, Vec3::from(model_from_joint.translation).as_dvec3());
+        Some(self.world_from_model * placed)
+    }
+}
+
 impl Default for ActorState {
     fn default() -> Self {
         ActorState {
@@ -93,7 +105,7 @@ pub struct Dissolve {
     pub camera: CameraState,
     /// Effects on in its image.
     pub effects: Vec<EffectState>,
-    /// Its share of the frame, above 0, at most 1.
+    /// The share of the frame, above 0, at most 1.
     pub share: f32,
 }
 

@@ -17,7 +17,7 @@ const PLUGIN: &str = ".importer.rhai";
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
     pub path: PathBuf,
-    /// Its path in messages, with `/`.
+    /// The path in messages, with `/`.
     pub file: String,
     /// A folder that holds the file, and in which its test may read: the one of the options, else the one that was given.
     pub root: Option<PathBuf>,

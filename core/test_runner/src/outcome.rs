@@ -130,7 +130,7 @@ pub struct Measures {
     /// Visible difference when the images alternate (ꟻLIP), 0 = nothing, 1 = the largest possible: mean and largest.
     pub visible_mean: f64,
     pub visible_worst: f64,
-    /// Its meaning to a viewer, in words.
+    /// The meaning to a viewer, in words.
     pub words: String,
 }
 
@@ -161,7 +161,7 @@ impl std::fmt::Display for SourceLocation {
 }
 
 impl Outcome {
-    /// Its name for a user: `tests/suite/walk.rhai > feet stay on the floor`, or the file alone.
+    /// The name for a user: `tests/suite/walk.rhai > feet stay on the floor`, or the file alone.
     pub fn name(&self) -> String {
         match self.section.as_str() {
             "" => self.file.clone(),

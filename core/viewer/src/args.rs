@@ -1,15 +1,16 @@
 //! The command line.
 
+use choreo::App;
 use choreo_script::{ImportChoice, Limits};
 use choreo_session::SceneSource;
-use clap::Parser;
+use clap::{CommandFactory, FromArgMatches, Parser};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Shows a script, or a model, while it is being written: every save is seen at once.
 #[derive(Parser, Debug)]
-#[command(name = "choreo-view", version)]
+#[command(version)]
 struct Args {
     /// A script (.rhai), or a model file
     #[arg(value_name = "SCRIPT|MODEL")]
@@ -57,15 +58,18 @@ pub(crate) struct ViewerOptions {
     pub tell: bool,
 }
 
-pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<ViewerOptions, ExitCode> {
-    let args = Args::try_parse_from(args).map_err(|error| {
+pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<ViewerOptions, ExitCode> {
+    let name = format!("{}-view", app.name);
+    let command = Args::command().display_name(&name).bin_name(&name).version(app.version);
+    let matches = command.try_get_matches_from(args);
+    let args = matches.and_then(|matches| Args::from_arg_matches(&matches)).map_err(|error| {
         // Help and version are answers, not errors; clap knows which stream and code.
         let code = error.exit_code();
         let _ = error.print();
         ExitCode::from(code as u8)
     })?;
     let usage = |text: String| {
-        eprintln!("{text}\n    see choreo-view --help");
+        eprintln!("{text}\n    see {name} --help");
         ExitCode::from(2)
     };
     let mut limits = Limits::default();
@@ -83,8 +87,8 @@ pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<ViewerOptions, 
     }
     let source = SceneSource {
         set,
-        search: args.search,
-        plugins: args.plugins,
+        search: [args.search, app.search.clone()].concat(),
+        plugins: [args.plugins, app.plugins.clone()].concat(),
         limits,
         clip: args.clip,
         import: ImportChoice::default(),

@@ -1,4 +1,4 @@
-//! The viewer, program `choreo-view`: a window that shows a script while it is being written. The only crate that knows egui.
+//! The viewer, program `choreo-view`, or that of another [`App`]: a window that shows a script while it is being written. The only crate that knows egui.
 //!
 //! ```text
 //! SessionThread ─ scene versions ─► Viewer (app) ─ frame requests ─► FrameRenderer ─ frames ─┐
@@ -15,16 +15,17 @@ pub mod state;
 #[allow(unsafe_code, reason = "calls of Vulkan")]
 mod window;
 
+use choreo::App;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-/// One call of the program: `args` as in `std::env::args_os()`.
-pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let asked = match args::parse(args) {
+/// One call of the viewer of a program: `args` as in `std::env::args_os()`.
+pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
+    let asked = match args::parse(args, app) {
         Ok(asked) => asked,
         Err(code) => return code,
     };
-    match window::run(asked) {
+    match window::run(asked, app) {
         Ok(()) => ExitCode::SUCCESS,
         Err(text) => {
             eprintln!("{text}");

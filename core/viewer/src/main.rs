@@ -1,5 +1,5 @@
-//! `choreo-view SCRIPT`.
+//! The program `choreo-view`.
 
 fn main() -> std::process::ExitCode {
-    choreo_viewer::run(std::env::args_os())
+    choreo_viewer::run(std::env::args_os(), &choreo::app())
 }

@@ -39,7 +39,7 @@ fn row<'a>(timeline: &'a Timeline, label: &str) -> &'a choreo_viewer::state::tim
 fn rows_have_what_happens_at_its_times() {
     let place = Place::new(SCRIPT);
     let timeline = &place.viewer.timeline;
-    let told = |label: &str| -> Vec<(f64, EventKind, String)> {
+    let events_of = |label: &str| -> Vec<(f64, EventKind, String)> {
         let events = &row(timeline, label).events;
         events.iter().map(|e| (e.at.as_secs(), e.kind, e.label.replace('\n', ", "))).collect()
     };
@@ -57,17 +57,17 @@ fn rows_have_what_happens_at_its_times() {
         (3.0, EventKind::Key, "position".into()),
     ]);
     expected.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let found = told("ada");
+    let found = events_of("ada");
     assert_eq!(found.len(), expected.len(), "{found:?} for {expected:?}");
     for (found, expected) in found.iter().zip(&expected) {
         assert!((found.0 - expected.0).abs() < 1e-6, "{found:?} for {expected:?}");
         assert_eq!((found.1, &found.2), (expected.1, &expected.2));
     }
     let entrance = |at, what: &str| (at, EventKind::Entrance, what.to_string());
-    assert_eq!(told("bob"), [entrance(1.5, "goes"), entrance(3.0, "appears")]);
+    assert_eq!(events_of("bob"), [entrance(1.5, "goes"), entrance(3.0, "appears")]);
     let hello = "\u{201c}Hello there\u{201d}";
     let words = [entrance(0.8, &format!("{hello} appears")), entrance(3.2, &format!("{hello} goes"))];
-    assert_eq!(told("words"), words);
+    assert_eq!(events_of("words"), words);
 }
 
 #[test]
@@ -112,8 +112,8 @@ fn the_strip_tells_which_foot_stands() {
         let x = strip.left() + strip.width() * (0.13 + 0.005 * step as f32);
         desk.hover_at(pos2(x, strip.center().y));
         desk.run_steps(40);
-        let told = desk.query_all_by_label_contains("on the floor, ").next()?;
-        let text = told.accesskit_node().label().or(told.accesskit_node().value())?;
+        let node = desk.query_all_by_label_contains("on the floor, ").next()?;
+        let text = node.accesskit_node().label().or(node.accesskit_node().value())?;
         Some((x, text))
     });
     let (x, text) = down.unwrap();

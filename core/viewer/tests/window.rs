@@ -111,7 +111,7 @@ fn the_same_as_render(shot: &Shot, script: &Path, folder: &Path) {
     args.insert(0, viewer.into());
     args.push(picture.clone().into());
     args.push(script.into());
-    let code = choreo::run(args, &choreo::registry());
+    let code = choreo::run(args, &choreo::app());
     assert_eq!(format!("{code:?}"), format!("{:?}", std::process::ExitCode::SUCCESS));
     let output = Command::new("convert").arg(&picture).args(["-depth", "8", "ppm:-"]).output().unwrap();
     let rendered = Shot::read(&output.stdout).unwrap();
@@ -237,6 +237,6 @@ fn draws_for_another_test() {
     let mut args: Vec<std::ffi::OsString> =
         ["choreo", "render", "--at", "0", "--quiet", "-o"].map(Into::into).into();
     args.extend([picture, script]);
-    let code = choreo::run(args, &choreo::registry());
+    let code = choreo::run(args, &choreo::app());
     assert_eq!(format!("{code:?}"), format!("{:?}", std::process::ExitCode::SUCCESS));
 }

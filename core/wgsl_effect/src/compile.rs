@@ -1,15 +1,19 @@
 //! Compiles an author's text to a program: parses and validates it, compares it with the form of its hook, and tries it.
 
-use crate::effect::EffectError;
 use crate::environment::Host;
+use crate::error::EffectError;
 use crate::head::{self, Head};
+use crate::head_error::HeadError;
 use crate::lower::{has_pointer_arguments, lower};
-use crate::program::Program;
+use crate::mistakes::Mistake;
+use crate::program::{Program, Unsupported};
 use crate::signature::{EDGES, LATTICE, LINE, Signature, TRIANGLE, signature};
-use crate::{nesting, parameters, suggestions, trial};
+use crate::tokens::{Tokens, place};
+use crate::{loops, mistakes, nesting, parameters, suggestions, trial};
 use choreo_plugin::{Hook, Manifest};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
-use naga::{Function, Module, SourceLocation};
+use naga::{Function, Module};
+use std::ops::Range;
 
 /// Longer texts are no effect of one pixel.
 const MAX_BYTES: usize = 256 << 10;
@@ -37,37 +41,50 @@ type Declared = (String, String, Host);
 
 /// The author's text.
 pub struct Text {
-    /// Its name in messages.
+    /// The name in messages.
     pub file: String,
     /// The text without a byte order mark.
     pub author: String,
-    /// The text with a constant for each parameter below it.
+    /// The text as shaders have it: with counted loops, and a constant for each parameter below it.
     pub wgsl: String,
+    /// Places of the counted loops, by number from 1.
+    pub loops: Vec<(usize, usize)>,
+    /// The constants.
+    constants: String,
 }
 
 impl Text {
     /// Checks what can be checked without parsing, and reads the head comment.
     pub fn read(file: &str, text: &str) -> Result<(Text, Manifest, Head), EffectError> {
         let author = head::without_mark(text).to_string();
-        let text = Text { file: file.into(), wgsl: String::new(), author };
+        let mut text = Text {
+            file: file.into(),
+            author,
+            wgsl: String::new(),
+            loops: Vec::new(),
+            constants: String::new(),
+        };
         if text.author.len() > MAX_BYTES {
             let length = text.author.len();
-            return Err(text.error(1, 1, format!("the text is {length} bytes long, at most {MAX_BYTES}")));
+            return Err(text.error((1, 1), format!("the text is {length} bytes long, at most {MAX_BYTES}")));
         }
-        nesting::check(&text.author).map_err(|deep| text.error(deep.line, deep.column, deep.message))?;
-        let at_line = |(line, message)| text.error(line, 1, message);
+        nesting::check(&text.author)
+            .map_err(|deep| text.error(place(&text.author, deep.at), deep.message))?;
+        let at_line = |error: HeadError| text.error((error.line, 1), error.mistake.to_string());
         let manifest = parameters::manifest(&text.author).map_err(at_line)?;
         let head = head::head(&text.author, &manifest).map_err(at_line)?;
         let constant = |(i, option): (usize, &choreo_plugin::OptionSpec)| {
             format!("const {}: u32 = {i}u;\n", option.name)
         };
-        let constants: String = manifest.options.iter().enumerate().map(constant).collect();
-        let wgsl = format!("{}\n{constants}", text.author);
-        Ok((Text { wgsl, ..text }, manifest, head))
+        text.constants = manifest.options.iter().enumerate().map(constant).collect();
+        let bounded = loops::bounded(&text.author);
+        text.wgsl = format!("{}\n{}", bounded.text, text.constants);
+        text.loops = bounded.loops;
+        Ok((text, manifest, head))
     }
 
-    fn error(&self, line: usize, column: usize, message: String) -> EffectError {
-        EffectError { file: self.file.clone(), line, column, message }
+    fn error(&self, at: (usize, usize), message: String) -> EffectError {
+        EffectError::new(&self.file, &self.author, at, message)
     }
 }
 
@@ -79,14 +96,85 @@ struct Source<'a> {
 }
 
 impl Source<'_> {
-    fn error(&self, location: Option<SourceLocation>, message: String) -> EffectError {
-        let (line, column) = location.map_or((1, 1), |l| (l.line_number as usize, l.line_position as usize));
-        self.text.error(line, column, message)
+    /// `span`: bytes of the whole text; the first line where there are none, or none that the author wrote.
+    fn error(&self, span: Option<Range<usize>>, message: String) -> EffectError {
+        let own = span.filter(|span| span.start < self.text.author.len());
+        self.text.error(own.map_or((1, 1), |span| place(&self.text.author, span.start)), message)
     }
 
     fn error_at(&self, span: naga::Span, message: String) -> EffectError {
-        self.error(span.is_defined().then(|| span.location(&self.whole)), message)
+        self.error(span.to_range(), message)
     }
+
+    fn parse(&self) -> Result<Module, Mistake> {
+        let of_parser = |e| mistakes::of_parser(&e, self.text.author.len());
+        let parsed = naga::front::wgsl::parse_str(&self.whole).map_err(of_parser);
+        parsed.map_err(|mistake| match mistake.span {
+            Some(_) => mistake,
+            None => Mistake { span: self.culprit(), ..mistake },
+        })
+    }
+
+    /// The statement of a mistake that the parser gives no place for. It is found by leaving out the end of each function and then
+    /// of one, from statement to statement, until the mistake is gone.
+    fn culprit(&self) -> Option<Range<usize>> {
+        let fails = |text: &str| {
+            naga::front::wgsl::parse_str(text).is_err_and(|e| e.labels().all(|(span, _)| !span.is_defined()))
+        };
+        // A text of many functions takes long; then the function alone is not looked for.
+        const MOST: usize = 200;
+        let without = |body: &Body, at: usize, open: usize| {
+            let (head, tail) = (&self.whole[..at], &self.whole[body.end..]);
+            format!("{head}{}{tail}", "}".repeat(open))
+        };
+        let bodies = bodies(&self.text.author);
+        let body = bodies.iter().take(MOST).find(|body| !fails(&without(body, body.start, 1)))?;
+        // The mistake is in the statement before the first cut with which it is there.
+        let first = body.cuts.partition_point(|(at, open)| !fails(&without(body, *at, *open)));
+        let start = first.checked_sub(1).map_or(body.start, |before| body.cuts[before].0);
+        let (token, _) = Tokens::of(&self.whole[start..]).next()?;
+        Some(start + token..body.cuts.get(first).map_or(body.end, |(at, _)| *at))
+    }
+}
+
+/// The body of a function.
+struct Body {
+    /// Behind its opening brace, and at its closing one.
+    start: usize,
+    end: usize,
+    /// Ends of statements, and braces that are open there.
+    cuts: Vec<(usize, usize)>,
+}
+
+fn bodies(text: &str) -> Vec<Body> {
+    let mut all: Vec<Body> = Vec::new();
+    let (mut braces, mut round, mut is_function) = (0usize, 0usize, false);
+    for (at, token) in Tokens::of(text) {
+        match token {
+            "fn" if braces == 0 => is_function = true,
+            "(" => round += 1,
+            ")" => round = round.saturating_sub(1),
+            "{" => {
+                braces += 1;
+                if braces == 1 && is_function {
+                    all.push(Body { start: at + 1, end: text.len(), cuts: Vec::new() });
+                }
+            }
+            "}" => {
+                braces = braces.saturating_sub(1);
+                if let Some(body) = all.last_mut().filter(|_| braces == 0 && is_function) {
+                    (body.end, is_function) = (at + 1, false);
+                }
+            }
+            _ => {}
+        }
+        if let Some(body) = all.last_mut().filter(|_| is_function && braces > 0 && round == 0)
+            && matches!(token, ";" | "{" | "}")
+        {
+            body.cuts.push((at + 1, braces));
+        }
+    }
+    all
 }
 
 /// The parser and the validator go down trees, whatever thread they are called on: as deep as [`depth`] lets pass, many times over.
@@ -109,16 +197,17 @@ fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, E
     let signature = signature(head.hook);
     let declared = declared(signature, head);
     if let Some((line, message)) = taken(&text.author, signature, &declared) {
-        return Err(text.error(line, 1, message));
+        return Err(text.error((line, 1), message));
     }
     // The shader that calls it declares what it sees; below the author's text, so that lines stay.
     let functions: String = declared.iter().map(|(_, text, _)| text.as_str()).collect();
-    let source = Source { text, whole: format!("{}{}{functions}", text.wgsl, signature.declared) };
+    let below = format!("{}{}{functions}", text.constants, signature.declared);
+    let source = Source { text, whole: format!("{}\n{below}", text.author) };
     let names =
         || manifest.options.iter().map(|o| o.name.as_str()).chain(declared.iter().map(|d| d.0.as_str()));
-    let module = naga::front::wgsl::parse_str(&source.whole).map_err(|e| {
-        let near = suggestions::near(e.message(), &text.author, signature.declared, &mut names());
-        source.error(e.location(&source.whole), format!("{}{near}", e.message()))
+    let module = source.parse().map_err(|mistake| {
+        let near = suggestions::near(&mistake.text, &text.author, signature.declared, &mut names());
+        source.error(mistake.span, format!("{}{near}", mistake.text))
     })?;
     let info = validated(&module, &source)?;
     let entry = module.functions.iter().find(|(_, f)| f.name.as_deref() == Some("effect"));
@@ -136,16 +225,41 @@ fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, E
         return Err(source.error_at(module.functions.get_span(handle), what));
     }
     let host = |name: &str| declared.iter().find(|(n, ..)| n == name).map(|(.., host)| *host);
-    let program = lower(&module, &info, entry, host)
-        .map_err(|e| source.error_at(e.span, format!("not supported: {}", e.what)))?;
-    trial::ends(&program, head, manifest)
-        .map_err(|slow| source.error_at(slow.span.unwrap_or(of_function), slow.what))?;
+    let unsupported = |e: Unsupported| source.error_at(e.span, format!("not supported: {}", e.what));
+    let mut program = lower(&module, &info, entry, host).map_err(unsupported)?;
+    if !text.loops.is_empty() {
+        // What is run counts the rounds of loops; the places of mistakes are those of the author's text.
+        let (module, info) = counted(&format!("{}{}{functions}", text.wgsl, signature.declared), &source)?;
+        let own = module.functions.iter().find(|(_, f)| f.name.as_deref() == Some("effect"));
+        program = lower(&module, &info, own.map_or(entry, |(own, _)| own), host)
+            .map_err(|e| source.error(None, format!("a loop cannot be counted: {}", e.what)))?;
+    }
+    trial::ends(&program, head, manifest).map_err(|slow| {
+        match slow.in_loop.and_then(|number| text.loops.get(number as usize - 1)) {
+            Some(at) => text.error(*at, slow.what),
+            None => source.error_at(of_function, slow.what),
+        }
+    })?;
     Ok(Code { program, output })
 }
 
+/// The module of a text with counted loops, whose author's text is valid.
+fn counted(text: &str, source: &Source) -> Result<(Module, ModuleInfo), EffectError> {
+    let faulty = |what: String| source.error(None, format!("a loop cannot be counted: {what}"));
+    let module = naga::front::wgsl::parse_str(text).map_err(|e| faulty(e.message().into()))?;
+    let info = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
+    let info = info.map_err(|e| faulty(mistakes::of_validator(&e, &module).text))?;
+    Ok((module, info))
+}
+
 fn declared(signature: &Signature, head: &Head) -> Vec<Declared> {
+    const ROUND: (&str, &str, Host) = (
+        "effect_round",
+        "fn effect_round(cost: u32, loop_number: u32) -> bool { return cost == loop_number; }\n",
+        Host::Round,
+    );
     let history = if head.history > 0 { signature.with_history } else { &[] };
-    let always = signature.functions.iter().chain(history);
+    let always = signature.functions.iter().chain(history).chain([&ROUND]);
     let mut all: Vec<Declared> =
         always.map(|(name, text, host)| (name.to_string(), text.to_string(), *host)).collect();
     all.extend(head.joints.iter().enumerate().map(|(i, joint)| {
@@ -181,14 +295,14 @@ fn taken(text: &str, signature: &Signature, around: &[Declared]) -> Option<(usiz
 }
 
 fn validated(module: &Module, source: &Source) -> Result<ModuleInfo, EffectError> {
+    if let Some(entry) = module.entry_points.first() {
+        let first = entry.function.body.span_iter().next().map(|(_, span)| *span);
+        let what = format!("{}: an effect has no entry points; leave out its attribute", entry.name);
+        return Err(source.error_at(first.unwrap_or_default(), what));
+    }
     Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(module).map_err(|e| {
-        let mut message = e.as_inner().to_string();
-        let mut cause = std::error::Error::source(e.as_inner());
-        while let Some(c) = cause {
-            message.push_str(&format!("; {c}"));
-            cause = c.source();
-        }
-        source.error(e.location(&source.whole), message)
+        let Mistake { span, text } = mistakes::of_validator(&e, module);
+        source.error(span, text)
     })
 }
 

@@ -2,41 +2,25 @@
 
 use crate::compile::{self, Code, Output, Text};
 use crate::environment::{Environment, PassImages, Textures};
+use crate::error::EffectError;
 use crate::head::Head;
 use crate::machine::{Lanes, Machine, Width};
 use crate::overlay::Drawing;
 use crate::pool;
 use crate::program::Program;
+use choreo_plugin::effect::endless;
 use choreo_plugin::{
     Effect, EffectFunction, EffectImages, EffectScene, EffectTexture, Hook, InvertedHull, LightSample,
     Manifest, Overlay, PluginFile, Shutter, SurfaceInputs, SurfaceSample, VertexSample, ViewOrder,
 };
 use glam::{Vec2, Vec3, Vec4};
 use std::sync::OnceLock;
-use thiserror::Error;
 
 /// Names of effect files end so.
 pub const ENDING: &str = ".wgsl";
 
-/// Error of an effect's text, with its place.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("{file}:{line}:{column}: {message}")]
-pub struct EffectError {
-    /// Name of the text in messages.
-    pub file: String,
-    /// Line, from 1.
-    pub line: usize,
-    /// Column in characters, from 1.
-    pub column: usize,
-    /// The problem.
-    pub message: String,
-}
-
 /// Widest outline in pixels.
 const MAX_WIDTH: f32 = 256.0;
-
-/// Magenta in place of a pixel that takes more than its steps: it is seen, and no frame hangs.
-const TOO_LONG: [f32; 4] = [1.0, 0.0, 1.0, 1.0];
 
 /// An effect in one WGSL file.
 pub struct WgslEffect {
@@ -46,6 +30,8 @@ pub struct WgslEffect {
     code: OnceLock<Code>,
     textures: Vec<EffectTexture>,
     inputs: SurfaceInputs,
+    /// Places of the loops that are counted.
+    loops: Vec<String>,
     /// The text reads the boxes around actors.
     boxes: bool,
     file: Option<PluginFile>,
@@ -87,11 +73,9 @@ impl WgslEffect {
                 made.map(|made| made.of_file(p.file))
                     .ok_or_else(|| format!("an image of {w} × {h}, at most {most} × {most} for an effect"))
             });
-            effect.textures.push(made.map_err(|e| EffectError {
-                file: file.into(),
-                line: line.line,
-                column: 1,
-                message: format!("texture {}: \"{}\": {e}", line.name, line.file),
+            effect.textures.push(made.map_err(|e| {
+                let message = format!("texture {}: \"{}\": {e}", line.name, line.file);
+                EffectError::new(file, &effect.text.author, (line.line, 1), message)
             })?);
         }
         Ok(effect)
@@ -120,7 +104,8 @@ impl WgslEffect {
         };
         let boxes = reads("low") || reads("high");
         let (code, textures) = (OnceLock::new(), Vec::new());
-        Ok(WgslEffect { text, manifest, head, code, textures, inputs, boxes, file: None })
+        let loops = text.loops.iter().map(|(line, column)| format!("{file}:{line}:{column}")).collect();
+        Ok(WgslEffect { text, manifest, head, code, textures, inputs, loops, boxes, file: None })
     }
 
     /// Sets where the text came from.
@@ -141,6 +126,9 @@ impl WgslEffect {
         let program = &self.code().program;
         let mut machine = Machine::<1>::new(program, parameters);
         machine.run(program, 1, &Textures(&self.textures)).ok()?;
+        if machine.endless != [0] {
+            return None;
+        }
         Some([0, 1, 2, 3, 4].map(|i| machine.float(program, 0, i)))
     }
 
@@ -184,14 +172,19 @@ impl WgslEffect {
                 set(machine, program, number * N, part);
                 if machine.run(program, part.len(), environment).is_ok() {
                     machine.read(program, part, get);
+                    for (item, number) in part.iter_mut().zip(machine.endless).filter(|(_, n)| *n > 0) {
+                        get(item, [endless(number); 4]);
+                    }
                     continue;
                 }
                 // Together their branches took too many steps; alone each may not.
                 for (lane, item) in part.iter_mut().enumerate() {
                     let mut alone = machine.lane(program, lane);
                     match alone.run(program, 1, environment) {
-                        Ok(()) => alone.read(program, std::slice::from_mut(item), get),
-                        Err(_) => get(item, TOO_LONG),
+                        Ok(()) if alone.endless == [0] => {
+                            alone.read(program, std::slice::from_mut(item), get);
+                        }
+                        _ => get(item, [endless(alone.endless[0]); 4]),
                     }
                 }
             }
@@ -230,6 +223,14 @@ fn surface_component(s: &SurfaceSample, i: usize) -> f32 {
 }
 
 impl EffectFunction for WgslEffect {
+    fn wgsl(&self) -> &str {
+        &self.text.wgsl
+    }
+
+    fn loops(&self) -> &[String] {
+        &self.loops
+    }
+
     fn pixels(&self, colors: &mut [Vec4], uv: &[Vec2], parameters: &[f32; 8]) {
         self.batches::<ROW, _>(
             parameters,
@@ -284,10 +285,7 @@ impl EffectFunction for WgslEffect {
             &Textures(&self.textures),
             &mut offset,
             |machine, program, _, _| machine.fill(program, 0, &[components], |vertex, i| vertex[i]),
-            // A vertex that takes more than its steps stays where it is.
-            |offset, out| {
-                *offset = if out == TOO_LONG { Vec3::ZERO } else { Vec4::from_array(out).truncate() }
-            },
+            |offset, out| *offset = Vec4::from_array(out).truncate(),
         );
         offset[0]
     }
@@ -330,14 +328,8 @@ impl Effect for WgslEffect {
         self.head.hook.applies_to_actors() && !self.head.of_scene
     }
 
-    fn wgsl(&self) -> &str {
-        &self.text.wgsl
-    }
-
     fn function(&self) -> Option<&dyn EffectFunction> {
-        let has_function =
-            matches!(self.head.hook, Hook::Pixel | Hook::Image) || self.head.hook.is_in_scene();
-        has_function.then_some(self as &dyn EffectFunction)
+        self.head.hook.has_function().then_some(self as &dyn EffectFunction)
     }
 
     fn surface_inputs(&self, parameters: &[f32; 8]) -> SurfaceInputs {

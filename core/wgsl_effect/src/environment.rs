@@ -7,6 +7,8 @@ use glam::{DVec3, Vec2, Vec4};
 /// A function of the shader that calls the effect's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Host {
+    /// Counts a round of a loop; the machine runs it itself.
+    Round,
     Picture,
     Original,
     PictureSize,

@@ -21,12 +21,10 @@
 //! `history: 3`; with `hook: overlay` `count: NUMBER or PARAMETER`, `over: true or PARAMETER`, `of: scene`, `history: 64` and
 //! `joint hand = RightHand|hand.r: where it burns`.
 
+use crate::head_error::{HeadError, HeadMistake};
 use crate::parameters::identifier;
 use choreo_plugin::suggest::{closest, did_you_mean};
 use choreo_plugin::{Hook, Manifest, OptionKind, Overlay, SurfaceInputs, ViewOrder};
-
-/// Line from 1, and what is wrong with it.
-pub(crate) type HeadError = (usize, String);
 
 pub(crate) const MOST_TEXTURES: usize = 4;
 const MOST_JOINTS: usize = 16;
@@ -193,43 +191,42 @@ pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeadError> {
     let mut head = Head { passes: 1, joints, textures: textures(text, manifest)?, ..Head::default() };
     let mut hook_line = 1;
     for (line, _, value) in fields(text).filter(|(_, name, _)| *name == "hook") {
-        (hook_line, head.hook) = (line, hook(value).map_err(|message| (line, message))?);
+        (hook_line, head.hook) = (line, hook(value).map_err(|mistake| HeadError { line, mistake })?);
     }
     let mut given = Vec::new();
     for (line, name, value) in fields(text) {
-        let of = head.set(name, value, manifest).map_err(|message| (line, message))?;
+        let of = head.set(name, value, manifest).map_err(|mistake| HeadError { line, mistake })?;
         if let Some(of) = of.filter(|of| *of != head.hook) {
-            return Err((line, format!("{name} is of effects with hook: {}", word(of))));
+            let mistake = HeadMistake::OtherHook { name: name.into(), hook: word(of) };
+            return Err(HeadError { line, mistake });
         }
         given.push(name);
     }
     if let Some(joint) = head.joints.first().filter(|_| head.hook != Hook::Overlay) {
-        return Err((joint.line, "joint is of effects with hook: overlay".into()));
+        let mistake = HeadMistake::OtherHook { name: "joint".into(), hook: word(Hook::Overlay) };
+        return Err(HeadError { line: joint.line, mistake });
     }
-    let missing = match head.hook {
-        Hook::Vertex if !given.contains(&"reach") => {
-            "an effect that moves surfaces says how far at most: // reach: METRES, or the name of a parameter"
-        }
-        Hook::Overlay if !given.contains(&"count") => {
-            "an overlay says how many lines or triangles it has: // count: NUMBER, or the name of a parameter"
-        }
+    let mistake = match head.hook {
+        Hook::Vertex if !given.contains(&"reach") => HeadMistake::NoReach,
+        Hook::Overlay if !given.contains(&"count") => HeadMistake::NoCount,
         _ => return Ok(head),
     };
-    Err((hook_line, missing.into()))
+    Err(HeadError { line: hook_line, mistake })
 }
 
 impl Head {
     /// Sets what a word stands for, and gives the hook that it belongs to. Words of the author's own are passed over.
-    fn set(&mut self, name: &str, value: &str, manifest: &Manifest) -> Result<Option<Hook>, String> {
-        let flag = || value.parse::<bool>().map_err(|_| format!("{name} is true or false"));
+    fn set(&mut self, name: &str, value: &str, manifest: &Manifest) -> Result<Option<Hook>, HeadMistake> {
+        let allowed = |allowed: String| HeadMistake::Allowed { name: name.into(), allowed };
+        let flag = || value.parse::<bool>().map_err(|_| allowed("true or false".into()));
         let one_of = |no: &str, yes: &str| match value {
             _ if value == no => Ok(false),
             _ if value == yes => Ok(true),
-            _ => Err(format!("{name} is {no} or {yes}")),
+            _ => Err(allowed(format!("{no} or {yes}"))),
         };
         let count = |most: u32| {
             let number = value.parse().ok().filter(|n| (1..=most).contains(n));
-            number.ok_or_else(|| format!("{name} is a whole number from 1 to {most}"))
+            number.ok_or_else(|| allowed(format!("a whole number from 1 to {most}")))
         };
         let of = match name {
             "see_through" => {
@@ -294,7 +291,7 @@ impl Head {
             }
             _ => {
                 return match slip(name) {
-                    Some(meant) => Err(format!("unknown word \"{name}\"; did you mean \"{meant}\"?")),
+                    Some(meant) => Err(HeadMistake::Misspelt { word: name.into(), meant: meant.into() }),
                     None => Ok(None),
                 };
             }
@@ -303,15 +300,16 @@ impl Head {
     }
 
     /// `normals|uvs`, or the name of a text parameter whose choices are inputs.
-    fn read_inputs(&mut self, value: &str, manifest: &Manifest) -> Result<(), String> {
+    fn read_inputs(&mut self, value: &str, manifest: &Manifest) -> Result<(), HeadMistake> {
         for name in value.split('|').map(str::trim) {
             let chosen = manifest.options.iter().enumerate().find(|(_, o)| o.name == name);
             if let Some((index, OptionKind::Text { one_of, .. })) = chosen.map(|(i, o)| (i, &o.kind)) {
                 self.chosen_input = Some((index, one_of.clone()));
             } else {
                 let input = input(&mut self.inputs, name);
-                *input.ok_or_else(|| format!("inputs are normals, uvs, joints, shadow, not \"{name}\""))? =
-                    true;
+                *input.ok_or_else(|| {
+                    refused("an input", "normals, uvs, joints or shadow", name, String::new())
+                })? = true;
             }
         }
         Ok(())
@@ -329,7 +327,12 @@ const HOOKS: [(&str, Hook); 8] = [
     ("shutter", Hook::Shutter),
 ];
 
-fn hook(value: &str) -> Result<Hook, String> {
+/// `near`: a guess at what was meant.
+fn refused(name: &str, allowed: impl Into<String>, value: &str, near: String) -> HeadMistake {
+    HeadMistake::Value { name: name.into(), allowed: allowed.into(), value: value.into(), near }
+}
+
+fn hook(value: &str) -> Result<Hook, HeadMistake> {
     // The same hooks by the names that the program has for them.
     let named = match value {
         "image" => "picture",
@@ -339,7 +342,7 @@ fn hook(value: &str) -> Result<Hook, String> {
     let found = HOOKS.iter().find(|(word, _)| *word == named).map(|(_, hook)| *hook);
     found.ok_or_else(|| {
         let words = HOOKS.map(|(word, _)| word);
-        format!("hook is one of {}, not \"{value}\"{}", words.join(", "), did_you_mean(value, words))
+        refused("hook", format!("one of {}", words.join(", ")), value, did_you_mean(value, words))
     })
 }
 
@@ -375,36 +378,35 @@ fn slip(name: &str) -> Option<&'static str> {
     closest(name, WORDS).filter(|word| word.len().abs_diff(name.len()) <= 2)
 }
 
-fn reach(value: &str, manifest: &Manifest) -> Result<Amount, String> {
+fn reach(value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake> {
     if let Some(place) = manifest.options.iter().position(|o| o.name == value) {
         return Ok(Amount::Parameter(place));
     }
     let metres = value.parse::<f32>().ok().filter(|m| (0.0..=1e6).contains(m));
     metres.map(Amount::Number).ok_or_else(|| {
-        let near = near(value, manifest);
-        format!("reach is metres, 0 to 1000000, or the name of a parameter, not \"{value}\"{near}")
+        refused("reach", "metres, 0 to 1000000, or the name of a parameter", value, near(value, manifest))
     })
 }
 
-fn things(value: &str, manifest: &Manifest) -> Result<Amount, String> {
+fn things(value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake> {
     let most = Overlay::MOST;
     if let Some(place) = manifest.options.iter().position(|o| o.name == value) {
         return match manifest.options[place].kind {
             OptionKind::Number { min, max, .. } if min >= 0.0 && max <= most as f64 => {
                 Ok(Amount::Parameter(place))
             }
-            _ => Err(format!("count: the parameter {value} must be a number within 0..{most}")),
+            _ => Err(HeadMistake::CountRange { name: value.into(), most }),
         };
     }
     let number = value.parse::<u32>().ok().filter(|n| (1..=most as u32).contains(n));
     number.map(|n| Amount::Number(n as f32)).ok_or_else(|| {
-        let near = near(value, manifest);
-        format!("count is a whole number from 1 to {most}, or the name of a parameter, not \"{value}\"{near}")
+        let allowed = format!("a whole number from 1 to {most}, or the name of a parameter");
+        refused("count", allowed, value, near(value, manifest))
     })
 }
 
 /// `true`, `false`, the name of a flag, or `not` and the name of a flag.
-fn truth(name: &str, value: &str, manifest: &Manifest) -> Result<Amount, String> {
+fn truth(name: &str, value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake> {
     if let Ok(flag) = value.parse::<bool>() {
         return Ok(Amount::Number(f32::from(u8::from(flag))));
     }
@@ -412,32 +414,28 @@ fn truth(name: &str, value: &str, manifest: &Manifest) -> Result<Amount, String>
     let is_flag = |kind: &OptionKind| matches!(kind, OptionKind::Bool { .. });
     let index = manifest.options.iter().position(|o| o.name == flag && is_flag(&o.kind));
     index.map(|index| if negated { Amount::Not(index) } else { Amount::Parameter(index) }).ok_or_else(|| {
-        let near = near(value, manifest);
-        format!("{name} is true, false, or the name of a parameter that is, not \"{value}\"{near}")
+        refused(name, "true, false, or the name of a parameter that is", value, near(value, manifest))
     })
 }
 
 /// `radius to 8`: passes before the last are halved until the parameter, a share of the image's height, is 8 pixels or less.
-fn halve(value: &str, manifest: &Manifest) -> Result<(Amount, u32), String> {
+fn halve(value: &str, manifest: &Manifest) -> Result<(Amount, u32), HeadMistake> {
     let read = || {
         let (length, most) = value.split_once(" to ")?;
         let index = manifest.options.iter().position(|o| o.name == length.trim())?;
         Some((Amount::Parameter(index), most.trim().parse().ok().filter(|most| (1..=256).contains(most))?))
     };
-    read().ok_or_else(|| "write // halve: PARAMETER to PIXELS, 1 to 256".into())
+    read().ok_or(HeadMistake::Form("halve: PARAMETER to PIXELS, 1 to 256"))
 }
 
 /// `strength = 0`: a number parameter, and the value with which the effect changes nothing.
-fn off(value: &str, manifest: &Manifest) -> Result<(usize, f32), String> {
+fn off(value: &str, manifest: &Manifest) -> Result<(usize, f32), HeadMistake> {
     let (name, at) = value.split_once('=').map(|(name, at)| (name.trim(), at.trim())).unwrap_or((value, ""));
     let is_number = |kind: &OptionKind| matches!(kind, OptionKind::Number { .. });
     let index = manifest.options.iter().position(|o| o.name == name && is_number(&o.kind));
-    let index = index.ok_or_else(|| {
-        let near = near(name, manifest);
-        format!("write // off: PARAMETER = NUMBER; no parameter \"{name}\" is a number{near}")
-    })?;
+    let index = index.ok_or_else(|| HeadMistake::NoOff { name: name.into(), near: near(name, manifest) })?;
     let at = at.parse().ok().filter(|at: &f32| at.is_finite());
-    Ok((index, at.ok_or("write // off: PARAMETER = NUMBER")?))
+    Ok((index, at.ok_or(HeadMistake::Form("off: PARAMETER = NUMBER"))?))
 }
 
 /// Did it mean a parameter?
@@ -447,13 +445,13 @@ fn near(value: &str, manifest: &Manifest) -> String {
 
 /// `// texture paper = paper.png as data: what it is printed on`
 fn textures(text: &str, manifest: &Manifest) -> Result<Vec<TextureLine>, HeadError> {
-    const FORM: &str = "write // texture NAME = FILE: ABOUT, or = FILE as data: ABOUT";
+    const FORM: HeadMistake = HeadMistake::Form("texture NAME = FILE: ABOUT, or = FILE as data: ABOUT");
     let mut all: Vec<TextureLine> = Vec::new();
     for (i, line) in comment(text) {
         let line = line.trim().trim_start_matches('/').trim();
         let Some(rest) = line.strip_prefix("texture ") else { continue };
-        let at = |message: String| (i + 1, message);
-        let form = || at(FORM.to_string());
+        let at = |mistake: HeadMistake| mistake.at(i);
+        let form = || at(FORM);
         let (name, rest) = rest.split_once('=').ok_or_else(form)?;
         let name = identifier(name.trim()).map_err(at)?;
         // The description is for readers of the file.
@@ -466,10 +464,10 @@ fn textures(text: &str, manifest: &Manifest) -> Result<Vec<TextureLine>, HeadErr
             return Err(form());
         }
         if all.iter().any(|t| t.name == name) || manifest.options.iter().any(|o| o.name == name) {
-            return Err(at(format!("{name} is declared twice")));
+            return Err(at(HeadMistake::Twice(name.into())));
         }
         if all.len() == MOST_TEXTURES {
-            return Err(at(format!("an effect has at most {MOST_TEXTURES} textures")));
+            return Err(at(HeadMistake::TooMany { most: MOST_TEXTURES, what: "textures" }));
         }
         all.push(TextureLine { name: name.into(), file: file.into(), srgb, line: i + 1 });
     }
@@ -478,25 +476,25 @@ fn textures(text: &str, manifest: &Manifest) -> Result<Vec<TextureLine>, HeadErr
 
 /// `// joint hand = RightHand|hand.r: where it burns`
 fn joints(text: &str, manifest: &Manifest) -> Result<Vec<JointLine>, HeadError> {
-    const FORM: &str = "write // joint NAME = JOINT: ABOUT, or = JOINT|OTHER: ABOUT";
+    const FORM: HeadMistake = HeadMistake::Form("joint NAME = JOINT: ABOUT, or = JOINT|OTHER: ABOUT");
     let mut all: Vec<JointLine> = Vec::new();
     for (i, line) in comment(text) {
         let Some(rest) = line.trim().trim_start_matches('/').trim().strip_prefix("joint ") else { continue };
-        let at = |message: String| (i + 1, message);
-        let (name, rest) = rest.split_once('=').ok_or_else(|| at(FORM.into()))?;
+        let at = |mistake: HeadMistake| mistake.at(i);
+        let (name, rest) = rest.split_once('=').ok_or_else(|| at(FORM))?;
         let name = identifier(name.trim()).map_err(at)?;
         // Names of joints have colons too.
-        let (of, _) = rest.split_once(": ").ok_or_else(|| at(FORM.into()))?;
+        let (of, _) = rest.split_once(": ").ok_or_else(|| at(FORM))?;
         let of: Vec<String> =
             of.split('|').map(|joint| joint.trim().to_string()).filter(|joint| !joint.is_empty()).collect();
         if of.is_empty() {
-            return Err(at(FORM.into()));
+            return Err(at(FORM));
         }
         if all.iter().any(|j| j.name == name) || manifest.options.iter().any(|o| o.name == name) {
-            return Err(at(format!("{name} is declared twice")));
+            return Err(at(HeadMistake::Twice(name.into())));
         }
         if all.len() == MOST_JOINTS {
-            return Err(at(format!("an effect names at most {MOST_JOINTS} joints")));
+            return Err(at(HeadMistake::TooMany { most: MOST_JOINTS, what: "joints" }));
         }
         all.push(JointLine { name: name.into(), of, line: i + 1 });
     }
@@ -513,8 +511,10 @@ mod tests {
     use super::*;
     use crate::parameters::manifest;
 
-    fn head_of(text: &str) -> Result<Head, HeadError> {
-        head(text, &manifest(&format!("// effect: a\n// param high = 0.5 in 0..2: y\n{text}")).unwrap())
+    fn head_of(text: &str) -> Result<Head, (usize, String)> {
+        let made =
+            head(text, &manifest(&format!("// effect: a\n// param high = 0.5 in 0..2: y\n{text}")).unwrap());
+        made.map_err(|e| (e.line, e.mistake.to_string()))
     }
 
     #[test]

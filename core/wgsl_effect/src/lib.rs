@@ -9,9 +9,13 @@
 mod compile;
 mod effect;
 mod environment;
+mod error;
 mod head;
+mod head_error;
+mod loops;
 mod lower;
 mod machine;
+pub mod mistakes;
 mod nesting;
 mod operators;
 mod overlay;
@@ -21,7 +25,9 @@ mod program;
 mod shape;
 mod signature;
 mod suggestions;
+mod tokens;
 mod trial;
 
-pub use effect::{ENDING, EffectError, TextureImage, WgslEffect};
+pub use effect::{ENDING, TextureImage, WgslEffect};
+pub use error::EffectError;
 pub use head::{files, is_meant, name};

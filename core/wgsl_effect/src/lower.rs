@@ -442,7 +442,7 @@ impl<'a> Lowering<'a> {
             Statement::Loop { body, continuing, break_if } => {
                 let (body, continuing) = (self.block(body)?, self.block(continuing)?);
                 let break_if = break_if.map(|condition| self.component(condition));
-                self.nodes.push(Node::Loop { body, continuing, break_if, span });
+                self.nodes.push(Node::Loop { body, continuing, break_if });
             }
             Statement::Break => self.nodes.push(Node::Break),
             Statement::Continue => self.nodes.push(Node::Continue),

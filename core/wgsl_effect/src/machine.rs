@@ -3,20 +3,17 @@
 //! Lanes that a branch leaves are masked out; a branch that no lane takes is skipped. Every lane gets the bits that it would get
 //! alone, because each operation is one IEEE operation per lane.
 
-use crate::environment::Environment;
+use crate::environment::{Environment, Host};
 use crate::operators::{Column, Columns, Kernel};
-use crate::program::{Case, Compute, Kernels, MAX_STEPS, Node, Program, Register, Registers, Routine};
+use crate::program::{
+    Case, Compute, Kernels, MAX_STEPS, MOST_STEPS, Node, Program, Register, Registers, Routine,
+};
 use choreo_plugin::EffectImage;
 use glam::Vec4;
-use naga::Span;
 
 /// The step limit was reached. With one lane that lane took too many steps; with several their branches together may have.
 #[derive(Debug)]
-pub struct TooLong {
-    /// The loop that was in its highest round: the one that does not end.
-    pub span: Option<Span>,
-    rounds: u32,
-}
+pub struct TooLong;
 
 /// Numbers of lanes that there are kernels for.
 pub trait Width<const N: usize> {
@@ -49,6 +46,8 @@ pub struct Machine<const N: usize> {
     registers: Vec<Column<N>>,
     /// Steps of the last run: exact for one lane, an upper bound for each of several.
     pub steps: u32,
+    /// Loops that took too many rounds in the last run, by number; 0 for none.
+    pub endless: [u32; N],
 }
 
 /// Lanes that left a loop's body or a switch.
@@ -63,6 +62,9 @@ struct Run<'a, const N: usize> {
     environment: &'a dyn Environment,
     registers: &'a mut [Column<N>],
     steps: u32,
+    /// Costs of the rounds of counted loops so far.
+    spent: [u32; N],
+    endless: [u32; N],
 }
 
 impl<const N: usize> Machine<N>
@@ -84,7 +86,7 @@ where
         for node in &program.prologue {
             compute(node, &mut registers, u32::MAX);
         }
-        Machine { registers, steps: 0 }
+        Machine { registers, steps: 0, endless: [0; N] }
     }
 
     /// Sets a parameter of the entry function in one lane: those of its components that anything reads.
@@ -129,7 +131,7 @@ where
     pub fn lane(&self, program: &Program, lane: usize) -> Machine<1> {
         let registers = self.registers.iter().map(|column| Column([column.0[lane]])).collect();
         debug_assert_eq!(self.registers.len(), program.registers as usize);
-        Machine { registers, steps: 0 }
+        Machine { registers, steps: 0, endless: [0; 1] }
     }
 
     /// A component of what the entry function returned.
@@ -150,9 +152,10 @@ where
         environment: &dyn Environment,
     ) -> Result<(), TooLong> {
         let mask = if lanes >= 32 { u32::MAX } else { (1 << lanes) - 1 };
-        let mut run = Run { program, environment, registers: &mut self.registers, steps: 0 };
+        let registers = &mut self.registers;
+        let mut run = Run { program, environment, registers, steps: 0, spent: [0; N], endless: [0; N] };
         let done = run.block(&program.entry().body, mask, program.entry(), &mut Left::default());
-        self.steps = run.steps;
+        (self.steps, self.endless) = (run.steps, run.endless);
         done.map(|_| ())
     }
 }
@@ -163,7 +166,7 @@ where
 {
     fn step(&mut self, count: u32) -> Result<(), TooLong> {
         self.steps = self.steps.saturating_add(count);
-        if self.steps > MAX_STEPS { Err(TooLong { span: None, rounds: 0 }) } else { Ok(()) }
+        if self.steps > MOST_STEPS { Err(TooLong) } else { Ok(()) }
     }
 
     fn column(&self, register: Register) -> &Column<N> {
@@ -219,15 +222,7 @@ where
                 Node::Switch { selector, cases } => {
                     mask = self.switch(*selector, cases, mask, routine, left)?
                 }
-                Node::Loop { span, .. } => {
-                    let mut rounds = 0;
-                    mask = self.rounds(node, mask, routine, &mut rounds).map_err(|e| {
-                        match e.rounds < rounds {
-                            true => TooLong { span: Some(*span), rounds },
-                            false => e,
-                        }
-                    })?;
-                }
+                Node::Loop { .. } => mask = self.rounds(node, mask, routine)?,
                 Node::Break => {
                     left.broken |= mask;
                     return Ok(0);
@@ -312,18 +307,11 @@ where
         Ok(after | falling | inner.broken)
     }
 
-    /// All rounds of a loop, counted.
-    fn rounds(
-        &mut self,
-        node: &Node,
-        mask: u32,
-        routine: &Routine,
-        rounds: &mut u32,
-    ) -> Result<u32, TooLong> {
-        let Node::Loop { body, continuing, break_if, .. } = node else { return Ok(mask) };
+    /// All rounds of a loop.
+    fn rounds(&mut self, node: &Node, mask: u32, routine: &Routine) -> Result<u32, TooLong> {
+        let Node::Loop { body, continuing, break_if } = node else { return Ok(mask) };
         let (mut live, mut after) = (mask, 0);
         while live != 0 {
-            *rounds += 1;
             self.step(1)?;
             let mut left = Left::default();
             let end = self.block(body, live, routine, &mut left)?;
@@ -341,13 +329,34 @@ where
         Ok(after)
     }
 
+    /// `effect_round` of effect_faults.wgsl: whether lanes took too many steps.
+    fn round(&mut self, cost: [u32; N], number: [u32; N], mask: u32) -> Column<N> {
+        let mut over = Column::ZERO;
+        for i in (0..N).filter(|i| mask >> i & 1 == 1) {
+            self.spent[i] = self.spent[i].saturating_add(cost[i]);
+            if self.spent[i] > MAX_STEPS {
+                over.0[i] = 1;
+                self.endless[i] = if self.endless[i] == 0 { number[i] } else { self.endless[i] };
+            }
+        }
+        over
+    }
+
     fn host(
         &mut self,
-        host: crate::environment::Host,
+        host: Host,
         arguments: &[Register],
-        result: impl Iterator<Item = Register>,
+        mut result: impl Iterator<Item = Register>,
         mask: u32,
     ) {
+        if let (Host::Round, [cost, number]) = (host, arguments) {
+            let (cost, number) = (self.column(*cost).0, self.column(*number).0);
+            let over = self.round(cost, number, mask);
+            if let Some(to) = result.next() {
+                self.registers[to as usize] = over;
+            }
+            return;
+        }
         if let (Some(image), [x, y]) = (self.environment.image(host), arguments) {
             let (x, y) = (*self.column(*x), *self.column(*y));
             let first = result.map(|r| r as usize).next().unwrap_or(0);

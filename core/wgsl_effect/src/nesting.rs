@@ -1,6 +1,8 @@
 //! How deeply a text is nested, found before it is parsed: naga's parser hands on trees that its other parts walk by
 //! recursion, and so does the evaluator here. A text of a few kilobytes could use up a thread's stack, which ends the program.
 
+use crate::tokens::Tokens;
+
 /// Levels of nesting of an expression or statement: brackets, operators (of `a + b + c` each is one level more), members,
 /// `else if`s. In builds for tests `else if`s overflow 2 MiB of stack at 1,500 levels, the others at 4,000 (`tests/deep.rs`).
 pub(crate) const MOST_LEVELS: usize = 350;
@@ -10,15 +12,11 @@ const BRACKET: usize = 5;
 /// Declarations of a text. Each can use another, and naga orders them by recursion: 4,200 structs overflow 2 MiB.
 pub(crate) const MOST_DECLARATIONS: usize = 1_000;
 
-/// The characters that end a line comment: all line breaks of WGSL, so that no code hides behind one.
-const LINE_ENDS: [char; 7] = ['\n', '\u{b}', '\u{c}', '\r', '\u{85}', '\u{2028}', '\u{2029}'];
-
 /// The place where a text is nested too deeply, with the message.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct TooDeep {
-    /// Column in characters, from 1.
-    pub line: usize,
-    pub column: usize,
+    /// Byte of the text.
+    pub at: usize,
     pub message: String,
 }
 
@@ -33,10 +31,8 @@ struct Level {
     else_ifs: usize,
 }
 
-struct Scan<'a> {
-    text: &'a str,
-    /// Byte.
-    at: usize,
+#[derive(Default)]
+struct Scan {
     open: Vec<Level>,
     /// Levels of all that is open.
     levels: usize,
@@ -45,9 +41,9 @@ struct Scan<'a> {
 
 /// Refuses a text that is nested too deeply. Brackets that do not match are left to the parser.
 pub fn check(text: &str) -> Result<(), TooDeep> {
-    let mut scan = Scan { text, at: 0, open: vec![Level::default()], levels: 0, declarations: 0 };
+    let mut scan = Scan { open: vec![Level::default()], ..Scan::default() };
     let mut before = "";
-    while let Some((start, token)) = scan.token() {
+    for (start, token) in Tokens::of(text) {
         scan.take(token, before);
         before = token;
         let what = if scan.levels > MOST_LEVELS {
@@ -60,51 +56,12 @@ pub fn check(text: &str) -> Result<(), TooDeep> {
         } else {
             continue;
         };
-        let before = &text[..start];
-        let line_start = before.rfind('\n').map_or(0, |n| n + 1);
-        return Err(TooDeep {
-            line: before.matches('\n').count() + 1,
-            column: before[line_start..].chars().count() + 1,
-            message: what,
-        });
+        return Err(TooDeep { at: start, message: what });
     }
     Ok(())
 }
 
-impl<'a> Scan<'a> {
-    /// The next token and where it begins; comments and blanks are passed over.
-    fn token(&mut self) -> Option<(usize, &'a str)> {
-        const DOUBLE: [&str; 9] = ["==", "!=", "<=", ">=", "&&", "||", "->", "++", "--"];
-        loop {
-            let rest = &self.text[self.at..];
-            let first = rest.chars().next()?;
-            let start = self.at;
-            if rest.starts_with("//") {
-                self.at += rest.find(LINE_ENDS).unwrap_or(rest.len());
-            } else if rest.starts_with("/*") {
-                self.at += end_of_comment(rest);
-            } else if first.is_alphanumeric() || first == '_' {
-                let word =
-                    |text: &str| text.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(text.len());
-                let mut length = word(rest);
-                // 1.5, and not 1.x
-                if first.is_ascii_digit() && rest[length..].starts_with('.') {
-                    let behind = &rest[length + 1..];
-                    length +=
-                        if behind.starts_with(|c: char| c.is_ascii_digit()) { 1 + word(behind) } else { 0 };
-                }
-                self.at += length;
-                return Some((start, &self.text[start..self.at]));
-            } else {
-                let length = DOUBLE.iter().find(|d| rest.starts_with(**d)).map_or(first.len_utf8(), |_| 2);
-                self.at += length;
-                if !first.is_whitespace() {
-                    return Some((start, &self.text[start..self.at]));
-                }
-            }
-        }
-    }
-
+impl Scan {
     fn take(&mut self, token: &str, before: &str) {
         let is_global = self.open.len() == 1;
         let Some(level) = self.open.last_mut() else { return };
@@ -148,25 +105,4 @@ impl<'a> Scan<'a> {
         level.expression = if is_block { 0 } else { level.expression.max(within) + 1 };
         self.levels += level.expression;
     }
-}
-
-/// Bytes of a comment, in which others may begin and end.
-fn end_of_comment(text: &str) -> usize {
-    let (mut depth, mut at) = (0usize, 0);
-    while let Some(next) = text[at..].find(['/', '*']) {
-        at += next;
-        if text[at..].starts_with("/*") {
-            depth += 1;
-            at += 2;
-        } else if text[at..].starts_with("*/") {
-            depth -= 1;
-            at += 2;
-        } else {
-            at += 1;
-        }
-        if depth == 0 {
-            return at;
-        }
-    }
-    text.len()
 }

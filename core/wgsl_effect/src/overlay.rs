@@ -92,11 +92,11 @@ impl Drawing<'_> {
             }
             machine.set(program, 0, 0, &[index]);
             match machine.run(program, 1, around) {
-                Ok(()) => {
+                Ok(()) if machine.steps <= MAX_STEPS && machine.endless == [0] => {
                     made.steps += machine.steps;
                     self.add(&machine, made);
                 }
-                Err(_) => {
+                _ => {
                     made.steps += MAX_STEPS;
                     made.too_long += 1;
                 }

@@ -1,6 +1,7 @@
 //! The manifest in the head comment of an effect: its name, what it is, its parameters.
 
-use crate::head::{HeadError, comment};
+use crate::head::comment;
+use crate::head_error::{HeadError, HeadMistake};
 use choreo_plugin::Manifest;
 use choreo_plugin::suggest::closest;
 
@@ -11,7 +12,7 @@ pub fn manifest(text: &str) -> Result<Manifest, HeadError> {
     let mut manifest = Manifest { version: "1".into(), ..Manifest::default() };
     for (i, line) in comment(text) {
         let line = line.trim().trim_start_matches('/').trim();
-        let at = |message: String| (i + 1, message);
+        let at = |mistake: HeadMistake| mistake.at(i);
         if let Some(name) = line.strip_prefix("effect:") {
             manifest.name = identifier(name.trim()).map_err(at)?.to_string();
         } else if let Some(about) = line.strip_prefix("about:") {
@@ -27,39 +28,41 @@ pub fn manifest(text: &str) -> Result<Manifest, HeadError> {
     if manifest.name.is_empty() {
         let meant = |(i, line): (usize, &str)| {
             let (word, _) = line.trim().trim_start_matches('/').trim().split_once(':')?;
-            Some((i + 1, slip(word.trim(), &["effect"])?))
+            Some(slip(word.trim(), &["effect"])?.at(i))
         };
         if let Some(error) = comment(text).find_map(meant) {
             return Err(error);
         }
-        return Err((1, "the head comment must name the effect: // effect: NAME".into()));
+        return Err(HeadMistake::NoName.at(0));
     }
     Ok(manifest)
 }
 
 /// A line that was meant to declare something: `parm amount = 0.1 in 0..1: how strong`.
-fn misspelt(line: &str) -> Option<String> {
+fn misspelt(line: &str) -> Option<HeadMistake> {
     let (word, rest) = line.split_once(' ')?;
     let (_, value) = rest.split_once('=')?;
     value.contains(':').then(|| slip(word, &["param", "texture", "joint"])).flatten()
 }
 
-fn slip(word: &str, known: &[&str]) -> Option<String> {
+fn slip(word: &str, known: &[&str]) -> Option<HeadMistake> {
     let meant = closest(word, known.iter().copied()).filter(|meant| word != *meant)?;
     let near = meant.len().abs_diff(word.len()) <= 2;
-    near.then(|| format!("unknown word \"{word}\"; did you mean \"{meant}\"?"))
+    near.then(|| HeadMistake::Misspelt { word: word.into(), meant: meant.into() })
 }
 
 /// `amount = 0.1 in 0..1: how strong`
-fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, String> {
-    const FORM: &str = "write // param NAME = 0.5 in 0..1: ABOUT, or = false: ABOUT, or = A of A|B: ABOUT, or = rgb(1, 1, 1): ABOUT";
+fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, HeadMistake> {
+    const FORM: HeadMistake = HeadMistake::Form(
+        "param NAME = 0.5 in 0..1: ABOUT, or = false: ABOUT, or = A of A|B: ABOUT, or = rgb(1, 1, 1): ABOUT",
+    );
     let (name, rest) = text.split_once('=').ok_or(FORM)?;
     let name = identifier(name.trim())?;
     if manifest.options.iter().any(|o| o.name == name) {
-        return Err(format!("the parameter {name} is declared twice"));
+        return Err(HeadMistake::Twice(name.into()));
     }
     if manifest.options.len() == MOST {
-        return Err(format!("an effect has at most {MOST} parameters"));
+        return Err(HeadMistake::TooMany { most: MOST, what: "parameters" });
     }
     let (value, about) = rest.split_once(':').ok_or(FORM)?;
     let (value, about) = (value.trim(), about.trim());
@@ -71,7 +74,9 @@ fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, String> {
         let first = first.trim();
         return match all.contains(&first) {
             true => Ok(manifest.text(name, about, first, &all)),
-            false => Err(format!("{name}: \"{first}\" is none of {}", all.join(", "))),
+            false => {
+                Err(HeadMistake::NoChoice { name: name.into(), value: first.into(), choices: all.join(", ") })
+            }
         };
     }
     let number = |text: &str| {
@@ -79,35 +84,33 @@ fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, String> {
         text.parse::<f64>()
             .ok()
             .filter(|v| v.is_finite())
-            .ok_or_else(|| format!("{name}: \"{text}\" is no number"))
+            .ok_or_else(|| HeadMistake::NoNumber { name: name.into(), value: text.into() })
     };
     if let Some(color) = value.strip_prefix("rgb(").and_then(|rest| rest.strip_suffix(')')) {
-        let parts = color.split(',').map(number).collect::<Result<Vec<f64>, String>>()?;
+        let parts = color.split(',').map(number).collect::<Result<Vec<f64>, _>>()?;
         let color = <[f64; 3]>::try_from(parts).map_err(|_| FORM)?;
         return match manifest.options.len() + 3 <= MOST && color.iter().all(|c| (0.0..=100.0).contains(c)) {
             true => Ok(manifest.color(name, about, color)),
-            false => {
-                Err(format!("{name}: a color is three parameters of at most {MOST}, each from 0 to 100"))
-            }
+            false => Err(HeadMistake::Color { name: name.into(), most: MOST }),
         };
     }
     let (value, range) = value.split_once(" in ").ok_or(FORM)?;
     let (min, max) = range.split_once("..").ok_or(FORM)?;
     let (value, min, max) = (number(value)?, number(min)?, number(max)?);
     if !(min..=max).contains(&value) {
-        return Err(format!("{name}: {value} is not within {min}..{max}"));
+        return Err(HeadMistake::OutOfRange { name: name.into(), value, min, max });
     }
     Ok(manifest.number(name, about, value, min..=max))
 }
 
-pub fn identifier(name: &str) -> Result<&str, String> {
+pub fn identifier(name: &str) -> Result<&str, HeadMistake> {
     let mut chars = name.chars();
     let good = chars.next().is_some_and(|c| c.is_ascii_lowercase())
         && chars.all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
         && name.len() <= 40;
     match good {
         true => Ok(name),
-        false => Err(format!("\"{name}\" must be a name of lower-case letters, digits and _, at most 40")),
+        false => Err(HeadMistake::Name(name.into())),
     }
 }
 
@@ -131,7 +134,7 @@ mod tests {
 
     #[test]
     fn mistakes_have_their_line() {
-        let error = |text: &str| manifest(text).unwrap_err();
+        let error = |text: &str| manifest(text).map_err(|e| (e.line, e.mistake.to_string())).unwrap_err();
         assert_eq!(error("fn effect() {}").1, "the head comment must name the effect: // effect: NAME");
         assert_eq!(error("// effect: a\n// param x = 2 in 0..1: y"), (2, "x: 2 is not within 0..1".into()));
         assert_eq!(error("// effect: a\n// param x = k of l|m: y"), (2, "x: \"k\" is none of l, m".into()));

@@ -7,8 +7,11 @@ use crate::environment::Host;
 use crate::operators::{Kernel, Operands, Operator, kernel};
 use naga::Span;
 
-/// Steps (statements and loop rounds) that one pixel may take.
-pub(crate) const MAX_STEPS: u32 = 100_000;
+/// Steps (statements and loop rounds) that one call may take. Loops count the same number by their rounds (`loops.rs`).
+pub(crate) const MAX_STEPS: u32 = choreo_plugin::MAX_EFFECT_STEPS;
+
+/// Steps after which a call is given up that no counted loop ends: functions that call each other without end in sight.
+pub(crate) const MOST_STEPS: u32 = 64 * MAX_STEPS;
 
 /// Index of a column.
 pub(crate) type Register = u32;
@@ -121,7 +124,6 @@ pub enum Node {
         body: Vec<Node>,
         continuing: Vec<Node>,
         break_if: Option<Register>,
-        span: Span,
     },
     Break,
     Continue,

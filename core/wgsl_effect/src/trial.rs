@@ -7,13 +7,12 @@ use crate::overlay::{MAX_FRAME_STEPS, trial_body};
 use crate::program::{MAX_STEPS, Program};
 use choreo_plugin::{Hook, Manifest, OptionKind};
 use glam::DVec3;
-use naga::Span;
 
 /// A part of an effect that takes too long, and its place.
 pub struct Slow {
     pub what: String,
-    /// `None`: the function as a whole.
-    pub span: Option<Span>,
+    /// The number of a counted loop; `None`: the function as a whole.
+    pub in_loop: Option<u32>,
 }
 
 /// Tries a few pixels (places, vertices, lights, lines) at the least, the usual and the largest parameters.
@@ -29,13 +28,14 @@ pub fn ends(program: &Program, head: &Head, manifest: &Manifest) -> Result<(), S
             for (number, bits) in arguments.iter().enumerate() {
                 machine.set(program, number, 0, bits);
             }
-            machine.run(program, 1, &Placeholder).map_err(|slow| Slow {
-                what: format!(
-                    "{} takes more than {MAX_STEPS} steps; does a loop never end?",
-                    what(head.hook)
-                ),
-                span: slow.span,
-            })?;
+            let done = machine.run(program, 1, &Placeholder);
+            if done.is_err() || machine.steps > MAX_STEPS || machine.endless != [0] {
+                let what = what(head.hook);
+                return Err(Slow {
+                    what: format!("{what} takes more than {MAX_STEPS} steps; does a loop never end?"),
+                    in_loop: (machine.endless != [0]).then_some(machine.endless[0]),
+                });
+            }
             most = most.max(machine.steps);
         }
         let count = head.count.of(&p) as u32;
@@ -43,7 +43,7 @@ pub fn ends(program: &Program, head: &Head, manifest: &Manifest) -> Result<(), S
             let what = format!(
                 "{count} times up to {most} steps are more than {MAX_FRAME_STEPS} a frame; give it a smaller count"
             );
-            return Err(Slow { what, span: None });
+            return Err(Slow { what, in_loop: None });
         }
     }
     Ok(())

@@ -1,7 +1,7 @@
 //! Texts that are nested deeply: refused with their place before naga or the evaluator could use up a thread's stack.
 
 use choreo_plugin::EffectFunction;
-use choreo_wgsl_effect::WgslEffect;
+use choreo_wgsl_effect::{EffectError, WgslEffect};
 use glam::{Vec2, Vec4};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
@@ -72,7 +72,8 @@ fn text(kind: &str, n: usize) -> String {
 }
 
 fn compiled(text: &str) -> Result<WgslEffect, String> {
-    WgslEffect::from_text("deep.wgsl", text).map_err(|e| e.to_string())
+    let first_line = |e: EffectError| e.to_string().lines().next().unwrap_or_default().to_string();
+    WgslEffect::from_text("deep.wgsl", text).map_err(first_line)
 }
 
 /// Compiles a text as for Vulkan, on a small stack; whether it is valid does not matter.

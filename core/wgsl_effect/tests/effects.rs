@@ -1,5 +1,6 @@
 //! Effects in WGSL: what a pixel becomes, against closed forms and a twin written in Rust, and what is refused.
 
+use choreo_plugin::effect::endless_loop;
 use choreo_plugin::{
     Effect, EffectFunction, EffectImage, EffectImages, LightSample, SurfaceSample, VertexSample,
 };
@@ -26,7 +27,9 @@ fn pixel(effect: &WgslEffect, color: Vec4, uv: Vec2, p: &[f32; 8]) -> Vec4 {
 }
 
 fn error(text: &str) -> String {
-    WgslEffect::from_text("my.wgsl", text).err().unwrap_or_else(|| panic!("no error:\n{text}")).to_string()
+    let error = WgslEffect::from_text("my.wgsl", text).err().unwrap_or_else(|| panic!("no error:\n{text}"));
+    // The line and its caret follow: `mistakes.rs`.
+    error.to_string().lines().next().unwrap_or_default().to_string()
 }
 
 #[test]
@@ -272,4 +275,38 @@ fn mistakes_have_the_line_that_the_author_wrote() {
     let text =
         error(&format!("{head}{good} {{\n  loop {{ if uv.x > 9.0 {{ break; }} }}\n  return color;\n}}"));
     assert_eq!(text, "my.wgsl:3:3: a pixel takes more than 100000 steps; does a loop never end?");
+}
+
+/// A loop that ends for some pixels only: those have the loop's number in place of a color, the others theirs.
+#[test]
+fn a_loop_without_end_is_left_and_named() {
+    let text = "// effect: rings
+fn turns(x: f32) -> f32 {
+    var y = x;
+    loop { if y >= 1.0 { break; } if x > 0.1 { y += 0.25; } }
+    return y;
+}
+fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {
+    var sum = 0.0;
+    for (var i = 0; i < 4; i++) { sum += p[i]; }
+    return vec4(turns(uv.x), sum, color.ba);
+}";
+    let made = effect(&text.replace("x > 0.1", "(x < 0.9 && x > 0.1) || x == 0.0 || x > 0.95"));
+    assert_eq!(made.loops(), ["my.wgsl:4:5"]);
+    for (x, expected) in [(0.25, Some(1.0)), (0.05, None), (1.0, Some(1.0)), (0.9375, None)] {
+        let got = pixel(&made, Vec4::ONE, Vec2::new(x, 0.0), &[0.5; 8]);
+        match expected {
+            Some(red) => assert_eq!(got.to_array(), [red, 2.0, 1.0, 1.0], "{x}"),
+            None => assert_eq!(endless_loop(got.x), Some(1), "{x}"),
+        }
+    }
+    // A row whose pixels go different ways gives what each gives alone.
+    let uv: Vec<Vec2> = (0..64).map(|i| Vec2::new(i as f32 / 64.0, 0.0)).collect();
+    let mut row = vec![Vec4::ONE; uv.len()];
+    made.pixels(&mut row, &uv, &[0.5; 8]);
+    for (got, uv) in row.iter().zip(&uv) {
+        let alone = pixel(&made, Vec4::ONE, *uv, &[0.5; 8]);
+        assert_eq!(got.to_array().map(f32::to_bits), alone.to_array().map(f32::to_bits), "{uv}");
+    }
+    assert!(row.iter().any(|c| c.x == 1.0) && row.iter().any(|c| endless_loop(c.x).is_some()));
 }

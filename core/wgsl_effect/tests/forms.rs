@@ -16,7 +16,9 @@ fn effect(text: &str) -> WgslEffect {
 }
 
 fn error(text: &str) -> String {
-    WgslEffect::from_text("my.wgsl", text).err().unwrap_or_else(|| panic!("no error:\n{text}")).to_string()
+    let error = WgslEffect::from_text("my.wgsl", text).err().unwrap_or_else(|| panic!("no error:\n{text}"));
+    // The line and its caret follow: `mistakes.rs`.
+    error.to_string().lines().next().unwrap_or_default().to_string()
 }
 
 fn overlay(head: &str, gives: &str, body: &str) -> WgslEffect {

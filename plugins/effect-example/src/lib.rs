@@ -15,7 +15,7 @@ pub fn example() -> Result<impl Effect, EffectError> {
 mod tests {
     use super::example;
     use choreo_plugin::Effect;
-    use glam::{Vec2, Vec4};
+    use choreo_plugin::glam::{Vec2, Vec4};
 
     fn color_of(color: Vec4, amount: f32, warmth: f32) -> Vec4 {
         let effect = example().unwrap_or_else(|e| panic!("{e}"));

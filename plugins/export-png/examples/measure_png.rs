@@ -46,6 +46,7 @@ fn main() {
         ("ultra fast, paeth", FdeflateUltraFast, Paeth),
         ("ultra fast, adaptive", FdeflateUltraFast, Adaptive),
         ("level 1, up", Level(1), Up),
+        ("level 1, paeth", Level(1), Paeth),
         ("level 6, adaptive", Level(6), Adaptive),
     ] {
         let (start, mut bytes) = (cpu_secs(), 0);

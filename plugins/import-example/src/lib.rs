@@ -1,6 +1,6 @@
 //! Importer of `.example`: points and faces as text. The one to copy for a format of your own.
 
-use choreo_asset::Asset;
+use choreo_plugin::asset::Asset;
 use choreo_plugin::{
     AssetBuilder, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, MeshData, Source,
 };

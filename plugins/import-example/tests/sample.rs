@@ -1,6 +1,6 @@
 //! The sample arrives whole, and what is wrong is reported with its line.
 
-use choreo_asset::Asset;
+use choreo_plugin::asset::Asset;
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Source};
 use import_example::ExampleImporter;
 use std::sync::Arc;

@@ -66,6 +66,7 @@ fn origin(document: &Document<'_>, format: &str, about: About) -> Origin {
     Origin {
         unit_is_assumed: false,
         format: format.into(),
+        importer: String::new(),
         writer: one_line(document.generator().unwrap_or_default()),
         metres_per_unit: Some(1.0),
         up: "+Y".into(),

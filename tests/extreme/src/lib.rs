@@ -1,7 +1,7 @@
 //! Stiff and extreme cases: what is measured in each, and what it must not exceed. `tests/matrix.rs` runs and prints them.
 
 pub mod devices;
-pub mod goals;
+pub mod ik_targets;
 pub mod images;
 pub mod poses;
 pub mod springs;
@@ -27,7 +27,12 @@ impl Case {
 }
 
 pub fn all() -> impl Iterator<Item = &'static Case> {
-    springs::CASES.iter().chain(goals::CASES).chain(poses::CASES).chain(images::CASES).chain(devices::CASES)
+    springs::CASES
+        .iter()
+        .chain(ik_targets::CASES)
+        .chain(poses::CASES)
+        .chain(images::CASES)
+        .chain(devices::CASES)
 }
 
 /// 0 where a named error was given, as it must be, and 1 where not.

@@ -3,7 +3,6 @@
 #![no_main]
 
 use choreo_fuzz::finite;
-use choreo_motion::ik::Limit;
 use choreo_motion::spring::{RigBone, SpringBone};
 use choreo_motion::{Interpolation, Time};
 use choreo_plugin::{Importer, ImportScope, Source};
@@ -31,6 +30,12 @@ fn time(u: &mut Unstructured) -> Result<Time> {
 
 fn span(u: &mut Unstructured) -> Result<Time> {
     Ok(Time::from_secs(f64::from(u.int_in_range(0..=2_000u32)?) / 1000.0))
+}
+
+/// Two times, the earlier one first.
+fn interval(u: &mut Unstructured) -> Result<(Time, Time)> {
+    let from = span(u)?;
+    Ok((from, from + span(u)?))
 }
 
 fn number(u: &mut Unstructured) -> Result<f64> {
@@ -67,7 +72,7 @@ fn cue(u: &mut Unstructured) -> Result<Cue> {
         (ends[0].min(ends[1]), ends[0].max(ends[1]))
     };
     let freeze = time(u)?;
-    let inertial = if u.ratio(1, 4)? { span(u)? } else { Time::ZERO };
+    let inertialization = if u.ratio(1, 4)? { span(u)? } else { Time::ZERO };
     let plain = Cue::new(clip.clone());
     Ok(Cue {
         clip,
@@ -81,7 +86,7 @@ fn cue(u: &mut Unstructured) -> Result<Cue> {
         repeat: [Repeat::Once, Repeat::Loop, Repeat::PingPong][u.choose_index(3)?],
         weight: f32::from(u.arbitrary::<u8>()?) / 255.0,
         freezes: if u.ratio(1, 4)? { vec![(freeze, freeze + span(u)?)] } else { Vec::new() },
-        inertial,
+        inertialization,
         ..plain
     })
 }
@@ -118,9 +123,9 @@ fn chain(u: &mut Unstructured) -> Result<Vec<u32>> {
     Ok(joints)
 }
 
-fn goal(u: &mut Unstructured, count: usize) -> Result<Goal> {
+fn constraint(u: &mut Unstructured, count: usize) -> Result<Constraint> {
     let kind = match u.int_in_range(0..=2)? {
-        0 => ConstraintKind::Reach(Reach {
+        0 => ConstraintKind::Reach(ReachConstraint {
             joints: chain(u)?,
             target: target(u, count)?,
             offset: if u.arbitrary()? { Some(point(u)?) } else { None },
@@ -143,13 +148,21 @@ fn goal(u: &mut Unstructured, count: usize) -> Result<Goal> {
                 }
             }
             let hips = if u.arbitrary()? { Some(joint(u)?) } else { None };
-            let ground = if u.ratio(1, 4)? { Some(u.int_in_range(0..=count)?) } else { None };
-            ConstraintKind::FootLock(Plant { legs, hips, ground })
+            let ground = if u.ratio(1, 4)? { vec![u.int_in_range(0..=count)?] } else { Vec::new() };
+            let only = (0..u.int_in_range(0..=2)?).map(|_| interval(u)).collect::<Result<_>>()?;
+            // Sorted, one after the other.
+            let mut standing_fades: Vec<StandingFade> = Vec::new();
+            for _ in 0..u.int_in_range(0..=2)? {
+                let begin = standing_fades.last().map_or(Time::ZERO, |fade| fade.to);
+                let from = begin + span(u)?;
+                standing_fades.push(StandingFade { from, to: from + span(u)?, ends_standing: u.arbitrary()? });
+            }
+            ConstraintKind::FootLock(FootLock { legs, hips, ground, only, standing_fades })
         }
     };
     let end = if u.arbitrary()? { Some(time(u)?) } else { None };
     let weight = f32::from(u.arbitrary::<u8>()?) / 255.0;
-    Ok(Goal { kind, start: time(u)?, end, fade: span(u)?, weight })
+    Ok(Constraint { kind, start: time(u)?, end, fade: span(u)?, weight })
 }
 
 fn limit(u: &mut Unstructured) -> Result<(u32, Limit)> {
@@ -213,7 +226,12 @@ fn stage(u: &mut Unstructured) -> Result<Stage> {
         }
         if u.ratio(1, 3)? {
             let joint = if u.arbitrary()? { Some(u.int_in_range(0..=60)?) } else { None };
-            actor.parent = Some(Attachment { actor: u.int_in_range(0..=count)?, joint });
+            let to = Attachment { actor: u.int_in_range(0..=count)?, joint };
+            actor.parents = vec![if u.arbitrary()? {
+                Parenting::always(to)
+            } else {
+                Parenting { blend: span(u)?, ..Parenting::from(Some(to), time(u)?) }
+            }];
         }
         if u.ratio(1, 4)? {
             actor.face = Some(u.int_in_range(0..=count)?);
@@ -224,7 +242,7 @@ fn stage(u: &mut Unstructured) -> Result<Stage> {
             actor.look_at.push(LookAt { joint, target, start: time(u)?, end, fade: span(u)?, weight: 0.75 });
         }
         if u.ratio(1, 3)? {
-            actor.constraints = (0..u.int_in_range(1..=3)?).map(|_| goal(u, count)).collect::<Result<_>>()?;
+            actor.constraints = (0..u.int_in_range(1..=3)?).map(|_| constraint(u, count)).collect::<Result<_>>()?;
         }
         if u.ratio(1, 6)? {
             actor.limits = (0..u.int_in_range(1..=3)?).map(|_| limit(u)).collect::<Result<_>>()?;

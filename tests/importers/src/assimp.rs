@@ -8,7 +8,7 @@ use std::process::Command;
 /// One clip.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Animation {
-    /// Its length in seconds, from 0.
+    /// The length in seconds, from 0.
     pub secs: f64,
     pub channels: usize,
 }

@@ -54,7 +54,7 @@ impl Row {
         self
     }
 
-    /// Its cost on the axis of the image: time, else size.
+    /// The cost on the axis of the image: time, else size.
     pub fn cost(&self) -> Option<f64> {
         self.nanos.or(self.bytes)
     }

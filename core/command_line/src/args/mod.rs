@@ -43,6 +43,9 @@ pub enum Command {
     /// Render a script, or a model file as it is, to video or images
     #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
     Render(RenderArgs),
+    /// Write the scene itself for another program: joints, motion, cameras, as the format has them
+    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    Export(ExportArgs),
     /// Open a window on a script, or a model: every save is seen at once
     #[command(after_help = EXIT_CODES)]
     View(ViewArgs),
@@ -95,6 +98,9 @@ pub(crate) struct SceneArgs {
     /// Raise or lower a limit (see --help); repeatable
     #[arg(long = "limit", value_name = "NAME=NUMBER")]
     pub limit: Vec<String>,
+    /// The program that makes the output, for its provenance
+    #[arg(skip)]
+    pub software: String,
 }
 
 /// How a model file is read. Scripts state it themselves: `load(…, #{ … })`.
@@ -180,6 +186,30 @@ pub(crate) struct RenderArgs {
     pub json: bool,
 }
 
+#[derive(Args, Debug)]
+pub(crate) struct ExportArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The file; its extension says the format (see `choreo plugins`)
+    #[arg(short, long, value_name = "FILE")]
+    pub output: String,
+    /// Which frames: 0..120 (120 not included), 0..=119, 30.., one number, every 24th as 0..240:24, or a list as 0,5,9..20
+    #[arg(long, value_name = "FRAMES", allow_hyphen_values = true)]
+    pub frames: Option<String>,
+    /// Frames a second; 23.976, 29.97 and 59.94 mean the NTSC rates
+    #[arg(long, value_name = "RATE")]
+    pub fps: Option<String>,
+    /// An option of the format (see `choreo plugins`); repeatable
+    #[arg(long = "export", value_name = "NAME=VALUE")]
+    pub export: Vec<String>,
+    /// No progress bar, no summary
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// The summary, or what went wrong, as JSON on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Device {
     Auto,
@@ -233,6 +263,9 @@ pub(crate) struct InfoArgs {
     /// Model files: a further folder in which their textures may lie; repeatable
     #[arg(long = "search", value_name = "DIR")]
     pub search: Vec<PathBuf>,
+    /// Raise or lower a limit, as memory=2000000000; repeatable
+    #[arg(long = "limit", value_name = "NAME=NUMBER")]
+    pub limit: Vec<String>,
     /// JSON on standard output, for programs
     #[arg(long)]
     pub json: bool,
@@ -373,11 +406,11 @@ pub(crate) struct NewArgs {
     pub kind: PluginKind,
     /// Lower-case letters, digits and _; as my_format
     pub name: String,
-    /// One file that needs nothing but this program: NAME.importer.rhai or NAME.wgsl
+    /// One file that needs nothing but this program: NAME.importer.rhai, NAME.exporter.rhai or NAME.wgsl
     #[arg(long)]
     pub single: bool,
-    /// The hook of a single-file effect (default: pixel)
-    #[arg(long, value_enum, requires = "single")]
+    /// The hook of an effect (default: pixel)
+    #[arg(long, value_enum)]
     pub hook: Option<HookArg>,
     /// The folder to write into (default: this one)
     #[arg(long, value_name = "DIR")]
@@ -399,8 +432,12 @@ pub(crate) struct HelpArgs {
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PluginKind {
+    /// Reads a format
     Importer,
+    /// Changes how frames look
     Effect,
+    /// Writes scenes for other programs
+    Exporter,
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
@@ -422,9 +459,23 @@ pub(crate) enum HookArg {
 }
 
 impl Command {
+    /// The scene that the command opens.
+    pub fn scene(&mut self) -> Option<&mut SceneArgs> {
+        match self {
+            Command::Render(a) => Some(&mut a.scene),
+            Command::Export(a) => Some(&mut a.scene),
+            Command::Check(a) => Some(&mut a.scene),
+            Command::Explain(a) => Some(&mut a.scene),
+            Command::Measure(a) => Some(&mut a.scene),
+            Command::Pose(a) => Some(&mut a.scene),
+            _ => None,
+        }
+    }
+
     pub fn json(&self) -> bool {
         match self {
             Command::Render(a) => a.json,
+            Command::Export(a) => a.json,
             Command::Check(a) => a.json,
             Command::Info(a) => a.json,
             Command::Explain(a) => a.json,

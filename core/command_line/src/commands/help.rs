@@ -1,11 +1,12 @@
 //! `choreo help TERM`: the calls that answer a word of the field. And `--help` of the commands that read models or write results:
 //! the options of the plugins, from their manifests alone.
 
+use crate::App;
 use crate::args::{Cli, HelpArgs};
 use crate::failure::{Failure, print, print_json};
 use crate::plugins::option_rows;
 use crate::terminal::page::Page;
-use choreo_plugin::{Manifest, Registry};
+use choreo_plugin::Manifest;
 use choreo_script::help::{Answer, Call, answer, mentions, nearest};
 use choreo_session::plugin_files;
 use clap::CommandFactory;
@@ -81,11 +82,12 @@ fn about_command(usage: &str) -> Option<String> {
     found?.get_help().map(ToString::to_string)
 }
 
-const READ_MODELS: [&str; 6] = ["render", "check", "info", "explain", "measure", "pose"];
+const READ_MODELS: [&str; 7] = ["render", "export", "check", "info", "explain", "measure", "pose"];
 
-/// The command line with the options of the plugins, for `--help`.
-pub fn command(args: &[OsString], plugins: &Registry) -> clap::Command {
-    let command = Cli::command();
+/// The command line of the program, with the options of the plugins for `--help`.
+pub fn command(args: &[OsString], app: &App) -> clap::Command {
+    let plugins = &app.registry;
+    let command = Cli::command().name(app.name).version(app.version);
     if !args.iter().any(|a| a == "--help") {
         return command;
     }
@@ -98,12 +100,18 @@ pub fn command(args: &[OsString], plugins: &Registry) -> clap::Command {
     let registry = found.as_ref().unwrap_or(plugins);
     let importers = rows(registry.importers().iter().map(|i| i.manifest()));
     let exporters = rows(registry.exporters().iter().map(|e| e.manifest()));
+    let scene_exporters = rows(registry.scene_exporters().iter().map(|e| e.manifest()));
     READ_MODELS.into_iter().fold(command, |command, name| {
         command.mut_subcommand(name, |sub| {
             let mut text = format!(
                 "Options of importers, set with --import NAME=VALUE, in a script by load(FILE, #{{ NAME: VALUE }}):\n{importers}"
             );
-            if name == "render" {
+            let exporters = match name {
+                "render" => &exporters,
+                "export" => &scene_exporters,
+                _ => "",
+            };
+            if !exporters.is_empty() {
                 text += &format!("\nOptions of exporters, set with --export NAME=VALUE:\n{exporters}");
             }
             let before = sub.get_after_long_help().or(sub.get_after_help()).map(ToString::to_string);

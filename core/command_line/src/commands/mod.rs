@@ -3,6 +3,7 @@
 pub mod check;
 mod compressed;
 pub mod explain;
+pub mod export;
 pub mod help;
 pub mod info;
 pub mod measure;

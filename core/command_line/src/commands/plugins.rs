@@ -31,11 +31,20 @@ fn list(registry: &Registry, as_json: bool) -> Result<(), Failure> {
     let importers: Vec<Row> = registry.importers().iter().map(|p| (p.manifest(), p.file())).collect();
     let effects = registry.effects().iter().map(|p| (p.manifest(), p.file())).collect();
     let exporters = registry.exporters().iter().map(|p| (p.manifest(), None)).collect();
-    let kinds = [("importers", importers), ("effects", effects), ("exporters", exporters)];
+    let scenes = registry.scene_exporters().iter().map(|p| (p.manifest(), p.file())).collect();
+    let kinds = [
+        ("importers", importers),
+        ("effects", effects),
+        ("exporters", exporters),
+        ("scene exporters", scenes),
+    ];
     if as_json {
         let mut all = serde_json::Map::new();
         for (kind, rows) in kinds {
-            all.insert(kind.into(), rows.into_iter().map(|(m, file)| manifest_json(m, file)).collect());
+            all.insert(
+                kind.replace(' ', "_"),
+                rows.into_iter().map(|(m, file)| manifest_json(m, file)).collect(),
+            );
         }
         return print_json(&Value::Object(all));
     }

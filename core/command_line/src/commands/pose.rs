@@ -9,7 +9,7 @@ use choreo_asset::{Asset, Topology};
 use choreo_files::PartFile;
 use choreo_plugin::Registry;
 use choreo_stage::{Evaluator, Snapshot, Stage, posed_meshes};
-use glam::{Affine3A, DAffine3, DMat4, Mat3, Vec3};
+use glam::{DAffine3, DMat4};
 use serde_json::{Value, json};
 use std::io::Write;
 
@@ -45,17 +45,8 @@ pub fn run(args: PoseArgs, plugins: &Registry) -> Result<(), Failure> {
     }
 }
 
-/// f32 joints placed in the f64 world: exact but for the product.
-fn world_from_joint(world_from_model: DAffine3, model_from_joint: &Affine3A) -> DMat4 {
-    let m = DAffine3::from_mat3_translation(
-        Mat3::from(model_from_joint.matrix3).as_dmat3(),
-        Vec3::from(model_from_joint.translation).as_dvec3(),
-    );
-    DMat4::from(world_from_model * m)
-}
-
-fn numbers(m: DMat4) -> Vec<f64> {
-    m.to_cols_array().to_vec()
+fn numbers(m: DAffine3) -> Vec<f64> {
+    DMat4::from(m).to_cols_array().to_vec()
 }
 
 fn pose_json(name: &str, stage: &Stage, snapshot: &Snapshot) -> Value {
@@ -69,17 +60,17 @@ fn pose_json(name: &str, stage: &Stage, snapshot: &Snapshot) -> Value {
                 .names()
                 .iter()
                 .zip(skeleton.parents())
-                .zip(&state.model_from_joint)
-                .map(|((name, parent), m)| {
-                    let matrix = numbers(world_from_joint(state.world_from_model, m));
-                    json!({ "name": name, "parent": parent, "world_from_joint": matrix })
+                .enumerate()
+                .filter_map(|(joint, (name, parent))| {
+                    let matrix = numbers(state.world_from_joint(joint)?);
+                    Some(json!({ "name": name, "parent": parent, "world_from_joint": matrix }))
                 })
                 .collect();
             json!({
                 "name": actor.name,
                 "asset": actor.asset.name,
                 "visible": state.visible,
-                "world_from_model": numbers(DMat4::from(state.world_from_model)),
+                "world_from_model": numbers(state.world_from_model),
                 "joints": joints,
                 "morph_weights": state.morph_weights,
             })
@@ -93,7 +84,7 @@ fn pose_json(name: &str, stage: &Stage, snapshot: &Snapshot) -> Value {
         "actors": actors,
         "camera": {
             "name": camera.camera.and_then(|c| stage.cameras.get(c)).map(|c| c.name.clone()),
-            "world_from_view": numbers(DMat4::from(camera.world_from_view)),
+            "world_from_view": numbers(camera.world_from_view),
         },
     })
 }
@@ -108,8 +99,8 @@ fn pose_text(stage: &Stage, snapshot: &Snapshot) -> Page {
             "{} ({}{hidden}) at {:.4} {:.4} {:.4}",
             actor.name, actor.asset.name, p.x, p.y, p.z
         ));
-        for (name, m) in actor.asset.skeleton.names().iter().zip(&state.model_from_joint) {
-            let p = world_from_joint(state.world_from_model, m).w_axis;
+        for (joint, name) in actor.asset.skeleton.names().iter().enumerate() {
+            let Some(p) = state.world_from_joint(joint).map(|m| m.translation) else { continue };
             t.line(format_args!("  {name:<32} {:9.4} {:9.4} {:9.4}", p.x, p.y, p.z));
         }
     }

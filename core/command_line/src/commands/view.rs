@@ -1,6 +1,7 @@
-//! `choreo view`: starts the viewer. It is a program of its own, `choreo-view`, beside this one: its toolkit costs more build time
+//! `choreo view`: starts the viewer. It is a program of its own, `choreo-view` or that of another [`App`], beside this one: its toolkit costs more build time
 //! than everything else together, and no other command needs it.
 
+use crate::App;
 use crate::args::ViewArgs;
 use crate::failure::{Failure, print_message};
 use crate::process::interrupt;
@@ -9,18 +10,24 @@ use std::process::{Command, ExitStatus};
 use std::time::Duration;
 use std::{env, io};
 
-pub fn run(args: ViewArgs) -> Result<(), Failure> {
-    let here =
-        env::current_exe().map_err(|e| Failure::Output(format!("cannot tell where choreo lies: {e}")))?;
-    let viewer = here.with_file_name(format!("choreo-view{}", env::consts::EXE_SUFFIX));
+pub fn run(args: ViewArgs, app: &App) -> Result<(), Failure> {
+    let here = env::current_exe()
+        .map_err(|e| Failure::Output(format!("cannot tell where {} lies: {e}", app.name)))?;
+    let viewer = here.with_file_name(format!("{}-view{}", app.name, env::consts::EXE_SUFFIX));
+    let ours = app.name == "choreo";
     // `cargo run` says so; what it has built is then as old as this program.
-    if let (Some(cargo), Some(_)) = (env::var_os("CARGO"), env::var_os("CARGO_MANIFEST_DIR")) {
+    if ours && let (Some(cargo), Some(_)) = (env::var_os("CARGO"), env::var_os("CARGO_MANIFEST_DIR")) {
         build(Path::new(&cargo), &here, &viewer)?;
     }
     if !viewer.is_file() {
+        let hint = match ours {
+            true => {
+                "\n    hint: cargo build --release -p choreo-viewer makes target/release/choreo-view; put it beside choreo"
+            }
+            false => "",
+        };
         return Err(Failure::Device(format!(
-            "the viewer is a program of its own and is not there: {}\n    hint: cargo build --release -p choreo-viewer \
-             makes target/release/choreo-view; put it beside choreo",
+            "the viewer is a program of its own and is not there: {}{hint}",
             viewer.display()
         )));
     }
@@ -35,7 +42,7 @@ pub fn run(args: ViewArgs) -> Result<(), Failure> {
     }
 }
 
-/// Its exit status; `None` where a signal ended this program. The viewer is ended with it, since nobody else would.
+/// The exit status; `None` where a signal ended this program. The viewer is ended with it, since nobody else would.
 fn wait(command: &mut Command) -> io::Result<Option<ExitStatus>> {
     interrupt::watch(true);
     let mut viewer = command.spawn()?;

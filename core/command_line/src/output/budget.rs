@@ -5,14 +5,20 @@ use std::io::{Read, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+/// Bytes that may be written, shared by all files of an output.
 #[derive(Clone, Debug)]
-struct Budget {
+pub(crate) struct Budget {
     limit: u64,
     written: Arc<AtomicU64>,
 }
 
 impl Budget {
-    fn count(&self, inner: Box<dyn Write + Send>) -> Box<dyn Write + Send> {
+    pub fn new(limit: u64) -> Budget {
+        Budget { limit, written: Arc::default() }
+    }
+
+    /// A writer whose bytes count.
+    pub fn count(&self, inner: Box<dyn Write + Send>) -> Box<dyn Write + Send> {
         Box::new(Counted { budget: self.clone(), inner })
     }
 }
@@ -25,7 +31,7 @@ pub(crate) struct Budgeted {
 
 impl Budgeted {
     pub fn new(inner: Arc<dyn Exporter>, limit: u64) -> Budgeted {
-        Budgeted { inner, budget: Budget { limit, written: Arc::default() } }
+        Budgeted { inner, budget: Budget::new(limit) }
     }
 }
 
@@ -96,7 +102,7 @@ mod tests {
 
     #[test]
     fn two_files_share_one_budget() {
-        let budget = Budget { limit: 10, written: Arc::default() };
+        let budget = Budget::new(10);
         let mut a = budget.count(Box::new(Vec::new()));
         let mut b = budget.count(Box::new(Vec::new()));
         a.write_all(&[0; 6]).unwrap();

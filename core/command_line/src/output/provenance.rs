@@ -4,10 +4,11 @@
 use crate::failure::Failure;
 use crate::output::media::ID;
 use crate::scene::OpenedScene;
-use choreo_motion::Time;
+use choreo_motion::{FrameRate, Time};
 use choreo_plugin::{ExportOptions, OptionValue};
 use choreo_render::DeviceInfo;
 use choreo_stage::Settings;
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Seconds on the scene's clock; of single images only.
@@ -22,7 +23,21 @@ pub fn of(
     device: &DeviceInfo,
 ) -> Vec<(String, String)> {
     let [w, h] = settings.size;
-    let mut arguments = format!("--size {w}x{h} --fps {} --samples {samples}", fps(settings));
+    let arguments = format!("--size {w}x{h} --fps {} --samples {samples}", fps(settings.fps));
+    of_scene(scene, arguments, options, Some(device))
+}
+
+/// Provenance of an exported scene.
+pub fn of_export(scene: &OpenedScene, rate: FrameRate, options: &ExportOptions) -> Vec<(String, String)> {
+    of_scene(scene, format!("--fps {}", fps(rate)), options, None)
+}
+
+fn of_scene(
+    scene: &OpenedScene,
+    mut arguments: String,
+    options: &ExportOptions,
+    device: Option<&DeviceInfo>,
+) -> Vec<(String, String)> {
     for argument in &scene.arguments {
         arguments.push(' ');
         arguments.push_str(argument);
@@ -45,19 +60,29 @@ pub fn of(
     };
     let entry = |k: &str, v: String| (k.to_string(), line(v));
     let mut all = vec![
-        entry("Software", format!("choreo {}", env!("CARGO_PKG_VERSION"))),
+        entry("Software", scene.software.clone()),
         entry("choreo:source", scene.name.clone()),
         entry(if scene.is_script { "choreo:script" } else { "choreo:model" }, hex(&scene.input_hash)),
         entry("choreo:stage", hex(&scene.stage.content_hash())),
+        entry("choreo:plugins", plugins(scene)),
         entry("choreo:arguments", arguments),
-        entry("choreo:device", format!("{} ({})", device.name, device.driver)),
     ];
+    all.extend(device.map(|d| entry("choreo:device", format!("{} ({})", d.name, d.driver))));
     let mut hasher = blake3::Hasher::new();
     for text in all.iter().flat_map(|(k, v)| [k, v]) {
         hasher.update(&(text.len() as u64).to_le_bytes()).update(text.as_bytes());
     }
     all.push(entry(ID, hex(hasher.finalize().as_bytes())[..16].to_string()));
     all
+}
+
+/// Name and version of the importers and effects that made the scene, each once.
+fn plugins(scene: &OpenedScene) -> String {
+    let importers = scene.stage.actors.iter().map(|actor| actor.asset.origin.importer.clone());
+    let effect = |name: &str| scene.registry.effect(name).map(|effect| effect.manifest().to_string());
+    let effects = scene.stage.effects.iter().filter_map(|used| effect(&used.plugin));
+    let used: BTreeSet<String> = importers.chain(effects).filter(|name| !name.is_empty()).collect();
+    used.into_iter().collect::<Vec<_>>().join(", ")
 }
 
 /// The provenance of one image, with its time.
@@ -72,10 +97,10 @@ fn hex(hash: &[u8; 32]) -> String {
     hash[..16].iter().map(|b| format!("{b:02x}")).collect()
 }
 
-fn fps(settings: &Settings) -> String {
-    match settings.fps.den {
-        1 => settings.fps.num.to_string(),
-        den => format!("{}/{den}", settings.fps.num),
+fn fps(rate: FrameRate) -> String {
+    match rate.den {
+        1 => rate.num.to_string(),
+        den => format!("{}/{den}", rate.num),
     }
 }
 

@@ -51,7 +51,7 @@ impl Target {
         Ok(Target::File(path))
     }
 
-    /// Its name in messages.
+    /// The name in messages.
     pub fn shown(&self) -> String {
         match self {
             Target::Stdout => "standard output".into(),
@@ -70,6 +70,12 @@ impl Target {
             Target::Numbered { after, .. } => after.clone(),
         };
         let Some(exporter) = registry.exporter_for(&name) else {
+            if registry.scene_exporter_for(&name).is_some() {
+                return Err(Failure::Usage(format!(
+                    "-o {}: a scene is written to it by choreo export",
+                    self.shown()
+                )));
+            }
             let known: Vec<String> = registry
                 .exporters()
                 .iter()
@@ -148,7 +154,7 @@ impl Target {
 pub(crate) fn export_failure(shown: &str, error: ExportError) -> Failure {
     match error {
         ExportError::Io(e) => output_error(shown, &e),
-        ExportError::Format(text) => Failure::Output(format!("{shown}: {text}")),
-        ExportError::Panic(panic) => Failure::Output(format!("{shown}: {panic}")),
+        ExportError::Stage(e) => Failure::input(e.to_string()),
+        other => Failure::Output(format!("{shown}: {other}")),
     }
 }

@@ -14,9 +14,9 @@ const CONSEQUENCE: &str = "a scoped thread panicked";
 
 /// Makes panics be noted in place of being printed. With RUST_BACKTRACE both happen.
 pub fn install() {
+    exit_code_of_abort();
     let wanted = std::env::var_os("RUST_BACKTRACE").is_some_and(|value| value != "0");
     let before = wanted.then(take_hook);
-    exit_code_of_abort();
     set_hook(Box::new(move |panic| {
         if panic.payload_as_str() != Some(CONSEQUENCE) {
             *LATEST.lock().unwrap_or_else(PoisonError::into_inner) = Some(described(panic));
@@ -27,10 +27,12 @@ pub fn install() {
 
 /// Makes an abort end the process with a documented exit code. Rust raises SIGABRT if an allocation fails ("memory allocation
 /// of 4096 bytes failed") or a stack overflows. If the address space has a limit, the cause is taken to be memory; elsewhere
-/// the system ends programs that need too much by SIGKILL.
-fn exit_code_of_abort() {
+/// the system ends programs that need too much by SIGKILL. [`crate::run`] does it too; before it, for plugins that are made first.
+pub fn exit_code_of_abort() {
     #[cfg(unix)]
-    {
+    static ONCE: std::sync::Once = std::sync::Once::new();
+    #[cfg(unix)]
+    ONCE.call_once(|| {
         use rustix::process::{Resource, getrlimit};
         let limited = getrlimit(Resource::As).current.is_some();
         let why = if limited { Failure::Machine(String::new()) } else { Failure::Internal(String::new()) };
@@ -41,7 +43,7 @@ fn exit_code_of_abort() {
             i32::from(why.code()),
             always,
         );
-    }
+    });
 }
 
 fn described(panic: &PanicHookInfo<'_>) -> String {

@@ -41,6 +41,8 @@ pub struct OpenedScene {
     pub limits: Limits,
     /// Lines that the script printed.
     pub printed: Vec<String>,
+    /// Name and version of the program, for provenance.
+    pub software: String,
     /// Parameters that change the image, for provenance: `set`, `clip`.
     pub arguments: Vec<String>,
     /// Hash of the content of the script or model and of every file that it read.
@@ -112,6 +114,7 @@ fn open_script(
         places: script.places,
         limits,
         printed: script.printed,
+        software: args.software.clone(),
         arguments: set.iter().map(|(n, v)| format!("--set {n}={v}")).collect(),
         input_hash: script.script_hash,
         inputs,
@@ -154,6 +157,7 @@ fn open_model(
         places: Places::default(),
         limits,
         printed: Vec::new(),
+        software: args.software.clone(),
         arguments: importer.chain(options).chain(clip).collect(),
         input_hash: imported.hash,
         inputs: Inputs::new(imported.files).in_folder_of(&args.input),

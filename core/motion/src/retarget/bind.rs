@@ -4,6 +4,7 @@ use crate::clip::{Clip, Curve, Path};
 use crate::retarget::t_pose::HumanoidPair;
 use crate::skeleton::Skeleton;
 use crate::skeleton::model_rest_pose::ModelRestPose;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 /// The clip's curves on the joints of another skeleton that have the same name, exactly or else without namespace
 /// prefixes (`crate::skeleton::plain_name`), or else by its place in a human body (`crate::skeleton::joint_names::humanoid_name`):
@@ -25,7 +26,7 @@ pub fn bind_clip(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Vec<Stri
         (from.humanoid().is_some() || to.humanoid().is_some()).then(|| HumanoidPair::new(from, to));
     let matched: Vec<Option<u32>> = match_joints(from, to, humanoids.as_ref());
     let units = Units { from: ModelRestPose::of(from).scales, to: ModelRestPose::of(to).scales };
-    let mut unmatched = std::collections::BTreeSet::new();
+    let mut unmatched = BTreeSet::new();
     let mut curves: Vec<Curve> = Vec::with_capacity(clip.curves().len());
     for curve in clip.curves() {
         match matched.get(curve.joint as usize).copied().flatten() {
@@ -47,6 +48,25 @@ pub fn bind_clip(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Vec<Stri
     }
     let names = unmatched.into_iter().filter_map(|j| from.names().get(j as usize).cloned()).collect();
     (clip.with_curves(to.len(), curves), names)
+}
+
+/// Raw binding: the clip's curves, bit for bit, on the joints of another skeleton that have exactly the same names. Nothing is
+/// retargeted or scaled, and the clip stays as long as it was. Joints of `to` that the clip does not move keep their rest (bind) pose.
+/// Of joints with one name, the first belongs to the first, the second to the second. Also returns the names of animated joints that
+/// `to` lacks, in skeleton order.
+pub fn bind_by_name(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Vec<String>) {
+    let mut free: BTreeMap<&str, VecDeque<u32>> = BTreeMap::new();
+    for (joint, name) in (0u32..).zip(to.names()) {
+        free.entry(name).or_default().push_back(joint);
+    }
+    let partner = |name: &String| free.get_mut(name.as_str()).and_then(VecDeque::pop_front);
+    let partners: Vec<Option<u32>> = from.names().iter().map(partner).collect();
+    let bound = |curve: &Curve| Some(Curve { joint: partners[curve.joint as usize]?, ..curve.clone() });
+    let curves = clip.curves().iter().filter_map(bound).collect();
+    let lacking: BTreeSet<u32> =
+        clip.curves().iter().map(|c| c.joint).filter(|joint| partners[*joint as usize].is_none()).collect();
+    let names = lacking.into_iter().map(|joint| from.names()[joint as usize].clone()).collect();
+    (clip.with_curves(to.len(), curves).with_duration(clip.duration), names)
 }
 
 /// Mean size of each joint's unit in the model.
@@ -78,8 +98,8 @@ pub(crate) fn match_names(from: &Skeleton, to: &Skeleton) -> Vec<Option<u32>> {
 
 /// Joint of `to` for each joint of `from`; no joint of `to` twice.
 fn match_joints(from: &Skeleton, to: &Skeleton, humanoids: Option<&HumanoidPair>) -> Vec<Option<u32>> {
-    let mut exact = std::collections::BTreeMap::new();
-    let mut plain = std::collections::BTreeMap::new();
+    let mut exact = BTreeMap::new();
+    let mut plain = BTreeMap::new();
     for (joint, name) in to.names().iter().enumerate() {
         exact.entry(name.as_str()).or_insert(joint as u32);
         // `None` = several joints with this plain name: none of them is meant.
@@ -113,7 +133,7 @@ fn match_joints(from: &Skeleton, to: &Skeleton, humanoids: Option<&HumanoidPair>
         }
     }
     // Last, the same human joint in another family of names.
-    let mut humanoid = std::collections::BTreeMap::new();
+    let mut humanoid = BTreeMap::new();
     for (joint, name) in to.names().iter().enumerate() {
         if let Some(name) = crate::skeleton::joint_names::humanoid_name(name) {
             humanoid.entry(name).and_modify(|j| *j = None).or_insert(Some(joint as u32));

@@ -1,5 +1,6 @@
 //! Flat arrays of numbers as the vertices of a primitive, checked.
 
+use super::parts::morphs;
 use super::{MOST, MeshData, Result, fail};
 use choreo_asset::{Primitive, Topology};
 use glam::{Vec2, Vec3, Vec4};
@@ -17,11 +18,15 @@ pub fn primitive(data: &MeshData) -> Result<Primitive> {
             data.indices.len()
         ));
     }
-    let indices: Vec<u32> = match data.indices.is_empty() {
-        true => (0..vertices as u32).collect(),
-        false => data.indices.clone(),
+    if !(data.parts.is_empty() || data.indices.is_empty() && data.material.is_none()) {
+        return fail("parts have indices and materials of their own: leave indices and material out".into());
+    }
+    let indices: Vec<u32> = match (data.parts.as_slice(), data.indices.is_empty()) {
+        ([], true) => (0..vertices as u32).collect(),
+        ([], false) => data.indices.clone(),
+        (parts, _) => parts.iter().flat_map(|part| &part.indices).copied().collect(),
     };
-    let what = if data.indices.is_empty() { "vertices" } else { "indices" };
+    let what = if data.indices.is_empty() && data.parts.is_empty() { "vertices" } else { "indices" };
     let (corners, each) = match data.topology {
         Topology::Triangles => (3, "three for each triangle"),
         Topology::Lines => (2, "two for each line"),
@@ -67,13 +72,14 @@ pub fn primitive(data: &MeshData) -> Result<Primitive> {
         normals,
         uvs: [uvs, Vec::new()],
         colors,
+        morphs: morphs(&data.morphs, vertices)?,
         material: data.material,
         ..Primitive::default()
     })
 }
 
 /// Finite vectors of `N` numbers, as many as there are vertices.
-fn vectors<'a, const N: usize>(
+pub(super) fn vectors<'a, const N: usize>(
     flat: &'a [f32],
     what: &str,
     vertices: Option<usize>,

@@ -3,9 +3,15 @@
 //! Used by the example importer, by importers in a script, and by `mesh(…)`, `lines(…)`, `points(…)` and `image(…)` of scripts.
 
 mod arrays;
+pub mod normals;
+mod parts;
+pub mod tangents;
 
 pub use arrays::primitive;
-use choreo_asset::{Asset, Image, Material, Mesh, MeshInstance, Primitive, Skin, Topology, Warning};
+use choreo_asset::{
+    Asset, AssetCamera, AssetLight, Image, Light, Material, Mesh, MeshInstance, Primitive, Projection, Skin,
+    Topology, Warning,
+};
 use choreo_motion::{Clip, Curve, Skeleton, Transform};
 use glam::Mat4;
 use std::collections::BTreeMap;
@@ -23,7 +29,31 @@ fn fail<T>(text: String) -> Result<T> {
     Err(BuildError(text))
 }
 
-/// Joints, meshes, materials, images and clips, each known by the number that its function returned.
+/// Joints, meshes, materials, images, cameras, lights and clips, each known by the number that its function returned.
+///
+/// ```
+/// use choreo_plugin::asset::{Material, Topology};
+/// use choreo_plugin::motion::Transform;
+/// use choreo_plugin::{AssetBuilder, BuildError, MeshData, MeshPart, MorphData};
+///
+/// let mut builder = AssetBuilder::default();
+/// let hips = builder.joint("hips", None, Transform::IDENTITY)?;
+/// let [red, blue] = ["red", "blue"].map(|name| Material { name: name.into(), ..Material::default() });
+/// let (red, blue) = (builder.material(red)?, builder.material(blue)?);
+/// builder.mesh(MeshData {
+///     joint: Some(hips),
+///     positions: vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0],
+///     parts: vec![
+///         MeshPart { indices: vec![0, 1, 2], material: Some(red) },
+///         MeshPart { indices: vec![2, 1, 3], material: Some(blue) },
+///     ],
+///     morphs: vec![MorphData { name: "wide".into(), positions: vec![0.5; 12], normals: vec![] }],
+///     ..MeshData::default()
+/// })?;
+/// let asset = builder.finish("square")?;
+/// assert_eq!(asset.meshes[0].primitives.len(), 2);
+/// # Ok::<(), BuildError>(())
+/// ```
 #[derive(Debug, Default)]
 pub struct AssetBuilder {
     names: Vec<String>,
@@ -62,6 +92,30 @@ pub struct MeshData {
     pub inverse_bind: Vec<f32>,
     /// Number of its material; without one, the default material.
     pub material: Option<u32>,
+    /// Parts with a material each, in place of `indices` and `material`.
+    pub parts: Vec<MeshPart>,
+    /// Morph targets (blend shapes), with weight 0 at rest.
+    pub morphs: Vec<MorphData>,
+}
+
+/// A part of a mesh with a material of its own.
+#[derive(Clone, Debug, Default)]
+pub struct MeshPart {
+    /// As [`MeshData::indices`], of vertices of the whole mesh; not empty.
+    pub indices: Vec<u32>,
+    /// Number of its material; without one, the default material.
+    pub material: Option<u32>,
+}
+
+/// A morph target of a mesh.
+#[derive(Clone, Debug, Default)]
+pub struct MorphData {
+    /// Name in scripts (`actor.morph(NAME, …)`).
+    pub name: String,
+    /// Offsets at weight 1 in metres, x y z for each vertex; empty: none.
+    pub positions: Vec<f32>,
+    /// Offsets of the normals at weight 1, x y z for each vertex; empty: none.
+    pub normals: Vec<f32>,
 }
 
 /// Most vertices or indices of one mesh.
@@ -109,10 +163,17 @@ impl AssetBuilder {
         Ok(self.asset.images.len() as u32 - 1)
     }
 
-    /// Its texture, where it has one, must have been made before. Normal maps need tangents and are not for here.
+    /// Its textures must have been made before. Meshes whose material has a normal map get tangents.
     pub fn material(&mut self, material: Material) -> Result<u32> {
-        let textures =
-            [&material.base_color_texture, &material.emissive_texture, &material.occlusion_texture];
+        let textures = [
+            &material.base_color_texture,
+            &material.metallic_roughness_texture,
+            &material.normal_texture,
+            &material.occlusion_texture,
+            &material.emissive_texture,
+            &material.specular_texture,
+            &material.specular_color_texture,
+        ];
         let images = self.asset.images.len();
         if let Some(texture) = textures.into_iter().flatten().find(|t| t.image as usize >= images) {
             return fail(format!(
@@ -131,16 +192,7 @@ impl AssetBuilder {
             name => name.to_string(),
         };
         let with = |e: BuildError| BuildError(format!("mesh \"{name}\": {e}"));
-        let joint = match data.joint {
-            Some(joint) if joint as usize >= self.names.len() => {
-                return fail(format!(
-                    "mesh \"{name}\": joint {joint} does not exist, there are {}",
-                    self.names.len()
-                ));
-            }
-            Some(joint) => joint,
-            None => self.joint(&name, None, Transform::IDENTITY)?,
-        };
+        let joint = self.joint_of(&format!("mesh \"{name}\""), &name, data.joint)?;
         if let Some(material) = data.material
             && material as usize >= self.asset.materials.len()
         {
@@ -156,10 +208,73 @@ impl AssetBuilder {
                 Some(self.asset.skins.len() as u32 - 1)
             }
         };
+        let mut primitives =
+            parts::split(primitive, &data.parts, self.asset.materials.len()).map_err(with)?;
+        primitives.iter_mut().for_each(|primitive| self.add_tangents(primitive));
         let mesh = self.asset.meshes.len() as u32;
-        self.asset.meshes.push(Arc::new(Mesh { name, primitives: vec![primitive], ..Mesh::default() }));
-        self.asset.instances.push(MeshInstance { joint, mesh, skin, ..Default::default() });
+        let morph_names: Vec<String> = data.morphs.iter().map(|morph| morph.name.clone()).collect();
+        let weights = vec![0.0; morph_names.len()];
+        let morph_targets = morph_names.len();
+        self.asset.meshes.push(Arc::new(Mesh { name, primitives, morph_targets, morph_names }));
+        self.asset.instances.push(MeshInstance { joint, mesh, skin, weights, ..Default::default() });
         Ok(mesh)
+    }
+
+    /// The joint given, which must exist, or one at the origin that is added.
+    fn joint_of(&mut self, what: &str, name: &str, joint: Option<u32>) -> Result<u32> {
+        let count = self.names.len();
+        match joint {
+            Some(joint) if joint as usize >= count => {
+                fail(format!("{what}: joint {joint} does not exist, there are {count}"))
+            }
+            Some(joint) => Ok(joint),
+            None => self.joint(name, None, Transform::IDENTITY),
+        }
+    }
+
+    /// Tangents for the normal map of the primitive's material.
+    fn add_tangents(&mut self, primitive: &mut Primitive) {
+        let material = primitive.material.and_then(|m| self.asset.materials.get(m as usize));
+        let Some((material, map)) = material.and_then(|m| Some((m, m.normal_texture.as_ref()?))) else {
+            return;
+        };
+        let uv_set = usize::from(map.uv_set.min(1));
+        if primitive.topology == Topology::Triangles && !primitive.uvs[uv_set].is_empty() {
+            tangents::add(primitive, uv_set);
+        } else {
+            let place = format!("material \"{}\"", material.name);
+            self.warn(&place, "it has a normal map, but a mesh without uvs uses it; it has no effect there");
+        }
+    }
+
+    /// A camera that looks along the −Z of its joint, +Y up; without a joint, one at the origin is added.
+    ///
+    /// # Errors
+    /// A joint that does not exist.
+    pub fn camera(&mut self, name: &str, joint: Option<u32>, projection: Projection) -> Result<u32> {
+        let joint = self.joint_of(&format!("camera \"{name}\""), name, joint)?;
+        self.asset.cameras.push(AssetCamera { name: name.to_string(), joint, projection });
+        Ok(self.asset.cameras.len() as u32 - 1)
+    }
+
+    /// A light that shines along the −Z of its joint; without a joint, one at the origin is added.
+    ///
+    /// # Errors
+    /// A joint that does not exist, a cone or an intensity that no light can have.
+    pub fn light(&mut self, name: &str, joint: Option<u32>, light: Light) -> Result<u32> {
+        let what = format!("light \"{name}\"");
+        if let Some(problem) = light.kind.problem() {
+            return fail(format!("{what}: {problem}"));
+        }
+        let finite = light.color.is_finite() && light.intensity.is_finite() && light.intensity >= 0.0;
+        if !finite || light.range.is_some_and(|range| range.is_nan() || range <= 0.0) {
+            return fail(format!(
+                "{what}: color and intensity must be finite, not negative, its range positive"
+            ));
+        }
+        let joint = self.joint_of(&what, name, joint)?;
+        self.asset.lights.push(AssetLight { name: name.to_string(), joint, light });
+        Ok(self.asset.lights.len() as u32 - 1)
     }
 
     /// Curves are checked when the asset is finished, when all joints are known.

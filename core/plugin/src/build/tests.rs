@@ -1,6 +1,7 @@
 use super::arrays::normals;
 use super::*;
-use glam::Vec3;
+use choreo_asset::{LightKind, Sampler, TextureRef};
+use glam::{Affine2, Vec3};
 
 fn triangle() -> MeshData {
     MeshData { positions: vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0], ..MeshData::default() }
@@ -118,4 +119,94 @@ fn lines_and_points_have_two_and_one_index_and_no_normals() {
     assert_eq!((lines.topology, lines.indices.as_slice()), (Topology::Lines, [0, 1, 1, 2].as_slice()));
     assert_eq!((points.topology, points.indices.as_slice()), (Topology::Points, [0, 1, 2].as_slice()));
     assert!(lines.normals.is_empty() && points.normals.is_empty());
+}
+
+/// A square of two triangles, with morph targets, and the tangents of a normal map.
+fn square() -> MeshData {
+    MeshData {
+        positions: vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0],
+        uvs: vec![0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0],
+        ..MeshData::default()
+    }
+}
+
+#[test]
+fn parts_have_a_material_and_the_vertices_that_they_use() {
+    let mut b = AssetBuilder::default();
+    for name in ["red", "blue"] {
+        b.material(Material { name: name.into(), ..Material::default() }).unwrap();
+    }
+    let part = |indices: [u32; 3], material| MeshPart { indices: indices.into(), material: Some(material) };
+    let morph =
+        MorphData { name: "up".into(), positions: (0..12).map(|v| v as f32).collect(), normals: vec![] };
+    let parts = vec![part([0, 1, 2], 1), part([2, 1, 3], 0)];
+    b.mesh(MeshData { parts: parts.clone(), morphs: vec![morph], ..square() }).unwrap();
+    let refused = |data: MeshData, b: &mut AssetBuilder| {
+        b.mesh(MeshData { name: "m".into(), ..data }).unwrap_err().to_string()
+    };
+    let both = MeshData { parts: parts.clone(), material: Some(0), ..square() };
+    assert!(refused(both, &mut b).contains("leave indices and material out"));
+    let missing = MeshData { parts: vec![part([0, 1, 2], 7)], ..square() };
+    assert_eq!(refused(missing, &mut b), "mesh \"m\": material 7 does not exist, there are 2");
+    let none = MeshData { parts: vec![parts[0].clone(), MeshPart::default()], ..square() };
+    assert_eq!(refused(none, &mut b), "mesh \"m\": parts[1] has no indices");
+    let short = MorphData { name: "short".into(), positions: vec![0.0; 3], normals: vec![] };
+    assert_eq!(
+        refused(MeshData { morphs: vec![short], indices: vec![0, 1, 2], ..square() }, &mut b),
+        "mesh \"m\": morphs[0].positions must have 3 numbers for each of the 4 vertices, has 3"
+    );
+    let asset = b.finish("t").unwrap();
+    let mesh = &asset.meshes[0];
+    assert_eq!((mesh.morph_targets, mesh.morph_names.as_slice()), (1, ["up".to_string()].as_slice()));
+    assert_eq!(asset.instances[0].weights, [0.0]);
+    let [first, second] = &mesh.primitives[..] else { panic!("{mesh:?}") };
+    assert_eq!((first.material, first.indices.as_slice()), (Some(1), [0, 1, 2].as_slice()));
+    assert_eq!((second.material, second.indices.as_slice()), (Some(0), [0, 1, 2].as_slice()));
+    assert_eq!(second.positions, [Vec3::Y, Vec3::X, Vec3::new(1.0, 1.0, 0.0)]);
+    assert_eq!(second.morphs[0].positions[0], Vec3::new(6.0, 7.0, 8.0));
+    assert_eq!(second.uvs[0][2], glam::Vec2::new(1.0, 0.0));
+}
+
+#[test]
+fn a_normal_map_gives_tangents_or_a_warning() {
+    let mut b = AssetBuilder::default();
+    let image = b.image("bumps", 1, 1, &[128, 128, 255]).unwrap();
+    let map = TextureRef { image, sampler: Sampler::default(), uv_set: 0, uv_transform: Affine2::IDENTITY };
+    let bumpy = Material { name: "bumpy".into(), normal_texture: Some(map.clone()), ..Material::default() };
+    let bumpy = b.material(bumpy).unwrap();
+    let missing = Material { normal_texture: Some(TextureRef { image: 9, ..map }), ..Material::default() };
+    assert!(b.material(missing).unwrap_err().0.contains("image 9 does not exist"));
+    let indices = vec![0, 1, 2, 2, 1, 3];
+    b.mesh(MeshData { indices: indices.clone(), material: Some(bumpy), ..square() }).unwrap();
+    b.mesh(MeshData { indices, material: Some(bumpy), uvs: vec![], ..square() }).unwrap();
+    let asset = b.finish("t").unwrap();
+    // u grows along +x, v down: the tangent is +x, the bitangent +y (glTF 2.0 §3.7.2.1).
+    assert_eq!(asset.meshes[0].primitives[0].tangents, [glam::Vec4::new(1.0, 0.0, 0.0, 1.0); 4]);
+    assert!(asset.meshes[1].primitives[0].tangents.is_empty());
+    assert_eq!(asset.warnings.len(), 1);
+    assert_eq!(asset.warnings[0].place, "material \"bumpy\"");
+}
+
+#[test]
+fn cameras_and_lights_stand_on_joints() {
+    let mut b = AssetBuilder::default();
+    let joint = b.joint("head", None, Transform::IDENTITY).unwrap();
+    let lamp = |kind| Light { kind, color: Vec3::ONE, intensity: 10.0, range: None };
+    b.camera("eye", Some(joint), Projection::default()).unwrap();
+    b.light("lamp", None, lamp(LightKind::Point)).unwrap();
+    let refused = |result: Result<u32>| result.unwrap_err().0;
+    assert_eq!(
+        refused(b.camera("far", Some(7), Projection::default())),
+        "camera \"far\": joint 7 does not exist, there are 2"
+    );
+    let cone = LightKind::Spot { inner: 1.0, outer: 0.5 };
+    assert_eq!(
+        refused(b.light("bad", None, lamp(cone))),
+        "light \"bad\": cone is 1 to 0.5 rad, must be 0 ≤ inner < outer ≤ π/2"
+    );
+    let dark = Light { intensity: f32::NAN, ..lamp(LightKind::Point) };
+    assert!(refused(b.light("bad", None, dark)).contains("must be finite"));
+    let asset = b.finish("t").unwrap();
+    assert_eq!((asset.cameras[0].joint, asset.lights[0].joint), (0, 1));
+    assert_eq!(asset.skeleton.names(), ["head", "lamp"]);
 }

@@ -3,6 +3,7 @@
 use super::raster::TILE_WIDTH;
 use super::row_color;
 use super::sky::Backdrop;
+use crate::effect_faults::EffectFaults;
 use crate::plan::Plan;
 use choreo_plugin::{BACKGROUND_DISTANCE, Effect, SurfaceSample};
 use glam::{Vec2, Vec3, Vec4, Vec4Swizzles};
@@ -14,6 +15,7 @@ pub(crate) struct BackgroundEffects<'a> {
     pub backdrop: Option<Backdrop<'a>>,
     /// Effects in order, with their parameters.
     pub effects: Vec<(Arc<dyn Effect>, [f32; 8])>,
+    pub faults: &'a EffectFaults,
 }
 
 impl BackgroundEffects<'_> {
@@ -36,6 +38,7 @@ impl BackgroundEffects<'_> {
         for (effect, p) in &self.effects {
             if let Some(function) = effect.function() {
                 function.surfaces(colors, samples, p);
+                self.faults.checked(&**effect, colors, |i| [x + i as i32, y]);
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use super::CpuRenderer;
 use crate::affine::Affine3x4;
+use crate::effect_faults::EffectFaults;
 use crate::plan::Plan;
 use choreo_plugin::{Effect, VertexSample};
 use glam::{Vec3, Vec4Swizzles};
@@ -12,6 +13,7 @@ pub struct Displacement {
     pub effect: Arc<dyn Effect>,
     pub parameters: [f32; 8],
     pub reach: f32,
+    pub faults: Arc<EffectFaults>,
 }
 
 impl CpuRenderer {
@@ -19,7 +21,11 @@ impl CpuRenderer {
     pub(super) fn displaced(&self, plan: &Plan, bits: u8) -> Vec<Displacement> {
         let reaches = (0..8).zip(plan.displacement_limits).filter(|(bit, _)| bits >> bit & 1 == 1);
         let all = self.surface(plan, bits).into_iter().zip(reaches);
-        all.map(|((effect, parameters), (_, reach))| Displacement { effect, parameters, reach }).collect()
+        all.map(|((effect, parameters), (_, reach))| {
+            let faults = self.faults.clone();
+            Displacement { effect, parameters, reach, faults }
+        })
+        .collect()
     }
 }
 
@@ -29,7 +35,8 @@ const STEP: f32 = 0.003_906_25;
 /// How far all of them together move a vertex, metres in the world. `rows`: what brought it there.
 pub fn offset(effects: &[Displacement], place: &VertexSample, rows: &Affine3x4) -> Vec3 {
     effects.iter().fold(Vec3::ZERO, |sum, d| {
-        let mut offset = d.effect.function().map_or(Vec3::ZERO, |f| f.vertex(place, &d.parameters));
+        let offset = d.effect.function().map_or(Vec3::ZERO, |f| f.vertex(place, &d.parameters));
+        let mut offset = d.faults.checked_offset(&*d.effect, offset);
         if d.effect.in_model_space() {
             offset = rows.transform_vector(offset);
         }

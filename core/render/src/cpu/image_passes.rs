@@ -1,6 +1,7 @@
 //! Full-screen passes over a whole image: effects that see the pixels around theirs, and those of one pixel between them.
 
 use super::target::{Float, Srgb8, Target};
+use crate::effect_faults::EffectFaults;
 use crate::error::RenderError;
 use crate::plan::PostPass;
 use choreo_plugin::{Effect, EffectImage, EffectImages, Hook};
@@ -45,7 +46,14 @@ pub(crate) fn pixel_uv([x, y]: [i32; 2], count: usize, size: [u32; 2]) -> Vec<Ve
 }
 
 /// `pixels`: linear, as the scene left them; `before`: those of the frames before. The last pass's are written as bytes.
-pub fn run(passes: &[Pass], size: [u32; 2], pixels: Vec<Vec4>, before: &[Vec<Vec4>], bytes: &mut [u8]) {
+pub(crate) fn run(
+    passes: &[Pass],
+    size: [u32; 2],
+    pixels: Vec<Vec4>,
+    before: &[Vec<Vec4>],
+    faults: &EffectFaults,
+    bytes: &mut [u8],
+) {
     let before: Vec<EffectImage> = before.iter().map(|rgba| EffectImage { size, rgba }).collect();
     let (mut now, mut now_size) = (pixels, size);
     let mut original = Vec::new();
@@ -68,6 +76,7 @@ pub fn run(passes: &[Pass], size: [u32; 2], pixels: Vec<Vec4>, before: &[Vec<Vec
                     function.pixels(row, &pixel_uv([0, y as i32], width, size), &pass.parameters);
                 }
             }
+            faults.checked(&*pass.effect, row, |x| [x as i32, y as i32]);
             row.iter_mut().for_each(|color| *color = Float::encode(*color).decode());
         });
         (now, now_size) = (next, pass.size);

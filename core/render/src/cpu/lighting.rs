@@ -1,11 +1,13 @@
 //! The lights of a surface, and effects that decide what light does on it, in place of its own model. CPU reference of
 //! `light_effects` in scene.wgsl.
 
-use super::shade::Fragment;
+use super::shade::{Fragment, Shaded};
+use crate::effect_faults::{EffectFaults, Fault, FaultPlace, MAGENTA};
 use crate::lanes::{F4, V3};
-use crate::plan::PlanLight;
+use crate::plan::{Glass, PlanLight};
 use choreo_plugin::LightSample;
 use glam::Vec3;
+use std::cell::Cell;
 
 /// Four points of a surface that lights fall on.
 #[derive(Clone, Copy)]
@@ -68,13 +70,55 @@ impl Fragment<'_> {
                 }
             };
             let mut samples: [LightSample; 4] = std::array::from_fn(sample);
-            for (effect, parameters) in &self.lighting {
+            for ((effect, parameters), number) in self.lighting.iter().zip(self.surface.len() as u8..) {
                 if let Some(function) = effect.function() {
                     function.lights(&mut samples, parameters);
+                    check_lit(&mut samples, number);
                 }
             }
             let [x, y, z] = [0, 1, 2].map(|c| F4(samples.map(|sample| sample.lit[c])));
             *color = *color + V3 { x, y, z };
+        }
+    }
+}
+
+thread_local! {
+    /// Faults of lighting effects at the four pixels that this thread shades, as `effect_light_failed` of effect_faults.wgsl.
+    static FAULTS: Cell<[Option<(u8, Fault)>; 4]> = const { Cell::new([None; 4]) };
+}
+
+/// Magenta in place of what is no light.
+fn check_lit(samples: &mut [LightSample; 4], effect: u8) {
+    for (i, sample) in samples.iter_mut().enumerate() {
+        if let Some(fault) = Fault::of(sample.lit.extend(0.0)) {
+            let mut faults = FAULTS.get();
+            faults[i] = faults[i].or(Some((effect, fault)));
+            FAULTS.set(faults);
+            sample.lit = MAGENTA.truncate();
+        }
+    }
+}
+
+impl Fragment<'_> {
+    /// Pixels at which a lighting effect failed are magenta as a whole.
+    pub(crate) fn mark_light_faults(&self, shaded: &mut Shaded) {
+        shaded.faults = FAULTS.take();
+        if self.glass == Glass::Filter {
+            return;
+        }
+        for i in (0..4).filter(|i| shaded.faults[*i].is_some()) {
+            // The light of glass comes multiplied by its alpha.
+            let share = if self.glass == Glass::Light { shaded.rgba[3].0[i] } else { 1.0 };
+            for (out, c) in shaded.rgba.iter_mut().zip(MAGENTA.truncate().to_array()) {
+                out.0[i] = c * share;
+            }
+        }
+    }
+
+    /// Records the fault of a visible pixel.
+    pub(crate) fn record(&self, faults: &EffectFaults, (effect, fault): (u8, Fault), pixel: [i32; 2]) {
+        if let Some((effect, _)) = self.surface.iter().chain(&self.lighting).nth(effect as usize) {
+            faults.record(&**effect, fault, FaultPlace::Pixel(pixel));
         }
     }
 }

@@ -39,6 +39,7 @@ mod uv;
 mod vertex;
 mod view_transform;
 
+use crate::effect_faults::EffectFaults;
 use crate::error::RenderError;
 use crate::plan::dissolve::dissolved;
 use crate::plan::motion_blur::Accumulated;
@@ -82,6 +83,7 @@ pub struct CpuRenderer {
     sky: Option<Sky>,
     submitted: VecDeque<Plan>,
     times: Arc<StageTimes>,
+    faults: Arc<EffectFaults>,
 }
 
 #[derive(Default)]
@@ -108,6 +110,7 @@ impl CpuRenderer {
             sky: None,
             submitted: VecDeque::new(),
             times: Arc::default(),
+            faults: Arc::default(),
         }
     }
 
@@ -280,7 +283,8 @@ impl CpuRenderer {
             self.tiles::<Float, Vec4, S>(part, &[], pixels)?;
         }
         let passes = self.passes(plan)?;
-        let run = || image_passes::run(&passes, plan.size, sum.mean(), &before, &mut frame.rgba);
+        let run =
+            || image_passes::run(&passes, plan.size, sum.mean(), &before, &self.faults, &mut frame.rgba);
         self.times.of(Stage::ImageEffects, run);
         Ok(())
     }
@@ -294,7 +298,7 @@ impl CpuRenderer {
         if post.iter().any(|p| p.effect.hook() == Hook::Image) {
             let mut pixels = vec![Vec4::ZERO; plan.size[0] as usize * plan.size[1] as usize];
             self.tiles::<T, Vec4, S>(plan, &[], &mut pixels)?;
-            let run = || image_passes::run(&post, plan.size, pixels, &[], &mut frame.rgba);
+            let run = || image_passes::run(&post, plan.size, pixels, &[], &self.faults, &mut frame.rgba);
             self.times.of(Stage::ImageEffects, run);
             return Ok(());
         }
@@ -332,7 +336,8 @@ impl CpuRenderer {
         let backdrop = seen.zip(picture).map(|(sky, p)| sky::Backdrop::new(p, sky, plan));
         let effects = self.surface(plan, plan.background_effects);
         let needed = backdrop.is_some() || !effects.is_empty();
-        let background = needed.then_some(BackgroundEffects { plan, backdrop, effects });
+        let background =
+            needed.then_some(BackgroundEffects { plan, backdrop, effects, faults: &self.faults });
         let glass_of = |b: &Batch| match &b.paint {
             Paint::Surface(fragment) => Some(fragment.glass),
             Paint::Overlay { .. } => None,
@@ -341,8 +346,10 @@ impl CpuRenderer {
         if let (Some(behind), Some(first)) = (plan.scene_color_copy, batches.iter().position(refracting)) {
             // Drawn as far as it is visible through such glass; then all of it, from the beginning.
             let mut pixels = vec![Vec4::ZERO; out.len()];
-            let before =
-                || bands::<T, Vec4, S>(plan, &batches[..first], background.as_ref(), &[], &mut pixels);
+            let before = || {
+                let (backdrop, faults) = (background.as_ref(), &*self.faults);
+                bands::<T, Vec4, S>(plan, &batches[..first], backdrop, &[], faults, &mut pixels);
+            };
             self.times.of(Stage::Pixels, before);
             let behind = Arc::new(SceneColorCopy::new(pixels, plan.size, behind.levels));
             let glass = batches[first..].iter_mut().filter(|b| refracting(b));
@@ -350,7 +357,9 @@ impl CpuRenderer {
         }
         // Over all glass, so after the copy that it shows.
         batches.extend(self.overlays(plan));
-        self.times.of(Stage::Pixels, || bands::<T, P, S>(plan, &batches, background.as_ref(), post, out));
+        self.times.of(Stage::Pixels, || {
+            bands::<T, P, S>(plan, &batches, background.as_ref(), post, &self.faults, out);
+        });
         Ok(())
     }
 }
@@ -361,6 +370,7 @@ fn bands<T: Target, P: PixelOf, const S: usize>(
     batches: &[Batch],
     backdrop: Option<&BackgroundEffects>,
     post: &[image_passes::Pass],
+    faults: &EffectFaults,
     out: &mut [P],
 ) {
     let spans: Vec<Vec<[u16; 4]>> =
@@ -402,10 +412,12 @@ fn bands<T: Target, P: PixelOf, const S: usize>(
                     size: [(width - x).min(TILE_WIDTH as usize), pixels.len() / width],
                     picture: plan.size,
                     background,
+                    gradient: matches!(plan.background, Background::Gradient { .. }),
                     backdrop,
                     under: plan.layers_behind.as_deref(),
                     layers: plan.depth_peeling.map_or(0, |peel| peel.layers),
                     post,
+                    faults,
                 };
                 tile.draw::<T, P, S>(buffers, &mut pixels[x..], width);
             }
@@ -427,7 +439,12 @@ fn row_color(plan: &Plan, y: usize) -> Vec4 {
 impl Renderer for CpuRenderer {
     fn set_effects(&mut self, effects: &[Arc<dyn Effect>]) -> Result<(), RenderError> {
         self.effects = effects.to_vec();
+        self.faults.clear();
         Ok(())
+    }
+
+    fn take_notes(&mut self) -> Vec<String> {
+        self.faults.take_notes(&self.effects)
     }
 
     fn device(&self) -> &DeviceInfo {

@@ -39,7 +39,7 @@ pub fn shade(vertices: &[OverlayVertex], ids: [u32; 3], weights: &Weights) -> Sh
         })),
     };
     let [r, g, b, alpha] = a.color.to_array().map(F4::splat);
-    Shaded { rgba: [r, g, b, alpha * cover], kept: [ALL_SAMPLES; 4] }
+    Shaded { rgba: [r, g, b, alpha * cover], kept: [ALL_SAMPLES; 4], faults: [None; 4] }
 }
 
 /// Steps from pixel to pixel, right and down together, by the differences within the quad.

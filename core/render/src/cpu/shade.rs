@@ -12,6 +12,7 @@ use super::toon::{ToonSurface, matcap_uv};
 use super::triplanar::Planes;
 use super::vertex::Vertex;
 use super::view_transform::transformed;
+use crate::effect_faults::Fault;
 use crate::lanes::{F4, V3, Weights};
 use crate::plan::shader_features::texture_slot;
 use crate::plan::{Features, Glass, Plan, PlanLight};
@@ -61,6 +62,8 @@ pub(crate) const ALL_SAMPLES: u8 = 0b1111;
 pub(crate) struct Shaded {
     pub rgba: [F4; 4],
     pub kept: [u8; 4],
+    /// Faults of effects: the effect's number among those on surfaces, or behind them among those of light.
+    pub faults: [Option<(u8, Fault)>; 4],
 }
 
 impl Shaded {
@@ -128,18 +131,22 @@ impl Fragment<'_> {
                 }
             }
         }
+        if !self.lighting.is_empty() {
+            self.mark_light_faults(&mut shaded);
+        }
         shaded
     }
 
     fn surface_color(&self, quad: &Quad) -> Shaded {
         let rgba = self.base_color(quad);
         let kept = self.kept_samples(rgba[3]);
+        let faults = [None; 4];
         if kept == [0; 4] {
-            return Shaded { rgba, kept };
+            return Shaded { rgba, kept, faults };
         }
         let alpha = if self.blend { rgba[3] } else { F4::ONE };
         if !self.features.is_lit() {
-            return Shaded { rgba: [rgba[0], rgba[1], rgba[2], alpha], kept };
+            return Shaded { rgba: [rgba[0], rgba[1], rgba[2], alpha], kept, faults };
         }
         let point = self.surface_point(quad, rgb(rgba));
         let color = match self.features.has(Features::TOON) {
@@ -147,7 +154,7 @@ impl Fragment<'_> {
             true => self.exposed(self.toon(quad, &point) + self.emission(quad)),
             false => self.lit_color(quad, &point, alpha),
         };
-        Shaded { rgba: [color.x, color.y, color.z, alpha], kept }
+        Shaded { rgba: [color.x, color.y, color.z, alpha], kept, faults }
     }
 
     fn base_color(&self, quad: &Quad) -> [F4; 4] {

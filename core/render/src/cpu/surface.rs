@@ -4,6 +4,7 @@ use super::row_color;
 use super::shade::{Fragment, Shaded};
 use super::sky::behind;
 use super::vertex::Vertex;
+use crate::effect_faults::{Fault, MAGENTA};
 use crate::lanes::{F4, V3, Weights};
 use crate::plan::{Features, Glass};
 use choreo_plugin::SurfaceSample;
@@ -99,9 +100,15 @@ impl Fragment<'_> {
                 }
             }
         }
-        for (effect, parameters) in &self.surface {
-            if let Some(function) = effect.function() {
-                function.surfaces(colors, samples, parameters);
+        for ((effect, parameters), number) in self.surface.iter().zip(0..) {
+            let Some(function) = effect.function() else { continue };
+            function.surfaces(colors, samples, parameters);
+            for (i, color) in colors.iter_mut().enumerate() {
+                if let Some(fault) = Fault::of(*color) {
+                    let of_pixel = &mut quads[i / 4].faults[i % 4];
+                    *of_pixel = of_pixel.or(Some((number, fault)));
+                    *color = MAGENTA;
+                }
             }
         }
         for (colors, shaded) in colors.chunks_exact(4).zip(quads) {

@@ -5,6 +5,9 @@ use glam::Vec4;
 
 /// Colors go in and out as linear RGBA.
 pub trait Target: Copy + PartialEq + Send + Sync {
+    /// Backgrounds are dithered.
+    const DITHERED: bool;
+
     fn encode(linear: Vec4) -> Self;
     fn decode(self) -> Vec4;
 
@@ -71,6 +74,8 @@ impl PixelOf for Vec4 {
 pub(crate) struct Srgb8(pub [u8; 4]);
 
 impl Target for Srgb8 {
+    const DITHERED: bool = true;
+
     #[inline]
     fn encode(c: Vec4) -> Srgb8 {
         let alpha = if c.w > 0.0 { c.w.min(1.0) } else { 0.0 };
@@ -100,6 +105,8 @@ impl Target for Srgb8 {
 pub struct Float(pub Vec4);
 
 impl Target for Float {
+    const DITHERED: bool = false;
+
     #[inline]
     fn encode(c: Vec4) -> Float {
         // The largest half; NaN becomes 0.

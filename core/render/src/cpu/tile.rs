@@ -11,6 +11,8 @@ use super::shade::{Fragment, Shaded};
 use super::surface::QUADS;
 use super::target::{PixelOf, Target};
 use super::vertex::Vertex;
+use crate::dither::{self, dithered};
+use crate::effect_faults::EffectFaults;
 use crate::lanes::{F4, Weights};
 use crate::layers_2d::LayerImage;
 use crate::plan::{Glass, OverlayVertex};
@@ -118,6 +120,8 @@ pub struct Tile<'a, 'b> {
     pub picture: [u32; 2],
     /// Linear RGBA of each row.
     pub background: [Vec4; TILE_HEIGHT as usize],
+    /// Rows differ.
+    pub gradient: bool,
     /// Backdrop that replaces it, one color per pixel.
     pub backdrop: Option<&'a BackgroundEffects<'a>>,
     /// Layers over either.
@@ -126,6 +130,7 @@ pub struct Tile<'a, 'b> {
     pub layers: u32,
     /// Functions of one pixel alone.
     pub post: &'a [Pass],
+    pub faults: &'a EffectFaults,
 }
 
 impl Tile<'_, '_> {
@@ -139,8 +144,10 @@ impl Tile<'_, '_> {
         let plain = self.backdrop.is_none() && self.under.is_none();
         if self.list.is_empty() && self.post.is_empty() && plain {
             // Most of a usual image: every sample of a row is the background.
-            for (y, background) in self.background[..self.size[1]].iter().enumerate() {
-                rows[y * stride..y * stride + self.size[0]].fill(P::of(T::encode(*background)));
+            for y in 0..self.size[1] {
+                let row = self.row::<T>(y);
+                let pixels = rows[y * stride..y * stride + self.size[0]].iter_mut();
+                pixels.zip(row.iter().cycle()).for_each(|(pixel, color)| *pixel = P::of(*color));
             }
             return;
         }
@@ -148,7 +155,9 @@ impl Tile<'_, '_> {
             let first = row * TILE_WIDTH as usize * S;
             let colors = &mut b.color[first..first + TILE_WIDTH as usize * S];
             if plain || row >= self.size[1] {
-                colors.fill(T::encode(*background));
+                let row = self.row::<T>(row);
+                let pixels = colors.chunks_exact_mut(S).zip(row.iter().cycle());
+                pixels.for_each(|(samples, color)| samples.fill(*color));
                 continue;
             }
             let y = self.at[1] + row as i32;
@@ -158,6 +167,9 @@ impl Tile<'_, '_> {
                 backdrop.row(self.at[0], y, behind);
             }
             for ((samples, pixel), x) in colors.chunks_exact_mut(S).zip(behind).zip(self.at[0]..) {
+                if T::DITHERED && (self.gradient || self.backdrop.is_some()) {
+                    *pixel = dithered(*pixel, x as usize, y as usize);
+                }
                 if let Some(under) = self.under {
                     let over = under.pixel(x as u32, y as u32);
                     *pixel = over + *pixel * (1.0 - over.w);
@@ -190,6 +202,16 @@ impl Tile<'_, '_> {
             }
         }
         self.finish::<T, P, S>(b, rows, stride);
+    }
+
+    /// The background of a row, which repeats itself.
+    fn row<T: Target>(&self, row: usize) -> [T; dither::SIDE] {
+        let color = self.background[row];
+        let [x, y] = [self.at[0] as usize, self.at[1] as usize + row];
+        match T::DITHERED && self.gradient {
+            true => std::array::from_fn(|i| T::encode(dithered(color, x + i, y))),
+            false => [T::encode(color); dither::SIDE],
+        }
     }
 
     pub(super) fn triangle(&self, id: &TriangleId) -> &Triangle {
@@ -253,7 +275,7 @@ impl Tile<'_, '_> {
                 waiting.samples.extend(fragment.samples(vertices, t.vertices, t.front, &weights, at));
                 waiting.places.push((id, [qx, qy]));
             }
-            _ => write_visible::<T, S>(b, id, [qx, qy], &self.shade(triangle, qx, qy)),
+            _ => self.write_visible::<T, S>(b, id, [qx, qy], &self.shade(triangle, qx, qy)),
         }
     }
 
@@ -265,7 +287,7 @@ impl Tile<'_, '_> {
             fragment.apply_surface_effects(&mut waiting.quads, &waiting.samples);
         }
         for ((id, at), shaded) in waiting.places.drain(..).zip(waiting.quads.drain(..)) {
-            write_visible::<T, S>(b, id, at, &shaded);
+            self.write_visible::<T, S>(b, id, at, &shaded);
         }
         waiting.samples.clear();
     }
@@ -321,6 +343,7 @@ impl Tile<'_, '_> {
                         continue;
                     }
                     let color = shaded.pixel(pixel);
+                    self.record_fault(id, &shaded, pixel, [qx, qy]);
                     for s in (0..S).filter(|s| mask & (1 << s) != 0) {
                         let at = first[pixel] + s;
                         if blend {
@@ -385,6 +408,8 @@ impl Tile<'_, '_> {
                 }
                 if let Some(function) = pass.effect.function() {
                     function.pixels(&mut colors, &uv, &pass.parameters);
+                    let [x0, y0] = self.at;
+                    self.faults.checked(&*pass.effect, &mut colors, |x| [x0 + x as i32, y0 + y as i32]);
                 }
             }
             row.iter_mut().zip(colors).for_each(|(out, color)| *out = P::of(T::encode(color)));
@@ -424,20 +449,33 @@ struct Waiting {
     places: Vec<(u32, [usize; 2])>,
 }
 
-/// Writes a quad into the samples in which its triangle is visible.
-fn write_visible<T: Target, const S: usize>(
-    b: &mut TileBuffers<T>,
-    id: u32,
-    [qx, qy]: [usize; 2],
-    shaded: &Shaded,
-) {
-    for (pixel, first) in quad_samples::<S>(qx, qy).into_iter().enumerate() {
-        let visible = &b.visible[first..first + S];
-        if visible.contains(&id) {
-            let color = T::encode(shaded.pixel(pixel));
-            for (color_of, _) in b.color[first..].iter_mut().zip(visible).filter(|(_, v)| **v == id) {
-                *color_of = color;
+impl Tile<'_, '_> {
+    /// Writes a quad into the samples in which its triangle is visible.
+    fn write_visible<T: Target, const S: usize>(
+        &self,
+        b: &mut TileBuffers<T>,
+        id: u32,
+        at: [usize; 2],
+        shaded: &Shaded,
+    ) {
+        for (pixel, first) in quad_samples::<S>(at[0], at[1]).into_iter().enumerate() {
+            let visible = &b.visible[first..first + S];
+            if visible.contains(&id) {
+                self.record_fault(&self.list[id as usize], shaded, pixel, at);
+                let color = T::encode(shaded.pixel(pixel));
+                for (color_of, _) in b.color[first..].iter_mut().zip(visible).filter(|(_, v)| **v == id) {
+                    *color_of = color;
+                }
             }
+        }
+    }
+
+    /// Records a fault of an effect at a pixel of a quad, which is drawn.
+    fn record_fault(&self, id: &TriangleId, shaded: &Shaded, pixel: usize, [qx, qy]: [usize; 2]) {
+        let Some(fault) = shaded.faults[pixel] else { return };
+        if let Paint::Surface(fragment) = &self.batches[id[0] as usize].paint {
+            let [x, y] = [2 * qx + pixel % 2, 2 * qy + pixel / 2];
+            fragment.record(self.faults, fault, [self.at[0] + x as i32, self.at[1] + y as i32]);
         }
     }
 }

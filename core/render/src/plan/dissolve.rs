@@ -9,7 +9,7 @@ use choreo_plugin::Frame;
 pub struct PlanDissolve {
     /// It has sub-frames and full-screen passes of its own, and no 2D layers over the frame.
     pub plan: Plan,
-    /// Its share of the frame, above 0, at most 1.
+    /// The share of the frame, above 0, at most 1.
     pub share: f32,
 }
 

@@ -100,7 +100,7 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Eff
     for pass in scene_effects.iter().chain(post) {
         add(format!("{pass:?}").as_bytes());
         let effect = effects.iter().find(|e| e.manifest().name == pass.effect);
-        add(effect.map_or("", |e| e.wgsl()).as_bytes());
+        add(effect.and_then(|e| e.function()).map_or("", |function| function.wgsl()).as_bytes());
         let halves = effect.iter().flat_map(|e| e.textures()).map(|t| &t.halves);
         halves.for_each(|halves| add(bytemuck::cast_slice(halves)));
     }

@@ -44,10 +44,12 @@ pub struct Tile {
 }
 
 /// Tiles of one size, whose sides are at most `limit` long; the last of a row or column may reach beyond the image. They begin at
-/// multiples of four pixels if the limit allows: derivatives are computed in quads of two by two.
+/// multiples of 16 pixels, or of four, if the limit allows: dithering repeats itself after 16 pixels, and derivatives are computed in
+/// quads of two by two.
 pub fn tiles(size: [u32; 2], limit: u32) -> Vec<Tile> {
-    let limit = if limit < 4 { limit.max(1) } else { limit / 4 * 4 };
-    let side = size.map(|s| s.div_ceil(s.div_ceil(limit).max(1)).next_multiple_of(4).min(limit));
+    let step = [crate::dither::SIDE as u32, 4, 1].into_iter().find(|step| *step <= limit).unwrap_or(1);
+    let limit = (limit / step * step).max(1);
+    let side = size.map(|s| s.div_ceil(s.div_ceil(limit).max(1)).next_multiple_of(step).min(limit));
     let along = move |i: usize| (0..size[i].div_ceil(side[i])).map(move |n| n * side[i]);
     let tile = |at: [u32; 2]| Tile { at, size: side, keep: [0, 1].map(|i| side[i].min(size[i] - at[i])) };
     along(1).flat_map(|y| along(0).map(move |x| [x, y])).map(tile).collect()

@@ -191,9 +191,9 @@ fn draw(drawn: &[Drawn], (rotation, offset): (Mat3, Vec3)) -> (Vec<Vec4>, Vec<f3
     for (part, d) in (0..).zip(drawn) {
         let here: Vec<Vec3> = d.positions.iter().map(|p| rotation * *p + offset).collect();
         for (index, triangle) in (0..).zip(d.indices.chunks_exact(3)) {
-            let corners = [triangle[0], triangle[1], triangle[2]].map(|v| here[v as usize]);
-            each_pixel(corners, |at, weights| {
-                let depth = weights.dot(Vec3::from_array(corners.map(|c| c.z)));
+            let vertices = [triangle[0], triangle[1], triangle[2]].map(|v| here[v as usize]);
+            each_pixel(vertices, |at, weights| {
+                let depth = weights.dot(Vec3::from_array(vertices.map(|c| c.z)));
                 let cut = d.part.paint.cutoff > 0.0 && color(d, triangle, weights).w < d.part.paint.cutoff;
                 if depth > nearest[at] && !cut {
                     (nearest[at], ids[at]) = (depth, (part, index));
@@ -206,9 +206,9 @@ fn draw(drawn: &[Drawn], (rotation, offset): (Mat3, Vec3)) -> (Vec<Vec4>, Vec<f3
     for (at, (part, index)) in ids.iter().enumerate().filter(|(_, id)| id.0 != u32::MAX) {
         let d = &drawn[*part as usize];
         let triangle = &d.indices[3 * *index as usize..][..3];
-        let corners = [triangle[0], triangle[1], triangle[2]].map(|v| points[*part as usize][v as usize]);
+        let vertices = [triangle[0], triangle[1], triangle[2]].map(|v| points[*part as usize][v as usize]);
         let center = Vec2::new((at % SIDE) as f32 + 0.5, (at / SIDE) as f32 + 0.5);
-        let Some(weights) = weights_at(corners, center) else { continue };
+        let Some(weights) = weights_at(vertices, center) else { continue };
         let light = rotation.transpose() * Vec3::new(0.3, 0.5, 0.8);
         let normal = |v: &u32| d.part.normals.get(*v as usize).copied().unwrap_or_default();
         let normals = [normal(&triangle[0]), normal(&triangle[1]), normal(&triangle[2])];
@@ -241,16 +241,16 @@ fn weights_at([a, b, c]: [Vec3; 3], at: Vec2) -> Option<Vec3> {
 }
 
 /// Each pixel whose center is in a triangle, with barycentric coordinates.
-fn each_pixel(corners: [Vec3; 3], mut each: impl FnMut(usize, Vec3)) {
-    let low = corners[0].min(corners[1]).min(corners[2]) - 0.5;
-    let high = corners[0].max(corners[1]).max(corners[2]) - 0.5;
+fn each_pixel(vertices: [Vec3; 3], mut each: impl FnMut(usize, Vec3)) {
+    let low = vertices[0].min(vertices[1]).min(vertices[2]) - 0.5;
+    let high = vertices[0].max(vertices[1]).max(vertices[2]) - 0.5;
     // Casts cut off at the image's edges.
     let first = |v: f32| v.ceil() as usize;
     let end = |v: f32| ((v.floor() + 1.0) as usize).min(SIDE);
     for y in first(low.y)..end(high.y) {
         for x in first(low.x)..end(high.x) {
             let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-            match weights_at(corners, center) {
+            match weights_at(vertices, center) {
                 Some(weights) if weights.min_element() >= 0.0 => each(y * SIDE + x, weights),
                 _ => {}
             }

@@ -35,7 +35,7 @@ pub struct PrimitiveInfo {
     pub influences: usize,
     /// Some vertex color is not white.
     pub colored: bool,
-    /// Its triangles fill all faces of `bounds`: it is a rectangle along the axes, or a box.
+    /// The triangles fill all faces of `bounds`: it is a rectangle along the axes, or a box.
     pub fills_bounds: bool,
     /// Joints that share a vertex with each joint, itself included. Computed on first use.
     companions: OnceLock<Vec<Vec<u16>>>,

@@ -2,6 +2,7 @@
 
 use super::{SourceFile, preprocess};
 use crate::error::RenderError;
+use choreo_wgsl_effect::mistakes::{self, Mistake};
 use naga::back::spv;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
@@ -43,17 +44,17 @@ pub fn parse(files: &[SourceFile], on: &[&str]) -> Result<(naga::Module, ModuleI
     }
     let lines = Lines { files, starts };
     let module = naga::front::wgsl::parse_str(&joined)
-        .map_err(|e| shader_error(&lines, e.location(&joined), e.message(), ""))?;
+        .map_err(|e| shader_error(&lines, &joined, &mistakes::of_parser(&e, joined.len())))?;
     // Naga's own limits of array sizes and nesting stay on. Of what it counts as beyond plain WGSL only unpack2x16float is
     // used, which is an instruction of every SPIR-V; and the sample's number, where the device has what it needs.
     // And push constants, which every device has.
     let allowed = Capabilities::SHADER_FLOAT16_IN_FLOAT32
         | Capabilities::MULTISAMPLED_SHADING
+        | Capabilities::EARLY_DEPTH_TEST
         | Capabilities::IMMEDIATES;
-    let info = Validator::new(ValidationFlags::all(), allowed).validate(&module).map_err(|e| {
-        let causes = causes(e.as_inner());
-        shader_error(&lines, e.location(&joined), &e.as_inner().to_string(), &causes)
-    })?;
+    let info = Validator::new(ValidationFlags::all(), allowed)
+        .validate(&module)
+        .map_err(|e| shader_error(&lines, &joined, &mistakes::of_validator(&e, &module)))?;
     Ok((module, info))
 }
 
@@ -92,7 +93,7 @@ fn compile_here(
         flags,
         // A binding that no map renames keeps its own group and number.
         fake_missing_bindings: true,
-        // Loops run over counts that the program itself wrote.
+        // Loops run over counts that the program itself wrote, and those of effects are counted by their text.
         force_loop_bounding: false,
         ..Default::default()
     };
@@ -112,34 +113,16 @@ fn lines_name(files: &[SourceFile]) -> String {
     files.iter().map(|f| f.name.as_str()).collect::<Vec<_>>().join(" + ")
 }
 
-fn causes(error: &dyn std::error::Error) -> String {
-    let mut text = String::new();
-    let mut next = error.source();
-    while let Some(e) = next {
-        text.push_str(&format!("; {e}"));
-        next = e.source();
-    }
-    text
-}
-
-fn shader_error(
-    lines: &Lines<'_>,
-    location: Option<naga::SourceLocation>,
-    message: &str,
-    causes: &str,
-) -> RenderError {
-    match location {
-        Some(l) => {
-            let (file, line, code) = lines.place(l.line_number);
-            let column = l.line_position as usize;
-            RenderError::Shader {
-                file: format!("{file}:{line}:{column}"),
-                text: format!(
-                    "{message}{causes}\n  {code}\n  {}^",
-                    " ".repeat(code.chars().count().min(column.saturating_sub(1)))
-                ),
-            }
-        }
-        None => RenderError::Shader { file: lines_name(lines.files), text: format!("{message}{causes}") },
+fn shader_error(lines: &Lines<'_>, joined: &str, Mistake { span, text }: &Mistake) -> RenderError {
+    let Some(span) = span else {
+        return RenderError::Shader { file: lines_name(lines.files), text: text.clone() };
+    };
+    let before = &joined[..span.start];
+    let line_start = before.rfind('\n').map_or(0, |at| at + 1);
+    let (file, line, code) = lines.place(before.matches('\n').count() as u32 + 1);
+    let column = before[line_start..].chars().count() + 1;
+    RenderError::Shader {
+        file: format!("{file}:{line}:{column}"),
+        text: format!("{text}\n  {code}\n  {}^", " ".repeat(code.chars().count().min(column - 1))),
     }
 }

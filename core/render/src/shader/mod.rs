@@ -30,7 +30,7 @@ pub struct ShaderSources {
 }
 
 /// (file name, text built into the program).
-const EMBEDDED: [(&str, &str); 25] = [
+const EMBEDDED: [(&str, &str); 27] = [
     ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
     ("lights.wgsl", include_str!("../../../../shaders/lights.wgsl")),
     ("layers_behind.wgsl", include_str!("../../../../shaders/layers_behind.wgsl")),
@@ -51,7 +51,9 @@ const EMBEDDED: [(&str, &str); 25] = [
     ("preskin.wgsl", include_str!("../../../../shaders/preskin.wgsl")),
     ("vertex.wgsl", include_str!("../../../../shaders/vertex.wgsl")),
     ("scene.wgsl", include_str!("../../../../shaders/scene.wgsl")),
+    ("effect_faults.wgsl", include_str!("../../../../shaders/effect_faults.wgsl")),
     ("surface.wgsl", include_str!("../../../../shaders/surface.wgsl")),
+    ("dither.wgsl", include_str!("../../../../shaders/dither.wgsl")),
     ("background.wgsl", include_str!("../../../../shaders/background.wgsl")),
     ("overlay.wgsl", include_str!("../../../../shaders/overlay.wgsl")),
     ("textures.wgsl", include_str!("../../../../shaders/textures.wgsl")),
@@ -60,9 +62,11 @@ const EMBEDDED: [(&str, &str); 25] = [
 
 /// Name of the module that the table of features makes: the bindings of material textures.
 const MATERIAL_TEXTURES: &str = "material_textures.wgsl";
+/// Name of the module with the table of [`crate::dither`].
+const DITHER_RANKS: &str = "dither_ranks.wgsl";
 
 /// Files that make up a shader module, in order.
-pub const SCENE: [&str; 20] = [
+pub const SCENE: [&str; 21] = [
     "frame.wgsl",
     "lights.wgsl",
     MATERIAL_TEXTURES,
@@ -81,15 +85,27 @@ pub const SCENE: [&str; 20] = [
     "shadow.wgsl",
     "peel.wgsl",
     "deferred.wgsl",
+    "effect_faults.wgsl",
     "surface.wgsl",
     "scene.wgsl",
 ];
 pub const PRESKIN: [&str; 4] = ["frame.wgsl", "brdf.wgsl", "pose.wgsl", "preskin.wgsl"];
 pub const OVERLAY: [&str; 2] = ["frame.wgsl", "overlay.wgsl"];
-pub const BACKGROUND: [&str; 3] = ["frame.wgsl", "surface.wgsl", "background.wgsl"];
-pub const LAYERS_BEHIND: [&str; 4] = ["frame.wgsl", "surface.wgsl", "background.wgsl", "layers_behind.wgsl"];
+pub const BACKGROUND: [&str; 6] =
+    ["frame.wgsl", "effect_faults.wgsl", "surface.wgsl", DITHER_RANKS, "dither.wgsl", "background.wgsl"];
+pub const LAYERS_BEHIND: [&str; 5] =
+    ["frame.wgsl", "effect_faults.wgsl", "surface.wgsl", "background.wgsl", "layers_behind.wgsl"];
 /// Modules with the switch `SKY_BACKGROUND`.
-pub const SKY: [&str; 5] = ["frame.wgsl", "surface.wgsl", "background.wgsl", "view.wgsl", "sky.wgsl"];
+pub const SKY: [&str; 8] = [
+    "frame.wgsl",
+    "effect_faults.wgsl",
+    "surface.wgsl",
+    DITHER_RANKS,
+    "dither.wgsl",
+    "background.wgsl",
+    "view.wgsl",
+    "sky.wgsl",
+];
 
 /// One file's text, before preprocessing.
 #[derive(Clone, Debug, PartialEq)]
@@ -138,6 +154,12 @@ impl ShaderSources {
                 text: switches::texture_bindings(),
             });
         }
+        if name == DITHER_RANKS {
+            return Ok(SourceFile {
+                name: "table of dither ranks".into(),
+                text: crate::dither::wgsl_table(),
+            });
+        }
         let (_, text) = EMBEDDED.iter().find(|(n, _)| *n == name).ok_or_else(|| RenderError::Shader {
             file: name.into(),
             text: "no such module in the program".into(),
@@ -150,20 +172,20 @@ impl ShaderSources {
     }
 
     /// The text that a full-screen effect is compiled from: our template, then the plugin's function. With the switch
-    /// `TEXTURES`, where it reads any.
+    /// `TEXTURES`, where it reads any. `faults`: the effect's place among the recorded ones.
     pub fn post(
         &self,
         effect: &str,
         wgsl: &str,
-        number: u32,
+        [number, faults]: [u32; 2],
         textures: bool,
     ) -> Result<Vec<SourceFile>, RenderError> {
-        let mut files = vec![self.file("post.wgsl")?];
+        let mut files = vec![self.file("post.wgsl")?, self.file("effect_faults.wgsl")?];
         if textures {
             files.push(self.file("textures.wgsl")?);
         }
         files.push(SourceFile { name: format!("effect \"{effect}\""), text: wgsl.into() });
-        let run = format!("const post_run: u32 = {number}u;\n");
+        let run = format!("const post_run: u32 = {number}u;\nconst post_faults: u32 = {faults}u;\n");
         files.push(SourceFile { name: "number of the run".into(), text: run });
         Ok(files)
     }

@@ -12,21 +12,24 @@ pub struct SceneEffect {
     pub wgsl: String,
     pub hook: Hook,
     pub in_model_space: bool,
+    /// Its place among the recorded faults.
+    pub faults: u32,
 }
 
 /// The WGSL text that calls an effect's function and uses its result.
 fn call(effect: &SceneEffect) -> String {
-    let bit = effect.bit;
+    let (bit, faults) = (effect.bit, effect.faults);
     let p = format!("surface_parameters_of({bit}u)");
-    match effect.hook {
+    let call = match effect.hook {
         Hook::Vertex => {
-            let offset = format!("effect_s{bit}(place, {p})");
+            let offset = format!("effect_offset(effect_s{bit}(place, {p}), {faults}u)");
             let offset = if effect.in_model_space { format!("turned_by(m, {offset})") } else { offset };
             format!("    sum += within_reach({offset}, {bit}u);\n")
         }
-        Hook::Lighting => format!("    f.lit = effect_s{bit}(f, {p});\n"),
-        _ => format!("    c = effect_s{bit}(c, seen, {p});\n"),
-    }
+        Hook::Lighting => format!("    f.lit = effect_light(effect_s{bit}(f, {p}), {faults}u);\n"),
+        _ => format!("    c = effect_color(effect_s{bit}(c, seen, {p}), {faults}u);\n"),
+    };
+    format!("    effect_begin();\n{call}")
 }
 
 /// The texts of the effects whose functions a shader calls.

@@ -126,6 +126,8 @@ pub const SWITCHES: &[Switch] = &[
         &["LIT", "!ONE_LIGHT", "!LIGHTING", "!GEOMETRY"],
     ),
     Switch { name: "TEXTURES", source: SwitchSource::OtherModules, needs: &["EFFECTS"], only: None },
+    Switch { name: "DITHER", source: SwitchSource::OtherModules, needs: &[], only: None },
+    Switch { name: "FAULT_RECORDS", source: SwitchSource::OtherModules, needs: &["EFFECTS"], only: None },
     Switch { name: "SKY_BACKGROUND", source: SwitchSource::OtherModules, needs: &[], only: None },
     Switch { name: "PICTURE", source: SwitchSource::OtherModules, needs: &[], only: None },
 ];

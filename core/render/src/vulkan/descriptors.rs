@@ -73,7 +73,7 @@ impl Layouts {
         let compute = vk::ShaderStageFlags::COMPUTE;
         let poses = vertex | compute;
         let frame = super::frame_in_flight::FRAME_BINDINGS.map(|(binding, kind)| {
-            let stages = [both, vertex, poses, poses, fragment, poses, both, vertex, both, fragment];
+            let stages = [both, vertex, poses, poses, fragment, poses, both, vertex, both, fragment, both];
             (binding, kind, stages[binding as usize])
         });
         let post = [
@@ -81,6 +81,7 @@ impl Layouts {
             (1, T::SAMPLED_IMAGE, fragment),
             (2, T::SAMPLED_IMAGE, fragment),
             (3, T::STORAGE_BUFFER, fragment),
+            (4, T::STORAGE_BUFFER, fragment),
         ];
         let made = (|| {
             layouts.frame = create(gpu, "frame set layout", &frame)?;
@@ -251,7 +252,7 @@ impl Pools {
         // Enough of each kind for a pool full of the set that has most of it.
         let sizes = [
             size(vk::DescriptorType::UNIFORM_BUFFER, 4),
-            size(vk::DescriptorType::STORAGE_BUFFER, 5),
+            size(vk::DescriptorType::STORAGE_BUFFER, 7),
             size(vk::DescriptorType::SAMPLED_IMAGE, TEXTURE_SLOTS as u32),
             size(vk::DescriptorType::SAMPLER, TEXTURE_SLOTS as u32),
         ];

@@ -16,15 +16,18 @@ pub enum Ability {
     ColorAttachments,
     /// A queue that draws and computes. Without it every pass poses its vertices.
     Compute,
+    /// `fragmentStoresAndAtomics` and `vertexPipelineStoresAndAtomics`. Without them no warning names a faulty effect.
+    ShaderStores,
 }
 
 impl Ability {
-    pub const ALL: [Ability; 5] = [
+    pub const ALL: [Ability; 6] = [
         Ability::AlphaToOne,
         Ability::SamplerAnisotropy,
         Ability::SampleRateShading,
         Ability::ColorAttachments,
         Ability::Compute,
+        Ability::ShaderStores,
     ];
 
     /// Vulkan's name of it.
@@ -35,6 +38,7 @@ impl Ability {
             Ability::SampleRateShading => "sampleRateShading",
             Ability::ColorAttachments => "maxColorAttachments",
             Ability::Compute => "VK_QUEUE_COMPUTE_BIT",
+            Ability::ShaderStores => "fragmentStoresAndAtomics, vertexPipelineStoresAndAtomics",
         }
     }
 
@@ -48,6 +52,7 @@ impl Ability {
             }
             Ability::ColorAttachments => "surfaces are lit as they are drawn, not once a pixel",
             Ability::Compute => "every pass poses its vertices",
+            Ability::ShaderStores => "pixels of faulty effects are magenta without a warning",
         }
     }
 
@@ -64,6 +69,9 @@ impl Ability {
                 Ability::SampleRateShading => features.sample_rate_shading,
                 Ability::ColorAttachments => vk::Bool32::from(color_attachments),
                 Ability::Compute => u32::from(queue.contains(vk::QueueFlags::COMPUTE)),
+                Ability::ShaderStores => {
+                    features.fragment_stores_and_atomics & features.vertex_pipeline_stores_and_atomics
+                }
             }
     }
 }
@@ -94,5 +102,7 @@ impl Abilities {
             .alpha_to_one(self.has(Ability::AlphaToOne))
             .sampler_anisotropy(self.has(Ability::SamplerAnisotropy))
             .sample_rate_shading(self.has(Ability::SampleRateShading))
+            .fragment_stores_and_atomics(self.has(Ability::ShaderStores))
+            .vertex_pipeline_stores_and_atomics(self.has(Ability::ShaderStores))
     }
 }

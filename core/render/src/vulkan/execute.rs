@@ -425,9 +425,11 @@ impl Execution<'_> {
             .new_layout(vk::ImageLayout::TRANSFER_SRC_OPTIMAL)]);
         let Some(readback) = &self.slot.readback else { return };
         let region = [self.whole_picture()];
+        // The image, and what shaders recorded.
+        let shaders = vk::PipelineStageFlags2::VERTEX_SHADER | vk::PipelineStageFlags2::FRAGMENT_SHADER;
         let to_host = [vk::MemoryBarrier2::default()
-            .src_stage_mask(vk::PipelineStageFlags2::COPY)
-            .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
+            .src_stage_mask(vk::PipelineStageFlags2::COPY | shaders)
+            .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE | vk::AccessFlags2::SHADER_STORAGE_WRITE)
             .dst_stage_mask(vk::PipelineStageFlags2::HOST)
             .dst_access_mask(vk::AccessFlags2::HOST_READ)];
         // SAFETY: the command buffer is being recorded; the buffer holds at least one image.

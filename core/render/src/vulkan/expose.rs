@@ -57,7 +57,7 @@ impl VulkanRenderer {
         (frame.width, frame.height) = (width, height);
         frame.rgba.resize(width as usize * height as usize * 4, 0);
         let passes = image_passes::passes(&plan.post, plan.size, self.pipelines.effects())?;
-        image_passes::run(&passes, plan.size, sum.mean(), &before, &mut frame.rgba);
+        image_passes::run(&passes, plan.size, sum.mean(), &before, &self.faults, &mut frame.rgba);
         if let Some(over) = &plan.layers_in_front {
             over.over(&mut frame);
         }
@@ -66,7 +66,7 @@ impl VulkanRenderer {
 
     /// Waits for the oldest frame in flight, a linear one.
     fn add_oldest(&mut self, sum: &mut Accumulated) -> Result<(), RenderError> {
-        let mapped = self.finished(8)?;
+        let mapped = self.finished(8, [0, 0])?;
         let pixel = |bytes: &[u8; 8]| {
             let part = |i: usize| half::f16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]]).to_f32();
             Vec4::new(part(0), part(1), part(2), part(3))
@@ -75,8 +75,8 @@ impl VulkanRenderer {
         self.gpu.check_messages()
     }
 
-    /// The bytes of the oldest frame in flight, once it is done.
-    pub(super) fn finished(&mut self, bytes_a_pixel: usize) -> Result<&[u8], RenderError> {
+    /// The bytes of the oldest frame in flight, once it is done. `at`: where it lies in the whole image.
+    pub(super) fn finished(&mut self, bytes_a_pixel: usize, at: [u32; 2]) -> Result<&[u8], RenderError> {
         let index = *self
             .pending
             .front()
@@ -91,6 +91,7 @@ impl VulkanRenderer {
             context::give_back_freed_memory();
         }
         let slot = &self.slots[index];
+        self.faults.read(self.pipelines.effects(), slot.fault_records(), at);
         let bytes = slot.size[0] as usize * slot.size[1] as usize * bytes_a_pixel;
         slot.readback.as_ref().and_then(|b| b.mapped().get(..bytes)).ok_or_else(|| RenderError::Vulkan {
             object: "read-back buffer".into(),
@@ -102,7 +103,7 @@ impl VulkanRenderer {
         let mut rgba = reuse.map(|f| f.rgba).unwrap_or_default();
         rgba.clear();
         let index = self.pending.front().copied().unwrap_or_default();
-        rgba.extend_from_slice(self.finished(4)?);
+        rgba.extend_from_slice(self.finished(4, [0, 0])?);
         let over = self.slots[index].over.take();
         let [width, height] = self.slots[index].size;
         self.gpu.check_messages()?;

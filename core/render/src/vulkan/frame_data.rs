@@ -90,6 +90,8 @@ pub struct FrameData<'a> {
     pub surface: Block,
     pub overlay: Block,
     pub light_clusters: Block,
+    /// Records of faults of effects.
+    pub faults: Block,
     stored: [Stored<'a>; 6],
 }
 
@@ -130,6 +132,7 @@ impl<'a> FrameData<'a> {
         let light_block = blocks.take_if::<PlanLight>(reads.lights, MAX_LIGHTS);
         let overlay = blocks.take(overlay_data.len());
         let light_clusters = blocks.take(cluster_data.len());
+        let has_effects = !plan.post.is_empty() || !plan.scene_effects.is_empty();
         let stored = |what, block, data| Stored { what, block, data };
         let data = FrameData {
             reads,
@@ -152,6 +155,7 @@ impl<'a> FrameData<'a> {
             joints,
             overlay,
             light_clusters,
+            faults: blocks.take(if has_effects { images.faults } else { 0 }),
             stored: [
                 stored("instances", instances, instance_data),
                 stored("joint matrices", joints, joint_data),
@@ -190,6 +194,7 @@ impl<'a> FrameData<'a> {
         for Stored { block, data, .. } in &self.stored {
             put(block.at, data);
         }
+        put(self.faults.at, &vec![u8::MAX; self.faults.bytes as usize]);
         let frame = frame_uniform(plan, self.light_count);
         put(self.frame.at, bytemuck::bytes_of(&frame));
         if let Some(shadows) = plan.shadow_maps.as_ref().filter(|_| images.shadow.is_some()) {

@@ -48,13 +48,15 @@ pub(crate) struct FrameInFlight {
     /// Pre-skinned vertices.
     pub posed: Posing,
     pub size: [u32; 2],
+    /// Records of faults of effects, in the frame's data.
+    faults: Block,
     /// Value of the timeline at which the frame is done.
     pub done_at: u64,
 }
 
 /// Set 0: frame, instances, joints, morphs, lights, joints as a uniform buffer, parameters of effects on surfaces, what effects draw,
-/// textures of effects, lists of lights.
-pub(crate) const FRAME_BINDINGS: [(u32, vk::DescriptorType); 10] = [
+/// textures of effects, lists of lights, faults of effects.
+pub(crate) const FRAME_BINDINGS: [(u32, vk::DescriptorType); 11] = [
     (0, vk::DescriptorType::UNIFORM_BUFFER),
     (1, vk::DescriptorType::STORAGE_BUFFER),
     (2, vk::DescriptorType::STORAGE_BUFFER),
@@ -65,6 +67,7 @@ pub(crate) const FRAME_BINDINGS: [(u32, vk::DescriptorType); 10] = [
     (7, vk::DescriptorType::STORAGE_BUFFER),
     (8, vk::DescriptorType::STORAGE_BUFFER),
     (9, vk::DescriptorType::STORAGE_BUFFER),
+    (10, vk::DescriptorType::STORAGE_BUFFER),
 ];
 
 impl FrameInFlight {
@@ -108,6 +111,7 @@ impl FrameInFlight {
             staging: None,
             posed: Posing::default(),
             size: [0; 2],
+            faults: Block::default(),
             done_at: 0,
         })
     }
@@ -124,6 +128,7 @@ impl FrameInFlight {
     ) -> Result<(), RenderError> {
         let data = FrameData::new(gpu, plan, recording, &images)?;
         self.changed_at.clone_from(&data.materials);
+        self.faults = data.faults;
         self.prepare_buffer(gpu, layouts, pools, &data)?;
         let Some(ring) = &mut self.ring else { return Ok(()) };
         let raw = ring.raw;
@@ -145,6 +150,8 @@ impl FrameInFlight {
         for (set, block) in self.post_sets.iter().zip(&data.post) {
             write_buffer(gpu, set.raw, 0, vk::DescriptorType::UNIFORM_BUFFER, raw, block.at, block.bytes);
             write_buffer(gpu, set.raw, 3, vk::DescriptorType::STORAGE_BUFFER, texels.0, 0, texels.1);
+            let Block { at, bytes } = data.faults.or_any();
+            write_buffer(gpu, set.raw, 4, vk::DescriptorType::STORAGE_BUFFER, raw, at, bytes);
         }
         self.prepare_readback(gpu, plan)
     }
@@ -191,6 +198,7 @@ impl FrameInFlight {
             (6, data.surface.bytes > 0, data.surface),
             (7, data.overlay.bytes > 0, data.overlay),
             (9, data.light_clusters.bytes > 0, data.light_clusters),
+            (10, data.faults.bytes > 0, data.faults),
         ];
         for (set, own) in std::iter::once(&self.frame_set).chain(&self.view_sets).zip(data.frame_and_views())
         {
@@ -280,6 +288,13 @@ impl FrameInFlight {
             }
         }
         Ok(())
+    }
+
+    /// Faults of effects as the frame's shaders recorded them; the frame must be done.
+    pub fn fault_records(&self) -> &[u8] {
+        let Block { at, bytes } = self.faults;
+        let mapped = self.ring.as_ref().map_or(&[][..], |ring| ring.mapped());
+        mapped.get(at as usize..(at + bytes) as usize).unwrap_or(&[])
     }
 
     fn prepare_readback(&mut self, gpu: &Context, plan: &Plan) -> Result<(), RenderError> {

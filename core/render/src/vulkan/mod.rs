@@ -38,6 +38,7 @@ mod tiled;
 mod upload;
 
 use crate::commands::{Command, RecordOptions, Recording, record, texture_slots};
+use crate::effect_faults::EffectFaults;
 use crate::error::RenderError;
 use crate::plan::Plan;
 use crate::renderer::{CreatedCounts, DeviceInfo, DeviceKind, DeviceUsage, Renderer};
@@ -96,6 +97,7 @@ pub struct VulkanRenderer {
     frugal: bool,
     /// Notes for the user about what was left out.
     notes: Vec<String>,
+    faults: EffectFaults,
     most_textures: Option<u32>,
     /// Whether the note was given that the requested deferred shading is replaced by forward shading.
     told_forward: bool,
@@ -146,6 +148,7 @@ impl VulkanRenderer {
             last: None,
             fresh: true,
             notes: Vec::new(),
+            faults: EffectFaults::default(),
             most_textures: options.textures,
             told_forward: false,
             clock: None,
@@ -376,7 +379,7 @@ impl VulkanRenderer {
                 let slot = &mut self.slots[index];
                 let seen = self.targets.as_ref().map(Targets::seen).unwrap_or_default();
                 let (sky, texels) = (self.resources.sky.as_ref(), self.texels.as_ref());
-                let images = FrameImages { sky, texels, ..seen };
+                let images = FrameImages { sky, texels, faults: self.pipelines.fault_bytes(), ..seen };
                 slot.write(&self.gpu, &self.layouts, &mut self.pools, plan, &recording, images)
             })
             .and_then(|()| {
@@ -442,6 +445,7 @@ impl Renderer for VulkanRenderer {
     fn set_effects(&mut self, effects: &[Arc<dyn Effect>]) -> Result<(), RenderError> {
         self.wait_idle()?;
         self.forget_texels(effects);
+        self.faults.clear();
         self.pipelines.set_effects(&self.gpu, effects);
         self.gpu.check_messages()
     }
@@ -453,7 +457,9 @@ impl Renderer for VulkanRenderer {
     }
 
     fn take_notes(&mut self) -> Vec<String> {
-        std::mem::take(&mut self.notes)
+        let mut notes = std::mem::take(&mut self.notes);
+        notes.extend(self.faults.take_notes(self.pipelines.effects()));
+        notes
     }
 
     fn created(&self) -> CreatedCounts {

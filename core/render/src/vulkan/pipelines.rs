@@ -3,6 +3,7 @@
 use super::cache::PipelineCache;
 use super::context::Context;
 use super::descriptors::Layouts;
+use super::device_features::Ability;
 use super::error::Named;
 use super::faults::FaultPlace;
 use super::pipeline_ids::Backdrop;
@@ -10,6 +11,7 @@ pub use super::pipeline_ids::{Id, ids};
 use super::preskin;
 use super::state::{Mix, PipelineState, format_of};
 use super::targets::DEPTH;
+use crate::effect_faults::RECORDS;
 use crate::error::RenderError;
 use crate::plan::shader_features::names;
 use crate::plan::{Features, TopologyKey};
@@ -32,6 +34,8 @@ pub struct Pipelines {
     pub post_layout: vk::PipelineLayout,
     sources: ShaderSources,
     effects: Vec<Arc<dyn Effect>>,
+    /// Shaders record faults of effects.
+    records_faults: bool,
     made: HashMap<Id, vk::Pipeline>,
     /// How many were ever made.
     created: u64,
@@ -51,6 +55,7 @@ impl Pipelines {
             post_layout: vk::PipelineLayout::null(),
             sources,
             effects,
+            records_faults: gpu.abilities.has(Ability::ShaderStores),
             made: HashMap::new(),
             created: 0,
         };
@@ -140,7 +145,8 @@ impl Pipelines {
             let effect = all.iter().find(|e| e.manifest().name == name)?;
             // Where its textures lie is written into its functions.
             let textures = texture_functions(all, effect.as_ref());
-            Some((effect.wgsl().to_string(), textures, effect.hook(), effect.in_model_space()))
+            let wgsl = effect.function().map(|function| function.wgsl().to_string());
+            Some((wgsl, textures, first_record(all, name), effect.hook(), effect.in_model_space()))
         };
         self.made.retain(|id, pipeline| {
             let names: Vec<&String> = match id {
@@ -193,7 +199,7 @@ impl Pipelines {
                 PipelineState { samples: *samples, ..PipelineState::scene(variant, *float, layouts)? },
             ),
             Id::Background { samples, float, depth, what, surface } => (
-                self.background_code(*what, surface)?,
+                self.background_code(*what, *float, surface)?,
                 PipelineState {
                     name: "background pipeline".into(),
                     samples: *samples,
@@ -241,11 +247,17 @@ impl Pipelines {
         let mut on = switches(variant);
         let stages = entry_points(&on);
         on.extend(self.reads_textures(surface).then_some("TEXTURES"));
+        on.extend((self.records_faults && !surface.is_empty()).then_some("FAULT_RECORDS"));
         let thick = variant.key.features.has(Features::THICK_LINES);
         compile(&files, &on, &stages, variant.key.topology == TopologyKey::Points && !thick)
     }
 
-    fn background_code(&self, what: Backdrop, surface: &[(u8, String)]) -> Result<Vec<Entry>, RenderError> {
+    fn background_code(
+        &self,
+        what: Backdrop,
+        float: bool,
+        surface: &[(u8, String)],
+    ) -> Result<Vec<Entry>, RenderError> {
         let (files, switch, fs): (&[&str], _, _) = match what {
             Backdrop::Gradient => (&BACKGROUND, None, "background_fs"),
             Backdrop::Sky(_) => (&SKY, Some("SKY_BACKGROUND"), "sky_fs"),
@@ -257,17 +269,22 @@ impl Pipelines {
         if let Backdrop::Sky(display) = what {
             on.extend(names(display));
         }
+        on.extend((!float && what != Backdrop::LayersBehind).then_some("DITHER"));
         on.extend(if surface.is_empty() { &[][..] } else { &["SURFACE", "EFFECTS"] });
         on.extend(self.reads_textures(surface).then_some("TEXTURES"));
+        on.extend((self.records_faults && !surface.is_empty()).then_some("FAULT_RECORDS"));
         compile(&files, &on, &stages("background_vs", fs), false)
     }
 
     fn post_code(&self, effect: &str, number: u32) -> Result<Vec<Entry>, RenderError> {
         let plugin = self.effect(effect)?;
-        let text = format!("{}{}", plugin.wgsl(), texture_functions(&self.effects, plugin.as_ref()));
+        let text = self.wgsl(&**plugin)?;
         let textures = !plugin.textures().is_empty();
-        let files = self.sources.post(effect, &text, number, textures)?;
-        let mut on = Vec::from_iter((plugin.hook() == Hook::Image).then_some("PICTURE"));
+        let numbers = [number, first_record(&self.effects, effect)];
+        let files = self.sources.post(effect, &text, numbers, textures)?;
+        let mut on = vec!["EFFECTS"];
+        on.extend((plugin.hook() == Hook::Image).then_some("PICTURE"));
+        on.extend(self.records_faults.then_some("FAULT_RECORDS"));
         on.extend(textures.then_some("TEXTURES"));
         compile(&files, &on, &stages("post_vs", "post_fs"), false)
     }
@@ -282,9 +299,10 @@ impl Pipelines {
             Ok(SceneEffect {
                 bit: *bit,
                 name: name.clone(),
-                wgsl: format!("{}{}", effect.wgsl(), texture_functions(&self.effects, effect.as_ref())),
+                wgsl: self.wgsl(&**effect)?,
                 hook: effect.hook(),
                 in_model_space: effect.in_model_space(),
+                faults: first_record(&self.effects, name),
             })
         };
         let all: Result<Vec<_>, RenderError> = surface.iter().map(used).collect();
@@ -299,6 +317,20 @@ impl Pipelines {
     fn reads_textures(&self, surface: &[(u8, String)]) -> bool {
         let reads = |name: &String| self.effect(name).is_ok_and(|e| !e.textures().is_empty());
         surface.iter().any(|(_, name)| reads(name))
+    }
+
+    /// The text of an effect with the functions of its textures.
+    fn wgsl(&self, effect: &dyn Effect) -> Result<String, RenderError> {
+        let name = &effect.manifest().name;
+        let function = effect.function();
+        let function =
+            function.ok_or_else(|| RenderError::Usage(format!("the effect \"{name}\" has no function")))?;
+        Ok(format!("{}{}", function.wgsl(), texture_functions(&self.effects, effect)))
+    }
+
+    /// Bytes of the records of faults.
+    pub fn fault_bytes(&self) -> usize {
+        if self.records_faults { self.effects.len() * RECORDS as usize * size_of::<u32>() } else { 0 }
     }
 
     /// Effects that plans may name.
@@ -413,6 +445,11 @@ impl Pipelines {
         }
         self.cache.destroy(gpu);
     }
+}
+
+/// The place of an effect's first record of faults.
+fn first_record(effects: &[Arc<dyn Effect>], name: &str) -> u32 {
+    effects.iter().take_while(|e| e.manifest().name != name).count() as u32 * RECORDS
 }
 
 fn stages(vertex: &'static str, fragment: &'static str) -> [(&'static str, ShaderStage); 2] {

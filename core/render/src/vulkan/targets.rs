@@ -7,6 +7,7 @@ use super::scene_color_copy::BehindTarget;
 use super::shadow::ShadowTarget;
 use super::sky::SkyImages;
 use crate::commands::{Command, Recording, Target};
+use crate::dither::{self, dithered};
 use crate::error::RenderError;
 use crate::scene_resources::mipmap::linear_to_srgb8;
 use ash::vk;
@@ -111,6 +112,8 @@ pub(crate) struct FrameImages<'a> {
     pub kept: Option<[vk::ImageView; 3]>,
     /// Textures of effects.
     pub texels: Option<&'a Buffer>,
+    /// Bytes of the records of faults of effects.
+    pub faults: usize,
 }
 
 impl Targets {
@@ -190,7 +193,7 @@ impl Targets {
             _ => None,
         };
         let (shadow, behind) = (self.shadow.as_ref(), self.behind.as_ref());
-        FrameImages { layers, kept, shadow, behind, sky: None, texels: None }
+        FrameImages { layers, kept, shadow, behind, sky: None, texels: None, faults: 0 }
     }
 
     pub fn image(&self, target: Target) -> &Image {
@@ -227,9 +230,17 @@ impl Targets {
         for (y, row) in rows.enumerate() {
             let t = (y as f32 + 0.5) / height as f32;
             let color = top * (1.0 - t) + bottom * t;
-            let [r, g, b] = color.truncate().to_array().map(linear_to_srgb8);
-            let alpha = (color.w.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
-            row.as_chunks_mut::<4>().0.fill([r, g, b, alpha]);
+            // Gradients are dithered; a row repeats itself.
+            let pixels: [[u8; 4]; dither::SIDE] = std::array::from_fn(|x| {
+                let shown = if top == bottom { color } else { dithered(color, x, y) };
+                let [r, g, b] = shown.truncate().to_array().map(linear_to_srgb8);
+                [r, g, b, (color.w.clamp(0.0, 1.0) * 255.0 + 0.5) as u8]
+            });
+            row.as_chunks_mut::<4>()
+                .0
+                .iter_mut()
+                .zip(pixels.iter().cycle())
+                .for_each(|(to, from)| *to = *from);
         }
         self.background = Some((buffer, [top, bottom]));
         Ok(())

@@ -49,7 +49,7 @@ impl VulkanRenderer {
             let before =
                 plan.history.iter().map(|part| self.linear_tiles(part)).collect::<Result<Vec<_>, _>>()?;
             let passes = image_passes::passes(&plan.post, plan.size, self.pipelines.effects())?;
-            image_passes::run(&passes, plan.size, sum.mean(), &before, &mut frame.rgba);
+            image_passes::run(&passes, plan.size, sum.mean(), &before, &self.faults, &mut frame.rgba);
         }
         if let Some(over) = &plan.layers_in_front {
             over.over(&mut frame);
@@ -76,7 +76,7 @@ impl VulkanRenderer {
         let side = self.side_of_tiles(plan).unwrap_or(self.longest_side());
         for tile in tiles(plan.size, side) {
             self.submit_now(&plan.tile(tile, &self.scene_resources.clone())?)?;
-            let bytes = self.finished(BYTES)?;
+            let bytes = self.finished(BYTES, tile.at)?;
             let Tile { at, size, keep } = tile;
             for y in 0..keep[1] {
                 let row = &bytes[(y * size[0]) as usize * BYTES..][..size[0] as usize * BYTES];

@@ -38,8 +38,8 @@ api! {
     /// - Options: scale ("keep", the default: the actor keeps its size, however the parent is scaled; "inherit": it
     ///   is scaled with the parent, and placed in its units), from and until (times; several attachments may follow
     ///   each other), blend (seconds that the change takes, default 0), keep (false: at the start of an attachment
-    ///   with `from` the actor moves to its own position in the new parent; default true: it stays where it is in
-    ///   the world, and goes on from there with the parent).
+    ///   with `from` the actor moves to its own position in the new parent; default true where `from` is above 0: it
+    ///   stays where it is in the world, and goes on from there with the parent).
     /// - Where .at, .move_by, .turn or .rotate follow an attachment with `from`, they place the actor in that parent.
     ///   To move a prop into the palm of another hand, use keep: false, then .at in the new hand.
     /// - In a callback: the parent for this frame, without times.
@@ -272,7 +272,8 @@ fn timed(o: &Options, to: Option<Attachment>, start: Option<Time>) -> Result<Par
         return Err(error.hint("give it: from"));
     }
     let parent = Parenting::from(to, start.unwrap_or(Time::MIN));
-    let keep = start.is_some() && keep.unwrap_or(true);
+    // At the beginning of the stage there is no place that was seen before.
+    let keep = start.is_some_and(|start| keep.unwrap_or(start > Time::ZERO));
     Ok(Parenting { blend: blend.unwrap_or_default(), keep, ..parent })
 }
 

@@ -56,8 +56,8 @@ api! {
     Camera.near("metres") = near;
     /// Sets the far clipping plane in metres (default: none; 10000 for an orthographic camera).
     Camera.far("metres") = far;
-    /// Cuts to this camera at a time: from then on it is the active camera. Options: dissolve (seconds in which the
-    /// image goes over from that of the camera before, a cross dissolve, default 0).
+    /// Cuts to this camera at a time: from then on it is the active camera. Options: dissolve (seconds from this
+    /// time on in which the image goes over from that of the camera before, a cross dissolve, default 0).
     Camera.cut("time, options?") = cut;
     /// Animates a property with keyframes [[time, value], …]: "position" (dolly, crane), "rotation" (pan, tilt,
     /// roll) or "fov" (zoom). Values, `how` and easing as in Actor.key.

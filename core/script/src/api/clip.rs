@@ -1,4 +1,4 @@
-//! Mirrored and retargeted clips. Edited clips: [`super::clip_edit`].
+//! Mirrored, retargeted and bound clips. Edited clips: [`super::clip_edit`].
 
 use super::actor::find_joint;
 use crate::call::{ApiError, Call, Options, Reply, api, describe};
@@ -7,13 +7,13 @@ use crate::limits::raise_hint;
 use crate::suggest::list;
 use crate::value::{AssetRef, ClipRef};
 use choreo_asset::Asset;
-use choreo_motion::Clip;
 use choreo_motion::retarget::{
     Coverage, Retarget, RetargetOptions as Fit, RetargetReport, Translations, bind_or_retarget,
 };
+use choreo_motion::{Clip, bind_by_name};
 use choreo_stage::Mirroring;
 use rhai::{Dynamic, Map};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 api! {
@@ -31,6 +31,13 @@ api! {
     ///   (true, the default: the limbs of the rest pose (bind pose) are aligned with those of the clip, such as an
     ///   A-pose with a T-pose).
     Clip.retarget("asset, options?") -> Clip = retarget;
+    /// Returns the clip bound to the joints of another asset by their names alone, unchanged (raw binding): each keyed
+    /// transform relative to the parent is that of the clip, bit for bit. Nothing is retargeted or scaled.
+    /// - For clips in a file of their own that was made for the character (MD5, SMD, glTF without a mesh), whatever bind
+    ///   pose that file has; as an action on another armature with the same bone names in Blender.
+    /// - Names must be equal. Joints without keys keep their bind pose. A warning names the joints that the asset
+    ///   lacks; it is an error if it has none of them.
+    Clip.bind("asset") -> Clip = bind_raw;
     /// Returns the report of a retarget, a line per joint: which joint of the other asset follows which joint of
     /// the clip, and how it was matched. It is an error if none follows. Options as in Clip.retarget.
     Clip.mapping("asset, options?") -> "array of texts" = mapping;
@@ -145,6 +152,29 @@ fn retarget(c: &mut Call) -> Reply {
         }
     };
     let clip = checked(c, &this, &on, fitted)?;
+    made(c, clip, on)
+}
+
+fn bind_raw(c: &mut Call) -> Reply {
+    let (this, on): (ClipRef, _) = (c.this()?, other(c)?);
+    c.build().used(&this.asset);
+    let (clip, lacking) = bind_by_name(&this.clip, &this.asset.skeleton, &on.skeleton);
+    if clip.curves().is_empty() && !this.clip.curves().is_empty() {
+        return Err(NothingFollows::new(&this.clip, &this.asset, &on, &lacking).error(&this.clip));
+    }
+    if !lacking.is_empty() {
+        let moved: BTreeSet<u32> = this.clip.curves().iter().map(|curve| curve.joint).collect();
+        let text = format!(
+            "clip \"{}\" of \"{}\" on \"{}\": it lacks {} of {} animated joints: {}",
+            this.clip.name,
+            this.asset.name,
+            on.name,
+            lacking.len(),
+            moved.len(),
+            list(lacking.iter().map(String::as_str), 12)
+        );
+        c.shared.note(Severity::Warning, &c.place, &ApiError::new(text));
+    }
     made(c, clip, on)
 }
 

@@ -28,8 +28,10 @@ api! {
     ///   80), weight (0 to 1, default 1).
     Actor.aim("joint, target, options?") -> Goal = aim;
     /// Locks feet that touch the ground in place (foot locking, against foot sliding), for bipeds and quadrupeds.
-    /// - Options: feet (an array of joint names; default: found by name), ground (an actor, or an array of actors,
-    ///   whose surfaces the feet stand on), weight (0 to 1, default 1).
+    /// - Options: feet (an array of joint names; default: found by name, else by structure), ground (an actor, or an
+    ///   array of actors, whose surfaces the feet stand on), weight (0 to 1, default 1).
+    /// - Without a call, the feet step instead of sliding where a walk fades into a stand or back, if root motion,
+    ///   keyframes or a path move the actor. `plant_feet(#{ weight: 0 })` turns this off.
     Actor.plant_feet("options?") -> Goal = plant_feet;
     /// Exchanges left and right in what its clips do, for joints, morph targets and expressions, as long as the
     /// constraint lasts. The path of root motion stays the same. Options: weight (0 to 1, default 1).

@@ -39,7 +39,12 @@ pub(crate) const FUNCTIONS: &[(&str, &str, &str)] = &[
     ("lerp", "a, b, w", "Interpolates linearly: a where w is 0, b where w is 1."),
     ("smoothstep", "a, b, x", "Returns 0 below a, 1 above b, and a smooth transition between them."),
     ("is_nan", "x", "Returns whether x is not a number (NaN)."),
-    ("parse_int", "text", "Reads a whole number from a text."),
+    ("parse_int", "text", "Reads a whole number from a text: digits, perhaps with a sign."),
+    (
+        "parse_int",
+        "text, radix",
+        "Reads a whole number with a radix of 2 to 36: parse_int(\"ff\", 16) is 255.",
+    ),
     ("parse_float", "text", "Reads a number from a text."),
     (
         "rand",
@@ -208,6 +213,11 @@ fn parsers(engine: &mut Engine) {
     };
     engine.register_fn("parse_int", move |text: ImmutableString| {
         text.trim().parse::<i64>().map_err(|_| bad("parse_int", &text))
+    });
+    engine.register_fn("parse_int", move |text: ImmutableString, radix: i64| {
+        let radix = u32::try_from(radix).ok().filter(|radix| (2..=36).contains(radix));
+        let digits = text.trim();
+        radix.and_then(|radix| i64::from_str_radix(digits, radix).ok()).ok_or_else(|| bad("parse_int", &text))
     });
     engine.register_fn("parse_float", move |text: ImmutableString| {
         text.trim().parse::<f64>().map_err(|_| bad("parse_float", &text))

@@ -14,8 +14,8 @@ use rhai::Dynamic;
 use std::sync::Arc;
 
 api! {
-    /// Walks to a point and stops there: the actor turns to it, starts, walks straight ahead, and takes a last step,
-    /// without foot sliding. Returns the cue of the walk; its .end() is the time of arrival.
+    /// Walks to a point and stops there: the actor turns to it, starts, walks straight ahead, and takes a last step;
+    /// feet on the ground are locked. Returns the cue of the walk; its .end() is the time of arrival.
     /// - Options: clip (the clip in which it walks), idle (the clip in which it stands before and after; default:
     ///   the clip that it plays when it starts), from (time at which it begins to turn and walk; default: the arrival
     ///   of the walk before, else 0), speed (metres per second; default: that of the clip), arrive (time of arrival,

@@ -86,9 +86,9 @@ fn topic(term: &str) -> Option<&'static Topic> {
 
 /// The function or option to use in place of an unknown name.
 pub(crate) struct Suggestion {
-    /// Its name as the message writes it: `reach` if the user wrote a method of an actor, `Actor.reach` otherwise.
+    /// The name as the message writes it: `reach` if the user wrote a method of an actor, `Actor.reach` otherwise.
     pub name: String,
-    /// Its description, and its page.
+    /// The description, and its page.
     pub hint: String,
 }
 
@@ -150,7 +150,7 @@ pub struct Answer {
 pub struct Call {
     /// How to write it: `Actor.reach(joint, target, options?)`, or a command, `choreo render --fps`.
     pub usage: String,
-    /// Its description; none for a command, which describes itself.
+    /// The description; none for a command, which describes itself.
     pub about: Option<String>,
     /// The page that describes it: a file, with the heading if it has several.
     pub page: String,

@@ -15,7 +15,7 @@ use std::sync::Arc;
 pub struct Expectation {
     /// Place of the call that compares.
     pub place: Place,
-    /// Its text: the line of the script, without indentation.
+    /// The text: the line of the script, without indentation.
     pub source: String,
     /// 0: the section's own stage; n: the n-th made with `stage_of`. Index into `SectionRun::stages`.
     pub stage: usize,

@@ -215,3 +215,15 @@ pub fn good(text: &str) -> Script {
 pub fn show(diagnostics: &[Diagnostic]) -> String {
     diagnostics.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
+
+/// The stage of a script that loads characters of the sample files in a folder.
+pub fn stage_of_samples(folder: &FilePath, text: &str) -> choreo_stage::Stage {
+    let mut registry = Registry::default();
+    registry.add_importer(import_gltf::GltfImporter);
+    registry.add_importer(import_fbx::FbxImporter);
+    registry.add_importer(import_bvh::BvhImporter);
+    registry.add_importer(import_mannequin::Mannequin);
+    let options = ScriptOptions { search_paths: vec![folder.to_path_buf()], ..ScriptOptions::default() };
+    let ran = run_text("samples.rhai", text, folder, &registry, &options);
+    ran.unwrap_or_else(|e| panic!("{e:?}\n{text}")).stage
+}

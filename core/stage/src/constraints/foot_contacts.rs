@@ -79,12 +79,12 @@ impl<'a> FootContacts<'a> {
             return 0.0;
         };
         let step = if backwards { Time(-STEP.0) } else { STEP };
-        let looks = (most / STEP.as_secs()) as i64;
+        let samples = (most / STEP.as_secs()) as i64;
         let down = |i: &i64| {
             let clip_time = self.actor.layers[0].cues[cue].clip_time(time + Time(step.0 * i), false);
             self.is_down(cue, leg, clip_time)
         };
-        (0..looks).find(down).map_or(most, |i| i as f64 * STEP.as_secs())
+        (0..samples).find(down).map_or(most, |i| i as f64 * STEP.as_secs())
     }
 
     /// The leg whose steps a leg takes while the character is mirrored.

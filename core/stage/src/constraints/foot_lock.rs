@@ -37,10 +37,15 @@ const FLAT: f64 = 0.04;
 const AROUND: usize = 36;
 /// Share of the sole's length by which raising the heel lengthens a leg, as far as it is used.
 const RAISED: f64 = 0.6;
-/// Number of looks over which the hips come down, and rise again.
+/// Number of samples over which the hips come down, and rise again.
 const SMOOTH: usize = 14;
 /// Number of places that are tried to either side, as far as half of the body's way during a contact.
 const REACH_PLACES: u32 = 32;
+/// A foot that leaves the ground or comes down keeps its place on it up to this height above where it stands, in legs: its clip has it travel
+/// already while it is as good as on the ground.
+const ROLLS: f64 = 0.02;
+/// As far as its clip has it at most so far from there, in legs.
+const ROLLS_FAR: f64 = 0.25;
 /// A foot that is higher than this above the lowest place at all, in legs, jumps.
 const JUMP: f64 = 0.12;
 
@@ -59,7 +64,7 @@ pub(crate) struct FootLockTrack {
     front: Front,
 }
 
-/// A contact: where the foot stands, and how far that is from where its clips have it at both ends.
+/// A contact: where the foot stands, and how far that is from where its clips have it at the ends of `rolls`; in height, at `from` and `to`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Contact {
     pub from: Time,
@@ -68,6 +73,8 @@ pub(super) struct Contact {
     pub at: Option<DVec3>,
     pub first: DVec3,
     pub last: DVec3,
+    /// Start and end of the time in which the foot is above its place or on it.
+    pub rolls: (Time, Time),
     /// A step leads there or away.
     pub by_step: bool,
 }
@@ -99,7 +106,11 @@ fn find(stage: &Stage, actor: usize, foot_lock: &FootLock) -> Result<FootLockTra
     let ground: Vec<Ground> =
         foot_lock.ground.iter().map(|g| Ground::of(stage, *g)).collect::<Result<_, _>>()?;
     let leg = leg_length(stage, actor, foot_lock);
-    let mut feet = FeetInMotion { stage, actor, foot_lock, scratch: Scratch::only(vec![actor]) };
+    // Each sample places all actors of a stage.
+    let alone = alone(stage, actor);
+    let (within, index) = alone.as_ref().map_or((stage, actor), |alone| (alone, 0));
+    let mut feet =
+        FeetInMotion { stage: within, actor: index, foot_lock, scratch: Scratch::only(vec![index]) };
     let count = foot_lock.legs.len();
     let (mut legs, mut steps) = (vec![Vec::new(); count], vec![Vec::new(); count]);
     // How much higher than in its clips each foot stood last.
@@ -109,7 +120,7 @@ fn find(stage: &Stage, actor: usize, foot_lock: &FootLock) -> Result<FootLockTra
     let by_clips = !foot_lock.only.is_empty() || !foot_lock.standing_fades.is_empty();
     let by_clips = by_clips.then(|| FootContacts::new(&stage.actors[actor], &foot_lock.legs));
     for (from, to) in &windows {
-        let samples = feet.look(*from, *to)?;
+        let samples = feet.sample(*from, *to)?;
         let mut found = vec![Vec::new(); count];
         for (index, (found, raised)) in found.iter_mut().zip(&mut raised).enumerate() {
             let mut stand = |span: &ContactSpan| stand(&samples, span, index, foot_lock, &ground, raised);
@@ -127,7 +138,7 @@ fn find(stage: &Stage, actor: usize, foot_lock: &FootLock) -> Result<FootLockTra
             for span in contacts.stands(index, *from, *to) {
                 let mut ends = [DVec3::ZERO; 2];
                 for (end, time) in ends.iter_mut().zip([span.0, span.1]) {
-                    *end = feet.look(time, time)?.feet[index][0];
+                    *end = feet.sample(time, time)?.feet[index][0];
                 }
                 found.push(stand(&ContactSpan { span, ends }));
             }
@@ -145,6 +156,9 @@ fn find(stage: &Stage, actor: usize, foot_lock: &FootLock) -> Result<FootLockTra
                     .run(&mut feet, &mut stand, &mut found, &mut steps)?;
             }
         }
+        for (index, found) in found.iter_mut().enumerate() {
+            roll(&samples, index, leg, &steps[index], found);
+        }
         if ground.is_empty() && foot_lock.hips.is_some() {
             drops.push((*from, come_down(&samples, &found)));
         }
@@ -154,6 +168,17 @@ fn find(stage: &Stage, actor: usize, foot_lock: &FootLock) -> Result<FootLockTra
     let to_the_end = span.1 >= stage.settings.length;
     let front = stage.actors[actor].asset.front();
     Ok(FootLockTrack { legs, steps, span, to_the_end, drops, front })
+}
+
+/// A stage of one actor, if its motion depends on nothing else.
+fn alone(stage: &Stage, actor: usize) -> Option<Stage> {
+    let one = &stage.actors[actor];
+    let depends = !stage.hooks.is_empty() || !one.parents.is_empty() || one.face.is_some();
+    (!depends).then(|| Stage {
+        settings: stage.settings.clone(),
+        actors: vec![one.clone()],
+        ..Stage::default()
+    })
 }
 
 /// The times in which feet are looked at, one after the other: all of the stage, or around those that count.
@@ -179,10 +204,10 @@ fn windows(stage: &Stage, foot_lock: &FootLock) -> Vec<(Time, Time)> {
     all
 }
 
-/// How far a foot is from standing at each look.
+/// How far a foot is from standing at each sample.
 fn unrest(samples: &FootSamples, places: &[DVec3], leg: f64) -> Vec<f64> {
     let above: Vec<f64> =
-        places.iter().zip(&samples.bodies).map(|(p, body)| p.y - body.translation.y).collect();
+        places.iter().zip(&samples.transforms).map(|(p, transform)| p.y - transform.translation.y).collect();
     let lowest = above.iter().copied().fold(f64::INFINITY, f64::min);
     // The first leg's hip: where the body is.
     let body: Vec<DVec3> =
@@ -224,12 +249,13 @@ fn stand(
 ) -> Contact {
     let ContactSpan { span: (from, to), ends } = *stay;
     if !foot_lock.only.is_empty() && !foot_lock.only.iter().any(|(begin, end)| from <= *end && to >= *begin) {
-        return Contact { from, to, at: None, first: DVec3::ZERO, last: DVec3::ZERO, by_step: false };
+        let zero = DVec3::ZERO;
+        return Contact { from, to, at: None, first: zero, last: zero, rolls: (from, to), by_step: false };
     }
-    // The looks between, at least one.
+    // The samples between, at least one.
     let first = ((from - samples.from).0 as u64).div_ceil(STEP.0 as u64) as usize;
-    let first = first.min(samples.bodies.len() - 1);
-    let last = (((to - samples.from).0 / STEP.0) as usize).clamp(first, samples.bodies.len() - 1);
+    let first = first.min(samples.transforms.len() - 1);
+    let last = (((to - samples.from).0 / STEP.0) as usize).clamp(first, samples.transforms.len() - 1);
     let mut at = within_reach(&samples.feet[leg][first..=last], &samples.limbs[leg][first..=last]);
     if !ground.is_empty() {
         // The height above the ground is the one that the clips have above their floor.
@@ -238,7 +264,48 @@ fn stand(
         *raised = heights.reduce(f64::max).unwrap_or(floor) - floor;
         at.y += *raised;
     }
-    Contact { from, to, at: Some(at), first: at - ends[0], last: at - ends[1], by_step: false }
+    let (first, last) = (at - ends[0], at - ends[1]);
+    Contact { from, to, at: Some(at), first, last, rolls: (from, to), by_step: false }
+}
+
+/// Extends the contacts of a leg to where the foot is higher than [`ROLLS`], in whole samples, except where a step leads on. `leg`: its length,
+/// metres.
+fn roll(samples: &FootSamples, index: usize, leg: f64, steps: &[Footstep], contacts: &mut [Contact]) {
+    let places = &samples.feet[index];
+    // Between two contacts a third of the time is left to get from one to the other. A contact of no length is a foot in the air that begins a
+    // step: where it stood, or where its clip has it.
+    let gap = |before: &Contact, after: &Contact| {
+        let third = Time((after.from - before.to).0 / 3);
+        let way = after.at.unwrap_or_default() - before.at.unwrap_or_default();
+        match before.from < before.to && after.from < after.to {
+            true => (before.to + third, after.from - third),
+            false if way.with_y(0.0).length() < 1e-9 => (after.from, before.to),
+            false => (before.to, after.from),
+        }
+    };
+    for i in 0..contacts.len() {
+        let contact = contacts[i];
+        let (Some(at), true) = (contact.at, contact.from < contact.to) else { continue };
+        let before = i.checked_sub(1).map_or(samples.from, |i| gap(&contacts[i], &contact).1);
+        let after = contacts.get(i + 1).map_or(Time::MAX, |next| gap(&contact, next).0);
+        let rolls = |sample: usize, offset: DVec3| contact.holds(offset, places[sample], leg);
+        let on_grid = |time: Time| ((time - samples.from).0.max(0) as u64).div_ceil(STEP.0 as u64) as usize;
+        if !steps.iter().any(|step| step.from == contact.to) {
+            let leaving = (on_grid(contact.to)..places.len()).take_while(|s| samples.time(*s) <= after);
+            if let Some(last) = leaving.take_while(|s| rolls(*s, contact.last)).last() {
+                contacts[i].rolls.1 = samples.time(last);
+                contacts[i].last = (at - places[last]).with_y(contact.last.y);
+            }
+        }
+        if !steps.iter().any(|step| step.to == contact.from) {
+            let coming = (0..on_grid(contact.from).min(places.len())).rev();
+            let coming = coming.take_while(|s| samples.time(*s) >= before);
+            if let Some(first) = coming.take_while(|s| rolls(*s, contact.first)).last() {
+                contacts[i].rolls.0 = samples.time(first);
+                contacts[i].first = (at - places[first]).with_y(contact.first.y);
+            }
+        }
+    }
 }
 
 /// Position of a foot during a contact: the middle of its positions in the clips, or else the nearest along the way at which the leg has
@@ -264,15 +331,15 @@ fn within_reach(stay: &[DVec3], limbs: &[Limb]) -> DVec3 {
     best.1
 }
 
-/// How far the hips come down at each look: as far as the legs that stand need to reach the ground with the heel raised, and smoothly there
+/// How far the hips come down at each sample: as far as the legs that stand need to reach the ground with the heel raised, and smoothly there
 /// and back (at once, and the head jerks; tried).
 fn come_down(samples: &FootSamples, legs: &[Vec<Contact>]) -> Vec<f64> {
-    let need = |look: usize| {
-        let time = samples.time(look);
+    let need = |index: usize| {
+        let time = samples.time(index);
         let of_leg = |(stands, limbs): (&Vec<Contact>, &Vec<Limb>)| {
             let next = stands.partition_point(|s| s.to < time);
             let at = stands.get(next).filter(|s| s.from <= time).and_then(|s| s.at)?;
-            let limb = limbs[look];
+            let limb = limbs[index];
             let far = (limb.reach + RAISED * limb.sole) * 0.998;
             let across = (limb.hip - at).with_y(0.0).length_squared();
             let high = (far * far - across).max(0.0).sqrt();
@@ -280,17 +347,40 @@ fn come_down(samples: &FootSamples, legs: &[Vec<Contact>]) -> Vec<f64> {
         };
         legs.iter().zip(&samples.limbs).filter_map(of_leg).fold(0.0, f64::max)
     };
-    let count = samples.bodies.len();
+    let count = samples.transforms.len();
     let need: Vec<f64> = (0..count).map(need).collect();
-    let smooth = |look: usize| {
-        let near = look.saturating_sub(SMOOTH)..(look + SMOOTH + 1).min(count);
+    let smooth = |index: usize| {
+        let near = index.saturating_sub(SMOOTH)..(index + SMOOTH + 1).min(count);
         let bump = |other: usize| {
-            let away = other.abs_diff(look) as f64 / (SMOOTH + 1) as f64;
+            let away = other.abs_diff(index) as f64 / (SMOOTH + 1) as f64;
             need[other] * (1.0 - away * away) * (1.0 - away * away)
         };
         near.map(bump).fold(0.0, f64::max)
     };
     (0..count).map(smooth).collect()
+}
+
+impl Contact {
+    /// Whether a foot that its clips have at `place` still keeps its place on the ground: it is hardly higher. `offset`: its correction there.
+    pub fn holds(&self, offset: DVec3, place: DVec3, leg: f64) -> bool {
+        self.at.is_some_and(|at| {
+            let off = at - place;
+            offset.y - off.y < ROLLS * leg && off.with_y(0.0).length() < ROLLS_FAR * leg
+        })
+    }
+
+    /// Correction of a foot that its clips have at `place`: its place on the ground, and while it rolls its height as its clips have it.
+    fn correction(&self, time: Time, place: DVec3) -> DVec3 {
+        let Some(at) = self.at else { return DVec3::ZERO };
+        let there = at - place;
+        if time < self.from {
+            there.with_y(self.first.y)
+        } else if time > self.to {
+            there.with_y(self.last.y)
+        } else {
+            there
+        }
+    }
 }
 
 impl FootLockTrack {
@@ -308,7 +398,7 @@ impl FootLockTrack {
         if let Some(step) = self.steps[leg].iter().find(|step| step.from < time && time < step.to) {
             return step.at(time) - place;
         }
-        let next = stands.partition_point(|s| s.to < time);
+        let next = stands.partition_point(|s| s.rolls.1 < time);
         let upright = |d: DVec3| DVec3::new(0.0, d.y, 0.0);
         let smooth = |w: f64| {
             let w = w.clamp(0.0, 1.0);
@@ -316,18 +406,19 @@ impl FootLockTrack {
         };
         // A foot in the air for long: level as it was or will be, and nothing sideways.
         let leaving = |s: &Contact| {
-            let gone = smooth((time - s.to).as_secs() / FADE);
+            let gone = smooth((time - s.rolls.1).as_secs() / FADE);
             upright(s.last) + (s.last - upright(s.last)) * (1.0 - gone)
         };
         let coming = |s: &Contact| {
-            let left = smooth((s.from - time).as_secs() / FADE);
+            let left = smooth((s.rolls.0 - time).as_secs() / FADE);
             upright(s.first) + (s.first - upright(s.first)) * (1.0 - left)
         };
         match (next.checked_sub(1).map(|i| &stands[i]), stands.get(next)) {
-            (_, Some(now)) if now.from <= time => now.at.map_or(DVec3::ZERO, |at| at - place),
+            (_, Some(now)) if now.rolls.0 <= time => now.correction(time, place),
             (Some(before), Some(after)) => {
-                let way = smooth((time - before.to).as_secs() / (after.from - before.to).as_secs());
-                if after.from - before.to <= LONGEST_GAP {
+                let gap = after.rolls.0 - before.rolls.1;
+                let way = smooth((time - before.rolls.1).as_secs() / gap.as_secs());
+                if gap <= LONGEST_GAP {
                     before.last.lerp(after.first, way)
                 } else {
                     leaving(before).lerp(coming(after), way)

@@ -1,4 +1,4 @@
-//! How the feet of an actor move without foot locking, at 60 Hz.
+//! Motion of the feet of an actor without foot locking, at 60 Hz.
 
 use crate::actors::{Scratch, evaluate_actors};
 use crate::constraints::foot_lock::STEP;
@@ -10,29 +10,29 @@ use crate::stage::{Stage, StageError};
 use choreo_motion::Time;
 use glam::{DAffine3, DVec3};
 
-/// How an actor's feet move without the constraint.
+/// Motion of an actor's feet without the constraint, sampled at 60 Hz.
 pub(super) struct FootSamples {
     pub from: Time,
-    /// World, by foot.
+    /// World positions, by foot and sample.
     pub feet: Vec<Vec<DVec3>>,
-    /// Likewise, what each hangs on.
+    /// Legs of the feet, by foot and sample.
     pub limbs: Vec<Vec<Limb>>,
-    /// World from model.
-    pub bodies: Vec<DAffine3>,
+    /// World from model, by sample.
+    pub transforms: Vec<DAffine3>,
 }
 
-/// World, metres.
+/// A leg: world positions, lengths in metres.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Limb {
     pub hip: DVec3,
     pub ankle: DVec3,
-    /// How long the leg is.
+    /// Length of the leg.
     pub reach: f64,
     /// Distance from the ankle to the ball.
     pub sole: f64,
 }
 
-/// An actor whose feet are looked at.
+/// An actor whose feet are sampled.
 pub(super) struct FeetInMotion<'a> {
     pub stage: &'a Stage,
     pub actor: usize,
@@ -41,7 +41,8 @@ pub(super) struct FeetInMotion<'a> {
 }
 
 impl FeetInMotion<'_> {
-    pub fn look(&mut self, from: Time, to: Time) -> Result<FootSamples, StageError> {
+    /// Samples from one time to another, both included.
+    pub fn sample(&mut self, from: Time, to: Time) -> Result<FootSamples, StageError> {
         let mut snapshot = Snapshot::default();
         let foot_lock = self.foot_lock;
         let count = foot_lock.legs.len();
@@ -49,7 +50,7 @@ impl FeetInMotion<'_> {
             from,
             feet: vec![Vec::new(); count],
             limbs: vec![Vec::new(); count],
-            bodies: vec![],
+            transforms: vec![],
         };
         for sample in 0..=(to - from).0 / STEP.0 {
             evaluate_actors(
@@ -65,7 +66,7 @@ impl FeetInMotion<'_> {
                 let place = place.map(|m| world_place(&state.world_from_model, m));
                 place.filter(|p| p.is_finite()).unwrap_or(DVec3::ZERO)
             };
-            samples.bodies.push(state.world_from_model);
+            samples.transforms.push(state.world_from_model);
             for ((leg, places), limbs) in foot_lock.legs.iter().zip(&mut samples.feet).zip(&mut samples.limbs)
             {
                 places.push(place(leg.toe.unwrap_or(leg.foot)));
@@ -96,27 +97,27 @@ pub(super) fn leg_length(stage: &Stage, actor: usize, foot_lock: &FootLock) -> f
 }
 
 impl FootSamples {
-    pub fn time(&self, look: usize) -> Time {
-        self.from + Time(look as i64 * STEP.0)
+    pub fn time(&self, index: usize) -> Time {
+        self.from + Time(index as i64 * STEP.0)
     }
 
-    /// The last look at or before a time, and how far the time is on the way to the next one, 0..=1.
-    pub fn look_at(&self, time: Time) -> (usize, f64) {
-        let last = self.bodies.len() - 1;
-        let looks = ((time - self.from).0 as f64 / STEP.0 as f64).clamp(0.0, last as f64);
-        let low = (looks as usize).min(last.saturating_sub(1));
-        (low, looks - low as f64)
+    /// Index of the last sample at or before a time, and the share of the way to the next one, 0..=1.
+    pub fn index_at(&self, time: Time) -> (usize, f64) {
+        let last = self.transforms.len() - 1;
+        let at = ((time - self.from).0 as f64 / STEP.0 as f64).clamp(0.0, last as f64);
+        let low = (at as usize).min(last.saturating_sub(1));
+        (low, at - low as f64)
     }
 
-    /// Place of a foot at a time between two looks.
+    /// Place of a foot at a time between two samples.
     pub fn place(&self, leg: usize, time: Time) -> DVec3 {
-        let (low, share) = self.look_at(time);
+        let (low, share) = self.index_at(time);
         let places = &self.feet[leg];
         places[low].lerp(places[(low + 1).min(places.len() - 1)], share)
     }
 
     /// Height of the floor.
-    pub fn floor(&self, look: usize) -> f64 {
-        self.bodies[look].translation.y
+    pub fn floor(&self, index: usize) -> f64 {
+        self.transforms[index].translation.y
     }
 }

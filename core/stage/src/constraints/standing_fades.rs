@@ -81,23 +81,23 @@ impl FadeSteps<'_> {
         let backwards = self.backwards();
         let time_at = |secs: f64| walking_at + Time::from_secs(if backwards { -secs } else { secs });
         let fade_secs = (self.fade.to - self.fade.from).as_secs();
-        let (low, share) = samples.look_at(standing_at);
+        let (low, share) = samples.index_at(standing_at);
         let last = if share > 0.0 && !backwards { low + 1 } else { low };
-        let model_from_stand = samples.bodies[last].inverse();
+        let model_from_stand = samples.transforms[last].inverse();
         let stance = |leg: usize, secs: f64| {
             let place = sides[leg].standing.at.unwrap_or_default();
             if secs >= fade_secs {
                 return place;
             }
-            let (low, share) = samples.look_at(time_at(secs));
+            let (low, share) = samples.index_at(time_at(secs));
             let in_model = model_from_stand.transform_point3(place);
-            let under = |look: usize| samples.bodies[look].transform_point3(in_model);
-            under(low).lerp(under((low + 1).min(samples.bodies.len() - 1)), share).with_y(place.y)
+            let under = |index: usize| samples.transforms[index].transform_point3(in_model);
+            under(low).lerp(under((low + 1).min(samples.transforms.len() - 1)), share).with_y(place.y)
         };
         let reaches = |leg: usize, place: DVec3, secs: f64| {
-            let (look, _) = samples.look_at(time_at(secs));
-            let limb = samples.limbs[leg][look];
-            let ankle = limb.ankle + (place - samples.feet[leg][look]);
+            let (index, _) = samples.index_at(time_at(secs));
+            let limb = samples.limbs[leg][index];
+            let ankle = limb.ankle + (place - samples.feet[leg][index]);
             (ankle - limb.hip).length() < limb.reach + RAISED * limb.sole
         };
         let states: Vec<FootState> = sides.iter().map(|side| side.state).collect();
@@ -129,7 +129,7 @@ impl FadeSteps<'_> {
         stand: &mut Stand,
     ) -> Result<FootSides, StageError> {
         let [walking_at, standing_at] = self.times();
-        let mut place = |time: Time| Ok::<DVec3, StageError>(feet.look(time, time)?.feet[leg][0]);
+        let mut place = |time: Time| Ok::<DVec3, StageError>(feet.sample(time, time)?.feet[leg][0]);
         let edge = Time(3 * STEP.0);
         let over = |time: Time| contacts.iter().find(|c| c.from - edge <= time && time <= c.to + edge);
         // Contacts without what the fade makes of them.
@@ -158,18 +158,24 @@ impl FadeSteps<'_> {
                 FootState { at: walking.at.unwrap_or_default(), velocity: DVec3::ZERO, lands_secs: 0.0 };
             return Ok(FootSides { walking, state, standing });
         }
-        let carried = if backwards {
-            contacts
-                .iter()
-                .find(|c| c.from >= walking_at && c.from - walking_at <= LONGEST_GAP)
-                .map(|c| c.first)
+        let near = if backwards {
+            let after = contacts.iter().find(|c| c.from >= walking_at && c.from - walking_at <= LONGEST_GAP);
+            after.map(|c| (c, c.first))
         } else {
             let mut before = contacts.iter().rev();
-            before.find(|c| c.to <= walking_at && walking_at - c.to <= LONGEST_GAP).map(|c| c.last)
+            before.find(|c| c.to <= walking_at && walking_at - c.to <= LONGEST_GAP).map(|c| (c, c.last))
         };
-        let (here, carried) = (place(walking_at)?, carried.unwrap_or_default());
+        let here = place(walking_at)?;
+        let mut carried = near.map_or(DVec3::ZERO, |(_, offset)| offset);
         let beside = if backwards { walking_at + INSTANT } else { walking_at - INSTANT };
-        let velocity = (here - place(beside)?) / INSTANT.as_secs();
+        let mut velocity = (here - place(beside)?) / INSTANT.as_secs();
+        // A foot that is as good as on the ground steps from where it stands.
+        if let Some((contact, offset)) = near
+            && let Some(at) = contact.at.filter(|_| self.holds_until(leg, contact, offset, walking_at))
+        {
+            carried = (at - here).with_y(offset.y);
+            velocity = DVec3::ZERO;
+        }
         let at = here + carried;
         let walking = Contact {
             from: walking_at,
@@ -177,9 +183,18 @@ impl FadeSteps<'_> {
             at: Some(at),
             first: carried,
             last: carried,
+            rolls: (walking_at, walking_at),
             by_step: true,
         };
         Ok(FootSides { walking, state: FootState { at, velocity, lands_secs }, standing })
+    }
+
+    /// Whether a foot is as good as on the ground in all samples from a contact to a time before or after it.
+    fn holds_until(&self, leg: usize, contact: &Contact, offset: DVec3, time: Time) -> bool {
+        let (from, to) = if time < contact.from { (time, contact.from) } else { (contact.to, time) };
+        let [(first, _), (last, _)] = [from, to].map(|time| self.samples.index_at(time));
+        let places = &self.samples.feet[leg][first..=(last + 1).min(self.samples.transforms.len() - 1)];
+        places.iter().all(|place| contact.holds(offset, *place, self.leg_length))
     }
 
     /// Replaces a leg's contacts in the fade: the foot stands before, between and after its steps.
@@ -200,7 +215,7 @@ impl FadeSteps<'_> {
         };
         let stand = |(from, to, at)| {
             let (first, last) = (at - in_clip(from), at - in_clip(to));
-            Contact { from, to, at: Some(at), first, last, by_step: true }
+            Contact { from, to, at: Some(at), first, last, rolls: (from, to), by_step: true }
         };
         contacts.retain(|c| c.to < first.from || c.from > last.to);
         let place = contacts.partition_point(|c| c.from < first.from);

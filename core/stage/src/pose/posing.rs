@@ -9,6 +9,7 @@ use crate::snapshot::ActorState;
 use crate::stage::actor::Actor;
 use crate::stage::edits::ActorEdit;
 use choreo_motion::Time;
+#[cfg(feature = "threads")]
 use rayon::prelude::*;
 
 /// Fewer poses are taken on one thread: handing them out costs some microseconds.
@@ -32,6 +33,14 @@ pub(crate) struct Posing<'a> {
     pub edits: &'a [ActorEdit],
 }
 
+/// Threads that can pose actors at once.
+fn available_threads() -> usize {
+    #[cfg(feature = "threads")]
+    return rayon::current_num_threads();
+    #[cfg(not(feature = "threads"))]
+    1
+}
+
 impl Posing<'_> {
     /// Poses the actors that anything needs, and returns how many they are. `scratch` grows to one for each part that a thread takes.
     /// `faces`: one an actor, filled for those whose file states how their eyes move.
@@ -43,7 +52,7 @@ impl Posing<'_> {
         expression_weights: &mut Vec<ExpressionWeights>,
     ) -> usize {
         let poses = self.needs.iter().filter(|need| need.pose).count();
-        let threads = if poses < SHARED_OUT_FROM { 1 } else { rayon::current_num_threads() };
+        let threads = if poses < SHARED_OUT_FROM { 1 } else { available_threads() };
         // Neighbours are often alike: small parts, so that none is left with all that is costly.
         let size = actors.len().div_ceil(if threads > 1 { 4 * threads } else { 1 }).max(1);
         let parts = actors.len().div_ceil(size);
@@ -58,7 +67,9 @@ impl Posing<'_> {
                 .iter_mut()
                 .take(1)
                 .for_each(|scratch| self.part(0, actors, states, scratch, expression_weights));
-        } else {
+        }
+        #[cfg(feature = "threads")]
+        if threads > 1 {
             let each = actors.par_chunks(size).zip(states.par_chunks_mut(size)).zip(&mut scratch[..parts]);
             each.zip(expression_weights.par_chunks_mut(size)).enumerate().for_each(
                 |(i, (((actors, states), scratch), expression_weights))| {
@@ -69,6 +80,7 @@ impl Posing<'_> {
         poses
     }
 
+    /// Poses neighbouring actors, `first` on.
     fn part(
         &self,
         first: usize,

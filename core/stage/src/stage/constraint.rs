@@ -123,7 +123,7 @@ hashed! {
 }
 
 impl ConstraintKind {
-    /// Its name in scripts.
+    /// The name in scripts.
     pub fn name(&self) -> &'static str {
         match self {
             ConstraintKind::Reach(_) => "reach",

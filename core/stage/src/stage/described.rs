@@ -81,7 +81,7 @@ pub trait Described: Sized + 'static {
 }
 
 impl<T> Field<T> {
-    /// Its description, as in the reference: `in which it shines`.
+    /// The description, as in the reference: `in which it shines`.
     pub fn about(&self) -> String {
         self.doc.iter().map(|line| line.trim()).collect::<Vec<_>>().join(" ")
     }

@@ -16,6 +16,7 @@ use crate::app::Viewer;
 use crate::args::ViewerOptions;
 use crate::panels::Panels;
 use crate::state::settings::Settings;
+use choreo::App;
 use choreo_plugin::{Frame, Registry};
 use choreo_session::{FrameRenderer, FrameReply, SceneSource, SceneVersion, SessionThread};
 use error::ViewerError;
@@ -44,12 +45,12 @@ enum News {
 const OWN: u64 = 0;
 
 /// Opens the window and stays until it is closed. The text says what is missing.
-pub fn run(asked: ViewerOptions) -> Result<(), ViewerError> {
+pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
     let tell = Tell::new(asked.tell);
     let events = start::event_loop()?;
     tell.done("event loop");
     let proxy = events.create_proxy();
-    let registry = choreo::registry();
+    let registry = program.registry.clone();
     let shaders = asked.source.shaders.clone();
     let frame_renderer = {
         let proxy = proxy.clone();
@@ -65,7 +66,8 @@ pub fn run(asked: ViewerOptions) -> Result<(), ViewerError> {
     viewer.path = path;
     let settings_file = Settings::file();
     let settings = settings_file.as_deref().map(Settings::read).unwrap_or_default();
-    let mut app = App {
+    let mut app = ViewerWindow {
+        program: program.name,
         viewer,
         panels: Panels::new(&settings),
         settings,
@@ -114,7 +116,9 @@ fn watched(
     Ok(SessionThread::start(source, plugins, report)?)
 }
 
-struct App {
+struct ViewerWindow {
+    /// Name of the program, for the title.
+    program: &'static str,
     viewer: Viewer,
     panels: Panels,
     settings: Settings,
@@ -153,7 +157,7 @@ struct App {
     failed: Option<ViewerError>,
 }
 
-impl App {
+impl ViewerWindow {
     fn now(&self) -> f64 {
         self.clock.elapsed().as_secs_f64()
     }
@@ -362,7 +366,7 @@ impl App {
     }
 }
 
-impl ApplicationHandler<News> for App {
+impl ApplicationHandler<News> for ViewerWindow {
     fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
         if matches!(cause, StartCause::ResumeTimeReached { .. }) {
             self.wake_at = None;
@@ -375,7 +379,7 @@ impl ApplicationHandler<News> for App {
             return;
         }
         let attributes = Window::default_attributes()
-            .with_title(format!("{} – choreo", self.viewer.name))
+            .with_title(format!("{} – {}", self.viewer.name, self.program))
             .with_inner_size(LogicalSize::new(1280.0, 860.0))
             .with_min_inner_size(LogicalSize::new(320.0, 200.0));
         let window = events.create_window(attributes).map_err(|e| e.to_string());

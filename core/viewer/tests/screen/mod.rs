@@ -107,8 +107,13 @@ impl Screen {
 
     /// Waits for the window.
     pub fn window(&self) -> String {
+        self.window_named("choreo")
+    }
+
+    /// Waits for the window of the program of this name.
+    pub fn window_named(&self, program: &str) -> String {
         until("a window", || {
-            let found = self.xdotool(&["search", "--onlyvisible", "--name", "choreo"]);
+            let found = self.xdotool(&["search", "--onlyvisible", "--name", program]);
             found.lines().next().map(str::to_string)
         })
     }

@@ -2,18 +2,19 @@
 
 mod character;
 
-use crate::args::InfoArgs;
+use crate::args::{InfoArgs, values};
 use crate::commands::compressed::Savings;
 use crate::failure::{Failure, print, print_json};
 use crate::output::media::Media;
 use crate::plugins::plugin_files;
+use crate::process::memory;
 use crate::scene::model;
 use crate::scene::{self, opening::Opening};
 use crate::terminal::page::Page;
 use choreo_asset::{Asset, Light, Origin, Projection};
 use choreo_motion::{Clip, Facing, FacingEvidence};
 use choreo_plugin::{Registry, Source};
-use choreo_script::{Limits, mapping_lines};
+use choreo_script::mapping_lines;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::sync::Arc;
@@ -31,9 +32,11 @@ pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
     if let Some(media) = crate::output::media::read(&head) {
         return print_media(&args, &media);
     }
+    let limits = values::limits(&args.limit)?;
+    memory::guard(limits.memory);
     let open = |path: &std::path::Path| {
         let choice = model::choice(&args.import)?;
-        model::import(path, &args.search, &choice, &registry, &Limits::default(), Opening::TO_TELL)
+        model::import(path, &args.search, &choice, &registry, &limits, Opening::TO_TELL)
             .map(|imported| imported.asset)
     };
     let asset = open(&args.file)?;

@@ -1,4 +1,4 @@
-//! `choreo new importer NAME` and `new effect NAME`: the example crates under a new name, or with `--single` one file.
+//! `choreo new importer|effect|exporter NAME`: the crates to copy under a new name, or with `--single` one file.
 
 use crate::args::{HookArg, NewArgs, PluginKind};
 use crate::failure::{Failure, print, write_failure};
@@ -6,8 +6,19 @@ use choreo_files::{Folder, WriteError};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Files of a crate: name and text. "example" and "Example" become the new name.
+/// Files of a crate: name and text.
 type Files = &'static [(&'static str, &'static str)];
+
+/// A crate to copy.
+struct Template {
+    /// "import", which the crate's name begins with.
+    prefix: &'static str,
+    /// "example", which becomes the new name, as "Example" does.
+    word: &'static str,
+    files: Files,
+    /// Crates that it depends on, by their folders in `core`.
+    crates: &'static [&'static str],
+}
 
 macro_rules! example {
     ($path:literal) => {
@@ -15,27 +26,44 @@ macro_rules! example {
     };
 }
 
-const IMPORTER: Files = &[
-    ("README.md", example!("import-example/README.md")),
-    ("src/lib.rs", example!("import-example/src/lib.rs")),
-    ("tests/sample.rs", example!("import-example/tests/sample.rs")),
-    ("tests/sample.example", example!("import-example/tests/sample.example")),
-];
+const IMPORTER: Template = Template {
+    prefix: "import",
+    word: "example",
+    files: &[
+        ("README.md", example!("import-example/README.md")),
+        ("src/lib.rs", example!("import-example/src/lib.rs")),
+        ("tests/sample.rs", example!("import-example/tests/sample.rs")),
+        ("tests/sample.example", example!("import-example/tests/sample.example")),
+    ],
+    crates: &["plugin"],
+};
 
-const EFFECT: Files = &[
-    ("README.md", example!("effect-example/README.md")),
-    ("src/lib.rs", example!("effect-example/src/lib.rs")),
-    ("src/example.wgsl", example!("effect-example/src/example.wgsl")),
-];
+const EFFECT: Template = Template {
+    prefix: "effect",
+    word: "example",
+    files: &[
+        ("README.md", example!("effect-example/README.md")),
+        ("src/lib.rs", example!("effect-example/src/lib.rs")),
+        ("src/example.wgsl", example!("effect-example/src/example.wgsl")),
+    ],
+    crates: &["plugin", "wgsl_effect"],
+};
 
-/// Crates that a plugin depends on, by their folders in `core`.
-const IMPORTER_CRATES: &[&str] = &["plugin", "asset"];
-const EFFECT_CRATES: &[&str] = &["plugin", "wgsl_effect"];
+const EXPORTER: Template = Template {
+    prefix: "export",
+    word: "csv",
+    files: &[
+        ("README.md", example!("export-csv/README.md")),
+        ("src/lib.rs", example!("export-csv/src/lib.rs")),
+        ("tests/lines.rs", example!("export-csv/tests/lines.rs")),
+    ],
+    crates: &["plugin"],
+};
 
 pub fn run(args: NewArgs) -> Result<(), Failure> {
     check_name(&args.name)?;
-    if args.hook.is_some() && args.kind == PluginKind::Importer {
-        return Err(Failure::Usage("--hook is of effects; an importer has none".into()));
+    if args.hook.is_some() && args.kind != PluginKind::Effect {
+        return Err(Failure::Usage("--hook is of effects; importers and exporters have none".into()));
     }
     let into = args.into.clone().unwrap_or_default();
     if args.single { single(&args, &into) } else { whole(&args, &into) }
@@ -79,6 +107,7 @@ fn single(args: &NewArgs, into: &Path) -> Result<(), Failure> {
             Some(include_str!("single.sample")),
         ),
         PluginKind::Effect => (format!("{name}.wgsl"), hook_text(args.hook), None),
+        PluginKind::Exporter => (format!("{name}.exporter.rhai"), include_str!("single.exporter.rhai"), None),
     };
     let mut files = vec![(PathBuf::from(&file), named(text))];
     files.extend(sample.map(|text| (PathBuf::from(format!("sample.{name}")), named(text))));
@@ -86,6 +115,7 @@ fn single(args: &NewArgs, into: &Path) -> Result<(), Failure> {
     let try_it = match args.kind {
         PluginKind::Importer => format!("choreo info {}", into.join(format!("sample.{name}")).display()),
         PluginKind::Effect => format!("effect(\"{name}\") in a script beside it"),
+        PluginKind::Exporter => format!("choreo export SCRIPT -o out.{name}, with a script beside it"),
     };
     print(&format!("{}: written\n    try: {try_it}\n", into.join(file).display()))
 }
@@ -93,19 +123,25 @@ fn single(args: &NewArgs, into: &Path) -> Result<(), Failure> {
 fn whole(args: &NewArgs, into: &Path) -> Result<(), Failure> {
     let name = &args.name;
     let sources = sources(args)?;
-    let (prefix, files, crates) = match args.kind {
-        PluginKind::Importer => ("import", IMPORTER, IMPORTER_CRATES),
-        PluginKind::Effect => ("effect", EFFECT, EFFECT_CRATES),
+    let template = match args.kind {
+        PluginKind::Importer => IMPORTER,
+        PluginKind::Effect => EFFECT,
+        PluginKind::Exporter => EXPORTER,
     };
-    let own = PathBuf::from(format!("{prefix}-{}", name.replace('_', "-")));
+    let own = PathBuf::from(format!("{}-{}", template.prefix, name.replace('_', "-")));
     let folder = into.join(&own);
     free(&folder)?;
     let here = if into.as_os_str().is_empty() { Path::new(".") } else { into };
     let workspace = Workspace::around(here, &sources);
-    let mut all = vec![(own.join("Cargo.toml"), cargo_toml(prefix, name, crates, &sources, &workspace))];
-    for (file, text) in files {
-        all.push((own.join(renamed(file, name)), renamed(text, name)));
-    }
+    let files: Vec<(String, String)> = match args.hook.filter(|hook| *hook != HookArg::Pixel) {
+        Some(hook) => hook_crate(hook, name).into(),
+        None => {
+            let new = |text: &str| renamed(text, name, template.word);
+            template.files.iter().map(|(file, text)| (new(file), new(text))).collect()
+        }
+    };
+    let mut all = vec![(own.join("Cargo.toml"), cargo_toml(&template, name, &sources, &workspace))];
+    all.extend(files.into_iter().map(|(file, text)| (own.join(file), text)));
     write(into, &all)?;
     let member = match &workspace {
         Workspace::Other(root) => format!(
@@ -164,8 +200,27 @@ fn sources(args: &NewArgs) -> Result<PathBuf, Failure> {
     })
 }
 
-/// `example` as the new name, in the spelling of the place: `import-example`, `import_example`, `ExampleImporter`.
-fn renamed(text: &str, name: &str) -> String {
+/// The files of an effect crate of another hook than the example's.
+fn hook_crate(hook: HookArg, name: &str) -> [(String, String); 3] {
+    let (kind, test) = match hook {
+        HookArg::Pixel => ("Pixel", ""),
+        HookArg::Picture => ("Image", include_str!("crate_tests/picture.txt")),
+        HookArg::Surface => ("Surface", include_str!("crate_tests/surface.txt")),
+        HookArg::Vertex => ("Vertex", include_str!("crate_tests/vertex.txt")),
+        HookArg::Lighting => ("Lighting", include_str!("crate_tests/lighting.txt")),
+        HookArg::Shell => ("Outline", include_str!("crate_tests/shell.txt")),
+        HookArg::Overlay => ("Overlay", include_str!("crate_tests/overlay.txt")),
+    };
+    let named = |text: &str| text.replace("TEST", test).replace("HOOK", kind).replace("NAME", name);
+    [
+        ("README.md".into(), named(include_str!("effect_readme.txt"))),
+        ("src/lib.rs".into(), named(include_str!("effect_lib.rs.txt"))),
+        (format!("src/{name}.wgsl"), named(hook_text(Some(hook)))),
+    ]
+}
+
+/// The word as the new name, in the spelling of the place: `import-example`, `import_example`, `ExampleImporter`.
+fn renamed(text: &str, name: &str, word: &str) -> String {
     let camel: String = name
         .split('_')
         .map(|part| {
@@ -176,20 +231,23 @@ fn renamed(text: &str, name: &str) -> String {
                 .collect::<String>()
         })
         .collect();
+    let capital: String =
+        word.chars().take(1).map(|c| c.to_ascii_uppercase()).chain(word.chars().skip(1)).collect();
     // The copy must not contain what the examples state about themselves.
-    text.replace(": the importer to copy. `choreo new importer NAME` does it.", ".")
-        .replace(": the effect to copy. `choreo new effect NAME` does it.", ".")
+    let mut text = text
         .replace(" The one to copy for a format of your own.", "")
-        .replace(" The effect to copy for a look of your own.", "")
-        .replace("import-example", &format!("import-{}", name.replace('_', "-")))
-        .replace("effect-example", &format!("effect-{}", name.replace('_', "-")))
-        .replace("Example", &camel)
-        .replace("example", name)
-        // A folder of ours, which keeps its name.
-        .replace(&format!("core/cli/{name}s"), "core/cli/examples")
+        .replace(" The effect to copy for a look of your own.", "");
+    for kind in ["importer", "effect", "exporter"] {
+        text = text.replace(&format!(": the {kind} to copy. `choreo new {kind} NAME` does it."), ".");
+    }
+    for prefix in ["import", "effect", "export"] {
+        text = text.replace(&format!("{prefix}-{word}"), &format!("{prefix}-{}", name.replace('_', "-")));
+    }
+    text.replace(&capital, &camel).replace(word, name)
 }
 
-fn cargo_toml(prefix: &str, name: &str, crates: &[&str], sources: &Path, workspace: &Workspace) -> String {
+fn cargo_toml(template: &Template, name: &str, sources: &Path, workspace: &Workspace) -> String {
+    let Template { prefix, crates, .. } = template;
     let in_workspace = matches!(workspace, Workspace::Ours);
     let name = name.replace('_', "-");
     // A path in a TOML text: backslashes of Windows would be escapes.
@@ -199,13 +257,6 @@ fn cargo_toml(prefix: &str, name: &str, crates: &[&str], sources: &Path, workspa
         (crate_name, false) => format!("choreo-{crate_name} = {{ path = \"{sources}/core/{folder}\" }}\n"),
     };
     let crates: String = crates.iter().map(one).collect();
-    let glam = match (prefix, in_workspace) {
-        ("effect", true) => "glam.workspace = true\n",
-        ("effect", false) => {
-            "glam = { version = \"0.34\", default-features = false, features = [\"libm\"] }\n"
-        }
-        _ => "",
-    };
     let package = match in_workspace {
         true => {
             "version.workspace = true\nedition.workspace = true\nrust-version.workspace = true\npublish.workspace = true\n"
@@ -214,7 +265,7 @@ fn cargo_toml(prefix: &str, name: &str, crates: &[&str], sources: &Path, workspa
     };
     // A crate outside a workspace is one, so that Cargo looks for none above it.
     let own = if matches!(workspace, Workspace::None) { "\n[workspace]\n" } else { "" };
-    format!("[package]\nname = \"{prefix}-{name}\"\n{package}{own}\n[dependencies]\n{crates}{glam}")
+    format!("[package]\nname = \"{prefix}-{name}\"\n{package}{own}\n[dependencies]\n{crates}")
 }
 
 /// All files or none, by names beneath a folder: nothing that exists is touched, and no link is followed.

@@ -8,6 +8,7 @@ mod watch;
 
 use crate::args::RenderArgs;
 use crate::args::values;
+use crate::commands::export;
 use crate::drawing::device;
 use crate::failure::Failure;
 use crate::output::budget::Budgeted;
@@ -75,13 +76,7 @@ pub fn prepare(
     keep: Option<&Keep>,
 ) -> Result<Job, Failure> {
     let exporter = target.exporter(registry)?;
-    let mut options = ExportOptions::default();
-    for text in &args.export {
-        let (name, value) = values::name_value("--export", text)?;
-        let value = exporter.manifest().parse_option(name, value);
-        let value = value.map_err(|e| Failure::Usage(format!("--export {text}: {e}")))?;
-        options.0.insert(name.to_string(), value);
-    }
+    let options = export::options(&args.export, exporter.manifest())?;
     let size = args.size.as_deref().map(values::size).transpose()?;
     let fps = args.fps.as_deref().map(values::fps).transpose()?;
     let at = args.at.as_deref().map(values::at).transpose()?;
@@ -177,7 +172,8 @@ fn loop_for(scene: &mut OpenedScene, length: Time) -> Result<(), Failure> {
     Ok(())
 }
 
-fn too_many(count: u64, name: &str, limit: u64) -> Result<(), Failure> {
+/// Refuses more of something than its limit.
+pub fn too_many(count: u64, name: &str, limit: u64) -> Result<(), Failure> {
     if count <= limit {
         return Ok(());
     }

@@ -98,6 +98,14 @@ pub fn effect_parameters(effect: &dyn Effect, given: &[(String, f64)]) -> [f32; 
     parameters
 }
 
+/// Why an effect changes nothing, if it does not.
+fn off(effect: &dyn Effect, parameters: &[f32; 8]) -> Option<String> {
+    match effect.hook().has_function() && effect.function().is_none() {
+        true => Some("the effect has no function".into()),
+        false => effect.off(parameters),
+    }
+}
+
 /// Active effects whose plugin is known and which change something.
 pub(super) fn uses<'a>(
     stage: &'a Stage,
@@ -107,8 +115,8 @@ pub(super) fn uses<'a>(
     snapshot.effects.iter().filter_map(|state| {
         let used = stage.effects.get(state.effect)?;
         let effect = &**effects.iter().find(|e| e.manifest().name == used.plugin)?;
-        let off = effect.off(&effect_parameters(effect, &state.parameters)).is_some();
-        (!off).then_some((effect, used, state))
+        let why = off(effect, &effect_parameters(effect, &state.parameters));
+        why.is_none().then_some((effect, used, state))
     })
 }
 
@@ -175,7 +183,7 @@ pub(super) fn post_passes(
             continue;
         };
         let parameters = effect_parameters(effect.as_ref(), &state.parameters);
-        if let Some(why) = effect.off(&parameters) {
+        if let Some(why) = off(&**effect, &parameters) {
             leave_out(why);
             continue;
         }

@@ -1,20 +1,22 @@
-//! choreo with a format and a look of one's own, from a program that depends on the library crates:
-//! `cargo run -p choreo --example my_plugin -- plugins`. Everything else is the command line as it is.
+//! A program of somebody else: choreo with a format and an effect of its own, in the command line and in the viewer.
 
-use choreo_asset::Asset;
+use choreo::App;
+use choreo_plugin::asset::Asset;
 use choreo_plugin::{
-    AssetBuilder, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, MeshData, Registry,
-    Source,
+    AssetBuilder, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, MeshData, Source,
 };
 use choreo_wgsl_effect::WgslEffect;
-use std::process::ExitCode;
 use std::sync::LazyLock;
 
-fn main() -> ExitCode {
-    let mut plugins: Registry = choreo::registry();
-    plugins.add_importer(Triangles);
-    plugins.add_effect(WgslEffect::from_text("negative.wgsl", NEGATIVE).expect("an effect"));
-    choreo::run(std::env::args_os(), &plugins)
+/// The plugins of choreo, and those of the studio.
+pub fn app() -> App {
+    let mut app = choreo::app();
+    app.name = "studio";
+    app.version = env!("CARGO_PKG_VERSION");
+    app.registry.add_importer(Triangles);
+    app.registry.add_effect(WgslEffect::from_text("negative.wgsl", NEGATIVE).expect("an effect"));
+    app.defaults = "[render]\nsize = \"48x36\"\n".into();
+    app
 }
 
 static TRIANGLES: LazyLock<Manifest> = LazyLock::new(|| {

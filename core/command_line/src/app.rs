@@ -1,0 +1,40 @@
+//! A program on choreo, as data: its name, version, plugins and defaults.
+
+use choreo_plugin::Registry;
+use std::path::PathBuf;
+
+/// A program: [`crate::run`] is its command line, `choreo_viewer::run` its viewer. Both are given the same one, so that a plugin
+/// that is registered here works in both.
+#[derive(Clone)]
+#[non_exhaustive]
+pub struct App {
+    /// Name in help and in the provenance of outputs. The viewer is the program `NAME-view` in the same folder.
+    pub name: &'static str,
+    /// Version in `--version` and in the provenance of outputs.
+    pub version: &'static str,
+    /// The plugins. Those of files are added to them.
+    pub registry: Registry,
+    /// Folders in which `load(…)` looks for files, after those of the command line.
+    pub search: Vec<PathBuf>,
+    /// Folders of plugin files, after those of the command line.
+    pub plugins: Vec<PathBuf>,
+    /// Default options of commands, in the form of `choreo.toml` (`[render]\nsamples = 1`). Options of the command line and of the
+    /// project's `choreo.toml` win.
+    pub defaults: String,
+}
+
+impl App {
+    /// A program without folders and defaults of its own.
+    pub fn new(name: &'static str, version: &'static str, registry: Registry) -> App {
+        App { name, version, registry, search: Vec::new(), plugins: Vec::new(), defaults: String::new() }
+    }
+
+    /// "choreo 0.1.0"; of another program "studio 2.0 (choreo 0.1.0)".
+    pub fn software(&self) -> String {
+        let own = format!("choreo {}", env!("CARGO_PKG_VERSION"));
+        match format!("{} {}", self.name, self.version) {
+            same if same == own => own,
+            other => format!("{other} ({own})"),
+        }
+    }
+}

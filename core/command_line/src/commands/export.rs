@@ -1,0 +1,181 @@
+//! `choreo export`: the scene itself for other programs, by the exporter of scenes for the file's extension.
+
+use crate::args::ExportArgs;
+use crate::args::values;
+use crate::commands::render::too_many;
+use crate::failure::{Failure, output_error, print_json, print_message, write_failure};
+use crate::output::budget::Budget;
+use crate::output::provenance;
+use crate::output::target::export_failure;
+use crate::scene::inputs::Inputs;
+use crate::scene::{self, opening::Opening};
+use choreo_files::PartFile;
+use choreo_plugin::{
+    ExportError, ExportOptions, ExportedScene, Manifest, Registry, SceneExporter, SceneFiles,
+};
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::io::Write;
+use std::path::{Component, Path};
+use std::sync::Arc;
+use std::time::Instant;
+
+pub fn run(args: &ExportArgs, plugins: &Registry) -> Result<(), Failure> {
+    let start = Instant::now();
+    let registry = scene::plugins(&args.scene, plugins)?;
+    let exporter = exporter(&args.output, &registry)?;
+    let options = options(&args.export, exporter.manifest())?;
+    let fps = args.fps.as_deref().map(values::fps).transpose()?;
+    let opening = Opening { quiet: args.quiet, ..Opening::TO_DRAW };
+    let scene = scene::open(&args.scene, &registry, opening)?;
+    let mut exported = ExportedScene::new(&scene.name, scene.stage.clone());
+    exported.stem = stem(Path::new(&args.output));
+    exported.fps = fps.unwrap_or(exported.fps);
+    let total = exported.fps.frames_in(scene.stage.settings.length).max(1);
+    let frames = args.frames.as_deref().map(|f| values::frames(f, total)).transpose()?;
+    let frames = frames.unwrap_or_else(|| (0..total).collect());
+    too_many(frames.len() as u64, "frames", scene.limits.frames)?;
+    exported.times = frames.into_iter().map(|frame| exported.fps.time_of(frame)).collect();
+    exported.provenance = provenance::of_export(&scene, exported.fps, &options);
+    exported.options = exporter.manifest().complete(&options).map_err(|e| Failure::Usage(e.to_string()))?;
+
+    let path = Path::new(&args.output);
+    let failed = |e| export_failure(&args.output, e);
+    let mut files = Files::create(path, &scene.inputs, Budget::new(scene.limits.output))?;
+    let notes = exporter.export(&exported, &mut files).map_err(failed)?;
+    let written = files.commit()?;
+    if args.json {
+        return print_json(&json!({
+            "ok": true,
+            "output": args.output,
+            "files": written,
+            "exporter": exporter.manifest().name,
+            "frames": exported.times.len(),
+            "fps": exported.fps.as_fps(),
+            "seconds": start.elapsed().as_secs_f64(),
+            "notes": notes,
+            "warnings": scene.warnings,
+            "provenance": exported.provenance.into_iter().collect::<BTreeMap<_, _>>(),
+        }));
+    }
+    let printed = scene.printed.iter().flat_map(|text| text.lines());
+    printed.chain(scene.warnings.iter().map(String::as_str)).for_each(print_message);
+    notes.iter().for_each(|note| print_message(format_args!("note: {note}")));
+    if !args.quiet {
+        let (frames, secs) = (exported.times.len(), start.elapsed().as_secs_f64());
+        print_message(format_args!("{frames} frames in {secs:.1} s: {}", written.join(", ")));
+    }
+    Ok(())
+}
+
+/// The file's name without folders and extension.
+fn stem(path: &Path) -> String {
+    path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+/// The exporter of scenes for the file's extension.
+fn exporter<'r>(output: &str, registry: &'r Registry) -> Result<&'r Arc<dyn SceneExporter>, Failure> {
+    registry.scene_exporter_for(output).ok_or_else(|| {
+        if registry.exporter_for(output).is_some() {
+            return Failure::Usage(format!("-o {output}: images and videos are made by choreo render"));
+        }
+        let extensions = registry.scene_exporters().iter().flat_map(|e| &e.manifest().extensions);
+        let known: Vec<String> = extensions.map(|extension| format!(".{extension}")).collect();
+        Failure::Usage(format!(
+            "-o {output}: the name's extension says the format; known: {}{}",
+            known.join(", "),
+            registry.faulty_hint()
+        ))
+    })
+}
+
+/// The options of `--export`, checked.
+pub fn options(given: &[String], manifest: &Manifest) -> Result<ExportOptions, Failure> {
+    let mut options = ExportOptions::default();
+    for text in given {
+        let (name, value) = values::name_value("--export", text)?;
+        let value = manifest.parse_option(name, value);
+        let value = value.map_err(|e| Failure::Usage(format!("--export {text}: {e}")))?;
+        options.0.insert(name.to_string(), value);
+    }
+    Ok(options)
+}
+
+/// The files of an export, each written beside its place until all are complete.
+struct Files<'a> {
+    path: &'a Path,
+    inputs: &'a Inputs,
+    budget: Budget,
+    main: OpenFile,
+    beside: BTreeMap<String, OpenFile>,
+}
+
+struct OpenFile {
+    part: PartFile,
+    out: Box<dyn Write + Send>,
+}
+
+impl OpenFile {
+    fn create(path: &Path, inputs: &Inputs, budget: &Budget) -> Result<OpenFile, Failure> {
+        inputs.refuse(path)?;
+        let shown = path.display().to_string();
+        let part = PartFile::create(path).map_err(|e| write_failure(&shown, e))?;
+        let writer = part.writer().map_err(|e| output_error(&shown, &e))?;
+        Ok(OpenFile { out: budget.count(Box::new(writer)), part })
+    }
+}
+
+impl<'a> Files<'a> {
+    fn create(path: &'a Path, inputs: &'a Inputs, budget: Budget) -> Result<Files<'a>, Failure> {
+        let main = OpenFile::create(path, inputs, &budget)?;
+        Ok(Files { path, inputs, budget, main, beside: BTreeMap::new() })
+    }
+
+    /// Moves the files to their places, the main one last; their names.
+    fn commit(mut self) -> Result<Vec<String>, Failure> {
+        let mut all: Vec<(String, OpenFile)> = Vec::new();
+        for (name, file) in std::mem::take(&mut self.beside) {
+            all.push((self.path.with_file_name(name).display().to_string(), file));
+        }
+        all.push((self.path.display().to_string(), self.main));
+        // All are complete before the first one appears.
+        for (shown, file) in &mut all {
+            file.out.flush().map_err(|e| output_error(shown, &e))?;
+        }
+        let mut names = Vec::new();
+        for (shown, OpenFile { part, out }) in all {
+            drop(out);
+            part.commit().map_err(|e| write_failure(&shown, e))?;
+            names.push(shown);
+        }
+        Ok(names)
+    }
+}
+
+impl SceneFiles for Files<'_> {
+    fn main(&mut self) -> &mut dyn Write {
+        &mut self.main.out
+    }
+
+    /// Names begin as that of the main file does, so that a plugin of a stranger replaces no other file of the folder.
+    fn beside(&mut self, ending: &str) -> Result<&mut dyn Write, ExportError> {
+        let name = stem(self.path) + ending;
+        let plain = matches!(Path::new(&name).components().collect::<Vec<_>>()[..], [Component::Normal(_)]);
+        if !plain
+            || !ending.starts_with(['.', '_', '-'])
+            || Path::new(&name).file_name() == self.path.file_name()
+        {
+            let what = format!("\"{ending}\" is no ending of a file beside it; write one as _0.png");
+            return Err(ExportError::Format(what));
+        }
+        let file = match self.beside.entry(name.clone()) {
+            Entry::Occupied(file) => file.into_mut(),
+            Entry::Vacant(free) => {
+                let file = OpenFile::create(&self.path.with_file_name(&name), self.inputs, &self.budget);
+                free.insert(file.map_err(|failure| ExportError::Format(failure.lines().join("\n")))?)
+            }
+        };
+        Ok(&mut file.out)
+    }
+}

@@ -1,0 +1,78 @@
+//! A mesh of several materials: one primitive for each, with the vertices that it uses.
+
+use super::{MeshPart, MorphData, Result, arrays::vectors, fail};
+use choreo_asset::{MorphTarget, Primitive};
+use glam::Vec3;
+
+/// The morph targets of a mesh with N vertices.
+pub(super) fn morphs(given: &[MorphData], vertices: usize) -> Result<Vec<MorphTarget>> {
+    let offsets = |flat: &[f32], what: &str| -> Result<Vec<Vec3>> {
+        if flat.is_empty() {
+            return Ok(Vec::new());
+        }
+        Ok(vectors::<3>(flat, what, Some(vertices))?.iter().copied().map(Vec3::from_array).collect())
+    };
+    let morph = |(at, morph): (usize, &MorphData)| {
+        let positions = offsets(&morph.positions, &format!("morphs[{at}].positions"))?;
+        let normals = offsets(&morph.normals, &format!("morphs[{at}].normals"))?;
+        Ok(MorphTarget { positions, normals, tangents: Vec::new() })
+    };
+    given.iter().enumerate().map(morph).collect()
+}
+
+/// Splits a primitive, whose indices are those of the parts in their order.
+pub(super) fn split(whole: Primitive, parts: &[MeshPart], materials: usize) -> Result<Vec<Primitive>> {
+    if parts.is_empty() {
+        return Ok(vec![whole]);
+    }
+    if let Some(at) = parts.iter().position(|part| part.indices.is_empty()) {
+        return fail(format!("parts[{at}] has no indices"));
+    }
+    let missing = parts.iter().filter_map(|part| part.material).find(|m| *m as usize >= materials);
+    if let Some(material) = missing {
+        return fail(format!("material {material} does not exist, there are {materials}"));
+    }
+    Ok(parts
+        .iter()
+        .map(|part| Primitive { material: part.material, ..used(&whole, &part.indices) })
+        .collect())
+}
+
+/// The vertices that the indices use, in the order of their first use.
+fn used(whole: &Primitive, indices: &[u32]) -> Primitive {
+    let mut number: Vec<Option<u32>> = vec![None; whole.positions.len()];
+    let mut vertices: Vec<usize> = Vec::new();
+    let mut renumbered = Vec::with_capacity(indices.len());
+    for index in indices {
+        let number = number[*index as usize].get_or_insert_with(|| {
+            vertices.push(*index as usize);
+            vertices.len() as u32 - 1
+        });
+        renumbered.push(*number);
+    }
+    fn pick<T: Copy>(list: &[T], vertices: &[usize], width: usize) -> Vec<T> {
+        if list.is_empty() {
+            return Vec::new();
+        }
+        vertices.iter().flat_map(|v| &list[v * width..(v + 1) * width]).copied().collect()
+    }
+    let morph = |m: &MorphTarget| MorphTarget {
+        positions: pick(&m.positions, &vertices, 1),
+        normals: pick(&m.normals, &vertices, 1),
+        tangents: pick(&m.tangents, &vertices, 1),
+    };
+    Primitive {
+        topology: whole.topology,
+        indices: renumbered,
+        positions: pick(&whole.positions, &vertices, 1),
+        normals: pick(&whole.normals, &vertices, 1),
+        tangents: pick(&whole.tangents, &vertices, 1),
+        uvs: [pick(&whole.uvs[0], &vertices, 1), pick(&whole.uvs[1], &vertices, 1)],
+        colors: pick(&whole.colors, &vertices, 1),
+        influences: whole.influences,
+        joint_indices: pick(&whole.joint_indices, &vertices, whole.influences),
+        joint_weights: pick(&whole.joint_weights, &vertices, whole.influences),
+        morphs: whole.morphs.iter().map(morph).collect(),
+        material: None,
+    }
+}

@@ -1,0 +1,137 @@
+//! Scenes out: a scene exporter writes a stage and its poses over time, for other programs.
+
+use crate::{ExportError, ExportOptions, Manifest, PluginFile};
+use choreo_motion::{FrameRate, Time};
+use choreo_stage::{Evaluator, Stage};
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::sync::Arc;
+
+/// Writes a scene to a file of one format. The program calls it for `choreo export`.
+///
+/// # Errors
+/// Of [`SceneExporter::export`]: a file that cannot be written, a scene that the format cannot hold
+/// ([`ExportError::Format`]), or a stage that cannot be evaluated at a time. No file appears then.
+///
+/// ```
+/// use choreo_plugin::{ExportError, ExportedScene, Manifest, MemoryFiles, SceneExporter, SceneFiles};
+/// use choreo_plugin::stage::Stage;
+/// use std::sync::Arc;
+///
+/// /// The names of the actors, a line each.
+/// struct Cast(Manifest);
+///
+/// impl SceneExporter for Cast {
+///     fn manifest(&self) -> &Manifest {
+///         &self.0
+///     }
+///     fn export(&self, scene: &ExportedScene, files: &mut dyn SceneFiles) -> Result<Vec<String>, ExportError> {
+///         for actor in &scene.stage.actors {
+///             writeln!(files.main(), "{}", actor.name)?;
+///         }
+///         Ok(Vec::new())
+///     }
+/// }
+///
+/// let mut stage = Stage::default();
+/// stage.cast("anna", Arc::default());
+/// let mut files = MemoryFiles::default();
+/// let scene = ExportedScene::new("a.rhai", Arc::new(stage));
+/// Cast(Manifest::new("cast", "1", "names of actors").extensions(["cast"])).export(&scene, &mut files)?;
+/// assert_eq!(files.main, b"anna\n");
+/// # Ok::<(), ExportError>(())
+/// ```
+pub trait SceneExporter: Send + Sync {
+    /// Name, description, extensions and options.
+    fn manifest(&self) -> &Manifest;
+
+    /// The file that the exporter was read from, unless it is part of the program.
+    fn file(&self) -> Option<&PluginFile> {
+        None
+    }
+
+    /// Writes the scene, and returns notes for the user, a sentence each: what the format cannot hold, the largest error of what was
+    /// sampled.
+    fn export(&self, scene: &ExportedScene, files: &mut dyn SceneFiles) -> Result<Vec<String>, ExportError>;
+}
+
+/// A scene that is exported. Lengths are metres, +Y is up, right-handed.
+///
+/// ```
+/// use choreo_plugin::{ExportError, ExportedScene};
+/// use choreo_plugin::stage::Stage;
+/// # use std::sync::Arc;
+/// let scene = ExportedScene::new("a.rhai", Arc::new(Stage::default()));
+/// let mut evaluator = scene.evaluator();
+/// for time in &scene.times {
+///     let snapshot = evaluator.at(*time)?;
+///     assert_eq!(snapshot.actors.len(), scene.stage.actors.len());
+/// }
+/// # Ok::<(), ExportError>(())
+/// ```
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct ExportedScene {
+    /// Name of the script or model, without folders.
+    pub name: String,
+    /// Name of the output without folders and extension, with which the names of files beside it begin.
+    pub stem: String,
+    /// Actors with their assets, cameras, lights and cues.
+    pub stage: Arc<Stage>,
+    /// Frames per second of [`ExportedScene::times`].
+    pub fps: FrameRate,
+    /// The times to export, rising: those of the frames that the user asked for, by default all.
+    pub times: Vec<Time>,
+    /// The provenance, as (keyword, text), for formats with a place for it.
+    pub provenance: Vec<(String, String)>,
+    /// Option values by name, complete and checked against the exporter's manifest.
+    pub options: ExportOptions,
+}
+
+impl ExportedScene {
+    /// All frames of a stage, without provenance and options; its output is called `out`.
+    pub fn new(name: &str, stage: Arc<Stage>) -> ExportedScene {
+        let fps = stage.settings.fps;
+        let times =
+            (0..fps.frames_in(stage.settings.length).max(1)).map(|frame| fps.time_of(frame)).collect();
+        let (provenance, options) = (Vec::new(), ExportOptions::default());
+        ExportedScene { name: name.into(), stem: "out".into(), stage, fps, times, provenance, options }
+    }
+
+    /// An evaluator for the poses at any time, of hidden actors too. Clones can be used on several threads.
+    pub fn evaluator(&self) -> Evaluator {
+        Evaluator::new(self.stage.clone()).posing_hidden()
+    }
+}
+
+/// The files of an export. They appear together, when [`SceneExporter::export`] has succeeded.
+pub trait SceneFiles {
+    /// The file that the user named.
+    fn main(&mut self) -> &mut dyn Write;
+
+    /// A further file in the same folder, such as a texture: `ending` follows [`ExportedScene::stem`], as `_0.png` in `dance_0.png`
+    /// beside `dance.gltf`. Each ending is one file.
+    ///
+    /// # Errors
+    /// An ending that does not begin with `.`, `_` or `-` or that has a folder, that of the main file, or a file that cannot be created.
+    fn beside(&mut self, ending: &str) -> Result<&mut dyn Write, ExportError>;
+}
+
+/// Files in memory, for tests of exporters.
+#[derive(Clone, Debug, Default)]
+pub struct MemoryFiles {
+    /// The file that the user named.
+    pub main: Vec<u8>,
+    /// The files beside it, by ending.
+    pub beside: BTreeMap<String, Vec<u8>>,
+}
+
+impl SceneFiles for MemoryFiles {
+    fn main(&mut self) -> &mut dyn Write {
+        &mut self.main
+    }
+
+    fn beside(&mut self, ending: &str) -> Result<&mut dyn Write, ExportError> {
+        Ok(self.beside.entry(ending.to_string()).or_default())
+    }
+}

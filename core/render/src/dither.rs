@@ -1,0 +1,146 @@
+//! Dithering of what is behind everything: gradients, the sky, and fog over them, where neighboring colors are less than one
+//! 8-bit code apart.
+//!
+//! A channel between two codes takes the upper one at as many pixels as its share of the step, so that the mean is exact. Which
+//! pixels these are follows from a fixed table of ranks with blue noise, by void-and-cluster (R. Ulichney, "The void-and-cluster
+//! method for dither array generation", SPIE 1913, 1993): equal frames stay equal. A color that is a code stays one.
+//! Counterpart: `shaders/dither.wgsl`.
+
+use crate::scene_resources::mipmap::{linear_to_srgb8, srgb_to_linear_table};
+use glam::Vec4;
+use std::fmt::Write;
+use std::sync::LazyLock;
+
+/// Pixels along each side of the table, a power of two.
+pub(crate) const SIDE: usize = 16;
+const COUNT: usize = SIDE * SIDE;
+/// Standard deviation of the Gaussian by which neighbors count, in pixels; Ulichney's choice.
+const SIGMA: f64 = 1.5;
+
+/// Each number below the table's length once.
+static RANKS: LazyLock<[u8; COUNT]> = LazyLock::new(ranks);
+
+/// The color of a pixel, linear, with its first three channels at 8-bit codes.
+pub(crate) fn dithered(color: Vec4, x: usize, y: usize) -> Vec4 {
+    let rank = RANKS[y % SIDE * SIDE + x % SIDE];
+    let threshold = (f32::from(rank) + 0.5) / COUNT as f32;
+    let table = srgb_to_linear_table();
+    let channel = |linear: f32| {
+        let nearest = linear_to_srgb8(linear);
+        let low = if table[usize::from(nearest)] > linear { nearest - 1 } else { nearest };
+        let [below, above] = [low, low.saturating_add(1)].map(|code| table[usize::from(code)]);
+        // Within one step the curve is all but straight.
+        if linear - below > (1.0 - threshold) * (above - below) { above } else { below }
+    };
+    Vec4::new(channel(color.x), channel(color.y), channel(color.z), color.w)
+}
+
+/// The table as WGSL, four ranks a number.
+pub(crate) fn wgsl_table() -> String {
+    let mut text =
+        format!("const dither_side: u32 = {SIDE}u;\nconst dither_ranks = array<u32, {}>(\n", COUNT / 4);
+    for four in RANKS.chunks_exact(4) {
+        let word = u32::from_le_bytes([four[0], four[1], four[2], four[3]]);
+        let _ = writeln!(text, "    {word}u,");
+    }
+    text + ");\n"
+}
+
+/// Points of a pattern on a torus, with how close together they are at each place.
+#[derive(Clone)]
+struct Pattern {
+    is_on: [bool; COUNT],
+    energy: [f64; COUNT],
+}
+
+impl Pattern {
+    fn set(&mut self, at: usize, on: bool) {
+        self.is_on[at] = on;
+        let sign = if on { 1.0 } else { -1.0 };
+        let apart = |a: usize, b: usize| a.abs_diff(b).min(SIDE - a.abs_diff(b));
+        for (other, energy) in self.energy.iter_mut().enumerate() {
+            let [dx, dy] = [apart(at % SIDE, other % SIDE), apart(at / SIDE, other / SIDE)];
+            *energy += sign * libm::exp(-((dx * dx + dy * dy) as f64) / (2.0 * SIGMA * SIGMA));
+        }
+    }
+
+    /// The first of the points (`on`) or gaps with the most, or the least, around them.
+    fn extreme(&self, on: bool) -> usize {
+        let energy = |at: &usize| if on { -self.energy[*at] } else { self.energy[*at] };
+        let places = (0..COUNT).filter(|at| self.is_on[*at] == on);
+        places.min_by(|a, b| energy(a).total_cmp(&energy(b))).unwrap_or(0)
+    }
+}
+
+fn ranks() -> [u8; COUNT] {
+    let mut pattern = Pattern { is_on: [false; COUNT], energy: [0.0; COUNT] };
+    // A tenth of the places, anywhere.
+    let first = COUNT / 10;
+    (0..first).for_each(|i| pattern.set(i * 97 % COUNT, true));
+    // From the tightest cluster to the largest void, until that is the same place.
+    loop {
+        let cluster = pattern.extreme(true);
+        pattern.set(cluster, false);
+        let void = pattern.extreme(false);
+        pattern.set(void, true);
+        if void == cluster {
+            break;
+        }
+    }
+    let mut ranks = [0; COUNT];
+    let mut fewer = pattern.clone();
+    for rank in (0..first).rev() {
+        let cluster = fewer.extreme(true);
+        fewer.set(cluster, false);
+        ranks[cluster] = rank as u8;
+    }
+    for rank in first..COUNT {
+        let void = pattern.extreme(false);
+        pattern.set(void, true);
+        ranks[void] = rank as u8;
+    }
+    ranks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use choreo_asset::linear_from_srgb;
+
+    #[test]
+    fn ranks_are_each_there_once_and_low_ones_apart() {
+        let ranks = ranks();
+        let mut sorted = ranks;
+        sorted.sort_unstable();
+        assert!(sorted.iter().enumerate().all(|(i, rank)| i == usize::from(*rank)));
+        // Blue noise: at every density up to a half, no two of the lower ranks touch by more than white noise's share.
+        let touching = |below: u8| {
+            let on = |x: usize, y: usize| ranks[y % SIDE * SIDE + x % SIDE] < below;
+            let pairs = (0..COUNT).filter(|i| on(i % SIDE, i / SIDE) && on(i % SIDE + 1, i / SIDE)).count();
+            pairs as f64 / f64::from(below)
+        };
+        for below in [16u8, 32, 64] {
+            let white = f64::from(below) / COUNT as f64;
+            assert!(touching(below) <= 0.25 * white, "{below}: {} of {white}", touching(below));
+        }
+    }
+
+    #[test]
+    fn codes_stay_and_means_are_exact() {
+        for code in 0..=255u8 {
+            let linear = srgb_to_linear_table()[usize::from(code)];
+            for at in 0..COUNT {
+                let out = dithered(Vec4::new(linear, linear, linear, 1.0), at % SIDE, at / SIDE);
+                assert_eq!(linear_to_srgb8(out.x), code);
+            }
+        }
+        for code in [3.25, 17.5, 100.125, 128.9, 254.5] {
+            let linear = linear_from_srgb(code / 255.0) as f32;
+            let sum: f64 = (0..COUNT)
+                .map(|at| dithered(Vec4::splat(linear), at % SIDE, at / SIDE).x)
+                .map(|linear| f64::from(linear_to_srgb8(linear)))
+                .sum();
+            assert!((sum / COUNT as f64 - code).abs() < 0.01, "{code}: {}", sum / COUNT as f64);
+        }
+    }
+}

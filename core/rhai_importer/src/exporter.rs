@@ -1,0 +1,193 @@
+//! `NAME.exporter.rhai`: a script with `fn manifest()` and `fn save(scene)`, which writes a scene for another program.
+
+use crate::budget::{Budget, Refused, refuse};
+use crate::engine::engine;
+use crate::importer::{
+    STACK, ScriptError, compiled, line_of, manifest_of, script_error, value, without_mark,
+};
+use crate::posed;
+use choreo_plugin::{ExportError, ExportedScene, Manifest, PluginFile, SceneExporter, SceneFiles};
+use rhai::{AST, Array, Dynamic, Engine, Map, Scope};
+use std::collections::BTreeMap;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Names of exporter files end so.
+pub const EXPORTER_ENDING: &str = ".exporter.rhai";
+
+/// Functions that an exporter has beside those of the language.
+const OURS: [&str; 5] = ["pose", "write", "writeln", "write_to", "note"];
+
+/// Texts are handed over in pieces of this many bytes.
+const PIECE: usize = 64 << 10;
+
+/// An exporter read from a script. Every export runs in an interpreter of its own.
+pub struct RhaiExporter {
+    /// The name in messages.
+    file: String,
+    ast: AST,
+    manifest: Manifest,
+    origin: Option<PluginFile>,
+    /// Line of `fn save`, from 1.
+    save_line: usize,
+}
+
+impl RhaiExporter {
+    /// Compiles the script and asks it for its manifest. `file` is its name in messages.
+    pub fn from_text(file: &str, text: &str) -> Result<RhaiExporter, ScriptError> {
+        let text = without_mark(text);
+        let needed = [("manifest", 0, "fn manifest()"), ("save", 1, "fn save(scene)")];
+        let ast = compiled(file, text, "an exporter", &needed)?;
+        let manifest = manifest_of(&ast, file, text)?;
+        let save_line = line_of(text, "save");
+        Ok(RhaiExporter { file: file.into(), ast, manifest, origin: None, save_line })
+    }
+
+    /// Sets the file that the text was read from.
+    pub fn with_file(mut self, file: PluginFile) -> RhaiExporter {
+        self.origin = Some(file);
+        self
+    }
+
+    fn run(&self, scene: &ExportedScene, output: &Arc<Output>) -> Result<(), Refused> {
+        let mut engine = engine(&Budget::for_file(0), None);
+        posed::register(&mut engine, scene);
+        register(&mut engine, output);
+        let _: Dynamic = engine.call_fn(&mut Scope::new(), &self.ast, "save", (scene_map(scene),))?;
+        output.send_all()
+    }
+}
+
+impl SceneExporter for RhaiExporter {
+    fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    fn file(&self) -> Option<&PluginFile> {
+        self.origin.as_ref()
+    }
+
+    fn export(&self, scene: &ExportedScene, files: &mut dyn SceneFiles) -> Result<Vec<String>, ExportError> {
+        let (to, pieces) = sync_channel::<Piece>(16);
+        let notes = Arc::new(Mutex::new(Vec::new()));
+        // The pieces end when the script and with it the only sender is gone.
+        let output = Arc::new(Output { texts: Mutex::default(), notes: notes.clone(), to });
+        // The script runs on a thread with a stack of its own; this one alone may use `files`.
+        let (ran, written) = std::thread::scope(|scope| {
+            let worker = std::thread::Builder::new().name("exporter".into()).stack_size(STACK);
+            let worker = worker.spawn_scoped(scope, move || self.run(scene, &output));
+            let Ok(worker) = worker else { return (Err(refuse("cannot start a thread")), Ok(())) };
+            let written = receive(&pieces, files);
+            // A script that goes on writing after an error of the file ends.
+            drop(pieces);
+            match worker.join() {
+                Ok(ran) => (ran, written),
+                Err(panic) => std::panic::resume_unwind(panic),
+            }
+        });
+        written?;
+        let names: Vec<String> = OURS.iter().map(ToString::to_string).collect();
+        ran.map_err(|e| {
+            ExportError::Format(script_error(&self.file, e, &names, self.save_line).to_string())
+        })?;
+        let mut notes = notes.lock().unwrap_or_else(PoisonError::into_inner);
+        Ok(std::mem::take(&mut notes))
+    }
+}
+
+/// The ending of a file beside the main one, empty for the main one itself, and a text for it.
+type Piece = (String, String);
+
+/// Writes the pieces to their files until the last.
+fn receive(pieces: &Receiver<Piece>, files: &mut dyn SceneFiles) -> Result<(), ExportError> {
+    for (name, text) in pieces {
+        let file = if name.is_empty() { files.main() } else { files.beside(&name)? };
+        file.write_all(text.as_bytes())?;
+    }
+    Ok(())
+}
+
+/// Text that a script has written and not yet handed over, by file, and its notes.
+struct Output {
+    texts: Mutex<BTreeMap<String, String>>,
+    notes: Arc<Mutex<Vec<String>>>,
+    to: SyncSender<Piece>,
+}
+
+impl Output {
+    fn write(&self, name: &str, text: &str) -> Result<(), Refused> {
+        let mut texts = self.texts.lock().unwrap_or_else(PoisonError::into_inner);
+        let waiting = texts.entry(name.to_string()).or_default();
+        waiting.push_str(text);
+        match waiting.len() >= PIECE {
+            true => self.send(name, std::mem::take(waiting)),
+            false => Ok(()),
+        }
+    }
+
+    fn send(&self, name: &str, text: String) -> Result<(), Refused> {
+        let sent = self.to.send((name.to_string(), text));
+        sent.map_err(|_| refuse("write: the file cannot be written"))
+    }
+
+    fn send_all(&self) -> Result<(), Refused> {
+        let texts = std::mem::take(&mut *self.texts.lock().unwrap_or_else(PoisonError::into_inner));
+        texts.into_iter().try_for_each(|(name, text)| self.send(&name, text))
+    }
+}
+
+/// Most notes kept; a loop over joints must not fill the memory.
+const MOST_NOTES: usize = 1000;
+
+fn register(engine: &mut Engine, output: &Arc<Output>) {
+    let o = output.clone();
+    engine.register_fn("write", move |text: &str| o.write("", text));
+    let o = output.clone();
+    engine.register_fn("writeln", move |text: &str| o.write("", &format!("{text}\n")));
+    let o = output.clone();
+    engine.register_fn("write_to", move |ending: &str, text: &str| match ending {
+        "" => Err(refuse("write_to: the ending of the file's name is empty")),
+        ending => o.write(ending, text),
+    });
+    let o = output.clone();
+    engine.register_fn("note", move |text: &str| {
+        let mut notes = o.notes.lock().unwrap_or_else(PoisonError::into_inner);
+        if notes.len() < MOST_NOTES {
+            notes.push(text.to_string());
+        }
+    });
+}
+
+/// The argument of `fn save(scene)`.
+fn scene_map(scene: &ExportedScene) -> Map {
+    let named =
+        |list: &mut dyn Iterator<Item = &String>| -> Array { list.map(|n| n.clone().into()).collect() };
+    let times: Array = scene.times.iter().map(|time| Dynamic::from_float(time.as_secs())).collect();
+    let options: Map = scene.options.0.iter().map(|(k, v)| (k.as_str().into(), value(v))).collect();
+    let actors: Array = scene
+        .stage
+        .actors
+        .iter()
+        .map(|actor| {
+            let skeleton = &actor.asset.skeleton;
+            let joints: Array = named(&mut skeleton.names().iter());
+            let parents = skeleton.parents().iter().map(|p| Dynamic::from_int(p.map_or(-1, i64::from)));
+            let fields: [(&str, Dynamic); 4] = [
+                ("name", actor.name.clone().into()),
+                ("asset", actor.asset.name.clone().into()),
+                ("joints", joints.into()),
+                ("parents", parents.collect::<Array>().into()),
+            ];
+            posed::map(fields).into()
+        })
+        .collect();
+    posed::map([
+        ("name", scene.name.clone().into()),
+        ("stem", scene.stem.clone().into()),
+        ("fps", Dynamic::from_float(scene.fps.as_fps())),
+        ("times", times.into()),
+        ("options", options.into()),
+        ("actors", actors.into()),
+        ("cameras", named(&mut scene.stage.cameras.iter().map(|c| &c.name)).into()),
+    ])
+}

@@ -1,0 +1,252 @@
+//! Layers of cues: their times, phases and order.
+
+use super::Notes;
+use super::planting::{InStep, is_moved};
+use crate::api_error::{ApiError, Place};
+use crate::build::{ActorDraft, Build, CueDraft, RootUse};
+use crate::clip_analysis::{AnalyzedClips, in_step, root, standing_fades};
+use crate::cue_times::all_times;
+use crate::diagnostic::Severity;
+use choreo_motion::{Clip, Time};
+use choreo_stage::{Cue, CueRootMotion, Layer, LayerMode, Pace, Reference, Repeat, StandingFade};
+use std::sync::Arc;
+
+/// Speed in metres a second below which an actor stands.
+const STANDING: f64 = 0.01;
+
+/// Warns about root motion of clips that all stand still, which is probably not intended.
+fn gets_nowhere(build: &Build, made: &[Option<Cue>], notes: &mut Notes) {
+    for (index, actor) in build.actors.iter().enumerate() {
+        let paced = actor
+            .actor
+            .path_following
+            .as_ref()
+            .is_some_and(|path_following| path_following.pace == Pace::OfClips);
+        let carried = actor.root.is_some_and(|root| root.used == RootUse::Carries);
+        if !paced && !carried {
+            continue;
+        }
+        let own = build.cues.iter().zip(made).filter(|(draft, _)| build.chains[draft.chain].actor == index);
+        let roots = own.filter_map(|(_, cue)| cue.as_ref()?.root.as_deref());
+        let moves = |root: &CueRootMotion| {
+            let turns =
+                root.motion.frame(root.motion.trim.1).yaw != root.motion.frame(root.motion.trim.0).yaw;
+            let reach = root.motion.frame(root.motion.trim.1).translation.length();
+            turns || reach > STANDING || root.motion.velocity().length() > STANDING
+        };
+        if roots.into_iter().any(moves) {
+            continue;
+        }
+        let name = &actor.actor.name;
+        let error = if paced {
+            ApiError::new(format!("\"{name}\" stays at the start of its path: no clip that it plays walks"))
+                .hint("give a speed, path(points, #{ speed: 1.2 })")
+        } else {
+            ApiError::new(format!("\"{name}\" has root motion, but no clip that it plays gets anywhere"))
+        };
+        notes.push((Severity::Warning, actor.at.clone(), error));
+    }
+}
+
+/// Ranks from here on are of layers with a priority.
+const PRIORITIES: u32 = 1 << 30;
+
+/// The layers that the cues are resolved to.
+pub(super) struct Layers {
+    /// Layers of each actor.
+    pub layers: Vec<Vec<Layer>>,
+    /// Place of each cue in the script.
+    pub places: Vec<Vec<Vec<Place>>>,
+    pub in_step: Vec<InStep>,
+    /// Fades between walking and standing of each actor that gets on.
+    pub standing_fades: Vec<Vec<StandingFade>>,
+}
+
+/// The layers of every actor: the base first, then each chain with a mask, in the order of the script.
+pub(super) fn layers(build: &Build, notes: &mut Notes) -> Layers {
+    let times = all_times(build);
+    let (layers, slots) = empty_layers(build);
+    // Where a cue of the chain takes over, the one before it is over.
+    let mut taken_over: Vec<Option<Time>> = vec![None; build.cues.len()];
+    for (id, draft) in build.cues.iter().enumerate() {
+        if let (Some(before), None) = (draft.after, draft.start) {
+            taken_over[before] = Some(times[id].0);
+        }
+    }
+    let mut made: Vec<Option<Cue>> = Vec::with_capacity(build.cues.len());
+    let mut found = AnalyzedClips::default();
+    let mut matched = Vec::new();
+    for (id, draft) in build.cues.iter().enumerate() {
+        let cue = resolve_cue(build, draft, times[id], taken_over[id], &mut found, notes);
+        made.push(cue);
+        if made[id].is_some() && draft.in_step {
+            matched.extend(match_phases(build, id, &mut made, &mut found, notes));
+        }
+    }
+    gets_nowhere(build, &made, notes);
+    // Each cue is stored with its place in the script.
+    let mut laid: Vec<Vec<Laid>> = Vec::with_capacity(layers.len());
+    for of_actor in layers {
+        laid.push(of_actor.into_iter().map(|layer| (layer, Vec::new())).collect());
+    }
+    for (draft, cue) in build.cues.iter().zip(made) {
+        let chain = &build.chains[draft.chain];
+        laid[chain.actor][slots[draft.chain]].1.extend(cue.map(|cue| (cue, draft.at.clone())));
+    }
+    for (laid, draft) in laid.iter_mut().zip(&build.actors) {
+        laid.extend(keyed_joints(draft));
+    }
+    let (layers, places): (Vec<Vec<Layer>>, _) = laid.into_iter().map(of_actor).unzip();
+    let fades_of = |(draft, layers): (&ActorDraft, &Vec<Layer>)| {
+        let cues = layers.first().map_or(&[][..], |base| &base.cues);
+        let carried = cues.iter().any(|cue| cue.root.as_ref().is_some_and(|root| root.carries));
+        let gets_on = carried || is_moved(&draft.actor);
+        if gets_on { standing_fades(&draft.actor.asset, cues, &mut found) } else { Vec::new() }
+    };
+    let standing_fades = build.actors.iter().zip(&layers).map(fades_of).collect();
+    Layers { layers, places, in_step: matched, standing_fades }
+}
+
+/// The layers of every actor without cues, and the layer of each chain within its actor.
+fn empty_layers(build: &Build) -> (Vec<Vec<Layer>>, Vec<usize>) {
+    let mut layers: Vec<Vec<Layer>> = build.actors.iter().map(|_| vec![Layer::default()]).collect();
+    let mut slots = Vec::with_capacity(build.chains.len());
+    for chain in &build.chains {
+        let of_actor = &mut layers[chain.actor];
+        if !chain.is_layer() {
+            slots.push(0);
+            continue;
+        }
+        // Sorted later. Without a priority each lies over those before it; additive ones in a row are equals.
+        let last = of_actor.iter().rfind(|layer| layer.rank < PRIORITIES);
+        let additive = |mode: LayerMode| mode != LayerMode::Override;
+        let joins = last.is_some_and(|last| additive(last.mode) && additive(chain.mode));
+        let next = last.map_or(0, |last| if joins { last.rank } else { last.rank + 1 });
+        let rank = chain.priority.map_or(next.min(PRIORITIES - 1), |priority| PRIORITIES + priority);
+        let mask = chain.mask.clone().map(Arc::new);
+        let weight_keys = chain.weight_keys.clone();
+        of_actor.push(Layer { mask, mode: chain.mode, rank, weight_keys, cues: Vec::new() });
+        slots.push(of_actor.len() - 1);
+    }
+    (layers, slots)
+}
+
+fn refuse(draft: &CueDraft, what: &str, notes: &mut Notes) {
+    let error = ApiError::new(format!("clip \"{}\": {what}", draft.cue.clip.name));
+    notes.push((Severity::Error, draft.at.clone(), error));
+}
+
+/// A cue with its times, as it is on stage.
+fn resolve_cue(
+    build: &Build,
+    draft: &CueDraft,
+    (start, end): (Time, Option<Time>),
+    taken_over: Option<Time>,
+    found: &mut AnalyzedClips,
+    notes: &mut Notes,
+) -> Option<Cue> {
+    if let Some(until) = draft.until.filter(|until| *until <= start) {
+        let error = ApiError::new(format!(
+            "clip \"{}\" would end at {} s, before it starts at {} s",
+            draft.cue.clip.name,
+            until.as_secs(),
+            start.as_secs()
+        ));
+        notes.push((Severity::Error, draft.at.clone(), error));
+        return None;
+    }
+    let layer = build.chains[draft.chain].is_layer();
+    // The base layer holds the last pose of a clip played once anyway.
+    let natural = (layer || draft.until.is_some()) && !draft.hold;
+    let ends = if draft.hold { draft.until } else { end.filter(|_| natural) };
+    let cue = Cue {
+        end: taken_over.or(ends),
+        fade_out: draft.fade_out.unwrap_or(if layer { draft.cue.fade_in } else { Time::ZERO }),
+        repeat: draft.repeats(layer),
+        root: if layer { None } else { root(build, draft, found) },
+        ..draft.cue(start)
+    };
+    if layer && cue.inertialization > Time::ZERO {
+        refuse(draft, "inertial is for clips that are no layer", notes);
+    }
+    if layer && draft.root.is_some() {
+        refuse(draft, "root motion is for clips that are no layer", notes);
+    }
+    if cue.inertialization > Time::ZERO && (draft.cue.fade_in > Time::ZERO || draft.in_step) {
+        refuse(draft, "inertial begins at once, so there is no fade", notes);
+    }
+    if layer && draft.in_step {
+        refuse(draft, "in_step is for clips that are no layer", notes);
+    }
+    Some(cue)
+}
+
+/// Matches the phases of a cue on the base layer and the cue before it.
+fn match_phases(
+    build: &Build,
+    id: usize,
+    made: &mut [Option<Cue>],
+    found: &mut AnalyzedClips,
+    notes: &mut Notes,
+) -> Option<InStep> {
+    let draft = &build.cues[id];
+    let chain = &build.chains[draft.chain];
+    if chain.is_layer() {
+        return None;
+    }
+    let (earlier, [cue, ..]) = made.split_at_mut(id) else { return None };
+    let Some((before, from)) = draft.after.and_then(|before| Some((before, earlier[before].as_mut()?)))
+    else {
+        refuse(draft, "in_step keeps step with the clip before; use it with .then", notes);
+        return None;
+    };
+    let cue = cue.as_mut()?;
+    match in_step(build, [before, id], [from, cue], found) {
+        Ok(fade) => {
+            let fade = Arc::new(fade);
+            let carried = [&*from, &*cue].iter().any(|c| c.root.as_ref().is_some_and(|r| r.carries));
+            let span = (fade.start(), fade.end());
+            cue.in_step[0] = Some(fade.clone());
+            from.in_step[1] = Some(fade);
+            Some(InStep { actor: chain.actor, span, carried })
+        }
+        Err(why) => {
+            let text = format!("clip \"{}\" cannot keep step: {}", draft.cue.clip.name, why.message);
+            notes.push((Severity::Warning, draft.at.clone(), ApiError::new(text)));
+            None
+        }
+    }
+}
+
+/// A layer without its cues, and those with their places.
+type Laid = (Layer, Vec<(Cue, Place)>);
+
+/// Keys of joints are a clip of their own, added to all that lies below.
+fn keyed_joints(draft: &ActorDraft) -> Option<Laid> {
+    let (_, at) = draft.joint_keys.first()?;
+    let curves = draft.joint_keys.iter().map(|(curve, _)| curve.clone()).collect();
+    let clip = Clip::new("keys".into(), draft.actor.asset.skeleton.len(), curves).ok()?;
+    let mode = LayerMode::Additive(Reference::Rest);
+    let cue = Cue { repeat: Repeat::Once, ..Cue::new(Arc::new(clip)) };
+    Some((Layer { mode, rank: u32::MAX, ..Layer::default() }, vec![(cue, at.clone())]))
+}
+
+/// An actor's layers and their cues in order, and the places of the cues.
+fn of_actor(laid: Vec<Laid>) -> (Vec<Layer>, Vec<Vec<Place>>) {
+    let sorted = |(mut layer, mut cues): Laid| {
+        cues.sort_by_key(|(cue, _)| cue.start);
+        let (cues, places): (Vec<Cue>, Vec<Place>) = cues.into_iter().unzip();
+        layer.cues = cues;
+        (layer, places)
+    };
+    let mut all: Vec<(Layer, Vec<Place>)> = laid.into_iter().map(sorted).collect();
+    // Equal layers in an order of their own, so that not even rounding depends on how the script is written.
+    all[1..].sort_by_cached_key(|(layer, _)| {
+        let alone = layer.rank < PRIORITIES && layer.mode == LayerMode::Override;
+        (layer.rank, if alone { [0; 32] } else { layer.content_hash() })
+    });
+    if all.len() == 1 && all[0].0.cues.is_empty() {
+        all.clear();
+    }
+    all.into_iter().unzip()
+}

@@ -1,0 +1,253 @@
+//! Resolves the script's drafts into a stage: times, positions and references are settled, and mistakes that no single call
+//! shows are found.
+
+mod layers;
+mod planting;
+
+use self::layers::{Layers, layers};
+use self::planting::{plant_in_fades, plant_in_step};
+use crate::api_error::{ApiError, Place};
+use crate::build::{
+    ActorDraft, Build, CameraDraft, DEFAULT_AZIMUTH, DEFAULT_ELEVATION, HookDraft, ParentDraft, Shared,
+};
+use crate::content::hex;
+use crate::diagnostic::{Diagnostic, Severity};
+use crate::hidden_parts::HiddenParts;
+use crate::hook::ScriptHook;
+use crate::lint::{ClipMarkers, Places};
+use choreo_asset::Projection;
+use choreo_motion::Time;
+use choreo_stage::{
+    Actor, Camera, CameraLook, Channel, Described, Layer, Parenting, Property, Rig, Stage, StageError,
+};
+use glam::{DQuat, DVec3, Vec3};
+use rhai::Engine;
+use std::sync::{Arc, PoisonError};
+
+/// Messages with their places.
+type Notes = Vec<(Severity, Place, ApiError)>;
+
+/// Empties the build into a stage, and where its things were made; what is wrong is noted among the build's diagnostics.
+///
+/// `identity`: of the script that a callback is in, with its parameters and files.
+pub fn resolve(
+    shared: &Arc<Shared>,
+    engine: &Arc<Engine>,
+    identity: &dyn Fn(&Place) -> String,
+) -> (Stage, Places) {
+    let mut stage = Stage::default();
+    let mut places = Places::default();
+    let mut notes = Notes::new();
+    let hooks;
+    shared.settle();
+    {
+        let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
+        stage.settings = build.settings.clone();
+        stage.sky = build.sky.take();
+        stage.layers_2d = std::mem::take(&mut build.layers_2d);
+        if stage.sky.is_some() && !build.ambient_given {
+            (stage.settings.ambient_up, stage.settings.ambient_down) = (Vec3::ZERO, Vec3::ZERO);
+        }
+        crate::check::before(&build, &mut notes);
+        places.script_findings = crate::lint::script_findings(&build);
+        let clips_only = build.loads.iter().filter(|l| l.clips_only);
+        places.clips_only = clips_only.map(|l| (l.load.name.clone(), l.load.at.clone())).collect();
+        places.settings = build.settings_at.clone().unwrap_or_default();
+        places.actors = build.actors.iter().map(|a| a.at.clone()).collect();
+        places.looks = build.actors.iter_mut().map(|a| std::mem::take(&mut a.looks)).collect();
+        places.cameras = build.cameras.iter().map(|c| c.at.clone()).collect();
+        places.lights = std::mem::take(&mut build.light_places);
+        places.effects = std::mem::take(&mut build.effect_places);
+        let Layers { layers, places: cue_places, in_step, standing_fades } = layers(&build, &mut notes);
+        places.cues = cue_places;
+        places.markers = build.markers.clone();
+        places.clip_markers = clip_markers(&build, &layers);
+        plant_in_step(&mut build, in_step);
+        plant_in_fades(&mut build, standing_fades);
+        if let Some((place, error)) = crate::totals::too_much(&build, &shared.limits) {
+            notes.push((Severity::Error, place, error));
+        }
+        let mut hidden_parts = HiddenParts::default();
+        let actors = std::mem::take(&mut build.actors).into_iter().zip(layers);
+        stage.actors = actors.map(|(draft, layers)| actor(draft, layers, &mut hidden_parts)).collect();
+        stage.cameras =
+            std::mem::take(&mut build.cameras).into_iter().map(|draft| camera(draft, &mut notes)).collect();
+        let mut cuts = std::mem::take(&mut build.cuts);
+        cuts.sort_by_key(|(cut, _)| cut.at);
+        (stage.cuts, places.cuts) = cuts.into_iter().unzip();
+        stage.lights = std::mem::take(&mut build.lights);
+        stage.effects = std::mem::take(&mut build.effects);
+        hooks = std::mem::take(&mut build.hooks);
+        build.bound.clear();
+        build.shapes.clear();
+        build.loads.clear();
+        build.cues.clear();
+        build.chains.clear();
+    }
+    for (severity, place, error) in notes {
+        shared.note(severity, &place, &error);
+    }
+    add_hooks(&mut stage, hooks, shared, engine, identity);
+    let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
+    if !build.has_errors() {
+        for problem in stage.check() {
+            let diagnostic = match &problem {
+                StageError::Cycle(name, _) => {
+                    let place = stage.actor(name).and_then(|index| places.actors.get(index));
+                    let error = ApiError::new(problem.to_string());
+                    shared.diagnose(Severity::Error, &place.cloned().unwrap_or_default(), &error)
+                }
+                _ => Diagnostic::error(problem.to_string()),
+            };
+            build.note(diagnostic);
+        }
+    }
+    drop(build);
+    places.sources = Arc::new(shared.sources.lock().unwrap_or_else(PoisonError::into_inner).clone());
+    (stage, places)
+}
+
+/// The stage that has been built, and what is wrong with it as a whole.
+pub(crate) fn finish_stage(shared: &Arc<Shared>, engine: &Arc<Engine>) -> (Stage, Vec<Diagnostic>) {
+    // A callback is distinguished from others by the text that it stands in.
+    let identity = |place: &Place| {
+        let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
+        let text = sources.get(&place.file).cloned().unwrap_or_default();
+        hex(blake3::hash(text.as_bytes()).as_bytes())
+    };
+    let (stage, _) = resolve(shared, engine, &identity);
+    let broken = stage.check().iter().map(|problem| Diagnostic::error(problem.to_string())).collect();
+    (stage, broken)
+}
+
+/// Every hook runs once at time 0: its mistakes are found now, not in the middle of a render.
+fn add_hooks(
+    stage: &mut Stage,
+    hooks: Vec<HookDraft>,
+    shared: &Arc<Shared>,
+    engine: &Arc<Engine>,
+    identity: &dyn Fn(&Place) -> String,
+) {
+    let all = hooks.len();
+    for draft in hooks {
+        let identity = identity(&draft.at);
+        let hook = ScriptHook::new(engine.clone(), shared.clone(), draft, &identity, all);
+        if let Err(diagnostic) = hook.try_at(Time::ZERO) {
+            shared.build.lock().unwrap_or_else(PoisonError::into_inner).note(diagnostic);
+        }
+        stage.hooks.push(Arc::new(hook));
+    }
+}
+
+/// Markers of the clips that are played, each once.
+fn clip_markers(build: &Build, layers: &[Vec<Layer>]) -> Vec<ClipMarkers> {
+    let mut all: Vec<ClipMarkers> = Vec::new();
+    if build.clip_notes.values().all(|notes| notes.markers.is_empty()) {
+        return all;
+    }
+    for cue in layers.iter().flatten().flat_map(|layer| &layer.cues) {
+        if all.iter().any(|known| Arc::ptr_eq(&known.clip, &cue.clip)) {
+            continue;
+        }
+        let markers = build.notes_of(&cue.clip).map(|notes| notes.markers.clone()).unwrap_or_default();
+        if !markers.is_empty() {
+            all.push(ClipMarkers { clip: cue.clip.clone(), markers });
+        }
+    }
+    all
+}
+
+fn actor(draft: ActorDraft, layers: Vec<Layer>, hidden_parts: &mut HiddenParts) -> Actor {
+    let mut actor = draft.actor;
+    actor.asset = hidden_parts.without(&actor.asset, draft.hidden_parts);
+    actor.layers = layers;
+    actor.parents = parents(draft.parents);
+    if let Some(point) = draft.face_point {
+        let d = point - actor.transform.translation;
+        if DVec3::new(d.x, 0.0, d.z).length() > 1e-9 {
+            let yaw = DQuat::from_rotation_y(libm::atan2(d.x, d.z) - actor.asset.front().yaw_rad());
+            actor.transform.rotation = (yaw * actor.transform.rotation).normalize();
+        }
+    }
+    actor
+}
+
+/// Parents by their starts. One that ends before the next one starts is followed by none.
+fn parents(mut drafts: Vec<ParentDraft>) -> Vec<Parenting> {
+    drafts.sort_by_key(|draft| draft.parent.start);
+    let mut parents = Vec::with_capacity(drafts.len());
+    for (index, draft) in drafts.iter().enumerate() {
+        parents.push(draft.parent.clone());
+        let next = drafts.get(index + 1).map_or(Time::MAX, |next| next.parent.start);
+        if let Some(until) = draft.until.filter(|until| *until < next) {
+            let keep =
+                draft.parent.keep || draft.parent.start == Time::MIN || draft.parent.placement.is_some();
+            parents.push(Parenting { blend: draft.parent.blend, keep, ..Parenting::from(None, until) });
+        }
+    }
+    parents
+}
+
+/// The targets of a camera, by their starts. After one that ends before the next one starts the camera looks where its rig does.
+fn looks(mut drafts: Vec<(CameraLook, Option<Time>)>) -> Vec<CameraLook> {
+    drafts.sort_by_key(|(look, _)| look.start);
+    let mut looks = Vec::with_capacity(drafts.len());
+    for (index, (look, until)) in drafts.iter().enumerate() {
+        looks.push(*look);
+        let next = drafts.get(index + 1).map_or(Time::MAX, |(next, _)| next.start);
+        let end = until.filter(|until| *until < next);
+        looks.extend(end.map(|start| CameraLook { target: None, start, ..*look }));
+    }
+    looks
+}
+
+/// Near plane of a camera that sets none, metres.
+const NEAR: f32 = 0.05;
+
+fn camera(draft: CameraDraft, notes: &mut Notes) -> Camera {
+    let near = draft.near.unwrap_or(NEAR);
+    let projection = match draft.ortho {
+        Some(height) => {
+            // A far plane is needed to map depth; this one is beyond any stage.
+            Projection::Orthographic { height, near, far: draft.far.unwrap_or(10_000.0) }
+        }
+        None => {
+            let Projection::Perspective { yfov, .. } = Projection::default() else {
+                unreachable!("the default camera has perspective")
+            };
+            Projection::Perspective { yfov: draft.perspective.unwrap_or(yfov), near, far: draft.far }
+        }
+    };
+    let mut camera = Camera { projection, near_is_set: draft.near.is_some(), ..draft.camera };
+    camera.looks = looks(draft.looks);
+    let placed = draft.position.is_some() || draft.look_at.is_some() || draft.rotation != DQuat::IDENTITY;
+    let rigged = draft.rig.is_some();
+    let fixed = placed
+        || !camera.looks.is_empty()
+        || !camera.channels.iter().all(|c| c.property == Property::FieldOfView);
+    camera.rig = draft.rig.unwrap_or(if fixed {
+        // Where a person would stand to look at another.
+        let position = draft.position.unwrap_or(DVec3::new(0.0, 1.6, 5.0));
+        Rig::Fixed { position, rotation: draft.rotation, look_at: draft.look_at }
+    } else {
+        Rig::Frame { azimuth: DEFAULT_AZIMUTH.to_radians(), elevation: DEFAULT_ELEVATION.to_radians() }
+    });
+    let mut note = |text: String| {
+        let text = format!("camera \"{}\"{text}", camera.name);
+        notes.push((Severity::Error, draft.at.clone(), ApiError::new(text)));
+    };
+    if let Some(far) = draft.far
+        && far <= near
+    {
+        note(format!(": far must be more than near, got {far} and {near}"));
+    }
+    for field in Camera::FIELDS {
+        let keyed = |property| camera.channels.iter().any(|c: &Channel| c.property == property);
+        let lacking = (field.lacks)(&camera).filter(|_| field.keyed.is_some_and(|(_, p)| keyed(p)));
+        lacking.into_iter().for_each(|why| note(format!(" {why}")));
+    }
+    if rigged && placed {
+        note(" cannot both stand somewhere and follow, orbit or frame".into());
+    }
+    camera
+}

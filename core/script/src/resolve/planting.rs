@@ -1,0 +1,79 @@
+//! Foot locks that fades need without a word in the script.
+
+use crate::build::{ActorDraft, Build};
+use crate::legs;
+use choreo_motion::Time;
+use choreo_stage::{Actor, Constraint, ConstraintKind, FootLock, Property, StandingFade};
+
+/// A fade in which two clips keep step.
+pub(super) struct InStep {
+    pub actor: usize,
+    pub span: (Time, Time),
+    /// Whether root motion moves it.
+    pub carried: bool,
+}
+
+/// Plants the feet of actors that fade from one gait to another in step and move along: the two clips' strides are of
+/// different lengths, so that the mean of both slides.
+pub(super) fn plant_in_step(build: &mut Build, matched: Vec<InStep>) {
+    for InStep { actor, span, carried } in matched {
+        let Some(ActorDraft { actor, .. }) = build.actors.get_mut(actor) else { continue };
+        let gets_on = carried || is_moved(actor);
+        let planted = foot_locks(actor).next().map(|lock| &mut lock.only);
+        match planted {
+            // Planted as the script states, or by an earlier fade.
+            Some(only) => only.extend((!only.is_empty()).then_some(span)),
+            None if gets_on => plant(actor, vec![span], Vec::new()),
+            None => {}
+        }
+    }
+}
+
+/// A character that fades between walking and standing, and gets on, takes steps in the fade instead of sliding.
+pub(super) fn plant_in_fades(build: &mut Build, standing_fades: Vec<Vec<StandingFade>>) {
+    for (ActorDraft { actor, walks, .. }, mut fades) in build.actors.iter_mut().zip(standing_fades) {
+        // A walk to a point begins with the turn.
+        for walk in walks.iter() {
+            fades
+                .iter_mut()
+                .filter(|f| f.to == walk.walks && !f.ends_standing)
+                .for_each(|f| f.from = walk.from);
+        }
+        let walked = walks.iter().map(|walk| (walk.from, walk.until));
+        let spans: Vec<(Time, Time)> = fades.iter().map(|f| (f.from, f.to)).chain(walked).collect();
+        if spans.is_empty() {
+            continue;
+        }
+        for lock in foot_locks(actor) {
+            if !lock.only.is_empty() {
+                lock.only.extend(&spans);
+            }
+            lock.standing_fades.clone_from(&fades);
+        }
+        if foot_locks(actor).next().is_none() {
+            plant(actor, spans, fades);
+        }
+    }
+}
+
+fn foot_locks(actor: &mut Actor) -> impl Iterator<Item = &mut FootLock> {
+    actor.constraints.iter_mut().filter_map(|goal| match &mut goal.kind {
+        ConstraintKind::FootLock(lock) => Some(lock),
+        _ => None,
+    })
+}
+
+/// Locks the feet of an actor, if it has legs.
+fn plant(actor: &mut Actor, only: Vec<(Time, Time)>, standing_fades: Vec<StandingFade>) {
+    let legs = legs::legs(&actor.asset);
+    if !legs.is_empty() {
+        let hips = legs::hips(&actor.asset, &legs);
+        let lock = FootLock { legs, hips, ground: Vec::new(), only, standing_fades };
+        actor.constraints.push(Constraint::new(ConstraintKind::FootLock(lock)));
+    }
+}
+
+/// Whether keyframes or a path move an actor.
+pub(super) fn is_moved(actor: &Actor) -> bool {
+    actor.path_following.is_some() || actor.channels.iter().any(|c| c.property == Property::Translation)
+}

@@ -1,0 +1,110 @@
+//! `tests/studio`: the command line and the viewer of another program, built outside the workspace, with its importer and effect.
+
+#![cfg(target_os = "linux")]
+
+mod screen;
+
+use choreo_plugin::Source;
+use screen::{Running, Screen, Shot, assert_quiet, until};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Arc;
+
+const SCRIPT: &str = r##"stage(#{ size: [320, 180], length: 0.1, background: "#204060" });
+cast("a", load("a.tri", #{ scale: 2.0 }));
+camera("c").at(0.0, 1.0, 9.0).look_at([0.0, 1.0, 0.0]);
+effect("negative");
+"##;
+
+/// Copies the program out of the workspace and builds it where no registry is asked; what it is built from is kept between runs.
+/// Gives the folder of its programs.
+fn build(folder: &Path) -> PathBuf {
+    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap();
+    let copy = |name: &str| {
+        let to = folder.join(name);
+        fs::create_dir_all(to.parent().unwrap()).unwrap();
+        let text = fs::read_to_string(sources.join("tests/studio").join(name)).unwrap();
+        fs::write(to, text.replace("\"../../", &format!("\"{}/", sources.display()))).unwrap();
+    };
+    ["Cargo.toml", "src/lib.rs", "src/main.rs", "src/bin/studio-view.rs"].into_iter().for_each(copy);
+    // The versions that are here already.
+    fs::copy(sources.join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
+    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join("new-crates");
+    let output = Command::new(env!("CARGO"))
+        .args(["build", "--offline", "--quiet"])
+        .current_dir(folder)
+        .env("CARGO_TARGET_DIR", &target)
+        .env("CARGO_PROFILE_DEV_DEBUG", "false")
+        .env_remove("RUSTFLAGS")
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    target.join("debug")
+}
+
+#[test]
+fn plugins_of_another_program_work_in_its_command_line_and_its_viewer() {
+    let (project, folder) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let programs = build(project.path());
+    fs::write(folder.path().join("a.tri"), "-1 0 0  1 0 0  0 1.5 0").unwrap();
+    let script = folder.path().join("s.rhai");
+    fs::write(&script, SCRIPT).unwrap();
+    let studio = |args: &[&str]| {
+        let output =
+            Command::new(programs.join("studio")).args(args).current_dir(folder.path()).output().unwrap();
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(output.status.success(), "{args:?}: {text}{}", String::from_utf8_lossy(&output.stderr));
+        text
+    };
+    assert_eq!(studio(&["--version"]), "studio 2.0.0\n");
+    let listed = studio(&["plugins"]);
+    assert!(["triangles", "negative", "gltf"].iter().all(|name| listed.contains(name)), "{listed}");
+    let info = studio(&["info", "a.tri", "--import", "scale=2"]);
+    assert!(info.contains("4.000 × 3.000 × 0.000 m"), "{info}");
+    // The default size is that of the program; the effect turns the background around.
+    studio(&["render", "s.rhai", "-o", "s.png", "--at", "0", "--device", "cpu"]);
+    let Some(drawn) = pixels(&folder.path().join("s.png")) else { return };
+    assert_eq!([drawn.width, drawn.height], [48, 36]);
+    let (corner, middle) = (drawn.pixel(0, 0), drawn.pixel(24, 18));
+    // 1 − x of linear light, by IEC 61966-2-1: #20 is 0.0144, #40 0.0513, #60 0.1170.
+    assert_eq!(corner, [253, 249, 241]);
+    assert_ne!(corner, middle);
+    let made = studio(&["info", "s.png"]);
+    assert!(made.contains(&format!("studio 2.0.0 (choreo {})", env!("CARGO_PKG_VERSION"))), "{made}");
+    assert!(made.contains("negative 1, triangles 1"), "{made}");
+    // choreo itself has neither.
+    let plain = choreo::registry();
+    let source = Source { name: "a.tri".into(), bytes: Arc::default() };
+    assert!(plain.importer_for(&source, None).is_err() && plain.effect("negative").is_none());
+
+    let Some(screen) = Screen::new() else { return };
+    let said = fs::File::create(folder.path().join("said.txt")).unwrap();
+    let mut command = Command::new(programs.join("studio"));
+    command.args(["view", "s.rhai"]).current_dir(folder.path()).env("DISPLAY", &screen.display);
+    command.env_remove("WAYLAND_DISPLAY").env("XDG_STATE_HOME", folder.path().join("state"));
+    let mut viewer = Running(command.stdout(said.try_clone().unwrap()).stderr(said).spawn().unwrap());
+    let window = screen.window_named("studio");
+    let shot = until("the negative background", || {
+        let shot = screen.shot(&window);
+        (shot.count(corner) > 20_000).then_some(shot)
+    });
+    screen.save(&window, "studio.png");
+    // The triangle, of the studio's importer, is drawn over the background.
+    let [left, top, right, bottom] = shot.bounds(corner);
+    assert_eq!([right - left, bottom - top], [320, 180]);
+    assert_ne!(shot.pixel((left + right) / 2, (top + bottom) / 2), corner);
+    screen.key(&window, "ctrl+q");
+    let status = until("the end", || viewer.0.try_wait().unwrap());
+    assert_eq!(status.code(), Some(0));
+    assert_quiet(folder.path());
+}
+
+/// The pixels of an image; `None` where ImageMagick is not installed.
+fn pixels(image: &Path) -> Option<Shot> {
+    let Ok(output) = Command::new("convert").arg(image).args(["-depth", "8", "ppm:-"]).output() else {
+        println!("SKIP 1: convert is not installed");
+        return None;
+    };
+    Some(Shot::read(&output.stdout).unwrap())
+}

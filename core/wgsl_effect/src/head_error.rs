@@ -1,0 +1,63 @@
+//! Mistakes in the head comment of an effect.
+
+use thiserror::Error;
+
+/// A mistake, and its line.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error("line {line}: {mistake}")]
+pub(crate) struct HeadError {
+    /// Counted from 1.
+    pub line: usize,
+    pub mistake: HeadMistake,
+}
+
+/// A mistake in a line of the head comment.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub(crate) enum HeadMistake {
+    #[error("write // {0}")]
+    Form(&'static str),
+    #[error("unknown word \"{word}\"; did you mean \"{meant}\"?")]
+    Misspelt { word: String, meant: String },
+    #[error("the head comment must name the effect: // effect: NAME")]
+    NoName,
+    #[error("\"{0}\" must be a name of lower-case letters, digits and _, at most 40")]
+    Name(String),
+    #[error("{0} is declared twice")]
+    Twice(String),
+    #[error("an effect has at most {most} {what}")]
+    TooMany { most: usize, what: &'static str },
+    #[error("{name}: \"{value}\" is none of {choices}")]
+    NoChoice { name: String, value: String, choices: String },
+    #[error("{name}: \"{value}\" is no number")]
+    NoNumber { name: String, value: String },
+    #[error("{name}: {value} is not within {min}..{max}")]
+    OutOfRange { name: String, value: f64, min: f64, max: f64 },
+    #[error("{name}: a color is three parameters of at most {most}, each from 0 to 100")]
+    Color { name: String, most: usize },
+    #[error("{name} is of effects with hook: {hook}")]
+    OtherHook { name: String, hook: &'static str },
+    #[error(
+        "an effect that moves surfaces says how far at most: // reach: METRES, or the name of a parameter"
+    )]
+    NoReach,
+    #[error(
+        "an overlay says how many lines or triangles it has: // count: NUMBER, or the name of a parameter"
+    )]
+    NoCount,
+    #[error("{name} is {allowed}")]
+    Allowed { name: String, allowed: String },
+    /// `near`: a guess at what was meant.
+    #[error("{name} is {allowed}, not \"{value}\"{near}")]
+    Value { name: String, allowed: String, value: String, near: String },
+    #[error("count: the parameter {name} must be a number within 0..{most}")]
+    CountRange { name: String, most: usize },
+    #[error("write // off: PARAMETER = NUMBER; no parameter \"{name}\" is a number{near}")]
+    NoOff { name: String, near: String },
+}
+
+impl HeadMistake {
+    /// The mistake with its line, counted from 0.
+    pub fn at(self, line: usize) -> HeadError {
+        HeadError { line: line + 1, mistake: self }
+    }
+}

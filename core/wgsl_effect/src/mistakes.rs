@@ -1,0 +1,460 @@
+//! Messages of naga's parser and validator in the author's terms: the types as WGSL writes them, the place, and nothing of naga's
+//! own numbering.
+
+use naga::common::wgsl::TypeContext;
+use naga::front::Typifier;
+use naga::front::wgsl::ParseError;
+use naga::proc::{ResolveContext, TypeResolution};
+use naga::valid::{
+    CallError, ComposeError, ExpressionError, FunctionError, LocalVariableError, TypeError, ValidationError,
+};
+use naga::{
+    BinaryOperator, Block, Expression, Function, Handle, MathFunction, Module, Span, Statement, Type,
+    TypeInner, UnaryOperator, WithSpan,
+};
+
+/// A mistake in a WGSL text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mistake {
+    /// The bytes that it is about; `None` where naga does not tell.
+    pub span: Option<std::ops::Range<usize>>,
+    /// The problem.
+    pub text: String,
+}
+
+impl Mistake {
+    fn new(span: Span, text: String) -> Mistake {
+        Mistake { span: span.to_range(), text }
+    }
+}
+
+/// A mistake that the parser found. `end`: the bytes before it are the author's, those behind it are the program's.
+pub fn of_parser(error: &ParseError, end: usize) -> Mistake {
+    let labels: Vec<(Span, String)> = error.labels().map(|(span, text)| (span, in_wgsl(text))).collect();
+    let start = |span: &Span| span.to_range().map_or(usize::MAX, |range| range.start);
+    // The place of a parameter's value is where it is declared; its call is better.
+    let first = labels.first().map_or(0, |(span, _)| start(span));
+    let tells_type = |(span, text): &&(Span, String)| {
+        text.starts_with("this expression has type") || text.starts_with("argument #") && start(span) >= first
+    };
+    let all = || labels.iter().filter(|(span, _)| start(span) < end);
+    let is_call = labels.first().is_some_and(|(_, text)| text.is_empty());
+    let at = all().find(tells_type);
+    let at = at.or(all().find(|(span, text)| !text.is_empty() && (!is_call || start(span) >= first)));
+    let at = at.or(all().next());
+    let mut text = in_wgsl(error.message());
+    if let Some((_, label)) = labels.iter().find(|(_, label)| label.starts_with("argument #")) {
+        text.push_str(&format!("; {label}"));
+    }
+    let allowed: Vec<String> = error.notes().filter_map(allowed_type).collect();
+    if !allowed.is_empty() {
+        text.push_str(&format!("; allowed: {}", allowed.join(", ")));
+    }
+    // Notes for users of wgpu are none for authors, and those of allowed types are in the text.
+    let is_left_out = |note: &str| {
+        let words =
+            ["http", "wgpu", "aga", "`enable", "allowed type", "accepted for", "accepts the", "Because"];
+        words.iter().any(|word| note.contains(word))
+    };
+    for note in error.notes().filter(|note| !is_left_out(note)) {
+        text.push_str(&format!("; {}", in_wgsl(note)));
+    }
+    Mistake { span: at.and_then(|(span, _)| span.to_range()), text }
+}
+
+/// A type of a note "allowed type: …" that an effect can have.
+fn allowed_type(note: &str) -> Option<String> {
+    let ty = note.strip_prefix("allowed type: ")?;
+    let foreign = ["Abstract", "f16", "f64", "i64", "u64", "i16", "u16"].iter().any(|word| ty.contains(word));
+    (!foreign).then(|| ty.to_string())
+}
+
+/// Words for what naga writes of an expression whose type or constant value it cannot find, in the author's terms.
+fn reworded(message: &str) -> Option<&'static str> {
+    let table = [
+        ("index ", "the index is out of bounds"),
+        ("invalid access into", "this value has neither elements nor members"),
+        ("invalid sub-access", "this value has neither elements nor members"),
+        ("incompatible operands", "the operator cannot work with values of these types"),
+        ("call to builtin", "the built-in function does not take arguments of these types"),
+        ("function without return type", "the function returns no value"),
+        ("cannot apply the unary op", "the operator cannot work with this constant"),
+        ("cannot apply the binary op", "the operator cannot work with these constants"),
+        ("cannot apply math function", "the built-in function cannot work with this constant"),
+        ("rhs of shift", "an integer of 32 bits is shifted by more than 31"),
+        ("divide operation overflowed", "this division has no finite result"),
+        ("abstract types may only", "this number has another type than the value beside it"),
+        ("using `", "effects have the scalars f32, i32, u32 and bool"),
+        ("subexpression(s) are not constant", "a constant is needed here"),
+        ("unexpected runtime-expression", "a constant is needed here"),
+    ];
+    let message = message.to_lowercase();
+    table.iter().find(|(start, _)| message.starts_with(start)).map(|(_, text)| *text)
+}
+
+/// A message without naga's own names.
+fn in_wgsl(text: &str) -> String {
+    if let Some(text) = reworded(text) {
+        return text.into();
+    }
+    let mut out = text.replace("{AbstractFloat}", "float").replace("{AbstractInt}", "integer");
+    // Handles are printed as `[4]`.
+    while let Some((start, end)) = handle_in(&out) {
+        out.replace_range(start..end, "this value");
+    }
+    // Messages follow a colon.
+    if out.starts_with(|c: char| c.is_ascii_uppercase()) && !out[1..].starts_with(|c: char| c.is_uppercase())
+    {
+        out[..1].make_ascii_lowercase();
+    }
+    out
+}
+
+/// The bytes of the first `[4]` that follows a blank.
+fn handle_in(text: &str) -> Option<(usize, usize)> {
+    text.match_indices(" [").find_map(|(at, _)| {
+        let digits = text[at + 2..].bytes().take_while(u8::is_ascii_digit).count();
+        let end = at + 2 + digits;
+        (digits > 0 && text[end..].starts_with(']')).then_some((at + 1, end + 1))
+    })
+}
+
+/// A mistake that the validator found.
+pub fn of_validator(error: &WithSpan<ValidationError>, module: &Module) -> Mistake {
+    // The last span is the innermost.
+    let innermost = error.spans().last().map_or(Span::UNDEFINED, |(span, _)| *span);
+    let mistake = match error.as_inner() {
+        ValidationError::Function { handle, source, .. } => {
+            let function = &module.functions[*handle];
+            let whole = module.functions.get_span(*handle);
+            InFunction::new(module, function, innermost, whole).mistake(source)
+        }
+        ValidationError::EntryPoint { name, source, .. } => {
+            let found = module.entry_points.iter().find(|e| e.name == *name);
+            match (found, source) {
+                (Some(entry), naga::valid::EntryPointError::Function(source)) => {
+                    InFunction::new(module, &entry.function, innermost, innermost).mistake(source)
+                }
+                _ => Mistake::new(innermost, format!("entry point {name}: {}", chain(source))),
+            }
+        }
+        ValidationError::Type { handle, source, .. } => {
+            let name = module.to_ctx().type_to_string(*handle);
+            let what = match source {
+                TypeError::EmptyStruct => "a struct needs at least one member".to_string(),
+                TypeError::MissingCapability(_) | TypeError::WidthError(_) => {
+                    "effects have the scalars f32, i32, u32 and bool".to_string()
+                }
+                other => in_wgsl(&chain(other)),
+            };
+            Mistake::new(module.types.get_span(*handle), format!("the type {name}: {what}"))
+        }
+        ValidationError::Constant { name, source, .. } => {
+            Mistake::new(innermost, format!("the constant {name}: {}", in_wgsl(&chain(source))))
+        }
+        ValidationError::GlobalVariable { name, source, .. } => {
+            Mistake::new(innermost, format!("the variable {name}: {}", in_wgsl(&chain(source))))
+        }
+        other => Mistake::new(innermost, in_wgsl(&chain(other))),
+    };
+    Mistake { span: mistake.span.or(innermost.to_range()), ..mistake }
+}
+
+/// An error with its causes.
+fn chain(error: &dyn std::error::Error) -> String {
+    let causes = std::iter::successors(Some(error), |e| e.source()).map(|e| e.to_string());
+    causes.collect::<Vec<_>>().join("; ")
+}
+
+/// A function that the validator refuses.
+struct InFunction<'a> {
+    module: &'a Module,
+    function: &'a Function,
+    types: Typifier,
+    /// Number of expressions whose types are known.
+    known: usize,
+    /// The innermost place that the validator gives, and the function's.
+    innermost: Span,
+    whole: Span,
+}
+
+impl<'a> InFunction<'a> {
+    fn new(module: &'a Module, function: &'a Function, innermost: Span, whole: Span) -> InFunction<'a> {
+        let mut types = Typifier::new();
+        let context = ResolveContext::with_locals(module, &function.local_variables, &function.arguments);
+        let mut has_type =
+            |handle: Handle<Expression>| types.grow(handle, &function.expressions, &context).is_ok();
+        let known = function.expressions.iter().take_while(|(handle, _)| has_type(*handle)).count();
+        InFunction { module, function, types, known, innermost, whole }
+    }
+
+    /// The type of a value as WGSL writes it.
+    fn of(&self, value: Handle<Expression>) -> String {
+        match value.index() < self.known {
+            true => self.resolved(&self.types[value]),
+            false => "of another type".into(),
+        }
+    }
+
+    fn resolved(&self, resolution: &TypeResolution) -> String {
+        let text = self.module.to_ctx().type_resolution_to_string(resolution);
+        // A value that is read from a variable has the variable's type.
+        let pointee = text.strip_prefix("ptr<function, ").and_then(|rest| rest.strip_suffix('>'));
+        in_wgsl(pointee.unwrap_or(&text))
+    }
+
+    fn inner(&self, inner: &TypeInner) -> String {
+        self.resolved(&TypeResolution::Value(inner.clone()))
+    }
+
+    fn named(&self, ty: Handle<Type>) -> String {
+        in_wgsl(&self.module.to_ctx().type_to_string(ty))
+    }
+
+    fn at(&self, value: Handle<Expression>, text: String) -> Mistake {
+        // The place of a parameter's value is where it is declared; the statement is better.
+        let span = match &self.function.expressions[value] {
+            Expression::FunctionArgument(_) => user_of(&self.function.body, value).unwrap_or(self.innermost),
+            _ => self.function.expressions.get_span(value),
+        };
+        Mistake::new(if span.is_defined() { span } else { self.innermost }, text)
+    }
+
+    fn here(&self, text: impl Into<String>) -> Mistake {
+        Mistake::new(self.innermost, text.into())
+    }
+
+    fn mistake(&self, error: &FunctionError) -> Mistake {
+        let named = || self.function.name.clone().unwrap_or_default();
+        match error {
+            FunctionError::Expression { handle, source } => self.expression(*handle, source),
+            FunctionError::LocalVariable { name, source, handle } => {
+                let variable = &self.function.local_variables[*handle];
+                let ty = self.named(variable.ty);
+                let what = match (source, variable.init) {
+                    (LocalVariableError::InitializerType, Some(init)) => {
+                        format!("{name} is {ty}, its first value {}", self.of(init))
+                    }
+                    (LocalVariableError::InvalidType(_), _) => {
+                        format!("{name}: a variable cannot have the type {ty}")
+                    }
+                    (other, _) => format!("{name}: {}", in_wgsl(&chain(other))),
+                };
+                Mistake::new(self.function.local_variables.get_span(*handle), what)
+            }
+            FunctionError::InvalidReturnType { expression, expected_ty } => {
+                let returns = match expected_ty {
+                    Some(ty) => format!("{} returns {}", named(), self.named(*ty)),
+                    None => format!("{} returns nothing", named()),
+                };
+                match expression {
+                    Some(value) => self.at(*value, format!("{returns}, this value is {}", self.of(*value))),
+                    None if self.innermost == self.whole => Mistake::new(
+                        self.whole,
+                        format!("{returns}, but one way through it ends without return"),
+                    ),
+                    None => self.here(format!("{returns}, this return has no value")),
+                }
+            }
+            FunctionError::InvalidIfType(value) => {
+                self.at(*value, format!("a condition is bool, this value is {}", self.of(*value)))
+            }
+            FunctionError::InvalidSwitchType(value) => {
+                self.at(*value, format!("switch takes i32 or u32, this value is {}", self.of(*value)))
+            }
+            FunctionError::InvalidStoreTypes { pointer, value } => self.at(
+                *value,
+                format!("the variable is {}, this value is {}", self.of(*pointer), self.of(*value)),
+            ),
+            FunctionError::InvalidStorePointer(pointer) => {
+                self.at(*pointer, "this cannot be assigned to; declare it with var".into())
+            }
+            FunctionError::InvalidCall { function, error } => self.call(*function, error),
+            FunctionError::BreakOutsideOfLoopOrSwitch => self.here("break is outside of a loop or switch"),
+            FunctionError::ContinueOutsideOfLoop => self.here("continue is outside of a loop"),
+            FunctionError::InvalidReturnSpot => self.here("return is inside a continuing block"),
+            FunctionError::ConflictingSwitchCase(_) => Mistake::new(
+                double_case(&self.function.body).unwrap_or(self.innermost),
+                "switch has two cases of one value".into(),
+            ),
+            FunctionError::ConflictingCaseType => self.here("the cases of switch have different types"),
+            FunctionError::MissingDefaultCase => self.here("switch has no default case"),
+            FunctionError::MultipleDefaultCases => self.here("switch has two default cases"),
+            FunctionError::PipelineInputRegularFunction { name } => {
+                self.here(format!("{name} has an attribute; parameters of an effect have none"))
+            }
+            FunctionError::PipelineOutputRegularFunction => {
+                self.here("the result has an attribute; that of an effect has none")
+            }
+            FunctionError::InvalidArgumentType { name, .. } => {
+                self.here(format!("{name}: a parameter cannot have this type"))
+            }
+            FunctionError::NonConstructibleReturnType => self.here("a function cannot return this type"),
+            other => self.here(in_wgsl(&chain(other))),
+        }
+    }
+
+    fn call(&self, callee: Handle<Function>, error: &CallError) -> Mistake {
+        let function = &self.module.functions[callee];
+        let name = function.name.clone().unwrap_or_default();
+        match error {
+            CallError::ArgumentCount { required, seen } => {
+                self.here(format!("{name} takes {required} arguments, {seen} are given"))
+            }
+            CallError::ArgumentType { index, required, seen_expression } => {
+                let parameter =
+                    function.arguments.get(*index).and_then(|a| a.name.clone()).unwrap_or_default();
+                let (wanted, given) = (self.named(*required), self.of(*seen_expression));
+                self.at(*seen_expression, format!("{name}: {parameter} is {wanted}, this value is {given}"))
+            }
+            other => self.here(format!("{name}: {}", in_wgsl(&chain(other)))),
+        }
+    }
+
+    fn expression(&self, handle: Handle<Expression>, error: &ExpressionError) -> Mistake {
+        use ExpressionError as E;
+        let text = match error {
+            E::InvalidBinaryOperandTypes { op, lhs_type, rhs_type, .. } => {
+                format!(
+                    "{} cannot work with {} and {}",
+                    sign(*op),
+                    self.inner(lhs_type),
+                    self.inner(rhs_type)
+                )
+            }
+            E::InvalidUnaryOperandType(op, value) => {
+                let sign = match op {
+                    UnaryOperator::Negate => "-",
+                    UnaryOperator::LogicalNot => "!",
+                    UnaryOperator::BitwiseNot => "~",
+                };
+                format!("{sign} cannot work with {}", self.of(*value))
+            }
+            E::SelectValuesTypeMismatch { accept, reject } => {
+                format!(
+                    "select chooses between values of one type, not {} and {}",
+                    self.inner(reject),
+                    self.inner(accept)
+                )
+            }
+            E::SelectConditionNotABool { actual } => {
+                format!("the condition of select is bool, this value is {}", self.inner(actual))
+            }
+            E::InvalidIndexType(value) => {
+                format!("an index is i32 or u32, this value is {}", self.of(*value))
+            }
+            E::IndexOutOfBounds(_, index) => format!("the index {index} is out of bounds"),
+            E::NegativeIndex(_) => "the index is negative".into(),
+            E::InvalidBaseType(value) => format!("{} has no elements", self.of(*value)),
+            E::InvalidSwizzleComponent(component, size) => {
+                let letter = format!("{component:?}").to_lowercase();
+                format!("a vector of {} components has no {letter}", *size as u8)
+            }
+            E::InvalidArgumentType(function, index, value) => {
+                format!("{} cannot take {} as argument {}", name_of(*function), self.of(*value), index + 1)
+            }
+            E::WrongArgumentCount(function) => {
+                format!("{} takes another number of arguments", name_of(*function))
+            }
+            E::InvalidBooleanVector(value) => {
+                format!("a vector of bool is needed, this value is {}", self.of(*value))
+            }
+            E::InvalidFloatArgument(value) => format!("a float is needed, this value is {}", self.of(*value)),
+            E::InvalidCastArgument => "this value cannot be converted to that type".into(),
+            E::InvalidSplatType(value) => format!("a scalar is needed, this value is {}", self.of(*value)),
+            E::Compose(error) => self.compose(handle, error),
+            E::ShiftAmountTooLarge { lhs_type, .. } => {
+                format!("{} has fewer bits than it is shifted by", self.inner(lhs_type))
+            }
+            E::DivideByZero => "division by zero".into(),
+            other => in_wgsl(&chain(other)),
+        };
+        self.at(handle, text)
+    }
+
+    fn compose(&self, handle: Handle<Expression>, error: &ComposeError) -> String {
+        let Expression::Compose { ty, components } = &self.function.expressions[handle] else {
+            return in_wgsl(&chain(error));
+        };
+        let ty = self.named(*ty);
+        match error {
+            ComposeError::ComponentCount { given, expected } => {
+                format!("{ty} is made of {expected} values, {given} are given")
+            }
+            ComposeError::ComponentType { index } => {
+                let given = components.get(*index as usize).map_or_else(String::new, |part| self.of(*part));
+                format!("{ty} cannot be made of {given} as value {}", index + 1)
+            }
+            ComposeError::Type(_) => format!("{ty} cannot be made of values"),
+        }
+    }
+}
+
+/// The blocks inside of a statement.
+fn blocks_of(statement: &Statement) -> Vec<&Block> {
+    match statement {
+        Statement::Block(block) => vec![block],
+        Statement::If { accept, reject, .. } => vec![accept, reject],
+        Statement::Switch { cases, .. } => cases.iter().map(|case| &case.body).collect(),
+        Statement::Loop { body, continuing, .. } => vec![body, continuing],
+        _ => Vec::new(),
+    }
+}
+
+/// The first statement that a condition holds for, those inside of others first.
+fn find_statement(block: &Block, is_it: &dyn Fn(&Statement) -> bool) -> Option<Span> {
+    block.span_iter().find_map(|(statement, span)| {
+        let inside = blocks_of(statement).into_iter().find_map(|block| find_statement(block, is_it));
+        inside.or_else(|| is_it(statement).then_some(*span))
+    })
+}
+
+/// The statement that uses a value itself.
+fn user_of(body: &Block, value: Handle<Expression>) -> Option<Span> {
+    find_statement(body, &|statement| match statement {
+        Statement::Return { value: returned } => *returned == Some(value),
+        Statement::Store { value: stored, pointer } => *stored == value || *pointer == value,
+        Statement::Call { arguments, .. } => arguments.contains(&value),
+        Statement::If { condition, .. } => *condition == value,
+        Statement::Switch { selector, .. } => *selector == value,
+        _ => false,
+    })
+}
+
+/// The switch that has a value twice.
+fn double_case(body: &Block) -> Option<Span> {
+    find_statement(body, &|statement| {
+        let Statement::Switch { cases, .. } = statement else { return false };
+        cases.iter().enumerate().any(|(i, case)| cases[..i].iter().any(|before| before.value == case.value))
+    })
+}
+
+fn name_of(function: MathFunction) -> String {
+    use naga::common::wgsl::TryToWgsl;
+    function.try_to_wgsl().map_or_else(|| "the built-in function".into(), str::to_string)
+}
+
+/// The operator as WGSL writes it.
+fn sign(operator: BinaryOperator) -> &'static str {
+    use BinaryOperator as B;
+    match operator {
+        B::Add => "+",
+        B::Subtract => "-",
+        B::Multiply => "*",
+        B::Divide => "/",
+        B::Modulo => "%",
+        B::Equal => "==",
+        B::NotEqual => "!=",
+        B::Less => "<",
+        B::LessEqual => "<=",
+        B::Greater => ">",
+        B::GreaterEqual => ">=",
+        B::And => "&",
+        B::ExclusiveOr => "^",
+        B::InclusiveOr => "|",
+        B::LogicalAnd => "&&",
+        B::LogicalOr => "||",
+        B::ShiftLeft => "<<",
+        B::ShiftRight => ">>",
+    }
+}

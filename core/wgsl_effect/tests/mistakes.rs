@@ -1,0 +1,229 @@
+//! Faulty effects, and what their authors read: file, line, column, a caret, the types as WGSL writes them.
+
+use choreo_wgsl_effect::{EffectError, WgslEffect};
+
+const FUNCTION: &str = "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>";
+
+/// An effect of a pixel; the body of its function begins at line 3.
+fn pixel(body: &str) -> String {
+    format!("// effect: a\n{FUNCTION} {{\n{body}\n}}\n")
+}
+
+fn error(text: &str) -> EffectError {
+    WgslEffect::from_text("my.wgsl", text).err().unwrap_or_else(|| panic!("no error:\n{text}"))
+}
+
+/// Bodies of an effect of a pixel, with their messages.
+const BODIES: &[(&str, &str)] = &[
+    ("    return vec4(color.rgb, 1.0) * uv;", "3:12: * cannot work with vec4<f32> and vec2<f32>"),
+    ("    return color.rgb;", "3:12: effect returns vec4<f32>, this value is vec3<f32>"),
+    ("    return colr;", "3:12: no definition in scope for identifier: `colr`; did you mean \"color\"?"),
+    ("    let x = uv.x;", "2:1: effect returns vec4<f32>, but one way through it ends without return"),
+    (
+        "    let x = uv.x;\n    x = 1.0;\n    return color;",
+        "4:5: invalid left-hand side of assignment; consider declaring `x` with `var` instead of `let`",
+    ),
+    (
+        "    return smothstep(0.0, 1.0, color);",
+        "3:12: no definition in scope for identifier: `smothstep`; did you mean \"smoothstep\"?",
+    ),
+    ("    return color + uv;", "3:12: + cannot work with vec4<f32> and vec2<f32>"),
+    ("    return vec4(uv, 1.0);", "3:12: vec4<f32> is made of 4 values, 3 are given"),
+    ("    return vec4(1.0, 1.0, 1.0, 1.0, 1.0);", "3:12: constructor expects 4 components, found 5"),
+    ("    return vec4(uv.z);", "3:20: invalid field accessor `z`"),
+    ("    return color[5];", "3:5: the index is out of bounds"),
+    (
+        "    return vec4(cross(uv, uv), 1.0);",
+        "3:17: wrong type passed as argument #1 to `cross`; argument #1 has type `vec2<f32>`; allowed: vec3<f32>",
+    ),
+    (
+        "    return vec4(dot(color, uv));",
+        "3:17: inconsistent type passed as argument #2 to `dot`; argument #2 has type vec2<f32>; allowed: vec4<f32>",
+    ),
+    ("    return clamp(color, 0.0);", "3:12: wrong number of arguments: expected 3, found 2"),
+    (
+        "    return clamp(color, vec4(0.0), vec4(1.0), vec4(1.0));",
+        "3:47: too many arguments passed to `clamp`; the `clamp` function accepts at most 3 argument(s)",
+    ),
+    ("    if uv.x { return color; }\n    return color;", "3:8: a condition is bool, this value is f32"),
+    (
+        "    var x = 1;\n    x = 1.5;\n    return color;",
+        "4:9: automatic conversions cannot convert elements of `float` to `i32`",
+    ),
+    (
+        "    var x: f32 = uv;\n    return color;",
+        "3:9: the type of `x` is expected to be `f32`, but got `vec2<f32>`",
+    ),
+    (
+        "    let b = uv.x && true;\n    return color;",
+        "3:5: the operator cannot work with values of these types",
+    ),
+    ("    return -true;", "3:12: the operator cannot work with this constant"),
+    ("    let b = !uv.x;\n    return color;", "3:13: ! cannot work with f32"),
+    (
+        "    return select(color, uv, true);",
+        "3:12: select chooses between values of one type, not vec4<f32> and vec2<f32>",
+    ),
+    ("    return select(color, color, uv.x);", "3:12: the condition of select is bool, this value is f32"),
+    ("    return color[uv.x];", "3:12: an index is i32 or u32, this value is f32"),
+    ("    return uv.x[0] * color;", "3:5: this value has neither elements nor members"),
+    ("    switch uv.x { default: { } }\n    return color;", "3:12: invalid `switch` selector"),
+    ("    switch 1 { case 1: { } }\n    return color;", "3:5: switch has no default case"),
+    (
+        "    switch 1 { case 1: { } case 1: { } default: { } }\n    return color;",
+        "3:5: switch has two cases of one value",
+    ),
+    ("    break;\n    return color;", "3:5: break is outside of a loop or switch"),
+    ("    return;", "3:5: effect returns vec4<f32>, this return has no value"),
+    ("    let i = 1 + 1.5u;\n    return color;", "3:20: expected `;`, found \"u\""),
+    ("    let i = 1u + 1i;\n    return color;", "3:13: + cannot work with u32 and i32"),
+    ("    let x = 1.0 / 0;\n    return color;", "3:13: this division has no finite result"),
+    ("    let x = 1u << 40u;\n    return color;", "3:13: an integer of 32 bits is shifted by more than 31"),
+    (
+        "    let m = mat2x2<f32>(1.0, 2.0, 3.0);\n    return color;",
+        "3:13: type `mat2x2<f32>` is not constructible",
+    ),
+    (
+        "    let m = mat3x3<f32>() * color;\n    return color;",
+        "3:13: * cannot work with mat3x3<f32> and vec4<f32>",
+    ),
+    (
+        "    let a = array<f32, 2>(1.0, 2.0) * 2.0;\n    return color;",
+        "3:39: this number has another type than the value beside it",
+    ),
+    (
+        "    return textureLoad(color, vec2(0), 0);",
+        "3:24: expected an image, but found `color` which is not an image",
+    ),
+    ("    return textureSample(image, color, uv);", "3:26: no definition in scope for identifier: `image`"),
+    ("    return dpdx(color);", "3:12: not supported: a derivative: an effect is a function of one pixel"),
+    ("    discard;\n    return color;", "3:5: not supported: discard: an effect gives every pixel a color"),
+    (
+        "    color.x = 1.0;\n    return color;",
+        "3:5: invalid left-hand side of assignment; consider declaring `color` with `var` instead of `let`",
+    ),
+    (
+        "    var c = color;\n    c.xy = uv;\n    return c;",
+        "4:5: invalid left-hand side of assignment; WGSL does not support assignments to swizzles; consider assigning each component individually",
+    ),
+    ("    return p[red] * color", "4:1: expected `;`, found \"}\""),
+    ("    return color * (1.0;", "3:24: expected `)`, found \";\""),
+    (
+        "    return sin(true) * color;",
+        "3:16: wrong type passed as argument #1 to `sin`; argument #1 has type `bool`; allowed: f32, vec2<f32>, vec3<f32>, vec4<f32>",
+    ),
+    (
+        "    return pow(color, 2.0);",
+        "3:23: inconsistent type passed as argument #2 to `pow`; argument #2 has type float; allowed: vec4<f32>",
+    ),
+    ("    let x = f32(uv);\n    return color;", "3:17: cannot cast a vec2<f32> to a f32"),
+    ("    let x: f64 = 1.0;\n    return color;", "3:18: effects have the scalars f32, i32, u32 and bool"),
+    ("    let x: float = 1.0;\n    return color;", "3:12: no definition in scope for identifier: `float`"),
+    ("    let uv = uv;\n    let uv = uv;\n    return color;", "3:9: redefinition of `uv`"),
+    ("    return effect(color, uv, p);", "3:12: declaration of `effect` is recursive"),
+    ("    return color == color;", "3:12: effect returns vec4<f32>, this value is vec4<bool>"),
+    ("    return vec4(p);", "3:12: type `vec4` is not constructible"),
+    ("    return p;", "3:5: effect returns vec4<f32>, this value is array<f32, 8>"),
+    ("    return isNan(color.x) * color;", "3:12: no definition in scope for identifier: `isNan`"),
+    ("    uv.x + 1.0;\n    return color;", "3:10: expected assignment or increment/decrement, found \"+\""),
+    (
+        "    uv.x++;\n    return color;",
+        "3:5: increment/decrement operation requires reference type to be one of i32 or u32",
+    ),
+    ("    return color.xyzwx;", "3:18: invalid field accessor `xyzwx`"),
+    ("    return color.xg;", "3:18: invalid field accessor `xg`"),
+    (
+        "    for (var i = 0; i < 1.5; i++) { }\n    return color;",
+        "3:25: this number has another type than the value beside it",
+    ),
+    ("    while 1 { }\n    return color;", "3:11: a condition is bool, this value is i32"),
+];
+
+/// Texts below the head. FUNCTION stands for the declaration of an effect of a pixel.
+const TEXTS: &[(&str, &str)] = &[
+    (
+        "fn half(x: f32) -> f32 { return 0.5 * x; }\nFUNCTION { return color * half(uv); }",
+        "3:92: half: x is f32, this value is vec2<f32>",
+    ),
+    (
+        "fn half(x: f32) -> f32 { return 0.5 * x; }\nFUNCTION { return color * half(1.0, 2.0); }",
+        "3:92: half takes 1 arguments, 2 are given",
+    ),
+    (
+        "fn half(x: f32) { }\nFUNCTION { return color * half(1.0); }",
+        "3:92: function does not return any value; perhaps you meant to call the function in a separate statement?",
+    ),
+    (
+        "fn a(x: f32) -> f32 { return b(x); }\nfn b(x: f32) -> f32 { return a(x); }\nFUNCTION { return color; }",
+        "3:30: declaration of `a` is cyclic",
+    ),
+    (
+        "struct Pair { a: f32, b: vec2<f32> }\nFUNCTION { let q = Pair(uv, 1.0); return color; }",
+        "3:94: automatic conversions cannot convert `float` to `vec2<f32>`",
+    ),
+    (
+        "struct Pair { a: f32, b: vec2<f32> }\nFUNCTION { let q = Pair(1.0, uv); return color * q; }",
+        "3:100: the operator cannot work with values of these types",
+    ),
+    (
+        "struct Pair { a: f32, b: vec2<f32> }\nFUNCTION { let q = Pair(1.0, uv); return color * q.c; }",
+        "3:117: invalid field accessor `c`",
+    ),
+    (
+        "struct Nothing { }\nFUNCTION { return color; }",
+        "2:1: the type Nothing: a struct needs at least one member",
+    ),
+    (
+        "const a: f32 = vec2(1.0);\nFUNCTION { return color; }",
+        "2:7: the type of `a` is expected to be `f32`, but got `vec2<float>`",
+    ),
+    ("const a = b;\nFUNCTION { return color; }", "2:11: no definition in scope for identifier: `b`"),
+    ("FUNCTION { return color; }\nfn effect() { }", "3:4: redefinition of `effect`"),
+    (
+        "@fragment\nFUNCTION { return color; }",
+        "3:77: effect: an effect has no entry points; leave out its attribute",
+    ),
+    (
+        "@group(0) @binding(0) var image: texture_2d<f32>;\nFUNCTION { return color; }",
+        "2:23: not supported: global variable image: an effect is a function of one pixel and has no variables of its own",
+    ),
+    (
+        "fn set(x: ptr<function, f32>) { *x = 1.0; }\nFUNCTION { var y = 0.0; set(&y); return color * y; }",
+        "2:4: name `set` is a reserved keyword",
+    ),
+    ("FUNCTION { var a: array<f32>; return color; }", "2:77: a: a variable cannot have the type array<f32>"),
+    (
+        "override k: f32 = 1.0;\nFUNCTION { return color * k; }",
+        "3:92: not supported: an override; write const, or a parameter in the head comment",
+    ),
+    (
+        "fn effect(@location(0) color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color; }",
+        "2:1: color has an attribute; parameters of an effect have none",
+    ),
+];
+
+#[test]
+fn each_mistake_is_told_in_the_words_of_the_language() {
+    let bodies = BODIES.iter().map(|(body, expected)| (pixel(body), *expected));
+    let texts = TEXTS
+        .iter()
+        .map(|(text, expected)| (format!("// effect: a\n{}", text.replace("FUNCTION", FUNCTION)), *expected));
+    let mut wrong = Vec::new();
+    for (text, expected) in bodies.chain(texts) {
+        let error = error(&text);
+        if format!("{}:{}: {}", error.line, error.column, error.message) != expected {
+            wrong.push(format!("{expected}\nbut got: {error}"));
+        }
+        for internal in ["naga", "Abstract", "Handle", "Expression", "["] {
+            assert!(!error.message.contains(internal), "{error}");
+        }
+        // The caret stands below the character at the place.
+        let shown = error.to_string();
+        let [_, code, caret] = shown.lines().collect::<Vec<_>>()[..] else { panic!("{shown}") };
+        let line = text.lines().nth(error.line - 1).unwrap();
+        let below = code.chars().nth(caret.chars().count() - 1);
+        assert_eq!(below, line.chars().nth(error.column - 1), "{shown}");
+        assert!(line.contains(code.trim()), "{shown}");
+    }
+    assert!(wrong.is_empty(), "{} are wrong:\n{}", wrong.len(), wrong.join("\n"));
+}
