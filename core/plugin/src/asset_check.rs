@@ -136,7 +136,7 @@ fn places(asset: &Asset, scope: ImportScope) -> Result<(), AssetFault> {
     }
     for (i, image) in asset.images.iter().enumerate() {
         let bytes = image.width as usize * image.height as usize * 4;
-        // Without its pixels an image has a size alone.
+        // An image whose pixels were not decoded has only a size.
         if !image.rgba.is_empty() && image.rgba.len() != bytes {
             let given = image.rgba.len();
             return Err(fault(format!("images[{i}]"), format!("has {given} bytes, its size needs {bytes}")));

@@ -98,7 +98,7 @@ impl Registry {
             self.replaced.push(format!("the {kind} {name} takes the place of another of this name"));
         }
     }
-    /// Which plugins took the place of others of their name, one sentence each, in the order in which they were added.
+    /// Plugins that took the place of others of their name, one sentence each, in the order in which they were added.
     pub fn replaced(&self) -> &[String] {
         &self.replaced
     }

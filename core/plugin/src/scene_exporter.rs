@@ -10,7 +10,7 @@ use std::sync::Arc;
 /// Writes a scene to a file of one format. The program calls it for `choreo export`.
 ///
 /// # Errors
-/// Of [`SceneExporter::export`]: a file that cannot be written, a scene that the format cannot hold
+/// Errors of [`SceneExporter::export`]: a file that cannot be written, a scene that the format cannot hold
 /// ([`ExportError::Format`]), or a stage that cannot be evaluated at a time. No file appears then.
 ///
 /// ```

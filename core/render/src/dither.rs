@@ -77,7 +77,7 @@ fn ranks() -> [u8; COUNT] {
     // A tenth of the places, anywhere.
     let first = COUNT / 10;
     (0..first).for_each(|i| pattern.set(i * 97 % COUNT, true));
-    // From the tightest cluster to the largest void, until that is the same place.
+    // Points move from the tightest cluster to the largest void, until both are the same place.
     loop {
         let cluster = pattern.extreme(true);
         pattern.set(cluster, false);

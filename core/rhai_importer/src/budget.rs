@@ -39,7 +39,7 @@ impl Budget {
         })
     }
 
-    /// As [`Budget::take`], and gives the bytes back when the share is dropped.
+    /// Takes bytes like [`Budget::take`], and gives the bytes back when the share is dropped.
     pub fn share(&self, bytes: usize) -> Result<Share, Refused> {
         self.take(bytes)?;
         Ok(Share { budget: self.clone(), bytes })

@@ -43,7 +43,7 @@ impl Lines {
         let mut places = Vec::new();
         for place in lines {
             if places.len() == places.capacity() {
-                // As many again, which is what the vector will allocate.
+                // The vector will allocate as many again.
                 let more = places.len().max(64);
                 share.grow(EACH * more)?;
                 places.reserve_exact(more);

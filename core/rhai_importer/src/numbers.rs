@@ -165,7 +165,7 @@ pub fn parse(text: &str, budget: &Budget) -> Result<Numbers, Refused> {
             refuse(format!("numbers: \"{shown}\" is no number"))
         })?;
         if values.len() == values.capacity() {
-            // As many again, which is what the vector will allocate.
+            // The vector will allocate as many again.
             let more = values.len().max(64);
             share.grow(8 * more)?;
             values.reserve_exact(more);

@@ -2,7 +2,7 @@
 //!
 //! Calls of the API note their errors themselves and give a stand-in. An error of the interpreter (an unknown function, a wrong
 //! type) ends a statement: what the statement would have set holds a [`Poison`] from then on, and errors that a poison causes are not
-//! reported. After a loop, a condition or an import it cannot be told what is missing, so the script ends there.
+//! reported. After a loop, a condition or an import it is unknown what is missing, so the script ends there.
 
 use crate::build::{Mode, Shared};
 use crate::compile::constants;
@@ -69,7 +69,7 @@ fn statement_at(statements: &[Stmt], first: usize, at: Position) -> Option<usize
     begun.checked_sub(1).map(|index| first + index)
 }
 
-/// Puts poison where a statement would have put a value; false where that cannot be told.
+/// Puts poison where a statement would have put a value; false where that is unknown.
 fn poison(statement: &Stmt, scope: &mut Scope) -> bool {
     let poison = || Dynamic::from(Poison);
     match statement {

@@ -46,7 +46,7 @@ impl fmt::Display for EffectError {
         let shown: Vec<char> = source_line.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
         let indent = shown.iter().take_while(|c| **c == ' ').count();
         let at = column.saturating_sub(1).min(shown.len());
-        // Of a very long line the part around the place.
+        // A very long line is cut to the part around the place.
         let start = indent.min(at).max(at.saturating_sub(WIDTH - 40));
         let end = shown.len().min(start + WIDTH);
         let code: String = shown[start..end].iter().collect();

@@ -147,7 +147,7 @@ impl Words<'_> {
             let own = self.rounds(at, &body).map(|own| own.max(1) * rounds);
             let inner = match own {
                 Some(together) if together <= MOST_ROUNDS && !calls_loops => together,
-                // Its rounds are counted, and with each those of the loops in it that are not.
+                // Each of its rounds counts with the rounds of the inner loops that are not counted themselves.
                 _ => {
                     counted.push(at);
                     1

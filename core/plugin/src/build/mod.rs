@@ -101,7 +101,7 @@ pub struct MeshData {
 /// A part of a mesh with a material of its own.
 #[derive(Clone, Debug, Default)]
 pub struct MeshPart {
-    /// As [`MeshData::indices`], of vertices of the whole mesh; not empty.
+    /// Indices like [`MeshData::indices`], of vertices of the whole mesh; not empty.
     pub indices: Vec<u32>,
     /// Number of its material; without one, the default material.
     pub material: Option<u32>,

@@ -12,7 +12,7 @@ pub struct SceneEffect {
     pub wgsl: String,
     pub hook: Hook,
     pub in_model_space: bool,
-    /// Its place among the recorded faults.
+    /// Index among the recorded faults.
     pub faults: u32,
 }
 

@@ -41,10 +41,10 @@ const RAISED: f64 = 0.6;
 const SMOOTH: usize = 14;
 /// Number of places that are tried to either side, as far as half of the body's way during a contact.
 const REACH_PLACES: u32 = 32;
-/// A foot that leaves the ground or comes down keeps its place on it up to this height above where it stands, in legs: its clip has it travel
-/// already while it is as good as on the ground.
+/// Height above its place, in lengths of a leg, up to which a foot that leaves the ground or comes down keeps that place: clips let it
+/// travel while it is almost on the ground.
 const ROLLS: f64 = 0.02;
-/// As far as its clip has it at most so far from there, in legs.
+/// Largest distance of the clip's foot from that place, in lengths of a leg.
 const ROLLS_FAR: f64 = 0.25;
 /// A foot that is higher than this above the lowest place at all, in legs, jumps.
 const JUMP: f64 = 0.12;

@@ -79,7 +79,7 @@ impl FootstepPlan<'_> {
         for (leg, foot) in self.feet.iter().enumerate().filter(|(_, f)| f.lands_secs > 0.0) {
             let secs = foot.lands_secs.clamp(HURRIED * step_secs, step_secs);
             let end = self.place(leg, secs, step_secs);
-            // What it is above the ground already counts.
+            // Its present height above the ground counts.
             let high = (foot.at.y - end.y).max(0.0);
             let lift = (self.lift(foot.at, end) - high).max(LOWEST * self.leg);
             let step =
