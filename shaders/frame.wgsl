@@ -16,6 +16,9 @@ struct Frame {
     light_count: u32,
     // Factor on all light.
     exposure: f32,
+    // Clip space from camera-relative space one frame before, and where the camera stood, for motion vectors.
+    clip_before: mat4x4<f32>,
+    camera_before: vec4<f32>,
 }
 
 // relative-from-mesh, three rows of an affine 3×4 matrix.

@@ -12,11 +12,15 @@ struct Post {
     // Pixels of what the pass before made, and of the whole.
     input: vec2<f32>,
     whole: vec2<f32>,
+    // `EffectFrame::rows`: time, frame number, sun and camera matrices.
+    scene: array<vec4<f32>, 19>,
 }
 
 @group(0) @binding(0) var<uniform> post: Post;
 @group(0) @binding(1) var post_input: texture_2d<f32>;
 @if(PICTURE) @group(0) @binding(2) var post_original: texture_2d<f32>;
+@if(SURFACE_INPUT) @group(0) @binding(5) var post_surface: texture_2d<f32>;
+@if(MOTION_INPUT) @group(0) @binding(6) var post_motion: texture_2d<f32>;
 @if(TEXTURES) @group(0) @binding(3) var<storage, read> effect_texels: array<vec2<u32>>;
 @if(FAULT_RECORDS) @group(0) @binding(4) var<storage, read_write> effect_faults: array<atomic<u32>>;
 
@@ -58,6 +62,41 @@ fn original(at: vec2<i32>) -> vec4<f32> {
 fn previous(frames: u32, at: vec2<i32>) -> vec4<f32> {
     return original(at);
 }
+@end
+
+// The scene, in pixels of the whole image.
+@if(SURFACE_INPUT)
+fn scene_surface(at: vec2<i32>) -> vec4<f32> {
+    return textureLoad(post_surface, clamp(at, vec2(0), vec2<i32>(post.whole) - 1), 0);
+}
+@end
+
+@if(MOTION_INPUT)
+fn scene_motion(at: vec2<i32>) -> vec4<f32> {
+    return textureLoad(post_motion, clamp(at, vec2(0), vec2<i32>(post.whole) - 1), 0);
+}
+@end
+
+@if(PICTURE)
+fn scene_row_0() -> vec4<f32> { return post.scene[0]; }
+fn scene_row_1() -> vec4<f32> { return post.scene[1]; }
+fn scene_row_2() -> vec4<f32> { return post.scene[2]; }
+fn scene_row_3() -> vec4<f32> { return post.scene[3]; }
+fn scene_row_4() -> vec4<f32> { return post.scene[4]; }
+fn scene_row_5() -> vec4<f32> { return post.scene[5]; }
+fn scene_row_6() -> vec4<f32> { return post.scene[6]; }
+fn scene_row_7() -> vec4<f32> { return post.scene[7]; }
+fn scene_row_8() -> vec4<f32> { return post.scene[8]; }
+fn scene_row_9() -> vec4<f32> { return post.scene[9]; }
+fn scene_row_10() -> vec4<f32> { return post.scene[10]; }
+fn scene_row_11() -> vec4<f32> { return post.scene[11]; }
+fn scene_row_12() -> vec4<f32> { return post.scene[12]; }
+fn scene_row_13() -> vec4<f32> { return post.scene[13]; }
+fn scene_row_14() -> vec4<f32> { return post.scene[14]; }
+fn scene_row_15() -> vec4<f32> { return post.scene[15]; }
+fn scene_row_16() -> vec4<f32> { return post.scene[16]; }
+fn scene_row_17() -> vec4<f32> { return post.scene[17]; }
+fn scene_row_18() -> vec4<f32> { return post.scene[18]; }
 @end
 
 @fragment

@@ -42,6 +42,35 @@ impl Clock {
     }
 }
 
+/// Nanoseconds of one item over all rounds.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Nanos {
+    pub median: f64,
+    /// A quarter of the rounds take less than the first, a quarter more than the second.
+    pub quartiles: [f64; 2],
+}
+
+impl Nanos {
+    fn of(mut rounds: Vec<f64>) -> Nanos {
+        rounds.sort_by(f64::total_cmp);
+        let at = |share: usize| rounds.get(rounds.len() * share / 4).copied().unwrap_or(f64::NAN);
+        Nanos { median: at(2), quartiles: [at(1), at(3)] }
+    }
+
+    /// Whether it takes less time than another, and not by chance: by more than 5 %, and three quarters of its rounds less than three quarters
+    /// of the other's.
+    pub fn is_less(&self, other: &Nanos) -> bool {
+        self.median * 1.05 < other.median && self.quartiles[1] < other.quartiles[0]
+    }
+}
+
+/// A time that is known without a spread.
+impl From<f64> for Nanos {
+    fn from(nanos: f64) -> Nanos {
+        Nanos { median: nanos, quartiles: [nanos; 2] }
+    }
+}
+
 /// One way to be timed: how many items one run makes, and the run.
 pub struct Case<'a> {
     pub items: usize,
@@ -54,9 +83,9 @@ impl<'a> Case<'a> {
     }
 }
 
-/// Median nanoseconds an item of each case. Each round runs all cases one after the other, so that what else the machine
+/// Nanoseconds an item of each case. Each round runs all cases one after the other, so that what else the machine
 /// does falls on all of them alike; `budget_secs` is for all together. At least three rounds, at most 400.
-pub fn interleaved(clock: Clock, budget_secs: f64, cases: &mut [Case]) -> Vec<f64> {
+pub fn interleaved(clock: Clock, budget_secs: f64, cases: &mut [Case]) -> Vec<Nanos> {
     /// Shorter runs are repeated until the clock's own grain does not count.
     const LEAST: f64 = 100_000.0;
     let begun = Instant::now();
@@ -79,12 +108,7 @@ pub fn interleaved(clock: Clock, budget_secs: f64, cases: &mut [Case]) -> Vec<f6
             times.push((clock.now() - start) / (*repeat * case.items) as f64);
         }
     }
-    times.iter_mut().map(|t| median(t)).collect()
-}
-
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    times.into_iter().map(Nanos::of).collect()
 }
 
 #[cfg(test)]
@@ -92,9 +116,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_median_is_the_middle_one() {
-        assert_eq!(median(&mut [3.0, 1.0, 100.0]), 3.0);
-        assert!(median(&mut []).is_nan());
+    fn the_median_is_the_middle_one_and_quartiles_tell_chance_from_a_difference() {
+        assert_eq!(Nanos::of(vec![3.0, 1.0, 100.0, 2.0]), Nanos { median: 3.0, quartiles: [2.0, 100.0] });
+        assert!(Nanos::of(Vec::new()).median.is_nan());
+        let [fast, slow] = [[9.0, 10.0, 11.0], [12.0, 13.0, 14.0]].map(|of| Nanos::of(of.to_vec()));
+        assert!(fast.is_less(&slow) && !slow.is_less(&fast));
+        let noisy = Nanos::of(vec![8.0, 9.0, 13.0, 14.0]);
+        assert!(!fast.is_less(&noisy));
     }
 
     #[test]
@@ -102,7 +130,7 @@ mod tests {
         let (mut a, mut b) = (0, 0);
         let mut cases = [Case::new(1, || a += 1), Case::new(10, || b += 1)];
         let times = interleaved(Clock::Thread, 0.01, &mut cases);
-        assert!(times.iter().all(|t| *t >= 0.0) && times.len() == 2);
+        assert!(times.iter().all(|t| t.median >= 0.0) && times.len() == 2);
         drop(cases);
         assert!(a >= 5 && b >= 5);
     }

@@ -39,6 +39,9 @@ fn commands_describe_themselves() {
 fn a_call_is_described_and_a_word_of_descriptions_is_found() {
     let run = help(&["Camera.fov"]);
     assert!(run.out.contains("Sets the vertical field of view in degrees"), "{}", run.out);
+    let run = help(&["plant_feet"]);
+    assert!(run.out.contains("      Options: feet (an array of joint names"), "{}", run.out);
+    assert!(help(&["choreo.toml"]).out.contains("default options of commands"));
     assert!(help(&["counter-clockwise"]).out.contains("\n  Actor.turn(degrees)\n"));
 }
 

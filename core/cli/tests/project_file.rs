@@ -89,6 +89,8 @@ fn what_is_wrong_with_it_is_told_with_its_place() {
             .starts_with("1:11: search: \"..\" leads out of the folder of choreo.toml\n")
     );
     assert_eq!(message("[check]\nstrict = 1\n"), "2:10: strict must be true or false\n");
+    assert_eq!(message("[render]\nsamples = 3\n"), "2:11: --samples 3: 1 (fast) or 4 (smooth edges)\n");
+    assert_eq!(message("[render]\nsize = [8, 8]\n"), "2:8: size must be a text or a number, WxH\n");
     assert_eq!(message("render = 3\n"), "1:10: render must be a table of options: [render]\n");
     assert_eq!(message("search = [\n"), "1:11: unclosed array, expected `]`\n");
 }

@@ -17,7 +17,7 @@ pub use app::App;
 pub use drawing::device::cache_dir;
 pub use process::panics::exit_code_of_abort;
 
-use args::{Cli, Command, RenderArgs, values};
+use args::{Cli, Command, PluginsAction, PluginsArgs, RenderArgs, values};
 use clap::FromArgMatches;
 use commands::{
     check, explain, export, help, info, measure, new, plugins as plugins_command, pose, render, test, view,
@@ -63,6 +63,9 @@ fn start(mut command: Command, args: &[OsString], app: &App) -> Result<(), Failu
             let jobs = given.jobs.as_deref().map(values::jobs).transpose()?;
             jobs.into_iter().for_each(choreo_render::vulkan::limit_software_threads);
             threads::start(jobs)?;
+        }
+        Command::Plugins(PluginsArgs { action: Some(PluginsAction::Test { .. }), .. }) => {
+            threads::start(None)?
         }
         Command::New(_) | Command::View(_) | Command::Plugins(_) | Command::Help(_) => {}
         _ => threads::start(None)?,

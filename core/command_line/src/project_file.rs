@@ -3,7 +3,7 @@
 //! the same way.
 
 use crate::App;
-use crate::args::Cli;
+use crate::args::{Cli, values};
 use crate::failure::Failure;
 use choreo_plugin::suggest::{did_you_mean, list};
 use clap::parser::ValueSource;
@@ -56,6 +56,10 @@ fn with_options(
     // What is wrong with the command line is reported when it is read.
     let Ok(matches) = Cli::command().try_get_matches_from(args) else { return Ok(args.to_vec()) };
     let Some((name, given)) = matches.subcommand() else { return Ok(args.to_vec()) };
+    if given.subcommand_name().is_some() {
+        // Work on packages takes no defaults.
+        return Ok(args.to_vec());
+    }
     let Some(file) = file(name, given)? else { return Ok(args.to_vec()) };
     let cli = Cli::command();
     let Some(command) = cli.find_subcommand(name) else { return Ok(args.to_vec()) };
@@ -73,6 +77,9 @@ fn appended(args: &[OsString], options: Vec<OsString>) -> Vec<OsString> {
 /// The words with the folders of the program, where the command takes them. The viewer has them of its own program.
 fn with_folders(args: Vec<OsString>, app: &App) -> Result<Vec<OsString>, Failure> {
     let Ok(matches) = Cli::command().try_get_matches_from(&args) else { return Ok(args) };
+    if matches.subcommand().is_some_and(|(_, given)| given.subcommand_name().is_some()) {
+        return Ok(args);
+    }
     let cli = Cli::command();
     let Some(command) = matches.subcommand_name().and_then(|name| cli.find_subcommand(name)) else {
         return Ok(args);
@@ -272,11 +279,20 @@ impl ProjectFile {
             _ => text(value).map(|text| vec![text]),
         };
         let must = match (flag, repeated) {
-            (true, _) => "true or false",
-            (_, true) => "an array of texts",
-            _ => "a text or a number",
+            (true, _) => "true or false".to_string(),
+            (_, true) => "an array of texts".to_string(),
+            _ => {
+                let form = argument.get_value_names().and_then(|names| names.first());
+                let form = form.map(|form| format!(", {form}")).unwrap_or_default();
+                format!("a text or a number{form}")
+            }
         };
         let texts = texts.ok_or_else(|| self.wrong(value.span(), format!("{name} must be {must}")))?;
+        for text in &texts {
+            if let Err(Failure::Usage(what)) = values::check(name, text) {
+                return Err(self.wrong(value.span(), what));
+            }
+        }
         Ok(texts.into_iter().map(word).collect())
     }
 }

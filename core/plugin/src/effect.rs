@@ -1,7 +1,7 @@
 //! Effects. An effect names its [`Hook`] and gives one WGSL function; Vulkan runs it as part of a shader, and the CPU renderer
 //! evaluates the same text as an [`EffectFunction`].
 
-use crate::{EffectScene, EffectTexture, Manifest, Overlay, PluginFile};
+use crate::{EffectScene, EffectTexture, Manifest, Overlay, PluginFile, SceneImages, SceneInputs};
 use glam::{Vec2, Vec3, Vec4};
 
 /// The step of drawing in which an effect changes a frame.
@@ -197,6 +197,8 @@ pub struct EffectImages<'a> {
     pub original: EffectImage<'a>,
     /// The scene one frame ago, two frames ago and so on, before any effect on images; as many as [`Effect::history`], or more.
     pub before: &'a [EffectImage<'a>],
+    /// The scene behind the image; `None` where it is not known: then no surface is anywhere, and every number is 0.
+    pub scene: Option<SceneImages<'a>>,
 }
 
 /// Steps that one call of an effect's function may take: rounds of its loops, each times the statements of the loop's body.
@@ -230,7 +232,9 @@ pub trait EffectFunction: Send + Sync {
     /// - [`Hook::Lighting`]: `fn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32>`, the reflected light.
     /// - [`Hook::Image`]: `fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32>`, which may call
     ///   `picture(at)`, the result of the pass before, `original(at)`, the input of the first pass, `picture_size()` and
-    ///   `original_size()`, in pixels, `shrink_factor()`, and with a history `previous(frames, at)`, which only the CPU runs.
+    ///   `original_size()`, in pixels, `shrink_factor()`, and with a history `previous(frames, at)`, which only the CPU runs. With
+    ///   [`Effect::scene_inputs`] it may call `scene_surface(at)` and `scene_motion(at)`, the pixels of [`SceneImages`], and
+    ///   `scene_row_0()` to `scene_row_18()`, the [`crate::EffectFrame::rows`].
     ///
     /// Each may call `NAME(uv)` of its [`Effect::textures`].
     fn wgsl(&self) -> &str;
@@ -346,6 +350,11 @@ pub trait Effect: Send + Sync {
     /// [`BACKGROUND_DISTANCE`].
     fn changes_background(&self, _parameters: &[f32; 8]) -> bool {
         false
+    }
+
+    /// [`Hook::Image`]: the parts of the scene that the function reads.
+    fn scene_inputs(&self) -> SceneInputs {
+        SceneInputs::default()
     }
 
     /// [`Hook::Image`]: number of passes, each over the result of the one before.

@@ -6,7 +6,7 @@ use crate::effect::{EffectFunction, Hook, InvertedHull, Shutter, SurfaceInputs, 
 use crate::{
     Claim, Effect, EffectScene, EffectTexture, ExportError, ExportedScene, Exporter, Files, Frame, FrameSink,
     ImportError, ImportOptions, ImportScope, Importer, Manifest, Mark, Overlay, PluginFile, SceneExporter,
-    SceneFiles, Source, VideoInfo,
+    SceneFiles, SceneInputs, Source, VideoInfo,
 };
 use choreo_asset::Asset;
 use glam::Vec3;
@@ -218,6 +218,7 @@ impl Effect for IsolatedEffect {
         fn in_model_space(&self) -> bool;
         fn surface_inputs(&self, parameters: &[f32; 8]) -> SurfaceInputs;
         fn changes_background(&self, parameters: &[f32; 8]) -> bool;
+        fn scene_inputs(&self) -> SceneInputs;
         fn passes(&self) -> u32;
         fn history(&self, parameters: &[f32; 8]) -> u32;
         fn view_order(&self) -> ViewOrder;

@@ -19,6 +19,7 @@ pub mod on_use;
 pub mod overlay;
 pub mod registry;
 mod scene_exporter;
+mod scene_inputs;
 pub mod suggest;
 pub mod yuv;
 
@@ -42,3 +43,4 @@ pub use on_use::{LazyEffect, LazyPlugin, PluginError};
 pub use overlay::{ActorInstance, EffectScene, Label, Lattice, Overlay, Stroke, Triangle};
 pub use registry::Registry;
 pub use scene_exporter::{ExportedScene, MemoryFiles, SceneExporter, SceneFiles};
+pub use scene_inputs::{EffectFrame, SceneImages, SceneInputs};

@@ -36,13 +36,13 @@ pub struct Manifest {
     pub options: Vec<OptionSpec>,
 }
 
-/// A plugin's own file: with its text, scripts that use it know when it has changed.
+/// A plugin's own file: with its contents, scripts that use it know when it has changed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PluginFile {
     /// Canonical.
     pub path: std::path::PathBuf,
     /// Its contents.
-    pub text: String,
+    pub bytes: std::sync::Arc<[u8]>,
     /// Files that it reads, in its own folder.
     pub beside: Vec<BesideFile>,
 }

@@ -12,10 +12,11 @@ pub fn answer(term: &str) -> Answer {
     let wanted = term.trim_end_matches("()");
     let spelled = letters(wanted);
     let named = defs.all.iter().filter(|(_, def)| letters(def.name) == spelled || def.full_name() == wanted);
-    let calls = named.map(|(title, def)| Call::entry(title, def)).chain(mathematics(wanted, defs));
+    let calls = named.map(|(title, def)| Call::whole_entry(title, def)).chain(mathematics(wanted, defs));
     for call in calls {
-        if !answer.calls.contains(&call) {
-            answer.calls.push(call);
+        match answer.calls.iter_mut().find(|known| known.usage == call.usage) {
+            Some(known) => *known = call,
+            None => answer.calls.push(call),
         }
     }
     answer

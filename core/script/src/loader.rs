@@ -270,9 +270,9 @@ impl Loader {
         let start = found.and_then(|f| f.path.parent());
         let mut importer_name = importer.manifest().name.to_string();
         if let Some(file) = importer.file() {
-            self.note_used(&file.path, file.text.as_bytes());
+            self.note_used(&file.path, &file.bytes);
             // A plugin whose text has changed makes something else of the same bytes.
-            importer_name.push_str(&blake3::hash(file.text.as_bytes()).to_hex());
+            importer_name.push_str(&blake3::hash(&file.bytes).to_hex());
         }
         let key = |needs: ImportScope| Key {
             path: found.map_or_else(|| PathBuf::from(&source.name), |f| f.path.clone()),

@@ -28,12 +28,13 @@ const LOW: f64 = 0.01;
 /// Metres per second: a foot in the air that is as slow has come down.
 const SLOW: f64 = 0.3;
 const RATE: f64 = 240.0;
-/// Metres that feet may slide where a walk stops while a foot leaves the ground.
-const ROLLS_OFF: f64 = 0.036;
 /// Metres that feet may slide.
 const MOST: f64 = 0.02;
 /// Metres that the Fox's feet may slide with `plant_feet`: its own walk slides by 10 cm.
 const FOX_SLIDES: f64 = 0.045;
+
+/// Metres per second: a foot that is faster from one 240th of a second to the next pops.
+const POPS: f64 = 12.0;
 
 /// The Fox's own walk slides by 10 cm (as it plays alone), so that its contacts are not found by stillness.
 fn own_slides(character: &Character, planted: &str) -> bool {
@@ -238,11 +239,46 @@ fn walks_to_points_arrive_in_time_and_do_not_slide() {
             own.step * RATE
         );
         // The feet of the Fox slide in its clip.
-        let most = if character.0.contains("Fox") { plain.metres / 6.0 } else { ROLLS_OFF };
+        let most = if character.0.contains("Fox") { plain.metres / 6.0 } else { MOST };
         assert!(own.metres < most && plain.metres > 5.0 * MOST, "{}: {own:?}, {plain:?}", character.0);
         // Nothing pops.
-        assert!(own.step * RATE < 12.0, "{}: {own:?}", character.0);
+        assert!(own.step * RATE < POPS, "{}: {own:?}", character.0);
     }
+}
+
+/// Shortest time of the first frame at a time, by new evaluators, in seconds.
+fn first_frame(stage: &Arc<Stage>, time: f64) -> f64 {
+    let one = || {
+        let mut evaluator = Evaluator::new(stage.clone());
+        let begun = std::time::Instant::now();
+        evaluator.at(Time::from_secs(time)).unwrap();
+        begun.elapsed().as_secs_f64()
+    };
+    (0..7).map(|_| one()).fold(f64::INFINITY, f64::min)
+}
+
+/// Steps are planned by the first frame that needs them; a frame long before costs what it costs without any.
+#[test]
+fn only_frames_in_a_stop_plan_its_steps() {
+    let of = |planted: &str| {
+        let text = format!(
+            "stage(#{{ fps: 60, length: 12 }});
+             let m = load(\"choreo:mannequin\");
+             camera(\"c\").at(0, 2, 20).look_at([0, 1, 0]);
+             for i in 0..40 {{
+                 let anna = cast(\"anna\" + i, m).at(i * 0.7, 0, 0);
+                 anna.root_motion(); {planted}
+                 anna.play(m.clip(\"Walk\")).until(6.17).then(m.clip(\"Idle\"), #{{ fade: 0.5 }});
+             }}"
+        );
+        Arc::new(stage_of_samples(Path::new("."), &text))
+    };
+    let (steps, none) = (of(""), of("anna.plant_feet(#{ weight: 0 });"));
+    let ratio = |time: f64| first_frame(&steps, time) / first_frame(&none, time);
+    let (before, within) = (ratio(1.0), ratio(6.4));
+    println!("first frame, times that without steps: {before:.2} before the stop, {within:.2} within");
+    assert!(before < 2.0, "{before}");
+    assert!(within > 2.0, "{within}: the measure sees planning");
 }
 
 /// Ways to walk: name, calls of the script.
@@ -295,4 +331,27 @@ fn feet_of_a_walk_do_not_slide() {
             assert!(!planted || own.metres < most, "{}, {how}: {own:?}", character.0);
         }
     }
+}
+
+/// A foot that is dragged and one that jumps exceed the bounds of the tests above.
+#[test]
+fn the_bounds_see_a_dragged_foot_and_a_pop() {
+    let text = script(&CHARACTERS[0], WALKS[1].1);
+    let stage = stage_of_samples(Path::new("."), &text);
+    let legs = find_legs(&stage.actors[0].asset.skeleton);
+    let feet = balls(&stage, &legs, 0.0, 4.0);
+    let own = slide(&feet, &grounds(&feet), 0.0);
+    assert!(own.metres < MOST && own.step * RATE < POPS, "{own:?}");
+    // 5 cm/s, over contacts of more than half a second.
+    let dragged = |places: &Vec<DVec3>| {
+        let moved = |(i, p): (usize, &DVec3)| *p + DVec3::X * (0.05 * i as f64 / RATE);
+        places.iter().enumerate().map(moved).collect()
+    };
+    let faulty: Vec<Vec<DVec3>> = feet.iter().map(dragged).collect();
+    let seen = slide(&faulty, &grounds(&faulty), 0.0);
+    assert!(seen.metres > MOST, "{seen:?}");
+    let mut faulty = feet;
+    faulty[0][500] += DVec3::Z * 0.06;
+    let seen = slide(&faulty, &grounds(&faulty), 0.0);
+    assert!(seen.step * RATE > POPS, "{seen:?}");
 }

@@ -11,6 +11,7 @@
 pub mod edit;
 mod frame_renderer;
 pub mod model;
+pub mod package;
 pub mod plugin_files;
 mod scene_source;
 mod session;

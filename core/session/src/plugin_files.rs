@@ -1,10 +1,14 @@
 //! Plugins that are files: `NAME.importer.rhai`, `NAME.exporter.rhai` and `NAME.wgsl` beside the script and in a folder `plugins` there, in the
-//! folders given with `--plugins`, and in those that the environment variable CHOREO_PLUGINS names. No other place is read.
+//! folders given with `--plugins`, and in those that the environment variable CHOREO_PLUGINS names or, without it, in the user's own
+//! folder of plugins ([`user_folder`]). No other place is read. The last three can hold packages, too: folders with a `plugin.toml`.
 //! Beside a script there can be WGSL of any kind: only what begins as an effect is taken for one.
 
+use crate::package::{DESCRIPTION, MOST_DESCRIPTION, Package, PackagedKind, PackagedPlugin};
 use choreo_files::{FileError, Folder};
 use choreo_importer_kit::images::{Encoded, Formats};
-use choreo_plugin::{BesideFile, Effect, LazyEffect, PluginError, PluginFile, Registry};
+use choreo_plugin::{
+    BesideFile, Effect, Importer, LazyEffect, Manifest, PluginError, PluginFile, Registry, SceneExporter,
+};
 use choreo_rhai_importer::{EXPORTER_ENDING, ImporterOnUse, RhaiExporter, RhaiImporter, ScriptError};
 use choreo_wgsl_effect::{TextureImage, WgslEffect};
 use std::io::Read;
@@ -46,8 +50,8 @@ pub enum FolderError {
 /// The plugin files that were found. Of an effect the name was read, of an importer the manifest; the rest is read and
 /// compiled when something uses it.
 pub struct Listing {
-    /// The plugins given and those of the files. Later folders win over earlier ones: those of CHOREO_PLUGINS, then those named
-    /// in order, then the inputs' own folders and those beside the inputs.
+    /// The plugins given and those of the files. Later folders win over earlier ones: the user's own or those of CHOREO_PLUGINS, then
+    /// those named in order, then the inputs' own folders and those beside the inputs. A folder's packages come after its files.
     pub registry: Registry,
     entries: Vec<Entry>,
     /// Folders in which a plugin file would be found; those beside the inputs need not exist.
@@ -92,13 +96,31 @@ struct Source {
     shown: String,
     /// Canonical, but for links that lead nowhere.
     path: PathBuf,
+    /// The package's entry for the file and its version, or the reason why `plugin.toml` is refused; none outside packages.
+    stated: Option<Result<(PackagedPlugin, String), ReadError>>,
 }
 
 /// A folder in which plugin files are looked for.
 struct PluginFolder {
-    /// Path as the user wrote it.
-    path: PathBuf,
+    /// Path as the user wrote it. Links are followed beneath this folder only.
+    root: PathBuf,
+    /// The folder itself, relative to `root`.
+    below: PathBuf,
     kind: FolderKind,
+}
+
+impl PluginFolder {
+    fn new(root: &Path, below: impl Into<PathBuf>, kind: FolderKind) -> PluginFolder {
+        PluginFolder { root: root.to_path_buf(), below: below.into(), kind }
+    }
+
+    /// Path as the user wrote it.
+    fn path(&self) -> PathBuf {
+        match self.below.as_os_str().is_empty() {
+            true => self.root.clone(),
+            false => self.root.join(&self.below),
+        }
+    }
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -108,6 +130,8 @@ enum FolderKind {
     Own,
     /// `plugins` in the folder of an input.
     Beside,
+    /// A package in a named folder: only the files that its description names are plugins.
+    Package,
 }
 
 /// Finds the plugin files, in the order in which they count. `before`: an earlier listing, whose compiled plugins are used
@@ -118,7 +142,19 @@ pub fn list(
     inputs: &[&Path],
     before: Option<&Listing>,
 ) -> Result<Listing, FolderError> {
-    let places = places(named, inputs)?;
+    of_places(plugins, places(named, inputs)?, before)
+}
+
+/// The plugins of one package alone, whose folder has a description, beside those given.
+pub fn list_package(plugins: &Registry, folder: &Path) -> Result<Listing, FolderError> {
+    of_places(plugins, vec![PluginFolder::new(folder, "", FolderKind::Package)], None)
+}
+
+fn of_places(
+    plugins: &Registry,
+    places: Vec<PluginFolder>,
+    before: Option<&Listing>,
+) -> Result<Listing, FolderError> {
     let mut listing = Listing {
         registry: plugins.clone(),
         entries: Vec::new(),
@@ -126,49 +162,72 @@ pub fn list(
         replaced: Vec::new(),
         compiled: before.map(|b| b.compiled.clone()).unwrap_or_default(),
     };
-    for place in places.iter().filter(|p| p.path.is_dir()) {
+    for place in places.iter().filter(|p| p.path().is_dir()) {
         for source in sources(place)? {
             if let Some(entry) = listing.entry(source, place.kind, before) {
-                let before = listing.registry.replaced().len();
-                match &entry.plugin {
-                    Plugin::Effect(effect) => listing.registry.add_lazy_effect(effect.clone()),
-                    Plugin::Importer(importer) => listing.registry.add_shared_importer(importer.clone()),
-                    Plugin::Exporter(exporter) => {
-                        listing.registry.add_shared_scene_exporter(exporter.clone());
-                    }
-                    Plugin::Faulty(_) => listing.registry.add_faulty(entry.source.shown.clone()),
-                }
-                let replaced = &listing.registry.replaced()[before..];
-                listing
-                    .replaced
-                    .extend(replaced.iter().map(|text| format!("{}: {text}", entry.source.shown)));
-                listing.entries.push(entry);
+                listing.add(entry);
             }
         }
     }
-    listing.folders = places.into_iter().map(|place| place.path).collect();
+    listing.folders = places.iter().map(PluginFolder::path).collect();
     Ok(listing)
+}
+
+/// The folder that packages are installed in: the first that CHOREO_PLUGINS names, else the user's data folder. `None` where the
+/// system names none, or where CHOREO_PLUGINS is empty.
+pub fn user_folder() -> Option<PathBuf> {
+    user_folders().into_iter().next().map(|(folder, _)| folder)
+}
+
+/// The folders that the environment names, and whether a folder must exist.
+fn user_folders() -> Vec<(PathBuf, bool)> {
+    if let Some(variable) = std::env::var_os(VARIABLE) {
+        let folders = std::env::split_paths(&variable).filter(|f| !f.as_os_str().is_empty());
+        return folders.map(|folder| (folder, true)).collect();
+    }
+    let folder = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|f| f.is_absolute());
+    let data = folder("XDG_DATA_HOME")
+        .or_else(|| folder("HOME").map(|home| home.join(".local/share")))
+        .or_else(|| folder("LOCALAPPDATA"));
+    data.map(|data| (data.join("choreo/plugins"), false)).into_iter().collect()
+}
+
+/// The packages in a folder by name, installed or in a folder that is searched. Folders that begin with a dot are no packages: those of
+/// an installation that is being written do.
+pub fn packages_in(folder: &Path) -> Vec<PathBuf> {
+    let Ok(open) = Folder::open(folder) else { return Vec::new() };
+    let names = open.names(MOST_FILES).unwrap_or_default();
+    let is_package = |name: &PathBuf| {
+        !name.to_string_lossy().starts_with('.') && open.kind(&name.join(DESCRIPTION)).is_some()
+    };
+    names.into_iter().map(PathBuf::from).filter(is_package).collect()
 }
 
 /// The folders in the order in which they count, each once.
 fn places(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<PluginFolder>, FolderError> {
-    let variable = std::env::var_os(VARIABLE).unwrap_or_default();
-    let of_variable = std::env::split_paths(&variable).filter(|f| !f.as_os_str().is_empty());
-    let of_variable = of_variable.map(|folder| (folder, VARIABLE));
     let mut places: Vec<PluginFolder> = Vec::new();
-    for (folder, flag) in of_variable.chain(named.iter().map(|f| (f.clone(), "--plugins"))) {
-        if !folder.is_dir() {
-            return Err(FolderError::Missing { flag, folder });
+    let users = user_folders().into_iter().map(|(folder, must_exist)| (folder, VARIABLE, must_exist));
+    for (folder, flag, must_exist) in users.chain(named.iter().map(|f| (f.clone(), "--plugins", true))) {
+        match folder.is_dir() {
+            true => {}
+            false if must_exist => return Err(FolderError::Missing { flag, folder }),
+            // Nothing is installed: no folder above it is watched for that.
+            false => continue,
         }
-        places.push(PluginFolder { path: folder, kind: FolderKind::Named });
+        places.push(PluginFolder::new(&folder, "", FolderKind::Named));
+        let package = |name| PluginFolder::new(&folder, name, FolderKind::Package);
+        places.extend(packages_in(&folder).into_iter().map(package));
     }
     for input in inputs {
         let folder = if input.is_dir() { input } else { input.parent().unwrap_or(Path::new("")) };
         let own = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-        for (path, kind) in [(own.to_path_buf(), FolderKind::Own), (folder.join(BESIDE), FolderKind::Beside)]
-        {
-            if !places.iter().any(|known| is_same(&known.path, &path)) {
-                places.push(PluginFolder { path, kind });
+        for (below, kind) in [("", FolderKind::Own), (BESIDE, FolderKind::Beside)] {
+            let place = match kind {
+                FolderKind::Own => PluginFolder::new(own, below, kind),
+                _ => PluginFolder::new(folder, below, kind),
+            };
+            if !places.iter().any(|known| is_same(&known.path(), &place.path())) {
+                places.push(place);
             }
         }
     }
@@ -181,41 +240,61 @@ fn is_same(a: &Path, b: &Path) -> bool {
 
 /// Plugin files of a folder, by name, so that the order is the same on every machine.
 fn sources(place: &PluginFolder) -> Result<Vec<Source>, FolderError> {
-    let unreadable = |error: FileError| FolderError::Unreadable { folder: place.path.clone(), error };
-    // A file in `plugins` may be a link to another place in the script's folder, but not out of it.
-    let (root, below) = match place.kind {
-        FolderKind::Beside => (place.path.parent().unwrap_or(Path::new("")), Path::new(BESIDE)),
-        _ => (place.path.as_path(), Path::new("")),
-    };
-    let root = if root.as_os_str().is_empty() { Path::new(".") } else { root };
+    let unreadable = |error: FileError| FolderError::Unreadable { folder: place.path(), error };
+    let root = if place.root.as_os_str().is_empty() { Path::new(".") } else { place.root.as_path() };
     let opened = Folder::open(root).map_err(FileError::Io).and_then(|folder| {
-        let names = match place.kind {
-            FolderKind::Beside => folder.folder(below)?.names(MOST_FILES)?,
-            _ => folder.names(MOST_FILES)?,
+        let names = match place.below.as_os_str().is_empty() {
+            true => folder.names(MOST_FILES)?,
+            false => folder.folder(&place.below)?.names(MOST_FILES)?,
         };
         Ok((folder, names))
     });
     let (folder, names) = match opened {
         Ok(opened) => opened,
-        Err(FileError::Outside) => return Err(FolderError::Link { folder: place.path.clone() }),
+        Err(FileError::Outside) => return Err(FolderError::Link { folder: place.path() }),
         // A script can stand in a folder that may not be listed.
         Err(_) if place.kind == FolderKind::Own => return Ok(Vec::new()),
         Err(error) => return Err(unreadable(error)),
     };
     let folder = Arc::new(folder);
     let canonical = root.canonicalize().unwrap_or_else(|_| root.to_path_buf());
+    let source = |name: PathBuf| {
+        let shown = place.path().join(&name).display().to_string();
+        let name = place.below.join(&name);
+        let path = canonical.join(folder.resolve(&name).unwrap_or_else(|_| name.clone()));
+        Source { folder: folder.clone(), name, shown, path, stated: None }
+    };
+    if place.kind == FolderKind::Package {
+        let description = source(DESCRIPTION.into());
+        return Ok(match description.package() {
+            Err(fault) => vec![Source { stated: Some(Err(fault)), ..description }],
+            Ok(package) => {
+                let stated = |plugin: PackagedPlugin| Some(Ok((plugin, package.version.to_string())));
+                let plugins = package.plugins.clone().into_iter();
+                plugins.map(|p| Source { stated: stated(p.clone()), ..source(p.file.into()) }).collect()
+            }
+        });
+    }
     let is_plugin = |name: &str| ENDINGS.iter().any(|e| name.ends_with(e)) && !name.starts_with('.');
     let names = names.into_iter().filter(|name| is_plugin(&name.to_string_lossy()));
-    let source = |name: std::ffi::OsString| {
-        let shown = place.path.join(&name).display().to_string();
-        let name = below.join(&name);
-        let path = canonical.join(folder.resolve(&name).unwrap_or_else(|_| name.clone()));
-        Source { folder: folder.clone(), name, shown, path }
-    };
-    Ok(names.map(source).filter(|source| !source.path.is_dir()).collect())
+    Ok(names.map(|name| source(name.into())).filter(|source| !source.path.is_dir()).collect())
 }
 
 impl Listing {
+    /// Registers the plugin of a file, and notes whether it takes the place of another.
+    fn add(&mut self, entry: Entry) {
+        let before = self.registry.replaced().len();
+        match &entry.plugin {
+            Plugin::Effect(effect) => self.registry.add_lazy_effect(effect.clone()),
+            Plugin::Importer(importer) => self.registry.add_shared_importer(importer.clone()),
+            Plugin::Exporter(exporter) => self.registry.add_shared_scene_exporter(exporter.clone()),
+            Plugin::Faulty(_) => self.registry.add_faulty(entry.source.shown.clone()),
+        }
+        let replaced = &self.registry.replaced()[before..];
+        self.replaced.extend(replaced.iter().map(|text| format!("{}: {text}", entry.source.shown)));
+        self.entries.push(entry);
+    }
+
     /// The plugin of a file. `None` if the file is not meant as a plugin.
     fn entry(&self, source: Source, kind: FolderKind, before: Option<&Listing>) -> Option<Entry> {
         let is_it = |e: &&Entry| e.read.get().is_some() && e.source.path == source.path;
@@ -227,6 +306,10 @@ impl Listing {
             return Some(Entry { source, plugin, read });
         }
         let read = Arc::new(OnceLock::new());
+        if let Some(Err(fault)) = &source.stated {
+            let plugin = Plugin::Faulty(fault.to_string());
+            return Some(Entry { source, plugin, read });
+        }
         let (of, slot, compiled) = (source.clone(), read.clone(), self.compiled.clone());
         let reading = move || {
             compiled.fetch_add(1, Ordering::Relaxed);
@@ -272,7 +355,13 @@ impl Listing {
             Plugin::Exporter(_) => None,
             Plugin::Faulty(text) => Some(text.clone()),
         };
-        self.entries.iter().filter_map(fault).collect()
+        self.entries.iter().filter_map(|entry| fault(entry).or_else(|| entry.contradiction())).collect()
+    }
+
+    /// Names of the importers, scene exporters and effects of the files that work.
+    pub fn names(&self) -> Vec<(PackagedKind, String)> {
+        let name = |entry: &Entry| Some((entry.kind()?, entry.manifest()?.name.clone()));
+        self.entries.iter().filter_map(name).collect()
     }
 
     /// The plugin files, canonical.
@@ -286,7 +375,54 @@ impl Listing {
     }
 }
 
+impl Entry {
+    /// The manifest of a plugin that works; an effect is compiled for it.
+    fn manifest(&self) -> Option<&Manifest> {
+        match &self.plugin {
+            Plugin::Effect(effect) => effect.get().ok().map(|effect| effect.manifest()),
+            Plugin::Importer(importer) => Some(importer.manifest()),
+            Plugin::Exporter(exporter) => Some(exporter.manifest()),
+            Plugin::Faulty(_) => None,
+        }
+    }
+
+    fn kind(&self) -> Option<PackagedKind> {
+        match &self.plugin {
+            Plugin::Effect(_) => Some(PackagedKind::Effect),
+            Plugin::Importer(_) => Some(PackagedKind::Importer),
+            Plugin::Exporter(_) => Some(PackagedKind::Exporter),
+            Plugin::Faulty(_) => None,
+        }
+    }
+
+    /// A statement of a package's description that its plugin contradicts: outputs name the version that the plugin states.
+    fn contradiction(&self) -> Option<String> {
+        let Some(Ok((stated, version))) = &self.source.stated else { return None };
+        let (shown, own) = (&self.source.shown, &self.manifest()?.version);
+        if own != version {
+            return Some(format!(
+                "{shown}: the plugin states version {own}, {DESCRIPTION} {version}; write the same in both"
+            ));
+        }
+        let Plugin::Effect(effect) = &self.plugin else { return None };
+        let (own, hook) = (choreo_wgsl_effect::hook_word(effect.get().ok()?.hook()), stated.hook.as_ref()?);
+        (own != hook).then(|| {
+            format!(
+                "{shown}: the effect has the hook {own}, {DESCRIPTION} states {hook}; write the same in both"
+            )
+        })
+    }
+}
+
 impl Source {
+    /// The package of a description.
+    fn package(&self) -> Result<Package, ReadError> {
+        let bytes = self.folder.read(&self.name, MOST_DESCRIPTION).map_err(|e| self.failed(&e))?;
+        let text = String::from_utf8(bytes)
+            .map_err(|_| ReadError(format!("{}: it is not UTF-8 text", self.shown)))?;
+        Package::parse(&self.shown, &text).map_err(|e| ReadError(e.to_string()))
+    }
+
     fn is_wgsl(&self) -> bool {
         self.shown.ends_with(choreo_wgsl_effect::ENDING)
     }
@@ -314,19 +450,23 @@ impl Source {
         Ok(String::from_utf8_lossy(&bytes).into_owned())
     }
 
+    fn bytes(&self) -> Result<Vec<u8>, ReadError> {
+        self.folder.read(&self.name, MOST_BYTES).map_err(|e| self.failed(&e))
+    }
+
     fn text(&self) -> Result<String, ReadError> {
-        let bytes = self.folder.read(&self.name, MOST_BYTES).map_err(|e| self.failed(&e))?;
-        String::from_utf8(bytes).map_err(|e| {
+        String::from_utf8(self.bytes()?).map_err(|e| {
             ReadError(format!("{}: byte {} is no UTF-8 text", self.shown, e.utf8_error().valid_up_to()))
         })
     }
 
-    /// The text with the files that it names.
+    /// The contents with the files that they name.
     fn read(&self) -> Result<PluginFile, ReadError> {
+        let path = self.path.clone();
         let text = self.text()?;
         let named = if self.is_wgsl() { choreo_wgsl_effect::files(&text) } else { Vec::new() };
         let beside = named.into_iter().map(|name| self.beside(name)).collect();
-        Ok(PluginFile { path: self.path.clone(), text, beside })
+        Ok(PluginFile { path, bytes: text.into_bytes().into(), beside })
     }
 
     /// A file in the folder of the plugin's own or below it.
@@ -373,8 +513,13 @@ fn picture(file: &PluginFile, name: &str) -> Result<TextureImage, String> {
     })
 }
 
+/// The text of a plugin file, which was text when it was read.
+fn text_of(file: &PluginFile) -> std::borrow::Cow<'_, str> {
+    String::from_utf8_lossy(&file.bytes)
+}
+
 fn effect(shown: &str, file: PluginFile) -> Result<Arc<dyn Effect>, PluginError> {
-    let compiled = WgslEffect::with_textures(shown, &file.text, |name| picture(&file, name));
+    let compiled = WgslEffect::with_textures(shown, &text_of(&file), |name| picture(&file, name));
     match compiled {
         Ok(effect) => Ok(Arc::new(effect.with_file(file))),
         Err(error) => {
@@ -386,14 +531,14 @@ fn effect(shown: &str, file: PluginFile) -> Result<Arc<dyn Effect>, PluginError>
 }
 
 fn exporter(shown: &str, file: PluginFile) -> Result<RhaiExporter, PluginError> {
-    match RhaiExporter::from_text(shown, &file.text) {
+    match RhaiExporter::from_text(shown, &text_of(&file)) {
         Ok(exporter) => Ok(exporter.with_file(file)),
         Err(error) => Err(PluginError { text: error.to_string(), files: vec![file.path] }),
     }
 }
 
 fn importer(shown: &str, file: PluginFile) -> Result<RhaiImporter, PluginError> {
-    match RhaiImporter::from_text(shown, &file.text) {
+    match RhaiImporter::from_text(shown, &text_of(&file)) {
         Ok(importer) => Ok(importer.with_file(file)),
         Err(error) => Err(PluginError { text: error.to_string(), files: vec![file.path] }),
     }

@@ -3,7 +3,7 @@
 //! In this order: keyed properties, hooks, visibility, which poses are needed at all, poses, places in the world, constraints
 //! (planted feet, aims, looks, reaches), places again where a constraint has moved something, springs, lights, camera.
 
-use crate::constraints::foot_lock::FootLocks;
+use crate::constraints::foot_locks::FootLocks;
 use crate::constraints::{self, ConstrainedScratch};
 use crate::culling::{PoseBounds, stands_without_poses};
 use crate::framing::Framings;
@@ -70,7 +70,12 @@ struct Memory {
 impl Memory {
     fn new(stage: &Stage) -> Memory {
         let (foot_locks, springs) = (FootLocks::default(), SpringCheckpoints::default());
-        Memory { framings: Framings::new(stage), foot_locks, springs, pose_bounds: OnceLock::new() }
+        Memory {
+            framings: Framings::new(stage, foot_locks.clone()),
+            foot_locks,
+            springs,
+            pose_bounds: OnceLock::new(),
+        }
     }
 }
 

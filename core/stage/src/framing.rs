@@ -4,7 +4,7 @@
 //! outlines of all visible actors are taken at some times of the stage, once; then a camera costs a few projected corners a frame.
 
 use crate::camera::orbit_rotation;
-use crate::constraints::foot_lock::FootLocks;
+use crate::constraints::foot_locks::FootLocks;
 use crate::constraints::{ConstrainedScratch, evaluate_actors};
 use crate::pose::posed_mesh::posed_body;
 use crate::pose::posed_mesh::posed_meshes;
@@ -28,11 +28,14 @@ const EMPTY_ROOM: (DVec3, DVec3) = (DVec3::new(-1.0, 0.0, -1.0), DVec3::new(1.0,
 
 /// Bounds that the cameras of one stage frame, computed once: one slot a camera, the last for a stage without any.
 #[derive(Debug)]
-pub(crate) struct Framings(Vec<OnceLock<Result<Vec<DAabb>, StageError>>>);
+pub(crate) struct Framings {
+    boxes: Vec<OnceLock<Result<Vec<DAabb>, StageError>>>,
+    foot_locks: FootLocks,
+}
 
 impl Framings {
-    pub fn new(stage: &Stage) -> Framings {
-        Framings((0..=stage.cameras.len()).map(|_| OnceLock::new()).collect())
+    pub fn new(stage: &Stage, foot_locks: FootLocks) -> Framings {
+        Framings { boxes: (0..=stage.cameras.len()).map(|_| OnceLock::new()).collect(), foot_locks }
     }
 
     pub fn camera(
@@ -44,8 +47,11 @@ impl Framings {
         projection: Projection,
     ) -> Result<CameraState, StageError> {
         let rotation = orbit_rotation(azimuth, elevation);
-        let slot = &self.0[index.unwrap_or(self.0.len() - 1)];
-        let boxes = slot.get_or_init(|| visible_boxes(stage, rotation)).as_ref().map_err(Clone::clone)?;
+        let slot = &self.boxes[index.unwrap_or(self.boxes.len() - 1)];
+        let boxes = slot
+            .get_or_init(|| visible_boxes(stage, &self.foot_locks, rotation))
+            .as_ref()
+            .map_err(Clone::clone)?;
         let [width, height] = stage.settings.size.map(|n| f64::from(n.max(1)));
         let (position, projection) = fit(boxes, width / height, projection);
         let world_from_view = DAffine3::from_rotation_translation(rotation, rotation * position);
@@ -54,7 +60,11 @@ impl Framings {
 }
 
 /// Boxes in the axes of the view (right, up, back) of what is visible at some times, one an actor and time.
-fn visible_boxes(stage: &Stage, world_from_axes: DQuat) -> Result<Vec<DAabb>, StageError> {
+fn visible_boxes(
+    stage: &Stage,
+    foot_locks: &FootLocks,
+    world_from_axes: DQuat,
+) -> Result<Vec<DAabb>, StageError> {
     let axes_from_world = DAffine3::from_quat(world_from_axes.inverse());
     let intervals = (MAX_POSES / stage.actors.len().max(1)).clamp(*TIMES.start(), *TIMES.end());
     // More than two looks a frame show nothing new.
@@ -63,10 +73,9 @@ fn visible_boxes(stage: &Stage, world_from_axes: DQuat) -> Result<Vec<DAabb>, St
     let (mut boxes, mut ground) = (Vec::new(), Vec::new());
     let (mut scratch, mut snapshot) = (ConstrainedScratch::default(), Snapshot::default());
     // Hair that flies changes no image's frame.
-    let foot_locks = FootLocks::default();
     for i in 0..=intervals {
         let time = Time((i128::from(length.0) * i as i128 / intervals as i128) as i64);
-        evaluate_actors(stage, &mut scratch, time, &foot_locks, None, &mut snapshot)?;
+        evaluate_actors(stage, &mut scratch, time, foot_locks, None, &mut snapshot)?;
         for (actor, state) in stage.actors.iter().zip(&snapshot.actors).filter(|(_, s)| s.visible) {
             let mut bounds = DAabb::EMPTY;
             let axes_from_model = axes_from_world * state.world_from_model;

@@ -11,7 +11,7 @@
 //! spring of which that minute would leave more than a millionth of a swing ([`FORGETS`]), as of an undamped one, is one stretch.
 
 use crate::actors;
-use crate::constraints::foot_lock::FootLocks;
+use crate::constraints::foot_locks::FootLocks;
 use crate::constraints::{ConstrainedScratch, evaluate_actors};
 use crate::snapshot::{ActorState, Snapshot};
 use crate::stage::edits::ActorEdit;

@@ -11,7 +11,7 @@ const MOST_FILES: usize = 20_000;
 /// Folders that hold no tests of their own: modules are imported, images compared, the rest is not ours.
 const PASSED_OVER: &[&str] = &["modules", "pictures", "target", "node_modules"];
 /// Plugins in Rhai are no tests.
-const PLUGIN: &str = ".importer.rhai";
+const PLUGINS: [&str; 2] = [".importer.rhai", ".exporter.rhai"];
 
 /// One section to run.
 #[derive(Clone, Debug, PartialEq)]
@@ -138,7 +138,10 @@ fn walk(folder: &Path, root: &Path, files: &mut Vec<(PathBuf, Option<PathBuf>)>)
             if !PASSED_OVER.contains(&text.as_ref()) {
                 walk(&path, root, files)?;
             }
-        } else if text.to_ascii_lowercase().ends_with(".rhai") && !text.ends_with(PLUGIN) && path.is_file() {
+        } else if text.to_ascii_lowercase().ends_with(".rhai")
+            && !PLUGINS.iter().any(|ending| text.ends_with(ending))
+            && path.is_file()
+        {
             if files.len() >= MOST_FILES {
                 return Err(NothingToRun::Usage(format!(
                     "more than {MOST_FILES} scripts below {}; name the folder of the tests",

@@ -259,3 +259,41 @@ fn costs_are_compared_as_ratios() {
     let checks = common::checks(&text("3"));
     assert!(!checks[0].passed && checks[0].got.ends_with(" times"), "{:?}", checks[0]);
 }
+
+/// What has no value fails with the reason, whatever is claimed of it.
+#[test]
+fn a_claim_about_what_has_no_value_fails_with_the_reason() {
+    let text = |height: &str, claim: &str| {
+        format!(
+            r#"test("t", || {{
+                stage(#{{ fps: 30, length: 1 }});
+                let ball = cast("ball", shape("sphere", #{{ size: 0.2 }})).at(0, {height}, 0);
+                let wide = camera("wide").at(0, 1, 5).look_at([0, 1, 0]);
+                let side = camera("side").at(3, 1, 5).look_at([0, 1, 5]);
+                {claim}
+            }});"#
+        )
+    };
+    let judged = |height: &str, claim: &str| {
+        let mut checks = checks(&text(height, claim));
+        assert_eq!(checks.len(), 1);
+        checks.remove(0)
+    };
+    let slide = "expect(ball.joint(ball.joints()[0]))";
+    let still = judged("0", &format!("{slide}.slide().below(0.01);"));
+    assert!(still.passed, "{still:?}");
+    for claim in ["slide().below(0.01)", "at(0.5).slide().near(0.0)", "not().slide().above(0.01)"] {
+        let flying = judged("0.5", &format!("{slide}.{claim};"));
+        let why = "its lowest place is 0.5 m above it";
+        assert!(!flying.passed && flying.got.contains("never touches the floor"), "{claim}: {flying:?}");
+        assert!(flying.got.contains(why), "{claim}: {flying:?}");
+    }
+    let own = judged("1", "expect(wide).in_picture().near([0.5, 0.5, 0.0], 99.0);");
+    assert!(!own.passed && own.hint.contains("camera wide takes this image itself"), "{own:?}");
+    let own = judged("1", "expect(side).in_picture(side).x().between(-99.0, 99.0);");
+    assert!(!own.passed && own.hint.contains("camera side takes this image itself"), "{own:?}");
+    let other = judged("1", "expect(wide).in_picture(side).near([0.5, 0.5, 3.0], 0.001);");
+    assert!(other.passed, "{other:?}");
+    let behind = judged("1", "ball.at(0, 1, 9); expect(ball).in_picture().y().above(0.0);");
+    assert!(!behind.passed && behind.hint.contains("behind the camera"), "{behind:?}");
+}

@@ -44,7 +44,7 @@ struct Args {
     lose: Vec<u64>,
     /// Print what has been done and shown, and when, on standard output, for tests and measurements
     #[arg(long, hide = true)]
-    tell: bool,
+    event_log: bool,
 }
 
 /// Options of the program, checked.
@@ -55,7 +55,7 @@ pub(crate) struct ViewerOptions {
     /// Frames of the window at which its device is as good as lost.
     pub lose: Vec<u64>,
     /// Reports on standard output what is shown, a line each.
-    pub tell: bool,
+    pub event_log: bool,
 }
 
 pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<ViewerOptions, ExitCode> {
@@ -95,5 +95,5 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
         shaders: args.shaders,
         ..SceneSource::new(args.input)
     };
-    Ok(ViewerOptions { source, at: args.at, play: args.play, lose: args.lose, tell: args.tell })
+    Ok(ViewerOptions { source, at: args.at, play: args.play, lose: args.lose, event_log: args.event_log })
 }

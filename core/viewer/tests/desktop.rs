@@ -7,7 +7,7 @@ mod desktop;
 mod screen;
 
 use desktop::{Drag, Manager, Settings};
-use screen::told::Told;
+use screen::viewer_process::ViewerProcess;
 use screen::{Screen, Shot, assert_quiet, until, validated};
 use std::fs;
 use std::path::Path;
@@ -20,7 +20,7 @@ camera("c").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
 "##;
 const BACKGROUND: [u8; 3] = [0x20, 0x40, 0x60];
 
-fn open(screen: &Screen, folder: &Path, more: &[&str]) -> (Told, String) {
+fn open(screen: &Screen, folder: &Path, more: &[&str]) -> (ViewerProcess, String) {
     let script = folder.join("a.rhai");
     fs::write(&script, SCRIPT).unwrap();
     let args: Vec<&str> = std::iter::once(script.to_str().unwrap()).chain(more.iter().copied()).collect();
@@ -29,15 +29,15 @@ fn open(screen: &Screen, folder: &Path, more: &[&str]) -> (Told, String) {
         command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
     }
     command.stderr(fs::File::create(folder.join("said.txt")).unwrap());
-    let told = Told::start(command);
+    let viewer = ViewerProcess::start(command);
     let window = screen.window();
     until("the image", || (screen.shot(&window).count(BACKGROUND) > 20_000).then_some(()));
-    (told, window)
+    (viewer, window)
 }
 
-fn ends_well(screen: &Screen, window: &str, mut told: Told, folder: &Path) {
+fn ends_well(screen: &Screen, window: &str, mut viewer: ViewerProcess, folder: &Path) {
     screen.key(window, "ctrl+q");
-    let status = until("the end", || told.viewer.0.try_wait().unwrap());
+    let status = until("the end", || viewer.process.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
     assert_quiet(folder);
 }
@@ -47,23 +47,23 @@ fn minimised_it_does_nothing_and_is_back_with_what_has_changed() {
     let Some(screen) = Screen::new() else { return };
     let manager = Manager::start(&screen.display);
     let folder = tempfile::tempdir().unwrap();
-    let (told, window) = open(&screen, folder.path(), &["--play"]);
+    let (viewer, window) = open(&screen, folder.path(), &["--play"]);
     // Shown able to see work.
-    told.plays();
+    viewer.plays();
     for round in 0..3 {
         screen.xdotool(&["windowminimize", &window]);
-        let last = told.settled(Duration::from_millis(700), Duration::from_secs(300));
+        let last = viewer.settled(Duration::from_millis(700), Duration::from_secs(300));
         assert!(last.is_some(), "it goes on drawing");
         // A frame that was being drawn may be finished.
         until("rest", || {
-            let before = told.processor_secs();
+            let before = viewer.processor_secs();
             std::thread::sleep(Duration::from_secs(2));
-            (told.processor_secs() - before < 0.1).then_some(())
+            (viewer.processor_secs() - before < 0.1).then_some(())
         });
-        told.meanwhile();
+        viewer.meanwhile();
         std::thread::sleep(Duration::from_secs(1));
-        let more = told.meanwhile();
-        assert!(more.iter().all(|v| v["told"] != "shown"), "a frame of a window that is not seen: {more:?}");
+        let more = viewer.meanwhile();
+        assert!(more.iter().all(|v| v["event"] != "shown"), "a frame of a window that is not seen: {more:?}");
         // A version that is saved meanwhile is there when the window comes back.
         let color = format!("#6020{}0", round + 4);
         fs::write(folder.path().join("a.rhai"), SCRIPT.replace("#204060", &color)).unwrap();
@@ -71,9 +71,9 @@ fn minimised_it_does_nothing_and_is_back_with_what_has_changed() {
         screen.xdotool(&["windowmap", "--sync", &window]);
         let wanted = [0x60, 0x20, (round + 4) * 16];
         until("the new image", || (screen.shot(&window).count(wanted) > 20_000).then_some(()));
-        told.plays();
+        viewer.plays();
     }
-    ends_well(&screen, &window, told, folder.path());
+    ends_well(&screen, &window, viewer, folder.path());
     drop(manager);
 }
 
@@ -81,30 +81,30 @@ fn minimised_it_does_nothing_and_is_back_with_what_has_changed() {
 fn covered_it_does_nothing() {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let (told, window) = open(&screen, folder.path(), &["--play"]);
+    let (viewer, window) = open(&screen, folder.path(), &["--play"]);
     let other = tempfile::tempdir().unwrap();
     let (above, cover) = {
         let script = other.path().join("b.rhai");
         fs::write(&script, SCRIPT).unwrap();
-        let told = Told::start(screen.command(&[script.to_str().unwrap()], other.path()));
-        told.shown(1);
+        let viewer = ViewerProcess::start(screen.command(&[script.to_str().unwrap()], other.path()));
+        viewer.shown(1);
         let found = until("the other window", || {
             let all = screen.xdotool(&["search", "--onlyvisible", "--name", "b.rhai"]);
             all.lines().next().map(str::to_string)
         });
-        (told, found)
+        (viewer, found)
     };
     screen.xdotool(&["windowmove", "--sync", &cover, "0", "0"]);
     screen.xdotool(&["windowsize", "--sync", &cover, "1400", "1000"]);
     screen.xdotool(&["windowraise", &cover]);
     assert!(
-        told.settled(Duration::from_millis(700), Duration::from_secs(300)).is_some(),
+        viewer.settled(Duration::from_millis(700), Duration::from_secs(300)).is_some(),
         "it goes on drawing"
     );
     screen.xdotool(&["windowunmap", "--sync", &cover]);
-    told.plays();
+    viewer.plays();
     drop(above);
-    ends_well(&screen, &window, told, folder.path());
+    ends_well(&screen, &window, viewer, folder.path());
 }
 
 /// The desktop's scale changes, or the window moves to a screen with another: the same in points, twice the pixels.
@@ -123,7 +123,7 @@ fn another_scale(managed: bool) {
     let manager = managed.then(|| Manager::start(&screen.display));
     let settings = Settings::start(&screen.display, 96);
     let folder = tempfile::tempdir().unwrap();
-    let (told, window) = open(&screen, folder.path(), &[]);
+    let (viewer, window) = open(&screen, folder.path(), &[]);
     let button = first_button(&screen.shot(&window), 1.0).unwrap();
     let geometry = || screen.xdotool(&["getwindowgeometry", "--shell", &window]);
     for (dpi, size) in [(192, [2560, 1720]), (96, [1280, 860]), (144, [1920, 1290]), (96, [1280, 860])] {
@@ -161,7 +161,7 @@ fn another_scale(managed: bool) {
         let size = [right.saturating_sub(left), bottom.saturating_sub(top)];
         (size == [320, 180] && first_button(&shot, 1.0) == Some(button)).then_some(())
     });
-    ends_well(&screen, &window, told, folder.path());
+    ends_well(&screen, &window, viewer, folder.path());
     drop(manager);
 }
 
@@ -172,7 +172,7 @@ const SQUARE: &str = "v -1 0 0\nv 1 0 0\nv 1 2 0\nv -1 2 0\nf 1 2 3 4\n";
 fn a_file_that_is_dropped_is_shown_and_added() {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let (told, window) = open(&screen, folder.path(), &[]);
+    let (viewer, window) = open(&screen, folder.path(), &[]);
     let file = folder.path().join("my square.obj");
     fs::write(&file, SQUARE).unwrap();
     // Over the window, and away again: nothing has happened.
@@ -190,18 +190,18 @@ fn a_file_that_is_dropped_is_shown_and_added() {
     until("the model", || {
         let shot = screen.shot(&window);
         (shot.count(BACKGROUND) == 0
-            && told.settled(Duration::from_millis(300), Duration::from_secs(60)).is_some())
+            && viewer.settled(Duration::from_millis(300), Duration::from_secs(60)).is_some())
         .then_some(())
     });
     screen.save(&window, "dropped.png");
     assert_eq!(fs::read_to_string(folder.path().join("a.rhai")).unwrap(), SCRIPT);
 
     // "Add to script" is the third button above.
-    screen.rest(told.viewer.0.id());
+    screen.rest(viewer.process.0.id());
     let add = buttons(&screen.shot(&window))[2];
     let [x, y] = [add, 12].map(|n| n.to_string());
     screen.xdotool(&["mousemove", "--window", &window, &x, &y]);
-    screen.rest(told.viewer.0.id());
+    screen.rest(viewer.process.0.id());
     screen.xdotool(&["click", "1"]);
     let added = until("the line", || {
         Some(fs::read_to_string(folder.path().join("a.rhai")).unwrap()).filter(|t| t != SCRIPT)
@@ -218,14 +218,14 @@ fn a_file_that_is_dropped_is_shown_and_added() {
     until("a hint", || (screen.shot(&window).count(BACKGROUND) == 0).then_some(()));
     screen.xdotool(&["mousemove", "--window", &window, "640", "820"]);
     until("all as before", || (screen.shot(&window).count(BACKGROUND) > 5_000).then_some(()));
-    ends_well(&screen, &window, told, folder.path());
+    ends_well(&screen, &window, viewer, folder.path());
 }
 
 #[test]
 fn files_that_are_dropped_together_are_all_shown_and_added() {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let (told, window) = open(&screen, folder.path(), &[]);
+    let (viewer, window) = open(&screen, folder.path(), &[]);
     let files = ["left.obj", "middle one.obj", "right.obj"].map(|name| folder.path().join(name));
     for (file, color) in files.iter().zip(["1 0 0", "0 1 0", "0 0 1"]) {
         fs::write(file, format!("mtllib {0}.mtl\nusemtl m\n{SQUARE}", color.replace(' ', ""))).unwrap();
@@ -249,11 +249,11 @@ fn files_that_are_dropped_together_are_all_shown_and_added() {
         Some([found[0]?, found[1]?, found[2]?])
     });
     assert!(bounds[0].1 < bounds[1].0 && bounds[1].1 < bounds[2].0, "{bounds:?}");
-    screen.rest(told.viewer.0.id());
+    screen.rest(viewer.process.0.id());
     let add = buttons(&screen.shot(&window))[2];
     let [x, y] = [add, 12].map(|n| n.to_string());
     screen.xdotool(&["mousemove", "--window", &window, &x, &y]);
-    screen.rest(told.viewer.0.id());
+    screen.rest(viewer.process.0.id());
     screen.xdotool(&["click", "1"]);
     let added = until("the lines", || {
         Some(fs::read_to_string(folder.path().join("a.rhai")).unwrap()).filter(|t| t != SCRIPT)
@@ -267,7 +267,7 @@ fn files_that_are_dropped_together_are_all_shown_and_added() {
     until("one change", || {
         (fs::read_to_string(folder.path().join("a.rhai")).unwrap() == SCRIPT).then_some(())
     });
-    ends_well(&screen, &window, told, folder.path());
+    ends_well(&screen, &window, viewer, folder.path());
 }
 
 /// The middles of the buttons in the bar above.

@@ -7,7 +7,7 @@
 mod screen;
 
 use screen::Screen;
-use screen::told::Told;
+use screen::viewer_process::ViewerProcess;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -75,12 +75,12 @@ fn start_rest_and_memory() {
         let mut command = screen.command(&[script.to_str().unwrap()], folder.path());
         command.env("XDG_CACHE_HOME", folder.path().join("cache"));
         let begin = Instant::now();
-        let told = Told::start(command);
-        let (end, last) = told.shown(1);
-        ((end - begin).as_secs_f64() * 1e3, told, last)
+        let viewer = ViewerProcess::start(command);
+        let (end, last) = viewer.shown(1);
+        ((end - begin).as_secs_f64() * 1e3, viewer, last)
     };
-    let (cold, told, _) = start();
-    drop(told);
+    let (cold, viewer, _) = start();
+    drop(viewer);
     const PARTS: [&str; 7] = [
         "event loop",
         "renderer",
@@ -97,13 +97,13 @@ fn start_rest_and_memory() {
         let mut command = screen.command(&[script.to_str().unwrap()], folder.path());
         command.env("XDG_CACHE_HOME", folder.path().join("cache"));
         let begin = Instant::now();
-        let told = Told::start(command);
+        let viewer = ViewerProcess::start(command);
         let mut last;
         loop {
-            last = told.next();
-            let at = PARTS.iter().position(|p| last.1["told"] == *p).unwrap_or(PARTS.len());
+            last = viewer.next();
+            let at = PARTS.iter().position(|p| last.1["event"] == *p).unwrap_or(PARTS.len());
             parts[at].push(last.1["ms"].as_f64().unwrap());
-            if last.1["told"] == "shown" {
+            if last.1["event"] == "shown" {
                 break;
             }
         }
@@ -121,15 +121,15 @@ fn start_rest_and_memory() {
         }
     }
     println!("| … of it the frame | {:.0} |", median(frames));
-    let (_, told, last) = start();
+    let (_, viewer, last) = start();
     std::thread::sleep(Duration::from_secs(2));
-    let before = told.processor_secs();
+    let before = viewer.processor_secs();
     std::thread::sleep(Duration::from_secs(10));
-    println!("\nat rest {:.2} % of a core", (told.processor_secs() - before) * 10.0);
+    println!("\nat rest {:.2} % of a core", (viewer.processor_secs() - before) * 10.0);
     println!(
         "memory {:.0} MB, of it {:.0} MB in files that are mapped (programs, drivers); on the device {:.1} MB",
-        told.status("VmRSS") as f64 / 1e3,
-        told.status("RssFile") as f64 / 1e3,
+        viewer.status("VmRSS") as f64 / 1e3,
+        viewer.status("RssFile") as f64 / 1e3,
         last["bytes"].as_f64().unwrap() / 1e6
     );
     println!("on {}, load {}", last["device"], load());
@@ -212,8 +212,8 @@ fn from_save_to_pixel() {
     fs::write(at("hill.glb"), hill(0.5)).unwrap();
     let arguments = [at("a.rhai"), "--shaders".into(), shaders.clone()];
     let arguments: Vec<&str> = arguments.iter().map(|a| a.to_str().unwrap()).collect();
-    let told = Told::start(screen.command(&arguments, folder.path()));
-    let (_, first) = told.shown(1);
+    let viewer = ViewerProcess::start(screen.command(&arguments, folder.path()));
+    let (_, first) = viewer.shown(1);
     type Edit<'a> = &'a dyn Fn(usize) -> (PathBuf, Vec<u8>);
     let edits: [(&str, f64, Edit); 4] = [
         ("a number of the script", 50.0, &|n| (at("a.rhai"), script(n).into_bytes())),
@@ -237,7 +237,7 @@ fn from_save_to_pixel() {
                 version += 1;
                 let begin = Instant::now();
                 fs::write(path, bytes).unwrap();
-                let (end, shown) = told.shown(version);
+                let (end, shown) = viewer.shown(version);
                 // A file that is written in two steps can be seen in two.
                 version = shown["version"].as_u64().unwrap();
                 ((end - begin).as_secs_f64() * 1e3, shown["frame_ms"].as_f64().unwrap())

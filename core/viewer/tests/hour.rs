@@ -8,7 +8,7 @@ mod screen;
 
 use screen::chance::Chance;
 use screen::kept::Kept;
-use screen::told::Told;
+use screen::viewer_process::ViewerProcess;
 use screen::{Screen, assert_quiet, validated};
 use serde_json::Value;
 use std::fs;
@@ -157,7 +157,7 @@ impl Person<'_> {
     }
 
     /// All as at first, and at rest.
-    fn rest(&mut self, told: &Told) -> Value {
+    fn rest(&mut self, viewer: &ViewerProcess) -> Value {
         fs::write(self.folder.join("glow.wgsl"), GLOW.replace("BY", "1.0")).unwrap();
         self.size = [1280, 860];
         self.screen.xdotool(&["windowsize", self.window, "1280", "860"]);
@@ -168,14 +168,14 @@ impl Person<'_> {
         let mut marked = 0;
         loop {
             // Earlier lines are outdated.
-            if told.settled(quiet, Duration::from_secs(6)).is_none() {
+            if viewer.settled(quiet, Duration::from_secs(6)).is_none() {
                 // It plays.
                 self.screen.key(self.window, "space");
                 continue;
             }
             marked += 1;
             self.save(&format!("{SCRIPT}// {marked}\n"));
-            if let Some(Some(shown)) = told.settled(quiet, Duration::from_secs(20)) {
+            if let Some(Some(shown)) = viewer.settled(quiet, Duration::from_secs(20)) {
                 return shown;
             }
             assert!(marked < 20, "nothing is shown any more");
@@ -198,8 +198,8 @@ fn of_use_leaves_nothing() {
         command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
     }
     command.stderr(fs::File::create(folder.path().join("said.txt")).unwrap());
-    let mut told = Told::start(command);
-    told.shown(1);
+    let mut viewer = ViewerProcess::start(command);
+    viewer.shown(1);
     let window = screen.window();
     let chance = Chance::new(seed);
     let mut person =
@@ -211,14 +211,14 @@ fn of_use_leaves_nothing() {
         while Instant::now() < end {
             person.act();
             actions += 1;
-            assert!(told.viewer.0.try_wait().unwrap().is_none(), "it has ended");
+            assert!(viewer.process.0.try_wait().unwrap().is_none(), "it has ended");
         }
-        let shown = person.rest(&told);
-        kept.note(minute, actions, &told, &shown);
+        let shown = person.rest(&viewer);
+        kept.note(minute, actions, &viewer, &shown);
         assert_quiet(folder.path());
     }
     screen.key(&window, "ctrl+q");
-    let status = screen::until("the end", || told.viewer.0.try_wait().unwrap());
+    let status = screen::until("the end", || viewer.process.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
     assert_quiet(folder.path());
     kept.judge();

@@ -275,8 +275,9 @@ fn files_that_are_dropped_together_stand_side_by_side_and_are_one_change() {
     dropped(&mut place, &files);
     assert_eq!(place.viewer.message.as_deref(), Some("a.rhai: a script is shown alone"));
     assert!(!place.viewer.faulty, "{:?}", place.viewer.problems);
-    let told = |p: &Problem| p.file.ends_with("broken.obj") && p.severity == choreo_script::Severity::Warning;
-    assert!(place.viewer.problems.iter().any(told), "{:?}", place.viewer.problems);
+    let reported =
+        |p: &Problem| p.file.ends_with("broken.obj") && p.severity == choreo_script::Severity::Warning;
+    assert!(place.viewer.problems.iter().any(reported), "{:?}", place.viewer.problems);
     let scene = place.viewer.scene.clone().unwrap();
     let stand: Vec<_> =
         scene.stage.actors.iter().map(|a| (a.name.as_str(), a.transform.translation.x)).collect();

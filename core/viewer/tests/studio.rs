@@ -100,6 +100,86 @@ fn plugins_of_another_program_work_in_its_command_line_and_its_viewer() {
     assert_quiet(folder.path());
 }
 
+/// Files of a package of plugins that are files.
+const PACKAGE: [(&str, &str); 4] = [
+    (
+        "plugin.toml",
+        "name = \"prints\"\nversion = \"1.2.0\"\nchoreo = \"0.1.0\"\nlicense = \"MIT\"\n\
+         [[plugin]]\nfile = \"dots.importer.rhai\"\nkind = \"importer\"\n\
+         [[plugin]]\nfile = \"cast.exporter.rhai\"\nkind = \"exporter\"\n\
+         [[plugin]]\nfile = \"swap.wgsl\"\nkind = \"effect\"\nhook = \"pixel\"\n",
+    ),
+    (
+        "dots.importer.rhai",
+        "fn manifest() { #{ name: \"dots\", version: \"1.2.0\", extensions: \"dots\" } }\n\
+         fn load(file) { mesh(#{ positions: file.bytes.numbers() }); }\n",
+    ),
+    (
+        "cast.exporter.rhai",
+        "fn manifest() { #{ name: \"cast\", version: \"1.2.0\", extensions: \"cast\" } }\n\
+         fn save(scene) { for actor in scene.actors { writeln(actor.name); } }\n",
+    ),
+    (
+        "swap.wgsl",
+        "// effect: swap\n// version: 1.2.0\n\
+         fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color.bgra; }\n",
+    ),
+];
+
+#[test]
+fn an_installed_package_works_in_its_command_line_and_its_viewer() {
+    let (project, folder) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let programs = build(project.path());
+    let place = |name: &str| folder.path().join(name);
+    fs::create_dir(place("package")).unwrap();
+    PACKAGE.iter().for_each(|(name, text)| fs::write(place("package").join(name), text).unwrap());
+    fs::write(place("a.dots"), "-1 0 0  1 0 0  0 1.5 0").unwrap();
+    let script =
+        SCRIPT.replace("a.tri", "a.dots").replace(", #{ scale: 2.0 }", "").replace("negative", "swap");
+    fs::write(place("s.rhai"), script).unwrap();
+    let studio = |args: &[&str]| {
+        let mut command = Command::new(programs.join("studio"));
+        command.args(args).current_dir(folder.path());
+        command.env_remove("CHOREO_PLUGINS").env("XDG_DATA_HOME", place("data"));
+        command
+    };
+    let good = |args: &[&str]| {
+        let output = studio(args).output().unwrap();
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(output.status.success(), "{args:?}: {text}{}", String::from_utf8_lossy(&output.stderr));
+        text
+    };
+    assert!(good(&["plugins", "install", "package"]).contains("prints 1.2.0: installed in"));
+    good(&["export", "s.rhai", "-o", "s.cast"]);
+    assert_eq!(fs::read(place("s.cast")).unwrap(), b"a\n");
+    good(&["render", "s.rhai", "-o", "s.png", "--at", "0", "--device", "cpu"]);
+    assert!(good(&["info", "s.png"]).contains("dots 1.2.0, swap 1.2.0"));
+    let Some(drawn) = pixels(&place("s.png")) else { return };
+    // Red and blue of the background #204060 have changed places.
+    let corner = [0x60, 0x40, 0x20];
+    assert_eq!(drawn.pixel(0, 0), corner);
+
+    let Some(screen) = Screen::new() else { return };
+    let said = fs::File::create(place("said.txt")).unwrap();
+    let mut command = studio(&["view", "s.rhai"]);
+    command
+        .env("DISPLAY", &screen.display)
+        .env_remove("WAYLAND_DISPLAY")
+        .env("XDG_STATE_HOME", place("state"));
+    let mut viewer = Running(command.stdout(said.try_clone().unwrap()).stderr(said).spawn().unwrap());
+    let window = screen.window_named("studio");
+    let shot = until("the swapped background", || {
+        let shot = screen.shot(&window);
+        (shot.count(corner) > 20_000).then_some(shot)
+    });
+    screen.save(&window, "studio_package.png");
+    let [left, top, right, bottom] = shot.bounds(corner);
+    assert_ne!(shot.pixel((left + right) / 2, (top + bottom) / 2), corner, "the importer's triangle");
+    screen.key(&window, "ctrl+q");
+    assert_eq!(until("the end", || viewer.0.try_wait().unwrap()).code(), Some(0));
+    assert_quiet(folder.path());
+}
+
 /// The pixels of an image; `None` where ImageMagick is not installed.
 fn pixels(image: &Path) -> Option<Shot> {
     let Ok(output) = Command::new("convert").arg(image).args(["-depth", "8", "ppm:-"]).output() else {

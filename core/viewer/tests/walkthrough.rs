@@ -93,7 +93,7 @@ fn a_scene_is_changed_with_the_mouse_and_in_the_editor() {
     screen.key(&window, "ctrl+z");
     until("the undo", || (text() == SCRIPT).then_some(()));
 
-    // The editor breaks the script: the last good image stays, and the line is told.
+    // The editor breaks the script: the last good image stays, and the line is shown.
     fs::write(&script, SCRIPT.replace("\"Wave\"", "\"Waev\"")).unwrap();
     screen.key(&window, "ctrl+5");
     std::thread::sleep(std::time::Duration::from_millis(1500));

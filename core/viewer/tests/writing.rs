@@ -9,7 +9,7 @@ mod screen;
 
 use screen::chance::Chance;
 use screen::kept::Kept;
-use screen::told::Told;
+use screen::viewer_process::ViewerProcess;
 use screen::{Screen, Shot, assert_quiet, until, validated};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -31,12 +31,12 @@ const PICTURE: [usize; 4] = [200, 110, 900, 540];
 struct Person<'a> {
     screen: &'a Screen,
     window: &'a str,
-    told: &'a Told,
+    viewer: &'a ViewerProcess,
     file: PathBuf,
     chance: Chance,
     /// Seconds from one deed to the next, about.
     pace: f64,
-    /// The newest that was told of.
+    /// The newest that was viewer of.
     version: u64,
     saves: u64,
     actions: u64,
@@ -76,10 +76,10 @@ impl Person<'_> {
     /// Waits for a version after those known, and where it is to be good for its image.
     fn taken(&mut self, good: bool) {
         loop {
-            let (number, faulty) = self.told.version(self.version);
+            let (number, faulty) = self.viewer.version(self.version);
             self.version = number;
             if !faulty && good {
-                self.told.shown(number);
+                self.viewer.shown(number);
             }
             if !faulty || !good {
                 return;
@@ -100,7 +100,7 @@ impl Person<'_> {
             let [x, y] = [x, y].map(|n| n.to_string());
             self.screen.xdotool(&["mousemove", "--window", self.window, &x, &y]);
             std::thread::sleep(Duration::from_secs_f64(0.03 + self.pace / 20.0));
-            self.screen.rest(self.told.viewer.0.id());
+            self.screen.rest(self.viewer.process.0.id());
         };
         move_to(from.0, from.1);
         self.screen.xdotool(&["mousedown", "1"]);
@@ -196,8 +196,8 @@ impl Person<'_> {
 
     /// A drag of what is not shown yet is refused; one save can be seen as two.
     fn settle(&mut self) {
-        self.told.settled(Duration::from_millis(400), Duration::from_secs(600)).expect("it comes to rest");
-        self.screen.rest(self.told.viewer.0.id());
+        self.viewer.settled(Duration::from_millis(400), Duration::from_secs(600)).expect("it comes to rest");
+        self.screen.rest(self.viewer.process.0.id());
     }
 
     fn kims_bar(&self) -> (usize, usize, usize) {
@@ -249,7 +249,7 @@ impl Person<'_> {
         until("no gizmo", || self.in_picture(ALONG_X).is_empty().then_some(()));
         let y = self.kims_bar().2.to_string();
         self.screen.xdotool(&["mousemove", "--window", self.window, "60", &y]);
-        self.screen.rest(self.told.viewer.0.id());
+        self.screen.rest(self.viewer.process.0.id());
         self.screen.xdotool(&["click", "1"]);
         self.actions += 1;
         until("the gizmo", || self.in_picture(ALONG_X).last().copied());
@@ -320,8 +320,8 @@ impl Person<'_> {
         // Nothing is under the mouse.
         self.screen.xdotool(&["mousemove", "--window", self.window, "1270", "850"]);
         // An image on a busy machine can take a second.
-        self.told.settled(Duration::from_secs(2), Duration::from_secs(600)).expect("it comes to rest");
-        self.screen.rest(self.told.viewer.0.id());
+        self.viewer.settled(Duration::from_secs(2), Duration::from_secs(600)).expect("it comes to rest");
+        self.screen.rest(self.viewer.process.0.id());
         let shot = self.screen.shot(self.window);
         let [left, top, right, bottom] = PICTURE;
         let rows =
@@ -343,14 +343,14 @@ fn at_the_desk(seed: u64, pace: f64, mut use_it: impl FnMut(&mut Person<'_>, &st
         command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
     }
     command.stderr(fs::File::create(folder.path().join("said.txt")).unwrap());
-    let mut told = Told::start(command);
-    let (version, _) = told.version(0);
+    let mut viewer = ViewerProcess::start(command);
+    let (version, _) = viewer.version(0);
     let window = screen.window();
     let chance = Chance::new(seed);
     let mut person = Person {
         screen: &screen,
         window: &window,
-        told: &told,
+        viewer: &viewer,
         file,
         chance,
         pace,
@@ -361,7 +361,7 @@ fn at_the_desk(seed: u64, pace: f64, mut use_it: impl FnMut(&mut Person<'_>, &st
     use_it(&mut person, &lesson);
     assert_quiet(folder.path());
     screen.key(&window, "ctrl+q");
-    let status = until("the end", || told.viewer.0.try_wait().unwrap());
+    let status = until("the end", || viewer.process.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
     assert_quiet(folder.path());
 }
@@ -409,21 +409,21 @@ fn an_hour_beside_the_editor() {
             let seen = person.rest();
             assert!(*first.get_or_insert_with(|| seen.clone()) == seen, "the same script, the same image");
             // A break: nothing is done then.
-            let (before, of_threads) = (person.told.processor_secs(), person.told.threads());
+            let (before, of_threads) = (person.viewer.processor_secs(), person.viewer.threads());
             std::thread::sleep(Duration::from_secs(20));
-            let now = (person.told.processor_secs() - before) / 20.0;
+            let now = (person.viewer.processor_secs() - before) / 20.0;
             println!("a break: {:.2} % of a core", now * 100.0);
             if now >= 0.01 {
-                println!("what was told: {:?}", person.told.meanwhile());
-                println!("threads before: {of_threads:?}\nand after: {:?}", person.told.threads());
+                println!("what was viewer: {:?}", person.viewer.meanwhile());
+                println!("threads before: {of_threads:?}\nand after: {:?}", person.viewer.threads());
             }
             idle = idle.max(now);
-            // One more save, so that something is told.
+            // One more save, so that something is viewer.
             person.save(&format!("{lesson}// {}\n", person.saves));
-            let (number, _) = person.told.version(person.version);
+            let (number, _) = person.viewer.version(person.version);
             person.version = number;
-            let (_, shown) = person.told.shown(number);
-            kept.note(start.elapsed().as_secs() / 60, person.actions, person.told, &shown);
+            let (_, shown) = person.viewer.shown(number);
+            kept.note(start.elapsed().as_secs() / 60, person.actions, person.viewer, &shown);
         }
         println!("at most {:.2} % of a core in breaks", idle * 100.0);
         assert!(idle < 0.01, "{idle}");

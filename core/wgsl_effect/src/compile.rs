@@ -7,6 +7,7 @@ use crate::head_error::HeadError;
 use crate::lower::{has_pointer_arguments, lower};
 use crate::mistakes::Mistake;
 use crate::program::{Program, Unsupported};
+use crate::scene_inputs::{self, SceneCalls};
 use crate::signature::{EDGES, LATTICE, LINE, Signature, TRIANGLE, signature};
 use crate::tokens::{Tokens, place};
 use crate::{loops, mistakes, nesting, parameters, suggestions, trial};
@@ -49,8 +50,9 @@ pub struct Text {
     pub wgsl: String,
     /// Places of the counted loops, by number from 1.
     pub loops: Vec<(usize, usize)>,
-    /// The constants.
-    constants: String,
+    /// The constants, and the functions of the scene that the text calls.
+    appended: String,
+    pub scene: SceneCalls,
 }
 
 impl Text {
@@ -62,7 +64,8 @@ impl Text {
             author,
             wgsl: String::new(),
             loops: Vec::new(),
-            constants: String::new(),
+            appended: String::new(),
+            scene: SceneCalls::default(),
         };
         if text.author.len() > MAX_BYTES {
             let length = text.author.len();
@@ -76,9 +79,13 @@ impl Text {
         let constant = |(i, option): (usize, &choreo_plugin::OptionSpec)| {
             format!("const {}: u32 = {i}u;\n", option.name)
         };
-        text.constants = manifest.options.iter().enumerate().map(constant).collect();
+        text.appended = manifest.options.iter().enumerate().map(constant).collect();
+        if head.hook == Hook::Image {
+            text.scene = SceneCalls::of(&text.author);
+            text.appended += &text.scene.wgsl;
+        }
         let bounded = loops::bounded(&text.author);
-        text.wgsl = format!("{}\n{}", bounded.text, text.constants);
+        text.wgsl = format!("{}\n{}", bounded.text, text.appended);
         text.loops = bounded.loops;
         Ok((text, manifest, head))
     }
@@ -195,18 +202,26 @@ pub fn compile(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, Ef
 
 fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, EffectError> {
     let signature = signature(head.hook);
-    let declared = declared(signature, head);
+    let declared = declared(signature, head, &text.scene);
     if let Some((line, message)) = taken(&text.author, signature, &declared) {
         return Err(text.error((line, 1), message));
     }
     // The shader that calls it declares what it sees; below the author's text, so that lines stay.
     let functions: String = declared.iter().map(|(_, text, _)| text.as_str()).collect();
-    let below = format!("{}{}{functions}", text.constants, signature.declared);
+    let below = format!("{}{}{functions}", text.appended, signature.declared);
     let source = Source { text, whole: format!("{}\n{below}", text.author) };
-    let names =
-        || manifest.options.iter().map(|o| o.name.as_str()).chain(declared.iter().map(|d| d.0.as_str()));
+    let names = || {
+        let own = manifest.options.iter().map(|o| o.name.as_str());
+        let of_scene: Vec<&str> = scene_inputs::names().filter(|_| head.hook == Hook::Image).collect();
+        own.chain(declared.iter().map(|d| d.0.as_str())).chain(of_scene)
+    };
     let module = source.parse().map_err(|mistake| {
-        let near = suggestions::near(&mistake.text, &text.author, signature.declared, &mut names());
+        let near = match scene_inputs::names().find(|name| mistake.text.contains(&format!("`{name}`"))) {
+            Some(name) if head.hook != Hook::Image => {
+                format!("; {name}() is an input of effects with hook: picture")
+            }
+            _ => suggestions::near(&mistake.text, &text.author, signature.declared, &mut names()),
+        };
         source.error(mistake.span, format!("{}{near}", mistake.text))
     })?;
     let info = validated(&module, &source)?;
@@ -252,7 +267,7 @@ fn counted(text: &str, source: &Source) -> Result<(Module, ModuleInfo), EffectEr
     Ok((module, info))
 }
 
-fn declared(signature: &Signature, head: &Head) -> Vec<Declared> {
+fn declared(signature: &Signature, head: &Head, scene: &SceneCalls) -> Vec<Declared> {
     const ROUND: (&str, &str, Host) = (
         "effect_round",
         "fn effect_round(cost: u32, loop_number: u32) -> bool { return cost == loop_number; }\n",
@@ -262,6 +277,7 @@ fn declared(signature: &Signature, head: &Head) -> Vec<Declared> {
     let always = signature.functions.iter().chain(history).chain([&ROUND]);
     let mut all: Vec<Declared> =
         always.map(|(name, text, host)| (name.to_string(), text.to_string(), *host)).collect();
+    all.extend(scene.supplied());
     all.extend(head.joints.iter().enumerate().map(|(i, joint)| {
         let text = format!("fn {}() -> u32 {{ return {i}u; }}\n", joint.name);
         (joint.name.clone(), text, Host::Named(i))

@@ -11,7 +11,8 @@ use crate::program::Program;
 use choreo_plugin::effect::endless;
 use choreo_plugin::{
     Effect, EffectFunction, EffectImages, EffectScene, EffectTexture, Hook, InvertedHull, LightSample,
-    Manifest, Overlay, PluginFile, Shutter, SurfaceInputs, SurfaceSample, VertexSample, ViewOrder,
+    Manifest, Overlay, PluginFile, SceneInputs, Shutter, SurfaceInputs, SurfaceSample, VertexSample,
+    ViewOrder,
 };
 use glam::{Vec2, Vec3, Vec4};
 use std::sync::OnceLock;
@@ -351,6 +352,10 @@ impl Effect for WgslEffect {
 
     fn reach(&self, parameters: &[f32; 8]) -> f32 {
         self.head.reach.of(parameters).abs()
+    }
+
+    fn scene_inputs(&self) -> SceneInputs {
+        self.text.scene.inputs
     }
 
     fn passes(&self) -> u32 {

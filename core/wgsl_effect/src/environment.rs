@@ -1,7 +1,7 @@
 //! Functions of the shader around an effect's, on the CPU.
 
 use crate::overlay::{Bone, Bones};
-use choreo_plugin::{ActorInstance, EffectImage, EffectImages, EffectScene, EffectTexture};
+use choreo_plugin::{ActorInstance, EffectImage, EffectImages, EffectScene, EffectTexture, SceneImages};
 use glam::{DVec3, Vec2, Vec4};
 
 /// A function of the shader that calls the effect's.
@@ -15,6 +15,11 @@ pub enum Host {
     OriginalSize,
     Shrink,
     Previous,
+    /// Pixels of [`choreo_plugin::SceneImages`].
+    SceneSurface,
+    SceneMotion,
+    /// One of [`choreo_plugin::EffectFrame::rows`].
+    SceneRow(usize),
     /// Position of a joint of the actor that an overlay is drawn around; which bone is its parent; a point of its model space.
     Joint,
     Parent,
@@ -87,6 +92,8 @@ impl Environment for PassImages<'_> {
         match host {
             Host::Picture => Some(self.images.now),
             Host::Original => Some(self.images.original),
+            Host::SceneSurface => self.images.scene.and_then(|scene| scene.surface),
+            Host::SceneMotion => self.images.scene.and_then(|scene| scene.motion),
             _ => None,
         }
     }
@@ -97,6 +104,9 @@ impl Environment for PassImages<'_> {
             (Host::PictureSize, _) => ints(self.images.now.size.map(|s| s as i32)),
             (Host::OriginalSize, _) => ints(self.images.original.size.map(|s| s as i32)),
             (Host::Shrink, _) => ints([self.shrink as i32, 0]),
+            (Host::SceneRow(i), _) => self.images.scene.map_or([0; 4], |scene| floats(scene.rows[i])),
+            // Where no image of the scene is known.
+            (Host::SceneSurface, _) => floats(SceneImages::NO_SURFACE),
             (Host::Previous, [frames, x, y]) => {
                 // Farther back than the head allows is the farthest frame. A plan of one time alone has no frames before it:
                 // the image stands for them.

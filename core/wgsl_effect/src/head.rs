@@ -346,7 +346,8 @@ fn hook(value: &str) -> Result<Hook, HeadMistake> {
     })
 }
 
-fn word(hook: Hook) -> &'static str {
+/// The word of a hook in the head of an effect's file.
+pub fn word(hook: Hook) -> &'static str {
     HOOKS.iter().find(|(_, of)| *of == hook).map_or("pixel", |(word, _)| word)
 }
 

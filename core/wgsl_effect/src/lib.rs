@@ -22,6 +22,7 @@ mod overlay;
 mod parameters;
 mod pool;
 mod program;
+mod scene_inputs;
 mod shape;
 mod signature;
 mod suggestions;
@@ -30,4 +31,4 @@ mod trial;
 
 pub use effect::{ENDING, TextureImage, WgslEffect};
 pub use error::EffectError;
-pub use head::{files, is_meant, name};
+pub use head::{files, is_meant, name, word as hook_word};

@@ -227,3 +227,48 @@ fn each_mistake_is_told_in_the_words_of_the_language() {
     }
     assert!(wrong.is_empty(), "{} are wrong:\n{}", wrong.len(), wrong.join("\n"));
 }
+
+/// Bodies of an effect on images, with their messages.
+#[test]
+fn misspelt_and_misplaced_inputs_of_the_scene_are_named() {
+    let image = |body: &str| {
+        format!(
+            "// effect: a\n// hook: picture\n\
+             fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {{\n{body}\n}}\n"
+        )
+    };
+    for (body, message) in [
+        (
+            "    return vec4(depht_at(at));",
+            "4:17: no definition in scope for identifier: `depht_at`; did you mean \"depth_at\"?",
+        ),
+        (
+            "    return vec4(normals_at(at), 1.0);",
+            "4:17: no definition in scope for identifier: `normals_at`; did you mean \"normal_at\"?",
+        ),
+        (
+            "    return vec4(depth_at(vec2<f32>(at)));",
+            "4:26: depth_at: at is vec2<i32>, this value is vec2<f32>",
+        ),
+        ("    return vec4(depth_at());", "4:17: depth_at takes 1 arguments, 0 are given"),
+        ("    return vec4(frame());", "4:12: effect returns vec4<f32>, this value is vec4<u32>"),
+    ] {
+        let text = error(&image(body)).to_string();
+        println!("{text}");
+        assert!(text.contains(message), "{body}: {text}");
+    }
+    // Effects of other hooks see no image of the scene.
+    let text = error(&pixel("    return vec4(depth_at(vec2(0)));")).to_string();
+    let hint = "3:17: no definition in scope for identifier: `depth_at`; depth_at() is an input of effects with hook: picture";
+    assert!(text.contains(hint), "{text}");
+    // A function of the author's own is none of them.
+    let own = "// effect: a\nfn time() -> f32 { return 0.5; }\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color * time(); }";
+    assert!(WgslEffect::from_text("my.wgsl", own).is_ok());
+    assert!(
+        WgslEffect::from_text(
+            "my.wgsl",
+            &image("    return vec4(frame_of(f32(frame())));\n}\nfn frame_of(f: f32) -> f32 { return f;")
+        )
+        .is_ok()
+    );
+}

@@ -41,7 +41,13 @@ pub fn all() -> Vec<Arc<dyn Effect>> {
         "grid",
         "shadow_catcher",
         "motion_blur",
-        "vignette"
+        "vignette",
+        "ambient_occlusion",
+        "depth_of_field",
+        "god_rays",
+        "edge_lines",
+        "heat_haze",
+        "film_grain"
     ];
     let wgsl = |(name, text)| -> Arc<dyn Effect> {
         Arc::new(WgslEffect::built_in(
@@ -51,8 +57,8 @@ pub fn all() -> Vec<Arc<dyn Effect>> {
         ))
     };
     let mut all: Vec<Arc<dyn Effect>> = texts.into_iter().map(wgsl).collect();
-    let after_bloom = all.len() - 4;
-    all.insert(after_bloom, Arc::new(skeleton::Skeleton));
+    let bloom = all.iter().position(|effect| effect.manifest().name == "bloom");
+    all.insert(bloom.map_or(0, |bloom| bloom + 1), Arc::new(skeleton::Skeleton));
     all
 }
 

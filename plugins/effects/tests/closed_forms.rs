@@ -33,7 +33,12 @@ fn passes(name: &str, rgba: &[Vec4], size: [u32; 2], p: &[f32; 8]) -> Vec<Vec4> 
     for pass in 0..effect.passes() {
         let shrink = if pass + 1 < effect.passes() { effect.shrink(pass, size, p) } else { 1 };
         let [w, h] = size.map(|s| s.div_ceil(shrink));
-        let images = EffectImages { now: EffectImage { size: now_size, rgba: &now }, original, before: &[] };
+        let images = EffectImages {
+            now: EffectImage { size: now_size, rgba: &now },
+            original,
+            before: &[],
+            scene: None,
+        };
         let mut next = vec![Vec4::ZERO; w as usize * h as usize];
         for (y, row) in next.chunks_mut(w as usize).enumerate() {
             effect.function().unwrap().image_row(&images, y as u32, pass, p, row);
@@ -55,7 +60,7 @@ fn all_effects_compile_and_have_the_program_s_version() {
         effect.inverted_hull(&p);
         effect.shutter(&p);
     }
-    assert_eq!(ALL.len(), 14);
+    assert_eq!(ALL.len(), 20);
 }
 
 mod bloom {

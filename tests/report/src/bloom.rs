@@ -139,7 +139,8 @@ fn by_effect(bloom: &dyn Effect, rgba: &[Vec4]) -> Vec<Vec3> {
     for pass in 0..bloom.passes() {
         let shrink = if pass + 1 < bloom.passes() { bloom.shrink(pass, whole, &P) } else { 1 };
         let [w, h] = whole.map(|s| s.div_ceil(shrink));
-        let pictures = EffectImages { now: EffectImage { size, rgba: &now }, original, before: &[] };
+        let pictures =
+            EffectImages { now: EffectImage { size, rgba: &now }, original, before: &[], scene: None };
         let mut next = vec![Vec4::ZERO; w as usize * h as usize];
         for (y, row) in next.chunks_mut(w as usize).enumerate() {
             function.image_row(&pictures, y as u32, pass, &P, row);

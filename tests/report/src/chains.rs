@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
-use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
 use choreo_bench::truth::{self, Spread};
 use choreo_motion::{LocalToModel, Pose, Skeleton, Transform};
 use glam::{Affine3A, DAffine3, DVec3, Quat, Vec3};
@@ -18,7 +18,7 @@ const WAYS: [&str; 4] =
 
 pub fn section() -> Result<Section, String> {
     let mut by_length = vec![vec![Spread::default(); LENGTHS.len()]; WAYS.len()];
-    let mut nanos = vec![f64::NAN; WAYS.len()];
+    let mut nanos = vec![Nanos::default(); WAYS.len()];
     for (at, length) in LENGTHS.iter().enumerate() {
         for seed in 0..8 {
             let (skeleton, pose) = chain(*length, seed)?;

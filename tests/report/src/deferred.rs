@@ -104,7 +104,7 @@ fn table() -> Result<Table, String> {
             let off = compare(&there, &here, 2).map_err(|e| e.to_string())?;
             let took = times(&mut gpu, &[&forward, &deferred], 2.0 * BUDGET_SECS);
             let number = |v: f64, digits: usize| Cell::number(format!("{v:.digits$}"), v);
-            let [a, b] = [took[0] / 1e6, took[1] / 1e6];
+            let [a, b] = [took[0].median / 1e6, took[1].median / 1e6];
             let chosen = if auto.deferred.is_some() { "deferred" } else { "forward" };
             table.rows.push(vec![
                 Cell::count(lights),

@@ -3,7 +3,7 @@
 use crate::images::{drawn, renderers, rows, stage};
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::moment::Moment;
-use choreo_bench::plots::{Cell, Choice, Table, duration};
+use choreo_bench::plots::{Cell, Choice, Table, duration, time};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::Time;
 use choreo_plugin::{Effect, EffectImage, EffectImages, Hook, LightSample, Registry, Shutter, SurfaceSample};
@@ -67,12 +67,18 @@ fn planned(
     planned.map(|(_, plan)| plan).map_err(|e| e.to_string())
 }
 
-const EFFECTS: [(&str, &str); 15] = [
+const EFFECTS: [(&str, &str); 21] = [
     ("none", ""),
     ("vignette", r#"effect("vignette");"#),
     ("tonemap", r#"effect("tonemap");"#),
     ("fxaa", r#"effect("fxaa");"#),
     ("bloom", r#"effect("bloom");"#),
+    ("ambient_occlusion", r#"effect("ambient_occlusion");"#),
+    ("depth_of_field", r#"effect("depth_of_field");"#),
+    ("god_rays", r#"effect("god_rays");"#),
+    ("edge_lines", r#"effect("edge_lines");"#),
+    ("heat_haze", r#"effect("heat_haze", #{ start: 1.0, full: 5.0 });"#),
+    ("film_grain", r#"effect("film_grain");"#),
     ("fog", r#"effect("fog");"#),
     ("fog of a color", r#"effect("fog", #{ sky: false, falloff: 0.3 });"#),
     ("toon", r#"effect("toon");"#),
@@ -188,14 +194,15 @@ fn evaluation(registry: &Registry) -> Result<Table, String> {
     let (results, by_hand) = (results.into_inner(), by_hand.into_inner());
     for (i, effect) in effects.iter().enumerate() {
         let name = effect.manifest().name.as_str();
-        let mut row = vec![Cell::text(name), Cell::number(duration(nanos[i]), nanos[i])];
+        let mut row = vec![Cell::text(name), time(nanos[i])];
         if name == "tonemap" {
             let hand = nanos[effects.len()];
             let apart =
                 results[i].iter().zip(&by_hand).map(|(a, b): (&Vec4, &Vec4)| (*a - *b).abs().max_element());
             let error = f64::from(apart.fold(0.0, f32::max));
-            row.push(Cell::number(duration(hand), hand));
-            row.push(Cell::number(format!("{:.2}", nanos[i] / hand), nanos[i] / hand));
+            row.push(time(hand));
+            let ratio = nanos[i].median / hand.median;
+            row.push(Cell::number(format!("{ratio:.2}"), ratio));
             row.push(Cell::number(format!("{error:.1e}"), error));
         } else {
             row.extend([Cell::empty(), Cell::empty(), Cell::empty()]);
@@ -232,7 +239,12 @@ fn evaluated(effect: &dyn Effect, image: &[Vec4]) -> Vec<Vec4> {
                 let shrink = if is_last { 1 } else { effect.shrink(pass, size, &parameters) };
                 let to = size.map(|s| s.div_ceil(shrink));
                 let now = EffectImage { size: now_size, rgba: &colors };
-                let images = EffectImages { now, original: EffectImage { size, rgba: image }, before: &[] };
+                let images = EffectImages {
+                    now,
+                    original: EffectImage { size, rgba: image },
+                    before: &[],
+                    scene: None,
+                };
                 let mut next = vec![Vec4::ZERO; (to[0] * to[1]) as usize];
                 for (y, row) in (0..).zip(next.chunks_mut(to[0] as usize)) {
                     function.image_row(&images, y, pass, &parameters, row);

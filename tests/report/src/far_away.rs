@@ -3,7 +3,7 @@
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_asset::Projection;
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
-use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
 use choreo_bench::truth::Spread;
 use choreo_render::plan::View;
 use choreo_render::view::relative;
@@ -23,7 +23,7 @@ const WAYS: [&str; 4] =
 
 pub fn section() -> Result<Section, String> {
     let mut by_distance = vec![vec![Spread::default(); DISTANCES.len()]; WAYS.len()];
-    let mut nanos = vec![f64::NAN; WAYS.len()];
+    let mut nanos = vec![Nanos::default(); WAYS.len()];
     for (at, (distance, _)) in DISTANCES.iter().enumerate() {
         let shot = Shot::new(*distance);
         let mut picture = vec![DVec3::ZERO; POINTS];

@@ -1,7 +1,7 @@
 //! Shared parts of the sections over images: stages of a script's text, images of plans, their errors and their times.
 
 use choreo_bench::plots::{Row, quantity};
-use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
 use choreo_image_diff::compare;
 use choreo_image_diff::flip;
 use choreo_plugin::{Frame, Registry};
@@ -73,7 +73,7 @@ pub fn rows(
 }
 
 /// Nanoseconds of the whole process for each of these, drawn in turns for so many seconds. All can be drawn.
-pub fn times(renderer: &mut dyn Renderer, plans: &[&Plan], secs: f64) -> Vec<f64> {
+pub fn times(renderer: &mut dyn Renderer, plans: &[&Plan], secs: f64) -> Vec<Nanos> {
     let cell = RefCell::new(renderer);
     let case = |plan: &&Plan| {
         let (cell, plan) = (&cell, (*plan).clone());

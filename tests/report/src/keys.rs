@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
-use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
 use choreo_bench::truth::Spread;
 use choreo_motion::Time;
 use choreo_stage::Tangents;
@@ -230,7 +230,7 @@ fn centripetal(times: &[Time], values: &[Vec<f64>]) -> [Values; 2] {
 }
 
 /// Nanoseconds a key for the tangents of 64 keys of a position. The curve between them costs the same in all ways.
-fn times() -> Vec<f64> {
+fn times() -> Vec<Nanos> {
     const KEYS: usize = 64;
     let mut random = Random(9);
     let times: Vec<Time> = (0..KEYS).map(|i| Time::from_secs(i as f64)).collect();

@@ -9,10 +9,14 @@ mod chains;
 mod crossfade;
 mod deferred;
 mod detail;
+mod dithering;
 mod easing;
 mod effects;
+mod environment_brdf;
 mod far_away;
 mod film;
+mod foot_locking;
+mod gif;
 mod ik;
 mod images;
 mod keys;
@@ -34,6 +38,7 @@ mod springs;
 mod srgb;
 mod time;
 mod tones;
+mod transitions;
 mod transparency;
 mod video;
 mod yuv;
@@ -58,7 +63,7 @@ pub struct Section {
 type Measure = fn() -> Result<Section, String>;
 
 /// Sections by name, in the order of the report.
-const SECTIONS: [(&str, Measure); 31] = [
+const SECTIONS: [(&str, Measure); 36] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),
@@ -70,6 +75,8 @@ const SECTIONS: [(&str, Measure); 31] = [
     ("easing", easing::section),
     ("path_length", path_length::section),
     ("root_motion", root_motion::section),
+    ("transitions", transitions::section),
+    ("foot_locking", foot_locking::section),
     ("springs", springs::section),
     ("ik", ik::section),
     ("skinning", skinning::section),
@@ -77,6 +84,7 @@ const SECTIONS: [(&str, Measure); 31] = [
     ("mipmaps", mipmaps::section),
     ("srgb", srgb::section),
     ("sky", sky::section),
+    ("environment_brdf", environment_brdf::section),
     ("parallax", parallax::section),
     ("film", film::section),
     ("shadows", shadows::section),
@@ -85,11 +93,13 @@ const SECTIONS: [(&str, Measure); 31] = [
     ("bloom", bloom::section),
     ("passes", passes::section),
     ("detail", detail::section),
+    ("dithering", dithering::section),
     ("tones", tones::section),
     ("transparency", transparency::section),
     ("deferred", deferred::section),
     ("yuv", yuv::section),
     ("video", video::section),
+    ("gif", gif::section),
 ];
 
 /// Seconds for the timings of one choice.

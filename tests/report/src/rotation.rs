@@ -3,7 +3,7 @@
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
 use choreo_bench::rotation::{Interpolate, WAYS};
-use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
 use choreo_bench::truth::{Spread, angle_between};
 use choreo_motion::{Clip, Curve, Interpolation, Path, Pose, Sample, Time};
 use glam::{DQuat, DVec3, Quat};
@@ -131,7 +131,7 @@ fn sampled(clip: &Clip, t: f64) -> Quat {
 }
 
 /// Keys 30° apart, as a clip of twelve poses a second has them in quick parts.
-fn times(names: &[&str]) -> Result<Vec<f64>, String> {
+fn times(names: &[&str]) -> Result<Vec<Nanos>, String> {
     const PAIRS: usize = 256;
     let mut random = Random(3);
     let turns: Vec<Turn> = (0..PAIRS)

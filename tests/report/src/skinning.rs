@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
-use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
 use choreo_bench::truth::Spread;
 use choreo_motion::{
     DualQuaternion, DualQuaternionSkinning, LinearSkinning, StretchedDualQuaternion, stretch_matrix,
@@ -99,7 +99,7 @@ impl Mesh {
         }
     }
 
-    fn nanos(&self, ways: &[Way], maps: &[DAffine3]) -> Vec<f64> {
+    fn nanos(&self, ways: &[Way], maps: &[DAffine3]) -> Vec<Nanos> {
         let mut cases: Vec<Case> = ways
             .iter()
             .map(|way| {

@@ -2,7 +2,7 @@
 
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
-use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
 use choreo_bench::truth::Spread;
 use choreo_motion::{FrameRate, Time};
 
@@ -102,7 +102,7 @@ fn off_microseconds(held: f64, frame: i64) -> f64 {
     ((left as f64 / 30_000.0) - (held - whole)).abs() * 1e6
 }
 
-fn times() -> Vec<f64> {
+fn times() -> Vec<Nanos> {
     const FRAMES: i64 = 1000;
     let mut cases = vec![
         Case::new(FRAMES as usize, || {

@@ -1,4 +1,4 @@
-//! `cargo xtask contact [FILTER]`: every sample file of every format is told by `choreo info`, shown turning with its first clip
+//! `cargo xtask contact [FILTER]`: every sample file of every format is described by `choreo info`, shown turning with its first clip
 //! playing, and checked to be seen at all. The images come together as sheets to look at: `target/contact/*.png`, four of
 //! each file from left to right, in the order printed.
 

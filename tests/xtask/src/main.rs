@@ -71,7 +71,8 @@ fn root() -> PathBuf {
 
 fn cargo(args: &[&str]) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    command.args(args).current_dir(root());
+    // What the user has installed is no part of tests and reports.
+    command.args(args).current_dir(root()).env("CHOREO_PLUGINS", "");
     command
 }
 

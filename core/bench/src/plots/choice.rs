@@ -2,6 +2,7 @@
 
 use super::number::{bytes, duration, quantity};
 use super::table::{Cell, Table};
+use crate::timing::Nanos;
 use serde_json::{Value, json};
 
 /// One way to do it.
@@ -14,8 +15,8 @@ pub struct Row {
     pub mean: f64,
     /// Place and time of the worst error.
     pub at: String,
-    /// Median time of one item, nanoseconds; `None` where time is not the price.
-    pub nanos: Option<f64>,
+    /// Time of one item; `None` where time is not the price.
+    pub nanos: Option<Nanos>,
     pub bytes: Option<f64>,
     /// A remark about the row.
     pub note: String,
@@ -41,8 +42,8 @@ impl Row {
         self.at = at.into();
         self
     }
-    pub fn nanos(mut self, nanos: f64) -> Row {
-        self.nanos = Some(nanos);
+    pub fn nanos(mut self, nanos: impl Into<Nanos>) -> Row {
+        self.nanos = Some(nanos.into());
         self
     }
     pub fn bytes(mut self, bytes: f64) -> Row {
@@ -56,7 +57,7 @@ impl Row {
 
     /// The cost on the axis of the image: time, else size.
     pub fn cost(&self) -> Option<f64> {
-        self.nanos.or(self.bytes)
+        self.nanos.map(|nanos| nanos.median).or(self.bytes)
     }
 }
 
@@ -95,16 +96,19 @@ impl Choice {
     }
 
     /// Rows that no other beats in both error and cost, in the order of the rows. A row at the same place as another is on
-    /// the front with it. Times within 5 % of each other count as equal.
+    /// the front with it. Times that differ by chance count as equal ([`Nanos::is_less`]).
     pub fn front(&self) -> Vec<usize> {
         let on_front = |i: &usize| {
             let row = &self.rows[*i];
             let Some(cost) = row.cost() else { return false };
             !self.rows.iter().enumerate().any(|(j, other)| {
                 let Some(other_cost) = other.cost() else { return false };
-                let slack = if row.nanos.is_some() { 1.05 } else { 1.0 };
+                let cheaper = match (&other.nanos, &row.nanos) {
+                    (Some(other), Some(row)) => other.is_less(row),
+                    _ => other_cost < cost,
+                };
                 let (error, other_error) = (self.error_of(row), self.error_of(other));
-                let (cheaper, better) = (other_cost * slack < cost, other_error < error);
+                let better = other_error < error;
                 j != *i && (cheaper && other_error <= error || better && other_cost <= cost)
             })
         };
@@ -145,7 +149,7 @@ impl Choice {
                 Cell::text(&row.name),
                 worst,
                 mean,
-                optional(row.nanos, duration),
+                row.nanos.map_or_else(Cell::empty, time),
                 optional(row.bytes, bytes),
                 Cell::text(&row.at),
                 Cell::text(&row.note),
@@ -153,7 +157,7 @@ impl Choice {
         }
         let mut notes = Vec::new();
         if !self.per.is_empty() {
-            notes.push(format!("time: of one {}", self.per));
+            notes.push(format!("time: of one {}; median (quartiles)", self.per));
         }
         if !self.reference.is_empty() {
             notes.push(format!("error: {}", self.reference));
@@ -175,7 +179,7 @@ impl Choice {
             .map(|(i, r)| {
                 json!({
                     "way": r.name, "worst": finite(r.worst), "mean": finite(r.mean), "worst_at": r.at,
-                    "nanos": r.nanos, "bytes": r.bytes, "note": r.note,
+                    "nanos": r.nanos.map(|n| n.median), "quartiles": r.nanos.map(|n| n.quartiles), "bytes": r.bytes, "note": r.note,
                     "chosen": self.chosen == Some(i), "on_front": front.contains(&i),
                 })
             })
@@ -185,6 +189,15 @@ impl Choice {
             "per": self.per, "rows": rows, "chosen": self.chosen.map(|c| self.rows[c].name.clone()), "why": self.why,
         })
     }
+}
+
+/// A median time with the quartiles of its rounds.
+pub fn time(nanos: Nanos) -> Cell {
+    let Nanos { median, quartiles: [low, high] } = nanos;
+    let text = duration(median);
+    let spread =
+        if low < high { format!(" ({}–{})", duration(low), duration(high)) } else { String::new() };
+    Cell::number(text + &spread, median)
 }
 
 #[cfg(test)]

@@ -77,7 +77,7 @@ pub fn choices(scene: &mut MeasuredScene, moment: &Moment) -> Result<SceneChoice
             let at = rows.iter().rposition(|(samples, _)| *samples == n).unwrap_or(chosen);
             choice.rows[at].clone()
         });
-        let times = four.nanos.unwrap_or(1.0) / one.nanos.unwrap_or(1.0);
+        let times = four.cost().unwrap_or(1.0) / one.cost().unwrap_or(1.0);
         let left = four.mean / one.mean.max(1e-9) * 100.0;
         let asked = if scene.stage.settings.samples.is_some() { "as the script asks" } else { "the default" };
         let why = format!(

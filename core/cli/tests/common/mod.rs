@@ -13,6 +13,8 @@ pub struct Run {
 pub fn command(folder: &Path, args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_choreo"));
     command.current_dir(folder).args(args).stdin(Stdio::null());
+    // What the user has installed is no part of the test.
+    command.env("CHOREO_PLUGINS", "");
     command
 }
 

@@ -67,7 +67,7 @@ pub enum Command {
     /// Scenes tested by scripts: sections with assertions and images
     #[command(after_help = EXIT_CODES)]
     Test(TestArgs),
-    /// The importers, effects and exporters that this program has
+    /// The importers, effects and exporters that this program has; packages: install, list, remove, test
     #[command(after_help = EXIT_CODES)]
     Plugins(PluginsArgs),
     /// Begin a plugin of your own: a crate, or with --single one file
@@ -388,7 +388,10 @@ pub(crate) struct TestArgs {
 }
 
 #[derive(Args, Debug)]
+#[command(args_conflicts_with_subcommands = true)]
 pub(crate) struct PluginsArgs {
+    #[command(subcommand)]
+    pub action: Option<PluginsAction>,
     /// A further folder of plugin files: NAME.importer.rhai, NAME.wgsl; repeatable
     #[arg(long = "plugins", value_name = "DIR")]
     pub plugins: Vec<PathBuf>,
@@ -398,6 +401,35 @@ pub(crate) struct PluginsArgs {
     /// JSON on standard output, for programs
     #[arg(long)]
     pub json: bool,
+}
+
+/// Actions on packages, which are folders of plugin files with a plugin.toml.
+#[derive(Subcommand, Debug)]
+pub(crate) enum PluginsAction {
+    /// Install a package in the user's folder of plugins, where every command and the viewer find it
+    Install {
+        /// The package's folder, its plugin.toml or one of its plugin files
+        path: PathBuf,
+        /// Take the place of an installed package of this name
+        #[arg(long)]
+        replace: bool,
+    },
+    /// The installed packages: version, license, plugins
+    List {
+        /// JSON on standard output, for programs
+        #[arg(long)]
+        json: bool,
+    },
+    /// Remove an installed package
+    Remove {
+        /// Its name, as in `choreo plugins list`
+        name: String,
+    },
+    /// Check a package as its users will meet it: description, plugins, sample files and test scripts
+    Test {
+        /// The package's folder, its plugin.toml or one of its plugin files
+        path: PathBuf,
+    },
 }
 
 #[derive(Args, Debug)]
@@ -482,7 +514,7 @@ impl Command {
             Command::Measure(a) => a.json,
             Command::Pose(a) => a.json,
             Command::Test(a) => a.json,
-            Command::Plugins(a) => a.json,
+            Command::Plugins(a) => a.json || matches!(a.action, Some(PluginsAction::List { json: true })),
             Command::Help(a) => a.json,
             Command::New(_) | Command::View(_) => false,
         }

@@ -12,6 +12,18 @@ fn usage<T>(text: String) -> Result<T, Failure> {
     Err(Failure::Usage(text))
 }
 
+/// The error of a value that the command would refuse; none for options whose values have no form of their own.
+pub fn check(option: &str, text: &str) -> Result<(), Failure> {
+    match option {
+        "size" => size(text).map(drop),
+        "fps" => fps(text).map(drop),
+        "samples" => samples(text).map(drop),
+        "jobs" => jobs(text).map(drop),
+        "timeout" => timeout(text).map(drop),
+        _ => Ok(()),
+    }
+}
+
 /// Frames within the `total` of the scene, rising, each once: `0..120`, `0..=119`, `30..`, `..60`, `7`, every 24th of a range as
 /// `0..240:24`, and lists of these, `0,5,9..20`.
 pub fn frames(text: &str, total: i64) -> Result<Vec<i64>, Failure> {

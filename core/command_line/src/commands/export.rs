@@ -37,7 +37,7 @@ pub fn run(args: &ExportArgs, plugins: &Registry) -> Result<(), Failure> {
     let frames = frames.unwrap_or_else(|| (0..total).collect());
     too_many(frames.len() as u64, "frames", scene.limits.frames)?;
     exported.times = frames.into_iter().map(|frame| exported.fps.time_of(frame)).collect();
-    exported.provenance = provenance::of_export(&scene, exported.fps, &options);
+    exported.provenance = provenance::of_export(&scene, exported.fps, &options, exporter.manifest());
     exported.options = exporter.manifest().complete(&options).map_err(|e| Failure::Usage(e.to_string()))?;
 
     let path = Path::new(&args.output);

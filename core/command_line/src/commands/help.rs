@@ -53,9 +53,9 @@ pub fn run(args: &HelpArgs) -> Result<(), Failure> {
 fn page(term: &str, answer: &Answer) -> Page {
     let mut page = Page::default();
     page.line(format_args!("{term}"));
-    for Call { usage, about, page: from } in &answer.calls {
+    for Call { usage, about, details, page: from } in &answer.calls {
         page.line(format_args!("  {usage}"));
-        page.lines(about.iter().map(|about| format!("      {about}")));
+        page.lines(about.iter().chain(details).map(|about| format!("      {about}")));
         page.line(format_args!("      {from}"));
     }
     page.lines(answer.example.map(|example| format!("Example: {example}")));
@@ -64,7 +64,7 @@ fn page(term: &str, answer: &Answer) -> Page {
 }
 
 fn answer_json(term: &str, answer: &Answer) -> Value {
-    let call = |c: &Call| json!({ "usage": c.usage, "about": c.about, "page": c.page });
+    let call = |c: &Call| json!({ "usage": c.usage, "about": c.about, "details": c.details, "page": c.page });
     json!({
         "term": term, "calls": answer.calls.iter().map(call).collect::<Vec<_>>(),
         "example": answer.example, "note": answer.note,

@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::output::media::ID;
 use crate::scene::OpenedScene;
 use choreo_motion::{FrameRate, Time};
-use choreo_plugin::{ExportOptions, OptionValue};
+use choreo_plugin::{ExportOptions, Manifest, OptionValue};
 use choreo_render::DeviceInfo;
 use choreo_stage::Settings;
 use std::collections::BTreeSet;
@@ -27,9 +27,16 @@ pub fn of(
     of_scene(scene, arguments, options, Some(device))
 }
 
-/// Provenance of an exported scene.
-pub fn of_export(scene: &OpenedScene, rate: FrameRate, options: &ExportOptions) -> Vec<(String, String)> {
-    of_scene(scene, format!("--fps {}", fps(rate)), options, None)
+/// Provenance of a scene exported by `exporter`, which it names with its version.
+pub fn of_export(
+    scene: &OpenedScene,
+    rate: FrameRate,
+    options: &ExportOptions,
+    exporter: &Manifest,
+) -> Vec<(String, String)> {
+    let mut all = of_scene(scene, format!("--fps {}", fps(rate)), options, None);
+    all.push(("choreo:exporter".to_string(), exporter.to_string()));
+    all
 }
 
 fn of_scene(

@@ -6,7 +6,7 @@ use crate::commands::texture_limit::fitting;
 use crate::commands::{Command, Cull, Recorder, UNIFORM_JOINTS, cull_of, texture_slots};
 use crate::plan::{Draw, Features, PipelineKey, Plan};
 use crate::scene_resources::vertex_layout::VertexLayout;
-use crate::shader::{DeferredPass, LightLoop, PeelPass, SceneVariant};
+use crate::shader::{DeferredPass, InputTargets, LightLoop, PeelPass, SceneVariant};
 use glam::Vec4;
 
 /// Depth peeling: ends the scene's pass, finds and blends each layer, then blends nearer surfaces in sorted order.
@@ -40,6 +40,8 @@ pub(super) struct DrawRecorder<'a> {
     pub shadow_pass: bool,
     /// Draws into the G-buffer.
     pub gbuffer: bool,
+    /// Draws the inputs of effects.
+    pub inputs: InputTargets,
     pub peel: PeelPass,
     bound: BoundState,
 }
@@ -55,7 +57,8 @@ struct BoundState {
 impl<'a> DrawRecorder<'a> {
     pub fn new(recorder: Recorder<'a>, commands: &'a mut Vec<Command>) -> DrawRecorder<'a> {
         let bound = BoundState::default();
-        DrawRecorder { recorder, commands, shadow_pass: false, gbuffer: false, peel: PeelPass::No, bound }
+        let (inputs, peel) = (InputTargets::No, PeelPass::No);
+        DrawRecorder { recorder, commands, shadow_pass: false, gbuffer: false, inputs, peel, bound }
     }
 
     /// A new pass has begun, in which nothing is bound.
@@ -105,7 +108,8 @@ impl<'a> DrawRecorder<'a> {
         }
         self.set_cull(cull);
         let slots = texture_slots(features);
-        let reads_material = !self.shadow_pass || features.has(Features::ALPHA_MASK);
+        let depth_alone = self.shadow_pass || self.inputs != InputTargets::No;
+        let reads_material = !depth_alone || features.has(Features::ALPHA_MASK);
         let Draw { material, material_override, .. } = *draw;
         if reads_material && self.bound.material != Some((material, material_override, slots)) {
             self.commands.push(Command::BindMaterial { material, material_override, slots });
@@ -133,7 +137,8 @@ impl<'a> DrawRecorder<'a> {
         let drawn = plan.instances.get(first..end).unwrap_or(&[]);
         SceneVariant {
             key,
-            tint: drawn.iter().any(|i| i.tint != Vec4::ONE),
+            // The instances of inputs have other numbers there.
+            tint: self.inputs == InputTargets::No && drawn.iter().any(|i| i.tint != Vec4::ONE),
             joints_uniform: key.features.has(Features::SKIN) && plan.joint_matrices.len() <= UNIFORM_JOINTS,
             lights: match key.features.is_lit() && !self.gbuffer {
                 true => light_loop(plan, &key),
@@ -141,6 +146,7 @@ impl<'a> DrawRecorder<'a> {
             },
             shadow_pass: self.shadow_pass,
             peel: self.peel,
+            inputs: self.inputs,
             deferred: if self.gbuffer { DeferredPass::Geometry } else { DeferredPass::No },
         }
     }

@@ -3,6 +3,7 @@
 
 mod deferred;
 mod draws;
+mod inputs;
 pub(crate) mod preskin;
 mod scene;
 mod text;
@@ -57,6 +58,12 @@ pub enum Command {
     CopyBackground,
     /// Begins the G-buffer pass of the whole image.
     BeginGeometry,
+    /// Begins the pass of the inputs of effects, with motion vectors or without.
+    BeginInputs {
+        motion: bool,
+    },
+    /// Ends that pass; later commands read its images.
+    EndInputs,
     /// Begins a pass of the scene. Loads the target if there is no clear color.
     BeginPass {
         target: Target,
@@ -150,6 +157,8 @@ pub enum Command {
     ReadBack,
     /// Reads back the first float target.
     ReadBackLinear,
+    /// Reads back the images of the inputs of effects, one after the other.
+    ReadBackInputs,
 }
 
 /// Part of the scene that a pass draws.
@@ -244,6 +253,17 @@ pub struct Counts {
 pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> usize) -> Recording {
     let recorder = Recorder { plan, options, triangles: &triangles };
     let mut commands = vec![upload(plan)];
+    inputs::record_inputs(recorder, &mut commands);
+    if plan.inputs_only {
+        commands.push(Command::ReadBackInputs);
+        let recording = Recording {
+            size: plan.size,
+            scene_effects: scene_effects(plan),
+            preskinned: Vec::new(),
+            commands,
+        };
+        return preskin::preskin(recorder, recording);
+    }
     record_shadow_maps(recorder, &mut commands);
     let scene = match plan.post.is_empty() && !plan.linear {
         true => Target::Picture,
@@ -252,9 +272,13 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
     record_scene(recorder, scene, &mut commands);
     record_post_passes(plan, scene, &mut commands);
     commands.push(if plan.linear { Command::ReadBackLinear } else { Command::ReadBack });
-    let scene_effects = plan.scene_effects.iter().map(|s| s.effect.clone()).collect();
-    let recording = Recording { size: plan.size, scene_effects, preskinned: Vec::new(), commands };
+    let recording =
+        Recording { size: plan.size, scene_effects: scene_effects(plan), preskinned: Vec::new(), commands };
     preskin::preskin(recorder, recording)
+}
+
+fn scene_effects(plan: &Plan) -> Vec<String> {
+    plan.scene_effects.iter().map(|s| s.effect.clone()).collect()
 }
 
 /// Inputs of all parts of a recording.
@@ -269,7 +293,7 @@ fn upload(plan: &Plan) -> Command {
     let any = |f: Features| plan.all_draws().any(|d| d.pipeline.features.has(f));
     let lit = plan.draws.iter().any(|d| d.pipeline.features.is_lit());
     Command::UploadFrameData {
-        instances: if plan.draws.is_empty() { 0 } else { plan.instances.len() },
+        instances: if plan.all_draws().next().is_none() { 0 } else { plan.instances.len() },
         joints: if any(Features::SKIN) { plan.joint_matrices.len() } else { 0 },
         morphs: if any(Features::MORPH) { plan.morphs.len() } else { 0 },
         lights: if lit { plan.lights.len() } else { 0 },
@@ -360,6 +384,7 @@ impl Recording {
         for command in &self.commands {
             match command {
                 Command::BeginGeometry
+                | Command::BeginInputs { .. }
                 | Command::BeginPass { .. }
                 | Command::BeginShadows { .. }
                 | Command::BeginPeel { .. }

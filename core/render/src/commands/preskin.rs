@@ -9,7 +9,7 @@ use crate::plan::shader_features::names;
 use crate::plan::{Features, LeftOut, PipelineKey, Plan};
 use crate::scene_resources::SceneResources;
 use crate::scene_resources::vertex_layout::VertexLayout;
-use crate::shader::SceneVariant;
+use crate::shader::{InputTargets, SceneVariant};
 use choreo_stage::SkinOnce;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -107,7 +107,9 @@ fn mesh_key(
         Features::TRIPLANAR,
     ];
     let pose = features.only(Features::SKINNING);
-    let plain = variant.key.displaced == 0 && !more.iter().any(|f| features.has(*f));
+    // Motion vectors need the vertices of two frames.
+    let moving = variant.inputs == InputTargets::Motion;
+    let plain = variant.key.displaced == 0 && !moving && !more.iter().any(|f| features.has(*f));
     let order = order(variant, primitive, layout, sorted) | layout.0 & VertexLayout::WELDED;
     (pose != Features::default() && plain).then_some((primitive, order, pose))
 }

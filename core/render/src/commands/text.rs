@@ -21,6 +21,10 @@ impl fmt::Display for Recording {
                     writeln!(f, "  view {index}: {w}×{h} at {at:?}")?
                 }
                 Command::BeginGeometry => writeln!(f, "begin G-buffer")?,
+                Command::BeginInputs { motion } => {
+                    writeln!(f, "begin inputs of effects{}", if *motion { ", motion" } else { "" })?
+                }
+                Command::EndInputs => writeln!(f, "end of inputs")?,
                 Command::DrawLight { area } => {
                     let area = area.map_or(String::new(), |[x, y, w, h]| format!(", {w}×{h} at {x}, {y}"));
                     writeln!(f, "  light{area}")?
@@ -65,6 +69,7 @@ impl fmt::Display for Recording {
                     writeln!(f, "  {} triangles of {effect}{over}", count / 3)?
                 }
                 Command::ReadBack => writeln!(f, "read back")?,
+                Command::ReadBackInputs => writeln!(f, "read back inputs")?,
                 Command::ReadBackLinear => writeln!(f, "read back linear")?,
             }
         }

@@ -1,5 +1,6 @@
 //! Full-screen passes over a whole image: effects that see the pixels around theirs, and those of one pixel between them.
 
+use super::scene_inputs::SceneOf;
 use super::target::{Float, Srgb8, Target};
 use crate::effect_faults::EffectFaults;
 use crate::error::RenderError;
@@ -45,15 +46,17 @@ pub(crate) fn pixel_uv([x, y]: [i32; 2], count: usize, size: [u32; 2]) -> Vec<Ve
     (x..x + count as i32).map(|x| (Vec2::new(x as f32, y as f32) + 0.5) / size).collect()
 }
 
-/// `pixels`: linear, as the scene left them; `before`: those of the frames before. The last pass's are written as bytes.
+/// `scene`: what the effects read of it; `pixels`: linear, as the scene left them; `before`: those of the frames before. The last pass's are written as bytes.
 pub(crate) fn run(
     passes: &[Pass],
-    size: [u32; 2],
+    scene: SceneOf<'_>,
     pixels: Vec<Vec4>,
     before: &[Vec<Vec4>],
     faults: &EffectFaults,
     bytes: &mut [u8],
 ) {
+    let (size, rows) = (scene.size, scene.frame.rows());
+    let scene = Some(scene.images(&rows));
     let before: Vec<EffectImage> = before.iter().map(|rgba| EffectImage { size, rgba }).collect();
     let (mut now, mut now_size) = (pixels, size);
     let mut original = Vec::new();
@@ -63,7 +66,7 @@ pub(crate) fn run(
         }
         let picture = EffectImage { size: now_size, rgba: &now };
         let first = EffectImage { size, rgba: if pass.number == 0 { &now } else { &original } };
-        let pictures = EffectImages { now: picture, original: first, before: &before };
+        let pictures = EffectImages { now: picture, original: first, before: &before, scene };
         let [width, height] = pass.size.map(|s| s as usize);
         let mut next = vec![Vec4::ZERO; width * height];
         next.par_chunks_mut(width).enumerate().for_each(|(y, row)| {

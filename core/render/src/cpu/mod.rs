@@ -20,6 +20,7 @@ mod preskin;
 mod raster;
 mod reflection;
 mod refraction;
+pub(crate) mod scene_inputs;
 mod setup;
 mod shade;
 mod shadow;
@@ -283,8 +284,9 @@ impl CpuRenderer {
             self.tiles::<Float, Vec4, S>(part, &[], pixels)?;
         }
         let passes = self.passes(plan)?;
-        let run =
-            || image_passes::run(&passes, plan.size, sum.mean(), &before, &self.faults, &mut frame.rgba);
+        let inputs = self.times.of(Stage::Pixels, || self.scene_inputs(plan));
+        let scene = inputs.of(plan);
+        let run = || image_passes::run(&passes, scene, sum.mean(), &before, &self.faults, &mut frame.rgba);
         self.times.of(Stage::ImageEffects, run);
         Ok(())
     }
@@ -298,7 +300,9 @@ impl CpuRenderer {
         if post.iter().any(|p| p.effect.hook() == Hook::Image) {
             let mut pixels = vec![Vec4::ZERO; plan.size[0] as usize * plan.size[1] as usize];
             self.tiles::<T, Vec4, S>(plan, &[], &mut pixels)?;
-            let run = || image_passes::run(&post, plan.size, pixels, &[], &self.faults, &mut frame.rgba);
+            let inputs = self.times.of(Stage::Pixels, || self.scene_inputs(plan));
+            let scene = inputs.of(plan);
+            let run = || image_passes::run(&post, scene, pixels, &[], &self.faults, &mut frame.rgba);
             self.times.of(Stage::ImageEffects, run);
             return Ok(());
         }

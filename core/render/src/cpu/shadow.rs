@@ -273,7 +273,7 @@ fn depths(size: [u32; 2], batches: &[Batch]) -> Vec<f32> {
 }
 
 /// Whether the alpha test keeps each of four texels in a row. Textures are filtered over quads, as the image's are.
-fn holes(batch: &Batch, triangle: &Triangle, at: [i32; 2], index: usize) -> [bool; 4] {
+pub(super) fn holes(batch: &Batch, triangle: &Triangle, at: [i32; 2], index: usize) -> [bool; 4] {
     let Paint::Surface(fragment) = &batch.paint else { return [true; 4] };
     if !fragment.features.has(Features::ALPHA_MASK) {
         return [true; 4];

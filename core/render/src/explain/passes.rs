@@ -14,6 +14,7 @@ impl Costs<'_> {
             match command {
                 Command::BeginPass { .. } => self.scene_pass(command),
                 Command::BeginGeometry => self.gbuffer_pass(),
+                Command::BeginInputs { motion } => self.input_pass(*motion),
                 Command::BindPipeline(v) if v.deferred == DeferredPass::Light => self.lighting_pass(v),
                 Command::BeginPeel { layer, .. } => {
                     let what = format!("depth of transparent layer {}", layer + 1);
@@ -101,6 +102,18 @@ impl Costs<'_> {
             );
         }
         self.add(CostKind::Pass, what, None, self.deferred_by());
+    }
+
+    fn input_pass(&mut self, motion: bool) {
+        let Some(pass) = &self.plan.scene_inputs else { return };
+        let what = if motion { "depth, normals, motion vectors and actors" } else { "depth and normals" };
+        let what = format!("{what} for effects: {}, 1 sample per pixel", plural(pass.draws.len(), "draw"));
+        self.add(CostKind::Pass, what, None, self.inputs_read_by());
+    }
+
+    pub(crate) fn inputs_read_by(&self) -> RequestedBy {
+        let effects = self.plan.scene_inputs.iter().flat_map(|pass| pass.effects.iter().cloned()).collect();
+        RequestedBy { effects, ..RequestedBy::default() }
     }
 
     fn lighting_pass(&mut self, variant: &SceneVariant) {

@@ -45,6 +45,18 @@ impl Costs<'_> {
                 self.add(CostKind::Target, what, Some(bytes * pixels), self.deferred_by());
             }
         }
+        let motion = recording.commands.iter().find_map(|command| match command {
+            Command::BeginInputs { motion } => Some(*motion),
+            _ => None,
+        });
+        if let Some(motion) = motion {
+            let (names, bytes) = match motion {
+                true => ("normals, depth, motion and actors", 36),
+                false => ("normals and depth", 20),
+            };
+            let what = format!("{names} for effects {size}, 32-bit floats, with the depth of their pass");
+            self.add(CostKind::Target, what, Some(bytes * pixels), self.inputs_read_by());
+        }
         let Some((target, samples, depth)) = scene else { return };
         if depth {
             let what = format!("depth {size}, {samples} samples of 32-bit float");

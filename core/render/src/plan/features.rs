@@ -9,6 +9,7 @@ use crate::scene_resources::material::{
 };
 use crate::scene_resources::thick_lines::pen;
 use choreo_asset::{AlphaMode, MaterialLayers, Shading, TextureSlot};
+use choreo_plugin::SceneInputs;
 use glam::{Affine2, Vec3};
 
 /// Requests of a draw for features, beside those of its primitive and material.
@@ -282,6 +283,8 @@ pub struct Facts {
     /// Some cut-out keeps samples.
     pub coverage: bool,
     pub post_passes: usize,
+    /// The inputs from the scene that effects on images read.
+    pub inputs: SceneInputs,
     pub surface_effects: usize,
     pub dark_lights: usize,
     /// Some light that shines casts shadows.
@@ -394,6 +397,7 @@ fn of_passes(all: Features, facts: &Facts) -> Reports {
         1 => "one sample a pixel was asked for: cut-outs keep or lose whole pixels",
         _ => "all cutouts are \"hard\", or nothing is cut at an alpha above 0",
     };
+    let (over_image, inputs) = (facts.post_passes > 0, facts.inputs);
     let alone = "no two drawn primitives are equal in shape, material and state";
     let reports = [
         report(facts.flats == 0, "2D layers", "no text, image, panel or letterbox is seen"),
@@ -405,6 +409,12 @@ fn of_passes(all: Features, facts: &Facts) -> Reports {
         report(facts.samples == 1, "multisampling", "one sample a pixel was asked for"),
         report(facts.post_passes == 0, "full-screen passes and float target", "no effect is on"),
         report(facts.overlays == 0, "overlays of effects", "no effect draws any"),
+        report(
+            over_image && !inputs.surface,
+            "depth and normals for effects",
+            "no effect that is on reads them",
+        ),
+        report(over_image && !inputs.motion, "motion vectors for effects", "no effect that is on reads them"),
     ];
     reports.into_iter().flatten().collect()
 }

@@ -59,6 +59,9 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Eff
         material_overrides,
         scene_effects,
         post,
+        scene_inputs,
+        inputs_only,
+        effect_frame,
         background_effects,
         overlay,
         subframes,
@@ -107,6 +110,9 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Eff
     add(bytemuck::cast_slice(&overlay.vertices));
     add(format!("{:?} {linear} {background_effects} {displacement_limits:?} {skin_once:?}", overlay.parts)
         .as_bytes());
+    // Its draws follow from those above, its instances are among them.
+    let inputs = scene_inputs.as_ref().map(|pass| (pass.inputs, pass.clip_before, pass.camera_before));
+    add(format!("{inputs:?} {inputs_only} {effect_frame:?}").as_bytes());
     add(format!("{} {}", subframes.len(), history.len()).as_bytes());
     subframes.iter().chain(history).for_each(|part| add(&frame_key(part, resources, effects)));
     if let Some(dissolve) = dissolve {

@@ -33,6 +33,8 @@ const OTHERS: &[&str] = &[
     "shadow maps",
     "shadows beyond the limit",
     "overlays of effects",
+    "depth and normals for effects",
+    "motion vectors for effects",
 ];
 
 /// A part that a frame leaves out, and why: "shadow maps: no light casts shadows".

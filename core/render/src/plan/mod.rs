@@ -21,6 +21,7 @@ pub(crate) mod overlay;
 pub(crate) mod pipeline_key;
 pub(crate) mod post;
 pub(crate) mod scene_color_copy;
+pub(crate) mod scene_inputs;
 pub mod shader_features;
 pub(crate) mod shadow_maps;
 pub mod tiles;
@@ -32,6 +33,7 @@ use crate::plan::dirty_rect::DirtyRect;
 use crate::plan::light_clusters::LightClusters;
 use crate::scene_resources::material::MaterialResource;
 use choreo_asset::{AlphaMode, Shading};
+use choreo_plugin::EffectFrame;
 use choreo_stage::{Background, SkinOnce};
 use glam::Vec3;
 use std::sync::Arc;
@@ -47,6 +49,7 @@ pub use crate::plan::overlay::{OverlayPart, OverlayVertex, PlanOverlay};
 pub use crate::plan::pipeline_key::{Glass, PipelineKey, TopologyKey};
 pub use crate::plan::post::PostPass;
 pub use crate::plan::scene_color_copy::SceneColorCopy;
+pub use crate::plan::scene_inputs::InputPass;
 pub use crate::plan::shader_features::Features;
 pub use crate::plan::shadow_maps::{ShadowMaps, ShadowView};
 pub use crate::view::View;
@@ -108,6 +111,12 @@ pub struct Plan {
     pub dirty_rect: DirtyRect,
     /// Full-screen passes in order.
     pub post: Vec<PostPass>,
+    /// Depth, normals and motion that effects on images read; `None` if none does.
+    pub scene_inputs: Option<InputPass>,
+    /// Only `scene_inputs` is drawn, and read back.
+    pub inputs_only: bool,
+    /// Time, camera and sun, as far as effects on images read them.
+    pub effect_frame: EffectFrame,
     /// Triangles, lines, points and grids of effects, over the scene and below the full-screen passes.
     pub overlay: PlanOverlay,
     /// Plans of the times while the shutter is open. If there are any, the frame is their mean in linear light, and this plan
@@ -137,9 +146,10 @@ impl Plan {
         self.shadow_maps.iter().flat_map(|s| &s.views).flat_map(|v| &v.draws)
     }
 
-    /// Draws into the frame, then into shadow maps.
+    /// Draws into the frame, then into shadow maps, then of the inputs of effects.
     pub(crate) fn all_draws(&self) -> impl Iterator<Item = &Draw> {
-        self.draws.iter().chain(self.shadow_draws())
+        let inputs = self.scene_inputs.iter().flat_map(|pass| &pass.draws);
+        self.draws.iter().chain(self.shadow_draws()).chain(inputs)
     }
 }
 

@@ -4,6 +4,7 @@
 //! Earlier frames that an effect reads are planned here, too, without motion blur.
 
 use crate::plan::build::effects::{exposure_of, history_of};
+use crate::plan::build::scene_inputs::inputs_of;
 use crate::plan::options::PlanOptions;
 use crate::plan::{Plan, PlanDissolve};
 use crate::scene_resources::SceneResources;
@@ -69,7 +70,12 @@ fn plan_shot<E>(
     options: &PlanOptions,
     mut at: impl FnMut(Time) -> Result<Snapshot, E>,
 ) -> Result<Plan, E> {
-    let mut plan = plan_alone(resources, stage, snapshot, options, &mut at)?;
+    let moves = inputs_of(stage, snapshot, options.effects).motion;
+    let before = moves.then(|| at(frames_ago(stage, time, 1))).transpose()?;
+    // After a cut nothing has moved.
+    let moved_from = before.as_ref().filter(|before| before.camera.camera == snapshot.camera.camera);
+    let of_frame = PlanOptions { moved_from, ..options.clone() };
+    let mut plan = plan_alone(resources, stage, snapshot, &of_frame, &mut at)?;
     if let Some(exposure) = exposure_of(stage, snapshot, options.effects) {
         for time in times(stage, time, &exposure) {
             let then = at(time)?;
@@ -92,7 +98,7 @@ fn plan_shot<E>(
 
 /// A plan whose image is accumulated: full-screen passes and layers over the image come later.
 fn linear(plan: Plan) -> Plan {
-    Plan { post: Vec::new(), linear: true, layers_in_front: None, ..plan }
+    Plan { post: Vec::new(), scene_inputs: None, linear: true, layers_in_front: None, ..plan }
 }
 
 /// The time of an earlier frame; the first frame repeats before the start.

@@ -15,6 +15,8 @@ pub struct PlanOptions<'a> {
     pub effects: &'a [Arc<dyn Effect>],
     /// The stage one frame ago, two frames ago and so on, for overlays that draw it ([`crate::plan::motion_blur::plan_alone`]).
     pub before: &'a [Snapshot],
+    /// The stage one frame ago, for motion vectors; without it nothing has moved.
+    pub moved_from: Option<&'a Snapshot>,
     /// Turns every shader feature on, needed or not: the pixels must stay the same (tests).
     pub force_all: bool,
     /// Draws instances outside the view, too.

@@ -81,11 +81,15 @@ impl Plan {
             dirty_rect: DirtyRect::EVERYTHING,
             layers_in_front: None,
             post: Vec::new(),
+            scene_inputs: self.scene_inputs.clone().filter(|_| self.inputs_only),
             subframes: Vec::new(),
             history: Vec::new(),
             dissolve: None,
             ..self.clone()
         };
+        if let Some(inputs) = &mut part.scene_inputs {
+            inputs.clip_before = clip(inputs.clip_before);
+        }
         if part.light_clusters.is_some() {
             part.light_clusters = Some(LightClusters::new(&part.lights, &part.view, part.size));
         }

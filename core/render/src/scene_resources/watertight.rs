@@ -5,7 +5,7 @@
 //! direction as in the other, so the surface is a boundary, whose winding number is 0 outside. Skins and morph targets add no
 //! border, so however a mesh is bent no hole opens and its outline stays. Where a part of it is turned inside out, the face
 //! behind that part is drawn in its place: at most 0.05 % of a sample's pixels in its clips and with a joint turned by
-//! 2.5 radians (`cargo test -p choreo --test closed_bodies -- --nocapture`).
+//! 2.5 radians (`cargo test -p choreo --test watertight -- --nocapture`).
 
 use choreo_asset::{Primitive, Topology};
 use glam::Vec3;

@@ -15,7 +15,7 @@ pub use preprocess::{PreprocessError, preprocess};
 pub use surface::{SceneEffect, surface_files};
 pub use switches::switches;
 pub use textures::{texture_bytes, texture_functions};
-pub use variant::{DeferredPass, LightLoop, PeelPass, SceneVariant, entry_points};
+pub use variant::{DeferredPass, InputTargets, LightLoop, PeelPass, SceneVariant, entry_points};
 
 use crate::error::RenderError;
 use choreo_files::Folder;
@@ -30,11 +30,12 @@ pub struct ShaderSources {
 }
 
 /// (file name, text built into the program).
-const EMBEDDED: [(&str, &str); 27] = [
+const EMBEDDED: [(&str, &str); 28] = [
     ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
     ("lights.wgsl", include_str!("../../../../shaders/lights.wgsl")),
     ("layers_behind.wgsl", include_str!("../../../../shaders/layers_behind.wgsl")),
     ("peel.wgsl", include_str!("../../../../shaders/peel.wgsl")),
+    ("inputs.wgsl", include_str!("../../../../shaders/inputs.wgsl")),
     ("deferred.wgsl", include_str!("../../../../shaders/deferred.wgsl")),
     ("view.wgsl", include_str!("../../../../shaders/view.wgsl")),
     ("sky.wgsl", include_str!("../../../../shaders/sky.wgsl")),
@@ -66,7 +67,7 @@ const MATERIAL_TEXTURES: &str = "material_textures.wgsl";
 const DITHER_RANKS: &str = "dither_ranks.wgsl";
 
 /// Files that make up a shader module, in order.
-pub const SCENE: [&str; 21] = [
+pub const SCENE: [&str; 22] = [
     "frame.wgsl",
     "lights.wgsl",
     MATERIAL_TEXTURES,
@@ -87,6 +88,7 @@ pub const SCENE: [&str; 21] = [
     "deferred.wgsl",
     "effect_faults.wgsl",
     "surface.wgsl",
+    "inputs.wgsl",
     "scene.wgsl",
 ];
 pub const PRESKIN: [&str; 4] = ["frame.wgsl", "brdf.wgsl", "pose.wgsl", "preskin.wgsl"];

@@ -1,6 +1,6 @@
 //! The switches of the scene's shaders: one for each feature of the table, and those of passes and pipeline keys.
 
-use super::{DeferredPass, LightLoop, PeelPass, SceneVariant};
+use super::{DeferredPass, InputTargets, LightLoop, PeelPass, SceneVariant};
 use crate::plan::shader_features::{ALPHA, FEATURES, Feature, TextureSlot, holds, names};
 use crate::plan::{Features, Glass};
 
@@ -60,9 +60,29 @@ const OF_LIGHT_PASS: Features = Features::METALLIC_ROUGHNESS
     .with(Features::EFFECT_NORMALS);
 const OF_SHADOW_PASS: Features =
     Features::SKINNING.with(ALPHA).with(Features::EFFECT_NORMALS).with(Features::PRE_SKINNED);
-
 /// All switches beside the features'. A condition reads those above it only.
 pub const SWITCHES: &[Switch] = &[
+    pass(
+        "INPUT_PASS",
+        |v| v.inputs != InputTargets::No,
+        OF_SHADOW_PASS,
+        &[
+            "!SHADOW_PASS",
+            "!PEELED",
+            "!SURFACE",
+            "!LIGHTING",
+            "!GEOMETRY",
+            "!LIGHT_PASS",
+            "!BLEND",
+            "!COVERAGE",
+            "!TINT",
+            "ALPHA_MASK || !BASE_COLOR_TEXTURE",
+            "ALPHA_MASK || !TRIPLANAR",
+            "ALPHA_MASK || !VERTEX_COLOR",
+            "ALPHA_MASK || !UV_MOTION_MASK",
+        ],
+    ),
+    variant("MOTION", |v| v.inputs == InputTargets::Motion, &["INPUT_PASS", "!PRE_SKINNED"]),
     derived("LIT", "METALLIC_ROUGHNESS || BLINN_PHONG || TOON"),
     derived("NORMAL", "LIT || OUTLINE || EFFECT_NORMALS || TRIPLANAR"),
     derived("TANGENT", "NORMAL_TEXTURE || CLEARCOAT_NORMAL_TEXTURE || ANISOTROPY"),
@@ -70,7 +90,7 @@ pub const SWITCHES: &[Switch] = &[
     variant("DISPLACED", |v| v.key.displaced != 0, &["!LIGHT_PASS"]),
     variant("LIGHTING", |v| v.key.lighting != 0, &["LIT", "!TOON", "!GEOMETRY", "!LIGHT_PASS"]),
     derived("EFFECTS", "SURFACE || DISPLACED || LIGHTING"),
-    derived("POSITION_OUT", "LIT || SURFACE"),
+    derived("POSITION_OUT", "LIT || SURFACE || INPUT_PASS"),
     derived("NORMAL_OUT", "LIT || EFFECT_NORMALS"),
     variant(
         "GLASS_FILTER",
@@ -88,7 +108,7 @@ pub const SWITCHES: &[Switch] = &[
     variant("DOUBLE_SIDED", |v| v.key.double_sided, &["!LIGHT_PASS"]),
     variant(
         "TINT",
-        |v| v.tint && !v.shadow_pass && v.deferred != DeferredPass::Light,
+        |v| v.tint && !v.shadow_pass && v.inputs == InputTargets::No && v.deferred != DeferredPass::Light,
         &["!SHADOW_PASS", "!LIGHT_PASS"],
     ),
     variant("JOINTS_UNIFORM", |v| v.joints_uniform, &["SKIN"]),
@@ -129,6 +149,8 @@ pub const SWITCHES: &[Switch] = &[
     Switch { name: "DITHER", source: SwitchSource::OtherModules, needs: &[], only: None },
     Switch { name: "FAULT_RECORDS", source: SwitchSource::OtherModules, needs: &["EFFECTS"], only: None },
     Switch { name: "SKY_BACKGROUND", source: SwitchSource::OtherModules, needs: &[], only: None },
+    Switch { name: "SURFACE_INPUT", source: SwitchSource::OtherModules, needs: &[], only: None },
+    Switch { name: "MOTION_INPUT", source: SwitchSource::OtherModules, needs: &[], only: None },
     Switch { name: "PICTURE", source: SwitchSource::OtherModules, needs: &[], only: None },
 ];
 

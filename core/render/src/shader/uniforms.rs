@@ -6,6 +6,7 @@ use crate::scene_resources::material::{
 };
 use crate::sky::{MAX_LEVELS, SkyMaps};
 use choreo_asset::{AlphaMode, TextureSlot, Toon};
+use choreo_plugin::EffectFrame;
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
 macro_rules! uniforms {
@@ -36,6 +37,8 @@ uniforms! {
         size: Vec2,
         light_count: u32,
         exposure: f32,
+        clip_before: Mat4,
+        camera_before: Vec4,
     }
 
     /// How a place is found again from its pixel and depth; deferred.wgsl.
@@ -175,6 +178,8 @@ uniforms! {
         /// Pixels of what the pass before made, and of the whole.
         input: Vec2,
         whole: Vec2,
+        /// [`EffectFrame::rows`].
+        scene: [Vec4; EffectFrame::ROWS],
     }
 }
 
@@ -278,7 +283,7 @@ fn uv_transform(t: &MaterialTexture) -> UvTransform {
 
 impl PostUniform {
     /// `before`: how many times smaller the image is that it reads.
-    pub fn new(pass: &PostPass, before: u32, whole: [u32; 2]) -> PostUniform {
+    pub fn new(pass: &PostPass, before: u32, whole: [u32; 2], frame: &EffectFrame) -> PostUniform {
         let p = &pass.parameters;
         let vec2 = |size: [u32; 2]| Vec2::new(size[0] as f32, size[1] as f32);
         PostUniform {
@@ -288,6 +293,7 @@ impl PostUniform {
             shrink: pass.shrink.max(before),
             input: vec2(whole.map(|s| s.div_ceil(before.max(1)))),
             whole: vec2(whole),
+            scene: frame.rows(),
         }
     }
 }

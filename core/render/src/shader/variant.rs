@@ -26,6 +26,7 @@ pub struct SceneVariant {
     pub shadow_pass: bool,
     pub peel: PeelPass,
     pub deferred: DeferredPass,
+    pub inputs: InputTargets,
 }
 
 impl SceneVariant {
@@ -39,6 +40,7 @@ impl SceneVariant {
             shadow_pass: false,
             peel: PeelPass::No,
             deferred: DeferredPass::No,
+            inputs: InputTargets::No,
         }
     }
 }
@@ -49,6 +51,7 @@ pub fn entry_points(on: &[&str]) -> Vec<(&'static str, ShaderStage)> {
     let vertex = if has("LIGHT_PASS") { "light_vs" } else { "vs" };
     let fragment = match has("SHADOW_PASS") {
         _ if has("PEEL_PASS") => Some("peel_fs"),
+        _ if has("INPUT_PASS") => Some("inputs_fs"),
         // Only cut-outs need a fragment shader in a shadow map.
         true => has("ALPHA_MASK").then_some("shadow_fs"),
         false => Some("fs"),
@@ -78,4 +81,15 @@ pub enum DeferredPass {
     Geometry,
     /// Lights the G-buffer.
     Light,
+}
+
+/// Whether a pass draws what effects on images read of the scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum InputTargets {
+    #[default]
+    No,
+    /// Normals and depth.
+    Surface,
+    /// Motion vectors and actors too.
+    Motion,
 }

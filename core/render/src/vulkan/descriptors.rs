@@ -82,6 +82,8 @@ impl Layouts {
             (2, T::SAMPLED_IMAGE, fragment),
             (3, T::STORAGE_BUFFER, fragment),
             (4, T::STORAGE_BUFFER, fragment),
+            (5, T::SAMPLED_IMAGE, fragment),
+            (6, T::SAMPLED_IMAGE, fragment),
         ];
         let made = (|| {
             layouts.frame = create(gpu, "frame set layout", &frame)?;

@@ -94,6 +94,9 @@ impl Execution<'_> {
                 self.begin_geometry()?;
                 self.bind_scene_sets();
             }
+            Command::BeginInputs { .. } => self.begin_inputs()?,
+            Command::EndInputs => self.end_inputs(),
+            Command::ReadBackInputs => self.read_back_inputs(),
             Command::DrawLight { area } => self.light(*area)?,
             Command::CopySceneColor { from, .. } => self.copy_behind(*from)?,
             Command::BeginPass { target, clear, part, kept, area, .. } => {
@@ -396,6 +399,11 @@ impl Execution<'_> {
         let sampled = vk::DescriptorType::SAMPLED_IMAGE;
         write_image(self.gpu, set, 1, sampled, from.view, vk::Sampler::null());
         write_image(self.gpu, set, 2, sampled, original.view, vk::Sampler::null());
+        // Every binding: what is not there has the place of what is, and is not read.
+        for (binding, i) in [(5, 0), (6, 1)] {
+            let view = self.targets.inputs.get(i).map_or(from.view, |image| image.view);
+            write_image(self.gpu, set, binding, sampled, view, vk::Sampler::null());
+        }
         let target = self.targets.image(to);
         self.barriers(&[from_color(from), to_color(target)]);
         let color = vk::RenderingAttachmentInfo::default()
@@ -424,7 +432,12 @@ impl Execution<'_> {
             .old_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
             .new_layout(vk::ImageLayout::TRANSFER_SRC_OPTIMAL)]);
         let Some(readback) = &self.slot.readback else { return };
-        let region = [self.whole_picture()];
+        self.copy_to_host(picture, readback.raw, 0);
+    }
+
+    /// Copies a whole image, which is in the layout of a source of copies, into a buffer from a byte on.
+    pub(super) fn copy_to_host(&self, image: &Image, buffer: vk::Buffer, at: u64) {
+        let region = [self.whole_picture().buffer_offset(at)];
         // The image, and what shaders recorded.
         let shaders = vk::PipelineStageFlags2::VERTEX_SHADER | vk::PipelineStageFlags2::FRAGMENT_SHADER;
         let to_host = [vk::MemoryBarrier2::default()
@@ -436,9 +449,9 @@ impl Execution<'_> {
         unsafe {
             self.gpu.device.cmd_copy_image_to_buffer(
                 self.slot.commands,
-                picture.raw,
+                image.raw,
                 vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
-                readback.raw,
+                buffer,
                 &region,
             );
             let info = vk::DependencyInfo::default().memory_barriers(&to_host);

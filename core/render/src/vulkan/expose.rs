@@ -32,6 +32,7 @@ impl VulkanRenderer {
             self.submit_now(&plan)?;
             return self.collect_now(reuse);
         }
+        let inputs = self.inputs_on_host(&plan)?;
         let [width, height] = plan.size;
         let mut sum = Accumulated::new(width as usize * height as usize);
         let mut before = Vec::with_capacity(plan.history.len());
@@ -57,7 +58,8 @@ impl VulkanRenderer {
         (frame.width, frame.height) = (width, height);
         frame.rgba.resize(width as usize * height as usize * 4, 0);
         let passes = image_passes::passes(&plan.post, plan.size, self.pipelines.effects())?;
-        image_passes::run(&passes, plan.size, sum.mean(), &before, &self.faults, &mut frame.rgba);
+        let scene = inputs.of(&plan);
+        image_passes::run(&passes, scene, sum.mean(), &before, &self.faults, &mut frame.rgba);
         if let Some(over) = &plan.layers_in_front {
             over.over(&mut frame);
         }

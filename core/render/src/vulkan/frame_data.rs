@@ -14,7 +14,7 @@ use crate::shader::uniforms::{
 };
 use ash::vk;
 use choreo_stage::Background;
-use glam::Vec2;
+use glam::{Mat4, Vec2, Vec4};
 
 /// Parameters of as many effects on surfaces as there can be, and how far each moves them.
 const SURFACE_BYTES: u64 = REACHES_AT + (MOST_SURFACE_EFFECTS * size_of::<f32>()) as u64;
@@ -227,7 +227,7 @@ impl<'a> FrameData<'a> {
         }
         let mut before = 1;
         for (block, pass) in self.post.iter().zip(&plan.post) {
-            put(block.at, bytemuck::bytes_of(&PostUniform::new(pass, before, plan.size)));
+            put(block.at, bytemuck::bytes_of(&PostUniform::new(pass, before, plan.size, &plan.effect_frame)));
             before = pass.shrink;
         }
     }
@@ -249,5 +249,7 @@ fn frame_uniform(plan: &Plan, light_count: u32) -> FrameUniform {
         size: Vec2::new(plan.size[0] as f32, plan.size[1] as f32),
         light_count,
         exposure: plan.exposure,
+        clip_before: plan.scene_inputs.as_ref().map_or(Mat4::ZERO, |pass| pass.clip_before),
+        camera_before: plan.scene_inputs.as_ref().map_or(Vec4::ZERO, |pass| pass.camera_before.extend(0.0)),
     }
 }

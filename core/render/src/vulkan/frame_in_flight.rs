@@ -298,7 +298,11 @@ impl FrameInFlight {
     }
 
     fn prepare_readback(&mut self, gpu: &Context, plan: &Plan) -> Result<(), RenderError> {
-        let pixel = if plan.linear { 8 } else { 4 };
+        let pixel = match &plan.scene_inputs {
+            Some(pass) if plan.inputs_only => pass.pixel_bytes() as u64,
+            _ if plan.linear => 8,
+            _ => 4,
+        };
         let bytes = plan.size[0] as u64 * plan.size[1] as u64 * pixel;
         if self.readback.as_ref().is_none_or(|b| b.size < bytes) {
             if let Some(mut old) = self.readback.take() {

@@ -29,6 +29,7 @@ mod pipelines;
 mod preskin;
 mod resources;
 mod scene_color_copy;
+pub(crate) mod scene_inputs;
 mod shadow;
 mod sky;
 mod state;

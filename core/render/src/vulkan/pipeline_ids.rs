@@ -46,7 +46,7 @@ pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
             (samples, float, depth) = (*s, is_float(target), true);
             None
         }
-        Command::BeginShadows { .. } | Command::BeginGeometry => {
+        Command::BeginShadows { .. } | Command::BeginGeometry | Command::BeginInputs { .. } => {
             (samples, float) = (1, false);
             None
         }

@@ -286,6 +286,9 @@ impl Pipelines {
         on.extend((plugin.hook() == Hook::Image).then_some("PICTURE"));
         on.extend(self.records_faults.then_some("FAULT_RECORDS"));
         on.extend(textures.then_some("TEXTURES"));
+        let inputs = plugin.scene_inputs();
+        on.extend(inputs.surface.then_some("SURFACE_INPUT"));
+        on.extend(inputs.motion.then_some("MOTION_INPUT"));
         compile(&files, &on, &stages("post_vs", "post_fs"), false)
     }
 

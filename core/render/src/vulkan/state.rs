@@ -7,7 +7,7 @@ use crate::error::RenderError;
 use crate::plan::shader_features::texture_slots;
 use crate::plan::{Features, Glass, TopologyKey};
 use crate::scene_resources::vertex_layout::{Format, VertexLayout};
-use crate::shader::{DeferredPass, PeelPass, SceneVariant, switches};
+use crate::shader::{DeferredPass, InputTargets, PeelPass, SceneVariant, switches};
 use ash::vk;
 
 pub struct PipelineState {
@@ -21,6 +21,8 @@ pub struct PipelineState {
     pub color: Option<vk::Format>,
     /// Renders to the G-buffer instead.
     pub gbuffer: bool,
+    /// Renders the inputs of effects instead: as many targets.
+    pub inputs: usize,
     /// Comparison and whether it writes; `None` without a depth image.
     pub depth: Option<(vk::CompareOp, bool)>,
     pub mix: Mix,
@@ -67,6 +69,11 @@ impl PipelineState {
         let peel = variant.peel != PeelPass::No;
         let light = variant.deferred == DeferredPass::Light;
         let gbuffer = variant.deferred == DeferredPass::Geometry;
+        let inputs = match variant.inputs {
+            InputTargets::No => 0,
+            InputTargets::Surface => 1,
+            InputTargets::Motion => 2,
+        };
         let layout = match light {
             true => layouts.light()?.pipeline,
             false => layouts.material(texture_slots(key.features))?.pipeline,
@@ -80,8 +87,9 @@ impl PipelineState {
                 _ => vk::PrimitiveTopology::TRIANGLE_LIST,
             },
             clockwise: key.mirrored,
-            color: (!variant.shadow_pass && !peel && !gbuffer).then(|| format_of(float)),
+            color: (!variant.shadow_pass && !peel && !gbuffer && inputs == 0).then(|| format_of(float)),
             gbuffer,
+            inputs,
             // Reversed Z: nearer is greater. Of a peeled layer the farthest stays.
             depth: Some(match peel {
                 // The lighting pass draws a triangle at depth 0, which passes where anything was drawn.
@@ -156,7 +164,8 @@ impl PipelineState {
 
     pub(crate) fn color_formats(&self) -> Vec<vk::Format> {
         let gbuffer = self.gbuffer.then_some(super::deferred::FORMATS).into_iter().flatten();
-        self.color.into_iter().chain(gbuffer).collect()
+        let inputs = std::iter::repeat_n(super::scene_inputs::FORMAT, self.inputs);
+        self.color.into_iter().chain(gbuffer).chain(inputs).collect()
     }
 
     pub(crate) fn full_screen(layout: vk::PipelineLayout) -> PipelineState {
@@ -169,6 +178,7 @@ impl PipelineState {
             samples: 1,
             color: Some(format(Target::Picture)),
             gbuffer: false,
+            inputs: 0,
             depth: None,
             mix: Mix::Replace,
             coverage: false,

@@ -42,6 +42,8 @@ pub struct Needs {
     pub layers: bool,
     /// The G-buffer until it is lit.
     pub kept: bool,
+    /// Color targets of the inputs of effects: 0 to 2.
+    pub inputs: usize,
 }
 
 impl Needs {
@@ -56,6 +58,7 @@ impl Needs {
             behind: None,
             layers: false,
             kept: false,
+            inputs: 0,
         };
         for command in &recording.commands {
             let float = |t: &Target| match t {
@@ -66,6 +69,7 @@ impl Needs {
                 Command::BeginShadows { image, .. } => needs.shadow = Some(*image),
                 Command::BeginPeel { .. } => needs.layers = true,
                 Command::BeginGeometry => needs.kept = true,
+                Command::BeginInputs { motion } => needs.inputs = 1 + usize::from(*motion),
                 Command::CopySceneColor { levels, .. } => needs.behind = Some(*levels),
                 Command::BeginPass { target, samples, depth, .. } => {
                     (needs.scene, needs.samples, needs.depth) = (*target, *samples, *depth);
@@ -90,6 +94,9 @@ pub struct Targets {
     pub layers: Vec<Image>,
     /// The G-buffer until it is lit.
     pub kept: Vec<Image>,
+    /// Inputs of effects, and the depth of their pass.
+    pub inputs: Vec<Image>,
+    pub input_depth: Option<Image>,
     /// Reads nothing: lavapipe (22.3) follows every binding of a bound set.
     sampler: vk::Sampler,
     /// Multisampled target with more than one sample, resolved into the scene's target.
@@ -133,6 +140,8 @@ impl Targets {
             depth: None,
             layers: Vec::new(),
             kept: Vec::new(),
+            inputs: Vec::new(),
+            input_depth: None,
             sampler: vk::Sampler::null(),
             multisampled: None,
             shadow: None,
@@ -162,6 +171,12 @@ impl Targets {
             for format in super::deferred::FORMATS.into_iter().filter(|_| needs.kept) {
                 let usage = U::COLOR_ATTACHMENT | U::SAMPLED;
                 targets.kept.push(image("G-buffer", format, usage, 1)?);
+            }
+            for name in ["normals and depth", "motion and actors"].into_iter().take(needs.inputs) {
+                targets.inputs.push(image(name, super::scene_inputs::FORMAT, usage, 1)?);
+            }
+            if needs.inputs > 0 {
+                targets.input_depth = Some(image("depth of inputs", DEPTH, U::DEPTH_STENCIL_ATTACHMENT, 1)?);
             }
             if needs.samples > 1 {
                 let format = format(needs.scene);
@@ -261,6 +276,8 @@ impl Targets {
             .iter_mut()
             .chain(&mut self.layers)
             .chain(&mut self.kept)
+            .chain(&mut self.inputs)
+            .chain(&mut self.input_depth)
             .chain(&mut self.depth)
             .chain(&mut self.multisampled)
         {

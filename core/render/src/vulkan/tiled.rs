@@ -23,7 +23,7 @@ impl VulkanRenderer {
         self.side_of_tiles(plan).is_some()
     }
 
-    fn side_of_tiles(&self, plan: &Plan) -> Option<u32> {
+    pub(super) fn side_of_tiles(&self, plan: &Plan) -> Option<u32> {
         let bends = |p: &Plan| p.scene_color_copy.is_some();
         let whole = bends(plan) || plan.sub_plans().any(bends);
         side_of_tiles(plan.size, self.longest_side(), whole)
@@ -48,8 +48,10 @@ impl VulkanRenderer {
             }
             let before =
                 plan.history.iter().map(|part| self.linear_tiles(part)).collect::<Result<Vec<_>, _>>()?;
+            let inputs = self.inputs_on_host(plan)?;
             let passes = image_passes::passes(&plan.post, plan.size, self.pipelines.effects())?;
-            image_passes::run(&passes, plan.size, sum.mean(), &before, &self.faults, &mut frame.rgba);
+            let scene = inputs.of(plan);
+            image_passes::run(&passes, scene, sum.mean(), &before, &self.faults, &mut frame.rgba);
         }
         if let Some(over) = &plan.layers_in_front {
             over.over(&mut frame);
@@ -59,7 +61,13 @@ impl VulkanRenderer {
 
     fn linear_tiles(&mut self, plan: &Plan) -> Result<Vec<Vec4>, RenderError> {
         let mut pixels = vec![Vec4::ZERO; plan.size[0] as usize * plan.size[1] as usize];
-        let linear = Plan { linear: true, subframes: Vec::new(), history: Vec::new(), ..plan.clone() };
+        let linear = Plan {
+            linear: true,
+            scene_inputs: None,
+            subframes: Vec::new(),
+            history: Vec::new(),
+            ..plan.clone()
+        };
         self.draw_tiles::<8>(&linear, |at, bytes| {
             let part = |i: usize| half::f16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]]).to_f32();
             pixels[at] = Vec4::new(part(0), part(1), part(2), part(3));

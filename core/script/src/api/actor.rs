@@ -89,7 +89,7 @@ api! {
     /// - A keyframe [time, value, ease] has its own easing, into that keyframe only; `how` is then "linear".
     Actor.key("property, keys, how? | property, name, keys, how?") = key;
     /// Plays a clip on the actor and returns its cue (an NLA strip), from time 0 or from Cue.from on. A clip of
-    /// another asset is retargeted. Options as in Cue.then.
+    /// another asset is retargeted. Options as in Cue.then (from, until, fade, trim, speed, repeat and more).
     Actor.play("clip, options?") -> Cue = play;
     /// Returns a camera of the actor's file, by name or by index from 0. It moves with the actor. The argument may
     /// be left out where the file has one camera.

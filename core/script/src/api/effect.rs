@@ -16,7 +16,8 @@ api! {
     /// Adds an effect plugin to the whole frame or to all surfaces. Options are its parameters; `choreo plugins`
     /// lists all effects and their parameters.
     /// - Built in, on the frame: "tonemap" (tone mapping, exposure), "bloom", "motion_blur" (accumulation of
-    ///   sub-frames while the shutter is open), "fxaa" (antialiasing), "vignette".
+    ///   sub-frames while the shutter is open), "fxaa" (antialiasing), "vignette", "film_grain".
+    /// - Built in, on the frame by its depth: "ambient_occlusion", "depth_of_field", "god_rays", "edge_lines", "heat_haze".
     /// - Built in, on surfaces and as overlays: "toon", "fog", "outline", "wireframe", "xray", "views" (normals,
     ///   uvs and more), "skeleton", "grid", "shadow_catcher".
     effect("name, options?") -> Effect = effect;
@@ -52,7 +53,7 @@ fn effect(c: &mut Call) -> Reply {
         }
     };
     if let Some(file) = plugin.file() {
-        c.shared.loader.note_used(&file.path, file.text.as_bytes());
+        c.shared.loader.note_used(&file.path, &file.bytes);
         for beside in &file.beside {
             if let Ok(bytes) = &beside.bytes {
                 c.shared.loader.note_used(&beside.path, bytes);

@@ -128,7 +128,7 @@ pub(crate) fn of_value<'a>(given: &str, known: impl IntoIterator<Item = &'a str>
 
 impl Topic {
     fn hint(&self, target: Target, defs: &Defs) -> String {
-        let Call { usage, about, page } = Call::of(target, defs);
+        let Call { usage, about, page, .. } = Call::of(target, defs);
         let about = about.unwrap_or_default();
         // Entries describe their options after the first sentence.
         let sentence = about.split_once(". ").map_or(&*about, |(first, _)| first).trim_end_matches('.');
@@ -152,6 +152,8 @@ pub struct Call {
     pub usage: String,
     /// The description; none for a command, which describes itself.
     pub about: Option<String>,
+    /// The rest of the description, with the options; empty unless the term is the name of the call.
+    pub details: Vec<String>,
     /// The page that describes it: a file, with the heading if it has several.
     pub page: String,
 }
@@ -166,7 +168,8 @@ impl Call {
                     (None, Some(_)) => target.text.to_string(),
                     (None, None) => def.full_usage(),
                 };
-                Call { usage, about: Some(described.unwrap_or_else(|| first_line(def))), page: page(title) }
+                let about = Some(described.unwrap_or_else(|| first_line(def)));
+                Call { usage, about, details: Vec::new(), page: page(title) }
             }
             None if target.is_command() => {
                 let page = match target.text.split(' ').nth(1) {
@@ -175,25 +178,36 @@ impl Call {
                     Some("new" | "plugins") => "plugins/README.md",
                     _ => "core/cli/README.md",
                 };
-                Call { usage: target.text.to_string(), about: None, page: page.to_string() }
+                Call {
+                    usage: target.text.to_string(),
+                    about: None,
+                    details: Vec::new(),
+                    page: page.to_string(),
+                }
             }
             None => mathematics(target.name(), defs).unwrap_or_else(|| Call {
                 usage: target.text.to_string(),
                 about: None,
+                details: Vec::new(),
                 page: page("Conventions"),
             }),
         }
     }
 
     pub(crate) fn entry(title: &str, def: &Def) -> Call {
-        Call { usage: def.full_usage(), about: Some(first_line(def)), page: page(title) }
+        Call { usage: def.full_usage(), about: Some(first_line(def)), details: Vec::new(), page: page(title) }
+    }
+
+    /// The entry with all of its description.
+    pub(crate) fn whole_entry(title: &str, def: &Def) -> Call {
+        Call { details: def.about().split_off(1), ..Call::entry(title, def) }
     }
 }
 
 pub fn mathematics(name: &str, defs: &Defs) -> Option<Call> {
     let (name, args, about) = defs.maths.iter().find(|(known, ..)| *known == name)?;
     let usage = format!("{name}({args})");
-    Some(Call { usage, about: Some((*about).to_string()), page: page("Mathematics") })
+    Some(Call { usage, about: Some((*about).to_string()), details: Vec::new(), page: page("Mathematics") })
 }
 
 fn page(title: &str) -> String {

@@ -1,42 +1,33 @@
 //! Foot locking: feet stay where they stand.
 //!
-//! The contacts of a foot follow from its motion without this constraint, over the whole length of the stage: they are found once,
-//! at 60 Hz, and kept ([`FootLocks`]), so that frames can be evaluated in any order. While clips fade in step, the contacts are those
+//! The contacts of a foot follow from its motion without this constraint, over a span of the stage: they are found once,
+//! at 60 Hz, and kept ([`super::foot_locks`]), so that frames can be evaluated in any order. While clips fade in step, the contacts are those
 //! of the clips, because the mean of two strides slides. During a contact the ball of the foot stays at one point; between two contacts
 //! the foot is moved by an interpolation of both corrections, so that nothing jumps.
 
-use crate::actors::Scratch;
-use crate::constraints::foot_contacts::FootContacts;
-use crate::constraints::foot_samples::{FeetInMotion, FootSamples, Limb, leg_length};
+use crate::constraints::foot_locks::{LONGEST_GAP, STEP};
+use crate::constraints::foot_samples::{FootSamples, Limb};
 use crate::constraints::footsteps::Footstep;
 use crate::constraints::ground::Ground;
 use crate::constraints::solve::{bend_leg, world_place};
-use crate::constraints::standing_fades::FadeSteps;
 use crate::pose::joints::PosedSkeleton;
 use crate::stage::constraint::{FootLock, Leg};
-use crate::stage::{Stage, StageError};
-use choreo_motion::contacts::{ContactThresholds, still_intervals};
+use choreo_motion::contacts::ContactThresholds;
 use choreo_motion::math::rotation::rotation_between;
 use choreo_motion::{Front, Time};
 use glam::{DAffine3, DQuat, DVec3};
-use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
 
-pub(super) const STEP: Time = Time(Time::TICKS_PER_SECOND / 60);
-/// Feet are looked at for an hour at most; beyond it and outside the stage's length they are not planted.
-const MOST_SAMPLES: i64 = 60 * 3600;
-/// Across a longer gap between two contacts a foot is as its clips have it.
-pub(super) const LONGEST_GAP: Time = Time(Time::TICKS_PER_SECOND);
-const FADE: f64 = 0.25;
+/// Seconds in which a foot goes over from a contact to where its clips have it, and in which corrections end outside a span.
+pub(super) const FADE: f64 = 0.25;
 /// A foot stands on ground up to this height above its place in the clip, raised as its last step was: a high step, not the floor
 /// above.
 const HIGHEST_STEP: f64 = 1.2;
 /// Largest height of the ball of a locked foot, in legs: a foot locked while the toes leave the ground would push them into it.
 const FLAT: f64 = 0.04;
-/// Looks to either side among which a foot is at its lowest: feet of two clips differ by centimetres, and each must stand.
-const AROUND: usize = 36;
 /// Share of the sole's length by which raising the heel lengthens a leg, as far as it is used.
 const RAISED: f64 = 0.6;
+/// Looks to either side among which a foot is at its lowest: feet of two clips differ by centimetres, and each must stand.
+const AROUND: usize = 36;
 /// Number of samples over which the hips come down, and rise again.
 const SMOOTH: usize = 14;
 /// Number of places that are tried to either side, as far as half of the body's way during a contact.
@@ -49,19 +40,19 @@ const ROLLS_FAR: f64 = 0.25;
 /// A foot that is higher than this above the lowest place at all, in legs, jumps.
 const JUMP: f64 = 0.12;
 
-/// The contacts of the legs of one constraint.
-#[derive(Debug, Default)]
+/// The contacts of the legs of one constraint over a span of time.
+#[derive(Debug)]
 pub(crate) struct FootLockTrack {
-    legs: Vec<Vec<Contact>>,
+    pub(super) legs: Vec<Vec<Contact>>,
     /// Steps of each leg in fades between walking and standing.
-    steps: Vec<Vec<Footstep>>,
-    /// The span that the contacts cover, and whether it reaches the end of the stage.
-    span: (Time, Time),
-    to_the_end: bool,
-    /// Lowering of the hips, so that the legs reach the ground: start time and metres per step.
-    drops: Vec<(Time, Vec<f64>)>,
+    pub(super) steps: Vec<Vec<Footstep>>,
+    /// The span that the contacts cover, and whether the stage begins and ends in it.
+    pub(super) span: (Time, Time),
+    pub(super) open: [bool; 2],
+    /// Lowering of the hips, so that the legs reach the ground, in metres per step of the span.
+    pub(super) drops: Vec<f64>,
     /// The actor's front: knees bend there.
-    front: Front,
+    pub(super) front: Front,
 }
 
 /// A contact: where the foot stands, and how far that is from where its clips have it at the ends of `rolls`; in height, at `from` and `to`.
@@ -79,133 +70,8 @@ pub(super) struct Contact {
     pub by_step: bool,
 }
 
-/// The contacts of the foot lock constraints of one stage, by actor and constraint.
-#[derive(Debug, Default)]
-pub(crate) struct FootLocks(Mutex<BTreeMap<(usize, usize), Arc<FootLockTrack>>>);
-
-impl FootLocks {
-    /// The same whichever thread asks first; two threads that ask at once may both compute it.
-    pub fn track(
-        &self,
-        stage: &Stage,
-        actor: usize,
-        constraint: usize,
-        foot_lock: &FootLock,
-    ) -> Result<Arc<FootLockTrack>, StageError> {
-        let known = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(track) = known().get(&(actor, constraint)) {
-            return Ok(track.clone());
-        }
-        let track = Arc::new(find(stage, actor, foot_lock)?);
-        known().insert((actor, constraint), track.clone());
-        Ok(track)
-    }
-}
-
-fn find(stage: &Stage, actor: usize, foot_lock: &FootLock) -> Result<FootLockTrack, StageError> {
-    let ground: Vec<Ground> =
-        foot_lock.ground.iter().map(|g| Ground::of(stage, *g)).collect::<Result<_, _>>()?;
-    let leg = leg_length(stage, actor, foot_lock);
-    // Each sample places all actors of a stage.
-    let alone = alone(stage, actor);
-    let (within, index) = alone.as_ref().map_or((stage, actor), |alone| (alone, 0));
-    let mut feet =
-        FeetInMotion { stage: within, actor: index, foot_lock, scratch: Scratch::only(vec![index]) };
-    let count = foot_lock.legs.len();
-    let (mut legs, mut steps) = (vec![Vec::new(); count], vec![Vec::new(); count]);
-    // How much higher than in its clips each foot stood last.
-    let mut raised = vec![0.0; count];
-    let mut drops = Vec::new();
-    let windows = windows(stage, foot_lock);
-    let by_clips = !foot_lock.only.is_empty() || !foot_lock.standing_fades.is_empty();
-    let by_clips = by_clips.then(|| FootContacts::new(&stage.actors[actor], &foot_lock.legs));
-    for (from, to) in &windows {
-        let samples = feet.sample(*from, *to)?;
-        let mut found = vec![Vec::new(); count];
-        for (index, (found, raised)) in found.iter_mut().zip(&mut raised).enumerate() {
-            let mut stand = |span: &ContactSpan| stand(&samples, span, index, foot_lock, &ground, raised);
-            let Some(contacts) = by_clips.as_ref().filter(|_| !foot_lock.only.is_empty()) else {
-                let places = &samples.feet[index];
-                let still = still_intervals(&unrest(&samples, places, leg), STEP.as_secs(), false);
-                let stay = |(first, last): &(usize, usize)| ContactSpan {
-                    span: (samples.time(*first), samples.time(*last)),
-                    ends: [places[*first], places[*last]],
-                };
-                found.extend(still.iter().map(|still| stand(&stay(still))));
-                continue;
-            };
-            // The contacts of clips are exact in time.
-            for span in contacts.stands(index, *from, *to) {
-                let mut ends = [DVec3::ZERO; 2];
-                for (end, time) in ends.iter_mut().zip([span.0, span.1]) {
-                    *end = feet.sample(time, time)?.feet[index][0];
-                }
-                found.push(stand(&ContactSpan { span, ends }));
-            }
-        }
-        if let Some(contacts) = &by_clips {
-            let fades = &foot_lock.standing_fades;
-            for (i, fade) in fades.iter().enumerate().filter(|(_, f)| *from <= f.from && f.to <= *to) {
-                let mut stand = |leg: usize, span: &ContactSpan| {
-                    stand(&samples, span, leg, foot_lock, &ground, &mut raised[leg])
-                };
-                let before = i.checked_sub(1).map_or(*from, |i| fades[i].to);
-                let after = fades.get(i + 1).map_or(*to, |next| next.from);
-                let room = (before.max(*from), after.min(*to));
-                FadeSteps { fade, room, leg_length: leg, samples: &samples, clips: contacts }
-                    .run(&mut feet, &mut stand, &mut found, &mut steps)?;
-            }
-        }
-        for (index, found) in found.iter_mut().enumerate() {
-            roll(&samples, index, leg, &steps[index], found);
-        }
-        if ground.is_empty() && foot_lock.hips.is_some() {
-            drops.push((*from, come_down(&samples, &found)));
-        }
-        legs.iter_mut().zip(found).for_each(|(all, found)| all.extend(found));
-    }
-    let span = windows.first().zip(windows.last()).map_or_else(Default::default, |(a, b)| (a.0, b.1));
-    let to_the_end = span.1 >= stage.settings.length;
-    let front = stage.actors[actor].asset.front();
-    Ok(FootLockTrack { legs, steps, span, to_the_end, drops, front })
-}
-
-/// A stage of one actor, if its motion depends on nothing else.
-fn alone(stage: &Stage, actor: usize) -> Option<Stage> {
-    let one = &stage.actors[actor];
-    let depends = !stage.hooks.is_empty() || !one.parents.is_empty() || one.face.is_some();
-    (!depends).then(|| Stage {
-        settings: stage.settings.clone(),
-        actors: vec![one.clone()],
-        ..Stage::default()
-    })
-}
-
-/// The times in which feet are looked at, one after the other: all of the stage, or around those that count.
-fn windows(stage: &Stage, foot_lock: &FootLock) -> Vec<(Time, Time)> {
-    // A stage may end while feet still step.
-    let last_steps = foot_lock.standing_fades.last().map_or(Time::ZERO, |fade| fade.to + LONGEST_GAP);
-    let length = stage.settings.length.max(last_steps).min(Time(MOST_SAMPLES * STEP.0));
-    if foot_lock.only.is_empty() {
-        return vec![(Time::ZERO, length)];
-    }
-    let around = |(from, to): &(Time, Time)| (*from - LONGEST_GAP, *to + LONGEST_GAP);
-    let mut all: Vec<(Time, Time)> = foot_lock.only.iter().map(around).collect();
-    all.iter_mut().for_each(|(from, to)| (*from, *to) = ((*from).max(Time::ZERO), (*to).min(length)));
-    all.retain(|(from, to)| from < to);
-    all.sort_unstable();
-    all.dedup_by(|next, before| {
-        let joined = next.0 <= before.1;
-        if joined {
-            before.1 = before.1.max(next.1);
-        }
-        joined
-    });
-    all
-}
-
 /// How far a foot is from standing at each sample.
-fn unrest(samples: &FootSamples, places: &[DVec3], leg: f64) -> Vec<f64> {
+pub(super) fn unrest(samples: &FootSamples, places: &[DVec3], leg: f64) -> Vec<f64> {
     let above: Vec<f64> =
         places.iter().zip(&samples.transforms).map(|(p, transform)| p.y - transform.translation.y).collect();
     let lowest = above.iter().copied().fold(f64::INFINITY, f64::min);
@@ -239,7 +105,7 @@ pub(super) struct ContactSpan {
 }
 
 /// Contact of a foot with the ground. `raised`: its height above that in its clips at the contact before, and then at this one.
-fn stand(
+pub(super) fn stand(
     samples: &FootSamples,
     stay: &ContactSpan,
     leg: usize,
@@ -270,17 +136,23 @@ fn stand(
 
 /// Extends the contacts of a leg to where the foot is higher than [`ROLLS`], in whole samples, except where a step leads on. `leg`: its length,
 /// metres.
-fn roll(samples: &FootSamples, index: usize, leg: f64, steps: &[Footstep], contacts: &mut [Contact]) {
+pub(super) fn roll(
+    samples: &FootSamples,
+    index: usize,
+    leg: f64,
+    steps: &[Footstep],
+    contacts: &mut [Contact],
+) {
     let places = &samples.feet[index];
-    // Between two contacts a third of the time is left to get from one to the other. A contact of no length is a foot in the air that begins a
+    // Between two contacts half of the time is left to get from one to the other. A contact of no length is a foot in the air that begins a
     // step: where it stood, or where its clip has it.
     let gap = |before: &Contact, after: &Contact| {
-        let third = Time((after.from - before.to).0 / 3);
+        let quarter = Time((after.from - before.to).0 / 4);
         let way = after.at.unwrap_or_default() - before.at.unwrap_or_default();
-        match before.from < before.to && after.from < after.to {
-            true => (before.to + third, after.from - third),
-            false if way.with_y(0.0).length() < 1e-9 => (after.from, before.to),
-            false => (before.to, after.from),
+        let in_air = before.from >= before.to || after.from >= after.to;
+        match in_air && way.with_y(0.0).length() < 1e-9 {
+            true => (after.from, before.to),
+            false => (before.to + quarter, after.from - quarter),
         }
     };
     for i in 0..contacts.len() {
@@ -333,7 +205,7 @@ fn within_reach(stay: &[DVec3], limbs: &[Limb]) -> DVec3 {
 
 /// How far the hips come down at each sample: as far as the legs that stand need to reach the ground with the heel raised, and smoothly there
 /// and back (at once, and the head jerks; tried).
-fn come_down(samples: &FootSamples, legs: &[Vec<Contact>]) -> Vec<f64> {
+pub(super) fn come_down(samples: &FootSamples, legs: &[Vec<Contact>]) -> Vec<f64> {
     let need = |index: usize| {
         let time = samples.time(index);
         let of_leg = |(stands, limbs): (&Vec<Contact>, &Vec<Limb>)| {
@@ -383,27 +255,40 @@ impl Contact {
     }
 }
 
+/// The smoothstep from 0 to 1.
+fn smooth(w: f64) -> f64 {
+    let w = w.clamp(0.0, 1.0);
+    w * w * (3.0 - 2.0 * w)
+}
+
 impl FootLockTrack {
     fn drop_at(&self, time: Time) -> f64 {
-        let Some((from, drops)) = self.drops.iter().rev().find(|(from, _)| *from <= time) else { return 0.0 };
-        let at = (time - *from).0 as f64 / STEP.0 as f64;
+        if time < self.span.0 {
+            return 0.0;
+        }
+        let at = (time - self.span.0).0 as f64 / STEP.0 as f64;
         let (low, share) = (at as usize, at - libm::floor(at));
-        let drop = |i: usize| drops.get(i).copied().unwrap_or(0.0);
+        let drop = |i: usize| self.drops.get(i).copied().unwrap_or(0.0);
         drop(low) + (drop(low + 1) - drop(low)) * share
     }
 
-    /// How far a foot that its clips have at `place` is to be moved.
+    /// How far a foot that its clips have at `place` is to be moved: less and less outside the span.
     fn correction(&self, leg: usize, time: Time, place: DVec3) -> DVec3 {
+        let outside = match time {
+            time if time < self.span.0 && !self.open[0] => self.span.0 - time,
+            time if time > self.span.1 && !self.open[1] => time - self.span.1,
+            _ => return self.correction_within(leg, time, place),
+        };
+        self.correction_within(leg, time, place) * (1.0 - smooth(outside.as_secs() / FADE))
+    }
+
+    fn correction_within(&self, leg: usize, time: Time, place: DVec3) -> DVec3 {
         let Some(stands) = self.legs.get(leg) else { return DVec3::ZERO };
         if let Some(step) = self.steps[leg].iter().find(|step| step.from < time && time < step.to) {
             return step.at(time) - place;
         }
         let next = stands.partition_point(|s| s.rolls.1 < time);
         let upright = |d: DVec3| DVec3::new(0.0, d.y, 0.0);
-        let smooth = |w: f64| {
-            let w = w.clamp(0.0, 1.0);
-            w * w * (3.0 - 2.0 * w)
-        };
         // A foot in the air for long: level as it was or will be, and nothing sideways.
         let leaving = |s: &Contact| {
             let gone = smooth((time - s.rolls.1).as_secs() / FADE);
@@ -425,8 +310,8 @@ impl FootLockTrack {
                 }
             }
             // A foot that comes down soon after the beginning is on the way there already, and one that has just left the ground at the end is still on it.
-            (None, Some(after)) if self.span.0 <= Time::ZERO && after.from <= LONGEST_GAP => after.first,
-            (Some(before), None) if self.to_the_end && self.span.1 - before.to <= LONGEST_GAP => before.last,
+            (None, Some(after)) if self.open[0] && after.from <= LONGEST_GAP => after.first,
+            (Some(before), None) if self.open[1] && self.span.1 - before.to <= LONGEST_GAP => before.last,
             (Some(before), None) => leaving(before),
             (None, Some(after)) => coming(after),
             (None, None) => DVec3::ZERO,

@@ -1,7 +1,7 @@
 //! Motion of the feet of an actor without foot locking, at 60 Hz.
 
 use crate::actors::{Scratch, evaluate_actors};
-use crate::constraints::foot_lock::STEP;
+use crate::constraints::foot_locks::STEP;
 use crate::constraints::footsteps::LEG;
 use crate::constraints::solve::world_place;
 use crate::snapshot::Snapshot;
@@ -81,6 +81,11 @@ impl FeetInMotion<'_> {
             }
         }
         Ok(samples)
+    }
+
+    /// World position of a foot at a time.
+    pub fn place(&mut self, leg: usize, time: Time) -> Result<DVec3, StageError> {
+        Ok(self.sample(time, time)?.feet[leg][0])
     }
 }
 

@@ -9,6 +9,7 @@
 pub(crate) mod check;
 mod foot_contacts;
 pub(crate) mod foot_lock;
+pub(crate) mod foot_locks;
 mod foot_samples;
 mod footsteps;
 pub(crate) mod gaze;
@@ -20,7 +21,7 @@ pub(crate) mod solve;
 mod standing_fades;
 
 use crate::actors;
-use crate::constraints::foot_lock::FootLocks;
+use crate::constraints::foot_locks::FootLocks;
 use crate::constraints::solve::ConstraintScratch;
 use crate::culling::PoseBounds;
 use crate::snapshot::Snapshot;

@@ -1,11 +1,12 @@
 //! Constraints at a time, actor by actor.
 
 use crate::actors;
-use crate::constraints::foot_lock::FootLocks;
+use crate::constraints::foot_locks::{FootLockOf, FootLocks};
 use crate::constraints::gaze::Gaze;
 use crate::constraints::{foot_lock, look_at, order};
 use crate::pose::expressions::ExpressionWeights;
 use crate::pose::joints::{PosedSkeleton, rotation_of};
+use crate::pose::motions::Motions;
 use crate::snapshot::ActorState;
 use crate::stage::actor::{Actor, Attachment, Target};
 use crate::stage::constraint::{AimConstraint, Constraint, ConstraintKind, Leg, ReachConstraint};
@@ -20,6 +21,7 @@ use choreo_motion::ik::{Aim, AimJoint, Chain, ChainBone, Limit, TwoBone};
 use choreo_motion::math::rotation::rotation_fraction;
 use glam::DVec3;
 use glam::{DAffine3, DQuat};
+use std::sync::Arc;
 
 /// How a chain of three bones or more is solved, and how long: within a tenth of a millimetre for nearly every target (measured in
 /// `tests/report`).
@@ -54,6 +56,7 @@ pub(crate) fn run(
     if scratch.order.actors.is_empty() {
         return Ok(());
     }
+    let motions = placing.motions.clone().unwrap_or_else(|| Arc::new(Motions::new(stage)));
     let mut begun = 0;
     for round in 0..scratch.order.ends.len() {
         let end = scratch.order.ends[round];
@@ -66,7 +69,7 @@ pub(crate) fn run(
                 continue;
             }
             let expressions = &mut placing.expression_weights[index];
-            solve_actor(stage, foot_locks, time, scratch, index, expressions, actors)?;
+            solve_actor(stage, (foot_locks, &motions), time, scratch, index, expressions, actors)?;
             carried |= placing.parents.has_on_joints(index);
         }
         if carried {
@@ -134,7 +137,7 @@ fn hold(
 
 fn solve_actor(
     stage: &Stage,
-    foot_locks: &FootLocks,
+    (foot_locks, motions): (&FootLocks, &Arc<Motions>),
     time: Time,
     scratch: &mut ConstraintScratch,
     index: usize,
@@ -162,7 +165,8 @@ fn solve_actor(
                 continue;
             }
             if let ConstraintKind::FootLock(foot_lock) = &constraint.kind {
-                let track = foot_locks.track(stage, index, number, foot_lock)?;
+                let of = FootLockOf { stage, motions, actor: index, constraint: number, foot_lock };
+                let Some(track) = foot_locks.track(of, time)? else { continue };
                 let mut posed = PosedSkeleton {
                     skeleton: &actor.asset.skeleton,
                     model_from_joint: &mut actors[index].model_from_joint,

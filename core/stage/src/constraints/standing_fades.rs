@@ -1,7 +1,8 @@
 //! Fades between a walk and a stand, within foot locking: contacts before and after a fade stay, and steps lead from the ones to the others.
 
 use crate::constraints::foot_contacts::FootContacts;
-use crate::constraints::foot_lock::{Contact, ContactSpan, LONGEST_GAP, STEP};
+use crate::constraints::foot_lock::{Contact, ContactSpan};
+use crate::constraints::foot_locks::{LONGEST_GAP, STEP};
 use crate::constraints::foot_samples::{FeetInMotion, FootSamples};
 use crate::constraints::footsteps::{FootState, Footstep, FootstepPlan};
 use crate::stage::StageError;
@@ -129,7 +130,7 @@ impl FadeSteps<'_> {
         stand: &mut Stand,
     ) -> Result<FootSides, StageError> {
         let [walking_at, standing_at] = self.times();
-        let mut place = |time: Time| Ok::<DVec3, StageError>(feet.sample(time, time)?.feet[leg][0]);
+        let mut place = |time: Time| feet.place(leg, time);
         let edge = Time(3 * STEP.0);
         let over = |time: Time| contacts.iter().find(|c| c.from - edge <= time && time <= c.to + edge);
         // Contacts without what the fade makes of them.

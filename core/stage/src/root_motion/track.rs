@@ -16,6 +16,7 @@ use crate::timeline::active_clips::ActiveCue;
 use crate::timeline::clip_time::plays_until;
 use choreo_motion::{Planar, Repeat, Time};
 use glam::{DQuat, DVec3};
+use std::sync::Arc;
 
 /// Steps a second of a fade; an error of the mean velocity of 1e-5 m in a fade from a walk to a run with a turn.
 const RATE: f64 = 240.0;
@@ -45,15 +46,20 @@ impl Displacement {
 
 /// Root motion of all actors of a stage; `None` for those without.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct RootMotionTracks(Vec<Option<RootMotionTrack>>);
+pub(crate) struct RootMotionTracks(Vec<Option<Arc<RootMotionTrack>>>);
 
 impl RootMotionTracks {
     pub fn new(stage: &Stage) -> RootMotionTracks {
-        RootMotionTracks(stage.actors.iter().map(RootMotionTrack::of).collect())
+        RootMotionTracks(stage.actors.iter().map(|a| RootMotionTrack::of(a).map(Arc::new)).collect())
+    }
+
+    /// That of one actor.
+    pub fn only(&self, actor: usize) -> RootMotionTracks {
+        RootMotionTracks(vec![self.0.get(actor).cloned().flatten()])
     }
 
     pub fn of(&self, actor: usize) -> Option<&RootMotionTrack> {
-        self.0.get(actor).and_then(Option::as_ref)
+        self.0.get(actor).and_then(Option::as_deref)
     }
 }
 

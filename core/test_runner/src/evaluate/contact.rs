@@ -3,6 +3,7 @@
 use super::band::Series;
 use super::looks::Looks;
 use super::unjudged::Unjudged;
+use super::words;
 use choreo_motion::Time;
 use choreo_script::testing::{Contact, Expectation, When};
 use choreo_stage::Attachment;
@@ -36,15 +37,23 @@ pub fn slide(looks: &mut Looks, e: &Expectation, contact: &Contact) -> Result<Se
     let Some(first) = times.first() else { return Ok(Series { times, values }) };
     let mut before = (foot_at(looks, contact, *first - step)?, *first - step);
     let mut slid: Option<f64> = None;
+    let (mut touched, mut lowest) = (false, f64::INFINITY);
     for time in &times {
         let now = foot_at(looks, contact, *time)?;
+        lowest = lowest.min(now.y - contact.ground);
         let down = touches(contact, slid.is_some(), [before.0, now], (*time - before.1).as_secs());
+        touched |= down;
         slid = down.then(|| match slid {
             Some(slid) => slid + (now - before.0).with_y(0.0).length(),
             None => 0.0,
         });
         values.push(if now.is_nan() { f64::NAN } else { slid.unwrap_or(0.0) });
         before = (now, *time);
+    }
+    // A joint that is hidden all the time has no values.
+    if let (Some(last), false, true) = (times.last(), touched, lowest.is_finite()) {
+        let [from, to] = [first, last].map(|t| words::time(*t));
+        return Err(Unjudged::NeverOnFloor { from, to, lowest: words::number(lowest) });
     }
     match e.when {
         When::At(time) => {

@@ -242,9 +242,26 @@ pub fn judge(looks: &mut Looks, e: &Expectation, quantity: &Quantity, test: &Num
             if !judged.passed && !matches!(quantity, Quantity::Count(_)) {
                 around(looks, e, quantity, &mut judged);
             }
+            let unknown = series.values.iter().position(|v| v.is_nan());
+            if let (Some(i), Some(vector)) = (unknown, vector_of(quantity)) {
+                let why = vector::why_unknown(looks, vector, series.times[i]);
+                judged.hint = why.unwrap_or_else(|why| why.to_string());
+            }
             judged
         }
         Err(why) => Judged::impossible(format!("{label} to be known"), why),
+    }
+}
+
+/// The vector that a number belongs to.
+fn vector_of(quantity: &Quantity) -> Option<&VectorQuantity> {
+    match quantity {
+        Quantity::Component(v, _)
+        | Quantity::Length(v)
+        | Quantity::Speed(v)
+        | Quantity::Acceleration(v)
+        | Quantity::Jerk(v) => Some(v),
+        _ => None,
     }
 }
 

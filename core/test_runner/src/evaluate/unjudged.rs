@@ -27,4 +27,9 @@ pub(crate) enum Unjudged {
     TooFewLooks { found: usize, needed: usize },
     #[error("a hidden actor has no pose, at {0}")]
     HiddenActor(String),
+    /// Would not slide wherever it is.
+    #[error(
+        "it never touches the floor from {from} to {to}: its lowest place is {lowest} m above it; options: height, speed, swing, ground"
+    )]
+    NeverOnFloor { from: String, to: String, lowest: String },
 }

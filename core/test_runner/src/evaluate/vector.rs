@@ -87,10 +87,44 @@ pub fn at(looks: &mut Looks, quantity: &VectorQuantity, time: Time) -> Result<DV
             max - min
         }
         VectorQuantity::InPicture(subject, camera) => {
+            if is_own_camera(looks, *subject, *camera, time)? {
+                return Ok(DVec3::NAN);
+            }
             let place = looks.world_from(*subject, time)?.translation;
             frame::Lens::new(looks, *camera, time)?.project(place)
         }
     })
+}
+
+/// Whether a subject is the camera that takes the image: rounding alone would decide where that is seen. `None`: the active one.
+fn is_own_camera(
+    looks: &mut Looks,
+    subject: Subject,
+    camera: Option<usize>,
+    time: Time,
+) -> Result<bool, Unjudged> {
+    let Subject::Camera(own) = subject else { return Ok(false) };
+    let takes = match camera {
+        None => looks.at(time)?.camera.camera,
+        given => given,
+    };
+    Ok(takes == Some(own))
+}
+
+/// Why a quantity has no value at a time.
+pub fn why_unknown(looks: &mut Looks, quantity: &VectorQuantity, time: Time) -> Result<String, Unjudged> {
+    if let VectorQuantity::InPicture(subject, camera) = quantity {
+        if is_own_camera(looks, *subject, *camera, time)? {
+            return Ok(format!(
+                "{} takes this image itself and has no place in it; name another camera: in_picture(camera)",
+                name(looks, *subject)
+            ));
+        }
+        if looks.world_from(*subject, time)?.translation.is_finite() {
+            return Ok("it is behind the camera then".into());
+        }
+    }
+    Ok("it is hidden then, or does not shine".into())
 }
 
 pub fn judge(looks: &mut Looks, e: &Expectation, quantity: &VectorQuantity, test: &VectorTest) -> Judged {
@@ -167,7 +201,7 @@ fn try_judge(
     if !judged.passed {
         judged.traces = traces(looks, e, quantity, &distances.times, &got, &goals, tolerance, label, worst);
         if got[i].is_nan() {
-            judged.hint = "it is hidden then, does not shine, or is behind the camera".into();
+            judged.hint = why_unknown(looks, quantity, distances.times[i])?;
         }
     }
     Ok(judged)

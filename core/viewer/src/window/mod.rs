@@ -3,6 +3,7 @@
 mod choose;
 mod device;
 mod error;
+mod event_log;
 mod gpu;
 mod gpu_error;
 mod image;
@@ -10,7 +11,6 @@ mod open;
 mod shot;
 mod start;
 mod swapchain;
-mod tell;
 
 use crate::app::Viewer;
 use crate::args::ViewerOptions;
@@ -20,12 +20,12 @@ use choreo::App;
 use choreo_plugin::{Frame, Registry};
 use choreo_session::{FrameRenderer, FrameReply, SceneSource, SceneVersion, SessionThread};
 use error::ViewerError;
+use event_log::EventLog;
 use open::Open;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use tell::Tell;
 use winit::application::ApplicationHandler;
 use winit::dpi::{LogicalSize, PhysicalPosition};
 use winit::event::{StartCause, WindowEvent};
@@ -46,9 +46,9 @@ const OWN: u64 = 0;
 
 /// Opens the window and stays until it is closed. The text says what is missing.
 pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
-    let tell = Tell::new(asked.tell);
+    let event_log = EventLog::new(asked.event_log);
     let events = start::event_loop()?;
-    tell.done("event loop");
+    event_log.done("event loop");
     let proxy = events.create_proxy();
     let registry = program.registry.clone();
     let shaders = asked.source.shaders.clone();
@@ -56,7 +56,7 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
         let proxy = proxy.clone();
         // A window that has gone needs no image; here and below.
         let report = move |reply| drop(proxy.send_event(News::Frame(Box::new(reply))));
-        FrameRenderer::start(start::renderer(registry.effects().to_vec(), shaders, tell), report)
+        FrameRenderer::start(start::renderer(registry.effects().to_vec(), shaders, event_log), report)
     };
     let frame_renderer = frame_renderer.map_err(ViewerError::Thread)?;
     let path = asked.source.is_script().then(|| asked.source.input.clone());
@@ -91,7 +91,7 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
         pressed: false,
         covered: false,
         lose: asked.lose,
-        tell,
+        event_log,
         failures: 0,
         failed: None,
     };
@@ -151,7 +151,7 @@ struct ViewerWindow {
     /// Whether something else covers the window.
     covered: bool,
     lose: Vec<u64>,
-    tell: Tell,
+    event_log: EventLog,
     /// Failures in a row.
     failures: u32,
     failed: Option<ViewerError>,
@@ -255,7 +255,7 @@ impl ViewerWindow {
                 for (view, frame) in std::mem::take(&mut self.frames) {
                     self.frame_renderer.give_back(frame);
                     if let Some(shown) = self.viewer.views.get(view).and_then(|v| v.shown.as_ref()) {
-                        self.tell.shown(view, shown, &self.viewer.held);
+                        self.event_log.shown(view, shown, &self.viewer.held);
                     }
                 }
                 if open.gpu.pictures() != textures {
@@ -313,7 +313,7 @@ impl ViewerWindow {
         } else if whose != self.guests {
             return;
         }
-        self.tell.version(&version);
+        self.event_log.version(&version);
         self.viewer.take_version(version);
         if self.viewer.scene.is_some()
             && let Some((at, play)) = self.begin.take()
@@ -383,11 +383,11 @@ impl ApplicationHandler<News> for ViewerWindow {
             .with_inner_size(LogicalSize::new(1280.0, 860.0))
             .with_min_inner_size(LogicalSize::new(320.0, 200.0));
         let window = events.create_window(attributes).map_err(|e| e.to_string());
-        self.tell.done("window");
+        self.event_log.done("window");
         let opened = window.and_then(|w| Open::new(Arc::new(w), &self.proxy).map_err(|e| e.to_string()));
         match opened {
             Ok(open) => {
-                self.tell.done("device of the window");
+                self.event_log.done("device of the window");
                 self.open = Some(open);
                 self.redraw();
             }

@@ -2,7 +2,7 @@
 
 use super::News;
 use super::error::ViewerError;
-use super::tell::Tell;
+use super::event_log::EventLog;
 use choreo_plugin::Effect;
 use choreo_render::vulkan::{GpuOptions, SteadyRenderer};
 use choreo_render::{CpuRenderer, Renderer};
@@ -34,7 +34,7 @@ pub(crate) fn event_loop() -> Result<EventLoop<News>, ViewerError> {
     if !windows && !set("DISPLAY") && !set("WAYLAND_DISPLAY") && !set("WAYLAND_SOCKET") {
         return Err(no_window("there is no display: neither WAYLAND_DISPLAY nor DISPLAY is set"));
     }
-    // xkbcommon-dl panics where the library is missing; its words are ours to tell.
+    // xkbcommon-dl panics where the library is missing; its words are ours.
     let hook = take_hook();
     set_hook(Box::new(|_| ()));
     let made = catch_unwind(|| {
@@ -109,7 +109,11 @@ fn without_place(why: &str) -> &str {
 }
 
 /// The renderer that `choreo render` would use: Vulkan where a driver works, else the CPU renderer.
-pub fn renderer(effects: Vec<Arc<dyn Effect>>, shaders: Option<PathBuf>, tell: Tell) -> StartRenderer {
+pub fn renderer(
+    effects: Vec<Arc<dyn Effect>>,
+    shaders: Option<PathBuf>,
+    event_log: EventLog,
+) -> StartRenderer {
     Box::new(move || {
         let cache_dir = choreo_command_line::cache_dir();
         let options =
@@ -121,7 +125,7 @@ pub fn renderer(effects: Vec<Arc<dyn Effect>>, shaders: Option<PathBuf>, tell: T
                 (Box::new(CpuRenderer::new(&effects)), Some(note))
             }
         };
-        tell.done("renderer");
+        event_log.done("renderer");
         Ok(renderer)
     })
 }

@@ -74,7 +74,7 @@ fn manage(connection: &RustConnection, stop: &AtomicBool) {
                 connection.configure_window(asked.window, &wanted).unwrap();
                 // Most window managers send this event, even if the window is not only moved.
                 let place = connection.get_geometry(asked.window).unwrap().reply().unwrap();
-                let told = ConfigureNotifyEvent {
+                let event = ConfigureNotifyEvent {
                     response_type: CONFIGURE_NOTIFY_EVENT,
                     sequence: 0,
                     event: asked.window,
@@ -87,7 +87,7 @@ fn manage(connection: &RustConnection, stop: &AtomicBool) {
                     border_width: place.border_width,
                     override_redirect: false,
                 };
-                connection.send_event(false, asked.window, EventMask::STRUCTURE_NOTIFY, told).unwrap();
+                connection.send_event(false, asked.window, EventMask::STRUCTURE_NOTIFY, event).unwrap();
             }
             Ok(Some(Event::ClientMessage(asked))) if asked.type_ == change => {
                 said(asked.window, true);
@@ -161,8 +161,8 @@ impl Drag {
         let selection = drag.atom("XdndSelection");
         drag.connection.set_selection_owner(source, selection, CURRENT_TIME).unwrap();
         let uris = drag.atom("text/uri-list");
-        drag.tell("XdndEnter", [source, 5 << 24, uris, 0, 0]);
-        drag.tell("XdndPosition", [source, 0, (600 << 16) | 300, CURRENT_TIME, drag.atom("XdndActionCopy")]);
+        drag.send("XdndEnter", [source, 5 << 24, uris, 0, 0]);
+        drag.send("XdndPosition", [source, 0, (600 << 16) | 300, CURRENT_TIME, drag.atom("XdndActionCopy")]);
         // It asks what it would get, and says whether it takes it; in any order.
         let (mut given, mut taken) = (false, false);
         while !given || !taken {
@@ -188,8 +188,8 @@ impl Drag {
                     drag.connection.flush().unwrap();
                     given = true;
                 }
-                Event::ClientMessage(told) if told.type_ == drag.atom("XdndStatus") => {
-                    assert_eq!(told.data.as_data32()[1] & 1, 1, "it takes the file");
+                Event::ClientMessage(event) if event.type_ == drag.atom("XdndStatus") => {
+                    assert_eq!(event.data.as_data32()[1] & 1, 1, "it takes the file");
                     taken = true;
                 }
                 _ => {}
@@ -199,20 +199,20 @@ impl Drag {
     }
 
     pub fn drop(self) {
-        self.tell("XdndDrop", [self.source, 0, CURRENT_TIME, 0, 0]);
+        self.send("XdndDrop", [self.source, 0, CURRENT_TIME, 0, 0]);
         let finished = self.atom("XdndFinished");
         loop {
-            if let Event::ClientMessage(told) = self.next()
-                && told.type_ == finished
+            if let Event::ClientMessage(event) = self.next()
+                && event.type_ == finished
             {
-                assert_eq!(told.data.as_data32()[1] & 1, 1, "it has taken the file");
+                assert_eq!(event.data.as_data32()[1] & 1, 1, "it has taken the file");
                 return;
             }
         }
     }
 
     pub fn leave(self) {
-        self.tell("XdndLeave", [self.source, 0, 0, 0, 0]);
+        self.send("XdndLeave", [self.source, 0, 0, 0, 0]);
         // A reply that is unread when a connection closes discards earlier requests, so everything is read first.
         self.connection.get_input_focus().unwrap().reply().unwrap();
     }
@@ -221,7 +221,7 @@ impl Drag {
         atom(&self.connection, name)
     }
 
-    fn tell(&self, what: &str, data: [u32; 5]) {
+    fn send(&self, what: &str, data: [u32; 5]) {
         let message = ClientMessageEvent::new(32, self.target, self.atom(what), data);
         self.connection.send_event(false, self.target, EventMask::NO_EVENT, message).unwrap();
         self.connection.flush().unwrap();

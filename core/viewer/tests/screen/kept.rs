@@ -1,6 +1,6 @@
 //! The memory and objects that a viewer holds over a long time: a row now and then, and whether anything grows.
 
-use super::told::Told;
+use super::viewer_process::ViewerProcess;
 use serde_json::Value;
 
 /// Memory in MB, objects and bytes on the device, threads, open files.
@@ -10,8 +10,8 @@ pub struct Kept {
 }
 
 impl Kept {
-    /// A row of the table. `shown`: what was told of the image that it rests at.
-    pub fn note(&mut self, minute: u64, actions: u64, told: &Told, shown: &Value) {
+    /// A row of the table. `shown`: what was reported of the image that it rests at.
+    pub fn note(&mut self, minute: u64, actions: u64, viewer: &ViewerProcess, shown: &Value) {
         if self.rows.is_empty() {
             println!(
                 "| minute | actions | versions | memory MB | on the device: objects, MB | threads | open files |\n\
@@ -20,11 +20,11 @@ impl Kept {
         }
         let of = |name: &str| shown[name].as_u64().unwrap();
         let row = [
-            told.status("VmRSS") / 1000,
+            viewer.status("VmRSS") / 1000,
             of("objects"),
             of("bytes"),
-            told.status("Threads"),
-            told.files() as u64,
+            viewer.status("Threads"),
+            viewer.files() as u64,
         ];
         let [memory, objects, bytes, threads, files] = row;
         let (version, device) = (of("version"), bytes as f64 / 1e6);

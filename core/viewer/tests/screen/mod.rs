@@ -3,7 +3,7 @@
 
 pub mod chance;
 pub mod kept;
-pub mod told;
+pub mod viewer_process;
 
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};

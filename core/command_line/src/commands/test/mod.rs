@@ -49,6 +49,16 @@ pub fn run(args: TestArgs, plugins: &Registry) -> Result<(), Failure> {
     }
 }
 
+/// The same with the plugins of a package, in whose folder tests may read.
+pub fn within(args: TestArgs, folder: &Path) -> TestArgs {
+    let folder = folder.to_path_buf();
+    TestArgs {
+        search: [args.search, vec![folder.clone()]].concat(),
+        plugins: [args.plugins, vec![folder]].concat(),
+        ..args
+    }
+}
+
 /// The command line, checked.
 pub struct Job {
     paths: Vec<PathBuf>,

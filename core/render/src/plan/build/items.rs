@@ -20,6 +20,8 @@ pub(super) struct DrawItem {
     /// Number of indices, as in [`Draw::watertight`].
     pub watertight: u32,
     pub instance: Instance,
+    /// The instance one frame before, where an effect reads motion.
+    pub before: Option<Instance>,
     pub actor: u32,
     /// Index into `Planner::transparent`, if it is transparent.
     pub transparent: Option<u32>,

@@ -31,17 +31,17 @@ pub(super) struct MeshContext<'a> {
 }
 
 /// A primitive of the mesh, with everything that its copies share.
-struct PrimitiveContext<'a> {
+pub(super) struct PrimitiveContext<'a> {
     /// Index of the primitive in its mesh.
     index: usize,
     entry: PrimitiveEntry,
-    primitive: &'a PrimitiveResource,
+    pub primitive: &'a PrimitiveResource,
     material_override: Option<u32>,
     alpha_mode: AlphaMode,
     double_sided: bool,
     /// Set if the primitive is skinned.
-    skin: Option<usize>,
-    morph_count: usize,
+    pub skin: Option<usize>,
+    pub morph_count: usize,
     morph_offset: Aabb,
     needs: DrawNeeds,
     features: Features,
@@ -197,7 +197,7 @@ impl<'a> Planner<'a> {
         (!culled || self.casting).then_some(copy)
     }
 
-    fn add_copy(&mut self, p: &PrimitiveContext, mesh: &mut MeshContext, copy: &CopyContext) {
+    fn add_copy(&mut self, p: &PrimitiveContext, mesh: &mut MeshContext<'a>, copy: &CopyContext) {
         let at = (copy.bounds, &copy.relative_from_mesh);
         let Some(entry) = self.at_level(&p.entry, mesh, (copy.number, p.index), at) else { return };
         let (determinant, one_handed) = self.handedness(&p.primitive.info, p.skin, &copy.relative_from_mesh);
@@ -255,6 +255,11 @@ impl<'a> Planner<'a> {
             nearest: depth,
             watertight: if outside { watertight } else { 0 },
             instance,
+            before: if phase == DrawPhase::Transparent {
+                None
+            } else {
+                self.instance_before(p, mesh, copy.number)
+            },
             actor: mesh.actor as u32,
             transparent: None,
         };
@@ -347,7 +352,12 @@ fn animated_base_color(entry: &PrimitiveEntry, asset: &Asset, state: &ActorState
 }
 
 /// relative-from-mesh; relative-from-model if the copy's transform is applied after the skin.
-fn copy_transform(p: &PrimitiveContext, mesh: &MeshContext, place: Affine3A, copy: Affine3A) -> Affine3x4 {
+pub(super) fn copy_transform(
+    p: &PrimitiveContext,
+    mesh: &MeshContext,
+    place: Affine3A,
+    copy: Affine3A,
+) -> Affine3x4 {
     let relative_from_place = match p.needs.placed {
         true => mesh.relative_from_model * to_f64(place),
         false => mesh.relative_from_model,

@@ -11,6 +11,7 @@ mod outlines;
 mod overdraw;
 mod overlay;
 mod refraction;
+pub(crate) mod scene_inputs;
 pub(crate) mod shadow_cascades;
 mod shadow_casters;
 mod shadow_volumes;
@@ -28,6 +29,7 @@ use crate::plan::build::mesh::MeshContext;
 use crate::plan::build::outlines::{OutlineKey, SurfaceLine, effect_lines};
 use crate::plan::build::overdraw::OverdrawEstimate;
 use crate::plan::build::overlay::overlays;
+use crate::plan::build::scene_inputs::{FrameBefore, effect_frame, inputs_of};
 use crate::plan::build::shadow_casters::ShadowCaster;
 use crate::plan::build::skins::SkinMatrices;
 use crate::plan::build::transparency::TransparentCopy;
@@ -65,6 +67,7 @@ impl Plan {
             sky: snapshot.sky.as_ref().is_some_and(|sky| sky.strength > 0.0),
             sky_background: snapshot.sky.as_ref().is_some_and(|sky| sky.background),
             stage,
+            snapshot,
             transparent: Vec::new(),
             joint_matrices: Vec::new(),
             morphs: Vec::new(),
@@ -79,6 +82,7 @@ impl Plan {
             overdraw: OverdrawEstimate::of(stage.settings.pipeline, options),
             effect_lines: effect_lines(stage, snapshot, options),
             scene_effects: scene_effects(stage, snapshot, options),
+            before: options.moved_from.map(|before| FrameBefore::new(before, options.size)),
             outline_materials: Vec::new(),
             dirty_rect: DirtyRect::NOTHING,
             facts: Facts {
@@ -115,6 +119,7 @@ struct Planner<'a> {
     /// The sky is drawn behind everything.
     sky_background: bool,
     stage: &'a Stage,
+    snapshot: &'a Snapshot,
     /// Bounds of transparent copies.
     transparent: Vec<TransparentCopy>,
     joint_matrices: Vec<Affine3x4>,
@@ -132,6 +137,8 @@ struct Planner<'a> {
     /// Outlines and wireframes of effects, and what has them (empty: everything).
     effect_lines: Vec<(SurfaceLine, Vec<EffectTarget>)>,
     scene_effects: Vec<SceneEffect>,
+    /// Set if an effect reads motion.
+    before: Option<FrameBefore<'a>>,
     /// Index into `material_overrides` of each outline material made so far.
     outline_materials: Vec<(OutlineKey, u32)>,
     /// Bounds of lit copies in view, if a light casts shadows.
@@ -158,6 +165,7 @@ impl<'a> Planner<'a> {
         };
         let first_skin = self.skins.len();
         self.overrides_of_actor.clear();
+        self.forget_skins_before();
         let asset = &*self.stage.actors[index].asset;
         let resources = self.resources;
         let entry = resources.entry(index);
@@ -220,6 +228,8 @@ impl<'a> Planner<'a> {
         let [layers_behind, layers_in_front] = compose_layers(stage, snapshot, &labels, options.size);
         let (mut post, unknown_effects) = post_passes(stage, snapshot, options);
         self.display.add_pass(&mut post, options);
+        let inputs = inputs_of(stage, snapshot, options.effects);
+        let effect_frame = effect_frame(stage, snapshot, inputs, &self.view, &lights);
         self.facts = Facts {
             flats: usize::from(layers_behind.is_some()) + usize::from(layers_in_front.is_some()),
             blended: self.items.len() - first_transparent,
@@ -227,11 +237,13 @@ impl<'a> Planner<'a> {
             drawn_copies: instances.len(),
             samples: options.samples,
             post_passes: post.len(),
+            inputs,
             surface_effects: self.scene_effects.len(),
             shadow_views: maps.len(),
             overlays: overlay.parts.len(),
             ..self.facts
         };
+        let scene_inputs = self.input_pass(inputs, &mut instances, &mut instance_actors);
         let shadow_maps = self.shadow_maps(maps, &mut instances, &mut instance_actors);
         let mut left_out = left_out(all, &self.facts);
         left_out.extend(LeftOut::unless("order-independent transparency", &depth_peeling));
@@ -266,6 +278,9 @@ impl<'a> Planner<'a> {
             scene_effects: self.scene_effects.into_iter().map(|e| e.used).collect(),
             dirty_rect: self.dirty_rect,
             post,
+            scene_inputs,
+            inputs_only: false,
+            effect_frame,
             overlay,
             subframes: Vec::new(),
             history: Vec::new(),

@@ -102,7 +102,7 @@ impl Planner<'_> {
 }
 
 /// A joint of a dual-quaternion skin as the shader reads it; see [`crate::plan::Plan::joint_matrices`].
-fn dual_quaternion_rows(carrier: &StretchedDualQuaternion) -> [Affine3x4; 2] {
+pub(super) fn dual_quaternion_rows(carrier: &StretchedDualQuaternion) -> [Affine3x4; 2] {
     let part = |q: glam::DQuat| glam::DVec4::from(q).as_vec4();
     let stretch = DAffine3 { matrix3: carrier.stretch, translation: DVec3::ZERO };
     [Affine3x4([part(carrier.real), part(carrier.dual), Vec4::ZERO]), Affine3x4::from_affine(stretch)]

@@ -7,7 +7,9 @@
 //
 // A function of a pixel and those around it: picture(at), linear, the nearest one beyond the border; picture_size().
 // // passes: 2 runs it twice, picture(at) is then what the pass before gave and original(at) what the first got; // history: 3 gives
-// previous(1, at) to previous(3, at), the scene 1 to 3 frames ago; // texture paper = paper.png: ABOUT gives paper(uv).
+// previous(1, at) to previous(3, at), the scene 1 to 3 frames ago. Of the scene it may call depth_at(at) (metres, 1e9 where nothing
+// is), normal_at(at), view_at(at), motion_at(at) (pixels since the frame before), actor_at(at), time(), delta(), frame(),
+// resolution(), view_from_world(), clip_from_view() and their inverses, sun_direction() and sun_at(). // texture paper = paper.png: ABOUT gives paper(uv).
 // Put it beside the script, into a folder plugins there, or name its folder with --plugins; then: effect("NAME", #{ reach: 40 })
 fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {
     let here = picture(at);

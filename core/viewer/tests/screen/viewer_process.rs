@@ -1,4 +1,4 @@
-//! A viewer that tells what it has shown (`--tell`), and what the system tells of its process.
+//! A viewer that reports what it has shown (`--event-log`), and what the system tells of its process.
 
 use super::Running;
 use serde_json::Value;
@@ -9,35 +9,35 @@ use std::time::{Duration, Instant};
 
 const PATIENCE: Duration = Duration::from_secs(600);
 
-pub struct Told {
-    pub viewer: Running,
+pub struct ViewerProcess {
+    pub process: Running,
     lines: Receiver<(Instant, Value)>,
 }
 
-impl Told {
-    /// `command` without `--tell`.
-    pub fn start(mut command: Command) -> Told {
-        let mut child = command.arg("--tell").stdout(Stdio::piped()).spawn().unwrap();
+impl ViewerProcess {
+    /// `command` without `--event-log`.
+    pub fn start(mut command: Command) -> ViewerProcess {
+        let mut child = command.arg("--event-log").stdout(Stdio::piped()).spawn().unwrap();
         let (to, lines) = channel();
         let from = BufReader::new(child.stdout.take().unwrap());
         std::thread::spawn(move || {
             let lines = from.lines().map_while(Result::ok);
             let values = lines.filter_map(|line| serde_json::from_str::<Value>(&line).ok());
-            values.map(|value| (Instant::now(), value)).try_for_each(|told| to.send(told))
+            values.map(|value| (Instant::now(), value)).try_for_each(|event| to.send(event))
         });
-        Told { viewer: Running(child), lines }
+        ViewerProcess { process: Running(child), lines }
     }
 
     /// The next line, and when it came.
     pub fn next(&self) -> (Instant, Value) {
-        self.lines.recv_timeout(PATIENCE).unwrap_or_else(|e| panic!("the viewer tells nothing: {e}"))
+        self.lines.recv_timeout(PATIENCE).unwrap_or_else(|e| panic!("the viewer reports nothing: {e}"))
     }
 
     /// The next image of this version or a later one on the screen.
     pub fn shown(&self, version: u64) -> (Instant, Value) {
         loop {
             let (when, value) = self.next();
-            if value["told"] == "shown" && value["version"].as_u64() >= Some(version) {
+            if value["event"] == "shown" && value["version"].as_u64() >= Some(version) {
                 return (when, value);
             }
         }
@@ -47,20 +47,21 @@ impl Told {
     pub fn version(&self, after: u64) -> (u64, bool) {
         loop {
             let (_, value) = self.next();
-            if let Some(number) = value["version"].as_u64().filter(|n| value["told"] == "scene" && *n > after)
+            if let Some(number) =
+                value["version"].as_u64().filter(|n| value["event"] == "scene" && *n > after)
             {
                 return (number, value["faulty"] == true);
             }
         }
     }
 
-    /// The last image that was shown, once nothing has been told for so long; `None` where it goes on for more than `most`.
+    /// The last image that was shown, once no event has come for so long; `None` where it goes on for more than `most`.
     pub fn settled(&self, quiet: Duration, most: Duration) -> Option<Option<Value>> {
         let end = Instant::now() + most;
         let mut last = None;
         while Instant::now() < end {
             match self.lines.recv_timeout(quiet) {
-                Ok((_, value)) => last = Some(value).filter(|v| v["told"] == "shown").or(last),
+                Ok((_, value)) => last = Some(value).filter(|v| v["event"] == "shown").or(last),
                 Err(_) => return Some(last),
             }
         }
@@ -72,13 +73,13 @@ impl Told {
         self.meanwhile();
         let mut shown = 0;
         while shown < 5 {
-            shown += usize::from(self.next().1["told"] == "shown");
+            shown += usize::from(self.next().1["event"] == "shown");
         }
     }
 
     /// Seconds of the processor that its threads have taken together (`man proc_pid_stat`, fields 14 and 15).
     pub fn processor_secs(&self) -> f64 {
-        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.viewer.0.id())).unwrap();
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.process.0.id())).unwrap();
         // The name may hold blanks; it ends with the last parenthesis.
         // 100 ticks a second, on every Linux machine that runs this: `getconf CLK_TCK`.
         ticks(stat.rsplit(')').next().unwrap()) / 100.0
@@ -91,7 +92,7 @@ impl Told {
 
     /// Each thread's name, and its seconds of the processor.
     pub fn threads(&self) -> Vec<(String, f64)> {
-        let tasks = std::fs::read_dir(format!("/proc/{}/task", self.viewer.0.id())).unwrap();
+        let tasks = std::fs::read_dir(format!("/proc/{}/task", self.process.0.id())).unwrap();
         let stats = tasks.flatten().filter_map(|task| std::fs::read_to_string(task.path().join("stat")).ok());
         stats
             .map(|stat| {
@@ -104,14 +105,14 @@ impl Told {
 
     /// A value of `/proc/PID/status`: kB, or a count.
     pub fn status(&self, name: &str) -> u64 {
-        let status = std::fs::read_to_string(format!("/proc/{}/status", self.viewer.0.id())).unwrap();
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.process.0.id())).unwrap();
         let line = status.lines().find_map(|l| l.strip_prefix(name)?.strip_prefix(':'));
         line.and_then(|l| l.split_whitespace().next()?.parse().ok()).unwrap_or_else(|| panic!("no {name}"))
     }
 
     /// Open files, sockets and pipes.
     pub fn files(&self) -> usize {
-        std::fs::read_dir(format!("/proc/{}/fd", self.viewer.0.id())).unwrap().count()
+        std::fs::read_dir(format!("/proc/{}/fd", self.process.0.id())).unwrap().count()
     }
 }
 

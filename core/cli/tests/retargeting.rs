@@ -1,5 +1,5 @@
 //! Clips of every human skeleton among the sample files on every other: limbs point the same way, feet stay on the floor, and
-//! there and back is the clip. `cargo test -p choreo --test bodies -- --nocapture` prints the table.
+//! there and back is the clip. `cargo test -p choreo --test retargeting -- --nocapture` prints the table.
 
 mod common;
 
@@ -12,7 +12,7 @@ use glam::{DAffine3, DQuat, DVec3};
 use std::sync::Arc;
 
 /// File and the clip that others take from it; empty where there is none.
-const BODIES: [(&str, &str); 9] = [
+const CHARACTERS: [(&str, &str); 9] = [
     ("choreo:mannequin", "Dance_Groove"),
     ("gltf/Knight.glb", "Walking_A"),
     ("gltf/CesiumMan.glb", "0"),
@@ -31,7 +31,7 @@ struct Sampled {
     clip: Option<Arc<Clip>>,
 }
 
-fn bodies(folder: &std::path::Path) -> Vec<Sampled> {
+fn characters(folder: &std::path::Path) -> Vec<Sampled> {
     let mut registry = Registry::default();
     registry.add_importer(import_gltf::GltfImporter);
     registry.add_importer(import_fbx::FbxImporter);
@@ -47,7 +47,7 @@ fn bodies(folder: &std::path::Path) -> Vec<Sampled> {
         let clip = found.or(clip.parse().ok().and_then(|i: usize| asset.clips.get(i))).cloned();
         Sampled { clip, asset }
     };
-    BODIES.iter().map(load).collect()
+    CHARACTERS.iter().map(load).collect()
 }
 
 /// f64.
@@ -96,17 +96,17 @@ fn clearance(human: &HumanoidJoints, rest: &[DAffine3], model: &[DAffine3], with
 }
 
 #[test]
-fn every_body_moves_as_every_other() {
+fn every_character_moves_as_every_other() {
     let Some(folder) = common::assets() else { return };
-    let bodies = bodies(&folder);
+    let characters = characters(&folder);
     println!(
         "| clip of | on | joints | scale | turned | limbs, ° | lowest foot, mm | there and back, mm | a second time, mm | sampled joints | keys of these |"
     );
     println!("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |");
     let mut pairs = 0;
-    for from in bodies.iter() {
+    for from in characters.iter() {
         let Some(clip) = &from.clip else { continue };
-        for to in bodies.iter() {
+        for to in characters.iter() {
             let there = Retarget::new(&from.asset.skeleton, &to.asset.skeleton, RetargetOptions::default());
             assert!(
                 there.is_humanoid(),

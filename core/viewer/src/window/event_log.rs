@@ -1,5 +1,5 @@
 //! Output for tests and measurements: what the window has done and when, a line of JSON each on standard output. Hidden behind
-//! `--tell`, since nobody who works with the viewer reads it.
+//! `--event-log`, since users of the viewer do not need it.
 
 use choreo_render::DeviceUsage;
 use choreo_session::{FrameInfo, SceneVersion};
@@ -7,27 +7,27 @@ use serde_json::{Value, json};
 use std::io::Write;
 use std::time::Instant;
 
-/// Says nothing unless asked to.
+/// Prints nothing unless it is switched on.
 #[derive(Clone, Copy)]
-pub(crate) struct Tell {
+pub(crate) struct EventLog {
     since: Option<Instant>,
 }
 
-impl Tell {
-    pub fn new(on: bool) -> Tell {
-        Tell { since: on.then(Instant::now) }
+impl EventLog {
+    pub fn new(on: bool) -> EventLog {
+        EventLog { since: on.then(Instant::now) }
     }
 
     /// Reports an event that happens once, as the program starts.
     pub fn done(&self, what: &str) {
-        self.say(|| json!({ "told": what }));
+        self.say(|| json!({ "event": what }));
     }
 
     /// A version that is there, good or not; `problems`: errors where it is not, else warnings.
     pub fn version(&self, version: &SceneVersion) {
         let (number, faulty) = (version.number, version.scene.is_none());
         self.say(|| {
-            json!({ "told": "scene", "version": number, "faulty": faulty, "problems": version.problems.len() })
+            json!({ "event": "scene", "version": number, "faulty": faulty, "problems": version.problems.len() })
         });
     }
 
@@ -36,7 +36,7 @@ impl Tell {
         let frame = shown.evaluated_in + shown.planned_in + shown.drawn_in;
         self.say(|| {
             json!({
-                "told": "shown",
+                "event": "shown",
                 "view": view,
                 "version": shown.number,
                 "frame_ms": frame.as_secs_f64() * 1e3,
@@ -54,7 +54,7 @@ impl Tell {
         let mut line = line();
         line["ms"] = json!(since.elapsed().as_secs_f64() * 1e3);
         let mut out = std::io::stdout().lock();
-        // Nobody listens any more: nothing to be done.
+        // The reader has gone: there is nobody to report to.
         let _ = writeln!(out, "{line}").and_then(|()| out.flush());
     }
 }

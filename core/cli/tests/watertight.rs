@@ -1,5 +1,5 @@
 //! Back faces of closed surfaces are not drawn (`choreo_render::scene_resources::watertight`): what that changes of every sample that bends, in its clips and in
-//! poses that push it through itself. `cargo test -p choreo --test closed_bodies -- --nocapture` prints the table.
+//! poses that push it through itself. `cargo test -p choreo --test watertight -- --nocapture` prints the table.
 
 mod common;
 
@@ -79,7 +79,7 @@ fn poses(asset: &Arc<Asset>) -> (Stage, Vec<Snapshot>) {
     (stage, poses)
 }
 
-/// Pixels of a body, those of them where nothing is without its back faces, and those that look otherwise.
+/// Pixels of a model, those that are empty without its back faces, and those that differ.
 fn lost(front: &Frame, both: &Frame) -> [usize; 3] {
     let background = |p: &&[u8]| *p == [255, 0, 255, 255];
     let mut counts = [0; 3];
@@ -92,7 +92,7 @@ fn lost(front: &Frame, both: &Frame) -> [usize; 3] {
 }
 
 #[test]
-fn bodies_that_bend_have_no_holes() {
+fn meshes_that_bend_have_no_holes() {
     let Some(folder) = common::assets() else { return };
     let registry = choreo::registry();
     let effects = registry.effects().to_vec();
@@ -135,5 +135,5 @@ fn bodies_that_bend_have_no_holes() {
         assert!(worst_lost <= 2, "{name}: {worst_lost} pixels are a hole");
         without += usize::from(closed > 0);
     }
-    assert!(without >= 3, "of {} bodies {without} have closed surfaces", FILES.len());
+    assert!(without >= 3, "of {} models {without} have closed surfaces", FILES.len());
 }

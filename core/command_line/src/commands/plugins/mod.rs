@@ -1,6 +1,9 @@
-//! `choreo plugins`: importers, effects and exporters with their options, and which importer takes a file.
+//! `choreo plugins`: importers, effects and exporters with their options, which importer takes a file, and packages of plugins.
 
-use crate::args::PluginsArgs;
+mod package_test;
+mod packages;
+
+use crate::args::{PluginsAction, PluginsArgs};
 use crate::failure::{Failure, Problem, print, print_json};
 use crate::plugins::option_rows;
 use crate::plugins::plugin_files;
@@ -12,6 +15,16 @@ use std::path::Path;
 use std::sync::Arc;
 
 pub fn run(args: PluginsArgs, plugins: &Registry) -> Result<(), Failure> {
+    match &args.action {
+        Some(PluginsAction::Install { path, replace }) => packages::install(path, *replace, plugins),
+        Some(PluginsAction::List { json }) => packages::list(*json),
+        Some(PluginsAction::Remove { name }) => packages::remove(name),
+        Some(PluginsAction::Test { path }) => package_test::run(path, plugins),
+        None => show(&args, plugins),
+    }
+}
+
+fn show(args: &PluginsArgs, plugins: &Registry) -> Result<(), Failure> {
     let beside: Vec<&Path> = std::iter::once(Path::new(".")).chain(args.file.as_deref()).collect();
     let listing = plugin_files::listing(plugins, &args.plugins, &beside)?;
     // All are compiled here, used or not.

@@ -1,0 +1,236 @@
+//! `choreo plugins test`: a package as its users will meet it. Its description and plugins, then what each kind can be tried on: sample files
+//! of importers, whole and damaged, a small stage for exporters, and the package's own test scripts.
+
+use super::packages;
+use crate::args::Cli;
+use crate::args::Command;
+use crate::commands::test;
+use crate::failure::{Failure, Problem, print};
+use crate::terminal::page::Page;
+use choreo_asset::Asset;
+use choreo_files::Folder;
+use choreo_motion::Transform;
+use choreo_plugin::{
+    AssetBuilder, BuildError, Claim, ExportedScene, Files, ImportError, ImportOptions, ImportScope, Importer,
+    MemoryFiles, Registry, SceneExporter, Source,
+};
+use choreo_session::package::PackagedKind;
+use choreo_stage::Stage;
+use clap::Parser;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Bytes of the largest sample, and samples that are tried.
+const MOST_SAMPLE: u64 = 64 << 20;
+const MOST_SAMPLES: usize = 100;
+/// Places at which samples are cut off, and bytes that are changed, one at a time.
+const CUTS: usize = 16;
+const CHANGES: usize = 64;
+/// Folders of a package in which samples and test scripts lie.
+const FOLDERS: [&str; 3] = ["", "samples", "tests"];
+
+pub fn run(path: &Path, plugins: &Registry) -> Result<(), Failure> {
+    let (folder, package) = packages::open(path)?;
+    let listing = packages::working(&folder, plugins)?;
+    let mut page = Page::default();
+    page.line(format_args!(
+        "{} {} ({}): {}",
+        package.name,
+        package.version,
+        package.license,
+        package.contents()
+    ));
+    let mut problems: Vec<String> = Vec::new();
+    let names = listing.names();
+    for (kind, name) in &names {
+        let tried = match kind {
+            PackagedKind::Importer => importer(name, &folder, &listing.registry),
+            PackagedKind::Exporter => exporter(name, &listing.registry),
+            PackagedKind::Effect => Ok(Vec::new()),
+        };
+        match tried {
+            Ok(lines) => page.lines(lines.into_iter().map(|line| format!("  {line}"))),
+            Err(faults) => problems.extend(faults),
+        }
+    }
+    print(page.as_str())?;
+    let scripts = scripts(&folder);
+    let effects: Vec<&str> = names
+        .iter()
+        .filter(|(kind, _)| *kind == PackagedKind::Effect)
+        .map(|(_, name)| name.as_str())
+        .collect();
+    if let (true, [name, ..]) = (scripts.is_empty(), effects.as_slice()) {
+        problems.push(format!(
+            "{}: the effect {name} has no test; write tests/{name}.rhai with a section: test(\"it shows\", || {{ … }})",
+            folder.display()
+        ));
+    }
+    if !problems.is_empty() {
+        return Err(Failure::Input(problems.into_iter().map(Problem::Text).collect()));
+    }
+    if scripts.is_empty() { Ok(()) } else { run_scripts(scripts, &folder, plugins) }
+}
+
+/// The package's test scripts, as `choreo test` runs them.
+fn run_scripts(scripts: Vec<PathBuf>, folder: &Path, plugins: &Registry) -> Result<(), Failure> {
+    let words = ["choreo", "test"].map(|word| word.into()).into_iter();
+    let words = words.chain(scripts.into_iter().map(PathBuf::into_os_string));
+    match Cli::try_parse_from(words).map(|cli| cli.command) {
+        Ok(Command::Test(args)) => test::run(test::within(args, folder), plugins),
+        _ => Err(Failure::Internal("choreo test is not called as it should be".into())),
+    }
+}
+
+/// Scripts with sections: those of the package that are no plugins.
+fn scripts(folder: &Path) -> Vec<PathBuf> {
+    let is_script = |name: &str| name.ends_with(".rhai") && !is_plugin(name);
+    let mut scripts: Vec<PathBuf> =
+        files(folder).into_iter().filter(|(name, _)| is_script(name)).map(|(_, p)| p).collect();
+    scripts.retain(|path| std::fs::read_to_string(path).is_ok_and(|text| text.contains("test(")));
+    scripts
+}
+
+fn is_plugin(name: &str) -> bool {
+    choreo_session::plugin_files::ENDINGS.iter().any(|ending| name.ends_with(ending))
+}
+
+/// Names and paths of the files in the folders of samples and tests, sorted.
+fn files(folder: &Path) -> Vec<(String, PathBuf)> {
+    let in_folder = |below: &&str| {
+        let place = if below.is_empty() { folder.to_path_buf() } else { folder.join(below) };
+        let names = Folder::open(&place).and_then(|open| open.names(10_000)).unwrap_or_default();
+        let named = move |name: std::ffi::OsString| (name.to_string_lossy().into_owned(), place.join(&name));
+        names.into_iter().map(named).filter(|(_, path)| path.is_file()).collect::<Vec<_>>()
+    };
+    FOLDERS.iter().flat_map(in_folder).collect()
+}
+
+/// Files beside a sample.
+struct Beside(Folder);
+
+impl Files for Beside {
+    fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
+        let bytes = self.0.read(Path::new(relative), MOST_SAMPLE);
+        bytes.map(Arc::new).map_err(|e| format!("{relative}: {e}"))
+    }
+}
+
+/// The samples of an importer: read whole, and damaged, when an error or a valid asset must come of it.
+fn importer(name: &str, folder: &Path, registry: &Registry) -> Result<Vec<String>, Vec<String>> {
+    let plugin = registry.importers().iter().rfind(|importer| importer.manifest().name == name);
+    let Some(plugin) = plugin else { return Err(vec![format!("the importer {name} was not found")]) };
+    let (mut lines, mut faults) = (Vec::new(), Vec::new());
+    for (file, path) in files(folder).into_iter().take(MOST_SAMPLES) {
+        if is_plugin(&file) || file == choreo_session::package::DESCRIPTION {
+            continue;
+        }
+        let shown = path.display().to_string();
+        let opened = Folder::open(path.parent().unwrap_or(Path::new(".")));
+        let Ok(opened) = opened else { continue };
+        let Ok(bytes) = opened.read(Path::new(&file), MOST_SAMPLE) else { continue };
+        let source = Source { name: shown, bytes: Arc::new(bytes) };
+        if plugin.claim(&source) == Claim::NotMine {
+            continue;
+        }
+        match sample(&**plugin, &source, &Beside(opened)) {
+            Ok(line) => lines.push(format!("importer {name}: {line}")),
+            Err(fault) => faults.push(fault),
+        }
+    }
+    if lines.is_empty() && faults.is_empty() {
+        let extension = plugin.manifest().extensions.first().map_or("EXTENSION", String::as_str);
+        faults.push(format!(
+            "{}: the importer {name} has no sample; put a small file there, as sample.{extension}",
+            folder.display()
+        ));
+    }
+    if faults.is_empty() { Ok(lines) } else { Err(faults) }
+}
+
+fn sample(importer: &dyn Importer, source: &Source, beside: &Beside) -> Result<String, String> {
+    let manifest = importer.manifest();
+    let options = manifest.complete(&ImportOptions::default()).map_err(|e| e.to_string())?;
+    let import = |source: &Source| importer.import(source, beside, ImportScope::ALL, &options);
+    let asset = import(source).map_err(|e| with_hint(&e))?;
+    let (mut refused, mut read) = (0, 0);
+    for damaged in damaged(&source.bytes) {
+        match import(&Source { name: source.name.clone(), bytes: Arc::new(damaged) }) {
+            Ok(_) => read += 1,
+            // A fault of the plugin, not of the file: a panic, or an asset that is not valid.
+            Err(e)
+                if e.what.starts_with(&format!("the plugin {} {} has ", manifest.name, manifest.version)) =>
+            {
+                return Err(format!("{} (of a damaged copy)", with_hint(&e)));
+            }
+            Err(_) => refused += 1,
+        }
+    }
+    let shown = &source.name;
+    Ok(format!("{shown}: {}; damaged copies: {refused} refused, {read} read", contents(&asset)))
+}
+
+fn with_hint(error: &ImportError) -> String {
+    let hint = error.hint.as_ref().map(|hint| format!("\n    hint: {hint}")).unwrap_or_default();
+    format!("{error}{hint}")
+}
+
+fn contents(asset: &Asset) -> String {
+    let primitives = asset.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    let vertices: usize = primitives.map(|primitive| primitive.positions.len()).sum();
+    let joints = asset.skeleton.names().len();
+    let (meshes, clips, images) = (asset.meshes.len(), asset.clips.len(), asset.images.len());
+    format!("meshes {meshes}, vertices {vertices}, joints {joints}, clips {clips}, images {images}")
+}
+
+/// Copies that are cut off, and copies with one byte changed, at the same places in every run.
+fn damaged(bytes: &[u8]) -> impl Iterator<Item = Vec<u8>> + '_ {
+    let cut = (0..CUTS).map(|i| bytes[..bytes.len() * i / CUTS].to_vec());
+    let changed = (0..CHANGES.min(bytes.len())).map(|i| {
+        let mut copy = bytes.to_vec();
+        // Steps of the golden ratio spread the places; every bit of a byte is turned over in turn.
+        let at = (i as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) % bytes.len() as u64;
+        copy[at as usize] ^= 1 << (i % 8);
+        copy
+    });
+    cut.chain(changed)
+}
+
+/// An exporter must write a small scene, and the same bytes a second time.
+fn exporter(name: &str, registry: &Registry) -> Result<Vec<String>, Vec<String>> {
+    let plugin = registry.scene_exporters().iter().rfind(|exporter| exporter.manifest().name == name);
+    let Some(plugin) = plugin else { return Err(vec![format!("the exporter {name} was not found")]) };
+    let scene = scene().map_err(|e| vec![e.to_string()])?;
+    let write = || write(&**plugin, &scene).map_err(|e| vec![format!("the exporter {name}: {e}")]);
+    let (first, second) = (write()?, write()?);
+    if (&first.main, &first.beside) != (&second.main, &second.beside) {
+        return Err(vec![format!(
+            "the exporter {name} has written other bytes of the same scene a second time"
+        )]);
+    }
+    let beside = first.beside.len();
+    Ok(vec![format!("exporter {name}: {} bytes of a small scene, {beside} files beside", first.main.len())])
+}
+
+fn write(exporter: &dyn SceneExporter, scene: &ExportedScene) -> Result<MemoryFiles, String> {
+    let mut files = MemoryFiles::default();
+    let mut scene = scene.clone();
+    scene.options = exporter.manifest().complete(&scene.options).map_err(|e| e.to_string())?;
+    exporter.export(&scene, &mut files).map_err(|e| e.to_string())?;
+    Ok(files)
+}
+
+/// Two actors of two joints with a triangle.
+fn scene() -> Result<ExportedScene, BuildError> {
+    let mut builder = AssetBuilder::default();
+    let hips = builder.joint("hips", None, Transform::IDENTITY)?;
+    let up = Transform { translation: glam::Vec3::Y, ..Transform::IDENTITY };
+    let head = builder.joint("head", Some(hips), up)?;
+    let positions = vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    builder.mesh(choreo_plugin::MeshData { joint: Some(head), positions, ..Default::default() })?;
+    let asset = Arc::new(builder.finish("figure")?);
+    let mut stage = Stage::default();
+    stage.cast("anna", asset.clone());
+    stage.cast("bert", asset);
+    Ok(ExportedScene::new("scene.rhai", Arc::new(stage)))
+}

@@ -1,0 +1,263 @@
+//! `choreo plugins install|list|remove`: packages of plugin files in the user's folder of plugins. A package is there complete or not at all:
+//! it is copied to a hidden folder beside its place and renamed.
+
+use crate::failure::{
+    Failure, Problem, output_error, print, print_json, print_message, reason, write_failure,
+};
+use crate::terminal::page::Page;
+use choreo_files::{FileError, Folder, WriteError};
+use choreo_plugin::Registry;
+use choreo_plugin::suggest::{did_you_mean, list as named};
+use choreo_session::package::{DESCRIPTION, MOST_DESCRIPTION, Package, is_name};
+use choreo_session::plugin_files::{Listing, list_package, packages_in, user_folder};
+use serde_json::{Value, json};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Bytes, files and levels of folders of a package.
+const MOST_BYTES: u64 = 256 << 20;
+const MOST_FILES: usize = 1000;
+const MOST_LEVELS: usize = 16;
+
+/// A description to begin with, for a folder without one.
+const EXAMPLE: &str = "name = \"my_plugin\"\nversion = \"1.0.0\"\nchoreo = \"0.1.0\"\nlicense = \"MIT\"\n[[plugin]]\nfile = \"NAME.wgsl\"\nkind = \"effect\"\nhook = \"pixel\"";
+
+/// The package at a path, which is its folder, its description or one of its plugin files; with its folder.
+pub fn open(path: &Path) -> Result<(PathBuf, Package), Failure> {
+    if !path.exists() {
+        return Err(Failure::input(format!("{}: no such file or folder", path.display())));
+    }
+    let folder = match path.is_dir() {
+        true => path,
+        false => path.parent().unwrap_or(Path::new("")),
+    };
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let package = read(folder)?;
+    let file = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let is_part = path.is_dir() || file == DESCRIPTION || package.plugins.iter().any(|p| p.file == file);
+    match is_part {
+        true => Ok((folder.to_path_buf(), package)),
+        false => {
+            let files = package.plugins.iter().map(|p| p.file.as_str());
+            let files = named(files, 30);
+            let what = format!("{}: {DESCRIPTION} beside it does not name it, only {files}", path.display());
+            Err(Failure::input(what))
+        }
+    }
+}
+
+/// The description in a folder.
+fn read(folder: &Path) -> Result<Package, Failure> {
+    let place = folder.join(DESCRIPTION);
+    let shown = place.display().to_string();
+    if place.symlink_metadata().is_err() {
+        let what = format!("{shown}: there is none; a package needs it. A complete one:\n{EXAMPLE}");
+        return Err(Failure::input(what));
+    }
+    let failed = |e: FileError| Failure::input(format!("{shown}: cannot read: {e}"));
+    let folder = Folder::open(folder).map_err(|e| failed(FileError::Io(e)))?;
+    let bytes = folder.read(Path::new(DESCRIPTION), MOST_DESCRIPTION).map_err(failed)?;
+    let text = String::from_utf8(bytes);
+    let text = text.map_err(|_| Failure::input(format!("{shown}: it is not UTF-8 text")))?;
+    Package::parse(&shown, &text).map_err(|e| Failure::input(e.to_string()))
+}
+
+/// The plugins of a package, all of which work and agree with its description.
+pub fn working(folder: &Path, plugins: &Registry) -> Result<Listing, Failure> {
+    let listing = list_package(plugins, folder).map_err(|e| Failure::input(e.to_string()))?;
+    let problems: Vec<Problem> = listing.problems().into_iter().map(Problem::Text).collect();
+    match problems.is_empty() {
+        true => Ok(listing),
+        false => Err(Failure::Input(problems)),
+    }
+}
+
+/// The folder that packages are installed in.
+fn installed() -> Result<PathBuf, Failure> {
+    user_folder().ok_or_else(|| {
+        Failure::Usage("there is no folder for plugins: set CHOREO_PLUGINS to one, or HOME".into())
+    })
+}
+
+pub fn install(path: &Path, replace: bool, plugins: &Registry) -> Result<(), Failure> {
+    let (source, package) = open(path)?;
+    let listing = working(&source, plugins)?;
+    let folder = installed()?;
+    let target = folder.join(&package.name);
+    let before = target.symlink_metadata().is_ok();
+    if before && !replace {
+        let version = read(&target).map(|p| format!(" {}", p.version)).unwrap_or_default();
+        return Err(Failure::Output(format!(
+            "{}{version} is installed already, in {}; --replace puts {} in its place",
+            package.name,
+            target.display(),
+            package.version
+        )));
+    }
+    let failed = |e: std::io::Error| output_error(&target.display().to_string(), &e);
+    std::fs::create_dir_all(&folder).map_err(|e| output_error(&folder.display().to_string(), &e))?;
+    let made = hidden(&folder).map_err(failed)?;
+    copy(&source, made.path())?;
+    // What was there is moved into a hidden folder, which is removed with what it holds.
+    let old = hidden(&folder).map_err(failed)?;
+    let kept = old.path().join("old");
+    if before {
+        std::fs::rename(&target, &kept).map_err(failed)?;
+    }
+    let new = made.path().join("new");
+    if let Err(error) = std::fs::rename(&new, &target) {
+        if before {
+            std::fs::rename(&kept, &target).map_err(failed)?;
+        }
+        return Err(failed(error));
+    }
+    listing.replaced.iter().for_each(|text| print_message(format_args!("note: {text}")));
+    let mut page = Page::default();
+    let Package { name, version, license, .. } = &package;
+    page.line(format_args!("{name} {version}: installed in {}", target.display()));
+    page.line(format_args!("    license: {license}"));
+    page.line(format_args!("    plugins: {}", package.contents()));
+    print(page.as_str())
+}
+
+/// A folder that no command takes for a package, removed when it is dropped.
+fn hidden(folder: &Path) -> std::io::Result<tempfile::TempDir> {
+    tempfile::Builder::new().prefix(".choreo-").tempdir_in(folder)
+}
+
+/// Copies a package's folder to `new` in a folder.
+fn copy(source: &Path, to: &Path) -> Result<(), Failure> {
+    let read =
+        |e: std::io::Error| Failure::input(format!("{}: cannot read: {}", source.display(), reason(&e)));
+    let shown = to.display().to_string();
+    let from = Folder::open(source).map_err(read)?;
+    let to = Folder::open(to).map_err(WriteError::Io);
+    let to = to.and_then(|to| to.create_folders(Path::new("new"))).map_err(|e| write_failure(&shown, e))?;
+    let mut copying = Copying { source: source.to_path_buf(), shown, files: 0, bytes: 0 };
+    copying.folder(&from, &to, Path::new(""), 0)
+}
+
+/// A copy that is being made, with what it holds so far.
+struct Copying {
+    source: PathBuf,
+    /// Place of the copy in messages.
+    shown: String,
+    files: usize,
+    bytes: u64,
+}
+
+impl Copying {
+    /// Copies the regular files of a folder and the folders in it. Hidden files and what Cargo builds are left out; links are refused.
+    fn folder(&mut self, from: &Folder, to: &Folder, below: &Path, level: usize) -> Result<(), Failure> {
+        if level > MOST_LEVELS {
+            return Err(self.refused(below, format!("folders more than {MOST_LEVELS} levels deep")));
+        }
+        let names = from.names(MOST_FILES + 1).map_err(|e| self.unreadable(below, FileError::Io(e)))?;
+        for name in names.iter().map(Path::new) {
+            let path = below.join(name);
+            if name.to_string_lossy().starts_with('.') || (level == 0 && name == Path::new("target")) {
+                continue;
+            }
+            self.files += 1;
+            if self.files > MOST_FILES || self.bytes > MOST_BYTES {
+                let most = format!("{MOST_FILES} files and {} MiB", MOST_BYTES >> 20);
+                return Err(self.refused(Path::new(""), format!("a package holds at most {most}")));
+            }
+            let Some(kind) = from.kind(name) else { continue };
+            if kind.is_symlink() {
+                return Err(self.refused(&path, "a package holds no links".into()));
+            }
+            let failed = |e: FileError| write_failure(&self.shown, WriteError::at(path.clone(), e));
+            if kind.is_dir() {
+                let inner = from.folder(name).map_err(|e| self.unreadable(&path, e))?;
+                let made = to.create_subfolder(name).map_err(failed)?;
+                self.folder(&inner, &made, &path, level + 1)?;
+                continue;
+            }
+            let bytes = from.read(name, MOST_BYTES).map_err(|e| self.unreadable(&path, e))?;
+            self.bytes += bytes.len() as u64;
+            let mut file = to.create_new(name).map_err(failed)?;
+            file.write_all(&bytes).map_err(|e| output_error(&self.shown, &e))?;
+        }
+        Ok(())
+    }
+
+    fn unreadable(&self, path: &Path, error: FileError) -> Failure {
+        self.refused(path, format!("cannot read: {error}"))
+    }
+
+    fn refused(&self, path: &Path, what: String) -> Failure {
+        Failure::input(format!("{}: {what}", self.source.join(path).display()))
+    }
+}
+
+pub fn list(as_json: bool) -> Result<(), Failure> {
+    let folder = installed()?;
+    let mut problems = Vec::new();
+    let mut packages: Vec<(PathBuf, Package)> = Vec::new();
+    for name in packages_in(&folder) {
+        let place = folder.join(name);
+        match read(&place) {
+            Ok(package) => packages.push((place, package)),
+            Err(Failure::Input(faults)) => problems.extend(faults),
+            Err(other) => return Err(other),
+        }
+    }
+    if as_json {
+        let all: Vec<Value> = packages.iter().map(|(place, package)| package_json(place, package)).collect();
+        print_json(&json!({ "folder": folder.display().to_string(), "packages": all }))?;
+    } else {
+        let mut page = Page::default();
+        match packages.is_empty() {
+            true => page.line(format_args!("no packages in {}", folder.display())),
+            false => page.line(format_args!("packages in {}", folder.display())),
+        }
+        for (_, package) in &packages {
+            let Package { name, version, license, about, .. } = package;
+            let about = if about.is_empty() { String::new() } else { format!(" {about}") };
+            page.line(format_args!("  {name} {version} ({license}){about}"));
+            page.line(format_args!("      {}", package.contents()));
+        }
+        print(page.as_str())?;
+    }
+    if problems.is_empty() { Ok(()) } else { Err(Failure::Input(problems)) }
+}
+
+fn package_json(place: &Path, package: &Package) -> Value {
+    let plugins: Vec<Value> = package
+        .plugins
+        .iter()
+        .map(|p| json!({ "file": p.file, "kind": p.kind.word(), "hook": p.hook }))
+        .collect();
+    json!({
+        "name": package.name, "version": package.version.to_string(), "choreo": package.choreo.to_string(),
+        "license": package.license, "about": package.about, "plugins": plugins, "folder": place.display().to_string(),
+    })
+}
+
+pub fn remove(name: &str) -> Result<(), Failure> {
+    let folder = installed()?;
+    let place = folder.join(name);
+    let is_there = is_name(name) && place.join(DESCRIPTION).symlink_metadata().is_ok();
+    if !is_there {
+        let all: Vec<String> = packages_in(&folder).iter().map(|n| n.display().to_string()).collect();
+        let near = did_you_mean(name, all.iter().map(String::as_str));
+        let installed = match all.is_empty() {
+            true => "none is installed".to_string(),
+            false => format!("installed: {}", named(all.iter().map(String::as_str), 30)),
+        };
+        return Err(Failure::Usage(format!("there is no package \"{name}\"{near}; {installed}")));
+    }
+    if place.symlink_metadata().is_ok_and(|m| m.is_symlink()) {
+        let what =
+            format!("{}: it is a link, which choreo did not make; remove it yourself", place.display());
+        return Err(Failure::Output(what));
+    }
+    let failed =
+        |e: std::io::Error| Failure::Output(format!("{}: cannot remove: {}", place.display(), reason(&e)));
+    // Renamed first, so that no command finds half of it.
+    let old = hidden(&folder).map_err(failed)?;
+    std::fs::rename(&place, old.path().join("old")).map_err(failed)?;
+    old.close().map_err(failed)?;
+    print(&format!("{name}: removed\n"))
+}

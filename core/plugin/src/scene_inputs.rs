@@ -1,0 +1,103 @@
+//! Inputs of effects on images from the scene: depth, normals, motion and actors of each pixel, time, camera and sun.
+
+use crate::{BACKGROUND_DISTANCE, EffectImage};
+use glam::{Mat4, Vec3, Vec4};
+
+/// The parts of the scene that a [`crate::Hook::Image`] function reads; the others are neither drawn nor computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SceneInputs {
+    /// [`SceneImages::surface`]: depth and normals of the scene.
+    pub surface: bool,
+    /// [`SceneImages::motion`]: motion vectors and actors.
+    pub motion: bool,
+    /// [`EffectFrame::time`], [`EffectFrame::frame`] and [`EffectFrame::delta`].
+    pub time: bool,
+    /// [`EffectFrame::view_from_world`] and [`EffectFrame::clip_from_view`].
+    pub camera: bool,
+    /// [`EffectFrame::sun`].
+    pub sun: bool,
+}
+
+impl SceneInputs {
+    /// The inputs that either reads.
+    pub fn union(self, other: SceneInputs) -> SceneInputs {
+        SceneInputs {
+            surface: self.surface || other.surface,
+            motion: self.motion || other.motion,
+            time: self.time || other.time,
+            camera: self.camera || other.camera,
+            sun: self.sun || other.sun,
+        }
+    }
+
+    /// Whether the scene is drawn once more for it.
+    pub fn is_drawn(self) -> bool {
+        self.surface || self.motion
+    }
+}
+
+/// Numbers of a frame that [`crate::Hook::Image`] functions read; each is zero unless [`SceneInputs`] names it.
+///
+/// ```
+/// use choreo_plugin::EffectFrame;
+/// let frame = EffectFrame { frame: 70_000, ..EffectFrame::default() };
+/// assert_eq!((frame.rows()[1].x, frame.rows()[1].y), (4464.0, 1.0));
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct EffectFrame {
+    /// Seconds since the start.
+    pub time: f32,
+    /// Number of the frame, from 0: the last one that begins at or before the time.
+    pub frame: u32,
+    /// Seconds from frame to frame.
+    pub delta: f32,
+    /// View space from the world: the camera looks along −Z. f32, so accurate near the origin.
+    pub view_from_world: Mat4,
+    /// Clip space from view space: y down, depth 1 at the near plane and 0 far away.
+    pub clip_from_view: Mat4,
+    /// Unit direction in the world to the brightest sun; `None` if none shines.
+    pub sun: Option<Vec3>,
+}
+
+impl EffectFrame {
+    /// Number of [`EffectFrame::rows`].
+    pub const ROWS: usize = 19;
+
+    /// As the shaders read it: time and delta; the frame number in two halves of 16 bits; the sun, with 1 in w where one shines;
+    /// then the columns of view-from-world, world-from-view, clip-from-view and view-from-clip.
+    pub fn rows(&self) -> [Vec4; EffectFrame::ROWS] {
+        let mut rows = [Vec4::ZERO; EffectFrame::ROWS];
+        rows[0] = Vec4::new(self.time, self.delta, 0.0, 0.0);
+        rows[1] = Vec4::new((self.frame & 0xffff) as f32, (self.frame >> 16) as f32, 0.0, 0.0);
+        rows[2] = self.sun.map_or(Vec4::ZERO, |sun| sun.extend(1.0));
+        let inverse = |m: Mat4| match m == Mat4::ZERO {
+            true => m,
+            // In f64, because f32 would lose most digits for a far plane that is near.
+            false => m.as_dmat4().inverse().as_mat4(),
+        };
+        let (view, clip) = (self.view_from_world, self.clip_from_view);
+        for (i, matrix) in [view, inverse(view), clip, inverse(clip)].into_iter().enumerate() {
+            for (column, row) in rows[3 + 4 * i..][..4].iter_mut().enumerate() {
+                *row = matrix.col(column);
+            }
+        }
+        rows
+    }
+}
+
+/// Images of the scene that a [`crate::Hook::Image`] function reads, each of the size of the frame. Opaque and cut-out triangles
+/// are in them, without outlines, lines, points, overlays and 2D layers; one sample a pixel, in its middle.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneImages<'a> {
+    /// World normal in xyz and depth in w: metres before the camera along its view. [`SceneImages::NO_SURFACE`] where nothing is.
+    pub surface: Option<EffectImage<'a>>,
+    /// Motion in pixels since the frame before in xy, and the number of the actor, from 1, in z; zero where nothing is.
+    pub motion: Option<EffectImage<'a>>,
+    /// [`EffectFrame::rows`].
+    pub rows: &'a [Vec4; EffectFrame::ROWS],
+}
+
+impl SceneImages<'_> {
+    /// The value of [`SceneImages::surface`] where nothing is: no normal, at [`BACKGROUND_DISTANCE`].
+    pub const NO_SURFACE: Vec4 = Vec4::new(0.0, 0.0, 0.0, BACKGROUND_DISTANCE);
+}

@@ -1,0 +1,212 @@
+//! CPU reference of inputs.wgsl: depth, normals, motion vectors and actors of the pixels, for effects on images.
+
+use super::CpuRenderer;
+use super::preskin::DeformedMeshes;
+use super::raster::{TILE_HEIGHT, TILE_WIDTH, cover};
+use super::setup::Triangle;
+use super::shadow::holes;
+use super::tile::{Batch, Paint, TriangleId, tiles_of};
+use super::vertex::VertexStage;
+use crate::plan::{Draw, Features, InputPass, Plan};
+use choreo_plugin::{EffectFrame, EffectImage, SceneImages};
+use glam::{Vec2, Vec3, Vec4, Vec4Swizzles};
+use rayon::prelude::*;
+
+/// The images of a plan's inputs; empty where no effect reads them.
+#[derive(Default)]
+pub(crate) struct InputImages {
+    pub surface: Vec<Vec4>,
+    pub motion: Vec<Vec4>,
+}
+
+impl InputImages {
+    pub fn of<'a>(&'a self, plan: &'a Plan) -> SceneOf<'a> {
+        SceneOf { size: plan.size, frame: &plan.effect_frame, inputs: self }
+    }
+}
+
+/// Everything that effects on an image of this size read of its scene.
+#[derive(Clone, Copy)]
+pub(crate) struct SceneOf<'a> {
+    pub size: [u32; 2],
+    pub frame: &'a EffectFrame,
+    inputs: &'a InputImages,
+}
+
+impl<'a> SceneOf<'a> {
+    pub fn images(self, rows: &'a [Vec4; EffectFrame::ROWS]) -> SceneImages<'a> {
+        let image = |rgba: &'a [Vec4]| (!rgba.is_empty()).then_some(EffectImage { size: self.size, rgba });
+        SceneImages { surface: image(&self.inputs.surface), motion: image(&self.inputs.motion), rows }
+    }
+}
+
+/// One drawn copy: its batch, the actor's number, and where its vertices were in the clip space of the frame before.
+struct DrawnCopy<'a> {
+    batch: Batch<'a>,
+    actor: f32,
+    before: Vec<Vec4>,
+}
+
+impl CpuRenderer {
+    /// The inputs that the plan's effects read.
+    pub(super) fn scene_inputs(&self, plan: &Plan) -> InputImages {
+        let Some(pass) = &plan.scene_inputs else { return InputImages::default() };
+        let changed = self.changed_materials(plan);
+        let (deformed, clip) = (DeformedMeshes::default(), &plan.view.clip_from_relative);
+        let batches = self.batches(plan, (&pass.draws, &deformed), clip, plan.size, None, &changed);
+        let instances = pass.draws.iter().flat_map(|draw| {
+            (draw.first_instance..draw.first_instance + draw.instance_count).map(move |i| (draw, i as usize))
+        });
+        let copies: Vec<DrawnCopy> = batches
+            .into_iter()
+            .zip(instances)
+            .map(|(batch, (draw, i))| {
+                let tint = plan.instances[i].tint;
+                let before = match pass.motion {
+                    true => self.clip_before(plan, pass, draw, tint.y as usize),
+                    false => Vec::new(),
+                };
+                DrawnCopy { batch, actor: tint.x, before }
+            })
+            .collect();
+        draw(plan, pass.motion, &copies)
+    }
+
+    fn clip_before(&self, plan: &Plan, pass: &InputPass, draw: &Draw, then: usize) -> Vec<Vec4> {
+        let entry = &self.resources.primitives[draw.primitive as usize];
+        let features = draw.pipeline.features;
+        let instance = &plan.instances[then];
+        let stage = VertexStage {
+            displaced: self.displaced(plan, draw.pipeline.displaced),
+            camera: pass.camera_before,
+            ..VertexStage::new(entry, features, plan, instance, &pass.clip_before)
+        };
+        stage.seen(stage.posed(None)).into_iter().map(|vertex| vertex.clip).collect()
+    }
+}
+
+/// Nothing is there.
+const NOWHERE: TriangleId = [u32::MAX; 2];
+
+fn draw(plan: &Plan, motion: bool, copies: &[DrawnCopy]) -> InputImages {
+    let [width, height] = plan.size.map(|s| s as usize);
+    let mut surface = vec![SceneImages::NO_SURFACE; width * height];
+    let mut moved = vec![Vec4::ZERO; if motion { width * height } else { 0 }];
+    let lists = bands(copies, plan.size);
+    let band = width * TILE_HEIGHT as usize;
+    // Without motion each band has an empty part of it.
+    let mut parts: Vec<&mut [Vec4]> = moved.chunks_mut(band).collect();
+    parts.resize_with(lists.len(), Default::default);
+    let parts = surface.par_chunks_mut(band).zip(parts).zip(lists).enumerate();
+    parts.for_each(|(number, ((surface, motion), list))| {
+        let first = number * TILE_HEIGHT as usize;
+        let nearest = visible(copies, &list, [width, surface.len() / width], first as i32);
+        for (i, (_, [copy, triangle])) in nearest.iter().enumerate().filter(|(_, (_, id))| *id != NOWHERE) {
+            let copy = &copies[*copy as usize];
+            let triangle = &copy.batch.triangles[*triangle as usize];
+            let at = Vec2::new((i % width) as f32, (first + i / width) as f32) + 0.5;
+            let weights = weights(triangle, at);
+            surface[i] = copy.surface(plan, triangle, weights);
+            if let Some(out) = motion.get_mut(i) {
+                *out = copy.moved(plan.size, triangle, weights, at).extend(copy.actor).extend(0.0);
+            }
+        }
+    });
+    InputImages { surface, motion: moved }
+}
+
+/// The triangles that each band of tiles shows, by copy.
+fn bands(copies: &[DrawnCopy], size: [u32; 2]) -> Vec<Vec<TriangleId>> {
+    let mut lists = vec![Vec::new(); size[1].div_ceil(TILE_HEIGHT as u32) as usize];
+    for (c, copy) in copies.iter().enumerate() {
+        for (t, triangle) in copy.batch.triangles.iter().enumerate() {
+            let [_, y0, _, y1] = tiles_of(triangle, size);
+            lists[usize::from(y0)..usize::from(y1)]
+                .iter_mut()
+                .for_each(|list| list.push([c as u32, t as u32]));
+        }
+    }
+    lists
+}
+
+/// The nearest triangle of each pixel of a band, with its depth. `first`: its first row.
+fn visible(
+    copies: &[DrawnCopy],
+    list: &[TriangleId],
+    [width, height]: [usize; 2],
+    first: i32,
+) -> Vec<(f32, TriangleId)> {
+    let mut nearest = vec![(0.0f32, NOWHERE); width * height];
+    for [copy, number] in list {
+        let batch = &copies[*copy as usize].batch;
+        let triangle = &batch.triangles[*number as usize];
+        let [x0, _, x1, _] = triangle.pixels();
+        let columns = x0.max(0) / TILE_WIDTH..(x1.min(width as i32) + TILE_WIDTH - 1) / TILE_WIDTH;
+        for column in columns {
+            let at = [column * TILE_WIDTH, first];
+            cover::<1>(triangle, at, |index, covered, z| {
+                let kept = holes(batch, triangle, at, index);
+                for i in (0..4).filter(|i| covered[*i] && kept[*i]) {
+                    let x = at[0] as usize + (index + i) % TILE_WIDTH as usize;
+                    let y = (index + i) / TILE_WIDTH as usize;
+                    if x < width && y < height && z[i] > nearest[y * width + x].0 {
+                        nearest[y * width + x] = (z[i], [*copy, *number]);
+                    }
+                }
+            });
+        }
+    }
+    nearest
+}
+
+/// Perspective-correct weights of a triangle's vertices at the middle of a pixel.
+fn weights(triangle: &Triangle, at: Vec2) -> [f32; 3] {
+    let [x, y] = [at.x - triangle.origin[0] as f32, at.y - triangle.origin[1] as f32];
+    let e = triangle.edges.map(|[a, b, c]| x * a + y * b + c);
+    let scale = 1.0 / (e[0] + e[1] + e[2]);
+    e.map(|e| e * scale)
+}
+
+impl DrawnCopy<'_> {
+    /// Normal and depth.
+    fn surface(&self, plan: &Plan, triangle: &Triangle, weights: [f32; 3]) -> Vec4 {
+        let corners = triangle.vertices.map(|v| &self.batch.vertices[v as usize]);
+        let mixed = |of: [Vec3; 3]| of[0] * weights[0] + of[1] * weights[1] + of[2] * weights[2];
+        let places = corners.map(|v| v.relative);
+        let relative = mixed(places);
+        let eye = plan.view.eye;
+        let depth = match eye.w > 0.5 {
+            true => (plan.view.clip_from_relative * relative.extend(1.0)).w,
+            false => -relative.dot(eye.truncate()),
+        };
+        let (features, double_sided) = match &self.batch.paint {
+            Paint::Surface(fragment) => (fragment.features, fragment.double_sided),
+            Paint::Overlay { .. } => (Features::default(), false),
+        };
+        let normal = match features.has_normals() {
+            true => {
+                let n = unit(mixed(corners.map(|v| v.normal)));
+                if double_sided && !triangle.front { -n } else { n }
+            }
+            // A mesh without normals has those of its triangles.
+            false => {
+                let n = unit((places[1] - places[0]).cross(places[2] - places[0]));
+                let viewer = eye.truncate() - relative * eye.w;
+                if n.dot(viewer) < 0.0 { -n } else { n }
+            }
+        };
+        normal.extend(depth)
+    }
+
+    /// Pixels since the frame before. What was behind the camera has no place in the image before.
+    fn moved(&self, size: [u32; 2], triangle: &Triangle, weights: [f32; 3], at: Vec2) -> Vec2 {
+        let [a, b, c] = triangle.vertices.map(|v| self.before[v as usize]);
+        let before = a * weights[0] + b * weights[1] + c * weights[2];
+        let size = Vec2::new(size[0] as f32, size[1] as f32);
+        if before.w > 0.0 { at - (before.xy() / before.w * 0.5 + 0.5) * size } else { Vec2::ZERO }
+    }
+}
+
+fn unit(v: Vec3) -> Vec3 {
+    v * (1.0 / v.dot(v).max(1e-20).sqrt())
+}

@@ -1,0 +1,243 @@
+//! Inputs of effects on images: which of them the frame draws and computes, and the draws of their pass.
+
+use crate::affine::Affine3x4;
+use crate::plan::build::Planner;
+use crate::plan::build::effects::uses;
+use crate::plan::build::items::{DrawItem, DrawMerger};
+use crate::plan::build::mesh::{MeshContext, PrimitiveContext, copy_transform};
+use crate::plan::build::skins::SkinMatrices;
+use crate::plan::scene_inputs::InputPass;
+use crate::plan::{
+    ActiveMorph, Draw, Features, Instance, LightType, PipelineKey, Plan, PlanLight, TopologyKey, View,
+};
+use choreo_motion::Time;
+use choreo_plugin::{Effect, EffectFrame, Hook, SceneInputs};
+use choreo_stage::{ActorState, Snapshot, Stage};
+use glam::{DAffine3, DMat4, Vec3, Vec4};
+use std::sync::Arc;
+
+/// The inputs from the scene that the active effects on images read.
+pub(crate) fn inputs_of(stage: &Stage, snapshot: &Snapshot, effects: &[Arc<dyn Effect>]) -> SceneInputs {
+    let images = uses(stage, snapshot, effects).filter(|(effect, ..)| effect.hook() == Hook::Image);
+    images.fold(SceneInputs::default(), |all, (effect, ..)| all.union(effect.scene_inputs()))
+}
+
+/// The frame before, for motion vectors.
+pub(super) struct FrameBefore<'a> {
+    snapshot: &'a Snapshot,
+    view: View,
+    /// Skins of the current actor as they were, by their number in its asset, with their first joint.
+    skins: Vec<(u32, u32)>,
+}
+
+impl<'a> FrameBefore<'a> {
+    pub fn new(snapshot: &'a Snapshot, size: [u32; 2]) -> FrameBefore<'a> {
+        FrameBefore { snapshot, view: View::new(&snapshot.camera, size), skins: Vec::new() }
+    }
+}
+
+impl<'a> Planner<'a> {
+    /// The next actor begins.
+    pub(super) fn forget_skins_before(&mut self) {
+        self.before.iter_mut().for_each(|before| before.skins.clear());
+    }
+
+    /// A copy's instance as it was one frame before; an actor that was not in view then as it is now, seen by the camera of then.
+    pub(super) fn instance_before(
+        &mut self,
+        p: &PrimitiveContext,
+        mesh: &MeshContext<'a>,
+        number: usize,
+    ) -> Option<Instance> {
+        let before = self.before.as_mut()?;
+        let then = before.snapshot.actors.get(mesh.actor).filter(|then| then.visible && !then.culled);
+        let state: &ActorState = then.unwrap_or(mesh.state);
+        let relative_from_model = DAffine3 {
+            translation: state.world_from_model.translation - before.view.position,
+            ..state.world_from_model
+        };
+        let then = MeshContext {
+            state,
+            relative_from_model,
+            weights: state.morph_weights.get(mesh.index).unwrap_or(&mesh.instance.weights),
+            morphs: None,
+            ..*mesh
+        };
+        let (place, copy) = mesh.asset.standing(mesh.instance, state.copies).nth(number)?;
+        let relative_from_mesh = copy_transform(p, &then, place, copy);
+        let mut instance = Instance { relative_from_mesh, ..Instance::default() };
+        if let (Some(_), Some(skin)) = (p.skin, mesh.instance.skin) {
+            let known = before.skins.iter().find(|(known, _)| *known == skin).map(|(_, first)| *first);
+            instance.first_joint = known.unwrap_or_else(|| {
+                let matrices = SkinMatrices::new(relative_from_model, mesh.asset, skin, state);
+                let first = self.joint_matrices.len() as u32;
+                self.joint_matrices.extend(matrices.rows());
+                before.skins.push((skin, first));
+                first
+            });
+        } else if self.options.force_all {
+            instance.first_joint = self.joint_matrices.len() as u32;
+            self.joint_matrices.push(relative_from_mesh);
+        }
+        self.add_morphs_before(p, then.weights, &mut instance);
+        Some(instance)
+    }
+
+    fn add_morphs_before(&mut self, p: &PrimitiveContext, weights: &[f32], instance: &mut Instance) {
+        if p.morph_count == 0 {
+            return;
+        }
+        instance.first_morph = self.morphs.len() as u32;
+        let targets = p.primitive.info.morph_bounds.len();
+        let active = weights.iter().take(targets).enumerate().filter(|(_, w)| **w != 0.0 && w.is_finite());
+        self.morphs.extend(active.map(|(t, w)| ActiveMorph { target: t as u32, weight: *w }));
+        instance.morph_count = self.morphs.len() as u32 - instance.first_morph;
+    }
+
+    /// The pass of the inputs, with instances that follow those of the frame; `None` if no effect reads depth or motion.
+    pub(super) fn input_pass(
+        &self,
+        inputs: SceneInputs,
+        instances: &mut Vec<Instance>,
+        instance_actors: &mut Vec<u32>,
+    ) -> Option<InputPass> {
+        if !inputs.is_drawn() {
+            return None;
+        }
+        let drawn: Vec<&DrawItem> = self.items.iter().filter(|item| in_inputs(&item.pipeline)).collect();
+        let first = instances.len();
+        let mut merger = DrawMerger::new(self.options.no_instancing);
+        for (i, item) in drawn.iter().enumerate() {
+            let pipeline = self.input_key(item);
+            let draw = Draw {
+                pipeline,
+                primitive: item.entry.primitive,
+                material: item.entry.material,
+                material_override: item.material_override,
+                watertight: item.watertight,
+                deferred: false,
+                first_instance: (first + i) as u32,
+                instance_count: 1,
+            };
+            merger.add(
+                (pipeline, draw.primitive, draw.material, item.material_override, item.watertight),
+                draw,
+            );
+            let before = if inputs.motion { first + drawn.len() + i } else { 0 };
+            let tint = Vec4::new((item.actor + 1) as f32, before as f32, 0.0, 1.0);
+            instances.push(Instance { tint, ..item.instance });
+            instance_actors.push(item.actor);
+        }
+        if inputs.motion {
+            // Without a frame before everything is where it was.
+            instances.extend(drawn.iter().map(|item| item.before.unwrap_or(item.instance)));
+            instance_actors.extend(drawn.iter().map(|item| item.actor));
+        }
+        let view = self.before.as_ref().map_or(&self.view, |before| &before.view);
+        Some(InputPass {
+            draws: merger.draws,
+            motion: inputs.motion,
+            clip_before: view.clip_from_relative,
+            camera_before: view.position.as_vec3(),
+            inputs,
+            effects: self.effects_with_inputs(),
+        })
+    }
+
+    fn effects_with_inputs(&self) -> Vec<String> {
+        let used = uses(self.stage, self.snapshot, self.options.effects);
+        let reads = used.filter(|(e, ..)| e.hook() == Hook::Image && e.scene_inputs().is_drawn());
+        reads.map(|(effect, ..)| effect.manifest().name.clone()).collect()
+    }
+
+    /// The pipeline key of an item in the pass of the inputs.
+    fn input_key(&self, item: &DrawItem) -> PipelineKey {
+        let key = item.pipeline;
+        let shape = self.resources.primitives[item.entry.primitive as usize].primitive();
+        let of_vertices = Features::EFFECT_NORMALS.with(Features::UV0);
+        let features = key.features.of_depth().with(Features::EFFECT_NORMALS.when(!shape.normals.is_empty()));
+        PipelineKey {
+            features: match key.displaced {
+                0 => features,
+                _ => features.with(key.features.only(of_vertices)),
+            },
+            coverage: false,
+            surface: 0,
+            lighting: 0,
+            ..key
+        }
+    }
+}
+
+/// Opaque and cut-out triangles, without outlines and the edges of wireframes.
+fn in_inputs(key: &PipelineKey) -> bool {
+    let lines = Features::OUTLINE.with(Features::WIREFRAME).with(Features::THICK_LINES);
+    key.topology == TopologyKey::Triangles && !key.is_transparent() && !key.features.has_any(lines)
+}
+
+/// Numbers of the frame that the effects read.
+pub(super) fn effect_frame(
+    stage: &Stage,
+    snapshot: &Snapshot,
+    inputs: SceneInputs,
+    view: &View,
+    lights: &[PlanLight],
+) -> EffectFrame {
+    let mut frame = EffectFrame::default();
+    if inputs.time {
+        let fps = stage.settings.fps;
+        frame.time = snapshot.time.as_secs() as f32;
+        frame.frame = u32::try_from(fps.frames_in(snapshot.time + Time(1)) - 1).unwrap_or(0);
+        frame.delta = fps.time_of(1).as_secs() as f32;
+    }
+    if inputs.camera {
+        let from_world = DMat4::from_translation(-view.position);
+        frame.view_from_world = (view.view_from_relative.as_dmat4() * from_world).as_mat4();
+        frame.clip_from_view = view.clip_from_view;
+    }
+    if inputs.sun {
+        let suns = lights.iter().filter(|light| light.kind == LightType::Directional);
+        let strength = |light: &&PlanLight| light.color.dot(Vec3::new(0.2126, 0.7152, 0.0722));
+        let brightest = suns.max_by(|a, b| strength(a).total_cmp(&strength(b)));
+        frame.sun = brightest.map(|sun| -sun.direction);
+    }
+    frame
+}
+
+impl Plan {
+    /// The plan that draws only the inputs of its effects, to be read back.
+    pub(crate) fn of_inputs(&self) -> Option<Plan> {
+        let pass = self.scene_inputs.clone()?;
+        Some(Plan {
+            scene_inputs: Some(pass),
+            inputs_only: true,
+            linear: true,
+            samples: 1,
+            draws: Vec::new(),
+            post: Vec::new(),
+            subframes: Vec::new(),
+            history: Vec::new(),
+            dissolve: None,
+            layers_behind: None,
+            layers_in_front: None,
+            shadow_maps: None,
+            scene_color_copy: None,
+            depth_peeling: None,
+            deferred: None,
+            light_clusters: None,
+            sky: None,
+            overlay: Default::default(),
+            ..self.clone()
+        })
+    }
+}
+
+/// Rows of a skin as the plan stores them.
+impl SkinMatrices {
+    fn rows(&self) -> Vec<Affine3x4> {
+        match self.dual_quaternions.is_empty() {
+            true => self.matrices.clone(),
+            false => self.dual_quaternions.iter().flat_map(super::skins::dual_quaternion_rows).collect(),
+        }
+    }
+}

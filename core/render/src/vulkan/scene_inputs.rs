@@ -1,0 +1,120 @@
+//! The inputs of effects on images: their targets, the pass that draws them, and their way to the host, where effects run on the
+//! mean of several images or on an image put together from tiles.
+
+use super::VulkanRenderer;
+use super::execute::{Execution, color_barrier, from_color, to_color, to_depth};
+use crate::cpu::scene_inputs::InputImages;
+use crate::error::RenderError;
+use crate::plan::Plan;
+use crate::plan::tiles::{Tile, tiles};
+use ash::vk;
+use choreo_plugin::SceneImages;
+use glam::Vec4;
+
+/// The format of each color target. Vulkan guarantees it as a color target on every device.
+pub const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
+/// Bytes of a pixel of one.
+const BYTES: usize = 16;
+
+impl Execution<'_> {
+    /// Begins the pass of the inputs.
+    pub(super) fn begin_inputs(&self) -> Result<(), RenderError> {
+        let targets = self.targets;
+        let missing = || RenderError::Usage("the targets of inputs were not prepared".into());
+        let depth = targets.input_depth.as_ref().ok_or_else(missing)?;
+        let mut barriers: Vec<_> = targets.inputs.iter().map(to_color).collect();
+        barriers.push(to_depth(depth));
+        self.barriers(&barriers);
+        let cleared = [SceneImages::NO_SURFACE, Vec4::ZERO];
+        let color = |(view, clear): (vk::ImageView, Vec4)| {
+            let float32 = clear.to_array();
+            vk::RenderingAttachmentInfo::default()
+                .image_view(view)
+                .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
+                .load_op(vk::AttachmentLoadOp::CLEAR)
+                .store_op(vk::AttachmentStoreOp::STORE)
+                .clear_value(vk::ClearValue { color: vk::ClearColorValue { float32 } })
+        };
+        let colors: Vec<_> = targets.inputs.iter().map(|i| i.view).zip(cleared).map(color).collect();
+        // Reversed Z: 0 is infinitely far.
+        let far = vk::ClearDepthStencilValue { depth: 0.0, stencil: 0 };
+        let depth = vk::RenderingAttachmentInfo::default()
+            .image_view(depth.view)
+            .image_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
+            .load_op(vk::AttachmentLoadOp::CLEAR)
+            .store_op(vk::AttachmentStoreOp::DONT_CARE)
+            .clear_value(vk::ClearValue { depth_stencil: far });
+        let [width, height] = targets.needs.size;
+        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
+        let info = vk::RenderingInfo::default()
+            .render_area(area)
+            .layer_count(1)
+            .color_attachments(&colors)
+            .depth_attachment(&depth);
+        // SAFETY: the command buffer is being recorded, outside a pass; the attachments are in the layouts named.
+        unsafe { self.gpu.device.cmd_begin_rendering(self.slot.commands, &info) };
+        self.set_area([0; 2], [width, height]);
+        self.bind_scene_sets();
+        Ok(())
+    }
+
+    /// Ends it: effects read the targets from now on.
+    pub(super) fn end_inputs(&self) {
+        // SAFETY: `begin_inputs` began it.
+        unsafe { self.gpu.device.cmd_end_rendering(self.slot.commands) };
+        self.barriers(&self.targets.inputs.iter().map(from_color).collect::<Vec<_>>());
+    }
+
+    /// Copies the targets into the read-back buffer, one after the other.
+    pub(super) fn read_back_inputs(&self) {
+        let Some(readback) = &self.slot.readback else { return };
+        let [width, height] = self.targets.needs.size;
+        for (i, image) in self.targets.inputs.iter().enumerate() {
+            self.barriers(&[color_barrier(image)
+                .src_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
+                .src_access_mask(vk::AccessFlags2::COLOR_ATTACHMENT_WRITE)
+                .dst_stage_mask(vk::PipelineStageFlags2::COPY)
+                .dst_access_mask(vk::AccessFlags2::TRANSFER_READ)
+                .old_layout(vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL)
+                .new_layout(vk::ImageLayout::TRANSFER_SRC_OPTIMAL)]);
+            let at = i as u64 * u64::from(width) * u64::from(height) * BYTES as u64;
+            self.copy_to_host(image, readback.raw, at);
+        }
+    }
+}
+
+impl VulkanRenderer {
+    /// The inputs of a plan's effects on the host; empty if none reads any. Nothing is in flight.
+    pub(super) fn inputs_on_host(&mut self, plan: &Plan) -> Result<InputImages, RenderError> {
+        let Some(inputs) = plan.of_inputs() else { return Ok(InputImages::default()) };
+        let count = plan.size[0] as usize * plan.size[1] as usize;
+        let targets = inputs.scene_inputs.as_ref().map_or(0, |pass| pass.pixel_bytes() / BYTES);
+        let mut images = vec![vec![Vec4::ZERO; count]; targets];
+        let whole = [Tile { at: [0; 2], size: plan.size, keep: plan.size }];
+        let tiles = match self.side_of_tiles(plan) {
+            Some(side) => tiles(plan.size, side),
+            None => whole.to_vec(),
+        };
+        for tile in tiles {
+            self.submit_now(&inputs.tile(tile, &self.scene_resources.clone())?)?;
+            let bytes = self.finished(targets * BYTES, tile.at)?;
+            let Tile { at, size, keep } = tile;
+            let texels = size[0] as usize * size[1] as usize;
+            for (image, bytes) in images.iter_mut().zip(bytes.chunks_exact(texels * BYTES)) {
+                let (texels, _) = bytes.as_chunks::<BYTES>();
+                for y in 0..keep[1] {
+                    let from = (y * size[0]) as usize;
+                    let to = (at[1] + y) as usize * plan.size[0] as usize + at[0] as usize;
+                    let row = texels[from..].iter().zip(&mut image[to..]).take(keep[0] as usize);
+                    row.for_each(|(texel, out)| *out = bytemuck::pod_read_unaligned(texel));
+                }
+            }
+            self.gpu.check_messages()?;
+        }
+        let mut images = images.into_iter();
+        Ok(InputImages {
+            surface: images.next().unwrap_or_default(),
+            motion: images.next().unwrap_or_default(),
+        })
+    }
+}

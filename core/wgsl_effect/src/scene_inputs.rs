@@ -1,0 +1,185 @@
+//! The functions with which an effect on images reads the scene: depth, normals, motion, actors, time, camera and sun. Their WGSL is
+//! appended to the author's text where that calls them, the same on both devices; the renderers supply the pixels and rows below
+//! them (`scene_surface`, `scene_motion`, `scene_row_0` and so on).
+
+use crate::environment::Host;
+use crate::tokens::Tokens;
+use choreo_plugin::{EffectFrame, SceneInputs};
+use std::collections::BTreeSet;
+
+/// A function that an author may call.
+struct SceneFunction {
+    name: &'static str,
+    wgsl: &'static str,
+    reads: SceneInputs,
+}
+
+const NONE: SceneInputs =
+    SceneInputs { surface: false, motion: false, time: false, camera: false, sun: false };
+const SURFACE: SceneInputs = SceneInputs { surface: true, ..NONE };
+const MOTION: SceneInputs = SceneInputs { motion: true, ..NONE };
+const TIME: SceneInputs = SceneInputs { time: true, ..NONE };
+const CAMERA: SceneInputs = SceneInputs { camera: true, ..NONE };
+const SUN: SceneInputs = SceneInputs { sun: true, ..NONE };
+
+const fn function(name: &'static str, reads: SceneInputs, wgsl: &'static str) -> SceneFunction {
+    SceneFunction { name, wgsl, reads }
+}
+
+/// All of them; the table of README.md lists them in this order. They call only what the renderers supply, not each other, because an
+/// author may declare any of their names.
+const FUNCTIONS: [SceneFunction; 16] = [
+    function("depth_at", SURFACE, "fn depth_at(at: vec2<i32>) -> f32 { return scene_surface(at).w; }"),
+    function("normal_at", SURFACE, "fn normal_at(at: vec2<i32>) -> vec3<f32> { return scene_surface(at).xyz; }"),
+    function(
+        "view_at",
+        SceneInputs { camera: true, ..SURFACE },
+        // The inverse of the projection row by row, exact for perspective and orthographic cameras.
+        "fn view_at(at: vec2<i32>) -> vec3<f32> {
+    let m = mat4x4<f32>(scene_row_11(), scene_row_12(), scene_row_13(), scene_row_14());
+    let z = -scene_surface(at).w;
+    let w = m[2].w * z + m[3].w;
+    let ndc = (vec2<f32>(at) + 0.5) / vec2<f32>(original_size()) * 2.0 - 1.0;
+    return vec3<f32>((ndc * w - m[2].xy * z - m[3].xy) / vec2<f32>(m[0].x, m[1].y), z);
+}",
+    ),
+    function("motion_at", MOTION, "fn motion_at(at: vec2<i32>) -> vec2<f32> { return scene_motion(at).xy; }"),
+    function("actor_at", MOTION, "fn actor_at(at: vec2<i32>) -> u32 { return u32(scene_motion(at).z); }"),
+    function("time", TIME, "fn time() -> f32 { return scene_row_0().x; }"),
+    function("delta", TIME, "fn delta() -> f32 { return scene_row_0().y; }"),
+    function("frame", TIME, "fn frame() -> u32 { return u32(scene_row_1().x) + 65536u * u32(scene_row_1().y); }"),
+    function("resolution", NONE, "fn resolution() -> vec2<f32> { return vec2<f32>(original_size()); }"),
+    function(
+        "view_from_world",
+        CAMERA,
+        "fn view_from_world() -> mat4x4<f32> { return mat4x4<f32>(scene_row_3(), scene_row_4(), scene_row_5(), scene_row_6()); }",
+    ),
+    function(
+        "world_from_view",
+        CAMERA,
+        "fn world_from_view() -> mat4x4<f32> { return mat4x4<f32>(scene_row_7(), scene_row_8(), scene_row_9(), scene_row_10()); }",
+    ),
+    function(
+        "clip_from_view",
+        CAMERA,
+        "fn clip_from_view() -> mat4x4<f32> { return mat4x4<f32>(scene_row_11(), scene_row_12(), scene_row_13(), scene_row_14()); }",
+    ),
+    function(
+        "view_from_clip",
+        CAMERA,
+        "fn view_from_clip() -> mat4x4<f32> { return mat4x4<f32>(scene_row_15(), scene_row_16(), scene_row_17(), scene_row_18()); }",
+    ),
+    function(
+        "pixel_of",
+        CAMERA,
+        "fn pixel_of(view: vec3<f32>) -> vec2<f32> {
+    let m = mat4x4<f32>(scene_row_11(), scene_row_12(), scene_row_13(), scene_row_14());
+    let clip = m * vec4<f32>(view, 1.0);
+    return (clip.xy / max(clip.w, 1e-6) * 0.5 + 0.5) * vec2<f32>(original_size());
+}",
+    ),
+    function("sun_direction", SUN, "fn sun_direction() -> vec3<f32> { return scene_row_2().xyz; }"),
+    function(
+        "sun_at",
+        SceneInputs { camera: true, ..SUN },
+        // A direction: a point infinitely far away.
+        "fn sun_at() -> vec3<f32> {
+    let view = mat4x4<f32>(scene_row_3(), scene_row_4(), scene_row_5(), scene_row_6()) * vec4<f32>(scene_row_2().xyz, 0.0);
+    let clip = mat4x4<f32>(scene_row_11(), scene_row_12(), scene_row_13(), scene_row_14()) * view;
+    if (scene_row_2().w < 0.5 || clip.w < 1e-4) { return vec3<f32>(0.0); }
+    return vec3<f32>((clip.xy / clip.w * 0.5 + 0.5) * vec2<f32>(original_size()), 1.0);
+}",
+    ),
+];
+
+/// The functions of the scene that a text calls.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct SceneCalls {
+    pub inputs: SceneInputs,
+    /// Their WGSL.
+    pub wgsl: String,
+}
+
+impl SceneCalls {
+    /// The calls of an author's text. A function that the text declares itself is the author's own.
+    pub fn of(author: &str) -> SceneCalls {
+        let (called, declared) = functions_of(author);
+        let mut calls = SceneCalls::default();
+        for function in FUNCTIONS.iter().filter(|f| called.contains(f.name) && !declared.contains(f.name)) {
+            calls.inputs = calls.inputs.union(function.reads);
+            calls.wgsl += function.wgsl;
+            calls.wgsl.push('\n');
+        }
+        calls
+    }
+
+    /// The functions that the renderers supply below them: name, a declaration that stands for it, and the code that runs in its place.
+    pub fn supplied(&self) -> Vec<(String, String, Host)> {
+        let image = |name: &str, host: Host| {
+            let text = format!("fn {name}(at: vec2<i32>) -> vec4<f32> {{ return vec4(f32(at.x)); }}\n");
+            (name.to_string(), text, host)
+        };
+        let row = |i: usize| {
+            let text = format!("fn scene_row_{i}() -> vec4<f32> {{ return vec4(1.0); }}\n");
+            (format!("scene_row_{i}"), text, Host::SceneRow(i))
+        };
+        let mut all = Vec::new();
+        all.extend(self.inputs.surface.then(|| image("scene_surface", Host::SceneSurface)));
+        all.extend(self.inputs.motion.then(|| image("scene_motion", Host::SceneMotion)));
+        if self.wgsl.contains("scene_row_") {
+            all.extend((0..EffectFrame::ROWS).map(row));
+        }
+        all
+    }
+}
+
+/// Names of all functions of the scene.
+pub(crate) fn names() -> impl Iterator<Item = &'static str> {
+    FUNCTIONS.iter().map(|f| f.name)
+}
+
+/// Names of the functions that a text calls, and of those that it declares.
+fn functions_of(text: &str) -> (BTreeSet<&str>, BTreeSet<&str>) {
+    let (mut called, mut declared) = (BTreeSet::new(), BTreeSet::new());
+    let mut before = ["", ""];
+    for (_, token) in Tokens::of(text) {
+        if token == "(" {
+            if before[0] == "fn" { &mut declared } else { &mut called }.insert(before[1]);
+        }
+        before = [before[1], token];
+    }
+    (called, declared)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_call_brings_its_function_and_inputs() {
+        let calls = SceneCalls::of("fn effect() { let v = view_at(at); } // time()");
+        assert_eq!(calls.inputs, SURFACE.union(CAMERA));
+        assert!(calls.wgsl.contains("fn view_at(") && !calls.wgsl.contains("fn time("));
+        assert_eq!(calls.supplied().len(), 1 + EffectFrame::ROWS);
+        assert_eq!(SceneCalls::of("fn effect() { let time = p[time]; }").inputs, NONE);
+        // A function of the author's own is no input.
+        assert_eq!(SceneCalls::of("fn time() -> f32 { return 1.0; } fn effect() { time(); }").inputs, NONE);
+    }
+
+    #[test]
+    fn functions_call_none_of_each_other() {
+        for function in &FUNCTIONS {
+            let (called, _) = functions_of(function.wgsl);
+            assert!(names().all(|name| !called.contains(name)), "{}", function.name);
+        }
+    }
+
+    #[test]
+    fn each_function_is_listed_with_its_own_name() {
+        let own = |f: &SceneFunction| f.wgsl.starts_with(&format!("fn {}(", f.name));
+        assert!(FUNCTIONS.iter().all(own));
+        let readme = include_str!("../README.md");
+        let missing: Vec<_> = names().filter(|name| !readme.contains(&format!("| `{name}("))).collect();
+        assert!(missing.is_empty(), "README.md does not list {missing:?}");
+    }
+}

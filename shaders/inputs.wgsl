@@ -1,0 +1,72 @@
+// What effects on images read of the scene: one pass over opaque surfaces, one sample per pixel. The names are those of
+// `SceneImages` (core/plugin/src/scene_inputs.rs). CPU reference: core/render/src/cpu/scene_inputs.rs.
+
+@if(INPUT_PASS)
+struct Inputs {
+    // World normal, and metres before the camera along its view.
+    @location(0) surface: vec4<f32>,
+    // Pixels since the frame before, and the number of the actor.
+    @if(MOTION) @location(1) motion: vec4<f32>,
+}
+
+@if(MOTION)
+// Where the vertex was in the clip space of the frame before: the same steps with the instance of then.
+fn clip_before(in: VertexIn) -> vec4<f32> {
+    let then = u32(instances[in.instance].tint.y);
+    var shape: Shape;
+    shape.position = in.position;
+    @if(NORMAL) shape.normal = in.normal.xyz;
+    @if(MORPH) shape = morphed(shape, instances[then].first_morph, instances[then].morph_count, in.index);
+    @if(SKIN && !SKIN_8) let skin = skinned(instances[then].first_joint, Influences(in.joints, in.weights));
+    @if(SKIN_8) let skin = skinned(instances[then].first_joint, Influences(in.joints, in.weights, in.joints_high, in.weights_high));
+    @if(SKIN && !DUAL_QUATERNIONS && !SKIN_INSTANCED) let m = skin;
+    @if(DUAL_QUATERNIONS || SKIN_INSTANCED) let m = after(instances[then].relative_from_mesh, skin);
+    @if(!SKIN) let m = instances[then].relative_from_mesh;
+    var relative = placed(m, shape.position);
+    @if(DISPLACED)
+    var place: Place;
+    place.world = relative + frame.camera_before.xyz;
+    place.model = shape.position;
+    @if(NORMAL) place.normal = turned_normal(m, shape.normal).xyz;
+    @if(UV0) place.uv = in.uv0;
+    relative += vertex_effects(place, m);
+    @end
+    return frame.clip_before * vec4(relative, 1.0);
+}
+@end
+
+@fragment
+fn inputs_fs(in: VertexOut, @builtin(front_facing) front: bool) -> Inputs {
+    @if(!NORMAL_OUT)
+    // A mesh without normals has those of its triangles.
+    let across = dpdx(in.relative);
+    let down = dpdy(in.relative);
+    let flat_n = unit(cross(across, down));
+    let v = frame.eye.xyz - in.relative * frame.eye.w;
+    let n = select(flat_n, -flat_n, dot(flat_n, v) < 0.0);
+    @end
+    @if(NORMAL_OUT && !DOUBLE_SIDED) let n = unit(in.normal);
+    @if(NORMAL_OUT && DOUBLE_SIDED) let n = select(-unit(in.normal), unit(in.normal), front);
+    @if(ALPHA_MASK)
+    @if(UV_MOTION_MASK) read_uv_mask(in);
+    var alpha = material.base_color.a;
+    @if(VERTEX_COLOR) alpha *= in.color.a;
+    @if(TRIPLANAR) read_planes(in);
+    @if(BASE_COLOR_TEXTURE && TRIPLANAR) alpha *= from_three_sides(base_color_texture, base_color_sampler, 0u).a;
+    @if(BASE_COLOR_TEXTURE && !TRIPLANAR) alpha *= textureSample(base_color_texture, base_color_sampler, texture_uv(in, 0u)).a;
+    if (alpha < material.alpha_cutoff) { discard; }
+    @end
+    var depth = -dot(in.relative, frame.eye.xyz);
+    if (frame.eye.w > 0.5) { depth = (frame.clip_from_relative * vec4(in.relative, 1.0)).w; }
+    var out: Inputs;
+    out.surface = vec4(n, depth);
+    @if(MOTION)
+    let before = in.clip_before;
+    // What was behind the camera has no place in the image before.
+    var moved = vec2(0.0);
+    if (before.w > 0.0) { moved = in.position.xy - (before.xy / before.w * 0.5 + 0.5) * frame.size; }
+    out.motion = vec4(moved, in.actor, 0.0);
+    @end
+    return out;
+}
+@end
