@@ -16,7 +16,7 @@ fn turned_by(m: Rows, way: vec3<f32>) -> vec3<f32> {
 
 // Cut off where the effect's reach of an index ends.
 fn within_reach(offset: vec3<f32>, index: u32) -> vec3<f32> {
-    let reach = surface_parameters[16u + index / 4u][index % 4u];
+    let reach = surface_parameters[index / 4u][index % 4u];
     return offset * min(1.0, reach / max(length(offset), 1e-20));
 }
 @end

@@ -1,8 +1,7 @@
-// One full-screen pass: `effect` is the plugin's function, appended to this template.
+// One full-screen pass: `effect` is the plugin's function, appended to this template with `post_parameters`.
 // CPU reference: core/render/src/cpu/image_passes.rs.
 
 struct Post {
-    parameters: array<vec4<f32>, 2>,
     // Pixels of what it makes.
     size: vec2<f32>,
     // How often the effect has run.
@@ -14,6 +13,8 @@ struct Post {
     whole: vec2<f32>,
     // `EffectFrame::rows`: time, frame number, sun and camera matrices.
     scene: array<vec4<f32>, 19>,
+    // Four numbers a row.
+    parameters: array<vec4<f32>, post_rows>,
 }
 
 @group(0) @binding(0) var<uniform> post: Post;
@@ -101,9 +102,7 @@ fn scene_row_18() -> vec4<f32> { return post.scene[18]; }
 
 @fragment
 fn post_fs(in: PostOut) -> @location(0) vec4<f32> {
-    let a = post.parameters[0];
-    let b = post.parameters[1];
-    let p = array<f32, 8>(a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w);
+    let p = post_parameters();
     effect_at(in.position.xy);
     @if(PICTURE) return effect_color(effect(vec2<i32>(in.position.xy), post_run, p), post_faults);
     @if(!PICTURE) let color = textureLoad(post_input, vec2<i32>(in.position.xy), 0);

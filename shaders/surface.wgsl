@@ -34,14 +34,8 @@ struct Falling {
 @if(FAULT_RECORDS) @group(0) @binding(10) var<storage, read_write> effect_faults: array<atomic<u32>>;
 
 @if(EFFECTS)
-// Parameters of up to eight effects; then the reach of each.
-@group(0) @binding(6) var<uniform> surface_parameters: array<vec4<f32>, 18>;
-
-fn surface_parameters_of(index: u32) -> array<f32, 8> {
-    let a = surface_parameters[2u * index];
-    let b = surface_parameters[2u * index + 1u];
-    return array<f32, 8>(a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w);
-}
+// The reach of up to eight effects in two rows; then the parameters of each. The functions that read them are appended.
+@group(0) @binding(6) var<uniform> surface_parameters: array<vec4<f32>, surface_rows>;
 
 @end
 

@@ -1,13 +1,13 @@
 // effect: ambient_occlusion
 // about: darkens creases and contacts, where surfaces hide the surroundings from each other
-// hook: picture
+// hook: image
 // view: before
 // passes: 3
 // off: strength = 0
 // param strength = 1 in 0..4: how dark creases become
-// param radius = 0.5 in 0.01..20: how far surfaces darken each other, metres
-// param samples = 16 in 4..64: places that are looked at for each pixel
-// param bias = 0.02 in 0..1: height above a surface that darkens nothing, metres: hides the facets of round meshes
+// param radius = 0.5 m in 0.01..20: how far surfaces darken each other
+// param samples = int(16) in 4..64: places that are looked at for each pixel
+// param bias = 0.02 m in 0..1: height above a surface that darkens nothing: hides the facets of round meshes
 //
 // Scalable Ambient Obscurance (McGuire, Mara, Luebke, "Scalable Ambient Obscurance", HPG 2012, §2.3): samples on a spiral around the
 // pixel, each weighed by how near it is and how far above the tangent plane. Then a blur across and down that
@@ -49,12 +49,12 @@ fn blurred(at: vec2<i32>, along: vec2<i32>, radius: f32) -> f32 {
     return sum / max(weights, 1e-6);
 }
 
-fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {
+fn effect(at: vec2<i32>, pass_number: u32, p: Parameters) -> vec4<f32> {
     if (pass_number == 0u) {
-        let dark = p[strength] * obscured(at, i32(p[samples] + 0.5), p[radius], p[bias]);
+        let dark = p.strength * obscured(at, p.samples, p.radius, p.bias);
         return vec4<f32>(max(1.0 - dark, 0.0));
     }
-    if (pass_number == 1u) { return vec4<f32>(blurred(at, vec2<i32>(1, 0), p[radius])); }
+    if (pass_number == 1u) { return vec4<f32>(blurred(at, vec2<i32>(1, 0), p.radius)); }
     let color = original(at);
-    return vec4<f32>(color.rgb * blurred(at, vec2<i32>(0, 1), p[radius]), color.a);
+    return vec4<f32>(color.rgb * blurred(at, vec2<i32>(0, 1), p.radius), color.a);
 }

@@ -20,20 +20,20 @@ fn bright(color: vec4<f32>, threshold: f32) -> vec3<f32> {
     return c * (max(most - threshold, 0.0) / max(most, 1e-6));
 }
 
-fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {
+fn effect(at: vec2<i32>, pass_number: u32, p: Parameters) -> vec4<f32> {
     let shrink = shrink_factor();
     var sum = vec3<f32>(0.0);
     if (pass_number == 0u) {
         for (var y = 0; y < shrink; y++) {
             for (var x = 0; x < shrink; x++) {
-                sum += bright(picture(at * shrink + vec2<i32>(x, y)), p[threshold]);
+                sum += bright(picture(at * shrink + vec2<i32>(x, y)), p.threshold);
             }
         }
         return vec4<f32>(sum / f32(shrink * shrink), 1.0);
     }
     if (pass_number < 3u) {
         let along = select(vec2<i32>(0, 1), vec2<i32>(1, 0), pass_number == 1u);
-        let sigma = max(p[radius] * f32(original_size().y) / (3.0 * f32(shrink)), 0.1);
+        let sigma = max(p.radius * f32(original_size().y) / (3.0 * f32(shrink)), 0.1);
         // exp(−i² / 2σ²), each from the one before.
         var step = exp(-0.5 / (sigma * sigma));
         let steeper = step * step;
@@ -56,5 +56,5 @@ fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {
     let c = vec2<i32>(corner);
     let above = mix(picture(c).rgb, picture(c + vec2<i32>(1, 0)).rgb, f.x);
     let below = mix(picture(c + vec2<i32>(0, 1)).rgb, picture(c + vec2<i32>(1, 1)).rgb, f.x);
-    return vec4<f32>(here.rgb + mix(above, below, f.y) * p[strength], here.a);
+    return vec4<f32>(here.rgb + mix(above, below, f.y) * p.strength, here.a);
 }

@@ -1,12 +1,12 @@
 // effect: edge_lines
 // about: lines where depth or the direction of surfaces changes, as of ink
-// hook: picture
+// hook: image
 // off: strength = 0
 // param strength = 1 in 0..1: how much of the image the lines cover
-// param width = 1 in 1..16: pixels
+// param width = int(1) px in 1..16: of the lines
 // param depth = 0.01 in 0.0001..1: step between surfaces that makes a line, as a share of the distance
-// param angle = 30 in 1..180: angle between surfaces that makes a line, degrees
-// param far = 1000 in 0.1..1000000: distance at which lines have faded, metres
+// param angle = 30 degrees in 1..180: angle between surfaces that makes a line
+// param far = 1000 m in 0.1..1000000: distance at which lines have faded
 // param color = rgb(0, 0, 0): of the lines
 //
 // Roberts cross (Roberts, "Machine Perception of Three-Dimensional Solids", 1963) over depth and normals, as Saito and Takahashi,
@@ -28,17 +28,17 @@ fn edge(a: vec2<i32>, b: vec2<i32>, step: f32, cosine: f32) -> f32 {
     return max(smoothstep(1.0, 1.5, off / (step * near)), turned);
 }
 
-fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {
+fn effect(at: vec2<i32>, pass_number: u32, p: Parameters) -> vec4<f32> {
     let color = picture(at);
-    let low = i32(p[width] + 0.5) / 2;
-    let high = i32(p[width] + 0.5) - low;
+    let low = p.width / 2;
+    let high = p.width - low;
     let a = at - low;
     let b = at + high;
-    let cosine = cos(radians(p[angle]));
-    let first = edge(a, b, p[depth], cosine);
-    let second = edge(vec2<i32>(b.x, a.y), vec2<i32>(a.x, b.y), p[depth], cosine);
+    let cosine = cos(radians(p.angle));
+    let first = edge(a, b, p.depth, cosine);
+    let second = edge(vec2<i32>(b.x, a.y), vec2<i32>(a.x, b.y), p.depth, cosine);
     var near = min(min(depth_at(a), depth_at(b)), min(depth_at(vec2<i32>(b.x, a.y)), depth_at(vec2<i32>(a.x, b.y))));
-    let faded = 1.0 - smoothstep(0.5 * p[far], p[far], near);
-    let line = max(first, second) * p[strength] * faded;
-    return vec4<f32>(mix(color.rgb, vec3<f32>(p[color_r], p[color_g], p[color_b]), line), color.a);
+    let faded = 1.0 - smoothstep(0.5 * p.far, p.far, near);
+    let line = max(first, second) * p.strength * faded;
+    return vec4<f32>(mix(color.rgb, p.color, line), color.a);
 }

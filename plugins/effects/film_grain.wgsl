@@ -1,9 +1,9 @@
 // effect: film_grain
 // about: grain of photographic film, another one in each frame
-// hook: picture
+// hook: image
 // off: strength = 0
 // param strength = 0.03 in 0..1: how strong it is: standard deviation at medium grey, as a share of white
-// param size = 1.5 in 1..32: width of a grain, pixels
+// param size = 1.5 px in 1..32: width of a grain
 // param colored = false: each color has grain of its own
 // param still = false: every frame has the grain of the first
 //
@@ -29,10 +29,10 @@ fn noise(cell: vec2<i32>, number: u32) -> vec3<f32> {
     return (vec3<f32>(bits >> vec3<u32>(8u)) / 16777216.0 - 0.5) * 3.4641016;
 }
 
-fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {
+fn effect(at: vec2<i32>, pass_number: u32, p: Parameters) -> vec4<f32> {
     let color = picture(at);
-    let number = select(frame(), 0u, p[still] > 0.5);
-    let place = vec2<f32>(at) / p[size];
+    let number = select(frame(), 0u, p.still);
+    let place = vec2<f32>(at) / p.size;
     let cell = vec2<i32>(floor(place));
     let f = place - floor(place);
     let a = (1.0 - f.x) * (1.0 - f.y);
@@ -43,9 +43,9 @@ fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {
         + c * noise(cell + vec2<i32>(0, 1), number) + d * noise(cell + vec2<i32>(1, 1), number);
     // The variance of a mean is smaller: made 1 again.
     var grain = sum / sqrt(a * a + b * b + c * c + d * d);
-    if (p[colored] < 0.5) { grain = vec3<f32>(grain.x); }
+    if (!p.colored) { grain = vec3<f32>(grain.x); }
     let root = sqrt(clamp(color.rgb, vec3<f32>(0.0), vec3<f32>(1.0)));
-    let amount = p[strength] * 2.0 * sqrt(root * (1.0 - root));
+    let amount = p.strength * 2.0 * sqrt(root * (1.0 - root));
     let grained = clamp(root + amount * grain, vec3<f32>(0.0), vec3<f32>(1.0));
     return vec4<f32>(select(grained * grained, color.rgb, color.rgb > vec3<f32>(1.0)), color.a);
 }

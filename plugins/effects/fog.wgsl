@@ -4,9 +4,9 @@
 // background: not sky
 // off: density = 0
 // param density = 0.08 in 0..10: share of the light lost in a metre, about
-// param start = 0 in 0..1000000: metres before the camera that are clear
-// param height = 0 in -10000..10000: metres above which the fog thins
-// param falloff = 0 in 0..100: how fast it thins with height, 1/m; 0: as thick everywhere
+// param start = 0 m in 0..1000000: how far from the camera it is clear
+// param height = 0 m in -10000..10000: above which the fog thins
+// param falloff = 0 1/m in 0..100: how fast it thins with height; 0: as thick everywhere
 // param sky = true: its color is the stage's background or sky, so that things fade into it
 // param color = rgb(0.6, 0.65, 0.7): of the fog where sky is false
 //
@@ -27,11 +27,11 @@ fn mean_density(low: f32, high: f32, falloff: f32) -> f32 {
     return (fog_up_to(high, falloff) - fog_up_to(low, falloff)) / rise;
 }
 
-fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32> {
-    let metres = max(seen.distance - p[start], 0.0);
-    let share = min(p[start] / max(seen.distance, 1e-6), 1.0);
+fn effect(color: vec4<f32>, seen: Seen, p: Parameters) -> vec4<f32> {
+    let metres = max(seen.distance - p.start, 0.0);
+    let share = min(p.start / max(seen.distance, 1e-6), 1.0);
     let y = seen.viewer.y + (seen.world.y - seen.viewer.y) * share;
-    let left = exp(-p[density] * metres * mean_density(y - p[height], seen.world.y - p[height], p[falloff]));
-    let fog = select(vec3<f32>(p[color_r], p[color_g], p[color_b]), seen.background, p[sky] > 0.5);
+    let left = exp(-p.density * metres * mean_density(y - p.height, seen.world.y - p.height, p.falloff));
+    let fog = select(p.color, seen.background, p.sky);
     return vec4<f32>(fog + (color.rgb - fog) * left, color.a);
 }

@@ -2,7 +2,7 @@
 // about: smooth edges, from the finished image alone
 // hook: image
 // param contrast = 0.125 in 0.01..1: least difference of brightness, of the brightest, that is an edge
-// param span = 3 in 1..16: longest way along an edge, pixels
+// param span = 3 px in 1..16: longest way along an edge
 //
 // Timothy Lottes, "FXAA", NVIDIA 2009, in its first, short form: the mean of two or four samples along the edge.
 
@@ -21,7 +21,7 @@ fn between(at: vec2<f32>) -> vec4<f32> {
     return top * (1.0 - f.y) + bottom * f.y;
 }
 
-fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {
+fn effect(at: vec2<i32>, pass_number: u32, p: Parameters) -> vec4<f32> {
     let here = picture(at);
     let nw = brightness(picture(at + vec2<i32>(-1, -1)));
     let ne = brightness(picture(at + vec2<i32>(1, -1)));
@@ -31,11 +31,11 @@ fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {
     let low = min(m, min(min(nw, ne), min(sw, se)));
     let high = max(m, max(max(nw, ne), max(sw, se)));
     // Drivers that draw on the CPU leave a loop that no pixel of a group needs after one turn, but execute both sides of a branch.
-    let samples = select(4, 0, high - low < max(high * p[contrast], 1.0 / 32.0));
+    let samples = select(4, 0, high - low < max(high * p.contrast, 1.0 / 32.0));
     let way = vec2<f32>((sw + se) - (nw + ne), (nw + sw) - (ne + se));
     let reduce = max((nw + ne + sw + se) * 0.03125, 1.0 / 128.0);
     let scale = 1.0 / (min(abs(way.x), abs(way.y)) + reduce);
-    let along = clamp(way * scale, vec2<f32>(-p[span]), vec2<f32>(p[span]));
+    let along = clamp(way * scale, vec2<f32>(-p.span), vec2<f32>(p.span));
     let middle = vec2<f32>(at);
     var inner = vec4<f32>(0.0);
     var outer = vec4<f32>(0.0);

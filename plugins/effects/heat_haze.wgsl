@@ -1,13 +1,13 @@
 // effect: heat_haze
 // about: hot air that rises and bends the view of what is far
-// hook: picture
+// hook: image
 // view: before
 // off: strength = 0
 // param strength = 0.004 in 0..0.1: how far it bends the view, as a share of the image's height
 // param scale = 0.03 in 0.002..1: size of the swirls, as a share of the image's height
 // param speed = 0.12 in 0..5: how fast they rise, image heights a second
-// param start = 3 in 0..100000: distance from which the air bends the view, metres
-// param full = 15 in 0.01..100000: distance at which it does so fully, metres
+// param start = 3 m in 0..100000: distance from which the air bends the view
+// param full = 15 m in 0.01..100000: distance at which it does so fully
 //
 // The image is read beside each pixel, by the slope of rising gradient noise (Perlin, "Improving Noise", SIGGRAPH 2002). A nearer
 // surface is not bent into the view of what lies behind it.
@@ -39,16 +39,16 @@ fn noise(at: vec3<f32>) -> f32 {
     return sum;
 }
 
-fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {
+fn effect(at: vec2<i32>, pass_number: u32, p: Parameters) -> vec4<f32> {
     let depth = depth_at(at);
-    let amount = smoothstep(p[start], max(p[full], p[start] + 0.001), depth);
+    let amount = smoothstep(p.start, max(p.full, p.start + 0.001), depth);
     if (amount == 0.0) { return picture(at); }
     let height = resolution().y;
-    let place = vec2<f32>(at) / (p[scale] * height);
+    let place = vec2<f32>(at) / (p.scale * height);
     // Rows go down: what rises comes from below.
-    let rising = vec3<f32>(place.x, place.y + time() * p[speed] / p[scale], 0.6 * time());
+    let rising = vec3<f32>(place.x, place.y + time() * p.speed / p.scale, 0.6 * time());
     let bend = vec2<f32>(noise(rising), noise(rising + vec3<f32>(37.0, 17.0, 5.0)));
-    let source = vec2<f32>(at) + bend * (amount * p[strength] * height * 1.4);
+    let source = vec2<f32>(at) + bend * (amount * p.strength * height * 1.4);
     let corner_pixel = vec2<i32>(floor(source));
     let f = source - floor(source);
     var sum = vec4<f32>(0.0);

@@ -55,15 +55,15 @@ fn neutral(light: vec3<f32>) -> vec3<f32> {
     return mix(color * (shown / peak), vec3<f32>(shown), vec3<f32>(pale));
 }
 
-fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {
+fn effect(color: vec4<f32>, uv: vec2<f32>, p: Parameters) -> vec4<f32> {
     // More than 2²⁴ would overflow the squares.
-    let light = clamp(color.rgb * exp2(p[exposure]), vec3<f32>(0.0), vec3<f32>(16777216.0));
+    let light = clamp(color.rgb * exp2(p.exposure), vec3<f32>(0.0), vec3<f32>(16777216.0));
     var mapped = light;
-    if (p[curve] < 0.5) {
+    if (p.curve == CURVE_ACES) {
         mapped = aces(light);
-    } else if (p[curve] < 1.5) {
+    } else if (p.curve == CURVE_AGX) {
         mapped = agx(light);
-    } else if (p[curve] < 2.5) {
+    } else if (p.curve == CURVE_NEUTRAL) {
         mapped = neutral(light);
     }
     return vec4<f32>(clamp(mapped, vec3<f32>(0.0), vec3<f32>(1.0)), color.a);

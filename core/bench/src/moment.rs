@@ -15,11 +15,11 @@ pub struct Moment {
     pub stage: Arc<Stage>,
     pub snapshot: Snapshot,
     pub resources: Arc<SceneResources>,
-    pub effects: Vec<Arc<dyn Effect>>,
+    pub effects: Vec<Effect>,
 }
 
 impl Moment {
-    pub fn new(stage: &Arc<Stage>, at: Time, effects: &[Arc<dyn Effect>]) -> Result<Moment, StageError> {
+    pub fn new(stage: &Arc<Stage>, at: Time, effects: &[Effect]) -> Result<Moment, StageError> {
         let resources = Arc::new(SceneResources::new(stage));
         Ok(Moment { snapshot: stage.at(at)?, stage: stage.clone(), resources, effects: effects.to_vec() })
     }

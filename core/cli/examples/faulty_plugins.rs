@@ -2,8 +2,8 @@
 
 use choreo_asset::Asset;
 use choreo_plugin::{
-    Effect, EffectScene, ExportError, Exporter, Files, Frame, FrameSink, Hook, ImportError, ImportOptions,
-    ImportScope, Importer, Manifest, Overlay, Source, VideoInfo,
+    Effect, EffectPlugin, EffectScene, ExportError, Exporter, Files, Frame, FrameSink, ImportError,
+    ImportOptions, ImportScope, Importer, Manifest, Overlay, OverlayEffect, Source, VideoInfo,
 };
 use std::io::Write;
 use std::process::ExitCode;
@@ -13,7 +13,7 @@ fn main() -> ExitCode {
     let manifest = || Manifest::new("faulty", "1.2", "panics").extensions(["faulty"]);
     app.registry.add_importer(Faulty(manifest()));
     app.registry.add_exporter(Faulty(manifest()));
-    app.registry.add_effect(Faulty(manifest()));
+    app.registry.add_effect(Effect::overlay(Faulty(manifest())));
     choreo::run(std::env::args_os(), &app)
 }
 
@@ -64,16 +64,14 @@ impl FrameSink for FaultySink {
     }
 }
 
-impl Effect for Faulty {
+impl EffectPlugin for Faulty {
     fn manifest(&self) -> &Manifest {
         &self.0
     }
+}
 
-    fn hook(&self) -> Hook {
-        Hook::Overlay
-    }
-
-    fn overlay(&self, _: &EffectScene, _: &[f32; 8]) -> Overlay {
+impl OverlayEffect for Faulty {
+    fn overlay(&self, _: &EffectScene, _: &[f32]) -> Overlay {
         panic!("nothing to draw")
     }
 }

@@ -23,7 +23,7 @@ pub fn registry() -> Registry {
     registry.add_importer(import_collada::ColladaImporter);
     registry.add_importer(import_obj::ObjImporter);
     registry.add_importer(import_stl::StlImporter);
-    effects::all().into_iter().for_each(|effect| registry.add_shared_effect(effect));
+    effects::all().into_iter().for_each(|effect| registry.add_effect(effect));
     registry.add_exporter(export_png::PngExporter);
     registry.add_exporter(export_mp4::Mp4Exporter);
     registry.add_exporter(export_gif::GifExporter);

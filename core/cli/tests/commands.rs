@@ -140,11 +140,67 @@ fn measure_names_a_way_for_each_choice() {
     let worst = |choice: usize, row: usize| choices[choice]["rows"][row]["worst"].as_f64().unwrap();
     assert!(worst(0, 0) < 0.01 && worst(0, 1) > worst(0, 0), "{}", choices[0]);
     assert!(worst(1, 2) < worst(1, 1) && worst(1, 1) < worst(1, 0), "{}", choices[1]);
-    assert_eq!(value["left_out"][0]["what"], "mips");
+    let left_out: Vec<&str> =
+        value["left_out"].as_array().unwrap().iter().map(|l| l["what"].as_str().unwrap()).collect();
+    assert_eq!(left_out, ["springs", "ik", "mips", "sky", "shadows", "motion_blur", "tones"]);
     assert!(std::fs::read_to_string(dir.path().join("m.svg")).unwrap().matches("<svg ").count() >= 6);
     let run = choreo(dir.path(), &["measure", "s.rhai", "--only", "bakes"]);
     assert_eq!(run.code, 2);
     assert!(run.err.contains("did you mean \"bake\"?"), "{}", run.err);
+}
+
+#[test]
+fn measure_compares_springs_chains_skies_and_tones() {
+    let dir = tempfile::tempdir().unwrap();
+    let flag = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scripts/models/flag.gltf");
+    std::fs::copy(flag, dir.path().join("flag.gltf")).unwrap();
+    let script = r##"
+        stage(#{ size: [64, 48], length: 1.0, view: "agx" });
+        sky("studio");
+        let flag = load("flag.gltf");
+        let moved = [[0.0, [0, 0, 0]], [0.3, [0.5, 0.2, 0]], [0.6, [0, 0, 0.5]]];
+        cast("cloth", flag).key("position", moved).spring("Cloth1..", #{ frequency: 3.0, damping: 0.2 });
+        cast("arm", flag).at(2, 0, 0).reach("Cloth9", [1.9, 1.4, 0.3], #{ root: "Cloth1" }).fade(0.0);
+    "##;
+    std::fs::write(dir.path().join("s.rhai"), script).unwrap();
+    let mut arguments = vec!["measure", "s.rhai", "--device", "cpu", "--json"];
+    arguments.extend(["springs", "ik", "sky", "tones"].iter().flat_map(|key| ["--only", key]));
+    let value = json(dir.path(), &arguments);
+    let choices = value["choices"].as_array().unwrap();
+    let named: Vec<&str> = choices.iter().map(|c| c["choice"].as_str().unwrap()).collect();
+    assert_eq!(named, ["springs", "ik", "sky_maps", "sky_diffuse", "agx"]);
+    let error = |choice: usize, way: &str, which: &str| {
+        let rows = choices[choice]["rows"].as_array().unwrap();
+        let row = rows.iter().find(|row| row["way"] == way).unwrap_or_else(|| panic!("{way}: {rows:?}"));
+        row[which].as_f64().unwrap()
+    };
+    // Springs converge with shorter steps, chains with more iterations, maps with more samples; the sigmoid itself is exact.
+    let springs = [30, 60, 120, 240].map(|rate| error(0, &format!("{rate} steps a second"), "worst"));
+    assert!(springs.is_sorted_by(|a, b| a > b) && springs[3] > 0.0, "{springs:?} mm");
+    let chain = |way: &str| error(1, way, "worst");
+    assert!(chain("CCD, 4 iterations") > 1.0 && chain("damped least squares, 64 iterations") < 0.1);
+    let sky = |way: &str| error(2, way, "mean");
+    let coarse = sky("64 texels a side, 4 roughnesses, 16 samples");
+    assert!(coarse > 2.0 * sky("256 texels a side, 8 roughnesses, 256 samples"), "{coarse}");
+    let tone = |way: &str| error(4, way, "worst");
+    assert!(tone("the sigmoid, with its powers") < 1e-3 && tone("polynomial of degree 6 (Wrensch)") > 0.1);
+}
+
+#[test]
+fn a_walk_alone_sets_position_and_rotation() {
+    let dir = tempfile::tempdir().unwrap();
+    let script = "let m = load(\"choreo:mannequin\");\nlet a = cast(\"a\", m).at(0, 0, 1);\na.play(m.clip(\"Idle\"));\n\
+                  a.walk_to([2, 0, 0]);\na.face([0, 0, 5]);\na.turn(90);\na.at(1, 0, 0);\n\
+                  a.key(\"rotation\", [[0.0, 0.0], [1.0, 90.0]]);\na.key(\"tint\", [[0.0, \"red\"]]);\n\
+                  a.look_at([0, 1, 5], #{ from: 1.0, until: 2.0, fade: 0.1 });\n";
+    std::fs::write(dir.path().join("s.rhai"), script).unwrap();
+    let run = choreo(dir.path(), &["check", "s.rhai"]);
+    for (line, call) in [(5, "face"), (6, "turn"), (7, "at"), (8, "key")] {
+        let error =
+            format!("s.rhai:{line}:3: {call}: walk_to sets position and rotation of the actor already");
+        assert!(run.err.contains(&error) || run.out.contains(&error), "{call}: {}{}", run.out, run.err);
+    }
+    assert!(!run.out.contains("s.rhai:9") && !run.err.contains("s.rhai:1"), "{}{}", run.out, run.err);
 }
 
 #[test]

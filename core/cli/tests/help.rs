@@ -46,6 +46,65 @@ fn a_call_is_described_and_a_word_of_descriptions_is_found() {
 }
 
 #[test]
+fn effects_and_pages_describe_themselves() {
+    for (name, about, parameter) in [
+        ("wireframe", "edges of triangles", "color"),
+        ("vignette", "darkens", "strength"),
+        ("film grain", "grain of photographic film", "colored"),
+    ] {
+        let run = help(&[name]);
+        let effect = name.replace(' ', "_");
+        let first = run.out.lines().nth(1).unwrap();
+        assert_eq!(first, format!("  effect(\"{effect}\")"), "{}", run.out);
+        let page = format!("\n      plugins/effects/{effect}/README.md\n");
+        for part in [about, &format!("\n      {parameter} "), &page] {
+            assert!(run.out.contains(part), "{part}: {}", run.out);
+        }
+    }
+    let depth = help(&["depth_at"]);
+    assert!(
+        depth.out.contains("  depth_at(at: vec2<i32>) -> f32\n      metres before the camera"),
+        "{}",
+        depth.out
+    );
+    assert!(
+        help(&["inputs of effects"])
+            .out
+            .contains("core/wgsl_effect/README.md, \"Inputs of effects on images\"")
+    );
+    let import = help(&["fbx", "import"]);
+    assert!(
+        import.out.contains("\n  load(file") && import.out.contains("plugins/import-fbx/README.md"),
+        "{}",
+        import.out
+    );
+    let page = help(&["--page", "core/script/API.md, \"Conventions\""]);
+    assert!(page.code == 0 && page.out.starts_with("# What a script can call"), "{}", page.err);
+    let none = help(&["--page", "core/script/APY.md"]);
+    assert!(none.code == 2 && none.err.contains("did you mean \"core/script/API.md\"?"), "{}", none.err);
+    let plugin = choreo(folder().path(), &["plugins", "film_grain"]);
+    let parts = [
+        "effects\n  film_grain ",
+        "another one in each frame",
+        "strength ",
+        "plugins/effects/film_grain/README.md",
+    ];
+    assert!(
+        plugin.code == 0 && parts.iter().all(|part| plugin.out.contains(part)),
+        "{}{}",
+        plugin.out,
+        plugin.err
+    );
+    assert!(!plugin.out.contains("vignette"), "{}", plugin.out);
+    let none = choreo(folder().path(), &["plugins", "film_gain"]);
+    assert!(
+        none.code != 0 && none.err.contains("there is no plugin \"film_gain\"; did you mean \"film_grain\"?"),
+        "{}",
+        none.err
+    );
+}
+
+#[test]
 fn an_unknown_term_is_answered_with_the_nearest_and_exit_code_2() {
     let run = help(&["foot slidng"]);
     assert_eq!(run.code, 2);

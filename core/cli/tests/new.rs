@@ -71,7 +71,7 @@ fn sources() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
 }
 
-const HOOKS: [&str; 6] = ["picture", "surface", "vertex", "lighting", "shell", "overlay"];
+const HOOKS: [&str; 6] = ["image", "surface", "vertex", "lighting", "shell", "overlay"];
 
 /// A crate of each kind and an effect of each hook, members of one workspace, with their own tests.
 #[test]

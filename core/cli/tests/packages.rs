@@ -46,6 +46,7 @@ fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { retu
 
 const TEST: &str = r#"test("dots stand where the file says", || {
     let a = cast("a", load("a.dots"));
+    effect("swap");
     expect(a.joint("mesh 0")).near([0, 0, 0], 0.001);
 });
 "#;
@@ -236,7 +237,11 @@ fn another_version_takes_the_place_only_when_asked() {
     let run = place.run(&["plugins", "list"]);
     assert!(run.code == 1 && run.err.contains("plugin.toml:1:1: unknown key \"nam\""), "{}", run.err);
     let run = place.run(&["check", "s.rhai"]);
-    assert!(run.code == 1 && run.err.contains("no plugin, and choreo plugins says why"), "{}", run.err);
+    assert!(
+        run.code == 1 && run.err.contains("no plugin: ") && run.err.contains("unknown key \"nam\""),
+        "{}",
+        run.err
+    );
     place.good(&["plugins", "remove", "prints"]);
 }
 
@@ -265,6 +270,17 @@ fn a_package_is_tested_as_its_users_meet_it() {
     };
     place.write("source/tests/dots.rhai", &TEST.replace("near([0,", "near([1,"));
     fails("dots stand where the file says");
+    fails("choreo test source/tests/dots.rhai --plugins source --search source --filter");
+    place.write("source/tests/dots.rhai", &TEST.replace("effect(\"swap\")", "effect(\"fog\")"));
+    fails("source: no test uses the effect swap; write effect(\"swap\") in one");
+    place.write(
+        "source/tests/dots.rhai",
+        &TEST.replace("expect(", "expect_picture(\"it\", #{ at: 0.0, size: [32, 32] }); expect("),
+    );
+    fails("accept: choreo test source/tests/dots.rhai --plugins source --search source --accept=it");
+    let words = ["source/tests/dots.rhai", "--plugins", "source", "--search", "source", "--accept=it"];
+    place.good(&[&["test"][..], &words].concat());
+    place.good(&["plugins", "test", "source"]);
     std::fs::remove_file(place.path().join("source/tests/dots.rhai")).unwrap();
     fails("the effect swap has no test; write tests/swap.rhai");
     place.write("source/tests/dots.rhai", TEST);

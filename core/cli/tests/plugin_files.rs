@@ -108,6 +108,22 @@ fn a_broken_plugin_says_its_file_and_line() {
     assert!(run.out.contains("dots"), "what works is listed: {}", run.out);
 }
 
+/// It breaks nothing that does not use it.
+#[cfg(not(feature = "wasm"))]
+#[test]
+fn a_plugin_in_webassembly_says_which_feature_runs_it() {
+    let dir = prepared();
+    std::fs::write(dir.path().join("plugins/odd.importer.wasm"), b"\0asm\x01\0\0\0").unwrap();
+    good(dir.path(), &["check", "s.rhai"]);
+    let run = choreo(dir.path(), &["plugins"]);
+    let what = "odd.importer.wasm: this choreo was built without WebAssembly; \
+        build it with: cargo build --release --features wasm";
+    assert!(run.code == 1 && run.err.contains(what), "{}", run.err);
+    std::fs::write(dir.path().join("a.odd"), "x").unwrap();
+    let run = choreo(dir.path(), &["info", "a.odd"]);
+    assert!(run.code != 0 && run.err.contains("odd.importer.wasm"), "{}", run.err);
+}
+
 /// A faulty plugin is an error where it is used, with the place of its use, and nowhere else.
 #[test]
 fn a_broken_plugin_breaks_only_what_uses_it() {
@@ -149,12 +165,20 @@ fn a_broken_plugin_breaks_only_what_uses_it() {
     assert!(text.contains("a.bad: plugins/bad.importer.rhai:9:"), "{text}");
     // Where something is not found, the files that are no plugins are named.
     let text = error("effect(\"worse\");");
-    let faulty =
-        "; no plugin, and choreo plugins says why: plugins/nameless.wgsl, plugins/worse.importer.rhai";
+    let faulty = "no plugin: plugins/nameless.wgsl:";
     assert!(text.contains("bad.rhai:4:8: unknown effect \"worse\"") && text.contains(faulty), "{text}");
+    assert!(
+        text.contains("packages of plugins: choreo plugins list") && !text.contains("worse.importer"),
+        "{text}"
+    );
+    // WGSL beside a script is an effect only where its head names it, which a slip can prevent.
+    write("snow.wgsl", "// effct: snow\n");
+    let text = error("effect(\"snow\");");
+    assert!(text.contains("no plugin: ./snow.wgsl: it has no line // effect: NAME"), "{text}");
     write("a.worse", "WORSE 0 0 0");
     let text = error("cast(\"b\", load(\"a.worse\"));");
-    assert!(text.contains("no importer knows this kind of file") && text.contains(faulty), "{text}");
+    assert!(text.contains("no importer knows this kind of file"), "{text}");
+    assert!(text.contains("no plugin: plugins/worse.importer.rhai:"), "{text}");
     let run = choreo(dir.path(), &["plugins"]);
     // Lines of code and carets are set in.
     let problems = run.err.lines().filter(|line| !line.starts_with("    ")).count();
@@ -344,4 +368,28 @@ fn a_plugin_that_hides_another_of_its_name_is_noted() {
     assert_eq!(run.code, 0, "{}", run.err);
     assert!(run.err.contains(&note("my_fog.wgsl", "fog")), "{}", run.err);
     assert!(run.err.contains(&note("swap_2.wgsl", "swap")), "{}", run.err);
+}
+
+#[test]
+fn a_warning_of_an_effect_is_printed_with_quiet_too() {
+    let dir = folder();
+    let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
+    let effect = |result: &str| {
+        format!(
+            "// effect: broken\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: Parameters) -> vec4<f32> {{ return {result}; }}\n"
+        )
+    };
+    write("s.rhai", "stage(#{ size: [16, 16], fps: 10, length: 0.1, samples: 1 });\neffect(\"broken\");\n");
+    let render =
+        || choreo(dir.path(), &["render", "s.rhai", "-o", "o.png", "--at", "0", "--device", "cpu", "-q"]);
+    write("broken.wgsl", &effect("color / (uv.x - uv.x)"));
+    let run = render();
+    assert!(
+        run.code == 0 && run.err.contains("warning: effect \"broken\": the result at pixel (0, 0)"),
+        "{}",
+        run.err
+    );
+    write("broken.wgsl", &effect("color"));
+    let run = render();
+    assert!(run.code == 0 && !run.err.contains("effect \"broken\""), "{}", run.err);
 }

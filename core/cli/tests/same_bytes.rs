@@ -147,7 +147,7 @@ fn orders(renderer: &mut dyn Renderer, registry: &Registry) {
 fn registry() -> Registry {
     let mut registry = Registry::default();
     registry.add_importer(import_mannequin::Mannequin);
-    effects::named(&["vignette"]).into_iter().for_each(|effect| registry.add_shared_effect(effect));
+    effects::named(&["vignette"]).into_iter().for_each(|effect| registry.add_effect(effect));
     registry
 }
 

@@ -20,7 +20,8 @@ pub use process::panics::exit_code_of_abort;
 use args::{Cli, Command, PluginsAction, PluginsArgs, RenderArgs, values};
 use clap::FromArgMatches;
 use commands::{
-    check, explain, export, help, info, measure, new, plugins as plugins_command, pose, render, test, view,
+    check, explain, export, help, info, lsp, measure, new, plugins as plugins_command, pose, render, test,
+    view,
 };
 use failure::{Failure, print_json, print_json_message, print_message};
 use process::{interrupt, panics, threads};
@@ -88,7 +89,8 @@ fn start(mut command: Command, args: &[OsString], app: &App) -> Result<(), Failu
         Command::Test(args) => test::run(args, plugins),
         Command::Plugins(args) => plugins_command::run(args, plugins),
         Command::New(args) => new::run(args),
-        Command::Help(args) => help::run(&args),
+        Command::Help(args) => help::run(&args, app),
+        Command::Lsp(_) => lsp::run(app),
     }
 }
 

@@ -7,6 +7,7 @@ pub mod damage;
 pub mod export;
 pub mod pose;
 pub mod sound;
+pub mod wasm;
 
 use choreo_asset::Asset;
 use choreo_plugin::{Files, ImportError, ImportOptions, ImportScope, Importer, OptionValue, Source};

@@ -187,6 +187,8 @@ pub enum OptionValue {
     Bool(bool),
     /// A text.
     Text(String),
+    /// Several numbers: a color, a vector, or x and y of each key of a curve.
+    Numbers(Vec<f64>),
 }
 
 impl std::fmt::Display for OptionValue {
@@ -195,6 +197,7 @@ impl std::fmt::Display for OptionValue {
             OptionValue::Number(v) => write!(f, "{v}"),
             OptionValue::Bool(v) => write!(f, "{v}"),
             OptionValue::Text(v) => write!(f, "\"{v}\""),
+            OptionValue::Numbers(v) => write!(f, "{v:?}"),
         }
     }
 }
@@ -211,6 +214,14 @@ impl ImportOptions {
     pub fn text(&self, name: &str) -> Option<&str> {
         match self.0.get(name) {
             Some(OptionValue::Text(v)) => Some(v),
+            _ => None,
+        }
+    }
+    /// The numbers of that name: a color, a vector, or x and y of each key of a curve; `None` if there are none or it is of another
+    /// type.
+    pub fn numbers(&self, name: &str) -> Option<&[f64]> {
+        match self.0.get(name) {
+            Some(OptionValue::Numbers(v)) => Some(v),
             _ => None,
         }
     }

@@ -2,14 +2,15 @@
 //! [`PluginPanic`], which callers report. The message names the plugin and its version.
 
 use crate::asset_check::{AssetFault, checked};
-use crate::effect::{EffectFunction, Hook, InvertedHull, Shutter, SurfaceInputs, ViewOrder};
+use crate::effect_hooks::*;
 use crate::{
-    Claim, Effect, EffectScene, EffectTexture, ExportError, ExportedScene, Exporter, Files, Frame, FrameSink,
-    ImportError, ImportOptions, ImportScope, Importer, Manifest, Mark, Overlay, PluginFile, SceneExporter,
-    SceneFiles, SceneInputs, Source, VideoInfo,
+    Claim, Effect, EffectImages, EffectScene, EffectTexture, ExportError, ExportedScene, Exporter, Files,
+    Frame, FrameSink, ImportError, ImportOptions, ImportScope, Importer, InvertedHull, LightSample, Manifest,
+    Mark, Overlay, PluginFile, SceneExporter, SceneFiles, SceneInputs, Shutter, Source, SurfaceInputs,
+    SurfaceSample, VertexSample, VideoInfo, ViewOrder,
 };
 use choreo_asset::Asset;
-use glam::Vec3;
+use glam::{Vec2, Vec3, Vec4};
 use std::any::Any;
 use std::io::{Read, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -191,43 +192,122 @@ impl SceneExporter for IsolatedSceneExporter {
 }
 
 /// An effect whose panics go on as [`PluginPanic`].
-pub(crate) struct IsolatedEffect(pub Arc<dyn Effect>);
+pub(crate) fn isolated_effect(effect: Effect) -> Effect {
+    match effect {
+        Effect::Pixel(effect) => Effect::Pixel(Arc::new(Isolated(effect))),
+        Effect::Image(effect) => Effect::Image(Arc::new(Isolated(effect))),
+        Effect::Surface(effect) => Effect::Surface(Arc::new(Isolated(effect))),
+        Effect::Vertex(effect) => Effect::Vertex(Arc::new(Isolated(effect))),
+        Effect::Lighting(effect) => Effect::Lighting(Arc::new(Isolated(effect))),
+        Effect::Outline(effect) => Effect::Outline(Arc::new(Isolated(effect))),
+        Effect::Overlay(effect) => Effect::Overlay(Arc::new(Isolated(effect))),
+        Effect::Shutter(effect) => Effect::Shutter(Arc::new(Isolated(effect))),
+    }
+}
+
+/// A plugin each of whose calls is isolated.
+struct Isolated<T: ?Sized>(Arc<T>);
+
+impl<T: EffectPlugin + ?Sized> Isolated<T> {
+    fn call<'a, R>(&'a self, call: impl FnOnce(&'a T) -> R) -> R {
+        isolated(self.0.manifest(), || call(&self.0)).unwrap_or_else(|panic| resume_unwind(Box::new(panic)))
+    }
+}
 
 /// Methods that pass their arguments on.
 macro_rules! forward {
-    ($(fn $name:ident(&self $(, $argument:ident: $type:ty)*) -> $result:ty;)*) => {
-        $(fn $name(&self $(, $argument: $type)*) -> $result {
-            isolated(self.0.manifest(), || self.0.$name($($argument),*))
-                .unwrap_or_else(|panic| resume_unwind(Box::new(panic)))
+    ($(fn $name:ident(&self $(, $argument:ident: $type:ty)* $(,)?) $(-> $result:ty)?;)*) => {
+        $(fn $name(&self $(, $argument: $type)*) $(-> $result)? {
+            self.call(|effect| effect.$name($($argument),*))
         })*
     };
 }
 
-impl Effect for IsolatedEffect {
+impl<T: EffectPlugin + ?Sized> EffectPlugin for Isolated<T> {
     fn manifest(&self) -> &Manifest {
         self.0.manifest()
     }
-
     forward! {
         fn file(&self) -> Option<&PluginFile>;
-        fn hook(&self) -> Hook;
-        fn applies_to_actors(&self) -> bool;
-        fn function(&self) -> Option<&dyn EffectFunction>;
-        fn off(&self, parameters: &[f32; 8]) -> Option<String>;
-        fn reach(&self, parameters: &[f32; 8]) -> f32;
-        fn in_model_space(&self) -> bool;
-        fn surface_inputs(&self, parameters: &[f32; 8]) -> SurfaceInputs;
-        fn changes_background(&self, parameters: &[f32; 8]) -> bool;
-        fn scene_inputs(&self) -> SceneInputs;
-        fn passes(&self) -> u32;
-        fn history(&self, parameters: &[f32; 8]) -> u32;
-        fn view_order(&self) -> ViewOrder;
+        fn off(&self, parameters: &[f32]) -> Option<String>;
+    }
+}
+
+impl<T: EffectShader + ?Sized> EffectShader for Isolated<T> {
+    forward! {
+        fn wgsl(&self) -> &str;
+        fn loops(&self) -> &[String];
         fn textures(&self) -> &[EffectTexture];
-        fn shrink(&self, pass_number: u32, size: [u32; 2], parameters: &[f32; 8]) -> u32;
-        fn wireframe(&self, parameters: &[f32; 8]) -> Option<Vec3>;
-        fn overlay(&self, scene: &EffectScene, parameters: &[f32; 8]) -> Overlay;
-        fn shutter(&self, parameters: &[f32; 8]) -> Option<Shutter>;
-        fn inverted_hull(&self, parameters: &[f32; 8]) -> Option<InvertedHull>;
+    }
+}
+
+impl PixelEffect for Isolated<dyn PixelEffect> {
+    forward! {
+        fn view_order(&self) -> ViewOrder;
+        fn pixels(&self, colors: &mut [Vec4], uv: &[Vec2], parameters: &[f32]);
+    }
+}
+
+impl ImageEffect for Isolated<dyn ImageEffect> {
+    forward! {
+        fn view_order(&self) -> ViewOrder;
+        fn passes(&self) -> u32;
+        fn shrink(&self, pass_number: u32, size: [u32; 2], parameters: &[f32]) -> u32;
+        fn history(&self, parameters: &[f32]) -> u32;
+        fn scene_inputs(&self) -> SceneInputs;
+        fn image_row(
+            &self,
+            images: &EffectImages,
+            y: u32,
+            pass_number: u32,
+            parameters: &[f32],
+            row: &mut [Vec4],
+        );
+    }
+}
+
+impl SurfaceEffect for Isolated<dyn SurfaceEffect> {
+    forward! {
+        fn surface_inputs(&self, parameters: &[f32]) -> SurfaceInputs;
+        fn changes_background(&self, parameters: &[f32]) -> bool;
+        fn surfaces(&self, colors: &mut [Vec4], samples: &[SurfaceSample], parameters: &[f32]);
+    }
+}
+
+impl VertexEffect for Isolated<dyn VertexEffect> {
+    forward! {
+        fn surface_inputs(&self, parameters: &[f32]) -> SurfaceInputs;
+        fn reach(&self, parameters: &[f32]) -> f32;
+        fn in_model_space(&self) -> bool;
+        fn vertex(&self, sample: &VertexSample, parameters: &[f32]) -> Vec3;
+    }
+}
+
+impl LightingEffect for Isolated<dyn LightingEffect> {
+    forward! {
+        fn surface_inputs(&self, parameters: &[f32]) -> SurfaceInputs;
+        fn lights(&self, samples: &mut [LightSample], parameters: &[f32]);
+    }
+}
+
+impl OutlineEffect for Isolated<dyn OutlineEffect> {
+    forward! {
+        fn inverted_hull(&self, parameters: &[f32]) -> Option<InvertedHull>;
+        fn wireframe(&self, parameters: &[f32]) -> Option<Vec3>;
+    }
+}
+
+impl OverlayEffect for Isolated<dyn OverlayEffect> {
+    forward! {
+        fn applies_to_actors(&self) -> bool;
+        fn history(&self, parameters: &[f32]) -> u32;
+        fn overlay(&self, scene: &EffectScene, parameters: &[f32]) -> Overlay;
+    }
+}
+
+impl ShutterEffect for Isolated<dyn ShutterEffect> {
+    forward! {
+        fn shutter(&self, parameters: &[f32]) -> Option<Shutter>;
     }
 }
 
@@ -277,11 +357,14 @@ mod tests {
         }
     }
 
-    impl Effect for Faulty {
+    impl EffectPlugin for Faulty {
         fn manifest(&self) -> &Manifest {
             &self.0
         }
-        fn shutter(&self, _: &[f32; 8]) -> Option<Shutter> {
+    }
+
+    impl ShutterEffect for Faulty {
+        fn shutter(&self, _: &[f32]) -> Option<Shutter> {
             panic!("no shutter")
         }
     }
@@ -312,7 +395,7 @@ mod tests {
         let mut registry = Registry::default();
         registry.add_importer(faulty());
         registry.add_exporter(faulty());
-        registry.add_effect(faulty());
+        registry.add_effect(Effect::shutter(faulty()));
         registry.add_scene_exporter(faulty());
         let source = Source { name: "a.x".into(), bytes: Arc::default() };
         let error =
@@ -337,7 +420,7 @@ mod tests {
         let exported =
             registry.scene_exporter_for("a.X").unwrap().export(&scene, &mut MemoryFiles::default());
         assert_eq!(failed(exported.map(drop)), "the plugin faulty 1.2 has failed: no such actor");
-        let effect = registry.effect("faulty").unwrap();
+        let Some(Effect::Shutter(effect)) = registry.effect("faulty") else { panic!("the effect is there") };
         let panic = catch_unwind(AssertUnwindSafe(|| effect.shutter(&[0.0; 8]))).unwrap_err();
         let panic = panic.downcast_ref::<PluginPanic>().unwrap().to_string();
         assert_eq!(panic, "the plugin faulty 1.2 has failed: no shutter");

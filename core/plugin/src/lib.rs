@@ -1,4 +1,4 @@
-//! The kinds of plugins: an [`Importer`], an [`Effect`], an [`Exporter`] of frames or a [`SceneExporter`]; manifests as data; the
+//! The kinds of plugins: an [`Importer`], an [`Effect`] with the trait of its hook, an [`Exporter`] of frames or a [`SceneExporter`]; manifests as data; the
 //! [`Registry`]. The only crate that a plugin needs: `glam`, [`asset`], [`motion`] (transforms, curves, clips, time) and [`stage`] are
 //! reached through it.
 //!
@@ -9,27 +9,38 @@
 
 mod asset_check;
 pub mod build;
+pub mod color;
 pub mod effect;
+mod effect_data;
+mod effect_hooks;
 pub mod effect_texture;
 pub mod exporter;
+pub mod guest;
 pub mod importer;
 mod isolated;
 pub mod manifest;
 pub mod on_use;
 pub mod overlay;
+pub mod parameters;
 pub mod registry;
 mod scene_exporter;
 mod scene_inputs;
 pub mod suggest;
+pub mod transfer;
 pub mod yuv;
 
 pub use build::{AssetBuilder, BuildError, MeshData, MeshPart, MorphData};
 pub use choreo_asset as asset;
 pub use choreo_motion as motion;
 pub use choreo_stage as stage;
-pub use effect::{
-    BACKGROUND_DISTANCE, Effect, EffectFunction, EffectImage, EffectImages, Hook, InvertedHull, LightSample,
-    MAX_EFFECT_STEPS, Shutter, SurfaceInputs, SurfaceSample, VertexSample, ViewOrder,
+pub use effect::{Effect, Hook};
+pub use effect_data::{
+    BACKGROUND_DISTANCE, EffectImage, EffectImages, InvertedHull, LightSample, MAX_EFFECT_STEPS, Shutter,
+    SurfaceInputs, SurfaceSample, VertexSample, ViewOrder,
+};
+pub use effect_hooks::{
+    EffectPlugin, EffectShader, ImageEffect, LightingEffect, OutlineEffect, OverlayEffect, PixelEffect,
+    ShutterEffect, SurfaceEffect, VertexEffect,
 };
 pub use effect_texture::EffectTexture;
 pub use exporter::{ExportError, Exporter, Frame, FrameSink, Mark, VideoInfo};
@@ -38,9 +49,9 @@ pub use importer::{
     Claim, ExportOptions, Files, ImportError, ImportOptions, ImportScope, Importer, OptionValue, Source,
 };
 pub use isolated::PluginPanic;
-pub use manifest::{BesideFile, Manifest, OptionError, OptionKind, OptionSpec, PluginFile};
+pub use manifest::{BesideFile, MAX_COLOR, Manifest, OptionError, OptionKind, OptionSpec, PluginFile};
 pub use on_use::{LazyEffect, LazyPlugin, PluginError};
 pub use overlay::{ActorInstance, EffectScene, Label, Lattice, Overlay, Stroke, Triangle};
 pub use registry::Registry;
-pub use scene_exporter::{ExportedScene, MemoryFiles, SceneExporter, SceneFiles};
+pub use scene_exporter::{ExportedScene, MemoryFiles, SceneEvaluator, SceneExporter, SceneFiles};
 pub use scene_inputs::{EffectFrame, SceneImages, SceneInputs};

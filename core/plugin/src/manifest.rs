@@ -1,5 +1,6 @@
 //! The description of a plugin by itself, as data: `choreo plugins`, `--help` and the script read it from here.
 
+use crate::parameters::is_curve;
 use crate::suggest::{did_you_mean, list};
 use crate::{Claim, ImportOptions, OptionValue, Source};
 use std::ops::RangeInclusive;
@@ -65,6 +66,8 @@ pub struct OptionSpec {
     pub name: String,
     /// One line.
     pub about: String,
+    /// Unit of its numbers ("m", "px", "degrees"); empty where it has none.
+    pub unit: String,
     /// Type, default and allowed values.
     pub kind: OptionKind,
 }
@@ -81,6 +84,15 @@ pub enum OptionKind {
         /// Largest value.
         max: f64,
     },
+    /// A whole number from `min` to `max`, both included.
+    Integer {
+        /// Value where none is given.
+        default: i64,
+        /// Smallest value.
+        min: i64,
+        /// Largest value.
+        max: i64,
+    },
     /// True or false.
     Bool {
         /// Value where none is given.
@@ -93,7 +105,33 @@ pub enum OptionKind {
         /// Allowed texts.
         one_of: Vec<String>,
     },
+    /// A color: linear red, green and blue, each from 0 to [`MAX_COLOR`].
+    Color {
+        /// Value where none is given.
+        default: [f64; 3],
+    },
+    /// Two to four numbers, each from `min` to `max`, both included.
+    Vector {
+        /// Value where none is given; as many numbers as the vector has.
+        default: Vec<f64>,
+        /// Smallest value.
+        min: f64,
+        /// Largest value.
+        max: f64,
+    },
+    /// A curve of keys `[x, y]`: x from 0 to 1 and growing, y from `min` to `max`; straight between keys.
+    Curve {
+        /// Value where none is given.
+        default: Vec<[f64; 2]>,
+        /// Smallest y.
+        min: f64,
+        /// Largest y.
+        max: f64,
+    },
 }
+
+/// Largest component of a color: 1 is the white of a display, more is light.
+pub const MAX_COLOR: f64 = 100.0;
 
 /// Why a value is not taken: complete but for the name of the plugin.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -135,17 +173,34 @@ impl Manifest {
         self.with(name, about, OptionKind::Number { default, min: *range.start(), max: *range.end() })
     }
 
-    /// A color, as three numbers `NAME_r`, `NAME_g` and `NAME_b`, linear; scripts set all three by its name.
+    /// Adds an option that is a whole number.
+    pub fn integer(self, name: &str, about: &str, default: i64, range: RangeInclusive<i64>) -> Manifest {
+        self.with(name, about, OptionKind::Integer { default, min: *range.start(), max: *range.end() })
+    }
+
+    /// Adds a color: linear red, green and blue.
     pub fn color(self, name: &str, about: &str, default: [f64; 3]) -> Manifest {
-        let parts = [("r", "red"), ("g", "green"), ("b", "blue")].into_iter().zip(default);
-        parts.fold(self, |manifest, ((part, of), default)| {
-            manifest.number(
-                &format!("{name}_{part}"),
-                &format!("{about}: {of}, linear"),
-                default,
-                0.0..=100.0,
-            )
-        })
+        self.with(name, about, OptionKind::Color { default })
+    }
+
+    /// Adds an option of as many numbers as the default has: 2 to 4.
+    pub fn vector(self, name: &str, about: &str, default: &[f64], range: RangeInclusive<f64>) -> Manifest {
+        let (min, max) = range.into_inner();
+        self.with(name, about, OptionKind::Vector { default: default.to_vec(), min, max })
+    }
+
+    /// Adds a curve of keys `[x, y]`: x from 0 to 1 and growing, y within the range.
+    pub fn curve(self, name: &str, about: &str, keys: &[[f64; 2]], range: RangeInclusive<f64>) -> Manifest {
+        let (min, max) = range.into_inner();
+        self.with(name, about, OptionKind::Curve { default: keys.to_vec(), min, max })
+    }
+
+    /// Sets the unit of the option that was added last: "m", "px", "degrees".
+    pub fn unit(mut self, unit: &str) -> Manifest {
+        if let Some(last) = self.options.last_mut() {
+            last.unit = unit.into();
+        }
+        self
     }
 
     /// Adds an option that is true or false.
@@ -160,7 +215,7 @@ impl Manifest {
     }
 
     fn with(mut self, name: &str, about: &str, kind: OptionKind) -> Manifest {
-        self.options.push(OptionSpec { name: name.into(), about: about.into(), kind });
+        self.options.push(OptionSpec { name: name.into(), about: about.into(), unit: String::new(), kind });
         self
     }
 
@@ -202,9 +257,15 @@ impl Manifest {
     pub fn parse_option(&self, name: &str, text: &str) -> Result<OptionValue, OptionError> {
         let spec = self.option(name)?;
         let value = match &spec.kind {
-            OptionKind::Number { .. } => text.parse().ok().map(OptionValue::Number),
+            OptionKind::Number { .. } | OptionKind::Integer { .. } => {
+                text.parse().ok().map(OptionValue::Number)
+            }
             OptionKind::Bool { .. } => text.parse().ok().map(OptionValue::Bool),
             OptionKind::Text { .. } => Some(OptionValue::Text(text.to_string())),
+            OptionKind::Color { .. } | OptionKind::Vector { .. } | OptionKind::Curve { .. } => {
+                let parts = text.split([',', ' ']).filter(|part| !part.is_empty());
+                parts.map(|part| part.parse().ok()).collect::<Option<Vec<f64>>>().map(OptionValue::Numbers)
+            }
         };
         match value {
             Some(value) if spec.accepts(&value) => Ok(value),
@@ -236,6 +297,10 @@ impl OptionSpec {
             OptionKind::Number { default, .. } => OptionValue::Number(*default),
             OptionKind::Bool { default } => OptionValue::Bool(*default),
             OptionKind::Text { default, .. } => OptionValue::Text(default.clone()),
+            OptionKind::Integer { default, .. } => OptionValue::Number(*default as f64),
+            OptionKind::Color { default } => OptionValue::Numbers(default.to_vec()),
+            OptionKind::Vector { default, .. } => OptionValue::Numbers(default.clone()),
+            OptionKind::Curve { default, .. } => OptionValue::Numbers(default.as_flattened().to_vec()),
         }
     }
 
@@ -247,18 +312,43 @@ impl OptionSpec {
             (OptionKind::Text { one_of, .. }, OptionValue::Text(v)) => {
                 one_of.is_empty() || one_of.contains(v)
             }
+            (OptionKind::Integer { min, max, .. }, OptionValue::Number(v)) => {
+                v.fract() == 0.0 && (*min as f64..=*max as f64).contains(v)
+            }
+            (OptionKind::Color { .. }, OptionValue::Numbers(v)) => {
+                v.len() == 3 && v.iter().all(|v| (0.0..=MAX_COLOR).contains(v))
+            }
+            (OptionKind::Vector { default, min, max }, OptionValue::Numbers(v)) => {
+                v.len() == default.len() && v.iter().all(|v| (*min..=*max).contains(v))
+            }
+            (OptionKind::Curve { min, max, .. }, OptionValue::Numbers(v)) => {
+                let (keys, rest) = v.as_chunks::<2>();
+                rest.is_empty() && is_curve(keys) && keys.iter().all(|key| (*min..=*max).contains(&key[1]))
+            }
             _ => false,
         }
     }
 
-    /// "a number from 0 to 1", "true or false", "text", "one of auto, bt601".
+    /// "a number from 0 to 1", "a number from 0 to 2 m", "true or false", "text", "one of auto, bt601", "a color", "[x, y] with numbers
+    /// from 0 to 1", "keys [x, y] with x from 0 to 1 and y from 0 to 1".
     pub fn allowed(&self) -> String {
+        let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
         match &self.kind {
-            OptionKind::Number { min, max, .. } => format!("a number from {min} to {max}"),
+            OptionKind::Number { min, max, .. } => format!("a number from {min} to {max}{unit}"),
+            OptionKind::Integer { min, max, .. } => format!("a whole number from {min} to {max}{unit}"),
             OptionKind::Bool { .. } => "true or false".to_string(),
             OptionKind::Text { one_of, .. } if one_of.is_empty() => "text".to_string(),
             OptionKind::Text { one_of, .. } => {
                 format!("one of {}", list(one_of.iter().map(String::as_str), 30))
+            }
+            OptionKind::Color { .. } => "a color".to_string(),
+            OptionKind::Vector { default, min, max } => {
+                let axes = ["x", "y", "z", "w"];
+                let axes = axes[..default.len().min(4)].join(", ");
+                format!("[{axes}] with numbers from {min} to {max}{unit}")
+            }
+            OptionKind::Curve { min, max, .. } => {
+                format!("keys [x, y] with growing x from 0 to 1 and y from {min} to {max}{unit}")
             }
         }
     }
@@ -309,6 +399,20 @@ mod tests {
         assert_eq!(e.message, "toy: option scale must be a number from 0.001 to 1000, got \"1\"");
         let e = refused("up", OptionValue::Text("w".into()));
         assert_eq!(e.message, "toy: option up must be one of x, y, z, got \"w\"");
+        let more = Manifest::new("more", "1", "")
+            .integer("count", "", 3, 1..=9)
+            .vector("axis", "", &[0.0, 1.0], -1.0..=1.0)
+            .unit("m")
+            .curve("fall", "", &[[0.0, 1.0]], 0.0..=1.0);
+        let refused_text = |name: &str, text: &str| more.parse_option(name, text).unwrap_err().message;
+        let must = "more: option count must be a whole number from 1 to 9, got \"2.5\"";
+        assert_eq!(refused_text("count", "2.5"), must);
+        let must = "more: option axis must be [x, y] with numbers from -1 to 1 m, got \"0\"";
+        assert_eq!(refused_text("axis", "0"), must);
+        let must = "more: option fall must be keys [x, y] with growing x from 0 to 1 and y from 0 to 1, got \"0 0, 0 1\"";
+        assert_eq!(refused_text("fall", "0 0, 0 1"), must);
+        let keys = OptionValue::Numbers(vec![0.0, 0.5, 1.0, 1.0]);
+        assert_eq!(more.parse_option("fall", "0 0.5, 1 1"), Ok(keys));
         let e = refused("smooth", OptionValue::Number(1.0));
         assert_eq!(e.message, "toy: option smooth must be true or false, got 1");
     }

@@ -2,7 +2,7 @@
 
 use crate::Effect;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 /// Why a plugin file cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -16,7 +16,7 @@ pub struct PluginError {
 /// An effect that is read and compiled when it is used first. What nothing uses costs nothing and breaks nothing.
 pub struct LazyEffect {
     name: String,
-    made: LazyPlugin<Arc<dyn Effect>>,
+    made: LazyPlugin<Effect>,
 }
 
 /// A value that is made at its first use. What making it needs (an open folder) is freed then.
@@ -54,7 +54,7 @@ impl LazyEffect {
     /// `name`: as in the manifest of the effect that `make` gives.
     pub fn new(
         name: &str,
-        make: impl FnOnce() -> Result<Arc<dyn Effect>, PluginError> + Send + 'static,
+        make: impl FnOnce() -> Result<Effect, PluginError> + Send + 'static,
     ) -> LazyEffect {
         LazyEffect { name: name.into(), made: LazyPlugin::new(make) }
     }
@@ -65,12 +65,12 @@ impl LazyEffect {
     }
 
     /// The effect, made now where it was not made before; other threads that use it wait.
-    pub fn get(&self) -> Result<&Arc<dyn Effect>, &PluginError> {
+    pub fn get(&self) -> Result<&Effect, &PluginError> {
         self.made.get()
     }
 
     /// The effect, where it was made without a fault.
-    pub fn made(&self) -> Option<&Arc<dyn Effect>> {
+    pub fn made(&self) -> Option<&Effect> {
         self.made.made()
     }
 }

@@ -1,6 +1,6 @@
 //! All plugins known to the program.
 
-use crate::isolated::{IsolatedEffect, IsolatedExporter, IsolatedImporter, IsolatedSceneExporter};
+use crate::isolated::{IsolatedExporter, IsolatedImporter, IsolatedSceneExporter, isolated_effect};
 use crate::suggest::{did_you_mean, list};
 use crate::{
     Claim, Effect, Exporter, Files, ImportError, ImportOptions, ImportScope, Importer, LazyEffect,
@@ -9,21 +9,28 @@ use crate::{
 use choreo_asset::Asset;
 use std::sync::Arc;
 
+/// Files that are no plugins, in one hint.
+const MOST_FAULTY: usize = 4;
+/// A part of the names of files that are importers, in Rhai and in WebAssembly.
+const IMPORTERS: &str = ".importer.";
+
 /// Importers, exporters of frames and of scenes, and effects, by name.
 ///
 /// ```
-/// use choreo_plugin::{Effect, Manifest, Registry};
+/// use choreo_plugin::{Effect, EffectPlugin, Manifest, OutlineEffect, Registry};
 ///
 /// struct Nothing(Manifest);
 ///
-/// impl Effect for Nothing {
+/// impl EffectPlugin for Nothing {
 ///     fn manifest(&self) -> &Manifest {
 ///         &self.0
 ///     }
 /// }
 ///
+/// impl OutlineEffect for Nothing {}
+///
 /// let mut registry = Registry::default();
-/// registry.add_effect(Nothing(Manifest::new("nothing", "1", "changes nothing")));
+/// registry.add_effect(Effect::outline(Nothing(Manifest::new("nothing", "1", "changes nothing"))));
 /// assert_eq!(registry.effect_names().collect::<Vec<_>>(), ["nothing"]);
 /// ```
 #[derive(Clone, Default)]
@@ -31,11 +38,11 @@ pub struct Registry {
     importers: Vec<Arc<dyn Importer>>,
     exporters: Vec<Arc<dyn Exporter>>,
     scene_exporters: Vec<Arc<dyn SceneExporter>>,
-    effects: Vec<Arc<dyn Effect>>,
+    effects: Vec<Effect>,
     /// Clones share what was made of them.
     on_use: Vec<Arc<LazyEffect>>,
-    /// Files that were meant as plugins and are none, as messages name them.
-    faulty: Vec<String>,
+    /// Files that are no plugins, as messages name them, and why.
+    faulty: Vec<(String, String)>,
     /// Plugins that took the place of others of their name.
     replaced: Vec<String>,
 }
@@ -74,13 +81,10 @@ impl Registry {
         self.scene_exporters.push(Arc::new(IsolatedSceneExporter(plugin)));
     }
     /// Adds an effect; one of the same name is replaced.
-    pub fn add_effect(&mut self, plugin: impl Effect + 'static) {
-        self.add_shared_effect(Arc::new(plugin));
-    }
-    /// Like [`Registry::add_effect`], for a shared effect.
-    pub fn add_shared_effect(&mut self, plugin: Arc<dyn Effect>) {
-        self.forget_effect(&plugin.manifest().name);
-        self.effects.push(Arc::new(IsolatedEffect(plugin)));
+    pub fn add_effect(&mut self, effect: impl Into<Effect>) {
+        let effect = effect.into();
+        self.forget_effect(&effect.manifest().name);
+        self.effects.push(isolated_effect(effect));
     }
     /// An effect of a plugin file, made when it is used first.
     pub fn add_lazy_effect(&mut self, plugin: Arc<LazyEffect>) {
@@ -102,9 +106,11 @@ impl Registry {
     pub fn replaced(&self) -> &[String] {
         &self.replaced
     }
-    /// A file that was meant as a plugin and is none. It is named in the hint when a plugin is not found.
-    pub fn add_faulty(&mut self, file: String) {
-        self.faulty.push(file);
+    /// A file that is no plugin, though its name is that of one, and the reason. It is named in the hint when a plugin is not found.
+    pub fn add_faulty(&mut self, file: String, reason: &str) {
+        // Code and caret below the message are for `choreo plugins`.
+        let first = reason.lines().next().unwrap_or_default();
+        self.faulty.push((file, first.to_string()));
     }
     /// The importers, in the order in which they were added.
     pub fn importers(&self) -> &[Arc<dyn Importer>] {
@@ -119,16 +125,16 @@ impl Registry {
         &self.scene_exporters
     }
     /// The effects that are ready. Those of plugin files that were used are among them after [`Registry::settled`].
-    pub fn effects(&self) -> &[Arc<dyn Effect>] {
+    pub fn effects(&self) -> &[Effect] {
         &self.effects
     }
     /// An effect that is ready, or was made of a plugin file.
-    pub fn effect(&self, name: &str) -> Option<&Arc<dyn Effect>> {
+    pub fn effect(&self, name: &str) -> Option<&Effect> {
         let made = || self.on_use.iter().find(|e| e.name() == name)?.made();
         self.effects.iter().find(|e| e.manifest().name == name).or_else(made)
     }
     /// An effect to be used: that of a plugin file is made now. `None` where no effect has the name.
-    pub fn use_effect(&self, name: &str) -> Result<Option<&Arc<dyn Effect>>, &PluginError> {
+    pub fn use_effect(&self, name: &str) -> Result<Option<&Effect>, &PluginError> {
         let of_file = || self.on_use.iter().find(|e| e.name() == name).map(|e| e.get()).transpose();
         self.effects.iter().find(|e| e.manifest().name == name).map_or_else(of_file, |e| Ok(Some(e)))
     }
@@ -143,13 +149,20 @@ impl Registry {
         settled.effects.extend(self.on_use.iter().filter_map(|e| e.made()).cloned());
         settled
     }
-    /// Names the plugin files that are faulty, for the hint of something that was not found. Empty where none is.
-    pub fn faulty_hint(&self) -> String {
-        match self.faulty.as_slice() {
-            [] => String::new(),
-            faulty => {
-                let names = list(faulty.iter().map(String::as_str), 8);
-                format!("; no plugin, and choreo plugins says why: {names}")
+    /// Names the files that are no plugins and why, for the hint of something that was not found. `part`: of the names of files that could have had it;
+    /// faulty descriptions of packages are always among them. Empty where there is none.
+    pub fn faulty_hint(&self, part: &str) -> String {
+        let of_kind = |file: &str| file.contains(part) || file.ends_with(".toml");
+        let faulty = self.faulty.iter().filter(|(file, _)| of_kind(file));
+        let reasons: Vec<String> = faulty
+            .map(|(file, why)| if why.starts_with(file) { why.clone() } else { format!("{file}: {why}") })
+            .collect();
+        match reasons.len() {
+            0 => String::new(),
+            n if n <= MOST_FAULTY => format!("\nno plugin: {}", reasons.join("\nno plugin: ")),
+            n => {
+                let first = reasons[..MOST_FAULTY].join("\nno plugin: ");
+                format!("\nno plugin: {first}\nand {} more files", n - MOST_FAULTY)
             }
         }
     }
@@ -190,7 +203,7 @@ impl Registry {
         if let Some(named) = named {
             return self.importers.iter().rfind(|i| i.manifest().name == named).ok_or_else(|| {
                 let what = format!("unknown importer \"{named}\"{}", did_you_mean(named, names()));
-                error(what, format!("importers: {}{}", list(names(), 30), self.faulty_hint()))
+                error(what, format!("importers: {}{}", list(names(), 30), self.faulty_hint(IMPORTERS)))
             });
         }
         match self.claims(source).first() {
@@ -200,7 +213,7 @@ impl Registry {
                 format!(
                     "known importers: {}; name one with #{{ importer: … }}{}",
                     list(names(), 30),
-                    self.faulty_hint()
+                    self.faulty_hint(IMPORTERS)
                 ),
             )),
         }
@@ -281,14 +294,16 @@ mod tests {
 
     struct Named(Manifest);
 
-    impl Effect for Named {
+    impl crate::EffectPlugin for Named {
         fn manifest(&self) -> &Manifest {
             &self.0
         }
     }
 
-    fn named(name: &str) -> Arc<dyn Effect> {
-        Arc::new(Named(Manifest::new(name, "1", "")))
+    impl crate::OutlineEffect for Named {}
+
+    fn named(name: &str) -> Effect {
+        Effect::outline(Named(Manifest::new(name, "1", "")))
     }
 
     #[test]
@@ -296,7 +311,7 @@ mod tests {
         use std::sync::atomic::{AtomicUsize, Ordering};
         let made = Arc::new(AtomicUsize::new(0));
         let mut registry = Registry::default();
-        registry.add_effect(Named(Manifest::new("fog", "1", "the program's")));
+        registry.add_effect(named("fog"));
         let count = made.clone();
         registry.add_lazy_effect(Arc::new(LazyEffect::new("fog", move || {
             count.fetch_add(1, Ordering::Relaxed);
@@ -330,11 +345,11 @@ mod tests {
             "a.dat: unknown importer \"glft\"; did you mean \"gltf\"?"
         );
         assert!(registry.importer_for(&source, Some("gltf")).is_ok());
-        registry.add_faulty("plugins/dots.importer.rhai".into());
+        let dots = "plugins/dots.importer.rhai";
+        registry.add_faulty(dots.into(), "plugins/dots.importer.rhai:3:1: no function load\n    fn lod");
+        registry.add_faulty("plugins/a.wgsl".into(), "no line // effect: NAME");
         let hint = registry.importer_for(&source, None).err().unwrap().hint.unwrap();
-        assert!(
-            hint.ends_with("; no plugin, and choreo plugins says why: plugins/dots.importer.rhai"),
-            "{hint}"
-        );
+        assert!(hint.ends_with("\nno plugin: plugins/dots.importer.rhai:3:1: no function load"), "{hint}");
+        assert_eq!(registry.faulty_hint(".wgsl"), "\nno plugin: plugins/a.wgsl: no line // effect: NAME");
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::{ExportError, ExportOptions, Manifest, PluginFile};
 use choreo_motion::{FrameRate, Time};
-use choreo_stage::{Evaluator, Stage};
+use choreo_stage::{Evaluator, Snapshot, Stage, StageError};
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::sync::Arc;
@@ -86,6 +86,31 @@ pub struct ExportedScene {
     pub provenance: Vec<(String, String)>,
     /// Option values by name, complete and checked against the exporter's manifest.
     pub options: ExportOptions,
+    /// Function of a plugin in WebAssembly that asks the program, which has the whole stage.
+    pub(crate) snapshots: Option<fn(Time) -> Snapshot>,
+}
+
+/// Poses of a scene at any time, of hidden actors too. Clones can be used on several threads.
+#[derive(Clone, Debug)]
+pub struct SceneEvaluator(Source);
+
+#[derive(Clone, Debug)]
+enum Source {
+    Stage(Box<Evaluator>),
+    Program(fn(Time) -> Snapshot),
+}
+
+impl SceneEvaluator {
+    /// The stage at a time.
+    ///
+    /// # Errors
+    /// A callback of the script has failed, or a part of the stage is faulty at that time.
+    pub fn at(&mut self, time: Time) -> Result<Snapshot, StageError> {
+        match &mut self.0 {
+            Source::Stage(evaluator) => evaluator.at(time),
+            Source::Program(snapshots) => Ok(snapshots(time)),
+        }
+    }
 }
 
 impl ExportedScene {
@@ -95,12 +120,22 @@ impl ExportedScene {
         let times =
             (0..fps.frames_in(stage.settings.length).max(1)).map(|frame| fps.time_of(frame)).collect();
         let (provenance, options) = (Vec::new(), ExportOptions::default());
-        ExportedScene { name: name.into(), stem: "out".into(), stage, fps, times, provenance, options }
+        ExportedScene {
+            name: name.into(),
+            stem: "out".into(),
+            stage,
+            fps,
+            times,
+            provenance,
+            options,
+            snapshots: None,
+        }
     }
 
-    /// An evaluator for the poses at any time, of hidden actors too. Clones can be used on several threads.
-    pub fn evaluator(&self) -> Evaluator {
-        Evaluator::new(self.stage.clone()).posing_hidden()
+    /// An evaluator for the poses at any time.
+    pub fn evaluator(&self) -> SceneEvaluator {
+        let own = || Source::Stage(Box::new(Evaluator::new(self.stage.clone()).posing_hidden()));
+        SceneEvaluator(self.snapshots.map_or_else(own, Source::Program))
     }
 }
 

@@ -5,7 +5,7 @@ use choreo_plugin::effect::endless_loop;
 use choreo_plugin::{Effect, MAX_EFFECT_STEPS};
 use glam::{Vec3, Vec4};
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 /// The sign of a faulty effect.
 pub(crate) const MAGENTA: Vec4 = Vec4::new(1.0, 0.0, 1.0, 1.0);
@@ -68,18 +68,18 @@ struct Seen {
 
 impl EffectFaults {
     /// Records a fault; of several places the first pixel stays.
-    pub fn record(&self, effect: &dyn Effect, fault: Fault, place: FaultPlace) {
+    pub fn record(&self, effect: &Effect, fault: Fault, place: FaultPlace) {
         self.record_packed(effect, fault, place.packed());
     }
 
-    fn record_packed(&self, effect: &dyn Effect, fault: Fault, place: u32) {
+    fn record_packed(&self, effect: &Effect, fault: Fault, place: u32) {
         let mut seen = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let first = seen.found.entry((effect.manifest().name.clone(), fault)).or_insert(place);
         *first = place.min(*first);
     }
 
     /// Magenta in place of faulty colors, which are recorded with their pixels.
-    pub fn checked(&self, effect: &dyn Effect, colors: &mut [Vec4], pixel: impl Fn(usize) -> [i32; 2]) {
+    pub fn checked(&self, effect: &Effect, colors: &mut [Vec4], pixel: impl Fn(usize) -> [i32; 2]) {
         for (i, color) in colors.iter_mut().enumerate() {
             if let Some(fault) = Fault::of(*color) {
                 self.record(effect, fault, FaultPlace::Pixel(pixel(i)));
@@ -89,14 +89,14 @@ impl EffectFaults {
     }
 
     /// A vertex whose displacement is faulty stays in its place.
-    pub fn checked_offset(&self, effect: &dyn Effect, offset: Vec3) -> Vec3 {
+    pub fn checked_offset(&self, effect: &Effect, offset: Vec3) -> Vec3 {
         let Some(fault) = Fault::of(offset.extend(0.0)) else { return offset };
         self.record(effect, fault, FaultPlace::Vertex);
         Vec3::ZERO
     }
 
     /// Reads what a device recorded. `at`: where the image that it drew lies in the whole one.
-    pub fn read(&self, effects: &[Arc<dyn Effect>], records: &[u8], at: [u32; 2]) {
+    pub fn read(&self, effects: &[Effect], records: &[u8], at: [u32; 2]) {
         let records = records.as_chunks::<4>().0.iter().map(|bytes| u32::from_le_bytes(*bytes));
         for (i, place) in records.enumerate().filter(|(_, place)| *place != NO_FAULT) {
             let (Some(effect), number) = (effects.get(i / RECORDS as usize), i as u32 % RECORDS) else {
@@ -104,12 +104,12 @@ impl EffectFaults {
             };
             let fault = if number == 0 { Fault::NotFinite } else { Fault::Endless(number) };
             let moved = if place == OF_VERTEX { place } else { place + (at[1] << 16) + at[0] };
-            self.record_packed(&**effect, fault, moved);
+            self.record_packed(effect, fault, moved);
         }
     }
 
     /// Warnings of faults since the last call that were not reported before.
-    pub fn take_notes(&self, effects: &[Arc<dyn Effect>]) -> Vec<String> {
+    pub fn take_notes(&self, effects: &[Effect]) -> Vec<String> {
         let mut seen = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let found = std::mem::take(&mut seen.found);
         let new = found.into_iter().filter(|(key, _)| seen.reported.insert(key.clone()));
@@ -122,13 +122,13 @@ impl EffectFaults {
     }
 }
 
-fn warning(name: &str, fault: Fault, place: u32, effects: &[Arc<dyn Effect>]) -> String {
+fn warning(name: &str, fault: Fault, place: u32, effects: &[Effect]) -> String {
     let (at, result) = match place {
         OF_VERTEX => ("a vertex".to_string(), "such vertices stay in their places"),
         place => (format!("pixel ({}, {})", place & 0xffff, place >> 16), "such pixels are magenta"),
     };
     let effect = effects.iter().find(|e| e.manifest().name == name);
-    let loops = effect.and_then(|e| e.function()).map_or(&[][..], |function| function.loops());
+    let loops = effect.and_then(|e| e.shader()).map_or(&[][..], |shader| shader.loops());
     match fault {
         Fault::NotFinite => {
             format!("warning: effect \"{name}\": the result at {at} is NaN or infinite; {result}")

@@ -22,7 +22,7 @@ pub trait Renderer: Send {
     fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError>;
 
     /// Replaces the effects that plans may name. Everything else that the renderer has created stays.
-    fn set_effects(&mut self, effects: &[Arc<dyn Effect>]) -> Result<(), RenderError>;
+    fn set_effects(&mut self, effects: &[Effect]) -> Result<(), RenderError>;
 
     /// Reads the shader folder again. After an error the last good shaders stay in use. Does nothing without a folder.
     fn reload_shaders(&mut self) -> Result<(), RenderError> {

@@ -13,15 +13,14 @@ use choreo_stage::{Pipeline, *};
 use common::layered::{bulge, layered_scene};
 use common::*;
 use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
-use std::sync::Arc;
 
 const SIZE: [u32; 2] = [192, 128];
 
-fn effects() -> Vec<Arc<dyn Effect>> {
+fn effects() -> Vec<Effect> {
     effects::named(&["fog", "bloom", "wireframe"])
 }
 
-fn options(effects: &[Arc<dyn Effect>]) -> PlanOptions<'_> {
+fn options(effects: &[Effect]) -> PlanOptions<'_> {
     PlanOptions { effects, ..PlanOptions::new(SIZE, 1) }
 }
 

@@ -9,14 +9,20 @@ use choreo_render::plan::frame_key::frame_key;
 use choreo_render::plan::motion_blur::plan_at;
 use choreo_render::{CpuRenderer, GpuOptions, PlanOptions, Renderer, SceneResources};
 use choreo_stage::{Camera, Cut, EffectUse, Evaluator, Layer2d, Layer2dContent, Rig, Stage};
+use choreo_wgsl_effect::WgslEffect;
 use common::*;
 use glam::{DQuat, DVec2, DVec3, Vec4};
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [64, 64];
 
-fn effects() -> Vec<Arc<dyn Effect>> {
-    effects::named(&["motion_blur", "vignette"])
+fn effects() -> Vec<Effect> {
+    let by_depth = "// effect: by_depth\n// hook: image\n\
+        fn effect(at: vec2<i32>, pass_number: u32, p: Parameters) -> vec4<f32> { return vec4(vec3(depth_at(at) / 16.0), 1.0); }";
+    let by_depth = WgslEffect::from_text("by_depth.wgsl", by_depth).unwrap_or_else(|e| panic!("{e}"));
+    let mut all = effects::named(&["motion_blur", "vignette"]);
+    all.push(by_depth.into());
+    all
 }
 
 /// Two cameras that show a red and a green quad; a vignette on the second one's frames, a white panel over both.
@@ -36,11 +42,8 @@ fn scene() -> Stage {
     stage.effects.push(EffectUse {
         plugin: "vignette".into(),
         parameters: vec![("strength".into(), 1.0)],
-        keys: Vec::new(),
-        start: Time::ZERO,
-        end: None,
-        on: Vec::new(),
         cameras: vec![1],
+        ..EffectUse::default()
     });
     let panel = Layer2dContent::Panel { size: DVec2::new(0.25, 0.25), color: Vec4::ONE };
     stage.layers_2d.push(Layer2d { at: DVec2::new(0.125, 0.125), ..Layer2d::new(panel) });
@@ -122,6 +125,29 @@ fn both_renderers_mix_the_same() {
     let c = compare(&shown(&stage, 1.7, &mut renderer), &cpu, 2).unwrap();
     assert!(c.share_beyond == 0.0, "{c}");
     assert!(compare(&shown(&stage, 1.2, &mut renderer), &cpu, 2).unwrap().share_beyond > 0.1, "it can fail");
+}
+
+/// An effect that reads depth gets that of the camera's own side.
+#[test]
+fn each_side_has_its_own_scene_inputs() {
+    let mut stage = scene();
+    stage.actors[1].transform.translation.z = 4.0;
+    stage.effects = vec![EffectUse { plugin: "by_depth".into(), ..EffectUse::default() }];
+    stage.layers_2d.clear();
+    let check = |renderer: &mut dyn Renderer, bound: f64| {
+        let [first, second] = [0, 1].map(|camera| alone(&stage, camera, 1.5, renderer));
+        // 8 m and 4 m before the cameras.
+        assert_color(pixel(&first, 32, 32), [0.5; 3], "the first camera");
+        assert_color(pixel(&second, 32, 32), [0.25; 3], "the second camera");
+        let frame = shown(&stage, 1.5, renderer);
+        let apart = off(&frame, &first, &second, 0.75);
+        assert!(apart <= bound, "{apart}");
+        assert!(off(&frame, &first, &first, 0.75) > 5.0, "the comparison can fail");
+    };
+    check(&mut CpuRenderer::new(&effects()), 0.5001);
+    if let Some(mut renderer) = vulkan(GpuOptions { effects: effects(), ..GpuOptions::default() }) {
+        check(&mut renderer, 1.0);
+    }
 }
 
 #[test]

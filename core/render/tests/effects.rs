@@ -11,9 +11,8 @@ use choreo_stage::*;
 use common::layered::{bulge, layered_scene};
 use common::*;
 use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
-use std::sync::Arc;
 
-fn all() -> Vec<Arc<dyn Effect>> {
+fn all() -> Vec<Effect> {
     effects::named(&[
         "fog",
         "toon",

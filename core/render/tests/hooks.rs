@@ -12,9 +12,8 @@ use choreo_stage::*;
 use choreo_wgsl_effect::{TextureImage, WgslEffect};
 use common::*;
 use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
-use std::sync::Arc;
 
-fn effect(name: &str, head: &str, gives: &str, body: &str) -> Arc<dyn Effect> {
+fn effect(name: &str, head: &str, gives: &str, body: &str) -> Effect {
     let text = format!(
         "// effect: {name}\n// param amount = 0.5 in -10..10: how much\n{head}\n{gives} {{\n{body}\n}}\n"
     );
@@ -22,7 +21,7 @@ fn effect(name: &str, head: &str, gives: &str, body: &str) -> Arc<dyn Effect> {
         let rgba = (0..16u8).flat_map(|i| [i * 16, 255 - i * 16, (i % 4) * 80, 255]).collect();
         Ok(TextureImage { size: [4, 4], rgba, file: None })
     };
-    Arc::new(WgslEffect::with_textures("my.wgsl", &text, paper).unwrap_or_else(|e| panic!("{e}\n{text}")))
+    WgslEffect::with_textures("my.wgsl", &text, paper).unwrap_or_else(|e| panic!("{e}\n{text}")).into()
 }
 
 const VERTEX: &str = "fn effect(place: Place, p: array<f32, 8>) -> vec3<f32>";
@@ -31,7 +30,7 @@ const PIXEL: &str = "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>
 const SURFACE: &str = "fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32>";
 const PICTURE: &str = "fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32>";
 
-fn all() -> Vec<Arc<dyn Effect>> {
+fn all() -> Vec<Effect> {
     let vertex = "// hook: vertex\n// reach: 0.4";
     vec![
         effect("lift", vertex, VERTEX, "return vec3(0.0, p[amount], 0.0);"),
@@ -83,7 +82,7 @@ fn all() -> Vec<Arc<dyn Effect>> {
     ]
 }
 
-fn options(effects: &[Arc<dyn Effect>], samples: u32) -> PlanOptions<'_> {
+fn options(effects: &[Effect], samples: u32) -> PlanOptions<'_> {
     PlanOptions { effects, ..PlanOptions::new([200, 150], samples) }
 }
 
@@ -236,7 +235,7 @@ fn passing(time: Time) -> Scene {
     scene
 }
 
-fn shown(renderer: &mut dyn Renderer, effects: &[Arc<dyn Effect>], time: f64, back: Option<f64>) -> Frame {
+fn shown(renderer: &mut dyn Renderer, effects: &[Effect], time: f64, back: Option<f64>) -> Frame {
     let at = |time: Time| {
         let mut scene = passing(time);
         if let Some(back) = back {

@@ -4,7 +4,7 @@ mod common;
 
 use choreo_image_diff::compare;
 use choreo_motion::{Interpolation, Time};
-use choreo_plugin::{Effect, EffectScene, Frame, Hook, Manifest, Overlay, Stroke};
+use choreo_plugin::{Effect, EffectPlugin, EffectScene, Frame, Manifest, Overlay, OverlayEffect, Stroke};
 use choreo_render::plan::motion_blur::plan_at;
 use choreo_render::{CpuRenderer, GpuOptions, PlanOptions, Renderer, SceneResources};
 use choreo_stage::{Channel, Evaluator, Property};
@@ -12,9 +12,9 @@ use common::*;
 use glam::{DVec3, Vec3, Vec4};
 use std::sync::{Arc, LazyLock};
 
-fn effects() -> Vec<Arc<dyn Effect>> {
+fn effects() -> Vec<Effect> {
     let mut all = effects::named(&["motion_blur", "vignette"]);
-    all.push(Arc::new(Line));
+    all.push(Effect::overlay(Line));
     all
 }
 
@@ -125,14 +125,14 @@ static LINE: LazyLock<Manifest> = LazyLock::new(|| Manifest::new("line", "1", "f
 /// Level, five pixels wide, through the middle; and behind the quad.
 struct Line;
 
-impl Effect for Line {
+impl EffectPlugin for Line {
     fn manifest(&self) -> &Manifest {
         &LINE
     }
-    fn hook(&self) -> Hook {
-        Hook::Overlay
-    }
-    fn overlay(&self, _: &EffectScene, _: &[f32; 8]) -> Overlay {
+}
+
+impl OverlayEffect for Line {
+    fn overlay(&self, _: &EffectScene, _: &[f32]) -> Overlay {
         let line = |x: f64, y: f64, z: f64| Stroke {
             from: DVec3::new(-x, y, z),
             to: DVec3::new(x, y, z),

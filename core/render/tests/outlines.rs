@@ -34,7 +34,7 @@ fn ball(radius: f32) -> Primitive {
     ball
 }
 
-fn effects() -> Vec<Arc<dyn Effect>> {
+fn effects() -> Vec<Effect> {
     effects::named(&["outline"])
 }
 

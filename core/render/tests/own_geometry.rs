@@ -20,14 +20,14 @@ const TRIANGLE: &str = "fn effect(index: u32, body: Body, p: array<f32, 8>) -> T
 const RED: [f64; 3] = [1.0, 0.0, 0.0];
 const GREEN: [f64; 3] = [0.0, 1.0, 0.0];
 
-fn effect(name: &str, head: &str, gives: &str, body: &str) -> Arc<dyn Effect> {
+fn effect(name: &str, head: &str, gives: &str, body: &str) -> Effect {
     let text = format!(
         "// effect: {name}\n// param amount = 0.5 in -10..10: how much\n{head}\n{gives} {{\n{body}\n}}\n"
     );
-    Arc::new(WgslEffect::from_text("my.wgsl", &text).unwrap_or_else(|e| panic!("{e}\n{text}")))
+    WgslEffect::from_text("my.wgsl", &text).unwrap_or_else(|e| panic!("{e}\n{text}")).into()
 }
 
-fn all() -> Vec<Arc<dyn Effect>> {
+fn all() -> Vec<Effect> {
     // A square metre in two triangles, the first index nearer by `amount`, red and green.
     let square = "let half = index / 2u;\n\
         let z = body.place.z + select(0.0, p[amount], half == 0u);\n\
@@ -79,7 +79,7 @@ fn all() -> Vec<Arc<dyn Effect>> {
     ]
 }
 
-fn options(effects: &[Arc<dyn Effect>], samples: u32) -> PlanOptions<'_> {
+fn options(effects: &[Effect], samples: u32) -> PlanOptions<'_> {
     PlanOptions { effects, ..PlanOptions::new([200, 150], samples) }
 }
 

@@ -122,7 +122,7 @@ fn scene(way: Way) -> Scene {
     scene
 }
 
-fn effects() -> Vec<Arc<dyn Effect>> {
+fn effects() -> Vec<Effect> {
     effects::named(&["outline"])
 }
 

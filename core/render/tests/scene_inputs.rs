@@ -19,16 +19,16 @@ const YFOV: f64 = 0.9;
 const DISTANCE: f64 = 5.0;
 
 /// An effect that writes a number from 0 to 1 as the 24 bits of a pixel.
-fn probe(name: &str, number: &str) -> Arc<dyn Effect> {
+fn probe(name: &str, number: &str) -> Effect {
     let text = format!(
-        "// effect: {name}\n// hook: picture\n// off: amount = 0\n// param amount = 1 in 0..1: on or off\n\
+        "// effect: {name}\n// hook: image\n// off: amount = 0\n// param amount = 1 in 0..1: on or off\n\
          fn byte(b: f32) -> f32 {{ let c = b / 255.0; return select(pow((c + 0.055) / 1.055, 2.4), c / 12.92, c <= 0.04045); }}\n\
          fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {{\n\
          let x = floor(clamp({number}, 0.0, 0.9999999) * 16777216.0);\n\
          let r = floor(x / 65536.0);\nlet g = floor((x - r * 65536.0) / 256.0);\n\
          return vec4(byte(r), byte(g), byte(x - r * 65536.0 - g * 256.0), 1.0);\n}}\n"
     );
-    Arc::new(WgslEffect::from_text("probe.wgsl", &text).unwrap_or_else(|e| panic!("{e}\n{text}")))
+    WgslEffect::from_text("probe.wgsl", &text).unwrap_or_else(|e| panic!("{e}\n{text}")).into()
 }
 
 fn number(frame: &Frame, x: u32, y: u32) -> f64 {
@@ -36,7 +36,7 @@ fn number(frame: &Frame, x: u32, y: u32) -> f64 {
     (r * 65536.0 + g * 256.0 + b + 0.5) / 16_777_216.0
 }
 
-fn probes() -> Vec<Arc<dyn Effect>> {
+fn probes() -> Vec<Effect> {
     let mut all = vec![
         probe("depth", "depth_at(at) / 16.0"),
         probe("normal_x", "normal_at(at).x * 0.5 + 0.5"),
@@ -284,7 +284,7 @@ fn both_renderers_agree_on_skins_cut_outs_and_displaced_surfaces() {
     let mut effects = probes();
     let waves = "// effect: waves\n// hook: vertex\n// reach: 0.2\n\
         fn effect(place: Place, p: array<f32, 8>) -> vec3<f32> { return place.normal * 0.1 * sin(9.0 * place.world.x); }";
-    effects.push(Arc::new(WgslEffect::from_text("waves.wgsl", waves).unwrap()));
+    effects.push(WgslEffect::from_text("waves.wgsl", waves).unwrap().into());
     let given = GpuOptions { effects: effects.clone(), ..GpuOptions::default() };
     let Some(mut renderer) = vulkan(given) else { return };
     for (name, once) in [

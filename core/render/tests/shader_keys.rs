@@ -10,8 +10,8 @@ use choreo_plugin::Hook;
 use choreo_render::plan::shader_features::{FEATURES, Features, names};
 use choreo_render::shader::switches::{SWITCHES, SwitchSource, broken_rule, switch_names};
 use choreo_render::shader::{
-    BACKGROUND, LAYERS_BEHIND, OVERLAY, PRESKIN, SCENE, SKY, SceneEffect, ShaderSources, SourceFile, compile,
-    entry_points, parse, preprocess, surface_files,
+    BACKGROUND, LAYERS_BEHIND, OVERLAY, PRESKIN, REACH_ROWS, SCENE, SKY, SceneEffect, ShaderSources,
+    SourceFile, compile, entry_points, parse, preprocess, surface_files,
 };
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
@@ -367,6 +367,8 @@ fn effects(on: &[&str]) -> Vec<SceneEffect> {
         hook,
         in_model_space: bit == 4,
         faults: 16 * u32::from(bit),
+        first_row: REACH_ROWS + 2 * u32::from(bit),
+        length: 8,
     })
     .collect()
 }

@@ -55,7 +55,7 @@ fn layouts_equal_the_rust_structs() {
     let light_pass = scene(Features::METALLIC_ROUGHNESS, DeferredPass::Light);
     let effect =
         "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color * p[0]; }";
-    let (post, _) = parse(&sources().post("test", effect, [0, 0], false).unwrap(), &["EFFECTS"]).unwrap();
+    let (post, _) = parse(&sources().post("test", effect, [0, 0, 8], false).unwrap(), &["EFFECTS"]).unwrap();
     uniforms! {
         &m, "Frame": FrameUniform;
         &m, "MetallicRoughness": MetallicRoughnessUniform;

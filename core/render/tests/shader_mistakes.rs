@@ -6,7 +6,7 @@ use choreo_render::shader::*;
 #[test]
 fn mistakes_point_at_the_users_line() {
     let message = |effect: &str| {
-        let files = ShaderSources::default().post("blur", effect, [0, 0], false).unwrap();
+        let files = ShaderSources::default().post("blur", effect, [0, 0, 8], false).unwrap();
         match parse(&files, &["EFFECTS"]).unwrap_err() {
             RenderError::Shader { file, text } => format!("{file}: {text}"),
             e => panic!("{e}"),

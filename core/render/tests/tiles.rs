@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 const SIZE: [u32; 2] = [200, 150];
 
-fn effects() -> Vec<Arc<dyn Effect>> {
+fn effects() -> Vec<Effect> {
     effects::named(&["fog", "fxaa", "bloom", "wireframe", "grid", "outline"])
 }
 

@@ -100,7 +100,7 @@ fn worst(frame: &Frame, exposure: f64, of: impl Fn([f64; 3]) -> [f64; 3]) -> f64
     worst
 }
 
-fn renderers(effects: &[Arc<dyn choreo_plugin::Effect>]) -> Vec<(Box<dyn Renderer>, &'static str)> {
+fn renderers(effects: &[choreo_plugin::Effect]) -> Vec<(Box<dyn Renderer>, &'static str)> {
     let mut all: Vec<(Box<dyn Renderer>, &str)> = vec![(Box::new(CpuRenderer::new(effects)), "CPU")];
     if let Some(r) = vulkan(GpuOptions { effects: effects.to_vec(), ..GpuOptions::default() }) {
         all.push((Box::new(r), "Vulkan"));

@@ -13,7 +13,7 @@ use std::sync::Arc;
 const FRAMES: usize = 4;
 
 fn options(faults: &Faults) -> GpuOptions {
-    let effects: Vec<Arc<dyn Effect>> = effects::named(&["vignette"]);
+    let effects: Vec<Effect> = effects::named(&["vignette"]);
     GpuOptions { validation: true, effects, faults: faults.clone(), ..GpuOptions::default() }
 }
 

@@ -11,7 +11,7 @@ use choreo_render::*;
 use choreo_stage::*;
 use common::{draw as draw_cpu, *};
 use glam::{DAffine3, DVec3, Vec2, Vec3, Vec4};
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Mutex, MutexGuard};
 
 /// One renderer for all tests of this file: making one costs more than most tests.
 fn renderer() -> Option<MutexGuard<'static, Option<VulkanRenderer>>> {
@@ -37,11 +37,11 @@ macro_rules! vulkan {
 }
 
 /// The vignette, and an effect that exchanges red and blue: not its own inverse with anything else, so a chain shows its order.
-fn effects() -> Vec<Arc<dyn Effect>> {
+fn effects() -> Vec<Effect> {
     let swap = "// effect: swap
 fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color.bgra; }";
     let mut all = effects::named(&["vignette"]);
-    all.push(Arc::new(choreo_wgsl_effect::WgslEffect::from_text("swap.wgsl", swap).unwrap()));
+    all.push(choreo_wgsl_effect::WgslEffect::from_text("swap.wgsl", swap).unwrap().into());
     all
 }
 
@@ -394,7 +394,7 @@ fn odd_sizes_and_misuse() {
     plan.lights.clear();
     plan.post.push(choreo_render::plan::PostPass {
         effect: "blur".into(),
-        parameters: [0.0; 8],
+        parameters: vec![0.0; 8],
         number: 0,
         shrink: 1,
     });

@@ -170,6 +170,7 @@ pub fn value(option: &OptionValue) -> Dynamic {
         OptionValue::Number(v) => Dynamic::from_float(*v),
         OptionValue::Bool(v) => Dynamic::from_bool(*v),
         OptionValue::Text(v) => v.clone().into(),
+        OptionValue::Numbers(v) => v.iter().map(|v| Dynamic::from_float(*v)).collect::<rhai::Array>().into(),
     }
 }
 

@@ -51,6 +51,15 @@ impl Numbers {
         Ok(Numbers::new(self.iter().zip(other.iter()).map(|(a, b)| f(*a, *b)).collect(), share))
     }
 
+    /// Each row with a short array, one number for each column: `* [1, 1, -1]` mirrors rows of x y z.
+    fn with_row(&self, row: Array, what: &str, f: impl Fn(f64, f64) -> f64) -> Result<Numbers, Refused> {
+        let row = read(&row.into()).filter(|row| !row.is_empty());
+        let row = row.ok_or_else(|| refuse(format!("{what}: an array of numbers is needed")))?;
+        self.rows_of(row.len(), what)?;
+        let share = self.budget().share(8 * self.len())?;
+        Ok(Numbers::new(self.iter().zip(row.iter().cycle()).map(|(a, b)| f(*a, *b)).collect(), share))
+    }
+
     /// Adds numbers at the end, in time proportional to their count.
     pub(crate) fn append(&mut self, more: &[f64]) -> Result<(), Refused> {
         if Arc::get_mut(&mut self.0).is_none() {
@@ -253,6 +262,8 @@ pub fn register(engine: &mut Engine, budget: &Budget) {
     engine.register_fn("+", |a: Numbers, b: Numbers| a.zip(&b, "+", |a, b| a + b));
     engine.register_fn("-", |a: Numbers, b: Numbers| a.zip(&b, "-", |a, b| a - b));
     engine.register_fn("*", |a: Numbers, b: Numbers| a.zip(&b, "*", |a, b| a * b));
+    engine.register_fn("+", |a: Numbers, row: Array| a.with_row(row, "+", |a, b| a + b));
+    engine.register_fn("*", |a: Numbers, row: Array| a.with_row(row, "*", |a, b| a * b));
     let given = budget.clone();
     engine.register_fn("numbers", move || Ok::<_, Refused>(Numbers::new(Vec::new(), given.share(0)?)));
     let given = budget.clone();

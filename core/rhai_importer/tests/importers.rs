@@ -364,6 +364,19 @@ fn lines_are_read_in_place_and_polygons_become_triangles() {
 }
 
 #[test]
+fn arrays_of_scripts_meet_each_row() {
+    let turned = body(
+        "mesh(#{ positions: numbers([1, 2, 3, 4, 5, 6, 7, 8, 9]).columns(3, [0, 2, 1]) * [1, 1, -1] + [0.5, 0, 0] });",
+    )
+    .unwrap();
+    let positions = turned.meshes[0].primitives[0].positions.iter().map(|p| p.to_array());
+    assert_eq!(positions.collect::<Vec<_>>(), [[1.5, 3.0, -2.0], [4.5, 6.0, -5.0], [7.5, 9.0, -8.0]]);
+    assert!(fails("numbers([1, 2, 3]) * [1, 2]").contains("*: 3 numbers are no whole rows of 2"));
+    assert!(fails("numbers([1, 2, 3]) + []").contains("+: an array of numbers is needed"));
+    assert!(fails("numbers([1]) + [\"a\"]").contains("+: an array of numbers is needed"));
+}
+
+#[test]
 fn morphs_parts_normal_maps_cameras_and_lights() {
     let asset = body(
         r#"

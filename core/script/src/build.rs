@@ -20,6 +20,7 @@ use glam::{DQuat, DVec3};
 #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
 use rhai::{FnPtr, NativeCallContextStore};
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
@@ -36,6 +37,8 @@ pub(crate) struct Shared {
     pub limits: Limits,
     /// `--set`, in order.
     pub set: Vec<(String, String)>,
+    /// Texts of scripts that are not saved, by canonical path.
+    pub unsaved: Arc<BTreeMap<PathBuf, Arc<str>>>,
     /// Text of the script and its modules by the name shown in messages.
     pub sources: Mutex<BTreeMap<String, Arc<str>>>,
     /// Functions that the script defines, with their number of arguments.
@@ -361,6 +364,15 @@ pub struct ParentDraft {
 }
 
 impl ActorDraft {
+    /// An error where `walk_to` has set position and rotation for the whole time.
+    pub fn not_walking(&self, what: &str) -> Result<(), ApiError> {
+        let Some(walk) = self.walks.last() else { return Ok(()) };
+        let after = walk.until.as_secs();
+        Err(ApiError::new(format!("{what}: walk_to sets position and rotation of the actor already")).hint(format!(
+            "place it before walk_to; after the walk change it for each frame: on_frame(|t| if t > {after:.2} {{ actor.turn(90.0) }})"
+        )))
+    }
+
     /// The placement that `.at` and its like change: in the parent that was given last from a time on, else the actor's own.
     pub fn placement(&mut self) -> &mut Placement {
         match self.parents.last_mut().map(|draft| &mut draft.parent) {

@@ -2,9 +2,10 @@
 
 use choreo_asset::Asset;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::SystemTime;
 
 /// Assets by what they were made of. Clones share one store. An entry is used while the bytes of its file, and of all that the
 /// importer requested beside it, are the same, and is replaced when they are not.
@@ -15,6 +16,29 @@ pub struct AssetCache(Arc<Store>);
 struct Store {
     slots: Mutex<BTreeMap<Key, Slot>>,
     imports: AtomicU64,
+    /// Assets whose files are taken to be unchanged by size and time of change; `None`: every file is read each time.
+    remembered: Option<Mutex<BTreeMap<(PathBuf, String), Remembered>>>,
+}
+
+/// An asset with the files that it was made of.
+#[derive(Clone, Debug)]
+pub(crate) struct Remembered {
+    pub files: Vec<(PathBuf, FileStamp, [u8; 32])>,
+    pub asset: Arc<Asset>,
+}
+
+/// Size and time of change of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct FileStamp {
+    size: u64,
+    changed: SystemTime,
+}
+
+impl FileStamp {
+    pub fn of(path: &Path) -> Option<FileStamp> {
+        let data = std::fs::metadata(path).ok()?;
+        Some(FileStamp { size: data.len(), changed: data.modified().ok()? })
+    }
 }
 
 /// Locked while its asset is made.
@@ -47,6 +71,29 @@ pub(crate) struct SideFile {
 }
 
 impl AssetCache {
+    /// A cache that takes files of the same size and time of change for the same, for editors, which check a script at every key.
+    pub fn by_times() -> AssetCache {
+        AssetCache(Arc::new(Store { remembered: Some(Mutex::default()), ..Store::default() }))
+    }
+
+    /// The asset of an earlier request, if its files are unchanged.
+    pub(crate) fn remembered(&self, key: &(PathBuf, String)) -> Option<Remembered> {
+        let remembered = self.0.remembered.as_ref()?.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = remembered.get(key)?.clone();
+        known.files.iter().all(|(path, stamp, _)| FileStamp::of(path) == Some(*stamp)).then_some(known)
+    }
+
+    /// Whether anything is remembered by times of change.
+    pub(crate) fn remembers(&self) -> bool {
+        self.0.remembered.is_some()
+    }
+
+    pub(crate) fn remember(&self, key: (PathBuf, String), made: Remembered) {
+        if let Some(remembered) = &self.0.remembered {
+            remembered.lock().unwrap_or_else(PoisonError::into_inner).insert(key, made);
+        }
+    }
+
     pub(crate) fn slot(&self, key: Key) -> Slot {
         self.0.slots.lock().unwrap_or_else(PoisonError::into_inner).entry(key).or_default().clone()
     }
@@ -67,6 +114,11 @@ impl AssetCache {
 
     /// Drops the assets that nothing else holds, for callers that run a changing script again and again.
     pub fn drop_unused(&self) {
+        if let Some(remembered) = &self.0.remembered {
+            // Held by its slot and here.
+            let is_used = |made: &Remembered| Arc::strong_count(&made.asset) > 2;
+            remembered.lock().unwrap_or_else(PoisonError::into_inner).retain(|_, made| is_used(made));
+        }
         let mut slots = self.0.slots.lock().unwrap_or_else(PoisonError::into_inner);
         slots.retain(|_, slot| match slot.try_lock() {
             Ok(made) => made.as_ref().is_some_and(|made| Arc::strong_count(&made.asset) > 1),

@@ -12,7 +12,7 @@ use crate::hook;
 use crate::limits::Limits;
 use crate::modules::Modules;
 use crate::synonyms::ALIASES;
-use crate::value::{HandleKind, dead, is_dead, register_types};
+use crate::value::{ExpectRef, HandleKind, dead, is_dead, register_types};
 use choreo_sandbox::{SizeLimits, memory};
 use rhai::packages::{
     BasicArrayPackage, BasicBlobPackage, BasicMapPackage, BitFieldPackage, CorePackage, LogicPackage,
@@ -227,6 +227,9 @@ fn dispatch(
         Err(error) => match stand_in {
             Some(value) if !in_frame && !error.fatal => {
                 shared.note(Severity::Error, &place, &error);
+                if let Some(expect) = args.first().and_then(|of| of.read_lock::<ExpectRef>()) {
+                    shared.test().compared(expect.id);
+                }
                 Ok(value)
             }
             // The script cannot catch an error that ends it.
@@ -239,16 +242,18 @@ fn dispatch(
 }
 
 fn not_in_frames(def: &Def) -> ApiError {
+    let error = ApiError::new(format!("{} cannot be used inside on_frame", def.full_name()));
+    if def.tests {
+        return error.hint("it is for test sections: test(\"name\", || { … })");
+    }
     let of_kind = api::defs().iter().filter(|d| d.on == def.on && d.frame && d.on != HandleKind::None);
     let others: Vec<&str> = of_kind.map(|d| d.name).collect();
-    ApiError::new(format!("{} cannot be used inside on_frame", def.full_name())).hint(
-        match others.as_slice() {
-            [] => "it builds the stage, once; call it before on_frame".to_string(),
-            some => format!(
-                "it builds the stage, once; what {} can change per frame: {}",
-                def.on.name(),
-                some.join(", ")
-            ),
-        },
-    )
+    error.hint(match others.as_slice() {
+        [] => "it builds the stage, once; call it before on_frame".to_string(),
+        some => format!(
+            "it builds the stage, once; what {} can change per frame: {}",
+            def.on.name(),
+            some.join(", ")
+        ),
+    })
 }

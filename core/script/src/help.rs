@@ -1,9 +1,10 @@
 //! The text of `choreo help TERM`: the calls that answer a word of the field or of another program.
 
 use crate::api::defs;
+use crate::def::Def;
 use crate::suggest::distance;
-pub use crate::synonyms::{Answer, Call, examples};
-use crate::synonyms::{letters, mathematics, of_topic, terms};
+pub use crate::synonyms::{Answer, Call, examples, is_in};
+use crate::synonyms::{letters, mathematics, of_topic, of_words, terms};
 
 /// The calls for a term: those of its topic, and the entries of that name. Empty where there are none.
 pub fn answer(term: &str) -> Answer {
@@ -22,12 +23,23 @@ pub fn answer(term: &str) -> Answer {
     answer
 }
 
-/// The entries of the reference whose description contains the term.
-pub fn mentions(term: &str) -> Vec<Call> {
-    let wanted = term.to_lowercase();
-    let mentioning =
-        defs().all.iter().filter(|(_, def)| def.about().join("\n").to_lowercase().contains(&wanted));
-    mentioning.map(|(title, def)| Call::entry(title, def)).collect()
+/// Finds all words of a term, in any order: the topic whose terms have them, else the entries whose names, else those whose
+/// descriptions do.
+pub fn search(term: &str) -> Answer {
+    let defs = defs();
+    let answer = of_words(term, defs);
+    if !answer.calls.is_empty() {
+        return answer;
+    }
+    let entries = |is_it: &dyn Fn(&Def) -> bool| -> Vec<Call> {
+        let found = defs.all.iter().filter(|(_, def)| is_it(def));
+        found.map(|(title, def)| Call::entry(title, def)).collect()
+    };
+    let mut calls = entries(&|def| is_in(term, &def.full_name()));
+    if calls.is_empty() {
+        calls = entries(&|def| is_in(term, &def.about().join("\n")));
+    }
+    Answer { calls, ..Answer::default() }
 }
 
 /// The known terms and names that are spelled most like this one.

@@ -19,6 +19,7 @@ mod compile;
 mod content;
 mod cue_times;
 mod def;
+pub mod describe;
 mod diagnostic;
 mod engine;
 mod errors;

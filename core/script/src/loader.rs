@@ -1,6 +1,6 @@
 //! `load(…)`: from a name to an asset, through the importer plugins, each file once.
 
-use crate::cache::{AssetCache, Key, Made, SideFile};
+use crate::cache::{AssetCache, FileStamp, Key, Made, Remembered, SideFile};
 use crate::folders::{Folders, FoundFile, LoadError};
 use crate::import::{Import, Imports, submit};
 use crate::suggest::{did_you_mean, list};
@@ -232,6 +232,13 @@ impl Loader {
         choice: &ImportChoice,
         import: &Import,
     ) -> Result<Arc<Asset>, LoadError> {
+        let remembered = found.filter(|_| self.cache.remembers());
+        let remembered = remembered.map(|f| (f.path.clone(), format!("{name} {choice:?} {:?}", self.needs)));
+        if let Some(known) = remembered.as_ref().and_then(|key| self.cache.remembered(key)) {
+            self.state().used.extend(known.files.iter().map(|(path, _, hash)| (path.clone(), *hash)));
+            return Ok(known.asset);
+        }
+        let stamp = found.and_then(|f| FileStamp::of(&f.path));
         let (source, importer) = match found {
             None => (Source { name: name.to_string(), bytes: Arc::default() }, self.built_in(name)?),
             Some(found) => {
@@ -255,17 +262,40 @@ impl Loader {
             front: choice.front,
             needs,
         };
-        self.import(&source, found, made, import)
+        let (asset, beside) = self.import(&source, found, made, import)?;
+        if let (Some(key), Some(stamp), None) = (remembered, stamp, importer.file()) {
+            self.remember(key, stamp, &beside, &asset);
+        }
+        Ok(asset)
     }
 
-    /// Takes the asset from the cache if it is there; two threads that want the same asset make it once.
+    /// Remembers an asset by the times of its files, where all of them are there and did not change meanwhile.
+    fn remember(&self, key: (PathBuf, String), stamp: FileStamp, beside: &[String], asset: &Arc<Asset>) {
+        let start = key.0.parent();
+        let found =
+            beside.iter().map(|name| self.find_in(&self.folders, start, name).map(|found| found.path));
+        let Ok(mut paths) = found.collect::<Result<Vec<_>, _>>() else { return };
+        paths.push(key.0.clone());
+        let used = self.used();
+        let stamped = |path: PathBuf| Some((path.clone(), FileStamp::of(&path)?, *used.get(&path)?));
+        let files = paths.into_iter().map(stamped).collect::<Option<Vec<_>>>();
+        let is_same =
+            |files: &Vec<(PathBuf, FileStamp, [u8; 32])>| files.last().is_some_and(|last| last.1 == stamp);
+        if let Some(files) = files.filter(is_same) {
+            self.cache.remember(key, Remembered { files, asset: asset.clone() });
+        }
+    }
+
+    /// Takes the asset from the cache if it is there; two threads that want the same asset make it once. The names of the files beside
+    /// it come along.
     fn import(
         &self,
         source: &Source,
         found: Option<&FoundFile>,
         making: Making<'_>,
         watch: &Import,
-    ) -> Result<Arc<Asset>, LoadError> {
+    ) -> Result<(Arc<Asset>, Vec<String>), LoadError> {
+        let beside = |files: &[SideFile]| files.iter().map(|side| side.name.clone()).collect();
         let Making { importer, options, compress, clips, front, needs } = making;
         let start = found.and_then(|f| f.path.parent());
         let mut importer_name = importer.manifest().name.to_string();
@@ -306,13 +336,13 @@ impl Loader {
         {
             let more = more.lock().unwrap_or_else(PoisonError::into_inner);
             if let Some(made) = more.as_ref().filter(|made| same(made)) {
-                return Ok(made.asset.clone());
+                return Ok((made.asset.clone(), beside(&made.side_files)));
             }
         }
         let slot = self.cache.slot(key(needs));
         let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(made) = slot.as_ref().filter(|made| same(made)) {
-            return Ok(made.asset.clone());
+            return Ok((made.asset.clone(), beside(&made.side_files)));
         }
         let mut near = files(clips);
         self.cache.count_import();
@@ -339,8 +369,9 @@ impl Loader {
         }
         let asset = Arc::new(asset);
         let side_files = near.read.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let names = beside(&side_files);
         *slot = Some(Made { source: content, side_files, asset: asset.clone() });
-        Ok(asset)
+        Ok((asset, names))
     }
 
     fn built_in(&self, name: &str) -> Result<&Arc<dyn Importer>, LoadError> {

@@ -116,7 +116,10 @@ pub(crate) fn read_text(
     name: &str,
 ) -> Result<String, ApiError> {
     const LARGEST: usize = 4 << 20;
-    let bytes = shared.loader.folders().read(found, name)?;
+    let bytes = match shared.unsaved.get(&found.path) {
+        Some(text) => text.as_bytes().to_vec(),
+        None => shared.loader.folders().read(found, name)?,
+    };
     if bytes.len() > LARGEST {
         return Err(ApiError::new(format!(
             "\"{name}\" has {} bytes; a script may have {LARGEST}",

@@ -41,6 +41,8 @@ pub struct ScriptOptions {
     pub played_clips_only: bool,
     /// Reports the progress of the files that the script loads, on any thread, and calls them off.
     pub imports: Imports,
+    /// Texts of scripts and modules that an editor has not saved, by canonical path. They are read in place of the files.
+    pub unsaved: Arc<BTreeMap<PathBuf, Arc<str>>>,
 }
 
 impl Default for ScriptOptions {
@@ -53,6 +55,7 @@ impl Default for ScriptOptions {
             assets: AssetCache::default(),
             played_clips_only: false,
             imports: Imports::default(),
+            unsaved: Arc::default(),
         }
     }
 }
@@ -191,6 +194,7 @@ fn new_shared(folders: Folders, mode: Mode, registry: &Registry, options: &Scrip
         played_clips: OnceLock::new(),
         limits: options.limits.clone(),
         set: options.set.clone(),
+        unsaved: options.unsaved.clone(),
         sources: Mutex::default(),
         functions: Mutex::default(),
         last_token: Mutex::default(),

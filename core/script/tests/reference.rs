@@ -1,6 +1,6 @@
 //! `API.md` lists what is registered, in the words that users search for.
 
-use choreo_script::help::{answer, mentions};
+use choreo_script::help::{answer, search};
 
 #[test]
 fn the_reference_is_up_to_date() {
@@ -49,7 +49,7 @@ fn search_words_lead_to_a_heading_or_an_entry() {
 #[test]
 fn search_words_are_answered() {
     let words = SEARCH_WORDS.split([',', '\n']).map(|word| word.trim().trim_matches(['(', ')']));
-    let known = |word: &str| !answer(word).calls.is_empty() || !mentions(word).is_empty();
+    let known = |word: &str| !answer(word).calls.is_empty() || !search(word).calls.is_empty();
     let missing: Vec<&str> = words.filter(|word| !word.is_empty() && !known(word)).collect();
     assert!(missing.is_empty(), "without an answer: {missing:?}");
     assert!(!known("quaggaflux"));

@@ -275,6 +275,41 @@ fn parameters_of_effects_are_keyed_and_set_by_callbacks() {
     assert!(script.stage.check().is_empty());
 }
 
+/// Vectors and the samples of curves are interpolated; whole numbers and texts change at their keyframe.
+#[test]
+fn parameters_of_every_type_are_keyed() {
+    let script = good(
+        r#"
+        stage(#{ length: 4.0 });
+        let line = effect("line", #{ drift: [0.5, 0.0], fall: [[0.0, 0.0], [0.5, 1.0]], color_r: 0.25 });
+        line.key("drift", [[0.0, [0.0, -1.0]], [2.0, [1.0, 0.0]]]);
+        line.key("fall", [[0.0, [[0.0, 0.0]]], [2.0, [[0.0, 0.0], [1.0, 1.0]]]]);
+        line.key("count", [[0.0, 1], [2.0, 5]]);
+        line.key("cap", [[0.0, "round"], [2.0, "square"]]);
+        line.key("color_g", [[0.0, 0.0], [2.0, 1.0]]);
+    "#,
+    );
+    let used = &script.stage.effects[0];
+    let given = |name: &str| used.parameters.iter().find(|(n, _)| n == name).map(|(_, value)| *value);
+    // A straight line from 0 to 1 at x = 0.5, level behind it: 3/15 is 0.4 of the way.
+    assert_eq!((given("fall_3"), given("fall_15"), given("drift_x")), (Some(0.4), Some(1.0), Some(0.5)));
+    assert_eq!(given("color_r"), Some(0.25));
+    let at = |t: f64, name: &str| {
+        let parameters = used.parameters_at(secs(t));
+        parameters.iter().find(|(n, _)| n == name).unwrap_or_else(|| panic!("{name} at {t}")).1
+    };
+    for (name, half, end) in [
+        ("drift_x", 0.5, 1.0),
+        ("drift_y", -0.5, 0.0),
+        ("fall_15", 0.5, 1.0),
+        ("color_g", 0.5, 1.0),
+        ("count", 1.0, 5.0),
+        ("cap", 0.0, 1.0),
+    ] {
+        assert_eq!((at(1.0, name), at(2.0, name)), (half, end), "{name}");
+    }
+}
+
 #[test]
 fn an_effect_can_belong_to_a_camera() {
     let script = good(

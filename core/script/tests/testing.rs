@@ -242,6 +242,12 @@ fn formulas_are_functions_of_the_time() {
 fn misuse_is_answered_in_words() {
     let cases = [
         ("test(\"a\", || { expect(1); });", "this expect compares with nothing"),
+        (
+            "test(\"a\", || { expect(1).equals(1).not(); });",
+            "not has no effect: no comparison comes after it",
+        ),
+        ("test(\"a\", || { expect(stage()).count(\"actors\").equals(0).at(1); });", "at has no effect"),
+        ("on_frame(|t| expect(1)); test(\"a\", || 1);", "it is for test sections"),
         ("test(\"a\", || { expect(1).near(); });", "write near(goal, tolerance?), not with 0 arguments"),
         ("test(\"a\", || { expect(1).visble(); });", "did you mean \"visible\"?"),
         ("test(\"a\", || { expect(stage()).count(\"actor\"); });", "did you mean \"actors\"?"),

@@ -201,7 +201,7 @@ struct RenderState {
     notes: Vec<String>,
     views: ViewEvaluators,
     resources: Option<Arc<SceneResources>>,
-    effects: Vec<Arc<dyn Effect>>,
+    effects: Vec<Effect>,
 }
 
 impl RenderState {
@@ -245,9 +245,8 @@ impl RenderState {
         }
         let scene = &request.scene;
         let effects = scene.registry.effects();
-        let same = |a: &[Arc<dyn Effect>], b: &[Arc<dyn Effect>]| {
-            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| Arc::ptr_eq(a, b))
-        };
+        let same =
+            |a: &[Effect], b: &[Effect]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.is_same(b));
         if !same(&self.effects, effects) {
             renderer.set_effects(effects)?;
             self.effects = effects.to_vec();

@@ -13,6 +13,7 @@ mod frame_renderer;
 pub mod model;
 pub mod package;
 pub mod plugin_files;
+mod remembered_manifests;
 mod scene_source;
 mod session;
 mod session_thread;

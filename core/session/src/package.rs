@@ -15,8 +15,71 @@ pub const DESCRIPTION: &str = "plugin.toml";
 /// Bytes of the largest description that is read.
 pub const MOST_DESCRIPTION: u64 = 64 << 10;
 
-const KEYS: [&str; 6] = ["name", "version", "choreo", "license", "about", "plugin"];
+/// Authors and addresses are for readers of the description.
+const KEYS: [&str; 11] = [
+    "name",
+    "version",
+    "choreo",
+    "license",
+    "about",
+    "author",
+    "authors",
+    "url",
+    "repository",
+    "homepage",
+    "plugin",
+];
+
 const PLUGIN_KEYS: [&str; 3] = ["file", "kind", "hook"];
+
+/// SPDX identifiers of licenses and exceptions that are used often.
+const LICENSES: [&str; 45] = [
+    "0BSD",
+    "AGPL-3.0-only",
+    "AGPL-3.0-or-later",
+    "Apache-2.0",
+    "Artistic-2.0",
+    "BSD-2-Clause",
+    "BSD-3-Clause",
+    "BSL-1.0",
+    "CC-BY-3.0",
+    "CC-BY-4.0",
+    "CC-BY-NC-4.0",
+    "CC-BY-NC-SA-4.0",
+    "CC-BY-ND-4.0",
+    "CC-BY-SA-3.0",
+    "CC-BY-SA-4.0",
+    "CC0-1.0",
+    "EPL-2.0",
+    "EUPL-1.2",
+    "GPL-2.0-only",
+    "GPL-2.0-or-later",
+    "GPL-3.0-only",
+    "GPL-3.0-or-later",
+    "ISC",
+    "LGPL-2.1-only",
+    "LGPL-2.1-or-later",
+    "LGPL-3.0-only",
+    "LGPL-3.0-or-later",
+    "MIT",
+    "MIT-0",
+    "MPL-2.0",
+    "MS-PL",
+    "NCSA",
+    "OFL-1.1",
+    "OSL-3.0",
+    "PostgreSQL",
+    "Unicode-3.0",
+    "Unlicense",
+    "UPL-1.0",
+    "WTFPL",
+    "Zlib",
+    "Classpath-exception-2.0",
+    "GCC-exception-3.1",
+    "LLVM-exception",
+    "Font-exception-2.0",
+    "Linux-syscall-note",
+];
 
 /// Letters of a package's name, bytes of a text, and plugins in a package.
 const MOST_NAME: usize = 60;
@@ -168,6 +231,21 @@ impl Package {
         Ok(package)
     }
 
+    /// A note about a license with a word that is no SPDX identifier in common use.
+    pub fn license_note(&self) -> Option<String> {
+        let words = self.license.split(|c: char| c.is_whitespace() || c == '(' || c == ')');
+        let mut words = words.filter(|word| !word.is_empty() && !["AND", "OR", "WITH"].contains(word));
+        let known =
+            |word: &str| LICENSES.contains(&word.trim_end_matches('+')) || word.starts_with("LicenseRef-");
+        let word = words.find(|word| !known(word))?;
+        let near = LICENSES.iter().copied().find(|id| id.eq_ignore_ascii_case(word));
+        let near = near.map(|id| format!("; did you mean \"{id}\"?"));
+        let near = near.unwrap_or_else(|| did_you_mean(word, LICENSES));
+        Some(format!(
+            "license \"{word}\" is no common SPDX identifier{near}; the list: https://spdx.org/licenses"
+        ))
+    }
+
     /// The plugins by kind and file: "importer ply.importer.rhai, effect rim.wgsl (surface)".
     pub fn contents(&self) -> String {
         let one = |plugin: &PackagedPlugin| {
@@ -285,7 +363,10 @@ impl<'t> Fields<'t> {
         let value = self.value("plugin").ok_or_else(|| self.missing("plugin"))?;
         let must = "plugin must be tables: [[plugin]] with a file and a kind each";
         let DeValue::Array(all) = value.get_ref() else {
-            return Err(self.reader.wrong(value.span(), must, None));
+            let hint = matches!(value.get_ref(), DeValue::Table(_));
+            let hint =
+                hint.then(|| "write [[plugin]] in place of [plugin]: a package can have several".to_string());
+            return Err(self.reader.wrong(value.span(), must, hint));
         };
         if all.is_empty() || all.len() > MOST_PLUGINS {
             let message = format!("a package has 1 to {MOST_PLUGINS} plugins, this one {}", all.len());
@@ -367,11 +448,36 @@ mod tests {
     }
 
     #[test]
+    fn readers_are_told_authors_and_unusual_licenses() {
+        let with = |license: &str| {
+            let text = GOOD
+                .replace("\"MIT\"", &format!("\"{license}\"\nauthors = [\"Ann\"]\nurl = \"https://x.org\""));
+            Package::parse("plugin.toml", &text).unwrap().license_note()
+        };
+        for good in [
+            "MIT",
+            "MIT OR Apache-2.0",
+            "(GPL-2.0-or-later WITH Classpath-exception-2.0) AND Zlib",
+            "LicenseRef-own",
+        ] {
+            assert_eq!(with(good), None, "{good}");
+        }
+        let note = |word: &str, near: &str| {
+            Some(format!(
+                "license \"{word}\" is no common SPDX identifier{near}; the list: https://spdx.org/licenses"
+            ))
+        };
+        assert_eq!(with("mit"), note("mit", "; did you mean \"MIT\"?"));
+        assert_eq!(with("MIT OR Apache2.0"), note("Apache2.0", "; did you mean \"Apache-2.0\"?"));
+        assert_eq!(with("Freeware"), note("Freeware", ""));
+    }
+
+    #[test]
     fn mistakes_have_their_place_and_a_hint() {
         assert_eq!(
             error("license", "licence"),
             "plugin.toml:4:1: unknown key \"licence\"; did you mean \"license\"?\n    \
-             hint: keys: name, version, choreo, license, about, plugin"
+             hint: keys: name, version, choreo, license, about, author, authors, url, repository, homepage, plugin"
         );
         assert_eq!(
             error("license = \"MIT\"\n", ""),
@@ -418,6 +524,12 @@ mod tests {
                 .contains("did you mean \"plugin\"?")
         );
         assert!(error("name =", "name").starts_with("plugin.toml:1:"));
+        let one = GOOD.split("[[plugin]]").next().unwrap().to_string() + "[plugin]\nfile = \"a.wgsl\"\n";
+        let one = Package::parse("plugin.toml", &one).unwrap_err().to_string();
+        assert!(
+            one.contains("plugin must be tables") && one.contains("write [[plugin]] in place of [plugin]"),
+            "{one}"
+        );
     }
 
     #[test]

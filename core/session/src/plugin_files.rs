@@ -1,15 +1,18 @@
-//! Plugins that are files: `NAME.importer.rhai`, `NAME.exporter.rhai` and `NAME.wgsl` beside the script and in a folder `plugins` there, in the
+//! Plugins that are files: `NAME.importer.rhai`, `NAME.exporter.rhai`, both as `.wasm`, and `NAME.wgsl` beside the script and in a folder `plugins` there, in the
 //! folders given with `--plugins`, and in those that the environment variable CHOREO_PLUGINS names or, without it, in the user's own
-//! folder of plugins ([`user_folder`]). No other place is read. The last three can hold packages, too: folders with a `plugin.toml`.
+//! folder of plugins ([`user_folder`]). No other place is read. All but the script's own folder can hold packages, too: folders with a
+//! `plugin.toml`.
 //! Beside a script there can be WGSL of any kind: only what begins as an effect is taken for one.
 
 use crate::package::{DESCRIPTION, MOST_DESCRIPTION, Package, PackagedKind, PackagedPlugin};
+use crate::remembered_manifests;
 use choreo_files::{FileError, Folder};
 use choreo_importer_kit::images::{Encoded, Formats};
 use choreo_plugin::{
     BesideFile, Effect, Importer, LazyEffect, Manifest, PluginError, PluginFile, Registry, SceneExporter,
 };
 use choreo_rhai_importer::{EXPORTER_ENDING, ImporterOnUse, RhaiExporter, RhaiImporter, ScriptError};
+use choreo_wasm_plugin::OnUse;
 use choreo_wgsl_effect::{TextureImage, WgslEffect};
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
@@ -23,10 +26,17 @@ pub(crate) const VARIABLE: &str = "CHOREO_PLUGINS";
 const BESIDE: &str = "plugins";
 
 /// Endings of the names of plugin files.
-pub const ENDINGS: [&str; 3] = [choreo_rhai_importer::ENDING, EXPORTER_ENDING, choreo_wgsl_effect::ENDING];
+pub const ENDINGS: [&str; 5] = [
+    choreo_rhai_importer::ENDING,
+    EXPORTER_ENDING,
+    choreo_wgsl_effect::ENDING,
+    choreo_wasm_plugin::IMPORTER_ENDING,
+    choreo_wasm_plugin::EXPORTER_ENDING,
+];
 
-/// Bytes of a plugin's text, and files looked at in one folder.
+/// Bytes of a plugin's text, of a plugin in WebAssembly, and files looked at in one folder.
 const MOST_BYTES: u64 = 4 << 20;
+const MOST_WASM_BYTES: u64 = 64 << 20;
 const MOST_FILES: usize = 10_000;
 /// Bytes of an effect's text that are read to find its name.
 const HEAD_BYTES: u64 = 64 << 10;
@@ -79,6 +89,8 @@ struct ReadError(String);
 enum Plugin {
     Effect(Arc<LazyEffect>),
     Importer(Arc<ImporterOnUse>),
+    WasmImporter(Arc<OnUse<dyn Importer>>),
+    WasmExporter(Arc<OnUse<dyn SceneExporter>>),
     /// Compiled when it is found: only `choreo export` and `choreo plugins` look at it, and its text is short.
     Exporter(Arc<RhaiExporter>),
     /// It has no name to be used by.
@@ -130,7 +142,7 @@ enum FolderKind {
     Own,
     /// `plugins` in the folder of an input.
     Beside,
-    /// A package in a named folder: only the files that its description names are plugins.
+    /// A package: only the files that its description names are plugins.
     Package,
 }
 
@@ -164,8 +176,10 @@ fn of_places(
     };
     for place in places.iter().filter(|p| p.path().is_dir()) {
         for source in sources(place)? {
-            if let Some(entry) = listing.entry(source, place.kind, before) {
-                listing.add(entry);
+            let shown = source.shown.clone();
+            match listing.entry(source, place.kind, before) {
+                Some(entry) => listing.add(entry),
+                None => listing.registry.add_faulty(shown, "it has no line // effect: NAME"),
             }
         }
     }
@@ -230,6 +244,13 @@ fn places(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<PluginFolder>, Fold
                 places.push(place);
             }
         }
+        let beside = folder.join(BESIDE);
+        for package in packages_in(&beside) {
+            let place = PluginFolder::new(folder, Path::new(BESIDE).join(package), FolderKind::Package);
+            if !places.iter().any(|known| is_same(&known.path(), &place.path())) {
+                places.push(place);
+            }
+        }
     }
     Ok(places)
 }
@@ -287,12 +308,27 @@ impl Listing {
         match &entry.plugin {
             Plugin::Effect(effect) => self.registry.add_lazy_effect(effect.clone()),
             Plugin::Importer(importer) => self.registry.add_shared_importer(importer.clone()),
+            Plugin::WasmImporter(importer) => self.registry.add_shared_importer(importer.clone()),
+            Plugin::WasmExporter(exporter) => self.registry.add_shared_scene_exporter(exporter.clone()),
             Plugin::Exporter(exporter) => self.registry.add_shared_scene_exporter(exporter.clone()),
-            Plugin::Faulty(_) => self.registry.add_faulty(entry.source.shown.clone()),
+            Plugin::Faulty(why) => self.registry.add_faulty(entry.source.shown.clone(), why),
         }
+        let other = self.entries.iter().rfind(|other| entry.is_named_as(other));
+        let of = other.map(|other| format!(", that of {}", other.source.shown)).unwrap_or_default();
         let replaced = &self.registry.replaced()[before..];
-        self.replaced.extend(replaced.iter().map(|text| format!("{}: {text}", entry.source.shown)));
+        self.replaced.extend(replaced.iter().map(|text| format!("{}: {text}{of}", entry.source.shown)));
         self.entries.push(entry);
+    }
+
+    /// Plugins of this listing that have the name of one of another listing, one sentence each, with both files.
+    pub fn also_in(&self, other: &Listing) -> Vec<String> {
+        let both = |entry: &Entry| {
+            let theirs = other.entries.iter().find(|theirs| theirs.is_named_as(entry))?;
+            let (kind, name) = entry.named()?;
+            let (ours, theirs) = (&entry.source.shown, &theirs.source.shown);
+            Some(format!("the {} {name} of {ours} is also in {theirs}", kind.word()))
+        };
+        self.entries.iter().filter_map(both).collect()
     }
 
     /// The plugin of a file. `None` if the file is not meant as a plugin.
@@ -334,6 +370,9 @@ impl Listing {
                 }
                 None => Plugin::Faulty(source.fault()),
             }
+        } else if source.is_wasm() {
+            let made = reading().and_then(|(shown, file)| wasm_plugin(&shown, file));
+            made.unwrap_or_else(|e| Plugin::Faulty(e.text))
         } else if source.shown.ends_with(EXPORTER_ENDING) {
             let made = reading().and_then(|(shown, file)| exporter(&shown, file));
             made.map_or_else(|e| Plugin::Faulty(e.text), |made| Plugin::Exporter(Arc::new(made)))
@@ -352,6 +391,8 @@ impl Listing {
         let fault = |entry: &Entry| match &entry.plugin {
             Plugin::Effect(effect) => effect.get().err().map(|fault| fault.text.clone()),
             Plugin::Importer(importer) => importer.get().err().map(|fault| fault.text.clone()),
+            Plugin::WasmImporter(importer) => importer.get().err().map(|fault| fault.text.clone()),
+            Plugin::WasmExporter(exporter) => exporter.get().err().map(|fault| fault.text.clone()),
             Plugin::Exporter(_) => None,
             Plugin::Faulty(text) => Some(text.clone()),
         };
@@ -362,6 +403,16 @@ impl Listing {
     pub fn names(&self) -> Vec<(PackagedKind, String)> {
         let name = |entry: &Entry| Some((entry.kind()?, entry.manifest()?.name.clone()));
         self.entries.iter().filter_map(name).collect()
+    }
+
+    /// Names of the effects of files that nothing has used so far.
+    pub fn unused_effects(&self) -> Vec<String> {
+        let unused = self.entries.iter().filter(|entry| entry.read.get().is_none());
+        let name = |entry: &Entry| match &entry.plugin {
+            Plugin::Effect(effect) => Some(effect.name().to_string()),
+            _ => None,
+        };
+        unused.filter_map(name).collect()
     }
 
     /// The plugin files, canonical.
@@ -376,11 +427,31 @@ impl Listing {
 }
 
 impl Entry {
+    /// Kind and name of the plugin, which is not compiled for it. `None` for a file that is none.
+    fn named(&self) -> Option<(PackagedKind, &str)> {
+        let name = match &self.plugin {
+            Plugin::Effect(effect) => effect.name(),
+            Plugin::Importer(importer) => &importer.manifest().name,
+            Plugin::Exporter(exporter) => &exporter.manifest().name,
+            Plugin::WasmImporter(importer) => &importer.manifest().name,
+            Plugin::WasmExporter(exporter) => &exporter.manifest().name,
+            Plugin::Faulty(_) => return None,
+        };
+        Some((self.kind()?, name))
+    }
+
+    /// Whether two plugins have one kind and one name.
+    fn is_named_as(&self, other: &Entry) -> bool {
+        self.named().is_some_and(|named| other.named() == Some(named))
+    }
+
     /// The manifest of a plugin that works; an effect is compiled for it.
     fn manifest(&self) -> Option<&Manifest> {
         match &self.plugin {
             Plugin::Effect(effect) => effect.get().ok().map(|effect| effect.manifest()),
             Plugin::Importer(importer) => Some(importer.manifest()),
+            Plugin::WasmImporter(importer) => Some(importer.manifest()),
+            Plugin::WasmExporter(exporter) => Some(exporter.manifest()),
             Plugin::Exporter(exporter) => Some(exporter.manifest()),
             Plugin::Faulty(_) => None,
         }
@@ -389,8 +460,8 @@ impl Entry {
     fn kind(&self) -> Option<PackagedKind> {
         match &self.plugin {
             Plugin::Effect(_) => Some(PackagedKind::Effect),
-            Plugin::Importer(_) => Some(PackagedKind::Importer),
-            Plugin::Exporter(_) => Some(PackagedKind::Exporter),
+            Plugin::Importer(_) | Plugin::WasmImporter(_) => Some(PackagedKind::Importer),
+            Plugin::Exporter(_) | Plugin::WasmExporter(_) => Some(PackagedKind::Exporter),
             Plugin::Faulty(_) => None,
         }
     }
@@ -405,8 +476,9 @@ impl Entry {
             ));
         }
         let Plugin::Effect(effect) = &self.plugin else { return None };
-        let (own, hook) = (choreo_wgsl_effect::hook_word(effect.get().ok()?.hook()), stated.hook.as_ref()?);
-        (own != hook).then(|| {
+        let (own, hook) = (effect.get().ok()?.hook(), stated.hook.as_ref()?);
+        (choreo_wgsl_effect::hook_named(hook) != Some(own)).then(|| {
+            let own = choreo_wgsl_effect::hook_word(own);
             format!(
                 "{shown}: the effect has the hook {own}, {DESCRIPTION} states {hook}; write the same in both"
             )
@@ -425,6 +497,10 @@ impl Source {
 
     fn is_wgsl(&self) -> bool {
         self.shown.ends_with(choreo_wgsl_effect::ENDING)
+    }
+
+    fn is_wasm(&self) -> bool {
+        self.shown.ends_with(".wasm")
     }
 
     fn failed(&self, error: &FileError) -> ReadError {
@@ -451,7 +527,8 @@ impl Source {
     }
 
     fn bytes(&self) -> Result<Vec<u8>, ReadError> {
-        self.folder.read(&self.name, MOST_BYTES).map_err(|e| self.failed(&e))
+        let most = if self.is_wasm() { MOST_WASM_BYTES } else { MOST_BYTES };
+        self.folder.read(&self.name, most).map_err(|e| self.failed(&e))
     }
 
     fn text(&self) -> Result<String, ReadError> {
@@ -463,6 +540,9 @@ impl Source {
     /// The contents with the files that they name.
     fn read(&self) -> Result<PluginFile, ReadError> {
         let path = self.path.clone();
+        if self.is_wasm() {
+            return Ok(PluginFile { path, bytes: self.bytes()?.into(), beside: Vec::new() });
+        }
         let text = self.text()?;
         let named = if self.is_wgsl() { choreo_wgsl_effect::files(&text) } else { Vec::new() };
         let beside = named.into_iter().map(|name| self.beside(name)).collect();
@@ -518,10 +598,10 @@ fn text_of(file: &PluginFile) -> std::borrow::Cow<'_, str> {
     String::from_utf8_lossy(&file.bytes)
 }
 
-fn effect(shown: &str, file: PluginFile) -> Result<Arc<dyn Effect>, PluginError> {
+fn effect(shown: &str, file: PluginFile) -> Result<Effect, PluginError> {
     let compiled = WgslEffect::with_textures(shown, &text_of(&file), |name| picture(&file, name));
     match compiled {
-        Ok(effect) => Ok(Arc::new(effect.with_file(file))),
+        Ok(effect) => Ok(effect.with_file(file).into()),
         Err(error) => {
             let beside = file.beside.into_iter().map(|b| b.path);
             let files = std::iter::once(file.path).chain(beside).collect();
@@ -542,4 +622,14 @@ fn importer(shown: &str, file: PluginFile) -> Result<RhaiImporter, PluginError> 
         Ok(importer) => Ok(importer.with_file(file)),
         Err(error) => Err(PluginError { text: error.to_string(), files: vec![file.path] }),
     }
+}
+
+/// A plugin in WebAssembly of which the manifest is known.
+fn wasm_plugin(shown: &str, file: PluginFile) -> Result<Plugin, PluginError> {
+    let manifest = remembered_manifests::manifest(&file.bytes)
+        .map_err(|error| PluginError { text: format!("{shown}: {error}"), files: vec![file.path.clone()] })?;
+    Ok(match shown.ends_with(choreo_wasm_plugin::EXPORTER_ENDING) {
+        true => Plugin::WasmExporter(Arc::new(OnUse::exporter(shown, manifest, file))),
+        false => Plugin::WasmImporter(Arc::new(OnUse::importer(shown, manifest, file))),
+    })
 }

@@ -229,6 +229,7 @@ impl Session {
             // The inspector shows them all.
             played_clips_only: false,
             imports: self.imports.clone(),
+            ..ScriptOptions::default()
         };
         let (result, files) = run_file_touching(&self.source.input, registry, &options);
         *touched = files;

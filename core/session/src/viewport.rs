@@ -115,12 +115,8 @@ impl ViewEvaluators {
             let mut stage = (*scene.stage).clone();
             stage.effects.push(EffectUse {
                 plugin: "outline".into(),
-                parameters: Vec::new(),
-                keys: Vec::new(),
-                start: Time::ZERO,
-                end: None,
                 on: vec![EffectTarget { actor, material: None }],
-                cameras: Vec::new(),
+                ..EffectUse::default()
             });
             self.outlined = Some((actor, Arc::new(stage)));
         }

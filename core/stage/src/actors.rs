@@ -232,6 +232,11 @@ fn find_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[ActorS
             want(work, actor, pose);
         }
     }
+    let effects = if scratch.only.is_none() { &stage.effects[..] } else { &[] };
+    let distances = effects.iter().filter(|used| used.is_active(time)).flat_map(|used| &used.distances);
+    for (actor, pose) in distances.filter_map(|distance| want_target(&distance.target)) {
+        want(work, actor, pose);
+    }
     while let Some(index) = work.pop() {
         let actor = &stage.actors[index];
         for parent in parents.carriers(index) {

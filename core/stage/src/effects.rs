@@ -1,27 +1,34 @@
 //! Effects in use: on what, while what, with which parameters at a time.
 
-use crate::snapshot::EffectState;
+use crate::snapshot::{ActorState, CameraState, EffectState};
 use crate::stage::Stage;
 use crate::stage::edits::FrameEdits;
 use crate::stage::effects::put;
+use crate::transforms::target_position;
 use choreo_motion::Time;
 
-/// `camera`: the one that is on.
+/// `camera`: the one that is on, at this time.
 pub(crate) fn evaluate(
     stage: &Stage,
     edits: &FrameEdits,
     time: Time,
-    camera: Option<usize>,
+    camera: &CameraState,
+    actors: &[ActorState],
     out: &mut Vec<EffectState>,
 ) {
     out.clear();
     for (effect, used) in stage.effects.iter().enumerate() {
-        let in_time = used.start <= time && used.end.is_none_or(|end| time < end);
-        let in_view = used.cameras.is_empty() || camera.is_some_and(|c| used.cameras.contains(&c));
-        if !in_time || !in_view {
+        let in_view = used.cameras.is_empty() || camera.camera.is_some_and(|c| used.cameras.contains(&c));
+        if !used.is_active(time) || !in_view {
             continue;
         }
         let mut parameters = used.parameters_at(time);
+        for distance in &used.distances {
+            if let Some(target) = target_position(stage, actors, &distance.target) {
+                let metres = -camera.world_from_view.inverse().transform_point3(target).z;
+                put(&mut parameters, &distance.parameter, metres.clamp(distance.least, distance.most));
+            }
+        }
         for edit in edits.effects.iter().filter(|e| e.effect == effect) {
             put(&mut parameters, &edit.parameter, edit.value);
         }

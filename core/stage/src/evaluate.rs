@@ -178,18 +178,18 @@ fn evaluate(
     out.background = stage.settings.background;
     let ambient = (stage.settings.ambient_up, stage.settings.ambient_down);
     (out.ambient_up, out.ambient_down) = scratch.edits.ambient.unwrap_or(ambient);
-    effects::evaluate(stage, &scratch.edits, time, camera, &mut out.effects);
     layers_2d::evaluate(stage, &scratch.edits.layers_2d, time, &mut out.layers_2d);
     out.sky = stage.sky.as_ref().map(|sky| sky.at(&scratch.edits, time));
     lights::evaluate(stage, &scratch.edits, time, &out.actors, &mut out.lights);
     let frame =
         |index, azimuth, elevation, projection| framings.camera(stage, index, azimuth, elevation, projection);
     out.camera = camera::evaluate(stage, frame, &scratch.edits, time, camera, &out.actors)?;
+    effects::evaluate(stage, &scratch.edits, time, &out.camera, &out.actors, &mut out.effects);
     out.dissolve = None;
     if let Some((before, share)) = dissolving {
         let camera = camera::evaluate(stage, frame, &scratch.edits, time, Some(before), &out.actors)?;
         let mut effects = Vec::new();
-        effects::evaluate(stage, &scratch.edits, time, Some(before), &mut effects);
+        effects::evaluate(stage, &scratch.edits, time, &camera, &out.actors, &mut effects);
         out.dissolve = Some(Dissolve { camera, effects, share });
     }
     Ok(())

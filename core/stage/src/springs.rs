@@ -1,13 +1,13 @@
 //! Springs of all actors at a time: a simulation that any frame can be had from first.
 //!
-//! The motion advances in steps of 1/60 s on a grid that begins at time 0 (or a pre-roll earlier), settled, whatever the frame rate;
+//! The motion advances in steps of 1/60 s ([`SolverSettings::spring_rate`]) on a grid that begins at time 0 (or a pre-roll earlier), settled, whatever the frame rate;
 //! a frame between two points of the grid is one shorter step further, on a copy. So the state at a point is a function of the stage
 //! alone. States that were passed are kept, one every N steps, shared by all evaluators of a stage; a seek goes on from the
 //! nearest one before it, and what is kept changes how long that takes and nothing else.
 //!
 //! **What a seek costs.** Without anything kept, 60 poses of the actors that have springs for each second from the start; later at most
 //! as many as lie between two kept states (16, more once they would take 32 MiB). Springs remember ten minutes: in each stretch of [`STRETCH`]
-//! steps the motion begins anew, settled, a minute before it, so that 100 hours into a stage cost no more than 11 minutes. A stage with a
+//! seconds the motion begins anew, settled, a minute before it, so that 100 hours into a stage cost no more than 11 minutes. A stage with a
 //! spring of which that minute would leave more than a millionth of a swing ([`FORGETS`]), as of an undamped one, is one stretch.
 
 use crate::actors;
@@ -23,13 +23,13 @@ use glam::DVec3;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// The grid. 60 Hz is what spring parameters are tuned at; `tests/report` has what finer ones would change.
-const SPRING_STEP: Time = Time(Time::TICKS_PER_SECOND / 60);
-/// Steps after which the motion begins anew, and how many before that it does.
-const STRETCH: i64 = 600 * 60;
-const WARM_UP: i64 = 60 * 60;
+/// Seconds after which the motion begins anew, and how many before that it does.
+const STRETCH: i64 = 600;
+const WARM_UP: i64 = 60;
 /// Least decay rate of springs that forget within [`WARM_UP`], 1/s: ln 10⁶ / 60 s.
 const FORGETS: f64 = 13.82 / 60.0;
+/// Most steps between two kept states.
+const MOST_STRIDE: i64 = 36_000;
 /// Bytes of states that are kept.
 const MOST_BYTES: usize = 32 << 20;
 
@@ -72,7 +72,7 @@ impl SpringCheckpoints {
         let size = |states: &States| states.iter().map(SpringState::size).sum::<usize>() + 128;
         kept.bytes += size(states);
         kept.states.insert(key, Arc::new(states.clone()));
-        while kept.bytes > MOST_BYTES && kept.stride < STRETCH {
+        while kept.bytes > MOST_BYTES && kept.stride < MOST_STRIDE {
             kept.stride *= 2;
             let stride = kept.stride;
             kept.states.retain(|(_, step), _| step.rem_euclid(stride) == 0);
@@ -106,23 +106,24 @@ impl Simulation {
     }
 }
 
-fn time_of(step: i64) -> Time {
-    Time(step.saturating_mul(SPRING_STEP.0))
+fn time_of(stage: &Stage, step: i64) -> Time {
+    Time(step.saturating_mul(stage.solvers.spring_step().0))
 }
 
 /// The stretch that a step is in, and the step at which that begins to be simulated.
 fn stretch_of(stage: &Stage, step: i64) -> (i64, i64) {
     let springs = || stage.actors.iter().filter_map(|a| a.springs.as_ref());
     let pre_roll = springs().map(|s| s.pre_roll).max();
-    let pre_roll = pre_roll.unwrap_or(Time::ZERO).0.clamp(0, time_of(STRETCH).0);
-    let first = -(pre_roll + SPRING_STEP.0 - 1).div_euclid(SPRING_STEP.0);
+    let pre_roll = pre_roll.unwrap_or(Time::ZERO).0.clamp(0, STRETCH * Time::TICKS_PER_SECOND);
+    let (rate, length) = (stage.solvers.spring_rate, stage.solvers.spring_step().0);
+    let first = -(pre_roll + length - 1).div_euclid(length);
     let forgets = |bone: &RigBone| {
         let length = f64::from(bone.tail.length()).max(f64::MIN_POSITIVE);
         bone.spring.decay_rate(bone.pull.length() + bone.gravity.length() / length) >= FORGETS
     };
     let forgotten = springs().all(|springs| springs.rig.bones().iter().all(forgets));
-    let stretch = if forgotten { step.div_euclid(STRETCH).max(0) } else { 0 };
-    (stretch, if stretch == 0 { first.min(step) } else { stretch * STRETCH - WARM_UP })
+    let stretch = if forgotten { step.div_euclid(STRETCH * rate).max(0) } else { 0 };
+    (stretch, if stretch == 0 { first.min(step) } else { (stretch * STRETCH - WARM_UP) * rate })
 }
 
 /// Turns the joints of all springs in a snapshot whose actors are posed, placed and have done their constraints. All actors are
@@ -147,9 +148,9 @@ pub(crate) fn run(
     if simulation.actors.is_empty() {
         return Ok(());
     }
-    let step = time.0.div_euclid(SPRING_STEP.0);
+    let step = time.0.div_euclid(stage.solvers.spring_step().0);
     advance(stage, foot_locks, kept, simulation, step, scratch)?;
-    let rest = Time(time.0 - time_of(step).0);
+    let rest = Time(time.0 - time_of(stage, step).0);
     simulation.shown.resize_with(simulation.states.len(), SpringState::default);
     for (shown, state) in simulation.shown.iter_mut().zip(&simulation.states) {
         shown.copy_from(state);
@@ -190,10 +191,17 @@ fn advance(
     }
     while from <= step {
         scratch.actors.look_only_at(&simulation.actors);
-        evaluate_actors(stage, &mut scratch, time_of(from), foot_locks, None, &mut simulation.snapshot)?;
+        evaluate_actors(
+            stage,
+            &mut scratch,
+            time_of(stage, from),
+            foot_locks,
+            None,
+            &mut simulation.snapshot,
+        )?;
         let Simulation { actors, states, buffers, snapshot, .. } = simulation;
         let scratch = &mut scratch.actors;
-        swing(stage, actors, states, buffers, SPRING_STEP, scratch, &mut snapshot.actors);
+        swing(stage, actors, states, buffers, stage.solvers.spring_step(), scratch, &mut snapshot.actors);
         kept.keep((stretch, from), &simulation.states);
         from += 1;
     }

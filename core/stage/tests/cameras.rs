@@ -223,3 +223,42 @@ fn a_camera_close_to_something_small_does_not_clip_it() {
     let (reach, nearest) = projected(&stage, 0.0);
     assert!(reach.max_element() < 1.0 && nearest < 0.006);
 }
+
+#[test]
+fn a_parameter_follows_a_target_in_front_of_each_camera() {
+    let mut stage = Stage::default();
+    let anna = stage.cast("anna", figure());
+    stage.actors[anna].transform.translation = v(1.0, 0.0, -4.0);
+    stage.actors[anna].visible = false;
+    let looking =
+        |position, way| Rig::Fixed { position, rotation: DQuat::from_rotation_y(way), look_at: None };
+    stage.shoot(Camera::new("along z", looking(v(9.0, 5.0, 6.0), 0.0)));
+    stage.shoot(Camera::new("along x", looking(v(-2.0, 0.0, 0.0), -FRAC_PI_2)));
+    stage.cuts = vec![Cut { dissolve: secs(1.0), ..Cut::new(secs(1.0), 1) }];
+    let distance = |parameter: &str, target, least| EffectDistance {
+        parameter: parameter.into(),
+        target,
+        least,
+        most: 100.0,
+    };
+    let joint = Target::Joint { actor: anna, joint: 2 };
+    stage.effects.push(EffectUse {
+        parameters: vec![("a".into(), 7.0), ("b".into(), 7.0)],
+        distances: vec![distance("a", joint, 0.05), distance("c", joint, 50.0)],
+        ..EffectUse::default()
+    });
+    let value =
+        |effects: &[EffectState], name: &str| effects[0].parameters.iter().find(|p| p.0 == name).unwrap().1;
+    // The truth: the joint in the world, and the coordinate along the viewing direction.
+    let at = |t: f64| {
+        let posed = Evaluator::new(Arc::new(stage.clone())).posing_hidden().at(secs(t)).unwrap();
+        joint_world(&posed, anna, 2)
+    };
+    let first = stage.at(secs(0.5)).unwrap();
+    assert!((value(&first.effects, "a") - (6.0 - at(0.5).z)).abs() < 1e-9);
+    assert_eq!((value(&first.effects, "b"), value(&first.effects, "c")), (7.0, 50.0));
+    let mixed = stage.at(secs(1.5)).unwrap();
+    assert!((value(&mixed.effects, "a") - (at(1.5).x + 2.0)).abs() < 1e-9);
+    let before = mixed.dissolve.unwrap().effects;
+    assert!((value(&before, "a") - (6.0 - at(1.5).z)).abs() < 1e-9);
+}

@@ -25,6 +25,9 @@ pub struct Outcome {
     pub reused: bool,
     /// Hash of everything that the outcome depends on, as hexadecimal digits; empty if it is unknown.
     pub key: String,
+    /// Further words of the command that runs it: the folders of plugins and of assets that were given.
+    #[serde(skip)]
+    pub words: String,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -194,6 +197,7 @@ mod tests {
             seconds: 0.0,
             reused: false,
             key: String::new(),
+            words: String::new(),
         };
         assert_eq!((outcome.name().as_str(), outcome.bad()), ("a.rhai", false));
         (outcome.section, outcome.status) = ("one".into(), Status::Error("what".into()));

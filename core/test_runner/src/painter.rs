@@ -32,7 +32,7 @@ pub enum NoImage {
 
 /// One worker's renderers, started when first used.
 pub struct Painter {
-    effects: Vec<Arc<dyn Effect>>,
+    effects: Vec<Effect>,
     /// Folder in which compiled pipelines are kept between runs.
     gpu_cache: Option<PathBuf>,
     /// Vulkan under the validation layer; what it reports makes an image fail.
@@ -55,7 +55,7 @@ pub struct Shot {
 }
 
 impl Painter {
-    pub fn new(effects: &[Arc<dyn Effect>], gpu_cache: Option<PathBuf>) -> Painter {
+    pub fn new(effects: &[Effect], gpu_cache: Option<PathBuf>) -> Painter {
         Painter {
             effects: effects.to_vec(),
             gpu_cache,
@@ -67,9 +67,9 @@ impl Painter {
     }
 
     /// Draws with these effects from now on: those of the program and of the plugin files that a section uses.
-    pub fn set_effects(&mut self, effects: &[Arc<dyn Effect>]) -> Result<(), NoImage> {
+    pub fn set_effects(&mut self, effects: &[Effect]) -> Result<(), NoImage> {
         let same = self.effects.len() == effects.len()
-            && self.effects.iter().zip(effects).all(|(a, b)| Arc::ptr_eq(a, b));
+            && self.effects.iter().zip(effects).all(|(a, b)| a.is_same(b));
         if same {
             return Ok(());
         }

@@ -31,6 +31,8 @@ pub struct RunOptions {
     pub program: String,
     /// Folder in which compiled pipelines are kept between runs.
     pub gpu_cache: Option<PathBuf>,
+    /// Words of the command line without which sections do not run: ` --plugins DIR`; empty if none is needed.
+    pub words: String,
 }
 
 /// All that a run showed.
@@ -123,6 +125,7 @@ pub fn run(
         on_outcome,
         report: Report::default(),
         claims: BTreeMap::new(),
+        words: &options.words,
     });
     let worker = || {
         // A few sections on many cores: each image is drawn by several threads.
@@ -213,6 +216,7 @@ struct Teller<'a> {
     report: Report,
     /// Stored images, and the section whose they are.
     claims: BTreeMap<PathBuf, String>,
+    words: &'a str,
 }
 
 impl Teller<'_> {
@@ -220,6 +224,7 @@ impl Teller<'_> {
         self.waiting.insert(index, ran);
         while let Some(mut ran) = self.waiting.remove(&self.report.outcomes.len()) {
             self.claim(&mut ran);
+            ran.outcome.words = self.words.to_string();
             self.report.files.extend(ran.files.into_iter().map(|(path, _)| path));
             (self.on_outcome)(&ran.outcome);
             self.report.outcomes.push(ran.outcome);

@@ -43,6 +43,7 @@ pub fn blank(case: &Case) -> Outcome {
         seconds: 0.0,
         reused: false,
         key: String::new(),
+        words: String::new(),
     }
 }
 

@@ -292,6 +292,11 @@ fn a_claim_about_what_has_no_value_fails_with_the_reason() {
     assert!(!own.passed && own.hint.contains("camera wide takes this image itself"), "{own:?}");
     let own = judged("1", "expect(side).in_picture(side).x().between(-99.0, 99.0);");
     assert!(!own.passed && own.hint.contains("camera side takes this image itself"), "{own:?}");
+    for claim in ["at(1.5)", "at(-0.1)", "not().at(2.0)", "during(0.5, 1.5)"] {
+        let outside = judged("1", &format!("expect(ball).{claim}.near([9.0, 9.0, 9.0]);"));
+        assert!(!outside.passed && outside.got.contains("is outside the stage"), "{claim}: {outside:?}");
+    }
+    assert!(judged("1", "expect(ball).at(1.0).near([0.0, 1.0, 0.0], 0.001);").passed, "the end is inside");
     let other = judged("1", "expect(wide).in_picture(side).near([0.5, 0.5, 3.0], 0.001);");
     assert!(other.passed, "{other:?}");
     let behind = judged("1", "ball.at(0, 1, 9); expect(ball).in_picture().y().above(0.0);");

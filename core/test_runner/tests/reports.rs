@@ -30,6 +30,7 @@ fn outcome(file: &str, section: &str, status: Status, checks: Vec<Check>) -> Out
         seconds: 0.25,
         reused: false,
         key: String::new(),
+        words: String::new(),
     }
 }
 

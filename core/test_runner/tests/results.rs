@@ -40,6 +40,7 @@ fn outcome() -> Outcome {
         seconds: 1.0,
         reused: false,
         key: String::new(),
+        words: String::new(),
     }
 }
 

@@ -8,9 +8,9 @@ use crate::lower::{has_pointer_arguments, lower};
 use crate::mistakes::Mistake;
 use crate::program::{Program, Unsupported};
 use crate::scene_inputs::{self, SceneCalls};
-use crate::signature::{EDGES, LATTICE, LINE, Signature, TRIANGLE, signature};
+use crate::signature::{EDGES, LATTICE, LINE, PARAMETERS, Signature, TRIANGLE, signature};
 use crate::tokens::{Tokens, place};
-use crate::{loops, mistakes, nesting, parameters, suggestions, trial};
+use crate::{loops, mistakes, nesting, parameters, suggestions, trial, typed_parameters};
 use choreo_plugin::{Hook, Manifest};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{Function, Module};
@@ -18,6 +18,9 @@ use std::ops::Range;
 
 /// Longer texts are no effect of one pixel.
 const MAX_BYTES: usize = 256 << 10;
+
+/// Length of the array in which a function may take its parameters in place of the struct.
+const MAX_ARRAY: usize = 8;
 
 /// The compiled function.
 pub struct Code {
@@ -38,7 +41,7 @@ pub enum Output {
 }
 
 /// A function of the shader around the author's: its name, a text that stands for it, what runs in its place.
-type Declared = (String, String, Host);
+pub(crate) type Declared = (String, String, Host);
 
 /// The author's text.
 pub struct Text {
@@ -46,12 +49,16 @@ pub struct Text {
     pub file: String,
     /// The text without a byte order mark.
     pub author: String,
-    /// The text as shaders have it: with counted loops, and a constant for each parameter below it.
+    /// The text as the CPU runs it: with counted loops, and the declarations of the parameters below it.
+    run: String,
+    /// The text as shaders have it; its function `effect` takes the parameters as an array of numbers.
     pub wgsl: String,
     /// Places of the counted loops, by number from 1.
     pub loops: Vec<(usize, usize)>,
-    /// The constants, and the functions of the scene that the text calls.
+    /// The struct of the parameters, or a constant for each number of them, and the functions of the scene that the text calls.
     appended: String,
+    /// Parameters come as a struct.
+    is_typed: bool,
     pub scene: SceneCalls,
 }
 
@@ -59,9 +66,12 @@ impl Text {
     /// Checks what can be checked without parsing, and reads the head comment.
     pub fn read(file: &str, text: &str) -> Result<(Text, Manifest, Head), EffectError> {
         let author = head::without_mark(text).to_string();
+        let is_typed = typed_parameters::is_typed(&author);
         let mut text = Text {
             file: file.into(),
             author,
+            is_typed,
+            run: String::new(),
             wgsl: String::new(),
             loops: Vec::new(),
             appended: String::new(),
@@ -76,16 +86,22 @@ impl Text {
         let at_line = |error: HeadError| text.error((error.line, 1), error.mistake.to_string());
         let manifest = parameters::manifest(&text.author).map_err(at_line)?;
         let head = head::head(&text.author, &manifest).map_err(at_line)?;
-        let constant = |(i, option): (usize, &choreo_plugin::OptionSpec)| {
-            format!("const {}: u32 = {i}u;\n", option.name)
+        text.appended = if is_typed {
+            typed_parameters::declarations(&manifest)
+        } else {
+            let names = manifest.options.iter().flat_map(|o| o.number_names());
+            names.zip(0..).map(|(name, i)| format!("const {name}: u32 = {i}u;\n")).collect()
         };
-        text.appended = manifest.options.iter().enumerate().map(constant).collect();
         if head.hook == Hook::Image {
             text.scene = SceneCalls::of(&text.author);
             text.appended += &text.scene.wgsl;
         }
         let bounded = loops::bounded(&text.author);
-        text.wgsl = format!("{}\n{}", bounded.text, text.appended);
+        text.run = format!("{}\n{}", bounded.text, text.appended);
+        text.wgsl = match is_typed && head.hook.has_function() {
+            true => typed_parameters::adapted(&text.run, &manifest, signature(head.hook)),
+            false => text.run.clone(),
+        };
         text.loops = bounded.loops;
         Ok((text, manifest, head))
     }
@@ -107,6 +123,25 @@ impl Source<'_> {
     fn error(&self, span: Option<Range<usize>>, message: String) -> EffectError {
         let own = span.filter(|span| span.start < self.text.author.len());
         self.text.error(own.map_or((1, 1), |span| place(&self.text.author, span.start)), message)
+    }
+
+    /// The error of a text that ends within braces, where the parser goes on into what follows the text.
+    fn unclosed(&self, mistake: &Mistake) -> Option<EffectError> {
+        let author = &self.text.author;
+        if mistake.span.as_ref().is_some_and(|span| span.start < author.len()) {
+            return None;
+        }
+        let mut open = Vec::new();
+        for (at, token) in Tokens::of(author) {
+            match token {
+                "{" => open.push(at),
+                "}" => drop(open.pop()),
+                _ => {}
+            }
+        }
+        let (line, _) = place(author, open.pop()?);
+        let message = format!("missing `}}`: the text ends within the braces that line {line} opens");
+        Some(self.text.error(place(author, author.trim_end().len()), message))
     }
 
     fn error_at(&self, span: naga::Span, message: String) -> EffectError {
@@ -203,25 +238,28 @@ pub fn compile(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, Ef
 fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, EffectError> {
     let signature = signature(head.hook);
     let declared = declared(signature, head, &text.scene);
-    if let Some((line, message)) = taken(&text.author, signature, &declared) {
+    if let Some((line, message)) = taken(text, signature, &declared, manifest) {
         return Err(text.error((line, 1), message));
     }
     // The shader that calls it declares what it sees; below the author's text, so that lines stay.
     let functions: String = declared.iter().map(|(_, text, _)| text.as_str()).collect();
     let below = format!("{}{}{functions}", text.appended, signature.declared);
     let source = Source { text, whole: format!("{}\n{below}", text.author) };
+    let choices: Vec<String> = typed_parameters::choices(manifest).map(|(name, _)| name).collect();
+    let fields = format!("{}{}", signature.declared, if text.is_typed { &text.appended } else { "" });
     let names = || {
         let own = manifest.options.iter().map(|o| o.name.as_str());
         let of_scene: Vec<&str> = scene_inputs::names().filter(|_| head.hook == Hook::Image).collect();
+        let own = own.chain(choices.iter().map(String::as_str));
         own.chain(declared.iter().map(|d| d.0.as_str())).chain(of_scene)
     };
     let module = source.parse().map_err(|mistake| {
-        let near = match scene_inputs::names().find(|name| mistake.text.contains(&format!("`{name}`"))) {
-            Some(name) if head.hook != Hook::Image => {
-                format!("; {name}() is an input of effects with hook: picture")
-            }
-            _ => suggestions::near(&mistake.text, &text.author, signature.declared, &mut names()),
-        };
+        if let Some(open) = source.unclosed(&mistake) {
+            return open;
+        }
+        let near = suggestions::of_other_hook(&mistake.text, head, &declared)
+            .or_else(|| suggestions::parameter(&mistake.text, manifest))
+            .unwrap_or_else(|| suggestions::near(&mistake.text, &text.author, &fields, &mut names()));
         source.error(mistake.span, format!("{}{near}", mistake.text))
     })?;
     let info = validated(&module, &source)?;
@@ -230,7 +268,8 @@ fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, E
         return Err(source.error(None, format!("there is no function effect; write {}", signature.text)));
     };
     let of_function = module.functions.get_span(entry);
-    if !signature.fits(&module, function) {
+    let numbers: usize = manifest.options.iter().map(|o| o.number_count()).sum();
+    if !signature.fits(&module, function) || !text.is_typed && numbers > MAX_ARRAY {
         return Err(source.error_at(of_function, format!("effect must be {}", signature.text)));
     }
     let output = output(head.hook, &module, function);
@@ -244,7 +283,7 @@ fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, E
     let mut program = lower(&module, &info, entry, host).map_err(unsupported)?;
     if !text.loops.is_empty() {
         // What is run counts the rounds of loops; the places of mistakes are those of the author's text.
-        let (module, info) = counted(&format!("{}{}{functions}", text.wgsl, signature.declared), &source)?;
+        let (module, info) = counted(&format!("{}{}{functions}", text.run, signature.declared), &source)?;
         let own = module.functions.iter().find(|(_, f)| f.name.as_deref() == Some("effect"));
         program = lower(&module, &info, own.map_or(entry, |(own, _)| own), host)
             .map_err(|e| source.error(None, format!("a loop cannot be counted: {}", e.what)))?;
@@ -290,21 +329,34 @@ fn declared(signature: &Signature, head: &Head, scene: &SceneCalls) -> Vec<Decla
 }
 
 /// The first line (from 1) that declares what the program does.
-fn taken(text: &str, signature: &Signature, around: &[Declared]) -> Option<(usize, String)> {
+fn taken(
+    text: &Text,
+    signature: &Signature,
+    around: &[Declared],
+    manifest: &Manifest,
+) -> Option<(usize, String)> {
     let declared = |line: &str| {
         let line = line.trim_start().trim_start_matches('/').trim_start();
         let (word, rest) = line.split_once(' ')?;
         let name: &str = rest.trim_start().split([' ', '(', '{', '=', ':']).next()?;
         let of_program = |of: &str| Some((name.to_string(), of.to_string()));
         let is_function = || around.iter().any(|(n, ..)| n == name);
+        let is_declaration = matches!(word, "fn" | "const" | "struct" | "alias");
         match word {
             "fn" if is_function() => of_program("a function"),
             "param" if signature.functions.iter().any(|(n, ..)| *n == name) => of_program("a function"),
             "struct" if signature.structs().any(|n| n == name) => of_program("a type"),
+            // Shaders give each declared name an ending of its own, but not the members of `Parameters`.
+            _ if is_declaration && text.is_typed && manifest.options.iter().any(|o| o.name == name) => {
+                of_program("a parameter")
+            }
+            _ if is_declaration && text.is_typed && typed_parameters::DECLARED.contains(&name) => {
+                of_program(if name == PARAMETERS { "a type" } else { "a function" })
+            }
             _ => None,
         }
     };
-    let found = text.lines().enumerate().find_map(|(i, line)| Some((i + 1, declared(line)?)));
+    let found = text.author.lines().enumerate().find_map(|(i, line)| Some((i + 1, declared(line)?)));
     found.map(|(line, (name, what))| {
         (line, format!("{name} is {what} that the program declares; take another name"))
     })

@@ -10,9 +10,10 @@ use crate::pool;
 use crate::program::Program;
 use choreo_plugin::effect::endless;
 use choreo_plugin::{
-    Effect, EffectFunction, EffectImages, EffectScene, EffectTexture, Hook, InvertedHull, LightSample,
-    Manifest, Overlay, PluginFile, SceneInputs, Shutter, SurfaceInputs, SurfaceSample, VertexSample,
-    ViewOrder,
+    Effect, EffectImages, EffectPlugin, EffectScene, EffectShader, EffectTexture, Hook, ImageEffect,
+    InvertedHull, LightSample, LightingEffect, Manifest, OutlineEffect, Overlay, OverlayEffect, PixelEffect,
+    PluginFile, SceneInputs, Shutter, ShutterEffect, SurfaceEffect, SurfaceInputs, SurfaceSample,
+    VertexEffect, VertexSample, ViewOrder,
 };
 use glam::{Vec2, Vec3, Vec4};
 use std::sync::OnceLock;
@@ -23,7 +24,8 @@ pub const ENDING: &str = ".wgsl";
 /// Widest outline in pixels.
 const MAX_WIDTH: f32 = 256.0;
 
-/// An effect in one WGSL file.
+/// An effect in one WGSL file. It has the methods of all hooks, of which only those of its own may be called; [`Effect::from`] gives the
+/// effect of its hook.
 pub struct WgslEffect {
     text: Text,
     manifest: Manifest,
@@ -42,12 +44,12 @@ impl WgslEffect {
     /// An effect without textures; see [`WgslEffect::with_textures`].
     ///
     /// ```
-    /// use choreo_plugin::{Effect, EffectFunction};
+    /// use choreo_plugin::{EffectPlugin, PixelEffect};
     /// use choreo_wgsl_effect::WgslEffect;
     /// use glam::{Vec2, Vec4};
     ///
     /// let half = WgslEffect::from_text("half.wgsl", "// effect: half
-    /// fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return 0.5 * color; }")?;
+    /// fn effect(color: vec4<f32>, uv: vec2<f32>, p: Parameters) -> vec4<f32> { return 0.5 * color; }")?;
     /// let mut colors = [Vec4::ONE];
     /// half.pixels(&mut colors, &[Vec2::ZERO], &[0.0; 8]);
     /// assert_eq!((half.manifest().name.as_str(), colors), ("half", [Vec4::splat(0.5)]));
@@ -109,6 +111,11 @@ impl WgslEffect {
         Ok(WgslEffect { text, manifest, head, code, textures, inputs, loops, boxes, file: None })
     }
 
+    /// The hook that the head names.
+    pub fn hook(&self) -> Hook {
+        self.head.hook
+    }
+
     /// Sets where the text came from.
     pub fn with_file(mut self, file: PluginFile) -> WgslEffect {
         self.file = Some(file);
@@ -123,7 +130,7 @@ impl WgslEffect {
     }
 
     /// Calls a function that has no arguments but the parameters; `None` where it takes more than its steps.
-    fn call(&self, parameters: &[f32; 8]) -> Option<[f32; 5]> {
+    fn call(&self, parameters: &[f32]) -> Option<[f32; 5]> {
         let program = &self.code().program;
         let mut machine = Machine::<1>::new(program, parameters);
         machine.run(program, 1, &Textures(&self.textures)).ok()?;
@@ -137,7 +144,7 @@ impl WgslEffect {
         &self,
         colors: &mut [Vec4],
         samples: &[SurfaceSample],
-        parameters: &[f32; 8],
+        parameters: &[f32],
     ) where
         Machine<N>: pool::Pooled,
         Lanes: Width<N>,
@@ -158,7 +165,7 @@ impl WgslEffect {
     /// number, and `get` takes what came out.
     fn batches<const N: usize, T>(
         &self,
-        parameters: &[f32; 8],
+        parameters: &[f32],
         environment: &dyn Environment,
         items: &mut [T],
         set: impl Fn(&mut Machine<N>, &Program, usize, &[T]),
@@ -223,7 +230,22 @@ fn surface_component(s: &SurfaceSample, i: usize) -> f32 {
     }
 }
 
-impl EffectFunction for WgslEffect {
+impl EffectPlugin for WgslEffect {
+    fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    fn file(&self) -> Option<&PluginFile> {
+        self.file.as_ref()
+    }
+
+    fn off(&self, parameters: &[f32]) -> Option<String> {
+        let off = self.head.off.as_ref().filter(|off| parameters.get(off.index) == Some(&off.value))?;
+        Some(format!("{} is {}", off.name, off.value))
+    }
+}
+
+impl EffectShader for WgslEffect {
     fn wgsl(&self) -> &str {
         &self.text.wgsl
     }
@@ -232,7 +254,17 @@ impl EffectFunction for WgslEffect {
         &self.loops
     }
 
-    fn pixels(&self, colors: &mut [Vec4], uv: &[Vec2], parameters: &[f32; 8]) {
+    fn textures(&self) -> &[EffectTexture] {
+        &self.textures
+    }
+}
+
+impl PixelEffect for WgslEffect {
+    fn view_order(&self) -> ViewOrder {
+        self.head.view
+    }
+
+    fn pixels(&self, colors: &mut [Vec4], uv: &[Vec2], parameters: &[f32]) {
         self.batches::<ROW, _>(
             parameters,
             &Textures(&self.textures),
@@ -244,16 +276,45 @@ impl EffectFunction for WgslEffect {
             |color, out| *color = Vec4::from_array(out),
         );
     }
+}
+
+impl ImageEffect for WgslEffect {
+    fn view_order(&self) -> ViewOrder {
+        self.head.view
+    }
+
+    fn passes(&self) -> u32 {
+        self.head.passes
+    }
+
+    /// Halves the image until the length that the head names is short enough.
+    fn shrink(&self, _: u32, size: [u32; 2], parameters: &[f32]) -> u32 {
+        let mut shrink = 1;
+        if let Some((length, most)) = self.head.shrink {
+            while length.of(parameters) * size[1] as f32 > (most * shrink) as f32 && shrink < size[1] {
+                shrink *= 2;
+            }
+        }
+        shrink
+    }
+
+    fn history(&self, _: &[f32]) -> u32 {
+        self.head.history
+    }
+
+    fn scene_inputs(&self) -> SceneInputs {
+        self.text.scene.inputs
+    }
 
     fn image_row(
         &self,
         images: &EffectImages,
         y: u32,
         pass_number: u32,
-        parameters: &[f32; 8],
+        parameters: &[f32],
         row: &mut [Vec4],
     ) {
-        let shrink = self.shrink(pass_number, images.original.size, parameters);
+        let shrink = ImageEffect::shrink(self, pass_number, images.original.size, parameters);
         let environment = PassImages { images, textures: &self.textures, history: self.head.history, shrink };
         self.batches::<ROW, _>(
             parameters,
@@ -268,16 +329,40 @@ impl EffectFunction for WgslEffect {
             |color, out| *color = Vec4::from_array(out),
         );
     }
+}
 
-    fn surfaces(&self, colors: &mut [Vec4], samples: &[SurfaceSample], parameters: &[f32; 8]) {
+impl SurfaceEffect for WgslEffect {
+    fn surface_inputs(&self, parameters: &[f32]) -> SurfaceInputs {
+        self.head.inputs(self.inputs, parameters)
+    }
+
+    fn changes_background(&self, parameters: &[f32]) -> bool {
+        self.head.background.of(parameters) > 0.5
+    }
+
+    fn surfaces(&self, colors: &mut [Vec4], samples: &[SurfaceSample], parameters: &[f32]) {
         if colors.len() > QUAD {
             self.surface_batches::<ROW>(colors, samples, parameters);
         } else {
             self.surface_batches::<QUAD>(colors, samples, parameters);
         }
     }
+}
 
-    fn vertex(&self, sample: &VertexSample, parameters: &[f32; 8]) -> Vec3 {
+impl VertexEffect for WgslEffect {
+    fn surface_inputs(&self, parameters: &[f32]) -> SurfaceInputs {
+        self.head.inputs(self.inputs, parameters)
+    }
+
+    fn reach(&self, parameters: &[f32]) -> f32 {
+        self.head.reach.of(parameters).abs()
+    }
+
+    fn in_model_space(&self) -> bool {
+        self.head.in_model_space
+    }
+
+    fn vertex(&self, sample: &VertexSample, parameters: &[f32]) -> Vec3 {
         let mut offset = [Vec3::ZERO];
         let (w, n, uv, m) = (sample.world, sample.normal, sample.uv, sample.model);
         let components = [w.x, w.y, w.z, n.x, n.y, n.z, uv.x, uv.y, m.x, m.y, m.z];
@@ -290,8 +375,14 @@ impl EffectFunction for WgslEffect {
         );
         offset[0]
     }
+}
 
-    fn lights(&self, samples: &mut [LightSample], parameters: &[f32; 8]) {
+impl LightingEffect for WgslEffect {
+    fn surface_inputs(&self, parameters: &[f32]) -> SurfaceInputs {
+        self.head.inputs(self.inputs, parameters)
+    }
+
+    fn lights(&self, samples: &mut [LightSample], parameters: &[f32]) {
         self.batches::<QUAD, _>(
             parameters,
             &Textures(&self.textures),
@@ -311,97 +402,10 @@ impl EffectFunction for WgslEffect {
     }
 }
 
-impl Effect for WgslEffect {
-    fn manifest(&self) -> &Manifest {
-        &self.manifest
-    }
-
-    fn file(&self) -> Option<&PluginFile> {
-        self.file.as_ref()
-    }
-
-    fn hook(&self) -> Hook {
-        self.head.hook
-    }
-
-    /// An overlay that is drawn once for the scene belongs to no actor.
-    fn applies_to_actors(&self) -> bool {
-        self.head.hook.applies_to_actors() && !self.head.of_scene
-    }
-
-    fn function(&self) -> Option<&dyn EffectFunction> {
-        self.head.hook.has_function().then_some(self as &dyn EffectFunction)
-    }
-
-    fn surface_inputs(&self, parameters: &[f32; 8]) -> SurfaceInputs {
-        self.head.inputs(self.inputs, parameters)
-    }
-
-    fn changes_background(&self, parameters: &[f32; 8]) -> bool {
-        self.head.background.of(parameters) > 0.5
-    }
-
-    fn off(&self, parameters: &[f32; 8]) -> Option<String> {
-        let (index, value) = self.head.off.filter(|(index, value)| parameters[*index] == *value)?;
-        Some(format!("{} is {value}", self.manifest.options[index].name))
-    }
-
-    fn in_model_space(&self) -> bool {
-        self.head.in_model_space
-    }
-
-    fn reach(&self, parameters: &[f32; 8]) -> f32 {
-        self.head.reach.of(parameters).abs()
-    }
-
-    fn scene_inputs(&self) -> SceneInputs {
-        self.text.scene.inputs
-    }
-
-    fn passes(&self) -> u32 {
-        self.head.passes
-    }
-
-    fn view_order(&self) -> ViewOrder {
-        self.head.view
-    }
-
-    fn history(&self, _: &[f32; 8]) -> u32 {
-        self.head.history
-    }
-
-    fn textures(&self) -> &[EffectTexture] {
-        &self.textures
-    }
-
-    /// Halves the image until the length that the head names is short enough.
-    fn shrink(&self, _: u32, size: [u32; 2], parameters: &[f32; 8]) -> u32 {
-        let mut shrink = 1;
-        if let Some((length, most)) = self.head.shrink {
-            while length.of(parameters) * size[1] as f32 > (most * shrink) as f32 && shrink < size[1] {
-                shrink *= 2;
-            }
-        }
-        shrink
-    }
-
-    fn overlay(&self, scene: &EffectScene, parameters: &[f32; 8]) -> Overlay {
-        let Code { program, output } = self.code();
-        let (head, textures) = (&self.head, &self.textures[..]);
-        Drawing { program, head, textures, output: *output, boxes: self.boxes, parameters }.run(scene)
-    }
-
-    fn shutter(&self, parameters: &[f32; 8]) -> Option<Shutter> {
-        if self.head.hook != Hook::Shutter {
-            return None;
-        }
-        let [samples, degrees, before, ..] = self.call(parameters)?;
-        Some(Shutter { samples: samples.to_bits(), open: f64::from(degrees) / 360.0, before: before.into() })
-    }
-
+impl OutlineEffect for WgslEffect {
     /// The hull, unless its numbers are not finite or it takes more than its steps.
-    fn inverted_hull(&self, parameters: &[f32; 8]) -> Option<InvertedHull> {
-        if self.head.hook != Hook::Outline || self.code().output != Output::Hull {
+    fn inverted_hull(&self, parameters: &[f32]) -> Option<InvertedHull> {
+        if self.code().output != Output::Hull {
             return None;
         }
         let [width, r, g, b, lighting_mix] = self.call(parameters)?;
@@ -413,11 +417,51 @@ impl Effect for WgslEffect {
         (width > 0.0 && hull.color.is_finite() && lighting_mix.is_finite()).then_some(hull)
     }
 
-    fn wireframe(&self, parameters: &[f32; 8]) -> Option<Vec3> {
-        if self.head.hook != Hook::Outline || self.code().output != Output::Edges {
+    fn wireframe(&self, parameters: &[f32]) -> Option<Vec3> {
+        if self.code().output != Output::Edges {
             return None;
         }
         let [r, g, b, ..] = self.call(parameters)?;
         Some(Vec3::new(r, g, b)).filter(|color| color.is_finite())
+    }
+}
+
+impl OverlayEffect for WgslEffect {
+    /// An overlay that is drawn once for the scene belongs to no actor.
+    fn applies_to_actors(&self) -> bool {
+        !self.head.of_scene
+    }
+
+    fn history(&self, _: &[f32]) -> u32 {
+        self.head.history
+    }
+
+    fn overlay(&self, scene: &EffectScene, parameters: &[f32]) -> Overlay {
+        let Code { program, output } = self.code();
+        let (head, textures) = (&self.head, &self.textures[..]);
+        Drawing { program, head, textures, output: *output, boxes: self.boxes, parameters }.run(scene)
+    }
+}
+
+impl ShutterEffect for WgslEffect {
+    fn shutter(&self, parameters: &[f32]) -> Option<Shutter> {
+        let [samples, degrees, before, ..] = self.call(parameters)?;
+        Some(Shutter { samples: samples.to_bits(), open: f64::from(degrees) / 360.0, before: before.into() })
+    }
+}
+
+/// The effect of the hook that the head names.
+impl From<WgslEffect> for Effect {
+    fn from(effect: WgslEffect) -> Effect {
+        match effect.hook() {
+            Hook::Pixel => Effect::pixel(effect),
+            Hook::Image => Effect::image(effect),
+            Hook::Surface => Effect::surface(effect),
+            Hook::Vertex => Effect::vertex(effect),
+            Hook::Lighting => Effect::lighting(effect),
+            Hook::Outline => Effect::outline(effect),
+            Hook::Overlay => Effect::overlay(effect),
+            Hook::Shutter => Effect::shutter(effect),
+        }
     }
 }

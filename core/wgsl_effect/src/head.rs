@@ -10,14 +10,18 @@
 //! // inputs: normals
 //! // off: amount = 0
 //! // param amount = 0.1 in 0..1: how strong it is
+//! // param size = 1.5 px in 1..32: with a unit
+//! // param count = int(3) in 1..9: a whole number
 //! // param colored = false: another grain for each color
-//! // param tint = rgb(1.0, 0.5, 0.0): its color
-//! // param curve = soft of soft|hard: how it fades in the lights
+//! // param tint = color(gold): its color; or rgb(1, 0.5, 0), linear
+//! // param drift = vec2(0, 1) in -1..1: 2 to 4 numbers
+//! // param mode = soft of soft|hard: how it fades in the lights
+//! // param fall = curve(0 0, 0.5 0.8, 1 1) in 0..1: keys x y of a curve
 //! // texture paper = paper.png: what it is printed on
 //! // texture bumps = bumps.png as data: heights
 //! ```
 //!
-//! With `hook: vertex` also `reach: METRES or PARAMETER` and `space: model`; with `hook: picture` `passes: 2`, `halve: radius to 8` and
+//! With `hook: vertex` also `reach: METRES or PARAMETER` and `space: model`; with `hook: image` `passes: 2`, `halve: radius to 8` and
 //! `history: 3`; with `hook: overlay` `count: NUMBER or PARAMETER`, `over: true or PARAMETER`, `of: scene`, `history: 64` and
 //! `joint hand = RightHand|hand.r: where it burns`.
 
@@ -52,8 +56,8 @@ pub struct Head {
     pub reach: Amount,
     /// A length as a share of the image's height, and how many pixels it may have in the passes before the last.
     pub shrink: Option<(Amount, u32)>,
-    /// The parameter, by its index, and its value with which the effect changes nothing.
-    pub off: Option<(usize, f32)>,
+    /// The parameter with a value with which the effect changes nothing.
+    pub off: Option<Off>,
     pub passes: u32,
     /// The order of an effect on images and the view transform.
     pub view: ViewOrder,
@@ -68,11 +72,20 @@ pub struct Head {
     pub textures: Vec<TextureLine>,
 }
 
+/// `off: NAME = VALUE`.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Off {
+    pub name: String,
+    /// The index of its number.
+    pub index: usize,
+    pub value: f32,
+}
+
 /// A number in the head.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Amount {
     Number(f32),
-    /// The value of a parameter, by its index.
+    /// A number of the parameters, by its index.
     Parameter(usize),
     /// 1 minus the value of a flag.
     Not(usize),
@@ -85,7 +98,7 @@ impl Default for Amount {
 }
 
 impl Amount {
-    pub fn of(self, parameters: &[f32; 8]) -> f32 {
+    pub fn of(self, parameters: &[f32]) -> f32 {
         let parameter = |index: usize| parameters.get(index).copied().unwrap_or(0.0);
         match self {
             Amount::Number(number) => number,
@@ -97,7 +110,7 @@ impl Amount {
 
 impl Head {
     /// The inputs of a surface that the effect reads, where its function reads `text`.
-    pub fn inputs(&self, text: SurfaceInputs, parameters: &[f32; 8]) -> SurfaceInputs {
+    pub fn inputs(&self, text: SurfaceInputs, parameters: &[f32]) -> SurfaceInputs {
         let mut inputs = SurfaceInputs {
             normals: text.normals || self.inputs.normals,
             uvs: text.uvs || self.inputs.uvs,
@@ -107,7 +120,8 @@ impl Head {
         };
         if let Some((index, choices)) = &self.chosen_input {
             for (number, name) in choices.iter().enumerate() {
-                if let Some(input) = input(&mut inputs, name).filter(|_| parameters[*index] != number as f32)
+                if let Some(input) =
+                    input(&mut inputs, name).filter(|_| parameters.get(*index) != Some(&(number as f32)))
                 {
                     *input = false;
                 }
@@ -304,7 +318,7 @@ impl Head {
         for name in value.split('|').map(str::trim) {
             let chosen = manifest.options.iter().enumerate().find(|(_, o)| o.name == name);
             if let Some((index, OptionKind::Text { one_of, .. })) = chosen.map(|(i, o)| (i, &o.kind)) {
-                self.chosen_input = Some((index, one_of.clone()));
+                self.chosen_input = Some((manifest.first_number(index), one_of.clone()));
             } else {
                 let input = input(&mut self.inputs, name);
                 *input.ok_or_else(|| {
@@ -318,7 +332,7 @@ impl Head {
 
 const HOOKS: [(&str, Hook); 8] = [
     ("pixel", Hook::Pixel),
-    ("picture", Hook::Image),
+    ("image", Hook::Image),
     ("surface", Hook::Surface),
     ("vertex", Hook::Vertex),
     ("lighting", Hook::Lighting),
@@ -332,18 +346,26 @@ fn refused(name: &str, allowed: impl Into<String>, value: &str, near: String) ->
     HeadMistake::Value { name: name.into(), allowed: allowed.into(), value: value.into(), near }
 }
 
-fn hook(value: &str) -> Result<Hook, HeadMistake> {
-    // The same hooks by the names that the program has for them.
-    let named = match value {
-        "image" => "picture",
+/// The hook of a word in the head of an effect's file.
+pub fn hook_named(word: &str) -> Option<Hook> {
+    let named = match word {
+        "picture" => "image",
         "outline" => "shell",
         other => other,
     };
-    let found = HOOKS.iter().find(|(word, _)| *word == named).map(|(_, hook)| *hook);
-    found.ok_or_else(|| {
+    HOOKS.iter().find(|(word, _)| *word == named).map(|(_, hook)| *hook)
+}
+
+fn hook(value: &str) -> Result<Hook, HeadMistake> {
+    hook_named(value).ok_or_else(|| {
         let words = HOOKS.map(|(word, _)| word);
         refused("hook", format!("one of {}", words.join(", ")), value, did_you_mean(value, words))
     })
+}
+
+/// All hooks.
+pub fn hooks() -> impl Iterator<Item = Hook> {
+    HOOKS.iter().map(|(_, hook)| *hook)
 }
 
 /// The word of a hook in the head of an effect's file.
@@ -379,9 +401,17 @@ fn slip(name: &str) -> Option<&'static str> {
     closest(name, WORDS).filter(|word| word.len().abs_diff(name.len()) <= 2)
 }
 
+/// The parameter with a name that is one number, and the index of that number.
+fn number_of<'a>(name: &str, manifest: &'a Manifest) -> Option<(&'a OptionKind, usize)> {
+    let place = manifest.options.iter().position(|o| o.name == name)?;
+    let kind = &manifest.options[place].kind;
+    let is_number = matches!(kind, OptionKind::Number { .. } | OptionKind::Integer { .. });
+    is_number.then(|| (kind, manifest.first_number(place)))
+}
+
 fn reach(value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake> {
-    if let Some(place) = manifest.options.iter().position(|o| o.name == value) {
-        return Ok(Amount::Parameter(place));
+    if let Some((_, index)) = number_of(value, manifest) {
+        return Ok(Amount::Parameter(index));
     }
     let metres = value.parse::<f32>().ok().filter(|m| (0.0..=1e6).contains(m));
     metres.map(Amount::Number).ok_or_else(|| {
@@ -391,11 +421,14 @@ fn reach(value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake> {
 
 fn things(value: &str, manifest: &Manifest) -> Result<Amount, HeadMistake> {
     let most = Overlay::MOST;
-    if let Some(place) = manifest.options.iter().position(|o| o.name == value) {
-        return match manifest.options[place].kind {
-            OptionKind::Number { min, max, .. } if min >= 0.0 && max <= most as f64 => {
-                Ok(Amount::Parameter(place))
-            }
+    if manifest.options.iter().any(|o| o.name == value) {
+        let bounds = |kind: &OptionKind| match kind {
+            OptionKind::Number { min, max, .. } => [*min, *max],
+            OptionKind::Integer { min, max, .. } => [*min as f64, *max as f64],
+            _ => [f64::NAN; 2],
+        };
+        return match number_of(value, manifest).map(|(kind, index)| (bounds(kind), index)) {
+            Some(([min, max], index)) if min >= 0.0 && max <= most as f64 => Ok(Amount::Parameter(index)),
             _ => Err(HeadMistake::CountRange { name: value.into(), most }),
         };
     }
@@ -414,7 +447,8 @@ fn truth(name: &str, value: &str, manifest: &Manifest) -> Result<Amount, HeadMis
     let (flag, negated) = value.strip_prefix("not ").map_or((value, false), |flag| (flag.trim(), true));
     let is_flag = |kind: &OptionKind| matches!(kind, OptionKind::Bool { .. });
     let index = manifest.options.iter().position(|o| o.name == flag && is_flag(&o.kind));
-    index.map(|index| if negated { Amount::Not(index) } else { Amount::Parameter(index) }).ok_or_else(|| {
+    let number = index.map(|index| manifest.first_number(index));
+    number.map(|index| if negated { Amount::Not(index) } else { Amount::Parameter(index) }).ok_or_else(|| {
         refused(name, "true, false, or the name of a parameter that is", value, near(value, manifest))
     })
 }
@@ -423,20 +457,20 @@ fn truth(name: &str, value: &str, manifest: &Manifest) -> Result<Amount, HeadMis
 fn halve(value: &str, manifest: &Manifest) -> Result<(Amount, u32), HeadMistake> {
     let read = || {
         let (length, most) = value.split_once(" to ")?;
-        let index = manifest.options.iter().position(|o| o.name == length.trim())?;
+        let (_, index) = number_of(length.trim(), manifest)?;
         Some((Amount::Parameter(index), most.trim().parse().ok().filter(|most| (1..=256).contains(most))?))
     };
     read().ok_or(HeadMistake::Form("halve: PARAMETER to PIXELS, 1 to 256"))
 }
 
 /// `strength = 0`: a number parameter, and the value with which the effect changes nothing.
-fn off(value: &str, manifest: &Manifest) -> Result<(usize, f32), HeadMistake> {
+fn off(value: &str, manifest: &Manifest) -> Result<Off, HeadMistake> {
     let (name, at) = value.split_once('=').map(|(name, at)| (name.trim(), at.trim())).unwrap_or((value, ""));
-    let is_number = |kind: &OptionKind| matches!(kind, OptionKind::Number { .. });
-    let index = manifest.options.iter().position(|o| o.name == name && is_number(&o.kind));
-    let index = index.ok_or_else(|| HeadMistake::NoOff { name: name.into(), near: near(name, manifest) })?;
+    let (_, index) = number_of(name, manifest)
+        .ok_or_else(|| HeadMistake::NoOff { name: name.into(), near: near(name, manifest) })?;
     let at = at.parse().ok().filter(|at: &f32| at.is_finite());
-    Ok((index, at.ok_or(HeadMistake::Form("off: PARAMETER = NUMBER"))?))
+    let value = at.ok_or(HeadMistake::Form("off: PARAMETER = NUMBER"))?;
+    Ok(Off { name: name.into(), index, value })
 }
 
 /// Did it mean a parameter?
@@ -526,7 +560,7 @@ mod tests {
         assert_eq!(hook("// background: true\n// hook: surface"), Ok((Hook::Surface, false, 1.0)));
         assert_eq!(hook("// hook: lighting"), Ok((Hook::Lighting, false, 0.0)));
         let error = |text: &str| head_of(text).unwrap_err();
-        let known = "hook is one of pixel, picture, surface, vertex, lighting, shell, overlay, shutter, not ";
+        let known = "hook is one of pixel, image, surface, vertex, lighting, shell, overlay, shutter, not ";
         let unknown = format!("{known}\"overlai\"; did you mean \"overlay\"?");
         assert_eq!(error("// effect: a\n// hook: overlai"), (2, unknown));
         assert_eq!(error("// see_through: true").1, "see_through is of effects with hook: surface");
@@ -537,7 +571,9 @@ mod tests {
         assert!(head_of("// see: another one\n// author: me\n// note of hooks: none").is_ok());
         let flag = "background is true, false, or the name of a parameter that is, not \"much\"";
         assert_eq!(error("// hook: surface\n// background: much").1, flag);
-        assert_eq!(head_of("// hook: image").map(|h| h.hook), Ok(Hook::Image));
+        for word in ["image", "picture"] {
+            assert_eq!(head_of(&format!("// hook: {word}")).map(|h| h.hook), Ok(Hook::Image));
+        }
     }
 
     #[test]
@@ -594,7 +630,7 @@ mod tests {
     #[test]
     fn a_parameter_turns_an_effect_off() {
         let off = |text: &str| head_of(text).map(|h| h.off);
-        assert_eq!(off("// off: high = 0"), Ok(Some((0, 0.0))));
+        assert_eq!(off("// off: high = 0"), Ok(Some(Off { name: "high".into(), index: 0, value: 0.0 })));
         assert_eq!(off("// hook: image"), Ok(None));
         let unknown =
             "write // off: PARAMETER = NUMBER; no parameter \"hihg\" is a number; did you mean \"high\"?";
@@ -619,7 +655,7 @@ mod tests {
         let files = [texture("paper", "a b.png", true, 4), texture("bumps", "bumps.png", false, 5)];
         assert_eq!(made.textures, files);
         let error = |text: &str| head_of(text).unwrap_err();
-        assert_eq!(error("// history: 1"), (1, "history is of effects with hook: picture".into()));
+        assert_eq!(error("// history: 1"), (1, "history is of effects with hook: image".into()));
         assert_eq!(error("// hook: image\n// history: 17").1, "history is a whole number from 1 to 16");
         assert_eq!(error("// texture high = x.png: y"), (1, "high is declared twice".into()));
         assert!(error("// texture paper").1.starts_with("write // texture NAME"));

@@ -32,8 +32,22 @@ pub(crate) enum HeadMistake {
     NoNumber { name: String, value: String },
     #[error("{name}: {value} is not within {min}..{max}")]
     OutOfRange { name: String, value: f64, min: f64, max: f64 },
-    #[error("{name}: a color is three parameters of at most {most}, each from 0 to 100")]
-    Color { name: String, most: usize },
+    #[error("{0}: the three numbers of a color are from 0 to 100")]
+    Color(String),
+    #[error("{name}: {why}")]
+    NoColor { name: String, why: String },
+    #[error("{name}: a whole number and its range lie within ±{most}")]
+    NoWhole { name: String, most: f64 },
+    #[error("{name}: vec{count} has {count} numbers, not {given}")]
+    Components { name: String, count: usize, given: usize },
+    #[error(
+        "{name}: a curve is 1 to {most} keys x y, as in curve(0 0, 0.5 0.8, 1 1), with growing x from 0 to 1"
+    )]
+    Curve { name: String, most: usize },
+    #[error(
+        "the parameters of an effect are at most {most} numbers: a color is 3 of them, a vector 2 to 4, a curve 16"
+    )]
+    TooManyNumbers { most: usize },
     #[error("{name} is of effects with hook: {hook}")]
     OtherHook { name: String, hook: &'static str },
     #[error(

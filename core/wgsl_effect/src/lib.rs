@@ -28,7 +28,8 @@ mod signature;
 mod suggestions;
 mod tokens;
 mod trial;
+mod typed_parameters;
 
 pub use effect::{ENDING, TextureImage, WgslEffect};
 pub use error::EffectError;
-pub use head::{files, is_meant, name, word as hook_word};
+pub use head::{files, hook_named, is_meant, name, word as hook_word};

@@ -53,6 +53,8 @@ pub fn lower(
         used.map(|(_, component)| component).collect()
     });
     let inputs = inputs.collect();
+    let last = module.functions[entry].arguments.last().map(|last| &module.types[last.ty].inner);
+    let parameters = last.map_or_else(Vec::new, |last| shape::component_kinds(last, &module.types));
     Ok(Program {
         id: NEXT_ID.fetch_add(1, Ordering::Relaxed),
         registers: code.registers,
@@ -61,6 +63,7 @@ pub fn lower(
         routines,
         entry: entry.index(),
         inputs,
+        parameters,
     })
 }
 
@@ -288,7 +291,7 @@ impl<'a> Lowering<'a> {
                 return refuse("this type of value");
             };
             if shape.size > MAX_COMPONENTS && !shape.is_pointer {
-                return refuse("a value of more than 20 numbers; index it where it stands");
+                return refuse("a value of more than 64 numbers; index it where it stands");
             }
             if let Some(what) = unknown(expression) {
                 return refuse(what);
@@ -307,7 +310,7 @@ impl<'a> Lowering<'a> {
                 return refuse("a variable of this type");
             };
             if shape.size > MAX_COMPONENTS && variable.init.is_some() {
-                return refuse("a first value of more than 20 numbers");
+                return refuse("a first value of more than 64 numbers");
             }
             locals.push(code.allocate(shape.size));
         }

@@ -71,16 +71,16 @@ impl<const N: usize> Machine<N>
 where
     Lanes: Width<N>,
 {
-    /// All lanes have the same parameters.
-    pub fn new(program: &Program, parameters: &[f32; 8]) -> Machine<N> {
+    /// All lanes have the same parameters, as the numbers of the manifest.
+    pub fn new(program: &Program, parameters: &[f32]) -> Machine<N> {
         const { assert!(N <= 32) };
         let mut registers = vec![Column::ZERO; program.registers as usize];
         for (register, bits) in &program.constants {
             registers[*register as usize] = Column::splat(*bits);
         }
         if let Some(last) = program.entry().arguments.last() {
-            for (register, value) in last.iter().zip(parameters) {
-                registers[register as usize] = Column::splat(value.to_bits());
+            for ((register, kind), value) in last.iter().zip(&program.parameters).zip(parameters) {
+                registers[register as usize] = Column::splat(kind.bits_of(*value));
             }
         }
         for node in &program.prologue {

@@ -21,7 +21,7 @@ pub struct Drawing<'a> {
     pub output: Output,
     /// The text reads the boxes around actors.
     pub boxes: bool,
-    pub parameters: &'a [f32; 8],
+    pub parameters: &'a [f32],
 }
 
 /// The geometry made so far.

@@ -2,11 +2,12 @@
 
 use crate::head::comment;
 use crate::head_error::{HeadError, HeadMistake};
-use choreo_plugin::Manifest;
+use choreo_plugin::parameters::{MAX_CURVE_KEYS, MAX_PARAMETER_NUMBERS, is_curve};
 use choreo_plugin::suggest::closest;
+use choreo_plugin::{MAX_COLOR, Manifest};
 
-/// Size of the shader's array of parameters.
-const MOST: usize = 8;
+/// Largest whole number of a parameter: f32 holds all below exactly.
+const MOST_WHOLE: f64 = 16_777_216.0;
 
 pub fn manifest(text: &str) -> Result<Manifest, HeadError> {
     let mut manifest = Manifest { version: "1".into(), ..Manifest::default() };
@@ -51,56 +52,117 @@ fn slip(word: &str, known: &[&str]) -> Option<HeadMistake> {
     near.then(|| HeadMistake::Misspelt { word: word.into(), meant: meant.into() })
 }
 
-/// `amount = 0.1 in 0..1: how strong`
+/// `amount = 0.1 m in 0..1: how strong`
 fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, HeadMistake> {
     const FORM: HeadMistake = HeadMistake::Form(
-        "param NAME = 0.5 in 0..1: ABOUT, or = false: ABOUT, or = A of A|B: ABOUT, or = rgb(1, 1, 1): ABOUT",
+        "param NAME = 0.5 in 0..1: ABOUT, or = 0.5 m in 0..1 (with a unit), = int(3) in 1..9, = false, = A of A|B, = color(gold), \
+         = rgb(1, 1, 1), = vec2(0, 1) in -1..1, = curve(0 0, 1 1) in 0..1",
     );
     let (name, rest) = text.split_once('=').ok_or(FORM)?;
     let name = identifier(name.trim())?;
-    if manifest.options.iter().any(|o| o.name == name) {
+    if manifest.options.iter().any(|o| o.name == name || o.number_names().any(|number| number == name)) {
         return Err(HeadMistake::Twice(name.into()));
-    }
-    if manifest.options.len() == MOST {
-        return Err(HeadMistake::TooMany { most: MOST, what: "parameters" });
     }
     let (value, about) = rest.split_once(':').ok_or(FORM)?;
     let (value, about) = (value.trim(), about.trim());
-    if let Ok(flag) = value.parse::<bool>() {
-        return Ok(manifest.flag(name, about, flag));
-    }
-    if let Some((first, all)) = value.split_once(" of ") {
-        let all: Vec<&str> = all.split('|').map(str::trim).filter(|a| !a.is_empty()).collect();
-        let first = first.trim();
-        return match all.contains(&first) {
-            true => Ok(manifest.text(name, about, first, &all)),
-            false => {
-                Err(HeadMistake::NoChoice { name: name.into(), value: first.into(), choices: all.join(", ") })
-            }
-        };
-    }
-    let number = |text: &str| {
-        let text = text.trim();
-        text.parse::<f64>()
-            .ok()
-            .filter(|v| v.is_finite())
-            .ok_or_else(|| HeadMistake::NoNumber { name: name.into(), value: text.into() })
-    };
-    if let Some(color) = value.strip_prefix("rgb(").and_then(|rest| rest.strip_suffix(')')) {
-        let parts = color.split(',').map(number).collect::<Result<Vec<f64>, _>>()?;
+    let manifest = if let Ok(flag) = value.parse::<bool>() {
+        manifest.flag(name, about, flag)
+    } else if let Some((first, all)) = value.split_once(" of ") {
+        choice(manifest, [name, about], first.trim(), all)?
+    } else if let Some(color) = argument(value, "rgb") {
+        let parts = color.split(',').map(|part| number(name, part)).collect::<Result<Vec<f64>, _>>()?;
         let color = <[f64; 3]>::try_from(parts).map_err(|_| FORM)?;
-        return match manifest.options.len() + 3 <= MOST && color.iter().all(|c| (0.0..=100.0).contains(c)) {
-            true => Ok(manifest.color(name, about, color)),
-            false => Err(HeadMistake::Color { name: name.into(), most: MOST }),
-        };
+        if !color.iter().all(|c| (0.0..=MAX_COLOR).contains(c)) {
+            return Err(HeadMistake::Color(name.into()));
+        }
+        manifest.color(name, about, color)
+    } else if let Some(color) = argument(value, "color") {
+        let color = choreo_plugin::color::parse(color.trim());
+        let color = color.map_err(|e| HeadMistake::NoColor { name: name.into(), why: e.message })?;
+        manifest.color(name, about, color.truncate().to_array().map(f64::from))
+    } else {
+        ranged(manifest, [name, about], value)?.ok_or(FORM)?
+    };
+    match manifest.options.iter().map(|o| o.number_count()).sum::<usize>() {
+        0..=MAX_PARAMETER_NUMBERS => Ok(manifest),
+        _ => Err(HeadMistake::TooManyNumbers { most: MAX_PARAMETER_NUMBERS }),
     }
-    let (value, range) = value.split_once(" in ").ok_or(FORM)?;
-    let (min, max) = range.split_once("..").ok_or(FORM)?;
-    let (value, min, max) = (number(value)?, number(min)?, number(max)?);
-    if !(min..=max).contains(&value) {
-        return Err(HeadMistake::OutOfRange { name: name.into(), value, min, max });
+}
+
+/// The text between the brackets of `word(…)`.
+fn argument<'a>(value: &'a str, word: &str) -> Option<&'a str> {
+    value.strip_prefix(word)?.strip_prefix('(')?.strip_suffix(')')
+}
+
+fn number(name: &str, text: &str) -> Result<f64, HeadMistake> {
+    let text = text.trim();
+    let number = text.parse::<f64>().ok().filter(|v| v.is_finite());
+    number.ok_or_else(|| HeadMistake::NoNumber { name: name.into(), value: text.into() })
+}
+
+/// `soft` of `soft|hard`.
+fn choice(
+    manifest: Manifest,
+    [name, about]: [&str; 2],
+    first: &str,
+    all: &str,
+) -> Result<Manifest, HeadMistake> {
+    let all: Vec<&str> = all.split('|').map(str::trim).filter(|a| !a.is_empty()).collect();
+    match all.contains(&first) {
+        true => Ok(manifest.text(name, about, first, &all)),
+        false => {
+            Err(HeadMistake::NoChoice { name: name.into(), value: first.into(), choices: all.join(", ") })
+        }
     }
-    Ok(manifest.number(name, about, value, min..=max))
+}
+
+/// A type with a range, `VALUE UNIT in MIN..MAX`; `None` where the text is of another form.
+fn ranged(manifest: Manifest, [name, about]: [&str; 2], text: &str) -> Result<Option<Manifest>, HeadMistake> {
+    let Some((given, range)) = text.rsplit_once(" in ") else { return Ok(None) };
+    let Some((min, max)) = range.split_once("..") else { return Ok(None) };
+    let (min, max) = (number(name, min)?, number(name, max)?);
+    let within = |value: f64| match (min..=max).contains(&value) {
+        true => Ok(value),
+        false => Err(HeadMistake::OutOfRange { name: name.into(), value, min, max }),
+    };
+    let given = given.trim();
+    // The unit stands behind the bracket, or behind the number.
+    let end = given.find(')').map(|at| at + 1).or_else(|| given.find(' ')).unwrap_or(given.len());
+    let (value, unit) = (&given[..end], given[end..].trim());
+    if unit.contains(char::is_whitespace) || unit.len() > 16 {
+        return Ok(None);
+    }
+    let numbers = |text: &str, separator: char| {
+        text.split(separator).filter(|part| !part.trim().is_empty()).map(|part| number(name, part)).collect()
+    };
+    let vector =
+        ["vec2", "vec3", "vec4"].iter().zip(2..).find_map(|(word, n)| Some((argument(value, word)?, n)));
+    let made = if let Some(whole) = argument(value, "int") {
+        let value = within(number(name, whole)?)?;
+        let is_whole = |v: f64| v.fract() == 0.0 && v.abs() <= MOST_WHOLE;
+        if ![value, min, max].into_iter().all(is_whole) {
+            return Err(HeadMistake::NoWhole { name: name.into(), most: MOST_WHOLE });
+        }
+        manifest.integer(name, about, value as i64, min as i64..=max as i64)
+    } else if let Some((parts, count)) = vector {
+        let parts: Vec<f64> = numbers(parts, ',')?;
+        if parts.len() != count {
+            return Err(HeadMistake::Components { name: name.into(), count, given: parts.len() });
+        }
+        parts.iter().try_for_each(|part| within(*part).map(drop))?;
+        manifest.vector(name, about, &parts, min..=max)
+    } else if let Some(keys) = argument(value, "curve") {
+        let keys: Result<Vec<Vec<f64>>, _> = keys.split(',').map(|key| numbers(key, ' ')).collect();
+        let keys: Vec<[f64; 2]> = keys?.into_iter().filter_map(|key| key.try_into().ok()).collect();
+        if !is_curve(&keys) || keys.len() != value.split(',').count() {
+            return Err(HeadMistake::Curve { name: name.into(), most: MAX_CURVE_KEYS });
+        }
+        keys.iter().try_for_each(|key| within(key[1]).map(drop))?;
+        manifest.curve(name, about, &keys, min..=max)
+    } else {
+        manifest.number(name, about, within(number(name, value)?)?, min..=max)
+    };
+    Ok(Some(made.unit(unit)))
 }
 
 pub fn identifier(name: &str) -> Result<&str, HeadMistake> {
@@ -146,7 +208,48 @@ mod tests {
         assert_eq!(error("// effect: a\n// textur x = y.png: z"), slip("textur", "texture"));
         assert_eq!(error("// about: b\n// efect: a"), slip("efect", "effect"));
         assert!(manifest("// effect: a\n// parts of it = all: a note\n// effects: many").is_ok());
-        let many: String = (0..9).map(|i| format!("// param x{i} = 0 in 0..1: y\n")).collect();
-        assert_eq!(error(&format!("// effect: a\n{many}")).1, "an effect has at most 8 parameters");
+        let many: String = (0..65).map(|i| format!("// param x{i} = 0 in 0..1: y\n")).collect();
+        let most = "the parameters of an effect are at most 64 numbers: a color is 3 of them, a vector 2 to 4, a curve 16";
+        assert_eq!(error(&format!("// effect: a\n{many}")), (66, most.into()));
+        let colors: String = (0..22).map(|i| format!("// param x{i} = color(gold): y\n")).collect();
+        assert_eq!(error(&format!("// effect: a\n{colors}")), (23, most.into()));
+        let of = |param: &str| error(&format!("// effect: a\n// param x = {param}: y")).1;
+        assert_eq!(of("int(2.5) in 0..9"), "x: a whole number and its range lie within ±16777216");
+        assert_eq!(of("int(0) in 0..20000000"), "x: a whole number and its range lie within ±16777216");
+        assert_eq!(of("int(12) in 0..9"), "x: 12 is not within 0..9");
+        assert_eq!(of("color(rde)"), "x: unknown color \"rde\"; did you mean \"red\"?");
+        assert_eq!(of("rgb(1, 2, 101)"), "x: the three numbers of a color are from 0 to 100");
+        assert_eq!(of("vec3(0, 1) in 0..1"), "x: vec3 has 3 numbers, not 2");
+        assert_eq!(of("vec2(0, 2) in 0..1"), "x: 2 is not within 0..1");
+        let curve =
+            "x: a curve is 1 to 64 keys x y, as in curve(0 0, 0.5 0.8, 1 1), with growing x from 0 to 1";
+        assert_eq!(of("curve(0 0, 0 1) in 0..1"), curve);
+        assert_eq!(of("curve(0 0, 1) in 0..1"), curve);
+        assert_eq!(of("curve(0 2) in 0..1"), "x: 2 is not within 0..1");
+        assert!(of("1 metres long in 0..1").starts_with("write // param NAME"));
+        assert_eq!(
+            error("// effect: a\n// param t = color(red): y\n// param t_r = 0 in 0..1: y"),
+            (3, "t_r is declared twice".into())
+        );
+    }
+
+    #[test]
+    fn a_parameter_has_a_type_a_unit_and_a_range() {
+        let m = manifest(
+            "// effect: all\n// param reach = 0.5 m in 0..2: how far\n// param count = int(3) px in 1..9: how many\n\
+             // param axis = vec3(0, 1, 0) in -1..1: which way\n// param tint = color(#f00): its color\n\
+             // param fall = curve(0 0, 0.5 2, 1 1) stops in 0..4: how it falls",
+        )
+        .unwrap();
+        let expected = Manifest::new("all", "1", "")
+            .number("reach", "how far", 0.5, 0.0..=2.0)
+            .unit("m")
+            .integer("count", "how many", 3, 1..=9)
+            .unit("px")
+            .vector("axis", "which way", &[0.0, 1.0, 0.0], -1.0..=1.0)
+            .color("tint", "its color", [1.0, 0.0, 0.0])
+            .curve("fall", "how it falls", &[[0.0, 0.0], [0.5, 2.0], [1.0, 1.0]], 0.0..=4.0)
+            .unit("stops");
+        assert_eq!(m, expected);
     }
 }

@@ -7,7 +7,8 @@ use std::thread::LocalKey;
 
 /// A machine, and what it was made for: program and bits of the parameters.
 pub struct Kept<M> {
-    key: (u64, [u32; 8]),
+    program: u64,
+    parameters: Vec<u32>,
     machine: M,
 }
 
@@ -18,7 +19,7 @@ pub(crate) trait Pooled: Sized + 'static {
     /// Each thread's own.
     fn pool() -> &'static LocalKey<Pool<Self>>;
     /// A new machine.
-    fn new(program: &Program, parameters: &[f32; 8]) -> Self;
+    fn new(program: &Program, parameters: &[f32]) -> Self;
 }
 
 macro_rules! pooled {
@@ -28,7 +29,7 @@ macro_rules! pooled {
             fn pool() -> &'static LocalKey<Pool<Self>> {
                 &$name
             }
-            fn new(program: &Program, parameters: &[f32; 8]) -> Self {
+            fn new(program: &Program, parameters: &[f32]) -> Self {
                 Machine::new(program, parameters)
             }
         }
@@ -41,13 +42,19 @@ pooled!(32, ROWS);
 const MAX_KEPT: usize = 12;
 
 /// Lends a machine for a program and its parameters.
-pub fn with<M: Pooled>(program: &Program, parameters: &[f32; 8], run: impl FnOnce(&mut M)) {
-    let key = (program.id, parameters.map(f32::to_bits));
+pub fn with<M: Pooled>(program: &Program, parameters: &[f32], run: impl FnOnce(&mut M)) {
+    let bits = || parameters.iter().map(|p| p.to_bits());
     let taken = M::pool().with_borrow_mut(|all| {
-        let at = all.iter().rposition(|kept| kept.key == key)?;
+        let at = all
+            .iter()
+            .rposition(|kept| kept.program == program.id && kept.parameters.iter().copied().eq(bits()))?;
         Some(all.swap_remove(at))
     });
-    let mut kept = taken.unwrap_or_else(|| Kept { key, machine: M::new(program, parameters) });
+    let mut kept = taken.unwrap_or_else(|| Kept {
+        program: program.id,
+        parameters: bits().collect(),
+        machine: M::new(program, parameters),
+    });
     run(&mut kept.machine);
     M::pool().with_borrow_mut(|all| {
         if all.len() >= MAX_KEPT {

@@ -5,6 +5,7 @@
 
 use crate::environment::Host;
 use crate::operators::{Kernel, Operands, Operator, kernel};
+use crate::shape::ComponentKind;
 use naga::Span;
 
 /// Steps (statements and loop rounds) that one call may take. Loops count the same number by their rounds (`loops.rs`).
@@ -43,6 +44,8 @@ pub struct Program {
     pub entry: usize,
     /// The components of each of its parameters that anything reads.
     pub inputs: Vec<Vec<u32>>,
+    /// Types of the components of its last parameter: the effect's own.
+    pub parameters: Vec<ComponentKind>,
 }
 
 impl Program {

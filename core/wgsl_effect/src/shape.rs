@@ -2,8 +2,9 @@
 
 use naga::{ScalarKind, TypeInner, UniqueArena};
 
-/// Most components of a value held at once (a 4×4 matrix, a surface sample); larger arrays are read through their variable.
-pub(crate) const MAX_COMPONENTS: usize = 20;
+/// Most components of a value held at once (a 4×4 matrix, a surface sample, all parameters); larger arrays are read through their
+/// variable.
+pub(crate) const MAX_COMPONENTS: usize = choreo_plugin::parameters::MAX_PARAMETER_NUMBERS;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ComponentKind {
@@ -11,6 +12,28 @@ pub enum ComponentKind {
     Int,
     Uint,
     Bool,
+}
+
+impl ComponentKind {
+    /// Bits of a component of this type for a number of an effect's parameters.
+    pub fn bits_of(self, number: f32) -> u32 {
+        match self {
+            ComponentKind::Float => number.to_bits(),
+            ComponentKind::Int => number as i32 as u32,
+            ComponentKind::Uint => number as u32,
+            ComponentKind::Bool => u32::from(number > 0.5),
+        }
+    }
+}
+
+/// The types of the components of a type, one after the other.
+pub fn component_kinds(inner: &TypeInner, types: &UniqueArena<naga::Type>) -> Vec<ComponentKind> {
+    match inner {
+        TypeInner::Struct { members, .. } => {
+            members.iter().flat_map(|m| component_kinds(&types[m.ty].inner, types)).collect()
+        }
+        _ => shape(inner, types).map_or_else(Vec::new, |shape| vec![shape.kind; shape.size]),
+    }
 }
 
 /// A type as components.

@@ -10,7 +10,7 @@ enum ValueType {
     Vector(ScalarKind, VectorSize),
     /// A struct with this name.
     Struct(&'static str),
-    /// `array<f32, 8>`.
+    /// The struct `Parameters`, or `array<f32, 8>`.
     Parameters,
 }
 
@@ -36,7 +36,7 @@ const I: ScalarKind = ScalarKind::Sint;
 const U: ScalarKind = ScalarKind::Uint;
 
 const PIXEL: Signature = Signature {
-    text: "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>",
+    text: "fn effect(color: vec4<f32>, uv: vec2<f32>, p: Parameters) -> vec4<f32>",
     parts: &[
         ValueType::Vector(F, VectorSize::Quad),
         ValueType::Vector(F, VectorSize::Bi),
@@ -50,7 +50,7 @@ const PIXEL: Signature = Signature {
 
 /// The signature of shaders/surface.wgsl, and the order of `choreo_plugin::SurfaceSample`.
 const SURFACE: Signature = Signature {
-    text: "fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32>",
+    text: "fn effect(color: vec4<f32>, seen: Seen, p: Parameters) -> vec4<f32>",
     parts: &[ValueType::Vector(F, VectorSize::Quad), ValueType::Struct("Seen"), ValueType::Parameters],
     gives: &[ValueType::Vector(F, VectorSize::Quad)],
     declared: "struct Seen { world: vec3<f32>, distance: f32, normal: vec3<f32>, facing: f32, background: vec3<f32>, \
@@ -61,7 +61,7 @@ const SURFACE: Signature = Signature {
 
 /// The signature of shaders/displace.wgsl, and the order of `choreo_plugin::VertexSample`.
 const VERTEX: Signature = Signature {
-    text: "fn effect(place: Place, p: array<f32, 8>) -> vec3<f32>",
+    text: "fn effect(place: Place, p: Parameters) -> vec3<f32>",
     parts: &[ValueType::Struct("Place"), ValueType::Parameters],
     gives: &[ValueType::Vector(F, VectorSize::Tri)],
     declared: "struct Place { world: vec3<f32>, normal: vec3<f32>, uv: vec2<f32>, model: vec3<f32> }\n",
@@ -71,7 +71,7 @@ const VERTEX: Signature = Signature {
 
 /// The signature of shaders/surface.wgsl, and the order of `choreo_plugin::LightSample`.
 const LIGHTING: Signature = Signature {
-    text: "fn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32>",
+    text: "fn effect(falling: Falling, p: Parameters) -> vec3<f32>",
     parts: &[ValueType::Struct("Falling"), ValueType::Parameters],
     gives: &[ValueType::Vector(F, VectorSize::Tri)],
     declared: "struct Falling { cosine: f32, share: f32, color: vec3<f32>, base: vec3<f32>, normal: vec3<f32>, \
@@ -82,7 +82,7 @@ const LIGHTING: Signature = Signature {
 
 /// The signature of shaders/post.wgsl.
 const PICTURE: Signature = Signature {
-    text: "fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32>",
+    text: "fn effect(at: vec2<i32>, pass_number: u32, p: Parameters) -> vec4<f32>",
     parts: &[ValueType::Vector(I, VectorSize::Bi), ValueType::Scalar(U), ValueType::Parameters],
     gives: &[ValueType::Vector(F, VectorSize::Quad)],
     declared: "",
@@ -102,7 +102,7 @@ const PICTURE: Signature = Signature {
 
 /// The order of the members of [`choreo_plugin::Stroke`] and [`choreo_plugin::Triangle`].
 const OVERLAY: Signature = Signature {
-    text: "fn effect(index: u32, body: Body, p: array<f32, 8>) -> Line, or -> Triangle, or -> Lattice",
+    text: "fn effect(index: u32, body: Body, p: Parameters) -> Line, or -> Triangle, or -> Lattice",
     parts: &[ValueType::Scalar(U), ValueType::Struct("Body"), ValueType::Parameters],
     gives: &[ValueType::Struct(LINE), ValueType::Struct(TRIANGLE), ValueType::Struct(LATTICE)],
     declared: "struct Body { time: f32, place: vec3<f32>, low: vec3<f32>, high: vec3<f32>, joints: u32, number: u32 }\n\
@@ -134,18 +134,20 @@ pub(crate) const LATTICE: &str = "Lattice";
 
 /// The order of the members of [`choreo_plugin::InvertedHull`].
 const SHELL: Signature = Signature {
-    text: "fn effect(p: array<f32, 8>) -> Shell, or -> Edges",
+    text: "fn effect(p: Parameters) -> Shell, or -> Edges",
     parts: &[ValueType::Parameters],
     gives: &[ValueType::Struct("Shell"), ValueType::Struct(EDGES)],
     declared: "struct Shell { width: f32, color: vec3<f32>, lighting_mix: f32 }\nstruct Edges { color: vec3<f32> }\n",
     functions: &[],
     with_history: &[],
 };
+/// The struct of an effect's parameters.
+pub const PARAMETERS: &str = "Parameters";
 pub const EDGES: &str = "Edges";
 
 /// The exposure of a frame: number of images, how long the shutter is open, and which share of that lies before the frame.
 const SHUTTER: Signature = Signature {
-    text: "fn effect(p: array<f32, 8>) -> Shutter",
+    text: "fn effect(p: Parameters) -> Shutter",
     parts: &[ValueType::Parameters],
     gives: &[ValueType::Struct("Shutter")],
     declared: "struct Shutter { samples: u32, degrees: f32, before: f32 }\n",
@@ -187,6 +189,9 @@ impl Signature {
             (ValueType::Struct(name), TypeInner::Struct { .. }) => types[ty].name.as_deref() == Some(name),
             (ValueType::Parameters, TypeInner::Array { base, size: naga::ArraySize::Constant(n), .. }) => {
                 n.get() == 8 && types[*base].inner == TypeInner::Scalar(naga::Scalar::F32)
+            }
+            (ValueType::Parameters, TypeInner::Struct { .. }) => {
+                types[ty].name.as_deref() == Some(PARAMETERS)
             }
             _ => false,
         };

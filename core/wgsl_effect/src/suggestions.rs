@@ -1,6 +1,44 @@
 //! "Did you mean" for names in an author's WGSL, from the message of naga's parser.
 
-use choreo_plugin::suggest::did_you_mean;
+use crate::compile::Declared;
+use crate::head::{Head, hooks, word};
+use crate::scene_inputs;
+use crate::signature::signature;
+use choreo_plugin::suggest::{did_you_mean, list};
+use choreo_plugin::{Hook, Manifest};
+
+/// The name that a message of the parser does not find.
+fn not_found(message: &str) -> Option<&str> {
+    message.strip_prefix("no definition in scope")?.split('`').nth(1)
+}
+
+/// The line of the head comment that an unknown name needs: it is a function or a type of another hook, or of a history.
+pub fn of_other_hook(message: &str, head: &Head, declared: &[Declared]) -> Option<String> {
+    let wanted = not_found(message)?;
+    if declared.iter().any(|(name, ..)| name == wanted) {
+        return None;
+    }
+    if head.hook != Hook::Image && scene_inputs::names().any(|name| name == wanted) {
+        return Some(format!("; {wanted}() is an input of effects with // hook: image"));
+    }
+    if signature(head.hook).with_history.iter().any(|(name, ..)| *name == wanted) {
+        return Some(format!("; {wanted}() needs a line // history: FRAMES"));
+    }
+    let of = hooks().filter(|hook| *hook != head.hook).find_map(|hook| {
+        let of = signature(hook);
+        let is_function = of.functions.iter().chain(of.with_history).any(|(name, ..)| *name == wanted);
+        let name = if is_function { format!("{wanted}()") } else { wanted.to_string() };
+        (is_function || of.structs().any(|name| name == wanted)).then(|| (name, word(hook)))
+    });
+    of.map(|(name, hook)| format!("; {name} needs // hook: {hook}"))
+}
+
+/// `p.slope` is no member, but `p[slope]` is a parameter.
+pub fn parameter(message: &str, manifest: &Manifest) -> Option<String> {
+    let name = message.strip_prefix("invalid field accessor `")?.split('`').next()?;
+    let is_one = manifest.options.iter().any(|option| option.name == name);
+    is_one.then(|| format!("; write p[{name}], or declare p: Parameters"))
+}
 
 /// Built-in functions and types that are written often.
 const BUILT_IN: [&str; 46] = [
@@ -70,9 +108,22 @@ pub fn near<'a>(
     }
     if message.starts_with("no definition in scope") {
         let others = others().map(|(name, _)| name).filter(|name| *name != wanted);
-        return did_you_mean(wanted, names.chain(others).chain(BUILT_IN));
+        let known: Vec<&str> = names.chain(others).chain(BUILT_IN).collect();
+        let meant = did_you_mean(wanted, known.iter().copied());
+        return if meant.is_empty() { of_same_word(wanted, &known) } else { meant };
     }
     String::new()
+}
+
+/// Functions of the scene that have a word in common with an unknown name: `normal_at` for `world_normal`. `known`: the names of the
+/// hook.
+fn of_same_word(wanted: &str, known: &[&str]) -> String {
+    // "at" and "from" are in many names.
+    let words = |name: &'static str| name.split('_').filter(|word| word.len() > 4);
+    let alike = scene_inputs::names()
+        .filter(|name| known.contains(name) && words(name).any(|word| wanted.split('_').any(|w| w == word)));
+    let alike: Vec<&str> = alike.collect();
+    if alike.is_empty() { String::new() } else { format!("; functions of the scene: {}", list(alike, 4)) }
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -5,7 +5,7 @@ use crate::head::Head;
 use crate::machine::Machine;
 use crate::overlay::{MAX_FRAME_STEPS, trial_body};
 use crate::program::{MAX_STEPS, Program};
-use choreo_plugin::{Hook, Manifest, OptionKind};
+use choreo_plugin::{Hook, Manifest, OptionKind, OptionSpec};
 use glam::DVec3;
 
 /// A part of an effect that takes too long, and its place.
@@ -17,11 +17,7 @@ pub struct Slow {
 
 /// Tries a few pixels (places, vertices, lights, lines) at the least, the usual and the largest parameters.
 pub fn ends(program: &Program, head: &Head, manifest: &Manifest) -> Result<(), Slow> {
-    for set in SETS {
-        let mut p = [0.0; 8];
-        for (slot, option) in p.iter_mut().zip(&manifest.options) {
-            *slot = set(&option.kind);
-        }
+    for p in sets(manifest) {
         let mut most = 0;
         for arguments in trials(head, &p) {
             let mut machine = Machine::<1>::new(program, &p);
@@ -57,25 +53,25 @@ fn what(hook: Hook) -> &'static str {
     }
 }
 
-const SETS: [fn(&OptionKind) -> f32; 3] = [
-    |kind| match kind {
-        OptionKind::Number { min, .. } => *min as f32,
-        _ => 0.0,
-    },
-    |kind| match kind {
-        OptionKind::Number { default, .. } => *default as f32,
-        OptionKind::Bool { default } => f32::from(u8::from(*default)),
-        OptionKind::Text { default, one_of } => one_of.iter().position(|o| o == default).unwrap_or(0) as f32,
-    },
-    |kind| match kind {
-        OptionKind::Number { max, .. } => *max as f32,
-        OptionKind::Bool { .. } => 1.0,
-        OptionKind::Text { one_of, .. } => one_of.len().saturating_sub(1) as f32,
-    },
-];
+/// The least, the usual and the largest parameters.
+fn sets(manifest: &Manifest) -> [Vec<f32>; 3] {
+    let ends = |end: fn(&OptionSpec) -> f64| {
+        let numbers =
+            manifest.options.iter().flat_map(|o| std::iter::repeat_n(end(o) as f32, o.number_count()));
+        let mut all: Vec<f32> = numbers.collect();
+        all.resize(manifest.parameter_length(), 0.0);
+        all
+    };
+    let least = ends(|o| o.bounds().map_or(0.0, |[min, _]| min));
+    let most = ends(|o| match &o.kind {
+        OptionKind::Text { one_of, .. } => one_of.len().saturating_sub(1) as f64,
+        _ => o.bounds().map_or(1.0, |[_, max]| max),
+    });
+    [least, manifest.parameters(&[]), most]
+}
 
 /// Arguments of the function before the parameters: dark and bright, near and far, of every facing, the first and the last.
-fn trials(head: &Head, p: &[f32; 8]) -> Vec<Vec<Vec<u32>>> {
+fn trials(head: &Head, p: &[f32]) -> Vec<Vec<Vec<u32>>> {
     let colors = [[0.0, 0.0, 0.0, 1.0], [1.0, 0.5, 0.25, 1.0], [8.0, 8.0, 8.0, 1.0]];
     let samples = [
         [0.0; 20],

@@ -1,6 +1,6 @@
 //! Texts that are nested deeply: refused with their place before naga or the evaluator could use up a thread's stack.
 
-use choreo_plugin::EffectFunction;
+use choreo_plugin::PixelEffect;
 use choreo_wgsl_effect::{EffectError, WgslEffect};
 use glam::{Vec2, Vec4};
 use naga::valid::{Capabilities, ValidationFlags, Validator};

@@ -2,7 +2,8 @@
 
 use choreo_plugin::effect::endless_loop;
 use choreo_plugin::{
-    Effect, EffectFunction, EffectImage, EffectImages, LightSample, SurfaceSample, VertexSample,
+    EffectImage, EffectImages, EffectPlugin, EffectShader, ImageEffect, LightSample, LightingEffect,
+    PixelEffect, SurfaceEffect, SurfaceSample, VertexEffect, VertexSample,
 };
 use choreo_wgsl_effect::WgslEffect;
 use glam::{Vec2, Vec3, Vec4};
@@ -20,7 +21,7 @@ fn body(code: &str) -> Vec4 {
     pixel(&effect(&text), Vec4::new(0.25, 0.5, 0.75, 1.0), Vec2::new(0.2, 0.6), &p)
 }
 
-fn pixel(effect: &WgslEffect, color: Vec4, uv: Vec2, p: &[f32; 8]) -> Vec4 {
+fn pixel(effect: &WgslEffect, color: Vec4, uv: Vec2, p: &[f32]) -> Vec4 {
     let mut colors = [color];
     effect.pixels(&mut colors, &[uv], p);
     colors[0]
@@ -53,7 +54,7 @@ fn every_part_of_a_surface_is_where_its_name_says() {
         };
         let mut colors = [Vec4::ZERO];
         made.surfaces(&mut colors, &[seen], &[2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        (colors[0].to_array(), made.surface_inputs(&[0.0; 8]))
+        (colors[0].to_array(), SurfaceEffect::surface_inputs(&made, &[0.0; 8]))
     };
     assert_eq!(part("seen.world, seen.distance").0, [2.0, 4.0, 6.0, 8.0]);
     let (got, needs) = part("seen.normal, seen.facing");
@@ -95,7 +96,7 @@ fn corners_lights_and_pictures_are_where_their_names_say() {
         assert_eq!(vertex(part).vertex(&place, &p).to_array(), expected, "{part}");
     }
     let made = vertex("place.uv, 0.0");
-    let needs = made.surface_inputs(&p);
+    let needs = VertexEffect::surface_inputs(&made, &p);
     assert_eq!((made.reach(&p), made.in_model_space(), needs.uvs, needs.normals), (2.0, false, true, false));
 
     let lighting = |part: &str| {
@@ -125,7 +126,7 @@ fn corners_lights_and_pictures_are_where_their_names_say() {
     }
 
     let made = effect(
-        "// effect: w\n// hook: picture\n// passes: 3\n// history: 2\n\
+        "// effect: w\n// hook: image\n// passes: 3\n// history: 2\n\
          fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {\n\
          return vec4(picture(at + vec2(1, 0)).x, original(vec2(-9, 9)).x, previous(2u, at).x, f32(pass_number) + 10.0 * f32(picture_size().x)) + previous(9u, at) * 0.0; }",
     );
@@ -142,7 +143,7 @@ fn corners_lights_and_pictures_are_where_their_names_say() {
 
 #[test]
 fn names_of_the_program_are_not_declared_again() {
-    let text = "// effect: w\n// hook: picture\nfn picture(at: vec2<i32>) -> vec4<f32> { return vec4(0.0); }\n\
+    let text = "// effect: w\n// hook: image\nfn picture(at: vec2<i32>) -> vec4<f32> { return vec4(0.0); }\n\
          fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> { return picture(at); }";
     let expected = "my.wgsl:3:1: picture is a function that the program declares; take another name";
     assert_eq!(error(text), expected);
@@ -151,7 +152,7 @@ fn names_of_the_program_are_not_declared_again() {
     assert_eq!(error(text), "my.wgsl:2:1: texture ink: \"ink.png\": a text alone has no files beside it");
     let text = "// effect: w\n// hook: vertex\n// reach: 1\n\
          fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color; }";
-    assert!(error(text).contains("effect must be fn effect(place: Place, p: array<f32, 8>) -> vec3<f32>"));
+    assert!(error(text).contains("effect must be fn effect(place: Place, p: Parameters) -> vec3<f32>"));
 }
 
 #[test]
@@ -251,7 +252,7 @@ fn parameters_are_constants_by_their_name() {
 #[test]
 fn mistakes_have_the_line_that_the_author_wrote() {
     let head = "// effect: a\n";
-    let good = "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>";
+    let good = "fn effect(color: vec4<f32>, uv: vec2<f32>, p: Parameters) -> vec4<f32>";
     assert_eq!(
         error("fn effect() {}"),
         "my.wgsl:1:1: the head comment must name the effect: // effect: NAME"

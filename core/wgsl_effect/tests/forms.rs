@@ -2,7 +2,7 @@
 
 use choreo_asset::*;
 use choreo_motion::{Skeleton, Time, Transform};
-use choreo_plugin::{Effect, EffectScene, Hook, InvertedHull, Overlay};
+use choreo_plugin::{EffectScene, Hook, InvertedHull, OutlineEffect, Overlay, OverlayEffect};
 use choreo_stage::*;
 use choreo_wgsl_effect::WgslEffect;
 use glam::{Affine3A, DAffine3, DVec3, Mat4, Vec3, Vec4};
@@ -258,7 +258,7 @@ fn mistakes_have_their_line_and_what_was_meant() {
         many.starts_with("my.wgsl:4:1: 9000 times up to ") && many.ends_with("give it a smaller count"),
         "{many}"
     );
-    let form = "effect must be fn effect(index: u32, body: Body, p: array<f32, 8>) -> Line, or -> Triangle, or -> Lattice";
+    let form = "effect must be fn effect(index: u32, body: Body, p: Parameters) -> Line, or -> Triangle, or -> Lattice";
     let wrong =
         of("// hook: overlay\n// count: 4", "fn effect(p: array<f32, 8>) -> vec4<f32> { return vec4(0.0); }");
     assert_eq!(wrong, format!("my.wgsl:4:1: {form}"));

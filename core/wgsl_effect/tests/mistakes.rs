@@ -233,7 +233,7 @@ fn each_mistake_is_told_in_the_words_of_the_language() {
 fn misspelt_and_misplaced_inputs_of_the_scene_are_named() {
     let image = |body: &str| {
         format!(
-            "// effect: a\n// hook: picture\n\
+            "// effect: a\n// hook: image\n\
              fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {{\n{body}\n}}\n"
         )
     };
@@ -252,6 +252,14 @@ fn misspelt_and_misplaced_inputs_of_the_scene_are_named() {
         ),
         ("    return vec4(depth_at());", "4:17: depth_at takes 1 arguments, 0 are given"),
         ("    return vec4(frame());", "4:12: effect returns vec4<f32>, this value is vec4<u32>"),
+        (
+            "    return vec4(world_normal(at), 1.0);",
+            "4:17: no definition in scope for identifier: `world_normal`; functions of the scene: normal_at, view_from_world, world_from_view",
+        ),
+        (
+            "    return previous(1u, at);",
+            "4:12: no definition in scope for identifier: `previous`; previous() needs a line // history: FRAMES",
+        ),
     ] {
         let text = error(&image(body)).to_string();
         println!("{text}");
@@ -259,8 +267,24 @@ fn misspelt_and_misplaced_inputs_of_the_scene_are_named() {
     }
     // Effects of other hooks see no image of the scene.
     let text = error(&pixel("    return vec4(depth_at(vec2(0)));")).to_string();
-    let hint = "3:17: no definition in scope for identifier: `depth_at`; depth_at() is an input of effects with hook: picture";
+    let hint = "3:17: no definition in scope for identifier: `depth_at`; depth_at() is an input of effects with // hook: image";
     assert!(text.contains(hint), "{text}");
+    // Functions and types of another hook name the line that brings them; a parameter is an element of p.
+    let seen = error(&pixel("    return vec4(color.rgb, f32(Seen(color.rgb).x));")).to_string();
+    assert!(seen.contains("`Seen`; Seen needs // hook: surface"), "{seen}");
+    let picture = error(&pixel("    return picture(vec2(1));")).to_string();
+    assert!(
+        picture.contains(
+            "3:12: no definition in scope for identifier: `picture`; picture() needs // hook: image"
+        ),
+        "{picture}"
+    );
+    let slope = "// effect: a\n// param slope = 1 in 0..2: how steep\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {\n    return color * p.slope;\n}";
+    let slope = error(slope).to_string();
+    assert!(
+        slope.contains("invalid field accessor `slope`; write p[slope], or declare p: Parameters"),
+        "{slope}"
+    );
     // A function of the author's own is none of them.
     let own = "// effect: a\nfn time() -> f32 { return 0.5; }\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color * time(); }";
     assert!(WgslEffect::from_text("my.wgsl", own).is_ok());
@@ -271,4 +295,52 @@ fn misspelt_and_misplaced_inputs_of_the_scene_are_named() {
         )
         .is_ok()
     );
+}
+
+/// Mistakes with parameters of the struct, with their places.
+#[test]
+fn mistakes_with_typed_parameters_have_their_place() {
+    const HEAD: &str = "// effect: a\n// param tint = color(gold): x\n// param mode = soft of soft|hard: x\n\
+                        // param fall = curve(0 0, 1 1) in 0..1: x\n";
+    const FUNCTION: &str = "fn effect(color: vec4<f32>, uv: vec2<f32>, p: Parameters) -> vec4<f32>";
+    let good = format!("{HEAD}{FUNCTION} {{ return vec4(p.tint * curve_at(p.fall, uv.x), f32(p.mode)); }}");
+    assert!(WgslEffect::from_text("my.wgsl", &good).is_ok());
+    for (body, message) in [
+        ("{ return vec4(p.tnit, 1.0); }", "5:88: invalid field accessor `tnit`; did you mean \"tint\"?"),
+        (
+            "{ return vec4(p.tint, f32(p.mode == MODE_HRAD)); }",
+            "5:108: no definition in scope for identifier: `MODE_HRAD`; did you mean \"MODE_HARD\"?",
+        ),
+    ] {
+        let error = error(&format!("{HEAD}{FUNCTION} {body}"));
+        assert_eq!(format!("{}:{}: {}", error.line, error.column, error.message), message);
+    }
+    let own = |declared: &str| {
+        error(&format!("{HEAD}{declared}\n{FUNCTION} {{ return color * p.tint.x; }}")).message
+    };
+    let taken =
+        |name: &str, what: &str| format!("{name} is {what} that the program declares; take another name");
+    assert_eq!(own("fn tint() -> f32 { return 1.0; }"), taken("tint", "a parameter"));
+    assert_eq!(own("struct Parameters { x: f32 }"), taken("Parameters", "a type"));
+    assert_eq!(own("fn curve_at(x: f32) -> f32 { return x; }"), taken("curve_at", "a function"));
+    let array = format!("{HEAD}{} {{ return color; }}", FUNCTION.replace("Parameters", "array<f32, 8>"));
+    assert_eq!(error(&array).message, format!("effect must be {FUNCTION}"), "20 numbers do not fit in 8");
+}
+
+/// The parser goes on into what the program puts below the text.
+#[test]
+fn a_missing_brace_is_reported_at_the_end_of_the_text() {
+    for body in [
+        "return vec4(depth_at(at));",
+        "if at.x > 3 { return vec4(f32(pass_number)); }\n    return vec4(p[0]);",
+    ] {
+        let text = format!(
+            "// effect: a\n// hook: image\n// param amount = 1 in 0..2: how much\n\
+             fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {{\n    {body}\n"
+        );
+        assert!(WgslEffect::from_text("my.wgsl", &format!("{text}}}\n")).is_ok());
+        let error = error(&text);
+        assert_eq!(error.message, "missing `}`: the text ends within the braces that line 4 opens");
+        assert_eq!(error.line, 4 + body.lines().count(), "{error}");
+    }
 }

@@ -1,30 +1,25 @@
 //! Fades an image to one color's shades. The effect to copy for a look of your own.
 
-use choreo_plugin::Effect;
 use choreo_wgsl_effect::{EffectError, WgslEffect};
 
 /// The effect, from the text that both renderers run.
 ///
 /// # Errors
 /// Where the text is faulty.
-pub fn example() -> Result<impl Effect, EffectError> {
+pub fn example() -> Result<WgslEffect, EffectError> {
     WgslEffect::from_text("example.wgsl", include_str!("example.wgsl"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::example;
-    use choreo_plugin::Effect;
+    use choreo_plugin::PixelEffect;
     use choreo_plugin::glam::{Vec2, Vec4};
 
     fn color_of(color: Vec4, amount: f32, warmth: f32) -> Vec4 {
         let effect = example().unwrap_or_else(|e| panic!("{e}"));
         let mut colors = [color];
-        effect.function().unwrap().pixels(
-            &mut colors,
-            &[Vec2::ZERO],
-            &[amount, warmth, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-        );
+        effect.pixels(&mut colors, &[Vec2::ZERO], &[amount, warmth, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         colors[0]
     }
 

@@ -4,7 +4,6 @@ mod skeleton;
 
 use choreo_plugin::Effect;
 use choreo_wgsl_effect::WgslEffect;
-use std::sync::Arc;
 
 /// Effects in WGSL, in the order of listings, with their texts.
 macro_rules! wgsl_effects {
@@ -27,7 +26,7 @@ macro_rules! text {
 }
 
 /// All built-in effects.
-pub fn all() -> Vec<Arc<dyn Effect>> {
+pub fn all() -> Vec<Effect> {
     let texts = wgsl_effects![
         "tonemap",
         "outline",
@@ -49,16 +48,13 @@ pub fn all() -> Vec<Arc<dyn Effect>> {
         "heat_haze",
         "film_grain"
     ];
-    let wgsl = |(name, text)| -> Arc<dyn Effect> {
-        Arc::new(WgslEffect::built_in(
-            &format!("{name}.wgsl"),
-            AsRef::<str>::as_ref(&text),
-            env!("CARGO_PKG_VERSION"),
-        ))
+    let wgsl = |(name, text)| -> Effect {
+        let text = AsRef::<str>::as_ref(&text);
+        WgslEffect::built_in(&format!("{name}.wgsl"), text, env!("CARGO_PKG_VERSION")).into()
     };
-    let mut all: Vec<Arc<dyn Effect>> = texts.into_iter().map(wgsl).collect();
+    let mut all: Vec<Effect> = texts.into_iter().map(wgsl).collect();
     let bloom = all.iter().position(|effect| effect.manifest().name == "bloom");
-    all.insert(bloom.map_or(0, |bloom| bloom + 1), Arc::new(skeleton::Skeleton));
+    all.insert(bloom.map_or(0, |bloom| bloom + 1), Effect::overlay(skeleton::Skeleton));
     all
 }
 
@@ -66,7 +62,7 @@ pub fn all() -> Vec<Arc<dyn Effect>> {
 ///
 /// # Panics
 /// Where there is no effect of a name.
-pub fn named(names: &[&str]) -> Vec<Arc<dyn Effect>> {
+pub fn named(names: &[&str]) -> Vec<Effect> {
     let all = all();
     let find = |name: &&str| all.iter().find(|e| e.manifest().name == *name);
     names.iter().map(|name| find(name).unwrap_or_else(|| panic!("no effect {name}")).clone()).collect()

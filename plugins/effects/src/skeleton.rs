@@ -1,6 +1,6 @@
 //! Bones as lines and joints as points, over the image or hidden by what is nearer.
 
-use choreo_plugin::{Effect, EffectScene, Hook, Label, Manifest, Overlay, Stroke};
+use choreo_plugin::{EffectPlugin, EffectScene, Label, Manifest, Overlay, OverlayEffect, Stroke};
 use glam::Vec4;
 use std::sync::LazyLock;
 
@@ -17,17 +17,15 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Skeleton;
 
-impl Effect for Skeleton {
+impl EffectPlugin for Skeleton {
     fn manifest(&self) -> &Manifest {
         &MANIFEST
     }
+}
 
-    fn hook(&self) -> Hook {
-        Hook::Overlay
-    }
-
-    fn overlay(&self, scene: &EffectScene, p: &[f32; 8]) -> Overlay {
-        let [width, joints, r, g, b, opacity, over, names] = *p;
+impl OverlayEffect for Skeleton {
+    fn overlay(&self, scene: &EffectScene, p: &[f32]) -> Overlay {
+        let &[width, joints, r, g, b, opacity, over, names] = p else { return Overlay::default() };
         let (mut strokes, mut labels) = (Vec::new(), Vec::new());
         // Joints are darker: seen on their own bones.
         let color = Vec4::new(r, g, b, opacity);

@@ -1,33 +1,40 @@
 //! The built-in effects, evaluated on the CPU, against closed forms and what each is defined to do.
 
 use choreo_plugin::{
-    BACKGROUND_DISTANCE, Effect, EffectImage, EffectImages, InvertedHull, Shutter, SurfaceInputs,
-    SurfaceSample,
+    BACKGROUND_DISTANCE, Effect, EffectImage, EffectImages, InvertedHull, OutlineEffect, Shutter,
+    SurfaceInputs, SurfaceSample,
 };
 use glam::{Vec2, Vec3, Vec4};
-use std::sync::{Arc, LazyLock};
+use std::sync::LazyLock;
 
-static ALL: LazyLock<Vec<Arc<dyn Effect>>> = LazyLock::new(effects::all);
+static ALL: LazyLock<Vec<Effect>> = LazyLock::new(effects::all);
 
-fn effect(name: &str) -> &'static dyn Effect {
-    ALL.iter().find(|e| e.manifest().name == name).unwrap().as_ref()
+fn effect(name: &str) -> &'static Effect {
+    ALL.iter().find(|e| e.manifest().name == name).unwrap()
 }
 
-fn pixel(name: &str, color: Vec4, uv: Vec2, p: &[f32; 8]) -> Vec4 {
+fn outline(name: &str) -> &'static dyn OutlineEffect {
+    let Effect::Outline(effect) = effect(name) else { panic!("{name} is no outline") };
+    &**effect
+}
+
+fn pixel(name: &str, color: Vec4, uv: Vec2, p: &[f32]) -> Vec4 {
     let mut colors = [color];
-    effect(name).function().unwrap().pixels(&mut colors, &[uv], p);
+    let Effect::Pixel(effect) = effect(name) else { panic!("{name} is no effect on pixels") };
+    effect.pixels(&mut colors, &[uv], p);
     colors[0]
 }
 
-fn surface(name: &str, color: Vec4, sample: &SurfaceSample, p: &[f32; 8]) -> Vec4 {
+fn surface(name: &str, color: Vec4, sample: &SurfaceSample, p: &[f32]) -> Vec4 {
     let mut colors = [color];
-    effect(name).function().unwrap().surfaces(&mut colors, &[*sample], p);
+    let Effect::Surface(effect) = effect(name) else { panic!("{name} is no effect on surfaces") };
+    effect.surfaces(&mut colors, &[*sample], p);
     colors[0]
 }
 
 /// All passes of an effect over an image.
-fn passes(name: &str, rgba: &[Vec4], size: [u32; 2], p: &[f32; 8]) -> Vec<Vec4> {
-    let effect = effect(name);
+fn passes(name: &str, rgba: &[Vec4], size: [u32; 2], p: &[f32]) -> Vec<Vec4> {
+    let Effect::Image(effect) = effect(name) else { panic!("{name} is no effect on images") };
     let original = EffectImage { size, rgba };
     let (mut now, mut now_size) = (rgba.to_vec(), size);
     for pass in 0..effect.passes() {
@@ -41,7 +48,7 @@ fn passes(name: &str, rgba: &[Vec4], size: [u32; 2], p: &[f32; 8]) -> Vec<Vec4> 
         };
         let mut next = vec![Vec4::ZERO; w as usize * h as usize];
         for (y, row) in next.chunks_mut(w as usize).enumerate() {
-            effect.function().unwrap().image_row(&images, y as u32, pass, p, row);
+            effect.image_row(&images, y as u32, pass, p, row);
         }
         (now, now_size) = (next, [w, h]);
     }
@@ -54,11 +61,19 @@ fn all_effects_compile_and_have_the_program_s_version() {
         let manifest = effect.manifest();
         assert_eq!(manifest.version, env!("CARGO_PKG_VERSION"), "{}", manifest.name);
         let p = [0.5; 8];
-        if let Some(function) = effect.function() {
-            function.pixels(&mut [], &[], &p);
+        // What a built-in effect compiles at its first call.
+        match effect {
+            Effect::Pixel(effect) => effect.pixels(&mut [], &[], &p),
+            Effect::Surface(effect) => effect.surfaces(&mut [], &[], &p),
+            Effect::Image(effect) => {
+                let image = EffectImage { size: [1, 1], rgba: &[Vec4::ONE] };
+                let images = EffectImages { now: image, original: image, before: &[], scene: None };
+                effect.image_row(&images, 0, 0, &p, &mut []);
+            }
+            Effect::Outline(effect) => drop(effect.inverted_hull(&p)),
+            Effect::Shutter(effect) => drop(effect.shutter(&p)),
+            _ => {}
         }
-        effect.inverted_hull(&p);
-        effect.shutter(&p);
     }
     assert_eq!(ALL.len(), 20);
 }
@@ -253,7 +268,8 @@ mod motion_blur {
     #[test]
     fn degrees_of_the_shutter_are_shares_of_a_frame() {
         let p = [8.0, 90.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        assert_eq!(effect("motion_blur").shutter(&p), Some(Shutter { samples: 8, open: 0.25, before: 0.0 }));
+        let Effect::Shutter(blur) = effect("motion_blur") else { panic!("motion_blur is no shutter") };
+        assert_eq!(blur.shutter(&p), Some(Shutter { samples: 8, open: 0.25, before: 0.0 }));
     }
 }
 
@@ -263,8 +279,8 @@ mod outline {
     #[test]
     fn parameters_come_in_the_order_of_the_manifest() {
         let names: Vec<&str> = effect("outline").manifest().options.iter().map(|o| o.name.as_str()).collect();
-        assert_eq!(names, ["width", "color_r", "color_g", "color_b", "light"]);
-        let shell = effect("outline").inverted_hull(&[3.0, 0.25, 0.5, 0.75, 1.0, 0.0, 0.0, 0.0]).unwrap();
+        assert_eq!(names, ["width", "color", "light"]);
+        let shell = outline("outline").inverted_hull(&[3.0, 0.25, 0.5, 0.75, 1.0, 0.0, 0.0, 0.0]).unwrap();
         let expected = InvertedHull { width: 3.0, color: Vec3::new(0.25, 0.5, 0.75), lighting_mix: 1.0 };
         assert_eq!(shell, expected);
         assert!(effect("outline").hook().applies_to_actors());
@@ -423,8 +439,8 @@ mod wireframe {
     #[test]
     fn lines_of_the_color_and_no_hull() {
         let p = [0.25, 0.5, 0.75, 0.0, 0.0, 0.0, 0.0, 0.0];
-        assert_eq!(effect("wireframe").wireframe(&p), Some(Vec3::new(0.25, 0.5, 0.75)));
-        assert_eq!(effect("wireframe").inverted_hull(&p), None);
+        assert_eq!(outline("wireframe").wireframe(&p), Some(Vec3::new(0.25, 0.5, 0.75)));
+        assert_eq!(outline("wireframe").inverted_hull(&p), None);
     }
 }
 

@@ -1,10 +1,7 @@
 //! The built-in effects that read the scene, evaluated on the CPU against closed forms and integrals in f64.
 
-use choreo_plugin::{
-    BACKGROUND_DISTANCE, Effect, EffectFrame, EffectImage, EffectImages, OptionKind, SceneImages,
-};
+use choreo_plugin::{BACKGROUND_DISTANCE, Effect, EffectFrame, EffectImage, EffectImages, SceneImages};
 use glam::{DVec3, Mat4, Vec3, Vec4};
-use std::sync::Arc;
 
 const SIZE: [u32; 2] = [96, 64];
 const MIDDLE: usize = 32 * 96 + 48;
@@ -25,15 +22,11 @@ impl Given {
     }
 
     fn run(&self, name: &str, parameters: &[(&str, f32)]) -> Vec<Vec4> {
-        let effect: Arc<dyn Effect> = effects::named(&[name]).remove(0);
-        let mut p = [0.0; 8];
-        for (slot, option) in p.iter_mut().zip(&effect.manifest().options) {
-            let given = parameters.iter().find(|(name, _)| *name == option.name).map(|(_, value)| *value);
-            *slot = given.unwrap_or(match option.kind {
-                OptionKind::Number { default, .. } => default as f32,
-                _ => 0.0,
-            });
-        }
+        let effect: Effect = effects::named(&[name]).remove(0);
+        let given: Vec<(String, f64)> =
+            parameters.iter().map(|(name, value)| (name.to_string(), f64::from(*value))).collect();
+        let p = effect.manifest().parameters(&given);
+        let Effect::Image(image) = &effect else { panic!("{name} is no effect on images") };
         let rows = self.frame.rows();
         let surface = Some(EffectImage { size: SIZE, rgba: &self.surface });
         let scene = Some(SceneImages { surface, motion: None, rows: &rows });
@@ -44,7 +37,7 @@ impl Given {
                 EffectImages { now: EffectImage { size: SIZE, rgba: &now }, original, before: &[], scene };
             let mut next = vec![Vec4::ZERO; now.len()];
             for (y, row) in next.chunks_mut(SIZE[0] as usize).enumerate() {
-                effect.function().unwrap().image_row(&images, y as u32, pass, &p, row);
+                image.image_row(&images, y as u32, pass, &p, row);
             }
             now = next;
         }

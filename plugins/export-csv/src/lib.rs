@@ -12,6 +12,9 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CsvExporter;
 
+// Where the crate is compiled to WebAssembly, this makes a plugin file of it; elsewhere it is nothing.
+choreo_plugin::wasm_exporter!(CsvExporter);
+
 impl SceneExporter for CsvExporter {
     fn manifest(&self) -> &Manifest {
         &MANIFEST

@@ -19,6 +19,9 @@ const MOST_LINES: usize = 1_000_000;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ExampleImporter;
 
+// Where the crate is compiled to WebAssembly, this makes a plugin file of it; elsewhere it is nothing.
+choreo_plugin::wasm_importer!(ExampleImporter);
+
 impl Importer for ExampleImporter {
     fn manifest(&self) -> &Manifest {
         &MANIFEST

@@ -13,10 +13,10 @@ fn noise(at: vec2<f32>) -> f32 {
     return f32((h ^ (h >> 16u)) & 65535u) / 65535.0;
 }
 
-fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {
+fn effect(color: vec4<f32>, uv: vec2<f32>, p: Parameters) -> vec4<f32> {
     let grey = dot(color.rgb, vec3(0.2126, 0.7152, 0.0722));
     let brown = grey * vec3(1.08, 0.95, 0.72);
     let worn = 1.0 - 0.7 * smoothstep(0.35, 0.95, length(uv * 2.0 - 1.0) * 0.7071);
-    let paper = 1.0 + p[grain] * (noise(uv) - 0.5);
-    return vec4(mix(color.rgb, brown * worn * paper, p[amount]), color.a);
+    let paper = 1.0 + p.grain * (noise(uv) - 0.5);
+    return vec4(mix(color.rgb, brown * worn * paper, p.amount), color.a);
 }

@@ -7,17 +7,17 @@
 // param steps = 3 in 1..6: how many images, two frames apart from 3 on down
 //
 // picture(at) is the image now, previous(frames, at) the scene `frames` frames ago; picture_size() in pixels.
-fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {
+fn effect(at: vec2<i32>, pass_number: u32, p: Parameters) -> vec4<f32> {
     let here = picture(at);
     var color = here.rgb;
-    var weight = p[strength];
-    let count = u32(p[steps]);
+    var weight = p.strength;
+    let count = u32(p.steps);
     for (var i = 1u; i <= count; i++) {
         let frames = select(i, 2u * i, count <= 3u);
         let then = previous(frames, at).rgb;
         // Where it was brighter than what is there now, it glows on.
         color += weight * vec3(0.5, 0.75, 1.0) * max(then - here.rgb, vec3(0.0));
-        weight *= p[strength];
+        weight *= p.strength;
     }
     return vec4(color, here.a);
 }

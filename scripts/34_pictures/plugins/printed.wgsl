@@ -6,9 +6,9 @@
 // texture paper = paper.png: fibres, white where there is most paper
 //
 // A texture's name is a function of its place, 0 to 1 from the top left and repeated; what it gives is linear.
-fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {
-    let grain = paper(p[across] * uv * vec2(1.0, 0.5625)).r;
+fn effect(color: vec4<f32>, uv: vec2<f32>, p: Parameters) -> vec4<f32> {
+    let grain = paper(p.across * uv * vec2(1.0, 0.5625)).r;
     let ink = 1.0 - clamp(max(color.r, max(color.g, color.b)), 0.0, 1.0);
-    let seen = mix(1.0, 0.55 + 0.9 * grain, p[amount] * (0.35 + 0.65 * ink));
-    return vec4(color.rgb * seen + 0.02 * p[amount] * grain, color.a);
+    let seen = mix(1.0, 0.55 + 0.9 * grain, p.amount * (0.35 + 0.65 * ink));
+    return vec4(color.rgb * seen + 0.02 * p.amount * grain, color.a);
 }

@@ -9,14 +9,14 @@
 // param fps = 30 in 1..240: frames a second of the scene
 //
 // Three lines a joint: the shaft and two barbs; none where the joint stands still.
-fn effect(index: u32, body: Body, p: array<f32, 8>) -> Line {
+fn effect(index: u32, body: Body, p: Parameters) -> Line {
     let bone = index / 3u;
     if bone >= body.joints {
         return Line();
     }
     let from_here = joint(bone);
-    let velocity = (from_here - previous_joint(1u, bone)) * p[fps];
-    let way = velocity * p[ahead];
+    let velocity = (from_here - previous_joint(1u, bone)) * p.fps;
+    let way = velocity * p.ahead;
     if length(way) < 0.02 {
         return Line();
     }

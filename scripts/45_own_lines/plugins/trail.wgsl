@@ -7,21 +7,19 @@
 // joint hand = mixamorig:RightHand|hand.r: what it hangs on
 // joint arm = mixamorig:RightForeArm|lowerarm.r: the ribbon's other edge is on the way there
 // param width = 0.5 in 0..1: of the ribbon, as a share of the way from hand to arm
-// param color_r = 1 in 0..100: red, linear
-// param color_g = 0.55 in 0..100: green, linear
-// param color_b = 0.1 in 0..100: blue, linear
+// param color = rgb(1, 0.55, 0.1): of the ribbon
 //
 // Two triangles from each frame to the frame before it, fainter the older they are.
-fn edge(frames: u32, p: array<f32, 8>) -> vec3<f32> {
-    return mix(previous_joint(frames, hand()), previous_joint(frames, arm()), p[width]);
+fn edge(frames: u32, p: Parameters) -> vec3<f32> {
+    return mix(previous_joint(frames, hand()), previous_joint(frames, arm()), p.width);
 }
 
-fn effect(index: u32, body: Body, p: array<f32, 8>) -> Triangle {
+fn effect(index: u32, body: Body, p: Parameters) -> Triangle {
     let frames = index / 2u;
     let tip = previous_joint(frames, hand());
     let inner = edge(frames + 1u, p);
     let fade = 1.0 - f32(frames) / 30.0;
-    let color = vec4(p[color_r], p[color_g], p[color_b], 0.7 * fade * fade);
+    let color = vec4(p.color, 0.7 * fade * fade);
     if index % 2u == 0u {
         return Triangle(tip, previous_joint(frames + 1u, hand()), inner, color);
     }

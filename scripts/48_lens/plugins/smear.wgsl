@@ -1,19 +1,19 @@
 // effect: smear
 // about: smears each pixel along the way that its surface has moved: motion blur of one image
-// hook: picture
+// hook: image
 // view: before
 // off: shutter = 0
 // param shutter = 1 in 0..2: how long the shutter is open, frames
-// param samples = 12 in 2..64: places that are looked at for each pixel
+// param samples = int(12) in 2..64: places that are looked at for each pixel
 //
 // motion_at(at) names an input of the scene, so the frame draws motion vectors; depth_at(at) adds depth and normals. Without an effect that
 // names them neither is drawn. What moves behind a nearer surface is not smeared over it.
-fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {
-    let way = motion_at(at) * p[shutter];
+fn effect(at: vec2<i32>, pass_number: u32, p: Parameters) -> vec4<f32> {
+    let way = motion_at(at) * p.shutter;
     let here = picture(at);
     if (length(way) < 0.5) { return here; }
     let depth = depth_at(at);
-    let count = i32(p[samples] + 0.5);
+    let count = p.samples;
     var sum = here;
     var weights = 1.0;
     for (var i = 0; i < count; i++) {

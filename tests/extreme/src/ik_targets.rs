@@ -1,8 +1,8 @@
 //! Inverse kinematics.
 
 use crate::{Case, refused};
-use choreo_motion::ik::{Aim, AimJoint, Chain, ChainBone, Limit, Solver, TwoBone};
-use choreo_stage::{CHAIN_ITERATIONS, CHAIN_SOLVER, CHAIN_TOLERANCE};
+use choreo_motion::ik::{Aim, AimJoint, Chain, ChainBone, Limit, TwoBone};
+use choreo_stage::SolverSettings;
 use glam::{DQuat, DVec3};
 
 const LEFT: &str = "metres from the target";
@@ -82,10 +82,10 @@ fn chain_left(count: usize, length: f64, target: DVec3) -> f64 {
     let rotation = DQuat::IDENTITY;
     let bone = ChainBone { rotation, rest: rotation, offset: DVec3::Y * length, limit: Limit::Free };
     let mut chain = Chain { origin: DVec3::ZERO, parent: rotation, bones: vec![bone; count] };
-    let solver: Solver = CHAIN_SOLVER;
+    let solvers = SolverSettings::default();
     // A thousand bones need more than a hand does.
-    let iterations = if count > 100 { 200 } else { CHAIN_ITERATIONS };
-    chain.solve(target, solver, iterations, CHAIN_TOLERANCE);
+    let iterations = if count > 100 { 200 } else { solvers.chain_iterations };
+    chain.solve(target, solvers.chain_solver, iterations, solvers.chain_tolerance);
     (chain.end() - target).length()
 }
 

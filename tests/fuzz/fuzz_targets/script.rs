@@ -14,7 +14,7 @@ static REGISTRY: LazyLock<Registry> = LazyLock::new(|| {
     let mut registry = Registry::default();
     registry.add_importer(import_mannequin::Mannequin);
     registry.add_importer(import_gltf::GltfImporter::new());
-    effects::named(&["vignette"]).into_iter().for_each(|effect| registry.add_shared_effect(effect));
+    effects::named(&["vignette"]).into_iter().for_each(|effect| registry.add_effect(effect));
     registry
 });
 

@@ -59,7 +59,7 @@ fn options(manifest: &Manifest, choice: u64) -> ImportOptions {
             OptionKind::Text { one_of, .. } if !one_of.is_empty() => {
                 OptionValue::Text(one_of[pick % one_of.len()].clone())
             }
-            OptionKind::Text { default, .. } => OptionValue::Text(default.clone()),
+            _ => option.default(),
         };
         all.0.insert(option.name.clone(), value);
     }

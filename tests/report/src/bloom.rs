@@ -131,8 +131,8 @@ fn truth(rgba: &[Vec4]) -> Vec<DVec3> {
 }
 
 /// The light that the effect adds, pass by pass.
-fn by_effect(bloom: &dyn Effect, rgba: &[Vec4]) -> Vec<Vec3> {
-    let Some(function) = bloom.function() else { return Vec::new() };
+fn by_effect(bloom: &Effect, rgba: &[Vec4]) -> Vec<Vec3> {
+    let Effect::Image(function) = bloom else { return Vec::new() };
     let whole = SIZE.map(|s| s as u32);
     let original = EffectImage { size: whole, rgba };
     let (mut now, mut size) = (rgba.to_vec(), whole);
@@ -158,7 +158,7 @@ fn shrinks() -> Result<Choice, String> {
     let off = |a: &[Vec3], b: &[Vec3]| {
         a.iter().zip(b).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f32::max)
     };
-    let same = off(&spread(&rgba, taken), &by_effect(bloom.as_ref(), &rgba));
+    let same = off(&spread(&rgba, taken), &by_effect(&bloom, &rgba));
     if same.is_nan() || same > 1e-4 {
         return Err(format!("what is measured is not the effect: {same} apart"));
     }

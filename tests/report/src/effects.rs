@@ -54,12 +54,7 @@ fn with(effect: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
     stage(&format!("{SCENE}{effect}"), registry)
 }
 
-fn planned(
-    stage: &Arc<Stage>,
-    effects: &[Arc<dyn Effect>],
-    size: [u32; 2],
-    samples: u32,
-) -> Result<Plan, String> {
+fn planned(stage: &Arc<Stage>, effects: &[Effect], size: [u32; 2], samples: u32) -> Result<Plan, String> {
     let options = PlanOptions { effects, ..PlanOptions::new(size, samples) };
     let at = Time::from_secs(0.4);
     let resources = SceneResources::new(stage);
@@ -160,19 +155,19 @@ const EVALUATED: [u32; 2] = [256, 144];
 
 /// The time of each effect's function on the CPU, and that of tone mapping written by hand in Rust.
 fn evaluation(registry: &Registry) -> Result<Table, String> {
-    let effects: Vec<_> = registry.effects().iter().filter(|e| e.function().is_some()).cloned().collect();
+    let effects: Vec<_> = registry.effects().iter().filter(|e| e.shader().is_some()).cloned().collect();
     let image = discs();
     let results = RefCell::new(vec![Vec::new(); effects.len()]);
     let by_hand = RefCell::new(Vec::new());
     let mut cases: Vec<Case> = Vec::new();
     for (i, effect) in effects.iter().enumerate() {
         let (image, results) = (&image, &results);
-        cases.push(Case::new(image.len(), move || {
-            results.borrow_mut()[i] = evaluated(effect.as_ref(), image)
-        }));
+        cases.push(Case::new(image.len(), move || results.borrow_mut()[i] = evaluated(effect, image)));
     }
     cases.push(Case::new(image.len(), || {
-        let mapped = image.iter().map(|color| crate::tones::effect(0.0, color.truncate()).extend(color.w));
+        let mapped = image
+            .iter()
+            .map(|color| choreo_bench::scene::tones::effect(0.0, color.truncate()).extend(color.w));
         *by_hand.borrow_mut() = mapped.collect();
     }));
     let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
@@ -226,13 +221,12 @@ fn discs() -> Vec<Vec4> {
 }
 
 /// The result of an effect's function for an image, or for surfaces of these colors.
-fn evaluated(effect: &dyn Effect, image: &[Vec4]) -> Vec<Vec4> {
+fn evaluated(effect: &Effect, image: &[Vec4]) -> Vec<Vec4> {
     let (size, width) = (EVALUATED, EVALUATED[0] as usize);
     let parameters = effect_parameters(effect, &[]);
     let mut colors = image.to_vec();
-    let Some(function) = effect.function() else { return colors };
-    match effect.hook() {
-        Hook::Image => {
+    match effect {
+        Effect::Image(effect) => {
             let mut now_size = size;
             for pass in 0..effect.passes() {
                 let is_last = pass + 1 == effect.passes();
@@ -247,12 +241,12 @@ fn evaluated(effect: &dyn Effect, image: &[Vec4]) -> Vec<Vec4> {
                 };
                 let mut next = vec![Vec4::ZERO; (to[0] * to[1]) as usize];
                 for (y, row) in (0..).zip(next.chunks_mut(to[0] as usize)) {
-                    function.image_row(&images, y, pass, &parameters, row);
+                    effect.image_row(&images, y, pass, &parameters, row);
                 }
                 (colors, now_size) = (next, to);
             }
         }
-        Hook::Surface => {
+        Effect::Surface(effect) => {
             let sample = |i: usize| SurfaceSample {
                 world: Vec3::new((i % width) as f32 * 0.1, (i / width) as f32 * 0.05, -3.0),
                 distance: 3.0 + (i % width) as f32 * 0.1,
@@ -262,10 +256,10 @@ fn evaluated(effect: &dyn Effect, image: &[Vec4]) -> Vec<Vec4> {
             };
             let samples: Vec<SurfaceSample> = (0..colors.len()).map(sample).collect();
             for (colors, samples) in colors.chunks_mut(width).zip(samples.chunks(width)) {
-                function.surfaces(colors, samples, &parameters);
+                effect.surfaces(colors, samples, &parameters);
             }
         }
-        Hook::Lighting => {
+        Effect::Lighting(effect) => {
             let sample = |color: &Vec4| LightSample {
                 cosine: 0.6,
                 share: 1.0,
@@ -277,16 +271,17 @@ fn evaluated(effect: &dyn Effect, image: &[Vec4]) -> Vec<Vec4> {
                 lit: color.truncate() * 0.6,
             };
             let mut samples: Vec<LightSample> = colors.iter().map(sample).collect();
-            function.lights(&mut samples, &parameters);
+            effect.lights(&mut samples, &parameters);
             colors = samples.iter().map(|sample| sample.lit.extend(1.0)).collect();
         }
-        _ => {
+        Effect::Pixel(effect) => {
             let uv = |i: usize| Vec2::new((i % width) as f32, (i / width) as f32) / size[0] as f32;
             let uv: Vec<Vec2> = (0..colors.len()).map(uv).collect();
             for (colors, uv) in colors.chunks_mut(width).zip(uv.chunks(width)) {
-                function.pixels(colors, uv, &parameters);
+                effect.pixels(colors, uv, &parameters);
             }
         }
+        _ => {}
     }
     colors
 }

@@ -5,7 +5,7 @@ use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_bench::truth::Spread;
 use choreo_motion::ik::{Chain, ChainBone, Limit, Solver};
-use choreo_stage::{CHAIN_ITERATIONS, CHAIN_SOLVER, CHAIN_TOLERANCE};
+use choreo_stage::SolverSettings;
 use glam::{DQuat, DVec3};
 
 const BONES: usize = 6;
@@ -52,8 +52,14 @@ fn ways() -> Vec<(Solver, usize, String)> {
         .collect()
 }
 
+fn ours() -> SolverSettings {
+    SolverSettings::default()
+}
+
 fn chosen() -> String {
-    let chosen = |(solver, n, _): &(Solver, usize, String)| (*solver, *n) == (CHAIN_SOLVER, CHAIN_ITERATIONS);
+    let chosen = |(solver, n, _): &(Solver, usize, String)| {
+        (*solver, *n) == (ours().chain_solver, ours().chain_iterations)
+    };
     ways().into_iter().find(chosen).map(|(.., name)| name).unwrap_or_default()
 }
 
@@ -67,7 +73,7 @@ fn by_iterations(name: &'static str, question: &'static str, limit: Limit) -> Ch
             Case::new(CASES, move || {
                 for (chain, target) in problems {
                     let mut chain = chain.clone();
-                    std::hint::black_box(chain.solve(*target, *solver, *iterations, CHAIN_TOLERANCE));
+                    std::hint::black_box(chain.solve(*target, *solver, *iterations, ours().chain_tolerance));
                 }
             })
         })
@@ -121,7 +127,7 @@ fn limits() -> Table {
 /// Millimetres to the target, and degrees beyond a limit.
 fn distance(chain: &Chain, target: DVec3, solver: Solver, iterations: usize) -> (f64, f64) {
     let mut chain = chain.clone();
-    chain.solve(target, solver, iterations, CHAIN_TOLERANCE);
+    chain.solve(target, solver, iterations, ours().chain_tolerance);
     let beyond =
         chain.bones.iter().map(|b| b.limit.excess(b.rest, b.rotation).to_degrees()).fold(0.0, f64::max);
     ((chain.end() - target).length() * 1e3, beyond)
@@ -169,7 +175,7 @@ fn hard() -> Table {
         let worst = |bones: usize, limit: Limit| {
             let off = |seed| {
                 let (chain, target) = reachable(seed, bones, limit);
-                let (off, beyond) = distance(&chain, target, solver, CHAIN_ITERATIONS);
+                let (off, beyond) = distance(&chain, target, solver, ours().chain_iterations);
                 assert!(beyond < 1e-3, "a limit is broken by {beyond}°");
                 off
             };
@@ -179,10 +185,10 @@ fn hard() -> Table {
             .map(|seed| {
                 let (chain, _) = reachable(seed, BONES, Limit::Free);
                 let target = Random(seed).direction() * 3.0 * chain.reach();
-                distance(&chain, target, solver, CHAIN_ITERATIONS).0 - 2.0e3 * chain.reach()
+                distance(&chain, target, solver, ours().chain_iterations).0 - 2.0e3 * chain.reach()
             })
             .fold(0.0, f64::max);
-        let line = distance(&straight(BONES), DVec3::Y * 0.6, solver, CHAIN_ITERATIONS).0;
+        let line = distance(&straight(BONES), DVec3::Y * 0.6, solver, ours().chain_iterations).0;
         let numbers = [
             worst(3, Limit::Free),
             worst(20, Limit::Free),

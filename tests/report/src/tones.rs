@@ -1,12 +1,11 @@
-//! Tone mapping: curves fitted to the transforms of ACES and AgX, against those transforms in f64.
+//! Tone mapping of colors from ten stops below middle gray to six above.
 
-use crate::images::srgb;
 use crate::{BUDGET_SECS, Section};
-use choreo_bench::plots::{Choice, Row};
-use choreo_bench::timing::{Case, Clock, interleaved};
-use choreo_bench::truth::Spread;
-use glam::{DMat3, DVec3, Vec2, Vec3, Vec4};
-use std::hint::black_box;
+use choreo_bench::scene::tones::{Light, aces, agx, effect};
+use glam::{Vec2, Vec3, Vec4};
+
+/// The colors of [`lights`].
+const OF: &str = "845 colors from −10 to +6 stops about middle gray";
 
 pub fn section() -> Result<Section, String> {
     check()?;
@@ -16,14 +15,14 @@ pub fn section() -> Result<Section, String> {
                dark colours and the turn of reds, and its worst errors lie where a saturated colour is brighter than white and a channel is \
                cut off: 24 codes there, one code in the mean."
             .into(),
-        choices: vec![aces(), agx()],
+        choices: vec![aces(&lights(), OF, BUDGET_SECS), agx(&lights(), OF, BUDGET_SECS)],
         tables: Vec::new(),
         off_front: Vec::new(),
     })
 }
 
 /// Linear sRGB: grays, colors half and fully saturated, each from 10 stops below middle gray to 6 above.
-fn lights() -> Vec<(String, Vec3)> {
+fn lights() -> Vec<Light> {
     const HUES: [(&str, [f32; 3]); 13] = [
         ("grey", [1.0, 1.0, 1.0]),
         ("red", [1.0, 0.0, 0.0]),
@@ -49,48 +48,6 @@ fn lights() -> Vec<(String, Vec3)> {
     out
 }
 
-/// sRGB code of 0 to 255.
-fn code(linear: f64) -> f64 {
-    255.0 * srgb(linear.clamp(0.0, 1.0))
-}
-
-/// Rows for ways to do one transform, their errors in codes, and what a pixel of each costs.
-fn compare(choice: &mut Choice, truth: fn(DVec3) -> DVec3, ways: &[(&str, &dyn Fn(Vec3) -> Vec3)]) {
-    choice.error_unit = "codes of 255";
-    choice.per = "pixel".into();
-    let lights = lights();
-    let exact: Vec<DVec3> = lights.iter().map(|(_, c)| truth(c.as_dvec3())).collect();
-    for (name, way) in ways {
-        let mut error = Spread::default();
-        for ((_, light), exact) in lights.iter().zip(&exact) {
-            let got = way(*light).as_dvec3();
-            error.add((0..3).map(|c| (code(got[c]) - code(exact[c])).abs()).fold(0.0, f64::max));
-        }
-        let at = lights[error.worst_at].0.clone();
-        choice.rows.push(Row::new(*name).error(error.worst, error.mean()).at(at));
-    }
-    let mut cases: Vec<Case> = ways
-        .iter()
-        .map(|(_, way)| {
-            let lights = &lights;
-            Case::new(lights.len(), move || {
-                for (_, light) in lights {
-                    black_box(way(black_box(*light)));
-                }
-            })
-        })
-        .collect();
-    let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
-    choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
-}
-
-/// The formulas of the effect, with the curve of that number.
-pub fn effect(curve: f32, light: Vec3) -> Vec3 {
-    let light = light.clamp(Vec3::ZERO, Vec3::splat(16_777_216.0));
-    let mapped = if curve < 0.5 { hill(light) } else { wrensch(light) };
-    mapped.clamp(Vec3::ZERO, Vec3::ONE)
-}
-
 /// Whether the formulas are those of the effect.
 fn check() -> Result<(), String> {
     let tonemap = effects::named(&["tonemap"]).remove(0);
@@ -98,7 +55,10 @@ fn check() -> Result<(), String> {
     for curve in [0.0, 1.0] {
         let mut colors: Vec<Vec4> = lights.iter().map(|(_, light)| light.extend(1.0)).collect();
         let p = [curve, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        tonemap.function().ok_or("no function")?.pixels(&mut colors, &vec![Vec2::ZERO; lights.len()], &p);
+        let choreo_plugin::Effect::Pixel(function) = &tonemap else {
+            return Err("tonemap is no effect on pixels".into());
+        };
+        function.pixels(&mut colors, &vec![Vec2::ZERO; lights.len()], &p);
         for (got, (name, light)) in colors.iter().zip(&lights) {
             let apart = (got.truncate() - effect(curve, *light)).abs().max_element();
             if apart.is_nan() || apart > 1e-6 {
@@ -107,344 +67,4 @@ fn check() -> Result<(), String> {
         }
     }
     Ok(())
-}
-
-fn rows(m: [[f32; 3]; 3], v: Vec3) -> Vec3 {
-    let dot = |r: [f32; 3]| r[0] * v.x + r[1] * v.y + r[2] * v.z;
-    Vec3::new(dot(m[0]), dot(m[1]), dot(m[2]))
-}
-
-/// Stephen Hill's fit of the ACES reference and output transforms, sRGB to sRGB (BakingLab, ACES.hlsl).
-fn hill(color: Vec3) -> Vec3 {
-    let v =
-        rows([[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]], color);
-    let a = v * (v + 0.0245786) - 0.000090537;
-    let b = v * (0.983729 * v + 0.432951) + 0.238081;
-    rows([[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]], a / b)
-}
-
-/// Troy Sobotka's AgX by Benjamin Wrensch's polynomial ("Minimal AgX Implementation", 2023): 16.5 stops, mid gray at 10 of them.
-fn wrensch(color: Vec3) -> Vec3 {
-    let inset = rows(
-        [
-            [0.842_479_05, 0.0784336, 0.079_223_745],
-            [0.042_328_242, 0.878_468_6, 0.079_166_13],
-            [0.042_375_655, 0.0784336, 0.879_143],
-        ],
-        color,
-    );
-    let stops = |v: f32| ((libm::log2f(v.max(1e-10)) + 12.47393) / 16.5).clamp(0.0, 1.0);
-    let x = Vec3::new(stops(inset.x), stops(inset.y), stops(inset.z));
-    let x2 = x * x;
-    let x4 = x2 * x2;
-    let y =
-        15.5 * x4 * x2 - 40.14 * x4 * x + 31.96 * x4 - 6.868 * x2 * x + 0.4298 * x2 + 0.1191 * x - 0.00232;
-    let out = rows(
-        [
-            [1.196_879, -0.098_020_88, -0.099_029_74],
-            [-0.052_896_852, 1.151_903_2, -0.098_961_174],
-            [-0.052_971_636, -0.098_043_45, 1.151_073_7],
-        ],
-        y,
-    );
-    // The curve gives codes of a 2.2 display; the image is linear.
-    let linear = |v: f32| libm::powf(v.max(0.0), 2.2);
-    Vec3::new(linear(out.x), linear(out.y), linear(out.z))
-}
-
-fn aces() -> Choice {
-    let mut choice = Choice::new("aces", "How is light brought onto the screen as ACES does it?");
-    choice.reference = "the reference rendering transform and the output transform for sRGB of 100 nits in a dim room (Academy, ACES 1.0.3), \
-                        in f64; 845 colours from −10 to +6 stops about middle grey"
-        .into();
-    compare(
-        &mut choice,
-        reference::aces,
-        &[
-            ("Hill's fit between two matrices", &|c| effect(0.0, c)),
-            ("Narkowicz's curve, channel by channel", &narkowicz),
-            ("the transforms themselves", &|c| reference::aces(c.as_dvec3()).as_vec3()),
-        ],
-    );
-    choice.choose(
-        "Hill's fit between two matrices",
-        "keeps what people know ACES for, bright colours that turn pale, at a small part of the cost",
-    );
-    choice
-}
-
-/// Krzysztof Narkowicz, "ACES Filmic Tone Mapping Curve" (2016), with the exposure that he gives.
-fn narkowicz(light: Vec3) -> Vec3 {
-    let x = light * 0.6;
-    let y = x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14);
-    y.clamp(Vec3::ZERO, Vec3::ONE)
-}
-
-fn agx() -> Choice {
-    let mut choice = Choice::new("agx", "How is the sigmoid of AgX found?");
-    choice.reference = "the sigmoid in f64 (Sobotka, AgX-S2O3: slope 2 at the pivot, powers 3 and 3.25), between the same matrices; 845 \
-                        colours from −10 to +6 stops about middle grey"
-        .into();
-    let eighth = Chebyshev::of(reference::sigmoid, 8);
-    let sixteenth = Chebyshev::of(reference::sigmoid, 16);
-    let through = |curve: &dyn Fn(f32) -> f32, light: Vec3| {
-        let x = reference::agx_stops(light.as_dvec3()).as_vec3();
-        let y = Vec3::new(curve(x.x), curve(x.y), curve(x.z));
-        reference::agx_shown(y.as_dvec3()).as_vec3()
-    };
-    compare(
-        &mut choice,
-        |c| reference::agx_shown(reference::agx_stops(c).to_array().map(reference::sigmoid).into()),
-        &[
-            ("polynomial of degree 6 (Wrensch)", &|c| effect(1.0, c)),
-            ("Chebyshev series of degree 8", &|c| through(&|x| eighth.at(x), c)),
-            ("Chebyshev series of degree 16", &|c| through(&|x| sixteenth.at(x), c)),
-            ("the sigmoid, with its powers", &|c| through(&|x| reference::sigmoid(f64::from(x)) as f32, c)),
-        ],
-    );
-    choice.choose(
-        "polynomial of degree 6 (Wrensch)",
-        "the fit that other programs have, so that a look is the same there; seven numbers and no branch",
-    );
-    choice
-}
-
-/// Chebyshev series of a function on 0..1, interpolated at the roots of the polynomial of the next degree.
-struct Chebyshev(Vec<f32>);
-
-impl Chebyshev {
-    fn of(f: fn(f64) -> f64, degree: usize) -> Chebyshev {
-        let n = degree + 1;
-        let angle = |k: usize| std::f64::consts::PI * (k as f64 + 0.5) / n as f64;
-        let values: Vec<f64> = (0..n).map(|k| f(0.5 + 0.5 * libm::cos(angle(k)))).collect();
-        let term = |j: usize| {
-            let sum: f64 = values.iter().enumerate().map(|(k, v)| v * libm::cos(j as f64 * angle(k))).sum();
-            (sum * if j == 0 { 1.0 } else { 2.0 } / n as f64) as f32
-        };
-        Chebyshev((0..n).map(term).collect())
-    }
-
-    /// Clenshaw's recurrence.
-    fn at(&self, x: f32) -> f32 {
-        let t = 2.0 * x - 1.0;
-        let (mut b, mut before) = (0.0, 0.0);
-        for c in self.0.iter().skip(1).rev() {
-            (b, before) = (2.0 * t * b - before + c, b);
-        }
-        t * b - before + self.0[0]
-    }
-}
-
-/// The transforms as their makers give them, in f64.
-mod reference {
-    use super::{DMat3, DVec3};
-
-    const fn rows(m: [[f64; 3]; 3]) -> DMat3 {
-        DMat3::from_cols_array_2d(&[
-            [m[0][0], m[1][0], m[2][0]],
-            [m[0][1], m[1][1], m[2][1]],
-            [m[0][2], m[1][2], m[2][2]],
-        ])
-    }
-
-    /// RGB to XYZ from the chromaticities of the primaries and the white point (SMPTE RP 177).
-    fn to_xyz(primaries: [[f64; 2]; 3], white: [f64; 2]) -> DMat3 {
-        let xyz = |[x, y]: [f64; 2]| DVec3::new(x / y, 1.0, (1.0 - x - y) / y);
-        let m = DMat3::from_cols(xyz(primaries[0]), xyz(primaries[1]), xyz(primaries[2]));
-        m * DMat3::from_diagonal(m.inverse() * xyz(white))
-    }
-
-    const D60: [f64; 2] = [0.32168, 0.33767];
-    const D65: [f64; 2] = [0.3127, 0.3290];
-    const SRGB: [[f64; 2]; 3] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]];
-    const AP0: [[f64; 2]; 3] = [[0.7347, 0.2653], [0.0, 1.0], [0.0001, -0.0770]];
-    const AP1: [[f64; 2]; 3] = [[0.713, 0.293], [0.165, 0.830], [0.128, 0.044]];
-    /// Luminance of AP1.
-    const LUMA: DVec3 = DVec3::new(0.272_228_716_8, 0.674_081_765_8, 0.053_689_517_4);
-
-    /// Bradford's adaptation of XYZ from one white to another.
-    fn adapted(from: [f64; 2], to: [f64; 2]) -> DMat3 {
-        let cone = rows([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]);
-        let white = |[x, y]: [f64; 2]| cone * DVec3::new(x / y, 1.0, (1.0 - x - y) / y);
-        cone.inverse() * DMat3::from_diagonal(white(to) / white(from)) * cone
-    }
-
-    /// A uniform quadratic B-spline through log10, between three points (x, y), with slopes beyond.
-    fn spline(x: f64, points: [[f64; 2]; 3], low: &[f64], high: &[f64], slope_high: f64) -> f64 {
-        let x = libm::log10(x.max(6.103_515_625e-5));
-        let [[x0, y0], [x1, _], [x2, y2]] = points.map(|p| p.map(libm::log10));
-        let piece = |knots: &[f64], from: f64, to: f64| {
-            let at = (knots.len() - 3) as f64 * (x - from) / (to - from);
-            let (j, t) = (at as usize, at.fract());
-            let [a, b, c] = [knots[j], knots[j + 1], knots[j + 2]];
-            t * t * (0.5 * a - b + 0.5 * c) + t * (b - a) + 0.5 * (a + b)
-        };
-        let y = match x {
-            x if x <= x0 => y0,
-            x if x < x1 => piece(low, x0, x1),
-            x if x < x2 => piece(high, x1, x2),
-            x => x * slope_high + y2 - slope_high * x2,
-        };
-        libm::exp10(y)
-    }
-
-    fn scene_curve(x: f64) -> f64 {
-        const LOW: [f64; 6] =
-            [-4.0, -4.0, -3.157_376_577_3, -0.485_249_995_8, 1.847_732_470_6, 1.847_732_470_6];
-        const HIGH: [f64; 6] = [-0.718_548_242_5, 2.081_030_717_2, 3.668_124_123_7, 4.0, 4.0, 4.0];
-        let points = [[0.18 * libm::exp2(-15.0), 0.0001], [0.18, 4.8], [0.18 * libm::exp2(18.0), 10_000.0]];
-        spline(x, points, &LOW, &HIGH, 0.0)
-    }
-
-    fn output_curve(x: f64) -> f64 {
-        const LOW: [f64; 10] = [
-            -1.698_970_004_3,
-            -1.698_970_004_3,
-            -1.4779,
-            -1.2291,
-            -0.8648,
-            -0.448,
-            0.00518,
-            0.451_108_033_4,
-            0.911_374_441_4,
-            0.911_374_441_4,
-        ];
-        const HIGH: [f64; 10] = [
-            0.515_438_696_5,
-            0.847_043_778_3,
-            1.1358,
-            1.3802,
-            1.5197,
-            1.5985,
-            1.6467,
-            1.674_609_135_7,
-            1.687_873_339,
-            1.687_873_339,
-        ];
-        let at = |stops: f64| scene_curve(0.18 * libm::exp2(stops));
-        spline(x, [[at(-6.5), 0.02], [at(0.0), 4.8], [at(6.5), 48.0]], &LOW, &HIGH, 0.04)
-    }
-
-    fn each(v: DVec3, f: fn(f64) -> f64) -> DVec3 {
-        DVec3::new(f(v.x), f(v.y), f(v.z))
-    }
-
-    /// Between the color and its gray of the same luminance.
-    fn saturated(v: DVec3, factor: f64) -> DVec3 {
-        DVec3::splat(v.dot(LUMA)).lerp(v, factor)
-    }
-
-    /// How far to the red it is: a cubic B-spline of the hue's distance, 135° wide.
-    fn redness(v: DVec3) -> f64 {
-        let hue = libm::atan2(3f64.sqrt() * (v.y - v.z), 2.0 * v.x - v.y - v.z).to_degrees();
-        // Knots a fourth of the width apart; 1 in the middle.
-        let t = (hue / (135.0 / 4.0)).abs();
-        match t {
-            t if t < 1.0 => 1.0 - 1.5 * t * t + 0.75 * t * t * t,
-            t if t < 2.0 => 0.25 * (2.0 - t) * (2.0 - t) * (2.0 - t),
-            _ => 0.0,
-        }
-    }
-
-    /// Linear sRGB of a scene to linear sRGB of a screen.
-    pub fn aces(light: DVec3) -> DVec3 {
-        let (ap0, ap1, srgb) = (to_xyz(AP0, D60), to_xyz(AP1, D60), to_xyz(SRGB, D65));
-        let mut c = ap0.inverse() * adapted(D65, D60) * srgb * light;
-        // Glow: dark saturated colors are lifted a little.
-        let (least, most) = (c.min_element(), c.max_element());
-        let saturation = (most.max(1e-10) - least.max(1e-10)) / most.max(1e-2);
-        let chroma = (c.z * (c.z - c.y) + c.y * (c.y - c.x) + c.x * (c.x - c.z)).max(0.0).sqrt();
-        let yc = (c.x + c.y + c.z + 1.75 * chroma) / 3.0;
-        let x = (saturation - 0.4) / 0.2;
-        let t = (1.0 - (0.5 * x).abs()).max(0.0);
-        let gain = 0.05 * 0.5 * (1.0 + x.signum() * (1.0 - t * t));
-        const MID: f64 = 0.08;
-        c *= 1.0
-            + match yc {
-                yc if yc <= 2.0 / 3.0 * MID => gain,
-                yc if yc >= 2.0 * MID => 0.0,
-                yc => gain * (MID / yc - 0.5),
-            };
-        c.x += redness(c) * saturation * (0.03 - c.x) * (1.0 - 0.82);
-        let ap1_from_ap0 = ap1.inverse() * ap0;
-        let c = (ap1_from_ap0 * c.max(DVec3::ZERO)).max(DVec3::ZERO);
-        let c = each(saturated(c, 0.96), scene_curve);
-        // The output transform, for 48 nits of a cinema, where black is 0.02.
-        let c = (each(c, output_curve) - 0.02) / (48.0 - 0.02);
-        // Adaptation from a dark room to a dim one, by luminance.
-        let xyz = ap1 * c;
-        let dim = libm::pow(xyz.y.max(0.0), 0.9811) / xyz.y.max(1e-10);
-        let c = saturated(ap1.inverse() * (xyz * dim), 0.93);
-        (srgb.inverse() * adapted(D60, D65) * ap1 * c).clamp(DVec3::ZERO, DVec3::ONE)
-    }
-
-    const INSET: DMat3 = rows([
-        [0.842_479_062_253_094, 0.078_433_599_999_999_2, 0.079_223_745_147_764_3],
-        [0.042_328_242_251_076, 0.878_468_636_469_772, 0.079_166_127_460_542_1],
-        [0.042_375_654_905_709_9, 0.078_433_600_000_000_2, 0.879_142_973_793_104],
-    ]);
-
-    /// Linear sRGB to parts of 16.5 stops, of which 10 are below middle gray.
-    pub fn agx_stops(light: DVec3) -> DVec3 {
-        let v = INSET * light;
-        let stops = |v: f64| ((libm::log2(v.max(1e-10)) + 12.47393) / 16.5).clamp(0.0, 1.0);
-        DVec3::new(stops(v.x), stops(v.y), stops(v.z))
-    }
-
-    pub fn sigmoid(x: f64) -> f64 {
-        const SLOPE: f64 = 2.0;
-        let (at, value) = (10.0 / 16.5, 0.5);
-        let (below, power) = if x >= at { (1.0, 3.25) } else { (-1.0, 3.0) };
-        let (room, rise) = if x >= at { (1.0 - at, 1.0 - value) } else { (at, value) };
-        let scale = libm::pow(
-            libm::pow(SLOPE * room, -power) * (libm::pow(SLOPE * room / rise, power) - 1.0),
-            -1.0 / power,
-        ) * below;
-        let term = SLOPE * (x - at) / scale;
-        scale * term / libm::pow(1.0 + libm::pow(term, power), 1.0 / power) + value
-    }
-
-    /// The linear sRGB that a screen of gamma 2.2 shows for the curve's result.
-    pub fn agx_shown(curve: DVec3) -> DVec3 {
-        each(INSET.inverse() * curve, |v| libm::pow(v.clamp(0.0, 1.0), 2.2))
-    }
-
-    #[cfg(test)]
-    mod tests {
-        use super::*;
-
-        /// ACES 1.0.3 puts middle gray at 4.8 of 48 nits, before the dim room: 0.10 of the screen.
-        #[test]
-        fn middle_grey_is_where_the_makers_put_it() {
-            let grey = aces(DVec3::splat(0.18));
-            assert!((grey - libm::pow((4.8 - 0.02) / 47.98, 0.9811)).abs().max_element() < 1e-4, "{grey}");
-            assert!(grey.max_element() - grey.min_element() < 1e-4, "{grey}");
-            assert!((sigmoid(10.0 / 16.5) - 0.5).abs() < 1e-12);
-            assert!(sigmoid(0.0).abs() < 1e-12 && (sigmoid(1.0) - 1.0).abs() < 1e-12);
-        }
-
-        /// Published as AP0_2_AP1_MAT, to ten places.
-        #[test]
-        fn matrices_are_the_published_ones() {
-            let m = to_xyz(AP1, D60).inverse() * to_xyz(AP0, D60);
-            let published = rows([
-                [1.4514393161, -0.2365107469, -0.2149285693],
-                [-0.0765537734, 1.1762296998, -0.0996759264],
-                [0.0083161484, -0.0060324498, 0.9977163014],
-            ]);
-            assert!(m.abs_diff_eq(published, 1e-8), "{m}");
-        }
-
-        #[test]
-        fn curves_rise_and_have_no_steps() {
-            for curve in [scene_curve as fn(f64) -> f64, output_curve] {
-                let mut before = curve(1e-4);
-                for i in 1..4000 {
-                    let next = curve(1e-4 * libm::exp10(f64::from(i) * 0.002));
-                    assert!(next >= before && next < before * 1.05 + 1e-6, "{i}: {before} {next}");
-                    before = next;
-                }
-            }
-        }
-    }
 }

@@ -62,8 +62,8 @@ impl Importer for Triangles {
 const NEGATIVE: &str = "// effect: negative
 // about: turns bright and dark around
 // param amount = 1 in 0..1: 0 = untouched
-fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {
+fn effect(color: vec4<f32>, uv: vec2<f32>, p: Parameters) -> vec4<f32> {
     let turned = vec4<f32>(1.0 - color.rgb, color.a);
-    return color * (1.0 - p[amount]) + turned * p[amount];
+    return color * (1.0 - p.amount) + turned * p.amount;
 }
 ";

@@ -5,6 +5,9 @@ pub mod crossfade;
 pub mod mips;
 pub mod renderer;
 pub mod skinning;
+pub mod sky;
+pub mod solvers;
+pub mod tones;
 pub mod variants;
 pub mod vertices;
 pub mod video;
@@ -40,8 +43,21 @@ pub struct Measured {
 }
 
 /// Keys of all choices, in the order in which they are measured.
-pub const KEYS: [&str; 9] =
-    ["bake", "crossfade", "skinning", "vertices", "mips", "shadows", "motion_blur", "renderer", "video"];
+pub const KEYS: [&str; 13] = [
+    "bake",
+    "crossfade",
+    "springs",
+    "ik",
+    "skinning",
+    "vertices",
+    "mips",
+    "sky",
+    "shadows",
+    "motion_blur",
+    "tones",
+    "renderer",
+    "video",
+];
 
 /// Measures the choices of these keys; errors are of the scene or of a device.
 pub fn measure(scene: &mut MeasuredScene, keys: &[&str]) -> Result<Measured, BenchError> {
@@ -54,11 +70,15 @@ pub fn measure(scene: &mut MeasuredScene, keys: &[&str]) -> Result<Measured, Ben
         let found = match key {
             "bake" => bake::choices(scene),
             "crossfade" => crossfade::choices(scene),
+            "springs" => solvers::springs(scene)?,
+            "ik" => solvers::chains(scene)?,
+            "sky" => sky::choices(scene),
             "skinning" => skinning::choices(scene, &moment),
             "vertices" => vertices::choices(scene, &moment),
             "mips" => mips::choices(scene, &moment),
             "shadows" => variants::shadows(scene, &moment)?,
             "motion_blur" => variants::motion_blur(scene, &moment)?,
+            "tones" => tones::choices(scene)?,
             "renderer" => renderer::choices(scene, &moment)?,
             _ => video::choices(scene, &moment)?,
         };

@@ -73,6 +73,9 @@ pub enum Command {
     /// Begin a plugin of your own: a crate, or with --single one file
     #[command(after_help = EXIT_CODES)]
     New(NewArgs),
+    /// Serve editors: diagnostics, completion and more over standard input and output (Language Server Protocol)
+    #[command(after_help = EXIT_CODES)]
+    Lsp(LspArgs),
     /// Print what answers a word of the field, or the help of a command
     #[command(after_help = EXIT_CODES)]
     Help(HelpArgs),
@@ -178,7 +181,7 @@ pub(crate) struct RenderArgs {
     /// Add the time that the device was busy, measured by its clock, to the summary; of the CPU renderer the time of each stage
     #[arg(long, conflicts_with = "watch")]
     pub timings: bool,
-    /// No progress bar, no summary
+    /// No progress bar, no notes, no summary; warnings stay
     #[arg(short, long)]
     pub quiet: bool,
     /// The summary, or what went wrong, as JSON on standard output (standard error for -o -)
@@ -294,7 +297,7 @@ pub(crate) struct ExplainArgs {
 pub(crate) struct MeasureArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// Only this choice: bake, crossfade, skinning, vertices, mips, shadows, motion_blur, renderer or video; repeatable
+    /// Only this choice: bake, crossfade, springs, ik, skinning, vertices, mips, sky, shadows, motion_blur, tones, renderer or video; repeatable
     #[arg(long, value_name = "CHOICE")]
     pub only: Vec<String>,
     /// When images are taken, in seconds (default: in the middle)
@@ -392,6 +395,9 @@ pub(crate) struct TestArgs {
 pub(crate) struct PluginsArgs {
     #[command(subcommand)]
     pub action: Option<PluginsAction>,
+    /// Only the plugins of this name, with the page that describes them
+    #[arg(value_name = "NAME")]
+    pub name: Option<String>,
     /// A further folder of plugin files: NAME.importer.rhai, NAME.wgsl; repeatable
     #[arg(long = "plugins", value_name = "DIR")]
     pub plugins: Vec<PathBuf>,
@@ -421,13 +427,14 @@ pub(crate) enum PluginsAction {
         json: bool,
     },
     /// Remove an installed package
+    #[command(visible_aliases = ["uninstall", "rm"])]
     Remove {
         /// Its name, as in `choreo plugins list`
         name: String,
     },
     /// Check a package as its users will meet it: description, plugins, sample files and test scripts
     Test {
-        /// The package's folder, its plugin.toml or one of its plugin files
+        /// The package's folder, its plugin.toml, one of its plugin files, or the name of an installed package
         path: PathBuf,
     },
 }
@@ -441,6 +448,9 @@ pub(crate) struct NewArgs {
     /// One file that needs nothing but this program: NAME.importer.rhai, NAME.exporter.rhai or NAME.wgsl
     #[arg(long)]
     pub single: bool,
+    /// A package that is built to WebAssembly: NAME.importer.wasm or NAME.exporter.wasm, with its plugin.toml
+    #[arg(long, conflicts_with = "single")]
+    pub wasm: bool,
     /// The hook of an effect (default: pixel)
     #[arg(long, value_enum)]
     pub hook: Option<HookArg>,
@@ -453,10 +463,20 @@ pub(crate) struct NewArgs {
 }
 
 #[derive(Args, Debug)]
+pub(crate) struct LspArgs {
+    /// Said by editors; there is no other way
+    #[arg(long, hide = true)]
+    pub stdio: bool,
+}
+
+#[derive(Args, Debug)]
 pub(crate) struct HelpArgs {
     /// A word of Blender, Unity, glTF or of a script ("foot sliding", ik, Actor.reach), or a command
     #[arg(value_name = "TERM", required = true)]
     pub term: Vec<String>,
+    /// Print a page of the documentation: core/script/API.md, or film_grain/README.md
+    #[arg(long)]
+    pub page: bool,
     /// JSON on standard output, for programs
     #[arg(long)]
     pub json: bool,
@@ -477,7 +497,8 @@ pub(crate) enum HookArg {
     /// One pixel of the image
     Pixel,
     /// A pixel and those around it, and frames before
-    Picture,
+    #[value(alias = "picture")]
+    Image,
     /// A place on a surface
     Surface,
     /// A vertex of a surface, which it moves
@@ -516,7 +537,7 @@ impl Command {
             Command::Test(a) => a.json,
             Command::Plugins(a) => a.json || matches!(a.action, Some(PluginsAction::List { json: true })),
             Command::Help(a) => a.json,
-            Command::New(_) | Command::View(_) => false,
+            Command::New(_) | Command::View(_) | Command::Lsp(_) => false,
         }
     }
 }

@@ -85,7 +85,7 @@ fn exporter<'r>(output: &str, registry: &'r Registry) -> Result<&'r Arc<dyn Scen
         Failure::Usage(format!(
             "-o {output}: the name's extension says the format; known: {}{}",
             known.join(", "),
-            registry.faulty_hint()
+            registry.faulty_hint(".exporter.")
         ))
     })
 }

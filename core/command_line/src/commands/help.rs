@@ -6,15 +6,17 @@ use crate::args::{Cli, HelpArgs};
 use crate::failure::{Failure, print, print_json};
 use crate::plugins::option_rows;
 use crate::terminal::page::Page;
+use crate::terminal::pages;
 use choreo_plugin::Manifest;
-use choreo_script::help::{Answer, Call, answer, mentions, nearest};
+use choreo_plugin::suggest::{did_you_mean, list};
+use choreo_script::help::{Answer, Call, answer, is_in, nearest, search};
 use choreo_session::plugin_files;
 use clap::CommandFactory;
 use serde_json::{Value, json};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-/// Entries printed for a term that no topic names, but descriptions mention.
+/// Calls printed for a term that is none of the known ones.
 const MOST_MENTIONS: usize = 8;
 
 /// `help` and `help COMMAND` as `--help` and `COMMAND --help`.
@@ -29,25 +31,63 @@ pub(crate) fn as_flag(args: Vec<OsString>) -> Vec<OsString> {
     }
 }
 
-/// Prints the calls that answer a term.
-pub fn run(args: &HelpArgs) -> Result<(), Failure> {
+/// Prints the calls that answer a term, or a page.
+pub fn run(args: &HelpArgs, app: &App) -> Result<(), Failure> {
     let term = args.term.join(" ");
-    let mut answer = answer(&term);
-    if answer.calls.is_empty() {
-        answer.calls = mentions(&term).into_iter().take(MOST_MENTIONS).collect();
+    if args.page {
+        return print_page(&term);
     }
+    let mut answer = answer(&term);
+    let mut of_pages = pages::find(&term);
+    // A function of a table answers alone; a heading is one answer among others.
+    let is_function = of_pages.iter().any(|call| call.usage.contains('('));
+    if answer.calls.is_empty() && !is_function {
+        answer = search(&term);
+        answer.calls.truncate(MOST_MENTIONS);
+    }
+    answer.calls.append(&mut of_pages);
     if answer.calls.is_empty() {
         let near: Vec<String> = nearest(&term, 5).iter().map(|near| format!("\"{near}\"")).collect();
         let near =
             if near.is_empty() { String::new() } else { format!("; did you mean {}?", near.join(", ")) };
         return Err(Failure::Usage(format!(
-            "help: nothing is known as \"{term}\"{near}\n    hint: core/script/API.md lists everything that a script can call"
+            "help: nothing is known as \"{term}\"{near}\n    hint: choreo help --page API.md lists everything that a script can call"
         )));
     }
     for call in &mut answer.calls {
         call.about = call.about.take().or_else(|| about_command(&call.usage));
+        describe_effect(call, &term, app);
     }
     if args.json { print_json(&answer_json(&term, &answer)) } else { print(page(&term, &answer).as_str()) }
+}
+
+fn print_page(name: &str) -> Result<(), Failure> {
+    // References name a heading, too: core/script/API.md, "Cues".
+    let path = name.split(',').next().unwrap_or_default().trim();
+    let text = pages::text(path).ok_or_else(|| {
+        let all = list(pages::names(), 60);
+        Failure::Usage(format!(
+            "help: there is no page \"{path}\"{}\n    hint: pages: {all}",
+            did_you_mean(path, pages::names())
+        ))
+    })?;
+    print(text)
+}
+
+/// Gives a call of an effect, `effect("fog")`, the effect's own description, and its parameters where the term is its name.
+fn describe_effect(call: &mut Call, term: &str, app: &App) {
+    let name = call.usage.strip_prefix("effect(\"").and_then(|rest| rest.strip_suffix("\")"));
+    let Some(name) = name.map(str::to_string) else { return };
+    let Some(effect) = app.registry.effect(&name) else { return };
+    let manifest = effect.manifest();
+    call.about = Some(manifest.about.clone());
+    if is_in(term, &name) || is_in(&name, term) {
+        call.details = option_rows(manifest).lines().map(|row| row.trim().to_string()).collect();
+    }
+    let page = format!("plugins/effects/{name}/README.md");
+    if pages::text(&page).is_some() {
+        call.page = page;
+    }
 }
 
 fn page(term: &str, answer: &Answer) -> Page {
@@ -75,8 +115,12 @@ fn answer_json(term: &str, answer: &Answer) -> Value {
 fn about_command(usage: &str) -> Option<String> {
     let mut words = usage.split(' ').skip(1);
     let cli = Cli::command();
-    let command = cli.find_subcommand(words.next()?)?;
-    let Some(option) = words.next() else { return command.get_about().map(ToString::to_string) };
+    let mut command = cli.find_subcommand(words.next()?)?;
+    let mut next = words.next();
+    if let Some(inner) = next.and_then(|word| command.find_subcommand(word)) {
+        (command, next) = (inner, words.next());
+    }
+    let Some(option) = next else { return command.get_about().map(ToString::to_string) };
     let option = option.trim_start_matches('-');
     let found = command.get_arguments().find(|a| a.get_long() == Some(option));
     found?.get_help().map(ToString::to_string)

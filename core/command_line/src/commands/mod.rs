@@ -6,6 +6,7 @@ pub mod explain;
 pub mod export;
 pub mod help;
 pub mod info;
+pub mod lsp;
 pub mod measure;
 pub mod new;
 pub mod plugins;

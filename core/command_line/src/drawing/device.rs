@@ -48,10 +48,10 @@ pub struct Started {
 pub(crate) enum Starting {
     OnThread(JoinHandle<Result<Started, Failure>>),
     /// No thread could be had: it is started by the one that waits for it.
-    WhenWaitedFor(Wanted, Vec<Arc<dyn Effect>>),
+    WhenWaitedFor(Wanted, Vec<Effect>),
 }
 
-pub fn start(wanted: impl Into<Wanted>, effects: &[Arc<dyn Effect>]) -> Starting {
+pub fn start(wanted: impl Into<Wanted>, effects: &[Effect]) -> Starting {
     let (wanted, effects) = (wanted.into(), effects.to_vec());
     let (its_wanted, its_effects) = (wanted.clone(), effects.clone());
     let thread =
@@ -72,7 +72,7 @@ impl Starting {
     }
 }
 
-fn open(wanted: Wanted, effects: Vec<Arc<dyn Effect>>) -> Result<Started, Failure> {
+fn open(wanted: Wanted, effects: Vec<Effect>) -> Result<Started, Failure> {
     let device = wanted.device;
     let cpu = |note, reason| {
         let renderer = CpuRenderer::new(&effects);

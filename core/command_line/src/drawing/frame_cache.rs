@@ -21,7 +21,7 @@ pub(crate) struct Remembering {
 struct Shared {
     renderer: Box<dyn Renderer>,
     resources: Arc<SceneResources>,
-    effects: Vec<Arc<dyn Effect>>,
+    effects: Vec<Effect>,
     frames: BTreeMap<Key, Known>,
     bytes: usize,
     /// Submitted and not collected, and whether the renderer has them.
@@ -125,7 +125,7 @@ impl Renderer for Remembering {
         frame.ok_or_else(|| RenderError::Usage("a remembered frame has gone".into()))
     }
 
-    fn set_effects(&mut self, effects: &[Arc<dyn Effect>]) -> Result<(), RenderError> {
+    fn set_effects(&mut self, effects: &[Effect]) -> Result<(), RenderError> {
         let mut shared = self.shared();
         shared.effects = effects.to_vec();
         shared.renderer.set_effects(effects)

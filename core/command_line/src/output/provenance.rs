@@ -54,6 +54,7 @@ fn of_scene(
             OptionValue::Number(v) => v.to_string(),
             OptionValue::Bool(v) => v.to_string(),
             OptionValue::Text(v) => v.clone(),
+            OptionValue::Numbers(v) => v.iter().map(f64::to_string).collect::<Vec<_>>().join(","),
         };
         arguments.push_str(&format!(" --export {name}={value}"));
     }

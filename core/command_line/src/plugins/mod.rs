@@ -12,7 +12,10 @@ pub(crate) fn option_rows(m: &Manifest) -> String {
 fn range(option: &OptionSpec) -> String {
     let default = option.default();
     match (&option.kind, &default) {
-        (OptionKind::Number { min, max, .. }, _) => format!("{min} to {max}, default {default}"),
+        (OptionKind::Number { min, max, .. }, _) => {
+            let unit = if option.unit.is_empty() { String::new() } else { format!(" {}", option.unit) };
+            format!("{min} to {max}{unit}, default {default}")
+        }
         (OptionKind::Text { one_of, .. }, OptionValue::Text(default)) if !one_of.is_empty() => {
             format!("{}, default {default}", one_of.join(" | "))
         }

@@ -3,4 +3,5 @@
 pub(crate) mod import_bar;
 pub mod json;
 pub mod page;
+pub mod pages;
 pub mod progress;

@@ -209,11 +209,22 @@ pub enum Target {
     Float(u8),
 }
 
+/// An effect in the scene's shaders.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct EffectOnSurfaces {
+    /// Its bit in [`crate::plan::PipelineKey::effects`].
+    pub bit: u8,
+    /// Row of its first four parameters in the uniform buffer of all these effects.
+    pub first_row: u32,
+    /// Plugin name.
+    pub name: String,
+}
+
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     pub size: [u32; 2],
-    /// Names of the effects in the scene's shaders, in the order of the bits of `PipelineKey::surface`.
-    pub scene_effects: Vec<String>,
+    /// The effects in the scene's shaders, in the order of the bits of `PipelineKey::surface`.
+    pub scene_effects: Vec<EffectOnSurfaces>,
     /// Meshes that `Command::Preskin` writes, in order.
     pub preskinned: Vec<PreskinnedMesh>,
     pub commands: Vec<Command>,
@@ -277,8 +288,11 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
     preskin::preskin(recorder, recording)
 }
 
-fn scene_effects(plan: &Plan) -> Vec<String> {
-    plan.scene_effects.iter().map(|s| s.effect.clone()).collect()
+fn scene_effects(plan: &Plan) -> Vec<EffectOnSurfaces> {
+    let effects = (0..).zip(plan.scene_effects.iter().zip(plan.first_rows()));
+    effects
+        .map(|(bit, (used, first_row))| EffectOnSurfaces { bit, first_row, name: used.effect.clone() })
+        .collect()
 }
 
 /// Inputs of all parts of a recording.

@@ -7,14 +7,13 @@ use crate::effect_faults::EffectFaults;
 use crate::plan::Plan;
 use choreo_plugin::{BACKGROUND_DISTANCE, Effect, SurfaceSample};
 use glam::{Vec2, Vec3, Vec4, Vec4Swizzles};
-use std::sync::Arc;
 
 /// The background where it is no color a row: the sky, or what effects make of it.
 pub(crate) struct BackgroundEffects<'a> {
     pub plan: &'a Plan,
     pub backdrop: Option<Backdrop<'a>>,
     /// Effects in order, with their parameters.
-    pub effects: Vec<(Arc<dyn Effect>, [f32; 8])>,
+    pub effects: Vec<(Effect, Vec<f32>)>,
     pub faults: &'a EffectFaults,
 }
 
@@ -36,9 +35,9 @@ impl BackgroundEffects<'_> {
             *sample = self.sample(*color, x, y);
         }
         for (effect, p) in &self.effects {
-            if let Some(function) = effect.function() {
+            if let Effect::Surface(function) = effect {
                 function.surfaces(colors, samples, p);
-                self.faults.checked(&**effect, colors, |i| [x + i as i32, y]);
+                self.faults.checked(effect, colors, |i| [x + i as i32, y]);
             }
         }
     }

@@ -10,8 +10,8 @@ use std::sync::Arc;
 
 /// An effect with its parameters and how far it moves anything at most, metres.
 pub struct Displacement {
-    pub effect: Arc<dyn Effect>,
-    pub parameters: [f32; 8],
+    pub effect: Effect,
+    pub parameters: Vec<f32>,
     pub reach: f32,
     pub faults: Arc<EffectFaults>,
 }
@@ -35,9 +35,10 @@ const STEP: f32 = 0.003_906_25;
 /// How far all of them together move a vertex, metres in the world. `rows`: what brought it there.
 pub fn offset(effects: &[Displacement], place: &VertexSample, rows: &Affine3x4) -> Vec3 {
     effects.iter().fold(Vec3::ZERO, |sum, d| {
-        let offset = d.effect.function().map_or(Vec3::ZERO, |f| f.vertex(place, &d.parameters));
-        let mut offset = d.faults.checked_offset(&*d.effect, offset);
-        if d.effect.in_model_space() {
+        let Effect::Vertex(effect) = &d.effect else { return sum };
+        let offset = effect.vertex(place, &d.parameters);
+        let mut offset = d.faults.checked_offset(&d.effect, offset);
+        if effect.in_model_space() {
             offset = rows.transform_vector(offset);
         }
         sum + offset * (d.reach / offset.length().max(1e-20)).min(1.0)

@@ -5,14 +5,13 @@ use super::target::{Float, Srgb8, Target};
 use crate::effect_faults::EffectFaults;
 use crate::error::RenderError;
 use crate::plan::PostPass;
-use choreo_plugin::{Effect, EffectImage, EffectImages, Hook};
+use choreo_plugin::{Effect, EffectImage, EffectImages};
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
-use std::sync::Arc;
 
 pub struct Pass {
-    pub effect: Arc<dyn Effect>,
-    pub parameters: [f32; 8],
+    pub effect: Effect,
+    pub parameters: Vec<f32>,
     /// How often the effect has run.
     pub number: u32,
     /// Pixels of what it makes.
@@ -20,20 +19,16 @@ pub struct Pass {
 }
 
 /// The passes of a plan, with the effects that they name.
-pub fn passes(
-    post: &[PostPass],
-    size: [u32; 2],
-    effects: &[Arc<dyn Effect>],
-) -> Result<Vec<Pass>, RenderError> {
+pub fn passes(post: &[PostPass], size: [u32; 2], effects: &[Effect]) -> Result<Vec<Pass>, RenderError> {
     let pass = |pass: &PostPass| {
         let effect = effect(effects, &pass.effect)?.clone();
         let size = pass.size(size);
-        Ok(Pass { effect, parameters: pass.parameters, number: pass.number, size })
+        Ok(Pass { effect, parameters: pass.parameters.clone(), number: pass.number, size })
     };
     post.iter().map(pass).collect()
 }
 
-pub fn effect<'a>(effects: &'a [Arc<dyn Effect>], name: &str) -> Result<&'a Arc<dyn Effect>, RenderError> {
+pub fn effect<'a>(effects: &'a [Effect], name: &str) -> Result<&'a Effect, RenderError> {
     effects
         .iter()
         .find(|e| e.manifest().name == name)
@@ -70,16 +65,18 @@ pub(crate) fn run(
         let [width, height] = pass.size.map(|s| s as usize);
         let mut next = vec![Vec4::ZERO; width * height];
         next.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-            let Some(function) = pass.effect.function() else { return };
-            match pass.effect.hook() {
-                Hook::Image => function.image_row(&pictures, y as u32, pass.number, &pass.parameters, row),
-                _ => {
+            match &pass.effect {
+                Effect::Image(effect) => {
+                    effect.image_row(&pictures, y as u32, pass.number, &pass.parameters, row);
+                }
+                Effect::Pixel(effect) => {
                     let start = y.min(now_size[1] as usize - 1) * now_size[0] as usize;
                     row.copy_from_slice(&now[start..start + width]);
-                    function.pixels(row, &pixel_uv([0, y as i32], width, size), &pass.parameters);
+                    effect.pixels(row, &pixel_uv([0, y as i32], width, size), &pass.parameters);
                 }
+                _ => return,
             }
-            faults.checked(&*pass.effect, row, |x| [x as i32, y as i32]);
+            faults.checked(&pass.effect, row, |x| [x as i32, y as i32]);
             row.iter_mut().for_each(|color| *color = Float::encode(*color).decode());
         });
         (now, now_size) = (next, pass.size);

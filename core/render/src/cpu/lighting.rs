@@ -5,7 +5,7 @@ use super::shade::{Fragment, Shaded};
 use crate::effect_faults::{EffectFaults, Fault, FaultPlace, MAGENTA};
 use crate::lanes::{F4, V3};
 use crate::plan::{Glass, PlanLight};
-use choreo_plugin::LightSample;
+use choreo_plugin::{Effect, LightSample};
 use glam::Vec3;
 use std::cell::Cell;
 
@@ -71,8 +71,8 @@ impl Fragment<'_> {
             };
             let mut samples: [LightSample; 4] = std::array::from_fn(sample);
             for ((effect, parameters), number) in self.lighting.iter().zip(self.surface.len() as u8..) {
-                if let Some(function) = effect.function() {
-                    function.lights(&mut samples, parameters);
+                if let Effect::Lighting(effect) = effect {
+                    effect.lights(&mut samples, parameters);
                     check_lit(&mut samples, number);
                 }
             }
@@ -118,7 +118,7 @@ impl Fragment<'_> {
     /// Records the fault of a visible pixel.
     pub(crate) fn record(&self, faults: &EffectFaults, (effect, fault): (u8, Fault), pixel: [i32; 2]) {
         if let Some((effect, _)) = self.surface.iter().chain(&self.lighting).nth(effect as usize) {
-            faults.record(&**effect, fault, FaultPlace::Pixel(pixel));
+            faults.record(effect, fault, FaultPlace::Pixel(pixel));
         }
     }
 }

@@ -76,7 +76,7 @@ pub(crate) const MAX_SIZE: u32 = 16384;
 /// Frames are drawn when they are collected, by all threads of the current rayon pool.
 pub struct CpuRenderer {
     device: DeviceInfo,
-    effects: Vec<Arc<dyn Effect>>,
+    effects: Vec<Effect>,
     resources: Arc<SceneResources>,
     materials: Vec<ShadeMaterial>,
     textures: HashMap<TextureKey, Arc<Texture>>,
@@ -97,7 +97,7 @@ struct Sky {
 type TextureKey = ([u8; 16], bool, bool);
 
 impl CpuRenderer {
-    pub fn new(effects: &[Arc<dyn Effect>]) -> CpuRenderer {
+    pub fn new(effects: &[Effect]) -> CpuRenderer {
         CpuRenderer {
             device: DeviceInfo {
                 kind: DeviceKind::CpuReference,
@@ -150,7 +150,7 @@ impl CpuRenderer {
         plan.sub_plans().try_for_each(|part| self.check(part))
     }
 
-    fn effect(&self, name: &str) -> Result<&Arc<dyn Effect>, RenderError> {
+    fn effect(&self, name: &str) -> Result<&Effect, RenderError> {
         image_passes::effect(&self.effects, name)
     }
 
@@ -168,9 +168,10 @@ impl CpuRenderer {
     }
 
     /// The effects of a draw on surfaces, in order.
-    fn surface(&self, plan: &Plan, bits: u8) -> Vec<(Arc<dyn Effect>, [f32; 8])> {
+    fn surface(&self, plan: &Plan, bits: u8) -> Vec<(Effect, Vec<f32>)> {
         let on = (0..8).zip(&plan.scene_effects).filter(|(bit, _)| bits >> bit & 1 == 1);
-        on.filter_map(|(_, used)| Some((self.effect(&used.effect).ok()?.clone(), used.parameters))).collect()
+        on.filter_map(|(_, used)| Some((self.effect(&used.effect).ok()?.clone(), used.parameters.clone())))
+            .collect()
     }
 
     /// All copies of the draws, projected by a matrix, on an image of a size.
@@ -441,7 +442,7 @@ fn row_color(plan: &Plan, y: usize) -> Vec4 {
 }
 
 impl Renderer for CpuRenderer {
-    fn set_effects(&mut self, effects: &[Arc<dyn Effect>]) -> Result<(), RenderError> {
+    fn set_effects(&mut self, effects: &[Effect]) -> Result<(), RenderError> {
         self.effects = effects.to_vec();
         self.faults.clear();
         Ok(())

@@ -41,9 +41,9 @@ pub struct Fragment<'a> {
     /// Sky maps, if a sky shines.
     pub sky: Option<&'a SkyMaps>,
     /// Effects on the surface, in order.
-    pub surface: Vec<(Arc<dyn Effect>, [f32; 8])>,
+    pub surface: Vec<(Effect, Vec<f32>)>,
     /// Effects that decide what light does on it.
-    pub lighting: Vec<(Arc<dyn Effect>, [f32; 8])>,
+    pub lighting: Vec<(Effect, Vec<f32>)>,
     pub features: Features,
     pub blend: bool,
     /// The alpha test keeps samples, not whole pixels.

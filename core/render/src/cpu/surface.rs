@@ -7,7 +7,7 @@ use super::vertex::Vertex;
 use crate::effect_faults::{Fault, MAGENTA};
 use crate::lanes::{F4, V3, Weights};
 use crate::plan::{Features, Glass};
-use choreo_plugin::SurfaceSample;
+use choreo_plugin::{Effect, SurfaceSample};
 use glam::{Vec2, Vec3, Vec4};
 
 /// Quads that effects on surfaces are given at once: effects in WGSL run over 32 pixels together.
@@ -101,8 +101,8 @@ impl Fragment<'_> {
             }
         }
         for ((effect, parameters), number) in self.surface.iter().zip(0..) {
-            let Some(function) = effect.function() else { continue };
-            function.surfaces(colors, samples, parameters);
+            let Effect::Surface(effect) = effect else { continue };
+            effect.surfaces(colors, samples, parameters);
             for (i, color) in colors.iter_mut().enumerate() {
                 if let Some(fault) = Fault::of(*color) {
                     let of_pixel = &mut quads[i / 4].faults[i % 4];

@@ -16,7 +16,7 @@ use crate::effect_faults::EffectFaults;
 use crate::lanes::{F4, Weights};
 use crate::layers_2d::LayerImage;
 use crate::plan::{Glass, OverlayVertex};
-use choreo_plugin::SurfaceSample;
+use choreo_plugin::{Effect, SurfaceSample};
 use glam::Vec4;
 use std::sync::Arc;
 
@@ -406,10 +406,10 @@ impl Tile<'_, '_> {
                 if number > 0 {
                     colors.iter_mut().for_each(|color| *color = T::encode(*color).decode());
                 }
-                if let Some(function) = pass.effect.function() {
-                    function.pixels(&mut colors, &uv, &pass.parameters);
+                if let Effect::Pixel(effect) = &pass.effect {
+                    effect.pixels(&mut colors, &uv, &pass.parameters);
                     let [x0, y0] = self.at;
-                    self.faults.checked(&*pass.effect, &mut colors, |x| [x0 + x as i32, y0 + y as i32]);
+                    self.faults.checked(&pass.effect, &mut colors, |x| [x0 + x as i32, y0 + y as i32]);
                 }
             }
             row.iter_mut().zip(colors).for_each(|(out, color)| *out = P::of(T::encode(color)));

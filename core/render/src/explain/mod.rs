@@ -205,7 +205,7 @@ impl Costs<'_> {
             self.frame_buffer(
                 &format!("parameters of {}", used.effect),
                 1,
-                size_of::<[f32; 8]>(),
+                size_of_val(&used.parameters[..]),
                 RequestedBy::effect(&used.effect),
             );
         }
@@ -269,7 +269,7 @@ impl Costs<'_> {
         }
         for pass in &plan.post {
             let what = format!("parameters of {}", pass.effect);
-            self.frame_buffer(&what, 1, size_of::<PostUniform>(), RequestedBy::effect(&pass.effect));
+            self.frame_buffer(&what, 1, PostUniform::bytes(pass), RequestedBy::effect(&pass.effect));
         }
     }
 

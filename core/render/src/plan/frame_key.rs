@@ -5,7 +5,6 @@ use crate::plan::{Draw, Plan, ShadowView};
 use crate::scene_resources::SceneResources;
 use crate::scene_resources::content_hash::material_content;
 use choreo_plugin::Effect;
-use std::sync::Arc;
 
 pub type Key = [u8; 32];
 
@@ -18,7 +17,7 @@ fn draw_text(draw: &Draw, resources: &SceneResources) -> String {
 }
 
 /// Hash of everything that the image is made from.
-pub fn frame_key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Effect>]) -> Key {
+pub fn frame_key(plan: &Plan, resources: &SceneResources, effects: &[Effect]) -> Key {
     let layers = plan.layers_in_front.as_ref().map(|layers| layers.hash);
     let mut hasher = blake3::Hasher::new();
     hasher.update(&scene_key(plan, resources, effects));
@@ -27,7 +26,7 @@ pub fn frame_key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Eff
 }
 
 /// Hash of everything that the image is made from but the 2D layers over it.
-pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Effect>]) -> Key {
+pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Effect]) -> Key {
     let mut hasher = blake3::Hasher::new();
     let mut add = |bytes: &[u8]| {
         hasher.update(&(bytes.len() as u64).to_le_bytes());
@@ -103,7 +102,7 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Eff
     for pass in scene_effects.iter().chain(post) {
         add(format!("{pass:?}").as_bytes());
         let effect = effects.iter().find(|e| e.manifest().name == pass.effect);
-        add(effect.and_then(|e| e.function()).map_or("", |function| function.wgsl()).as_bytes());
+        add(effect.and_then(|e| e.shader()).map_or("", |shader| shader.wgsl()).as_bytes());
         let halves = effect.iter().flat_map(|e| e.textures()).map(|t| &t.halves);
         halves.for_each(|halves| add(bytemuck::cast_slice(halves)));
     }

@@ -134,6 +134,21 @@ pub struct Plan {
 }
 
 impl Plan {
+    /// Row of the first four parameters of each effect in the scene's shaders, in their common uniform buffer.
+    pub fn first_rows(&self) -> impl Iterator<Item = u32> {
+        self.scene_effects.iter().scan(crate::shader::REACH_ROWS, |next, used| {
+            let first = *next;
+            *next += used.rows() as u32;
+            Some(first)
+        })
+    }
+
+    /// Rows of that buffer; 0 without effects.
+    pub fn surface_rows(&self) -> usize {
+        let last = self.scene_effects.last().map_or(0, PostPass::rows);
+        self.first_rows().last().map_or(0, |first| first as usize + last)
+    }
+
     /// Every plan that is drawn for this one.
     pub(crate) fn sub_plans(&self) -> impl Iterator<Item = &Plan> {
         let dissolve = self.dissolve.iter().map(|dissolve| &dissolve.plan);

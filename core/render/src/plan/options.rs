@@ -2,7 +2,6 @@
 
 use choreo_plugin::Effect;
 use choreo_stage::Snapshot;
-use std::sync::Arc;
 
 /// Options of a frame's plan. [`PlanOptions::new`] gives the usual choices.
 #[derive(Clone, Default)]
@@ -12,7 +11,7 @@ pub struct PlanOptions<'a> {
     /// Samples per pixel: 1 or 4.
     pub samples: u32,
     /// Available effects. An effect of the stage that is not among them is left out, and reported.
-    pub effects: &'a [Arc<dyn Effect>],
+    pub effects: &'a [Effect],
     /// The stage one frame ago, two frames ago and so on, for overlays that draw it ([`crate::plan::motion_blur::plan_alone`]).
     pub before: &'a [Snapshot],
     /// The stage one frame ago, for motion vectors; without it nothing has moved.

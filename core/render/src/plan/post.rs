@@ -5,8 +5,8 @@
 pub struct PostPass {
     /// Plugin name.
     pub effect: String,
-    /// Parameters in manifest order.
-    pub parameters: [f32; 8],
+    /// Numbers of the parameters, [`choreo_plugin::Manifest::parameters`]; a multiple of four, at least eight.
+    pub parameters: Vec<f32>,
     /// Index of the pass, of an effect with several.
     pub number: u32,
     /// Factor by which its output is smaller than the image, in each direction.
@@ -14,6 +14,11 @@ pub struct PostPass {
 }
 
 impl PostPass {
+    /// Rows of four parameters in uniform buffers.
+    pub(crate) fn rows(&self) -> usize {
+        self.parameters.len().div_ceil(4)
+    }
+
     /// Size of its output for an image of the size `whole`, pixels.
     pub(crate) fn size(&self, whole: [u32; 2]) -> [u32; 2] {
         whole.map(|s| s.div_ceil(self.shrink.max(1)))

@@ -3,6 +3,9 @@
 use super::SourceFile;
 use choreo_plugin::Hook;
 
+/// Rows before the parameters of effects on surfaces: the reach of each, four a row.
+pub const REACH_ROWS: u32 = 2;
+
 /// An effect whose function a shader calls.
 pub struct SceneEffect {
     /// Its bit in [`crate::plan::PipelineKey::effects`].
@@ -14,12 +17,26 @@ pub struct SceneEffect {
     pub in_model_space: bool,
     /// Index among the recorded faults.
     pub faults: u32,
+    /// Row of its first four parameters in the uniform buffer of all effects on surfaces.
+    pub first_row: u32,
+    /// Length of the array of its parameters.
+    pub length: u32,
+}
+
+/// A function `name` that gives `length` numbers of a uniform array of rows, from a row on.
+pub fn parameters_function(name: &str, rows: &str, first_row: u32, length: u32) -> String {
+    let number = |i: u32| format!("{rows}[{}].{}", first_row + i / 4, ["x", "y", "z", "w"][i as usize % 4]);
+    let numbers: Vec<String> = (0..length).map(number).collect();
+    format!(
+        "fn {name}() -> array<f32, {length}> {{ return array<f32, {length}>({}); }}\n",
+        numbers.join(", ")
+    )
 }
 
 /// The WGSL text that calls an effect's function and uses its result.
 fn call(effect: &SceneEffect) -> String {
     let (bit, faults) = (effect.bit, effect.faults);
-    let p = format!("surface_parameters_of({bit}u)");
+    let p = format!("surface_parameters_{bit}()");
     let call = match effect.hook {
         Hook::Vertex => {
             let offset = format!("effect_offset(effect_s{bit}(place, {p}), {faults}u)");
@@ -60,7 +77,13 @@ pub fn surface_files(effects: &[SceneEffect]) -> Vec<SourceFile> {
             text: renamed(&effect.wgsl, &format!("_s{}", effect.bit)),
         });
     }
-    let mut text = String::new();
+    let end = |effect: &SceneEffect| effect.first_row + effect.length.div_ceil(4);
+    let rows = effects.iter().map(end).max().unwrap_or(0).max(REACH_ROWS);
+    let mut text = format!("const surface_rows: u32 = {rows}u;\n");
+    for effect in effects {
+        let name = format!("surface_parameters_{}", effect.bit);
+        text += &parameters_function(&name, "surface_parameters", effect.first_row, effect.length);
+    }
     for (hook, head, end) in functions {
         let calls = calls_of(hook);
         if !calls.is_empty() {

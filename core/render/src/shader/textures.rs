@@ -1,10 +1,9 @@
 //! Textures of effects: one buffer for all of them, and the functions that read it.
 
 use choreo_plugin::Effect;
-use std::sync::Arc;
 
 /// Functions with the names of an effect's textures. `effects`: all, whose textures lie one after the other.
-pub fn texture_functions(effects: &[Arc<dyn Effect>], effect: &dyn Effect) -> String {
+pub fn texture_functions(effects: &[Effect], effect: &Effect) -> String {
     let name = &effect.manifest().name;
     let before = effects.iter().take_while(|e| e.manifest().name != *name);
     let mut first: usize = before.flat_map(|e| e.textures()).map(|t| t.halves.len()).sum();
@@ -21,7 +20,7 @@ pub fn texture_functions(effects: &[Arc<dyn Effect>], effect: &dyn Effect) -> St
 }
 
 /// Content of the texel buffer: 8 bytes a texel.
-pub fn texture_bytes(effects: &[Arc<dyn Effect>]) -> Vec<u8> {
+pub fn texture_bytes(effects: &[Effect]) -> Vec<u8> {
     let halves = effects.iter().flat_map(|e| e.textures()).flat_map(|t| t.halves.iter().flatten());
     halves.flat_map(|half| half.to_le_bytes()).collect()
 }

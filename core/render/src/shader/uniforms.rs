@@ -168,7 +168,6 @@ uniforms! {
     }
 
     PostUniform {
-        parameters: [Vec4; 2],
         /// Pixels of what it makes.
         size: Vec2,
         /// The number of completed passes of an effect that has several.
@@ -180,6 +179,8 @@ uniforms! {
         whole: Vec2,
         /// [`EffectFrame::rows`].
         scene: [Vec4; EffectFrame::ROWS],
+        /// The first eight parameters; the others follow it, [`PostUniform::rest`].
+        parameters: [Vec4; 2],
     }
 }
 
@@ -282,18 +283,29 @@ fn uv_transform(t: &MaterialTexture) -> UvTransform {
 }
 
 impl PostUniform {
+    /// Bytes in the uniform buffer of a pass.
+    pub fn bytes(pass: &PostPass) -> usize {
+        size_of::<PostUniform>() + size_of_val(Self::rest(pass))
+    }
+
+    /// The parameters behind the first eight.
+    pub fn rest(pass: &PostPass) -> &[f32] {
+        pass.parameters.get(8..).unwrap_or_default()
+    }
+
     /// `before`: how many times smaller the image is that it reads.
     pub fn new(pass: &PostPass, before: u32, whole: [u32; 2], frame: &EffectFrame) -> PostUniform {
-        let p = &pass.parameters;
+        let p = |i: usize| pass.parameters.get(i).copied().unwrap_or(0.0);
+        let first = |i: usize| Vec4::new(p(i), p(i + 1), p(i + 2), p(i + 3));
         let vec2 = |size: [u32; 2]| Vec2::new(size[0] as f32, size[1] as f32);
         PostUniform {
-            parameters: [Vec4::new(p[0], p[1], p[2], p[3]), Vec4::new(p[4], p[5], p[6], p[7])],
             size: vec2(pass.size(whole)),
             number: pass.number,
             shrink: pass.shrink.max(before),
             input: vec2(whole.map(|s| s.div_ceil(before.max(1)))),
             whole: vec2(whole),
             scene: frame.rows(),
+            parameters: [first(0), first(4)],
         }
     }
 }

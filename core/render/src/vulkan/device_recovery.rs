@@ -160,7 +160,7 @@ impl Renderer for SteadyRenderer {
         Ok(frame)
     }
 
-    fn set_effects(&mut self, effects: &[Arc<dyn Effect>]) -> Result<(), RenderError> {
+    fn set_effects(&mut self, effects: &[Effect]) -> Result<(), RenderError> {
         self.options.effects = effects.to_vec();
         // A fresh device gets them from the options.
         self.steadily(|this| this.inner()?.set_effects(effects))

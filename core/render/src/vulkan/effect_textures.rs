@@ -8,7 +8,6 @@ use crate::shader::texture_bytes;
 use ash::vk;
 use choreo_plugin::Effect;
 use gpu_allocator::MemoryLocation;
-use std::sync::Arc;
 
 impl VulkanRenderer {
     /// Makes them where the recording's effects have any.
@@ -20,7 +19,9 @@ impl VulkanRenderer {
             Command::PostPass { effect, .. } => has(effect),
             _ => false,
         });
-        if self.texels.is_some() || !(in_post || recording.scene_effects.iter().any(has)) {
+        if self.texels.is_some()
+            || !(in_post || recording.scene_effects.iter().any(|effect| has(&effect.name)))
+        {
             return Ok(());
         }
         let bytes = texture_bytes(effects);
@@ -38,8 +39,8 @@ impl VulkanRenderer {
     }
 
     /// Forgets the G-buffer's texels if the effects differ. No frame may be in flight.
-    pub(super) fn forget_texels(&mut self, effects: &[Arc<dyn Effect>]) {
-        let of = |all: &[Arc<dyn Effect>]| all.iter().flat_map(|e| e.textures().to_vec()).collect::<Vec<_>>();
+    pub(super) fn forget_texels(&mut self, effects: &[Effect]) {
+        let of = |all: &[Effect]| all.iter().flat_map(|e| e.textures().to_vec()).collect::<Vec<_>>();
         if self.texels.is_some()
             && of(self.pipelines.effects()) != of(effects)
             && let Some(mut old) = self.texels.take()

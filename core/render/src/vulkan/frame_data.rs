@@ -5,7 +5,6 @@ use super::targets::FrameImages;
 use crate::affine::Affine3x4;
 use crate::commands::{Command, Reads, Recording, UNIFORM_JOINTS};
 use crate::error::RenderError;
-use crate::plan::build::effects::MOST_SURFACE_EFFECTS;
 use crate::plan::build::shadow_cascades::MAX_VIEWS;
 use crate::plan::light_clusters::MAX_LIGHTS;
 use crate::plan::{Plan, PlanLight};
@@ -15,10 +14,6 @@ use crate::shader::uniforms::{
 use ash::vk;
 use choreo_stage::Background;
 use glam::{Mat4, Vec2, Vec4};
-
-/// Parameters of as many effects on surfaces as there can be, and how far each moves them.
-const SURFACE_BYTES: u64 = REACHES_AT + (MOST_SURFACE_EFFECTS * size_of::<f32>()) as u64;
-const REACHES_AT: u64 = (MOST_SURFACE_EFFECTS * size_of::<[f32; 8]>()) as u64;
 
 /// A range of the frame's buffer.
 #[derive(Clone, Copy, Debug, Default)]
@@ -147,8 +142,8 @@ impl<'a> FrameData<'a> {
             shadow_lookups: blocks.take_if::<ShadowUniform>(images.shadow.is_some(), MAX_VIEWS),
             sky: blocks.take_if::<SkyUniform>(sky, 1),
             rebuilt: blocks.take_if::<RebuiltUniform>(images.kept.is_some(), 1),
-            post: plan.post.iter().map(|_| blocks.take(size_of::<PostUniform>())).collect(),
-            surface: blocks.take(if plan.scene_effects.is_empty() { 0 } else { SURFACE_BYTES as usize }),
+            post: plan.post.iter().map(|pass| blocks.take(PostUniform::bytes(pass))).collect(),
+            surface: blocks.take(plan.surface_rows() * size_of::<Vec4>()),
             instances,
             morphs,
             lights: light_block,
@@ -205,12 +200,14 @@ impl<'a> FrameData<'a> {
                 put(at, bytemuck::bytes_of(&ShadowUniform::new(view, shadows.image)));
             }
         }
-        for (i, used) in plan.scene_effects.iter().enumerate() {
-            let at = self.surface.at + (i * size_of::<[f32; 8]>()) as u64;
-            put(at, bytemuck::bytes_of(&used.parameters));
+        for (used, row) in plan.scene_effects.iter().zip(plan.first_rows()) {
+            put(
+                self.surface.at + u64::from(row) * size_of::<Vec4>() as u64,
+                bytemuck::cast_slice(&used.parameters),
+            );
         }
         if self.surface.bytes > 0 {
-            put(self.surface.at + REACHES_AT, bytemuck::bytes_of(&plan.displacement_limits));
+            put(self.surface.at, bytemuck::bytes_of(&plan.displacement_limits));
         }
         if let (Some(images), Some(sky), true) = (images.sky, &plan.sky, self.sky.bytes > 0) {
             let maps = images.maps.as_ref().map(|(maps, _)| &**maps);
@@ -228,6 +225,7 @@ impl<'a> FrameData<'a> {
         let mut before = 1;
         for (block, pass) in self.post.iter().zip(&plan.post) {
             put(block.at, bytemuck::bytes_of(&PostUniform::new(pass, before, plan.size, &plan.effect_frame)));
+            put(block.at + size_of::<PostUniform>() as u64, bytemuck::cast_slice(PostUniform::rest(pass)));
             before = pass.shrink;
         }
     }

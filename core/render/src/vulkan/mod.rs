@@ -443,7 +443,7 @@ impl Renderer for VulkanRenderer {
         self.gpu.check_messages()
     }
 
-    fn set_effects(&mut self, effects: &[Arc<dyn Effect>]) -> Result<(), RenderError> {
+    fn set_effects(&mut self, effects: &[Effect]) -> Result<(), RenderError> {
         self.wait_idle()?;
         self.forget_texels(effects);
         self.faults.clear();

@@ -17,7 +17,7 @@ pub struct GpuOptions {
     /// WGSL modules here win over those in the program.
     pub shader_dir: Option<PathBuf>,
     /// Full-screen effects that plans may name.
-    pub effects: Vec<Arc<dyn Effect>>,
+    pub effects: Vec<Effect>,
     /// Part of a device's name, any case. Otherwise discrete before integrated before CPU.
     pub device: Option<String>,
     /// Extensions that a window system needs in addition.

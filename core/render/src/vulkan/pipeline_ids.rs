@@ -1,7 +1,7 @@
 //! The keys of all pipelines, and those that a recording binds.
 
 use crate::commands::preskin::PreskinVariant;
-use crate::commands::{Command, Recording, Target};
+use crate::commands::{Command, EffectOnSurfaces, Recording, Target};
 use crate::plan::Features;
 use crate::shader::SceneVariant;
 
@@ -9,10 +9,10 @@ use crate::shader::SceneVariant;
 pub enum Id {
     /// Vertices into their poses.
     Pose(PreskinVariant),
-    /// `surface`: the effects on it, each with its bit.
-    Scene { variant: SceneVariant, samples: u32, float: bool, surface: Vec<(u8, String)> },
-    /// `surface`: the effects on it, each with its bit.
-    Background { samples: u32, float: bool, depth: bool, what: Backdrop, surface: Vec<(u8, String)> },
+    /// `surface`: the effects on it.
+    Scene { variant: SceneVariant, samples: u32, float: bool, surface: Vec<EffectOnSurfaces> },
+    /// `surface`: the effects on it.
+    Background { samples: u32, float: bool, depth: bool, what: Backdrop, surface: Vec<EffectOnSurfaces> },
     /// `over`: not hidden by what is nearer.
     Overlay { samples: u32, float: bool, over: bool },
     /// One for each run of an effect: drivers that draw on the CPU execute both sides of a branch.
@@ -75,8 +75,7 @@ pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
     recording.commands.iter().map(id).collect()
 }
 
-/// The effects of a set of bits, each with its own.
-fn on_surface(recording: &Recording, bits: u8) -> Vec<(u8, String)> {
-    let names = (0u8..).zip(&recording.scene_effects);
-    names.filter(|(bit, _)| bits >> bit & 1 == 1).map(|(bit, name)| (bit, name.clone())).collect()
+/// The effects of a set of bits.
+fn on_surface(recording: &Recording, bits: u8) -> Vec<EffectOnSurfaces> {
+    recording.scene_effects.iter().filter(|effect| bits >> effect.bit & 1 == 1).cloned().collect()
 }

@@ -11,6 +11,7 @@ pub use super::pipeline_ids::{Id, ids};
 use super::preskin;
 use super::state::{Mix, PipelineState, format_of};
 use super::targets::DEPTH;
+use crate::commands::EffectOnSurfaces;
 use crate::effect_faults::RECORDS;
 use crate::error::RenderError;
 use crate::plan::shader_features::names;
@@ -25,7 +26,6 @@ use naga::ShaderStage;
 use rayon::prelude::*;
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
-use std::sync::Arc;
 
 pub struct Pipelines {
     cache: PipelineCache,
@@ -33,7 +33,7 @@ pub struct Pipelines {
     pub layout: vk::PipelineLayout,
     pub post_layout: vk::PipelineLayout,
     sources: ShaderSources,
-    effects: Vec<Arc<dyn Effect>>,
+    effects: Vec<Effect>,
     /// Shaders record faults of effects.
     records_faults: bool,
     made: HashMap<Id, vk::Pipeline>,
@@ -47,7 +47,7 @@ impl Pipelines {
         layouts: &Layouts,
         cache_dir: Option<&Path>,
         sources: ShaderSources,
-        effects: Vec<Arc<dyn Effect>>,
+        effects: Vec<Effect>,
     ) -> Result<Pipelines, RenderError> {
         let mut pipelines = Pipelines {
             cache: PipelineCache::new(gpu, cache_dir)?,
@@ -139,20 +139,20 @@ impl Pipelines {
 
     /// Replaces the effects. Pipelines of effects whose text has changed are made again when a frame needs them.
     /// No frame may be in flight.
-    pub fn set_effects(&mut self, gpu: &Context, effects: &[Arc<dyn Effect>]) {
+    pub fn set_effects(&mut self, gpu: &Context, effects: &[Effect]) {
         let old = std::mem::replace(&mut self.effects, effects.to_vec());
-        let text = |all: &[Arc<dyn Effect>], name: &str| {
+        let text = |all: &[Effect], name: &str| {
             let effect = all.iter().find(|e| e.manifest().name == name)?;
             // Where its textures lie is written into its functions.
-            let textures = texture_functions(all, effect.as_ref());
-            let wgsl = effect.function().map(|function| function.wgsl().to_string());
+            let textures = texture_functions(all, effect);
+            let wgsl = effect.shader().map(|shader| shader.wgsl().to_string());
             Some((wgsl, textures, first_record(all, name), effect.hook(), effect.in_model_space()))
         };
         self.made.retain(|id, pipeline| {
             let names: Vec<&String> = match id {
                 Id::Post { effect, .. } => vec![effect],
                 Id::Scene { surface, .. } | Id::Background { surface, .. } => {
-                    surface.iter().map(|(_, name)| name).collect()
+                    surface.iter().map(|effect| &effect.name).collect()
                 }
                 Id::Overlay { .. } | Id::Pose(_) => return true,
             };
@@ -240,7 +240,7 @@ impl Pipelines {
     fn scene_code(
         &self,
         variant: &SceneVariant,
-        surface: &[(u8, String)],
+        surface: &[EffectOnSurfaces],
     ) -> Result<Vec<Entry>, RenderError> {
         let mut files = self.sources.files(&SCENE)?;
         files.extend(self.surface_texts(surface)?);
@@ -256,7 +256,7 @@ impl Pipelines {
         &self,
         what: Backdrop,
         float: bool,
-        surface: &[(u8, String)],
+        surface: &[EffectOnSurfaces],
     ) -> Result<Vec<Entry>, RenderError> {
         let (files, switch, fs): (&[&str], _, _) = match what {
             Backdrop::Gradient => (&BACKGROUND, None, "background_fs"),
@@ -278,9 +278,10 @@ impl Pipelines {
 
     fn post_code(&self, effect: &str, number: u32) -> Result<Vec<Entry>, RenderError> {
         let plugin = self.effect(effect)?;
-        let text = self.wgsl(&**plugin)?;
+        let text = self.wgsl(plugin)?;
         let textures = !plugin.textures().is_empty();
-        let numbers = [number, first_record(&self.effects, effect)];
+        let length = plugin.manifest().parameter_length() as u32;
+        let numbers = [number, first_record(&self.effects, effect), length];
         let files = self.sources.post(effect, &text, numbers, textures)?;
         let mut on = vec!["EFFECTS"];
         on.extend((plugin.hook() == Hook::Image).then_some("PICTURE"));
@@ -293,16 +294,18 @@ impl Pipelines {
     }
 
     /// The functions of effects on surfaces, and what calls them.
-    fn surface_texts(&self, surface: &[(u8, String)]) -> Result<Vec<SourceFile>, RenderError> {
+    fn surface_texts(&self, surface: &[EffectOnSurfaces]) -> Result<Vec<SourceFile>, RenderError> {
         if surface.is_empty() {
             return Ok(Vec::new());
         }
-        let used = |(bit, name): &(u8, String)| {
+        let used = |EffectOnSurfaces { bit, first_row, name }: &EffectOnSurfaces| {
             let effect = self.effect(name)?;
             Ok(SceneEffect {
                 bit: *bit,
+                first_row: *first_row,
+                length: effect.manifest().parameter_length() as u32,
                 name: name.clone(),
-                wgsl: self.wgsl(&**effect)?,
+                wgsl: self.wgsl(effect)?,
                 hook: effect.hook(),
                 in_model_space: effect.in_model_space(),
                 faults: first_record(&self.effects, name),
@@ -317,18 +320,18 @@ impl Pipelines {
         Ok(files)
     }
 
-    fn reads_textures(&self, surface: &[(u8, String)]) -> bool {
+    fn reads_textures(&self, surface: &[EffectOnSurfaces]) -> bool {
         let reads = |name: &String| self.effect(name).is_ok_and(|e| !e.textures().is_empty());
-        surface.iter().any(|(_, name)| reads(name))
+        surface.iter().any(|effect| reads(&effect.name))
     }
 
     /// The text of an effect with the functions of its textures.
-    fn wgsl(&self, effect: &dyn Effect) -> Result<String, RenderError> {
+    fn wgsl(&self, effect: &Effect) -> Result<String, RenderError> {
         let name = &effect.manifest().name;
-        let function = effect.function();
-        let function =
-            function.ok_or_else(|| RenderError::Usage(format!("the effect \"{name}\" has no function")))?;
-        Ok(format!("{}{}", function.wgsl(), texture_functions(&self.effects, effect)))
+        let shader = effect.shader();
+        let shader =
+            shader.ok_or_else(|| RenderError::Usage(format!("the effect \"{name}\" has no function")))?;
+        Ok(format!("{}{}", shader.wgsl(), texture_functions(&self.effects, effect)))
     }
 
     /// Bytes of the records of faults.
@@ -337,11 +340,11 @@ impl Pipelines {
     }
 
     /// Effects that plans may name.
-    pub fn effects(&self) -> &[Arc<dyn Effect>] {
+    pub fn effects(&self) -> &[Effect] {
         &self.effects
     }
 
-    fn effect(&self, name: &str) -> Result<&Arc<dyn Effect>, RenderError> {
+    fn effect(&self, name: &str) -> Result<&Effect, RenderError> {
         self.effects.iter().find(|e| e.manifest().name == name).ok_or_else(|| {
             let known: Vec<_> = self.effects.iter().map(|e| e.manifest().name.as_str()).collect();
             RenderError::Usage(format!(
@@ -451,7 +454,7 @@ impl Pipelines {
 }
 
 /// The place of an effect's first record of faults.
-fn first_record(effects: &[Arc<dyn Effect>], name: &str) -> u32 {
+fn first_record(effects: &[Effect], name: &str) -> u32 {
     effects.iter().take_while(|e| e.manifest().name != name).count() as u32 * RECORDS
 }
 

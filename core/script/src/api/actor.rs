@@ -153,9 +153,18 @@ fn change(c: &Call, edit: impl FnOnce(usize) -> ActorEdit, draft: impl FnOnce(&m
     c.itself()
 }
 
+/// The same for a change of position or rotation.
+fn place(c: &Call, edit: impl FnOnce(usize) -> ActorEdit, draft: impl FnOnce(&mut ActorDraft)) -> Reply {
+    let this: ActorRef = c.this()?;
+    if !c.in_frame {
+        c.build().actor(this.id)?.not_walking(c.def.name)?;
+    }
+    change(c, edit, draft)
+}
+
 fn at(c: &mut Call) -> Reply {
     let p = c.point(0)?;
-    change(
+    place(
         c,
         |actor| ActorEdit::MoveTo { actor, translation: p },
         |d| {
@@ -167,7 +176,7 @@ fn at(c: &mut Call) -> Reply {
 
 fn move_by(c: &mut Call) -> Reply {
     let offset = c.point(0)?;
-    change(
+    place(
         c,
         |actor| ActorEdit::MoveBy { actor, offset },
         |d| {
@@ -178,7 +187,7 @@ fn move_by(c: &mut Call) -> Reply {
 }
 
 fn turned(c: &Call, rotation: DQuat) -> Reply {
-    change(
+    place(
         c,
         |actor| ActorEdit::Turn { actor, rotation },
         |d| {
@@ -219,6 +228,7 @@ fn face(c: &mut Call) -> Reply {
     let target = c.target(0)?;
     let mut build = c.build();
     let draft = build.actor(this.id)?;
+    draft.not_walking("face")?;
     draft.actor.face = None;
     draft.face_point = None;
     match target {
@@ -468,6 +478,10 @@ fn key(c: &mut Call) -> Reply {
     let channels = key_channels(c, &this.asset)?;
     let mut build = c.build();
     let draft = build.actor(this.id)?;
+    let places = |channel: &Channel| matches!(channel.property, Property::Translation | Property::Rotation);
+    if channels.iter().any(places) {
+        draft.not_walking("key")?;
+    }
     draft.placed |= channels.iter().any(|ch| ch.property == Property::Translation);
     keys::replace(&mut draft.actor.channels, channels);
     drop(build);

@@ -20,21 +20,23 @@ api! {
     /// - Options: at (offset [x, y, z] in the space of the target, beside a joint in metres), root (the first joint of the IK chain; default:
     ///   two bones up), pole (pole target, an actor, joint or point, towards which the elbow or knee bends), soft
     ///   (0 to 1: share of the reach in which the limb slows down before it is straight, default 0.05; two bones
-    ///   only), keep (true: the hand keeps its rotation from the clip), weight (0 to 1, default 1).
+    ///   only), keep (true: the hand keeps its rotation from the clip), weight (0 to 1, default 1), from, until, fade (as the
+    ///   methods of Goal).
     Actor.reach("joint, target, options?") -> Goal = reach;
     /// Rotates a joint and joints above it until it points at a target (aim constraint).
     /// - Options: joints (how many joints rotate, 1 to 64, default 1; or an array of their names from the root on),
     ///   shares (an array, one number per joint: how the rotation is shared), limit (degrees, 0 to 180, default
-    ///   80), weight (0 to 1, default 1).
+    ///   80), weight (0 to 1, default 1), from, until, fade (as the methods of Goal).
     Actor.aim("joint, target, options?") -> Goal = aim;
     /// Locks feet that touch the ground in place (foot locking, against foot sliding), for bipeds and quadrupeds.
     /// - Options: feet (an array of joint names; default: found by name, else by structure), ground (an actor, or an
-    ///   array of actors, whose surfaces the feet stand on), weight (0 to 1, default 1).
+    ///   array of actors, whose surfaces the feet stand on), weight (0 to 1, default 1), from, until, fade (as the methods of Goal).
     /// - Without a call, the feet step instead of sliding where a walk fades into a stand or back, if root motion,
     ///   keyframes or a path move the actor. `plant_feet(#{ weight: 0 })` turns this off.
     Actor.plant_feet("options?") -> Goal = plant_feet;
     /// Exchanges left and right in what its clips do, for joints, morph targets and expressions, as long as the
-    /// constraint lasts. The path of root motion stays the same. Options: weight (0 to 1, default 1).
+    /// constraint lasts. The path of root motion stays the same. Options: weight (0 to 1, default 1), from, until,
+    /// fade (as the methods of Goal).
     Actor.mirror("options?") -> Goal = mirror;
     /// Sets the start time of the constraint (default 0).
     Goal.from("time") = from;
@@ -73,16 +75,28 @@ fn add(c: &Call, actor: usize, goal: Constraint) -> Reply {
     Ok(Dynamic::from(GoalRef { actor, index: draft.actor.constraints.len() - 1 }))
 }
 
-fn goal(kind: ConstraintKind, o: &Options) -> Result<Constraint, ApiError> {
+fn goal(c: &Call, kind: ConstraintKind, o: &Options) -> Result<Constraint, ApiError> {
     let weight = o.number_in("weight", 0.0, 1.0)?.unwrap_or(1.0) as f32;
-    Ok(Constraint { fade: Time::from_secs(0.3), weight, ..Constraint::new(kind) })
+    let goal = Constraint { weight, ..Constraint::new(kind) };
+    let (start, end, fade) = span(c, o, goal.start)?;
+    Ok(Constraint { start, end, fade, ..goal })
+}
+
+/// The options `from`, `until` and `fade` of a constraint.
+pub(super) fn span(c: &Call, o: &Options, start: Time) -> Result<(Time, Option<Time>, Time), ApiError> {
+    let time = |name: &str| o.get(name).map(|v| c.stage_time(&v, &o.label(name))).transpose();
+    let (start, end) = (time("from")?.unwrap_or(start), time("until")?);
+    if let Some(end) = end.filter(|end| *end < start) {
+        return Err(before_start("until", end, start));
+    }
+    Ok((start, end, o.duration("fade")?.unwrap_or(Time::from_secs(0.3))))
 }
 
 fn reach(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let end = find_joint(&this.asset, &c.text(0)?)?;
     let target = c.target(1)?;
-    let o = c.options(2, &["at", "root", "pole", "soft", "keep", "weight"])?;
+    let o = c.options(2, &["at", "root", "pole", "soft", "keep", "weight", "from", "until", "fade"])?;
     let parents = this.asset.skeleton.parents();
     let names = this.asset.skeleton.names();
     let name = |joint: u32| names.get(joint as usize).map_or("", String::as_str);
@@ -121,14 +135,14 @@ fn reach(c: &mut Call) -> Reply {
         soft: o.number_in("soft", 0.0, 1.0)?.unwrap_or(0.05),
         keep_rotation: o.flag("keep")?.unwrap_or(false),
     });
-    add(c, this.id, goal(kind, &o)?)
+    add(c, this.id, goal(c, kind, &o)?)
 }
 
 fn aim(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let last = find_joint(&this.asset, &c.text(0)?)?;
     let target = c.target(1)?;
-    let o = c.options(2, &["joints", "shares", "limit", "weight"])?;
+    let o = c.options(2, &["joints", "shares", "limit", "weight", "from", "until", "fade"])?;
     let parents = this.asset.skeleton.parents();
     let joints: Vec<u32> = match o.get("joints") {
         Some(names) if names.is_array() => {
@@ -165,12 +179,12 @@ fn aim(c: &mut Call) -> Reply {
         },
     };
     let limit = radians(o.number_in("limit", 0.0, 180.0)?.unwrap_or(80.0));
-    add(c, this.id, goal(ConstraintKind::Aim(AimConstraint { joints, shares, target, limit }), &o)?)
+    add(c, this.id, goal(c, ConstraintKind::Aim(AimConstraint { joints, shares, target, limit }), &o)?)
 }
 
 fn plant_feet(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
-    let o = c.options(0, &["feet", "ground", "weight"])?;
+    let o = c.options(0, &["feet", "ground", "weight", "from", "until", "fade"])?;
     let skeleton = &this.asset.skeleton;
     let legs: Vec<Leg> = match o.get("feet") {
         Some(names) => {
@@ -206,15 +220,15 @@ fn plant_feet(c: &mut Call) -> Reply {
     add(
         c,
         this.id,
-        goal(ConstraintKind::FootLock(FootLock { legs, hips, ground, ..FootLock::default() }), &o)?,
+        goal(c, ConstraintKind::FootLock(FootLock { legs, hips, ground, ..FootLock::default() }), &o)?,
     )
 }
 
 fn mirror(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
-    let o = c.options(0, &["weight"])?;
+    let o = c.options(0, &["weight", "from", "until", "fade"])?;
     let mirroring = super::clip::mirroring(c, &this.asset)?;
-    add(c, this.id, goal(ConstraintKind::Mirror(Arc::new(mirroring)), &o)?)
+    add(c, this.id, goal(c, ConstraintKind::Mirror(Arc::new(mirroring)), &o)?)
 }
 
 fn change(c: &Call, change: impl FnOnce(&mut Constraint) -> Result<(), ApiError>) -> Reply {

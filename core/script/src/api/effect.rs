@@ -4,17 +4,17 @@ use super::keys;
 use crate::build::room;
 use crate::call::{ApiError, Call, Options, Reply, api, describe, unknown};
 use crate::hook;
-use crate::suggest::list;
-use crate::value::{ActorRef, CameraRef, EffectRef};
+use crate::value::{ActorRef, CameraRef, EffectRef, JointRef};
 use choreo_asset::Asset;
+use choreo_plugin::parameters::{curve_table, is_curve};
 use choreo_plugin::{Effect, Hook, OptionKind, OptionSpec};
-use choreo_stage::{Channel, EffectEdit, EffectTarget, EffectUse, Property};
+use choreo_stage::{Channel, EffectDistance, EffectEdit, EffectTarget, EffectUse, Property, Target};
 use rhai::Dynamic;
-use std::sync::Arc;
 
 api! {
     /// Adds an effect plugin to the whole frame or to all surfaces. Options are its parameters; `choreo plugins`
-    /// lists all effects and their parameters.
+    /// lists all effects and their parameters. Vectors are arrays, curves arrays of keys [x, y] with x from 0 to 1. A
+    /// number may be an actor or a joint: it then is the distance in front of the camera in metres, such as the focus.
     /// - Built in, on the frame: "tonemap" (tone mapping, exposure), "bloom", "motion_blur" (accumulation of
     ///   sub-frames while the shutter is open), "fxaa" (antialiasing), "vignette", "film_grain".
     /// - Built in, on the frame by its depth: "ambient_occlusion", "depth_of_field", "god_rays", "edge_lines", "heat_haze".
@@ -23,8 +23,8 @@ api! {
     effect("name, options?") -> Effect = effect;
     /// Sets a parameter of the effect.
     Effect.set("parameter, value") = set, in_frames;
-    /// Animates a parameter, a number or a color, with keyframes [[time, value], …]. `how` and easing as in
-    /// Actor.key. Flags and texts change at the keyframe.
+    /// Animates a parameter with keyframes [[time, value], …]: a number, a color, a vector, or a curve, whose samples
+    /// are interpolated. `how` and easing as in Actor.key. Whole numbers, flags and texts change at the keyframe.
     Effect.key("parameter, keys, how?") = key;
     /// Sets the start time (default 0).
     Effect.from("time") = from;
@@ -44,8 +44,9 @@ fn effect(c: &mut Call) -> Reply {
         Ok(None) => {
             let names: Vec<&str> = registry.effect_names().collect();
             let error = unknown("effect", &name, "", names);
-            let hint = format!("{}{}", error.hint.as_deref().unwrap_or_default(), registry.faulty_hint());
-            return Err(error.hint(hint));
+            let known = error.hint.clone().unwrap_or_default();
+            let faulty = registry.faulty_hint(".wgsl");
+            return Err(error.hint(format!("{known}; packages of plugins: choreo plugins list{faulty}")));
         }
         Err(fault) => {
             c.shared.loader.note_looked_for(&fault.files);
@@ -61,14 +62,17 @@ fn effect(c: &mut Call) -> Reply {
         }
     }
     let mut used = EffectUse { plugin: name.clone(), ..EffectUse::default() };
-    let mut names: Vec<&str> = plugin.manifest().options.iter().map(|o| o.name.as_str()).collect();
-    let colors: Vec<&str> = names.iter().filter_map(|n| n.strip_suffix(PARTS[0])).collect();
-    names.extend(colors);
+    let options = &plugin.manifest().options;
+    // Of colors and vectors each number has a name, too; the samples of curves need none here.
+    let has_names = |o: &&OptionSpec| matches!(o.kind, OptionKind::Color { .. } | OptionKind::Vector { .. });
+    let numbers_of: Vec<String> =
+        options.iter().filter(has_names).flat_map(OptionSpec::number_names).collect();
+    let mut names: Vec<&str> = options.iter().map(|o| o.name.as_str()).collect();
+    names.extend(numbers_of.iter().map(String::as_str));
+    names.extend(options.iter().filter_map(|o| o.name.strip_suffix("_r")));
     let o = c.options(1, &names)?;
     for (key, value) in &o.map {
-        for (name, number) in numbers(plugin.as_ref(), key, value)? {
-            put(&mut used.parameters, name, number);
-        }
+        assign(&mut used, plugin, key, value)?;
     }
     let mut build = c.build();
     room(build.effects.len(), "effects", &c.shared.limits)?;
@@ -77,45 +81,96 @@ fn effect(c: &mut Call) -> Reply {
     Ok(Dynamic::from(EffectRef { id: build.effects.len() - 1, plugin: name.into() }))
 }
 
-/// Suffixes of the three numbers of a color ([`choreo_plugin::Manifest::color`]).
-const PARTS: [&str; 3] = ["_r", "_g", "_b"];
-
-/// A parameter as scripts name it: a color, or one option of the manifest.
+/// A parameter as a script names it, or one number of a parameter with several ("tint_r").
 enum Parameter<'a> {
+    Whole(&'a OptionSpec),
+    /// Three numbers "tint_r", "tint_g" and "tint_b" that are declared one by one.
     Color([String; 3]),
-    One(&'a OptionSpec),
+    Number(&'a OptionSpec, String),
 }
 
-fn parameter<'a>(plugin: &'a dyn Effect, name: &str) -> Result<Parameter<'a>, ApiError> {
+fn parameter<'a>(plugin: &'a Effect, name: &str) -> Result<Parameter<'a>, ApiError> {
     let options = &plugin.manifest().options;
-    let parts = PARTS.map(|part| format!("{name}{part}"));
+    if let Some(option) = options.iter().find(|o| o.name == name) {
+        return Ok(Parameter::Whole(option));
+    }
+    let parts = ["_r", "_g", "_b"].map(|part| format!("{name}{part}"));
     if parts.iter().all(|part| options.iter().any(|o| o.name == *part)) {
         return Ok(Parameter::Color(parts));
     }
-    options.iter().find(|o| o.name == name).map(Parameter::One).ok_or_else(|| {
+    let of_number = options.iter().find(|o| o.number_of(name).is_some());
+    of_number.map(|option| Parameter::Number(option, name.into())).ok_or_else(|| {
         let place = format!(" of effect \"{}\"", plugin.manifest().name);
         unknown("parameter", name, &place, options.iter().map(|o| o.name.as_str()))
     })
 }
 
-/// The numbers of the manifest that a value sets: one, or the three of a color.
-fn numbers(plugin: &dyn Effect, name: &str, value: &Dynamic) -> Result<Vec<(String, f64)>, ApiError> {
-    let effect = &plugin.manifest().name;
-    match parameter(plugin, name)? {
-        Parameter::Color(parts) => {
-            let color = crate::call::color(value, &format!("{effect}: {name}"))?;
-            Ok(parts.into_iter().zip(color.to_array().map(f64::from)).collect())
+impl Parameter<'_> {
+    /// Names of the numbers that it sets.
+    fn names(&self) -> Vec<String> {
+        match self {
+            Parameter::Whole(spec) => spec.number_names().collect(),
+            Parameter::Color(parts) => parts.to_vec(),
+            Parameter::Number(_, name) => vec![name.clone()],
         }
-        Parameter::One(spec) => {
-            let number =
-                as_number(spec, value).ok_or_else(|| wrong(spec, &format!("{effect}: {name}"), value));
-            number.map(|n| vec![(name.to_string(), n)])
+    }
+
+    /// The numbers of a value, as the effect receives them.
+    fn read(&self, value: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
+        let spec = match self {
+            Parameter::Number(spec, _) => {
+                let [min, max] = spec.bounds().unwrap_or([f64::MIN, f64::MAX]);
+                let number = one_number(value).filter(|n| (min..=max).contains(n));
+                let wrong = || wrong(&format!("from {min} to {max}"), spec, label, value);
+                return number.map(|n| vec![n]).ok_or_else(wrong);
+            }
+            Parameter::Color(_) => return color_numbers(value, label),
+            Parameter::Whole(spec) => spec,
+        };
+        if matches!(spec.kind, OptionKind::Color { .. }) {
+            return color_numbers(value, label);
         }
+        as_numbers(spec, value).ok_or_else(|| wrong(&allowed(spec), spec, label, value))
     }
 }
 
-fn wrong(spec: &OptionSpec, label: &str, value: &Dynamic) -> ApiError {
-    ApiError::new(format!("{label} must be {}, got {}", allowed(spec), describe(value))).hint(&spec.about)
+/// Linear red, green and blue of a color.
+fn color_numbers(value: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
+    Ok(crate::call::color(value, label)?.to_array()[..3].iter().map(|n| f64::from(*n)).collect())
+}
+
+/// Sets a parameter to a value, or to the distance of an actor or joint from the camera.
+fn assign(used: &mut EffectUse, plugin: &Effect, name: &str, value: &Dynamic) -> Result<(), ApiError> {
+    let target = match value.read_lock::<ActorRef>() {
+        Some(actor) => Some(Target::Actor(actor.id)),
+        None => value.read_lock::<JointRef>().map(|j| Target::Joint { actor: j.actor, joint: j.joint }),
+    };
+    if let Some(target) = target
+        && let Parameter::Whole(OptionSpec { kind: OptionKind::Number { min, max, .. }, .. }) =
+            parameter(plugin, name)?
+    {
+        let (least, most) = (*min, *max);
+        used.distances.retain(|distance| distance.parameter != name);
+        used.distances.push(EffectDistance { parameter: name.into(), target, least, most });
+        used.distances.sort_by(|a, b| a.parameter.cmp(&b.parameter));
+        return Ok(());
+    }
+    for (name, number) in numbers(plugin, name, value)? {
+        used.distances.retain(|distance| distance.parameter != name);
+        put(&mut used.parameters, name, number);
+    }
+    Ok(())
+}
+
+/// The numbers of the manifest that a value sets, with their names.
+fn numbers(plugin: &Effect, name: &str, value: &Dynamic) -> Result<Vec<(String, f64)>, ApiError> {
+    let parameter = parameter(plugin, name)?;
+    let read = parameter.read(value, &format!("{}: {name}", plugin.manifest().name))?;
+    Ok(parameter.names().into_iter().zip(read).collect())
+}
+
+fn wrong(allowed: &str, spec: &OptionSpec, label: &str, value: &Dynamic) -> ApiError {
+    ApiError::new(format!("{label} must be {allowed}, got {}", describe(value))).hint(&spec.about)
 }
 
 /// Sets a parameter in a sorted list: the order of calls does not change the image, so it must not change the stage either.
@@ -125,38 +180,57 @@ fn put<T>(parameters: &mut Vec<(String, T)>, name: String, value: T) {
     parameters.sort_by(|a, b| a.0.cmp(&b.0));
 }
 
-/// The number that an effect receives for a value. A text becomes its index in the list of allowed texts.
-fn as_number(spec: &OptionSpec, value: &Dynamic) -> Option<f64> {
+fn one_number(value: &Dynamic) -> Option<f64> {
+    value.as_float().or_else(|_| value.as_int().map(|n| n as f64)).ok()
+}
+
+/// The numbers that an effect receives for a value. A text becomes its index in the list of allowed texts, a curve its samples.
+fn as_numbers(spec: &OptionSpec, value: &Dynamic) -> Option<Vec<f64>> {
     match &spec.kind {
         OptionKind::Number { min, max, .. } => {
-            let n = value.as_float().or_else(|_| value.as_int().map(|n| n as f64)).ok()?;
-            (*min..=*max).contains(&n).then_some(n)
+            one_number(value).filter(|n| (*min..=*max).contains(n)).map(|n| vec![n])
         }
-        OptionKind::Bool { .. } => value.as_bool().ok().map(|b| f64::from(u8::from(b))),
+        OptionKind::Integer { min, max, .. } => {
+            let n = one_number(value).filter(|n| n.fract() == 0.0)?;
+            (*min as f64..=*max as f64).contains(&n).then(|| vec![n])
+        }
+        OptionKind::Bool { .. } => value.as_bool().ok().map(|b| vec![f64::from(u8::from(b))]),
         OptionKind::Text { one_of, .. } => {
             let text = value.clone().into_string().ok()?;
-            one_of.iter().position(|o| *o == text).map(|i| i as f64)
+            one_of.iter().position(|o| *o == text).map(|i| vec![i as f64])
         }
+        OptionKind::Vector { default, min, max } => crate::call::numbers(value)
+            .filter(|v| v.len() == default.len() && v.iter().all(|n| (*min..=*max).contains(n))),
+        OptionKind::Curve { min, max, .. } => {
+            let keys = value.read_lock::<rhai::Array>()?;
+            let keys: Vec<[f64; 2]> =
+                keys.iter().map(|key| crate::call::numbers(key)?.try_into().ok()).collect::<Option<_>>()?;
+            let within = keys.iter().all(|[_, y]| (*min..=*max).contains(y));
+            (is_curve(&keys) && within).then(|| curve_table(&keys).to_vec())
+        }
+        OptionKind::Color { .. } => None,
     }
 }
 
+/// The allowed values, without the words that the message has before them.
 fn allowed(spec: &OptionSpec) -> String {
+    let unit = if spec.unit.is_empty() { String::new() } else { format!(" {}", spec.unit) };
     match &spec.kind {
-        OptionKind::Number { min, max, .. } => format!("from {min} to {max}"),
-        OptionKind::Bool { .. } => "true or false".to_string(),
-        OptionKind::Text { one_of, .. } => format!("one of {}", list(one_of.iter().map(String::as_str), 30)),
+        OptionKind::Number { min, max, .. } => format!("from {min} to {max}{unit}"),
+        _ => spec.allowed(),
     }
 }
 
-fn plugin(c: &Call, this: &EffectRef) -> Result<Arc<dyn Effect>, ApiError> {
+fn plugin(c: &Call, this: &EffectRef) -> Result<Effect, ApiError> {
     let found = c.shared.loader.registry().effect(&this.plugin).cloned();
     found.ok_or_else(|| ApiError::new(format!("effect \"{}\" is gone", this.plugin)))
 }
 
 fn set(c: &mut Call) -> Reply {
     let this: EffectRef = c.this()?;
-    let new = numbers(plugin(c, &this)?.as_ref(), &c.text(0)?, &c.value(1))?;
+    let (plugin, name) = (plugin(c, &this)?, c.text(0)?);
     if c.in_frame {
+        let new = numbers(&plugin, &name, &c.value(1))?;
         hook::edit(|edits| {
             let edit = |(parameter, value)| EffectEdit { effect: this.id, parameter, value };
             edits.effects.extend(new.into_iter().map(edit));
@@ -164,8 +238,7 @@ fn set(c: &mut Call) -> Reply {
         return c.itself();
     }
     let mut build = c.build();
-    let used = build.effect(this.id)?;
-    new.into_iter().for_each(|(name, number)| put(&mut used.parameters, name, number));
+    assign(build.effect(this.id)?, &plugin, &name, &c.value(1))?;
     drop(build);
     c.itself()
 }
@@ -173,25 +246,22 @@ fn set(c: &mut Call) -> Reply {
 fn key(c: &mut Call) -> Reply {
     let this: EffectRef = c.this()?;
     let (plugin, name) = (plugin(c, &this)?, c.text(0)?);
-    let named: Vec<(String, Channel)> = match parameter(plugin.as_ref(), &name)? {
-        Parameter::Color(parts) => {
-            let read = |v: &Dynamic, label: &str| {
-                Ok(crate::call::color(v, label)?.to_array()[..3].iter().map(|n| f64::from(*n)).collect())
-            };
-            let channels = keys::parts(c, Property::Parameter, false, &read)?;
-            parts.into_iter().zip(channels).collect()
+    let parameter = parameter(&plugin, &name)?;
+    let step = match &parameter {
+        Parameter::Whole(spec) => {
+            matches!(
+                spec.kind,
+                OptionKind::Bool { .. } | OptionKind::Text { .. } | OptionKind::Integer { .. }
+            )
         }
-        Parameter::One(spec) => {
-            let step = !matches!(spec.kind, OptionKind::Number { .. });
-            let read = |v: &Dynamic, label: &str| {
-                as_number(spec, v).map(|n| vec![n]).ok_or_else(|| wrong(spec, label, v))
-            };
-            let channels = keys::parts(c, Property::Parameter, step, &read)?;
-            channels.into_iter().map(|keys| (name.clone(), keys)).collect()
-        }
+        Parameter::Color(_) | Parameter::Number(..) => false,
     };
+    let read = |v: &Dynamic, label: &str| parameter.read(v, label);
+    let channels = keys::parts(c, Property::Parameter, step, &read)?;
+    let named: Vec<(String, Channel)> = parameter.names().into_iter().zip(channels).collect();
     let mut build = c.build();
     let used = build.effect(this.id)?;
+    used.distances.retain(|distance| distance.parameter != name);
     named.into_iter().for_each(|(name, keys)| put(&mut used.keys, name, keys));
     drop(build);
     c.itself()

@@ -1,5 +1,6 @@
 //! The look-at constraint of heads and eyes: `look_at`.
 
+use super::constraints::span;
 use super::joint::find_joint;
 use crate::build::room;
 use crate::call::{ApiError, Call, Reply, api};
@@ -13,7 +14,7 @@ use rhai::Dynamic;
 api! {
     /// Turns the head towards an actor, a joint or a point (look-at constraint), at most 80° away from the pose of
     /// the clip. The eyes of a VRM character follow within the limits of its file, by bones or morph targets.
-    /// Options: joint (default: the head), weight (0 to 1, default 1).
+    /// Options: joint (default: the head), weight (0 to 1, default 1), from, until, fade (as the methods of Look).
     Actor.look_at("target, options?") -> Look = look_at;
     /// Sets the start time (default 0).
     Look.from("time") = look_from;
@@ -28,7 +29,7 @@ api! {
 fn look_at(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let target = c.target(0)?;
-    let o = c.options(1, &["joint", "weight"])?;
+    let o = c.options(1, &["joint", "weight", "from", "until", "fade"])?;
     let weight = o.number_in("weight", 0.0, 1.0)?.unwrap_or(1.0) as f32;
     let joint = match o.text("joint")? {
         Some(name) => find_joint(&this.asset, &name)?,
@@ -41,13 +42,13 @@ fn look_at(c: &mut Call) -> Reply {
     if target == (Target::Joint { actor: this.id, joint }) {
         return Err(ApiError::new("look_at: a joint cannot look at itself"));
     }
+    let offset = c.build().offset;
+    let (start, end, fade) = span(c, &o, offset)?;
     let mut build = c.build();
-    let offset = build.offset;
     let draft = build.actor(this.id)?;
     room(draft.actor.look_at.len(), "looks of one actor", &c.shared.limits)?;
-    let fade = Time::from_secs(0.3);
     draft.looks.push(c.place.clone());
-    draft.actor.look_at.push(LookAt { joint, target, start: offset, end: None, fade, weight });
+    draft.actor.look_at.push(LookAt { joint, target, start, end, fade, weight });
     Ok(Dynamic::from(LookRef { actor: this.id, index: draft.actor.look_at.len() - 1 }))
 }
 

@@ -110,6 +110,7 @@ fn path(c: &mut Call) -> Reply {
     let path_following = PathFollowing { path, start: start.unwrap_or(Time::ZERO), pace, turns };
     let mut build = c.build();
     let draft = build.actor(this.id)?;
+    draft.not_walking("path")?;
     draft.actor.path_following = Some(Arc::new(path_following));
     draft.placed = true;
     drop(build);

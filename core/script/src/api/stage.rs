@@ -21,8 +21,9 @@ api! {
     ///   1 doubles the light of surfaces and of the sky), view (the view transform, from light to the colors of a
     ///   display: "neutral", the default, Khronos PBR Neutral, keeps base colors and compresses highlights; "agx"
     ///   looks like film; "none" is no transform: values are cut off at 1 and sRGB-encoded). Unlit and toon surfaces, 2D layers, lines and plain
-    ///   backgrounds keep their exact colors. The effect tonemap takes the place of the view transform; with bloom it
-    ///   runs after the bloom, over the whole image.
+    ///   backgrounds keep their exact colors. The effect tonemap takes the place of the view transform; with bloom,
+    ///   ambient_occlusion, depth_of_field, god_rays or heat_haze, which work on light, it runs after them, over the whole
+    ///   image, so that those colors change too.
     /// - Rendering: cutouts (edges of alpha-masked surfaces such as leaves and hair at 4 samples: "smooth", the
     ///   default, or "hard"), transparency (order of transparent surfaces: "sorted" back to front mesh by mesh,
     ///   "independent" of the order, per pixel, by depth peeling with up to 8 layers, or "auto", the default:

@@ -9,7 +9,7 @@ use crate::hook::own_captures;
 use crate::modules::read_text;
 use crate::resolve::finish_stage;
 use crate::suggest::{did_you_mean, list};
-use crate::test_data::{Claim, ImageExpectation, PlanOptions, Scene, SectionInfo};
+use crate::test_data::{Asked, Claim, ImageExpectation, PlanOptions, Scene, SectionInfo};
 use crate::value::{ActorRef, CameraRef, ExpectRef, HandleKind, LightRef, PlanRef, SceneRef, StageRef};
 use choreo_image_diff::{ImageMetric, METRICS};
 use choreo_motion::Time;
@@ -104,14 +104,17 @@ fn section(c: &mut Call) -> Reply {
 
 /// Notes what a section has left undone.
 fn end_section(shared: &Shared) {
-    let open: Vec<Place> = {
-        let test = shared.test();
-        test.asked.iter().filter(|(_, compared)| *compared == 0).map(|(place, _)| place.clone()).collect()
-    };
-    for place in open {
-        let error = ApiError::new("this expect compares with nothing")
-            .hint("end it with a comparison, as .near(…), .below(…), .equals(…) or .in_frame()");
-        shared.note(Severity::Error, &place, &error);
+    let asked = std::mem::take(&mut shared.test().asked);
+    for Asked { place, comparisons, unused } in asked {
+        if comparisons == 0 {
+            let error = ApiError::new("this expect compares with nothing")
+                .hint("end it with a comparison, as .near(…), .below(…), .equals(…) or .in_frame()");
+            shared.note(Severity::Error, &place, &error);
+        } else if let Some((name, place)) = unused {
+            let error = ApiError::new(format!("{name} has no effect: no comparison comes after it"))
+                .hint(format!("write .{name}(…) before the comparison"));
+            shared.note(Severity::Error, &place, &error);
+        }
     }
 }
 
@@ -468,9 +471,7 @@ pub fn record(c: &Call, expect: &ExpectRef, claim: Claim) -> Result<(), ApiError
     let source = c.shared.source_line(&place.file, place.line).trim().to_string();
     let mut test = c.shared.test();
     room(test.expectations.len(), "expectations", &c.shared.limits)?;
-    if let Some((_, compared)) = test.asked.get_mut(expect.id) {
-        *compared += 1;
-    }
+    test.compared(expect.id);
     test.expectations.push(expect.expectation(claim, place, source));
     Ok(())
 }

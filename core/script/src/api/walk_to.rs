@@ -16,13 +16,13 @@ use std::sync::Arc;
 api! {
     /// Walks to a point and stops there: the actor turns to it, starts, walks straight ahead, and takes a last step;
     /// feet on the ground are locked. Returns the cue of the walk; its .end() is the time of arrival.
-    /// - Options: clip (the clip in which it walks), idle (the clip in which it stands before and after; default:
+    /// - Options: clip (the clip in which it walks; default: the file's own clip "Walk"), idle (the clip in which it stands before and after; default:
     ///   the clip that it plays when it starts), from (time at which it begins to turn and walk; default: the arrival
     ///   of the walk before, else 0), speed (metres per second; default: that of the clip), arrive (time of arrival,
     ///   instead of a speed), fade (seconds to start and to stop, 0.1 to 3, default 0.5).
     /// - The walk begins where the actor has been placed so far, or where the walk before ended. At the time of
     ///   arrival its position is the point.
-    Actor.walk_to("point, options") -> Cue = walk_to;
+    Actor.walk_to("point, options?") -> Cue = walk_to;
 }
 
 /// Metres per second below which a clip stands.
@@ -34,9 +34,10 @@ fn walk_to(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let point = c.point(0)?;
     let o = c.options(1, &["clip", "idle", "from", "speed", "arrive", "fade"])?;
-    let clip = clip_option(c, &o, "clip", &this.asset)?.ok_or_else(|| {
-        ApiError::new("walk_to: clip is missing")
-            .hint("name the clip: walk_to(point, #{ clip: hero.clip(\"Walk\") })")
+    let own_walk = || this.asset.clips.iter().find(|clip| clip.name.eq_ignore_ascii_case("walk")).cloned();
+    let clip = clip_option(c, &o, "clip", &this.asset)?.or_else(own_walk).ok_or_else(|| {
+        ApiError::new(format!("walk_to: clip is missing, and \"{}\" has no clip \"Walk\"", this.asset.name))
+            .hint("name the clip: walk_to(point, #{ clip: moves.clip(\"Stroll\") })")
     })?;
     let own_idle = clip_option(c, &o, "idle", &this.asset)?;
     let stage_time = |name: &str| o.get(name).map(|v| c.stage_time(&v, &o.label(name))).transpose();

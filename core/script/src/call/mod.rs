@@ -239,7 +239,7 @@ impl Options {
         let synonym = synonyms::of_option(c.shared.defs, key, &self.function, known);
         let (meant, hint) = match (near, synonym) {
             (_, Some(synonym)) if known.contains(&&*synonym.name) || near.is_none() => {
-                (Some(synonym.name), format!("{}\n{options}", synonym.hint))
+                (Some(synonym.name), format!("{}\n{options}", synonym.hint).trim_start().to_string())
             }
             (near, _) => (near.map(str::to_string), options),
         };

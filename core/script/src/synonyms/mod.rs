@@ -15,6 +15,17 @@ pub(crate) const ALIASES: &[(&str, &str)] = &[
     ("stage: resolution", "stage: size"),
 ];
 
+/// Words for parameters of effects, and the parameter that they mean where an effect has it.
+const PARAMETERS: &[(&str, &str)] = &[
+    ("aperture", "f_number"),
+    ("fstop", "f_number"),
+    ("bokeh", "f_number"),
+    ("intensity", "strength"),
+    ("amount", "strength"),
+    ("opacity", "strength"),
+    ("focusdistance", "focus"),
+];
+
 /// One paragraph of `topics.txt`.
 struct Topic {
     terms: Vec<&'static str>,
@@ -79,6 +90,19 @@ pub fn letters(term: &str) -> String {
     term.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).map(plain).collect()
 }
 
+/// The words of a text: "Clip.in_step" has clip, in and step.
+fn words(text: &str) -> impl Iterator<Item = String> {
+    let words = text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
+    words.map(|word| word.chars().flat_map(char::to_lowercase).collect())
+}
+
+/// Whether a text has all words of a term, in any order. Parts of words do not count.
+pub fn is_in(term: &str, text: &str) -> bool {
+    let all: Vec<String> = words(text).collect();
+    let mut wanted = words(term).peekable();
+    wanted.peek().is_some() && wanted.all(|word| all.contains(&word))
+}
+
 fn topic(term: &str) -> Option<&'static Topic> {
     let wanted = letters(term);
     TOPICS.iter().find(|topic| topic.terms.iter().any(|known| letters(known) == wanted))
@@ -105,6 +129,9 @@ pub fn of_function(defs: &Defs, name: &str, on: HandleKind) -> Option<Suggestion
 
 /// The option to use in place of the unknown option `name` of a function; else the call that does it.
 pub(crate) fn of_option(defs: &Defs, name: &str, function: &str, known: &[&str]) -> Option<Suggestion> {
+    if let Some(name) = of_parameter(name, known) {
+        return Some(Suggestion { name: name.to_string(), hint: String::new() });
+    }
     let topic = topic(name)?;
     let of_this = |target: &&Target| target.entry(defs).is_some_and(|(_, def)| def.name == function);
     let options = || topic.calls.iter().filter(|target| target.option().is_some_and(|o| known.contains(&o)));
@@ -112,7 +139,8 @@ pub(crate) fn of_option(defs: &Defs, name: &str, function: &str, known: &[&str])
         let option = target.option().unwrap_or_default();
         return Some(Suggestion { name: option.to_string(), hint: topic.hint(*target, defs) });
     }
-    let target = *topic.calls.first()?;
+    // The parameters of an effect are its own: a call of another kind does not set them.
+    let target = *topic.calls.first().filter(|_| function != "effect")?;
     let name = match target.option() {
         Some(_) => Call::of(target, defs).usage,
         None => target.text.to_string(),
@@ -120,13 +148,28 @@ pub(crate) fn of_option(defs: &Defs, name: &str, function: &str, known: &[&str])
     Some(Suggestion { name, hint: topic.hint(target, defs) })
 }
 
+/// The parameter of an effect that replaces the unknown `name`: `f_number` for `aperture`.
+fn of_parameter<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
+    let spelled = letters(name);
+    let (_, meant) = PARAMETERS.iter().find(|(word, meant)| *word == spelled && known.contains(meant))?;
+    known.iter().copied().find(|known| known == meant)
+}
+
 /// The known value that replaces the unknown text `given`: `bloom` for `glow`.
 pub(crate) fn of_value<'a>(given: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let topic = topic(given)?;
-    known.into_iter().find(|known| topic.calls.iter().any(|target| target.value() == Some(known)))
+    let known: Vec<&str> = known.into_iter().collect();
+    let is_value = |known: &&str| {
+        topic(given).is_some_and(|topic| topic.calls.iter().any(|target| target.value() == Some(known)))
+    };
+    of_parameter(given, &known).or_else(|| known.iter().copied().find(is_value))
 }
 
 impl Topic {
+    fn answer(&self, defs: &Defs) -> Answer {
+        let calls = self.calls.iter().map(|target| Call::of(*target, defs)).collect();
+        Answer { calls, example: Some(self.example), note: self.note }
+    }
+
     fn hint(&self, target: Target, defs: &Defs) -> String {
         let Call { usage, about, page, .. } = Call::of(target, defs);
         let about = about.unwrap_or_default();
@@ -239,13 +282,23 @@ fn describe_option(def: &Def, option: &str) -> Option<String> {
     Some(format!("Option {}.", &text[..=end]))
 }
 
-/// The answer of the topic of a term.
+/// The answer of the topic of a term. A call whose value is the term comes first: `effect("fog")` for fog.
 pub(crate) fn of_topic(term: &str, defs: &Defs) -> Answer {
-    topic(term).map_or_else(Answer::default, |topic| Answer {
-        calls: topic.calls.iter().map(|target| Call::of(*target, defs)).collect(),
-        example: Some(topic.example),
-        note: topic.note,
-    })
+    let spelled = letters(term);
+    let mut answer = topic(term).map_or_else(Answer::default, |topic| topic.answer(defs));
+    answer
+        .calls
+        .sort_by_key(|call| call.usage.split('"').nth(1).is_none_or(|value| letters(value) != spelled));
+    answer
+}
+
+/// The answer of the topic whose terms have all words of a term, in any order; of several the one in which one term has them all,
+/// else the one with the fewest terms.
+pub(crate) fn of_words(term: &str, defs: &Defs) -> Answer {
+    let in_one = |topic: &Topic| topic.terms.iter().any(|known| is_in(term, known));
+    let found = TOPICS.iter().filter(|topic| is_in(term, &topic.terms.join(" ")));
+    let found = found.min_by_key(|topic| (!in_one(topic), topic.terms.len()));
+    found.map_or_else(Answer::default, |topic| topic.answer(defs))
 }
 
 /// The topics' terms.

@@ -1,6 +1,6 @@
 use super::*;
 use crate::api::defs;
-use crate::help::{answer, nearest};
+use crate::help::{answer, nearest, search};
 use std::collections::BTreeMap;
 
 /// GLOSSARY, "Words that users search for".
@@ -39,6 +39,19 @@ const TRIED: &[(&str, &str)] = &[
     ("dissolve", "Camera.cut(#{ dissolve })"),
     ("camera shake", "Camera.shake(options?)"),
     ("fade to black", "fade_out(seconds, options?)"),
+    ("turn to face", "Actor.face(actor_or_point)"),
+    ("walk cycle", "Cue.loop()"),
+    ("motion capture", "Clip.retarget(asset, options?)"),
+    ("mocap", "Clip.retarget(asset, options?)"),
+    ("install", "choreo plugins install"),
+    ("package", "choreo plugins list"),
+    ("exporter", "choreo export"),
+    ("csv", "choreo export"),
+    ("snapshot", "choreo render --at"),
+    ("pivot", "Actor.attach(actor_or_joint, options?)"),
+    ("actor position", "Actor.at(x, y, z) or Actor.at(point)"),
+    ("post process", "effect(name, options?)"),
+    ("constraint", "Actor.reach(joint, target, options?)"),
 ];
 
 #[test]
@@ -92,11 +105,41 @@ fn each_form_of_a_term_is_the_same_term() {
 }
 
 #[test]
+fn words_are_found_whole_and_in_any_order() {
+    let usages = |term: &str| search(term).calls.into_iter().map(|c| c.usage).collect::<Vec<_>>();
+    let has = |term: &str, usage: &str| usages(term).iter().any(|known| known.starts_with(usage));
+    assert!(has("follow camera", "Camera.follow"), "{:?}", usages("follow camera"));
+    assert!(has("import fbx", "load(") && has("fbx import", "load("), "{:?}", usages("import fbx"));
+    assert!(has("counter clockwise", "Actor.turn"), "{:?}", usages("counter clockwise"));
+    // "graph" is in "orthographic", "lock" in "clockwise".
+    assert!(!has("graph", "Camera.ortho") && !has("lock", "Actor.turn"));
+    for (term, note) in [
+        ("denoise", "There is no denoiser"),
+        ("lut", "There are no LUTs"),
+        ("chromatic aberration", "There is no such effect built in"),
+        ("seamless loop", "There is no option"),
+        ("alpha", "Outputs have no alpha channel"),
+    ] {
+        assert!(answer(term).note.is_some_and(|text| text.starts_with(note)), "{term}");
+    }
+    assert_eq!(answer("screenshot").example, Some("choreo render my.rhai --at 2 -o x.png"));
+    assert_eq!(answer("vignette").calls[0].usage, "effect(\"vignette\")");
+    assert_eq!(answer("xray").calls[0].usage, "effect(\"xray\")");
+}
+
+#[test]
 fn options_and_values_have_synonyms() {
     let option = |name, function, known: &[&str]| of_option(defs(), name, function, known).map(|s| s.name);
     assert_eq!(option("mask", "play", &["fade", "weight"]).as_deref(), Some("Cue.on"));
     assert_eq!(option("crossfade", "then", &["fade", "weight"]).as_deref(), Some("fade"));
     assert_eq!(option("quaggaflux", "then", &["fade"]), None);
+    let lens = ["focus", "f_number", "samples", "limit"];
+    for aperture in ["aperture", "fstop", "f_stop", "bokeh"] {
+        assert_eq!(option(aperture, "effect", &lens).as_deref(), Some("f_number"));
+    }
+    assert_eq!(option("intensity", "effect", &["strength", "radius"]).as_deref(), Some("strength"));
+    assert_eq!(option("aperture", "effect", &["strength"]), None);
+    assert_eq!(of_value("amount", ["size", "strength"]), Some("strength"));
     assert_eq!(option("facing", "path", &["speed", "turn"]).as_deref(), Some("load(#{ facing })"));
     assert_eq!(of_value("spline", ["linear", "cubic", "catmull_rom"]), Some("cubic"));
     assert_eq!(of_value("glow", ["fog", "bloom"]), Some("bloom"));

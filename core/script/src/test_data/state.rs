@@ -21,8 +21,7 @@ pub(crate) struct TestState {
     pub running: bool,
     pub ran: bool,
     pub expectations: Vec<Expectation>,
-    /// Calls of `expect`, with the number of comparisons made.
-    pub asked: Vec<(Place, usize)>,
+    pub asked: Vec<Asked>,
     /// The stages made with `stage_of`, in order.
     pub stages: Vec<Arc<Stage>>,
     /// 0: the section's own stage is being built; n: the n-th of `stages`.
@@ -35,6 +34,25 @@ pub(crate) struct TestState {
     pub scene_at: Option<Place>,
     /// Last line of each function of the script.
     pub ends: Arc<BTreeMap<String, usize>>,
+}
+
+impl TestState {
+    /// Notes a comparison of a call of `expect`, or one that was refused.
+    pub fn compared(&mut self, expect: usize) {
+        if let Some(asked) = self.asked.get_mut(expect) {
+            asked.comparisons += 1;
+            asked.unused = None;
+        }
+    }
+}
+
+/// A call of `expect`.
+pub(crate) struct Asked {
+    pub place: Place,
+    /// Comparisons made, or refused with an error of their own.
+    pub comparisons: usize,
+    /// The last modifier, such as `not`, that no comparison has used yet.
+    pub unused: Option<(&'static str, Place)>,
 }
 
 /// Another script while it runs.

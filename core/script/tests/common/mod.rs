@@ -130,36 +130,45 @@ static GLOW: LazyLock<Manifest> =
 
 pub struct Glow;
 
-impl Effect for Glow {
+impl EffectPlugin for Glow {
     fn manifest(&self) -> &Manifest {
         &GLOW
     }
 }
 
+impl ShutterEffect for Glow {
+    fn shutter(&self, _: &[f32]) -> Option<Shutter> {
+        None
+    }
+}
+
 static LINE: LazyLock<Manifest> = LazyLock::new(|| {
-    Manifest::new("line", "1", "for tests").number("width", "pixels", 2.0, 0.0..=10.0).color(
-        "color",
-        "of the line",
-        [0.0; 3],
-    )
+    Manifest::new("line", "1", "for tests")
+        .number("width", "of the line", 2.0, 0.0..=10.0)
+        .unit("px")
+        .color("color", "of the line", [0.0; 3])
+        .integer("count", "how many", 1, 1..=9)
+        .text("cap", "its ends", "round", &["round", "square"])
+        .vector("drift", "where it goes", &[0.0, 0.0], -1.0..=1.0)
+        .unit("m")
+        .curve("fall", "how it fades", &[[0.0, 1.0], [1.0, 0.0]], 0.0..=1.0)
 });
 
 pub struct Line;
 
-impl Effect for Line {
+impl EffectPlugin for Line {
     fn manifest(&self) -> &Manifest {
         &LINE
     }
-    fn hook(&self) -> choreo_plugin::Hook {
-        choreo_plugin::Hook::Outline
-    }
 }
+
+impl OutlineEffect for Line {}
 
 pub fn registry() -> Registry {
     let mut registry = Registry::default();
     registry.add_importer(Toy);
-    registry.add_effect(Glow);
-    registry.add_effect(Line);
+    registry.add_effect(Effect::shutter(Glow));
+    registry.add_effect(Effect::outline(Line));
     registry
 }
 

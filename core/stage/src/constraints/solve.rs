@@ -11,24 +11,17 @@ use crate::snapshot::ActorState;
 use crate::stage::actor::{Actor, Attachment, Target};
 use crate::stage::constraint::{AimConstraint, Constraint, ConstraintKind, Leg, ReachConstraint};
 use crate::stage::parenting::ParentScale;
+use crate::stage::solvers::SolverSettings;
 use crate::stage::{Stage, StageError};
 use crate::transforms::parents::world_from_parent;
 use crate::transforms::target_position;
 use choreo_asset::widen;
 use choreo_motion::Time;
-use choreo_motion::ik::Solver;
 use choreo_motion::ik::{Aim, AimJoint, Chain, ChainBone, Limit, TwoBone};
 use choreo_motion::math::rotation::rotation_fraction;
 use glam::DVec3;
 use glam::{DAffine3, DQuat};
 use std::sync::Arc;
-
-/// How a chain of three bones or more is solved, and how long: within a tenth of a millimetre for nearly every target (measured in
-/// `tests/report`).
-pub const CHAIN_SOLVER: Solver = Solver::LeastSquares;
-pub const CHAIN_ITERATIONS: usize = 24;
-/// Metres.
-pub const CHAIN_TOLERANCE: f64 = 1e-5;
 
 /// Buffers; what is in them on entry does not matter.
 #[derive(Clone, Debug, Default)]
@@ -182,7 +175,15 @@ fn solve_actor(
             };
             let target = model_from_world.transform_point3(target);
             let pole = pole.map(|p| model_from_world.transform_point3(p));
-            solve_constraint(actor, &constraint.kind, share, (target, pole), scratch, &mut actors[index]);
+            solve_constraint(
+                actor,
+                &constraint.kind,
+                share,
+                (target, pole),
+                &stage.solvers,
+                scratch,
+                &mut actors[index],
+            );
             if let ConstraintKind::Aim(aim) = &constraint.kind {
                 let gaze = Gaze { actor, joint: last(&aim.joints) as u32, target, share, time };
                 follow(&gaze, index, scratch, &mut actors[index], expression_weights);
@@ -229,6 +230,7 @@ fn solve_constraint(
     kind: &ConstraintKind,
     share: f64,
     (target, pole): (DVec3, Option<DVec3>),
+    solvers: &SolverSettings,
     scratch: &mut ConstraintScratch,
     state: &mut ActorState,
 ) {
@@ -244,7 +246,17 @@ fn solve_constraint(
             solve_aim(aim, share, target, forward, &mut scratch.aim, &mut scratch.turns, &mut posed);
         }
         ConstraintKind::Reach(reach) => {
-            solve_reach(reach, share, target, pole, &actor.limits, rest, &mut scratch.chain, &mut posed);
+            solve_reach(
+                reach,
+                share,
+                target,
+                pole,
+                &actor.limits,
+                rest,
+                solvers,
+                &mut scratch.chain,
+                &mut posed,
+            );
         }
         ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_) => {}
     }
@@ -300,6 +312,7 @@ fn solve_reach(
     pole: Option<DVec3>,
     limits: &[(u32, Limit)],
     rest: &[glam::Affine3A],
+    solvers: &SolverSettings,
     chain: &mut Chain,
     posed: &mut PosedSkeleton,
 ) {
@@ -323,7 +336,7 @@ fn solve_reach(
             posed.turn(*middle, turned.middle * turned.start.inverse());
         }
     } else {
-        solve_chain(reach, bones, target, limits, rest, chain, posed);
+        solve_chain(reach, bones, target, limits, rest, solvers, chain, posed);
     }
     if reach.keep_rotation {
         let turned = before * posed.rotation(end).inverse();
@@ -331,12 +344,14 @@ fn solve_reach(
     }
 }
 
+#[expect(clippy::too_many_arguments, reason = "the chain, its goal and the buffers of one call")]
 fn solve_chain(
     reach: &ReachConstraint,
     bones: &[u32],
     target: DVec3,
     limits: &[(u32, Limit)],
     rest: &[glam::Affine3A],
+    solvers: &SolverSettings,
     chain: &mut Chain,
     posed: &mut PosedSkeleton,
 ) {
@@ -360,7 +375,7 @@ fn solve_chain(
         above = Some(*bone);
     }
     let before: Vec<DQuat> = bones.iter().map(|b| posed.rotation(*b)).collect();
-    chain.solve(target, CHAIN_SOLVER, CHAIN_ITERATIONS, CHAIN_TOLERANCE);
+    chain.solve(target, solvers.chain_solver, solvers.chain_iterations, solvers.chain_tolerance);
     let (mut now, mut done) = (chain.parent, DQuat::IDENTITY);
     for ((joint, bone), before) in bones.iter().zip(&chain.bones).zip(before) {
         now = (now * bone.rotation).normalize();

@@ -1,5 +1,6 @@
 //! Effects in use: on what, while what, with which parameters at a time.
 
+use crate::stage::actor::Target;
 use crate::stage::channel::Channel;
 use choreo_motion::Time;
 
@@ -11,12 +12,24 @@ pub struct EffectUse {
     pub parameters: Vec<(String, f64)>,
     /// `Property::Parameter` over stage time, in place of those in `parameters`; sorted by name.
     pub keys: Vec<(String, Channel)>,
+    /// Parameters that follow a target, such as the focus; in place of those in `parameters` and `keys`.
+    pub distances: Vec<EffectDistance>,
     pub start: Time,
     pub end: Option<Time>,
     /// Actors and materials to which it is limited, sorted; empty: everything.
     pub on: Vec<EffectTarget>,
     /// Only while one of these of `Stage::cameras` is on, sorted; empty: whichever is.
     pub cameras: Vec<usize>,
+}
+
+/// A parameter that is the distance of a target in front of the camera, along its viewing direction, in metres.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EffectDistance {
+    pub parameter: String,
+    pub target: Target,
+    /// The range that the effect allows.
+    pub least: f64,
+    pub most: f64,
 }
 
 /// An actor, or one of its materials, to which an effect applies.
@@ -46,6 +59,10 @@ impl EffectTarget {
 }
 
 impl EffectUse {
+    pub(crate) fn is_active(&self, time: Time) -> bool {
+        self.start <= time && self.end.is_none_or(|end| time < end)
+    }
+
     /// Its parameters at a time, callbacks left out.
     pub fn parameters_at(&self, time: Time) -> Vec<(String, f64)> {
         let mut now = self.parameters.clone();

@@ -9,7 +9,7 @@ use crate::stage::camera::{Cut, Rig};
 use crate::stage::camera_moves::{CameraLook, CameraShake};
 use crate::stage::channel::{Channel, Property};
 use crate::stage::clips::{Layer, LayerMode, Reference};
-use crate::stage::effects::{EffectTarget, EffectUse};
+use crate::stage::effects::{EffectDistance, EffectTarget, EffectUse};
 use crate::stage::layers_2d::{Align, Fit, Font, Layer2dContent};
 use crate::stage::parenting::{ParentScale, Parenting};
 use crate::stage::path::{Pace, Path, PathFollowing};
@@ -226,7 +226,7 @@ macro_rules! hashed {
 pub(crate) use hashed;
 
 hashed! {
-    struct Stage { settings, actors, cameras, cuts, lights, layers_2d, sky, effects, hooks; without warnings }
+    struct Stage { settings, actors, cameras, cuts, lights, layers_2d, sky, effects, hooks; without solvers, warnings }
     struct FrameRate { num, den }
     enum Background {
         0 Color(color),
@@ -315,7 +315,8 @@ hashed! {
         1 Constant(speed),
     }
     struct SurfaceRule { material, cutouts, transparency }
-    struct EffectUse { plugin, parameters, start, end, keys, on, cameras }
+    struct EffectUse { plugin, parameters, start, end, keys, distances, on, cameras }
+    struct EffectDistance { parameter, target, least, most }
     struct EffectTarget { actor, material }
     struct LookAt { joint, target, start, end, fade, weight }
     enum Limit {

@@ -17,6 +17,7 @@ pub(crate) mod parenting;
 pub(crate) mod path;
 pub(crate) mod root_motion;
 pub(crate) mod sky;
+pub(crate) mod solvers;
 pub(crate) mod springs;
 pub(crate) mod surfaces;
 pub(crate) mod tangents;
@@ -30,6 +31,7 @@ use crate::stage::effects::EffectUse;
 use crate::stage::layers_2d::Layer2d;
 use crate::stage::light::StageLight;
 use crate::stage::sky::Sky;
+use crate::stage::solvers::SolverSettings;
 use choreo_motion::{FrameRate, Time};
 use glam::{Vec3, Vec4};
 use std::sync::Arc;
@@ -38,6 +40,7 @@ use thiserror::Error;
 #[derive(Clone, Debug, Default)]
 pub struct Stage {
     pub settings: Settings,
+    pub solvers: SolverSettings,
     pub actors: Vec<Actor>,
     pub cameras: Vec<Camera>,
     /// The camera that is on from each time, sorted by time. Before the first cut the first camera is on.

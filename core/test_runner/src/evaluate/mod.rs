@@ -24,10 +24,12 @@ mod vector;
 mod words;
 
 use crate::outcome::{Check, Evidence, SourceLocation, Trace};
+use choreo_motion::Time;
 use choreo_plugin::Registry;
 use choreo_script::Severity;
-use choreo_script::testing::{Claim, Expectation, SectionRun, TextsQuantity};
+use choreo_script::testing::{Claim, Expectation, SectionRun, TextsQuantity, When};
 use looks::{Deadline, Looks};
+use unjudged::Unjudged;
 
 /// Every check of a section but its images, in the order of the script: its expectations, its `//~` comments, and the errors
 /// and warnings that none expects. A file that is a test as it stands is judged as such.
@@ -120,6 +122,16 @@ fn judge(run: &SectionRun, e: &Expectation, looks: &mut [Looks]) -> Option<Judge
     let Some(own) = of_stage else {
         return Some(Judged::impossible("a stage", format!("stage {} is not there", e.stage)));
     };
+    let length = own.stage.settings.length;
+    let times = match e.when {
+        When::Always => [Time::ZERO; 2],
+        When::At(time) => [time; 2],
+        When::During(from, until) => [from, until],
+    };
+    if let Some(outside) = times.into_iter().find(|time| !(Time::ZERO..=length).contains(time)) {
+        let [time, length] = [outside, length].map(Time::as_secs);
+        return Some(Judged::impossible("a time of the stage", Unjudged::OutsideStage { time, length }));
+    }
     Some(match &e.claim {
         // Drawn and compared by the runner.
         Claim::Picture(_) => return None,

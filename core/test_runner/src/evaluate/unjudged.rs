@@ -25,6 +25,8 @@ pub(crate) enum Unjudged {
         "the span holds {found} looks, {needed} are needed: make it longer, or look more often with .every(seconds)"
     )]
     TooFewLooks { found: usize, needed: usize },
+    #[error("{time} s is outside the stage, which lasts from 0 to {length} s")]
+    OutsideStage { time: f64, length: f64 },
     #[error("a hidden actor has no pose, at {0}")]
     HiddenActor(String),
     /// Would not slide wherever it is.

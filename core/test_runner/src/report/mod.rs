@@ -11,10 +11,10 @@ use crate::outcome::{Evidence, Outcome};
 
 /// The command that runs one section alone.
 pub fn rerun(outcome: &Outcome) -> String {
-    let file = quoted(&outcome.file);
+    let (file, words) = (quoted(&outcome.file), &outcome.words);
     match outcome.section.as_str() {
-        "" => format!("choreo test {file}"),
-        section => format!("choreo test {file} --filter {}", quoted(section)),
+        "" => format!("choreo test {file}{words}"),
+        section => format!("choreo test {file}{words} --filter {}", quoted(section)),
     }
 }
 
@@ -29,5 +29,6 @@ pub fn accept(outcome: &Outcome) -> Option<String> {
             _ => None,
         })
         .collect();
-    (!names.is_empty()).then(|| format!("choreo test {} {}", quoted(&outcome.file), names.join(" ")))
+    let (file, words) = (quoted(&outcome.file), &outcome.words);
+    (!names.is_empty()).then(|| format!("choreo test {file}{words} {}", names.join(" ")))
 }

@@ -13,7 +13,7 @@ pub fn registry() -> Registry {
     let mut registry = Registry::default();
     registry.add_importer(import_gltf::GltfImporter);
     registry.add_importer(import_mannequin::Mannequin);
-    effects::named(&["vignette"]).into_iter().for_each(|effect| registry.add_shared_effect(effect));
+    effects::named(&["vignette"]).into_iter().for_each(|effect| registry.add_effect(effect));
     registry
 }
 

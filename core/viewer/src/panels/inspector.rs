@@ -203,32 +203,56 @@ fn light(ui: &mut Ui, viewer: &Viewer, stage: &Stage, index: usize) -> Option<Wa
 fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize) -> Option<Wanted> {
     let used = scene.stage.effects.get(index)?;
     let plugin = scene.registry.effect(&used.plugin)?;
-    let given = choreo_render::effect_parameters(plugin.as_ref(), &used.parameters);
+    let given = choreo_render::effect_parameters(plugin, &used.parameters);
     let state = viewer.shown().and_then(|s| s.snapshot.effects.iter().find(|e| e.effect == index));
-    let now =
-        choreo_render::effect_parameters(plugin.as_ref(), state.map_or(&used.parameters, |s| &s.parameters));
+    let now = choreo_render::effect_parameters(plugin, state.map_or(&used.parameters, |s| &s.parameters));
     let mut wanted = None;
     Grid::new("parameters").num_columns(2).show(ui, |ui| {
-        for ((option, value), now) in plugin.manifest().options.iter().zip(given).zip(now) {
+        let mut first = 0;
+        for option in &plugin.manifest().options {
+            let numbers = first..first + option.number_count();
+            first = numbers.end;
+            let (value, now) = (&given[numbers.clone()], &now[numbers]);
             ui.label(&option.name).on_hover_text(&option.about);
             match &option.kind {
                 // The value comes from keys or a callback, which a literal would not change.
-                _ if now != value => drop(ui.monospace(format!("{now:.3} (keyed)"))),
-                OptionKind::Number { min, max, .. } => {
-                    let value = f64::from(value);
-                    let range: RangeInclusive<f64> = *min..=*max;
+                _ if now != value => {
+                    let now: Vec<String> = now.iter().map(|n| format!("{n:.3}")).collect();
+                    ui.monospace(format!("{} (keyed)", now.join(" ")));
+                }
+                OptionKind::Number { .. } | OptionKind::Integer { .. } => {
+                    let value = f64::from(value[0]);
+                    let [min, max] = option.bounds().unwrap_or_default();
+                    let range: RangeInclusive<f64> = min..=max;
                     if let Some(to) = values::slider(ui, &option.name, value, range) {
+                        let is_whole = matches!(option.kind, OptionKind::Integer { .. });
+                        let to = if is_whole { to.round() } else { to };
                         wanted = Some(Wanted::Parameter(option.name.clone(), format_number(to)));
                     }
                 }
+                OptionKind::Color { .. } | OptionKind::Vector { .. } => {
+                    ui.horizontal(|ui| {
+                        let [min, max] = option.bounds().unwrap_or_default();
+                        for (name, value) in option.number_names().zip(value) {
+                            let speed = ((max - min) * 0.002).min(0.01);
+                            if let Some(to) = values::number(ui, &name, f64::from(*value), speed, min..=max) {
+                                wanted = Some(Wanted::Parameter(name, format_number(to)));
+                            }
+                        }
+                    });
+                }
+                OptionKind::Curve { .. } => {
+                    let ends = [value[0], value[value.len() - 1]];
+                    ui.monospace(format!("{:.3} to {:.3}", ends[0], ends[1]));
+                }
                 OptionKind::Bool { .. } => {
-                    let mut on = value != 0.0;
+                    let mut on = value[0] != 0.0;
                     if ui.checkbox(&mut on, "").changed() {
                         wanted = Some(Wanted::Parameter(option.name.clone(), on.to_string()));
                     }
                 }
                 OptionKind::Text { one_of, .. } => {
-                    let shown = one_of.get(value as usize).cloned().unwrap_or_default();
+                    let shown = one_of.get(value[0] as usize).cloned().unwrap_or_default();
                     egui::ComboBox::from_id_salt(&option.name).selected_text(&shown).show_ui(ui, |ui| {
                         for choice in one_of {
                             if ui.selectable_label(*choice == shown, choice).clicked() && *choice != shown {

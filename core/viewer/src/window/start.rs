@@ -109,11 +109,7 @@ fn without_place(why: &str) -> &str {
 }
 
 /// The renderer that `choreo render` would use: Vulkan where a driver works, else the CPU renderer.
-pub fn renderer(
-    effects: Vec<Arc<dyn Effect>>,
-    shaders: Option<PathBuf>,
-    event_log: EventLog,
-) -> StartRenderer {
+pub fn renderer(effects: Vec<Effect>, shaders: Option<PathBuf>, event_log: EventLog) -> StartRenderer {
     Box::new(move || {
         let cache_dir = choreo_command_line::cache_dir();
         let options =

@@ -8,7 +8,7 @@ fn corner(body: Body, bits: u32) -> vec3<f32> {
     return select(body.low, body.high, high);
 }
 
-fn effect(index: u32, body: Body, p: array<f32, 8>) -> Line {
+fn effect(index: u32, body: Body, p: Parameters) -> Line {
     // Four edges along each axis: the corner without that axis' bit, and with it.
     let axis = index / 4u;
     let others = index % 4u;

@@ -8,12 +8,13 @@ use crate::args::CheckArgs;
 use crate::failure::{Failure, Problem, print, print_json, print_message};
 use crate::output::svg;
 use crate::scene::{self, OpenedScene, opening::Opening};
-use choreo_plugin::{Effect, Hook, Registry};
+use choreo_plugin::{Effect, Registry};
 use choreo_render::plan::light_clusters::MAX_LIGHTS;
-use choreo_script::{Diagnostic, Severity};
+use choreo_script::{Diagnostic, Limits, Places, Severity};
 use choreo_stage::{EffectUse, Finding, Stage, Subject};
 use glam::{Vec2, Vec4};
 use serde_json::json;
+use std::sync::Arc;
 
 pub fn run(args: CheckArgs, plugins: &Registry) -> Result<(), Failure> {
     svg::check(args.plot.as_deref())?;
@@ -22,7 +23,7 @@ pub fn run(args: CheckArgs, plugins: &Registry) -> Result<(), Failure> {
     if !args.json {
         scene.printed.iter().flat_map(|text| text.lines()).for_each(print_message);
     }
-    let (problems, on_stage) = look(&scene);
+    let (problems, on_stage) = look(&scene.stage, &scene.registry, &scene.places, &scene.limits);
     let findings = scene.places.findings(&on_stage);
     if let Some(path) = &args.plot {
         let sheet = sheet::sheet(&scene.name, &scene.stage, &scene.places.marks(&on_stage));
@@ -63,11 +64,15 @@ pub fn run(args: CheckArgs, plugins: &Registry) -> Result<(), Failure> {
 }
 
 /// Errors of the stage, and findings about it that are probably not intended.
-fn look(scene: &OpenedScene) -> (Vec<Problem>, Vec<Finding>) {
-    let (stage, registry) = (&scene.stage, &scene.registry);
+pub fn look(
+    stage: &Arc<Stage>,
+    registry: &Registry,
+    places: &Places,
+    limits: &Limits,
+) -> (Vec<Problem>, Vec<Finding>) {
     let mut problems: Vec<Problem> = stage.check().iter().map(|e| Problem::Text(e.to_string())).collect();
     problems.extend(unknown_effects(stage, registry));
-    problems.extend(callbacks::failures(stage, &scene.limits));
+    problems.extend(callbacks::failures(stage, limits));
     let mut on_stage = Vec::new();
     if !problems.is_empty() {
         // A survey of a stage with errors would mislead, and costs the time of its callbacks.
@@ -78,12 +83,12 @@ fn look(scene: &OpenedScene) -> (Vec<Problem>, Vec<Finding>) {
         Err(error) => problems.push(Problem::Text(error.to_string())),
     }
     if let Some(finding) = too_many_lights(stage) {
-        let found = scene.places.findings(&[finding]).into_iter();
+        let found = places.findings(&[finding]).into_iter();
         problems.extend(found.map(|d| Problem::Script(Diagnostic { severity: Severity::Error, ..d })));
     }
     for (index, used) in stage.effects.iter().enumerate() {
         if let Some(effect) = registry.effect(&used.plugin)
-            && let Some(text) = left_out(effect.as_ref(), used, stage)
+            && let Some(text) = left_out(effect, used, stage)
         {
             let text = format!("effect \"{}\": {text}", used.plugin);
             let subject = Subject::Effect(index);
@@ -92,7 +97,7 @@ fn look(scene: &OpenedScene) -> (Vec<Problem>, Vec<Finding>) {
         if let Some(effect) = registry.effect(&used.plugin)
             && used.keys.is_empty()
             && stage.hooks.is_empty()
-            && changes_nothing(effect.as_ref(), used)
+            && changes_nothing(effect, used)
         {
             let text = format!("effect \"{}\" changes no pixel with these parameters", used.plugin);
             let subject = Subject::Effect(index);
@@ -158,23 +163,21 @@ fn too_many_lights(stage: &Stage) -> Option<Finding> {
 }
 
 /// The overlay that an effect cannot draw at the beginning or in the middle of its time, if any.
-fn left_out(effect: &dyn Effect, used: &EffectUse, stage: &Stage) -> Option<String> {
-    if effect.hook() != Hook::Overlay {
-        return None;
-    }
+fn left_out(effect: &Effect, used: &EffectUse, stage: &Stage) -> Option<String> {
+    let Effect::Overlay(drawing) = effect else { return None };
     let end = used.end.unwrap_or(stage.settings.length).max(used.start);
     let middle = used.start + (end - used.start).scaled(0.5);
     [used.start, middle].into_iter().find_map(|time| {
         let snapshot = stage.at(time).ok()?;
         let parameters = choreo_render::effect_parameters(effect, &used.parameters_at(time));
         let scene = choreo_plugin::EffectScene { stage, snapshot: &snapshot, before: &[], on: &used.on };
-        effect.overlay(&scene, &parameters).left_out.into_iter().next()
+        drawing.overlay(&scene, &parameters).left_out.into_iter().next()
     })
 }
 
 /// Its function, tried on some colors all over the image.
-fn changes_nothing(effect: &dyn Effect, used: &EffectUse) -> bool {
-    let Some(function) = effect.function().filter(|_| effect.hook() == Hook::Pixel) else { return false };
+fn changes_nothing(effect: &Effect, used: &EffectUse) -> bool {
+    let Effect::Pixel(function) = effect else { return false };
     let parameters = choreo_render::effect_parameters(effect, &used.parameters);
     let colors = [Vec4::new(0.0, 0.0, 0.0, 1.0), Vec4::new(0.8, 0.4, 0.1, 1.0), Vec4::ONE];
     (0..81).all(|i| {

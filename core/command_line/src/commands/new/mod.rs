@@ -1,4 +1,5 @@
-//! `choreo new importer|effect|exporter NAME`: the crates to copy under a new name, or with `--single` one file.
+//! `choreo new importer|effect|exporter NAME`: the crates to copy under a new name, with `--wasm` as packages that are built to WebAssembly,
+//! or with `--single` one file.
 
 use crate::args::{HookArg, NewArgs, PluginKind};
 use crate::failure::{Failure, print, write_failure};
@@ -65,6 +66,9 @@ pub fn run(args: NewArgs) -> Result<(), Failure> {
     if args.hook.is_some() && args.kind != PluginKind::Effect {
         return Err(Failure::Usage("--hook is of effects; importers and exporters have none".into()));
     }
+    if args.wasm && args.kind == PluginKind::Effect {
+        return Err(Failure::Usage("--wasm is of importers and exporters; effects are WGSL".into()));
+    }
     let into = args.into.clone().unwrap_or_default();
     if args.single { single(&args, &into) } else { whole(&args, &into) }
 }
@@ -88,7 +92,7 @@ fn check_name(name: &str) -> Result<(), Failure> {
 fn hook_text(hook: Option<HookArg>) -> &'static str {
     match hook.unwrap_or(HookArg::Pixel) {
         HookArg::Pixel => include_str!("hooks/pixel.wgsl"),
-        HookArg::Picture => include_str!("hooks/picture.wgsl"),
+        HookArg::Image => include_str!("hooks/image.wgsl"),
         HookArg::Surface => include_str!("hooks/surface.wgsl"),
         HookArg::Vertex => include_str!("hooks/vertex.wgsl"),
         HookArg::Lighting => include_str!("hooks/lighting.wgsl"),
@@ -133,14 +137,19 @@ fn whole(args: &NewArgs, into: &Path) -> Result<(), Failure> {
     free(&folder)?;
     let here = if into.as_os_str().is_empty() { Path::new(".") } else { into };
     let workspace = Workspace::around(here, &sources);
-    let files: Vec<(String, String)> = match args.hook.filter(|hook| *hook != HookArg::Pixel) {
+    let mut files: Vec<(String, String)> = match args.hook.filter(|hook| *hook != HookArg::Pixel) {
         Some(hook) => hook_crate(hook, name).into(),
         None => {
             let new = |text: &str| renamed(text, name, template.word);
             template.files.iter().map(|(file, text)| (new(file), new(text))).collect()
         }
     };
-    let mut all = vec![(own.join("Cargo.toml"), cargo_toml(&template, name, &sources, &workspace))];
+    let mut manifest = cargo_toml(&template, name, &sources, &workspace);
+    if args.wasm {
+        let kind = if args.kind == PluginKind::Importer { "importer" } else { "exporter" };
+        files = wasm_package(&mut manifest, files, &own.display().to_string(), name, kind);
+    }
+    let mut all = vec![(own.join("Cargo.toml"), manifest)];
     all.extend(files.into_iter().map(|(file, text)| (own.join(file), text)));
     write(into, &all)?;
     let member = match &workspace {
@@ -204,7 +213,7 @@ fn sources(args: &NewArgs) -> Result<PathBuf, Failure> {
 fn hook_crate(hook: HookArg, name: &str) -> [(String, String); 3] {
     let (kind, test) = match hook {
         HookArg::Pixel => ("Pixel", ""),
-        HookArg::Picture => ("Image", include_str!("crate_tests/picture.txt")),
+        HookArg::Image => ("Image", include_str!("crate_tests/image.txt")),
         HookArg::Surface => ("Surface", include_str!("crate_tests/surface.txt")),
         HookArg::Vertex => ("Vertex", include_str!("crate_tests/vertex.txt")),
         HookArg::Lighting => ("Lighting", include_str!("crate_tests/lighting.txt")),
@@ -217,6 +226,32 @@ fn hook_crate(hook: HookArg, name: &str) -> [(String, String); 3] {
         ("src/lib.rs".into(), named(include_str!("effect_lib.rs.txt"))),
         (format!("src/{name}.wgsl"), named(hook_text(Some(hook)))),
     ]
+}
+
+/// A crate as a package whose plugin is built to WebAssembly: another crate type, `plugin.toml`, and the README's section about both.
+fn wasm_package(
+    manifest: &mut String,
+    files: Vec<(String, String)>,
+    crate_name: &str,
+    name: &str,
+    kind: &str,
+) -> Vec<(String, String)> {
+    let named = |text: &str| {
+        let text = text.replace("CRATE", &crate_name.replace('-', "_")).replace("NAME", name);
+        text.replace("KIND", kind).replace("VERSION", env!("CARGO_PKG_VERSION"))
+    };
+    let library = "[lib]\ncrate-type = [\"cdylib\", \"rlib\"]\n\n[dependencies]";
+    *manifest = manifest.replacen("[dependencies]", library, 1);
+    // In a workspace, profiles belong to its root.
+    if manifest.contains("[workspace]") {
+        *manifest += include_str!("wasm_profile.toml.txt");
+    }
+    let described = ("plugin.toml".to_string(), named(include_str!("wasm_package.toml.txt")));
+    let extended = |(file, text): (String, String)| match file.as_str() {
+        "README.md" => (file, text + named(include_str!("wasm_readme.txt")).as_str()),
+        _ => (file, text),
+    };
+    files.into_iter().map(extended).chain([described]).collect()
 }
 
 /// The word as the new name, in the spelling of the place: `import-example`, `import_example`, `ExampleImporter`.

@@ -9,7 +9,9 @@ use crate::plugins::option_rows;
 use crate::plugins::plugin_files;
 use crate::scene::model;
 use crate::terminal::page::Page;
-use choreo_plugin::{Claim, Manifest, OptionKind, PluginFile, Registry, Source};
+use crate::terminal::pages;
+use choreo_plugin::suggest::did_you_mean;
+use choreo_plugin::{Claim, Manifest, OptionKind, OptionSpec, PluginFile, Registry, Source};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
@@ -28,32 +30,59 @@ fn show(args: &PluginsArgs, plugins: &Registry) -> Result<(), Failure> {
     let beside: Vec<&Path> = std::iter::once(Path::new(".")).chain(args.file.as_deref()).collect();
     let listing = plugin_files::listing(plugins, &args.plugins, &beside)?;
     // All are compiled here, used or not.
-    let problems: Vec<Problem> = listing.problems().into_iter().map(Problem::Text).collect();
+    let mut problems: Vec<Problem> = listing.problems().into_iter().map(Problem::Text).collect();
     let registry = listing.registry.settled();
-    if let Some(file) = &args.file {
-        claims(file, &registry, args.json)?;
-    } else {
-        list(&registry, args.json)?;
+    match (&args.file, &args.name) {
+        (Some(file), _) => claims(file, &registry, args.json)?,
+        // Others that are faulty do not concern it.
+        (None, Some(name))
+            if rows(&registry).iter().any(|(.., rows)| rows.iter().any(|(m, _)| m.name == *name)) =>
+        {
+            return list(&registry, Some(name), args.json);
+        }
+        (None, Some(name)) => problems.insert(0, Problem::Text(unknown(name, &registry))),
+        (None, None) => list(&registry, None, args.json)?,
     }
     // The working plugins are listed all the same.
     if problems.is_empty() { Ok(()) } else { Err(Failure::Input(problems)) }
 }
 
-fn list(registry: &Registry, as_json: bool) -> Result<(), Failure> {
-    type Row<'a> = (&'a Manifest, Option<&'a PluginFile>);
-    let importers: Vec<Row> = registry.importers().iter().map(|p| (p.manifest(), p.file())).collect();
+/// A plugin's manifest and file.
+type Row<'a> = (&'a Manifest, Option<&'a PluginFile>);
+
+/// All plugins by their kind, and the beginning of the names of folders with their pages.
+fn rows(registry: &Registry) -> [(&'static str, &'static str, Vec<Row<'_>>); 4] {
+    let importers = registry.importers().iter().map(|p| (p.manifest(), p.file())).collect();
     let effects = registry.effects().iter().map(|p| (p.manifest(), p.file())).collect();
     let exporters = registry.exporters().iter().map(|p| (p.manifest(), None)).collect();
     let scenes = registry.scene_exporters().iter().map(|p| (p.manifest(), p.file())).collect();
-    let kinds = [
-        ("importers", importers),
-        ("effects", effects),
-        ("exporters", exporters),
-        ("scene exporters", scenes),
-    ];
+    [
+        ("importers", "plugins/import-", importers),
+        ("effects", "plugins/effects/", effects),
+        ("exporters", "plugins/export-", exporters),
+        ("scene exporters", "plugins/export-", scenes),
+    ]
+}
+
+/// The message about a name that no plugin has.
+fn unknown(name: &str, registry: &Registry) -> String {
+    let rows = rows(registry);
+    let names = rows.iter().flat_map(|(.., rows)| rows.iter().map(|(m, _)| m.name.as_str()));
+    let near = did_you_mean(name, names);
+    format!(
+        "there is no plugin \"{name}\"{near}\n    hint: choreo plugins lists all, choreo plugins list the installed packages"
+    )
+}
+
+/// Prints all plugins, or those of one name with their pages.
+fn list(registry: &Registry, only: Option<&str>, as_json: bool) -> Result<(), Failure> {
+    let mut kinds = rows(registry);
+    for (.., rows) in &mut kinds {
+        rows.retain(|(m, _)| only.is_none_or(|name| m.name == name));
+    }
     if as_json {
         let mut all = serde_json::Map::new();
-        for (kind, rows) in kinds {
+        for (kind, _, rows) in kinds {
             all.insert(
                 kind.replace(' ', "_"),
                 rows.into_iter().map(|(m, file)| manifest_json(m, file)).collect(),
@@ -62,13 +91,17 @@ fn list(registry: &Registry, as_json: bool) -> Result<(), Failure> {
         return print_json(&Value::Object(all));
     }
     let mut text = Page::default();
-    for (kind, rows) in kinds {
+    for (kind, folder, rows) in kinds.iter().filter(|(.., rows)| only.is_none() || !rows.is_empty()) {
         text.line(format_args!("{kind}"));
         for (m, file) in rows {
             let extensions: Vec<String> = m.extensions.iter().map(|e| format!(".{e}")).collect();
             let from = file.map(|f| format!(" ({})", f.path.display())).unwrap_or_default();
             text.line(format_args!("  {:<12} {:<14} {}{from}", m.name, extensions.join(" "), m.about));
             text.text(&option_rows(m));
+            let page = format!("{folder}{}/README.md", m.name);
+            if only.is_some() && file.is_none() && pages::text(&page).is_some() {
+                text.line(format_args!("      {page} (choreo help --page {page})"));
+            }
         }
     }
     print(text.as_str())
@@ -105,22 +138,37 @@ fn claims(file: &Path, registry: &Registry, as_json: bool) -> Result<(), Failure
     print(text.as_str())
 }
 
+/// Name, description, unit, type, default and allowed values of an option.
+fn option_json(option: &OptionSpec) -> Value {
+    let of_kind = match &option.kind {
+        OptionKind::Number { default, min, max } => {
+            json!({ "kind": "number", "default": default, "min": min, "max": max })
+        }
+        OptionKind::Integer { default, min, max } => {
+            json!({ "kind": "integer", "default": default, "min": min, "max": max })
+        }
+        OptionKind::Bool { default } => json!({ "kind": "bool", "default": default }),
+        OptionKind::Text { default, one_of } => {
+            json!({ "kind": "text", "default": default, "one_of": one_of })
+        }
+        OptionKind::Color { default } => json!({ "kind": "color", "default": default }),
+        OptionKind::Vector { default, min, max } => {
+            json!({ "kind": "vector", "default": default, "min": min, "max": max })
+        }
+        OptionKind::Curve { default, min, max } => {
+            json!({ "kind": "curve", "default": default, "min": min, "max": max })
+        }
+    };
+    let mut all = json!({ "name": option.name, "about": option.about });
+    if let (Some(all), Value::Object(of_kind)) = (all.as_object_mut(), of_kind) {
+        all.extend(of_kind);
+        all.extend((!option.unit.is_empty()).then(|| ("unit".to_string(), option.unit.clone().into())));
+    }
+    all
+}
+
 fn manifest_json(m: &Manifest, file: Option<&PluginFile>) -> Value {
-    let options: Vec<Value> = m
-        .options
-        .iter()
-        .map(|o| match &o.kind {
-            OptionKind::Number { default, min, max } => {
-                json!({ "name": o.name, "about": o.about, "kind": "number", "default": default, "min": min, "max": max })
-            }
-            OptionKind::Bool { default } => {
-                json!({ "name": o.name, "about": o.about, "kind": "bool", "default": default })
-            }
-            OptionKind::Text { default, one_of } => {
-                json!({ "name": o.name, "about": o.about, "kind": "text", "default": default, "one_of": one_of })
-            }
-        })
-        .collect();
+    let options: Vec<Value> = m.options.iter().map(option_json).collect();
     json!({ "name": m.name, "version": m.version, "about": m.about, "extensions": m.extensions, "options": options,
         "file": file.map(|f| f.path.display().to_string()) })
 }

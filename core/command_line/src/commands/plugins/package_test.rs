@@ -5,7 +5,7 @@ use super::packages;
 use crate::args::Cli;
 use crate::args::Command;
 use crate::commands::test;
-use crate::failure::{Failure, Problem, print};
+use crate::failure::{Failure, Problem, print, print_message};
 use crate::terminal::page::Page;
 use choreo_asset::Asset;
 use choreo_files::Folder;
@@ -30,8 +30,10 @@ const CHANGES: usize = 64;
 const FOLDERS: [&str; 3] = ["", "samples", "tests"];
 
 pub fn run(path: &Path, plugins: &Registry) -> Result<(), Failure> {
-    let (folder, package) = packages::open(path)?;
+    let (folder, package) = packages::open_or_installed(path)?;
     let listing = packages::working(&folder, plugins)?;
+    let notes = packages::notes(&folder, &package, &listing);
+    notes.iter().for_each(|text| print_message(format_args!("note: {text}")));
     let mut page = Page::default();
     page.line(format_args!(
         "{} {} ({}): {}",
@@ -69,17 +71,33 @@ pub fn run(path: &Path, plugins: &Registry) -> Result<(), Failure> {
     if !problems.is_empty() {
         return Err(Failure::Input(problems.into_iter().map(Problem::Text).collect()));
     }
-    if scripts.is_empty() { Ok(()) } else { run_scripts(scripts, &folder, plugins) }
+    if scripts.is_empty() { Ok(()) } else { run_scripts(scripts, &folder, plugins, &effects) }
 }
 
-/// The package's test scripts, as `choreo test` runs them.
-fn run_scripts(scripts: Vec<PathBuf>, folder: &Path, plugins: &Registry) -> Result<(), Failure> {
+/// The package's test scripts, as `choreo test` runs them. An effect that none of them uses is an error: its importers and exporters
+/// were tried, its effects only there.
+fn run_scripts(
+    scripts: Vec<PathBuf>,
+    folder: &Path,
+    plugins: &Registry,
+    effects: &[&str],
+) -> Result<(), Failure> {
     let words = ["choreo", "test"].map(|word| word.into()).into_iter();
     let words = words.chain(scripts.into_iter().map(PathBuf::into_os_string));
-    match Cli::try_parse_from(words).map(|cli| cli.command) {
-        Ok(Command::Test(args)) => test::run(test::within(args, folder), plugins),
-        _ => Err(Failure::Internal("choreo test is not called as it should be".into())),
+    let Ok(Command::Test(args)) = Cli::try_parse_from(words).map(|cli| cli.command) else {
+        return Err(Failure::Internal("choreo test is not called as it should be".into()));
+    };
+    let mut unused = test::run_package(args, folder, plugins)?;
+    unused.retain(|name| effects.contains(&name.as_str()));
+    if unused.is_empty() {
+        return Ok(());
     }
+    let problem = |name: String| {
+        let what =
+            format!("{}: no test uses the effect {name}; write effect(\"{name}\") in one", folder.display());
+        Problem::Text(what)
+    };
+    Err(Failure::Input(unused.into_iter().map(problem).collect()))
 }
 
 /// Scripts with sections: those of the package that are no plugins.

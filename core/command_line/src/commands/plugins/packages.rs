@@ -9,7 +9,7 @@ use choreo_files::{FileError, Folder, WriteError};
 use choreo_plugin::Registry;
 use choreo_plugin::suggest::{did_you_mean, list as named};
 use choreo_session::package::{DESCRIPTION, MOST_DESCRIPTION, Package, is_name};
-use choreo_session::plugin_files::{Listing, list_package, packages_in, user_folder};
+use choreo_session::plugin_files::{ENDINGS, Listing, list_package, packages_in, user_folder};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -21,6 +21,15 @@ const MOST_LEVELS: usize = 16;
 
 /// A description to begin with, for a folder without one.
 const EXAMPLE: &str = "name = \"my_plugin\"\nversion = \"1.0.0\"\nchoreo = \"0.1.0\"\nlicense = \"MIT\"\n[[plugin]]\nfile = \"NAME.wgsl\"\nkind = \"effect\"\nhook = \"pixel\"";
+
+/// The package at a path, or the installed one of a name.
+pub fn open_or_installed(path: &Path) -> Result<(PathBuf, Package), Failure> {
+    let name = path.to_str().filter(|name| is_name(name) && !path.exists());
+    match name.and_then(|name| user_folder().map(|folder| folder.join(name))).filter(|place| place.is_dir()) {
+        Some(place) => open(&place),
+        None => open(path),
+    }
+}
 
 /// The package at a path, which is its folder, its description or one of its plugin files; with its folder.
 pub fn open(path: &Path) -> Result<(PathBuf, Package), Failure> {
@@ -72,6 +81,22 @@ pub fn working(folder: &Path, plugins: &Registry) -> Result<Listing, Failure> {
     }
 }
 
+/// Notes about a package that works: its license, plugin files that its description leaves out, and plugins whose names other plugins
+/// of the user have.
+pub fn notes(folder: &Path, package: &Package, listing: &Listing) -> Vec<String> {
+    let shown = folder.join(DESCRIPTION);
+    let license = package.license_note().map(|note| format!("{}: {note}", shown.display()));
+    let names = Folder::open(folder).and_then(|folder| folder.names(MOST_FILES)).unwrap_or_default();
+    let unnamed = names.iter().map(|name| name.to_string_lossy()).filter(|name| {
+        ENDINGS.iter().any(|ending| name.ends_with(ending))
+            && !package.plugins.iter().any(|p| p.file == *name)
+    });
+    let unnamed = unnamed.map(|name| {
+        format!("{}: {DESCRIPTION} does not name it, so that it is no plugin", folder.join(&*name).display())
+    });
+    license.into_iter().chain(unnamed).chain(listing.replaced.clone()).collect()
+}
+
 /// The folder that packages are installed in.
 fn installed() -> Result<PathBuf, Failure> {
     user_folder().ok_or_else(|| {
@@ -96,6 +121,10 @@ pub fn install(path: &Path, replace: bool, plugins: &Registry) -> Result<(), Fai
     }
     let failed = |e: std::io::Error| output_error(&target.display().to_string(), &e);
     std::fs::create_dir_all(&folder).map_err(|e| output_error(&folder.display().to_string(), &e))?;
+    let others: Vec<PathBuf> = packages_in(&folder).into_iter().map(|name| folder.join(name)).collect();
+    let others = others.into_iter().filter(|other| *other != target);
+    let others = others.filter_map(|other| list_package(&Registry::default(), &other).ok());
+    let also: Vec<String> = others.flat_map(|other| listing.also_in(&other)).collect();
     let made = hidden(&folder).map_err(failed)?;
     copy(&source, made.path())?;
     // What was there is moved into a hidden folder, which is removed with what it holds.
@@ -111,7 +140,8 @@ pub fn install(path: &Path, replace: bool, plugins: &Registry) -> Result<(), Fai
         }
         return Err(failed(error));
     }
-    listing.replaced.iter().for_each(|text| print_message(format_args!("note: {text}")));
+    let notes = notes(&source, &package, &listing);
+    notes.iter().chain(&also).for_each(|text| print_message(format_args!("note: {text}")));
     let mut page = Page::default();
     let Package { name, version, license, .. } = &package;
     page.line(format_args!("{name} {version}: installed in {}", target.display()));

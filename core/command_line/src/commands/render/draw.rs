@@ -59,7 +59,8 @@ pub fn draw(
         options: job.options.clone(),
     };
     let say = |line: &str| {
-        if !args.quiet {
+        // Warnings of scripts, files and effects have the word after the place, if there is one.
+        if !args.quiet || line.contains("warning: ") {
             print_message(line);
         }
     };

@@ -14,6 +14,7 @@ use choreo_files::{Folder, WriteError, write_whole};
 use choreo_plugin::Registry;
 use choreo_script::testing::TestOptions;
 use choreo_script::{NO_THREAD, ScriptOptions, did_you_mean};
+use choreo_session::plugin_files::Listing;
 use choreo_test_runner::collect::{self, Case, NothingToRun, Selection, quoted};
 use choreo_test_runner::images::{Accept, ImageOptions};
 use choreo_test_runner::outcome::Status;
@@ -31,32 +32,37 @@ pub fn run(args: TestArgs, plugins: &Registry) -> Result<(), Failure> {
     if args.watch {
         return watch::run(&args, &job, plugins);
     }
-    let registry = job.plugins(&args, plugins)?;
-    let cases = job.cases(&registry)?;
+    let listing = job.plugins(&args, plugins)?;
+    let cases = job.cases(&listing.registry)?;
     if args.list {
         return match args.json {
             true => print_json(&json::list(&cases)),
             false => print(&terminal::list(&cases)),
         };
     }
-    let report = once(&args, &job, &cases, &registry)?;
+    judged(&once(&args, &job, &cases, &listing.registry)?)
+}
+
+fn judged(report: &Report) -> Result<(), Failure> {
     match report.failure() {
         None => Ok(()),
-        Some(why) if without_thread(&report) => {
+        Some(why) if without_thread(report) => {
             Err(too_few(&format!("none can be started for some sections; {why}")))
         }
         Some(why) => Err(Failure::Tests(why)),
     }
 }
 
-/// The same with the plugins of a package, in whose folder tests may read.
-pub fn within(args: TestArgs, folder: &Path) -> TestArgs {
-    let folder = folder.to_path_buf();
-    TestArgs {
-        search: [args.search, vec![folder.clone()]].concat(),
-        plugins: [args.plugins, vec![folder]].concat(),
-        ..args
-    }
+/// Runs the test scripts of a package with its plugins; tests may read in its folder. Gives the effects of plugin files that no test
+/// used.
+pub fn run_package(args: TestArgs, folder: &Path, plugins: &Registry) -> Result<Vec<String>, Failure> {
+    let folder = vec![folder.to_path_buf()];
+    let args = TestArgs { search: folder.clone(), plugins: folder, ..args };
+    let job = Job::new(&args)?;
+    let listing = job.plugins(&args, plugins)?;
+    let cases = job.cases(&listing.registry)?;
+    judged(&once(&args, &job, &cases, &listing.registry)?)?;
+    Ok(listing.unused_effects())
 }
 
 /// The command line, checked.
@@ -106,6 +112,7 @@ impl Job {
             changed: args.changed || args.watch,
             program: program.unwrap_or_default(),
             gpu_cache: device::cache_dir(),
+            words: words(args),
         };
         let shard = args.shard.as_deref().map(shard).transpose()?;
         for path in [&args.junit, &args.html].into_iter().flatten() {
@@ -114,17 +121,24 @@ impl Job {
         Ok(Job { paths, selection: Selection { filter: args.filter.clone(), shard }, options })
     }
 
-    /// The registry with the plugin files found now. Files beside any of the tests count for all tests.
-    fn plugins(&self, args: &TestArgs, plugins: &Registry) -> Result<Registry, Failure> {
+    /// The plugins with the plugin files found now. Files beside any of the tests count for all tests.
+    fn plugins(&self, args: &TestArgs, plugins: &Registry) -> Result<Listing, Failure> {
         let files = collect::files(&self.paths).map_err(nothing)?;
         let beside: Vec<&Path> = files.iter().map(|(file, _)| file.as_path()).collect();
-        plugin_files::registry(plugins, &args.plugins, &beside)
+        plugin_files::listing(plugins, &args.plugins, &beside)
     }
 
     fn cases(&self, registry: &Registry) -> Result<Vec<Case>, Failure> {
         let cases = collect::collect(&self.paths, registry, &self.options.test).map_err(nothing)?;
         collect::select(cases, &self.selection).map_err(nothing)
     }
+}
+
+/// The folders that were given, for commands that run sections again.
+fn words(args: &TestArgs) -> String {
+    let one = |flag: &str, folder: &PathBuf| format!(" {flag} {}", quoted(&folder.display().to_string()));
+    let plugins = args.plugins.iter().map(|folder| one("--plugins", folder));
+    plugins.chain(args.search.iter().map(|folder| one("--search", folder))).collect()
 }
 
 fn nothing(why: NothingToRun) -> Failure {

@@ -6,6 +6,7 @@ use crate::args::TestArgs;
 use crate::failure::{Failure, print, print_message};
 use choreo_plugin::Registry;
 use choreo_script::content_of;
+use choreo_session::plugin_files::Listing;
 use choreo_session::{Watch, WatchError, WatchEvent, WatchedPaths};
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
@@ -28,7 +29,7 @@ pub fn run(args: &TestArgs, job: &Job, plugins: &Registry) -> Result<(), Failure
         let begun = SystemTime::now();
         let mut read: BTreeSet<PathBuf> = BTreeSet::new();
         // An error may be corrected by the next save: only a closed pipe ends the loop.
-        let ran = job.plugins(args, plugins).and_then(|registry| {
+        let ran = job.plugins(args, plugins).and_then(|Listing { registry, .. }| {
             let cases = job.cases(&registry)?;
             read.extend(cases.iter().filter_map(|c| c.path.canonicalize().ok()));
             once(args, job, &cases, &registry)

@@ -6,7 +6,6 @@ use crate::plan::options::PlanOptions;
 use crate::plan::{Features, PostPass};
 use choreo_plugin::{Effect, OptionKind, ViewOrder};
 use choreo_stage::{Snapshot, Stage, ViewTransform};
-use std::sync::Arc;
 
 /// Exposure and view transform of a frame.
 #[derive(Clone, Debug)]
@@ -55,13 +54,13 @@ impl Display {
 }
 
 /// The effect that has a view transform as one of its curves, with its parameters for it.
-fn view_effect<'a>(effects: &'a [Arc<dyn Effect>], name: &str) -> Option<(&'a dyn Effect, [f32; 8])> {
+fn view_effect<'a>(effects: &'a [Effect], name: &str) -> Option<(&'a Effect, Vec<f32>)> {
     effects.iter().filter(|e| e.view_order() == ViewOrder::Replaces).find_map(|effect| {
         effect.manifest().options.iter().find_map(|option| {
             let OptionKind::Text { one_of, .. } = &option.kind else { return None };
             let curve = one_of.iter().position(|o| o == name)?;
             let given = [(option.name.clone(), curve as f64)];
-            Some((&**effect, effect_parameters(effect.as_ref(), &given)))
+            Some((effect, effect_parameters(effect, &given)))
         })
     })
 }

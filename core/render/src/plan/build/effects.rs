@@ -4,12 +4,11 @@ use crate::plan::build::Planner;
 use crate::plan::options::PlanOptions;
 use crate::plan::{Features, LeftOut, PostPass};
 use choreo_asset::Primitive;
-use choreo_plugin::{Effect, Hook, OptionKind, Shutter, SurfaceInputs};
+use choreo_plugin::{Effect, Hook, Shutter, SurfaceInputs};
 use choreo_stage::{EffectState, EffectTarget, EffectUse, Snapshot, Stage};
-use std::sync::Arc;
 
 /// Largest number of effects in the scene's shaders: one for each bit. Further ones are reported in `left_out`.
-pub(crate) const MOST_SURFACE_EFFECTS: usize = 8;
+const MOST_SURFACE_EFFECTS: usize = 8;
 
 /// An effect in the scene's shaders, with what has it (empty: everything).
 pub(super) struct SceneEffect {
@@ -78,62 +77,36 @@ impl Planner<'_> {
     }
 }
 
-/// An effect's parameters in manifest order, clamped to their ranges; defaults where the script gives none.
-pub fn effect_parameters(effect: &dyn Effect, given: &[(String, f64)]) -> [f32; 8] {
-    let mut parameters = [0.0; 8];
-    for (slot, option) in parameters.iter_mut().zip(&effect.manifest().options) {
-        let value = given.iter().rev().find(|(name, _)| *name == option.name).map(|(_, value)| *value);
-        *slot = match (value, &option.kind) {
-            // A spline between keys may leave the range.
-            (Some(value), OptionKind::Number { min, max, .. }) => value.clamp(*min, *max) as f32,
-            (Some(value), _) => value as f32,
-            (None, OptionKind::Number { default, .. }) => *default as f32,
-            (None, OptionKind::Bool { default }) => f32::from(u8::from(*default)),
-            // Texts are passed as their index in the list.
-            (None, OptionKind::Text { default, one_of }) => {
-                one_of.iter().position(|o| o == default).unwrap_or(0) as f32
-            }
-        };
-    }
-    parameters
-}
-
-/// Why an effect changes nothing, if it does not.
-fn off(effect: &dyn Effect, parameters: &[f32; 8]) -> Option<String> {
-    match effect.hook().has_function() && effect.function().is_none() {
-        true => Some("the effect has no function".into()),
-        false => effect.off(parameters),
-    }
+/// An effect's parameters as numbers, clamped to their ranges; defaults where the script gives none.
+pub fn effect_parameters(effect: &Effect, given: &[(String, f64)]) -> Vec<f32> {
+    effect.manifest().parameters(given)
 }
 
 /// Active effects whose plugin is known and which change something.
 pub(super) fn uses<'a>(
     stage: &'a Stage,
     snapshot: &'a Snapshot,
-    effects: &'a [Arc<dyn Effect>],
-) -> impl Iterator<Item = (&'a dyn Effect, &'a EffectUse, &'a EffectState)> {
+    effects: &'a [Effect],
+) -> impl Iterator<Item = (&'a Effect, &'a EffectUse, &'a EffectState)> {
     snapshot.effects.iter().filter_map(|state| {
         let used = stage.effects.get(state.effect)?;
-        let effect = &**effects.iter().find(|e| e.manifest().name == used.plugin)?;
-        let why = off(effect, &effect_parameters(effect, &state.parameters));
+        let effect = effects.iter().find(|e| e.manifest().name == used.plugin)?;
+        let why = effect.off(&effect_parameters(effect, &state.parameters));
         why.is_none().then_some((effect, used, state))
     })
 }
 
 /// Shutter of the last active effect that sets one.
-pub(crate) fn exposure_of(
-    stage: &Stage,
-    snapshot: &Snapshot,
-    effects: &[Arc<dyn Effect>],
-) -> Option<Shutter> {
-    let of_hook = uses(stage, snapshot, effects).filter(|(effect, ..)| effect.hook() == Hook::Shutter);
-    let exposures = of_hook
-        .filter_map(|(effect, _, state)| effect.shutter(&effect_parameters(effect, &state.parameters)));
+pub(crate) fn exposure_of(stage: &Stage, snapshot: &Snapshot, effects: &[Effect]) -> Option<Shutter> {
+    let exposures = uses(stage, snapshot, effects).filter_map(|(effect, _, state)| match effect {
+        Effect::Shutter(shutter) => shutter.shutter(&effect_parameters(effect, &state.parameters)),
+        _ => None,
+    });
     exposures.last().filter(|e| e.samples > 1 && e.open > 0.0)
 }
 
 /// Number of earlier frames that the active effects of a hook read.
-pub(crate) fn history_of(stage: &Stage, snapshot: &Snapshot, effects: &[Arc<dyn Effect>], hook: Hook) -> u32 {
+pub(crate) fn history_of(stage: &Stage, snapshot: &Snapshot, effects: &[Effect], hook: Hook) -> u32 {
     let of_hook = uses(stage, snapshot, effects).filter(|(effect, ..)| effect.hook() == hook);
     let frames =
         of_hook.map(|(effect, _, state)| effect.history(&effect_parameters(effect, &state.parameters)));
@@ -142,13 +115,13 @@ pub(crate) fn history_of(stage: &Stage, snapshot: &Snapshot, effects: &[Arc<dyn 
 
 pub(super) fn scene_effects(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Vec<SceneEffect> {
     let in_scene = uses(stage, snapshot, options.effects).filter(|(effect, ..)| effect.hook().is_in_scene());
-    let scene_effect = |(effect, used, state): (&dyn Effect, &EffectUse, &EffectState)| {
+    let scene_effect = |(effect, used, state): (&Effect, &EffectUse, &EffectState)| {
         let parameters = effect_parameters(effect, &state.parameters);
         let reach = effect.reach(&parameters);
         SceneEffect {
-            used: PostPass { effect: used.plugin.clone(), parameters, number: 0, shrink: 1 },
             hook: effect.hook(),
             needs: effect.surface_inputs(&parameters),
+            used: PostPass { effect: used.plugin.clone(), parameters, number: 0, shrink: 1 },
             reach: if reach.is_finite() { reach.max(0.0) } else { 0.0 },
             on: used.on.clone(),
         }
@@ -182,8 +155,8 @@ pub(super) fn post_passes(
             leave_out("no plugin of this name is known".into());
             continue;
         };
-        let parameters = effect_parameters(effect.as_ref(), &state.parameters);
-        if let Some(why) = off(&**effect, &parameters) {
+        let parameters = effect_parameters(effect, &state.parameters);
+        if let Some(why) = effect.off(&parameters) {
             leave_out(why);
             continue;
         }
@@ -198,7 +171,7 @@ pub(super) fn post_passes(
         passes.extend((0..times).map(|number| {
             let smaller = effect.hook() == Hook::Image && number + 1 < times;
             let shrink = if smaller { effect.shrink(number, options.size, &parameters).max(1) } else { 1 };
-            PostPass { effect: used.plugin.clone(), parameters, number, shrink }
+            PostPass { effect: used.plugin.clone(), parameters: parameters.clone(), number, shrink }
         }));
     }
     (passes, left_out)

@@ -9,7 +9,7 @@ use crate::plan::{Features, PipelineKey, TopologyKey};
 use crate::scene_resources::material::{MaterialResource, TOON_SLOT};
 use crate::scene_resources::{PrimitiveEntry, PrimitiveResource};
 use choreo_asset::Outline;
-use choreo_plugin::Hook;
+use choreo_plugin::Effect;
 use choreo_stage::{EffectTarget, Snapshot, Stage};
 use glam::Vec3;
 use std::sync::Arc;
@@ -49,11 +49,9 @@ pub(super) fn effect_lines(
 ) -> Vec<(SurfaceLine, Vec<EffectTarget>)> {
     let mut out = Vec::new();
     for (effect, used, state) in uses(stage, snapshot, options.effects) {
-        if effect.hook() != Hook::Outline {
-            continue;
-        }
+        let Effect::Outline(lines) = effect else { continue };
         let parameters = effect_parameters(effect, &state.parameters);
-        if let Some(shell) = effect.inverted_hull(&parameters).filter(|s| s.width > 0.0) {
+        if let Some(shell) = lines.inverted_hull(&parameters).filter(|s| s.width > 0.0) {
             let outline = Outline {
                 width: shell.width / options.size[1].max(1) as f32,
                 on_screen: true,
@@ -64,7 +62,7 @@ pub(super) fn effect_lines(
             out.push((SurfaceLine::Outline(outline), used.on.clone()));
         }
         out.extend(
-            effect.wireframe(&parameters).map(|color| (SurfaceLine::Wireframe(color), used.on.clone())),
+            lines.wireframe(&parameters).map(|color| (SurfaceLine::Wireframe(color), used.on.clone())),
         );
     }
     out

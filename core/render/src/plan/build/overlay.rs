@@ -4,7 +4,7 @@ use crate::layers_2d::ScreenLabel;
 use crate::plan::build::effects::{effect_parameters, uses};
 use crate::plan::options::PlanOptions;
 use crate::plan::{LeftOut, OverlayPart, OverlayVertex, PlanOverlay, View};
-use choreo_plugin::{EffectScene, Hook, Label, Lattice, Overlay, Stroke, Triangle};
+use choreo_plugin::{Effect, EffectScene, Label, Lattice, Overlay, Stroke, Triangle};
 use choreo_stage::{Snapshot, Stage};
 use glam::{DVec3, Vec2, Vec4, Vec4Swizzles};
 
@@ -20,11 +20,9 @@ pub(super) fn overlays(
     let (mut overlay, mut labels, mut left_out) = (PlanOverlay::default(), Vec::new(), Vec::new());
     let size = Vec2::new(options.size[0] as f32, options.size[1] as f32);
     for (effect, used, state) in uses(stage, snapshot, options.effects) {
-        if effect.hook() != Hook::Overlay {
-            continue;
-        }
+        let Effect::Overlay(drawing) = effect else { continue };
         let parameters = effect_parameters(effect, &state.parameters);
-        let mut drawn = effect
+        let mut drawn = drawing
             .overlay(&EffectScene { stage, snapshot, before: options.before, on: &used.on }, &parameters);
         // Six vertices of 64 bytes for each stroke: 38 MB.
         let most = Overlay::MOST;

@@ -14,10 +14,9 @@ use choreo_motion::Time;
 use choreo_plugin::{Effect, EffectFrame, Hook, SceneInputs};
 use choreo_stage::{ActorState, Snapshot, Stage};
 use glam::{DAffine3, DMat4, Vec3, Vec4};
-use std::sync::Arc;
 
 /// The inputs from the scene that the active effects on images read.
-pub(crate) fn inputs_of(stage: &Stage, snapshot: &Snapshot, effects: &[Arc<dyn Effect>]) -> SceneInputs {
+pub(crate) fn inputs_of(stage: &Stage, snapshot: &Snapshot, effects: &[Effect]) -> SceneInputs {
     let images = uses(stage, snapshot, effects).filter(|(effect, ..)| effect.hook() == Hook::Image);
     images.fold(SceneInputs::default(), |all, (effect, ..)| all.union(effect.scene_inputs()))
 }

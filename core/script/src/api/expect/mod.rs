@@ -6,7 +6,9 @@ use super::actor::morph_targets;
 use super::values::{COUNTS, PLAN_COUNTS, value};
 use crate::call::{ApiError, Call, Options, Reply, api};
 use crate::suggest::did_you_mean;
-use crate::test_data::{Contact, Measure, Quantity, SameWhat, Subject, TextsQuantity, VectorQuantity, When};
+use crate::test_data::{
+    Asked, Contact, Measure, Quantity, SameWhat, Subject, TextsQuantity, VectorQuantity, When,
+};
 use crate::value::{ActorRef, CameraRef, ClipRef, ExpectRef, JointRef, LightRef, PlanRef, StageRef};
 use choreo_motion::Time;
 use places::{
@@ -130,7 +132,7 @@ fn expect(c: &mut Call) -> Reply {
     let mut test = c.shared.test();
     crate::build::room(test.asked.len(), "expectations", &c.shared.limits)?;
     let stage = given.read_lock::<StageRef>().map_or(test.current_stage, |s| s.0);
-    test.asked.push((c.place.clone(), 0));
+    test.asked.push(Asked { place: c.place.clone(), comparisons: 0, unused: None });
     let id = test.asked.len() - 1;
     Ok(Dynamic::from(ExpectRef {
         id,
@@ -162,13 +164,22 @@ fn changed(c: &Call, change: impl FnOnce(&mut ExpectRef)) -> Reply {
     Ok(Dynamic::from(expect))
 }
 
+/// The same for a modifier of the next comparison.
+fn modified(c: &Call, change: impl FnOnce(&mut ExpectRef)) -> Reply {
+    let expect = c.expect()?;
+    if let Some(asked) = c.shared.test().asked.get_mut(expect.id) {
+        asked.unused = Some((c.def.name, c.place.clone()));
+    }
+    changed(c, change)
+}
+
 fn measured(c: &Call, measure: Measure) -> Reply {
     changed(c, |expect| expect.measure = measure)
 }
 
 fn at(c: &mut Call) -> Reply {
     let time = c.time(0)?;
-    changed(c, |expect| expect.when = When::At(time))
+    modified(c, |expect| expect.when = When::At(time))
 }
 
 fn during(c: &mut Call) -> Reply {
@@ -180,20 +191,20 @@ fn during(c: &mut Call) -> Reply {
             until.as_secs()
         )));
     }
-    changed(c, |expect| expect.when = When::During(from, until))
+    modified(c, |expect| expect.when = When::During(from, until))
 }
 
 fn every(c: &mut Call) -> Reply {
     let step = Time::from_secs(c.number_in(0, 1e-6, 1e6)?);
-    changed(c, |expect| expect.step = Some(step))
+    modified(c, |expect| expect.step = Some(step))
 }
 
 fn not(c: &mut Call) -> Reply {
-    changed(c, |expect| expect.negated = !expect.negated)
+    modified(c, |expect| expect.negated = !expect.negated)
 }
 
 fn sometime(c: &mut Call) -> Reply {
-    changed(c, |expect| expect.sometime = true)
+    modified(c, |expect| expect.sometime = true)
 }
 
 impl Call<'_, '_> {

@@ -1,9 +1,9 @@
 // effect: NAME
 // about: what is bright leaves streaks to both sides
-// version: 1
+// version: 0.1.0
 // hook: image
 // param strength = 0.5 in 0..4: how bright they are
-// param reach = 24 in 1..200: pixels that they go to each side
+// param reach = 24 px in 1..200: how far they go to each side
 //
 // A function of a pixel and those around it: picture(at), linear, the nearest one beyond the border; picture_size().
 // // passes: 2 runs it twice, picture(at) is then what the pass before gave and original(at) what the first got; // history: 3 gives
@@ -11,16 +11,16 @@
 // is), normal_at(at), view_at(at), motion_at(at) (pixels since the frame before), actor_at(at), time(), delta(), frame(),
 // resolution(), view_from_world(), clip_from_view() and their inverses, sun_direction() and sun_at(). // texture paper = paper.png: ABOUT gives paper(uv).
 // Put it beside the script, into a folder plugins there, or name its folder with --plugins; then: effect("NAME", #{ reach: 40 })
-fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {
+fn effect(at: vec2<i32>, pass_number: u32, p: Parameters) -> vec4<f32> {
     let here = picture(at);
     var sum = vec3(0.0);
     var weights = 0.0;
     for (var i = -8; i <= 8; i++) {
         let away = f32(i) / 8.0;
-        let there = picture(at + vec2(i32(round(away * p[reach])), 0)).rgb;
+        let there = picture(at + vec2(i32(round(away * p.reach)), 0)).rgb;
         let weight = 1.0 - abs(away);
         sum += weight * max(there - 0.8, vec3(0.0));
         weights += weight;
     }
-    return vec4(here.rgb + p[strength] * sum / weights, here.a);
+    return vec4(here.rgb + p.strength * sum / weights, here.a);
 }

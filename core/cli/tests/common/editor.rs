@@ -1,0 +1,256 @@
+//! An editor for tests: starts `choreo lsp` and speaks the protocol with it, independently of the server's own code.
+#![allow(dead_code)]
+
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+/// How long an answer may take on a busy machine before the test fails.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+pub struct Editor {
+    child: Child,
+    pub input: Option<ChildStdin>,
+    messages: Receiver<Value>,
+    next: i64,
+    /// Messages that came while another was waited for.
+    kept: Vec<Value>,
+    /// Last diagnostics by URI, with the version.
+    pub diagnostics: BTreeMap<String, (i64, Vec<Value>)>,
+    texts: BTreeMap<String, (i64, String)>,
+}
+
+pub fn uri(path: &Path) -> String {
+    format!("file://{}", path.display().to_string().replace(' ', "%20"))
+}
+
+impl Editor {
+    /// A server for a folder, before `initialize`.
+    pub fn raw(folder: &Path) -> Editor {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_choreo"))
+            .args(["lsp", "--stdio"])
+            .current_dir(folder)
+            .env("CHOREO_PLUGINS", "")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut output = BufReader::new(child.stdout.take().unwrap());
+        let (send, messages) = channel();
+        std::thread::spawn(move || {
+            while let Some(message) = read(&mut output) {
+                if send.send(message).is_err() {
+                    return;
+                }
+            }
+        });
+        let input = child.stdin.take();
+        Editor {
+            child,
+            input,
+            messages,
+            next: 0,
+            kept: Vec::new(),
+            diagnostics: BTreeMap::new(),
+            texts: BTreeMap::new(),
+        }
+    }
+
+    pub fn start(folder: &Path) -> Editor {
+        let mut editor = Editor::raw(folder);
+        let capabilities =
+            json!({ "textDocument": { "completion": { "completionItem": { "snippetSupport": true } } } });
+        let parameters = json!({ "processId": null, "rootUri": uri(folder), "capabilities": capabilities });
+        editor.request("initialize", parameters).unwrap();
+        editor.notify("initialized", json!({}));
+        editor
+    }
+
+    pub fn send(&mut self, message: &Value) {
+        let body = message.to_string();
+        self.write(format!("Content-Length: {}\r\n\r\n{body}", body.len()).as_bytes());
+    }
+
+    pub fn write(&mut self, bytes: &[u8]) {
+        let input = self.input.as_mut().unwrap();
+        input.write_all(bytes).unwrap();
+        input.flush().unwrap();
+    }
+
+    pub fn notify(&mut self, method: &str, parameters: Value) {
+        self.send(&json!({ "jsonrpc": "2.0", "method": method, "params": parameters }));
+    }
+
+    /// Sends a request; its number.
+    pub fn ask(&mut self, method: &str, parameters: Value) -> i64 {
+        self.next += 1;
+        let id = self.next;
+        self.send(&json!({ "jsonrpc": "2.0", "id": id, "method": method, "params": parameters }));
+        id
+    }
+
+    /// The result, or the error's code.
+    pub fn request(&mut self, method: &str, parameters: Value) -> Result<Value, i64> {
+        let id = self.ask(method, parameters);
+        self.answer(id)
+    }
+
+    pub fn answer(&mut self, id: i64) -> Result<Value, i64> {
+        let message = self.wait(|m| m["id"] == id && m.get("method").is_none());
+        match message["error"]["code"].as_i64() {
+            Some(code) => Err(code),
+            None => Ok(message["result"].clone()),
+        }
+    }
+
+    /// The next message that fits; others are kept.
+    pub fn wait(&mut self, fits: impl Fn(&Value) -> bool) -> Value {
+        if let Some(index) = self.kept.iter().position(&fits) {
+            return self.kept.remove(index);
+        }
+        let end = Instant::now() + PATIENCE;
+        loop {
+            let left = end.saturating_duration_since(Instant::now());
+            let message = self.messages.recv_timeout(left).expect("the server answers");
+            self.note(&message);
+            if fits(&message) {
+                return message;
+            }
+            self.kept.push(message);
+        }
+    }
+
+    fn note(&mut self, message: &Value) {
+        if message["method"] == "textDocument/publishDiagnostics" {
+            let p = &message["params"];
+            let list = p["diagnostics"].as_array().cloned().unwrap_or_default();
+            let version = p["version"].as_i64().unwrap_or(-1);
+            self.diagnostics.insert(p["uri"].as_str().unwrap().to_string(), (version, list));
+        }
+    }
+
+    pub fn open(&mut self, uri: &str, text: &str) {
+        self.texts.insert(uri.to_string(), (1, text.to_string()));
+        let document = json!({ "uri": uri, "languageId": "rhai", "version": 1, "text": text });
+        self.notify("textDocument/didOpen", json!({ "textDocument": document }));
+    }
+
+    /// Replaces the text as a whole.
+    pub fn set(&mut self, uri: &str, text: &str) {
+        let version = self.texts[uri].0 + 1;
+        self.texts.insert(uri.to_string(), (version, text.to_string()));
+        self.change(uri, version, json!([{ "text": text }]));
+    }
+
+    pub fn change(&mut self, uri: &str, version: i64, changes: Value) {
+        let document = json!({ "uri": uri, "version": version });
+        self.notify("textDocument/didChange", json!({ "textDocument": document, "contentChanges": changes }));
+    }
+
+    /// Opens a text or replaces it, without the mark `¦`; the place of the mark.
+    pub fn place(&mut self, uri: &str, marked: &str) -> Value {
+        let text = marked.replacen('¦', "", 1);
+        let before = &marked[..marked.find('¦').expect("a mark")];
+        match self.texts.contains_key(uri) {
+            true => self.set(uri, &text),
+            false => self.open(uri, &text),
+        }
+        let line = before.matches('\n').count();
+        let character = before.rsplit('\n').next().unwrap().encode_utf16().count();
+        json!({ "line": line, "character": character })
+    }
+
+    /// A request about a marked place.
+    pub fn at(&mut self, method: &str, uri: &str, marked: &str) -> Value {
+        let position = self.place(uri, marked);
+        let p = json!({ "textDocument": { "uri": uri }, "position": position });
+        self.request(method, p).unwrap()
+    }
+
+    /// Items of a completion at a mark; asks again while files are being read.
+    pub fn complete(&mut self, uri: &str, marked: &str) -> Vec<Value> {
+        let end = Instant::now() + PATIENCE;
+        loop {
+            let list = self.at("textDocument/completion", uri, marked);
+            if list["isIncomplete"] != true || Instant::now() > end {
+                return list["items"].as_array().unwrap().clone();
+            }
+        }
+    }
+
+    pub fn labels(&mut self, uri: &str, marked: &str) -> Vec<String> {
+        self.complete(uri, marked).iter().map(|item| item["label"].as_str().unwrap().to_string()).collect()
+    }
+
+    /// The text of a hover at a mark.
+    pub fn hover(&mut self, uri: &str, marked: &str) -> String {
+        let end = Instant::now() + PATIENCE;
+        loop {
+            let value = self.at("textDocument/hover", uri, marked);
+            let text = value["contents"]["value"].as_str().unwrap_or_default().to_string();
+            if !text.contains("is being read") || Instant::now() > end {
+                return text;
+            }
+        }
+    }
+
+    /// Diagnostics of the latest text of a file.
+    pub fn checked(&mut self, uri: &str) -> Vec<Value> {
+        let version = self.texts.get(uri).map_or(-1, |(version, _)| *version);
+        if let Some((_, list)) = self.diagnostics.get(uri).filter(|(known, _)| *known == version) {
+            return list.clone();
+        }
+        let of = uri.to_string();
+        let fits = move |m: &Value| {
+            m["method"] == "textDocument/publishDiagnostics"
+                && m["params"]["uri"] == of.as_str()
+                && m["params"]["version"] == version
+        };
+        self.wait(fits);
+        self.diagnostics[uri].1.clone()
+    }
+
+    /// Ends the server in order; its exit code.
+    pub fn exit(mut self) -> i32 {
+        self.request("shutdown", Value::Null).unwrap();
+        self.notify("exit", Value::Null);
+        self.code()
+    }
+
+    /// Waits for the end.
+    pub fn code(mut self) -> i32 {
+        drop(self.input.take());
+        self.child.wait().unwrap().code().unwrap_or(-1)
+    }
+}
+
+impl Drop for Editor {
+    fn drop(&mut self) {
+        drop(self.input.take());
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn read(output: &mut impl BufRead) -> Option<Value> {
+    let mut length = 0;
+    loop {
+        let mut line = String::new();
+        if output.read_line(&mut line).ok()? == 0 {
+            return None;
+        }
+        if line == "\r\n" {
+            break;
+        }
+        if let Some(number) = line.strip_prefix("Content-Length: ") {
+            length = number.trim().parse().ok()?;
+        }
+    }
+    let mut body = vec![0; length];
+    output.read_exact(&mut body).ok()?;
+    serde_json::from_slice(&body).ok()
+}

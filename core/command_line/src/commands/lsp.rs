@@ -1,0 +1,60 @@
+//! `choreo lsp`: the language server over standard input and output.
+
+use crate::App;
+use crate::args::{Cli, Command};
+use crate::commands::check;
+use crate::failure::{Failure, Problem};
+use crate::project_file;
+use crate::scene;
+use choreo_language_server::{Ended, Host, Project, serve};
+use choreo_script::{Diagnostic, Limits, Places};
+use choreo_stage::Stage;
+use clap::Parser;
+use std::ffi::OsString;
+use std::io::{BufReader, stdin, stdout};
+use std::path::Path;
+use std::sync::Arc;
+
+pub fn run(app: &App) -> Result<(), Failure> {
+    let host = Arc::new(Program { app: app.clone() });
+    match serve(BufReader::new(stdin()), stdout(), host) {
+        Ended::Exit => Ok(()),
+        Ended::Abruptly => Err(Failure::ClosedPipe),
+    }
+}
+
+struct Program {
+    app: App,
+}
+
+impl Host for Program {
+    fn program(&self) -> (String, String) {
+        (self.app.name.to_string(), self.app.version.to_string())
+    }
+
+    /// The settings that `choreo check SCRIPT` would have.
+    fn project(&self, script: &Path) -> Result<Project, String> {
+        let words = [OsString::from(self.app.name), "check".into(), script.into()];
+        let words = project_file::extended(&words, &self.app).map_err(|e| in_words(&e))?;
+        let cli = Cli::try_parse_from(words).map_err(|e| e.to_string())?;
+        let Command::Check(args) = cli.command else {
+            return Err("choreo.toml names another command".into());
+        };
+        let registry = scene::plugins(&args.scene, &self.app.registry).map_err(|e| in_words(&e))?;
+        Ok(Project { registry, search: args.scene.search, limits: Limits::default() })
+    }
+
+    fn survey(&self, stage: &Arc<Stage>, places: &Places, project: &Project) -> Vec<Diagnostic> {
+        let registry = project.registry.settled();
+        let (problems, on_stage) = check::look(stage, &registry, places, &project.limits);
+        let problems = problems.into_iter().map(|problem| match problem {
+            Problem::Text(text) => Diagnostic::error(text),
+            Problem::Script(diagnostic) => diagnostic,
+        });
+        problems.chain(places.findings(&on_stage)).collect()
+    }
+}
+
+fn in_words(failure: &Failure) -> String {
+    failure.lines().join("\n")
+}

@@ -1,0 +1,193 @@
+//! Runs scripts on a thread of its own, as `check` does, on texts that are not saved. Of several texts of one script only the latest
+//! counts.
+
+use crate::Host;
+use choreo_plugin::ImportScope;
+use choreo_script::{AssetCache, Diagnostic, Places, ScriptOptions, run_file_touching, run_text};
+use choreo_stage::Stage;
+use std::collections::{BTreeMap, BTreeSet};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Texts that are not saved, by canonical path.
+pub type Unsaved = Arc<BTreeMap<PathBuf, Arc<str>>>;
+
+/// A script to be run.
+pub struct Job {
+    pub uri: String,
+    pub version: i64,
+    /// Its file; `None` for a text that was never saved.
+    pub path: Option<PathBuf>,
+    pub text: Arc<str>,
+    pub unsaved: Unsaved,
+    /// The folder in which a text without a file looks for files.
+    pub folder: PathBuf,
+}
+
+/// The result of a run.
+pub struct Checked {
+    pub uri: String,
+    pub version: i64,
+    pub diagnostics: Vec<Diagnostic>,
+    /// Messages of assets, by the name that the script loads them by.
+    pub of_assets: Vec<(String, String)>,
+    /// The stage and the places that made it, where the script has no errors.
+    pub stage: Option<(Arc<Stage>, Arc<Places>)>,
+    /// Files that were read, the script and its modules among them.
+    pub read: BTreeSet<PathBuf>,
+    /// Name of the script in its diagnostics.
+    pub main: String,
+    pub took: Duration,
+}
+
+#[derive(Default)]
+struct Queue {
+    jobs: Vec<Job>,
+    closed: bool,
+}
+
+/// The thread that runs scripts.
+pub struct Checker {
+    queue: Arc<(Mutex<Queue>, Condvar)>,
+}
+
+fn locked(queue: &Mutex<Queue>) -> MutexGuard<'_, Queue> {
+    queue.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Checker {
+    /// `tell` gets each result, on the checker's thread.
+    pub fn start(
+        host: Arc<dyn Host>,
+        assets: AssetCache,
+        tell: impl Fn(Checked) + Send + 'static,
+    ) -> Checker {
+        let queue: Arc<(Mutex<Queue>, Condvar)> = Arc::default();
+        let own = queue.clone();
+        let work = move || {
+            loop {
+                let mut waiting = locked(&own.0);
+                // The text that was changed last is the one that is looked at.
+                let job = loop {
+                    if waiting.closed {
+                        return;
+                    }
+                    match waiting.jobs.pop() {
+                        Some(job) => break job,
+                        None => waiting = own.1.wait(waiting).unwrap_or_else(PoisonError::into_inner),
+                    }
+                };
+                drop(waiting);
+                let is_old = || locked(&own.0).jobs.iter().any(|other| other.uri == job.uri);
+                let run = || check(&job, &*host, &assets, &is_old);
+                match catch_unwind(AssertUnwindSafe(run)) {
+                    Ok(Some(checked)) => tell(checked),
+                    Ok(None) => {}
+                    Err(_) => tell(failed(&job)),
+                }
+            }
+        };
+        // Without the thread there are no diagnostics; everything else works.
+        let _ = std::thread::Builder::new().name("checker".into()).spawn(work);
+        Checker { queue }
+    }
+
+    pub fn submit(&self, job: Job) {
+        let mut queue = locked(&self.queue.0);
+        queue.jobs.retain(|other| other.uri != job.uri);
+        queue.jobs.push(job);
+        self.queue.1.notify_all();
+    }
+}
+
+impl Drop for Checker {
+    fn drop(&mut self) {
+        locked(&self.queue.0).closed = true;
+        self.queue.1.notify_all();
+    }
+}
+
+fn empty(job: &Job) -> Checked {
+    Checked {
+        uri: job.uri.clone(),
+        version: job.version,
+        diagnostics: Vec::new(),
+        of_assets: Vec::new(),
+        stage: None,
+        read: BTreeSet::new(),
+        main: main_name(job),
+        took: Duration::ZERO,
+    }
+}
+
+fn failed(job: &Job) -> Checked {
+    let what = "the program itself failed on this text; please report it with the script";
+    Checked { diagnostics: vec![Diagnostic::error(what)], ..empty(job) }
+}
+
+fn main_name(job: &Job) -> String {
+    job.path.as_ref().map_or_else(|| job.uri.clone(), |path| path.display().to_string())
+}
+
+/// Runs a script; nothing where `is_old` says meanwhile that its text is no longer the latest.
+fn check(job: &Job, host: &dyn Host, assets: &AssetCache, is_old: &dyn Fn() -> bool) -> Option<Checked> {
+    let begun = Instant::now();
+    let mut checked = empty(job);
+    let project = match host.project(job.path.as_deref().unwrap_or(&job.folder.join("untitled.rhai"))) {
+        Ok(project) => project,
+        Err(why) => {
+            checked.diagnostics.push(Diagnostic::error(why));
+            return Some(checked);
+        }
+    };
+    let options = ScriptOptions {
+        search_paths: project.search.clone(),
+        limits: project.limits.clone(),
+        needs: ImportScope::NO_PIXELS,
+        assets: assets.clone(),
+        unsaved: job.unsaved.clone(),
+        ..ScriptOptions::default()
+    };
+    let result = match job.path.as_deref().filter(|path| path.is_file()) {
+        Some(path) => {
+            let (result, touched) = run_file_touching(path, &project.registry, &options);
+            checked.read = touched.read.into_keys().collect();
+            result
+        }
+        None => {
+            let folder = job.path.as_deref().and_then(Path::parent).unwrap_or(&job.folder);
+            run_text(&checked.main, &job.text, folder, &project.registry, &options)
+        }
+    };
+    if is_old() {
+        return None;
+    }
+    match result {
+        Err(errors) => checked.diagnostics = errors,
+        Ok(script) => {
+            let (stage, places) = (Arc::new(script.stage), Arc::new(script.places));
+            checked.diagnostics = script.warnings;
+            checked.diagnostics.extend(host.survey(&stage, &places, &project));
+            checked.of_assets = of_assets(&stage);
+            checked.stage = Some((stage, places));
+        }
+    }
+    checked.took = begun.elapsed();
+    Some(checked)
+}
+
+/// Warnings of the assets on stage, once each.
+fn of_assets(stage: &Stage) -> Vec<(String, String)> {
+    let mut found = Vec::new();
+    for actor in &stage.actors {
+        for warning in &actor.asset.warnings {
+            let place = if warning.place.is_empty() { String::new() } else { format!("{}: ", warning.place) };
+            found.push((actor.asset.name.clone(), format!("{place}{}", warning.text)));
+        }
+    }
+    found.sort();
+    found.dedup();
+    found
+}

@@ -1,0 +1,563 @@
+//! Completion: methods by the type before the dot, options, allowed values, and names from the actual files.
+
+use crate::context::{CallSite, call_around, keys_of};
+use crate::facts;
+use crate::files::{self, Contents};
+use crate::names::{self, Names};
+use crate::snippets;
+use crate::source::{is_string, is_word};
+use crate::values::{Declared, KEYWORDS, Value as Known};
+use crate::view::View;
+use choreo_asset::Asset;
+use choreo_plugin::{OptionKind, OptionSpec, color};
+use choreo_script::describe::{self, Entry, Returns};
+use serde_json::{Value, json};
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+/// Kinds of items, as the protocol numbers them.
+#[derive(Clone, Copy)]
+enum Kind {
+    Method = 2,
+    Function = 3,
+    Variable = 6,
+    Module = 9,
+    Property = 10,
+    Value = 12,
+    Keyword = 14,
+    Snippet = 15,
+    Color = 16,
+    File = 17,
+    Constant = 21,
+}
+
+/// The items of a completion.
+pub struct Items<'v> {
+    view: &'v View<'v>,
+    /// The bytes that an item replaces.
+    range: Range<usize>,
+    items: Vec<Value>,
+    /// A file is still being read: the client asks again.
+    incomplete: bool,
+}
+
+/// An item before it is a message.
+struct Item<'t> {
+    label: &'t str,
+    kind: Kind,
+    detail: String,
+    about: String,
+    /// Text of the item; with placeholders if it is a snippet.
+    text: String,
+    is_snippet: bool,
+    /// Items of a smaller number come first.
+    order: u8,
+}
+
+impl<'t> Item<'t> {
+    fn new(label: &'t str, kind: Kind) -> Item<'t> {
+        let text = label.to_string();
+        Item { label, kind, detail: String::new(), about: String::new(), text, is_snippet: false, order: 5 }
+    }
+}
+
+/// Items that a list has at most.
+const MOST: usize = 1500;
+
+pub fn complete(view: &View, byte: usize) -> Value {
+    let source = view.source;
+    let mut items = Items { view, range: byte..byte, items: Vec::new(), incomplete: false };
+    let token = source.token_at(byte).filter(|token| source.tokens[*token].start < byte);
+    let string = token.filter(|token| is_string(source.get(*token)) && byte <= source.inside(*token).end);
+    let string = string.filter(|token| byte >= source.inside(*token).start);
+    if let Some(string) = string {
+        items.in_string(string, byte);
+    } else if !source.in_comment(byte) {
+        let word = token.filter(|token| is_word(source.get(*token)) && source.tokens[*token].end >= byte);
+        items.range = word.map_or(byte, |word| source.tokens[word].start)..byte;
+        let before = word.unwrap_or_else(|| source.count_before(byte));
+        match source.before(before, 1) {
+            "." | "?." => items.methods(before - 1),
+            "::" => items.of_module(before - 1),
+            _ if source.get(before).starts_with(|c: char| c.is_ascii_digit())
+                && word.is_none()
+                && token.is_some() => {}
+            _ => items.expression(before, byte),
+        }
+    }
+    let incomplete = items.incomplete || items.items.len() >= MOST;
+    json!({ "isIncomplete": incomplete, "items": items.items })
+}
+
+impl Items<'_> {
+    fn push(&mut self, item: Item) {
+        if self.items.len() >= MOST {
+            return;
+        }
+        let snippet = item.is_snippet && self.view.snippets;
+        let text = if item.is_snippet && !snippet { snippets::plain(&item.text) } else { item.text };
+        let mut value = json!({
+            "label": item.label,
+            "kind": item.kind as u8,
+            "sortText": format!("{}{:04}", item.order, self.items.len()),
+            "filterText": item.label,
+            "insertTextFormat": if snippet { 2 } else { 1 },
+            "textEdit": { "range": self.view.source.range(&self.range), "newText": text },
+        });
+        if !item.detail.is_empty() {
+            value["detail"] = item.detail.into();
+        }
+        if !item.about.is_empty() {
+            value["documentation"] = json!({ "kind": "markdown", "value": item.about });
+        }
+        self.items.push(value);
+    }
+
+    /// Methods of the value that ends at a dot.
+    fn methods(&mut self, dot: usize) {
+        let on = self.view.types().ending_at(dot);
+        let known = !on.kind.is_empty();
+        let mut seen = BTreeSet::new();
+        for entry in describe::entries().iter().filter(|entry| !entry.on.is_empty()) {
+            let fits = if known { entry.on == on.kind } else { seen.insert(entry.name) };
+            if fits {
+                self.call(entry, 5);
+            }
+        }
+    }
+
+    /// A function or method with placeholders, or its name alone where the parenthesis is there already.
+    fn call(&mut self, entry: &Entry, order: u8) {
+        let is_text = |argument: &str| takes_text(entry, argument);
+        let has_parenthesis = self.view.source.text[self.range.end..].starts_with('(');
+        let plain = has_parenthesis || entry.is_constant;
+        let text = if plain { entry.name.to_string() } else { snippets::call(entry, &is_text) };
+        let kind = match (entry.is_constant, entry.on.is_empty()) {
+            (true, _) => Kind::Constant,
+            (_, true) => Kind::Function,
+            _ => Kind::Method,
+        };
+        let detail = entry.usages.join(" or ");
+        let about = facts::entry(entry);
+        self.push(Item { detail, about, text, is_snippet: !plain, order, ..Item::new(entry.name, kind) });
+    }
+
+    /// Functions and variables of a module.
+    fn of_module(&mut self, separator: usize) {
+        let types = self.view.types();
+        let name = self.view.source.before(separator, 1);
+        let Some(declaration) = types.declaration(name, separator) else { return };
+        let path = types.declared(&declaration).name;
+        let Some(module) = path.and_then(|path| types.modules.module(&path)) else { return };
+        let types = crate::values::Types::new(&module, types.modules, &self.view.budget);
+        for token in 0..module.tokens.len() {
+            let Some(declared) = types.declares(token).filter(|_| module.parent(token).is_none()) else {
+                continue;
+            };
+            let exported = module.before(token, 2) == "export";
+            match declared.kind {
+                Declared::Function => {
+                    let end = module.partner(token + 1).unwrap_or(token);
+                    let detail = &module.text[module.tokens[token].start..module.tokens[end].end];
+                    self.push(Item {
+                        detail: detail.to_string(),
+                        ..Item::new(module.get(token), Kind::Function)
+                    });
+                }
+                Declared::Variable if exported => self.push(Item::new(module.get(token), Kind::Variable)),
+                _ => {}
+            }
+        }
+    }
+
+    /// Items for an expression, a statement or the key of an option.
+    fn expression(&mut self, at: usize, byte: usize) {
+        let source = self.view.source;
+        let site = call_around(self.view.types(), byte);
+        if let Some(site) = site.as_ref().filter(|site| site.at_key) {
+            self.options(site, byte);
+            return;
+        }
+        let argument =
+            site.as_ref().filter(|site| site.maps.is_empty()).and_then(|site| site.argument_name(source));
+        let key = site.as_ref().and_then(|site| site.maps.last()?.1.clone());
+        let wanted = kinds_of(argument.or(key.as_deref()).unwrap_or_default());
+        if let Some(site) = &site {
+            self.quoted_values(site);
+        }
+        if wanted.contains(&"Clip") {
+            self.clips_of_files(at);
+        }
+        self.variables(at, wanted);
+        let starts = matches!(source.before(at, 1), "" | ";" | "{" | "}");
+        for entry in describe::entries().iter().filter(|entry| entry.on.is_empty()) {
+            let fits = matches!(entry.gives, Returns::Handle(kind) if wanted.contains(&kind));
+            self.call(entry, if fits { 2 } else { 6 });
+        }
+        for (label, about, text) in snippets::STARTERS.iter().filter(|_| starts) {
+            let (about, text) = (about.to_string(), text.to_string());
+            self.push(Item {
+                detail: about,
+                text,
+                is_snippet: true,
+                order: 4,
+                ..Item::new(label, Kind::Snippet)
+            });
+        }
+        for word in KEYWORDS {
+            self.push(Item { order: 8, ..Item::new(word, Kind::Keyword) });
+        }
+    }
+
+    /// The options that an object map can have and does not have yet.
+    fn options(&mut self, site: &CallSite, byte: usize) {
+        let Some(entry) = site.entry(self.view.source) else { return };
+        let (Some((open, _)), depth) = (site.maps.last(), site.maps.len()) else { return };
+        let present = keys_of(self.view.source, *open, byte);
+        if depth > 1 {
+            // `background: #{ top, bottom }` is described where the option is.
+            let outer = site.maps[depth - 2].1.clone().unwrap_or_default();
+            let about =
+                entry.options().into_iter().find(|o| o.name == outer).map(|o| o.about).unwrap_or_default();
+            for name in inner_keys(&about).into_iter().filter(|name| !present.contains(name)) {
+                let text = format!("{name}: ");
+                self.push(Item { about: about.clone(), text, ..Item::new(&name, Kind::Property) });
+            }
+            return;
+        }
+        for option in entry.options().into_iter().filter(|option| !present.contains(&option.name)) {
+            let values = entry.values(&option.name);
+            let text = match (values.is_empty(), option.about.starts_with("true or false")) {
+                (false, _) if !option.about.contains("a color") => {
+                    format!("{}: \"${{1:{}}}\"", option.name, values[0])
+                }
+                (_, true) => format!("{}: ${{1:true}}", option.name),
+                _ => format!("{}: ", option.name),
+            };
+            let about = facts::option(entry, &option);
+            let detail = option.about.clone();
+            self.push(Item {
+                about,
+                detail,
+                text,
+                is_snippet: true,
+                ..Item::new(&option.name, Kind::Property)
+            });
+        }
+        for option in self.view.plugin_options(site) {
+            if present.contains(&option.name) {
+                continue;
+            }
+            let detail = facts::plugin_option(&option);
+            let text = format!("{}: {}", option.name, default_of(&option));
+            self.push(Item { detail, text, is_snippet: true, ..Item::new(&option.name, Kind::Property) });
+        }
+    }
+
+    /// Values of an option or argument that are texts, with their quotes, and true and false.
+    fn quoted_values(&mut self, site: &CallSite) {
+        let Some(entry) = site.entry(self.view.source) else { return };
+        let key = site.maps.last().and_then(|(_, key)| key.clone());
+        let argument = key.as_deref().or_else(|| site.argument_name(self.view.source)).unwrap_or_default();
+        let takes_names = names::names(self.view.source, site).is_some_and(|names| names != Names::Colors);
+        for value in entry.values(argument).into_iter().filter(|_| !takes_names && !site.in_list) {
+            let label = format!("\"{value}\"");
+            self.push(Item { order: 1, ..Item::new(&label, Kind::Value) });
+        }
+        let plugin =
+            self.view.plugin_options(site).into_iter().find(|option| Some(&option.name) == key.as_ref());
+        let flag = plugin.is_some_and(|option| matches!(option.kind, OptionKind::Bool { .. }));
+        let about =
+            entry.options().into_iter().find(|o| o.name == argument).map(|o| o.about).unwrap_or_default();
+        if flag || about.contains("true") || about.contains("false") {
+            for word in ["true", "false"] {
+                self.push(Item { order: 1, ..Item::new(word, Kind::Value) });
+            }
+        }
+    }
+
+    /// Variables, functions and modules of the script, those of a wanted type first.
+    fn variables(&mut self, at: usize, wanted: &[&str]) {
+        let (types, source) = (self.view.types(), self.view.source);
+        let mut seen = BTreeSet::new();
+        for token in (0..source.tokens.len()).rev() {
+            let Some(declaration) = types.declares(token) else { continue };
+            let name = source.get(token);
+            if types.declaration(name, at).as_ref() != Some(&declaration) || !seen.insert(name) {
+                continue;
+            }
+            let value = types.declared(&declaration);
+            let kind = match declaration.kind {
+                Declared::Function => Kind::Function,
+                Declared::Module => Kind::Module,
+                _ => Kind::Variable,
+            };
+            let order = if wanted.contains(&value.kind.as_str()) { 0 } else { 3 };
+            self.push(Item { detail: in_words(&value), order, ..Item::new(name, kind) });
+        }
+    }
+
+    /// `moves.clip("Walk")` for each clip of each asset that the script has loaded.
+    fn clips_of_files(&mut self, at: usize) {
+        let (types, source) = (self.view.types(), self.view.source);
+        let mut seen = BTreeSet::new();
+        for token in 0..at.min(source.tokens.len()) {
+            let Some(declaration) = types.declares(token) else { continue };
+            let name = source.get(token);
+            if types.declaration(name, at).as_ref() != Some(&declaration) || !seen.insert(name) {
+                continue;
+            }
+            let value = types.declared(&declaration);
+            let Some(file) = value.file.filter(|_| value.kind == "Asset") else { continue };
+            let Some(asset) = self.asset(&file) else { continue };
+            for clip in &asset.clips {
+                let text = format!("{name}.clip({})", quoted(&clip.name));
+                let detail = facts::length(clip, self.view.fps);
+                self.push(Item { detail, order: 1, ..Item::new(&text, Kind::Value) });
+            }
+        }
+    }
+
+    /// Inside a string.
+    fn in_string(&mut self, string: usize, byte: usize) {
+        let source = self.view.source;
+        let inside = source.inside(string);
+        let closed = inside.end < source.tokens[string].end;
+        self.range = inside.start..if closed { inside.end } else { byte };
+        if source.before(string, 1) == "import" {
+            let names = self.view.files_named(&["rhai".into()]);
+            for name in names.iter().filter_map(|name| name.strip_suffix(".rhai")) {
+                self.push(Item::new(name, Kind::Module));
+            }
+            return;
+        }
+        let Some(site) = call_around(self.view.types(), byte) else { return };
+        let Some(entry) = site.entry(source) else { return };
+        let key = site.maps.last().and_then(|(_, key)| key.clone());
+        let argument = key.as_deref().or_else(|| site.argument_name(source)).unwrap_or_default();
+        let names = names::names(source, &site);
+        names.iter().for_each(|names| self.named(*names, &site));
+        // Texts of the description are examples where files and plugins give the names.
+        let listed_too = names.is_none_or(|names| matches!(names, Names::Panoramas | Names::Colors));
+        let listed = self.view.plugin_options(&site).into_iter().find(|option| option.name == argument);
+        match listed.map(|option| option.kind) {
+            Some(OptionKind::Text { one_of, .. }) => {
+                one_of.iter().for_each(|v| self.push(Item::new(v, Kind::Value)))
+            }
+            _ if !listed_too => {}
+            Some(_) => {}
+            None => entry
+                .values(argument)
+                .iter()
+                .for_each(|v| self.push(Item { order: 6, ..Item::new(v, Kind::Value) })),
+        }
+    }
+
+    /// Names of one kind.
+    fn named(&mut self, names: Names, site: &CallSite) {
+        let file = |view: &View| names::file_of(site.on.as_ref()).or_else(|| view.file_of_arguments(site));
+        match names {
+            Names::Models => self.files(&self.view.model_extensions(), true),
+            Names::Images => {
+                self.files(&["png", "jpg", "jpeg", "webp", "bmp", "tga"].map(String::from), false)
+            }
+            Names::Panoramas => self.files(&["hdr".into()], false),
+            Names::Scripts => self.files(&["rhai".into()], false),
+            Names::Fonts => self.files(&["ttf".into(), "otf".into()], false),
+            Names::Effects => {
+                let effects = self.view.project.registry.effects();
+                let effects: Vec<_> = effects.iter().map(|e| e.manifest().clone()).collect();
+                for effect in effects {
+                    self.push(Item { detail: effect.about.clone(), ..Item::new(&effect.name, Kind::Value) });
+                }
+            }
+            Names::EffectParameters => {
+                for option in self.view.plugin_options(site) {
+                    let detail = facts::plugin_option(&option);
+                    self.push(Item { detail, ..Item::new(&option.name, Kind::Property) });
+                }
+            }
+            Names::Importers => {
+                for importer in self.view.project.registry.importers() {
+                    let manifest = importer.manifest();
+                    self.push(Item {
+                        detail: manifest.about.clone(),
+                        ..Item::new(&manifest.name, Kind::Value)
+                    });
+                }
+            }
+            Names::Markers => self.plain(names::given(self.view.source, "marker", 2, false)),
+            Names::ClipMarkers => self.plain(names::given(self.view.source, "marker", 2, true)),
+            Names::Actors => self.plain(names::given(self.view.source, "cast", 2, false)),
+            Names::Cameras => self.plain(names::given(self.view.source, "camera", 1, false)),
+            Names::Colors => {
+                for (name, rgb) in color::NAMES {
+                    self.push(Item {
+                        about: format!("#{rgb:06x}"),
+                        order: 7,
+                        ..Item::new(name, Kind::Color)
+                    });
+                }
+            }
+            _ => {
+                let clip_file = site.on.as_ref().and_then(|on| on.clip.clone()).map(|(file, _)| file);
+                let files = [file(self.view), clip_file.filter(|_| names == Names::Clips)];
+                for file in files.into_iter().flatten() {
+                    if let Some(asset) = self.asset(&file) {
+                        self.of_asset(names, &asset);
+                    }
+                }
+            }
+        }
+    }
+
+    fn plain(&mut self, names: Vec<String>) {
+        names.iter().for_each(|name| self.push(Item::new(name, Kind::Value)));
+    }
+
+    fn files(&mut self, extensions: &[String], with_built_in: bool) {
+        for name in self.view.files_named(extensions) {
+            self.push(Item::new(&name, Kind::File));
+        }
+        if with_built_in {
+            for name in files::built_in(self.view.project) {
+                self.push(Item { detail: "built in".into(), ..Item::new(&name, Kind::File) });
+            }
+        }
+    }
+
+    fn asset(&mut self, file: &str) -> Option<std::sync::Arc<Asset>> {
+        match self.view.contents(file)? {
+            Contents::Known(asset) => Some(asset),
+            Contents::Reading => {
+                self.incomplete = true;
+                None
+            }
+            Contents::Unreadable(_) => None,
+        }
+    }
+
+    /// Names in a file.
+    fn of_asset(&mut self, names: Names, asset: &Asset) {
+        match names {
+            Names::Clips => {
+                for clip in &asset.clips {
+                    let detail = facts::length(clip, self.view.fps);
+                    self.push(Item { detail, ..Item::new(&clip.name, Kind::Value) });
+                }
+            }
+            Names::Joints | Names::JointPatterns => self.joints(asset, names == Names::JointPatterns),
+            Names::Morphs => self.plain(facts::morphs(asset)),
+            Names::Expressions => self.plain(asset.expressions.iter().map(|e| e.name.clone()).collect()),
+            Names::Materials => self.plain(asset.materials.iter().map(|m| m.name.clone()).collect()),
+            Names::FileCameras => self.plain(asset.cameras.iter().map(|c| c.name.clone()).collect()),
+            Names::Parts => {
+                let nodes = asset.instances.iter().map(|i| asset.skeleton.names()[i.joint as usize].clone());
+                let mut parts: Vec<String> =
+                    asset.meshes.iter().map(|m| m.name.clone()).chain(nodes).collect();
+                parts.sort();
+                parts.dedup();
+                self.plain(parts);
+            }
+            _ => {}
+        }
+    }
+
+    fn joints(&mut self, asset: &Asset, patterns: bool) {
+        let skeleton = &asset.skeleton;
+        let parents = skeleton.parents();
+        for (index, name) in skeleton.names().iter().enumerate() {
+            let parent =
+                parents[index].map(|parent| format!("child of {}", skeleton.names()[parent as usize]));
+            let detail = parent.unwrap_or_else(|| "root".to_string());
+            self.push(Item { detail, ..Item::new(name, Kind::Value) });
+            let below = || parents.contains(&Some(index as u32));
+            if patterns && below() {
+                let all = format!("{name}..");
+                let detail = format!("{name} and all below it");
+                self.push(Item { detail, ..Item::new(&all, Kind::Value) });
+            }
+        }
+        const PARTS: [&str; 12] = [
+            "Arm", "Leg", "Hand", "Foot", "Spine", "Finger", "Thumb", "Head", "Hair", "Tail", "Skirt", "Eye",
+        ];
+        for part in PARTS.iter().filter(|_| patterns) {
+            let written = skeleton.names().iter().find_map(|name| {
+                let at = name.to_lowercase().find(&part.to_lowercase())?;
+                name.get(at..at + part.len())
+            });
+            let Some(written) = written else { continue };
+            let matching = skeleton.names().iter().filter(|name| name.contains(written)).count();
+            if matching > 1 {
+                let detail = format!("{matching} joints");
+                self.push(Item { detail, order: 6, ..Item::new(&format!("*{written}*"), Kind::Value) });
+            }
+        }
+    }
+}
+
+fn default_of(option: &OptionSpec) -> String {
+    match &option.kind {
+        OptionKind::Text { default, .. } => format!("\"${{1:{default}}}\""),
+        _ => format!("${{1:{}}}", option.default()),
+    }
+}
+
+/// Whether an argument is written as a string.
+fn takes_text(entry: &Entry, argument: &str) -> bool {
+    const TEXTS: [&str; 7] = ["name", "file", "words", "joint", "name_or_index", "property", "parameter"];
+    TEXTS.contains(&argument)
+        || matches!(argument, "kind" | "how" | "slot" | "what") && !entry.values(argument).is_empty()
+}
+
+/// The types of handles that an argument or option of this name takes.
+fn kinds_of(argument: &str) -> &'static [&'static str] {
+    match argument {
+        "clip" | "idle" => &["Clip"],
+        "asset" => &["Asset"],
+        "actor" | "who" => &["Actor"],
+        "camera" => &["Camera"],
+        "actor_or_joint" | "actor_or_point" | "target" | "look_at" | "pole" | "ground" => &["Actor", "Joint"],
+        "image" | "normal_map" | "opacity_map" | "height_map" => &["Image"],
+        "stage" => &["Stage"],
+        _ => &[],
+    }
+}
+
+/// The keys that a description shows: `#{ top, bottom }`, or `#{ … } with size (…), softness (…)`.
+fn inner_keys(about: &str) -> Vec<String> {
+    let shown = about.split("#{").nth(1).and_then(|rest| rest.split('}').next()).unwrap_or_default();
+    let word = |part: &str| part.trim().split([':', ' ']).next().unwrap_or_default().to_string();
+    let is_name =
+        |name: &String| !name.is_empty() && name.chars().all(|c| c.is_ascii_lowercase() || c == '_');
+    let mut keys: Vec<String> = shown.split(',').map(word).filter(is_name).collect();
+    if let Some((_, list)) = about.split_once("} with ").filter(|_| keys.is_empty()) {
+        let before_parenthesis =
+            |part: &str| part.rsplit([' ', ',']).find(|w| !w.is_empty()).map(str::to_string);
+        keys = list.split(" (").filter_map(before_parenthesis).filter(is_name).collect();
+        keys.dedup();
+    }
+    keys
+}
+
+fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
+}
+
+/// "Actor of knight.glb".
+pub fn in_words(value: &Known) -> String {
+    let mut words = value.kind.clone();
+    if let Some(name) = value.name.as_ref().filter(|_| value.is_handle() && value.kind != "Asset") {
+        words.push_str(&format!(" \"{name}\""));
+    }
+    if let Some(file) = &value.file {
+        words.push_str(&format!(" of {file}"));
+    }
+    if let Some((_, clip)) = &value.clip {
+        words.push_str(&format!(", plays {clip}"));
+    }
+    if let Some(item) = value.item.as_ref().filter(|item| !item.kind.is_empty()) {
+        words.push_str(&format!(" of {}", in_words(item)));
+    }
+    words
+}

@@ -1,0 +1,193 @@
+//! The place of the cursor: in which call, which argument, which option.
+
+use crate::source::{Source, is_open, is_string, is_word};
+use crate::values::{Types, Value, is_keyword};
+use choreo_script::describe::{self, Entry};
+
+/// A call around the cursor.
+#[derive(Clone, Debug)]
+pub struct CallSite {
+    /// Token of the function's name.
+    pub name: usize,
+    /// Its parenthesis.
+    pub open: usize,
+    /// Which argument the cursor is in, from 0.
+    pub argument: usize,
+    /// Object maps between the call and the cursor, outermost first: bracket, and key of the entry in which the cursor is.
+    pub maps: Vec<(usize, Option<String>)>,
+    /// Whether a list lies between the call, or the innermost map, and the cursor.
+    pub in_list: bool,
+    /// Whether the cursor is where the key of an entry of the innermost map is written.
+    pub at_key: bool,
+    /// The value of the receiver of a method.
+    pub on: Option<Value>,
+}
+
+impl CallSite {
+    /// The entry of the API, if it is known. A method of an unknown receiver is one of any type.
+    pub fn entry(&self, source: &Source) -> Option<&'static Entry> {
+        let name = source.get(self.name);
+        match &self.on {
+            None => describe::entry("", name),
+            Some(value) if value.kind.is_empty() => {
+                describe::entries().iter().find(|entry| !entry.on.is_empty() && entry.name == name)
+            }
+            Some(value) => describe::entry(&value.kind, name),
+        }
+    }
+
+    /// The name of the argument; where forms differ, that of the one with as many arguments, else the longest.
+    pub fn argument_name(&self, source: &Source) -> Option<&'static str> {
+        let entry = self.entry(source)?;
+        let count = source.arguments(self.open).len();
+        let given = source.arguments(self.open).into_iter().nth(self.argument);
+        let is_text = given.is_some_and(|given| given.len() == 1 && is_string(source.get(given.start)));
+        let takes = |form: &&&Vec<&str>| {
+            let argument = form.get(self.argument);
+            argument.is_some_and(|argument| {
+                !is_text || !matches!(*argument, "keys" | "options" | "x" | "y" | "width")
+            })
+        };
+        let forms = || entry.forms.iter().filter(|form| takes(&form));
+        let form = forms().find(|form| form.len() == count).or_else(|| forms().next())?;
+        form.get(self.argument).copied()
+    }
+
+    /// The text of the first argument, as in `.key("morph", "smile", …)`.
+    pub fn first_text(&self, source: &Source) -> Option<String> {
+        let first = source.arguments(self.open).into_iter().next()?;
+        source.string(first.start)
+    }
+}
+
+/// The call around a byte, none outside of calls and in the blocks of closures.
+pub fn call_around(types: Types, byte: usize) -> Option<CallSite> {
+    let source = types.source;
+    let mut maps: Vec<(usize, Option<String>)> = Vec::new();
+    let (mut in_list, mut at_key, mut commas) = (false, false, 0);
+    let mut key: Option<String> = None;
+    let mut index = source.count_before(byte);
+    // A string or word in which the cursor stands is the one that is typed.
+    if index > 0
+        && source.tokens[index - 1].end >= byte
+        && (is_word(source.get(index - 1)) || is_string(source.get(index - 1)))
+    {
+        index -= 1;
+    }
+    while index > 0 {
+        index -= 1;
+        match source.get(index) {
+            ")" | "]" | "}" => index = source.partner(index)?,
+            ";" | "let" | "fn" | "const" | "import" | "{" => return None,
+            "," => commas += 1,
+            ":" if commas == 0 && key.is_none() => {
+                key = index
+                    .checked_sub(1)
+                    .map(|name| source.string(name).unwrap_or_else(|| source.get(name).to_string()));
+            }
+            "[" => {
+                in_list |= maps.is_empty();
+                (commas, key) = (0, None);
+            }
+            "#{" => {
+                at_key |= maps.is_empty() && key.is_none() && !in_list;
+                maps.insert(0, (index, key.take()));
+                commas = 0;
+            }
+            "(" => {
+                let name = index
+                    .checked_sub(1)
+                    .filter(|name| is_word(source.get(*name)) && !is_keyword_call(source, *name));
+                let Some(name) = name else {
+                    (commas, key) = (0, None);
+                    continue;
+                };
+                let on = matches!(source.before(name, 1), "." | "?.").then(|| types.ending_at(name - 1));
+                return Some(CallSite { name, open: index, argument: commas, maps, in_list, at_key, on });
+            }
+            _ => {}
+        }
+    }
+    None
+}
+
+/// `if (`, `while (`: not a call. After a dot, keywords are names of methods.
+fn is_keyword_call(source: &Source, name: usize) -> bool {
+    is_keyword(source.get(name)) && !matches!(source.before(name, 1), "." | "?.")
+}
+
+/// The keys that an object map has already, but for the one at the cursor.
+pub fn keys_of(source: &Source, open: usize, byte: usize) -> Vec<String> {
+    let end = source.partner(open).unwrap_or(source.tokens.len());
+    let mut keys = Vec::new();
+    let mut index = open + 1;
+    while index < end {
+        let token = &source.tokens[index];
+        if source.get(index + 1) == ":" && !(token.start..=token.end).contains(&byte) {
+            keys.push(source.string(index).unwrap_or_else(|| source.get(index).to_string()));
+        }
+        if source.get(index) == ";" {
+            break;
+        }
+        index = if is_open(source.get(index)) { source.partner(index).unwrap_or(end) } else { index } + 1;
+    }
+    keys
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::values::{Budget, Modules};
+    use std::sync::Arc;
+
+    struct NoModules;
+    impl Modules for NoModules {
+        fn module(&self, _: &str) -> Option<Arc<Source>> {
+            None
+        }
+        fn path(&self, _: &str) -> Option<std::path::PathBuf> {
+            None
+        }
+    }
+
+    /// Name of the call, argument, keys of the maps, whether at a key, for a cursor written as `¦`.
+    fn at(text: &str) -> Option<(String, usize, Vec<Option<String>>, bool)> {
+        let byte = text.find('¦').unwrap();
+        let source = Source::new(&text.replacen('¦', "", 1));
+        let site = call_around(Types::new(&source, &NoModules, &Budget::default()), byte)?;
+        let keys = site.maps.iter().map(|(_, key)| key.clone()).collect();
+        Some((source.get(site.name).to_string(), site.argument, keys, site.at_key))
+    }
+
+    fn some(
+        name: &str,
+        argument: usize,
+        keys: &[Option<&str>],
+        at_key: bool,
+    ) -> Option<(String, usize, Vec<Option<String>>, bool)> {
+        Some((name.to_string(), argument, keys.iter().map(|k| k.map(str::to_string)).collect(), at_key))
+    }
+
+    #[test]
+    fn the_argument_and_the_option_are_found() {
+        assert_eq!(at("load(\"kn¦"), some("load", 0, &[], false));
+        assert_eq!(at("cast(\"a\", ¦)"), some("cast", 1, &[], false));
+        assert_eq!(at("h.play(c, #{ ¦ })"), some("play", 1, &[None], true));
+        assert_eq!(at("h.play(c, #{ fade: 0.3, re¦ })"), some("play", 1, &[None], true));
+        assert_eq!(at("h.play(c, #{ repeat: \"l¦\" })"), some("play", 1, &[Some("repeat")], false));
+        assert_eq!(
+            at("stage(#{ background: #{ to¦ } })"),
+            some("stage", 0, &[Some("background"), None], true)
+        );
+        assert_eq!(at("h.key(\"rotation\", [[0, ¦]])"), some("key", 1, &[], false));
+        assert_eq!(at("f(1, (2 + ¦))"), some("f", 1, &[], false));
+    }
+
+    #[test]
+    fn statements_and_blocks_are_no_arguments() {
+        assert_eq!(at("load(\"a\"); ¦"), None);
+        assert_eq!(at("on_frame(|t| { ¦ })"), None);
+        assert_eq!(at("cast(\"a\", \nlet x = ¦"), None);
+        assert_eq!(at("a.at(1, 2).¦"), None);
+    }
+}

@@ -1,0 +1,197 @@
+//! Diagnostics of a run as messages of the protocol, by file.
+
+use crate::checker::Checked;
+use crate::document::uri_of;
+use crate::position::Lines;
+use crate::source::{Source, is_word};
+use crate::values::{Budget, Modules, Types};
+use choreo_script::{Diagnostic, Severity, token_ranges};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// The messages of a run, by URI; the script's own are there even if there are none.
+pub fn by_file(
+    checked: &Checked,
+    source: &Source,
+    folder: Option<&Path>,
+    modules: &dyn Modules,
+) -> BTreeMap<String, Vec<Value>> {
+    let mut found: BTreeMap<String, Vec<Value>> = BTreeMap::from([(checked.uri.clone(), Vec::new())]);
+    let main = Main { uri: &checked.uri, source, modules };
+    for diagnostic in &checked.diagnostics {
+        let is_main = diagnostic.file.is_empty() || diagnostic.file == checked.main;
+        let (uri, value) = if is_main {
+            if says_nothing(diagnostic, source) {
+                continue;
+            }
+            (checked.uri.clone(), main.message(diagnostic))
+        } else {
+            let path = module_path(checked, folder, &diagnostic.file);
+            let uri = path.map_or_else(|| checked.uri.clone(), |path| uri_of(&path));
+            (uri, main.of_module(diagnostic))
+        };
+        found.entry(uri).or_default().push(value);
+    }
+    for (file, text) in &checked.of_assets {
+        let range = load_of(source, file).map_or(0..0, |token| source.tokens[token].clone());
+        let diagnostic = Diagnostic::warning(format!("{file}: {text}"));
+        let value = plain(&diagnostic, source.range(&range));
+        found.entry(checked.uri.clone()).or_default().push(value);
+    }
+    found
+}
+
+/// A module and a file of tests put nothing on stage when they are run alone, as is intended.
+fn says_nothing(diagnostic: &Diagnostic, source: &Source) -> bool {
+    let has = |word: &str| (0..source.tokens.len()).any(|i| source.get(i) == word);
+    diagnostic.line == 0
+        && diagnostic.message.starts_with("nothing is on stage")
+        && (has("fn") || has("test") || source.tokens.is_empty())
+}
+
+/// The file of a module, by its name in messages.
+fn module_path(checked: &Checked, folder: Option<&Path>, name: &str) -> Option<PathBuf> {
+    let beside = folder.map(|folder| folder.join(name)).filter(|path| checked.read.contains(path));
+    beside.or_else(|| checked.read.iter().find(|path| path.ends_with(name)).cloned())
+}
+
+/// The string of `load("…")` for a file.
+fn load_of(source: &Source, file: &str) -> Option<usize> {
+    let is_load = |i: &usize| source.before(*i, 2) == "load" && source.string(*i).as_deref() == Some(file);
+    (0..source.tokens.len()).find(is_load)
+}
+
+fn plain(diagnostic: &Diagnostic, range: Value) -> Value {
+    let severity = match diagnostic.severity {
+        Severity::Error => 1,
+        Severity::Warning => 2,
+        Severity::Note => 3,
+    };
+    let hint = diagnostic.hint.as_ref().map(|hint| format!("\nhint: {hint}")).unwrap_or_default();
+    let message = format!("{}{hint}", diagnostic.message);
+    let mut value = json!({ "range": range, "severity": severity, "source": "choreo", "message": message });
+    if !diagnostic.rule.is_empty() {
+        value["code"] = diagnostic.rule.into();
+    }
+    if diagnostic.rule.starts_with("unused") {
+        // Shown faded.
+        value["tags"] = json!([1]);
+    }
+    value
+}
+
+/// The range of a diagnostic: the token at its column, else its line without the indentation.
+fn range(diagnostic: &Diagnostic) -> Value {
+    let text = &diagnostic.source_line;
+    let line = diagnostic.line.saturating_sub(1);
+    let lines = Lines::new(text);
+    let bytes = if diagnostic.column == 0 {
+        text.len() - text.trim_start().len()..text.trim_end().len()
+    } else {
+        let start = lines.byte_of_diagnostic(text, 1, diagnostic.column);
+        let token = token_ranges(text).into_iter().find(|token| token.contains(&start));
+        token.map_or(start..(start + 1).min(text.len()), |token| token.start..token.end)
+    };
+    let at = |byte: usize| json!({ "line": line, "character": lines.position(text, floor(text, byte))["character"] });
+    json!({ "start": at(bytes.start), "end": at(bytes.end) })
+}
+
+fn floor(text: &str, byte: usize) -> usize {
+    (0..=byte.min(text.len())).rev().find(|at| text.is_char_boundary(*at)).unwrap_or(0)
+}
+
+/// The script of a run.
+struct Main<'a> {
+    uri: &'a str,
+    source: &'a Source,
+    modules: &'a dyn Modules,
+}
+
+impl Main<'_> {
+    fn message(&self, diagnostic: &Diagnostic) -> Value {
+        let mut value = plain(diagnostic, range(diagnostic));
+        let related = self.related(diagnostic);
+        if !related.is_empty() {
+            value["relatedInformation"] = related.into();
+        }
+        value
+    }
+
+    fn of_module(&self, diagnostic: &Diagnostic) -> Value {
+        let mut value = plain(diagnostic, range(diagnostic));
+        let stem = diagnostic.file.trim_end_matches(".rhai");
+        let imports = (0..self.source.tokens.len()).find(|i| {
+            self.source.before(*i, 1) == "import"
+                && self.source.string(*i).is_some_and(|s| s.trim_end_matches(".rhai") == stem)
+        });
+        if let Some(token) = imports {
+            value["relatedInformation"] =
+                json!([self.place(self.source.range(&self.source.tokens[token]), "imported here")]);
+        }
+        value
+    }
+
+    fn place(&self, range: Value, message: &str) -> Value {
+        json!({ "location": { "uri": self.uri, "range": range }, "message": message })
+    }
+
+    /// Places that a message speaks of: "from line 3", and the declaration of a name that it suggests.
+    fn related(&self, diagnostic: &Diagnostic) -> Vec<Value> {
+        let mut related = Vec::new();
+        for mark in ["in line ", "from line "] {
+            let number = diagnostic.message.split(mark).nth(1);
+            let number =
+                number.and_then(|rest| rest.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok());
+            if let Some(line) = number.filter(|line: &usize| *line > 0 && *line <= self.source.lines.count())
+            {
+                let bytes = self.source.lines.line(&self.source.text, line - 1);
+                related.push(self.place(self.source.range(&bytes), "the earlier one"));
+            }
+        }
+        if let Some(name) = suggestion(&diagnostic.message).filter(|name| is_word(name)) {
+            let budget = Budget::default();
+            let types = Types::new(self.source, self.modules, &budget);
+            let declared = (0..self.source.tokens.len())
+                .find(|i| self.source.get(*i) == name && types.declares(*i).is_some());
+            if let Some(token) = declared {
+                let range = self.source.range(&self.source.tokens[token]);
+                related.push(self.place(range, &format!("\"{name}\" is declared here")));
+            }
+        }
+        related
+    }
+}
+
+/// The name of `did you mean "NAME"?`.
+pub fn suggestion(message: &str) -> Option<&str> {
+    message.split("did you mean \"").nth(1)?.split("\"?").next()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn diagnostic(line: &str, column: usize) -> Diagnostic {
+        Diagnostic { line: 3, column, source_line: line.into(), ..Diagnostic::error("x") }
+    }
+
+    #[test]
+    fn ranges_cover_the_token_in_utf16() {
+        let value = range(&diagnostic("  \"𝄞ä\"; hero.plya(1)", 14));
+        assert_eq!(value["start"], json!({ "line": 2, "character": 14 }));
+        assert_eq!(value["end"], json!({ "line": 2, "character": 18 }));
+        let value = range(&diagnostic("    let x = 1;", 0));
+        assert_eq!(
+            (value["start"]["character"].as_u64(), value["end"]["character"].as_u64()),
+            (Some(4), Some(14))
+        );
+        assert_eq!(range(&diagnostic("", 7))["end"]["line"], 2);
+    }
+
+    #[test]
+    fn the_suggestion_is_taken_from_the_message() {
+        assert_eq!(suggestion("unknown clip \"Wlk\"; did you mean \"Walk\"?"), Some("Walk"));
+        assert_eq!(suggestion("unknown clip \"Wlk\""), None);
+    }
+}

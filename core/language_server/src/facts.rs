@@ -1,0 +1,133 @@
+//! Descriptions of files, clips and options, for hovers and completions.
+
+use choreo_asset::{Asset, Topology};
+use choreo_motion::{Clip, RootMotion, RootParts, Time};
+use choreo_plugin::OptionSpec;
+use choreo_script::describe::{Entry, OptionEntry};
+use std::sync::Arc;
+
+pub fn count(number: usize, one: &str) -> String {
+    let many = if one.ends_with('h') { "es" } else { "s" };
+    format!("{number} {one}{}", if number == 1 { "" } else { many })
+}
+
+/// "1.20 s, 36 frames at 30 fps".
+pub fn length(clip: &Clip, fps: f64) -> String {
+    let secs = clip.duration.as_secs();
+    let frames = (secs * fps).round();
+    format!("{secs:.2} s, {frames} frames at {fps} fps")
+}
+
+/// The description of a clip of a file.
+pub fn clip(asset: &Asset, clip: &Arc<Clip>, fps: f64) -> String {
+    let motion =
+        RootMotion::new(&asset.skeleton, clip, None, RootParts::default(), (Time::ZERO, clip.duration));
+    let speed = motion.map_or(0.0, |motion| motion.velocity().with_y(0.0).length());
+    let travels = if speed > 0.005 { format!(", travels {speed:.2} m/s") } else { String::new() };
+    format!("**{}** — clip of `{}`: {}{travels}", clip.name, asset.name, length(clip, fps))
+}
+
+/// The description of a file: what is in it.
+pub fn file(asset: &Asset, fps: f64) -> String {
+    let primitives = || asset.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    let triangles: usize =
+        primitives().filter(|p| p.topology == Topology::Triangles).map(|p| p.indices.len() / 3).sum();
+    let vertices: usize = primitives().map(|p| p.positions.len()).sum();
+    let mut lines = vec![format!("**{}** — {}", asset.name, asset.origin.format)];
+    lines.push(format!(
+        "{}, {vertices} vertices, {}",
+        count(triangles, "triangle"),
+        count(asset.materials.len(), "material")
+    ));
+    let bounds = asset.rest_bounds();
+    if !bounds.is_empty() {
+        let size = bounds.max - bounds.min;
+        lines.push(format!("{:.2} × {:.2} × {:.2} m at rest (x, y up, z)", size.x, size.y, size.z));
+    }
+    lines.push(count(asset.skeleton.len(), "joint"));
+    let morphs = morphs(asset).len();
+    let others = [
+        (morphs, "morph target"),
+        (asset.expressions.len(), "expression"),
+        (asset.cameras.len(), "camera"),
+        (asset.lights.len(), "light"),
+    ];
+    lines.extend(others.into_iter().filter(|(n, _)| *n > 0).map(|(n, what)| count(n, what)));
+    if !asset.clips.is_empty() {
+        const MOST: usize = 12;
+        let clips =
+            asset.clips.iter().take(MOST).map(|c| format!("`{}` {:.2} s", c.name, c.duration.as_secs()));
+        let more = asset.clips.len().saturating_sub(MOST);
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        lines.push(format!(
+            "{} at {fps} fps: {}{more}",
+            count(asset.clips.len(), "clip"),
+            clips.collect::<Vec<_>>().join(", ")
+        ));
+    }
+    let warnings = asset.warnings.iter().take(4).map(|w| format!("warning: {}", w.text));
+    lines.extend(warnings);
+    lines.join("\n\n")
+}
+
+pub fn morphs(asset: &Asset) -> Vec<String> {
+    let mut names: Vec<String> = asset.meshes.iter().flat_map(|m| m.morph_names.iter().cloned()).collect();
+    names.sort();
+    names.dedup();
+    names
+}
+
+/// "joint of `a.glb`, child of Hips, 3 joints below it".
+pub fn joint(asset: &Asset, name: &str) -> Option<String> {
+    let skeleton = &asset.skeleton;
+    let index = skeleton.names().iter().position(|known| known == name)?;
+    let parents = skeleton.parents();
+    let below = (0..skeleton.len()).filter(|joint| {
+        std::iter::successors(parents[*joint], |p| parents[*p as usize]).any(|above| above as usize == index)
+    });
+    let parent = match parents[index] {
+        Some(parent) => format!("child of `{}`", skeleton.names()[parent as usize]),
+        None => "root".to_string(),
+    };
+    Some(format!(
+        "**{name}** — joint of `{}`, {parent}, {} below it",
+        asset.name,
+        count(below.count(), "joint")
+    ))
+}
+
+/// The entry of the reference as Markdown.
+pub fn entry(entry: &Entry) -> String {
+    use choreo_script::describe::Returns;
+    let gives = match entry.gives {
+        Returns::Nothing | Returns::Receiver => String::new(),
+        Returns::Handle(kind) => format!(" → {kind}"),
+        Returns::Value(what) => format!(" → {what}"),
+    };
+    let usages: Vec<String> = entry.usages.iter().map(|usage| format!("{usage}{gives}")).collect();
+    let mut text =
+        format!("```rhai\n{}\n```\n{}", usages.join("\n"), entry.about.first().map_or("", String::as_str));
+    for paragraph in entry.about.iter().skip(1) {
+        text.push_str(&format!("\n- {paragraph}"));
+    }
+    if entry.in_frames && !entry.is_constant {
+        text.push_str("\n\nAlso inside `on_frame`.");
+    }
+    if entry.in_tests {
+        text.push_str("\n\nOnly inside a test section.");
+    }
+    text
+}
+
+/// The option of a call.
+pub fn option(entry: &Entry, option: &OptionEntry) -> String {
+    match option.about.is_empty() {
+        true => format!("**{}** — option of `{}`", option.name, entry.full_name()),
+        false => format!("**{}** — option of `{}`: {}", option.name, entry.full_name(), option.about),
+    }
+}
+
+/// The option of a plugin: "strength: how bright (0 to 10, default 1)".
+pub fn plugin_option(option: &OptionSpec) -> String {
+    format!("{} ({}, default {})", option.about, option.allowed(), option.default())
+}

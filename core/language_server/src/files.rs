@@ -1,0 +1,169 @@
+//! Files in the folders of a script: their names and the contents of models, which are read in the background and kept as
+//! long as size and time of change are the same.
+
+use crate::Project;
+use choreo_asset::Asset;
+use choreo_plugin::ImportScope;
+use choreo_script::{AssetCache, BUILT_IN, Folders, Import, ImportChoice, Loader};
+use std::collections::BTreeMap;
+use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant, SystemTime};
+
+/// How long a request waits for a file that is being read; a longer one is answered without it.
+const PATIENCE: Duration = Duration::from_millis(150);
+/// Names listed at most, folders on the way included, and how deep.
+const MOST_NAMES: usize = 4000;
+const DEEPEST: usize = 6;
+
+/// The contents of a file, as far as they are known.
+#[derive(Clone)]
+pub enum Contents {
+    Known(Arc<Asset>),
+    /// It is being read.
+    Reading,
+    Unreadable(String),
+}
+
+/// Contents of files, by script folder and name.
+pub struct Files {
+    pub cache: AssetCache,
+    reads: BTreeMap<(PathBuf, String), Read>,
+}
+
+struct Read {
+    stamp: Option<(u64, SystemTime)>,
+    import: Arc<Import>,
+    /// Imports end with their loader.
+    _loader: Arc<Loader>,
+}
+
+impl Files {
+    pub fn new() -> Files {
+        Files { cache: AssetCache::by_times(), reads: BTreeMap::new() }
+    }
+
+    /// The contents of a file as a script in a folder loads it. Begins to read it, and waits a moment.
+    pub fn contents(&mut self, project: &Project, folder: &Path, name: &str) -> Contents {
+        let import = match self.begin(project, folder, name) {
+            Ok(import) => import,
+            Err(why) => return Contents::Unreadable(why),
+        };
+        let until = Instant::now() + PATIENCE;
+        loop {
+            match import.settled() {
+                Some(Ok(asset)) => return Contents::Known(asset),
+                Some(Err(error)) => return Contents::Unreadable(error.message),
+                None if Instant::now() > until => return Contents::Reading,
+                None => std::thread::sleep(Duration::from_millis(2)),
+            }
+        }
+    }
+
+    /// Begins to read a file that is not being read yet, or has changed.
+    pub fn begin(&mut self, project: &Project, folder: &Path, name: &str) -> Result<Arc<Import>, String> {
+        let folders = folders(project, folder)?;
+        let stamp = match name.starts_with(BUILT_IN) {
+            true => None,
+            false => {
+                let found = folders.find(None, name).map_err(|e| e.message)?;
+                std::fs::metadata(found.path).ok().and_then(|data| Some((data.len(), data.modified().ok()?)))
+            }
+        };
+        let key = (folder.to_path_buf(), name.to_string());
+        if let Some(read) = self.reads.get(&key).filter(|read| read.stamp == stamp) {
+            return Ok(read.import.clone());
+        }
+        let loader = Loader::new(&project.registry, folders, ImportScope::NO_PIXELS).with_cache(&self.cache);
+        let loader = Arc::new(loader);
+        let import = loader.start(None, name, &ImportChoice::default()).map_err(|e| e.message)?;
+        self.reads.insert(key, Read { stamp, import: import.clone(), _loader: loader });
+        Ok(import)
+    }
+}
+
+fn folders(project: &Project, folder: &Path) -> Result<Folders, String> {
+    Folders::new(folder, &project.search, project.limits.file).map_err(|e| e.message)
+}
+
+/// Names of files with some extensions (all, if there are none) in the folder of a script and on the search paths, relative to
+/// these, with `/`. Hidden ones and links to folders are left out.
+pub fn names(project: &Project, folder: &Path, extensions: &[String]) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut seen = 0;
+    for root in std::iter::once(folder).chain(project.search.iter().map(PathBuf::as_path)) {
+        // Breadth first: what lies near is found even in a folder with many more.
+        let mut open = std::collections::VecDeque::from([root.to_path_buf()]);
+        while let Some(here) = open.pop_front() {
+            for entry in std::fs::read_dir(&here).into_iter().flatten().flatten() {
+                seen += 1;
+                if seen > MOST_NAMES {
+                    return sorted(found);
+                }
+                let (path, kind) = (entry.path(), entry.file_type());
+                let hidden = entry.file_name().to_string_lossy().starts_with('.');
+                let below = path.strip_prefix(root).unwrap_or(&path).components().count();
+                match kind {
+                    Ok(kind) if kind.is_dir() && !hidden && below < DEEPEST => open.push_back(path),
+                    Ok(kind) if !kind.is_dir() && !hidden && has_extension(&path, extensions) => {
+                        found.extend(path.strip_prefix(root).ok().and_then(slashes));
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+    sorted(found)
+}
+
+fn sorted(mut names: Vec<String>) -> Vec<String> {
+    names.sort_by_key(|name| (name.matches('/').count(), name.clone()));
+    names.dedup();
+    names
+}
+
+fn has_extension(path: &Path, extensions: &[String]) -> bool {
+    let own = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    extensions.is_empty() || own.is_some_and(|own| extensions.contains(&own))
+}
+
+fn slashes(path: &Path) -> Option<String> {
+    let parts = path.components().map(|part| match part {
+        Component::Normal(part) => part.to_str(),
+        _ => None,
+    });
+    Some(parts.collect::<Option<Vec<_>>>()?.join("/"))
+}
+
+/// The built-in assets: `choreo:mannequin`.
+pub fn built_in(project: &Project) -> Vec<String> {
+    let importers = project.registry.importers().iter();
+    let made = importers.filter(|i| i.manifest().extensions.is_empty() && i.manifest().magic.is_empty());
+    made.map(|i| format!("{BUILT_IN}{}", i.manifest().name)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use choreo_plugin::Registry;
+    use choreo_script::Limits;
+
+    #[test]
+    fn files_are_listed_beneath_the_folders_and_nowhere_else() {
+        let root = std::env::temp_dir().join(format!("choreo-names-{}", std::process::id()));
+        let scene = root.join("scene");
+        std::fs::create_dir_all(scene.join("models/.git")).unwrap();
+        for name in ["a.glb", "models/b.GLB", "models/c.txt", "models/.git/d.glb", ".e.glb"] {
+            std::fs::write(scene.join(name), "x").unwrap();
+        }
+        std::fs::write(root.join("outside.glb"), "x").unwrap();
+        let project =
+            Project { registry: Registry::default(), search: Vec::new(), limits: Limits::default() };
+        assert_eq!(names(&project, &scene, &["glb".into()]), ["a.glb", "models/b.GLB"]);
+        assert_eq!(names(&project, &scene, &[]), ["a.glb", "models/b.GLB", "models/c.txt"]);
+        let mut files = Files::new();
+        let outside = files.contents(&project, &scene, "../outside.glb");
+        assert!(matches!(outside, Contents::Unreadable(why) if why.contains("leads out of the folders")));
+        std::fs::remove_dir_all(root).unwrap();
+    }
+}

@@ -1,0 +1,94 @@
+//! Places in a text: bytes here, lines and UTF-16 columns in the protocol, lines and columns in characters in diagnostics.
+
+use serde_json::{Value, json};
+use std::ops::Range;
+
+/// The first byte of each line of a text.
+#[derive(Clone, Debug)]
+pub struct Lines {
+    starts: Vec<usize>,
+}
+
+impl Lines {
+    pub fn new(text: &str) -> Lines {
+        let starts = std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1));
+        Lines { starts: starts.collect() }
+    }
+
+    pub fn count(&self) -> usize {
+        self.starts.len()
+    }
+
+    /// The line of a byte, from 0.
+    pub fn line_of(&self, byte: usize) -> usize {
+        self.starts.partition_point(|start| *start <= byte).saturating_sub(1)
+    }
+
+    /// The bytes of a line without its line break; an empty range behind the last.
+    pub fn line(&self, text: &str, line: usize) -> Range<usize> {
+        let start = self.starts.get(line).copied().unwrap_or(text.len());
+        let end = self.starts.get(line + 1).copied().unwrap_or(text.len());
+        start..start + text[start..end].trim_end_matches(['\n', '\r']).len()
+    }
+
+    /// The byte of a place of the protocol; the end of the line where it lies beyond that, as the protocol demands.
+    pub fn byte(&self, text: &str, position: &Value) -> usize {
+        let number = |name: &str| position[name].as_u64().unwrap_or(0) as usize;
+        let range = self.line(text, number("line"));
+        let (wanted, mut column) = (number("character"), 0);
+        for (at, c) in text[range.clone()].char_indices() {
+            if column >= wanted {
+                return range.start + at;
+            }
+            column += c.len_utf16();
+        }
+        range.end
+    }
+
+    /// The place of a byte in the protocol.
+    pub fn position(&self, text: &str, byte: usize) -> Value {
+        let byte = byte.min(text.len());
+        let line = self.line_of(byte);
+        let start = self.starts[line];
+        let character: usize = text[start..byte].chars().map(char::len_utf16).sum();
+        json!({ "line": line, "character": character })
+    }
+
+    pub fn range(&self, text: &str, bytes: &Range<usize>) -> Value {
+        json!({ "start": self.position(text, bytes.start), "end": self.position(text, bytes.end) })
+    }
+
+    pub fn bytes(&self, text: &str, range: &Value) -> Range<usize> {
+        let (start, end) = (self.byte(text, &range["start"]), self.byte(text, &range["end"]));
+        start.min(end)..end.max(start)
+    }
+
+    /// The byte of a line and a column of a diagnostic, both from 1 and the column in characters.
+    pub fn byte_of_diagnostic(&self, text: &str, line: usize, column: usize) -> usize {
+        let range = self.line(text, line.saturating_sub(1));
+        let skipped: usize =
+            text[range.clone()].chars().take(column.saturating_sub(1)).map(char::len_utf8).sum();
+        range.start + skipped
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_count_utf16_units() {
+        let text = "ä𝄞b\r\nfür\n";
+        let lines = Lines::new(text);
+        let at = |line: usize, character: usize| {
+            lines.byte(text, &json!({ "line": line, "character": character }))
+        };
+        assert_eq!([at(0, 0), at(0, 1), at(0, 3), at(0, 4), at(0, 99)], [0, 2, 6, 7, 7]);
+        assert_eq!([at(1, 0), at(1, 2), at(2, 0), at(7, 0)], [9, 12, 14, 14]);
+        for byte in [0, 2, 6, 7, 9, 10, 12, 14] {
+            assert_eq!(lines.byte(text, &lines.position(text, byte)), byte);
+        }
+        assert_eq!(lines.position(text, 6), json!({ "line": 0, "character": 3 }));
+        assert_eq!(lines.byte_of_diagnostic(text, 1, 3), 6);
+    }
+}

@@ -1,0 +1,237 @@
+//! Declarations and uses of names, here and in the modules of the folder, and their change everywhere.
+
+use crate::document::uri_of;
+use crate::server::Request;
+use crate::source::{Source, is_string, is_word};
+use crate::transport::ResponseError;
+use crate::values::{Budget, Declaration, Declared, Modules, Types, is_keyword};
+use crate::view::View;
+use choreo_script::describe;
+use serde_json::{Map, Value, json};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// A name that the cursor is on.
+struct Named {
+    name: String,
+    /// The module that declares it; `None`: this script.
+    module: Option<String>,
+    declaration: Declaration,
+}
+
+/// Scripts of a folder in which a module is looked for.
+const MOST_FILES: usize = 300;
+
+pub fn definition(request: &Request) -> Result<Value, ResponseError> {
+    let view = request.view;
+    let Some(token) = view.source.token_at(request.byte()) else { return Ok(Value::Null) };
+    if is_string(view.source.get(token)) {
+        let name = view.source.string(token).unwrap_or_default();
+        let opens = matches!(
+            (view.source.before(token, 1), view.source.before(token, 2)),
+            ("import", _) | ("(", "scene")
+        );
+        let path = view.modules.path(&name).filter(|_| opens);
+        return Ok(path.map_or(Value::Null, |path| location(&uri_of(&path), start())));
+    }
+    let Some(named) = named(view, token) else { return Ok(Value::Null) };
+    Ok(declared_at(request, &named).unwrap_or(Value::Null))
+}
+
+fn start() -> Value {
+    json!({ "start": { "line": 0, "character": 0 }, "end": { "line": 0, "character": 0 } })
+}
+
+fn location(uri: &str, range: Value) -> Value {
+    json!({ "uri": uri, "range": range })
+}
+
+fn declared_at(request: &Request, named: &Named) -> Option<Value> {
+    let view = request.view;
+    let Some(module) = &named.module else {
+        let range = view.source.range(&view.source.tokens[named.declaration.token]);
+        return Some(location(request.uri, range));
+    };
+    let source = view.modules.module(module)?;
+    let range = source.range(&source.tokens[named.declaration.token]);
+    Some(location(&uri_of(&view.modules.path(module)?), range))
+}
+
+/// The variable, parameter, function or module that a token names; nothing of the API.
+fn named(view: &View, token: usize) -> Option<Named> {
+    let (source, types) = (view.source, view.types());
+    let name = source.get(token);
+    if !is_word(name) || is_keyword(name) || is_member(source, token) {
+        return None;
+    }
+    if source.before(token, 1) == "::" {
+        let alias = types.declaration(source.before(token, 2), token)?;
+        let module = types.declared(&alias).name?;
+        let declaration = exported(&*view.modules.module(&module)?, name, view.modules)?;
+        return Some(Named { name: name.to_string(), module: Some(module), declaration });
+    }
+    let declaration = types.declares(token).or_else(|| types.declaration(name, token))?;
+    Some(Named { name: name.to_string(), module: None, declaration })
+}
+
+/// Whether a token is the name of a method or property, or the key of an object map.
+fn is_member(source: &Source, token: usize) -> bool {
+    let in_map = source.parent(token).is_some_and(|open| source.get(open) == "#{");
+    matches!(source.before(token, 1), "." | "?.") || (in_map && source.get(token + 1) == ":")
+}
+
+/// A function or variable that a module gives to others.
+fn exported(source: &Source, name: &str, modules: &dyn Modules) -> Option<Declaration> {
+    let budget = Budget::default();
+    let types = Types::new(source, modules, &budget);
+    let of_name = (0..source.tokens.len())
+        .filter(|token| source.get(*token) == name && source.parent(*token).is_none());
+    let mut declared = of_name.filter_map(|token| types.declares(token));
+    declared.find(|d| d.kind == Declared::Function || source.before(d.token, 2) == "export")
+}
+
+/// The tokens of a source that mean a declaration of this source.
+fn uses(source: &Source, named: &Named, modules: &dyn Modules) -> Vec<usize> {
+    let candidates = (0..source.tokens.len()).filter(|token| source.get(*token) == named.name);
+    let own = |token: &usize| {
+        let budget = Budget::default();
+        let types = Types::new(source, modules, &budget);
+        let other = is_member(source, *token) || source.before(*token, 1) == "::";
+        !other
+            && types.declares(*token).or_else(|| types.declaration(&named.name, *token)).as_ref()
+                == Some(&named.declaration)
+    };
+    candidates.filter(own).collect()
+}
+
+/// The tokens of a script that mean a name of a module.
+fn uses_of_module(source: &Source, module: &str, name: &str) -> Vec<usize> {
+    let imports = (0..source.tokens.len()).filter(|i| {
+        source.before(*i, 1) == "import"
+            && source.string(*i).is_some_and(|s| s.trim_end_matches(".rhai") == module)
+    });
+    let aliases: Vec<&str> =
+        imports.filter(|i| source.get(i + 1) == "as").map(|i| source.get(i + 2)).collect();
+    let means = |token: &usize| {
+        source.get(*token) == name
+            && source.before(*token, 1) == "::"
+            && aliases.contains(&source.before(*token, 2))
+    };
+    (0..source.tokens.len()).filter(means).collect()
+}
+
+/// All places of a name: URI, source and bytes.
+fn places(request: &Request, named: &Named) -> Vec<(String, Arc<Source>, Range<usize>)> {
+    let view = request.view;
+    let own = Arc::new(Source::new(&view.source.text));
+    let home = match &named.module {
+        None => Some((request.uri.to_string(), own)),
+        Some(module) => view.modules.path(module).map(|p| uri_of(&p)).zip(view.modules.module(module)),
+    };
+    let Some((home_uri, home)) = home else { return Vec::new() };
+    let mut found: Vec<(String, Arc<Source>, Range<usize>)> = Vec::new();
+    let mut add = |uri: &str, source: &Arc<Source>, tokens: Vec<usize>| {
+        found.extend(tokens.into_iter().map(|t| (uri.to_string(), source.clone(), source.tokens[t].clone())));
+    };
+    add(&home_uri, &home, uses(&home, named, view.modules));
+    if exported(&home, &named.name, view.modules).as_ref() != Some(&named.declaration) {
+        return found;
+    }
+    for file in view.files_named(&["rhai".into()]).into_iter().take(MOST_FILES) {
+        let (Some(path), Some(source)) = (view.modules.path(&file), view.modules.module(&file)) else {
+            continue;
+        };
+        let uri = uri_of(&path);
+        let module = scripts_name(view, &home_uri);
+        if uri != home_uri
+            && let Some(module) = module
+        {
+            add(&uri, &source, uses_of_module(&source, &module, &named.name));
+        }
+    }
+    found
+}
+
+/// The name by which scripts of the folder import a file.
+fn scripts_name(view: &View, uri: &str) -> Option<String> {
+    let names = view.files_named(&["rhai".into()]);
+    let is_it = |name: &&String| view.modules.path(name).is_some_and(|path| uri_of(&path) == uri);
+    names.iter().find(is_it).map(|name| name.trim_end_matches(".rhai").to_string())
+}
+
+pub fn references(request: &Request) -> Result<Value, ResponseError> {
+    let token = request.view.source.token_at(request.byte());
+    let Some(named) = token.and_then(|token| named(request.view, token)) else { return Ok(json!([])) };
+    let with_declaration = request.parameters["context"]["includeDeclaration"] != false;
+    let declared = declared_at(request, &named);
+    let all =
+        places(request, &named).into_iter().map(|(uri, source, bytes)| location(&uri, source.range(&bytes)));
+    Ok(all.filter(|place| with_declaration || Some(place) != declared.as_ref()).collect::<Vec<_>>().into())
+}
+
+pub fn prepare_rename(request: &Request) -> Result<Value, ResponseError> {
+    let view = request.view;
+    let token = view.source.token_at(request.byte());
+    let found = token.and_then(|token| Some((token, named(view, token)?)));
+    let Some((token, named)) = found else {
+        return Err(refused("only variables, parameters, functions and names of modules can be renamed"));
+    };
+    Ok(json!({ "range": view.source.range(&view.source.tokens[token]), "placeholder": named.name }))
+}
+
+fn refused(why: &str) -> ResponseError {
+    ResponseError::new(ResponseError::FAILED, why)
+}
+
+pub fn rename(request: &Request) -> Result<Value, ResponseError> {
+    let view = request.view;
+    let token = view.source.token_at(request.byte());
+    let Some(named) = token.and_then(|token| named(view, token)) else {
+        return Err(refused("only variables, parameters, functions and names of modules can be renamed"));
+    };
+    let new = request.parameters["newName"].as_str().unwrap_or_default();
+    let plain = is_word(new) && new.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+    if !plain || is_keyword(new) {
+        return Err(refused(&format!(
+            "\"{new}\" cannot be a name: write letters, digits and _, and no word of the language"
+        )));
+    }
+    if describe::entry("", new).is_some() {
+        return Err(refused(&format!("{new} is a function of the API")));
+    }
+    let places = places(request, &named);
+    let mut changes: Map<String, Value> = Map::new();
+    for (uri, source, bytes) in &places {
+        unsafe_name(source, &named, new).map_or(Ok(()), |why| Err(refused(&why)))?;
+        let edit = json!({ "range": source.range(bytes), "newText": new });
+        match changes.get_mut(uri).and_then(Value::as_array_mut) {
+            Some(edits) => edits.push(edit),
+            None => drop(changes.insert(uri.clone(), json!([edit]))),
+        }
+    }
+    Ok(json!({ "changes": changes }))
+}
+
+/// Why a name cannot be changed with certainty in a source.
+fn unsafe_name(source: &Source, named: &Named, new: &str) -> Option<String> {
+    let is_function = named.declaration.kind == Declared::Function;
+    for token in 0..source.tokens.len() {
+        let text = source.get(token);
+        let line = source.lines.line_of(source.tokens[token].start) + 1;
+        if text == new && !is_member(source, token) {
+            return Some(format!("line {line} uses the name {new} already"));
+        }
+        let words =
+            |text: &str| text.split(|c: char| !(c.is_alphanumeric() || c == '_')).any(|w| w == named.name);
+        if text.starts_with('`') && text.contains("${") && words(text) {
+            return Some(format!("line {line} uses {} inside a text, which is not changed", named.name));
+        }
+        if is_function && is_string(text) && source.before(token, 2) == "Fn" && words(text) {
+            return Some(format!("line {line} calls {} by a text", named.name));
+        }
+        if is_function && text == named.name && matches!(source.before(token, 1), "." | "?.") {
+            return Some(format!("line {line} may call {} as a method", named.name));
+        }
+    }
+    None
+}

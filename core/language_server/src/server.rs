@@ -1,0 +1,402 @@
+//! The server: takes messages in their order, answers requests, and passes on what the checker finds.
+
+use crate::checker::{Checked, Checker, Job, Unsaved};
+use crate::document::{Document, path_of};
+use crate::files::Files;
+use crate::transport::{Client, Received, ResponseError, receive};
+use crate::values::Budget;
+use crate::view::{ModuleFiles, OpenModules, View};
+use crate::{Host, Project, actions, colors, completion, diagnostics, hover, references, signature, symbols};
+use serde_json::{Value, json};
+use std::cell::RefCell;
+use std::collections::{BTreeMap, VecDeque};
+use std::io::{BufRead, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+/// How a session has ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// The client said so.
+    Exit,
+    /// The client asked to end without `shutdown`, or its pipe was closed.
+    Abruptly,
+}
+
+enum Event {
+    Client(Received),
+    Checked(Box<Checked>),
+}
+
+/// Serves one client until it leaves.
+pub fn serve(
+    mut input: impl BufRead + Send + 'static,
+    output: impl Write + Send + 'static,
+    host: Arc<dyn Host>,
+) -> Ended {
+    let (events, incoming) = channel();
+    let files = Files::new();
+    let checked = events.clone();
+    let checker = Checker::start(host.clone(), files.cache.clone(), move |found| {
+        let _ = checked.send(Event::Checked(Box::new(found)));
+    });
+    let read = move || {
+        loop {
+            let received = receive(&mut input);
+            let closed = received == Received::Closed;
+            if events.send(Event::Client(received)).is_err() || closed {
+                return;
+            }
+        }
+    };
+    if std::thread::Builder::new().name("client".into()).spawn(read).is_err() {
+        return Ended::Abruptly;
+    }
+    let server = Server {
+        host,
+        client: Client::new(output),
+        checker,
+        files: RefCell::new(files),
+        modules: RefCell::default(),
+        documents: BTreeMap::new(),
+        projects: RefCell::default(),
+        last: BTreeMap::new(),
+        published: BTreeMap::new(),
+        root: std::env::current_dir().unwrap_or_default(),
+        snippets: false,
+        initialized: false,
+        shut_down: false,
+    };
+    server.run(&incoming)
+}
+
+struct Server {
+    host: Arc<dyn Host>,
+    client: Client,
+    checker: Checker,
+    files: RefCell<Files>,
+    modules: RefCell<ModuleFiles>,
+    /// Open texts by URI.
+    documents: BTreeMap<String, Document>,
+    /// Settings by URI, read anew after a moment.
+    projects: RefCell<BTreeMap<String, (Instant, Project)>>,
+    /// The last run of each document.
+    last: BTreeMap<String, Checked>,
+    /// Messages by the script that was run and the file in which they are.
+    published: BTreeMap<String, BTreeMap<String, Vec<Value>>>,
+    root: PathBuf,
+    snippets: bool,
+    initialized: bool,
+    shut_down: bool,
+}
+
+type Answer = Result<Value, ResponseError>;
+
+impl Server {
+    fn run(mut self, incoming: &Receiver<Event>) -> Ended {
+        let mut waiting: VecDeque<Event> = VecDeque::new();
+        loop {
+            if waiting.is_empty() {
+                match incoming.recv() {
+                    Ok(event) => waiting.push_back(event),
+                    Err(_) => return Ended::Abruptly,
+                }
+            }
+            // Requests that are called off before their turn are not worked on.
+            waiting.extend(incoming.try_iter());
+            self.call_off(&mut waiting);
+            let Some(event) = waiting.pop_front() else { continue };
+            match event {
+                Event::Checked(checked) => self.found(*checked),
+                Event::Client(Received::Closed) => return Ended::Abruptly,
+                Event::Client(Received::Nonsense(why)) => {
+                    self.client.refuse(&Value::Null, &ResponseError::new(ResponseError::PARSE, why));
+                }
+                Event::Client(Received::Message(message)) => {
+                    if message["method"] == "exit" {
+                        return if self.shut_down { Ended::Exit } else { Ended::Abruptly };
+                    }
+                    self.message(&message);
+                }
+            }
+        }
+    }
+
+    fn call_off(&self, waiting: &mut VecDeque<Event>) {
+        let message = |event: &Event| match event {
+            Event::Client(Received::Message(message)) => Some(message.clone()),
+            _ => None,
+        };
+        let cancels: Vec<Value> = waiting
+            .iter()
+            .filter_map(message)
+            .filter(|message| message["method"] == "$/cancelRequest")
+            .map(|message| message["params"]["id"].clone())
+            .collect();
+        if cancels.is_empty() {
+            return;
+        }
+        waiting.retain(|event| {
+            let Some(message) = message(event) else { return true };
+            let id = &message["id"];
+            let cancelled = !id.is_null() && message["method"].is_string() && cancels.contains(id);
+            if cancelled {
+                let error = ResponseError::new(ResponseError::CANCELLED, "the request was called off");
+                self.client.refuse(id, &error);
+            }
+            !cancelled
+        });
+    }
+
+    /// A request or notification. A panic is the error of its request, and the server goes on.
+    fn message(&mut self, message: &Value) {
+        let id = message.get("id").cloned();
+        let Some(method) = message["method"].as_str() else {
+            // The answer to a request of ours, or nonsense.
+            if let Some(id) = id.filter(|_| message.get("result").is_none() && message.get("error").is_none())
+            {
+                self.client
+                    .refuse(&id, &ResponseError::new(ResponseError::INVALID, "a message has no method"));
+            }
+            return;
+        };
+        let parameters = &message["params"];
+        let answer = catch_unwind(AssertUnwindSafe(|| match &id {
+            Some(_) => self.request(method, parameters),
+            None => {
+                self.notification(method, parameters);
+                Ok(Value::Null)
+            }
+        }));
+        let answer = answer.unwrap_or_else(|_| {
+            Err(ResponseError::new(
+                ResponseError::INTERNAL,
+                format!("the program itself failed on {method}; please report it"),
+            ))
+        });
+        match (id, answer) {
+            (Some(id), Ok(result)) => self.client.answer(&id, result),
+            (Some(id), Err(error)) => self.client.refuse(&id, &error),
+            (None, _) => {}
+        }
+    }
+
+    fn request(&mut self, method: &str, p: &Value) -> Answer {
+        match method {
+            "initialize" => return Ok(self.initialize(p)),
+            _ if !self.initialized => {
+                return Err(ResponseError::new(
+                    ResponseError::NOT_INITIALIZED,
+                    "the first request is initialize",
+                ));
+            }
+            "shutdown" => {
+                self.shut_down = true;
+                return Ok(Value::Null);
+            }
+            "textDocument/colorPresentation" => return Ok(colors::presentations(&p["color"])),
+            _ => {}
+        }
+        let known = METHODS.iter().find(|(name, _)| *name == method);
+        let Some((_, answer)) = known else {
+            return Err(ResponseError::new(ResponseError::UNKNOWN, format!("{method} is not supported")));
+        };
+        let uri = p["textDocument"]["uri"].as_str().unwrap_or_default();
+        let Some(document) = self.documents.get(uri) else {
+            return Err(ResponseError::new(ResponseError::PARAMETERS, format!("{uri} is not open")));
+        };
+        let project = self.project(document).map_err(|why| ResponseError::new(ResponseError::FAILED, why))?;
+        let folder = document.folder().unwrap_or(&self.root);
+        let modules = OpenModules { documents: &self.documents, folder: Some(folder), known: &self.modules };
+        let last = self.last.get(uri).and_then(|checked| checked.stage.as_ref());
+        let view = View {
+            source: &document.source,
+            project: &project,
+            folder: Some(folder),
+            files: &self.files,
+            modules: &modules,
+            budget: Budget::default(),
+            fps: last.map_or(30.0, |(stage, _)| stage.settings.fps.as_fps()),
+            snippets: self.snippets,
+        };
+        answer(&Request { view: &view, uri, parameters: p })
+    }
+
+    fn initialize(&mut self, p: &Value) -> Value {
+        self.initialized = true;
+        let completion = &p["capabilities"]["textDocument"]["completion"]["completionItem"];
+        self.snippets = completion["snippetSupport"] == true;
+        let root = p["workspaceFolders"][0]["uri"].as_str().or_else(|| p["rootUri"].as_str());
+        self.root = root.and_then(path_of).unwrap_or_else(|| self.root.clone());
+        let (name, version) = self.host.program();
+        json!({
+            "serverInfo": { "name": name, "version": version },
+            "capabilities": {
+                "positionEncoding": "utf-16",
+                "textDocumentSync": { "openClose": true, "change": 2 },
+                "completionProvider": { "triggerCharacters": [".", "\"", ":", "{", "(", ",", "/", " "] },
+                "hoverProvider": true,
+                "signatureHelpProvider": { "triggerCharacters": ["(", ","], "retriggerCharacters": [","] },
+                "codeActionProvider": { "codeActionKinds": ["quickfix"] },
+                "colorProvider": true,
+                "definitionProvider": true,
+                "referencesProvider": true,
+                "renameProvider": { "prepareProvider": true },
+                "documentSymbolProvider": true,
+                "foldingRangeProvider": true,
+            },
+        })
+    }
+
+    fn notification(&mut self, method: &str, p: &Value) {
+        let document = &p["textDocument"];
+        let uri = document["uri"].as_str().unwrap_or_default().to_string();
+        let version = document["version"].as_i64().unwrap_or(0);
+        match method {
+            "textDocument/didOpen" => {
+                let text = document["text"].as_str().unwrap_or_default();
+                self.documents.insert(uri.clone(), Document::new(&uri, version, text));
+                self.check(&uri);
+            }
+            "textDocument/didChange" => {
+                let changes = p["contentChanges"].as_array().cloned().unwrap_or_default();
+                if let Some(document) = self.documents.get_mut(&uri) {
+                    document.change(version, &changes);
+                    self.check(&uri);
+                }
+            }
+            "textDocument/didSave" | "workspace/didChangeWatchedFiles" => {
+                // A model or choreo.toml may have changed.
+                self.projects.borrow_mut().clear();
+                self.documents.keys().cloned().collect::<Vec<_>>().iter().for_each(|uri| self.submit(uri));
+            }
+            "textDocument/didClose" => {
+                self.documents.remove(&uri);
+                self.last.remove(&uri);
+                let gone = self.published.remove(&uri).unwrap_or_default();
+                gone.keys().for_each(|target| self.publish(target));
+            }
+            _ => {}
+        }
+    }
+
+    /// Has a script run, and the open scripts that import it.
+    fn check(&mut self, uri: &str) {
+        let path = self.documents.get(uri).and_then(|document| document.path.clone());
+        let uses = |checked: &&Checked| {
+            checked.uri != uri && path.as_ref().is_some_and(|p| checked.read.contains(p))
+        };
+        let dependents: Vec<String> =
+            self.last.values().filter(uses).map(|checked| checked.uri.clone()).collect();
+        // The one submitted last is run first.
+        dependents.iter().for_each(|uri| self.submit(uri));
+        self.submit(uri);
+    }
+
+    fn submit(&self, uri: &str) {
+        let Some(document) = self.documents.get(uri) else { return };
+        let texts = self.documents.values().filter_map(|d| Some((d.path.clone()?, d.source.text.clone())));
+        let unsaved: Unsaved = Arc::new(texts.collect());
+        self.checker.submit(Job {
+            uri: uri.to_string(),
+            version: document.version,
+            path: document.path.clone(),
+            text: document.source.text.clone(),
+            unsaved,
+            folder: self.root.clone(),
+        });
+    }
+
+    /// Shows what a run has found, unless the text has changed meanwhile.
+    fn found(&mut self, mut checked: Checked) {
+        let uri = checked.uri.clone();
+        let Some(document) = self.documents.get(&uri).filter(|document| document.version == checked.version)
+        else {
+            return;
+        };
+        let folder = document.folder().unwrap_or(&self.root);
+        let modules = OpenModules { documents: &self.documents, folder: Some(folder), known: &self.modules };
+        let new = diagnostics::by_file(&checked, &document.source, document.folder(), &modules);
+        let old = self.published.insert(uri.clone(), new).unwrap_or_default();
+        let mut targets: Vec<String> = old.into_keys().collect();
+        targets.extend(self.published.get(&uri).into_iter().flat_map(|new| new.keys().cloned()));
+        targets.sort();
+        targets.dedup();
+        targets.iter().for_each(|target| self.publish(target));
+        // What is known of the stage stays while the script has errors.
+        if let Some(before) = self.last.remove(&uri).filter(|_| checked.stage.is_none()) {
+            checked.stage = before.stage;
+        }
+        self.last.insert(uri, checked);
+    }
+
+    /// Sends all messages about a file. Those of a module count once for all scripts that import it.
+    fn publish(&self, target: &str) {
+        let mut all: Vec<&Value> = Vec::new();
+        for message in self.published.values().filter_map(|of_script| of_script.get(target)).flatten() {
+            let same =
+                |known: &&Value| known["range"] == message["range"] && known["message"] == message["message"];
+            if !all.iter().any(same) {
+                all.push(message);
+            }
+        }
+        let mut parameters = json!({ "uri": target, "diagnostics": all });
+        if let Some(document) = self.documents.get(target) {
+            parameters["version"] = document.version.into();
+        }
+        self.client.notify("textDocument/publishDiagnostics", parameters);
+    }
+
+    /// The settings of a document.
+    fn project(&self, document: &Document) -> Result<Project, String> {
+        /// How long settings are taken to be unchanged.
+        const FRESH: Duration = Duration::from_secs(2);
+        if let Some((_, known)) =
+            self.projects.borrow().get(&document.uri).filter(|(at, _)| at.elapsed() < FRESH)
+        {
+            return Ok(known.clone());
+        }
+        let untitled = self.root.join("untitled.rhai");
+        let project = self.host.project(document.path.as_deref().unwrap_or(&untitled))?;
+        self.projects.borrow_mut().insert(document.uri.clone(), (Instant::now(), project.clone()));
+        Ok(project)
+    }
+}
+
+/// A request about a document.
+pub struct Request<'r> {
+    pub view: &'r View<'r>,
+    pub uri: &'r str,
+    pub parameters: &'r Value,
+}
+
+impl Request<'_> {
+    /// The byte of its place.
+    pub fn byte(&self) -> usize {
+        let source = self.view.source;
+        source.lines.byte(&source.text, &self.parameters["position"])
+    }
+}
+
+type Method = fn(&Request) -> Answer;
+
+/// The requests about a document.
+const METHODS: &[(&str, Method)] = &[
+    ("textDocument/completion", |r| Ok(completion::complete(r.view, r.byte()))),
+    ("textDocument/hover", |r| Ok(hover::hover(r.view, r.byte()))),
+    ("textDocument/signatureHelp", |r| Ok(signature::signature(r.view, r.byte()))),
+    ("textDocument/definition", references::definition),
+    ("textDocument/references", references::references),
+    ("textDocument/prepareRename", references::prepare_rename),
+    ("textDocument/rename", references::rename),
+    ("textDocument/documentSymbol", |r| Ok(symbols::symbols(r.view))),
+    ("textDocument/foldingRange", |r| Ok(symbols::folding(r.view))),
+    ("textDocument/documentColor", |r| Ok(colors::colors(r.view))),
+    ("textDocument/codeAction", |r| {
+        let given = r.parameters["context"]["diagnostics"].as_array().cloned().unwrap_or_default();
+        Ok(actions::actions(r.view, r.uri, &given))
+    }),
+];

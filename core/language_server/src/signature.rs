@@ -1,0 +1,75 @@
+//! Signature help: the ways to write the call around the cursor.
+
+use crate::context::call_around;
+use crate::facts;
+use crate::view::View;
+use serde_json::{Value, json};
+
+pub fn signature(view: &View, byte: usize) -> Value {
+    let source = view.source;
+    let Some(site) = call_around(view.types(), byte) else { return Value::Null };
+    let own = own_function(view, source.get(site.name), site.argument);
+    let Some(entry) = site.entry(source).filter(|_| own.is_null() || site.on.is_some()) else { return own };
+    let given = source.arguments(site.open).len().max(site.argument + 1);
+    let mut active = None;
+    let signatures: Vec<Value> = entry
+        .usages
+        .iter()
+        .enumerate()
+        .map(|(index, usage)| {
+            let parameters = parameters(usage);
+            if active.is_none() && parameters.len() >= given {
+                active = Some(index);
+            }
+            let about = facts::entry(entry);
+            json!({
+                "label": usage, "parameters": parameters, "activeParameter": site.argument,
+                "documentation": { "kind": "markdown", "value": about },
+            })
+        })
+        .collect();
+    json!({ "signatures": signatures, "activeSignature": active.unwrap_or(0), "activeParameter": site.argument })
+}
+
+/// A function that the script itself defines.
+fn own_function(view: &View, name: &str, argument: usize) -> Value {
+    let source = view.source;
+    let function = (1..source.tokens.len()).find(|i| source.get(*i) == name && source.get(i - 1) == "fn");
+    let Some((function, end)) = function.and_then(|f| Some((f, source.partner(f + 1)?))) else {
+        return Value::Null;
+    };
+    let label = &source.text[source.tokens[function].start..source.tokens[end].end];
+    json!({
+        "signatures": [{ "label": label, "parameters": parameters(label), "activeParameter": argument }],
+        "activeSignature": 0, "activeParameter": argument,
+    })
+}
+
+/// The places of the parameters in a label, in UTF-16.
+fn parameters(label: &str) -> Vec<Value> {
+    let Some(open) = label.find('(') else { return Vec::new() };
+    let inside = label[open + 1..].trim_end_matches(')');
+    let utf16 = |text: &str| text.encode_utf16().count();
+    let mut at = open + 1;
+    let mut found = Vec::new();
+    for part in inside.split(',').filter(|part| !part.trim().is_empty()) {
+        let start = at + part.len() - part.trim_start().len();
+        let end = start + part.trim().len();
+        found.push(json!({ "label": [utf16(&label[..start]), utf16(&label[..end])] }));
+        at += part.len() + 1;
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::parameters;
+    use serde_json::json;
+
+    #[test]
+    fn parameters_are_found_in_the_label() {
+        let found = parameters("Actor.at(x, yy)");
+        assert_eq!(found, [json!({ "label": [9, 10] }), json!({ "label": [12, 14] })]);
+        assert!(parameters("Cue.loop()").is_empty());
+    }
+}

@@ -1,0 +1,238 @@
+//! A script's text with its tokens, as Rhai's own lexer finds them. Unlike a syntax tree they are there for a text that is being typed.
+
+use crate::position::Lines;
+use choreo_script::token_ranges;
+use std::ops::Range;
+use std::sync::Arc;
+
+pub struct Source {
+    pub text: Arc<str>,
+    pub lines: Lines,
+    pub tokens: Vec<Range<usize>>,
+    /// The bracket that belongs to a bracket.
+    partner: Vec<Option<usize>>,
+    /// The innermost bracket around each token.
+    parent: Vec<Option<usize>>,
+}
+
+pub fn is_open(token: &str) -> bool {
+    matches!(token, "(" | "[" | "{" | "#{")
+}
+
+fn closes(open: &str, close: &str) -> bool {
+    matches!((open, close), ("(", ")") | ("[", "]") | ("{" | "#{", "}"))
+}
+
+/// Whether a token is a name or a keyword.
+pub fn is_word(token: &str) -> bool {
+    token.starts_with(|c: char| c.is_alphabetic() || c == '_')
+}
+
+pub fn is_string(token: &str) -> bool {
+    token.starts_with(['"', '`'])
+}
+
+impl Source {
+    pub fn new(text: &str) -> Source {
+        let tokens = tokens(text);
+        let mut source = Source {
+            text: text.into(),
+            lines: Lines::new(text),
+            partner: vec![None; tokens.len()],
+            parent: vec![None; tokens.len()],
+            tokens,
+        };
+        let mut open: Vec<usize> = Vec::new();
+        for index in 0..source.tokens.len() {
+            let token = source.get(index);
+            let is_close = matches!(token, ")" | "]" | "}");
+            // What is not closed ends with the bracket around it.
+            let matching = open.iter().rposition(|o| is_close && closes(source.get(*o), token));
+            if let Some(depth) = matching {
+                source.partner[index] = Some(open[depth]);
+                let opened = open[depth];
+                source.partner[opened] = Some(index);
+                open.truncate(depth);
+            }
+            source.parent[index] = open.last().copied();
+            if is_open(source.get(index)) {
+                open.push(index);
+            }
+        }
+        source
+    }
+
+    /// A token's text; empty behind the last.
+    pub fn get(&self, index: usize) -> &str {
+        self.tokens.get(index).map_or("", |token| &self.text[token.clone()])
+    }
+
+    /// The token some places before; empty before the first.
+    pub fn before(&self, index: usize, places: usize) -> &str {
+        index.checked_sub(places).map_or("", |index| self.get(index))
+    }
+
+    pub fn partner(&self, index: usize) -> Option<usize> {
+        self.partner.get(index).copied().flatten()
+    }
+
+    pub fn parent(&self, index: usize) -> Option<usize> {
+        self.parent.get(index).copied().flatten()
+    }
+
+    /// The number of tokens that begin before a byte.
+    pub fn count_before(&self, byte: usize) -> usize {
+        self.tokens.partition_point(|token| token.start < byte)
+    }
+
+    /// The token that a byte lies in or that ends there; of two that touch, the word or string.
+    pub fn token_at(&self, byte: usize) -> Option<usize> {
+        let count = self.tokens.partition_point(|token| token.start <= byte);
+        let touches = |index: &usize| self.tokens[*index].end >= byte;
+        let found: Vec<usize> = (count.saturating_sub(2)..count).rev().filter(touches).collect();
+        let named = |index: &&usize| is_word(self.get(**index)) || is_string(self.get(**index));
+        found.iter().find(named).or(found.first()).copied()
+    }
+
+    /// Whether a byte lies in a comment: between two tokens, behind `//` or inside `/* */`.
+    pub fn in_comment(&self, byte: usize) -> bool {
+        let count = self.count_before(byte);
+        let start = count.checked_sub(1).map_or(0, |last| self.tokens[last].end);
+        if start >= byte {
+            return false;
+        }
+        let gap = &self.text[start..byte];
+        let line = gap.rsplit('\n').next().unwrap_or(gap);
+        let block = |text: &str| text.matches("/*").count() > text.matches("*/").count();
+        line.contains("//") || block(gap)
+    }
+
+    /// The contents of a plain string; what is written in it as an escape is taken out of it.
+    pub fn string(&self, index: usize) -> Option<String> {
+        let token = self.get(index);
+        let quote = token.chars().next().filter(|c| matches!(c, '"' | '`'))?;
+        let inside = &token[1..];
+        let inside = inside.strip_suffix(quote).unwrap_or(inside);
+        if quote == '`' {
+            return (!inside.contains("${")).then(|| inside.to_string());
+        }
+        let (mut plain, mut escaped) = (String::new(), false);
+        for c in inside.chars() {
+            match (escaped, c) {
+                (false, '\\') => escaped = true,
+                (true, 'n') => plain.push('\n'),
+                (true, 't') => plain.push('\t'),
+                (_, c) => plain.push(c),
+            }
+            escaped &= c == '\\' && !plain.ends_with('\\');
+        }
+        Some(plain)
+    }
+
+    /// The bytes between the quotes of a string.
+    pub fn inside(&self, index: usize) -> Range<usize> {
+        let range = self.tokens[index].clone();
+        let token = self.get(index);
+        let closed = token.len() > 1 && token.ends_with(&token[..1]);
+        range.start + 1..range.end - usize::from(closed)
+    }
+
+    /// The arguments of a call as ranges of tokens, given its parenthesis.
+    pub fn arguments(&self, open: usize) -> Vec<Range<usize>> {
+        let end = self.partner(open).unwrap_or(self.tokens.len());
+        let mut arguments = Vec::new();
+        let mut start = open + 1;
+        let mut index = start;
+        while index < end {
+            match self.get(index) {
+                "," => {
+                    arguments.push(start..index);
+                    start = index + 1;
+                }
+                ";" => break,
+                token if is_open(token) => index = self.partner(index).unwrap_or(end),
+                _ => {}
+            }
+            index += 1;
+        }
+        if start < index.min(end) {
+            arguments.push(start..index.min(end));
+        }
+        arguments
+    }
+
+    /// The range of the protocol of some bytes.
+    pub fn range(&self, bytes: &Range<usize>) -> serde_json::Value {
+        self.lines.range(&self.text, bytes)
+    }
+}
+
+/// The tokens of a text. A string that is not closed ends with its line, so that what follows is still seen.
+fn tokens(text: &str) -> Vec<Range<usize>> {
+    let mut tokens: Vec<Range<usize>> = Vec::new();
+    let mut base = 0;
+    loop {
+        let found = token_ranges(&text[base..]).into_iter().filter(|token| !token.is_empty());
+        tokens.extend(found.map(|token| base + token.start..base + token.end));
+        let Some(last) = tokens.last_mut().filter(|last| last.end == text.len()) else { break };
+        let token = &text[last.clone()];
+        let open = token.starts_with('"') && (token.len() == 1 || token.contains('\n'));
+        let Some(end) = token.find('\n').filter(|_| open) else { break };
+        last.end = last.start + token[..end].trim_end_matches('\r').len();
+        base = last.start + end;
+    }
+    tokens
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_open_string_ends_with_its_line() {
+        let source = Source::new("load(\"kni\nlet é = [1, \"a\\\"b\"];\nf(`x ${y}`)");
+        let all: Vec<&str> = (0..source.tokens.len()).map(|i| source.get(i)).collect();
+        let expected = [
+            "load",
+            "(",
+            "\"kni",
+            "let",
+            "é",
+            "=",
+            "[",
+            "1",
+            ",",
+            "\"a\\\"b\"",
+            "]",
+            ";",
+            "f",
+            "(",
+            "`x ${y}`",
+            ")",
+        ];
+        assert_eq!(all, expected);
+        assert_eq!(source.string(2).unwrap(), "kni");
+        assert_eq!(source.string(9).unwrap(), "a\"b");
+        assert_eq!(source.string(14), None);
+        assert_eq!((source.partner(6), source.parent(7)), (Some(10), Some(6)));
+    }
+
+    #[test]
+    fn arguments_are_found_in_calls_that_are_not_complete() {
+        let source = Source::new("a(b(1, 2), #{ c: [3, 4] }, ); d(5, ; e");
+        assert_eq!(source.arguments(1).len(), 2);
+        let open = (0..source.tokens.len()).find(|i| source.get(*i) == "d").unwrap() + 1;
+        assert_eq!(source.arguments(open).len(), 1);
+    }
+
+    #[test]
+    fn comments_are_known() {
+        let text = "a; // b\nc /* d\n e */ f";
+        let source = Source::new(text);
+        let inside = |part: &str| source.in_comment(text.find(part).unwrap() + 1);
+        assert_eq!(
+            [inside("a"), inside(" b"), inside("c"), inside(" e"), inside("f")],
+            [false, true, false, true, false]
+        );
+    }
+}

@@ -1,0 +1,131 @@
+//! Document symbols: variables, functions, tests, and what is put on stage, by their names.
+
+use crate::values::Declared;
+use crate::view::View;
+use serde_json::{Value, json};
+use std::ops::Range;
+
+/// Kinds of symbols, as the protocol numbers them.
+const MODULE: u8 = 2;
+const METHOD: u8 = 6;
+const FUNCTION: u8 = 12;
+const VARIABLE: u8 = 13;
+const OBJECT: u8 = 19;
+
+pub fn symbols(view: &View) -> Value {
+    let source = view.source;
+    let types = view.types();
+    let mut found: Vec<(Range<usize>, Value)> = Vec::new();
+    for token in 0..source.tokens.len() {
+        let bytes = source.tokens[token].clone();
+        let name = source.get(token);
+        let named = |name: &str, kind: u8, detail: String, whole: Range<usize>| {
+            let value = json!({
+                "name": name, "kind": kind, "detail": detail,
+                "range": source.range(&whole), "selectionRange": source.range(&bytes),
+            });
+            (whole, value)
+        };
+        // `test("name", || { … })` and what is on stage without a variable.
+        let on_stage = matches!(name, "test" | "cast" | "camera" | "marker") && source.get(token + 1) == "(";
+        if on_stage
+            && source.before(token, 1) != "."
+            && let Some(text) = source.string(token + 2)
+        {
+            let end = source.partner(token + 1).map_or(bytes.end, |close| source.tokens[close].end);
+            let kind = if name == "test" { METHOD } else { OBJECT };
+            found.push(named(&text, kind, name.to_string(), bytes.start..end));
+            continue;
+        }
+        let Some(declaration) = types.declares(token) else { continue };
+        match declaration.kind {
+            Declared::Function => {
+                let body = source.partner(token + 1).map(|close| close + 1);
+                let end = body
+                    .and_then(|open| source.partner(open))
+                    .map_or(bytes.end, |close| source.tokens[close].end);
+                let parameters = source
+                    .partner(token + 1)
+                    .map_or("", |close| &source.text[bytes.end..source.tokens[close].end]);
+                found.push(named(
+                    name,
+                    FUNCTION,
+                    parameters.to_string(),
+                    source.tokens[token - 1].start..end,
+                ));
+            }
+            Declared::Variable => {
+                let last = types.statement_end(token).saturating_sub(1).max(token);
+                let detail = crate::completion::in_words(&types.declared(&declaration));
+                found.push(named(
+                    name,
+                    VARIABLE,
+                    detail,
+                    source.tokens[token - 1].start..source.tokens[last].end,
+                ));
+            }
+            Declared::Module => {
+                found.push(named(name, MODULE, String::new(), source.tokens[token - 3].start..bytes.end))
+            }
+            _ => {}
+        }
+    }
+    nested(found).into()
+}
+
+/// Symbols inside of others as their children.
+fn nested(found: Vec<(Range<usize>, Value)>) -> Vec<Value> {
+    let mut open: Vec<(Range<usize>, Value)> = Vec::new();
+    let mut roots: Vec<Value> = Vec::new();
+    let mut sorted = found;
+    sorted.sort_by_key(|(bytes, _)| (bytes.start, std::cmp::Reverse(bytes.end)));
+    let close = |open: &mut Vec<(Range<usize>, Value)>, roots: &mut Vec<Value>| {
+        let Some((_, value)) = open.pop() else { return };
+        match open.last_mut() {
+            Some((_, parent)) => match parent["children"].as_array_mut() {
+                Some(children) => children.push(value),
+                None => parent["children"] = json!([value]),
+            },
+            None => roots.push(value),
+        }
+    };
+    for (bytes, value) in sorted {
+        while open.last().is_some_and(|(outer, _)| outer.end < bytes.end) {
+            close(&mut open, &mut roots);
+        }
+        open.push((bytes, value));
+    }
+    while !open.is_empty() {
+        close(&mut open, &mut roots);
+    }
+    roots
+}
+
+/// Folding ranges: brackets, and comments of several lines.
+pub fn folding(view: &View) -> Value {
+    let source = view.source;
+    let mut found = Vec::new();
+    for token in 0..source.tokens.len() {
+        let Some(close) = source.partner(token).filter(|close| *close > token) else { continue };
+        let start = source.lines.line_of(source.tokens[token].start);
+        let end = source.lines.line_of(source.tokens[close].start);
+        // The line of the closing bracket stays visible.
+        if end > start + 1 {
+            found.push(json!({ "startLine": start, "endLine": end - 1 }));
+        }
+    }
+    let is_comment =
+        |line: usize| source.text[source.lines.line(&source.text, line)].trim_start().starts_with("//");
+    let mut line = 0;
+    while line < source.lines.count() {
+        let first = line;
+        while line < source.lines.count() && is_comment(line) {
+            line += 1;
+        }
+        if line > first + 1 {
+            found.push(json!({ "startLine": first, "endLine": line - 1, "kind": "comment" }));
+        }
+        line = line.max(first + 1);
+    }
+    found.into()
+}

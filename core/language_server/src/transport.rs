@@ -1,0 +1,167 @@
+//! Messages of JSON-RPC with the header `Content-Length`, as the Language Server Protocol has them.
+
+use serde_json::{Value, json};
+use std::io::{self, BufRead, Read, Write};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Bytes of the largest message that is read.
+const LARGEST: usize = 64 << 20;
+/// Bytes of the longest line of a header.
+const LONGEST_LINE: u64 = 4096;
+
+/// A message or the end, from the client.
+#[derive(Debug, PartialEq)]
+pub enum Received {
+    Message(Value),
+    /// Text that is no message; the next message can be read all the same.
+    Nonsense(String),
+    /// The client has closed the pipe.
+    Closed,
+}
+
+/// Reads the next message. A header without a length, and a message that is no JSON, are nonsense.
+pub fn receive(input: &mut impl BufRead) -> Received {
+    match try_receive(input) {
+        Ok(received) => received,
+        Err(error) if error.kind() == io::ErrorKind::InvalidData => Received::Nonsense(error.to_string()),
+        Err(_) => Received::Closed,
+    }
+}
+
+fn try_receive(input: &mut impl BufRead) -> io::Result<Received> {
+    let nonsense = |what: &str| io::Error::new(io::ErrorKind::InvalidData, what);
+    let mut length: Option<usize> = None;
+    let mut lines = 0;
+    loop {
+        let mut line = Vec::new();
+        if input.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line)? == 0 {
+            return Ok(Received::Closed);
+        }
+        let line = String::from_utf8_lossy(&line);
+        let line = line.trim_end_matches(['\r', '\n']);
+        if line.is_empty() && (lines > 0 || length.is_some()) {
+            break;
+        }
+        lines += 1;
+        let Some((name, value)) = line.split_once(':') else {
+            return Err(nonsense("a line of a header has no colon"));
+        };
+        if name.eq_ignore_ascii_case("content-length") {
+            length = value.trim().parse().ok();
+        }
+    }
+    let length = length.ok_or_else(|| nonsense("a header has no Content-Length"))?;
+    if length > LARGEST {
+        io::copy(&mut input.by_ref().take(length as u64), &mut io::sink())?;
+        return Err(nonsense("a message is too large"));
+    }
+    let mut body = vec![0; length];
+    input.read_exact(&mut body)?;
+    serde_json::from_slice(&body).map(Received::Message).map_err(|e| nonsense(&e.to_string()))
+}
+
+/// The way to the client, for any thread.
+#[derive(Clone)]
+pub struct Client(Arc<Mutex<Box<dyn Write + Send>>>);
+
+impl Client {
+    pub fn new(output: impl Write + Send + 'static) -> Client {
+        Client(Arc::new(Mutex::new(Box::new(output))))
+    }
+
+    /// Sends a message. A client that has gone is noticed where its messages end.
+    fn send(&self, message: &Value) {
+        let body = message.to_string();
+        let mut output = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let written = write!(output, "Content-Length: {}\r\n\r\n{body}", body.len());
+        let _ = written.and_then(|()| output.flush());
+    }
+
+    pub fn answer(&self, id: &Value, result: Value) {
+        self.send(&json!({ "jsonrpc": "2.0", "id": id, "result": result }));
+    }
+
+    pub fn refuse(&self, id: &Value, error: &ResponseError) {
+        let error = json!({ "code": error.code, "message": error.message });
+        self.send(&json!({ "jsonrpc": "2.0", "id": id, "error": error }));
+    }
+
+    pub fn notify(&self, method: &str, parameters: Value) {
+        self.send(&json!({ "jsonrpc": "2.0", "method": method, "params": parameters }));
+    }
+}
+
+/// The error of a request.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ResponseError {
+    pub code: i32,
+    pub message: String,
+}
+
+impl ResponseError {
+    pub const PARSE: i32 = -32700;
+    pub const INVALID: i32 = -32600;
+    pub const UNKNOWN: i32 = -32601;
+    pub const PARAMETERS: i32 = -32602;
+    pub const INTERNAL: i32 = -32603;
+    pub const NOT_INITIALIZED: i32 = -32002;
+    pub const CANCELLED: i32 = -32800;
+    /// The request is understood and cannot be done.
+    pub const FAILED: i32 = -32803;
+
+    pub fn new(code: i32, message: impl Into<String>) -> ResponseError {
+        ResponseError { code, message: message.into() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all(bytes: &[u8]) -> Vec<Received> {
+        let mut input = bytes;
+        let mut found = Vec::new();
+        loop {
+            let received = receive(&mut input);
+            let end = received == Received::Closed;
+            found.push(received);
+            if end {
+                return found;
+            }
+        }
+    }
+
+    #[test]
+    fn messages_are_read_after_nonsense() {
+        let found =
+            all(b"Content-Length: 2\r\n\r\n{}content-length:3\r\nX: y\r\n\r\n{a}Content-Length: 1\r\n\r\n7");
+        assert_eq!(found[0], Received::Message(json!({})));
+        assert!(matches!(&found[1], Received::Nonsense(_)), "{:?}", found[1]);
+        assert_eq!(found[2..], [Received::Message(json!(7)), Received::Closed]);
+        let found = all(b"hello\nContent-Length: 2\r\n\r\n{}Content-Length: 5\r\n\r\n{}");
+        assert!(matches!(&found[0], Received::Nonsense(_)));
+        assert_eq!(found[1..], [Received::Message(json!({})), Received::Closed]);
+        let found = all(b"Content-Length: 99999999999999\r\n\r\n{}");
+        assert!(!found.iter().any(|f| matches!(f, Received::Message(_))));
+    }
+
+    #[test]
+    fn a_message_is_written_with_its_length_in_bytes() {
+        #[derive(Clone, Default)]
+        struct Sink(Arc<Mutex<Vec<u8>>>);
+        impl Write for Sink {
+            fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+                self.0.lock().unwrap().extend(bytes);
+                Ok(bytes.len())
+            }
+            fn flush(&mut self) -> io::Result<()> {
+                Ok(())
+            }
+        }
+        let sink = Sink::default();
+        Client::new(sink.clone()).notify("ä", json!("€"));
+        let written = sink.0.lock().unwrap().clone();
+        let expected = json!({ "jsonrpc": "2.0", "method": "ä", "params": "€" });
+        assert_eq!(all(&written), [Received::Message(expected), Received::Closed]);
+    }
+}

@@ -1,0 +1,538 @@
+//! Types of expressions, from the results that the API states for its calls. Nothing is run.
+
+use crate::source::{Source, is_string, is_word};
+use choreo_script::describe::{self, Returns};
+use std::cell::Cell;
+use std::ops::Range;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// The known properties of an expression's value.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Value {
+    /// Type of handle, or a word for plain values ("text", "number", "array", "map", "function"); empty: unknown.
+    pub kind: String,
+    /// The file that it comes from, as the script writes it.
+    pub file: Option<String>,
+    /// Name that it was made with: of an actor, a camera, a clip, an effect; of a text its letters.
+    pub name: Option<String>,
+    /// File and name of the clip that a cue plays.
+    pub clip: Option<(String, String)>,
+    /// Element of an array.
+    pub item: Option<Box<Value>>,
+}
+
+impl Value {
+    fn of(kind: &str) -> Value {
+        Value { kind: kind.to_string(), ..Value::default() }
+    }
+
+    pub fn is_handle(&self) -> bool {
+        self.kind.starts_with(char::is_uppercase)
+    }
+}
+
+/// A variable, function or parameter that a script declares.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Declaration {
+    /// Token of its name.
+    pub token: usize,
+    pub kind: Declared,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Declared {
+    /// `let`, `const`: the value begins after `=`.
+    Variable,
+    /// `for NAME in`.
+    Loop,
+    /// Parameter of a function, by its number.
+    Parameter(usize),
+    /// Parameter of a closure, by its number.
+    ClosureParameter(usize),
+    Function,
+    /// `import "…" as NAME`.
+    Module,
+}
+
+/// The modules that a script imports, by their names as imported.
+pub trait Modules {
+    fn module(&self, name: &str) -> Option<Arc<Source>>;
+    /// The file of a module.
+    fn path(&self, name: &str) -> Option<PathBuf>;
+}
+
+/// Evaluates expressions of a source.
+#[derive(Clone, Copy)]
+pub struct Types<'a> {
+    pub source: &'a Source,
+    pub modules: &'a dyn Modules,
+    budget: &'a Budget,
+    depth: usize,
+}
+
+/// Expressions that may still be evaluated for a request: a variable that is used three times by one that is used three times, and so
+/// on, would take time without end.
+pub struct Budget(Cell<u32>);
+
+impl Default for Budget {
+    fn default() -> Budget {
+        Budget(Cell::new(20_000))
+    }
+}
+
+/// Declarations may refer to each other without end.
+const DEEPEST: usize = 24;
+
+impl<'a> Types<'a> {
+    pub fn new(source: &'a Source, modules: &'a dyn Modules, budget: &'a Budget) -> Types<'a> {
+        Types { source, modules, budget, depth: 0 }
+    }
+
+    fn deeper(self) -> Option<Types<'a>> {
+        let left = self.budget.0.get().checked_sub(1)?;
+        self.budget.0.set(left);
+        (self.depth < DEEPEST).then_some(Types { depth: self.depth + 1, ..self })
+    }
+
+    /// The value of the expression that ends before a token, such as the dot of a method call.
+    pub fn ending_at(self, end: usize) -> Value {
+        let Some(start) = self.chain_start(end) else { return Value::default() };
+        self.value(start..end)
+    }
+
+    /// The first token of a chain of calls that ends before a token.
+    fn chain_start(self, end: usize) -> Option<usize> {
+        let mut index = end.checked_sub(1)?;
+        loop {
+            match self.source.get(index) {
+                ")" | "]" => {
+                    let open = self.source.partner(index)?;
+                    let called = open.checked_sub(1).filter(|before| {
+                        let token = self.source.get(*before);
+                        (is_word(token) && (!is_keyword(token) || self.is_after_dot(*before)))
+                            || (self.source.get(open) == "[" && token == ")")
+                    });
+                    match called {
+                        Some(before) => index = before,
+                        None => return Some(open),
+                    }
+                    if matches!(self.source.get(index), ")" | "]") {
+                        continue;
+                    }
+                }
+                token if is_word(token) || is_string(token) => {}
+                _ => return None,
+            }
+            match self.source.before(index, 1) {
+                "." | "?." | "::" => index = index.checked_sub(2)?,
+                _ => return Some(index),
+            }
+        }
+    }
+
+    /// Keywords of Rhai are names of methods after a dot.
+    fn is_after_dot(self, token: usize) -> bool {
+        matches!(self.source.before(token, 1), "." | "?.")
+    }
+
+    /// The value of the expression in some tokens.
+    pub fn value(self, tokens: Range<usize>) -> Value {
+        let Some(deeper) = self.deeper() else { return Value::default() };
+        let (mut value, mut index) = deeper.primary(tokens.start, tokens.end);
+        while index < tokens.end {
+            match self.source.get(index) {
+                "." | "?." if self.source.get(index + 2) == "(" => {
+                    value = deeper.method(&value, index + 1);
+                    index = self.source.partner(index + 2).map_or(tokens.end, |close| close + 1);
+                }
+                "[" => {
+                    value = value.item.map(|item| *item).unwrap_or_default();
+                    index = self.source.partner(index).map_or(tokens.end, |close| close + 1);
+                }
+                _ => break,
+            }
+        }
+        value
+    }
+
+    /// The value before the first dot, and the token after it.
+    fn primary(self, index: usize, end: usize) -> (Value, usize) {
+        let after = |open: usize| self.source.partner(open).map_or(end, |close| close + 1);
+        let token = self.source.get(index);
+        match token {
+            "[" => {
+                let first = self.source.arguments(index).into_iter().next();
+                let item = first.map(|first| Box::new(self.value(first)));
+                (Value { item, ..Value::of("array") }, after(index))
+            }
+            "#{" => (Value::of("map"), after(index)),
+            "(" => (self.value(index + 1..self.source.partner(index).unwrap_or(end)), after(index)),
+            "|" | "||" => (Value::of("function"), end),
+            "true" | "false" => (Value::of("flag"), index + 1),
+            _ if is_string(token) => {
+                (Value { name: self.source.string(index), ..Value::of("text") }, index + 1)
+            }
+            _ if token.starts_with(|c: char| c.is_ascii_digit() || c == '-') => {
+                (Value::of("number"), index + 1)
+            }
+            _ if is_word(token) && self.source.get(index + 1) == "::" => {
+                let value = self.of_module(token, index + 2);
+                let open = index + 3;
+                (value, if self.source.get(open) == "(" { after(open) } else { open })
+            }
+            _ if is_word(token) && self.source.get(index + 1) == "(" => {
+                (self.function(index), after(index + 1))
+            }
+            _ if is_word(token) => (self.variable(token, index), index + 1),
+            _ => (Value::default(), end),
+        }
+    }
+
+    /// The result of a function call, given the token of its name.
+    fn function(self, name: usize) -> Value {
+        let called = self.source.get(name);
+        let arguments = self.source.arguments(name + 1);
+        if let Some(declared) = self.own_function(called) {
+            return self.result_of(declared);
+        }
+        let Some(entry) = describe::entry("", called) else { return Value::default() };
+        self.result(entry.gives, &Value::default(), &arguments, called)
+    }
+
+    fn method(self, on: &Value, name: usize) -> Value {
+        let called = self.source.get(name);
+        let arguments = self.source.arguments(name + 1);
+        match describe::entry(&on.kind, called) {
+            Some(entry) => self.result(entry.gives, on, &arguments, called),
+            None => Value::default(),
+        }
+    }
+
+    fn result(self, gives: Returns, on: &Value, arguments: &[Range<usize>], called: &str) -> Value {
+        let values: Vec<Value> =
+            arguments.iter().take(3).map(|argument| self.value(argument.clone())).collect();
+        let first = values.first().cloned().unwrap_or_default();
+        match gives {
+            Returns::Nothing => Value::default(),
+            // Other textures, copies and so on of the same.
+            Returns::Receiver => on.clone(),
+            Returns::Handle(kind) => {
+                let loaded = (called == "load").then(|| first.name.clone()).flatten();
+                let given = values.iter().find_map(|value| value.file.clone().filter(|_| value.is_handle()));
+                let clip = values.iter().filter(|value| value.kind == "Clip");
+                let clip = clip.filter_map(|value| Some((value.file.clone()?, value.name.clone()?))).next();
+                Value {
+                    file: loaded.or_else(|| on.file.clone()).or(given),
+                    name: first
+                        .name
+                        .filter(|_| first.kind == "text")
+                        .or_else(|| on.name.clone().filter(|_| on.kind == kind)),
+                    clip: clip.or_else(|| on.clip.clone()),
+                    ..Value::of(kind)
+                }
+            }
+            Returns::Value(_) if called == "param" => values.get(1).cloned().unwrap_or_default(),
+            Returns::Value(what) => match what {
+                "float" | "int" | "number" => Value::of("number"),
+                "array of texts" => Value { item: Some(Box::new(Value::of("text"))), ..Value::of("array") },
+                what => Value::of(what),
+            },
+        }
+    }
+
+    /// The value of a variable as it is seen from a token.
+    fn variable(self, name: &str, from: usize) -> Value {
+        match self.declaration(name, from) {
+            Some(declaration) => self.declared(&declaration),
+            None if matches!(name, "PI" | "TAU") => Value::of("number"),
+            None => Value::default(),
+        }
+    }
+
+    /// The declaration of a name that is seen from a token: the last one before it whose block is around it.
+    pub fn declaration(self, name: &str, from: usize) -> Option<Declaration> {
+        let around: Vec<Option<usize>> =
+            std::iter::successors(Some(self.source.parent(from)), |p| p.map(|p| self.source.parent(p)))
+                .collect();
+        let candidates =
+            (0..from.min(self.source.tokens.len())).rev().filter(|i| self.source.get(*i) == name);
+        let is_seen = |declaration: &Declaration| {
+            let block = match declaration.kind {
+                Declared::Variable | Declared::Function | Declared::Module => {
+                    self.source.parent(declaration.token)
+                }
+                _ => return self.body(declaration).is_some_and(|body| body.contains(&from)),
+            };
+            around.contains(&block)
+        };
+        let mut seen = candidates.filter_map(|token| self.declares(token)).filter(is_seen);
+        let first = seen.next();
+        // In `let a = a.at(…)` the second name is the variable before.
+        let is_inside = |d: &Declaration| d.kind == Declared::Variable && self.statement_end(d.token) > from;
+        let before = first.as_ref().filter(|d| is_inside(d)).and_then(|_| seen.find(|d| !is_inside(d)));
+        let seen = before.or(first);
+        seen.or_else(|| self.own_function(name))
+    }
+
+    fn own_function(self, name: &str) -> Option<Declaration> {
+        let tokens = 0..self.source.tokens.len();
+        let token = tokens.skip(1).find(|i| self.source.get(*i) == name && self.source.get(i - 1) == "fn")?;
+        Some(Declaration { token, kind: Declared::Function })
+    }
+
+    /// The declaration of which a token is the name.
+    pub fn declares(self, token: usize) -> Option<Declaration> {
+        let source = self.source;
+        let kind = match (source.before(token, 1), source.get(token + 1)) {
+            ("let" | "const", _) => Declared::Variable,
+            ("fn", _) => Declared::Function,
+            ("for", "in" | ",") => Declared::Loop,
+            ("as", _) if is_string(source.before(token, 2)) => Declared::Module,
+            ("(" | ",", ")" | ",") => {
+                let open = source.parent(token)?;
+                let named = source.before(open, 2) == "fn" && source.get(open) == "(";
+                let number = source.arguments(open).iter().position(|a| a.start == token);
+                return Some(Declaration { token, kind: Declared::Parameter(number.filter(|_| named)?) });
+            }
+            ("|" | ",", "|" | ",") => {
+                return self.closure_start(token).map(|start| Declaration {
+                    token,
+                    kind: Declared::ClosureParameter((token - start - 1) / 2),
+                });
+            }
+            _ => return None,
+        };
+        Some(Declaration { token, kind })
+    }
+
+    /// The `|` before the parameters of a closure of which a token is one.
+    fn closure_start(self, token: usize) -> Option<usize> {
+        let mut start = token;
+        while self.source.before(start, 1) == "," && is_word(self.source.before(start, 2)) {
+            start -= 2;
+        }
+        let bar = start.checked_sub(1).filter(|bar| self.source.get(*bar) == "|")?;
+        // `a | b | c` is no closure.
+        let is_value = |t: &str| is_word(t) && !matches!(t, "return" | "in") || matches!(t, ")" | "]");
+        (!is_value(self.source.before(bar, 1))).then_some(bar)
+    }
+
+    /// The tokens in which a parameter or loop variable is seen.
+    fn body(self, declaration: &Declaration) -> Option<Range<usize>> {
+        let source = self.source;
+        let from = match declaration.kind {
+            Declared::Parameter(_) => source.partner(source.parent(declaration.token)?)? + 1,
+            Declared::ClosureParameter(_) => {
+                (declaration.token..source.tokens.len()).find(|i| source.get(*i) == "|")? + 1
+            }
+            Declared::Loop => (declaration.token..source.tokens.len()).find(|i| source.get(*i) == "{")?,
+            _ => return None,
+        };
+        let block = (source.get(from) == "{").then(|| source.partner(from).unwrap_or(source.tokens.len()));
+        let around = source.parent(declaration.token).and_then(|open| source.partner(open));
+        Some(from..block.or(around).unwrap_or(source.tokens.len()))
+    }
+
+    /// The value of a declared name.
+    pub fn declared(self, declaration: &Declaration) -> Value {
+        let Some(types) = self.deeper() else { return Value::default() };
+        let (source, token) = (self.source, declaration.token);
+        match declaration.kind {
+            Declared::Variable if source.get(token + 1) == "=" => {
+                types.value(token + 2..self.statement_end(token))
+            }
+            Declared::Variable => Value::default(),
+            Declared::Function => Value::of("function"),
+            Declared::Module => Value { name: source.string(token - 2), ..Value::of("module") },
+            Declared::Loop => {
+                let Some(start) = (token..token + 4).find(|i| source.get(*i) == "in") else {
+                    return Value::default();
+                };
+                let end = (start..source.tokens.len()).find(|i| source.get(*i) == "{");
+                let over = types.value(start + 1..end.unwrap_or(start + 1));
+                over.item.map(|item| *item).unwrap_or_default()
+            }
+            Declared::Parameter(number) => {
+                let Some(function) = source.parent(token).and_then(|open| open.checked_sub(1)) else {
+                    return Value::default();
+                };
+                let name = source.get(function);
+                let calls = (0..source.tokens.len())
+                    .filter(|i| *i != function && source.get(*i) == name && source.get(i + 1) == "(");
+                let given = calls.filter_map(|call| source.arguments(call + 1).get(number).cloned());
+                given
+                    .map(|tokens| types.value(tokens))
+                    .find(|value| !value.kind.is_empty())
+                    .unwrap_or_default()
+            }
+            Declared::ClosureParameter(_) => types.closure_parameter(token),
+        }
+    }
+
+    /// The actor of `perform(actors, |actor| …)`, the time of `on_frame(|t| …)`.
+    fn closure_parameter(self, token: usize) -> Value {
+        let source = self.source;
+        let Some(bar) = self.closure_start(token) else { return Value::default() };
+        let performed = |open: usize| {
+            let who =
+                source.arguments(open).into_iter().next().map(|who| self.value(who)).unwrap_or_default();
+            who.item.clone().map_or(who, |item| *item)
+        };
+        if source.before(bar, 1) == "=" {
+            let name = source.before(bar, 2);
+            let is_call = |i: &usize| source.get(*i) == "perform" && source.get(i + 1) == "(";
+            let uses = |open: &usize| source.arguments(*open).iter().any(|a| source.get(a.start) == name);
+            let call = (0..source.tokens.len()).filter(is_call).map(|i| i + 1).find(uses);
+            return call.map(performed).unwrap_or_default();
+        }
+        match source.parent(bar).map(|open| (open, source.before(open, 1))) {
+            Some((open, "perform")) => performed(open),
+            Some((_, "on_frame")) => Value::of("number"),
+            _ => Value::default(),
+        }
+    }
+
+    /// The token that ends the statement of a token.
+    pub fn statement_end(self, from: usize) -> usize {
+        let source = self.source;
+        let mut index = from;
+        while index < source.tokens.len() {
+            match source.get(index) {
+                ";" | ")" | "]" | "}" => return index,
+                // A statement that is not finished.
+                "let" | "fn" | "const" | "import" if index > from => return index,
+                "(" | "[" | "{" | "#{" => index = source.partner(index).unwrap_or(index),
+                _ => {}
+            }
+            index += 1;
+        }
+        index
+    }
+
+    /// The result of a function that the script defines: its last expression.
+    fn result_of(self, function: Declaration) -> Value {
+        let Some(types) = self.deeper() else { return Value::default() };
+        let source = self.source;
+        let Some(parameters) = source.partner(function.token + 1) else { return Value::default() };
+        let open = parameters + 1;
+        let Some(close) = source.partner(open).filter(|_| source.get(open) == "{") else {
+            return Value::default();
+        };
+        let inside = |i: &usize| source.parent(*i) == Some(open);
+        let last = (open + 1..close).filter(inside).rfind(|i| matches!(source.get(*i), ";" | "}"));
+        let value = types.value(last.unwrap_or(open) + 1..close);
+        if !value.kind.is_empty() {
+            return value;
+        }
+        let returned = (open + 1..close).find(|i| source.get(*i) == "return");
+        returned.map(|at| types.value(at + 1..self.statement_end(at + 1))).unwrap_or_default()
+    }
+
+    /// The value of `MODULE::name` or `MODULE::name(…)`.
+    fn of_module(self, module: &str, name: usize) -> Value {
+        let path = self.variable(module, name).name;
+        let Some((source, types)) = path.and_then(|p| self.modules.module(&p)).zip(self.deeper()) else {
+            return Value::default();
+        };
+        let types = Types { source: &source, ..types };
+        let wanted = self.source.get(name);
+        match self.source.get(name + 1) {
+            "(" => types.own_function(wanted).map(|f| types.result_of(f)).unwrap_or_default(),
+            _ => types.variable(wanted, source.tokens.len()),
+        }
+    }
+}
+
+/// Words of the language that are no names.
+pub const KEYWORDS: [&str; 27] = [
+    "let", "const", "fn", "if", "else", "for", "in", "while", "loop", "do", "until", "return", "break",
+    "continue", "switch", "true", "false", "import", "export", "as", "private", "throw", "try", "catch",
+    "this", "global", "is",
+];
+
+pub fn is_keyword(word: &str) -> bool {
+    KEYWORDS.contains(&word)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Steps;
+    impl Modules for Steps {
+        fn module(&self, path: &str) -> Option<Arc<Source>> {
+            let text = "fn walker(x) { let a = load(\"walk.bvh\"); a.clip(\"Walk\") }";
+            (path == "steps").then(|| Arc::new(Source::new(text)))
+        }
+        fn path(&self, _: &str) -> Option<PathBuf> {
+            None
+        }
+    }
+
+    /// The value before the dot that is written as `.|`.
+    fn at_mark(text: &str) -> Value {
+        let at = text.find(".|").unwrap();
+        let source = Source::new(&text.replacen(".|", ".", 1));
+        let dot = source.tokens.iter().position(|t| t.start == at).unwrap();
+        Types::new(&source, &Steps, &Budget::default()).ending_at(dot)
+    }
+
+    fn kind(text: &str) -> String {
+        at_mark(text).kind
+    }
+
+    #[test]
+    fn chains_have_the_types_that_the_api_states() {
+        assert_eq!(kind("let a = load(\"a.glb\");\na.|"), "Asset");
+        assert_eq!(kind("cast(\"x\", load(\"a.glb\")).at(0, 1, 2).|\nlet b = 3;"), "Actor");
+        assert_eq!(kind("let a = cast(\"x\", load(\"a\")); a.play(a.joint(\"b\")).until(3).|"), "Cue");
+        assert_eq!(kind("let l = [camera(\"a\"), camera(\"b\")]; l[0].|"), "Camera");
+        assert_eq!(kind("for c in [camera(\"a\")] { c.| }"), "Camera");
+        assert_eq!(kind("(sun()).|"), "Light");
+        assert_eq!(kind("x.|"), "");
+        assert_eq!(kind("let x = x.|"), "");
+    }
+
+    #[test]
+    fn files_and_names_follow_the_chain() {
+        let walk = at_mark("let a = load(\"a.glb\"); let w = a.clip(\"Walk\"); w.|");
+        assert_eq!((walk.file.as_deref(), walk.name.as_deref()), (Some("a.glb"), Some("Walk")));
+        let hero = at_mark("let f = param(\"m\", \"b.fbx\"); let h = cast(\"hero\", load(f)); h.|");
+        assert_eq!((hero.file.as_deref(), hero.name.as_deref()), (Some("b.fbx"), Some("hero")));
+        let cue = at_mark("let h = cast(\"h\", load(\"b\")); h.play(load(\"c\").clip(\"Run\")).|");
+        assert_eq!((cue.file.as_deref(), cue.clip), (Some("b"), Some(("c".into(), "Run".into()))));
+        assert_eq!(at_mark("effect(\"bloom\").|").name.as_deref(), Some("bloom"));
+    }
+
+    #[test]
+    fn what_refers_to_itself_again_and_again_ends() {
+        let mut text = String::from("let a0 = sun();\n");
+        for i in 1..60 {
+            text += &format!("let a{i} = cast(a{0}, a{0}, a{0});\n", i - 1);
+        }
+        assert_eq!(kind(&(text + "a59.|")), "Actor");
+        assert_eq!(kind("fn f(x) { f(f(f(x))) }\nf(f(1)).|"), "");
+    }
+
+    #[test]
+    fn blocks_hide_their_variables() {
+        assert_eq!(kind("let a = sun(); { let a = camera(\"c\"); }\na.|"), "Light");
+        assert_eq!(kind("let a = sun(); { let a = camera(\"c\"); a.| }"), "Camera");
+        assert_eq!(kind("let a = sun(); let a = a.at(0, 1, 2); a.|"), "Light");
+        assert_eq!(kind("fn f() { let a = sun(); }\na.|"), "");
+    }
+
+    #[test]
+    fn functions_parameters_and_modules_have_types() {
+        assert_eq!(kind("fn f(x) { let a = load(x); cast(x, a) }\nf(\"b\").|"), "Actor");
+        assert_eq!(kind("fn f(x, y) { y.| }\nf(1, camera(\"c\"));"), "Camera");
+        assert_eq!(kind("let l = [cast(\"a\", load(\"b\"))]; perform(l, |who| { who.| });"), "Actor");
+        assert_eq!(
+            kind("let a = cast(\"a\", load(\"b\")); let g = |who| { who.| }; perform(a, g);"),
+            "Actor"
+        );
+        assert_eq!(kind("fn f() { return sun(); }\nf().|"), "Light");
+        assert_eq!(at_mark("import \"steps\" as s; s::walker(1).|").name.as_deref(), Some("Walk"));
+    }
+}

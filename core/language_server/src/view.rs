@@ -1,0 +1,124 @@
+//! Everything that a request about a place in a script may ask: the text, the types, the project and its files.
+
+use crate::Project;
+use crate::context::CallSite;
+use crate::document::Document;
+use crate::files::{self, Contents, Files};
+use crate::source::Source;
+use crate::values::{Budget, Modules, Types};
+use choreo_plugin::OptionSpec;
+use choreo_script::{BUILT_IN, Folders};
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::SystemTime;
+
+pub struct View<'v> {
+    pub source: &'v Source,
+    pub project: &'v Project,
+    /// The folder of the script.
+    pub folder: Option<&'v Path>,
+    pub files: &'v RefCell<Files>,
+    pub modules: &'v dyn Modules,
+    pub budget: Budget,
+    /// Frames a second of the stage.
+    pub fps: f64,
+    /// Whether the client inserts placeholders.
+    pub snippets: bool,
+}
+
+impl View<'_> {
+    pub fn types(&self) -> Types<'_> {
+        Types::new(self.source, self.modules, &self.budget)
+    }
+
+    /// The contents of a file, if the script has a folder.
+    pub fn contents(&self, name: &str) -> Option<Contents> {
+        Some(self.files.borrow_mut().contents(self.project, self.folder?, name))
+    }
+
+    /// Names of files that the script can read.
+    pub fn files_named(&self, extensions: &[String]) -> Vec<String> {
+        self.folder.map(|folder| files::names(self.project, folder, extensions)).unwrap_or_default()
+    }
+
+    /// Extensions of the files that the importers read.
+    pub fn model_extensions(&self) -> Vec<String> {
+        let importers = self.project.registry.importers().iter();
+        importers.flat_map(|importer| importer.manifest().extensions.clone()).collect()
+    }
+
+    /// The file of the first argument that comes from one.
+    pub fn file_of_arguments(&self, site: &CallSite) -> Option<String> {
+        let arguments = self.source.arguments(site.open).into_iter();
+        arguments.map(|argument| self.types().value(argument)).find_map(|value| value.file)
+    }
+
+    /// The options of the plugin that a call uses: the parameters of an effect, or the options of the importer of a file.
+    pub fn plugin_options(&self, site: &CallSite) -> Vec<OptionSpec> {
+        let registry = &self.project.registry;
+        let name = self.source.get(site.name);
+        let of_effect = |effect: &str| match registry.use_effect(effect) {
+            Ok(Some(effect)) => effect.manifest().options.clone(),
+            _ => Vec::new(),
+        };
+        match &site.on {
+            Some(on) if on.kind == "Effect" && matches!(name, "set" | "key") => {
+                on.name.as_deref().map(of_effect).unwrap_or_default()
+            }
+            None if name == "effect" => {
+                site.first_text(self.source).as_deref().map(of_effect).unwrap_or_default()
+            }
+            None if name == "load" => {
+                let Some(file) = site.first_text(self.source) else { return Vec::new() };
+                let extension = file.rsplit('.').next().unwrap_or_default().to_lowercase();
+                let built_in = file.strip_prefix(BUILT_IN);
+                let importer = registry.importers().iter().find(|importer| {
+                    let manifest = importer.manifest();
+                    built_in.map_or_else(
+                        || manifest.extensions.contains(&extension),
+                        |name| manifest.name == name,
+                    )
+                });
+                importer.map(|importer| importer.manifest().options.clone()).unwrap_or_default()
+            }
+            _ => Vec::new(),
+        }
+    }
+}
+
+/// The modules of a script: as they are open in the editor, else as their files are.
+pub struct OpenModules<'m> {
+    pub documents: &'m BTreeMap<String, Document>,
+    pub folder: Option<&'m Path>,
+    pub known: &'m RefCell<ModuleFiles>,
+}
+
+/// Modules that were read from files, with their time of change.
+pub type ModuleFiles = BTreeMap<PathBuf, (Option<SystemTime>, Arc<Source>)>;
+
+impl Modules for OpenModules<'_> {
+    /// Only the script's own folder is looked at.
+    fn path(&self, name: &str) -> Option<PathBuf> {
+        /// Bytes of a script at most.
+        const LARGEST: u64 = 4 << 20;
+        let name = if name.ends_with(".rhai") { name.to_string() } else { format!("{name}.rhai") };
+        let folders = Folders::new(self.folder?, &[], LARGEST).ok()?;
+        folders.find(None, &name).ok().map(|found| found.path)
+    }
+
+    fn module(&self, name: &str) -> Option<Arc<Source>> {
+        let path = self.path(name)?;
+        if let Some(open) = self.documents.values().find(|document| document.path.as_ref() == Some(&path)) {
+            return Some(open.source.clone());
+        }
+        let changed = std::fs::metadata(&path).ok().and_then(|data| data.modified().ok());
+        if let Some((_, known)) = self.known.borrow().get(&path).filter(|(at, _)| *at == changed) {
+            return Some(known.clone());
+        }
+        let source = Arc::new(Source::new(&std::fs::read_to_string(&path).ok()?));
+        self.known.borrow_mut().insert(path, (changed, source.clone()));
+        Some(source)
+    }
+}

@@ -1,0 +1,283 @@
+//! The traits of effects, one for each [`Hook`](crate::Hook): an author implements [`EffectPlugin`], [`EffectShader`] where the hook has a
+//! function in WGSL, and the trait of the hook.
+//!
+//! `parameters` are everywhere the numbers of the manifest's options in their order, [`Manifest::parameters`]. Colors are linear, lengths
+//! metres, angles radians unless a method states something else.
+
+use crate::effect_data::{
+    EffectImages, InvertedHull, LightSample, Shutter, SurfaceInputs, SurfaceSample, VertexSample, ViewOrder,
+};
+use crate::{EffectScene, EffectTexture, Manifest, Overlay, PluginFile, SceneInputs};
+use glam::{Vec2, Vec3, Vec4};
+
+/// The methods of effects of all hooks.
+///
+/// ```
+/// use choreo_plugin::{EffectPlugin, Manifest};
+///
+/// struct Fade(Manifest);
+///
+/// impl EffectPlugin for Fade {
+///     fn manifest(&self) -> &Manifest {
+///         &self.0
+///     }
+///     fn off(&self, parameters: &[f32]) -> Option<String> {
+///         (parameters[0] == 0.0).then(|| "amount is 0".into())
+///     }
+/// }
+///
+/// let fade = Fade(Manifest::new("fade", "1", "fades to black").number("amount", "how much", 0.0, 0.0..=1.0));
+/// assert_eq!(fade.off(&fade.manifest().parameters(&[])).as_deref(), Some("amount is 0"));
+/// ```
+pub trait EffectPlugin: Send + Sync {
+    /// Name, description and parameters.
+    fn manifest(&self) -> &Manifest;
+
+    /// The file that the effect was read from, unless it is part of the program.
+    fn file(&self) -> Option<&PluginFile> {
+        None
+    }
+
+    /// Why the effect changes nothing with these parameters ("strength is 0"): it is then left out. `None` if it does something.
+    fn off(&self, _parameters: &[f32]) -> Option<String> {
+        None
+    }
+}
+
+/// The function of an effect in WGSL. The CPU renderer calls the same function as a method of the hook's trait. Where a result is NaN or
+/// infinite, or [`endless`](crate::effect::endless), the renderers warn and draw magenta.
+pub trait EffectShader: EffectPlugin {
+    /// WGSL source of a function `effect`; the trait of the hook states its form. `N` is [`Manifest::parameter_length`]: 8 for up to 8
+    /// numbers. The function may call `NAME(uv)` of its [`EffectShader::textures`].
+    fn wgsl(&self) -> &str;
+
+    /// Places (`my.wgsl:3:5`) of the loops in [`EffectShader::wgsl`] that count their rounds with `effect_round(cost, number)`, in the
+    /// order of their numbers, which begin at 1.
+    fn loops(&self) -> &[String] {
+        &[]
+    }
+
+    /// Images that the function reads.
+    fn textures(&self) -> &[EffectTexture] {
+        &[]
+    }
+}
+
+/// A function of one pixel of the image: `fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, N>) -> vec4<f32>`, `uv` from 0 to 1
+/// from the top left.
+///
+/// ```
+/// use choreo_plugin::glam::{Vec2, Vec4};
+/// use choreo_plugin::{Effect, EffectPlugin, EffectShader, Hook, Manifest, PixelEffect};
+///
+/// struct Fade(Manifest);
+///
+/// impl EffectPlugin for Fade {
+///     fn manifest(&self) -> &Manifest {
+///         &self.0
+///     }
+/// }
+///
+/// impl EffectShader for Fade {
+///     fn wgsl(&self) -> &str {
+///         "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color * p[0]; }"
+///     }
+/// }
+///
+/// impl PixelEffect for Fade {
+///     fn pixels(&self, colors: &mut [Vec4], _: &[Vec2], parameters: &[f32]) {
+///         colors.iter_mut().for_each(|color| *color *= parameters[0]);
+///     }
+/// }
+///
+/// let fade = Fade(Manifest::new("fade", "1", "fades to black").number("amount", "of the light", 0.5, 0.0..=1.0));
+/// let mut colors = [Vec4::ONE];
+/// fade.pixels(&mut colors, &[Vec2::ZERO], &fade.0.parameters(&[]));
+/// assert_eq!((colors, Effect::pixel(fade).hook()), ([Vec4::splat(0.5)], Hook::Pixel));
+/// ```
+pub trait PixelEffect: EffectShader {
+    /// The side of the view transform on which it runs.
+    fn view_order(&self) -> ViewOrder {
+        ViewOrder::After
+    }
+
+    /// Replaces colors; `uv` is 0 to 1 from the top left, one for each color.
+    fn pixels(&self, colors: &mut [Vec4], uv: &[Vec2], parameters: &[f32]);
+}
+
+/// A pass over the image whose function reads any pixel of it: `fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, N>) ->
+/// vec4<f32>`. It may call `picture(at)`, the result of the pass before, `original(at)`, the input of the first pass, `picture_size()`
+/// and `original_size()`, in pixels, `shrink_factor()`, and with a history `previous(frames, at)`, which only the CPU runs. With
+/// [`ImageEffect::scene_inputs`] it may call `scene_surface(at)` and `scene_motion(at)`, the pixels of
+/// [`SceneImages`](crate::SceneImages), and `scene_row_0()` to `scene_row_18()`, the [`EffectFrame::rows`](crate::EffectFrame::rows).
+pub trait ImageEffect: EffectShader {
+    /// The side of the view transform on which it runs.
+    fn view_order(&self) -> ViewOrder {
+        ViewOrder::After
+    }
+
+    /// Number of passes, each over the result of the one before; 1 or more.
+    fn passes(&self) -> u32 {
+        1
+    }
+
+    /// Factor by which the image that a pass makes is smaller, each way; 1 or more. The last pass makes the whole image, of this size.
+    /// `at` counts the pixels that a pass makes, `picture(at)` those of the pass before, `original(at)` those of the whole image.
+    fn shrink(&self, _pass_number: u32, _size: [u32; 2], _parameters: &[f32]) -> u32 {
+        1
+    }
+
+    /// How many frames back the effect looks. They are drawn for each frame, so that a frame is the same whether those before it were
+    /// rendered or not; before the first frame stands the first.
+    fn history(&self, _parameters: &[f32]) -> u32 {
+        0
+    }
+
+    /// The parts of the scene that the function reads.
+    fn scene_inputs(&self) -> SceneInputs {
+        SceneInputs::default()
+    }
+
+    /// Writes row `y` of what a pass makes.
+    fn image_row(
+        &self,
+        images: &EffectImages,
+        y: u32,
+        pass_number: u32,
+        parameters: &[f32],
+        row: &mut [Vec4],
+    );
+}
+
+/// A function of one point on a surface, after lighting: `fn effect(color: vec4<f32>, seen: Seen, p: array<f32, N>) -> vec4<f32>`.
+pub trait SurfaceEffect: EffectShader {
+    /// The parts of a surface that the function reads.
+    fn surface_inputs(&self, _parameters: &[f32]) -> SurfaceInputs {
+        SurfaceInputs::default()
+    }
+
+    /// Whether it changes the background too where it is on everything, as a surface without a normal at
+    /// [`BACKGROUND_DISTANCE`](crate::BACKGROUND_DISTANCE).
+    fn changes_background(&self, _parameters: &[f32]) -> bool {
+        false
+    }
+
+    /// Replaces the colors of surfaces, one for each sample.
+    fn surfaces(&self, colors: &mut [Vec4], samples: &[SurfaceSample], parameters: &[f32]);
+}
+
+/// A function of one vertex: `fn effect(place: Place, p: array<f32, N>) -> vec3<f32>`, how far it is displaced. Normals follow it.
+pub trait VertexEffect: EffectShader {
+    /// The parts of a vertex that the function reads: normals and texture coordinates.
+    fn surface_inputs(&self, _parameters: &[f32]) -> SurfaceInputs {
+        SurfaceInputs::default()
+    }
+
+    /// The largest displacement in metres; longer ones are cut off.
+    fn reach(&self, parameters: &[f32]) -> f32;
+
+    /// Whether the displacement is in model space, not in the world.
+    fn in_model_space(&self) -> bool {
+        false
+    }
+
+    /// The displacement in metres, or with [`VertexEffect::in_model_space`] in model space.
+    fn vertex(&self, sample: &VertexSample, parameters: &[f32]) -> Vec3;
+}
+
+/// A function of one light at one point on a surface: `fn effect(falling: Falling, p: array<f32, N>) -> vec3<f32>`, the reflected light.
+pub trait LightingEffect: EffectShader {
+    /// The parts of a surface that the function reads.
+    fn surface_inputs(&self, _parameters: &[f32]) -> SurfaceInputs {
+        SurfaceInputs::default()
+    }
+
+    /// Replaces [`LightSample::lit`] of each sample.
+    fn lights(&self, samples: &mut [LightSample], parameters: &[f32]);
+}
+
+/// An inverted hull around surfaces, or the edges of their triangles.
+///
+/// ```
+/// use choreo_plugin::glam::Vec3;
+/// use choreo_plugin::{Effect, EffectPlugin, InvertedHull, Manifest, OutlineEffect};
+///
+/// struct Ink(Manifest);
+///
+/// impl EffectPlugin for Ink {
+///     fn manifest(&self) -> &Manifest {
+///         &self.0
+///     }
+/// }
+///
+/// impl OutlineEffect for Ink {
+///     fn inverted_hull(&self, _: &[f32]) -> Option<InvertedHull> {
+///         Some(InvertedHull { width: 2.0, color: Vec3::ZERO, lighting_mix: 0.0 })
+///     }
+/// }
+///
+/// assert!(Effect::outline(Ink(Manifest::new("ink", "1", "black outlines"))).applies_to_actors());
+/// ```
+pub trait OutlineEffect: EffectPlugin {
+    /// The hull; `None` draws none.
+    fn inverted_hull(&self, _parameters: &[f32]) -> Option<InvertedHull> {
+        None
+    }
+
+    /// Color of lines along the edges of triangles; `None` draws none.
+    fn wireframe(&self, _parameters: &[f32]) -> Option<Vec3> {
+        None
+    }
+}
+
+/// Triangles, lines, points, lattices and labels.
+///
+/// ```
+/// use choreo_plugin::glam::Vec4;
+/// use choreo_plugin::{Effect, EffectPlugin, EffectScene, Label, Manifest, Overlay, OverlayEffect};
+///
+/// /// The name of each actor above it.
+/// struct Names(Manifest);
+///
+/// impl EffectPlugin for Names {
+///     fn manifest(&self) -> &Manifest {
+///         &self.0
+///     }
+/// }
+///
+/// impl OverlayEffect for Names {
+///     fn overlay(&self, scene: &EffectScene, _: &[f32]) -> Overlay {
+///         let label = |actor: choreo_plugin::ActorInstance| Label {
+///             at: actor.bounds().max,
+///             text: actor.asset.name.clone(),
+///             size: 12.0,
+///             beside: 2.0,
+///             color: Vec4::ONE,
+///         };
+///         Overlay { labels: scene.instances().map(label).collect(), ..Overlay::default() }
+///     }
+/// }
+///
+/// let names = Effect::overlay(Names(Manifest::new("names", "1", "the name of each actor above it")));
+/// assert!(names.applies_to_actors() && names.shader().is_none());
+/// ```
+pub trait OverlayEffect: EffectPlugin {
+    /// Whether single actors can have it.
+    fn applies_to_actors(&self) -> bool {
+        true
+    }
+
+    /// How many frames back the effect looks. They are posed for each frame; before the first frame stands the first.
+    fn history(&self, _parameters: &[f32]) -> u32 {
+        0
+    }
+
+    /// Geometry and labels that the effect draws.
+    fn overlay(&self, scene: &EffectScene, parameters: &[f32]) -> Overlay;
+}
+
+/// How long the shutter is open.
+pub trait ShutterEffect: EffectPlugin {
+    /// How the frame is exposed; `None`: at one time.
+    fn shutter(&self, parameters: &[f32]) -> Option<Shutter>;
+}

@@ -1,0 +1,364 @@
+//! Values as bytes, for plugins in WebAssembly, whose memory is not the program's: little-endian, without padding, lists with their
+//! length first. A long list of numbers may be a place in the plugin's memory instead, so that only the program copies it. Bytes come
+//! from strangers: whatever they are, reading gives a value or an error, and takes memory in proportion to them.
+
+mod asset;
+mod request;
+mod scene;
+
+pub use asset::missing_parts;
+pub use request::{ExportReply, ExportRequest, ImportReply, ImportRequest};
+pub use scene::{TransferredScene, snapshot_bytes};
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use thiserror::Error;
+
+/// Bytes that are no such value.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("byte {at}: {what}")]
+pub struct TransferError {
+    /// Offset of the part that is wrong.
+    pub at: usize,
+    /// The problem.
+    pub what: String,
+}
+
+type Result<T> = std::result::Result<T, TransferError>;
+
+/// A value that is handed over as bytes.
+pub trait Transfer: Sized {
+    /// Appends the bytes of the value.
+    fn write(&self, out: &mut Written);
+
+    /// Reads the value.
+    fn read(from: &mut Bytes<'_>) -> Result<Self>;
+
+    /// Appends the elements of a list; numbers in one piece.
+    fn write_all(list: &[Self], out: &mut Written) {
+        list.iter().for_each(|element| element.write(out));
+    }
+
+    /// Reads the elements of a list.
+    fn read_all(count: usize, from: &mut Bytes<'_>) -> Result<Vec<Self>> {
+        // Each element takes a byte at least, whatever the count claims.
+        let mut list = Vec::with_capacity(count.min(from.left()).min(1 << 12));
+        for _ in 0..count {
+            list.push(Self::read(from)?);
+        }
+        Ok(list)
+    }
+
+    /// Appends a list with its length.
+    fn write_list(list: &[Self], out: &mut Written) {
+        list.len().write(out);
+        Self::write_all(list, out);
+    }
+
+    /// Reads a list that begins with its length.
+    fn read_list(from: &mut Bytes<'_>) -> Result<Vec<Self>> {
+        let count = usize::read(from)?;
+        Self::read_all(count, from)
+    }
+}
+
+/// Bytes that are being written.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Written {
+    bytes: Vec<u8>,
+    /// Long lists of numbers stay where they are, and their places are written.
+    by_place: bool,
+}
+
+impl Written {
+    /// Bytes that refer to the memory of the writer, which must stay as it is until they are read.
+    pub fn by_place() -> Written {
+        Written { bytes: Vec::new(), by_place: true }
+    }
+
+    /// Bytes so far.
+    pub fn into_bytes(self) -> Vec<u8> {
+        self.bytes
+    }
+}
+
+/// The length of a list that is elsewhere has this bit; its place follows.
+const ELSEWHERE: u64 = 1 << 63;
+
+/// Bytes of the shortest list that stays where it is.
+const LONG: usize = 1024;
+
+/// The bytes of a value.
+pub fn to_bytes(value: &impl Transfer) -> Vec<u8> {
+    let mut out = Written::default();
+    value.write(&mut out);
+    out.bytes
+}
+
+/// The value of all these bytes.
+pub fn from_bytes<T: Transfer>(bytes: &[u8]) -> Result<T> {
+    from_memory(bytes, &[])
+}
+
+/// The value of all these bytes; long lists may be in the memory of the plugin that has written them. All lists together are at most
+/// as long as the memory.
+pub fn from_memory<T: Transfer>(bytes: &[u8], memory: &[u8]) -> Result<T> {
+    let mut from = Bytes { bytes, at: 0, memory, budget: memory.len() };
+    let value = T::read(&mut from)?;
+    match from.left() {
+        0 => Ok(value),
+        left => Err(from.wrong(format!("{left} bytes too many"))),
+    }
+}
+
+/// Bytes that are being read.
+pub struct Bytes<'b> {
+    bytes: &'b [u8],
+    at: usize,
+    memory: &'b [u8],
+    /// Bytes that lists elsewhere in the memory may still have.
+    budget: usize,
+}
+
+impl<'b> Bytes<'b> {
+    fn left(&self) -> usize {
+        self.bytes.len() - self.at
+    }
+
+    fn wrong(&self, what: impl Into<String>) -> TransferError {
+        TransferError { at: self.at, what: what.into() }
+    }
+
+    fn take(&mut self, count: usize) -> Result<&'b [u8]> {
+        if count > self.left() {
+            return Err(self.wrong(format!("{count} bytes are needed, {} are left", self.left())));
+        }
+        let taken = &self.bytes[self.at..self.at + count];
+        self.at += count;
+        Ok(taken)
+    }
+
+    /// Bytes at a place of the memory.
+    fn elsewhere(&mut self, place: usize, count: usize) -> Result<&'b [u8]> {
+        let found = self.memory.get(place..place.saturating_add(count));
+        let found = found.ok_or_else(|| {
+            self.wrong(format!("a list of {count} bytes at {place}, outside of its memory"))
+        })?;
+        let left = self.budget.checked_sub(count);
+        self.budget = left.ok_or_else(|| self.wrong("its lists have more bytes than its memory"))?;
+        Ok(found)
+    }
+}
+
+/// Numbers of bytes that may lie at any place.
+fn numbers<T: bytemuck::Pod>(bytes: &[u8]) -> Vec<T> {
+    match bytemuck::try_cast_slice::<u8, T>(bytes) {
+        Ok(list) => list.to_vec(),
+        Err(_) => bytes.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect(),
+    }
+}
+
+/// Numbers, and vectors of them, which lists hold as one piece.
+macro_rules! plain {
+    ($($type:ty),*) => {$(
+        impl Transfer for $type {
+            fn write(&self, out: &mut Written) {
+                out.bytes.extend_from_slice(bytemuck::bytes_of(self));
+            }
+            fn read(from: &mut Bytes<'_>) -> Result<$type> {
+                Ok(bytemuck::pod_read_unaligned(from.take(size_of::<$type>())?))
+            }
+            fn write_all(list: &[$type], out: &mut Written) {
+                out.bytes.extend_from_slice(bytemuck::cast_slice(list));
+            }
+            fn read_all(count: usize, from: &mut Bytes<'_>) -> Result<Vec<$type>> {
+                let size = count.checked_mul(size_of::<$type>());
+                Ok(numbers(from.take(size.ok_or_else(|| from.wrong("a list without end"))?)?))
+            }
+            fn write_list(list: &[$type], out: &mut Written) {
+                if !out.by_place || size_of_val(list) < LONG {
+                    list.len().write(out);
+                    return Self::write_all(list, out);
+                }
+                (list.len() as u64 | ELSEWHERE).write(out);
+                (list.as_ptr().addr() as u64).write(out);
+            }
+            fn read_list(from: &mut Bytes<'_>) -> Result<Vec<$type>> {
+                let length = u64::read(from)?;
+                let count = usize::try_from(length & !ELSEWHERE).map_err(|_| from.wrong("a list without end"))?;
+                if length & ELSEWHERE == 0 {
+                    return Self::read_all(count, from);
+                }
+                let place = usize::read(from)?;
+                let size = count.checked_mul(size_of::<$type>());
+                Ok(numbers(from.elsewhere(place, size.ok_or_else(|| from.wrong("a list without end"))?)?))
+            }
+        }
+    )*};
+}
+plain!(
+    u8,
+    u16,
+    u32,
+    u64,
+    i64,
+    f32,
+    f64,
+    glam::Vec2,
+    glam::Vec3,
+    glam::Vec4,
+    glam::Quat,
+    glam::Mat4,
+    glam::DVec3
+);
+
+impl Transfer for usize {
+    fn write(&self, out: &mut Written) {
+        (*self as u64).write(out);
+    }
+    fn read(from: &mut Bytes<'_>) -> Result<usize> {
+        usize::try_from(u64::read(from)?).map_err(|_| from.wrong("a number that is too large"))
+    }
+}
+
+impl Transfer for bool {
+    fn write(&self, out: &mut Written) {
+        u8::from(*self).write(out);
+    }
+    fn read(from: &mut Bytes<'_>) -> Result<bool> {
+        match u8::read(from)? {
+            0 => Ok(false),
+            1 => Ok(true),
+            other => Err(from.wrong(format!("{other} is neither true nor false"))),
+        }
+    }
+}
+
+impl<T: Transfer> Transfer for Vec<T> {
+    fn write(&self, out: &mut Written) {
+        T::write_list(self, out);
+    }
+    fn read(from: &mut Bytes<'_>) -> Result<Vec<T>> {
+        T::read_list(from)
+    }
+}
+
+impl<T: Transfer> Transfer for Arc<[T]> {
+    fn write(&self, out: &mut Written) {
+        T::write_list(self, out);
+    }
+    fn read(from: &mut Bytes<'_>) -> Result<Arc<[T]>> {
+        Ok(T::read_list(from)?.into())
+    }
+}
+
+/// Texts are short, and often made for the occasion: they are never elsewhere.
+impl Transfer for String {
+    fn write(&self, out: &mut Written) {
+        self.len().write(out);
+        u8::write_all(self.as_bytes(), out);
+    }
+    fn read(from: &mut Bytes<'_>) -> Result<String> {
+        let count = usize::read(from)?;
+        String::from_utf8(u8::read_all(count, from)?).map_err(|_| from.wrong("a text that is not UTF-8"))
+    }
+}
+
+impl<T: Transfer> Transfer for Option<T> {
+    fn write(&self, out: &mut Written) {
+        self.is_some().write(out);
+        self.iter().for_each(|value| value.write(out));
+    }
+    fn read(from: &mut Bytes<'_>) -> Result<Option<T>> {
+        Ok(if bool::read(from)? { Some(T::read(from)?) } else { None })
+    }
+}
+
+/// Values behind pointers.
+macro_rules! pointers {
+    ($($pointer:ident),*) => {$(
+        impl<T: Transfer> Transfer for $pointer<T> {
+            fn write(&self, out: &mut Written) {
+                (**self).write(out);
+            }
+            fn read(from: &mut Bytes<'_>) -> Result<$pointer<T>> {
+                Ok($pointer::new(T::read(from)?))
+            }
+        }
+    )*};
+}
+pointers!(Arc, Box);
+
+impl<A: Transfer, B: Transfer> Transfer for (A, B) {
+    fn write(&self, out: &mut Written) {
+        self.0.write(out);
+        self.1.write(out);
+    }
+    fn read(from: &mut Bytes<'_>) -> Result<(A, B)> {
+        Ok((A::read(from)?, B::read(from)?))
+    }
+}
+
+impl<T: Transfer, const N: usize> Transfer for [T; N] {
+    fn write(&self, out: &mut Written) {
+        T::write_all(self, out);
+    }
+    fn read(from: &mut Bytes<'_>) -> Result<[T; N]> {
+        T::read_all(N, from)?.try_into().map_err(|_| from.wrong("a list of another length"))
+    }
+}
+
+impl<K: Transfer + Ord, V: Transfer> Transfer for BTreeMap<K, V> {
+    fn write(&self, out: &mut Written) {
+        self.len().write(out);
+        for (key, value) in self {
+            key.write(out);
+            value.write(out);
+        }
+    }
+    fn read(from: &mut Bytes<'_>) -> Result<BTreeMap<K, V>> {
+        Ok(Vec::<(K, V)>::read(from)?.into_iter().collect())
+    }
+}
+
+/// Structs, field by field; fields that are not handed over have their default. A field that is added to a struct is an error here until
+/// it is listed.
+macro_rules! fields {
+    ($($type:ident { $($field:ident),* $(,)? $(; without $($without:ident),*)? })*) => {$(
+        impl Transfer for $type {
+            fn write(&self, out: &mut Written) {
+                let $type { $($field,)* $($($without: _),*)? } = self;
+                $($field.write(out);)*
+            }
+            fn read(from: &mut Bytes<'_>) -> Result<$type> {
+                Ok($type { $($field: Transfer::read(from)?,)* $($($without: Default::default()),*)? })
+            }
+        }
+    )*};
+}
+
+/// Enums: the number of the variant in this list, then its fields.
+macro_rules! variants {
+    ($($type:ident { $($number:literal $variant:ident $(($($value:ident),*))? $({ $($field:ident),* })?),* $(,)? })*) => {$(
+        impl Transfer for $type {
+            fn write(&self, out: &mut Written) {
+                match self {
+                    $($type::$variant $(($($value),*))? $({ $($field),* })? => {
+                        ($number as u8).write(out);
+                        $($($value.write(out);)*)?
+                        $($($field.write(out);)*)?
+                    })*
+                }
+            }
+            fn read(from: &mut Bytes<'_>) -> Result<$type> {
+                Ok(match u8::read(from)? {
+                    $($number => $type::$variant
+                        $(($({ let $value = Transfer::read(from)?; $value }),*))?
+                        $({ $($field: Transfer::read(from)?),* })?,)*
+                    other => return Err(from.wrong(format!("{} has no variant {other}", stringify!($type)))),
+                })
+            }
+        }
+    )*};
+}
+use {fields, variants};

@@ -1,0 +1,361 @@
+//! The descriptions of the calls as data, for editors: forms, results, options and allowed values. Everything is read from the tables
+//! of `api`, which also make the reference.
+
+use crate::api::defs;
+use crate::compile::CONSTANTS;
+use crate::def::{Def, Gives};
+use crate::synonyms::ALIASES;
+use std::collections::BTreeSet;
+use std::sync::LazyLock;
+
+/// A function, method or constant.
+#[derive(Clone, Debug)]
+pub struct Entry {
+    /// Type of the receiver; empty for a function.
+    pub on: &'static str,
+    pub name: &'static str,
+    /// Heading in the reference.
+    pub heading: &'static str,
+    /// Names of the arguments, one list for each number of arguments.
+    pub forms: Vec<Vec<&'static str>>,
+    /// Ways to write it: `Actor.at(x, y, z)`.
+    pub usages: Vec<String>,
+    pub gives: Returns,
+    /// The description, then a paragraph for each group of options or aspect.
+    pub about: Vec<String>,
+    /// Whether it can be called inside `on_frame`.
+    pub in_frames: bool,
+    /// Whether it can be called only inside a test section.
+    pub in_tests: bool,
+    pub is_constant: bool,
+}
+
+/// Type of a result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Returns {
+    Nothing,
+    /// The receiver, for chaining.
+    Receiver,
+    /// A handle of this type.
+    Handle(&'static str),
+    /// A number, text or list.
+    Value(&'static str),
+}
+
+/// An option of a call, with the text of the reference about it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OptionEntry {
+    pub name: String,
+    /// Unit, range and default; empty where the reference has no more than the name.
+    pub about: String,
+}
+
+/// All that a script can call, in the order of the reference; other names of a function follow it.
+pub fn entries() -> &'static [Entry] {
+    static ENTRIES: LazyLock<Vec<Entry>> = LazyLock::new(|| {
+        let mut entries: Vec<Entry> = Vec::new();
+        for (heading, def) in &defs().all {
+            let entry = of_def(heading, def);
+            let others = ALIASES.iter().filter(|(_, name)| *name == def.full_name());
+            let others: Vec<Entry> =
+                others.map(|(alias, _)| Entry { name: alias, ..entry.clone() }).collect();
+            entries.push(entry);
+            entries.extend(others);
+        }
+        for (name, args, about) in defs().maths {
+            let forms = vec![args.split(',').map(str::trim).filter(|a| !a.is_empty()).collect()];
+            let entry = plain(name, about, Returns::Value("number"));
+            entries.push(Entry { forms, usages: vec![format!("{name}({args})")], ..entry });
+        }
+        for (name, about) in CONSTANTS {
+            let usages = vec![name.to_string()];
+            entries.push(Entry { usages, is_constant: true, ..plain(name, about, Returns::Value("number")) });
+        }
+        entries
+    });
+    &ENTRIES
+}
+
+fn plain(name: &'static str, about: &str, gives: Returns) -> Entry {
+    Entry {
+        on: "",
+        name,
+        heading: "Mathematics",
+        forms: Vec::new(),
+        usages: Vec::new(),
+        gives,
+        about: vec![about.to_string()],
+        in_frames: true,
+        in_tests: false,
+        is_constant: false,
+    }
+}
+
+fn of_def(heading: &'static str, def: &'static Def) -> Entry {
+    Entry {
+        on: def.on.name(),
+        name: def.name,
+        heading,
+        forms: def.forms(),
+        usages: def.usages(&def.full_name()),
+        gives: match def.gives {
+            Gives::Nothing => Returns::Nothing,
+            Gives::Itself => Returns::Receiver,
+            Gives::A(kind) => Returns::Handle(kind.name()),
+            Gives::Value(what) => Returns::Value(what),
+        },
+        about: def.about(),
+        in_frames: def.frame,
+        in_tests: def.tests,
+        is_constant: false,
+    }
+}
+
+/// The entry of a method of a type, or of a function where the type is empty.
+pub fn entry(on: &str, name: &str) -> Option<&'static Entry> {
+    entries().iter().find(|entry| entry.on == on && entry.name == name)
+}
+
+/// The entry that a description names: `Cue.then`, `shape`.
+fn named(full: &str) -> Option<&'static Entry> {
+    let (on, name) = full.split_once('.').unwrap_or(("", full));
+    entry(on, name)
+}
+
+impl Entry {
+    pub fn full_name(&self) -> String {
+        if self.on.is_empty() { self.name.to_string() } else { format!("{}.{}", self.on, self.name) }
+    }
+
+    /// The options of its object map, those of calls that the description refers to included.
+    pub fn options(&self) -> Vec<OptionEntry> {
+        let mut found = Vec::new();
+        self.add_options(&mut found, 0);
+        if found.is_empty() && self.forms.iter().flatten().any(|arg| *arg == "options") {
+            found = shown_keys(&self.about[0]);
+        }
+        let mut known = BTreeSet::new();
+        found.retain(|option: &OptionEntry| known.insert(option.name.clone()));
+        found
+    }
+
+    fn add_options(&self, found: &mut Vec<OptionEntry>, depth: usize) {
+        let takes = self.forms.iter().flatten().any(|arg| *arg == "options" || *arg == "places");
+        if !takes || depth > 3 {
+            return;
+        }
+        for (number, paragraph) in self.about.iter().enumerate() {
+            let Some(list) = option_list(paragraph, number == 0) else { continue };
+            let start = found.len();
+            found.extend(items(list));
+            let without = list.split_once(" except ").map_or("", |(_, rest)| rest);
+            let own = found.split_off(start);
+            for name in referred(list) {
+                let Some(entry) = named(name).filter(|entry| entry.full_name() != self.full_name()) else {
+                    continue;
+                };
+                let mut theirs = Vec::new();
+                entry.add_options(&mut theirs, depth + 1);
+                let all = list.contains("all options of") || list.starts_with("Options as in");
+                let listed =
+                    |o: &OptionEntry| own.iter().any(|known| known.name == o.name && known.about.is_empty());
+                theirs.retain(|o| {
+                    if all { !without.split([' ', '.', ',']).any(|w| w == o.name) } else { listed(o) }
+                });
+                found.extend(theirs);
+            }
+            found.extend(own);
+        }
+    }
+
+    /// The texts that are allowed as an argument or as an option.
+    pub fn values(&self, argument: &str) -> Vec<String> {
+        if let Some(option) = self.options().iter().find(|option| option.name == argument) {
+            return quoted(&option.about);
+        }
+        self.values_at(argument, 0)
+    }
+
+    fn values_at(&self, argument: &str, depth: usize) -> Vec<String> {
+        let stem: String = argument.chars().take(argument.len().saturating_sub(1).max(3)).collect();
+        let headed = |p: &&String| {
+            let heading = p.split_once(": ").map_or("", |(heading, _)| heading).to_lowercase();
+            let word = heading.split([',', ' ']).next().unwrap_or_default();
+            word.starts_with(&stem) && (word == heading || heading[word.len()..].starts_with(','))
+        };
+        let mark = format!("`{argument}`");
+        let text = match self.about.iter().find(headed) {
+            Some(paragraph) => paragraph.as_str(),
+            None => match self.about.iter().find_map(|p| p.find(&mark).map(|at| &p[at..])) {
+                Some(part) => part,
+                None if argument == "options" => "",
+                None => self.about.first().map_or("", String::as_str),
+            },
+        };
+        let own = quoted(text);
+        let refers = text.split("as in ").nth(1).map(|rest| name_at_start(rest.trim_start_matches('`')));
+        match refers.and_then(named).filter(|_| own.is_empty() && depth < 3) {
+            Some(entry) => entry.values_at(argument, depth + 1),
+            None => own,
+        }
+    }
+}
+
+/// The part of a paragraph that lists options. The first paragraph describes the call.
+fn option_list(paragraph: &str, is_first: bool) -> Option<&str> {
+    if let Some(at) = paragraph.find("Options") {
+        let rest = &paragraph[at..];
+        if rest.starts_with("Options as in") {
+            return Some(rest);
+        }
+        return rest.split_once(": ").map(|(_, list)| list);
+    }
+    if paragraph.starts_with('`') {
+        return Some(paragraph);
+    }
+    let (heading, list) = paragraph.split_once(": ").filter(|_| !is_first)?;
+    let is_heading = heading.len() < 100
+        && heading.starts_with(char::is_uppercase)
+        && !heading.contains(['(', '.', '`', '"']);
+    is_heading.then_some(list)
+}
+
+/// The options that a list names: `name (about), name and name (about)`. After its first sentence, only words with parentheses are.
+fn items(list: &str) -> Vec<OptionEntry> {
+    let mut found = Vec::new();
+    let mut is_list = !list.starts_with('`');
+    for item in split_outside(list) {
+        let item = item.trim();
+        let item = ["and ", "or ", "with ", "either ", "one of "]
+            .iter()
+            .fold(item, |i, word| i.strip_prefix(word).unwrap_or(i));
+        // "refracted by ior (…)": the name stands before the parenthesis.
+        let item = [" by ", " over "].iter().fold(item, |i, word| {
+            let before = i.find('(').unwrap_or(0);
+            i[..before].rfind(word).map_or(i, |at| &i[at + word.len()..])
+        });
+        if let Some((code, rest)) = item.strip_prefix('`').and_then(|code| code.split_once('`')) {
+            let (name, value) = code.split_once(": ").unwrap_or((code, ""));
+            if is_name(name) && (!value.is_empty() || rest.trim_start().starts_with('(') || rest.is_empty()) {
+                let about = format!("{value}{rest}").trim().to_string();
+                found.push(OptionEntry { name: name.to_string(), about });
+            }
+            continue;
+        }
+        let name = item.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_')).next().unwrap_or("");
+        let rest = item[name.len()..].trim_end_matches('.');
+        let rest = rest.strip_prefix(" times").unwrap_or(rest);
+        let about = rest.trim().strip_prefix('(').map(|about| about.trim_end().trim_end_matches(')'));
+        if is_name(name) && (about.is_some() || is_list && (rest.is_empty() || rest.starts_with(" as in "))) {
+            found.push(OptionEntry { name: name.to_string(), about: about.unwrap_or("").to_string() });
+        }
+        let end = item.as_ptr() as usize - list.as_ptr() as usize + item.len();
+        is_list &= !list[end..].starts_with(". ");
+    }
+    found
+}
+
+/// The keys of the map that a description shows: `#{ up, down }`.
+fn shown_keys(about: &str) -> Vec<OptionEntry> {
+    let shown = about.split("#{").nth(1).and_then(|rest| rest.split('}').next()).unwrap_or_default();
+    let name = |part: &str| part.trim().split([':', ' ']).next().unwrap_or_default().to_string();
+    let names = shown.split(',').map(name).filter(|name| is_name(name));
+    names.map(|name| OptionEntry { name, about: String::new() }).collect()
+}
+
+fn is_name(text: &str) -> bool {
+    text.starts_with(|c: char| c.is_ascii_lowercase())
+        && text.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
+}
+
+/// The parts between commas, semicolons, sentences and the words that join options, outside parentheses and quotes.
+fn split_outside(list: &str) -> Vec<&str> {
+    const BREAKS: [&str; 7] = [", ", "; ", ". ", " and ", " or ", " with ", ": "];
+    let (mut parts, mut start, mut depth, mut quoted) = (Vec::new(), 0, 0i32, false);
+    for (at, c) in list.char_indices() {
+        match c {
+            '"' => quoted = !quoted,
+            '(' | '[' | '{' => depth += 1,
+            ')' | ']' | '}' => depth -= 1,
+            _ => {}
+        }
+        if depth == 0 && !quoted && at >= start {
+            let found = BREAKS.iter().find(|b| list[at..].starts_with(**b));
+            let in_code = list[start..at].matches('`').count() % 2 == 1;
+            if let Some(found) = found.filter(|_| !in_code) {
+                parts.push(&list[start..at]);
+                start = at + found.len();
+            }
+        }
+    }
+    parts.push(&list[start.min(list.len())..]);
+    parts
+}
+
+/// The calls to whose options a list refers: "as in `text`", "all options of `shape`".
+fn referred(list: &str) -> Vec<&str> {
+    let marks = ["as in ", "all options of "];
+    let after =
+        marks.iter().flat_map(|mark| list.match_indices(mark).map(|(at, mark)| &list[at + mark.len()..]));
+    after.map(|rest| name_at_start(rest.trim_start_matches('`'))).collect()
+}
+
+fn name_at_start(text: &str) -> &str {
+    let end = text.find(|c: char| !(c.is_alphanumeric() || c == '_' || c == '.')).unwrap_or(text.len());
+    text[..end].trim_end_matches('.')
+}
+
+/// The quoted words of a description.
+fn quoted(text: &str) -> Vec<String> {
+    let words = text.split('"').skip(1).step_by(2);
+    let plain = |c: char| c.is_ascii_alphanumeric() || "_+-:".contains(c);
+    let mut found: Vec<String> = Vec::new();
+    for word in words.filter(|word| !word.is_empty() && word.chars().all(plain)) {
+        if !found.iter().any(|known| known == word) {
+            found.push(word.to_string());
+        }
+    }
+    found
+}
+
+/// The rules of `check` are named in its messages; this is the comment that silences one.
+pub fn allow_comment(rule: &str) -> String {
+    format!("// allow: {rule}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(full: &str) -> Vec<String> {
+        named(full).unwrap().options().into_iter().map(|o| o.name).collect()
+    }
+
+    #[test]
+    fn options_are_read_from_descriptions_of_all_forms() {
+        assert_eq!(names("load"), ["facing", "importer", "compress", "only"]);
+        assert_eq!(names("Joint.limit"), ["swing", "twist", "hinge", "axis"]);
+        assert_eq!(names("Actor.in_place"), names("Actor.root_motion"));
+        assert_eq!(names("panel"), ["at", "offset", "opacity", "anchor", "size", "color"]);
+        for option in ["fade", "repeat", "in_step", "inertial", "trim"] {
+            assert!(names("Actor.play").iter().any(|name| name == option), "{option}");
+        }
+        assert!(
+            names("mesh").iter().any(|n| n == "roughness")
+                && !names("lines").iter().any(|n| n == "roughness")
+        );
+        assert!(!names("mesh").iter().any(|n| n == "size"), "{:?}", names("mesh"));
+    }
+
+    #[test]
+    fn allowed_texts_are_read_from_descriptions() {
+        let values = |full: &str, argument: &str| named(full).unwrap().values(argument);
+        assert_eq!(values("load", "facing"), ["+z", "-z", "+x", "-x"]);
+        assert_eq!(values("Joint.key", "property"), ["rotation", "position", "scale"]);
+        assert_eq!(values("Joint.key", "how"), values("Actor.key", "how"));
+        assert_eq!(values("Actor.key", "how")[..3], ["linear", "step", "smooth"]);
+        assert_eq!(values("shape", "kind")[..3], ["plane", "quad", "box"]);
+        assert_eq!(values("Actor.skinning", "how"), ["linear", "dual_quaternion"]);
+        assert_eq!(values("Asset.texture", "slot")[..2], ["color", "normal"]);
+    }
+}

@@ -1,0 +1,42 @@
+//! Manifests of plugins in WebAssembly, which every command needs of all that are installed, without compiling them: they are kept in the
+//! user's folder of caches, under the hash of the plugin. Compiled code is not kept: whoever can write there could have it run.
+
+use choreo_plugin::Manifest;
+use choreo_plugin::guest::ABI;
+use choreo_plugin::transfer::{from_bytes, to_bytes};
+use choreo_wasm_plugin::WasmError;
+use std::path::{Path, PathBuf};
+
+/// Bytes of the largest manifest that is read.
+const MOST_BYTES: u64 = 64 << 10;
+
+/// The manifest of a plugin, compiled only where it was not seen before. A manifest that was tampered with is found when the plugin is
+/// used.
+pub fn manifest(plugin: &[u8]) -> Result<Manifest, WasmError> {
+    choreo_wasm_plugin::check()?;
+    let Some(folder) = folder() else { return choreo_wasm_plugin::manifest(plugin) };
+    let name = PathBuf::from(format!("{}-{ABI}", blake3::hash(plugin).to_hex()));
+    remembered(&folder, &name).map_or_else(
+        || {
+            let manifest = choreo_wasm_plugin::manifest(plugin)?;
+            // Without it the plugin is compiled the next time, too.
+            let _ = std::fs::create_dir_all(&folder);
+            let _ = choreo_files::write_whole(&folder.join(name), &to_bytes(&manifest));
+            Ok(manifest)
+        },
+        Ok,
+    )
+}
+
+fn remembered(folder: &Path, name: &Path) -> Option<Manifest> {
+    let bytes = choreo_files::Folder::open(folder).ok()?.read(name, MOST_BYTES).ok()?;
+    from_bytes(&bytes).ok()
+}
+
+fn folder() -> Option<PathBuf> {
+    let folder = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|f| f.is_absolute());
+    let caches = folder("XDG_CACHE_HOME")
+        .or_else(|| folder("HOME").map(|home| home.join(".cache")))
+        .or_else(|| folder("LOCALAPPDATA"));
+    Some(caches?.join("choreo/plugin-manifests"))
+}

@@ -1,0 +1,225 @@
+//! The functions of the program that a plugin may call. A call runs on a thread of its own; the thread that called the plugin answers
+//! meanwhile, because `Files` and `SceneFiles` belong to it.
+
+use crate::WasmError;
+use crate::call::{Limits, Plugin};
+use choreo_plugin::motion::Time;
+use choreo_plugin::transfer::Transfer;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::{Duration, Instant};
+use wasmtime::{Caller, Extern, Linker, Memory};
+
+/// A question of a plugin to its caller.
+pub enum Ask {
+    Read(String),
+    Progress(f32),
+    WantsClip(usize, String),
+    Snapshot(Time),
+    /// A file beside the main one, by the ending of its name.
+    Beside(String),
+    /// Bytes for the file of that ending; that of the main one is empty.
+    Write(String, Vec<u8>),
+}
+
+/// The caller's answer.
+pub enum Answer {
+    Bytes(Result<Arc<Vec<u8>>, String>),
+    Yes(bool),
+}
+
+/// The state of one call.
+#[derive(Default)]
+pub struct Host {
+    pub limits: wasmtime::StoreLimits,
+    /// Absent for a manifest or a claim: then there are no further files.
+    caller: Option<(Sender<Ask>, Receiver<Answer>)>,
+    /// Bytes that `take` copies.
+    ready: Arc<Vec<u8>>,
+    /// Endings of the files beside, from number 1 on.
+    beside: Vec<String>,
+    /// Time that the caller took to answer.
+    pub answering: Duration,
+    /// The text of a panic.
+    pub panic: Option<String>,
+}
+
+impl Host {
+    /// A call without a caller that answers.
+    pub fn with_file(ready: Arc<Vec<u8>>) -> Host {
+        Host { ready, ..Host::default() }
+    }
+
+    fn ask(&mut self, ask: Ask) -> Result<Answer, wasmtime::Error> {
+        let ended = || wasmtime::Error::msg("the program has given the call up");
+        let Some((asks, answers)) = &self.caller else {
+            return Ok(Answer::Bytes(Err("there are no further files".into())));
+        };
+        let start = Instant::now();
+        asks.send(ask).map_err(|_| ended())?;
+        let answer = answers.recv().map_err(|_| ended());
+        self.answering += start.elapsed();
+        answer
+    }
+
+    /// Makes the bytes of an answer ready, or the text that says why there are none.
+    fn receive(&mut self, answer: Answer) -> Result<usize, usize> {
+        let bytes = match answer {
+            Answer::Bytes(bytes) => bytes,
+            Answer::Yes(_) => Err("the program answered something else".into()),
+        };
+        let failed = bytes.is_err();
+        self.ready = bytes.unwrap_or_else(|text| Arc::new(text.into_bytes()));
+        if failed { Err(self.ready.len()) } else { Ok(self.ready.len()) }
+    }
+}
+
+/// Stack of the thread that a plugin runs on.
+const STACK: usize = 8 << 20;
+
+/// Runs a call on a thread, and answers on this one what it asks until it has ended. An error of `answer` ends the call.
+pub fn serve<T: Transfer + Send, E>(
+    plugin: &Plugin,
+    function: &str,
+    argument: &[u8],
+    file: Arc<Vec<u8>>,
+    limits: Limits,
+    mut answer: impl FnMut(Ask) -> Result<Answer, E>,
+) -> Result<Result<T, WasmError>, E> {
+    let ((asks, asked), (answers, answered)) = (channel(), channel());
+    let host = Host { caller: Some((asks, answered)), ..Host::with_file(file) };
+    std::thread::scope(|scope| {
+        let call = move || plugin.call(function, argument, host, limits);
+        let thread = std::thread::Builder::new().name("plugin".into()).stack_size(STACK);
+        let Ok(thread) = thread.spawn_scoped(scope, call) else {
+            return Ok(Err(WasmError("it cannot start a thread".into())));
+        };
+        let served = asked.into_iter().try_for_each(|ask| {
+            // Nobody waits for it where the call has been ended.
+            answer(ask).map(|answer| drop(answers.send(answer)))
+        });
+        drop(answers);
+        let result = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        served.map(|()| result)
+    })
+}
+
+/// Bytes of the longest name or text.
+const MOST_TEXT: usize = 64 << 10;
+
+/// Files beside the main one of an export.
+const MOST_FILES: usize = 10_000;
+
+fn memory(caller: &mut Caller<'_, Host>) -> Result<Memory, wasmtime::Error> {
+    match caller.get_export("memory") {
+        Some(Extern::Memory(memory)) => Ok(memory),
+        _ => Err(wasmtime::Error::msg("the plugin exports no memory")),
+    }
+}
+
+fn bytes<'c>(caller: &'c mut Caller<'_, Host>, place: u32, length: u32) -> Result<&'c [u8], wasmtime::Error> {
+    let memory = memory(caller)?;
+    let start = place as usize;
+    let bytes = memory.data(&*caller).get(start..start + length as usize);
+    bytes.ok_or_else(|| wasmtime::Error::msg("bytes outside of the plugin's memory"))
+}
+
+fn text(caller: &mut Caller<'_, Host>, place: u32, length: u32) -> Result<String, wasmtime::Error> {
+    match length as usize <= MOST_TEXT {
+        true => Ok(String::from_utf8_lossy(bytes(caller, place, length)?).into_owned()),
+        false => Err(wasmtime::Error::msg(format!("a text of {length} bytes, {MOST_TEXT} are allowed"))),
+    }
+}
+
+/// Makes the functions known to a plugin.
+pub fn link(linker: &mut Linker<Host>) -> Result<(), WasmError> {
+    let wrong = |e: wasmtime::Error| WasmError(e.to_string());
+    linker.func_wrap("choreo", "read", read).map_err(wrong)?;
+    linker.func_wrap("choreo", "take", take).map_err(wrong)?;
+    linker.func_wrap("choreo", "progress", progress).map_err(wrong)?;
+    linker.func_wrap("choreo", "wants_clip", wants_clip).map_err(wrong)?;
+    linker.func_wrap("choreo", "snapshot", snapshot).map_err(wrong)?;
+    linker.func_wrap("choreo", "beside", beside).map_err(wrong)?;
+    linker.func_wrap("choreo", "write", write).map_err(wrong)?;
+    linker.func_wrap("choreo", "panicked", panicked).map_err(wrong)?;
+    Ok(())
+}
+
+fn read(mut caller: Caller<'_, Host>, name: u32, length: u32) -> Result<i64, wasmtime::Error> {
+    let name = text(&mut caller, name, length)?;
+    let host = caller.data_mut();
+    let answer = host.ask(Ask::Read(name))?;
+    Ok(host.receive(answer).map_or_else(|text| -1 - text as i64, |length| length as i64))
+}
+
+fn take(mut caller: Caller<'_, Host>, place: u32) -> Result<(), wasmtime::Error> {
+    let bytes = std::mem::take(&mut caller.data_mut().ready);
+    let memory = memory(&mut caller)?;
+    let written = memory.write(&mut caller, place as usize, &bytes);
+    written.map_err(|_| wasmtime::Error::msg("a place outside of the plugin's memory"))
+}
+
+fn progress(mut caller: Caller<'_, Host>, part: f32) -> Result<i32, wasmtime::Error> {
+    let answer = caller.data_mut().ask(Ask::Progress(part))?;
+    Ok(i32::from(!matches!(answer, Answer::Yes(false))))
+}
+
+fn wants_clip(
+    mut caller: Caller<'_, Host>,
+    index: u32,
+    name: u32,
+    length: u32,
+) -> Result<i32, wasmtime::Error> {
+    let name = text(&mut caller, name, length)?;
+    let answer = caller.data_mut().ask(Ask::WantsClip(index as usize, name))?;
+    Ok(i32::from(!matches!(answer, Answer::Yes(false))))
+}
+
+fn snapshot(mut caller: Caller<'_, Host>, time: i64) -> Result<u32, wasmtime::Error> {
+    let host = caller.data_mut();
+    let answer = host.ask(Ask::Snapshot(Time(time)))?;
+    match host.receive(answer) {
+        Ok(length) => {
+            u32::try_from(length).map_err(|_| wasmtime::Error::msg("a snapshot of more than 4 GiB"))
+        }
+        Err(_) => Err(wasmtime::Error::msg("there is no scene to ask for poses")),
+    }
+}
+
+/// An answer other than yes ends the call.
+fn allowed(answer: Answer) -> Result<(), wasmtime::Error> {
+    match answer {
+        Answer::Yes(true) => Ok(()),
+        Answer::Bytes(Err(text)) => Err(wasmtime::Error::msg(text)),
+        _ => Err(wasmtime::Error::msg("the program has refused")),
+    }
+}
+
+fn beside(mut caller: Caller<'_, Host>, ending: u32, length: u32) -> Result<u32, wasmtime::Error> {
+    let ending = text(&mut caller, ending, length)?;
+    let host = caller.data_mut();
+    if host.beside.len() >= MOST_FILES {
+        return Err(wasmtime::Error::msg(format!("more than {MOST_FILES} files")));
+    }
+    let answer = host.ask(Ask::Beside(ending.clone()))?;
+    allowed(answer)?;
+    host.beside.push(ending);
+    Ok(host.beside.len() as u32)
+}
+
+fn write(mut caller: Caller<'_, Host>, file: u32, place: u32, length: u32) -> Result<(), wasmtime::Error> {
+    let bytes = bytes(&mut caller, place, length)?.to_vec();
+    let host = caller.data_mut();
+    let ending = match file {
+        0 => Some(String::new()),
+        file => host.beside.get(file as usize - 1).cloned(),
+    };
+    let ending = ending.ok_or_else(|| wasmtime::Error::msg(format!("there is no file {file}")))?;
+    let answer = host.ask(Ask::Write(ending, bytes))?;
+    allowed(answer)
+}
+
+fn panicked(mut caller: Caller<'_, Host>, place: u32, length: u32) {
+    let said = text(&mut caller, place, length).unwrap_or_default();
+    caller.data_mut().panic = Some(said);
+}

@@ -1,0 +1,251 @@
+//! Plugins that are damaged or hostile, written in WebAssembly's text form: each gives an error that says what is wrong, in bounded time
+//! and memory.
+
+use choreo_plugin::transfer::to_bytes;
+use choreo_plugin::{
+    Claim, ExportedScene, Files, ImportOptions, ImportScope, Importer, Manifest, MemoryFiles, Registry,
+    SceneExporter, Source,
+};
+use choreo_wasm_plugin::{Limits, WasmExporter, WasmImporter};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// The constant that means a result of that many bytes at a place.
+fn result(place: usize, length: usize) -> String {
+    format!("(i64.const {})", (place as u64) << 32 | length as u64)
+}
+
+/// A plugin with the manifest of `odd 1.0.0` at 4096, room for arguments at 8192, and the functions given.
+fn plugin(more: &str) -> Vec<u8> {
+    let manifest = to_bytes(&Manifest::new("odd", "1.0.0", "fails").extensions(["odd"]));
+    let data: String = manifest.iter().map(|byte| format!("\\{byte:02x}")).collect();
+    let with = |name: &str, default: &str| match more.contains(&format!("(export \"{name}\")")) {
+        true => String::new(),
+        false => default.to_string(),
+    };
+    let text = format!(
+        "(module {more} {} {} {} {} (data (i32.const 4096) \"{data}\"))",
+        with("memory", "(memory (export \"memory\") 2)"),
+        with("choreo_abi", "(func (export \"choreo_abi\") (result i32) i32.const 1)"),
+        with(
+            "choreo_argument",
+            "(func (export \"choreo_argument\") (param i32) (result i32) i32.const 8192)"
+        ),
+        with(
+            "choreo_manifest",
+            &format!("(func (export \"choreo_manifest\") (result i64) {})", result(4096, manifest.len()))
+        ),
+    );
+    wat::parse_str(text).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// A plugin whose import is this.
+fn importing(body: &str) -> Vec<u8> {
+    plugin(&format!("(func (export \"choreo_import\") (result i64) {body})"))
+}
+
+struct Beside;
+
+impl Files for Beside {
+    fn read(&self, name: &str) -> Result<Arc<Vec<u8>>, String> {
+        match name {
+            "side" => Ok(Arc::new(vec![7; 9])),
+            _ => Err(format!("no file {name}")),
+        }
+    }
+}
+
+fn made(bytes: &[u8]) -> String {
+    WasmImporter::from_bytes(bytes).err().map(|e| e.to_string()).unwrap_or_default()
+}
+
+/// The error of an import with little time and memory, after the name of the plugin.
+fn failed(bytes: &[u8]) -> String {
+    let limits = Limits { memory: 4 << 20, time: Duration::from_millis(300) };
+    let importer = WasmImporter::from_bytes(bytes).unwrap_or_else(|e| panic!("{e}")).with_limits(limits);
+    let mut registry = Registry::default();
+    registry.add_importer(importer);
+    let source = Source { name: "a.odd".into(), bytes: Arc::new(vec![1, 2, 3]) };
+    let start = Instant::now();
+    let result = registry.import(&source, &Beside, ImportScope::ALL, &ImportOptions::default(), None);
+    assert!(start.elapsed() < Duration::from_secs(20));
+    let error = result.err().expect("an error").to_string();
+    let plain = error.strip_prefix("a.odd: the plugin odd 1.0.0 has failed: ");
+    plain.unwrap_or_else(|| panic!("{error}")).to_string()
+}
+
+#[test]
+fn a_sound_plugin_gives_its_manifest() {
+    let importer = WasmImporter::from_bytes(&plugin("")).unwrap();
+    assert_eq!((importer.manifest().name.as_str(), importer.manifest().version.as_str()), ("odd", "1.0.0"));
+    let source = Source { name: "a.odd".into(), bytes: Arc::default() };
+    assert_eq!(importer.claim(&source), Claim::Extension);
+}
+
+#[test]
+fn what_is_no_plugin_is_refused() {
+    assert!(made(b"").starts_with("it is no plugin in WebAssembly: "), "{}", made(b""));
+    assert!(made(b"\x7fELF and more").starts_with("it is no plugin in WebAssembly: "));
+    let mut cut = plugin("");
+    cut.truncate(cut.len() / 2);
+    assert!(made(&cut).starts_with("it is no plugin in WebAssembly: "));
+    let empty = wat::parse_str("(module)").unwrap();
+    assert_eq!(made(&empty), "it exports no function choreo_abi as choreo calls it");
+    let abi =
+        |number: u32| plugin(&format!("(func (export \"choreo_abi\") (result i32) i32.const {number})"));
+    assert_eq!(
+        made(&abi(0)),
+        "it was built for version 0 of the calls, this is version 1; build it again with this choreo"
+    );
+    assert_eq!(made(&abi(2)), "it was built for version 2 of the calls, this is version 1; update choreo");
+    let typed = plugin("(func (export \"choreo_manifest\") (param i64) (result i64) i64.const 0)");
+    assert_eq!(made(&typed), "it exports no function choreo_manifest as choreo calls it");
+    let short = plugin("(func (export \"choreo_manifest\") (result i64) i64.const 3)");
+    assert_eq!(made(&short), format!("{UNREADABLE}byte 0: 8 bytes are needed, 3 are left"));
+    let unknown = plugin("(import \"env\" \"system\" (func (param i32)))");
+    assert!(made(&unknown).contains("unknown import: `env::system`"), "{}", made(&unknown));
+    let start = plugin("(func $s (loop br 0)) (start $s)");
+    assert_eq!(made(&start), "it takes more than 2 s, which is the limit");
+    let large = plugin("(memory (export \"memory\") 60000)");
+    assert!(made(&large).contains("memory"), "{}", made(&large));
+}
+
+const UNREADABLE: &str = "its result is not what choreo reads: ";
+
+/// A manifest whose magic bytes are lists in the plugin's memory: `odd 1.0.0` without extensions.
+fn with_magic(lists: &[(u64, u64)]) -> String {
+    let start = to_bytes(&Manifest::new("odd", "1.0.0", ""));
+    // It ends with the number of magics and that of options.
+    let mut bytes = start[..start.len() - 16].to_vec();
+    bytes.extend((lists.len() as u64).to_le_bytes());
+    for (count, place) in lists {
+        bytes.extend((1u64 << 63 | count).to_le_bytes().iter().chain(&place.to_le_bytes()));
+    }
+    bytes.extend(0u64.to_le_bytes());
+    let data: String = bytes.iter().map(|byte| format!("\\{byte:02x}")).collect();
+    let returned = result(0, bytes.len());
+    let manifest = format!(
+        "(func (export \"choreo_manifest\") (result i64) {returned}) (data (i32.const 0) \"{data}\")
+        (memory (export \"memory\") 2)"
+    );
+    match WasmImporter::from_bytes(&plugin(&manifest)) {
+        Ok(importer) => format!("{:?}", importer.manifest().magic),
+        Err(error) => error.to_string(),
+    }
+}
+
+#[test]
+fn lists_elsewhere_lie_in_the_memory_and_are_no_longer_than_it() {
+    assert_eq!(with_magic(&[(3, 0), (0, 1 << 17)]), "[[3, 0, 0], []]");
+    let outside = |count: u64, place: u64| with_magic(&[(count, place)]);
+    assert!(outside(1, 1 << 17).ends_with(": a list of 1 bytes at 131072, outside of its memory"));
+    assert!(outside(2, u64::MAX).contains("outside of its memory"));
+    assert!(outside((1 << 63) - 1, 8).contains("outside of its memory"));
+    // 128 KiB at most, however often the same place is named.
+    assert!(with_magic(&[(1 << 16, 0), (1 << 16, 0)]).starts_with("[["));
+    let third = with_magic(&[(1 << 16, 0), (1 << 16, 0), (1, 0)]);
+    assert!(third.ends_with("its lists have more bytes than its memory"), "{third}");
+}
+
+#[test]
+fn imports_that_fail_say_how() {
+    assert!(failed(&importing("unreachable")).starts_with("it was stopped: "));
+    assert_eq!(failed(&importing("(loop br 0) i64.const 0")), "it takes more than 0.3 s, which is the limit");
+    assert_eq!(
+        failed(&plugin("(func $f (export \"choreo_import\") (result i64) call $f i64.const 1 i64.add)")),
+        "its calls are nested too deep; does one call itself without end?"
+    );
+    // It asks for memory until it gets none, and then gives up.
+    let bomb = "(loop (br_if 0 (i32.ne (memory.grow (i32.const 1)) (i32.const -1)))) unreachable";
+    let bombed = failed(&importing(bomb));
+    assert!(bombed.contains("its memory may be 4 MiB at most"), "{bombed}");
+    let outside = failed(&importing("i32.const 0x7fffffff i32.load drop i64.const 0"));
+    assert!(outside.contains("out of bounds memory access"), "{outside}");
+    assert_eq!(failed(&plugin("")), "it exports no function choreo_import as choreo calls it");
+}
+
+#[test]
+fn results_outside_of_memory_or_without_sense_are_refused() {
+    let outside = failed(&importing(&result(4096, 0x7fff_ffff)));
+    assert_eq!(outside, "its result, 2147483647 bytes at 4096, lies outside of its memory");
+    let empty = failed(&importing(&result(131_072, 0)));
+    assert_eq!(empty, format!("{UNREADABLE}byte 0: 1 bytes are needed, 0 are left"));
+    // The first byte of the argument is the length of the file's name, "a.odd": no variant of a reply.
+    let argument = failed(&importing(&result(8192, 30)));
+    assert_eq!(argument, format!("{UNREADABLE}byte 1: ImportReply has no variant 5"));
+    let far = "(func (export \"choreo_argument\") (param i32) (result i32)
+        (select (i32.const 0x7ffffff0) (i32.const 8192) (local.get 0)))
+        (func (export \"choreo_import\") (result i64) i64.const 0)";
+    assert_eq!(failed(&plugin(far)), "its argument at 2147483632 lies outside of its memory");
+    // An asset of 2^60 names: nothing is reserved for them.
+    let many = "(i32.store8 (i32.const 4096) (i32.const 0)) (i64.store (i32.const 4097) (i64.const 0))
+        (i64.store (i32.const 4105) (i64.const 0x1000000000000000)) ";
+    let many = failed(&importing(&(many.to_string() + &result(4096, 17))));
+    assert_eq!(many, format!("{UNREADABLE}byte 17: 8 bytes are needed, 0 are left"));
+}
+
+#[test]
+fn calls_of_the_program_check_what_they_are_given() {
+    let import = "(import \"choreo\" \"read\" (func $read (param i32 i32) (result i64)))
+        (import \"choreo\" \"take\" (func $take (param i32)))
+        (import \"choreo\" \"write\" (func $write (param i32 i32 i32)))
+        (import \"choreo\" \"snapshot\" (func $snapshot (param i64) (result i32)))";
+    let calling = |body: &str| {
+        failed(&plugin(&format!("{import} (func (export \"choreo_import\") (result i64) {body})")))
+    };
+    let read = |place: &str, length: &str| {
+        calling(&format!("(drop (call $read (i32.const {place}) (i32.const {length}))) i64.const 0"))
+    };
+    assert_eq!(read("0x7fffffff", "4"), "bytes outside of the plugin's memory");
+    assert_eq!(read("-1", "16"), "bytes outside of the plugin's memory");
+    assert_eq!(read("0", "-1"), "a text of 4294967295 bytes, 65536 are allowed");
+    let side =
+        "(i32.store (i32.const 0) (i32.const 0x65646973)) (drop (call $read (i32.const 0) (i32.const 4)))";
+    assert_eq!(
+        calling(&format!("{side} (call $take (i32.const 131070)) i64.const 0")),
+        "a place outside of the plugin's memory"
+    );
+    // What was read arrives: its nine bytes are seven each, which is no reply.
+    let arrived = format!("(call $take (i32.const 4096)) {}", result(4096, 9));
+    let unreadable = |variant: u8| format!("{UNREADABLE}byte 1: ImportReply has no variant {variant}");
+    assert_eq!(calling(&format!("{side} {arrived}")), unreadable(7));
+    // The file of the import is ready before anything else is read: 1, 2, 3; here on the argument's bytes.
+    assert_eq!(calling(&format!("(call $take (i32.const 4095)) {}", result(4097, 9))), unreadable(3));
+    // Of a file that is not there, the text: "no file " begins with 110.
+    let none =
+        "(i32.store (i32.const 0) (i32.const 0x65646970)) (drop (call $read (i32.const 0) (i32.const 4)))";
+    assert_eq!(calling(&format!("{none} {arrived}")), unreadable(110));
+    // An importer has no scene and writes no file.
+    let write = "(call $write (i32.const 0) (i32.const 0) (i32.const 8)) i64.const 9";
+    assert_eq!(calling(write), "an importer writes no files");
+    let pose = "(drop (call $snapshot (i64.const 0))) i64.const 9";
+    assert_eq!(calling(pose), "there is no scene to ask for poses");
+}
+
+/// Notes of an export of an empty scene, or the error after the plugin's name.
+fn exported(body: &str) -> Result<MemoryFiles, String> {
+    let import = "(import \"choreo\" \"beside\" (func $beside (param i32 i32) (result i32)))
+        (import \"choreo\" \"write\" (func $write (param i32 i32 i32)))";
+    let text = format!("{import} (func (export \"choreo_export\") (result i64) {body})");
+    let exporter = WasmExporter::from_bytes(&plugin(&text)).unwrap_or_else(|e| panic!("{e}"));
+    let mut files = MemoryFiles::default();
+    let scene = ExportedScene::new("a.rhai", Arc::default());
+    let notes = exporter.export(&scene, &mut files).map_err(|e| e.to_string());
+    let plain = |e: String| e.strip_prefix("the plugin odd 1.0.0 has failed: ").unwrap_or(&e).to_string();
+    notes.map(|_| files).map_err(plain)
+}
+
+#[test]
+fn exports_write_only_files_that_are_open() {
+    // A reply without notes is nine zeros, here at 0; the text written is the manifest's name, at 4104.
+    let written = "(call $write (i32.const 0) (i32.const 4104) (i32.const 3))
+        (call $write (call $beside (i32.const 4104) (i32.const 1)) (i32.const 4105) (i32.const 2)) i64.const 9";
+    let files = exported(written).unwrap();
+    assert_eq!((files.main.as_slice(), files.beside["o"].as_slice()), (&b"odd"[..], &b"dd"[..]));
+    let unknown = "(call $write (i32.const 1) (i32.const 0) (i32.const 8)) i64.const 9";
+    assert_eq!(exported(unknown).unwrap_err(), "there is no file 1");
+    let outside = "(call $write (i32.const 0) (i32.const 131070) (i32.const 8)) i64.const 9";
+    assert_eq!(exported(outside).unwrap_err(), "bytes outside of the plugin's memory");
+    let odd = format!("{UNREADABLE}byte 1: ExportReply has no variant 3");
+    assert_eq!(exported(&result(4096, 20)).unwrap_err(), odd);
+}

@@ -1,0 +1,184 @@
+//! Importer of PLY, ASCII and binary: the positions and normals of vertices, and faces. Compiled into a program or to WebAssembly, and
+//! measured against itself in both forms.
+
+use choreo_plugin::asset::Asset;
+use choreo_plugin::{
+    AssetBuilder, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, MeshData, Source,
+};
+use std::sync::LazyLock;
+
+static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+    Manifest::new("ply", "1.0.0", "Stanford polygons: vertices with normals, and faces")
+        .extensions(["ply"])
+        .magic(b"ply\n")
+        .number("scale", "metres a unit of the file", 1.0, 1e-6..=1e6)
+});
+
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PlyImporter;
+
+choreo_plugin::wasm_importer!(PlyImporter);
+
+impl Importer for PlyImporter {
+    fn manifest(&self) -> &Manifest {
+        &MANIFEST
+    }
+
+    fn import(
+        &self,
+        source: &Source,
+        _files: &dyn Files,
+        _needs: ImportScope,
+        options: &ImportOptions,
+    ) -> Result<Asset, ImportError> {
+        let error = |(place, what): (usize, String)| ImportError {
+            file: source.name.clone(),
+            place: format!("byte {place}"),
+            what,
+            hint: None,
+        };
+        let (header, at) = Header::read(&source.bytes).map_err(error)?;
+        let mut mesh = match header.binary {
+            true => binary(&header, &source.bytes, at),
+            false => ascii(&header, &source.bytes, at),
+        }
+        .map_err(error)?;
+        let scale = options.number("scale").unwrap_or(1.0) as f32;
+        if scale != 1.0 {
+            mesh.positions.iter_mut().for_each(|v| *v *= scale);
+        }
+        let mut builder = AssetBuilder::default();
+        builder.mesh(mesh).map_err(|e| error((0, e.to_string())))?;
+        builder.finish(&source.name).map_err(|e| error((0, e.to_string())))
+    }
+}
+
+/// The place in the file, and what is wrong there.
+type PlyError = (usize, String);
+
+struct Header {
+    binary: bool,
+    vertices: usize,
+    faces: usize,
+    /// Numbers a vertex: 3, or 6 with a normal.
+    width: usize,
+}
+
+impl Header {
+    /// The header, and where it ends.
+    fn read(bytes: &[u8]) -> Result<(Header, usize), PlyError> {
+        let mut header = Header { binary: false, vertices: 0, faces: 0, width: 0 };
+        let (mut at, mut of_vertices) = (0, false);
+        loop {
+            let rest = &bytes[at..];
+            let end = rest
+                .iter()
+                .position(|b| *b == b'\n')
+                .ok_or_else(|| (at, "the header has no end".to_string()))?;
+            let line = String::from_utf8_lossy(&rest[..end]);
+            let words: Vec<&str> = line.split_whitespace().collect();
+            let count = |word: &str| word.parse().map_err(|_| (at, format!("\"{word}\" is no count")));
+            match words.as_slice() {
+                ["format", "binary_little_endian", _] => header.binary = true,
+                ["format", "ascii", _] | ["ply"] | ["comment", ..] => {}
+                ["element", "vertex", n] => (header.vertices, of_vertices) = (count(n)?, true),
+                ["element", "face", n] => (header.faces, of_vertices) = (count(n)?, false),
+                ["property", "float" | "float32", _] if of_vertices => header.width += 1,
+                ["property", "list", "uchar" | "uint8", "int" | "int32" | "uint", _] if !of_vertices => {}
+                ["end_header"] => break at += end + 1,
+                _ => return Err((at, format!("unknown line \"{line}\""))),
+            }
+            at += end + 1;
+        }
+        match header.width {
+            3 | 6 => Ok((header, at)),
+            other => Err((at, format!("a vertex has 3 or 6 numbers, here {other}"))),
+        }
+    }
+}
+
+/// Adds a vertex's numbers to the arrays.
+fn push(mesh: &mut MeshData, row: &[f32]) {
+    mesh.positions.extend_from_slice(&row[..3]);
+    mesh.normals.extend_from_slice(&row[3..]);
+}
+
+/// Room for what the header announces, at most for so many numbers: growing lists are copied again and again.
+fn reserve(mesh: &mut MeshData, header: &Header, most: usize) {
+    mesh.positions.reserve(header.vertices.saturating_mul(3).min(most));
+    mesh.normals.reserve(header.vertices.saturating_mul(header.width - 3).min(most));
+    mesh.indices.reserve(header.faces.saturating_mul(3).min(most));
+}
+
+fn ascii(header: &Header, bytes: &[u8], at: usize) -> Result<MeshData, PlyError> {
+    let mut words = Words { bytes, at };
+    let mut mesh = MeshData { name: "ply".into(), ..MeshData::default() };
+    // A number takes two bytes at least, whatever the header claims.
+    let most = (bytes.len() - at) / 2;
+    reserve(&mut mesh, header, most);
+    let mut row = [0.0f32; 6];
+    for _ in 0..header.vertices {
+        for value in &mut row[..header.width] {
+            *value = words.next()?;
+        }
+        push(&mut mesh, &row[..header.width]);
+    }
+    for _ in 0..header.faces {
+        let count: usize = words.next()?;
+        let (first, mut before): (u32, u32) = (words.next()?, words.next()?);
+        for _ in 2..count {
+            let vertex = words.next()?;
+            mesh.indices.extend([first, before, vertex]);
+            before = vertex;
+        }
+    }
+    Ok(mesh)
+}
+
+/// Words of a text.
+struct Words<'b> {
+    bytes: &'b [u8],
+    at: usize,
+}
+
+impl Words<'_> {
+    fn next<T: std::str::FromStr>(&mut self) -> Result<T, PlyError> {
+        let is_blank = |b: &u8| b.is_ascii_whitespace();
+        let rest = &self.bytes[self.at..];
+        let start = rest
+            .iter()
+            .position(|b| !is_blank(b))
+            .ok_or_else(|| (self.at, "the file ends here".to_string()))?;
+        let length = rest[start..].iter().position(is_blank).unwrap_or(rest.len() - start);
+        let (place, word) = (self.at + start, &rest[start..start + length]);
+        self.at = place + length;
+        let number = std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
+        number.ok_or_else(|| (place, format!("\"{}\" is no number", String::from_utf8_lossy(word))))
+    }
+}
+
+fn binary(header: &Header, bytes: &[u8], mut at: usize) -> Result<MeshData, PlyError> {
+    let mut mesh = MeshData { name: "ply".into(), ..MeshData::default() };
+    let size = header.vertices.checked_mul(header.width * 4).unwrap_or(usize::MAX);
+    let end = |at: usize| (at, "the file ends before its last element".to_string());
+    let table = bytes.get(at..at.saturating_add(size)).ok_or_else(|| end(at))?;
+    reserve(&mut mesh, header, bytes.len() / 4);
+    let mut row = [0.0f32; 6];
+    for vertex in table.chunks_exact(header.width * 4) {
+        for (value, bytes) in row.iter_mut().zip(vertex.as_chunks::<4>().0) {
+            *value = f32::from_le_bytes(*bytes);
+        }
+        push(&mut mesh, &row[..header.width]);
+    }
+    at += size;
+    for _ in 0..header.faces {
+        let count = usize::from(*bytes.get(at).ok_or_else(|| end(at))?);
+        let face = bytes.get(at + 1..at + 1 + 4 * count).ok_or_else(|| end(at))?;
+        let index = |i: usize| u32::from_le_bytes(face.as_chunks::<4>().0[i]);
+        for i in 2..count {
+            mesh.indices.extend([index(0), index(i - 1), index(i)]);
+        }
+        at += 1 + 4 * count;
+    }
+    Ok(mesh)
+}

@@ -1,0 +1,151 @@
+//! The struct `Parameters`: an effect's parameters by name and type, in place of an array of numbers. On the CPU the function gets
+//! the struct itself; shaders get a function `effect` that takes the array of numbers and calls the author's.
+
+use crate::signature::{PARAMETERS, Signature};
+use crate::tokens::Tokens;
+use choreo_plugin::parameters::CURVE_SAMPLES;
+use choreo_plugin::{Manifest, OptionKind, OptionSpec};
+
+/// The name of the author's function in shaders.
+const RENAMED: &str = "effect_of_author";
+
+/// Names that are declared around a text with the struct.
+pub const DECLARED: [&str; 4] = [PARAMETERS, RENAMED, "parameters_of", "curve_at"];
+
+/// Whether a text takes its parameters as the struct.
+pub fn is_typed(text: &str) -> bool {
+    Tokens::of(text).any(|(_, token)| token == PARAMETERS)
+}
+
+/// The struct, a constant for each choice of a text, and the function of curves.
+pub fn declarations(manifest: &Manifest) -> String {
+    let members: Vec<String> =
+        manifest.options.iter().map(|o| format!("{}: {}", o.name, type_of(o))).collect();
+    // A struct has at least one member.
+    let members = if members.is_empty() { "none_: f32".into() } else { members.join(", ") };
+    let mut text = format!("struct {PARAMETERS} {{ {members} }}\n");
+    for (name, number) in choices(manifest) {
+        text += &format!("const {name}: u32 = {number}u;\n");
+    }
+    if has_curve(manifest) {
+        let (last, cells) = (CURVE_SAMPLES - 1, CURVE_SAMPLES - 2);
+        text += &format!(
+            "fn curve_at(samples: array<f32, {CURVE_SAMPLES}>, x: f32) -> f32 {{\n\
+             \x20   var table = samples;\n    let at = clamp(x, 0.0, 1.0) * {last}.0;\n\
+             \x20   let cell = min(u32(at), {cells}u);\n\
+             \x20   return mix(table[cell], table[cell + 1u], at - f32(cell));\n}}\n"
+        );
+    }
+    text
+}
+
+/// The constants of texts, `MODE_SOFT`, with their values.
+pub fn choices(manifest: &Manifest) -> impl Iterator<Item = (String, usize)> {
+    manifest.options.iter().flat_map(|option| {
+        let one_of: &[String] = match &option.kind {
+            OptionKind::Text { one_of, .. } => one_of,
+            _ => &[],
+        };
+        let constant = |choice: &String| {
+            let word = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_uppercase() } else { '_' };
+            format!("{}_{}", option.name, choice).chars().map(word).collect()
+        };
+        one_of.iter().map(constant).zip(0..)
+    })
+}
+
+/// The text as shaders have it: the author's function by another name, and the function `effect` of its hook around it.
+pub fn adapted(text: &str, manifest: &Manifest, signature: &Signature) -> String {
+    let length = manifest.parameter_length();
+    let array = format!("array<f32, {length}>");
+    let head = signature.text.replace(PARAMETERS, &array);
+    let arguments: Vec<&str> =
+        head.split(['(', ',', ')']).filter_map(|part| part.split_once(':')).map(|p| p.0.trim()).collect();
+    let before = &arguments[..arguments.len().saturating_sub(1)];
+    let before: String = before.iter().map(|name| format!("{name}, ")).collect();
+    let values: Vec<String> =
+        (0..).zip(&manifest.options).map(|(i, option)| value_of(option, manifest.first_number(i))).collect();
+    let values = if values.is_empty() { "0.0".into() } else { values.join(", ") };
+    format!(
+        "{}\nfn parameters_of(p: {array}) -> {PARAMETERS} {{ return {PARAMETERS}({values}); }}\n\
+         {head} {{ return {RENAMED}({before}parameters_of(p)); }}\n",
+        renamed(text)
+    )
+}
+
+fn type_of(option: &OptionSpec) -> String {
+    match &option.kind {
+        OptionKind::Number { .. } => "f32".into(),
+        OptionKind::Integer { .. } => "i32".into(),
+        OptionKind::Bool { .. } => "bool".into(),
+        OptionKind::Text { .. } => "u32".into(),
+        OptionKind::Color { .. } => "vec3<f32>".into(),
+        OptionKind::Vector { default, .. } => format!("vec{}<f32>", default.len()),
+        OptionKind::Curve { .. } => format!("array<f32, {CURVE_SAMPLES}>"),
+    }
+}
+
+/// A member made of the array of numbers.
+fn value_of(option: &OptionSpec, first: usize) -> String {
+    match &option.kind {
+        OptionKind::Number { .. } => format!("p[{first}]"),
+        OptionKind::Integer { .. } => format!("i32(p[{first}])"),
+        OptionKind::Bool { .. } => format!("p[{first}] > 0.5"),
+        OptionKind::Text { .. } => format!("u32(p[{first}])"),
+        _ => {
+            let numbers: Vec<String> =
+                (first..first + option.number_count()).map(|number| format!("p[{number}]")).collect();
+            format!("{}({})", type_of(option), numbers.join(", "))
+        }
+    }
+}
+
+fn has_curve(manifest: &Manifest) -> bool {
+    manifest.options.iter().any(|o| matches!(o.kind, OptionKind::Curve { .. }))
+}
+
+/// The text with its function `effect` renamed; lines stay.
+fn renamed(text: &str) -> String {
+    let mut out = String::with_capacity(text.len() + 16);
+    let (mut copied, mut before) = (0, "");
+    for (at, token) in Tokens::of(text) {
+        if token == "effect" && before != "." {
+            out.push_str(&text[copied..at]);
+            out.push_str(RENAMED);
+            copied = at + token.len();
+        }
+        before = token;
+    }
+    out.push_str(&text[copied..]);
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::signature::signature;
+    use choreo_plugin::Hook;
+
+    #[test]
+    fn shaders_get_an_array_of_numbers() {
+        let manifest = Manifest::new("all", "1", "")
+            .flag("on", "", true)
+            .integer("count", "", 1, 0..=9)
+            .text("mode", "", "soft", &["soft", "very hard"])
+            .color("tint", "", [1.0; 3]);
+        let declared = declarations(&manifest);
+        assert_eq!(
+            declared,
+            "struct Parameters { on: bool, count: i32, mode: u32, tint: vec3<f32> }\n\
+             const MODE_SOFT: u32 = 0u;\nconst MODE_VERY_HARD: u32 = 1u;\n"
+        );
+        let text = "fn effect(color: vec4<f32>, uv: vec2<f32>, p: Parameters) -> vec4<f32> { return color; } // effect";
+        let adapted = adapted(text, &manifest, signature(Hook::Pixel));
+        let end = "fn parameters_of(p: array<f32, 8>) -> Parameters { return Parameters(p[0] > 0.5, i32(p[1]), u32(p[2]), \
+                   vec3<f32>(p[3], p[4], p[5])); }\n\
+                   fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> \
+                   { return effect_of_author(color, uv, parameters_of(p)); }\n";
+        assert_eq!(adapted, format!("{}\n{end}", text.replacen("fn effect", "fn effect_of_author", 1)));
+        assert!(is_typed(text) && !is_typed("// Parameters\nfn effect() {}"));
+    }
+}

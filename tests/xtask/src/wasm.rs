@@ -1,0 +1,23 @@
+//! `cargo xtask wasm`: the tests of plugins in WebAssembly. Their engine takes minutes to build, so that `cargo xtask test` leaves them out.
+
+use crate::{cargo, run};
+use std::process::Command;
+
+/// Rust's target for plugins.
+const TARGET: &str = "wasm32-unknown-unknown";
+
+/// The engine in all programs, and WebAssembly as text for damaged plugins.
+const FEATURES: &str = "choreo/wasm,choreo-viewer/wasm,choreo-wasm-plugin/wat";
+
+pub fn wasm() -> Result<(), String> {
+    let mut add = Command::new("rustup");
+    add.args(["target", "add", TARGET]);
+    run(add, "rustup target add")?;
+    let lint =
+        ["clippy", "--quiet", "--workspace", "--all-targets", "--features", FEATURES, "--", "-D", "warnings"];
+    run(cargo(&lint), "cargo clippy")?;
+    let tests = ["--test", "damaged", "--test", "same_as_crate", "--test", "wasm"];
+    let mut command = cargo(&["test", "--workspace", "--no-fail-fast", "--features", FEATURES]);
+    command.args(tests);
+    run(command, "cargo test")
+}
