@@ -35,40 +35,18 @@ pub enum Formats {
     All,
 }
 
+/// What an image's header says.
+struct Header {
+    format: ImageFormat,
+    width: u32,
+    height: u32,
+}
+
 impl<B: AsRef<[u8]>> Encoded<B> {
     /// Format and size from the header alone.
     pub fn examine(place: String, name: String, bytes: B, formats: Formats) -> Result<Encoded<B>> {
         let fail = |what: String| Problem::new(place.clone(), format!("\"{name}\" {what}"));
-        let mut reader = ImageReader::new(Cursor::new(bytes.as_ref()))
-            .with_guessed_format()
-            .map_err(|e| fail(format!("cannot be read: {e}")))?;
-        let all = formats == Formats::All;
-        let tga = all && name.rsplit_once('.').is_some_and(|(_, e)| e.eq_ignore_ascii_case("tga"));
-        let format = match reader.format() {
-            Some(f @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) => f,
-            Some(ImageFormat::Bmp) if all => ImageFormat::Bmp,
-            None if tga => ImageFormat::Tga,
-            _ => {
-                let known = if all { "PNG, JPEG, WebP, BMP or TGA" } else { "PNG, JPEG or WebP" };
-                return Err(fail(format!("is not a {known} image"))
-                    .hint("convert the textures to PNG or JPEG; KTX2 and DDS are not supported"));
-            }
-        };
-        reader.set_format(format);
-        let (width, height) =
-            reader.into_dimensions().map_err(|e| fail(format!("has a damaged header: {e}")))?;
-        if width > MAX_IMAGE_SIDE || height > MAX_IMAGE_SIDE {
-            return Err(fail(format!("has {width} x {height} pixels; the limit is {MAX_IMAGE_SIDE} a side"))
-                .hint("make the texture smaller"));
-        }
-        let pixels = u64::from(width) * u64::from(height);
-        if pixels > MAX_IMAGE_PIXELS || pixels == 0 {
-            let limit = MAX_IMAGE_PIXELS >> 20;
-            return Err(fail(format!(
-                "has {width} x {height} pixels; the limits are 1 pixel and {limit} megapixels"
-            ))
-            .hint("make the texture smaller"));
-        }
+        let Header { format, width, height } = header(&name, bytes.as_ref(), formats, &fail)?;
         Ok(Encoded { place, name, width, height, bytes, format })
     }
 
@@ -86,20 +64,61 @@ impl<B: AsRef<[u8]>> Encoded<B> {
         let fail = |what: String| {
             Problem::new(self.place.clone(), format!("\"{}\" cannot be decoded: {what}", self.name))
         };
-        let mut reader = ImageReader::with_format(Cursor::new(self.bytes.as_ref()), self.format);
-        let mut limits = image::Limits::default();
-        limits.max_image_width = Some(MAX_IMAGE_SIDE);
-        limits.max_image_height = Some(MAX_IMAGE_SIDE);
-        // A 16-bit RGBA image and the decoder's own rows.
-        limits.max_alloc = Some(MAX_IMAGE_PIXELS * 16);
-        reader.limits(limits);
-        let decoder = reader.into_decoder().map_err(|e| fail(e.to_string()))?;
-        if decoder.dimensions() != (self.width, self.height) {
-            return Err(fail("its size differs from its header".into()));
-        }
-        let rgba = rgba(decoder).map_err(|e| fail(e.to_string()))?;
-        Ok(Arc::new(Image { name: self.name.clone(), width: self.width, height: self.height, rgba }))
+        let (format, width, height) = (self.format, self.width, self.height);
+        let rgba = decoded(self.bytes.as_ref(), &Header { format, width, height }, &fail)?;
+        Ok(Arc::new(Image { name: self.name.clone(), width, height, rgba }))
     }
+}
+
+// The two functions below have no type parameters, so that the decoders are compiled once and not in each importer.
+
+fn header(name: &str, bytes: &[u8], formats: Formats, fail: &dyn Fn(String) -> Problem) -> Result<Header> {
+    let mut reader = ImageReader::new(Cursor::new(bytes))
+        .with_guessed_format()
+        .map_err(|e| fail(format!("cannot be read: {e}")))?;
+    let all = formats == Formats::All;
+    let tga = all && name.rsplit_once('.').is_some_and(|(_, e)| e.eq_ignore_ascii_case("tga"));
+    let format = match reader.format() {
+        Some(f @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) => f,
+        Some(ImageFormat::Bmp) if all => ImageFormat::Bmp,
+        None if tga => ImageFormat::Tga,
+        _ => {
+            let known = if all { "PNG, JPEG, WebP, BMP or TGA" } else { "PNG, JPEG or WebP" };
+            return Err(fail(format!("is not a {known} image"))
+                .hint("convert the textures to PNG or JPEG; KTX2 and DDS are not supported"));
+        }
+    };
+    reader.set_format(format);
+    let (width, height) = reader.into_dimensions().map_err(|e| fail(format!("has a damaged header: {e}")))?;
+    if width > MAX_IMAGE_SIDE || height > MAX_IMAGE_SIDE {
+        return Err(fail(format!("has {width} x {height} pixels; the limit is {MAX_IMAGE_SIDE} a side"))
+            .hint("make the texture smaller"));
+    }
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels > MAX_IMAGE_PIXELS || pixels == 0 {
+        let limit = MAX_IMAGE_PIXELS >> 20;
+        return Err(fail(format!(
+            "has {width} x {height} pixels; the limits are 1 pixel and {limit} megapixels"
+        ))
+        .hint("make the texture smaller"));
+    }
+    Ok(Header { format, width, height })
+}
+
+/// The pixels as 8-bit RGBA.
+fn decoded(bytes: &[u8], header: &Header, fail: &dyn Fn(String) -> Problem) -> Result<Vec<u8>> {
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), header.format);
+    let mut limits = image::Limits::default();
+    limits.max_image_width = Some(MAX_IMAGE_SIDE);
+    limits.max_image_height = Some(MAX_IMAGE_SIDE);
+    // A 16-bit RGBA image and the decoder's own rows.
+    limits.max_alloc = Some(MAX_IMAGE_PIXELS * 16);
+    reader.limits(limits);
+    let decoder = reader.into_decoder().map_err(|e| fail(e.to_string()))?;
+    if decoder.dimensions() != (header.width, header.height) {
+        return Err(fail("its size differs from its header".into()));
+    }
+    rgba(decoder).map_err(|e| fail(e.to_string()))
 }
 
 /// Decodes to 8-bit RGBA. Colors of 8 bits are widened where they lie, so that no second image is in memory.

@@ -4,8 +4,10 @@ use crate::budget::{Budget, Refused, refuse};
 use crate::bytes::Bytes;
 use crate::fields::{self, FieldError, Fields, MESH, mesh_data};
 use choreo_asset::{
-    AlphaMode, Light, LightKind, Material, Projection, Sampler, Shading, TextureRef, Topology,
+    AlphaMode, Image, Light, LightKind, Material, Projection, Sampler, Shading, TextureRef, Topology,
 };
+use choreo_importer_kit::images::{Encoded, Formats};
+use choreo_importer_kit::problem::Problem;
 use choreo_motion::{Curve, Interpolation, Path, Time, Transform};
 use choreo_plugin::{AssetBuilder, ImportScope};
 use glam::{Affine2, Mat4, Quat, Vec3, Vec4};
@@ -277,36 +279,33 @@ fn image(scene: &Shared, budget: &Budget, map: &Map) -> Result<i64, Refused> {
         return Ok(0);
     }
     let name = f.text("name")?.unwrap_or_default();
-    let (width, height, pixels) = match f.value("file").and_then(|v| v.read_lock::<Bytes>()) {
-        Some(file) => decode(file.slice(), budget).map_err(|e| refuse(format!("image \"{name}\": {e}")))?,
-        None => {
-            let (width, height) = (f.index("width")?, f.index("height")?);
-            let (Some(width), Some(height)) = (width, height) else {
-                return Err(refuse(
-                    "image: give width, height and pixels, or file: the bytes of a PNG, JPEG or WebP",
-                ));
-            };
-            let pixels = match f.value("pixels").and_then(|v| v.read_lock::<Bytes>()) {
-                Some(bytes) => bytes.slice().to_vec(),
-                None => f.numbers("pixels")?.iter().map(|v| libm::round(*v) as u8).collect(),
-            };
-            (width, height, pixels)
-        }
+    let mut add = |width, height, pixels: &[u8]| {
+        scene.builder.image(&name, width, height, pixels).map(i64::from).map_err(|e| refuse(e.to_string()))
     };
-    scene.builder.image(&name, width, height, &pixels).map(i64::from).map_err(|e| refuse(e.to_string()))
+    if let Some(file) = f.value("file").and_then(|v| v.read_lock::<Bytes>()) {
+        let image = decode(&name, file.slice(), budget)?;
+        return add(image.width, image.height, &image.rgba);
+    }
+    let (Some(width), Some(height)) = (f.index("width")?, f.index("height")?) else {
+        return Err(refuse(
+            "image: give width, height and pixels, or file: the bytes of a PNG, JPEG or WebP",
+        ));
+    };
+    match f.value("pixels").and_then(|v| v.read_lock::<Bytes>()) {
+        Some(bytes) => add(width, height, bytes.slice()),
+        None => {
+            let pixels = f.numbers("pixels")?.into_iter().map(|v| libm::round(v) as u8);
+            add(width, height, &pixels.collect::<Vec<_>>())
+        }
+    }
 }
 
-fn decode(file: &[u8], budget: &Budget) -> Result<(u32, u32, Vec<u8>), Box<dyn std::error::Error>> {
-    let mut reader = image::ImageReader::new(std::io::Cursor::new(file)).with_guessed_format()?;
-    let mut limits = image::Limits::default();
-    limits.max_image_width = Some(16_384);
-    limits.max_image_height = Some(16_384);
-    limits.max_alloc = Some(512 << 20);
-    reader.limits(limits);
-    let rgba = reader.decode()?.into_rgba8();
-    // The decoder's own limit bounds what is taken before this is counted.
-    budget.take(rgba.as_raw().len())?;
-    Ok((rgba.width(), rgba.height(), rgba.into_raw()))
+/// The pixels of a whole PNG, JPEG or WebP file.
+fn decode(name: &str, file: &[u8], budget: &Budget) -> Result<Arc<Image>, Refused> {
+    let refused = |problem: Problem| refuse(format!("image: {}", problem.what));
+    let encoded = Encoded::examine("image".into(), name.into(), file, Formats::Web).map_err(refused)?;
+    budget.take(4 * encoded.pixels() as usize)?;
+    encoded.decode().map_err(refused)
 }
 
 fn clip(scene: &Shared, name: &str, curves: &Array) -> Result<(), Refused> {
