@@ -51,6 +51,8 @@ pub struct Stage {
     /// 2D layers in painter's order.
     pub layers_2d: Vec<Layer2d>,
     pub effects: Vec<EffectUse>,
+    /// Named times. They change no image.
+    pub markers: Vec<(String, Time)>,
     /// Called in order for every frame, after keyed properties and before joint matrices are built.
     pub hooks: Vec<Arc<dyn FrameHook>>,
     /// Warnings of the script and the stage ("clip longer than its slot"), for `check`.
