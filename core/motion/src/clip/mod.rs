@@ -6,6 +6,7 @@
 pub(crate) mod common_times;
 pub mod crossfade;
 pub(crate) mod key_search;
+pub(crate) mod own_times;
 pub(crate) mod packed;
 pub(crate) mod property_curve;
 pub mod sample;
