@@ -14,6 +14,7 @@ pub mod effect;
 mod effect_data;
 mod effect_hooks;
 pub mod effect_texture;
+pub mod excerpt;
 pub mod exporter;
 pub mod guest;
 pub mod importer;

@@ -19,7 +19,9 @@ mod numbers;
 mod on_use;
 mod posed;
 mod scene;
+mod script_error;
 
 pub use exporter::{EXPORTER_ENDING, RhaiExporter};
-pub use importer::{ENDING, RhaiImporter, ScriptError};
+pub use importer::{ENDING, RhaiImporter};
 pub use on_use::ImporterOnUse;
+pub use script_error::ScriptError;

@@ -12,7 +12,6 @@ use crate::skeleton::model_rest_pose::ModelRestPose;
 use crate::time::Time;
 use glam::{DAffine3, DQuat, DVec3};
 use std::sync::Arc;
-use thiserror::Error;
 
 /// Whether curves that share key times keep sharing them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -33,13 +32,26 @@ pub struct ReductionReport {
     pub worst_m: f64,
 }
 
-#[derive(Clone, Debug, PartialEq, Error)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum ReduceError {
-    #[error("the tolerance of {0} m must be from 0 m to 1 m")]
     Tolerance(f64),
-    #[error("the clip \"{clip}\" is of {joints} joints, the skeleton of {expected}")]
     Joints { clip: String, joints: usize, expected: usize },
 }
+
+impl std::fmt::Display for ReduceError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            ReduceError::Tolerance(tolerance) => {
+                write!(f, "the tolerance of {tolerance} m must be from 0 m to 1 m")
+            }
+            ReduceError::Joints { clip, joints, expected } => {
+                write!(f, "the clip \"{clip}\" is of {joints} joints, the skeleton of {expected}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for ReduceError {}
 
 /// A point that turns with a joint is at least this far from it, metres: fingertips and a hat also turn.
 const SHELL: f64 = 0.1;
