@@ -73,6 +73,9 @@ pub enum Command {
     /// Begin a plugin of your own: a crate, or with --single one file
     #[command(after_help = EXIT_CODES)]
     New(NewArgs),
+    /// Lay out scripts in one way: blanks, indentation, blank lines. Line breaks, comments and strings stay
+    #[command(after_help = EXIT_CODES)]
+    Format(FormatArgs),
     /// Serve editors: diagnostics, completion and more over standard input and output (Language Server Protocol)
     #[command(after_help = EXIT_CODES)]
     Lsp(LspArgs),
@@ -463,6 +466,16 @@ pub(crate) struct NewArgs {
 }
 
 #[derive(Args, Debug)]
+pub(crate) struct FormatArgs {
+    /// Scripts and folders of them (default: this folder); - reads standard input and prints the result
+    #[arg(value_name = "FILES")]
+    pub paths: Vec<PathBuf>,
+    /// Write nothing; name the scripts that would change, and fail if there are any
+    #[arg(long)]
+    pub check: bool,
+}
+
+#[derive(Args, Debug)]
 pub(crate) struct LspArgs {
     /// Said by editors; there is no other way
     #[arg(long, hide = true)]
@@ -537,7 +550,7 @@ impl Command {
             Command::Test(a) => a.json,
             Command::Plugins(a) => a.json || matches!(a.action, Some(PluginsAction::List { json: true })),
             Command::Help(a) => a.json,
-            Command::New(_) | Command::View(_) | Command::Lsp(_) => false,
+            Command::New(_) | Command::View(_) | Command::Format(_) | Command::Lsp(_) => false,
         }
     }
 }
