@@ -70,6 +70,7 @@ impl Book {
         }
         for page in &generated {
             book.paths.insert(page.source.clone(), page.path.clone());
+            book.paths.insert(format!("{SOURCES}/{}", page.path), page.path.clone());
         }
         let summary = book.read_file(&format!("{SOURCES}/SUMMARY.md"))?;
         let listed = book.list(&summary, &generated)?;
@@ -117,7 +118,8 @@ impl Book {
             };
             let target = normal(SOURCES, &line[link.target.clone()]);
             let files = self.matching(&target)?;
-            for file in files {
+            // A pattern does not list a page again.
+            for file in files.into_iter().filter(|file| !sources.contains(file)).collect::<Vec<_>>() {
                 let path = match file.strip_prefix(&format!("{SOURCES}/")) {
                     Some(own) => own.to_string(),
                     None => format!(

@@ -13,6 +13,8 @@ pub struct Lesson {
     pub file: String,
     pub path: PathBuf,
     pub text: String,
+    /// The words that it shows by the tables of `scripts/README.md`: `.play`, `sun(`.
+    pub words: Vec<String>,
     /// The plugin files beside it, with their texts.
     pub plugins: Vec<(String, String)>,
 }
@@ -46,7 +48,10 @@ pub fn lessons(root: &Path) -> Result<Vec<Lesson>, String> {
             let folder = path.with_file_name("plugins");
             let entries = std::fs::read_dir(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
             for entry in entries.flatten() {
-                plugins.push((entry.file_name().to_string_lossy().into_owned(), read(&entry.path())?));
+                let name = entry.file_name().to_string_lossy().into_owned();
+                if name.ends_with(".rhai") || name.ends_with(".wgsl") {
+                    plugins.push((name, read(&entry.path())?));
+                }
             }
             plugins.sort();
         }
@@ -55,11 +60,22 @@ pub fn lessons(root: &Path) -> Result<Vec<Lesson>, String> {
             title: title.trim().to_string(),
             file: format!("scripts/{target}"),
             text: read(&path)?,
+            words: words(&list, target),
             path,
             plugins,
         });
     }
     Ok(lessons)
+}
+
+/// The words in the rows of tables, `| what | words | lessons | …`, that link to a lesson.
+fn words(list: &str, target: &str) -> Vec<String> {
+    let rows = list.lines().filter_map(|line| {
+        let mut cells = line.strip_prefix("| ")?.split(" | ").skip(1);
+        let (words, lessons) = (cells.next()?, cells.next()?);
+        lessons.contains(&format!("]({target})")).then_some(words)
+    });
+    rows.flat_map(|words| words.split('`').skip(1).step_by(2)).map(String::from).collect()
 }
 
 /// The page of a lesson, and its image with the place in the book.

@@ -35,6 +35,13 @@ pub fn check(binary: &Path, script: &Path) -> Result<(), String> {
     run(command)
 }
 
+/// `choreo test` of one file.
+pub fn test(binary: &Path, script: &Path) -> Result<(), String> {
+    let mut command = choreo(binary);
+    command.arg("test").arg(script);
+    run(command)
+}
+
 /// Draws an image, or each frame of a contact sheet, of a width in pixels.
 pub fn draw(binary: &Path, drawing: &Drawing, out: &Path, width: u32, samples: &str) -> Result<(), String> {
     let mut command = choreo(binary);

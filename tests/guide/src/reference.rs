@@ -13,7 +13,7 @@ use std::path::Path;
 const FOLDER: &str = "scripts/guide/src/reference";
 /// The repository as their links see it.
 const ROOT: &str = "../../../..";
-/// Longest line of a lesson that is shown as an example.
+/// Longest line of a lesson that is shown as an example, in bytes.
 const LONGEST: usize = 130;
 
 /// Lines of scripts by the call that they show.
@@ -105,7 +105,7 @@ fn conventions() -> (String, String) {
     (before, after)
 }
 
-/// A line for each call: the example of its topic, and the first short line of a lesson with that lesson.
+/// For each call the example of its topic, and a line of a lesson that shows it.
 fn examples<'l>(frame: &str, lessons: &'l [Lesson]) -> Examples<'l> {
     let mut found: Examples<'l> = BTreeMap::new();
     for example in help::examples().filter(|example| !example.starts_with("choreo ")) {
@@ -114,13 +114,23 @@ fn examples<'l>(frame: &str, lessons: &'l [Lesson]) -> Examples<'l> {
             found.entry(entry.full_name()).or_default().0.get_or_insert(example);
         }
     }
+    // The lowest rank is shown: a lesson that is about the call, and a line that is a statement.
+    let mut ranks: BTreeMap<String, usize> = BTreeMap::new();
     for lesson in lessons {
         for (at, entry) in calls(&lesson.text) {
             let start = lesson.text[..at].rfind('\n').map_or(0, |end| end + 1);
             let line = lesson.text[start..].lines().next().unwrap_or_default().trim();
-            if line.len() <= LONGEST {
-                let known = &mut found.entry(entry.full_name()).or_default().1;
-                known.get_or_insert((line.to_string(), lesson));
+            let is_statement = line.ends_with(';') && !line.starts_with(['.', '}']);
+            let words = [format!(".{}", entry.name), format!("{}(", entry.name)];
+            let is_about = lesson.words.contains(&words[usize::from(entry.on.is_empty())]);
+            let rank = 2 * usize::from(!is_statement) + usize::from(!is_about);
+            let name = entry.full_name();
+            if line.len() <= LONGEST
+                && !line.ends_with('{')
+                && rank < *ranks.get(&name).unwrap_or(&usize::MAX)
+            {
+                ranks.insert(name.clone(), rank);
+                found.entry(name).or_default().1 = Some((line.to_string(), lesson));
             }
         }
     }
@@ -160,6 +170,8 @@ fn cell(text: &str) -> String {
 fn entry_text(entry: &Entry, examples: &Examples) -> String {
     let gives = match entry.gives {
         Returns::Nothing | Returns::Receiver => String::new(),
+        // An Image and a Plan have no methods, and so no page.
+        Returns::Handle(kind) if !describe::entries().iter().any(|e| e.on == kind) => format!(" → {kind}"),
         Returns::Handle(kind) => format!(" → [{kind}]({})", file(kind)),
         Returns::Value(what) => format!(" → {what}"),
     };
