@@ -9,6 +9,7 @@
 //! It knows neither the command line nor particular plugins: the [`Host`] gives it both.
 
 mod actions;
+mod calls;
 mod checker;
 mod colors;
 mod completion;
@@ -30,6 +31,7 @@ mod transport;
 mod values;
 mod view;
 
+pub use calls::calls;
 pub use server::{Ended, serve};
 
 use choreo_plugin::Registry;
