@@ -23,3 +23,6 @@ mod scene;
 pub use exporter::{EXPORTER_ENDING, RhaiExporter};
 pub use importer::{ENDING, RhaiImporter, ScriptError};
 pub use on_use::ImporterOnUse;
+
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");
