@@ -1,15 +1,19 @@
 //! The program `choreo`: the command line with the plugins of this repository. A program with plugins of its own adds them to
 //! [`app`] and gives it to [`run`] and, for its viewer, to `choreo_viewer::run`; `tests/studio` shows how.
 
+mod pages;
+
 use choreo_plugin::Registry;
 
-pub use choreo_command_line::{App, run};
+pub use choreo_command_line::{App, command, run};
 
 /// The program `choreo`.
 pub fn app() -> App {
     // Making the plugins takes memory, too.
     choreo_command_line::exit_code_of_abort();
-    App::new("choreo", env!("CARGO_PKG_VERSION"), registry())
+    let mut app = App::new("choreo", env!("CARGO_PKG_VERSION"), registry());
+    app.pages = pages::pages();
+    app
 }
 
 /// The plugins that this program is built with.

@@ -139,3 +139,78 @@ fn nothing_is_overwritten_and_names_are_checked() {
     let run = choreo(dir.path(), &["new", "importer", "a", "--sources", "."]);
     assert!(run.code == 2 && run.err.contains("choreo's sources are not there"), "{}", run.err);
 }
+
+/// A project is checked, tested and drawn as it is written, and its test fails where the scene breaks what it says.
+#[test]
+fn a_project_works_as_it_is() {
+    let dir = folder();
+    let run = choreo(dir.path(), &["new", "project", "my-film"]);
+    assert!(run.code == 0 && run.out.contains("choreo view my-film.rhai"), "{}{}", run.out, run.err);
+    let project = dir.path().join("my-film");
+    for file in [
+        ".gitignore",
+        ".nvim.lua",
+        ".vscode/settings.json",
+        ".vscode/tasks.json",
+        "README.md",
+        "assets/README.md",
+        "choreo.toml",
+    ] {
+        assert!(!read(&project, file).is_empty(), "{file}");
+    }
+    let run = choreo(&project, &["check", "my-film.rhai"]);
+    assert!(run.code == 0 && !run.err.contains("warning"), "{}{}", run.out, run.err);
+    let run = choreo(&project, &["test"]);
+    // The sections and the script itself.
+    assert!(run.code == 0 && run.out.contains("3 passed, 0 failed, 0 skipped"), "{}{}", run.out, run.err);
+    let frame = ["render", "my-film.rhai", "--at", "1.5", "--size", "320x180", "-o", "frame.png"];
+    let run = choreo(&project, &[&frame[..], &["--device", "cpu"]].concat());
+    assert_eq!(run.code, 0, "{}", run.err);
+    let image = image::load_from_memory(&read(&project, "frame.png")).unwrap().to_rgb8();
+    // Brighter in one channel than in another by so much.
+    let more = |a: usize, b: usize, by: u8| image.pixels().filter(|p| p[a] > p[b].saturating_add(by)).count();
+    let (coral, teal) = (more(0, 2, 40), more(1, 0, 30));
+    assert!(coral > 300 && teal > 300, "{coral} and {teal} pixels");
+
+    let script = project.join("my-film.rhai");
+    let text = std::fs::read_to_string(&script).unwrap();
+    std::fs::write(&script, text.replace("clip(\"Bow\")", "clip(\"Idle\")")).unwrap();
+    let run = choreo(&project, &["test"]);
+    assert!(run.code == 1 && run.out.contains("bob bows"), "{}{}", run.out, run.err);
+}
+
+/// The files for other programs can be read, and say what this repository says elsewhere.
+#[test]
+fn settings_of_a_project_are_well_formed() {
+    let dir = folder();
+    assert_eq!(choreo(dir.path(), &["new", "project", "film"]).code, 0);
+    let project = dir.path().join("film");
+    let text = |file: &str| std::fs::read_to_string(project.join(file)).unwrap();
+    for file in [".vscode/settings.json", ".vscode/tasks.json"] {
+        serde_json::from_str::<serde_json::Value>(&text(file)).unwrap_or_else(|e| panic!("{file}: {e}"));
+    }
+    let workflow = text(".github/workflows/test.yml");
+    assert!(workflow.contains(concat!("--tag v", env!("CARGO_PKG_VERSION"), " choreo")), "{workflow}");
+    assert!(workflow.contains("choreo test"), "{workflow}");
+    let page = std::fs::read_to_string(sources().join("core/language_server/README.md")).unwrap();
+    let (_, settings) =
+        text(".nvim.lua").split_once('\n').map(|(a, b)| (a.to_string(), b.to_string())).unwrap();
+    assert!(page.contains(&settings), "{settings}");
+}
+
+#[test]
+fn a_project_takes_the_place_of_nothing() {
+    let dir = folder();
+    std::fs::create_dir(dir.path().join("there")).unwrap();
+    let run = choreo(dir.path(), &["new", "project", "there"]);
+    assert_eq!((run.code, run.err.trim()), (3, "there: it exists already; nothing was written"));
+    assert!(names(&dir.path().join("there")).is_empty());
+    for name in ["", "1a", "a b", "../a", "a/b", "a.b", "-a", "Nul", "é"] {
+        let run = choreo(dir.path(), &["new", "project", "--", name]);
+        assert!(run.code == 2 && run.err.contains("as my-film"), "{name}: {}", run.err);
+    }
+    let run = choreo(dir.path(), &["new", "project", "a", "--single"]);
+    assert!(run.code == 2 && run.err.contains("are of plugins"), "{}", run.err);
+    let run = choreo(dir.path(), &["new", "project", "My_Film", "--into", "films/mine"]);
+    assert!(run.code == 0 && dir.path().join("films/mine/My_Film/My_Film.rhai").is_file(), "{}", run.err);
+}

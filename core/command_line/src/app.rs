@@ -21,12 +21,23 @@ pub struct App {
     /// Default options of commands, in the form of `choreo.toml` (`[render]\nsamples = 1`). Options of the command line and of the
     /// project's `choreo.toml` win.
     pub defaults: String,
+    /// Pages of the documentation beside those of choreo itself, for `choreo help`: path in the sources, and Markdown. That of a built-in
+    /// plugin is "plugins/import-NAME/README.md", "plugins/export-NAME/README.md" or "plugins/effects/NAME/README.md".
+    pub pages: Vec<(&'static str, &'static str)>,
 }
 
 impl App {
     /// A program without folders and defaults of its own.
     pub fn new(name: &'static str, version: &'static str, registry: Registry) -> App {
-        App { name, version, registry, search: Vec::new(), plugins: Vec::new(), defaults: String::new() }
+        App {
+            name,
+            version,
+            registry,
+            search: Vec::new(),
+            plugins: Vec::new(),
+            defaults: String::new(),
+            pages: Vec::new(),
+        }
     }
 
     /// "choreo 0.1.0"; of another program "studio 2.0 (choreo 0.1.0)".

@@ -49,6 +49,11 @@ pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
     ended(&failure, json, &args)
 }
 
+/// The command line of a program, for completions and manual pages.
+pub fn command(app: &App) -> clap::Command {
+    help::command(&[], app)
+}
+
 fn ended(failure: &Failure, json: bool, args: &[OsString]) -> ExitCode {
     failure.lines().iter().for_each(print_message);
     // A report of failed tests has said it already.
@@ -87,7 +92,7 @@ fn start(mut command: Command, args: &[OsString], app: &App) -> Result<(), Failu
         Command::Export(args) => export::run(&args, plugins),
         Command::View(args) => view::run(args, app),
         Command::Test(args) => test::run(args, plugins),
-        Command::Plugins(args) => plugins_command::run(args, plugins),
+        Command::Plugins(args) => plugins_command::run(args, app),
         Command::New(args) => new::run(args),
         Command::Help(args) => help::run(&args, app),
         Command::Format(args) => format::run(&args),

@@ -166,7 +166,7 @@ fn faults_are_magenta_and_named_on_both_devices() {
 fn a_device_without_the_check_is_found() {
     let folder = std::env::temp_dir().join(format!("choreo_effect_faults_{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
-    let text = include_str!("../../../shaders/effect_faults.wgsl");
+    let (_, text) = choreo_shaders::MODULES.iter().find(|(name, _)| *name == "effect_faults.wgsl").unwrap();
     let case = &CASES[0];
     let effects = [effect(case)];
     let scene = wall(case.0);

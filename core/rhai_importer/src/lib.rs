@@ -25,3 +25,6 @@ pub use exporter::{EXPORTER_ENDING, RhaiExporter};
 pub use importer::{ENDING, RhaiImporter};
 pub use on_use::ImporterOnUse;
 pub use script_error::ScriptError;
+
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");

@@ -67,3 +67,6 @@ pub use tokens::{comments, token_ranges};
 pub use api::clip::{NothingFollows, mapping_lines};
 pub(crate) use choreo_plugin::suggest;
 pub use choreo_plugin::suggest::{closest, did_you_mean};
+
+/// The reference of everything that a script can call, as Markdown.
+pub const API: &str = include_str!("../API.md");

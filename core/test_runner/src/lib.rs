@@ -17,3 +17,6 @@ mod section;
 pub mod stored;
 
 pub use outcome::{Check, Evidence, Measures, Outcome, Pictures, SourceLocation, Status, Trace};
+
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");

@@ -58,10 +58,15 @@ pub(crate) struct ViewerOptions {
     pub event_log: bool,
 }
 
+/// The command line, for completions and manual pages.
+pub fn command(app: &App) -> clap::Command {
+    let name = format!("{}-view", app.name);
+    Args::command().name(name.clone()).display_name(&name).bin_name(&name).version(app.version)
+}
+
 pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<ViewerOptions, ExitCode> {
     let name = format!("{}-view", app.name);
-    let command = Args::command().display_name(&name).bin_name(&name).version(app.version);
-    let matches = command.try_get_matches_from(args);
+    let matches = command(app).try_get_matches_from(args);
     let args = matches.and_then(|matches| Args::from_arg_matches(&matches)).map_err(|error| {
         // Help and version are answers, not errors; clap knows which stream and code.
         let code = error.exit_code();

@@ -15,6 +15,8 @@ pub mod state;
 #[allow(unsafe_code, reason = "calls of Vulkan")]
 mod window;
 
+pub use args::command;
+
 use choreo::App;
 use std::ffi::OsString;
 use std::process::ExitCode;

@@ -1,5 +1,8 @@
 //! Fades an image to one color's shades. The effect to copy for a look of your own.
 
+#[doc(hidden)]
+pub mod files;
+
 use choreo_wgsl_effect::{EffectError, WgslEffect};
 
 /// The effect, from the text that both renderers run.

@@ -5,10 +5,49 @@ mod skeleton;
 use choreo_plugin::Effect;
 use choreo_wgsl_effect::WgslEffect;
 
-/// Effects in WGSL, in the order of listings, with their texts.
+/// Calls a macro with the effects in WGSL, in the order of listings.
+macro_rules! names {
+    ($with:ident) => {
+        $with![
+            "tonemap",
+            "outline",
+            "fog",
+            "toon",
+            "views",
+            "xray",
+            "wireframe",
+            "fxaa",
+            "bloom",
+            "grid",
+            "shadow_catcher",
+            "motion_blur",
+            "vignette",
+            "ambient_occlusion",
+            "depth_of_field",
+            "god_rays",
+            "edge_lines",
+            "heat_haze",
+            "film_grain"
+        ]
+    };
+}
+
+/// The effects with their texts.
 macro_rules! wgsl_effects {
     ($($name:literal),*) => { [$(($name, text!($name))),*] };
 }
+
+macro_rules! pages {
+    ($($name:literal),*) => {
+        &[
+            $((concat!("plugins/effects/", $name, "/README.md"), include_str!(concat!("../", $name, "/README.md"))),)*
+            ("plugins/effects/skeleton/README.md", include_str!("../skeleton/README.md")),
+        ]
+    };
+}
+
+/// The pages of the documentation, by their paths in the sources.
+pub const PAGES: &[(&str, &str)] = names!(pages);
 
 // Development builds read the files when the program starts: a change in an effect needs no build.
 #[cfg(debug_assertions)]
@@ -27,27 +66,7 @@ macro_rules! text {
 
 /// All built-in effects.
 pub fn all() -> Vec<Effect> {
-    let texts = wgsl_effects![
-        "tonemap",
-        "outline",
-        "fog",
-        "toon",
-        "views",
-        "xray",
-        "wireframe",
-        "fxaa",
-        "bloom",
-        "grid",
-        "shadow_catcher",
-        "motion_blur",
-        "vignette",
-        "ambient_occlusion",
-        "depth_of_field",
-        "god_rays",
-        "edge_lines",
-        "heat_haze",
-        "film_grain"
-    ];
+    let texts = names!(wgsl_effects);
     let wgsl = |(name, text)| -> Effect {
         let text = AsRef::<str>::as_ref(&text);
         WgslEffect::built_in(&format!("{name}.wgsl"), text, env!("CARGO_PKG_VERSION")).into()

@@ -1,5 +1,8 @@
 //! Joint positions over time as text, one line for each frame, actor and joint. The one to copy for a format of your own.
 
+#[doc(hidden)]
+pub mod files;
+
 use choreo_plugin::{ExportError, ExportedScene, Manifest, SceneExporter, SceneFiles};
 use std::sync::LazyLock;
 

@@ -9,6 +9,9 @@ use resume::{Gate, ResumeState};
 use std::io::{Read, Write};
 use std::sync::LazyLock;
 
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");
+
 pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new("gif", env!("CARGO_PKG_VERSION"), "Looping GIF, 255 colours a frame")
         .extensions(["gif"])

@@ -14,6 +14,9 @@ use openh264::formats::YUVSource;
 use std::io::{Read, Write};
 use std::sync::LazyLock;
 
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");
+
 pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new("mp4", env!("CARGO_PKG_VERSION"), "H.264 video for any player")
         .extensions(["mp4", "m4v"])

@@ -4,6 +4,9 @@ use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, VideoInfo
 use std::io::Write;
 use std::sync::{LazyLock, Mutex, MutexGuard, PoisonError};
 
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");
+
 pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new("png", env!("CARGO_PKG_VERSION"), "Lossless images, one file a frame")
         .extensions(["png"])

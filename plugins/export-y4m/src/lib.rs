@@ -5,6 +5,9 @@ use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, Mark, Vid
 use std::io::{Read, Write};
 use std::sync::LazyLock;
 
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");
+
 pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new(
         "y4m",

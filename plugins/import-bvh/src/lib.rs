@@ -12,6 +12,9 @@ use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Impor
 use glam::DQuat;
 use std::sync::{Arc, LazyLock};
 
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");
+
 static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new("bvh", env!("CARGO_PKG_VERSION"), "BVH motion capture: a skeleton and one clip")
         .extensions(["bvh"])

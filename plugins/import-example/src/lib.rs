@@ -1,5 +1,8 @@
 //! Importer of `.example`: points and faces as text. The one to copy for a format of your own.
 
+#[doc(hidden)]
+pub mod files;
+
 use choreo_plugin::asset::Asset;
 use choreo_plugin::{
     AssetBuilder, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, MeshData, Source,

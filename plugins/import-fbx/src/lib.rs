@@ -34,6 +34,9 @@ use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Impor
 use file::File;
 use std::sync::{Arc, LazyLock};
 
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");
+
 static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new(
         "fbx",

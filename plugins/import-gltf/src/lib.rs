@@ -36,6 +36,9 @@ use profile::Profile;
 use serde_json::Value;
 use std::sync::{Arc, LazyLock};
 
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");
+
 static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new(
         "gltf",

@@ -21,6 +21,9 @@ pub const SOURCE_NAME: &str = "choreo:mannequin";
 
 const HEIGHT: (f64, f64, f64) = (1.75, 0.3, 10.0);
 
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");
+
 static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new(
         "mannequin",

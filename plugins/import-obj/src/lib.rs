@@ -17,6 +17,9 @@ use std::sync::LazyLock;
 /// Limit of all that is decoded from one file together, the same as in import-gltf.
 const MAX_DECODED_BYTES: u64 = 2 << 30;
 
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");
+
 static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new(
         "obj",

@@ -10,6 +10,9 @@ use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Impor
 use glam::Vec3;
 use std::sync::LazyLock;
 
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");
+
 static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new("stl", env!("CARGO_PKG_VERSION"), "STL, binary and ASCII: triangles, solids, facet colours")
         .extensions(["stl"])

@@ -21,6 +21,9 @@ use json::At;
 use serde_json::{Map, Value};
 use std::sync::{Arc, LazyLock};
 
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");
+
 static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new(
         "vrm",

@@ -11,6 +11,8 @@
 //! cargo xtask contact [FILTER]               every sample file turning, its first clip playing: sheets to look at
 //! cargo xtask lessons                        an image of every numbered script, for scripts/README.md
 //! cargo xtask notices                        the table of THIRD-PARTY.md: crates, versions, licences
+//! cargo xtask dist [--check] [--programs DIR]  an archive for this platform, and a Debian package; --check installs and runs them
+//! cargo xtask package                        every crate as it would be published
 //! cargo xtask wasm                           the tests of plugins in WebAssembly, whose engine takes minutes to build
 //! cargo xtask words                          texts that use a word which the terms of the field replace
 //! cargo xtask strip [SCRIPT]                 the image strips of the documentation; twenty frames of a script, side by side
@@ -19,11 +21,13 @@
 mod bench;
 mod book;
 mod contact;
+mod dist;
 mod frames;
 mod fuzz;
 mod lessons;
 mod licences;
 mod notices;
+mod package;
 mod plain_words;
 mod setup;
 mod strip;
@@ -49,13 +53,15 @@ fn main() -> ExitCode {
         ["contact", rest @ ..] => contact::contact(rest),
         ["lessons"] => lessons::lessons(),
         ["notices"] => notices::notices(),
+        ["dist", rest @ ..] => dist::dist(rest),
+        ["package"] => package::package(),
         ["wasm"] => wasm::wasm(),
         ["words"] => plain_words::words(),
         ["strip"] => strip::strip(),
         ["strip", script] => strip::of(script),
         _ => {
             eprintln!(
-                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [--gpu NAME] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | book | contact [FILTER] | lessons | notices | wasm | words | strip [SCRIPT]"
+                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [--gpu NAME] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | book | contact [FILTER] | lessons | notices | dist [--check] [--programs DIR] | package | wasm | words | strip [SCRIPT]"
             );
             return ExitCode::from(2);
         }

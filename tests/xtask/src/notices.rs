@@ -4,11 +4,11 @@ use crate::licences::{Deny, PLAIN, satisfied};
 use crate::{cargo, root};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Crates differ a little between systems; the table is of this one everywhere.
 const PLATFORM: &str = "x86_64-unknown-linux-gnu";
-const PROGRAMS: [(&str, &str); 2] = [("choreo", "`choreo`"), ("choreo-viewer", "`choreo-view`")];
+pub const PROGRAMS: [(&str, &str); 2] = [("choreo", "`choreo`"), ("choreo-viewer", "`choreo-view`")];
 const BEGIN: &str = "<!-- Written by `cargo xtask notices` from here to the end of the file. -->\n";
 
 /// Cargo's metadata of one crate in the lock file.
@@ -24,18 +24,25 @@ pub struct Package {
     is_macro: bool,
     /// Its build script compiles C or C++, or may do so.
     pub has_c: bool,
+    /// Where its sources lie.
+    pub folder: PathBuf,
     /// Crates that are linked with it, by cargo's identifiers.
     linked: Vec<String>,
 }
 
-/// Every package of the workspace's graph, by cargo's identifier.
-pub fn packages() -> Result<BTreeMap<String, Package>, String> {
-    let args = ["metadata", "--offline", "--locked", "--format-version", "1", "--filter-platform", PLATFORM];
-    let output = cargo(&args).output().map_err(|e| format!("cargo metadata did not start: {e}"))?;
+/// What `cargo metadata` prints.
+pub fn output_of_metadata(options: &[&str]) -> Result<Value, String> {
+    let mut command = cargo(&["metadata", "--offline", "--locked", "--format-version", "1"]);
+    let output = command.args(options).output().map_err(|e| format!("cargo metadata did not start: {e}"))?;
     if !output.status.success() {
         return Err(format!("cargo metadata failed: {}", String::from_utf8_lossy(&output.stderr)));
     }
-    let all: Value = serde_json::from_slice(&output.stdout).map_err(|e| format!("cargo metadata: {e}"))?;
+    serde_json::from_slice(&output.stdout).map_err(|e| format!("cargo metadata: {e}"))
+}
+
+/// Every package of the workspace's graph, by cargo's identifier.
+pub fn packages() -> Result<BTreeMap<String, Package>, String> {
+    let all = output_of_metadata(&["--filter-platform", PLATFORM])?;
     let mut packages: BTreeMap<String, Package> =
         list(&all["packages"]).map(|package| (text(&package["id"]), Package::new(package))).collect();
     for node in list(&all["resolve"]["nodes"]) {
@@ -69,6 +76,10 @@ impl Package {
                 && source != "registry+https://github.com/rust-lang/crates.io-index",
             is_macro: list(&package["targets"]).any(|t| list(&t["kind"]).any(|kind| kind == "proc-macro")),
             has_c: list(&package["dependencies"]).any(|dep| dep["name"] == "cc" && dep["kind"] == "build"),
+            folder: PathBuf::from(text(&package["manifest_path"]))
+                .parent()
+                .map(Path::to_path_buf)
+                .unwrap_or_default(),
             linked: Vec::new(),
         }
     }

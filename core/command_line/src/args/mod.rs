@@ -70,7 +70,7 @@ pub enum Command {
     /// The importers, effects and exporters that this program has; packages: install, list, remove, test
     #[command(after_help = EXIT_CODES)]
     Plugins(PluginsArgs),
-    /// Begin a plugin of your own: a crate, or with --single one file
+    /// Begin a project for videos of your own, or a plugin: a crate, or with --single one file
     #[command(after_help = EXIT_CODES)]
     New(NewArgs),
     /// Lay out scripts in one way: blanks, indentation, blank lines. Line breaks, comments and strings stay
@@ -445,8 +445,8 @@ pub(crate) enum PluginsAction {
 #[derive(Args, Debug)]
 pub(crate) struct NewArgs {
     #[arg(value_enum)]
-    pub kind: PluginKind,
-    /// Lower-case letters, digits and _; as my_format
+    pub kind: NewKind,
+    /// A plugin has lower-case letters, digits and _, as my_format; a project also capitals and -, as my-film
     pub name: String,
     /// One file that needs nothing but this program: NAME.importer.rhai, NAME.exporter.rhai or NAME.wgsl
     #[arg(long)]
@@ -496,7 +496,9 @@ pub(crate) struct HelpArgs {
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PluginKind {
+pub(crate) enum NewKind {
+    /// A folder for videos of your own: a script, a test, choreo.toml, a CI workflow, settings for editors
+    Project,
     /// Reads a format
     Importer,
     /// Changes how frames look

@@ -35,10 +35,10 @@ pub(crate) fn as_flag(args: Vec<OsString>) -> Vec<OsString> {
 pub fn run(args: &HelpArgs, app: &App) -> Result<(), Failure> {
     let term = args.term.join(" ");
     if args.page {
-        return print_page(&term);
+        return print_page(app, &term);
     }
     let mut answer = answer(&term);
-    let mut of_pages = pages::find(&term);
+    let mut of_pages = pages::find(app, &term);
     // A function of a table answers alone; a heading is one answer among others.
     let is_function = of_pages.iter().any(|call| call.usage.contains('('));
     if answer.calls.is_empty() && !is_function {
@@ -61,14 +61,14 @@ pub fn run(args: &HelpArgs, app: &App) -> Result<(), Failure> {
     if args.json { print_json(&answer_json(&term, &answer)) } else { print(page(&term, &answer).as_str()) }
 }
 
-fn print_page(name: &str) -> Result<(), Failure> {
+fn print_page(app: &App, name: &str) -> Result<(), Failure> {
     // References name a heading, too: core/script/API.md, "Cues".
     let path = name.split(',').next().unwrap_or_default().trim();
-    let text = pages::text(path).ok_or_else(|| {
-        let all = list(pages::names(), 60);
+    let text = pages::text(app, path).ok_or_else(|| {
+        let all = list(pages::names(app), 60);
         Failure::Usage(format!(
             "help: there is no page \"{path}\"{}\n    hint: pages: {all}",
-            did_you_mean(path, pages::names())
+            did_you_mean(path, pages::names(app))
         ))
     })?;
     print(text)
@@ -85,7 +85,7 @@ fn describe_effect(call: &mut Call, term: &str, app: &App) {
         call.details = option_rows(manifest).lines().map(|row| row.trim().to_string()).collect();
     }
     let page = format!("plugins/effects/{name}/README.md");
-    if pages::text(&page).is_some() {
+    if pages::text(app, &page).is_some() {
         call.page = page;
     }
 }

@@ -19,6 +19,7 @@ pub use variant::{DeferredPass, InputTargets, LightLoop, PeelPass, SceneVariant,
 
 use crate::error::RenderError;
 use choreo_files::Folder;
+use choreo_shaders::MODULES;
 use std::path::{Path, PathBuf};
 
 /// Source of a module's text: the program itself, or a folder for live editing (whose files win), as it was when
@@ -28,38 +29,6 @@ pub struct ShaderSources {
     pub folder: Option<PathBuf>,
     texts: Vec<SourceFile>,
 }
-
-/// (file name, text built into the program).
-const EMBEDDED: [(&str, &str); 28] = [
-    ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
-    ("lights.wgsl", include_str!("../../../../shaders/lights.wgsl")),
-    ("layers_behind.wgsl", include_str!("../../../../shaders/layers_behind.wgsl")),
-    ("peel.wgsl", include_str!("../../../../shaders/peel.wgsl")),
-    ("inputs.wgsl", include_str!("../../../../shaders/inputs.wgsl")),
-    ("deferred.wgsl", include_str!("../../../../shaders/deferred.wgsl")),
-    ("view.wgsl", include_str!("../../../../shaders/view.wgsl")),
-    ("sky.wgsl", include_str!("../../../../shaders/sky.wgsl")),
-    ("brdf.wgsl", include_str!("../../../../shaders/brdf.wgsl")),
-    ("reflection.wgsl", include_str!("../../../../shaders/reflection.wgsl")),
-    ("toon.wgsl", include_str!("../../../../shaders/toon.wgsl")),
-    ("layers.wgsl", include_str!("../../../../shaders/layers.wgsl")),
-    ("refraction.wgsl", include_str!("../../../../shaders/refraction.wgsl")),
-    ("shadow.wgsl", include_str!("../../../../shaders/shadow.wgsl")),
-    ("displace.wgsl", include_str!("../../../../shaders/displace.wgsl")),
-    ("thick_lines.wgsl", include_str!("../../../../shaders/thick_lines.wgsl")),
-    ("triplanar.wgsl", include_str!("../../../../shaders/triplanar.wgsl")),
-    ("pose.wgsl", include_str!("../../../../shaders/pose.wgsl")),
-    ("preskin.wgsl", include_str!("../../../../shaders/preskin.wgsl")),
-    ("vertex.wgsl", include_str!("../../../../shaders/vertex.wgsl")),
-    ("scene.wgsl", include_str!("../../../../shaders/scene.wgsl")),
-    ("effect_faults.wgsl", include_str!("../../../../shaders/effect_faults.wgsl")),
-    ("surface.wgsl", include_str!("../../../../shaders/surface.wgsl")),
-    ("dither.wgsl", include_str!("../../../../shaders/dither.wgsl")),
-    ("background.wgsl", include_str!("../../../../shaders/background.wgsl")),
-    ("overlay.wgsl", include_str!("../../../../shaders/overlay.wgsl")),
-    ("textures.wgsl", include_str!("../../../../shaders/textures.wgsl")),
-    ("post.wgsl", include_str!("../../../../shaders/post.wgsl")),
-];
 
 /// Name of the module that the table of features makes: the bindings of material textures.
 const MATERIAL_TEXTURES: &str = "material_textures.wgsl";
@@ -125,7 +94,7 @@ impl ShaderSources {
         if let Some(folder) = &folder {
             // One that is not there holds no module.
             let opened = Folder::open(folder).ok();
-            for (module, _) in EMBEDDED {
+            for (module, _) in MODULES {
                 let Some(opened) = &opened else { break };
                 let name = folder.join(module).display().to_string();
                 let failed = |why: String| RenderError::Shader { file: name.clone(), text: why };
@@ -162,7 +131,7 @@ impl ShaderSources {
                 text: crate::dither::wgsl_table(),
             });
         }
-        let (_, text) = EMBEDDED.iter().find(|(n, _)| *n == name).ok_or_else(|| RenderError::Shader {
+        let (_, text) = MODULES.iter().find(|(n, _)| *n == name).ok_or_else(|| RenderError::Shader {
             file: name.into(),
             text: "no such module in the program".into(),
         })?;

@@ -1,7 +1,9 @@
 //! `choreo new importer|effect|exporter NAME`: the crates to copy under a new name, with `--wasm` as packages that are built to WebAssembly,
-//! or with `--single` one file.
+//! or with `--single` one file. `choreo new project NAME`: a folder for scripts.
 
-use crate::args::{HookArg, NewArgs, PluginKind};
+mod project;
+
+use crate::args::{HookArg, NewArgs, NewKind};
 use crate::failure::{Failure, print, write_failure};
 use choreo_files::{Folder, WriteError};
 use std::io::Write;
@@ -21,56 +23,43 @@ struct Template {
     crates: &'static [&'static str],
 }
 
-macro_rules! example {
-    ($path:literal) => {
-        include_str!(concat!("../../../../../plugins/", $path))
-    };
-}
-
-const IMPORTER: Template = Template {
-    prefix: "import",
-    word: "example",
-    files: &[
-        ("README.md", example!("import-example/README.md")),
-        ("src/lib.rs", example!("import-example/src/lib.rs")),
-        ("tests/sample.rs", example!("import-example/tests/sample.rs")),
-        ("tests/sample.example", example!("import-example/tests/sample.example")),
-    ],
-    crates: &["plugin"],
-};
+const IMPORTER: Template =
+    Template { prefix: "import", word: "example", files: import_example::files::FILES, crates: &["plugin"] };
 
 const EFFECT: Template = Template {
     prefix: "effect",
     word: "example",
-    files: &[
-        ("README.md", example!("effect-example/README.md")),
-        ("src/lib.rs", example!("effect-example/src/lib.rs")),
-        ("src/example.wgsl", example!("effect-example/src/example.wgsl")),
-    ],
+    files: effect_example::files::FILES,
     crates: &["plugin", "wgsl_effect"],
 };
 
-const EXPORTER: Template = Template {
-    prefix: "export",
-    word: "csv",
-    files: &[
-        ("README.md", example!("export-csv/README.md")),
-        ("src/lib.rs", example!("export-csv/src/lib.rs")),
-        ("tests/lines.rs", example!("export-csv/tests/lines.rs")),
-    ],
-    crates: &["plugin"],
-};
+const EXPORTER: Template =
+    Template { prefix: "export", word: "csv", files: export_csv::files::FILES, crates: &["plugin"] };
+
+/// A kind of plugin.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum PluginKind {
+    Importer,
+    Effect,
+    Exporter,
+}
 
 pub fn run(args: NewArgs) -> Result<(), Failure> {
+    let into = args.into.clone().unwrap_or_default();
+    let kind = match args.kind {
+        NewKind::Project => return project::run(&args, &into),
+        NewKind::Importer => PluginKind::Importer,
+        NewKind::Effect => PluginKind::Effect,
+        NewKind::Exporter => PluginKind::Exporter,
+    };
     check_name(&args.name)?;
-    if args.hook.is_some() && args.kind != PluginKind::Effect {
+    if args.hook.is_some() && kind != PluginKind::Effect {
         return Err(Failure::Usage("--hook is of effects; importers and exporters have none".into()));
     }
-    if args.wasm && args.kind == PluginKind::Effect {
+    if args.wasm && kind == PluginKind::Effect {
         return Err(Failure::Usage("--wasm is of importers and exporters; effects are WGSL".into()));
     }
-    let into = args.into.clone().unwrap_or_default();
-    if args.single { single(&args, &into) } else { whole(&args, &into) }
+    if args.single { single(&args, kind, &into) } else { whole(&args, kind, &into) }
 }
 
 /// A crate's name, a Rust identifier with `_` for `-`, and no word of the language.
@@ -101,10 +90,10 @@ fn hook_text(hook: Option<HookArg>) -> &'static str {
     }
 }
 
-fn single(args: &NewArgs, into: &Path) -> Result<(), Failure> {
+fn single(args: &NewArgs, kind: PluginKind, into: &Path) -> Result<(), Failure> {
     let named = |text: &str| text.replace("NAME", &args.name);
     let name = &args.name;
-    let (file, text, sample) = match args.kind {
+    let (file, text, sample) = match kind {
         PluginKind::Importer => (
             format!("{name}.importer.rhai"),
             include_str!("single.importer.rhai"),
@@ -116,7 +105,7 @@ fn single(args: &NewArgs, into: &Path) -> Result<(), Failure> {
     let mut files = vec![(PathBuf::from(&file), named(text))];
     files.extend(sample.map(|text| (PathBuf::from(format!("sample.{name}")), named(text))));
     write(into, &files)?;
-    let try_it = match args.kind {
+    let try_it = match kind {
         PluginKind::Importer => format!("choreo info {}", into.join(format!("sample.{name}")).display()),
         PluginKind::Effect => format!("effect(\"{name}\") in a script beside it"),
         PluginKind::Exporter => format!("choreo export SCRIPT -o out.{name}, with a script beside it"),
@@ -124,10 +113,10 @@ fn single(args: &NewArgs, into: &Path) -> Result<(), Failure> {
     print(&format!("{}: written\n    try: {try_it}\n", into.join(file).display()))
 }
 
-fn whole(args: &NewArgs, into: &Path) -> Result<(), Failure> {
+fn whole(args: &NewArgs, kind: PluginKind, into: &Path) -> Result<(), Failure> {
     let name = &args.name;
     let sources = sources(args)?;
-    let template = match args.kind {
+    let template = match kind {
         PluginKind::Importer => IMPORTER,
         PluginKind::Effect => EFFECT,
         PluginKind::Exporter => EXPORTER,
@@ -146,7 +135,7 @@ fn whole(args: &NewArgs, into: &Path) -> Result<(), Failure> {
     };
     let mut manifest = cargo_toml(&template, name, &sources, &workspace);
     if args.wasm {
-        let kind = if args.kind == PluginKind::Importer { "importer" } else { "exporter" };
+        let kind = if kind == PluginKind::Importer { "importer" } else { "exporter" };
         files = wasm_package(&mut manifest, files, &own.display().to_string(), name, kind);
     }
     let mut all = vec![(own.join("Cargo.toml"), manifest)];
@@ -270,6 +259,7 @@ fn renamed(text: &str, name: &str, word: &str) -> String {
         word.chars().take(1).map(|c| c.to_ascii_uppercase()).chain(word.chars().skip(1)).collect();
     // The copy must not contain what the examples state about themselves.
     let mut text = text
+        .replace("#[doc(hidden)]\npub mod files;\n\n", "")
         .replace(" The one to copy for a format of your own.", "")
         .replace(" The effect to copy for a look of your own.", "");
     for kind in ["importer", "effect", "exporter"] {
@@ -292,11 +282,16 @@ fn cargo_toml(template: &Template, name: &str, sources: &Path, workspace: &Works
         (crate_name, false) => format!("choreo-{crate_name} = {{ path = \"{sources}/core/{folder}\" }}\n"),
     };
     let crates: String = crates.iter().map(one).collect();
+    let about = match *prefix {
+        "import" => "Reads",
+        "export" => "Writes",
+        _ => "The effect",
+    };
     let package = match in_workspace {
-        true => {
-            "version.workspace = true\nedition.workspace = true\nrust-version.workspace = true\npublish.workspace = true\n"
-        }
-        false => "version = \"0.1.0\"\nedition = \"2024\"\n",
+        true => format!(
+            "description = \"{about} {name} for choreo\"\nversion.workspace = true\nedition.workspace = true\nrust-version.workspace = true\nlicense.workspace = true\n"
+        ),
+        false => "version = \"0.1.0\"\nedition = \"2024\"\n".to_string(),
     };
     // A crate outside a workspace is one, so that Cargo looks for none above it.
     let own = if matches!(workspace, Workspace::None) { "\n[workspace]\n" } else { "" };

@@ -3,6 +3,7 @@
 mod package_test;
 mod packages;
 
+use crate::App;
 use crate::args::{PluginsAction, PluginsArgs};
 use crate::failure::{Failure, Problem, print, print_json};
 use crate::plugins::option_rows;
@@ -16,19 +17,20 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
 
-pub fn run(args: PluginsArgs, plugins: &Registry) -> Result<(), Failure> {
+pub fn run(args: PluginsArgs, app: &App) -> Result<(), Failure> {
+    let plugins = &app.registry;
     match &args.action {
         Some(PluginsAction::Install { path, replace }) => packages::install(path, *replace, plugins),
         Some(PluginsAction::List { json }) => packages::list(*json),
         Some(PluginsAction::Remove { name }) => packages::remove(name),
         Some(PluginsAction::Test { path }) => package_test::run(path, plugins),
-        None => show(&args, plugins),
+        None => show(&args, app),
     }
 }
 
-fn show(args: &PluginsArgs, plugins: &Registry) -> Result<(), Failure> {
+fn show(args: &PluginsArgs, app: &App) -> Result<(), Failure> {
     let beside: Vec<&Path> = std::iter::once(Path::new(".")).chain(args.file.as_deref()).collect();
-    let listing = plugin_files::listing(plugins, &args.plugins, &beside)?;
+    let listing = plugin_files::listing(&app.registry, &args.plugins, &beside)?;
     // All are compiled here, used or not.
     let mut problems: Vec<Problem> = listing.problems().into_iter().map(Problem::Text).collect();
     let registry = listing.registry.settled();
@@ -38,10 +40,10 @@ fn show(args: &PluginsArgs, plugins: &Registry) -> Result<(), Failure> {
         (None, Some(name))
             if rows(&registry).iter().any(|(.., rows)| rows.iter().any(|(m, _)| m.name == *name)) =>
         {
-            return list(&registry, Some(name), args.json);
+            return list(app, &registry, Some(name), args.json);
         }
         (None, Some(name)) => problems.insert(0, Problem::Text(unknown(name, &registry))),
-        (None, None) => list(&registry, None, args.json)?,
+        (None, None) => list(app, &registry, None, args.json)?,
     }
     // The working plugins are listed all the same.
     if problems.is_empty() { Ok(()) } else { Err(Failure::Input(problems)) }
@@ -75,7 +77,7 @@ fn unknown(name: &str, registry: &Registry) -> String {
 }
 
 /// Prints all plugins, or those of one name with their pages.
-fn list(registry: &Registry, only: Option<&str>, as_json: bool) -> Result<(), Failure> {
+fn list(app: &App, registry: &Registry, only: Option<&str>, as_json: bool) -> Result<(), Failure> {
     let mut kinds = rows(registry);
     for (.., rows) in &mut kinds {
         rows.retain(|(m, _)| only.is_none_or(|name| m.name == name));
@@ -99,7 +101,7 @@ fn list(registry: &Registry, only: Option<&str>, as_json: bool) -> Result<(), Fa
             text.line(format_args!("  {:<12} {:<14} {}{from}", m.name, extensions.join(" "), m.about));
             text.text(&option_rows(m));
             let page = format!("{folder}{}/README.md", m.name);
-            if only.is_some() && file.is_none() && pages::text(&page).is_some() {
+            if only.is_some() && file.is_none() && pages::text(app, &page).is_some() {
                 text.line(format_args!("      {page} (choreo help --page {page})"));
             }
         }

@@ -1,0 +1,56 @@
+//! `choreo new project NAME`: a folder with a script that renders as it is, its test, `choreo.toml`, a CI workflow and settings for editors.
+
+use super::{free, write};
+use crate::args::NewArgs;
+use crate::failure::{Failure, print};
+use std::path::{Path, PathBuf};
+
+/// Path in the folder and text. `NAME` is the project's name, `VERSION` that of choreo.
+const FILES: [(&str, &str); 10] = [
+    ("README.md", include_str!("project/readme.txt")),
+    ("NAME.rhai", include_str!("project/scene.rhai")),
+    ("tests/NAME.rhai", include_str!("project/test.rhai")),
+    ("assets/README.md", include_str!("project/assets_readme.txt")),
+    ("choreo.toml", include_str!("project/choreo.toml")),
+    (".gitignore", include_str!("project/gitignore.txt")),
+    (".github/workflows/test.yml", include_str!("project/workflow.yml")),
+    (".vscode/settings.json", include_str!("project/vscode_settings.json")),
+    (".vscode/tasks.json", include_str!("project/vscode_tasks.json")),
+    (".nvim.lua", include_str!("project/nvim.lua")),
+];
+
+pub fn run(args: &NewArgs, into: &Path) -> Result<(), Failure> {
+    check_name(&args.name)?;
+    if args.single || args.wasm || args.hook.is_some() || args.sources.is_some() {
+        return Err(Failure::Usage(
+            "--single, --wasm, --hook and --sources are of plugins; a project has none".into(),
+        ));
+    }
+    let folder = into.join(&args.name);
+    free(&folder)?;
+    let named = |text: &str| text.replace("NAME", &args.name).replace("VERSION", env!("CARGO_PKG_VERSION"));
+    let own = Path::new(&args.name);
+    let files: Vec<(PathBuf, String)> =
+        FILES.iter().map(|(file, text)| (own.join(named(file)), named(text))).collect();
+    write(into, &files)?;
+    let shown = folder.display();
+    print(&format!("{shown}: written\n    try: cd {shown} && choreo view {}.rhai\n", args.name))
+}
+
+/// A folder's name that is a file's, too, on every system, and needs no quotes in a shell.
+fn check_name(name: &str) -> Result<(), Failure> {
+    let mut chars = name.chars();
+    let good = chars.next().is_some_and(|c| c.is_ascii_alphabetic())
+        && chars.all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-')
+        && name.len() <= 40
+        && !DEVICES.contains(&name.to_ascii_lowercase().as_str());
+    match good {
+        true => Ok(()),
+        false => Err(Failure::Usage(format!(
+            "\"{name}\": a project's name is letters, digits, - and _, from a letter on, at most 40, and no name of a device on Windows; as my-film"
+        ))),
+    }
+}
+
+/// Names that no file can have on Windows.
+const DEVICES: [&str; 6] = ["aux", "con", "nul", "prn", "com1", "lpt1"];

@@ -1,0 +1,11 @@
+//! The text of this crate, for `choreo new`: a copy has no such file.
+
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");
+
+/// Path in the crate and text.
+pub const FILES: &[(&str, &str)] = &[
+    ("README.md", README),
+    ("src/lib.rs", include_str!("lib.rs")),
+    ("src/example.wgsl", include_str!("example.wgsl")),
+];

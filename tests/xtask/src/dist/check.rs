@@ -1,0 +1,139 @@
+//! Whether what was packed works where nothing else is: the archive in an empty folder, the Debian package in a root with no more than the
+//! libraries of the packages that it depends on.
+
+use super::{folder, output, works};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The first lesson, which needs no file.
+const SCRIPT: &str = "share/choreo/examples/01_first_dance.rhai";
+
+const SIZE: (u32, u32) = (160, 90);
+
+/// Files below the prefix that a user looks for.
+const EXPECTED: [&str; 12] = [
+    "share/man/man1/choreo.1",
+    "share/man/man1/choreo-render.1",
+    "share/man/man1/choreo-view.1",
+    "share/bash-completion/completions/choreo",
+    "share/fish/vendor_completions.d/choreo.fish",
+    "share/zsh/vendor-completions/_choreo",
+    "share/applications/choreo-view.desktop",
+    "share/icons/hicolor/256x256/apps/choreo.png",
+    "share/doc/choreo/LICENSE",
+    "share/doc/choreo/THIRD-PARTY.md",
+    "share/doc/choreo/licences/README.txt",
+    "share/choreo/examples/models/flag.gltf",
+];
+
+/// Unpacks the archive and runs its programs.
+pub fn archive(file: &Path, name: &str) -> Result<(), String> {
+    let root = folder().join("check");
+    std::fs::create_dir_all(&root).map_err(|e| format!("{}: {e}", root.display()))?;
+    output(Command::new("tar").arg("-xf").arg(file).arg("-C").arg(&root))?;
+    let prefix = root.join(name);
+    expected(&prefix)?;
+    let program = |program: &str| {
+        let mut command = Command::new(prefix.join("bin").join(program));
+        command.current_dir(&prefix).env("CHOREO_PLUGINS", "");
+        command
+    };
+    runs(&program, "frame.png", SCRIPT)?;
+    picture(&prefix.join("frame.png"))?;
+    remove(&root)
+}
+
+/// Installs the package with dpkg and runs its programs in a changed root.
+pub fn debian(file: &Path) -> Result<(), String> {
+    let root = folder().join("check");
+    for empty in ["var/lib/dpkg/info", "var/lib/dpkg/updates", "tmp"] {
+        std::fs::create_dir_all(root.join(empty)).map_err(|e| format!("{}: {e}", root.display()))?;
+    }
+    std::fs::write(root.join("var/lib/dpkg/status"), "").map_err(|e| e.to_string())?;
+    libraries(file, &root)?;
+    // The libraries are there without their packages. Rules of the host about files that it does not want are none of ours.
+    let mut install = Command::new("dpkg");
+    install.arg(format!("--root={}", root.display())).args(["--force-depends", "--force-not-root"]);
+    output(install.args(["--path-include=/usr/share/*", "--install"]).arg(file))?;
+    expected(&root.join("usr"))?;
+    let program = |program: &str| {
+        // Without root, a user namespace is the way to another root folder.
+        let mut command = match works("sh", &["-c", "test \"$(id -u)\" = 0"]) {
+            true => Command::new("chroot"),
+            false => {
+                let mut unshare = Command::new("unshare");
+                unshare.args(["--map-root-user", "chroot"]);
+                unshare
+            }
+        };
+        command.arg(&root).arg(Path::new("/usr/bin").join(program)).env_clear();
+        command
+    };
+    runs(&program, "/tmp/frame.png", &format!("/usr/{SCRIPT}"))?;
+    picture(&root.join("tmp/frame.png"))?;
+    remove(&root)
+}
+
+fn remove(folder: &Path) -> Result<(), String> {
+    std::fs::remove_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))
+}
+
+/// Copies the libraries of the packages that the package depends on, as they are installed here.
+fn libraries(package: &Path, root: &Path) -> Result<(), String> {
+    // As on Debian: /lib and /lib64 are links.
+    for (link, to) in [("lib", "usr/lib"), ("lib64", "usr/lib64")] {
+        std::fs::create_dir_all(root.join(to)).map_err(|e| format!("{to}: {e}"))?;
+        #[cfg(unix)]
+        std::os::unix::fs::symlink(to, root.join(link)).map_err(|e| format!("{link}: {e}"))?;
+        #[cfg(not(unix))]
+        let _ = link;
+    }
+    let depends = output(Command::new("dpkg-deb").arg("--field").arg(package).arg("Depends"))?;
+    let names = depends.split(',').filter_map(|one| one.split_whitespace().next());
+    for name in names {
+        let files = output(Command::new("dpkg").args(["--listfiles", name]))?;
+        let is_library = |file: &&str| file.contains(".so") && Path::new(file).is_file();
+        for file in files.lines().filter(is_library) {
+            // The file that a link leads to, under the name of the link.
+            let to = root.join(file.trim_start_matches('/'));
+            super::tree::copy(Path::new(file), &to)?;
+        }
+    }
+    Ok(())
+}
+
+fn expected(prefix: &Path) -> Result<(), String> {
+    let is_there = |file: &&str| {
+        let packed = format!("{file}.gz");
+        prefix.join(file).is_file() || prefix.join(packed).is_file()
+    };
+    let missing: Vec<&str> = EXPECTED.into_iter().filter(|file| !is_there(file)).collect();
+    if missing.is_empty() { Ok(()) } else { Err(format!("not in the package: {}", missing.join(", "))) }
+}
+
+/// Both programs say their version, and one draws a frame of the first lesson.
+fn runs(program: &dyn Fn(&str) -> Command, frame: &str, script: &str) -> Result<(), String> {
+    for name in ["choreo", "choreo-view"] {
+        let version = output(program(name).arg("--version"))?;
+        if version.trim() != format!("{name} {}", env!("CARGO_PKG_VERSION")) {
+            return Err(format!("{name} --version says {version:?}"));
+        }
+    }
+    let size = format!("{}x{}", SIZE.0, SIZE.1);
+    let render = ["render", script, "--at", "3", "--size", &size, "--device", "cpu", "-o", frame];
+    output(program("choreo").args(render)).map(drop)
+}
+
+/// The image has its size and more than one color.
+fn picture(file: &PathBuf) -> Result<(), String> {
+    let fault = |what: &dyn std::fmt::Display| format!("{}: {what}", file.display());
+    let open = std::fs::File::open(file).map_err(|e| fault(&e))?;
+    let mut reader = png::Decoder::new(std::io::BufReader::new(open)).read_info().map_err(|e| fault(&e))?;
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap_or_default()];
+    let info = reader.next_frame(&mut pixels).map_err(|e| fault(&e))?;
+    let distinct: std::collections::BTreeSet<&[u8]> = pixels.chunks(3).collect();
+    match (info.width, info.height) == SIZE && distinct.len() > 100 {
+        true => Ok(()),
+        false => Err(fault(&format!("{}x{} pixels, {} colors", info.width, info.height, distinct.len()))),
+    }
+}

@@ -1,0 +1,107 @@
+//! `cargo xtask dist`: one archive for this platform with the programs and all that belongs to them, and a Debian package of the same
+//! files where cargo-deb runs. With `--check` both are unpacked or installed where nothing else is, and run.
+
+mod check;
+mod licence_texts;
+mod tree;
+
+use crate::setup::works;
+use crate::{cargo, root, run};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use tree::Built;
+
+/// Where everything is put.
+fn folder() -> PathBuf {
+    root().join("target/dist")
+}
+
+pub fn dist(args: &[&str]) -> Result<(), String> {
+    let (checks, programs) = match args {
+        [] => (false, None),
+        ["--check"] => (true, None),
+        ["--programs", folder] => (false, Some(*folder)),
+        ["--check", "--programs", folder] | ["--programs", folder, "--check"] => (true, Some(*folder)),
+        _ => return Err("dist takes --check, and --programs DIR for programs that are built already".into()),
+    };
+    let built = match programs {
+        Some(folder) => Built::in_folder(&root().join(folder))?,
+        None => Built::release()?,
+    };
+    let platform = platform()?;
+    let out = folder();
+    // What an earlier call made must not be taken for the result of this one.
+    match std::fs::remove_dir_all(&out) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", out.display())),
+        _ => {}
+    }
+    // The name is that of core/cli/Cargo.toml, from which cargo-deb takes the files.
+    let staged = out.join("tree");
+    tree::write(&built, &staged)?;
+    let package = debian(&out)?;
+    let name = format!("choreo-{}-{platform}", env!("CARGO_PKG_VERSION"));
+    std::fs::rename(&staged, out.join(&name)).map_err(|e| format!("{name}: {e}"))?;
+    let archive = archive(&out, &name)?;
+    if checks {
+        check::archive(&archive, &name)?;
+        package.as_deref().map(check::debian).transpose()?;
+    }
+    for file in package.iter().chain([&archive]) {
+        let bytes = std::fs::metadata(file).map_err(|e| format!("{}: {e}", file.display()))?.len();
+        println!("{}: {:.1} MB", file.display(), bytes as f64 / 1e6);
+    }
+    Ok(())
+}
+
+/// "x86_64-unknown-linux-gnu".
+fn platform() -> Result<String, String> {
+    let output = output(Command::new("rustc").arg("-vV"))?;
+    let host = output.lines().find_map(|line| line.strip_prefix("host: ")).map(str::to_string);
+    host.ok_or_else(|| "rustc -vV names no host".into())
+}
+
+/// The standard output of a program that succeeds.
+fn output(command: &mut Command) -> Result<String, String> {
+    let name = command.get_program().display().to_string();
+    let output = command.output().map_err(|e| format!("{name} did not start: {e}"))?;
+    match output.status.success() {
+        true => Ok(String::from_utf8_lossy(&output.stdout).into_owned()),
+        false => Err(format!("{name} failed: {}", String::from_utf8_lossy(&output.stderr).trim())),
+    }
+}
+
+/// Packs a folder: .tar.gz, and .zip on Windows, whose `tar` chooses by the ending.
+fn archive(out: &Path, name: &str) -> Result<PathBuf, String> {
+    let ending = if cfg!(windows) { "zip" } else { "tar.gz" };
+    let file = out.join(format!("{name}.{ending}"));
+    let mut tar = Command::new("tar");
+    tar.arg("-acf").arg(&file).arg("-C").arg(out).arg(name);
+    run(tar, "tar")?;
+    Ok(file)
+}
+
+/// The Debian package of the staged files, by cargo-deb, which is installed below `target` where it is missing; `None` on systems
+/// without dpkg.
+fn debian(out: &Path) -> Result<Option<PathBuf>, String> {
+    if !works("dpkg-deb", &["--version"]) {
+        println!("no dpkg-deb here: no Debian package");
+        return Ok(None);
+    }
+    let tools = root().join("target/tools");
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let path = std::env::join_paths(std::iter::once(tools.join("bin")).chain(std::env::split_paths(&path)));
+    let path = path.map_err(|e| format!("PATH: {e}"))?;
+    let here = std::env::split_paths(&path).any(|folder| folder.join("cargo-deb").is_file());
+    if !here {
+        let mut install = cargo(&["install", "--quiet", "--locked", "cargo-deb", "--root"]);
+        install.arg(&tools);
+        run(install, "cargo install cargo-deb")?;
+    }
+    let mut deb = cargo(&["deb", "--quiet", "--no-build", "--no-strip", "--package", "choreo", "--output"]);
+    deb.arg(out).env("PATH", path);
+    run(deb, "cargo deb")?;
+    let files = std::fs::read_dir(out).map_err(|e| format!("{}: {e}", out.display()))?;
+    let mut files = files.filter_map(|entry| Some(entry.ok()?.path()));
+    let package = files.find(|file| file.extension().is_some_and(|ending| ending == "deb"));
+    package.map(Some).ok_or_else(|| "cargo deb wrote no package".into())
+}

@@ -1,0 +1,108 @@
+//! The files of an archive and of a package, in their places: `bin` and `share`.
+
+use super::licence_texts;
+use crate::setup::works;
+use crate::{cargo, root, run};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Programs that are built.
+pub struct Built {
+    choreo: PathBuf,
+    view: PathBuf,
+    manuals: PathBuf,
+}
+
+impl Built {
+    /// All in one call: a second one, with other features of clap, would build the programs again.
+    pub fn release() -> Result<Built, String> {
+        let args = ["build", "--release", "--quiet", "-p", "choreo", "-p", "choreo-viewer", "-p", "manuals"];
+        run(cargo(&args), "cargo build --release")?;
+        let target =
+            std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
+        Built::in_folder(&target.join("release"))
+    }
+
+    pub fn in_folder(folder: &Path) -> Result<Built, String> {
+        let program = |name: &str| {
+            let file = folder.join(format!("{name}{}", std::env::consts::EXE_SUFFIX));
+            if file.is_file() { Ok(file) } else { Err(format!("{}: is not there", file.display())) }
+        };
+        Ok(Built { choreo: program("choreo")?, view: program("choreo-view")?, manuals: program("manuals")? })
+    }
+}
+
+/// Texts that belong to the programs.
+const TEXTS: [&str; 4] = ["README.md", "CHANGELOG.md", "LICENSE", "THIRD-PARTY.md"];
+
+/// Sizes of the icon in pixels.
+const ICONS: [u32; 3] = [48, 128, 256];
+
+/// Writes everything below a folder that is not there yet.
+pub fn write(built: &Built, to: &Path) -> Result<(), String> {
+    let (bin, share) = (to.join("bin"), to.join("share"));
+    for program in [&built.choreo, &built.view] {
+        copy(program, &bin.join(program.file_name().unwrap_or_default()))?;
+    }
+    std::fs::create_dir_all(&share).map_err(|e| format!("{}: {e}", share.display()))?;
+    let mut manuals = Command::new(&built.manuals);
+    manuals.arg(&share);
+    run(manuals, "manuals")?;
+    let docs = share.join("doc/choreo");
+    for text in TEXTS {
+        copy(&root().join(text), &docs.join(text))?;
+    }
+    licence_texts::write(&docs.join("licences"))?;
+    guide(&docs.join("guide"))?;
+    tracked("scripts", |name| !name.starts_with("guide/"), &share.join("choreo/examples"))?;
+    desktop(built, &share)
+}
+
+fn desktop(built: &Built, share: &Path) -> Result<(), String> {
+    let from = root().join("core/viewer/desktop");
+    copy(&from.join("choreo-view.desktop"), &share.join("applications/choreo-view.desktop"))?;
+    copy(&from.join("choreo.xml"), &share.join("mime/packages/choreo.xml"))?;
+    for size in ICONS {
+        let icon = share.join(format!("icons/hicolor/{size}x{size}/apps/choreo.png"));
+        std::fs::create_dir_all(icon.parent().unwrap_or(share)).map_err(|e| e.to_string())?;
+        let mut render = Command::new(&built.choreo);
+        render.env("CHOREO_PLUGINS", "").arg("render").arg(from.join("icon.rhai"));
+        render.args(["--quiet", "--device", "cpu", "--at", "1", "--samples", "4", "--size"]);
+        render.arg(format!("{size}x{size}")).arg("-o").arg(icon);
+        run(render, "the icon")?;
+    }
+    Ok(())
+}
+
+/// The book as HTML where mdBook is installed, else its Markdown; nothing where there is no guide.
+fn guide(to: &Path) -> Result<(), String> {
+    let from = root().join("scripts/guide");
+    if !from.join("book.toml").is_file() {
+        return Ok(());
+    }
+    if works("mdbook", &["--version"]) {
+        let mut book = Command::new("mdbook");
+        book.arg("build").arg(&from).arg("--dest-dir").arg(to);
+        return run(book, "mdbook");
+    }
+    println!("no mdbook here: the guide is packed as Markdown");
+    tracked("scripts/guide", |_| true, to)
+}
+
+/// Copies the files that git knows below a folder: nothing that a run or an editor has left there.
+fn tracked(folder: &str, is_wanted: impl Fn(&str) -> bool, to: &Path) -> Result<(), String> {
+    let mut list = Command::new("git");
+    list.args(["ls-files", "-z", "--", "."]).current_dir(root().join(folder));
+    let names = super::output(&mut list)?;
+    let mut names = names.split('\0').filter(|name| !name.is_empty() && is_wanted(name)).peekable();
+    if names.peek().is_none() {
+        return Err(format!("git knows no files below {folder}"));
+    }
+    names.try_for_each(|name| copy(&root().join(folder).join(name), &to.join(name)))
+}
+
+pub fn copy(from: &Path, to: &Path) -> Result<(), String> {
+    let folder = to.parent().unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    std::fs::copy(from, to).map(drop).map_err(|e| format!("{}: {e}", from.display()))
+}
