@@ -29,5 +29,6 @@ pub fn registry() -> Registry {
     registry.add_exporter(export_gif::GifExporter);
     registry.add_exporter(export_y4m::Y4mExporter);
     registry.add_scene_exporter(export_csv::CsvExporter);
+    registry.add_scene_exporter(export_gltf::GltfExporter);
     registry
 }
