@@ -126,7 +126,7 @@ impl<'a> Parts<'a> {
                 }
             }
             let Parts { materials, buffer, textures, .. } = self;
-            let added = materials.add(buffer, textures, asset, &now, own)?;
+            let added = materials.add(buffer, textures, asset, &now, (own, uvs_of(asset, material)))?;
             if own {
                 self.animated.push(((index, material), added));
             }
@@ -138,7 +138,7 @@ impl<'a> Parts<'a> {
             false => {
                 let plain = choreo_plugin::asset::Material { base_color: tint, ..Default::default() };
                 let Parts { materials, buffer, textures, .. } = self;
-                Some(materials.add(buffer, textures, asset, &plain, false)?)
+                Some(materials.add(buffer, textures, asset, &plain, (false, [false; 2]))?)
             }
         };
         out.push(none);
@@ -312,6 +312,12 @@ impl<'a> Parts<'a> {
             }
         }
     }
+}
+
+/// The texture coordinates that all primitives with a material have.
+fn uvs_of(asset: &Asset, material: u32) -> [bool; 2] {
+    let with_it = || asset.meshes.iter().flat_map(|m| &m.primitives).filter(|p| p.material == Some(material));
+    [0, 1].map(|set| with_it().all(|p| p.uvs[set].len() == p.positions.len()))
 }
 
 fn of_primitive(materials: &[Option<Index>], material: Option<u32>) -> Option<Index> {

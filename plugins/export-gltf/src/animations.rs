@@ -9,7 +9,7 @@ use crate::cameras::ShotNode;
 use crate::document::{Accessor, Animation, Channel, Index, Sampler, Target};
 use crate::lights::LightNode;
 use choreo_plugin::asset::Projection;
-use choreo_plugin::motion::{Interpolation, Path, Time};
+use choreo_plugin::motion::{Interpolation, Path, Time, Transform};
 use choreo_plugin::stage::Stage;
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -23,11 +23,11 @@ pub struct Nodes {
 }
 
 /// The samplers of a set's tracks, with joint of the rig and path.
-type WrittenSet = Vec<(u32, Path, Sampler)>;
+pub type WrittenSet = Vec<(u32, Path, Sampler)>;
 
 /// One animation that is being made.
 #[derive(Default)]
-struct Builder {
+pub struct Builder {
     animation: Animation,
     /// Samplers of the animation that are there.
     known: BTreeMap<(Index, Index), Index>,
@@ -52,7 +52,7 @@ impl Builder {
         self.channel(sampler, Target { node: None, path: "pointer", extensions: Some(Box::new(extensions)) });
     }
 
-    fn finish(self, name: &str, parts: &mut Parts<'_>) {
+    pub fn finish(self, name: &str, parts: &mut Parts<'_>) {
         if !self.animation.channels.is_empty() {
             parts.document.animations.push(Animation { name: name.into(), ..self.animation });
         }
@@ -88,7 +88,7 @@ pub fn add<'a>(parts: &mut Parts<'a>, stage: &Stage, mut baked: Baked<'a>, nodes
 }
 
 /// Puts a set's times and numbers into the buffer; the numbers are made as it is written.
-fn write_set<'a>(parts: &mut Parts<'a>, set: TrackSet<'a>, start: Time) -> WrittenSet {
+pub fn write_set<'a>(parts: &mut Parts<'a>, set: TrackSet<'a>, start: Time) -> WrittenSet {
     let times: Vec<Vec<f32>> = set.times.iter().map(|times| seconds(times, start)).collect();
     let of_times: u64 = times.iter().map(|times| times.len() as u64 * 4).sum();
     let of_values: u64 = (0..set.tracks.len()).map(|track| set.numbers(track) as u64 * 4).sum();
@@ -140,7 +140,7 @@ fn write_set<'a>(parts: &mut Parts<'a>, set: TrackSet<'a>, start: Time) -> Writt
     out
 }
 
-fn actor_channel(
+pub fn actor_channel(
     builder: &mut Builder,
     instances: &[choreo_plugin::asset::MeshInstance],
     nodes: &ActorNodes,
@@ -185,7 +185,7 @@ fn sampler(parts: &mut Parts<'_>, series: &Series, start: Time, change: impl Fn(
     Sampler { input, interpolation: "LINEAR", output }
 }
 
-fn weight_channels(
+pub fn weight_channels(
     parts: &mut Parts<'_>,
     builder: &mut Builder,
     baked: &Baked<'_>,
@@ -287,5 +287,28 @@ fn light_channels(parts: &mut Parts<'_>, builder: &mut Builder, baked: &Baked<'_
         parts.extensions.insert("KHR_animation_pointer");
         let sampler = sampler(parts, series, baked.start, |v| v);
         builder.pointer(sampler, format!("/extensions/KHR_lights_punctual/lights/{}/{path}", of.index));
+    }
+}
+
+/// One key for each joint that a clip holds elsewhere than at rest.
+pub fn still_channels(
+    parts: &mut Parts<'_>,
+    builder: &mut Builder,
+    of: &ActorNodes,
+    rest: &[Transform],
+    still: &[Transform],
+) {
+    for (joint, (rest, still)) in (1..).zip(rest.iter().zip(still)) {
+        let numbers = |t: &Transform| {
+            [t.translation.to_array().to_vec(), t.rotation.to_array().to_vec(), t.scale.to_array().to_vec()]
+        };
+        let paths = [Path::Translation, Path::Rotation, Path::Scale];
+        for (path, (rest, values)) in paths.into_iter().zip(numbers(rest).into_iter().zip(numbers(still))) {
+            if rest != values {
+                let series = Series { times: vec![Time::ZERO], width: values.len(), values };
+                let sampler = sampler(parts, &series, Time::ZERO, |v| v);
+                actor_channel(builder, &[], of, (joint, path), sampler);
+            }
+        }
     }
 }

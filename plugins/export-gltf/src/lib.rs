@@ -5,6 +5,7 @@ mod animations;
 mod bake;
 mod buffer;
 mod cameras;
+mod clips;
 mod container;
 mod document;
 mod lights;
@@ -32,9 +33,15 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     .unit("m")
     .text(
         "animations",
-        "timeline: one animation of all; actors: one for each actor, and one for cameras and lights",
+        "timeline: one animation of all; actors: one for each actor, and one for cameras and lights; clips: one for each clip",
         "timeline",
-        &["timeline", "actors"],
+        &["timeline", "actors", "clips"],
+    )
+    .text(
+        "root_motion",
+        "of clips; clip: as it is; in_place: taken out; traveling: it moves the actor's node",
+        "clip",
+        &["clip", "in_place", "traveling"],
     )
 });
 
@@ -48,35 +55,74 @@ impl SceneExporter for GltfExporter {
 
     fn export(&self, scene: &ExportedScene, files: &mut dyn SceneFiles) -> Result<Vec<String>, ExportError> {
         let tolerance = scene.options.number("tolerance").unwrap_or(0.0001);
-        let split = scene.options.text("animations") == Some("actors");
-        let stage = &*scene.stage;
-        let baked = bake::bake(scene, tolerance)?;
-        let worst = bake::check::worst(scene, &baked)?;
-        files.deviation(worst);
-        let beside = scene.extension == "gltf";
-        let mut parts = Parts { textures: Textures::new(beside.then_some(&*scene.stem)), ..Parts::default() };
-        parts.document.scenes.push(Scene { name: scene.stem.clone(), ..Scene::default() });
-        let mut nodes = Nodes { actors: Vec::new(), shots: Vec::new(), lights: Vec::new() };
-        for index in 0..stage.actors.len() {
-            let seen = !baked.motions[index].hidden;
-            nodes.actors.push(seen.then(|| parts.actor(stage, &baked, index)).transpose()?);
+        match scene.options.text("animations") {
+            Some("clips") => export_clips(scene, tolerance, files),
+            other => export_timeline(scene, tolerance, other == Some("actors"), files),
         }
-        nodes.shots = cameras::of_stage(&mut parts, stage, &baked);
-        nodes.lights = lights::of_stage(&mut parts, stage, &baked);
-        animations::add(&mut parts, stage, baked, &nodes, split);
-        losses::of_stage(stage, &mut parts.losses);
-        let losses = losses::note(&parts.losses.union(&parts.materials.losses).copied().collect());
-        write(scene, parts, beside, files)?;
-        Ok(vec![losses])
     }
+}
+
+fn export_timeline(
+    scene: &ExportedScene,
+    tolerance: f64,
+    split: bool,
+    files: &mut dyn SceneFiles,
+) -> Result<Vec<String>, ExportError> {
+    let baked = bake::bake(scene, tolerance)?;
+    files.deviation(bake::check::worst(scene, &baked)?);
+    let mut parts = parts_of(scene);
+    let nodes = nodes(&mut parts, scene, &baked)?;
+    animations::add(&mut parts, &scene.stage, baked, &nodes, split);
+    write(scene, parts, files)
+}
+
+fn export_clips(
+    scene: &ExportedScene,
+    tolerance: f64,
+    files: &mut dyn SceneFiles,
+) -> Result<Vec<String>, ExportError> {
+    let at_rest = clips::at_rest(scene);
+    let clips = clips::of_stage(scene, scene.options.text("root_motion").unwrap_or("clip"));
+    let (of_clips, worst) = clips::bake(&clips, tolerance)?;
+    files.deviation(worst);
+    let baked = bake::bake(&at_rest, tolerance)?;
+    let mut parts = parts_of(scene);
+    let nodes = nodes(&mut parts, &at_rest, &baked)?;
+    clips::add(&mut parts, &clips, of_clips, &nodes.actors);
+    write(scene, parts, files)
+}
+
+fn parts_of<'a>(scene: &ExportedScene) -> Parts<'a> {
+    let beside = (scene.extension == "gltf").then_some(&*scene.stem);
+    let mut parts = Parts { textures: Textures::new(beside), ..Parts::default() };
+    parts.document.scenes.push(Scene { name: scene.stem.clone(), ..Scene::default() });
+    parts
+}
+
+/// The nodes of actors, shots and lights.
+fn nodes<'a>(
+    parts: &mut Parts<'a>,
+    scene: &'a ExportedScene,
+    baked: &bake::Baked<'_>,
+) -> Result<Nodes, ExportError> {
+    let stage = &*scene.stage;
+    let mut nodes = Nodes { actors: Vec::new(), shots: Vec::new(), lights: Vec::new() };
+    for (index, motion) in baked.motions.iter().enumerate() {
+        nodes.actors.push((!motion.hidden).then(|| parts.actor(stage, baked, index)).transpose()?);
+    }
+    nodes.shots = cameras::of_stage(parts, stage, baked);
+    nodes.lights = lights::of_stage(parts, stage, baked);
+    losses::of_stage(stage, &mut parts.losses);
+    Ok(nodes)
 }
 
 fn write(
     scene: &ExportedScene,
     parts: Parts<'_>,
-    beside: bool,
     files: &mut dyn SceneFiles,
-) -> Result<(), ExportError> {
+) -> Result<Vec<String>, ExportError> {
+    let beside = scene.extension == "gltf";
+    let note = losses::note(&parts.losses.union(&parts.materials.losses).copied().collect());
     let Parts { mut document, buffer, textures, materials, lights, mut extensions, .. } = parts;
     let provenance: serde_json::Map<String, serde_json::Value> =
         scene.provenance.iter().map(|(keyword, text)| (keyword.clone(), text.clone().into())).collect();
@@ -98,7 +144,8 @@ fn write(
     (document.images, document.samplers, document.textures) =
         (textures.images, textures.samplers, textures.textures);
     match beside {
-        true => container::write_gltf(document, buffer, &scene.stem, files),
-        false => container::write_glb(document, buffer, files),
+        true => container::write_gltf(document, buffer, &scene.stem, files)?,
+        false => container::write_glb(document, buffer, files)?,
     }
+    Ok(vec![note])
 }

@@ -23,17 +23,19 @@ pub struct Materials {
 }
 
 impl Materials {
-    /// The index of a material; equal ones are there once. `own`: it is animated, and shared with nothing.
+    /// The index of a material; equal ones are there once. `own`: it is animated, and shared with nothing. `uvs`: the texture
+    /// coordinates that its primitives have; textures of others are left out.
     pub fn add(
         &mut self,
         buffer: &mut Buffer<'_>,
         textures: &mut Textures,
         asset: &Asset,
         material: &Material,
-        own: bool,
+        (own, uvs): (bool, [bool; 2]),
     ) -> Result<Index, ExportError> {
         textures.animated = own;
-        let mut writer = Writer { buffer, textures, asset, extensions: Map::new(), losses: &mut self.losses };
+        let losses = &mut self.losses;
+        let mut writer = Writer { buffer, textures, asset, uvs, extensions: Map::new(), losses };
         let value = writer.material(material)?;
         for name in USED.iter().filter(|name| value["extensions"].get(**name).is_some()) {
             self.extensions.insert(name);
@@ -70,6 +72,7 @@ struct Writer<'w, 'b> {
     buffer: &'w mut Buffer<'b>,
     textures: &'w mut Textures,
     asset: &'w Asset,
+    uvs: [bool; 2],
     extensions: Map<String, Value>,
     losses: &'w mut BTreeSet<&'static str>,
 }
@@ -100,7 +103,8 @@ impl Object {
 
 impl Writer<'_, '_> {
     fn info(&mut self, texture: &Option<TextureRef>) -> Result<Option<Map<String, Value>>, ExportError> {
-        match texture {
+        let readable = |t: &&TextureRef| self.uvs.get(usize::from(t.uv_set)).is_some_and(|has| *has);
+        match texture.as_ref().filter(readable) {
             Some(texture) => self.textures.info(self.buffer, self.asset, texture),
             None => Ok(None),
         }

@@ -211,6 +211,9 @@ pub(crate) struct ExportArgs {
     /// One animation for each actor instead of one for all; for formats with the option animations
     #[arg(long, value_name = "WHAT", value_parser = ["actors"])]
     pub split: Option<String>,
+    /// The clips that actors play, one animation each, in place of the timeline; for formats with the option animations
+    #[arg(long, conflicts_with = "split")]
+    pub clips: bool,
     /// No progress bar, no summary
     #[arg(short, long)]
     pub quiet: bool,
@@ -225,6 +228,7 @@ impl ExportArgs {
         let mut given = self.export.clone();
         given.extend(self.tolerance.iter().map(|metres| format!("tolerance={metres}")));
         given.extend(self.split.iter().map(|what| format!("animations={what}")));
+        given.extend(self.clips.then(|| "animations=clips".to_string()));
         given
     }
 }

@@ -40,6 +40,7 @@ const PAGES: &[(&str, &str)] = pages!(
     "plugins/effects/xray/README.md"
     "plugins/export-csv/README.md"
     "plugins/export-gif/README.md"
+    "plugins/export-gltf/README.md"
     "plugins/export-mp4/README.md"
     "plugins/export-png/README.md"
     "plugins/export-y4m/README.md"

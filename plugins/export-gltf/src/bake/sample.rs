@@ -36,12 +36,10 @@ pub struct Sampler<'a> {
     /// Metres that a joint may be off halfway.
     tolerance: f32,
     spaces: Spaces,
-    /// Samples that may still be added in the present interval.
-    left: usize,
 }
 
 /// Most samples between two of the first ones: one jump takes 24. What changes faster is not followed, and counts as error.
-const MOST_BETWEEN: usize = 96;
+const MOST_BETWEEN: usize = 128;
 
 impl<'a> Sampler<'a> {
     pub fn new(
@@ -54,7 +52,7 @@ impl<'a> Sampler<'a> {
             Some(fewer) => Evaluator::new(Arc::new(fewer)),
             None => Evaluator::new(stage.clone()).posing_hidden(),
         };
-        Sampler { stage, evaluator, signals, actors, tolerance, spaces: Spaces::default(), left: 0 }
+        Sampler { stage, evaluator, signals, actors, tolerance, spaces: Spaces::default() }
     }
 
     /// Numbers of a row.
@@ -80,41 +78,55 @@ impl<'a> Sampler<'a> {
         let mut out: Vec<Row> = Vec::with_capacity(2 * times.len());
         for time in times {
             let next = self.row(*time)?;
-            if out.is_empty() {
+            if let Some(last) = out.pop() {
+                out.extend(self.refined(last, next)?);
+            } else {
                 out.push(next);
-                continue;
-            }
-            self.left = MOST_BETWEEN;
-            // The end of the interval that is looked at is on top.
-            let mut ends = vec![next];
-            while let Some(end) = ends.pop() {
-                let Some(start) = out.last() else { break };
-                let gap = (end.time - start.time).0;
-                if gap > 1 && self.left > 0 {
-                    let middle = self.row(start.time.middle(end.time))?;
-                    self.left -= 1;
-                    if !self.is_near(start, &end, &middle) {
-                        ends.push(end);
-                        ends.push(middle);
-                        continue;
-                    }
-                }
-                out.push(end);
             }
         }
         Ok(out)
     }
 
-    fn is_near(&mut self, a: &Row, b: &Row, middle: &Row) -> bool {
+    /// The rows of an interval. The part with the largest error is halved first, so that noise in one part takes nothing from a jump in
+    /// another.
+    fn refined(&mut self, start: Row, end: Row) -> Result<Vec<Row>, StageError> {
+        let mut done = vec![start, end];
+        let mut parts: Vec<Interval> = Vec::new();
+        let mut left = MOST_BETWEEN;
+        parts.extend(self.interval(&done[0], &done[1])?);
+        while left > 0 {
+            left -= 1;
+            // Few are open at a time.
+            let worst = (0..parts.len()).max_by(|a, b| parts[*a].error.total_cmp(&parts[*b].error));
+            let Some(worst) = worst.filter(|worst| parts[*worst].error > 1.0) else { break };
+            let Interval { middle, .. } = parts.swap_remove(worst);
+            let place = done.partition_point(|row| row.time < middle.time);
+            done.insert(place, middle);
+            parts.extend(self.interval(&done[place - 1], &done[place])?);
+            parts.extend(self.interval(&done[place], &done[place + 1])?);
+        }
+        Ok(done)
+    }
+
+    /// What lies halfway between two rows; `None` where they are a tick apart.
+    fn interval(&mut self, a: &Row, b: &Row) -> Result<Option<Interval>, StageError> {
+        if (b.time - a.time).0 <= 1 {
+            return Ok(None);
+        }
+        let middle = self.row(a.time.middle(b.time))?;
+        let error = self.error(a, b, &middle);
+        Ok(Some(Interval { middle, error }))
+    }
+
+    /// How far the middle of two rows is from the straight line between them, in what is allowed.
+    fn error(&mut self, a: &Row, b: &Row, middle: &Row) -> f32 {
         let t = middle.time.fraction(a.time, b.time);
-        let mut value = Vec::new();
+        let (mut value, mut worst) = (Vec::new(), 0.0f32);
         for signal in &self.signals {
             let [a, b, truth] = [a, b, middle].map(|row| &row.values[signal.offset..][..signal.width]);
             value.resize(signal.width, 0.0);
             signal.between(a, b, t, &mut value);
-            if !signal.is_near(&value, truth) {
-                return false;
-            }
+            worst = worst.max(signal.error(&value, truth));
         }
         for sampled in &self.actors {
             let rows = [a, b, middle].map(|row| &row.values[sampled.offset..][..sampled.joints * STRIDE]);
@@ -122,12 +134,17 @@ impl<'a> Sampler<'a> {
             // f32 cannot place what is far from the origin any better.
             let far = rows[2][..3].iter().fold(0.0f32, |most, v| most.max(v.abs()));
             let allowed = self.tolerance.max(far * 4.0 * f32::EPSILON);
-            if rig::apart(parents, rows, t, sampled.reach, &mut self.spaces) > allowed {
-                return false;
-            }
+            worst = worst.max(rig::apart(parents, rows, t, sampled.reach, &mut self.spaces) / allowed);
         }
-        true
+        worst
     }
+}
+
+/// A part of the timeline between two rows.
+struct Interval {
+    middle: Row,
+    /// How far the straight line between the rows is from the middle, in what is allowed.
+    error: f32,
 }
 
 /// The stage with all actors hidden that are not sampled, so that they are not posed. `None` where they might be missed: by a callback,

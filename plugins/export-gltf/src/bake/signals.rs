@@ -85,14 +85,18 @@ impl Signal {
         )
     }
 
-    /// Whether a value is as near to another as it must be.
-    pub fn is_near(&self, a: &[f32], b: &[f32]) -> bool {
+    /// How far a value is from another, in what is allowed.
+    pub fn error(&self, a: &[f32], b: &[f32]) -> f32 {
         if self.is_rotation() {
             let (a, b) = (Quat::from_slice(a), Quat::from_slice(b));
             let chord = (a - b).length().min((a + b).length());
-            return 2.0 * chord <= self.allowed;
+            return 2.0 * chord / self.allowed;
         }
-        a.iter().zip(b).all(|(a, b)| (a - b).abs() <= self.allowed)
+        a.iter().zip(b).map(|(a, b)| (a - b).abs() / self.allowed).fold(0.0, f32::max)
+    }
+
+    pub fn is_near(&self, a: &[f32], b: &[f32]) -> bool {
+        self.error(a, b) <= 1.0
     }
 
     /// The value between two.
