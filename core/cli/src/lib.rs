@@ -34,8 +34,7 @@ pub fn registry() -> Registry {
     registry.add_exporter(export_y4m::Y4mExporter);
     registry.add_scene_exporter(export_csv::CsvExporter);
     registry.add_scene_exporter(export_bvh::BvhExporter);
-    registry.add_scene_exporter(export_edit::OtioExporter);
-    registry.add_scene_exporter(export_edit::EdlExporter);
-    registry.add_scene_exporter(export_edit::SrtExporter);
+    registry.add_scene_exporter(export_edit::EditExporter);
+    registry.add_scene_exporter(export_gltf::GltfExporter);
     registry
 }

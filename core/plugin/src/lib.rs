@@ -54,5 +54,7 @@ pub use manifest::{BesideFile, MAX_COLOR, Manifest, OptionError, OptionKind, Opt
 pub use on_use::{LazyEffect, LazyPlugin, PluginError};
 pub use overlay::{ActorInstance, EffectScene, Label, Lattice, Overlay, Stroke, Triangle};
 pub use registry::Registry;
-pub use scene_exporter::{ExportedScene, MemoryFiles, SceneEvaluator, SceneExporter, SceneFiles};
+pub use scene_exporter::{
+    ExportDeviation, ExportedScene, MemoryFiles, SceneEvaluator, SceneExporter, SceneFiles,
+};
 pub use scene_inputs::{EffectFrame, SceneImages, SceneInputs};

@@ -410,7 +410,10 @@ fn same_at_the_feet(draw: &mut dyn FnMut(&Scene) -> choreo_plugin::Frame) {
         let beyond = off.clone().filter(|off| *off > 0.02).count();
         let worst = off.fold(0.0, f64::max);
         println!("{scale} times as large: {worst:.3} of white at worst, {beyond} values beyond 0.02");
-        assert!(worst < 0.15 && beyond <= feet(&room).len() / 64, "{scale} times as large: {worst}, {beyond}");
+        assert!(
+            worst < 0.15 && beyond <= feet(&room).len() / 64,
+            "{scale} times as large: {worst}, {beyond}"
+        );
     }
 }
 

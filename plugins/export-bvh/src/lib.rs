@@ -11,6 +11,9 @@ use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 use std::sync::LazyLock;
 
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");
+
 static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new("bvh", env!("CARGO_PKG_VERSION"), "the motion of one actor as BVH motion capture")
         .extensions(["bvh"])

@@ -9,64 +9,44 @@ mod srt;
 use choreo_plugin::{ExportError, ExportedScene, Manifest, SceneExporter, SceneFiles};
 use std::sync::LazyLock;
 
-static OTIO: LazyLock<Manifest> = LazyLock::new(|| {
-    let about = "OpenTimelineIO: shots, cues, markers and titles";
-    Manifest::new("otio", env!("CARGO_PKG_VERSION"), about).extensions(["otio"]).text("media", MEDIA, "", &[])
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");
+
+static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+    let about =
+        "the edit: shots, cues, markers and titles as OpenTimelineIO, shots as EDL, titles as subtitles";
+    let media = "file name of the rendered video; by default that of the output with .mp4";
+    Manifest::new("edit", env!("CARGO_PKG_VERSION"), about).extensions(["otio", "edl", "srt"]).text(
+        "media",
+        media,
+        "",
+        &[],
+    )
 });
-static EDL: LazyLock<Manifest> = LazyLock::new(|| {
-    let about = "edit decision list (CMX 3600): shots and dissolves";
-    Manifest::new("edl", env!("CARGO_PKG_VERSION"), about).extensions(["edl"]).text("media", MEDIA, "", &[])
-});
-static SRT: LazyLock<Manifest> = LazyLock::new(|| {
-    Manifest::new("srt", env!("CARGO_PKG_VERSION"), "titles as subtitles (SubRip)").extensions(["srt"])
-});
-const MEDIA: &str = "file name of the rendered video; by default that of the output with .mp4";
 
-/// Writes OpenTimelineIO, which `cuts` in a script reads back.
+/// Writes OpenTimelineIO, which `cuts` in a script reads back; an edit decision list where the output is called `.edl`, the titles as
+/// subtitles where it is called `.srt`.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct OtioExporter;
+pub struct EditExporter;
 
-/// Writes an edit decision list.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct EdlExporter;
-
-/// Writes titles as subtitles.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct SrtExporter;
-
-impl SceneExporter for OtioExporter {
+impl SceneExporter for EditExporter {
     fn manifest(&self) -> &Manifest {
-        &OTIO
+        &MANIFEST
     }
 
     fn export(&self, scene: &ExportedScene, files: &mut dyn SceneFiles) -> Result<Vec<String>, ExportError> {
         whole(scene)?;
-        let timeline = otio::timeline(scene, &media(scene));
-        serde_json::to_writer_pretty(files.main(), &timeline).map_err(std::io::Error::from)?;
-        Ok(Vec::new())
-    }
-}
-
-impl SceneExporter for EdlExporter {
-    fn manifest(&self) -> &Manifest {
-        &EDL
-    }
-
-    fn export(&self, scene: &ExportedScene, files: &mut dyn SceneFiles) -> Result<Vec<String>, ExportError> {
-        whole(scene)?;
-        edl::write(scene, &media(scene), files.main())?;
-        Ok(vec!["the format has no cues, markers and titles; .otio has them".into()])
-    }
-}
-
-impl SceneExporter for SrtExporter {
-    fn manifest(&self) -> &Manifest {
-        &SRT
-    }
-
-    fn export(&self, scene: &ExportedScene, files: &mut dyn SceneFiles) -> Result<Vec<String>, ExportError> {
-        whole(scene)?;
-        srt::write(scene, files.main())?;
+        match scene.extension.as_str() {
+            "edl" => {
+                edl::write(scene, &media(scene), files.main())?;
+                return Ok(vec!["the format has no cues, markers and titles; .otio has them".into()]);
+            }
+            "srt" => srt::write(scene, files.main())?,
+            _ => {
+                let timeline = otio::timeline(scene, &media(scene));
+                serde_json::to_writer_pretty(files.main(), &timeline).map_err(std::io::Error::from)?;
+            }
+        }
         Ok(Vec::new())
     }
 }

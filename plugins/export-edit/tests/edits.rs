@@ -4,7 +4,7 @@ use choreo_plugin::glam::{DVec3, Vec4};
 use choreo_plugin::motion::{Clip, FrameRate, Time, Transform};
 use choreo_plugin::stage::{Align, Camera, Cue, Cut, Font, Layer2d, Layer2dContent, Rig, Stage};
 use choreo_plugin::{AssetBuilder, ExportedScene, MemoryFiles, OptionValue, SceneExporter};
-use export_edit::{EdlExporter, OtioExporter, SrtExporter};
+use export_edit::EditExporter;
 use serde_json::Value;
 use std::sync::Arc;
 
@@ -60,9 +60,10 @@ fn scene(fps: FrameRate) -> ExportedScene {
     ExportedScene::new("talk.rhai", Arc::new(stage))
 }
 
-fn text(exporter: &dyn SceneExporter, scene: &ExportedScene) -> String {
+fn text(extension: &str, mut scene: ExportedScene) -> String {
     let mut files = MemoryFiles::default();
-    exporter.export(scene, &mut files).unwrap_or_else(|e| panic!("{e}"));
+    scene.extension = extension.into();
+    EditExporter.export(&scene, &mut files).unwrap_or_else(|e| panic!("{e}"));
     String::from_utf8(files.main).unwrap()
 }
 
@@ -78,14 +79,14 @@ fn an_edl_has_an_event_for_each_shot() {
         * FROM CLIP NAME: wide\n* TO CLIP NAME: close\n* SOURCE FILE: out.mp4\n\
         003  AX       V     C        00:00:07:01 00:00:10:00 00:00:07:01 00:00:10:00\n\
         * FROM CLIP NAME: wide\n* SOURCE FILE: out.mp4\n";
-    assert_eq!(text(&EdlExporter, &scene(FPS)), expected);
+    assert_eq!(text("edl", scene(FPS)), expected);
 }
 
 #[test]
 fn subtitles_are_the_titles_by_start() {
     let expected = "1\n00:00:01,250 --> 00:00:03,000\nHello\n\n2\n00:00:02,500 --> 00:00:04,000\nthere\n\n\
         3\n00:00:08,000 --> 00:00:10,000\nThe\nend\n\n";
-    assert_eq!(text(&SrtExporter, &scene(FPS)), expected);
+    assert_eq!(text("srt", scene(FPS)), expected);
 }
 
 /// Name, start and frames of each item of a track.
@@ -104,7 +105,7 @@ fn items(track: &Value) -> Vec<(String, f64, f64)> {
 fn a_timeline_has_shots_titles_cues_and_markers_in_frames() {
     let mut scene = scene(FPS);
     scene.options.0.insert("media".into(), OptionValue::Text("talk.mov".into()));
-    let timeline: Value = serde_json::from_str(&text(&OtioExporter, &scene)).unwrap();
+    let timeline: Value = serde_json::from_str(&text("otio", scene.clone())).unwrap();
     let tracks = timeline["tracks"]["children"].as_array().unwrap();
     let names: Vec<&str> = tracks.iter().map(|track| track["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["shots", "titles", "titles 2", "ada"]);
@@ -137,12 +138,12 @@ fn a_timeline_has_shots_titles_cues_and_markers_in_frames() {
 #[test]
 fn rates_of_television_and_parts_of_a_scene() {
     let mut scene = scene(FrameRate { num: 30_000, den: 1001 });
-    let timeline: Value = serde_json::from_str(&text(&OtioExporter, &scene)).unwrap();
+    let timeline: Value = serde_json::from_str(&text("otio", scene.clone())).unwrap();
     let shots = items(&timeline["tracks"]["children"][0]);
     // 4 s are 119.88 frames: frame 120 is the first one at or after the cut.
     assert_eq!(shots[0], ("wide".into(), 0.0, 120.0));
-    assert!(text(&EdlExporter, &scene).contains("C        00:00:00:00 00:00:04:00"));
+    assert!(text("edl", scene.clone()).contains("C        00:00:00:00 00:00:04:00"));
     scene.times.pop();
-    let error = EdlExporter.export(&scene, &mut MemoryFiles::default()).unwrap_err();
+    let error = EditExporter.export(&scene, &mut MemoryFiles::default()).unwrap_err();
     assert_eq!(error.to_string(), "an edit is of the whole scene; leave --frames out");
 }

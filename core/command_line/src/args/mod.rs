@@ -208,12 +208,32 @@ pub(crate) struct ExportArgs {
     /// An option of the format (see `choreo plugins`); repeatable
     #[arg(long = "export", value_name = "NAME=VALUE")]
     pub export: Vec<String>,
+    /// How far a joint may be from the scene, metres; for formats with the option tolerance
+    #[arg(long, value_name = "METRES")]
+    pub tolerance: Option<String>,
+    /// One animation for each actor instead of one for all; for formats with the option animations
+    #[arg(long, value_name = "WHAT", value_parser = ["actors"])]
+    pub split: Option<String>,
+    /// The clips that actors play, one animation each, in place of the timeline; for formats with the option animations
+    #[arg(long, conflicts_with = "split")]
+    pub clips: bool,
     /// No progress bar, no summary
     #[arg(short, long)]
     pub quiet: bool,
     /// The summary, or what went wrong, as JSON on standard output
     #[arg(long)]
     pub json: bool,
+}
+
+impl ExportArgs {
+    /// The options of the format, those with an argument of their own among them.
+    pub fn given(&self) -> Vec<String> {
+        let mut given = self.export.clone();
+        given.extend(self.tolerance.iter().map(|metres| format!("tolerance={metres}")));
+        given.extend(self.split.iter().map(|what| format!("animations={what}")));
+        given.extend(self.clips.then(|| "animations=clips".to_string()));
+        given
+    }
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]

@@ -21,6 +21,8 @@ pub enum KeptTimes {
     Fewest,
     /// Curves that share their key times keep the same ones: sampled fastest.
     Shared,
+    /// Each curve keeps keys at times of its own.
+    Own,
 }
 
 /// Result of a reduction. Errors are in metres of the model, of any joint's position and of a point 10 cm from it along each axis.
@@ -75,7 +77,11 @@ impl Clip {
             return Err(ReduceError::Joints { clip: self.name.clone(), joints, expected });
         }
         let reach = Reach::of(skeleton);
-        let ways: &[bool] = if keep == KeptTimes::Shared { &[true] } else { &[false, true] };
+        let ways: &[bool] = match keep {
+            KeptTimes::Shared => &[true],
+            KeptTimes::Own => &[false],
+            KeptTimes::Fewest => &[false, true],
+        };
         let reduced =
             ways.iter().filter_map(|shared| self.reduced_by(skeleton, &reach, tolerance_m, *shared));
         let all = ReductionReport { keys: [self.keys(); 2], bytes: [bytes(self); 2], worst_m: 0.0 };
