@@ -61,16 +61,16 @@ impl Book {
         };
         let lessons = gallery::lessons(root)?;
         let mut generated = reference::pages(root, &lessons)?;
+        // Pages of the repository link to the file of the reference there, and to the scripts of the lessons.
+        book.paths.insert("core/script/API.md".to_string(), "reference/index.md".to_string());
         for lesson in &lessons {
             let (page, place, drawing) = gallery::page(lesson);
-            // Pages of the repository link to the script.
             book.paths.insert(lesson.file.clone(), page.path.clone());
             book.drawings.insert(place, drawing);
             generated.push(page);
         }
         for page in &generated {
             book.paths.insert(page.source.clone(), page.path.clone());
-            book.paths.insert(format!("{SOURCES}/{}", page.path), page.path.clone());
         }
         let summary = book.read_file(&format!("{SOURCES}/SUMMARY.md"))?;
         let listed = book.list(&summary, &generated)?;

@@ -30,13 +30,12 @@ pub fn pages(root: &Path, lessons: &[Lesson]) -> Result<Vec<Page>, String> {
             types.push(entry.on);
         }
     }
-    let list: Vec<String> =
-        types.iter().map(|kind| format!("[{kind}]({ROOT}/{FOLDER}/{})", file(kind))).collect();
+    let row = |kind: &&'static str| format!("| [{kind}]({}) | {} |\n", file(kind), makers(kind).join(", "));
     let index = format!(
-        "# What a script can call\n\n[Functions]({ROOT}/{FOLDER}/functions.md), [mathematics]({ROOT}/{FOLDER}/mathematics.md), \
-         and the methods of each type: {}. [Words of the field]({ROOT}/{FOLDER}/words.md) leads from a word of another \
-         program to the call that does the same.\n\n{conventions}",
-        list.join(", ")
+        "# What a script can call\n\n[Functions](functions.md) and [mathematics](mathematics.md), and the methods of each type. \
+         [Words of the field](words.md) leads from a word of another program to the call that does the same.\n\n\
+         | type | returned by |\n|---|---|\n{}\n{conventions}",
+        types.iter().map(row).collect::<String>()
     );
     let page = |name: &str, text: String| Page {
         path: format!("reference/{name}"),
@@ -45,13 +44,7 @@ pub fn pages(root: &Path, lessons: &[Lesson]) -> Result<Vec<Page>, String> {
         is_own: false,
     };
     let mut pages = vec![
-        // Pages of the repository link to the reference by its file there.
-        Page {
-            path: "reference/index.md".into(),
-            source: "core/script/API.md".into(),
-            text: index.replace(&format!("{ROOT}/"), "../../"),
-            is_own: false,
-        },
+        page("index.md", index),
         page("words.md", words()),
         page("functions.md", type_page("", &examples)),
     ];
@@ -137,14 +130,18 @@ fn examples<'l>(frame: &str, lessons: &'l [Lesson]) -> Examples<'l> {
     found
 }
 
+/// Links to the calls that return a type, its own methods left out.
+fn makers(kind: &'static str) -> Vec<String> {
+    let makes = |entry: &&Entry| entry.gives == Returns::Handle(kind) && entry.on != kind;
+    describe::entries().iter().filter(makes).map(|entry| link(&entry.full_name(), "")).collect()
+}
+
 /// The page of a type; that of the functions where `kind` is empty.
 fn type_page(kind: &'static str, examples: &Examples) -> String {
     let of_page = |entry: &&Entry| entry.on == kind && !is_mathematics(entry);
     let entries: Vec<&Entry> = describe::entries().iter().filter(of_page).collect();
     let mut text = format!("# {}\n\n", if kind.is_empty() { "Functions" } else { kind });
-    let gives = |entry: &&Entry| !kind.is_empty() && entry.gives == Returns::Handle(kind);
-    let makers: Vec<String> =
-        describe::entries().iter().filter(gives).map(|entry| link(&entry.full_name(), "")).collect();
+    let makers = makers(kind);
     if !makers.is_empty() {
         text += &format!("Returned by {}.\n\n", makers.join(", "));
     }

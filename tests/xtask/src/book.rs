@@ -9,7 +9,8 @@ const VERSION: &str = "0.5.4";
 
 pub fn book() -> Result<(), String> {
     let out = target().join("guide");
-    let mut sources = cargo(&["run", "--release", "--quiet", "-p", "guide", "--"]);
+    // The profile of the tests, which have built the crate: drawing is optimized in it, too.
+    let mut sources = cargo(&["run", "--quiet", "-p", "guide", "--"]);
     sources.arg(&out);
     run(sources, "the guide")?;
     let mut build = Command::new(mdbook(&target().join("mdbook"))?);
