@@ -101,7 +101,7 @@ fn report(names: &[&str]) -> Result<(), String> {
 fn release_binary() -> Result<PathBuf, String> {
     run(cargo(&["build", "--release", "--quiet", "-p", "choreo"]), "cargo build --release")?;
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
-    Ok(target.join("release").join("choreo"))
+    Ok(target.join("release").join(format!("choreo{}", std::env::consts::EXE_SUFFIX)))
 }
 
 /// Models by other people, for tests and benchmarks; not part of the repository.
