@@ -5,7 +5,7 @@ use clap_complete::{Shell, generate};
 use std::io::Result;
 use std::path::{Path, PathBuf};
 
-/// Where Debian's shells look: folder and file of a program. PowerShell's file is for `. choreo.ps1` in a profile.
+/// Folder and file in which a shell of Debian looks for a program's completions. PowerShell's file is for `. choreo.ps1` in a profile.
 fn place(shell: Shell, program: &str) -> PathBuf {
     match shell {
         Shell::Fish => PathBuf::from("fish/vendor_completions.d").join(format!("{program}.fish")),
@@ -31,7 +31,10 @@ fn write(share: &Path) -> Result<()> {
     std::fs::create_dir_all(&pages)?;
     let app = choreo::app();
     // `choreo view` starts the viewer, whose page has the same name and takes its place.
-    let programs = [("choreo", choreo::command(&app)), ("choreo-view", choreo_viewer::command(&app))];
+    let programs = [
+        ("choreo", choreo::command(&app)),
+        ("choreo-view", choreo_viewer::command(&app).name("choreo-view")),
+    ];
     for (name, mut command) in programs {
         completions(&mut command, name, share)?;
         clap_mangen::generate_to(command, &pages)?;
@@ -61,7 +64,7 @@ mod tests {
             ("man/man1/choreo-view.1", "\\-\\-shaders"),
             ("bash-completion/completions/choreo", "--resume"),
             ("bash-completion/completions/choreo-view", "--play"),
-            ("fish/vendor_completions.d/choreo.fish", "-a \"project"),
+            ("fish/vendor_completions.d/choreo.fish", "-a \"new\""),
             ("zsh/vendor-completions/_choreo", "#compdef choreo"),
             ("powershell/choreo-view.ps1", "'choreo-view'"),
         ] {

@@ -61,7 +61,7 @@ pub(crate) struct ViewerOptions {
 /// The command line, for completions and manual pages.
 pub fn command(app: &App) -> clap::Command {
     let name = format!("{}-view", app.name);
-    Args::command().name(name.clone()).display_name(&name).bin_name(&name).version(app.version)
+    Args::command().display_name(&name).bin_name(&name).version(app.version)
 }
 
 pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<ViewerOptions, ExitCode> {

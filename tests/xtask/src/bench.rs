@@ -4,7 +4,6 @@
 //! the whole process (user + system) from the operating system's own accounting.
 
 use crate::{assets, release_binary, root};
-use nix::sys::resource::{UsageWho, getrusage};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
@@ -35,11 +34,23 @@ pub fn measured(args: &[&str]) -> Result<(), String> {
         return Err(format!("{program} {}: {}", rest.join(" "), run.status));
     }
     let device = json_field(&String::from_utf8_lossy(&run.stdout), "device_seconds").unwrap_or_default();
+    let (cpu, peak_mb) = usage_of_children()?;
+    println!("{cpu} {wall} {peak_mb} {device}");
+    Ok(())
+}
+
+/// CPU seconds of the processes that have ended, and the peak memory of the largest in MB.
+#[cfg(unix)]
+fn usage_of_children() -> Result<(f64, f64), String> {
+    use nix::sys::resource::{UsageWho, getrusage};
     let usage = getrusage(UsageWho::RUSAGE_CHILDREN).map_err(|e| format!("getrusage: {e}"))?;
     let secs = |t: nix::sys::time::TimeVal| t.tv_sec() as f64 + t.tv_usec() as f64 * 1e-6;
-    let cpu = secs(usage.user_time()) + secs(usage.system_time());
-    println!("{cpu} {wall} {} {device}", usage.max_rss() as f64 / 1024.0);
-    Ok(())
+    Ok((secs(usage.user_time()) + secs(usage.system_time()), usage.max_rss() as f64 / 1024.0))
+}
+
+#[cfg(not(unix))]
+fn usage_of_children() -> Result<(f64, f64), String> {
+    Err("measurements need a system with getrusage".into())
 }
 
 /// Value of a flat field of a summary in JSON, without quotes.

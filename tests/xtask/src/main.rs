@@ -103,7 +103,7 @@ fn report(names: &[&str]) -> Result<(), String> {
 /// Builds the release binary and gives its path.
 fn release_binary() -> Result<PathBuf, String> {
     run(cargo(&["build", "--release", "--quiet", "-p", "choreo"]), "cargo build --release")?;
-    Ok(target().join("release").join("choreo"))
+    Ok(target().join("release").join(format!("choreo{}", std::env::consts::EXE_SUFFIX)))
 }
 
 /// The folder of what cargo builds.

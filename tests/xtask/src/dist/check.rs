@@ -2,6 +2,7 @@
 //! libraries of the packages that it depends on.
 
 use super::{folder, output, works};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -66,7 +67,8 @@ pub fn debian(file: &Path) -> Result<(), String> {
                 unshare
             }
         };
-        command.arg(&root).arg(Path::new("/usr/bin").join(program)).env_clear();
+        command.arg(&root).arg(Path::new("/usr/bin").join(program));
+        command.env_clear().env("PATH", "/usr/sbin:/usr/bin:/sbin:/bin");
         command
     };
     runs(&program, "/tmp/frame.png", &format!("/usr/{SCRIPT}"))?;
@@ -89,9 +91,15 @@ fn libraries(package: &Path, root: &Path) -> Result<(), String> {
         let _ = link;
     }
     let depends = output(Command::new("dpkg-deb").arg("--field").arg(package).arg("Depends"))?;
-    let names = depends.split(',').filter_map(|one| one.split_whitespace().next());
-    for name in names {
-        let files = output(Command::new("dpkg").args(["--listfiles", name]))?;
+    let mut open = names(&depends);
+    let mut done = BTreeSet::new();
+    while let Some(name) = open.pop() {
+        if !done.insert(name.clone()) {
+            continue;
+        }
+        let format = "--showformat=${Depends}";
+        open.extend(names(&output(Command::new("dpkg-query").args(["--show", format, &name]))?));
+        let files = output(Command::new("dpkg").args(["--listfiles", &name]))?;
         let is_library = |file: &&str| file.contains(".so") && Path::new(file).is_file();
         for file in files.lines().filter(is_library) {
             // The file that a link leads to, under the name of the link.
@@ -100,6 +108,12 @@ fn libraries(package: &Path, root: &Path) -> Result<(), String> {
         }
     }
     Ok(())
+}
+
+/// Names of packages in a list of dependencies; of alternatives the first.
+fn names(depends: &str) -> Vec<String> {
+    let names = depends.split(',').filter_map(|one| one.split_whitespace().next());
+    names.map(str::to_string).collect()
 }
 
 fn expected(prefix: &Path) -> Result<(), String> {
@@ -131,7 +145,7 @@ fn picture(file: &PathBuf) -> Result<(), String> {
     let mut reader = png::Decoder::new(std::io::BufReader::new(open)).read_info().map_err(|e| fault(&e))?;
     let mut pixels = vec![0; reader.output_buffer_size().unwrap_or_default()];
     let info = reader.next_frame(&mut pixels).map_err(|e| fault(&e))?;
-    let distinct: std::collections::BTreeSet<&[u8]> = pixels.chunks(3).collect();
+    let distinct: BTreeSet<&[u8]> = pixels.chunks(3).collect();
     match (info.width, info.height) == SIZE && distinct.len() > 100 {
         true => Ok(()),
         false => Err(fault(&format!("{}x{} pixels, {} colors", info.width, info.height, distinct.len()))),

@@ -105,3 +105,38 @@ fn debian(out: &Path) -> Result<Option<PathBuf>, String> {
     let package = files.find(|file| file.extension().is_some_and(|ending| ending == "deb"));
     package.map(Some).ok_or_else(|| "cargo deb wrote no package".into())
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::root;
+
+    /// CI runs what a person runs.
+    #[test]
+    fn commands_of_the_workflow_are_there() {
+        let read = |path: &str| std::fs::read_to_string(root().join(path)).unwrap();
+        let (workflow, known) = (read(".ci/release.yml"), read("tests/xtask/src/main.rs"));
+        let commands: Vec<&str> = workflow
+            .lines()
+            .filter_map(|line| line.trim().strip_prefix("- run: cargo xtask ")?.split(' ').next())
+            .collect();
+        assert_eq!(commands, ["package", "dist"]);
+        for command in commands {
+            assert!(known.contains(&format!("[\"{command}\"")), "{command}");
+        }
+        for system in ["ubuntu", "windows", "macos"] {
+            assert!(workflow.contains(system), "{system}");
+        }
+    }
+
+    /// The desktop entry names the program, the icon and the types of the other files.
+    #[test]
+    fn files_for_desktops_fit_each_other() {
+        let read =
+            |name: &str| std::fs::read_to_string(root().join("core/viewer/desktop").join(name)).unwrap();
+        let (entry, types) = (read("choreo-view.desktop"), read("choreo.xml"));
+        let value = |key: &str| entry.lines().find_map(|line| line.strip_prefix(key)).unwrap().to_string();
+        assert_eq!((value("Exec=").as_str(), value("Icon=").as_str()), ("choreo-view %f", "choreo"));
+        assert!(value("MimeType=").ends_with(';') && value("MimeType=").contains("text/x-rhai;"));
+        assert!(types.contains("<mime-type type=\"text/x-rhai\">") && types.contains("*.rhai"));
+    }
+}
