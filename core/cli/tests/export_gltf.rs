@@ -40,6 +40,7 @@ fn scripts() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts")
 }
 
+/// All lessons; those in folders of their own have plugins beside them.
 fn lessons() -> Vec<PathBuf> {
     let mut all = Vec::new();
     for entry in std::fs::read_dir(scripts()).unwrap().map(|e| e.unwrap().path()) {
@@ -442,15 +443,68 @@ fn the_khronos_validator_has_nothing_to_say() {
     validate(&exported.iter().map(Exported::path).collect::<Vec<PathBuf>>());
 }
 
+/// Blender's importer makes bones of joints: the same places, by another program.
+#[test]
+fn blender_has_the_joints_where_they_were() {
+    let Some(python) = std::env::var_os("CHOREO_BPY") else {
+        println!("SKIP 1: CHOREO_BPY names no Python that has bpy");
+        return;
+    };
+    let exported = Exported::lesson(&scripts().join("01_first_dance.rhai"), "glb");
+    let stage = &exported.stage;
+    let times: Vec<f64> = (0..20).map(|i| stage.settings.length.as_secs() * (f64::from(i) + 0.377) / 20.0).collect();
+    let actors: Vec<&str> = stage.actors.iter().map(|a| a.name.as_str()).collect();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/common/blender.py");
+    let mut blender = std::process::Command::new(python);
+    blender.arg(script).arg(exported.path()).arg(serde_json::to_string(&times).unwrap());
+    let run = blender.arg(serde_json::to_string(&actors).unwrap()).output().unwrap();
+    let text = String::from_utf8_lossy(&run.stdout);
+    let result = text.lines().find_map(|line| line.strip_prefix("RESULT "));
+    let result = result.unwrap_or_else(|| panic!("{text}{}", String::from_utf8_lossy(&run.stderr)));
+    let bones: Value = serde_json::from_str(result).unwrap();
+    let (mut evaluator, mut worst, mut count) = (Evaluator::new(stage.clone()), (0.0, String::new()), 0);
+    for (number, secs) in times.iter().enumerate() {
+        let truth = evaluator.at(Time::from_secs(*secs)).unwrap();
+        for (actor, state) in stage.actors.iter().zip(&truth.actors) {
+            for (joint, name) in actor.asset.skeleton.names().iter().enumerate() {
+                let found = &bones[&actor.name][name][number];
+                let Some(found) = found.as_array() else { continue };
+                let found: Vec<f64> = found.iter().map(|v| v.as_f64().unwrap()).collect();
+                let place = state.world_from_joint(joint).unwrap().translation;
+                let apart = place.distance(glam::DVec3::from_slice(&found));
+                count += 1;
+                if apart > worst.0 {
+                    worst = (apart, format!("{} {name} at {secs:.4} s", actor.name));
+                }
+            }
+        }
+    }
+    println!("Blender: {count} places, {:.1e} m, {}", worst.0, worst.1);
+    assert!(count > 20 * 3 * 50 && worst.0 < TOLERANCE, "{count} places, {worst:?}");
+}
+
 #[test]
 #[ignore = "all lessons take minutes; cargo test -p choreo --test export_gltf -- --ignored --nocapture"]
 fn all_lessons() {
     let mut wrong = Vec::new();
     for path in lessons() {
+        let name = path.strip_prefix(scripts()).unwrap().display().to_string();
+        if name.ends_with("lesson.rhai") {
+            // The program finds the plugins.
+            let dir = tempfile::tempdir().unwrap();
+            let out = dir.path().join("out.glb");
+            let args = ["export", "lesson.rhai", "--json", "-o", out.to_str().unwrap()];
+            let run = choreo(path.parent().unwrap(), &args);
+            assert_eq!(run.code, 0, "{}", run.err);
+            let told: Value = serde_json::from_str(&run.out).unwrap();
+            println!("{name}: it states {}", told["worst_error"]);
+            assert!(told["worst_error"]["metres"].as_f64().unwrap() < TOLERANCE);
+            validate(&[out]);
+            continue;
+        }
         let exported = Exported::lesson(&path, "glb");
         let (metres, place) = worst(&exported);
         let c = images(&exported, 0.45).0;
-        let name = path.strip_prefix(scripts()).unwrap().display().to_string();
         println!("{name}: {metres:.1e} m, {place}; {c}");
         if metres > TOLERANCE {
             wrong.push(format!("{name}: {metres:e} m, {place}"));

@@ -14,7 +14,6 @@ use choreo_plugin::motion::{Path, Transform};
 use choreo_plugin::stage::{Actor, Stage};
 use choreo_plugin::{ExportError, asset::widen};
 use serde_json::json;
-use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -237,7 +236,7 @@ impl<'a> Parts<'a> {
         index
     }
 
-    fn skin(&mut self, asset: &Asset, skin: u32, base: Index) -> Index {
+    fn skin(&mut self, asset: &'a Asset, skin: u32, base: Index) -> Index {
         let of = &asset.skins[skin as usize];
         let joints = of.joints.iter().map(|joint| base + joint).collect();
         let inverse_bind_matrices = meshes::inverse_bind(&mut self.buffer, of);
@@ -252,13 +251,12 @@ impl<'a> Parts<'a> {
         }
         let parts: Vec<Transform> =
             copies.iter().map(|c| rig::parts(&widen(c), &Transform::IDENTITY)).collect();
-        let mut array = |shape: &'static str, numbers: Vec<f32>| {
-            let bytes = Cow::Owned(bytemuck::cast_slice(&numbers).to_vec());
-            self.buffer.array(bytes, None, Accessor::of(F32, shape, parts.len()))
-        };
-        let translations = array("VEC3", parts.iter().flat_map(|t| t.translation.to_array()).collect());
-        let rotations = array("VEC4", parts.iter().flat_map(|t| t.rotation.to_array()).collect());
-        let scales = array("VEC3", parts.iter().flat_map(|t| t.scale.to_array()).collect());
+        let accessor = |shape| Accessor::of(F32, shape, parts.len());
+        let (places, turns, sizes) = (parts.clone(), parts.clone(), parts.clone());
+        let buffer = &mut self.buffer;
+        let translations = buffer.array(move |i| places[i].translation.to_array(), None, accessor("VEC3"));
+        let rotations = buffer.array(move |i| turns[i].rotation.to_array(), None, accessor("VEC4"));
+        let scales = buffer.array(move |i| sizes[i].scale.to_array(), None, accessor("VEC3"));
         let attributes = json!({ "TRANSLATION": translations, "ROTATION": rotations, "SCALE": scales });
         self.extensions.insert("EXT_mesh_gpu_instancing");
         let extensions = json!({ "EXT_mesh_gpu_instancing": { "attributes": attributes } });

@@ -4,7 +4,7 @@ use crate::actors::{ActorNodes, Parts};
 use crate::bake::signals::{LightPart, MaterialPart, Quantity, SLOTS};
 use crate::bake::tracks::{TrackSet, seconds};
 use crate::bake::{Baked, Series};
-use crate::buffer::F32;
+use crate::buffer::{F32, each_chunk};
 use crate::cameras::ShotNode;
 use crate::document::{Accessor, Animation, Channel, Index, Sampler, Target};
 use crate::lights::LightNode;
@@ -128,12 +128,12 @@ pub fn write_set<'a>(parts: &mut Parts<'a>, set: TrackSet<'a>, start: Time) -> W
     parts.buffer.made(of_times + of_values, move |file| {
         let mut numbers = Vec::new();
         for times in &times {
-            file.write_all(bytemuck::cast_slice(times))?;
+            each_chunk(times.len(), |i| [times[i]], |bytes| file.write_all(bytes))?;
         }
         for track in 0..set.tracks.len() {
             numbers.clear();
             set.values(track, &mut numbers);
-            file.write_all(bytemuck::cast_slice(&numbers))?;
+            each_chunk(numbers.len(), |i| [numbers[i]], |bytes| file.write_all(bytes))?;
         }
         Ok(())
     });
@@ -175,13 +175,15 @@ fn sampler(parts: &mut Parts<'_>, series: &Series, start: Time, change: impl Fn(
         4 => ("VEC4", 4),
         _ => ("SCALAR", 1),
     };
-    let mut array = |numbers: &[f32], accessor| {
-        let bytes = bytemuck::cast_slice(numbers).to_vec();
-        parts.buffer.array(bytes.into(), None, accessor)
-    };
     let input = Accessor::of(F32, "SCALAR", times.len()).bounded(times.iter().map(|t| [*t]));
-    let input = array(&times, input);
-    let output = array(&values, Accessor::of(F32, shape, values.len() / width));
+    let input = parts.buffer.array(move |i| [times[i]], None, input);
+    let output = Accessor::of(F32, shape, values.len() / width);
+    let output = match width {
+        2 => parts.buffer.array(move |i| [values[2 * i], values[2 * i + 1]], None, output),
+        3 => parts.buffer.array(move |i| [0, 1, 2].map(|k| values[3 * i + k]), None, output),
+        4 => parts.buffer.array(move |i| [0, 1, 2, 3].map(|k| values[4 * i + k]), None, output),
+        _ => parts.buffer.array(move |i| [values[i]], None, output),
+    };
     Sampler { input, interpolation: "LINEAR", output }
 }
 

@@ -4,7 +4,6 @@
 use crate::document::{Accessor, BufferView, Index};
 use choreo_plugin::asset::ContentHash;
 use choreo_plugin::asset::hash::hash_of;
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::{Result, Write};
 
@@ -17,11 +16,42 @@ pub const VERTICES: u16 = 34962;
 pub const INDICES: u16 = 34963;
 
 /// Writes a part of the buffer of a known length.
-type Make<'a> = Box<dyn Fn(&mut dyn Write) -> Result<()> + 'a>;
+type Part<'a> = Box<dyn Fn(&mut dyn Write) -> Result<()> + 'a>;
 
-enum Part<'a> {
-    Bytes(Cow<'a, [u8]>),
-    Made(Make<'a>),
+/// Rows that are made at a time.
+const CHUNK: usize = 4096;
+
+/// One element of an accessor.
+pub trait Row {
+    const BYTES: u64;
+    fn put(self, out: &mut Vec<u8>);
+}
+
+macro_rules! rows {
+    ($($number:ty),*) => { $(
+        impl<const N: usize> Row for [$number; N] {
+            const BYTES: u64 = (N * size_of::<$number>()) as u64;
+            fn put(self, out: &mut Vec<u8>) {
+                self.into_iter().for_each(|number| out.extend_from_slice(&number.to_le_bytes()));
+            }
+        }
+    )* };
+}
+rows!(f32, u32, u16, u8);
+
+/// Hands over the bytes of rows, chunk by chunk.
+pub fn each_chunk<R: Row>(
+    count: usize,
+    row: impl Fn(usize) -> R,
+    mut each: impl FnMut(&[u8]) -> Result<()>,
+) -> Result<()> {
+    let mut bytes = Vec::with_capacity(CHUNK.min(count) * R::BYTES as usize);
+    for first in (0..count).step_by(CHUNK) {
+        bytes.clear();
+        (first..count.min(first + CHUNK)).for_each(|index| row(index).put(&mut bytes));
+        each(&bytes)?;
+    }
+    Ok(())
 }
 
 #[derive(Default)]
@@ -47,21 +77,35 @@ impl<'a> Buffer<'a> {
 
     /// A view of bytes that are no numbers: an image.
     pub fn bytes(&mut self, bytes: Vec<u8>) -> Index {
-        self.add(bytes.len() as u64, None, Part::Bytes(bytes.into()))
+        self.add(bytes.len() as u64, None, Box::new(move |out| out.write_all(&bytes)))
     }
 
     /// A view that is made as it is written; it must have exactly this length.
     pub fn made(&mut self, length: u64, make: impl Fn(&mut dyn Write) -> Result<()> + 'a) -> Index {
-        self.add(length, None, Part::Made(Box::new(make)))
+        self.add(length, None, Box::new(make))
     }
 
-    /// An accessor of a view of its own. Equal content is there once.
-    pub fn array(&mut self, bytes: Cow<'a, [u8]>, target: Option<u16>, accessor: Accessor) -> Index {
-        let key = (hash_of(|w| w.bytes(&bytes)), accessor.component_type, accessor.shape);
+    /// An accessor of a view of its own, whose rows are made as it is written. Equal content is there once.
+    pub fn array<R: Row>(
+        &mut self,
+        row: impl Fn(usize) -> R + 'a,
+        target: Option<u16>,
+        accessor: Accessor,
+    ) -> Index {
+        let count = accessor.count;
+        let hash = hash_of(|w| {
+            // Nothing fails here.
+            _ = each_chunk(count, &row, |bytes| {
+                w.bytes(bytes);
+                Ok(())
+            });
+        });
+        let key = (hash, accessor.component_type, accessor.shape);
         if let Some(known) = self.known.get(&key) {
             return *known;
         }
-        let view = self.add(bytes.len() as u64, target, Part::Bytes(bytes));
+        let write: Part<'a> = Box::new(move |out| each_chunk(count, &row, |bytes| out.write_all(bytes)));
+        let view = self.add(count as u64 * R::BYTES, target, write);
         let index = self.accessor(Accessor { buffer_view: Some(view), ..accessor });
         self.known.insert(key, index);
         index
@@ -79,10 +123,7 @@ impl<'a> Buffer<'a> {
 
     pub fn write(&self, out: &mut dyn Write) -> Result<()> {
         for (length, part) in &self.parts {
-            match part {
-                Part::Bytes(bytes) => out.write_all(bytes)?,
-                Part::Made(make) => make(out)?,
-            }
+            part(out)?;
             let padding = length.next_multiple_of(4) - length;
             out.write_all(&[0; 3][..padding as usize])?;
         }

@@ -5,7 +5,6 @@ use crate::document::{self, Accessor, Index};
 use choreo_plugin::asset::{Mesh, Primitive, Skin, Topology};
 use choreo_plugin::glam::{Mat4, Vec3, Vec4};
 use serde_json::{Map, Value, json};
-use std::borrow::Cow;
 
 /// Squared length by which a unit vector may be off; the validator allows 0.0005 of the length.
 const UNIT: f32 = 5e-4;
@@ -45,100 +44,80 @@ pub fn mesh<'a>(
 }
 
 fn attributes<'a>(buffer: &mut Buffer<'a>, primitive: &'a Primitive) -> Map<String, Value> {
+    let Primitive { positions, normals, tangents, uvs, colors, .. } = primitive;
     let mut out = Map::new();
-    let count = primitive.positions.len();
-    let positions = Accessor::of(F32, "VEC3", count).bounded(primitive.positions.iter().map(Vec3::to_array));
-    let bytes = bytemuck::cast_slice(&primitive.positions);
-    out.insert("POSITION".into(), buffer.array(Cow::Borrowed(bytes), Some(VERTICES), positions).into());
-    if primitive.normals.len() == count {
-        let bytes = units(&primitive.normals, Vec3::length_squared, |n| n.normalize_or(Vec3::Y));
-        out.insert("NORMAL".into(), vertices(buffer, bytes, "VEC3", count));
+    let count = positions.len();
+    let bounded = Accessor::of(F32, "VEC3", count).bounded(positions.iter().map(Vec3::to_array));
+    let accessor = buffer.array(move |i| positions[i].to_array(), Some(VERTICES), bounded);
+    out.insert("POSITION".into(), accessor.into());
+    let mut add = |name: String, shape, row: &dyn Fn(&mut Buffer<'a>, Accessor) -> Index| {
+        out.insert(name, row(buffer, Accessor::of(F32, shape, count)).into());
+    };
+    if normals.len() == count {
+        let row = move |i: usize| unit(normals[i], Vec3::Y).to_array();
+        add("NORMAL".into(), "VEC3", &|buffer, accessor| buffer.array(row, Some(VERTICES), accessor));
     }
-    if primitive.tangents.len() == count && primitive.normals.len() == count {
-        let square = |t: Vec4| if t.w.abs() == 1.0 { t.truncate().length_squared() } else { 0.0 };
-        let bytes = units(&primitive.tangents, square, |t| {
-            t.truncate().normalize_or(Vec3::X).extend(if t.w < 0.0 { -1.0 } else { 1.0 })
-        });
-        out.insert("TANGENT".into(), vertices(buffer, bytes, "VEC4", count));
-    }
-    for (set, uvs) in primitive.uvs.iter().enumerate().filter(|(_, uvs)| uvs.len() == count) {
-        let bytes = Cow::Borrowed(bytemuck::cast_slice(uvs));
-        out.insert(format!("TEXCOORD_{set}"), vertices(buffer, bytes, "VEC2", count));
-    }
-    if primitive.colors.len() == count {
-        let clamped = |c: &Vec4| c.clamp(Vec4::ZERO, Vec4::ONE);
-        let bytes = match primitive.colors.iter().all(|c| clamped(c) == *c) {
-            true => Cow::Borrowed(bytemuck::cast_slice(&primitive.colors)),
-            false => owned(&primitive.colors.iter().map(clamped).collect::<Vec<Vec4>>()),
+    if tangents.len() == count && normals.len() == count {
+        let row = move |i: usize| {
+            let direction = unit(tangents[i].truncate(), Vec3::X);
+            direction.extend(if tangents[i].w < 0.0 { -1.0 } else { 1.0 }).to_array()
         };
-        out.insert("COLOR_0".into(), vertices(buffer, bytes, "VEC4", count));
+        add("TANGENT".into(), "VEC4", &|buffer, accessor| buffer.array(row, Some(VERTICES), accessor));
+    }
+    for (set, uvs) in uvs.iter().enumerate().filter(|(_, uvs)| uvs.len() == count) {
+        let row = move |i: usize| uvs[i].to_array();
+        let name = format!("TEXCOORD_{set}");
+        add(name, "VEC2", &|buffer, accessor| buffer.array(row, Some(VERTICES), accessor));
+    }
+    if colors.len() == count {
+        let row = move |i: usize| colors[i].clamp(Vec4::ZERO, Vec4::ONE).to_array();
+        add("COLOR_0".into(), "VEC4", &|buffer, accessor| buffer.array(row, Some(VERTICES), accessor));
     }
     out
 }
 
-fn vertices<'a>(buffer: &mut Buffer<'a>, bytes: Cow<'a, [u8]>, shape: &'static str, count: usize) -> Value {
-    buffer.array(bytes, Some(VERTICES), Accessor::of(F32, shape, count)).into()
-}
-
-fn owned<T: bytemuck::NoUninit>(list: &[T]) -> Cow<'static, [u8]> {
-    Cow::Owned(bytemuck::cast_slice(list).to_vec())
-}
-
-/// Vectors of length 1; where one is not, all of them are copied and made so.
-fn units<V: bytemuck::NoUninit>(
-    list: &[V],
-    length_squared: impl Fn(V) -> f32,
-    unit: impl Fn(V) -> V,
-) -> Cow<'_, [u8]> {
-    let is_unit = |v: &V| (length_squared(*v) - 1.0).abs() <= UNIT;
-    match list.iter().all(is_unit) {
-        true => Cow::Borrowed(bytemuck::cast_slice(list)),
-        false => owned(&list.iter().map(|v| if is_unit(v) { *v } else { unit(*v) }).collect::<Vec<V>>()),
-    }
+/// A vector of length 1, as it is where it is near enough.
+fn unit(v: Vec3, otherwise: Vec3) -> Vec3 {
+    if (v.length_squared() - 1.0).abs() <= UNIT { v } else { v.normalize_or(otherwise) }
 }
 
 fn indices<'a>(buffer: &mut Buffer<'a>, primitive: &'a Primitive) -> Index {
-    let (list, count) = (&primitive.indices, primitive.indices.len());
+    let list = &primitive.indices;
     // The largest number of each type is reserved for primitive restart (§3.7.2.1).
-    let (bytes, component) = match primitive.positions.len() {
-        ..=65_535 => (owned(&list.iter().map(|i| *i as u16).collect::<Vec<u16>>()), U16),
-        _ => (Cow::Borrowed(bytemuck::cast_slice(list)), U32),
-    };
-    buffer.array(bytes, Some(INDICES), Accessor::of(component, "SCALAR", count))
+    match primitive.positions.len() {
+        ..=65_535 => {
+            let accessor = Accessor::of(U16, "SCALAR", list.len());
+            buffer.array(move |i| [list[i] as u16], Some(INDICES), accessor)
+        }
+        _ => buffer.array(move |i| [list[i]], Some(INDICES), Accessor::of(U32, "SCALAR", list.len())),
+    }
 }
 
 /// `JOINTS_0`, `WEIGHTS_0` and, of eight influences, the second sets.
-fn add_influences(
-    buffer: &mut Buffer<'_>,
-    primitive: &Primitive,
+fn add_influences<'a>(
+    buffer: &mut Buffer<'a>,
+    primitive: &'a Primitive,
     joints: usize,
     out: &mut Map<String, Value>,
 ) {
     let (count, influences) = (primitive.positions.len(), primitive.influences);
-    let sets = influences.div_ceil(4);
-    let mut all: Vec<(Vec<u16>, Vec<f32>)> = vec![Default::default(); sets];
-    for vertex in 0..count {
-        let range = vertex * influences..(vertex + 1) * influences;
-        let mut row: Vec<(u16, f32)> = primitive.joint_indices[range.clone()]
-            .iter()
-            .copied()
-            .zip(primitive.joint_weights[range].iter().copied())
-            .collect();
-        tidy(&mut row);
-        row.resize(sets * 4, (0, 0.0));
-        for ((joints, weights), part) in all.iter_mut().zip(row.chunks(4)) {
-            joints.extend(part.iter().map(|(joint, _)| *joint));
-            weights.extend(part.iter().map(|(_, weight)| *weight));
-        }
-    }
-    for (set, (indices, weights)) in all.into_iter().enumerate() {
-        let (bytes, component) = match joints {
-            ..=256 => (owned(&indices.iter().map(|i| *i as u8).collect::<Vec<u8>>()), U8),
-            _ => (owned(&indices), U16),
+    for set in 0..influences.div_ceil(4) {
+        let row = move |vertex: usize| -> [(u16, f32); 4] {
+            let range = vertex * influences..(vertex + 1) * influences;
+            let (joints, weights) = (&primitive.joint_indices[range.clone()], &primitive.joint_weights[range]);
+            let mut all = [(0, 0.0); 8];
+            all.iter_mut().zip(joints.iter().zip(weights)).for_each(|(to, (j, w))| *to = (*j, *w));
+            tidy(&mut all[..influences.min(8)]);
+            std::array::from_fn(|i| all[set * 4 + i])
         };
-        let accessor = Accessor::of(component, "VEC4", count);
-        out.insert(format!("JOINTS_{set}"), buffer.array(bytes, Some(VERTICES), accessor).into());
-        out.insert(format!("WEIGHTS_{set}"), vertices(buffer, owned(&weights), "VEC4", count));
+        let accessor = |component| Accessor::of(component, "VEC4", count);
+        let index = match joints {
+            ..=256 => buffer.array(move |i| row(i).map(|(j, _)| j as u8), Some(VERTICES), accessor(U8)),
+            _ => buffer.array(move |i| row(i).map(|(j, _)| j), Some(VERTICES), accessor(U16)),
+        };
+        out.insert(format!("JOINTS_{set}"), index.into());
+        let weights = buffer.array(move |i| row(i).map(|(_, w)| w), Some(VERTICES), accessor(F32));
+        out.insert(format!("WEIGHTS_{set}"), weights.into());
     }
 }
 
@@ -171,8 +150,7 @@ fn targets<'a>(buffer: &mut Buffer<'a>, primitive: &'a Primitive, number: usize)
         let bounded = |v: &[Vec3]| Accessor::of(F32, "VEC3", count).bounded(v.iter().map(Vec3::to_array));
         let position = match morph.and_then(|m| list(&m.positions)) {
             Some(offsets) => {
-                let bytes = Cow::Borrowed(bytemuck::cast_slice(offsets));
-                buffer.array(bytes, Some(VERTICES), bounded(offsets))
+                buffer.array(move |i| offsets[i].to_array(), Some(VERTICES), bounded(offsets))
             }
             None => {
                 let zero =
@@ -185,8 +163,9 @@ fn targets<'a>(buffer: &mut Buffer<'a>, primitive: &'a Primitive, number: usize)
         let has = [primitive.normals.len() == count, primitive.tangents.len() == count];
         for ((name, offsets), has) in ["NORMAL", "TANGENT"].iter().zip(others).zip(has) {
             if let Some(offsets) = offsets.filter(|_| has) {
-                let bytes = Cow::Borrowed(bytemuck::cast_slice(offsets));
-                out.insert((*name).into(), vertices(buffer, bytes, "VEC3", count));
+                let accessor = Accessor::of(F32, "VEC3", count);
+                let index = buffer.array(move |i| offsets[i].to_array(), Some(VERTICES), accessor);
+                out.insert((*name).into(), index.into());
             }
         }
         out
@@ -195,15 +174,14 @@ fn targets<'a>(buffer: &mut Buffer<'a>, primitive: &'a Primitive, number: usize)
 }
 
 /// The accessor of a skin's inverse bind matrices.
-pub fn inverse_bind(buffer: &mut Buffer<'_>, skin: &Skin) -> Index {
-    let matrix = |index: usize| {
+pub fn inverse_bind<'a>(buffer: &mut Buffer<'a>, skin: &'a Skin) -> Index {
+    let matrix = move |index: usize| {
         let mut m = skin.inverse_bind.get(index).copied().unwrap_or(Mat4::IDENTITY);
         // The fourth row is 0 0 0 1 (§3.7.3.1).
         (m.x_axis.w, m.y_axis.w, m.z_axis.w, m.w_axis.w) = (0.0, 0.0, 0.0, 1.0);
-        m
+        m.to_cols_array()
     };
-    let all: Vec<Mat4> = (0..skin.joints.len()).map(matrix).collect();
-    buffer.array(owned(&all), None, Accessor::of(F32, "MAT4", all.len()))
+    buffer.array(matrix, None, Accessor::of(F32, "MAT4", skin.joints.len()))
 }
 
 #[cfg(test)]
