@@ -84,7 +84,7 @@ pub fn effect_parameters(effect: &Effect, given: &[(String, f64)]) -> Vec<f32> {
 }
 
 /// Active effects whose plugin is known and which change something.
-pub(super) fn uses<'a>(
+pub(crate) fn uses<'a>(
     stage: &'a Stage,
     snapshot: &'a Snapshot,
     effects: &'a [Effect],

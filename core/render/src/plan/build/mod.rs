@@ -9,13 +9,13 @@ mod lod;
 mod mesh;
 mod outlines;
 mod overdraw;
-mod overlay;
+pub(crate) mod overlay;
 mod refraction;
 pub(crate) mod scene_inputs;
 pub(crate) mod shadow_cascades;
 mod shadow_casters;
-mod shadow_volumes;
-mod skins;
+pub(crate) mod shadow_volumes;
+pub(crate) mod skins;
 mod transparency;
 
 use crate::affine::Affine3x4;
@@ -287,6 +287,7 @@ impl<'a> Planner<'a> {
             effect_frame,
             overlay,
             subframes: Vec::new(),
+            shutter_motion: None,
             history: Vec::new(),
             dissolve: None,
             linear: false,
