@@ -144,7 +144,7 @@ mod tests {
     #[test]
     fn a_very_long_line_is_cut_around_the_column() {
         let line = "x".repeat(5000);
-        let (shown, before) = excerpt(&line, 3000);
+        let (shown, before) = excerpt::excerpt(&line, 3000);
         assert_eq!((shown.len(), before), (160, 120));
     }
 }
