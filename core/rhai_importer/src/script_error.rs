@@ -60,9 +60,9 @@ pub(crate) struct Script<'a> {
 /// Names that a script could have meant.
 #[derive(Default)]
 pub(crate) struct Known {
-    /// By name, with the types of arguments that each takes.
+    /// Functions by name, with the types of arguments that each takes.
     functions: BTreeMap<String, BTreeSet<String>>,
-    /// Of values that are no object maps.
+    /// Properties of values that are no object maps.
     properties: BTreeSet<String>,
 }
 

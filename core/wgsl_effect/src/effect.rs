@@ -31,7 +31,7 @@ pub struct WgslEffect {
     text: Arc<Text>,
     manifest: Manifest,
     head: Arc<Head>,
-    /// Those that differ in their images share it.
+    /// Shared by effects that differ in their images alone.
     code: Arc<OnceLock<Code>>,
     textures: Vec<EffectTexture>,
     inputs: SurfaceInputs,

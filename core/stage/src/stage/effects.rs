@@ -33,7 +33,7 @@ pub struct EffectUse {
 pub struct EffectImageUse {
     pub parameter: String,
     pub image: Arc<Image>,
-    /// Of the image.
+    /// Content hash of the image.
     pub hash: ContentHash,
 }
 
