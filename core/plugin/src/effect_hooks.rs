@@ -7,7 +7,7 @@
 use crate::effect_data::{
     EffectImages, InvertedHull, LightSample, Shutter, SurfaceInputs, SurfaceSample, VertexSample, ViewOrder,
 };
-use crate::{EffectScene, EffectTexture, Manifest, Overlay, PluginFile, SceneInputs};
+use crate::{Effect, EffectScene, EffectTexture, Manifest, Overlay, PluginFile, SceneInputs};
 use glam::{Vec2, Vec3, Vec4};
 
 /// The methods of effects of all hooks.
@@ -65,9 +65,15 @@ pub trait EffectShader: EffectPlugin {
         false
     }
 
-    /// Images that the function reads.
+    /// Images that the function reads, those of [`OptionKind::Texture`](crate::OptionKind::Texture) among them.
     fn textures(&self) -> &[EffectTexture] {
         &[]
+    }
+
+    /// The same effect with other images in place of those of the same names, under a name of its own. `None` where it has none of
+    /// the names, or does not allow that.
+    fn with_images(&self, _name: &str, _images: &[EffectTexture]) -> Option<Effect> {
+        None
     }
 }
 

@@ -36,7 +36,7 @@ pub fn excerpt(line: &str, column: usize) -> (String, usize) {
     (shown.trim_end().to_string(), at - start)
 }
 
-/// What follows a message: the line, and on the next one a caret below the column. Empty for a blank line.
+/// The text below a message: the line, and on the next one a caret below the column. Empty for a blank line.
 ///
 /// ```
 /// assert_eq!(choreo_plugin::excerpt::below("    return colr;", 12), "\n    return colr;\n           ^");

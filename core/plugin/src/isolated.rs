@@ -248,6 +248,7 @@ impl<T: EffectShader + ?Sized> EffectShader for Isolated<T> {
         fn loops(&self) -> &[String];
         fn reads_frame(&self) -> bool;
         fn textures(&self) -> &[EffectTexture];
+        fn with_images(&self, name: &str, images: &[EffectTexture]) -> Option<Effect>;
     }
 }
 

@@ -134,6 +134,14 @@ pub enum OptionKind {
         /// Largest y.
         max: f64,
     },
+    /// An image that the function of an effect reads by the option's name, as one of its [`EffectTexture`](crate::EffectTexture)s. It
+    /// takes no number of the parameters.
+    Texture {
+        /// A file beside the effect where none is given; empty: white.
+        default: String,
+        /// Whether red, green and blue of the image are encoded as sRGB, rather than data.
+        srgb: bool,
+    },
 }
 
 /// Largest component of a color: 1 is the white of a display, more is light.
@@ -206,6 +214,12 @@ impl Manifest {
     pub fn curve(self, name: &str, about: &str, keys: &[[f64; 2]], range: RangeInclusive<f64>) -> Manifest {
         let (min, max) = range.into_inner();
         self.with(name, about, OptionKind::Curve { default: keys.to_vec(), min, max })
+    }
+
+    /// Adds an image, by default a file beside the effect, or white where that is empty. `srgb`: its red, green and blue are encoded as
+    /// sRGB, rather than data.
+    pub fn texture(self, name: &str, about: &str, default: &str, srgb: bool) -> Manifest {
+        self.with(name, about, OptionKind::Texture { default: default.into(), srgb })
     }
 
     /// Sets the unit of the option that was added last: "m", "px", "degrees".
@@ -308,7 +322,7 @@ impl Manifest {
                 text.parse().ok().map(OptionValue::Number)
             }
             OptionKind::Bool { .. } => text.parse().ok().map(OptionValue::Bool),
-            OptionKind::Text { .. } => Some(OptionValue::Text(text.to_string())),
+            OptionKind::Text { .. } | OptionKind::Texture { .. } => Some(OptionValue::Text(text.to_string())),
             OptionKind::Color { .. } | OptionKind::Vector { .. } | OptionKind::Curve { .. } => {
                 let parts = text.split([',', ' ']).filter(|part| !part.is_empty());
                 parts.map(|part| part.parse().ok()).collect::<Option<Vec<f64>>>().map(OptionValue::Numbers)
@@ -353,7 +367,9 @@ impl OptionSpec {
         match &self.kind {
             OptionKind::Number { default, .. } => OptionValue::Number(*default),
             OptionKind::Bool { default } => OptionValue::Bool(*default),
-            OptionKind::Text { default, .. } => OptionValue::Text(default.clone()),
+            OptionKind::Text { default, .. } | OptionKind::Texture { default, .. } => {
+                OptionValue::Text(default.clone())
+            }
             OptionKind::Integer { default, .. } => OptionValue::Number(*default as f64),
             OptionKind::Color { default } => OptionValue::Numbers(default.to_vec()),
             OptionKind::Vector { default, .. } => OptionValue::Numbers(default.clone()),
@@ -365,7 +381,8 @@ impl OptionSpec {
     pub fn accepts(&self, value: &OptionValue) -> bool {
         match (&self.kind, value) {
             (OptionKind::Number { min, max, .. }, OptionValue::Number(v)) => (*min..=*max).contains(v),
-            (OptionKind::Bool { .. }, OptionValue::Bool(_)) => true,
+            (OptionKind::Bool { .. }, OptionValue::Bool(_))
+            | (OptionKind::Texture { .. }, OptionValue::Text(_)) => true,
             (OptionKind::Text { one_of, .. }, OptionValue::Text(v)) => {
                 one_of.is_empty() || one_of.contains(v)
             }
@@ -399,6 +416,7 @@ impl OptionSpec {
                 format!("one of {}", list(one_of.iter().map(String::as_str), 30))
             }
             OptionKind::Color { .. } => "a color".to_string(),
+            OptionKind::Texture { .. } => "the name of an image file, or image(…)".to_string(),
             OptionKind::Vector { default, min, max } => {
                 let axes = ["x", "y", "z", "w"];
                 let axes = axes[..default.len().min(4)].join(", ");

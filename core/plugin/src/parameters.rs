@@ -8,6 +8,7 @@
 //! | color | 3, linear | `NAME_r`, `NAME_g`, `NAME_b` |
 //! | vector | 2 to 4 | `NAME_x`, `NAME_y`, `NAME_z`, `NAME_w` |
 //! | curve | 16 samples, [`curve_table`] | `NAME_0` to `NAME_15` |
+//! | texture | none | |
 
 use crate::{Manifest, OptionKind, OptionSpec};
 
@@ -66,6 +67,7 @@ impl OptionSpec {
             OptionKind::Color { .. } => &COLOR,
             OptionKind::Vector { default, .. } => &VECTOR[..default.len().min(VECTOR.len())],
             OptionKind::Curve { .. } => &CURVE,
+            OptionKind::Texture { .. } => &[],
             _ => &[""],
         }
     }
@@ -99,7 +101,7 @@ impl OptionSpec {
             | OptionKind::Curve { min, max, .. } => Some([*min, *max]),
             OptionKind::Integer { min, max, .. } => Some([*min as f64, *max as f64]),
             OptionKind::Color { .. } => Some([0.0, crate::manifest::MAX_COLOR]),
-            OptionKind::Bool { .. } | OptionKind::Text { .. } => None,
+            OptionKind::Bool { .. } | OptionKind::Text { .. } | OptionKind::Texture { .. } => None,
         }
     }
 
@@ -115,6 +117,8 @@ impl OptionSpec {
             OptionKind::Color { default } => default[index],
             OptionKind::Vector { default, .. } => default[index],
             OptionKind::Curve { default, .. } => curve_at(default, index as f64 / (CURVE_SAMPLES - 1) as f64),
+            // It has no numbers.
+            OptionKind::Texture { .. } => 0.0,
         }
     }
 }

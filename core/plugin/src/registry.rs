@@ -3,11 +3,12 @@
 use crate::isolated::{IsolatedExporter, IsolatedImporter, IsolatedSceneExporter, isolated_effect};
 use crate::suggest::{did_you_mean, list};
 use crate::{
-    Claim, Effect, Exporter, Files, ImportError, ImportOptions, ImportScope, Importer, LazyEffect,
-    PluginError, SceneExporter, Source,
+    Claim, Effect, EffectTexture, Exporter, Files, ImportError, ImportOptions, ImportScope, Importer,
+    LazyEffect, OptionKind, PluginError, SceneExporter, Source,
 };
 use choreo_asset::Asset;
-use std::sync::Arc;
+use choreo_stage::{EffectImageUse, EffectUse, Stage};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Files that are no plugins, in one hint.
 const MOST_FAULTY: usize = 4;
@@ -45,6 +46,15 @@ pub struct Registry {
     faulty: Vec<(String, String)>,
     /// Plugins that took the place of others of their name.
     replaced: Vec<String>,
+    /// Effects with images of a stage, those of the last [`Registry::settled_for`]. Clones share them.
+    with_images: Arc<Mutex<Vec<EffectWithImages>>>,
+}
+
+/// An effect with images that a script has chosen.
+#[derive(Clone)]
+struct EffectWithImages {
+    of: Effect,
+    made: Effect,
 }
 
 impl Registry {
@@ -149,6 +159,28 @@ impl Registry {
         settled.effects.extend(self.on_use.iter().filter_map(|e| e.made()).cloned());
         settled
     }
+    /// [`Registry::settled`], and for each effect of the stages with images of its own one that reads them, by the name
+    /// [`EffectUse::drawn_by`](choreo_stage::EffectUse::drawn_by). One whose images are as before is the same as before.
+    pub fn settled_for<'s>(&self, stages: impl IntoIterator<Item = &'s Stage>) -> Registry {
+        let mut settled = self.settled();
+        let mut known = self.with_images.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut all: Vec<EffectWithImages> = Vec::new();
+        let effects = stages.into_iter().flat_map(|stage| &stage.effects);
+        for used in effects.filter(|used| !used.images.is_empty()) {
+            let name = used.drawn_by();
+            let Some(of) = settled.effect(&used.plugin).cloned() else { continue };
+            if all.iter().any(|one| one.made.manifest().name == name) {
+                continue;
+            }
+            let before = known.iter().find(|one| one.of.is_same(&of) && one.made.manifest().name == name);
+            let make = || Some(EffectWithImages { made: with_images(&of, &name, used)?, of: of.clone() });
+            all.extend(before.cloned().or_else(make));
+        }
+        settled.effects.extend(all.iter().map(|one| one.made.clone()));
+        *known = all;
+        settled
+    }
+
     /// Names the files that are no plugins and why, for the hint of something that was not found. `part`: of the names of files that could have had it;
     /// faulty descriptions of packages are always among them. Empty where there is none.
     pub fn faulty_hint(&self, part: &str) -> String {
@@ -247,6 +279,19 @@ impl Registry {
         })?;
         importer.import(source, files, needs, &options)
     }
+}
+
+/// An effect with the images of its use.
+fn with_images(effect: &Effect, name: &str, used: &EffectUse) -> Option<Effect> {
+    let texture = |chosen: &EffectImageUse| {
+        let OptionKind::Texture { srgb, .. } = effect.manifest().option(&chosen.parameter).ok()?.kind else {
+            return None;
+        };
+        let image = &chosen.image;
+        EffectTexture::new(&chosen.parameter, [image.width, image.height], &image.rgba, srgb)
+    };
+    let images: Vec<EffectTexture> = used.images.iter().filter_map(texture).collect();
+    effect.shader()?.with_images(name, &images).map(isolated_effect)
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use choreo_plugin::excerpt;
 use choreo_plugin::suggest::did_you_mean;
 use choreo_sandbox::{declared_names, operator_error, signature_parts, type_word};
 use rhai::{Engine, EvalAltResult, ParseErrorType};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 /// Error of a plugin's script. Shown with the line and a caret below the place:
@@ -47,6 +47,9 @@ impl fmt::Display for ScriptError {
 
 impl std::error::Error for ScriptError {}
 
+/// Forms of a function that a message lists.
+const MOST_FORMS: usize = 4;
+
 /// A plugin's text, and its name in messages.
 #[derive(Clone, Copy)]
 pub(crate) struct Script<'a> {
@@ -57,8 +60,9 @@ pub(crate) struct Script<'a> {
 /// Names that a script could have meant.
 #[derive(Default)]
 pub(crate) struct Known {
-    functions: BTreeSet<String>,
-    /// Of values that are no object maps.
+    /// Functions by name, with the types of arguments that each takes.
+    functions: BTreeMap<String, BTreeSet<String>>,
+    /// Properties of values that are no object maps.
     properties: BTreeSet<String>,
 }
 
@@ -71,13 +75,29 @@ impl Known {
             match name.split_once('$') {
                 Some(("get", property)) => drop(known.properties.insert(property.to_string())),
                 None if name.starts_with(|c: char| c.is_alphabetic()) => {
-                    known.functions.insert(name.to_string());
+                    known.functions.entry(name.to_string()).or_default().insert(arguments(&signature));
                 }
                 _ => {}
             }
         }
         known
     }
+}
+
+/// The types of a signature's arguments in the words of scripts: `Bytes, int` of `u8(_: &mut Bytes, _: i64) -> i64`.
+fn arguments(signature: &str) -> String {
+    let inside = signature.split_once('(').map_or("", |(_, rest)| rest);
+    let inside = inside.split(')').next().unwrap_or_default();
+    let word = |argument: &str| {
+        let of = argument.rsplit_once(": ").map_or(argument, |(_, of)| of).trim();
+        match type_word(of.trim_start_matches("&mut ")) {
+            "Dynamic" | "?" => "value".to_string(),
+            "Map" => "object map".to_string(),
+            "Array" => "array".to_string(),
+            word => word.to_string(),
+        }
+    };
+    inside.split(',').filter(|argument| !argument.trim().is_empty()).map(word).collect::<Vec<_>>().join(", ")
 }
 
 /// The names after each dot and before each colon of a text: properties, and keys of object maps.
@@ -153,10 +173,17 @@ fn unknown_function(script: &Script, signature: &str, known: &Known) -> String {
     }
     let (name, types) = signature_parts(signature);
     let own = own_functions(script.text);
-    let names = || known.functions.iter().chain(&own).map(String::as_str);
+    let names = || known.functions.keys().chain(&own).map(String::as_str);
     if names().any(|known| known == name) {
         let types = types.iter().map(|t| type_word(t)).collect::<Vec<_>>().join(", ");
-        return format!("wrong arguments: there is no {name}({types})");
+        let forms = known.functions.get(name).into_iter().flatten();
+        let shown: Vec<String> =
+            forms.clone().take(MOST_FORMS).map(|form| format!("{name}({form})")).collect();
+        let there = if shown.is_empty() { String::new() } else { format!("; there is {}", shown.join(", ")) };
+        // Elements of native arrays are floats.
+        let is_rounded = forms.clone().any(|form| *form == types.replace("float", "int"));
+        let whole = if is_rounded { "; x.to_int() makes a whole number of a float" } else { "" };
+        return format!("wrong arguments: there is no {name}({types}){there}{whole}");
     }
     format!("unknown function {name}{}", did_you_mean(name, names()))
 }
@@ -166,7 +193,7 @@ fn unknown_variable(script: &Script, name: &str, known: &Known, line: usize) -> 
     if before.contains(name) {
         return format!("unknown variable {name}: a function sees its parameters only; pass it as one");
     }
-    if known.functions.contains(name) || own_functions(script.text).contains(name) {
+    if known.functions.contains_key(name) || own_functions(script.text).contains(name) {
         return format!("unknown variable {name}; {name} is a function: write {name}(…)");
     }
     format!("unknown variable {name}{}", did_you_mean(name, before.iter().map(String::as_str)))

@@ -275,7 +275,12 @@ fn errors_show_the_line_and_what_was_meant() {
         ("let w = \"a b\".wrods();", "unknown function wrods; did you mean \"words\"?"),
         ("let a = [1]; a.filtre(|x| x > 0);", "unknown function filtre; did you mean \"filter\"?"),
         ("helpr(1)", "unknown function helpr; did you mean \"helper\"?"),
-        ("file.bytes.u8(\"0\")", "wrong arguments: there is no u8(Bytes, text)"),
+        ("file.bytes.u8(\"0\")", "wrong arguments: there is no u8(Bytes, text); there is u8(Bytes, int)"),
+        (
+            "let n = file.bytes.u8s(0, 2); file.bytes.u8(n[0])",
+            "wrong arguments: there is no u8(Bytes, float); there is u8(Bytes, int); x.to_int() makes a whole number of a float",
+        ),
+        ("helper(1, 2)", "wrong arguments: there is no helper(int, int)"),
     ];
     for (code, message) in cases {
         let text = format!(

@@ -194,7 +194,7 @@ impl Session {
         // An error at time 0 makes the version faulty; a later one is reported when its time is shown.
         let zero = choreo_motion::Time::ZERO;
         evaluator.at(zero).map_err(|error| vec![Diagnostic::error(error.to_string())])?;
-        let registry = registry.settled();
+        let registry = registry.settled_for([&*stage]);
         let scene = Scene { number, stage, resources, evaluator, registry, places, parameters, printed };
         Ok((scene, warnings))
     }

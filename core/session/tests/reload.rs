@@ -1,7 +1,7 @@
 //! A scene that changes under one's hands: what is done again, what is not, and what a mistake leaves in place.
 
 use choreo_motion::Time;
-use choreo_plugin::{Frame, Registry};
+use choreo_plugin::{Effect, Frame, Registry};
 use choreo_render::renderer::CreatedCounts;
 use choreo_render::vulkan::{GpuOptions, SteadyRenderer};
 use choreo_render::{CpuRenderer, Plan, PlanOptions, RenderError, Renderer};
@@ -254,6 +254,57 @@ fn a_texture_of_an_effect_is_watched_as_its_text_is() {
     place.write("plugins/glow.wgsl", &inked.replace("ink.tga", "../box.obj"));
     let error = first_error(&place.next());
     assert!(error.contains("a plugin reads files of its own folder only"), "{error}");
+}
+
+/// The effect that draws the first use of the scene.
+fn drawing(scene: &Scene) -> Effect {
+    let name = scene.stage.effects[0].drawn_by();
+    scene.registry.effects().iter().find(|e| e.manifest().name == name).unwrap().clone()
+}
+
+#[test]
+fn an_image_that_the_script_chooses_for_an_effect_is_watched() {
+    let inked =
+        GLOW.replace("// version", "// param ink = texture(data): what it is multiplied with\n// version");
+    let inked = inked.replace("(1.0 +", "ink(uv) * (1.0 +");
+    let mut place = Place::new(|_| ());
+    place.write("plugins/glow.wgsl", &inked);
+    let script = |value: &str| format!("{SCRIPT}let glow = effect(\"glow\", #{{ ink: {value} }});\n");
+    place.write("a.rhai", &script("\"ink.tga\""));
+    let error = first_error(&place.session.build(BTreeSet::new()));
+    let shown =
+        "let glow = effect(\"glow\", #{ ink: \"ink.tga\" });\n                                      ^";
+    assert!(
+        error.contains("a.rhai:8:35: ") && error.contains("\"ink.tga\"") && error.contains(shown),
+        "{error}"
+    );
+    place.write("ink.tga", &tga(0));
+    let texel = |scene: &Scene| drawing(scene).textures()[0].halves[0][2];
+    let first = good(place.next());
+    assert_eq!(texel(&first), 0);
+    // Another edit leaves the effect as it is, so that renderers keep what they made of it.
+    place.write("a.rhai", &format!("{}let x = 1;\n", script("\"ink.tga\"")));
+    let second = good(place.next());
+    assert!(drawing(&first).is_same(&drawing(&second)));
+    place.write("ink.tga", &tga(127));
+    let third = good(place.next());
+    assert!(texel(&third) > 0 && !drawing(&second).is_same(&drawing(&third)));
+    place.write("ink.tga", "no image");
+    let error = first_error(&place.next());
+    assert!(error.contains("glow: ink: \"ink.tga\": "), "{error}");
+    for (value, message) in [
+        ("3", "glow: ink must be the name of an image file, or image(…), got 3"),
+        ("image(1, 4096, [1.0])", "glow: ink: an image of 1 × 4096, at most 2048 × 2048 for an effect"),
+    ] {
+        place.write("a.rhai", &script(value));
+        let error = first_error(&place.next());
+        assert!(error.contains(message), "{error}");
+    }
+    place.write("a.rhai", &format!("{}glow.key(\"ink\", [[0.0, 1.0]]);", script("image(1, 1, [0.5])")));
+    let error = first_error(&place.next());
+    assert!(error.contains("key: the texture \"ink\" is the same in all frames"), "{error}");
+    place.write("a.rhai", &script("image(1, 1, [0.5])"));
+    assert!(texel(&good(place.next())) > 0);
 }
 
 struct Studio {

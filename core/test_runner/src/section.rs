@@ -83,7 +83,7 @@ pub fn run(
     };
     outcome.printed = run.printed.clone();
     // The effects include those of plugin files that the section uses, and perhaps others.
-    let registry = registry.settled();
+    let registry = registry.settled_for(run.stages.iter().map(|stage| &**stage));
     if let Err(NoImage::Failed(why) | NoImage::NoDevice(why)) = painter.set_effects(registry.effects()) {
         outcome.status = Status::Error(why);
         return without(outcome);

@@ -16,7 +16,7 @@ use choreo_plugin::{
     SurfaceSample, VertexEffect, VertexSample, ViewOrder,
 };
 use glam::{Vec2, Vec3, Vec4};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// Names of effect files end so.
 pub const ENDING: &str = ".wgsl";
@@ -26,11 +26,13 @@ const MAX_WIDTH: f32 = 256.0;
 
 /// An effect in one WGSL file. It has the methods of all hooks, of which only those of its own may be called; [`Effect::from`] gives the
 /// effect of its hook.
+#[derive(Clone)]
 pub struct WgslEffect {
-    text: Text,
+    text: Arc<Text>,
     manifest: Manifest,
-    head: Head,
-    code: OnceLock<Code>,
+    head: Arc<Head>,
+    /// Shared by effects that differ in their images alone.
+    code: Arc<OnceLock<Code>>,
     textures: Vec<EffectTexture>,
     inputs: SurfaceInputs,
     /// Places of the loops that are counted.
@@ -67,9 +69,12 @@ impl WgslEffect {
         picture: impl Fn(&str) -> Result<TextureImage, String>,
     ) -> Result<WgslEffect, EffectError> {
         let mut effect = Self::read(file, text)?;
-        effect.code = OnceLock::from(compile::compile(&effect.text, &effect.head, &effect.manifest)?);
+        effect.code =
+            Arc::new(OnceLock::from(compile::compile(&effect.text, &effect.head, &effect.manifest)?));
         for line in &effect.head.textures {
-            let made = picture(&line.file).and_then(|p| {
+            let white = || Ok(TextureImage { size: [1, 1], rgba: vec![255; 4], file: None });
+            let made = if line.file.is_empty() { white() } else { picture(&line.file) };
+            let made = made.and_then(|p| {
                 let most = EffectTexture::MOST;
                 let [w, h] = p.size;
                 let made = EffectTexture::new(&line.name, p.size, &p.rgba, line.srgb);
@@ -106,7 +111,8 @@ impl WgslEffect {
             see_through: head.see_through,
         };
         let boxes = reads("low") || reads("high");
-        let (code, textures) = (OnceLock::new(), Vec::new());
+        let (code, textures) = (Arc::default(), Vec::new());
+        let (text, head) = (Arc::new(text), Arc::new(head));
         let loops = text.loops.iter().map(|(line, column)| format!("{file}:{line}:{column}")).collect();
         Ok(WgslEffect { text, manifest, head, code, textures, inputs, loops, boxes, file: None })
     }
@@ -269,6 +275,15 @@ impl EffectShader for WgslEffect {
 
     fn textures(&self) -> &[EffectTexture] {
         &self.textures
+    }
+
+    fn with_images(&self, name: &str, images: &[EffectTexture]) -> Option<Effect> {
+        let mut other = self.clone();
+        other.manifest.name = name.into();
+        for image in images {
+            *other.textures.iter_mut().find(|own| own.name == image.name)? = image.clone();
+        }
+        Some(other.into())
     }
 }
 

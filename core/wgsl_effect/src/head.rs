@@ -26,9 +26,9 @@
 //! `joint hand = RightHand|hand.r: where it burns`.
 
 use crate::head_error::{HeadError, HeadMistake};
-use crate::parameters::identifier;
+use crate::parameters::{argument, identifier, image_of};
 use choreo_plugin::suggest::{closest, did_you_mean};
-use choreo_plugin::{Hook, Manifest, OptionKind, Overlay, SurfaceInputs, ViewOrder};
+use choreo_plugin::{Hook, Manifest, OptionKind, OptionSpec, Overlay, SurfaceInputs, ViewOrder};
 
 pub(crate) const MOST_TEXTURES: usize = 4;
 const MOST_JOINTS: usize = 16;
@@ -174,11 +174,14 @@ fn fields(text: &str) -> impl Iterator<Item = (usize, &str, &str)> {
 /// Files that the head names, whatever else is wrong with it.
 pub fn files(text: &str) -> Vec<String> {
     let lines = comment(without_mark(text)).filter_map(|(_, line)| {
-        let rest = line.trim().trim_start_matches('/').trim().strip_prefix("texture ")?;
-        let (file, _) = rest.split_once('=')?.1.split_once(':')?;
-        let file = file.trim();
-        Some(file.strip_suffix(" as data").unwrap_or(file).trim().to_string())
+        let line = line.trim().trim_start_matches('/').trim();
+        let value = |rest: &str| Some(rest.split_once('=')?.1.split_once(':')?.0.trim().to_string());
+        match line.strip_prefix("texture ") {
+            Some(rest) => Some(image_of(&value(rest)?).0.to_string()),
+            None => Some(image_of(argument(&value(line.strip_prefix("param ")?)?, "texture")?).0.to_string()),
+        }
     });
+    let lines = lines.filter(|file| !file.is_empty());
     lines.take(MOST_TEXTURES).collect()
 }
 
@@ -484,17 +487,27 @@ fn textures(text: &str, manifest: &Manifest) -> Result<Vec<TextureLine>, HeadErr
     let mut all: Vec<TextureLine> = Vec::new();
     for (i, line) in comment(text) {
         let line = line.trim().trim_start_matches('/').trim();
-        let Some(rest) = line.strip_prefix("texture ") else { continue };
         let at = |mistake: HeadMistake| mistake.at(i);
         let form = || at(FORM);
+        let most = HeadMistake::TooMany { most: MOST_TEXTURES, what: "textures" };
+        let of_parameter = |option: &&OptionSpec| {
+            let rest = line.strip_prefix("param ").and_then(|rest| rest.split_once('='));
+            rest.is_some_and(|(name, _)| name.trim() == option.name)
+        };
+        let option = manifest.options.iter().find(of_parameter);
+        if let Some(OptionSpec { name, kind: OptionKind::Texture { default, srgb }, .. }) = option {
+            if all.len() == MOST_TEXTURES {
+                return Err(at(most));
+            }
+            all.push(TextureLine { name: name.clone(), file: default.clone(), srgb: *srgb, line: i + 1 });
+            continue;
+        }
+        let Some(rest) = line.strip_prefix("texture ") else { continue };
         let (name, rest) = rest.split_once('=').ok_or_else(form)?;
         let name = identifier(name.trim()).map_err(at)?;
         // The description is for readers of the file.
         let (file, _) = rest.split_once(':').ok_or_else(form)?;
-        let (file, srgb) = match file.trim().strip_suffix(" as data") {
-            Some(file) => (file.trim(), false),
-            None => (file.trim(), true),
-        };
+        let (file, srgb) = image_of(file);
         if file.is_empty() {
             return Err(form());
         }
@@ -502,7 +515,7 @@ fn textures(text: &str, manifest: &Manifest) -> Result<Vec<TextureLine>, HeadErr
             return Err(at(HeadMistake::Twice(name.into())));
         }
         if all.len() == MOST_TEXTURES {
-            return Err(at(HeadMistake::TooMany { most: MOST_TEXTURES, what: "textures" }));
+            return Err(at(most));
         }
         all.push(TextureLine { name: name.into(), file: file.into(), srgb, line: i + 1 });
     }
@@ -657,6 +670,13 @@ mod tests {
         let error = |text: &str| head_of(text).unwrap_err();
         assert_eq!(error("// history: 1"), (1, "history is of effects with hook: image".into()));
         assert_eq!(error("// hook: image\n// history: 17").1, "history is a whole number from 1 to 16");
+        let chosen = "// effect: a\n// param map = texture(a.png): m\n// texture paper = b.png as data: p\n// param white = texture(data): w";
+        let manifest = crate::parameters::manifest(chosen).unwrap();
+        let files: Vec<(&str, &str, bool)> =
+            vec![("map", "a.png", true), ("paper", "b.png", false), ("white", "", false)];
+        let made = textures(chosen, &manifest).unwrap();
+        assert_eq!(made.iter().map(|t| (&*t.name, &*t.file, t.srgb)).collect::<Vec<_>>(), files);
+        assert_eq!(super::files(chosen), ["a.png", "b.png"]);
         assert_eq!(error("// texture high = x.png: y"), (1, "high is declared twice".into()));
         assert!(error("// texture paper").1.starts_with("write // texture NAME"));
         let many: String = (0..5).map(|i| format!("// texture t{i} = x.png: y\n")).collect();

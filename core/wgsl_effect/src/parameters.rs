@@ -56,7 +56,7 @@ fn slip(word: &str, known: &[&str]) -> Option<HeadMistake> {
 fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, HeadMistake> {
     const FORM: HeadMistake = HeadMistake::Form(
         "param NAME = 0.5 in 0..1: ABOUT, or = 0.5 m in 0..1 (with a unit), = int(3) in 1..9, = false, = A of A|B, = color(gold), \
-         = rgb(1, 1, 1), = vec2(0, 1) in -1..1, = curve(0 0, 1 1) in 0..1",
+         = rgb(1, 1, 1), = vec2(0, 1) in -1..1, = curve(0 0, 1 1) in 0..1, = texture(FILE), = texture()",
     );
     let (name, rest) = text.split_once('=').ok_or(FORM)?;
     let name = identifier(name.trim())?;
@@ -80,6 +80,9 @@ fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, HeadMistake> {
         let color = choreo_plugin::color::parse(color.trim());
         let color = color.map_err(|e| HeadMistake::NoColor { name: name.into(), why: e.message })?;
         manifest.color(name, about, color.truncate().to_array().map(f64::from))
+    } else if let Some(image) = argument(value, "texture") {
+        let (file, srgb) = image_of(image);
+        manifest.texture(name, about, file, srgb)
     } else {
         ranged(manifest, [name, about], value)?.ok_or(FORM)?
     };
@@ -89,8 +92,18 @@ fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, HeadMistake> {
     }
 }
 
+/// A file, and whether its colors are sRGB: `paper.png`, `bumps.png as data`, or neither or only `data` for white.
+pub fn image_of(text: &str) -> (&str, bool) {
+    let text = text.trim();
+    match text.strip_suffix("data").map(str::trim_end) {
+        Some("") => ("", false),
+        Some(file) => file.strip_suffix(" as").map_or((text, true), |file| (file.trim(), false)),
+        None => (text, true),
+    }
+}
+
 /// The text between the brackets of `word(…)`.
-fn argument<'a>(value: &'a str, word: &str) -> Option<&'a str> {
+pub fn argument<'a>(value: &'a str, word: &str) -> Option<&'a str> {
     value.strip_prefix(word)?.strip_prefix('(')?.strip_suffix(')')
 }
 

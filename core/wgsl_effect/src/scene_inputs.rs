@@ -93,7 +93,7 @@ const FUNCTIONS: [SceneFunction; 16] = [
     ),
 ];
 
-/// Those of effects on pixels, surfaces, vertices and light: name and WGSL.
+/// Functions of effects on pixels, surfaces, vertices and light: name and WGSL.
 const OF_FRAME: [(&str, &str); 4] = [
     ("time", "fn time() -> f32 { return effect_frame_row_0().x; }"),
     ("delta", "fn delta() -> f32 { return effect_frame_row_0().y; }"),
@@ -107,7 +107,7 @@ const OF_FRAME: [(&str, &str); 4] = [
 /// The functions of the scene that a text calls.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SceneCalls {
-    /// Of an effect on images.
+    /// Inputs of an effect on images.
     pub inputs: SceneInputs,
     /// An effect of another hook reads the numbers of the frame.
     pub reads_frame: bool,

@@ -19,8 +19,8 @@ pub fn is_typed(text: &str) -> bool {
 
 /// The struct, a constant for each choice of a text, and the function of curves.
 pub fn declarations(manifest: &Manifest) -> String {
-    let members: Vec<String> =
-        manifest.options.iter().map(|o| format!("{}: {}", o.name, type_of(o))).collect();
+    let numbers = manifest.options.iter().filter(|o| o.number_count() > 0);
+    let members: Vec<String> = numbers.map(|o| format!("{}: {}", o.name, type_of(o))).collect();
     // A struct has at least one member.
     let members = if members.is_empty() { "none_: f32".into() } else { members.join(", ") };
     let mut text = format!("struct {PARAMETERS} {{ {members} }}\n");
@@ -63,8 +63,11 @@ pub fn adapted(text: &str, manifest: &Manifest, signature: &Signature) -> String
         head.split(['(', ',', ')']).filter_map(|part| part.split_once(':')).map(|p| p.0.trim()).collect();
     let before = &arguments[..arguments.len().saturating_sub(1)];
     let before: String = before.iter().map(|name| format!("{name}, ")).collect();
-    let values: Vec<String> =
-        (0..).zip(&manifest.options).map(|(i, option)| value_of(option, manifest.first_number(i))).collect();
+    let values: Vec<String> = (0..)
+        .zip(&manifest.options)
+        .filter(|(_, option)| option.number_count() > 0)
+        .map(|(i, option)| value_of(option, manifest.first_number(i)))
+        .collect();
     let values = if values.is_empty() { "0.0".into() } else { values.join(", ") };
     format!(
         "{}\nfn parameters_of(p: {array}) -> {PARAMETERS} {{ return {PARAMETERS}({values}); }}\n\

@@ -105,8 +105,8 @@ fn open_script(
     let warnings = script.warnings.iter().map(ToString::to_string);
     Ok(OpenedScene {
         name: name(args),
+        registry: registry.settled_for([&script.stage]),
         stage: Arc::new(script.stage),
-        registry: registry.settled(),
         is_script: true,
         warnings: warnings.chain(asset_warnings.iter().cloned()).collect(),
         asset_warnings,

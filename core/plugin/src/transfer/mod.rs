@@ -176,7 +176,7 @@ fn numbers<T: bytemuck::Pod>(bytes: &[u8]) -> Vec<T> {
     }
 }
 
-/// Bytes of so many values without padding.
+/// Bytes of a number of values without padding.
 fn bytes_of_all<'b, T>(count: usize, from: &mut Bytes<'b>) -> Result<&'b [u8]> {
     let size = count.checked_mul(size_of::<T>());
     from.take(size.ok_or_else(|| from.wrong("a list without end"))?)

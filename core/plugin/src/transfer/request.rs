@@ -58,6 +58,7 @@ variants! {
     OptionKind {
         0 Number { default, min, max }, 1 Bool { default }, 2 Text { default, one_of }, 3 Integer { default, min, max },
         4 Color { default }, 5 Vector { default, min, max }, 6 Curve { default, min, max },
+        7 Texture { default, srgb },
     }
     OptionValue { 0 Number(value), 1 Bool(value), 2 Text(value), 3 Numbers(value) }
     Claim { 0 NotMine, 1 Extension, 2 Content(score) }

@@ -4,7 +4,7 @@
 use crate::Entries;
 use std::path::Path;
 
-/// What a public item holds, while its lines are read.
+/// A public item whose lines are being read.
 struct Item {
     /// Path and name: `importer::Claim`.
     path: String,

@@ -4,17 +4,20 @@ use super::keys;
 use crate::build::room;
 use crate::call::{ApiError, Call, Options, Reply, api, describe, unknown};
 use crate::hook;
-use crate::value::{ActorRef, CameraRef, EffectRef, JointRef};
+use crate::procedural::files;
+use crate::value::{ActorRef, CameraRef, EffectRef, ImageRef, JointRef};
 use choreo_asset::Asset;
 use choreo_plugin::parameters::{curve_table, is_curve};
-use choreo_plugin::{Effect, Hook, OptionKind, OptionSpec};
-use choreo_stage::{Channel, EffectDistance, EffectEdit, EffectTarget, EffectUse, Property, Target};
+use choreo_plugin::{Effect, EffectTexture, Hook, OptionKind, OptionSpec};
+use choreo_stage::{
+    Channel, EffectDistance, EffectEdit, EffectImageUse, EffectTarget, EffectUse, Property, Target,
+};
 use rhai::Dynamic;
 
 api! {
     /// Adds an effect plugin to the whole frame or to all surfaces. Options are its parameters; `choreo plugins`
-    /// lists all effects and their parameters. Vectors are arrays, curves arrays of keys [x, y] with x from 0 to 1. A
-    /// number may be an actor or a joint: it then is the distance in front of the camera in metres, such as the focus.
+    /// lists all effects and their parameters. Vectors are arrays, curves arrays of keys [x, y] with x from 0 to 1, textures
+    /// names of image files or image(…). A number may be an actor or a joint: it then is the distance in front of the camera in metres, such as the focus.
     /// - Built in, on the frame: "tonemap" (tone mapping, exposure), "bloom", "motion_blur" (accumulation of
     ///   sub-frames while the shutter is open), "fxaa" (antialiasing), "vignette", "film_grain".
     /// - Built in, on the frame by its depth: "ambient_occlusion", "depth_of_field", "god_rays", "edge_lines", "heat_haze".
@@ -72,7 +75,10 @@ fn effect(c: &mut Call) -> Reply {
     names.extend(options.iter().filter_map(|o| o.name.strip_suffix("_r")));
     let o = c.options(1, &names)?;
     for (key, value) in &o.map {
-        assign(&mut used, plugin, key, value)?;
+        match chosen_image(c, plugin, key, value)? {
+            Some(image) => put_image(&mut used, image),
+            None => assign(&mut used, plugin, key, value)?,
+        }
     }
     let mut build = c.build();
     room(build.effects.len(), "effects", &c.shared.limits)?;
@@ -162,6 +168,50 @@ fn assign(used: &mut EffectUse, plugin: &Effect, name: &str, value: &Dynamic) ->
     Ok(())
 }
 
+/// The image that a value names, where the parameter is a texture.
+fn chosen_image(
+    c: &Call,
+    plugin: &Effect,
+    name: &str,
+    value: &Dynamic,
+) -> Result<Option<EffectImageUse>, ApiError> {
+    let Parameter::Whole(spec) = parameter(plugin, name)? else { return Ok(None) };
+    if !matches!(spec.kind, OptionKind::Texture { .. }) {
+        return Ok(None);
+    }
+    let label = format!("{}: {name}", plugin.manifest().name);
+    let image = if let Some(image) = value.read_lock::<ImageRef>() {
+        image.image.clone()
+    } else {
+        let file = value.clone().into_string().map_err(|_| wrong(&allowed(spec), spec, &label, value))?;
+        files::one(c, &label, &file)?
+    };
+    let (w, h, most) = (image.width, image.height, EffectTexture::MOST);
+    if !(1..=most).contains(&w) || !(1..=most).contains(&h) {
+        let text = format!("{label}: an image of {w} × {h}, at most {most} × {most} for an effect");
+        return Err(ApiError::new(text).focus(name));
+    }
+    Ok(Some(EffectImageUse { parameter: name.into(), hash: image.content_hash(), image }))
+}
+
+fn put_image(used: &mut EffectUse, image: EffectImageUse) {
+    used.images.retain(|other| other.parameter != image.parameter);
+    used.images.push(image);
+    used.images.sort_by(|a, b| a.parameter.cmp(&b.parameter));
+}
+
+/// An error where a parameter is a texture, which stays what it is from frame to frame.
+fn changing(plugin: &Effect, name: &str, function: &str) -> Result<(), ApiError> {
+    match parameter(plugin, name)? {
+        Parameter::Whole(OptionSpec { kind: OptionKind::Texture { .. }, .. }) => {
+            let text = format!("{function}: the texture \"{name}\" is the same in all frames");
+            Err(ApiError::new(text)
+                .hint("use the effect twice, each from and until a time, and fade another parameter"))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// The numbers of the manifest that a value sets, with their names.
 fn numbers(plugin: &Effect, name: &str, value: &Dynamic) -> Result<Vec<(String, f64)>, ApiError> {
     let parameter = parameter(plugin, name)?;
@@ -208,6 +258,7 @@ fn as_numbers(spec: &OptionSpec, value: &Dynamic) -> Option<Vec<f64>> {
             let within = keys.iter().all(|[_, y]| (*min..=*max).contains(y));
             (is_curve(&keys) && within).then(|| curve_table(&keys).to_vec())
         }
+        // Colors and textures are read elsewhere.
         _ => None,
     }
 }
@@ -230,6 +281,7 @@ fn set(c: &mut Call) -> Reply {
     let this: EffectRef = c.this()?;
     let (plugin, name) = (plugin(c, &this)?, c.text(0)?);
     if c.in_frame {
+        changing(&plugin, &name, "set")?;
         let new = numbers(&plugin, &name, &c.value(1))?;
         hook::edit(|edits| {
             let edit = |(parameter, value)| EffectEdit { effect: this.id, parameter, value };
@@ -237,8 +289,13 @@ fn set(c: &mut Call) -> Reply {
         });
         return c.itself();
     }
+    let image = chosen_image(c, &plugin, &name, &c.value(1))?;
     let mut build = c.build();
-    assign(build.effect(this.id)?, &plugin, &name, &c.value(1))?;
+    let used = build.effect(this.id)?;
+    match image {
+        Some(image) => put_image(used, image),
+        None => assign(used, &plugin, &name, &c.value(1))?,
+    }
     drop(build);
     c.itself()
 }
@@ -246,6 +303,7 @@ fn set(c: &mut Call) -> Reply {
 fn key(c: &mut Call) -> Reply {
     let this: EffectRef = c.this()?;
     let (plugin, name) = (plugin(c, &this)?, c.text(0)?);
+    changing(&plugin, &name, "key")?;
     let parameter = parameter(&plugin, &name)?;
     let step = match &parameter {
         Parameter::Whole(spec) => {

@@ -23,7 +23,7 @@ pub(crate) fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
             let text = format!("image: {word} is of numbered files, whose name has # for each digit");
             return Err(ApiError::new(text).focus(word));
         }
-        return Ok(ImageRef { image: one(c, &name)?, sampler, dead: false, files: None });
+        return Ok(ImageRef { image: one(c, "image", &name)?, sampler, dead: false, files: None });
     };
     let numbered = |n: u64| format!("{before}{n:0digits$}{after}");
     let there = |n: u64| c.shared.find_file(&numbered(n)).is_ok();
@@ -60,7 +60,7 @@ pub(crate) fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
         let name = numbered(n);
         let bytes = c.shared.read_file(&name)?;
         // Each is looked at once, so that mistakes are reported here, and whether any has holes.
-        let one = decoded(&name, &bytes).map_err(|p| undecodable(&name, p))?;
+        let one = decoded(&name, &bytes).map_err(|p| undecodable("image", &name, p))?;
         let first = image.get_or_insert_with(|| one.clone());
         if (one.width, one.height) != (first.width, first.height) {
             let text = format!(
@@ -115,8 +115,9 @@ fn whole(o: &Options, word: &str) -> Result<Option<u64>, ApiError> {
     number.map(Some).ok_or_else(|| crate::call::wrong(&value, &o.label(word), "a whole number from 0"))
 }
 
-fn one(c: &Call, name: &str) -> Result<Arc<Image>, ApiError> {
-    let image = decoded(name, &c.shared.read_file(name)?).map_err(|p| undecodable(name, p))?;
+/// The image of a file. `what`: the word before errors.
+pub(crate) fn one(c: &Call, what: &str, name: &str) -> Result<Arc<Image>, ApiError> {
+    let image = decoded(name, &c.shared.read_file(name)?).map_err(|p| undecodable(what, name, p))?;
     super::raw_image::count(c, texels(&image))?;
     Ok(image)
 }
@@ -125,8 +126,8 @@ fn decoded(name: &str, bytes: &[u8]) -> Result<Arc<Image>, Problem> {
     Encoded::examine(name.into(), name.into(), bytes, Formats::All)?.decode()
 }
 
-fn undecodable(name: &str, p: Problem) -> ApiError {
-    let error = ApiError::new(format!("image: \"{name}\": {}", p.what)).focus(name);
+fn undecodable(what: &str, name: &str, p: Problem) -> ApiError {
+    let error = ApiError::new(format!("{what}: \"{name}\": {}", p.what)).focus(name);
     match p.hint {
         Some(hint) => error.hint(hint),
         None => error,

@@ -1,7 +1,7 @@
 //! Things that a script makes itself: shapes, meshes, lines and points from arrays, images.
 
 mod arrays;
-mod files;
+pub(crate) mod files;
 mod following;
 mod maps;
 mod material;

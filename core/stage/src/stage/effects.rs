@@ -2,7 +2,11 @@
 
 use crate::stage::actor::Target;
 use crate::stage::channel::Channel;
+use choreo_asset::Image;
+use choreo_asset::hash::ContentHash;
 use choreo_motion::Time;
+use std::borrow::Cow;
+use std::sync::Arc;
 
 /// An effect plugin in use, with its parameters as given in the script.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -10,6 +14,8 @@ pub struct EffectUse {
     pub plugin: String,
     /// Sorted by name.
     pub parameters: Vec<(String, f64)>,
+    /// Images that the script has chosen, sorted by parameter.
+    pub images: Vec<EffectImageUse>,
     /// `Property::Parameter` over stage time, in place of those in `parameters`; sorted by name.
     pub keys: Vec<(String, Channel)>,
     /// Parameters that follow a target, such as the focus; in place of those in `parameters` and `keys`.
@@ -20,6 +26,15 @@ pub struct EffectUse {
     pub on: Vec<EffectTarget>,
     /// Only while one of these of `Stage::cameras` is on, sorted; empty: whichever is.
     pub cameras: Vec<usize>,
+}
+
+/// An image as a parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EffectImageUse {
+    pub parameter: String,
+    pub image: Arc<Image>,
+    /// Content hash of the image.
+    pub hash: ContentHash,
 }
 
 /// A parameter that is the distance of a target in front of the camera, along its viewing direction, in metres.
@@ -59,6 +74,20 @@ impl EffectTarget {
 }
 
 impl EffectUse {
+    /// The name of the effect that draws it: the plugin's, and with images of its own a name that equal ones share.
+    pub fn drawn_by(&self) -> Cow<'_, str> {
+        if self.images.is_empty() {
+            return Cow::Borrowed(&self.plugin);
+        }
+        let mut name = format!("{} (", self.plugin);
+        for (i, EffectImageUse { parameter, hash, .. }) in self.images.iter().enumerate() {
+            let [a, b, c, d, e, f, ..] = hash;
+            let comma = if i > 0 { ", " } else { "" };
+            name += &format!("{comma}{parameter}: {a:02x}{b:02x}{c:02x}{d:02x}{e:02x}{f:02x}");
+        }
+        Cow::Owned(name + ")")
+    }
+
     pub(crate) fn is_active(&self, time: Time) -> bool {
         self.start <= time && self.end.is_none_or(|end| time < end)
     }

@@ -9,7 +9,7 @@ use crate::stage::camera::{Cut, Rig};
 use crate::stage::camera_moves::{CameraLook, CameraShake};
 use crate::stage::channel::{Channel, Property};
 use crate::stage::clips::{Layer, LayerMode, Reference};
-use crate::stage::effects::{EffectDistance, EffectTarget, EffectUse};
+use crate::stage::effects::{EffectDistance, EffectImageUse, EffectTarget, EffectUse};
 use crate::stage::layers_2d::{Align, Fit, Font, Layer2dContent};
 use crate::stage::parenting::{ParentScale, Parenting};
 use crate::stage::path::{Pace, Path, PathFollowing};
@@ -55,6 +55,13 @@ impl DerefMut for StageWriter {
 /// A type that is part of a content hash.
 pub(crate) trait Hashed {
     fn hash(&self, w: &mut StageWriter);
+}
+
+impl Hashed for EffectImageUse {
+    fn hash(&self, w: &mut StageWriter) {
+        w.text(&self.parameter);
+        w.bytes(&self.hash);
+    }
 }
 
 pub(crate) fn hash_of(content: &(impl Hashed + ?Sized), mut w: StageWriter) -> ContentHash {
@@ -315,7 +322,7 @@ hashed! {
         1 Constant(speed),
     }
     struct SurfaceRule { material, cutouts, transparency }
-    struct EffectUse { plugin, parameters, start, end, keys, distances, on, cameras }
+    struct EffectUse { plugin, parameters, images, start, end, keys, distances, on, cameras }
     struct EffectDistance { parameter, target, least, most }
     struct EffectTarget { actor, material }
     struct LookAt { joint, target, start, end, fade, weight }

@@ -68,7 +68,7 @@ impl Inside<'_> {
     fn words(&self, by: &RequestedBy) -> String {
         let mut words: Vec<String> = by.other.iter().map(|w| w.to_string()).collect();
         for effect in &by.effects {
-            let used = self.stage.effects.iter().position(|e| e.plugin == *effect);
+            let used = self.stage.effects.iter().position(|e| e.drawn_by() == *effect);
             let place = used.map(|e| self.place(Subject::Effect(e))).unwrap_or_default();
             words.push(format!("effect {effect}{place}"));
         }

@@ -160,6 +160,9 @@ fn option_json(option: &OptionSpec) -> Value {
         OptionKind::Curve { default, min, max } => {
             json!({ "kind": "curve", "default": default, "min": min, "max": max })
         }
+        OptionKind::Texture { default, srgb } => {
+            json!({ "kind": "texture", "default": default, "srgb": srgb })
+        }
         _ => json!({ "kind": option.allowed() }),
     };
     let mut all = json!({ "name": option.name, "about": option.about });

@@ -83,6 +83,12 @@ pub fn effect_parameters(effect: &Effect, given: &[(String, f64)]) -> Vec<f32> {
     effect.manifest().parameters(given)
 }
 
+/// The effect that draws a use.
+fn drawn_by<'a>(used: &EffectUse, effects: &'a [Effect]) -> Option<&'a Effect> {
+    let name = used.drawn_by();
+    effects.iter().find(|e| e.manifest().name == name)
+}
+
 /// Active effects whose plugin is known and which change something.
 pub(crate) fn uses<'a>(
     stage: &'a Stage,
@@ -91,7 +97,7 @@ pub(crate) fn uses<'a>(
 ) -> impl Iterator<Item = (&'a Effect, &'a EffectUse, &'a EffectState)> {
     snapshot.effects.iter().filter_map(|state| {
         let used = stage.effects.get(state.effect)?;
-        let effect = effects.iter().find(|e| e.manifest().name == used.plugin)?;
+        let effect = drawn_by(used, effects)?;
         let why = effect.off(&effect_parameters(effect, &state.parameters));
         why.is_none().then_some((effect, used, state))
     })
@@ -132,7 +138,8 @@ pub(super) fn scene_effects(stage: &Stage, snapshot: &Snapshot, options: &PlanOp
             hook: effect.hook(),
             needs: effect.surface_inputs(&parameters),
             used: {
-                let mut used = PostPass { effect: used.plugin.clone(), parameters, number: 0, shrink: 1 };
+                let mut used =
+                    PostPass { effect: used.drawn_by().into_owned(), parameters, number: 0, shrink: 1 };
                 add_frame_numbers(&mut used, &frame, options);
                 used
             },
@@ -165,7 +172,7 @@ pub(super) fn post_passes(
         let Some(used) = stage.effects.get(state.effect) else { continue };
         let mut leave_out =
             |why: String| left_out.push(LeftOut { what: format!("effect \"{}\"", used.plugin), why });
-        let Some(effect) = options.effects.iter().find(|e| e.manifest().name == used.plugin) else {
+        let Some(effect) = drawn_by(used, options.effects) else {
             leave_out("no plugin of this name is known".into());
             continue;
         };
@@ -185,7 +192,8 @@ pub(super) fn post_passes(
         passes.extend((0..times).map(|number| {
             let smaller = effect.hook() == Hook::Image && number + 1 < times;
             let shrink = if smaller { effect.shrink(number, options.size, &parameters).max(1) } else { 1 };
-            PostPass { effect: used.plugin.clone(), parameters: parameters.clone(), number, shrink }
+            let effect = used.drawn_by().into_owned();
+            PostPass { effect, parameters: parameters.clone(), number, shrink }
         }));
     }
     (passes, left_out)

@@ -42,7 +42,7 @@ pub(crate) fn overlays(
         let count = overlay.vertices.len() - first;
         if count > 0 {
             overlay.parts.push(OverlayPart {
-                effect: used.plugin.clone(),
+                effect: used.drawn_by().into_owned(),
                 over: drawn.over,
                 first: first as u32,
                 count: count as u32,
