@@ -6,6 +6,9 @@ use glam::{Affine2, DQuat, DVec3, Mat4, Quat, Vec2, Vec3, Vec4};
 /// BLAKE3 of content.
 pub type ContentHash = [u8; 32];
 
+/// Vectors that are copied together to be hashed: 64 KiB at most.
+const BLOCK: usize = 4096;
+
 /// Feeds a hasher with a length or tag before everything whose extent is not fixed, so that no two contents share a byte stream.
 #[derive(Default)]
 pub struct Writer(blake3::Hasher);
@@ -39,9 +42,13 @@ impl Writer {
     pub fn time(&mut self, t: Time) {
         self.0.update(&t.0.to_le_bytes());
     }
-    /// Plain little-endian numbers in one go; every supported machine is little-endian or takes the loop.
-    pub(crate) fn pods<T: bytemuck::Pod>(&mut self, list: &[T], word: usize) {
+    /// A list of numbers of `word` bytes.
+    pub(crate) fn numbers<T: bytemuck::Pod>(&mut self, list: &[T], word: usize) {
         self.count(list.len());
+        self.little_endian(list, word);
+    }
+    /// Plain little-endian numbers in one go; every supported machine is little-endian or takes the loop.
+    fn little_endian<T: bytemuck::Pod>(&mut self, list: &[T], word: usize) {
         let bytes: &[u8] = bytemuck::cast_slice(list);
         if cfg!(target_endian = "little") {
             self.0.update(bytes);
@@ -54,16 +61,26 @@ impl Writer {
         }
     }
     pub fn f32s(&mut self, list: &[f32]) {
-        self.pods(list, 4);
+        self.numbers(list, 4);
+    }
+    /// A list of vectors, as arrays block by block.
+    fn vectors<V: Copy, const N: usize>(&mut self, list: &[V], array: fn(&V) -> [f32; N]) {
+        self.count(list.len());
+        let mut numbers = Vec::with_capacity(list.len().min(BLOCK));
+        for block in list.chunks(BLOCK) {
+            numbers.clear();
+            numbers.extend(block.iter().map(array));
+            self.little_endian(numbers.as_flattened(), 4);
+        }
     }
     pub(crate) fn vec2s(&mut self, list: &[Vec2]) {
-        self.pods(list, 4);
+        self.vectors(list, Vec2::to_array);
     }
     pub(crate) fn vec3s(&mut self, list: &[Vec3]) {
-        self.pods(list, 4);
+        self.vectors(list, Vec3::to_array);
     }
     pub(crate) fn vec4s(&mut self, list: &[Vec4]) {
-        self.pods(list, 4);
+        self.vectors(list, Vec4::to_array);
     }
     pub fn vec3(&mut self, v: Vec3) {
         v.to_array().into_iter().for_each(|c| self.f32(c));

@@ -13,13 +13,22 @@ pub trait ImageSource: Debug + Send + Sync {
 }
 
 /// An image of a sequence that cannot be had.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ImageSourceError {
-    #[error("there is no image {0}")]
     Missing(usize),
-    #[error("\"{file}\": {what}")]
     Undecodable { file: String, what: String },
 }
+
+impl std::fmt::Display for ImageSourceError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            ImageSourceError::Missing(index) => write!(f, "there is no image {index}"),
+            ImageSourceError::Undecodable { file, what } => write!(f, "\"{file}\": {what}"),
+        }
+    }
+}
+
+impl std::error::Error for ImageSourceError {}
 
 /// Images that replace textures of a material; the material's own images are the first of each. All change together.
 #[derive(Clone, Debug, PartialEq)]

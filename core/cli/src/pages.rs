@@ -2,12 +2,16 @@
 //! tables, `choreo help --page NAME` prints one.
 
 /// Path in the sources, and text. Those in `pages` are symbolic links, because a package holds no files outside its own folder.
-const PAGES: [(&str, &str); 16] = [
+const PAGES: [(&str, &str); 20] = [
     ("core/cli/README.md", include_str!("../README.md")),
     ("core/viewer/README.md", include_str!("../pages/viewer.md")),
     ("plugins/README.md", include_str!("../pages/plugins.md")),
+    ("plugins/export-apng/README.md", export_apng::README),
+    ("plugins/export-bvh/README.md", export_bvh::README),
     ("plugins/export-csv/README.md", export_csv::files::README),
+    ("plugins/export-edit/README.md", export_edit::README),
     ("plugins/export-gif/README.md", export_gif::README),
+    ("plugins/export-gltf/README.md", export_gltf::README),
     ("plugins/export-mp4/README.md", export_mp4::README),
     ("plugins/export-png/README.md", export_png::README),
     ("plugins/export-y4m/README.md", export_y4m::README),

@@ -89,6 +89,29 @@ fn explain_names_what_is_left_out() {
 }
 
 #[test]
+fn explain_says_how_many_sub_frames_motion_blur_takes_and_why() {
+    let dir = tempfile::tempdir().unwrap();
+    let script = |turn: f64| {
+        format!(
+            "stage(#{{ size: [64, 64], length: 1.0 }});\n\
+             let box = cast(\"box\", shape(\"box\", #{{ size: 1.0 }}));\n\
+             box.key(\"rotation\", [[0.0, [0.0, 0.0, 0.0]], [1.0, [0.0, {turn:.1}, 0.0]]]);\n\
+             effect(\"motion_blur\");\n\
+             camera(\"front\").at(0.0, 0.0, 4.0).look_at([0.0, 0.0, 0.0]);\n"
+        )
+    };
+    for (turn, said) in [
+        (0.0, "blur       1 sub-frame: nothing that is seen moves while the shutter is open"),
+        (400.0, "blur       2 sub-frames: nothing moves by more than 1."),
+        (20000.0, "blur       16 sub-frames: something moves by "),
+    ] {
+        std::fs::write(dir.path().join("s.rhai"), script(turn)).unwrap();
+        let run = choreo(dir.path(), &["explain", "s.rhai", "--at", "0.5"]);
+        assert!(run.out.contains(said), "{turn}: {}", run.out);
+    }
+}
+
+#[test]
 fn explain_says_where_in_the_script_something_was_asked_for() {
     let dir = tempfile::tempdir().unwrap();
     let script = "stage(#{ length: 1.0 });\nlet m = load(\"choreo:mannequin\");\ncast(\"ada\", m).play(m.clip(\"Walk\"));\n\
@@ -210,7 +233,7 @@ fn plugins_and_help_are_complete() {
     let names = |kind: &str| -> Vec<String> {
         value[kind].as_array().unwrap().iter().map(|p| p["name"].as_str().unwrap().to_string()).collect()
     };
-    assert_eq!(names("exporters"), ["png", "mp4", "gif", "y4m"]);
+    assert_eq!(names("exporters"), ["png", "mp4", "gif", "y4m", "apng"]);
     assert!(names("importers").contains(&"gltf".into()));
     let help = choreo(dir.path(), &["--help"]);
     assert_eq!(help.code, 0);

@@ -118,3 +118,95 @@ fn an_input_is_not_replaced() {
     assert!(run.code == 3 && run.err.contains("is the input"), "{}", run.err);
     assert_eq!(text(d, "tri.csv"), triangle(1.0));
 }
+
+/// Two cameras, a dissolve, a title, a marker.
+const TALK: &str = "stage(#{ length: 3.0, fps: 25, size: [64, 36] });\n\
+    let figure = load(\"choreo:mannequin\");\nlet ada = cast(\"ada\", figure).at(0.5, 0.0, -1.0).turn(30.0);\n\
+    ada.play(figure.clip(\"Walk\")).until(1.5).then(figure.clip(\"Wave\"), #{ fade: 0.4 });\n\
+    let wide = camera(\"wide\").at(0.0, 1.0, 6.0);\nlet close = camera(\"close\").at(0.0, 1.5, 2.0);\n\
+    text(\"Hello\").from(0.5).until(1.5);\nmarker(\"beat\", 2.0);\n";
+const CUTS: &str = "close.cut(1.0, #{ dissolve: 0.4 });\nwide.cut(2.2);\n";
+
+fn exported(folder: &Path, script: &str, output: &str) -> String {
+    let run = choreo(folder, &["export", script, "-o", output]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    text(folder, output)
+}
+
+#[test]
+fn an_edited_list_of_cuts_is_read_back() {
+    let dir = folder();
+    let d = dir.path();
+    std::fs::write(d.join("a.rhai"), format!("{TALK}{CUTS}")).unwrap();
+    let edl = exported(d, "a.rhai", "a.edl");
+    assert!(edl.contains("D    010 00:00:01:00 00:00:02:05"), "{edl}");
+    let otio = exported(d, "a.rhai", "a.otio");
+    std::fs::write(d.join("b.rhai"), format!("{TALK}cuts(\"a.otio\");\n")).unwrap();
+    assert_eq!(exported(d, "b.rhai", "b.edl").replace("b.", "a."), edl);
+    // An editor makes the first shot five frames longer.
+    let longer = otio.replacen("\"value\": 25.0", "\"value\": 30.0", 1);
+    assert_ne!(longer, otio);
+    std::fs::write(d.join("a.otio"), longer).unwrap();
+    assert!(exported(d, "b.rhai", "b.edl").contains("D    010 00:00:01:05 00:00:02:10"));
+    // A camera that the script lacks, and a file that is none.
+    std::fs::write(d.join("a.otio"), otio.replace("\"close\"", "\"clos\"")).unwrap();
+    let run = choreo(d, &["export", "b.rhai", "-o", "b.edl"]);
+    assert!(
+        run.code != 0 && run.err.contains("unknown camera \"clos\" in \"a.otio\"; did you mean \"close\"?")
+    );
+    std::fs::write(d.join("a.otio"), "[1, 2").unwrap();
+    let run = choreo(d, &["export", "b.rhai", "-o", "b.edl"]);
+    assert!(run.err.contains("cuts: \"a.otio\" is no OpenTimelineIO file"), "{}", run.err);
+}
+
+/// The independent reader of the format: the Python package opentimelineio.
+#[test]
+fn opentimelineio_reads_the_timeline() {
+    let dir = folder();
+    let d = dir.path();
+    std::fs::write(d.join("a.rhai"), format!("{TALK}{CUTS}")).unwrap();
+    exported(d, "a.rhai", "a.otio");
+    let Some(python) = python_with("opentimelineio", "OpenTimelineIO==0.18.1") else { return };
+    let code = "import opentimelineio as otio\nt = otio.adapters.read_from_file('a.otio')\n\
+        assert t.duration() == otio.opentime.RationalTime(75, 25), t.duration()\n\
+        for track in t.tracks:\n    for item in track:\n        if isinstance(item, otio.schema.Transition):\n            \
+        print(track.name, 'transition', int(item.out_offset.value))\n        else:\n            \
+        r = item.trimmed_range_in_parent()\n            \
+        print(track.name, item.name, int(r.start_time.value), int(r.duration.value))\n\
+        print([(m.name, m.marked_range.start_time.value) for m in t.tracks.markers])\n";
+    let run = std::process::Command::new(python).args(["-c", code]).current_dir(d).output().unwrap();
+    let printed = String::from_utf8_lossy(&run.stdout).into_owned();
+    let expected = "shots wide 0 25\nshots transition 10\nshots close 25 30\nshots wide 55 20\n\
+        titles  0 13\ntitles Hello 13 25\nada Walk 0 38\nada transition 10\nada Wave 38 37\n[('beat', 50.0)]\n";
+    assert_eq!(printed, expected, "{}", String::from_utf8_lossy(&run.stderr));
+}
+
+#[test]
+fn a_bvh_file_moves_as_its_actor_did() {
+    let dir = folder();
+    let d = dir.path();
+    std::fs::write(d.join("a.rhai"), TALK).unwrap();
+    exported(d, "a.rhai", "a.bvh");
+    let again = "stage(#{ length: 3.0, fps: 25 });\nlet b = load(\"a.bvh\", #{ scale: 0.01 });\n\
+        cast(\"ada\", b).play(b.clip(\"a\"), #{ repeat: \"once\" });\n";
+    std::fs::write(d.join("b.rhai"), again).unwrap();
+    let positions = |script: &str, output: &str| -> Vec<(String, [f64; 3])> {
+        let text = exported(d, script, output);
+        let line = |line: &str| {
+            let (rest, z) = line.rsplit_once(',').unwrap();
+            let (rest, y) = rest.rsplit_once(',').unwrap();
+            let (key, x) = rest.rsplit_once(',').unwrap();
+            (key.to_string(), [x, y, z].map(|number| number.parse().unwrap()))
+        };
+        text.lines().skip(1).map(line).collect()
+    };
+    let truth = positions("a.rhai", "a.csv");
+    let read: std::collections::BTreeMap<_, _> = positions("b.rhai", "b.csv").into_iter().collect();
+    let off = |(key, a): &(String, [f64; 3])| {
+        let b = read.get(key).unwrap_or_else(|| panic!("{key}"));
+        a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    };
+    let worst = truth.iter().map(off).fold(0.0, f64::max);
+    println!("{} positions, at most {worst:.1e} m off", truth.len());
+    assert!(truth.len() > 75 * 15 && worst < 4e-6, "{worst}");
+}

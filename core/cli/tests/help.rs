@@ -120,22 +120,13 @@ fn an_unknown_term_is_answered_with_the_nearest_and_exit_code_2() {
 
 #[test]
 fn every_example_of_a_script_runs() {
-    let prelude = "
-        stage(#{ size: [64, 36], fps: 30, length: 4.0 });
-        let hero = load(\"choreo:mannequin\");
-        let anna = cast(\"anna\", hero);
-        let boris = cast(\"boris\", hero).at(1.0, 0.0, 0.0);
-        let cup = cast(\"cup\", shape(\"box\", #{ size: 0.1 }));
-        let walk = anna.play(hero.clip(\"Walk\"));
-        let wide = camera(\"wide\").at(0.0, 1.6, 6.0);
-        let lamp = point();
-    ";
+    let prelude = include_str!("../../../scripts/guide/frame.rhai");
     let registry = choreo::registry();
     let (dir, mut failures, mut ran) = (tempfile::tempdir().unwrap(), Vec::new(), 0);
     std::fs::write(dir.path().join("steps.rhai"), "fn step() {}").unwrap();
     for example in choreo_script::help::examples().filter(|e| !e.starts_with("choreo ")) {
         let first = ["import", "stage("].iter().any(|start| example.starts_with(start));
-        let script = if first { example.to_string() } else { format!("{prelude}{example}") };
+        let script = if first { example.to_string() } else { format!("{prelude}\n{example}") };
         let file = dir.path().join("example.rhai");
         std::fs::write(&file, &script).unwrap();
         if let Err(errors) = choreo_script::run_file(&file, &registry, &ScriptOptions::default()) {

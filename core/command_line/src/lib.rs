@@ -20,8 +20,8 @@ pub use process::panics::exit_code_of_abort;
 use args::{Cli, Command, PluginsAction, PluginsArgs, RenderArgs, values};
 use clap::FromArgMatches;
 use commands::{
-    check, explain, export, help, info, lsp, measure, new, plugins as plugins_command, pose, render, test,
-    view,
+    check, explain, export, format, help, info, lsp, measure, new, plugins as plugins_command, pose, render,
+    test, view,
 };
 use failure::{Failure, print_json, print_json_message, print_message};
 use process::{interrupt, panics, threads};
@@ -73,7 +73,7 @@ fn start(mut command: Command, args: &[OsString], app: &App) -> Result<(), Failu
         Command::Plugins(PluginsArgs { action: Some(PluginsAction::Test { .. }), .. }) => {
             threads::start(None)?
         }
-        Command::New(_) | Command::View(_) | Command::Plugins(_) | Command::Help(_) => {}
+        Command::New(_) | Command::View(_) | Command::Plugins(_) | Command::Help(_) | Command::Format(_) => {}
         _ => threads::start(None)?,
     }
     if let Some(scene) = command.scene() {
@@ -95,6 +95,7 @@ fn start(mut command: Command, args: &[OsString], app: &App) -> Result<(), Failu
         Command::Plugins(args) => plugins_command::run(args, app),
         Command::New(args) => new::run(args),
         Command::Help(args) => help::run(&args, app),
+        Command::Format(args) => format::run(&args),
         Command::Lsp(_) => lsp::run(app),
     }
 }

@@ -35,7 +35,7 @@ pub enum Formats {
     All,
 }
 
-/// What an image's header says.
+/// Format and size in pixels, read from an image's header.
 struct Header {
     format: ImageFormat,
     width: u32,

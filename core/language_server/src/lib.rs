@@ -4,24 +4,33 @@
 //! ```text
 //! editor ─► transport ─► server ─┬─► completion, hover, … ◄── source (tokens) ◄── values (types of expressions)
 //!                          ▲     ├─► files (contents of models, read in the background)
-//!                          └─────┴── checker (its own thread): the script run on the unsaved text
+//!                          │     ├─► hints, lenses (the stage of the last run) ◄─┐
+//!                          ├─────┴── checker (its own thread): the script run on the unsaved text
+//!                          └──────── commands (a thread and a process each): frames, tests, the viewer
 //! ```
 //! It knows neither the command line nor particular plugins: the [`Host`] gives it both.
 
 mod actions;
+mod calls;
 mod checker;
 mod colors;
+mod commands;
 mod completion;
 mod context;
 mod diagnostics;
 mod document;
 mod facts;
 mod files;
+mod formatting;
+mod hints;
 mod hover;
+mod lenses;
 mod names;
 mod position;
 mod references;
+mod semantic;
 mod server;
+mod settings;
 mod signature;
 mod snippets;
 mod source;
@@ -30,12 +39,14 @@ mod transport;
 mod values;
 mod view;
 
+pub use calls::calls;
 pub use server::{Ended, serve};
 
 use choreo_plugin::Registry;
 use choreo_script::{Diagnostic, Limits, Places};
 use choreo_stage::Stage;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::Arc;
 
 /// The program around the server.
@@ -46,6 +57,18 @@ pub trait Host: Send + Sync {
     fn project(&self, script: &Path) -> Result<Project, String>;
     /// The findings of `check` about the stage of a script, beyond the messages of the run itself.
     fn survey(&self, stage: &Arc<Stage>, places: &Places, project: &Project) -> Vec<Diagnostic>;
+    /// The process that does a task.
+    fn command(&self, task: &Task) -> Result<Command, String>;
+}
+
+/// What a command of the editor has the program do, in a process of its own.
+pub enum Task<'t> {
+    /// Draw the frame at a time as an image.
+    Frame { script: &'t Path, secs: f64, output: &'t Path },
+    /// Run one test of a script, or all of them; a report in JSON goes to standard output. Tests may read below the root.
+    Test { script: &'t Path, section: Option<&'t str>, root: &'t Path },
+    /// Open the viewer at a time.
+    View { script: &'t Path, secs: f64 },
 }
 
 /// Settings with which a script is run.

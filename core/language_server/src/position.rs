@@ -45,12 +45,16 @@ impl Lines {
         range.end
     }
 
-    /// The place of a byte in the protocol.
-    pub fn position(&self, text: &str, byte: usize) -> Value {
+    /// The line and column of a byte in the protocol.
+    pub fn place(&self, text: &str, byte: usize) -> (usize, usize) {
         let byte = byte.min(text.len());
         let line = self.line_of(byte);
         let start = self.starts[line];
-        let character: usize = text[start..byte].chars().map(char::len_utf16).sum();
+        (line, text[start..byte].chars().map(char::len_utf16).sum())
+    }
+
+    pub fn position(&self, text: &str, byte: usize) -> Value {
+        let (line, character) = self.place(text, byte);
         json!({ "line": line, "character": character })
     }
 

@@ -1,12 +1,17 @@
 //! The server: takes messages in their order, answers requests, and passes on what the checker finds.
 
 use crate::checker::{Checked, Checker, Job, Unsaved};
+use crate::commands::{self, Asked, Running};
 use crate::document::{Document, path_of};
 use crate::files::Files;
+use crate::settings::Settings;
 use crate::transport::{Client, Received, ResponseError, receive};
 use crate::values::Budget;
 use crate::view::{ModuleFiles, OpenModules, View};
-use crate::{Host, Project, actions, colors, completion, diagnostics, hover, references, signature, symbols};
+use crate::{
+    Host, Project, actions, colors, completion, diagnostics, formatting, hints, hover, lenses, references,
+    semantic, signature, symbols,
+};
 use serde_json::{Value, json};
 use std::cell::RefCell;
 use std::collections::{BTreeMap, VecDeque};
@@ -66,7 +71,9 @@ pub fn serve(
         last: BTreeMap::new(),
         published: BTreeMap::new(),
         root: std::env::current_dir().unwrap_or_default(),
-        snippets: false,
+        settings: Settings::default(),
+        running: Running::default(),
+        can: Can::default(),
         initialized: false,
         shut_down: false,
     };
@@ -88,9 +95,21 @@ struct Server {
     /// Messages by the script that was run and the file in which they are.
     published: BTreeMap<String, BTreeMap<String, Vec<Value>>>,
     root: PathBuf,
-    snippets: bool,
+    settings: Settings,
+    running: Running,
+    can: Can,
     initialized: bool,
     shut_down: bool,
+}
+
+/// What the client can do.
+#[derive(Clone, Copy, Debug, Default)]
+struct Can {
+    /// Insert placeholders.
+    snippets: bool,
+    refresh_hints: bool,
+    refresh_lenses: bool,
+    show_progress: bool,
 }
 
 type Answer = Result<Value, ResponseError>;
@@ -165,10 +184,12 @@ impl Server {
         };
         let parameters = &message["params"];
         let answer = catch_unwind(AssertUnwindSafe(|| match &id {
-            Some(_) => self.request(method, parameters),
+            // It is answered when it has been done.
+            Some(id) if method == "workspace/executeCommand" => self.execute(id, parameters).map(|()| None),
+            Some(_) => self.request(method, parameters).map(Some),
             None => {
                 self.notification(method, parameters);
-                Ok(Value::Null)
+                Ok(None)
             }
         }));
         let answer = answer.unwrap_or_else(|_| {
@@ -178,9 +199,9 @@ impl Server {
             ))
         });
         match (id, answer) {
-            (Some(id), Ok(result)) => self.client.answer(&id, result),
+            (Some(id), Ok(Some(result))) => self.client.answer(&id, result),
             (Some(id), Err(error)) => self.client.refuse(&id, &error),
-            (None, _) => {}
+            (_, Ok(None)) | (None, _) => {}
         }
     }
 
@@ -211,7 +232,8 @@ impl Server {
         let project = self.project(document).map_err(|why| ResponseError::new(ResponseError::FAILED, why))?;
         let folder = document.folder().unwrap_or(&self.root);
         let modules = OpenModules { documents: &self.documents, folder: Some(folder), known: &self.modules };
-        let last = self.last.get(uri).and_then(|checked| checked.stage.as_ref());
+        let last = self.last.get(uri);
+        let stage = last.and_then(|checked| checked.stage.as_ref());
         let view = View {
             source: &document.source,
             project: &project,
@@ -219,16 +241,67 @@ impl Server {
             files: &self.files,
             modules: &modules,
             budget: Budget::default(),
-            fps: last.map_or(30.0, |(stage, _)| stage.settings.fps.as_fps()),
-            snippets: self.snippets,
+            fps: stage.map_or(30.0, |(stage, _)| stage.settings.fps.as_fps()),
+            snippets: self.can.snippets,
         };
-        answer(&Request { view: &view, uri, parameters: p })
+        answer(&Request { view: &view, uri, parameters: p, last, settings: &self.settings })
+    }
+
+    /// Starts a command; its first argument names the file: `{ uri, line?, time?, section?, silent? }`.
+    fn execute(&mut self, id: &Value, p: &Value) -> Result<(), ResponseError> {
+        let wrong = |why: &str| ResponseError::new(ResponseError::PARAMETERS, why);
+        if !self.initialized {
+            return Err(ResponseError::new(
+                ResponseError::NOT_INITIALIZED,
+                "the first request is initialize",
+            ));
+        }
+        let name = p["command"].as_str().filter(|name| commands::NAMES.contains(name));
+        let name = name.ok_or_else(|| wrong("there is no such command"))?.to_string();
+        let given = &p["arguments"][0];
+        let uri = given["uri"].as_str().unwrap_or_default();
+        let script = path_of(uri).filter(|path| path.is_file());
+        let script = script.ok_or_else(|| wrong("the first argument has the uri of a saved script"))?;
+        let mut secs = given["time"].as_f64().unwrap_or(0.0);
+        if let Some(document) = self.documents.get(uri) {
+            let text = std::fs::read_to_string(&script).unwrap_or_default();
+            if text.trim_start_matches('\u{feff}') != document.source.text.trim_start_matches('\u{feff}') {
+                let name = script.file_name().unwrap_or_default().to_string_lossy();
+                return Err(ResponseError::new(ResponseError::FAILED, format!("save {name} first")));
+            }
+            if let (None, Some(line)) = (given["time"].as_f64(), given["line"].as_u64()) {
+                secs = lenses::time_at(&document.source, self.last.get(uri), line as usize);
+            }
+        }
+        let mut progress = p.get("workDoneToken").cloned();
+        if progress.is_none() && self.can.show_progress {
+            let token = json!(format!("command {id}"));
+            self.client.ask("window/workDoneProgress/create", json!({ "token": token }));
+            progress = Some(token);
+        }
+        let asked = Asked {
+            id: id.clone(),
+            name,
+            script,
+            secs,
+            section: given["section"].as_str().map(str::to_string),
+            root: self.root.clone(),
+            is_silent: given["silent"] == true,
+            progress,
+        };
+        self.running.start(asked, &*self.host, self.client.clone())
     }
 
     fn initialize(&mut self, p: &Value) -> Value {
         self.initialized = true;
-        let completion = &p["capabilities"]["textDocument"]["completion"]["completionItem"];
-        self.snippets = completion["snippetSupport"] == true;
+        let can = &p["capabilities"];
+        self.can = Can {
+            snippets: can["textDocument"]["completion"]["completionItem"]["snippetSupport"] == true,
+            refresh_hints: can["workspace"]["inlayHint"]["refreshSupport"] == true,
+            refresh_lenses: can["workspace"]["codeLens"]["refreshSupport"] == true,
+            show_progress: can["window"]["workDoneProgress"] == true,
+        };
+        self.settings.update(&p["initializationOptions"]);
         let root = p["workspaceFolders"][0]["uri"].as_str().or_else(|| p["rootUri"].as_str());
         self.root = root.and_then(path_of).unwrap_or_else(|| self.root.clone());
         let (name, version) = self.host.program();
@@ -247,6 +320,12 @@ impl Server {
                 "renameProvider": { "prepareProvider": true },
                 "documentSymbolProvider": true,
                 "foldingRangeProvider": true,
+                "inlayHintProvider": true,
+                "semanticTokensProvider": { "legend": semantic::legend(), "full": true, "range": true },
+                "documentFormattingProvider": true,
+                "documentRangeFormattingProvider": true,
+                "codeLensProvider": {},
+                "executeCommandProvider": { "commands": commands::NAMES, "workDoneProgress": true },
             },
         })
     }
@@ -273,6 +352,12 @@ impl Server {
                 self.projects.borrow_mut().clear();
                 self.documents.keys().cloned().collect::<Vec<_>>().iter().for_each(|uri| self.submit(uri));
             }
+            "workspace/didChangeConfiguration" => {
+                self.settings.update(&p["settings"]["choreo"]);
+                self.refresh();
+            }
+            "$/cancelRequest" => self.running.cancel(&p["id"]),
+            "window/workDoneProgress/cancel" => self.running.cancel(&p["token"]),
             "textDocument/didClose" => {
                 self.documents.remove(&uri);
                 self.last.remove(&uri);
@@ -327,10 +412,24 @@ impl Server {
         targets.dedup();
         targets.iter().for_each(|target| self.publish(target));
         // What is known of the stage stays while the script has errors.
-        if let Some(before) = self.last.remove(&uri).filter(|_| checked.stage.is_none()) {
+        let is_new = checked.stage.is_some();
+        if let Some(before) = self.last.remove(&uri).filter(|_| !is_new) {
             checked.stage = before.stage;
         }
         self.last.insert(uri, checked);
+        if is_new {
+            self.refresh();
+        }
+    }
+
+    /// Has the client ask again for what depends on the last run.
+    fn refresh(&self) {
+        if self.can.refresh_hints {
+            self.client.ask("workspace/inlayHint/refresh", Value::Null);
+        }
+        if self.can.refresh_lenses {
+            self.client.ask("workspace/codeLens/refresh", Value::Null);
+        }
     }
 
     /// Sends all messages about a file. Those of a module count once for all scripts that import it.
@@ -371,6 +470,9 @@ pub struct Request<'r> {
     pub view: &'r View<'r>,
     pub uri: &'r str,
     pub parameters: &'r Value,
+    /// The last run of the script.
+    pub last: Option<&'r Checked>,
+    pub settings: &'r Settings,
 }
 
 impl Request<'_> {
@@ -395,6 +497,15 @@ const METHODS: &[(&str, Method)] = &[
     ("textDocument/documentSymbol", |r| Ok(symbols::symbols(r.view))),
     ("textDocument/foldingRange", |r| Ok(symbols::folding(r.view))),
     ("textDocument/documentColor", |r| Ok(colors::colors(r.view))),
+    ("textDocument/inlayHint", |r| Ok(hints::hints(r.view, r.settings, r.last, &r.parameters["range"]))),
+    ("textDocument/semanticTokens/full", |r| Ok(semantic::tokens(r.view, None))),
+    ("textDocument/semanticTokens/range", |r| Ok(semantic::tokens(r.view, Some(&r.parameters["range"])))),
+    ("textDocument/formatting", |r| Ok(formatting::formatting(r.view, None))),
+    ("textDocument/rangeFormatting", |r| Ok(formatting::formatting(r.view, Some(&r.parameters["range"])))),
+    ("textDocument/codeLens", |r| match r.settings.code_lenses {
+        true => Ok(lenses::lenses(r.view, r.uri, r.last)),
+        false => Ok(json!([])),
+    }),
     ("textDocument/codeAction", |r| {
         let given = r.parameters["context"]["diagnostics"].as_array().cloned().unwrap_or_default();
         Ok(actions::actions(r.view, r.uri, &given))

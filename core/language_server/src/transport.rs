@@ -2,6 +2,7 @@
 
 use serde_json::{Value, json};
 use std::io::{self, BufRead, Read, Write};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Bytes of the largest message that is read.
@@ -84,6 +85,13 @@ impl Client {
     pub fn refuse(&self, id: &Value, error: &ResponseError) {
         let error = json!({ "code": error.code, "message": error.message });
         self.send(&json!({ "jsonrpc": "2.0", "id": id, "error": error }));
+    }
+
+    /// Sends a request of ours, whose answer nothing depends on.
+    pub fn ask(&self, method: &str, parameters: Value) {
+        static NUMBER: AtomicU32 = AtomicU32::new(0);
+        let id = format!("choreo {}", NUMBER.fetch_add(1, Ordering::Relaxed));
+        self.send(&json!({ "jsonrpc": "2.0", "id": id, "method": method, "params": parameters }));
     }
 
     pub fn notify(&self, method: &str, parameters: Value) {

@@ -252,11 +252,17 @@ impl<'a> Types<'a> {
 
     /// The declaration of a name that is seen from a token: the last one before it whose block is around it.
     pub fn declaration(self, name: &str, from: usize) -> Option<Declaration> {
+        let candidates =
+            (0..from.min(self.source.tokens.len())).rev().filter(|i| self.source.get(*i) == name);
+        let seen = self.seen(candidates.filter_map(|token| self.declares(token)), from);
+        seen.or_else(|| self.own_function(name))
+    }
+
+    /// The first of some declarations of a name that is seen from a token; they are given from the last one before it backwards.
+    pub fn seen(self, candidates: impl Iterator<Item = Declaration>, from: usize) -> Option<Declaration> {
         let around: Vec<Option<usize>> =
             std::iter::successors(Some(self.source.parent(from)), |p| p.map(|p| self.source.parent(p)))
                 .collect();
-        let candidates =
-            (0..from.min(self.source.tokens.len())).rev().filter(|i| self.source.get(*i) == name);
         let is_seen = |declaration: &Declaration| {
             let block = match declaration.kind {
                 Declared::Variable | Declared::Function | Declared::Module => {
@@ -266,13 +272,12 @@ impl<'a> Types<'a> {
             };
             around.contains(&block)
         };
-        let mut seen = candidates.filter_map(|token| self.declares(token)).filter(is_seen);
+        let mut seen = candidates.filter(is_seen);
         let first = seen.next();
         // In `let a = a.at(…)` the second name is the variable before.
         let is_inside = |d: &Declaration| d.kind == Declared::Variable && self.statement_end(d.token) > from;
         let before = first.as_ref().filter(|d| is_inside(d)).and_then(|_| seen.find(|d| !is_inside(d)));
-        let seen = before.or(first);
-        seen.or_else(|| self.own_function(name))
+        before.or(first)
     }
 
     fn own_function(self, name: &str) -> Option<Declaration> {

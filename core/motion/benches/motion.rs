@@ -2,7 +2,7 @@
 //!
 //! A 67-joint skeleton of the shape of a Mixamo character and two 15 s clips, made here. Times are CPU time of the
 //! thread, medians over many runs, one core. The fastest run is printed beside, since other work on the machine
-//! shares caches and memory with this. `-- skinning` and `-- compression` measure that
+//! shares caches and memory with this. `-- skinning`, `-- compression` and `-- sparse` measure that
 //! alone. Errors are those of the same clips against f64.
 
 #[path = "../tests/support/mod.rs"]
@@ -34,6 +34,9 @@ fn main() {
             &[set, ("all T, R, S move, 30 Hz", clips(&skeleton, Style::All))],
             quick,
         );
+    }
+    if std::env::args().any(|a| a == "sparse") {
+        return sparse_keys(&skeleton, quick);
     }
     println!("level: {:?}; {JOINTS} joints; ns a character, median (fastest)\n", Level::best());
     println!("crossfade: sample + sample + blend + local-to-model");
@@ -101,6 +104,67 @@ fn compressed(skeleton: &Skeleton, sets: &[(&str, [Clip; 2])], quick: bool) {
                 lost_mm(skeleton, &clips[0], &clip),
                 seek_ratio(&clip, quick),
             );
+        }
+    }
+}
+
+/// Clips with separate key times per joint against the same baked at 60 Hz, both measured in turns.
+fn sparse_keys(skeleton: &Skeleton, quick: bool) {
+    println!("separate key times per joint against the same baked at 60 Hz, {JOINTS} joints, ns");
+    println!("{:<12}{:<14}{:>10}{:>10}{:>10}", "keys", "what", "separate", "baked", "ratio");
+    for (name, style) in [("linear", Style::Sparse), ("cubic", Style::Cubic)] {
+        let sparse = clips(skeleton, style);
+        let rate = FrameRate { num: 60, den: 1 };
+        let baked = sparse.each_ref().map(|clip| clip.baked(rate).unwrap().0);
+        let [next, random] = [false, true].map(|random| sample_times(&sparse[0], random));
+        let sampled = |clips: &[Clip; 2], times: &[Time]| {
+            let mut pose = Pose::identity(JOINTS);
+            for &time in times {
+                Sample { clip: &clips[0], time, pose: &mut pose }.run();
+                std::hint::black_box(&mut pose);
+            }
+        };
+        let rest = Pose::rest(skeleton);
+        let faded = |clips: &[Clip; 2], times: &[Time]| {
+            let mut scratch = [rest.clone(), rest.clone()];
+            let mut out = vec![Affine3A::IDENTITY; JOINTS];
+            for &time in times {
+                Crossfade {
+                    skeleton,
+                    rest: &rest,
+                    from: &clips[0],
+                    from_time: time,
+                    to: &clips[1],
+                    to_time: time,
+                    weight: 0.4,
+                    scratch: &mut scratch,
+                    model_from_joint: &mut out,
+                }
+                .run();
+                std::hint::black_box(&mut out);
+            }
+        };
+        type Round<'a> = &'a dyn Fn(&[Clip; 2], &[Time]);
+        let rows: [(&str, Round, &[Time]); 4] = [
+            ("crossfade", &faded, &next),
+            ("random fade", &faded, &random),
+            ("next frame", &sampled, &next),
+            ("random seek", &sampled, &random),
+        ];
+        for (what, round, times) in rows {
+            let mut took = [Vec::new(), Vec::new()];
+            for _ in 0..if quick { 1 } else { 101 } {
+                for (clips, took) in [&sparse, &baked].into_iter().zip(&mut took) {
+                    let start = thread_nanos();
+                    round(clips, times);
+                    took.push((thread_nanos() - start) / times.len() as f64);
+                }
+            }
+            let [own, baked] = took.map(|mut took| {
+                took.sort_by(f64::total_cmp);
+                took[took.len() / 2]
+            });
+            println!("{name:<12}{what:<14}{own:>10.0}{baked:>10.0}{:>10.2}", own / baked);
         }
     }
 }
@@ -255,6 +319,8 @@ enum Style {
     Typical,
     All,
     Sparse,
+    /// [`Style::Sparse`] with CUBICSPLINE keys.
+    Cubic,
 }
 
 /// Two clips of smooth motion (a few harmonics a joint) at 30 Hz, or with ten to forty keys a joint.
@@ -268,7 +334,7 @@ fn clips(skeleton: &Skeleton, style: Style) -> [Clip; 2] {
         let mut curves = Vec::new();
         for (joint, rest) in skeleton.rest().iter().enumerate() {
             let mut times = Arc::clone(&thirty);
-            if style == Style::Sparse {
+            if matches!(style, Style::Sparse | Style::Cubic) {
                 let mut secs: Vec<f64> = (0..10 + random.below(30))
                     .map(|_| f64::from(random.signed() + 1.0) * 0.5 * SECS)
                     .collect();
@@ -279,8 +345,16 @@ fn clips(skeleton: &Skeleton, style: Style) -> [Clip; 2] {
             let joint = joint as u32;
             let [a, b, c] = [0; 3].map(|_| random.rotation());
             let mut add = |path, values: &dyn Fn(f64) -> Vec<f32>| {
-                let values = times.iter().flat_map(|t| values(t.as_secs())).collect();
-                let interpolation = Interpolation::Linear;
+                let cubic = style == Style::Cubic;
+                let key = |t: &Time| {
+                    let (at, h) = (t.as_secs(), 1e-3);
+                    let slope = values(at + h).into_iter().zip(values(at - h));
+                    let tangent = slope.map(|(after, before)| (after - before) / (2.0 * h) as f32);
+                    let tangent: Vec<f32> = if cubic { tangent.collect() } else { Vec::new() };
+                    [&tangent[..], &values(at), &tangent].concat()
+                };
+                let values = times.iter().flat_map(key).collect();
+                let interpolation = if cubic { Interpolation::CubicSpline } else { Interpolation::Linear };
                 curves.push(Curve { joint, path, interpolation, times: times.clone(), values });
             };
             let wave = |t: f64, k: [f32; 4]| {

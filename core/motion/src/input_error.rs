@@ -1,19 +1,32 @@
 //! The error of a job's `check()`.
 
-use thiserror::Error;
-
 /// A field whose length or value does not fit; the text names the field, what it holds and what it must hold.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum InputError {
-    #[error("`{field}` holds {length}, must hold {expected}")]
     Length { field: &'static str, length: usize, expected: usize },
-    #[error("`{field}` is {value}, must be {allowed}")]
     Value { field: String, value: String, allowed: &'static str },
-    #[error("`{field}[{at}]` is {index}, there are {count} joints")]
     Joint { field: &'static str, at: usize, index: usize, count: usize },
-    #[error("`{field}`: {error}")]
     Nested { field: &'static str, error: String },
 }
+
+impl std::fmt::Display for InputError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            InputError::Length { field, length, expected } => {
+                write!(f, "`{field}` holds {length}, must hold {expected}")
+            }
+            InputError::Value { field, value, allowed } => {
+                write!(f, "`{field}` is {value}, must be {allowed}")
+            }
+            InputError::Joint { field, at, index, count } => {
+                write!(f, "`{field}[{at}]` is {index}, there are {count} joints")
+            }
+            InputError::Nested { field, error } => write!(f, "`{field}`: {error}"),
+        }
+    }
+}
+
+impl std::error::Error for InputError {}
 
 impl InputError {
     /// The first field whose length is not the expected one, of (field, length, expected).

@@ -53,7 +53,10 @@ mod mirror;
 mod pose;
 pub mod retarget;
 mod root_motion;
-#[allow(unsafe_code, reason = "registers of AVX2 and AVX-512, and gathers without a look at each index")]
+#[allow(
+    unsafe_code,
+    reason = "registers of AVX2 and AVX-512, gathers without a look at each index, and points as arrays"
+)]
 mod simd;
 pub mod skeleton;
 pub mod skinning;

@@ -124,6 +124,56 @@ proptest! {
     }
 }
 
+fn on_level(clip: &Clip, time: Time, level: Level) -> Pose {
+    let mut pose = Pose::identity(clip.joint_count());
+    Sample { clip, time, pose: &mut pose }.run_on(level);
+    pose
+}
+
+/// Curves of a block that have key times of their own are gathered, and those of one clip are too many for common key times.
+#[test]
+fn curves_with_key_times_of_their_own_equal_the_reference_and_themselves_alone() {
+    const JOINTS: u32 = 45;
+    for kind in [Interpolation::Linear, Interpolation::CubicSpline] {
+        let mut random = Random(5);
+        let mut curves = Vec::new();
+        for (joint, path) in (0..JOINTS).flat_map(|joint| PATHS.map(|path| (joint, path))) {
+            // Some lanes are driven by no curve.
+            if random.below(6) == 0 {
+                continue;
+            }
+            let mut at = random.below(1000) as i64;
+            let times = (0..90 + random.below(90)).map(|_| {
+                let farthest = [1, 3, 60_000_000][random.below(3)];
+                at += 1 + random.below(farthest) as i64;
+                Time(at)
+            });
+            let times: Arc<[Time]> = times.collect();
+            curves.push(random_curve(&mut random, joint, path, kind, times));
+        }
+        let clip = Clip::new("own".into(), JOINTS as usize, curves).unwrap();
+        let alone: Vec<Clip> = clip.curves().iter().map(|c| clip.rekeyed(vec![c.clone()])).collect();
+        for time in interesting_times(&clip, &mut random) {
+            let pose = sampled(&clip, time);
+            let (metres, degrees) = worst_error(&clip, &pose, time);
+            assert!(metres < 2e-6 && degrees < 2e-3, "{kind:?}: {metres}, {degrees} degrees at {time:?}");
+            assert_eq!(pose, on_level(&clip, time, Level::Portable), "{kind:?} at {time:?}");
+            for (curve, alone) in clip.curves().iter().zip(&alone) {
+                let [got, wanted] = [&pose, &sampled(alone, time)].map(|p| p.get(curve.joint as usize));
+                match curve.path {
+                    Path::Translation => assert_eq!(got.translation, wanted.translation),
+                    Path::Scale => assert_eq!(got.scale, wanted.scale),
+                    // The series of a linear rotation has as many terms as the widest of eight needs.
+                    _ => assert!(got.rotation.abs_diff_eq(wanted.rotation, 2e-7), "{got:?} {wanted:?}"),
+                }
+            }
+            for joint in (0..JOINTS).filter(|j| !clip.animates(*j)) {
+                assert_eq!(pose.get(joint as usize), Transform::IDENTITY);
+            }
+        }
+    }
+}
+
 #[test]
 fn the_comparison_sees_a_planted_fault() {
     let clip = mixed_clip(7, 30);

@@ -6,12 +6,20 @@ use choreo_asset::{Asset, Mesh, Primitive, Skin, Topology, Warning};
 use std::sync::Arc;
 
 /// A mistake of an importer: the part of the asset, and the problem.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{place}: {what}")]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct AssetFault {
     pub place: String,
     pub what: String,
 }
+
+impl std::fmt::Display for AssetFault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let AssetFault { place, what } = self;
+        write!(f, "{place}: {what}")
+    }
+}
+
+impl std::error::Error for AssetFault {}
 
 /// How far the weights of a vertex may sum to another number than 1; beyond, they are normalized.
 const WEIGHT_SUM_TOLERANCE: f32 = 1e-3;

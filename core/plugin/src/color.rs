@@ -7,6 +7,9 @@ use glam::Vec4;
 
 /// Linear RGBA of a CSS name or `#rgb`, `#rrggbb`, `#rrggbbaa`; an error where the text is neither.
 ///
+/// # Errors
+/// A text that is neither.
+///
 /// ```
 /// use choreo_plugin::color::parse;
 /// assert_eq!(parse("red"), parse("#f00"));
@@ -27,6 +30,12 @@ pub fn parse(text: &str) -> Result<Vec4, OptionError> {
 }
 
 /// sRGB red, green, blue and alpha of such a text.
+///
+/// ```
+/// use choreo_plugin::color::bytes;
+/// assert_eq!((bytes("#f008"), bytes("Red")), (None, Some([255, 0, 0, 255])));
+/// assert_eq!(bytes("#ff000080"), Some([255, 0, 0, 128]));
+/// ```
 pub fn bytes(text: &str) -> Option<[u8; 4]> {
     if let Some(hex) = text.strip_prefix('#') {
         return hex_bytes(hex);

@@ -7,7 +7,14 @@ use crate::{EffectTexture, Manifest, PluginFile, SceneInputs};
 use std::sync::Arc;
 
 /// The step of drawing in which an effect changes a frame.
+///
+/// ```
+/// use choreo_plugin::Hook;
+/// assert!(Hook::Surface.applies_to_actors() && Hook::Surface.is_in_scene());
+/// assert!(Hook::Image.has_function() && !Hook::Image.applies_to_actors());
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum Hook {
     /// A function of one pixel of the finished image.
     #[default]
@@ -195,6 +202,11 @@ impl Effect {
     /// Images that the effect's function reads.
     pub fn textures(&self) -> &[EffectTexture] {
         self.shader().map_or(&[], |shader| shader.textures())
+    }
+
+    /// Whether [`EffectFrame::numbers`](crate::EffectFrame::numbers) follow the parameters of the function.
+    pub fn reads_frame(&self) -> bool {
+        self.hook() != Hook::Image && self.shader().is_some_and(|shader| shader.reads_frame())
     }
 
     /// The parts of a surface that the function reads; none for hooks without surfaces.

@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3, Vec4};
 /// The order of an effect on images and the stage's view transform. The view transform brings scene-linear light to the colors
 /// of a display.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum ViewOrder {
     /// The effect runs on the colors that the view transform gives.
     #[default]
@@ -35,6 +36,13 @@ pub struct Shutter {
 }
 
 /// An inverted hull: a shell around a surface of which only the inside is drawn, which makes an outline.
+///
+/// ```
+/// use choreo_plugin::InvertedHull;
+/// use choreo_plugin::glam::Vec3;
+/// let ink = InvertedHull { width: 2.0, color: Vec3::ZERO, lighting_mix: 0.0 };
+/// # assert_eq!(ink.width, 2.0);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InvertedHull {
     /// Width of the outline in pixels, whatever the distance.
@@ -46,6 +54,13 @@ pub struct InvertedHull {
 }
 
 /// Input of a [`Hook::Surface`](crate::Hook::Surface) function: one point on a surface. Same layout as the struct `Seen` of the shaders.
+///
+/// ```
+/// use choreo_plugin::SurfaceSample;
+/// use choreo_plugin::glam::Vec3;
+/// let seen = SurfaceSample { normal: Vec3::Z, facing: 1.0, distance: 5.0, ..SurfaceSample::default() };
+/// # assert_eq!(seen.shadow, 0.0);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SurfaceSample {
     /// Position in the world in metres; f32, so accurate near the origin.
@@ -127,7 +142,7 @@ pub struct SurfaceInputs {
 ///
 /// ```
 /// use choreo_plugin::EffectImage;
-/// use glam::Vec4;
+/// use choreo_plugin::glam::Vec4;
 /// let image = EffectImage { size: [2, 1], rgba: &[Vec4::ZERO, Vec4::ONE] };
 /// assert_eq!(image.at(7, -3), Vec4::ONE);
 /// ```
@@ -149,6 +164,14 @@ impl EffectImage<'_> {
 }
 
 /// The images that a [`Hook::Image`](crate::Hook::Image) function reads.
+///
+/// ```
+/// use choreo_plugin::{EffectImage, EffectImages};
+/// use choreo_plugin::glam::Vec4;
+/// let image = EffectImage { size: [1, 1], rgba: &[Vec4::ONE] };
+/// let images = EffectImages { now: image, original: image, before: &[], scene: None };
+/// assert_eq!(images.now.at(0, 0), images.original.at(0, 0));
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct EffectImages<'a> {
     /// Result of the pass before.

@@ -57,6 +57,14 @@ pub trait EffectShader: EffectPlugin {
         &[]
     }
 
+    /// Whether the function reads the time, the number of the frame or the size of the image; for effects on images
+    /// [`ImageEffect::scene_inputs`] says so. Behind its parameters the CPU's function then gets
+    /// [`EffectFrame::numbers`](crate::EffectFrame::numbers), and WGSL may call `effect_frame_row_0()` and `effect_frame_row_1()`, four of them
+    /// each. A scene with such an effect is drawn anew for each frame.
+    fn reads_frame(&self) -> bool {
+        false
+    }
+
     /// Images that the function reads.
     fn textures(&self) -> &[EffectTexture] {
         &[]
@@ -110,6 +118,41 @@ pub trait PixelEffect: EffectShader {
 /// and `original_size()`, in pixels, `shrink_factor()`, and with a history `previous(frames, at)`, which only the CPU runs. With
 /// [`ImageEffect::scene_inputs`] it may call `scene_surface(at)` and `scene_motion(at)`, the pixels of
 /// [`SceneImages`](crate::SceneImages), and `scene_row_0()` to `scene_row_18()`, the [`EffectFrame::rows`](crate::EffectFrame::rows).
+///
+/// ```
+/// use choreo_plugin::glam::{Vec4};
+/// use choreo_plugin::*;
+///
+/// struct Mine(Manifest);
+///
+/// impl EffectPlugin for Mine {
+///     fn manifest(&self) -> &Manifest {
+///         &self.0
+///     }
+/// }
+///
+/// impl EffectShader for Mine {
+///     fn wgsl(&self) -> &str {
+///         "fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> { return picture(vec2<i32>(i32(picture_size().x) - 1 - at.x, at.y)); }"
+///     }
+/// }
+///
+/// impl ImageEffect for Mine {
+///     /// The image in a mirror.
+///     fn image_row(&self, images: &EffectImages, y: u32, _: u32, _: &[f32], row: &mut [Vec4]) {
+///         let last = images.now.size[0] as i32 - 1;
+///         for (x, pixel) in row.iter_mut().enumerate() {
+///             *pixel = images.now.at(last - x as i32, y as i32);
+///         }
+///     }
+/// }
+///
+/// let mine = Mine(Manifest::new("mine", "1", "an example"));
+/// let image = EffectImage { size: [2, 1], rgba: &[Vec4::ZERO, Vec4::ONE] };
+/// let mut row = [Vec4::ZERO; 2];
+/// mine.image_row(&EffectImages { now: image, original: image, before: &[], scene: None }, 0, 0, &[], &mut row);
+/// assert_eq!(row, [Vec4::ONE, Vec4::ZERO]);
+/// ```
 pub trait ImageEffect: EffectShader {
     /// The side of the view transform on which it runs.
     fn view_order(&self) -> ViewOrder {
@@ -150,6 +193,42 @@ pub trait ImageEffect: EffectShader {
 }
 
 /// A function of one point on a surface, after lighting: `fn effect(color: vec4<f32>, seen: Seen, p: array<f32, N>) -> vec4<f32>`.
+///
+/// ```
+/// use choreo_plugin::glam::{Vec4};
+/// use choreo_plugin::*;
+///
+/// struct Mine(Manifest);
+///
+/// impl EffectPlugin for Mine {
+///     fn manifest(&self) -> &Manifest {
+///         &self.0
+///     }
+/// }
+///
+/// impl EffectShader for Mine {
+///     fn wgsl(&self) -> &str {
+///         "fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32> { return vec4<f32>(vec3<f32>(seen.facing), color.w); }"
+///     }
+/// }
+///
+/// impl SurfaceEffect for Mine {
+///     fn surface_inputs(&self, _: &[f32]) -> SurfaceInputs {
+///         SurfaceInputs { normals: true, ..SurfaceInputs::default() }
+///     }
+///     /// White where a surface faces the viewer.
+///     fn surfaces(&self, colors: &mut [Vec4], samples: &[SurfaceSample], _: &[f32]) {
+///         for (color, sample) in colors.iter_mut().zip(samples) {
+///             *color = glam::Vec3::splat(sample.facing).extend(color.w);
+///         }
+///     }
+/// }
+///
+/// let mine = Mine(Manifest::new("mine", "1", "an example"));
+/// let mut colors = [Vec4::ONE];
+/// mine.surfaces(&mut colors, &[SurfaceSample { facing: 0.5, ..SurfaceSample::default() }], &[]);
+/// assert_eq!(colors[0].x, 0.5);
+/// ```
 pub trait SurfaceEffect: EffectShader {
     /// The parts of a surface that the function reads.
     fn surface_inputs(&self, _parameters: &[f32]) -> SurfaceInputs {
@@ -167,6 +246,41 @@ pub trait SurfaceEffect: EffectShader {
 }
 
 /// A function of one vertex: `fn effect(place: Place, p: array<f32, N>) -> vec3<f32>`, how far it is displaced. Normals follow it.
+///
+/// ```
+/// use choreo_plugin::glam::{Vec3};
+/// use choreo_plugin::*;
+///
+/// struct Mine(Manifest);
+///
+/// impl EffectPlugin for Mine {
+///     fn manifest(&self) -> &Manifest {
+///         &self.0
+///     }
+/// }
+///
+/// impl EffectShader for Mine {
+///     fn wgsl(&self) -> &str {
+///         "fn effect(place: Place, p: array<f32, 8>) -> vec3<f32> { return place.normal * 0.1; }"
+///     }
+/// }
+///
+/// impl VertexEffect for Mine {
+///     fn surface_inputs(&self, _: &[f32]) -> SurfaceInputs {
+///         SurfaceInputs { normals: true, ..SurfaceInputs::default() }
+///     }
+///     fn reach(&self, _: &[f32]) -> f32 {
+///         0.1
+///     }
+///     /// Ten centimetres thicker.
+///     fn vertex(&self, sample: &VertexSample, _: &[f32]) -> Vec3 {
+///         sample.normal * 0.1
+///     }
+/// }
+///
+/// let mine = Mine(Manifest::new("mine", "1", "an example"));
+/// assert_eq!(mine.vertex(&VertexSample { normal: Vec3::Y, ..VertexSample::default() }, &[]), Vec3::Y * 0.1);
+/// ```
 pub trait VertexEffect: EffectShader {
     /// The parts of a vertex that the function reads: normals and texture coordinates.
     fn surface_inputs(&self, _parameters: &[f32]) -> SurfaceInputs {
@@ -186,6 +300,39 @@ pub trait VertexEffect: EffectShader {
 }
 
 /// A function of one light at one point on a surface: `fn effect(falling: Falling, p: array<f32, N>) -> vec3<f32>`, the reflected light.
+///
+/// ```
+/// use choreo_plugin::glam::{Vec3};
+/// use choreo_plugin::*;
+///
+/// struct Mine(Manifest);
+///
+/// impl EffectPlugin for Mine {
+///     fn manifest(&self) -> &Manifest {
+///         &self.0
+///     }
+/// }
+///
+/// impl EffectShader for Mine {
+///     fn wgsl(&self) -> &str {
+///         "fn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32> { return falling.base * falling.color * falling.share; }"
+///     }
+/// }
+///
+/// impl LightingEffect for Mine {
+///     /// Light whatever the angle, as on felt.
+///     fn lights(&self, samples: &mut [LightSample], _: &[f32]) {
+///         for sample in samples {
+///             sample.lit = sample.base * sample.color * sample.share;
+///         }
+///     }
+/// }
+///
+/// let mine = Mine(Manifest::new("mine", "1", "an example"));
+/// let mut sample = [LightSample { base: Vec3::ONE, color: Vec3::X, share: 0.5, ..LightSample::default() }];
+/// mine.lights(&mut sample, &[]);
+/// assert_eq!(sample[0].lit, Vec3::X * 0.5);
+/// ```
 pub trait LightingEffect: EffectShader {
     /// The parts of a surface that the function reads.
     fn surface_inputs(&self, _parameters: &[f32]) -> SurfaceInputs {

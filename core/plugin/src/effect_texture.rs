@@ -51,6 +51,13 @@ impl EffectTexture {
     }
 
     /// The texture at `uv`, like the shaders' `effect_texture`: from 0 to 1 from the top left, repeated beyond.
+    ///
+    /// ```
+    /// use choreo_plugin::EffectTexture;
+    /// use choreo_plugin::glam::Vec2;
+    /// let ramp = EffectTexture::new("ramp", [2, 1], &[0, 0, 0, 255, 255, 255, 255, 255], false).unwrap();
+    /// assert_eq!([0.25, 0.5, 1.25].map(|u| ramp.sample(Vec2::new(u, 0.5)).x), [0.0, 0.5, 0.0]);
+    /// ```
     pub fn sample(&self, uv: Vec2) -> Vec4 {
         let size = UVec2::from_array(self.size).as_ivec2();
         let at = (uv - uv.floor()) * size.as_vec2() - 0.5;

@@ -4,7 +4,6 @@ use crate::{ExportOptions, Manifest, PluginPanic};
 use choreo_motion::FrameRate;
 use choreo_stage::StageError;
 use std::io::{Read, Write};
-use thiserror::Error;
 
 /// Writes frames to a file of one format.
 ///
@@ -40,7 +39,7 @@ use thiserror::Error;
 /// }
 ///
 /// let raw = Raw(Manifest::new("raw", "1", "pixels without a header").extensions(["raw"]));
-/// let fps = choreo_motion::FrameRate { num: 30, den: 1 };
+/// let fps = choreo_plugin::motion::FrameRate { num: 30, den: 1 };
 /// let info = VideoInfo { width: 1, height: 1, fps, frames: 1, provenance: Vec::new(), options: Default::default() };
 /// let mut file = raw.begin(&info, Box::new(Vec::new()))?;
 /// file.frame(&Frame { width: 1, height: 1, rgba: vec![255; 4] })?;
@@ -140,6 +139,14 @@ pub enum Mark<'a> {
 }
 
 /// The properties of a video that an exporter knows before its first frame.
+///
+/// ```
+/// use choreo_plugin::VideoInfo;
+/// use choreo_plugin::motion::FrameRate;
+/// let fps = FrameRate { num: 30_000, den: 1_001 };
+/// let info = VideoInfo { width: 1920, height: 1080, fps, frames: 300, provenance: vec![], options: Default::default() };
+/// # assert_eq!(info.frames, 300);
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct VideoInfo {
     /// Width in pixels.
@@ -157,6 +164,12 @@ pub struct VideoInfo {
 }
 
 /// sRGB-encoded RGBA, 8 bits a channel, straight alpha, rows from the top, no padding.
+///
+/// ```
+/// use choreo_plugin::Frame;
+/// let red = Frame { width: 2, height: 1, rgba: [255, 0, 0, 255].repeat(2) };
+/// assert_eq!(red.rgba.len() as u32, 4 * red.width * red.height);
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Width in pixels.
@@ -168,19 +181,59 @@ pub struct Frame {
 }
 
 /// Why a file could not be written.
-#[derive(Debug, Error)]
+///
+/// ```
+/// use choreo_plugin::ExportError;
+/// let full = std::io::Error::other("the disk is full");
+/// assert_eq!(ExportError::from(full).to_string(), "cannot write: the disk is full");
+/// ```
+#[derive(Debug)]
 #[non_exhaustive]
 pub enum ExportError {
     /// The writer failed.
-    #[error("cannot write: {0}")]
-    Io(#[from] std::io::Error),
+    Io(std::io::Error),
     /// The format cannot hold the frames.
-    #[error("{0}")]
     Format(String),
     /// The stage cannot be evaluated at a time.
-    #[error(transparent)]
-    Stage(#[from] StageError),
+    Stage(StageError),
     /// The exporter has panicked.
-    #[error(transparent)]
-    Panic(#[from] PluginPanic),
+    Panic(PluginPanic),
+}
+
+impl std::fmt::Display for ExportError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            ExportError::Io(error) => write!(f, "cannot write: {error}"),
+            ExportError::Format(text) => f.write_str(text),
+            ExportError::Stage(error) => error.fmt(f),
+            ExportError::Panic(error) => error.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for ExportError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            ExportError::Io(error) => Some(error),
+            ExportError::Format(_) | ExportError::Stage(_) | ExportError::Panic(_) => None,
+        }
+    }
+}
+
+impl From<std::io::Error> for ExportError {
+    fn from(error: std::io::Error) -> ExportError {
+        ExportError::Io(error)
+    }
+}
+
+impl From<StageError> for ExportError {
+    fn from(error: StageError) -> ExportError {
+        ExportError::Stage(error)
+    }
+}
+
+impl From<PluginPanic> for ExportError {
+    fn from(error: PluginPanic) -> ExportError {
+        ExportError::Panic(error)
+    }
 }

@@ -4,7 +4,6 @@ use crate::{Manifest, PluginFile};
 use choreo_asset::Asset;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use thiserror::Error;
 
 /// Reads files of one format.
 ///
@@ -25,12 +24,12 @@ use thiserror::Error;
 ///         _: &dyn Files,
 ///         _: ImportScope,
 ///         _: &ImportOptions,
-///     ) -> Result<choreo_asset::Asset, ImportError> {
+///     ) -> Result<choreo_plugin::asset::Asset, ImportError> {
 ///         let error = |what: String| ImportError { file: source.name.clone(), place: String::new(), what, hint: None };
 ///         let text = String::from_utf8_lossy(&source.bytes);
 ///         let positions: Result<Vec<f32>, _> = text.split_whitespace().map(str::parse).collect();
 ///         let positions = positions.map_err(|e| error(e.to_string()))?;
-///         let topology = choreo_asset::Topology::Points;
+///         let topology = choreo_plugin::asset::Topology::Points;
 ///         let mut builder = AssetBuilder::default();
 ///         builder.mesh(MeshData { positions, topology, ..MeshData::default() }).map_err(|e| error(e.to_string()))?;
 ///         builder.finish(&source.name).map_err(|e| error(e.to_string()))
@@ -78,6 +77,12 @@ pub trait Importer: Send + Sync {
 }
 
 /// An importer's claim on a file: the greatest claim reads it. Claims by content are greater than those by name.
+///
+/// ```
+/// use choreo_plugin::Claim;
+/// assert!(Claim::Content(50) > Claim::Extension && Claim::Extension > Claim::NotMine);
+/// assert_eq!(Claim::Content(90).to_string(), "by content, 90 of 100");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Claim {
     /// Another format.
@@ -109,6 +114,12 @@ pub struct Source {
 
 impl Source {
     /// The extension of the name in lower case, without the dot; empty without one.
+    ///
+    /// ```
+    /// use choreo_plugin::Source;
+    /// let source = Source { name: "models.old/Knight.MD5mesh".into(), bytes: Default::default() };
+    /// assert_eq!(source.extension(), "md5mesh");
+    /// ```
     pub fn extension(&self) -> String {
         match self.name.rsplit_once('.') {
             Some((_, e)) if !e.contains(['/', '\\']) => e.to_ascii_lowercase(),
@@ -131,7 +142,7 @@ pub trait Files {
     }
 
     /// Whether the caller will play a clip of the file, where it has `ImportScope::clips`; `index` counts the clips that the asset has so far.
-    /// For a clip that it does not play, an importer may give the name alone ([`Clip::new`](choreo_motion::Clip::new) without curves).
+    /// For a clip that it does not play, an importer may give the name alone ([`Clip::new`](crate::motion::Clip::new) without curves).
     fn wants_clip(&self, index: usize, name: &str) -> bool {
         let _ = (index, name);
         true
@@ -139,6 +150,12 @@ pub trait Files {
 }
 
 /// The parts of a file that the caller will use; the others are not decoded.
+///
+/// ```
+/// use choreo_plugin::ImportScope;
+/// let needs = ImportScope::ALL.both(ImportScope::CLIPS);
+/// assert!(needs.clips && !needs.geometry);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImportScope {
     /// Meshes, skins and materials.
@@ -172,6 +189,12 @@ impl ImportScope {
 }
 
 /// Option values by name.
+///
+/// ```
+/// use choreo_plugin::{ImportOptions, OptionValue};
+/// let options = ImportOptions([("scale".to_string(), OptionValue::Number(0.01))].into());
+/// assert_eq!((options.number("scale"), options.text("scale")), (Some(0.01), None));
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImportOptions(pub BTreeMap<String, OptionValue>);
 
@@ -179,6 +202,12 @@ pub struct ImportOptions(pub BTreeMap<String, OptionValue>);
 pub type ExportOptions = ImportOptions;
 
 /// The value of an option.
+///
+/// ```
+/// use choreo_plugin::OptionValue;
+/// let [up, tint] = [OptionValue::Text("y".into()), OptionValue::Numbers(vec![1.0, 0.5, 0.0])];
+/// assert_eq!((up.to_string(), tint.to_string()), ("\"y\"".into(), "[1.0, 0.5, 0.0]".into()));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum OptionValue {
     /// A number.
@@ -235,8 +264,14 @@ impl ImportOptions {
 }
 
 /// `NAME: PLACE: WHAT` and what to do, where there is something to do.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("{file}: {place}{what}", place = if place.is_empty() { String::new() } else { format!("{place}: ") })]
+///
+/// ```
+/// use choreo_plugin::ImportError;
+/// let (file, place, what) = ("a.iqm".into(), "vertex array 3".into(), "its offset 900 is beyond the file".into());
+/// let error = ImportError { file, place, what, hint: None };
+/// assert_eq!(error.to_string(), "a.iqm: vertex array 3: its offset 900 is beyond the file");
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ImportError {
     /// Name of the file, as the user wrote it.
     pub file: String,
@@ -247,3 +282,15 @@ pub struct ImportError {
     /// How to resolve it.
     pub hint: Option<String>,
 }
+
+impl std::fmt::Display for ImportError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let ImportError { file, place, what, .. } = self;
+        match place.is_empty() {
+            true => write!(f, "{file}: {what}"),
+            false => write!(f, "{file}: {place}: {what}"),
+        }
+    }
+}
+
+impl std::error::Error for ImportError {}

@@ -17,8 +17,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
 
 /// A panic of a plugin: payload of the panic that goes on.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the plugin {plugin} {version} has failed: {text}")]
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct PluginPanic {
     /// Name of the plugin.
     pub plugin: String,
@@ -27,6 +27,15 @@ pub struct PluginPanic {
     /// The message of the panic.
     pub text: String,
 }
+
+impl std::fmt::Display for PluginPanic {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let PluginPanic { plugin, version, text } = self;
+        write!(f, "the plugin {plugin} {version} has failed: {text}")
+    }
+}
+
+impl std::error::Error for PluginPanic {}
 
 impl PluginPanic {
     /// `payload`: of a caught panic, of the plugin or already with its name.
@@ -237,6 +246,7 @@ impl<T: EffectShader + ?Sized> EffectShader for Isolated<T> {
     forward! {
         fn wgsl(&self) -> &str;
         fn loops(&self) -> &[String];
+        fn reads_frame(&self) -> bool;
         fn textures(&self) -> &[EffectTexture];
     }
 }

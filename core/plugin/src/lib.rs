@@ -14,6 +14,7 @@ pub mod effect;
 mod effect_data;
 mod effect_hooks;
 pub mod effect_texture;
+pub mod excerpt;
 pub mod exporter;
 pub mod guest;
 pub mod importer;
@@ -53,5 +54,7 @@ pub use manifest::{BesideFile, MAX_COLOR, Manifest, OptionError, OptionKind, Opt
 pub use on_use::{LazyEffect, LazyPlugin, PluginError};
 pub use overlay::{ActorInstance, EffectScene, Label, Lattice, Overlay, Stroke, Triangle};
 pub use registry::Registry;
-pub use scene_exporter::{ExportedScene, MemoryFiles, SceneEvaluator, SceneExporter, SceneFiles};
+pub use scene_exporter::{
+    ExportDeviation, ExportedScene, MemoryFiles, SceneEvaluator, SceneExporter, SceneFiles,
+};
 pub use scene_inputs::{EffectFrame, SceneImages, SceneInputs};

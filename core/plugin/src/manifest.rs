@@ -4,7 +4,6 @@ use crate::parameters::is_curve;
 use crate::suggest::{did_you_mean, list};
 use crate::{Claim, ImportOptions, OptionValue, Source};
 use std::ops::RangeInclusive;
-use thiserror::Error;
 
 /// Owned text, so that it can come from a file as well as from a crate. A crate keeps one in a `LazyLock`:
 ///
@@ -73,7 +72,14 @@ pub struct OptionSpec {
 }
 
 /// Type, default and allowed values of an option.
+///
+/// ```
+/// use choreo_plugin::{Manifest, OptionKind};
+/// let manifest = Manifest::new("rain", "1", "").vector("wind", "where drops go", &[0.0, 1.0], -9.0..=9.0).unit("m/s");
+/// assert_eq!(manifest.options[0].kind, OptionKind::Vector { default: vec![0.0, 1.0], min: -9.0, max: 9.0 });
+/// ```
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum OptionKind {
     /// A number from `min` to `max`, both included.
     Number {
@@ -134,14 +140,21 @@ pub enum OptionKind {
 pub const MAX_COLOR: f64 = 100.0;
 
 /// Why a value is not taken: complete but for the name of the plugin.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("{message}")]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OptionError {
     /// The problem, and the allowed values.
     pub message: String,
     /// How to resolve it.
     pub hint: Option<String>,
 }
+
+impl std::fmt::Display for OptionError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl std::error::Error for OptionError {}
 
 /// Name and version, as provenance has them: "gltf 0.1.0".
 impl std::fmt::Display for Manifest {
@@ -225,12 +238,25 @@ impl Manifest {
     }
 
     /// Whether an output file of this name is of this format.
+    ///
+    /// ```
+    /// let png = choreo_plugin::Manifest::new("png", "1", "").extensions(["png"]);
+    /// assert!(png.writes("out/frame.PNG") && !png.writes("png"));
+    /// ```
     pub fn writes(&self, file_name: &str) -> bool {
         let extension = file_name.rsplit_once('.').map(|(_, extension)| extension.to_ascii_lowercase());
         extension.is_some_and(|extension| self.has_extension(&extension))
     }
 
     /// Whether a file is of this format by its first bytes, else by its name.
+    ///
+    /// ```
+    /// use choreo_plugin::{Claim, Manifest, Source};
+    /// let manifest = Manifest::new("ply", "1", "").extensions(["ply"]).magic(b"ply\n");
+    /// let named = |name: &str, bytes: &[u8]| Source { name: name.into(), bytes: bytes.to_vec().into() };
+    /// assert_eq!(manifest.claim(&named("a.dat", b"ply\nformat ascii 1.0")), Claim::Content(90));
+    /// assert_eq!(manifest.claim(&named("a.PLY", b"")), Claim::Extension);
+    /// ```
     pub fn claim(&self, source: &Source) -> Claim {
         if self.magic.iter().any(|magic| source.bytes.starts_with(magic)) {
             Claim::Content(90)
@@ -242,6 +268,16 @@ impl Manifest {
     }
 
     /// The option `name`; the error says which there are.
+    ///
+    /// # Errors
+    /// No such option.
+    ///
+    /// ```
+    /// use choreo_plugin::Manifest;
+    /// let manifest = Manifest::new("ply", "1", "").flag("normals", "compute missing normals", true);
+    /// let error = manifest.option("normal").unwrap_err();
+    /// assert_eq!(error.message, "ply has no option \"normal\"; did you mean \"normals\"?");
+    /// ```
     pub fn option(&self, name: &str) -> Result<&OptionSpec, OptionError> {
         let names = || self.options.iter().map(|o| o.name.as_str());
         self.options.iter().find(|o| o.name == name).ok_or_else(|| OptionError {
@@ -254,6 +290,17 @@ impl Manifest {
     }
 
     /// Reads `text` as a value of the option `name`; the error says what is allowed.
+    ///
+    /// # Errors
+    /// No such option, or a value that it does not allow.
+    ///
+    /// ```
+    /// use choreo_plugin::{Manifest, OptionValue};
+    /// let manifest = Manifest::new("ply", "1", "").number("scale", "metres a unit", 1.0, 0.0..=100.0).unit("m");
+    /// assert_eq!(manifest.parse_option("scale", "0.5"), Ok(OptionValue::Number(0.5)));
+    /// let error = manifest.parse_option("scale", "-1").unwrap_err();
+    /// assert!(error.message.contains("a number from 0 to 100 m"), "{error}");
+    /// ```
     pub fn parse_option(&self, name: &str, text: &str) -> Result<OptionValue, OptionError> {
         let spec = self.option(name)?;
         let value = match &spec.kind {
@@ -274,6 +321,16 @@ impl Manifest {
     }
 
     /// The options given, checked for name, kind and range, and the defaults of the others.
+    ///
+    /// # Errors
+    /// An option that does not exist, or a value that it does not allow.
+    ///
+    /// ```
+    /// use choreo_plugin::{ImportOptions, Manifest};
+    /// let manifest = Manifest::new("ply", "1", "").text("up", "the file's upward axis", "y", &["y", "z"]);
+    /// assert_eq!(manifest.complete(&ImportOptions::default())?.text("up"), Some("y"));
+    /// # Ok::<(), choreo_plugin::OptionError>(())
+    /// ```
     pub fn complete(&self, given: &ImportOptions) -> Result<ImportOptions, OptionError> {
         let mut all = ImportOptions::default();
         for spec in &self.options {

@@ -14,12 +14,26 @@ pub struct PluginError {
 }
 
 /// An effect that is read and compiled when it is used first. What nothing uses costs nothing and breaks nothing.
+///
+/// ```
+/// use choreo_plugin::{LazyEffect, PluginError};
+/// let why = || PluginError { text: "glow.wgsl:3:5: unknown type \"vec5\"".into(), files: vec!["glow.wgsl".into()] };
+/// let glow = LazyEffect::new("glow", move || Err(why()));
+/// assert!(glow.made().is_none() && glow.get().is_err_and(|error| error.text.contains("vec5")));
+/// ```
 pub struct LazyEffect {
     name: String,
     made: LazyPlugin<Effect>,
 }
 
 /// A value that is made at its first use. What making it needs (an open folder) is freed then.
+///
+/// ```
+/// use choreo_plugin::LazyPlugin;
+/// let answer = LazyPlugin::new(|| Ok(6 * 7));
+/// assert_eq!(answer.made(), None);
+/// assert_eq!((answer.get(), answer.made()), (Ok(&42), Some(&42)));
+/// ```
 pub struct LazyPlugin<T> {
     make: Mutex<Option<Make<T>>>,
     made: OnceLock<Result<T, PluginError>>,

@@ -50,6 +50,7 @@ impl<'a> EffectScene<'a> {
 
 /// An actor that is seen, or one of the places where its body stands.
 #[derive(Clone, Copy)]
+#[non_exhaustive]
 pub struct ActorInstance<'a> {
     /// Index into `Stage::actors`.
     pub actor: usize,
@@ -114,6 +115,14 @@ impl<'a> ActorInstance<'a> {
 }
 
 /// Geometry of an overlay, drawn in this order: lattices, triangles, strokes.
+///
+/// ```
+/// use choreo_plugin::glam::{DVec3, Vec4};
+/// use choreo_plugin::{Overlay, Stroke};
+/// let axis = Stroke { from: DVec3::ZERO, to: DVec3::Y, width: 2.0, color: Vec4::ONE };
+/// let overlay = Overlay { strokes: vec![axis], over: true, ..Overlay::default() };
+/// # assert!(overlay.labels.is_empty());
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Overlay {
     /// Lines and points.
@@ -173,6 +182,15 @@ pub struct Label {
 }
 
 /// A plane of lines at right angles, without end, of which a disc around the point below the viewer is seen.
+///
+/// ```
+/// use choreo_plugin::Lattice;
+/// use choreo_plugin::glam::{DVec3, Vec4};
+/// // A floor of squares of one metre, each tenth line a thick one.
+/// let (origin, along) = (DVec3::ZERO, [DVec3::X, DVec3::Z]);
+/// let floor = Lattice { origin, along, cell: 1.0, every: 10, widths: [1.0, 2.0], color: Vec4::ONE, fade: 50.0 };
+/// # assert_eq!(floor.every, 10);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lattice {
     /// Point at which two lines meet; world space, metres.

@@ -188,6 +188,16 @@ impl Registry {
     }
 
     /// The importer that reads the file ([`Registry::claims`]), or the one named.
+    ///
+    /// # Errors
+    /// No importer claims the file, or none has the name.
+    ///
+    /// ```
+    /// use choreo_plugin::{Registry, Source};
+    /// let source = Source { name: "a.xyz".into(), bytes: Default::default() };
+    /// let error = Registry::default().importer_for(&source, None).err().unwrap();
+    /// assert_eq!(error.to_string(), "a.xyz: no importer knows this kind of file");
+    /// ```
     pub fn importer_for(
         &self,
         source: &Source,

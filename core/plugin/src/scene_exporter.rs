@@ -76,6 +76,8 @@ pub struct ExportedScene {
     pub name: String,
     /// Name of the output without folders and extension, with which the names of files beside it begin.
     pub stem: String,
+    /// Extension of the output, lower case, without the dot: for an exporter of several formats.
+    pub extension: String,
     /// Actors with their assets, cameras, lights and cues.
     pub stage: Arc<Stage>,
     /// Frames per second of [`ExportedScene::times`].
@@ -123,6 +125,7 @@ impl ExportedScene {
         ExportedScene {
             name: name.into(),
             stem: "out".into(),
+            extension: String::new(),
             stage,
             fps,
             times,
@@ -150,6 +153,24 @@ pub trait SceneFiles {
     /// # Errors
     /// An ending that does not begin with `.`, `_` or `-` or that has a folder, that of the main file, or a file that cannot be created.
     fn beside(&mut self, ending: &str) -> Result<&mut dyn Write, ExportError>;
+
+    /// Reports how far what was sampled or reduced is from the scene, for the summary.
+    fn deviation(&mut self, worst: ExportDeviation) {
+        let _ = worst;
+    }
+}
+
+/// The largest distance of a joint in an exported file from where the scene has it, with its place and time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ExportDeviation {
+    /// Metres in the world.
+    pub metres: f64,
+    /// Name of the actor.
+    pub actor: String,
+    /// Name of the joint; empty for the actor itself.
+    pub joint: String,
+    /// Time on the stage.
+    pub time: Time,
 }
 
 /// Files in memory, for tests of exporters.
@@ -159,6 +180,8 @@ pub struct MemoryFiles {
     pub main: Vec<u8>,
     /// The files beside it, by ending.
     pub beside: BTreeMap<String, Vec<u8>>,
+    /// What the exporter has reported.
+    pub deviation: Option<ExportDeviation>,
 }
 
 impl SceneFiles for MemoryFiles {
@@ -168,5 +191,9 @@ impl SceneFiles for MemoryFiles {
 
     fn beside(&mut self, ending: &str) -> Result<&mut dyn Write, ExportError> {
         Ok(self.beside.entry(ending.to_string()).or_default())
+    }
+
+    fn deviation(&mut self, worst: ExportDeviation) {
+        self.deviation = Some(worst);
     }
 }

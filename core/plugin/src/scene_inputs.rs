@@ -4,6 +4,12 @@ use crate::{BACKGROUND_DISTANCE, EffectImage};
 use glam::{Mat4, Vec3, Vec4};
 
 /// The parts of the scene that a [`crate::Hook::Image`] function reads; the others are neither drawn nor computed.
+///
+/// ```
+/// use choreo_plugin::SceneInputs;
+/// let (depth, clock) = (SceneInputs { surface: true, ..Default::default() }, SceneInputs { time: true, ..Default::default() });
+/// assert!(depth.union(clock).time && depth.is_drawn() && !clock.is_drawn());
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SceneInputs {
     /// [`SceneImages::surface`]: depth and normals of the scene.
@@ -63,12 +69,34 @@ impl EffectFrame {
     /// Number of [`EffectFrame::rows`].
     pub const ROWS: usize = 19;
 
+    /// Number of [`EffectFrame::numbers`].
+    pub const NUMBERS: usize = 8;
+
+    /// The numbers behind the parameters of an effect with [`EffectShader::reads_frame`](crate::EffectShader::reads_frame), as the shaders
+    /// read them: time, delta, the frame number in two halves of 16 bits; width and height of the image in pixels; two zeros.
+    ///
+    /// ```
+    /// use choreo_plugin::EffectFrame;
+    /// let frame = EffectFrame { time: 2.0, frame: 60, delta: 0.033, ..EffectFrame::default() };
+    /// assert_eq!(frame.numbers([640, 360]), [2.0, 0.033, 60.0, 0.0, 640.0, 360.0, 0.0, 0.0]);
+    /// ```
+    pub fn numbers(&self, size: [u32; 2]) -> [f32; EffectFrame::NUMBERS] {
+        let [low, high] = self.frame_halves();
+        let [width, height] = size.map(|side| side as f32);
+        [self.time, self.delta, low, high, width, height, 0.0, 0.0]
+    }
+
+    fn frame_halves(&self) -> [f32; 2] {
+        [(self.frame & 0xffff) as f32, (self.frame >> 16) as f32]
+    }
+
     /// As the shaders read it: time and delta; the frame number in two halves of 16 bits; the sun, with 1 in w where one shines;
     /// then the columns of view-from-world, world-from-view, clip-from-view and view-from-clip.
     pub fn rows(&self) -> [Vec4; EffectFrame::ROWS] {
         let mut rows = [Vec4::ZERO; EffectFrame::ROWS];
         rows[0] = Vec4::new(self.time, self.delta, 0.0, 0.0);
-        rows[1] = Vec4::new((self.frame & 0xffff) as f32, (self.frame >> 16) as f32, 0.0, 0.0);
+        let [low, high] = self.frame_halves();
+        rows[1] = Vec4::new(low, high, 0.0, 0.0);
         rows[2] = self.sun.map_or(Vec4::ZERO, |sun| sun.extend(1.0));
         let inverse = |m: Mat4| match m == Mat4::ZERO {
             true => m,

@@ -2,6 +2,11 @@
 
 /// Number of single-letter insertions, removals, replacements and swaps of neighbours that turn `a` into `b`
 /// (optimal string alignment distance), ignoring ASCII case.
+///
+/// ```
+/// use choreo_plugin::suggest::distance;
+/// assert_eq!((distance("wlak", "walk"), distance("Walk", "walks")), (1, 1));
+/// ```
 pub fn distance(a: &str, b: &str) -> usize {
     let a: Vec<char> = a.chars().map(|c| c.to_ascii_lowercase()).collect();
     let b: Vec<char> = b.chars().map(|c| c.to_ascii_lowercase()).collect();
@@ -24,6 +29,11 @@ pub fn distance(a: &str, b: &str) -> usize {
 
 /// The known name closest to `wanted`, where it is close enough to be a slip of the hand: a third of its letters,
 /// or one name being a part of the other. The first of equals.
+///
+/// ```
+/// use choreo_plugin::suggest::closest;
+/// assert_eq!((closest("rnu", ["walk", "run"]), closest("fly", ["walk", "run"])), (Some("run"), None));
+/// ```
 pub fn closest<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     // Names longer than this are not typed by hand, and the distance costs their product.
     const LONGEST: usize = 128;
@@ -52,11 +62,19 @@ pub fn closest<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> Op
 }
 
 /// `; did you mean "walk"?`, or nothing.
+///
+/// ```
+/// assert_eq!(choreo_plugin::suggest::did_you_mean("rnu", ["walk", "run"]), "; did you mean \"run\"?");
+/// ```
 pub fn did_you_mean<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     closest(wanted, known).map_or_else(String::new, |name| format!("; did you mean \"{name}\"?"))
 }
 
 /// `a, b, c` of at most `most` names, then how many more.
+///
+/// ```
+/// assert_eq!(choreo_plugin::suggest::list(["a", "b", "c", "d"], 2), "a, b, and 2 more");
+/// ```
 pub fn list<'a>(names: impl IntoIterator<Item = &'a str>, most: usize) -> String {
     let all: Vec<&str> = names.into_iter().collect();
     let mut text = all.iter().take(most).copied().collect::<Vec<_>>().join(", ");

@@ -5,6 +5,7 @@
 
 /// Luma weights of red and blue (ITU-R BT.601-7 §2.5.1, BT.709-6 §3.2); green is the rest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Matrix {
     /// Standard-definition video.
     Bt601,
@@ -49,6 +50,13 @@ const BT601: Weights =
 impl Yuv420 {
     /// `rgba` holds `width × height` pixels (both at least 1; rows beyond its end are left as they were).
     /// If `pad_to_even` is set, odd sizes grow by one column or row, repeated from the edge.
+    ///
+    /// ```
+    /// use choreo_plugin::yuv::{Matrix, Yuv420};
+    /// let mut yuv = Yuv420::default();
+    /// yuv.convert(&[255; 16], 2, 2, Matrix::Bt709, false);
+    /// assert_eq!((yuv.y, yuv.u, yuv.v), (vec![235; 4], vec![128], vec![128]));
+    /// ```
     pub fn convert(&mut self, rgba: &[u8], width: usize, height: usize, matrix: Matrix, pad_to_even: bool) {
         let round = |n: usize| if pad_to_even { n.next_multiple_of(2) } else { n };
         (self.width, self.height) = (round(width), round(height));

@@ -90,9 +90,18 @@ impl F4 {
     pub fn mix(self, to: F4, t: F4) -> F4 {
         self * (F4::ONE - t) + to * t
     }
-    pub(crate) fn any_positive(self) -> bool {
-        self.0.iter().any(|v| *v > 0.0)
-    }
+}
+
+/// Which of the four are meant.
+pub(crate) type Mask = [bool; 4];
+
+pub(crate) const ALL: Mask = [true; 4];
+pub(crate) const NONE: Mask = [false; 4];
+
+/// `yes` where the mask is set, `no` elsewhere.
+#[inline(always)]
+pub(crate) fn select(mask: Mask, yes: F4, no: F4) -> F4 {
+    F4(std::array::from_fn(|i| if mask[i] { yes.0[i] } else { no.0[i] }))
 }
 
 /// Four vectors, structure of arrays.
@@ -169,12 +178,16 @@ impl V3 {
 
 /// Perspective-correct barycentric weights of the four pixels.
 #[derive(Clone, Copy, Debug)]
-pub struct Weights(pub [F4; 3]);
+pub struct Weights {
+    pub of: [F4; 3],
+    /// The pixels in which the triangle is seen; the others only give the differences between neighbours.
+    pub seen: Mask,
+}
 
 impl Weights {
     #[inline(always)]
     pub fn scalar(&self, a: f32, b: f32, c: f32) -> F4 {
-        self.0[0] * a + self.0[1] * b + self.0[2] * c
+        self.of[0] * a + self.of[1] * b + self.of[2] * c
     }
     #[inline(always)]
     pub fn vec2(&self, [a, b, c]: [Vec2; 3]) -> [F4; 2] {

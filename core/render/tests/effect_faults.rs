@@ -179,7 +179,7 @@ fn a_device_without_the_check_is_found() {
         ("atomicMin(&effect_faults[", "atomicMax(&effect_faults["),
     ] {
         let faulty = text.replace(line, planted);
-        assert_ne!(faulty, text);
+        assert_ne!(faulty, *text);
         std::fs::write(folder.join("effect_faults.wgsl"), faulty).unwrap();
         let options = GpuOptions {
             effects: effects.to_vec(),

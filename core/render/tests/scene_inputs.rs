@@ -349,7 +349,7 @@ fn tiles_and_an_open_shutter_have_the_inputs_of_the_frame() {
     let mut scene = Scene { stage: scene.stage.clone(), snapshot: scene.snapshot.clone() };
     use_effect(&mut scene, "motion_blur", &[("samples", 2.0)], &[]);
     use_effect(&mut scene, "depth", &[("amount", 1.0)], &[]);
-    let options = PlanOptions { effects: &effects, ..PlanOptions::new(SIZE, 4) };
+    let options = PlanOptions { effects: &effects, all_sub_frames: true, ..PlanOptions::new(SIZE, 4) };
     let resources = scene.resources();
     let made =
         plan_with(&resources, &scene.stage, Time::ZERO, &options, |_| Ok::<_, ()>(scene.snapshot.clone()));

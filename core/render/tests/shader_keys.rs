@@ -10,8 +10,8 @@ use choreo_plugin::Hook;
 use choreo_render::plan::shader_features::{FEATURES, Features, names};
 use choreo_render::shader::switches::{SWITCHES, SwitchSource, broken_rule, switch_names};
 use choreo_render::shader::{
-    BACKGROUND, LAYERS_BEHIND, OVERLAY, PRESKIN, REACH_ROWS, SCENE, SKY, SceneEffect, ShaderSources,
-    SourceFile, compile, entry_points, parse, preprocess, surface_files,
+    BACKGROUND, LAYERS_BEHIND, OVERLAY, PRESKIN, ParameterRows, REACH_ROWS, SCENE, SKY, SceneEffect,
+    ShaderSources, SourceFile, compile, entry_points, parse, preprocess, surface_files,
 };
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
@@ -341,7 +341,7 @@ fn effects(on: &[&str]) -> Vec<SceneEffect> {
         format!(
             "const k = {k};\nfn part(x: f32) -> f32 {{ return x * k; }}\n\
              fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32> {{\n\
-             return color * part(seen.distance) + vec4<f32>(seen.normal + seen.joints + seen.background, seen.uv.x * p[0]); }}"
+             return color * part(seen.distance) * effect_frame_row_1().x + vec4<f32>(seen.normal + seen.joints + seen.background, seen.uv.x * p[0]); }}"
         )
     };
     let vertex = "fn effect(place: Place, p: array<f32, 8>) -> vec3<f32> {\n\
@@ -351,7 +351,7 @@ fn effects(on: &[&str]) -> Vec<SceneEffect> {
         false => "fn paper(uv: vec2<f32>) -> vec4<f32> { return vec4(uv, uv); }",
     };
     let lighting = "fn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32> {\n\
-                    return falling.lit + falling.cosine * falling.share * falling.color * falling.base * falling.light; }";
+                    return falling.lit + effect_frame_row_0().xyz + falling.cosine * falling.share * falling.color * falling.base * falling.light; }";
     let all = [
         ("SURFACE", Hook::Surface, surface("0.5")),
         ("DISPLACED", Hook::Vertex, format!("{vertex}{paper}")),
@@ -367,8 +367,7 @@ fn effects(on: &[&str]) -> Vec<SceneEffect> {
         hook,
         in_model_space: bit == 4,
         faults: 16 * u32::from(bit),
-        first_row: REACH_ROWS + 2 * u32::from(bit),
-        length: 8,
+        parameters: ParameterRows { first: REACH_ROWS + 4 * u32::from(bit), length: 8, reads_frame: true },
     })
     .collect()
 }

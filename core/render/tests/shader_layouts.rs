@@ -5,7 +5,9 @@ use choreo_render::shader::uniforms::{
     FrameUniform, LayersUniform, MaterialUniform, MetallicRoughnessUniform, OutlineUniform, PhongUniform,
     PostUniform, RebuiltUniform, ShadowUniform, SkyUniform, ToonUniform, UvTransform,
 };
-use choreo_render::shader::{BACKGROUND, DeferredPass, SCENE, SceneVariant, ShaderSources, parse, switches};
+use choreo_render::shader::{
+    BACKGROUND, DeferredPass, ParameterRows, SCENE, SceneVariant, ShaderSources, parse, switches,
+};
 use naga::TypeInner;
 use std::mem::offset_of;
 
@@ -55,7 +57,13 @@ fn layouts_equal_the_rust_structs() {
     let light_pass = scene(Features::METALLIC_ROUGHNESS, DeferredPass::Light);
     let effect =
         "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color * p[0]; }";
-    let (post, _) = parse(&sources().post("test", effect, [0, 0, 8], false).unwrap(), &["EFFECTS"]).unwrap();
+    let (post, _) = parse(
+        &sources()
+            .post("test", effect, [0, 0], ParameterRows { first: 0, length: 8, reads_frame: false }, false)
+            .unwrap(),
+        &["EFFECTS"],
+    )
+    .unwrap();
     uniforms! {
         &m, "Frame": FrameUniform;
         &m, "MetallicRoughness": MetallicRoughnessUniform;

@@ -6,7 +6,9 @@ use choreo_render::shader::*;
 #[test]
 fn mistakes_point_at_the_users_line() {
     let message = |effect: &str| {
-        let files = ShaderSources::default().post("blur", effect, [0, 0, 8], false).unwrap();
+        let files = ShaderSources::default()
+            .post("blur", effect, [0, 0], ParameterRows { first: 0, length: 8, reads_frame: false }, false)
+            .unwrap();
         match parse(&files, &["EFFECTS"]).unwrap_err() {
             RenderError::Shader { file, text } => format!("{file}: {text}"),
             e => panic!("{e}"),

@@ -361,7 +361,9 @@ fn post_on_floor(floor: f64, scale: f64, far_box: bool) -> Scene {
     scene.add(&asset(vec![quad(half, half)], vec![white()], vec![]), flat_down());
     let block = asset(vec![cube(0.5)], vec![white()], vec![]);
     let turned = DAffine3::from_translation(DVec3::Y * 0.8 * scale) * DAffine3::from_rotation_y(0.3);
-    scene.add(&block, turned * DAffine3::from_scale(DVec3::new(0.4, 1.6, 0.4) * scale));
+    let post = scene.add(&block, turned * DAffine3::from_scale(DVec3::new(0.4, 1.6, 0.4) * scale));
+    // Triangles are split by what the stage says about sizes.
+    scene.stage.actors[post].transform.scale = DVec3::new(0.4, 1.6, 0.4) * scale;
     if far_box {
         let place = DAffine3::from_translation(DVec3::new(0.0, 0.25, -5000.0));
         scene.add(&block, place * DAffine3::from_scale(DVec3::splat(0.5)));
@@ -389,11 +391,10 @@ fn same_at_the_feet(draw: &mut dyn FnMut(&Scene) -> choreo_plugin::Frame) {
     let room = draw(&post_on_floor(10.0, 1.0, false));
     let dark = feet(&room).chunks_exact(4).filter(|p| p[0] < 110).count();
     assert!(dark > 300, "{dark} pixels are in shadow");
-    for (floor, bound) in [(100.0, 0), (1e3, 0), (1e4, 0), (1e5, feet(&room).len() / 100)] {
+    for floor in [100.0, 1e3, 1e4, 1e5] {
         let (worst, beyond) = apart(feet(&room), feet(&draw(&post_on_floor(floor, 1.0, false))));
         println!("a floor of {floor} m: {worst} at worst, {beyond} beyond 2");
-        // Places on a triangle of 100 km are exact to a centimetre in f32.
-        assert!(beyond <= bound, "a floor of {floor} m: {worst}, {beyond}");
+        assert_eq!(beyond, 0, "a floor of {floor} m: {worst}");
     }
     let with_box = draw(&post_on_floor(10.0, 1.0, true));
     assert_eq!(apart(feet(&room), feet(&with_box)), (0, 0), "a box 5 km away");
@@ -401,6 +402,18 @@ fn same_at_the_feet(draw: &mut dyn FnMut(&Scene) -> choreo_plugin::Frame) {
     for scale in [1.0 / 1024.0, 0.125, 32.0, 1024.0] {
         let scaled = draw(&post_on_floor(10.0, scale, false));
         assert_eq!(apart(feet(&room), feet(&scaled)), (0, 0), "{scale} times as large");
+    }
+    // By other factors texels have other sizes and places beside the post, which is seen at the edges of its shadow.
+    for scale in [1e-3, 1e3] {
+        let scaled = draw(&post_on_floor(10.0, scale, false));
+        let off = feet(&room).iter().zip(feet(&scaled)).map(|(a, b)| (decode(*a) - decode(*b)).abs());
+        let beyond = off.clone().filter(|off| *off > 0.02).count();
+        let worst = off.fold(0.0, f64::max);
+        println!("{scale} times as large: {worst:.3} of white at worst, {beyond} values beyond 0.02");
+        assert!(
+            worst < 0.15 && beyond <= feet(&room).len() / 64,
+            "{scale} times as large: {worst}, {beyond}"
+        );
     }
 }
 

@@ -2,10 +2,9 @@
 
 use crate::budget::{Budget, Refused, refuse};
 use crate::engine::engine;
-use crate::importer::{
-    STACK, ScriptError, compiled, line_of, manifest_of, script_error, value, without_mark,
-};
+use crate::importer::{STACK, compiled, line_of, manifest_of, value, without_mark};
 use crate::posed;
+use crate::script_error::{Known, Script, ScriptError, script_error};
 use choreo_plugin::{ExportError, ExportedScene, Manifest, PluginFile, SceneExporter, SceneFiles};
 use rhai::{AST, Array, Dynamic, Engine, Map, Scope};
 use std::collections::BTreeMap;
@@ -15,9 +14,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Names of exporter files end so.
 pub const EXPORTER_ENDING: &str = ".exporter.rhai";
 
-/// Functions that an exporter has beside those of the language.
-const OURS: [&str; 5] = ["pose", "write", "writeln", "write_to", "note"];
-
 /// Texts are handed over in pieces of this many bytes.
 const PIECE: usize = 64 << 10;
 
@@ -25,6 +21,7 @@ const PIECE: usize = 64 << 10;
 pub struct RhaiExporter {
     /// The name in messages.
     file: String,
+    text: String,
     ast: AST,
     manifest: Manifest,
     origin: Option<PluginFile>,
@@ -35,12 +32,19 @@ pub struct RhaiExporter {
 impl RhaiExporter {
     /// Compiles the script and asks it for its manifest. `file` is its name in messages.
     pub fn from_text(file: &str, text: &str) -> Result<RhaiExporter, ScriptError> {
-        let text = without_mark(text);
+        let script = Script { file, text: without_mark(text) };
         let needed = [("manifest", 0, "fn manifest()"), ("save", 1, "fn save(scene)")];
-        let ast = compiled(file, text, "an exporter", &needed)?;
-        let manifest = manifest_of(&ast, file, text)?;
-        let save_line = line_of(text, "save");
-        Ok(RhaiExporter { file: file.into(), ast, manifest, origin: None, save_line })
+        let ast = compiled(&script, "an exporter", &needed)?;
+        let manifest = manifest_of(&ast, &script)?;
+        let save_line = line_of(script.text, "save");
+        Ok(RhaiExporter {
+            file: file.into(),
+            text: script.text.into(),
+            ast,
+            manifest,
+            origin: None,
+            save_line,
+        })
     }
 
     /// Sets the file that the text was read from.
@@ -49,12 +53,16 @@ impl RhaiExporter {
         self
     }
 
-    fn run(&self, scene: &ExportedScene, output: &Arc<Output>) -> Result<(), Refused> {
+    fn run(&self, scene: &ExportedScene, output: &Arc<Output>) -> Result<(), ScriptError> {
         let mut engine = engine(&Budget::for_file(0), None);
         posed::register(&mut engine, scene);
         register(&mut engine, output);
-        let _: Dynamic = engine.call_fn(&mut Scope::new(), &self.ast, "save", (scene_map(scene),))?;
-        output.send_all()
+        let saved = engine.call_fn::<Dynamic>(&mut Scope::new(), &self.ast, "save", (scene_map(scene),));
+        saved.and_then(|_| output.send_all()).map_err(|e| self.error(e, &Known::of(&engine)))
+    }
+
+    fn error(&self, error: Refused, known: &Known) -> ScriptError {
+        script_error(&Script { file: &self.file, text: &self.text }, error, known, self.save_line)
     }
 }
 
@@ -76,7 +84,9 @@ impl SceneExporter for RhaiExporter {
         let (ran, written) = std::thread::scope(|scope| {
             let worker = std::thread::Builder::new().name("exporter".into()).stack_size(STACK);
             let worker = worker.spawn_scoped(scope, move || self.run(scene, &output));
-            let Ok(worker) = worker else { return (Err(refuse("cannot start a thread")), Ok(())) };
+            let Ok(worker) = worker else {
+                return (Err(self.error(refuse("cannot start a thread"), &Known::default())), Ok(()));
+            };
             let written = receive(&pieces, files);
             // A script that goes on writing after an error of the file ends.
             drop(pieces);
@@ -86,10 +96,7 @@ impl SceneExporter for RhaiExporter {
             }
         });
         written?;
-        let names: Vec<String> = OURS.iter().map(ToString::to_string).collect();
-        ran.map_err(|e| {
-            ExportError::Format(script_error(&self.file, e, &names, self.save_line).to_string())
-        })?;
+        ran.map_err(|error| ExportError::Format(error.to_string()))?;
         let mut notes = notes.lock().unwrap_or_else(PoisonError::into_inner);
         Ok(std::mem::take(&mut notes))
     }

@@ -2,19 +2,17 @@
 
 use crate::budget::{Budget, refuse};
 use crate::bytes::Bytes;
-use crate::engine::{MOST_CALLS, MOST_IN_ARRAY, MOST_TEXT, engine, manifest_engine};
+use crate::engine::{engine, manifest_engine};
 use crate::manifest;
 use crate::scene::{self, BuildInProgress, Request};
+use crate::script_error::{Known, Script, ScriptError, script_error};
 use choreo_asset::Asset;
-use choreo_plugin::suggest::did_you_mean;
 use choreo_plugin::{
     AssetBuilder, Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, OptionValue,
     PluginFile, Source,
 };
-use choreo_sandbox::{operator_error, signature_parts, type_word};
 use rhai::{AST, Dynamic, Engine, EvalAltResult, Map, Scope};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
-use thiserror::Error;
 
 /// Names of importer files end so.
 pub const ENDING: &str = ".importer.rhai";
@@ -25,21 +23,11 @@ pub const STACK: usize = 64 << 20;
 /// Steps that `claim` may take: it runs for files that are none of the importer's.
 const FEW_STEPS: u64 = 100_000;
 
-/// Error of a plugin's script, with its place.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("{file}:{line}:{column}: {message}")]
-pub struct ScriptError {
-    pub file: String,
-    /// Line number from 1.
-    pub line: usize,
-    pub column: usize,
-    pub message: String,
-}
-
 /// An importer read from a script. Every import runs in an interpreter of its own.
 pub struct RhaiImporter {
     /// The name in messages.
     file: String,
+    text: String,
     ast: AST,
     manifest: Manifest,
     has_claim: bool,
@@ -53,18 +41,19 @@ pub struct RhaiImporter {
 impl RhaiImporter {
     /// Compiles the script and asks it for its manifest. `file` is its name in messages.
     pub fn from_text(file: &str, text: &str) -> Result<RhaiImporter, ScriptError> {
-        let text = without_mark(text);
+        let script = Script { file, text: without_mark(text) };
         let needed = [("manifest", 0, "fn manifest()"), ("load", 1, "fn load(file)")];
-        let ast = compiled(file, text, "an importer", &needed)?;
+        let ast = compiled(&script, "an importer", &needed)?;
         let has_claim = has(&ast, "claim", 1);
-        let manifest = manifest_of(&ast, file, text)?;
+        let manifest = manifest_of(&ast, &script)?;
         Ok(RhaiImporter {
             file: file.into(),
+            text: script.text.into(),
             ast,
             manifest,
             has_claim,
             origin: None,
-            load_line: line_of(text, "load"),
+            load_line: line_of(script.text, "load"),
             steps: None,
         })
     }
@@ -88,14 +77,19 @@ impl RhaiImporter {
         options: &ImportOptions,
         budget: &Budget,
         ask: mpsc::Sender<Request>,
-    ) -> Result<AssetBuilder, Box<EvalAltResult>> {
+    ) -> Result<AssetBuilder, ScriptError> {
         let scene = Arc::new(Mutex::new(BuildInProgress { builder: AssetBuilder::default(), needs, ask }));
         let mut engine = engine(budget, self.steps);
         scene::register(&mut engine, &scene, budget);
         let file = self.file_map(source, needs, options, budget);
-        let _: Dynamic = engine.call_fn(&mut Scope::new(), &self.ast, "load", (file,))?;
+        let loaded = engine.call_fn(&mut Scope::new(), &self.ast, "load", (file,));
+        let _: Dynamic = loaded.map_err(|e| self.error(e, &Known::of(&engine)))?;
         let mut scene = scene.lock().unwrap_or_else(PoisonError::into_inner);
         Ok(std::mem::take(&mut scene.builder))
+    }
+
+    fn error(&self, error: Box<EvalAltResult>, known: &Known) -> ScriptError {
+        script_error(&Script { file: &self.file, text: &self.text }, error, known, self.load_line)
     }
 
     fn file_map(&self, source: &Source, needs: ImportScope, options: &ImportOptions, budget: &Budget) -> Map {
@@ -107,60 +101,6 @@ impl RhaiImporter {
             ("needs".into(), scene::needs_map(needs).into()),
         ]
         .into()
-    }
-
-    fn names(&self) -> Vec<String> {
-        const OURS: &[&str] = &[
-            "joint",
-            "mesh",
-            "material",
-            "image",
-            "camera",
-            "light",
-            "clip",
-            "warn",
-            "read",
-            "numbers",
-            "words",
-            "u8",
-            "i8",
-            "u16",
-            "i16",
-            "u32",
-            "i32",
-            "u64",
-            "i64",
-            "f32",
-            "f64",
-            "u8s",
-            "i8s",
-            "u16s",
-            "i16s",
-            "u32s",
-            "i32s",
-            "u64s",
-            "i64s",
-            "f32s",
-            "f64s",
-            "text",
-            "lines",
-            "json",
-            "find",
-            "part",
-            "big",
-            "columns",
-            "rows",
-            "array",
-            "len",
-            "fans",
-            "append",
-            "push",
-            "without",
-            "parse_float",
-            "parse_int",
-        ];
-        let own = self.ast.iter_functions().map(|f| f.name.to_string());
-        OURS.iter().map(ToString::to_string).chain(own).collect()
     }
 }
 
@@ -226,17 +166,14 @@ impl Importer for RhaiImporter {
             match worker.map(|w| w.join()) {
                 Ok(Ok(built)) => built,
                 Ok(Err(panic)) => std::panic::resume_unwind(panic),
-                Err(e) => Err(refuse(format!("cannot start a thread: {e}"))),
+                Err(e) => Err(self.error(refuse(format!("cannot start a thread: {e}")), &Known::default())),
             }
         });
-        let place = |e: Box<EvalAltResult>| {
-            let error = script_error(&self.file, e, &self.names(), self.load_line);
-            ImportError {
-                file: source.name.clone(),
-                place: format!("{}:{}:{}", error.file, error.line, error.column),
-                what: error.message,
-                hint: None,
-            }
+        let place = |error: ScriptError| ImportError {
+            file: source.name.clone(),
+            place: format!("{}:{}:{}", error.file, error.line, error.column),
+            what: error.what(),
+            hint: None,
         };
         built.map_err(place)?.finish(&source.name).map_err(|e| ImportError {
             file: source.name.clone(),
@@ -248,28 +185,28 @@ impl Importer for RhaiImporter {
 }
 
 /// The functions of a plugin's script. `needed`: name, number of parameters and declaration of those that it must have.
-pub fn compiled(
-    file: &str,
-    text: &str,
+pub(crate) fn compiled(
+    script: &Script,
     what: &str,
     needed: &[(&str, usize, &str)],
 ) -> Result<AST, ScriptError> {
     let engine = engine(&Budget::for_file(0), None);
-    let failed = |e| script_error(file, e, &[], line_of(text, "manifest"));
+    let Script { file, text } = *script;
+    let failed = |e| script_error(script, e, &Known::of(&engine), line_of(text, "manifest"));
     let mut ast = engine.compile(text).map_err(|e| failed(e.into()))?;
     if let Some(at) = open_comment(&engine, text) {
         let before = &text[..at];
-        return Err(ScriptError {
-            file: file.into(),
-            line: before.matches('\n').count() + 1,
-            column: before.chars().rev().take_while(|c| *c != '\n').count() + 1,
-            message: "this comment is never closed: nothing after it is read".into(),
-        });
+        let line = before.matches('\n').count() + 1;
+        let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
+        let message = "this comment is never closed: nothing after it is read".into();
+        return Err(ScriptError::new(script, (line, column), message));
     }
     ast.set_source(file);
     if let Some((_, _, shown)) = needed.iter().find(|(name, parameters, _)| !has(&ast, name, *parameters)) {
         let message = format!("{what} needs {shown}");
-        return Err(ScriptError { file: file.into(), line: 1, column: 1, message });
+        // No line is the place of what is missing.
+        let source_line = String::new();
+        return Err(ScriptError { file: file.into(), line: 1, column: 1, message, source_line });
     }
     // Statements outside functions are not run: a plugin is its functions.
     Ok(ast.clone_functions_only())
@@ -279,12 +216,13 @@ fn has(ast: &AST, name: &str, parameters: usize) -> bool {
     ast.iter_functions().any(|f| f.name == name && f.params.len() == parameters)
 }
 
-/// The manifest that `fn manifest()` returns. `file` is the text's name in messages.
-pub fn manifest_of(ast: &AST, file: &str, text: &str) -> Result<Manifest, ScriptError> {
-    let line = line_of(text, "manifest");
-    let called = manifest_engine().call_fn(&mut Scope::new(), ast, "manifest", ());
-    let value: Dynamic = called.map_err(|e| script_error(file, e, &[], line))?;
-    let wrong = |message| ScriptError { file: file.into(), line, column: 1, message };
+/// The manifest that `fn manifest()` returns.
+pub(crate) fn manifest_of(ast: &AST, script: &Script) -> Result<Manifest, ScriptError> {
+    let line = line_of(script.text, "manifest");
+    let engine = manifest_engine();
+    let called = engine.call_fn(&mut Scope::new(), ast, "manifest", ());
+    let value: Dynamic = called.map_err(|e| script_error(script, e, &Known::of(&engine), line))?;
+    let wrong = |message| ScriptError::new(script, (line, 1), message);
     manifest::read(&value).map_err(|error| wrong(error.to_string()))
 }
 
@@ -314,45 +252,4 @@ pub fn line_of(text: &str, function: &str) -> usize {
         rest.is_some_and(|r| r.trim_start().starts_with('('))
     };
     text.lines().position(starts).map_or(1, |l| l + 1)
-}
-
-/// The innermost place and reason, in the words of this crate. `line` is for limits reached, of which the interpreter
-/// forgets the place on its way out of the function.
-pub fn script_error(file: &str, error: Box<EvalAltResult>, names: &[String], line: usize) -> ScriptError {
-    let mut error = error;
-    while let EvalAltResult::ErrorInFunctionCall(_, _, inner, _) = *error {
-        error = inner;
-    }
-    let place = error.take_position();
-    let near = |name: &str| did_you_mean(name, names.iter().map(String::as_str));
-    let message = match &*error {
-        EvalAltResult::ErrorRuntime(value, _) => value.to_string(),
-        EvalAltResult::ErrorFunctionNotFound(signature, _) => {
-            let (name, types) = signature_parts(signature);
-            let types = || types.iter().map(|t| type_word(t)).collect::<Vec<_>>().join(", ");
-            operator_error(signature).unwrap_or_else(|| match names.iter().any(|n| n == name) {
-                true => format!("wrong arguments: there is no {name}({})", types()),
-                false => format!("unknown function {name}{}", near(name)),
-            })
-        }
-        EvalAltResult::ErrorTerminated(why, _) => why.to_string(),
-        EvalAltResult::ErrorStackOverflow(_) => {
-            format!(
-                "more than {MOST_CALLS} calls within one another, which is the limit: does one call itself without end?"
-            )
-        }
-        EvalAltResult::ErrorDataTooLarge(what, _) if what.to_lowercase().contains("string") => {
-            format!("a text of more than {MOST_TEXT} bytes, which is the limit")
-        }
-        EvalAltResult::ErrorDataTooLarge(..) => format!(
-            "an array or map of more than {MOST_IN_ARRAY} elements, which is the limit; numbers(…) and f32s(…) hold more"
-        ),
-        _ => error.to_string(),
-    };
-    ScriptError {
-        file: file.to_string(),
-        line: place.line().unwrap_or(line),
-        column: place.position().unwrap_or(1),
-        message,
-    }
 }

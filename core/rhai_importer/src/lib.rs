@@ -19,10 +19,12 @@ mod numbers;
 mod on_use;
 mod posed;
 mod scene;
+mod script_error;
 
 pub use exporter::{EXPORTER_ENDING, RhaiExporter};
-pub use importer::{ENDING, RhaiImporter, ScriptError};
+pub use importer::{ENDING, RhaiImporter};
 pub use on_use::ImporterOnUse;
+pub use script_error::ScriptError;
 
 /// The page of the documentation.
 pub const README: &str = include_str!("../README.md");

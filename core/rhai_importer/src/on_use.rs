@@ -2,7 +2,8 @@
 //! might claim.
 
 use crate::engine::manifest_engine;
-use crate::importer::{RhaiImporter, ScriptError, manifest_of, without_mark};
+use crate::importer::{RhaiImporter, manifest_of, without_mark};
+use crate::script_error::{Script, ScriptError};
 use choreo_asset::Asset;
 use choreo_plugin::{
     Claim, Files, ImportError, ImportOptions, ImportScope, Importer, LazyPlugin, Manifest, PluginError,
@@ -29,7 +30,7 @@ impl ImporterOnUse {
         let text = without_mark(text);
         let alone = manifest_function(text).and_then(|function| {
             let ast = manifest_engine().compile(function).ok()?.clone_functions_only();
-            manifest_of(&ast, file, text).ok()
+            manifest_of(&ast, &Script { file, text }).ok()
         });
         let manifest = match alone {
             Some(manifest) => manifest,

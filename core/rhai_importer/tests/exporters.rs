@@ -65,10 +65,13 @@ fn files_beside_and_notes() {
 
 #[test]
 fn what_is_wrong_is_told_with_its_place() {
-    assert_eq!(refused("writeln(jointless);"), "t.exporter.rhai:3:9: Variable not found: jointless");
+    assert_eq!(
+        refused("writeln(jointless);"),
+        "t.exporter.rhai:3:9: unknown variable jointless\n    writeln(jointless);\n            ^"
+    );
     assert_eq!(
         refused("notes(\"a\");"),
-        "t.exporter.rhai:3:1: unknown function notes; did you mean \"note\"?"
+        "t.exporter.rhai:3:1: unknown function notes; did you mean \"note\"?\n    notes(\"a\");\n    ^"
     );
     assert!(refused("loop { }").contains("which is the limit"));
     let faulty =

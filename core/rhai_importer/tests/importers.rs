@@ -90,8 +90,13 @@ fn body(code: &str) -> Result<Asset, ImportError> {
     )
 }
 
+/// The error without the line of code and the caret below it.
 fn fails(code: &str) -> String {
-    body(code).err().unwrap_or_else(|| panic!("no error: {code}")).to_string()
+    without_code(body(code).err().unwrap_or_else(|| panic!("no error: {code}")))
+}
+
+fn without_code(error: impl std::fmt::Display) -> String {
+    error.to_string().lines().next().unwrap_or_default().to_string()
 }
 
 #[test]
@@ -247,11 +252,41 @@ fn errors_have_the_importer_s_line_and_the_file_s_byte() {
         assert_eq!(fails(code).split_once(": ").unwrap().1.split_once(": ").unwrap().1, message, "{code}");
     }
     let deep = "fn manifest() { #{ name: \"my\" } }\nfn down(n) { down(n + 1) }\nfn load(file) { down(0) }";
-    let deep = import(deep, b"").err().unwrap_or_else(|| panic!("no error")).to_string();
+    let deep = without_code(import(deep, b"").err().unwrap_or_else(|| panic!("no error")));
     let calls =
         "more than 48 calls within one another, which is the limit: does one call itself without end?";
     assert!(deep.ends_with(calls), "{deep}");
     assert!(fails("let a = 1;\n   file.bytes.u8(9)").starts_with("a.dat: my.importer.rhai:4:15: u8: "));
+}
+
+#[test]
+fn errors_show_the_line_and_what_was_meant() {
+    let error = body("  let b = file.bytes;\n\tlet n = b.starts_wth(2); // é").unwrap_err();
+    let shown = "unknown function starts_wth; did you mean \"starts_with\"?\n    let n = b.starts_wth(2); // é\n              ^";
+    assert_eq!((error.what.as_str(), error.place.as_str()), (shown, "my.importer.rhai:4:12"));
+    let cases = [
+        ("file.byte.len", "unknown property byte; did you mean \"bytes\"?"),
+        ("file.options.scal", "unknown property scal"),
+        ("file.bytes.length", "unknown property length; did you mean \"len\"?"),
+        ("let vertices = 3; vertice + 1", "unknown variable vertice; did you mean \"vertices\"?"),
+        ("let x = joint;", "unknown variable joint; joint is a function: write joint(…)"),
+        ("fiel.bytes", "unknown variable fiel; did you mean \"file\"?"),
+        ("zzz + 1", "unknown variable zzz"),
+        ("let w = \"a b\".wrods();", "unknown function wrods; did you mean \"words\"?"),
+        ("let a = [1]; a.filtre(|x| x > 0);", "unknown function filtre; did you mean \"filter\"?"),
+        ("helpr(1)", "unknown function helpr; did you mean \"helper\"?"),
+        ("file.bytes.u8(\"0\")", "wrong arguments: there is no u8(Bytes, text)"),
+    ];
+    for (code, message) in cases {
+        let text = format!(
+            "fn manifest() {{ #{{ name: \"x\" }} }}\nfn helper(a) {{ a }}\nfn load(file) {{\n{code}\n}}"
+        );
+        assert_eq!(without_code(import(&text, &[1; 8]).unwrap_err().what), message, "{code}");
+    }
+    let text =
+        "fn manifest() { #{ name: \"x\" } }\nfn load(file) { let seen = 1; inner() }\nfn inner() { seen }";
+    let error = without_code(import(text, b"").unwrap_err().what);
+    assert_eq!(error, "unknown variable seen: a function sees its parameters only; pass it as one");
 }
 
 #[test]
@@ -320,7 +355,7 @@ fn broken_importers_say_where() {
         ),
     ];
     for (text, message) in cases {
-        let error = RhaiImporter::from_text("my.importer.rhai", text).err().unwrap().to_string();
+        let error = without_code(RhaiImporter::from_text("my.importer.rhai", text).err().unwrap());
         assert_eq!(error, format!("my.importer.rhai:{message}"), "{text}");
     }
     let error = RhaiImporter::from_text("my.importer.rhai", "fn load(f) {\n  let = 3;\n}").err().unwrap();

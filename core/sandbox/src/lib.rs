@@ -6,4 +6,4 @@ mod sizes;
 mod types;
 
 pub use sizes::SizeLimits;
-pub use types::{operator_error, signature_parts, type_word};
+pub use types::{declared_names, operator_error, signature_parts, type_word};

@@ -1,4 +1,6 @@
-//! Types of Rhai in the words of scripts.
+//! Types of Rhai in the words of scripts, and names that a script declares.
+
+use std::collections::BTreeSet;
 
 /// A type as scripts call it: `i64` is "int", `&str` is "text".
 pub fn type_word(rust: &str) -> &str {
@@ -32,4 +34,24 @@ pub fn operator_error(signature: &str) -> Option<String> {
         [a, b] => format!("cannot compute {} {name} {}", type_word(a), type_word(b)),
         _ => format!("cannot compute {signature}"),
     })
+}
+
+/// Names that the lines up to `line` declare: a rough reading of the text, for suggestions only.
+pub fn declared_names(text: &str, line: usize) -> BTreeSet<String> {
+    let mut names = BTreeSet::new();
+    for row in text.lines().take(line) {
+        let code = row.split("//").next().unwrap_or("");
+        let words: Vec<&str> = code.split(|c: char| !(c.is_alphanumeric() || c == '_')).collect();
+        let words: Vec<&str> = words.into_iter().filter(|w| !w.is_empty()).collect();
+        for pair in words.windows(2) {
+            if matches!(pair[0], "let" | "const" | "for" | "as") {
+                names.insert(pair[1].to_string());
+            }
+        }
+        if let Some((_, parameters)) = code.split_once("fn ").and_then(|(_, f)| f.split_once('(')) {
+            let parameters = parameters.split(')').next().unwrap_or("");
+            names.extend(parameters.split(',').map(|p| p.trim().to_string()).filter(|p| !p.is_empty()));
+        }
+    }
+    names
 }

@@ -1,6 +1,9 @@
 //! Errors and warnings about a script: what, where, and how to resolve it.
 
+use choreo_plugin::excerpt;
 use std::fmt;
+
+pub use choreo_plugin::excerpt::steers_terminal;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Severity {
@@ -79,7 +82,7 @@ impl fmt::Display for Diagnostic {
             write!(f, " [{}]", self.rule)?;
         }
         if self.line > 0 && !self.source_line.trim().is_empty() {
-            let (shown, before) = excerpt(&self.source_line, self.column);
+            let (shown, before) = excerpt::excerpt(&self.source_line, self.column);
             write!(f, "\n    {shown}")?;
             if self.column > 0 {
                 write!(f, "\n    {}^", " ".repeat(before))?;
@@ -116,39 +119,6 @@ fn one_message(text: &str) -> String {
     shown
 }
 
-/// Control characters, and those of Unicode's bidirectional algorithm (UAX #9), which show a text in another order than it has.
-pub fn steers_terminal(c: char) -> bool {
-    c.is_control()
-        || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
-}
-
-/// The part of a line to show, and how many characters of it come before the column. Indentation is dropped,
-/// tabs become blanks, and of a very long line only the surroundings of the column are kept.
-fn excerpt(line: &str, column: usize) -> (String, usize) {
-    const WIDTH: usize = 160;
-    let chars: Vec<char> = line
-        .chars()
-        .map(|c| {
-            if c.is_control() {
-                ' '
-            } else if steers_terminal(c) {
-                '\u{fffd}'
-            } else {
-                c
-            }
-        })
-        .collect();
-    let indent = chars.iter().take_while(|c| **c == ' ').count();
-    let at = column.saturating_sub(1).min(chars.len());
-    let mut start = indent.min(at);
-    if at - start > WIDTH - 40 {
-        start = at - (WIDTH - 40);
-    }
-    let end = chars.len().min(start + WIDTH);
-    let shown: String = chars[start..end].iter().collect();
-    (shown.trim_end().to_string(), at - start)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -174,7 +144,7 @@ mod tests {
     #[test]
     fn a_very_long_line_is_cut_around_the_column() {
         let line = "x".repeat(5000);
-        let (shown, before) = excerpt(&line, 3000);
+        let (shown, before) = excerpt::excerpt(&line, 3000);
         assert_eq!((shown.len(), before), (160, 120));
     }
 }

@@ -9,9 +9,8 @@ use crate::limits::raise_hint;
 use crate::suggest::{closest, did_you_mean, list};
 use crate::synonyms::{self, Suggestion};
 use crate::value::HandleKind;
-use choreo_sandbox::{operator_error, signature_parts, type_word};
+use choreo_sandbox::{declared_names, operator_error, signature_parts, type_word};
 use rhai::{Dynamic, EvalAltResult, LexError, ParseErrorType, Position};
-use std::collections::BTreeSet;
 use std::sync::PoisonError;
 
 /// An API error as the interpreter carries it.
@@ -236,8 +235,8 @@ fn unknown_variable(name: &str, place: &Place, shared: &Shared) -> ApiError {
     let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
     let text = sources.get(&place.file).cloned().unwrap_or_default();
     drop(sources);
-    let mut known = declared(&text, place.line);
-    let below = declared(&text, usize::MAX);
+    let mut known = declared_names(&text, place.line);
+    let below = declared_names(&text, usize::MAX);
     known.extend(["PI".to_string(), "TAU".to_string()]);
     let error = ApiError::new(format!(
         "unknown variable \"{name}\"{}",
@@ -259,26 +258,6 @@ fn unknown_variable(name: &str, place: &Place, shared: &Shared) -> ApiError {
         Some(synonym) => error.hint(synonym.hint),
         None => error,
     }
-}
-
-/// Names that the lines up to `line` declare: a rough reading of the text, for suggestions only.
-fn declared(text: &str, line: usize) -> BTreeSet<String> {
-    let mut names = BTreeSet::new();
-    for row in text.lines().take(line) {
-        let code = row.split("//").next().unwrap_or("");
-        let words: Vec<&str> = code.split(|c: char| !(c.is_alphanumeric() || c == '_')).collect();
-        let words: Vec<&str> = words.into_iter().filter(|w| !w.is_empty()).collect();
-        for pair in words.windows(2) {
-            if matches!(pair[0], "let" | "const" | "for" | "as") {
-                names.insert(pair[1].to_string());
-            }
-        }
-        if let Some((_, parameters)) = code.split_once("fn ").and_then(|(_, f)| f.split_once('(')) {
-            let parameters = parameters.split(')').next().unwrap_or("");
-            names.extend(parameters.split(',').map(|p| p.trim().to_string()).filter(|p| !p.is_empty()));
-        }
-    }
-    names
 }
 
 /// `signature`: `name (type, type)`.

@@ -3,8 +3,13 @@
 use crate::api::defs;
 use crate::def::Def;
 use crate::suggest::distance;
+use crate::synonyms::{self, letters, mathematics, of_topic, of_words, terms};
 pub use crate::synonyms::{Answer, Call, examples, is_in};
-use crate::synonyms::{letters, mathematics, of_topic, of_words, terms};
+
+/// Each topic of the table of synonyms: its terms, and what answers them.
+pub fn topics() -> impl Iterator<Item = (&'static [&'static str], Answer)> {
+    synonyms::topics(defs())
+}
 
 /// The calls for a term: those of its topic, and the entries of that name. Empty where there are none.
 pub fn answer(term: &str) -> Answer {

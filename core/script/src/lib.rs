@@ -25,6 +25,7 @@ mod engine;
 mod errors;
 mod folders;
 mod fonts;
+pub mod format;
 pub mod help;
 mod hidden_parts;
 mod hook;
@@ -61,7 +62,7 @@ pub use lint::{ClipMarkers, Places};
 pub use loader::{BUILT_IN, ImportChoice, Loader, PlayedClips};
 pub use reference::reference;
 pub use run::{NO_THREAD, Script, ScriptOptions, Touched, run_file, run_file_touching, run_text};
-pub use tokens::token_ranges;
+pub use tokens::{comments, token_ranges};
 // The same words for a slip of the hand everywhere.
 pub use api::clip::{NothingFollows, mapping_lines};
 pub(crate) use choreo_plugin::suggest;

@@ -1,19 +1,61 @@
-//! Positions of the tokens of a script's text, for edits of the text.
+//! Tokens of a script's text with their positions, for edits of the text.
 
 use rhai::{Engine, LexError, Position, Token};
 use std::ops::Range;
 
-/// Byte ranges of all tokens, in order; comments and blanks are none. A string with interpolations is one token, and so is the
-/// rest of a text whose last string is not closed.
+/// A token of a script; comments and blanks are none.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct ScriptToken {
+    pub range: Range<usize>,
+    pub kind: TokenKind,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum TokenKind {
+    /// A name or keyword.
+    Word,
+    Number,
+    /// A string or character. A string with interpolations is one token, and so is the rest of a text whose last string is not closed.
+    Text,
+    /// An operator before its only operand: `-x`, `!x`.
+    Prefix,
+    /// Another operator, a bracket or a separator.
+    Symbol,
+    /// Not a token of the language.
+    Error,
+}
+
+impl TokenKind {
+    fn of(token: &Token, text: &str) -> TokenKind {
+        match token {
+            Token::LexError(_) => TokenKind::Error,
+            Token::IntegerConstant(_) | Token::FloatConstant(_) => TokenKind::Number,
+            Token::StringConstant(_) | Token::InterpolatedString(_) | Token::CharConstant(_) => {
+                TokenKind::Text
+            }
+            Token::UnaryMinus | Token::UnaryPlus | Token::Bang => TokenKind::Prefix,
+            _ if text.starts_with(|c: char| c.is_alphabetic() || c == '_') => TokenKind::Word,
+            _ => TokenKind::Symbol,
+        }
+    }
+}
+
+/// Byte ranges of all tokens, in order.
 pub fn token_ranges(text: &str) -> Vec<Range<usize>> {
+    tokens(text).into_iter().map(|token| token.range).collect()
+}
+
+/// All tokens, in order, as Rhai's own lexer finds them.
+pub(crate) fn tokens(text: &str) -> Vec<ScriptToken> {
     let engine = Engine::new_raw();
     let texts = [text];
     let (mut tokens, control) = engine.lex(&texts);
     let mut cursor = Cursor { text, line: 1, column: 0, byte: 0 };
-    let mut ranges: Vec<Range<usize>> = Vec::new();
+    let mut found: Vec<ScriptToken> = Vec::new();
     // Interpolated strings that are open: the first byte, and the braces open inside.
     let mut strings: Vec<(usize, usize)> = Vec::new();
     let mut is_text = false;
+    let string = |range: Range<usize>| ScriptToken { range, kind: TokenKind::Text };
     while let Some((token, at)) = tokens.next() {
         let before = Position::new(at.line().unwrap_or(1) as u16, at.position().unwrap_or(1) as u16 - 1);
         let start = cursor.advance_to(before);
@@ -25,16 +67,24 @@ pub fn token_ranges(text: &str) -> Vec<Range<usize>> {
                 strings.push((start, 0));
                 break;
             }
+            // Of the documentation of functions.
+            Token::Comment(_) => {}
             Token::InterpolatedString(_) if !resumed => strings.push((start, 0)),
             Token::InterpolatedString(_) => {}
             Token::StringConstant(_) if resumed => {
                 if let (Some((start, _)), true) = (strings.pop(), strings.is_empty()) {
-                    ranges.push(start..end);
+                    found.push(string(start..end));
                 }
             }
-            Token::Unit if strings.is_empty() => ranges.extend([start..start + 1, end - 1..end]),
+            Token::Unit if strings.is_empty() => {
+                let bracket = |range| ScriptToken { range, kind: TokenKind::Symbol };
+                found.extend([start..start + 1, end - 1..end].map(bracket));
+            }
             _ => match strings.last_mut() {
-                None => ranges.push(start..end),
+                None => {
+                    let kind = TokenKind::of(&token, &text[start..end]);
+                    found.push(ScriptToken { range: start..end, kind });
+                }
                 Some((_, depth)) => {
                     *depth += usize::from(matches!(token, Token::LeftBrace | Token::MapStart));
                     *depth -= usize::from(token == Token::RightBrace && *depth > 0);
@@ -44,8 +94,59 @@ pub fn token_ranges(text: &str) -> Vec<Range<usize>> {
             },
         }
     }
-    ranges.extend(strings.first().map(|(start, _)| *start..text.len()));
-    ranges
+    found.extend(strings.first().map(|(start, _)| string(*start..text.len())));
+    found
+}
+
+/// A comment.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CommentRange {
+    pub range: Range<usize>,
+    pub is_block: bool,
+    /// `false` for a block comment that is never closed.
+    pub is_closed: bool,
+}
+
+/// The comments between two tokens of a text, where there is nothing else but blanks; they begin and end without blanks.
+pub fn comments(text: &str, gap: Range<usize>) -> Vec<CommentRange> {
+    let mut found = Vec::new();
+    let mut at = gap.start;
+    while at < gap.end {
+        let rest = &text[at..gap.end];
+        let start = at + rest.len() - rest.trim_start().len();
+        let rest = &text[start..gap.end];
+        let is_block = rest.starts_with("/*");
+        let closed = is_block.then(|| block_length(rest)).flatten();
+        let length = match is_block {
+            true => closed.unwrap_or(rest.len()),
+            false => rest.find('\n').unwrap_or(rest.len()),
+        };
+        at = start + length;
+        let end = start + rest[..length].trim_end().len();
+        if end > start {
+            found.push(CommentRange {
+                range: start..end,
+                is_block,
+                is_closed: !is_block || closed.is_some(),
+            });
+        }
+    }
+    found
+}
+
+/// Bytes of the block comment that a text begins with, up to its end; comments nest.
+fn block_length(text: &str) -> Option<usize> {
+    let (mut depth, mut at) = (0usize, 0);
+    while let Some(c) = text[at..].chars().next() {
+        let rest = &text[at..];
+        let (opens, closes) = (rest.starts_with("/*"), rest.starts_with("*/"));
+        depth = depth + usize::from(opens) - usize::from(closes);
+        at += if opens || closes { 2 } else { c.len_utf8() };
+        if depth == 0 {
+            return Some(at);
+        }
+    }
+    None
 }
 
 /// Follows Rhai's positions, whose columns count characters, through a text.
@@ -77,7 +178,7 @@ impl Cursor<'_> {
 mod tests {
     use super::*;
 
-    fn tokens(text: &str) -> Vec<&str> {
+    fn texts(text: &str) -> Vec<&str> {
         token_ranges(text).into_iter().map(|range| &text[range]).collect()
     }
 
@@ -109,17 +210,45 @@ mod tests {
             "}",
             ")",
         ];
-        assert_eq!(tokens(text), expected);
-        assert_eq!(tokens("1.f(1..2)"), ["1", ".", "f", "(", "1", "..", "2", ")"]);
+        assert_eq!(texts(text), expected);
+        assert_eq!(texts("1.f(1..2)"), ["1", ".", "f", "(", "1", "..", "2", ")"]);
     }
 
     #[test]
     fn an_interpolated_string_is_one_token() {
         assert_eq!(
-            tokens("a(`x ${b(#{ c: `${d}` })} y ${e} `, 1)"),
+            texts("a(`x ${b(#{ c: `${d}` })} y ${e} `, 1)"),
             ["a", "(", "`x ${b(#{ c: `${d}` })} y ${e} `", ",", "1", ")"]
         );
-        assert_eq!(tokens("a(\"x\n b"), ["a", "(", "\"x\n b"]);
-        assert_eq!(tokens("a(`x ${b"), ["a", "(", "`x ${b"]);
+        assert_eq!(texts("a(\"x\n b"), ["a", "(", "\"x\n b"]);
+        assert_eq!(texts("a(`x ${b"), ["a", "(", "`x ${b"]);
+    }
+
+    #[test]
+    fn comments_are_found_between_tokens() {
+        let text = " // é /*\r\n/* /* b */ */// c\n\n /* open";
+        let found: Vec<(&str, bool, bool)> = comments(text, 0..text.len())
+            .into_iter()
+            .map(|c| (&text[c.range], c.is_block, c.is_closed))
+            .collect();
+        let expected = [
+            ("// é /*", false, true),
+            ("/* /* b */ */", true, true),
+            ("// c", false, true),
+            ("/* open", true, false),
+        ];
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn tokens_have_kinds() {
+        use TokenKind::{Error, Number, Prefix, Symbol, Text, Word};
+        let kinds: Vec<TokenKind> =
+            tokens("/// doc\nlet a = -b - -1.5 * !c(`${d}`, 'e') \\").into_iter().map(|t| t.kind).collect();
+        let expected = [
+            Word, Word, Symbol, Prefix, Word, Symbol, Number, Symbol, Prefix, Word, Symbol, Text, Symbol,
+            Text, Symbol, Error,
+        ];
+        assert_eq!(kinds, expected);
     }
 }

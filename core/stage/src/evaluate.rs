@@ -8,7 +8,7 @@ use crate::constraints::{self, ConstrainedScratch};
 use crate::culling::{PoseBounds, stands_without_poses};
 use crate::framing::Framings;
 use crate::pose::motions::Motions;
-use crate::snapshot::{ActorState, Dissolve, Snapshot};
+use crate::snapshot::{ActorState, Dissolve, LightState, Snapshot};
 use crate::springs::{self, Simulation, SpringCheckpoints};
 use crate::stage::actor::Actor;
 use crate::stage::edits::FrameEdits;
@@ -127,6 +127,15 @@ impl Evaluator {
     /// Changes by the callbacks at the last evaluation.
     pub(crate) fn edits(&self) -> &FrameEdits {
         &self.scratch.constrained.actors.edits
+    }
+
+    /// The stage's own lights at the time of this evaluator's last snapshot, by index; `None`: it does not shine.
+    pub fn stage_lights(&self, snapshot: &Snapshot) -> Vec<Option<LightState>> {
+        let (stage, edits, time) = (&self.stage, self.edits(), snapshot.time);
+        let lights = stage.lights.iter().enumerate();
+        lights
+            .map(|(index, light)| lights::stage_light(stage, light, index, edits, time, &snapshot.actors))
+            .collect()
     }
 
     /// How many poses the last evaluation took.

@@ -135,6 +135,37 @@ fn in_a_fade_the_velocities_are_blended() {
 }
 
 #[test]
+fn an_inertialized_switch_keeps_the_velocity_and_lets_it_go_to_zero() {
+    let switch = |start: f64, duration: f64, clip| Cue {
+        start: secs(start),
+        inertialization: secs(duration),
+        ..Cue::new(clip)
+    };
+    let stop = stage(vec![Cue::new(straight(2.5)), switch(1.5, 0.4, straight(0.0))]);
+    for t in [1.49, 1.5, 1.53, 1.6, 1.7, 1.85, 1.9, 4.0] {
+        // The integral of 1 − 10 s³ + 15 s⁴ − 6 s⁵.
+        let s = f64::clamp((t - 1.5) / 0.4, 0.0, 1.0);
+        let on = 0.4 * (s - 2.5 * s.powi(4) + 3.0 * s.powi(5) - s.powi(6));
+        close(hips(&stop, t), v(0.0, 0.9, 2.5 * (f64::min(t, 1.5) + on)), 1e-4);
+    }
+    // Out of a turn, and from a switch that has not settled: no velocity jumps, and at last it is the clip's own.
+    let chain = stage(vec![
+        Cue::new(bend()),
+        switch(1.3, 0.6, straight(0.5)),
+        switch(1.5, 0.4, straight(-1.0)),
+        Cue { start: secs(1.7), fade_in: secs(0.3), ..Cue::new(straight(2.0)) },
+    ]);
+    let h = 1e-3;
+    let velocity = |t: f64| (hips(&chain, t + h) - hips(&chain, t - h)) / (2.0 * h);
+    for t in [1.3, 1.5, 1.7, 1.9, 2.0] {
+        let jump = (velocity(t + 0.004) - velocity(t - 0.004)).length();
+        assert!(jump < 0.15, "{jump} m/s at {t} s");
+    }
+    let own = velocity(2.5);
+    assert!((own.length() - 2.0).abs() < 1e-2 && own.x > 1.0, "it has turned: {own}");
+}
+
+#[test]
 fn the_next_starts_where_the_last_one_ended() {
     // The second clip's hips begin 3 m to the side: on stage they do not.
     let keys: [(f64, &[f32]); 2] = [(0.0, &[3.0, 0.9, 0.0]), (1.0, &[3.0, 0.9, 1.0])];

@@ -92,10 +92,8 @@ impl Text {
             let names = manifest.options.iter().flat_map(|o| o.number_names());
             names.zip(0..).map(|(name, i)| format!("const {name}: u32 = {i}u;\n")).collect()
         };
-        if head.hook == Hook::Image {
-            text.scene = SceneCalls::of(&text.author);
-            text.appended += &text.scene.wgsl;
-        }
+        text.scene = SceneCalls::of(&text.author, head.hook);
+        text.appended += &text.scene.wgsl;
         let bounded = loops::bounded(&text.author);
         text.run = format!("{}\n{}", bounded.text, text.appended);
         text.wgsl = match is_typed && head.hook.has_function() {
@@ -249,7 +247,7 @@ fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, E
     let fields = format!("{}{}", signature.declared, if text.is_typed { &text.appended } else { "" });
     let names = || {
         let own = manifest.options.iter().map(|o| o.name.as_str());
-        let of_scene: Vec<&str> = scene_inputs::names().filter(|_| head.hook == Hook::Image).collect();
+        let of_scene: Vec<&str> = scene_inputs::names(head.hook).collect();
         let own = own.chain(choices.iter().map(String::as_str));
         own.chain(declared.iter().map(|d| d.0.as_str())).chain(of_scene)
     };

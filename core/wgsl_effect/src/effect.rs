@@ -1,7 +1,7 @@
 //! `NAME.wgsl` as an [`Effect`].
 
 use crate::compile::{self, Code, Output, Text};
-use crate::environment::{Environment, PassImages, Textures};
+use crate::environment::{Environment, InFrame, PassImages, Textures};
 use crate::error::EffectError;
 use crate::head::Head;
 use crate::machine::{Lanes, Machine, Width};
@@ -10,10 +10,10 @@ use crate::pool;
 use crate::program::Program;
 use choreo_plugin::effect::endless;
 use choreo_plugin::{
-    Effect, EffectImages, EffectPlugin, EffectScene, EffectShader, EffectTexture, Hook, ImageEffect,
-    InvertedHull, LightSample, LightingEffect, Manifest, OutlineEffect, Overlay, OverlayEffect, PixelEffect,
-    PluginFile, SceneInputs, Shutter, ShutterEffect, SurfaceEffect, SurfaceInputs, SurfaceSample,
-    VertexEffect, VertexSample, ViewOrder,
+    Effect, EffectFrame, EffectImages, EffectPlugin, EffectScene, EffectShader, EffectTexture, Hook,
+    ImageEffect, InvertedHull, LightSample, LightingEffect, Manifest, OutlineEffect, Overlay, OverlayEffect,
+    PixelEffect, PluginFile, SceneInputs, Shutter, ShutterEffect, SurfaceEffect, SurfaceInputs,
+    SurfaceSample, VertexEffect, VertexSample, ViewOrder,
 };
 use glam::{Vec2, Vec3, Vec4};
 use std::sync::OnceLock;
@@ -140,6 +140,15 @@ impl WgslEffect {
         Some([0, 1, 2, 3, 4].map(|i| machine.float(program, 0, i)))
     }
 
+    /// The functions of a shader around the effect's, for hooks whose parameters the numbers of the frame may follow.
+    fn in_frame<'a>(&'a self, parameters: &'a [f32]) -> InFrame<'a> {
+        let numbers = match self.text.scene.reads_frame {
+            true => parameters.last_chunk::<{ EffectFrame::NUMBERS }>().map_or(&[][..], |numbers| numbers),
+            false => &[],
+        };
+        InFrame { textures: &self.textures, numbers }
+    }
+
     fn surface_batches<const N: usize>(
         &self,
         colors: &mut [Vec4],
@@ -151,7 +160,7 @@ impl WgslEffect {
     {
         self.batches::<N, _>(
             parameters,
-            &Textures(&self.textures),
+            &self.in_frame(parameters),
             colors,
             |machine, program, first, part| {
                 machine.fill(program, 0, part, |color, i| color[i]);
@@ -254,6 +263,10 @@ impl EffectShader for WgslEffect {
         &self.loops
     }
 
+    fn reads_frame(&self) -> bool {
+        self.text.scene.reads_frame
+    }
+
     fn textures(&self) -> &[EffectTexture] {
         &self.textures
     }
@@ -267,7 +280,7 @@ impl PixelEffect for WgslEffect {
     fn pixels(&self, colors: &mut [Vec4], uv: &[Vec2], parameters: &[f32]) {
         self.batches::<ROW, _>(
             parameters,
-            &Textures(&self.textures),
+            &self.in_frame(parameters),
             colors,
             |machine, program, first, part| {
                 machine.fill(program, 0, part, |color, i| color[i]);
@@ -368,7 +381,7 @@ impl VertexEffect for WgslEffect {
         let components = [w.x, w.y, w.z, n.x, n.y, n.z, uv.x, uv.y, m.x, m.y, m.z];
         self.batches::<QUAD, _>(
             parameters,
-            &Textures(&self.textures),
+            &self.in_frame(parameters),
             &mut offset,
             |machine, program, _, _| machine.fill(program, 0, &[components], |vertex, i| vertex[i]),
             |offset, out| *offset = Vec4::from_array(out).truncate(),
@@ -385,7 +398,7 @@ impl LightingEffect for WgslEffect {
     fn lights(&self, samples: &mut [LightSample], parameters: &[f32]) {
         self.batches::<QUAD, _>(
             parameters,
-            &Textures(&self.textures),
+            &self.in_frame(parameters),
             samples,
             |machine, program, _, part| {
                 machine.fill(program, 0, part, |s, i| {
@@ -461,7 +474,8 @@ impl From<WgslEffect> for Effect {
             Hook::Lighting => Effect::lighting(effect),
             Hook::Outline => Effect::outline(effect),
             Hook::Overlay => Effect::overlay(effect),
-            Hook::Shutter => Effect::shutter(effect),
+            // `Hook` may grow.
+            _ => Effect::shutter(effect),
         }
     }
 }

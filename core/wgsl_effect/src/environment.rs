@@ -20,6 +20,8 @@ pub enum Host {
     SceneMotion,
     /// One of [`choreo_plugin::EffectFrame::rows`].
     SceneRow(usize),
+    /// Four of [`choreo_plugin::EffectFrame::numbers`].
+    FrameRow(usize),
     /// Position of a joint of the actor that an overlay is drawn around; which bone is its parent; a point of its model space.
     Joint,
     Parent,
@@ -75,6 +77,21 @@ impl Environment for Textures<'_> {
         let (Host::Texture(i), [u, v]) = (host, arguments) else { return [0; 4] };
         let uv = Vec2::new(f32::from_bits(*u), f32::from_bits(*v));
         floats(self.0.get(i).map_or(Vec4::ZERO, |texture| texture.sample(uv)))
+    }
+}
+
+/// An effect's textures, and the numbers of the frame.
+pub(crate) struct InFrame<'a> {
+    pub textures: &'a [EffectTexture],
+    /// [`choreo_plugin::EffectFrame::numbers`].
+    pub numbers: &'a [f32],
+}
+
+impl Environment for InFrame<'_> {
+    fn call(&self, host: Host, arguments: &[u32]) -> [u32; 4] {
+        let Host::FrameRow(row) = host else { return Textures(self.textures).call(host, arguments) };
+        let row = self.numbers.as_chunks().0.get(row);
+        row.map_or([0; 4], |row| row.map(f32::to_bits))
     }
 }
 

@@ -1,5 +1,6 @@
 //! Errors of an effect's text, with their place.
 
+use choreo_plugin::excerpt;
 use std::fmt;
 use thiserror::Error;
 
@@ -36,23 +37,9 @@ impl EffectError {
     }
 }
 
-/// Characters of a line that are shown.
-const WIDTH: usize = 160;
-
 impl fmt::Display for EffectError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let EffectError { file, line, column, message, source_line } = self;
-        write!(f, "{file}:{line}:{column}: {message}")?;
-        let shown: Vec<char> = source_line.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-        let indent = shown.iter().take_while(|c| **c == ' ').count();
-        let at = column.saturating_sub(1).min(shown.len());
-        // A very long line is cut to the part around the place.
-        let start = indent.min(at).max(at.saturating_sub(WIDTH - 40));
-        let end = shown.len().min(start + WIDTH);
-        let code: String = shown[start..end].iter().collect();
-        if code.trim().is_empty() {
-            return Ok(());
-        }
-        write!(f, "\n    {}\n    {}^", code.trim_end(), " ".repeat(at - start))
+        write!(f, "{file}:{line}:{column}: {message}{}", excerpt::below(source_line, *column))
     }
 }

@@ -1,10 +1,11 @@
-//! The functions with which an effect on images reads the scene: depth, normals, motion, actors, time, camera and sun. Their WGSL is
+//! The functions with which an effect on images reads the scene: depth, normals, motion, actors, time, camera and sun; and those with
+//! which effects on pixels, surfaces, vertices and light read the time and the size of the image. Their WGSL is
 //! appended to the author's text where that calls them, the same on both devices; the renderers supply the pixels and rows below
 //! them (`scene_surface`, `scene_motion`, `scene_row_0` and so on).
 
 use crate::environment::Host;
 use crate::tokens::Tokens;
-use choreo_plugin::{EffectFrame, SceneInputs};
+use choreo_plugin::{EffectFrame, Hook, SceneInputs};
 use std::collections::BTreeSet;
 
 /// A function that an author may call.
@@ -92,19 +93,42 @@ const FUNCTIONS: [SceneFunction; 16] = [
     ),
 ];
 
+/// Those of effects on pixels, surfaces, vertices and light: name and WGSL.
+const OF_FRAME: [(&str, &str); 4] = [
+    ("time", "fn time() -> f32 { return effect_frame_row_0().x; }"),
+    ("delta", "fn delta() -> f32 { return effect_frame_row_0().y; }"),
+    (
+        "frame",
+        "fn frame() -> u32 { return u32(effect_frame_row_0().z) + 65536u * u32(effect_frame_row_0().w); }",
+    ),
+    ("resolution", "fn resolution() -> vec2<f32> { return effect_frame_row_1().xy; }"),
+];
+
 /// The functions of the scene that a text calls.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SceneCalls {
+    /// Of an effect on images.
     pub inputs: SceneInputs,
+    /// An effect of another hook reads the numbers of the frame.
+    pub reads_frame: bool,
     /// Their WGSL.
     pub wgsl: String,
 }
 
 impl SceneCalls {
-    /// The calls of an author's text. A function that the text declares itself is the author's own.
-    pub fn of(author: &str) -> SceneCalls {
+    /// The calls of an author's text for a hook. A function that the text declares itself is the author's own.
+    pub fn of(author: &str, hook: Hook) -> SceneCalls {
         let (called, declared) = functions_of(author);
         let mut calls = SceneCalls::default();
+        if hook != Hook::Image {
+            let of_frame = OF_FRAME.iter().filter(|_| hook.has_function());
+            for (_, wgsl) in of_frame.filter(|(name, _)| called.contains(name) && !declared.contains(name)) {
+                calls.reads_frame = true;
+                calls.wgsl += wgsl;
+                calls.wgsl.push('\n');
+            }
+            return calls;
+        }
         for function in FUNCTIONS.iter().filter(|f| called.contains(f.name) && !declared.contains(f.name)) {
             calls.inputs = calls.inputs.union(function.reads);
             calls.wgsl += function.wgsl;
@@ -123,7 +147,12 @@ impl SceneCalls {
             let text = format!("fn scene_row_{i}() -> vec4<f32> {{ return vec4(1.0); }}\n");
             (format!("scene_row_{i}"), text, Host::SceneRow(i))
         };
+        let of_frame = |i: usize| {
+            let text = format!("fn effect_frame_row_{i}() -> vec4<f32> {{ return vec4(1.0); }}\n");
+            (format!("effect_frame_row_{i}"), text, Host::FrameRow(i))
+        };
         let mut all = Vec::new();
+        all.extend((0..EffectFrame::NUMBERS / 4).filter(|_| self.reads_frame).map(of_frame));
         all.extend(self.inputs.surface.then(|| image("scene_surface", Host::SceneSurface)));
         all.extend(self.inputs.motion.then(|| image("scene_motion", Host::SceneMotion)));
         if self.wgsl.contains("scene_row_") {
@@ -133,9 +162,11 @@ impl SceneCalls {
     }
 }
 
-/// Names of all functions of the scene.
-pub(crate) fn names() -> impl Iterator<Item = &'static str> {
-    FUNCTIONS.iter().map(|f| f.name)
+/// Names of all functions of the scene that effects of a hook may call.
+pub(crate) fn names(hook: Hook) -> impl Iterator<Item = &'static str> {
+    let of_images = FUNCTIONS.iter().map(|f| f.name).filter(move |_| hook == Hook::Image);
+    let of_frame = OF_FRAME.iter().map(|(name, _)| *name);
+    of_images.chain(of_frame.filter(move |_| hook != Hook::Image && hook.has_function()))
 }
 
 /// Names of the functions that a text calls, and of those that it declares.
@@ -157,20 +188,36 @@ mod tests {
 
     #[test]
     fn a_call_brings_its_function_and_inputs() {
-        let calls = SceneCalls::of("fn effect() { let v = view_at(at); } // time()");
+        let calls = SceneCalls::of("fn effect() { let v = view_at(at); } // time()", Hook::Image);
         assert_eq!(calls.inputs, SURFACE.union(CAMERA));
         assert!(calls.wgsl.contains("fn view_at(") && !calls.wgsl.contains("fn time("));
         assert_eq!(calls.supplied().len(), 1 + EffectFrame::ROWS);
-        assert_eq!(SceneCalls::of("fn effect() { let time = p[time]; }").inputs, NONE);
+        assert_eq!(SceneCalls::of("fn effect() { let time = p[time]; }", Hook::Image).inputs, NONE);
         // A function of the author's own is no input.
-        assert_eq!(SceneCalls::of("fn time() -> f32 { return 1.0; } fn effect() { time(); }").inputs, NONE);
+        assert_eq!(
+            SceneCalls::of("fn time() -> f32 { return 1.0; } fn effect() { time(); }", Hook::Image).inputs,
+            NONE
+        );
+    }
+
+    #[test]
+    fn other_hooks_read_the_numbers_of_the_frame() {
+        let text = "fn effect() { let t = time() + depth_at(at); }";
+        let calls = SceneCalls::of(text, Hook::Pixel);
+        assert!(calls.reads_frame && calls.wgsl.contains("fn time(") && !calls.wgsl.contains("depth_at"));
+        assert_eq!((calls.inputs, calls.supplied().len()), (NONE, 2));
+        assert!(
+            !SceneCalls::of(text, Hook::Shutter).reads_frame
+                && !SceneCalls::of(text, Hook::Image).reads_frame
+        );
+        assert_eq!(names(Hook::Surface).collect::<Vec<_>>(), OF_FRAME.map(|(name, _)| name));
     }
 
     #[test]
     fn functions_call_none_of_each_other() {
         for function in &FUNCTIONS {
             let (called, _) = functions_of(function.wgsl);
-            assert!(names().all(|name| !called.contains(name)), "{}", function.name);
+            assert!(names(Hook::Image).all(|name| !called.contains(name)), "{}", function.name);
         }
     }
 
@@ -179,7 +226,8 @@ mod tests {
         let own = |f: &SceneFunction| f.wgsl.starts_with(&format!("fn {}(", f.name));
         assert!(FUNCTIONS.iter().all(own));
         let readme = include_str!("../README.md");
-        let missing: Vec<_> = names().filter(|name| !readme.contains(&format!("| `{name}("))).collect();
+        let missing: Vec<_> =
+            names(Hook::Image).filter(|name| !readme.contains(&format!("| `{name}("))).collect();
         assert!(missing.is_empty(), "README.md does not list {missing:?}");
     }
 }

@@ -165,7 +165,8 @@ pub fn signature(hook: choreo_plugin::Hook) -> &'static Signature {
         Hook::Overlay => &OVERLAY,
         Hook::Outline => &SHELL,
         Hook::Shutter => &SHUTTER,
-        Hook::Pixel => &PIXEL,
+        // `Hook` may grow.
+        _ => &PIXEL,
     }
 }
 

@@ -18,7 +18,8 @@ pub fn of_other_hook(message: &str, head: &Head, declared: &[Declared]) -> Optio
     if declared.iter().any(|(name, ..)| name == wanted) {
         return None;
     }
-    if head.hook != Hook::Image && scene_inputs::names().any(|name| name == wanted) {
+    let is_of = |hook: Hook| scene_inputs::names(hook).any(|name| name == wanted);
+    if is_of(Hook::Image) && !is_of(head.hook) {
         return Some(format!("; {wanted}() is an input of effects with // hook: image"));
     }
     if signature(head.hook).with_history.iter().any(|(name, ..)| *name == wanted) {
@@ -120,7 +121,7 @@ pub fn near<'a>(
 fn of_same_word(wanted: &str, known: &[&str]) -> String {
     // "at" and "from" are in many names.
     let words = |name: &'static str| name.split('_').filter(|word| word.len() > 4);
-    let alike = scene_inputs::names()
+    let alike = scene_inputs::names(Hook::Image)
         .filter(|name| known.contains(name) && words(name).any(|word| wanted.split('_').any(|w| w == word)));
     let alike: Vec<&str> = alike.collect();
     if alike.is_empty() { String::new() } else { format!("; functions of the scene: {}", list(alike, 4)) }

@@ -81,7 +81,8 @@ fn type_of(option: &OptionSpec) -> String {
         OptionKind::Text { .. } => "u32".into(),
         OptionKind::Color { .. } => "vec3<f32>".into(),
         OptionKind::Vector { default, .. } => format!("vec{}<f32>", default.len()),
-        OptionKind::Curve { .. } => format!("array<f32, {CURVE_SAMPLES}>"),
+        // A curve.
+        _ => format!("array<f32, {}>", option.number_count()),
     }
 }
 

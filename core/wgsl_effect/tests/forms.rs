@@ -282,5 +282,8 @@ fn the_examples_of_the_readme_are_effects() {
         effect(&text).hook()
     });
     use Hook::*;
-    assert_eq!(hooks.collect::<Vec<_>>(), [Pixel, Surface, Lighting, Vertex, Image, Image, Overlay, Outline]);
+    assert_eq!(
+        hooks.collect::<Vec<_>>(),
+        [Pixel, Surface, Lighting, Vertex, Image, Vertex, Image, Overlay, Outline]
+    );
 }

@@ -1,7 +1,7 @@
 //! `cargo xtask lessons`: one image of every numbered script, `tests/pictures/lessons/NN.png`, for `scripts/README.md`.
 
 use crate::contact::{Shot, finish, read};
-use crate::{cargo, root, run};
+use crate::{cargo, root, run, target};
 use std::io::BufWriter;
 use std::path::PathBuf;
 use std::process::Command;
@@ -15,9 +15,8 @@ const TIMES: [(&str, &str); 5] = [("01", "3.2"), ("05", "2.6"), ("08", "1.0"), (
 
 pub fn lessons() -> Result<(), String> {
     run(cargo(&["build", "--quiet", "--workspace", "--bin", "choreo"]), "cargo build")?;
-    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
-    let choreo = target.join("debug").join(format!("choreo{}", std::env::consts::EXE_SUFFIX));
-    let work = target.join("lessons");
+    let choreo = target().join("debug").join(format!("choreo{}", std::env::consts::EXE_SUFFIX));
+    let work = target().join("lessons");
     std::fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
     let mut scripts: Vec<PathBuf> = Vec::new();
     for entry in std::fs::read_dir(root().join("scripts")).map_err(|e| format!("scripts: {e}"))?.flatten() {

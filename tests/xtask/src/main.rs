@@ -7,6 +7,7 @@
 //! cargo xtask frames [--quick] [--gpu NAME] [FILTER]  frames a second of scenes, and what each effect costs
 //! cargo xtask fuzz TARGET [--seconds N]      libFuzzer on a target of tests/fuzz
 //! cargo xtask report [NAME…]                 tests/report: error against run time of the project's own choices
+//! cargo xtask book                           the guide as a website in target/guide/book, with its images
 //! cargo xtask contact [FILTER]               every sample file turning, its first clip playing: sheets to look at
 //! cargo xtask lessons                        an image of every numbered script, for scripts/README.md
 //! cargo xtask notices                        the table of THIRD-PARTY.md: crates, versions, licences
@@ -18,6 +19,7 @@
 //! ```
 
 mod bench;
+mod book;
 mod contact;
 mod dist;
 mod frames;
@@ -47,6 +49,7 @@ fn main() -> ExitCode {
         ["measured", rest @ ..] => bench::measured(rest),
         ["fuzz", rest @ ..] => fuzz::fuzz(rest),
         ["report", rest @ ..] => report(rest),
+        ["book"] => book::book(),
         ["contact", rest @ ..] => contact::contact(rest),
         ["lessons"] => lessons::lessons(),
         ["notices"] => notices::notices(),
@@ -58,7 +61,7 @@ fn main() -> ExitCode {
         ["strip", script] => strip::of(script),
         _ => {
             eprintln!(
-                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [--gpu NAME] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | contact [FILTER] | lessons | notices | dist [--check] [--programs DIR] | package | wasm | words | strip [SCRIPT]"
+                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [--gpu NAME] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | book | contact [FILTER] | lessons | notices | dist [--check] [--programs DIR] | package | wasm | words | strip [SCRIPT]"
             );
             return ExitCode::from(2);
         }
@@ -100,8 +103,12 @@ fn report(names: &[&str]) -> Result<(), String> {
 /// Builds the release binary and gives its path.
 fn release_binary() -> Result<PathBuf, String> {
     run(cargo(&["build", "--release", "--quiet", "-p", "choreo"]), "cargo build --release")?;
-    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
-    Ok(target.join("release").join(format!("choreo{}", std::env::consts::EXE_SUFFIX)))
+    Ok(target().join("release").join(format!("choreo{}", std::env::consts::EXE_SUFFIX)))
+}
+
+/// The folder of what cargo builds.
+fn target() -> PathBuf {
+    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
 }
 
 /// Models by other people, for tests and benchmarks; not part of the repository.

@@ -8,7 +8,7 @@ use choreo_motion::spring::parameters::{ColliderShape, SpringChain, SpringCollid
 
 pub(super) fn humanoid(w: &mut Writer, humanoid: &Humanoid) {
     let bones: Vec<u32> = humanoid.bones().flat_map(|(bone, joint)| [bone as u32, joint]).collect();
-    w.pods(&bones, 4);
+    w.numbers(&bones, 4);
     w.option(&humanoid.t_pose(), |w, pose| {
         w.list(pose, |w, joint| {
             w.vec3(joint.translation);
@@ -96,7 +96,7 @@ pub(super) fn springs(w: &mut Writer, springs: &Springs) {
                 w.f32(*value);
             }
         });
-        w.pods(colliders, 4);
+        w.numbers(colliders, 4);
         w.option(center, |w, joint| w.u32(*joint));
     });
 }

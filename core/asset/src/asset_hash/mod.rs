@@ -42,7 +42,7 @@ impl Primitive {
             Topology::Lines => 1,
             Topology::Points => 2,
         });
-        w.pods(indices, 4);
+        w.numbers(indices, 4);
         w.vec3s(positions);
         w.vec3s(normals);
         w.vec4s(tangents);
@@ -50,7 +50,7 @@ impl Primitive {
         w.vec2s(&uvs[1]);
         w.vec4s(colors);
         w.count(*influences);
-        w.pods(joint_indices, 2);
+        w.numbers(joint_indices, 2);
         w.f32s(joint_weights);
         w.list(morphs, |w, morph| {
             w.vec3s(&morph.positions);
@@ -436,7 +436,7 @@ pub(crate) fn asset_hash(asset: &Asset) -> ContentHash {
             w.list(&mesh.morph_names, |w, name| w.text(name));
         });
         w.list(skins, |w, skin| {
-            w.pods(&skin.joints, 4);
+            w.numbers(&skin.joints, 4);
             w.list(&skin.inverse_bind, |w, m| w.mat4(m));
         });
         w.list(instances, |w, instance| {

@@ -23,6 +23,8 @@ const TOLERANCE: u8 = 8;
 struct Variant {
     name: String,
     stage: Stage,
+    /// Motion blur draws all its sub-frames, however little moves.
+    all_sub_frames: bool,
 }
 
 /// Sub-frames of motion blur.
@@ -45,12 +47,15 @@ pub fn motion_blur(scene: &MeasuredScene, moment: &Moment) -> Result<SceneChoice
     counts.sort_unstable();
     counts.dedup();
     let name = |samples: u32| format!("{samples} sub-frame{}", if samples == 1 { "" } else { "s" });
-    let variants: Vec<Variant> = counts.iter().map(|n| Variant { name: name(*n), stage: with(*n) }).collect();
+    let all = |n: &u32| Variant { name: name(*n), stage: with(*n), all_sub_frames: true };
+    let mut variants: Vec<Variant> = counts.iter().map(all).collect();
+    let needed = format!("as many as moving pixels need, at most {given}");
+    variants.push(Variant { name: needed.clone(), stage: with(given), all_sub_frames: false });
     let mut choice = Choice::new("motion_blur", "How many sub-frames make up a frame?");
     choice.reference = "256 sub-frames".into();
     let truth = Reference { stage: with(256), finer: 1 };
     rows(&mut choice, scene, moment, &variants, &truth)?;
-    choice.choose(&name(given), "as the effect's samples are");
+    choice.choose(&needed, "the effect's samples are the most");
     Ok(SceneChoices::Choices(vec![choice]))
 }
 
@@ -71,7 +76,8 @@ pub fn shadows(scene: &MeasuredScene, moment: &Moment) -> Result<SceneChoices, B
     counts.sort_unstable();
     counts.dedup();
     let name = |size: u32| format!("{size} texels a side");
-    let variants: Vec<Variant> = counts.iter().map(|n| Variant { name: name(*n), stage: with(*n) }).collect();
+    let variant = |n: &u32| Variant { name: name(*n), stage: with(*n), all_sub_frames: false };
+    let variants: Vec<Variant> = counts.iter().map(variant).collect();
     let mut choice = Choice::new("shadows", "How large are shadow maps?");
     choice.reference = format!("{largest} texels a side and 64 samples a pixel, which all ways lack alike");
     let truth = Reference { stage: with(largest), finer: FINER };
@@ -92,11 +98,16 @@ struct Drawn<'a> {
     moment: &'a Moment,
     at: Time,
     samples: u32,
+    all_sub_frames: bool,
 }
 
 impl Drawn<'_> {
     fn draw(&mut self, renderer: &mut CpuRenderer, size: [u32; 2]) -> Result<Frame, BenchError> {
-        let options = PlanOptions { effects: &self.moment.effects, ..PlanOptions::new(size, self.samples) };
+        let options = PlanOptions {
+            effects: &self.moment.effects,
+            all_sub_frames: self.all_sub_frames,
+            ..PlanOptions::new(size, self.samples)
+        };
         let plan = plan_at(&self.moment.resources, &mut self.evaluator, self.at, &options, None);
         let (_, plan) = plan.map_err(|e: StageError| BenchError::from(e))?;
         renderer.submit(plan)?;
@@ -115,23 +126,25 @@ fn rows(
     let smaller = (1..=64).find(|n| (width / n) * (height / n) <= MOST_PIXELS).unwrap_or(64);
     let size = [width / smaller, height / smaller].map(|n| n.max(16));
     let samples = scene.stage.settings.samples.unwrap_or(4);
-    let drawn = |stage: &Stage, samples: u32| Drawn {
+    let drawn = |stage: &Stage, samples: u32, all_sub_frames: bool| Drawn {
         evaluator: Evaluator::new(Arc::new(stage.clone())),
         moment,
         at: scene.at,
         samples,
+        all_sub_frames,
     };
     let mut renderer = CpuRenderer::new(&moment.effects);
     renderer.load(moment.resources.clone())?;
     let finer = reference.finer;
     let truth_samples = if finer > 1 { 4 } else { samples };
-    let truth = drawn(&reference.stage, truth_samples).draw(&mut renderer, size.map(|n| n * finer))?;
+    let truth = drawn(&reference.stage, truth_samples, true).draw(&mut renderer, size.map(|n| n * finer))?;
     let truth = if finer > 1 { averaged(&truth, finer) } else { truth };
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
     choice.reference += &format!(", at {}×{}; mean over all channels of all pixels", size[0], size[1]);
     choice.per = format!("image by the CPU renderer, {}", Clock::Process.words());
-    let mut all: Vec<Drawn> = variants.iter().map(|variant| drawn(&variant.stage, samples)).collect();
+    let mut all: Vec<Drawn> =
+        variants.iter().map(|variant| drawn(&variant.stage, samples, variant.all_sub_frames)).collect();
     let mut rows = Vec::new();
     for (variant, drawn) in variants.iter().zip(&mut all) {
         let c = compare(&drawn.draw(&mut renderer, size)?, &truth, TOLERANCE)?;

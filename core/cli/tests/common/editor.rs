@@ -31,10 +31,17 @@ pub fn uri(path: &Path) -> String {
 impl Editor {
     /// A server for a folder, before `initialize`.
     pub fn raw(folder: &Path) -> Editor {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_choreo"))
+        Editor::of(Path::new(env!("CARGO_BIN_EXE_choreo")), folder)
+    }
+
+    /// The server of a program.
+    pub fn of(program: &Path, folder: &Path) -> Editor {
+        let mut child = Command::new(program)
             .args(["lsp", "--stdio"])
             .current_dir(folder)
             .env("CHOREO_PLUGINS", "")
+            // With it, `view` builds the viewer.
+            .env_remove("CARGO")
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()
@@ -61,9 +68,13 @@ impl Editor {
     }
 
     pub fn start(folder: &Path) -> Editor {
-        let mut editor = Editor::raw(folder);
-        let capabilities =
-            json!({ "textDocument": { "completion": { "completionItem": { "snippetSupport": true } } } });
+        Editor::with(Editor::raw(folder), folder, json!({}))
+    }
+
+    /// Begins a session with capabilities beside those of texts.
+    pub fn with(mut editor: Editor, folder: &Path, mut capabilities: Value) -> Editor {
+        capabilities["textDocument"] =
+            json!({ "completion": { "completionItem": { "snippetSupport": true } } });
         let parameters = json!({ "processId": null, "rootUri": uri(folder), "capabilities": capabilities });
         editor.request("initialize", parameters).unwrap();
         editor.notify("initialized", json!({}));
@@ -212,6 +223,21 @@ impl Editor {
         };
         self.wait(fits);
         self.diagnostics[uri].1.clone()
+    }
+
+    /// A request about a document as a whole.
+    pub fn about(&mut self, method: &str, uri: &str) -> Value {
+        self.request(method, json!({ "textDocument": { "uri": uri } })).unwrap()
+    }
+
+    /// Runs a command of the server: its result, or the error's code and message.
+    pub fn execute(&mut self, command: &str, argument: Value) -> Result<Value, (i64, String)> {
+        let id = self.ask("workspace/executeCommand", json!({ "command": command, "arguments": [argument] }));
+        let message = self.wait(|m| m["id"] == id && m.get("method").is_none());
+        match message["error"]["code"].as_i64() {
+            Some(code) => Err((code, message["error"]["message"].as_str().unwrap().to_string())),
+            None => Ok(message["result"].clone()),
+        }
     }
 
     /// Ends the server in order; its exit code.

@@ -108,3 +108,23 @@ pub fn folder() -> tempfile::TempDir {
 pub fn read(folder: &Path, name: &str) -> Vec<u8> {
     std::fs::read(folder.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
+
+/// A Python that imports `module`, from an environment in the folder of build outputs that is made once. `None`, with a message, where
+/// there is no Python or no package index.
+pub fn python_with(module: &str, requirement: &str) -> Option<PathBuf> {
+    let name: String = requirement.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("python_{name}"));
+    let python = folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
+    let works = |program: &Path, args: &[&str]| {
+        Command::new(program).args(args).stdin(Stdio::null()).output().is_ok_and(|run| run.status.success())
+    };
+    let imports = format!("import {module}");
+    let made = works(&python, &["-c", &imports])
+        || (works(Path::new("python3"), &["-m", "venv", &folder.display().to_string()])
+            && works(&python, &["-m", "pip", "install", "--quiet", "--retries", "1", requirement])
+            && works(&python, &["-c", &imports]));
+    if !made {
+        println!("SKIP 1: no Python with {requirement}");
+    }
+    made.then_some(python)
+}

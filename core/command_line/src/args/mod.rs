@@ -73,6 +73,9 @@ pub enum Command {
     /// Begin a project for videos of your own, or a plugin: a crate, or with --single one file
     #[command(after_help = EXIT_CODES)]
     New(NewArgs),
+    /// Lay out scripts in one way: blanks, indentation, blank lines. Line breaks, comments and strings stay
+    #[command(after_help = EXIT_CODES)]
+    Format(FormatArgs),
     /// Serve editors: diagnostics, completion and more over standard input and output (Language Server Protocol)
     #[command(after_help = EXIT_CODES)]
     Lsp(LspArgs),
@@ -124,7 +127,7 @@ pub(crate) struct ImportArgs {
 pub(crate) struct RenderArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// out.mp4, out.gif, out.y4m, out.png (one image), frames/%04d.png, or - for y4m on standard output
+    /// out.mp4, out.gif, out.apng, out.y4m, out.png (one image), frames/%04d.png, or - for y4m on standard output
     #[arg(short, long, value_name = "FILE")]
     pub output: String,
     /// Which frames: 0..120 (120 not included), 0..=119, 30.., one number, every 24th as 0..240:24, or a list as 0,5,9..20
@@ -205,12 +208,32 @@ pub(crate) struct ExportArgs {
     /// An option of the format (see `choreo plugins`); repeatable
     #[arg(long = "export", value_name = "NAME=VALUE")]
     pub export: Vec<String>,
+    /// How far a joint may be from the scene, metres; for formats with the option tolerance
+    #[arg(long, value_name = "METRES")]
+    pub tolerance: Option<String>,
+    /// One animation for each actor instead of one for all; for formats with the option animations
+    #[arg(long, value_name = "WHAT", value_parser = ["actors"])]
+    pub split: Option<String>,
+    /// The clips that actors play, one animation each, in place of the timeline; for formats with the option animations
+    #[arg(long, conflicts_with = "split")]
+    pub clips: bool,
     /// No progress bar, no summary
     #[arg(short, long)]
     pub quiet: bool,
     /// The summary, or what went wrong, as JSON on standard output
     #[arg(long)]
     pub json: bool,
+}
+
+impl ExportArgs {
+    /// The options of the format, those with an argument of their own among them.
+    pub fn given(&self) -> Vec<String> {
+        let mut given = self.export.clone();
+        given.extend(self.tolerance.iter().map(|metres| format!("tolerance={metres}")));
+        given.extend(self.split.iter().map(|what| format!("animations={what}")));
+        given.extend(self.clips.then(|| "animations=clips".to_string()));
+        given
+    }
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
@@ -463,6 +486,16 @@ pub(crate) struct NewArgs {
 }
 
 #[derive(Args, Debug)]
+pub(crate) struct FormatArgs {
+    /// Scripts and folders of them (default: this folder); - reads standard input and prints the result
+    #[arg(value_name = "FILES")]
+    pub paths: Vec<PathBuf>,
+    /// Write nothing; name the scripts that would change, and fail if there are any
+    #[arg(long)]
+    pub check: bool,
+}
+
+#[derive(Args, Debug)]
 pub(crate) struct LspArgs {
     /// Said by editors; there is no other way
     #[arg(long, hide = true)]
@@ -539,7 +572,7 @@ impl Command {
             Command::Test(a) => a.json,
             Command::Plugins(a) => a.json || matches!(a.action, Some(PluginsAction::List { json: true })),
             Command::Help(a) => a.json,
-            Command::New(_) | Command::View(_) | Command::Lsp(_) => false,
+            Command::New(_) | Command::View(_) | Command::Format(_) | Command::Lsp(_) => false,
         }
     }
 }

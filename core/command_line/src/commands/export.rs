@@ -11,7 +11,7 @@ use crate::scene::inputs::Inputs;
 use crate::scene::{self, opening::Opening};
 use choreo_files::PartFile;
 use choreo_plugin::{
-    ExportError, ExportOptions, ExportedScene, Manifest, Registry, SceneExporter, SceneFiles,
+    ExportDeviation, ExportError, ExportOptions, ExportedScene, Manifest, Registry, SceneExporter, SceneFiles,
 };
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -25,12 +25,14 @@ pub fn run(args: &ExportArgs, plugins: &Registry) -> Result<(), Failure> {
     let start = Instant::now();
     let registry = scene::plugins(&args.scene, plugins)?;
     let exporter = exporter(&args.output, &registry)?;
-    let options = options(&args.export, exporter.manifest())?;
+    let options = options(&args.given(), exporter.manifest())?;
     let fps = args.fps.as_deref().map(values::fps).transpose()?;
     let opening = Opening { quiet: args.quiet, ..Opening::TO_DRAW };
     let scene = scene::open(&args.scene, &registry, opening)?;
     let mut exported = ExportedScene::new(&scene.name, scene.stage.clone());
     exported.stem = stem(Path::new(&args.output));
+    let extension = Path::new(&args.output).extension().unwrap_or_default();
+    exported.extension = extension.to_string_lossy().to_lowercase();
     exported.fps = fps.unwrap_or(exported.fps);
     let total = exported.fps.frames_in(scene.stage.settings.length).max(1);
     let frames = args.frames.as_deref().map(|f| values::frames(f, total)).transpose()?;
@@ -44,6 +46,7 @@ pub fn run(args: &ExportArgs, plugins: &Registry) -> Result<(), Failure> {
     let failed = |e| export_failure(&args.output, e);
     let mut files = Files::create(path, &scene.inputs, Budget::new(scene.limits.output))?;
     let notes = exporter.export(&exported, &mut files).map_err(failed)?;
+    let worst = files.worst.take();
     let written = files.commit()?;
     if args.json {
         return print_json(&json!({
@@ -55,6 +58,7 @@ pub fn run(args: &ExportArgs, plugins: &Registry) -> Result<(), Failure> {
             "fps": exported.fps.as_fps(),
             "seconds": start.elapsed().as_secs_f64(),
             "notes": notes,
+            "worst_error": worst.as_ref().map(error_json),
             "warnings": scene.warnings,
             "provenance": exported.provenance.into_iter().collect::<BTreeMap<_, _>>(),
         }));
@@ -65,8 +69,23 @@ pub fn run(args: &ExportArgs, plugins: &Registry) -> Result<(), Failure> {
     if !args.quiet {
         let (frames, secs) = (exported.times.len(), start.elapsed().as_secs_f64());
         print_message(format_args!("{frames} frames in {secs:.1} s: {}", written.join(", ")));
+        worst.iter().for_each(|worst| print_message(error_text(worst)));
     }
     Ok(())
+}
+
+fn error_json(worst: &ExportDeviation) -> serde_json::Value {
+    let ExportDeviation { metres, actor, joint, time } = worst;
+    json!({ "metres": metres, "actor": actor, "joint": joint, "seconds": time.as_secs() })
+}
+
+fn error_text(worst: &ExportDeviation) -> String {
+    let ExportDeviation { metres, actor, joint, time } = worst;
+    if actor.is_empty() {
+        return "largest error: 0 m".into();
+    }
+    let of = if joint.is_empty() { String::new() } else { format!(", joint \"{joint}\"") };
+    format!("largest error: {metres:.1e} m, actor \"{actor}\"{of}, at {:.3} s", time.as_secs())
 }
 
 /// The file's name without folders and extension.
@@ -109,6 +128,7 @@ struct Files<'a> {
     budget: Budget,
     main: OpenFile,
     beside: BTreeMap<String, OpenFile>,
+    worst: Option<ExportDeviation>,
 }
 
 struct OpenFile {
@@ -129,7 +149,7 @@ impl OpenFile {
 impl<'a> Files<'a> {
     fn create(path: &'a Path, inputs: &'a Inputs, budget: Budget) -> Result<Files<'a>, Failure> {
         let main = OpenFile::create(path, inputs, &budget)?;
-        Ok(Files { path, inputs, budget, main, beside: BTreeMap::new() })
+        Ok(Files { path, inputs, budget, main, beside: BTreeMap::new(), worst: None })
     }
 
     /// Moves the files to their places, the main one last; their names.
@@ -177,5 +197,8 @@ impl SceneFiles for Files<'_> {
             }
         };
         Ok(&mut file.out)
+    }
+    fn deviation(&mut self, worst: ExportDeviation) {
+        self.worst = Some(worst);
     }
 }

@@ -6,13 +6,15 @@ use crate::commands::check;
 use crate::failure::{Failure, Problem};
 use crate::project_file;
 use crate::scene;
-use choreo_language_server::{Ended, Host, Project, serve};
+use choreo_language_server::{Ended, Host, Project, Task, serve};
 use choreo_script::{Diagnostic, Limits, Places};
 use choreo_stage::Stage;
+use choreo_test_runner::collect::shown;
 use clap::Parser;
 use std::ffi::OsString;
 use std::io::{BufReader, stdin, stdout};
 use std::path::Path;
+use std::process;
 use std::sync::Arc;
 
 pub fn run(app: &App) -> Result<(), Failure> {
@@ -53,6 +55,38 @@ impl Host for Program {
         });
         problems.chain(places.findings(&on_stage)).collect()
     }
+
+    /// This program again, with the words that a user would type.
+    fn command(&self, task: &Task) -> Result<process::Command, String> {
+        let program =
+            std::env::current_exe().map_err(|e| format!("cannot tell where {} lies: {e}", self.app.name))?;
+        let mut command = process::Command::new(program);
+        match task {
+            Task::Frame { script, secs, output } => {
+                command
+                    .arg("render")
+                    .arg(script)
+                    .args(["--quiet", "--at", &secs.to_string(), "-o"])
+                    .arg(output);
+                command.current_dir(folder(script));
+            }
+            Task::Test { script, section, root } => {
+                let beneath = script.strip_prefix(root).ok();
+                let name = shown(beneath.unwrap_or(script));
+                command.current_dir(if beneath.is_some() { root } else { folder(script) });
+                command.args(["test", &name, "--json"]);
+                command.args(section.map(|section| format!("--filter={name} > {section}")));
+            }
+            Task::View { script, secs } => {
+                command.arg("view").arg(script).args(["--at", &secs.to_string()]).current_dir(folder(script));
+            }
+        }
+        Ok(command)
+    }
+}
+
+fn folder(script: &Path) -> &Path {
+    script.parent().unwrap_or(Path::new("."))
 }
 
 fn in_words(failure: &Failure) -> String {

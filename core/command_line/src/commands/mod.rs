@@ -4,6 +4,7 @@ pub mod check;
 mod compressed;
 pub mod explain;
 pub mod export;
+pub mod format;
 pub mod help;
 pub mod info;
 pub mod lsp;

@@ -43,6 +43,7 @@ fn read_png(mut rest: &[u8]) -> Media {
                 media.width = be32(data, 0).unwrap_or(0);
                 media.height = be32(data, 4).unwrap_or(0);
             }
+            b"acTL" => media.format = "APNG video",
             b"tEXt" | b"iTXt" => {
                 let mut parts = data.splitn(2, |b| *b == 0);
                 if let (Some(key), Some(text)) = (parts.next(), parts.next()) {

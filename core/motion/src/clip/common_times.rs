@@ -4,13 +4,12 @@
 //! with f64). All are then found by one search and interpolated eight at a time.
 
 use crate::clip::key_search::find_interval;
-use crate::clip::tracks::{Channel, WORTH_A_COLUMN, key_value};
+use crate::clip::tracks::{Channel, Strays, key_value};
 use crate::clip::{Curve, Interpolation};
 use crate::math::rotation::slerp;
 use crate::simd::lane::LANES;
 use crate::time::Time;
 use glam::DQuat;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Rows take at most this many times the bytes of the keys, or this many bytes in all: curves of hundreds of keys each at times of their own
@@ -25,30 +24,16 @@ pub(crate) struct CommonTimes {
     pub curves: Vec<Curve>,
 }
 
-/// The curves of a clip that gain by common key times; `groups`: those of equal key times. `None` where there are none.
-pub(crate) fn common_times<'a>(
-    curves: &[Curve],
-    groups: impl Iterator<Item = &'a Vec<usize>>,
-) -> Option<CommonTimes> {
-    let mut columns: BTreeMap<(u32, Channel), Vec<usize>> = BTreeMap::new();
-    for members in groups {
-        let mut own: BTreeMap<(u32, Channel), Vec<usize>> = BTreeMap::new();
-        for &index in members.iter().filter(|i| curves[**i].interpolation == Interpolation::Linear) {
-            let Some(channel) = Channel::of(curves[index].path) else { continue };
-            own.entry((curves[index].joint / LANES as u32, channel)).or_default().push(index);
-        }
-        // The others lie in rows already.
-        own.retain(|_, members| members.len() < WORTH_A_COLUMN);
-        own.into_iter().for_each(|(column, members)| columns.entry(column).or_default().extend(members));
-    }
-    columns.retain(|_, members| members.len() >= WORTH_A_COLUMN);
-    let mut sources: Vec<usize> = columns.values().flatten().copied().collect();
+/// The linear ones of the curves that would stand alone; `None` where there are none, or the rows would be too large.
+pub(crate) fn common_times(curves: &[Curve], strays: &Strays) -> Option<CommonTimes> {
+    let columns = || strays.iter().filter(|((interpolation, ..), _)| *interpolation == Interpolation::Linear);
+    let mut sources: Vec<usize> = columns().flat_map(|(_, members)| members).copied().collect();
     sources.sort_unstable();
     let mut times: Vec<Time> = sources.iter().flat_map(|i| curves[*i].times.iter().copied()).collect();
     times.sort_unstable();
     times.dedup();
     let lanes: usize =
-        columns.keys().map(|(_, channel)| if *channel == Channel::Rotation { 5 } else { 3 }).sum();
+        columns().map(|((.., channel), _)| if *channel == Channel::Rotation { 5 } else { 3 }).sum();
     let bytes = times.len() * lanes * LANES * size_of::<f32>();
     let keys: usize = sources.iter().map(|i| curves[*i].values.len() * size_of::<f32>()).sum();
     if sources.is_empty() || bytes > ALWAYS_BYTES.max(keys * MOST_TIMES_THE_BYTES) {

@@ -6,6 +6,7 @@
 pub(crate) mod common_times;
 pub mod crossfade;
 pub(crate) mod key_search;
+pub(crate) mod own_times;
 pub(crate) mod packed;
 pub(crate) mod property_curve;
 pub mod sample;
@@ -21,7 +22,6 @@ use glam::Quat;
 use packed::Packed;
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
-use thiserror::Error;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Interpolation {
@@ -100,51 +100,96 @@ impl ExpressionCurve {
     }
 }
 
-#[derive(Clone, Debug, PartialEq, Error)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum ClipError {
-    #[error("curve {curve} ({path:?} of joint {joint}): {what}")]
     Curve { curve: usize, joint: u32, path: Path, what: CurveError },
-    #[error("property curve {curve} ({target:?}): {what}")]
     Property { curve: usize, target: PropertyTarget, what: CurveError },
 }
 
+impl std::fmt::Display for ClipError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            ClipError::Curve { curve, joint, path, what } => {
+                write!(f, "curve {curve} ({path:?} of joint {joint}): {what}")
+            }
+            ClipError::Property { curve, target, what } => {
+                write!(f, "property curve {curve} ({target:?}): {what}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for ClipError {}
+
 /// Error of a curve.
-#[derive(Clone, Debug, PartialEq, Error)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum CurveError {
-    #[error("it has no keys")]
     NoKeys,
-    #[error("{keys} keys need {} values ({stride} a key), it has {values}", keys.saturating_mul(*stride))]
     Values { keys: usize, stride: usize, values: usize },
-    #[error("the time of key {key} ({time} s) repeats that of key {} ({time} s); key times must increase", key - 1)]
     TimeRepeats { key: usize, time: f64 },
-    #[error(
-        "the time of key {key} ({time} s) runs backwards from that of key {} ({before} s); key times must increase",
-        key - 1
-    )]
     TimeRunsBackwards { key: usize, time: f64, before: f64 },
-    #[error("key {key} holds {value}, must be finite")]
     NotFinite { key: usize, value: f32 },
-    #[error("key {key} holds {value}, at most ±{MAX_KEY} is allowed")]
     TooLarge { key: usize, value: f32 },
-    #[error("the skeleton has only {0} joints")]
     NoJoint(usize),
-    #[error("{0} morph weights, at most {MAX_WEIGHTS} are allowed")]
     TooManyWeights(u32),
-    #[error("the rotation of key {0} has length zero, must be 1")]
     ZeroRotation(usize),
-    #[error("curve {0} already drives the same property")]
     Duplicate(usize),
-    #[error("it has two curves")]
     TwoCurves,
 }
 
+impl std::fmt::Display for CurveError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            CurveError::NoKeys => f.write_str("it has no keys"),
+            CurveError::Values { keys, stride, values } => write!(
+                f,
+                "{keys} keys need {} values ({stride} a key), it has {values}",
+                keys.saturating_mul(*stride)
+            ),
+            CurveError::TimeRepeats { key, time } => write!(
+                f,
+                "the time of key {key} ({time} s) repeats that of key {} ({time} s); key times must increase",
+                key - 1
+            ),
+            CurveError::TimeRunsBackwards { key, time, before } => write!(
+                f,
+                "the time of key {key} ({time} s) runs backwards from that of key {} ({before} s); key times must increase",
+                key - 1
+            ),
+            CurveError::NotFinite { key, value } => write!(f, "key {key} holds {value}, must be finite"),
+            CurveError::TooLarge { key, value } => {
+                write!(f, "key {key} holds {value}, at most ±{MAX_KEY} is allowed")
+            }
+            CurveError::NoJoint(joints) => write!(f, "the skeleton has only {joints} joints"),
+            CurveError::TooManyWeights(count) => {
+                write!(f, "{count} morph weights, at most {MAX_WEIGHTS} are allowed")
+            }
+            CurveError::ZeroRotation(key) => {
+                write!(f, "the rotation of key {key} has length zero, must be 1")
+            }
+            CurveError::Duplicate(curve) => write!(f, "curve {curve} already drives the same property"),
+            CurveError::TwoCurves => f.write_str("it has two curves"),
+        }
+    }
+}
+
+impl std::error::Error for CurveError {}
+
 /// A curve of an expression that is unsound.
-#[derive(Clone, Debug, PartialEq, Error)]
-#[error("expression \"{name}\": {what}")]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ExpressionError {
     pub name: String,
     pub what: CurveError,
 }
+
+impl std::fmt::Display for ExpressionError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let ExpressionError { name, what } = self;
+        write!(f, "expression \"{name}\": {what}")
+    }
+}
+
+impl std::error::Error for ExpressionError {}
 
 /// Result of a compression.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -85,6 +85,9 @@ pub(crate) fn sample<F: F8>(
         }
         singles::<F>(group, curves, at, blocks, &mut batch);
     }
+    for own in &tracks.own {
+        own.sample::<F>(time, blocks);
+    }
     batch.flush::<F>(blocks);
 }
 
@@ -165,6 +168,20 @@ fn hermite(at: Interval) -> [f32; 4] {
     [2.0 * t3 - 3.0 * t2 + 1.0, span * (t3 - 2.0 * t2 + t), span * (t3 - t2), 3.0 * t2 - 2.0 * t3]
 }
 
+/// [`hermite`] of eight fractions and spans, with the same bits.
+#[inline(always)]
+pub(crate) fn hermite_at<F: F8>(t: F, span_secs: F) -> [F; 4] {
+    let [one, two, three] = [F::splat(1.0), F::splat(2.0), F::splat(3.0)];
+    let t2 = t.mul(t);
+    let t3 = t2.mul(t);
+    [
+        two.mul(t3).sub(three.mul(t2)).add(one),
+        span_secs.mul(t3.sub(two.mul(t2)).add(t)),
+        span_secs.mul(t3.sub(t2)),
+        three.mul(t2).sub(two.mul(t3)),
+    ]
+}
+
 #[inline(always)]
 fn cubic<F: F8>(rows: &Rows, at: Interval, blocks: &mut [PoseBlock]) {
     let len = rows.row_len;
@@ -194,7 +211,7 @@ fn cubic<F: F8>(rows: &Rows, at: Interval, blocks: &mut [PoseBlock]) {
 
 /// Normalizes quaternions; `otherwise` where the length is zero or beyond f32: opposite keys without tangents meet in zero.
 #[inline(always)]
-fn normalized<F: F8>(q: [F; 4], otherwise: [F; 4]) -> [F; 4] {
+pub(crate) fn normalized<F: F8>(q: [F; 4], otherwise: [F; 4]) -> [F; 4] {
     let square = dot(q, q);
     let usable = F::splat(1e-30).less(square);
     let k = F::splat(1.0).div(square.sqrt());
@@ -254,18 +271,10 @@ impl Batch {
             return;
         }
         let (a, b) = (load4::<F>(&self.a), load4::<F>(&self.b));
-        let cos = dot(a, b);
-        // 1 − cos from the chord: near zero the dot product has lost it.
-        let mut square = F::splat(0.0);
-        for i in 0..4 {
-            let chord = a[i].sub(b[i].flipped_by(cos));
-            square = square.add(chord.mul(chord));
-        }
-        let d = square.mul(F::splat(0.5));
-        let (wa, wb) = weights_at::<F>(F::load(&self.fraction), d, self.terms.min(MAX_TERMS));
+        let values = slerp_between(a, b, F::load(&self.fraction), self.terms);
         let mut out = [Lane::splat(0.0); 4];
         for i in 0..4 {
-            a[i].mul(wa).add(b[i].flipped_by(cos).mul(wb)).store(&mut out[i]);
+            values[i].store(&mut out[i]);
         }
         for lane in 0..self.count {
             put(blocks, self.joints[lane], Channel::Rotation, out.map(|row| row.0[lane]));
@@ -273,6 +282,25 @@ impl Batch {
         self.count = 0;
         self.terms = 0;
     }
+}
+
+/// Rotations between eight pairs of keys, on the shorter arc.
+#[inline(always)]
+pub(crate) fn slerp_between<F: F8>(a: [F; 4], b: [F; 4], t: F, terms: usize) -> [F; 4] {
+    let cos = dot(a, b);
+    // 1 − cos from the chord: near zero the dot product has lost it.
+    let mut square = F::splat(0.0);
+    for i in 0..4 {
+        let chord = a[i].sub(b[i].flipped_by(cos));
+        square = square.add(chord.mul(chord));
+    }
+    let d = square.mul(F::splat(0.5));
+    let (wa, wb) = weights_at::<F>(t, d, terms.min(MAX_TERMS));
+    let mut out = a;
+    for i in 0..4 {
+        out[i] = a[i].mul(wa).add(b[i].flipped_by(cos).mul(wb));
+    }
+    out
 }
 
 /// One channel of one joint.

@@ -6,10 +6,12 @@
 //!   frame-major rows: all that one key time holds lies together, eight joints a register. Sampling reads two
 //!   neighbouring rows, so that a random time costs what the next frame costs.
 //! - Linear curves with key times of their own get the key times of all of them ([`crate::clip::common_times`]), so that they can lie in rows, too.
-//! - The few others ("singles") stay as authored, and are gathered eight at a time.
+//! - Where that takes too much memory, and of cubic curves, the keys of eight joints are gathered ([`crate::clip::own_times`]).
+//! - The few others ("singles") stay as authored.
 
 use crate::clip::common_times::{CommonTimes, common_times};
 use crate::clip::key_search::Timeline;
+use crate::clip::own_times::{OwnTimes, fits};
 use crate::clip::packed::Packed;
 use crate::clip::slerp_series::{one_minus_cos, terms_for};
 use crate::clip::{Curve, Interpolation, Path};
@@ -112,6 +114,8 @@ pub(crate) struct Tracks {
     /// Translations, rotations, scales.
     pub constants: Vec<Constant>,
     pub groups: Vec<Group>,
+    /// Linear and cubic curves with key times of their own.
+    pub own: [OwnTimes; 2],
     /// Decoder data of a compressed clip.
     pub packed: Option<Arc<Packed>>,
     /// Whether every joint has a curve, by channel.
@@ -123,7 +127,28 @@ pub(crate) struct Tracks {
 /// Below this share of a pose block's joints, curves stay single: rows would be mostly empty.
 pub(crate) const WORTH_A_COLUMN: usize = 4;
 
-type Lanes<'a> = [Option<&'a Curve>; LANES];
+pub(crate) type Lanes<'a> = [Option<&'a Curve>; LANES];
+
+/// Curves that would stand alone, where enough joints of a block have one: by interpolation, block and channel.
+pub(crate) type Strays = BTreeMap<(Interpolation, u32, Channel), Vec<usize>>;
+
+/// `groups`: the curves of equal key times.
+fn strays<'a>(curves: &[Curve], groups: impl Iterator<Item = &'a Vec<usize>>) -> Strays {
+    let mut columns = Strays::new();
+    for members in groups {
+        let mut own = Strays::new();
+        for &index in members {
+            let Some(channel) = Channel::of(curves[index].path) else { continue };
+            let key = (curves[index].interpolation, curves[index].joint / LANES as u32, channel);
+            own.entry(key).or_default().push(index);
+        }
+        // The others lie in rows already.
+        own.retain(|_, members| members.len() < WORTH_A_COLUMN);
+        own.into_iter().for_each(|(column, members)| columns.entry(column).or_default().extend(members));
+    }
+    columns.retain(|_, members| members.len() >= WORTH_A_COLUMN);
+    columns
+}
 
 impl Tracks {
     /// All but scales.
@@ -151,20 +176,29 @@ impl Tracks {
                 groups.entry(&curve.times).or_default().push(index);
             }
         }
-        let merged = common_times(curves, groups.values());
-        let strays = merged.as_ref().map_or(&[][..], |merged| &merged.sources);
-        groups.values_mut().for_each(|members| members.retain(|index| !strays.contains(index)));
+        let mut strays = strays(curves, groups.values());
+        let merged = common_times(curves, &strays);
+        let mut elsewhere = vec![false; curves.len()];
+        merged.iter().flat_map(|merged| &merged.sources).for_each(|index| elsewhere[*index] = true);
+        strays.retain(|_, members| members.iter().all(|index| !elsewhere[*index] && fits(&curves[*index])));
+        strays.values().flatten().for_each(|index| elsewhere[*index] = true);
+        groups.values_mut().for_each(|members| members.retain(|index| !elsewhere[*index]));
         groups.retain(|_, members| !members.is_empty());
         let merged = merged.map(|CommonTimes { curves, .. }| {
             let members: Vec<usize> = (0..curves.len()).collect();
             Group::pack(joint_count, &curves, &members)
         });
+        let own = |interpolation: Interpolation| {
+            let of = strays.iter().filter(|((of, ..), _)| *of == interpolation);
+            OwnTimes::pack(curves, of.map(|((_, block, channel), members)| (*block, *channel, &members[..])))
+        };
         for (column, packed) in packed.iter().flat_map(|p| p.columns().map(move |c| (c, p))) {
             driven[column.channel as usize] += packed.joints(column, joint_count).len();
             unit_scale &= column.channel != Channel::Scale;
         }
         Tracks {
             packed: packed.cloned(),
+            own: [Interpolation::Linear, Interpolation::CubicSpline].map(own),
             constants: constants
                 .into_iter()
                 .map(|((channel, block), lanes)| Constant {
@@ -244,7 +278,7 @@ pub(crate) fn key_value(curve: &Curve, key: usize) -> [f32; 4] {
 }
 
 /// The `at`th of the parts that a key holds: one, or in-tangent, value, out-tangent.
-fn part(curve: &Curve, key: usize, at: usize) -> [f32; 4] {
+pub(crate) fn part(curve: &Curve, key: usize, at: usize) -> [f32; 4] {
     let width = curve.path.width();
     let from = key * curve.stride() + at * width;
     let mut out = [0.0; 4];
@@ -252,7 +286,7 @@ fn part(curve: &Curve, key: usize, at: usize) -> [f32; 4] {
     out
 }
 
-fn column(joint_count: usize, block: u32, channel: Channel, lanes: &Lanes) -> Column {
+pub(crate) fn column(joint_count: usize, block: u32, channel: Channel, lanes: &Lanes) -> Column {
     let first = block as usize * LANES;
     let full = (0..LANES).all(|lane| lanes[lane].is_some() || first + lane >= joint_count);
     let mask = Lane(lanes.map(|l| f32::from_bits(if l.is_some() { u32::MAX } else { 0 })));

@@ -25,15 +25,27 @@ use fit::Fits;
 use grid::Grid;
 use pack::pack;
 use std::sync::Arc;
-use thiserror::Error;
 
-#[derive(Clone, Debug, PartialEq, Error)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum CompressError {
-    #[error("the tolerance of {0} m must be from 0.000001 m to 0.1 m")]
     Tolerance(f64),
-    #[error("the clip \"{clip}\" is of {joints} joints, the skeleton of {expected}")]
     Joints { clip: String, joints: usize, expected: usize },
 }
+
+impl std::fmt::Display for CompressError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            CompressError::Tolerance(tolerance) => {
+                write!(f, "the tolerance of {tolerance} m must be from 0.000001 m to 0.1 m")
+            }
+            CompressError::Joints { clip, joints, expected } => {
+                write!(f, "the clip \"{clip}\" is of {joints} joints, the skeleton of {expected}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for CompressError {}
 
 /// How often the tolerances of single curves are lowered until all holds.
 const ROUNDS: usize = 13;

@@ -5,7 +5,6 @@ use crate::clip::{Clip, Curve, Interpolation, Path};
 use crate::pose::Pose;
 use crate::time::{FrameRate, Time};
 use std::sync::Arc;
-use thiserror::Error;
 
 /// How far a baked clip is from its source, at worst; measured at every source key and between every two baked ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -18,15 +17,24 @@ pub struct BakeDeviation {
     pub scale: f64,
 }
 
-#[derive(Clone, Debug, PartialEq, Error)]
-#[error(
-    "baking the clip \"{clip}\" at {fps} frames/s makes {floats} numbers, at most {MAX_BAKED_FLOATS} are allowed; choose a lower rate"
-)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct BakeError {
     pub clip: String,
     pub fps: f64,
     pub floats: u128,
 }
+
+impl std::fmt::Display for BakeError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let BakeError { clip, fps, floats } = self;
+        write!(
+            f,
+            "baking the clip \"{clip}\" at {fps} frames/s makes {floats} numbers, at most {MAX_BAKED_FLOATS} are allowed; choose a lower rate"
+        )
+    }
+}
+
+impl std::error::Error for BakeError {}
 
 /// Numbers that a baked clip may hold: 256 MiB.
 pub(crate) const MAX_BAKED_FLOATS: u128 = 1 << 26;

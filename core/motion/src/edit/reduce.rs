@@ -12,7 +12,6 @@ use crate::skeleton::model_rest_pose::ModelRestPose;
 use crate::time::Time;
 use glam::{DAffine3, DQuat, DVec3};
 use std::sync::Arc;
-use thiserror::Error;
 
 /// Whether curves that share key times keep sharing them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -22,6 +21,8 @@ pub enum KeptTimes {
     Fewest,
     /// Curves that share their key times keep the same ones: sampled fastest.
     Shared,
+    /// Each curve keeps keys at times of its own.
+    Own,
 }
 
 /// Result of a reduction. Errors are in metres of the model, of any joint's position and of a point 10 cm from it along each axis.
@@ -33,13 +34,26 @@ pub struct ReductionReport {
     pub worst_m: f64,
 }
 
-#[derive(Clone, Debug, PartialEq, Error)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum ReduceError {
-    #[error("the tolerance of {0} m must be from 0 m to 1 m")]
     Tolerance(f64),
-    #[error("the clip \"{clip}\" is of {joints} joints, the skeleton of {expected}")]
     Joints { clip: String, joints: usize, expected: usize },
 }
+
+impl std::fmt::Display for ReduceError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            ReduceError::Tolerance(tolerance) => {
+                write!(f, "the tolerance of {tolerance} m must be from 0 m to 1 m")
+            }
+            ReduceError::Joints { clip, joints, expected } => {
+                write!(f, "the clip \"{clip}\" is of {joints} joints, the skeleton of {expected}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for ReduceError {}
 
 /// A point that turns with a joint is at least this far from it, metres: fingertips and a hat also turn.
 const SHELL: f64 = 0.1;
@@ -63,7 +77,11 @@ impl Clip {
             return Err(ReduceError::Joints { clip: self.name.clone(), joints, expected });
         }
         let reach = Reach::of(skeleton);
-        let ways: &[bool] = if keep == KeptTimes::Shared { &[true] } else { &[false, true] };
+        let ways: &[bool] = match keep {
+            KeptTimes::Shared => &[true],
+            KeptTimes::Own => &[false],
+            KeptTimes::Fewest => &[false, true],
+        };
         let reduced =
             ways.iter().filter_map(|shared| self.reduced_by(skeleton, &reach, tolerance_m, *shared));
         let all = ReductionReport { keys: [self.keys(); 2], bytes: [bytes(self); 2], worst_m: 0.0 };

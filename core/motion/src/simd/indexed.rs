@@ -59,7 +59,8 @@ impl<'a, T> Indexed<'a, T> {
     #[inline(always)]
     pub fn four(&self, four: usize) -> [&'a T; 4] {
         let indices = &self.indices.as_chunks::<4>().0[four];
-        let all = u64::from_le_bytes(bytemuck::cast(indices.map(u16::to_le)));
+        // SAFETY: both are eight bytes, and any eight are a number.
+        let all = unsafe { std::mem::transmute::<[u16; 4], u64>(indices.map(u16::to_le)) }.to_le();
         let (a, b, c, d) = (all & 0xFFFF, (all >> 16) & 0xFFFF, (all >> 32) & 0xFFFF, all >> 48);
         // SAFETY: `new` has compared the largest of these indices with the length of this list, which is borrowed, as they are,
         // and so has not changed since.

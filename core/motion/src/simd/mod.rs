@@ -19,7 +19,7 @@ mod vertices;
 
 pub(crate) use indexed::{Indexed, Indices};
 pub(crate) use streams::{Block, Deformed, Deformer, VertexStreams};
-pub(crate) use vertices::{Lanes, Rows, VertexKernel, Vertices, dispatch_vertices};
+pub(crate) use vertices::{Lanes, Rows, VertexKernel, Vertices, arrays, arrays_mut, dispatch_vertices};
 
 use glam::Affine3A;
 use lane::{LANES, Lane};

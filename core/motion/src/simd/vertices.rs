@@ -1,7 +1,7 @@
 //! Operations of a register that skinning needs: as many vertices at a time as it has lanes.
 
 use super::{F8, Level, portable::Array};
-use glam::Affine3A;
+use glam::{Affine3A, Vec3};
 
 /// Floats side by side.
 pub(crate) trait Lanes: Copy {
@@ -96,6 +96,22 @@ impl<F: F8> Vertices for F {
     fn put_points(rows: [F; 3], points: &mut [[f32; 3]]) {
         F::store_points(rows, points.first_chunk_mut().expect(BLOCK));
     }
+}
+
+const _: () = assert!(size_of::<Vec3>() == size_of::<[f32; 3]>() && align_of::<Vec3>() == align_of::<f32>());
+
+/// Points as arrays of their components.
+#[inline(always)]
+pub(crate) fn arrays(points: &[Vec3]) -> &[[f32; 3]] {
+    // SAFETY: a `Vec3` is three floats in their order (`repr(C)`), as just asserted without padding; all floats are valid.
+    unsafe { std::slice::from_raw_parts(points.as_ptr().cast(), points.len()) }
+}
+
+/// Points as arrays of their components, to be changed.
+#[inline(always)]
+pub(crate) fn arrays_mut(points: &mut [Vec3]) -> &mut [[f32; 3]] {
+    // SAFETY: as in `arrays`.
+    unsafe { std::slice::from_raw_parts_mut(points.as_mut_ptr().cast(), points.len()) }
 }
 
 /// Panic message where a block of vertices is too short.

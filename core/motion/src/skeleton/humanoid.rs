@@ -8,7 +8,6 @@ use crate::skeleton::Skeleton;
 use glam::{DAffine3, DMat3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use thiserror::Error;
 
 /// Names a bone once: variant, name in VRM 1.0, name in [`crate::skeleton::joint_names::humanoid_name`] ("" where that has none), parent.
 macro_rules! bones {
@@ -127,17 +126,34 @@ pub struct Humanoid {
     t_pose: Option<Arc<[Transform]>>,
 }
 
-#[derive(Clone, Debug, PartialEq, Error)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum HumanoidError {
-    #[error("joint {joint} is both {first} and {second}")]
     Twice { joint: u32, first: &'static str, second: &'static str },
-    #[error("{bone} is given twice, as joint {first} and as joint {second}")]
     Again { bone: &'static str, first: u32, second: u32 },
-    #[error("{bone} is joint {joint}, but the skeleton has {joints} joints")]
     OutOfRange { bone: &'static str, joint: u32, joints: usize },
-    #[error("the T-pose has {given} transforms, the skeleton {joints} joints")]
     TPose { given: usize, joints: usize },
 }
+
+impl std::fmt::Display for HumanoidError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            HumanoidError::Twice { joint, first, second } => {
+                write!(f, "joint {joint} is both {first} and {second}")
+            }
+            HumanoidError::Again { bone, first, second } => {
+                write!(f, "{bone} is given twice, as joint {first} and as joint {second}")
+            }
+            HumanoidError::OutOfRange { bone, joint, joints } => {
+                write!(f, "{bone} is joint {joint}, but the skeleton has {joints} joints")
+            }
+            HumanoidError::TPose { given, joints } => {
+                write!(f, "the T-pose has {given} transforms, the skeleton {joints} joints")
+            }
+        }
+    }
+}
+
+impl std::error::Error for HumanoidError {}
 
 impl Humanoid {
     /// Each bone and each joint at most once. The T-pose is the skeleton's rest pose.

@@ -10,7 +10,6 @@ pub(crate) mod symmetry;
 use crate::math::transform::Transform;
 use crate::skeleton::humanoid::{HumanBone, Humanoid, HumanoidError};
 use std::sync::Arc;
-use thiserror::Error;
 
 /// Joints in parent-first order: `parents[i]` is `None` or smaller than `i`. Any number of roots and joints.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -23,18 +22,39 @@ pub struct Skeleton {
     humanoid: Option<Arc<Humanoid>>,
 }
 
-#[derive(Clone, Debug, PartialEq, Error)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum SkeletonError {
-    #[error("skeleton lists differ in length: {names} names, {parents} parents, {rest} rest transforms")]
     Lengths { names: usize, parents: usize, rest: usize },
-    #[error(
-        "joint {joint} (\"{name}\") comes before its parent {parent}; joints must be in parent-first order"
-    )]
     NotParentFirst { joint: usize, name: String, parent: u32 },
-    #[error("rest transform of joint {joint} (\"{name}\") is not finite")]
     NotFinite { joint: usize, name: String },
-    #[error(transparent)]
-    Humanoid(#[from] HumanoidError),
+    Humanoid(HumanoidError),
+}
+
+impl std::fmt::Display for SkeletonError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            SkeletonError::Lengths { names, parents, rest } => write!(
+                f,
+                "skeleton lists differ in length: {names} names, {parents} parents, {rest} rest transforms"
+            ),
+            SkeletonError::NotParentFirst { joint, name, parent } => write!(
+                f,
+                "joint {joint} (\"{name}\") comes before its parent {parent}; joints must be in parent-first order"
+            ),
+            SkeletonError::NotFinite { joint, name } => {
+                write!(f, "rest transform of joint {joint} (\"{name}\") is not finite")
+            }
+            SkeletonError::Humanoid(error) => error.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for SkeletonError {}
+
+impl From<HumanoidError> for SkeletonError {
+    fn from(error: HumanoidError) -> SkeletonError {
+        SkeletonError::Humanoid(error)
+    }
 }
 
 impl Skeleton {

@@ -7,15 +7,22 @@ use crate::skeleton::model_rest_pose::ModelRestPose;
 use crate::skeleton::sides::{Side, side_of};
 use glam::{DQuat, DVec3, Quat, Vec3};
 use std::collections::BTreeMap;
-use thiserror::Error;
 
-#[derive(Clone, Debug, PartialEq, Error)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum MirrorError {
-    #[error(
-        "no joint of the left has a partner on the right by its name (LeftArm and RightArm, arm.l and arm.r, …)"
-    )]
     NoPairs,
 }
+
+impl std::fmt::Display for MirrorError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let MirrorError::NoPairs = self;
+        f.write_str(
+            "no joint of the left has a partner on the right by its name (LeftArm and RightArm, arm.l and arm.r, …)",
+        )
+    }
+}
+
+impl std::error::Error for MirrorError {}
 
 /// How the joints of a skeleton change sides.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,8 +2,8 @@
 
 use crate::input_error::InputError;
 use crate::simd::{
-    Block, Deformed, Deformer, F8, Indexed, Lanes, Level, VertexKernel, VertexStreams, Vertices,
-    dispatch_vertices,
+    Block, Deformed, Deformer, F8, Indexed, Lanes, Level, VertexKernel, VertexStreams, Vertices, arrays,
+    arrays_mut, dispatch_vertices,
 };
 use crate::skinning::dual_quaternion::StretchedDualQuaternion;
 use crate::skinning::linear::{
@@ -85,10 +85,10 @@ impl VertexKernel for DualVertices<'_, '_> {
             influences: job.influences,
             joint_indices: job.joint_indices,
             joint_weights: job.joint_weights,
-            positions: bytemuck::cast_slice(job.positions),
-            normals: bytemuck::cast_slice(job.normals),
-            out_positions: bytemuck::cast_slice_mut(job.out_positions),
-            out_normals: bytemuck::cast_slice_mut(job.out_normals),
+            positions: arrays(job.positions),
+            normals: arrays(job.normals),
+            out_positions: arrays_mut(job.out_positions),
+            out_normals: arrays_mut(job.out_normals),
         };
         if job.stretches.is_empty() {
             streams.run::<F, _>(&Rigid(job.motions));

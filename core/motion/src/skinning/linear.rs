@@ -2,8 +2,8 @@
 
 use crate::input_error::InputError;
 use crate::simd::{
-    Block, Deformed, Deformer, Indexed, Lanes, Level, Rows, VertexKernel, VertexStreams, Vertices,
-    dispatch_vertices,
+    Block, Deformed, Deformer, Indexed, Lanes, Level, Rows, VertexKernel, VertexStreams, Vertices, arrays,
+    arrays_mut, dispatch_vertices,
 };
 use glam::{Affine3A, Mat4, Vec3};
 
@@ -108,10 +108,10 @@ impl VertexKernel for SkinVertices<'_, '_> {
             influences: job.influences,
             joint_indices: job.joint_indices,
             joint_weights: job.joint_weights,
-            positions: bytemuck::cast_slice(job.positions),
-            normals: bytemuck::cast_slice(job.normals),
-            out_positions: bytemuck::cast_slice_mut(job.out_positions),
-            out_normals: bytemuck::cast_slice_mut(job.out_normals),
+            positions: arrays(job.positions),
+            normals: arrays(job.normals),
+            out_positions: arrays_mut(job.out_positions),
+            out_normals: arrays_mut(job.out_normals),
         }
         .run::<F, _>(&Linear(Palette::new().of(job.matrices, job.positions.len())));
     }

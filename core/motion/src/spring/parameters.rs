@@ -17,7 +17,6 @@
 //! tune at 60 steps a second.
 
 use glam::Vec3;
-use thiserror::Error;
 
 /// All springs of a skeleton. Joint indices are those of the skeleton.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -92,12 +91,20 @@ pub enum ColliderShape {
 }
 
 /// A parameter that a solver cannot work with; `place` is a path like `chains[1].joints[0]`.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("{place}: {what}")]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SpringError {
     pub place: String,
     pub what: String,
 }
+
+impl std::fmt::Display for SpringError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let SpringError { place, what } = self;
+        write!(f, "{place}: {what}")
+    }
+}
+
+impl std::error::Error for SpringError {}
 
 impl Springs {
     pub fn is_empty(&self) -> bool {

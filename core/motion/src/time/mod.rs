@@ -5,7 +5,6 @@ pub mod ease;
 pub mod playback;
 
 use std::ops::{Add, AddAssign, Neg, Sub, SubAssign};
-use thiserror::Error;
 
 /// A point in time or a duration, in ticks. Arithmetic saturates: ±414 000 years is the end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -106,16 +105,26 @@ fn ratio(number: f64) -> Option<FrameRate> {
 }
 
 /// Why a number is no frame rate.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameRateError {
-    #[error("must be from 0.001 to 1000")]
     Range,
     /// Video files hold such a ratio.
-    #[error(
-        "must be a ratio of whole numbers below 2147483648, such as any number of up to 6 decimal places"
-    )]
     Ratio,
 }
+
+impl std::fmt::Display for FrameRateError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            FrameRateError::Range => f.write_str("must be from 0.001 to 1000"),
+            FrameRateError::Ratio => f.write_str(
+                "must be a ratio of whole numbers below 2147483648, such as any number of up to 6 decimal \
+                 places",
+            ),
+        }
+    }
+}
+
+impl std::error::Error for FrameRateError {}
 
 /// Frames per second as a ratio: 30 is 30/1, 29.97 is 30000/1001.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

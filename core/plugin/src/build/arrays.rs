@@ -9,6 +9,13 @@ use glam::{Vec2, Vec3, Vec4};
 ///
 /// # Errors
 /// An array of the wrong length, a number that is not finite, an index beyond the vertices.
+///
+/// ```
+/// use choreo_plugin::{MeshData, build::primitive};
+/// let triangle = MeshData { positions: vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0], ..MeshData::default() };
+/// assert_eq!(primitive(&triangle)?.indices, [0, 1, 2]);
+/// # Ok::<(), choreo_plugin::BuildError>(())
+/// ```
 pub fn primitive(data: &MeshData) -> Result<Primitive> {
     let positions = vectors::<3>(&data.positions, "positions", None)?;
     let vertices = positions.len();

@@ -16,12 +16,18 @@ use choreo_motion::{Clip, Curve, Skeleton, Transform};
 use glam::Mat4;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use thiserror::Error;
 
 /// Error of an array: its name, the element, and the condition that must hold.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("{0}")]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BuildError(pub String);
+
+impl std::fmt::Display for BuildError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for BuildError {}
 
 type Result<T> = std::result::Result<T, BuildError>;
 
@@ -123,6 +129,18 @@ pub const MOST: usize = 1 << 27;
 
 impl AssetBuilder {
     /// A node; its parent must have been made before. `rest` is parent-from-joint.
+    ///
+    /// # Errors
+    /// A parent that does not exist yet, a transform that is not finite, a rotation whose length is not 1.
+    ///
+    /// ```
+    /// use choreo_plugin::motion::Transform;
+    /// # let mut builder = choreo_plugin::AssetBuilder::default();
+    /// let hips = builder.joint("hips", None, Transform::IDENTITY)?;
+    /// let spine = builder.joint("spine", Some(hips), Transform { translation: [0.0, 0.4, 0.0].into(), ..Transform::IDENTITY })?;
+    /// assert_eq!((hips, spine, builder.joints()), (0, 1, &["hips".to_string(), "spine".to_string()][..]));
+    /// # Ok::<(), choreo_plugin::BuildError>(())
+    /// ```
     pub fn joint(&mut self, name: &str, parent: Option<u32>, rest: Transform) -> Result<u32> {
         let count = self.names.len();
         if let Some(parent) = parent
@@ -157,6 +175,18 @@ impl AssetBuilder {
     }
 
     /// 8 bits a channel, rows from the top: 1 (gray), 3 (RGB) or 4 (RGBA) bytes a pixel.
+    ///
+    /// # Errors
+    /// Another number of bytes, or no pixels.
+    ///
+    /// ```
+    /// # let mut builder = choreo_plugin::AssetBuilder::default();
+    /// let gray = builder.image("checker", 2, 1, &[0, 255])?;
+    /// let error = builder.image("checker", 2, 1, &[0, 255, 0]).unwrap_err();
+    /// assert_eq!(error.to_string(), "image \"checker\": 2×1 pixels need 1, 3 or 4 bytes each, got 3 bytes");
+    /// # assert_eq!(gray, 0);
+    /// # Ok::<(), choreo_plugin::BuildError>(())
+    /// ```
     pub fn image(&mut self, name: &str, width: u32, height: u32, pixels: &[u8]) -> Result<u32> {
         let image = image(name, width, height, pixels)?;
         self.asset.images.push(Arc::new(image));
@@ -164,6 +194,21 @@ impl AssetBuilder {
     }
 
     /// Its textures must have been made before. Meshes whose material has a normal map get tangents.
+    ///
+    /// # Errors
+    /// A texture of an image that does not exist yet.
+    ///
+    /// ```
+    /// use choreo_plugin::asset::{Material, Sampler, TextureRef};
+    /// use choreo_plugin::glam::Affine2;
+    /// # let mut builder = choreo_plugin::AssetBuilder::default();
+    /// let image = builder.image("bricks", 1, 1, &[150, 70, 60])?;
+    /// let uv_transform = Affine2::IDENTITY;
+    /// let texture = Some(TextureRef { image, sampler: Sampler::default(), uv_set: 0, uv_transform });
+    /// let bricks = builder.material(Material { name: "bricks".into(), base_color_texture: texture, ..Material::default() })?;
+    /// # assert_eq!(bricks, 0);
+    /// # Ok::<(), choreo_plugin::BuildError>(())
+    /// ```
     pub fn material(&mut self, material: Material) -> Result<u32> {
         let textures = [
             &material.base_color_texture,
@@ -186,6 +231,17 @@ impl AssetBuilder {
     }
 
     /// Checks the arrays and adds the mesh. The error names the array and the element.
+    ///
+    /// # Errors
+    /// An array of the wrong length, a number that is not finite, an index, joint or material that does not exist.
+    ///
+    /// ```
+    /// use choreo_plugin::MeshData;
+    /// # let mut builder = choreo_plugin::AssetBuilder::default();
+    /// let positions = vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, f32::NAN];
+    /// let error = builder.mesh(MeshData { name: "leaf".into(), positions, ..MeshData::default() }).unwrap_err();
+    /// assert!(error.to_string().starts_with("mesh \"leaf\": positions"), "{error}");
+    /// ```
     pub fn mesh(&mut self, data: MeshData) -> Result<u32> {
         let name = match data.name.as_str() {
             "" => format!("mesh {}", self.asset.meshes.len()),
@@ -251,6 +307,14 @@ impl AssetBuilder {
     ///
     /// # Errors
     /// A joint that does not exist.
+    ///
+    /// ```
+    /// use choreo_plugin::asset::Projection;
+    /// # let mut builder = choreo_plugin::AssetBuilder::default();
+    /// builder.camera("close", None, Projection::default())?;
+    /// assert_eq!(builder.finish("set")?.cameras[0].name, "close");
+    /// # Ok::<(), choreo_plugin::BuildError>(())
+    /// ```
     pub fn camera(&mut self, name: &str, joint: Option<u32>, projection: Projection) -> Result<u32> {
         let joint = self.joint_of(&format!("camera \"{name}\""), name, joint)?;
         self.asset.cameras.push(AssetCamera { name: name.to_string(), joint, projection });
@@ -261,6 +325,17 @@ impl AssetBuilder {
     ///
     /// # Errors
     /// A joint that does not exist, a cone or an intensity that no light can have.
+    ///
+    /// ```
+    /// use choreo_plugin::asset::{Light, LightKind};
+    /// use choreo_plugin::glam::Vec3;
+    /// # let mut builder = choreo_plugin::AssetBuilder::default();
+    /// let lamp = Light { kind: LightKind::Point, color: Vec3::ONE, intensity: 100.0, range: None };
+    /// builder.light("lamp", None, lamp)?;
+    /// let error = builder.light("hole", None, Light { intensity: -1.0, ..lamp }).unwrap_err();
+    /// assert!(error.to_string().starts_with("light \"hole\": color and intensity"));
+    /// # Ok::<(), choreo_plugin::BuildError>(())
+    /// ```
     pub fn light(&mut self, name: &str, joint: Option<u32>, light: Light) -> Result<u32> {
         let what = format!("light \"{name}\"");
         if let Some(problem) = light.kind.problem() {
@@ -278,6 +353,21 @@ impl AssetBuilder {
     }
 
     /// Curves are checked when the asset is finished, when all joints are known.
+    ///
+    /// ```
+    /// use choreo_plugin::motion::{Curve, Interpolation, Path, Time, Transform};
+    /// # let mut builder = choreo_plugin::AssetBuilder::default();
+    /// let hips = builder.joint("hips", None, Transform::IDENTITY)?;
+    /// builder.clip("rise", vec![Curve {
+    ///     joint: hips,
+    ///     path: Path::Translation,
+    ///     interpolation: Interpolation::Linear,
+    ///     times: [0.0, 2.0].map(Time::from_secs).into(),
+    ///     values: [0.0, 0.0, 0.0, 0.0, 1.0, 0.0].into(),
+    /// }]);
+    /// assert_eq!(builder.finish("lift")?.clips[0].duration, Time::from_secs(2.0));
+    /// # Ok::<(), choreo_plugin::BuildError>(())
+    /// ```
     pub fn clip(&mut self, name: &str, curves: Vec<Curve>) {
         self.clips.push((name.to_string(), curves));
     }
@@ -288,11 +378,28 @@ impl AssetBuilder {
     }
 
     /// Adds a warning about something that was guessed or left out.
+    ///
+    /// ```
+    /// # let mut builder = choreo_plugin::AssetBuilder::default();
+    /// builder.warn("chunk 7", "it is of an unknown kind, and left out");
+    /// assert_eq!((builder.warnings(), builder.finish("a")?.warnings[0].place.as_str()), (1, "chunk 7"));
+    /// # Ok::<(), choreo_plugin::BuildError>(())
+    /// ```
     pub fn warn(&mut self, place: &str, text: &str) {
         self.asset.warnings.push(Warning { place: place.to_string(), text: text.to_string() });
     }
 
     /// Checks the skeleton and the clips, and gives the asset.
+    ///
+    /// # Errors
+    /// A clip whose curves do not fit the joints, or keys that are not finite or out of order.
+    ///
+    /// ```
+    /// # let mut builder = choreo_plugin::AssetBuilder::default();
+    /// let asset = builder.finish("nothing")?;
+    /// assert_eq!((asset.skeleton.len(), asset.meshes.len()), (1, 0));
+    /// # Ok::<(), choreo_plugin::BuildError>(())
+    /// ```
     pub fn finish(mut self, name: &str) -> Result<Asset> {
         if self.names.is_empty() {
             self.joint("root", None, Transform::IDENTITY)?;

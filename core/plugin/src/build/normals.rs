@@ -55,6 +55,11 @@ fn copy_vertex(p: &mut Primitive, vertex: usize) -> u32 {
 
 /// The vector at length 1; `None` for a zero vector and for values that are not finite. Lengths whose square does not fit a
 /// 32-bit float are computed in double precision.
+///
+/// ```
+/// use choreo_plugin::{build::normals::unit, glam::Vec3};
+/// assert_eq!((unit(Vec3::Y * 1e-30), unit(Vec3::ZERO)), (Some(Vec3::Y), None));
+/// ```
 pub fn unit(v: Vec3) -> Option<Vec3> {
     let near = v.try_normalize().filter(|n| (n.length_squared() - 1.0).abs() < 1e-5);
     near.or_else(|| v.as_dvec3().try_normalize().map(|n| n.as_vec3()))
@@ -88,6 +93,15 @@ pub fn replace_zero(p: &mut Primitive) {
 }
 
 /// glTF 2.0 §3.7.2.1: without normals, a client must compute flat ones.
+///
+/// ```
+/// use choreo_plugin::{MeshData, build, glam::Vec3};
+/// let triangle = MeshData { positions: vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0], ..MeshData::default() };
+/// let mut primitive = build::primitive(&triangle)?;
+/// build::normals::flat(&mut primitive);
+/// assert_eq!(primitive.normals, [Vec3::Z; 3]);
+/// # Ok::<(), choreo_plugin::BuildError>(())
+/// ```
 pub fn flat(p: &mut Primitive) {
     let face_normals: Vec<Vec3> = p.indices.chunks_exact(3).map(|t| of_triangle(&p.positions, t)).collect();
     p.normals = vec![Vec3::Y; p.positions.len()];

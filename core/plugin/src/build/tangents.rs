@@ -20,6 +20,14 @@ pub fn add(p: &mut Primitive, uv_set: usize) {
 }
 
 /// One tangent a face vertex of the triangle list: xyz unit, w the sign of the bitangent.
+///
+/// ```
+/// use choreo_plugin::glam::{Vec2, Vec3, Vec4};
+/// use choreo_plugin::build::tangents::triangle_tangents;
+/// let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+/// let uvs = [Vec2::Y, Vec2::ONE, Vec2::ZERO];
+/// assert_eq!(triangle_tangents(&[0, 1, 2], &positions, &[Vec3::Z; 3], &uvs), [Vec4::new(1.0, 0.0, 0.0, 1.0); 3]);
+/// ```
 pub fn triangle_tangents(indices: &[u32], positions: &[Vec3], normals: &[Vec3], uvs: &[Vec2]) -> Vec<Vec4> {
     let welded = weld(positions, normals, uvs);
     let vertex: Vec<u32> = indices.iter().map(|i| welded[*i as usize]).collect();

@@ -12,17 +12,24 @@ pub use scene::{TransferredScene, snapshot_bytes};
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use thiserror::Error;
 
 /// Bytes that are no such value.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("byte {at}: {what}")]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TransferError {
     /// Offset of the part that is wrong.
     pub at: usize,
     /// The problem.
     pub what: String,
 }
+
+impl std::fmt::Display for TransferError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let TransferError { at, what } = self;
+        write!(f, "byte {at}: {what}")
+    }
+}
+
+impl std::error::Error for TransferError {}
 
 type Result<T> = std::result::Result<T, TransferError>;
 
@@ -96,6 +103,17 @@ pub fn to_bytes(value: &impl Transfer) -> Vec<u8> {
 }
 
 /// The value of all these bytes.
+///
+/// # Errors
+/// Bytes that are no such value, or too many.
+///
+/// ```
+/// use choreo_plugin::transfer::{from_bytes, to_bytes};
+/// let bytes = to_bytes(&vec!["hips".to_string(), "spine".to_string()]);
+/// assert_eq!(from_bytes::<Vec<String>>(&bytes)?, ["hips", "spine"]);
+/// assert!(from_bytes::<Vec<String>>(&bytes[1..]).is_err());
+/// # Ok::<(), choreo_plugin::transfer::TransferError>(())
+/// ```
 pub fn from_bytes<T: Transfer>(bytes: &[u8]) -> Result<T> {
     from_memory(bytes, &[])
 }
@@ -158,8 +176,51 @@ fn numbers<T: bytemuck::Pod>(bytes: &[u8]) -> Vec<T> {
     }
 }
 
-/// Numbers, and vectors of them, which lists hold as one piece.
-macro_rules! plain {
+/// Bytes of so many values without padding.
+fn bytes_of_all<'b, T>(count: usize, from: &mut Bytes<'b>) -> Result<&'b [u8]> {
+    let size = count.checked_mul(size_of::<T>());
+    from.take(size.ok_or_else(|| from.wrong("a list without end"))?)
+}
+
+/// Bytes of a list of values without padding, which begins with its length.
+fn bytes_of_list<'b, T>(from: &mut Bytes<'b>) -> Result<&'b [u8]> {
+    let length = u64::read(from)?;
+    let count = usize::try_from(length & !ELSEWHERE).map_err(|_| from.wrong("a list without end"))?;
+    if length & ELSEWHERE == 0 {
+        return bytes_of_all::<T>(count, from);
+    }
+    let place = usize::read(from)?;
+    let size = count.checked_mul(size_of::<T>());
+    from.elsewhere(place, size.ok_or_else(|| from.wrong("a list without end"))?)
+}
+
+/// Writes a list of values without padding: its bytes, or its place where it is long and may stay there.
+fn write_plain_list<T: Transfer>(list: &[T], out: &mut Written) {
+    if !out.by_place || size_of_val(list) < LONG {
+        list.len().write(out);
+        return T::write_all(list, out);
+    }
+    (list.len() as u64 | ELSEWHERE).write(out);
+    (list.as_ptr().addr() as u64).write(out);
+}
+
+/// The methods for lists of values without padding, given the function that makes a list of bytes.
+macro_rules! plain_lists {
+    ($list:expr) => {
+        fn read_all(count: usize, from: &mut Bytes<'_>) -> Result<Vec<Self>> {
+            Ok($list(bytes_of_all::<Self>(count, from)?))
+        }
+        fn write_list(list: &[Self], out: &mut Written) {
+            write_plain_list(list, out);
+        }
+        fn read_list(from: &mut Bytes<'_>) -> Result<Vec<Self>> {
+            Ok($list(bytes_of_list::<Self>(from)?))
+        }
+    };
+}
+
+/// Numbers, which lists hold as one piece.
+macro_rules! numbers {
     ($($type:ty),*) => {$(
         impl Transfer for $type {
             fn write(&self, out: &mut Written) {
@@ -171,46 +232,36 @@ macro_rules! plain {
             fn write_all(list: &[$type], out: &mut Written) {
                 out.bytes.extend_from_slice(bytemuck::cast_slice(list));
             }
-            fn read_all(count: usize, from: &mut Bytes<'_>) -> Result<Vec<$type>> {
-                let size = count.checked_mul(size_of::<$type>());
-                Ok(numbers(from.take(size.ok_or_else(|| from.wrong("a list without end"))?)?))
-            }
-            fn write_list(list: &[$type], out: &mut Written) {
-                if !out.by_place || size_of_val(list) < LONG {
-                    list.len().write(out);
-                    return Self::write_all(list, out);
-                }
-                (list.len() as u64 | ELSEWHERE).write(out);
-                (list.as_ptr().addr() as u64).write(out);
-            }
-            fn read_list(from: &mut Bytes<'_>) -> Result<Vec<$type>> {
-                let length = u64::read(from)?;
-                let count = usize::try_from(length & !ELSEWHERE).map_err(|_| from.wrong("a list without end"))?;
-                if length & ELSEWHERE == 0 {
-                    return Self::read_all(count, from);
-                }
-                let place = usize::read(from)?;
-                let size = count.checked_mul(size_of::<$type>());
-                Ok(numbers(from.elsewhere(place, size.ok_or_else(|| from.wrong("a list without end"))?)?))
-            }
+            plain_lists!(numbers::<$type>);
         }
     )*};
 }
-plain!(
-    u8,
-    u16,
-    u32,
-    u64,
-    i64,
-    f32,
-    f64,
-    glam::Vec2,
-    glam::Vec3,
-    glam::Vec4,
-    glam::Quat,
-    glam::Mat4,
-    glam::DVec3
-);
+numbers!(u8, u16, u32, u64, i64, f32, f64);
+
+/// Vectors and matrices, which lists hold as one piece: as arrays of numbers. (They are plain bytes only with glam's feature bytemuck,
+/// which brings procedural macros to every plugin.)
+macro_rules! vectors {
+    ($($type:ident: $array:ty, $to:ident, $from:expr;)*) => {$(
+        impl Transfer for glam::$type {
+            fn write(&self, out: &mut Written) {
+                out.bytes.extend_from_slice(bytemuck::bytes_of(&self.$to()));
+            }
+            fn read(from: &mut Bytes<'_>) -> Result<glam::$type> {
+                let numbers: $array = bytemuck::pod_read_unaligned(from.take(size_of::<$array>())?);
+                Ok($from(numbers))
+            }
+            plain_lists!(|bytes| numbers::<$array>(bytes).into_iter().map($from).collect());
+        }
+    )*};
+}
+vectors! {
+    Vec2: [f32; 2], to_array, glam::Vec2::from_array;
+    Vec3: [f32; 3], to_array, glam::Vec3::from_array;
+    Vec4: [f32; 4], to_array, glam::Vec4::from_array;
+    Quat: [f32; 4], to_array, glam::Quat::from_array;
+    Mat4: [f32; 16], to_cols_array, |columns| glam::Mat4::from_cols_array(&columns);
+    DVec3: [f64; 3], to_array, glam::DVec3::from_array;
+}
 
 impl Transfer for usize {
     fn write(&self, out: &mut Written) {

@@ -13,6 +13,7 @@ use std::sync::Arc;
 pub struct TransferredScene {
     name: String,
     stem: String,
+    extension: String,
     fps: FrameRate,
     times: Vec<Time>,
     provenance: Vec<(String, String)>,
@@ -42,6 +43,7 @@ impl TransferredScene {
         TransferredScene {
             name: scene.name.clone(),
             stem: scene.stem.clone(),
+            extension: scene.extension.clone(),
             fps: scene.fps,
             times: scene.times.clone(),
             provenance: scene.provenance.clone(),
@@ -73,6 +75,7 @@ impl TransferredScene {
         Ok(ExportedScene {
             name: self.name,
             stem: self.stem,
+            extension: self.extension,
             stage: Arc::new(stage),
             fps: self.fps,
             times: self.times,
@@ -90,7 +93,7 @@ pub fn snapshot_bytes(snapshot: &Snapshot) -> Vec<u8> {
 
 fields! {
     TransferredScene {
-        name, stem, fps, times, provenance, options, size, stage_fps, length, assets, actors, cameras,
+        name, stem, extension, fps, times, provenance, options, size, stage_fps, length, assets, actors, cameras,
     }
     FrameRate { num, den }
     Snapshot {

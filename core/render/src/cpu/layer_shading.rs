@@ -168,7 +168,7 @@ impl LayeredPoint<'_> {
     }
 
     fn sheen(&self, over: &mut Over) {
-        let &SurfacePoint { relative, own_n, n, v, .. } = self.point;
+        let &SurfacePoint { own_n, n, v, .. } = self.point;
         let mut color = V3::splat(self.layers.sheen_color);
         if let Some(texel) = self.texel(Features::SHEEN_COLOR_TEXTURE) {
             color = color * rgb(texel);
@@ -181,7 +181,7 @@ impl LayeredPoint<'_> {
         let share = sheen_albedo(roughness, self.nv);
         let sky = self.around.map_or(V3::splat(Vec3::ZERO), |around| around.diffuse(n));
         let mut sheen = sky * (share * self.occlusion);
-        self.fragment.lights(relative, [own_n, n], &mut sheen, |l, nl| {
+        self.fragment.lights(self.point, [own_n, n], &mut sheen, |l, nl| {
             let nl = nl.max(F4::splat(0.001));
             V3::splat(Vec3::ONE) * sheen_lobe(roughness, n, v, l, self.nv, nl)
         });
@@ -190,7 +190,7 @@ impl LayeredPoint<'_> {
     }
 
     fn clearcoat(&self, over: &mut Over) {
-        let &SurfacePoint { relative, own_n, v, .. } = self.point;
+        let &SurfacePoint { own_n, v, .. } = self.point;
         let map = self.texel(Features::CLEARCOAT_NORMAL_TEXTURE);
         let n = self.fragment.normal(self.quad, map.map(|t| (t, self.layers.clearcoat_normal_scale)));
         let mut weight = F4::splat(self.layers.clearcoat);
@@ -205,7 +205,7 @@ impl LayeredPoint<'_> {
         let nv = n.dot(v).clamp(0.001, 1.0);
         over.coat_weight = weight * coat_fresnel(nv);
         over.coat = self.mirrored(n * (n.dot(v) * 2.0) - v, roughness) * self.occlusion;
-        self.fragment.lights(relative, [own_n, n], &mut over.coat, |l, nl| {
+        self.fragment.lights(self.point, [own_n, n], &mut over.coat, |l, nl| {
             V3::splat(Vec3::ONE) * coat_lobe(roughness, n, v, l, nv, nl)
         });
     }

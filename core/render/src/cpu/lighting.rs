@@ -3,7 +3,7 @@
 
 use super::shade::{Fragment, Shaded};
 use crate::effect_faults::{EffectFaults, Fault, FaultPlace, MAGENTA};
-use crate::lanes::{F4, V3};
+use crate::lanes::{F4, Mask, V3};
 use crate::plan::{Glass, PlanLight};
 use choreo_plugin::{Effect, LightSample};
 use glam::Vec3;
@@ -20,6 +20,8 @@ pub(crate) struct SurfacePoint {
     /// Unit, to the viewer.
     pub v: V3,
     pub base: V3,
+    /// The pixels in which the surface is seen.
+    pub seen: Mask,
 }
 
 impl Fragment<'_> {
@@ -41,7 +43,7 @@ impl Fragment<'_> {
     #[inline(always)]
     pub(crate) fn all_lights(&self, on: &SurfacePoint, color: &mut V3, reflect: impl Fn(V3, F4) -> V3) {
         match self.lighting.is_empty() {
-            true => self.lights(on.relative, [on.own_n, on.n], color, reflect),
+            true => self.lights(on, [on.own_n, on.n], color, reflect),
             false => self.lights_by_effects(on, color, reflect),
         }
     }
@@ -52,7 +54,7 @@ impl Fragment<'_> {
             let (l, strength) = light.incoming(on.relative);
             let cosine = on.n.dot(l);
             let nl = cosine.clamp(0.0, 1.0);
-            let share = self.share(light, on.relative, on.own_n, l);
+            let share = self.share(light, [on.relative, on.own_n, l], on.seen);
             let arriving = V3::splat(light.color) * strength;
             let lit = reflect(l, nl) * arriving * (nl * share);
             let sample = |i: usize| {

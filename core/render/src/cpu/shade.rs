@@ -13,7 +13,7 @@ use super::triplanar::Planes;
 use super::vertex::Vertex;
 use super::view_transform::transformed;
 use crate::effect_faults::Fault;
-use crate::lanes::{F4, V3, Weights};
+use crate::lanes::{F4, Mask, NONE, V3, Weights};
 use crate::plan::shader_features::texture_slot;
 use crate::plan::{Features, Glass, Plan, PlanLight};
 use crate::scene_resources::material::MaterialResource;
@@ -197,7 +197,7 @@ impl Fragment<'_> {
         };
         let eye = self.plan.view.eye;
         let v = (V3::splat(eye.truncate()) - relative * F4::splat(eye.w)).unit();
-        SurfacePoint { relative, own_n, n, v, base }
+        SurfacePoint { relative, own_n, n, v, base, seen: quad.weights.seen }
     }
 
     /// Color of the metallic-roughness model or of Blinn–Phong, with layers, emission and what glass makes of it.
@@ -252,7 +252,7 @@ impl Fragment<'_> {
         occlusion: F4,
     ) -> (V3, Over) {
         let m = &self.material.factors.material;
-        let &SurfacePoint { n, v, base, relative, own_n } = point;
+        let &SurfacePoint { n, v, base, own_n, .. } = point;
         let (mut metallic, mut roughness) = (F4::splat(m.metallic), F4::splat(m.roughness));
         if let Some([_, g, b, _]) = self.texel(quad, Features::METALLIC_ROUGHNESS_TEXTURE) {
             roughness *= g;
@@ -293,7 +293,7 @@ impl Fragment<'_> {
         }
         self.all_lights(point, &mut color, |l, nl| reflect_light(&s, n, v, l, nv, nl));
         if self.features.has(Features::DIFFUSE_TRANSMISSION) {
-            self.lights(relative, [-own_n, -n], &mut color, |_, _| over.from_behind);
+            self.lights(point, [-own_n, -n], &mut color, |_, _| over.from_behind);
         }
         (color, over)
     }
@@ -325,7 +325,7 @@ impl Fragment<'_> {
     }
 
     fn toon(&self, quad: &Quad, point: &SurfacePoint) -> V3 {
-        let &SurfacePoint { relative, own_n, n, v, base } = point;
+        let &SurfacePoint { relative, own_n, n, v, base, seen } = point;
         let material = &self.material.factors.material;
         let default = Toon::default();
         let toon = material.toon.as_deref().unwrap_or(&default);
@@ -349,7 +349,9 @@ impl Fragment<'_> {
             rim_mask: rgb_or_white(self.texel(quad, Features::RIM_TEXTURE)),
         };
         let around = self.around();
-        surface.lit(self.plan, &around, relative, [n, v], |light, l| self.share(light, relative, own_n, l))
+        surface.lit(self.plan, &around, relative, [n, v], |light, l| {
+            self.share(light, [relative, own_n, l], seen)
+        })
     }
 
     pub fn around(&self) -> Around<'_> {
@@ -366,21 +368,29 @@ impl Fragment<'_> {
         self.sample(quad, refs[slot].as_ref(), self.material.textures[slot].as_deref())
     }
 
-    /// The share of a light that shadows let through.
-    pub fn share(&self, light: &PlanLight, relative: V3, own_n: V3, l: V3) -> F4 {
+    /// The share of a light that shadows let through, where that is asked. `own_n`: without the normal map; `l`: to the light.
+    pub fn share(&self, light: &PlanLight, [relative, own_n, l]: [V3; 3], asked: Mask) -> F4 {
         let shadows = self.shadows.filter(|_| self.features.has(Features::SHADOW));
-        shadows.map_or(F4::ONE, |s| s.share(light, relative, own_n, l))
+        shadows.map_or(F4::ONE, |s| s.share(light, [relative, own_n, l], asked))
     }
 
     #[inline(always)]
-    pub fn lights(&self, relative: V3, [own_n, n]: [V3; 2], color: &mut V3, reflect: impl Fn(V3, F4) -> V3) {
-        for light in self.reaching(relative) {
-            let (l, strength) = light.incoming(relative);
+    pub fn lights(
+        &self,
+        on: &SurfacePoint,
+        [own_n, n]: [V3; 2],
+        color: &mut V3,
+        reflect: impl Fn(V3, F4) -> V3,
+    ) {
+        for light in self.reaching(on.relative) {
+            let (l, strength) = light.incoming(on.relative);
             let nl = n.dot(l).clamp(0.0, 1.0);
-            if !(nl * strength).any_positive() {
+            let falling = (nl * strength).0.map(|falling| falling > 0.0);
+            if falling == NONE {
                 continue;
             }
-            let strength = strength * self.share(light, relative, own_n, l);
+            let asked = std::array::from_fn(|i| falling[i] & on.seen[i]);
+            let strength = strength * self.share(light, [on.relative, own_n, l], asked);
             let lit = reflect(l, nl) * V3::splat(light.color) * (nl * strength);
             // Where the light is behind the surface the division by NL in V means nothing.
             let seen = |c: F4| F4(std::array::from_fn(|i| if nl.0[i] > 0.0 { c.0[i] } else { 0.0 }));

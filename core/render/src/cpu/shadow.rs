@@ -3,10 +3,10 @@
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
 use super::setup::Triangle;
 use super::tile::{Batch, Paint};
-use crate::lanes::{F4, V3, Weights};
+use crate::lanes::{ALL, F4, Mask, NONE, V3, Weights, select};
 use crate::plan::{Features, PlanLight, ShadowView};
 use crate::shader::uniforms::{MAX_PENUMBRA, ShadowUniform};
-use glam::{Vec2, Vec3, Vec3Swizzles, Vec4Swizzles};
+use glam::Vec4Swizzles;
 use rayon::prelude::*;
 
 /// All maps of a frame, drawn.
@@ -21,12 +21,15 @@ struct Map {
     lookup: ShadowUniform,
     /// Row by row; 0 where nothing is.
     depth: Vec<f32>,
-    /// Least and greatest depth of each block, row by row, if its penumbras differ in width.
+    /// Least and greatest depth of each block and those beside it, row by row, if its penumbras differ in width.
     ranges: Vec<[f32; 2]>,
 }
 
 /// Side of a block of texels.
 const BLOCK: usize = 8;
+/// Texels from a place that a lookup with a penumbra may read.
+const REACH: f32 = 0.5 * MAX_PENUMBRA + 2.0;
+const _: () = assert!(REACH <= BLOCK as f32);
 
 impl ShadowMaps {
     /// `batches`: what is drawn into each view, seen from its light.
@@ -43,183 +46,228 @@ impl ShadowMaps {
         ShadowMaps { maps: views.iter().map(draw).collect() }
     }
 
-    /// How much of a light arrives at four places, 0 to 1. `n`: the surface's own normal; `l`: to the light.
-    pub fn share(&self, light: &PlanLight, relative: V3, n: V3, l: V3) -> F4 {
+    /// How much of a light arrives at four places, 0 to 1, where that is asked. `n`: the surface's own normal; `l`: to the light.
+    pub fn share(&self, light: &PlanLight, [relative, n, l]: [V3; 3], asked: Mask) -> F4 {
         let [first, count] = light.shadow_views.map(usize::from);
         let Some(maps) = self.maps.get(first..first + count).filter(|m| !m.is_empty()) else {
             return F4::ONE;
         };
         let nl = n.dot(l).clamp(0.0, 1.0);
-        F4(std::array::from_fn(|i| {
-            let at = |v: V3| Vec3::new(v.x.0[i], v.y.0[i], v.z.0[i]);
-            share(maps, at(relative), at(n), at(l), nl.0[i])
-        }))
-    }
-}
-
-fn share(maps: &[Map], relative: Vec3, n: Vec3, l: Vec3, nl: f32) -> f32 {
-    // A slope's depth changes by tan over a texel; a step of as many texels as the filter reaches along the normal, times
-    // the sine, makes up for it at every angle (Holbert, "Saying Goodbye to Shadow Acne", GDC 2011).
-    let slope = 3.0 * (1.0 - nl * nl).sqrt();
-    for map in maps {
-        let view = &map.lookup;
-        let here = view.texel_from_relative * relative.extend(1.0);
-        let texel = view.texel.x * here.w;
-        let moved = relative + n * (slope * texel) + l * (0.25 * texel);
-        let p = view.texel_from_relative * moved.extend(1.0);
-        let at = p.truncate() / p.w.max(1e-6);
-        let inside = at.xy().cmpge(view.inside.xy()).all() && at.xy().cmple(view.inside.zw()).all();
-        // A point behind the depth range of this map lies in a later one.
-        if p.w > 0.0 && at.z >= 0.0 && inside {
-            return if view.texel.y == 0.0 { map.filtered(at) } else { map.with_penumbra(at, n) };
+        // A slope's depth changes by tan over a texel; a step of as many texels as the filter reaches along the normal, times
+        // the sine, makes up for it at every angle (Holbert, "Saying Goodbye to Shadow Acne", GDC 2011).
+        let slope = (F4::ONE - nl * nl).sqrt() * 3.0;
+        let (mut share, mut left) = (F4::ONE, asked);
+        for map in maps {
+            if left == NONE {
+                break;
+            }
+            let (at, inside) = map.place([relative, n, l], slope);
+            let here: Mask = std::array::from_fn(|i| left[i] & inside[i]);
+            let Some(one) = here.iter().position(|here| *here) else { continue };
+            // Lanes that lie elsewhere follow one that is here, so that all look inside of the map.
+            let here_or = |v: F4| select(here, v, F4::splat(v.0[one]));
+            let [at, n] = [at, n].map(|v| V3 { x: here_or(v.x), y: here_or(v.y), z: here_or(v.z) });
+            let found = if map.lookup.texel.y == 0.0 { map.filtered(at) } else { map.with_penumbra(at, n) };
+            share = select(here, found, share);
+            left = std::array::from_fn(|i| left[i] & !inside[i]);
         }
+        share
     }
-    1.0
 }
 
 impl Map {
+    /// Texels and depth of four places, and which of them this map shows.
+    fn place(&self, [relative, n, l]: [V3; 3], slope: F4) -> (V3, Mask) {
+        let view = &self.lookup;
+        let m = &view.texel_from_relative;
+        let row = |i: usize, p: V3| {
+            p.x * m.x_axis[i] + p.y * m.y_axis[i] + p.z * m.z_axis[i] + F4::splat(m.w_axis[i])
+        };
+        let texel = row(3, relative) * view.texel.x;
+        let moved = relative + n * (slope * texel) + l * (texel * 0.25);
+        let w = row(3, moved);
+        let [x, y, z] = [0, 1, 2].map(|i| row(i, moved) / w.max(F4::splat(1e-6)));
+        let [low, high] = [view.inside.xy(), view.inside.zw()];
+        // A point behind the depth range of this map lies in a later one.
+        let inside = std::array::from_fn(|i| {
+            let (x, y) = (x.0[i], y.0[i]);
+            let inside = (x >= low.x) & (y >= low.y) & (x <= high.x) & (y <= high.y);
+            inside & (w.0[i] > 0.0) & (z.0[i] >= 0.0)
+        });
+        (V3 { x, y, z }, inside)
+    }
+
+    /// The texels of this map at places of the image, by coordinate.
+    fn texels(&self, place: [F4; 2]) -> [[usize; 4]; 2] {
+        let texel =
+            |k: usize| (place[k] - F4::splat(self.at[k] as f32)).0.map(|t| t.max(0.0) as i32 as usize);
+        [texel(0), texel(1)]
+    }
+
+    /// `N` depths in a row, from a texel on; 0 beyond the map.
+    fn row<const N: usize>(&self, x: usize, y: usize) -> [f32; N] {
+        let first = y * self.size[0] as usize + x;
+        match self.depth.get(first..first + N) {
+            Some(row) => row.try_into().expect("as long as asked"),
+            None => std::array::from_fn(|i| self.depth.get(first + i).copied().unwrap_or(0.0)),
+        }
+    }
+
     /// A box of 3 × 3 texels moved over the depth comparisons of 4 × 4: weights 1 − f, 1, 1, f.
-    fn filtered(&self, at: Vec3) -> f32 {
-        let corner = (at.xy() - 0.5).floor();
-        let f = at.xy() - 0.5 - corner;
-        let depth = at.z.max(0.0);
-        let first = corner - Vec2::new(self.at[0] as f32, self.at[1] as f32) - 1.0;
-        let (x0, y0) = (first.x.max(0.0) as usize, first.y.max(0.0) as usize);
-        let (wx, wy) = ([1.0 - f.x, 1.0, 1.0, f.x], [1.0 - f.y, 1.0, 1.0, f.y]);
-        let mut sum = 0.0;
+    fn filtered(&self, at: V3) -> F4 {
+        let half = F4::splat(0.5);
+        let [x, y] = [at.x - half, at.y - half];
+        let corner = [x, y].map(whole);
+        let depth = at.z.max(F4::ZERO);
+        let [x0, y0] = self.texels(corner.map(|c| c - F4::ONE));
+        let weights = |f: F4| [F4::ONE - f, F4::ONE, F4::ONE, f];
+        let (wx, wy) = (weights(x - corner[0]), weights(y - corner[1]));
+        let mut sum = F4::ZERO;
         for (y, wy) in wy.into_iter().enumerate() {
-            let row = (y0 + y) * self.size[0] as usize + x0;
-            let lit =
-                |x: usize| if depth >= self.depth.get(row + x).copied().unwrap_or(0.0) { wx[x] } else { 0.0 };
+            let rows: [[f32; 4]; 4] = std::array::from_fn(|i| self.row(x0[i], y0[i] + y));
+            let lit = |x: usize| select(std::array::from_fn(|i| depth.0[i] >= rows[i][x]), wx[x], F4::ZERO);
             sum += wy * (lit(0) + lit(1) + lit(2) + lit(3));
         }
-        sum / 9.0
-    }
-}
-
-impl Map {
-    /// `x`, `y`: texel of the image, which lies in this map.
-    fn depth_at(&self, x: usize, y: usize) -> f32 {
-        self.depth.get(y * self.size[0] as usize + x).copied().unwrap_or(0.0)
+        sum / F4::splat(9.0)
     }
 
-    /// The texel of this map at a place of the image.
-    fn texel(&self, place: Vec2) -> [usize; 2] {
-        let texel = place - Vec2::new(self.at[0] as f32, self.at[1] as f32);
-        [texel.x.max(0.0) as usize, texel.y.max(0.0) as usize]
-    }
-
-    fn with_penumbra(&self, at: Vec3, n: Vec3) -> f32 {
-        if let Some(all) = self.uniform_around(at, n) {
+    fn with_penumbra(&self, at: V3, n: V3) -> F4 {
+        let slope = self.slope(n);
+        let [lit, dark] = self.uniform_around(at, slope);
+        let all = select(lit, F4::ONE, F4::ZERO);
+        if (0..4).all(|i| lit[i] | dark[i]) {
             return all;
         }
-        let slope = self.slope(n);
         let width = self.penumbra_width(at, slope);
-        if width <= 3.0 { self.filtered(at) } else { self.penumbra_filtered(at, slope, width) }
+        let narrow = width.0.map(|width| width <= 3.0);
+        let filtered = match narrow {
+            ALL => self.filtered(at),
+            NONE => self.penumbra_filtered(at, slope, width),
+            _ => select(narrow, self.filtered(at), self.penumbra_filtered(at, slope, width)),
+        };
+        select(std::array::from_fn(|i| lit[i] | dark[i]), all, filtered)
     }
 
     /// How much the depth of a surface changes from texel to texel, at most as if it stood 79° to the light.
-    fn slope(&self, n: Vec3) -> Vec2 {
+    fn slope(&self, n: V3) -> [F4; 2] {
         let m = &self.lookup.texel_from_relative;
         let [x, y, z] = [0, 1, 2].map(|i| m.row(i).xyz());
-        let nz = n.dot(z).max(0.2 * z.length());
-        -Vec2::new(n.dot(x), n.dot(y)) * (self.lookup.texel.x * self.lookup.texel.x * z.dot(z) / nz)
+        let nz = n.dot(V3::splat(z)).max(F4::splat(0.2 * z.length()));
+        let steepness = F4::splat(self.lookup.texel.x * self.lookup.texel.x * z.dot(z)) / nz;
+        [x, y].map(|axis| -n.dot(V3::splat(axis)) * steepness)
     }
 
     /// Width of the penumbra in texels, from the mean depth of what is nearer to the light among 4 × 4 texels (Fernando,
     /// "Percentage-Closer Soft Shadows", 2005), which span the widest one, so that none begins with a step. 3, the narrowest, where
     /// all or none of them are nearer.
-    fn penumbra_width(&self, at: Vec3, slope: Vec2) -> f32 {
+    fn penumbra_width(&self, at: V3, slope: [F4; 2]) -> F4 {
         const STEP: usize = MAX_PENUMBRA as usize / 3;
-        let middle = at.xy().floor();
-        let first = middle - 1.5 * STEP as f32;
-        let [x0, y0] = self.texel(first);
-        let depth = at.z + slope.dot(first + 0.5 - at.xy());
-        let (mut sum, mut count) = (0.0, 0.0);
+        let first = [at.x, at.y].map(|v| whole(v) - F4::splat(1.5 * STEP as f32));
+        let [x0, y0] = self.texels(first);
+        let half = F4::splat(0.5);
+        let depth = at.z + (slope[0] * (first[0] + half - at.x) + slope[1] * (first[1] + half - at.y));
+        let (mut sum, mut count) = (F4::ZERO, F4::ZERO);
         for y in 0..4 {
-            let depth = depth + slope.y * (y * STEP) as f32;
+            let depth = depth + slope[1] * (y * STEP) as f32;
             for x in 0..4 {
-                let off = self.depth_at(x0 + x * STEP, y0 + y * STEP) - (depth + slope.x * (x * STEP) as f32);
-                if off > 0.0 {
-                    sum += off;
-                    count += 1.0;
-                }
+                let found = F4(std::array::from_fn(|i| self.row::<1>(x0[i] + x * STEP, y0[i] + y * STEP)[0]));
+                let off = found - (depth + slope[0] * (x * STEP) as f32);
+                let nearer = off.0.map(|off| off > 0.0);
+                sum += select(nearer, off, F4::ZERO);
+                count += select(nearer, F4::ONE, F4::ZERO);
             }
         }
-        if count == 0.0 || count == 16.0 {
-            return 3.0;
-        }
-        (sum / count * self.lookup.texel.y).clamp(3.0, MAX_PENUMBRA)
+        let width = (sum / count * self.lookup.texel.y).clamp(3.0, MAX_PENUMBRA);
+        select(count.0.map(|count| count == 0.0 || count == 16.0), F4::splat(3.0), width)
     }
 
     /// A box of width × width texels; the depth follows the surface, in steps of 2 × 2 texels.
-    fn penumbra_filtered(&self, at: Vec3, slope: Vec2, width: f32) -> f32 {
+    fn penumbra_filtered(&self, at: V3, slope: [F4; 2], width: F4) -> F4 {
         /// Texels that the widest box touches, to an even number.
         const MOST: usize = MAX_PENUMBRA as usize + 2;
-        let (low, high) = (at.xy() - 0.5 * width, at.xy() + 0.5 * width);
-        let first = low.floor();
-        let [x0, y0] = self.texel(first);
-        let [columns, rows] = (high.floor() - first).to_array().map(|t| t as usize + 1);
-        let inside = |i: usize| {
-            let texel = first + i as f32;
-            ((texel + 1.0).min(high) - texel.max(low)).clamp(Vec2::ZERO, Vec2::ONE)
+        let half = width * 0.5;
+        let (low, high) = ([at.x - half, at.y - half], [at.x + half, at.y + half]);
+        let first = low.map(whole);
+        let [x0, y0] = self.texels(first);
+        // Weights are 0 beyond the box of a lane that is smaller than the largest.
+        let touched = |k: usize| {
+            let counts = (whole(high[k]) - first[k]).0.map(|t| t as i32 as usize + 1);
+            counts.into_iter().fold(0, usize::max)
         };
-        let weights: [Vec2; MOST] = std::array::from_fn(inside);
-        let depth = at.z + slope.dot(first + 1.0 - at.xy());
-        let mut sum = 0.0;
-        for y in (0..rows).step_by(2) {
-            for x in (0..columns).step_by(2) {
-                let depth = (depth + slope.x * x as f32 + slope.y * y as f32).max(0.0);
+        let inside = |k: usize, i: usize| {
+            let texel = first[k] + F4::splat(i as f32);
+            ((texel + F4::ONE).min(high[k]) - texel.max(low[k])).clamp(0.0, 1.0)
+        };
+        let weights: [[F4; MOST]; 2] = [0, 1].map(|k| std::array::from_fn(|i| inside(k, i)));
+        let depth = at.z + (slope[0] * (first[0] + F4::ONE - at.x) + slope[1] * (first[1] + F4::ONE - at.y));
+        let mut sum = F4::ZERO;
+        for y in (0..touched(1)).step_by(2) {
+            for x in (0..touched(0)).step_by(2) {
+                let depth = (depth + slope[0] * x as f32 + slope[1] * y as f32).max(F4::ZERO);
                 let row = |y: usize| {
-                    let lit = |x: usize| f32::from(u8::from(depth >= self.depth_at(x0 + x, y0 + y)));
-                    weights[x].x * lit(x) + weights[x + 1].x * lit(x + 1)
+                    let row: [[f32; 2]; 4] = std::array::from_fn(|i| self.row(x0[i] + x, y0[i] + y));
+                    let lit = |k: usize| {
+                        let lit = std::array::from_fn(|i| depth.0[i] >= row[i][k]);
+                        select(lit, weights[0][x + k], F4::ZERO)
+                    };
+                    lit(0) + lit(1)
                 };
-                sum += weights[y].y * row(y) + weights[y + 1].y * row(y + 1);
+                sum += weights[1][y] * row(y) + weights[1][y + 1] * row(y + 1);
             }
         }
         sum / (width * width)
     }
 
-    /// 1 or 0 if every texel that a lookup may read is lit or in shadow, by the ranges of its blocks: most places are.
-    fn uniform_around(&self, at: Vec3, n: Vec3) -> Option<f32> {
-        let reach = 0.5 * MAX_PENUMBRA + 2.0;
-        let first = Vec2::new(self.at[0] as f32, self.at[1] as f32);
-        let block = |v: f32| (v / BLOCK as f32).max(0.0) as usize;
-        let (low, high) = (at.xy() - reach - first, at.xy() + reach - first);
+    /// The places of which every texel that a lookup may read is lit, and those of which all are in shadow, by the ranges of
+    /// blocks: most places are one or the other.
+    fn uniform_around(&self, at: V3, slope: [F4; 2]) -> [Mask; 2] {
+        let around = (slope[0].map(f32::abs) + slope[1].map(f32::abs)) * REACH;
+        let (lowest, highest) = ((at.z - around).max(F4::ZERO), at.z + around);
         let blocks = self.size.map(|s| (s as usize).div_ceil(BLOCK));
-        let (mut nearest, mut farthest) = (0.0f32, f32::INFINITY);
-        for y in block(low.y)..=block(high.y).min(blocks[1] - 1) {
-            for x in block(low.x)..=block(high.x).min(blocks[0] - 1) {
-                let [least, most] = self.ranges[y * blocks[0] + x];
-                (nearest, farthest) = (nearest.max(most), farthest.min(least));
-            }
-        }
-        let slope = self.slope(n).abs();
-        let around = reach * (slope.x + slope.y);
-        if (at.z - around).max(0.0) >= nearest {
-            Some(1.0)
-        } else if at.z + around < farthest {
-            Some(0.0)
-        } else {
-            None
-        }
+        let ranges: [[f32; 2]; 4] = std::array::from_fn(|i| {
+            let block = |place: f32, k: usize| {
+                let block = (place - self.at[k] as f32) * (1.0 / BLOCK as f32);
+                (block as i32 as usize).min(blocks[k] - 1)
+            };
+            self.ranges[block(at.y.0[i], 1) * blocks[0] + block(at.x.0[i], 0)]
+        });
+        let lit = std::array::from_fn(|i| lowest.0[i] >= ranges[i][1]);
+        [lit, std::array::from_fn(|i| highest.0[i] < ranges[i][0])]
     }
 }
 
-/// Least and greatest depth of each block of texels.
+/// Whole texels of places in a map, which are never negative there.
+fn whole(v: F4) -> F4 {
+    v.map(|v| v as i32 as f32)
+}
+
+/// Least and greatest depth of each block of texels and those beside it, which is as far as lookups in it reach.
 fn ranges(size: [u32; 2], depth: &[f32]) -> Vec<[f32; 2]> {
     let [width, height] = size.map(|s| s as usize);
     let blocks = [width.div_ceil(BLOCK), height.div_ceil(BLOCK)];
-    let mut out = vec![[f32::INFINITY, 0.0]; blocks[0] * blocks[1]];
+    let joined = |a: [f32; 2], b: [f32; 2]| [a[0].min(b[0]), a[1].max(b[1])];
+    const EMPTY: [f32; 2] = [f32::INFINITY, 0.0];
+    let mut own = vec![EMPTY; blocks[0] * blocks[1]];
     for (y, row) in depth.chunks_exact(width).enumerate() {
         for (x, part) in row.chunks(BLOCK).enumerate() {
-            let [least, most] = &mut out[y / BLOCK * blocks[0] + x];
+            let [least, most] = &mut own[y / BLOCK * blocks[0] + x];
             for d in part {
                 (*least, *most) = (least.min(*d), most.max(*d));
             }
         }
     }
-    out
+    let mut wide = own.clone();
+    for (row, out) in own.chunks_exact(blocks[0]).zip(wide.chunks_exact_mut(blocks[0])) {
+        for (x, out) in out.iter_mut().enumerate() {
+            *out = row[x.saturating_sub(1)..(x + 2).min(row.len())].iter().copied().fold(EMPTY, joined);
+        }
+    }
+    let at = |x: usize, y: usize| wide[y * blocks[0] + x];
+    let beside = |i: usize| {
+        let (x, y) = (i % blocks[0], i / blocks[0]);
+        (y.saturating_sub(1)..(y + 2).min(blocks[1])).map(|y| at(x, y)).fold(EMPTY, joined)
+    };
+    (0..own.len()).map(beside).collect()
 }
 
 /// The greatest depth of each texel: what is nearest to the light.
@@ -287,7 +335,7 @@ pub(super) fn holes(batch: &Batch, triangle: &Triangle, at: [i32; 2], index: usi
         let ys = F4([py, py, py + 1.0, py + 1.0]);
         let e = triangle.edges.map(|[a, b, c]| xs * a + ys * b + F4::splat(c));
         let scale = F4::ONE / (e[0] + e[1] + e[2]);
-        let weights = Weights(e.map(|e| e * scale));
+        let weights = Weights { of: e.map(|e| e * scale), seen: ALL };
         let shaded = fragment.shade(&batch.vertices, triangle.vertices, triangle.front, &weights);
         let row = 2 * (y % 2) as usize;
         kept[2 * pair as usize] = shaded.kept[row] != 0;

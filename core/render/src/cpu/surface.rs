@@ -5,7 +5,7 @@ use super::shade::{Fragment, Shaded};
 use super::sky::behind;
 use super::vertex::Vertex;
 use crate::effect_faults::{Fault, MAGENTA};
-use crate::lanes::{F4, V3, Weights};
+use crate::lanes::{F4, Mask, V3, Weights};
 use crate::plan::{Features, Glass};
 use choreo_plugin::{Effect, SurfaceSample};
 use glam::{Vec2, Vec3, Vec4};
@@ -55,7 +55,7 @@ impl Fragment<'_> {
         }
         let uvs = &self.primitive.uvs[0];
         let uv = (has(Features::UV0) && !uvs.is_empty()).then(|| weights.vec2(ids.map(|i| uvs[i as usize])));
-        let lost = has(Features::EFFECT_SHADOW).then(|| self.lost_light(relative, normal));
+        let lost = has(Features::EFFECT_SHADOW).then(|| self.lost_light(relative, normal, weights.seen));
         let view = &self.plan.view;
         let sky = self.plan.sky.as_ref().filter(|sky| sky.background && has(Features::SKY));
         let sky = self.sky.zip(sky);
@@ -125,7 +125,7 @@ impl Fragment<'_> {
     }
 
     /// Share of the light that a white matte surface would give back and that shadows take, by luminance.
-    fn lost_light(&self, relative: V3, n: V3) -> F4 {
+    fn lost_light(&self, relative: V3, n: V3, seen: Mask) -> F4 {
         // ITU-R BT.709.
         let luminance = Vec3::new(0.2126, 0.7152, 0.0722);
         let (mut whole, mut lost) = (self.around().diffuse(n).dot(V3::splat(luminance)), F4::ZERO);
@@ -133,7 +133,7 @@ impl Fragment<'_> {
             let (l, strength) = light.incoming(relative);
             let falling = n.dot(l).clamp(0.0, 1.0) * strength * light.color.dot(luminance);
             whole += falling;
-            lost += falling * (F4::ONE - self.share(light, relative, n, l));
+            lost += falling * (F4::ONE - self.share(light, [relative, n, l], seen));
         }
         lost / whole.max(F4::splat(1e-6))
     }

@@ -13,7 +13,7 @@ use super::target::{PixelOf, Target};
 use super::vertex::Vertex;
 use crate::dither::{self, dithered};
 use crate::effect_faults::EffectFaults;
-use crate::lanes::{F4, Weights};
+use crate::lanes::{F4, Mask, Weights};
 use crate::layers_2d::LayerImage;
 use crate::plan::{Glass, OverlayVertex};
 use choreo_plugin::{Effect, SurfaceSample};
@@ -262,6 +262,7 @@ impl Tile<'_, '_> {
     ) {
         let triangle = &self.list[id as usize];
         let batch = &self.batches[triangle[0] as usize];
+        let seen = quad_samples::<S>(qx, qy).map(|first| b.visible[first..first + S].contains(&id));
         match &batch.paint {
             Paint::Surface(fragment) if fragment.has_surface_effects() => {
                 if waiting.batch != triangle[0] || waiting.quads.len() == QUADS {
@@ -269,13 +270,13 @@ impl Tile<'_, '_> {
                 }
                 waiting.batch = triangle[0];
                 let t = &batch.triangles[triangle[1] as usize];
-                let (weights, at) = self.weights(t, qx, qy);
+                let (weights, at) = self.weights(t, [qx, qy], seen);
                 let vertices = &batch.vertices;
                 waiting.quads.push(fragment.shade(vertices, t.vertices, t.front, &weights));
                 waiting.samples.extend(fragment.samples(vertices, t.vertices, t.front, &weights, at));
                 waiting.places.push((id, [qx, qy]));
             }
-            _ => self.write_visible::<T, S>(b, id, [qx, qy], &self.shade(triangle, qx, qy)),
+            _ => self.write_visible::<T, S>(b, id, [qx, qy], &self.shade(triangle, [qx, qy], seen)),
         }
     }
 
@@ -336,7 +337,7 @@ impl Tile<'_, '_> {
                 if masks == [0; 4] {
                     continue;
                 }
-                let shaded = self.shade(id, qx, qy);
+                let shaded = self.shade(id, [qx, qy], masks.map(|mask| mask != 0));
                 for pixel in 0..4 {
                     let mask = masks[pixel] & shaded.kept[pixel];
                     if mask == 0 {
@@ -362,11 +363,11 @@ impl Tile<'_, '_> {
         }
     }
 
-    /// Attributes at the centres of a quad's pixels, inside the triangle or not.
-    fn shade(&self, id: &TriangleId, qx: usize, qy: usize) -> Shaded {
+    /// Attributes at the centres of a quad's pixels, inside the triangle or not. `seen`: the pixels that it is drawn in.
+    fn shade(&self, id: &TriangleId, quad: [usize; 2], seen: Mask) -> Shaded {
         let batch = &self.batches[id[0] as usize];
         let t = &batch.triangles[id[1] as usize];
-        let (weights, at) = self.weights(t, qx, qy);
+        let (weights, at) = self.weights(t, quad, seen);
         match &batch.paint {
             Paint::Surface(fragment) => fragment.seen(&batch.vertices, t.vertices, t.front, &weights, at),
             Paint::Overlay { vertices, .. } => overlay::shade(vertices, t.vertices, &weights),
@@ -374,14 +375,14 @@ impl Tile<'_, '_> {
     }
 
     /// The weights of a quad's pixels in a triangle, and its first pixel.
-    fn weights(&self, t: &Triangle, qx: usize, qy: usize) -> (Weights, [i32; 2]) {
+    fn weights(&self, t: &Triangle, [qx, qy]: [usize; 2], seen: Mask) -> (Weights, [i32; 2]) {
         let px = (self.at[0] + 2 * qx as i32 - t.origin[0]) as f32 + 0.5;
         let py = (self.at[1] + 2 * qy as i32 - t.origin[1]) as f32 + 0.5;
         let x = F4([px, px + 1.0, px, px + 1.0]);
         let y = F4([py, py, py + 1.0, py + 1.0]);
         let e = t.edges.map(|[a, b, c]| x * a + y * b + F4::splat(c));
         let scale = F4::ONE / (e[0] + e[1] + e[2]);
-        let weights = Weights(e.map(|e| e * scale));
+        let weights = Weights { of: e.map(|e| e * scale), seen };
         (weights, [self.at[0] + 2 * qx as i32, self.at[1] + 2 * qy as i32])
     }
 

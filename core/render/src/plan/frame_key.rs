@@ -70,6 +70,7 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Effect]) ->
         linear,
         skin_once,
         left_out: _,
+        shutter_motion: _,
         // They follow from instances and lights.
         dirty_rect: _,
         light_clusters: _,

@@ -35,6 +35,7 @@ const OTHERS: &[&str] = &[
     "overlays of effects",
     "depth and normals for effects",
     "motion vectors for effects",
+    "sub-frames",
 ];
 
 /// A part that a frame leaves out, and why: "shadow maps: no light casts shadows".

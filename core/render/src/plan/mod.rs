@@ -24,6 +24,7 @@ pub(crate) mod scene_color_copy;
 pub(crate) mod scene_inputs;
 pub mod shader_features;
 pub(crate) mod shadow_maps;
+pub(crate) mod shutter_motion;
 pub mod tiles;
 mod vertex_attributes;
 
@@ -52,6 +53,7 @@ pub use crate::plan::scene_color_copy::SceneColorCopy;
 pub use crate::plan::scene_inputs::InputPass;
 pub use crate::plan::shader_features::Features;
 pub use crate::plan::shadow_maps::{ShadowMaps, ShadowView};
+pub use crate::plan::shutter_motion::ShutterMotion;
 pub use crate::view::View;
 
 #[derive(Clone, Debug)]
@@ -122,6 +124,8 @@ pub struct Plan {
     /// Plans of the times while the shutter is open. If there are any, the frame is their mean in linear light, and this plan
     /// gives the stage at the frame's own time and the passes over the image. See [`motion_blur`].
     pub subframes: Vec<Plan>,
+    /// Why there are so many of them; `None` without motion blur, or if all are drawn.
+    pub shutter_motion: Option<ShutterMotion>,
     /// Plans of the scene one frame ago, two frames ago and so on, for effects that read them; `subframes` is then not empty.
     pub history: Vec<Plan>,
     /// The camera before a cut, while that dissolves.

@@ -6,7 +6,8 @@
 use crate::plan::build::effects::{exposure_of, history_of};
 use crate::plan::build::scene_inputs::inputs_of;
 use crate::plan::options::PlanOptions;
-use crate::plan::{Plan, PlanDissolve};
+use crate::plan::shutter_motion::Shown;
+use crate::plan::{LeftOut, Plan, PlanDissolve};
 use crate::scene_resources::SceneResources;
 use choreo_motion::Time;
 use choreo_plugin::{Hook, Shutter};
@@ -76,7 +77,17 @@ fn plan_shot<E>(
     let moved_from = before.as_ref().filter(|before| before.camera.camera == snapshot.camera.camera);
     let of_frame = PlanOptions { moved_from, ..options.clone() };
     let mut plan = plan_alone(resources, stage, snapshot, &of_frame, &mut at)?;
-    if let Some(exposure) = exposure_of(stage, snapshot, options.effects) {
+    if let Some(mut exposure) = exposure_of(stage, snapshot, options.effects) {
+        if !(options.all_sub_frames || options.force_all) {
+            let shown = Shown { resources, stage, options, plan: &plan };
+            let motion = shown.motion(exposure.samples, time_of(stage, time, &exposure), &mut at)?;
+            exposure.samples = motion.sub_frames();
+            if exposure.samples < motion.most {
+                let why = format!("{} of {}: {motion}", exposure.samples, motion.most);
+                plan.left_out.push(LeftOut { what: "sub-frames".into(), why });
+            }
+            plan.shutter_motion = Some(motion);
+        }
         for time in times(stage, time, &exposure) {
             let then = at(time)?;
             let part = plan_alone(resources, stage, &then, options, &mut at)?;
@@ -120,20 +131,22 @@ pub fn plan_alone<E>(
     Ok(Plan::new(resources, stage, snapshot, &PlanOptions { before: &before, ..options.clone() }))
 }
 
-/// Times of the sub-frames: evenly spaced while the shutter is open, each in the middle of its interval, and never beyond a cut,
-/// so that no shot bleeds into the next.
+/// Times of the sub-frames: evenly spaced while the shutter is open, each in the middle of its interval.
 pub fn times(stage: &Stage, time: Time, exposure: &Shutter) -> Vec<Time> {
+    let samples = exposure.samples.max(1);
+    let time_of = time_of(stage, time, exposure);
+    (0..samples).map(|i| time_of((f64::from(i) + 0.5) / f64::from(samples))).collect()
+}
+
+/// The time at a share of the time that the shutter is open, never beyond a cut, so that no shot bleeds into the next.
+fn time_of(stage: &Stage, time: Time, exposure: &Shutter) -> impl Fn(f64) -> Time {
     let fps = stage.settings.fps;
     let frame = f64::from(fps.den) / f64::from(fps.num.max(1));
-    let samples = exposure.samples.max(1);
     let cuts = || stage.cuts.iter().map(|cut| cut.at);
     let first = cuts().filter(|at| *at <= time).max().unwrap_or(Time(i64::MIN));
     let last = cuts().filter(|at| *at > time).min().map_or(Time::MAX, |next| next - Time(1));
-    let at = |i: u32| {
-        let share = (f64::from(i) + 0.5) / f64::from(samples) - exposure.before;
-        (time + Time::from_secs(share * exposure.open * frame)).clamp(first, last)
-    };
-    (0..samples).map(at).collect()
+    let Shutter { open, before, .. } = *exposure;
+    move |share| (time + Time::from_secs((share - before) * open * frame)).clamp(first, last)
 }
 
 /// Accumulation buffer: the sum of images, linear RGBA.

@@ -24,6 +24,8 @@ pub struct PlanOptions<'a> {
     pub no_instancing: bool,
     /// Draws all triangles, without levels of detail.
     pub full_detail: bool,
+    /// Draws as many sub-frames as a shutter has samples, however little moves.
+    pub all_sub_frames: bool,
     /// Evaluates every light at every pixel, however many there are.
     pub no_light_clusters: bool,
 }

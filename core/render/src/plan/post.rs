@@ -5,7 +5,8 @@
 pub struct PostPass {
     /// Plugin name.
     pub effect: String,
-    /// Numbers of the parameters, [`choreo_plugin::Manifest::parameters`]; a multiple of four, at least eight.
+    /// Numbers of the parameters, [`choreo_plugin::Manifest::parameters`], and those of the frame behind them
+    /// ([`choreo_plugin::Effect::reads_frame`]); a multiple of four, at least eight.
     pub parameters: Vec<f32>,
     /// Index of the pass, of an effect with several.
     pub number: u32,

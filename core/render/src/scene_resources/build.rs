@@ -2,6 +2,7 @@
 
 use crate::scene_resources::bounds::PrimitiveInfo;
 use crate::scene_resources::content_hash::{material_content, material_hash, short};
+use crate::scene_resources::large_triangles;
 use crate::scene_resources::lod::{LodLevel, paying};
 use crate::scene_resources::material::{MaterialResource, MaterialTexture, slot_sources};
 use crate::scene_resources::simplify::{Level, Model};
@@ -58,6 +59,7 @@ impl SceneResources {
         }
         let mut resources = builder.resources;
         resources.sky = stage.sky.as_ref().map(|sky| sky.panorama.clone());
+        large_triangles::split(&mut resources, stage);
         for m in &mut resources.materials {
             m.hash = material_content(m, &resources.textures);
         }

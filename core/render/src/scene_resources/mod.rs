@@ -6,6 +6,7 @@ mod build;
 pub mod content_hash;
 pub(crate) mod hausdorff;
 pub(crate) mod image_sequences;
+mod large_triangles;
 pub mod lod;
 pub(crate) mod material;
 pub mod mipmap;

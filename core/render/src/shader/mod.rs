@@ -12,7 +12,7 @@ mod variant;
 
 pub use compile::{Entry, compile, parse};
 pub use preprocess::{PreprocessError, preprocess};
-pub use surface::{REACH_ROWS, SceneEffect, surface_files};
+pub use surface::{ParameterRows, REACH_ROWS, SceneEffect, surface_files};
 pub use switches::switches;
 pub use textures::{texture_bytes, texture_functions};
 pub use variant::{DeferredPass, InputTargets, LightLoop, PeelPass, SceneVariant, entry_points};
@@ -143,12 +143,13 @@ impl ShaderSources {
     }
 
     /// The text that a full-screen effect is compiled from: our template, then the plugin's function. With the switch
-    /// `TEXTURES`, where it reads any. `faults`: the effect's place among the recorded ones; `length`: of the array of its parameters.
+    /// `TEXTURES`, where it reads any. `faults`: the effect's place among the recorded ones.
     pub fn post(
         &self,
         effect: &str,
         wgsl: &str,
-        [number, faults, length]: [u32; 3],
+        [number, faults]: [u32; 2],
+        parameters: ParameterRows,
         textures: bool,
     ) -> Result<Vec<SourceFile>, RenderError> {
         let mut files = vec![self.file("post.wgsl")?, self.file("effect_faults.wgsl")?];
@@ -157,9 +158,10 @@ impl ShaderSources {
         }
         files.push(SourceFile { name: format!("effect \"{effect}\""), text: wgsl.into() });
         let run = format!(
-            "const post_run: u32 = {number}u;\nconst post_faults: u32 = {faults}u;\nconst post_rows: u32 = {}u;\n{}",
-            length.div_ceil(4),
-            surface::parameters_function("post_parameters", "post.parameters", 0, length)
+            "const post_run: u32 = {number}u;\nconst post_faults: u32 = {faults}u;\nconst post_rows: u32 = {}u;\n{}{}",
+            parameters.end(),
+            parameters.function("post_parameters", "post.parameters"),
+            parameters.frame_functions("post.parameters")
         );
         files.push(SourceFile { name: "number of the run".into(), text: run });
         Ok(files)

@@ -1,7 +1,7 @@
 //! Effects as part of a scene shader: each plugin's text with names of its own, and what calls them in order.
 
 use super::SourceFile;
-use choreo_plugin::Hook;
+use choreo_plugin::{Effect, EffectFrame, Hook};
 
 /// Rows before the parameters of effects on surfaces: the reach of each, four a row.
 pub const REACH_ROWS: u32 = 2;
@@ -17,20 +17,54 @@ pub struct SceneEffect {
     pub in_model_space: bool,
     /// Index among the recorded faults.
     pub faults: u32,
-    /// Row of its first four parameters in the uniform buffer of all effects on surfaces.
-    pub first_row: u32,
-    /// Length of the array of its parameters.
-    pub length: u32,
+    /// Its rows in the uniform buffer of all effects on surfaces.
+    pub parameters: ParameterRows,
 }
 
-/// A function `name` that gives `length` numbers of a uniform array of rows, from a row on.
-pub fn parameters_function(name: &str, rows: &str, first_row: u32, length: u32) -> String {
-    let number = |i: u32| format!("{rows}[{}].{}", first_row + i / 4, ["x", "y", "z", "w"][i as usize % 4]);
-    let numbers: Vec<String> = (0..length).map(number).collect();
-    format!(
-        "fn {name}() -> array<f32, {length}> {{ return array<f32, {length}>({}); }}\n",
-        numbers.join(", ")
-    )
+/// The parameters of an effect in a uniform array of rows of four, and the numbers of the frame behind them where it reads those.
+#[derive(Clone, Copy)]
+pub struct ParameterRows {
+    pub first: u32,
+    /// Length of the array of its parameters.
+    pub length: u32,
+    pub reads_frame: bool,
+}
+
+impl ParameterRows {
+    pub fn of(effect: &Effect, first: u32) -> ParameterRows {
+        let length = effect.manifest().parameter_length() as u32;
+        ParameterRows { first, length, reads_frame: effect.reads_frame() }
+    }
+
+    /// The first row of the frame's numbers.
+    fn frame(self) -> u32 {
+        self.first + self.length.div_ceil(4)
+    }
+
+    /// The row after its last one.
+    pub fn end(self) -> u32 {
+        self.frame() + if self.reads_frame { EffectFrame::NUMBERS as u32 / 4 } else { 0 }
+    }
+
+    /// A function `name` that gives the parameters as an array.
+    pub fn function(self, name: &str, rows: &str) -> String {
+        let length = self.length;
+        let number =
+            |i: u32| format!("{rows}[{}].{}", self.first + i / 4, ["x", "y", "z", "w"][i as usize % 4]);
+        let numbers: Vec<String> = (0..length).map(number).collect();
+        format!(
+            "fn {name}() -> array<f32, {length}> {{ return array<f32, {length}>({}); }}\n",
+            numbers.join(", ")
+        )
+    }
+
+    /// The functions with the numbers of the frame; nothing where the effect does not read them.
+    pub fn frame_functions(self, rows: &str) -> String {
+        let function = |row: u32| {
+            format!("fn effect_frame_row_{}() -> vec4<f32> {{ return {rows}[{row}]; }}\n", row - self.frame())
+        };
+        (self.frame()..self.end()).map(function).collect()
+    }
 }
 
 /// The WGSL text that calls an effect's function and uses its result.
@@ -77,12 +111,15 @@ pub fn surface_files(effects: &[SceneEffect]) -> Vec<SourceFile> {
             text: renamed(&effect.wgsl, &format!("_s{}", effect.bit)),
         });
     }
-    let end = |effect: &SceneEffect| effect.first_row + effect.length.div_ceil(4);
-    let rows = effects.iter().map(end).max().unwrap_or(0).max(REACH_ROWS);
+    let rows = effects.iter().map(|effect| effect.parameters.end()).max().unwrap_or(0).max(REACH_ROWS);
     let mut text = format!("const surface_rows: u32 = {rows}u;\n");
     for effect in effects {
         let name = format!("surface_parameters_{}", effect.bit);
-        text += &parameters_function(&name, "surface_parameters", effect.first_row, effect.length);
+        text += &effect.parameters.function(&name, "surface_parameters");
+    }
+    // All read the same frame.
+    if let Some(effect) = effects.iter().find(|effect| effect.parameters.reads_frame) {
+        text += &effect.parameters.frame_functions("surface_parameters");
     }
     for (hook, head, end) in functions {
         let calls = calls_of(hook);

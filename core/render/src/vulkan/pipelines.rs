@@ -17,8 +17,8 @@ use crate::error::RenderError;
 use crate::plan::shader_features::names;
 use crate::plan::{Features, TopologyKey};
 use crate::shader::{
-    BACKGROUND, Entry, LAYERS_BEHIND, OVERLAY, SCENE, SKY, SceneEffect, SceneVariant, ShaderSources,
-    SourceFile, compile, entry_points, surface_files, switches, texture_functions,
+    BACKGROUND, Entry, LAYERS_BEHIND, OVERLAY, ParameterRows, SCENE, SKY, SceneEffect, SceneVariant,
+    ShaderSources, SourceFile, compile, entry_points, surface_files, switches, texture_functions,
 };
 use ash::vk;
 use choreo_plugin::{Effect, Hook};
@@ -280,9 +280,9 @@ impl Pipelines {
         let plugin = self.effect(effect)?;
         let text = self.wgsl(plugin)?;
         let textures = !plugin.textures().is_empty();
-        let length = plugin.manifest().parameter_length() as u32;
-        let numbers = [number, first_record(&self.effects, effect), length];
-        let files = self.sources.post(effect, &text, numbers, textures)?;
+        let parameters = ParameterRows::of(plugin, 0);
+        let numbers = [number, first_record(&self.effects, effect)];
+        let files = self.sources.post(effect, &text, numbers, parameters, textures)?;
         let mut on = vec!["EFFECTS"];
         on.extend((plugin.hook() == Hook::Image).then_some("PICTURE"));
         on.extend(self.records_faults.then_some("FAULT_RECORDS"));
@@ -302,8 +302,7 @@ impl Pipelines {
             let effect = self.effect(name)?;
             Ok(SceneEffect {
                 bit: *bit,
-                first_row: *first_row,
-                length: effect.manifest().parameter_length() as u32,
+                parameters: ParameterRows::of(effect, *first_row),
                 name: name.clone(),
                 wgsl: self.wgsl(effect)?,
                 hook: effect.hook(),

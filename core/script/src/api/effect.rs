@@ -208,7 +208,7 @@ fn as_numbers(spec: &OptionSpec, value: &Dynamic) -> Option<Vec<f64>> {
             let within = keys.iter().all(|[_, y]| (*min..=*max).contains(y));
             (is_curve(&keys) && within).then(|| curve_table(&keys).to_vec())
         }
-        OptionKind::Color { .. } => None,
+        _ => None,
     }
 }
 

@@ -8,6 +8,7 @@ pub(crate) mod clip_edit;
 pub mod compare;
 pub mod constraints;
 pub mod cue;
+pub mod cuts;
 pub mod effect;
 pub mod expect;
 pub(crate) mod expected_values;
@@ -50,7 +51,7 @@ pub const TABLES: &[(&str, &[&[Function]])] = &[
     ("Cues: clips on the timeline, crossfades, layers and masks", &[cue::OPTION_DEFS, cue::DEFS]),
     ("Root motion, in place, path following and walks", &[walk_to::DEFS, root_motion::DEFS]),
     ("Markers, footsteps and sequences", &[sequences::DEFS]),
-    ("Cameras: field of view, orbit, follow and cuts", &[camera::DEFS]),
+    ("Cameras: field of view, orbit, follow and cuts", &[camera::DEFS, cuts::DEFS]),
     ("Lights, shadows and image-based lighting (HDRI)", &[light::DEFS, sky::DEFS]),
     ("2D layers: titles, images and letterbox", &[layers_2d::DEFS, fade::DEFS]),
     ("Effects and post-processing", &[effect::DEFS]),

@@ -87,8 +87,6 @@ pub struct Places {
     pub cuts: Vec<Place>,
     /// Places of cues, by actor, layer and cue, as in `Stage::actors`.
     pub cues: Vec<Vec<Vec<Place>>>,
-    /// Named times of the stage.
-    pub markers: Vec<(String, Time)>,
     /// Markers of the clips that are played and have any.
     pub clip_markers: Vec<ClipMarkers>,
     pub lights: Vec<Place>,

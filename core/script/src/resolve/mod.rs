@@ -60,7 +60,7 @@ pub fn resolve(
         places.effects = std::mem::take(&mut build.effect_places);
         let Layers { layers, places: cue_places, in_step, standing_fades } = layers(&build, &mut notes);
         places.cues = cue_places;
-        places.markers = build.markers.clone();
+        stage.markers = std::mem::take(&mut build.markers);
         places.clip_markers = clip_markers(&build, &layers);
         plant_in_step(&mut build, in_step);
         plant_in_fades(&mut build, standing_fades);

@@ -301,6 +301,11 @@ pub(crate) fn of_words(term: &str, defs: &Defs) -> Answer {
     found.map_or_else(Answer::default, |topic| topic.answer(defs))
 }
 
+/// Each topic of the table: its terms, and what answers them.
+pub(crate) fn topics(defs: &Defs) -> impl Iterator<Item = (&'static [&'static str], Answer)> {
+    TOPICS.iter().map(|topic| (topic.terms.as_slice(), topic.answer(defs)))
+}
+
 /// The topics' terms.
 pub fn terms() -> impl Iterator<Item = &'static str> {
     TOPICS.iter().flat_map(|topic| topic.terms.iter().copied())

@@ -3,8 +3,9 @@
 //! Alone a clip carries its actor by a closed form: k whole loops are the k-th power of one loop's motion
 //! ([`choreo_motion::Planar::power`]), so that a hundred hours in costs what the first second does and drifts no more. While
 //! weights change, in fades, the actor moves with the weighted mean of the clips' velocities in its own frame (as
-//! Unreal's and Unity's root motion does; a mean of places would add the speed at which the clips part). That has no closed
-//! form with turns in it, so it is integrated once, in fixed steps of exact displacements, into a table that any time is
+//! Unreal's and Unity's root motion does; a mean of places would add the speed at which the clips part). After an inertialized switch the
+//! velocity that the new clip lacks goes to zero as the offsets of its pose do ([`Settling`]). Neither has a closed
+//! form with turns in it, so they are integrated once, in fixed steps of exact displacements, into a table that any time is
 //! looked up in.
 
 use crate::stage::Stage;
@@ -21,6 +22,8 @@ use std::sync::Arc;
 /// Steps a second of a fade; an error of the mean velocity of 1e-5 m in a fade from a walk to a run with a turn.
 const RATE: f64 = 240.0;
 const MOST_STEPS: f64 = 65_536.0;
+/// Time in which a velocity is measured.
+const INSTANT: Time = Time(Time::TICKS_PER_SECOND / 240);
 
 /// How far an actor has come: where its frame is, and how far it went forwards.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -68,6 +71,45 @@ pub(crate) struct RootMotionTrack {
     /// Position of the root on the floor in model space: that of the first clip, and of all others too.
     anchor: DVec3,
     segments: Vec<Segment>,
+    /// By cue.
+    settling: Vec<Option<Settling>>,
+}
+
+/// The velocity that an inertialized switch takes over from the motion before, beyond that of its own clip: it begins with it and goes
+/// to zero by the quintic of least jerk (T. Flash, N. Hogan, "The Coordination of Arm Movements", 1985), which is that of
+/// [`choreo_motion::Inertialization`] for an offset that is at rest.
+#[derive(Clone, Copy, Debug)]
+struct Settling {
+    start: Time,
+    duration: Time,
+    /// In the actor's frame, metres and radians per second.
+    velocity: (DVec3, f64),
+    /// Metres per second.
+    forward: f64,
+}
+
+impl Settling {
+    fn end(&self) -> Time {
+        self.start + self.duration
+    }
+
+    /// The integral of the share that is left between two times, seconds.
+    fn secs(&self, from: Time, to: Time) -> f64 {
+        let whole = self.duration.as_secs();
+        let until = |time: Time| {
+            let s = ((time - self.start).as_secs() / whole).clamp(0.0, 1.0);
+            let s4 = s * s * s * s;
+            s - s4 * (2.5 - s * (3.0 - s))
+        };
+        whole * (until(to) - until(from))
+    }
+}
+
+/// A base layer in which root motion moves the actor.
+#[derive(Clone, Copy)]
+struct Moving<'a> {
+    layer: &'a Layer,
+    settling: &'a [Option<Settling>],
 }
 
 #[derive(Clone, Debug)]
@@ -96,32 +138,56 @@ impl RootMotionTrack {
         let anchor = anchor(first.0, first.1);
         let mut marks: Vec<Time> = Vec::new();
         for cue in &layer.cues {
-            marks.extend([cue.start, cue.start + cue.fade_in]);
+            marks.extend([cue.start, cue.start + cue.fade_in, cue.start + cue.inertialization]);
             let keys = cue.weight_keys.as_ref().map_or(&[][..], |keys| &keys.times);
             marks.extend(keys.first().into_iter().chain(keys.last()).filter(|t| **t > cue.start));
         }
         marks.sort_unstable();
         marks.dedup();
         let start = Planar { translation: anchor, yaw: 0.0 };
-        let mut track = RootMotionTrack { anchor, segments: Vec::new() };
+        let settling = vec![None; layer.cues.len()];
+        let mut track = RootMotionTrack { anchor, segments: Vec::new(), settling };
         let mut at = Displacement { frame: start, forward: 0.0 };
         let mut active_cues = Vec::new();
         for (i, mark) in marks.iter().enumerate() {
             let end = marks.get(i + 1).copied();
-            let kind = kind(layer, *mark, end, &mut active_cues);
-            track.segments.push(Segment { start: *mark, at, kind });
-            if let (Some(end), Some(last)) = (end, track.segments.last()) {
-                at = last.at(layer, end, &mut active_cues);
+            track.settle(layer, *mark, &mut active_cues);
+            let moving = Moving { layer, settling: &track.settling };
+            let segment = Segment { start: *mark, at, kind: kind(moving, *mark, end, &mut active_cues) };
+            if let Some(end) = end {
+                at = segment.at(moving, end, &mut active_cues);
             }
+            track.segments.push(segment);
         }
         Some(track)
+    }
+
+    /// What inertialized cues that start at a time take over.
+    fn settle(&mut self, layer: &Layer, start: Time, active_cues: &mut Vec<ActiveCue>) {
+        for (index, cue) in layer.cues.iter().enumerate().skip(1) {
+            if cue.start != start || cue.inertialization <= Time::ZERO {
+                continue;
+            }
+            let moving = Moving { layer, settling: &self.settling };
+            let before = mean_step(moving, start - INSTANT, start, active_cues);
+            let after = displacement(layer, index, start).to(displacement(layer, index, start + INSTANT));
+            let [(velocity, turn), (own_velocity, own_turn)] =
+                [before, after].map(|step| step.frame.velocity());
+            let per_second = 1.0 / INSTANT.as_secs();
+            self.settling[index] = Some(Settling {
+                start,
+                duration: cue.inertialization,
+                velocity: ((velocity - own_velocity) * per_second, (turn - own_turn) * per_second),
+                forward: (before.forward - after.forward) * per_second,
+            });
+        }
     }
 
     /// How far the actor has come at a time.
     fn step(&self, layer: &Layer, time: Time, active_cues: &mut Vec<ActiveCue>) -> Displacement {
         let begun = self.segments.partition_point(|segment| segment.start <= time);
         match begun.checked_sub(1).map(|i| &self.segments[i]) {
-            Some(segment) => segment.at(layer, time, active_cues),
+            Some(segment) => segment.at(Moving { layer, settling: &self.settling }, time, active_cues),
             None => Displacement { frame: Planar { translation: self.anchor, yaw: 0.0 }, forward: 0.0 },
         }
     }
@@ -162,28 +228,30 @@ fn anchor(cue: &Cue, root: &CueRootMotion) -> DVec3 {
     }
 }
 
-fn kind(layer: &Layer, start: Time, end: Option<Time>, active_cues: &mut Vec<ActiveCue>) -> SegmentKind {
+fn kind(moving: Moving, start: Time, end: Option<Time>, active_cues: &mut Vec<ActiveCue>) -> SegmentKind {
+    let Moving { layer, settling } = moving;
     let within = |share: i64, active_cues: &mut Vec<ActiveCue>| {
         let span = end.map_or(Time::from_secs(4.0), |end| end - start);
         timeline::base_cues(layer, start + Time(span.0 / 8 * share), active_cues);
         active_cues.iter().map(|v| (v.cue, v.weight)).collect::<Vec<_>>()
     };
     let looks: Vec<Vec<(usize, f32)>> = [1, 3, 4, 6, 7].map(|share| within(share, active_cues)).into();
-    let same = looks.windows(2).all(|pair| pair[0] == pair[1]);
+    let settles = |(cue, _): &(usize, f32)| settling[*cue].is_some_and(|of| start < of.end());
+    let same = looks.windows(2).all(|pair| pair[0] == pair[1]) && !looks[0].iter().any(settles);
     match (&looks[0][..], end) {
         ([(cue, _)], _) if same => SegmentKind::Alone(*cue),
-        (_, Some(end)) if !same => fading(layer, start, end, active_cues),
+        (_, Some(end)) if !same => fading(moving, start, end, active_cues),
         _ => SegmentKind::Mixed,
     }
 }
 
-fn fading(layer: &Layer, start: Time, end: Time, active_cues: &mut Vec<ActiveCue>) -> SegmentKind {
+fn fading(moving: Moving, start: Time, end: Time, active_cues: &mut Vec<ActiveCue>) -> SegmentKind {
     let count = libm::ceil((end - start).as_secs() * RATE).clamp(1.0, MOST_STEPS) as i64;
     let mut steps = vec![Displacement::default()];
     let mut at = Displacement::default();
     for i in 0..count {
         at = at.then(mean_step(
-            layer,
+            moving,
             knot(start, end, count, i),
             knot(start, end, count, i + 1),
             active_cues,
@@ -198,8 +266,13 @@ fn knot(start: Time, end: Time, count: i64, i: i64) -> Time {
 }
 
 /// The mean of what the clips that count do between two times, by their weights in the middle: of the logarithms of their
-/// exact motions, which are velocities.
-fn mean_step(layer: &Layer, from: Time, to: Time, active_cues: &mut Vec<ActiveCue>) -> Displacement {
+/// exact motions, which are velocities, and what switches still add to them.
+fn mean_step(
+    Moving { layer, settling }: Moving,
+    from: Time,
+    to: Time,
+    active_cues: &mut Vec<ActiveCue>,
+) -> Displacement {
     timeline::base_cues(layer, from.middle(to), active_cues);
     timeline::shares(active_cues);
     let (mut velocity, mut turn, mut forward) = (DVec3::ZERO, 0.0, 0.0);
@@ -210,25 +283,32 @@ fn mean_step(layer: &Layer, from: Time, to: Time, active_cues: &mut Vec<ActiveCu
         velocity += v * share;
         turn += yaw * share;
         forward += step.forward * share;
+        if let Some(settling) = &settling[active.cue] {
+            let secs = settling.secs(from, to) * share;
+            velocity += settling.velocity.0 * secs;
+            turn += settling.velocity.1 * secs;
+            forward += settling.forward * secs;
+        }
     }
     Displacement { frame: Planar::from_velocity((velocity, turn)), forward }
 }
 
 impl Segment {
-    fn at(&self, layer: &Layer, time: Time, active_cues: &mut Vec<ActiveCue>) -> Displacement {
+    fn at(&self, moving: Moving, time: Time, active_cues: &mut Vec<ActiveCue>) -> Displacement {
+        let layer = moving.layer;
         let time = time.max(self.start);
         let since = match &self.kind {
             SegmentKind::Alone(cue) => {
                 displacement(layer, *cue, self.start).to(displacement(layer, *cue, time))
             }
-            SegmentKind::Mixed => mean_step(layer, self.start, time, active_cues),
+            SegmentKind::Mixed => mean_step(moving, self.start, time, active_cues),
             SegmentKind::Fading { end, steps } => {
                 let count = steps.len() as i64 - 1;
                 let into = i128::from((time.min(*end) - self.start).0) * i128::from(count);
                 let i = (into / i128::from((*end - self.start).0.max(1))).clamp(0, i128::from(count)) as i64;
                 let from = knot(self.start, *end, count, i);
                 let step = steps[i as usize];
-                if from < time { step.then(mean_step(layer, from, time, active_cues)) } else { step }
+                if from < time { step.then(mean_step(moving, from, time, active_cues)) } else { step }
             }
         };
         self.at.then(since)

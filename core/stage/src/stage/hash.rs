@@ -226,7 +226,7 @@ macro_rules! hashed {
 pub(crate) use hashed;
 
 hashed! {
-    struct Stage { settings, actors, cameras, cuts, lights, layers_2d, sky, effects, hooks; without solvers, warnings }
+    struct Stage { settings, actors, cameras, cuts, lights, layers_2d, sky, effects, hooks; without solvers, markers, warnings }
     struct FrameRate { num, den }
     enum Background {
         0 Color(color),

@@ -35,7 +35,6 @@ use crate::stage::solvers::SolverSettings;
 use choreo_motion::{FrameRate, Time};
 use glam::{Vec3, Vec4};
 use std::sync::Arc;
-use thiserror::Error;
 
 #[derive(Clone, Debug, Default)]
 pub struct Stage {
@@ -51,6 +50,8 @@ pub struct Stage {
     /// 2D layers in painter's order.
     pub layers_2d: Vec<Layer2d>,
     pub effects: Vec<EffectUse>,
+    /// Named times. They change no image.
+    pub markers: Vec<(String, Time)>,
     /// Called in order for every frame, after keyed properties and before joint matrices are built.
     pub hooks: Vec<Arc<dyn FrameHook>>,
     /// Warnings of the script and the stage ("clip longer than its slot"), for `check`.
@@ -190,21 +191,33 @@ pub trait FrameHook: Send + Sync + std::fmt::Debug {
     }
 }
 
-#[derive(Clone, Debug, Error)]
+#[derive(Clone, Debug)]
 pub enum StageError {
     /// A script callback failed; the error's text is complete, with file and line.
-    #[error("{error}\n    at {} s", time.as_secs())]
     Hook { error: Arc<dyn std::error::Error + Send + Sync>, time: Time },
     /// An actor and those between it and itself.
-    #[error("actor \"{0}\" is attached to itself, through {1}")]
     Cycle(String, String),
     /// An actor and the one it faces.
-    #[error(
-        "actor \"{0}\" cannot face \"{1}\": where \"{1}\" stands depends on how \"{0}\" is turned; \
-         turn \"{0}\" by hand, or face something that it does not carry"
-    )]
     FacingCycle(String, String),
     /// A part of the stage of which no frame can be made: NaN, an index out of range, keys out of order.
-    #[error("{place}: {what}")]
     Bad { place: String, what: String },
 }
+
+impl std::fmt::Display for StageError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            StageError::Hook { error, time } => write!(f, "{error}\n    at {} s", time.as_secs()),
+            StageError::Cycle(actor, between) => {
+                write!(f, "actor \"{actor}\" is attached to itself, through {between}")
+            }
+            StageError::FacingCycle(actor, faced) => write!(
+                f,
+                "actor \"{actor}\" cannot face \"{faced}\": where \"{faced}\" stands depends on how \"{actor}\" is turned; \
+                 turn \"{actor}\" by hand, or face something that it does not carry"
+            ),
+            StageError::Bad { place, what } => write!(f, "{place}: {what}"),
+        }
+    }
+}
+
+impl std::error::Error for StageError {}

@@ -20,15 +20,26 @@ pub struct Path {
 }
 
 /// Points that no path goes through.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PathError {
-    #[error("a path needs at least 2 points, there are {0}")]
     TooFew(usize),
-    #[error("point {0} is not finite")]
     NotFinite(usize),
-    #[error("points {0} and {1} are in the same place")]
     SamePlace(usize, usize),
 }
+
+impl std::fmt::Display for PathError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            PathError::TooFew(count) => write!(f, "a path needs at least 2 points, there are {count}"),
+            PathError::NotFinite(index) => write!(f, "point {index} is not finite"),
+            PathError::SamePlace(first, second) => {
+                write!(f, "points {first} and {second} are in the same place")
+            }
+        }
+    }
+}
+
+impl std::error::Error for PathError {}
 
 /// How an actor goes along a path.
 #[derive(Clone, Debug, PartialEq)]

@@ -262,6 +262,9 @@ fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize) -> Opti
                         }
                     });
                 }
+                _ => {
+                    ui.monospace(format!("{value:.3?}"));
+                }
             }
             ui.end_row();
         }

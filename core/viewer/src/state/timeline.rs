@@ -123,7 +123,7 @@ impl Timeline {
                 rows.push(plain(label, Vec::new(), events));
             }
         }
-        Timeline { rows, markers: places.markers.clone(), length }
+        Timeline { rows, markers: stage.markers.clone(), length }
     }
 
     /// Whether a problem is about what was made here, by the line of the script.

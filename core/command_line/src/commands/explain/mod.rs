@@ -55,6 +55,7 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
         "constraints": costs.constraints,
         "spring_bones": costs.spring_bones,
         "sub_frames": sub_frames,
+        "sub_frames_why": plan.shutter_motion.map(|motion| motion.to_string()),
         "earlier_frames": std::mem::take(&mut plan.history).len(),
         "cameras": 1 + u8::from(plan.dissolve.take().is_some()),
         "reuse": reuse.word(),
@@ -181,6 +182,10 @@ fn text(f: &Value) -> String {
         "processor  {} poses, {} constraints, {} spring bones, {} sub-frames",
         cpu["poses"], cpu["constraints"], cpu["spring_bones"], cpu["sub_frames"]
     );
+    if let Some(why) = cpu["sub_frames_why"].as_str() {
+        let plural = if cpu["sub_frames"] == 1 { "" } else { "s" };
+        let _ = writeln!(t, "blur       {} sub-frame{plural}: {why}", cpu["sub_frames"]);
+    }
     match cpu["reuse"].as_str() {
         Some("frame") => t.push_str("reused     equal to the frame before: not drawn again\n"),
         Some("scene") => t.push_str("reused     the scene of the frame before, under other 2D layers\n"),

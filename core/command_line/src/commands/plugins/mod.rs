@@ -160,6 +160,7 @@ fn option_json(option: &OptionSpec) -> Value {
         OptionKind::Curve { default, min, max } => {
             json!({ "kind": "curve", "default": default, "min": min, "max": max })
         }
+        _ => json!({ "kind": option.allowed() }),
     };
     let mut all = json!({ "name": option.name, "about": option.about });
     if let (Some(all), Value::Object(of_kind)) = (all.as_object_mut(), of_kind) {

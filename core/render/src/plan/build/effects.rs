@@ -1,10 +1,11 @@
 //! Effects in a plan: full-screen passes, and functions in the scene's shaders.
 
 use crate::plan::build::Planner;
+use crate::plan::build::scene_inputs::frame_times;
 use crate::plan::options::PlanOptions;
 use crate::plan::{Features, LeftOut, PostPass};
 use choreo_asset::Primitive;
-use choreo_plugin::{Effect, Hook, Shutter, SurfaceInputs};
+use choreo_plugin::{Effect, EffectFrame, Hook, Shutter, SurfaceInputs};
 use choreo_stage::{EffectState, EffectTarget, EffectUse, Snapshot, Stage};
 
 /// Largest number of effects in the scene's shaders: one for each bit. Further ones are reported in `left_out`.
@@ -77,13 +78,13 @@ impl Planner<'_> {
     }
 }
 
-/// An effect's parameters as numbers, clamped to their ranges; defaults where the script gives none.
+/// An effect's parameters as numbers, clamped to their ranges; defaults where the script gives none. Without the numbers of the frame.
 pub fn effect_parameters(effect: &Effect, given: &[(String, f64)]) -> Vec<f32> {
     effect.manifest().parameters(given)
 }
 
 /// Active effects whose plugin is known and which change something.
-pub(super) fn uses<'a>(
+pub(crate) fn uses<'a>(
     stage: &'a Stage,
     snapshot: &'a Snapshot,
     effects: &'a [Effect],
@@ -113,15 +114,28 @@ pub(crate) fn history_of(stage: &Stage, snapshot: &Snapshot, effects: &[Effect],
     frames.max().unwrap_or(0)
 }
 
+/// Appends the numbers of the frame to the parameters of an effect that reads them.
+pub(super) fn add_frame_numbers(pass: &mut PostPass, frame: &EffectFrame, options: &PlanOptions) {
+    let effect = options.effects.iter().find(|e| e.manifest().name == pass.effect);
+    if effect.is_some_and(Effect::reads_frame) {
+        pass.parameters.extend(frame.numbers(options.size));
+    }
+}
+
 pub(super) fn scene_effects(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Vec<SceneEffect> {
     let in_scene = uses(stage, snapshot, options.effects).filter(|(effect, ..)| effect.hook().is_in_scene());
+    let frame = frame_times(stage, snapshot);
     let scene_effect = |(effect, used, state): (&Effect, &EffectUse, &EffectState)| {
         let parameters = effect_parameters(effect, &state.parameters);
         let reach = effect.reach(&parameters);
         SceneEffect {
             hook: effect.hook(),
             needs: effect.surface_inputs(&parameters),
-            used: PostPass { effect: used.plugin.clone(), parameters, number: 0, shrink: 1 },
+            used: {
+                let mut used = PostPass { effect: used.plugin.clone(), parameters, number: 0, shrink: 1 };
+                add_frame_numbers(&mut used, &frame, options);
+                used
+            },
             reach: if reach.is_finite() { reach.max(0.0) } else { 0.0 },
             on: used.on.clone(),
         }

@@ -9,19 +9,21 @@ mod lod;
 mod mesh;
 mod outlines;
 mod overdraw;
-mod overlay;
+pub(crate) mod overlay;
 mod refraction;
 pub(crate) mod scene_inputs;
 pub(crate) mod shadow_cascades;
 mod shadow_casters;
-mod shadow_volumes;
-mod skins;
+pub(crate) mod shadow_volumes;
+pub(crate) mod skins;
 mod transparency;
 
 use crate::affine::Affine3x4;
 use crate::layers_2d::compose_layers;
 use crate::plan::build::display::Display;
-use crate::plan::build::effects::{SceneEffect, background_effects, post_passes, scene_effects};
+use crate::plan::build::effects::{
+    SceneEffect, add_frame_numbers, background_effects, post_passes, scene_effects,
+};
 use crate::plan::build::items::{DrawItem, sort};
 use crate::plan::build::lights::{plan_lights, plan_sky};
 use crate::plan::build::lod::ActorLevels;
@@ -29,7 +31,7 @@ use crate::plan::build::mesh::MeshContext;
 use crate::plan::build::outlines::{OutlineKey, SurfaceLine, effect_lines};
 use crate::plan::build::overdraw::OverdrawEstimate;
 use crate::plan::build::overlay::overlays;
-use crate::plan::build::scene_inputs::{FrameBefore, effect_frame, inputs_of};
+use crate::plan::build::scene_inputs::{FrameBefore, effect_frame, frame_times, inputs_of};
 use crate::plan::build::shadow_casters::ShadowCaster;
 use crate::plan::build::skins::SkinMatrices;
 use crate::plan::build::transparency::TransparentCopy;
@@ -228,6 +230,8 @@ impl<'a> Planner<'a> {
         let [layers_behind, layers_in_front] = compose_layers(stage, snapshot, &labels, options.size);
         let (mut post, unknown_effects) = post_passes(stage, snapshot, options);
         self.display.add_pass(&mut post, options);
+        let times = frame_times(stage, snapshot);
+        post.iter_mut().for_each(|pass| add_frame_numbers(pass, &times, options));
         let inputs = inputs_of(stage, snapshot, options.effects);
         let effect_frame = effect_frame(stage, snapshot, inputs, &self.view, &lights);
         self.facts = Facts {
@@ -283,6 +287,7 @@ impl<'a> Planner<'a> {
             effect_frame,
             overlay,
             subframes: Vec::new(),
+            shutter_motion: None,
             history: Vec::new(),
             dissolve: None,
             linear: false,

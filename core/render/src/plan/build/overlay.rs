@@ -11,7 +11,7 @@ use glam::{DVec3, Vec2, Vec4, Vec4Swizzles};
 /// Largest number of labels: nobody could read more.
 const MOST_LABELS: usize = 2_000;
 
-pub(super) fn overlays(
+pub(crate) fn overlays(
     stage: &Stage,
     snapshot: &Snapshot,
     view: &View,

@@ -174,7 +174,18 @@ fn in_inputs(key: &PipelineKey) -> bool {
     key.topology == TopologyKey::Triangles && !key.is_transparent() && !key.features.has_any(lines)
 }
 
-/// Numbers of the frame that the effects read.
+/// Time and number of the frame.
+pub(super) fn frame_times(stage: &Stage, snapshot: &Snapshot) -> EffectFrame {
+    let fps = stage.settings.fps;
+    EffectFrame {
+        time: snapshot.time.as_secs() as f32,
+        frame: u32::try_from(fps.frames_in(snapshot.time + Time(1)) - 1).unwrap_or(0),
+        delta: fps.time_of(1).as_secs() as f32,
+        ..EffectFrame::default()
+    }
+}
+
+/// Numbers of the frame that the effects on images read.
 pub(super) fn effect_frame(
     stage: &Stage,
     snapshot: &Snapshot,
@@ -182,13 +193,7 @@ pub(super) fn effect_frame(
     view: &View,
     lights: &[PlanLight],
 ) -> EffectFrame {
-    let mut frame = EffectFrame::default();
-    if inputs.time {
-        let fps = stage.settings.fps;
-        frame.time = snapshot.time.as_secs() as f32;
-        frame.frame = u32::try_from(fps.frames_in(snapshot.time + Time(1)) - 1).unwrap_or(0);
-        frame.delta = fps.time_of(1).as_secs() as f32;
-    }
+    let mut frame = if inputs.time { frame_times(stage, snapshot) } else { EffectFrame::default() };
     if inputs.camera {
         let from_world = DMat4::from_translation(-view.position);
         frame.view_from_world = (view.view_from_relative.as_dmat4() * from_world).as_mat4();

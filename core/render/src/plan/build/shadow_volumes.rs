@@ -8,6 +8,7 @@ use crate::plan::build::shadow_cascades::{Axes, ShadowRegion, Span};
 use crate::scene_resources::bounds::outside;
 use choreo_asset::Aabb;
 use glam::{DVec2, DVec3, DVec4, Vec2};
+use std::ops::{Add, Mul, Sub};
 
 /// Bounds of a caster, camera-relative.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,8 +89,12 @@ fn swept(b: &Aabb, forward: DVec3, within: &Aabb) -> Option<(Aabb, f64)> {
     Some((Aabb { min: start.max(low).as_vec3(), max: end.min(high).as_vec3() }, to))
 }
 
+/// Faces of a box, by corners whose bits are the axes.
+pub(crate) const FACES: [[usize; 4]; 6] =
+    [[0, 2, 6, 4], [1, 3, 7, 5], [0, 1, 5, 4], [2, 3, 7, 6], [0, 1, 3, 2], [4, 5, 7, 6]];
+
 /// Depth of the near plane.
-fn near_depth(view: &View) -> f64 {
+pub(crate) fn near_depth(view: &View) -> f64 {
     let m = view.clip_from_view.as_dmat4();
     // Reversed Z: 1 at the near plane.
     if view.eye.w == 0.0 { (m.w_axis.z - 1.0) / m.z_axis.z } else { m.w_axis.z / (1.0 + m.z_axis.z) }
@@ -112,9 +117,6 @@ fn visible_depths(b: &Aabb, view: &View) -> Option<(Span, bool)> {
         let c = c.as_dvec3().extend(1.0);
         (clip * c, depth.dot(c))
     });
-    // Faces of the box, by vertices whose bits are the axes.
-    const FACES: [[usize; 4]; 6] =
-        [[0, 2, 6, 4], [1, 3, 7, 5], [0, 1, 5, 4], [2, 3, 7, 6], [0, 1, 3, 2], [4, 5, 7, 6]];
     let mut seen = Span::EMPTY;
     for face in FACES {
         for (_, depth) in in_frustum(face.map(|i| corners[i]).to_vec()) {
@@ -140,8 +142,12 @@ fn corner_of_near_plane(view: &View, near: f64, b: &Aabb) -> bool {
     })
 }
 
-/// The part of a polygon that is in view: clip coordinates and depths of its vertices (Sutherland & Hodgman 1974).
-fn in_frustum(mut polygon: Vec<(DVec4, f64)>) -> Vec<(DVec4, f64)> {
+/// The part of a polygon that is in view: clip coordinates of its vertices, and something that is linear on it (Sutherland &
+/// Hodgman 1974).
+pub(crate) fn in_frustum<T>(mut polygon: Vec<(DVec4, T)>) -> Vec<(DVec4, T)>
+where
+    T: Copy + Add<Output = T> + Sub<Output = T> + Mul<f64, Output = T>,
+{
     let inside: [fn(DVec4) -> f64; 5] =
         [|p| p.w - p.x, |p| p.w + p.x, |p| p.w - p.y, |p| p.w + p.y, |p| p.w - p.z];
     for inside in inside {

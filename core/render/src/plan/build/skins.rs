@@ -4,7 +4,7 @@ use crate::affine::{Affine3x4, to_f64};
 use crate::plan::build::Planner;
 use crate::scene_resources::PrimitiveResource;
 use crate::scene_resources::bounds::PrimitiveInfo;
-use choreo_asset::{Aabb, Asset};
+use choreo_asset::{Aabb, Asset, Skin};
 use choreo_motion::{Skinning, StretchedDualQuaternion};
 use choreo_stage::ActorState;
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec4};
@@ -38,15 +38,7 @@ impl SkinMatrices {
         let skin = &asset.skins[skin as usize];
         for (i, joint) in skin.joints.iter().enumerate() {
             let pose = state.model_from_joint.get(*joint as usize).copied().unwrap_or(Affine3A::IDENTITY);
-            let bind = skin.inverse_bind.get(i).copied().unwrap_or(glam::Mat4::IDENTITY);
-            let bind = DAffine3 {
-                matrix3: DMat3::from_cols(
-                    bind.x_axis.truncate().as_dvec3(),
-                    bind.y_axis.truncate().as_dvec3(),
-                    bind.z_axis.truncate().as_dvec3(),
-                ),
-                translation: bind.w_axis.truncate().as_dvec3(),
-            };
+            let bind = bind_of(skin, i);
             all.matrices.push(Affine3x4::from_affine(relative_from_model * to_f64(pose) * bind));
             if state.skinning == Skinning::DualQuaternion {
                 all.dual_quaternions.push(StretchedDualQuaternion::of(to_f64(pose) * bind));
@@ -98,6 +90,19 @@ impl Planner<'_> {
             }
             first
         })
+    }
+}
+
+/// Inverse bind matrix of a skin's joint.
+pub(crate) fn bind_of(skin: &Skin, joint: usize) -> DAffine3 {
+    let bind = skin.inverse_bind.get(joint).copied().unwrap_or(glam::Mat4::IDENTITY);
+    DAffine3 {
+        matrix3: DMat3::from_cols(
+            bind.x_axis.truncate().as_dvec3(),
+            bind.y_axis.truncate().as_dvec3(),
+            bind.z_axis.truncate().as_dvec3(),
+        ),
+        translation: bind.w_axis.truncate().as_dvec3(),
     }
 }
 

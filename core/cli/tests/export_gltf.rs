@@ -1,0 +1,515 @@
+//! `choreo export -o scene.glb`: the file, imported again, has the scene's joints at times between its frames, and its images; other
+//! programs read it. `cargo test -p choreo --test export_gltf -- --nocapture` prints the table.
+//!
+//! `--ignored` checks all lessons. Blender's importer runs where `CHOREO_BPY` names a Python that has `bpy`.
+
+mod common;
+#[path = "common/gltf_validator.rs"]
+mod gltf_validator;
+#[path = "common/unhurried.rs"]
+mod unhurried;
+
+use choreo_asset::Asset;
+use choreo_image_diff::{Comparison, compare};
+use choreo_motion::Time;
+use choreo_plugin::{ExportedScene, Frame, ImportScope, MemoryFiles, OptionValue};
+use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
+use choreo_script::{Limits, Loader, run_file, run_text};
+use choreo_stage::{Camera, Cue, Cut, Evaluator, Repeat, Rig, Stage};
+use common::*;
+use gltf_validator::validate;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Metres that a joint may be off.
+const TOLERANCE: f64 = 1e-4;
+const SIZE: [u32; 2] = [320, 180];
+
+/// Fades, layers, IK, root motion, callbacks, attached props, several cameras, springs and other bodies.
+const LESSONS: [&str; 6] = [
+    "01_first_dance.rhai",
+    "07_keys_and_frames.rhai",
+    "11_root_motion.rhai",
+    "12_together.rhai",
+    "15_reaching.rhai",
+    "38_bodies_and_chains.rhai",
+];
+
+fn scripts() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts")
+}
+
+/// All lessons; those in folders of their own have plugins beside them.
+fn lessons() -> Vec<PathBuf> {
+    let mut all = Vec::new();
+    for entry in std::fs::read_dir(scripts()).unwrap().map(|e| e.unwrap().path()) {
+        let inside = entry.join("lesson.rhai");
+        if entry.extension().is_some_and(|e| e == "rhai") {
+            all.push(entry);
+        } else if inside.is_file() {
+            all.push(inside);
+        }
+    }
+    all.sort();
+    assert!(all.len() >= 45, "{all:?}");
+    all
+}
+
+/// The files of an export.
+struct Exported {
+    stage: Arc<Stage>,
+    files: MemoryFiles,
+    folder: tempfile::TempDir,
+}
+
+impl Exported {
+    fn of(stage: Stage, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
+        let registry = choreo::registry();
+        let exporter = registry.scene_exporter_for(&format!("out.{extension}")).unwrap();
+        let mut scene = ExportedScene::new("scene.rhai", Arc::new(stage));
+        scene.extension = extension.into();
+        scene.options = exporter.manifest().complete(&scene.options).unwrap();
+        for (name, value) in options {
+            scene.options.0.insert((*name).into(), value.clone());
+        }
+        let mut files = MemoryFiles::default();
+        exporter.export(&scene, &mut files).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let exported = Exported { stage: scene.stage, files, folder };
+        exported.write(extension);
+        exported
+    }
+
+    fn lesson(name: &Path, extension: &str) -> Exported {
+        let stage = run_file(name, &choreo::registry(), &unhurried::unhurried());
+        Exported::of(stage.unwrap_or_else(|e| panic!("{}: {e:?}", name.display())).stage, extension, &[])
+    }
+
+    fn script(text: &str, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
+        let run = run_text("scene.rhai", text, &scripts(), &choreo::registry(), &unhurried::unhurried());
+        Exported::of(run.unwrap_or_else(|e| panic!("{e:?}")).stage, extension, options)
+    }
+
+    fn write(&self, extension: &str) {
+        std::fs::write(self.folder.path().join(format!("out.{extension}")), &self.files.main).unwrap();
+        for (ending, bytes) in &self.files.beside {
+            std::fs::write(self.folder.path().join(format!("out{ending}")), bytes).unwrap();
+        }
+    }
+
+    fn path(&self) -> PathBuf {
+        let mut all = std::fs::read_dir(self.folder.path()).unwrap().map(|e| e.unwrap().path());
+        all.find(|p| p.extension().is_some_and(|e| e == "glb" || e == "gltf")).unwrap()
+    }
+
+    /// The JSON of the file.
+    fn json(&self) -> Value {
+        let main = &self.files.main;
+        match main.strip_prefix(b"glTF") {
+            Some(rest) => {
+                let length = u32::from_le_bytes(rest[8..12].try_into().unwrap()) as usize;
+                serde_json::from_slice(&main[20..20 + length]).unwrap()
+            }
+            None => serde_json::from_slice(main).unwrap(),
+        }
+    }
+
+    /// The file, imported, as a scene of one actor that plays the timeline, with the original's settings and cuts.
+    fn again(&self) -> Stage {
+        let asset = import(&self.path());
+        let mut stage = Stage { settings: self.stage.settings.clone(), ..Stage::default() };
+        let shots: Vec<Value> =
+            self.json()["nodes"].as_array().unwrap().iter().map(|n| n["extras"].clone()).collect();
+        let starts = shots.iter().filter_map(|extras| extras["start"].as_f64());
+        let actor = stage.cast("again", asset.clone());
+        for (camera, start) in starts.enumerate() {
+            stage.cameras.push(Camera::new("", Rig::File { actor, camera: camera as u32 }));
+            stage.cuts.push(Cut::new(Time::from_secs(start), camera));
+        }
+        if let Some(clip) = asset.clips.first() {
+            stage.play(actor, Cue { repeat: Repeat::Once, ..Cue::new(clip.clone()) });
+        }
+        stage
+    }
+}
+
+fn import(path: &Path) -> Arc<Asset> {
+    let registry = choreo::registry();
+    let limits = Limits::default();
+    let loader = Arc::new(Loader::for_file(path, &[], &registry, ImportScope::ALL, limits.file).unwrap());
+    let name = path.file_name().unwrap().to_str().unwrap();
+    let asset = loader.load(name, &Default::default()).unwrap_or_else(|e| panic!("{name}: {}", e.message));
+    assert!(asset.warnings.iter().all(|w| w.text.contains("thin, rough wall")), "{:?}", asset.warnings);
+    asset
+}
+
+/// The joint of the imported file for each joint of an actor: the importer numbers nodes depth first.
+struct Joints {
+    of_node: Vec<usize>,
+    /// The first joint's node of each actor that is there.
+    actors: Vec<Option<usize>>,
+}
+
+impl Joints {
+    fn of(exported: &Exported) -> Joints {
+        let json = exported.json();
+        let nodes = json["nodes"].as_array().unwrap();
+        let numbers = |list: &Value| -> Vec<usize> {
+            list.as_array().into_iter().flatten().map(|n| n.as_u64().unwrap() as usize).collect()
+        };
+        let roots = numbers(&json["scenes"][0]["nodes"]);
+        let (mut of_node, mut count) = (vec![usize::MAX; nodes.len()], 0);
+        let mut stack: Vec<usize> = roots.iter().rev().copied().collect();
+        while let Some(node) = stack.pop() {
+            of_node[node] = count;
+            count += 1;
+            stack.extend(numbers(&nodes[node]["children"]).into_iter().rev());
+        }
+        let mut left = roots.into_iter().filter(|r| nodes[*r]["mesh"].is_null()).peekable();
+        let actors = exported
+            .stage
+            .actors
+            .iter()
+            .map(|actor| left.next_if(|root| nodes[*root]["name"] == *actor.name).map(|root| root + 1));
+        Joints { actors: actors.collect(), of_node }
+    }
+}
+
+/// The worst distance of a joint at 20 times between frames, with its place; actors that are not seen aside.
+fn worst(exported: &Exported) -> (f64, String) {
+    let stage = &exported.stage;
+    let again = Arc::new(exported.again());
+    let joints = Joints::of(exported);
+    let (mut one, mut other) = (Evaluator::new(stage.clone()), Evaluator::new(again).posing_hidden());
+    let mut worst = (0.0, String::new());
+    let length = stage.settings.length.as_secs();
+    for i in 0..20 {
+        let time = Time::from_secs(length * (f64::from(i) + 0.377) / 20.0);
+        let (truth, found) = (one.at(time).unwrap(), other.at(time).unwrap());
+        for ((actor, state), first) in stage.actors.iter().zip(&truth.actors).zip(&joints.actors) {
+            // What has placements has them instead of joints.
+            if !state.visible || !actor.asset.placements.is_empty() {
+                continue;
+            }
+            let first = first.unwrap_or_else(|| panic!("\"{}\" is seen, but not there", actor.name));
+            for (joint, name) in actor.asset.skeleton.names().iter().enumerate() {
+                let Some(a) = state.world_from_joint(joint) else { continue };
+                let b = found.actors[0].world_from_joint(joints.of_node[first + joint]).unwrap();
+                let apart = a.translation.distance(b.translation);
+                if apart > worst.0 {
+                    worst = (apart, format!("{} {name} at {:.4} s", actor.name, time.as_secs()));
+                }
+            }
+        }
+    }
+    worst
+}
+
+fn draw(stage: &Stage, time: Time) -> Frame {
+    let mut renderer = CpuRenderer::new(&[]);
+    let snapshot = stage.at(time).unwrap();
+    let resources = Arc::new(SceneResources::new(stage));
+    renderer.load(resources.clone()).unwrap();
+    let plan = Plan::new(&resources, stage, &snapshot, &PlanOptions::new(SIZE, 1));
+    renderer.submit(plan).unwrap();
+    renderer.collect(None).unwrap()
+}
+
+/// Images of the scene, without what glTF has no words for, and of the file.
+fn images(exported: &Exported, share: f64) -> (Comparison, Frame, Frame) {
+    let mut own = Stage::clone(&exported.stage);
+    (own.effects, own.layers_2d, own.settings.size) = (Vec::new(), Vec::new(), SIZE);
+    own.lights.iter_mut().for_each(|light| light.shadow = None);
+    let mut again = exported.again();
+    again.settings.size = SIZE;
+    let time = Time::from_secs(own.settings.length.as_secs() * share);
+    let (a, b) = (draw(&own, time), draw(&again, time));
+    (compare(&a, &b, 3).unwrap(), a, b)
+}
+
+fn is_same(c: &Comparison) -> bool {
+    c.mean < 0.3 && c.share_beyond < 0.006
+}
+
+#[test]
+fn joints_of_lessons_are_where_they_were_between_frames_too() {
+    for name in LESSONS {
+        let exported = Exported::lesson(&scripts().join(name), "glb");
+        let (metres, place) = worst(&exported);
+        let stated = exported.files.deviation.clone().unwrap();
+        println!(
+            "{name}: {metres:.1e} m, {place}; it states {:.1e} m, {} {}",
+            stated.metres, stated.actor, stated.joint
+        );
+        assert!(metres < TOLERANCE && stated.metres < TOLERANCE, "{name}: {metres:e} m, {place}; {stated:?}");
+    }
+}
+
+/// A tenth of a second in which an actor is not seen, a loop, a fade, a camera that zooms, a cut, and a lamp that goes on.
+const SCENE: &str = r##"
+    stage(#{ size: [320, 180], fps: 24, length: 3.0, background: "#203040" });
+    let m = load("choreo:mannequin", #{ color: "coral" });
+    let anna = cast("anna", m).at(-0.6, 0, 0);
+    anna.play(m.clip("Walk")).until(1.3).then(m.clip("Wave"), #{ fade: 0.4 });
+    let ben = cast("ben", load("choreo:mannequin", #{ color: "teal" })).at(0.6, 0, 0).tint("#ffd0d0");
+    ben.play(m.clip("Run"), #{ speed: 0.7 });
+    ben.key("visible", [[0.0, true], [1.0, false], [1.1, true]]);
+    let box = cast("box", shape("box", #{ size: 0.3, checker: "white", color: "navy" }));
+    box.attach(anna.joint("RightHand"));
+    camera("wide").fov(40).at(0, 1.2, 4).look_at([0, 0.9, 0]).key("fov", [[0, 40], [1.5, 25]]);
+    camera("side").at(3, 1.5, 2.5).look_at([0, 0.9, 0]).cut(2.0);
+    sun(#{ direction: [-1, -2, -1] });
+    let lamp = point(#{ position: [1, 2, 1], color: "#ffcc88" }).key("intensity", [[0, 0], [2, 12]]);
+    ambient("white", 0.3);
+"##;
+
+#[test]
+fn the_images_of_the_file_are_those_of_the_scene() {
+    let exported = Exported::script(SCENE, "glb", &[]);
+    let (metres, place) = worst(&exported);
+    assert!(metres < TOLERANCE, "{metres:e} m, {place}");
+    for share in [0.1, 0.35, 0.5, 0.8] {
+        let (c, own, again) = images(&exported, share);
+        println!("at {share} of the scene: {c}");
+        assert!(is_same(&c), "at {share} of the scene: {c}");
+        if let Some(folder) = std::env::var_os("CHOREO_KEEP_IMAGES") {
+            keep(Path::new(&folder), &format!("{share}_own.png"), &own);
+            keep(Path::new(&folder), &format!("{share}_again.png"), &again);
+        }
+    }
+    let stated: Vec<f64> = exported.json()["nodes"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter_map(|n| n["extras"]["end"].as_f64())
+        .collect();
+    assert_eq!(stated, [2.0, 3.0], "the ends of the shots");
+}
+
+fn keep(folder: &Path, name: &str, frame: &Frame) {
+    std::fs::create_dir_all(folder).unwrap();
+    image::save_buffer(folder.join(name), &frame.rgba, frame.width, frame.height, image::ColorType::Rgba8)
+        .unwrap();
+}
+
+/// Each fault in the file is found by what compares it with the scene.
+#[test]
+fn planted_faults_are_found() {
+    let exported = Exported::script(SCENE, "gltf", &[]);
+    assert!(worst(&exported).0 < TOLERANCE);
+    assert!(is_same(&images(&exported, 0.35).0));
+    let json = exported.json();
+    // A key time that is 20 ms late.
+    let sampler = &json["animations"][0]["samplers"][1];
+    let accessor = &json["accessors"][sampler["input"].as_u64().unwrap() as usize];
+    let view = &json["bufferViews"][accessor["bufferView"].as_u64().unwrap() as usize];
+    let offset = |v: &Value| v["byteOffset"].as_u64().unwrap_or(0) as usize;
+    let at = offset(accessor) + offset(view) + 4 * (accessor["count"].as_u64().unwrap() as usize - 1);
+    let mut bytes = exported.files.beside[".bin"].clone();
+    for key in (offset(accessor) + offset(view) + 4..=at).step_by(4) {
+        let time = f32::from_le_bytes(bytes[key..key + 4].try_into().unwrap());
+        bytes[key..key + 4].copy_from_slice(&(time + 0.02).to_le_bytes());
+    }
+    std::fs::write(exported.folder.path().join("out.bin"), &bytes).unwrap();
+    let (metres, place) = worst(&exported);
+    println!("late keys: {metres:.1e} m, {place}");
+    assert!(metres > 2.0 * TOLERANCE, "late keys are not found: {metres:e} m");
+    exported.write("gltf");
+    // Two joints of a skin in the wrong order: joints are where they were, vertices are not.
+    let mut wrong = json.clone();
+    wrong["skins"][0]["joints"].as_array_mut().unwrap().swap(3, 14);
+    std::fs::write(exported.path(), wrong.to_string()).unwrap();
+    let c = images(&exported, 0.35).0;
+    println!("joints in the wrong order: {c}");
+    assert!(!is_same(&c), "joints in the wrong order are not found: {c}");
+}
+
+#[test]
+fn each_actor_can_have_an_animation() {
+    let exported = Exported::script(SCENE, "gltf", &[("animations", OptionValue::Text("actors".into()))]);
+    let json = exported.json();
+    let names: Vec<&str> =
+        json["animations"].as_array().unwrap().iter().map(|a| a["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["anna", "ben", "box", "cameras and lights"]);
+    // The buffer and images lie beside the JSON.
+    let beside: Vec<&str> = exported.files.beside.keys().map(String::as_str).collect();
+    assert_eq!(beside, [".bin", "_0.png"]);
+}
+
+#[test]
+fn a_larger_tolerance_has_fewer_bytes_and_is_kept() {
+    let sizes = [1e-5, 1e-4, 1e-2].map(|tolerance| {
+        let exported = Exported::script(SCENE, "glb", &[("tolerance", OptionValue::Number(tolerance))]);
+        let (metres, place) = worst(&exported);
+        println!("{tolerance} m: {} bytes, {metres:.1e} m, {place}", exported.files.main.len());
+        assert!(metres <= tolerance, "{tolerance} m: {metres:e} m, {place}");
+        exported.files.main.len()
+    });
+    assert!(sizes[0] > sizes[1] && sizes[1] > sizes[2], "{sizes:?}");
+}
+
+#[test]
+fn clips_that_play_unchanged_keep_their_keys() {
+    let text = r#"
+        stage(#{ length: 2.0 });
+        let m = load("choreo:mannequin");
+        for i in 0..20 { cast("dancer " + i, m).at(0.05 * i, 0, 0).play(m.clip("Walk")).from(-0.5 * (i % 2)); }
+        camera("c").at(0, 1, 5);"#;
+    let exported = Exported::script(text, "glb", &[]);
+    let (metres, place) = worst(&exported);
+    // As exact as f32 times are.
+    assert!(metres < 2e-6, "{metres:e} m, {place}");
+    let json = exported.json();
+    let count = |name: &str| json[name].as_array().unwrap().len();
+    assert_eq!((count("meshes"), count("skins")), (1, 20));
+    // Two motions, however many dance.
+    let channels = json["animations"][0]["channels"].as_array().unwrap().len();
+    let samplers = json["animations"][0]["samplers"].as_array().unwrap().len();
+    assert_eq!(channels, 10 * samplers);
+}
+
+/// The clip stays on the spot, and its floor passes at 1.2 m/s.
+#[test]
+fn clips_are_animations_and_travel_where_they_are_asked_to() {
+    let text = r#"
+        stage(#{ length: 2.0 });
+        let m = load("choreo:mannequin");
+        let ada = cast("ada", m).at(1.0, 0, 0);
+        ada.play(m.clip("Walk")).until(1.0).then(m.clip("Wave"), #{ fade: 0.3 });
+        cast("ben", m).play(m.clip("Walk"));
+        let small = load("choreo:mannequin", #{ height: 1.2 });
+        cast("cleo", small).play(m.clip("Walk"));
+        camera("c").at(0, 1, 5);"#;
+    let moved = |root: &str| {
+        let options = [("animations", "clips"), ("root_motion", root)];
+        let options = options.map(|(name, value)| (name, OptionValue::Text(value.into())));
+        let exported = Exported::script(text, "glb", &options);
+        let asset = import(&exported.path());
+        let names: Vec<&str> = asset.clips.iter().map(|clip| clip.name.as_str()).collect();
+        assert_eq!(names, ["Walk", "Wave", "cleo Walk"]);
+        let mut stage = Stage::default();
+        let actor = stage.cast("again", asset.clone());
+        stage.play(actor, Cue { repeat: Repeat::Once, ..Cue::new(asset.clips[0].clone()) });
+        let state = stage.at(Time::from_secs(0.999)).unwrap().actors.remove(0);
+        let own = exported.stage.actors[0].asset.skeleton.names();
+        // Against the clip itself: the first actor's joints are the first of the file, after its node.
+        let mut truth = Stage::default();
+        let ada = truth.cast("ada", exported.stage.actors[0].asset.clone());
+        truth.play(ada, Cue::new(exported.stage.actors[0].layers[0].cues[0].clip.clone()));
+        let truth = truth.at(Time::from_secs(0.999)).unwrap().actors.remove(0);
+        let hips = own.iter().position(|name| name.ends_with("Hips")).unwrap();
+        let [a, b] =
+            [truth.world_from_joint(hips), state.world_from_joint(hips + 1)].map(|m| m.unwrap().translation);
+        b - a
+    };
+    for (root, z) in [("clip", 0.0), ("in_place", 0.0), ("traveling", 1.2)] {
+        let way = moved(root);
+        println!("{root}: {way}");
+        assert!(
+            (way.x - 1.0).abs() < 2e-3 && way.y.abs() < 1e-3 && (way.z - z).abs() < 0.02,
+            "{root}: {way}"
+        );
+    }
+}
+
+#[test]
+fn the_summary_states_the_largest_error_and_what_is_left_out() {
+    let dir = tempfile::tempdir().unwrap();
+    let text = format!("{SCENE}\neffect(\"vignette\");");
+    std::fs::write(dir.path().join("a.rhai"), text).unwrap();
+    let run = choreo(dir.path(), &["export", "a.rhai", "-o", "a.glb", "--tolerance", "0.001", "--json"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let told: Value = serde_json::from_str(&run.out).unwrap();
+    let worst = &told["worst_error"];
+    let metres = worst["metres"].as_f64().unwrap();
+    assert!(
+        metres > 1e-6 && metres < 1e-3 && worst["actor"].is_string() && worst["seconds"].is_f64(),
+        "{worst}"
+    );
+    assert!(told["notes"][0].as_str().unwrap().contains("left out: effects"), "{}", told["notes"]);
+    let run = choreo(dir.path(), &["export", "a.rhai", "-o", "b.gltf", "--split", "actors"]);
+    assert!(run.code == 0 && run.err.contains("largest error: "), "{}", run.err);
+    assert_eq!(names(dir.path()), ["a.glb", "a.rhai", "b.bin", "b.gltf", "b_0.png"]);
+}
+
+#[test]
+fn the_khronos_validator_has_nothing_to_say() {
+    let exported: Vec<Exported> = ["20_materials.rhai", "31_glass.rhai", "41_projections.rhai"]
+        .iter()
+        .map(|name| Exported::lesson(&scripts().join(name), "glb"))
+        .chain([Exported::script(SCENE, "gltf", &[])])
+        .collect();
+    validate(&exported.iter().map(Exported::path).collect::<Vec<PathBuf>>());
+}
+
+/// Blender's importer makes bones of joints: the same places, by another program.
+#[test]
+fn blender_has_the_joints_where_they_were() {
+    let Some(python) = std::env::var_os("CHOREO_BPY") else {
+        println!("SKIP 1: CHOREO_BPY names no Python that has bpy");
+        return;
+    };
+    let exported = Exported::lesson(&scripts().join("01_first_dance.rhai"), "glb");
+    let stage = &exported.stage;
+    let times: Vec<f64> = (0..20).map(|i| stage.settings.length.as_secs() * (f64::from(i) + 0.377) / 20.0).collect();
+    let actors: Vec<&str> = stage.actors.iter().map(|a| a.name.as_str()).collect();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/common/blender.py");
+    let mut blender = std::process::Command::new(python);
+    blender.arg(script).arg(exported.path()).arg(serde_json::to_string(&times).unwrap());
+    let run = blender.arg(serde_json::to_string(&actors).unwrap()).output().unwrap();
+    let text = String::from_utf8_lossy(&run.stdout);
+    let result = text.lines().find_map(|line| line.strip_prefix("RESULT "));
+    let result = result.unwrap_or_else(|| panic!("{text}{}", String::from_utf8_lossy(&run.stderr)));
+    let bones: Value = serde_json::from_str(result).unwrap();
+    let (mut evaluator, mut worst, mut count) = (Evaluator::new(stage.clone()), (0.0, String::new()), 0);
+    for (number, secs) in times.iter().enumerate() {
+        let truth = evaluator.at(Time::from_secs(*secs)).unwrap();
+        for (actor, state) in stage.actors.iter().zip(&truth.actors) {
+            for (joint, name) in actor.asset.skeleton.names().iter().enumerate() {
+                let found = &bones[&actor.name][name][number];
+                let Some(found) = found.as_array() else { continue };
+                let found: Vec<f64> = found.iter().map(|v| v.as_f64().unwrap()).collect();
+                let place = state.world_from_joint(joint).unwrap().translation;
+                let apart = place.distance(glam::DVec3::from_slice(&found));
+                count += 1;
+                if apart > worst.0 {
+                    worst = (apart, format!("{} {name} at {secs:.4} s", actor.name));
+                }
+            }
+        }
+    }
+    println!("Blender: {count} places, {:.1e} m, {}", worst.0, worst.1);
+    assert!(count > 20 * 3 * 50 && worst.0 < TOLERANCE, "{count} places, {worst:?}");
+}
+
+#[test]
+#[ignore = "all lessons take minutes; cargo test -p choreo --test export_gltf -- --ignored --nocapture"]
+fn all_lessons() {
+    let mut wrong = Vec::new();
+    for path in lessons() {
+        let name = path.strip_prefix(scripts()).unwrap().display().to_string();
+        if name.ends_with("lesson.rhai") {
+            // The program finds the plugins.
+            let dir = tempfile::tempdir().unwrap();
+            let out = dir.path().join("out.glb");
+            let args = ["export", "lesson.rhai", "--json", "-o", out.to_str().unwrap()];
+            let run = choreo(path.parent().unwrap(), &args);
+            assert_eq!(run.code, 0, "{}", run.err);
+            let told: Value = serde_json::from_str(&run.out).unwrap();
+            println!("{name}: it states {}", told["worst_error"]);
+            assert!(told["worst_error"]["metres"].as_f64().unwrap() < TOLERANCE);
+            validate(&[out]);
+            continue;
+        }
+        let exported = Exported::lesson(&path, "glb");
+        let (metres, place) = worst(&exported);
+        let c = images(&exported, 0.45).0;
+        println!("{name}: {metres:.1e} m, {place}; {c}");
+        if metres > TOLERANCE {
+            wrong.push(format!("{name}: {metres:e} m, {place}"));
+        }
+        validate(&[exported.path()]);
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}

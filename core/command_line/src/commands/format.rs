@@ -1,0 +1,129 @@
+//! `choreo format`: scripts laid out in one way.
+
+use crate::args::FormatArgs;
+use crate::failure::{Failure, Problem, print, reason, write_failure};
+use choreo_files::write_whole;
+use choreo_script::Diagnostic;
+use choreo_script::format::{FormatError, formatted};
+use choreo_test_runner::collect::{quoted, shown};
+use std::io::{Read, Write, stdin, stdout};
+use std::path::{Path, PathBuf};
+
+/// Bytes of a script at most.
+const LARGEST: u64 = 4 << 20;
+/// Scripts beyond this are a slip of the hand (`choreo format` in a home folder).
+const MOST_FILES: usize = 20_000;
+
+pub fn run(args: &FormatArgs) -> Result<(), Failure> {
+    if args.paths == [Path::new("-")] {
+        return from_pipe(args.check);
+    }
+    let (mut problems, mut changed) = (Vec::new(), Vec::new());
+    for path in scripts(&args.paths)? {
+        match one(&path) {
+            Ok(None) => {}
+            Ok(Some(_)) if args.check => changed.push(path),
+            Ok(Some(text)) => {
+                let name = shown(&path);
+                write_whole(&path, text.as_bytes()).map_err(|e| write_failure(&name, e))?;
+                print(&format!("formatted {name}\n"))?;
+            }
+            Err(problem) => problems.push(problem),
+        }
+    }
+    if !changed.is_empty() {
+        let names: Vec<String> = changed.iter().map(|path| quoted(&shown(path))).collect();
+        problems.extend(names.iter().map(|name| Problem::Text(format!("{name}: is not formatted"))));
+        let words = if names.len() > 8 { "the same without --check".to_string() } else { names.join(" ") };
+        problems.push(Problem::Text(format!("hint: choreo format {words}")));
+    }
+    if problems.is_empty() { Ok(()) } else { Err(Failure::Input(problems)) }
+}
+
+/// Standard input, formatted, on standard output, for editors.
+fn from_pipe(check: bool) -> Result<(), Failure> {
+    let mut bytes = Vec::new();
+    let read = stdin().lock().take(LARGEST + 1).read_to_end(&mut bytes);
+    read.map_err(|e| Failure::input(format!("standard input: {}", reason(&e))))?;
+    let text = script("standard input", bytes).map_err(|problem| Failure::Input(vec![problem]))?;
+    let new = formatted(&text).map_err(|error| {
+        Failure::Input(vec![Problem::Script(diagnostic("standard input", &text, &error))])
+    })?;
+    if check {
+        return if new == text { Ok(()) } else { Err(Failure::input("standard input: is not formatted")) };
+    }
+    // The text goes on to an editor as it is; if the reader has gone, the exit code is all that remains.
+    let mut out = stdout().lock();
+    out.write_all(new.as_bytes()).and_then(|()| out.flush()).map_err(|_| Failure::ClosedPipe)
+}
+
+/// The formatted text of a script; `None` where it is formatted.
+fn one(path: &Path) -> Result<Option<String>, Problem> {
+    let name = shown(path);
+    let bytes =
+        choreo_files::read(path, LARGEST).map_err(|e| Problem::Text(format!("{name}: cannot read: {e}")))?;
+    let text = script(&name, bytes)?;
+    match formatted(&text) {
+        Ok(new) => Ok((new != text).then_some(new)),
+        Err(error) => Err(Problem::Script(diagnostic(&name, &text, &error))),
+    }
+}
+
+fn script(name: &str, bytes: Vec<u8>) -> Result<String, Problem> {
+    if bytes.len() as u64 > LARGEST {
+        return Err(Problem::Text(format!("{name}: a script may have {LARGEST} bytes")));
+    }
+    String::from_utf8(bytes).map_err(|_| Problem::Text(format!("{name}: is not a text file in UTF-8")))
+}
+
+fn diagnostic(name: &str, text: &str, error: &FormatError) -> Diagnostic {
+    let source_line = text.lines().nth(error.line.saturating_sub(1)).unwrap_or_default().to_string();
+    let message = format!("not formatted: {}", error.message);
+    let hint = Some(format!("choreo check {} says what is wrong", quoted(name)));
+    let (line, column) = (error.line, error.column);
+    Diagnostic { line, column, source_line, hint, ..Diagnostic::error(message).in_file(name) }
+}
+
+/// The scripts that were named, and those of the folders that were named, modules and plugins in Rhai among them.
+fn scripts(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+    let here = [PathBuf::from(".")];
+    let paths = if paths.is_empty() { &here } else { paths };
+    let mut found = Vec::new();
+    for path in paths {
+        if path.is_dir() {
+            walk(path, &mut found)?;
+        } else if path.is_file() {
+            found.push(path.clone());
+        } else {
+            return Err(Failure::input(format!("{}: no such file or folder", shown(path))));
+        }
+    }
+    Ok(found)
+}
+
+fn walk(folder: &Path, found: &mut Vec<PathBuf>) -> Result<(), Failure> {
+    let failed = |e: std::io::Error| Failure::input(format!("{}: {}", shown(folder), reason(&e)));
+    let mut entries = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        entries.push((entry.file_name(), entry.file_type().map_err(failed)?));
+    }
+    entries.sort_by(|a, b| a.0.cmp(&b.0));
+    for (name, kind) in entries {
+        let (path, name) = (folder.join(&name), name.to_string_lossy());
+        let is_passed_over = name.starts_with('.') || matches!(&*name, "target" | "node_modules");
+        // Links are not followed: what they lead to is named by its own folder.
+        if kind.is_dir() && !is_passed_over {
+            walk(&path, found)?;
+        } else if kind.is_file() && !is_passed_over && name.to_lowercase().ends_with(".rhai") {
+            if found.len() >= MOST_FILES {
+                return Err(Failure::Usage(format!(
+                    "more than {MOST_FILES} scripts below {}; name a folder",
+                    shown(folder)
+                )));
+            }
+            found.push(path.strip_prefix(".").map_or(path.clone(), Path::to_path_buf));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,251 @@
+//! Commands: work that the program does in a process of its own, with progress, while the server goes on answering. The answer comes
+//! when the process has ended; a client can call it off.
+
+use crate::document::uri_of;
+use crate::transport::{Client, ResponseError};
+use crate::{Host, Task};
+use serde_json::{Value, json};
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitStatus, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+pub const RENDER: &str = "choreo.renderFrame";
+pub const TEST: &str = "choreo.runTest";
+pub const VIEW: &str = "choreo.openViewer";
+pub const NAMES: [&str; 3] = [RENDER, TEST, VIEW];
+
+/// Time in which a viewer that cannot show the script has ended.
+const VIEWER_STARTS: Duration = Duration::from_secs(2);
+/// Time between looks at a process.
+const POLL: Duration = Duration::from_millis(15);
+
+/// A command as the client gives it, with its file and time found.
+pub struct Asked {
+    pub id: Value,
+    pub name: String,
+    pub script: PathBuf,
+    pub secs: f64,
+    /// The test to run; all tests of the file without it.
+    pub section: Option<String>,
+    /// The folder of the project.
+    pub root: PathBuf,
+    /// The client shows the result itself.
+    pub is_silent: bool,
+    /// Token for progress, of the client or ours.
+    pub progress: Option<Value>,
+}
+
+/// Commands that are running, and the folder for what they write.
+#[derive(Default)]
+pub struct Running {
+    jobs: Vec<Job>,
+    folder: Option<PathBuf>,
+}
+
+struct Job {
+    id: Value,
+    progress: Option<Value>,
+    stop: Arc<AtomicBool>,
+    thread: JoinHandle<()>,
+}
+
+impl Running {
+    /// Starts a command on a thread of its own, which answers the request.
+    pub fn start(&mut self, asked: Asked, host: &dyn Host, client: Client) -> Result<(), ResponseError> {
+        let failed = |why: String| ResponseError::new(ResponseError::FAILED, why);
+        let folder = self.folder().map_err(|e| failed(format!("no folder for results: {e}")))?;
+        self.jobs.retain(|job| !job.thread.is_finished());
+        static NUMBER: AtomicU32 = AtomicU32::new(0);
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let stem = asked.script.file_stem().map_or("frame".into(), |stem| stem.to_string_lossy());
+        let output = folder.join(format!("{stem}-{:.3}-{number}.png", asked.secs));
+        let task = match asked.name.as_str() {
+            RENDER => Task::Frame { script: &asked.script, secs: asked.secs, output: &output },
+            TEST => {
+                Task::Test { script: &asked.script, section: asked.section.as_deref(), root: &asked.root }
+            }
+            _ => Task::View { script: &asked.script, secs: asked.secs },
+        };
+        let command = host.command(&task).map_err(failed)?;
+        let texts = ["out", "err"].map(|name| folder.join(format!("{number}.{name}")));
+        let stop = Arc::new(AtomicBool::new(false));
+        let (id, progress, stopped) = (asked.id.clone(), asked.progress.clone(), stop.clone());
+        let work = move || {
+            let told = Progress::begin(&client, &asked);
+            let answer = Work { asked: &asked, output, texts, stop: &stopped, client: &client }.run(command);
+            told.end();
+            match answer {
+                Ok(result) => client.answer(&asked.id, result),
+                Err(error) => client.refuse(&asked.id, &error),
+            }
+        };
+        let thread = std::thread::Builder::new().name("command".into()).spawn(work);
+        let thread = thread.map_err(|e| failed(format!("no thread for the command: {e}")))?;
+        self.jobs.push(Job { id, progress, stop, thread });
+        Ok(())
+    }
+
+    /// Calls off the command of a request, or the one with this progress.
+    pub fn cancel(&self, id: &Value) {
+        let is_meant = |job: &&Job| job.id == *id || job.progress.as_ref() == Some(id);
+        self.jobs.iter().filter(is_meant).for_each(|job| job.stop.store(true, Ordering::Relaxed));
+    }
+
+    /// The folder for what commands write, made when it is first needed.
+    fn folder(&mut self) -> io::Result<PathBuf> {
+        if let Some(folder) = &self.folder {
+            return Ok(folder.clone());
+        }
+        let mut number = 0;
+        let folder = loop {
+            let folder = std::env::temp_dir().join(format!("choreo-lsp-{}-{number}", std::process::id()));
+            match std::fs::create_dir(&folder) {
+                Ok(()) => break folder,
+                Err(e) if e.kind() == io::ErrorKind::AlreadyExists && number < 100 => number += 1,
+                Err(e) => return Err(e),
+            }
+        };
+        Ok(self.folder.insert(folder).clone())
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.jobs.iter().for_each(|job| job.stop.store(true, Ordering::Relaxed));
+        self.jobs.drain(..).for_each(|job| drop(job.thread.join()));
+        self.folder.iter().for_each(|folder| drop(std::fs::remove_dir_all(folder)));
+    }
+}
+
+/// One command on its thread.
+struct Work<'w> {
+    asked: &'w Asked,
+    /// The image that is to be drawn.
+    output: PathBuf,
+    /// Files for what the process writes to its standard streams.
+    texts: [PathBuf; 2],
+    stop: &'w AtomicBool,
+    client: &'w Client,
+}
+
+/// How a process went.
+enum Went {
+    Ended(ExitStatus),
+    CalledOff,
+    /// The viewer is open.
+    Open,
+}
+
+impl Work<'_> {
+    fn run(&self, mut command: Command) -> Result<Value, ResponseError> {
+        let failed = |why: String| ResponseError::new(ResponseError::FAILED, why);
+        let went =
+            self.wait(&mut command).map_err(|e| failed(format!("the program cannot be started: {e}")))?;
+        let text =
+            |file: &Path| String::from_utf8_lossy(&std::fs::read(file).unwrap_or_default()).into_owned();
+        let [out, err] = self.texts.each_ref().map(|file| text(file));
+        let done = match went {
+            Went::CalledOff => {
+                return Err(ResponseError::new(ResponseError::CANCELLED, "the command was called off"));
+            }
+            Went::Open => true,
+            Went::Ended(status) => status.success(),
+        };
+        match self.asked.name.as_str() {
+            // Failed tests are a result.
+            TEST => {
+                match serde_json::from_str::<Value>(&out).ok().filter(|report| report["sections"].is_array())
+                {
+                    Some(report) => {
+                        self.show(if done { 3 } else { 2 }, &summary(&report));
+                        Ok(report)
+                    }
+                    None => Err(failed(err.trim().to_string())),
+                }
+            }
+            _ if !done => Err(failed(err.trim().to_string())),
+            RENDER => {
+                let path = self.output.display().to_string();
+                self.show(3, &format!("The frame at {:.2} s: {path}", self.asked.secs));
+                Ok(json!({ "path": path, "uri": uri_of(&self.output), "time": self.asked.secs }))
+            }
+            _ => Ok(Value::Null),
+        }
+    }
+
+    fn wait(&self, command: &mut Command) -> io::Result<Went> {
+        let [out, err] = [&self.texts[0], &self.texts[1]].map(File::create);
+        let mut process = command.stdin(Stdio::null()).stdout(out?).stderr(err?).spawn()?;
+        let begun = Instant::now();
+        loop {
+            if let Some(status) = process.try_wait()? {
+                return Ok(Went::Ended(status));
+            }
+            if self.stop.load(Ordering::Relaxed) {
+                process.kill()?;
+                process.wait()?;
+                return Ok(Went::CalledOff);
+            }
+            if self.asked.name == VIEW && begun.elapsed() > VIEWER_STARTS {
+                // The window stays open when the editor is closed.
+                let _ = std::thread::Builder::new().name("viewer".into()).spawn(move || process.wait());
+                return Ok(Went::Open);
+            }
+            std::thread::sleep(POLL);
+        }
+    }
+
+    /// Shows a message; its kind as the protocol numbers them.
+    fn show(&self, kind: u8, message: &str) {
+        if !self.asked.is_silent {
+            self.client.notify("window/showMessage", json!({ "type": kind, "message": message }));
+        }
+    }
+}
+
+/// "3 passed", or the names of what failed.
+fn summary(report: &Value) -> String {
+    let sections = report["sections"].as_array().map_or(&[][..], Vec::as_slice);
+    let is_bad = |section: &&Value| matches!(section["status"].as_str(), Some("failed" | "error"));
+    let bad: Vec<&str> =
+        sections.iter().filter(is_bad).filter_map(|section| section["section"].as_str()).collect();
+    let passed = report["passed"].as_u64().unwrap_or(0);
+    match bad.is_empty() {
+        true => format!("{passed} passed"),
+        false => format!("{passed} passed, {} failed: {}", bad.len(), bad.join(", ")),
+    }
+}
+
+/// Progress that the client shows while a command runs.
+struct Progress<'p> {
+    client: &'p Client,
+    token: Option<&'p Value>,
+}
+
+impl Progress<'_> {
+    fn begin<'p>(client: &'p Client, asked: &'p Asked) -> Progress<'p> {
+        let progress = Progress { client, token: asked.progress.as_ref() };
+        let title = match asked.name.as_str() {
+            RENDER => format!("Rendering the frame at {:.2} s", asked.secs),
+            TEST => "Running tests".to_string(),
+            _ => "Opening the viewer".to_string(),
+        };
+        progress.tell(json!({ "kind": "begin", "title": title, "cancellable": true }));
+        progress
+    }
+
+    fn tell(&self, value: Value) {
+        if let Some(token) = self.token {
+            self.client.notify("$/progress", json!({ "token": token, "value": value }));
+        }
+    }
+
+    fn end(&self) {
+        self.tell(json!({ "kind": "end" }));
+    }
+}

@@ -1,0 +1,22 @@
+//! Formatting of a document, or of some of its lines.
+
+use crate::view::View;
+use choreo_script::format::edits;
+use serde_json::{Value, json};
+
+/// The edits that format the document, those in the lines of `range` if there is one; none where the text has errors, which
+/// diagnostics show.
+pub fn formatting(view: &View, range: Option<&Value>) -> Value {
+    let source = view.source;
+    let Ok(edits) = edits(&source.text) else { return Value::Null };
+    let lines = range.map(|range| {
+        let bytes = source.lines.bytes(&source.text, range);
+        // A range that ends before the first letter of a line does not mean that line.
+        let end = source.lines.line_of(bytes.end.saturating_sub(1).max(bytes.start));
+        source.lines.line_of(bytes.start)..=end
+    });
+    // Blanks belong to what follows them.
+    let is_meant = |end: usize| lines.as_ref().is_none_or(|lines| lines.contains(&source.lines.line_of(end)));
+    let edits = edits.iter().filter(|edit| is_meant(edit.range.end));
+    edits.map(|edit| json!({ "range": source.range(&edit.range), "newText": edit.text })).collect()
+}

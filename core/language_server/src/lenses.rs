@@ -1,0 +1,74 @@
+//! Code lenses: what can be run at a line, and the time that belongs to a line.
+
+use crate::checker::Checked;
+use crate::commands::{RENDER, TEST, VIEW};
+use crate::hints::{Moved, cues};
+use crate::source::Source;
+use crate::view::View;
+use choreo_motion::Time;
+use serde_json::{Value, json};
+
+pub fn lenses(view: &View, uri: &str, last: Option<&Checked>) -> Value {
+    let source = view.source;
+    let mut found = Vec::new();
+    let mut add = |line: usize, title: String, command: &str, mut argument: Value| {
+        argument["uri"] = uri.into();
+        let at = json!({ "line": line, "character": 0 });
+        found.push(json!({
+            "range": { "start": at, "end": at },
+            "command": { "title": title, "command": command, "arguments": [argument] },
+        }));
+    };
+    for token in 0..source.tokens.len() {
+        let is_call = source.get(token + 1) == "(" && source.before(token, 1) != ".";
+        let line = source.lines.line_of(source.tokens[token].start);
+        match source.get(token) {
+            "test" if is_call => match source.string(token + 2) {
+                Some(name) => add(line, "Run test".into(), TEST, json!({ "section": name })),
+                // Its name is known only when the script runs.
+                None => add(line, "Run the tests of this file".into(), TEST, json!({})),
+            },
+            "stage" if is_call => {
+                add(line, "Render frame".into(), RENDER, json!({ "time": 0.0 }));
+                add(line, "Open viewer".into(), VIEW, json!({ "time": 0.0 }));
+            }
+            _ => {}
+        }
+    }
+    for (line, time) in cuts(source, last) {
+        let (secs, title) = (time.as_secs(), format!("{:.2} s", time.as_secs()));
+        add(line, format!("Render frame at {title}"), RENDER, json!({ "time": secs }));
+        add(line, format!("Open viewer at {title}"), VIEW, json!({ "time": secs }));
+    }
+    found.into()
+}
+
+/// Lines and times of camera cuts, as the last run has resolved them.
+fn cuts(source: &Source, last: Option<&Checked>) -> Vec<(usize, Time)> {
+    let Some((stage, places)) = last.and_then(|last| last.stage.as_ref()) else { return Vec::new() };
+    let moved = Moved::new(source, places);
+    let cuts = stage.cuts.iter().zip(&places.cuts);
+    let in_script = cuts.filter(|(cut, place)| places.is_main(&place.file) && cut.at < stage.settings.length);
+    in_script.filter_map(|(cut, place)| Some((moved.line(place.line)?, cut.at))).collect()
+}
+
+/// The time that belongs to a line: the middle of the cue, or the cut, that the last line up to this one puts on the timeline; else the
+/// beginning.
+pub fn time_at(source: &Source, last: Option<&Checked>, line: usize) -> f64 {
+    let Some((stage, places)) = last.and_then(|last| last.stage.as_ref()) else { return 0.0 };
+    let moved = Moved::new(source, places);
+    let length = stage.settings.length;
+    let cues = cues(stage, places).into_iter().filter(|cue| places.is_main(&cue.place.file));
+    let of_cues = cues.filter_map(|cue| {
+        let middle = Time((cue.cue.start.0 + cue.end.min(length).0) / 2);
+        Some((moved.line(cue.place.line)?, middle))
+    });
+    let all = of_cues.chain(cuts(source, last)).filter(|(known, _)| *known <= line);
+    // Of several on one line the first.
+    let found = all.fold(None, |best: Option<(usize, Time)>, next| match best {
+        Some(best) if best.0 >= next.0 => Some(best),
+        _ => Some(next),
+    });
+    let last_frame = (length.as_secs() - 1.0 / stage.settings.fps.as_fps()).max(0.0);
+    found.map_or(0.0, |(_, time)| time.as_secs().clamp(0.0, last_frame))
+}

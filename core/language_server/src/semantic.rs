@@ -1,0 +1,243 @@
+//! Semantic tokens: the meaning of words and strings, for the colors of the editor.
+
+use crate::context::call_around;
+use crate::names::{self, Names};
+use crate::source::{is_string, is_word};
+use crate::values::{Declaration, Declared, Types, is_keyword};
+use crate::view::View;
+use choreo_script::{comments, describe};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// Standard types of the protocol, in the order of the legend.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    /// Files and modules.
+    Namespace,
+    /// Actors.
+    Class,
+    /// Clips.
+    Event,
+    /// Allowed values, and names in files: joints, materials, parameters of effects.
+    EnumMember,
+    /// Options.
+    Property,
+    Method,
+    Function,
+    Variable,
+    Parameter,
+    Keyword,
+    String,
+    /// Numbers, and the functions that state their unit: `cm(2)`.
+    Number,
+    Comment,
+}
+
+const KINDS: [&str; 13] = [
+    "namespace",
+    "class",
+    "event",
+    "enumMember",
+    "property",
+    "method",
+    "function",
+    "variable",
+    "parameter",
+    "keyword",
+    "string",
+    "number",
+    "comment",
+];
+const MODIFIERS: [&str; 2] = ["declaration", "defaultLibrary"];
+const DECLARATION: u32 = 1;
+const DEFAULT_LIBRARY: u32 = 2;
+
+/// Functions that state a unit.
+const UNITS: [&str; 3] = ["f", "cm", "mm"];
+
+/// Tokens of a bracket around a string at most, so that looking at each of a long list takes no time without end.
+const LONGEST_LIST: usize = 1000;
+
+pub fn legend() -> Value {
+    json!({ "tokenTypes": KINDS, "tokenModifiers": MODIFIERS })
+}
+
+/// The tokens in some bytes of the document, or in all of it, as the protocol encodes them.
+pub fn tokens(view: &View, range: Option<&Value>) -> Value {
+    let source = view.source;
+    let bytes = match range {
+        Some(range) => source.lines.bytes(&source.text, range),
+        None => 0..source.text.len(),
+    };
+    let meaning = Meaning::new(view);
+    let mut encoded = Encoded { view, last: (0, 0), data: Vec::new() };
+    let first = source.tokens.partition_point(|token| token.end <= bytes.start);
+    let mut behind = first.checked_sub(1).map_or(0, |before| source.tokens[before].end);
+    for index in first..source.tokens.len() {
+        let token = source.tokens[index].clone();
+        if behind >= bytes.end {
+            break;
+        }
+        for comment in comments(&source.text, behind..token.start) {
+            encoded.push(comment.range, Kind::Comment, 0);
+        }
+        if let Some((kind, modifiers)) = meaning.of(index).filter(|_| token.start < bytes.end) {
+            encoded.push(token.clone(), kind, modifiers);
+        }
+        behind = token.end;
+    }
+    for comment in comments(&source.text, behind.min(source.text.len())..source.text.len()) {
+        if comment.range.start < bytes.end {
+            encoded.push(comment.range, Kind::Comment, 0);
+        }
+    }
+    json!({ "data": encoded.data })
+}
+
+/// Tokens as five numbers each, relative to the one before.
+struct Encoded<'v> {
+    view: &'v View<'v>,
+    last: (usize, usize),
+    data: Vec<u32>,
+}
+
+impl Encoded<'_> {
+    /// A token of several lines is one on each of them.
+    fn push(&mut self, bytes: Range<usize>, kind: Kind, modifiers: u32) {
+        let (text, lines) = (&self.view.source.text, &self.view.source.lines);
+        let mut start = bytes.start;
+        for part in text[bytes].split_inclusive('\n') {
+            let visible = part.trim_end_matches(['\n', '\r']);
+            let (line, column) = lines.place(text, start);
+            let length: usize = visible.chars().map(char::len_utf16).sum();
+            start += part.len();
+            if length == 0 {
+                continue;
+            }
+            let column_before = if line == self.last.0 { self.last.1 } else { 0 };
+            let numbers =
+                [line - self.last.0, column - column_before, length, kind as usize, modifiers as usize];
+            self.data.extend(numbers.map(|number| number as u32));
+            self.last = (line, column);
+        }
+    }
+}
+
+/// The meaning of tokens. Declarations are found once, since there can be many.
+struct Meaning<'v> {
+    view: &'v View<'v>,
+    types: Types<'v>,
+    declarations: BTreeMap<&'v str, Vec<Declaration>>,
+    /// Kinds of declared names, by their tokens.
+    kinds: BTreeMap<usize, Kind>,
+}
+
+impl<'v> Meaning<'v> {
+    fn new(view: &'v View<'v>) -> Meaning<'v> {
+        let types = view.types();
+        let mut declarations: BTreeMap<&str, Vec<Declaration>> = BTreeMap::new();
+        let mut kinds = BTreeMap::new();
+        for token in 0..view.source.tokens.len() {
+            let Some(declaration) = types.declares(token) else { continue };
+            let kind = match declaration.kind {
+                Declared::Function => Kind::Function,
+                Declared::Module => Kind::Namespace,
+                Declared::Parameter(_) | Declared::ClosureParameter(_) => Kind::Parameter,
+                Declared::Variable | Declared::Loop => Kind::Variable,
+            };
+            let value =
+                if kind == Kind::Function { String::new() } else { types.declared(&declaration).kind };
+            let kind = match value.as_str() {
+                "Actor" => Kind::Class,
+                "Clip" => Kind::Event,
+                _ => kind,
+            };
+            kinds.insert(token, kind);
+            declarations.entry(view.source.get(token)).or_default().push(declaration);
+        }
+        Meaning { view, types, declarations, kinds }
+    }
+
+    fn of(&self, token: usize) -> Option<(Kind, u32)> {
+        let text = self.view.source.get(token);
+        if is_string(text) {
+            return Some((self.of_string(token), 0));
+        }
+        if is_word(text) {
+            return Some(self.of_word(token));
+        }
+        let is_number = text.trim_start_matches('-').starts_with(|c: char| c.is_ascii_digit());
+        is_number.then_some((Kind::Number, 0))
+    }
+
+    fn of_word(&self, token: usize) -> (Kind, u32) {
+        let source = self.view.source;
+        let (word, before, next) = (source.get(token), source.before(token, 1), source.get(token + 1));
+        match (before, next) {
+            ("." | "?.", "(") => return (Kind::Method, DEFAULT_LIBRARY),
+            ("." | "?.", _) => return (Kind::Property, 0),
+            (_, ":") => return (Kind::Property, 0),
+            (_, "::") => return (Kind::Namespace, 0),
+            ("::", "(") => return (Kind::Function, 0),
+            ("::", _) => return (Kind::Variable, 0),
+            _ if is_keyword(word) => return (Kind::Keyword, 0),
+            _ => {}
+        }
+        if let Some(kind) = self.kinds.get(&token) {
+            return (*kind, DECLARATION);
+        }
+        let declared = self.declarations.get(word).map_or(&[][..], Vec::as_slice);
+        let before = declared.partition_point(|declaration| declaration.token < token);
+        let seen = self.types.seen(declared[..before].iter().rev().cloned(), token);
+        // A function is known everywhere.
+        let seen = seen.or_else(|| declared.iter().find(|d| d.kind == Declared::Function).cloned());
+        if let Some(kind) = seen.and_then(|declaration| self.kinds.get(&declaration.token)) {
+            return (*kind, 0);
+        }
+        match describe::entry("", word) {
+            Some(_) if UNITS.contains(&word) && next == "(" => (Kind::Number, DEFAULT_LIBRARY),
+            Some(entry) if entry.is_constant => (Kind::Variable, DEFAULT_LIBRARY),
+            Some(_) if next == "(" => (Kind::Function, DEFAULT_LIBRARY),
+            _ if next == "(" => (Kind::Function, 0),
+            _ => (Kind::Variable, 0),
+        }
+    }
+
+    fn of_string(&self, token: usize) -> Kind {
+        let source = self.view.source;
+        if source.get(token + 1) == ":" {
+            return Kind::Property;
+        }
+        if source.before(token, 1) == "import" {
+            return Kind::Namespace;
+        }
+        if source.parent(token).is_none_or(|open| token - open > LONGEST_LIST) {
+            return Kind::String;
+        }
+        let Some(site) = call_around(self.types, source.tokens[token].start + 1) else { return Kind::String };
+        let names_actor = source.get(site.name) == "cast" && site.on.is_none() && site.argument == 0;
+        match names::names(source, &site) {
+            _ if names_actor => Kind::Class,
+            Some(Names::Models | Names::Images | Names::Panoramas | Names::Scripts | Names::Fonts) => {
+                Kind::Namespace
+            }
+            Some(Names::Clips) => Kind::Event,
+            Some(Names::Actors) => Kind::Class,
+            Some(Names::Colors | Names::Cameras | Names::Markers | Names::ClipMarkers) => Kind::String,
+            Some(_) => Kind::EnumMember,
+            None if self.is_allowed_value(token) => Kind::EnumMember,
+            None => Kind::String,
+        }
+    }
+
+    /// Whether the call around a string states it as one of the allowed values.
+    fn is_allowed_value(&self, token: usize) -> bool {
+        let source = self.view.source;
+        let Some(site) = call_around(self.types, source.tokens[token].start + 1) else { return false };
+        let Some((text, entry)) = source.string(token).zip(site.entry(source)) else { return false };
+        let key = site.maps.last().and_then(|(_, key)| key.clone());
+        let argument = key.as_deref().or_else(|| site.argument_name(source)).unwrap_or_default();
+        entry.values(argument).contains(&text)
+    }
+}

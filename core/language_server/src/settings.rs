@@ -1,0 +1,34 @@
+//! Settings of the client: `initializationOptions` of `initialize`, or the section `choreo` of its configuration.
+
+use serde_json::Value;
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Start and end of cues behind the calls that make them.
+    pub cue_times: bool,
+    /// Lengths of clips behind their names.
+    pub clip_lengths: bool,
+    /// What can be run, above tests and the first line.
+    pub code_lenses: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Settings {
+        Settings { cue_times: true, clip_lengths: true, code_lenses: true }
+    }
+}
+
+impl Settings {
+    /// Takes over what a client has set; the rest stays.
+    pub fn update(&mut self, given: &Value) {
+        let hints = &given["inlayHints"];
+        let named = [
+            (&mut self.cue_times, &hints["cueTimes"]),
+            (&mut self.clip_lengths, &hints["clipLengths"]),
+            (&mut self.code_lenses, &given["codeLenses"]),
+        ];
+        for (setting, value) in named {
+            *setting = value.as_bool().unwrap_or(*setting);
+        }
+    }
+}

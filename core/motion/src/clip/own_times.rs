@@ -1,0 +1,224 @@
+//! Curves of neighbouring joints that have key times of their own: the keys of eight are found, gathered and interpolated at once.
+//!
+//! A grid over the clip names the place of each curve at the start of each cell. The keys within a cell are found by halving without a branch,
+//! so that a random time costs what the next frame costs; two neighbouring keys lie side by side, and one load reads both.
+
+use crate::clip::sample::{hermite_at, normalized, slerp_between, write};
+use crate::clip::tracks::{Channel, Column, Lanes, column, part};
+use crate::clip::{Curve, Interpolation};
+use crate::pose::PoseBlock;
+use crate::pose::blend::lerp;
+use crate::simd::F8;
+use crate::simd::lane::{LANES, Lane};
+use crate::time::Time;
+
+/// The largest number of ticks that f64 holds exactly.
+const MOST_TICKS: i64 = 1 << 53;
+
+/// Curves of one interpolation. A curve of N keys has N + 1 places: before its first key, after each of its keys, and from its last key on.
+#[derive(Debug, Default)]
+pub(crate) struct OwnTimes {
+    columns: Vec<OwnColumn>,
+    /// Entries of [`Self::keys`] that one key takes: 1, or 3 for in-tangent, value and out-tangent.
+    parts: usize,
+    /// Ticks at which the grid starts, and cells a tick.
+    start: f64,
+    density: f64,
+    cells: usize,
+    /// The place of each lane at the start of each cell, a row of all columns a cell.
+    grid: Vec<[u32; LANES]>,
+    /// Number of halvings that tell all places of a cell apart.
+    halvings: u32,
+    /// Ticks at which each place begins.
+    begins: Vec<f64>,
+    spans: Vec<Span>,
+    /// The key before each place, and then the key after it.
+    keys: Vec<[f32; 4]>,
+}
+
+#[derive(Debug)]
+struct OwnColumn {
+    column: Column,
+    /// The last place of each lane's curve.
+    last: [u32; LANES],
+}
+
+/// The time between two keys.
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    /// Ticks; beyond the ends of a curve minus and plus infinity, nearly, so that the fraction is 0.
+    from: f64,
+    length: f64,
+    secs: f32,
+}
+
+const OUTSIDE: Span = Span { from: f64::MIN, length: f64::INFINITY, secs: 0.0 };
+
+/// Whether curves of these key times can lie here.
+pub(crate) fn fits(curve: &Curve) -> bool {
+    let exact = |time: Option<&Time>| time.is_some_and(|t| t.0.abs() < MOST_TICKS);
+    curve.interpolation != Interpolation::Step
+        && curve.times.len() > 1
+        && exact(curve.times.first())
+        && exact(curve.times.last())
+}
+
+impl OwnTimes {
+    /// Curves of the same interpolation, linear or cubic, all of which fit, by block and channel.
+    pub fn pack<'a>(curves: &'a [Curve], members: impl Iterator<Item = (u32, Channel, &'a [usize])>) -> Self {
+        let mut packed = OwnTimes { parts: 1, ..OwnTimes::default() };
+        // The first place of each lane.
+        let mut firsts: Vec<[u32; LANES]> = Vec::new();
+        for (block, channel, members) in members {
+            let mut lanes: Lanes = [None; LANES];
+            let [mut first, mut last] = [[0; LANES]; 2];
+            for curve in members.iter().map(|index| &curves[*index]) {
+                let lane = curve.joint as usize % LANES;
+                lanes[lane] = Some(curve);
+                first[lane] = packed.begins.len() as u32;
+                last[lane] = first[lane] + curve.times.len() as u32;
+                packed.add(curve);
+            }
+            // Lanes without a curve follow another, and are not written.
+            let Some(driven) = lanes.iter().position(Option::is_some) else { continue };
+            for lane in (0..LANES).filter(|lane| lanes[*lane].is_none()) {
+                (first[lane], last[lane]) = (first[driven], last[driven]);
+            }
+            firsts.push(first);
+            packed.columns.push(OwnColumn { column: column(usize::MAX, block, channel, &lanes), last });
+        }
+        packed.lay_grid(&firsts);
+        packed
+    }
+
+    fn add(&mut self, curve: &Curve) {
+        let ticks = |key: usize| curve.times[key].0 as f64;
+        let count = curve.times.len();
+        // At its time the first key holds as before it.
+        self.begins.extend([f64::NEG_INFINITY, ticks(0) + 1.0]);
+        self.begins.extend((1..count).map(ticks));
+        self.begins.push(f64::INFINITY);
+        self.spans.push(OUTSIDE);
+        self.spans.extend((1..count).map(|key| {
+            let length = curve.times[key] - curve.times[key - 1];
+            Span { from: ticks(key - 1), length: length.0 as f64, secs: length.as_secs() as f32 }
+        }));
+        self.spans.extend([OUTSIDE; 2]);
+        self.parts = if curve.interpolation == Interpolation::CubicSpline { 3 } else { 1 };
+        for key in std::iter::once(0).chain(0..count).chain([count - 1]) {
+            self.keys.extend((0..self.parts).map(|at| part(curve, key, at)));
+        }
+    }
+
+    /// About two cells for each key of a curve in the mean.
+    fn lay_grid(&mut self, firsts: &[[u32; LANES]]) {
+        let finite = self.begins.iter().copied().filter(|begin| begin.is_finite());
+        let (start, end) = finite.fold((f64::MAX, f64::MIN), |(a, b), t| (a.min(t), b.max(t)));
+        self.cells = 1 + 2 * self.begins.len() / (firsts.len() * LANES).max(1);
+        (self.start, self.density) = (start, (self.cells - 1) as f64 / (end - start).max(1.0));
+        let (mut grid, mut most) = (Vec::with_capacity(self.cells * firsts.len()), 0);
+        for cell in 0..self.cells {
+            for (firsts, OwnColumn { last, .. }) in firsts.iter().zip(&self.columns) {
+                let mut places = *firsts;
+                for (place, last) in places.iter_mut().zip(last) {
+                    let begins = &self.begins[*place as usize + 1..=*last as usize];
+                    let before = begins.partition_point(|begin| self.cell(*begin) < cell);
+                    let within = begins[before..].partition_point(|begin| self.cell(*begin) == cell);
+                    *place += before as u32;
+                    most = within.max(most);
+                }
+                grid.push(places);
+            }
+        }
+        self.grid = grid;
+        self.halvings = usize::BITS - most.leading_zeros();
+    }
+
+    /// Never decreases with time.
+    #[inline(always)]
+    fn cell(&self, ticks: f64) -> usize {
+        (((ticks - self.start) * self.density) as usize).min(self.cells - 1)
+    }
+
+    #[inline(always)]
+    pub fn sample<F: F8>(&self, time: Time, blocks: &mut [PoseBlock]) {
+        if self.columns.is_empty() {
+            return;
+        }
+        let ticks = time.0 as f64;
+        let row = &self.grid[self.cell(ticks) * self.columns.len()..][..self.columns.len()];
+        for (OwnColumn { column, last }, places) in self.columns.iter().zip(row) {
+            let Some(block) = blocks.get_mut(column.block as usize) else { continue };
+            let places = self.places(*places, last, ticks);
+            let values = match self.parts {
+                1 => self.linear::<F>(column, &places, ticks),
+                _ => self.cubic::<F>(column, &places, ticks),
+            };
+            let Some(values) = values else { return };
+            write(column, block, values);
+        }
+    }
+
+    /// The last places that have begun.
+    #[inline(always)]
+    fn places(&self, mut places: [u32; LANES], last: &[u32; LANES], ticks: f64) -> [u32; LANES] {
+        for lane in 0..LANES {
+            for halving in (0..self.halvings).rev() {
+                let next = (places[lane] + (1 << halving)).min(last[lane]);
+                let begun = u32::from(self.begins[next as usize] <= ticks);
+                places[lane] += (next - places[lane]) * begun;
+            }
+        }
+        places
+    }
+
+    #[inline(always)]
+    fn fractions<F: F8>(&self, places: &[u32; LANES], ticks: f64) -> (F, F) {
+        let (mut from, mut length, mut secs) = ([0.0; LANES], [0.0; LANES], Lane::default());
+        for lane in 0..LANES {
+            let span = &self.spans[places[lane] as usize];
+            (from[lane], length[lane], secs.0[lane]) = (span.from, span.length, span.secs);
+        }
+        let mut fraction = Lane::default();
+        for lane in 0..LANES {
+            fraction.0[lane] = ((ticks - from[lane]) / length[lane]) as f32;
+        }
+        (F::load(&fraction), F::load(&secs))
+    }
+
+    /// Component rows of two neighbouring entries of the keys of eight places; `at`: the first of them, of a place.
+    #[inline(always)]
+    fn gather<F: F8>(&self, places: &[u32; LANES], at: usize) -> Option<[[F; 4]; 2]> {
+        let mut pairs = [F::splat(0.0); LANES];
+        for lane in 0..LANES {
+            let from = places[lane] as usize * self.parts + at;
+            pairs[lane] = F::load_halves(self.keys.get(from..)?.first_chunk()?);
+        }
+        let [a, b, c, d, e, f, g, h] = pairs;
+        Some(F::joined_rows4(F::half_rows4([a, b, c, d]), F::half_rows4([e, f, g, h])))
+    }
+
+    #[inline(always)]
+    fn linear<F: F8>(&self, column: &Column, places: &[u32; LANES], ticks: f64) -> Option<[F; 4]> {
+        let [a, b] = self.gather::<F>(places, 0)?;
+        let (t, _) = self.fractions::<F>(places, ticks);
+        if column.channel == Channel::Rotation {
+            return Some(slerp_between(a, b, t, column.terms));
+        }
+        Some([lerp(a[0], b[0], t), lerp(a[1], b[1], t), lerp(a[2], b[2], t), a[3]])
+    }
+
+    #[inline(always)]
+    fn cubic<F: F8>(&self, column: &Column, places: &[u32; LANES], ticks: f64) -> Option<[F; 4]> {
+        let [key, tangent] = self.gather::<F>(places, 1)?;
+        let [next_tangent, next] = self.gather::<F>(places, 3)?;
+        let (t, secs) = self.fractions::<F>(places, ticks);
+        let w = hermite_at(t, secs);
+        let mut values = key;
+        for i in 0..4 {
+            let value = key[i].mul(w[0]).add(tangent[i].mul(w[1]));
+            values[i] = value.add(next_tangent[i].mul(w[2])).add(next[i].mul(w[3]));
+        }
+        Some(if column.channel == Channel::Rotation { normalized(values, key) } else { values })
+    }
+}

@@ -1,0 +1,189 @@
+//! Errors of a plugin's script in the words of this crate, with their place and what was probably meant.
+
+use crate::engine::{MOST_CALLS, MOST_IN_ARRAY, MOST_TEXT};
+use choreo_plugin::excerpt;
+use choreo_plugin::suggest::did_you_mean;
+use choreo_sandbox::{declared_names, operator_error, signature_parts, type_word};
+use rhai::{Engine, EvalAltResult, ParseErrorType};
+use std::collections::BTreeSet;
+use std::fmt;
+
+/// Error of a plugin's script. Shown with the line and a caret below the place:
+/// ```text
+/// my.importer.rhai:9:24: unknown function f32ss; did you mean "f32s"?
+///     let positions = b.f32ss(8, count);
+///                       ^
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ScriptError {
+    pub file: String,
+    /// Line number from 1.
+    pub line: usize,
+    /// Column in characters, from 1.
+    pub column: usize,
+    pub message: String,
+    /// The line as its author wrote it.
+    pub source_line: String,
+}
+
+impl ScriptError {
+    pub(crate) fn new(script: &Script, (line, column): (usize, usize), message: String) -> ScriptError {
+        let source_line = script.text.lines().nth(line.saturating_sub(1)).unwrap_or_default().to_string();
+        ScriptError { file: script.file.to_string(), line, column, message, source_line }
+    }
+
+    /// The message with the line and the caret, without the place.
+    pub fn what(&self) -> String {
+        format!("{}{}", self.message, excerpt::below(&self.source_line, self.column))
+    }
+}
+
+impl fmt::Display for ScriptError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ScriptError { file, line, column, .. } = self;
+        write!(f, "{file}:{line}:{column}: {}", self.what())
+    }
+}
+
+impl std::error::Error for ScriptError {}
+
+/// A plugin's text, and its name in messages.
+#[derive(Clone, Copy)]
+pub(crate) struct Script<'a> {
+    pub file: &'a str,
+    pub text: &'a str,
+}
+
+/// Names that a script could have meant.
+#[derive(Default)]
+pub(crate) struct Known {
+    functions: BTreeSet<String>,
+    /// Of values that are no object maps.
+    properties: BTreeSet<String>,
+}
+
+impl Known {
+    /// The functions and properties of an engine.
+    pub fn of(engine: &Engine) -> Known {
+        let mut known = Known::default();
+        for signature in engine.gen_fn_signatures(true) {
+            let name = signature.split('(').next().unwrap_or_default().trim();
+            match name.split_once('$') {
+                Some(("get", property)) => drop(known.properties.insert(property.to_string())),
+                None if name.starts_with(|c: char| c.is_alphabetic()) => {
+                    known.functions.insert(name.to_string());
+                }
+                _ => {}
+            }
+        }
+        known
+    }
+}
+
+/// The names after each dot and before each colon of a text: properties, and keys of object maps.
+fn keys(text: &str) -> BTreeSet<String> {
+    let is_word = |c: char| c.is_alphanumeric() || c == '_';
+    let mut names = BTreeSet::new();
+    for line in text.lines() {
+        let code = line.split("//").next().unwrap_or_default();
+        let before_colons = code.split(':').filter_map(|part| part.trim_end().rsplit(|c| !is_word(c)).next());
+        let after_dots = code.split('.').skip(1).filter_map(|part| part.split(|c| !is_word(c)).next());
+        names.extend(before_colons.chain(after_dots).filter(|name| !name.is_empty()).map(String::from));
+    }
+    names
+}
+
+/// Keys of the maps that plugins get.
+const KEYS: [&str; 16] = [
+    "bytes", "name", "options", "needs", "geometry", "clips", "textures", "stem", "fps", "times", "actors",
+    "cameras", "joints", "parents", "asset", "len",
+];
+
+/// The innermost place and reason. `line` is for limits reached, of which the interpreter forgets the place on its way out of the
+/// function.
+pub(crate) fn script_error(
+    script: &Script,
+    error: Box<EvalAltResult>,
+    known: &Known,
+    line: usize,
+) -> ScriptError {
+    let mut error = error;
+    while let EvalAltResult::ErrorInFunctionCall(_, _, inner, _) = *error {
+        error = inner;
+    }
+    let place = error.take_position();
+    let at = (place.line().unwrap_or(line), place.position().unwrap_or(1));
+    let message = message(script, &error, known, at.0);
+    ScriptError::new(script, at, message)
+}
+
+fn message(script: &Script, error: &EvalAltResult, known: &Known, line: usize) -> String {
+    match error {
+        EvalAltResult::ErrorRuntime(value, _) => value.to_string(),
+        EvalAltResult::ErrorFunctionNotFound(signature, _) => unknown_function(script, signature, known),
+        EvalAltResult::ErrorVariableNotFound(name, _) => unknown_variable(script, name, known, line),
+        EvalAltResult::ErrorParsing(ParseErrorType::VariableUndefined(name), _) => {
+            unknown_variable(script, name, known, line)
+        }
+        EvalAltResult::ErrorPropertyNotFound(name, _) => unknown_property(script, name, known),
+        EvalAltResult::ErrorDotExpr(text, _) => match text.split('\'').nth(1) {
+            // `Unknown property 'foo' - a getter is not registered for type 'Bytes'`.
+            Some(name) => unknown_property(script, name, known),
+            None => text.clone(),
+        },
+        EvalAltResult::ErrorTerminated(why, _) => why.to_string(),
+        EvalAltResult::ErrorStackOverflow(_) => {
+            format!(
+                "more than {MOST_CALLS} calls within one another, which is the limit: does one call itself without end?"
+            )
+        }
+        EvalAltResult::ErrorDataTooLarge(what, _) if what.to_lowercase().contains("string") => {
+            format!("a text of more than {MOST_TEXT} bytes, which is the limit")
+        }
+        EvalAltResult::ErrorDataTooLarge(..) => format!(
+            "an array or map of more than {MOST_IN_ARRAY} elements, which is the limit; numbers(…) and f32s(…) hold more"
+        ),
+        _ => error.to_string(),
+    }
+}
+
+fn unknown_function(script: &Script, signature: &str, known: &Known) -> String {
+    if let Some(text) = operator_error(signature) {
+        return text;
+    }
+    let (name, types) = signature_parts(signature);
+    let own = own_functions(script.text);
+    let names = || known.functions.iter().chain(&own).map(String::as_str);
+    if names().any(|known| known == name) {
+        let types = types.iter().map(|t| type_word(t)).collect::<Vec<_>>().join(", ");
+        return format!("wrong arguments: there is no {name}({types})");
+    }
+    format!("unknown function {name}{}", did_you_mean(name, names()))
+}
+
+fn unknown_variable(script: &Script, name: &str, known: &Known, line: usize) -> String {
+    let before = declared_names(script.text, line);
+    if before.contains(name) {
+        return format!("unknown variable {name}: a function sees its parameters only; pass it as one");
+    }
+    if known.functions.contains(name) || own_functions(script.text).contains(name) {
+        return format!("unknown variable {name}; {name} is a function: write {name}(…)");
+    }
+    format!("unknown variable {name}{}", did_you_mean(name, before.iter().map(String::as_str)))
+}
+
+fn unknown_property(script: &Script, name: &str, known: &Known) -> String {
+    let written = keys(script.text);
+    let names = KEYS.iter().copied().chain(known.properties.iter().chain(&written).map(String::as_str));
+    format!("unknown property {name}{}", did_you_mean(name, names.filter(|known| *known != name)))
+}
+
+/// Names of the functions that a text defines.
+fn own_functions(text: &str) -> BTreeSet<String> {
+    let name = |rest: &str| rest.split('(').next().unwrap_or_default().trim().to_string();
+    text.split("fn ")
+        .skip(1)
+        .map(name)
+        .filter(|name| name.chars().all(|c| c.is_alphanumeric() || c == '_'))
+        .collect()
+}

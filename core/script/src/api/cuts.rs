@@ -1,0 +1,92 @@
+//! Cuts from an edited list: OpenTimelineIO.
+
+use crate::build::room;
+use crate::call::{ApiError, Call, Reply, api, unknown};
+use choreo_motion::Time;
+use choreo_stage::Cut;
+use rhai::Dynamic;
+use serde_json::Value;
+
+api! {
+    /// Cuts between cameras as an edited list states: an OpenTimelineIO file (.otio), in which the clips of the first
+    /// video track are named as cameras of the script. Dissolves between clips are kept. An editing program changes
+    /// the file that `choreo export` has written.
+    cuts("file") -> () = cuts;
+}
+
+fn cuts(c: &mut Call) -> Reply {
+    let name = c.text(0)?;
+    let bytes = c.shared.read_file(&name)?;
+    let failed = |what: String| ApiError::new(format!("cuts: \"{name}\" {what}")).focus(&name);
+    let timeline: Value =
+        serde_json::from_slice(&bytes).map_err(|e| failed(format!("is no OpenTimelineIO file: {e}")))?;
+    let list = clips(&timeline).map_err(failed)?;
+    let place = c.place.clone();
+    let mut build = c.build();
+    for clip in list {
+        room(build.cuts.len(), "cuts", &c.shared.limits)?;
+        let camera = build.cameras.iter().position(|camera| camera.camera.name == clip.name);
+        let camera = camera.ok_or_else(|| {
+            let known: Vec<&str> = build.cameras.iter().map(|camera| camera.camera.name.as_str()).collect();
+            unknown("camera", &clip.name, &format!(" in \"{name}\""), known).focus(&name)
+        })?;
+        build.cuts.push((Cut { at: clip.at, camera, dissolve: clip.dissolve }, place.clone()));
+    }
+    drop(build);
+    Ok(Dynamic::UNIT)
+}
+
+/// A clip of the list: the time of its cut, and how long its image takes to come.
+struct ListedClip {
+    name: String,
+    at: Time,
+    dissolve: Time,
+}
+
+/// The clips of the first track of kind "Video" that has any.
+fn clips(timeline: &Value) -> Result<Vec<ListedClip>, String> {
+    let schema = |value: &Value, name: &str| {
+        value["OTIO_SCHEMA"].as_str().is_some_and(|s| s.split('.').next() == Some(name))
+    };
+    if !schema(timeline, "Timeline") {
+        return Err("is no OpenTimelineIO timeline".into());
+    }
+    let tracks = timeline["tracks"]["children"].as_array().map_or(&[][..], Vec::as_slice);
+    let children = |track: &Value| track["children"].as_array().cloned().unwrap_or_default();
+    let track = tracks
+        .iter()
+        .filter(|track| track["kind"] == "Video")
+        .map(children)
+        .find(|children| children.iter().any(|child| schema(child, "Clip")))
+        .ok_or("has no video track with clips")?;
+    let (mut list, mut now, mut offsets) = (Vec::new(), 0.0, (0.0, 0.0));
+    for (number, child) in track.iter().enumerate() {
+        let place = || format!("has no duration for item {} of the video track", number + 1);
+        if schema(child, "Transition") {
+            let offset = |name: &str| seconds(&child[name]).ok_or_else(place);
+            offsets = (offset("in_offset")?, offset("out_offset")?);
+            continue;
+        }
+        let media = child["active_media_reference_key"].as_str().unwrap_or("DEFAULT_MEDIA");
+        let available = [&child["media_references"][media], &child["media_reference"]];
+        let duration = seconds(&child["source_range"]["duration"])
+            .or_else(|| available.iter().find_map(|media| seconds(&media["available_range"]["duration"])))
+            .ok_or_else(place)?;
+        if schema(child, "Clip") {
+            list.push(ListedClip {
+                name: child["name"].as_str().unwrap_or_default().to_string(),
+                at: Time::from_secs(f64::max(now - offsets.0, 0.0)),
+                dissolve: Time::from_secs(offsets.0 + offsets.1),
+            });
+        }
+        now += duration;
+        offsets = (0.0, 0.0);
+    }
+    Ok(list)
+}
+
+/// A `RationalTime` from 0 to ten million seconds.
+fn seconds(time: &Value) -> Option<f64> {
+    let (value, rate) = (time["value"].as_f64()?, time["rate"].as_f64()?);
+    Some(value / rate).filter(|secs| (0.0..=1e7).contains(secs))
+}

@@ -1,0 +1,36 @@
+//! The blank between two pieces on one line.
+
+use super::pieces::{Piece, Role};
+
+/// Whether a blank stands between two neighbours on one line. `there`: whether one stands there now, which counts where either
+/// is right.
+pub fn blank(before: &Piece, next: &Piece, there: bool) -> bool {
+    wanted(before, next, there) || would_join(before.text, next.text)
+}
+
+fn wanted(before: &Piece, next: &Piece, there: bool) -> bool {
+    use Role::*;
+    let is_block = |piece: &Piece| matches!(piece.text, "{" | "#{" | "}");
+    match (before.role, next.role) {
+        (_, LineComment) => true,
+        (BlockComment, Separator) => false,
+        (Separator, BlockComment) => true,
+        (BlockComment, _) | (_, BlockComment) | (Other, _) | (_, Other) => there,
+        (_, Separator | Colon) => false,
+        (Open, Close) => false,
+        (_, Close) => is_block(next),
+        (Open, _) => is_block(before),
+        (Dot | RangeOperator | Prefix | CallMark | ClosureStart, _) => false,
+        (_, Dot | RangeOperator | CallMark | ClosureEnd) => false,
+        (Operand, Open) => is_block(next),
+        (Close, Open) if !is_block(next) => before.text == "}" && there,
+        _ => true,
+    }
+}
+
+/// Whether two tokens without a blank between them would be read as others: `- -1`, `| |`, `1. ..`.
+fn would_join(before: &str, next: &str) -> bool {
+    let ends = |c| before.ends_with(c) && next.starts_with(c);
+    let is_number = before.starts_with(|c: char| c.is_ascii_digit() || c == '-');
+    ends('-') || ends('+') || ends('|') || (is_number && ends('.'))
+}

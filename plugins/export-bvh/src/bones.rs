@@ -1,0 +1,147 @@
+//! The joints as BVH has them: rest orientations are those of the world, so that only offsets and rotations from the rest pose remain.
+
+use choreo_plugin::glam::{DAffine3, DMat3, DQuat, DVec3};
+use choreo_plugin::stage::{Actor, ActorState};
+
+/// The bones of one actor, parents first.
+pub struct Bones {
+    pub names: Vec<String>,
+    parents: Vec<Option<usize>>,
+    children: Vec<Vec<usize>>,
+    /// From the parent in the rest pose, in axes of the world, metres; the roots' from the origin.
+    pub offsets: Vec<DVec3>,
+    /// Rotations of the rest pose in model space.
+    rest: Vec<DQuat>,
+    /// Which have position channels.
+    pub moving: Vec<bool>,
+    /// A root was added that holds several.
+    added_root: bool,
+}
+
+/// World positions, metres, and rotations from the rest pose, in the order of the bones.
+pub struct Pose {
+    positions: Vec<DVec3>,
+    rotations: Vec<DQuat>,
+}
+
+impl Bones {
+    /// The bones in the size that the actor has at the first frame. Several roots are put below one that is called as the actor.
+    pub fn of(actor: &Actor, first: &ActorState) -> Bones {
+        let skeleton = &actor.asset.skeleton;
+        let joint_roots = skeleton.parents().iter().filter(|parent| parent.is_none()).count();
+        let added_root = joint_roots != 1;
+        let shift = usize::from(added_root);
+        let (size, ..) = first.world_from_model.to_scale_rotation_translation();
+        let mut matrices: Vec<DAffine3> = Vec::with_capacity(skeleton.len());
+        for (local, parent) in skeleton.rest().iter().zip(skeleton.parents()) {
+            let own = DAffine3::from_scale_rotation_translation(
+                local.scale.as_dvec3(),
+                local.rotation.as_dquat(),
+                local.translation.as_dvec3(),
+            );
+            matrices.push(parent.map_or(own, |parent| matrices[parent as usize] * own));
+        }
+        let mut bones = Bones {
+            names: Vec::new(),
+            parents: Vec::new(),
+            children: vec![Vec::new(); skeleton.len() + shift],
+            offsets: Vec::new(),
+            rest: Vec::new(),
+            moving: Vec::new(),
+            added_root,
+        };
+        if added_root {
+            bones.push(&actor.name, None, DVec3::ZERO, DQuat::IDENTITY);
+        }
+        for (joint, parent) in skeleton.parents().iter().enumerate() {
+            let from = parent.map_or(DVec3::ZERO, |parent| matrices[parent as usize].translation);
+            let parent = parent.map(|parent| parent as usize + shift).or(added_root.then_some(0));
+            let offset = (matrices[joint].translation - from) * size;
+            bones.push(&skeleton.names()[joint], parent, offset, rotation(&matrices[joint]));
+        }
+        bones
+    }
+
+    fn push(&mut self, name: &str, parent: Option<usize>, offset: DVec3, rest: DQuat) {
+        let plain = |c: char| if c.is_whitespace() || matches!(c, '{' | '}') { '_' } else { c };
+        let name: String = name.chars().map(plain).collect();
+        let bone = self.names.len();
+        self.names.push(if name.is_empty() { format!("joint_{bone}") } else { name });
+        self.parents.push(parent);
+        if let Some(parent) = parent {
+            self.children[parent].push(bone);
+        }
+        self.offsets.push(offset);
+        self.rest.push(rest);
+        self.moving.push(parent.is_none());
+    }
+
+    pub fn is_leaf(&self, bone: usize) -> bool {
+        self.children[bone].is_empty()
+    }
+
+    /// Where a leaf ends: half of its own length further, as the format has no length for it.
+    pub fn end(&self, bone: usize) -> DVec3 {
+        self.offsets[bone] * 0.5
+    }
+
+    /// The bones and their depths, each before its children: the order of the file, whose frames follow it.
+    pub fn depth_first(&self) -> Vec<(usize, usize)> {
+        let mut order = Vec::with_capacity(self.names.len());
+        let mut open = vec![(0, 0)];
+        while let Some((bone, depth)) = open.pop() {
+            order.push((bone, depth));
+            open.extend(self.children[bone].iter().rev().map(|child| (*child, depth + 1)));
+        }
+        order
+    }
+
+    /// Positions and rotations of a frame.
+    pub fn pose(&self, state: &ActorState) -> Pose {
+        let mut pose = Pose { positions: Vec::new(), rotations: Vec::new() };
+        if self.added_root {
+            pose.push(&state.world_from_model, DQuat::IDENTITY);
+        }
+        let first = pose.positions.len();
+        for (joint, rest) in self.rest[first..].iter().enumerate() {
+            pose.push(&state.world_from_joint(joint).unwrap_or(state.world_from_model), *rest);
+        }
+        pose
+    }
+
+    /// Notes which bones do not keep their offset in this pose.
+    pub fn find_moving(&mut self, pose: &Pose, tolerance: f64) {
+        for bone in 0..self.names.len() {
+            self.moving[bone] |= (self.local_position(pose, bone) - self.offsets[bone]).length() > tolerance;
+        }
+    }
+
+    /// From the parent, in its axes; a root's in the world.
+    pub fn local_position(&self, pose: &Pose, bone: usize) -> DVec3 {
+        self.parents[bone].map_or(pose.positions[bone], |parent| {
+            pose.rotations[parent].inverse() * (pose.positions[bone] - pose.positions[parent])
+        })
+    }
+
+    /// From the parent's rotation.
+    pub fn local_rotation(&self, pose: &Pose, bone: usize) -> DQuat {
+        self.parents[bone].map_or(pose.rotations[bone], |parent| {
+            (pose.rotations[parent].inverse() * pose.rotations[bone]).normalize()
+        })
+    }
+}
+
+impl Pose {
+    fn push(&mut self, world: &DAffine3, rest: DQuat) {
+        self.positions.push(world.translation);
+        self.rotations.push((rotation(world) * rest.inverse()).normalize());
+    }
+}
+
+/// The rotation of a matrix: its axes made orthogonal, mirrored ones turned back.
+fn rotation(matrix: &DAffine3) -> DQuat {
+    let DMat3 { x_axis, y_axis, .. } = matrix.matrix3;
+    let x = x_axis.normalize_or(DVec3::X);
+    let y = (y_axis - x * x.dot(y_axis)).normalize_or(x.any_orthonormal_vector());
+    DQuat::from_mat3(&DMat3::from_cols(x, y, x.cross(y)))
+}

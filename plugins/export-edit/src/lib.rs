@@ -1,0 +1,69 @@
+//! The edit of a scene for editing programs: shots between cuts, cues, markers and titles as OpenTimelineIO, shots as an EDL
+//! (CMX 3600), titles as subtitles (SubRip).
+
+mod edl;
+mod otio;
+mod shots;
+mod srt;
+
+use choreo_plugin::{ExportError, ExportedScene, Manifest, SceneExporter, SceneFiles};
+use std::sync::LazyLock;
+
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");
+
+static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+    let about =
+        "the edit: shots, cues, markers and titles as OpenTimelineIO, shots as EDL, titles as subtitles";
+    let media = "file name of the rendered video; by default that of the output with .mp4";
+    Manifest::new("edit", env!("CARGO_PKG_VERSION"), about).extensions(["otio", "edl", "srt"]).text(
+        "media",
+        media,
+        "",
+        &[],
+    )
+});
+
+/// Writes OpenTimelineIO, which `cuts` in a script reads back; an edit decision list where the output is called `.edl`, the titles as
+/// subtitles where it is called `.srt`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct EditExporter;
+
+impl SceneExporter for EditExporter {
+    fn manifest(&self) -> &Manifest {
+        &MANIFEST
+    }
+
+    fn export(&self, scene: &ExportedScene, files: &mut dyn SceneFiles) -> Result<Vec<String>, ExportError> {
+        whole(scene)?;
+        match scene.extension.as_str() {
+            "edl" => {
+                edl::write(scene, &media(scene), files.main())?;
+                return Ok(vec!["the format has no cues, markers and titles; .otio has them".into()]);
+            }
+            "srt" => srt::write(scene, files.main())?,
+            _ => {
+                let timeline = otio::timeline(scene, &media(scene));
+                serde_json::to_writer_pretty(files.main(), &timeline).map_err(std::io::Error::from)?;
+            }
+        }
+        Ok(Vec::new())
+    }
+}
+
+/// # Errors
+/// Only some frames are exported: an edit is of the whole scene.
+fn whole(scene: &ExportedScene) -> Result<(), ExportError> {
+    match scene.times.len() as i64 == shots::total(scene) {
+        true => Ok(()),
+        false => Err(ExportError::Format("an edit is of the whole scene; leave --frames out".into())),
+    }
+}
+
+/// Name of the video that the shots are parts of.
+fn media(scene: &ExportedScene) -> String {
+    match scene.options.text("media").unwrap_or_default() {
+        "" => format!("{}.mp4", scene.stem),
+        given => given.to_string(),
+    }
+}

@@ -1,0 +1,83 @@
+//! The error of what is written: the curves with the times of the file, as a player has them, against the scene.
+
+use crate::bake::tracks::{TrackSet, seconds};
+use crate::bake::{Baked, rig};
+use choreo_plugin::asset::widen;
+use choreo_plugin::motion::{Clip, Curve, Path, Pose, Sample, Skeleton, Time, Transform};
+use choreo_plugin::stage::{Actor, Snapshot, StageError};
+use choreo_plugin::{ExportDeviation, ExportedScene};
+
+/// Joints that are compared, at most: large scenes are looked at less often.
+const MOST_JOINTS: usize = 400_000;
+
+/// The largest distance of a joint. Times are spread evenly, off the frames; hidden actors have no joints.
+pub fn worst(scene: &ExportedScene, baked: &Baked<'_>) -> Result<ExportDeviation, StageError> {
+    let stage = &scene.stage;
+    let joints: usize = stage.actors.iter().map(|a| a.asset.skeleton.len() + 1).sum();
+    let count = (MOST_JOINTS / joints.max(1)).clamp(12, 97) as i64;
+    let length = (baked.end - baked.start).0 as f64;
+    // The golden section meets neither frames nor round times.
+    let share = |i: i64| (i as f64 + 0.381_966) / count as f64;
+    let times: Vec<Time> = (0..count).map(|i| baked.start + Time((length * share(i)) as i64)).collect();
+    let mut evaluator = scene.evaluator();
+    let snapshots =
+        times.iter().map(|time| evaluator.at(*time)).collect::<Result<Vec<Snapshot>, StageError>>()?;
+    let mut worst = ExportDeviation::default();
+    for (index, actor) in stage.actors.iter().enumerate().filter(|(index, _)| !baked.motions[*index].hidden) {
+        let Some((skeleton, clip)) = written(baked, actor, index) else { continue };
+        let mut pose = Pose::rest(&skeleton);
+        for (time, snapshot) in times.iter().zip(&snapshots) {
+            let state = &snapshot.actors[index];
+            if !state.visible || state.model_from_joint.len() + 1 != skeleton.len() {
+                continue;
+            }
+            skeleton.rest().iter().enumerate().for_each(|(joint, rest)| pose.set(joint, *rest));
+            Sample { clip: &clip, time: *time - baked.start, pose: &mut pose }.run();
+            let places = rig::places(&skeleton, pose.iter());
+            for (joint, place) in places.iter().enumerate() {
+                let truth = match joint.checked_sub(1) {
+                    None => state.world_from_model,
+                    Some(joint) => state.world_from_model * widen(&state.model_from_joint[joint]),
+                };
+                let metres = (place.translation - truth.translation).length();
+                if metres > worst.metres {
+                    let joint = skeleton.names()[joint].clone();
+                    worst = ExportDeviation { metres, actor: actor.name.clone(), joint, time: *time };
+                }
+            }
+        }
+    }
+    Ok(worst)
+}
+
+/// The rig as a player of the file has it.
+fn written(baked: &Baked<'_>, actor: &Actor, index: usize) -> Option<(Skeleton, Clip)> {
+    let still = baked.still_rig(actor, index);
+    let rig = rig::skeleton(actor, Transform::IDENTITY)?;
+    let skeleton = Skeleton::new(rig.names().to_vec(), rig.parents().to_vec(), still).ok()?;
+    let mut curves = Vec::new();
+    for set in baked.motions[index].sets.iter().map(|set| &baked.sets[*set]) {
+        add_curves(set, baked.start, &mut curves);
+    }
+    let clip = Clip::new(String::new(), skeleton.len(), curves).ok()?;
+    Some((skeleton, clip))
+}
+
+fn add_curves(set: &TrackSet<'_>, start: Time, out: &mut Vec<Curve>) {
+    let ticks = |times: &Vec<Time>| -> std::sync::Arc<[Time]> {
+        seconds(times, start).into_iter().map(|secs| Time::from_secs(secs.into())).collect()
+    };
+    let times: Vec<_> = set.times.iter().map(ticks).collect();
+    for (number, track) in set.tracks.iter().enumerate().filter(|(_, t)| !matches!(t.path, Path::Weights(_)))
+    {
+        let mut values = Vec::new();
+        set.values(number, &mut values);
+        out.push(Curve {
+            joint: track.joint,
+            path: track.path,
+            interpolation: track.interpolation,
+            times: times[track.times].clone(),
+            values: values.into(),
+        });
+    }
+}

@@ -1,0 +1,209 @@
+//! A scene over time as curves: clips that play unchanged with their own keys, the rest sampled and reduced.
+
+pub mod check;
+mod keys;
+mod reduce;
+pub mod rig;
+mod sample;
+pub mod shots;
+pub mod signals;
+pub mod tracks;
+
+pub use reduce::Series;
+
+use crate::bake::rig::STRIDE;
+use crate::bake::sample::{Sampled, Sampler};
+use crate::bake::shots::Shot;
+use crate::bake::signals::{CameraPart, Quantity, Signal};
+use crate::bake::tracks::{TrackSet, Values};
+use choreo_plugin::motion::{Path, Time, Transform};
+use choreo_plugin::stage::{Actor, LightState, Property, Snapshot, Stage, StageError};
+use choreo_plugin::{ExportedScene, glam};
+use std::collections::BTreeMap;
+
+/// Numbers that rows of samples may hold together; scenes with more are sampled in parts.
+const MOST_NUMBERS: usize = 32 << 20;
+
+pub struct Baked<'a> {
+    pub start: Time,
+    pub end: Time,
+    /// The scene at the start, with the stage's own lights.
+    pub first: Snapshot,
+    pub lights: Vec<Option<LightState>>,
+    pub sets: Vec<TrackSet<'a>>,
+    /// One an actor.
+    pub motions: Vec<Motion>,
+    /// Signals that change, those of cameras aside, and those that do not.
+    pub series: Vec<(Signal, Series)>,
+    pub shots: Vec<Shot>,
+}
+
+#[derive(Clone, Debug, Default)]
+pub struct Motion {
+    /// Indices into [`Baked::sets`]: keys of clips, and what was sampled.
+    pub sets: Vec<usize>,
+    /// It is seen at no time.
+    pub hidden: bool,
+}
+
+/// How an actor is baked.
+#[derive(Clone, Copy, PartialEq)]
+enum Need {
+    Nothing,
+    Place,
+    Pose,
+}
+
+/// `tolerance`: metres that a joint may be off.
+pub fn bake<'a>(scene: &'a ExportedScene, tolerance: f64) -> Result<Baked<'a>, StageError> {
+    let stage = &scene.stage;
+    let (start, end) = span(scene);
+    let mut evaluator = choreo_plugin::stage::Evaluator::new(stage.clone()).posing_hidden();
+    let first = evaluator.at(start)?;
+    let lights = evaluator.stage_lights(&first);
+    drop(evaluator);
+    let mut baked = Baked {
+        start,
+        end,
+        first,
+        lights,
+        sets: Vec::new(),
+        motions: vec![Motion::default(); stage.actors.len()],
+        series: Vec::new(),
+        shots: shots::of_stage(stage, start, end),
+    };
+    let needs = take_keys(stage, &mut baked);
+    // Half for what lies between samples, half for the keys that go.
+    let signals = signals::of_stage(stage, tolerance as f32 * 0.5, |actor| needs[actor] == Need::Pose);
+    sample(scene, &needs, signals, tolerance, &mut baked)?;
+    shots::place_still(scene, &mut baked)?;
+    Ok(baked)
+}
+
+/// From the first frame to the end of the last one, or of the stage.
+fn span(scene: &ExportedScene) -> (Time, Time) {
+    let first = scene.times.first().copied().unwrap_or(Time::ZERO);
+    let last = scene.times.last().copied().unwrap_or(first);
+    let whole = last + scene.fps.time_of(1) >= scene.stage.settings.length;
+    (first, if whole { scene.stage.settings.length.max(last) } else { last })
+}
+
+/// Takes the keys of clips that play unchanged; what is left to be sampled of each actor.
+fn take_keys<'a>(stage: &'a Stage, baked: &mut Baked<'a>) -> Vec<Need> {
+    let mut known: BTreeMap<Vec<u64>, Option<usize>> = BTreeMap::new();
+    let mut needs = Vec::with_capacity(stage.actors.len());
+    for (index, actor) in stage.actors.iter().enumerate() {
+        if !keys::plays_unchanged(stage, actor) {
+            needs.push(Need::Pose);
+            continue;
+        }
+        let (sets, start, end) = (&mut baked.sets, baked.start, baked.end);
+        let set = *known.entry(keys::identity(actor)).or_insert_with(|| {
+            let (times, tracks, still, keys) = keys::keys(actor, start, end)?;
+            sets.push(TrackSet { times, tracks, still, values: Values::Keys(keys) });
+            Some(sets.len() - 1)
+        });
+        baked.motions[index].sets.extend(set);
+        baked.motions[index].hidden = !baked.first.actors[index].visible;
+        needs.push(match (set, stands_still(stage, actor)) {
+            (None, _) => Need::Pose,
+            (_, true) => Need::Nothing,
+            (_, false) => Need::Place,
+        });
+    }
+    needs
+}
+
+fn stands_still(stage: &Stage, actor: &Actor) -> bool {
+    let moves = |p: Property| {
+        matches!(p, Property::Translation | Property::Rotation | Property::Scale | Property::Visible)
+    };
+    stage.hooks.is_empty()
+        && actor.parents.is_empty()
+        && actor.face.is_none()
+        && actor.path_following.is_none()
+        && !actor.channels.iter().any(|c| moves(c.property))
+}
+
+/// Samples what needs it, in parts that fit into memory.
+fn sample(
+    scene: &ExportedScene,
+    needs: &[Need],
+    mut signals: Vec<Signal>,
+    tolerance: f64,
+    baked: &mut Baked<'_>,
+) -> Result<(), StageError> {
+    let stage = &scene.stage;
+    let times = sample::first_times(scene, baked.start, baked.end);
+    let most = (MOST_NUMBERS / (4 * times.len())).max(1);
+    let mut left: Vec<usize> = (0..needs.len()).filter(|a| needs[*a] != Need::Nothing).collect();
+    left.reverse();
+    while !left.is_empty() || !signals.is_empty() {
+        let mut actors: Vec<Sampled> = Vec::new();
+        while let Some(actor) = left.last().copied().filter(|_| Sampler::width(&signals, &actors) < most) {
+            left.pop();
+            let asset = &stage.actors[actor].asset;
+            let pose = needs[actor] == Need::Pose;
+            let joints = if pose { asset.skeleton.len() + 1 } else { 1 };
+            let offset = Sampler::width(&signals, &actors);
+            let bounds = asset.spread(&asset.rest_bounds());
+            let reach = bounds.min.abs().max(bounds.max.abs()).length();
+            let reach = if reach.is_finite() { reach } else { 1.0 };
+            actors.push(Sampled { actor, pose, offset, joints, reach });
+        }
+        let mut sampler = Sampler::new(stage, std::mem::take(&mut signals), actors, tolerance as f32 * 0.5);
+        let rows = sampler.rows(&times)?;
+        let is_camera = |s: &&Signal| matches!(s.quantity, Quantity::Camera { .. });
+        let all: Vec<&sample::Row> = rows.iter().collect();
+        let others = sampler.signals.iter().filter(|s| !is_camera(s));
+        baked.series.extend(others.map(|signal| (*signal, reduce::series(signal, &all))));
+        shots::take_moves(&sampler.signals, &rows, &mut baked.shots);
+        for sampled in &sampler.actors {
+            let (actor, motion) = (&stage.actors[sampled.actor], &mut baked.motions[sampled.actor]);
+            let sizes = rows.iter().map(|row| &row.values[sampled.offset + 7..][..3]);
+            motion.hidden = sizes.into_iter().all(|size| *size == [0.0; 3]);
+            if !motion.hidden {
+                motion.sets.push(baked.sets.len());
+                baked.sets.push(reduce::actor_tracks(actor, sampled, &rows, tolerance * 0.5));
+            }
+        }
+    }
+    Ok(())
+}
+
+impl Baked<'_> {
+    /// The rig of an actor where no curve moves it: as placed at the start, joints at rest, and what its sets keep still.
+    pub fn still_rig(&self, actor: &Actor, index: usize) -> Vec<Transform> {
+        let state = &self.first.actors[index];
+        let mut rows = Vec::with_capacity(STRIDE);
+        rig::append(actor, state, false, &mut rows);
+        let mut out = vec![rig::transform(&rows)];
+        out.extend_from_slice(actor.asset.skeleton.rest());
+        for set in &self.motions[index].sets {
+            for (joint, path, value) in &self.sets[*set].still {
+                let Some(t) = out.get_mut(*joint as usize) else { continue };
+                // What differs from rest by rounding is rest.
+                let near = |rest: &[f32]| rest.iter().zip(value).all(|(a, b)| (a - b).abs() <= 1e-6);
+                match path {
+                    Path::Translation if !near(&t.translation.to_array()) => {
+                        t.translation = glam::Vec3::from_slice(value);
+                    }
+                    Path::Rotation if !near(&t.rotation.to_array()) => {
+                        t.rotation = glam::Quat::from_slice(value)
+                    }
+                    Path::Scale if !near(&t.scale.to_array()) => t.scale = glam::Vec3::from_slice(value),
+                    _ => {}
+                }
+            }
+        }
+        out
+    }
+
+    /// The series of a quantity that was sampled.
+    pub fn series_of(&self, quantity: Quantity) -> Option<&Series> {
+        self.series.iter().find(|(signal, _)| signal.quantity == quantity).map(|(_, series)| series)
+    }
+}
+
+/// The parts of a camera's signals.
+pub const CAMERA_PARTS: [CameraPart; 3] = [CameraPart::Position, CameraPart::Rotation, CameraPart::Lens];

@@ -1,0 +1,201 @@
+//! Samples of a scene, denser where straight lines between them are too far from it.
+//!
+//! The first samples are at all frames and where something is known to begin or end. Then the middle of each interval is compared with
+//! what lies between its ends, and the interval is halved until that is near enough; a jump is halved down to a tick.
+
+use crate::bake::rig::{self, STRIDE, Spaces};
+use crate::bake::signals::{self, Signal};
+use choreo_plugin::ExportedScene;
+use choreo_plugin::motion::Time;
+use choreo_plugin::stage::{Camera, Evaluator, Property, Rig, Snapshot, Stage, StageError};
+use std::sync::Arc;
+
+/// An actor whose rig is sampled.
+#[derive(Clone, Copy, Debug)]
+pub struct Sampled {
+    pub actor: usize,
+    /// Its joints as well, not only its place.
+    pub pose: bool,
+    /// First number in a row.
+    pub offset: usize,
+    pub joints: usize,
+    /// Metres to its farthest vertex in rest pose.
+    pub reach: f32,
+}
+
+pub struct Row {
+    pub time: Time,
+    pub values: Vec<f32>,
+}
+
+pub struct Sampler<'a> {
+    stage: &'a Stage,
+    evaluator: Evaluator,
+    pub signals: Vec<Signal>,
+    pub actors: Vec<Sampled>,
+    /// Metres that a joint may be off halfway.
+    tolerance: f32,
+    spaces: Spaces,
+}
+
+/// Most samples between two of the first ones: one jump takes 24. What changes faster is not followed, and counts as error.
+const MOST_BETWEEN: usize = 128;
+
+impl<'a> Sampler<'a> {
+    pub fn new(
+        stage: &'a Arc<Stage>,
+        signals: Vec<Signal>,
+        actors: Vec<Sampled>,
+        tolerance: f32,
+    ) -> Sampler<'a> {
+        let evaluator = match without_others(stage, &actors) {
+            Some(fewer) => Evaluator::new(Arc::new(fewer)),
+            None => Evaluator::new(stage.clone()).posing_hidden(),
+        };
+        Sampler { stage, evaluator, signals, actors, tolerance, spaces: Spaces::default() }
+    }
+
+    /// Numbers of a row.
+    pub fn width(signals: &[Signal], actors: &[Sampled]) -> usize {
+        let of_signals = signals.last().map_or(0, |last| last.offset + last.width);
+        actors.last().map_or(of_signals, |last| last.offset + last.joints * STRIDE)
+    }
+
+    fn row(&mut self, time: Time) -> Result<Row, StageError> {
+        let snapshot: Snapshot = self.evaluator.at(time)?;
+        let mut values = Vec::with_capacity(Sampler::width(&self.signals, &self.actors));
+        let lights = self.evaluator.stage_lights(&snapshot);
+        signals::append(self.stage, &self.signals, &snapshot, &lights, &mut values);
+        for sampled in &self.actors {
+            let (actor, state) = (&self.stage.actors[sampled.actor], &snapshot.actors[sampled.actor]);
+            rig::append(actor, state, sampled.pose, &mut values);
+        }
+        Ok(Row { time, values })
+    }
+
+    /// Rows at these times, which increase, and where more are needed.
+    pub fn rows(&mut self, times: &[Time]) -> Result<Vec<Row>, StageError> {
+        let mut out: Vec<Row> = Vec::with_capacity(2 * times.len());
+        for time in times {
+            let next = self.row(*time)?;
+            if let Some(last) = out.pop() {
+                out.extend(self.refined(last, next)?);
+            } else {
+                out.push(next);
+            }
+        }
+        Ok(out)
+    }
+
+    /// The rows of an interval. The part with the largest error is halved first, so that noise in one part takes nothing from a jump in
+    /// another.
+    fn refined(&mut self, start: Row, end: Row) -> Result<Vec<Row>, StageError> {
+        let mut done = vec![start, end];
+        let mut parts: Vec<Interval> = Vec::new();
+        let mut left = MOST_BETWEEN;
+        parts.extend(self.interval(&done[0], &done[1])?);
+        while left > 0 {
+            left -= 1;
+            // Few are open at a time.
+            let worst = (0..parts.len()).max_by(|a, b| parts[*a].error.total_cmp(&parts[*b].error));
+            let Some(worst) = worst.filter(|worst| parts[*worst].error > 1.0) else { break };
+            let Interval { middle, .. } = parts.swap_remove(worst);
+            let place = done.partition_point(|row| row.time < middle.time);
+            done.insert(place, middle);
+            parts.extend(self.interval(&done[place - 1], &done[place])?);
+            parts.extend(self.interval(&done[place], &done[place + 1])?);
+        }
+        Ok(done)
+    }
+
+    /// What lies halfway between two rows; `None` where they are a tick apart.
+    fn interval(&mut self, a: &Row, b: &Row) -> Result<Option<Interval>, StageError> {
+        if (b.time - a.time).0 <= 1 {
+            return Ok(None);
+        }
+        let middle = self.row(a.time.middle(b.time))?;
+        let error = self.error(a, b, &middle);
+        Ok(Some(Interval { middle, error }))
+    }
+
+    /// How far the middle of two rows is from the straight line between them, in what is allowed.
+    fn error(&mut self, a: &Row, b: &Row, middle: &Row) -> f32 {
+        let t = middle.time.fraction(a.time, b.time);
+        let (mut value, mut worst) = (Vec::new(), 0.0f32);
+        for signal in &self.signals {
+            let [a, b, truth] = [a, b, middle].map(|row| &row.values[signal.offset..][..signal.width]);
+            value.resize(signal.width, 0.0);
+            signal.between(a, b, t, &mut value);
+            worst = worst.max(signal.error(&value, truth));
+        }
+        for sampled in &self.actors {
+            let rows = [a, b, middle].map(|row| &row.values[sampled.offset..][..sampled.joints * STRIDE]);
+            let parents = self.stage.actors[sampled.actor].asset.skeleton.parents();
+            // f32 cannot place what is far from the origin any better.
+            let far = rows[2][..3].iter().fold(0.0f32, |most, v| most.max(v.abs()));
+            let allowed = self.tolerance.max(far * 4.0 * f32::EPSILON);
+            worst = worst.max(rig::apart(parents, rows, t, sampled.reach, &mut self.spaces) / allowed);
+        }
+        worst
+    }
+}
+
+/// A part of the timeline between two rows.
+struct Interval {
+    middle: Row,
+    /// How far the straight line between the rows is from the middle, in what is allowed.
+    error: f32,
+}
+
+/// The stage with all actors hidden that are not sampled, so that they are not posed. `None` where they might be missed: by a callback,
+/// a camera that frames all that is visible, or what is attached to them.
+fn without_others(stage: &Stage, sampled: &[Sampled]) -> Option<Stage> {
+    let frames = |camera: &Camera| matches!(camera.rig, Rig::Frame { .. });
+    if !stage.hooks.is_empty() || stage.cameras.is_empty() || stage.cameras.iter().any(frames) {
+        return None;
+    }
+    let parents = stage.actors.iter().flat_map(|a| &a.parents).filter_map(|p| p.to);
+    let mut kept: Vec<usize> = parents.map(|to| to.actor).collect();
+    kept.extend(stage.lights.iter().filter_map(|l| l.parent).map(|to| to.actor));
+    kept.extend(sampled.iter().map(|s| s.actor));
+    let mut fewer = stage.clone();
+    for (_, actor) in fewer.actors.iter_mut().enumerate().filter(|(index, _)| !kept.contains(index)) {
+        actor.visible = false;
+        actor.channels.retain(|channel| channel.property != Property::Visible);
+    }
+    Some(fewer)
+}
+
+/// Times at which something begins, ends or jumps, each with the tick before it, and the frames; increasing, from start to end.
+pub fn first_times(scene: &ExportedScene, start: Time, end: Time) -> Vec<Time> {
+    let stage = &scene.stage;
+    let mut jumps: Vec<Time> = stage.cuts.iter().map(|cut| cut.at).collect();
+    let mut out: Vec<Time> = scene.times.clone();
+    for cut in &stage.cuts {
+        out.push(cut.at + cut.dissolve);
+    }
+    for actor in &stage.actors {
+        for cue in actor.layers.iter().flat_map(|layer| &layer.cues) {
+            jumps.extend([cue.start].into_iter().chain(cue.end));
+            out.push(cue.start + cue.fade_in);
+            out.extend(cue.end.map(|end| end - cue.fade_out));
+        }
+        for parent in &actor.parents {
+            jumps.push(parent.start);
+            out.push(parent.start + parent.blend);
+        }
+        for look in &actor.look_at {
+            out.extend([look.start, look.start + look.fade].into_iter().chain(look.end));
+            out.extend(look.end.map(|end| end - look.fade));
+        }
+        out.extend(actor.channels.iter().flat_map(|channel| &channel.times));
+    }
+    out.extend(stage.cameras.iter().flat_map(|c| &c.channels).flat_map(|channel| &channel.times));
+    out.extend(stage.lights.iter().flat_map(|l| &l.channels).flat_map(|channel| &channel.times));
+    out.extend(jumps.iter().flat_map(|jump| [*jump - Time(1), *jump]));
+    out.extend([start, end]);
+    out.retain(|time| start <= *time && *time <= end);
+    out.sort_unstable();
+    out.dedup();
+    out
+}

@@ -1,0 +1,96 @@
+//! Curves of one rig over the timeline, as they are written: key times, which curves use them, and their numbers, which are made when
+//! they are needed where a clip has them.
+
+use crate::bake::keys::KeyTracks;
+use choreo_plugin::motion::{Interpolation, Path, Time};
+
+/// The rig of an actor: joint 0 is the actor itself, joint n + 1 is joint n of its skeleton.
+#[derive(Clone, Copy, Debug)]
+pub struct Track {
+    pub joint: u32,
+    pub path: Path,
+    pub interpolation: Interpolation,
+    /// Index into [`TrackSet::times`].
+    pub times: usize,
+}
+
+/// Curves that are written together.
+pub struct TrackSet<'a> {
+    /// Key times on the stage, strictly increasing.
+    pub times: Vec<Vec<Time>>,
+    pub tracks: Vec<Track>,
+    /// What stays as it is all the time, by joint of the rig, where that may not be the rest pose.
+    pub still: Vec<(u32, Path, Vec<f32>)>,
+    pub values: Values<'a>,
+}
+
+pub enum Values<'a> {
+    /// Keys of clips.
+    Keys(KeyTracks<'a>),
+    /// One list a track.
+    Lists(Vec<Vec<f32>>),
+}
+
+impl TrackSet<'_> {
+    /// Appends the numbers of a track, in glTF's order.
+    pub fn values(&self, track: usize, out: &mut Vec<f32>) {
+        match &self.values {
+            Values::Keys(keys) => keys.values(track, out),
+            Values::Lists(lists) => out.extend_from_slice(&lists[track]),
+        }
+    }
+
+    /// How many numbers a track has.
+    pub fn numbers(&self, track: usize) -> usize {
+        let Track { path, interpolation, times, .. } = self.tracks[track];
+        let parts = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
+        self.times[times].len() * path.width() * parts
+    }
+}
+
+/// Key times as a file has them: seconds from the start of the export, as f32, strictly increasing.
+///
+/// A jump is two keys one tick apart. The later one must not be after its time, so that the frame of that time shows the new value;
+/// f32 cannot tell ticks apart, so the earlier one is as much before as it can.
+pub fn seconds(times: &[Time], start: Time) -> Vec<f32> {
+    let secs = |time: Time| (time - start).as_secs();
+    let mut out: Vec<f32> = Vec::with_capacity(times.len());
+    for (i, time) in times.iter().enumerate() {
+        let is_jump = |later: Time, earlier: Time| (later - earlier).0 <= JUMP_TICKS;
+        let at = match times.get(i + 1) {
+            Some(next) if is_jump(*next, *time) => {
+                let landing = not_after(secs(*next));
+                // Ticks of an importer must differ, too.
+                landing.next_down().min((f64::from(landing) - 3.0 / Time::TICKS_PER_SECOND as f64) as f32)
+            }
+            _ if i > 0 && is_jump(*time, times[i - 1]) => not_after(secs(*time)),
+            _ => secs(*time) as f32,
+        };
+        let least = out.last().map_or(0.0, |last: &f32| last.next_up());
+        out.push(at.max(least));
+    }
+    out
+}
+
+/// Times that are no farther apart are a jump.
+pub const JUMP_TICKS: i64 = 2;
+
+fn not_after(secs: f64) -> f32 {
+    let near = secs as f32;
+    if f64::from(near) > secs { near.next_down() } else { near }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_jump_is_not_late_and_times_increase() {
+        let jump = Time::from_secs(2.4);
+        let times = [Time::ZERO, Time(1), jump - Time(1), jump, Time::from_secs(3.0)];
+        let secs = seconds(&times, Time::ZERO);
+        assert!(secs.windows(2).all(|pair| pair[0] < pair[1]), "{secs:?}");
+        assert!(f64::from(secs[3]) <= 2.4 && f64::from(secs[3]) > 2.3999 && secs[2] > 2.3999, "{secs:?}");
+        assert_eq!(secs[4], 3.0);
+    }
+}

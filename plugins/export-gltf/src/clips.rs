@@ -1,0 +1,123 @@
+//! The clips that actors play, retargeted and edited, one animation each: for game engines, which have a timeline of their own.
+
+use crate::actors::{ActorNodes, Parts};
+use crate::animations::{Builder, actor_channel, still_channels, weight_channels, write_set};
+use crate::bake::{self, Baked};
+use choreo_plugin::motion::{Clip, RootMotion, RootParts, Time};
+use choreo_plugin::stage::{Actor, Cue, CueRootMotion, Layer, Repeat, Stage, StageError};
+use choreo_plugin::{ExportDeviation, ExportedScene};
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+/// A clip of an actor, on a stage of its own.
+pub struct ClipScene {
+    /// Index of the actor that plays it.
+    actor: usize,
+    name: String,
+    scene: ExportedScene,
+}
+
+/// The stage with its actors at rest, where they stand at the start.
+pub fn at_rest(scene: &ExportedScene) -> ExportedScene {
+    let mut stage = Stage::clone(&scene.stage);
+    stage.hooks = Vec::new();
+    for actor in &mut stage.actors {
+        *actor = Actor { parents: actor.parents.clone(), tint: actor.tint, ..alone(actor) };
+    }
+    let mut out = scene.clone();
+    out.stage = Arc::new(stage);
+    out.times.truncate(1);
+    out
+}
+
+/// An actor without anything that moves it.
+fn alone(actor: &Actor) -> Actor {
+    let (transform, skinning, file_lights) = (actor.transform, actor.skinning, actor.file_lights);
+    let copies = actor.copies;
+    Actor {
+        transform,
+        skinning,
+        file_lights,
+        copies,
+        springs: None,
+        ..Actor::new(&actor.name, actor.asset.clone())
+    }
+}
+
+/// Each clip once for each asset that plays it. `root`: "clip", as it is; "in_place"; "traveling", which moves the actor's node.
+pub fn of_stage(scene: &ExportedScene, root: &str) -> Vec<ClipScene> {
+    let mut seen = BTreeSet::new();
+    let mut names = BTreeSet::new();
+    let mut out = Vec::new();
+    for (index, actor) in scene.stage.actors.iter().enumerate() {
+        for cue in actor.layers.iter().flat_map(|layer| &layer.cues) {
+            let key = (Arc::as_ptr(&actor.asset) as usize, Arc::as_ptr(&cue.clip) as usize);
+            let fits = cue.clip.joint_count() == actor.asset.skeleton.len() && cue.clip.duration > Time::ZERO;
+            if !fits || !seen.insert(key) {
+                continue;
+            }
+            let mut free = [cue.clip.name.clone(), format!("{} {}", actor.name, cue.clip.name)]
+                .into_iter()
+                .chain((2..).map(|n| format!("{} {} {n}", actor.name, cue.clip.name)));
+            let name = free.find(|name| names.insert(name.clone())).unwrap_or_default();
+            out.push(ClipScene { actor: index, name, scene: clip_scene(scene, actor, &cue.clip, root) });
+        }
+    }
+    out
+}
+
+fn clip_scene(scene: &ExportedScene, actor: &Actor, clip: &Arc<Clip>, root: &str) -> ExportedScene {
+    let whole = (Time::ZERO, clip.duration);
+    let motion = (root != "clip")
+        .then(|| RootMotion::new(&actor.asset.skeleton, clip, None, RootParts::default(), whole))
+        .flatten();
+    let carries = root == "traveling";
+    let root = motion.map(|motion| Arc::new(CueRootMotion { motion, carries }));
+    let cue = Cue { repeat: Repeat::Once, root, ..Cue::new(clip.clone()) };
+    let mut stage = Stage::default();
+    (stage.settings.fps, stage.settings.length) = (scene.fps, clip.duration);
+    let layers = vec![Layer { cues: vec![cue], ..Layer::default() }];
+    stage.actors.push(Actor { layers, ..alone(actor) });
+    ExportedScene::new(&scene.name, Arc::new(stage))
+}
+
+/// Bakes all; the largest error of any, whose time is that of the clip.
+pub fn bake<'a>(
+    clips: &'a [ClipScene],
+    tolerance: f64,
+) -> Result<(Vec<Baked<'a>>, ExportDeviation), StageError> {
+    let (mut out, mut worst) = (Vec::new(), ExportDeviation::default());
+    for clip in clips {
+        let baked = bake::bake(&clip.scene, tolerance)?;
+        let own = bake::check::worst(&clip.scene, &baked)?;
+        if own.metres > worst.metres {
+            worst = own;
+        }
+        out.push(baked);
+    }
+    Ok((out, worst))
+}
+
+/// Adds an animation for each clip.
+pub fn add<'a>(
+    parts: &mut Parts<'a>,
+    clips: &'a [ClipScene],
+    baked: Vec<Baked<'a>>,
+    nodes: &[Option<ActorNodes>],
+) {
+    for (clip, mut baked) in clips.iter().zip(baked) {
+        let Some(of) = &nodes[clip.actor] else { continue };
+        let actor = &clip.scene.stage.actors[0];
+        let mut builder = Builder::default();
+        // What the clip holds still is not what another one has.
+        let still = baked.still_rig(actor, 0);
+        still_channels(parts, &mut builder, of, actor.asset.skeleton.rest(), &still[1..]);
+        for set in std::mem::take(&mut baked.sets) {
+            for (joint, path, sampler) in write_set(parts, set, baked.start) {
+                actor_channel(&mut builder, &actor.asset.instances, of, (joint, path), sampler);
+            }
+        }
+        weight_channels(parts, &mut builder, &baked, 0, of);
+        builder.finish(&clip.name, parts);
+    }
+}

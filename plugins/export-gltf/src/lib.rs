@@ -1,0 +1,154 @@
+//! Scenes as glTF 2.0: `.glb`, or `.gltf` with its buffer and images beside it. What is written, and how exact it is: README.md.
+
+mod actors;
+mod animations;
+mod bake;
+mod buffer;
+mod cameras;
+mod clips;
+mod container;
+mod document;
+mod lights;
+mod losses;
+mod materials;
+mod meshes;
+mod textures;
+
+use actors::Parts;
+use animations::Nodes;
+use choreo_plugin::{ExportError, ExportedScene, Manifest, SceneExporter, SceneFiles};
+use document::Scene;
+use serde_json::json;
+use std::sync::LazyLock;
+use textures::Textures;
+
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");
+
+static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+    Manifest::new(
+        "gltf",
+        env!("CARGO_PKG_VERSION"),
+        "glTF 2.0: meshes, materials, skins, cameras, lights, and the timeline as animations",
+    )
+    .extensions(["glb", "gltf"])
+    .number("tolerance", "how far a joint may be from the scene at any time", 0.0001, 1e-7..=1.0)
+    .unit("m")
+    .text(
+        "animations",
+        "timeline: one animation of all; actors: one for each actor, and one for cameras and lights; clips: one for each clip",
+        "timeline",
+        &["timeline", "actors", "clips"],
+    )
+    .text(
+        "root_motion",
+        "of clips; clip: as it is; in_place: taken out; traveling: it moves the actor's node",
+        "clip",
+        &["clip", "in_place", "traveling"],
+    )
+});
+
+#[derive(Clone, Copy, Debug, Default)]
+pub struct GltfExporter;
+
+impl SceneExporter for GltfExporter {
+    fn manifest(&self) -> &Manifest {
+        &MANIFEST
+    }
+
+    fn export(&self, scene: &ExportedScene, files: &mut dyn SceneFiles) -> Result<Vec<String>, ExportError> {
+        let tolerance = scene.options.number("tolerance").unwrap_or(0.0001);
+        match scene.options.text("animations") {
+            Some("clips") => export_clips(scene, tolerance, files),
+            other => export_timeline(scene, tolerance, other == Some("actors"), files),
+        }
+    }
+}
+
+fn export_timeline(
+    scene: &ExportedScene,
+    tolerance: f64,
+    split: bool,
+    files: &mut dyn SceneFiles,
+) -> Result<Vec<String>, ExportError> {
+    let baked = bake::bake(scene, tolerance)?;
+    files.deviation(bake::check::worst(scene, &baked)?);
+    let mut parts = parts_of(scene);
+    let nodes = nodes(&mut parts, scene, &baked)?;
+    animations::add(&mut parts, &scene.stage, baked, &nodes, split);
+    write(scene, parts, files)
+}
+
+fn export_clips(
+    scene: &ExportedScene,
+    tolerance: f64,
+    files: &mut dyn SceneFiles,
+) -> Result<Vec<String>, ExportError> {
+    let at_rest = clips::at_rest(scene);
+    let clips = clips::of_stage(scene, scene.options.text("root_motion").unwrap_or("clip"));
+    let (of_clips, worst) = clips::bake(&clips, tolerance)?;
+    files.deviation(worst);
+    let baked = bake::bake(&at_rest, tolerance)?;
+    let mut parts = parts_of(scene);
+    let nodes = nodes(&mut parts, &at_rest, &baked)?;
+    clips::add(&mut parts, &clips, of_clips, &nodes.actors);
+    write(scene, parts, files)
+}
+
+fn parts_of<'a>(scene: &ExportedScene) -> Parts<'a> {
+    let beside = (scene.extension == "gltf").then_some(&*scene.stem);
+    let mut parts = Parts { textures: Textures::new(beside), ..Parts::default() };
+    parts.document.scenes.push(Scene { name: scene.stem.clone(), ..Scene::default() });
+    parts
+}
+
+/// The nodes of actors, shots and lights.
+fn nodes<'a>(
+    parts: &mut Parts<'a>,
+    scene: &'a ExportedScene,
+    baked: &bake::Baked<'_>,
+) -> Result<Nodes, ExportError> {
+    let stage = &*scene.stage;
+    let mut nodes = Nodes { actors: Vec::new(), shots: Vec::new(), lights: Vec::new() };
+    for (index, motion) in baked.motions.iter().enumerate() {
+        nodes.actors.push((!motion.hidden).then(|| parts.actor(stage, baked, index)).transpose()?);
+    }
+    nodes.shots = cameras::of_stage(parts, stage, baked);
+    nodes.lights = lights::of_stage(parts, stage, baked);
+    losses::of_stage(stage, &mut parts.losses);
+    Ok(nodes)
+}
+
+fn write(
+    scene: &ExportedScene,
+    parts: Parts<'_>,
+    files: &mut dyn SceneFiles,
+) -> Result<Vec<String>, ExportError> {
+    let beside = scene.extension == "gltf";
+    let note = losses::note(&parts.losses.union(&parts.materials.losses).copied().collect());
+    let Parts { mut document, buffer, textures, materials, lights, mut extensions, .. } = parts;
+    let provenance: serde_json::Map<String, serde_json::Value> =
+        scene.provenance.iter().map(|(keyword, text)| (keyword.clone(), text.clone().into())).collect();
+    let generator = format!("choreo export-gltf {}", MANIFEST.version);
+    document.asset = json!({ "version": "2.0", "generator": generator, "extras": provenance });
+    document.materials = materials.list;
+    extensions.extend(materials.extensions);
+    if textures.transformed {
+        extensions.insert("KHR_texture_transform");
+    }
+    if !lights.list.is_empty() {
+        extensions.insert("KHR_lights_punctual");
+        document.extensions = Some(json!({ "KHR_lights_punctual": { "lights": lights.list } }));
+    }
+    document.extensions_used = extensions.into_iter().collect();
+    if beside {
+        textures.write_beside(files)?;
+    }
+    (document.images, document.samplers, document.textures) =
+        (textures.images, textures.samplers, textures.textures);
+    match beside {
+        true => container::write_gltf(document, buffer, &scene.stem, files)?,
+        false => container::write_glb(document, buffer, files)?,
+    }
+    Ok(vec![note])
+}

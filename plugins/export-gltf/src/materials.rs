@@ -1,0 +1,335 @@
+//! Materials with the extensions that choreo reads (glTF 2.0, §3.9; KHR_materials_*).
+
+use crate::buffer::Buffer;
+use crate::document::Index;
+use crate::textures::Textures;
+use choreo_plugin::ExportError;
+use choreo_plugin::asset::{AlphaMode, Asset, Material, MaterialLayers, Shading, TextureRef};
+use choreo_plugin::glam::{Vec3, Vec4};
+use serde_json::{Map, Value, json};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Reflectance at normal incidence of index 1.5, which specular colors are in units of.
+const F0_OF_GLASS: f32 = 0.04;
+
+#[derive(Default)]
+pub struct Materials {
+    pub list: Vec<Value>,
+    /// Extensions in use.
+    pub extensions: BTreeSet<&'static str>,
+    /// What glTF has no words for, once each.
+    pub losses: BTreeSet<&'static str>,
+    known: BTreeMap<String, Index>,
+}
+
+impl Materials {
+    /// The index of a material; equal ones are there once. `own`: it is animated, and shared with nothing. `uvs`: the texture
+    /// coordinates that its primitives have; textures of others are left out.
+    pub fn add(
+        &mut self,
+        buffer: &mut Buffer<'_>,
+        textures: &mut Textures,
+        asset: &Asset,
+        material: &Material,
+        (own, uvs): (bool, [bool; 2]),
+    ) -> Result<Index, ExportError> {
+        textures.animated = own;
+        let losses = &mut self.losses;
+        let mut writer = Writer { buffer, textures, asset, uvs, extensions: Map::new(), losses };
+        let value = writer.material(material)?;
+        for name in USED.iter().filter(|name| value["extensions"].get(**name).is_some()) {
+            self.extensions.insert(name);
+        }
+        let text = value.to_string();
+        if let Some(known) = self.known.get(&text).filter(|_| !own) {
+            return Ok(*known);
+        }
+        let index = self.list.len() as Index;
+        self.list.push(value);
+        if !own {
+            self.known.insert(text, index);
+        }
+        Ok(index)
+    }
+}
+
+const USED: [&str; 12] = [
+    "KHR_materials_anisotropy",
+    "KHR_materials_clearcoat",
+    "KHR_materials_diffuse_transmission",
+    "KHR_materials_dispersion",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_iridescence",
+    "KHR_materials_sheen",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_volume",
+];
+
+struct Writer<'w, 'b> {
+    buffer: &'w mut Buffer<'b>,
+    textures: &'w mut Textures,
+    asset: &'w Asset,
+    uvs: [bool; 2],
+    extensions: Map<String, Value>,
+    losses: &'w mut BTreeSet<&'static str>,
+}
+
+/// A part of the JSON that leaves out what has its default.
+#[derive(Default)]
+struct Object(Map<String, Value>);
+
+impl Object {
+    fn number(&mut self, name: &str, value: f32, default: f32) {
+        if value != default {
+            self.0.insert(name.into(), value.into());
+        }
+    }
+
+    fn color(&mut self, name: &str, value: Vec3, default: Vec3) {
+        if value != default {
+            self.0.insert(name.into(), json!(value.to_array()));
+        }
+    }
+
+    fn put(&mut self, name: &str, value: Option<Map<String, Value>>) {
+        if let Some(value) = value {
+            self.0.insert(name.into(), value.into());
+        }
+    }
+}
+
+impl Writer<'_, '_> {
+    fn info(&mut self, texture: &Option<TextureRef>) -> Result<Option<Map<String, Value>>, ExportError> {
+        let readable = |t: &&TextureRef| self.uvs.get(usize::from(t.uv_set)).is_some_and(|has| *has);
+        match texture.as_ref().filter(readable) {
+            Some(texture) => self.textures.info(self.buffer, self.asset, texture),
+            None => Ok(None),
+        }
+    }
+
+    /// A texture that has a further number.
+    fn scaled(
+        &mut self,
+        texture: &Option<TextureRef>,
+        name: &str,
+        value: f32,
+    ) -> Result<Option<Map<String, Value>>, ExportError> {
+        let info = self.info(texture)?;
+        Ok(info.map(|mut info| {
+            if value != 1.0 {
+                info.insert(name.into(), value.into());
+            }
+            info
+        }))
+    }
+
+    fn material(&mut self, m: &Material) -> Result<Value, ExportError> {
+        let mut out = Object::default();
+        out.0.insert("name".into(), m.name.clone().into());
+        let pbr = self.metallic_roughness(m)?;
+        out.0.insert("pbrMetallicRoughness".into(), pbr.0.into());
+        out.put("normalTexture", self.scaled(&m.normal_texture, "scale", m.normal_scale)?);
+        out.put(
+            "occlusionTexture",
+            self.scaled(&m.occlusion_texture, "strength", m.occlusion_strength.clamp(0.0, 1.0))?,
+        );
+        let emissive = m.emissive.max(Vec3::ZERO);
+        let strength = emissive.max_element().max(1.0);
+        out.color("emissiveFactor", emissive / strength, Vec3::ZERO);
+        out.put("emissiveTexture", self.info(&m.emissive_texture)?);
+        if strength > 1.0 {
+            let value = json!({ "emissiveStrength": strength });
+            self.extensions.insert("KHR_materials_emissive_strength".into(), value);
+        }
+        match m.alpha_mode {
+            AlphaMode::Opaque => {}
+            AlphaMode::Mask(cutoff) => {
+                out.0.insert("alphaMode".into(), "MASK".into());
+                out.number("alphaCutoff", cutoff, 0.5);
+            }
+            AlphaMode::Blend => _ = out.0.insert("alphaMode".into(), "BLEND".into()),
+        }
+        if m.double_sided {
+            out.0.insert("doubleSided".into(), true.into());
+        }
+        self.shading(m)?;
+        self.note_losses(m);
+        let extensions = std::mem::take(&mut self.extensions);
+        if !extensions.is_empty() {
+            out.0.insert("extensions".into(), extensions.into());
+        }
+        Ok(out.0.into())
+    }
+
+    fn metallic_roughness(&mut self, m: &Material) -> Result<Object, ExportError> {
+        let mut pbr = Object::default();
+        let color = m.base_color.clamp(Vec4::ZERO, Vec4::ONE);
+        if color != Vec4::ONE {
+            pbr.0.insert("baseColorFactor".into(), json!(color.to_array()));
+        }
+        pbr.put("baseColorTexture", self.info(&m.base_color_texture)?);
+        let (metallic, roughness) = match m.shading {
+            Shading::MetallicRoughness => (m.metallic, m.roughness),
+            Shading::BlinnPhong | Shading::Phong => (0.0, m.mirror_roughness()),
+            Shading::Unlit | Shading::Toon => (0.0, 0.9),
+        };
+        pbr.number("metallicFactor", metallic.clamp(0.0, 1.0), 1.0);
+        pbr.number("roughnessFactor", roughness.clamp(0.0, 1.0), 1.0);
+        if m.shading == Shading::MetallicRoughness {
+            pbr.put("metallicRoughnessTexture", self.info(&m.metallic_roughness_texture)?);
+        }
+        Ok(pbr)
+    }
+
+    fn shading(&mut self, m: &Material) -> Result<(), ExportError> {
+        match m.shading {
+            Shading::MetallicRoughness => {
+                let layers = m.layers.as_deref();
+                let ior = layers.map_or(1.5, |l| l.ior);
+                // The color of the asset is in units of glass; that of the file in units of the index.
+                let f0 = if ior == 0.0 { 1.0 } else { ((ior - 1.0) / (ior + 1.0)).powi(2) };
+                let unit = if f0 > 0.0 { f0 / F0_OF_GLASS } else { 1.0 };
+                let color = if f0 > 0.0 && ior != 1.5 { m.specular_color / unit } else { m.specular_color };
+                // Rounding of the division is no color.
+                let white = (color - Vec3::ONE).abs().max_element() < 1e-6 || f0 == 0.0;
+                self.specular(m, m.specular, if white { Vec3::ONE } else { color })?;
+                if ior != 1.5 {
+                    self.extensions.insert("KHR_materials_ior".into(), json!({ "ior": ior }));
+                }
+                layers.map_or(Ok(()), |layers| self.layers(layers))
+            }
+            Shading::BlinnPhong | Shading::Phong => {
+                self.losses.insert("Phong highlights (written as roughness)");
+                self.specular(m, 1.0, m.specular_color / F0_OF_GLASS)
+            }
+            Shading::Unlit | Shading::Toon => {
+                if m.shading == Shading::Toon {
+                    self.losses.insert("toon shading (written as unlit)");
+                }
+                self.extensions.insert("KHR_materials_unlit".into(), json!({}));
+                Ok(())
+            }
+        }
+    }
+
+    fn specular(&mut self, m: &Material, factor: f32, color: Vec3) -> Result<(), ExportError> {
+        let mut specular = Object::default();
+        specular.number("specularFactor", factor.clamp(0.0, 1.0), 1.0);
+        specular.color("specularColorFactor", color.max(Vec3::ZERO), Vec3::ONE);
+        specular.put("specularTexture", self.info(&m.specular_texture)?);
+        specular.put("specularColorTexture", self.info(&m.specular_color_texture)?);
+        self.extend("KHR_materials_specular", specular);
+        Ok(())
+    }
+
+    /// Adds an extension that has something to say.
+    fn extend(&mut self, name: &str, object: Object) {
+        if !object.0.is_empty() {
+            self.extensions.insert(name.into(), object.0.into());
+        }
+    }
+
+    fn layers(&mut self, l: &MaterialLayers) -> Result<(), ExportError> {
+        let mut coat = Object::default();
+        if l.clearcoat > 0.0 {
+            coat.number("clearcoatFactor", l.clearcoat, 0.0);
+            coat.number("clearcoatRoughnessFactor", l.clearcoat_roughness, 0.0);
+            coat.put("clearcoatTexture", self.info(&l.clearcoat_texture)?);
+            coat.put("clearcoatRoughnessTexture", self.info(&l.clearcoat_roughness_texture)?);
+            let normal = self.scaled(&l.clearcoat_normal_texture, "scale", l.clearcoat_normal_scale)?;
+            coat.put("clearcoatNormalTexture", normal);
+        }
+        self.extend("KHR_materials_clearcoat", coat);
+        let mut sheen = Object::default();
+        if l.sheen_color != Vec3::ZERO {
+            sheen.color("sheenColorFactor", l.sheen_color, Vec3::ZERO);
+            sheen.number("sheenRoughnessFactor", l.sheen_roughness, 0.0);
+            sheen.put("sheenColorTexture", self.info(&l.sheen_color_texture)?);
+            sheen.put("sheenRoughnessTexture", self.info(&l.sheen_roughness_texture)?);
+        }
+        self.extend("KHR_materials_sheen", sheen);
+        let mut transmission = Object::default();
+        transmission.number("transmissionFactor", l.transmission, 0.0);
+        if l.transmission > 0.0 {
+            transmission.put("transmissionTexture", self.info(&l.transmission_texture)?);
+        }
+        self.extend("KHR_materials_transmission", transmission);
+        self.volume(l)?;
+        self.thin(l)
+    }
+
+    fn volume(&mut self, l: &MaterialLayers) -> Result<(), ExportError> {
+        // A volume is seen through a surface that lets light in.
+        if l.transmission <= 0.0 && l.diffuse_transmission <= 0.0 {
+            return Ok(());
+        }
+        let mut volume = Object::default();
+        if l.thickness > 0.0 {
+            volume.number("thicknessFactor", l.thickness, 0.0);
+            volume.put("thicknessTexture", self.info(&l.thickness_texture)?);
+            if l.attenuation_distance > 0.0 && l.attenuation_distance.is_finite() {
+                volume.number("attenuationDistance", l.attenuation_distance, f32::INFINITY);
+                volume.color("attenuationColor", l.attenuation_color.clamp(Vec3::ZERO, Vec3::ONE), Vec3::ONE);
+            }
+        }
+        let is_thick = !volume.0.is_empty();
+        self.extend("KHR_materials_volume", volume);
+        let mut dispersion = Object::default();
+        dispersion.number("dispersion", if is_thick { l.dispersion } else { 0.0 }, 0.0);
+        self.extend("KHR_materials_dispersion", dispersion);
+        Ok(())
+    }
+
+    /// Thin films, brushed metal and light from behind.
+    fn thin(&mut self, l: &MaterialLayers) -> Result<(), ExportError> {
+        let mut film = Object::default();
+        if l.iridescence > 0.0 {
+            let [least, most] = l.iridescence_thickness;
+            film.number("iridescenceFactor", l.iridescence, 0.0);
+            film.number("iridescenceIor", l.iridescence_ior, 1.3);
+            film.number("iridescenceThicknessMaximum", most, 400.0);
+            film.put("iridescenceTexture", self.info(&l.iridescence_texture)?);
+            let thickness = self.info(&l.iridescence_thickness_texture)?;
+            if thickness.is_some() {
+                film.number("iridescenceThicknessMinimum", least, 100.0);
+            }
+            film.put("iridescenceThicknessTexture", thickness);
+        }
+        self.extend("KHR_materials_iridescence", film);
+        let mut brushed = Object::default();
+        if l.anisotropy != 0.0 {
+            brushed.number("anisotropyStrength", l.anisotropy, 0.0);
+            brushed.number("anisotropyRotation", l.anisotropy_rotation, 0.0);
+            brushed.put("anisotropyTexture", self.info(&l.anisotropy_texture)?);
+        }
+        self.extend("KHR_materials_anisotropy", brushed);
+        let mut leaf = Object::default();
+        if l.diffuse_transmission > 0.0 {
+            leaf.number("diffuseTransmissionFactor", l.diffuse_transmission, 0.0);
+            leaf.put("diffuseTransmissionTexture", self.info(&l.diffuse_transmission_texture)?);
+            leaf.color("diffuseTransmissionColorFactor", l.diffuse_transmission_color, Vec3::ONE);
+            let color = self.info(&l.diffuse_transmission_color_texture)?;
+            leaf.put("diffuseTransmissionColorTexture", color);
+        }
+        self.extend("KHR_materials_diffuse_transmission", leaf);
+        Ok(())
+    }
+
+    fn note_losses(&mut self, m: &Material) {
+        for (lost, what) in [
+            (m.relief != 0.0, "relief of normal maps"),
+            (m.sequence.is_some(), "image sequences"),
+            (m.line_style.is_some(), "line widths"),
+            (m.triplanar.is_some(), "triplanar textures"),
+            (m.mirrors().is_some(), "reflection maps"),
+            (m.shading != Shading::MetallicRoughness && m.layers.is_some(), "layers of materials"),
+        ] {
+            if lost {
+                self.losses.insert(what);
+            }
+        }
+    }
+}
