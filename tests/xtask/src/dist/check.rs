@@ -3,7 +3,7 @@
 
 use super::{folder, output, works};
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 /// The first lesson, which needs no file.
@@ -139,7 +139,7 @@ fn runs(program: &dyn Fn(&str) -> Command, frame: &str, script: &str) -> Result<
 }
 
 /// The image has its size and more than one color.
-fn picture(file: &PathBuf) -> Result<(), String> {
+fn picture(file: &Path) -> Result<(), String> {
     let fault = |what: &dyn std::fmt::Display| format!("{}: {what}", file.display());
     let open = std::fs::File::open(file).map_err(|e| fault(&e))?;
     let mut reader = png::Decoder::new(std::io::BufReader::new(open)).read_info().map_err(|e| fault(&e))?;
