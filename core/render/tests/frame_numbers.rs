@@ -159,8 +159,8 @@ fn functions_of_vertices_read_the_frame() {
             let frame = drawn(renderer, &scene);
             // 75 pixels a metre, y down: the lower edge, at −0.25 m, rises by half the value.
             let bottom = 75.0 + 75.0 * (0.25 - 0.5 * value);
-            let rows = (0..SIZE[1]).filter(|y| pixel(&frame, 100, *y)[0] > 128);
-            let last = rows.last().map_or(0.0, f64::from);
+            let mut rows = (0..SIZE[1]).filter(|y| pixel(&frame, 100, *y)[0] > 128);
+            let last = rows.next_back().map_or(0.0, f64::from);
             assert!(
                 (last + 1.0 - bottom).abs() <= 0.51,
                 "on {device}, value {index} at {seconds} s: {last} {bottom}"

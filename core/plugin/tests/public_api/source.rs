@@ -96,7 +96,10 @@ impl Reader<'_> {
             _ => {
                 let shown = without_value(signature);
                 self.add(format!("{module} {shown}"));
-                return if whole.ends_with('{') { skip("{", lines) } else { () };
+                if whole.ends_with('{') {
+                    skip("{", lines);
+                }
+                return;
             }
         }
         let open = if self.has("#[non_exhaustive]") { " non_exhaustive" } else { "" };
