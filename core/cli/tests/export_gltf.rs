@@ -452,7 +452,8 @@ fn blender_has_the_joints_where_they_were() {
     };
     let exported = Exported::lesson(&scripts().join("01_first_dance.rhai"), "glb");
     let stage = &exported.stage;
-    let times: Vec<f64> = (0..20).map(|i| stage.settings.length.as_secs() * (f64::from(i) + 0.377) / 20.0).collect();
+    let times: Vec<f64> =
+        (0..20).map(|i| stage.settings.length.as_secs() * (f64::from(i) + 0.377) / 20.0).collect();
     let actors: Vec<&str> = stage.actors.iter().map(|a| a.name.as_str()).collect();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/common/blender.py");
     let mut blender = std::process::Command::new(python);
