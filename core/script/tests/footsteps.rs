@@ -12,11 +12,17 @@ use std::sync::Arc;
 
 /// File and size of a character; files and names of its walk and of its stand.
 type Character = (&'static str, f64, [&'static str; 2], [&'static str; 2]);
-const CHARACTERS: [Character; 8] = [
+const CHARACTERS: [Character; 9] = [
     ("choreo:mannequin", 1.0, ["choreo:mannequin", "Walk"], ["choreo:mannequin", "Idle"]),
     ("gltf/Knight.glb", 1.0, ["gltf/Knight.glb", "Walking_A"], ["gltf/Knight.glb", "Idle"]),
     ("gltf/CesiumMan.glb", 1.0, ["gltf/CesiumMan.glb", "0"], ["choreo:mannequin", "Idle"]),
     ("gltf/Fox.glb", 0.01, ["gltf/Fox.glb", "Walk"], ["gltf/Fox.glb", "Survey"]),
+    (
+        "gltf/RobotExpressive.glb",
+        0.4,
+        ["gltf/RobotExpressive.glb", "Walking"],
+        ["gltf/RobotExpressive.glb", "Idle"],
+    ),
     ("fbx/pab/arnaud.fbx", 1.0, ["fbx/pab/locomotions.fbx", "walk"], ["choreo:mannequin", "Idle"]),
     ("vrm/cool_loops.vrm", 1.0, ["choreo:mannequin", "Walk"], ["choreo:mannequin", "Idle"]),
     ("vrm/Godette_vrm_v4.vrm", 1.0, ["gltf/Knight.glb", "Walking_A"], ["choreo:mannequin", "Idle"]),
@@ -30,16 +36,11 @@ const SLOW: f64 = 0.3;
 const RATE: f64 = 240.0;
 /// Metres that feet may slide.
 const MOST: f64 = 0.02;
-/// Metres that the Fox's feet may slide with `plant_feet`: its own walk slides by 10 cm.
-const FOX_SLIDES: f64 = 0.045;
-
 /// Metres per second: a foot that is faster from one 240th of a second to the next pops.
 const POPS: f64 = 12.0;
 
-/// The Fox's own walk slides by 10 cm (as it plays alone), so that its contacts are not found by stillness.
-fn own_slides(character: &Character, planted: &str) -> bool {
-    character.0.contains("Fox") && !planted.is_empty()
-}
+/// Height of the mannequin's hips in metres where its run is lowest.
+const LOWEST_HIPS: f64 = 0.887;
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Slide {
@@ -125,6 +126,7 @@ fn a_stop_takes_a_last_step() {
     println!("| file | how | at, s | slide, mm | without steps, mm | fastest foot, m/s | without, m/s |");
     println!("| --- | --- | ---: | ---: | ---: | ---: | ---: |");
     let mut least_without = f64::INFINITY;
+    let mut faults = Vec::new();
     for character in &CHARACTERS {
         let mut most_without = 0.0f64;
         for (how, planted) in
@@ -152,13 +154,15 @@ fn a_stop_takes_a_last_step() {
                     own.step * RATE,
                     plain.step * RATE
                 );
-                let most = if own_slides(character, planted) { FOX_SLIDES } else { MOST };
-                assert!(own.metres < most, "{}, {how} {planted} at {at} s: {own:?}", character.0);
+                if own.metres >= MOST {
+                    faults.push(format!("{}, {how} {planted} at {at} s: {own:?}", character.0));
+                }
                 most_without = most_without.max(plain.metres);
             }
         }
         least_without = least_without.min(most_without);
     }
+    assert!(faults.is_empty(), "{faults:#?}");
     // Without steps every character slides.
     assert!(least_without > 2.0 * MOST, "{least_without} m");
 }
@@ -190,6 +194,7 @@ fn placed(stage: &Stage, time: f64) -> (DVec3, DVec3) {
 #[test]
 fn walks_to_points_arrive_in_time_and_do_not_slide() {
     let Some(folder) = choreo_importer_kit_testing::assets(8) else { return };
+    let mut faults = Vec::new();
     println!("| file | arrives, mm | slide, mm | without steps, mm | stands | fastest foot, m/s |");
     println!("| --- | ---: | ---: | ---: | ---: | ---: |");
     for character in &CHARACTERS {
@@ -238,12 +243,12 @@ fn walks_to_points_arrive_in_time_and_do_not_slide() {
             own.stands,
             own.step * RATE
         );
-        // The feet of the Fox slide in its clip.
-        let most = if character.0.contains("Fox") { plain.metres / 6.0 } else { MOST };
-        assert!(own.metres < most && plain.metres > 5.0 * MOST, "{}: {own:?}, {plain:?}", character.0);
-        // Nothing pops.
-        assert!(own.step * RATE < POPS, "{}: {own:?}", character.0);
+        // Nothing slides, and nothing pops.
+        if own.metres >= MOST || plain.metres < 5.0 * MOST || own.step * RATE >= POPS {
+            faults.push(format!("{}: {own:?}, {plain:?}", character.0));
+        }
     }
+    assert!(faults.is_empty(), "{faults:#?}");
 }
 
 /// Shortest time of the first frame at a time, by new evaluators, in seconds.
@@ -305,6 +310,7 @@ fn feet_of_a_walk_do_not_slide() {
         "| file | how | slide, mm | without foot locking, mm | stands | fastest foot, m/s | without, m/s |"
     );
     println!("| --- | --- | ---: | ---: | ---: | ---: | ---: |");
+    let mut faults = Vec::new();
     for character in &CHARACTERS {
         for (how, calls) in WALKS {
             let stage = stage_of_samples(&folder, &script(character, calls));
@@ -327,10 +333,32 @@ fn feet_of_a_walk_do_not_slide() {
             );
             // A foot that never stands would not slide, either.
             assert!(own.stands > 2 && plain.metres > 0.015, "{}, {how}: {own:?}, {plain:?}", character.0);
-            let most = if own_slides(character, how) { FOX_SLIDES } else { MOST };
-            assert!(!planted || own.metres < most, "{}, {how}: {own:?}", character.0);
+            if planted && own.metres >= MOST {
+                faults.push(format!("{}, {how}: {own:?}", character.0));
+            }
         }
     }
+    assert!(faults.is_empty(), "{faults:#?}");
+}
+
+/// At a switch from a run to a stand the body goes on, and the legs need not bend for feet that are left behind.
+#[test]
+fn hips_do_not_drop_where_a_run_stops() {
+    let text = include_str!("../../../scripts/37_steps.rhai");
+    let stage = stage_of_samples(Path::new("."), text);
+    let bob = stage.actors.iter().position(|actor| actor.name == "bob").unwrap();
+    let hips = stage.actors[bob].asset.skeleton.find("mixamorig:Hips").unwrap();
+    let mut evaluator = Evaluator::new(Arc::new(stage));
+    let mut lowest = |from: f64, to: f64| {
+        let height = |i: i64| {
+            let snapshot = evaluator.at(Time::from_secs(from + i as f64 / 120.0)).unwrap();
+            f64::from(snapshot.actors[bob].model_from_joint[hips].translation.y)
+        };
+        (0..=((to - from) * 120.0) as i64).map(height).fold(f64::INFINITY, f64::min)
+    };
+    let (before, after) = (lowest(3.6, 4.2), lowest(4.2, 6.0));
+    println!("hips: {before:.4} m at the lowest in the run, {after:.4} m from the switch on");
+    assert!(after > LOWEST_HIPS, "{after} m, {before} m in the run");
 }
 
 /// A foot that is dragged and one that jumps exceed the bounds of the tests above.

@@ -1,6 +1,6 @@
 //! Curves of neighbouring joints that have key times of their own: the keys of eight are found, gathered and interpolated at once.
 //!
-//! A grid over the clip names the place of each curve at the start of each cell. The keys within a cell are found by halving without a branch,
+//! A grid over the clip names the place of each curve at the start of each cell. The few keys within a cell are found by halving,
 //! so that a random time costs what the next frame costs; two neighbouring keys lie side by side, and one load reads both.
 
 use crate::clip::sample::{hermite_at, normalized, slerp_between, write};
@@ -25,10 +25,8 @@ pub(crate) struct OwnTimes {
     start: f64,
     density: f64,
     cells: usize,
-    /// The place of each lane at the start of each cell, a row of all columns a cell.
-    grid: Vec<[u32; LANES]>,
-    /// Number of halvings that tell all places of a cell apart.
-    halvings: u32,
+    /// A row of all columns a cell.
+    grid: Vec<Cell>,
     /// Ticks at which each place begins.
     begins: Vec<f64>,
     spans: Vec<Span>,
@@ -43,16 +41,25 @@ struct OwnColumn {
     last: [u32; LANES],
 }
 
+#[derive(Clone, Copy, Debug)]
+struct Cell {
+    /// The place of each lane where the cell begins.
+    places: [u32; LANES],
+    /// Number of halvings that tell the places in the cell apart.
+    halvings: u32,
+}
+
 /// The time between two keys.
 #[derive(Clone, Copy, Debug)]
 struct Span {
-    /// Ticks; beyond the ends of a curve minus and plus infinity, nearly, so that the fraction is 0.
+    /// Ticks.
     from: f64,
-    length: f64,
+    /// Shares of the span a tick; 0 beyond the ends of a curve.
+    rate: f64,
     secs: f32,
 }
 
-const OUTSIDE: Span = Span { from: f64::MIN, length: f64::INFINITY, secs: 0.0 };
+const OUTSIDE: Span = Span { from: 0.0, rate: 0.0, secs: 0.0 };
 
 /// Whether curves of these key times can lie here.
 pub(crate) fn fits(curve: &Curve) -> bool {
@@ -101,7 +108,7 @@ impl OwnTimes {
         self.spans.push(OUTSIDE);
         self.spans.extend((1..count).map(|key| {
             let length = curve.times[key] - curve.times[key - 1];
-            Span { from: ticks(key - 1), length: length.0 as f64, secs: length.as_secs() as f32 }
+            Span { from: ticks(key - 1), rate: 1.0 / length.0 as f64, secs: length.as_secs() as f32 }
         }));
         self.spans.extend([OUTSIDE; 2]);
         self.parts = if curve.interpolation == Interpolation::CubicSpline { 3 } else { 1 };
@@ -110,16 +117,16 @@ impl OwnTimes {
         }
     }
 
-    /// About two cells for each key of a curve in the mean.
+    /// About four cells for each key of a curve in the mean.
     fn lay_grid(&mut self, firsts: &[[u32; LANES]]) {
         let finite = self.begins.iter().copied().filter(|begin| begin.is_finite());
         let (start, end) = finite.fold((f64::MAX, f64::MIN), |(a, b), t| (a.min(t), b.max(t)));
-        self.cells = 1 + 2 * self.begins.len() / (firsts.len() * LANES).max(1);
+        self.cells = 1 + 4 * self.begins.len() / (firsts.len() * LANES).max(1);
         (self.start, self.density) = (start, (self.cells - 1) as f64 / (end - start).max(1.0));
-        let (mut grid, mut most) = (Vec::with_capacity(self.cells * firsts.len()), 0);
+        let mut grid = Vec::with_capacity(self.cells * firsts.len());
         for cell in 0..self.cells {
             for (firsts, OwnColumn { last, .. }) in firsts.iter().zip(&self.columns) {
-                let mut places = *firsts;
+                let (mut places, mut most) = (*firsts, 0);
                 for (place, last) in places.iter_mut().zip(last) {
                     let begins = &self.begins[*place as usize + 1..=*last as usize];
                     let before = begins.partition_point(|begin| self.cell(*begin) < cell);
@@ -127,11 +134,10 @@ impl OwnTimes {
                     *place += before as u32;
                     most = within.max(most);
                 }
-                grid.push(places);
+                grid.push(Cell { places, halvings: usize::BITS - most.leading_zeros() });
             }
         }
         self.grid = grid;
-        self.halvings = usize::BITS - most.leading_zeros();
     }
 
     /// Never decreases with time.
@@ -147,9 +153,9 @@ impl OwnTimes {
         }
         let ticks = time.0 as f64;
         let row = &self.grid[self.cell(ticks) * self.columns.len()..][..self.columns.len()];
-        for (OwnColumn { column, last }, places) in self.columns.iter().zip(row) {
+        for (OwnColumn { column, last }, cell) in self.columns.iter().zip(row) {
             let Some(block) = blocks.get_mut(column.block as usize) else { continue };
-            let places = self.places(*places, last, ticks);
+            let places = self.places(cell, last, ticks);
             let values = match self.parts {
                 1 => self.linear::<F>(column, &places, ticks),
                 _ => self.cubic::<F>(column, &places, ticks),
@@ -161,9 +167,10 @@ impl OwnTimes {
 
     /// The last places that have begun.
     #[inline(always)]
-    fn places(&self, mut places: [u32; LANES], last: &[u32; LANES], ticks: f64) -> [u32; LANES] {
-        for lane in 0..LANES {
-            for halving in (0..self.halvings).rev() {
+    fn places(&self, cell: &Cell, last: &[u32; LANES], ticks: f64) -> [u32; LANES] {
+        let mut places = cell.places;
+        for halving in (0..cell.halvings).rev() {
+            for lane in 0..LANES {
                 let next = (places[lane] + (1 << halving)).min(last[lane]);
                 let begun = u32::from(self.begins[next as usize] <= ticks);
                 places[lane] += (next - places[lane]) * begun;
@@ -174,14 +181,14 @@ impl OwnTimes {
 
     #[inline(always)]
     fn fractions<F: F8>(&self, places: &[u32; LANES], ticks: f64) -> (F, F) {
-        let (mut from, mut length, mut secs) = ([0.0; LANES], [0.0; LANES], Lane::default());
+        let (mut from, mut rate, mut secs) = ([0.0; LANES], [0.0; LANES], Lane::default());
         for lane in 0..LANES {
             let span = &self.spans[places[lane] as usize];
-            (from[lane], length[lane], secs.0[lane]) = (span.from, span.length, span.secs);
+            (from[lane], rate[lane], secs.0[lane]) = (span.from, span.rate, span.secs);
         }
         let mut fraction = Lane::default();
         for lane in 0..LANES {
-            fraction.0[lane] = ((ticks - from[lane]) / length[lane]) as f32;
+            fraction.0[lane] = ((ticks - from[lane]) * rate[lane]) as f32;
         }
         (F::load(&fraction), F::load(&secs))
     }

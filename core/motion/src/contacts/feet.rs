@@ -3,11 +3,14 @@
 use super::{Foot, model};
 use crate::pose::Pose;
 use crate::skeleton::Skeleton;
-use crate::skeleton::humanoid_joints::HumanoidJoints;
+use crate::skeleton::humanoid_joints::{HumanoidJoints, is_below};
 use crate::skeleton::joint_names::humanoid_name;
+use crate::skeleton::model_rest_pose::ModelRestPose;
 
 /// Hands that rest at most this far above the feet are fore paws, in legs.
 const PAW: f32 = 0.25;
+/// A foot that is a handle is nearer to the end of its leg than this, in lengths of the leg.
+const BESIDE: f64 = 0.1;
 
 /// The feet of a skeleton by their names, left before right: `left foot` with its toes, or with the one joint that hangs on it;
 /// else every joint called foot, toe, paw or hoof with no other below it, and hands that rest on the ground, as a fox's do. Where no joint is
@@ -56,8 +59,27 @@ fn feet_of_legs(skeleton: &Skeleton) -> Vec<Foot> {
     [foot("left"), foot("right")].into_iter().collect::<Option<_>>().unwrap_or_default()
 }
 
+/// Thigh and shin of a foot that is a handle: it does not hang on them, and clips keep it at their end. `None` for other feet.
+pub fn leg_of_handle(skeleton: &Skeleton, human: &HumanoidJoints, foot: u32) -> Option<[u32; 2]> {
+    let side =
+        ["left", "right"].into_iter().find(|side| human.joint(&format!("{side} foot")) == Some(foot))?;
+    let [hip, knee] = [human.joint(&format!("{side} upleg"))?, human.joint(&format!("{side} leg"))?];
+    let parents = skeleton.parents();
+    let rest = ModelRestPose::of(skeleton);
+    let apart = |a: u32, b: u32| (rest.positions[a as usize] - rest.positions[b as usize]).length();
+    let ends = (0u32..).zip(parents).filter(|(_, parent)| **parent == Some(knee));
+    let gap = ends.map(|(end, _)| apart(end, foot)).fold(f64::INFINITY, f64::min);
+    let beside = gap < BESIDE * (apart(hip, knee) + apart(knee, foot));
+    (beside && parents[knee as usize] == Some(hip) && !is_below(skeleton, foot, hip)).then_some([hip, knee])
+}
+
+/// The joint that hangs on another; a mesh that hangs there is often called like that, and does not count.
 fn only_child(skeleton: &Skeleton, joint: u32) -> Option<u32> {
-    let mut below = (0u32..).zip(skeleton.parents()).filter(|(_, p)| **p == Some(joint)).map(|(j, _)| j);
+    let name = |joint: u32| humanoid_name(&skeleton.names()[joint as usize]);
+    let hangs = |below: &u32| skeleton.parents()[*below as usize] == Some(joint);
+    let mut below = (0..skeleton.len() as u32)
+        .filter(hangs)
+        .filter(|below| name(joint).is_none() || name(*below) != name(joint));
     below.next().filter(|_| below.next().is_none())
 }
 
@@ -80,7 +102,8 @@ fn ends_called(skeleton: &Skeleton, words: &[&str]) -> Vec<Foot> {
     ends.map(|joint| Foot { joints: vec![joint as u32] }).collect()
 }
 
-/// Along the bones from the joint that all feet hang on to a foot, the longest, metres: whatever pose the skeleton rests in.
+/// Along the bones to a foot from the lowest joint that carries another foot, too, or where feet are handles from the thigh, the longest,
+/// metres: whatever pose the skeleton rests in.
 /// `None` without feet or length.
 pub fn leg_length(skeleton: &Skeleton, feet: &[Foot]) -> Option<f64> {
     let model = model(skeleton, &Pose::rest(skeleton));
@@ -89,15 +112,22 @@ pub fn leg_length(skeleton: &Skeleton, feet: &[Foot]) -> Option<f64> {
         std::iter::successors(Some(joint), up).collect::<Vec<u32>>()
     };
     let chains: Vec<Vec<u32>> = feet.iter().filter_map(|f| f.joints.first()).map(|j| above(*j)).collect();
-    // The lowest of all that carry every foot, but no foot itself.
-    let first = chains.first()?;
-    let shared = first.iter().skip(1).find(|j| chains.iter().all(|chain| chain.contains(j)))?;
-    let length = |chain: &Vec<u32>| {
-        let bones = chain.windows(2).take_while(|pair| pair[0] != *shared);
-        let bone =
-            |pair: &[u32]| Some((*model.get(pair[0] as usize)? - *model.get(pair[1] as usize)?).length());
-        bones.filter_map(bone).map(f64::from).sum::<f64>()
+    let apart =
+        |a: u32, b: u32| Some(f64::from((*model.get(a as usize)? - *model.get(b as usize)?).length()));
+    // Joints of a leg alone, and the one that it hangs on.
+    let own = |chain: &[u32]| {
+        let shared = |joint: &u32| chains.iter().any(|other| other[0] != chain[0] && other.contains(joint));
+        chain.iter().skip(1).position(shared).map(|at| chain[..at + 2].to_vec())
     };
-    let leg = chains.iter().map(length).fold(0.0, f64::max);
-    (leg.is_finite() && leg > 0.0).then_some(leg)
+    let legs: Vec<Vec<u32>> = chains.iter().filter_map(|chain| own(chain)).collect();
+    let along = |leg: &Vec<u32>| leg.windows(2).filter_map(|pair| apart(pair[0], pair[1])).sum::<f64>();
+    let mut length = legs.iter().map(along).fold(0.0, f64::max);
+    if legs.iter().all(|leg| leg.len() < 3) {
+        let human = HumanoidJoints::of(skeleton);
+        for foot in legs.iter().map(|leg| leg[0]) {
+            let of_handle = |[hip, knee]: [u32; 2]| Some(apart(hip, knee)? + apart(knee, foot)?);
+            length = length.max(leg_of_handle(skeleton, &human, foot).and_then(of_handle).unwrap_or(0.0));
+        }
+    }
+    (length.is_finite() && length > 0.0).then_some(length)
 }

@@ -3,15 +3,19 @@
 //! D. Bollo, "Inertialization: High-Performance Animation Transitions in Gears of War", GDC 2018. Of each joint the offset
 //! from the new pose at the switch, as a vector (rotations as rotation vectors), goes to zero along its own direction by the
 //! quintic of the talk, starting at the velocity of the offset, with no velocity or acceleration left at the end; where the
-//! velocity leads to zero sooner, sooner, so that it does not overshoot. The velocity across that direction, which the talk
-//! leaves out, decays by the quintic through zero that begins with it, so that no joint's velocity jumps. All of it is a
-//! closed form of the time since the switch.
+//! velocity leads to zero sooner, sooner, so that it does not overshoot. A velocity that leads away, and that across that direction, which
+//! the talk leaves out, decay by the quintic through zero that begins with them, so that no joint's velocity jumps, and within a time in which
+//! clips turn theirs ([`LONGEST_AWAY`]): over half a second, hips on their way down sink 2 cm lower than either clip has them.
+//! All of it is a closed form of the time since the switch.
 
 use crate::math::rotation::{from_rotation_vector, rotation_vector};
 use crate::math::transform::Transform;
 use crate::pose::Pose;
 use crate::time::Time;
 use glam::DVec3;
+
+/// The longest time in which velocities that do not lead to the new clip decay, seconds.
+const LONGEST_AWAY: f64 = 0.2;
 
 /// The remaining length of an offset at time `t` of `duration` seconds. `x0` ≥ 0 is its length and `v0` its velocity along its direction.
 pub fn decay(x0: f64, v0: f64, duration: f64, t: f64) -> f64 {
@@ -21,6 +25,9 @@ pub fn decay(x0: f64, v0: f64, duration: f64, t: f64) -> f64 {
     }
     if t >= end || end <= 0.0 || x0 <= 0.0 {
         return 0.0;
+    }
+    if v0 > 0.0 {
+        return decay(x0, 0.0, duration, t) + v0 * fading_velocity(duration, t);
     }
     let (t2, t3) = (end * end, end * end * end);
     let a0 = ((-8.0 * v0 * end - 20.0 * x0) / t2).max(0.0);
@@ -33,6 +40,7 @@ pub fn decay(x0: f64, v0: f64, duration: f64, t: f64) -> f64 {
 /// A velocity that begins at nothing: the quintic with this first derivative at 0 and none of value, first or second
 /// derivative left at the end.
 fn fading_velocity(duration: f64, t: f64) -> f64 {
+    let duration = duration.min(LONGEST_AWAY);
     if t >= duration || duration <= 0.0 {
         return 0.0;
     }

@@ -37,6 +37,14 @@ const REACH_PLACES: u32 = 32;
 const ROLLS: f64 = 0.02;
 /// Largest distance of the clip's foot from that place, in lengths of a leg.
 const ROLLS_FAR: f64 = 0.25;
+/// Height that a foot gets above a place where it has stood or will stand before it is away from there, metres, and at most in legs: what is
+/// nearer to the ground than that looks dragged, however small the character is.
+const CLEARANCE: f64 = 0.015;
+const CLEARANCE_LEGS: f64 = 0.05;
+/// It is raised by at most so many of these heights: the feet of two clips differ in height.
+const HIGHEST_RAISE: f64 = 3.0;
+/// Distances from that place at which it has this height, and at which it is as high as its clips have it again, in such heights.
+const CLEAR: [f64; 2] = [1.0, 8.0];
 /// A foot that is higher than this above the lowest place at all, in legs, jumps.
 const JUMP: f64 = 0.12;
 
@@ -51,6 +59,8 @@ pub(crate) struct FootLockTrack {
     pub(super) open: [bool; 2],
     /// Lowering of the hips, so that the legs reach the ground, in metres per step of the span.
     pub(super) drops: Vec<f64>,
+    /// Length of a leg, metres.
+    pub(super) leg: f64,
     /// The actor's front: knees bend there.
     pub(super) front: Front,
 }
@@ -285,9 +295,37 @@ impl FootLockTrack {
     fn correction_within(&self, leg: usize, time: Time, place: DVec3) -> DVec3 {
         let Some(stands) = self.legs.get(leg) else { return DVec3::ZERO };
         if let Some(step) = self.steps[leg].iter().find(|step| step.from < time && time < step.to) {
-            return step.at(time) - place;
+            let foot = step.at(time);
+            // A step may begin in the air, and the feet of two clips differ in height: the lower end is on the ground.
+            let [start, end] = step.ends();
+            let ground = start.y.min(end.y);
+            return self.cleared(foot, [start, end].map(|end| Some(end.with_y(ground)))) - place;
         }
         let next = stands.partition_point(|s| s.rolls.1 < time);
+        let (before, after) = (next.checked_sub(1).map(|i| &stands[i]), stands.get(next));
+        if let Some(now) = after.filter(|now| now.rolls.0 <= time) {
+            return now.correction(time, place);
+        }
+        let correction = self.correction_between(time, before, after);
+        let stands = |contact: &&Contact| contact.from < contact.to;
+        let ends = [before, after].map(|contact| contact.filter(stands).and_then(|contact| contact.at));
+        self.cleared(place + correction, ends) - place
+    }
+
+    /// The position of a foot in the air, high enough near the places where it has stood and will stand.
+    fn cleared(&self, foot: DVec3, ends: [Option<DVec3>; 2]) -> DVec3 {
+        let clearance = CLEARANCE.min(CLEARANCE_LEGS * self.leg);
+        let [near, far] = CLEAR.map(|c| c * clearance);
+        let raise = |at: DVec3| {
+            let away = (foot - at).with_y(0.0).length();
+            let share = smooth(away / near) * (1.0 - smooth((away - near) / (far - near)));
+            (at.y + clearance * share - foot.y).clamp(0.0, HIGHEST_RAISE * clearance) * share
+        };
+        foot + DVec3::Y * ends.into_iter().flatten().map(raise).fold(0.0, f64::max)
+    }
+
+    /// Correction of a foot that does not stand, from the contacts before and after.
+    fn correction_between(&self, time: Time, before: Option<&Contact>, after: Option<&Contact>) -> DVec3 {
         let upright = |d: DVec3| DVec3::new(0.0, d.y, 0.0);
         // A foot in the air for long: level as it was or will be, and nothing sideways.
         let leaving = |s: &Contact| {
@@ -298,8 +336,7 @@ impl FootLockTrack {
             let left = smooth((s.rolls.0 - time).as_secs() / FADE);
             upright(s.first) + (s.first - upright(s.first)) * (1.0 - left)
         };
-        match (next.checked_sub(1).map(|i| &stands[i]), stands.get(next)) {
-            (_, Some(now)) if now.rolls.0 <= time => now.correction(time, place),
+        match (before, after) {
             (Some(before), Some(after)) => {
                 let gap = after.rolls.0 - before.rolls.1;
                 let way = smooth((time - before.rolls.1).as_secs() / gap.as_secs());

@@ -134,7 +134,7 @@ fn plan(of: &FootLockOf, clips: &ClipContacts, window: &Window) -> Result<FootLo
     let comes_down = ground.is_empty() && foot_lock.hips.is_some();
     let drops = if comes_down { come_down(&samples, &legs) } else { Vec::new() };
     let front = stage.actors[actor].asset.front();
-    Ok(FootLockTrack { legs, steps, span: (from, to), open, drops, front })
+    Ok(FootLockTrack { legs, steps, span: (from, to), open, drops, leg, front })
 }
 
 /// A stage of one actor, if its motion depends on nothing else.

@@ -1,15 +1,16 @@
 //! The joints that are legs which can be bent.
 
 use crate::stage::constraint::Leg;
-use choreo_motion::contacts::find_feet;
+use choreo_motion::contacts::{find_feet, leg_of_handle};
 use choreo_motion::{HumanoidJoints, Skeleton};
 
 /// The legs of a body by its feet ([`find_feet`]), on two feet or four: the two bones above each foot, which is the upper one where two
-/// joints are called so. None where feet are handles that do not hang on the hips.
+/// joints are called so. Feet that are handles and do not hang on the hips belong to the leg that ends beside them, if there is one.
 pub fn find_legs(skeleton: &Skeleton) -> Vec<Leg> {
     let parents = skeleton.parents();
     let up = |joint: u32| parents.get(joint as usize).copied().flatten();
-    let hips = HumanoidJoints::of(skeleton).joint("hips");
+    let human = HumanoidJoints::of(skeleton);
+    let hips = human.joint("hips");
     let hangs = |joint: u32| {
         let Some(hips) = hips else { return true };
         std::iter::successors(Some(joint), |j| up(*j)).any(|j| j == hips)
@@ -21,8 +22,9 @@ pub fn find_legs(skeleton: &Skeleton) -> Vec<Leg> {
             [foot, toe, ..] => (foot, Some(toe)),
             [] => return None,
         };
-        let knee = up(foot)?;
-        Some(Leg { hip: up(knee)?, knee, foot, toe }).filter(|leg| hangs(leg.foot) && up(leg.hip).is_some())
+        let own = up(foot).and_then(|knee| Some(Leg { hip: up(knee)?, knee, foot, toe }));
+        let own = own.filter(|leg| hangs(leg.foot) && up(leg.hip).is_some());
+        own.or_else(|| leg_of_handle(skeleton, &human, foot).map(|[hip, knee]| Leg { hip, knee, foot, toe }))
     };
     find_feet(skeleton).iter().filter_map(|foot| leg(&foot.joints)).collect()
 }

@@ -417,6 +417,9 @@ pub(super) fn bend_leg(leg: &Leg, target: DVec3, hint: DVec3, posed: &mut PosedS
     if let Some(turned) = limb.solve() {
         posed.turn(leg.hip, turned.start);
         posed.turn(leg.knee, turned.middle * turned.start.inverse());
+        if !posed.hangs_on(leg.foot, leg.knee) {
+            posed.shift(leg.foot, turned.new_end - end);
+        }
         let back = rotation * posed.rotation(leg.foot).inverse();
         posed.turn(leg.foot, back);
     }

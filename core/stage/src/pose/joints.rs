@@ -19,6 +19,12 @@ impl PosedSkeleton<'_> {
         rotation_of(&self.model_from_joint[joint as usize])
     }
 
+    /// Whether a joint is below another.
+    pub fn hangs_on(&self, joint: u32, above: u32) -> bool {
+        let parents = self.skeleton.parents();
+        std::iter::successors(parents[joint as usize], |j| parents[*j as usize]).any(|j| j == above)
+    }
+
     /// Turns a joint and all below it about its own place; model space.
     pub fn turn(&mut self, joint: u32, turn: DQuat) {
         let pivot = self.place(joint);
