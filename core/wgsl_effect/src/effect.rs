@@ -10,10 +10,10 @@ use crate::pool;
 use crate::program::Program;
 use choreo_plugin::effect::endless;
 use choreo_plugin::{
-    Effect, EffectFrame, EffectImages, EffectPlugin, EffectScene, EffectShader, EffectTexture, Hook,
-    ImageEffect, InvertedHull, LightSample, LightingEffect, Manifest, OutlineEffect, Overlay, OverlayEffect,
-    PixelEffect, PluginFile, SceneInputs, Shutter, ShutterEffect, SurfaceEffect, SurfaceInputs,
-    SurfaceSample, VertexEffect, VertexSample, ViewOrder,
+    Effect, EffectImages, EffectPlugin, EffectScene, EffectShader, EffectTexture, Hook, ImageEffect,
+    InvertedHull, LightSample, LightingEffect, Manifest, OutlineEffect, Overlay, OverlayEffect, PixelEffect,
+    PluginFile, SceneInputs, Shutter, ShutterEffect, SurfaceEffect, SurfaceInputs, SurfaceSample,
+    VertexEffect, VertexSample, ViewOrder,
 };
 use glam::{Vec2, Vec3, Vec4};
 use std::sync::{Arc, OnceLock};
@@ -30,6 +30,8 @@ const MAX_WIDTH: f32 = 256.0;
 pub struct WgslEffect {
     text: Arc<Text>,
     manifest: Manifest,
+    /// Number of the parameters, behind which the numbers of the frame follow.
+    length: usize,
     head: Arc<Head>,
     /// Shared by effects that differ in their images alone.
     code: Arc<OnceLock<Code>>,
@@ -114,7 +116,8 @@ impl WgslEffect {
         let (code, textures) = (Arc::default(), Vec::new());
         let (text, head) = (Arc::new(text), Arc::new(head));
         let loops = text.loops.iter().map(|(line, column)| format!("{file}:{line}:{column}")).collect();
-        Ok(WgslEffect { text, manifest, head, code, textures, inputs, loops, boxes, file: None })
+        let length = manifest.parameter_length();
+        Ok(WgslEffect { text, manifest, length, head, code, textures, inputs, loops, boxes, file: None })
     }
 
     /// The hook that the head names.
@@ -148,11 +151,8 @@ impl WgslEffect {
 
     /// The functions of a shader around the effect's, for hooks whose parameters the numbers of the frame may follow.
     fn in_frame<'a>(&'a self, parameters: &'a [f32]) -> InFrame<'a> {
-        let numbers = match self.text.scene.reads_frame {
-            true => parameters.last_chunk::<{ EffectFrame::NUMBERS }>().map_or(&[][..], |numbers| numbers),
-            false => &[],
-        };
-        InFrame { textures: &self.textures, numbers }
+        let numbers = if self.text.scene.reads_frame { parameters.get(self.length..) } else { None };
+        InFrame { textures: &self.textures, numbers: numbers.unwrap_or_default() }
     }
 
     fn surface_batches<const N: usize>(

@@ -89,7 +89,9 @@ pub struct MeshData {
     pub uvs: Vec<f32>,
     /// Linear red green blue, or red green blue alpha.
     pub colors: Vec<f32>,
-    /// Numbers of joints, as many a vertex as `weights` has: 1 to 8. The mesh then follows these joints.
+    /// Numbers of joints, as many a vertex as `weights` has: 1 to 8. The mesh then follows these joints, and `joint` has no effect.
+    /// Without `inverse_bind` its vertices lie at rest where `positions` says, in model space: a file with +Z up needs both, a joint
+    /// above all others that is turned, and vertices and normals turned.
     pub joints: Vec<u32>,
     /// Weights of the joints, not negative; they need not add up to 1.
     pub weights: Vec<f32>,

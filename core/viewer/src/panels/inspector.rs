@@ -262,6 +262,10 @@ fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize) -> Opti
                         }
                     });
                 }
+                OptionKind::Texture { default, .. } => {
+                    let chosen = used.images.iter().find(|chosen| chosen.parameter == option.name);
+                    ui.monospace(chosen.map_or(default.as_str(), |chosen| chosen.image.name.as_str()));
+                }
                 _ => {
                     ui.monospace(format!("{value:.3?}"));
                 }

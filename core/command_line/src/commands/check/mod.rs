@@ -94,7 +94,7 @@ pub fn look(
             let subject = Subject::Effect(index);
             on_stage.push(Finding { rule: "effect_leaves_out", note: false, subject, text, hint: None });
         }
-        if let Some(effect) = registry.effect(&used.plugin)
+        if let Some(effect) = registry.effect(&used.drawn_by())
             && used.keys.is_empty()
             && stage.hooks.is_empty()
             && changes_nothing(effect, used)
@@ -178,6 +178,10 @@ fn left_out(effect: &Effect, used: &EffectUse, stage: &Stage) -> Option<String> 
 /// Its function, tried on some colors all over the image.
 fn changes_nothing(effect: &Effect, used: &EffectUse) -> bool {
     let Effect::Pixel(function) = effect else { return false };
+    if effect.reads_frame() {
+        // What it changes depends on the time.
+        return false;
+    }
     let parameters = choreo_render::effect_parameters(effect, &used.parameters);
     let colors = [Vec4::new(0.0, 0.0, 0.0, 1.0), Vec4::new(0.8, 0.4, 0.1, 1.0), Vec4::ONE];
     (0..81).all(|i| {
