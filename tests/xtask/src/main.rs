@@ -10,6 +10,7 @@
 //! cargo xtask contact [FILTER]               every sample file turning, its first clip playing: sheets to look at
 //! cargo xtask lessons                        an image of every numbered script, for scripts/README.md
 //! cargo xtask notices                        the table of THIRD-PARTY.md: crates, versions, licences
+//! cargo xtask vscode                         tests the extension for Visual Studio Code and packs it (npm)
 //! cargo xtask wasm                           the tests of plugins in WebAssembly, whose engine takes minutes to build
 //! cargo xtask words                          texts that use a word which the terms of the field replace
 //! cargo xtask strip [SCRIPT]                 the image strips of the documentation; twenty frames of a script, side by side
@@ -27,6 +28,7 @@ mod setup;
 mod strip;
 mod suite;
 mod tally;
+mod vscode;
 mod wasm;
 
 use std::path::{Path, PathBuf};
@@ -46,13 +48,14 @@ fn main() -> ExitCode {
         ["contact", rest @ ..] => contact::contact(rest),
         ["lessons"] => lessons::lessons(),
         ["notices"] => notices::notices(),
+        ["vscode"] => vscode::vscode(),
         ["wasm"] => wasm::wasm(),
         ["words"] => plain_words::words(),
         ["strip"] => strip::strip(),
         ["strip", script] => strip::of(script),
         _ => {
             eprintln!(
-                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [--gpu NAME] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | contact [FILTER] | lessons | notices | wasm | words | strip [SCRIPT]"
+                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [--gpu NAME] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | contact [FILTER] | lessons | notices | vscode | wasm | words | strip [SCRIPT]"
             );
             return ExitCode::from(2);
         }
