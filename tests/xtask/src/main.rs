@@ -13,6 +13,7 @@
 //! cargo xtask notices                        the table of THIRD-PARTY.md: crates, versions, licences
 //! cargo xtask dist [--check] [--programs DIR]  an archive for this platform, and a Debian package; --check installs and runs them
 //! cargo xtask package                        every crate as it would be published
+//! cargo xtask vscode                         tests the extension for Visual Studio Code and packs it (npm)
 //! cargo xtask wasm                           the tests of plugins in WebAssembly, whose engine takes minutes to build
 //! cargo xtask words                          texts that use a word which the terms of the field replace
 //! cargo xtask strip [SCRIPT]                 the image strips of the documentation; twenty frames of a script, side by side
@@ -33,6 +34,7 @@ mod setup;
 mod strip;
 mod suite;
 mod tally;
+mod vscode;
 mod wasm;
 
 use std::path::{Path, PathBuf};
@@ -55,13 +57,14 @@ fn main() -> ExitCode {
         ["notices"] => notices::notices(),
         ["dist", rest @ ..] => dist::dist(rest),
         ["package"] => package::package(),
+        ["vscode"] => vscode::vscode(),
         ["wasm"] => wasm::wasm(),
         ["words"] => plain_words::words(),
         ["strip"] => strip::strip(),
         ["strip", script] => strip::of(script),
         _ => {
             eprintln!(
-                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [--gpu NAME] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | book | contact [FILTER] | lessons | notices | dist [--check] [--programs DIR] | package | wasm | words | strip [SCRIPT]"
+                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [--gpu NAME] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | book | contact [FILTER] | lessons | notices | dist [--check] [--programs DIR] | package | vscode | wasm | words | strip [SCRIPT]"
             );
             return ExitCode::from(2);
         }
