@@ -222,7 +222,10 @@ fn images(exported: &Exported, share: f64) -> (Comparison, Frame, Frame) {
     (own.effects, own.layers_2d, own.settings.size) = (Vec::new(), Vec::new(), SIZE);
     own.lights.iter_mut().for_each(|light| light.shadow = None);
     let mut again = exported.again();
-    again.settings.size = SIZE;
+    // The sky is left out, and one model is simplified otherwise than many.
+    again.sky = own.sky.clone();
+    own.settings.levels_of_detail = false;
+    (again.settings.levels_of_detail, again.settings.size) = (false, SIZE);
     let time = Time::from_secs(own.settings.length.as_secs() * share);
     let (a, b) = (draw(&own, time), draw(&again, time));
     (compare(&a, &b, 3).unwrap(), a, b)
@@ -273,10 +276,7 @@ fn the_images_of_the_file_are_those_of_the_scene() {
         let (c, own, again) = images(&exported, share);
         println!("at {share} of the scene: {c}");
         assert!(is_same(&c), "at {share} of the scene: {c}");
-        if let Some(folder) = std::env::var_os("CHOREO_KEEP_IMAGES") {
-            keep(Path::new(&folder), &format!("{share}_own.png"), &own);
-            keep(Path::new(&folder), &format!("{share}_again.png"), &again);
-        }
+        keep(&format!("{share}"), [&own, &again]);
     }
     let stated: Vec<f64> = exported.json()["nodes"]
         .as_array()
@@ -287,10 +287,14 @@ fn the_images_of_the_file_are_those_of_the_scene() {
     assert_eq!(stated, [2.0, 3.0], "the ends of the shots");
 }
 
-fn keep(folder: &Path, name: &str, frame: &Frame) {
-    std::fs::create_dir_all(folder).unwrap();
-    image::save_buffer(folder.join(name), &frame.rgba, frame.width, frame.height, image::ColorType::Rgba8)
-        .unwrap();
+/// Puts the images of a scene and of its file into the folder that the environment names, to be looked at.
+fn keep(name: &str, images: [&Frame; 2]) {
+    let Some(folder) = std::env::var_os("CHOREO_KEEP_IMAGES") else { return };
+    std::fs::create_dir_all(&folder).unwrap();
+    for (frame, whose) in images.into_iter().zip(["own", "again"]) {
+        let path = Path::new(&folder).join(format!("{name}_{whose}.png"));
+        image::save_buffer(path, &frame.rgba, frame.width, frame.height, image::ColorType::Rgba8).unwrap();
+    }
 }
 
 /// Each fault in the file is found by what compares it with the scene.
@@ -452,7 +456,8 @@ fn blender_has_the_joints_where_they_were() {
     };
     let exported = Exported::lesson(&scripts().join("01_first_dance.rhai"), "glb");
     let stage = &exported.stage;
-    let times: Vec<f64> = (0..20).map(|i| stage.settings.length.as_secs() * (f64::from(i) + 0.377) / 20.0).collect();
+    let times: Vec<f64> =
+        (0..20).map(|i| stage.settings.length.as_secs() * (f64::from(i) + 0.377) / 20.0).collect();
     let actors: Vec<&str> = stage.actors.iter().map(|a| a.name.as_str()).collect();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/common/blender.py");
     let mut blender = std::process::Command::new(python);
@@ -504,7 +509,8 @@ fn all_lessons() {
         }
         let exported = Exported::lesson(&path, "glb");
         let (metres, place) = worst(&exported);
-        let c = images(&exported, 0.45).0;
+        let (c, own, again) = images(&exported, 0.45);
+        keep(&name, [&own, &again]);
         println!("{name}: {metres:.1e} m, {place}; {c}");
         if metres > TOLERANCE {
             wrong.push(format!("{name}: {metres:e} m, {place}"));

@@ -104,7 +104,8 @@ fn add_influences<'a>(
     for set in 0..influences.div_ceil(4) {
         let row = move |vertex: usize| -> [(u16, f32); 4] {
             let range = vertex * influences..(vertex + 1) * influences;
-            let (joints, weights) = (&primitive.joint_indices[range.clone()], &primitive.joint_weights[range]);
+            let (joints, weights) =
+                (&primitive.joint_indices[range.clone()], &primitive.joint_weights[range]);
             let mut all = [(0, 0.0); 8];
             all.iter_mut().zip(joints.iter().zip(weights)).for_each(|(to, (j, w))| *to = (*j, *w));
             tidy(&mut all[..influences.min(8)]);
@@ -149,9 +150,7 @@ fn targets<'a>(buffer: &mut Buffer<'a>, primitive: &'a Primitive, number: usize)
         let list = |list: &'a [Vec3]| (list.len() == count).then_some(list);
         let bounded = |v: &[Vec3]| Accessor::of(F32, "VEC3", count).bounded(v.iter().map(Vec3::to_array));
         let position = match morph.and_then(|m| list(&m.positions)) {
-            Some(offsets) => {
-                buffer.array(move |i| offsets[i].to_array(), Some(VERTICES), bounded(offsets))
-            }
+            Some(offsets) => buffer.array(move |i| offsets[i].to_array(), Some(VERTICES), bounded(offsets)),
             None => {
                 let zero =
                     Accessor { min: vec![0.0; 3], max: vec![0.0; 3], ..Accessor::of(F32, "VEC3", count) };
