@@ -249,7 +249,8 @@ fn joints_of_lessons_are_where_they_were_between_frames_too() {
     }
 }
 
-/// A tenth of a second in which an actor is not seen, a loop, a fade, a camera that zooms, a cut, and a lamp that goes on.
+/// A tenth of a second in which an actor is not seen, a loop, a fade, a texture that spins, a camera that zooms, a cut, and a lamp that
+/// goes on.
 const SCENE: &str = r##"
     stage(#{ size: [320, 180], fps: 24, length: 3.0, background: "#203040" });
     let m = load("choreo:mannequin", #{ color: "coral" });
@@ -260,6 +261,7 @@ const SCENE: &str = r##"
     ben.key("visible", [[0.0, true], [1.0, false], [1.1, true]]);
     let box = cast("box", shape("box", #{ size: 0.3, checker: "white", color: "navy" }));
     box.attach(anna.joint("RightHand"));
+    cast("wheel", shape("quad", #{ size: 0.7, checker: "gold", color: "maroon", spin: 90.0 })).at(-1.5, 0.2, 0);
     camera("wide").fov(40).at(0, 1.2, 4).look_at([0, 0.9, 0]).key("fov", [[0, 40], [1.5, 25]]);
     camera("side").at(3, 1.5, 2.5).look_at([0, 0.9, 0]).cut(2.0);
     sun(#{ direction: [-1, -2, -1] });
@@ -335,10 +337,10 @@ fn each_actor_can_have_an_animation() {
     let json = exported.json();
     let names: Vec<&str> =
         json["animations"].as_array().unwrap().iter().map(|a| a["name"].as_str().unwrap()).collect();
-    assert_eq!(names, ["anna", "ben", "box", "cameras and lights"]);
+    assert_eq!(names, ["anna", "ben", "box", "wheel", "cameras and lights"]);
     // The buffer and images lie beside the JSON.
     let beside: Vec<&str> = exported.files.beside.keys().map(String::as_str).collect();
-    assert_eq!(beside, [".bin", "_0.png"]);
+    assert_eq!(beside, [".bin", "_0.png", "_1.png"]);
 }
 
 #[test]
@@ -434,7 +436,7 @@ fn the_summary_states_the_largest_error_and_what_is_left_out() {
     assert!(told["notes"][0].as_str().unwrap().contains("left out: effects"), "{}", told["notes"]);
     let run = choreo(dir.path(), &["export", "a.rhai", "-o", "b.gltf", "--split", "actors"]);
     assert!(run.code == 0 && run.err.contains("largest error: "), "{}", run.err);
-    assert_eq!(names(dir.path()), ["a.glb", "a.rhai", "b.bin", "b.gltf", "b_0.png"]);
+    assert_eq!(names(dir.path()), ["a.glb", "a.rhai", "b.bin", "b.gltf", "b_0.png", "b_1.png"]);
 }
 
 #[test]
