@@ -222,7 +222,10 @@ fn images(exported: &Exported, share: f64) -> (Comparison, Frame, Frame) {
     (own.effects, own.layers_2d, own.settings.size) = (Vec::new(), Vec::new(), SIZE);
     own.lights.iter_mut().for_each(|light| light.shadow = None);
     let mut again = exported.again();
-    again.settings.size = SIZE;
+    // The sky is left out, and one model is simplified otherwise than many.
+    again.sky = own.sky.clone();
+    own.settings.levels_of_detail = false;
+    (again.settings.levels_of_detail, again.settings.size) = (false, SIZE);
     let time = Time::from_secs(own.settings.length.as_secs() * share);
     let (a, b) = (draw(&own, time), draw(&again, time));
     (compare(&a, &b, 3).unwrap(), a, b)
@@ -246,7 +249,8 @@ fn joints_of_lessons_are_where_they_were_between_frames_too() {
     }
 }
 
-/// A tenth of a second in which an actor is not seen, a loop, a fade, a camera that zooms, a cut, and a lamp that goes on.
+/// A tenth of a second in which an actor is not seen, a loop, a fade, a texture that spins, a camera that zooms, a cut, and a lamp that
+/// goes on.
 const SCENE: &str = r##"
     stage(#{ size: [320, 180], fps: 24, length: 3.0, background: "#203040" });
     let m = load("choreo:mannequin", #{ color: "coral" });
@@ -257,6 +261,7 @@ const SCENE: &str = r##"
     ben.key("visible", [[0.0, true], [1.0, false], [1.1, true]]);
     let box = cast("box", shape("box", #{ size: 0.3, checker: "white", color: "navy" }));
     box.attach(anna.joint("RightHand"));
+    cast("wheel", shape("quad", #{ size: 0.7, checker: "gold", color: "maroon", spin: 90.0 })).at(-1.5, 0.2, 0);
     camera("wide").fov(40).at(0, 1.2, 4).look_at([0, 0.9, 0]).key("fov", [[0, 40], [1.5, 25]]);
     camera("side").at(3, 1.5, 2.5).look_at([0, 0.9, 0]).cut(2.0);
     sun(#{ direction: [-1, -2, -1] });
@@ -273,10 +278,7 @@ fn the_images_of_the_file_are_those_of_the_scene() {
         let (c, own, again) = images(&exported, share);
         println!("at {share} of the scene: {c}");
         assert!(is_same(&c), "at {share} of the scene: {c}");
-        if let Some(folder) = std::env::var_os("CHOREO_KEEP_IMAGES") {
-            keep(Path::new(&folder), &format!("{share}_own.png"), &own);
-            keep(Path::new(&folder), &format!("{share}_again.png"), &again);
-        }
+        keep(&format!("{share}"), [&own, &again]);
     }
     let stated: Vec<f64> = exported.json()["nodes"]
         .as_array()
@@ -287,10 +289,14 @@ fn the_images_of_the_file_are_those_of_the_scene() {
     assert_eq!(stated, [2.0, 3.0], "the ends of the shots");
 }
 
-fn keep(folder: &Path, name: &str, frame: &Frame) {
-    std::fs::create_dir_all(folder).unwrap();
-    image::save_buffer(folder.join(name), &frame.rgba, frame.width, frame.height, image::ColorType::Rgba8)
-        .unwrap();
+/// Puts the images of a scene and of its file into the folder that the environment names, to be looked at.
+fn keep(name: &str, images: [&Frame; 2]) {
+    let Some(folder) = std::env::var_os("CHOREO_KEEP_IMAGES") else { return };
+    std::fs::create_dir_all(&folder).unwrap();
+    for (frame, whose) in images.into_iter().zip(["own", "again"]) {
+        let path = Path::new(&folder).join(format!("{name}_{whose}.png"));
+        image::save_buffer(path, &frame.rgba, frame.width, frame.height, image::ColorType::Rgba8).unwrap();
+    }
 }
 
 /// Each fault in the file is found by what compares it with the scene.
@@ -331,10 +337,10 @@ fn each_actor_can_have_an_animation() {
     let json = exported.json();
     let names: Vec<&str> =
         json["animations"].as_array().unwrap().iter().map(|a| a["name"].as_str().unwrap()).collect();
-    assert_eq!(names, ["anna", "ben", "box", "cameras and lights"]);
+    assert_eq!(names, ["anna", "ben", "box", "wheel", "cameras and lights"]);
     // The buffer and images lie beside the JSON.
     let beside: Vec<&str> = exported.files.beside.keys().map(String::as_str).collect();
-    assert_eq!(beside, [".bin", "_0.png"]);
+    assert_eq!(beside, [".bin", "_0.png", "_1.png"]);
 }
 
 #[test]
@@ -430,7 +436,7 @@ fn the_summary_states_the_largest_error_and_what_is_left_out() {
     assert!(told["notes"][0].as_str().unwrap().contains("left out: effects"), "{}", told["notes"]);
     let run = choreo(dir.path(), &["export", "a.rhai", "-o", "b.gltf", "--split", "actors"]);
     assert!(run.code == 0 && run.err.contains("largest error: "), "{}", run.err);
-    assert_eq!(names(dir.path()), ["a.glb", "a.rhai", "b.bin", "b.gltf", "b_0.png"]);
+    assert_eq!(names(dir.path()), ["a.glb", "a.rhai", "b.bin", "b.gltf", "b_0.png", "b_1.png"]);
 }
 
 #[test]
@@ -505,7 +511,8 @@ fn all_lessons() {
         }
         let exported = Exported::lesson(&path, "glb");
         let (metres, place) = worst(&exported);
-        let c = images(&exported, 0.45).0;
+        let (c, own, again) = images(&exported, 0.45);
+        keep(&name, [&own, &again]);
         println!("{name}: {metres:.1e} m, {place}; {c}");
         if metres > TOLERANCE {
             wrong.push(format!("{name}: {metres:e} m, {place}"));

@@ -11,7 +11,7 @@ use crate::{bake::Baked, bake::rig};
 use choreo_plugin::asset::{Asset, MeshInstance};
 use choreo_plugin::glam::{Affine3A, Quat, Vec3};
 use choreo_plugin::motion::{Path, Transform};
-use choreo_plugin::stage::{Actor, Stage};
+use choreo_plugin::stage::{Actor, Property, Stage};
 use choreo_plugin::{ExportError, asset::widen};
 use serde_json::json;
 use std::collections::{BTreeMap, BTreeSet};
@@ -71,16 +71,18 @@ impl<'a> Parts<'a> {
         self.at_root(root);
         let mut out =
             ActorNodes { root, bodies: Vec::new(), meshes: vec![Vec::new(); actor.asset.instances.len()] };
-        let state = &baked.first.actors[index];
+        // A number that changes is left out: all copies are there.
+        let varies = actor.channels.iter().any(|c| c.property == Property::Copies) || !stage.hooks.is_empty();
+        let copies = baked.first.actors[index].copies.filter(|_| !varies);
         let moves = baked.motions[index].sets.iter().flat_map(|set| &baked.sets[*set].tracks);
         let mut moves = moves.filter(|track| track.joint > 0 || matches!(track.path, Path::Weights(_)));
         let rigid = actor.asset.instances.iter().all(|i| i.skin.is_none());
         if !actor.asset.placements.is_empty() && rigid && moves.next().is_none() {
-            self.placed_meshes(actor, &still, state.copies, &materials, &mut out)?;
+            self.placed_meshes(actor, &still, copies, &materials, &mut out)?;
             return Ok(out);
         }
-        let places: Vec<Affine3A> = actor.asset.first_placements(state.copies).collect();
-        let copies = if actor.asset.placements.is_empty() { state.copies } else { None };
+        let places: Vec<Affine3A> = actor.asset.first_placements(copies).collect();
+        let copies = copies.filter(|_| actor.asset.placements.is_empty());
         for place in &places {
             let above = match actor.asset.placements.is_empty() {
                 true => root,

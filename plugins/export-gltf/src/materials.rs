@@ -203,7 +203,8 @@ impl Writer<'_, '_> {
             }
             Shading::BlinnPhong | Shading::Phong => {
                 self.losses.insert("Phong highlights (written as roughness)");
-                self.specular(m, 1.0, m.specular_color / F0_OF_GLASS)
+                // The color of a highlight is no reflectance: that of a plastic, tinted.
+                self.specular(m, 1.0, m.specular_color)
             }
             Shading::Unlit | Shading::Toon => {
                 if m.shading == Shading::Toon {

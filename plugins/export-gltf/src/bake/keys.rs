@@ -205,15 +205,10 @@ fn play(cue: &Cue, index: usize, [mut from, to, held]: [Time; 3], out: &mut Vec<
         let turned = cue.repeat == Repeat::PingPong && round % 2 != 0;
         let rate = if turned { -cue.speed } else { cue.speed };
         let boundary = cue.time_of_played((round + 1) * length).unwrap_or(Time::MAX);
-        // At its end a loop jumps to its start; the others go on from there.
-        let jump = if cue.repeat == Repeat::Loop { Time(1) } else { Time::ZERO };
-        let until = (boundary - jump).min(to).min(held).max(from);
+        // What follows begins a tick later: a loop jumps to its start there, and a spline may leave a key otherwise than it came.
+        let until = (boundary - Time(1)).min(to).min(held - Time(1)).max(from);
         out.push(Stretch { cue: index, from, to: until, at: clip_time(from), rate });
-        from = match until {
-            until if until == to => return,
-            until if until == boundary || until == held => until.max(from + Time(1)),
-            _ => boundary.max(from + Time(1)),
-        };
+        from = until + Time(1);
     }
 }
 
@@ -234,11 +229,10 @@ impl KeyTracks<'_> {
             if let (Some(curve), true) = (curves[cue], rate != 0.0) {
                 let times = &curve.times;
                 let (low, high) = (at.min(end), at.max(end));
-                let inside = times.partition_point(|t| *t <= low)
-                    ..times.partition_point(|t| *t < high).max(times.partition_point(|t| *t <= low));
-                let count = inside.len();
+                let first = times.partition_point(|t| *t <= low);
+                let count = times.partition_point(|t| *t < high).saturating_sub(first);
                 for i in 0..count {
-                    let key = if rate > 0.0 { inside.start + i } else { inside.end - 1 - i };
+                    let key = if rate > 0.0 { first + i } else { first + count - 1 - i };
                     let time = from + (times[key] - at).scaled(1.0 / rate);
                     if (time - last).0 > JUMP_TICKS && (to - time).0 > JUMP_TICKS {
                         each(time, stretch, Key::Own(key));
@@ -270,8 +264,16 @@ impl KeyTracks<'_> {
             }
             (None, _) => out.extend_from_slice(rest),
             (Some(curve), Key::Own(key)) if *cubic => spline_key(curve, key, stretch.rate as f32, out),
+            (Some(curve), key) if curve.interpolation == Interpolation::Step && stretch.rate < 0.0 => {
+                // Backwards, a key is where the value before it begins.
+                let at = match key {
+                    Key::Own(key) => curve.times[key],
+                    Key::At(at) => at,
+                };
+                value_at(curve, at - Time(1), out);
+            }
             (Some(curve), Key::Own(key)) => out.extend_from_slice(&curve.values[key * width..][..width]),
-            (Some(curve), Key::At(at)) if *cubic => match key_at(curve, at) {
+            (Some(curve), Key::At(at)) if *cubic => match key_at(curve, at, stretch.rate) {
                 Ok(key) => spline_key(curve, key, stretch.rate as f32, out),
                 Err(next) => {
                     // Beyond the keys: their end value stands.
@@ -290,7 +292,7 @@ impl KeyTracks<'_> {
         self.stretches.iter().all(|s| {
             let Some(curve) = curves[s.cue] else { return true };
             let ends = [s.at, s.at + (s.to - s.from).scaled(s.rate)];
-            ends.into_iter().all(|at| match key_at(curve, at) {
+            ends.into_iter().all(|at| match key_at(curve, at, s.rate) {
                 Ok(_) => true,
                 Err(next) => next == 0 || next == curve.times.len(),
             })
@@ -298,11 +300,13 @@ impl KeyTracks<'_> {
     }
 }
 
-/// The key at a time, to a few ticks, or the index of the next one.
-fn key_at(curve: &Curve, at: Time) -> Result<usize, usize> {
+/// The key at a time, to a few ticks of the stage, or the index of the next one.
+fn key_at(curve: &Curve, at: Time, rate: f64) -> Result<usize, usize> {
     let next = curve.times.partition_point(|t| *t < at);
     let near = [next.checked_sub(1), Some(next)].into_iter().flatten();
-    let mut near = near.filter(|k| curve.times.get(*k).is_some_and(|t| (*t - at).0.abs() <= 4));
+    let mut near = near.filter(|k| {
+        curve.times.get(*k).is_some_and(|t| ((*t - at).0.abs() as f64) <= 2.0 + 2.0 * rate.abs())
+    });
     near.next().ok_or(next)
 }
 
@@ -310,10 +314,16 @@ fn key_at(curve: &Curve, at: Time) -> Result<usize, usize> {
 fn spline_key(curve: &Curve, key: usize, rate: f32, out: &mut Vec<f32>) {
     let width = curve.path.width();
     let parts: Vec<&[f32]> = curve.values[key * 3 * width..][..3 * width].chunks(width).collect();
-    let (into, away) = if rate < 0.0 { (parts[2], parts[0]) } else { (parts[0], parts[2]) };
-    out.extend(into.iter().map(|v| v * rate));
+    // Beyond the first and the last key the value stands.
+    let before = if key == 0 { 0.0 } else { rate };
+    let after = if key + 1 == curve.times.len() { 0.0 } else { rate };
+    let (mut into, mut away) = ((parts[0], before), (parts[2], after));
+    if rate < 0.0 {
+        std::mem::swap(&mut into, &mut away);
+    }
+    out.extend(into.0.iter().map(|v| v * into.1));
     out.extend_from_slice(parts[1]);
-    out.extend(away.iter().map(|v| v * rate));
+    out.extend(away.0.iter().map(|v| v * away.1));
 }
 
 /// Appends a STEP or LINEAR curve's value at a time.

@@ -4,6 +4,7 @@ use crate::bake::rig::{self, STRIDE};
 use crate::bake::sample::{Row, Sampled};
 use crate::bake::signals::Signal;
 use crate::bake::tracks::{Track, TrackSet, Values};
+use choreo_plugin::glam;
 use choreo_plugin::motion::edit::reduce::KeptTimes;
 use choreo_plugin::motion::{Clip, Curve, Interpolation, Path, Skeleton, Time};
 use choreo_plugin::stage::Actor;
@@ -37,9 +38,64 @@ pub fn actor_tracks(actor: &Actor, sampled: &Sampled, rows: &[Row], tolerance: f
     let Some(skeleton) = skeleton(actor, sampled, world) else { return out };
     let Ok(clip) = Clip::new(String::new(), skeleton.len(), curves) else { return out };
     let reduced = clip.reduced(&skeleton, tolerance, KeptTimes::Own).map(|(clip, _)| clip).unwrap_or(clip);
-    add_curves(reduced.curves(), &mut out);
+    let reaches = reaches(&skeleton);
+    let limit = |joint: u32| most_radians(tolerance / reaches[joint as usize]);
+    let curves: Vec<Curve> =
+        reduced.curves().iter().map(|curve| subdivided(curve, limit(curve.joint))).collect();
+    add_curves(&curves, &mut out);
     out
 }
+
+/// The largest angle between two rotations for which a player that normalizes the straight line between the quaternions, as Blender does,
+/// stays within some radians of slerp. The largest difference of both is 0.032 · h³ for quaternions that are h apart, which is half of the angle.
+fn most_radians(allowed: f64) -> f64 {
+    // A quarter: joints above each other add up.
+    2.0 * libm::cbrt(0.25 * allowed / 0.032)
+}
+
+/// Metres from each joint to the farthest one below it at rest, and 10 cm.
+fn reaches(skeleton: &Skeleton) -> Vec<f64> {
+    let places = rig::places(skeleton, skeleton.rest().iter().copied());
+    let mut out = vec![0.0f64; skeleton.len()];
+    for (joint, parent) in skeleton.parents().iter().enumerate().rev() {
+        if let Some(parent) = parent {
+            let bone = (places[joint].translation - places[*parent as usize].translation).length();
+            out[*parent as usize] = out[*parent as usize].max(bone + out[joint]);
+        }
+    }
+    out.iter_mut().for_each(|reach| *reach += 0.1);
+    out
+}
+
+/// A curve of rotations with keys on the way between those that are farther apart than an angle.
+fn subdivided(curve: &Curve, most: f64) -> Curve {
+    if curve.path != Path::Rotation || curve.times.len() < 2 {
+        return curve.clone();
+    }
+    let rotation = |key: usize| glam::Quat::from_slice(&curve.values[4 * key..][..4]);
+    let mut times = vec![curve.times[0]];
+    let mut values = curve.values[..4].to_vec();
+    for key in 1..curve.times.len() {
+        let (from, to) = (curve.times[key - 1], curve.times[key]);
+        let (a, b) = (rotation(key - 1), rotation(key));
+        let chord = f64::from((a - b).length().min((a + b).length()));
+        let angle = 4.0 * libm::asin((chord / 2.0).min(1.0));
+        let ticks = (to - from).0;
+        // Not within a jump.
+        let parts = ((angle / most).ceil() as i64).clamp(1, (ticks / MIN_TICKS).max(1));
+        for part in 1..parts {
+            let time = from + Time(ticks / parts * part);
+            times.push(time);
+            values.extend(a.slerp(b, time.fraction(from, to)).normalize().to_array());
+        }
+        times.push(to);
+        values.extend(b.to_array());
+    }
+    Curve { times: times.into(), values: values.into(), ..curve.clone() }
+}
+
+/// Keys are not added nearer to each other than a millisecond.
+const MIN_TICKS: i64 = Time::TICKS_PER_SECOND / 1000;
 
 /// The rig that errors are measured on; of an actor without its pose, one joint as far away as its farthest vertex.
 fn skeleton(actor: &Actor, sampled: &Sampled, world: choreo_plugin::motion::Transform) -> Option<Skeleton> {

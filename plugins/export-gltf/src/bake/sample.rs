@@ -4,7 +4,7 @@
 //! what lies between its ends, and the interval is halved until that is near enough; a jump is halved down to a tick.
 
 use crate::bake::rig::{self, STRIDE, Spaces};
-use crate::bake::signals::{self, Signal};
+use crate::bake::signals::{self, Quantity, Signal};
 use choreo_plugin::ExportedScene;
 use choreo_plugin::motion::Time;
 use choreo_plugin::stage::{Camera, Evaluator, Property, Rig, Snapshot, Stage, StageError};
@@ -48,7 +48,7 @@ impl<'a> Sampler<'a> {
         actors: Vec<Sampled>,
         tolerance: f32,
     ) -> Sampler<'a> {
-        let evaluator = match without_others(stage, &actors) {
+        let evaluator = match without_others(stage, &signals, &actors) {
             Some(fewer) => Evaluator::new(Arc::new(fewer)),
             None => Evaluator::new(stage.clone()).posing_hidden(),
         };
@@ -149,7 +149,7 @@ struct Interval {
 
 /// The stage with all actors hidden that are not sampled, so that they are not posed. `None` where they might be missed: by a callback,
 /// a camera that frames all that is visible, or what is attached to them.
-fn without_others(stage: &Stage, sampled: &[Sampled]) -> Option<Stage> {
+fn without_others(stage: &Stage, signals: &[Signal], sampled: &[Sampled]) -> Option<Stage> {
     let frames = |camera: &Camera| matches!(camera.rig, Rig::Frame { .. });
     if !stage.hooks.is_empty() || stage.cameras.is_empty() || stage.cameras.iter().any(frames) {
         return None;
@@ -158,6 +158,10 @@ fn without_others(stage: &Stage, sampled: &[Sampled]) -> Option<Stage> {
     let mut kept: Vec<usize> = parents.map(|to| to.actor).collect();
     kept.extend(stage.lights.iter().filter_map(|l| l.parent).map(|to| to.actor));
     kept.extend(sampled.iter().map(|s| s.actor));
+    kept.extend(signals.iter().filter_map(|s| match s.quantity {
+        Quantity::Material { actor, .. } | Quantity::Weights { actor, .. } => Some(actor),
+        Quantity::Camera { .. } | Quantity::Light { .. } => None,
+    }));
     let mut fewer = stage.clone();
     for (_, actor) in fewer.actors.iter_mut().enumerate().filter(|(index, _)| !kept.contains(index)) {
         actor.visible = false;
