@@ -41,7 +41,7 @@ const ROLLS_FAR: f64 = 0.25;
 /// nearer to the ground than that looks dragged, however small the character is.
 const CLEARANCE: f64 = 0.015;
 const CLEARANCE_LEGS: f64 = 0.05;
-/// It is raised by at most so many of these heights: the feet of two clips differ in height.
+/// The largest raise, in such heights: the feet of two clips differ in height.
 const HIGHEST_RAISE: f64 = 3.0;
 /// Distances from that place at which it has this height, and at which it is as high as its clips have it again, in such heights.
 const CLEAR: [f64; 2] = [1.0, 8.0];

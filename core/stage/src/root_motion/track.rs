@@ -71,7 +71,7 @@ pub(crate) struct RootMotionTrack {
     /// Position of the root on the floor in model space: that of the first clip, and of all others too.
     anchor: DVec3,
     segments: Vec<Segment>,
-    /// By cue.
+    /// Velocities that are left of the motion before, by cue.
     settling: Vec<Option<Settling>>,
 }
 
@@ -82,7 +82,7 @@ pub(crate) struct RootMotionTrack {
 struct Settling {
     start: Time,
     duration: Time,
-    /// In the actor's frame, metres and radians per second.
+    /// Horizontal velocity and turn in the actor's frame, metres and radians per second.
     velocity: (DVec3, f64),
     /// Metres per second.
     forward: f64,
@@ -162,7 +162,7 @@ impl RootMotionTrack {
         Some(track)
     }
 
-    /// What inertialized cues that start at a time take over.
+    /// Finds the velocities that inertialized cues which start at a time take over.
     fn settle(&mut self, layer: &Layer, start: Time, active_cues: &mut Vec<ActiveCue>) {
         for (index, cue) in layer.cues.iter().enumerate().skip(1) {
             if cue.start != start || cue.inertialization <= Time::ZERO {
