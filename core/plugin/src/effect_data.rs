@@ -27,7 +27,7 @@ pub enum ViewOrder {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shutter {
-    /// Number of images; 1 or more.
+    /// Number of images at most, 1 or more. Fewer are drawn where the fastest pixel moves by fewer pixels.
     pub samples: u32,
     /// How long the shutter is open, as a share of the time between frames.
     pub open: f64,

@@ -193,7 +193,7 @@ fn sub_frames(scene: &Scene) -> (usize, Option<String>) {
     (plan.subframes.len(), why)
 }
 
-/// A white quad goes so many metres, of eight pixels, in the half second in which the shutter is open.
+/// A white quad that moves by a number of metres, of eight pixels each, in the half second in which the shutter is open.
 fn going(metres: f64) -> Scene {
     let mut scene = passing_in(Vec4::ONE);
     scene.stage.actors[0].channels[0].values = vec![-metres, 0.0, 0.0, metres, 0.0, 0.0];

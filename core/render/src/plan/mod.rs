@@ -124,7 +124,7 @@ pub struct Plan {
     /// Plans of the times while the shutter is open. If there are any, the frame is their mean in linear light, and this plan
     /// gives the stage at the frame's own time and the passes over the image. See [`motion_blur`].
     pub subframes: Vec<Plan>,
-    /// Why there are so many of them; `None` without motion blur, or if all are drawn.
+    /// The reason for their number; `None` without motion blur, or if all are drawn.
     pub shutter_motion: Option<ShutterMotion>,
     /// Plans of the scene one frame ago, two frames ago and so on, for effects that read them; `subframes` is then not empty.
     pub history: Vec<Plan>,

@@ -1,9 +1,9 @@
 //! How far the fastest pixel moves while the shutter is open: motion blur draws as many sub-frames as that takes.
 //!
-//! The stage is evaluated at a few times while the shutter is open. From one to the next, the boxes of joints and meshes that are
-//! seen move by so many pixels, and their shadows by so many texels of their shadow maps, which are about as large as pixels.
-//! The way of the fastest corner is an estimate from above: a vertex is a mean of where its joints take it. What changes in
-//! another way, such as a light that moves, takes all sub-frames.
+//! The stage is evaluated at a few times while the shutter is open. Between two of them, the boxes of visible joints and meshes
+//! move by some pixels, and their shadows by some texels of the shadow maps, which are about as large as pixels. The distance of
+//! the fastest of the eight corners is an upper bound: a vertex is a mean of where its joints take it. Other changes, such as a
+//! light that moves, take all sub-frames.
 
 use crate::affine::to_f64;
 use crate::plan::build::effects::{effect_parameters, history_of, uses};

@@ -1,11 +1,11 @@
 //! Triangles that are far larger than the view of what is near them, such as the two of a ground of 100 km, are split.
 //!
-//! A device clips a triangle and interpolates places, depths and texture coordinates from its corners in f32. On 100 km that is
+//! A device clips a triangle and interpolates positions, depths and texture coordinates of its vertices in f32. On 100 km that is
 //! exact to a centimetre: the ground trembles under the feet of a character, and shadows on it move. Parts that are short near
 //! cameras and actors, and long far from them, are exact everywhere, on every device, and cost some hundred triangles.
 //!
-//! Whether an edge is split depends on the edge alone, so that triangles beside each other stay without gaps. Where nothing moves
-//! its mesh, the result depends on the stage alone, not on the frame.
+//! Whether an edge is split depends on the edge alone, so that triangles beside each other stay without gaps. The result depends on
+//! the stage, not on the frame.
 
 use crate::affine::to_f64;
 use crate::scene_resources::{PrimitiveResource, SceneResources};
@@ -283,7 +283,7 @@ mod tests {
     use super::*;
     use glam::Vec2;
 
-    /// A level square of so many metres, its texture coordinates in metres.
+    /// A level square, sides and texture coordinates in metres.
     fn ground(side: f32) -> Primitive {
         let corners = [Vec2::new(-1.0, 1.0), Vec2::ONE, Vec2::new(1.0, -1.0), Vec2::splat(-1.0)];
         let at = corners.map(|c| c * 0.5 * side);

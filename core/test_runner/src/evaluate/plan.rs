@@ -5,21 +5,22 @@ use super::unjudged::Unjudged;
 use choreo_asset::{Asset, Topology};
 use choreo_motion::Time;
 use choreo_render::commands::{RecordOptions, record};
-use choreo_render::plan::motion_blur::plan_alone;
+use choreo_render::plan::motion_blur::plan_with;
 use choreo_render::{Plan, PlanOptions as RenderOptions};
 use choreo_script::testing::{Count, PlanCount, PlanOptions};
 use std::sync::Arc;
 
 pub fn make(looks: &mut Looks, options: &PlanOptions, time: Time) -> Result<Plan, Unjudged> {
     let resources = looks.resources();
-    let snapshot = looks.at(time)?;
     let stage = looks.stage.clone();
     let size = options.size.unwrap_or(stage.settings.size);
     let samples = options.samples.or(stage.settings.samples).unwrap_or(4);
     let effects = looks.registry.effects().to_vec();
     let options = RenderOptions { effects: &effects, ..RenderOptions::new(size, samples) };
-    let earlier = |time| looks.at(time).map(|snapshot| (*snapshot).clone());
-    let mut plan = plan_alone(&resources, &stage, &snapshot, &options, earlier)?;
+    let at = |time| looks.at(time).map(|snapshot| (*snapshot).clone());
+    let (_, mut plan) = plan_with(&resources, &stage, time, &options, at)?;
+    // What is counted is one image of one camera.
+    (plan.subframes, plan.history, plan.dissolve) = (Vec::new(), Vec::new(), None);
     let triangles = |primitive: u32| resources.primitives[primitive as usize].primitive().indices.len() / 3;
     let recording = record(&plan, RecordOptions::default(), triangles);
     plan.left_out.extend(recording.left_out(&plan));

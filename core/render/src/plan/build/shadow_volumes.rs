@@ -89,7 +89,7 @@ fn swept(b: &Aabb, forward: DVec3, within: &Aabb) -> Option<(Aabb, f64)> {
     Some((Aabb { min: start.max(low).as_vec3(), max: end.min(high).as_vec3() }, to))
 }
 
-/// Faces of a box, by corners whose bits are the axes.
+/// Faces of a box, by vertices whose bits are the axes.
 pub(crate) const FACES: [[usize; 4]; 6] =
     [[0, 2, 6, 4], [1, 3, 7, 5], [0, 1, 5, 4], [2, 3, 7, 6], [0, 1, 3, 2], [4, 5, 7, 6]];
 
