@@ -60,7 +60,7 @@ pub fn cues<'s>(stage: &'s Stage, places: &'s Places) -> Vec<PlacedCue<'s>> {
     found
 }
 
-/// Where the lines of the text that was run are in the present text. A line that was edited since, or whose copies are more or fewer
+/// The lines of the text that was run, as they stand in the present text. A line that was edited since, or whose copies are more or fewer
 /// now, is not found.
 pub struct Moved<'m> {
     run: Vec<&'m str>,

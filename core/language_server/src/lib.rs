@@ -61,7 +61,7 @@ pub trait Host: Send + Sync {
     fn command(&self, task: &Task) -> Result<Command, String>;
 }
 
-/// What a command of the editor has the program do, in a process of its own.
+/// Work that a command of the editor has the program do, in a process of its own.
 pub enum Task<'t> {
     /// Draw the frame at a time as an image.
     Frame { script: &'t Path, secs: f64, output: &'t Path },

@@ -102,7 +102,7 @@ struct Server {
     shut_down: bool,
 }
 
-/// What the client can do.
+/// Abilities of the client.
 #[derive(Clone, Copy, Debug, Default)]
 struct Can {
     /// Insert placeholders.

@@ -8,7 +8,7 @@ pub struct Settings {
     pub cue_times: bool,
     /// Lengths of clips behind their names.
     pub clip_lengths: bool,
-    /// What can be run, above tests and the first line.
+    /// Commands above tests, the stage and camera cuts.
     pub code_lenses: bool,
 }
 

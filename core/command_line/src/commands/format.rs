@@ -112,7 +112,7 @@ fn walk(folder: &Path, found: &mut Vec<PathBuf>) -> Result<(), Failure> {
     for (name, kind) in entries {
         let (path, name) = (folder.join(&name), name.to_string_lossy());
         let is_passed_over = name.starts_with('.') || matches!(&*name, "target" | "node_modules");
-        // Links are not followed: what they lead to is named by its own folder.
+        // Links are not followed: what they lead to is found where it lies.
         if kind.is_dir() && !is_passed_over {
             walk(&path, found)?;
         } else if kind.is_file() && !is_passed_over && name.to_lowercase().ends_with(".rhai") {

@@ -9,7 +9,10 @@ pub fn blank(before: &Piece, next: &Piece, there: bool) -> bool {
 }
 
 fn wanted(before: &Piece, next: &Piece, there: bool) -> bool {
-    use Role::*;
+    use Role::{
+        BlockComment, CallMark, Close, ClosureEnd, ClosureStart, Colon, Dot, LineComment, Open, Operand,
+        Other, Prefix, RangeOperator, Separator,
+    };
     let is_block = |piece: &Piece| matches!(piece.text, "{" | "#{" | "}");
     match (before.role, next.role) {
         (_, LineComment) => true,

@@ -1,4 +1,4 @@
-//! Where lines begin, and how far they are indented.
+//! Beginnings of lines, and how far they are indented.
 
 use super::pieces::{Piece, Role};
 
@@ -27,7 +27,7 @@ struct Frame {
     is_block: bool,
 }
 
-/// For each piece that begins a line, that line. Line breaks are the author's, except that a closing bracket gets one if its opening
+/// The lines of some pieces: one for each piece that begins a line. Line breaks are the author's, except that a closing bracket gets one if its opening
 /// bracket is followed by one.
 pub fn lines(pieces: &[Piece]) -> Vec<Option<Line>> {
     let base = Frame { outer: 0, inner: 0, element: None, control: None, spread: false, is_block: true };
