@@ -51,11 +51,13 @@ mod tests {
                     let anna = cast(\"anna\", hero); // anna.turn(1)\n\
                     anna.play(hero.clip(\"Walk\")).until(2.0);\n\
                     camera(\"wide\").at(0, 1, 2);\n\
-                    fn cast(x) { x.at(1, 2, 3) }";
+                    fn put(x) { x.at(1, 2, 3) } put(anna);\n\
+                    fn uncalled(y) { y.at(1, 2, 3) }";
         let found = calls(text);
         let names: Vec<String> = found.iter().map(|(_, entry)| entry.full_name()).collect();
-        let expected = ["load", "cast", "Actor.play", "Asset.clip", "Cue.until", "camera", "Camera.at"]
-            .map(String::from);
+        let expected =
+            ["load", "cast", "Actor.play", "Asset.clip", "Cue.until", "camera", "Camera.at", "Actor.at"]
+                .map(String::from);
         assert_eq!(names, expected);
         assert!(found.iter().all(|(at, entry)| text[*at..].starts_with(entry.name)));
     }

@@ -1,8 +1,9 @@
-//! The guide holds: its links lead somewhere, its scripts pass `choreo check`, and its images are drawn from their scripts.
+//! The guide holds: its links lead somewhere, its scripts pass `choreo check`, its commands exist, and its images are drawn from
+//! their scripts.
 
 use guide::book::Page;
 use guide::{Book, markdown, program, root};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 const BINARY: &str = env!("CARGO_BIN_EXE_guide");
@@ -124,6 +125,69 @@ fn a_misspelled_method_is_found() {
     for (from, to) in [(".reach(", ".raech("), ("fade(0.8)", "fede(0.8)")] {
         let found = fault(from, to);
         assert!(found.len() == 1 && found[0].contains("did you mean"), "{from} → {to}: {found:?}");
+    }
+}
+
+/// The commands in blocks of `sh` and between backticks: `choreo render my.rhai --at 1`.
+fn commands(text: &str) -> Vec<String> {
+    let shell = markdown::blocks(text).into_iter().filter(|block| block.info == "sh" || block.info == "yaml");
+    let lines: Vec<String> =
+        shell.flat_map(|block| block.text.lines().map(String::from).collect::<Vec<_>>()).collect();
+    let plain = markdown::without_code(text);
+    let spans =
+        text.lines().zip(plain.lines()).filter(|(line, plain)| line != plain && !line.starts_with("```"));
+    let spans = spans.flat_map(|(line, _)| line.split('`').skip(1).step_by(2).map(String::from));
+    let command = |line: String| {
+        let at = line.find("choreo ").filter(|at| *at == 0 || line[..*at].ends_with([' ', '(']))?;
+        line[at..].split(['#', ';', '|', '<']).next().map(String::from)
+    };
+    lines.into_iter().chain(spans).filter_map(command).collect()
+}
+
+/// The commands of some pages that the program does not have, or whose options it does not have.
+fn unknown_commands<'p>(pages: impl Iterator<Item = &'p Page>) -> Vec<String> {
+    let mut helps: BTreeMap<String, String> = BTreeMap::new();
+    let mut unknown = Vec::new();
+    for page in pages {
+        for command in commands(&page.text) {
+            let mut words = command.split_whitespace().skip(1);
+            let Some(name) = words.next() else { continue };
+            let help = helps.entry(name.to_string()).or_insert_with(|| {
+                let output = program::choreo(Path::new(BINARY)).args([name, "--help"]).output().unwrap();
+                if output.status.success() {
+                    String::from_utf8(output.stdout).unwrap()
+                } else {
+                    String::new()
+                }
+            });
+            let flag = |word: &str| {
+                word.strip_prefix("--").map(|flag| flag.split(['=', ')']).next().unwrap().to_string())
+            };
+            let has = |flag: &String| {
+                help.split([' ', '\n', ',', '=', '[']).any(|word| word == format!("--{flag}"))
+            };
+            if help.is_empty() || words.filter_map(flag).any(|flag| !has(&flag)) {
+                unknown.push(format!("{}: {command}", page.source));
+            }
+        }
+    }
+    unknown
+}
+
+#[test]
+fn commands_and_their_options_exist() {
+    let mut book = book();
+    book.pages.retain(|page| page.is_own);
+    let count: usize = book.pages.iter().map(|page| commands(&page.text).len()).sum();
+    assert!(count > 40, "{count} commands");
+    assert_eq!(unknown_commands(book.pages.iter()), Vec::<String>::new());
+    let page = book.pages.iter_mut().find(|page| page.path == "ten_minutes.md").unwrap();
+    for (from, to) in [("--at 1", "--when 1"), ("choreo view", "choreo show")] {
+        assert!(page.text.contains(from), "{from}");
+        let text = std::mem::take(&mut page.text);
+        page.text = text.replacen(from, to, 1);
+        assert_eq!(unknown_commands(std::iter::once(&*page)).len(), 1, "{from} → {to}");
+        page.text = text;
     }
 }
 
