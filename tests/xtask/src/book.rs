@@ -8,16 +8,21 @@ use std::process::Command;
 const VERSION: &str = "0.5.4";
 
 pub fn book() -> Result<(), String> {
-    let out = target().join("guide");
     // The profile of the tests, which have built the crate: drawing is optimized in it, too.
-    let mut sources = cargo(&["run", "--quiet", "-p", "guide", "--"]);
-    sources.arg(&out);
-    run(sources, "the guide")?;
+    let out = website(cargo(&["run", "--quiet", "-p", "guide", "--"]))?;
+    println!("wrote {}", out.join("index.html").display());
+    Ok(())
+}
+
+/// The folder of the website that mdBook makes of what the program of the crate `guide` writes.
+pub fn website(mut guide: Command) -> Result<PathBuf, String> {
+    let out = target().join("guide");
+    guide.arg(&out);
+    run(guide, "the guide")?;
     let mut build = Command::new(mdbook(&target().join("mdbook"))?);
     build.arg("build").arg(&out);
     run(build, "mdbook")?;
-    println!("wrote {}", out.join("book/index.html").display());
-    Ok(())
+    Ok(out.join("book"))
 }
 
 /// The program `mdbook`: that on the path if it is of the series 0.5, else one that cargo installs into a folder.

@@ -12,7 +12,7 @@ const SCRIPT: &str = "share/choreo/examples/01_first_dance.rhai";
 const SIZE: (u32, u32) = (160, 90);
 
 /// Files below the prefix that a user looks for.
-const EXPECTED: [&str; 12] = [
+const EXPECTED: [&str; 13] = [
     "share/man/man1/choreo.1",
     "share/man/man1/choreo-render.1",
     "share/man/man1/choreo-view.1",
@@ -22,6 +22,7 @@ const EXPECTED: [&str; 12] = [
     "share/applications/choreo-view.desktop",
     "share/icons/hicolor/256x256/apps/choreo.png",
     "share/doc/choreo/LICENSE",
+    "share/doc/choreo/guide/index.html",
     "share/doc/choreo/THIRD-PARTY.md",
     "share/doc/choreo/licences/README.txt",
     "share/choreo/examples/models/flag.gltf",

@@ -1,8 +1,7 @@
 //! The files of an archive and of a package, in their places: `bin` and `share`.
 
 use super::licence_texts;
-use crate::setup::works;
-use crate::{cargo, root, run};
+use crate::{book, cargo, root, run};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -11,13 +10,16 @@ pub struct Built {
     choreo: PathBuf,
     view: PathBuf,
     manuals: PathBuf,
+    guide: PathBuf,
 }
 
 impl Built {
     /// All in one call: a second one, with other features of clap, would build the programs again.
     pub fn release() -> Result<Built, String> {
-        let args = ["build", "--release", "--quiet", "-p", "choreo", "-p", "choreo-viewer", "-p", "manuals"];
-        run(cargo(&args), "cargo build --release")?;
+        let args = ["build", "--release", "--quiet", "-p", "choreo", "-p", "choreo-viewer"];
+        let mut build = cargo(&args);
+        build.args(["-p", "manuals", "-p", "guide"]);
+        run(build, "cargo build --release")?;
         let target =
             std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
         Built::in_folder(&target.join("release"))
@@ -28,7 +30,12 @@ impl Built {
             let file = folder.join(format!("{name}{}", std::env::consts::EXE_SUFFIX));
             if file.is_file() { Ok(file) } else { Err(format!("{}: is not there", file.display())) }
         };
-        Ok(Built { choreo: program("choreo")?, view: program("choreo-view")?, manuals: program("manuals")? })
+        Ok(Built {
+            choreo: program("choreo")?,
+            view: program("choreo-view")?,
+            manuals: program("manuals")?,
+            guide: program("guide")?,
+        })
     }
 }
 
@@ -53,7 +60,7 @@ pub fn write(built: &Built, to: &Path) -> Result<(), String> {
         copy(&root().join(text), &docs.join(text))?;
     }
     licence_texts::write(&docs.join("licences"))?;
-    guide(&docs.join("guide"))?;
+    guide(built, &docs.join("guide"))?;
     tracked("scripts", |name| !name.starts_with("guide/"), &share.join("choreo/examples"))?;
     desktop(built, &share)
 }
@@ -74,19 +81,24 @@ fn desktop(built: &Built, share: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// The book as HTML where mdBook is installed, else its Markdown; nothing where there is no guide.
-fn guide(to: &Path) -> Result<(), String> {
-    let from = root().join("scripts/guide");
-    if !from.join("book.toml").is_file() {
-        return Ok(());
+/// The guide as a website, or as Markdown where mdBook can neither be found nor installed.
+fn guide(built: &Built, to: &Path) -> Result<(), String> {
+    match book::website(Command::new(&built.guide)) {
+        Ok(website) => everything(&website, to),
+        Err(why) => {
+            println!("{why}: the guide is packed as Markdown");
+            tracked("scripts/guide", |_| true, to)
+        }
     }
-    if works("mdbook", &["--version"]) {
-        let mut book = Command::new("mdbook");
-        book.arg("build").arg(&from).arg("--dest-dir").arg(to);
-        return run(book, "mdbook");
-    }
-    println!("no mdbook here: the guide is packed as Markdown");
-    tracked("scripts/guide", |_| true, to)
+}
+
+/// Copies a folder with the folders in it.
+fn everything(from: &Path, to: &Path) -> Result<(), String> {
+    let entries = std::fs::read_dir(from).map_err(|e| format!("{}: {e}", from.display()))?;
+    entries.flatten().try_for_each(|entry| {
+        let to = to.join(entry.file_name());
+        if entry.path().is_dir() { everything(&entry.path(), &to) } else { copy(&entry.path(), &to) }
+    })
 }
 
 /// Copies the files that git knows below a folder: nothing that a run or an editor has left there.
