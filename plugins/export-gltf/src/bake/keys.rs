@@ -346,6 +346,39 @@ fn value_at(curve: &Curve, time: Time, out: &mut Vec<f32>) {
     }
 }
 
+/// Adds the stage times of the keys of an actor's clips: there LINEAR curves have corners. Clips whose time is keyed are left out.
+pub fn add_key_times(actor: &Actor, start: Time, end: Time, out: &mut Vec<Time>) {
+    for (number, layer) in actor.layers.iter().enumerate() {
+        for (index, cue) in layer.cues.iter().enumerate() {
+            let is_straight = cue.in_step.iter().all(Option::is_none)
+                && cue.time_remapping.is_none()
+                && cue.freezes.is_empty();
+            if !is_straight {
+                continue;
+            }
+            // It is heard until the next one has faded in.
+            let next =
+                layer.cues.get(index + 1).map(|next| next.start + next.fade_in.max(next.inertialization));
+            let own = cue.end.filter(|_| number > 0);
+            let to = next.or(own).map_or(end, |time| time.min(end));
+            let mut stretches = Vec::new();
+            let held = cue.end.filter(|_| number == 0 && next.is_none()).unwrap_or(Time::MAX);
+            play(cue, index, [cue.start.max(start), to, held], &mut stretches);
+            let mut known: Vec<*const Time> = Vec::new();
+            for curve in cue.clip.curves() {
+                if known.contains(&curve.times.as_ptr()) {
+                    continue;
+                }
+                known.push(curve.times.as_ptr());
+                for Stretch { from, to, at, rate, .. } in stretches.iter().filter(|s| s.rate != 0.0) {
+                    let on_stage = |key: &Time| *from + (*key - *at).scaled(1.0 / rate);
+                    out.extend(curve.times.iter().map(on_stage).filter(|time| from < time && time < to));
+                }
+            }
+        }
+    }
+}
+
 /// What distinguishes the motion of two actors of one asset that play their clips unchanged.
 pub fn identity(actor: &Actor) -> Vec<u64> {
     let mut out = vec![std::sync::Arc::as_ptr(&actor.asset) as u64];

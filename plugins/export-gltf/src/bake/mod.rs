@@ -134,7 +134,8 @@ fn sample(
     baked: &mut Baked<'_>,
 ) -> Result<(), StageError> {
     let stage = &scene.stage;
-    let times = sample::first_times(scene, baked.start, baked.end);
+    let posed: Vec<usize> = (0..needs.len()).filter(|a| needs[*a] == Need::Pose).collect();
+    let times = sample::first_times(scene, baked.start, baked.end, &posed);
     let most = (MOST_NUMBERS / (4 * times.len())).max(1);
     let mut left: Vec<usize> = (0..needs.len()).filter(|a| needs[*a] != Need::Nothing).collect();
     left.reverse();

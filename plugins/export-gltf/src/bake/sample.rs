@@ -3,6 +3,7 @@
 //! The first samples are at all frames and where something is known to begin or end. Then the middle of each interval is compared with
 //! what lies between its ends, and the interval is halved until that is near enough; a jump is halved down to a tick.
 
+use crate::bake::keys;
 use crate::bake::rig::{self, STRIDE, Spaces};
 use crate::bake::signals::{self, Quantity, Signal};
 use choreo_plugin::ExportedScene;
@@ -37,6 +38,9 @@ pub struct Sampler<'a> {
     tolerance: f32,
     spaces: Spaces,
 }
+
+/// Key times of clips that count as places to begin with, at most.
+const MOST_KEYS_A_FRAME: usize = 8;
 
 /// Most samples between two of the first ones: one jump takes 24. What changes faster is not followed, and counts as error.
 const MOST_BETWEEN: usize = 128;
@@ -170,11 +174,22 @@ fn without_others(stage: &Stage, signals: &[Signal], sampled: &[Sampled]) -> Opt
     Some(fewer)
 }
 
-/// Times at which something begins, ends or jumps, each with the tick before it, and the frames; increasing, from start to end.
-pub fn first_times(scene: &ExportedScene, start: Time, end: Time) -> Vec<Time> {
+/// Times at which something begins, ends or jumps, each with the tick before it, the frames, and the keys of the clips of these actors,
+/// where curves have corners; increasing, from start to end.
+pub fn first_times(scene: &ExportedScene, start: Time, end: Time, posed: &[usize]) -> Vec<Time> {
     let stage = &scene.stage;
     let mut jumps: Vec<Time> = stage.cuts.iter().map(|cut| cut.at).collect();
-    let mut out: Vec<Time> = scene.times.clone();
+    let mut out: Vec<Time> = Vec::new();
+    for actor in posed {
+        keys::add_key_times(&stage.actors[*actor], start, end, &mut out);
+        out.sort_unstable();
+        out.dedup();
+        // Clips with that many keys are nearly smooth.
+        if out.len() > MOST_KEYS_A_FRAME * scene.times.len() {
+            out.clear();
+            break;
+        }
+    }
     for cut in &stage.cuts {
         out.push(cut.at + cut.dissolve);
     }
@@ -198,6 +213,16 @@ pub fn first_times(scene: &ExportedScene, start: Time, end: Time) -> Vec<Time> {
     out.extend(stage.lights.iter().flat_map(|l| &l.channels).flat_map(|channel| &channel.times));
     out.extend(jumps.iter().flat_map(|jump| [*jump - Time(1), *jump]));
     out.extend([start, end]);
+    out.sort_unstable();
+    // Some players take keys that are less than a hundredth of a frame apart for one.
+    let near = Time(scene.fps.time_of(1).0 / 64);
+    let is_alone = |frame: &&Time| {
+        let next = out.partition_point(|time| time < *frame);
+        let before = next.checked_sub(1).and_then(|i| out.get(i)).is_none_or(|time| **frame - *time > near);
+        before && out.get(next).is_none_or(|time| *time - **frame > near)
+    };
+    let frames: Vec<Time> = scene.times.iter().filter(is_alone).copied().collect();
+    out.extend(frames);
     out.retain(|time| start <= *time && *time <= end);
     out.sort_unstable();
     out.dedup();
