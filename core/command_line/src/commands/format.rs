@@ -34,8 +34,11 @@ pub fn run(args: &FormatArgs) -> Result<(), Failure> {
     if !changed.is_empty() {
         let names: Vec<String> = changed.iter().map(|path| quoted(&shown(path))).collect();
         problems.extend(names.iter().map(|name| Problem::Text(format!("{name}: is not formatted"))));
-        let words = if names.len() > 8 { "the same without --check".to_string() } else { names.join(" ") };
-        problems.push(Problem::Text(format!("hint: choreo format {words}")));
+        let hint = match names.len() {
+            1..=8 => format!("hint: choreo format {}", names.join(" ")),
+            _ => "hint: the same command without --check formats them".to_string(),
+        };
+        problems.push(Problem::Text(hint));
     }
     if problems.is_empty() { Ok(()) } else { Err(Failure::Input(problems)) }
 }
