@@ -8,7 +8,7 @@ pub struct Bones {
     pub names: Vec<String>,
     parents: Vec<Option<usize>>,
     children: Vec<Vec<usize>>,
-    /// From the parent in the rest pose, in axes of the world, metres; the roots' from the origin.
+    /// Positions from the parent in the rest pose, in axes of the world, metres; the roots' from the origin.
     pub offsets: Vec<DVec3>,
     /// Rotations of the rest pose in model space.
     rest: Vec<DQuat>,
@@ -80,7 +80,7 @@ impl Bones {
         self.children[bone].is_empty()
     }
 
-    /// Where a leaf ends: half of its own length further, as the format has no length for it.
+    /// End of a leaf: half of its own length further, as the format has no length for it.
     pub fn end(&self, bone: usize) -> DVec3 {
         self.offsets[bone] * 0.5
     }
@@ -116,14 +116,14 @@ impl Bones {
         }
     }
 
-    /// From the parent, in its axes; a root's in the world.
+    /// Position from the parent, in its axes; a root's in the world.
     pub fn local_position(&self, pose: &Pose, bone: usize) -> DVec3 {
         self.parents[bone].map_or(pose.positions[bone], |parent| {
             pose.rotations[parent].inverse() * (pose.positions[bone] - pose.positions[parent])
         })
     }
 
-    /// From the parent's rotation.
+    /// Rotation from the parent's; a root's in the world.
     pub fn local_rotation(&self, pose: &Pose, bone: usize) -> DQuat {
         self.parents[bone].map_or(pose.rotations[bone], |parent| {
             (pose.rotations[parent].inverse() * pose.rotations[bone]).normalize()

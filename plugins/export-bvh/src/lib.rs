@@ -172,7 +172,7 @@ fn zxy(rotation: DQuat, last: [f64; 3]) -> [f64; 3] {
     if distance(&other) < distance(&one) { other } else { one }
 }
 
-/// What a user of the file has to know.
+/// Notes for the user of the file.
 fn notes(bones: &Bones, units: f64) -> Vec<String> {
     let mut notes = Vec::new();
     let moving = bones.moving.iter().filter(|moving| **moving).count().saturating_sub(1);

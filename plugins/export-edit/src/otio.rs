@@ -54,7 +54,7 @@ impl Objects {
     }
 }
 
-/// What all items have.
+/// An item with the fields that all items have.
 fn item(schema: &str, name: &str) -> Value {
     json!({
         "OTIO_SCHEMA": schema, "name": name, "metadata": {}, "source_range": null,

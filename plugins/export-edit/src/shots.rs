@@ -2,7 +2,7 @@
 
 use choreo_plugin::ExportedScene;
 
-/// What one camera shows.
+/// The span of time that one camera shows.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Shot {
     /// The camera's name.
