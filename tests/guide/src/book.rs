@@ -2,7 +2,8 @@
 //! the book.
 
 use crate::markdown::{self, Link};
-use crate::{gallery, reference};
+use crate::page::{Drawing, Page};
+use crate::{gallery, lesson, reference};
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
@@ -10,25 +11,6 @@ use std::path::{Component, Path, PathBuf};
 const SOURCES: &str = "scripts/guide/src";
 /// The folder of the scripts that pages include and whose images they show.
 const SCENES: &str = "scripts/guide/scenes";
-
-/// A page of the book.
-pub struct Page {
-    /// Path in the book: `recipes/dialogue.md`.
-    pub path: String,
-    /// The file that it is made from, for messages, and the folder of its links.
-    pub source: String,
-    pub text: String,
-    /// Whether it is one of the guide's own: neither generated nor a page of another part of the repository.
-    pub is_own: bool,
-}
-
-/// An image that is drawn from a script.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Drawing {
-    pub script: PathBuf,
-    /// Seconds; none for a contact sheet of the whole scene.
-    pub time: Option<String>,
-}
 
 pub struct Book {
     pub summary: String,
@@ -59,7 +41,7 @@ impl Book {
             edited: edited.iter().map(|(file, text)| (file.to_string(), text.to_string())).collect(),
             paths: BTreeMap::new(),
         };
-        let lessons = gallery::lessons(root)?;
+        let lessons = lesson::lessons(root)?;
         let mut generated = reference::pages(root, &lessons)?;
         // Pages of the repository link to the file of the reference there, and to the scripts of the lessons.
         book.paths.insert("core/script/API.md".to_string(), "reference/index.md".to_string());

@@ -8,7 +8,9 @@
 
 pub mod book;
 pub mod gallery;
+pub mod lesson;
 pub mod markdown;
+pub mod page;
 pub mod program;
 pub mod reference;
 pub mod write;

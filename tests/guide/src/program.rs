@@ -1,6 +1,6 @@
 //! The program `choreo`, which the binary of this crate contains, in a process of its own.
 
-use crate::book::Drawing;
+use crate::page::Drawing;
 use std::path::Path;
 use std::process::{Command, Stdio};
 

@@ -1,8 +1,8 @@
 //! The reference: a page for each type that scripts handle, made from the descriptions that also make `API.md`, and an index of the
 //! words of the field.
 
-use crate::book::Page;
-use crate::gallery::Lesson;
+use crate::lesson::Lesson;
+use crate::page::Page;
 use choreo_language_server::calls;
 use choreo_script::describe::{self, Entry, OptionEntry, Returns};
 use choreo_script::help;

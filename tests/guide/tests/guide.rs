@@ -1,7 +1,7 @@
 //! The guide holds: its links lead somewhere, its scripts pass `choreo check`, its commands exist, and its images are drawn from
 //! their scripts.
 
-use guide::book::Page;
+use guide::page::Page;
 use guide::{Book, markdown, program, root};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
