@@ -180,7 +180,7 @@ pub struct MemoryFiles {
     pub main: Vec<u8>,
     /// The files beside it, by ending.
     pub beside: BTreeMap<String, Vec<u8>>,
-    /// What the exporter has reported.
+    /// The deviation that the exporter has reported.
     pub deviation: Option<ExportDeviation>,
 }
 
