@@ -41,9 +41,9 @@ pub type MeshKey = (usize, u32, Option<u32>, bool, Vec<Option<Index>>);
 #[derive(Clone, Debug, Default)]
 pub struct ActorNodes {
     pub root: Index,
-    /// First joint of each body; an asset with placements has one a placement.
-    pub bodies: Vec<Index>,
-    /// Nodes with the mesh of each instance, of all bodies.
+    /// First joint of each character drawn; an asset with placements has one a placement.
+    pub characters: Vec<Index>,
+    /// Nodes with the mesh of each instance, of all characters.
     pub meshes: Vec<Vec<Index>>,
 }
 
@@ -69,8 +69,11 @@ impl<'a> Parts<'a> {
         let still = baked.still_rig(actor, index);
         let root = self.push(Node { name: actor.name.clone(), ..node_at(&still[0]) });
         self.at_root(root);
-        let mut out =
-            ActorNodes { root, bodies: Vec::new(), meshes: vec![Vec::new(); actor.asset.instances.len()] };
+        let mut out = ActorNodes {
+            root,
+            characters: Vec::new(),
+            meshes: vec![Vec::new(); actor.asset.instances.len()],
+        };
         // A number that changes is left out: all copies are there.
         let varies = actor.channels.iter().any(|c| c.property == Property::Copies) || !stage.hooks.is_empty();
         let copies = baked.first.actors[index].copies.filter(|_| !varies);
@@ -94,11 +97,11 @@ impl<'a> Parts<'a> {
                 }
             };
             let base = self.joints(&actor.asset, &still, above);
-            out.bodies.push(base);
+            out.characters.push(base);
             self.instances(actor, base, copies, &materials, &mut out)?;
         }
         if actor.file_lights && actor.asset.placements.is_empty() {
-            self.file_lights(&actor.asset, out.bodies[0]);
+            self.file_lights(&actor.asset, out.characters[0]);
         }
         Ok(out)
     }
@@ -146,7 +149,7 @@ impl<'a> Parts<'a> {
         Ok(out)
     }
 
-    /// The joints of a body, below a node; the index of the first.
+    /// The joints of one character, below a node; the index of the first.
     fn joints(&mut self, asset: &Asset, still: &[Transform], above: Index) -> Index {
         let skeleton = &asset.skeleton;
         let base = self.document.nodes.len() as Index;
@@ -160,7 +163,7 @@ impl<'a> Parts<'a> {
         base
     }
 
-    /// The meshes of a body.
+    /// The meshes of one character.
     fn instances(
         &mut self,
         actor: &'a Actor,
@@ -268,7 +271,7 @@ impl<'a> Parts<'a> {
         Some(node)
     }
 
-    /// The meshes of a body that does not move, at each of its placements.
+    /// The meshes of a character that does not move, at each of its placements.
     fn placed_meshes(
         &mut self,
         actor: &'a Actor,

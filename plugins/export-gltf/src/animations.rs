@@ -161,7 +161,7 @@ pub fn actor_channel(
     };
     match joint.checked_sub(1) {
         None => builder.node(sampler, nodes.root, name),
-        Some(joint) => nodes.bodies.iter().for_each(|base| builder.node(sampler, base + joint, name)),
+        Some(joint) => nodes.characters.iter().for_each(|base| builder.node(sampler, base + joint, name)),
     }
 }
 

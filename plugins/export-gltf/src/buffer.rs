@@ -138,7 +138,7 @@ impl Accessor {
         Accessor { buffer_view: None, byte_offset: 0, component_type, count, shape, min, max }
     }
 
-    /// With the smallest and largest of each of `N` components.
+    /// Adds the smallest and largest of each of `N` components.
     pub fn bounded<const N: usize>(mut self, rows: impl Iterator<Item = [f32; N]>) -> Accessor {
         let (mut min, mut max) = ([f32::INFINITY; N], [f32::NEG_INFINITY; N]);
         for row in rows {

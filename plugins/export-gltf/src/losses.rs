@@ -1,4 +1,4 @@
-//! What a scene has that glTF has no words for.
+//! Parts of a scene that glTF has no words for.
 
 use choreo_plugin::motion::{PropertyTarget, Skinning};
 use choreo_plugin::stage::{Stage, ViewTransform};

@@ -17,7 +17,7 @@ pub struct Materials {
     pub list: Vec<Value>,
     /// Extensions in use.
     pub extensions: BTreeSet<&'static str>,
-    /// What glTF has no words for, once each.
+    /// Parts of materials that glTF has no words for, once each.
     pub losses: BTreeSet<&'static str>,
     known: BTreeMap<String, Index>,
 }
@@ -263,7 +263,7 @@ impl Writer<'_, '_> {
     }
 
     fn volume(&mut self, l: &MaterialLayers) -> Result<(), ExportError> {
-        // A volume is seen through a surface that lets light in.
+        // A volume shows only where the surface lets light in.
         if l.transmission <= 0.0 && l.diffuse_transmission <= 0.0 {
             return Ok(());
         }

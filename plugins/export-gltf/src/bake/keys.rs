@@ -346,7 +346,7 @@ fn value_at(curve: &Curve, time: Time, out: &mut Vec<f32>) {
     }
 }
 
-/// Adds the stage times of the keys of an actor's clips: there LINEAR curves have corners. Clips whose time is keyed are left out.
+/// Adds the stage times of the keys of an actor's clips: there the slope of LINEAR curves jumps. Clips whose time is keyed are left out.
 pub fn add_key_times(actor: &Actor, start: Time, end: Time, out: &mut Vec<Time>) {
     for (number, layer) in actor.layers.iter().enumerate() {
         for (index, cue) in layer.cues.iter().enumerate() {
@@ -356,7 +356,7 @@ pub fn add_key_times(actor: &Actor, start: Time, end: Time, out: &mut Vec<Time>)
             if !is_straight {
                 continue;
             }
-            // It is heard until the next one has faded in.
+            // It is active until the next one has faded in.
             let next =
                 layer.cues.get(index + 1).map(|next| next.start + next.fade_in.max(next.inertialization));
             let own = cue.end.filter(|_| number > 0);
@@ -379,7 +379,7 @@ pub fn add_key_times(actor: &Actor, start: Time, end: Time, out: &mut Vec<Time>)
     }
 }
 
-/// What distinguishes the motion of two actors of one asset that play their clips unchanged.
+/// Distinguishes the motion of two actors of one asset that play their clips unchanged.
 pub fn identity(actor: &Actor) -> Vec<u64> {
     let mut out = vec![std::sync::Arc::as_ptr(&actor.asset) as u64];
     for cue in actor.layers.first().iter().flat_map(|layer| &layer.cues) {

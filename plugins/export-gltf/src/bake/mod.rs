@@ -80,7 +80,7 @@ pub fn bake<'a>(scene: &'a ExportedScene, tolerance: f64) -> Result<Baked<'a>, S
     Ok(baked)
 }
 
-/// From the first frame to the end of the last one, or of the stage.
+/// The time from the first frame to the end of the last one, or of the stage.
 fn span(scene: &ExportedScene) -> (Time, Time) {
     let first = scene.times.first().copied().unwrap_or(Time::ZERO);
     let last = scene.times.last().copied().unwrap_or(first);

@@ -64,7 +64,7 @@ pub fn transform(row: &[f32]) -> Transform {
     }
 }
 
-/// Where a row between two has each joint: LINEAR interpolation, as glTF has it.
+/// Transform of a joint between two rows: LINEAR interpolation, as glTF has it.
 fn between(a: &[f32], b: &[f32], t: f32) -> Transform {
     let (a, b) = (transform(a), transform(b));
     Transform {

@@ -112,7 +112,7 @@ impl<'a> Sampler<'a> {
         Ok(done)
     }
 
-    /// What lies halfway between two rows; `None` where they are a tick apart.
+    /// The row halfway between two and its error; `None` where they are a tick apart.
     fn interval(&mut self, a: &Row, b: &Row) -> Result<Option<Interval>, StageError> {
         if (b.time - a.time).0 <= 1 {
             return Ok(None);
@@ -175,7 +175,7 @@ fn without_others(stage: &Stage, signals: &[Signal], sampled: &[Sampled]) -> Opt
 }
 
 /// Times at which something begins, ends or jumps, each with the tick before it, the frames, and the keys of the clips of these actors,
-/// where curves have corners; increasing, from start to end.
+/// where the slope of curves jumps; increasing, from start to end.
 pub fn first_times(scene: &ExportedScene, start: Time, end: Time, posed: &[usize]) -> Vec<Time> {
     let stage = &scene.stage;
     let mut jumps: Vec<Time> = stage.cuts.iter().map(|cut| cut.at).collect();

@@ -7,15 +7,15 @@ use choreo_plugin::stage::{
     ActorState, Camera, CameraState, LightState, Property, Rig, Snapshot, Stage, Target,
 };
 
-/// What a signal is of.
+/// The number that a signal is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quantity {
-    /// Of the camera that is on, or of the one that dissolves into it.
+    /// A part of the camera that is on, or of the one that dissolves into it.
     Camera {
         dissolving: bool,
         part: CameraPart,
     },
-    /// Of a light of the stage, by index.
+    /// A part of a light of the stage, by index.
     Light {
         light: usize,
         part: LightPart,
@@ -60,7 +60,7 @@ pub enum MaterialPart {
     AlphaCutoff,
     NormalScale,
     OcclusionStrength,
-    /// Of a texture slot.
+    /// Transform of a texture slot.
     UvOffset(u8),
     UvRotation(u8),
     UvScale(u8),

@@ -19,7 +19,7 @@ pub struct TrackSet<'a> {
     /// Key times on the stage, strictly increasing.
     pub times: Vec<Vec<Time>>,
     pub tracks: Vec<Track>,
-    /// What stays as it is all the time, by joint of the rig, where that may not be the rest pose.
+    /// Values that stay as they are all the time, by joint of the rig, where that may not be the rest pose.
     pub still: Vec<(u32, Path, Vec<f32>)>,
     pub values: Values<'a>,
 }
