@@ -29,7 +29,7 @@ const LOOKS: [f64; 5] = [0.0, 0.21, 0.47, 0.76, 1.0];
 /// A color or a light may change so much from one of them to the next: the color in the middle is close to the mean.
 const FAINT: f32 = 0.02;
 
-/// Motion while the shutter is open, and the number of sub-frames that it takes.
+/// Motion while the shutter is open, and how many sub-frames it takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShutterMotion {
     /// Sub-frames at most.
@@ -59,7 +59,7 @@ impl fmt::Display for ShutterMotion {
     }
 }
 
-/// The content of the stage as one plan has it.
+/// A stage as one plan shows it.
 pub(super) struct Shown<'a> {
     pub resources: &'a SceneResources,
     pub stage: &'a Stage,
