@@ -124,6 +124,7 @@ fn every_example_of_a_script_runs() {
     let registry = choreo::registry();
     let (dir, mut failures, mut ran) = (tempfile::tempdir().unwrap(), Vec::new(), 0);
     std::fs::write(dir.path().join("steps.rhai"), "fn step() {}").unwrap();
+    std::fs::write(dir.path().join("edit.otio"), include_str!("../../../scripts/guide/edit.otio")).unwrap();
     for example in choreo_script::help::examples().filter(|e| !e.starts_with("choreo ")) {
         let first = ["import", "stage("].iter().any(|start| example.starts_with(start));
         let script = if first { example.to_string() } else { format!("{prelude}\n{example}") };

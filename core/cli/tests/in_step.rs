@@ -4,7 +4,7 @@
 mod common;
 
 use choreo_motion::Time;
-use choreo_motion::contacts::{Contacts, Foot, find_feet};
+use choreo_motion::contacts::{Contacts, find_feet};
 use choreo_plugin::Registry;
 use choreo_script::{ScriptOptions, run_text};
 use choreo_stage::{ConstraintKind, Evaluator, Leg, Stage, find_legs};
@@ -117,12 +117,10 @@ fn planted_feet_stay_where_they_are_while_walk_becomes_run() {
                 if file.contains("Fox") { (4, 4) } else { (2, 2) },
                 "{file}"
             );
-            let balls: Vec<Foot> =
-                legs.iter().map(|l| Foot { joints: vec![l.toe.unwrap_or(l.foot)] }).collect();
             let contacts: Vec<Contacts> = actor.layers[0]
                 .cues
                 .iter()
-                .map(|cue| Contacts::find(skeleton, &cue.clip, cue.trim, &balls).unwrap())
+                .map(|cue| Contacts::find(skeleton, &cue.clip, cue.trim, &feet).unwrap())
                 .collect();
             // Down where the clip that counts more says so.
             let planted = |leg: usize, time: Time| {

@@ -4,11 +4,8 @@ use crate::api_error::ApiError;
 use crate::build::{Build, CueDraft, RootDraft, RootUse};
 use choreo_asset::Asset;
 use choreo_motion::contacts::{ContactInterval, Contacts, find_feet, leg_length};
-use choreo_motion::{
-    Clip, Footsteps, LocalToModel, PhaseMatchedFade, Pose, RootMotion, RootParts, Sample, Time,
-};
+use choreo_motion::{Clip, Footsteps, PhaseMatchedFade, RootMotion, RootParts, Time};
 use choreo_stage::{Cue, CueRootMotion, Pace, Repeat, StandingFade};
-use glam::{Affine3A, Vec3A};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -30,10 +27,8 @@ pub struct AnalyzedClips {
 pub enum Gait {
     /// Walks, runs or crawls, on the spot or not.
     Walks,
-    /// Stands on all its feet, which stay where they are.
+    /// Stands on all its feet.
     Stands,
-    /// Stands on all its feet, which shift on the ground.
-    Shifts,
     Other,
 }
 
@@ -41,10 +36,6 @@ pub enum Gait {
 const SLOWEST: f64 = 0.15;
 /// Feet are on the ground for this share of a clip in which a character stands.
 const STANDS: f64 = 0.9;
-/// Feet that get farther in a clip in which a character stands shift, in leg lengths.
-const SHIFTS: f64 = 0.01;
-/// Number of poses in which they are looked at.
-const LOOKS: i64 = 48;
 
 fn part(asset: &Asset, clip: &Arc<Clip>, trim: (Time, Time)) -> ClipRange {
     (Arc::as_ptr(&asset.skeleton) as usize, Arc::as_ptr(clip) as usize, trim.0, trim.1)
@@ -142,61 +133,27 @@ pub fn gait(asset: &Asset, cue: &Cue, found: &mut AnalyzedClips) -> Gait {
             let on_ground = |c: &ContactInterval| (c.to - c.from).as_secs();
             foot.iter().map(on_ground).sum::<f64>() >= STANDS * secs
         };
-        contacts.intervals.iter().all(stands).then(|| {
-            let feet = feet.iter().filter_map(|foot| foot.joints.last());
-            let farthest = feet.map(|joint| way_of(asset, cue, *joint)).fold(0.0, f64::max);
-            if farthest > SHIFTS * leg { Gait::Shifts } else { Gait::Stands }
-        })
+        contacts.intervals.iter().all(stands).then_some(Gait::Stands)
     };
     let entry = found.gaits.entry(part(asset, &cue.clip, cue.trim));
     *entry.or_insert_with(|| find().unwrap_or(Gait::Other))
 }
 
-/// Extent of the horizontal way of a joint in a cue's part of its clip, metres of the model.
-fn way_of(asset: &Asset, cue: &Cue, joint: u32) -> f64 {
-    let mut pose = Pose::rest(&asset.skeleton);
-    let mut model = vec![Affine3A::IDENTITY; asset.skeleton.len()];
-    let (mut low, mut high) = (Vec3A::MAX, Vec3A::MIN);
-    for look in 0..=LOOKS {
-        let time = cue.trim.0 + Time((cue.trim.1 - cue.trim.0).0 / LOOKS * look);
-        Sample { clip: &cue.clip, time, pose: &mut pose }.run();
-        LocalToModel { skeleton: &asset.skeleton, pose: &pose, model_from_joint: &mut model }.run();
-        let place = model[joint as usize].translation;
-        (low, high) = (low.min(place), high.max(place));
-    }
-    f64::from(libm::hypotf(high.x - low.x, high.z - low.z))
-}
-
-/// Fades of a base layer between walking and standing.
-#[derive(Default)]
-pub struct StandingFades {
-    pub fades: Vec<StandingFade>,
-    /// Times before and after them in which feet would shift on the ground.
-    pub shifting: Vec<(Time, Time)>,
-}
-
 /// The fades of a base layer between a clip that walks and one that stands.
-pub fn standing_fades(asset: &Asset, cues: &[Cue], found: &mut AnalyzedClips) -> StandingFades {
-    let mut all = StandingFades::default();
-    for (index, pair) in cues.windows(2).enumerate() {
+pub fn standing_fades(asset: &Asset, cues: &[Cue], found: &mut AnalyzedClips) -> Vec<StandingFade> {
+    let mut fades: Vec<StandingFade> = Vec::new();
+    for pair in cues.windows(2) {
         let [before, cue] = pair else { continue };
         let (from, to) = (cue.start, cue.start + cue.fade_in.max(cue.inertialization));
-        if to <= from || all.fades.last().is_some_and(|last| from < last.to) {
+        if to <= from || fades.last().is_some_and(|last| from < last.to) {
             continue;
         }
-        let gaits = [gait(asset, before, found), gait(asset, cue, found)];
-        let ends_standing = match gaits {
-            [Gait::Walks, Gait::Stands | Gait::Shifts] => true,
-            [Gait::Stands | Gait::Shifts, Gait::Walks] => false,
+        let ends_standing = match [gait(asset, before, found), gait(asset, cue, found)] {
+            [Gait::Walks, Gait::Stands] => true,
+            [Gait::Stands, Gait::Walks] => false,
             _ => continue,
         };
-        let until = cues.get(index + 2).map_or(Time::MAX, |next| next.start);
-        match gaits {
-            [Gait::Shifts, _] => all.shifting.push((before.start, from)),
-            [_, Gait::Shifts] => all.shifting.push((to, until)),
-            _ => {}
-        }
-        all.fades.push(StandingFade { from, to, ends_standing });
+        fades.push(StandingFade { from, to, ends_standing });
     }
-    all
+    fades
 }

@@ -129,9 +129,14 @@ fn a_stop_takes_a_last_step() {
     let mut faults = Vec::new();
     for character in &CHARACTERS {
         let mut most_without = 0.0f64;
-        for (how, planted) in
-            [("fade: 0.5", ""), ("inertial: 0.4", ""), ("fade: 0.3", "anna.plant_feet();"), ("fade: 1.2", "")]
-        {
+        for (how, planted, fade) in [
+            ("fade: 0.5", "", 0.5),
+            ("inertial: 0.4", "", 0.4),
+            ("fade: 0.3", "anna.plant_feet();", 0.3),
+            ("fade: 1.2", "", 1.2),
+        ] {
+            // The fox shifts its paws by 6 cm in its standing clip, which plays as it is once the fade has ended.
+            let watched = if character.0.contains("Fox") { fade } else { 2.5 };
             for at in [2.0, 2.17, 2.41, 2.63] {
                 let text = script(
                     character,
@@ -143,7 +148,7 @@ fn a_stop_takes_a_last_step() {
                 let legs = find_legs(&stage.actors[0].asset.skeleton);
                 // Where feet stand long after.
                 let ground: Vec<f64> = balls(&stage, &legs, 6.0, 6.0).iter().map(|b| b[0].y).collect();
-                let watch = |stage: &Stage| slide(&balls(stage, &legs, at, at + 2.5), &ground, at);
+                let watch = |stage: &Stage| slide(&balls(stage, &legs, at, at + watched), &ground, at);
                 let (own, plain) = (watch(&stage), watch(&without_foot_locks(&stage)));
                 println!(
                     "| {} | {how} {planted} | {at} | {:.1} at {:.2} s | {:.1} | {:.2} | {:.2} |",

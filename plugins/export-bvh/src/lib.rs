@@ -167,7 +167,7 @@ fn zxy(rotation: DQuat, last: [f64; 3]) -> [f64; 3] {
         }
         turned
     };
-    let distance = |angles: &[f64; 3]| angles.iter().zip(last).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+    let distance = |angles: &[f64; 3]| angles.iter().zip(last).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
     let (one, other) = (near([z, x, y]), near([z + PI, PI - x, y + PI]));
     if distance(&other) < distance(&one) { other } else { one }
 }

@@ -190,7 +190,8 @@ impl Writer<'_, '_> {
                 let layers = m.layers.as_deref();
                 let ior = layers.map_or(1.5, |l| l.ior);
                 // The color of the asset is in units of glass; that of the file in units of the index.
-                let f0 = if ior == 0.0 { 1.0 } else { ((ior - 1.0) / (ior + 1.0)).powi(2) };
+                let root = (ior - 1.0) / (ior + 1.0);
+                let f0 = if ior == 0.0 { 1.0 } else { root * root };
                 let unit = if f0 > 0.0 { f0 / F0_OF_GLASS } else { 1.0 };
                 let color = if f0 > 0.0 && ior != 1.5 { m.specular_color / unit } else { m.specular_color };
                 // Rounding of the division is no color.

@@ -63,6 +63,7 @@ fn failing<'p>(pages: impl Iterator<Item = &'p Page>) -> Vec<String> {
     let frame = std::fs::read_to_string(root().join("scripts/guide/frame.rhai")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let written = folder.path().join("script.rhai");
+    std::fs::copy(root().join("scripts/guide/edit.otio"), folder.path().join("edit.otio")).unwrap();
     let included = scripts();
     let (registry, options) = (choreo::registry(), choreo_script::ScriptOptions::default());
     let (mut known, mut failing) = (BTreeSet::new(), Vec::new());

@@ -4,11 +4,11 @@ use super::Notes;
 use super::planting::{InStep, is_moved};
 use crate::api_error::{ApiError, Place};
 use crate::build::{ActorDraft, Build, CueDraft, RootUse};
-use crate::clip_analysis::{AnalyzedClips, StandingFades, in_step, root, standing_fades};
+use crate::clip_analysis::{AnalyzedClips, in_step, root, standing_fades};
 use crate::cue_times::all_times;
 use crate::diagnostic::Severity;
 use choreo_motion::{Clip, Time};
-use choreo_stage::{Cue, CueRootMotion, Layer, LayerMode, Pace, Reference, Repeat};
+use choreo_stage::{Cue, CueRootMotion, Layer, LayerMode, Pace, Reference, Repeat, StandingFade};
 use std::sync::Arc;
 
 /// Speed in metres a second below which an actor stands.
@@ -59,7 +59,7 @@ pub(super) struct Layers {
     pub places: Vec<Vec<Vec<Place>>>,
     pub in_step: Vec<InStep>,
     /// Fades between walking and standing of each actor that gets on.
-    pub standing_fades: Vec<StandingFades>,
+    pub standing_fades: Vec<Vec<StandingFade>>,
 }
 
 /// The layers of every actor: the base first, then each chain with a mask, in the order of the script.
@@ -101,7 +101,7 @@ pub(super) fn layers(build: &Build, notes: &mut Notes) -> Layers {
         let cues = layers.first().map_or(&[][..], |base| &base.cues);
         let carried = cues.iter().any(|cue| cue.root.as_ref().is_some_and(|root| root.carries));
         let gets_on = carried || is_moved(&draft.actor);
-        if gets_on { standing_fades(&draft.actor.asset, cues, &mut found) } else { StandingFades::default() }
+        if gets_on { standing_fades(&draft.actor.asset, cues, &mut found) } else { Vec::new() }
     };
     let standing_fades = build.actors.iter().zip(&layers).map(fades_of).collect();
     Layers { layers, places, in_step: matched, standing_fades }

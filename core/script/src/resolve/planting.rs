@@ -1,7 +1,6 @@
 //! Foot locks that fades need without a word in the script.
 
 use crate::build::{ActorDraft, Build};
-use crate::clip_analysis::StandingFades;
 use crate::legs;
 use choreo_motion::Time;
 use choreo_stage::{Actor, Constraint, ConstraintKind, FootLock, Property, StandingFade};
@@ -31,9 +30,8 @@ pub(super) fn plant_in_step(build: &mut Build, matched: Vec<InStep>) {
 }
 
 /// A character that fades between walking and standing, and gets on, takes steps in the fade instead of sliding.
-pub(super) fn plant_in_fades(build: &mut Build, standing_fades: Vec<StandingFades>) {
-    for (ActorDraft { actor, walks, .. }, found) in build.actors.iter_mut().zip(standing_fades) {
-        let StandingFades { mut fades, shifting } = found;
+pub(super) fn plant_in_fades(build: &mut Build, standing_fades: Vec<Vec<StandingFade>>) {
+    for (ActorDraft { actor, walks, .. }, mut fades) in build.actors.iter_mut().zip(standing_fades) {
         // A walk to a point begins with the turn.
         for walk in walks.iter() {
             fades
@@ -42,8 +40,7 @@ pub(super) fn plant_in_fades(build: &mut Build, standing_fades: Vec<StandingFade
                 .for_each(|f| f.from = walk.from);
         }
         let walked = walks.iter().map(|walk| (walk.from, walk.until));
-        let spans: Vec<(Time, Time)> =
-            fades.iter().map(|f| (f.from, f.to)).chain(walked).chain(shifting).collect();
+        let spans: Vec<(Time, Time)> = fades.iter().map(|f| (f.from, f.to)).chain(walked).collect();
         if spans.is_empty() {
             continue;
         }
