@@ -132,7 +132,7 @@ fn functions_of_light_and_vertices_read_the_chosen_image() {
         let mut scene = wall(0.25, unlit(Vec4::ONE));
         choose(&mut scene, "on_vertices", map);
         for (device, frame) in drawn(&scene) {
-            let last = (0..SIZE[1]).filter(|y| pixel(&frame, 100, *y)[0] > 128).next_back().unwrap_or(0);
+            let last = (0..SIZE[1]).rfind(|y| pixel(&frame, 100, *y)[0] > 128).unwrap_or(0);
             let bottom = 75.0 + 75.0 * (0.25 - moved);
             assert!((f64::from(last) + 1.0 - bottom).abs() <= 0.51, "vertices on {device}: {last} {bottom}");
         }

@@ -177,9 +177,7 @@ fn notes(bones: &Bones, units: f64) -> Vec<String> {
     let mut notes = Vec::new();
     let moving = bones.moving.iter().filter(|moving| **moving).count().saturating_sub(1);
     if moving > 0 {
-        notes.push(format!(
-            "{moving} joints besides the root have position channels, as their offsets change"
-        ));
+        notes.push(format!("position channels besides the root's, as offsets change: {moving}"));
     }
     let scale = 1.0 / units;
     notes.push(format!(

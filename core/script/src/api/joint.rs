@@ -10,7 +10,8 @@ use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 
 api! {
-    /// Returns a joint (bone) by name, as a target, as a parent or for rotations of its own.
+    /// Returns a joint (bone) by name, as a target, as a parent or for rotations of its own. Joints of humanoids whose
+    /// names are known also have those of Mixamo and VRM, without a prefix: "LeftHand", "Spine1", "leftLowerArm".
     Actor.joint("name") -> Joint = joint, in_frames;
     /// Returns the names of the joints (bones).
     Actor.joints("") -> "array of texts" = joints;
