@@ -26,7 +26,7 @@ use std::sync::Arc;
 const TOLERANCE: f64 = 1e-4;
 const SIZE: [u32; 2] = [320, 180];
 
-/// Fades, layers, IK, root motion, callbacks, attached props, several cameras, springs and other bodies.
+/// Fades, layers, IK, root motion, callbacks, attached props, several cameras, springs and other characters.
 const LESSONS: [&str; 6] = [
     "01_first_dance.rhai",
     "07_keys_and_frames.rhai",
@@ -188,7 +188,7 @@ fn worst(exported: &Exported) -> (f64, String) {
         let time = Time::from_secs(length * (f64::from(i) + 0.377) / 20.0);
         let (truth, found) = (one.at(time).unwrap(), other.at(time).unwrap());
         for ((actor, state), first) in stage.actors.iter().zip(&truth.actors).zip(&joints.actors) {
-            // What has placements has them instead of joints.
+            // An actor with placements has them instead of joints.
             if !state.visible || !actor.asset.placements.is_empty() {
                 continue;
             }
@@ -364,7 +364,7 @@ fn clips_that_play_unchanged_keep_their_keys() {
         camera("c").at(0, 1, 5);"#;
     let exported = Exported::script(text, "glb", &[]);
     let (metres, place) = worst(&exported);
-    // As exact as f32 times are.
+    // The keys are as exact as f32 times.
     assert!(metres < 2e-6, "{metres:e} m, {place}");
     let json = exported.json();
     let count = |name: &str| json[name].as_array().unwrap().len();
@@ -426,14 +426,14 @@ fn the_summary_states_the_largest_error_and_what_is_left_out() {
     std::fs::write(dir.path().join("a.rhai"), text).unwrap();
     let run = choreo(dir.path(), &["export", "a.rhai", "-o", "a.glb", "--tolerance", "0.001", "--json"]);
     assert_eq!(run.code, 0, "{}", run.err);
-    let told: Value = serde_json::from_str(&run.out).unwrap();
-    let worst = &told["worst_error"];
+    let printed: Value = serde_json::from_str(&run.out).unwrap();
+    let worst = &printed["worst_error"];
     let metres = worst["metres"].as_f64().unwrap();
     assert!(
         metres > 1e-6 && metres < 1e-3 && worst["actor"].is_string() && worst["seconds"].is_f64(),
         "{worst}"
     );
-    assert!(told["notes"][0].as_str().unwrap().contains("left out: effects"), "{}", told["notes"]);
+    assert!(printed["notes"][0].as_str().unwrap().contains("left out: effects"), "{}", printed["notes"]);
     let run = choreo(dir.path(), &["export", "a.rhai", "-o", "b.gltf", "--split", "actors"]);
     assert!(run.code == 0 && run.err.contains("largest error: "), "{}", run.err);
     assert_eq!(names(dir.path()), ["a.glb", "a.rhai", "b.bin", "b.gltf", "b_0.png", "b_1.png"]);
@@ -503,9 +503,9 @@ fn all_lessons() {
             let args = ["export", "lesson.rhai", "--json", "-o", out.to_str().unwrap()];
             let run = choreo(path.parent().unwrap(), &args);
             assert_eq!(run.code, 0, "{}", run.err);
-            let told: Value = serde_json::from_str(&run.out).unwrap();
-            println!("{name}: it states {}", told["worst_error"]);
-            assert!(told["worst_error"]["metres"].as_f64().unwrap() < TOLERANCE);
+            let printed: Value = serde_json::from_str(&run.out).unwrap();
+            println!("{name}: it states {}", printed["worst_error"]);
+            assert!(printed["worst_error"]["metres"].as_f64().unwrap() < TOLERANCE);
             validate(&[out]);
             continue;
         }

@@ -294,8 +294,9 @@ fn the_frame_at_a_line_is_drawn_with_progress() {
         let created = editor.wait(|m| m["method"] == "window/workDoneProgress/create");
         let token = created["params"]["token"].clone();
         for kind in ["begin", "end"] {
-            let told = editor.wait(|m| m["method"] == "$/progress" && m["params"]["value"]["kind"] == kind);
-            assert_eq!(told["params"]["token"], token);
+            let progress =
+                editor.wait(|m| m["method"] == "$/progress" && m["params"]["value"]["kind"] == kind);
+            assert_eq!(progress["params"]["token"], token);
         }
         let message = editor.wait(|m| m["method"] == "window/showMessage");
         assert_eq!(message["params"]["message"], format!("The frame at 2.50 s: {path}"));
@@ -305,7 +306,7 @@ fn the_frame_at_a_line_is_drawn_with_progress() {
     assert_eq!(drawn["time"], 0.0);
     let folder_of_frames = Path::new(drawn["path"].as_str().unwrap()).parent().unwrap().to_path_buf();
 
-    // What cannot be drawn says why.
+    // A script that cannot be drawn is answered with the reason.
     let failed =
         |editor: &mut Editor, argument: Value| editor.execute("choreo.renderFrame", argument).unwrap_err();
     assert_eq!(failed(&mut editor, json!({ "uri": "untitled:1" })).0, -32602);

@@ -76,9 +76,9 @@ impl Running {
         let stop = Arc::new(AtomicBool::new(false));
         let (id, progress, stopped) = (asked.id.clone(), asked.progress.clone(), stop.clone());
         let work = move || {
-            let told = Progress::begin(&client, &asked);
+            let progress = Progress::begin(&client, &asked);
             let answer = Work { asked: &asked, output, texts, stop: &stopped, client: &client }.run(command);
-            told.end();
+            progress.end();
             match answer {
                 Ok(result) => client.answer(&asked.id, result),
                 Err(error) => client.refuse(&asked.id, &error),

@@ -25,7 +25,7 @@ pub fn lenses(view: &View, uri: &str, last: Option<&Checked>) -> Value {
         match source.get(token) {
             "test" if is_call => match source.string(token + 2) {
                 Some(name) => add(line, "Run test".into(), TEST, json!({ "section": name })),
-                // Its name is known only when the script runs.
+                // The section's name is known only when the script runs.
                 None => add(line, "Run the tests of this file".into(), TEST, json!({})),
             },
             "stage" if is_call => {
@@ -64,7 +64,7 @@ pub fn time_at(source: &Source, last: Option<&Checked>, line: usize) -> f64 {
         Some((moved.line(cue.place.line)?, middle))
     });
     let all = of_cues.chain(cuts(source, last)).filter(|(known, _)| *known <= line);
-    // Of several on one line the first.
+    // The first of several on one line counts.
     let found = all.fold(None, |best: Option<(usize, Time)>, next| match best {
         Some(best) if best.0 >= next.0 => Some(best),
         _ => Some(next),

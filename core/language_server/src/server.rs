@@ -184,7 +184,7 @@ impl Server {
         };
         let parameters = &message["params"];
         let answer = catch_unwind(AssertUnwindSafe(|| match &id {
-            // It is answered when it has been done.
+            // The request is answered when the command has ended.
             Some(id) if method == "workspace/executeCommand" => self.execute(id, parameters).map(|()| None),
             Some(_) => self.request(method, parameters).map(Some),
             None => {

@@ -117,7 +117,7 @@ impl OptionSpec {
             OptionKind::Color { default } => default[index],
             OptionKind::Vector { default, .. } => default[index],
             OptionKind::Curve { default, .. } => curve_at(default, index as f64 / (CURVE_SAMPLES - 1) as f64),
-            // It has no numbers.
+            // A texture has no numbers.
             OptionKind::Texture { .. } => 0.0,
         }
     }

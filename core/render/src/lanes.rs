@@ -92,7 +92,7 @@ impl F4 {
     }
 }
 
-/// Which of the four are meant.
+/// The lanes that are meant.
 pub(crate) type Mask = [bool; 4];
 
 pub(crate) const ALL: Mask = [true; 4];

@@ -60,7 +60,7 @@ fn effects() -> Vec<Effect> {
             "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {
     return vec4(vec3(value(u32(uv.x * 20.0))), 1.0); }",
         ),
-        // Its rows lie before those of the others, with a parameter more than eight numbers.
+        // The first effect has more than eight numbers, so that its rows lie before those of the others.
         effect(
             "before",
             "// hook: surface\n// param a = vec4(1, 1, 1, 1) in 0..1: a\n// param b = vec4(1, 1, 1, 1) in 0..1: b\n\

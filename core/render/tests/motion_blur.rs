@@ -211,7 +211,7 @@ fn there_are_as_many_sub_frames_as_the_fastest_pixel_needs() {
     assert_eq!(sub_frames(&going(3.0)), (16, None));
     let (_, all) = planned(&going(0.0), 1, true);
     assert_eq!((all.subframes.len(), all.shutter_motion), (16, None));
-    // Beside the image it is not seen.
+    // The box is beside the image.
     let mut beside = going(3.0);
     let values = &mut beside.stage.actors[0].channels[0].values;
     (values[1], values[4]) = (40.0, 40.0);
@@ -259,7 +259,7 @@ fn a_camera_that_moves_moves_what_stands_still() {
 fn shadows_of_what_is_not_seen_and_lights_that_move_count() {
     let mut scene = Scene::ortho(8.0);
     scene.add(&asset(vec![quad(4.0, 4.0)], vec![matte(Vec4::ONE)], vec![]), DAffine3::IDENTITY);
-    // Above the image; its shadow falls into it.
+    // The box is above the image, and its shadow falls into it.
     scene.at(&asset(vec![quad(1.0, 1.0)], vec![matte(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
     scene.stage.settings.fps.num = 1;
     let key = |values: Vec<f64>| Channel {

@@ -403,7 +403,7 @@ fn same_at_the_feet(draw: &mut dyn FnMut(&Scene) -> choreo_plugin::Frame) {
         let scaled = draw(&post_on_floor(10.0, scale, false));
         assert_eq!(apart(feet(&room), feet(&scaled)), (0, 0), "{scale} times as large");
     }
-    // By other factors texels have other sizes and places beside the post, which is seen at the edges of its shadow.
+    // Texels have other sizes and places at other factors, which is seen at the edges of the post's shadow.
     for scale in [1e-3, 1e3] {
         let scaled = draw(&post_on_floor(10.0, scale, false));
         let off = feet(&room).iter().zip(feet(&scaled)).map(|(a, b)| (decode(*a) - decode(*b)).abs());

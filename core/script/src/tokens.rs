@@ -67,7 +67,7 @@ pub(crate) fn tokens(text: &str) -> Vec<ScriptToken> {
                 strings.push((start, 0));
                 break;
             }
-            // Of the documentation of functions.
+            // The text is documentation of a function.
             Token::Comment(_) => {}
             Token::InterpolatedString(_) if !resumed => strings.push((start, 0)),
             Token::InterpolatedString(_) => {}

@@ -248,7 +248,7 @@ fn walks_to_points_arrive_in_time_and_do_not_slide() {
             own.stands,
             own.step * RATE
         );
-        // Nothing slides, and nothing pops.
+        // No foot slides or pops.
         if own.metres >= MOST || plain.metres < 5.0 * MOST || own.step * RATE >= POPS {
             faults.push(format!("{}: {own:?}, {plain:?}", character.0));
         }
@@ -346,7 +346,7 @@ fn feet_of_a_walk_do_not_slide() {
     assert!(faults.is_empty(), "{faults:#?}");
 }
 
-/// At a switch from a run to a stand the body goes on, and the legs need not bend for feet that are left behind.
+/// The character goes on at a switch from a run to a stand, so that the legs need not bend for feet that are left behind.
 #[test]
 fn hips_do_not_drop_where_a_run_stops() {
     let text = include_str!("../../../scripts/37_steps.rhai");

@@ -97,7 +97,7 @@ fn trials(head: &Head, p: &[f32]) -> Vec<Vec<Vec<u32>>> {
             [(0, 0), (40, 3)].iter().flat_map(|b| indices.map(|i| vec![vec![i], body(*b)])).collect()
         }
         Hook::Outline | Hook::Shutter => vec![Vec::new()],
-        // On pixels and surfaces.
+        // The effect runs on pixels or surfaces.
         _ => {
             let pairs = colors.iter().flat_map(|c| samples.iter().map(move |s| (c, s)));
             pairs.map(|(color, sample)| vec![bits(color), bits(sample)]).collect()

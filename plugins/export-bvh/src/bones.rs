@@ -12,7 +12,7 @@ pub struct Bones {
     pub offsets: Vec<DVec3>,
     /// Rotations of the rest pose in model space.
     rest: Vec<DQuat>,
-    /// Which have position channels.
+    /// Whether each bone has position channels.
     pub moving: Vec<bool>,
     /// A root was added that holds several.
     added_root: bool,

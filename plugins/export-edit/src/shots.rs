@@ -7,7 +7,7 @@ use choreo_plugin::ExportedScene;
 pub struct Shot {
     /// The camera's name.
     pub camera: String,
-    /// Its first frame, and the one after its last.
+    /// The first frame, and the one after the last.
     pub frames: (i64, i64),
     /// Frames from its first one on in which the image of the shot before goes over into its own.
     pub dissolve: i64,

@@ -94,7 +94,7 @@ impl<'a> Buffer<'a> {
     ) -> Index {
         let count = accessor.count;
         let hash = hash_of(|w| {
-            // Nothing fails here.
+            // Writing to memory does not fail.
             _ = each_chunk(count, &row, |bytes| {
                 w.bytes(bytes);
                 Ok(())

@@ -109,7 +109,7 @@ pub fn add<'a>(
         let Some(of) = &nodes[clip.actor] else { continue };
         let actor = &clip.scene.stage.actors[0];
         let mut builder = Builder::default();
-        // What the clip holds still is not what another one has.
+        // Joints that this clip holds still may move in another one.
         let still = baked.still_rig(actor, 0);
         still_channels(parts, &mut builder, of, actor.asset.skeleton.rest(), &still[1..]);
         for set in std::mem::take(&mut baked.sets) {

@@ -42,7 +42,7 @@ pub const CASES: &[Case] = &[
     Case::new("a shadow in a scene of 10 km", "share over 2 of 255 off that on 10 m", 0.0, || {
         shadow_moved(10.0, 1024.0, false)
     }),
-    // By factors that are no powers of two texels have other sizes and places beside the board: the edges differ.
+    // Texels have other sizes and places at factors that are no powers of two: the edges of the board's shadow differ.
     Case::new("a shadow, all 1,000 times smaller", "share over 2 of 255 off that on 10 m", 0.02, || {
         shadow_moved(10.0, 1e-3, false)
     }),

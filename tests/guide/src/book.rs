@@ -19,7 +19,7 @@ pub struct Book {
     pub drawings: BTreeMap<String, Drawing>,
     /// Files that are copied, by their paths in the book.
     pub copies: BTreeMap<String, PathBuf>,
-    /// What is wrong with the sources: `FILE: broken link TARGET`.
+    /// Faults of the sources: `FILE: broken link TARGET`.
     pub problems: Vec<String>,
     root: PathBuf,
     /// Files that have another text than in the repository.
@@ -162,7 +162,7 @@ impl Book {
     /// The text of a file with links that hold for a page at `path` of the book.
     fn localized(&mut self, text: &str, source: &str, path: &str) -> String {
         let mut text = text.to_string();
-        // From the end, so that places before a link stay; a link around an image ends behind it.
+        // Links are replaced from the end, so that places before them stay; a link around an image ends behind it.
         for link in markdown::links(&text).into_iter().rev() {
             let target = text[link.target.clone()].to_string();
             if target.starts_with('#') || target.contains("://") {
@@ -240,7 +240,7 @@ impl Book {
                     Some(anchors) => anchor.is_empty() || anchors.contains(anchor),
                     None => self.drawings.contains_key(&file) || self.copies.contains_key(&file),
                 };
-                // What a source lacks is reported with the source.
+                // Faults of a source are reported with it.
                 let known = self.problems.iter().any(|known| known.ends_with(&format!(" {target}")));
                 if !holds && !known {
                     broken.push(format!("{}: broken link {target}", page.source));

@@ -1,4 +1,4 @@
-//! What the guide needs to know of Markdown: code blocks, links, and the anchors of headings.
+//! The parts of Markdown that the guide uses: code blocks, links, and the anchors of headings.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -73,7 +73,7 @@ pub fn without_code(text: &str) -> String {
 /// `[text](target)`, or an image, `![text](target)`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Link {
-    /// From `[` or `![` to `)`.
+    /// The span from `[` or `![` to `)`.
     pub whole: Range<usize>,
     pub text: Range<usize>,
     pub target: Range<usize>,

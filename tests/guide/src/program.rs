@@ -10,7 +10,7 @@ pub const AS_CHOREO: &str = "choreo";
 /// The program `choreo`, given the binary of this crate.
 pub fn choreo(binary: &Path) -> Command {
     let mut command = Command::new(binary);
-    // What the user has installed is no part of the guide.
+    // Plugins that the user has installed are no part of the guide.
     command.arg(AS_CHOREO).env("CHOREO_PLUGINS", "").stdin(Stdio::null());
     command
 }

@@ -24,13 +24,13 @@ pub struct Package {
     is_macro: bool,
     /// Its build script compiles C or C++, or may do so.
     pub has_c: bool,
-    /// Where its sources lie.
+    /// The folder of its sources.
     pub folder: PathBuf,
     /// Crates that are linked with it, by cargo's identifiers.
     linked: Vec<String>,
 }
 
-/// What `cargo metadata` prints.
+/// The output of `cargo metadata`.
 pub fn output_of_metadata(options: &[&str]) -> Result<Value, String> {
     let mut command = cargo(&["metadata", "--offline", "--locked", "--format-version", "1"]);
     let output = command.args(options).output().map_err(|e| format!("cargo metadata did not start: {e}"))?;

@@ -53,7 +53,7 @@ fn crates() -> Result<(Vec<Crate>, Vec<String>), String> {
     Ok((public, private))
 }
 
-/// What is wrong with crates, one line each.
+/// Faults of crates, one line each.
 fn faults(public: &[Crate]) -> Result<Vec<String>, String> {
     let mut faults = Vec::new();
     for one in public {

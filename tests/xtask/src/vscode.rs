@@ -58,11 +58,11 @@ fn installed(folder: &Path, packages: &[&str]) -> Result<bool, String> {
     ];
     let done = Command::new("npm").args(options).args(packages).current_dir(folder).output();
     let done = done.map_err(|e| format!("npm did not start: {e}"))?;
-    let told = String::from_utf8_lossy(&done.stderr);
+    let text = String::from_utf8_lossy(&done.stderr);
     match done.status.success() {
         true => Ok(true),
-        false if UNREACHABLE.iter().any(|word| told.contains(word)) => Ok(false),
-        false => Err(format!("npm install failed:\n{told}")),
+        false if UNREACHABLE.iter().any(|word| text.contains(word)) => Ok(false),
+        false => Err(format!("npm install failed:\n{text}")),
     }
 }
 

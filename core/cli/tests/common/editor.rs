@@ -40,7 +40,7 @@ impl Editor {
             .args(["lsp", "--stdio"])
             .current_dir(folder)
             .env("CHOREO_PLUGINS", "")
-            // With it, `view` builds the viewer.
+            // This variable makes `view` build the viewer.
             .env_remove("CARGO")
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())

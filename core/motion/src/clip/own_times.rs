@@ -101,7 +101,7 @@ impl OwnTimes {
     fn add(&mut self, curve: &Curve) {
         let ticks = |key: usize| curve.times[key].0 as f64;
         let count = curve.times.len();
-        // At its time the first key holds as before it.
+        // The first key holds at its time as before it.
         self.begins.extend([f64::NEG_INFINITY, ticks(0) + 1.0]);
         self.begins.extend((1..count).map(ticks));
         self.begins.push(f64::INFINITY);

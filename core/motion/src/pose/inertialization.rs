@@ -6,7 +6,7 @@
 //! velocity leads to zero sooner, sooner, so that it does not overshoot. A velocity that leads away, and that across that direction, which
 //! the talk leaves out, decay by the quintic through zero that begins with them, so that no joint's velocity jumps, and within a time in which
 //! clips turn theirs ([`LONGEST_AWAY`]): over half a second, hips on their way down sink 2 cm lower than either clip has them.
-//! All of it is a closed form of the time since the switch.
+//! The offset is a closed form of the time since the switch.
 
 use crate::math::rotation::{from_rotation_vector, rotation_vector};
 use crate::math::transform::Transform;

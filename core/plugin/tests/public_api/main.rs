@@ -196,7 +196,7 @@ fn changes_that_break_plugins_are_named() {
 /// The crates that an author's plugin is built with.
 #[test]
 fn a_plugin_has_fewer_than_15_dependencies() {
-    // As an author's workspace resolves features, whatever this one does.
+    // Features are resolved as in an author's workspace, whatever this one does.
     let tree = std::process::Command::new(env!("CARGO"))
         .args([
             "tree",

@@ -139,7 +139,7 @@ impl Reader<'_> {
         let plain = head.strip_prefix("impl").unwrap_or(head).trim_start();
         let (of_trait, on) = match head.split_once(" for ") {
             Some((_, on)) => (true, on),
-            // Without the generic parameters in front.
+            // The generic parameters in front are left out.
             None if plain.starts_with('<') => (false, plain.split_once("> ").map_or(plain, |(_, on)| on)),
             None => (false, plain),
         };
@@ -225,7 +225,7 @@ fn without_value(signature: &str) -> &str {
 /// Passes over an item of more than one line.
 fn skip<'t>(line: &str, lines: &mut impl Iterator<Item = &'t str>) {
     if line.ends_with(['{', '(', '[']) {
-        // Until the line without indentation that ends it.
+        // The item ends at the line without indentation.
         lines.find(|next| next.starts_with(['}', ')', ']']));
     }
 }

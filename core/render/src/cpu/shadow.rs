@@ -117,11 +117,11 @@ impl Map {
     fn filtered(&self, at: V3) -> F4 {
         let half = F4::splat(0.5);
         let [x, y] = [at.x - half, at.y - half];
-        let corner = [x, y].map(whole);
+        let base = [x, y].map(whole);
         let depth = at.z.max(F4::ZERO);
-        let [x0, y0] = self.texels(corner.map(|c| c - F4::ONE));
+        let [x0, y0] = self.texels(base.map(|c| c - F4::ONE));
         let weights = |f: F4| [F4::ONE - f, F4::ONE, F4::ONE, f];
-        let (wx, wy) = (weights(x - corner[0]), weights(y - corner[1]));
+        let (wx, wy) = (weights(x - base[0]), weights(y - base[1]));
         let mut sum = F4::ZERO;
         for (y, wy) in wy.into_iter().enumerate() {
             let rows: [[f32; 4]; 4] = std::array::from_fn(|i| self.row(x0[i], y0[i] + y));

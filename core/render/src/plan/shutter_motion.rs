@@ -103,7 +103,7 @@ impl Shown<'_> {
         let lights = self.shadow_eyes();
         for (actor, states) in a.actors.iter().zip(&b.actors).enumerate().take(self.stage.actors.len()) {
             let states = [states.0, states.1];
-            // What is culled at one of two times so close to each other is at the border of the image.
+            // An actor that is culled at one of two times so close to each other is at the border of the image.
             if states.iter().all(|s| s.visible && !s.culled) {
                 let lights = lights.iter().filter(|(actors, _)| actors.contains(&(actor as u32)));
                 let lights: Vec<&Eye> = lights.map(|(_, eye)| eye).collect();

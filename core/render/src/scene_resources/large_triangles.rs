@@ -124,7 +124,7 @@ impl Use {
         let joint = to_f64(mesh.model_from_joint);
         let world_from_mesh = |s: &Snapshot| s.actors[mesh.actor].world_from_model * joint;
         let place = world_from_mesh(snapshots.first()?);
-        // As if the mesh stood still at its first place.
+        // The mesh is taken to stand still at its first place.
         let still = |s: &Snapshot| place * world_from_mesh(s).inverse();
         let actors: Vec<usize> =
             (0..stage.actors.len()).filter(|i| *i != mesh.actor && diagonal(stage, *i) > 0.0).collect();
@@ -132,7 +132,7 @@ impl Use {
         let mut near = Vec::new();
         for pair in snapshots.windows(2) {
             let [from, to] = [&pair[0], &pair[1]].map(|s| balls(stage, s, &actors, &still(s)));
-            // After a cut the camera is elsewhere.
+            // The camera is elsewhere after a cut.
             let cut = pair[0].camera.camera != pair[1].camera.camera;
             for (i, (from, to)) in from.into_iter().zip(to).enumerate() {
                 let ways = if i == 0 && cut { vec![[from.0; 2], [to.0; 2]] } else { vec![[from.0, to.0]] };
@@ -147,7 +147,7 @@ impl Use {
     fn is_long(&self, [a, b]: [Vec3; 2], longest: f64) -> bool {
         let [a, b] = [a, b].map(|p| self.place.transform_point3(p.as_dvec3()));
         let length = a.distance(b);
-        // Below the rounding of the mesh's own numbers there is nothing to win.
+        // Nothing is gained below the rounding of the mesh's own numbers.
         let least = a.length().max(b.length()) * f64::from(f32::EPSILON);
         let long = |ball: &Near| length > longest * (ball.radius.max(least) + distance([a, b], ball.way));
         length > longest * self.smallest && self.near.iter().any(long)

@@ -17,7 +17,7 @@ pub struct SceneEffect {
     pub in_model_space: bool,
     /// Index among the recorded faults.
     pub faults: u32,
-    /// Its rows in the uniform buffer of all effects on surfaces.
+    /// Rows of this effect in the uniform buffer of all effects on surfaces.
     pub parameters: ParameterRows,
 }
 

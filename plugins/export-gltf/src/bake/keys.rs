@@ -163,7 +163,7 @@ fn stretches(layer: &Layer, start: Time, end: Time) -> Vec<Stretch> {
     for (index, cue) in layer.cues.iter().enumerate() {
         let next = layer.cues.get(index + 1).map(|next| next.start);
         let from = if index == 0 { start } else { cue.start.max(start) };
-        // What a cue shows at the start of the next one is a tick before.
+        // The cue's own pose at the start of the next one is a tick before.
         let to = next.filter(|next| *next <= end).map_or(end, |next| next - Time(1));
         if from > to || cue.start > end && index > 0 {
             continue;
@@ -356,7 +356,7 @@ pub fn add_key_times(actor: &Actor, start: Time, end: Time, out: &mut Vec<Time>)
             if !is_straight {
                 continue;
             }
-            // It is active until the next one has faded in.
+            // The cue is active until the next one has faded in.
             let next =
                 layer.cues.get(index + 1).map(|next| next.start + next.fade_in.max(next.inertialization));
             let own = cue.end.filter(|_| number > 0);

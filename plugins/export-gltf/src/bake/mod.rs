@@ -42,7 +42,7 @@ pub struct Baked<'a> {
 pub struct Motion {
     /// Indices into [`Baked::sets`]: keys of clips, and what was sampled.
     pub sets: Vec<usize>,
-    /// It is seen at no time.
+    /// The actor is seen at no time.
     pub hidden: bool,
 }
 
@@ -183,7 +183,7 @@ impl Baked<'_> {
         for set in &self.motions[index].sets {
             for (joint, path, value) in &self.sets[*set].still {
                 let Some(t) = out.get_mut(*joint as usize) else { continue };
-                // What differs from rest by rounding is rest.
+                // Differences from rest by rounding are none.
                 let near = |rest: &[f32]| rest.iter().zip(value).all(|(a, b)| (a - b).abs() <= 1e-6);
                 match path {
                     Path::Translation if !near(&t.translation.to_array()) => {

@@ -15,7 +15,7 @@ use std::sync::Arc;
 #[derive(Clone, Copy, Debug)]
 pub struct Sampled {
     pub actor: usize,
-    /// Its joints as well, not only its place.
+    /// The joints are sampled as well, not only the place.
     pub pose: bool,
     /// First number in a row.
     pub offset: usize,

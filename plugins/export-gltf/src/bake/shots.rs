@@ -17,7 +17,7 @@ pub struct Shot {
     /// How long it is still seen, while it dissolves into the next one.
     pub fading: Time,
     pub name: String,
-    /// It stands still: its place is that of its start.
+    /// The camera stands still: its place is that of its start.
     still: bool,
     pub projection: Projection,
     /// Position, rotation, lens.

@@ -59,7 +59,7 @@ pub fn debian(file: &Path) -> Result<(), String> {
     output(install.args(["--path-include=/usr/share/*", "--install"]).arg(file))?;
     expected(&root.join("usr"))?;
     let program = |program: &str| {
-        // Without root, a user namespace is the way to another root folder.
+        // A user namespace is the way to another root folder where the user is not root.
         let mut command = match works("sh", &["-c", "test \"$(id -u)\" = 0"]) {
             true => Command::new("chroot"),
             false => {
@@ -83,7 +83,7 @@ fn remove(folder: &Path) -> Result<(), String> {
 
 /// Copies the libraries of the packages that the package depends on, as they are installed here.
 fn libraries(package: &Path, root: &Path) -> Result<(), String> {
-    // As on Debian: /lib and /lib64 are links.
+    // /lib and /lib64 are links, as on Debian.
     for (link, to) in [("lib", "usr/lib"), ("lib64", "usr/lib64")] {
         std::fs::create_dir_all(root.join(to)).map_err(|e| format!("{to}: {e}"))?;
         #[cfg(unix)]

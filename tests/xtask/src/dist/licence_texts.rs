@@ -43,7 +43,7 @@ fn texts(folder: &Path) -> Vec<PathBuf> {
     for inner in FOLDERS {
         for entry in std::fs::read_dir(folder.join(inner)).into_iter().flatten().flatten() {
             let name = entry.file_name().to_string_lossy().to_lowercase();
-            // Beside fonts each text is a licence.
+            // Each text beside a font is a licence.
             let is_text = inner == "fonts" && name.ends_with(".txt")
                 || NAMES.iter().any(|start| name.starts_with(start));
             if is_text && entry.path().is_file() {

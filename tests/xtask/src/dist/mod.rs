@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use tree::Built;
 
-/// Where everything is put.
+/// The folder that everything is put into.
 fn folder() -> PathBuf {
     root().join("target/dist")
 }
@@ -30,7 +30,7 @@ pub fn dist(args: &[&str]) -> Result<(), String> {
     };
     let platform = platform()?;
     let out = folder();
-    // What an earlier call made must not be taken for the result of this one.
+    // Results of an earlier call must not be taken for those of this one.
     match std::fs::remove_dir_all(&out) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", out.display())),
         _ => {}

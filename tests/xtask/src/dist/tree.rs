@@ -14,7 +14,7 @@ pub struct Built {
 }
 
 impl Built {
-    /// All in one call: a second one, with other features of clap, would build the programs again.
+    /// All programs are built by one call: a second one, with other features of clap, would build the programs again.
     pub fn release() -> Result<Built, String> {
         let args = ["build", "--release", "--quiet", "-p", "choreo", "-p", "choreo-viewer"];
         let mut build = cargo(&args);

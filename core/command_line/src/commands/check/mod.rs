@@ -179,7 +179,7 @@ fn left_out(effect: &Effect, used: &EffectUse, stage: &Stage) -> Option<String> 
 fn changes_nothing(effect: &Effect, used: &EffectUse) -> bool {
     let Effect::Pixel(function) = effect else { return false };
     if effect.reads_frame() {
-        // What it changes depends on the time.
+        // Its effect depends on the time.
         return false;
     }
     let parameters = choreo_render::effect_parameters(effect, &used.parameters);

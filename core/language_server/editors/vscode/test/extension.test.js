@@ -42,7 +42,7 @@ class Uri {
   }
 }
 
-const told = (run, kind) => (item, messages) => run.push([kind, item.label, [messages].flat().map((m) => m?.message)]);
+const results = (run, kind) => (item, messages) => run.push([kind, item.label, [messages].flat().map((m) => m?.message)]);
 const vscode = {
   Uri,
   Range: class {},
@@ -86,7 +86,7 @@ const vscode = {
           const run = [];
           events.runs.push(run);
           const kinds = ["enqueued", "started", "passed", "failed", "errored", "skipped"];
-          const all = Object.fromEntries(kinds.map((kind) => [kind, told(run, kind)]));
+          const all = Object.fromEntries(kinds.map((kind) => [kind, results(run, kind)]));
           return { ...all, appendOutput() {}, end: () => run.push(["end"]) };
         },
         dispose() {},

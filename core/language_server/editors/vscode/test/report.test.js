@@ -29,7 +29,7 @@ test("items are run file by file", () => {
   ]);
 });
 
-test("what failed is told with its place", () => {
+test("a failure is reported with its place", () => {
   const check = {
     title: "x is near 1",
     passed: false,
