@@ -45,6 +45,17 @@ pub enum Path {
 }
 
 impl Path {
+    /// Number of the animated property, the same for morph weights whatever their count: curves of two clips that animate one
+    /// property of a joint share it.
+    pub fn property(self) -> u8 {
+        match self {
+            Path::Translation => 0,
+            Path::Rotation => 1,
+            Path::Scale => 2,
+            Path::Weights(_) => 3,
+        }
+    }
+
     pub fn width(self) -> usize {
         match self {
             Path::Translation | Path::Scale => 3,

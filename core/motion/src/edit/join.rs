@@ -26,7 +26,7 @@ impl Clip {
         let mut both: BTreeMap<(u32, u8), [Option<&Curve>; 2]> = BTreeMap::new();
         for (at, clip) in [self, next].into_iter().enumerate() {
             for curve in clip.curves() {
-                both.entry((curve.joint, kind(curve.path))).or_default()[at] = Some(curve);
+                both.entry((curve.joint, curve.path.property())).or_default()[at] = Some(curve);
             }
         }
         let mut values = [Values::new(self), Values::new(next)];
@@ -71,15 +71,6 @@ impl Clip {
             .with_curves(rest.len(), curves)
             .with_checked_expressions(expressions)
             .with_duration(self.duration + next.duration))
-    }
-}
-
-fn kind(path: Path) -> u8 {
-    match path {
-        Path::Translation => 0,
-        Path::Rotation => 1,
-        Path::Scale => 2,
-        Path::Weights(_) => 3,
     }
 }
 

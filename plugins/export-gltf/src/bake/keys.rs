@@ -76,7 +76,7 @@ pub fn keys<'a>(actor: &'a Actor, start: Time, end: Time) -> Option<Keys<'a>> {
     for cue in &played {
         for curve in cues[*cue].clip.curves() {
             let curves =
-                driven.entry((curve.joint, kind(curve.path))).or_insert_with(|| vec![None; cues.len()]);
+                driven.entry((curve.joint, curve.path.property())).or_insert_with(|| vec![None; cues.len()]);
             curves[*cue] = Some(curve);
         }
     }
@@ -109,15 +109,6 @@ pub fn keys<'a>(actor: &'a Actor, start: Time, end: Time) -> Option<Keys<'a>> {
         out.tracks.push(track);
     }
     Some((times, tracks, still, out))
-}
-
-fn kind(path: Path) -> u8 {
-    match path {
-        Path::Translation => 0,
-        Path::Rotation => 1,
-        Path::Scale => 2,
-        Path::Weights(_) => 3,
-    }
 }
 
 /// The value of a joint that no clip drives. `None`: weights of a mesh that is not there, or has another number of targets.
