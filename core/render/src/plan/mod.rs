@@ -105,7 +105,7 @@ pub struct Plan {
     pub deferred: Option<Deferred>,
     /// Effects in the scene's shaders, each a bit in [`PipelineKey::surface`], `displaced` and `lighting`.
     pub scene_effects: Vec<PostPass>,
-    /// Largest displacement of surfaces by each of these, in meters.
+    /// Largest displacement of surfaces by each of these, in metres.
     pub displacement_limits: [f32; 8],
     /// Bits of those that change the background, too.
     pub background_effects: u8,
