@@ -1,6 +1,6 @@
 //! Numbers of a scene beside joints that change with time: cameras, lights, materials, morph weights.
 
-use crate::textures::UvParts;
+use crate::uv::UvParts;
 use choreo_plugin::asset::{AlphaMode, Asset, LightKind, Material, Projection, Shading, TextureRef};
 use choreo_plugin::glam::{Quat, Vec3, Vec4};
 use choreo_plugin::stage::{
@@ -214,7 +214,7 @@ impl Signals {
         if of.occlusion_texture.is_some() {
             add(MaterialPart::OcclusionStrength, 1, 2e-3);
         }
-        for slot in (0..SLOTS.len() as u8).filter(|slot| slot_of(of, *slot).is_some()) {
+        for slot in (0..TEXTURE_SLOTS).filter(|slot| slot_of(of, *slot).is_some()) {
             add(MaterialPart::UvOffset(slot), 2, 2e-4);
             add(MaterialPart::UvRotation(slot), 1, 5e-4);
             add(MaterialPart::UvScale(slot), 2, 2e-4);
@@ -229,18 +229,12 @@ fn farthest_morph(asset: &Asset, mesh: usize) -> f32 {
     squares.fold(0.0, f32::max).sqrt()
 }
 
-/// Paths of texture slots in a material's JSON.
-pub const SLOTS: [&str; 7] = [
-    "pbrMetallicRoughness/baseColorTexture",
-    "pbrMetallicRoughness/metallicRoughnessTexture",
-    "normalTexture",
-    "occlusionTexture",
-    "emissiveTexture",
-    "extensions/KHR_materials_specular/specularTexture",
-    "extensions/KHR_materials_specular/specularColorTexture",
-];
+/// Texture slots of a material whose transforms can change: base color, metallic-roughness, normal, occlusion, emissive, specular,
+/// specular color.
+pub const TEXTURE_SLOTS: u8 = 7;
 
-fn slot_of(m: &Material, slot: u8) -> Option<&TextureRef> {
+/// The texture of a slot.
+pub fn slot_of(m: &Material, slot: u8) -> Option<&TextureRef> {
     let slots = [
         &m.base_color_texture,
         &m.metallic_roughness_texture,

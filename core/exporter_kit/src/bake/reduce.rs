@@ -11,7 +11,12 @@ use choreo_plugin::stage::Actor;
 use std::sync::Arc;
 
 /// Curves of an actor. `tolerance`: metres in the world.
-pub fn actor_tracks(actor: &Actor, sampled: &Sampled, rows: &[Row], tolerance: f64) -> TrackSet<'static> {
+pub fn actor_tracks(
+    actor: &Actor,
+    sampled: &Sampled,
+    rows: &[Row],
+    (tolerance, kept): (f64, KeptTimes),
+) -> TrackSet<'static> {
     let times: Arc<[Time]> = rows.iter().map(|row| row.time).collect();
     let mut out = TrackSet {
         times: Vec::new(),
@@ -37,7 +42,7 @@ pub fn actor_tracks(actor: &Actor, sampled: &Sampled, rows: &[Row], tolerance: f
     let world = rig::transform(&rows[0].values[sampled.offset..]);
     let Some(skeleton) = skeleton(actor, sampled, world) else { return out };
     let Ok(clip) = Clip::new(String::new(), skeleton.len(), curves) else { return out };
-    let reduced = clip.reduced(&skeleton, tolerance, KeptTimes::Own).map(|(clip, _)| clip).unwrap_or(clip);
+    let reduced = clip.reduced(&skeleton, tolerance, kept).map(|(clip, _)| clip).unwrap_or(clip);
     let reaches = reaches(&skeleton);
     let limit = |joint: u32| most_radians(tolerance / reaches[joint as usize]);
     let curves: Vec<Curve> =
