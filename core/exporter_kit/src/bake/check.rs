@@ -75,7 +75,13 @@ pub fn worst(
 
 /// The rig as a player of the file has it.
 fn written(baked: &Baked<'_>, (actor, index): (&Actor, usize), file: &AsWritten) -> Option<(Skeleton, Clip)> {
-    let still = baked.still_rig(actor, index);
+    let mut still = baked.still_rig(actor, index);
+    let tracks = baked.motions[index].sets.iter().flat_map(|set| &baked.sets[*set].tracks);
+    for track in tracks.filter(|track| track.joint > 0) {
+        // Formats that hold whole transforms of what moves write its size, too.
+        let scale = &mut still[track.joint as usize].scale;
+        *scale = scale.to_array().map(|v| (file.number)(Path::Scale, v)).into();
+    }
     let rig = rig::skeleton(actor, Transform::IDENTITY)?;
     let skeleton = Skeleton::new(rig.names().to_vec(), rig.parents().to_vec(), still).ok()?;
     let mut curves = Vec::new();

@@ -16,7 +16,6 @@ use crate::bake::sample::{Sampled, Sampler};
 use crate::bake::shots::Shot;
 use crate::bake::signals::{CameraPart, Quantity, Signal};
 use crate::bake::tracks::{TrackSet, Values};
-use choreo_plugin::motion::edit::reduce::KeptTimes;
 use choreo_plugin::motion::{Interpolation, Path, Time, Transform};
 use choreo_plugin::stage::{Actor, LightState, Property, Snapshot, Stage, StageError};
 use choreo_plugin::{ExportedScene, glam};
@@ -88,11 +87,7 @@ pub fn bake<'a>(scene: &'a ExportedScene, tolerance: f64, style: Style) -> Resul
     let needs = take_keys(stage, style, &mut baked);
     // Half for what lies between samples, half for the keys that go.
     let signals = signals::of_stage(stage, tolerance as f32 * 0.5, |actor| needs[actor] == Need::Pose);
-    let kept = match style {
-        Style::Separate => KeptTimes::Own,
-        Style::Common => KeptTimes::Shared,
-    };
-    sample(scene, &needs, signals, (tolerance, kept), &mut baked)?;
+    sample(scene, &needs, signals, (tolerance, style), &mut baked)?;
     shots::place_still(scene, &mut baked)?;
     Ok(baked)
 }
@@ -151,7 +146,7 @@ fn sample(
     scene: &ExportedScene,
     needs: &[Need],
     mut signals: Vec<Signal>,
-    (tolerance, kept): (f64, KeptTimes),
+    (tolerance, style): (f64, Style),
     baked: &mut Baked<'_>,
 ) -> Result<(), StageError> {
     let stage = &scene.stage;
@@ -186,7 +181,11 @@ fn sample(
             motion.hidden = sizes.into_iter().all(|size| *size == [0.0; 3]);
             if !motion.hidden {
                 motion.sets.push(baked.sets.len());
-                baked.sets.push(reduce::actor_tracks(actor, sampled, &rows, (tolerance * 0.5, kept)));
+                let tracks = match style {
+                    Style::Separate => reduce::actor_tracks,
+                    Style::Common => reduce::common_tracks,
+                };
+                baked.sets.push(tracks(actor, sampled, &rows, tolerance * 0.5));
             }
         }
     }

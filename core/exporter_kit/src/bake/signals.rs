@@ -361,3 +361,40 @@ fn of_material(m: &Material, part: MaterialPart, out: &mut Vec<f32>) {
         MaterialPart::UvScale(slot) => out.extend(uv(slot).unwrap_or(none).scale.to_array()),
     }
 }
+
+/// Gives a part of a material a value.
+pub fn set_material_part(m: &mut Material, part: MaterialPart, value: &[f32]) {
+    match part {
+        MaterialPart::BaseColor => m.base_color = Vec4::from_slice(value),
+        MaterialPart::Emissive => m.emissive = Vec3::from_slice(value),
+        MaterialPart::Metallic => m.metallic = value[0],
+        MaterialPart::Roughness => m.roughness = value[0],
+        MaterialPart::AlphaCutoff => m.alpha_mode = AlphaMode::Mask(value[0]),
+        MaterialPart::NormalScale => m.normal_scale = value[0],
+        MaterialPart::OcclusionStrength => m.occlusion_strength = value[0],
+        MaterialPart::UvOffset(slot) => {
+            set_uv(m, slot, |uv| uv.offset = choreo_plugin::glam::Vec2::from_slice(value))
+        }
+        MaterialPart::UvRotation(slot) => set_uv(m, slot, |uv| uv.rotation = value[0]),
+        MaterialPart::UvScale(slot) => {
+            set_uv(m, slot, |uv| uv.scale = choreo_plugin::glam::Vec2::from_slice(value))
+        }
+    }
+}
+
+fn set_uv(m: &mut Material, slot: u8, change: impl FnOnce(&mut UvParts)) {
+    let slots = [
+        &mut m.base_color_texture,
+        &mut m.metallic_roughness_texture,
+        &mut m.normal_texture,
+        &mut m.occlusion_texture,
+        &mut m.emissive_texture,
+        &mut m.specular_texture,
+        &mut m.specular_color_texture,
+    ];
+    if let Some(texture) = slots.into_iter().nth(slot.into()).and_then(Option::as_mut) {
+        let mut parts = UvParts::of(&texture.uv_transform);
+        change(&mut parts);
+        texture.uv_transform = choreo_plugin::stage::uv_transform(parts.offset, parts.rotation, parts.scale);
+    }
+}
