@@ -37,5 +37,6 @@ pub fn registry() -> Registry {
     registry.add_scene_exporter(export_bvh::BvhExporter);
     registry.add_scene_exporter(export_edit::EditExporter);
     registry.add_scene_exporter(export_gltf::GltfExporter);
+    registry.add_scene_exporter(export_usd::UsdExporter);
     registry
 }
