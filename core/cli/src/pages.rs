@@ -13,6 +13,7 @@ const PAGES: [(&str, &str); 21] = [
     ("plugins/export-gif/README.md", export_gif::README),
     ("plugins/export-gltf/README.md", export_gltf::README),
     ("plugins/export-mp4/README.md", export_mp4::README),
+    ("plugins/export-exr/README.md", export_exr::README),
     ("plugins/export-png/README.md", export_png::README),
     ("plugins/export-usd/README.md", export_usd::README),
     ("plugins/export-y4m/README.md", export_y4m::README),
