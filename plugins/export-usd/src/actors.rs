@@ -60,7 +60,8 @@ impl<'a> Scene<'a, '_> {
                 let places: Vec<Affine3A> = asset.first_placements(count).collect();
                 match model.joints {
                     None => {
-                        let mut copies = model::instancer("copies", &places, format!("{path}/copies/prototype"));
+                        let mut copies =
+                            model::instancer("copies", &places, format!("{path}/copies/prototype"));
                         let at = format!("{path}/copies/prototype");
                         let still = (&still[..], looks, known);
                         copies.children.push(self.body(index, ("prototype", &at), model, still));
@@ -95,8 +96,8 @@ impl<'a> Scene<'a, '_> {
     /// How many copies are there at the start.
     fn copies(&self, index: usize, common: &mut Common) -> Option<u32> {
         let actor = &self.stage.actors[index];
-        let varies =
-            actor.channels.iter().any(|c| c.property == StageProperty::Copies) || !self.stage.hooks.is_empty();
+        let varies = actor.channels.iter().any(|c| c.property == StageProperty::Copies)
+            || !self.stage.hooks.is_empty();
         let copies = self.baked.first.actors[index].copies.filter(|_| !varies);
         if copies.is_some() && actor.asset.placements.is_empty() {
             common.losses.insert("a smaller number of copies");
@@ -189,7 +190,12 @@ impl<'a> Scene<'a, '_> {
             for state in &states {
                 let material = (number < model.asset.materials.len()).then_some(number as u32);
                 let Common { textures, losses } = &mut *common;
-                networks.push(materials::network(state, surroundings(model.asset, material), textures, losses)?);
+                networks.push(materials::network(
+                    state,
+                    surroundings(model.asset, material),
+                    textures,
+                    losses,
+                )?);
             }
             if networks.iter().any(|network| !network.is_alike(&of_model.network)) {
                 common.losses.insert("materials whose textures or kinds change");
@@ -219,7 +225,8 @@ impl<'a> Scene<'a, '_> {
                 moving.push((part, series));
             }
         }
-        let mut times: Vec<Time> = moving.iter().flat_map(|(_, series)| series.times.iter().copied()).collect();
+        let mut times: Vec<Time> =
+            moving.iter().flat_map(|(_, series)| series.times.iter().copied()).collect();
         for (_, series) in moving.iter().filter(|(part, _)| matches!(part, MaterialPart::UvRotation(_))) {
             add_turns(series, &mut times);
         }

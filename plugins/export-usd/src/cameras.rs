@@ -28,7 +28,9 @@ pub fn of_stage<'a>(stage: &Stage, baked: &Baked<'_>, frames: Frames, names: &mu
         true => format!("shot {} {}", number + 1, shot.name),
     };
     let shots = baked.shots.iter().enumerate();
-    shots.map(|(number, shot)| camera(shot, names.free(&name(number, shot)), width / height, frames)).collect()
+    shots
+        .map(|(number, shot)| camera(shot, names.free(&name(number, shot)), width / height, frames))
+        .collect()
 }
 
 fn camera<'a>(shot: &Shot, name: String, aspect: f64, frames: Frames) -> Prim<'a> {

@@ -16,7 +16,8 @@ impl Frames {
 
     /// Frames of a duration.
     pub fn lasting(&self, duration: Time) -> f64 {
-        duration.0 as f64 * f64::from(self.rate.num) / (f64::from(self.rate.den) * Time::TICKS_PER_SECOND as f64)
+        duration.0 as f64 * f64::from(self.rate.num)
+            / (f64::from(self.rate.den) * Time::TICKS_PER_SECOND as f64)
     }
 
     /// A frame's time has a whole number, whatever its ticks are rounded to.

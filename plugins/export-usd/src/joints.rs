@@ -108,7 +108,11 @@ impl Joints {
                     if let Some(names) = &mut self.names {
                         names.push(format!("{} {name}", names[above]));
                     }
-                    self.rest.push(if own.is_some() { DMat4::IDENTITY } else { inverse * geometry.inverse() });
+                    self.rest.push(if own.is_some() {
+                        DMat4::IDENTITY
+                    } else {
+                        inverse * geometry.inverse()
+                    });
                     bind.push(Some(own.unwrap_or(DMat4::IDENTITY)));
                     joints.push(self.rest.len() as u32 - 1);
                 }

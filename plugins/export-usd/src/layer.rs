@@ -66,7 +66,10 @@ pub type Numbers<'a> = Rc<dyn Fn(usize) -> f64 + 'a>;
 #[derive(Clone)]
 pub enum Value<'a> {
     /// `count`: elements of an array, `None` for a single value.
-    Numbers { count: Option<usize>, number: Numbers<'a> },
+    Numbers {
+        count: Option<usize>,
+        number: Numbers<'a>,
+    },
     Text(String),
     Texts(Vec<String>),
 }
@@ -101,7 +104,10 @@ pub struct Samples<'a> {
 #[derive(Clone)]
 pub enum SampleValues<'a> {
     /// `count`: as in [`Value`]. `each` hands over the numbers of one time after the other.
-    Numbers { count: Option<usize>, each: Rc<dyn Fn(Taker<'_>) -> Result<()> + 'a> },
+    Numbers {
+        count: Option<usize>,
+        each: Rc<dyn Fn(Taker<'_>) -> Result<()> + 'a>,
+    },
     Texts(Vec<&'static str>),
 }
 

@@ -86,7 +86,8 @@ fn of_light<'a>(
     let (mut out, places) = light(names.free(&of.name), &now, &at);
     let factor = if now.kind.is_directional() { 1.0 } else { SPHERE };
     for (part, place) in [(LightPart::Position, places[0]), (LightPart::Rotation, places[1])] {
-        let has_it = if part == LightPart::Position { !now.kind.is_directional() } else { now.kind.has_direction() };
+        let has_it =
+            if part == LightPart::Position { !now.kind.is_directional() } else { now.kind.has_direction() };
         if let Some(series) = series(part).filter(|series| !series.is_still() && has_it) {
             animate(&mut out, place, series_samples(series, frames, f64::from));
         }
@@ -121,6 +122,7 @@ fn light<'a>(name: String, light: &Light, at: &Transform) -> (Prim<'a>, [usize; 
         // Parallel rays: the intensity is the illuminance.
         out.number(FLOAT, "inputs:angle", &[0.0]);
         out.number(FLOAT, "inputs:intensity", &[light.intensity]);
+        out.number(BOOL, "inputs:normalize", &[1.0]);
     } else {
         out.number(FLOAT, "inputs:intensity", &[light.intensity * SPHERE]);
         out.number(BOOL, "inputs:normalize", &[1.0]);

@@ -172,7 +172,8 @@ impl Builder<'_> {
             Shading::BlinnPhong | Shading::Phong => (0.0, m.mirror_roughness().clamp(0.0, 1.0)),
             Shading::Unlit | Shading::Toon => (0.0, 1.0),
         };
-        let texture = m.metallic_roughness_texture.clone().filter(|_| m.shading == Shading::MetallicRoughness);
+        let texture =
+            m.metallic_roughness_texture.clone().filter(|_| m.shading == Shading::MetallicRoughness);
         let reading = Reading::raw(Vec4::new(1.0, roughness, metallic, 1.0), Vec4::ZERO);
         match self.texture("metallic_roughness", &texture, reading)? {
             Some(texture) => {
@@ -312,9 +313,7 @@ impl Network {
 
     /// Whether another one has the same shaders, inputs and connections.
     pub fn is_alike(&self, other: &Network) -> bool {
-        let is_of_numbers = |a: &InputValue, b: &InputValue| {
-            matches!((a, b), (InputValue::Numbers(a), InputValue::Numbers(b)) if a.len() == b.len())
-        };
+        let is_of_numbers = |a: &InputValue, b: &InputValue| matches!((a, b), (InputValue::Numbers(a), InputValue::Numbers(b)) if a.len() == b.len());
         self.shaders.len() == other.shaders.len()
             && self.shaders.iter().zip(&other.shaders).all(|(a, b)| {
                 a.name == b.name
@@ -336,7 +335,10 @@ fn note_losses(m: &Material, losses: &mut BTreeSet<&'static str>) {
         (m.mirrors().is_some(), "reflection maps"),
         (m.shading == Shading::Toon, "toon shading (written as light of its own)"),
         (m.shading == Shading::Unlit, "surfaces without shading (written as light of its own)"),
-        (matches!(m.shading, Shading::Phong | Shading::BlinnPhong), "Phong highlights (written as roughness)"),
+        (
+            matches!(m.shading, Shading::Phong | Shading::BlinnPhong),
+            "Phong highlights (written as roughness)",
+        ),
         (layers.is_some_and(|l| l.sheen_color != Vec3::ZERO), "sheen"),
         (layers.is_some_and(|l| l.iridescence > 0.0), "iridescence"),
         (layers.is_some_and(|l| l.anisotropy != 0.0), "anisotropy"),

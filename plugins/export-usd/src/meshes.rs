@@ -119,7 +119,8 @@ pub fn bind<'a>(out: &mut Prim<'a>, p: &'a Primitive, binding: Binding<'_>, skel
     out.set(MATRIX4D, "primvars:skel:geomBindTransform", matrix(&geometry));
     match binding {
         Binding::Rigid { joint, .. } => {
-            let indices = out.set(INT, "primvars:skel:jointIndices", Value::array(1, move |_| f64::from(joint)));
+            let indices =
+                out.set(INT, "primvars:skel:jointIndices", Value::array(1, move |_| f64::from(joint)));
             indices.across("constant").element_size = Some(1);
             let weights = out.set(FLOAT, "primvars:skel:jointWeights", Value::array(1, |_| 1.0));
             weights.across("constant").element_size = Some(1);
@@ -148,9 +149,8 @@ pub fn blend_shape<'a>(name: &str, p: &'a Primitive, target: Option<&'a MorphTar
     let list = |list: &'a Vec<Vec3>| (list.len() == count).then_some(list.as_slice());
     let offsets = target.and_then(|t| list(&t.positions));
     let normals = target.and_then(|t| list(&t.normals)).filter(|_| p.normals.len() == count);
-    let moves = |vertex: &usize| {
-        [offsets, normals].into_iter().flatten().any(|list| list[*vertex] != Vec3::ZERO)
-    };
+    let moves =
+        |vertex: &usize| [offsets, normals].into_iter().flatten().any(|list| list[*vertex] != Vec3::ZERO);
     let moved: std::rc::Rc<[usize]> = (0..count).filter(moves).collect();
     let some = |list: &'a [Vec3]| {
         let moved = moved.clone();

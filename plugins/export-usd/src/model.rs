@@ -1,9 +1,7 @@
 //! A model: what all actors of an asset share, which they refer to. Its skeleton, meshes and materials.
 
 use crate::joints::{self, Joints};
-use crate::layer::{
-    FLOAT3, INT, MATRIX4D, POINT3F, Prim, QUATF, QUATH, Specifier, Value,
-};
+use crate::layer::{FLOAT3, INT, MATRIX4D, POINT3F, Prim, QUATF, QUATH, Specifier, Value};
 use crate::materials::{self, Network, Surroundings};
 use crate::meshes::{self, Binding};
 use crate::names::Names;
@@ -194,7 +192,8 @@ impl<'a> Maker<'a, '_> {
         let Some(joints) = &self.joints else { return };
         let skeleton = format!("{}/skeleton", self.path);
         let own = format!("{}/{}", self.path, prim.name);
-        let skin = instance.skin.filter(|_| primitive.influences > 0).map(|skin| &joints.skins[skin as usize]);
+        let skin =
+            instance.skin.filter(|_| primitive.influences > 0).map(|skin| &joints.skins[skin as usize]);
         let at_joint = joints.bind[instance.joint as usize];
         let rigid = |geometry| Binding::Rigid { joint: instance.joint, geometry };
         let copies: Vec<DMat4> = instance.copies.iter().map(|copy| DMat4::from(widen(copy))).collect();

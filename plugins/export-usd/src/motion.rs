@@ -58,12 +58,7 @@ pub fn animate<'a>(prim: &mut Prim<'a>, property: usize, samples: Samples<'a>) {
 }
 
 /// Places an actor over time. What is hidden is invisible, and has size 0 for programs that do not read visibility.
-pub fn place_actor<'a>(
-    prim: &mut Prim<'a>,
-    at: &Transform,
-    sets: &[&Rc<TrackSet<'a>>],
-    frames: Frames,
-) {
+pub fn place_actor<'a>(prim: &mut Prim<'a>, at: &Transform, sets: &[&Rc<TrackSet<'a>>], frames: Frames) {
     let places = place_by_parts(prim, at);
     for set in sets {
         let own = set.tracks.iter().enumerate().filter(|(_, track)| track.joint == 0);
@@ -187,7 +182,8 @@ pub fn animation<'a>(
     if let Some(set) = joint_set(baked, sets, index) {
         let set = &sets[set];
         let skeleton = rig::skeleton(actor, Transform::IDENTITY)?;
-        let rig = Skeleton::new(skeleton.names().to_vec(), skeleton.parents().to_vec(), still.to_vec()).ok()?;
+        let rig =
+            Skeleton::new(skeleton.names().to_vec(), skeleton.parents().to_vec(), still.to_vec()).ok()?;
         let mut moving: Vec<u32> = set.tracks.iter().filter(|t| is_of_joint(t)).map(|t| t.joint).collect();
         moving.sort_unstable();
         moving.dedup();
@@ -207,12 +203,7 @@ pub fn animation<'a>(
     (!out.properties.is_empty()).then_some(out)
 }
 
-fn add_weights<'a>(
-    out: &mut Prim<'a>,
-    model: &Model<'a>,
-    all: Vec<(usize, Weights<'a>)>,
-    frames: Frames,
-) {
+fn add_weights<'a>(out: &mut Prim<'a>, model: &Model<'a>, all: Vec<(usize, Weights<'a>)>, frames: Frames) {
     let is_nothing = |w: &Weights<'_>| matches!(w, Weights::Still(list) if list.iter().all(|v| *v == 0.0));
     if all.iter().all(|(_, weights)| is_nothing(weights)) {
         return;

@@ -11,12 +11,7 @@ use choreo_plugin::stage::Actor;
 use std::sync::Arc;
 
 /// Curves of an actor. `tolerance`: metres in the world.
-pub fn actor_tracks(
-    actor: &Actor,
-    sampled: &Sampled,
-    rows: &[Row],
-    tolerance: f64,
-) -> TrackSet<'static> {
+pub fn actor_tracks(actor: &Actor, sampled: &Sampled, rows: &[Row], tolerance: f64) -> TrackSet<'static> {
     let rows: Vec<&Row> = rows.iter().collect();
     let mut out = none();
     let curves = curves(sampled, &rows, 0.0, &mut out.still);

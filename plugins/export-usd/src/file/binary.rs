@@ -273,7 +273,11 @@ impl Writer<'_, '_> {
         let path = self.paths.child(prim, token, true);
         let list: Vec<u32> = targets.iter().map(|target| self.path(target)).collect();
         let targets = self.list_op(PATH_LIST_OP, EXPLICIT, &list)?;
-        self.spec(path, RELATIONSHIP, vec![("variability", inlined(VARIABILITY, 1)), ("targetPaths", targets)]);
+        self.spec(
+            path,
+            RELATIONSHIP,
+            vec![("variability", inlined(VARIABILITY, 1)), ("targetPaths", targets)],
+        );
         Ok(())
     }
 

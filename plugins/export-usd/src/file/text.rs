@@ -42,8 +42,10 @@ impl Text<'_, '_> {
         let _ = writeln!(line, "    {}", quoted(&layer.comment));
         dictionary("customLayerData", &layer.custom, 1, line);
         let _ = writeln!(line, "    defaultPrim = {}", quoted(&layer.default_prim));
-        let _ = writeln!(line, "    endTimeCode = {end}\n    framesPerSecond = {rate}\n    metersPerUnit = 1");
-        let _ = writeln!(line, "    startTimeCode = 0\n    timeCodesPerSecond = {rate}\n    upAxis = \"Y\"\n)");
+        let _ =
+            writeln!(line, "    endTimeCode = {end}\n    framesPerSecond = {rate}\n    metersPerUnit = 1");
+        let _ =
+            writeln!(line, "    startTimeCode = 0\n    timeCodesPerSecond = {rate}\n    upAxis = \"Y\"\n)");
     }
 
     fn prim(&mut self, prim: &Prim<'_>, depth: usize) -> Result<()> {
