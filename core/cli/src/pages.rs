@@ -2,7 +2,7 @@
 //! tables, `choreo help --page NAME` prints one.
 
 /// Path in the sources, and text. Those in `pages` are symbolic links, because a package holds no files outside its own folder.
-const PAGES: [(&str, &str); 21] = [
+const PAGES: &[(&str, &str)] = &[
     ("core/cli/README.md", include_str!("../README.md")),
     ("core/viewer/README.md", include_str!("../pages/viewer.md")),
     ("plugins/README.md", include_str!("../pages/plugins.md")),
@@ -29,7 +29,7 @@ const PAGES: [(&str, &str); 21] = [
 
 /// The pages of the command line, the viewer and the built-in plugins.
 pub fn pages() -> Vec<(&'static str, &'static str)> {
-    [&PAGES, effects::PAGES].concat()
+    [PAGES, effects::PAGES].concat()
 }
 
 #[cfg(test)]
