@@ -1,6 +1,6 @@
 //! Keys in a script's text, changed and added.
 
-use choreo_session::edit::{Edit, KeyTime, KeyValue, ScriptObject};
+use choreo_session::edit::{Edit, EditTime, KeyValue, ScriptObject};
 use glam::{DQuat, DVec3};
 
 /// About x, then y, then z (fixed axes), degrees.
@@ -13,7 +13,7 @@ const FPS: f64 = 25.0;
 
 fn set(text: &str, property: &str, secs: f64, value: KeyValue) -> Result<String, String> {
     let object = ScriptObject::at(text, 1, 1 + text.find("cast").unwrap()).map_err(|r| r.why)?;
-    let edit = object.set_key(property, KeyTime { secs, fps: FPS }, value).map_err(|r| r.why)?;
+    let edit = object.set_key(property, EditTime { secs, fps: FPS }, value).map_err(|r| r.why)?;
     let after = edit.apply(text);
     assert_eq!(edit.inverse(text).apply(&after), text);
     Ok(after)
@@ -103,7 +103,7 @@ fn no_text_makes_it_panic() {
     for to in &ends {
         if let Ok(object) = ScriptObject::at(&text[..*to], 1, 1) {
             for secs in [0.0, 0.5, 9.0] {
-                let _ = object.set_key("position", KeyTime { secs, fps: FPS }, KeyValue::Point(DVec3::ONE));
+                let _ = object.set_key("position", EditTime { secs, fps: FPS }, KeyValue::Point(DVec3::ONE));
             }
         }
     }
@@ -114,7 +114,7 @@ fn a_clip_of_a_file_that_has_a_name_is_played_by_it() {
     let play = |text: &str| {
         let object =
             ScriptObject::at(text, 2, 1 + text.lines().nth(1).unwrap().find("cast").unwrap()).unwrap();
-        object.play("Wave", 2.0, "").unwrap().apply(text)
+        object.play("Wave", EditTime { secs: 2.0, fps: FPS }, "").unwrap().apply(text)
     };
     let text = "let m = load(\"a.glb\");\nlet a = cast(\"a\", load(\"a.glb\", #{ color: \"red\" }));\n";
     assert_eq!(play(text), format!("{text}a.play(m.clip(\"Wave\")).from(2.0);\n"));

@@ -51,6 +51,32 @@ fn a_byte_order_mark_stays_before_the_text() {
 }
 
 #[test]
+fn a_bar_moves_with_its_end_and_leaves_when_deleted() {
+    let mut place = Place::new(SCRIPT);
+    place.viewer.move_cue(&cue(0), 1.0, false).unwrap();
+    assert_eq!(place.text(), SCRIPT.replace(".from(0.5).until(2.0)", ".from(1.0).until(2.5)"));
+    place.reload();
+    // The second follows the first: where they meet moves.
+    place.viewer.move_cue(&cue(1), 3.0, false).unwrap();
+    assert_eq!(place.text(), SCRIPT.replace(".from(0.5).until(2.0)", ".from(1.0).until(3.0)"));
+    place.reload();
+    place.viewer.delete_cue(&cue(0)).unwrap();
+    let after = "ada.play(moves.clip(\"Wave\"), #{ fade: 0.5 }).from(3.0);\n";
+    assert!(place.text().contains(after), "{}", place.text());
+    place.reload();
+    assert_eq!(place.viewer.timeline.rows[1].bars.len(), 1);
+    place.viewer.delete_cue(&cue(0)).unwrap();
+    assert!(!place.text().contains("Wave"));
+    for _ in 0..4 {
+        place.viewer.undo().unwrap();
+    }
+    assert_eq!(place.text(), SCRIPT);
+    place.reload();
+    let in_loop = Selected::Cue { actor: "ada".into(), layer: 1, cue: 0 };
+    assert!(place.viewer.delete_cue(&in_loop).unwrap_err().to_string().contains("2"));
+}
+
+#[test]
 fn where_two_clips_meet_is_the_end_of_the_first() {
     let mut place = Place::new(SCRIPT);
     place.viewer.set_cue(&cue(1), CueTime::Start, 1.6).unwrap();
@@ -73,6 +99,33 @@ fn what_is_not_one_number_is_refused_and_nothing_changes() {
     let why = place.viewer.set_cue(&cue(0), CueTime::Start, 0.1).unwrap_err().to_string();
     assert!(why.contains("changed on disk"), "{why}");
     assert_eq!(place.text(), other);
+}
+
+/// Taken anywhere, a bar moves by as far as the pointer does; Delete takes the selected one out of the script.
+#[test]
+fn a_dragged_bar_moves_and_delete_removes_it() {
+    let place = Place::new(SCRIPT);
+    let mut harness = place.harness(vec2(1280.0, 860.0));
+    let ruler = harness.get_by_label("time").rect();
+    let from = harness.get_by_label("Walk on ada").rect().center();
+    let to = pos2(from.x + ruler.width() * 0.25, from.y);
+    harness.drag_at(from);
+    harness.run();
+    harness.hover_at(to);
+    harness.run();
+    harness.drop_at(to);
+    harness.run();
+    let place = harness.state_mut();
+    assert_eq!(place.viewer.message, None);
+    assert_eq!(place.text(), SCRIPT.replace(".from(0.5).until(2.0)", ".from(1.52).until(3.02)"));
+    place.reload();
+    place.viewer.selection = Some(cue(0));
+    harness.run();
+    harness.key_press(egui::Key::Delete);
+    harness.run();
+    let place = harness.state();
+    assert_eq!(place.viewer.message, None);
+    assert!(!place.text().contains("Walk"), "{}", place.text());
 }
 
 #[test]

@@ -1,20 +1,13 @@
 //! Keys of a property, `.key("position", [[time, value], …])`: the one at a time is changed, or one is added there as the others
 //! are written.
 
+use super::Edit;
 use super::object::{EditRefused, ScriptObject, euler_degrees, quoted, rotation};
 use super::scan::{Call, Source};
-use super::values::{format_number, is_plain, literal, literals, rewritten};
-use super::{Edit, format_seconds};
+use super::times::{EditTime, TimeLiteral};
+use super::values::{format_number, is_plain, literals, rewritten};
 use glam::{DQuat, DVec3};
 use std::ops::Range;
-
-/// The frame of the stage at which a key is to be.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct KeyTime {
-    pub secs: f64,
-    /// Frames a second: keys at `f(12)` are at frame 12, and keys half a frame apart are two keys.
-    pub fps: f64,
-}
 
 /// A value of a key, to be written as its neighbours are.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,7 +36,7 @@ impl ScriptObject<'_> {
     ///
     /// # Errors
     /// The keys are computed, or stand elsewhere.
-    pub fn set_key(&self, property: &str, when: KeyTime, value: KeyValue) -> Result<Edit, EditRefused> {
+    pub fn set_key(&self, property: &str, when: EditTime, value: KeyValue) -> Result<Edit, EditRefused> {
         let name = quoted(property);
         let is_it = |call: &&Call| {
             self.text[call.name.clone()] == *"key"
@@ -70,10 +63,7 @@ impl ScriptObject<'_> {
             return over(&self.text, &range, &value).ok_or_else(computed);
         }
         let next = keys.iter().position(|key| key.secs > when.secs).unwrap_or(keys.len());
-        let time = match keys.iter().all(|key| key.in_frames) {
-            true => format!("f({})", libm::round(when.secs * when.fps)),
-            false => format_seconds(when.secs),
-        };
+        let time = when.text(keys.iter().all(|key| key.in_frames));
         let near = near(&self.text, &keys, next, when.secs);
         let key = format!("[{time}, {}]", written_like(&near, &value));
         Ok(inserted(&self.text, &keys, next, &key))
@@ -90,7 +80,8 @@ fn keys_in(text: &Source, bytes: Range<usize>, fps: f64) -> Option<Vec<Key>> {
         let pair = text[all.clone()].strip_prefix('[')?.strip_suffix(']')?;
         let parts: Vec<Range<usize>> = parts(text, all.start + 1, all.start + 1 + pair.len()).collect();
         let [time, value, ..] = parts.as_slice() else { return None };
-        let (secs, in_frames) = time_at(text, time, fps)?;
+        let TimeLiteral { number, in_frames, .. } = TimeLiteral::of(text, time)?;
+        let secs = if in_frames { number / fps } else { number };
         if keys.last().is_some_and(|before| before.secs >= secs) {
             return None;
         }
@@ -111,19 +102,6 @@ fn parts(text: &Source, start: usize, end: usize) -> impl Iterator<Item = Range<
         at = to + 1;
         Some(part)
     })
-}
-
-/// A number of seconds, or `f(12)`.
-fn time_at(text: &Source, bytes: &Range<usize>, fps: f64) -> Option<(f64, bool)> {
-    if let Some((_, secs)) = literal(text, bytes) {
-        return Some((secs, false));
-    }
-    let range = text.trimmed(bytes);
-    let call = text
-        .call_from(range.start)
-        .filter(|call| call.end == range.end && text[call.name.clone()] == *"f")?;
-    let (_, frame) = literal(text, &call.inside)?;
-    Some((frame / fps, true))
 }
 
 /// Replaces a value. `None` where that is computed.

@@ -1,6 +1,7 @@
 //! Changes of a script's text at one place: a bar that was dragged rewrites the number that it came from. All else of the text
 //! stays, comments and spaces too. What a number was computed from is never guessed: then the change is refused, with the line.
 
+mod cues;
 mod keys;
 mod object;
 mod scan;
@@ -9,9 +10,10 @@ mod values;
 
 use std::ops::Range;
 
-pub use keys::{KeyTime, KeyValue};
+pub use cues::{CueChange, delete_cue, has_end, set_times};
+pub use keys::KeyValue;
 pub use object::{EditRefused, ScriptObject, euler_degrees, set_call, set_marker};
-pub use times::{CueTime, follows, set_time};
+pub use times::{CueTime, EditTime, follows, set_time};
 pub use values::format_number;
 
 /// These bytes of the text become this.
@@ -68,11 +70,4 @@ fn line_around(text: &str, at: usize) -> Range<usize> {
     let start = text[..at].rfind('\n').map_or(0, |n| n + 1);
     let end = text[at..].find('\n').map_or(text.len(), |n| at + n);
     start..end
-}
-
-/// Seconds to the millisecond, as a person would write them; always with a point, so that it stays a float.
-pub(crate) fn format_seconds(secs: f64) -> String {
-    let text = format!("{:.3}", secs.max(0.0));
-    let text = text.trim_end_matches('0');
-    if text.ends_with('.') { format!("{text}0") } else { text.to_string() }
 }

@@ -1,9 +1,10 @@
 //! The statements of a script about one object: `let anna = cast(…).at(…);` and, further on, `anna.turn(…);`. Each change here
 //! is one edit of one call; where the value is computed, a line is offered that states it anew.
 
+use super::Edit;
 use super::scan::{Call, Source};
-use super::values::{format_number, literal, literals, option_of, rewritten, set_option};
-use super::{Edit, format_seconds};
+use super::times::{EditTime, TimeLiteral};
+use super::values::{format_number, literals, option_of, rewritten, set_option};
 use glam::{DMat3, DQuat, DVec3};
 
 /// Why a change was not made, for the user, and the line that would make it all the same.
@@ -156,12 +157,12 @@ impl<'a> ScriptObject<'a> {
         changed.unwrap_or_else(|| self.behind(call.end, &new))
     }
 
-    /// `.from`, `.until`, `.cut` …: in seconds.
-    pub fn time(&self, name: &str, secs: f64) -> Result<Edit, EditRefused> {
-        let new = format!("{name}({})", format_seconds(secs));
+    /// `.from`, `.until`, `.cut` …
+    pub fn time(&self, name: &str, time: EditTime) -> Result<Edit, EditRefused> {
+        let new = format!("{name}({})", time.text(false));
         let Some(call) = self.last(&[name]) else { return Ok(self.behind(self.made.end, &new)) };
-        let (range, _) = literal(&self.text, &call.inside).ok_or_else(|| self.computed(call, &new))?;
-        Ok(Edit { range, text: format_seconds(secs) })
+        let old = TimeLiteral::of(&self.text, &call.inside).ok_or_else(|| self.computed(call, &new))?;
+        Ok(old.set(time))
     }
 
     /// Sets an option of the call that made it, or of a later method with that name. `value`: the text to write.
@@ -212,7 +213,7 @@ impl<'a> ScriptObject<'a> {
     }
 
     /// A line that plays a clip of the thing's own file: `anna.play(hero.clip("Wave"), #{ fade: 0.3 }).from(2.0);`
-    pub fn play(&self, clip: &str, from: f64, options: &str) -> Result<Edit, EditRefused> {
+    pub fn play(&self, clip: &str, from: EditTime, options: &str) -> Result<Edit, EditRefused> {
         let inside = &self.made.inside;
         let first = self.text.value_end(inside.start, inside.end);
         let asset = self.text.get(first + 1..inside.end).map(str::trim).filter(|a| !a.is_empty());
@@ -224,7 +225,7 @@ impl<'a> ScriptObject<'a> {
             loaded_as(&self.text, file.trim(), self.made.name.start)
         });
         let asset = named.unwrap_or(asset);
-        let call = format!("play({asset}.clip({}){options}).from({})", quoted(clip), format_seconds(from));
+        let call = format!("play({asset}.clip({}){options}).from({})", quoted(clip), from.text(false));
         if let Some(line) = self.new_line(&call) {
             // After what it plays already, so that the cues stand in their order.
             return Ok(line);
@@ -241,21 +242,21 @@ impl<'a> ScriptObject<'a> {
     }
 }
 
-/// Sets the only argument of the call at a place, a time in seconds: `.cut(2.0)`.
-pub fn set_call(text: &str, line: usize, column: usize, secs: f64) -> Result<Edit, EditRefused> {
+/// Sets the only argument of the call at a place, a time: `.cut(2.0)`.
+pub fn set_call(text: &str, line: usize, column: usize, time: EditTime) -> Result<Edit, EditRefused> {
     let refuse = |why: String| EditRefused::from(format!("line {line}: {why}"));
     let text = &Source::new(text);
     let call = text.byte_at(line, column).and_then(|at| text.call_from(at));
     let call = call.ok_or_else(|| refuse("there is no call to be changed".into()))?;
     let shown = || text[call.inside.clone()].trim();
-    let (range, _) = literal(text, &call.inside).ok_or_else(|| {
+    let old = TimeLiteral::of(text, &call.inside).ok_or_else(|| {
         refuse(format!("the time in {}({}) is computed; change it there", &text[call.name.clone()], shown()))
     })?;
-    Ok(Edit { range, text: format_seconds(secs) })
+    Ok(old.set(time))
 }
 
 /// Sets the time of a named marker, `marker("name", time)`, the only one of the script.
-pub fn set_marker(text: &str, name: &str, secs: f64) -> Result<Edit, EditRefused> {
+pub fn set_marker(text: &str, name: &str, time: EditTime) -> Result<Edit, EditRefused> {
     let (text, wanted) = (&Source::new(text), quoted(name));
     let sets_it = |call: &Call| {
         text[call.inside.clone()].trim_start().starts_with(&wanted)
@@ -267,9 +268,9 @@ pub fn set_marker(text: &str, name: &str, secs: f64) -> Result<Edit, EditRefused
     };
     let second = text.value_end(call.inside.start, call.inside.end) + 1..call.inside.end;
     let line = text[..call.name.start].matches('\n').count() + 1;
-    let (range, _) = literal(text, &second)
+    let old = TimeLiteral::of(text, &second)
         .ok_or_else(|| format!("line {line}: the time of \"{name}\" is computed; change it there"))?;
-    Ok(Edit { range, text: format_seconds(secs) })
+    Ok(old.set(time))
 }
 
 pub(super) fn quoted(text: &str) -> String {
@@ -320,6 +321,10 @@ pub fn euler_degrees(q: DQuat) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn at(secs: f64) -> EditTime {
+        EditTime { secs, fps: 30.0 }
+    }
 
     /// The place is the first `|`.
     fn object(text: &str) -> (String, usize, usize) {
@@ -416,8 +421,8 @@ mod tests {
         let effect = "|effect(\"glow\", #{ amount: 0.2 }).set(\"size\", 1.5).from(1.0);";
         assert!(changed(effect, |o| o.parameter("size", "2.0")).unwrap().contains(".set(\"size\", 2.0)"));
         assert!(changed(effect, |o| o.parameter("amount", "0.3")).unwrap().contains("amount: 0.3 }"));
-        assert!(changed(effect, |o| o.time("from", 1.25)).unwrap().ends_with(".from(1.25);"));
-        assert!(changed(effect, |o| o.time("until", 3.0)).unwrap().contains(").until(3.0).set("));
+        assert!(changed(effect, |o| o.time("from", at(1.25))).unwrap().ends_with(".from(1.25);"));
+        assert!(changed(effect, |o| o.time("until", at(3.0))).unwrap().contains(").until(3.0).set("));
         let refused =
             changed("|effect(\"glow\", #{ amount: x });", |o| o.parameter("amount", "1.0")).unwrap_err();
         assert!(refused.why.contains("amount: x is computed"), "{}", refused.why);
@@ -426,29 +431,29 @@ mod tests {
     #[test]
     fn a_clip_becomes_a_line_in_the_scripts_own_words() {
         let text = "let hero = load(\"a.glb\");\nlet a = |cast(\"a\", hero).at(0, 0, 0);\na.play(hero.clip(\"Walk\")).until(2.0);\n";
-        let after = changed(text, |o| o.play("Wave \"1\"", 2.0, "")).unwrap();
+        let after = changed(text, |o| o.play("Wave \"1\"", at(2.0), "")).unwrap();
         assert!(after.contains("a.play(hero.clip(\"Wave \\\"1\\\"\")).from(2.0);"), "{after}");
         assert!(
-            changed("|cast(\"a\", hero);", |o| o.play("Wave", 0.0, ""))
+            changed("|cast(\"a\", hero);", |o| o.play("Wave", at(0.0), ""))
                 .unwrap()
                 .contains("hero).play(hero.clip")
         );
-        assert!(changed("|cast(\"a\", hero).play(x);", |o| o.play("Wave", 0.0, "")).is_err());
+        assert!(changed("|cast(\"a\", hero).play(x);", |o| o.play("Wave", at(0.0), "")).is_err());
     }
 
     #[test]
     fn a_call_s_time_is_rewritten() {
         let text = "camera(\"b\").at(0, 1, 2).cut( 2.0 );\ncamera(\"c\").cut(x);";
         let column = text.find(".cut").unwrap() + 2;
-        assert!(set_call(text, 1, column, 2.5).unwrap().apply(text).contains(".cut( 2.5 );"));
-        assert!(set_call(text, 2, 13, 2.5).unwrap_err().why.contains("cut(x) is computed"));
+        assert!(set_call(text, 1, column, at(2.5)).unwrap().apply(text).contains(".cut( 2.5 );"));
+        assert!(set_call(text, 2, 13, at(2.5)).unwrap_err().why.contains("cut(x) is computed"));
     }
 
     #[test]
     fn markers_are_found_by_their_name() {
         let text = "marker(\"go\", 1.5); // marker(\"go\", 3)\nlet m = marker(\"go\");\nmarker(\"end\", x);";
-        assert!(set_marker(text, "go", 2.0).unwrap().apply(text).starts_with("marker(\"go\", 2.0);"));
-        assert!(set_marker(text, "end", 2.0).unwrap_err().why.contains("line 3"));
-        assert!(set_marker(text, "no", 2.0).is_err());
+        assert!(set_marker(text, "go", at(2.0)).unwrap().apply(text).starts_with("marker(\"go\", 2.0);"));
+        assert!(set_marker(text, "end", at(2.0)).unwrap_err().why.contains("line 3"));
+        assert!(set_marker(text, "no", at(2.0)).is_err());
     }
 }

@@ -1,8 +1,62 @@
 //! Times of cues, and of what else begins and ends.
 
 use super::scan::{Source, find};
-use super::values::{literal, set_option};
-use super::{Edit, EditRefused, format_seconds};
+use super::values::{literal, option_value, set_option};
+use super::{Edit, EditRefused};
+use std::ops::Range;
+
+/// A time to be written into a script.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EditTime {
+    pub secs: f64,
+    /// Frames a second of the stage.
+    pub fps: f64,
+}
+
+impl EditTime {
+    /// The time as a person would write it: seconds to the millisecond, always with a point, so that it stays a float. A frame's time
+    /// that has more digits is `f(31)`, so that it is read back as the same frame. `in_frames`: it replaces such a text.
+    pub(super) fn text(self, in_frames: bool) -> String {
+        let secs = self.secs.max(0.0);
+        let frame = libm::round(secs * self.fps);
+        let is_frame = libm::fabs(secs * self.fps - frame) < 1e-4;
+        let text = format!("{secs:.3}");
+        let is_exact = || text.parse::<f64>().is_ok_and(|read| libm::fabs(read - frame / self.fps) < 1e-9);
+        if is_frame && (in_frames || !is_exact()) {
+            return format!("f({frame})");
+        }
+        let text = text.trim_end_matches('0');
+        if text.ends_with('.') { format!("{text}0") } else { text.to_string() }
+    }
+}
+
+/// A time that stands in a script as a number of seconds, or as `f(12)`.
+pub(super) struct TimeLiteral {
+    /// Without the blanks around it.
+    pub range: Range<usize>,
+    /// Seconds, or the number of the frame.
+    pub number: f64,
+    pub in_frames: bool,
+}
+
+impl TimeLiteral {
+    /// `None` where the time is computed.
+    pub fn of(text: &Source, bytes: &Range<usize>) -> Option<TimeLiteral> {
+        if let Some((range, number)) = literal(text, bytes) {
+            return Some(TimeLiteral { range, number, in_frames: false });
+        }
+        let range = text.trimmed(bytes);
+        let is_frame = |call: &super::scan::Call| call.end == range.end && text[call.name.clone()] == *"f";
+        let call = text.call_from(range.start).filter(is_frame)?;
+        let (_, number) = literal(text, &call.inside)?;
+        Some(TimeLiteral { range, number, in_frames: true })
+    }
+
+    /// The edit that states another time.
+    pub fn set(self, time: EditTime) -> Edit {
+        Edit { text: time.text(self.in_frames), range: self.range }
+    }
+}
 
 /// The part of a cue that was dragged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,7 +69,7 @@ pub enum CueTime {
     FadeIn,
 }
 
-/// Sets a time of the cue that the call at a place makes (`play` or `then`; line and column in characters, from 1), in seconds.
+/// Sets a time of the cue that the call at a place makes (`play` or `then`; line and column in characters, from 1).
 ///
 /// # Errors
 /// Why it cannot be set, for the user: the number is computed, or the call is not there.
@@ -24,7 +78,7 @@ pub fn set_time(
     line: usize,
     column: usize,
     part: CueTime,
-    secs: f64,
+    time: EditTime,
 ) -> Result<Edit, EditRefused> {
     let text = &Source::new(text);
     let refuse = |why: &str| Err(format!("line {line}: {why}").into());
@@ -34,11 +88,17 @@ pub fn set_time(
     let (name, argument) = match part {
         CueTime::Start => ("from", find(&chain, text, "from")),
         CueTime::End => ("until", find(&chain, text, "until")),
-        CueTime::FadeIn => return set_option(text, &call, line, "fade", &format_seconds(secs)),
+        CueTime::FadeIn => {
+            let old = option_value(text, &call, "fade").and_then(|bytes| TimeLiteral::of(text, &bytes));
+            return match old {
+                Some(old) => Ok(old.set(time)),
+                None => set_option(text, &call, line, "fade", &time.text(false)),
+            };
+        }
     };
     if let Some(argument) = argument {
-        return match literal(text, &argument) {
-            Some((range, _)) => Ok(Edit { range, text: format_seconds(secs) }),
+        return match TimeLiteral::of(text, &argument) {
+            Some(old) => Ok(old.set(time)),
             None => refuse(&format!(
                 "the time in .{name}({}) is computed; change it there",
                 text[argument].trim()
@@ -48,7 +108,7 @@ pub fn set_time(
     if part == CueTime::Start && text[call.name.clone()] == *"then" {
         return refuse("it begins where the clip before it ends; change that one's end");
     }
-    Ok(Edit { range: call.end..call.end, text: format!(".{name}({})", format_seconds(secs)) })
+    Ok(Edit { range: call.end..call.end, text: format!(".{name}({})", time.text(false)) })
 }
 
 /// Whether the call at a place is a `then` that begins where the clip before it ends.
@@ -71,7 +131,8 @@ mod tests {
         let line = before.matches('\n').count() + 1;
         let column = before.rsplit('\n').next().unwrap().chars().count() + 1;
         let text = text.replacen('|', "", 1);
-        let set = set_time(&text, line, column, part, secs).map_err(|refused| refused.why);
+        let time = EditTime { secs, fps: 30.0 };
+        let set = set_time(&text, line, column, part, time).map_err(|refused| refused.why);
         set.map(|edit| {
             let after = edit.apply(&text);
             // And back again.
@@ -103,6 +164,35 @@ mod tests {
         assert_eq!(set("a.|play(c, #{});", CueTime::FadeIn, 0.5).unwrap(), "a.play(c, #{ fade: 0.5 });");
     }
 
+    /// Every frame at every usual rate is read back as itself, whatever stood there before.
+    #[test]
+    fn times_on_frames_are_read_back_as_the_same_frame() {
+        for fps in [12.0, 24.0, 25.0, 30.0, 50.0, 60.0, 120.0, 24000.0 / 1001.0, 30000.0 / 1001.0] {
+            let rate = choreo_motion::FrameRate::from_fps(fps).unwrap();
+            for frame in 0..500 {
+                let time = EditTime { secs: rate.time_of(frame).as_secs(), fps: rate.as_fps() };
+                for in_frames in [false, true] {
+                    let text = time.text(in_frames);
+                    let read = match text.strip_prefix("f(") {
+                        Some(rest) => rate.time_of(rest.trim_end_matches(')').parse().unwrap()),
+                        None => choreo_motion::Time::from_secs(text.parse().unwrap()),
+                    };
+                    assert_eq!(read, rate.time_of(frame), "{text} at {fps} fps");
+                }
+            }
+        }
+        let nudged = |secs| set("a.|play(c).from(1.0);", CueTime::Start, secs).unwrap();
+        assert_eq!(nudged(31.0 / 30.0), "a.play(c).from(f(31));");
+        assert_eq!(nudged(1.1), "a.play(c).from(1.1);");
+        assert_eq!(nudged(1.2346), "a.play(c).from(1.235);");
+        assert_eq!(
+            set("a.|play(c).from( f(30) );", CueTime::Start, 1.1).unwrap(),
+            "a.play(c).from( f(33) );"
+        );
+        let text = "a.|play(c, #{ fade: f(6) });";
+        assert_eq!(set(text, CueTime::FadeIn, 0.3).unwrap(), "a.play(c, #{ fade: f(9) });");
+    }
+
     #[test]
     fn each_cue_of_a_chain_is_its_own() {
         let text = "a.play(c).until(2.0)\n  .|then(d, #{ trim: [1.0, 2.0], fade: 0.4, speed: f(1) }).until(4.0).then(e).until(5.0);";
@@ -117,19 +207,19 @@ mod tests {
     fn what_is_computed_is_refused_with_its_line() {
         let why = set("let x = 1;\na.|play(c).from(x + 1.0);", CueTime::Start, 2.0).unwrap_err();
         assert_eq!(why, "line 2: the time in .from(x + 1.0) is computed; change it there");
-        assert!(set("a.|play(c).from(f(12));", CueTime::Start, 2.0).unwrap_err().contains("f(12)"));
+        assert!(set("a.|play(c).from(f(n));", CueTime::Start, 2.0).unwrap_err().contains("f(n)"));
         assert!(
             set("a.|play(c, #{ fade: fast });", CueTime::FadeIn, 2.0).unwrap_err().contains("fade: fast")
         );
         assert!(set("a.|play(c, options);", CueTime::FadeIn, 2.0).unwrap_err().contains("computed"));
         assert!(set("|let x = 1;", CueTime::Start, 2.0).unwrap_err().contains("no play"));
-        assert!(set_time("a", 9, 1, CueTime::Start, 1.0).is_err());
+        assert!(set_time("a", 9, 1, CueTime::Start, EditTime { secs: 1.0, fps: 30.0 }).is_err());
     }
 
     #[test]
     fn a_change_finds_its_line_again() {
         let then = "let a = 1;\na.play(c).from(0.5);\n";
-        let edit = set_time(then, 2, 3, CueTime::Start, 0.75).unwrap();
+        let edit = set_time(then, 2, 3, CueTime::Start, EditTime { secs: 0.75, fps: 30.0 }).unwrap();
         let after = edit.apply(then);
         let back = edit.inverse(then);
         // The editor has saved something else above it.
@@ -147,7 +237,7 @@ mod tests {
         for from in &ends {
             for to in ends.iter().filter(|to| *to >= from) {
                 for part in [CueTime::Start, CueTime::End, CueTime::FadeIn] {
-                    let _ = set_time(&text[*from..*to], 1, 1, part, 1.0);
+                    let _ = set_time(&text[*from..*to], 1, 1, part, EditTime { secs: 1.0, fps: 30.0 });
                 }
             }
         }

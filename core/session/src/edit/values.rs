@@ -106,9 +106,14 @@ pub(crate) fn set_option(
     Ok(Edit { range: last..last, text: format!("{comma}{new}{blank}") })
 }
 
+/// The value of an option of a call.
+pub(crate) fn option_value(text: &Source, call: &Call, name: &str) -> Option<Range<usize>> {
+    option_in(text, &text.map_in(&call.inside)?, name)
+}
+
 /// `name: value` among the options of a call.
 pub(crate) fn option_of(text: &Source, call: &Call, name: &str) -> Option<Range<usize>> {
-    let value = option_in(text, &text.map_in(&call.inside)?, name)?;
+    let value = option_value(text, call, name)?;
     let start = text[..value.start].rfind(name)?;
     Some(start..text.trimmed(&value).end)
 }

@@ -2,6 +2,7 @@
 //! in a module or makes several things is not changed; a message states why, with a line that would do it if possible. If the file has
 //! changed on disk meanwhile, the user is asked, with the difference.
 
+mod cues;
 pub(crate) mod difference;
 mod error;
 pub(crate) mod external_editor;
@@ -15,7 +16,7 @@ use crate::state::selection::{Selected, actor};
 use choreo_files::{WriteError, write_whole};
 use choreo_script::Place;
 use choreo_session::edit::{
-    CueTime, Edit, EditRefused, ScriptObject, follows, format_number, set_marker, set_time,
+    CueTime, Edit, EditRefused, EditTime, ScriptObject, follows, format_number, set_marker, set_time,
 };
 use choreo_stage::Actor;
 use std::path::Path;
@@ -38,13 +39,19 @@ impl Viewer {
             return self.set_cue(&before, CueTime::End, secs);
         }
         let siblings = bars().filter(|b| b.place == place).count();
+        let time = self.edit_time(secs);
         self.change(&place, siblings, |text| match (what, part) {
             (Selected::Effect(_), CueTime::Start) => {
-                ScriptObject::at(text, place.line, place.column)?.time("from", secs)
+                ScriptObject::at(text, place.line, place.column)?.time("from", time)
             }
-            (Selected::Effect(_), _) => ScriptObject::at(text, place.line, place.column)?.time("until", secs),
-            _ => set_time(text, place.line, place.column, part, secs),
+            (Selected::Effect(_), _) => ScriptObject::at(text, place.line, place.column)?.time("until", time),
+            _ => set_time(text, place.line, place.column, part, time),
         })
+    }
+
+    /// A time as edits write it: in seconds, or in frames of the stage.
+    pub(crate) fn edit_time(&self, secs: f64) -> EditTime {
+        EditTime { secs, fps: self.playhead.fps().as_fps() }
     }
 
     /// The script's text as it was when what is shown was made.
@@ -58,8 +65,9 @@ impl Viewer {
         let scene = self.scene.as_ref().ok_or(EditError::NothingShown)?;
         let place = scene.places.cuts.get(index).ok_or(EditError::Gone)?.clone();
         let siblings = scene.places.cuts.iter().filter(|p| **p == place).count();
+        let time = self.edit_time(secs);
         self.change(&place, siblings, |text| {
-            choreo_session::edit::set_call(text, place.line, place.column, secs)
+            choreo_session::edit::set_call(text, place.line, place.column, time)
         })
     }
 
@@ -67,7 +75,8 @@ impl Viewer {
     pub fn set_marker(&mut self, name: &str, secs: f64) -> Result<(), EditError> {
         let scene = self.scene.as_ref().ok_or(EditError::NothingShown)?;
         let place = Place { file: scene.places.main.clone(), line: 1, ..Place::default() };
-        self.change(&place, 1, |text| set_marker(text, name, secs))
+        let time = self.edit_time(secs);
+        self.change(&place, 1, |text| set_marker(text, name, time))
     }
 
     /// Lets an actor play a clip of its file from a time on.
@@ -78,8 +87,9 @@ impl Viewer {
         let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
         let plays = scene.stage.actors[index].layers.first().is_some_and(|l| !l.cues.is_empty());
         let options = if plays { ", #{ fade: 0.3 }" } else { "" };
+        let time = self.edit_time(secs);
         self.change(&place, siblings, |text| {
-            ScriptObject::at(text, place.line, place.column)?.play(clip, secs, options)
+            ScriptObject::at(text, place.line, place.column)?.play(clip, time, options)
         })
     }
 

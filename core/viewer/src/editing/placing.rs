@@ -8,7 +8,7 @@ use crate::state::history::ExpectedPlacement;
 use crate::state::orbit::Orbit;
 use crate::state::selection::{Selected, actor};
 use choreo_motion::Time;
-use choreo_session::edit::{Edit, EditRefused, KeyTime, KeyValue, ScriptObject, format_number};
+use choreo_session::edit::{Edit, EditRefused, KeyValue, ScriptObject, format_number};
 use choreo_stage::{Actor, Placement, Property, Rig, StageLight};
 use glam::{DAffine3, DQuat, DVec3};
 
@@ -89,7 +89,7 @@ impl Viewer {
         let place = scene.places.actors.get(index).cloned().unwrap_or_default();
         let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
         let time = self.playhead.time();
-        let when = KeyTime { secs: time.as_secs(), fps: self.playhead.fps().as_fps() };
+        let when = self.edit_time(time.as_secs());
         let old = placement(found, time);
         let keyed = |property| found.channels.iter().any(|c| c.property == property);
         let (mut at, mut rotation) = (old.translation, old.rotation);
@@ -152,7 +152,7 @@ impl Viewer {
             let why = format!("{}:{}: its rotation has keys; change them there", place.file, place.line);
             return Err(EditError::Refused(why));
         }
-        let when = KeyTime { secs: self.playhead.time().as_secs(), fps: self.playhead.fps().as_fps() };
+        let when = self.edit_time(self.playhead.time().as_secs());
         let (at, center) = (from.camera().world_from_view.translation, from.center);
         self.change(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
@@ -192,7 +192,7 @@ impl Viewer {
         let place = scene.places.cameras.get(index).cloned().unwrap_or_default();
         let siblings = scene.places.cameras.iter().filter(|p| **p == place).count();
         let keyed = scene.stage.cameras[index].channels.iter().any(|c| c.property == Property::FieldOfView);
-        let when = KeyTime { secs: self.playhead.time().as_secs(), fps: self.playhead.fps().as_fps() };
+        let when = self.edit_time(self.playhead.time().as_secs());
         self.change(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             match keyed {
@@ -221,7 +221,7 @@ impl Viewer {
             _ => None,
         };
         let keyed = light.is_some_and(|l| l.channels.iter().any(|c| Some(c.property) == property));
-        let when = KeyTime { secs: self.playhead.time().as_secs(), fps: self.playhead.fps().as_fps() };
+        let when = self.edit_time(self.playhead.time().as_secs());
         self.change(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             match light {

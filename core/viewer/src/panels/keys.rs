@@ -53,6 +53,11 @@ fn edit_keys(ui: &Ui, viewer: &mut Viewer) {
     if with(Modifiers::COMMAND, Key::Z) {
         viewer.message = viewer.undo().err().map(|e| e.to_string());
     }
+    if with(Modifiers::NONE, Key::Delete)
+        && let Some(what @ Selected::Cue { .. }) = viewer.selection.clone()
+    {
+        viewer.message = viewer.delete_cue(&what).err().map(|e| e.to_string());
+    }
     for (key, frames) in [(Key::ArrowRight, 1), (Key::ArrowLeft, -1)] {
         if with(Modifiers::ALT | Modifiers::SHIFT, key) {
             nudge(viewer, CueTime::End, frames);
@@ -182,7 +187,7 @@ fn next_selection(viewer: &mut Viewer, back: bool) {
     viewer.selection = all.get(next).cloned();
 }
 
-const KEYS: [(&str, &str); 36] = [
+const KEYS: [(&str, &str); 38] = [
     ("Space", "play, pause"),
     ("← →", "one frame back, on"),
     ("Home End", "first, last frame"),
@@ -193,6 +198,7 @@ const KEYS: [(&str, &str); 36] = [
     ("N", "dragged times snap to frames"),
     ("Alt ← →", "the selected bar begins a frame earlier, later"),
     ("Alt Shift ← →", "the selected bar ends a frame earlier, later"),
+    ("Delete", "the selected clip leaves the script"),
     ("PgUp PgDn", "select the last, the next"),
     ("Esc", "select nothing; close a question"),
     ("G R B", "move, turn, make bigger"),
@@ -213,6 +219,7 @@ const KEYS: [(&str, &str); 36] = [
     ("drag right", "viewport: look around"),
     ("W A S D Q E", "viewport, mouse over it: walk; with Shift: run"),
     ("drag", "an arrow, ring or box: changes the script; with Ctrl: in steps"),
+    ("drag", "a clip's bar: moves it; with Shift: and all after it"),
     ("drag", "a bar's end or fade, a cut, a marker: changes the script"),
     ("drag", "a clip from the inspector onto a row: adds a line"),
     ("click", "an event or a foot's strip: the playhead goes there"),

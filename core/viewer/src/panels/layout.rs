@@ -9,7 +9,63 @@ use std::collections::BTreeSet;
 /// A layout of more splits is no layout of ours.
 const DEEPEST: usize = 12;
 
-pub fn write(dock: &DockState<Tab>) -> Value {
+/// The fractions of splits that the user chose. The dock clamps its own where the window is small, and does not take that back.
+#[derive(Default)]
+pub struct SplitFractions {
+    /// By node of the main surface; `None` for leaves.
+    chosen: Vec<Option<f32>>,
+    /// Size of the window, points.
+    size: egui::Vec2,
+}
+
+impl SplitFractions {
+    pub fn of(dock: &DockState<Tab>) -> Vec<Option<f32>> {
+        let fraction = |node: &Node<Tab>| match node {
+            Node::Vertical(split) | Node::Horizontal(split) => Some(split.fraction),
+            Node::Leaf(_) | Node::Empty => None,
+        };
+        dock.main_surface().iter().map(fraction).collect()
+    }
+
+    /// Puts the chosen fractions back where the window has another size than in the last frame.
+    pub fn restore(&mut self, dock: &mut DockState<Tab>, size: egui::Vec2) {
+        if size == self.size {
+            return;
+        }
+        self.size = size;
+        for (node, chosen) in dock.main_surface_mut().iter_mut().zip(&self.chosen) {
+            if let (Node::Vertical(split) | Node::Horizontal(split), Some(chosen)) = (node, chosen) {
+                split.fraction = *chosen;
+            }
+        }
+    }
+
+    /// Takes over what the user has changed in a frame; `before`: the fractions ahead of it, `acts` where a button or key is down.
+    pub fn keep(&mut self, dock: &DockState<Tab>, before: &[Option<f32>], acts: bool) {
+        let now = SplitFractions::of(dock);
+        let same_nodes = self.chosen.len() == now.len()
+            && self.chosen.iter().zip(&now).all(|(chosen, now)| chosen.is_some() == now.is_some());
+        if !same_nodes {
+            self.chosen = now;
+        } else if acts {
+            for ((chosen, before), now) in self.chosen.iter_mut().zip(before).zip(now) {
+                if *before != now {
+                    *chosen = now;
+                }
+            }
+        }
+    }
+
+    /// The dock's layout with the chosen fractions.
+    pub fn write(&self, dock: &DockState<Tab>) -> Value {
+        let mut written = dock.clone();
+        SplitFractions { chosen: self.chosen.clone(), size: egui::Vec2::NAN }
+            .restore(&mut written, self.size);
+        write(&written)
+    }
+}
+
+fn write(dock: &DockState<Tab>) -> Value {
     let mut layout = node(dock.main_surface(), NodeIndex::root());
     let windows =
         dock.iter_all_tabs().filter(|(path, _)| !path.surface.is_main()).map(|(_, tab)| tab.title());
@@ -117,6 +173,31 @@ mod tests {
         assert!(again.find_tab(&Tab::Explain).is_none() && again.find_tab(&Tab::Viewport(1)).is_some());
         let place = again.find_tab(&Tab::Messages).unwrap();
         assert_eq!(again.leaf(place.node_path()).unwrap().active, place.tab);
+    }
+
+    /// A window made small and large again has the sizes that the user chose, on the screen and in the settings.
+    #[test]
+    fn a_small_window_does_not_change_the_layout() {
+        let mut panels = Panels::default();
+        let mut viewer = crate::app::Viewer::new("x.rhai");
+        let context = egui::Context::default();
+        let mut shown_at = |panels: &mut Panels, width: f32| {
+            for _ in 0..4 {
+                let size = egui::vec2(width, 0.6 * width);
+                let input = egui::RawInput {
+                    screen_rect: Some(egui::Rect::from_min_size(egui::Pos2::ZERO, size)),
+                    ..Default::default()
+                };
+                let mut output = context.run_ui(input, |ui| panels.show(ui, &mut viewer, &[], 0.0));
+                output.textures_delta.clear();
+            }
+            SplitFractions::of(&panels.dock)
+        };
+        let large = shown_at(&mut panels, 1600.0);
+        let kept = panels.settings();
+        assert_ne!(shown_at(&mut panels, 420.0), large, "panels keep their least size");
+        assert_eq!(panels.settings(), kept);
+        assert_eq!(shown_at(&mut panels, 1600.0), large);
     }
 
     #[test]

@@ -23,7 +23,7 @@ use crate::state::settings::Settings;
 use crate::state::view::{MOST_VIEWS, View};
 use egui::text::{LayoutJob, TextWrapping};
 use egui::{Color32, FontId, Galley, Painter, RichText, TextureId, Ui, WidgetText};
-use egui_dock::{DockArea, DockState, NodeIndex, Style, TabViewer};
+use egui_dock::{DockArea, DockState, NodeIndex, Split, Style, TabViewer};
 use std::sync::Arc;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -104,6 +104,7 @@ pub(crate) fn set_colors(context: &egui::Context, light: bool) {
 /// All that is drawn into the window.
 pub struct Panels {
     dock: DockState<Tab>,
+    splits: layout::SplitFractions,
     help: bool,
     pub light: bool,
     /// 1 to 2.
@@ -120,7 +121,7 @@ impl Default for Panels {
         let [above, _] = surface.split_below(NodeIndex::root(), 0.66, below);
         let [middle, _] = surface.split_right(above, 0.72, vec![Tab::Inspector, Tab::Script]);
         surface.split_left(middle, 0.2, vec![Tab::Tree]);
-        Panels { dock, help: false, light: false, scale: 1.0, applied: None }
+        Panels { dock, splits: Default::default(), help: false, light: false, scale: 1.0, applied: None }
     }
 }
 
@@ -139,7 +140,7 @@ impl Panels {
     }
 
     pub fn settings(&self) -> Settings {
-        Settings { light: self.light, scale: self.scale, layout: Some(layout::write(&self.dock)) }
+        Settings { light: self.light, scale: self.scale, layout: Some(self.splits.write(&self.dock)) }
     }
 
     /// `pictures`: by view, the texture with the frame that is shown; `now`: the clock, seconds.
@@ -167,11 +168,15 @@ impl Panels {
         ui.painter().rect_filled(ui.available_rect_before_wrap(), 0.0, ui.visuals().panel_fill);
         let style = Style::from_egui(ui.style());
         let mut tabs = Tabs { viewer, pictures, now };
+        self.splits.restore(&mut self.dock, ui.available_size());
+        let before = layout::SplitFractions::of(&self.dock);
         DockArea::new(&mut self.dock)
             .style(style)
             .show_leaf_collapse_buttons(false)
             .show_leaf_close_all_buttons(false)
             .show_inside(ui, &mut tabs);
+        let acts = ui.input(|i| i.pointer.any_down() || i.pointer.any_released() || !i.keys_down.is_empty());
+        self.splits.keep(&self.dock, &before, acts);
         hovering(ui);
     }
 
@@ -183,15 +188,30 @@ impl Panels {
     fn set_open(&mut self, tab: Tab, open: bool) {
         match (self.dock.find_tab(&tab), open) {
             (Some(place), false) => drop(self.dock.remove_tab(place)),
-            // Viewports lie beside the one that is there.
-            (None, true) => match (tab, self.dock.find_main_surface_tab(&Tab::Viewport(0))) {
-                (Tab::Viewport(_), Some((node, _))) => {
-                    self.dock.main_surface_mut().split_right(node, 0.5, vec![tab]);
+            (None, true) => match self.beside(tab) {
+                Some((node, split)) => {
+                    self.dock.main_surface_mut().split_tabs(node, split, 0.5, vec![tab]);
                 }
-                _ => self.dock.push_to_focused_leaf(tab),
+                None => self.dock.push_to_focused_leaf(tab),
             },
             _ => {}
         }
+    }
+
+    /// Where a viewport opens, so that four are two by two: the node of another one, and the side.
+    fn beside(&self, tab: Tab) -> Option<(NodeIndex, Split)> {
+        let Tab::Viewport(number) = tab else { return None };
+        let (right, below) = (Split::Right, Split::Below);
+        let places: &[(u8, Split)] = match number {
+            1 => &[(0, right), (2, right), (3, Split::Above)],
+            2 => &[(0, below), (3, Split::Left), (1, below)],
+            _ => &[(1, below), (2, right), (0, below)],
+        };
+        let found = |(other, split): &(u8, Split)| {
+            let (node, _) = self.dock.find_main_surface_tab(&Tab::Viewport(*other))?;
+            Some((node, *split))
+        };
+        places.iter().find_map(found)
     }
 
     /// Opens it where it is closed, and brings it to the front.

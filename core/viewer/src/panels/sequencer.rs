@@ -173,6 +173,7 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     }
     let mut clicked = None;
     let mut dragged = None;
+    let mut moved = None;
     let response = ui.interact(label, ui.id().with(("row", index)), Sense::click());
     response.widget_info(|| {
         egui::WidgetInfo::labeled(egui::WidgetType::Label, true, format!("row {}", row.label))
@@ -196,7 +197,9 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
         if place.width() <= 0.0 {
             continue;
         }
-        let response = ui.interact(place, ui.id().with(("bar", index, number)), Sense::click());
+        let is_clip = matches!(bar.what, Selected::Cue { .. });
+        let sense = if is_clip { Sense::click_and_drag() } else { Sense::click() };
+        let response = ui.interact(place, ui.id().with(("bar", index, number)), sense);
         let name = format!("{} on {}", bar.label, row.label);
         response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, name.clone()));
         if response.clicked() {
@@ -205,6 +208,9 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
         let selected = viewer.selection.as_ref() == Some(&bar.what);
         let wrong = Timeline::is_marked(&bar.place, &viewer.problems);
         draw(&ui.painter_at(lane), bar, place, &x, selected, wrong);
+        if let Some(secs) = carried(ui, viewer, bar, &response, lane) {
+            moved = Some((bar.what.clone(), secs));
+        }
         response.on_hover_text(hover(viewer, bar));
         for (part, at) in handles(bar) {
             if let Some(change) = handle(ui, viewer, bar, part, at, (index, number), lane) {
@@ -228,6 +234,10 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
             viewer.message = viewer.set_cue(&what, part, secs).err().map(|e| e.to_string())
         }
         None => {}
+    }
+    if let Some((what, secs)) = moved {
+        let ripple = ui.input(|i| i.modifiers.shift);
+        viewer.message = viewer.move_cue(&what, secs, ripple).err().map(|e| e.to_string());
     }
     if let Some((clip, secs)) = dropped {
         viewer.message = viewer.add_clip(&clip.actor, &clip.clip, secs).err().map(|e| e.to_string());
@@ -284,6 +294,33 @@ fn handles(bar: &Bar) -> Vec<(CueTime, Time)> {
         _ if bar.cut.is_some() => vec![(CueTime::Start, bar.start)],
         _ => Vec::new(),
     }
+}
+
+/// Draws where a bar goes that is dragged; once it is let go, returns its new start in seconds, on a whole frame.
+fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &egui::Response, lane: Rect) -> Option<f64> {
+    if !response.dragged_by(egui::PointerButton::Primary) && !response.drag_stopped() {
+        return None;
+    }
+    let secs = |x: f32| viewer.span.secs_at(x - lane.left(), lane.width());
+    let x = |secs: f64| lane.left() + viewer.span.x_of(secs, lane.width());
+    let id = response.id.with("grabbed");
+    if response.drag_started() {
+        let origin = ui.input(|i| i.pointer.press_origin())?;
+        ui.data_mut(|d| d.insert_temp(id, secs(origin.x) - bar.start.as_secs()));
+    }
+    // Seconds from the start of the bar to where it was taken.
+    let grabbed: f64 = ui.data(|d| d.get_temp(id))?;
+    let start = viewer.snapped((secs(response.interact_pointer_pos()?.x) - grabbed).max(0.0));
+    let ghost = [start, start + (bar.end - bar.start).as_secs()].map(x);
+    let ghost =
+        Rect::from_min_max(pos2(ghost[0], lane.top() + 1.5), pos2(ghost[1], lane.bottom() - STRIP - 1.0));
+    ui.painter_at(lane).rect_stroke(
+        ghost,
+        CornerRadius::same(3),
+        Stroke::new(2.0, ui.visuals().strong_text_color()),
+        StrokeKind::Inside,
+    );
+    (response.drag_stopped() && start != bar.start.as_secs()).then_some(start)
 }
 
 /// Draws a handle; once it is let go, returns the new value in seconds, on a whole frame.

@@ -1,0 +1,183 @@
+//! Whole cues: moved with their ends, or deleted.
+
+use super::scan::{Call, Source, find};
+use super::times::{CueTime, EditTime, set_time};
+use super::{Edit, EditRefused};
+use std::ops::Range;
+
+/// A time of a cue that is to change; line and column of its `play` or `then` as for [`set_time`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CueChange {
+    pub line: usize,
+    pub column: usize,
+    pub part: CueTime,
+    pub time: EditTime,
+}
+
+/// Sets several times of cues as one edit.
+///
+/// # Errors
+/// As [`set_time`], where one of them cannot be set; then none is.
+pub fn set_times(text: &str, changes: &[CueChange]) -> Result<Edit, EditRefused> {
+    let mut changes = changes.to_vec();
+    // From the end of the text, so that an edit moves no call that is still to come.
+    changes.sort_by_key(|change| std::cmp::Reverse((change.line, change.column)));
+    let mut after = text.to_string();
+    for CueChange { line, column, part, time } in changes {
+        after = set_time(&after, line, column, part, time)?.apply(&after);
+    }
+    Ok(Edit::between(text, &after))
+}
+
+/// Whether the cue that the call at a place makes states its end, `.until(…)`.
+pub fn has_end(text: &str, line: usize, column: usize) -> bool {
+    let text = &Source::new(text);
+    let call = text.byte_at(line, column).and_then(|at| text.call_from(at));
+    call.is_some_and(|call| find(&text.chain_after(call.end), text, "until").is_some())
+}
+
+/// Deletes the cue that the call at a place makes, with its times and options. `next`: when the clip after it begins, which then stands
+/// first if the chain began with the deleted one.
+///
+/// # Errors
+/// Why it cannot be deleted, for the user: the call is not there, or the script uses its value.
+pub fn delete_cue(
+    text: &str,
+    line: usize,
+    column: usize,
+    next: Option<EditTime>,
+) -> Result<Edit, EditRefused> {
+    let source = &Source::new(text);
+    let refuse = |why: &str| Err(format!("line {line}: {why}").into());
+    let Some(call) = source.byte_at(line, column).and_then(|at| source.call_from(at)) else {
+        return refuse("there is no play or then to be deleted");
+    };
+    if let Some(name) = statement_start(source, &call).and_then(|start| source.variable_before(start)) {
+        return refuse(&format!("the script uses this clip as \"{name}\"; delete it there"));
+    }
+    let end = source.chain_after(call.end).last().map_or(call.end, |last| last.end);
+    let follower = source.call_from(end).filter(|next| source[next.name.clone()] == *"then");
+    if let (true, Some(follower)) = (source[call.name.clone()] == *"play", follower) {
+        let from = find(&source.chain_after(follower.end), source, "from");
+        let from = next.filter(|_| from.is_none()).map(|next| format!(".from({})", next.text(false)));
+        let kept = &text[follower.name.end..follower.end];
+        let range = call.name.start..follower.end;
+        return Ok(Edit { range, text: format!("play{kept}{}", from.unwrap_or_default()) });
+    }
+    let range = whole_statement(source, &call, end).unwrap_or_else(|| {
+        let dot = text[..call.name.start].rfind('.').unwrap_or(call.name.start);
+        text[..dot].trim_end().len()..end
+    });
+    Ok(Edit { range, text: String::new() })
+}
+
+/// The first byte of the expression that a call of a method ends, `actor` in `actor.play(…)`; `None` where that is not a name.
+fn statement_start(text: &Source, call: &Call) -> Option<usize> {
+    let before = text[..call.name.start].trim_end().strip_suffix('.')?.trim_end();
+    let name = before.rfind(|c: char| !c.is_alphanumeric() && c != '_').map_or(0, |at| at + 1);
+    (name < before.len()).then_some(name)
+}
+
+/// The lines of a statement that consists of this call, `actor.play(…);`, with a comment behind it.
+fn whole_statement(text: &Source, call: &Call, end: usize) -> Option<Range<usize>> {
+    let start = statement_start(text, call)?;
+    let before = text[..start].trim_end_matches([' ', '\t']);
+    let semicolon = text.skip(end);
+    if !(before.is_empty() || before.ends_with('\n')) || !text[semicolon..].starts_with(';') {
+        return None;
+    }
+    let rest = semicolon + 1;
+    let line = text[rest..].find('\n').map_or(text.len(), |at| rest + at + 1);
+    let behind = text[rest..line].trim();
+    (behind.is_empty() || behind.starts_with("//")).then_some(before.len()..line)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The text without the marks `|`, and the places where they stand.
+    fn marked(text: &str) -> (String, Vec<(usize, usize)>) {
+        let (mut plain, mut places) = (String::new(), Vec::new());
+        for part in text.split('|') {
+            plain += part;
+            let column = plain.rsplit('\n').next().unwrap().chars().count() + 1;
+            places.push((plain.matches('\n').count() + 1, column));
+        }
+        places.pop();
+        (plain, places)
+    }
+
+    fn at(secs: f64) -> EditTime {
+        EditTime { secs, fps: 25.0 }
+    }
+
+    fn deleted(text: &str, next: Option<EditTime>) -> Result<String, String> {
+        let (text, places) = marked(text);
+        let edit = delete_cue(&text, places[0].0, places[0].1, next).map_err(|refused| refused.why)?;
+        let after = edit.apply(&text);
+        assert_eq!(edit.inverse(&text).apply(&after), text);
+        Ok(after)
+    }
+
+    #[test]
+    fn several_times_are_one_edit_wherever_they_stand() {
+        let (text, places) = marked("a.|play(c).from(0.5).until(2.0).|then(d, #{ fade: 0.4 }).until(4.0);");
+        let change = |place: usize, part, secs| CueChange {
+            line: places[place].0,
+            column: places[place].1,
+            part,
+            time: at(secs),
+        };
+        let moved =
+            set_times(&text, &[change(0, CueTime::End, 12.0), change(1, CueTime::End, 14.0)]).unwrap();
+        assert_eq!(
+            moved.apply(&text),
+            "a.play(c).from(0.5).until(12.0).then(d, #{ fade: 0.4 }).until(14.0);"
+        );
+        assert_eq!(moved.inverse(&text).apply(&moved.apply(&text)), text);
+        let first = [change(0, CueTime::Start, 1.0), change(0, CueTime::End, 2.5)];
+        assert!(set_times(&text, &first).unwrap().apply(&text).starts_with("a.play(c).from(1.0).until(2.5)"));
+        // One that is refused changes nothing.
+        let refused = set_times(&text, &[change(0, CueTime::End, 3.0), change(1, CueTime::Start, 3.0)]);
+        assert!(refused.unwrap_err().why.contains("begins where the clip before it ends"));
+        assert!(has_end(&text, places[1].0, places[1].1) && !has_end("a.play(c);", 1, 3));
+    }
+
+    #[test]
+    fn a_deleted_clip_leaves_its_neighbours() {
+        let text = "a.play(c).until(2.0) // in\n    .|then(d, #{ fade: 0.4 }).until(4.0)\n    .then(e);";
+        assert_eq!(deleted(text, None).unwrap(), "a.play(c).until(2.0) // in\n    .then(e);");
+        let text = "a.|play(c).from(1.0).until(2.0)\n    .then(d, #{ fade: 0.4 }).on(\"x\");";
+        assert_eq!(deleted(text, Some(at(2.0))).unwrap(), "a.play(d, #{ fade: 0.4 }).from(2.0).on(\"x\");");
+        let text = "a.|play(c).then(d).from(3.0);";
+        assert_eq!(deleted(text, Some(at(3.0))).unwrap(), "a.play(d).from(3.0);");
+    }
+
+    #[test]
+    fn a_statement_of_its_own_goes_with_its_line() {
+        let text = "let x = 1;\n  a.|play(c)\n    .from(1.0); // waves\nb.play(d);\n";
+        assert_eq!(deleted(text, None).unwrap(), "let x = 1;\nb.play(d);\n");
+        assert_eq!(
+            deleted("let a = cast(\"a\", m).at(1, 0, 0).|play(c).from(1.0);", None).unwrap(),
+            "let a = cast(\"a\", m).at(1, 0, 0);"
+        );
+        assert_eq!(deleted("if x { a.|play(c); }", None).unwrap(), "if x { a; }");
+        let why = deleted("let wave = a.|play(c);", None).unwrap_err();
+        assert_eq!(why, "line 1: the script uses this clip as \"wave\"; delete it there");
+        assert!(deleted("|let x = 1;", None).is_err());
+    }
+
+    #[test]
+    fn no_text_makes_it_panic() {
+        let text = "ä.play(\"ü(\").from(1.0) /* é */ .then(x).until('\\'');";
+        let ends: Vec<usize> = text.char_indices().map(|(i, _)| i).collect();
+        for from in &ends {
+            for to in ends.iter().filter(|to| *to >= from) {
+                for column in 1..12 {
+                    let _ = delete_cue(&text[*from..*to], 1, column, Some(at(1.0)));
+                }
+            }
+        }
+    }
+}
