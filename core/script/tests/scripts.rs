@@ -372,6 +372,29 @@ fn a_focal_length_is_a_field_of_view() {
     assert!(show(&run("camera(\"c\").focal_length(0.1);").unwrap_err()).contains("0.2"));
 }
 
+/// A callback shakes as a shake of the script does that is there all the time, by as much as it states for the frame.
+#[test]
+fn callbacks_shake_cameras() {
+    let camera_at = |secs: f64, shake: &str| {
+        let text = format!(
+            "cast(\"a\", load(\"hero.toy\")); let c = camera(\"c\").at(0, 1, 5).look_at([0, 1, 0]); {shake}"
+        );
+        good(&text).stage.at(Time::from_secs(secs)).unwrap().camera
+    };
+    for secs in [0.0, 0.37, 1.9] {
+        let degrees = 1.0 + 4.0 * secs;
+        let all =
+            format!("c.shake(#{{ amplitude: {degrees:?}, move: 0.2, frequency: 3.0, seed: 7, fade: 0 }});");
+        let in_frames =
+            "on_frame(|t| c.shake(#{ amplitude: 1.0 + 4.0 * t, move: 0.2, frequency: 3.0, seed: 7 }));";
+        let expected = camera_at(secs, &all);
+        assert_eq!(camera_at(secs, in_frames), expected, "at {secs} s");
+        assert_ne!(camera_at(secs, ""), expected);
+    }
+    let errors = show(&run("let c = camera(\"c\"); on_frame(|t| c.shake(#{ fade: 1.0 }));").unwrap_err());
+    assert!(errors.contains("fade"), "{errors}");
+}
+
 #[test]
 fn emitted_light_is_brighter_than_white() {
     let script = good(

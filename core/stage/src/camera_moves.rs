@@ -37,9 +37,8 @@ impl CameraShake {
         share(time - self.start) * self.end.map_or(1.0, |end| share(end - time))
     }
 
-    /// Rotation in the camera's own axes, and its way right and up, metres.
-    fn at(&self, time: Time) -> (DQuat, DVec3) {
-        let presence = self.presence(time);
+    /// Rotation in the camera's own axes, and its way right and up, metres. `presence`: how much of it there is, 0 to 1.
+    fn at(&self, time: Time, presence: f64) -> (DQuat, DVec3) {
         // Noise swings to a new value at every whole number.
         let x = time.as_secs() * 2.0 * self.frequency;
         let part = |number: u64, size: f64| presence * size * noise(u64::from(self.seed) * 8 + number, x);
@@ -103,7 +102,7 @@ pub(crate) fn moved(
     }
     for edit in own() {
         match edit {
-            CameraEdit::MoveTo { .. } => {}
+            CameraEdit::MoveTo { .. } | CameraEdit::Shake { .. } => {}
             CameraEdit::LookAt { target, .. } => {
                 rotation = look(target, &mut projection).unwrap_or(rotation);
             }
@@ -125,7 +124,12 @@ pub(crate) fn moved(
     let mut moved = state;
     moved.projection = projection;
     moved.world_from_view.translation = position;
-    for (turn, shift) in camera.shakes.iter().map(|shake| shake.at(time)) {
+    let shaken = own().filter_map(|edit| match edit {
+        CameraEdit::Shake { shake, .. } => Some(shake.at(time, 1.0)),
+        _ => None,
+    });
+    let shakes = camera.shakes.iter().map(|shake| shake.at(time, shake.presence(time)));
+    for (turn, shift) in shakes.chain(shaken) {
         moved.world_from_view.translation += rotation * shift;
         rotation *= turn;
     }

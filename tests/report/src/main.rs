@@ -9,14 +9,18 @@ mod chains;
 mod crossfade;
 mod deferred;
 mod detail;
+mod displacement;
 mod dithering;
 mod easing;
 mod effects;
 mod environment_brdf;
 mod far_away;
+mod fbx;
 mod film;
 mod foot_locking;
 mod gif;
+mod glass;
+mod gltf_export;
 mod ik;
 mod images;
 mod keys;
@@ -27,6 +31,7 @@ mod passes;
 mod path_length;
 mod rays;
 mod reduction;
+mod retargeting;
 mod root_motion;
 mod rotation;
 mod samples;
@@ -36,6 +41,8 @@ mod skinning;
 mod sky;
 mod springs;
 mod srgb;
+mod sub_frames;
+mod texture_filters;
 mod time;
 mod tones;
 mod transitions;
@@ -63,12 +70,14 @@ pub struct Section {
 type Measure = fn() -> Result<Section, String>;
 
 /// Sections by name, in the order of the report.
-const SECTIONS: [(&str, Measure); 36] = [
+const SECTIONS: [(&str, Measure); 43] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),
     ("keys", keys::section),
     ("reduction", reduction::section),
+    ("retargeting", retargeting::section),
+    ("fbx", fbx::section),
     ("chains", chains::section),
     ("far_away", far_away::section),
     ("time", time::section),
@@ -82,13 +91,16 @@ const SECTIONS: [(&str, Measure); 36] = [
     ("skinning", skinning::section),
     ("packing", packing::section),
     ("mipmaps", mipmaps::section),
+    ("texture_filters", texture_filters::section),
     ("srgb", srgb::section),
     ("sky", sky::section),
     ("environment_brdf", environment_brdf::section),
     ("parallax", parallax::section),
+    ("displacement", displacement::section),
     ("film", film::section),
     ("shadows", shadows::section),
     ("samples", samples::section),
+    ("sub_frames", sub_frames::section),
     ("effects", effects::section),
     ("bloom", bloom::section),
     ("passes", passes::section),
@@ -96,10 +108,12 @@ const SECTIONS: [(&str, Measure); 36] = [
     ("dithering", dithering::section),
     ("tones", tones::section),
     ("transparency", transparency::section),
+    ("glass", glass::section),
     ("deferred", deferred::section),
     ("yuv", yuv::section),
     ("video", video::section),
     ("gif", gif::section),
+    ("gltf_export", gltf_export::section),
 ];
 
 /// Seconds for the timings of one choice.
@@ -184,6 +198,9 @@ the front (the dashed line) where no other is both cheaper and more exact; where
 the command fails.
 ";
 
+/// Printed where a section was made anew without `cargo xtask report`.
+const DEVELOPMENT: &str = "\nTimes of this section are of a development build, in which arithmetic is checked: they compare with each other only.\n";
+
 /// Defaults belong on the front.
 fn off_front(section: &Section) -> Vec<String> {
     let unexplained = |c: &&Choice| {
@@ -213,6 +230,10 @@ fn write_section(text: &mut String, section: &Section, plots: &Path) -> Result<(
         for (_, why) in section.off_front.iter().filter(off) {
             let _ = writeln!(text, "\nNot on the front: {why}");
         }
+    }
+    let timed = section.choices.iter().flat_map(|choice| &choice.rows).any(|row| row.nanos.is_some());
+    if timed && cfg!(debug_assertions) {
+        text.push_str(DEVELOPMENT);
     }
     for table in &section.tables {
         let _ = writeln!(text, "\n**{}**\n\n{}", table.title, table.markdown().trim_end());

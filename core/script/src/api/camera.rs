@@ -34,7 +34,8 @@ api! {
     ///   rolls half as far), move (metres that it moves to each side, up and down at most, 0 to 1000, default 0),
     ///   frequency (how often it goes to and fro at most, Hz, 0 to 100, default 2), seed (a whole number, default the
     ///   number of the call).
-    Camera.shake("options?") = shake;
+    /// - In a callback: amplitude, move, frequency and seed (default 0), for this frame.
+    Camera.shake("options?") = shake, in_frames;
     /// Moves the camera with a target, at an offset [x, y, z] from it, and points it at the target.
     Camera.follow("target, offset") = follow;
     /// Moves the camera in a circle around a target. Options: distance (metres, default 4), elevation (degrees, -89
@@ -174,10 +175,15 @@ fn rotate(c: &mut Call) -> Reply {
 }
 
 fn shake(c: &mut Call) -> Reply {
-    let o = c.options(0, &["from", "until", "fade", "amplitude", "move", "frequency", "seed"])?;
+    let all = ["amplitude", "move", "frequency", "seed", "from", "until", "fade"];
+    let o = c.options(0, if c.in_frame { &all[..4] } else { &all[..] })?;
     let time = |name| o.get(name).map(|v| c.stage_time(&v, &o.label(name))).transpose();
     let (start, end) = (time("from")?, time("until")?);
-    let start = start.unwrap_or(c.build().offset);
+    let start = match start {
+        Some(start) => start,
+        None if c.in_frame => Time::ZERO,
+        None => c.build().offset,
+    };
     if let Some(until) = end.filter(|until| *until <= start) {
         return Err(before_start("shake: until", until, start));
     }
@@ -194,6 +200,10 @@ fn shake(c: &mut Call) -> Reply {
         frequency: o.number_in("frequency", 0.0, 100.0)?.unwrap_or(2.0),
         seed: 0,
     };
+    if c.in_frame {
+        let shake = CameraShake { seed: seed.unwrap_or(0), ..shake };
+        return edit(c, |camera| CameraEdit::Shake { camera, shake });
+    }
     let this: CameraRef = c.this()?;
     let mut build = c.build();
     let shakes = &mut build.camera(this.0)?.camera.shakes;

@@ -1,6 +1,7 @@
 //! The changes of a callback in one frame.
 
 use crate::stage::actor::{Placement, Target};
+use crate::stage::camera_moves::CameraShake;
 use crate::stage::effects::EffectEdit;
 use crate::stage::layers_2d::Layer2dEdit;
 use crate::stage::parenting::Parenting;
@@ -111,6 +112,11 @@ pub enum CameraEdit {
         camera: usize,
         height: f32,
     },
+    /// Shakes it further, after all else; its times do not count.
+    Shake {
+        camera: usize,
+        shake: CameraShake,
+    },
 }
 
 impl CameraEdit {
@@ -121,7 +127,8 @@ impl CameraEdit {
             | CameraEdit::LookAt { camera, .. }
             | CameraEdit::Turn { camera, .. }
             | CameraEdit::FieldOfView { camera, .. }
-            | CameraEdit::Height { camera, .. } => camera,
+            | CameraEdit::Height { camera, .. }
+            | CameraEdit::Shake { camera, .. } => camera,
         }
     }
 }

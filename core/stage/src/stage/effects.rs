@@ -36,7 +36,7 @@ pub enum OffScreenActors {
     /// All of them: the effect reads the whole stage.
     #[default]
     All,
-    /// Those that the effect is on: it draws farther out than their meshes reach, or compares them with earlier frames.
+    /// Actors that the effect is on: it draws farther out than their meshes reach.
     Affected,
     /// None: the effect changes the color of what is in the image.
     None,

@@ -1,0 +1,106 @@
+//! How finely a shape is divided that an image of heights raises.
+
+use crate::images::{stage, times};
+use crate::rays::Shapes;
+use crate::{BUDGET_SECS, Random, Section};
+use choreo_asset::Asset;
+use choreo_bench::plots::{Choice, Row};
+use choreo_bench::timing::Clock;
+use choreo_bench::truth::Spread;
+use choreo_motion::Time;
+use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
+use choreo_stage::Stage;
+use glam::DVec3;
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+const SIZE: [u32; 2] = [320, 180];
+/// Metres of a side of the ground, its height from trough to crest, and waves over a side.
+const GROUND: f64 = 2.0;
+const HEIGHT: f64 = 0.1;
+const WAVES: f64 = 4.0;
+/// Texels of a side of the image of heights.
+const TEXELS: usize = 128;
+const DETAILS: [u32; 7] = [1, 2, 3, 4, 5, 6, 7];
+const DEFAULT: u32 = 2;
+
+/// Share of the height, x and z in shares of a side.
+fn height(u: f64, v: f64) -> f64 {
+    0.5 + 0.25 * (libm::sin(TAU * WAVES * u) + libm::cos(TAU * WAVES * v))
+}
+
+fn ground(detail: u32, pixels: &str) -> Result<Arc<Stage>, String> {
+    let text = format!(
+        "stage(#{{ background: \"black\" }});
+         let heights = image({TEXELS}, {TEXELS}, {pixels});
+         cast(\"ground\", shape(\"plane\", #{{ size: {GROUND:?}, displacement_map: heights, displacement: {HEIGHT:?}, detail: {detail} }}));
+         sun(#{{ direction: [-0.5, -1.0, -0.8] }});
+         camera(\"c\").fov(30).at(0.0, 1.6, 3.2).look_at([0.0, 0.0, 0.0]);"
+    );
+    stage(&text, &choreo::registry())
+}
+
+fn triangles(asset: &Asset) -> usize {
+    asset.meshes.iter().flat_map(|m| &m.primitives).map(|p| p.indices.len() / 3).sum()
+}
+
+fn name(detail: u32) -> String {
+    format!("detail {detail}")
+}
+
+pub fn section() -> Result<Section, String> {
+    let place = |i: usize| (i as f64 + 0.5) / TEXELS as f64;
+    let code = |x: usize, y: usize| (height(place(x), place(y)) * 255.0).round() as u8;
+    let pixels: Vec<String> = (0..TEXELS * TEXELS)
+        .map(|i| code(i % TEXELS, i / TEXELS))
+        .map(|c| format!("{c},{c},{c},255"))
+        .collect();
+    let pixels = format!("[{}]", pixels.join(","));
+    let mut choice =
+        Choice::new("displacement", "How often is a plane divided that waves raise? (four waves a side)");
+    choice.error_unit = "mm";
+    choice.by_mean = true;
+    choice.reference =
+        format!("the waves themselves, {} mm high, at 4,000 places of the mesh, in f64", HEIGHT * 1e3);
+    choice.per = format!("image of {}×{}, CPU renderer, {}", SIZE[0], SIZE[1], Clock::Process.words());
+    for detail in DETAILS {
+        let stage = ground(detail, &pixels)?;
+        let snapshot = stage.at(Time::ZERO).map_err(|e| e.to_string())?;
+        let shapes = Shapes::of(&stage, &snapshot);
+        let (mut random, mut error) = (Random(3), Spread::default());
+        for _ in 0..4000 {
+            let [u, v] = [0.001 + 0.998 * random.unit(), 0.001 + 0.998 * random.unit()];
+            let from = DVec3::new((u - 0.5) * GROUND, 10.0, (v - 0.5) * GROUND);
+            let hit = shapes.first(from, DVec3::NEG_Y).ok_or("the ground has a hole")?;
+            error.add((hit.point.y - HEIGHT * height(u, v)).abs() * 1e3);
+        }
+        let resources = Arc::new(SceneResources::new(&stage));
+        let plan = Plan::new(&resources, &stage, &snapshot, &PlanOptions::new(SIZE, 4));
+        let mut renderer = CpuRenderer::new(&[]);
+        renderer.load(resources).map_err(|e| e.to_string())?;
+        let nanos = times(&mut renderer, &[&plan], 0.4 * BUDGET_SECS).remove(0);
+        choice.rows.push(
+            Row::new(name(detail))
+                .error(error.worst, error.mean())
+                .nanos(nanos)
+                .note(format!("{} triangles", triangles(&stage.actors[0].asset))),
+        );
+    }
+    choice.choose(
+        &name(DEFAULT),
+        "the default, for shapes that are fine by themselves; a plane has two triangles, and needs more",
+    );
+    Ok(Section {
+        title: "Displacement",
+        text: "An image of heights moves the vertices of a shape once, when it is made: waves are as round as the mesh is fine. Each step of \
+               `detail` makes four triangles of each; from where triangles are as small as texels, the 8 bits of the image are what is left."
+            .into(),
+        choices: vec![choice],
+        tables: Vec::new(),
+        off_front: vec![(
+            "displacement",
+            "the two triangles of a plane become 32, whose vertices meet these waves at heights that tell nothing of them; a sphere has about 2,200 \
+             triangles of its own, of which two steps make sixteen times as many.",
+        )],
+    })
+}

@@ -1,0 +1,166 @@
+//! How the background behind a pane of thick glass is found.
+
+use crate::images::{drawn, srgb, stage};
+use crate::{BUDGET_SECS, Section};
+use choreo_asset::Image;
+use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::truth::Spread;
+use choreo_motion::Time;
+use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
+use glam::{DVec2, DVec3};
+use std::cell::RefCell;
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+const SIZE: [u32; 2] = [320, 180];
+const TEXELS: usize = 1024;
+/// Metres of a side of the wall, and waves over it.
+const WALL: f64 = 6.0;
+const WAVES: f64 = 24.0;
+/// The camera's distance from the pane's middle, its field of view, and how far the pane is turned about y; degrees.
+const EYE: f64 = 3.0;
+const FOV: f64 = 22.0;
+const TURN: f64 = 35.0;
+const THICK: f64 = 0.25;
+const IOR: f64 = 1.5;
+/// Metres from the pane's middle to the wall.
+const WALLS: [f64; 4] = [1.0, 1.5, 2.5, 4.0];
+const RAYS: usize = 4;
+const WAYS: [&str; 3] = ["not bent", "bent once, scene color copy", "no pane: the texture alone"];
+
+fn light(at: DVec2) -> f64 {
+    let wave = |x: f64| libm::sin(TAU * WAVES * x / WALL);
+    0.5 + 0.45 * wave(at.x) * wave(at.y)
+}
+
+/// Where a ray from the camera through a place of the image, in pixels, ends on the wall.
+fn wall_at(x: f64, y: f64, wall: f64, pane: bool) -> DVec2 {
+    let [width, height] = SIZE.map(f64::from);
+    let scale = 2.0 * libm::tan(FOV.to_radians() * 0.5) / height;
+    let way = DVec3::new((x - 0.5 * width) * scale, (0.5 * height - y) * scale, -1.0).normalize();
+    let mut from = DVec3::new(0.0, 0.0, EYE);
+    if pane {
+        let (sin, cos) = libm::sincos(TURN.to_radians());
+        let normal = DVec3::new(sin, 0.0, cos);
+        let cosine = -normal.dot(way);
+        // Snell's law; the second face is parallel, so that the ray goes on in its first direction.
+        let inside = (1.0 - (1.0 - cosine * cosine) / (IOR * IOR)).sqrt();
+        let bent = way / IOR + normal * (cosine / IOR - inside);
+        from = from + way * (from.dot(normal) / cosine) + bent * (THICK / inside);
+    }
+    (from + way * ((-wall - from.z) / way.z)).truncate()
+}
+
+/// Linear light of a pixel.
+fn exact(pixel: [u32; 2], wall: f64, pane: bool) -> f64 {
+    let place = |pixel: u32, ray: usize| f64::from(pixel) + (ray as f64 + 0.5) / RAYS as f64;
+    let sum = (0..RAYS * RAYS)
+        .map(|ray| light(wall_at(place(pixel[0], ray % RAYS), place(pixel[1], ray / RAYS), wall, pane)));
+    sum.sum::<f64>() / (RAYS * RAYS) as f64
+}
+
+struct Scene {
+    resources: Arc<SceneResources>,
+    plan: Plan,
+}
+
+/// The scene of a way: the pane is so large that it fills the image.
+fn scene(way: usize, wall: f64) -> Result<Scene, String> {
+    let thickness = if way == 1 { THICK } else { 0.0 };
+    // All light goes through: what is reflected is none of this question.
+    let pane = format!(
+        "cast(\"pane\", shape(\"quad\", #{{ size: 8.0, color: \"white\", transmission: 1.0, roughness: 0.0, thickness: {thickness:?}, ior: {IOR:?} }})).at(0.0, -4.0, 0.0).turn({TURN:?});"
+    );
+    let text = format!(
+        "stage(#{{ background: \"black\", view: \"none\" }});
+         cast(\"wall\", shape(\"quad\", #{{ size: {WALL:?}, image: image(1, 1, [0, 0, 0, 255]), unlit: true }})).at(0.0, {:?}, {:?});
+         {}
+         ambient(\"black\");
+         camera(\"c\").fov({FOV:?}).at(0.0, 0.0, {EYE:?}).look_at([0.0, 0.0, 0.0]);",
+        -0.5 * WALL,
+        -wall,
+        if way == 2 { "" } else { &pane },
+    );
+    let mut stage = stage(&text, &choreo::registry())?;
+    let actors = &mut Arc::make_mut(&mut stage).actors;
+    let asset = Arc::make_mut(&mut actors[0].asset);
+    let place = |i: usize| (i as f64 + 0.5) / TEXELS as f64 * WALL - 0.5 * WALL;
+    let mut rgba = Vec::with_capacity(TEXELS * TEXELS * 4);
+    for (y, x) in (0..TEXELS).flat_map(|y| (0..TEXELS).map(move |x| (y, x))) {
+        let code = (srgb(light(DVec2::new(place(x), -place(y)))) * 255.0).round() as u8;
+        rgba.extend([code, code, code, 255]);
+    }
+    let side = TEXELS as u32;
+    asset.images[0] = Arc::new(Image { name: "waves".into(), width: side, height: side, rgba });
+    asset.derived = Default::default();
+    for actor in &mut actors[1..] {
+        let asset = Arc::make_mut(&mut actor.asset);
+        asset.materials.iter_mut().for_each(|material| material.specular = 0.0);
+        asset.derived = Default::default();
+    }
+    let resources = Arc::new(SceneResources::new(&stage));
+    let snapshot = stage.at(Time::ZERO).map_err(|e| e.to_string())?;
+    let plan = Plan::new(&resources, &stage, &snapshot, &PlanOptions::new(SIZE, 1));
+    Ok(Scene { resources, plan })
+}
+
+pub fn section() -> Result<Section, String> {
+    let mut choice = Choice::new("glass", "Where is the background read behind a pane 0.25 m thick?");
+    choice.error_unit = "steps of 255";
+    choice.by_mean = true;
+    choice.reference = format!(
+        "Snell's law at both faces in f64, {} rays a pixel; walls with waves {} to {} m behind the pane, which is turned by {TURN}°",
+        RAYS * RAYS,
+        WALLS[0],
+        WALLS[3],
+    );
+    choice.per = format!("image of {}×{}, CPU renderer, {}", SIZE[0], SIZE[1], Clock::Process.words());
+    let titles: Vec<String> = WALLS.iter().map(|wall| format!(">{wall} m")).collect();
+    let mut columns: Vec<(&str, &'static str)> = vec![("mean steps of 255, wall behind the pane at", "way")];
+    columns.extend(titles.iter().map(|title| (title.as_str(), "wall")));
+    let mut table = Table::new("By the distance of what is behind", &columns);
+    let mut timed = Vec::new();
+    for (way, name) in WAYS.into_iter().enumerate() {
+        let (mut all, mut cells) = (Spread::default(), vec![Cell::text(name)]);
+        for wall in WALLS {
+            let scene = scene(way, wall)?;
+            let mut renderer = CpuRenderer::new(&[]);
+            renderer.load(scene.resources.clone()).map_err(|e| e.to_string())?;
+            let frame = drawn(&mut renderer, &scene.plan)?;
+            let mut error = Spread::default();
+            for (i, got) in (0..).zip(frame.rgba.chunks_exact(4)) {
+                let truth = (srgb(exact([i % SIZE[0], i / SIZE[0]], wall, way != 2)) * 255.0).round();
+                error.add((f64::from(got[0]) - truth).abs());
+                all.add((f64::from(got[0]) - truth).abs());
+            }
+            cells.push(Cell::number(quantity(error.mean()), error.mean()));
+            if wall == WALLS[0] && way < 2 {
+                timed.push((RefCell::new(renderer), scene.plan));
+            }
+        }
+        table.rows.push(cells);
+        if way < 2 {
+            choice.rows.push(Row::new(name).error(all.worst, all.mean()));
+        }
+    }
+    let mut cases = Vec::new();
+    for (renderer, plan) in &timed {
+        cases.push(Case::new(1, move || {
+            drop(std::hint::black_box(drawn(&mut *renderer.borrow_mut(), plan)));
+        }));
+    }
+    let nanos = interleaved(Clock::Process, 2.0 * BUDGET_SECS, &mut cases);
+    choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
+    choice.choose(WAYS[1], "the only one that bends what is seen, in one look at the image behind");
+    Ok(Section {
+        title: "Glass",
+        text: "The renderer bends a ray once, goes on inside by the thickness, and reads the image of what is behind at that place. That is exact \
+               where the wall touches the pane; farther off, the ray goes on from there in its own direction, which the image does not know, \
+               and the way inside is a little longer for slanted rays. What the texture itself is off, without a pane, stands in the last row."
+            .into(),
+        choices: vec![choice],
+        tables: vec![table],
+        off_front: Vec::new(),
+    })
+}

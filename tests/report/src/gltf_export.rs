@@ -1,0 +1,112 @@
+//! How close keys of an exported glTF file are to the scene, and what that costs.
+
+use crate::images::stage;
+use crate::scenes::import;
+use crate::{BUDGET_SECS, Section};
+use choreo_bench::plots::{Choice, Row};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::truth::{Spread, model_from_joint, pose};
+use choreo_motion::Time;
+use choreo_plugin::{ExportedScene, MemoryFiles, OptionValue, Registry};
+use choreo_stage::{Evaluator, Stage};
+use std::sync::Arc;
+
+/// Metres.
+const TOLERANCES: [f64; 6] = [1e-5, 1e-4, 5e-4, 1e-3, 5e-3, 2e-2];
+const DEFAULT: f64 = 1e-4;
+/// Times between frames at which joints are compared.
+const TIMES: u32 = 211;
+
+/// A walk with root motion that fades into a dance, feet that are held, a hand that a callback moves about and a head that follows.
+const SCENE: &str = r#"
+    stage(#{ fps: 30, length: 6 });
+    let m = load("choreo:mannequin");
+    let anna = cast("anna", m);
+    anna.root_motion();
+    anna.plant_feet();
+    anna.play(m.clip("Walk")).until(2.5).then(m.clip("Dance_Groove"), #{ fade: 0.5 });
+    anna.aim("Head", [0.0, 1.5, 8.0]);
+    let spot = cast("spot", shape("box", #{ size: 0.05 })).attach(anna.joint("Hips")).at(0.3, 0.2, 0.3);
+    on_frame(|t| spot.at(0.3 + 0.2 * sin(5.0 * t), 0.2, 0.3));
+    anna.reach("RightHand", spot);
+"#;
+
+fn name(metres: f64) -> String {
+    format!("{} mm", metres * 1e3)
+}
+
+fn exported(registry: &Registry, scene: &Arc<Stage>, metres: f64) -> Result<Vec<u8>, String> {
+    let exporter = registry.scene_exporter_for("out.glb").ok_or("no exporter writes .glb")?;
+    let mut scene = ExportedScene::new("scene.rhai", scene.clone());
+    scene.extension = "glb".into();
+    scene.options = exporter.manifest().complete(&scene.options).map_err(|e| e.message)?;
+    scene.options.0.insert("tolerance".into(), OptionValue::Number(metres));
+    let mut files = MemoryFiles::default();
+    exporter.export(&scene, &mut files).map_err(|e| e.to_string())?;
+    Ok(files.main)
+}
+
+/// Metres that joints are off, with the place of the worst.
+fn errors(scene: &Arc<Stage>, registry: &Registry, glb: Vec<u8>) -> Result<(Spread, String), String> {
+    let again = import(registry, "out.glb", glb, &[])?;
+    let clip = again.clips.first().ok_or("the file has no animation")?;
+    let names = scene.actors[0].asset.skeleton.names();
+    let joints: Vec<usize> = names
+        .iter()
+        .map(|name| again.skeleton.find(name).ok_or(format!("the file has no node {name}")))
+        .collect::<Result<_, _>>()?;
+    let (mut evaluator, mut error, mut place) =
+        (Evaluator::new(scene.clone()), Spread::default(), String::new());
+    for i in 0..TIMES {
+        let time = Time::from_secs(5.99 * (f64::from(i) + 0.377) / f64::from(TIMES));
+        let snapshot = evaluator.at(time).map_err(|e| e.to_string())?;
+        let model = model_from_joint(&again.skeleton, &pose(clip, &again.skeleton, time));
+        for (joint, other) in joints.iter().enumerate() {
+            let truth = snapshot.actors[0].world_from_joint(joint).ok_or("a joint is not posed")?;
+            if error.add(truth.translation.distance(model[*other].translation)) {
+                place = format!("{}, {:.2} s", names[joint], time.as_secs());
+            }
+        }
+    }
+    Ok((error, place))
+}
+
+pub fn section() -> Result<Section, String> {
+    let registry = choreo::registry();
+    let scene = stage(SCENE, &registry)?;
+    let mut choice = Choice::new("gltf_export", "How far may joints of an exported scene be off?");
+    choice.error_unit = "mm";
+    choice.reference = format!(
+        "the scene itself at {TIMES} times between its frames; the file's keys by slerp in f64, as glTF states"
+    );
+    choice.per = "export of 6 s of one character".into();
+    for metres in TOLERANCES {
+        let glb = exported(&registry, &scene, metres)?;
+        let bytes = glb.len() as f64;
+        let (error, place) = errors(&scene, &registry, glb)?;
+        choice
+            .rows
+            .push(Row::new(name(metres)).error(error.worst * 1e3, error.mean() * 1e3).at(place).bytes(bytes));
+    }
+    let case = |metres: &f64| {
+        let (registry, scene, metres) = (&registry, &scene, *metres);
+        Case::new(1, move || drop(std::hint::black_box(exported(registry, scene, metres))))
+    };
+    let nanos =
+        interleaved(Clock::Process, 4.0 * BUDGET_SECS, &mut TOLERANCES.iter().map(case).collect::<Vec<_>>());
+    choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
+    choice.choose(
+        &name(DEFAULT),
+        "closer than any player shows, for a file that is a third larger than with a millimetre",
+    );
+    Ok(Section {
+        title: "Exported animation",
+        text: "Keys of a glTF file have straight lines and slerp between them, and a callback, a held foot or an arm that reaches goes along \
+               other curves. Where these are off by more than half of the tolerance, more keys are sampled; keys that follow from the others \
+               go for the other half (decision 61). The mesh is part of each size."
+            .into(),
+        choices: vec![choice],
+        tables: Vec::new(),
+        off_front: Vec::new(),
+    })
+}

@@ -1,0 +1,173 @@
+//! How a texture is read where pixels are smaller or larger than its texels.
+
+use crate::images::{drawn, rows, srgb, stage};
+use crate::{BUDGET_SECS, Section};
+use choreo_asset::Image;
+use choreo_bench::plots::{Cell, Choice, Table, quantity};
+use choreo_bench::timing::Clock;
+use choreo_motion::Time;
+use choreo_plugin::{Frame, Registry};
+use choreo_render::{CpuRenderer, GpuOptions, Plan, PlanOptions, Renderer, SceneResources, VulkanRenderer};
+use choreo_stage::Stage;
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+const SIZE: [u32; 2] = [320, 180];
+/// Texels of a side, and waves over it.
+const TEXELS: usize = 1024;
+const WAVES: f64 = 64.0;
+/// Metres of a side of the ground, and height and field of view of the camera above its nearer edge.
+const GROUND: f64 = 60.0;
+const EYE: f64 = 1.5;
+const FOV: f64 = 40.0;
+/// Rays a side of a pixel.
+const RAYS: usize = 16;
+/// Rows of the image from the top, by how much longer than wide a pixel is on the ground.
+const BANDS: [(&str, std::ops::Range<u32>); 3] =
+    [("far, 19 m to 52 m", 94..102), ("middle, 6 m to 19 m", 102..130), ("near, below 6 m", 130..180)];
+
+/// Light of the ground at shares of its sides.
+fn light(u: f64, v: f64) -> f64 {
+    0.5 + 0.45 * libm::sin(TAU * WAVES * u) * libm::sin(TAU * WAVES * v)
+}
+
+/// The means of all pixels below the horizon that see nothing but the ground; alpha 0 elsewhere.
+fn exact() -> Frame {
+    let [width, height] = SIZE.map(f64::from);
+    let scale = 2.0 * libm::tan(FOV.to_radians() * 0.5) / height;
+    let mut rgba = Vec::new();
+    for (y, x) in (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (y, x))) {
+        let (mut sum, mut met) = (0.0, 0);
+        for ray in 0..RAYS * RAYS {
+            let place = |pixel: u32, ray: usize| f64::from(pixel) + (ray as f64 + 0.5) / RAYS as f64;
+            let right = (place(x, ray % RAYS) - 0.5 * width) * scale;
+            let down = (place(y, ray / RAYS) - 0.5 * height) * scale;
+            let ahead = EYE / down;
+            let (u, v) = (0.5 + ahead * right / GROUND, 1.0 - ahead / GROUND);
+            if down > 0.0 && (0.0..1.0).contains(&u) && (0.0..1.0).contains(&v) {
+                (sum, met) = (sum + light(u, v), met + 1);
+            }
+        }
+        let all = met == RAYS * RAYS;
+        let code = (srgb(sum / (RAYS * RAYS) as f64) * 255.0).round() as u8;
+        rgba.extend(if all { [code, code, code, 255] } else { [0; 4] });
+    }
+    Frame { width: SIZE[0], height: SIZE[1], rgba }
+}
+
+/// The ground, whose texture is read with or without mipmaps and mixing.
+fn ground(registry: &Registry, linear: bool, mip_linear: Option<bool>) -> Result<Arc<Stage>, String> {
+    let text = format!(
+        "stage(#{{ background: \"black\", view: \"none\" }});
+         cast(\"ground\", shape(\"plane\", #{{ size: {GROUND:?}, image: image(1, 1, [0, 0, 0, 255]), unlit: true }})).at(0.0, 0.0, {:?});
+         camera(\"c\").fov({FOV:?}).at(0.0, {EYE:?}, 0.0).look_at([0.0, {EYE:?}, -10.0]);",
+        -0.5 * GROUND
+    );
+    let mut stage = stage(&text, registry)?;
+    let asset = Arc::make_mut(&mut Arc::make_mut(&mut stage).actors[0].asset);
+    let mut rgba = Vec::with_capacity(TEXELS * TEXELS * 4);
+    let share = |i: usize| (i as f64 + 0.5) / TEXELS as f64;
+    for (y, x) in (0..TEXELS).flat_map(|y| (0..TEXELS).map(move |x| (y, x))) {
+        let code = (srgb(light(share(x), share(y))) * 255.0).round() as u8;
+        rgba.extend([code, code, code, 255]);
+    }
+    let side = TEXELS as u32;
+    asset.images[0] = Arc::new(Image { name: "waves".into(), width: side, height: side, rgba });
+    let texture = asset.materials[0].base_color_texture.as_mut().ok_or("the ground has no texture")?;
+    let sampler = &mut texture.sampler;
+    (sampler.mag_linear, sampler.min_linear, sampler.mip_linear) = (linear, linear, mip_linear);
+    asset.derived = Default::default();
+    Ok(stage)
+}
+
+fn plan(stage: &Arc<Stage>, resources: &SceneResources) -> Result<Plan, String> {
+    let snapshot = stage.at(Time::ZERO).map_err(|e| e.to_string())?;
+    Ok(Plan::new(resources, stage, &snapshot, &PlanOptions::new(SIZE, 1)))
+}
+
+/// Mean steps of 255 over the pixels of some rows of the truth.
+fn band(frame: &Frame, truth: &Frame, rows: &std::ops::Range<u32>) -> f64 {
+    let (mut sum, mut count) = (0.0, 0);
+    let bytes = |row: u32| (row * SIZE[0] * 4) as usize;
+    let range = bytes(rows.start)..bytes(rows.end);
+    for (got, exact) in frame.rgba[range.clone()].chunks_exact(4).zip(truth.rgba[range].chunks_exact(4)) {
+        if exact[3] == 255 {
+            (sum, count) = (sum + f64::from(got[0].abs_diff(exact[0])), count + 1);
+        }
+    }
+    sum / f64::from(count.max(1))
+}
+
+/// The image where the truth has a value, nothing elsewhere.
+fn masked(frame: &Frame, truth: &Frame) -> Frame {
+    let pixels = frame.rgba.chunks_exact(4).zip(truth.rgba.chunks_exact(4));
+    let rgba = pixels.flat_map(|(got, exact)| if exact[3] == 255 { got } else { exact }).copied().collect();
+    Frame { rgba, ..truth.clone() }
+}
+
+pub fn section() -> Result<Section, String> {
+    let registry = choreo::registry();
+    let truth = exact();
+    let mut choice =
+        Choice::new("texture_filters", "How is a texture read? (waves on a ground to the horizon)");
+    choice.error_unit = "steps of 255";
+    choice.by_mean = true;
+    choice.reference = format!(
+        "the waves themselves by {} rays a pixel in f64; mean over all channels of the pixels that see nothing but the ground",
+        RAYS * RAYS
+    );
+    choice.per = format!("image of {}×{}, {}", SIZE[0], SIZE[1], Clock::Process.words());
+    let mut table = Table::new(
+        "By the distance, mean steps of 255",
+        &[
+            ("way", "way"),
+            (">far, 19 m to 52 m", "far"),
+            (">middle, 6 m to 19 m", "middle"),
+            (">near, below 6 m", "near"),
+        ],
+    );
+    let ways: [(&str, bool, Option<bool>, Option<f32>); 6] = [
+        ("nearest texel", false, None, None),
+        ("bilinear", true, None, None),
+        ("bilinear, nearest level", true, Some(false), None),
+        ("trilinear, CPU renderer", true, Some(true), None),
+        ("trilinear, Vulkan", true, Some(true), Some(1.0)),
+        ("anisotropic, at most 16 times, Vulkan", true, Some(true), Some(16.0)),
+    ];
+    for (name, linear, mip_linear, anisotropy) in ways {
+        let stage = ground(&registry, linear, mip_linear)?;
+        let resources = Arc::new(SceneResources::new(&stage));
+        let mut renderer: Box<dyn Renderer> = match anisotropy {
+            None => Box::new(CpuRenderer::new(&[])),
+            Some(_) => match VulkanRenderer::new(GpuOptions { anisotropy, ..GpuOptions::default() }) {
+                Ok(vulkan) => Box::new(vulkan),
+                Err(_) => continue,
+            },
+        };
+        renderer.load(resources.clone()).map_err(|e| e.to_string())?;
+        let plan = plan(&stage, &resources)?;
+        let frame = masked(&drawn(&mut *renderer, &plan)?, &truth);
+        let mut row = rows(&mut *renderer, &[(name.into(), plan)], &truth, BUDGET_SECS)?.remove(0);
+        let of_ground = crate::images::row(name.into(), &frame, &truth)?;
+        (row.worst, row.mean, row.at, row.note) =
+            (of_ground.worst, of_ground.mean, of_ground.at, String::new());
+        choice.rows.push(row);
+        let number = |n: f64| Cell::number(quantity(n), n);
+        let cells = BANDS.iter().map(|(_, rows)| number(band(&frame, &truth, rows)));
+        table.rows.push([Cell::text(name)].into_iter().chain(cells).collect());
+    }
+    choice.choose(
+        "anisotropic, at most 16 times, Vulkan",
+        "on GPUs, which read sixteen texels at once; the CPU renderer and drivers that draw on the CPU read trilinear",
+    );
+    Ok(Section {
+        title: "Texture filters",
+        text: "Far away a pixel covers many texels, and along the view ten times as many as across. Without mipmaps it takes one of them (aliasing); \
+               a level as coarse as the longer side of the pixel blurs what is across; anisotropic filtering takes the level of the shorter side \
+               several times along the longer one."
+            .into(),
+        choices: vec![choice],
+        tables: vec![table],
+        off_front: Vec::new(),
+    })
+}
