@@ -48,7 +48,7 @@ impl Display {
             of_pass.is_some_and(|e| e.view_order() == ViewOrder::Before)
         };
         let after = passes.iter().rposition(is_light).map_or(0, |last| last + 1);
-        let pass = PostPass { effect: effect.manifest().name.clone(), parameters, number: 0, shrink: 1 };
+        let pass = PostPass::only(effect.manifest().name.clone(), parameters);
         passes.insert(after, pass);
     }
 }
