@@ -11,6 +11,8 @@ struct Post {
     // Pixels of what the pass before made, and of the whole.
     input: vec2<f32>,
     whole: vec2<f32>,
+    // How many times smaller than the whole the textures of passes are that it reads.
+    textures: array<vec4<f32>, 2>,
     // `EffectFrame::rows`: time, frame number, sun and camera matrices.
     scene: array<vec4<f32>, 19>,
     // Four numbers a row.
@@ -37,9 +39,9 @@ fn post_vs(@builtin(vertex_index) index: u32) -> PostOut {
 }
 
 @if(PICTURE)
-// Size of the image in pixels.
+// Pixels of the image that `picture` reads.
 fn picture_size() -> vec2<i32> {
-    return vec2<i32>(post.size);
+    return vec2<i32>(post.input);
 }
 
 fn original_size() -> vec2<i32> {
@@ -57,6 +59,11 @@ fn picture(at: vec2<i32>) -> vec4<f32> {
 
 fn original(at: vec2<i32>) -> vec4<f32> {
     return textureLoad(post_original, clamp(at, vec2(0), vec2<i32>(post.whole) - 1), 0);
+}
+
+// A place of the whole image, 0 to 1, in the pixels of a texture whose scale is 1/scale, from the middle of its first one.
+fn post_place(uv: vec2<f32>, scale: f32, size: vec2<i32>) -> vec2<f32> {
+    return clamp(uv * (post.whole / scale) - 0.5, vec2(-1.0), vec2<f32>(size));
 }
 
 // Frames with a history are put together on the host. A plan of one time alone has none: the image stands for them.

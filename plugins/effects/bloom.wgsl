@@ -2,59 +2,69 @@
 // about: light that spills over around what is bright
 // hook: image
 // view: before
-// passes: 4
-// halve: radius to 8
 // off: strength = 0
 // param strength = 0.3 in 0..10: how much of it is added
 // param threshold = 0.9 in 0..100: light above which it spills
 // param radius = 0.03 in 0.001..0.2: how far, as a share of the picture's height
+// pass bright = halve radius to 8: the light above the threshold
+// pass across = halve radius to 8: that light, blurred across
+// pass blurred = halve radius to 8: and down
 //
 // Bright areas are drawn into a smaller image in which 8 pixels are three standard deviations or less, blurred by a Gaussian
 // across and then down, and added to the image. What is bright is spread over pixels much larger than these, and no finer
 // image would show.
 
-// What of a color is above the threshold, with its hue.
-fn bright(color: vec4<f32>, threshold: f32) -> vec3<f32> {
-    let c = clamp(color.rgb, vec3<f32>(0.0), vec3<f32>(1000.0));
-    let most = max(c.r, max(c.g, c.b));
-    return c * (max(most - threshold, 0.0) / max(most, 1e-6));
+fn bright(at: vec2<i32>, p: Parameters) -> vec4<f32> {
+    let side = shrink_factor();
+    var sum = vec3<f32>(0.0);
+    for (var y = 0; y < side; y++) {
+        for (var x = 0; x < side; x++) {
+            let c = clamp(picture(at * side + vec2<i32>(x, y)).rgb, vec3<f32>(0.0), vec3<f32>(1000.0));
+            // What is above the threshold, with its hue.
+            let most = max(c.r, max(c.g, c.b));
+            sum += c * (max(most - p.threshold, 0.0) / max(most, 1e-6));
+        }
+    }
+    return vec4<f32>(sum / f32(side * side), 1.0);
 }
 
-fn effect(at: vec2<i32>, pass_number: u32, p: Parameters) -> vec4<f32> {
-    let shrink = shrink_factor();
-    var sum = vec3<f32>(0.0);
-    if (pass_number == 0u) {
-        for (var y = 0; y < shrink; y++) {
-            for (var x = 0; x < shrink; x++) {
-                sum += bright(picture(at * shrink + vec2<i32>(x, y)), p.threshold);
-            }
-        }
-        return vec4<f32>(sum / f32(shrink * shrink), 1.0);
+// exp(−i² / 2σ²) of i = 1 in the pixels of a pass; the others follow from it.
+fn falloff(p: Parameters) -> f32 {
+    let sigma = max(p.radius * f32(original_size().y) / (3.0 * f32(shrink_factor())), 0.1);
+    return exp(-0.5 / (sigma * sigma));
+}
+
+fn across(at: vec2<i32>, p: Parameters) -> vec4<f32> {
+    var step = falloff(p);
+    let steeper = step * step;
+    var weight = 1.0;
+    var weights = 1.0;
+    var sum = bright_at(at);
+    for (var i = 1; i <= 8; i++) {
+        weight *= step;
+        step *= steeper;
+        sum += weight * (bright_at(at + vec2<i32>(i, 0)) + bright_at(at - vec2<i32>(i, 0)));
+        weights += 2.0 * weight;
     }
-    if (pass_number < 3u) {
-        let along = select(vec2<i32>(0, 1), vec2<i32>(1, 0), pass_number == 1u);
-        let sigma = max(p.radius * f32(original_size().y) / (3.0 * f32(shrink)), 0.1);
-        // exp(−i² / 2σ²), each from the one before.
-        var step = exp(-0.5 / (sigma * sigma));
-        let steeper = step * step;
-        var weight = 1.0;
-        var weights = 1.0;
-        sum = picture(at).rgb;
-        for (var i = 1; i <= 8; i++) {
-            weight *= step;
-            step *= steeper;
-            sum += weight * (picture(at + i * along).rgb + picture(at - i * along).rgb);
-            weights += 2.0 * weight;
-        }
-        return vec4<f32>(sum / weights, 1.0);
+    return sum / weights;
+}
+
+fn blurred(at: vec2<i32>, p: Parameters) -> vec4<f32> {
+    var step = falloff(p);
+    let steeper = step * step;
+    var weight = 1.0;
+    var weights = 1.0;
+    var sum = across_at(at);
+    for (var i = 1; i <= 8; i++) {
+        weight *= step;
+        step *= steeper;
+        sum += weight * (across_at(at + vec2<i32>(0, i)) + across_at(at - vec2<i32>(0, i)));
+        weights += 2.0 * weight;
     }
-    let here = original(at);
-    // Between the middles of four pixels of the smaller image.
-    let place = (vec2<f32>(at) + 0.5) / f32(shrink) - 0.5;
-    let corner = floor(place);
-    let f = place - corner;
-    let c = vec2<i32>(corner);
-    let above = mix(picture(c).rgb, picture(c + vec2<i32>(1, 0)).rgb, f.x);
-    let below = mix(picture(c + vec2<i32>(0, 1)).rgb, picture(c + vec2<i32>(1, 1)).rgb, f.x);
-    return vec4<f32>(here.rgb + mix(above, below, f.y) * p.strength, here.a);
+    return sum / weights;
+}
+
+fn effect(at: vec2<i32>, p: Parameters) -> vec4<f32> {
+    let here = picture(at);
+    return vec4<f32>(here.rgb + blurred_uv(uv_at(at)).rgb * p.strength, here.a);
 }

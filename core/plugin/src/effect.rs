@@ -3,8 +3,9 @@
 
 pub use crate::effect_data::*;
 use crate::effect_hooks::*;
-use crate::{EffectTexture, Manifest, PluginFile, SceneInputs};
+use crate::{EffectTexture, Manifest, PluginFile, SceneImages, SceneInputs};
 use choreo_stage::OffScreenActors;
+use glam::Vec4;
 use std::sync::Arc;
 
 /// The step of drawing in which an effect changes a frame.
@@ -240,9 +241,59 @@ impl Effect {
     /// Number of passes; 1 for all effects but those on images.
     pub fn passes(&self) -> u32 {
         match self {
-            Effect::Image(effect) => effect.passes(),
+            Effect::Image(effect) if effect.named_passes().is_empty() => effect.passes(),
+            Effect::Image(effect) => effect.named_passes().len() as u32,
             _ => 1,
         }
+    }
+
+    /// The passes of an effect on images whose passes have textures; empty for all others.
+    pub fn named_passes(&self) -> &[ImagePass] {
+        match self {
+            Effect::Image(effect) => effect.named_passes(),
+            _ => &[],
+        }
+    }
+
+    /// The result of all passes of an effect on images, on the CPU, for an image without frames before it: what an effect's test compares.
+    /// The image itself for other hooks. `scene`: what it reads of the scene.
+    ///
+    /// ```
+    /// use choreo_plugin::glam::Vec4;
+    /// use choreo_plugin::{Effect, EffectImage};
+    /// fn darkest(effect: &Effect, rgba: &[Vec4], size: [u32; 2]) -> f32 {
+    ///     let out = effect.over_image(EffectImage { size, rgba }, None, &effect.manifest().parameters(&[]));
+    ///     out.iter().map(|color| color.x).fold(f32::INFINITY, f32::min)
+    /// }
+    /// ```
+    pub fn over_image(
+        &self,
+        original: EffectImage,
+        scene: Option<SceneImages>,
+        parameters: &[f32],
+    ) -> Vec<Vec4> {
+        let mut now = original.rgba.to_vec();
+        let Effect::Image(effect) = self else { return now };
+        let (mut now_size, mut textures) = (original.size, Vec::<(Vec<Vec4>, [u32; 2])>::new());
+        let (count, named) = (self.passes(), !effect.named_passes().is_empty());
+        for pass in 0..count {
+            let shrink =
+                if pass + 1 < count { effect.shrink(pass, original.size, parameters).max(1) } else { 1 };
+            let size = original.size.map(|s| s.div_ceil(shrink));
+            let passes: Vec<_> =
+                textures.iter().map(|(rgba, size)| Some(EffectImage { size: *size, rgba })).collect();
+            let picture = EffectImage { size: now_size, rgba: &now };
+            let images = EffectImages { now: picture, original, passes: &passes, before: &[], scene };
+            let mut made = vec![Vec4::ZERO; size[0] as usize * size[1] as usize];
+            for (y, row) in (0..).zip(made.chunks_mut(size[0].max(1) as usize)) {
+                effect.image_row(&images, y, pass, parameters, row);
+            }
+            match named && pass + 1 < count {
+                true => textures.push((made, size)),
+                false => (now, now_size) = (made, size),
+            }
+        }
+        now
     }
 
     /// Factor by which the image that a pass makes is smaller, each way; 1 for all effects but those on images.

@@ -161,6 +161,52 @@ impl EffectImage<'_> {
         let (x, y) = (x.clamp(0, w - 1), y.clamp(0, h - 1));
         self.rgba[y as usize * w as usize + x as usize]
     }
+
+    /// The image between the middles of its pixels, which lie at halves: `place` is in pixels from the top left.
+    ///
+    /// ```
+    /// # use choreo_plugin::EffectImage;
+    /// # use choreo_plugin::glam::{Vec2, Vec4};
+    /// let image = EffectImage { size: [2, 1], rgba: &[Vec4::ZERO, Vec4::ONE] };
+    /// assert_eq!([0.5, 1.0, 9.0].map(|x| image.between(Vec2::new(x, 0.5)).x), [0.0, 0.5, 1.0]);
+    /// ```
+    pub fn between(&self, place: Vec2) -> Vec4 {
+        let last = Vec2::new(self.size[0] as f32, self.size[1] as f32);
+        let place = (place - 0.5).clamp(Vec2::NEG_ONE, last);
+        let corner = place.floor();
+        let f = place - corner;
+        let (x, y) = (corner.x as i32, corner.y as i32);
+        let mix = |a: Vec4, b: Vec4, t: f32| a * (1.0 - t) + b * t;
+        let above = mix(self.at(x, y), self.at(x + 1, y), f.x);
+        mix(above, mix(self.at(x, y + 1), self.at(x + 1, y + 1), f.x), f.y)
+    }
+}
+
+/// A pass of an effect on images whose passes have textures.
+///
+/// ```
+/// use choreo_plugin::ImagePass;
+/// let bright = ImagePass::new("bright", &[]);
+/// let blurred = ImagePass::new("blurred", &[0]);
+/// # assert_eq!((bright.name.as_str(), blurred.reads), ("bright", vec![0]));
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct ImagePass {
+    /// Name of the texture that it writes. The last pass makes the image.
+    pub name: String,
+    /// Numbers of the passes before it whose textures it reads, at most [`ImagePass::MOST_READ`].
+    pub reads: Vec<u32>,
+}
+
+impl ImagePass {
+    /// Largest number of textures that one pass reads.
+    pub const MOST_READ: usize = 8;
+
+    /// A pass with its texture's name and the numbers of the passes whose textures it reads.
+    pub fn new(name: &str, reads: &[u32]) -> ImagePass {
+        ImagePass { name: name.into(), reads: reads.to_vec() }
+    }
 }
 
 /// The images that a [`Hook::Image`](crate::Hook::Image) function reads.
@@ -169,7 +215,7 @@ impl EffectImage<'_> {
 /// use choreo_plugin::{EffectImage, EffectImages};
 /// use choreo_plugin::glam::Vec4;
 /// let image = EffectImage { size: [1, 1], rgba: &[Vec4::ONE] };
-/// let images = EffectImages { now: image, original: image, before: &[], scene: None };
+/// let images = EffectImages { now: image, original: image, passes: &[], before: &[], scene: None };
 /// assert_eq!(images.now.at(0, 0), images.original.at(0, 0));
 /// ```
 #[derive(Clone, Copy, Debug)]
@@ -178,6 +224,9 @@ pub struct EffectImages<'a> {
     pub now: EffectImage<'a>,
     /// Input of the effect's first pass.
     pub original: EffectImage<'a>,
+    /// The textures of the effect's earlier passes by their number, where passes have textures
+    /// ([`ImageEffect::named_passes`](crate::ImageEffect::named_passes)); `None` for one that nothing reads.
+    pub passes: &'a [Option<EffectImage<'a>>],
     /// The scene one frame ago, two frames ago and so on, before any effect on images; as many as [`ImageEffect::history`](crate::ImageEffect::history), or more.
     pub before: &'a [EffectImage<'a>],
     /// The scene behind the image; `None` where it is not known: then no surface is anywhere, and every number is 0.

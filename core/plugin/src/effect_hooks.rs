@@ -5,7 +5,8 @@
 //! metres, angles radians unless a method states something else.
 
 use crate::effect_data::{
-    EffectImages, InvertedHull, LightSample, Shutter, SurfaceInputs, SurfaceSample, VertexSample, ViewOrder,
+    EffectImages, ImagePass, InvertedHull, LightSample, Shutter, SurfaceInputs, SurfaceSample, VertexSample,
+    ViewOrder,
 };
 use crate::{Effect, EffectScene, EffectTexture, Manifest, Overlay, PluginFile, SceneInputs};
 use glam::{Vec2, Vec3, Vec4};
@@ -156,7 +157,7 @@ pub trait PixelEffect: EffectShader {
 /// let mine = Mine(Manifest::new("mine", "1", "an example"));
 /// let image = EffectImage { size: [2, 1], rgba: &[Vec4::ZERO, Vec4::ONE] };
 /// let mut row = [Vec4::ZERO; 2];
-/// mine.image_row(&EffectImages { now: image, original: image, before: &[], scene: None }, 0, 0, &[], &mut row);
+/// mine.image_row(&EffectImages { now: image, original: image, passes: &[], before: &[], scene: None }, 0, 0, &[], &mut row);
 /// assert_eq!(row, [Vec4::ONE, Vec4::ZERO]);
 /// ```
 pub trait ImageEffect: EffectShader {
@@ -165,9 +166,17 @@ pub trait ImageEffect: EffectShader {
         ViewOrder::After
     }
 
-    /// Number of passes, each over the result of the one before; 1 or more.
+    /// Number of passes, each over the result of the one before; 1 or more. Not asked for where passes have textures.
     fn passes(&self) -> u32 {
         1
+    }
+
+    /// The passes of an effect each of which writes a texture of its own, in the order in which they run; empty for all others.
+    /// `picture(at)` is the input of the effect in all of them. A pass whose texture nothing reads is left out. Of a texture `NAME` the
+    /// function may call `NAME_at(at)`, one of its pixels, `NAME_uv(uv)`, bilinear, where `uv` is 0 to 1 over the whole image, and
+    /// `NAME_size()`, in pixels. [`ImageEffect::shrink`] is the scale of each.
+    fn named_passes(&self) -> &[ImagePass] {
+        &[]
     }
 
     /// Factor by which the image that a pass makes is smaller, each way; 1 or more. The last pass makes the whole image, of this size.

@@ -5,9 +5,10 @@ use crate::asset_check::{AssetFault, checked};
 use crate::effect_hooks::*;
 use crate::{
     Claim, Effect, EffectImages, EffectScene, EffectTexture, ExportError, ExportOptions, ExportedScene,
-    Exporter, Files, FloatFrame, Frame, FrameSink, FrameWish, ImportError, ImportOptions, ImportScope,
-    Importer, InvertedHull, LightSample, Manifest, Mark, Overlay, PluginFile, SceneExporter, SceneFiles,
-    SceneInputs, Shutter, Source, SurfaceInputs, SurfaceSample, VertexSample, VideoInfo, ViewOrder,
+    Exporter, Files, FloatFrame, Frame, FrameSink, FrameWish, ImagePass, ImportError, ImportOptions,
+    ImportScope, Importer, InvertedHull, LightSample, Manifest, Mark, Overlay, PluginFile, SceneExporter,
+    SceneFiles, SceneInputs, Shutter, Source, SurfaceInputs, SurfaceSample, VertexSample, VideoInfo,
+    ViewOrder,
 };
 use choreo_asset::Asset;
 use glam::{Vec2, Vec3, Vec4};
@@ -271,6 +272,7 @@ impl ImageEffect for Isolated<dyn ImageEffect> {
     forward! {
         fn view_order(&self) -> ViewOrder;
         fn passes(&self) -> u32;
+        fn named_passes(&self) -> &[ImagePass];
         fn shrink(&self, pass_number: u32, size: [u32; 2], parameters: &[f32]) -> u32;
         fn history(&self, parameters: &[f32]) -> u32;
         fn scene_inputs(&self) -> SceneInputs;

@@ -37,8 +37,8 @@ pub use choreo_motion as motion;
 pub use choreo_stage as stage;
 pub use effect::{Effect, Hook};
 pub use effect_data::{
-    BACKGROUND_DISTANCE, EffectImage, EffectImages, InvertedHull, LightSample, MAX_EFFECT_STEPS, Shutter,
-    SurfaceInputs, SurfaceSample, VertexSample, ViewOrder,
+    BACKGROUND_DISTANCE, EffectImage, EffectImages, ImagePass, InvertedHull, LightSample, MAX_EFFECT_STEPS,
+    Shutter, SurfaceInputs, SurfaceSample, VertexSample, ViewOrder,
 };
 pub use effect_hooks::{
     EffectPlugin, EffectShader, ImageEffect, LightingEffect, OutlineEffect, OverlayEffect, PixelEffect,

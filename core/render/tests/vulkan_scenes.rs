@@ -392,12 +392,7 @@ fn odd_sizes_and_misuse() {
     plan.lights = vec![light; 257];
     assert!(refused(&plan).starts_with("257 lights shine at once; 256 are drawn at most"));
     plan.lights.clear();
-    plan.post.push(choreo_render::plan::PostPass {
-        effect: "blur".into(),
-        parameters: vec![0.0; 8],
-        number: 0,
-        shrink: 1,
-    });
+    plan.post.push(choreo_render::plan::PostPass::only("blur".into(), vec![0.0; 8]));
     let e = refused(&plan);
     assert_eq!(
         e,

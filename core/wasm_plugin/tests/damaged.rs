@@ -69,7 +69,7 @@ fn failed(bytes: &[u8]) -> String {
     let start = Instant::now();
     let result = registry.import(&source, &Beside, ImportScope::ALL, &ImportOptions::default(), None);
     assert!(start.elapsed() < Duration::from_secs(20));
-    let error = result.err().expect("an error").to_string();
+    let error = result.expect_err("an error").to_string();
     let plain = error.strip_prefix("a.odd: the plugin odd 1.0.0 has failed: ");
     plain.unwrap_or_else(|| panic!("{error}")).to_string()
 }

@@ -152,7 +152,7 @@ fn it_exports_what_the_crate_exports() {
     assert_eq!(text, exported(&CsvExporter, &scene).unwrap());
     // A quarter turn takes the hand from beside the arm to above it.
     assert!(text.contains("0.000000,ada,\"hand, left\",2.500000000,0.000000000,0.000000000\n"), "{text}");
-    let last = text.lines().filter(|line| line.contains("ada,\"hand")).next_back().unwrap();
+    let last = text.lines().rfind(|line| line.contains("ada,\"hand")).unwrap();
     let height: f64 = last.split(',').nth_back(1).unwrap().parse().unwrap();
     let angle = 0.75 * std::f64::consts::FRAC_PI_2;
     assert!((height - 0.5 * libm::sin(angle)).abs() < 1e-3, "{last}");

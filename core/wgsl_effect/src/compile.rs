@@ -10,10 +10,10 @@ use crate::program::{Program, Unsupported};
 use crate::scene_inputs::{self, SceneCalls};
 use crate::signature::{EDGES, LATTICE, LINE, PARAMETERS, Signature, TRIANGLE, signature};
 use crate::tokens::{Tokens, place};
-use crate::{loops, mistakes, nesting, parameters, suggestions, trial, typed_parameters};
-use choreo_plugin::{Hook, Manifest};
+use crate::{loops, mistakes, nesting, parameters, passes, suggestions, trial, typed_parameters};
+use choreo_plugin::{Hook, ImagePass, Manifest};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
-use naga::{Function, Module};
+use naga::{Function, Handle, Module};
 use std::ops::Range;
 
 /// Longer texts are no effect of one pixel.
@@ -25,6 +25,8 @@ const MAX_ARRAY: usize = 8;
 /// The compiled function.
 pub struct Code {
     pub program: Program,
+    /// The functions of passes before the last, where passes have textures.
+    pub passes: Vec<Program>,
     pub output: Output,
 }
 
@@ -60,6 +62,8 @@ pub struct Text {
     /// Parameters come as a struct.
     is_typed: bool,
     pub scene: SceneCalls,
+    /// Passes that have textures, and what they read.
+    pub passes: Vec<ImagePass>,
 }
 
 impl Text {
@@ -76,6 +80,7 @@ impl Text {
             loops: Vec::new(),
             appended: String::new(),
             scene: SceneCalls::default(),
+            passes: Vec::new(),
         };
         if text.author.len() > MAX_BYTES {
             let length = text.author.len();
@@ -94,9 +99,16 @@ impl Text {
         };
         text.scene = SceneCalls::of(&text.author, head.hook);
         text.appended += &text.scene.wgsl;
+        text.passes = passes::passes(&text.author, &head.pass_lines);
+        if !text.passes.is_empty() {
+            text.appended += &passes::helpers_called(&text.author);
+        }
         let bounded = loops::bounded(&text.author);
         text.run = format!("{}\n{}", bounded.text, text.appended);
         text.wgsl = match is_typed && head.hook.has_function() {
+            true if !text.passes.is_empty() => {
+                typed_parameters::adapted_passes(&text.run, &manifest, &text.passes)
+            }
             true => typed_parameters::adapted(&text.run, &manifest, signature(head.hook)),
             false => text.run.clone(),
         };
@@ -234,7 +246,7 @@ pub fn compile(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, Ef
 }
 
 fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, EffectError> {
-    let signature = signature(head.hook);
+    let signature = head.signature();
     let declared = declared(signature, head, &text.scene);
     if let Some((line, message)) = taken(text, signature, &declared, manifest) {
         return Err(text.error((line, 1), message));
@@ -247,7 +259,8 @@ fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, E
     let fields = format!("{}{}", signature.declared, if text.is_typed { &text.appended } else { "" });
     let names = || {
         let own = manifest.options.iter().map(|o| o.name.as_str());
-        let of_scene: Vec<&str> = scene_inputs::names(head.hook).collect();
+        let helpers = passes::helpers().filter(|_| !head.pass_lines.is_empty());
+        let of_scene: Vec<&str> = scene_inputs::names(head.hook).chain(helpers).collect();
         let own = own.chain(choices.iter().map(String::as_str));
         own.chain(declared.iter().map(|d| d.0.as_str())).chain(of_scene)
     };
@@ -258,41 +271,78 @@ fn compile_here(text: &Text, head: &Head, manifest: &Manifest) -> Result<Code, E
         let near = suggestions::of_other_hook(&mistake.text, head, &declared)
             .or_else(|| suggestions::parameter(&mistake.text, manifest))
             .unwrap_or_else(|| suggestions::near(&mistake.text, &text.author, &fields, &mut names()));
+        let near = if near.is_empty() { suggestions::texture(&mistake.text, head) } else { near };
         source.error(mistake.span, format!("{}{near}", mistake.text))
     })?;
     let info = validated(&module, &source)?;
-    let entry = module.functions.iter().find(|(_, f)| f.name.as_deref() == Some("effect"));
-    let Some((entry, function)) = entry else {
-        return Err(source.error(None, format!("there is no function effect; write {}", signature.text)));
-    };
-    let of_function = module.functions.get_span(entry);
-    let numbers: usize = manifest.options.iter().map(|o| o.number_count()).sum();
-    if !signature.fits(&module, function) || !text.is_typed && numbers > MAX_ARRAY {
-        return Err(source.error_at(of_function, format!("effect must be {}", signature.text)));
+    if let Some((at, what)) = passes::mistake(&text.author, &head.pass_lines) {
+        return Err(text.error(at, what));
     }
-    let output = output(head.hook, &module, function);
+    let numbers: usize = manifest.options.iter().map(|o| o.number_count()).sum();
+    let fits_array = text.is_typed || numbers <= MAX_ARRAY && head.pass_lines.is_empty();
+    for name in head.functions() {
+        let found = module.functions.iter().find(|(_, f)| f.name.as_deref() == Some(name));
+        let form = signature.text.replacen("effect", name, 1);
+        let Some((function, of)) = found else {
+            return Err(source.error(None, format!("there is no function {name}; write {form}")));
+        };
+        if !signature.fits(&module, of) || !fits_array {
+            let place = module.functions.get_span(function);
+            return Err(source.error_at(place, format!("{name} must be {form}")));
+        }
+    }
     if let Some((handle, f)) = module.functions.iter().find(|(_, f)| has_pointer_arguments(&module, f)) {
         let name = f.name.clone().unwrap_or_default();
         let what = format!("{name}: pointers as parameters are not supported; return the value");
         return Err(source.error_at(module.functions.get_span(handle), what));
     }
-    let host = |name: &str| declared.iter().find(|(n, ..)| n == name).map(|(.., host)| *host);
-    let unsupported = |e: Unsupported| source.error_at(e.span, format!("not supported: {}", e.what));
-    let mut program = lower(&module, &info, entry, host).map_err(unsupported)?;
-    if !text.loops.is_empty() {
-        // What is run counts the rounds of loops; the places of mistakes are those of the author's text.
-        let (module, info) = counted(&format!("{}{}{functions}", text.run, signature.declared), &source)?;
-        let own = module.functions.iter().find(|(_, f)| f.name.as_deref() == Some("effect"));
-        program = lower(&module, &info, own.map_or(entry, |(own, _)| own), host)
-            .map_err(|e| source.error(None, format!("a loop cannot be counted: {}", e.what)))?;
+    let run = format!("{}{}{functions}", text.run, signature.declared);
+    let mut programs = programs(&source, (&module, &info), &run, &declared, head)?;
+    for (name, program) in head.functions().zip(&programs) {
+        trial::ends(program, head, manifest).map_err(|slow| {
+            match slow.in_loop.and_then(|number| text.loops.get(number as usize - 1)) {
+                Some(at) => text.error(*at, slow.what),
+                None => {
+                    source.error_at(function(&module, name).map_or_else(Default::default, |f| f.1), slow.what)
+                }
+            }
+        })?;
     }
-    trial::ends(&program, head, manifest).map_err(|slow| {
-        match slow.in_loop.and_then(|number| text.loops.get(number as usize - 1)) {
-            Some(at) => text.error(*at, slow.what),
-            None => source.error_at(of_function, slow.what),
-        }
-    })?;
-    Ok(Code { program, output })
+    let Some(program) = programs.pop() else {
+        return Err(source.error(None, "there is no function effect".into()));
+    };
+    let output =
+        function(&module, "effect").map(|(entry, _)| output(head.hook, &module, &module.functions[entry]));
+    Ok(Code { program, passes: programs, output: output.unwrap_or(Output::Numbers) })
+}
+
+/// A function of a module, and its place.
+fn function(module: &Module, name: &str) -> Option<(Handle<Function>, naga::Span)> {
+    let (found, _) = module.functions.iter().find(|(_, f)| f.name.as_deref() == Some(name))?;
+    Some((found, module.functions.get_span(found)))
+}
+
+/// The programs of an effect's functions, that of `effect` last. `run`: the text as it is run, with counted loops.
+fn programs(
+    source: &Source,
+    valid: (&Module, &ModuleInfo),
+    run: &str,
+    declared: &[Declared],
+    head: &Head,
+) -> Result<Vec<Program>, EffectError> {
+    let host = |name: &str| declared.iter().find(|(n, ..)| n == name).map(|(.., host)| *host);
+    let lowered = |(module, info): (&Module, &ModuleInfo)| {
+        let entries = head.functions().filter_map(|name| Some(function(module, name)?.0));
+        entries.map(|entry| lower(module, info, entry, host)).collect::<Result<Vec<Program>, Unsupported>>()
+    };
+    let unsupported = |e: Unsupported| source.error_at(e.span, format!("not supported: {}", e.what));
+    let programs = lowered(valid).map_err(unsupported)?;
+    if source.text.loops.is_empty() {
+        return Ok(programs);
+    }
+    // What is run counts the rounds of loops; the places of mistakes are those of the author's text.
+    let (module, info) = counted(run, source)?;
+    lowered((&module, &info)).map_err(|e| source.error(None, format!("a loop cannot be counted: {}", e.what)))
 }
 
 /// The module of a text with counted loops, whose author's text is valid.
@@ -315,6 +365,7 @@ fn declared(signature: &Signature, head: &Head, scene: &SceneCalls) -> Vec<Decla
     let mut all: Vec<Declared> =
         always.map(|(name, text, host)| (name.to_string(), text.to_string(), *host)).collect();
     all.extend(scene.supplied());
+    all.extend(passes::supplied(&head.pass_lines));
     all.extend(head.joints.iter().enumerate().map(|(i, joint)| {
         let text = format!("fn {}() -> u32 {{ return {i}u; }}\n", joint.name);
         (joint.name.clone(), text, Host::Named(i))

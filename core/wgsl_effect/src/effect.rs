@@ -11,9 +11,9 @@ use crate::program::Program;
 use choreo_plugin::effect::endless;
 use choreo_plugin::{
     Effect, EffectImages, EffectPlugin, EffectScene, EffectShader, EffectTexture, Hook, ImageEffect,
-    InvertedHull, LightSample, LightingEffect, Manifest, OutlineEffect, Overlay, OverlayEffect, PixelEffect,
-    PluginFile, SceneInputs, Shutter, ShutterEffect, SurfaceEffect, SurfaceInputs, SurfaceSample,
-    VertexEffect, VertexSample, ViewOrder,
+    ImagePass, InvertedHull, LightSample, LightingEffect, Manifest, OutlineEffect, Overlay, OverlayEffect,
+    PixelEffect, PluginFile, SceneInputs, Shutter, ShutterEffect, SurfaceEffect, SurfaceInputs,
+    SurfaceSample, VertexEffect, VertexSample, ViewOrder,
 };
 use glam::{Vec2, Vec3, Vec4};
 use std::sync::{Arc, OnceLock};
@@ -165,6 +165,7 @@ impl WgslEffect {
         Lanes: Width<N>,
     {
         self.batches::<N, _>(
+            &self.code().program,
             parameters,
             &self.in_frame(parameters),
             colors,
@@ -180,6 +181,7 @@ impl WgslEffect {
     /// number, and `get` takes what came out.
     fn batches<const N: usize, T>(
         &self,
+        program: &Program,
         parameters: &[f32],
         environment: &dyn Environment,
         items: &mut [T],
@@ -189,7 +191,6 @@ impl WgslEffect {
         Machine<N>: pool::Pooled,
         Lanes: Width<N>,
     {
-        let program = &self.code().program;
         pool::with(program, parameters, |machine: &mut Machine<N>| {
             for (number, part) in items.chunks_mut(N).enumerate() {
                 set(machine, program, number * N, part);
@@ -294,6 +295,7 @@ impl PixelEffect for WgslEffect {
 
     fn pixels(&self, colors: &mut [Vec4], uv: &[Vec2], parameters: &[f32]) {
         self.batches::<ROW, _>(
+            &self.code().program,
             parameters,
             &self.in_frame(parameters),
             colors,
@@ -315,15 +317,16 @@ impl ImageEffect for WgslEffect {
         self.head.passes
     }
 
-    /// Halves the image until the length that the head names is short enough.
-    fn shrink(&self, _: u32, size: [u32; 2], parameters: &[f32]) -> u32 {
-        let mut shrink = 1;
-        if let Some((length, most)) = self.head.shrink {
-            while length.of(parameters) * size[1] as f32 > (most * shrink) as f32 && shrink < size[1] {
-                shrink *= 2;
-            }
-        }
-        shrink
+    fn shrink(&self, pass_number: u32, size: [u32; 2], parameters: &[f32]) -> u32 {
+        let scale = match self.head.pass_lines.is_empty() {
+            true => self.head.shrink,
+            false => self.head.pass_lines.get(pass_number as usize).map(|line| line.scale),
+        };
+        scale.map_or(1, |scale| scale.factor(size, parameters))
+    }
+
+    fn named_passes(&self) -> &[ImagePass] {
+        &self.text.passes
     }
 
     fn history(&self, _: &[f32]) -> u32 {
@@ -342,16 +345,25 @@ impl ImageEffect for WgslEffect {
         parameters: &[f32],
         row: &mut [Vec4],
     ) {
-        let shrink = ImageEffect::shrink(self, pass_number, images.original.size, parameters);
-        let environment = PassImages { images, textures: &self.textures, history: self.head.history, shrink };
+        let named = self.head.pass_lines.len() as u32;
+        // Without textures of their own the passes have one scale, and the last one reads what is of it.
+        let shrinks: Vec<u32> = (0..=named)
+            .map(|pass| ImageEffect::shrink(self, pass, images.original.size, parameters))
+            .collect();
+        let (textures, history) = (&self.textures[..], self.head.history);
+        let environment = PassImages { images, textures, history, shrinks: &shrinks, pass_number };
+        let code = self.code();
         self.batches::<ROW, _>(
+            code.passes.get(pass_number as usize).unwrap_or(&code.program),
             parameters,
             &environment,
             row,
             |machine, program, first, part| {
                 for lane in 0..part.len() {
                     machine.set(program, 0, lane, &[(first + lane) as u32, y]);
-                    machine.set(program, 1, lane, &[pass_number]);
+                    if named == 0 {
+                        machine.set(program, 1, lane, &[pass_number]);
+                    }
                 }
             },
             |color, out| *color = Vec4::from_array(out),
@@ -395,6 +407,7 @@ impl VertexEffect for WgslEffect {
         let (w, n, uv, m) = (sample.world, sample.normal, sample.uv, sample.model);
         let components = [w.x, w.y, w.z, n.x, n.y, n.z, uv.x, uv.y, m.x, m.y, m.z];
         self.batches::<QUAD, _>(
+            &self.code().program,
             parameters,
             &self.in_frame(parameters),
             &mut offset,
@@ -412,6 +425,7 @@ impl LightingEffect for WgslEffect {
 
     fn lights(&self, samples: &mut [LightSample], parameters: &[f32]) {
         self.batches::<QUAD, _>(
+            &self.code().program,
             parameters,
             &self.in_frame(parameters),
             samples,
@@ -465,7 +479,7 @@ impl OverlayEffect for WgslEffect {
     }
 
     fn overlay(&self, scene: &EffectScene, parameters: &[f32]) -> Overlay {
-        let Code { program, output } = self.code();
+        let Code { program, output, .. } = self.code();
         let (head, textures) = (&self.head, &self.textures[..]);
         Drawing { program, head, textures, output: *output, boxes: self.boxes, parameters }.run(scene)
     }

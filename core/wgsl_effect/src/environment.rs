@@ -15,6 +15,10 @@ pub enum Host {
     OriginalSize,
     Shrink,
     Previous,
+    /// The texture of a pass: one of its pixels, between them, and its size.
+    PassTexture(usize),
+    PassBetween(usize),
+    PassSize(usize),
     /// Pixels of [`choreo_plugin::SceneImages`].
     SceneSurface,
     SceneMotion,
@@ -60,7 +64,7 @@ impl Environment for Placeholder {
     fn call(&self, host: Host, arguments: &[u32]) -> [u32; 4] {
         let bits = arguments.last().copied().unwrap_or(0);
         match host {
-            Host::PictureSize | Host::OriginalSize => ints([1280, 720]),
+            Host::PictureSize | Host::OriginalSize | Host::PassSize(_) => ints([1280, 720]),
             Host::Shrink => ints([4, 0]),
             Host::Named(i) => ints([i as i32, 0]),
             Host::Parent => ints([arguments.first().map_or(0, |v| *v as i32) - 1, 0]),
@@ -101,7 +105,27 @@ pub(crate) struct PassImages<'a> {
     pub textures: &'a [EffectTexture],
     /// Frames back that it may request.
     pub history: u32,
-    pub shrink: u32,
+    /// How much smaller what each pass makes is, and which of them runs.
+    pub shrinks: &'a [u32],
+    pub pass_number: u32,
+}
+
+impl PassImages<'_> {
+    fn shrink(&self) -> u32 {
+        self.shrinks.get(self.pass_number as usize).or(self.shrinks.first()).copied().unwrap_or(1)
+    }
+
+    fn texture(&self, pass: usize) -> Option<EffectImage<'_>> {
+        self.images.passes.get(pass).copied().flatten()
+    }
+
+    /// The texture of a pass at a place of the whole image, 0 to 1.
+    fn between(&self, pass: usize, uv: Vec2) -> Vec4 {
+        let [width, height] = self.images.original.size.map(|s| s as f32);
+        let shrink = self.shrinks.get(pass).copied().unwrap_or(1) as f32;
+        let place = uv * (Vec2::new(width, height) / shrink);
+        self.texture(pass).map_or(Vec4::ZERO, |texture| texture.between(place))
+    }
 }
 
 impl Environment for PassImages<'_> {
@@ -109,6 +133,7 @@ impl Environment for PassImages<'_> {
         match host {
             Host::Picture => Some(self.images.now),
             Host::Original => Some(self.images.original),
+            Host::PassTexture(pass) => self.texture(pass),
             Host::SceneSurface => self.images.scene.and_then(|scene| scene.surface),
             Host::SceneMotion => self.images.scene.and_then(|scene| scene.motion),
             _ => None,
@@ -120,7 +145,14 @@ impl Environment for PassImages<'_> {
             (Host::Texture(_), _) => Textures(self.textures).call(host, arguments),
             (Host::PictureSize, _) => ints(self.images.now.size.map(|s| s as i32)),
             (Host::OriginalSize, _) => ints(self.images.original.size.map(|s| s as i32)),
-            (Host::Shrink, _) => ints([self.shrink as i32, 0]),
+            (Host::Shrink, _) => ints([self.shrink() as i32, 0]),
+            (Host::PassBetween(pass), [u, v]) => {
+                floats(self.between(pass, Vec2::new(f32::from_bits(*u), f32::from_bits(*v))))
+            }
+            (Host::PassSize(pass), _) => {
+                let shrink = self.shrinks.get(pass).copied().unwrap_or(1);
+                ints(self.images.original.size.map(|s| s.div_ceil(shrink) as i32))
+            }
             (Host::SceneRow(i), _) => self.images.scene.map_or([0; 4], |scene| floats(scene.rows[i])),
             // Where no image of the scene is known.
             (Host::SceneSurface, _) => floats(SceneImages::NO_SURFACE),

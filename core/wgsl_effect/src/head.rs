@@ -22,17 +22,18 @@
 //! ```
 //!
 //! With `hook: vertex` also `reach: METRES or PARAMETER` and `space: model`; with `hook: image` `passes: 2`, `halve: radius to 8` and
-//! `history: 3`; with `hook: overlay` `count: NUMBER or PARAMETER`, `over: true or PARAMETER`, `of: scene`, `history: 64` and
+//! `history: 3`, or `pass bright = 1/2: ABOUT` for passes with textures (`passes.rs`); with `hook: overlay` `count: NUMBER or PARAMETER`, `over: true or PARAMETER`, `of: scene`, `history: 64` and
 //! `joint hand = RightHand|hand.r: where it burns`.
 
 use crate::head_error::{HeadError, HeadMistake};
 use crate::parameters::{argument, identifier, image_of};
+use crate::passes::{self, MOST_PASSES, PassLine, Scale};
+use crate::signature::{NAMED_PASS, Signature, signature};
 use choreo_plugin::suggest::{closest, did_you_mean};
 use choreo_plugin::{Hook, Manifest, OptionKind, OptionSpec, Overlay, SurfaceInputs, ViewOrder};
 
 pub(crate) const MOST_TEXTURES: usize = 4;
 const MOST_JOINTS: usize = 16;
-const MOST_PASSES: u32 = 16;
 /// Frames back; each is one more to draw for every frame.
 const MOST_HISTORY: u32 = 16;
 /// Frames back of an overlay; each is one more to pose.
@@ -54,11 +55,13 @@ pub struct Head {
     pub in_model_space: bool,
     /// The largest displacement, metres.
     pub reach: Amount,
-    /// A length as a share of the image's height, and how many pixels it may have in the passes before the last.
-    pub shrink: Option<(Amount, u32)>,
+    /// How much smaller the passes before the last are, where they have no textures of their own.
+    pub shrink: Option<Scale>,
     /// The parameter with a value with which the effect changes nothing.
     pub off: Option<Off>,
     pub passes: u32,
+    /// The passes before the last, where they have textures of their own.
+    pub pass_lines: Vec<PassLine>,
     /// The order of an effect on images and the view transform.
     pub view: ViewOrder,
     pub history: u32,
@@ -109,6 +112,16 @@ impl Amount {
 }
 
 impl Head {
+    /// The form of the effect's function.
+    pub fn signature(&self) -> &'static Signature {
+        if self.pass_lines.is_empty() { signature(self.hook) } else { &NAMED_PASS }
+    }
+
+    /// The functions that are called from outside, `effect` last.
+    pub fn functions(&self) -> impl Iterator<Item = &str> {
+        self.pass_lines.iter().map(|line| line.name.as_str()).chain(["effect"])
+    }
+
     /// The inputs of a surface that the effect reads, where its function reads `text`.
     pub fn inputs(&self, text: SurfaceInputs, parameters: &[f32]) -> SurfaceInputs {
         let mut inputs = SurfaceInputs {
@@ -205,7 +218,10 @@ pub fn without_mark(text: &str) -> &str {
 /// Reads the settings of a head comment.
 pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeadError> {
     let joints = joints(text, manifest)?;
-    let mut head = Head { passes: 1, joints, textures: textures(text, manifest)?, ..Head::default() };
+    let textures = textures(text, manifest)?;
+    let names: Vec<&str> = textures.iter().map(|texture| texture.name.as_str()).collect();
+    let pass_lines = passes::lines(text, manifest, &names)?;
+    let mut head = Head { passes: 1, joints, textures, pass_lines, ..Head::default() };
     let mut hook_line = 1;
     for (line, _, value) in fields(text).filter(|(_, name, _)| *name == "hook") {
         (hook_line, head.hook) = (line, hook(value).map_err(|mistake| HeadError { line, mistake })?);
@@ -217,7 +233,14 @@ pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeadError> {
             let mistake = HeadMistake::OtherHook { name: name.into(), hook: word(of) };
             return Err(HeadError { line, mistake });
         }
+        if matches!(name, "passes" | "halve") && !head.pass_lines.is_empty() {
+            return Err(HeadError { line, mistake: HeadMistake::WithPasses(name.into()) });
+        }
         given.push(name);
+    }
+    if let Some(pass) = head.pass_lines.first().filter(|_| head.hook != Hook::Image) {
+        let mistake = HeadMistake::OtherHook { name: "pass".into(), hook: word(Hook::Image) };
+        return Err(HeadError { line: pass.at.0, mistake });
     }
     if let Some(joint) = head.joints.first().filter(|_| head.hook != Hook::Overlay) {
         let mistake = HeadMistake::OtherHook { name: "joint".into(), hook: word(Hook::Overlay) };
@@ -457,11 +480,12 @@ fn truth(name: &str, value: &str, manifest: &Manifest) -> Result<Amount, HeadMis
 }
 
 /// `radius to 8`: passes before the last are halved until the parameter, a share of the image's height, is 8 pixels or less.
-fn halve(value: &str, manifest: &Manifest) -> Result<(Amount, u32), HeadMistake> {
+pub fn halve(value: &str, manifest: &Manifest) -> Result<Scale, HeadMistake> {
     let read = || {
         let (length, most) = value.split_once(" to ")?;
         let (_, index) = number_of(length.trim(), manifest)?;
-        Some((Amount::Parameter(index), most.trim().parse().ok().filter(|most| (1..=256).contains(most))?))
+        let most = most.trim().parse().ok().filter(|most| (1..=256).contains(most))?;
+        Some(Scale::Halved(Amount::Parameter(index), most))
     };
     read().ok_or(HeadMistake::Form("halve: PARAMETER to PIXELS, 1 to 256"))
 }

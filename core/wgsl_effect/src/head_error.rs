@@ -63,6 +63,10 @@ pub(crate) enum HeadMistake {
     /// `near`: a guess at what was meant.
     #[error("{name} is {allowed}, not \"{value}\"{near}")]
     Value { name: String, allowed: String, value: String, near: String },
+    #[error("the program has a function {function}; give the pass {name} another name")]
+    PassName { name: String, function: String },
+    #[error("{0} is of effects without lines // pass NAME, which say it for each pass")]
+    WithPasses(String),
     #[error("count: the parameter {name} must be a number within 0..{most}")]
     CountRange { name: String, most: usize },
     #[error("write // off: PARAMETER = NUMBER; no parameter \"{name}\" is a number{near}")]

@@ -20,6 +20,7 @@ mod nesting;
 mod operators;
 mod overlay;
 mod parameters;
+mod passes;
 mod pool;
 mod program;
 mod scene_inputs;

@@ -43,7 +43,7 @@ pub fn manifest(text: &str) -> Result<Manifest, HeadError> {
 fn misspelt(line: &str) -> Option<HeadMistake> {
     let (word, rest) = line.split_once(' ')?;
     let (_, value) = rest.split_once('=')?;
-    value.contains(':').then(|| slip(word, &["param", "texture", "joint"])).flatten()
+    value.contains(':').then(|| slip(word, &["param", "texture", "joint", "pass"])).flatten()
 }
 
 fn slip(word: &str, known: &[&str]) -> Option<HeadMistake> {

@@ -100,6 +100,13 @@ const PICTURE: Signature = Signature {
     )],
 };
 
+/// A pass of an effect whose passes have textures of their own. The name stands for that of the pass.
+pub(crate) const NAMED_PASS: Signature = Signature {
+    text: "fn effect(at: vec2<i32>, p: Parameters) -> vec4<f32>",
+    parts: &[ValueType::Vector(I, VectorSize::Bi), ValueType::Parameters],
+    ..PICTURE
+};
+
 /// The order of the members of [`choreo_plugin::Stroke`] and [`choreo_plugin::Triangle`].
 const OVERLAY: Signature = Signature {
     text: "fn effect(index: u32, body: Body, p: Parameters) -> Line, or -> Triangle, or -> Lattice",

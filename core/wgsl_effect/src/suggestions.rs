@@ -34,6 +34,16 @@ pub fn of_other_hook(message: &str, head: &Head, declared: &[Declared]) -> Optio
     of.map(|(name, hook)| format!("; {name} needs // hook: {hook}"))
 }
 
+/// The line of the head comment that an unknown `halo_at` needs: it reads the texture of a pass.
+pub fn texture(message: &str, head: &Head) -> String {
+    let endings = ["_at", "_uv", "_size"];
+    let texture = not_found(message).and_then(|name| endings.iter().find_map(|e| name.strip_suffix(e)));
+    match texture.filter(|name| head.hook == Hook::Image && !name.is_empty()) {
+        Some(texture) => format!("; a texture {texture} needs a line // pass {texture} = 1/2: ABOUT"),
+        None => String::new(),
+    }
+}
+
 /// `p.slope` is no member, but `p[slope]` is a parameter.
 pub fn parameter(message: &str, manifest: &Manifest) -> Option<String> {
     let name = message.strip_prefix("invalid field accessor `")?.split('`').next()?;

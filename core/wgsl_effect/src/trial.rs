@@ -85,7 +85,11 @@ fn trials(head: &Head, p: &[f32]) -> Vec<Vec<Vec<u32>>> {
     match head.hook {
         Hook::Vertex | Hook::Lighting => samples.iter().map(|s| vec![bits(s)]).collect(),
         Hook::Image => {
-            let pass = |n: u32| [[0, 0], [63, 40], [10_000, 1]].map(|at| vec![at.to_vec(), vec![n]]);
+            const PLACES: [[u32; 2]; 3] = [[0, 0], [63, 40], [10_000, 1]];
+            if !head.pass_lines.is_empty() {
+                return PLACES.map(|at| vec![at.to_vec()]).to_vec();
+            }
+            let pass = |n: u32| PLACES.map(|at| vec![at.to_vec(), vec![n]]);
             (0..head.passes).flat_map(pass).collect()
         }
         Hook::Overlay => {

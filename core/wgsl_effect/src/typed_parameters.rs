@@ -1,10 +1,10 @@
 //! The struct `Parameters`: an effect's parameters by name and type, in place of an array of numbers. On the CPU the function gets
 //! the struct itself; shaders get a function `effect` that takes the array of numbers and calls the author's.
 
-use crate::signature::{PARAMETERS, Signature};
+use crate::signature::{PARAMETERS, Signature, signature};
 use crate::tokens::Tokens;
 use choreo_plugin::parameters::CURVE_SAMPLES;
-use choreo_plugin::{Manifest, OptionKind, OptionSpec};
+use choreo_plugin::{Hook, ImagePass, Manifest, OptionKind, OptionSpec};
 
 /// The name of the author's function in shaders.
 const RENAMED: &str = "effect_of_author";
@@ -56,24 +56,48 @@ pub fn choices(manifest: &Manifest) -> impl Iterator<Item = (String, usize)> {
 
 /// The text as shaders have it: the author's function by another name, and the function `effect` of its hook around it.
 pub fn adapted(text: &str, manifest: &Manifest, signature: &Signature) -> String {
-    let length = manifest.parameter_length();
-    let array = format!("array<f32, {length}>");
-    let head = signature.text.replace(PARAMETERS, &array);
+    let head = signature.text.replace(PARAMETERS, &array(manifest));
     let arguments: Vec<&str> =
         head.split(['(', ',', ')']).filter_map(|part| part.split_once(':')).map(|p| p.0.trim()).collect();
     let before = &arguments[..arguments.len().saturating_sub(1)];
     let before: String = before.iter().map(|name| format!("{name}, ")).collect();
+    format!(
+        "{}\n{}{head} {{ return {RENAMED}({before}parameters_of(p)); }}\n",
+        renamed(text),
+        made_of_array(manifest)
+    )
+}
+
+/// The text as shaders have it where passes have textures: the function `effect` of an effect on images calls that of the pass that runs.
+pub fn adapted_passes(text: &str, manifest: &Manifest, passes: &[ImagePass]) -> String {
+    let head = signature(Hook::Image).text.replace(PARAMETERS, &array(manifest));
+    let before = &passes[..passes.len().saturating_sub(1)];
+    let call = |(number, pass): (u32, &ImagePass)| {
+        format!("    if (pass_number == {number}u) {{ return {}(at, q); }}\n", pass.name)
+    };
+    let calls: String = (0..).zip(before).map(call).collect();
+    format!(
+        "{}\n{}{head} {{\n    let q = parameters_of(p);\n{calls}    return {RENAMED}(at, q);\n}}\n",
+        renamed(text),
+        made_of_array(manifest)
+    )
+}
+
+/// The type of the numbers that shaders have.
+fn array(manifest: &Manifest) -> String {
+    format!("array<f32, {}>", manifest.parameter_length())
+}
+
+/// The function that makes the struct of the numbers.
+fn made_of_array(manifest: &Manifest) -> String {
     let values: Vec<String> = (0..)
         .zip(&manifest.options)
         .filter(|(_, option)| option.number_count() > 0)
         .map(|(i, option)| value_of(option, manifest.first_number(i)))
         .collect();
     let values = if values.is_empty() { "0.0".into() } else { values.join(", ") };
-    format!(
-        "{}\nfn parameters_of(p: {array}) -> {PARAMETERS} {{ return {PARAMETERS}({values}); }}\n\
-         {head} {{ return {RENAMED}({before}parameters_of(p)); }}\n",
-        renamed(text)
-    )
+    let array = array(manifest);
+    format!("fn parameters_of(p: {array}) -> {PARAMETERS} {{ return {PARAMETERS}({values}); }}\n")
 }
 
 fn type_of(option: &OptionSpec) -> String {
@@ -127,8 +151,6 @@ fn renamed(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::signature::signature;
-    use choreo_plugin::Hook;
 
     #[test]
     fn shaders_get_an_array_of_numbers() {

@@ -134,7 +134,7 @@ fn corners_lights_and_pictures_are_where_their_names_say() {
     let rows = |x: f32| (0..4).map(|i| Vec4::splat(x + i as f32)).collect::<Vec<_>>();
     let all = [rows(0.0), rows(10.0), rows(20.0), rows(30.0)];
     let [now, original, one, two] = std::array::from_fn(|i| EffectImage { size: [2, 2], rgba: &all[i] });
-    let pictures = EffectImages { now, original, before: &[one, two], scene: None };
+    let pictures = EffectImages { now, original, passes: &[], before: &[one, two], scene: None };
     // The border's nearest counts: of the original its lower left.
     let mut row = [Vec4::ZERO; 2];
     made.image_row(&pictures, 1, 2, &p, &mut row);

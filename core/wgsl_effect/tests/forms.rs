@@ -284,6 +284,6 @@ fn the_examples_of_the_readme_are_effects() {
     use Hook::*;
     assert_eq!(
         hooks.collect::<Vec<_>>(),
-        [Pixel, Surface, Lighting, Vertex, Image, Vertex, Image, Overlay, Outline]
+        [Pixel, Surface, Lighting, Vertex, Image, Image, Vertex, Image, Overlay, Outline]
     );
 }

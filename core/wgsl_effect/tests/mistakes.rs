@@ -344,3 +344,105 @@ fn a_missing_brace_is_reported_at_the_end_of_the_text() {
         assert_eq!(error.line, 4 + body.lines().count(), "{error}");
     }
 }
+
+/// An effect whose passes have textures: lines of its head, and functions.
+fn passes(lines: &[&str], functions: &str) -> String {
+    let lines: String = lines.iter().map(|line| format!("// pass {line}\n")).collect();
+    format!("// effect: a\n// hook: image\n{lines}{functions}")
+}
+
+/// The function of a pass that returns a value.
+fn pass(name: &str, value: &str) -> String {
+    format!("fn {name}(at: vec2<i32>, p: Parameters) -> vec4<f32> {{ return {value}; }}\n")
+}
+
+#[test]
+fn passes_with_textures_are_explained() {
+    let black = "vec4(0.0)";
+    let (wide, fine) = ("wide = 1/4: a", "fine = 1: b");
+    let text = |lines: &[&str], functions: &[(&str, &str)]| {
+        passes(lines, &functions.iter().map(|(name, value)| pass(name, value)).collect::<String>())
+    };
+    let of_head =
+        "1: write // pass NAME = 1/2: ABOUT, with 1 or 1/2 to 1/64, or = halve PARAMETER to PIXELS: ABOUT";
+    for (text, expected) in [
+        (
+            text(&[wide], &[("wide", black), ("effect", "wide_at(at) + wdie_uv(vec2(0.5))")]),
+            "5:77: no definition in scope for identifier: `wdie_uv`; did you mean \"wide_uv\"?",
+        ),
+        (
+            text(&[wide], &[("wide", black), ("effect", "wide_at(at) + halo_at(at)")]),
+            "5:77: no definition in scope for identifier: `halo_at`; a texture halo needs a line // pass halo = 1/2: ABOUT",
+        ),
+        (
+            text(
+                &[wide, fine],
+                &[("wide", "fine_at(at)"), ("fine", black), ("effect", "wide_at(at) + fine_at(at)")],
+            ),
+            "5:61: the pass fine runs after wide; move its line above that of wide",
+        ),
+        (
+            text(
+                &[wide, fine],
+                &[("wide", "fine_at(at)"), ("fine", "wide_at(at)"), ("effect", "wide_at(at)")],
+            ),
+            "5:61: the passes wide and fine read each other; a pass reads those declared above it",
+        ),
+        (
+            text(&[wide], &[("wide", "wide_uv(vec2(0.0))"), ("effect", "wide_at(at)")]),
+            "4:61: the pass wide reads its own texture; a pass reads those declared above it",
+        ),
+        (
+            text(&[wide, fine], &[("wide", black), ("fine", "wide_at(at)"), ("effect", "wide_at(at)")]),
+            "4:9: nothing reads the texture of the pass fine; call fine_at or fine_uv, or leave out this line",
+        ),
+        (
+            text(&[wide], &[("effect", "wide_at(at)")]),
+            "3:9: the pass wide has no function; write fn wide(at: vec2<i32>, p: Parameters) -> vec4<f32>",
+        ),
+        (
+            passes(&[wide], "fn wide(at: vec2<i32>) -> vec4<f32> { return vec4(0.0); }\n")
+                + &pass("effect", "wide_at(at)"),
+            "4:1: wide must be fn wide(at: vec2<i32>, p: Parameters) -> vec4<f32>",
+        ),
+        (text(&["wide = 2: a"], &[]), &format!("3:{of_head}")),
+        (text(&["wide = 1/65: a"], &[]), &format!("3:{of_head}")),
+        (text(&["wide = halve far to 8: a"], &[]), &format!("3:{of_head}")),
+        (text(&[wide, "wide = 1/2: b"], &[]), "4:1: wide is declared twice"),
+        (
+            text(&["depth = 1/2: a"], &[]),
+            "3:1: the program has a function depth_at; give the pass depth another name",
+        ),
+        (
+            text(&["picture = 1/2: a"], &[]),
+            "3:1: the program has a function picture; give the pass picture another name",
+        ),
+        (
+            text(&[wide], &[]).replace("// hook: image", "// about: x"),
+            "3:1: pass is of effects with hook: image",
+        ),
+        (
+            text(&[wide], &[]).replace("// hook: image", "// hook: image\n// passes: 2"),
+            "3:1: passes is of effects without lines // pass NAME, which say it for each pass",
+        ),
+        (
+            text(&["wide = 1/2: x"], &[("wide", black), ("effect", "wide_at(at)"), ("wide_at", black)]),
+            "6:1: wide_at is a function that the program declares; take another name",
+        ),
+    ] {
+        let error = error(&text);
+        assert_eq!(format!("{}:{}: {}", error.line, error.column, error.message), expected, "{text}");
+    }
+    // Reading through a function of the author's own counts; a head that says more than it can name is cut off.
+    let through = passes(&[wide], "fn both(at: vec2<i32>) -> vec4<f32> { return 2.0 * wide_at(at); }\n")
+        + &pass("wide", black)
+        + &pass("effect", "both(at) + picture_uv(uv_at(at))");
+    assert!(WgslEffect::from_text("my.wgsl", &through).is_ok());
+    let many: Vec<String> = (0..16).map(|i| format!("t{i} = 1: a")).collect();
+    let many: Vec<&str> = many.iter().map(String::as_str).collect();
+    assert_eq!(error(&text(&many, &[])).message, "an effect has at most 15 passes with textures");
+    let all: Vec<String> = (0..9).map(|i| pass(&format!("t{i}"), black)).collect();
+    let sum: Vec<String> = (0..9).map(|i| format!("t{i}_at(at)")).collect();
+    let nine = passes(&many[..9], &(all.concat() + &pass("effect", &sum.join(" + "))));
+    assert_eq!(error(&nine).message, "effect reads 9 textures of passes, at most 8");
+}

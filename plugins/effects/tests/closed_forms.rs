@@ -34,25 +34,7 @@ fn surface(name: &str, color: Vec4, sample: &SurfaceSample, p: &[f32]) -> Vec4 {
 
 /// All passes of an effect over an image.
 fn passes(name: &str, rgba: &[Vec4], size: [u32; 2], p: &[f32]) -> Vec<Vec4> {
-    let Effect::Image(effect) = effect(name) else { panic!("{name} is no effect on images") };
-    let original = EffectImage { size, rgba };
-    let (mut now, mut now_size) = (rgba.to_vec(), size);
-    for pass in 0..effect.passes() {
-        let shrink = if pass + 1 < effect.passes() { effect.shrink(pass, size, p) } else { 1 };
-        let [w, h] = size.map(|s| s.div_ceil(shrink));
-        let images = EffectImages {
-            now: EffectImage { size: now_size, rgba: &now },
-            original,
-            before: &[],
-            scene: None,
-        };
-        let mut next = vec![Vec4::ZERO; w as usize * h as usize];
-        for (y, row) in next.chunks_mut(w as usize).enumerate() {
-            effect.image_row(&images, y as u32, pass, p, row);
-        }
-        (now, now_size) = (next, [w, h]);
-    }
-    now
+    effect(name).over_image(EffectImage { size, rgba }, None, p)
 }
 
 #[test]
@@ -67,7 +49,8 @@ fn all_effects_compile_and_have_the_program_s_version() {
             Effect::Surface(effect) => effect.surfaces(&mut [], &[], &p),
             Effect::Image(effect) => {
                 let image = EffectImage { size: [1, 1], rgba: &[Vec4::ONE] };
-                let images = EffectImages { now: image, original: image, before: &[], scene: None };
+                let images =
+                    EffectImages { now: image, original: image, passes: &[], before: &[], scene: None };
                 effect.image_row(&images, 0, 0, &p, &mut []);
             }
             Effect::Outline(effect) => drop(effect.inverted_hull(&p)),

@@ -1,6 +1,6 @@
 //! The built-in effects that read the scene, evaluated on the CPU against closed forms and integrals in f64.
 
-use choreo_plugin::{BACKGROUND_DISTANCE, Effect, EffectFrame, EffectImage, EffectImages, SceneImages};
+use choreo_plugin::{BACKGROUND_DISTANCE, Effect, EffectFrame, EffectImage, SceneImages};
 use glam::{DVec3, Mat4, Vec3, Vec4};
 
 const SIZE: [u32; 2] = [96, 64];
@@ -26,22 +26,10 @@ impl Given {
         let given: Vec<(String, f64)> =
             parameters.iter().map(|(name, value)| (name.to_string(), f64::from(*value))).collect();
         let p = effect.manifest().parameters(&given);
-        let Effect::Image(image) = &effect else { panic!("{name} is no effect on images") };
         let rows = self.frame.rows();
         let surface = Some(EffectImage { size: SIZE, rgba: &self.surface });
         let scene = Some(SceneImages { surface, motion: None, rows: &rows });
-        let original = EffectImage { size: SIZE, rgba: &self.image };
-        let mut now = self.image.clone();
-        for pass in 0..effect.passes() {
-            let images =
-                EffectImages { now: EffectImage { size: SIZE, rgba: &now }, original, before: &[], scene };
-            let mut next = vec![Vec4::ZERO; now.len()];
-            for (y, row) in next.chunks_mut(SIZE[0] as usize).enumerate() {
-                image.image_row(&images, y as u32, pass, &p, row);
-            }
-            now = next;
-        }
-        now
+        effect.over_image(EffectImage { size: SIZE, rgba: &self.image }, scene, &p)
     }
 }
 

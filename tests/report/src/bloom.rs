@@ -4,7 +4,7 @@ use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Choice, Row};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_bench::truth::Spread;
-use choreo_plugin::{Effect, EffectImage, EffectImages};
+use choreo_plugin::{Effect, EffectImage};
 use glam::{DVec3, Vec3, Vec4};
 use std::hint::black_box;
 
@@ -130,23 +130,10 @@ fn truth(rgba: &[Vec4]) -> Vec<DVec3> {
     now
 }
 
-/// The light that the effect adds, pass by pass.
+/// The light that the effect adds.
 fn by_effect(bloom: &Effect, rgba: &[Vec4]) -> Vec<Vec3> {
-    let Effect::Image(function) = bloom else { return Vec::new() };
-    let whole = SIZE.map(|s| s as u32);
-    let original = EffectImage { size: whole, rgba };
-    let (mut now, mut size) = (rgba.to_vec(), whole);
-    for pass in 0..bloom.passes() {
-        let shrink = if pass + 1 < bloom.passes() { bloom.shrink(pass, whole, &P) } else { 1 };
-        let [w, h] = whole.map(|s| s.div_ceil(shrink));
-        let pictures =
-            EffectImages { now: EffectImage { size, rgba: &now }, original, before: &[], scene: None };
-        let mut next = vec![Vec4::ZERO; w as usize * h as usize];
-        for (y, row) in next.chunks_mut(w as usize).enumerate() {
-            function.image_row(&pictures, y as u32, pass, &P, row);
-        }
-        (now, size) = (next, [w, h]);
-    }
+    let image = EffectImage { size: SIZE.map(|s| s as u32), rgba };
+    let now = bloom.over_image(image, None, &P);
     now.iter().zip(rgba).map(|(with, without)| (*with - *without).truncate()).collect()
 }
 

@@ -6,7 +6,7 @@ use choreo_bench::moment::Moment;
 use choreo_bench::plots::{Cell, Choice, Table, duration, time};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_motion::Time;
-use choreo_plugin::{Effect, EffectImage, EffectImages, Hook, LightSample, Registry, Shutter, SurfaceSample};
+use choreo_plugin::{Effect, EffectImage, Hook, LightSample, Registry, Shutter, SurfaceSample};
 use choreo_render::plan::motion_blur::{plan_at, times};
 use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources, effect_parameters};
 use choreo_stage::{Evaluator, Stage};
@@ -226,25 +226,8 @@ fn evaluated(effect: &Effect, image: &[Vec4]) -> Vec<Vec4> {
     let parameters = effect_parameters(effect, &[]);
     let mut colors = image.to_vec();
     match effect {
-        Effect::Image(effect) => {
-            let mut now_size = size;
-            for pass in 0..effect.passes() {
-                let is_last = pass + 1 == effect.passes();
-                let shrink = if is_last { 1 } else { effect.shrink(pass, size, &parameters) };
-                let to = size.map(|s| s.div_ceil(shrink));
-                let now = EffectImage { size: now_size, rgba: &colors };
-                let images = EffectImages {
-                    now,
-                    original: EffectImage { size, rgba: image },
-                    before: &[],
-                    scene: None,
-                };
-                let mut next = vec![Vec4::ZERO; (to[0] * to[1]) as usize];
-                for (y, row) in (0..).zip(next.chunks_mut(to[0] as usize)) {
-                    effect.image_row(&images, y, pass, &parameters, row);
-                }
-                (colors, now_size) = (next, to);
-            }
+        Effect::Image(_) => {
+            colors = effect.over_image(EffectImage { size, rgba: image }, None, &parameters);
         }
         Effect::Surface(effect) => {
             let sample = |i: usize| SurfaceSample {

@@ -14,7 +14,7 @@ use crate::commands::draws::DrawRecorder;
 use crate::commands::preskin::{PreskinVariant, PreskinnedMesh};
 use crate::commands::scene::record_scene;
 pub use crate::plan::shader_features::texture_slots;
-use crate::plan::{Draw, Features, Plan, TopologyKey};
+use crate::plan::{Draw, Features, Plan, PostPass, TopologyKey};
 use crate::scene_resources::vertex_layout::VertexLayout;
 use crate::shader::SceneVariant;
 use glam::Vec4;
@@ -150,6 +150,8 @@ pub enum Command {
         from: Target,
         /// Input of the effect's first pass.
         original: Target,
+        /// Textures that it reads, in the order of [`crate::plan::PostPass::reads`].
+        textures: Vec<Target>,
         to: Target,
         /// Pixels of the output.
         size: [u32; 2],
@@ -207,6 +209,8 @@ pub enum Target {
     Picture,
     /// Linear 16-bit floats, one of three.
     Float(u8),
+    /// Linear 16-bit floats: the texture of a pass of an effect, with a size of its own.
+    Texture(u8),
 }
 
 /// An effect in the scene's shaders.
@@ -328,19 +332,60 @@ fn record_shadow_maps(recorder: Recorder, commands: &mut Vec<Command>) {
 
 fn record_post_passes(plan: &Plan, scene: Target, commands: &mut Vec<Command>) {
     let (mut from, mut original) = (scene, scene);
+    let mut slots = TextureSlots::default();
     for (index, pass) in plan.post.iter().enumerate() {
-        if pass.number == 0 {
+        // The passes of an effect that have textures all read the image that it got.
+        if pass.number == 0 || pass.texture.is_some() {
             original = from;
         }
         // Neither the input nor what a later pass of the same effect reads is overwritten.
         let free = (0..3).map(Target::Float).find(|t| *t != from && *t != original);
-        let to = match index + 1 == plan.post.len() {
-            true => Target::Picture,
-            false => free.unwrap_or(Target::Float(2)),
+        let size = pass.size(plan.size);
+        let textures = slots.read(&pass.reads);
+        let to = match pass.texture {
+            Some(_) => slots.write(pass.number, size),
+            None if index + 1 == plan.post.len() => Target::Picture,
+            None => free.unwrap_or(Target::Float(2)),
         };
-        let (effect, number, size) = (pass.effect.clone(), pass.number, pass.size(plan.size));
-        commands.push(Command::PostPass { index, effect, number, from, original, to, size });
-        from = to;
+        let (effect, number) = (pass.effect.clone(), pass.number);
+        commands.push(Command::PostPass { index, effect, number, from, original, textures, to, size });
+        slots.release(&plan.post[index..]);
+        if pass.texture.is_none() {
+            from = to;
+        }
+    }
+}
+
+/// The images in which textures of passes lie. One that no later pass reads is free for another texture of its size.
+#[derive(Default)]
+struct TextureSlots {
+    /// The size of each, and the number of the pass whose texture is in it.
+    all: Vec<([u32; 2], Option<u32>)>,
+}
+
+impl TextureSlots {
+    fn read(&self, passes: &[u32]) -> Vec<Target> {
+        let slot = |pass: &u32| self.all.iter().position(|(_, holds)| holds == &Some(*pass));
+        passes.iter().filter_map(slot).map(|slot| Target::Texture(slot as u8)).collect()
+    }
+
+    fn write(&mut self, pass: u32, size: [u32; 2]) -> Target {
+        let free = self.all.iter().position(|slot| *slot == (size, None));
+        let slot = free.unwrap_or_else(|| {
+            self.all.push((size, None));
+            self.all.len() - 1
+        });
+        self.all[slot].1 = Some(pass);
+        Target::Texture(slot as u8)
+    }
+
+    /// Frees what the later passes of the effect whose pass comes first do not read.
+    fn release(&mut self, passes: &[PostPass]) {
+        let own = passes.iter().position(|pass| pass.texture.is_none()).unwrap_or(passes.len());
+        let later = passes.get(1..=own).unwrap_or_default();
+        for (_, holds) in &mut self.all {
+            *holds = holds.filter(|pass| later.iter().any(|later| later.reads.contains(pass)));
+        }
     }
 }
 

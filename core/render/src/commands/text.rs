@@ -59,10 +59,11 @@ impl fmt::Display for Recording {
                 Command::CopySceneColor { levels, .. } => writeln!(f, "copy scene color, {levels} levels")?,
                 Command::DrawBackground { .. } => writeln!(f, "  background")?,
                 Command::EndPass => writeln!(f, "end")?,
-                Command::PostPass { effect, from, to, size, .. } => {
+                Command::PostPass { effect, from, textures, to, size, .. } => {
                     let [w, h] = *size;
                     let size = if *size == self.size { String::new() } else { format!(", {w}×{h}") };
-                    writeln!(f, "post {effect} {from:?} → {to:?}{size}")?
+                    let textures: String = textures.iter().map(|t| format!(", {t:?}")).collect();
+                    writeln!(f, "post {effect} {from:?}{textures} → {to:?}{size}")?
                 }
                 Command::DrawOverlay { effect, over, count, .. } => {
                     let over = if *over { ", over everything" } else { "" };

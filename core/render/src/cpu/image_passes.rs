@@ -16,6 +16,8 @@ pub struct Pass {
     pub number: u32,
     /// Pixels of what it makes.
     pub size: [u32; 2],
+    /// Whether it makes a texture for later passes of the effect, not the image.
+    pub makes_texture: bool,
 }
 
 /// The passes of a plan, with the effects that they name.
@@ -23,7 +25,8 @@ pub fn passes(post: &[PostPass], size: [u32; 2], effects: &[Effect]) -> Result<V
     let pass = |pass: &PostPass| {
         let effect = effect(effects, &pass.effect)?.clone();
         let size = pass.size(size);
-        Ok(Pass { effect, parameters: pass.parameters.clone(), number: pass.number, size })
+        let (parameters, makes_texture) = (pass.parameters.clone(), pass.texture.is_some());
+        Ok(Pass { effect, parameters, number: pass.number, size, makes_texture })
     };
     post.iter().map(pass).collect()
 }
@@ -70,13 +73,22 @@ pub(crate) fn run_linear(
     let before: Vec<EffectImage> = before.iter().map(|rgba| EffectImage { size, rgba }).collect();
     let (mut now, mut now_size) = (pixels, size);
     let mut original = Vec::new();
+    // Textures of the passes of an effect by their number, each with its size.
+    let mut textures: Vec<Option<(Vec<Vec4>, [u32; 2])>> = Vec::new();
     for pass in passes {
-        if pass.number == 0 && pass.effect.passes() > 1 {
+        let has_textures = !pass.effect.named_passes().is_empty();
+        if pass.number == 0 && pass.effect.passes() > 1 && !has_textures {
             original.clone_from(&now);
         }
         let picture = EffectImage { size: now_size, rgba: &now };
-        let first = EffectImage { size, rgba: if pass.number == 0 { &now } else { &original } };
-        let pictures = EffectImages { now: picture, original: first, before: &before, scene };
+        let is_first = pass.number == 0 || has_textures;
+        let first = EffectImage { size, rgba: if is_first { &now } else { &original } };
+        let earlier: Vec<Option<EffectImage>> = textures
+            .iter()
+            .map(|texture| texture.as_ref().map(|(rgba, size)| EffectImage { size: *size, rgba }))
+            .collect();
+        let pictures =
+            EffectImages { now: picture, original: first, passes: &earlier, before: &before, scene };
         let [width, height] = pass.size.map(|s| s as usize);
         let mut next = vec![Vec4::ZERO; width * height];
         next.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
@@ -94,7 +106,13 @@ pub(crate) fn run_linear(
             faults.checked(&pass.effect, row, |x| [x as i32, y as i32]);
             row.iter_mut().for_each(|color| *color = Float::encode(*color).decode());
         });
-        (now, now_size) = (next, pass.size);
+        if pass.makes_texture {
+            textures.resize(pass.number as usize, None);
+            textures.push(Some((next, pass.size)));
+        } else {
+            textures.clear();
+            (now, now_size) = (next, pass.size);
+        }
     }
     now
 }

@@ -395,5 +395,6 @@ fn target_name(target: Target) -> String {
     match target {
         Target::Picture => "image".into(),
         Target::Float(i) => format!("linear image {i}"),
+        Target::Texture(i) => format!("texture {i} of passes"),
     }
 }

@@ -36,11 +36,7 @@ impl Costs<'_> {
                     let what = format!("in the scene: {} triangles of {effect}", count / 3);
                     self.add(CostKind::Pass, what, None, RequestedBy::effect(effect));
                 }
-                Command::PostPass { effect, from, to, size: [w, h], .. } => {
-                    let (from, to) = (target_name(*from), target_name(*to));
-                    let what = format!("effect {effect}: {from} → {to}, {w}×{h}");
-                    self.add(CostKind::Pass, what, None, RequestedBy::effect(effect));
-                }
+                Command::PostPass { .. } => self.effect_pass(command),
                 Command::CopySceneColor { from, levels } => {
                     let levels = plural(*levels as usize, "level");
                     let what = format!("copy of the {} for refraction, {levels}", target_name(*from));
@@ -58,6 +54,26 @@ impl Costs<'_> {
                 _ => {}
             }
         }
+    }
+
+    fn effect_pass(&mut self, command: &Command) {
+        let Command::PostPass { index, effect, from, to, size: [w, h], .. } = command else { return };
+        let post = &self.plan.post;
+        let Some(pass) = post.get(*index) else { return };
+        let name_of = |number: &u32| {
+            let mut before = post[..*index].iter().rev();
+            before.find(|pass| pass.number == *number).and_then(|pass| pass.texture.as_deref())
+        };
+        let textures: String =
+            pass.reads.iter().filter_map(name_of).map(|name| format!(", {name}")).collect();
+        let from = target_name(*from);
+        let what = match &pass.texture {
+            Some(texture) => {
+                format!("effect {effect}, pass {texture}: {from}{textures} → texture {texture}, {w}×{h}")
+            }
+            None => format!("effect {effect}: {from}{textures} → {}, {w}×{h}", target_name(*to)),
+        };
+        self.add(CostKind::Pass, what, None, RequestedBy::effect(effect));
     }
 
     fn background_pipeline(&mut self, of: &str, requested_by: &'static str) {

@@ -4,6 +4,7 @@ use crate::commands::{Command, Recording, Target};
 use crate::explain::{CostKind, Costs, RequestedBy};
 use crate::plan::{SceneColorCopy, ShadowMaps};
 use crate::vulkan::deferred::{BYTES, FORMATS};
+use std::collections::BTreeMap;
 
 impl Costs<'_> {
     /// Color and depth targets.
@@ -32,6 +33,7 @@ impl Costs<'_> {
                 _ => {}
             }
         }
+        self.texture_targets(recording);
         let mut effects = RequestedBy::default();
         effects.effects.extend(self.plan.post.iter().map(|p| p.effect.clone()));
         for i in 0..floats {
@@ -71,6 +73,30 @@ impl Costs<'_> {
             let what = format!("multisampled image {size}, {samples} samples");
             let requested_by = RequestedBy::other("antialiasing: samples");
             self.add(CostKind::Target, what, Some(each * samples * pixels), requested_by);
+        }
+    }
+
+    /// Textures of passes of effects; those that share an image are named together.
+    fn texture_targets(&mut self, recording: &Recording) {
+        let mut slots: BTreeMap<u8, ([u32; 2], Vec<&str>, RequestedBy)> = BTreeMap::new();
+        for command in &recording.commands {
+            let Command::PostPass { index, effect, to: Target::Texture(slot), size, .. } = command else {
+                continue;
+            };
+            let (_, names, by) =
+                slots.entry(*slot).or_insert_with(|| (*size, Vec::new(), RequestedBy::default()));
+            names.extend(self.plan.post.get(*index).and_then(|pass| pass.texture.as_deref()));
+            by.effects.insert(effect.clone());
+        }
+        let targets: Vec<_> = slots
+            .into_values()
+            .map(|([w, h], names, by)| {
+                let what = format!("texture {} {w}×{h}, 16-bit floats", names.join(", "));
+                (what, 8 * u64::from(w) * u64::from(h), by)
+            })
+            .collect();
+        for (what, bytes, by) in targets {
+            self.add(CostKind::Target, what, Some(bytes), by);
         }
     }
 

@@ -12,9 +12,18 @@ pub struct PostPass {
     pub number: u32,
     /// Factor by which its output is smaller than the image, in each direction.
     pub shrink: u32,
+    /// Name of the texture that it writes, of an effect whose passes have textures; `None`: it makes the image.
+    pub texture: Option<String>,
+    /// Numbers of the effect's passes whose textures it reads.
+    pub reads: Vec<u32>,
 }
 
 impl PostPass {
+    /// The only pass of an effect.
+    pub fn only(effect: String, parameters: Vec<f32>) -> PostPass {
+        PostPass { effect, parameters, number: 0, shrink: 1, texture: None, reads: Vec::new() }
+    }
+
     /// Rows of four parameters in uniform buffers.
     pub(crate) fn rows(&self) -> usize {
         self.parameters.len().div_ceil(4)

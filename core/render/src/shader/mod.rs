@@ -14,7 +14,8 @@ pub use compile::{Entry, compile, parse};
 pub use preprocess::{PreprocessError, preprocess};
 pub use surface::{ParameterRows, REACH_ROWS, SceneEffect, surface_files};
 pub use switches::switches;
-pub use textures::{texture_bytes, texture_functions};
+pub(crate) use textures::POST_TEXTURES;
+pub use textures::{pass_functions, texture_bytes, texture_functions};
 pub use variant::{DeferredPass, InputTargets, LightLoop, PeelPass, SceneVariant, entry_points};
 
 use crate::error::RenderError;

@@ -1,6 +1,9 @@
-//! Textures of effects: one buffer for all of them, and the functions that read it.
+//! Textures of effects: one buffer for all of them, and the functions that read it; and functions that read textures of passes.
 
-use choreo_plugin::Effect;
+use choreo_plugin::{Effect, ImagePass};
+
+/// The first binding of the textures of passes in the set of a full-screen pass.
+pub(crate) const POST_TEXTURES: u32 = 7;
 
 /// Functions with the names of an effect's textures. `effects`: all, whose textures lie one after the other.
 pub fn texture_functions(effects: &[Effect], effect: &Effect) -> String {
@@ -15,6 +18,39 @@ pub fn texture_functions(effects: &[Effect], effect: &Effect) -> String {
             texture.name
         );
         first += texture.halves.len();
+    }
+    text
+}
+
+/// Functions with the names of the textures of passes, and the bindings of those that a pass reads. The others are not read.
+pub fn pass_functions(passes: &[ImagePass], number: u32) -> String {
+    let reads = passes.get(number as usize).map_or(&[][..], |pass| &pass.reads);
+    let mut text = String::new();
+    for (pass, read) in passes.iter().zip(0u32..).take(passes.len().saturating_sub(1)) {
+        let name = &pass.name;
+        let slot = reads.iter().take(ImagePass::MOST_READ).position(|number| *number == read);
+        text += &match slot {
+            Some(slot) => {
+                let (binding, row, component) = (POST_TEXTURES as usize + slot, slot / 4, slot % 4);
+                format!(
+                    "@group(0) @binding({binding}) var post_texture_{slot}: texture_2d<f32>;\n\
+                     fn {name}_size() -> vec2<i32> {{ return vec2<i32>(textureDimensions(post_texture_{slot})); }}\n\
+                     fn {name}_at(at: vec2<i32>) -> vec4<f32> {{\n    \
+                     return textureLoad(post_texture_{slot}, clamp(at, vec2(0), {name}_size() - 1), 0);\n}}\n\
+                     fn {name}_uv(uv: vec2<f32>) -> vec4<f32> {{\n    \
+                     let place = post_place(uv, post.textures[{row}][{component}], {name}_size());\n    \
+                     let c = vec2<i32>(floor(place));\n    let f = place - floor(place);\n    \
+                     let above = mix({name}_at(c), {name}_at(c + vec2(1, 0)), f.x);\n    \
+                     return mix(above, mix({name}_at(c + vec2(0, 1)), {name}_at(c + vec2(1, 1)), f.x), f.y);\n}}\n"
+                )
+            }
+            // A pass may ask for the size of what it makes.
+            None => format!(
+                "fn {name}_size() -> vec2<i32> {{ return vec2<i32>(post.size); }}\n\
+                 fn {name}_at(at: vec2<i32>) -> vec4<f32> {{ return vec4(0.0); }}\n\
+                 fn {name}_uv(uv: vec2<f32>) -> vec4<f32> {{ return vec4(0.0); }}\n"
+            ),
+        };
     }
     text
 }

@@ -6,7 +6,7 @@ use crate::scene_resources::material::{
 };
 use crate::sky::{MAX_LEVELS, SkyMaps};
 use choreo_asset::{AlphaMode, TextureSlot, Toon};
-use choreo_plugin::EffectFrame;
+use choreo_plugin::{EffectFrame, ImagePass};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
 macro_rules! uniforms {
@@ -177,6 +177,8 @@ uniforms! {
         /// Size of the image that the pass before wrote, in pixels, and of the whole image.
         input: Vec2,
         whole: Vec2,
+        /// How many times smaller than the whole the textures of passes are that it reads.
+        textures: [Vec4; ImagePass::MOST_READ / 4],
         /// [`EffectFrame::rows`].
         scene: [Vec4; EffectFrame::ROWS],
         /// The first eight parameters; the others follow it, [`PostUniform::rest`].
@@ -294,7 +296,13 @@ impl PostUniform {
     }
 
     /// `before`: how many times smaller the image is that it reads.
-    pub fn new(pass: &PostPass, before: u32, whole: [u32; 2], frame: &EffectFrame) -> PostUniform {
+    pub fn new(
+        pass: &PostPass,
+        before: u32,
+        whole: [u32; 2],
+        scales: [f32; ImagePass::MOST_READ],
+        frame: &EffectFrame,
+    ) -> PostUniform {
         let p = |i: usize| pass.parameters.get(i).copied().unwrap_or(0.0);
         let first = |i: usize| Vec4::new(p(i), p(i + 1), p(i + 2), p(i + 3));
         let vec2 = |size: [u32; 2]| Vec2::new(size[0] as f32, size[1] as f32);
@@ -304,6 +312,7 @@ impl PostUniform {
             shrink: pass.shrink.max(before),
             input: vec2(whole.map(|s| s.div_ceil(before.max(1)))),
             whole: vec2(whole),
+            textures: [0, 4].map(|i| Vec4::from_slice(&scales[i..])),
             scene: frame.rows(),
             parameters: [first(0), first(4)],
         }

@@ -6,8 +6,10 @@ use crate::commands::{Command, Recording};
 use crate::error::RenderError;
 use crate::plan::shader_features::{FEATURES, Feature, TextureSlot};
 use crate::scene_resources::material::TEXTURE_SLOTS;
+pub(crate) use crate::shader::POST_TEXTURES;
 use crate::shader::uniforms::LayersUniform;
 use ash::vk;
+use choreo_plugin::ImagePass;
 use std::collections::BTreeMap;
 
 /// Set 0: per frame. Set 1: morph offsets of a primitive. Set 2: shadow maps, the image behind glass, the sky. Set 3: per material, last because its layout
@@ -76,7 +78,7 @@ impl Layouts {
             let stages = [both, vertex, poses, poses, fragment, poses, both, vertex, both, fragment, both];
             (binding, kind, stages[binding as usize])
         });
-        let post = [
+        let mut post = vec![
             (0, T::UNIFORM_BUFFER, fragment),
             (1, T::SAMPLED_IMAGE, fragment),
             (2, T::SAMPLED_IMAGE, fragment),
@@ -85,6 +87,9 @@ impl Layouts {
             (5, T::SAMPLED_IMAGE, fragment),
             (6, T::SAMPLED_IMAGE, fragment),
         ];
+        // Textures of passes.
+        let textures = 0..ImagePass::MOST_READ as u32;
+        post.extend(textures.map(|i| (POST_TEXTURES + i, T::SAMPLED_IMAGE, fragment)));
         let made = (|| {
             layouts.frame = create(gpu, "frame set layout", &frame)?;
             layouts.morphs = create(gpu, "morph set layout", &[(0, T::STORAGE_BUFFER, poses)])?;

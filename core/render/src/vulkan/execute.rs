@@ -1,7 +1,7 @@
 //! A recording, command by command, into a Vulkan command buffer.
 
 use super::context::Context;
-use super::descriptors::{Layouts, write_image};
+use super::descriptors::{Layouts, POST_TEXTURES, write_image};
 use super::frame_in_flight::FrameInFlight;
 use super::memory::{Image, range};
 use super::pipelines::{Id, Pipelines};
@@ -13,6 +13,7 @@ use crate::plan::Features;
 use crate::scene_resources::SceneResources;
 use crate::scene_resources::vertex_layout::VertexLayout;
 use ash::vk;
+use choreo_plugin::ImagePass;
 use glam::Vec4;
 
 pub(crate) struct Execution<'a> {
@@ -34,6 +35,8 @@ impl Execution<'_> {
             id.and_then(|id| self.pipelines.get(id)).ok_or_else(|| missing("a pipeline"))
         };
         let mut index_count = 0;
+        // What the effect pass before has read, which is as that left it: to be read.
+        let mut read = None;
         for (i, command) in recording.commands.iter().enumerate() {
             match command {
                 Command::Preskin { variant, primitive, layout, first, count } => {
@@ -64,8 +67,9 @@ impl Execution<'_> {
                     // SAFETY: the pipeline reads no vertices, and its one set is bound.
                     unsafe { device.cmd_draw(commands, 3, 1, 0, 0) };
                 }
-                Command::PostPass { index, from, original, to, size, .. } => {
-                    self.post(pipeline_of(i)?, *index, [*from, *original, *to], *size);
+                Command::PostPass { from, .. } => {
+                    self.post(pipeline_of(i)?, command, read != Some(*from));
+                    read = Some(*from);
                 }
                 Command::DrawOverlay { first, count, .. } => {
                     self.bind_pipeline(pipeline_of(i)?);
@@ -385,17 +389,14 @@ impl Execution<'_> {
         unsafe { self.gpu.device.cmd_set_scissor(self.slot.commands, 0, &[area]) };
     }
 
-    fn post(
-        &self,
-        pipeline: vk::Pipeline,
-        index: usize,
-        [from, original, to]: [Target; 3],
-        [w, h]: [u32; 2],
-    ) {
-        let (first, from) = (original == from, self.targets.image(from));
+    /// `is_new`: what it reads was drawn by the pass before.
+    fn post(&self, pipeline: vk::Pipeline, command: &Command, is_new: bool) {
+        let Command::PostPass { index, from, original, textures, to, size: [w, h], .. } = command else {
+            return;
+        };
         // An effect's later pass finds what its first one got as that left it: to be read.
-        let original = if first { from } else { self.targets.image(original) };
-        let set = self.slot.post_sets[index].raw;
+        let (from, original) = (self.targets.image(*from), self.targets.image(*original));
+        let set = self.slot.post_sets[*index].raw;
         let sampled = vk::DescriptorType::SAMPLED_IMAGE;
         write_image(self.gpu, set, 1, sampled, from.view, vk::Sampler::null());
         write_image(self.gpu, set, 2, sampled, original.view, vk::Sampler::null());
@@ -404,14 +405,21 @@ impl Execution<'_> {
             let view = self.targets.inputs.get(i).map_or(from.view, |image| image.view);
             write_image(self.gpu, set, binding, sampled, view, vk::Sampler::null());
         }
-        let target = self.targets.image(to);
-        self.barriers(&[from_color(from), to_color(target)]);
+        for (i, binding) in (POST_TEXTURES..).take(ImagePass::MOST_READ).enumerate() {
+            let view = textures.get(i).map_or(from, |texture| self.targets.image(*texture)).view;
+            write_image(self.gpu, set, binding, sampled, view, vk::Sampler::null());
+        }
+        let target = self.targets.image(*to);
+        match is_new {
+            true => self.barriers(&[from_color(from), to_color(target)]),
+            false => self.barriers(&[to_color(target)]),
+        }
         let color = vk::RenderingAttachmentInfo::default()
             .image_view(target.view)
             .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
             .load_op(vk::AttachmentLoadOp::DONT_CARE)
             .store_op(vk::AttachmentStoreOp::STORE);
-        self.begin(Some(&color), None, Some([0, 0, w, h]));
+        self.begin(Some(&color), None, Some([0, 0, *w, *h]));
         self.set_cull(Cull::None);
         self.bind_pipeline(pipeline);
         self.bind_set(self.pipelines.post_layout, 0, set);
@@ -419,6 +427,10 @@ impl Execution<'_> {
         unsafe {
             self.gpu.device.cmd_draw(self.slot.commands, 3, 1, 0, 0);
             self.gpu.device.cmd_end_rendering(self.slot.commands);
+        }
+        // Several passes may read a texture.
+        if matches!(to, Target::Texture(_)) {
+            self.barriers(&[from_color(target)]);
         }
     }
 

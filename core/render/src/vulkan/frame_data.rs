@@ -7,11 +7,12 @@ use crate::commands::{Command, Reads, Recording, UNIFORM_JOINTS};
 use crate::error::RenderError;
 use crate::plan::build::shadow_cascades::MAX_VIEWS;
 use crate::plan::light_clusters::MAX_LIGHTS;
-use crate::plan::{Plan, PlanLight};
+use crate::plan::{Plan, PlanLight, PostPass};
 use crate::shader::uniforms::{
     FrameUniform, LayersUniform, MaterialUniform, PostUniform, RebuiltUniform, ShadowUniform, SkyUniform,
 };
 use ash::vk;
+use choreo_plugin::ImagePass;
 use choreo_stage::Background;
 use glam::{Mat4, Vec2, Vec4};
 
@@ -223,12 +224,27 @@ impl<'a> FrameData<'a> {
             }
         }
         let mut before = 1;
-        for (block, pass) in self.post.iter().zip(&plan.post) {
-            put(block.at, bytemuck::bytes_of(&PostUniform::new(pass, before, plan.size, &plan.effect_frame)));
+        for (i, (block, pass)) in self.post.iter().zip(&plan.post).enumerate() {
+            let scales = scales_of(pass, &plan.post[..i]);
+            put(
+                block.at,
+                bytemuck::bytes_of(&PostUniform::new(pass, before, plan.size, scales, &plan.effect_frame)),
+            );
             put(block.at + size_of::<PostUniform>() as u64, bytemuck::cast_slice(PostUniform::rest(pass)));
-            before = pass.shrink;
+            // Passes with textures read the image that the first of them got.
+            before = if pass.texture.is_some() { before } else { pass.shrink };
         }
     }
+}
+
+/// How many times smaller than the whole the textures are that a pass reads.
+fn scales_of(pass: &PostPass, before: &[PostPass]) -> [f32; ImagePass::MOST_READ] {
+    let mut scales = [1.0; ImagePass::MOST_READ];
+    for (scale, number) in scales.iter_mut().zip(&pass.reads) {
+        let read = before.iter().rev().find(|pass| pass.number == *number);
+        *scale = read.map_or(1.0, |pass| pass.shrink.max(1) as f32);
+    }
+    scales
 }
 
 fn frame_uniform(plan: &Plan, light_count: u32) -> FrameUniform {

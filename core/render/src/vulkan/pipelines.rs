@@ -18,7 +18,8 @@ use crate::plan::shader_features::names;
 use crate::plan::{Features, TopologyKey};
 use crate::shader::{
     BACKGROUND, Entry, LAYERS_BEHIND, OVERLAY, ParameterRows, SCENE, SKY, SceneEffect, SceneVariant,
-    ShaderSources, SourceFile, compile, entry_points, surface_files, switches, texture_functions,
+    ShaderSources, SourceFile, compile, entry_points, pass_functions, surface_files, switches,
+    texture_functions,
 };
 use ash::vk;
 use choreo_plugin::{Effect, Hook};
@@ -146,6 +147,7 @@ impl Pipelines {
             // Where its textures lie is written into its functions.
             let textures = texture_functions(all, effect);
             let wgsl = effect.shader().map(|shader| shader.wgsl().to_string());
+            let textures = (textures, effect.named_passes().to_vec());
             Some((wgsl, textures, first_record(all, name), effect.hook(), effect.in_model_space()))
         };
         self.made.retain(|id, pipeline| {
@@ -278,7 +280,7 @@ impl Pipelines {
 
     fn post_code(&self, effect: &str, number: u32) -> Result<Vec<Entry>, RenderError> {
         let plugin = self.effect(effect)?;
-        let text = self.wgsl(plugin)?;
+        let text = self.wgsl(plugin)? + &pass_functions(plugin.named_passes(), number);
         let textures = !plugin.textures().is_empty();
         let parameters = ParameterRows::of(plugin, 0);
         let numbers = [number, first_record(&self.effects, effect)];

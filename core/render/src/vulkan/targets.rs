@@ -21,12 +21,12 @@ pub const DEPTH: vk::Format = vk::Format::D32_SFLOAT;
 pub fn format(target: Target) -> vk::Format {
     match target {
         Target::Picture => PICTURE,
-        Target::Float(_) => FLOAT,
+        Target::Float(_) | Target::Texture(_) => FLOAT,
     }
 }
 
 /// Images that a recording needs; recordings with equal needs share them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Needs {
     pub size: [u32; 2],
     pub samples: u32,
@@ -34,6 +34,8 @@ pub struct Needs {
     pub depth: bool,
     /// 0 to 3.
     pub floats: usize,
+    /// Sizes of the textures of passes.
+    pub textures: Vec<[u32; 2]>,
     /// Texels of the image of shadow maps.
     pub shadow: Option<[u32; 2]>,
     /// Levels of the image behind glass.
@@ -54,6 +56,7 @@ impl Needs {
             scene: Target::Picture,
             depth: false,
             floats: 0,
+            textures: Vec::new(),
             shadow: None,
             behind: None,
             layers: false,
@@ -63,7 +66,7 @@ impl Needs {
         for command in &recording.commands {
             let float = |t: &Target| match t {
                 Target::Float(i) => *i as usize + 1,
-                Target::Picture => 0,
+                Target::Picture | Target::Texture(_) => 0,
             };
             match command {
                 Command::BeginShadows { image, .. } => needs.shadow = Some(*image),
@@ -75,8 +78,12 @@ impl Needs {
                     (needs.scene, needs.samples, needs.depth) = (*target, *samples, *depth);
                     needs.floats = needs.floats.max(float(target));
                 }
-                Command::PostPass { from, to, .. } => {
+                Command::PostPass { from, to, size, .. } => {
                     needs.floats = needs.floats.max(float(from)).max(float(to));
+                    // Their numbers begin with 0, and each is written before it is read.
+                    if matches!(to, Target::Texture(slot) if usize::from(*slot) == needs.textures.len()) {
+                        needs.textures.push(*size);
+                    }
                 }
                 _ => {}
             }
@@ -89,6 +96,8 @@ pub struct Targets {
     pub needs: Needs,
     pub picture: Image,
     pub floats: Vec<Image>,
+    /// Textures of passes of effects.
+    pub textures: Vec<Image>,
     pub depth: Option<Image>,
     /// Depths of two layers of transparent surfaces, in turns.
     pub layers: Vec<Image>,
@@ -125,18 +134,19 @@ pub(crate) struct FrameImages<'a> {
 
 impl Targets {
     pub fn new(gpu: &Context, needs: Needs) -> Result<Targets, RenderError> {
-        let image = |name: &str, format, usage, samples| {
+        let sized = |[width, height]: [u32; 2], name: &str, format, usage, samples| {
             let aspect =
                 if format == DEPTH { vk::ImageAspectFlags::DEPTH } else { vk::ImageAspectFlags::COLOR };
-            let [width, height] = needs.size;
             Image::new(gpu, &ImageDesc { name, width, height, levels: 1, samples, format, usage, aspect })
         };
+        let image = |name: &str, format, usage, samples| sized(needs.size, name, format, usage, samples);
         use vk::ImageUsageFlags as U;
         let picture = image("picture", PICTURE, U::COLOR_ATTACHMENT | U::TRANSFER_SRC | U::TRANSFER_DST, 1)?;
         let mut targets = Targets {
-            needs,
+            needs: needs.clone(),
             picture,
             floats: Vec::new(),
+            textures: Vec::new(),
             depth: None,
             layers: Vec::new(),
             kept: Vec::new(),
@@ -153,6 +163,9 @@ impl Targets {
             for i in 0..needs.floats {
                 let name = format!("float target {i}");
                 targets.floats.push(image(&name, FLOAT, usage, 1)?);
+            }
+            for (i, size) in needs.textures.iter().enumerate() {
+                targets.textures.push(sized(*size, &format!("texture {i} of passes"), FLOAT, usage, 1)?);
             }
             if needs.depth {
                 let read = if needs.layers { U::SAMPLED } else { U::empty() };
@@ -216,6 +229,7 @@ impl Targets {
             Target::Picture => &self.picture,
             // `Needs::of` counted them from the same recording.
             Target::Float(i) => &self.floats[i as usize],
+            Target::Texture(i) => &self.textures[i as usize],
         }
     }
 
@@ -274,6 +288,7 @@ impl Targets {
         for image in self
             .floats
             .iter_mut()
+            .chain(&mut self.textures)
             .chain(&mut self.layers)
             .chain(&mut self.kept)
             .chain(&mut self.inputs)

@@ -50,7 +50,7 @@ impl Display {
             return;
         };
         let after = after_light(passes, options);
-        let pass = PostPass { effect: effect.manifest().name.clone(), parameters, number: 0, shrink: 1 };
+        let pass = PostPass::only(effect.manifest().name.clone(), parameters);
         passes.insert(after, pass);
     }
 }

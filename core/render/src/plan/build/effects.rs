@@ -5,7 +5,7 @@ use crate::plan::build::scene_inputs::frame_times;
 use crate::plan::options::PlanOptions;
 use crate::plan::{Features, LeftOut, PostPass};
 use choreo_asset::Primitive;
-use choreo_plugin::{Effect, EffectFrame, Hook, Shutter, SurfaceInputs};
+use choreo_plugin::{Effect, EffectFrame, Hook, ImagePass, Shutter, SurfaceInputs};
 use choreo_stage::{EffectState, EffectTarget, EffectUse, Snapshot, Stage};
 
 /// Largest number of effects in the scene's shaders: one for each bit. Further ones are reported in `left_out`.
@@ -138,8 +138,7 @@ pub(super) fn scene_effects(stage: &Stage, snapshot: &Snapshot, options: &PlanOp
             hook: effect.hook(),
             needs: effect.surface_inputs(&parameters),
             used: {
-                let mut used =
-                    PostPass { effect: used.drawn_by().into_owned(), parameters, number: 0, shrink: 1 };
+                let mut used = PostPass::only(used.drawn_by().into_owned(), parameters);
                 add_frame_numbers(&mut used, &frame, options);
                 used
             },
@@ -188,13 +187,44 @@ pub(super) fn post_passes(
         if !matches!(effect.hook(), Hook::Pixel | Hook::Image) {
             continue;
         }
-        let times = if effect.hook() == Hook::Image { effect.passes() } else { 1 };
-        passes.extend((0..times).map(|number| {
-            let smaller = effect.hook() == Hook::Image && number + 1 < times;
+        let times = effect.passes();
+        let named = effect.named_passes();
+        let runs = runs(named);
+        passes.extend((0..times).filter(|number| runs.get(*number as usize) != Some(&false)).map(|number| {
+            let smaller = number + 1 < times;
             let shrink = if smaller { effect.shrink(number, options.size, &parameters).max(1) } else { 1 };
-            let effect = used.drawn_by().into_owned();
-            PostPass { effect, parameters: parameters.clone(), number, shrink }
+            let pass = named.get(number as usize);
+            PostPass {
+                number,
+                shrink,
+                texture: pass.filter(|_| smaller).map(|pass| pass.name.clone()),
+                reads: pass.map_or_else(Vec::new, |pass| reads_of(pass, number).collect()),
+                ..PostPass::only(used.drawn_by().into_owned(), parameters.clone())
+            }
         }));
+        for (pass, _) in named.iter().zip(&runs).filter(|(_, runs)| !**runs) {
+            let what = format!("pass {} of the effect \"{}\"", pass.name, used.plugin);
+            left_out.push(LeftOut { what, why: "nothing reads its texture".into() });
+        }
     }
     (passes, left_out)
+}
+
+/// The textures that a pass reads: those of passes before it.
+fn reads_of(pass: &ImagePass, number: u32) -> impl Iterator<Item = u32> + '_ {
+    pass.reads.iter().copied().filter(move |read| *read < number).take(ImagePass::MOST_READ)
+}
+
+/// Which passes run: the last one, and those whose textures one that runs reads.
+fn runs(passes: &[ImagePass]) -> Vec<bool> {
+    let mut runs = vec![false; passes.len()];
+    if let Some(last) = runs.last_mut() {
+        *last = true;
+    }
+    for (number, pass) in passes.iter().enumerate().rev() {
+        if runs[number] {
+            reads_of(pass, number as u32).for_each(|read| runs[read as usize] = true);
+        }
+    }
+    runs
 }

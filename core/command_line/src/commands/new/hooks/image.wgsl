@@ -6,8 +6,9 @@
 // param reach = 24 px in 1..200: how far they go to each side
 //
 // A function of a pixel and those around it: picture(at), linear, the nearest one beyond the border; picture_size().
-// // passes: 2 runs it twice, picture(at) is then what the pass before gave and original(at) what the first got; // history: 3 gives
-// previous(1, at) to previous(3, at), the scene 1 to 3 frames ago. Of the scene it may call depth_at(at) (metres, 1e9 where nothing
+// // pass bright = 1/2: ABOUT declares a pass before it: fn bright(at: vec2<i32>, p: Parameters) -> vec4<f32> writes a texture of half the
+// size, which is read by bright_at(at) and bright_uv(uv); effect then has no pass_number. // history: 3 gives previous(1, at) to
+// previous(3, at), the scene 1 to 3 frames ago. Of the scene it may call depth_at(at) (metres, 1e9 where nothing
 // is), normal_at(at), view_at(at), motion_at(at) (pixels since the frame before), actor_at(at), time(), delta(), frame(),
 // resolution(), view_from_world(), clip_from_view() and their inverses, sun_direction() and sun_at(). // texture paper = paper.png: ABOUT gives paper(uv).
 // Put it beside the script, into a folder plugins there, or name its folder with --plugins; then: effect("NAME", #{ reach: 40 })
