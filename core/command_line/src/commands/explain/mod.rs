@@ -148,28 +148,45 @@ fn facts(stage: &Stage, resources: &SceneResources, plan: &Plan, at: f64) -> Val
     })
 }
 
+/// "1 actor", "2 actors".
+fn many(number: &Value, one: &str) -> String {
+    let plural = if number.as_u64() == Some(1) { "" } else { "s" };
+    format!("{number} {one}{plural}")
+}
+
 fn text(f: &Value) -> String {
     let mut t = String::new();
     let (stage, shared, frame) = (&f["stage"], &f["shared"], &f["frame"]);
     let _ = writeln!(t, "at {} s, {}×{}, {} samples", f["seconds"], f["size"][0], f["size"][1], f["samples"]);
     let _ = writeln!(
         t,
-        "stage      {} actors from {} assets, {} frames",
-        stage["actors"], stage["assets"], stage["frames"]
+        "stage      {} from {}, {}",
+        many(&stage["actors"], "actor"),
+        many(&stage["assets"], "asset"),
+        many(&stage["frames"], "frame")
     );
     let _ = writeln!(
         t,
-        "uploaded   {} primitives with {} vertices, {} materials, {} textures ({:.1} MB), each once",
-        shared["primitives"],
-        shared["vertices"],
-        shared["materials"],
-        shared["textures"],
+        "uploaded   {} with {}, {}, {} ({:.1} MB), each once",
+        many(&shared["primitives"], "primitive"),
+        match shared["vertices"].as_u64() {
+            Some(1) => "1 vertex".to_string(),
+            _ => format!("{} vertices", shared["vertices"]),
+        },
+        many(&shared["materials"], "material"),
+        many(&shared["textures"], "texture"),
         shared["texture_bytes"].as_f64().unwrap_or(0.0) / 1e6
     );
     let _ = writeln!(
         t,
-        "drawn      {} draws of {} copies, {} triangles, {} pipelines",
-        frame["draws"], frame["copies"], frame["primitives_drawn"], frame["pipelines"]
+        "drawn      {} of {}, {}, {}",
+        many(&frame["draws"], "draw"),
+        match frame["copies"].as_u64() {
+            Some(1) => "1 copy".to_string(),
+            _ => format!("{} copies", frame["copies"]),
+        },
+        many(&frame["primitives_drawn"], "triangle"),
+        many(&frame["pipelines"], "pipeline")
     );
     let _ = writeln!(
         t,
