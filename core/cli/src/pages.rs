@@ -27,9 +27,72 @@ const PAGES: &[(&str, &str)] = &[
     ("plugins/import-vrm/README.md", import_vrm::README),
 ];
 
-/// The pages of the command line, the viewer and the built-in plugins.
+macro_rules! guide {
+    ($($name:literal,)*) => {
+        &[$((concat!("scripts/guide/", $name), include_str!(concat!("../pages/guide/", $name)))),*]
+    };
+}
+
+/// The guide, and the scripts that its pages include.
+const GUIDE: &[(&str, &str)] = guide![
+    "src/coming_from/blender.md",
+    "src/coming_from/mixamo.md",
+    "src/coming_from/motion_canvas.md",
+    "src/coming_from/three_js.md",
+    "src/coming_from/unity.md",
+    "src/concepts/cameras.md",
+    "src/concepts/constraints.md",
+    "src/concepts/effects.md",
+    "src/concepts/layers.md",
+    "src/concepts/lights.md",
+    "src/concepts/retargeting.md",
+    "src/concepts/root_motion.md",
+    "src/concepts/springs.md",
+    "src/concepts/tests.md",
+    "src/concepts/timeline.md",
+    "src/internals.md",
+    "src/introduction.md",
+    "src/performance.md",
+    "src/plugin_authors.md",
+    "src/recipes/crowd.md",
+    "src/recipes/dialogue.md",
+    "src/recipes/hand_over.md",
+    "src/recipes/other_programs.md",
+    "src/recipes/regression.md",
+    "src/recipes/template.md",
+    "src/recipes/titles.md",
+    "src/recipes/turntable.md",
+    "src/recipes/walk_to_a_mark.md",
+    "src/ten_minutes.md",
+    "src/troubleshooting.md",
+    "scenes/cameras.rhai",
+    "scenes/constraints.rhai",
+    "scenes/crowd.rhai",
+    "scenes/dialogue.rhai",
+    "scenes/effects.rhai",
+    "scenes/first_1.rhai",
+    "scenes/first_2.rhai",
+    "scenes/first_3.rhai",
+    "scenes/hand_over.rhai",
+    "scenes/layers.rhai",
+    "scenes/lights.rhai",
+    "scenes/mixamo.rhai",
+    "scenes/regression.rhai",
+    "scenes/retargeting.rhai",
+    "scenes/root_motion.rhai",
+    "scenes/same_scene.rhai",
+    "scenes/template.rhai",
+    "scenes/tested.rhai",
+    "scenes/timeline.rhai",
+    "scenes/titles.rhai",
+    "scenes/turntable.rhai",
+    "scenes/tweens.rhai",
+    "scenes/walk_to_a_mark.rhai",
+];
+
+/// The pages of the guide, the command line, the viewer and the built-in plugins.
 pub fn pages() -> Vec<(&'static str, &'static str)> {
-    [PAGES, effects::PAGES].concat()
+    [PAGES, effects::PAGES, GUIDE].concat()
 }
 
 #[cfg(test)]
@@ -40,7 +103,26 @@ mod tests {
     #[test]
     fn every_page_has_its_text() {
         for (path, text) in pages() {
-            assert!(text.starts_with("# "), "{path}: {text:.60}; git needs core.symlinks");
+            let is_text = if path.ends_with(".rhai") { text.contains(';') } else { text.starts_with("# ") };
+            assert!(is_text, "{path}: {text:.60}; git needs core.symlinks");
+        }
+    }
+
+    #[test]
+    fn the_whole_guide_is_there() {
+        let summary = include_str!("../../../scripts/guide/src/SUMMARY.md");
+        let own = summary.split("](").skip(1).filter_map(|rest| rest.split_once(')'));
+        let own: Vec<&str> = own.map(|(path, _)| path).filter(|path| !path.starts_with("..")).collect();
+        assert!(own.len() > 20, "{own:?}");
+        for path in own {
+            let page = format!("scripts/guide/src/{path}");
+            let text = pages().iter().find(|(known, _)| *known == page).map(|(_, text)| *text);
+            let text = text.unwrap_or_else(|| panic!("{page} is missing in core/cli/src/pages.rs"));
+            for scene in text.split("{{#include ").skip(1).filter_map(|rest| rest.split("scenes/").nth(1)) {
+                let scene = scene.split('}').next().unwrap_or_default();
+                let scene = format!("scripts/guide/scenes/{scene}");
+                assert!(pages().iter().any(|(known, _)| *known == scene), "{scene}, of {page}");
+            }
         }
     }
 

@@ -178,6 +178,14 @@ fn outputs_that_cannot_be() {
         let (code, line) = refused(d, &["render", "tri.gltf", "-o", output, "--device", "cpu", "--quiet"]);
         assert_eq!((code, line.as_str()), (3, expected));
     }
+    let missing = "the folder no/such does not exist; make it: mkdir -p no/such";
+    for args in [
+        &["export", "tri.gltf", "-o", "no/such/o.glb"][..],
+        &["check", "tri.gltf", "--plot", "no/such/o.svg"],
+    ] {
+        let (code, line) = refused(d, args);
+        assert_eq!((code, line), (3, format!("{}: cannot write: {missing}", args[3])));
+    }
     let long = format!("{}.mp4", "x".repeat(300));
     let (code, line) = refused(d, &["render", "tri.gltf", "-o", &long, "--device", "cpu", "--quiet"]);
     assert_eq!(code, 3);

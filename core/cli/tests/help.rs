@@ -46,6 +46,59 @@ fn a_call_is_described_and_a_word_of_descriptions_is_found() {
 }
 
 #[test]
+fn commands_rules_and_the_guide_are_found() {
+    for (term, parts) in [
+        ("new project", &["  choreo new project\n      A folder for videos", "choreo new --help"][..]),
+        ("choreo check", &["  choreo check\n", "check --help"]),
+        ("render --frames", &["  choreo render --frames\n      Which frames"]),
+        ("language server", &["  choreo lsp\n", "core/language_server/README.md, \"Language server\""]),
+        ("vs code", &["  choreo lsp\n"]),
+        ("allow", &["  Rules of choreo check, and // allow:\n", "core/cli/README.md"]),
+        ("reach_too_far", &["  reach_too_far\n      a hand never gets to its target"]),
+        ("hand over", &["  A hand-over\n", "scripts/guide/src/recipes/hand_over.md"]),
+        ("retargeting", &["scripts/guide/src/concepts/retargeting.md"]),
+        ("troubleshooting", &["scripts/guide/src/troubleshooting.md"]),
+    ] {
+        let run = help(&[term]);
+        assert_eq!(run.code, 0, "{term}: {}", run.err);
+        for part in parts {
+            assert!(run.out.contains(part), "{term}: {part}\n{}", run.out);
+        }
+        assert_eq!(
+            help(&term.split(' ').filter(|_| !term.starts_with("render")).collect::<Vec<_>>()).code,
+            0
+        );
+    }
+    let page = help(&["--page", "recipes/dialogue.md"]);
+    assert!(
+        page.code == 0 && page.out.contains("cast(\"ada\"") && !page.out.contains("#include"),
+        "{}",
+        page.out
+    );
+}
+
+/// The table of rules has every rule that a script of these tests is answered with.
+#[test]
+fn every_rule_is_in_the_table() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/checked");
+    let mut rules = std::collections::BTreeSet::new();
+    for entry in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+        let text = std::fs::read_to_string(&entry).unwrap_or_default();
+        if entry.extension().is_some_and(|e| e == "txt") {
+            let named = text
+                .lines()
+                .filter_map(|line| line.strip_suffix(']')?.rsplit_once(" ["))
+                .map(|(_, rule)| rule);
+            rules.extend(named.map(str::to_string));
+        }
+    }
+    let readme = include_str!("../README.md");
+    let missing: Vec<&String> =
+        rules.iter().filter(|rule| !readme.contains(&format!("| `{rule}` |"))).collect();
+    assert!(missing.is_empty() && rules.len() > 25, "{missing:?} of {rules:?}");
+}
+
+#[test]
 fn effects_and_pages_describe_themselves() {
     for (name, about, parameter) in [
         ("wireframe", "edges of triangles", "color"),

@@ -257,6 +257,64 @@ fn completion_of_a_large_character_reads_its_file() {
     assert!(about.contains("0.96 s") && about.contains("29 frames at 30 fps"), "{about}");
 }
 
+/// Joints by the short names of the guide, and a file that does not state its format.
+#[test]
+fn short_names_of_joints_are_known() {
+    let Some(assets) = assets() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(assets.join("vrm/Godette_vrm_v4.vrm"), folder.path().join("godette.vrm")).unwrap();
+    std::fs::copy(assets.join("gltf/Knight.glb"), folder.path().join("knight.glb")).unwrap();
+    let uri = script(folder.path(), "");
+    let mut editor = Editor::start(folder.path());
+    let head = "let g = load(\"godette.vrm\");\nlet a = cast(\"a\", g);\n";
+    // The file is read in the background.
+    editor.labels(&uri, &format!("{head}a.joint(\"¦\");"));
+    let about = editor.hover(&uri, &format!("{head}a.joint(\"Left¦Hand\");"));
+    assert!(about.contains("**LeftHand** — `hand.l_Armature`, joint of `godette.vrm`"), "{about}");
+    let about = editor.hover(&uri, "load(\"kni¦ght.glb\");");
+    assert!(about.starts_with("**knight.glb**") && !about.contains("—"), "{about}");
+    for (slip, meant) in
+        [("LeftHnd", "LeftHand"), ("Haed", "Head"), ("hnad.l", "hand.l"), ("RigthFoot", "RightFoot")]
+    {
+        editor.set(&uri, &format!("{head}a.joint(\"{slip}\");"));
+        let found = messages(&editor.checked(&uri)).join("\n");
+        assert!(found.contains(&format!("did you mean \"{meant}\"?")), "{slip}: {found}");
+    }
+}
+
+/// A test beside a scene: its sections are run while they are typed, and nothing is missing on stage.
+#[test]
+fn sections_of_tests_have_diagnostics() {
+    let folder = project();
+    let root = folder.path().canonicalize().unwrap();
+    std::fs::create_dir(root.join("tests")).unwrap();
+    std::fs::write(root.join("scene.rhai"), HEAD).unwrap();
+    let text = |name: &str| {
+        format!(
+            "test(\"stands\", || {{\n    let film = scene(\"../scene.rhai\");\n    expect(film.actor(\"{name}\")).y().above(-9.0);\n}});\n"
+        )
+    };
+    let path = root.join("tests/film.rhai");
+    std::fs::write(&path, text("hreo")).unwrap();
+    let uri = uri(&path);
+    let mut editor = Editor::start(&root);
+    editor.open(&uri, &text("hreo"));
+    let found = editor.checked(&uri);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert!(messages(&found)[0].contains("did you mean \"hero\"?"), "{found:?}");
+    assert_eq!(found[0]["range"]["start"]["line"], 2);
+    editor.set(&uri, &text("hero"));
+    assert_eq!(messages(&editor.checked(&uri)), [""; 0]);
+    // An error of the scene lies in the scene's file.
+    std::fs::write(root.join("scene.rhai"), format!("{HEAD}hero.plya();")).unwrap();
+    editor.set(&uri, &(text("hero") + "// again"));
+    let scene = self::uri(&root.join("scene.rhai"));
+    let told = editor.wait(move |m: &Value| {
+        m["params"]["uri"] == scene.as_str() && m["params"]["diagnostics"][0].is_object()
+    });
+    assert!(told["params"]["diagnostics"][0]["message"].as_str().unwrap().contains("plya"), "{told}");
+}
+
 #[test]
 fn hover_and_signatures_explain_what_is_there() {
     let folder = project();

@@ -52,13 +52,73 @@ fn folders_and_defaults_come_from_it_and_the_command_line_wins() {
 }
 
 #[test]
-fn without_a_repository_only_the_folder_of_the_script_counts() {
+fn the_nearest_file_upward_marks_the_project_with_and_without_a_repository() {
     let dir = project();
     let d = dir.path();
-    write(d, "search = [\"assets\"]\n");
-    assert_eq!(choreo(d, &["check", "scenes/a.rhai"]).code, 0);
+    let deep = d.join("scenes/more");
+    std::fs::create_dir(&deep).unwrap();
+    std::fs::write(deep.join("b.rhai"), SCRIPT).unwrap();
+    write(d, "search = [\"assets\"]\n[check]\nstrict = true\n");
+    for _ in 0..2 {
+        assert_eq!(choreo(d, &["check", "scenes/more/b.rhai"]).code, 0);
+        assert_eq!(choreo(&deep, &["check", "b.rhai"]).code, 0);
+        let (_, dir) = (std::fs::remove_dir(d.join(".git")), d.join("scenes"));
+        // A folder as an argument counts from itself upwards.
+        assert_eq!(choreo(&dir, &["check", "../scenes/more/b.rhai"]).code, 0);
+    }
+    // strict counts in the folder below, too.
+    std::fs::write(deep.join("b.rhai"), format!("{SCRIPT} camera(\"a\"); camera(\"never\");")).unwrap();
+    let run = choreo(&deep, &["check", "b.rhai"]);
+    assert!(run.code == 1 && run.err.contains("--strict"), "{}{}", run.out, run.err);
+    // A repository inside the project is a project of its own.
+    std::fs::create_dir(deep.join(".git")).unwrap();
+    assert_eq!(choreo(&deep, &["check", "b.rhai"]).code, 1);
+    assert!(choreo(&deep, &["check", "b.rhai"]).err.contains("tri.gltf"));
+}
+
+/// A file in a folder that others may write to must not reach into the folders of everybody.
+#[cfg(unix)]
+#[test]
+fn outside_repositories_a_file_of_another_owner_does_not_count() {
+    let dir = project();
+    let d = dir.path();
     std::fs::remove_dir(d.join(".git")).unwrap();
+    write(d, "search = [\"assets\"]\n");
+    if std::os::unix::fs::chown(d.join("choreo.toml"), Some(12345), None).is_err() {
+        eprintln!("only root may give files to others");
+        return;
+    }
     assert_eq!(choreo(d, &["check", "scenes/a.rhai"]).code, 1);
+    std::fs::create_dir(d.join(".git")).unwrap();
+    assert_eq!(choreo(d, &["check", "scenes/a.rhai"]).code, 0);
+}
+
+/// A test reads in its project, whatever folder the command is started in, and takes the project's options.
+#[test]
+fn tests_of_a_project_run_from_every_folder() {
+    let dir = project();
+    let d = dir.path();
+    std::fs::remove_dir(d.join(".git")).unwrap();
+    std::fs::create_dir(d.join("tests")).unwrap();
+    let test = "test(\"stands\", || { let s = scene(\"../scenes/a.rhai\"); expect(s.actor(\"t\")).near([0, 0, 0], 0.1); });";
+    std::fs::write(d.join("tests/a.rhai"), test).unwrap();
+    write(d, "search = [\"assets\"]\n");
+    let outside = tempfile::tempdir().unwrap();
+    let (tests, file) = (d.join("tests"), d.join("tests/a.rhai"));
+    let name = |path: &Path| path.to_string_lossy().into_owned();
+    for (from, given) in [
+        (d, "tests".to_string()),
+        (&tests, "a.rhai".into()),
+        (&tests, ".".into()),
+        (&d.join("assets"), "../tests".into()),
+        (outside.path(), name(&tests)),
+        (outside.path(), name(&file)),
+    ] {
+        let run = choreo(from, &["test", &given]);
+        assert_eq!(run.code, 0, "{given} from {}: {}{}", from.display(), run.out, run.err);
+    }
+    assert_eq!(choreo(&tests, &["test"]).code, 0);
+    assert_ne!(choreo(&tests, &["test", "a.rhai", "--no-project-file"]).code, 0);
 }
 
 #[test]

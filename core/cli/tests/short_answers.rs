@@ -32,6 +32,43 @@ fn lengths_and_frames_of_models() {
     );
 }
 
+/// A file of clips that rests in a stride, on a character: the warning has a rule, and says how to allow it.
+#[test]
+fn a_warning_about_another_body_can_be_allowed() {
+    let Some(assets) = common::assets() else { return };
+    let dir = folder();
+    let d = dir.path();
+    for file in ["vrm/cool_loops.vrm", "fbx/pab/locomotions.fbx"] {
+        let name = std::path::Path::new(file).file_name().unwrap();
+        std::fs::copy(assets.join(file), d.join(name)).unwrap();
+    }
+    let script = |comment: &str| {
+        let text = format!(
+            "let f = load(\"locomotions.fbx\");\nlet a = cast(\"a\", load(\"cool_loops.vrm\"));\n{comment}a.play(f.clip(\"walk\"));\n"
+        );
+        std::fs::write(d.join("a.rhai"), text).unwrap();
+        choreo(d, &["check", "a.rhai", "--strict"])
+    };
+    let run = script("");
+    assert!(run.code == 1 && run.err.contains(" [retarget_rest]\n"), "{}", run.err);
+    let how = "where it is meant, // allow: retarget_rest above the line silences this";
+    assert!(run.err.contains(how), "{}", run.err);
+    let run = script("// allow: retarget_rest\n");
+    assert_eq!((run.code, run.err.as_str()), (0, ""), "{}", run.out);
+}
+
+/// The robot has a bone "Body", and the other file a mesh of that name beside its bones.
+#[test]
+fn a_mesh_beside_the_bones_follows_no_bone() {
+    let Some(assets) = common::assets() else { return };
+    let dir = folder();
+    let file = |name: &str| assets.join(name).to_string_lossy().into_owned();
+    let (robot, godette) = (file("gltf/RobotExpressive.glb"), file("vrm/Godette_vrm_v4.vrm"));
+    let run = choreo(dir.path(), &["info", &robot, "--on", &godette]);
+    assert!(run.out.contains("\npelvis_Armature ← Hips (by body)"), "{}{}", run.out, run.err);
+    assert!(!run.out.contains("Body ←"), "{}", run.out);
+}
+
 #[test]
 fn info_names_meshes_and_the_nodes_that_show_them() {
     let dir = folder();
@@ -63,6 +100,7 @@ text("a", #{ size: 0.5 }).from(0.25);
     // 1 drawn, 1 repeated, 1 with the title, 2 repeated, 3 drawn.
     assert_eq!(counts["drawn"], 4, "{counts}");
     let text = choreo(d, &["explain", "a.rhai"]).out;
+    assert!(text.contains("\nstage      1 actor from 1 asset, 8 frames\n"), "{text}");
     assert!(
         text.contains("frames     4 of 8 frames are drawn, 3 repeat the one before, 1 only its scene"),
         "{text}"

@@ -26,6 +26,7 @@ use commands::{
 use failure::{Failure, print_json, print_json_message, print_message};
 use process::{interrupt, panics, threads};
 use std::ffi::OsString;
+use std::path::Path;
 use std::process::ExitCode;
 
 /// One call of the program: `args` as in `std::env::args_os()`, the program's name first. Writes to the process's standard streams,
@@ -44,9 +45,14 @@ pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
     panics::install();
     interrupt::install();
     let json = cli.command.json();
-    let result = panics::guarded(|| start(cli.command, &args, app));
+    let result = panics::guarded(|| start(cli, &args, app));
     let Err(failure) = result else { return ExitCode::SUCCESS };
     ended(&failure, json, &args)
+}
+
+/// Options of the viewer for the search and plugin folders of the project that an input belongs to; else what is wrong with its `choreo.toml`.
+pub fn project_folders(input: &Path, app: &App) -> Result<Vec<OsString>, String> {
+    project_file::folders(input, app).map_err(|failure| failure.lines().join("\n"))
 }
 
 /// The command line of a program, for completions and manual pages.
@@ -63,7 +69,8 @@ fn ended(failure: &Failure, json: bool, args: &[OsString]) -> ExitCode {
     ExitCode::from(failure.code())
 }
 
-fn start(mut command: Command, args: &[OsString], app: &App) -> Result<(), Failure> {
+fn start(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
+    let Cli { mut command, no_project_file } = cli;
     match &command {
         Command::Render(given) => {
             let jobs = given.jobs.as_deref().map(values::jobs).transpose()?;
@@ -84,14 +91,14 @@ fn start(mut command: Command, args: &[OsString], app: &App) -> Result<(), Failu
         Command::Render(given) => {
             render::run(RenderArgs { again: interrupt::command_to_resume(args), ..given }, plugins)
         }
-        Command::Check(args) => check::run(args, plugins),
+        Command::Check(args) => check::run(args, no_project_file, plugins),
         Command::Info(args) => info::run(args, plugins),
         Command::Explain(args) => explain::run(args, plugins),
         Command::Measure(args) => measure::run(args, plugins),
         Command::Pose(args) => pose::run(args, plugins),
         Command::Export(args) => export::run(&args, plugins),
-        Command::View(args) => view::run(args, app),
-        Command::Test(args) => test::run(args, plugins),
+        Command::View(args) => view::run(args, no_project_file, app),
+        Command::Test(args) => test::run(args, no_project_file, plugins),
         Command::Plugins(args) => plugins_command::run(args, app),
         Command::New(args) => new::run(args),
         Command::Help(args) => help::run(&args, app),

@@ -1,6 +1,6 @@
-//! `choreo.toml` beside the input, or in a folder around it up to the one with `.git`: search folders, plugin folders and default
-//! options of commands. It becomes options of the command line, unless they are given there. The defaults of the [`App`] follow in
-//! the same way.
+//! `choreo.toml` marks the folder of a project. The one beside the input, or in the nearest folder around it, states search folders, plugin
+//! folders and default options of commands. It becomes options of the command line, unless they are given there. The defaults of the
+//! [`App`] follow in the same way.
 
 use crate::App;
 use crate::args::{Cli, values};
@@ -94,28 +94,66 @@ fn with_folders(args: Vec<OsString>, app: &App) -> Result<Vec<OsString>, Failure
     Ok(appended(&args, options))
 }
 
-/// The folder that the file is looked for in first.
+/// The folder that the file is looked for in first. The viewer looks for it itself ([`folders`]).
 fn start_folder(command: &str, given: &ArgMatches) -> Option<PathBuf> {
     let input = match command {
-        "test" | "plugins" => return std::env::current_dir().ok(),
+        "plugins" => return std::env::current_dir().ok(),
+        "test" => match given.get_many::<PathBuf>("paths").and_then(|mut paths| paths.next()) {
+            None => return std::env::current_dir().ok(),
+            Some(path) => path,
+        },
         "info" => given.get_one::<PathBuf>("file")?,
-        "render" | "export" | "check" | "explain" | "measure" | "pose" | "view" => {
+        "render" | "export" | "check" | "explain" | "measure" | "pose" => {
             given.get_one::<PathBuf>("input")?
         }
         _ => return None,
     };
+    folder_of(input)
+}
+
+/// The folder of a file, or the folder that is given.
+fn folder_of(input: &Path) -> Option<PathBuf> {
+    if input.is_dir() {
+        return input.canonicalize().ok();
+    }
     let folder = input.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
     folder.canonicalize().ok()
 }
 
-/// The nearest file. Only inside a repository are the folders around the first one looked at.
+/// The folder of the project that a script or folder belongs to: the nearest one with a `choreo.toml`.
+pub fn root_of(input: &Path) -> Option<PathBuf> {
+    find(&folder_of(input)?)?.parent().map(Path::to_path_buf)
+}
+
+/// The folders of the input's `choreo.toml` as options of the viewer.
+pub fn folders(input: &Path, app: &App) -> Result<Vec<OsString>, Failure> {
+    let Some(path) = folder_of(input).and_then(|start| find(&start)) else { return Ok(Vec::new()) };
+    let words = [OsString::from(app.name), "view".into(), input.into()];
+    Ok(with_options(&words, |_, _| ProjectFile::read(path).map(Some))?.split_off(words.len()))
+}
+
+/// The nearest file, up to the folder of a repository. Outside repositories a file in a folder around the first one must have the same
+/// owner as that one: others may write to `/tmp`.
 fn find(start: &Path) -> Option<PathBuf> {
-    let root = start.ancestors().position(|folder| folder.join(".git").exists()).unwrap_or(0);
-    start
-        .ancestors()
-        .take(root + 1)
-        .map(|folder| folder.join(NAME))
-        .find(|file| file.symlink_metadata().is_ok())
+    let repository = start.ancestors().position(|folder| folder.join(".git").exists());
+    let folders = start.ancestors().take(repository.map_or(usize::MAX, |at| at + 1));
+    let mut files = folders.map(|folder| folder.join(NAME));
+    files.find(|file| {
+        let trusted = repository.is_some() || file.parent() == Some(start) || same_owner(start, file);
+        trusted && file.symlink_metadata().is_ok()
+    })
+}
+
+#[cfg(unix)]
+fn same_owner(folder: &Path, file: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let owner = |path: &Path| path.symlink_metadata().map(|metadata| metadata.uid()).ok();
+    owner(folder) == owner(file)
+}
+
+#[cfg(not(unix))]
+fn same_owner(_: &Path, _: &Path) -> bool {
+    true
 }
 
 struct ProjectFile {

@@ -1,8 +1,9 @@
 //! Runs scripts on a thread of its own, as `check` does, on texts that are not saved. Of several texts of one script only the latest
 //! counts.
 
-use crate::Host;
+use crate::{Host, Project};
 use choreo_plugin::ImportScope;
+use choreo_script::testing::{TestOptions, has_sections, section_errors};
 use choreo_script::{AssetCache, Diagnostic, Places, ScriptOptions, run_file_touching, run_text};
 use choreo_stage::Stage;
 use std::collections::{BTreeMap, BTreeSet};
@@ -10,6 +11,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+
+/// Sections that have not been run by then are left to `choreo test`.
+const SECTIONS_TIME: Duration = Duration::from_secs(5);
 
 /// Texts that are not saved, by canonical path.
 pub type Unsaved = Arc<BTreeMap<PathBuf, Arc<str>>>;
@@ -142,7 +146,9 @@ fn check(job: &Job, host: &dyn Host, assets: &AssetCache, is_old: &dyn Fn() -> b
             return Some(checked);
         }
     };
+    let root = has_sections(&job.text).then(|| root_of(job, &project)).flatten();
     let options = ScriptOptions {
+        root: root.clone(),
         search_paths: project.search.clone(),
         limits: project.limits.clone(),
         needs: ImportScope::NO_PIXELS,
@@ -172,10 +178,27 @@ fn check(job: &Job, host: &dyn Host, assets: &AssetCache, is_old: &dyn Fn() -> b
             checked.diagnostics.extend(host.survey(&stage, &places, &project));
             checked.of_assets = of_assets(&stage);
             checked.stage = Some((stage, places));
+            if let Some(path) = job.path.as_deref().filter(|path| path.is_file() && has_sections(&job.text)) {
+                let goes_on = || !is_old() && begun.elapsed() < SECTIONS_TIME;
+                let test = TestOptions { script: options, root, ..TestOptions::default() };
+                let found = section_errors(path, &project.registry, &test, &goes_on);
+                checked.diagnostics.extend(found.errors);
+                checked.read.extend(found.read);
+            }
         }
+    }
+    if is_old() {
+        return None;
     }
     checked.took = begun.elapsed();
     Some(checked)
+}
+
+/// The folder in which the tests of a script may read.
+fn root_of(job: &Job, project: &Project) -> Option<PathBuf> {
+    let path = job.path.as_deref()?;
+    let open = || path.starts_with(job.folder.canonicalize().ok()?).then(|| job.folder.clone());
+    project.root.clone().or_else(open)
 }
 
 /// Warnings of the assets on stage, once each.

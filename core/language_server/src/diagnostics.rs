@@ -42,18 +42,22 @@ pub fn by_file(
     found
 }
 
-/// A module and a file of tests put nothing on stage when they are run alone, as is intended.
+/// A module puts nothing on stage when it is run alone, as is intended.
 fn says_nothing(diagnostic: &Diagnostic, source: &Source) -> bool {
     let has = |word: &str| (0..source.tokens.len()).any(|i| source.get(i) == word);
     diagnostic.line == 0
         && diagnostic.message.starts_with("nothing is on stage")
-        && (has("fn") || has("test") || source.tokens.is_empty())
+        && (has("fn") || source.tokens.is_empty())
 }
 
 /// The file of a module, by its name in messages.
 fn module_path(checked: &Checked, folder: Option<&Path>, name: &str) -> Option<PathBuf> {
-    let beside = folder.map(|folder| folder.join(name)).filter(|path| checked.read.contains(path));
-    beside.or_else(|| checked.read.iter().find(|path| path.ends_with(name)).cloned())
+    let beside = folder.map(|folder| folder.join(name));
+    // The name of another script may lead upwards.
+    let beside = beside.map(|path| path.canonicalize().unwrap_or(path));
+    beside
+        .filter(|path| checked.read.contains(path))
+        .or_else(|| checked.read.iter().find(|path| path.ends_with(name)).cloned())
 }
 
 /// The string of `load("…")` for a file.

@@ -33,7 +33,8 @@ pub fn file(asset: &Asset, fps: f64) -> String {
     let triangles: usize =
         primitives().filter(|p| p.topology == Topology::Triangles).map(|p| p.indices.len() / 3).sum();
     let vertices: usize = primitives().map(|p| p.positions.len()).sum();
-    let mut lines = vec![format!("**{}** — {}", asset.name, asset.origin.format)];
+    let format = asset.origin.format.as_str();
+    let mut lines = vec![format!("**{}**{}{format}", asset.name, if format.is_empty() { "" } else { " — " })];
     lines.push(format!(
         "{}, {vertices} vertices, {}",
         count(triangles, "triangle"),
@@ -77,10 +78,12 @@ pub fn morphs(asset: &Asset) -> Vec<String> {
     names
 }
 
-/// "joint of `a.glb`, child of Hips, 3 joints below it".
+/// "joint of `a.glb`, child of Hips, 3 joints below it". The name is one that scripts may use, as LeftHand for hand.l.
 pub fn joint(asset: &Asset, name: &str) -> Option<String> {
     let skeleton = &asset.skeleton;
-    let index = skeleton.names().iter().position(|known| known == name)?;
+    let index = skeleton.find(name)?;
+    let own = &skeleton.names()[index];
+    let short = if own == name { String::new() } else { format!("`{own}`, ") };
     let parents = skeleton.parents();
     let below = (0..skeleton.len()).filter(|joint| {
         std::iter::successors(parents[*joint], |p| parents[*p as usize]).any(|above| above as usize == index)
@@ -90,7 +93,7 @@ pub fn joint(asset: &Asset, name: &str) -> Option<String> {
         None => "root".to_string(),
     };
     Some(format!(
-        "**{name}** — joint of `{}`, {parent}, {} below it",
+        "**{name}** — {short}joint of `{}`, {parent}, {} below it",
         asset.name,
         count(below.count(), "joint")
     ))

@@ -49,6 +49,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
 
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");
+
 /// The program around the server.
 pub trait Host: Send + Sync {
     /// Name and version.
@@ -77,5 +80,7 @@ pub struct Project {
     pub registry: Registry,
     /// Folders besides the script's own in which files are looked for.
     pub search: Vec<PathBuf>,
+    /// Folder of the project, in which tests may read; `None`: the folder that is open in the editor.
+    pub root: Option<PathBuf>,
     pub limits: Limits,
 }

@@ -22,11 +22,13 @@ pub(crate) struct ApiError {
     pub silent: bool,
     /// Ends the script at once, where going on would only repeat it.
     pub fatal: bool,
+    /// Name of a warning that `// allow: NAME` silences; empty for others.
+    pub rule: &'static str,
 }
 
 impl ApiError {
     pub fn new(message: impl Into<String>) -> ApiError {
-        ApiError { message: message.into(), hint: None, focus: None, silent: false, fatal: false }
+        ApiError { message: message.into(), hint: None, focus: None, silent: false, fatal: false, rule: "" }
     }
     /// Follows from an error already noted.
     pub fn silent() -> ApiError {
@@ -34,6 +36,13 @@ impl ApiError {
     }
     pub fn hint(mut self, hint: impl Into<String>) -> ApiError {
         self.hint = Some(hint.into());
+        self
+    }
+    /// Makes it a warning that a comment can allow; the hint says how.
+    pub fn rule(mut self, rule: &'static str) -> ApiError {
+        let how = format!("where it is meant, // allow: {rule} above the line silences this");
+        self.hint = Some(self.hint.map_or(how.clone(), |hint| format!("{hint}; {how}")));
+        self.rule = rule;
         self
     }
     pub fn focus(mut self, literal: impl Into<String>) -> ApiError {

@@ -86,6 +86,12 @@ impl Shared {
         text.and_then(|t| t.lines().nth(line.checked_sub(1)?).map(str::to_string)).unwrap_or_default()
     }
 
+    /// Whether a comment at a place silences a rule.
+    fn allows(&self, place: &Place, rule: &str) -> bool {
+        let lines = [place.line, place.line.saturating_sub(1)];
+        lines.into_iter().any(|line| crate::lint::allows(&self.source_line(&place.file, line), rule))
+    }
+
     /// A diagnostic at a place; the column moves to the string literal that is to blame, where the line has it.
     pub(crate) fn diagnose(&self, severity: Severity, place: &Place, error: &ApiError) -> Diagnostic {
         let source_line = self.source_line(&place.file, place.line);
@@ -101,7 +107,7 @@ impl Shared {
         }
         Diagnostic {
             severity,
-            rule: "",
+            rule: error.rule,
             file: place.file.clone(),
             line: place.line,
             column,
@@ -121,6 +127,9 @@ impl Shared {
             return;
         }
         let diagnostic = self.diagnose(severity, place, error);
+        if !error.rule.is_empty() && self.allows(place, error.rule) {
+            return;
+        }
         let mut build = self.build.lock().unwrap_or_else(PoisonError::into_inner);
         let order = order.unwrap_or(build.order);
         build.note_in_order(order, diagnostic);
@@ -331,6 +340,8 @@ pub(crate) struct ActorDraft {
     pub placed: bool,
     /// Places of the calls of `actor.look_at`.
     pub looks: Vec<Place>,
+    /// Places of the constraints that the script states, which come first.
+    pub constraints: Vec<Place>,
     /// Root motion of its clips on the base layer.
     pub root: Option<RootDraft>,
     /// Keys of its joints, over what its clips do.

@@ -41,6 +41,8 @@ pub struct ScriptOptions {
     pub played_clips_only: bool,
     /// Reports the progress of the files that the script loads, on any thread, and calls them off.
     pub imports: Imports,
+    /// A folder that holds the script and in all of which it may read, as its tests may.
+    pub root: Option<PathBuf>,
     /// Texts of scripts and modules that an editor has not saved, by canonical path. They are read in place of the files.
     pub unsaved: Arc<BTreeMap<PathBuf, Arc<str>>>,
 }
@@ -55,6 +57,7 @@ impl Default for ScriptOptions {
             assets: AssetCache::default(),
             played_clips_only: false,
             imports: Imports::default(),
+            root: None,
             unsaved: Arc::default(),
         }
     }
@@ -83,7 +86,8 @@ pub fn run_file(
     registry: &Registry,
     options: &ScriptOptions,
 ) -> Result<Script, Vec<Diagnostic>> {
-    let opened = open(path, None, Mode::Stage, registry, options).map_err(|e| vec![e])?;
+    let root = options.root.as_deref();
+    let opened = open(path, root, Mode::Stage, registry, options).map_err(|e| vec![e])?;
     on_own_thread(move || run_here(&opened.name, &opened.text, &opened.shared))
 }
 
@@ -109,7 +113,7 @@ pub fn run_file_touching(
     registry: &Registry,
     options: &ScriptOptions,
 ) -> (Result<Script, Vec<Diagnostic>>, Touched) {
-    let opened = match open(path, None, Mode::Stage, registry, options) {
+    let opened = match open(path, options.root.as_deref(), Mode::Stage, registry, options) {
         Ok(opened) => opened,
         Err(error) => {
             let mut touched = Touched::default();
@@ -276,7 +280,8 @@ fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<
     let script_hash = hash(text, shared);
     let identity = hex(&script_hash);
     let (stage, mut places) = resolve(shared, &engine, &|_| identity.clone());
-    if stage.actors.is_empty() {
+    // A file of tests alone puts nothing on stage.
+    if stage.actors.is_empty() && shared.test().sections.is_empty() {
         let error = ApiError::new("nothing is on stage: no actor is cast")
             .hint("let hero = cast(\"hero\", load(\"hero.glb\")); puts one there");
         shared.note(Severity::Warning, &Place { file: name.to_string(), ..Place::default() }, &error);

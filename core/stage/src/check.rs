@@ -401,9 +401,14 @@ impl Checker<'_> {
         let place = format!("layer_2d {index}");
         self.fields(&place, layer_2d);
         let sized = match &layer_2d.content {
-            Layer2dContent::Text { size, width, line_height, color, .. } => {
+            Layer2dContent::Text { size, width, line_height, color, outline, panel, .. } => {
                 let sizes = [*size, width.unwrap_or(1.0), *line_height];
-                sizes.iter().all(|v| v.is_finite() && *v > 0.0) && color.is_finite()
+                let outlined =
+                    outline.is_none_or(|o| o.width.is_finite() && o.width >= 0.0 && o.color.is_finite());
+                let backed = panel.is_none_or(|p| {
+                    p.padding.is_finite() && p.radius.is_finite() && p.radius >= 0.0 && p.color.is_finite()
+                });
+                sizes.iter().all(|v| v.is_finite() && *v > 0.0) && color.is_finite() && outlined && backed
             }
             Layer2dContent::Picture { fit, .. } => match fit {
                 Fit::Height(share) | Fit::Width(share) => share.is_finite() && *share > 0.0,

@@ -53,7 +53,7 @@ pub use stage::edits::{ActorEdit, CameraEdit, FrameEdits, LightEdit};
 pub use stage::effects::{
     EffectDistance, EffectEdit, EffectImageUse, EffectTarget, EffectUse, OffScreenActors,
 };
-pub use stage::layers_2d::{Align, Fit, Font, Layer2d, Layer2dContent, Layer2dEdit};
+pub use stage::layers_2d::{Align, Fit, Font, Layer2d, Layer2dContent, Layer2dEdit, TextOutline, TextPanel};
 pub use stage::light::{SUN_ANGLE, Shadow, StageLight};
 pub use stage::parenting::{ParentScale, Parenting};
 pub use stage::path::{Pace, Path, PathError, PathFollowing};

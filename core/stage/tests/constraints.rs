@@ -91,6 +91,99 @@ fn goals_fade_and_end_and_half_a_weight_goes_half_the_way() {
     close(joint_world(&half.at(secs(2.0)).unwrap(), 0, PALM), rest.lerp(target, 0.5), 1e-6);
 }
 
+/// Degrees between where the face points and an actor's center.
+fn off_target(snapshot: &Snapshot, prop: usize, center: DVec3) -> f64 {
+    let at = joint_world(snapshot, 0, FACE);
+    let forward = snapshot.actors[0].world_from_model.matrix3
+        * joint_axes(&snapshot.actors[0].model_from_joint[FACE as usize])
+        * DVec3::Z;
+    let way = snapshot.actors[prop].world_from_model.transform_point3(center) - at;
+    forward.angle_between(way).to_degrees()
+}
+
+/// Anna reaches for a point in front of her with a stick in her hand, and looks at the stick.
+#[test]
+fn a_look_at_a_prop_follows_the_hand_that_holds_it_and_reaches() {
+    let center = stick().rest_bounds().center().as_dvec3();
+    let target = v(3.35, 1.75, -1.75);
+    for (late, name) in [(false, "look"), (true, "aim of the spine, which carries the arm")] {
+        let mut stage = stage_with(vec![Constraint {
+            start: secs(1.0),
+            fade: secs(0.4),
+            ..Constraint::new(ConstraintKind::Reach(reach(Target::Point(target))))
+        }]);
+        let prop = stage.cast("stick", stick());
+        stage.actors[prop].parents = vec![Parenting::always(Attachment { actor: 0, joint: Some(PALM) })];
+        stage.actors[prop].transform.scale = DVec3::splat(0.1);
+        let limit = 80f64.to_radians();
+        let look = match late {
+            false => LookAt { fade: Time::ZERO, ..LookAt::new(FACE, Target::Actor(prop)) },
+            true => {
+                let aim = AimConstraint {
+                    joints: vec![SPINE, FACE],
+                    shares: vec![0.25, 0.75],
+                    target: Target::Actor(prop),
+                    limit,
+                };
+                stage.actors[0].constraints.insert(0, Constraint::new(ConstraintKind::Aim(aim)));
+                LookAt { weight: 0.0, ..LookAt::new(FACE, Target::Actor(prop)) }
+            }
+        };
+        stage.actors[0].look_at.push(look);
+        assert!(stage.check().is_empty(), "{:?}", stage.check());
+        for t in [1.2, 1.25, 1.3, 1.5, 2.0] {
+            let snapshot = stage.at(secs(t)).unwrap();
+            // The stick turns a little with the forearm of a spine that has turned.
+            let most = if late { 0.5 } else { 0.001 };
+            let off = off_target(&snapshot, prop, center);
+            assert!(off < most, "{name}: {off}° off at {t} s");
+            if t >= 1.4 {
+                close(joint_world(&snapshot, 0, PALM), target, 1e-6);
+            }
+        }
+    }
+}
+
+/// A stick goes from Anna's reaching hand to Boris's, in a while in which it is in both. Both look at it all the time.
+#[test]
+fn looks_at_a_prop_that_changes_hands_do_not_jump() {
+    let center = stick().rest_bounds().center().as_dvec3();
+    let mut stage = stage_with(vec![]);
+    stage.actors[0].transform = Placement::at(0.0, 0.0, 0.0);
+    let boris = stage.cast("boris", body());
+    stage.actors[boris].transform = Placement::at(0.6, 0.0, 0.9).turned(std::f64::consts::PI);
+    let prop = stage.cast("stick", stick());
+    stage.actors[prop].transform.scale = DVec3::splat(0.1);
+    for (actor, at) in [(0, v(0.32, 1.3, 0.4)), (boris, v(0.28, 1.3, 0.5))] {
+        stage.actors[actor]
+            .constraints
+            .push(Constraint::new(ConstraintKind::Reach(reach(Target::Point(at)))));
+        let look = LookAt { fade: Time::ZERO, ..LookAt::new(FACE, Target::Actor(prop)) };
+        stage.actors[actor].look_at.push(look);
+    }
+    let hand = |actor| Some(Attachment { actor, joint: Some(PALM) });
+    stage.actors[prop].parents = vec![
+        Parenting::always(hand(0).unwrap()),
+        Parenting { blend: secs(0.5), keep: false, ..Parenting::from(hand(boris), secs(1.0)) },
+    ];
+    assert!(stage.check().is_empty(), "{:?}", stage.check());
+    let face = |snapshot: &Snapshot, actor: usize| {
+        let axes = joint_axes(&snapshot.actors[actor].model_from_joint[FACE as usize]);
+        snapshot.actors[actor].world_from_model.matrix3 * axes * DVec3::Z
+    };
+    let mut before: Option<[DVec3; 2]> = None;
+    for i in 0..=90 {
+        let snapshot = stage.at(secs(0.7 + f64::from(i) / 100.0)).unwrap();
+        assert!(off_target(&snapshot, prop, center) < 0.05, "{i}: {}", off_target(&snapshot, prop, center));
+        let now = [face(&snapshot, 0), face(&snapshot, boris)];
+        if let Some(before) = before {
+            let turned = [0, 1].map(|a| now[a].angle_between(before[a]).to_degrees());
+            assert!(turned[0] < 2.5 && turned[1] < 2.5, "{i}: {turned:?}");
+        }
+        before = Some(now);
+    }
+}
+
 /// Boris reaches for a point, holds a stick; anna holds the stick's other end, wherever it goes; a lamp hangs on her hand.
 #[test]
 fn hands_follow_props_in_hands_that_follow() {

@@ -87,20 +87,24 @@ pub fn files(paths: &[PathBuf]) -> Result<Vec<(PathBuf, Option<PathBuf>)>, Nothi
     Ok(files)
 }
 
-/// All sections of the [`files`]. `options.root` counts for the files that it holds.
+/// Whether a file lies in a folder or below it.
+pub fn holds(folder: &Path, file: &Path) -> bool {
+    let real = file.canonicalize().ok().zip(folder.canonicalize().ok());
+    real.is_some_and(|(file, folder)| file.starts_with(folder))
+}
+
+/// All sections of the [`files`]. The root of a file is that of its project, else `options.root` where that holds the file.
 pub fn collect(
     paths: &[PathBuf],
     registry: &Registry,
     options: &TestOptions,
+    project: impl Fn(&Path) -> Option<PathBuf>,
 ) -> Result<Vec<Case>, NothingToRun> {
     let mut cases = Vec::new();
     for (path, root) in files(paths)? {
         let file = shown(&path);
-        let holds = |root: &PathBuf| {
-            let real = path.canonicalize().ok().zip(root.canonicalize().ok());
-            real.is_some_and(|(path, root)| path.starts_with(root))
-        };
-        let root = options.root.clone().filter(holds).or_else(|| root.clone());
+        let outer = || options.root.clone().filter(|root| holds(root, &path));
+        let root = project(&path).or_else(outer).or_else(|| root.clone());
         let options = TestOptions { root, ..options.clone() };
         let listed = list_sections(&path, registry, &options);
         let spans: Arc<[(usize, usize)]> = listed.iter().flatten().map(|s| (s.line, s.end_line)).collect();

@@ -1,6 +1,8 @@
 //! Exact coverage of outlines: each edge adds the area that it cuts off to the pixels that it crosses, and rows are summed up
 //! afterwards (R. Levien's accumulation buffer, as in font-rs). Areas are exact, not sampled.
 
+use ttf_parser::OutlineBuilder;
+
 /// Coverage of each pixel of a rectangle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coverage {
@@ -9,6 +11,8 @@ pub struct Coverage {
     pub size: [u32; 2],
     /// One row has `size[0] + 2` entries; sums of the rows are the coverage.
     areas: Vec<f32>,
+    /// The entries are the coverage themselves.
+    is_summed: bool,
 }
 
 impl Coverage {
@@ -19,7 +23,7 @@ impl Coverage {
         let at = [begin(low[0], picture[0]), begin(low[1], picture[1])];
         let size = [0, 1].map(|i| end(high[i], picture[i]).saturating_sub(at[i]));
         let areas = vec![0.0; (size[0] as usize + 2) * size[1] as usize];
-        Coverage { at, size, areas }
+        Coverage { at, size, areas, is_summed: false }
     }
 
     /// Coverage of a rectangle.
@@ -38,9 +42,65 @@ impl Coverage {
         let row = &self.areas[y as usize * stride..(y as usize + 1) * stride];
         let mut sum = 0.0f32;
         row.iter().take(self.size[0] as usize).map(move |area| {
-            sum += area;
+            sum = if self.is_summed { *area } else { sum + area };
             sum.abs().min(1.0)
         })
+    }
+
+    /// Coverage of a rectangle with round corners.
+    pub fn rounded(low: [f32; 2], high: [f32; 2], radius: f32, picture: [u32; 2]) -> Coverage {
+        let radius = radius.min(0.5 * (high[0] - low[0])).min(0.5 * (high[1] - low[1]));
+        if radius.is_nan() || radius <= 0.0 {
+            return Coverage::rectangle(low, high, picture);
+        }
+        let mut coverage = Coverage::new(low, high, picture);
+        // Quarters of a circle as cubic curves, off by 0.03 % of the radius at most.
+        let near = radius * (1.0 - 0.552_284_8);
+        let mut add = |a, b| coverage.line(a, b);
+        let mut outline = Outline::new(&mut add, [0.0; 2], 1.0);
+        let ([x0, y0], [x1, y1]) = (low, high);
+        // The outline has y up.
+        outline.move_to(x0 + radius, -y0);
+        outline.line_to(x1 - radius, -y0);
+        outline.curve_to(x1 - near, -y0, x1, -(y0 + near), x1, -(y0 + radius));
+        outline.line_to(x1, -(y1 - radius));
+        outline.curve_to(x1, -(y1 - near), x1 - near, -y1, x1 - radius, -y1);
+        outline.line_to(x0 + radius, -y1);
+        outline.curve_to(x0 + near, -y1, x0, -(y1 - near), x0, -(y1 - radius));
+        outline.line_to(x0, -(y0 + radius));
+        outline.curve_to(x0, -(y0 + near), x0 + near, -y0, x0 + radius, -y0);
+        outline.close();
+        coverage
+    }
+
+    /// This shape and everything within a distance of its edges, in pixels, by the distance of pixel centers.
+    pub(crate) fn grown(&self, edges: &[[[f32; 2]; 2]], distance: f32) -> Coverage {
+        let [width, height] = self.size;
+        let stride = width as usize + 2;
+        let mut nearest = vec![f32::MAX; stride * height as usize];
+        let reach = distance + 0.5;
+        for [a, b] in edges {
+            // Pixels whose centers can be near enough.
+            let range = |i: usize, most: u32| {
+                let first = a[i].min(b[i]) - reach - self.at[i] as f32 - 0.5;
+                let last = a[i].max(b[i]) + reach - self.at[i] as f32 + 0.5;
+                (first.ceil().max(0.0) as u32).min(most)..(last.ceil().max(0.0) as u32).min(most)
+            };
+            for y in range(1, height) {
+                for x in range(0, width) {
+                    let center = [x + self.at[0], y + self.at[1]].map(|v| v as f32 + 0.5);
+                    let known = &mut nearest[y as usize * stride + x as usize];
+                    *known = known.min(squared_distance(center, *a, *b));
+                }
+            }
+        }
+        for y in 0..height {
+            let row = &mut nearest[y as usize * stride..(y as usize + 1) * stride];
+            for (cell, own) in row.iter_mut().zip(self.row(y).chain([0.0; 2])) {
+                *cell = own.max((reach - cell.sqrt()).clamp(0.0, 1.0));
+            }
+        }
+        Coverage { areas: nearest, is_summed: true, ..*self }
     }
 
     /// Adds an edge of a closed outline.
@@ -71,6 +131,15 @@ impl Coverage {
             y = next;
         }
     }
+}
+
+/// Square of the distance of a point from a line segment.
+fn squared_distance(p: [f32; 2], a: [f32; 2], b: [f32; 2]) -> f32 {
+    let (along, to) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
+    let length = along[0] * along[0] + along[1] * along[1];
+    let share = if length > 0.0 { (to[0] * along[0] + to[1] * along[1]) / length } else { 0.0 };
+    let off = [0, 1].map(|i| to[i] - along[i] * share.clamp(0.0, 1.0));
+    off[0] * off[0] + off[1] * off[1]
 }
 
 /// Adds an edge in one row, from x0 to x1 and `height` high; left of the row's pixels it counts as at their left side.
@@ -125,7 +194,7 @@ fn span(cells: &mut [f32], width: f32, [x0, x1]: [f32; 2], height: f32) {
 
 /// A glyph's curves as edges.
 pub(crate) struct Outline<'a> {
-    coverage: &'a mut Coverage,
+    add: &'a mut dyn FnMut([f32; 2], [f32; 2]),
     origin: [f32; 2],
     scale: f32,
     start: [f32; 2],
@@ -136,8 +205,9 @@ pub(crate) struct Outline<'a> {
 const FLATNESS: f32 = 0.02;
 
 impl<'a> Outline<'a> {
-    pub fn new(coverage: &'a mut Coverage, origin: [f32; 2], scale: f32) -> Outline<'a> {
-        Outline { coverage, origin, scale, start: origin, at: origin }
+    /// `add` gets the two ends of each edge, in pixels.
+    pub fn new(add: &'a mut dyn FnMut([f32; 2], [f32; 2]), origin: [f32; 2], scale: f32) -> Outline<'a> {
+        Outline { add, origin, scale, start: origin, at: origin }
     }
 
     /// Font units, y up.
@@ -146,7 +216,7 @@ impl<'a> Outline<'a> {
     }
 
     fn edge(&mut self, to: [f32; 2]) {
-        self.coverage.line(self.at, to);
+        (self.add)(self.at, to);
         self.at = to;
     }
 
@@ -156,7 +226,7 @@ impl<'a> Outline<'a> {
     }
 }
 
-impl ttf_parser::OutlineBuilder for Outline<'_> {
+impl OutlineBuilder for Outline<'_> {
     fn move_to(&mut self, x: f32, y: f32) {
         self.start = self.place(x, y);
         self.at = self.start;

@@ -34,6 +34,8 @@ pub struct Laid {
     /// Fonts for what the text's own font lacks.
     fallbacks: Vec<Font>,
     pub lines: usize,
+    /// Left and right end of the longest line, within the box.
+    pub ends: [f32; 2],
 }
 
 /// A glyph of the text's own font, or of the fallback with an index.
@@ -136,12 +138,14 @@ pub fn lay_out(font: &Font, text: &str, style: &Style) -> Laid {
     let (up, down) = (f32::from(face.ascender()) * scale, f32::from(face.descender()) * scale);
     let step = style.size * style.line_height;
     let mut laid = Laid { size_of_em: style.size, lines: lines.len(), ..Laid::default() };
+    let left = |width: f32| match style.align {
+        Align::Left => 0.0,
+        Align::Center => (box_width - width) * 0.5,
+        Align::Right => box_width - width,
+    };
+    laid.ends = [left(widest), left(widest) + widest];
     for (row, (words, width)) in lines.iter().enumerate() {
-        let mut x = match style.align {
-            Align::Left => 0.0,
-            Align::Center => (box_width - width) * 0.5,
-            Align::Right => box_width - width,
-        };
+        let mut x = left(*width);
         let y = up + step * row as f32;
         for word in words {
             laid.glyphs.extend(word.glyphs.iter().map(|(glyph, at)| (*glyph, [x + at, y])));
@@ -173,21 +177,44 @@ fn word(faces: &Faces, text: &str, size: f32) -> Word {
 impl Laid {
     /// Coverage of all glyphs in an image of a size, with the box's top left at a position, scaled by a factor.
     pub fn coverage(&self, font: &Font, at: [f32; 2], factor: f32, picture: [u32; 2]) -> Coverage {
-        let faces: Vec<Face> = std::iter::once(font).chain(&self.fallbacks).map(Font::face).collect();
+        let mut coverage = self.empty(at, factor, 0.0, picture);
+        self.edges(font, at, factor, &mut |a, b| coverage.line(a, b));
+        coverage
+    }
+
+    /// The same with everything within a distance of the glyphs' edges, in pixels.
+    pub fn outlined(
+        &self,
+        font: &Font,
+        at: [f32; 2],
+        factor: f32,
+        distance: f32,
+        picture: [u32; 2],
+    ) -> Coverage {
+        let mut coverage = self.empty(at, factor, distance.ceil() + 1.0, picture);
+        let mut edges = Vec::new();
+        self.edges(font, at, factor, &mut |a, b| {
+            coverage.line(a, b);
+            edges.push([a, b]);
+        });
+        coverage.grown(&edges, distance)
+    }
+
+    /// Room for all glyphs and a margin.
+    fn empty(&self, at: [f32; 2], factor: f32, margin: f32, picture: [u32; 2]) -> Coverage {
         let size = self.size.map(|s| s * factor);
         // Accents and slanted letters reach over the box.
-        let over = (size[1].max(1.0) * 0.25).ceil();
-        let mut coverage = Coverage::new(
-            [at[0] - over, at[1] - over],
-            [at[0] + size[0] + over, at[1] + size[1] + over],
-            picture,
-        );
+        let over = (size[1].max(1.0) * 0.25).ceil() + margin;
+        Coverage::new([at[0] - over, at[1] - over], [at[0] + size[0] + over, at[1] + size[1] + over], picture)
+    }
+
+    fn edges(&self, font: &Font, at: [f32; 2], factor: f32, add: &mut dyn FnMut([f32; 2], [f32; 2])) {
+        let faces: Vec<Face> = std::iter::once(font).chain(&self.fallbacks).map(Font::face).collect();
         for ((font, glyph), [x, y]) in &self.glyphs {
             let face = &faces[font.map_or(0, |index| usize::from(index) + 1)];
             let origin = [at[0] + x * factor, at[1] + y * factor];
-            let mut outline = Outline::new(&mut coverage, origin, scale(face, self.size_of_em) * factor);
+            let mut outline = Outline::new(add, origin, scale(face, self.size_of_em) * factor);
             face.outline_glyph(GlyphId(*glyph), &mut outline);
         }
-        coverage
     }
 }

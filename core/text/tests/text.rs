@@ -29,6 +29,42 @@ fn rectangles_cover_their_area_wherever_they_lie() {
     assert_eq!(row, [0.75, 0.5]);
 }
 
+#[test]
+fn round_corners_leave_out_what_lies_outside_of_their_circles() {
+    for radius in [0.0f32, 1.5, 4.0, 90.0] {
+        let c = Coverage::rounded([1.25, 2.5], [21.75, 14.25], radius, [30, 20]);
+        // As large as the shorter side allows.
+        let r = f64::from(radius).min(11.75 / 2.0);
+        let area = 20.5 * 11.75 - (4.0 - PI) * r * r;
+        assert!((sum(&c) - area).abs() < 2e-3 * area, "{radius}: {} instead of {area}", sum(&c));
+    }
+}
+
+/// Steiner's formula: what is within w of a convex shape of area A and circumference C has the area A + C w + π w².
+#[test]
+fn an_outline_reaches_as_far_as_it_should() {
+    let font = Font::built_in();
+    let laid = lay_out(&font, ".", &style(200.0));
+    let at = [40.5, 60.25];
+    let ink = |w: f32| sum(&laid.outlined(&font, at, 1.0, w, [400, 400]));
+    let plain = sum(&laid.coverage(&font, at, 1.0, [400, 400]));
+    let (once, twice) = (ink(10.0), ink(20.0));
+    let expected = 2.0 * PI * 10.0 * 10.0;
+    let got = twice - 2.0 * once + plain;
+    assert!((got - expected).abs() < 0.01 * expected, "{got} instead of {expected}");
+    // Inside of the letters it is whole, and lines that cross count once.
+    let laid = lay_out(&font, "Ж", &style(60.0));
+    let all = laid.outlined(&font, at, 1.0, 3.0, [400, 400]);
+    let letter = laid.coverage(&font, at, 1.0, [400, 400]);
+    for (y, row) in (0..letter.size[1]).map(|y| (y, letter.row(y))) {
+        let [dx, dy] = [0, 1].map(|i| letter.at[i] - all.at[i]);
+        let outer: Vec<f32> = all.row(y + dy).collect();
+        for (x, own) in row.enumerate() {
+            assert!(outer[x + dx as usize] + 1e-6 >= own && outer[x + dx as usize] <= 1.0);
+        }
+    }
+}
+
 /// Polygons of every slope: pixel by pixel against the share of 64 × 64 points inside.
 #[test]
 fn slanted_edges_cover_what_samples_say() {

@@ -30,6 +30,9 @@ struct Args {
     /// Raise or lower a limit; repeatable
     #[arg(long = "limit", value_name = "NAME=NUMBER")]
     limit: Vec<String>,
+    /// Do not read choreo.toml, which names search folders and plugin folders of the project
+    #[arg(long)]
+    no_project_file: bool,
     /// The program's own WGSL modules are read from here, and again when they change
     #[arg(long = "shaders", value_name = "DIR")]
     shaders: Option<PathBuf>,
@@ -77,6 +80,18 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
         eprintln!("{text}\n    see {name} --help");
         ExitCode::from(2)
     };
+    let failed = |text: String| {
+        eprintln!("{text}");
+        ExitCode::from(1)
+    };
+    let of_project = match args.no_project_file {
+        true => Vec::new(),
+        false => choreo_command_line::project_folders(&args.input, app).map_err(failed)?,
+    };
+    // They are this program's options, so that they are read as such.
+    let of_project =
+        Args::try_parse_from([name.clone().into(), args.input.clone().into()].into_iter().chain(of_project))
+            .map_err(|error| failed(error.to_string()))?;
     let mut limits = Limits::default();
     for limit in &args.limit {
         limits.set(limit).map_err(|e| usage(format!("--limit {limit}: {e}")))?;
@@ -92,8 +107,8 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
     }
     let source = SceneSource {
         set,
-        search: [args.search, app.search.clone()].concat(),
-        plugins: [args.plugins, app.plugins.clone()].concat(),
+        search: [args.search, of_project.search, app.search.clone()].concat(),
+        plugins: [args.plugins, of_project.plugins, app.plugins.clone()].concat(),
         limits,
         clip: args.clip,
         import: ImportChoice::default(),
@@ -101,4 +116,32 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
         ..SceneSource::new(args.input)
     };
     Ok(ViewerOptions { source, at: args.at, play: args.play, lose: args.lose, event_log: args.event_log })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folders_of_the_project_are_searched_unless_its_file_is_not_to_be_read() {
+        let dir = tempfile::tempdir().unwrap();
+        let d = dir.path().canonicalize().unwrap();
+        for folder in ["scenes", "assets", "more"] {
+            std::fs::create_dir(d.join(folder)).unwrap();
+        }
+        std::fs::write(d.join("scenes/a.rhai"), "").unwrap();
+        std::fs::write(d.join("choreo.toml"), "search = [\"assets\"]\n[render]\nsamples = 1\n").unwrap();
+        let app = App::new("choreo", "1", choreo_plugin::Registry::default());
+        let search = |more: &[&str]| {
+            let script = d.join("scenes/a.rhai").into_os_string();
+            let words = [OsString::from("choreo-view"), script].into_iter();
+            let asked = parse(words.chain(more.iter().map(OsString::from)), &app);
+            asked.map(|asked| asked.source.search).map_err(|_| "refused")
+        };
+        assert_eq!(search(&[]), Ok(vec![d.join("assets")]));
+        assert_eq!(search(&["--search", "x"]), Ok(vec!["x".into(), d.join("assets")]));
+        assert_eq!(search(&["--no-project-file"]), Ok(Vec::new()));
+        std::fs::write(d.join("choreo.toml"), "serach = []\n").unwrap();
+        assert_eq!(search(&[]), Err("refused"));
+    }
 }

@@ -21,6 +21,8 @@ fn title(words: &str, from: f64, until: Option<f64>) -> Layer2d {
         align: Align::default(),
         line_height: 1.2,
         color: Vec4::ONE,
+        outline: None,
+        panel: None,
     };
     Layer2d { start: secs(from), end: until.map(secs), ..Layer2d::new(content) }
 }

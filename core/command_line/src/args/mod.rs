@@ -368,7 +368,7 @@ pub(crate) struct PoseArgs {
 #[derive(Args, Debug)]
 pub(crate) struct TestArgs {
     /// Scripts and folders of them (default: tests/suite and scripts where they are, else all below this folder).
-    /// Tests may read below the folder that this is started in
+    /// Tests may read in the folder of their project, which has a choreo.toml, else below the folder that this is started in
     #[arg(value_name = "PATH")]
     pub paths: Vec<PathBuf>,
     /// Take over what was drawn as the expected image: all that failed, or the one of this name; repeatable

@@ -7,6 +7,7 @@ use crate::failure::{Failure, output_error, print_json, print_message, write_fai
 use crate::output::budget::Budget;
 use crate::output::provenance;
 use crate::output::target::export_failure;
+use crate::output::target::in_folder;
 use crate::scene::inputs::Inputs;
 use crate::scene::{self, opening::Opening};
 use choreo_files::PartFile;
@@ -25,6 +26,7 @@ pub fn run(args: &ExportArgs, plugins: &Registry) -> Result<(), Failure> {
     let start = Instant::now();
     let registry = scene::plugins(&args.scene, plugins)?;
     let exporter = exporter(&args.output, &registry)?;
+    in_folder(Path::new(&args.output))?;
     let options = options(&args.given(), exporter.manifest())?;
     let fps = args.fps.as_deref().map(values::fps).transpose()?;
     let opening = Opening { quiet: args.quiet, ..Opening::TO_DRAW };

@@ -46,6 +46,10 @@ pub fn run(args: &HelpArgs, app: &App) -> Result<(), Failure> {
         answer.calls.truncate(MOST_MENTIONS);
     }
     answer.calls.append(&mut of_pages);
+    if let Some(command) = of_command(&term) {
+        answer.calls.retain(|call| call.usage != command.usage);
+        answer.calls.insert(0, command);
+    }
     if answer.calls.is_empty() {
         let near: Vec<String> = nearest(&term, 5).iter().map(|near| format!("\"{near}\"")).collect();
         let near =
@@ -71,7 +75,7 @@ fn print_page(app: &App, name: &str) -> Result<(), Failure> {
             did_you_mean(path, pages::names(app))
         ))
     })?;
-    print(text)
+    print(&pages::with_scripts(app, text))
 }
 
 /// Gives a call of an effect, `effect("fog")`, the effect's own description, and its parameters where the term is its name.
@@ -109,6 +113,26 @@ fn answer_json(term: &str, answer: &Answer) -> Value {
         "term": term, "calls": answer.calls.iter().map(call).collect::<Vec<_>>(),
         "example": answer.example, "note": answer.note,
     })
+}
+
+/// A term that is a command with what comes behind it: "new project", "render --frames", "choreo check".
+fn of_command(term: &str) -> Option<Call> {
+    let words: Vec<&str> = term.split_whitespace().skip_while(|word| *word == "choreo").collect();
+    let cli = Cli::command();
+    let command = cli.find_subcommand(words.first()?)?;
+    let usage = format!("choreo {}", words.join(" "));
+    let value = |name: &str| {
+        let values = command.get_arguments().flat_map(|argument| argument.get_possible_values());
+        let found = values.into_iter().find(|value| value.matches(name, true))?;
+        found.get_help().map(ToString::to_string)
+    };
+    let about = match words.get(1..)? {
+        [] => command.get_about().map(ToString::to_string),
+        [word] => about_command(&usage).or_else(|| value(word)),
+        _ => None,
+    };
+    let page = format!("choreo {} --help", words.first()?);
+    Some(Call { usage, about: Some(about?), details: Vec::new(), page })
 }
 
 /// The help text of `choreo COMMAND` or `choreo COMMAND --OPTION`.

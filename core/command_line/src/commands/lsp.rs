@@ -43,7 +43,8 @@ impl Host for Program {
             return Err("choreo.toml names another command".into());
         };
         let registry = scene::plugins(&args.scene, &self.app.registry).map_err(|e| in_words(&e))?;
-        Ok(Project { registry, search: args.scene.search, limits: Limits::default() })
+        let root = project_file::root_of(script);
+        Ok(Project { registry, search: args.scene.search, root, limits: Limits::default() })
     }
 
     fn survey(&self, stage: &Arc<Stage>, places: &Places, project: &Project) -> Vec<Diagnostic> {

@@ -10,7 +10,7 @@ use std::process::{Command, ExitStatus};
 use std::time::Duration;
 use std::{env, io};
 
-pub fn run(args: ViewArgs, app: &App) -> Result<(), Failure> {
+pub fn run(args: ViewArgs, no_project_file: bool, app: &App) -> Result<(), Failure> {
     let here = env::current_exe()
         .map_err(|e| Failure::Output(format!("cannot tell where {} lies: {e}", app.name)))?;
     let viewer = here.with_file_name(format!("{}-view{}", app.name, env::consts::EXE_SUFFIX));
@@ -31,7 +31,8 @@ pub fn run(args: ViewArgs, app: &App) -> Result<(), Failure> {
             viewer.display()
         )));
     }
-    let status = wait(Command::new(&viewer).arg(&args.input).args(&args.rest))
+    let own = no_project_file.then_some("--no-project-file");
+    let status = wait(Command::new(&viewer).arg(&args.input).args(own).args(&args.rest))
         .map_err(|e| Failure::Device(format!("{}: cannot be started: {e}", viewer.display())))?;
     let Some(status) = status else { return Err(Failure::Interrupted) };
     match status.code() {

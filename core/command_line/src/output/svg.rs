@@ -1,6 +1,7 @@
 //! Images of reports: SVG files, whole or not at all.
 
 use crate::failure::{Failure, write_failure};
+use crate::output::target::in_folder;
 use crate::scene::inputs::Inputs;
 use choreo_files::write_whole;
 use std::path::Path;
@@ -12,7 +13,8 @@ pub fn check(path: Option<&Path>) -> Result<(), Failure> {
             // A slip of the hand must not replace a script or a model.
             Err(Failure::Usage(format!("--plot {}: write a name that ends in .svg", path.display())))
         }
-        _ => Ok(()),
+        Some(path) => in_folder(path),
+        None => Ok(()),
     }
 }
 

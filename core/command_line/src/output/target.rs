@@ -2,6 +2,7 @@
 
 use crate::failure::{Failure, output_error, reason};
 use choreo_plugin::{ExportError, Exporter, Registry};
+use choreo_test_runner::collect::quoted;
 use std::io::{ErrorKind, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -17,6 +18,18 @@ pub enum Target {
         digits: usize,
         after: String,
     },
+}
+
+/// Refuses an output whose folder does not exist: a slip of the hand must not leave folders behind.
+pub(crate) fn in_folder(path: &Path) -> Result<(), Failure> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let Some(folder) = folder.filter(|folder| !folder.exists()) else { return Ok(()) };
+    Err(Failure::Output(format!(
+        "{}: cannot write: the folder {} does not exist; make it: mkdir -p {}",
+        path.display(),
+        folder.display(),
+        quoted(&folder.display().to_string())
+    )))
 }
 
 impl Target {
@@ -106,18 +119,7 @@ impl Target {
                     .into(),
             )),
             Target::Stdout => Ok(Vec::new()),
-            Target::File(path) => {
-                let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
-                match folder {
-                    Some(folder) if !folder.exists() => Err(Failure::Output(format!(
-                        "{}: cannot write: the folder {} does not exist; make it: mkdir -p {}",
-                        path.display(),
-                        folder.display(),
-                        folder.display()
-                    ))),
-                    _ => Ok(Vec::new()),
-                }
-            }
+            Target::File(path) => in_folder(path).map(|()| Vec::new()),
             Target::Numbered { folder, .. } => {
                 let missing: Vec<PathBuf> = folder
                     .ancestors()

@@ -19,6 +19,7 @@ use choreo_script::{
 use choreo_stage::Stage;
 use inputs::Inputs;
 use opening::Opening;
+use std::path::Path;
 use std::sync::Arc;
 
 /// Warning about a model without clips, after its name.
@@ -89,6 +90,7 @@ fn open_script(
         search_paths: args.search.clone(),
         limits: limits.clone(),
         needs: opening.needs,
+        root: opening.root.map(Path::to_path_buf),
         // A scene that is opened repeatedly may play another clip the next time.
         played_clips_only: opening.keep.is_none(),
         ..ScriptOptions::default()

@@ -2,6 +2,7 @@
 
 use choreo_plugin::ImportScope;
 use choreo_script::{AssetCache, Touched};
+use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
 /// How a scene is opened: what will be used of its assets, and whether a bar may be shown.
@@ -10,14 +11,16 @@ pub struct Opening<'a> {
     pub needs: ImportScope,
     pub quiet: bool,
     pub keep: Option<&'a Keep>,
+    /// A folder around the script in all of which it may read.
+    pub root: Option<&'a Path>,
 }
 
 impl Opening<'_> {
     pub(crate) const TO_DRAW: Opening<'static> =
-        Opening { needs: ImportScope::ALL, quiet: false, keep: None };
+        Opening { needs: ImportScope::ALL, quiet: false, keep: None, root: None };
     /// No image is decoded.
     pub(crate) const TO_TELL: Opening<'static> =
-        Opening { needs: ImportScope::NO_PIXELS, quiet: false, keep: None };
+        Opening { needs: ImportScope::NO_PIXELS, quiet: false, keep: None, root: None };
 }
 
 /// State that is kept between openings of the same input: the assets, and the files that the last opening read, also if it failed.

@@ -8,12 +8,16 @@ use choreo_script::help::{Call, is_in};
 pub type PageText = (&'static str, &'static str);
 
 /// The pages of what every program on choreo has.
-const PAGES: [PageText; 4] = [
+const PAGES: [PageText; 5] = [
     (REFERENCE, choreo_script::API),
+    ("core/language_server/README.md", choreo_language_server::README),
     ("core/test_runner/README.md", choreo_test_runner::README),
     ("core/rhai_importer/README.md", choreo_rhai_importer::README),
     ("core/wgsl_effect/README.md", choreo_wgsl_effect::README),
 ];
+
+/// The heading above the table of rules.
+const RULES: &str = "Rules of choreo check, and // allow:";
 
 /// The reference of scripts, which is searched entry by entry elsewhere.
 const REFERENCE: &str = "core/script/API.md";
@@ -37,9 +41,20 @@ pub fn text(app: &App, name: &str) -> Option<&'static str> {
     exact.or(only).map(|(_, text)| text)
 }
 
-/// The headings with all words of a term, and the rows of tables about functions of that name.
+/// The headings with all words of a term, and the rows of tables about functions and rules of that name.
 pub fn find(app: &App, term: &str) -> Vec<Call> {
-    all(app).filter(|(path, _)| *path != REFERENCE).flat_map(|page| in_page(page, term)).collect()
+    let searched = |(path, _): &PageText| *path != REFERENCE && path.ends_with(".md");
+    all(app).filter(searched).flat_map(|page| in_page(page, term)).collect()
+}
+
+/// A page with the scripts that it includes (`{{#include ../../scenes/crowd.rhai}}`), as far as they are pages.
+pub fn with_scripts(app: &App, text: &str) -> String {
+    let line = |line: &str| {
+        let path = line.strip_prefix("{{#include ").and_then(|rest| rest.strip_suffix("}}"));
+        let included = path.and_then(|path| self::text(app, path.trim_start_matches("../")));
+        included.map_or(line, str::trim_end).to_string() + "\n"
+    };
+    text.lines().map(line).collect()
 }
 
 fn in_page((path, text): PageText, term: &str) -> Vec<Call> {
@@ -68,7 +83,7 @@ fn in_page((path, text): PageText, term: &str) -> Vec<Call> {
             }
         } else if let Some((usage, rest)) = line.strip_prefix("| `").and_then(|row| row.split_once('`'))
             && usage.split('(').next() == Some(term.trim_end_matches("()"))
-            && usage.contains('(')
+            && (usage.contains('(') || heading == RULES)
         {
             found.push(call(usage, rest.trim_start_matches([' ', '|']).split(" |").next(), heading));
         }
@@ -102,14 +117,26 @@ mod tests {
     }
 
     #[test]
+    fn scripts_stand_in_the_pages_that_include_them() {
+        let pages = vec![("g/scenes/a.rhai", "let x = 1;\n")];
+        let app = App { pages, ..App::new("choreo", "1", Registry::default()) };
+        let page = with_scripts(&app, "# a\n{{#include ../../scenes/a.rhai}}\n{{#include b.rhai}}\n");
+        assert_eq!(page, "# a\nlet x = 1;\n{{#include b.rhai}}\n");
+    }
+
+    #[test]
     fn headings_and_functions_are_found() {
         let app = app();
+        let rules = format!("# c\n\n## {RULES}\n\n| `gap` | nothing plays |\n");
+        let app = App { pages: vec![("core/cli/README.md", rules.leak())], ..app };
         let found =
             |term: &str| find(&app, term).into_iter().map(|call| (call.usage, call.page)).collect::<Vec<_>>();
         let inputs = "core/wgsl_effect/README.md, \"Inputs of effects on images\"".to_string();
         let depth = "depth_at(at: vec2<i32>) -> f32".to_string();
         assert_eq!(found("depth_at"), [(depth, inputs.clone())]);
         assert_eq!(found("effects inputs"), [("Inputs of effects on images".to_string(), inputs)]);
+        assert_eq!(found("gap"), [("gap".to_string(), format!("core/cli/README.md, \"{RULES}\""))]);
+        assert_eq!(found("allow"), [(RULES.to_string(), format!("core/cli/README.md, \"{RULES}\""))]);
         assert_eq!(found("quaggaflux"), []);
     }
 }

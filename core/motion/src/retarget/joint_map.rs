@@ -84,9 +84,16 @@ impl JointMap {
                 .any(|(name, j)| *j == joint && source.joint(name).is_some_and(|theirs| theirs != other));
             of_source || of_target
         };
+        // What no character moves has other meanings: a mesh beside the bones may be called "Body", too.
+        let bodies = source.is_humanoid() && target.is_humanoid();
+        let own = bodies.then(|| [in_body(from, source), in_body(to, target)]);
+        let is_mixed = |joint: u32, other: u32| {
+            own.as_ref().is_some_and(|[source, target]| source[other as usize] != target[joint as usize])
+        };
         let names = match_names(from, to);
         for (other, joint) in (0u32..).zip(&names) {
-            if let Some(joint) = joint.filter(|j| !shared.contains(j) && !elsewhere(*j, other))
+            if let Some(joint) =
+                joint.filter(|j| !shared.contains(j) && !elsewhere(*j, other) && !is_mixed(*j, other))
                 && crate::skeleton::plain_name(&from.names()[other as usize])
                     == crate::skeleton::plain_name(&to.names()[joint as usize])
             {
@@ -128,6 +135,19 @@ impl JointMap {
     pub fn pairs(&self) -> impl Iterator<Item = (u32, u32, MatchedBy)> + '_ {
         (0u32..).zip(&self.sources).filter_map(|(joint, s)| s.map(|(source, how)| (joint, source, how)))
     }
+}
+
+/// Whether each joint belongs to the humanoid: its bones, all joints below them, and the ancestors of the hips.
+pub(super) fn in_body(skeleton: &Skeleton, human: &HumanoidJoints) -> Vec<bool> {
+    let mut own: Vec<bool> = Vec::with_capacity(skeleton.len());
+    for (joint, parent) in (0u32..).zip(skeleton.parents()) {
+        let bone = human.joints().values().any(|bone| *bone == joint);
+        own.push(bone || parent.is_some_and(|p| own[p as usize]));
+    }
+    for joint in std::iter::successors(human.joint("hips"), |j| skeleton.parents()[*j as usize]) {
+        own[joint as usize] = true;
+    }
+    own
 }
 
 /// Pairs two chains end to end: the first with the first, the last with the last, each at most once.

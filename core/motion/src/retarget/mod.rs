@@ -25,7 +25,7 @@ mod sampler;
 mod t_pose;
 
 use crate::clip::Clip;
-use crate::retarget::joint_map::JointMap;
+use crate::retarget::joint_map::{JointMap, in_body};
 use crate::skeleton::Skeleton;
 use crate::skeleton::humanoid_joints::{HumanoidJoints, is_below};
 use crate::skeleton::model_rest_pose::ModelRestPose;
@@ -144,19 +144,6 @@ impl Side {
         }
         Side { human, rest, floor, leg, contacts, stands }
     }
-}
-
-/// Whether each joint belongs to the humanoid: its bones, all joints below them, and the ancestors of the hips.
-fn in_body(skeleton: &Skeleton, human: &HumanoidJoints) -> Vec<bool> {
-    let mut own: Vec<bool> = Vec::with_capacity(skeleton.len());
-    for (joint, parent) in (0u32..).zip(skeleton.parents()) {
-        let bone = human.joints().values().any(|bone| *bone == joint);
-        own.push(bone || parent.is_some_and(|p| own[p as usize]));
-    }
-    for joint in std::iter::successors(human.joint("hips"), |j| skeleton.parents()[*j as usize]) {
-        own[joint as usize] = true;
-    }
-    own
 }
 
 impl<'a> Retarget<'a> {

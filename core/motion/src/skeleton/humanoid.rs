@@ -112,6 +112,27 @@ impl HumanBone {
         })
     }
 
+    /// The short name as Mixamo has it, without its prefix: `LeftUpLeg`.
+    pub(crate) fn short_name(self) -> Option<String> {
+        let capital = |word: &str| {
+            let (first, rest) = word.split_at_checked(1)?;
+            Some(format!("{}{rest}", first.to_ascii_uppercase()))
+        };
+        // Words that consist of two.
+        let parts = |word: &str| {
+            let split = ["up", "fore", "toe", "hand"].into_iter().find_map(|first| {
+                let rest = word.strip_prefix(first).filter(|rest| !rest.is_empty())?;
+                Some(format!("{}{}", capital(first)?, capital(rest)?))
+            });
+            split.or_else(|| capital(word))
+        };
+        self.our_name()
+            .split_whitespace()
+            .map(parts)
+            .collect::<Option<String>>()
+            .filter(|name| !name.is_empty())
+    }
+
     /// The bone above it in a body that has all of them; bones that a body lacks are skipped with [`Humanoid::parent`].
     pub fn parent(self) -> Option<HumanBone> {
         Some(self.above()).filter(|above| *above != self)

@@ -118,6 +118,12 @@ impl Skeleton {
         &self.by_depth
     }
 
+    /// Short names of the joints of a human body that [`Skeleton::find`] takes: `Hips`, `LeftHand`, `RightUpLeg`.
+    pub fn short_names(&self) -> Vec<String> {
+        let names = HumanBone::ALL.into_iter().filter_map(HumanBone::short_name);
+        names.filter(|name| self.find(name).is_some()).collect()
+    }
+
     /// Index of the joint with this exact name, else of the only joint whose `plain_name` matches, else of the bone of this name
     /// of the skeleton's [`Humanoid`], else of the only one that is the same joint of a human body
     /// (`crate::skeleton::joint_names::humanoid_name`).

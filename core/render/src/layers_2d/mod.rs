@@ -139,12 +139,21 @@ impl Canvas {
     }
 
     fn draw(&mut self, layer_2d: &choreo_stage::Layer2d, state: &Layer2dState) {
+        if let Layer2dContent::Text { outline, panel, .. } = &layer_2d.content
+            && (outline.is_some() || panel.is_some())
+            && state.opacity < 1.0
+        {
+            // Its parts fade as one.
+            let mut whole = Canvas::new(self.size);
+            whole.draw(layer_2d, &Layer2dState { opacity: 1.0, ..state.clone() });
+            return self.add(&whole, state.opacity);
+        }
         let frame = DVec2::new(self.size[0].into(), self.size[1].into());
         let point = state.at * frame + layer_2d.offset;
         let factor = state.scale;
         let corner = |size: DVec2| point - layer_2d.anchor * size;
         match &layer_2d.content {
-            Layer2dContent::Text { words, font, size, width, align, line_height, color } => {
+            Layer2dContent::Text { words, font, size, width, align, line_height, color, outline, panel } => {
                 let words = state.words.as_deref().unwrap_or(words);
                 let style = Style {
                     size: (size * frame.y) as f32,
@@ -154,7 +163,23 @@ impl Canvas {
                 };
                 let laid = lay_out(font, words, &style);
                 let at = corner(DVec2::new(laid.size[0].into(), laid.size[1].into()) * factor);
-                let coverage = laid.coverage(font, [at.x as f32, at.y as f32], factor as f32, self.size);
+                let em = size * frame.y * factor;
+                if let Some(panel) = panel {
+                    let margin = panel.padding * em;
+                    let ends = laid.ends.map(|end| f64::from(end) * factor);
+                    let low = at + DVec2::new(ends[0], 0.0) - margin;
+                    let high = at + DVec2::new(ends[1], f64::from(laid.size[1]) * factor) + margin;
+                    let [low, high] = [low, high].map(|p| [p.x as f32, p.y as f32]);
+                    let radius = (panel.radius * em) as f32;
+                    self.fill(&Coverage::rounded(low, high, radius, self.size), panel.color, state.opacity);
+                }
+                let at = [at.x as f32, at.y as f32];
+                if let Some(outline) = outline {
+                    let distance = (outline.width * em) as f32;
+                    let around = laid.outlined(font, at, factor as f32, distance, self.size);
+                    self.fill(&around, outline.color, state.opacity);
+                }
+                let coverage = laid.coverage(font, at, factor as f32, self.size);
                 self.fill(&coverage, *color, state.opacity);
             }
             Layer2dContent::Picture { image, fit, .. } => {
@@ -218,6 +243,20 @@ impl Canvas {
                 self.high = [self.high[0].max(x + 1), self.high[1].max(y + 1)];
             }
         }
+    }
+
+    /// Blends another canvas over this one.
+    fn add(&mut self, other: &Canvas, opacity: f32) {
+        for y in other.low[1]..other.high[1] {
+            let row = y as usize * self.size[0] as usize;
+            for x in other.low[0]..other.high[0] {
+                let source = other.pixels[row + x as usize] * opacity;
+                let pixel = &mut self.pixels[row + x as usize];
+                *pixel = source + *pixel * (1.0 - source.w);
+            }
+        }
+        self.low = [0, 1].map(|i| self.low[i].min(other.low[i]));
+        self.high = [0, 1].map(|i| self.high[i].max(other.high[i]));
     }
 
     /// `None` if nothing was drawn.

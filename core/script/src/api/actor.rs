@@ -132,6 +132,7 @@ fn cast(c: &mut Call) -> Reply {
         at,
         placed: false,
         looks: Vec::new(),
+        constraints: Vec::new(),
         root: None,
         joint_keys: Vec::new(),
         walks: Vec::new(),

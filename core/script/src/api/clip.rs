@@ -173,7 +173,7 @@ fn bind_raw(c: &mut Call) -> Reply {
             moved.len(),
             list(lacking.iter().map(String::as_str), 12)
         );
-        c.shared.note(Severity::Warning, &c.place, &ApiError::new(text));
+        c.shared.note(Severity::Warning, &c.place, &ApiError::new(text).rule("retarget_partial"));
     }
     made(c, clip, on)
 }
@@ -194,7 +194,7 @@ fn checked(
     }
     // Between characters, joints beyond the parts that a body has, as twist joints, are expected to be left out.
     if !coverage.parts.is_empty() || (report.is_none() && !coverage.left_out.is_empty()) {
-        c.shared.note(Severity::Warning, &c.place, &partial(of, on, &coverage));
+        c.shared.note(Severity::Warning, &c.place, &partial(of, on, &coverage).rule("retarget_partial"));
     }
     Ok(clip)
 }
@@ -256,7 +256,7 @@ fn note(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetReport) {
             "clip \"{}\" of \"{}\" on \"{}\": it has too many keys to be followed within the tolerance",
             of.clip.name, of.asset.name, on.name
         );
-        c.shared.note(Severity::Warning, &c.place, &ApiError::new(text));
+        c.shared.note(Severity::Warning, &c.place, &ApiError::new(text).rule("retarget_coarse"));
     }
 }
 
@@ -268,14 +268,14 @@ fn not_standing(c: &Call, of: &ClipRef, on: &Asset, report: &RetargetReport) {
             of.clip.name, of.asset.name, on.name, of.asset.name
         ));
         let hint = "put it on the character that it was made for first: clip.retarget(its_character).retarget(asset)";
-        c.shared.note(Severity::Warning, &c.place, &error.hint(hint));
+        c.shared.note(Severity::Warning, &c.place, &error.hint(hint).rule("retarget_rest"));
     }
     if !report.target_stands {
         let error = ApiError::new(format!(
             "clip \"{}\" of \"{}\" on \"{}\": \"{}\" does not rest standing on both feet; it is taken to stand on the lower one",
             of.clip.name, of.asset.name, on.name, on.name
         ));
-        c.shared.note(Severity::Warning, &c.place, &error);
+        c.shared.note(Severity::Warning, &c.place, &error.rule("retarget_rest"));
     }
 }
 

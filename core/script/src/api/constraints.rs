@@ -71,6 +71,7 @@ fn add(c: &Call, actor: usize, goal: Constraint) -> Reply {
     let mut build = c.build();
     let draft = build.actor(actor)?;
     room(draft.actor.constraints.len(), "goals of one actor", &c.shared.limits)?;
+    draft.constraints.push(c.place.clone());
     draft.actor.constraints.push(goal);
     Ok(Dynamic::from(GoalRef { actor, index: draft.actor.constraints.len() - 1 }))
 }

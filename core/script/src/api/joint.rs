@@ -1,7 +1,7 @@
 //! Joints of actors: found by name, rotated for a frame, animated with keyframes.
 
 use super::{clip_edit, keys};
-use crate::call::{ApiError, Call, Reply, api, euler, radians, unknown};
+use crate::call::{ApiError, Call, Reply, api, euler, radians, unknown_of};
 use crate::hook;
 use crate::value::{ActorRef, JointRef};
 use choreo_asset::Asset;
@@ -39,7 +39,13 @@ pub fn find_joint(asset: &Asset, name: &str) -> Result<u32, ApiError> {
         if asset.skeleton.find(&full[tail..]).is_some() { tail } else { 0 }
     };
     let names: Vec<&str> = asset.skeleton.names().iter().map(|n| &n[bare(n)..]).collect();
-    Err(unknown("joint", name, &format!(" in skeleton \"{}\"", asset.name), names))
+    // So are short names: `hand.l` and `LeftHand` of `hand.l_Armature`.
+    let heads = names.iter().filter_map(|full| full.rsplit_once('_')).map(|(head, _)| head);
+    let short = asset.skeleton.short_names();
+    let heads = heads.filter(|head| asset.skeleton.find(head).is_some());
+    let taken: Vec<&str> =
+        names.iter().copied().chain(short.iter().map(String::as_str)).chain(heads).collect();
+    Err(unknown_of("joint", name, &format!(" in skeleton \"{}\"", asset.name), names, taken))
 }
 
 fn joint(c: &mut Call) -> Reply {

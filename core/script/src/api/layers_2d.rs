@@ -9,7 +9,7 @@ use crate::hook;
 use crate::value::{FlatRef, ImageRef};
 use choreo_asset::Image;
 use choreo_importer_kit::images::{Encoded, Formats};
-use choreo_stage::{Align, Fit, Font, Layer2d, Layer2dContent, Layer2dEdit};
+use choreo_stage::{Align, Fit, Font, Layer2d, Layer2dContent, Layer2dEdit, TextOutline, TextPanel};
 use glam::{DVec2, Vec4};
 use rhai::Dynamic;
 use std::sync::Arc;
@@ -40,6 +40,14 @@ api! {
     Flat.opacity("value") = opacity, in_frames;
     /// Changes the words of a text.
     Flat.words("text") = words, in_frames;
+    /// Draws an outline around the letters of a text. Options: color (default black), width (how far it reaches beyond
+    /// the letters, in sizes of the text, 0 to 1, default 0.08).
+    Flat.outline("options?") = outline;
+    /// Puts a rectangle behind a text, as large as its lines and a margin; the text stays where it is. Options: color
+    /// (default black with an opacity of 0.6), padding (the margin in sizes of the text, a number or [at the sides, at
+    /// the top and the bottom], default [0.4, 0.15]), radius (of the corners, in sizes of the text, 0 to 10,
+    /// default 0.2).
+    Flat.panel("options?") = text_panel;
     /// Scales it about its anchor.
     Flat.scale("factor") = field;
     /// Sets the start time (default 0).
@@ -119,6 +127,8 @@ fn text(c: &mut Call) -> Reply {
         },
         line_height: o.number_in("line_height", 0.1, 10.0)?.unwrap_or(1.25),
         color: color(&o, Vec4::ONE)?,
+        outline: None,
+        panel: None,
     };
     add(c, &o, content)
 }
@@ -217,6 +227,45 @@ fn words(c: &mut Call) -> Reply {
     };
     fonts::warn(c, &font, &said);
     c.itself()
+}
+
+fn outline(c: &mut Call) -> Reply {
+    let o = c.options(0, &["color", "width"])?;
+    let outline =
+        TextOutline { color: color(&o, Vec4::W)?, width: o.number_in("width", 0.0, 1.0)?.unwrap_or(0.08) };
+    of_text(c, |content| {
+        if let Layer2dContent::Text { outline: of_text, .. } = content {
+            *of_text = Some(outline);
+        }
+    })
+}
+
+fn text_panel(c: &mut Call) -> Reply {
+    let o = c.options(0, &["color", "padding", "radius"])?;
+    let padding = match o.get("padding") {
+        None => DVec2::new(0.4, 0.15),
+        Some(both) if both.is_array() => pair(&both, "panel: padding")?,
+        Some(_) => DVec2::splat(o.number_in("padding", 0.0, 10.0)?.unwrap_or_default()),
+    };
+    let panel = TextPanel {
+        color: color(&o, Vec4::W * 0.6)?,
+        padding,
+        radius: o.number_in("radius", 0.0, 10.0)?.unwrap_or(0.2),
+    };
+    of_text(c, |content| {
+        if let Layer2dContent::Text { panel: of_text, .. } = content {
+            *of_text = Some(panel);
+        }
+    })
+}
+
+/// Changes what only texts have.
+fn of_text(c: &Call, change_text: impl FnOnce(&mut Layer2dContent)) -> Reply {
+    let this: FlatRef = c.this()?;
+    if !matches!(c.build().flat(this.0)?.content, Layer2dContent::Text { .. }) {
+        return Err(ApiError::new(format!("{}: only a text has one", c.def.name)));
+    }
+    change(c, |flat| change_text(&mut flat.content))
 }
 
 /// The method of the same name as a field.

@@ -84,8 +84,19 @@ pub fn unknown<'a>(
     place: &str,
     known: impl IntoIterator<Item = &'a str> + Clone,
 ) -> ApiError {
+    unknown_of(what, name, place, known.clone(), known)
+}
+
+/// The same, with all names that are taken, of which `known` are shown.
+pub fn unknown_of<'a>(
+    what: &str,
+    name: &str,
+    place: &str,
+    known: impl IntoIterator<Item = &'a str>,
+    taken: impl IntoIterator<Item = &'a str> + Clone,
+) -> ApiError {
     let shown: String = name.chars().take(80).collect();
-    let meant = meant(name, known.clone());
+    let meant = meant(name, taken);
     let mut error = ApiError::new(format!("unknown {what} \"{shown}\"{place}{meant}")).focus(name);
     let names = list(known, 24);
     error.hint =

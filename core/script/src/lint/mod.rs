@@ -83,6 +83,8 @@ pub struct Places {
     pub actors: Vec<Place>,
     /// Places of look-at constraints, by actor.
     pub looks: Vec<Vec<Place>>,
+    /// Places of the other constraints that the script states, by actor.
+    pub constraints: Vec<Vec<Place>>,
     pub cameras: Vec<Place>,
     pub cuts: Vec<Place>,
     /// Places of cues, by actor, layer and cue, as in `Stage::actors`.
@@ -107,6 +109,9 @@ impl Places {
             Subject::Stage => Some(&self.settings),
             Subject::Actor(i) => self.actors.get(i),
             Subject::Look { actor, look } => self.looks.get(actor).and_then(|l| l.get(look)),
+            Subject::Constraint { actor, constraint } => {
+                self.constraints.get(actor).and_then(|c| c.get(constraint))
+            }
             Subject::Camera(i) => self.cameras.get(i),
             Subject::Cut(i) => self.cuts.get(i),
             Subject::Light(i) => self.lights.get(i),
@@ -190,11 +195,14 @@ impl Places {
 /// Whether a comment on its line, or on the one above it, states that it is meant.
 fn allowed(finding: &PlacedFinding, lines: &[&str]) -> bool {
     let numbers = [finding.place.line.checked_sub(1), finding.place.line.checked_sub(2)];
-    numbers.into_iter().flatten().filter_map(|n| lines.get(n)).any(|line| {
-        let comment = line.split_once("//").map_or("", |(_, comment)| comment);
-        let rules = comment.trim_start().strip_prefix("allow:").unwrap_or("");
-        rules.split([',', ' ']).any(|rule| rule == finding.rule)
-    })
+    numbers.into_iter().flatten().filter_map(|n| lines.get(n)).any(|line| allows(line, finding.rule))
+}
+
+/// Whether a line ends in a comment that allows a rule.
+pub(crate) fn allows(line: &str, rule: &str) -> bool {
+    let comment = line.split_once("//").map_or("", |(_, comment)| comment);
+    let rules = comment.trim_start().strip_prefix("allow:").unwrap_or("");
+    rules.split([',', ' ']).any(|allowed| allowed == rule)
 }
 
 fn close(found: &mut [Diagnostic], last: Option<(Place, &str, usize)>) {

@@ -55,6 +55,7 @@ pub fn resolve(
         places.settings = build.settings_at.clone().unwrap_or_default();
         places.actors = build.actors.iter().map(|a| a.at.clone()).collect();
         places.looks = build.actors.iter_mut().map(|a| std::mem::take(&mut a.looks)).collect();
+        places.constraints = build.actors.iter_mut().map(|a| std::mem::take(&mut a.constraints)).collect();
         places.cameras = build.cameras.iter().map(|c| c.at.clone()).collect();
         places.lights = std::mem::take(&mut build.light_places);
         places.effects = std::mem::take(&mut build.effect_places);

@@ -15,7 +15,7 @@ pub use crate::test_data::{
     VectorGoal, VectorQuantity, VectorTest, When,
 };
 pub use file::TestFiles;
-pub use run::{list_sections, run_section};
+pub use run::{SectionErrors, has_sections, list_sections, run_section, section_errors};
 
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::run::ScriptOptions;

@@ -6,6 +6,7 @@ use crate::build::{Mode, Shared};
 use crate::resolve::finish_stage;
 use crate::run::{Opened, begin, execute, on_own_thread, open};
 use choreo_plugin::Registry;
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::PoisonError;
 
@@ -41,6 +42,69 @@ pub fn list_sections(
         }
         Ok(std::mem::take(&mut test.sections))
     })
+}
+
+/// What `check` finds in the sections of a file.
+#[derive(Clone, Debug, Default)]
+pub struct SectionErrors {
+    /// Errors that no comment expects, in the order of the sections, each once.
+    pub errors: Vec<Diagnostic>,
+    /// Canonical paths of all that the sections have read; sorted.
+    pub read: BTreeSet<PathBuf>,
+}
+
+/// Runs the statements of all sections of a file and evaluates no expectation. Sections that are skipped, or fail because of a known bug, are
+/// left out, and so are all after `goes_on` has said no.
+pub fn section_errors(
+    path: &Path,
+    registry: &Registry,
+    options: &TestOptions,
+    goes_on: &dyn Fn() -> bool,
+) -> SectionErrors {
+    let mut found = SectionErrors::default();
+    let sections = list_sections(path, registry, options).unwrap_or_default();
+    let counts = |info: &&SectionInfo| !info.as_it_stands() && info.skip.is_none() && info.fails.is_none();
+    for info in sections.iter().filter(counts) {
+        if !goes_on() {
+            break;
+        }
+        let errors = match run_section(path, info.index, registry, options) {
+            Err(errors) => errors,
+            Ok(run) => {
+                found.read.extend(run.files_used.iter().map(|(path, _)| path.clone()));
+                let mut errors = run.errors.clone();
+                if errors.is_empty() && run.asserts_nothing() {
+                    errors.push(asserts_nothing(&run.info));
+                }
+                errors
+            }
+        };
+        for error in errors {
+            if !found.errors.contains(&error) {
+                found.errors.push(error);
+            }
+        }
+    }
+    found
+}
+
+/// The error of a section that cannot fail.
+fn asserts_nothing(info: &SectionInfo) -> Diagnostic {
+    let text = format!("the section \"{}\" asserts nothing, so it cannot fail", info.name);
+    Diagnostic {
+        line: info.line,
+        hint: Some(
+            "add an expect(…) or expect_picture(…), or //~ error: TEXT where an error is expected".into(),
+        ),
+        ..Diagnostic::error(text).in_file(&info.file)
+    }
+}
+
+/// Whether a text calls `test`, at any place.
+pub fn has_sections(text: &str) -> bool {
+    let tokens = crate::tokens::token_ranges(text);
+    let word = |at: usize| tokens.get(at).map_or("", |range| &text[range.clone()]);
+    (0..tokens.len()).any(|at| word(at) == "test" && word(at + 1) == "(" && (at == 0 || word(at - 1) != "."))
 }
 
 fn as_it_stands(file: &str, text: &str) -> SectionInfo {

@@ -2,6 +2,7 @@
 
 use crate::snapshot::ActorState;
 use crate::stage::Stage;
+use crate::stage::actor::Target;
 use crate::transforms::target_position;
 use choreo_asset::{Asset, EyesMovedBy};
 use choreo_motion::{Front, HumanBone, Time};
@@ -11,12 +12,13 @@ use glam::{Affine3A, DQuat, DVec3, Mat3, Mat3A, Vec3, Vec3A};
 /// target is straight behind, so that one that passes behind does not whip the head from one shoulder to the other.
 pub(crate) const LOOK_AT_LIMIT_RAD: f64 = 80.0 * std::f64::consts::PI / 180.0;
 
-/// A look-at that counts now. Of two characters who look at each other's heads, each looks where the other's was before, and so
-/// does one at a thing in its own hand (see [`crate::stage::constraint`]).
+/// A look-at that counts now. Of two characters who look at each other's heads, each looks where the other's was before. A target on
+/// the actor itself is found anew when it has been moved ([`super::steps`]).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Aim {
     pub actor: usize,
     pub joint: u32,
+    pub target: Target,
     pub world_target: DVec3,
     pub share: f64,
 }
@@ -37,7 +39,8 @@ pub(crate) fn find_aims_of(
             && (look.joint as usize) < state.model_from_joint.len()
             && let Some(world_target) = target_position(stage, actors, &look.target)
         {
-            aims.push(Aim { actor: index, joint: look.joint, world_target, share: share.into() });
+            let (joint, target) = (look.joint, look.target);
+            aims.push(Aim { actor: index, joint, target, world_target, share: share.into() });
         }
     }
 }

@@ -3,8 +3,9 @@
 //!
 //! In this order, after all actors have been posed and placed: planted feet, aims, looks, reaches, each in the order of the
 //! script; then joint limits; springs last of all, once every constraint is done ([`springs`]). Constraints come actor by actor, those
-//! first whose hands others reach for ([`order`]), so that a hand on a prop in another's moving hand is on it. In a circle (two
-//! that look at each other) each takes the other's place as it was before.
+//! first whose hands others reach for ([`order`]), so that a hand on a prop in another's moving hand is on it. In a circle
+//! hands reach for the other's place as it was before, and looks go to where that one comes when all is tried once. Of one actor, a look at a prop in its own hand comes after
+//! the reach that moves the hand ([`steps`]).
 
 pub(crate) mod check;
 mod foot_contacts;
@@ -19,6 +20,7 @@ pub(crate) mod look_at;
 pub(crate) mod order;
 pub(crate) mod solve;
 mod standing_fades;
+mod steps;
 
 use crate::actors;
 use crate::constraints::foot_locks::FootLocks;

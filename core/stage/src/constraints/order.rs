@@ -12,6 +12,8 @@ pub(crate) struct ConstraintOrder {
     pub actors: Vec<usize>,
     /// Ends of the rounds within `actors`.
     pub ends: Vec<usize>,
+    /// Whether each round is a circle of actors that need each other.
+    pub circular: Vec<bool>,
     waiting: Vec<usize>,
     /// (actor, the actor that it needs), sorted.
     needs: Vec<(usize, usize)>,
@@ -24,9 +26,10 @@ pub(crate) struct ConstraintOrder {
 /// Puts the actors that have constraints at a time into rounds: each round needs only what the ones before it have done. A circle is a round
 /// of its own.
 pub(crate) fn rounds(stage: &Stage, time: Time, parents: &ActiveParents, order: &mut ConstraintOrder) {
-    let ConstraintOrder { actors, ends, waiting, needs, done, path, carriers } = order;
+    let ConstraintOrder { actors, ends, circular, waiting, needs, done, path, carriers } = order;
     actors.clear();
     ends.clear();
+    circular.clear();
     needs.clear();
     waiting.clear();
     waiting.extend((0..stage.actors.len()).filter(|a| is_busy(stage, *a, time)));
@@ -41,7 +44,7 @@ pub(crate) fn rounds(stage: &Stage, time: Time, parents: &ActiveParents, order: 
         let constraints = a.constraints.iter().filter(|g| g.share(time) > 0.0).flat_map(|g| g.targets());
         let looks = a.look_at.iter().filter(|l| l.share(time) > 0.0).map(|l| l.target);
         for target in constraints.chain(looks) {
-            for_carriers(stage, parents, target, carriers, |other| {
+            for_carriers(stage, parents, target, carriers, |other, _| {
                 if other != actor && !done[other] {
                     needs.push((actor, other));
                 }
@@ -57,6 +60,7 @@ pub(crate) fn rounds(stage: &Stage, time: Time, parents: &ActiveParents, order: 
     while !waiting.is_empty() {
         let begun = actors.len();
         actors.extend(waiting.iter().copied().filter(|a| of(*a).all(|b| done[b])));
+        circular.push(actors.len() == begun);
         if actors.len() == begun {
             // Follow what is needed until it comes round.
             path.clear();
@@ -83,21 +87,21 @@ fn is_busy(stage: &Stage, actor: usize, time: Time) -> bool {
         || a.look_at.iter().any(|l| l.share(time) > 0.0)
 }
 
-/// The actors whose joints a target hangs on.
-fn for_carriers(
+/// The joints that a target hangs on, each with its actor.
+pub(super) fn for_carriers(
     stage: &Stage,
     parents: &ActiveParents,
     target: Target,
     carriers: &mut Vec<usize>,
-    mut found: impl FnMut(usize),
+    mut found: impl FnMut(usize, u32),
 ) {
     carriers.clear();
     match target {
         Target::Point(_) => {}
         Target::Actor(actor) => carriers.push(actor),
         // An unchecked stage may name actors that do not exist.
-        Target::Joint { actor, .. } if actor < stage.actors.len() => {
-            found(actor);
+        Target::Joint { actor, joint } if actor < stage.actors.len() => {
+            found(actor, joint);
             carriers.push(actor);
         }
         Target::Joint { .. } => {}
@@ -106,8 +110,8 @@ fn for_carriers(
     while let Some(&at) = carriers.get(next) {
         next += 1;
         for parent in parents.carriers(at) {
-            if parent.joint.is_some() {
-                found(parent.actor);
+            if let Some(joint) = parent.joint {
+                found(parent.actor, joint);
             }
             if !carriers.contains(&parent.actor) {
                 carriers.push(parent.actor);

@@ -3,6 +3,7 @@
 use crate::actors;
 use crate::constraints::foot_locks::{FootLockOf, FootLocks};
 use crate::constraints::gaze::Gaze;
+use crate::constraints::steps::{Kind, Known, Steps};
 use crate::constraints::{foot_lock, look_at, order};
 use crate::pose::expressions::ExpressionWeights;
 use crate::pose::joints::{PosedSkeleton, rotation_of};
@@ -34,6 +35,10 @@ pub(crate) struct ConstraintScratch {
     aim: Vec<AimJoint>,
     turns: Vec<DQuat>,
     aims: Vec<look_at::Aim>,
+    steps: Steps,
+    /// An actor's pose before its constraints, and the poses of a circle of actors.
+    pose: Vec<glam::Affine3A>,
+    poses: Vec<glam::Affine3A>,
 }
 
 /// All constraints of all actors. All actors are placed anew after a round has moved joints that others are attached to.
@@ -52,18 +57,40 @@ pub(crate) fn run(
     let motions = placing.motions.clone().unwrap_or_else(|| Arc::new(Motions::new(stage)));
     let mut begun = 0;
     for round in 0..scratch.order.ends.len() {
-        let end = scratch.order.ends[round];
+        let (end, circular) = (scratch.order.ends[round], scratch.order.circular[round]);
         find_targets(stage, time, scratch, begun..end, actors);
+        let solved = |index| Solved { stage, foot_locks, motions: &motions, time, index, circular };
+        // Also leaves out actors that are not posed.
+        let is_posed = |actors: &[ActorState], index: usize| {
+            actors[index].model_from_joint.len() == stage.actors[index].asset.skeleton.len()
+        };
+        if circular {
+            scratch.poses.clear();
+            for at in begun..end {
+                let index = scratch.order.actors[at];
+                scratch.poses.extend_from_slice(&actors[index].model_from_joint);
+                if is_posed(actors, index) {
+                    solved(index).try_steps(scratch, placing, actors)?;
+                }
+            }
+            placing.place(stage, actors);
+            find_looks_again(stage, scratch, actors);
+            let mut from = 0;
+            for at in begun..end {
+                let pose = &mut actors[scratch.order.actors[at]].model_from_joint;
+                let end = from + pose.len();
+                pose.copy_from_slice(&scratch.poses[from..end]);
+                from = end;
+            }
+            placing.place(stage, actors);
+        }
         let mut carried = false;
         for at in begun..end {
             let index = scratch.order.actors[at];
-            // Also leaves out actors that are not posed.
-            if actors[index].model_from_joint.len() != stage.actors[index].asset.skeleton.len() {
-                continue;
+            if is_posed(actors, index) {
+                solved(index).solve(scratch, placing, actors)?;
+                carried |= placing.parents.has_on_joints(index);
             }
-            let expressions = &mut placing.expression_weights[index];
-            solve_actor(stage, (foot_locks, &motions), time, scratch, index, expressions, actors)?;
-            carried |= placing.parents.has_on_joints(index);
         }
         if carried {
             placing.place(stage, actors);
@@ -71,6 +98,19 @@ pub(crate) fn run(
         begun = end;
     }
     Ok(())
+}
+
+/// Writes where actors of a circle look after the others have moved. Reaches keep their targets: two hands that reach for each other
+/// would come back to where they were.
+fn find_looks_again(stage: &Stage, scratch: &mut ConstraintScratch, actors: &[ActorState]) {
+    for aim in &mut scratch.aims {
+        aim.world_target = target_position(stage, actors, &aim.target).unwrap_or(aim.world_target);
+    }
+    for (actor, number, target, _) in &mut scratch.targets {
+        if let ConstraintKind::Aim(aim) = &stage.actors[*actor].constraints[*number].kind {
+            *target = target_position(stage, actors, &aim.target).unwrap_or(*target);
+        }
+    }
 }
 
 /// Positions of the targets of a round before any of its actors moves.
@@ -95,7 +135,12 @@ fn find_targets(
     }
 }
 
-fn places(stage: &Stage, actors: &[ActorState], constraint: &Constraint) -> Option<(DVec3, Option<DVec3>)> {
+/// World places of the target and the pole of a constraint.
+pub(crate) fn places(
+    stage: &Stage,
+    actors: &[ActorState],
+    constraint: &Constraint,
+) -> Option<(DVec3, Option<DVec3>)> {
     match &constraint.kind {
         ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_) => None,
         ConstraintKind::Aim(aim) => Some((target_position(stage, actors, &aim.target)?, None)),
@@ -128,83 +173,168 @@ fn hold(
     Some(world_from_parent(stage, actors, &at, scale).transform_point3(offset))
 }
 
-fn solve_actor(
-    stage: &Stage,
-    (foot_locks, motions): (&FootLocks, &Arc<Motions>),
+/// How often the steps of a circle are tried. A spine that takes a quarter of an aim leaves 4° after one trial, 0.1° after three.
+const TRIALS: usize = 3;
+
+/// An actor whose constraints are solved.
+struct Solved<'a> {
+    stage: &'a Stage,
+    foot_locks: &'a FootLocks,
+    motions: &'a Arc<Motions>,
     time: Time,
-    scratch: &mut ConstraintScratch,
     index: usize,
-    expression_weights: &mut ExpressionWeights,
-    actors: &mut [ActorState],
-) -> Result<(), StageError> {
-    let actor = &stage.actors[index];
-    let world_from_model = actors[index].world_from_model;
-    let model_from_world = world_from_model.inverse();
-    if !model_from_world.is_finite() {
-        return Ok(());
+    /// It is one of a circle of actors that need each other: where it looks has been tried.
+    circular: bool,
+}
+
+impl Solved<'_> {
+    /// Does the steps once, without the eyes and the face.
+    fn try_steps(
+        &self,
+        scratch: &mut ConstraintScratch,
+        placing: &mut actors::Scratch,
+        actors: &mut [ActorState],
+    ) -> Result<(), StageError> {
+        if !actors[self.index].world_from_model.inverse().is_finite() {
+            return Ok(());
+        }
+        scratch.steps.find(self.stage, &placing.parents, self.time, self.index, &scratch.aims);
+        self.take_steps(true, scratch, placing, actors)
     }
-    let order = |kind: &ConstraintKind| match kind {
-        ConstraintKind::FootLock(_) => 0,
-        ConstraintKind::Aim(_) => 1,
-        ConstraintKind::Reach(_) => 2,
-        // Done with the clips.
-        ConstraintKind::Mirror(_) => 3,
-    };
-    for phase in 0..3 {
-        for (number, constraint) in actor.constraints.iter().enumerate() {
-            let share = constraint.share(time);
-            let fits = (constraint.last_joint() as usize) < actor.asset.skeleton.len();
-            if share <= 0.0 || order(&constraint.kind) != phase || !fits {
-                continue;
+
+    fn solve(
+        &self,
+        scratch: &mut ConstraintScratch,
+        placing: &mut actors::Scratch,
+        actors: &mut [ActorState],
+    ) -> Result<(), StageError> {
+        let Solved { stage, time, index, .. } = *self;
+        if !actors[index].world_from_model.inverse().is_finite() {
+            return Ok(());
+        }
+        scratch.steps.find(stage, &placing.parents, time, index, &scratch.aims);
+        if !self.circular && scratch.steps.ordered.iter().any(|step| step.target == Known::After) {
+            // What the steps do to the targets is found by doing them, without the eyes and the face.
+            scratch.pose.clone_from(&actors[index].model_from_joint);
+            for _ in 0..TRIALS {
+                self.take_steps(true, scratch, placing, actors)?;
+                placing.place(stage, actors);
+                self.find_late_targets(scratch, actors);
+                actors[index].model_from_joint.clone_from(&scratch.pose);
             }
-            if let ConstraintKind::FootLock(foot_lock) = &constraint.kind {
-                let of = FootLockOf { stage, motions, actor: index, constraint: number, foot_lock };
-                let Some(track) = foot_locks.track(of, time)? else { continue };
-                let mut posed = PosedSkeleton {
-                    skeleton: &actor.asset.skeleton,
-                    model_from_joint: &mut actors[index].model_from_joint,
-                    below: &mut scratch.below,
-                };
-                let spaces = [&world_from_model, &model_from_world];
-                foot_lock::apply(&track, foot_lock, time, share, spaces[0], spaces[1], &mut posed);
-                continue;
+        }
+        self.take_steps(false, scratch, placing, actors)?;
+        hold_limits(stage, index, scratch, actors);
+        Ok(())
+    }
+
+    fn take_steps(
+        &self,
+        trial: bool,
+        scratch: &mut ConstraintScratch,
+        placing: &mut actors::Scratch,
+        actors: &mut [ActorState],
+    ) -> Result<(), StageError> {
+        for at in 0..scratch.steps.ordered.len() {
+            let step = scratch.steps.ordered[at];
+            let known = if self.circular && !trial { Known::Before } else { step.target };
+            if known == Known::InTurn {
+                placing.place(self.stage, actors);
             }
-            let Some((target, pole)) = target_and_pole(stage, scratch, (index, number), constraint, actors)
-            else {
-                continue;
+            let face = (!trial).then(|| &mut placing.expression_weights[self.index]);
+            match step.kind {
+                Kind::Constraint(number) => self.constrain(number, known, scratch, face, actors)?,
+                Kind::Look(number) => self.look(number, known, scratch, face, actors),
+            }
+        }
+        Ok(())
+    }
+
+    fn constrain(
+        &self,
+        number: usize,
+        known: Known,
+        scratch: &mut ConstraintScratch,
+        face: Option<&mut ExpressionWeights>,
+        actors: &mut [ActorState],
+    ) -> Result<(), StageError> {
+        let Solved { stage, foot_locks, motions, time, index, .. } = *self;
+        let actor = &stage.actors[index];
+        let constraint = &actor.constraints[number];
+        let share = constraint.share(time);
+        let world_from_model = actors[index].world_from_model;
+        let model_from_world = world_from_model.inverse();
+        if let ConstraintKind::FootLock(foot_lock) = &constraint.kind {
+            let of = FootLockOf { stage, motions, actor: index, constraint: number, foot_lock };
+            let Some(track) = foot_locks.track(of, time)? else { return Ok(()) };
+            let mut posed = PosedSkeleton {
+                skeleton: &actor.asset.skeleton,
+                model_from_joint: &mut actors[index].model_from_joint,
+                below: &mut scratch.below,
             };
-            let target = model_from_world.transform_point3(target);
-            let pole = pole.map(|p| model_from_world.transform_point3(p));
-            solve_constraint(
-                actor,
-                &constraint.kind,
-                share,
-                (target, pole),
-                &stage.solvers,
-                scratch,
-                &mut actors[index],
-            );
-            if let ConstraintKind::Aim(aim) = &constraint.kind {
-                let gaze = Gaze { actor, joint: last(&aim.joints) as u32, target, share, time };
-                follow(&gaze, index, scratch, &mut actors[index], expression_weights);
-            }
+            let spaces = [&world_from_model, &model_from_world];
+            foot_lock::apply(&track, foot_lock, time, share, spaces[0], spaces[1], &mut posed);
+            return Ok(());
         }
-        if phase == 1 {
-            for at in 0..scratch.aims.len() {
-                let aim = scratch.aims[at];
-                if aim.actor != index {
-                    continue;
+        let found = target_and_pole(stage, scratch, (index, number), constraint, known, actors);
+        let Some((target, pole)) = found else { return Ok(()) };
+        let target = model_from_world.transform_point3(target);
+        let pole = pole.map(|p| model_from_world.transform_point3(p));
+        let state = &mut actors[index];
+        solve_constraint(actor, &constraint.kind, share, (target, pole), &stage.solvers, scratch, state);
+        if let (ConstraintKind::Aim(aim), Some(face)) = (&constraint.kind, face) {
+            let gaze = Gaze { actor, joint: last(&aim.joints) as u32, target, share, time };
+            follow(&gaze, index, scratch, state, face);
+        }
+        Ok(())
+    }
+
+    fn look(
+        &self,
+        number: usize,
+        known: Known,
+        scratch: &mut ConstraintScratch,
+        face: Option<&mut ExpressionWeights>,
+        actors: &mut [ActorState],
+    ) {
+        let Solved { stage, time, index, .. } = *self;
+        let mut aim = scratch.aims[number];
+        if known == Known::InTurn {
+            aim.world_target = target_position(stage, actors, &aim.target).unwrap_or(aim.world_target);
+        }
+        let state = &mut actors[index];
+        look_at::turn(stage, &aim, state, &mut scratch.below);
+        if let Some(face) = face {
+            let target = state.world_from_model.inverse().transform_point3(aim.world_target);
+            let actor = &stage.actors[index];
+            let gaze = Gaze { actor, joint: aim.joint, target, share: aim.share, time };
+            follow(&gaze, index, scratch, state, face);
+        }
+    }
+
+    /// Writes where the targets are that are only known after all steps.
+    fn find_late_targets(&self, scratch: &mut ConstraintScratch, actors: &[ActorState]) {
+        let ConstraintScratch { steps, targets, aims, .. } = scratch;
+        let late = steps.ordered.iter().filter(|step| step.target == Known::After);
+        for step in late {
+            match step.kind {
+                Kind::Constraint(number) => {
+                    let constraint = &self.stage.actors[self.index].constraints[number];
+                    let of = |t: &&mut (usize, usize, DVec3, _)| (t.0, t.1) == (self.index, number);
+                    if let Some(found) = targets.iter_mut().find(of)
+                        && let Some((target, pole)) = places(self.stage, actors, constraint)
+                    {
+                        (found.2, found.3) = (target, pole);
+                    }
                 }
-                let state = &mut actors[index];
-                look_at::turn(stage, &aim, state, &mut scratch.below);
-                let target = state.world_from_model.inverse().transform_point3(aim.world_target);
-                let gaze = Gaze { actor, joint: aim.joint, target, share: aim.share, time };
-                follow(&gaze, index, scratch, state, expression_weights);
+                Kind::Look(number) => {
+                    let aim = &mut aims[number];
+                    let target = target_position(self.stage, actors, &aim.target);
+                    aim.world_target = target.unwrap_or(aim.world_target);
+                }
             }
         }
     }
-    hold_limits(stage, index, scratch, actors);
-    Ok(())
 }
 
 /// The target and the pole of a constraint in the world; `of`: the index of the actor, and of the constraint there.
@@ -213,11 +343,12 @@ fn target_and_pole(
     scratch: &ConstraintScratch,
     of: (usize, usize),
     constraint: &Constraint,
+    known: Known,
     actors: &[ActorState],
 ) -> Option<(DVec3, Option<DVec3>)> {
     // A target on the actor itself moves with what has been done to it by now.
-    let own = constraint.targets().all(|t| matches!(t, Target::Joint { actor, .. } if actor == of.0));
-    if own {
+    let own = |t| matches!(t, Target::Joint { actor, .. } if actor == of.0);
+    if known == Known::InTurn || (known == Known::Before && constraint.targets().all(own)) {
         return places(stage, actors, constraint);
     }
     let found = scratch.targets.iter().find(|(actor, number, ..)| (*actor, *number) == of);
@@ -426,6 +557,6 @@ pub(super) fn bend_leg(leg: &Leg, target: DVec3, hint: DVec3, posed: &mut PosedS
 }
 
 /// World place of a joint.
-pub(super) fn world_place(world_from_model: &DAffine3, joint: &glam::Affine3A) -> DVec3 {
+pub(crate) fn world_place(world_from_model: &DAffine3, joint: &glam::Affine3A) -> DVec3 {
     world_from_model.transform_point3(widen(joint).translation)
 }

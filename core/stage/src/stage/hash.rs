@@ -10,7 +10,7 @@ use crate::stage::camera_moves::{CameraLook, CameraShake};
 use crate::stage::channel::{Channel, Property};
 use crate::stage::clips::{Layer, LayerMode, Reference};
 use crate::stage::effects::{EffectDistance, EffectImageUse, EffectTarget, EffectUse};
-use crate::stage::layers_2d::{Align, Fit, Font, Layer2dContent};
+use crate::stage::layers_2d::{Align, Fit, Font, Layer2dContent, TextOutline, TextPanel};
 use crate::stage::parenting::{ParentScale, Parenting};
 use crate::stage::path::{Pace, Path, PathFollowing};
 use crate::stage::root_motion::CueRootMotion;
@@ -338,8 +338,10 @@ hashed! {
         1 Capsule { offset, tail, radius, inside },
         2 Plane { offset, normal },
     }
+    struct TextOutline { color, width }
+    struct TextPanel { color, padding, radius }
     enum Layer2dContent {
-        0 Text { words, font, size, width, align, line_height, color },
+        0 Text { words, font, size, width, align, line_height, color, outline, panel },
         1 Picture { hash, fit; without image },
         2 Panel { size, color },
         3 Bars { ratio, color },

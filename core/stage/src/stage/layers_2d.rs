@@ -58,6 +58,10 @@ pub enum Layer2dContent {
         line_height: f64,
         /// Linear RGBA, not premultiplied.
         color: Vec4,
+        /// Below the letters.
+        outline: Option<TextOutline>,
+        /// Below both.
+        panel: Option<TextPanel>,
     },
     Picture {
         image: Arc<Image>,
@@ -69,6 +73,24 @@ pub enum Layer2dContent {
     Panel { size: DVec2, color: Vec4 },
     /// Bars that leave an image with this aspect ratio.
     Bars { ratio: f64, color: Vec4 },
+}
+
+/// A line around the letters of a text. Lengths are in sizes of the text.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TextOutline {
+    pub color: Vec4,
+    /// How far it reaches beyond the letters.
+    pub width: f64,
+}
+
+/// A rectangle as large as the lines of a text and a margin. Lengths are in sizes of the text.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TextPanel {
+    pub color: Vec4,
+    /// Margin at the sides, and at the top and the bottom.
+    pub padding: DVec2,
+    /// Radius of its corners.
+    pub radius: f64,
 }
 
 /// How large an image is.

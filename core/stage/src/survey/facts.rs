@@ -10,6 +10,7 @@ use crate::stage::camera::{Camera, Rig};
 use crate::stage::channel::Property;
 use crate::stage::edits::{ActorEdit, FrameEdits};
 use crate::stage::light::StageLight;
+use crate::survey::reaches::Reaches;
 use crate::survey::sight::Miss;
 use crate::survey::sight::Sight;
 use crate::survey::{Finding, Subject, cameras_on};
@@ -57,6 +58,7 @@ struct CameraFacts {
 pub struct Facts {
     actors: Vec<ActorFacts>,
     looks: Vec<Vec<LookFacts>>,
+    reaches: Reaches,
     lights: Vec<LightFacts>,
     /// The last one: the framing camera of a stage without any.
     cameras: Vec<CameraFacts>,
@@ -71,6 +73,7 @@ impl Facts {
         Facts {
             actors: vec![ActorFacts::default(); stage.actors.len()],
             looks: stage.actors.iter().map(|a| vec![LookFacts::default(); a.look_at.len()]).collect(),
+            reaches: Reaches::new(stage),
             lights: vec![LightFacts::default(); stage.lights.len()],
             cameras: vec![CameraFacts::default(); stage.cameras.len() + 1],
             on: cameras_on(stage),
@@ -122,6 +125,7 @@ impl Facts {
             }
         }
         self.look_at_looks(stage, snapshot, time);
+        self.reaches.look(stage, snapshot, time);
         for (index, light) in stage.lights.iter().enumerate() {
             let state = lights::stage_light(stage, light, index, edits, time, &snapshot.actors);
             if let Some(state) = state {
@@ -170,6 +174,7 @@ impl Facts {
             || self.actors.iter().any(|f| !f.visible)
             || hooked && stage.actors.iter().zip(&self.actors).any(|(a, f)| still(a) && !f.posed_by_hook)
             || self.looks.iter().flatten().any(|f| !f.counted || !f.reached)
+            || self.reaches.open(stage)
             || self.lights.iter().any(|f| !f.shines || !f.reaches)
             || self.on.iter().zip(&self.cameras).any(|(on, f)| *on > Time::ZERO && !(f.looked && f.sees))
     }
@@ -179,6 +184,7 @@ impl Facts {
         for index in 0..stage.actors.len() {
             findings.extend(self.actor(stage, index));
             findings.extend(self.looks_of(stage, index));
+            findings.extend(self.reaches.findings(stage, index, &self.times_said()));
         }
         for (index, camera) in stage.cameras.iter().enumerate() {
             let facts = &self.cameras[index];
@@ -375,7 +381,7 @@ fn still(actor: &Actor) -> bool {
     !plays && !actor.asset.skins.is_empty() && !actor.asset.clips.is_empty()
 }
 
-/// Whether something else hangs on it, looks at it or is seen from it.
+/// Whether something else hangs on it, looks at it, reaches for it or is seen from it.
 fn is_used(stage: &Stage, index: usize) -> bool {
     let on = |target: &Target| match *target {
         Target::Point(_) => false,
@@ -393,6 +399,7 @@ fn is_used(stage: &Stage, index: usize) -> bool {
         a.parents.iter().any(|parent| attached(&parent.to))
             || a.face == Some(index)
             || a.look_at.iter().any(|look| on(&look.target))
+            || a.constraints.iter().any(|constraint| constraint.targets().any(|target| on(&target)))
     };
     stage.actors.iter().any(actor)
         || stage.cameras.iter().any(camera)

@@ -4,6 +4,7 @@
 //! that hides behind another thing, or whose box alone is in the image, is not found.
 
 mod facts;
+mod reaches;
 mod sight;
 
 use crate::evaluate::Evaluator;
@@ -22,6 +23,11 @@ pub enum Subject {
     Look {
         actor: usize,
         look: usize,
+    },
+    /// Index into `Actor::constraints`.
+    Constraint {
+        actor: usize,
+        constraint: usize,
     },
     Camera(usize),
     Cut(usize),

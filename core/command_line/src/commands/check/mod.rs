@@ -7,23 +7,32 @@ mod sheet;
 use crate::args::CheckArgs;
 use crate::failure::{Failure, Problem, print, print_json, print_message};
 use crate::output::svg;
+use crate::project_file;
 use crate::scene::{self, OpenedScene, opening::Opening};
-use choreo_plugin::{Effect, Registry};
+use choreo_plugin::{Effect, Registry, SurfaceSample};
 use choreo_render::plan::light_clusters::MAX_LIGHTS;
-use choreo_script::{Diagnostic, Limits, Places, Severity};
+use choreo_script::testing::{TestOptions, has_sections, section_errors};
+use choreo_script::{Diagnostic, Limits, Places, ScriptOptions, Severity};
 use choreo_stage::{EffectUse, Finding, Stage, Subject};
-use glam::{Vec2, Vec4};
+use choreo_test_runner::collect;
+use glam::{Vec2, Vec3, Vec4};
 use serde_json::json;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-pub fn run(args: CheckArgs, plugins: &Registry) -> Result<(), Failure> {
+pub fn run(args: CheckArgs, no_project_file: bool, plugins: &Registry) -> Result<(), Failure> {
     svg::check(args.plot.as_deref())?;
     let registry = scene::plugins(&args.scene, plugins)?;
-    let scene = scene::open(&args.scene, &registry, Opening::TO_TELL)?;
+    let text = std::fs::read_to_string(&args.scene.input).unwrap_or_default();
+    let root = has_sections(&text).then(|| root(&args.scene.input, no_project_file)).flatten();
+    let scene = scene::open(&args.scene, &registry, Opening { root: root.as_deref(), ..Opening::TO_TELL })?;
     if !args.json {
         scene.printed.iter().flat_map(|text| text.lines()).for_each(print_message);
     }
-    let (problems, on_stage) = look(&scene.stage, &scene.registry, &scene.places, &scene.limits);
+    let (mut problems, on_stage) = look(&scene.stage, &scene.registry, &scene.places, &scene.limits);
+    if has_sections(&text) {
+        problems.extend(of_sections(&args, root, &scene.limits, &registry));
+    }
     let findings = scene.places.findings(&on_stage);
     if let Some(path) = &args.plot {
         let sheet = sheet::sheet(&scene.name, &scene.stage, &scene.places.marks(&on_stage));
@@ -61,6 +70,31 @@ pub fn run(args: CheckArgs, plugins: &Registry) -> Result<(), Failure> {
     };
     let frames = many(frames as usize, "frame");
     print(&format!("{}: good, {frames}, {warned}{noted}\n", args.scene.input.display()))
+}
+
+/// The folder in which the tests of a file may read, as `choreo test` has it.
+fn root(input: &Path, no_project_file: bool) -> Option<PathBuf> {
+    let project = project_file::root_of(input).filter(|_| !no_project_file);
+    let here = || std::env::current_dir().ok().filter(|here| collect::holds(here, input));
+    project.or_else(here)
+}
+
+/// Errors in the sections of a file with tests.
+fn of_sections(
+    args: &CheckArgs,
+    root: Option<PathBuf>,
+    limits: &Limits,
+    registry: &Registry,
+) -> Vec<Problem> {
+    let script = ScriptOptions {
+        search_paths: args.scene.search.clone(),
+        limits: limits.clone(),
+        needs: Opening::TO_TELL.needs,
+        ..ScriptOptions::default()
+    };
+    let options = TestOptions { script, root, ..TestOptions::default() };
+    let found = section_errors(&args.scene.input, registry, &options, &|| true);
+    found.errors.into_iter().map(Problem::Script).collect()
 }
 
 /// Errors of the stage, and findings about it that are probably not intended.
@@ -102,6 +136,19 @@ pub fn look(
             let text = format!("effect \"{}\" changes no pixel with these parameters", used.plugin);
             let subject = Subject::Effect(index);
             on_stage.push(Finding { rule: "effect_changes_nothing", note: false, subject, text, hint: None });
+        }
+        if let Some(effect) = registry.effect(&used.drawn_by())
+            && used.on.is_empty()
+            && used.keys.is_empty()
+            && hides_surfaces(effect, used)
+        {
+            let text = format!(
+                "effect \"{}\" is on every actor and hides all surfaces outside of shadows",
+                used.plugin
+            );
+            let hint = Some("name the surfaces that it is for: .on(floor)".to_string());
+            let subject = Subject::Effect(index);
+            on_stage.push(Finding { rule: "effect_hides_all", note: false, subject, text, hint });
         }
     }
     (problems, on_stage)
@@ -172,6 +219,23 @@ fn left_out(effect: &Effect, used: &EffectUse, stage: &Stage) -> Option<String> 
         let parameters = choreo_render::effect_parameters(effect, &used.parameters_at(time));
         let scene = choreo_plugin::EffectScene { stage, snapshot: &snapshot, before: &[], on: &used.on };
         drawing.overlay(&scene, &parameters).left_out.into_iter().next()
+    })
+}
+
+/// Whether nothing is left of a surface that lies in no shadow, whatever its color and side, near and far.
+fn hides_surfaces(effect: &Effect, used: &EffectUse) -> bool {
+    let Effect::Surface(function) = effect else { return false };
+    let parameters = choreo_render::effect_parameters(effect, &used.parameters);
+    let inputs = function.surface_inputs(&parameters);
+    if !inputs.see_through || effect.reads_frame() {
+        return false;
+    }
+    [0.0f32, 0.5, 1.0].into_iter().all(|facing| {
+        let sample =
+            |distance| SurfaceSample { normal: Vec3::Z, facing, distance, ..SurfaceSample::default() };
+        let mut colors = [Vec4::new(0.0, 0.0, 0.0, 1.0), Vec4::new(0.8, 0.4, 0.1, 1.0), Vec4::ONE];
+        function.surfaces(&mut colors, &[1.0, 10.0, 100.0].map(sample), &parameters);
+        colors.iter().all(|color| color.w == 0.0)
     })
 }
 

@@ -24,7 +24,7 @@ pub fn sheet(name: &str, stage: &Stage, marks: &[(Subject, Time, &'static str)])
     for (index, actor) in stage.actors.iter().enumerate() {
         let marks = marks_of(&|s| match s {
             Subject::Actor(a) => *a == index,
-            Subject::Look { actor, .. } => *actor == index,
+            Subject::Look { actor, .. } | Subject::Constraint { actor, .. } => *actor == index,
             _ => false,
         });
         let plays = actor.layers.iter().any(|l| !l.cues.is_empty());

@@ -148,39 +148,61 @@ fn facts(stage: &Stage, resources: &SceneResources, plan: &Plan, at: f64) -> Val
     })
 }
 
+/// "1 actor", "2 actors".
+fn many(number: &Value, one: &str) -> String {
+    let plural = match (number.as_u64() == Some(1), one) {
+        (true, _) => one.to_string(),
+        (_, "vertex") => "vertices".to_string(),
+        (_, "joint matrix") => "joint matrices".to_string(),
+        (_, "copy") => "copies".to_string(),
+        _ => format!("{one}s"),
+    };
+    format!("{number} {plural}")
+}
+
 fn text(f: &Value) -> String {
     let mut t = String::new();
     let (stage, shared, frame) = (&f["stage"], &f["shared"], &f["frame"]);
     let _ = writeln!(t, "at {} s, {}×{}, {} samples", f["seconds"], f["size"][0], f["size"][1], f["samples"]);
     let _ = writeln!(
         t,
-        "stage      {} actors from {} assets, {} frames",
-        stage["actors"], stage["assets"], stage["frames"]
+        "stage      {} from {}, {}",
+        many(&stage["actors"], "actor"),
+        many(&stage["assets"], "asset"),
+        many(&stage["frames"], "frame")
     );
     let _ = writeln!(
         t,
-        "uploaded   {} primitives with {} vertices, {} materials, {} textures ({:.1} MB), each once",
-        shared["primitives"],
-        shared["vertices"],
-        shared["materials"],
-        shared["textures"],
+        "uploaded   {} with {}, {}, {} ({:.1} MB), each once",
+        many(&shared["primitives"], "primitive"),
+        many(&shared["vertices"], "vertex"),
+        many(&shared["materials"], "material"),
+        many(&shared["textures"], "texture"),
         shared["texture_bytes"].as_f64().unwrap_or(0.0) / 1e6
     );
     let _ = writeln!(
         t,
-        "drawn      {} draws of {} copies, {} triangles, {} pipelines",
-        frame["draws"], frame["copies"], frame["primitives_drawn"], frame["pipelines"]
+        "drawn      {} of {}, {}, {}",
+        many(&frame["draws"], "draw"),
+        many(&frame["copies"], "copy"),
+        many(&frame["primitives_drawn"], "triangle"),
+        many(&frame["pipelines"], "pipeline")
     );
     let _ = writeln!(
         t,
-        "for them   {} joint matrices, {} active morph targets, {} lights",
-        frame["joint_matrices"], frame["active_morphs"], frame["lights"]
+        "for them   {}, {}, {}",
+        many(&frame["joint_matrices"], "joint matrix"),
+        many(&frame["active_morphs"], "active morph target"),
+        many(&frame["lights"], "light")
     );
     let cpu = &f["cpu"];
     let _ = writeln!(
         t,
-        "processor  {} poses, {} constraints, {} spring bones, {} sub-frames",
-        cpu["poses"], cpu["constraints"], cpu["spring_bones"], cpu["sub_frames"]
+        "processor  {}, {}, {}, {}",
+        many(&cpu["poses"], "pose"),
+        many(&cpu["constraints"], "constraint"),
+        many(&cpu["spring_bones"], "spring bone"),
+        many(&cpu["sub_frames"], "sub-frame")
     );
     if let Some(why) = cpu["sub_frames_why"].as_str() {
         let plural = if cpu["sub_frames"] == 1 { "" } else { "s" };

@@ -7,8 +7,10 @@ use crate::args::values;
 use crate::args::{Device, TestArgs};
 use crate::drawing::device;
 use crate::failure::{Failure, print, print_json, write_failure};
+use crate::output::target::in_folder;
 use crate::plugins::plugin_files;
 use crate::process::threads::too_few;
+use crate::project_file;
 use crate::scene::inputs::Inputs;
 use choreo_files::{Folder, WriteError, write_whole};
 use choreo_plugin::Registry;
@@ -27,8 +29,8 @@ use std::path::{Path, PathBuf};
 /// Folders that are searched for tests if the command line names none.
 const USUAL: [&str; 2] = ["tests/suite", "scripts"];
 
-pub fn run(args: TestArgs, plugins: &Registry) -> Result<(), Failure> {
-    let job = Job::new(&args)?;
+pub fn run(args: TestArgs, no_project_file: bool, plugins: &Registry) -> Result<(), Failure> {
+    let job = Job { in_projects: !no_project_file, ..Job::new(&args)? };
     if args.watch {
         return watch::run(&args, &job, plugins);
     }
@@ -70,6 +72,8 @@ pub struct Job {
     paths: Vec<PathBuf>,
     selection: Selection,
     options: RunOptions,
+    /// Tests may read in the folder of their project.
+    in_projects: bool,
 }
 
 impl Job {
@@ -102,7 +106,7 @@ impl Job {
         // A program that cannot be told from another build of it must not take over that one's results.
         let program = results::program();
         let options = RunOptions {
-            // A project is tested from its folder: its tests may use its scenes and assets.
+            // Without a choreo.toml, a project is tested from its folder: its tests may use its scenes and assets.
             test: TestOptions { script, root: std::env::current_dir().ok(), ..TestOptions::default() },
             pictures: ImageOptions { accept, device, any_device: args.any_device, failures: pictures },
             timeout: Some(values::timeout(&args.timeout)?),
@@ -118,7 +122,8 @@ impl Job {
         for path in [&args.junit, &args.html].into_iter().flatten() {
             writable(path)?;
         }
-        Ok(Job { paths, selection: Selection { filter: args.filter.clone(), shard }, options })
+        let selection = Selection { filter: args.filter.clone(), shard };
+        Ok(Job { paths, selection, options, in_projects: false })
     }
 
     /// The plugins with the plugin files found now. Files beside any of the tests count for all tests.
@@ -129,7 +134,8 @@ impl Job {
     }
 
     fn cases(&self, registry: &Registry) -> Result<Vec<Case>, Failure> {
-        let cases = collect::collect(&self.paths, registry, &self.options.test).map_err(nothing)?;
+        let project = |file: &Path| project_file::root_of(file).filter(|_| self.in_projects);
+        let cases = collect::collect(&self.paths, registry, &self.options.test, project).map_err(nothing)?;
         collect::select(cases, &self.selection).map_err(nothing)
     }
 }
@@ -159,17 +165,10 @@ fn shard(text: &str) -> Result<(usize, usize), Failure> {
 
 /// A report that could not be written is found before the tests run.
 fn writable(path: &Path) -> Result<(), Failure> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
-    match (path.is_dir(), folder) {
-        (true, _) => Err(Failure::Output(format!("{}: cannot write: it is a folder", path.display()))),
-        (false, Some(folder)) if !folder.is_dir() => Err(Failure::Output(format!(
-            "{}: cannot write: the folder {} does not exist; make it: mkdir -p {}",
-            path.display(),
-            folder.display(),
-            quoted(&folder.display().to_string())
-        ))),
-        _ => Ok(()),
+    if path.is_dir() {
+        return Err(Failure::Output(format!("{}: cannot write: it is a folder", path.display())));
     }
+    in_folder(path)
 }
 
 /// Folders for images of failures and for earlier results: in `target` if the project has such a folder, else in the user's

@@ -1,0 +1,175 @@
+//! The order of one actor's own constraints: what points at something in its own hand comes after what moves that hand.
+
+use crate::constraints::look_at::Aim;
+use crate::constraints::order::for_carriers;
+use crate::stage::Stage;
+use crate::stage::actor::{Actor, Target};
+use crate::stage::constraint::{Constraint, ConstraintKind};
+use crate::transforms::parents::ActiveParents;
+use choreo_motion::{Skeleton, Time};
+
+/// A constraint or look-at of an actor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// By number among the actor's constraints.
+    Constraint(usize),
+    /// By number among the aims of the round.
+    Look(usize),
+}
+
+/// When the place of a target is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Known {
+    /// Before the actor moves.
+    Before,
+    /// When the steps before this one have moved the actor.
+    InTurn,
+    /// Only after all steps: the target hangs on joints of a later step, and that one hangs on joints of this one.
+    After,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Step {
+    pub kind: Kind,
+    pub target: Known,
+}
+
+/// Buffers of [`Steps::find`].
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Steps {
+    pub(super) ordered: Vec<Step>,
+    usual: Vec<Kind>,
+    waiting: Vec<usize>,
+    /// (step, the step that moves its target), by number in `usual`.
+    needs: Vec<(usize, usize)>,
+    carriers: Vec<usize>,
+}
+
+/// An actor with more constraints than these at once keeps the usual order: finding another takes the cube of their number.
+const MOST: usize = 256;
+
+impl Steps {
+    /// Fills `ordered` with what an actor does at a time. The usual order: foot locks, aims, looks, reaches, each in the order of the
+    /// script. A step whose target another one moves comes after that one, unless that one hangs on it.
+    pub fn find(&mut self, stage: &Stage, parents: &ActiveParents, time: Time, index: usize, aims: &[Aim]) {
+        let actor = &stage.actors[index];
+        let active = |(_, c): &(usize, &Constraint)| {
+            c.share(time) > 0.0 && (c.last_joint() as usize) < actor.asset.skeleton.len()
+        };
+        let usual = &mut self.usual;
+        usual.clear();
+        for phase in 0..3 {
+            let constraints = actor.constraints.iter().enumerate().filter(active);
+            let constraints = constraints.filter(|(_, c)| phase_of(&c.kind) == Some(phase));
+            usual.extend(constraints.map(|(number, _)| Kind::Constraint(number)));
+            if phase == 1 {
+                usual.extend((0..aims.len()).filter(|at| aims[*at].actor == index).map(Kind::Look));
+            }
+        }
+        self.find_needs(stage, parents, index, aims);
+        self.order(actor, aims);
+    }
+
+    /// Finds which steps move the targets of which.
+    fn find_needs(&mut self, stage: &Stage, parents: &ActiveParents, index: usize, aims: &[Aim]) {
+        let Steps { usual, needs, carriers, .. } = self;
+        needs.clear();
+        if usual.len() < 2 || usual.len() > MOST {
+            return;
+        }
+        let actor = &stage.actors[index];
+        let skeleton = &actor.asset.skeleton;
+        for (at, step) in usual.iter().enumerate() {
+            let mut add = |target: Target| {
+                for_carriers(stage, parents, target, carriers, |carrier, joint| {
+                    if carrier != index {
+                        return;
+                    }
+                    let movers = usual.iter().enumerate().filter(|(other, mover)| {
+                        *other != at
+                            && moves(actor, aims, **mover).any(|m| is_at_or_below(skeleton, joint, m))
+                    });
+                    needs.extend(movers.map(|(other, _)| (at, other)));
+                });
+            };
+            match *step {
+                Kind::Constraint(number) => actor.constraints[number].targets().for_each(&mut add),
+                Kind::Look(number) => add(aims[number].target),
+            }
+        }
+    }
+
+    fn order(&mut self, actor: &Actor, aims: &[Aim]) {
+        let Steps { ordered, usual, waiting, needs, .. } = self;
+        ordered.clear();
+        if needs.is_empty() {
+            ordered.extend(usual.iter().map(|kind| Step { kind: *kind, target: Known::Before }));
+            return;
+        }
+        let needed_by = |step: usize| needs.iter().filter(move |(a, _)| *a == step).map(|(_, b)| *b);
+        let hangs = |step: usize, on: usize| {
+            let last = last_joint(actor, aims, usual[step]);
+            let below = |m| last.is_some_and(|last| is_at_or_below(&actor.asset.skeleton, last, m));
+            moves(actor, aims, usual[on]).any(below)
+        };
+        waiting.clear();
+        waiting.extend(0..usual.len());
+        while !waiting.is_empty() {
+            let free = (0..waiting.len()).find(|at| {
+                let waits = needed_by(waiting[*at]).any(|other| waiting.contains(&other));
+                !waits && !waiting[..*at].iter().any(|before| hangs(waiting[*at], *before))
+            });
+            // In a circle the first one of the usual order begins.
+            let step = waiting.remove(free.unwrap_or(0));
+            let target = if needed_by(step).any(|other| waiting.contains(&other)) {
+                Known::After
+            } else if needed_by(step).next().is_some() {
+                Known::InTurn
+            } else {
+                Known::Before
+            };
+            ordered.push(Step { kind: usual[step], target });
+        }
+    }
+}
+
+/// Mirroring is done with the clips.
+fn phase_of(kind: &ConstraintKind) -> Option<usize> {
+    match kind {
+        ConstraintKind::FootLock(_) => Some(0),
+        ConstraintKind::Aim(_) => Some(1),
+        ConstraintKind::Reach(_) => Some(2),
+        ConstraintKind::Mirror(_) => None,
+    }
+}
+
+/// The uppermost joints that a step moves; all below them move along.
+fn moves<'a>(actor: &'a Actor, aims: &[Aim], step: Kind) -> impl Iterator<Item = u32> + use<'a> {
+    let (one, legs) = match step {
+        Kind::Look(number) => (Some(aims[number].joint), &[][..]),
+        Kind::Constraint(number) => match &actor.constraints[number].kind {
+            ConstraintKind::Aim(aim) => (aim.joints.first().copied(), &[][..]),
+            ConstraintKind::Reach(reach) => (reach.joints.first().copied(), &[][..]),
+            ConstraintKind::FootLock(lock) => (lock.hips, lock.legs.as_slice()),
+            ConstraintKind::Mirror(_) => (None, &[][..]),
+        },
+    };
+    one.into_iter().chain(legs.iter().map(|leg| leg.hip))
+}
+
+/// The joint at the end of a step's chain; foot locks have none and hang on nothing.
+fn last_joint(actor: &Actor, aims: &[Aim], step: Kind) -> Option<u32> {
+    match step {
+        Kind::Look(number) => Some(aims[number].joint),
+        Kind::Constraint(number) => match &actor.constraints[number].kind {
+            ConstraintKind::Aim(aim) => aim.joints.last().copied(),
+            ConstraintKind::Reach(reach) => reach.joints.last().copied(),
+            ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_) => None,
+        },
+    }
+}
+
+fn is_at_or_below(skeleton: &Skeleton, joint: u32, above: u32) -> bool {
+    let parent = |at: &u32| skeleton.parents().get(*at as usize).copied().flatten();
+    std::iter::successors(Some(joint), parent).any(|at| at == above)
+}

@@ -1,0 +1,103 @@
+//! Hands that never come to where they reach.
+
+use crate::constraints::solve::{places, world_place};
+use crate::snapshot::Snapshot;
+use crate::stage::Stage;
+use crate::stage::actor::Actor;
+use crate::stage::constraint::{Constraint, ConstraintKind, ReachConstraint};
+use crate::survey::{Finding, Subject};
+use choreo_motion::Time;
+use glam::DAffine3;
+
+/// A hand within this of its target has come to it: a share of the limb's length, which a soft reach leaves, and some metres.
+const NEAR_SHARE: f64 = 0.05;
+const NEAR_METRES: f64 = 0.01;
+
+/// The nearest that a joint has come to the target of one constraint.
+#[derive(Clone, Copy, Debug)]
+struct Nearest {
+    metres: f64,
+    time: Time,
+    reached: bool,
+}
+
+/// Observations of all constraints, by actor; `None` where a constraint never counted fully, or is no reach.
+#[derive(Debug)]
+pub(super) struct Reaches(Vec<Vec<Option<Nearest>>>);
+
+impl Reaches {
+    pub fn new(stage: &Stage) -> Reaches {
+        Reaches(stage.actors.iter().map(|actor| vec![None; actor.constraints.len()]).collect())
+    }
+
+    pub fn look(&mut self, stage: &Stage, snapshot: &Snapshot, time: Time) {
+        for (index, actor) in stage.actors.iter().enumerate() {
+            for (constraint, nearest) in actor.constraints.iter().zip(&mut self.0[index]) {
+                let Some(now) = miss(stage, snapshot, (actor, index), constraint, time) else { continue };
+                if nearest.is_none_or(|before| now.metres < before.metres) {
+                    *nearest = Some(now);
+                }
+            }
+        }
+    }
+
+    /// Whether another time could still take a finding away.
+    pub fn open(&self, stage: &Stage) -> bool {
+        let all = stage.actors.iter().zip(&self.0).flat_map(|(a, found)| a.constraints.iter().zip(found));
+        all.filter(|(c, _)| matches!(c.kind, ConstraintKind::Reach(_)) && c.weight > FULL)
+            .any(|(_, nearest)| nearest.is_none_or(|n| !n.reached))
+    }
+
+    /// The findings of one actor; `times_said`: how many times were looked at, if not all.
+    pub fn findings(&self, stage: &Stage, index: usize, times_said: &str) -> Vec<Finding> {
+        let actor = &stage.actors[index];
+        let missed = |(number, nearest): (usize, &Option<Nearest>)| {
+            let nearest = nearest.filter(|nearest| !nearest.reached)?;
+            let ConstraintKind::Reach(reach) = &actor.constraints[number].kind else { return None };
+            let end = *reach.joints.last()? as usize;
+            let joint = actor.asset.skeleton.names().get(end).map_or("", String::as_str);
+            let text = format!(
+                "\"{joint}\" of \"{}\" never reaches its target: it is {:.2} m short at {:.2} s, where it comes nearest{times_said}",
+                actor.name,
+                nearest.metres,
+                nearest.time.as_secs()
+            );
+            let hint = "move the target or the actor nearer, or let more joints bend: #{ root: \"Spine\" }";
+            let subject = Subject::Constraint { actor: index, constraint: number };
+            Some(Finding { rule: "reach_too_far", note: false, subject, text, hint: Some(hint.into()) })
+        };
+        self.0[index].iter().enumerate().filter_map(missed).collect()
+    }
+}
+
+/// A constraint with a share above this counts fully.
+const FULL: f32 = 0.999;
+
+/// How far the end of a reach is from its target; `None` where it does not count fully, or one of both is nowhere.
+fn miss(
+    stage: &Stage,
+    snapshot: &Snapshot,
+    (actor, index): (&Actor, usize),
+    constraint: &Constraint,
+    time: Time,
+) -> Option<Nearest> {
+    let ConstraintKind::Reach(reach) = &constraint.kind else { return None };
+    let state = &snapshot.actors[index];
+    if constraint.share(time) < f64::from(FULL) || state.model_from_joint.len() != actor.asset.skeleton.len()
+    {
+        return None;
+    }
+    let (target, _) = places(stage, &snapshot.actors, constraint)?;
+    let joints = &state.model_from_joint;
+    let end = world_place(&state.world_from_model, joints.get(*reach.joints.last()? as usize)?);
+    let metres = (end - target).length();
+    let near = NEAR_SHARE * length(reach, joints, &state.world_from_model) + NEAR_METRES;
+    metres.is_finite().then_some(Nearest { metres, time, reached: metres <= near })
+}
+
+/// Metres from the first joint of a limb over all others to the last.
+fn length(reach: &ReachConstraint, joints: &[glam::Affine3A], world_from_model: &DAffine3) -> f64 {
+    let place = |joint: &u32| joints.get(*joint as usize).map(|joint| world_place(world_from_model, joint));
+    let bone = |pair: &[u32]| Some((place(&pair[1])? - place(&pair[0])?).length());
+    reach.joints.windows(2).filter_map(bone).sum()
+}
