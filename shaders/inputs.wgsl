@@ -5,7 +5,7 @@
 struct Inputs {
     // World normal, and metres before the camera along its view.
     @location(0) surface: vec4<f32>,
-    // Pixels since the frame before, and the number of the actor.
+    // Pixels since the frame before, and the numbers of actor and material.
     @if(MOTION) @location(1) motion: vec4<f32>,
 }
 
@@ -65,7 +65,7 @@ fn inputs_fs(in: VertexOut, @builtin(front_facing) front: bool) -> Inputs {
     // What was behind the camera has no place in the image before.
     var moved = vec2(0.0);
     if (before.w > 0.0) { moved = in.position.xy - (before.xy / before.w * 0.5 + 0.5) * frame.size; }
-    out.motion = vec4(moved, in.actor, 0.0);
+    out.motion = vec4(moved, in.numbers);
     @end
     return out;
 }

@@ -35,7 +35,8 @@ struct VertexOut {
     @if(TRIPLANAR) @location(9) model_normal: vec3<f32>,
     @if(TRIPLANAR && TANGENT) @location(10) model_tangent: vec3<f32>,
     @if(MOTION) @location(11) clip_before: vec4<f32>,
-    @if(MOTION) @location(12) @interpolate(flat) actor: f32,
+    // Numbers of actor and material.
+    @if(MOTION) @location(12) @interpolate(flat) numbers: vec2<f32>,
 }
 
 @if(EFFECT_JOINTS)
@@ -154,7 +155,7 @@ fn vs(in: VertexIn) -> VertexOut {
     @if(TRIPLANAR) out.model_normal = in.normal.xyz;
     @if(TRIPLANAR && TANGENT) out.model_tangent = in.tangent.xyz;
     @if(MOTION) out.clip_before = clip_before(in);
-    @if(MOTION) out.actor = instances[in.instance].tint.x;
+    @if(MOTION) out.numbers = instances[in.instance].tint.xz;
     @if(UV0) out.uv0 = in.uv0;
     @if(UV1) out.uv1 = in.uv1;
     @if(VERTEX_COLOR && TINT) out.color = in.color * instances[in.instance].tint;

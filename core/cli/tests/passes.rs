@@ -40,6 +40,8 @@ fn all_images(folder: &Path, device: &str) -> bool {
         && image("_neutral.exr", &neutral)
         && image("_neutral.png", &neutral)
         && image("_none4.exr", &["--export", "compression=zips"])
+        && image("_ids.exr", &["--set", "background=#00000000", "--passes", "color,id,albedo"])
+        && image("_ids16.exr", &["--passes", "id", "--export", "id_samples=16"])
         && image("_alpha.exr", &["--set", "background=#ffffff00", "--export", "compression=none"])
 }
 
@@ -107,7 +109,7 @@ fn wrong_passes_are_refused_before_the_first_frame() {
     refused(
         "x.exr",
         &["--passes", "color,z"],
-        "passes: \"z\" is no pass; the passes are color, depth, normal",
+        "passes: \"z\" is no pass; the passes are color, depth, normal, motion, albedo, id",
     );
     refused("x.png", &["--passes", "depth"], "--export passes=depth: ");
     let sheet = choreo(d, &["render", "scene.rhai", "--sheet", "-o", "x.exr"]);

@@ -22,6 +22,7 @@ pub enum FrameWish {
 /// use choreo_plugin::Passes;
 /// let passes = Passes::parse("color, depth")?;
 /// assert!(passes.color && passes.depth && !passes.normal);
+/// assert_eq!(passes.names().collect::<Vec<_>>(), ["color", "depth"]);
 /// assert!(Passes::parse("z").unwrap_err().contains("color, depth, normal"));
 /// # Ok::<(), String>(())
 /// ```
@@ -35,11 +36,17 @@ pub struct Passes {
     pub normal: bool,
     /// [`FloatFrame::motion`].
     pub motion: bool,
+    /// [`FloatFrame::albedo`].
+    pub albedo: bool,
+    /// [`FloatFrame::actors`] and [`FloatFrame::materials`].
+    pub id: bool,
+    /// Samples per pixel of the ids: 1, 4 or 16; 0: as many as color has.
+    pub id_samples: u32,
 }
 
 impl Passes {
     /// The names of all passes.
-    pub const NAMES: [&'static str; 4] = ["color", "depth", "normal", "motion"];
+    pub const NAMES: [&'static str; 6] = ["color", "depth", "normal", "motion", "albedo", "id"];
 
     /// The passes of a list of names with commas; the error is a text for the user.
     pub fn parse(list: &str) -> Result<Passes, String> {
@@ -50,6 +57,8 @@ impl Passes {
                 "depth" => &mut passes.depth,
                 "normal" => &mut passes.normal,
                 "motion" => &mut passes.motion,
+                "albedo" => &mut passes.albedo,
+                "id" => &mut passes.id,
                 _ => {
                     let known = Passes::NAMES.join(", ");
                     return Err(format!("\"{name}\" is no pass; the passes are {known}"));
@@ -58,6 +67,23 @@ impl Passes {
             *place = true;
         }
         Ok(passes)
+    }
+
+    /// Whether depth, normals or motion vectors are drawn for them.
+    pub fn reads_inputs(self) -> bool {
+        self.depth || self.normal || self.motion || self.id
+    }
+
+    /// Samples per pixel of the ids, for a frame with so many samples.
+    pub fn samples_of_ids(self, samples: u32) -> u32 {
+        if self.id_samples == 0 { samples } else { self.id_samples }
+    }
+
+    /// The names of these passes.
+    pub fn names(self) -> impl Iterator<Item = &'static str> {
+        let Passes { color, depth, normal, motion, albedo, id, .. } = self;
+        let on = [color, depth, normal, motion, albedo, id];
+        Passes::NAMES.into_iter().zip(on).filter(|(_, on)| *on).map(|(name, _)| name)
     }
 }
 
@@ -82,6 +108,36 @@ pub struct FloatFrame {
     pub normal: Vec<Vec3>,
     /// Pixels by which a surface has moved since the frame before, right and down.
     pub motion: Vec<Vec2>,
+    /// Base colors without light: linear RGBA with the primaries of sRGB, premultiplied alpha.
+    pub albedo: Vec<Vec4>,
+    /// Which actors a pixel shows.
+    pub actors: Option<IdMatte>,
+    /// Which materials a pixel shows.
+    pub materials: Option<IdMatte>,
+}
+
+/// The names that pixels show, each with its share of the pixel: what Cryptomatte stores.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct IdMatte {
+    /// All names of the scene, shown or not. Several may be equal.
+    pub names: Vec<String>,
+    /// Images of the name with the largest share of each pixel, of the name with the second largest, and so on; at most
+    /// [`IdMatte::MOST_RANKS`], as many in every frame.
+    pub ranks: Vec<Vec<IdShare>>,
+}
+
+impl IdMatte {
+    /// Names of one pixel beyond these are left out.
+    pub const MOST_RANKS: usize = 6;
+}
+
+/// A name's share of a pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct IdShare {
+    /// Index into [`IdMatte::names`], plus 1; 0: none.
+    pub number: u32,
+    /// 0 to 1. The shares of a pixel are 1 together with that of the background.
+    pub share: f32,
 }
 
 impl FloatFrame {

@@ -1,11 +1,13 @@
 //! One OpenEXR file a frame: scene-linear color with alpha and the passes of a compositor, as layers of one part.
 
+mod cryptomatte;
 mod header;
 
 use choreo_plugin::{
     ExportError, ExportOptions, Exporter, FloatFrame, Frame, FrameSink, FrameWish, Manifest, Passes,
     VideoInfo,
 };
+use cryptomatte::Cryptomatte;
 use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer};
 use exr::meta::attribute::{AttributeValue, Chromaticities, Text};
 use exr::meta::header::LayerAttributes;
@@ -20,12 +22,23 @@ pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     Manifest::new("exr", env!("CARGO_PKG_VERSION"), "Light for compositors: scene-linear images with passes")
         .extensions(["exr"])
         .magic(b"\x76\x2f\x31\x01")
-        .text(PASSES, "What the file holds, a list with commas: color, depth, normal, motion", "color", &[])
+        .text(
+            PASSES,
+            "What the file holds, a list with commas: color, depth, normal, motion, albedo, id",
+            "color",
+            &[],
+        )
         .text(
             "pixels",
-            "half: 16 bits a channel; float: 32. Depth has 32 either way",
+            "half: 16 bits a channel; float: 32. Depth and ids have 32 either way",
             "half",
             &["half", "float"],
+        )
+        .text(
+            ID_SAMPLES,
+            "Samples per pixel of the ids; frame: as many as color has",
+            "frame",
+            &["frame", "1", "4", "16"],
         )
         .text(
             "compression",
@@ -36,6 +49,7 @@ pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
 });
 
 const PASSES: &str = "passes";
+const ID_SAMPLES: &str = "id_samples";
 
 pub struct ExrExporter;
 
@@ -50,7 +64,10 @@ impl Exporter for ExrExporter {
 
     fn wish(&self, options: &ExportOptions) -> Result<FrameWish, ExportError> {
         let passes = Passes::parse(options.text(PASSES).unwrap_or("color"));
-        passes.map(FrameWish::Scene).map_err(|text| ExportError::Format(format!("{PASSES}: {text}")))
+        let passes = passes.map_err(|text| ExportError::Format(format!("{PASSES}: {text}")))?;
+        // What is no number is "frame".
+        let id_samples = options.text(ID_SAMPLES).and_then(|text| text.parse().ok()).unwrap_or(0);
+        Ok(FrameWish::Scene(Passes { id_samples, ..passes }))
     }
 
     fn begin(&self, info: &VideoInfo, out: Box<dyn Write + Send>) -> Result<Box<dyn FrameSink>, ExportError> {
@@ -127,10 +144,23 @@ fn encode(frame: &FloatFrame, info: &VideoInfo) -> Result<Vec<u8>, ExportError> 
         // Compositors count rows from below.
         channels.add("motion.Y", frame.motion.iter().map(|moved| -moved.y));
     }
+    if !frame.albedo.is_empty() {
+        for (i, name) in ["albedo.R", "albedo.G", "albedo.B", "albedo.A"].into_iter().enumerate() {
+            channels.add(name, frame.albedo.iter().map(|color| color[i]));
+        }
+    }
+    let mattes = [("CryptoObject", &frame.actors), ("CryptoMaterial", &frame.materials)];
+    let mattes =
+        mattes.into_iter().filter_map(|(layer, matte)| Some(Cryptomatte { layer, matte: matte.as_ref()? }));
+    let mattes: Vec<Cryptomatte> = mattes.collect();
+    for (name, values) in mattes.iter().flat_map(Cryptomatte::channels) {
+        channels.add_float(&name, values.into_iter());
+    }
     let mut attributes =
         LayerAttributes { frames_per_second: rate(info), software_name: None, ..LayerAttributes::default() };
     let text = |text: &str| Text::from_slice_unchecked(text.as_bytes());
-    for (keyword, value) in &info.provenance {
+    let of_mattes: Vec<(String, String)> = mattes.iter().flat_map(Cryptomatte::attributes).collect();
+    for (keyword, value) in info.provenance.iter().chain(&of_mattes) {
         attributes.other.insert(text(keyword), AttributeValue::Text(text(value)));
     }
     let compression = match info.options.text("compression") {

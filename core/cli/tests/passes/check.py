@@ -3,6 +3,7 @@
 The scene is scene.rhai beside this file. Prints a line for each comparison; ends with an error at the first that is beyond its bound.
 """
 
+import json
 import sys
 import zlib
 
@@ -201,6 +202,98 @@ def composite(name, over):
     check(f"{name} over the background of {over}", is_, image(whole, "RGB"), 1e-3)
 
 
+def decoded(codes):
+    share = np.array(codes) / 255
+    return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+
+
+def albedo(name):
+    found, _ = channels(name)
+    depth, normal, surface = cast()
+    same = inner(surface, normal)
+    colors = np.array([[0, 0, 0, 0], [*decoded([0x80, 0x90, 0xA0]), 1], [*decoded([0xE0, 0x80, 0x40]), 1]])
+    is_ = image(found, ["albedo.R", "albedo.G", "albedo.B", "albedo.A"])
+    check(f"{name} albedo", is_[same], colors[surface][same], 5e-4)
+    if "A" in found:
+        check(f"{name} alpha of albedo", is_[..., 3], found["A"], 1e-3)
+
+
+def murmur3(text):
+    """MurmurHash3_x86_32, from the reference's description."""
+    data, hash_ = text.encode(), 0
+    mask = 0xFFFFFFFF
+    for i in range(0, len(data), 4):
+        block = int.from_bytes(data[i : i + 4], "little") * 0xCC9E2D51 & mask
+        block = (block << 15 | block >> 17) & mask
+        hash_ ^= block * 0x1B873593 & mask
+        if i + 4 <= len(data):
+            hash_ = (hash_ << 13 | hash_ >> 19) & mask
+            hash_ = (hash_ * 5 + 0xE6546B64) & mask
+    hash_ ^= len(data)
+    for shift, factor in ((16, 0x85EBCA6B), (13, 0xC2B2AE35), (16, 1)):
+        hash_ = (hash_ ^ hash_ >> shift) * factor & mask
+    return hash_
+
+
+def mattes(name, layer):
+    """The share of each name at each pixel, decoded as the specification of Cryptomatte 1.2 says."""
+    part = OpenEXR.File(name, separate_channels=True).parts[0]
+    key = f"cryptomatte/{murmur3(layer):08x}"[:-1]
+    values = {word: part.header[f"{key}/{word}"] for word in ("name", "hash", "conversion", "manifest")}
+    assert (values["name"], values["hash"]) == (layer, "MurmurHash3_32"), values
+    assert values["conversion"] == "uint32_to_float32"
+    manifest = json.loads(values["manifest"])
+    for text, hex_ in manifest.items():
+        bits = murmur3(text)
+        bits ^= 1 << 23 if bits >> 23 & 255 in (0, 255) else 0
+        assert bits == int(hex_, 16), text
+    names = {int(hex_, 16): text for text, hex_ in manifest.items()}
+    found, total = {}, np.zeros((HEIGHT, WIDTH))
+    for number in range(3):
+        for id_, share in (("R", "G"), ("B", "A")):
+            if f"{layer}{number:02}.{id_}" not in part.channels:
+                continue
+            ids = part.channels[f"{layer}{number:02}.{id_}"].pixels
+            shares = part.channels[f"{layer}{number:02}.{share}"].pixels
+            assert ids.dtype == np.float32 and shares.dtype == np.float32
+            bits = ids.view(np.uint32)
+            for value in np.unique(bits[shares > 0]):
+                text = names[int(value)]
+                found[text] = found.get(text, 0) + np.where(bits == value, shares, 0)
+            total += shares
+    return found, total
+
+
+PLACES = {
+    4: [(6, 2), (14, 6), (2, 10), (10, 14)],
+    16: [(9, 9), (7, 5), (5, 10), (12, 7), (3, 6), (10, 13), (13, 11), (11, 3)]
+    + [(6, 14), (8, 1), (4, 2), (2, 12), (0, 8), (15, 4), (14, 15), (1, 0)],
+}
+
+
+def ids(name, samples, of_layer):
+    for layer, texts in of_layer.items():
+        found, total = mattes(name, layer)
+        assert found.keys() == set(texts), (layer, found.keys())
+        # The same places in each pixel, by ray casts; a vertex lies on a grid of 1/256 pixels.
+        casts = [cast((x / 16, y / 16))[2] for x, y in PLACES[samples]]
+        for number, text in enumerate(texts, 1):
+            should = np.mean([surface == number for surface in casts], axis=0)
+            off = np.abs(found[text] - should)
+            beyond = float((off > 1e-6).mean())
+            print(f"{name} {layer} {text}: {beyond:.4f} of the pixels have another share, at most {off.max():.3g}")
+            assert ((should > 0) & (should < 1)).sum() > 30
+            assert beyond < 2e-3 and off.max() <= 2 / samples
+        covered = np.mean([surface > 0 for surface in casts], axis=0)
+        whole = covered == 1
+        check(f"{name} {layer}, sum of the shares", total[whole], 1.0, 1e-6)
+        alpha = channels(name)[0].get("A")
+        if alpha is not None:
+            beyond = float((np.abs(total - alpha) > 1e-3).mean())
+            print(f"{name} {layer}: {beyond:.4f} of the pixels have another alpha")
+            assert beyond < 2e-3
+
+
 def header(name, keys):
     _, part = channels(name)
     for key, text in keys.items():
@@ -216,7 +309,14 @@ if __name__ == "__main__":
         shown(f"{device}_none.exr", f"{device}_none.png", IDENTITY, False)
         shown(f"{device}_neutral.exr", f"{device}_neutral.png", neutral, True)
         composite(f"{device}_alpha.exr", f"{device}_none4.exr")
+        albedo(f"{device}_ids.exr")
+        names = {"CryptoObject": ["floor", "box"], "CryptoMaterial": ["mesh", "shape"]}
+        ids(f"{device}_ids.exr", 4, names)
+        ids(f"{device}_ids16.exr", 16, names)
         header(f"{device}.exr", {"choreo:source": "scene.rhai", "framesPerSecond": "24", "Software": "choreo"})
     if len(sys.argv) > 2:
         twins("cpu.exr", "vulkan.exr", {"Z": (1e-5, 0.001), "N": (1e-3, 0.001), "motion": (1e-3, 0.001)})
+        rare = {kind: (1e-3, 0.005) for kind in ("CryptoObject00", "CryptoMaterial00", "albedo")}
+        rare |= {kind: (1e-3, 0.005) for kind in ("CryptoObject01", "CryptoMaterial01")}
+        twins("cpu_ids.exr", "vulkan_ids.exr", rare)
         twins("cpu_none4.exr", "vulkan_none4.exr", {})

@@ -321,6 +321,9 @@ pub(crate) struct ExplainArgs {
     pub size: Option<String>,
     #[arg(long, value_name = "1|4")]
     pub samples: Option<String>,
+    /// Also the passes of an OpenEXR image, as color,depth,id
+    #[arg(long, value_name = "LIST")]
+    pub passes: Option<String>,
     /// Also draw what it holds on the device, as an image
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,

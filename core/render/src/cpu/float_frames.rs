@@ -1,13 +1,15 @@
 //! Frames of floats, put together on the host for both renderers: the mean of exposures, effects on images by the functions that are
 //! the passes' specification, dissolves, 2D layers, and the passes that [`FrameWish::Scene`] names.
 
+use super::id_mattes::IdSamples;
 use super::image_passes;
 use super::scene_inputs::InputImages;
 use crate::effect_faults::EffectFaults;
 use crate::error::RenderError;
 use crate::plan::Plan;
 use crate::plan::motion_blur::Accumulated;
-use choreo_plugin::{Effect, FloatFrame, FrameWish, Passes, SceneImages};
+use crate::plan::passes::sample_places;
+use choreo_plugin::{Effect, FloatFrame, FrameWish, IdMatte, Passes, SceneImages};
 use glam::{Vec2, Vec4, Vec4Swizzles};
 
 /// What a renderer draws of a frame of floats.
@@ -27,7 +29,9 @@ pub(crate) fn float_frame(plan: &Plan, renderer: &mut impl DrawsFloats) -> Resul
         _ => (Passes { color: true, ..Passes::default() }, true),
     };
     let mut frame = FloatFrame::new(plan.size);
-    let inputs = renderer.inputs(plan)?;
+    // The inputs of ids are drawn at places of their own.
+    let of_pixels = passes.color || passes.depth || passes.normal || passes.motion;
+    let inputs = if of_pixels { renderer.inputs(plan)? } else { InputImages::default() };
     if passes.color {
         frame.color = image(plan, &inputs, renderer)?;
         if let Some(dissolve) = &plan.dissolve {
@@ -50,7 +54,32 @@ pub(crate) fn float_frame(plan: &Plan, renderer: &mut impl DrawsFloats) -> Resul
     if passes.motion {
         frame.motion = inputs.motion.iter().map(|m| Vec2::new(m.x, m.y)).collect();
     }
+    if passes.albedo {
+        frame.albedo = renderer.linear(&plan.albedo())?;
+    }
+    if passes.id {
+        [frame.actors, frame.materials] = ids(plan, passes, renderer)?;
+    }
     Ok(frame)
+}
+
+/// The actors and materials of each pixel, by one more pass of the inputs for each sample.
+fn ids(
+    plan: &Plan,
+    passes: Passes,
+    renderer: &mut impl DrawsFloats,
+) -> Result<[Option<IdMatte>; 2], RenderError> {
+    let [mut actors, mut materials] = [Vec::new(), Vec::new()];
+    for place in sample_places(passes.samples_of_ids(plan.samples)) {
+        let Some(seen) = plan.of_inputs_at(*place) else { return Ok([None, None]) };
+        let motion = renderer.inputs(&seen)?.motion;
+        actors.push(motion.iter().map(|texel| texel.z as u32).collect());
+        materials.push(motion.iter().map(|texel| texel.w as u32).collect());
+    }
+    let names = plan.scene_inputs.as_ref().and_then(|pass| pass.names.clone());
+    let [of_actors, of_materials] = names.unwrap_or_default();
+    let matte = |samples, names| Some(IdSamples(samples).matte(names));
+    Ok([matte(actors, of_actors), matte(materials, of_materials)])
 }
 
 /// The linear image of a plan: the mean of its exposures, and the effects over it.

@@ -10,6 +10,7 @@ mod changed;
 mod coverage;
 mod displace;
 pub(crate) mod float_frames;
+mod id_mattes;
 pub mod image_passes;
 mod layer_shading;
 mod layers;

@@ -40,10 +40,10 @@ impl<'a> SceneOf<'a> {
     }
 }
 
-/// One drawn copy: its batch, the actor's number, and where its vertices were in the clip space of the frame before.
+/// One drawn copy: its batch, the numbers of actor and material, and where its vertices were in the clip space of the frame before.
 struct DrawnCopy<'a> {
     batch: Batch<'a>,
-    actor: f32,
+    numbers: [f32; 2],
     before: Vec<Vec4>,
 }
 
@@ -66,7 +66,7 @@ impl CpuRenderer {
                     true => self.clip_before(plan, pass, draw, tint.y as usize),
                     false => Vec::new(),
                 };
-                DrawnCopy { batch, actor: tint.x, before }
+                DrawnCopy { batch, numbers: [tint.x, tint.z], before }
             })
             .collect();
         draw(plan, pass.motion, &copies)
@@ -108,7 +108,8 @@ fn draw(plan: &Plan, motion: bool, copies: &[DrawnCopy]) -> InputImages {
             let weights = weights(triangle, at);
             surface[i] = copy.surface(plan, triangle, weights);
             if let Some(out) = motion.get_mut(i) {
-                *out = copy.moved(plan.size, triangle, weights, at).extend(copy.actor).extend(0.0);
+                let [actor, material] = copy.numbers;
+                *out = copy.moved(plan.size, triangle, weights, at).extend(actor).extend(material);
             }
         }
     });

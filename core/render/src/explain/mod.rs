@@ -1,6 +1,7 @@
 //! The costs of a frame: passes, pipelines, shader features, buffers, textures and targets that its commands need, the size of
 //! each, and which actors and materials request it. What was left out, and why, is in the plan.
 
+mod float_frames;
 mod passes;
 mod preskin;
 mod targets;
@@ -94,6 +95,7 @@ pub fn explain(resources: &SceneResources, plan: &Plan, recording: &Recording) -
     costs.sky(recording);
     costs.layers_2d();
     costs.targets(recording);
+    costs.float_frame();
     costs.all.sort_by_key(|p| p.kind);
     costs.all
 }

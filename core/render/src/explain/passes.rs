@@ -123,13 +123,9 @@ impl Costs<'_> {
     fn input_pass(&mut self, motion: bool) {
         let Some(pass) = &self.plan.scene_inputs else { return };
         let what = if motion { "depth, normals, motion vectors and actors" } else { "depth and normals" };
-        let what = format!("{what} for effects: {}, 1 sample per pixel", plural(pass.draws.len(), "draw"));
+        let readers = if pass.effects.is_empty() { "passes" } else { "effects" };
+        let what = format!("{what} for {readers}: {}, 1 sample per pixel", plural(pass.draws.len(), "draw"));
         self.add(CostKind::Pass, what, None, self.inputs_read_by());
-    }
-
-    pub(crate) fn inputs_read_by(&self) -> RequestedBy {
-        let effects = self.plan.scene_inputs.iter().flat_map(|pass| pass.effects.iter().cloned()).collect();
-        RequestedBy { effects, ..RequestedBy::default() }
     }
 
     fn lighting_pass(&mut self, variant: &SceneVariant) {

@@ -56,7 +56,9 @@ impl Costs<'_> {
                 true => ("normals, depth, motion and actors", 36),
                 false => ("normals and depth", 20),
             };
-            let what = format!("{names} for effects {size}, 32-bit floats, with the depth of their pass");
+            let no_effect = self.plan.scene_inputs.as_ref().is_some_and(|pass| pass.effects.is_empty());
+            let readers = if no_effect { "passes" } else { "effects" };
+            let what = format!("{names} for {readers} {size}, 32-bit floats, with the depth of their pass");
             self.add(CostKind::Target, what, Some(bytes * pixels), self.inputs_read_by());
         }
         let Some((target, samples, depth)) = scene else { return };

@@ -18,6 +18,7 @@ pub(crate) mod lights;
 pub mod motion_blur;
 pub(crate) mod options;
 pub(crate) mod overlay;
+pub(crate) mod passes;
 pub(crate) mod pipeline_key;
 pub(crate) mod post;
 pub(crate) mod scene_color_copy;

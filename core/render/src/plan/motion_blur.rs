@@ -4,7 +4,7 @@
 //! Earlier frames that an effect reads are planned here, too, without motion blur.
 
 use crate::plan::build::effects::{exposure_of, history_of};
-use crate::plan::build::scene_inputs::inputs_of;
+use crate::plan::build::scene_inputs::reads_motion;
 use crate::plan::options::PlanOptions;
 use crate::plan::shutter_motion::Shown;
 use crate::plan::{LeftOut, Plan, PlanDissolve};
@@ -71,7 +71,7 @@ fn plan_shot<E>(
     options: &PlanOptions,
     mut at: impl FnMut(Time) -> Result<Snapshot, E>,
 ) -> Result<Plan, E> {
-    let moves = inputs_of(stage, snapshot, options).motion;
+    let moves = reads_motion(stage, snapshot, options);
     let before = moves.then(|| at(frames_ago(stage, time, 1))).transpose()?;
     // After a cut nothing has moved.
     let moved_from = before.as_ref().filter(|before| before.camera.camera == snapshot.camera.camera);

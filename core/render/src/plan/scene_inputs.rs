@@ -8,8 +8,8 @@ use glam::{Mat4, Vec3};
 /// of the frame. With `motion` it has two color targets instead of one.
 #[derive(Clone, Debug)]
 pub struct InputPass {
-    /// The draws' instances are their own: their tint holds the actor's number, from 1, and with `motion` the index of the instance
-    /// as it was one frame before.
+    /// The draws' instances are their own: their tint holds the actor's number, from 1, with `motion` the index of the instance
+    /// as it was one frame before, and with `names` the material's number, from 1.
     pub draws: Vec<Draw>,
     pub motion: bool,
     /// Clip space from the camera-relative space of the frame before.
@@ -20,6 +20,8 @@ pub struct InputPass {
     pub inputs: SceneInputs,
     /// Names of the effects that read any of it.
     pub effects: Vec<String>,
+    /// Names of actors and materials by their numbers, where these are a pass of the frame.
+    pub names: Option<[Vec<String>; 2]>,
 }
 
 impl InputPass {

@@ -10,7 +10,7 @@ use crate::failure::{Failure, print, print_json};
 use crate::output::svg;
 use crate::scene::{self, opening::Opening};
 use choreo_bench::plots::{Cell, Table, byte_bars};
-use choreo_plugin::Registry;
+use choreo_plugin::{FrameWish, Passes, Registry};
 use choreo_render::commands::{RecordOptions, record};
 use choreo_render::plan::LeftOut;
 use choreo_render::plan::frame_key::scene_key;
@@ -29,6 +29,10 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
     let at = values::at(&args.at)?;
     let size = args.size.as_deref().map(values::size).transpose()?;
     let samples = args.samples.as_deref().map(values::samples).transpose()?;
+    let wish = match args.passes.as_deref().map(Passes::parse).transpose() {
+        Ok(passes) => passes.map_or(FrameWish::Bytes, FrameWish::Scene),
+        Err(text) => return Err(Failure::Usage(format!("--passes: {text}"))),
+    };
     let registry = scene::plugins(&args.scene, plugins)?;
     let scene = scene::open(&args.scene, &registry, Opening::TO_TELL)?;
     let stage = &scene.stage;
@@ -40,7 +44,7 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
     let snapshot = evaluator.at(at).map_err(|e| Failure::input(e.to_string()))?;
     let costs = evaluator.costs(&snapshot);
     let effects = scene.registry.effects();
-    let options = PlanOptions { effects, ..PlanOptions::new(size, samples) };
+    let options = PlanOptions { effects, wish, ..PlanOptions::new(size, samples) };
     let planned = |at| {
         let plan = plan_at(&resources, &mut evaluator, at, &options, None);
         plan.map(|(_, plan)| plan).map_err(|e| Failure::input(e.to_string()))
@@ -61,6 +65,7 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
         "reuse": reuse.word(),
         "reuses": frames.json(),
     });
+    let mut plan = plan.first_drawn();
     let triangles = |p: u32| resources.primitives[p as usize].primitive().indices.len() / 3;
     let recording = record(&plan, RecordOptions::default(), triangles);
     let parts = choreo_render::explain::explain(&resources, &plan, &recording);

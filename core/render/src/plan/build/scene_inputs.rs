@@ -11,21 +11,33 @@ use crate::plan::scene_inputs::InputPass;
 use crate::plan::{
     ActiveMorph, Draw, Features, Instance, LightType, PipelineKey, Plan, PlanLight, TopologyKey, View,
 };
+use choreo_asset::Asset;
 use choreo_motion::Time;
 use choreo_plugin::{EffectFrame, FrameWish, Hook, Passes, SceneInputs};
 use choreo_stage::{ActorState, Snapshot, Stage};
 use glam::{DAffine3, DMat4, Vec3, Vec4};
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// The inputs from the scene that the active effects on images read, and those that are passes of the frame.
 pub(crate) fn inputs_of(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> SceneInputs {
     let images = uses(stage, snapshot, options.effects).filter(|(effect, ..)| effect.hook() == Hook::Image);
     let wanted = match options.wish {
-        FrameWish::Scene(Passes { depth, normal, motion, .. }) => {
-            SceneInputs { surface: depth || normal, motion, ..SceneInputs::default() }
+        FrameWish::Scene(Passes { depth, normal, motion, id, .. }) => {
+            SceneInputs { surface: depth || normal, motion: motion || id, ..SceneInputs::default() }
         }
         _ => SceneInputs::default(),
     };
     images.fold(wanted, |all, (effect, ..)| all.union(effect.scene_inputs()))
+}
+
+/// Whether motion vectors are read: ids are drawn with them, but do without the frame before.
+pub(crate) fn reads_motion(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> bool {
+    let wish = match options.wish {
+        FrameWish::Scene(passes) => FrameWish::Scene(Passes { id: false, ..passes }),
+        other => other,
+    };
+    inputs_of(stage, snapshot, &PlanOptions { wish, ..options.clone() }).motion
 }
 
 /// The frame before, for motion vectors.
@@ -111,6 +123,8 @@ impl<'a> Planner<'a> {
             return None;
         }
         let drawn: Vec<&DrawItem> = self.items.iter().filter(|item| in_inputs(&item.pipeline)).collect();
+        let wants_ids = matches!(self.options.wish, FrameWish::Scene(Passes { id: true, .. }));
+        let materials = wants_ids.then(|| MaterialNames::of(self.stage));
         let first = instances.len();
         let mut merger = DrawMerger::new(self.options.no_instancing);
         for (i, item) in drawn.iter().enumerate() {
@@ -130,7 +144,8 @@ impl<'a> Planner<'a> {
                 draw,
             );
             let before = if inputs.motion { first + drawn.len() + i } else { 0 };
-            let tint = Vec4::new((item.actor + 1) as f32, before as f32, 0.0, 1.0);
+            let material = materials.as_ref().map_or(0, |names| names.number(self.stage, item));
+            let tint = Vec4::new((item.actor + 1) as f32, before as f32, material as f32, 1.0);
             instances.push(Instance { tint, ..item.instance });
             instance_actors.push(item.actor);
         }
@@ -147,6 +162,9 @@ impl<'a> Planner<'a> {
             camera_before: view.position.as_vec3(),
             inputs,
             effects: self.effects_with_inputs(),
+            names: materials.map(|materials| {
+                [self.stage.actors.iter().map(|actor| actor.name.clone()).collect(), materials.names]
+            }),
         })
     }
 
@@ -174,6 +192,46 @@ impl<'a> Planner<'a> {
         }
     }
 }
+
+/// The names of all materials of a stage, each once.
+struct MaterialNames {
+    names: Vec<String>,
+    numbers: BTreeMap<String, u32>,
+}
+
+impl MaterialNames {
+    fn of(stage: &Stage) -> MaterialNames {
+        let mut all = MaterialNames { names: Vec::new(), numbers: BTreeMap::new() };
+        all.add(UNNAMED);
+        let mut last: Option<&Arc<Asset>> = None;
+        for asset in stage.actors.iter().map(|actor| &actor.asset) {
+            // A crowd shares its model.
+            if !last.is_some_and(|last| Arc::ptr_eq(last, asset)) {
+                asset.materials.iter().for_each(|material| all.add(&material.name));
+            }
+            last = Some(asset);
+        }
+        all
+    }
+
+    fn add(&mut self, name: &str) {
+        if !name.is_empty() && !self.numbers.contains_key(name) {
+            self.names.push(name.to_string());
+            self.numbers.insert(name.to_string(), self.names.len() as u32);
+        }
+    }
+
+    fn number(&self, stage: &Stage, item: &DrawItem) -> u32 {
+        let materials = &stage.actors[item.actor as usize].asset.materials;
+        let material = item.entry.of_asset.and_then(|index| materials.get(index as usize));
+        let name = material.map_or("", |material| material.name.as_str());
+        // The first is that of materials without one.
+        self.numbers.get(name).copied().unwrap_or(1)
+    }
+}
+
+/// The name of materials that have none, and of surfaces without a material.
+const UNNAMED: &str = "unnamed";
 
 /// Opaque and cut-out triangles, without outlines and the edges of wireframes.
 fn in_inputs(key: &PipelineKey) -> bool {

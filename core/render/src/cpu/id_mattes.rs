@@ -1,0 +1,54 @@
+//! The names that pixels show, of several samples of each pixel.
+
+use choreo_plugin::{IdMatte, IdShare};
+use rayon::prelude::*;
+
+/// Numbers of a name at each pixel, one image for each sample; 0 is nothing.
+pub(super) struct IdSamples(pub Vec<Vec<u32>>);
+
+impl IdSamples {
+    /// The names of each pixel in the order of their shares. Names with equal shares are in the order of their numbers.
+    pub fn matte(&self, names: Vec<String>) -> IdMatte {
+        let IdSamples(samples) = self;
+        let pixels = samples.first().map_or(0, Vec::len);
+        let count = samples.len().min(IdMatte::MOST_RANKS);
+        let share = 1.0 / samples.len().max(1) as f32;
+        let of_pixel = |pixel: usize| {
+            let mut found: Vec<(u32, u32)> = Vec::with_capacity(samples.len());
+            for number in samples.iter().map(|sample| sample[pixel]).filter(|number| *number > 0) {
+                match found.iter_mut().find(|(known, _)| *known == number) {
+                    Some((_, times)) => *times += 1,
+                    None => found.push((number, 1)),
+                }
+            }
+            found.sort_unstable_by_key(|(number, times)| (u32::MAX - times, *number));
+            let mut shares = [IdShare::default(); IdMatte::MOST_RANKS];
+            for (out, (number, times)) in shares.iter_mut().zip(found) {
+                *out = IdShare { number, share: times as f32 * share };
+            }
+            shares
+        };
+        let all: Vec<[IdShare; IdMatte::MOST_RANKS]> = (0..pixels).into_par_iter().map(of_pixel).collect();
+        let rank = |rank: usize| all.iter().map(|shares| shares[rank]).collect();
+        IdMatte { names, ranks: (0..count).map(rank).collect() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_ranked_by_their_shares() {
+        let matte = |samples: &[u32]| {
+            let samples = IdSamples(samples.iter().map(|number| vec![*number]).collect());
+            let ranks = samples.matte(Vec::new()).ranks;
+            ranks.iter().map(|rank| (rank[0].number, rank[0].share)).collect::<Vec<_>>()
+        };
+        assert_eq!(matte(&[3]), [(3, 1.0)]);
+        assert_eq!(matte(&[0, 2, 7, 7]), [(7, 0.5), (2, 0.25), (0, 0.0), (0, 0.0)]);
+        assert_eq!(matte(&[4, 1, 4, 1]), [(1, 0.5), (4, 0.5), (0, 0.0), (0, 0.0)]);
+        let many: Vec<u32> = (1..=16).collect();
+        assert_eq!(matte(&many).len(), IdMatte::MOST_RANKS);
+    }
+}
