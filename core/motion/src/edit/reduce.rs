@@ -236,11 +236,11 @@ fn fits(curve: &Curve, from: usize, to: usize, allowed: f64) -> bool {
     })
 }
 
-/// What lies between two values: a straight line, or slerp.
+/// The values between two: a straight line, or slerp.
 struct Segment {
     a: [f64; 4],
     b: [f64; 4],
-    /// Of slerp: the angle between the quaternions, and 1 over its sine.
+    /// The angle between the quaternions of slerp, and 1 over its sine.
     arc: Option<(f64, f64)>,
 }
 
