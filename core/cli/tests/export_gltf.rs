@@ -11,6 +11,7 @@ mod unhurried;
 
 use choreo_asset::Asset;
 use choreo_image_diff::{Comparison, compare};
+use choreo_importer_kit_testing::npm::Packages;
 use choreo_motion::Time;
 use choreo_plugin::{ExportedScene, Frame, ImportScope, MemoryFiles, OptionValue};
 use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
@@ -447,6 +448,56 @@ fn the_khronos_validator_has_nothing_to_say() {
         .chain([Exported::script(SCENE, "gltf", &[])])
         .collect();
     validate(&exported.iter().map(Exported::path).collect::<Vec<PathBuf>>());
+}
+
+/// The largest distance of a joint in three.js from where it is in the scene, `late` seconds later; metres, and where.
+fn worst_in_three(three: &Packages, exported: &Exported, late: f64) -> (f64, String) {
+    let stage = &exported.stage;
+    let length = stage.settings.length.as_secs();
+    let times: Vec<f64> = (0..20).map(|i| length * (f64::from(i) + 0.377) / 20.0).collect();
+    let file = exported.folder.path().join("times.json");
+    std::fs::write(&file, serde_json::to_string(&times).unwrap()).unwrap();
+    let text = three.run("three.mjs", include_str!("common/three.mjs"), &[&exported.path(), &file]);
+    // The place of each node at each time.
+    let places: Vec<Vec<[f64; 3]>> = serde_json::from_str(&text).unwrap();
+    let joints = Joints::of(exported);
+    let mut evaluator = Evaluator::new(stage.clone());
+    let (mut worst, mut count) = ((0.0, String::new()), 0);
+    for (secs, places) in times.iter().zip(&places) {
+        let truth = evaluator.at(Time::from_secs(secs + late)).unwrap();
+        for ((actor, state), first) in stage.actors.iter().zip(&truth.actors).zip(&joints.actors) {
+            let Some(first) = first.filter(|_| state.visible && actor.asset.placements.is_empty()) else {
+                continue;
+            };
+            for (joint, name) in actor.asset.skeleton.names().iter().enumerate() {
+                let place = state.world_from_joint(joint).unwrap().translation;
+                let apart = place.distance(glam::DVec3::from_array(places[first + joint]));
+                count += 1;
+                if apart > worst.0 {
+                    worst = (apart, format!("{} {name} at {secs:.4} s", actor.name));
+                }
+            }
+        }
+    }
+    assert!(count > 20 * 2 * 50, "{count} places");
+    worst
+}
+
+/// The loader and the mixer of three.js, in node: the same places, by another program. 20 ms late is found.
+#[test]
+fn three_js_has_the_joints_where_they_were() {
+    let packages = ["three@0.187.0"];
+    let Some(three) = Packages::install(env!("CARGO_TARGET_TMPDIR"), "three", &packages) else { return };
+    let lesson = |name: &str| Exported::lesson(&scripts().join(name), "glb");
+    for exported in
+        [lesson("01_first_dance.rhai"), lesson("12_together.rhai"), Exported::script(SCENE, "glb", &[])]
+    {
+        let (metres, place) = worst_in_three(&three, &exported, 0.0);
+        println!("three.js: {metres:.1e} m, {place}");
+        assert!(metres < TOLERANCE, "{metres:e} m, {place}");
+    }
+    let late = worst_in_three(&three, &Exported::script(SCENE, "glb", &[]), 0.02).0;
+    assert!(late > 10.0 * TOLERANCE, "20 ms late is not found: {late:e} m");
 }
 
 /// Blender's importer makes bones of joints: the same places, by another program.

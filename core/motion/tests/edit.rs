@@ -199,6 +199,39 @@ proptest! {
     }
 }
 
+/// The error that a reduction states is measured at keys alone: against joints, and points 10 cm from them, at times between keys too.
+#[test]
+fn the_stated_error_of_a_reduction_is_the_largest_at_any_time() {
+    let skeleton = skeleton(5, None);
+    let secs: Vec<f64> = (0..60).map(|k| f64::from(k) / 30.0).collect();
+    let turn = |joint: u32, s: &f64| {
+        let half = 0.3 * (f64::from(joint + 2) * s).sin();
+        [0.0, half.sin() as f32, 0.0, half.cos() as f32]
+    };
+    let curves = (0..5).map(|joint| {
+        let values: Vec<f32> = secs.iter().flat_map(|s| turn(joint, s)).collect();
+        curve(joint, Path::Rotation, Interpolation::Linear, &secs, &values)
+    });
+    let clip = Clip::new("smooth".into(), 5, curves.collect()).unwrap();
+    let (less, report) = clip.reduced(&skeleton, 0.01, KeptTimes::Own).unwrap();
+    let mut far = 0.0f64;
+    for part in 0..3000 {
+        let t = Time(clip.duration.0 * part / 3000);
+        let model = |clip: &Clip| {
+            let local = |t: Transform| {
+                (t.translation.as_dvec3(), t.rotation.as_dquat().normalize(), t.scale.as_dvec3())
+            };
+            model64(&skeleton, &sampled(&skeleton, clip, t).0.iter().map(local).collect::<Vec<_>>())
+        };
+        for (a, b) in model(&clip).iter().zip(&model(&less)) {
+            for point in [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z] {
+                far = far.max((a.transform_point3(0.1 * point) - b.transform_point3(0.1 * point)).length());
+            }
+        }
+    }
+    assert!((far / report.worst_m - 1.0).abs() < 0.02, "{far} {report:?}");
+}
+
 #[test]
 fn the_law_of_parts_can_fail() {
     let random = &mut Random(1);

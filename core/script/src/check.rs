@@ -146,7 +146,13 @@ fn unplaced(build: &Build, warn: &mut impl FnMut(&Place, String)) {
         let own = |l: &&LoadDraft| l.load.ready().is_some_and(|made| Arc::ptr_eq(made, &a.actor.asset));
         !a.actor.asset.name.starts_with("shape ") && build.loads.iter().any(|l| l.made && own(&l))
     };
-    let nowhere: Vec<_> = build.actors.iter().filter(|a| !a.placed && !flat(a) && !of_vertices(a)).collect();
+    // A file without meshes brings its cameras and lights.
+    let brings = |a: &ActorDraft| {
+        let asset = &a.actor.asset;
+        asset.instances.is_empty() && !(asset.cameras.is_empty() && asset.lights.is_empty())
+    };
+    let nowhere = |a: &&ActorDraft| !a.placed && !flat(a) && !of_vertices(a) && !brings(a);
+    let nowhere: Vec<_> = build.actors.iter().filter(nowhere).collect();
     if nowhere.len() < 2 {
         return;
     }

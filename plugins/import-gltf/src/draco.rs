@@ -13,10 +13,10 @@ use std::collections::BTreeMap;
 
 pub const NAME: &str = "KHR_draco_mesh_compression";
 
-/// Bytes that the decoder takes for a triangle while it decodes: its tables of corners, for each attribute with seams.
+/// Bytes that the decoder takes for a triangle while it decodes: its tables of edges, for each attribute with seams.
 const BYTES_OF_FACE: u64 = 200;
 
-/// What a packed primitive holds.
+/// The contents of a packed primitive.
 #[derive(Default)]
 pub struct Unpacked {
     /// Triangles, whatever the mode of the primitive.

@@ -123,7 +123,7 @@ struct Apart {
     color: f32,
 }
 
-/// Compares a packed surface with the plain one, whose vertices are told apart by their places: Draco orders them anew.
+/// Compares a packed surface with the plain one, whose vertices are known by their places: Draco orders them anew.
 fn apart(plain: &Primitive, packed: &Primitive) -> Result<Apart, String> {
     if packed.positions.len() != plain.positions.len() {
         return Err(format!("{} vertices", packed.positions.len()));

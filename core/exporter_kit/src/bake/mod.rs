@@ -20,6 +20,7 @@ use choreo_plugin::motion::{Interpolation, Path, Time, Transform};
 use choreo_plugin::stage::{Actor, LightState, Property, Snapshot, Stage, StageError};
 use choreo_plugin::{ExportedScene, glam};
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Numbers that rows of samples may hold together; scenes with more are sampled in parts.
 const MOST_NUMBERS: usize = 32 << 20;
@@ -175,21 +176,56 @@ fn sample(
         let others = sampler.signals.iter().filter(|s| !is_camera(s));
         baked.series.extend(others.map(|signal| (*signal, reduce::series(signal, &all))));
         shots::take_moves(&sampler.signals, &rows, &mut baked.shots);
-        for sampled in &sampler.actors {
-            let (actor, motion) = (&stage.actors[sampled.actor], &mut baked.motions[sampled.actor]);
-            let sizes = rows.iter().map(|row| &row.values[sampled.offset + 7..][..3]);
-            motion.hidden = sizes.into_iter().all(|size| *size == [0.0; 3]);
-            if !motion.hidden {
+        let tracks = in_parallel(&sampler.actors, |sampled| {
+            let mut sizes = rows.iter().map(|row| &row.values[sampled.offset + 7..][..3]);
+            let seen = sizes.any(|size| *size != [0.0; 3]);
+            let actor = &stage.actors[sampled.actor];
+            let reduced = match style {
+                Style::Separate => reduce::actor_tracks,
+                Style::Common => reduce::common_tracks,
+            };
+            seen.then(|| reduced(actor, sampled, &rows, tolerance * 0.5))
+        });
+        for (sampled, tracks) in sampler.actors.iter().zip(tracks) {
+            let motion = &mut baked.motions[sampled.actor];
+            motion.hidden = tracks.is_none();
+            if let Some(tracks) = tracks {
                 motion.sets.push(baked.sets.len());
-                let tracks = match style {
-                    Style::Separate => reduce::actor_tracks,
-                    Style::Common => reduce::common_tracks,
-                };
-                baked.sets.push(tracks(actor, sampled, &rows, tolerance * 0.5));
+                baked.sets.push(tracks);
             }
         }
     }
     Ok(())
+}
+
+/// The results of a job for each of some things, in order, on as many threads as there are cores.
+fn in_parallel<T: Sync, R: Send>(things: &[T], job: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    if things.len() < 2 {
+        return things.iter().map(job).collect();
+    }
+    let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mut done = Vec::new();
+        while let Some((at, thing)) =
+            Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|at| Some((at, things.get(at)?)))
+        {
+            done.push((at, job(thing)));
+        }
+        done
+    };
+    let mut all: Vec<(usize, R)> = std::thread::scope(|scope| {
+        let others: Vec<_> = (1..cores.min(things.len()))
+            .map_while(|_| std::thread::Builder::new().name("bake".into()).spawn_scoped(scope, work).ok())
+            .collect();
+        let mut all = work();
+        for other in others {
+            all.extend(other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+        }
+        all
+    });
+    all.sort_unstable_by_key(|(at, _)| *at);
+    all.into_iter().map(|(_, result)| result).collect()
 }
 
 impl Baked<'_> {

@@ -1,11 +1,14 @@
 //! Key reduction: LINEAR keys that follow from the others are left out, within a stated distance of any joint in model space.
 //!
 //! A key of a joint moves all that hangs below it, so that what it may be off is the tolerance over the distance to the farthest joint
-//! below, shared out over the joints above each other. Then the whole clip is compared with its source in model space, at all keys
-//! and halfway between, and done again with less where that is not within the tolerance. The result's error is what was measured.
+//! below, shared out over the joints above each other. Then the whole clip is compared with its source in model space, at all keys,
+//! and done again with less where that is not within the tolerance. The result's error is what was measured. Between two keys of the source
+//! both clips are straight lines (slerp) whose ends are that near, so that they are no farther apart there.
 
 use crate::clip::sample::Sample;
+use crate::clip::sample_f64::curve_at;
 use crate::clip::{Clip, Curve, Interpolation, Path};
+use crate::math::transform::Transform;
 use crate::pose::Pose;
 use crate::skeleton::Skeleton;
 use crate::skeleton::model_rest_pose::ModelRestPose;
@@ -101,7 +104,7 @@ impl Clip {
         let mut share = 0.5;
         for _ in 0..ROUNDS {
             let clip = self.without_keys(reach, tolerance_m * share, shared);
-            let worst_m = distance(skeleton, self, &clip, usize::MAX);
+            let worst_m = farthest(skeleton, self, &clip);
             if worst_m <= tolerance_m {
                 let (keys, bytes) = ([self.keys(), clip.keys()], [bytes(self), bytes(&clip)]);
                 return Some((clip, ReductionReport { keys, bytes, worst_m }));
@@ -218,17 +221,53 @@ fn kept(curves: &[(&Curve, f64)]) -> Vec<usize> {
 
 /// Whether the first key alone determines the curve.
 fn rests(curve: &Curve, allowed: f64) -> bool {
-    (0..curve.times.len()).all(|key| apart(curve, &value(curve, 0), key) <= allowed)
+    let limit = most_apart(curve.path, allowed);
+    (0..curve.times.len()).all(|key| apart_squared(curve, &value(curve, 0), key) <= limit * limit)
 }
 
 /// Whether all keys between two are within the tolerance of what lies between these.
 fn fits(curve: &Curve, from: usize, to: usize, allowed: f64) -> bool {
-    let (a, b) = (value(curve, from), value(curve, to));
+    let segment = Segment::new(curve.path, value(curve, from), value(curve, to));
     let (start, span) = (curve.times[from], (curve.times[to] - curve.times[from]).0 as f64);
+    let limit = most_apart(curve.path, allowed);
     (from + 1..to).all(|key| {
         let t = (curve.times[key] - start).0 as f64 / span;
-        apart(curve, &between(curve.path, &a, &b, t), key) <= allowed
+        apart_squared(curve, &segment.at(t), key) <= limit * limit
     })
+}
+
+/// The values between two: a straight line, or slerp.
+struct Segment {
+    a: [f64; 4],
+    b: [f64; 4],
+    /// The angle between the quaternions of slerp, and 1 over its sine.
+    arc: Option<(f64, f64)>,
+}
+
+/// Below this angle between quaternions the straight line between them is within 1.3e-7 of slerp, which is a rounding of f32.
+const STRAIGHT: f64 = 1e-3;
+
+impl Segment {
+    fn new(path: Path, a: [f64; 4], mut b: [f64; 4]) -> Segment {
+        let mut arc = None;
+        if path == Path::Rotation {
+            let dot: f64 = a.iter().zip(&b).map(|(a, b)| a * b).sum();
+            if dot < 0.0 {
+                b = b.map(|v| -v);
+            }
+            let angle = libm::acos(dot.abs().min(1.0));
+            arc = (angle > STRAIGHT).then(|| (angle, 1.0 / libm::sin(angle)));
+        }
+        Segment { a, b, arc }
+    }
+
+    fn at(&self, t: f64) -> [f64; 4] {
+        let [p, q] = match self.arc {
+            Some((angle, over_sine)) => [(1.0 - t) * angle, t * angle].map(|x| libm::sin(x) * over_sine),
+            None => [1.0 - t, t],
+        };
+        std::array::from_fn(|i| p * self.a[i] + q * self.b[i])
+    }
 }
 
 fn value(curve: &Curve, key: usize) -> [f64; 4] {
@@ -240,19 +279,21 @@ fn value(curve: &Curve, key: usize) -> [f64; 4] {
     out
 }
 
-fn between(path: Path, a: &[f64; 4], b: &[f64; 4], t: f64) -> [f64; 4] {
+/// The distance of two values, as [`apart_squared`] measures it, that is some radians, metres or factors.
+fn most_apart(path: Path, allowed: f64) -> f64 {
     match path {
-        Path::Rotation => DQuat::from_array(*a).slerp(DQuat::from_array(*b), t).to_array(),
-        _ => [0, 1, 2, 3].map(|i| a[i] + (b[i] - a[i]) * t),
+        // Of unit quaternions whose rotations are an angle apart, the half of it between them.
+        Path::Rotation => 2.0 * libm::sin(0.25 * allowed.min(std::f64::consts::TAU)),
+        _ => allowed,
     }
 }
 
-/// Radians, metres or factors between a value and a key.
-fn apart(curve: &Curve, value_there: &[f64; 4], key: usize) -> f64 {
+/// The squared distance between a value and a key, of rotations between the nearer quaternions.
+fn apart_squared(curve: &Curve, value_there: &[f64; 4], key: usize) -> f64 {
     let own = value(curve, key);
-    let sum = |sign: f64| (0..4).map(|i| own[i] - sign * value_there[i]).map(|d| d * d).sum::<f64>().sqrt();
+    let sum = |sign: f64| (0..4).map(|i| own[i] - sign * value_there[i]).map(|d| d * d).sum::<f64>();
     match curve.path {
-        Path::Rotation => 4.0 * libm::asin((sum(1.0).min(sum(-1.0)) / 2.0).min(1.0)),
+        Path::Rotation => sum(1.0).min(sum(-1.0)),
         _ => sum(1.0),
     }
 }
@@ -277,9 +318,95 @@ pub(crate) fn bytes(clip: &Clip) -> usize {
     clip.stored_curves().iter().map(of).sum()
 }
 
-/// The farthest of [`distances`].
-fn distance(skeleton: &Skeleton, a: &Clip, b: &Clip, most: usize) -> f64 {
-    distances(skeleton, a, b, most).into_iter().fold(0.0, f64::max)
+/// Farthest that any joint, or a point that turns with it, is apart in a clip and one with some of its keys: at all keys.
+fn farthest(skeleton: &Skeleton, all: &Clip, some: &Clip) -> f64 {
+    let mut times: Vec<Time> = all.curves().iter().flat_map(|c| c.times.iter().copied()).collect();
+    times.sort_unstable();
+    times.dedup();
+    let scales = ModelRestPose::of(skeleton).scales;
+    let mut of_all: Vec<Cursor> = all.curves().iter().map(Cursor::new).collect();
+    let mut of_some: Vec<Cursor> = some.curves().iter().map(Cursor::new).collect();
+    let rest: Vec<Local> = skeleton.rest().iter().map(Local::of).collect();
+    let (mut one, mut other) = (Model::default(), Model::default());
+    let mut worst = 0.0f64;
+    for time in times {
+        one.pose(skeleton, &rest, &mut of_all, time);
+        other.pose(skeleton, &rest, &mut of_some, time);
+        for (joint, (one, other)) in one.matrices.iter().zip(&other.matrices).enumerate() {
+            let arm = SHELL / scales[joint].max(1e-9);
+            let (apart, turned) = (one.translation - other.translation, one.matrix3 - other.matrix3);
+            let points = [turned.x_axis, turned.y_axis, turned.z_axis].map(|axis| apart + axis * arm);
+            let squares = points.map(DVec3::length_squared);
+            worst = squares.into_iter().fold(worst.max(apart.length_squared()), f64::max);
+        }
+    }
+    worst.sqrt()
+}
+
+/// A curve that is read at increasing times.
+struct Cursor<'a> {
+    curve: &'a Curve,
+    /// The first key that is not before the last time.
+    next: usize,
+}
+
+impl<'a> Cursor<'a> {
+    fn new(curve: &'a Curve) -> Cursor<'a> {
+        Cursor { curve, next: 0 }
+    }
+
+    fn at(&mut self, time: Time) -> [f64; 4] {
+        let times = &self.curve.times;
+        self.next += times[self.next..].iter().take_while(|key| **key < time).count();
+        let is_key = times.get(self.next) == Some(&time);
+        match self.curve.interpolation {
+            Interpolation::Linear if is_key => value(self.curve, self.next),
+            _ => curve_at(self.curve, time),
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Local {
+    translation: DVec3,
+    rotation: DQuat,
+    scale: DVec3,
+}
+
+impl Local {
+    fn of(t: &Transform) -> Local {
+        let (translation, scale) = (t.translation.as_dvec3(), t.scale.as_dvec3());
+        Local { translation, rotation: t.rotation.as_dquat(), scale }
+    }
+}
+
+/// Model from each joint, in buffers that are used again.
+#[derive(Default)]
+struct Model {
+    locals: Vec<Local>,
+    matrices: Vec<DAffine3>,
+}
+
+impl Model {
+    fn pose(&mut self, skeleton: &Skeleton, rest: &[Local], cursors: &mut [Cursor<'_>], time: Time) {
+        self.locals.clear();
+        self.locals.extend_from_slice(rest);
+        for cursor in cursors {
+            let local = &mut self.locals[cursor.curve.joint as usize];
+            match cursor.curve.path {
+                Path::Translation => local.translation = DVec3::from_slice(&cursor.at(time)),
+                Path::Rotation => local.rotation = DQuat::from_array(cursor.at(time)),
+                Path::Scale => local.scale = DVec3::from_slice(&cursor.at(time)),
+                Path::Weights(_) => {}
+            }
+        }
+        self.matrices.clear();
+        for (local, parent) in self.locals.iter().zip(skeleton.parents()) {
+            let rotation = crate::math::rotation::unit(local.rotation);
+            let own = DAffine3::from_scale_rotation_translation(local.scale, rotation, local.translation);
+            self.matrices.push(parent.map_or(own, |p| self.matrices[p as usize] * own));
+        }
+    }
 }
 
 /// Farthest that each joint, or a point that turns with it, is apart in two clips: at all keys of the first and halfway between, evenly
