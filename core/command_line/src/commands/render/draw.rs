@@ -8,6 +8,7 @@ use crate::failure::{Failure, print_message, write_failure};
 use crate::output::image_files::{self, Claim};
 use crate::output::journal::Identity;
 use crate::output::provenance;
+use crate::output::segment::Segment;
 use crate::output::target::Target;
 use crate::output::video::Video;
 use crate::process::kept_frames;
@@ -101,6 +102,11 @@ impl Drawing<'_> {
         }
         if job.exporter.one_frame_per_file() {
             return self.pictures(renderer, say);
+        }
+        if let Some(segment) = job.segment.as_deref().filter(|_| self.args.resume)
+            && Segment::is_made(&job.target.file(0), segment, self.info)
+        {
+            return Ok(Counts::default());
         }
         let (video, begun) = match &job.target {
             Target::Stdout => (Some(Video::to_stdout(&*job.exporter, self.info)?), Default::default()),
