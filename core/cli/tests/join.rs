@@ -275,6 +275,27 @@ fn a_whole_segment_is_not_made_again() {
     assert!(read(d, &a) == whole);
 }
 
+/// Several processes that make one segment with --resume, as a farm that starts a task again while its first process still runs: one
+/// makes it, the others wait for it, and all succeed.
+#[test]
+fn several_makers_of_one_segment_do_not_fail() {
+    let dir = scene();
+    let d = dir.path();
+    let args = ["render", "s.rhai", "-o", "film.gif", "--device", "cpu", "--frames", "0-59", "--segment", "a", "--resume"];
+    let size = ["--size", "640x360", "--json"];
+    let mut start = || common::command(d, &[&args[..], &size].concat()).stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped()).spawn().unwrap();
+    let made: Vec<u64> = [start(), start(), start()]
+        .into_iter()
+        .map(|child| {
+            let run = common::finished(child.wait_with_output().unwrap());
+            assert_eq!(run.code, 0);
+            serde_json::from_str::<serde_json::Value>(&run.out).unwrap()["drawn"].as_u64().unwrap()
+        })
+        .collect();
+    assert_eq!(made.iter().filter(|drawn| **drawn > 0).count(), 1, "{made:?}");
+    assert_eq!(names(&d.join("a")), ["0000000-0000059.segment"]);
+}
+
 #[test]
 fn command_lines_that_mean_nothing_are_refused() {
     let dir = scene();

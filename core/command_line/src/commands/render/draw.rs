@@ -103,17 +103,14 @@ impl Drawing<'_> {
         if job.exporter.one_frame_per_file() {
             return self.pictures(renderer, say);
         }
-        if let Some(segment) = job.segment.as_deref().filter(|_| self.args.resume)
-            && Segment::is_made(&job.target.file(0), segment, self.info)
-        {
-            return Ok(Counts::default());
-        }
         let (video, begun) = match &job.target {
             Target::Stdout => (Some(Video::to_stdout(&*job.exporter, self.info)?), Default::default()),
             target => {
                 let identity = self.identity();
                 let file = target.file(0);
-                Video::to_file(&file, &*job.exporter, self.info, &identity, self.args)?
+                let is_made =
+                    || job.segment.as_ref().is_some_and(|segment| Segment::is_made(&file, segment, self.info));
+                Video::to_file(&file, &*job.exporter, self.info, &identity, self.args, is_made)?
             }
         };
         begun.note.iter().for_each(|line| say(line));
