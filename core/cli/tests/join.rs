@@ -281,9 +281,27 @@ fn a_whole_segment_is_not_made_again() {
 fn several_makers_of_one_segment_do_not_fail() {
     let dir = scene();
     let d = dir.path();
-    let args = ["render", "s.rhai", "-o", "film.gif", "--device", "cpu", "--frames", "0-59", "--segment", "a", "--resume"];
+    let args = [
+        "render",
+        "s.rhai",
+        "-o",
+        "film.gif",
+        "--device",
+        "cpu",
+        "--frames",
+        "0-59",
+        "--segment",
+        "a",
+        "--resume",
+    ];
     let size = ["--size", "640x360", "--json"];
-    let mut start = || common::command(d, &[&args[..], &size].concat()).stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped()).spawn().unwrap();
+    let mut start = || {
+        common::command(d, &[&args[..], &size].concat())
+            .stdout(std::process::Stdio::piped())
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .unwrap()
+    };
     let made: Vec<u64> = [start(), start(), start()]
         .into_iter()
         .map(|child| {

@@ -283,6 +283,12 @@ fn archives_of_strangers_reach_nothing_outside() {
             &[("choreo.json", Regular, &plain), ("files/0/a.rhai", kind, b"/etc/passwd"), script_entry],
         );
     }
+    // An empty file has the length and the hash of a link's content, which is none.
+    let empty = manifest(|m| {
+        m["files"][0]["bytes"] = 0.into();
+        m["files"][0]["blake3"] = blake3::hash(b"").to_hex().as_str().into();
+    });
+    refused(place, &[("choreo.json", Regular, &empty), ("files/0/a.rhai", Symlink, b"/etc/passwd")]);
     refused(place, &[("choreo.json", Regular, &plain), ("../a.rhai", Regular, script)]);
     refused(
         "it is damaged: files/0/a.rhai has another hash",

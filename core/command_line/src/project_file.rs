@@ -51,8 +51,9 @@ pub fn extended(args: &[OsString], app: &App) -> Result<Vec<OsString>, Failure> 
 }
 
 /// The input of a command, where it is a packed scene.
-fn packed(given: &ArgMatches) -> Option<&PathBuf> {
-    given.try_get_one::<PathBuf>("input").ok()?.filter(|input| pack::is_packed(input))
+fn packed(given: &ArgMatches) -> Option<&Path> {
+    let input = given.try_get_one::<PathBuf>("input").ok()?;
+    input.map(PathBuf::as_path).filter(|input| pack::is_packed(input))
 }
 
 /// The text of the choreo.toml that counts for an input: to be packed with it. Empty where there is none.
@@ -141,7 +142,7 @@ struct ProjectFile {
     of: FileOf,
 }
 
-/// Where a text comes from.
+/// The origin of a text.
 #[derive(Clone, Copy, PartialEq)]
 enum FileOf {
     Project,
@@ -170,7 +171,7 @@ impl ProjectFile {
     }
 
     /// That of a packed scene.
-    fn of_pack(input: &PathBuf) -> Option<ProjectFile> {
+    fn of_pack(input: &Path) -> Option<ProjectFile> {
         let text = pack::options_of(input).filter(|text| !text.is_empty())?;
         Some(ProjectFile { path: input.join(NAME), text, of: FileOf::Pack })
     }

@@ -105,7 +105,7 @@ fn files(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 
 struct Opened {
     segments: Vec<Segment>,
-    /// What is wrong with damaged ones, each complete with its name.
+    /// The damage of each, complete with its name.
     damaged: Vec<String>,
 }
 

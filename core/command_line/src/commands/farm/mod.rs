@@ -17,7 +17,7 @@ use crate::scene;
 use crate::scene::pack::Unpacked;
 use choreo_files::write_whole_beneath;
 use choreo_plugin::VideoInfo;
-use chunks::{Cost, aligned, in_chunks_of, of_equal_cost};
+use chunks::{Chunk, Cost, aligned, in_chunks_of, of_equal_cost};
 use clap::FromArgMatches;
 use serde_json::json;
 use std::ffi::OsString;
@@ -38,8 +38,7 @@ pub(crate) struct FarmJob {
     pub options: Vec<String>,
     /// Frames of the whole film.
     pub frames: u64,
-    /// First and last frame of each chunk.
-    pub chunks: Vec<(u64, u64)>,
+    pub chunks: Vec<Chunk>,
 }
 
 /// `options`: the text of the project's choreo.toml.
@@ -84,7 +83,7 @@ fn chunks(
     render_args: &RenderArgs,
     job: &render::Job,
     start: Instant,
-) -> Result<(Vec<(u64, u64)>, Option<Cost>), Failure> {
+) -> Result<(Vec<Chunk>, Option<Cost>), Failure> {
     let frames = job.frames.len() as u64;
     let piece = job.exporter.piece(&info(job, frames)).map_or(1, NonZeroU64::get);
     let (chunks, cost) = match args.chunk {

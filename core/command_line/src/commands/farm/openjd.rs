@@ -36,7 +36,7 @@ fn template(job: &FarmJob) -> Value {
     render.extend(job.options.iter().cloned());
     let film = format!("{{{{Param.Output}}}}/{}", job.film);
     let action = |args: Value| {
-        // A render that is told to stop ends its frame and keeps what is finished.
+        // A render that gets a signal to stop ends its frame and keeps what is finished.
         let cancelation = json!({ "mode": "NOTIFY_THEN_TERMINATE", "notifyPeriodInSeconds": 60 });
         json!({ "actions": { "onRun": { "command": "{{Param.Choreo}}", "args": args, "cancelation": cancelation } } })
     };

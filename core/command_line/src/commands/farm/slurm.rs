@@ -25,7 +25,7 @@ pub(crate) fn files(job: &FarmJob) -> Vec<(&'static str, String)> {
 #SBATCH --output=logs/render-%a.txt
 #SBATCH --open-mode=append
 #SBATCH --requeue
-# A render that is told to stop ends its frame and keeps what is finished; a task that runs again goes on with it.
+# A render that gets a signal to stop ends its frame and keeps what is finished; a task that runs again goes on with it.
 #SBATCH --signal=B:TERM@60
 # One chunk: the line of chunks.txt with the number of the task.
 frames=$(sed -n \"$((SLURM_ARRAY_TASK_ID + 1))p\" chunks.txt)

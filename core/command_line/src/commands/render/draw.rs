@@ -108,8 +108,9 @@ impl Drawing<'_> {
             target => {
                 let identity = self.identity();
                 let file = target.file(0);
-                let is_made =
-                    || job.segment.as_ref().is_some_and(|segment| Segment::is_made(&file, segment, self.info));
+                let is_made = || {
+                    job.segment.as_ref().is_some_and(|segment| Segment::is_made(&file, segment, self.info))
+                };
                 Video::to_file(&file, &*job.exporter, self.info, &identity, self.args, is_made)?
             }
         };

@@ -29,7 +29,7 @@ pub struct Job {
     pub scene: OpenedScene,
     pub target: Target,
     pub exporter: Arc<dyn Exporter>,
-    /// Where the target is a segment, its exporter, which `exporter` wraps.
+    /// The exporter of a segment, which `exporter` wraps, where the target is one.
     pub segment: Option<Arc<SegmentExporter>>,
     pub frames: Vec<(i64, Time)>,
     pub settings: Settings,

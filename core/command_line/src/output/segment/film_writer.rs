@@ -12,7 +12,7 @@ pub(crate) struct FilmWriter<'a> {
     exporter: &'a dyn Exporter,
     info: &'a VideoInfo,
     out: Out,
-    /// Between pieces there is none.
+    /// `None` between pieces.
     sink: Option<Box<dyn FrameSink>>,
     /// Marks of the pieces so far.
     states: Vec<Vec<u8>>,

@@ -18,7 +18,7 @@ pub(crate) struct Segment {
     pub film: Film,
     /// The whole records.
     pub records: Vec<Place>,
-    /// What is wrong behind them.
+    /// The damage behind them.
     pub damage: Option<String>,
     file: File,
 }

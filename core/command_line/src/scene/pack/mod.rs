@@ -1,5 +1,5 @@
-//! Packed scenes: a script or model with all that it reads, in one archive. `choreo pack` writes it, and every command that takes a script
-//! takes it in place of the script.
+//! Packed scenes: a script or model with all that it reads, in one archive. `choreo pack` writes it, and the commands that open a scene once
+//! take it in place of the script.
 //!
 //! The archive is a tar file without compression, so that what is unpacked is never larger than the file itself. Its first entry is
 //! [`MANIFEST`]: what was packed, how, and the hash of every file; the files follow in its order. Files lie beneath `files/N/`, one
@@ -22,7 +22,7 @@ pub(crate) const EXTENSION: &str = "choreo";
 /// Name of the first entry.
 const MANIFEST: &str = "choreo.json";
 
-/// What was packed.
+/// The description of a packed scene: the contents of its first entry.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Manifest {
     /// The program that packed it, and in whose hands it gives the same bytes.
