@@ -133,7 +133,7 @@ fn what_is_wrong_with_it_is_told_with_its_place() {
     };
     assert_eq!(
         message("serach = [\"assets\"]\n"),
-        "1:1: unknown key \"serach\"; did you mean \"search\"?\n    hint: known: search, plugins, render, export, check, info, explain, \
+        "1:1: unknown key \"serach\"; did you mean \"search\"?\n    hint: known: search, plugins, render, farm, join, pack, export, check, info, explain, \
          measure, test\n"
     );
     assert!(

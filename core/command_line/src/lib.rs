@@ -20,11 +20,12 @@ pub use process::panics::exit_code_of_abort;
 use args::{Cli, Command, PluginsAction, PluginsArgs, RenderArgs, values};
 use clap::FromArgMatches;
 use commands::{
-    check, explain, export, format, help, info, lsp, measure, new, plugins as plugins_command, pose, render,
-    test, view,
+    check, explain, export, farm, format, help, info, join, lsp, measure, new, pack,
+    plugins as plugins_command, pose, render, test, view,
 };
 use failure::{Failure, print_json, print_json_message, print_message};
-use process::{interrupt, panics, threads};
+use process::{interrupt, panics, scratch, threads};
+use scene::pack::Unpacked;
 use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
@@ -46,6 +47,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
     interrupt::install();
     let json = cli.command.json();
     let result = panics::guarded(|| start(cli, &args, app));
+    scratch::remove();
     let Err(failure) = result else { return ExitCode::SUCCESS };
     ended(&failure, json, &args)
 }
@@ -80,23 +82,33 @@ fn start(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
         Command::Plugins(PluginsArgs { action: Some(PluginsAction::Test { .. }), .. }) => {
             threads::start(None)?
         }
-        Command::New(_) | Command::View(_) | Command::Plugins(_) | Command::Help(_) | Command::Format(_) => {}
+        Command::New(_)
+        | Command::View(_)
+        | Command::Join(_)
+        | Command::Plugins(_)
+        | Command::Help(_)
+        | Command::Format(_) => {}
         _ => threads::start(None)?,
     }
+    let packs = matches!(command, Command::Pack(_) | Command::Farm(_));
     if let Some(scene) = command.scene() {
         scene.software = app.software();
+        scratch::keep(if packs { None } else { Unpacked::in_place(scene)? });
     }
     let plugins = &app.registry;
     match command {
         Command::Render(given) => {
             render::run(RenderArgs { again: interrupt::command_to_resume(args), ..given }, plugins)
         }
+        Command::Join(args) => join::run(&args, plugins, &app.software()),
         Command::Check(args) => check::run(args, no_project_file, plugins),
         Command::Info(args) => info::run(args, plugins),
         Command::Explain(args) => explain::run(args, plugins),
         Command::Measure(args) => measure::run(args, plugins),
         Command::Pose(args) => pose::run(args, plugins),
         Command::Export(args) => export::run(&args, plugins),
+        Command::Farm(given) => farm::run(&given, app, project_file::text_for(args, &given.scene.input)?),
+        Command::Pack(given) => pack::run(&given, plugins, project_file::text_for(args, &given.scene.input)?),
         Command::View(args) => view::run(args, no_project_file, app),
         Command::Test(args) => test::run(args, no_project_file, plugins),
         Command::Plugins(args) => plugins_command::run(args, app),

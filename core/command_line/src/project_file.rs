@@ -5,6 +5,7 @@
 use crate::App;
 use crate::args::{Cli, values};
 use crate::failure::Failure;
+use crate::scene::pack;
 use choreo_plugin::suggest::{did_you_mean, list};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, CommandFactory};
@@ -42,10 +43,27 @@ const OPTIONS: [&str; 15] = [
 pub fn extended(args: &[OsString], app: &App) -> Result<Vec<OsString>, Failure> {
     let args = with_options(args, |name, given| match given.get_flag("no_project_file") {
         true => Ok(None),
+        false if packed(given).is_some() => Ok(packed(given).and_then(ProjectFile::of_pack)),
         false => start_folder(name, given).and_then(|start| find(&start)).map(ProjectFile::read).transpose(),
     })?;
     let args = with_options(&args, |_, _| Ok(ProjectFile::of_app(app)))?;
     with_folders(args, app)
+}
+
+/// The input of a command, where it is a packed scene.
+fn packed(given: &ArgMatches) -> Option<&Path> {
+    let input = given.try_get_one::<PathBuf>("input").ok()?;
+    input.map(PathBuf::as_path).filter(|input| pack::is_packed(input))
+}
+
+/// The text of the choreo.toml that counts for an input: to be packed with it. Empty where there is none.
+pub(crate) fn text_for(args: &[OsString], input: &Path) -> Result<String, Failure> {
+    if args.iter().any(|arg| arg == "--no-project-file") {
+        return Ok(String::new());
+    }
+    let folder = input.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let found = folder.canonicalize().ok().and_then(|start| find(&start)).map(ProjectFile::read);
+    Ok(found.transpose()?.map(|file| file.text).unwrap_or_default())
 }
 
 /// The words with the options of a file that is chosen by the command's name and arguments.
@@ -103,7 +121,7 @@ fn start_folder(command: &str, given: &ArgMatches) -> Option<PathBuf> {
             Some(path) => path,
         },
         "info" => given.get_one::<PathBuf>("file")?,
-        "render" | "export" | "check" | "explain" | "measure" | "pose" => {
+        "render" | "export" | "check" | "explain" | "measure" | "pose" | "pack" | "farm" => {
             given.get_one::<PathBuf>("input")?
         }
         _ => return None,
@@ -159,8 +177,17 @@ fn same_owner(_: &Path, _: &Path) -> bool {
 struct ProjectFile {
     path: PathBuf,
     text: String,
-    /// Whether the text is that of a program, whose folders are fields.
-    of_app: bool,
+    of: FileOf,
+}
+
+/// The origin of a text.
+#[derive(Clone, Copy, PartialEq)]
+enum FileOf {
+    Project,
+    /// A program, whose folders are fields.
+    App,
+    /// A packed scene, whose folders are in the archive.
+    Pack,
 }
 
 impl ProjectFile {
@@ -172,13 +199,19 @@ impl ProjectFile {
         let bytes = choreo_files::read(&path, LARGEST).map_err(|e| failed(format!("cannot read: {e}")))?;
         let text = String::from_utf8(bytes).map_err(|_| failed("it is not UTF-8 text".into()))?;
         let text = text.strip_prefix('\u{feff}').map(str::to_string).unwrap_or(text);
-        Ok(ProjectFile { path, text, of_app: false })
+        Ok(ProjectFile { path, text, of: FileOf::Project })
     }
 
     /// The defaults of the program, which messages call so.
     fn of_app(app: &App) -> Option<ProjectFile> {
         let path = PathBuf::from(format!("defaults of {}", app.name));
-        (!app.defaults.is_empty()).then(|| ProjectFile { path, text: app.defaults.clone(), of_app: true })
+        (!app.defaults.is_empty()).then(|| ProjectFile { path, text: app.defaults.clone(), of: FileOf::App })
+    }
+
+    /// That of a packed scene.
+    fn of_pack(input: &Path) -> Option<ProjectFile> {
+        let text = pack::options_of(input).filter(|text| !text.is_empty())?;
+        Some(ProjectFile { path: input.join(NAME), text, of: FileOf::Pack })
     }
 
     /// An error at a place of the file.
@@ -205,7 +238,8 @@ impl ProjectFile {
             let name = key.get_ref().as_ref();
             let of_command = cli.find_subcommand(name).filter(|of| !defaults(of).is_empty());
             match (name, value.get_ref(), of_command) {
-                ("search" | "plugins", _, _) if self.of_app => {
+                ("search" | "plugins", _, _) if self.of == FileOf::Pack => {}
+                ("search" | "plugins", _, _) if self.of == FileOf::App => {
                     return Err(self.wrong(key.span(), format!("{name} is a field of the App")));
                 }
                 ("search" | "plugins", _, _) => {

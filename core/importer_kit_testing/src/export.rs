@@ -63,3 +63,35 @@ pub fn resumed(exporter: &dyn Exporter, info: &VideoInfo, frames: &[Frame], cut:
     bytes.extend_from_slice(&out.bytes());
     Some(bytes)
 }
+
+/// Encodes a video whose pieces are made alone, the last first, and joined: the bytes of one render, unless a frame depends on
+/// another piece. The frames behind the last whole piece follow the joined ones. Panics where the format has no pieces.
+pub fn joined_pieces(exporter: &dyn Exporter, info: &VideoInfo, frames: &[Frame]) -> Vec<u8> {
+    let length = exporter.piece(info).expect("the format has pieces").get() as usize;
+    let mut out = SharedBytes::default();
+    drop(exporter.begin(info, Box::new(out.clone())).unwrap());
+    let pieces = frames.chunks_exact(length);
+    let rest = pieces.remainder();
+    let alone = |frames: &[Frame]| {
+        let out = SharedBytes::default();
+        let mut sink = exporter.resume(info, &[], &mut std::io::empty(), Box::new(out.clone())).unwrap();
+        for (i, frame) in frames.iter().enumerate() {
+            sink.frame(frame).unwrap();
+            match sink.mark() {
+                Mark::Settled(state) if i + 1 == length => return (state, out.bytes()),
+                Mark::Open(_) if i + 1 < length => {}
+                mark => panic!("frame {i} of a piece of {length}: {mark:?}"),
+            }
+        }
+        unreachable!("a piece has at least one frame")
+    };
+    let mut made: Vec<(Vec<u8>, Vec<u8>)> = pieces.rev().map(alone).collect();
+    made.reverse();
+    let (states, bodies): (Vec<_>, Vec<_>) = made.into_iter().unzip();
+    bodies.iter().for_each(|body| out.write_all(body).unwrap());
+    let mut sink = exporter.resume(info, &states, &mut std::io::empty(), Box::new(out.clone())).unwrap();
+    rest.iter().for_each(|frame| sink.frame(frame).unwrap());
+    let mut bytes = sink.finish().unwrap();
+    bytes.extend_from_slice(&out.bytes());
+    bytes
+}

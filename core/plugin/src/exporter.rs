@@ -4,6 +4,7 @@ use crate::{ExportOptions, FloatFrame, FrameWish, Manifest, PluginPanic};
 use choreo_motion::FrameRate;
 use choreo_stage::StageError;
 use std::io::{Read, Write};
+use std::num::NonZeroU64;
 
 /// Writes frames to a file of one format.
 ///
@@ -89,9 +90,18 @@ pub trait Exporter: Send + Sync {
         Ok(false)
     }
 
+    /// Frames of a piece, in formats whose files are made of pieces that depend on their own frames only: the frames from `k * n` to
+    /// `(k + 1) * n` have the same bytes whatever stands before them, and several machines can make them. The mark is
+    /// [`Mark::Settled`] at the end of each piece and [`Mark::Open`] within it. `None` where a frame depends on all those before.
+    fn piece(&self, info: &VideoInfo) -> Option<NonZeroU64> {
+        let _ = info;
+        None
+    }
+
     /// Goes on with a file whose making was ended from outside. `so_far` is all that was written until the last
-    /// [`Mark::Settled`], `states` what every one of them held, in order and at least one; `out` writes on from there.
-    /// The frames that follow must give the bytes that they would have given undisturbed.
+    /// [`Mark::Settled`], `states` what every one of them held, in order; `out` writes on from there. The frames that follow must give
+    /// the bytes that they would have given undisturbed. Formats of pieces ([`Exporter::piece`]) also get the states of pieces that
+    /// other machines made, or none for a piece alone, and `so_far` is empty then.
     fn resume(
         &self,
         info: &VideoInfo,

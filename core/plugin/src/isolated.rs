@@ -14,6 +14,7 @@ use choreo_asset::Asset;
 use glam::{Vec2, Vec3, Vec4};
 use std::any::Any;
 use std::io::{Read, Write};
+use std::num::NonZeroU64;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
 
@@ -146,6 +147,11 @@ impl Exporter for IsolatedExporter {
         out: Box<dyn Write + Send>,
     ) -> Result<bool, ExportError> {
         self.call(|exporter| exporter.with_provenance(info, made, out))
+    }
+
+    fn piece(&self, info: &VideoInfo) -> Option<NonZeroU64> {
+        // A panic here makes a file without pieces; the next call reports it.
+        isolated(self.manifest(), || self.0.piece(info)).unwrap_or_default()
     }
 
     fn resume(

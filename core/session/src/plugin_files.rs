@@ -193,6 +193,13 @@ pub fn user_folder() -> Option<PathBuf> {
     user_folders().into_iter().next().map(|(folder, _)| folder)
 }
 
+/// The folders of plugin files and packages that are searched whatever the input is: those of the user that there are, then those
+/// named.
+pub fn named_folders(named: &[PathBuf]) -> Vec<PathBuf> {
+    let users = user_folders().into_iter().map(|(folder, _)| folder).filter(|folder| folder.is_dir());
+    users.chain(named.iter().cloned()).collect()
+}
+
 /// The folders that the environment names, and whether a folder must exist.
 fn user_folders() -> Vec<(PathBuf, bool)> {
     if let Some(variable) = std::env::var_os(VARIABLE) {

@@ -12,6 +12,7 @@ use openh264::encoder::{
 };
 use openh264::formats::YUVSource;
 use std::io::{Read, Write};
+use std::num::NonZeroU64;
 use std::sync::LazyLock;
 
 /// The page of the documentation.
@@ -59,6 +60,10 @@ impl Exporter for Mp4Exporter {
 
     fn begin(&self, info: &VideoInfo, out: Box<dyn Write + Send>) -> Result<Box<dyn FrameSink>, ExportError> {
         Ok(Box::new(Mp4Sink::new(info, out)?))
+    }
+
+    fn piece(&self, info: &VideoInfo) -> Option<NonZeroU64> {
+        NonZeroU64::new(segment(info).into())
     }
 
     fn resume(
@@ -119,11 +124,20 @@ fn quantiser(quality: f64) -> u8 {
 /// numbers of key frame distances, so that these stay equal; not few frames, because of the start (and because two IDR
 /// images in a row must differ in `idr_pic_id`, H.264 §7.4.3, which counts from 0 in each); and as few as keep the
 /// frames of a segment within `KEPT_BYTES`, at the price of more key frames than requested.
-fn segment(keyframes: u32, frame_bytes: u64) -> u32 {
+fn segment(info: &VideoInfo) -> u32 {
     const FEWEST: u32 = 24;
     const KEPT_BYTES: u64 = 1 << 30;
+    let (width, height) = padded(info);
+    let frame_bytes = u64::from(width) * u64::from(height) * 3 / 2;
+    let keyframes = keyframes(info);
     let most = u32::try_from(KEPT_BYTES / frame_bytes.max(1)).unwrap_or(u32::MAX).max(FEWEST);
     (FEWEST.div_ceil(keyframes) * keyframes).min(most)
+}
+
+/// Frames between images at which a player can start.
+fn keyframes(info: &VideoInfo) -> u32 {
+    let frames = info.options.number("keyframes").unwrap_or(4.0) * info.fps.as_fps();
+    frames.clamp(1.0, 36_000.0) as u32
 }
 
 fn padded(info: &VideoInfo) -> (u32, u32) {
@@ -156,15 +170,13 @@ impl Mp4Sink {
             )));
         }
         let quality = info.options.number("quality").unwrap_or(DEFAULT_QUALITY);
-        let keyframes = info.options.number("keyframes").unwrap_or(4.0) * info.fps.as_fps();
-        let coding = Coding {
-            qp: quantiser(quality),
-            keyframes: keyframes.clamp(1.0, 36_000.0) as u32,
-            fps: info.fps.as_fps() as f32,
-        };
         Ok(Mp4Sink {
-            segment: segment(coding.keyframes, u64::from(width) * u64::from(height) * 3 / 2),
-            coding,
+            segment: segment(info),
+            coding: Coding {
+                qp: quantiser(quality),
+                keyframes: keyframes(info),
+                fps: info.fps.as_fps() as f32,
+            },
             encoder: None,
             in_segment: 0,
             muxer: Muxer::new(width as u16, height as u16, info.fps, info.provenance.clone()),

@@ -1,6 +1,6 @@
 //! Written by us, read by ffprobe and ffmpeg.
 
-use choreo_importer_kit_testing::export::{SharedBytes, resumed};
+use choreo_importer_kit_testing::export::{SharedBytes, joined_pieces, resumed};
 use choreo_motion::FrameRate;
 use choreo_plugin::{Exporter, Frame, Mark, OptionValue, VideoInfo};
 use export_mp4::Mp4Exporter;
@@ -261,4 +261,16 @@ fn repeated_frames_give_the_same_bytes() {
         [head, out.bytes()].concat()
     };
     assert!(bytes(true) == bytes(false));
+}
+
+/// Segments made on several machines, and the frames behind the last whole one: 24 and 32 frames, key frames that divide them or not.
+#[test]
+fn joined_segments_have_the_bytes_of_one_render() {
+    for (keyframes, frames) in [(0.8, 24), (0.8, 55), (16.0 / 30.0, 70), (0.0, 49)] {
+        let mut info = info(64, 48, (30, 1), frames);
+        info.options.0.insert("keyframes".into(), OptionValue::Number(keyframes));
+        let images: Vec<Frame> = (0..frames).map(|frame| scene(64, 48, frame as u32)).collect();
+        let joined = joined_pieces(&Mp4Exporter, &info, &images);
+        assert!(joined == encode(&info), "{frames} frames, a key frame every {keyframes} s");
+    }
 }

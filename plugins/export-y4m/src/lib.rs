@@ -3,6 +3,7 @@
 use choreo_plugin::yuv::{Matrix, Yuv420};
 use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, Mark, VideoInfo};
 use std::io::{Read, Write};
+use std::num::NonZeroU64;
 use std::sync::LazyLock;
 
 /// The page of the documentation.
@@ -55,6 +56,11 @@ impl Exporter for Y4mExporter {
         }
         writeln!(out, "{header}")?;
         Ok(Box::new(Y4mSink::new(info, out)))
+    }
+
+    /// Each frame stands alone.
+    fn piece(&self, _: &VideoInfo) -> Option<NonZeroU64> {
+        Some(NonZeroU64::MIN)
     }
 
     fn resume(

@@ -1,6 +1,6 @@
 //! Written by us, read by ffmpeg.
 
-use choreo_importer_kit_testing::export::{SharedBytes, resumed};
+use choreo_importer_kit_testing::export::{SharedBytes, joined_pieces, resumed};
 use choreo_motion::FrameRate;
 use choreo_plugin::{Exporter, Frame, VideoInfo};
 use export_y4m::Y4mExporter;
@@ -117,4 +117,11 @@ fn the_header_names_how_it_was_made_and_stays_short() {
         assert!(header.ends_with(&format!(" XCHOREO={id}\n")), "{header}");
         assert!(header.len() <= 96, "{header}");
     }
+}
+
+/// Frames made on several machines.
+#[test]
+fn joined_pieces_have_the_bytes_of_one_render() {
+    let frames: Vec<Frame> = (0..3).map(|frame| bars(66, 34, frame)).collect();
+    assert!(joined_pieces(&Y4mExporter, &info(66, 34), &frames) == encode(66, 34));
 }

@@ -14,6 +14,7 @@
 //! cargo xtask dist [--check] [--programs DIR]  an archive for this platform, and a Debian package; --check installs and runs them
 //! cargo xtask package                        every crate as it would be published
 //! cargo xtask vscode                         tests the extension for Visual Studio Code and packs it (npm)
+//! cargo xtask farm [PROGRAM]                 a Slurm cluster on this machine renders a film, with a node that dies and one drained
 //! cargo xtask wasm                           the tests of plugins in WebAssembly, whose engine takes minutes to build
 //! cargo xtask words                          texts that use a word which the terms of the field replace
 //! cargo xtask strip [SCRIPT]                 the image strips of the documentation; twenty frames of a script, side by side
@@ -23,6 +24,8 @@ mod bench;
 mod book;
 mod contact;
 mod dist;
+#[cfg(unix)]
+mod farm;
 mod frames;
 mod fuzz;
 mod lessons;
@@ -58,13 +61,17 @@ fn main() -> ExitCode {
         ["dist", rest @ ..] => dist::dist(rest),
         ["package"] => package::package(),
         ["vscode"] => vscode::vscode(),
+        #[cfg(unix)]
+        ["farm"] => farm::farm(None),
+        #[cfg(unix)]
+        ["farm", program] => farm::farm(Some(program)),
         ["wasm"] => wasm::wasm(),
         ["words"] => plain_words::words(),
         ["strip"] => strip::strip(),
         ["strip", script] => strip::of(script),
         _ => {
             eprintln!(
-                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [--gpu NAME] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | book | contact [FILTER] | lessons | notices | dist [--check] [--programs DIR] | package | vscode | wasm | words | strip [SCRIPT]"
+                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [--gpu NAME] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | book | contact [FILTER] | lessons | notices | dist [--check] [--programs DIR] | package | vscode | farm [PROGRAM] | wasm | words | strip [SCRIPT]"
             );
             return ExitCode::from(2);
         }

@@ -2,6 +2,7 @@
 
 pub mod values;
 
+use crate::scene::pack::Manifest;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -43,6 +44,15 @@ pub enum Command {
     /// Render a script, or a model file as it is, to video or images
     #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
     Render(RenderArgs),
+    /// Write the job that renders a film on many machines, for an engine that is there: Open Job Description or Slurm
+    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    Farm(FarmArgs),
+    /// Join the segments that several machines made with render --segment to the file that one machine would have written
+    #[command(after_help = EXIT_CODES)]
+    Join(JoinArgs),
+    /// Put a script with all that it reads into one archive, which gives the same images elsewhere
+    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    Pack(PackArgs),
     /// Write the scene itself for another program: joints, motion, cameras, as the format has them
     #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
     Export(ExportArgs),
@@ -87,7 +97,7 @@ pub enum Command {
 /// The scene of a command.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct SceneArgs {
-    /// A script (.rhai), or a model file to be framed, lit and played with no script
+    /// A script (.rhai), a scene that choreo pack has written (.choreo), or a model file to be framed, lit and played with no script
     #[arg(value_name = "SCRIPT|MODEL")]
     pub input: PathBuf,
     /// A parameter of the script, read there with param("NAME"); repeatable
@@ -107,6 +117,9 @@ pub(crate) struct SceneArgs {
     /// The program that makes the output, for its provenance
     #[arg(skip)]
     pub software: String,
+    /// The manifest of a packed scene that is opened as it was packed
+    #[arg(skip)]
+    pub packed_stage: Option<Manifest>,
 }
 
 /// How a model file is read. Scripts state it themselves: `load(…, #{ … })`.
@@ -130,7 +143,7 @@ pub(crate) struct RenderArgs {
     /// out.mp4, out.gif, out.apng, out.y4m, out.png or out.exr (one image), frames/%04d.png, or - for y4m on standard output
     #[arg(short, long, value_name = "FILE")]
     pub output: String,
-    /// Which frames: 0..120 (120 not included), 0..=119, 30.., one number, every 24th as 0..240:24, or a list as 0,5,9..20
+    /// Which frames: 0..120 (120 not included), 0..=119, 0-119, 30.., one number, every 24th as 0..240:24, or a list as 0,5,9..20
     #[arg(long, value_name = "FRAMES", conflicts_with = "at", allow_hyphen_values = true)]
     pub frames: Option<String>,
     /// One image at this time in seconds
@@ -166,6 +179,9 @@ pub(crate) struct RenderArgs {
     /// Passes of each image for a compositor, as color,depth,normal; for formats with the option passes (EXR)
     #[arg(long, value_name = "LIST")]
     pub passes: Option<String>,
+    /// Write the frames as a segment into this folder, for choreo join: one of several machines makes a part of the film -o
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["at", "sheet", "watch", "stages"])]
+    pub segment: Option<PathBuf>,
     /// Go on where an earlier render of the same was stopped: finished frames are not drawn again
     #[arg(long)]
     pub resume: bool,
@@ -202,6 +218,88 @@ impl RenderArgs {
         given.extend(self.passes.iter().map(|passes| format!("passes={passes}")));
         given
     }
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct FarmArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The film, film.mp4 or frames/%04d.png, in the folder output of the job
+    #[arg(short, long, value_name = "FILE")]
+    pub output: String,
+    /// The engine that runs the job
+    #[arg(long = "for", value_enum, value_name = "ENGINE")]
+    pub engine: Engine,
+    /// The folder of the job: the packed scene, its steps, and later the segments and the film
+    #[arg(long, value_name = "DIR")]
+    pub to: PathBuf,
+    /// Frames of a chunk (default: measured, so that starting takes at most 5 % of a machine's time)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub chunk: Option<u64>,
+    /// Pixels, as 1280x720
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<String>,
+    /// Frames a second; 23.976, 29.97 and 59.94 mean the NTSC rates
+    #[arg(long, value_name = "RATE")]
+    pub fps: Option<String>,
+    /// The device of all machines; cpu gives the same bytes on all of them
+    #[arg(long, value_enum, default_value_t = Device::Cpu)]
+    pub device: Device,
+    /// Samples a pixel for smooth edges (default: the script's, else 4)
+    #[arg(long, value_name = "1|4")]
+    pub samples: Option<String>,
+    /// An option of the output format (see `choreo plugins`); repeatable
+    #[arg(long = "export", value_name = "NAME=VALUE")]
+    pub export: Vec<String>,
+    /// No progress bar, no summary
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// The summary, or what went wrong, as JSON on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// An engine that runs jobs on many machines.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Engine {
+    /// A template of Open Job Description: AWS Deadline Cloud, or openjd on one machine
+    Openjd,
+    /// Scripts for sbatch: an array job, and a job that depends on it
+    Slurm,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct PackArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The archive, film.choreo
+    #[arg(short, long, value_name = "FILE.choreo")]
+    pub output: PathBuf,
+    /// No progress bar, no summary; warnings stay
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// The summary, or what went wrong, as JSON on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct JoinArgs {
+    /// Segments, or folders of them, in any order
+    #[arg(value_name = "SEGMENT|DIR", required = true)]
+    pub segments: Vec<PathBuf>,
+    /// The film: a file, or frames/%04d.png; in the format of the segments
+    #[arg(short, long, value_name = "FILE")]
+    pub output: String,
+    /// Raise or lower a limit, as output=1000000000; repeatable
+    #[arg(long = "limit", value_name = "NAME=NUMBER")]
+    pub limit: Vec<String>,
+    /// No progress bar, no summary; warnings of damaged segments stay
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// The summary, or what went wrong, as JSON on standard output
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Args, Debug)]
@@ -567,6 +665,8 @@ impl Command {
         match self {
             Command::Render(a) => Some(&mut a.scene),
             Command::Export(a) => Some(&mut a.scene),
+            Command::Pack(a) => Some(&mut a.scene),
+            Command::Farm(a) => Some(&mut a.scene),
             Command::Check(a) => Some(&mut a.scene),
             Command::Explain(a) => Some(&mut a.scene),
             Command::Measure(a) => Some(&mut a.scene),
@@ -578,6 +678,9 @@ impl Command {
     pub fn json(&self) -> bool {
         match self {
             Command::Render(a) => a.json,
+            Command::Join(a) => a.json,
+            Command::Pack(a) => a.json,
+            Command::Farm(a) => a.json,
             Command::Export(a) => a.json,
             Command::Check(a) => a.json,
             Command::Info(a) => a.json,

@@ -53,12 +53,16 @@ fn some_frames(text: &str, part: &str, total: i64) -> Result<(Range<i64>, usize)
         None => (part, 1),
         Some((range, step)) => match number(step)? {
             0 => return usage(format!("--frames {text}: the step after : must be at least 1")),
-            step if range.contains("..") => (range, step),
+            step if range.contains("..") || range.contains('-') => (range, step),
             _ => return usage(format!("--frames {text}: a step is written after a range, as 0..240:24")),
         },
     };
     let range = match part.split_once("..") {
-        None => number(part)?..number(part)? + 1,
+        // Open Job Description writes ranges so.
+        None => match part.split_once('-').filter(|(from, _)| !from.is_empty()) {
+            Some((from, last)) => number(from)?..number(last)? + 1,
+            None => number(part)?..number(part)? + 1,
+        },
         Some((from, to)) => {
             let from = if from.is_empty() { 0 } else { number(from)? };
             let to = match to.strip_prefix('=') {
@@ -174,6 +178,7 @@ mod tests {
         for (text, expected) in [
             ("0..120", 0..120),
             ("0..=119", 0..120),
+            ("0-119", 0..120),
             ("30..", 30..120),
             ("..60", 0..60),
             ("7", 7..8),
@@ -184,6 +189,7 @@ mod tests {
         for (text, expected) in [
             ("0..100:24", &[0, 24, 48, 72, 96][..]),
             ("..=96:48", &[0, 48, 96]),
+            ("0-96:48,7-8", &[0, 7, 8, 48, 96]),
             ("100..:10", &[100, 110]),
             ("0, 5,9..12", &[0, 5, 9, 10, 11]),
             ("11,3..6:2,3", &[3, 5, 11]),

@@ -2,6 +2,7 @@
 
 use choreo_plugin::{ExportError, ExportOptions, Exporter, FrameSink, FrameWish, Manifest, VideoInfo};
 use std::io::{Read, Write};
+use std::num::NonZeroU64;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -63,6 +64,9 @@ impl Exporter for Budgeted {
         out: Box<dyn Write + Send>,
     ) -> Result<bool, ExportError> {
         self.inner.with_provenance(info, made, self.budget.count(out))
+    }
+    fn piece(&self, info: &VideoInfo) -> Option<NonZeroU64> {
+        self.inner.piece(info)
     }
     fn resume(
         &self,

@@ -5,6 +5,7 @@ pub(crate) mod image_files;
 pub mod journal;
 pub mod media;
 pub(crate) mod provenance;
+pub(crate) mod segment;
 pub(crate) mod svg;
 pub(crate) mod target;
 pub(crate) mod video;

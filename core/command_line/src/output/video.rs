@@ -6,13 +6,14 @@ use crate::failure::{Failure, output_error, write_failure};
 use crate::output::journal::{self, Changes, Identity, Journal, Kept, Record, Span};
 use crate::output::provenance;
 use crate::output::target::export_failure;
-use crate::process::kept_frames;
-use choreo_files::{Destination, PartFolder, WriteError};
+use crate::process::{interrupt, kept_frames};
+use choreo_files::{Destination, Folder as OpenFolder, PartFolder, WriteError};
 use choreo_plugin::{Exporter, FrameSink, Mark, VideoInfo};
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 pub struct Video {
     shown: String,
@@ -76,13 +77,14 @@ impl Video {
     }
 
     /// Begins a video in a file. With `--resume` it goes on from what an earlier render of the same `identity` left; else it
-    /// starts anew. Gives no video if the file is complete already and only its part folder was left.
+    /// starts anew. Gives no video if the file is complete already and only its part folder was left, or if `is_made` says so.
     pub(crate) fn to_file(
         path: &Path,
         exporter: &dyn Exporter,
         info: &VideoInfo,
         identity: &Identity,
         args: &RenderArgs,
+        is_made: impl Fn() -> bool,
     ) -> Result<(Option<Video>, Begun), Failure> {
         let shown = path.display().to_string();
         let (parent, name) = match Destination::of(path).map_err(|e| write_failure(&shown, e))? {
@@ -91,7 +93,10 @@ impl Video {
                 return Video::direct(shown, to, exporter, info).map(|v| (Some(v), Begun::default()));
             }
         };
-        let part = PartFolder::open(parent, &name, FILES).map_err(|e| write_failure(&shown, e))?;
+        let part = open_part(&parent, &name, args).map_err(|e| write_failure(&shown, e))?;
+        if args.resume && is_made() {
+            return Ok((None, Begun::default()));
+        }
         let mut folder = Folder::new(part, path, args);
         let found = journal::read(BufReader::new(folder.part.lock_file())).filter(|f| !f.records.is_empty());
         let Some(mut found) = found else {
@@ -163,6 +168,19 @@ impl Video {
         // If the folder was moved away, the place of the frames is unknown.
         if folder.done == 0 || !wanted || !folder.part.is_there() {
             kept_frames::clear();
+        }
+    }
+}
+
+/// Opens the part folder. A segment that another process makes is waited for with `--resume`: a farm may start a task again whose first
+/// process still runs. That one ends and leaves a whole segment, or dies and leaves its lock.
+fn open_part(parent: &Arc<OpenFolder>, name: &Path, args: &RenderArgs) -> Result<PartFolder, WriteError> {
+    loop {
+        match PartFolder::open(parent.clone(), name, FILES) {
+            Err(WriteError::Busy) if args.resume && args.segment.is_some() && !interrupt::interrupted() => {
+                std::thread::sleep(Duration::from_millis(200));
+            }
+            opened => return opened,
         }
     }
 }

@@ -2,7 +2,7 @@
 //! are kept, the exit code is 130.
 
 use crate::failure::{Failure, print_message};
-use crate::process::kept_frames;
+use crate::process::{kept_frames, scratch};
 use choreo_test_runner::collect::quoted;
 use std::ffi::OsString;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,6 +24,7 @@ pub fn install() {
             std::thread::sleep(Duration::from_millis(20));
         }
         choreo_files::remove_unfinished();
+        scratch::remove();
         kept_frames::take_message().iter().for_each(print_message);
         print_message("interrupted");
         std::process::exit(i32::from(Failure::Interrupted.code()));

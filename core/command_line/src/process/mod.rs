@@ -4,4 +4,5 @@ pub(crate) mod interrupt;
 pub mod kept_frames;
 pub mod memory;
 pub mod panics;
+pub mod scratch;
 pub mod threads;

@@ -3,6 +3,7 @@
 pub mod inputs;
 pub mod model;
 pub mod opening;
+pub(crate) mod pack;
 
 use crate::args::SceneArgs;
 use crate::args::values;
@@ -11,9 +12,9 @@ use crate::plugins::plugin_files;
 use crate::process::memory;
 use crate::process::threads::too_few;
 use crate::terminal::import_bar::Bar;
-use choreo_plugin::Registry;
+use choreo_plugin::{ImportScope, Registry};
 use choreo_script::{
-    Diagnostic, ImportChoice, Limits, NO_THREAD, Places, PlayedClips, ScriptOptions, Severity,
+    Diagnostic, ImportChoice, Limits, NO_THREAD, Places, PlayedClips, ScriptOptions, Severity, Touched,
     run_file_touching,
 };
 use choreo_stage::Stage;
@@ -49,6 +50,8 @@ pub struct OpenedScene {
     /// Hash of the content of the script or model and of every file that it read.
     pub input_hash: [u8; 32],
     pub inputs: Inputs,
+    /// The files that were read, and where files were looked for.
+    pub touched: Touched,
 }
 
 /// The plugins given, and those of plugin files beside the input or in folders named on the command line.
@@ -62,11 +65,17 @@ pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<O
     memory::guard(limits.memory);
     let set = args.set.iter().map(|text| values::name_value("--set", text));
     let set: Vec<(&str, &str)> = set.collect::<Result<_, _>>()?;
-    if args.input.extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai")) {
+    let opened = if args.input.extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai")) {
         open_script(args, &set, limits, registry, opening)
     } else {
         open_model(args, limits, registry, opening)
+    };
+    let mut scene = opened?;
+    // What is drawn is what was packed. Commands that draw nothing read less.
+    if let Some(packed) = args.packed_stage.as_ref().filter(|_| opening.needs == ImportScope::ALL) {
+        scene.warnings.extend(packed.differs(&scene)?);
     }
+    Ok(scene)
 }
 
 fn open_script(
@@ -100,7 +109,7 @@ fn open_script(
     drop(bar);
     let inputs = Inputs::new(touched.read.keys().cloned()).in_folder_of(&args.input);
     if let Some(keep) = opening.keep {
-        keep.set_touched(touched);
+        keep.set_touched(touched.clone());
     }
     let script = script.map_err(failure)?;
     let asset_warnings = asset_warnings(&script.stage);
@@ -120,6 +129,7 @@ fn open_script(
         arguments: set.iter().map(|(n, v)| format!("--set {n}={v}")).collect(),
         input_hash: script.script_hash,
         inputs,
+        touched,
     })
 }
 
@@ -162,7 +172,8 @@ fn open_model(
         software: args.software.clone(),
         arguments: importer.chain(options).chain(clip).collect(),
         input_hash: imported.hash,
-        inputs: Inputs::new(imported.files).in_folder_of(&args.input),
+        inputs: Inputs::new(imported.touched.read.keys().cloned()).in_folder_of(&args.input),
+        touched: imported.touched,
     })
 }
 

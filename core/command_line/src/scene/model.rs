@@ -86,7 +86,7 @@ pub(crate) struct Imported {
     pub asset: Arc<Asset>,
     /// Hash of all files read, wherever they lie.
     pub hash: [u8; 32],
-    pub files: Vec<PathBuf>,
+    pub touched: Touched,
 }
 
 /// Options of an import from the command line.
@@ -133,13 +133,14 @@ pub fn import(
     let loader = Arc::new(loader.watched_by(&imports));
     let _bar = Bar::over(&imports, opening.quiet);
     let asset = loader.load(name, choice);
+    let touched = Touched::by(&loader);
     if let Some(keep) = opening.keep {
-        keep.set_touched(Touched::by(&loader));
+        keep.set_touched(touched.clone());
     }
     let asset = asset.map_err(problem)?;
-    let (files, mut hashes): (Vec<PathBuf>, Vec<[u8; 32]>) = loader.used().into_iter().unzip();
+    let mut hashes: Vec<[u8; 32]> = touched.read.values().copied().collect();
     hashes.sort_unstable();
-    Ok(Imported { asset, hash: *blake3::hash(hashes.as_flattened()).as_bytes(), files })
+    Ok(Imported { asset, hash: *blake3::hash(hashes.as_flattened()).as_bytes(), touched })
 }
 
 /// [`choreo_session::model::stage`].

@@ -30,6 +30,8 @@ const TRIED: &[(&str, &str)] = &[
     ("reach()", "Actor.reach(joint, target, options?)"),
     ("lerp", "lerp(a, b, w)"),
     ("headless", "choreo render --frames"),
+    ("render farm", "choreo farm"),
+    ("pack data", "choreo pack"),
     ("clip plane", "Camera.near(metres)"),
     ("85mm", "Camera.focal_length(millimetres)"),
     ("cache", "choreo render --watch"),

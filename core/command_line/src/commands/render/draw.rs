@@ -8,6 +8,7 @@ use crate::failure::{Failure, print_message, write_failure};
 use crate::output::image_files::{self, Claim};
 use crate::output::journal::Identity;
 use crate::output::provenance;
+use crate::output::segment::Segment;
 use crate::output::target::Target;
 use crate::output::video::Video;
 use crate::process::kept_frames;
@@ -115,7 +116,10 @@ impl Drawing<'_> {
             target => {
                 let identity = self.identity();
                 let file = target.file(0);
-                Video::to_file(&file, &*job.exporter, self.info, &identity, self.args)?
+                let is_made = || {
+                    job.segment.as_ref().is_some_and(|segment| Segment::is_made(&file, segment, self.info))
+                };
+                Video::to_file(&file, &*job.exporter, self.info, &identity, self.args, is_made)?
             }
         };
         begun.note.iter().for_each(|line| say(line));

@@ -10,8 +10,9 @@ use crate::args::RenderArgs;
 use crate::args::values;
 use crate::commands::export;
 use crate::drawing::device;
-use crate::failure::Failure;
+use crate::failure::{Failure, output_error};
 use crate::output::budget::Budgeted;
+use crate::output::segment::SegmentExporter;
 use crate::output::target::Target;
 use crate::scene::{
     self, ONE_FRAME, OpenedScene,
@@ -28,6 +29,8 @@ pub struct Job {
     pub scene: OpenedScene,
     pub target: Target,
     pub exporter: Arc<dyn Exporter>,
+    /// The exporter of a segment, which `exporter` wraps, where the target is one.
+    pub segment: Option<Arc<SegmentExporter>>,
     pub frames: Vec<(i64, Time)>,
     pub settings: Settings,
     pub samples: Option<u32>,
@@ -149,12 +152,15 @@ pub fn prepare(
             chosen.unwrap_or_else(|| (0..total).collect()).into_iter().map(timed).collect()
         }
     };
+    let segment = segment(args, &target, exporter, &frames, total)?;
+    let (target, segment) = segment.map_or((target, None), |(file, segment)| (file, Some(segment)));
+    let exporter = segment.clone().map_or(exporter.clone(), |segment| segment as Arc<dyn Exporter>);
     if target != Target::Stdout {
         frames.iter().try_for_each(|(number, _)| scene.inputs.refuse(&target.file(*number)))?;
     }
-    let exporter = Arc::new(Budgeted::new(exporter.clone(), scene.limits.output));
+    let exporter = Arc::new(Budgeted::new(exporter, scene.limits.output));
     notes.extend(without_display(wish, &scene.stage, registry));
-    Ok(Job { scene, target, exporter, frames, settings, samples, options, wish, notes })
+    Ok(Job { scene, target, exporter, segment, frames, settings, samples, options, wish, notes })
 }
 
 /// The pixels that the format holds with these options.
@@ -190,6 +196,36 @@ fn without_display(wish: FrameWish, stage: &Stage, registry: &Registry) -> Optio
         false => without.join(", "),
     };
     Some(format!("light before the view transform is written, so without {without}"))
+}
+
+/// `--segment`: the file in place of the film, and its exporter.
+fn segment(
+    args: &RenderArgs,
+    film: &Target,
+    exporter: &Arc<dyn Exporter>,
+    frames: &[(i64, Time)],
+    total: i64,
+) -> Result<Option<(Target, Arc<SegmentExporter>)>, Failure> {
+    let Some(folder) = &args.segment else { return Ok(None) };
+    let one_image = exporter.one_frame_per_file() && !matches!(film, Target::Numbered { .. });
+    if *film == Target::Stdout || one_image {
+        let what = format!("--segment is for videos and numbered images, not for {}", film.shown());
+        return Err(Failure::Usage(what));
+    }
+    let count = frames.len() as i64;
+    let numbers = frames.first().zip(frames.last()).map(|((first, _), (last, _))| (*first, *last));
+    let Some((first, _)) = numbers.filter(|(first, last)| last - first + 1 == count) else {
+        return Err(Failure::Usage("--segment takes one range of frames, as --frames 0..120".into()));
+    };
+    std::fs::create_dir_all(folder).map_err(|e| output_error(&folder.display().to_string(), &e))?;
+    let segment = SegmentExporter {
+        inner: exporter.clone(),
+        first: first.unsigned_abs(),
+        film_frames: total.unsigned_abs(),
+        options: args.given(),
+    };
+    let file = folder.join(segment.file_name(count.unsigned_abs()));
+    Ok(Some((Target::File(file), Arc::new(segment))))
 }
 
 /// `--length`: the model's clip again and again.

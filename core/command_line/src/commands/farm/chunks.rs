@@ -1,0 +1,135 @@
+//! The frames of a film in chunks of about the same cost.
+
+/// First and last frame of a chunk.
+pub(crate) type Chunk = (u64, u64);
+
+/// The time that a machine takes for the frames of a film.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Cost {
+    /// Seconds until the first frame: opening the scene, starting the renderer, and what a frame takes that follows none.
+    pub start: f64,
+    /// Seconds of some frames by their number, rising. Between them the cost is interpolated.
+    pub frames: Vec<(u64, f64)>,
+}
+
+/// The share of its time that a machine may take to start.
+const MOST_START: f64 = 0.05;
+
+impl Cost {
+    fn of(&self, frame: u64) -> f64 {
+        let after = self.frames.partition_point(|(at, _)| *at < frame);
+        match (after.checked_sub(1).map(|before| self.frames[before]), self.frames.get(after)) {
+            (Some((a, from)), Some(&(b, to))) => from + (to - from) * (frame - a) as f64 / (b - a) as f64,
+            (Some((_, cost)), None) | (None, Some(&(_, cost))) => cost,
+            (None, None) => 0.0,
+        }
+    }
+
+    /// Seconds of all frames, one after the other.
+    pub fn total(&self, frames: u64) -> f64 {
+        (0..frames).map(|frame| self.of(frame)).sum()
+    }
+}
+
+/// Chunks of one length, the last one of what is left.
+pub(crate) fn in_chunks_of(frames: u64, length: u64) -> Vec<Chunk> {
+    let length = length.max(1);
+    (0..frames.div_ceil(length)).map(|i| (i * length, ((i + 1) * length).min(frames) - 1)).collect()
+}
+
+/// A length near this one of whole pieces, which are copied when the film is joined; the length itself where it is far below one.
+pub(crate) fn aligned(length: u64, piece: u64) -> u64 {
+    match (length + piece / 2) / piece {
+        0 => length,
+        pieces => pieces * piece,
+    }
+}
+
+/// As many chunks as there can be, at most `most`, of which each takes about as long and no more than 5 % of it to start. They end where
+/// pieces do unless they are far shorter.
+pub(crate) fn of_equal_cost(frames: u64, piece: u64, cost: &Cost, most: u64) -> Vec<Chunk> {
+    let total = cost.total(frames);
+    let shortest = cost.start * (1.0 - MOST_START) / MOST_START;
+    let count = if shortest > 0.0 { (total / shortest) as u64 } else { frames };
+    let count = count.clamp(1, frames.min(most).max(1));
+    let align = if aligned(frames / count, piece).is_multiple_of(piece) { piece } else { 1 };
+    let sum = |spent: &mut f64, frame| {
+        *spent += cost.of(frame);
+        Some(*spent)
+    };
+    let spent: Vec<f64> = (0..frames).scan(0.0, sum).collect();
+    let mut chunks = Vec::new();
+    let mut first = 0;
+    for chunk in 1..=count {
+        // A sum that rounding has made a little smaller counts.
+        let share = total * (chunk as f64 / count as f64 - 1e-9);
+        let behind = spent.partition_point(|sum| *sum < share) as u64 + 1;
+        let behind = if chunk == count { frames } else { (behind + align / 2) / align * align };
+        if behind > first && (behind < frames || chunk == count) {
+            chunks.push((first, behind - 1));
+            first = behind;
+        }
+    }
+    chunks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The chunks follow each other from the first frame to the last.
+    fn covers(chunks: &[Chunk], frames: u64) {
+        let mut next = 0;
+        for (first, last) in chunks {
+            assert!(*first == next && last >= first, "{chunks:?}");
+            next = last + 1;
+        }
+        assert_eq!(next, frames, "{chunks:?}");
+    }
+
+    /// Costs against sums that are made here.
+    #[test]
+    fn chunks_have_equal_costs_and_start_within_a_twentieth() {
+        let rising = Cost { start: 0.5, frames: vec![(0, 0.1), (999, 2.1)] };
+        let seconds = |(first, last): &Chunk| -> f64 {
+            (*first..=*last).map(|frame| 0.1 + 2.0 * frame as f64 / 999.0).sum()
+        };
+        let chunks = of_equal_cost(1000, 1, &rising, 10_000);
+        covers(&chunks, 1000);
+        assert_eq!(chunks.len(), (1100.0 / 9.5) as usize);
+        let (worst, best) =
+            chunks.iter().map(seconds).fold((0.0f64, f64::MAX), |(w, b), s| (w.max(s), b.min(s)));
+        assert!(worst < best + 2.1 * 2.0 && best > 9.5 - 2.1 * 2.0, "{best} to {worst} s");
+        // The last frames cost more, so their chunks are shorter.
+        let last = chunks[chunks.len() - 2];
+        assert!(chunks[0].1 > 40 && last.1 - last.0 < 6, "{chunks:?}");
+        assert_eq!(of_equal_cost(1000, 1, &rising, 7).len(), 7);
+    }
+
+    #[test]
+    fn chunks_end_where_pieces_do_unless_they_are_far_shorter() {
+        let even = |start| Cost { start, frames: vec![(0, 1.0)] };
+        for (start, piece) in [(2.0, 24), (1.0, 24), (5.0, 7), (0.6, 20)] {
+            let chunks = of_equal_cost(1000, piece, &even(start), 1000);
+            covers(&chunks, 1000);
+            assert!(chunks.iter().rev().skip(1).all(|(_, last)| (last + 1) % piece == 0), "{chunks:?}");
+        }
+        let short = of_equal_cost(1000, 120, &even(0.5), 1000);
+        covers(&short, 1000);
+        assert_eq!(short.len(), 105);
+    }
+
+    #[test]
+    fn extreme_films_are_one_chunk_or_a_chunk_a_frame() {
+        let cost = |start, frame| Cost { start, frames: vec![(0, frame)] };
+        assert_eq!(of_equal_cost(1, 24, &cost(1.0, 1.0), 1000), [(0, 0)]);
+        assert_eq!(of_equal_cost(50, 24, &cost(100.0, 0.01), 1000), [(0, 49)]);
+        covers(&of_equal_cost(50, 1, &cost(0.0, 1.0), 1000), 50);
+        assert_eq!(of_equal_cost(50, 1, &cost(0.0, 1.0), 1000).len(), 50);
+        assert_eq!(of_equal_cost(50, 1, &cost(1.0, 0.0), 1000), [(0, 49)]);
+        covers(&of_equal_cost(50, 100, &cost(0.0, 0.0), 1000), 50);
+        assert_eq!(in_chunks_of(60, 24), [(0, 23), (24, 47), (48, 59)]);
+        assert_eq!(in_chunks_of(48, 24), [(0, 23), (24, 47)]);
+        assert_eq!([aligned(11, 24), aligned(12, 24), aligned(40, 24), aligned(5, 1)], [11, 24, 48, 5]);
+    }
+}

@@ -1,0 +1,59 @@
+//! The cost of a film's frames, measured by drawing some of them.
+
+use super::chunks::Cost;
+use crate::args::RenderArgs;
+use crate::commands::render::Job;
+use crate::drawing::device;
+use crate::drawing::pipeline::render_failure;
+use crate::failure::Failure;
+use choreo_render::plan::motion_blur::plan_at;
+use choreo_render::{PlanOptions, SceneResources};
+use choreo_stage::Evaluator;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Places in the film where frames are drawn, and seconds after which no more are.
+const PLACES: u64 = 8;
+const MOST_SECONDS: f64 = 30.0;
+
+/// Draws two frames that follow each other at some places. The first of them bears what a frame costs that follows none: the pre-roll of
+/// springs, spans of foot locks. `opening`: when the scene began to be opened.
+pub(crate) fn cost(args: &RenderArgs, job: &Job, opening: Instant) -> Result<Cost, Failure> {
+    let effects = job.scene.registry.effects();
+    let mut renderer = device::start(args.device, effects).wait()?.renderer;
+    let samples = job.samples.or(job.settings.samples);
+    let samples = samples.unwrap_or_else(|| device::default_samples(renderer.device()));
+    renderer.set_effects(effects).map_err(render_failure)?;
+    let resources = Arc::new(SceneResources::new(&job.scene.stage));
+    renderer.load(resources.clone()).map_err(render_failure)?;
+    let size = job.settings.size;
+    let options = PlanOptions { effects, ..PlanOptions::new(size, samples) };
+    let aspect = f64::from(size[0]) / f64::from(size[1].max(1));
+    let mut spare = None;
+    let mut start = opening.elapsed().as_secs_f64();
+    let (sampling, total) = (Instant::now(), job.frames.len() as u64);
+    let (mut frames, mut alone) = (Vec::new(), Vec::new());
+    for place in 0..PLACES.min(total) {
+        let first = (place * total / PLACES.min(total)) as usize;
+        // A machine of the farm has drawn nothing before.
+        let mut evaluator = Evaluator::new(job.scene.stage.clone()).for_images(aspect);
+        let mut seconds = Vec::new();
+        for (number, time) in job.frames.iter().skip(first).take(2) {
+            let drawing = Instant::now();
+            let planned = plan_at(&resources, &mut evaluator, *time, &options, None);
+            let (_, plan) = planned.map_err(|e| Failure::input(e.to_string()))?;
+            renderer.submit(plan).map_err(render_failure)?;
+            spare = Some(renderer.collect(spare.take()).map_err(render_failure)?);
+            seconds.push((number.unsigned_abs(), drawing.elapsed().as_secs_f64()));
+        }
+        if let (Some(first), Some(last)) = (seconds.first(), seconds.last()) {
+            frames.push(*last);
+            alone.push((first.1 - last.1).max(0.0));
+        }
+        if sampling.elapsed().as_secs_f64() > MOST_SECONDS {
+            break;
+        }
+    }
+    start += alone.iter().sum::<f64>() / alone.len().max(1) as f64;
+    Ok(Cost { start, frames })
+}

@@ -1,0 +1,289 @@
+//! `choreo join`: the segments that several machines made of a film become the file that one machine would have written.
+
+use crate::args::JoinArgs;
+use crate::args::values;
+use crate::commands::export;
+use crate::failure::{Failure, output_error, print_json, print_message, write_failure};
+use crate::output::budget::Budget;
+use crate::output::image_files::Claim;
+use crate::output::provenance;
+use crate::output::segment::{
+    EXTENSION, FilmWriter, Gap, JoinError, JoinedFrames, Segment, Source, cover, ranges,
+};
+use crate::output::target::{Target, export_failure};
+use crate::scene::inputs::Inputs;
+use crate::terminal::progress::Progress;
+use choreo_files::PartFile;
+use choreo_plugin::{Exporter, Registry, VideoInfo};
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::io::{Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Names read of one folder.
+const MOST_NAMES: usize = 1_000_000;
+
+pub fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Failure> {
+    let start = Instant::now();
+    let target = Target::parse(&args.output)?;
+    if target == Target::Stdout {
+        return Err(Failure::Usage("join writes files; name one with -o".into()));
+    }
+    let exporter = target.exporter(plugins)?;
+    let limits = values::limits(&args.limit)?;
+    let files = files(&args.segments)?;
+    let Opened { segments, damaged } = Opened::new(&files, args.quiet)?;
+    let film = same_film(&segments, &damaged, exporter.as_ref(), software)?;
+    let options = export::options(&film.film.options, exporter.manifest())?;
+    let info = film.film.info(options);
+    if exporter.one_frame_per_file() && !matches!(target, Target::Numbered { .. }) && info.frames > 1 {
+        let what = format!("{} holds one image of {}; write frames/%04d.png", target.shown(), info.frames);
+        return Err(Failure::Usage(what));
+    }
+    let piece = exporter.piece(&info).or(exporter.one_frame_per_file().then_some(std::num::NonZeroU64::MIN));
+    let sources = cover(&segments, piece).map_err(|gap| gap_failure(gap, &segments, &damaged, &target))?;
+    let inputs = Inputs::new(files.iter().cloned());
+    let joining = Joining {
+        target: &target,
+        exporter: exporter.as_ref(),
+        info: &info,
+        segments: &segments,
+        sources: &sources,
+        inputs: &inputs,
+        budget: Budget::new(limits.output),
+        progress: Progress::new(sources.len() as u64, args.quiet || args.json),
+    };
+    let joined = if exporter.one_frame_per_file() { joining.images() } else { joining.film() };
+    joining.progress.clear();
+    let JoinedFrames { copied, encoded } = joined?;
+    let secs = start.elapsed().as_secs_f64();
+    if args.json {
+        return print_json(&json!({
+            "ok": true,
+            "output": target.shown(),
+            "frames": info.frames,
+            "segments": segments.len(),
+            "copied": copied,
+            "encoded": encoded,
+            "damaged": damaged,
+            "seconds": secs,
+            "provenance": info.provenance.into_iter().collect::<BTreeMap<_, _>>(),
+        }));
+    }
+    if !args.quiet {
+        let (frames, count) = (info.frames, segments.len());
+        print_message(format_args!(
+            "{frames} frames of {count} segments joined in {secs:.1} s, {copied} copied and {encoded} encoded: {}",
+            target.shown()
+        ));
+    }
+    Ok(())
+}
+
+/// The files that the arguments name: segments, and those in folders.
+fn files(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+    let mut files = Vec::new();
+    for path in given {
+        let failed = |e: std::io::Error| {
+            Failure::input(format!("{}: cannot read: {}", path.display(), choreo_files::words(&e)))
+        };
+        if !path.metadata().map_err(failed)?.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let names = choreo_files::Folder::open(path).and_then(|f| f.names(MOST_NAMES)).map_err(failed)?;
+        let found = names.iter().map(|name| path.join(name));
+        files.extend(found.filter(|file| file.extension().is_some_and(|e| e == EXTENSION)));
+    }
+    if files.is_empty() {
+        let named: Vec<String> = given.iter().map(|path| path.display().to_string()).collect();
+        return Err(Failure::input(format!("{}: there is no .{EXTENSION} file", named.join(", "))));
+    }
+    Ok(files)
+}
+
+struct Opened {
+    segments: Vec<Segment>,
+    /// The damage of each, complete with its name.
+    damaged: Vec<String>,
+}
+
+impl Opened {
+    fn new(files: &[PathBuf], quiet: bool) -> Result<Opened, Failure> {
+        let progress = Progress::new(files.len() as u64, quiet);
+        let (mut segments, mut damaged) = (Vec::new(), Vec::new());
+        for file in files {
+            match Segment::open(file) {
+                Ok(segment) => {
+                    damaged.extend(
+                        segment.damage.iter().map(|what| format!("{}: damaged: {what}", file.display())),
+                    );
+                    segments.push(segment);
+                }
+                Err(fault) => damaged.push(format!("{}: {fault}", file.display())),
+            }
+            progress.step();
+        }
+        progress.clear();
+        // Also with --quiet: a machine or a disk may be failing.
+        damaged.iter().for_each(|what| print_message(format_args!("warning: {what}")));
+        if segments.is_empty() {
+            return Err(Failure::input("no segment can be read"));
+        }
+        Ok(Opened { segments, damaged })
+    }
+}
+
+/// The first segment, where all are of one film that this program can finish.
+fn same_film<'s>(
+    segments: &'s [Segment],
+    damaged: &[String],
+    exporter: &dyn Exporter,
+    software: &str,
+) -> Result<&'s Segment, Failure> {
+    let Some(first) = segments.first() else { return Err(Failure::input(damaged.join("\n"))) };
+    let identity = first.film.identity();
+    let mut faults = Vec::new();
+    for other in &segments[1..] {
+        let differences = provenance::differences(&identity, &other.film.identity());
+        if !differences.is_empty() {
+            let lines =
+                differences.iter().map(|(keyword, was, is)| format!("\n    {keyword}: {is}, there {was}"));
+            let lines: String = lines.collect();
+            let (path, there) = (other.path.display(), first.path.display());
+            faults.push(format!("{path}: it is of another film than {there}{lines}"));
+        }
+    }
+    let made_by = first.film.provenance.iter().find(|(keyword, _)| keyword == "Software");
+    let made_by = made_by.map_or("", |(_, made_by)| made_by.as_str());
+    let path = first.path.display();
+    if made_by != software {
+        faults.push(format!(
+            "{path}: {made_by} has made it, and this is {software}; join with the same version"
+        ));
+    }
+    let format = exporter.manifest().to_string();
+    if first.film.format != format {
+        faults.push(format!(
+            "{path}: it is of a film in the format {}, and -o names {format}",
+            first.film.format
+        ));
+    }
+    match faults.is_empty() {
+        true => Ok(first),
+        false => Err(Failure::Input(faults.into_iter().map(crate::failure::Problem::Text).collect())),
+    }
+}
+
+fn gap_failure(gap: Gap, segments: &[Segment], damaged: &[String], target: &Target) -> Failure {
+    let path = |segment: usize| segments[segment].path.display();
+    let shown = target.shown();
+    Failure::input(match gap {
+        Gap::Missing(missing) => {
+            let frames = segments.first().map_or(0, |segment| segment.film.frames);
+            let hint = match damaged.is_empty() {
+                true => "render them with choreo render --segment --frames",
+                false => "render again what is damaged, or add segments that hold these frames",
+            };
+            format!("{shown}: of {frames} frames these are missing: {}\n    hint: {hint}", ranges(&missing))
+        }
+        Gap::Differ { frame, segments: [a, b] } => format!(
+            "{shown}: frame {frame} is another one in {} than in {}\n    hint: one of the machines draws otherwise; \
+             render the frames again on one that is trusted, and join without the other segment",
+            path(a),
+            path(b)
+        ),
+        Gap::Misplaced { segment, frame } => {
+            format!("{}: frame {frame} begins a piece where the format has none", path(segment))
+        }
+    })
+}
+
+struct Joining<'a> {
+    target: &'a Target,
+    exporter: &'a dyn Exporter,
+    info: &'a VideoInfo,
+    segments: &'a [Segment],
+    sources: &'a [Source],
+    inputs: &'a Inputs,
+    budget: Budget,
+    progress: Progress,
+}
+
+impl Joining<'_> {
+    fn failure(&self, shown: &str, error: JoinError) -> Failure {
+        match error {
+            JoinError::Export(error) => export_failure(shown, error),
+            JoinError::Segment(number, fault) => {
+                Failure::input(format!("{}: {fault}", self.segments[number].path.display()))
+            }
+        }
+    }
+
+    /// Writes the one file.
+    fn film(&self) -> Result<JoinedFrames, Failure> {
+        let path = self.target.file(0);
+        self.inputs.refuse(&path)?;
+        let shown = path.display().to_string();
+        let failed = |e: std::io::Error| output_error(&shown, &e);
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        // The job of a farm starts where nothing is but its segments.
+        std::fs::create_dir_all(folder).map_err(failed)?;
+        let part = PartFile::create(&path).map_err(|e| write_failure(&shown, e))?;
+        // Where the head is known last, the body waits in a file without a name, on the same disk.
+        let mut body = match self.exporter.head_comes_last() {
+            true => Some(tempfile::tempfile_in(folder).map_err(failed)?),
+            false => None,
+        };
+        let out: Box<dyn Write + Send> = match &body {
+            Some(body) => {
+                Box::new(std::io::BufWriter::with_capacity(1 << 16, body.try_clone().map_err(failed)?))
+            }
+            None => Box::new(part.writer().map_err(failed)?),
+        };
+        let join_failed = |error| self.failure(&shown, error);
+        let mut film =
+            FilmWriter::begin(self.exporter, self.info, self.budget.count(out)).map_err(join_failed)?;
+        for &(segment, place) in self.sources {
+            let opened = &self.segments[segment];
+            film.add(segment, opened, &opened.records[place]).map_err(join_failed)?;
+            self.progress.step();
+        }
+        let (head, counts) = film.finish().map_err(join_failed)?;
+        if let Some(body) = &mut body {
+            let mut result = part.writer().map_err(failed)?;
+            let joined = result
+                .write_all(&head)
+                .and_then(|()| body.seek(SeekFrom::Start(0)))
+                .and_then(|_| std::io::copy(body, &mut result))
+                .and_then(|_| result.flush());
+            joined.map_err(failed)?;
+        }
+        part.commit().map_err(|e| write_failure(&shown, e))?;
+        Ok(counts)
+    }
+
+    /// Writes an image a file.
+    fn images(&self) -> Result<JoinedFrames, Failure> {
+        let last = i64::try_from(self.info.frames).unwrap_or(i64::MAX) - 1;
+        let names = (0..=last).map(|number| self.target.file(number));
+        names.clone().try_for_each(|name| self.inputs.refuse(&name))?;
+        self.target.prepare()?;
+        let _claim = Claim::take(self.target, 0, last)?;
+        for (&(segment, place), name) in self.sources.iter().zip(names) {
+            let shown = name.display().to_string();
+            let opened = &self.segments[segment];
+            let bytes = opened.bytes(&opened.records[place]);
+            let bytes = bytes.map_err(|fault| self.failure(&shown, JoinError::Segment(segment, fault)))?;
+            let part = PartFile::create(&name).map_err(|e| write_failure(&shown, e))?;
+            let out = part.writer().map_err(|e| output_error(&shown, &e))?;
+            let mut out = self.budget.count(Box::new(out));
+            out.write_all(&bytes).and_then(|()| out.flush()).map_err(|e| output_error(&shown, &e))?;
+            drop(out);
+            part.commit().map_err(|e| write_failure(&shown, e))?;
+            self.progress.step();
+        }
+        Ok(JoinedFrames { copied: self.info.frames, encoded: 0 })
+    }
+}

@@ -1,0 +1,81 @@
+//! `choreo pack`: a scene with all that it reads in one archive, found by running it, and proved by running what was packed.
+
+use crate::args::PackArgs;
+use crate::failure::{Failure, output_error, print_json, print_message, write_failure};
+use crate::scene::pack::{self, EXTENSION, Manifest, Unpacked};
+use crate::scene::{self, opening::Opening};
+use choreo_files::PartFile;
+use choreo_plugin::Registry;
+use serde_json::json;
+use std::io::{Seek, SeekFrom};
+
+/// `options`: the text of the project's choreo.toml.
+pub fn run(args: &PackArgs, plugins: &Registry, options: String) -> Result<(), Failure> {
+    let Packed { manifest, bytes, warnings } = write(args, plugins, options)?;
+    report(args, &manifest, bytes, &warnings)
+}
+
+/// An archive that was written.
+pub(crate) struct Packed {
+    pub manifest: Manifest,
+    pub bytes: u64,
+    pub warnings: Vec<String>,
+}
+
+/// Writes the archive, and proves it.
+pub(crate) fn write(args: &PackArgs, plugins: &Registry, options: String) -> Result<Packed, Failure> {
+    let shown = args.output.display().to_string();
+    if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case(EXTENSION)) {
+        // A slip of the hand must not replace a script or a model.
+        return Err(Failure::Usage(format!("-o {shown}: write a name that ends in .{EXTENSION}")));
+    }
+    if pack::is_packed(&args.scene.input) {
+        return Err(Failure::Usage(format!("{}: it is packed already", args.scene.input.display())));
+    }
+    let registry = scene::plugins(&args.scene, plugins)?;
+    let scene = scene::open(&args.scene, &registry, Opening { quiet: args.quiet, ..Opening::TO_DRAW })?;
+    scene.inputs.refuse(&args.output)?;
+    let failed = |e: std::io::Error| output_error(&shown, &e);
+    let part = PartFile::create(&args.output).map_err(|e| write_failure(&shown, e))?;
+    let out = part.writer().map_err(failed)?;
+    let (manifest, out) = pack::write(&scene, &args.scene, options, out)?;
+    let mut written = out.into_inner().map_err(|e| failed(e.into_error()))?;
+    let bytes = written.seek(SeekFrom::End(0)).map_err(failed)?;
+    written.rewind().map_err(failed)?;
+    prove(args, plugins, Unpacked::new(written, &shown, scene.limits.file)?)?;
+    part.commit().map_err(|e| write_failure(&shown, e))?;
+    Ok(Packed { manifest, bytes, warnings: scene.warnings })
+}
+
+/// Opens the scene that was packed: an error where it is another one.
+fn prove(args: &PackArgs, plugins: &Registry, unpacked: Unpacked) -> Result<(), Failure> {
+    let mut packed = args.scene.clone();
+    (packed.search, packed.import.plugins) = (Vec::new(), Vec::new());
+    (packed.set, packed.import.import) = (Vec::new(), Vec::new());
+    (packed.clip, packed.import.importer) = (None, None);
+    unpacked.arguments(&mut packed);
+    let registry = scene::plugins(&packed, plugins)?;
+    scene::open(&packed, &registry, Opening { quiet: true, ..Opening::TO_DRAW })?;
+    Ok(())
+}
+
+fn report(args: &PackArgs, manifest: &Manifest, bytes: u64, warnings: &[String]) -> Result<(), Failure> {
+    if args.json {
+        return print_json(&json!({
+            "ok": true,
+            "output": args.output.display().to_string(),
+            "bytes": bytes,
+            "files": manifest.files.iter().map(|file| &file.path).collect::<Vec<_>>(),
+            "input_hash": manifest.input_hash,
+            "stage": manifest.stage,
+            "warnings": warnings,
+        }));
+    }
+    warnings.iter().for_each(print_message);
+    if !args.quiet {
+        let (files, output) = (manifest.files.len(), args.output.display());
+        let plural = if files == 1 { "file" } else { "files" };
+        print_message(format_args!("{files} {plural}, {:.1} MB: {output}", bytes as f64 / 1e6));
+    }
+    Ok(())
+}

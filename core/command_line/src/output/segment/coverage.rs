@@ -1,0 +1,78 @@
+//! Which record gives each frame of a film, from segments in any order that may overlap.
+
+use super::{Kind, Segment};
+use choreo_plugin::suggest::list;
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::num::NonZeroU64;
+
+/// A record: number of its segment, and of the record in it.
+pub(crate) type Source = (usize, usize);
+
+/// Why segments do not make a film.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum Gap {
+    /// Frames that no segment holds, as inclusive ranges.
+    Missing(Vec<(u64, u64)>),
+    /// Two segments hold other bytes for the same frame.
+    Differ { frame: u64, segments: [usize; 2] },
+    /// A piece that the film's format does not have.
+    Misplaced { segment: usize, frame: u64 },
+}
+
+/// The records that make the film, in order. Pieces go before images, which are still to be encoded.
+pub(crate) fn cover(segments: &[Segment], piece: Option<NonZeroU64>) -> Result<Vec<Source>, Gap> {
+    let (mut pieces, mut images) = (BTreeMap::<u64, Source>::new(), BTreeMap::<u64, Source>::new());
+    for (segment, opened) in segments.iter().enumerate() {
+        for (number, place) in opened.records.iter().enumerate() {
+            let record = &place.record;
+            let of_kind = match record.kind {
+                Kind::Piece { .. } => {
+                    let fits =
+                        |n: NonZeroU64| record.first.is_multiple_of(n.get()) && record.frames == n.get();
+                    if !piece.is_some_and(fits) {
+                        return Err(Gap::Misplaced { segment, frame: record.first });
+                    }
+                    &mut pieces
+                }
+                Kind::Image | Kind::Repeat => &mut images,
+            };
+            match of_kind.entry(record.first) {
+                Entry::Vacant(free) => drop(free.insert((segment, number))),
+                Entry::Occupied(other) => {
+                    let (of, at) = *other.get();
+                    if segments[of].records[at].record.hash != record.hash {
+                        return Err(Gap::Differ { frame: record.first, segments: [of, segment] });
+                    }
+                }
+            }
+        }
+    }
+    let frames = segments.first().map_or(0, |segment| segment.film.frames);
+    let (mut sources, mut missing) = (Vec::new(), Vec::<(u64, u64)>::new());
+    let mut next = 0;
+    while next < frames {
+        if let Some(source) = pieces.get(&next) {
+            sources.push(*source);
+            next += piece.map_or(1, NonZeroU64::get);
+            continue;
+        }
+        match (images.get(&next), missing.last_mut()) {
+            (Some(source), _) => sources.push(*source),
+            (None, Some(last)) if last.1 + 1 == next => last.1 = next,
+            (None, _) => missing.push((next, next)),
+        }
+        next += 1;
+    }
+    if missing.is_empty() { Ok(sources) } else { Err(Gap::Missing(missing)) }
+}
+
+/// Ranges of frames as the command line takes them: `0..=47, 60`.
+pub(crate) fn ranges(ranges: &[(u64, u64)]) -> String {
+    let one = |(first, last): &(u64, u64)| match first == last {
+        true => first.to_string(),
+        false => format!("{first}..={last}"),
+    };
+    let texts: Vec<String> = ranges.iter().map(one).collect();
+    list(texts.iter().map(String::as_str), 12)
+}

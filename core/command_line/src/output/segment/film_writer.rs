@@ -1,0 +1,113 @@
+//! Writing a film from records: pieces are copied, and images go through the exporter.
+
+use super::shared::Shared;
+use super::{Fault, Kind, Place, Segment};
+use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Mark, VideoInfo};
+use std::io::{self, Write};
+
+type Out = Shared<Box<dyn Write + Send>>;
+
+/// A film that is being written.
+pub(crate) struct FilmWriter<'a> {
+    exporter: &'a dyn Exporter,
+    info: &'a VideoInfo,
+    out: Out,
+    /// `None` between pieces.
+    sink: Option<Box<dyn FrameSink>>,
+    /// Marks of the pieces so far.
+    states: Vec<Vec<u8>>,
+    /// The image given last, with its segment and its place there.
+    last: Option<((usize, u64), Frame)>,
+    pub counts: JoinedFrames,
+}
+
+/// How the frames of a film came into it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct JoinedFrames {
+    pub copied: u64,
+    pub encoded: u64,
+}
+
+/// Why a film was not written.
+#[derive(Debug)]
+pub(crate) enum JoinError {
+    Export(ExportError),
+    Segment(usize, Fault),
+}
+
+impl From<ExportError> for JoinError {
+    fn from(error: ExportError) -> JoinError {
+        JoinError::Export(error)
+    }
+}
+
+impl From<io::Error> for JoinError {
+    fn from(error: io::Error) -> JoinError {
+        JoinError::Export(error.into())
+    }
+}
+
+impl<'a> FilmWriter<'a> {
+    pub fn begin(
+        exporter: &'a dyn Exporter,
+        info: &'a VideoInfo,
+        out: Box<dyn Write + Send>,
+    ) -> Result<FilmWriter<'a>, JoinError> {
+        let out = Shared::new(out);
+        let sink = Some(exporter.begin(info, Box::new(out.clone()))?);
+        let counts = JoinedFrames::default();
+        Ok(FilmWriter { exporter, info, out, sink, states: Vec::new(), last: None, counts })
+    }
+
+    /// Adds the frames of a record. `number`: that of its segment.
+    pub fn add(&mut self, number: usize, segment: &Segment, place: &Place) -> Result<(), JoinError> {
+        let fault = |fault| JoinError::Segment(number, fault);
+        let image = (number, place.at);
+        if let Kind::Piece { state } = place.record.kind {
+            let mut state_and_bytes = segment.bytes(place).map_err(fault)?;
+            let bytes = state_and_bytes.split_off(usize::try_from(state).unwrap_or(usize::MAX));
+            self.sink = None;
+            self.out.write_all(&bytes)?;
+            self.states.push(state_and_bytes);
+            self.last = None;
+            self.counts.copied += place.record.frames;
+            return Ok(());
+        }
+        let repeated = self.last.as_ref().is_some_and(|(last, _)| *last == image);
+        if !repeated {
+            self.last = Some((image, segment.frame(place).map_err(fault)?));
+        }
+        let sink = match &mut self.sink {
+            Some(sink) => sink,
+            none => none.insert(self.exporter.resume(
+                self.info,
+                &self.states,
+                &mut io::empty(),
+                Box::new(self.out.clone()),
+            )?),
+        };
+        if let Some((_, frame)) = &self.last {
+            if repeated { sink.repeat(frame)? } else { sink.frame(frame)? }
+        }
+        self.counts.encoded += 1;
+        if self.exporter.piece(self.info).is_some()
+            && let Mark::Settled(state) = sink.mark()
+        {
+            self.states.push(state);
+        }
+        Ok(())
+    }
+
+    /// Ends the film; gives what stands before all that was written.
+    pub fn finish(self) -> Result<(Vec<u8>, JoinedFrames), JoinError> {
+        let sink = match self.sink {
+            Some(sink) => sink,
+            None => {
+                self.exporter.resume(self.info, &self.states, &mut io::empty(), Box::new(self.out.clone()))?
+            }
+        };
+        let head = sink.finish()?;
+        self.out.lock().flush()?;
+        Ok((head, self.counts))
+    }
+}

@@ -1,0 +1,187 @@
+//! Segments: the frames that one of several machines makes of a film, in a file that `choreo join` joins with others.
+//!
+//! A segment is text and bytes in turn. Each line is the BLAKE3 of its JSON, a space and the JSON. The first line is the magic, the second
+//! says which film it is and how it is made ([`Film`]), each further one describes a record ([`Record`]) whose bytes follow, and the last
+//! one is the end. What was cut or bent is found by the hashes, and only what lies before it counts. Frames that an exporter can make
+//! without those before are pieces of the film's own bytes; the others are images, which `choreo join` gives to the exporter.
+
+mod coverage;
+mod film_writer;
+mod read;
+mod shared;
+mod write;
+
+pub(crate) use coverage::{Gap, Source, cover, ranges};
+pub(crate) use film_writer::{FilmWriter, JoinError, JoinedFrames};
+pub(crate) use read::{Fault, Place, Segment};
+pub(crate) use write::SegmentExporter;
+
+use crate::output::journal::Identity;
+use choreo_motion::FrameRate;
+use choreo_plugin::{ExportOptions, Manifest, VideoInfo};
+use serde_json::{Value, json};
+
+/// The first line.
+const MAGIC: &[u8] = b"choreo segment 1\n";
+
+/// Extension of the files.
+pub(crate) const EXTENSION: &str = "segment";
+
+/// The film that a segment is a part of: all that an exporter needs to make it. Segments of one film have the same one.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Film {
+    pub size: [u32; 2],
+    pub fps: FrameRate,
+    /// Frames of the whole film.
+    pub frames: u64,
+    /// Name and version of the exporter.
+    pub format: String,
+    /// Options of the exporter as typed, NAME=VALUE.
+    pub options: Vec<String>,
+    pub provenance: Identity,
+}
+
+impl Film {
+    pub fn new(info: &VideoInfo, frames: u64, options: &[String], manifest: &Manifest) -> Film {
+        Film {
+            size: [info.width, info.height],
+            fps: info.fps,
+            frames,
+            format: manifest.to_string(),
+            options: options.to_vec(),
+            provenance: info.provenance.clone(),
+        }
+    }
+
+    /// The properties of the whole film, for its exporter. `options`: [`Film::options`] as the exporter reads them.
+    pub fn info(&self, options: ExportOptions) -> VideoInfo {
+        VideoInfo {
+            width: self.size[0],
+            height: self.size[1],
+            fps: self.fps,
+            frames: self.frames,
+            provenance: self.provenance.clone(),
+            options,
+        }
+    }
+
+    /// All of it as (keyword, text), by which two films are compared.
+    pub fn identity(&self) -> Identity {
+        let mut identity = self.provenance.clone();
+        let [width, height] = self.size;
+        let of = |keyword: &str, text: String| (keyword.to_string(), text);
+        identity.push(of("size", format!("{width}x{height}")));
+        identity.push(of("fps", format!("{}/{}", self.fps.num, self.fps.den)));
+        identity.push(of("frames", self.frames.to_string()));
+        identity.push(of("format", self.format.clone()));
+        identity.push(of("options", self.options.join(", ")));
+        identity
+    }
+
+    fn json(&self) -> Value {
+        json!({
+            "size": self.size,
+            "fps": [self.fps.num, self.fps.den],
+            "frames": self.frames,
+            "format": self.format,
+            "options": self.options,
+            "provenance": self.provenance.iter().map(|(keyword, text)| [keyword, text]).collect::<Vec<_>>(),
+        })
+    }
+
+    /// `None` where a field is missing or out of range.
+    fn read(value: &Value) -> Option<Film> {
+        let [width, height] = numbers(&value["size"])?;
+        let [num, den] = numbers(&value["fps"])?;
+        let frames = value["frames"].as_u64().filter(|frames| (1..=MOST_FRAMES).contains(frames))?;
+        let sound = (1..=MOST_PIXELS).contains(&width) && (1..=MOST_PIXELS).contains(&height);
+        if !sound || num == 0 || den == 0 {
+            return None;
+        }
+        let text = |value: &Value| value.as_str().map(str::to_string);
+        let pair = |pair: &Value| Some((text(&pair[0])?, text(&pair[1])?));
+        Some(Film {
+            size: [width, height],
+            fps: FrameRate { num, den },
+            frames,
+            format: text(&value["format"])?,
+            options: value["options"].as_array()?.iter().map(text).collect::<Option<_>>()?,
+            provenance: value["provenance"].as_array()?.iter().map(pair).collect::<Option<_>>()?,
+        })
+    }
+}
+
+/// The limits of the command line.
+const MOST_FRAMES: u64 = 10_000_000;
+const MOST_PIXELS: u32 = 16_384;
+
+fn numbers(value: &Value) -> Option<[u32; 2]> {
+    let number = |value: &Value| u32::try_from(value.as_u64()?).ok();
+    Some([number(&value[0])?, number(&value[1])?])
+}
+
+/// Some frames of a segment, in the order in which they were made.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Record {
+    pub kind: Kind,
+    /// Number of the first frame in the film.
+    pub first: u64,
+    pub frames: u64,
+    /// BLAKE3 of the bytes that follow.
+    pub hash: blake3::Hash,
+    /// Bytes that follow.
+    pub length: u64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// A PNG of one frame.
+    Image,
+    /// One frame with the pixels of the record before, an image or another such frame; nothing follows.
+    Repeat,
+    /// The film's own bytes: the mark of the exporter, of `state` bytes, and what it wrote. Of formats of one image a file the file.
+    Piece { state: u64 },
+}
+
+impl Record {
+    fn json(&self) -> Value {
+        let (kind, state) = match self.kind {
+            Kind::Image => ("image", 0),
+            Kind::Repeat => ("repeat", 0),
+            Kind::Piece { state } => ("piece", state),
+        };
+        json!({
+            "record": kind, "first": self.first, "frames": self.frames, "state": state,
+            "bytes": self.length, "blake3": self.hash.to_hex().as_str(),
+        })
+    }
+
+    fn read(value: &Value) -> Option<Record> {
+        let number = |name: &str| value[name].as_u64();
+        let (first, frames, state, length) =
+            (number("first")?, number("frames")?, number("state")?, number("bytes")?);
+        let kind = match value["record"].as_str()? {
+            "image" if frames == 1 => Kind::Image,
+            "repeat" if frames == 1 && length == 0 => Kind::Repeat,
+            "piece" if frames > 0 && state <= length => Kind::Piece { state },
+            _ => return None,
+        };
+        first.checked_add(frames)?;
+        let hash = blake3::Hash::from_hex(value["blake3"].as_str()?).ok()?;
+        Some(Record { kind, first, frames, hash, length })
+    }
+}
+
+/// The line of a value.
+fn line(value: &Value) -> Vec<u8> {
+    let json = value.to_string();
+    format!("{} {json}\n", blake3::hash(json.as_bytes()).to_hex()).into_bytes()
+}
+
+/// The value of a line, where its hash is right.
+fn value(line: &[u8]) -> Option<Value> {
+    let (hash, json) = line.strip_suffix(b"\n")?.split_at_checked(64)?;
+    let json = json.strip_prefix(b" ")?;
+    let hash = blake3::Hash::from_hex(hash).ok()?;
+    (hash == blake3::hash(json)).then(|| serde_json::from_slice(json).ok())?
+}

@@ -1,0 +1,177 @@
+//! Reading a segment: every byte is read and compared with its hash, once when it is opened and once more when it is used.
+
+use super::{Film, Kind, MAGIC, Record, SegmentExporter, value};
+use choreo_files::FileError;
+use choreo_plugin::{Frame, VideoInfo};
+use serde_json::Value;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+/// A line has a few hundred bytes, and that of the film the parameters of the script.
+const LONGEST_LINE: u64 = 16 << 20;
+
+/// An open segment.
+#[derive(Debug)]
+pub(crate) struct Segment {
+    pub path: PathBuf,
+    pub film: Film,
+    /// The whole records.
+    pub records: Vec<Place>,
+    /// The damage behind them.
+    pub damage: Option<String>,
+    file: File,
+}
+
+/// A record, and where its bytes begin. A frame that repeats the record before has the place and the hash of its image.
+#[derive(Clone, Debug)]
+pub(crate) struct Place {
+    pub record: Record,
+    pub at: u64,
+}
+
+/// Why a file is no segment that can be used, without its name.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Fault {
+    #[error("cannot read: {0}")]
+    File(#[from] FileError),
+    #[error("it is not a segment that choreo render --segment has written")]
+    Foreign,
+    #[error("damaged: {0}")]
+    Damaged(&'static str),
+}
+
+impl From<io::Error> for Fault {
+    fn from(error: io::Error) -> Fault {
+        Fault::File(error.into())
+    }
+}
+
+impl Segment {
+    /// Reads and checks all of it. Damage behind the head is no error: the records before it are given.
+    pub fn open(path: &Path) -> Result<Segment, Fault> {
+        let file = choreo_files::open_file(path)?;
+        let mut from = Counted { inner: BufReader::with_capacity(1 << 16, &file), at: 0 };
+        if from.line()?.as_deref() != Some(MAGIC) {
+            return Err(Fault::Foreign);
+        }
+        let head = from.line()?.and_then(|line| value(&line));
+        let film = head.as_ref().and_then(Film::read);
+        let film = film.ok_or(Fault::Damaged("the line that says which film it is of"))?;
+        let mut records: Vec<Place> = Vec::new();
+        let damage = loop {
+            let Some(line) = from.line()? else { break Some("it ends too early") };
+            let Some(value) = value(&line) else { break Some("a line has another hash") };
+            if let Some(frames) = value["end"].as_u64() {
+                let counted: u64 = records.iter().map(|place| place.record.frames).sum();
+                let more = from.inner.fill_buf()?.is_empty();
+                break (frames != counted || !more).then_some("its end does not fit");
+            }
+            match from.record(&value, records.last(), film.frames)? {
+                Ok(place) => records.push(place),
+                Err(fault) => break Some(fault),
+            }
+        };
+        let damage = damage.map(|what| match records.last() {
+            None => format!("{what}, before its first frame"),
+            Some(last) => format!("{what}, behind frame {}", last.record.first + last.record.frames - 1),
+        });
+        Ok(Segment { path: path.to_path_buf(), film, records, damage, file })
+    }
+
+    /// Whether a whole segment with these frames of the film of `info` is at `path`: an earlier run of the same command made it.
+    pub fn is_made(path: &Path, exporter: &SegmentExporter, info: &VideoInfo) -> bool {
+        Segment::open(path).is_ok_and(|made| {
+            let next = made.records.iter().try_fold(exporter.first, |next, place| {
+                (place.record.first == next).then_some(next + place.record.frames)
+            });
+            made.damage.is_none()
+                && made.film == exporter.film(info)
+                && next == Some(exporter.first + info.frames)
+        })
+    }
+
+    /// The bytes of a record.
+    pub fn bytes(&self, place: &Place) -> Result<Vec<u8>, Fault> {
+        let mut file = &self.file;
+        file.seek(SeekFrom::Start(place.at))?;
+        let mut bytes = Vec::new();
+        file.take(place.record.length).read_to_end(&mut bytes)?;
+        match blake3::hash(&bytes) == place.record.hash {
+            true => Ok(bytes),
+            false => Err(Fault::Damaged("it was changed while it was read")),
+        }
+    }
+
+    /// The pixels of an image.
+    pub fn frame(&self, place: &Place) -> Result<Frame, Fault> {
+        let bytes = self.bytes(place)?;
+        decoded(&bytes, self.film.size).ok_or(Fault::Damaged("an image of another kind or size"))
+    }
+}
+
+fn decoded(png: &[u8], [width, height]: [u32; 2]) -> Option<Frame> {
+    let mut reader = png::Decoder::new(Cursor::new(png)).read_info().ok()?;
+    let info = reader.info();
+    let kind = (info.color_type, info.bit_depth);
+    if (info.width, info.height) != (width, height) || kind != (png::ColorType::Rgba, png::BitDepth::Eight) {
+        return None;
+    }
+    let mut rgba = vec![0; reader.output_buffer_size()?];
+    reader.next_frame(&mut rgba).ok()?;
+    Some(Frame { width, height, rgba })
+}
+
+/// A reader that knows where it is.
+struct Counted<R> {
+    inner: BufReader<R>,
+    at: u64,
+}
+
+impl<R: Read> Counted<R> {
+    /// The next line with its end; `None` at the end of the file.
+    fn line(&mut self) -> io::Result<Option<Vec<u8>>> {
+        let mut line = Vec::new();
+        self.inner.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line)?;
+        self.at += line.len() as u64;
+        Ok((!line.is_empty()).then_some(line))
+    }
+
+    /// The record of a line, whose bytes follow: read over and compared with their hash.
+    fn record(
+        &mut self,
+        line: &Value,
+        before: Option<&Place>,
+        film_frames: u64,
+    ) -> io::Result<Result<Place, &'static str>> {
+        let Some(record) = Record::read(line).filter(|r| r.first + r.frames <= film_frames) else {
+            return Ok(Err("a line describes no record"));
+        };
+        if record.kind == Kind::Repeat {
+            let image = before.filter(|before| {
+                !matches!(before.record.kind, Kind::Piece { .. }) && before.record.first + 1 == record.first
+            });
+            let Some(image) = image else { return Ok(Err("a frame repeats none")) };
+            let of_image = Record { first: record.first, kind: Kind::Repeat, ..image.record.clone() };
+            return Ok(Ok(Place { record: of_image, at: image.at }));
+        }
+        let at = self.at;
+        let mut hasher = blake3::Hasher::new();
+        let mut read = 0;
+        while read < record.length {
+            let bytes = self.inner.fill_buf()?;
+            let of_record = bytes.len().min(usize::try_from(record.length - read).unwrap_or(usize::MAX));
+            if of_record == 0 {
+                break;
+            }
+            hasher.update(&bytes[..of_record]);
+            self.inner.consume(of_record);
+            read += of_record as u64;
+        }
+        self.at += read;
+        Ok(match read == record.length && hasher.finalize() == record.hash {
+            true => Ok(Place { record, at }),
+            false => Err("its bytes have another hash"),
+        })
+    }
+}

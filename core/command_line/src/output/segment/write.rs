@@ -1,0 +1,251 @@
+//! Writing a segment, as an exporter around that of the film: so a segment is resumed, and appears whole or not at all, as a video is.
+
+use super::shared::Shared;
+use super::{EXTENSION, Film, Kind, MAGIC, Record, line};
+use crate::output::provenance;
+use choreo_plugin::{
+    ExportError, ExportOptions, Exporter, FloatFrame, Frame, FrameSink, FrameWish, Manifest, Mark, VideoInfo,
+};
+use serde_json::json;
+use std::io::{self, Read, Write};
+use std::num::NonZeroU64;
+use std::sync::Arc;
+
+pub(crate) struct SegmentExporter {
+    /// That of the film.
+    pub inner: Arc<dyn Exporter>,
+    /// Number of the segment's first frame, and frames of the whole film.
+    pub first: u64,
+    pub film_frames: u64,
+    /// Options of `inner` as typed.
+    pub options: Vec<String>,
+}
+
+impl SegmentExporter {
+    /// The film of a segment with these properties.
+    pub fn film(&self, info: &VideoInfo) -> Film {
+        Film::new(info, self.film_frames, &self.options, self.inner.manifest())
+    }
+
+    /// The file of `frames` frames in the folder of segments.
+    pub fn file_name(&self, frames: u64) -> String {
+        format!("{:07}-{:07}.{EXTENSION}", self.first, self.first + frames - 1)
+    }
+
+    fn sink(&self, info: &VideoInfo, done: u64, out: Box<dyn Write + Send>) -> Box<dyn FrameSink> {
+        let film = VideoInfo { frames: self.film_frames, ..info.clone() };
+        let (piece, images) = (self.inner.piece(&film), self.inner.one_frame_per_file());
+        Box::new(SegmentSink {
+            inner: self.inner.clone(),
+            piece: piece.or(images.then_some(NonZeroU64::MIN)),
+            images,
+            film,
+            end: self.first + info.frames,
+            next: self.first + done,
+            done,
+            repeatable: false,
+            open: None,
+            out,
+        })
+    }
+}
+
+impl Exporter for SegmentExporter {
+    fn manifest(&self) -> &Manifest {
+        self.inner.manifest()
+    }
+
+    fn one_frame_per_file(&self) -> bool {
+        false
+    }
+
+    fn wish(&self, options: &ExportOptions) -> Result<FrameWish, ExportError> {
+        self.inner.wish(options)
+    }
+
+    fn notes(&self, info: &VideoInfo) -> Vec<String> {
+        self.inner.notes(info)
+    }
+
+    fn begin(
+        &self,
+        info: &VideoInfo,
+        mut out: Box<dyn Write + Send>,
+    ) -> Result<Box<dyn FrameSink>, ExportError> {
+        out.write_all(MAGIC)?;
+        out.write_all(&line(&self.film(info).json()))?;
+        Ok(self.sink(info, 0, out))
+    }
+
+    fn resume(
+        &self,
+        info: &VideoInfo,
+        states: &[Vec<u8>],
+        _: &mut dyn Read,
+        out: Box<dyn Write + Send>,
+    ) -> Result<Box<dyn FrameSink>, ExportError> {
+        let cut = || ExportError::Format("what is kept of the segment is cut".into());
+        let done = states.last().and_then(|state| state.as_slice().try_into().ok()).ok_or_else(cut)?;
+        Ok(self.sink(info, u64::from_le_bytes(done), out))
+    }
+}
+
+struct SegmentSink {
+    inner: Arc<dyn Exporter>,
+    /// Frames of a piece; `None` where the film's frames depend on those before.
+    piece: Option<NonZeroU64>,
+    /// Whether a piece is a whole file.
+    images: bool,
+    film: VideoInfo,
+    /// Number behind the last frame of the segment, and of the next one.
+    end: u64,
+    next: u64,
+    /// Frames in whole records.
+    done: u64,
+    /// Whether the record before is an image of this run.
+    repeatable: bool,
+    open: Option<OpenPiece>,
+    out: Box<dyn Write + Send>,
+}
+
+/// A piece that is being made.
+struct OpenPiece {
+    sink: Box<dyn FrameSink>,
+    bytes: Shared<Vec<u8>>,
+    first: u64,
+}
+
+/// How a frame reaches the exporter of the film.
+enum Given<'a> {
+    Frame(&'a Frame),
+    Repeat(&'a Frame),
+    Float(&'a FloatFrame),
+    Kept(&'a [u8]),
+}
+
+impl SegmentSink {
+    /// The piece that the next frame belongs to, where all of it is in this segment.
+    fn piece(&mut self) -> Result<Option<&mut OpenPiece>, ExportError> {
+        let Some(length) = self.piece.map(NonZeroU64::get) else { return Ok(None) };
+        let whole = self.next.is_multiple_of(length) && self.end - self.next >= length;
+        if self.open.is_none() && whole {
+            let bytes = Shared::new(Vec::new());
+            let out = Box::new(bytes.clone());
+            let sink = match self.images {
+                true => {
+                    let time = self.film.fps.time_of(i64::try_from(self.next).unwrap_or(i64::MAX));
+                    let provenance = provenance::at(&self.film.provenance, time);
+                    self.inner.begin(&VideoInfo { provenance, ..self.film.clone() }, out)?
+                }
+                false => self.inner.resume(&self.film, &[], &mut io::empty(), out)?,
+            };
+            self.open = Some(OpenPiece { sink, bytes, first: self.next });
+        }
+        Ok(self.open.as_mut())
+    }
+
+    fn next_frame(&mut self, given: Given<'_>) -> Result<(), ExportError> {
+        let (next, repeatable) = (self.next, self.repeatable);
+        if let Some(piece) = self.piece()? {
+            match given {
+                Given::Repeat(frame) if piece.first < next => piece.sink.repeat(frame)?,
+                Given::Frame(frame) | Given::Repeat(frame) => piece.sink.frame(frame)?,
+                Given::Float(frame) => piece.sink.float_frame(frame)?,
+                Given::Kept(kept) => piece.sink.again(kept)?,
+            }
+            self.next += 1;
+            return self.close_piece();
+        }
+        let (kind, bytes) = match given {
+            Given::Repeat(_) if repeatable => (Kind::Repeat, Vec::new()),
+            Given::Frame(frame) | Given::Repeat(frame) => (Kind::Image, png(frame)?),
+            Given::Float(_) | Given::Kept(_) => {
+                return Err(ExportError::Format("a segment keeps no such frame".into()));
+            }
+        };
+        self.record(kind, next, 1, &bytes)?;
+        self.repeatable = true;
+        self.next += 1;
+        Ok(())
+    }
+
+    /// Writes the piece if it has all of its frames.
+    fn close_piece(&mut self) -> Result<(), ExportError> {
+        let frames = self.piece.map_or(1, NonZeroU64::get);
+        let Some(mut piece) = self.open.take_if(|piece| self.next - piece.first == frames) else {
+            return Ok(());
+        };
+        let (mut state, bytes) = match self.images {
+            true => {
+                let head = piece.sink.finish()?;
+                (Vec::new(), [head, std::mem::take(&mut *piece.bytes.lock())].concat())
+            }
+            false => match piece.sink.mark() {
+                Mark::Settled(state) => (state, std::mem::take(&mut *piece.bytes.lock())),
+                _ => return Err(ExportError::Format("a piece does not end where its format says".into())),
+            },
+        };
+        let kind = Kind::Piece { state: state.len() as u64 };
+        state.extend(bytes);
+        self.record(kind, piece.first, frames, &state)?;
+        self.repeatable = false;
+        Ok(())
+    }
+
+    fn record(&mut self, kind: Kind, first: u64, frames: u64, bytes: &[u8]) -> Result<(), ExportError> {
+        let (hash, length) = (blake3::hash(bytes), bytes.len() as u64);
+        self.out.write_all(&line(&Record { kind, first, frames, hash, length }.json()))?;
+        self.out.write_all(bytes)?;
+        self.done += frames;
+        Ok(())
+    }
+}
+
+impl FrameSink for SegmentSink {
+    fn frame(&mut self, frame: &Frame) -> Result<(), ExportError> {
+        self.next_frame(Given::Frame(frame))
+    }
+
+    fn float_frame(&mut self, frame: &FloatFrame) -> Result<(), ExportError> {
+        self.next_frame(Given::Float(frame))
+    }
+
+    fn repeat(&mut self, frame: &Frame) -> Result<(), ExportError> {
+        self.next_frame(Given::Repeat(frame))
+    }
+
+    fn again(&mut self, kept: &[u8]) -> Result<(), ExportError> {
+        self.next_frame(Given::Kept(kept))
+    }
+
+    fn mark(&mut self) -> Mark<'_> {
+        match self.open.as_mut().map(|piece| piece.sink.mark()) {
+            Some(Mark::Open(parts)) => Mark::Open(parts),
+            Some(_) => Mark::Nothing,
+            None => Mark::Settled(self.done.to_le_bytes().to_vec()),
+        }
+    }
+
+    fn finish(mut self: Box<Self>) -> Result<Vec<u8>, ExportError> {
+        self.out.write_all(&line(&json!({ "end": self.done })))?;
+        self.out.flush()?;
+        Ok(Vec::new())
+    }
+}
+
+/// The pixels of a frame. Fast: it is decoded once and thrown away.
+fn png(frame: &Frame) -> Result<Vec<u8>, ExportError> {
+    let failed = |error: png::EncodingError| match error {
+        png::EncodingError::IoError(error) => ExportError::Io(error),
+        other => ExportError::Format(format!("the image of a frame: {other}")),
+    };
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, frame.width, frame.height);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::Fast);
+    let mut writer = encoder.write_header().map_err(failed)?;
+    writer.write_image_data(&frame.rgba).map_err(failed)?;
+    writer.finish().map_err(failed)?;
+    Ok(bytes)
+}

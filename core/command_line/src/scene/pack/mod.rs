@@ -1,0 +1,150 @@
+//! Packed scenes: a script or model with all that it reads, in one archive. `choreo pack` writes it, and the commands that open a scene once
+//! take it in place of the script.
+//!
+//! The archive is a tar file without compression, so that what is unpacked is never larger than the file itself. Its first entry is
+//! [`MANIFEST`]: what was packed, how, and the hash of every file; the files follow in its order. Files lie beneath `files/N/`, one
+//! number for each folder that the script could read.
+
+mod read;
+mod write;
+
+pub(crate) use read::{Unpacked, is_packed, options_of};
+pub(crate) use write::write;
+
+use crate::failure::Failure;
+use crate::scene::OpenedScene;
+use serde_json::{Value, json};
+use std::path::{Component, Path};
+
+/// Extension of the archives.
+pub(crate) const EXTENSION: &str = "choreo";
+
+/// Name of the first entry.
+const MANIFEST: &str = "choreo.json";
+
+/// The description of a packed scene: the contents of its first entry.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Manifest {
+    /// The program that packed it, and in whose hands it gives the same bytes.
+    pub software: String,
+    /// The script or model; like all paths relative to the root of the archive, with slashes.
+    pub input: String,
+    /// Search folders and plugin folders.
+    pub search: Vec<String>,
+    pub plugins: Vec<String>,
+    /// Arguments of the scene, NAME=VALUE: parameters of the script, and options of the importer.
+    pub set: Vec<String>,
+    pub import: Vec<String>,
+    pub clip: Option<String>,
+    pub importer: Option<String>,
+    /// The text of the project's choreo.toml, whose default options of commands count; empty without one.
+    pub options: String,
+    /// Hashes of all that was read, and of the stage.
+    pub input_hash: String,
+    pub stage: String,
+    pub files: Vec<PackedFile>,
+    /// Further names by which files were found, each with the path of its file. The archive itself has no links.
+    pub names: Vec<(String, String)>,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct PackedFile {
+    pub path: String,
+    pub bytes: u64,
+    /// BLAKE3, in hexadecimal digits.
+    pub blake3: String,
+}
+
+impl Manifest {
+    /// Compares the scene that was opened from the archive with the one that was packed: a warning where another program opens it, whose
+    /// bytes may differ.
+    ///
+    /// # Errors
+    /// The same program has made another scene of it. A plugin of this machine has changed it, since every file has its hash.
+    pub fn differs(&self, scene: &OpenedScene) -> Result<Option<String>, Failure> {
+        let name = &scene.name;
+        if self.software != scene.software {
+            let (there, here) = (&self.software, &scene.software);
+            return Ok(Some(format!(
+                "{name}: warning: {there} has packed it, and this is {here}: its images may differ"
+            )));
+        }
+        let same =
+            self.input_hash == hex(&scene.input_hash) && self.stage == hex(&scene.stage.content_hash());
+        match same {
+            true => Ok(None),
+            false => Err(Failure::input(format!(
+                "{name}: it is another scene here than where it was packed\n    hint: a plugin of this machine takes part; CHOREO_PLUGINS= \
+                 in the environment leaves those of the user out"
+            ))),
+        }
+    }
+
+    fn json(&self) -> Value {
+        let file = |f: &PackedFile| json!({ "path": f.path, "bytes": f.bytes, "blake3": f.blake3 });
+        json!({
+            "pack": 1,
+            "software": self.software,
+            "input": self.input,
+            "search": self.search,
+            "plugins": self.plugins,
+            "set": self.set,
+            "import": self.import,
+            "clip": self.clip,
+            "importer": self.importer,
+            "options": self.options,
+            "input_hash": self.input_hash,
+            "stage": self.stage,
+            "files": self.files.iter().map(file).collect::<Vec<_>>(),
+            "names": self.names.iter().map(|(name, of)| [name, of]).collect::<Vec<_>>(),
+        })
+    }
+
+    /// `None` where a field is missing, or where a path leads out of the archive.
+    fn read(value: &Value) -> Option<Manifest> {
+        let text = |value: &Value| value.as_str().map(str::to_string);
+        let texts = |name: &str| value[name].as_array()?.iter().map(text).collect::<Option<Vec<_>>>();
+        let paths = |name: &str| texts(name).filter(|paths| paths.iter().all(|path| is_inside(path)));
+        let maybe = |name: &str| Some(value[name].as_str().map(str::to_string));
+        let file = |value: &Value| {
+            let (path, blake3) = (text(&value["path"])?, text(&value["blake3"])?);
+            is_inside(&path).then_some(PackedFile { path, bytes: value["bytes"].as_u64()?, blake3 })
+        };
+        (value["pack"] == 1).then_some(())?;
+        let files = value["files"].as_array()?.iter().map(file).collect::<Option<Vec<PackedFile>>>()?;
+        let name = |value: &Value| {
+            let (name, of) = (text(&value[0])?, text(&value[1])?);
+            let is_file = |path: &str| files.iter().any(|file| file.path == path);
+            (is_inside(&name) && is_file(&of) && !is_file(&name)).then_some((name, of))
+        };
+        Some(Manifest {
+            names: value["names"].as_array()?.iter().map(name).collect::<Option<_>>()?,
+            software: text(&value["software"])?,
+            input: text(&value["input"]).filter(|path| is_inside(path))?,
+            search: paths("search")?,
+            plugins: paths("plugins")?,
+            set: texts("set")?,
+            import: texts("import")?,
+            clip: maybe("clip")?,
+            importer: maybe("importer")?,
+            options: text(&value["options"])?,
+            input_hash: text(&value["input_hash"])?,
+            stage: text(&value["stage"])?,
+            files,
+        })
+    }
+}
+
+/// Whether a path has names alone: no root, no `..`, and nothing that another system takes for one of them.
+fn is_inside(path: &str) -> bool {
+    let plain = |part: Component| matches!(part, Component::Normal(_));
+    !path.is_empty()
+        && !path.contains(['\\', '\0'])
+        && path.split('/').all(|part| !part.is_empty() && part != "." && part != "..")
+        && Path::new(path).components().all(plain)
+}
+
+/// A hash in hexadecimal digits.
+fn hex(hash: &[u8; 32]) -> String {
+    blake3::Hash::from_bytes(*hash).to_hex().to_string()
+}

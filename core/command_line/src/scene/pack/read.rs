@@ -1,0 +1,151 @@
+//! Unpacking an archive that a stranger may have made: regular files with the names of the manifest, beneath a new folder, each of the
+//! stated length and hash; no links, no `..`, nothing else.
+
+use super::{EXTENSION, MANIFEST, Manifest};
+use crate::args::SceneArgs;
+use crate::args::values;
+use crate::failure::Failure;
+use choreo_files::{Folder, write_whole_beneath};
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::Path;
+use tempfile::TempDir;
+
+/// Bytes of the largest manifest, and files at most.
+const MOST_MANIFEST: u64 = 64 << 20;
+const MOST_FILES: usize = 100_000;
+
+/// Whether the input of a command is an archive.
+pub(crate) fn is_packed(input: &Path) -> bool {
+    input.extension().is_some_and(|e| e.eq_ignore_ascii_case(EXTENSION))
+}
+
+/// The text of the choreo.toml in an archive; `None` where it cannot be read, which is reported when it is opened.
+pub(crate) fn options_of(input: &Path) -> Option<String> {
+    let mut archive = archive(choreo_files::open_file(input).ok()?);
+    let manifest = manifest(&mut archive.entries().ok()?).ok()?;
+    Some(manifest.options)
+}
+
+fn archive(file: File) -> tar::Archive<BufReader<File>> {
+    tar::Archive::new(BufReader::with_capacity(1 << 16, file))
+}
+
+/// An archive in a folder of its own, which goes with this value.
+#[derive(Debug)]
+pub(crate) struct Unpacked {
+    pub manifest: Manifest,
+    folder: TempDir,
+}
+
+impl Unpacked {
+    /// Unpacks an archive. `shown`: its name in messages.
+    pub fn new(file: File, shown: &str, largest: u64) -> Result<Unpacked, Failure> {
+        let damaged = |what: &str| Failure::input(format!("{shown}: it is damaged: {what}"));
+        let mut archive = archive(file);
+        let mut entries = archive.entries().map_err(|e| damaged(&choreo_files::words(&e)))?;
+        let manifest = manifest(&mut entries).map_err(|what| {
+            Failure::input(format!("{shown}: it is not a scene that choreo pack has written: {what}"))
+        })?;
+        if manifest.files.len() > MOST_FILES {
+            return Err(damaged("it has more than 100000 files"));
+        }
+        let folder = tempfile::Builder::new().prefix("choreo-").tempdir().map_err(|e| {
+            Failure::Output(format!("{shown}: cannot unpack it: {}", choreo_files::words(&e)))
+        })?;
+        let written = |name: &str, e| Failure::Output(format!("{shown}: cannot unpack {name}: {e}"));
+        for file in &manifest.files {
+            let name = &file.path;
+            let entry = entries.next().and_then(Result::ok);
+            let mut entry = entry.ok_or_else(|| damaged(&format!("{name} is missing")))?;
+            if !is_file(&entry, name) || entry.size() != file.bytes {
+                return Err(damaged(&format!("something else is in the place of {name}")));
+            }
+            if file.bytes > largest {
+                let hint = choreo_script::raise_hint("file", format!("{largest} bytes"));
+                return Err(Failure::input(format!("{shown}: {name} is too large\n    hint: {hint}")));
+            }
+            let mut bytes = Vec::new();
+            let read = entry.read_to_end(&mut bytes);
+            if read.is_err() || blake3::hash(&bytes).to_hex().as_str() != file.blake3 {
+                return Err(damaged(&format!("{name} has another hash")));
+            }
+            write_whole_beneath(folder.path(), Path::new(name), &bytes).map_err(|e| written(name, e))?;
+        }
+        if entries.next().is_some() {
+            return Err(damaged("there is more than its manifest says"));
+        }
+        let folders = manifest.search.iter().chain(&manifest.plugins).map(Path::new);
+        let above = manifest.names.iter().filter_map(|(name, _)| Path::new(name).parent());
+        for below in folders.chain(above) {
+            let shown = below.to_string_lossy();
+            let root = Folder::open(folder.path()).map_err(|e| written(&shown, e.into()))?;
+            root.create_folders(below).map_err(|e| written(&shown, e))?;
+        }
+        // Last, so that nothing is written through them.
+        for (name, of) in &manifest.names {
+            link(&folder.path().join(of), &folder.path().join(name)).map_err(|e| written(name, e.into()))?;
+        }
+        Ok(Unpacked { manifest, folder })
+    }
+
+    /// Opens the archive that is the input of a command, and turns its arguments into those of the scene in it. What the command line
+    /// gives wins over what was packed.
+    pub fn in_place(args: &mut SceneArgs) -> Result<Option<Unpacked>, Failure> {
+        if !is_packed(&args.input) {
+            return Ok(None);
+        }
+        let shown = args.input.display().to_string();
+        let file = choreo_files::open_file(&args.input);
+        let file = file.map_err(|e| Failure::input(format!("{shown}: cannot read: {e}")))?;
+        let unpacked = Unpacked::new(file, &shown, values::limits(&args.limit)?.file)?;
+        unpacked.arguments(args);
+        Ok(Some(unpacked))
+    }
+
+    /// Puts what was packed into the arguments of a command.
+    pub fn arguments(&self, args: &mut SceneArgs) {
+        let manifest = &self.manifest;
+        let at = |place: &String| self.folder.path().join(place);
+        let name = |text: &str| text.split('=').next().unwrap_or_default().trim().to_string();
+        args.packed_stage = (args.set.is_empty() && args.clip.is_none() && args.import.import.is_empty())
+            .then(|| manifest.clone());
+        args.input = at(&manifest.input);
+        // Folders of the command line come first, as they would without the archive.
+        args.search.extend(manifest.search.iter().map(at));
+        args.import.plugins.extend(manifest.plugins.iter().map(at));
+        for (given, packed) in [(&mut args.set, &manifest.set), (&mut args.import.import, &manifest.import)] {
+            let names: Vec<String> = given.iter().map(|text| name(text)).collect();
+            let kept = packed.iter().filter(|text| !names.contains(&name(text)));
+            let kept: Vec<String> = kept.cloned().collect();
+            given.splice(0..0, kept);
+        }
+        args.clip = args.clip.take().or_else(|| manifest.clip.clone());
+        args.import.importer = args.import.importer.take().or_else(|| manifest.importer.clone());
+    }
+}
+
+/// Gives an unpacked file another name.
+fn link(file: &Path, name: &Path) -> std::io::Result<()> {
+    #[cfg(unix)]
+    return std::os::unix::fs::symlink(file, name);
+    #[cfg(not(unix))]
+    return std::fs::copy(file, name).map(drop);
+}
+
+/// Reads the first entry.
+fn manifest<R: Read>(entries: &mut tar::Entries<'_, R>) -> Result<Manifest, &'static str> {
+    let mut entry = entries.next().and_then(Result::ok).ok_or("it is no tar archive")?;
+    if !is_file(&entry, MANIFEST) || entry.size() > MOST_MANIFEST {
+        return Err("it does not begin with choreo.json");
+    }
+    let mut text = Vec::new();
+    entry.read_to_end(&mut text).map_err(|_| "choreo.json is cut short")?;
+    let value = serde_json::from_slice(&text).map_err(|_| "choreo.json is not JSON")?;
+    Manifest::read(&value).ok_or("choreo.json lacks a field, or has a path that leads out of it")
+}
+
+/// Whether an entry is a regular file of this name.
+fn is_file<R: Read>(entry: &tar::Entry<'_, R>, name: &str) -> bool {
+    entry.header().entry_type() == tar::EntryType::Regular && entry.path_bytes() == name.as_bytes()
+}

@@ -1,0 +1,168 @@
+//! Writing the archive: the files that the scene has touched, each beneath the folder that it was found in.
+
+use super::{MANIFEST, Manifest, PackedFile, hex};
+use crate::args::SceneArgs;
+use crate::failure::Failure;
+use crate::scene::OpenedScene;
+use choreo_session::package::DESCRIPTION;
+use choreo_session::plugin_files;
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Writes the archive of an open scene. `options`: the text of the project's choreo.toml. Gives the manifest and what was written to.
+pub(crate) fn write<W: Write>(
+    scene: &OpenedScene,
+    args: &SceneArgs,
+    options: String,
+    to: W,
+) -> Result<(Manifest, W), Failure> {
+    let roots = Roots::of(args)?;
+    let sources = sources(scene, args, &roots)?;
+    let names = names(scene, &roots, &sources);
+    let mut files = Vec::new();
+    let mut contents = Vec::new();
+    for (path, source) in &sources {
+        let shown = source.display();
+        let bytes = choreo_files::read(source, scene.limits.file)
+            .map_err(|e| Failure::input(format!("{shown}: cannot read: {e}")))?;
+        let hash = *blake3::hash(&bytes).as_bytes();
+        // Descriptions of packages are read by the plugins' listing, without a hash.
+        let read = source.canonicalize().ok().and_then(|path| scene.touched.read.get(&path));
+        if read.is_some_and(|read| *read != hash) {
+            return Err(Failure::input(format!("{shown}: it was changed while it was packed; pack again")));
+        }
+        files.push(PackedFile { path: path.clone(), bytes: bytes.len() as u64, blake3: hex(&hash) });
+        contents.push(bytes);
+    }
+    let manifest = Manifest {
+        software: args.software.clone(),
+        input: roots.input.clone(),
+        search: roots.packed(&args.search)?,
+        plugins: roots.packed(&roots.plugins)?,
+        set: args.set.clone(),
+        import: args.import.import.clone(),
+        clip: args.clip.clone(),
+        importer: args.import.importer.clone(),
+        options,
+        input_hash: hex(&scene.input_hash),
+        stage: hex(&scene.stage.content_hash()),
+        files,
+        names,
+    };
+    let mut archive = tar::Builder::new(to);
+    let text = crate::terminal::json::pretty(&manifest.json()) + "\n";
+    let failed = |e: std::io::Error| {
+        Failure::Output(format!("the archive: cannot write: {}", choreo_files::words(&e)))
+    };
+    append(&mut archive, MANIFEST, text.as_bytes()).map_err(failed)?;
+    for (file, bytes) in manifest.files.iter().zip(contents) {
+        append(&mut archive, &file.path, &bytes).map_err(failed)?;
+    }
+    let to = archive.into_inner().map_err(failed)?;
+    Ok((manifest, to))
+}
+
+/// Adds a file without times, owners and permissions: the archive's bytes depend on contents alone.
+fn append<W: Write>(archive: &mut tar::Builder<W>, path: &str, bytes: &[u8]) -> std::io::Result<()> {
+    let mut header = tar::Header::new_gnu();
+    header.set_size(bytes.len() as u64);
+    header.set_mode(0o644);
+    header.set_mtime(0);
+    header.set_entry_type(tar::EntryType::Regular);
+    archive.append_data(&mut header, path, bytes)
+}
+
+/// The folders that the scene could read, and their places in the archive.
+struct Roots {
+    /// Canonical folders that lie in no other, with their place.
+    outermost: Vec<(PathBuf, String)>,
+    /// Plugin folders that were searched, those of the user first.
+    plugins: Vec<PathBuf>,
+    /// The script or model in the archive, and where it lies: a link to it has a name of its own.
+    input: String,
+    input_path: Option<PathBuf>,
+}
+
+impl Roots {
+    fn of(args: &SceneArgs) -> Result<Roots, Failure> {
+        let built_in = super::super::model::is_built_in(&args.input);
+        if built_in {
+            let what = format!("{}: choreo makes it itself; there is nothing to pack", args.input.display());
+            return Err(Failure::input(what));
+        }
+        let folder = args.input.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let plugins = plugin_files::named_folders(&args.import.plugins);
+        let mut folders = Vec::new();
+        for folder in std::iter::once(folder).chain(args.search.iter().chain(&plugins).map(PathBuf::as_path))
+        {
+            let canonical = folder.canonicalize().map_err(|e| {
+                Failure::input(format!("{}: cannot read: {}", folder.display(), choreo_files::words(&e)))
+            })?;
+            if !folders.contains(&canonical) {
+                folders.push(canonical);
+            }
+        }
+        let is_inner = |folder: &PathBuf| folders.iter().any(|o| o != folder && folder.starts_with(o));
+        let outermost = folders.iter().filter(|folder| !is_inner(folder)).cloned().enumerate();
+        let outermost = outermost.map(|(i, folder)| (folder, format!("files/{i}"))).collect();
+        let mut roots =
+            Roots { outermost, plugins, input: String::new(), input_path: args.input.canonicalize().ok() };
+        let name = args.input.file_name().unwrap_or_default();
+        roots.input = roots.place(&folders[0].join(name))?;
+        Ok(roots)
+    }
+
+    /// The place of a canonical path. An error where it lies in none of the folders.
+    fn place(&self, path: &Path) -> Result<String, Failure> {
+        let inside =
+            self.outermost.iter().find_map(|(folder, place)| Some((path.strip_prefix(folder).ok()?, place)));
+        let (below, place) = inside.ok_or_else(|| {
+            Failure::input(format!("{}: it lies outside the folders that the scene may read", path.display()))
+        })?;
+        let mut packed = place.clone();
+        for part in below.components() {
+            let part = part.as_os_str().to_str().filter(|part| super::is_inside(part)).ok_or_else(|| {
+                Failure::input(format!("{}: other systems cannot have this name; rename it", path.display()))
+            })?;
+            packed = format!("{packed}/{part}");
+        }
+        Ok(packed)
+    }
+
+    fn packed(&self, folders: &[PathBuf]) -> Result<Vec<String>, Failure> {
+        let canonical = folders.iter().map(|folder| folder.canonicalize().unwrap_or_else(|_| folder.clone()));
+        canonical.map(|folder| self.place(&folder)).collect()
+    }
+}
+
+/// Further names of packed files: links on the way to what was found.
+fn names(scene: &OpenedScene, roots: &Roots, sources: &BTreeMap<String, PathBuf>) -> Vec<(String, String)> {
+    let links = scene.touched.looked_for.iter().filter_map(|link| Some((link, link.canonicalize().ok()?)));
+    let read = links.filter(|(_, target)| scene.touched.read.contains_key(target));
+    let places =
+        read.filter_map(|(link, target)| Some((roots.place(link).ok()?, roots.place(&target).ok()?)));
+    places.filter(|(name, of)| sources.contains_key(of) && !sources.contains_key(name)).collect()
+}
+
+/// Everything to be packed by its place: the files that were read, and the descriptions of packages whose plugins were used.
+fn sources(
+    scene: &OpenedScene,
+    args: &SceneArgs,
+    roots: &Roots,
+) -> Result<BTreeMap<String, PathBuf>, Failure> {
+    let read = &scene.touched.read;
+    let mut sources = BTreeMap::from([(roots.input.clone(), args.input.clone())]);
+    for path in read.keys().filter(|path| Some(*path) != roots.input_path.as_ref()) {
+        sources.insert(roots.place(path)?, path.clone());
+    }
+    for folder in read.keys().filter_map(|path| path.parent()) {
+        let description = folder.join(DESCRIPTION);
+        if description.is_file()
+            && let Ok(place) = roots.place(&description)
+        {
+            sources.insert(place, description);
+        }
+    }
+    Ok(sources)
+}

@@ -1,0 +1,262 @@
+//! `cargo xtask farm`: a Slurm cluster of one controller and three nodes on the loopback interface runs a job of `choreo farm`, once
+//! undisturbed, once with a node that dies and one that is drained; the films have the bytes of one machine. Slurm comes from Debian's packages,
+//! unpacked into a folder of build outputs, and no daemon stays.
+
+use crate::{cargo, run, target};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Slurm, and the libraries that it needs beside those of every system.
+const PACKAGES: [&str; 10] = [
+    "slurmctld",
+    "slurmd",
+    "slurm-client",
+    "slurm-wlm-basic-plugins",
+    "libmunge2",
+    "libhwloc15",
+    "liblua5.1-0",
+    "libjson-c5",
+    "libdbus-1-3",
+    "libyaml-0-2",
+];
+
+/// 24 chunks of 24 frames, a piece of an MP4 each.
+const SCRIPT: &str = r#"stage(#{ size: [640, 360], fps: 30, length: 19.2 });
+let m = load("choreo:mannequin");
+cast("a", m).play(m.clip("Dance_Groove")).loop();
+camera("c").at(0.0, 1.2, 4.0).look_at([0.0, 1.0, 0.0]);
+"#;
+const OPTIONS: [&str; 4] = ["--export", "keyframes=0.8", "--device", "cpu"];
+const CHUNKS: usize = 24;
+
+/// Seconds after which a job is given up.
+const PATIENCE: u64 = 600;
+
+/// `program`: a choreo that is there, in place of one that is built now.
+pub fn farm(program: Option<&str>) -> Result<(), String> {
+    let Some(root) = packages()? else {
+        println!("SKIP 1: no packages of Slurm (Debian, with its registry)");
+        return Ok(());
+    };
+    let choreo = match program {
+        Some(program) => PathBuf::from(program).canonicalize().map_err(|e| format!("{program}: {e}"))?,
+        None => {
+            run(cargo(&["build", "--quiet", "--workspace", "--bin", "choreo"]), "cargo build")?;
+            target().join("debug/choreo")
+        }
+    };
+    let folder = target().join("farm");
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    fs::write(folder.join("s.rhai"), SCRIPT).map_err(|e| e.to_string())?;
+    let start = Instant::now();
+    let one = [&["render", "s.rhai", "-o", "one.mp4", "--quiet"][..], &OPTIONS].concat();
+    run(here(&choreo, &folder, &one), "the render of one machine")?;
+    let alone = start.elapsed().as_secs_f64();
+    let mut cluster = Cluster::start(&root, &folder)?;
+    let whole = cluster.film(&choreo, "whole", false)?;
+    let faulty = cluster.film(&choreo, "faulty", true)?;
+    println!("| {CHUNKS} chunks of 24 frames, 640×360 | seconds |\n|---|---|");
+    println!("| one machine | {alone:.1} |");
+    println!("| three nodes of this machine | {whole:.1} |");
+    println!("| the same, a node killed and one drained | {faulty:.1} |");
+    println!("the films are equal byte for byte");
+    Ok(())
+}
+
+fn here(program: &Path, folder: &Path, args: &[&str]) -> Command {
+    let mut command = Command::new(program);
+    command.args(args).current_dir(folder).env("CHOREO_PLUGINS", "").stdin(Stdio::null());
+    command
+}
+
+/// The root of the unpacked packages; `None` where there are none.
+fn packages() -> Result<Option<PathBuf>, String> {
+    let tools = target().join("tools/slurm");
+    let (root, archives) = (tools.join("root"), tools.join("deb"));
+    if root.join("usr/sbin/slurmctld-wlm").exists() {
+        return Ok(Some(root));
+    }
+    fs::create_dir_all(&archives).map_err(|e| format!("{}: {e}", archives.display()))?;
+    let download = here(Path::new("apt-get"), &archives, &["download", "-qq"]).args(PACKAGES).output();
+    if !download.is_ok_and(|run| run.status.success()) {
+        return Ok(None);
+    }
+    for entry in fs::read_dir(&archives).map_err(|e| e.to_string())?.flatten() {
+        let mut unpack = Command::new("dpkg");
+        unpack.arg("-x").arg(entry.path()).arg(&root);
+        run(unpack, "dpkg -x")?;
+    }
+    Ok(Some(root))
+}
+
+/// The daemons, which end with this value.
+struct Cluster {
+    root: PathBuf,
+    folder: PathBuf,
+    controller: Child,
+    /// n1 to n3.
+    nodes: Vec<Child>,
+}
+
+impl Cluster {
+    fn start(root: &Path, folder: &Path) -> Result<Cluster, String> {
+        let name = |command: &mut Command| {
+            let output = command.output().map_err(|e| e.to_string())?;
+            Ok::<String, String>(String::from_utf8_lossy(&output.stdout).trim().to_string())
+        };
+        let host = name(Command::new("hostname").arg("-s"))?;
+        let user = name(Command::new("id").arg("-un"))?;
+        let at = folder.display();
+        // Ports of one machine's users do not meet.
+        let port = 20_000 + std::process::id() % 20_000;
+        let plugins = plugins(root).display().to_string();
+        let text = format!(
+            "ClusterName=choreo\nSlurmctldHost={host}(127.0.0.1)\nSlurmctldPort={port}\nAuthType=auth/none\n\
+             CredType=cred/none\nSlurmUser={user}\nSlurmdUser={user}\nStateSaveLocation={at}/state\n\
+             SlurmdSpoolDir={at}/spool/%n\nSlurmctldPidFile={at}/controller.pid\nSlurmdPidFile={at}/%n.pid\n\
+             SlurmctldLogFile={at}/controller.log\nSlurmdLogFile={at}/%n.log\nPluginDir={plugins}\n\
+             ProctrackType=proctrack/linuxproc\nTaskPlugin=task/none\nSelectType=select/linear\nReturnToService=2\n\
+             SlurmdTimeout=10\nMpiDefault=none\nSwitchType=switch/none\nJobAcctGatherType=jobacct_gather/none\n\
+             AccountingStorageType=accounting_storage/none\n\
+             NodeName=n[1-3] NodeHostname={host} NodeAddr=127.0.0.1 Port=[{}-{}] CPUs=1 State=UNKNOWN\n\
+             PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP\n",
+            port + 1,
+            port + 3
+        );
+        for below in ["state", "spool/n1", "spool/n2", "spool/n3"] {
+            fs::create_dir_all(folder.join(below)).map_err(|e| e.to_string())?;
+        }
+        fs::write(folder.join("slurm.conf"), text).map_err(|e| e.to_string())?;
+        let daemon = |args: &[&str]| {
+            let mut command = slurm(root, folder, &format!("usr/sbin/{}", args[0]));
+            command.args(&args[1..]).stdout(Stdio::null()).stderr(Stdio::null());
+            command.spawn().map_err(|e| format!("{} did not start: {e}", args[0]))
+        };
+        let step = root.join("usr/sbin/slurmstepd-wlm").display().to_string();
+        let node = |name: &str| daemon(&["slurmd-wlm", "-D", "-N", name, "-d", &step]);
+        let controller = daemon(&["slurmctld-wlm", "-D"])?;
+        let nodes = vec![node("n1")?, node("n2")?, node("n3")?];
+        Ok(Cluster { root: root.to_path_buf(), folder: folder.to_path_buf(), controller, nodes })
+    }
+
+    /// What a program of the cluster prints.
+    fn ask(&self, program: &str, args: &[&str]) -> String {
+        let output = slurm(&self.root, &self.folder, &format!("usr/bin/{program}")).args(args).output();
+        output.map(|output| String::from_utf8_lossy(&output.stdout).into_owned()).unwrap_or_default()
+    }
+
+    /// Runs a job; gives its seconds.
+    fn film(&mut self, choreo: &Path, job: &str, faults: bool) -> Result<f64, String> {
+        let words =
+            ["farm", "s.rhai", "-o", "film.mp4", "--for", "slurm", "--to", job, "--chunk", "24", "--quiet"];
+        run(here(choreo, &self.folder, &[&words[..], &OPTIONS].concat()), "choreo farm")?;
+        self.wait("three idle nodes", |cluster| {
+            cluster.ask("sinfo", &["-h", "-N", "-t", "idle"]).lines().count() == 3
+        })?;
+        let start = Instant::now();
+        let mut submit = slurm(&self.root, &self.folder, "/bin/sh");
+        let path = std::env::var("PATH").unwrap_or_default();
+        submit.arg(format!("{job}/submit.sh")).env("CHOREO", choreo);
+        submit.env("PATH", format!("{}:{path}", self.root.join("usr/bin").display()));
+        run(submit, "submit.sh")?;
+        let segments = self.folder.join(job).join("segments");
+        if faults {
+            self.wait("some segments", |_| whole_segments(&segments) >= 3)?;
+            self.kill_node()?;
+            self.ask("scontrol", &["update", "nodename=n2", "state=drain", "reason=test"]);
+        }
+        let film = self.folder.join(job).join("output/film.mp4");
+        self.wait("the film", |_| film.exists())?;
+        let seconds = start.elapsed().as_secs_f64();
+        let count = whole_segments(&segments);
+        let read = |path: &Path| fs::read(path).map_err(|e| format!("{}: {e}", path.display()));
+        if count != CHUNKS || read(&film)? != read(&self.folder.join("one.mp4"))? {
+            return Err(format!("{job}: the film of {count} segments is not that of one machine"));
+        }
+        Ok(seconds)
+    }
+
+    /// Kills the daemon of n3 and all that runs on it, as a power failure does.
+    fn kill_node(&mut self) -> Result<(), String> {
+        self.wait("a task of n3", |cluster| !cluster.processes_of_n3().is_empty())?;
+        let processes = self.processes_of_n3();
+        let node = self.nodes.last_mut().ok_or("no node")?;
+        node.kill().map_err(|e| e.to_string())?;
+        let _ = Command::new("kill").arg("-9").args(&processes).stderr(Stdio::null()).status();
+        println!("killed n3 with {} processes", processes.len());
+        Ok(())
+    }
+
+    /// The task on n3, with the process of Slurm before it that would report its end.
+    fn processes_of_n3(&self) -> Vec<String> {
+        let mut processes = Vec::new();
+        for entry in fs::read_dir("/proc").into_iter().flatten().flatten() {
+            let of_job =
+                fs::read_link(entry.path().join("cwd")).is_ok_and(|cwd| cwd.starts_with(&self.folder));
+            let environment = fs::read(entry.path().join("environ")).unwrap_or_default();
+            let on_n3 = environment.split(|byte| *byte == 0).any(|entry| entry == b"SLURMD_NODENAME=n3");
+            let status = fs::read_to_string(entry.path().join("status")).unwrap_or_default();
+            let parent = status.lines().find_map(|line| line.strip_prefix("PPid:"));
+            if let (true, true, Some(parent)) = (of_job, on_n3, parent) {
+                processes
+                    .extend([parent.trim().to_string(), entry.file_name().to_string_lossy().into_owned()]);
+            }
+        }
+        processes
+    }
+
+    fn wait(&self, what: &str, done: impl Fn(&Cluster) -> bool) -> Result<(), String> {
+        let start = Instant::now();
+        while !done(self) {
+            if start.elapsed().as_secs() > PATIENCE {
+                let queue = self.ask("squeue", &[]);
+                return Err(format!(
+                    "no {what} after {PATIENCE} s; logs in {}\n{queue}",
+                    self.folder.display()
+                ));
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Cluster {
+    fn drop(&mut self) {
+        self.ask("scancel", &["--full", "-t", "RUNNING"]);
+        self.ask("scancel", &["-t", "PENDING"]);
+        for daemon in self.nodes.iter_mut().chain([&mut self.controller]) {
+            let _ = Command::new("kill").arg(daemon.id().to_string()).stderr(Stdio::null()).status();
+            let _ = daemon.wait();
+        }
+    }
+}
+
+fn whole_segments(folder: &Path) -> usize {
+    let names = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    names.filter(|name| name.extension().is_some_and(|ending| ending == "segment")).count()
+}
+
+/// The folder of Slurm's own libraries and plugins.
+fn plugins(root: &Path) -> PathBuf {
+    let libraries = root.join("usr/lib").join(format!("{}-linux-gnu", std::env::consts::ARCH));
+    libraries.join("slurm-wlm")
+}
+
+/// A program of the cluster, with its libraries and its configuration.
+fn slurm(root: &Path, folder: &Path, program: &str) -> Command {
+    let (plugins, own) = (plugins(root), root.join("lib"));
+    let libraries = plugins.parent().unwrap_or(&own);
+    let paths = [libraries, &own.join(libraries.file_name().unwrap_or_default()), &plugins]
+        .map(|path| path.display().to_string())
+        .join(":");
+    let mut command = here(&root.join(program.trim_start_matches('/')), folder, &[]);
+    if program.starts_with('/') {
+        command = here(Path::new(program), folder, &[]);
+    }
+    command.env("LD_LIBRARY_PATH", paths).env("SLURM_CONF", folder.join("slurm.conf"));
+    command
+}
