@@ -295,7 +295,7 @@ fn several_makers_of_one_segment_do_not_fail() {
         "--resume",
     ];
     let size = ["--size", "640x360", "--json"];
-    let mut start = || {
+    let start = || {
         common::command(d, &[&args[..], &size].concat())
             .stdout(std::process::Stdio::piped())
             .stderr(std::process::Stdio::piped())
