@@ -2,7 +2,7 @@
 //! tables, `choreo help --page NAME` prints one.
 
 /// Path in the sources, and text. Those in `pages` are symbolic links, because a package holds no files outside its own folder.
-const PAGES: [(&str, &str); 21] = [
+const PAGES: [(&str, &str); 22] = [
     ("core/cli/README.md", include_str!("../README.md")),
     ("core/viewer/README.md", include_str!("../pages/viewer.md")),
     ("plugins/README.md", include_str!("../pages/plugins.md")),
@@ -15,6 +15,7 @@ const PAGES: [(&str, &str); 21] = [
     ("plugins/export-mp4/README.md", export_mp4::README),
     ("plugins/export-exr/README.md", export_exr::README),
     ("plugins/export-png/README.md", export_png::README),
+    ("plugins/export-webp/README.md", export_webp::README),
     ("plugins/export-y4m/README.md", export_y4m::README),
     ("plugins/import-bvh/README.md", import_bvh::README),
     ("plugins/import-collada/README.md", import_collada::README),
