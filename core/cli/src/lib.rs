@@ -34,6 +34,7 @@ pub fn registry() -> Registry {
     registry.add_exporter(export_y4m::Y4mExporter);
     registry.add_exporter(export_apng::ApngExporter);
     registry.add_exporter(export_exr::ExrExporter);
+    registry.add_exporter(export_webp::WebpExporter);
     registry.add_scene_exporter(export_csv::CsvExporter);
     registry.add_scene_exporter(export_bvh::BvhExporter);
     registry.add_scene_exporter(export_edit::EditExporter);

@@ -16,6 +16,7 @@ const PAGES: &[(&str, &str)] = &[
     ("plugins/export-exr/README.md", export_exr::README),
     ("plugins/export-png/README.md", export_png::README),
     ("plugins/export-usd/README.md", export_usd::README),
+    ("plugins/export-webp/README.md", export_webp::README),
     ("plugins/export-y4m/README.md", export_y4m::README),
     ("plugins/import-bvh/README.md", import_bvh::README),
     ("plugins/import-collada/README.md", import_collada::README),

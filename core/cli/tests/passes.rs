@@ -33,14 +33,18 @@ fn rendered(folder: &Path, device: &str, output: &str, options: &[&str]) -> bool
 fn all_images(folder: &Path, device: &str) -> bool {
     let image = |name: &str, options: &[&str]| rendered(folder, device, &format!("{device}{name}"), options);
     let none = ["--set", "view=none", "--samples", "1"];
+    let dim = ["--set", "background=#00000000", "--set", "light=2"];
     let neutral = ["--set", "view=neutral", "--samples", "1"];
     image(".exr", &["--passes", "depth, normal,motion", "--export", "pixels=float"])
         && image("_none.exr", &none)
         && image("_none.png", &none)
+        && image("_none16.png", &[&none[..], &["--export", "depth=16"]].concat())
+        && image("_straight.png", &dim)
+        && image("_straight16.png", &[&dim[..], &["--export", "depth=16"]].concat())
         && image("_neutral.exr", &neutral)
         && image("_neutral.png", &neutral)
         && image("_none4.exr", &["--export", "compression=zips"])
-        && image("_ids.exr", &["--set", "background=#00000000", "--passes", "color,id,albedo"])
+        && image("_ids.exr", &[&dim[..], &["--passes", "color,id,albedo"]].concat())
         && image("_ids16.exr", &["--passes", "id", "--export", "id_samples=16"])
         && image("_alpha.exr", &["--set", "background=#ffffff00", "--export", "compression=none"])
 }
@@ -121,4 +125,39 @@ fn wrong_passes_are_refused_before_the_first_frame() {
     let run = choreo(d, &["render", "titled.rhai", "--at", "0", "-o", "x.exr", "--device", "cpu"]);
     let note = "light before the view transform is written, so without the effect vignette, 2D layers";
     assert!(run.code == 0 && run.err.contains(note), "{}", run.err);
+}
+
+#[test]
+fn libwebp_shows_the_frames_of_an_animation() {
+    let Some(python) = python_with("PIL", "Pillow==12.0.0") else { return };
+    let folder = folder_with_scene();
+    let d = folder.path();
+    let render = |output: &str, more: &[&str]| {
+        let mut args =
+            vec!["render", "scene.rhai", "-o", output, "--device", "cpu", "-q", "--frames", "0..4"];
+        args.extend(["--set", "background=#00000000"]);
+        args.extend(more);
+        let run = choreo(d, &args);
+        assert_eq!(run.code, 0, "{args:?}: {}", run.err);
+    };
+    render("f/%d.png", &[]);
+    render("a.webp", &[]);
+    let check = "from PIL import Image, ImageSequence\n\
+        film = Image.open('a.webp')\n\
+        frames = [frame.convert('RGBA').tobytes() for frame in ImageSequence.Iterator(film)]\n\
+        images = [Image.open(f'f/{i}.png').convert('RGBA').tobytes() for i in range(4)]\n\
+        assert film.n_frames == 4 and film.info['loop'] == 0, (film.n_frames, film.info)\n\
+        assert frames[0] != frames[1], 'something moves'\n\
+        # Where alpha is 0 a decoder may change the color.\n\
+        shown = lambda pixels: [pixels[i:i + 4] for i in range(0, len(pixels), 4) if pixels[i + 3]]\n\
+        assert [shown(f) for f in frames] == [shown(i) for i in images]\n";
+    std::fs::write(d.join("check.py"), check).unwrap();
+    let run = finished(Command::new(python).current_dir(d).arg("check.py").output().unwrap());
+    assert_eq!(run.code, 0, "{}", run.err);
+    let about = choreo(d, &["info", "a.webp"]);
+    assert!(
+        about.out.contains("WebP video, 160×90") && about.out.contains("source       scene.rhai"),
+        "{}",
+        about.out
+    );
 }

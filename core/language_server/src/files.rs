@@ -157,8 +157,12 @@ mod tests {
             std::fs::write(scene.join(name), "x").unwrap();
         }
         std::fs::write(root.join("outside.glb"), "x").unwrap();
-        let project =
-            Project { registry: Registry::default(), search: Vec::new(), limits: Limits::default() };
+        let project = Project {
+            registry: Registry::default(),
+            search: Vec::new(),
+            root: None,
+            limits: Limits::default(),
+        };
         assert_eq!(names(&project, &scene, &["glb".into()]), ["a.glb", "models/b.GLB"]);
         assert_eq!(names(&project, &scene, &[]), ["a.glb", "models/b.GLB", "models/c.txt"]);
         let mut files = Files::new();

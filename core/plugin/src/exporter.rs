@@ -185,7 +185,8 @@ pub struct VideoInfo {
     pub options: ExportOptions,
 }
 
-/// sRGB-encoded RGBA, 8 bits a channel, straight alpha, rows from the top, no padding.
+/// sRGB-encoded RGBA, 8 bits a channel, rows from the top, no padding. Light is multiplied by alpha before it is encoded;
+/// [`Frame::straight`] divides.
 ///
 /// ```
 /// use choreo_plugin::Frame;

@@ -7,6 +7,7 @@
 
 #![warn(missing_docs)]
 
+mod alpha;
 mod asset_check;
 pub mod build;
 pub mod color;

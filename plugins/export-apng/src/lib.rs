@@ -68,11 +68,12 @@ impl FrameSink for ApngSink {
             let what = format!("a frame of {}×{} in an APNG of {width}×{height}", frame.width, frame.height);
             return Err(ExportError::Format(what));
         }
+        let rgba = &*frame.straight();
         let first = self.shown.is_empty();
         let [left, top, right, bottom] = match first {
             true => [0, 0, self.size[0] as usize, self.size[1] as usize],
             // A frame without change keeps the time by one pixel.
-            false => changed(&self.shown, &frame.rgba, self.size[0] as usize).unwrap_or([0, 0, 1, 1]),
+            false => changed(&self.shown, rgba, self.size[0] as usize).unwrap_or([0, 0, 1, 1]),
         };
         if !first {
             self.writer.set_frame_position(0, 0).map_err(convert)?;
@@ -80,11 +81,11 @@ impl FrameSink for ApngSink {
             self.writer.set_frame_dimension(size[0], size[1]).map_err(convert)?;
             self.writer.set_frame_position(left as u32, top as u32).map_err(convert)?;
         }
-        let rows = frame.rgba.chunks_exact(self.size[0] as usize * 4).skip(top).take(bottom - top);
+        let rows = rgba.chunks_exact(self.size[0] as usize * 4).skip(top).take(bottom - top);
         let part: Vec<u8> = rows.flat_map(|row| &row[left * 4..right * 4]).copied().collect();
         self.writer.write_image_data(&part).map_err(convert)?;
         self.shown.clear();
-        self.shown.extend_from_slice(&frame.rgba);
+        self.shown.extend_from_slice(rgba);
         Ok(())
     }
 

@@ -1,6 +1,8 @@
-//! One PNG a frame: RGB where nothing is transparent, else RGBA; sRGB chunk; provenance as text chunks.
+//! One PNG a frame, with 8 or 16 bits: RGB where nothing is transparent, else RGBA; sRGB chunk; provenance as text chunks.
 
-use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, VideoInfo};
+use choreo_plugin::{
+    ExportError, ExportOptions, Exporter, FloatFrame, Frame, FrameSink, FrameWish, Manifest, VideoInfo,
+};
 use std::io::Write;
 use std::sync::{LazyLock, Mutex, MutexGuard, PoisonError};
 
@@ -17,6 +19,13 @@ pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
             "fast",
             &["fast", "small"],
         )
+        .text("depth", "Bits of a channel", "8", &["8", "16"])
+        .text(
+            "alpha",
+            "straight: colors as they are, the standard of PNG; premultiplied: light times alpha, for compositors",
+            "straight",
+            &["straight", "premultiplied"],
+        )
 });
 
 pub struct PngExporter;
@@ -30,6 +39,10 @@ impl Exporter for PngExporter {
         true
     }
 
+    fn wish(&self, options: &ExportOptions) -> Result<FrameWish, ExportError> {
+        Ok(if options.text("depth") == Some("16") { FrameWish::Finished } else { FrameWish::Bytes })
+    }
+
     fn begin(&self, info: &VideoInfo, out: Box<dyn Write + Send>) -> Result<Box<dyn FrameSink>, ExportError> {
         Ok(Box::new(PngSink::new(info, Some(out))))
     }
@@ -40,12 +53,15 @@ impl Exporter for PngExporter {
         made: &[u8],
         mut out: Box<dyn Write + Send>,
     ) -> Result<bool, ExportError> {
-        // The chunk IHDR comes first: 8 bytes before its data, of which the tenth is the type of color.
-        let (Some(pixels), Some(color)) = (pixels_of(made), made.get(25)) else { return Ok(false) };
+        // The chunk IHDR comes first: 8 bytes before its data, of which the ninth are the bits and the tenth is the type of color.
+        let (Some(pixels), Some([bits, color])) = (pixels_of(made), made.get(24..26)) else {
+            return Ok(false);
+        };
         let color = if *color == 2 { png::ColorType::Rgb } else { png::ColorType::Rgba };
+        let depth = if *bits == 16 { png::BitDepth::Sixteen } else { png::BitDepth::Eight };
         let mut head = Vec::new();
         // Its end is written as it is dropped, too.
-        drop(PngSink::new(info, None).head(&mut head, [info.width, info.height], color)?);
+        drop(PngSink::new(info, None).head(&mut head, [info.width, info.height], (color, depth))?);
         let head = head.strip_suffix(&END).ok_or(ExportError::Format("PNG: a head without an end".into()))?;
         out.write_all(head)?;
         out.write_all(pixels)?;
@@ -59,12 +75,14 @@ struct PngSink {
     out: Option<Box<dyn Write + Send>>,
     provenance: Vec<(String, String)>,
     small: bool,
+    straight: bool,
 }
 
 impl PngSink {
     fn new(info: &VideoInfo, out: Option<Box<dyn Write + Send>>) -> PngSink {
         let small = info.options.text("compression") == Some("small");
-        PngSink { out, provenance: info.provenance.clone(), small }
+        let straight = info.options.text("alpha") != Some("premultiplied");
+        PngSink { out, provenance: info.provenance.clone(), small, straight }
     }
 
     /// Writes all that stands before the pixels.
@@ -72,10 +90,10 @@ impl PngSink {
         &self,
         out: W,
         [width, height]: [u32; 2],
-        color: png::ColorType,
+        (color, depth): (png::ColorType, png::BitDepth),
     ) -> Result<png::Writer<W>, ExportError> {
         let mut encoder = png::Encoder::new(out, width, height);
-        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_depth(depth);
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
         if self.small {
             encoder.set_compression(png::Compression::Balanced);
@@ -97,11 +115,17 @@ impl PngSink {
     }
 }
 
+impl PngSink {
+    /// The writer of the only image.
+    fn out(&mut self) -> Result<Box<dyn Write + Send>, ExportError> {
+        let taken = || ExportError::Format("a PNG holds one image, and this one has it already".into());
+        self.out.take().ok_or_else(taken)
+    }
+}
+
 impl FrameSink for PngSink {
     fn frame(&mut self, frame: &Frame) -> Result<(), ExportError> {
-        let Some(out) = self.out.take() else {
-            return Err(ExportError::Format("a PNG holds one image, and this one has it already".into()));
-        };
+        let out = self.out()?;
         let pixels = frame.width as usize * frame.height as usize;
         if frame.rgba.len() != pixels * 4 {
             return Err(ExportError::Format(format!(
@@ -115,9 +139,26 @@ impl FrameSink for PngSink {
         let mut rgb = spare().pop().unwrap_or_default();
         let opaque = opaque_rgb(&frame.rgba, &mut rgb);
         let color = if opaque { png::ColorType::Rgb } else { png::ColorType::Rgba };
-        let mut writer = self.head(out, [frame.width, frame.height], color)?;
-        writer.write_image_data(if opaque { &rgb } else { &frame.rgba }).map_err(convert)?;
+        let mut writer = self.head(out, [frame.width, frame.height], (color, png::BitDepth::Eight))?;
+        let written = match self.straight {
+            _ if opaque => writer.write_image_data(&rgb),
+            true => writer.write_image_data(&frame.straight()),
+            false => writer.write_image_data(&frame.rgba),
+        };
+        written.map_err(convert)?;
         spare().push(rgb);
+        writer.finish().map_err(convert)
+    }
+
+    fn float_frame(&mut self, frame: &FloatFrame) -> Result<(), ExportError> {
+        let out = self.out()?;
+        let opaque = frame.color.iter().all(|color| color.w >= 1.0);
+        let (color, channels) = if opaque { (png::ColorType::Rgb, 3) } else { (png::ColorType::Rgba, 4) };
+        let codes = frame.codes_16(self.straight);
+        let of_pixels = codes.as_chunks::<4>().0.iter().flat_map(|pixel| &pixel[..channels]);
+        let bytes: Vec<u8> = of_pixels.flat_map(|code| code.to_be_bytes()).collect();
+        let mut writer = self.head(out, [frame.width, frame.height], (color, png::BitDepth::Sixteen))?;
+        writer.write_image_data(&bytes).map_err(convert)?;
         writer.finish().map_err(convert)
     }
 

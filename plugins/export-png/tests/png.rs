@@ -2,7 +2,8 @@
 
 use choreo_importer_kit_testing::export::SharedBytes;
 use choreo_motion::FrameRate;
-use choreo_plugin::{Exporter, Frame, VideoInfo};
+use choreo_plugin::glam::Vec4;
+use choreo_plugin::{Exporter, FloatFrame, Frame, FrameWish, VideoInfo};
 use export_png::PngExporter;
 use std::io::Write;
 
@@ -64,10 +65,70 @@ fn opaque_pictures_come_back_as_rgb_with_their_texts() {
     }
 }
 
+fn with_options(frame: &Frame, options: &[(&str, &str)]) -> VideoInfo {
+    let mut info = info(frame);
+    for (name, value) in options {
+        let value = export_png::MANIFEST.parse_option(name, value).unwrap();
+        info.options.0.insert(name.to_string(), value);
+    }
+    info
+}
+
+#[test]
+fn alpha_is_straight_unless_it_shall_be_premultiplied() {
+    // Light 0.2, 0.1 and 0.05 at an alpha of 0.2 is light 1, 0.5 and 0.25 that covers a fifth.
+    let frame = Frame { width: 1, height: 1, rgba: vec![124, 89, 63, 51] };
+    let pixel = |alpha: &str| {
+        let bytes = encode(&frame, &with_options(&frame, &[("alpha", alpha)]));
+        let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut pixels).unwrap();
+        pixels
+    };
+    assert_eq!(pixel("premultiplied"), frame.rgba);
+    let straight = pixel("straight");
+    let expected = [255, 188, 137, 51];
+    assert!(straight.iter().zip(expected).all(|(is, should)| is.abs_diff(should) <= 2), "{straight:?}");
+}
+
+#[test]
+fn sixteen_bits_hold_what_eight_round_off() {
+    let light = |i: u32| 1e-3 + 1e-5 * i as f32;
+    let color: Vec<Vec4> = (0..64).map(|i| Vec4::new(light(i), 0.5 * light(i), 2.0, 1.0)).collect();
+    let frame = FloatFrame { color, ..FloatFrame::new([64, 1]) };
+    let mut info = with_options(&picture(64, 1, 255), &[("depth", "16")]);
+    assert_eq!(PngExporter.wish(&info.options).unwrap(), FrameWish::Finished);
+    let written = |info: &VideoInfo| {
+        let out = SharedBytes::default();
+        let mut sink = PngExporter.begin(info, Box::new(out.clone())).unwrap();
+        sink.float_frame(&frame).unwrap();
+        sink.finish().unwrap();
+        out.bytes()
+    };
+    let bytes = written(&info);
+    let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut pixels).unwrap();
+    assert_eq!(
+        (reader.info().bit_depth, reader.info().color_type),
+        (png::BitDepth::Sixteen, png::ColorType::Rgb)
+    );
+    for (i, pixel) in (0..64).zip(pixels.chunks(6)) {
+        let code = |at: usize| f64::from(u16::from_be_bytes([pixel[at], pixel[at + 1]]));
+        let expected = f64::from(light(i)) * 12.92 * 65535.0;
+        assert!((code(0) - expected).abs() <= 0.51, "{i}: {} for {expected}", code(0));
+        assert_eq!(code(4), 65535.0);
+    }
+    info.provenance.push(("choreo:time".into(), "2.5".into()));
+    let out = SharedBytes::default();
+    assert!(PngExporter.with_provenance(&info, &bytes, Box::new(out.clone())).unwrap());
+    assert!(out.bytes() == written(&info));
+}
+
 #[test]
 fn one_clear_pixel_keeps_the_alpha_of_all() {
     let frame = picture(20, 10, 7);
-    let bytes = encode(&frame, &info(&frame));
+    let bytes = encode(&frame, &with_options(&frame, &[("alpha", "premultiplied")]));
     let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
     let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
     reader.next_frame(&mut pixels).unwrap();
@@ -78,7 +139,7 @@ fn one_clear_pixel_keeps_the_alpha_of_all() {
 #[test]
 fn ffmpeg_reads_the_same_pixels() {
     let frame = picture(64, 40, 200);
-    let bytes = encode(&frame, &info(&frame));
+    let bytes = encode(&frame, &with_options(&frame, &[("alpha", "premultiplied")]));
     let spawned = std::process::Command::new("ffmpeg")
         .args(["-v", "error", "-f", "png_pipe", "-i", "-", "-f", "rawvideo", "-pix_fmt", "rgba", "-"])
         .stdin(std::process::Stdio::piped())

@@ -13,7 +13,7 @@ import OpenEXR
 WIDTH, HEIGHT = 160, 90
 EYE, TARGET, FOV = np.array([2.0, 1.5, 4.0]), np.array([0.0, 0.2, 0.0]), np.radians(35.0)
 # The middle of the box (it stands on its position) at the time of the image, and where it was one frame before.
-BOX, SIDE, STEP = np.array([0.25, 0.6 + 0.25, 0.1]), 0.5, np.array([0.1, 0.0, -0.05])
+BOX, SIDE, STEP = np.array([0.25, 0.6 + 0.25, 0.1]), 0.5, np.array([0.1, 0.05, -0.1])
 FLOOR, FLOOR_SIDE = 0.0, 3.0
 FAR = 1e10
 
@@ -162,7 +162,7 @@ def geometry(name):
     moved = pixels_of(points) - pixels_of(before)
     moved[..., 1] *= -1
     moved[surface == 0] = 0.0
-    assert np.abs(moved).max() > 2.0
+    assert np.abs(moved).max(axis=(0, 1)).min() > 2.0
     check(f"{name} motion, pixels", image(found, ["motion.X", "motion.Y"])[same], moved[same], 1e-3)
 
 
@@ -294,6 +294,20 @@ def ids(name, samples, of_layer):
             assert beyond < 2e-3
 
 
+def straight(name, of_png, codes):
+    """A transparent PNG holds straight alpha. A code is 0.009 of light near white; of 16 bits, light has been half floats."""
+    (above, _), pixels = channels(name), png(of_png)
+    alpha = pixels[..., 3:] / codes
+    assert pixels.shape[2] == 4 and ((alpha > 0.1) & (alpha < 0.9)).sum() > 50
+    light = decoded(pixels[..., :3] * 255.0 / codes) * alpha
+    check(f"{of_png}, light times alpha", light, image(above, "RGB"), 9e-3 if codes == 255 else 1e-3)
+
+
+def sixteen(name, of_png):
+    found, _ = channels(name)
+    check(f"{of_png}, codes of 16 bits", png(of_png), encoded(image(found, "RGB"), 65535.0), 30.0)
+
+
 def header(name, keys):
     _, part = channels(name)
     for key, text in keys.items():
@@ -308,6 +322,9 @@ if __name__ == "__main__":
         geometry(f"{device}.exr")
         shown(f"{device}_none.exr", f"{device}_none.png", IDENTITY, False)
         shown(f"{device}_neutral.exr", f"{device}_neutral.png", neutral, True)
+        straight(f"{device}_ids.exr", f"{device}_straight.png", 255)
+        straight(f"{device}_ids.exr", f"{device}_straight16.png", 65535)
+        sixteen(f"{device}_none.exr", f"{device}_none16.png")
         composite(f"{device}_alpha.exr", f"{device}_none4.exr")
         albedo(f"{device}_ids.exr")
         names = {"CryptoObject": ["floor", "box"], "CryptoMaterial": ["mesh", "shape"]}

@@ -12,7 +12,7 @@ pub struct Media {
     pub provenance: Vec<(String, String)>,
 }
 
-/// `None` where the bytes are no PNG, OpenEXR, MP4, GIF or y4m. Nothing is trusted: what does not fit is left out.
+/// `None` where the bytes are no PNG, OpenEXR, WebP, MP4, GIF or y4m. Nothing is trusted: what does not fit is left out.
 pub fn read(bytes: &[u8]) -> Option<Media> {
     if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
         return Some(read_png(bytes.get(8..)?));
@@ -22,6 +22,9 @@ pub fn read(bytes: &[u8]) -> Option<Media> {
     }
     if bytes.starts_with(b"GIF87a") || bytes.starts_with(b"GIF89a") {
         return Some(read_gif(bytes));
+    }
+    if bytes.starts_with(b"RIFF") && bytes.get(8..12)? == b"WEBP" {
+        return Some(read_webp(bytes));
     }
     if bytes.starts_with(b"YUV4MPEG2 ") {
         return Some(read_y4m(bytes));
@@ -156,6 +159,29 @@ fn read_mp4(bytes: &[u8]) -> Media {
     let data =
         ilst.and_then(|l| inner(l, b"\xa9cmt")).and_then(|c| inner(c, b"data")).and_then(|d| d.get(8..));
     media.provenance = comment(data.unwrap_or_default());
+    media
+}
+
+/// RFC 9649: the size stands in the chunk VP8X, the provenance in the description of the chunk XMP.
+fn read_webp(bytes: &[u8]) -> Media {
+    let mut media = Media { format: "WebP video", ..Media::default() };
+    let mut rest = bytes.get(12..).unwrap_or(&[]);
+    while let (Some(kind), Some(length)) = (rest.get(..4), le32(rest, 4)) {
+        let Some(content) = rest.get(8..8usize.saturating_add(length as usize)) else { break };
+        if kind == b"VP8X" {
+            let side = |at: usize| le32(content, at).map_or(0, |side| (side & 0xff_ffff) + 1);
+            // The height is the upper three bytes of these four.
+            (media.width, media.height) = (side(4), le32(content, 6).map_or(0, |side| (side >> 8) + 1));
+        }
+        if kind == b"XMP " {
+            let text = String::from_utf8_lossy(content);
+            let lines = text.split_once("x-default\">").and_then(|(_, text)| text.split_once("</rdf:li>"));
+            let lines = lines.map_or("", |(lines, _)| lines);
+            let lines = lines.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
+            media.provenance = comment(lines.as_bytes());
+        }
+        rest = rest.get(8 + (length as usize).next_multiple_of(2)..).unwrap_or(&[]);
+    }
     media
 }
 
