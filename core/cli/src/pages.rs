@@ -2,7 +2,7 @@
 //! tables, `choreo help --page NAME` prints one.
 
 /// Path in the sources, and text. Those in `pages` are symbolic links, because a package holds no files outside its own folder.
-const PAGES: [(&str, &str); 21] = [
+const PAGES: [(&str, &str); 22] = [
     ("core/cli/README.md", include_str!("../README.md")),
     ("core/viewer/README.md", include_str!("../pages/viewer.md")),
     ("plugins/README.md", include_str!("../pages/plugins.md")),
@@ -23,6 +23,7 @@ const PAGES: [(&str, &str); 21] = [
     ("plugins/import-mannequin/README.md", import_mannequin::README),
     ("plugins/import-obj/README.md", import_obj::README),
     ("plugins/import-stl/README.md", import_stl::README),
+    ("plugins/import-usd/README.md", import_usd::README),
     ("plugins/import-vrm/README.md", import_vrm::README),
 ];
 
