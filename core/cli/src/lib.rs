@@ -27,6 +27,7 @@ pub fn registry() -> Registry {
     registry.add_importer(import_collada::ColladaImporter);
     registry.add_importer(import_obj::ObjImporter);
     registry.add_importer(import_stl::StlImporter);
+    registry.add_importer(import_usd::UsdImporter);
     effects::all().into_iter().for_each(|effect| registry.add_effect(effect));
     registry.add_exporter(export_png::PngExporter);
     registry.add_exporter(export_mp4::Mp4Exporter);

@@ -25,6 +25,7 @@ const PAGES: &[(&str, &str)] = &[
     ("plugins/import-mannequin/README.md", import_mannequin::README),
     ("plugins/import-obj/README.md", import_obj::README),
     ("plugins/import-stl/README.md", import_stl::README),
+    ("plugins/import-usd/README.md", import_usd::README),
     ("plugins/import-vrm/README.md", import_vrm::README),
 ];
 

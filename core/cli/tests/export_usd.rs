@@ -103,8 +103,11 @@ impl Exported {
         let result = text.lines().find_map(|line| line.strip_prefix("RESULT "));
         let result = result.unwrap_or_else(|| panic!("{text}{warnings}"));
         assert!(warnings.trim().is_empty(), "usd-core warns: {warnings}");
-        let value: Value = serde_json::from_str(result).unwrap();
-        assert_eq!(value["problems"], Value::Array(Vec::new()), "{}", value["problems"]);
+        let mut value: Value = serde_json::from_str(result).unwrap();
+        // The strength of a normal map other than 1 is in its scale and bias.
+        let problems = value["problems"].as_array_mut().unwrap();
+        problems.retain(|problem| !problem.as_str().unwrap().starts_with("NonCompliantBiasAndScale"));
+        assert!(problems.is_empty(), "{problems:?}");
         value
     }
 }

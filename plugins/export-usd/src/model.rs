@@ -17,13 +17,13 @@ use std::sync::Arc;
 /// A model that is there.
 pub struct Model<'a> {
     pub asset: &'a Asset,
-    /// Where it is in the layer.
+    /// Its path in the layer.
     pub path: String,
     /// Joint paths, where it has a skeleton.
     pub joints: Option<Vec<String>>,
     /// Tokens of the morph targets of each instance.
     pub shapes: Vec<Vec<String>>,
-    /// Those of the asset, and the one for primitives that have none; `None` where no primitive has it.
+    /// The materials of the asset, and the one for primitives that have none; `None` where no primitive has it.
     pub materials: Vec<Option<ModelMaterial>>,
 }
 

@@ -254,7 +254,7 @@ type Part = (Path, fn(&Transform) -> [f32; 4]);
 /// The joints of a rig that move, with their curves.
 struct Joints<'a> {
     set: Rc<TrackSet<'a>>,
-    /// At rest as the actor keeps them still.
+    /// The rig at rest, as the actor keeps it still.
     rig: Rc<Skeleton>,
     moving: Rc<[u32]>,
 }

@@ -74,7 +74,7 @@ impl Archive {
     }
 }
 
-/// What both heads of a file have: version, flags, method, date, checksum, lengths.
+/// The part that both heads of a file have: version, flags, method, date, checksum, lengths.
 fn common(entry: &Entry, padding: u16) -> Vec<u8> {
     let mut out = Vec::with_capacity(26);
     // Version 1.0, names in UTF-8, stored, at midnight.

@@ -1,0 +1,750 @@
+//! `.usdc`: crate files (pxr/usd/usd/crateFile.cpp). Counts are compared with the bytes that are there before anything is allocated.
+
+use crate::layer::{Attribute, Layer, Prim, Reference, Specifier, Value};
+use choreo_importer_kit::{Budget, Problem, Result};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+const ARRAY: u64 = 1 << 63;
+const INLINED: u64 = 1 << 62;
+const COMPRESSED: u64 = 1 << 61;
+const PAYLOAD: u64 = (1 << 48) - 1;
+
+/// Arrays of fewer elements are never compressed.
+const LEAST_COMPRESSED: usize = 16;
+/// Bytes that one of LZ4 can become, at most.
+const MOST_RATIO: usize = 256;
+/// Prims within each other, at most.
+const MOST_DEPTH: usize = 96;
+
+pub fn is_crate(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"PXR-USDC")
+}
+
+fn damaged(what: impl Into<String>) -> Problem {
+    Problem::new("crate file", what)
+}
+
+/// A place in the bytes.
+#[derive(Clone, Copy)]
+struct Cursor<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Cursor<'a> {
+    fn take(&mut self, length: usize) -> Result<&'a [u8]> {
+        let end = self.at.checked_add(length);
+        let out = end.and_then(|end| self.bytes.get(self.at..end));
+        let out = out.ok_or_else(|| damaged(format!("ends within the data at byte {}", self.at)))?;
+        self.at += length;
+        Ok(out)
+    }
+
+    fn fixed<const N: usize>(&mut self) -> Result<[u8; N]> {
+        let mut out = [0; N];
+        out.copy_from_slice(self.take(N)?);
+        Ok(out)
+    }
+
+    fn u32(&mut self) -> Result<u32> {
+        self.fixed().map(u32::from_le_bytes)
+    }
+
+    fn u64(&mut self) -> Result<u64> {
+        self.fixed().map(u64::from_le_bytes)
+    }
+
+    fn f64(&mut self) -> Result<f64> {
+        self.fixed().map(f64::from_le_bytes)
+    }
+
+    /// A number of things of which each takes some bytes of what is left.
+    fn count(&mut self, size: usize) -> Result<usize> {
+        let count = self.u64()?;
+        let left = self.bytes.len().saturating_sub(self.at) as u64;
+        match count.checked_mul(size as u64) {
+            Some(all) if all <= left => Ok(count as usize),
+            _ => Err(damaged(format!(
+                "states {count} elements at byte {}, and is too short for them",
+                self.at - 8
+            ))),
+        }
+    }
+
+    fn to(self, at: u64) -> Cursor<'a> {
+        Cursor { bytes: self.bytes, at: usize::try_from(at).unwrap_or(usize::MAX) }
+    }
+}
+
+struct Reader<'a> {
+    all: Cursor<'a>,
+    budget: &'a Budget,
+    version: [u8; 3],
+    tokens: Vec<String>,
+    strings: Vec<u32>,
+    /// Token of the name, and value.
+    fields: Vec<(u32, u64)>,
+    field_sets: Vec<u32>,
+    paths: Vec<Path>,
+}
+
+/// A path as part of its parent.
+#[derive(Clone, Debug, Default)]
+struct Path {
+    parent: Option<u32>,
+    element: String,
+    is_property: bool,
+    depth: usize,
+}
+
+/// The fields of a spec by name.
+type Fields<'f> = BTreeMap<&'f str, u64>;
+
+pub fn read(bytes: &[u8], budget: &Budget) -> Result<Layer> {
+    let all = Cursor { bytes, at: 0 };
+    let mut head = all;
+    head.take(8)?;
+    let version = head.fixed::<8>()?;
+    let version = [version[0], version[1], version[2]];
+    if version[0] != 0 || version[1] < 4 {
+        let [a, b, c] = version;
+        return Err(damaged(format!("is of version {a}.{b}.{c}; read are 0.4 and later")));
+    }
+    let (tokens, strings, fields, field_sets) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let paths = Vec::new();
+    let mut reader = Reader { all, budget, version, tokens, strings, fields, field_sets, paths };
+    let mut list = all.to(head.u64()?);
+    let mut sections: BTreeMap<String, Cursor<'_>> = BTreeMap::new();
+    for _ in 0..list.count(32)? {
+        let name = list.fixed::<16>()?;
+        let name = String::from_utf8_lossy(&name).trim_end_matches('\0').to_string();
+        let (start, _size) = (list.u64()?, list.u64()?);
+        sections.insert(name, all.to(start));
+    }
+    let section =
+        |name: &str| sections.get(name).copied().ok_or_else(|| damaged(format!("has no section {name}")));
+    reader.read_tokens(section("TOKENS")?)?;
+    reader.read_tables([section("STRINGS")?, section("FIELDS")?, section("FIELDSETS")?])?;
+    reader.read_paths(section("PATHS")?)?;
+    let specs = reader.specs(section("SPECS")?)?;
+    reader.layer(&specs)
+}
+
+impl<'a> Reader<'a> {
+    fn charge(&self, count: usize, size: usize) -> Result<()> {
+        self.budget.charge(count as u64, size)
+    }
+
+    /// A block of LZ4 that becomes at most some bytes.
+    fn decompressed(&self, cursor: &mut Cursor<'a>, most: usize) -> Result<Vec<u8>> {
+        let length = cursor.count(1)?;
+        let bytes = cursor.take(length)?;
+        let Some((0, block)) = bytes.split_first().map(|(chunks, rest)| (*chunks, rest)) else {
+            return Err(damaged("is compressed in several parts, which are not read"));
+        };
+        let most = most.min(block.len().saturating_mul(MOST_RATIO));
+        self.charge(most, 1)?;
+        lz4_flex::block::decompress(block, most).map_err(|e| damaged(format!("is damaged: {e}")))
+    }
+
+    fn integers(&self, cursor: &mut Cursor<'a>, count: usize) -> Result<Vec<i32>> {
+        if count == 0 {
+            return Ok(Vec::new());
+        }
+        let codes = count.div_ceil(4);
+        // Two bits each at least, so that the count is bounded by what is there.
+        let bytes = self.decompressed(cursor, count.saturating_mul(4).saturating_add(codes + 4))?;
+        if bytes.len() < 4 + codes {
+            return Err(damaged("has fewer integers than it states"));
+        }
+        self.charge(count, 4)?;
+        let mut numbers = Cursor { bytes: &bytes, at: 4 + codes };
+        let common = i32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+        let (mut out, mut value) = (Vec::with_capacity(count), 0i32);
+        for index in 0..count {
+            let code = bytes[4 + index / 4] >> (2 * (index % 4)) & 3;
+            let difference = match code {
+                0 => common,
+                1 => i32::from(i8::from_le_bytes(numbers.fixed()?)),
+                2 => i32::from(i16::from_le_bytes(numbers.fixed()?)),
+                _ => i32::from_le_bytes(numbers.fixed()?),
+            };
+            value = value.wrapping_add(difference);
+            out.push(value);
+        }
+        Ok(out)
+    }
+
+    fn read_tokens(&mut self, mut cursor: Cursor<'a>) -> Result<()> {
+        let count = cursor.u64()?;
+        let length = usize::try_from(cursor.u64()?).unwrap_or(usize::MAX);
+        let bytes = self.decompressed(&mut cursor, length)?;
+        self.charge(bytes.iter().filter(|b| **b == 0).count(), 32)?;
+        self.tokens =
+            bytes.split(|b| *b == 0).map(|token| String::from_utf8_lossy(token).into_owned()).collect();
+        self.tokens.truncate(usize::try_from(count).unwrap_or(usize::MAX));
+        Ok(())
+    }
+
+    fn read_tables(&mut self, [mut strings, mut fields, mut sets]: [Cursor<'a>; 3]) -> Result<()> {
+        let count = strings.count(4)?;
+        self.strings = (0..count).map(|_| strings.u32()).collect::<Result<_>>()?;
+        let count = self.stated(&mut fields)?;
+        let names = self.integers(&mut fields, count)?;
+        let values = self.decompressed(&mut fields, count.saturating_mul(8))?;
+        let mut values = Cursor { bytes: &values, at: 0 };
+        self.charge(count, 16)?;
+        self.fields = names.iter().map(|name| Ok((*name as u32, values.u64()?))).collect::<Result<_>>()?;
+        let count = self.stated(&mut sets)?;
+        self.field_sets = self.integers(&mut sets, count)?.into_iter().map(|index| index as u32).collect();
+        Ok(())
+    }
+
+    /// A count of things that follow compressed.
+    fn stated(&self, cursor: &mut Cursor<'a>) -> Result<usize> {
+        let count = cursor.u64()?;
+        let most = cursor.bytes.len().saturating_mul(4 * MOST_RATIO) as u64;
+        match count <= most {
+            true => Ok(count as usize),
+            false => Err(damaged(format!("states {count} elements, and is too short for them"))),
+        }
+    }
+
+    fn read_paths(&mut self, mut cursor: Cursor<'a>) -> Result<()> {
+        let number = self.stated(&mut cursor)?;
+        let count = self.stated(&mut cursor)?;
+        let indices = self.integers(&mut cursor, count)?;
+        let tokens = self.integers(&mut cursor, count)?;
+        let jumps = self.integers(&mut cursor, count)?;
+        self.charge(number, size_of::<Path>())?;
+        self.paths = vec![Path::default(); number];
+        // (place, parent): each place is taken once, so that damaged jumps end.
+        let mut open: Vec<(usize, Option<u32>)> = vec![(0, None)];
+        let mut taken = vec![false; count];
+        let mut assigned = vec![false; number];
+        while let Some((mut place, mut parent)) = open.pop() {
+            while place < count && !std::mem::replace(&mut taken[place], true) {
+                let (index, token, jump) = (indices[place] as u32, tokens[place], jumps[place]);
+                let depth = parent.map_or(0, |p| self.paths[p as usize].depth + 1);
+                let element = match parent {
+                    None => String::new(),
+                    Some(_) => self.token(token.unsigned_abs())?.to_string(),
+                };
+                self.charge(element.len(), 1)?;
+                // A path that came twice could be below itself.
+                if assigned.get_mut(index as usize).is_none_or(|was| std::mem::replace(was, true)) {
+                    return Err(damaged("has a path that it does not count, or one twice"));
+                }
+                if depth > MOST_DEPTH {
+                    return Err(damaged(format!("has more than {MOST_DEPTH} prims within each other")));
+                }
+                self.paths[index as usize] = Path { parent, element, is_property: token < 0, depth };
+                if jump > 0 {
+                    open.push((place + jump as usize, parent));
+                }
+                match jump {
+                    // A child follows, or a sibling.
+                    -1 | 1.. => parent = Some(index),
+                    0 => {}
+                    _ => break,
+                }
+                place += 1;
+            }
+        }
+        Ok(())
+    }
+
+    fn token(&self, index: u32) -> Result<&str> {
+        let token = self.tokens.get(index as usize);
+        token.map(String::as_str).ok_or_else(|| damaged("refers to a token that it does not have"))
+    }
+
+    fn string(&self, index: u32) -> Result<&str> {
+        let token = self.strings.get(index as usize);
+        self.token(*token.ok_or_else(|| damaged("refers to a string that it does not have"))?)
+    }
+
+    /// A path as text.
+    fn path(&self, index: u32) -> Result<String> {
+        let mut elements = Vec::new();
+        let mut at = Some(index);
+        while let Some(index) = at {
+            let path = self.paths.get(index as usize);
+            let path = path.ok_or_else(|| damaged("refers to a path that it does not have"))?;
+            if path.parent.is_some() {
+                elements.push(path);
+            }
+            at = path.parent;
+            if elements.len() > MOST_DEPTH + 2 {
+                return Err(damaged("has a path without end"));
+            }
+        }
+        let mut out = String::new();
+        for path in elements.iter().rev() {
+            out.push(if path.is_property { '.' } else { '/' });
+            out.push_str(&path.element);
+        }
+        Ok(out)
+    }
+
+    /// Fields of the specs by path, with their kinds.
+    fn specs(&self, mut cursor: Cursor<'a>) -> Result<BTreeMap<u32, u32>> {
+        let count = self.stated(&mut cursor)?;
+        let paths = self.integers(&mut cursor, count)?;
+        let sets = self.integers(&mut cursor, count)?;
+        self.charge(count, 64)?;
+        Ok(paths.into_iter().map(|p| p as u32).zip(sets.into_iter().map(|s| s as u32)).collect())
+    }
+
+    fn fields_of(&self, set: u32) -> Result<Fields<'_>> {
+        let mut out = BTreeMap::new();
+        for field in self.field_sets.iter().skip(set as usize).take_while(|field| **field != u32::MAX) {
+            let field = self.fields.get(*field as usize);
+            let (name, value) = field.ok_or_else(|| damaged("refers to a field that it does not have"))?;
+            out.insert(self.token(*name)?, *value);
+        }
+        Ok(out)
+    }
+
+    fn layer(&self, specs: &BTreeMap<u32, u32>) -> Result<Layer> {
+        let mut children: Vec<Vec<u32>> = vec![Vec::new(); self.paths.len()];
+        self.charge(self.paths.len(), 32)?;
+        let mut root = None;
+        for index in specs.keys() {
+            let Some(path) = self.paths.get(*index as usize) else { continue };
+            match path.parent {
+                Some(parent) => children[parent as usize].push(*index),
+                None => root = root.or(Some(*index)),
+            }
+        }
+        let root = root.ok_or_else(|| damaged("has no root"))?;
+        let fields = self.fields_of(specs[&root])?;
+        let mut layer = Layer { root: self.prim(root, specs, &children)?, ..Layer::default() };
+        let number = |name: &str| -> Result<Option<f64>> {
+            let Some(value) = fields.get(name) else { return Ok(None) };
+            Ok(self.value(*value, "double")?.and_then(|v| v.numbers().first().copied()))
+        };
+        let text = |name: &str| -> Result<Option<String>> {
+            let Some(value) = fields.get(name) else { return Ok(None) };
+            Ok(self.value(*value, "token")?.and_then(|v| v.texts().first().cloned()))
+        };
+        layer.up = text("upAxis")?;
+        layer.default_prim = text("defaultPrim")?.unwrap_or_default();
+        layer.comment = text("comment")?.unwrap_or_default();
+        layer.metres = number("metersPerUnit")?;
+        layer.rate = number("timeCodesPerSecond")?.or(number("framesPerSecond")?);
+        layer.start = number("startTimeCode")?;
+        if let Some(value) = fields.get("subLayers") {
+            let mut cursor = self.all.to(value & PAYLOAD);
+            for _ in 0..cursor.count(4)? {
+                layer.sublayers.push(self.string(cursor.u32()?)?.to_string());
+            }
+        }
+        Ok(layer)
+    }
+
+    fn prim(&self, index: u32, specs: &BTreeMap<u32, u32>, children: &[Vec<u32>]) -> Result<Prim> {
+        let fields = self.fields_of(specs[&index])?;
+        let mut out = Prim { name: self.paths[index as usize].element.clone(), ..Prim::default() };
+        self.charge(1, size_of::<Prim>())?;
+        if let Some(specifier) = fields.get("specifier") {
+            out.specifier = match specifier & PAYLOAD {
+                0 => Specifier::Def,
+                2 => Specifier::Class,
+                _ => Specifier::Over,
+            };
+        }
+        for (name, to) in [("typeName", &mut out.kind), ("displayName", &mut out.display_name)] {
+            if let Some(value) = fields.get(name) {
+                let value = self.value(*value, name)?;
+                *to = value.and_then(|v| v.texts().first().cloned()).unwrap_or_default();
+            }
+        }
+        if let Some(value) = fields.get("active") {
+            out.inactive = value & PAYLOAD == 0;
+        }
+        for (name, with_offset) in [("references", true), ("payload", self.version >= [0, 8, 0])] {
+            if let Some(value) = fields.get(name) {
+                out.references.extend(self.references(*value, with_offset)?);
+            }
+        }
+        for name in ["inheritPaths", "specializes"] {
+            if let Some(value) = fields.get(name) {
+                out.classes.extend(self.paths_of(*value)?);
+            }
+        }
+        if let Some(value) = fields.get("variantSelection") {
+            let mut cursor = self.all.to(value & PAYLOAD);
+            for _ in 0..cursor.count(8)? {
+                let (set, selected) = (cursor.u32()?, cursor.u32()?);
+                out.selections.insert(self.string(set)?.into(), self.string(selected)?.into());
+            }
+        }
+        for child in &children[index as usize] {
+            self.child(*child, (specs, children), &mut out)?;
+        }
+        if let Some(order) = fields.get("primChildren") {
+            let order = self.token_vector(*order)?;
+            let place: BTreeMap<&str, usize> =
+                order.iter().enumerate().map(|(place, name)| (*name, place)).collect();
+            out.children.sort_by_key(|child| place.get(child.name.as_str()).copied().unwrap_or(usize::MAX));
+        }
+        Ok(out)
+    }
+
+    fn child(
+        &self,
+        index: u32,
+        (specs, children): (&BTreeMap<u32, u32>, &[Vec<u32>]),
+        out: &mut Prim,
+    ) -> Result<()> {
+        let path = &self.paths[index as usize];
+        if path.is_property {
+            return self.property(&path.element, &self.fields_of(specs[&index])?, out);
+        }
+        let Some(variant) = path.element.strip_prefix('{') else {
+            out.children.push(self.prim(index, specs, children)?);
+            return Ok(());
+        };
+        // `{set=variant}`; a set alone has no variant.
+        let (set, name) = variant.trim_end_matches('}').split_once('=').unwrap_or_default();
+        if !name.is_empty() {
+            let variant = self.prim(index, specs, children)?;
+            out.variants.entry(set.into()).or_default().insert(name.into(), variant);
+        }
+        Ok(())
+    }
+
+    fn property(&self, name: &str, fields: &Fields<'_>, out: &mut Prim) -> Result<()> {
+        if let Some(targets) = fields.get("targetPaths") {
+            out.relations.insert(name.into(), self.paths_of(*targets)?);
+            return Ok(());
+        }
+        let kind = match fields.get("typeName") {
+            Some(kind) => {
+                self.value(*kind, "token")?.and_then(|v| v.texts().first().cloned()).unwrap_or_default()
+            }
+            None => return Ok(()),
+        };
+        if let Some(sources) = fields.get("connectionPaths") {
+            out.connections.insert(name.into(), self.paths_of(*sources)?);
+        }
+        let mut attribute = Attribute { kind, ..Attribute::default() };
+        if let Some(value) = fields.get("default") {
+            attribute.value = self.value(*value, name)?;
+        }
+        if let Some(value) = fields.get("timeSamples") {
+            attribute.samples = self.samples(*value, name)?;
+        }
+        if let Some(value) = fields.get("interpolation") {
+            let value = self.value(*value, name)?;
+            attribute.interpolation = value.and_then(|v| v.texts().first().cloned()).unwrap_or_default();
+        }
+        if let Some(value) = fields.get("elementSize") {
+            attribute.element_size = (value & PAYLOAD) as u32 as usize;
+        }
+        out.attributes.insert(name.into(), Arc::new(attribute));
+        Ok(())
+    }
+
+    fn token_vector(&self, value: u64) -> Result<Vec<&str>> {
+        let mut cursor = self.all.to(value & PAYLOAD);
+        (0..cursor.count(4)?).map(|_| self.token(cursor.u32()?)).collect()
+    }
+
+    /// The items of a list of paths, those that are deleted or ordered aside.
+    fn paths_of(&self, value: u64) -> Result<Vec<String>> {
+        let mut out = Vec::new();
+        self.list_op(value, 4, |cursor, keep| {
+            let path = self.path(cursor.u32()?)?;
+            out.extend(keep.then_some(path));
+            Ok(())
+        })?;
+        Ok(out)
+    }
+
+    fn references(&self, value: u64, with_offset: bool) -> Result<Vec<Reference>> {
+        let mut out = Vec::new();
+        // A single payload, or a list.
+        if value >> 48 & 0xff == 47 {
+            let mut cursor = self.all.to(value & PAYLOAD);
+            return Ok(vec![self.reference(&mut cursor, with_offset, false)?]);
+        }
+        let is_payload = value >> 48 & 0xff == 55;
+        self.list_op(value, 8, |cursor, keep| {
+            let reference = self.reference(cursor, with_offset, !is_payload)?;
+            out.extend(keep.then_some(reference));
+            Ok(())
+        })?;
+        Ok(out)
+    }
+
+    fn reference(&self, cursor: &mut Cursor<'a>, with_offset: bool, with_data: bool) -> Result<Reference> {
+        let (file, path) = (cursor.u32()?, cursor.u32()?);
+        let mut out = Reference { file: self.string(file)?.into(), scale: 1.0, ..Reference::default() };
+        out.path = self.path(path).unwrap_or_default();
+        if with_offset {
+            (out.offset, out.scale) = (cursor.f64()?, cursor.f64()?);
+        }
+        if with_data {
+            for _ in 0..cursor.count(20)? {
+                cursor.u32()?;
+                let from = cursor.at as u64;
+                let jump = cursor.u64()?;
+                *cursor = cursor.to(from.wrapping_add(jump).wrapping_add(8));
+            }
+        }
+        Ok(out)
+    }
+
+    /// Walks a list operation: explicit, added, prepended and appended items are kept, strongest first as far as they tell.
+    fn list_op(
+        &self,
+        value: u64,
+        size: usize,
+        mut each: impl FnMut(&mut Cursor<'a>, bool) -> Result<()>,
+    ) -> Result<()> {
+        let mut cursor = self.all.to(value & PAYLOAD);
+        let bits = cursor.fixed::<1>()?[0];
+        for (bit, keep) in [(2, true), (4, true), (32, true), (64, true), (8, false), (16, false)] {
+            if bits & bit != 0 {
+                for _ in 0..cursor.count(size)? {
+                    each(&mut cursor, keep)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn samples(&self, value: u64, name: &str) -> Result<Vec<(f64, Value)>> {
+        let mut cursor = self.all.to(value & PAYLOAD);
+        let jumped = |cursor: &mut Cursor<'a>| -> Result<()> {
+            let from = cursor.at as u64;
+            let jump = cursor.u64()?;
+            *cursor = cursor.to(from.wrapping_add(jump));
+            Ok(())
+        };
+        jumped(&mut cursor)?;
+        let times = cursor.u64()?;
+        jumped(&mut cursor)?;
+        let times = self.times(times)?;
+        let count = cursor.count(8)?;
+        let mut out = Vec::with_capacity(count);
+        for time in times.into_iter().take(count).filter(|time| time.is_finite()) {
+            let value = cursor.u64()?;
+            out.extend(self.value(value, name)?.map(|value| (time, value)));
+        }
+        out.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Ok(out)
+    }
+
+    fn times(&self, value: u64) -> Result<Vec<f64>> {
+        if value >> 48 & 0xff == 48 {
+            let mut cursor = self.all.to(value & PAYLOAD);
+            return (0..cursor.count(8)?).map(|_| cursor.f64()).collect();
+        }
+        Ok(self.value(value, "times")?.map(|v| v.numbers().to_vec()).unwrap_or_default())
+    }
+
+    /// A value of an attribute; `None` of types that no attribute of a scene has.
+    fn value(&self, value: u64, name: &str) -> Result<Option<Value>> {
+        let (kind, payload) = ((value >> 48 & 0xff) as u8, value & PAYLOAD);
+        if matches!(kind, 10..=12) {
+            return self.texts(value, kind).map(Some);
+        }
+        let Some((component, width)) = numbers_of(kind) else { return Ok(None) };
+        if value & INLINED != 0 {
+            return Ok(Some(Value::Numbers(inlined(component, width, kind, payload).into())));
+        }
+        let mut cursor = self.all.to(payload);
+        if value & ARRAY == 0 {
+            let list = self.raw(&mut cursor, component, width)?;
+            return Ok(Some(Value::Numbers(list.into())));
+        }
+        if payload == 0 {
+            return Ok(Some(Value::Numbers([].into())));
+        }
+        if self.version < [0, 5, 0] {
+            cursor.u32()?;
+        }
+        let count = match self.version < [0, 7, 0] {
+            true => u64::from(cursor.u32()?),
+            false => cursor.u64()?,
+        };
+        let count = usize::try_from(count).unwrap_or(usize::MAX);
+        let list = match value & COMPRESSED != 0 && count >= LEAST_COMPRESSED {
+            true => self.packed(&mut cursor, component, count)?,
+            false => self.raw(&mut cursor, component, count.saturating_mul(width))?,
+        };
+        if list.iter().any(|v| v.is_nan()) {
+            return Err(damaged(format!("{name} has a number that is none")));
+        }
+        Ok(Some(Value::Numbers(list.into())))
+    }
+
+    fn texts(&self, value: u64, kind: u8) -> Result<Value> {
+        let text = |index: u32| if kind == 10 { self.string(index) } else { self.token(index) };
+        if value & ARRAY == 0 {
+            return Ok(Value::Texts([text((value & PAYLOAD) as u32)?.to_string()].into()));
+        }
+        if value & PAYLOAD == 0 {
+            return Ok(Value::Texts([].into()));
+        }
+        let mut cursor = self.all.to(value & PAYLOAD);
+        if self.version < [0, 5, 0] {
+            cursor.u32()?;
+        }
+        let count = match self.version < [0, 7, 0] {
+            true => cursor.u32()? as usize,
+            false => cursor.count(4)?,
+        };
+        let mut out = Vec::new();
+        for _ in 0..count {
+            let text = text(cursor.u32()?)?;
+            self.charge(text.len() + 24, 1)?;
+            out.push(text.to_string());
+        }
+        Ok(Value::Texts(out.into()))
+    }
+
+    fn raw(&self, cursor: &mut Cursor<'a>, component: Component, count: usize) -> Result<Vec<f64>> {
+        let bytes = cursor.take(count.saturating_mul(component.size()))?;
+        self.charge(count, 8)?;
+        Ok(bytes.chunks_exact(component.size()).map(|b| component.number(b)).collect())
+    }
+
+    /// A compressed array of scalars.
+    fn packed(&self, cursor: &mut Cursor<'a>, component: Component, count: usize) -> Result<Vec<f64>> {
+        let numbers = |list: Vec<i32>| list.into_iter().map(f64::from).collect();
+        match component {
+            Component::Int | Component::Uint => {
+                let list = self.integers(cursor, self.plausible(count)?)?;
+                self.charge(count, 8)?;
+                let signed = component == Component::Int;
+                Ok(list
+                    .into_iter()
+                    .map(|v| if signed { f64::from(v) } else { f64::from(v as u32) })
+                    .collect())
+            }
+            Component::Half | Component::Float | Component::Double => match cursor.fixed::<1>()?[0] {
+                b'i' => self.integers(cursor, self.plausible(count)?).map(numbers),
+                b't' => {
+                    let length = cursor.u32()? as usize;
+                    let table = self.raw(cursor, component, length)?;
+                    let places = self.integers(cursor, self.plausible(count)?)?;
+                    self.charge(count, 8)?;
+                    let place = |place: i32| table.get(place as u32 as usize).copied();
+                    let list: Option<Vec<f64>> = places.into_iter().map(place).collect();
+                    list.ok_or_else(|| damaged("refers to a number that it does not have"))
+                }
+                _ => Err(damaged("has an array that is compressed in an unknown way")),
+            },
+            _ => Err(damaged("has an array of a type that is not compressed by others")),
+        }
+    }
+
+    fn plausible(&self, count: usize) -> Result<usize> {
+        match count <= self.all.bytes.len().saturating_mul(4 * MOST_RATIO) {
+            true => Ok(count),
+            false => Err(damaged(format!("states {count} elements, and is too short for them"))),
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Component {
+    Byte,
+    Int,
+    Uint,
+    Int64,
+    Uint64,
+    Half,
+    Float,
+    Double,
+}
+
+impl Component {
+    fn size(self) -> usize {
+        match self {
+            Component::Byte => 1,
+            Component::Half => 2,
+            Component::Int | Component::Uint | Component::Float => 4,
+            Component::Int64 | Component::Uint64 | Component::Double => 8,
+        }
+    }
+
+    /// The number in as many bytes as it takes.
+    fn number(self, bytes: &[u8]) -> f64 {
+        let mut b = [0; 8];
+        b[..bytes.len()].copy_from_slice(bytes);
+        let four = [b[0], b[1], b[2], b[3]];
+        match self {
+            Component::Byte => f64::from(b[0]),
+            Component::Half => f64::from(half::f16::from_le_bytes([b[0], b[1]])),
+            Component::Int => f64::from(i32::from_le_bytes(four)),
+            Component::Uint => f64::from(u32::from_le_bytes(four)),
+            Component::Float => f64::from(f32::from_le_bytes(four)),
+            Component::Int64 => i64::from_le_bytes(b) as f64,
+            Component::Uint64 => u64::from_le_bytes(b) as f64,
+            Component::Double => f64::from_le_bytes(b),
+        }
+    }
+}
+
+/// The numbers of a type.
+fn numbers_of(kind: u8) -> Option<(Component, usize)> {
+    use Component::{Byte, Double, Float, Half, Int, Int64, Uint, Uint64};
+    Some(match kind {
+        1 | 2 => (Byte, 1),
+        3 => (Int, 1),
+        4 => (Uint, 1),
+        5 => (Int64, 1),
+        6 => (Uint64, 1),
+        7 => (Half, 1),
+        8 => (Float, 1),
+        9 | 56 => (Double, 1),
+        13 => (Double, 4),
+        14 => (Double, 9),
+        15 => (Double, 16),
+        16 => (Double, 4),
+        17 => (Float, 4),
+        18 => (Half, 4),
+        19 => (Double, 2),
+        20 => (Float, 2),
+        21 => (Half, 2),
+        22 => (Int, 2),
+        23 => (Double, 3),
+        24 => (Float, 3),
+        25 => (Half, 3),
+        26 => (Int, 3),
+        27 => (Double, 4),
+        28 => (Float, 4),
+        29 => (Half, 4),
+        30 => (Int, 4),
+        _ => return None,
+    })
+}
+
+/// The numbers of a value that is in its own description: vectors as bytes, matrices as the bytes of their diagonal.
+fn inlined(component: Component, width: usize, kind: u8, payload: u64) -> Vec<f64> {
+    let bytes = payload.to_le_bytes();
+    let byte = |i: usize| f64::from(bytes[i] as i8);
+    match (kind, width) {
+        (13..=15, _) => {
+            let side = [2, 3, 4][usize::from(kind) - 13];
+            (0..side * side).map(|i| if i % (side + 1) == 0 { byte(i / (side + 1)) } else { 0.0 }).collect()
+        }
+        (_, 1) => {
+            let four = &bytes[..4];
+            vec![match component {
+                Component::Byte => f64::from(bytes[0]),
+                Component::Half => Component::Half.number(&bytes[..2]),
+                Component::Int | Component::Int64 => Component::Int.number(four),
+                Component::Uint | Component::Uint64 => Component::Uint.number(four),
+                Component::Float | Component::Double => Component::Float.number(four),
+            }]
+        }
+        (_, width) => (0..width.min(6)).map(byte).collect(),
+    }
+}

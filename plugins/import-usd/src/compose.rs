@@ -1,0 +1,351 @@
+//! Composition: layers, classes, variants, references and payloads as one tree of prims. The stronger opinion about an attribute counts whole.
+
+use crate::archive::{Archive, is_archive};
+use crate::layer::{Attribute, Layer, Prim, Reference, Value};
+use crate::{binary, text};
+use choreo_importer_kit::{Budget, Notes, Problem, Result};
+use choreo_plugin::Files;
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// Prims within each other and arcs one after the other, at most.
+const MOST_DEPTH: usize = 100;
+/// Prims of the scene, at most: references of references multiply.
+const MOST_PRIMS: usize = 500_000;
+
+/// Files beside the scene, and those in its packages: `robot.usdz[skin.png]`.
+pub struct Packages<'a> {
+    files: &'a dyn Files,
+    known: RefCell<BTreeMap<String, Rc<Archive>>>,
+}
+
+impl<'a> Packages<'a> {
+    pub fn new(files: &'a dyn Files) -> Packages<'a> {
+        Packages { files, known: RefCell::default() }
+    }
+
+    /// Keeps a package; the path of its layer.
+    fn open(&self, name: &str, bytes: Arc<Vec<u8>>) -> Result<(String, Arc<Vec<u8>>)> {
+        let archive = Rc::new(Archive::open(bytes)?);
+        let first = archive.first.clone();
+        let layer = archive.read(&first).unwrap_or_default();
+        self.known.borrow_mut().insert(name.to_string(), archive);
+        Ok((format!("{name}[{first}]"), layer))
+    }
+}
+
+impl Files for Packages<'_> {
+    fn read(&self, relative: &str) -> std::result::Result<Arc<Vec<u8>>, String> {
+        match relative.strip_suffix(']').and_then(|path| path.split_once('[')) {
+            Some((package, inner)) => {
+                let known = self.known.borrow();
+                let found = known.get(package).and_then(|archive| archive.read(inner));
+                found.ok_or_else(|| format!("{relative}: the package has no such file"))
+            }
+            None => self.files.read(relative),
+        }
+    }
+
+    fn progress(&self, part: f32) -> bool {
+        self.files.progress(part)
+    }
+
+    fn wants_clip(&self, index: usize, name: &str) -> bool {
+        self.files.wants_clip(index, name)
+    }
+}
+
+/// The path of a file that another one names.
+fn beside(of: &str, file: &str) -> String {
+    if let Some((package, inner)) = of.strip_suffix(']').and_then(|path| path.split_once('[')) {
+        return format!("{package}[{}]", beside(inner, file));
+    }
+    let folder = of.rsplit_once('/').map_or("", |(folder, _)| folder);
+    let mut parts: Vec<&str> = folder.split('/').filter(|part| !part.is_empty()).collect();
+    if file.starts_with('/') {
+        return file.to_string();
+    }
+    for part in file.split('/').filter(|part| !part.is_empty() && *part != ".") {
+        match (part, parts.last()) {
+            ("..", Some(last)) if *last != ".." => _ = parts.pop(),
+            _ => parts.push(part),
+        }
+    }
+    parts.join("/")
+}
+
+pub struct Composer<'a> {
+    packages: &'a Packages<'a>,
+    budget: &'a Budget,
+    notes: &'a Notes,
+    /// Layer stacks by the path of their first layer.
+    stacks: BTreeMap<String, Rc<Layer>>,
+    prims: usize,
+}
+
+impl<'a> Composer<'a> {
+    pub fn new(packages: &'a Packages<'a>, budget: &'a Budget, notes: &'a Notes) -> Composer<'a> {
+        Composer { packages, budget, notes, stacks: BTreeMap::new(), prims: 0 }
+    }
+
+    /// The composed scene of a file, with the metadata of its first layer.
+    pub fn scene(&mut self, name: &str, bytes: Arc<Vec<u8>>) -> Result<Layer> {
+        let stack = self.stack(name, Some(bytes), 0)?;
+        let root = self.flattened((&stack, name), &stack.root, "", (None, 0))?;
+        Ok(Layer { root, ..Layer::clone(&stack) })
+    }
+
+    /// A layer with those below it.
+    fn stack(&mut self, name: &str, bytes: Option<Arc<Vec<u8>>>, depth: usize) -> Result<Rc<Layer>> {
+        if let Some(known) = self.stacks.get(name) {
+            return Ok(known.clone());
+        }
+        if depth > 16 {
+            return Err(Problem::new(name, "layers include each other without end"));
+        }
+        let mut bytes = match bytes {
+            Some(bytes) => bytes,
+            None => self.packages.read(name).map_err(|e| Problem::new(name, e))?,
+        };
+        self.budget.charge(bytes.len() as u64, 1)?;
+        let mut place = name.to_string();
+        if is_archive(&bytes) {
+            (place, bytes) = self.packages.open(name, bytes)?;
+        }
+        let mut layer = match binary::is_crate(&bytes) {
+            true => binary::read(&bytes, self.budget)?,
+            false => text::read(&bytes, self.budget)?,
+        };
+        place_files(&mut layer.root, &place);
+        for sublayer in std::mem::take(&mut layer.sublayers) {
+            let path = beside(&place, &sublayer);
+            match self.stack(&path, None, depth + 1) {
+                Ok(below) => merge_specs(&mut layer.root, below.root.clone()),
+                Err(problem) => self.notes.warn(name, format!("{problem}; the layer is left out")),
+            }
+        }
+        let layer = Rc::new(layer);
+        self.stacks.insert(name.to_string(), layer.clone());
+        Ok(layer)
+    }
+
+    /// A prim with all that its arcs lead to. `over`: the stronger prim for which it is composed, whose variants count.
+    fn flattened(
+        &mut self,
+        (stack, name): (&Rc<Layer>, &str),
+        spec: &Prim,
+        path: &str,
+        (over, depth): (Option<&Prim>, usize),
+    ) -> Result<Prim> {
+        self.prims += 1;
+        self.budget.charge(1, size_of::<Prim>())?;
+        if depth > MOST_DEPTH || self.prims > MOST_PRIMS {
+            let what = "references more than can be read; are there circles of references?";
+            return Err(Problem::new(if path.is_empty() { "/" } else { path }, what));
+        }
+        let mut spec = spec.clone();
+        for _ in 0..8 {
+            let variants = std::mem::take(&mut spec.variants);
+            if variants.is_empty() {
+                break;
+            }
+            for (set, mut all) in variants {
+                let chosen = over.and_then(|over| over.selections.get(&set));
+                let Some(chosen) = chosen.or_else(|| spec.selections.get(&set)).cloned() else { continue };
+                if let Some(variant) = all.remove(&chosen) {
+                    merge_specs(&mut spec, variant);
+                }
+            }
+        }
+        let mut out =
+            Prim { children: Vec::new(), references: Vec::new(), classes: Vec::new(), ..spec.clone() };
+        for class in &spec.classes {
+            let arc = Reference { path: class.clone(), scale: 1.0, ..Reference::default() };
+            self.add((stack, name), &arc, (&spec, path, depth), &mut out)?;
+        }
+        for reference in &spec.references {
+            self.add((stack, name), reference, (&spec, path, depth), &mut out)?;
+        }
+        let mut places = places(&out.children);
+        for child in &spec.children {
+            let below = format!("{path}/{}", child.name);
+            let over = over.and_then(|over| over.child(&child.name));
+            let composed = self.flattened((stack, name), child, &below, (over, depth + 1))?;
+            match places.get(&child.name) {
+                Some(place) => {
+                    let weaker = std::mem::replace(&mut out.children[*place], composed);
+                    merge(&mut out.children[*place], weaker);
+                }
+                None => {
+                    places.insert(child.name.clone(), out.children.len());
+                    out.children.push(composed);
+                }
+            }
+        }
+        Ok(out)
+    }
+
+    /// Adds what an arc leads to below the opinions of a prim.
+    fn add(
+        &mut self,
+        (stack, name): (&Rc<Layer>, &str),
+        arc: &Reference,
+        (spec, path, depth): (&Prim, &str, usize),
+        out: &mut Prim,
+    ) -> Result<()> {
+        let (target, target_name) = match arc.file.is_empty() {
+            true => (stack.clone(), name.to_string()),
+            false => match self.stack(&arc.file, None, 0) {
+                Ok(target) => (target, arc.file.clone()),
+                Err(problem) => {
+                    self.notes.warn(path, format!("{problem}; the reference is left out"));
+                    return Ok(());
+                }
+            },
+        };
+        let from = match arc.path.is_empty() {
+            true => format!("/{}", target.default_prim),
+            false => arc.path.clone(),
+        };
+        let Some(found) = target.root.at(&from).filter(|_| from != "/") else {
+            self.notes.warn(path, format!("refers to <{from}>, which is not there"));
+            return Ok(());
+        };
+        let mut weak = self.flattened((&target, &target_name), found, &from, (Some(spec), depth + 1))?;
+        moved(&mut weak, &from, path);
+        if arc.offset != 0.0 || arc.scale != 1.0 {
+            shifted(&mut weak, arc.offset, arc.scale);
+        }
+        merge(out, weak);
+        Ok(())
+    }
+}
+
+/// Places of prims by name.
+fn places(children: &[Prim]) -> BTreeMap<String, usize> {
+    children.iter().enumerate().map(|(place, child)| (child.name.clone(), place)).collect()
+}
+
+/// Gives paths of files in a layer that name a file the place from the scene's folder.
+fn place_files(prim: &mut Prim, layer: &str) {
+    for reference in prim.references.iter_mut().filter(|r| !r.file.is_empty()) {
+        reference.file = beside(layer, &reference.file);
+    }
+    for attribute in prim.attributes.values_mut().filter(|a| a.kind.starts_with("asset")) {
+        if let Some(Value::Texts(list)) = &attribute.value {
+            let placed: Vec<String> =
+                list.iter().map(|f| if f.is_empty() { String::new() } else { beside(layer, f) }).collect();
+            Arc::make_mut(attribute).value = Some(Value::Texts(placed.into()));
+        }
+    }
+    prim.children.iter_mut().for_each(|child| place_files(child, layer));
+    for variant in prim.variants.values_mut().flat_map(BTreeMap::values_mut) {
+        place_files(variant, layer);
+    }
+}
+
+/// Adds opinions of a weaker spec, whose arcs are still to be followed.
+fn merge_specs(strong: &mut Prim, weak: Prim) {
+    let Prim { references, classes, selections, variants, .. } = &weak;
+    strong.references.extend(references.iter().cloned());
+    strong.classes.extend(classes.iter().cloned());
+    for (set, chosen) in selections {
+        strong.selections.entry(set.clone()).or_insert_with(|| chosen.clone());
+    }
+    for (set, all) in variants {
+        let own = strong.variants.entry(set.clone()).or_default();
+        for (name, variant) in all {
+            match own.get_mut(name) {
+                Some(known) => merge_specs(known, variant.clone()),
+                None => _ = own.insert(name.clone(), variant.clone()),
+            }
+        }
+    }
+    merge_opinions(strong, weak, merge_specs);
+}
+
+/// Adds opinions of a weaker prim that is composed.
+fn merge(strong: &mut Prim, weak: Prim) {
+    merge_opinions(strong, weak, merge);
+}
+
+fn merge_opinions(strong: &mut Prim, weak: Prim, each_child: fn(&mut Prim, Prim)) {
+    if strong.specifier == crate::layer::Specifier::Over {
+        strong.specifier = weak.specifier;
+    }
+    for (own, other) in [(&mut strong.kind, weak.kind), (&mut strong.display_name, weak.display_name)] {
+        if own.is_empty() {
+            *own = other;
+        }
+    }
+    strong.inactive |= weak.inactive;
+    for (name, attribute) in weak.attributes {
+        match strong.attributes.get_mut(&name) {
+            None => _ = strong.attributes.insert(name, attribute),
+            Some(own) => {
+                let Attribute { value, samples, interpolation, element_size, .. } = &*attribute;
+                let opinion = own.value.is_some() || !own.samples.is_empty();
+                let own = Arc::make_mut(own);
+                if !opinion {
+                    (own.value, own.samples) = (value.clone(), samples.clone());
+                }
+                if own.interpolation.is_empty() {
+                    own.interpolation.clone_from(interpolation);
+                }
+                if own.element_size == 0 {
+                    own.element_size = *element_size;
+                }
+            }
+        }
+    }
+    for (name, sources) in weak.connections {
+        strong.connections.entry(name).or_insert(sources);
+    }
+    for (name, targets) in weak.relations {
+        strong.relations.entry(name).or_insert(targets);
+    }
+    let places = places(&strong.children);
+    for child in weak.children {
+        match places.get(&child.name) {
+            Some(place) => each_child(&mut strong.children[*place], child),
+            None => strong.children.push(child),
+        }
+    }
+}
+
+/// Lets paths below one prim lead below another.
+fn moved(prim: &mut Prim, from: &str, to: &str) {
+    let lists = prim.connections.values_mut().chain(prim.relations.values_mut());
+    for path in lists.flatten() {
+        if let Some(rest) = path.strip_prefix(from)
+            && (rest.is_empty() || rest.starts_with(['/', '.']))
+        {
+            *path = format!("{to}{rest}");
+        }
+    }
+    prim.children.iter_mut().for_each(|child| moved(child, from, to));
+}
+
+fn shifted(prim: &mut Prim, offset: f64, scale: f64) {
+    for attribute in prim.attributes.values_mut().filter(|a| !a.samples.is_empty()) {
+        let attribute = Arc::make_mut(attribute);
+        attribute.samples.iter_mut().for_each(|(time, _)| *time = *time * scale + offset);
+        attribute.samples.sort_by(|a, b| a.0.total_cmp(&b.0));
+    }
+    prim.children.iter_mut().for_each(|child| shifted(child, offset, scale));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_lie_beside_the_layer_that_names_them() {
+        assert_eq!(beside("a/b.usda", "./c.png"), "a/c.png");
+        assert_eq!(beside("a/b.usda", "../c.png"), "c.png");
+        assert_eq!(beside("b.usda", "../c.png"), "../c.png");
+        assert_eq!(beside("p.usdz[m/a.usdc]", "../t.png"), "p.usdz[t.png]");
+    }
+}

@@ -1,0 +1,131 @@
+//! A layer as data: prims with attributes, relationships and arcs to other prims, before they are composed.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// A value: all numbers of a scalar, vector, matrix or array one after the other, or texts (tokens, strings, paths of files).
+/// Quaternions are x, y, z, w.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    Numbers(Arc<[f64]>),
+    Texts(Arc<[String]>),
+}
+
+impl Value {
+    pub fn numbers(&self) -> &[f64] {
+        match self {
+            Value::Numbers(list) => list,
+            Value::Texts(_) => &[],
+        }
+    }
+
+    pub fn texts(&self) -> &[String] {
+        match self {
+            Value::Numbers(_) => &[],
+            Value::Texts(list) => list,
+        }
+    }
+}
+
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Attribute {
+    /// Its type, `float3[]`.
+    pub kind: String,
+    pub value: Option<Value>,
+    /// Values at time codes, rising.
+    pub samples: Vec<(f64, Value)>,
+    pub interpolation: String,
+    pub element_size: usize,
+}
+
+/// A reference or payload.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Reference {
+    /// Empty: the same layer stack.
+    pub file: String,
+    /// Empty: the default prim.
+    pub path: String,
+    pub offset: f64,
+    pub scale: f64,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Specifier {
+    #[default]
+    Over,
+    Def,
+    Class,
+}
+
+#[derive(Clone, Debug, Default)]
+pub struct Prim {
+    pub name: String,
+    pub specifier: Specifier,
+    /// "Mesh"; empty where it has none.
+    pub kind: String,
+    pub display_name: String,
+    pub inactive: bool,
+    pub references: Vec<Reference>,
+    /// Prims that it inherits from or specializes, strongest first.
+    pub classes: Vec<String>,
+    /// Variant selected of each set.
+    pub selections: BTreeMap<String, String>,
+    /// Variants by set.
+    pub variants: BTreeMap<String, BTreeMap<String, Prim>>,
+    pub attributes: BTreeMap<String, Arc<Attribute>>,
+    /// Outputs that drive attributes.
+    pub connections: BTreeMap<String, Vec<String>>,
+    pub relations: BTreeMap<String, Vec<String>>,
+    pub children: Vec<Prim>,
+}
+
+#[derive(Clone, Debug, Default)]
+pub struct Layer {
+    pub up: Option<String>,
+    pub metres: Option<f64>,
+    pub rate: Option<f64>,
+    pub start: Option<f64>,
+    pub default_prim: String,
+    pub comment: String,
+    pub sublayers: Vec<String>,
+    /// Holds the prims at the root.
+    pub root: Prim,
+}
+
+impl Prim {
+    pub fn child(&self, name: &str) -> Option<&Prim> {
+        self.children.iter().find(|child| child.name == name)
+    }
+
+    /// The prim at an absolute path, `/a/b`.
+    pub fn at(&self, path: &str) -> Option<&Prim> {
+        path.split('/').filter(|name| !name.is_empty()).try_fold(self, |prim, name| prim.child(name))
+    }
+
+    /// The numbers of an attribute where it does not change.
+    pub fn numbers(&self, name: &str) -> Option<&[f64]> {
+        self.value(name).map(Value::numbers).filter(|list| !list.is_empty())
+    }
+
+    pub fn number(&self, name: &str) -> Option<f64> {
+        self.numbers(name).map(|list| list[0])
+    }
+
+    pub fn texts(&self, name: &str) -> &[String] {
+        self.value(name).map(Value::texts).unwrap_or_default()
+    }
+
+    pub fn text(&self, name: &str) -> &str {
+        self.texts(name).first().map_or("", String::as_str)
+    }
+
+    /// The value, or the first sample.
+    pub fn value(&self, name: &str) -> Option<&Value> {
+        let attribute = self.attributes.get(name)?;
+        attribute.value.as_ref().or_else(|| attribute.samples.first().map(|(_, value)| value))
+    }
+
+    pub fn targets(&self, name: &str) -> &[String] {
+        self.relations.get(name).map(Vec::as_slice).unwrap_or_default()
+    }
+}
