@@ -7,7 +7,7 @@ mod common;
 use choreo_asset::{LightKind, Projection};
 use choreo_motion::Time;
 use choreo_stage::{Camera, Cue, Repeat, Rig, Snapshot, Stage};
-use glam::{DAffine3, DMat4, DVec3, Vec3};
+use glam::{DAffine3, DMat4, DVec3};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -59,7 +59,7 @@ fn apart(glb: &Path, truth: &Path, late: f64) -> Apart {
             (f64::from(yfov) - blender["yfov"].as_f64().unwrap()).abs(),
             lamp.position.distance(DVec3::from_slice(&numbers(&blender["bulb"]))),
             (f64::from(lamp.light.intensity) / candela - 1.0).abs(),
-            f64::from((Vec3::from(lamp.light.color) - color.as_vec3()).abs().max_element()),
+            f64::from((lamp.light.color - color.as_vec3()).abs().max_element()),
         ];
         out.0.iter_mut().zip(found).for_each(|(worst, found)| *worst = worst.max(found));
     }
