@@ -49,10 +49,13 @@ fn new_packages_are_built_installed_and_used() {
     std::fs::copy(folder.join("import-my-format/tests/sample.my_format"), folder.join("a.my_format"))
         .unwrap();
     let info = good(folder, &["info", "a.my_format", "--import", "scale=2"]);
-    assert!(info.contains("4.000 × 3.000 × 4.000 m") && info.contains("my_format 0.1.0"), "{info}");
+    assert!(
+        info.contains("4.000 × 3.000 × 4.000 m") && info.contains("a.my_format: my_format (points"),
+        "{info}"
+    );
     // A callback, which only the program can run, moves the actor.
     let script = "stage(#{ fps: 4, length: 0.5 });\nlet a = cast(\"a\", load(\"a.my_format\")).at(1.0, 0.0, 2.5);\n\
-        on_frame(|f| a.at(f.time, 0.0, 0.0));\n";
+        on_frame(|time| a.at(time, 0.0, 0.0));\n";
     std::fs::write(folder.join("s.rhai"), script).unwrap();
     good(folder, &["export", "s.rhai", "-o", "own.my_format", "--export", "digits=2"]);
     good(folder, &["export", "s.rhai", "-o", "ours.csv", "--export", "digits=2"]);

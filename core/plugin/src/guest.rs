@@ -58,9 +58,12 @@ fn source(request: &ImportRequest) -> Source {
 
 /// Bytes that the program has ready.
 fn taken(length: usize) -> Vec<u8> {
-    let mut bytes = vec![0u8; length];
-    host::take(bytes.as_mut_ptr());
-    bytes
+    host::taken(length)
+}
+
+/// Numbers of a text, which the program reads: see [`read_block`](crate::text_numbers::read_block).
+pub(crate) fn numbers(kind: u32, text: &[u8], values: &mut [u64], ends: &mut [u32]) -> usize {
+    host::numbers(kind, text, values, ends)
 }
 
 /// Imports a file.
@@ -108,7 +111,17 @@ mod host {
         /// Reads a file by its name: its length, or −1 − the length of the text that says why it cannot be read.
         pub safe fn read(name: *const u8, length: usize) -> i64;
         /// Copies the bytes that are ready (the file of an import, the last `read` or `snapshot`) to a place.
-        pub safe fn take(to: *mut u8);
+        fn take(to: *mut u8);
+        /// Numbers of a type in a text, and where each ends: how many.
+        #[link_name = "numbers"]
+        safe fn numbers_of(
+            kind: u32,
+            text: *const u8,
+            length: usize,
+            values: *mut u64,
+            ends: *mut u32,
+            most: usize,
+        ) -> usize;
         /// `Files::progress`.
         pub safe fn progress(part: f32) -> i32;
         /// `Files::wants_clip`.
@@ -122,6 +135,23 @@ mod host {
         /// The text of a panic, before it ends the call.
         pub safe fn panicked(text: *const u8, length: usize);
     }
+
+    /// The bytes that are ready, as many as their length says.
+    pub fn taken(length: usize) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(length);
+        // SAFETY: the program writes as many bytes as it has stated, from the place on; bytes that nothing has written are never read.
+        #[allow(unsafe_code)]
+        unsafe {
+            take(bytes.as_mut_ptr());
+            bytes.set_len(length);
+        }
+        bytes
+    }
+
+    pub fn numbers(kind: u32, text: &[u8], values: &mut [u64], ends: &mut [u32]) -> usize {
+        let most = values.len().min(ends.len());
+        numbers_of(kind, text.as_ptr(), text.len(), values.as_mut_ptr(), ends.as_mut_ptr(), most)
+    }
 }
 
 /// Calls that do nothing: in tests of the plugin's crate there is no program around it.
@@ -130,7 +160,10 @@ mod host {
     pub fn read(_: *const u8, _: usize) -> i64 {
         -1
     }
-    pub fn take(_: *mut u8) {}
+    pub fn taken(length: usize) -> Vec<u8> {
+        vec![0; length]
+    }
+    pub use crate::text_numbers::read_block as numbers;
     pub fn progress(_: f32) -> i32 {
         1
     }

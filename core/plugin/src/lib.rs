@@ -29,6 +29,7 @@ pub mod registry;
 mod scene_exporter;
 mod scene_inputs;
 pub mod suggest;
+mod text_numbers;
 pub mod transfer;
 pub mod yuv;
 
@@ -61,3 +62,6 @@ pub use scene_exporter::{
     ExportDeviation, ExportedScene, MemoryFiles, SceneEvaluator, SceneExporter, SceneFiles,
 };
 pub use scene_inputs::{EffectFrame, SceneImages, SceneInputs};
+#[doc(hidden)]
+pub use text_numbers::read_block;
+pub use text_numbers::{TextNumber, TextNumbers};

@@ -136,6 +136,7 @@ pub fn link(linker: &mut Linker<Host>) -> Result<(), WasmError> {
     let wrong = |e: wasmtime::Error| WasmError(e.to_string());
     linker.func_wrap("choreo", "read", read).map_err(wrong)?;
     linker.func_wrap("choreo", "take", take).map_err(wrong)?;
+    linker.func_wrap("choreo", "numbers", numbers).map_err(wrong)?;
     linker.func_wrap("choreo", "progress", progress).map_err(wrong)?;
     linker.func_wrap("choreo", "wants_clip", wants_clip).map_err(wrong)?;
     linker.func_wrap("choreo", "snapshot", snapshot).map_err(wrong)?;
@@ -157,6 +158,31 @@ fn take(mut caller: Caller<'_, Host>, place: u32) -> Result<(), wasmtime::Error>
     let memory = memory(&mut caller)?;
     let written = memory.write(&mut caller, place as usize, &bytes);
     written.map_err(|_| wasmtime::Error::msg("a place outside of the plugin's memory"))
+}
+
+/// Numbers that are read at a time, at most.
+const MOST_NUMBERS: usize = 1024;
+
+/// Numbers of a text, for `choreo_plugin::TextNumbers`.
+fn numbers(
+    mut caller: Caller<'_, Host>,
+    kind: u32,
+    text: u32,
+    length: u32,
+    values: u32,
+    ends: u32,
+    most: u32,
+) -> Result<u32, wasmtime::Error> {
+    let (mut read, mut at) = ([0; MOST_NUMBERS], [0; MOST_NUMBERS]);
+    let most = MOST_NUMBERS.min(most as usize);
+    let text = bytes(&mut caller, text, length)?;
+    let count = choreo_plugin::read_block(kind, text, &mut read[..most], &mut at[..most]);
+    let outside = |_| wasmtime::Error::msg("a place outside of the plugin's memory");
+    let memory = memory(&mut caller)?;
+    let (read, at) = (bytemuck::cast_slice(&read[..count]), bytemuck::cast_slice(&at[..count]));
+    memory.write(&mut caller, values as usize, read).map_err(outside)?;
+    memory.write(&mut caller, ends as usize, at).map_err(outside)?;
+    Ok(count as u32)
 }
 
 fn progress(mut caller: Caller<'_, Host>, part: f32) -> Result<i32, wasmtime::Error> {

@@ -189,6 +189,7 @@ fn calls_of_the_program_check_what_they_are_given() {
     let import = "(import \"choreo\" \"read\" (func $read (param i32 i32) (result i64)))
         (import \"choreo\" \"take\" (func $take (param i32)))
         (import \"choreo\" \"write\" (func $write (param i32 i32 i32)))
+        (import \"choreo\" \"numbers\" (func $numbers (param i32 i32 i32 i32 i32 i32) (result i32)))
         (import \"choreo\" \"snapshot\" (func $snapshot (param i64) (result i32)))";
     let calling = |body: &str| {
         failed(&plugin(&format!("{import} (func (export \"choreo_import\") (result i64) {body})")))
@@ -215,6 +216,20 @@ fn calls_of_the_program_check_what_they_are_given() {
     let none =
         "(i32.store (i32.const 0) (i32.const 0x65646970)) (drop (call $read (i32.const 0) (i32.const 4)))";
     assert_eq!(calling(&format!("{none} {arrived}")), unreadable(110));
+    // Numbers of a text at 0, which is "12 7": the values are eight bytes each, however many are wanted.
+    let numbers = |length: &str, values: &str, ends: &str, reply: String| {
+        let text = "(i32.store (i32.const 0) (i32.const 0x37203231))";
+        let lists = format!("(i32.const {values}) (i32.const {ends}) (i32.const -1)");
+        let call = format!("(call $numbers (i32.const 3) (i32.const 0) (i32.const {length}) {lists})");
+        calling(&format!("{text} (drop {call}) {reply}"))
+    };
+    assert_eq!(numbers("4", "4096", "64", result(4096, 9)), unreadable(12));
+    assert_eq!(numbers("4", "4096", "64", result(4104, 9)), unreadable(7));
+    assert_eq!(numbers("4", "4096", "64", result(68, 9)), unreadable(4));
+    assert_eq!(numbers("-1", "4096", "64", result(0, 9)), "bytes outside of the plugin's memory");
+    for (values, ends) in [("131060", "64"), ("4096", "131068")] {
+        assert_eq!(numbers("4", values, ends, result(0, 9)), "a place outside of the plugin's memory");
+    }
     // An importer has no scene and writes no file.
     let write = "(call $write (i32.const 0) (i32.const 0) (i32.const 8)) i64.const 9";
     assert_eq!(calling(write), "an importer writes no files");

@@ -4,6 +4,7 @@
 use choreo_plugin::asset::Asset;
 use choreo_plugin::{
     AssetBuilder, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, MeshData, Source,
+    TextNumbers,
 };
 use std::sync::LazyLock;
 
@@ -111,7 +112,13 @@ fn reserve(mesh: &mut MeshData, header: &Header, most: usize) {
 }
 
 fn ascii(header: &Header, bytes: &[u8], at: usize) -> Result<MeshData, PlyError> {
-    let mut words = Words { bytes, at };
+    let unreadable = |place: usize| match bytes[place..].split(u8::is_ascii_whitespace).next() {
+        Some(word) if place < bytes.len() => {
+            (place, format!("\"{}\" is no number", String::from_utf8_lossy(word)))
+        }
+        _ => (place, "the file ends here".to_string()),
+    };
+    let mut numbers = TextNumbers::new(bytes, at);
     let mut mesh = MeshData { name: "ply".into(), ..MeshData::default() };
     // A number takes two bytes at least, whatever the header claims.
     let most = (bytes.len() - at) / 2;
@@ -119,15 +126,15 @@ fn ascii(header: &Header, bytes: &[u8], at: usize) -> Result<MeshData, PlyError>
     let mut row = [0.0f32; 6];
     for _ in 0..header.vertices {
         for value in &mut row[..header.width] {
-            *value = words.next()?;
+            *value = numbers.next().map_err(unreadable)?;
         }
         push(&mut mesh, &row[..header.width]);
     }
     for _ in 0..header.faces {
-        let count: usize = words.next()?;
-        let (first, mut before): (u32, u32) = (words.next()?, words.next()?);
+        let mut next = || numbers.next::<u32>().map_err(unreadable);
+        let (count, first, mut before) = (next()?, next()?, next()?);
         for _ in 2..count {
-            let vertex = words.next()?;
+            let vertex = next()?;
             mesh.indices.extend([first, before, vertex]);
             before = vertex;
         }
@@ -135,31 +142,9 @@ fn ascii(header: &Header, bytes: &[u8], at: usize) -> Result<MeshData, PlyError>
     Ok(mesh)
 }
 
-/// Words of a text.
-struct Words<'b> {
-    bytes: &'b [u8],
-    at: usize,
-}
-
-impl Words<'_> {
-    fn next<T: std::str::FromStr>(&mut self) -> Result<T, PlyError> {
-        let is_blank = |b: &u8| b.is_ascii_whitespace();
-        let rest = &self.bytes[self.at..];
-        let start = rest
-            .iter()
-            .position(|b| !is_blank(b))
-            .ok_or_else(|| (self.at, "the file ends here".to_string()))?;
-        let length = rest[start..].iter().position(is_blank).unwrap_or(rest.len() - start);
-        let (place, word) = (self.at + start, &rest[start..start + length]);
-        self.at = place + length;
-        let number = std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
-        number.ok_or_else(|| (place, format!("\"{}\" is no number", String::from_utf8_lossy(word))))
-    }
-}
-
 fn binary(header: &Header, bytes: &[u8], mut at: usize) -> Result<MeshData, PlyError> {
     let mut mesh = MeshData { name: "ply".into(), ..MeshData::default() };
-    let size = header.vertices.checked_mul(header.width * 4).unwrap_or(usize::MAX);
+    let size = header.vertices.saturating_mul(header.width * 4);
     let end = |at: usize| (at, "the file ends before its last element".to_string());
     let table = bytes.get(at..at.saturating_add(size)).ok_or_else(|| end(at))?;
     reserve(&mut mesh, header, bytes.len() / 4);
