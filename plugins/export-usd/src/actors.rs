@@ -21,7 +21,7 @@ use std::rc::Rc;
 /// The largest turn of a texture between two keys, radians: its place moves on an arc.
 const MOST_TURN: f32 = 0.05;
 
-/// What actors are written from.
+/// The parts that actors are written from.
 pub struct Scene<'a, 'b> {
     pub stage: &'a Stage,
     pub baked: &'b Baked<'a>,
@@ -175,7 +175,7 @@ impl<'a> Scene<'a, '_> {
         Some(source)
     }
 
-    /// What the actor's materials have otherwise than those of the model.
+    /// Differences of the actor's materials from those of the model.
     fn looks(
         &self,
         index: usize,

@@ -68,7 +68,7 @@ fn triangles<'a>(name: &str, p: &'a Primitive) -> Prim<'a> {
         // The origin of images is below.
         let number = move |i: usize| {
             let uv = uvs[i / 2];
-            f64::from(if i % 2 == 0 { uv.x } else { 1.0 - uv.y })
+            f64::from(if i.is_multiple_of(2) { uv.x } else { 1.0 - uv.y })
         };
         out.set(TEXCOORD2F, name, Value::array(count, number)).across("vertex");
     }

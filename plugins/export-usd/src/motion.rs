@@ -99,7 +99,7 @@ fn visibility<'a>(prim: &mut Prim<'a>, set: &Rc<TrackSet<'a>>, track: usize, fra
 
 /// The set that moves an actor's joints.
 pub fn joint_set(baked: &Baked<'_>, sets: &Sets<'_>, actor: usize) -> Option<usize> {
-    let moves = |set: &usize| sets[*set].tracks.iter().any(|track| is_of_joint(track));
+    let moves = |set: &usize| sets[*set].tracks.iter().any(is_of_joint);
     baked.motions[actor].sets.iter().copied().find(moves)
 }
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 pub struct Archive {
     bytes: Arc<Vec<u8>>,
-    /// Where each file is.
+    /// The bytes of each file.
     files: BTreeMap<String, Range<usize>>,
     /// The first one, which is the layer.
     pub first: String,

@@ -32,7 +32,7 @@ pub struct Tree<'a> {
     pub nodes: Vec<Node<'a>>,
     /// Nodes by path.
     by_path: BTreeMap<String, usize>,
-    /// By the path of the Skeleton prim.
+    /// Rigs by the path of the Skeleton prim.
     pub rigs: BTreeMap<String, Rig<'a>>,
     names: Vec<String>,
     parents: Vec<Option<u32>>,

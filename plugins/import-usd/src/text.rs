@@ -40,7 +40,7 @@ struct Parser<'a> {
     depth: usize,
 }
 
-/// What a value consists of.
+/// The parts of a value.
 #[derive(Default)]
 struct Parsed {
     numbers: Vec<f64>,

@@ -1,4 +1,4 @@
-//! Where prims are: the operations of xformOpOrder at a time.
+//! The places of prims: the operations of xformOpOrder at a time.
 
 use crate::layer::{Attribute, Prim};
 use choreo_importer_kit::decompose::decompose;

@@ -10,7 +10,7 @@ use choreo_plugin::{ExportDeviation, ExportedScene};
 /// Joints that are compared, at most: large scenes are looked at less often.
 const MOST_JOINTS: usize = 400_000;
 
-/// What a file makes of the numbers that it gets.
+/// The changes that a file makes to the numbers that it gets.
 pub struct AsWritten {
     /// Key times, from the start of the export.
     pub times: fn(&[Time], Time) -> Vec<Time>,

@@ -1,4 +1,4 @@
-//! Where bytes go: into a file, into a checksum, or nowhere, where only their number is of interest.
+//! The place that bytes go to: into a file, into a checksum, or nowhere, where only their number is of interest.
 
 use std::io::{Result, Write};
 
@@ -14,7 +14,7 @@ enum Target<'w> {
 pub struct Out<'w> {
     target: Target<'w>,
     position: u64,
-    /// Where the file within a package begins.
+    /// The position at which the file within a package begins.
     origin: u64,
     pending: Vec<u8>,
 }
