@@ -114,6 +114,11 @@ fn png() {
     equal_to_one_render("one/%04d.png", "film/%04d.png", [60; 4]);
 }
 
+#[test]
+fn exr() {
+    equal_to_one_render("one/%04d.exr", "film/%04d.exr", [60; 4]);
+}
+
 /// Cut at any place or with any bit changed, a segment gives the frames before the damage, is named, and others fill in.
 #[test]
 fn damaged_segments_are_named_and_others_fill_in() {
