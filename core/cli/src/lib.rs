@@ -33,9 +33,11 @@ pub fn registry() -> Registry {
     registry.add_exporter(export_gif::GifExporter);
     registry.add_exporter(export_y4m::Y4mExporter);
     registry.add_exporter(export_apng::ApngExporter);
+    registry.add_exporter(export_exr::ExrExporter);
     registry.add_scene_exporter(export_csv::CsvExporter);
     registry.add_scene_exporter(export_bvh::BvhExporter);
     registry.add_scene_exporter(export_edit::EditExporter);
     registry.add_scene_exporter(export_gltf::GltfExporter);
+    registry.add_scene_exporter(export_usd::UsdExporter);
     registry
 }

@@ -2,7 +2,7 @@
 //! tables, `choreo help --page NAME` prints one.
 
 /// Path in the sources, and text. Those in `pages` are symbolic links, because a package holds no files outside its own folder.
-const PAGES: [(&str, &str); 20] = [
+const PAGES: &[(&str, &str)] = &[
     ("core/cli/README.md", include_str!("../README.md")),
     ("core/viewer/README.md", include_str!("../pages/viewer.md")),
     ("plugins/README.md", include_str!("../pages/plugins.md")),
@@ -13,7 +13,9 @@ const PAGES: [(&str, &str); 20] = [
     ("plugins/export-gif/README.md", export_gif::README),
     ("plugins/export-gltf/README.md", export_gltf::README),
     ("plugins/export-mp4/README.md", export_mp4::README),
+    ("plugins/export-exr/README.md", export_exr::README),
     ("plugins/export-png/README.md", export_png::README),
+    ("plugins/export-usd/README.md", export_usd::README),
     ("plugins/export-y4m/README.md", export_y4m::README),
     ("plugins/import-bvh/README.md", import_bvh::README),
     ("plugins/import-collada/README.md", import_collada::README),
@@ -90,7 +92,7 @@ const GUIDE: &[(&str, &str)] = guide![
 
 /// The pages of the guide, the command line, the viewer and the built-in plugins.
 pub fn pages() -> Vec<(&'static str, &'static str)> {
-    [&PAGES, effects::PAGES, GUIDE].concat()
+    [PAGES, effects::PAGES, GUIDE].concat()
 }
 
 #[cfg(test)]

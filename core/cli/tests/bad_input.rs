@@ -80,7 +80,7 @@ fn command_lines_that_are_wrong() {
     for (args, expected) in [
         (
             &["render", "tri.gltf", "-o", "o.mp5"][..],
-            "-o o.mp5: the name's extension says the format; known: .png, .mp4, .m4v, .gif, .y4m, .apng",
+            "-o o.mp5: the name's extension says the format; known: .png, .mp4, .m4v, .gif, .y4m, .apng, .exr",
         ),
         (
             &["render", "tri.gltf", "-o", "frames"],

@@ -2,27 +2,43 @@
 
 use choreo_motion::Time;
 use choreo_plugin::Registry;
+use choreo_render::plan::motion_blur::plan_at;
 use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
 use choreo_script::{ScriptOptions, run_text};
 use choreo_stage::{Evaluator, Stage};
-use std::sync::Arc;
+use choreo_wgsl_effect::WgslEffect;
+use std::sync::{Arc, LazyLock};
 
 const SIZE: [u32; 2] = [160, 90];
 
+/// The built-in plugins, an effect that moves vertices and one that reads where surfaces were one frame ago.
+static REGISTRY: LazyLock<Registry> = LazyLock::new(|| {
+    let mut registry = choreo::registry();
+    for text in [
+        "// effect: pushed\n// hook: vertex\n// reach: 3\n\
+            fn effect(place: Place, p: array<f32, 8>) -> vec3<f32> { return vec3<f32>(-3.0, 0.0, 0.0); }",
+        "// effect: moved\n// hook: image\n\
+            fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> \
+            { return vec4<f32>(0.02 * motion_at(at) + 0.5, 0.0, 1.0); }",
+    ] {
+        registry.add_effect(WgslEffect::from_text("test.wgsl", text).unwrap());
+    }
+    registry
+});
+
 fn stage(script: &str) -> Arc<Stage> {
-    let mut registry = Registry::default();
-    registry.add_importer(import_mannequin::Mannequin);
     let here = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
-    match run_text("test.rhai", script, here, &registry, &ScriptOptions::default()) {
+    match run_text("test.rhai", script, here, &REGISTRY, &ScriptOptions::default()) {
         Ok(script) => Arc::new(script.stage),
         Err(errors) => panic!("{errors:?}"),
     }
 }
 
 fn picture(resources: &Arc<SceneResources>, evaluator: &mut Evaluator, secs: f64) -> (Vec<u8>, Plan) {
-    let snapshot = evaluator.at(Time::from_secs(secs)).unwrap();
-    let plan = Plan::new(resources, evaluator.stage(), &snapshot, &PlanOptions::new(SIZE, 1));
-    let mut renderer = CpuRenderer::new(&[]);
+    let effects = REGISTRY.effects();
+    let options = PlanOptions { effects, ..PlanOptions::new(SIZE, 1) };
+    let (_, plan) = plan_at(resources, evaluator, Time::from_secs(secs), &options, None).unwrap();
+    let mut renderer = CpuRenderer::new(effects);
     renderer.load(resources.clone()).unwrap();
     renderer.submit(plan.clone()).unwrap();
     (renderer.collect(None).unwrap().rgba, plan)
@@ -162,4 +178,100 @@ fn who_is_needed_is_posed() {
     assert!(snapshot.actors[0].culled && !snapshot.actors[0].model_from_joint.is_empty());
     let whole = Evaluator::new(stage).at(Time::from_secs(1.0)).unwrap();
     assert_eq!(snapshot.actors[1].model_from_joint, whole.actors[1].model_from_joint);
+}
+
+/// Effects that change the colors of an image need nobody outside of it; those that move vertices, outline, read motion or draw
+/// beside actors need them, all or those that they are on.
+#[test]
+fn effects_keep_only_whom_they_can_need() {
+    let posed = |effect: &str| {
+        let script = format!(
+            r#"
+            stage(#{{ size: [160, 90], length: 3.0 }});
+            let figure = load("choreo:mannequin");
+            let far = cast("far", figure).at(500.0, 0.0, 0.0);
+            far.aim("Head", [0.0, 1.5, 3.0]);
+            far.reach("RightHand", [500.0, 1.2, 0.5]);
+            far.plant_feet();
+            let here = cast("here", figure);
+            camera("c").at(0.0, 1.4, 6.0).look_at([0.0, 0.9, 0.0]);
+            {effect}
+            "#
+        );
+        let mut seen = Evaluator::new(stage(&script)).for_images(16.0 / 9.0);
+        let snapshot = seen.at(Time::from_secs(1.0)).unwrap();
+        let posed = !snapshot.actors[0].model_from_joint.is_empty();
+        assert_eq!(seen.costs(&snapshot).constraints, 3 * usize::from(posed), "{effect}");
+        assert_eq!(seen.poses(), 1 + usize::from(posed), "{effect}");
+        posed
+    };
+    for free in [
+        "",
+        "effect(\"vignette\");",
+        "effect(\"bloom\");",
+        "effect(\"depth_of_field\", #{ focus: here });",
+        "effect(\"ambient_occlusion\");",
+        "effect(\"film_grain\");",
+        "effect(\"fog\");",
+        "effect(\"toon\");",
+        "effect(\"motion_blur\");",
+        "effect(\"outline\").on(here);",
+        "effect(\"pushed\").on(here);",
+    ] {
+        assert!(!posed(free), "{free}");
+    }
+    for needs in [
+        "effect(\"pushed\");",
+        "effect(\"pushed\").on(far);",
+        "effect(\"outline\").on([here, far]);",
+        "effect(\"skeleton\");",
+        "effect(\"moved\");",
+        "effect(\"depth_of_field\", #{ focus: far.joint(\"Head\") });",
+        "effect(\"vignette\"); effect(\"wireframe\");",
+    ] {
+        assert!(posed(needs), "{needs}");
+    }
+}
+
+#[test]
+fn effects_show_the_same_whoever_is_left_out() {
+    for effect in ["fog", "motion_blur", "bloom", "depth_of_field", "edge_lines", "xray"] {
+        let [all, seen] = poses(&format!("{ROW} effect(\"{effect}\");"));
+        assert!(3 * seen <= 2 * all, "{effect}: {seen} of {all} poses");
+    }
+    for effect in ["pushed", "outline", "moved"] {
+        let [all, seen] = poses(&format!("{ROW} effect(\"{effect}\");"));
+        assert_eq!(seen, all, "{effect}");
+    }
+}
+
+/// Somebody who leaves the image while the shutter is open, so that she is culled at its end, moves as far as one who is not culled.
+#[test]
+fn who_leaves_while_the_shutter_is_open_is_smeared() {
+    let script = r#"
+        stage(#{ size: [160, 90], length: 3.0, fps: 1 });
+        let figure = load("choreo:mannequin");
+        let who = cast("who", figure);
+        WAY
+        camera("c").at(0.0, 1.4, 6.0).look_at([0.0, 0.9, 0.0]);
+        effect("motion_blur", #{ samples: 256, shutter: 360.0, around: "start" });
+    "#;
+    for (way, least) in [
+        ("[1.0, [0.0, 0.0, 0.0]], [2.0, [80.0, 0.0, 0.0]]", 200),
+        ("[1.0, [0.0, 0.0, 0.0]], [2.0, [0.0, 0.0, 0.0]]", 1),
+    ] {
+        let stage = stage(&script.replace("WAY", &format!("who.key(\"position\", [{way}]);")));
+        let resources = Arc::new(SceneResources::new(&stage));
+        let options = PlanOptions { effects: REGISTRY.effects(), ..PlanOptions::new(SIZE, 1) };
+        let counts = [Evaluator::new(stage.clone()), Evaluator::new(stage.clone()).for_images(16.0 / 9.0)]
+            .map(|mut evaluator| {
+                plan_at(&resources, &mut evaluator, Time::from_secs(1.0), &options, None)
+                    .unwrap()
+                    .1
+                    .subframes
+                    .len()
+            });
+        println!("{way}: {counts:?} sub-frames");
+        assert!(counts[0] == counts[1] && counts[1] >= least, "{way}: {counts:?}");
+    }
 }

@@ -1,4 +1,5 @@
-//! Short messages that help on: lengths of models without clips, frames beyond the end, meshes in `info`, reused frames in `explain`.
+//! Short messages that help on: lengths of models without clips, frames beyond the end, meshes in `info`, reused frames and work of the processor
+//! in `explain`.
 
 mod common;
 
@@ -104,4 +105,43 @@ text("a", #{ size: 0.5 }).from(0.25);
         text.contains("frames     4 of 8 frames are drawn, 3 repeat the one before, 1 only its scene"),
         "{text}"
     );
+}
+
+/// Of an actor that nobody sees nothing is counted, and of a frame in which nothing moves one sub-frame at most.
+#[test]
+fn explain_counts_poses_constraints_spring_bones_and_sub_frames() {
+    let dir = folder();
+    let d = dir.path();
+    let counts = |other_x: f64, at: &str| {
+        let script = format!(
+            r##"stage(#{{ size: [32, 32], fps: 4, length: 1.0 }});
+let m = load("choreo:mannequin");
+for x in [0.0, {other_x:?}] {{
+    let who = cast("at " + x, m).at(x, 0.0, 0.0);
+    who.aim("Head", [x, 1.5, 3.0]);
+    who.spring("LeftHand..");
+}}
+let box = cast("box", shape("box", #{{ size: 0.3 }}));
+box.key("position", [[0.0, [0.0, 1.0, 1.0]], [0.5, [0.0, 1.0, 1.0]], [1.0, [1.0, 1.0, 1.0]]]);
+camera("c").at(0, 1, 6).look_at([0, 1, 0]).fov(53.13);
+effect("motion_blur", #{{ samples: 16, shutter: 180.0 }});
+"##
+        );
+        std::fs::write(d.join("costs.rhai"), script).unwrap();
+        let run = choreo(d, &["explain", "costs.rhai", "--json", "--at", at]);
+        let value: serde_json::Value =
+            serde_json::from_str(&run.out).unwrap_or_else(|_| panic!("{}", run.err));
+        let words = ["poses", "constraints", "spring_bones", "sub_frames"];
+        let counts = words.map(|word| value["cpu"][word].as_u64().unwrap());
+        let text = choreo(d, &["explain", "costs.rhai", "--at", at]).out;
+        let [poses, constraints, bones, frames] = counts;
+        let line =
+            format!("{poses} poses, {constraints} constraints, {bones} spring bones, {frames} sub-frames");
+        assert!(text.contains(&line), "{line}: {text}");
+        counts
+    };
+    // The one of the two in view and the box; a hand has 16 joints.
+    assert_eq!(counts(500.0, "0.25"), [2, 1, 16, 1]);
+    // The box goes 0.25 m in an eighth of a second, 4.85 m before the camera, where half of its 32 pixels are 2.425 m.
+    assert_eq!(counts(1.0, "0.75"), [3, 2, 32, (0.25 * 16.0 / 2.425_f64).ceil() as u64]);
 }

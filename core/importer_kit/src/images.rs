@@ -1,6 +1,7 @@
 //! Images of a model file: sized from their headers, then decoded beside the rest of the import.
 
 use crate::budget::Notes;
+use crate::ktx2;
 use crate::problem::{Problem, Result};
 use choreo_asset::Image;
 use choreo_plugin::{Files, ImportScope};
@@ -23,21 +24,28 @@ pub struct Encoded<B> {
     pub width: u32,
     pub height: u32,
     pub bytes: B,
-    format: ImageFormat,
+    format: Format,
 }
 
 /// Formats that a kind of file may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Formats {
-    /// PNG, JPEG, WebP: the formats of glTF.
+    /// PNG, JPEG, WebP and KTX2: the formats of glTF.
     Web,
     /// The formats of `Web`, BMP, and TGA (known by the name's extension, as it has no magic number).
     All,
 }
 
+/// The decoder of an image.
+#[derive(Clone, Copy)]
+enum Format {
+    Plain(ImageFormat),
+    Ktx2,
+}
+
 /// Format and size in pixels, read from an image's header.
 struct Header {
-    format: ImageFormat,
+    format: Format,
     width: u32,
     height: u32,
 }
@@ -70,26 +78,18 @@ impl<B: AsRef<[u8]>> Encoded<B> {
     }
 }
 
-// The two functions below have no type parameters, so that the decoders are compiled once and not in each importer.
+// The functions below have no type parameters, so that the decoders are compiled once and not in each importer.
 
 fn header(name: &str, bytes: &[u8], formats: Formats, fail: &dyn Fn(String) -> Problem) -> Result<Header> {
-    let mut reader = ImageReader::new(Cursor::new(bytes))
-        .with_guessed_format()
-        .map_err(|e| fail(format!("cannot be read: {e}")))?;
-    let all = formats == Formats::All;
-    let tga = all && name.rsplit_once('.').is_some_and(|(_, e)| e.eq_ignore_ascii_case("tga"));
-    let format = match reader.format() {
-        Some(f @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) => f,
-        Some(ImageFormat::Bmp) if all => ImageFormat::Bmp,
-        None if tga => ImageFormat::Tga,
-        _ => {
-            let known = if all { "PNG, JPEG, WebP, BMP or TGA" } else { "PNG, JPEG or WebP" };
-            return Err(fail(format!("is not a {known} image"))
-                .hint("convert the textures to PNG or JPEG; KTX2 and DDS are not supported"));
+    let header = match ktx2::is_ktx2(bytes) {
+        true => {
+            let [width, height] = ktx2::size(bytes)
+                .map_err(|e| fail(e).hint("convert the texture to PNG, JPEG, or KTX2 as in glTF"))?;
+            Header { format: Format::Ktx2, width, height }
         }
+        false => plain_header(name, bytes, formats, fail)?,
     };
-    reader.set_format(format);
-    let (width, height) = reader.into_dimensions().map_err(|e| fail(format!("has a damaged header: {e}")))?;
+    let Header { width, height, .. } = header;
     if width > MAX_IMAGE_SIDE || height > MAX_IMAGE_SIDE {
         return Err(fail(format!("has {width} x {height} pixels; the limit is {MAX_IMAGE_SIDE} a side"))
             .hint("make the texture smaller"));
@@ -102,12 +102,42 @@ fn header(name: &str, bytes: &[u8], formats: Formats, fail: &dyn Fn(String) -> P
         ))
         .hint("make the texture smaller"));
     }
-    Ok(Header { format, width, height })
+    Ok(header)
+}
+
+fn plain_header(
+    name: &str,
+    bytes: &[u8],
+    formats: Formats,
+    fail: &dyn Fn(String) -> Problem,
+) -> Result<Header> {
+    let mut reader = ImageReader::new(Cursor::new(bytes))
+        .with_guessed_format()
+        .map_err(|e| fail(format!("cannot be read: {e}")))?;
+    let all = formats == Formats::All;
+    let tga = all && name.rsplit_once('.').is_some_and(|(_, e)| e.eq_ignore_ascii_case("tga"));
+    let format = match reader.format() {
+        Some(f @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) => f,
+        Some(ImageFormat::Bmp) if all => ImageFormat::Bmp,
+        None if tga => ImageFormat::Tga,
+        _ => {
+            let known = if all { "PNG, JPEG, WebP, KTX2, BMP or TGA" } else { "PNG, JPEG, WebP or KTX2" };
+            return Err(fail(format!("is not a {known} image"))
+                .hint("convert the textures to PNG or JPEG; DDS is not supported"));
+        }
+    };
+    reader.set_format(format);
+    let (width, height) = reader.into_dimensions().map_err(|e| fail(format!("has a damaged header: {e}")))?;
+    Ok(Header { format: Format::Plain(format), width, height })
 }
 
 /// The pixels as 8-bit RGBA.
 fn decoded(bytes: &[u8], header: &Header, fail: &dyn Fn(String) -> Problem) -> Result<Vec<u8>> {
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), header.format);
+    let format = match header.format {
+        Format::Plain(format) => format,
+        Format::Ktx2 => return ktx2::decode(bytes).map_err(fail),
+    };
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(MAX_IMAGE_SIDE);
     limits.max_image_height = Some(MAX_IMAGE_SIDE);

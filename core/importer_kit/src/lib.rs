@@ -5,6 +5,7 @@ pub mod budget;
 pub mod color;
 pub mod decompose;
 pub mod images;
+mod ktx2;
 pub mod panorama;
 pub mod parts;
 pub mod polygon;

@@ -1,10 +1,11 @@
 //! Shared by the tests of importers and exporters: sample files, companions that are counted, what every asset must be, damaged files,
-//! tests in a process of their own, and assimp's command line as a second opinion. A dependency of tests only.
+//! tests in a process of their own, packages from npm, and assimp's command line as a second opinion. A dependency of tests only.
 
 pub mod alone;
 pub mod assimp;
 pub mod damage;
 pub mod export;
+pub mod npm;
 pub mod pose;
 pub mod sound;
 pub mod wasm;

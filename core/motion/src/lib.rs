@@ -6,7 +6,7 @@
 //!
 //! Each step is a job: a struct of borrowed inputs and outputs, whose `check()` names the field that is wrong and whose
 //! `run()` allocates nothing. Nothing is remembered between frames, so any time costs what the next frame costs, and
-//! every machine gives the same bits (see [`simd`]).
+//! every machine gives the same bits (module `simd`).
 //!
 //! ```
 //! use choreo_motion::*;

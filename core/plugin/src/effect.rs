@@ -4,6 +4,7 @@
 pub use crate::effect_data::*;
 use crate::effect_hooks::*;
 use crate::{EffectTexture, Manifest, PluginFile, SceneInputs};
+use choreo_stage::OffScreenActors;
 use std::sync::Arc;
 
 /// The step of drawing in which an effect changes a frame.
@@ -258,6 +259,19 @@ impl Effect {
             Effect::Image(effect) => effect.history(parameters),
             Effect::Overlay(effect) => effect.history(parameters),
             _ => 0,
+        }
+    }
+
+    /// The actors outside the image whose poses the effect can need. Vertices and outlines can be moved into the image, motion is
+    /// read where an actor was one frame ago, and an overlay may draw anything.
+    pub fn off_screen_actors(&self) -> OffScreenActors {
+        match self {
+            Effect::Pixel(_) | Effect::Surface(_) | Effect::Lighting(_) | Effect::Shutter(_) => {
+                OffScreenActors::None
+            }
+            Effect::Image(_) if !self.scene_inputs().motion => OffScreenActors::None,
+            Effect::Image(_) | Effect::Overlay(_) => OffScreenActors::All,
+            Effect::Vertex(_) | Effect::Outline(_) => OffScreenActors::Affected,
         }
     }
 

@@ -1,6 +1,6 @@
 //! Frames out: an exporter writes a sequence of frames to one file, a numbered set, or a stream.
 
-use crate::{ExportOptions, Manifest, PluginPanic};
+use crate::{ExportOptions, FloatFrame, FrameWish, Manifest, PluginPanic};
 use choreo_motion::FrameRate;
 use choreo_stage::StageError;
 use std::io::{Read, Write};
@@ -54,6 +54,12 @@ pub trait Exporter: Send + Sync {
     /// threads at once, and numbers the files.
     fn one_frame_per_file(&self) -> bool;
 
+    /// The pixels that the format holds with these options. An error is a text for the user about an option.
+    fn wish(&self, options: &ExportOptions) -> Result<FrameWish, ExportError> {
+        let _ = options;
+        Ok(FrameWish::Bytes)
+    }
+
     /// Notes about properties of the video that this format cannot keep, and its remedy ("641×480 becomes 642×480: …"), reported to the
     /// user once, before the first frame.
     fn notes(&self, info: &VideoInfo) -> Vec<String> {
@@ -102,6 +108,12 @@ pub trait Exporter: Send + Sync {
 pub trait FrameSink: Send {
     /// Writes the next frame.
     fn frame(&mut self, frame: &Frame) -> Result<(), ExportError>;
+
+    /// Writes the next frame of an exporter whose [`Exporter::wish`] is not [`FrameWish::Bytes`].
+    fn float_frame(&mut self, frame: &FloatFrame) -> Result<(), ExportError> {
+        let _ = frame;
+        Err(ExportError::Format("this format holds no floats".into()))
+    }
 
     /// A frame with the pixels of the one given to this sink before: the bytes of [`FrameSink::frame`], for less where the format
     /// allows it.

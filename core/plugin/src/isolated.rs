@@ -4,10 +4,10 @@
 use crate::asset_check::{AssetFault, checked};
 use crate::effect_hooks::*;
 use crate::{
-    Claim, Effect, EffectImages, EffectScene, EffectTexture, ExportError, ExportedScene, Exporter, Files,
-    Frame, FrameSink, ImportError, ImportOptions, ImportScope, Importer, InvertedHull, LightSample, Manifest,
-    Mark, Overlay, PluginFile, SceneExporter, SceneFiles, SceneInputs, Shutter, Source, SurfaceInputs,
-    SurfaceSample, VertexSample, VideoInfo, ViewOrder,
+    Claim, Effect, EffectImages, EffectScene, EffectTexture, ExportError, ExportOptions, ExportedScene,
+    Exporter, Files, FloatFrame, Frame, FrameSink, FrameWish, ImportError, ImportOptions, ImportScope,
+    Importer, InvertedHull, LightSample, Manifest, Mark, Overlay, PluginFile, SceneExporter, SceneFiles,
+    SceneInputs, Shutter, Source, SurfaceInputs, SurfaceSample, VertexSample, VideoInfo, ViewOrder,
 };
 use choreo_asset::Asset;
 use glam::{Vec2, Vec3, Vec4};
@@ -122,6 +122,10 @@ impl Exporter for IsolatedExporter {
         self.0.one_frame_per_file()
     }
 
+    fn wish(&self, options: &ExportOptions) -> Result<FrameWish, ExportError> {
+        self.call(|exporter| exporter.wish(options))
+    }
+
     fn notes(&self, info: &VideoInfo) -> Vec<String> {
         isolated(self.manifest(), || self.0.notes(info)).unwrap_or_else(|panic| vec![panic.to_string()])
     }
@@ -163,6 +167,10 @@ struct IsolatedSink {
 impl FrameSink for IsolatedSink {
     fn frame(&mut self, frame: &Frame) -> Result<(), ExportError> {
         isolated(self.exporter.manifest(), || self.sink.frame(frame))?
+    }
+
+    fn float_frame(&mut self, frame: &FloatFrame) -> Result<(), ExportError> {
+        isolated(self.exporter.manifest(), || self.sink.float_frame(frame))?
     }
 
     fn repeat(&mut self, frame: &Frame) -> Result<(), ExportError> {

@@ -16,6 +16,7 @@ mod effect_hooks;
 pub mod effect_texture;
 pub mod excerpt;
 pub mod exporter;
+mod float_frame;
 pub mod guest;
 pub mod importer;
 mod isolated;
@@ -45,6 +46,7 @@ pub use effect_hooks::{
 };
 pub use effect_texture::EffectTexture;
 pub use exporter::{ExportError, Exporter, Frame, FrameSink, Mark, VideoInfo};
+pub use float_frame::{FloatFrame, FrameWish, Passes};
 pub use glam;
 pub use importer::{
     Claim, ExportOptions, Files, ImportError, ImportOptions, ImportScope, Importer, OptionValue, Source,

@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn flat_colours_match_the_definition_to_rounding() {
+    fn flat_colors_match_the_definition_to_rounding() {
         let mut yuv = Yuv420::default();
         let mut worst = 0.0f64;
         for matrix in [Matrix::Bt601, Matrix::Bt709] {
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn white_black_and_grey_have_no_colour() {
+    fn white_black_and_grey_have_no_color() {
         let mut yuv = Yuv420::default();
         for (grey, luma) in [(0u8, 16u8), (255, 235)] {
             yuv.convert(&[grey; 16], 2, 2, Matrix::Bt709, false);

@@ -3,7 +3,7 @@
 use crate::error::RenderError;
 use crate::plan::Plan;
 use crate::scene_resources::SceneResources;
-use choreo_plugin::{Effect, Frame};
+use choreo_plugin::{Effect, FloatFrame, Frame};
 use std::sync::Arc;
 
 pub trait Renderer: Send {
@@ -20,6 +20,9 @@ pub trait Renderer: Send {
 
     /// Waits for the oldest submitted frame. The buffer of `reuse` is reused.
     fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError>;
+
+    /// Waits for the oldest submitted frame, whose plan wishes for floats.
+    fn collect_floats(&mut self) -> Result<FloatFrame, RenderError>;
 
     /// Replaces the effects that plans may name. Everything else that the renderer has created stays.
     fn set_effects(&mut self, effects: &[Effect]) -> Result<(), RenderError>;

@@ -89,7 +89,7 @@ fn film_on(base_f0: f32, ior: f32, nanometres: f32, gain: f64) -> [f64; 3] {
 }
 
 #[test]
-fn a_film_has_the_colours_of_its_spectrum() {
+fn a_film_has_the_colors_of_its_spectrum() {
     let mut worst = 0.0f64;
     for (ior, f0) in [(1.33f64, 0.2f64), (1.6, 0.04), (1.8, 0.3), (1.3, 0.5)] {
         let root = f0.sqrt();

@@ -68,7 +68,7 @@ fn a_white_diffuse_wall_facing_light_one_is_white() {
     // Specular off: Lambert alone.
     let mut scene = wall(Material { specular: 0.0, ..matte(Vec4::ONE) });
     scene.sun(-Vec3::Z, Vec3::new(1.0, 0.5, 0.25), 1.0);
-    assert_color(middle(&scene), [1.0, 0.5, 0.25], "lux times colour");
+    assert_color(middle(&scene), [1.0, 0.5, 0.25], "lux times color");
     // The planted fault: the same with the light a tenth weaker is told apart.
     let a = draw_at(&scene, [5, 5], 1);
     scene.snapshot.lights[0].light.intensity = 0.9;
@@ -246,7 +246,7 @@ fn any_number_of_threads_gives_the_same_bits() {
         let one = with(1);
         assert!(one == with(2) && one == with(8), "{samples} samples");
         let colors: std::collections::BTreeSet<_> = one.rgba.chunks_exact(4).collect();
-        assert!(colors.len() > 500, "there is something in the picture: {} colours", colors.len());
+        assert!(colors.len() > 500, "there is something in the picture: {} colors", colors.len());
     }
 }
 

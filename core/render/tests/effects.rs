@@ -51,7 +51,7 @@ type Case = (&'static str, Vec<(&'static str, Vec<(&'static str, f64)>, Vec<usiz
 fn cases() -> Vec<Case> {
     vec![
         ("fog", vec![("fog", vec![("density", 0.2), ("falloff", 0.5)], vec![])]),
-        ("coloured fog", vec![("fog", vec![("density", 0.3), ("start", 3.0), ("sky", 0.0)], vec![])]),
+        ("colored fog", vec![("fog", vec![("density", 0.3), ("start", 3.0), ("sky", 0.0)], vec![])]),
         (
             "fog over the horizon",
             vec![("fog", vec![("density", 0.05), ("falloff", 0.2), ("sky", 0.0)], vec![])],

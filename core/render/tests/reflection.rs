@@ -85,7 +85,7 @@ fn a_mirror_shows_the_panorama_in_the_mirrored_direction() {
 }
 
 #[test]
-fn what_is_mirrored_takes_the_base_colours_place() {
+fn what_is_mirrored_takes_the_base_colors_place() {
     let (up, down) = (Vec3::new(0.2, 0.9, 0.6), Vec3::new(0.8, 0.1, 0.4));
     let grey = image(1, 1, |_, _| [188, 188, 188, 255]);
     let normal = DVec3::new(0.0, 0.5, 0.75f64.sqrt());

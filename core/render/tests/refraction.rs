@@ -145,7 +145,7 @@ fn a_ball_draws_what_is_behind_to_its_middle() {
 }
 
 #[test]
-fn colours_part_where_they_are_bent_apart() {
+fn colors_part_where_they_are_bent_apart() {
     let (degrees, thickness, ior, dispersion) = (50.0, 0.5, 1.5, 8.0);
     let layers = MaterialLayers {
         thickness: thickness as f32,

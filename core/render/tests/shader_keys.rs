@@ -1,6 +1,6 @@
 //! Every pipeline key that the planner can produce compiles, without a GPU.
 //!
-//! The rules of the table of shader features (`choreo_render::shader::features`) say which sets of switches are possible. They are
+//! The rules of the table of shader features (`choreo_render::plan::shader_features`) say which sets of switches are possible. They are
 //! far too many to compile each, but what can go wrong in one depends on few switches: a name must be declared wherever it is
 //! used, once, and braces and returns must match. So the shaders' text is searched for switches that meet: those that decide
 //! whether a line is in, and those that decide whether the names on it are declared. Every possible combination of

@@ -120,7 +120,7 @@ fn vulkan_and_the_cpu_reference_draw_the_same() {
         let cpu = draw_cpu(&scene, &options);
         assert_like_reference(&compare(&vulkan, &cpu, 2).unwrap(), &format!("{samples} samples"));
         let colors: std::collections::BTreeSet<_> = vulkan.rgba.chunks_exact(4).collect();
-        assert!(colors.len() > 500, "there is something in the picture: {} colours", colors.len());
+        assert!(colors.len() > 500, "there is something in the picture: {} colors", colors.len());
     }
     // The planted fault: one actor a fifth darker is seen.
     let options = PlanOptions::new([320, 240], 1);

@@ -95,7 +95,7 @@ pub fn in_step(
         }
     }
     if cues[1].fade_in <= Time::ZERO {
-        return Err(ApiError::new("there is no fade to keep step in"));
+        return Err(ApiError::new("in_step needs a fade"));
     }
     let mut of = |draft: &CueDraft| {
         let hint = "clip.steps([…]) says when its feet come down";

@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 
 /// Radians per second of a turn on the spot, on average: 150° per second.
 const TURN_SPEED: f64 = 2.618;
-/// Walks lead at least this far, metres.
+/// Shortest distance of a walk, metres.
 const NEAREST: f64 = 0.05;
 /// Keyframes of a turn per second.
 const TURN_KEYS: f64 = 60.0;
@@ -41,8 +41,9 @@ pub(crate) struct WalkPlan {
 #[derive(Clone, Debug)]
 pub(crate) struct Walk {
     pub from: Time,
-    /// When the first step fades in, and has.
+    /// When the first step begins to fade in.
     pub walks_from: Time,
+    /// When it has full weight.
     pub walks: Time,
     /// When the stop begins.
     pub stops_from: Time,

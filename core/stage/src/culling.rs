@@ -4,8 +4,10 @@
 //! skeleton is a ball about the actor's place that holds every vertex in every pose its layers can make. An actor whose ball is
 //! outside the image, with all that its shadow could fall on, needs neither pose nor draw. Constraints and springs turn joints within
 //! the ball and are not solved where there is no pose; foot locking can lower the hips, by a known share of a leg. If it cannot be
-//! decided (feet on uneven ground, mirrored poses, morphs, splines, cameras that hang on joints, effects …) all actors count as
-//! visible.
+//! decided (feet on uneven ground, mirrored poses, morphs, splines, cameras that hang on joints …) all actors count as visible. An
+//! effect that can need actors outside the image keeps those that it states ([`OffScreenActors`]).
+//!
+//! [`OffScreenActors`]: crate::OffScreenActors
 
 use crate::snapshot::{ActorState, CameraState};
 use crate::stage::Stage;
@@ -242,7 +244,7 @@ impl Culling<'_> {
         out.clear();
         out.resize(self.actors.len(), false);
         let (Some(camera), Some((casting, softness))) = (&self.camera, self.casting()) else { return };
-        if !self.stage.effects.is_empty() || !self.aspect.is_finite() {
+        if !self.aspect.is_finite() {
             return;
         }
         let view = View::new(camera, self.aspect);
@@ -277,12 +279,14 @@ impl Culling<'_> {
                 ))
             });
             balls[index] = ball;
-            out[index] = ball.is_some_and(|(ball, _)| {
-                // The edge of a shadow is wider than what casts it.
-                let ball = (ball.0, 1.02 * ball.1 + 2.0 * softness);
-                let casting = if self.stage.actors[index].shadow.cast { &casting[..] } else { &[] };
-                ball.0.is_finite() && ball.1.is_finite() && view.misses(ball, casting)
-            });
+            let needed = self.stage.effects.iter().any(|used| used.needs_off_screen(index));
+            out[index] = !needed
+                && ball.is_some_and(|(ball, _)| {
+                    // The edge of a shadow is wider than what casts it.
+                    let ball = (ball.0, 1.02 * ball.1 + 2.0 * softness);
+                    let casting = if self.stage.actors[index].shadow.cast { &casting[..] } else { &[] };
+                    ball.0.is_finite() && ball.1.is_finite() && view.misses(ball, casting)
+                });
         }
     }
 

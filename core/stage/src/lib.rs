@@ -50,7 +50,9 @@ pub use stage::constraint::{
 };
 pub use stage::described::{Described, Field, FieldType, FieldValue};
 pub use stage::edits::{ActorEdit, CameraEdit, FrameEdits, LightEdit};
-pub use stage::effects::{EffectDistance, EffectEdit, EffectImageUse, EffectTarget, EffectUse};
+pub use stage::effects::{
+    EffectDistance, EffectEdit, EffectImageUse, EffectTarget, EffectUse, OffScreenActors,
+};
 pub use stage::layers_2d::{Align, Fit, Font, Layer2d, Layer2dContent, Layer2dEdit, TextOutline, TextPanel};
 pub use stage::light::{SUN_ANGLE, Shadow, StageLight};
 pub use stage::parenting::{ParentScale, Parenting};

@@ -1,9 +1,9 @@
 //! Springs of all actors at a time: a simulation that any frame can be had from first.
 //!
-//! The motion advances in steps of 1/60 s ([`SolverSettings::spring_rate`]) on a grid that begins at time 0 (or a pre-roll earlier), settled, whatever the frame rate;
-//! a frame between two points of the grid is one shorter step further, on a copy. So the state at a point is a function of the stage
-//! alone. States that were passed are kept, one every N steps, shared by all evaluators of a stage; a seek goes on from the
-//! nearest one before it, and what is kept changes how long that takes and nothing else.
+//! The motion advances in steps of 1/60 s ([`SolverSettings::spring_rate`]), whatever the frame rate. The grid of steps begins at time 0
+//! (or a pre-roll earlier) with springs at rest. A frame between two points of the grid is one shorter step further, on a copy. So the
+//! state at a point is a function of the stage alone. One state in every N steps is kept, shared by all evaluators of a stage. A seek
+//! continues from the nearest one before it; kept states change how long that takes, and nothing else.
 //!
 //! **What a seek costs.** Without anything kept, 60 poses of the actors that have springs for each second from the start; later at most
 //! as many as lie between two kept states (16, more once they would take 32 MiB). Springs remember ten minutes: in each stretch of [`STRETCH`]
@@ -180,7 +180,7 @@ fn advance(
         simulation.states.resize_with(states.len(), SpringState::default);
         simulation.states.iter_mut().zip(states.iter()).for_each(|(own, kept)| own.copy_from(kept));
     }
-    // Half done it is nothing, should a callback fail on the way.
+    // The state is invalid until the loop ends, in case a callback fails.
     simulation.at = None;
     let mut scratch = simulation.scratch.take().unwrap_or_default();
     scratch.actors.kept_transforms = shared.kept_transforms.clone();

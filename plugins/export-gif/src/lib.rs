@@ -13,12 +13,12 @@ use std::sync::LazyLock;
 pub const README: &str = include_str!("../README.md");
 
 pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
-    Manifest::new("gif", env!("CARGO_PKG_VERSION"), "Looping GIF, 255 colours a frame")
+    Manifest::new("gif", env!("CARGO_PKG_VERSION"), "Looping GIF, 255 colors a frame")
         .extensions(["gif"])
         .magic(b"GIF87a")
         .magic(b"GIF89a")
-        .number("colors", "colours a frame", 255.0, 2.0..=255.0)
-        .number("dither", "strength of the dot pattern that hides colour steps; 0 = none", 1.0, 0.0..=4.0)
+        .number("colors", "colors a frame", 255.0, 2.0..=255.0)
+        .number("dither", "strength of the dot pattern that hides color steps; 0 = none", 1.0, 0.0..=4.0)
 });
 
 /// The palette index of pixels that stay as the frame before left them.

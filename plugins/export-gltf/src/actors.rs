@@ -1,13 +1,13 @@
 //! Actors as nodes: the actor, its joints below it, and its meshes.
 
-use crate::bake::signals::{MaterialPart, Quantity, material_now};
 use crate::buffer::{Buffer, F32};
 use crate::document::{Accessor, Document, Index, Node, Skin};
 use crate::lights::Lights;
 use crate::materials::Materials;
 use crate::meshes;
 use crate::textures::Textures;
-use crate::{bake::Baked, bake::rig};
+use choreo_exporter_kit::bake::signals::{MaterialPart, Quantity, material_now};
+use choreo_exporter_kit::bake::{Baked, rig};
 use choreo_plugin::asset::{Asset, MeshInstance};
 use choreo_plugin::glam::{Affine3A, Quat, Vec3};
 use choreo_plugin::motion::{Path, Transform};

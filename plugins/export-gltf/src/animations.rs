@@ -1,13 +1,13 @@
 //! Animations: samplers and channels of the curves that were baked (glTF 2.0, §3.11; KHR_animation_pointer).
 
 use crate::actors::{ActorNodes, Parts};
-use crate::bake::signals::{LightPart, MaterialPart, Quantity, SLOTS};
-use crate::bake::tracks::{TrackSet, seconds};
-use crate::bake::{Baked, Series};
 use crate::buffer::{F32, each_chunk};
 use crate::cameras::ShotNode;
 use crate::document::{Accessor, Animation, Channel, Index, Sampler, Target};
 use crate::lights::LightNode;
+use choreo_exporter_kit::bake::signals::{LightPart, MaterialPart, Quantity, TEXTURE_SLOTS};
+use choreo_exporter_kit::bake::tracks::{TrackSet, seconds};
+use choreo_exporter_kit::bake::{Baked, Series};
 use choreo_plugin::asset::Projection;
 use choreo_plugin::motion::{Interpolation, Path, Time, Transform};
 use choreo_plugin::stage::Stage;
@@ -235,6 +235,17 @@ fn material_channels(parts: &mut Parts<'_>, builder: &mut Builder, baked: &Baked
     }
 }
 
+/// Paths of texture slots in a material's JSON, in the order of the kit.
+const SLOTS: [&str; TEXTURE_SLOTS as usize] = [
+    "pbrMetallicRoughness/baseColorTexture",
+    "pbrMetallicRoughness/metallicRoughnessTexture",
+    "normalTexture",
+    "occlusionTexture",
+    "emissiveTexture",
+    "extensions/KHR_materials_specular/specularTexture",
+    "extensions/KHR_materials_specular/specularColorTexture",
+];
+
 fn transform_path(slot: u8, part: &str) -> String {
     format!("{}/extensions/KHR_texture_transform/{part}", SLOTS[usize::from(slot)])
 }
@@ -242,7 +253,7 @@ fn transform_path(slot: u8, part: &str) -> String {
 fn shot_channels(
     parts: &mut Parts<'_>,
     builder: &mut Builder,
-    shot: &crate::bake::shots::Shot,
+    shot: &choreo_exporter_kit::bake::shots::Shot,
     node: &ShotNode,
     start: Time,
 ) {

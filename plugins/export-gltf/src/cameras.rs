@@ -1,8 +1,8 @@
 //! Cameras: one for each shot, with the times of the shot.
 
 use crate::actors::{Parts, node_at};
-use crate::bake::Baked;
 use crate::document::{Index, Node};
+use choreo_exporter_kit::bake::Baked;
 use choreo_plugin::asset::Projection;
 use choreo_plugin::glam::{Quat, Vec3};
 use choreo_plugin::motion::{Time, Transform};

@@ -2,7 +2,7 @@
 
 use crate::actors::{ActorNodes, Parts};
 use crate::animations::{Builder, actor_channel, still_channels, weight_channels, write_set};
-use crate::bake::{self, Baked};
+use choreo_exporter_kit::bake::{self, Baked, Style, check};
 use choreo_plugin::motion::{Clip, RootMotion, RootParts, Time};
 use choreo_plugin::stage::{Actor, Cue, CueRootMotion, Layer, Repeat, Stage, StageError};
 use choreo_plugin::{ExportDeviation, ExportedScene};
@@ -88,8 +88,8 @@ pub fn bake<'a>(
 ) -> Result<(Vec<Baked<'a>>, ExportDeviation), StageError> {
     let (mut out, mut worst) = (Vec::new(), ExportDeviation::default());
     for clip in clips {
-        let baked = bake::bake(&clip.scene, tolerance)?;
-        let own = bake::check::worst(&clip.scene, &baked)?;
+        let baked = bake::bake(&clip.scene, tolerance, Style::Separate)?;
+        let own = check::worst(&clip.scene, &baked, &check::SINGLE_SECONDS)?;
         if own.metres > worst.metres {
             worst = own;
         }

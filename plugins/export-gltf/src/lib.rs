@@ -2,7 +2,6 @@
 
 mod actors;
 mod animations;
-mod bake;
 mod buffer;
 mod cameras;
 mod clips;
@@ -16,6 +15,7 @@ mod textures;
 
 use actors::Parts;
 use animations::Nodes;
+use choreo_exporter_kit::bake::{self, Style, check};
 use choreo_plugin::{ExportError, ExportedScene, Manifest, SceneExporter, SceneFiles};
 use document::Scene;
 use serde_json::json;
@@ -71,8 +71,8 @@ fn export_timeline(
     split: bool,
     files: &mut dyn SceneFiles,
 ) -> Result<Vec<String>, ExportError> {
-    let baked = bake::bake(scene, tolerance)?;
-    files.deviation(bake::check::worst(scene, &baked)?);
+    let baked = bake::bake(scene, tolerance, Style::Separate)?;
+    files.deviation(check::worst(scene, &baked, &check::SINGLE_SECONDS)?);
     let mut parts = parts_of(scene);
     let nodes = nodes(&mut parts, scene, &baked)?;
     animations::add(&mut parts, &scene.stage, baked, &nodes, split);
@@ -88,7 +88,7 @@ fn export_clips(
     let clips = clips::of_stage(scene, scene.options.text("root_motion").unwrap_or("clip"));
     let (of_clips, worst) = clips::bake(&clips, tolerance)?;
     files.deviation(worst);
-    let baked = bake::bake(&at_rest, tolerance)?;
+    let baked = bake::bake(&at_rest, tolerance, Style::Separate)?;
     let mut parts = parts_of(scene);
     let nodes = nodes(&mut parts, &at_rest, &baked)?;
     clips::add(&mut parts, &clips, of_clips, &nodes.actors);

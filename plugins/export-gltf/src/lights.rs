@@ -1,9 +1,9 @@
 //! Lights (KHR_lights_punctual): those of the stage as nodes of their own, those of files at their joints.
 
-use crate::bake::Baked;
-use crate::bake::signals::{LightPart, Quantity, rotation_towards};
 use crate::document::{Index, Node};
 use crate::{actors, actors::Parts};
+use choreo_exporter_kit::bake::Baked;
+use choreo_exporter_kit::bake::signals::{LightPart, Quantity, rotation_towards};
 use choreo_plugin::asset::{Light, LightKind};
 use choreo_plugin::glam::{Quat, Vec3};
 use choreo_plugin::motion::Transform;

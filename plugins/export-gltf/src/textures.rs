@@ -3,8 +3,9 @@
 use crate::buffer::Buffer;
 use crate::container::percent_encoded;
 use crate::document::Index;
+use choreo_exporter_kit::{UvParts, png_of};
 use choreo_plugin::asset::{Asset, ContentHash, Image, Sampler, TextureRef, Wrap};
-use choreo_plugin::glam::{Affine2, Vec2};
+use choreo_plugin::glam::Affine2;
 use choreo_plugin::{ExportError, SceneFiles};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
@@ -62,7 +63,7 @@ impl Textures {
         }
         if texture.uv_transform != Affine2::IDENTITY || self.animated {
             self.transformed = true;
-            let transform = UvParts::of(&texture.uv_transform).json();
+            let transform = uv_json(&UvParts::of(&texture.uv_transform));
             info.insert("extensions".into(), json!({ "KHR_texture_transform": transform }));
         }
         Ok(Some(info))
@@ -140,62 +141,7 @@ fn sampler_json(s: Sampler) -> Value {
     json!({ "magFilter": mag, "minFilter": min, "wrapS": wrap(s.wrap_u), "wrapT": wrap(s.wrap_v) })
 }
 
-/// RGB where nothing is transparent, else RGBA.
-fn png_of(image: &Image) -> Result<Vec<u8>, ExportError> {
-    let failed = |e: png::EncodingError| ExportError::Format(format!("image \"{}\": {e}", image.name));
-    let mut out = Vec::new();
-    let mut encoder = png::Encoder::new(&mut out, image.width, image.height);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_deflate_compression(png::DeflateCompression::Level(1));
-    encoder.set_filter(png::Filter::Paeth);
-    let pixels = image.rgba.as_chunks::<4>().0;
-    let opaque = pixels.iter().all(|p| p[3] == 255);
-    encoder.set_color(if opaque { png::ColorType::Rgb } else { png::ColorType::Rgba });
-    let mut writer = encoder.write_header().map_err(failed)?;
-    match opaque {
-        true => {
-            let rgb: Vec<u8> = pixels.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
-            writer.write_image_data(&rgb).map_err(failed)?;
-        }
-        false => writer.write_image_data(&image.rgba).map_err(failed)?,
-    }
-    writer.finish().map_err(failed)?;
-    Ok(out)
-}
-
-/// A transform of texture coordinates as KHR_texture_transform has it: offset · rotation · scale.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct UvParts {
-    pub offset: Vec2,
-    pub rotation: f32,
-    pub scale: Vec2,
-}
-
-impl UvParts {
-    /// Shear is lost.
-    pub fn of(a: &Affine2) -> UvParts {
-        let (x, y) = (a.matrix2.x_axis, a.matrix2.y_axis);
-        let rotation = libm::atan2f(-x.y, x.x);
-        let (sin, cos) = (libm::sinf(rotation), libm::cosf(rotation));
-        let scale = Vec2::new(x.length(), y.dot(Vec2::new(sin, cos)));
-        UvParts { offset: a.translation, rotation, scale }
-    }
-
-    fn json(&self) -> Value {
-        json!({ "offset": self.offset.to_array(), "rotation": self.rotation, "scale": self.scale.to_array() })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_transform_of_texture_coordinates_comes_apart() {
-        let parts = UvParts { offset: Vec2::new(0.25, -0.5), rotation: 0.7, scale: Vec2::new(2.0, -3.0) };
-        let whole = choreo_plugin::stage::uv_transform(parts.offset, parts.rotation, parts.scale);
-        let again = UvParts::of(&whole);
-        let error = (again.offset - parts.offset).abs() + (again.scale - parts.scale).abs();
-        assert!(error.max_element() < 1e-6 && (again.rotation - 0.7).abs() < 1e-6, "{again:?}");
-    }
+/// A transform as KHR_texture_transform has it.
+fn uv_json(uv: &UvParts) -> Value {
+    json!({ "offset": uv.offset.to_array(), "rotation": uv.rotation, "scale": uv.scale.to_array() })
 }

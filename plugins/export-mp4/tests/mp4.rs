@@ -64,7 +64,7 @@ fn ffprobe(path: &Path, entries: &str) -> Option<String> {
 }
 
 #[test]
-fn players_see_rate_size_colours_and_provenance() {
+fn players_see_rate_size_colors_and_provenance() {
     for (fps, rate) in [((30, 1), "30/1"), ((30000, 1001), "30000/1001"), ((24000, 1001), "24000/1001")] {
         let path = file(&rate.replace('/', "-"), &encode(&info(320, 180, fps, 12)));
         let entries = "stream=codec_name,width,height,r_frame_rate,avg_frame_rate,nb_read_frames,pix_fmt,\
@@ -133,7 +133,7 @@ fn decoded_error(info: &VideoInfo, shift: u32) -> Option<(f64, usize)> {
 }
 
 #[test]
-fn decoded_pictures_have_the_source_s_colours() {
+fn decoded_pictures_have_the_source_s_colors() {
     for (w, h) in [(320, 180), (321, 181)] {
         let Some((error, _)) = decoded_error(&info(w, h, (30, 1), 8), 0) else { return };
         assert!(error < 1.5, "{w}×{h}: mean error {error}");

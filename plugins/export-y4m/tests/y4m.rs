@@ -51,7 +51,7 @@ fn the_header_and_every_frame_have_their_length() {
 }
 
 #[test]
-fn ffmpeg_reads_the_same_colours() {
+fn ffmpeg_reads_the_same_colors() {
     for (w, h, matrix) in [(640, 8, "bt601"), (1280, 8, "bt709")] {
         let spawned = Command::new("ffmpeg")
             .args(["-v", "error", "-f", "yuv4mpegpipe", "-i", "-", "-vf"])

@@ -37,7 +37,7 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     .number("smooth", "degrees up to which an edge is smooth, where normals are missing", 30.0, 0.0..=180.0)
     .text(
         "colors",
-        "what colours are: as shown (srgb) or linear; auto: linear from Blender",
+        "what colors are: as shown (srgb) or linear; auto: linear from Blender",
         "auto",
         &["auto", "srgb", "linear"],
     )

@@ -143,7 +143,7 @@ pub fn lights(xml: &Xml<'_>, tree: &Tree<'_>) -> Result<Vec<AssetLight>> {
                 range: None,
             };
             if !light_of.intensity.is_finite() {
-                return Err(xml.problem(light, "its colour is not finite"));
+                return Err(xml.problem(light, "its color is not finite"));
             }
             out.push(AssetLight { name: name(light), joint, light: light_of });
         }

@@ -49,7 +49,7 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     .number("rate", "this many keys a second, straight lines between, instead of the tolerance; 0: the file's own keys", 0.0, 0.0..=1000.0)
     .flag("bones", "show the bones of a file that has no mesh", true)
     .flag("hidden", "show meshes that the file hides, too", false)
-    .flag("vertex_colors", "multiply the mesh's colours, taken as sRGB, into the material", true)
+    .flag("vertex_colors", "multiply the mesh's colors, taken as sRGB, into the material", true)
 });
 
 const BINARY_MAGIC: &[u8] = b"Kaydara FBX Binary  \0";

@@ -151,7 +151,7 @@ fn left_out(file: &File<'_>, mesh: &ufbx::Mesh, place: &str) {
     }
     if mesh.color_sets.len() > 1 {
         file.notes
-            .warn(place, format!("has {} sets of vertex colours; the first is used", mesh.color_sets.len()));
+            .warn(place, format!("has {} sets of vertex colors; the first is used", mesh.color_sets.len()));
     }
     let smooth = matches!(
         mesh.subdivision_display_mode,

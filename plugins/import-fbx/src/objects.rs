@@ -113,7 +113,7 @@ fn read(file: &File<'_>, node: &Node, light: &ufbx::Light) -> Result<(Light, f64
     let color = vec3(&light.color);
     let fail = |what: &str| Problem::new(place_of(&node.element), what);
     if !color.is_finite() || !light.intensity.is_finite() {
-        return Err(fail("the colour and intensity of its light must be finite"));
+        return Err(fail("the color and intensity of its light must be finite"));
     }
     let kind = match light.type_ {
         LightType::Directional => LightKind::Directional,

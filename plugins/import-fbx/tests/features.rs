@@ -248,7 +248,7 @@ fn textures_beside_embedded_and_lost() {
 }
 
 #[test]
-fn colours_of_vertices_are_srgb() {
+fn colors_of_vertices_are_srgb() {
     let asset = all();
     let color = primitive(&asset, "cloth").colors[0];
     assert!((color.truncate() - Vec3::new(1.0, 0.214041, 0.050876)).length() < 1e-5, "{color}");

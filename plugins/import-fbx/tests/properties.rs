@@ -185,7 +185,7 @@ fn lamp(extra: impl Fn(&mut String, &mut String)) -> Asset {
 }
 
 #[test]
-fn colour_intensity_and_cone_of_a_light() {
+fn color_intensity_and_cone_of_a_light() {
     let asset = lamp(|objects, links| {
         for (id, values) in [(10, [1.0, 0.0, 0.5]), (11, [0.25, 0.25, 0.25]), (12, [0.0, 1.0, 0.0])] {
             *objects += &curve(id, &values);

@@ -17,6 +17,13 @@ pub enum Integers {
     Normalized,
 }
 
+/// Elements of an accessor that come from elsewhere than a buffer view, tightly packed.
+pub struct Decoded {
+    pub component: ComponentType,
+    pub count: usize,
+    pub bytes: Vec<u8>,
+}
+
 struct Strided<'a> {
     bytes: &'a [u8],
     stride: usize,
@@ -94,6 +101,9 @@ impl File<'_> {
     }
 
     pub fn count(&self, index: usize) -> Result<u64> {
+        if let Some(decoded) = self.unpacked_primitive.borrow().attributes.get(&index) {
+            return Ok(decoded.count as u64);
+        }
         let place = || format!("accessors[{index}]");
         Ok(element(&self.root.accessors, index, "accessors", place)?.count.0)
     }
@@ -125,6 +135,11 @@ impl File<'_> {
         }
         let element_bytes = N * component.size();
         let wrong_component = || fail(format!("has component type {component:?}, which is not allowed here"));
+        if let Some(decoded) = self.unpacked_primitive.borrow().attributes.get(&index) {
+            self.charge(decoded.count as u64, N * size_of::<T>()).at(place)?;
+            let source = Strided { bytes: &decoded.bytes, stride: element_bytes, count: decoded.count };
+            return decode(&source, decoded.component).ok_or_else(wrong_component);
+        }
 
         self.charge(accessor.count.0, N * size_of::<T>()).at(place)?;
         let mut out = match accessor.buffer_view {

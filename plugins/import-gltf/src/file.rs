@@ -1,6 +1,7 @@
 //! The open file: JSON, buffers (read when first used), the memory budget, the warnings.
 
 use crate::container::Container;
+use crate::draco::Unpacked;
 use crate::nodes::Tree;
 use crate::packed;
 use crate::pointers::Pointers;
@@ -11,7 +12,7 @@ use choreo_asset::Warning;
 use choreo_importer_kit::{Budget, Notes};
 use choreo_plugin::Files;
 use gltf::json::Root;
-use std::cell::OnceCell;
+use std::cell::{OnceCell, RefCell};
 use std::ops::Deref;
 use std::sync::Arc;
 
@@ -28,6 +29,8 @@ pub struct File<'a> {
     buffers: Vec<OnceCell<Bytes<'a>>>,
     /// Bytes of compressed buffer views, once requested.
     unpacked: Vec<OnceCell<Vec<u8>>>,
+    /// The primitive that is being read, where it is packed as a whole.
+    pub unpacked_primitive: RefCell<Unpacked>,
     budget: Budget,
     pub notes: Notes,
 }
@@ -65,6 +68,7 @@ impl<'a> File<'a> {
             files,
             buffers,
             unpacked,
+            unpacked_primitive: RefCell::default(),
             budget: Budget::new(MAX_DECODED_BYTES),
             notes: Notes::default(),
         };
@@ -90,6 +94,11 @@ impl<'a> File<'a> {
     /// Takes `count` things of `size` bytes from the budget, before they are allocated.
     pub fn charge(&self, count: u64, size: usize) -> Result<()> {
         self.budget.charge(count, size)
+    }
+
+    /// Bytes that may still be decoded.
+    pub fn budget_left(&self) -> u64 {
+        self.budget.left()
     }
 
     /// A buffer's bytes, `byteLength` of them.

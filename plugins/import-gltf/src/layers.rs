@@ -46,7 +46,7 @@ impl Extension<'_, '_, '_, '_, '_> {
             value.as_array().and_then(|list| list.iter().map(|v| v.as_f64().map(|v| v as f32)).collect());
         match numbers.as_deref() {
             Some(&[r, g, b]) if Vec3::new(r, g, b).is_finite() => Ok(Vec3::new(r, g, b).max(Vec3::ZERO)),
-            _ => Err(self.problem(key, "is not a colour; three numbers are needed")),
+            _ => Err(self.problem(key, "is not a color; three numbers are needed")),
         }
     }
 

@@ -3,6 +3,7 @@
 mod accessor;
 mod animations;
 mod container;
+mod draco;
 mod extensions;
 mod file;
 mod glossiness;

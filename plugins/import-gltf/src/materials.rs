@@ -215,22 +215,26 @@ impl<'a> Reader<'a, '_, '_> {
             );
             return Ok(None);
         };
-        let webp = texture
-            .extensions
-            .as_ref()
-            .and_then(|e| e.others.get("EXT_texture_webp"))
-            .and_then(|e| e.get("source"))
-            .and_then(whole);
-        let source = match (texture.source.value(), webp) {
+        let extension = |name: &str| {
+            let extension = texture.extensions.as_ref()?.others.get(name)?;
+            extension.get("source").and_then(whole)
+        };
+        let source = match (texture.source.value(), extension("EXT_texture_webp")) {
             (_, Some(webp)) => webp as usize,
-            // The typed form's mark for "no source".
-            (source, None) if source == u32::MAX as usize => {
-                file.warn(
-                    place,
-                    format!("textures[{}] has no image of a supported kind; it is left out", usage.texture),
-                );
-                return Ok(None);
-            }
+            // The typed form's mark for "no source". An image beside one in KTX2 is as good or better.
+            (source, None) if source == u32::MAX as usize => match extension("KHR_texture_basisu") {
+                Some(basis) => basis as usize,
+                None => {
+                    file.warn(
+                        place,
+                        format!(
+                            "textures[{}] has no image of a supported kind; it is left out",
+                            usage.texture
+                        ),
+                    );
+                    return Ok(None);
+                }
+            },
             (source, None) => source,
         };
         let sampler = match texture.sampler {

@@ -4,7 +4,7 @@ use crate::accessor::Integers;
 use crate::file::File;
 use crate::nodes::Tree;
 use crate::problem::{Problem, Result, WithPlace, element};
-use crate::{extensions, instancing, skinning, topology, variants};
+use crate::{draco, instancing, skinning, topology, variants};
 use choreo_asset::{Material, Mesh, MeshInstance, MorphTarget, Primitive, Skin, Topology};
 use choreo_importer_kit::text::count;
 use choreo_importer_kit::{normals, tangents};
@@ -114,7 +114,7 @@ fn read_primitive(
     materials: &[Material],
     place: &dyn Fn() -> String,
 ) -> Result<Option<Primitive>> {
-    extensions::refuse_empty_fallback(file, json, place)?;
+    file.unpacked_primitive.replace(draco::unpack(file, json, place)?);
     let attributes = Attributes { file, json, place };
     let Some(accessor) = attributes.find(Semantic::Positions) else {
         file.warn(place(), "has no POSITION; it is left out");
@@ -198,6 +198,9 @@ fn indices(
     let Checked::Valid(mode) = json.mode else {
         return Err(Problem::new(place(), "has an unknown mode").hint("glTF knows modes 0 to 6"));
     };
+    if let Some(triangles) = file.unpacked_primitive.borrow_mut().indices.take() {
+        return Ok((Topology::Triangles, triangles));
+    }
     let charge = |n: usize| file.charge(n as u64, 12).at(place);
     let listed = match json.indices {
         Some(accessor) => {

@@ -88,7 +88,7 @@ fn punctual(
 ) -> Result<Light> {
     let color = Vec3::from(light.color);
     if !color.is_finite() || !light.intensity.is_finite() || light.intensity < 0.0 {
-        return Err(Problem::new(place, "colour and intensity must be finite, and the intensity 0 or more"));
+        return Err(Problem::new(place, "color and intensity must be finite, and the intensity 0 or more"));
     }
     let kind = match light.type_ {
         Checked::Valid(LightType::Directional) => LightKind::Directional,

@@ -177,7 +177,7 @@ fn quantized_vertices() {
 }
 
 #[test]
-fn vertex_colours_of_every_kind() {
+fn vertex_colors_of_every_kind() {
     let expected = [Vec4::new(1.0, 0.0, 0.2, 1.0), Vec4::ONE, Vec4::new(0.0, 0.0, 0.0, 1.0)];
     let rgb = [1.0f32, 0.0, 0.2, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0];
     let rgba: Vec<f32> = rgb.chunks(3).flat_map(|c| [c[0], c[1], c[2], 1.0]).collect();

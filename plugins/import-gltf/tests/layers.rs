@@ -126,7 +126,7 @@ fn mistakes_have_places() {
     );
     assert_eq!(
         error(json!({"KHR_materials_sheen": {"sheenColorFactor": [1, 2]}})),
-        "layers.glb: materials[0].extensions.KHR_materials_sheen.sheenColorFactor: is not a colour; three numbers are needed"
+        "layers.glb: materials[0].extensions.KHR_materials_sheen.sheenColorFactor: is not a color; three numbers are needed"
     );
     assert_eq!(
         error(json!({"KHR_materials_transmission": {"transmissionTexture": {"index": 7}}})),

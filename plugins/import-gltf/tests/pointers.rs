@@ -69,7 +69,7 @@ fn at(asset: &Arc<Asset>, secs: f64) -> Snapshot {
 }
 
 #[test]
-fn cameras_lights_and_colours_follow_their_keys() {
+fn cameras_lights_and_colors_follow_their_keys() {
     let asset = import(&[
         ("/cameras/0/perspective/yfov", &[0.8], &[0.4]),
         ("/extensions/KHR_lights_punctual/lights/0/intensity", &[3.0], &[9.0]),

@@ -65,7 +65,7 @@ impl Importer for Mannequin {
             color::linear(text).ok_or_else(|| {
                 refuse(
                     &format!("option \"{option}\""),
-                    format!("unknown colour \"{text}\""),
+                    format!("unknown color \"{text}\""),
                     Some(format!("write \"#rrggbb\" or one of {}", color::names())),
                 )
             })

@@ -162,7 +162,7 @@ fn options_color_and_height() {
 fn wrong_options_say_what_is_allowed() {
     let refused =
         import_with(&[("color", OptionValue::Text("corall".into()))], ImportScope::ALL).unwrap_err();
-    assert_eq!(refused.to_string(), "choreo:mannequin: option \"color\": unknown colour \"corall\"");
+    assert_eq!(refused.to_string(), "choreo:mannequin: option \"color\": unknown color \"corall\"");
     assert!(refused.hint.unwrap().starts_with("write \"#rrggbb\" or one of ivory, white"));
     for bad in ["#12345", "#12345g", "#+12345", ""] {
         assert!(

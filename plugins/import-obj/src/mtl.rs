@@ -161,7 +161,7 @@ fn color(mut rest: &[u8]) -> Result<Vec3> {
     let mut values = Vec::with_capacity(3);
     while let (Some(word), true) = (next_word(&mut rest), values.len() < 3) {
         if matches!(word, b"spectral" | b"xyz") {
-            return Err(format!("{} colours are not supported", shown(word)).into());
+            return Err(format!("{} colors are not supported", shown(word)).into());
         }
         values.push(scalar(word)?);
     }
@@ -243,7 +243,7 @@ pub fn material(m: &Mtl, source: &mut Source<'_>) -> (Material, Option<(TextureR
         if m.diffuse.is_some() {
             source.notes.warn(
                 m.place.as_str(),
-                format!("\"{}\" has a texture and the colour black; the colour is taken as white", m.name),
+                format!("\"{}\" has a texture and the color black; the color is taken as white", m.name),
             );
         }
         diffuse = Vec3::ONE;

@@ -118,7 +118,7 @@ fn materials_and_texture_options() {
 }
 
 #[test]
-fn colours_of_blender_and_of_options_are_linear() {
+fn colors_of_blender_and_of_options_are_linear() {
     let text = ROOM.replace("made by hand", "Blender 3.6");
     let asset = import(&ObjImporter, &source("room.obj", text), &companions(), ImportScope::ALL).unwrap();
     assert_eq!(asset.materials[0].base_color, Vec4::new(0.5, 0.25, 1.0, 1.0));
@@ -141,14 +141,14 @@ fn what_is_not_needed_is_not_read() {
 }
 
 #[test]
-fn vertex_colours() {
+fn vertex_colors() {
     let asset = read("v 0 0 0 1 0 0\nv 1 0 0 0.5 0.5 0.5\nv 0 1 0\nf 1 2 3\n");
     let p = &asset.meshes[0].primitives[0];
     assert_eq!((p.colors[0], p.colors[2]), (Vec4::new(1.0, 0.0, 0.0, 1.0), Vec4::ONE));
     assert!((p.colors[1].x - 0.214_041).abs() < 1e-5);
     assert_eq!(asset.materials[0].base_color, Vec4::ONE);
     let weights = read("v 0 0 0 1\nv 1 0 0 1\nv 0 1 0 1\nf 1 2 3\n");
-    assert!(weights.meshes[0].primitives[0].colors.is_empty(), "w is no colour");
+    assert!(weights.meshes[0].primitives[0].colors.is_empty(), "w is no color");
 }
 
 /// Cases that `tobj` alone would fill from the vertex before, scale, refuse or leave out.

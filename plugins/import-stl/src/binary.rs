@@ -89,7 +89,7 @@ fn colors(header: &[u8], body: &[u8], solid: &mut Solid, notes: &Notes) {
             .collect();
         notes.warn(
             "byte 0",
-            "the header has COLOR=, so the facets' colours are read as Materialise Magics writes them",
+            "the header has COLOR=, so the facets' colors are read as Materialise Magics writes them",
         );
         return;
     }
@@ -100,11 +100,11 @@ fn colors(header: &[u8], body: &[u8], solid: &mut Solid, notes: &Notes) {
             .map(|w| if w >> 15 == 1 { [channel(w, 10), channel(w, 5), channel(w, 0)] } else { white })
             .collect();
         let what = format!(
-            "{} with a colour in the attribute bytes, read as VisCAM and SolidView write it",
+            "{} with a color in the attribute bytes, read as VisCAM and SolidView write it",
             counted(colored, "facet")
         );
         notes.warn("byte 80", what);
     } else if attributes().any(|w| w != 0) {
-        notes.warn("byte 80", "the facets' attribute bytes are no colours that are known; they are left out");
+        notes.warn("byte 80", "the facets' attribute bytes are no colors that are known; they are left out");
     }
 }

@@ -77,14 +77,14 @@ fn binary_files_that_begin_with_solid() {
 }
 
 #[test]
-fn facet_colours_of_both_customs() {
+fn facet_colors_of_both_customs() {
     // Red, green, none, white: five bits a channel.
     let viscam = read(binary(b"", [0xFC00, 0x83E0, 0, 0xFFFF])).unwrap();
     let colors =
         |a: &Asset| -> Vec<Vec4> { a.meshes[0].primitives[0].colors.iter().step_by(3).copied().collect() };
     let rgb = |r: f32, g: f32, b: f32| Vec4::new(r, g, b, 1.0);
     assert_eq!(colors(&viscam), [rgb(1.0, 0.0, 0.0), rgb(0.0, 1.0, 0.0), Vec4::ONE, Vec4::ONE]);
-    assert!(warnings(&viscam)[0].starts_with("byte 80: 3 facets with a colour"), "{:?}", warnings(&viscam));
+    assert!(warnings(&viscam)[0].starts_with("byte 80: 3 facets with a color"), "{:?}", warnings(&viscam));
     let magics = read(binary(b"COLOR=\xFF\x00\xFF\xFF,MATERIAL=", [0x001F, 0x03E0, 0x8000, 0x7C00])).unwrap();
     assert_eq!(
         colors(&magics),

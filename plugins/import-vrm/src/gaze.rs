@@ -1,7 +1,7 @@
 //! Gaze of a VRM animation: `VRMC_vrm_animation` 1.0, "LookAt".
 //!
 //! The rotation of a node, seen from the head: yaw about Y, then pitch about the turned X, then a roll that eyes do not have
-//! (extrinsic ZXY). How far eyes turn for it is the character's own word, so the clip keeps the angles, as weights of the four
+//! (extrinsic ZXY). How far eyes turn for it is stated by each character, so the clip keeps the angles, as weights of the four
 //! expressions [`GAZE`] that every character with eyes has.
 
 use choreo_asset::{GAZE, eyes};

@@ -102,7 +102,7 @@ fn bad_words_are_refused_with_their_place() {
 
 /// Half of `happy` at one second: the same in both versions, whose colors and whose v count otherwise.
 #[test]
-fn expressions_change_colours_on_stage() {
+fn expressions_change_colors_on_stage() {
     for version in [Version::V0, Version::V1] {
         let bytes = edited(version, |j| {
             if version == Version::V1 {

@@ -56,10 +56,10 @@ pub const CASES: &[Case] = &[
     Case::new("a vertex at infinity", "pixels drawn of its mesh", 0.0, || broken(Vec3::INFINITY)),
     Case::new("triangles without an area", "pixels drawn", 0.0, no_area),
     Case::new("a texture of no pixels", "steps of 255 off none", 0.0, || textured([0, 0])),
-    Case::new("a texture of 16,384 × 4 pixels", "steps of 255 off its colour", 1.0, || textured([16384, 4])),
+    Case::new("a texture of 16,384 × 4 pixels", "steps of 255 off its color", 1.0, || textured([16384, 4])),
     Case::new("100,000 copies", "draws", 1.0, || copies(100_000)),
-    Case::new("an image of one pixel", "steps of 255 off its colour", 1.0, || sized([1, 1])),
-    Case::new("an image 16,384 wide", "steps of 255 off its colour", 1.0, || sized([16384, 16])),
+    Case::new("an image of one pixel", "steps of 255 off its color", 1.0, || sized([1, 1])),
+    Case::new("an image 16,384 wide", "steps of 255 off its color", 1.0, || sized([16384, 16])),
     Case::new("an image 16,385 wide", "named error (0) or not (1)", 0.0, || {
         refused(draw(&facing(), [16385, 16]).map(|_| ()), "16385")
     }),

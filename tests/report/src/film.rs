@@ -19,10 +19,10 @@ const SIZE: [u32; 2] = [640, 360];
 pub fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Thin films",
-        text: "A film as thin as light is long has the colour of a sum over the whole spectrum. The shader adds the first terms of Airy's sum, of \
+        text: "A film as thin as light is long has the color of a sum over the whole spectrum. The shader adds the first terms of Airy's sum, of \
                which the eye's answers are Gaussians in closed form (Belcour & Barla 2017); light reflected at each side is Schlick's. The truth has \
                Fresnel's equations for both polarizations and 471 wavelengths. A third term changes nothing that is seen: the worst errors lie where a film is \
-               looked at from aside. Three wavelengths for three colours, with Fresnel's equations, are nearer."
+               looked at from aside. Three wavelengths for three colors, with Fresnel's equations, are nearer."
             .into(),
         choices: vec![orders()],
         tables: vec![costs()?],
@@ -149,7 +149,7 @@ fn orders() -> Choice {
         ("6 terms".into(), terms::<6>),
         ("24 wavelengths".into(), |film| by_spectrum(film, 370, 20, receptors)),
     ];
-    let mut choice = Choice::new("film", "What colour does a thin film have?");
+    let mut choice = Choice::new("film", "What color does a thin film have?");
     choice.error_unit = "of the light";
     choice.per = "look".into();
     choice.reference = format!(

@@ -118,7 +118,7 @@ pub fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Root motion",
         text: "A character walks on where the last loop ended. Steps that are added one by one must all be added for any frame, and their \
-               rounding grows with the time; in f32 a walker along a circle is meters off after hours."
+               rounding grows with the time; in f32 a walker along a circle is metres off after hours."
             .into(),
         choices: vec![choice],
         tables: vec![table],

@@ -10,7 +10,7 @@ pub fn section() -> Result<Section, String> {
         title: "Image-based light",
         text: "The studio of `sky(\"studio\")`, whose boxes have the edges that are hard for such maps. What is mirrored comes from octahedra \
                blurred for some roughnesses; between them, and between their texels, it is interpolated. What is diffuse is a slow function of \
-               the direction: nine numbers a colour, or a small map."
+               the direction: nine numbers a color, or a small map."
             .into(),
         choices: vec![mirrored(&studio, BUDGET_SECS), diffuse(&studio, BUDGET_SECS)],
         tables: Vec::new(),

@@ -12,7 +12,7 @@ pub fn section() -> Result<Section, String> {
     Ok(Section {
         title: "Tone mapping",
         text: "Both transforms are chains of matrices, logarithms and curves; what runs is a fit of each. Of ACES the fit leaves out the glow of \
-               dark colours and the turn of reds, and its worst errors lie where a saturated colour is brighter than white and a channel is \
+               dark colors and the turn of reds, and its worst errors lie where a saturated color is brighter than white and a channel is \
                cut off: 24 codes there, one code in the mean."
             .into(),
         choices: vec![aces(&lights(), OF, BUDGET_SECS), agx(&lights(), OF, BUDGET_SECS)],

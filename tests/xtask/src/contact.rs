@@ -140,7 +140,7 @@ pub(crate) fn read(path: &Path) -> Result<Shot, String> {
     let info = reader.next_frame(&mut bytes).map_err(|e| fail(&e))?;
     let channels = info.color_type.samples();
     if channels < 3 {
-        return Err(fail(&"is not in colour"));
+        return Err(fail(&"is not in color"));
     }
     let pixels = bytes[..info.buffer_size()].chunks_exact(channels);
     let rgb = pixels.flat_map(|p| p[..3].to_vec()).collect();

@@ -1,7 +1,7 @@
 //! The validator of the Khronos Group, from npm, in a folder of its own.
 
+use choreo_importer_kit_testing::npm::Packages;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::OnceLock;
 
 /// Errors and warnings of each file, one a line.
@@ -17,43 +17,13 @@ const fs = require("fs"), path = require("path"), validator = require("gltf-vali
 })();
 "#;
 
-/// The folder with the validator, or why there is none.
-fn folder() -> &'static Result<PathBuf, String> {
-    static FOLDER: OnceLock<Result<PathBuf, String>> = OnceLock::new();
-    FOLDER.get_or_init(|| {
-        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("gltf-validator");
-        std::fs::create_dir_all(&folder).map_err(|e| e.to_string())?;
-        std::fs::write(folder.join("validate.js"), SCRIPT).map_err(|e| e.to_string())?;
-        if !folder.join("node_modules/gltf-validator").is_dir() {
-            let mut npm = Command::new("npm");
-            npm.args([
-                "install",
-                "--no-save",
-                "--no-audit",
-                "--no-fund",
-                "--fetch-retries=1",
-                "gltf-validator@2.0.0-dev.3.10",
-            ]);
-            let run = npm.current_dir(&folder).output().map_err(|e| format!("npm: {e}"))?;
-            if !run.status.success() {
-                let text = String::from_utf8_lossy(&run.stderr);
-                return Err(format!("npm install: {}", text.lines().next().unwrap_or_default()));
-            }
-        }
-        Ok(folder)
-    })
-}
-
 /// Fails on any error or warning; skipped with a message where the validator cannot be had.
 pub fn validate(files: &[PathBuf]) {
-    let folder = match folder() {
-        Ok(folder) => folder,
-        Err(why) => {
-            println!("SKIP {}: no gltf-validator: {why}", files.len());
-            return;
-        }
-    };
-    let run = Command::new("node").arg("validate.js").args(files).current_dir(folder).output().unwrap();
-    let text = String::from_utf8_lossy(&run.stdout);
-    assert_eq!(text.trim(), format!("checked {}", files.len()), "{}", String::from_utf8_lossy(&run.stderr));
+    static PACKAGES: OnceLock<Option<Packages>> = OnceLock::new();
+    let packages = ["gltf-validator@2.0.0-dev.3.10"];
+    let install = || Packages::install(env!("CARGO_TARGET_TMPDIR"), "gltf-validator", &packages);
+    let Some(packages) = PACKAGES.get_or_init(install) else { return };
+    let text =
+        packages.run("validate.js", SCRIPT, &files.iter().map(PathBuf::as_path).collect::<Vec<&Path>>());
+    assert_eq!(text.trim(), format!("checked {}", files.len()));
 }

@@ -127,7 +127,7 @@ pub(crate) struct ImportArgs {
 pub(crate) struct RenderArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// out.mp4, out.gif, out.apng, out.y4m, out.png (one image), frames/%04d.png, or - for y4m on standard output
+    /// out.mp4, out.gif, out.apng, out.y4m, out.png or out.exr (one image), frames/%04d.png, or - for y4m on standard output
     #[arg(short, long, value_name = "FILE")]
     pub output: String,
     /// Which frames: 0..120 (120 not included), 0..=119, 30.., one number, every 24th as 0..240:24, or a list as 0,5,9..20
@@ -163,6 +163,9 @@ pub(crate) struct RenderArgs {
     /// An option of the output format (see `choreo plugins`); repeatable
     #[arg(long = "export", value_name = "NAME=VALUE")]
     pub export: Vec<String>,
+    /// Passes of each image for a compositor, as color,depth,normal; for formats with the option passes (EXR)
+    #[arg(long, value_name = "LIST")]
+    pub passes: Option<String>,
     /// Go on where an earlier render of the same was stopped: finished frames are not drawn again
     #[arg(long)]
     pub resume: bool,
@@ -190,6 +193,15 @@ pub(crate) struct RenderArgs {
     /// The summary, or what went wrong, as JSON on standard output (standard error for -o -)
     #[arg(long)]
     pub json: bool,
+}
+
+impl RenderArgs {
+    /// The options of the format, those with an argument of their own among them.
+    pub fn given(&self) -> Vec<String> {
+        let mut given = self.export.clone();
+        given.extend(self.passes.iter().map(|passes| format!("passes={passes}")));
+        given
+    }
 }
 
 #[derive(Args, Debug)]

@@ -1,7 +1,7 @@
 //! `render --watch`: a renderer that keeps the images that it has drawn. A frame is identified by its content: its plan, the scene
 //! resources, the effects and the device. The same frame at another time, or of another version of the script, is not drawn again.
 
-use choreo_plugin::{Effect, Frame};
+use choreo_plugin::{Effect, FloatFrame, Frame, FrameWish};
 use choreo_render::plan::frame_key::{Key, frame_key};
 use choreo_render::renderer::CreatedCounts;
 use choreo_render::{DeviceInfo, Plan, RenderError, Renderer, SceneResources};
@@ -95,6 +95,12 @@ impl Renderer for Remembering {
     fn submit(&mut self, plan: Plan) -> Result<(), RenderError> {
         let mut shared = self.shared();
         let key = frame_key(&plan, &shared.resources, &shared.effects);
+        // Frames of floats are too large to be kept.
+        if plan.wish != FrameWish::Bytes {
+            shared.renderer.submit(plan)?;
+            shared.queue.push_back((key, true));
+            return Ok(());
+        }
         // Also one that is being drawn: it is known by the time this one is collected.
         let coming = shared.queue.iter().any(|(k, _)| *k == key);
         let drawn = !coming && !shared.frames.contains_key(&key);
@@ -123,6 +129,12 @@ impl Renderer for Remembering {
         shared.reused += 1;
         let frame = shared.frames.get(&key).and_then(|known| read(&known.png));
         frame.ok_or_else(|| RenderError::Usage("a remembered frame has gone".into()))
+    }
+
+    fn collect_floats(&mut self) -> Result<FloatFrame, RenderError> {
+        let mut shared = self.shared();
+        shared.queue.pop_front();
+        shared.renderer.collect_floats()
     }
 
     fn set_effects(&mut self, effects: &[Effect]) -> Result<(), RenderError> {

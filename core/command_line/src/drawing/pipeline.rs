@@ -10,7 +10,7 @@ use crate::process::panics::plugin_failures;
 use crate::process::threads::too_few;
 use crate::terminal::progress::Progress;
 use choreo_motion::Time;
-use choreo_plugin::Frame;
+use choreo_plugin::{ExportError, FloatFrame, Frame, FrameSink, FrameWish};
 use choreo_render::layers_2d::LayerImage;
 use choreo_render::plan::frame_key::Key;
 use choreo_render::{Plan, RenderError, Renderer};
@@ -31,9 +31,28 @@ pub(crate) type SceneKey<'a> = Box<dyn Fn(&Plan) -> Key + Send + 'a>;
 /// Takes a finished frame with its number and time, and whether the frame before had the same pixels.
 pub(crate) type Encode<'a> = Box<dyn FnMut((i64, Time), &Picture, bool) -> Result<(), Failure> + Send + 'a>;
 
+/// The pixels of a frame, as the exporter wishes for them.
+#[derive(Clone)]
+pub(crate) enum Pixels {
+    Bytes(Frame),
+    /// The 2D layers are in it, as far as it shows them.
+    Floats(FloatFrame),
+}
+
+impl Pixels {
+    /// Hands them to an exporter. `repeated`: it has taken the same pixels before.
+    pub fn write(&self, sink: &mut dyn FrameSink, repeated: bool) -> Result<(), ExportError> {
+        match self {
+            Pixels::Bytes(frame) if repeated => sink.repeat(frame),
+            Pixels::Bytes(frame) => sink.frame(frame),
+            Pixels::Floats(frame) => sink.float_frame(frame),
+        }
+    }
+}
+
 /// The pixels of one frame or of several that follow each other.
 pub(crate) struct Picture {
-    pub frame: Frame,
+    pub pixels: Pixels,
     /// The file that an encoder has made of it, of formats of one image a file.
     pub file: Mutex<Option<Vec<u8>>>,
 }
@@ -94,13 +113,15 @@ impl Shared {
         self.spare.lock().unwrap_or_else(PoisonError::into_inner).pop()
     }
 
-    fn recycle(&self, frame: Frame) {
-        self.spare.lock().unwrap_or_else(PoisonError::into_inner).push(frame);
+    fn recycle(&self, pixels: Pixels) {
+        if let Pixels::Bytes(frame) = pixels {
+            self.spare.lock().unwrap_or_else(PoisonError::into_inner).push(frame);
+        }
     }
 
     /// Gives the buffer back once nobody needs the image.
     fn release(&self, picture: Arc<Picture>) {
-        Arc::into_inner(picture).into_iter().for_each(|picture| self.recycle(picture.frame));
+        Arc::into_inner(picture).into_iter().for_each(|picture| self.recycle(picture.pixels));
     }
 
     /// Whether a frame is still encoded: also one before the frame that failed, since its failure is the one to report.
@@ -178,7 +199,9 @@ fn make_plans(
             Ok(plan) => plan,
             Err(failure) => return shared.fail(frame, failure),
         };
-        let layers = plan.layers_in_front.take();
+        // Those of a frame of floats are drawn with it.
+        let bytes = plan.wish == FrameWish::Bytes;
+        let layers = bytes.then(|| plan.layers_in_front.take()).flatten();
         let keys = (scene_key(&plan), layers.as_ref().map(|layers| layers.hash));
         let work = match before {
             Some(before) if before == keys => Work::Repeat,
@@ -196,7 +219,7 @@ fn make_plans(
 #[derive(Default)]
 struct Finished {
     /// The last scene drawn, where layers lie over it in `last`.
-    scene: Option<Frame>,
+    scene: Option<Pixels>,
     last: Option<Arc<Picture>>,
 }
 
@@ -205,7 +228,7 @@ impl Finished {
     fn next(
         &mut self,
         shared: &Shared,
-        drawn: Option<Frame>,
+        drawn: Option<Pixels>,
         layers: Option<Layers>,
     ) -> Option<Arc<Picture>> {
         let Some(layers) = layers else {
@@ -220,22 +243,22 @@ impl Finished {
             self.scene = Some(frame);
         } else if self.scene.is_none() {
             // No layers lay over it.
-            self.scene = last.as_ref().map(|last| last.frame.clone());
+            self.scene = last.as_ref().map(|last| last.pixels.clone());
         }
         last.into_iter().for_each(|last| shared.release(last));
-        let frame = match &layers {
+        let pixels = match &layers {
             None => self.scene.take()?,
             Some(layers) => {
-                let scene = self.scene.as_ref()?;
+                let Some(Pixels::Bytes(scene)) = &self.scene else { return None };
                 let mut frame = shared.spare().unwrap_or(Frame { width: 0, height: 0, rgba: Vec::new() });
                 (frame.width, frame.height) = (scene.width, scene.height);
                 frame.rgba.clear();
                 frame.rgba.extend_from_slice(&scene.rgba);
                 layers.over(&mut frame);
-                frame
+                Pixels::Bytes(frame)
             }
         };
-        self.last = Some(Arc::new(Picture { frame, file: Mutex::default() }));
+        self.last = Some(Arc::new(Picture { pixels, file: Mutex::default() }));
         self.last.clone()
     }
 }
@@ -247,8 +270,9 @@ fn draw(
     to: SyncSender<DrawnFrame>,
 ) {
     let depth = renderer.frames_in_flight().max(1);
-    // Frame, whether the renderer draws it, and its layers; without them it repeats the one before.
-    let mut flying: VecDeque<((i64, Time), bool, Option<Layers>)> = VecDeque::with_capacity(depth);
+    // Frame, the pixels that the renderer draws of it, and its layers; without them it repeats the one before.
+    let mut flying: VecDeque<((i64, Time), Option<FrameWish>, Option<Layers>)> =
+        VecDeque::with_capacity(depth);
     let mut finished = Finished::default();
     let mut more = true;
     while !shared.stopped() && (more || !flying.is_empty()) {
@@ -259,18 +283,25 @@ fn draw(
                 false => plans.try_recv(),
             };
             match next {
-                Ok((frame, Work::Draw(plan, layers))) => match renderer.submit(*plan) {
-                    Ok(()) => flying.push_back((frame, true, Some(layers))),
-                    Err(error) => return shared.fail(frame.0, render_failure(error)),
-                },
-                Ok((frame, Work::Recompose(layers))) => flying.push_back((frame, false, Some(layers))),
-                Ok((frame, Work::Repeat)) => flying.push_back((frame, false, None)),
+                Ok((frame, Work::Draw(plan, layers))) => {
+                    let wish = plan.wish;
+                    match renderer.submit(*plan) {
+                        Ok(()) => flying.push_back((frame, Some(wish), Some(layers))),
+                        Err(error) => return shared.fail(frame.0, render_failure(error)),
+                    }
+                }
+                Ok((frame, Work::Recompose(layers))) => flying.push_back((frame, None, Some(layers))),
+                Ok((frame, Work::Repeat)) => flying.push_back((frame, None, None)),
                 Err(TryRecvError::Empty) => break,
                 Err(TryRecvError::Disconnected) => more = false,
             }
         }
         let Some((frame, drawn, layers)) = flying.pop_front() else { continue };
-        let drawn = match drawn.then(|| renderer.collect(shared.spare())).transpose() {
+        let collect = |wish| match wish {
+            FrameWish::Bytes => renderer.collect(shared.spare()).map(Pixels::Bytes),
+            _ => renderer.collect_floats().map(Pixels::Floats),
+        };
+        let drawn = match drawn.map(collect).transpose() {
             Ok(drawn) => drawn,
             Err(error) => return shared.fail(frame.0, render_failure(error)),
         };

@@ -1,6 +1,6 @@
 //! How much a render may write, over all its files.
 
-use choreo_plugin::{ExportError, Exporter, FrameSink, Manifest, VideoInfo};
+use choreo_plugin::{ExportError, ExportOptions, Exporter, FrameSink, FrameWish, Manifest, VideoInfo};
 use std::io::{Read, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -43,6 +43,9 @@ impl Exporter for Budgeted {
     }
     fn one_frame_per_file(&self) -> bool {
         self.inner.one_frame_per_file()
+    }
+    fn wish(&self, options: &ExportOptions) -> Result<FrameWish, ExportError> {
+        self.inner.wish(options)
     }
     fn notes(&self, info: &VideoInfo) -> Vec<String> {
         self.inner.notes(info)

@@ -1,18 +1,18 @@
 //! Numbered images: which exist already, which another program is making, and each to its own file.
 
-use crate::drawing::pipeline::Picture;
+use crate::drawing::pipeline::{Picture, Pixels};
 use crate::failure::{Failure, output_error, write_failure};
 use crate::output::provenance;
 use crate::output::target::{Target, export_failure};
 use choreo_files::{Folder, PartFile, WriteError};
 use choreo_motion::Time;
-use choreo_plugin::{Exporter, Frame, VideoInfo};
+use choreo_plugin::{Exporter, VideoInfo};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Writes one image to its own file. `part`: the file if it is open already.
-pub fn write(
+pub(crate) fn write(
     target: &Target,
     part: Option<PartFile>,
     exporter: &dyn Exporter,
@@ -31,12 +31,12 @@ pub fn write(
         let written = exporter.with_provenance(&info, made, Box::new(out));
         return match written.map_err(|e| export_failure(&shown, e))? {
             true => part.commit().map_err(|e| write_failure(&shown, e)),
-            false => write_to(&place, Ok(part), exporter, &info, &picture.frame),
+            false => write_to(&place, Ok(part), exporter, &info, &picture.pixels),
         };
     }
     let made = Arc::new(Mutex::new(Some(Vec::new())));
     let both = |out| -> Box<dyn Write + Send> { Box::new(Both { out, made: made.clone() }) };
-    write_through(&place, part, exporter, &info, &picture.frame, both)?;
+    write_through(&place, part, exporter, &info, &picture.pixels, both)?;
     *file = made.lock().unwrap_or_else(PoisonError::into_inner).take();
     Ok(())
 }
@@ -67,14 +67,14 @@ impl Write for Both {
 }
 
 /// Writes one image to the file that was opened for it.
-pub fn write_to(
+pub(crate) fn write_to(
     place: &Path,
     part: Result<PartFile, WriteError>,
     exporter: &dyn Exporter,
     info: &VideoInfo,
-    frame: &Frame,
+    pixels: &Pixels,
 ) -> Result<(), Failure> {
-    write_through(place, part, exporter, info, frame, |out| out)
+    write_through(place, part, exporter, info, pixels, |out| out)
 }
 
 fn write_through(
@@ -82,7 +82,7 @@ fn write_through(
     part: Result<PartFile, WriteError>,
     exporter: &dyn Exporter,
     info: &VideoInfo,
-    frame: &Frame,
+    pixels: &Pixels,
     through: impl FnOnce(Box<dyn Write + Send>) -> Box<dyn Write + Send>,
 ) -> Result<(), Failure> {
     let shown = place.display().to_string();
@@ -90,7 +90,7 @@ fn write_through(
     let part = part.map_err(not_written)?;
     let out = part.writer().map_err(|e| output_error(&shown, &e))?;
     let mut sink = exporter.begin(info, through(Box::new(out))).map_err(failed)?;
-    sink.frame(frame).map_err(failed)?;
+    pixels.write(&mut *sink, false).map_err(failed)?;
     sink.finish().map_err(failed)?;
     part.commit().map_err(not_written)
 }
@@ -107,7 +107,7 @@ pub fn missing(
         let place = target.file(number);
         let found = choreo_files::read(&place, u64::MAX)
             .ok()
-            .and_then(|bytes| crate::output::media::whole_png(&bytes));
+            .and_then(|bytes| crate::output::media::whole_image(&bytes));
         match found {
             Some(found) => {
                 let wanted = provenance::at(&info.provenance, time);

@@ -12,10 +12,13 @@ pub struct Media {
     pub provenance: Vec<(String, String)>,
 }
 
-/// `None` where the bytes are no PNG, MP4, GIF or y4m. Nothing is trusted: what does not fit is left out.
+/// `None` where the bytes are no PNG, OpenEXR, MP4, GIF or y4m. Nothing is trusted: what does not fit is left out.
 pub fn read(bytes: &[u8]) -> Option<Media> {
     if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
         return Some(read_png(bytes.get(8..)?));
+    }
+    if bytes.starts_with(EXR) {
+        return Some(read_exr(bytes).0);
     }
     if bytes.starts_with(b"GIF87a") || bytes.starts_with(b"GIF89a") {
         return Some(read_gif(bytes));
@@ -63,8 +66,15 @@ fn read_png(mut rest: &[u8]) -> Media {
     media
 }
 
-/// The provenance of a PNG of which every byte is there and every checksum right; `None` of others.
-pub fn whole_png(bytes: &[u8]) -> Option<Media> {
+/// The provenance of an image of which every byte is there, and every checksum right where the format has any; `None` of others.
+pub fn whole_image(bytes: &[u8]) -> Option<Media> {
+    match bytes.starts_with(EXR) {
+        true => whole_exr(bytes),
+        false => whole_png(bytes),
+    }
+}
+
+fn whole_png(bytes: &[u8]) -> Option<Media> {
     let mut rest = bytes.strip_prefix(b"\x89PNG\r\n\x1a\n")?;
     loop {
         let length = be32(rest, 0)? as usize;
@@ -147,6 +157,75 @@ fn read_mp4(bytes: &[u8]) -> Media {
         ilst.and_then(|l| inner(l, b"\xa9cmt")).and_then(|c| inner(c, b"data")).and_then(|d| d.get(8..));
     media.provenance = comment(data.unwrap_or_default());
     media
+}
+
+/// The magic number of OpenEXR, and the version of files with scan lines of one part.
+const EXR: &[u8] = b"\x76\x2f\x31\x01";
+
+fn le32(bytes: &[u8], at: usize) -> Option<u32> {
+    Some(u32::from_le_bytes(bytes.get(at..at.checked_add(4)?)?.try_into().ok()?))
+}
+
+/// The end of the header of an OpenEXR file, and how many rows its chunks hold.
+struct ExrBody {
+    at: usize,
+    rows: u32,
+}
+
+/// The attributes up to the end of the header; nothing of the body where the header does not end.
+fn read_exr(bytes: &[u8]) -> (Media, Option<ExrBody>) {
+    let mut media = Media { format: "OpenEXR image", ..Media::default() };
+    let (mut at, mut rows) = (8, 1);
+    loop {
+        let text = |at: usize| {
+            let rest = bytes.get(at..)?;
+            let (text, _) = rest.split_at(rest.iter().position(|b| *b == 0)?);
+            Some((String::from_utf8_lossy(text).into_owned(), at + text.len() + 1))
+        };
+        let Some((name, kind_at)) = text(at) else { return (media, None) };
+        if name.is_empty() {
+            return (media, Some(ExrBody { at: kind_at, rows }));
+        }
+        let Some((kind, length_at)) = text(kind_at) else { return (media, None) };
+        let value = le32(bytes, length_at).and_then(|length| {
+            let first = length_at + 4;
+            Some((bytes.get(first..first.checked_add(length as usize)?)?, first + length as usize))
+        });
+        let Some((value, end)) = value else { return (media, None) };
+        match (&*name, &*kind) {
+            ("dataWindow", "box2i") => {
+                let side =
+                    |low, high| Some(le32(value, high)?.wrapping_sub(le32(value, low)?).wrapping_add(1));
+                media.width = side(0, 8).unwrap_or(0);
+                media.height = side(4, 12).unwrap_or(0);
+            }
+            // ZIP has 16 rows in a chunk; no compression and ZIPS have one.
+            ("compression", "compression") if value == [3] => rows = 16,
+            (name, "string") if name == "Software" || name.starts_with("choreo:") => {
+                media.provenance.push((name.to_string(), String::from_utf8_lossy(value).into_owned()));
+            }
+            _ => {}
+        }
+        at = end;
+    }
+}
+
+/// OpenEXR has no checksums: the chunks must follow each other without a gap up to the end.
+fn whole_exr(bytes: &[u8]) -> Option<Media> {
+    let (media, body) = read_exr(bytes);
+    let ExrBody { at, rows } = body?;
+    let chunks = media.height.div_ceil(rows) as usize;
+    let mut next = at.checked_add(chunks.checked_mul(8)?)?;
+    for chunk in 0..chunks {
+        let offset = at + 8 * chunk;
+        let offset = u64::from_le_bytes(bytes.get(offset..offset + 8)?.try_into().ok()?);
+        if offset != next as u64 {
+            return None;
+        }
+        // The first row, the length, the rows.
+        next = next.checked_add(8)?.checked_add(le32(bytes, next + 4)? as usize)?;
+    }
+    (chunks > 0 && next == bytes.len()).then_some(media)
 }
 
 /// The content of the first box of a kind.

@@ -1,13 +1,14 @@
 //! One video on its way to its place: the exporter's bytes and the journal beside them, in the folder `NAME.part`.
 
 use crate::args::RenderArgs;
+use crate::drawing::pipeline::Pixels;
 use crate::failure::{Failure, output_error, write_failure};
 use crate::output::journal::{self, Changes, Identity, Journal, Kept, Record, Span};
 use crate::output::provenance;
 use crate::output::target::export_failure;
 use crate::process::kept_frames;
 use choreo_files::{Destination, PartFolder, WriteError};
-use choreo_plugin::{Exporter, Frame, FrameSink, Mark, VideoInfo};
+use choreo_plugin::{Exporter, FrameSink, Mark, VideoInfo};
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -131,9 +132,8 @@ impl Video {
     }
 
     /// `repeated`: the frame given before had the same pixels.
-    pub fn frame(&mut self, frame: &Frame, repeated: bool) -> Result<(), Failure> {
-        let written = if repeated { self.sink.repeat(frame) } else { self.sink.frame(frame) };
-        written.map_err(|e| export_failure(&self.shown, e))?;
+    pub(crate) fn frame(&mut self, pixels: &Pixels, repeated: bool) -> Result<(), Failure> {
+        pixels.write(&mut *self.sink, repeated).map_err(|e| export_failure(&self.shown, e))?;
         let End::Folder(folder) = &mut self.end else { return Ok(()) };
         folder.mark(self.sink.mark(), &self.body).map_err(|e| output_error(&self.shown, &e))
     }

@@ -8,7 +8,7 @@ use glam::{DMat3, DQuat, DVec3};
 /// The triangle of shoulder, elbow and hand is given by its three sides (the law of cosines); it is laid towards the target, and
 /// turned about that line so that the elbow keeps its side, or goes to the side of the pole.
 ///
-/// Within [`CORE`] of the start the hand leaves the target, and the limb swings around instead of turning over at once. No limb follows every
+/// Within 3 % of the limb's length from the start (`CORE`) the hand leaves the target, and the limb swings around instead of turning over at once. No limb follows every
 /// target without a jump: those left are one point of that core, and directions 13° to either side of the one opposite to where the limb points.
 #[derive(Clone, Copy, Debug)]
 pub struct TwoBone {

@@ -41,7 +41,7 @@ pub(crate) fn pixel_uv([x, y]: [i32; 2], count: usize, size: [u32; 2]) -> Vec<Ve
     (x..x + count as i32).map(|x| (Vec2::new(x as f32, y as f32) + 0.5) / size).collect()
 }
 
-/// `scene`: what the effects read of it; `pixels`: linear, as the scene left them; `before`: those of the frames before. The last pass's are written as bytes.
+/// The image of [`run_linear`], written as bytes.
 pub(crate) fn run(
     passes: &[Pass],
     scene: SceneOf<'_>,
@@ -50,6 +50,21 @@ pub(crate) fn run(
     faults: &EffectFaults,
     bytes: &mut [u8],
 ) {
+    let image = run_linear(passes, scene, pixels, before, faults);
+    for (out, color) in bytes.chunks_exact_mut(4).zip(image) {
+        out.copy_from_slice(&Srgb8::encode(color).bytes());
+    }
+}
+
+/// `scene`: what the effects read of it; `pixels`: linear, as the scene left them; `before`: those of the frames before. Gives the image
+/// of the last pass.
+pub(crate) fn run_linear(
+    passes: &[Pass],
+    scene: SceneOf<'_>,
+    pixels: Vec<Vec4>,
+    before: &[Vec<Vec4>],
+    faults: &EffectFaults,
+) -> Vec<Vec4> {
     let (size, rows) = (scene.size, scene.frame.rows());
     let scene = Some(scene.images(&rows));
     let before: Vec<EffectImage> = before.iter().map(|rgba| EffectImage { size, rgba }).collect();
@@ -81,7 +96,5 @@ pub(crate) fn run(
         });
         (now, now_size) = (next, pass.size);
     }
-    for (out, color) in bytes.chunks_exact_mut(4).zip(now) {
-        out.copy_from_slice(&Srgb8::encode(color).bytes());
-    }
+    now
 }

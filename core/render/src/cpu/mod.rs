@@ -9,6 +9,7 @@ mod brdf;
 mod changed;
 mod coverage;
 mod displace;
+pub(crate) mod float_frames;
 pub mod image_passes;
 mod layer_shading;
 mod layers;
@@ -49,13 +50,15 @@ use crate::renderer::{DeviceInfo, DeviceKind, Renderer};
 use crate::scene_resources::SceneResources;
 use crate::sky::{SkyBackground, SkyMaps};
 use background_effects::BackgroundEffects;
-use choreo_plugin::{Effect, Frame, Hook};
+use choreo_plugin::{Effect, FloatFrame, Frame, Hook};
 use choreo_stage::Background;
+use float_frames::{DrawsFloats, float_frame};
 use glam::{Mat4, Vec4};
 use preskin::DeformedMeshes;
 use raster::{TILE_HEIGHT, TILE_WIDTH};
 use rayon::prelude::*;
 use refraction::SceneColorCopy;
+use scene_inputs::InputImages;
 use setup::Assembly;
 use shade::{Fragment, ShadeMaterial};
 use shadow::ShadowMaps;
@@ -504,6 +507,42 @@ impl Renderer for CpuRenderer {
         let frame = dissolved(plan, reuse, |plan, reuse| self.picture(&plan, reuse))?;
         self.times.count_frame();
         Ok(frame)
+    }
+
+    fn collect_floats(&mut self) -> Result<FloatFrame, RenderError> {
+        let plan = self
+            .submitted
+            .pop_front()
+            .ok_or_else(|| RenderError::Usage("no frame is submitted: nothing to collect".into()))?;
+        let frame = float_frame(&plan, self)?;
+        self.times.count_frame();
+        Ok(frame)
+    }
+}
+
+impl DrawsFloats for CpuRenderer {
+    fn linear(&mut self, plan: &Plan) -> Result<Vec<Vec4>, RenderError> {
+        self.prepare_sky(plan);
+        self.stream(plan)?;
+        let mut pixels = vec![Vec4::ZERO; plan.size[0] as usize * plan.size[1] as usize];
+        match plan.samples {
+            1 => self.tiles::<Float, Vec4, 1>(plan, &[], &mut pixels)?,
+            _ => self.tiles::<Float, Vec4, 4>(plan, &[], &mut pixels)?,
+        }
+        Ok(pixels)
+    }
+
+    fn inputs(&mut self, plan: &Plan) -> Result<InputImages, RenderError> {
+        self.stream(plan)?;
+        Ok(self.times.of(Stage::Pixels, || self.scene_inputs(plan)))
+    }
+
+    fn effects(&self) -> &[Effect] {
+        &self.effects
+    }
+
+    fn faults(&self) -> &EffectFaults {
+        &self.faults
     }
 }
 

@@ -285,6 +285,18 @@ impl LayerImage {
         self.pixels[(y * self.area[0] + x) as usize]
     }
 
+    /// Blends it over a linear, premultiplied image.
+    pub(crate) fn over_floats(&self, size: [u32; 2], image: &mut [Vec4]) {
+        if size != self.size {
+            return;
+        }
+        for (row, pixels) in self.pixels.chunks_exact(self.area[0] as usize).enumerate() {
+            let first = (self.at[1] as usize + row) * size[0] as usize + self.at[0] as usize;
+            let out = image[first..].iter_mut().zip(pixels);
+            out.for_each(|(out, source)| *out = *source + *out * (1.0 - source.w));
+        }
+    }
+
     /// Blends it over a finished frame of its size.
     pub fn over(&self, frame: &mut Frame) {
         if [frame.width, frame.height] != self.size {

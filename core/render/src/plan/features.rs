@@ -1,4 +1,4 @@
-//! The shader features that a draw requests. Each feature is described in the table, [`crate::shader::features`].
+//! The shader features that a draw requests. Each feature is described in the table, [`crate::plan::shader_features`].
 
 use crate::plan::left_out::left_out_names;
 use crate::plan::shader_features::absences;
@@ -366,7 +366,7 @@ fn of_lights(all: Features, facts: &Facts) -> Reports {
     let unlit = if facts.lit_exist { "nothing lit is in view" } else { "every material is unlit" };
     let fewer =
         format!("fewer than {} point and spot lights have a range", crate::plan::light_clusters::MANY);
-    let dark = format!("{} have no intensity, no colour or a value that is not finite", facts.dark_lights);
+    let dark = format!("{} have no intensity, no color or a value that is not finite", facts.dark_lights);
     let no_shadows = match facts {
         f if !f.casting => "no light casts shadows",
         f if !f.lit_drawn => "nothing lit is in view",

@@ -4,7 +4,7 @@
 use crate::plan::{Draw, Plan, ShadowView};
 use crate::scene_resources::SceneResources;
 use crate::scene_resources::content_hash::material_content;
-use choreo_plugin::Effect;
+use choreo_plugin::{Effect, FrameWish};
 
 pub type Key = [u8; 32];
 
@@ -35,6 +35,7 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Effect]) ->
     let Plan {
         size,
         samples,
+        wish,
         view,
         background,
         ambient_up,
@@ -110,6 +111,9 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Effect]) ->
     add(bytemuck::cast_slice(&overlay.vertices));
     add(format!("{:?} {linear} {background_effects} {displacement_limits:?} {skin_once:?}", overlay.parts)
         .as_bytes());
+    if *wish != FrameWish::Bytes {
+        add(format!("{wish:?}").as_bytes());
+    }
     // Its draws follow from those above, its instances are among them.
     let inputs = scene_inputs.as_ref().map(|pass| (pass.inputs, pass.clip_before, pass.camera_before));
     add(format!("{inputs:?} {inputs_only} {effect_frame:?}").as_bytes());

@@ -153,7 +153,7 @@ impl LightClusters {
     }
 }
 
-/// Depth in meters in front of the camera; 1 in orthographic views.
+/// Depth in metres in front of the camera; 1 in orthographic views.
 pub(crate) fn depth(clip_from_relative: &Mat4, at: Vec3) -> f32 {
     clip_from_relative.row(3).dot(at.extend(1.0))
 }

@@ -34,7 +34,7 @@ use crate::plan::dirty_rect::DirtyRect;
 use crate::plan::light_clusters::LightClusters;
 use crate::scene_resources::material::MaterialResource;
 use choreo_asset::{AlphaMode, Shading};
-use choreo_plugin::EffectFrame;
+use choreo_plugin::{EffectFrame, FrameWish};
 use choreo_stage::{Background, SkinOnce};
 use glam::Vec3;
 use std::sync::Arc;
@@ -62,6 +62,9 @@ pub struct Plan {
     pub size: [u32; 2],
     /// Samples per pixel: 1 or 4.
     pub samples: u32,
+    /// The pixels that are made of it. Unless they are bytes, the frame is collected with
+    /// [`collect_floats`](crate::Renderer::collect_floats).
+    pub wish: FrameWish,
     pub view: View,
     pub background: Background,
     /// Hemisphere light from +Y and −Y; both zero if nothing lit is drawn.
@@ -105,7 +108,7 @@ pub struct Plan {
     pub deferred: Option<Deferred>,
     /// Effects in the scene's shaders, each a bit in [`PipelineKey::surface`], `displaced` and `lighting`.
     pub scene_effects: Vec<PostPass>,
-    /// Largest displacement of surfaces by each of these, in meters.
+    /// Largest displacement of surfaces by each of these, in metres.
     pub displacement_limits: [f32; 8],
     /// Bits of those that change the background, too.
     pub background_effects: u8,
@@ -151,6 +154,20 @@ impl Plan {
     pub fn surface_rows(&self) -> usize {
         let last = self.scene_effects.last().map_or(0, PostPass::rows);
         self.first_rows().last().map_or(0, |first| first as usize + last)
+    }
+
+    /// The plan of the scene alone, whose image stays linear: without sub-frames, effects on images and layers over it.
+    pub(crate) fn scene_alone(&self) -> Plan {
+        Plan {
+            linear: true,
+            post: Vec::new(),
+            scene_inputs: None,
+            layers_in_front: None,
+            subframes: Vec::new(),
+            history: Vec::new(),
+            dissolve: None,
+            ..self.clone()
+        }
     }
 
     /// Every plan that is drawn for this one.

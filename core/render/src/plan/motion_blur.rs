@@ -10,7 +10,7 @@ use crate::plan::shutter_motion::Shown;
 use crate::plan::{LeftOut, Plan, PlanDissolve};
 use crate::scene_resources::SceneResources;
 use choreo_motion::Time;
-use choreo_plugin::{Hook, Shutter};
+use choreo_plugin::{FrameWish, Hook, Shutter};
 use choreo_stage::{CameraState, Cut, Evaluator, Snapshot, Stage, StageError};
 use glam::Vec4;
 
@@ -71,12 +71,15 @@ fn plan_shot<E>(
     options: &PlanOptions,
     mut at: impl FnMut(Time) -> Result<Snapshot, E>,
 ) -> Result<Plan, E> {
-    let moves = inputs_of(stage, snapshot, options.effects).motion;
+    let moves = inputs_of(stage, snapshot, options).motion;
     let before = moves.then(|| at(frames_ago(stage, time, 1))).transpose()?;
     // After a cut nothing has moved.
     let moved_from = before.as_ref().filter(|before| before.camera.camera == snapshot.camera.camera);
     let of_frame = PlanOptions { moved_from, ..options.clone() };
     let mut plan = plan_alone(resources, stage, snapshot, &of_frame, &mut at)?;
+    if matches!(options.wish, FrameWish::Scene(passes) if !passes.color) {
+        return Ok(plan);
+    }
     if let Some(mut exposure) = exposure_of(stage, snapshot, options.effects) {
         if !(options.all_sub_frames || options.force_all) {
             let shown = Shown { resources, stage, options, plan: &plan };

@@ -1,6 +1,6 @@
 //! Options of a plan.
 
-use choreo_plugin::Effect;
+use choreo_plugin::{Effect, FrameWish};
 use choreo_stage::Snapshot;
 
 /// Options of a frame's plan. [`PlanOptions::new`] gives the usual choices.
@@ -10,6 +10,8 @@ pub struct PlanOptions<'a> {
     pub size: [u32; 2],
     /// Samples per pixel: 1 or 4.
     pub samples: u32,
+    /// The pixels that are made of it.
+    pub wish: FrameWish,
     /// Available effects. An effect of the stage that is not among them is left out, and reported.
     pub effects: &'a [Effect],
     /// The stage one frame ago, two frames ago and so on, for overlays that draw it ([`crate::plan::motion_blur::plan_alone`]).

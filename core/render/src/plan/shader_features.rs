@@ -202,7 +202,7 @@ features! {
     MORPH { by: RequestedBy::Mesh, part: ShaderPart::Pose,
         absence: absence_by_stage("morph targets", ["every weight in view is zero", "no mesh has morph targets"], "") }
     VERTEX_COLOR { by: RequestedBy::Mesh, part: ShaderPart::Alpha, needs: &["!TOON"],
-        absence: absence("vertex colours", "no drawn mesh has any but white", "") }
+        absence: absence("vertex colors", "no drawn mesh has any but white", "") }
     UV0 { by: RequestedBy::Mesh, part: ShaderPart::Alpha }
     UV1 { by: RequestedBy::Mesh, part: ShaderPart::Alpha,
         absence: absence("second texture coordinates", "no drawn texture uses them", "UV0") }
@@ -211,7 +211,7 @@ features! {
     /// Lit by Blinn–Phong. Without this, METALLIC_ROUGHNESS and TOON: unlit.
     BLINN_PHONG { needs: &["!TOON"] }
     BASE_COLOR_TEXTURE { part: ShaderPart::Alpha, needs: &[UV_OR_TRIPLANAR], texture: slot(0),
-        absence: absence("base colour textures", "no drawn material has a base colour texture", "") }
+        absence: absence("base color textures", "no drawn material has a base color texture", "") }
     METALLIC_ROUGHNESS_TEXTURE { needs: &["METALLIC_ROUGHNESS", UV], texture: slot(1),
         absence: absence("metallic-roughness textures", "no drawn material has one that matters", "LIT") }
     /// Toon: an image of all light, looked up by the normal.
@@ -234,7 +234,7 @@ features! {
     /// The share that a Blinn–Phong surface reflects of its surroundings.
     REFLECTION_TEXTURE { needs: &["REFLECTION", UV_OR_TRIPLANAR], texture: slot(5) }
     SPECULAR_COLOR_TEXTURE { needs: &["LIT", "!TOON", UV_OR_TRIPLANAR], texture: slot(6),
-        absence: absence("specular colour textures", "no drawn material has one", "LIT") }
+        absence: absence("specular color textures", "no drawn material has one", "LIT") }
     /// Toon: the color of shade.
     SHADE_COLOR_TEXTURE { needs: &["TOON", UV], texture: slot(6) }
     ALPHA_MASK { part: ShaderPart::Alpha,
@@ -311,7 +311,7 @@ features! {
         absence: absence("refraction", "no drawn material has a volume that bends light", "LIT") }
     /// Each color is refracted by an index of its own.
     DISPERSION { part: ShaderPart::Layer, needs: &["REFRACTION"],
-        absence: absence("dispersion", "no drawn material has a volume that bends colours apart", "LIT") }
+        absence: absence("dispersion", "no drawn material has a volume that bends colors apart", "LIT") }
 
     /// Parallax mapping by the heights in the normal texture's alpha. Never forced in: other files keep other things there.
     PARALLAX { needs: &["NORMAL_TEXTURE", "!TOON", "!TRIPLANAR", UV] }

@@ -24,7 +24,7 @@ pub struct ShadowView {
     pub size: [u32; 2],
     /// Reversed Z, as the camera's: greater is nearer to the light.
     pub clip_from_relative: Mat4,
-    /// Size of a texel in meters where clip w is 1.
+    /// Size of a texel in metres where clip w is 1.
     pub texel: f32,
     /// Width of an edge in texels for each unit of depth between caster and receiver; 0: the same width everywhere.
     pub penumbra: f32,

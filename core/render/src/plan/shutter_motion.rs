@@ -102,8 +102,19 @@ impl Shown<'_> {
         }
         let lights = self.shadow_eyes();
         for (actor, states) in a.actors.iter().zip(&b.actors).enumerate().take(self.stage.actors.len()) {
-            let states = [states.0, states.1];
-            // An actor that is culled at one of two times so close to each other is at the border of the image.
+            let carried;
+            // Of an actor that is culled at one of the times the place is known; its pose counts as that of the other time.
+            let states = match (states.0, states.1) {
+                (a, b) if a.culled && !b.culled => {
+                    carried = ActorState { world_from_model: a.world_from_model, ..b.clone() };
+                    [&carried, b]
+                }
+                (a, b) if b.culled && !a.culled => {
+                    carried = ActorState { world_from_model: b.world_from_model, ..a.clone() };
+                    [a, &carried]
+                }
+                (a, b) => [a, b],
+            };
             if states.iter().all(|s| s.visible && !s.culled) {
                 let lights = lights.iter().filter(|(actors, _)| actors.contains(&(actor as u32)));
                 let lights: Vec<&Eye> = lights.map(|(_, eye)| eye).collect();

@@ -54,7 +54,7 @@ struct Drawn<'a> {
 /// A model from all directions.
 pub(super) struct Appearance {
     views: Vec<View>,
-    /// Meters that a pixel of the finest images is wide.
+    /// Metres that a pixel of the finest images is wide.
     pixel: f32,
 }
 
@@ -93,7 +93,7 @@ impl Appearance {
         (0..self.views[0].seen.len()).map(part).collect()
     }
 
-    /// The smallest size of pixels in meters from which other shapes of the parts look like the model; `None` if none does.
+    /// The smallest size of pixels in metres from which other shapes of the parts look like the model; `None` if none does.
     pub fn smallest_pixel(&self, model: &Model, shapes: &[Shape]) -> Option<f32> {
         let drawn: Vec<Drawn> = model
             .parts

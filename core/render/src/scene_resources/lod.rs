@@ -31,7 +31,7 @@ pub(super) const LEAST: usize = 64;
 /// A simplified version of a model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LodLevel {
-    /// Meters of the model at rest that one pixel may cover without a visible difference.
+    /// Metres of the model at rest that one pixel may cover without a visible difference.
     pub error: f32,
     /// Indices into `SceneResources::primitives`: `[mesh instance][primitive of its mesh]`; `None` where nothing of it is left.
     pub primitives: Vec<Vec<Option<u32>>>,

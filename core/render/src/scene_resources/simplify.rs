@@ -28,13 +28,13 @@ const SLACK: f32 = 1.1;
 /// A model at rest.
 pub(super) struct Model {
     pub parts: Vec<Part>,
-    /// Diagonal of its bounds, meters.
+    /// Diagonal of its bounds, metres.
     pub size: f32,
 }
 
 /// A simplified version of a model.
 pub(super) struct Level {
-    /// Meters of the model that a pixel may cover without a visible difference.
+    /// Metres of the model that a pixel may cover without a visible difference.
     pub error: f32,
     /// Simplified primitives with the places of their parts; `None` where no triangle is left.
     pub primitives: Vec<((usize, usize), Option<Primitive>)>,
@@ -49,7 +49,7 @@ pub(super) struct Part {
     pub positions: Vec<Vec3>,
     pub normals: Vec<Vec3>,
     pub paint: Paint,
-    /// Meters of the model per meter of the mesh.
+    /// Metres of the model per metre of the mesh.
     stretch: f32,
 }
 

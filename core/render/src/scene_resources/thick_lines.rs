@@ -13,7 +13,7 @@ pub(crate) fn pen(topology: Topology, material: &Material) -> Option<LineStyle> 
     material.line_style.filter(|_| topology != Topology::Triangles)
 }
 
-/// Line width as in [`crate::plan::Instance::width`]: pixels, or negative meters. `of_actor` replaces the pen's own width.
+/// Line width as in [`crate::plan::Instance::width`]: pixels, or negative metres. `of_actor` replaces the pen's own width.
 pub(crate) fn width(pen: LineStyle, of_actor: Option<f32>, relative_from_mesh: &Affine3x4) -> f32 {
     let width = of_actor.unwrap_or(pen.width);
     let width = if width.is_finite() { width.max(0.0) } else { 0.0 };
@@ -217,7 +217,7 @@ mod tests {
         let edges = [1.0, -1.0].map(|y| {
             let near = spread.vertex(front, behind, Vec3::new(0.0, y, 0.0), 8.0);
             let far = spread.vertex(behind, front, Vec3::new(0.0, y, 1.0), 8.0);
-            // Where the edge is a meter in front of the camera.
+            // Where the edge is a metre in front of the camera.
             near + (far - near) * ((near.w - 1.0) / (near.w - far.w))
         });
         let [a, b] = edges.map(|e| e.xy() / e.w * Vec2::new(100.0, 50.0));

@@ -103,7 +103,7 @@ uniforms! {
         color: Vec3,
         /// How much the surface's light counts.
         lighting_mix: f32,
-        /// Meters, or a share of the image's height where `on_screen` is 1.
+        /// Metres, or a share of the image's height where `on_screen` is 1.
         width: f32,
         on_screen: f32,
         pad: Vec2,
@@ -115,7 +115,7 @@ uniforms! {
         alpha_cutoff: f32,
         normal_scale: f32,
         occlusion_strength: f32,
-        /// The value is in widths of the texture.
+        /// Depth of the height map, as a fraction of the width of the texture.
         parallax_depth: f32,
         triplanar_sharpness: f32,
         triplanar_middle: Vec3,
@@ -168,13 +168,13 @@ uniforms! {
     }
 
     PostUniform {
-        /// Pixels of what it makes.
+        /// Size of the image that the pass writes, in pixels.
         size: Vec2,
         /// The number of completed passes of an effect that has several.
         number: u32,
-        /// How many times smaller than the whole what it reads or what it makes is, whichever is smaller.
+        /// How many times smaller than the whole image the smaller of its input and output is.
         shrink: u32,
-        /// Pixels of what the pass before made, and of the whole.
+        /// Size of the image that the pass before wrote, in pixels, and of the whole image.
         input: Vec2,
         whole: Vec2,
         /// [`EffectFrame::rows`].

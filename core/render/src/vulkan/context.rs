@@ -59,7 +59,7 @@ fn no_vulkan(why: impl Into<String>) -> RenderError {
     RenderError::NoVulkan { why: why.into() }
 }
 
-/// Kind and name of the device that [`Context::new`] would choose, without making one.
+/// Kind and name of the device that a `Context` would choose, without making one.
 pub fn chosen_device() -> Result<DeviceInfo, RenderError> {
     let options = ContextOptions {
         validation: false,

@@ -7,7 +7,7 @@ use crate::error::RenderError;
 use crate::plan::Plan;
 use crate::renderer::{CreatedCounts, DeviceInfo, DeviceUsage, Renderer};
 use crate::scene_resources::SceneResources;
-use choreo_plugin::{Effect, Frame};
+use choreo_plugin::{Effect, FloatFrame, Frame};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -99,6 +99,13 @@ impl SteadyRenderer {
         })
     }
 
+    /// The oldest plan is done.
+    fn collected(&mut self) {
+        self.plans.pop_front();
+        self.inside = self.inside.saturating_sub(1);
+        self.failed = None;
+    }
+
     fn let_go(&mut self, error: &RenderError) {
         self.inside = 0;
         let Some(inner) = self.inner.take() else { return };
@@ -154,9 +161,16 @@ impl Renderer for SteadyRenderer {
             this.feed()?;
             this.inner()?.collect(reuse.take())
         })?;
-        self.plans.pop_front();
-        self.inside = self.inside.saturating_sub(1);
-        self.failed = None;
+        self.collected();
+        Ok(frame)
+    }
+
+    fn collect_floats(&mut self) -> Result<FloatFrame, RenderError> {
+        let frame = self.steadily(|this| {
+            this.feed()?;
+            this.inner()?.collect_floats()
+        })?;
+        self.collected();
         Ok(frame)
     }
 

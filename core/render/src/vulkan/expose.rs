@@ -3,12 +3,15 @@
 
 use super::VulkanRenderer;
 use super::context;
+use crate::cpu::float_frames::{DrawsFloats, float_frame};
 use crate::cpu::image_passes;
+use crate::cpu::scene_inputs::InputImages;
+use crate::effect_faults::EffectFaults;
 use crate::error::RenderError;
 use crate::plan::Plan;
 use crate::plan::dissolve::dissolved;
 use crate::plan::motion_blur::Accumulated;
-use choreo_plugin::Frame;
+use choreo_plugin::{Effect, FloatFrame, Frame, FrameWish};
 use glam::Vec4;
 use std::collections::VecDeque;
 
@@ -16,7 +19,11 @@ impl VulkanRenderer {
     /// Whether a plan waits before it is handed to the device: one with an exposure needs all frames in flight, and those after
     /// it wait.
     pub(super) fn waits(&self, plan: &Plan) -> bool {
-        !plan.subframes.is_empty() || plan.dissolve.is_some() || self.is_tiled(plan) || !self.later.is_empty()
+        plan.wish != FrameWish::Bytes
+            || !plan.subframes.is_empty()
+            || plan.dissolve.is_some()
+            || self.is_tiled(plan)
+            || !self.later.is_empty()
     }
 
     /// The oldest of the plans that wait. Nothing is in flight.
@@ -114,5 +121,39 @@ impl VulkanRenderer {
             over.over(&mut frame);
         }
         Ok(frame)
+    }
+}
+
+impl VulkanRenderer {
+    /// The oldest of the plans that wait, whose wish is not bytes. Nothing is in flight.
+    pub(super) fn collect_floats_later(&mut self) -> Result<FloatFrame, RenderError> {
+        match self.later.pop_front() {
+            Some(plan) if self.pending.is_empty() => float_frame(&plan, self),
+            _ => Err(RenderError::Usage("no frame of floats was submitted that is not yet collected".into())),
+        }
+    }
+}
+
+impl DrawsFloats for VulkanRenderer {
+    fn linear(&mut self, plan: &Plan) -> Result<Vec<Vec4>, RenderError> {
+        if self.is_tiled(plan) {
+            return self.linear_tiles(plan);
+        }
+        self.submit_now(&plan.scene_alone())?;
+        let mut one = Accumulated::new(plan.size[0] as usize * plan.size[1] as usize);
+        self.add_oldest(&mut one)?;
+        Ok(one.mean())
+    }
+
+    fn inputs(&mut self, plan: &Plan) -> Result<InputImages, RenderError> {
+        self.inputs_on_host(plan)
+    }
+
+    fn effects(&self) -> &[Effect] {
+        self.pipelines.effects()
+    }
+
+    fn faults(&self) -> &EffectFaults {
+        &self.faults
     }
 }

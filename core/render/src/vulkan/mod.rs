@@ -46,7 +46,7 @@ use crate::renderer::{CreatedCounts, DeviceInfo, DeviceKind, DeviceUsage, Render
 use crate::scene_resources::SceneResources;
 use crate::shader::ShaderSources;
 use ash::vk;
-use choreo_plugin::{Effect, Frame};
+use choreo_plugin::{Effect, FloatFrame, Frame};
 use choreo_stage::Background;
 pub use clock::DeviceTime;
 use context::{Context, ContextOptions};
@@ -490,6 +490,10 @@ impl Renderer for VulkanRenderer {
             return self.collect_later(plan, reuse);
         }
         self.collect_now(reuse)
+    }
+
+    fn collect_floats(&mut self) -> Result<FloatFrame, RenderError> {
+        self.collect_floats_later()
     }
 }
 

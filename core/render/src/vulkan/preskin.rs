@@ -25,7 +25,7 @@ use std::mem::offset_of;
 /// Invocations of a work group, as in the shader.
 const GROUP: u32 = 64;
 
-/// A body as the shader reads it.
+/// A pre-skinned mesh as the shader reads it.
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Job {
@@ -33,7 +33,7 @@ pub struct Job {
     pub first_joint: u32,
     pub first_morph: u32,
     pub morph_count: u32,
-    /// Its first number.
+    /// Index of its first vertex in the output buffer.
     pub first: u32,
 }
 
@@ -90,11 +90,11 @@ impl Posing {
             let Command::Preskin { variant, primitive, layout, first, count } = command else { continue };
             let hash = scene_resources.primitives[*primitive as usize].hash;
             let mesh = resources.mesh(hash, *layout);
-            let vertices = mesh.map(|m| m.vertex_count).ok_or_else(|| missing("a mesh to be posed"))?;
+            let vertices = mesh.map(|m| m.vertex_count).ok_or_else(|| missing("a pre-skinned mesh"))?;
             for body in &recording.preskinned[*first as usize..(first + count) as usize] {
                 let of = body.instances.first().and_then(|i| plan.instances.get(*i as usize));
                 let Instance { relative_from_mesh, first_joint, first_morph, morph_count, .. } =
-                    *of.ok_or_else(|| missing("a body to be posed"))?;
+                    *of.ok_or_else(|| missing("the instance of a pre-skinned mesh"))?;
                 let first = end as u32;
                 jobs.push(Job { relative_from_mesh, first_joint, first_morph, morph_count, first });
                 self.placed.extend(body.instances.iter().map(|i| (*i, [first, vertices])));
@@ -194,10 +194,10 @@ impl Resources {
             if self.sources.contains_key(&key) {
                 continue;
             }
-            let mesh = self.mesh(key.0, key.1).ok_or_else(|| missing("a mesh to be posed"))?;
+            let mesh = self.mesh(key.0, key.1).ok_or_else(|| missing("a pre-skinned mesh"))?;
             // Indices lie behind the vertices; an empty mesh has neither.
             let (raw, bytes) = (mesh.buffer.raw, mesh.indices_at.max(4));
-            let set = self.pools.allocate(gpu, layouts.morphs, "set of a mesh to be posed")?;
+            let set = self.pools.allocate(gpu, layouts.morphs, "set of a pre-skinned mesh")?;
             write_buffer(gpu, set.raw, 0, vk::DescriptorType::STORAGE_BUFFER, raw, 0, bytes);
             self.sources.insert(key, set);
         }
@@ -227,9 +227,9 @@ impl Execution<'_> {
         [first, count]: [u32; 2],
     ) -> Result<(), RenderError> {
         let hash = self.scene_resources.primitives[primitive as usize].hash;
-        let mesh = self.resources.mesh(hash, layout).ok_or_else(|| missing("a mesh to be posed"))?;
+        let mesh = self.resources.mesh(hash, layout).ok_or_else(|| missing("a pre-skinned mesh"))?;
         let source =
-            self.resources.sources.get(&(hash, layout)).ok_or_else(|| missing("a mesh to be posed"))?;
+            self.resources.sources.get(&(hash, layout)).ok_or_else(|| missing("a pre-skinned mesh"))?;
         let write = self.slot.posed.write.ok_or_else(|| missing("a set of meshes to be pre-skinned"))?;
         let bind = |index: u32, set: vk::DescriptorSet| {
             let (point, layout) = (vk::PipelineBindPoint::COMPUTE, self.layouts.posed_pipeline);

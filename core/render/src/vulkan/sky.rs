@@ -37,7 +37,7 @@ impl SkyImages {
         panorama.is_some_and(|p| p.hash() == self.hash)
     }
 
-    /// Makes what is read and is not there yet.
+    /// Uploads the images that the plan reads and that are not on the device yet.
     pub fn prepare(
         &mut self,
         gpu: &Context,

@@ -59,16 +59,9 @@ impl VulkanRenderer {
         Ok(frame)
     }
 
-    fn linear_tiles(&mut self, plan: &Plan) -> Result<Vec<Vec4>, RenderError> {
+    pub(super) fn linear_tiles(&mut self, plan: &Plan) -> Result<Vec<Vec4>, RenderError> {
         let mut pixels = vec![Vec4::ZERO; plan.size[0] as usize * plan.size[1] as usize];
-        let linear = Plan {
-            linear: true,
-            scene_inputs: None,
-            subframes: Vec::new(),
-            history: Vec::new(),
-            ..plan.clone()
-        };
-        self.draw_tiles::<8>(&linear, |at, bytes| {
+        self.draw_tiles::<8>(&plan.scene_alone(), |at, bytes| {
             let part = |i: usize| half::f16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]]).to_f32();
             pixels[at] = Vec4::new(part(0), part(1), part(2), part(3));
         })?;

@@ -64,7 +64,8 @@ fn effect(c: &mut Call) -> Reply {
             }
         }
     }
-    let mut used = EffectUse { plugin: name.clone(), ..EffectUse::default() };
+    let off_screen = plugin.off_screen_actors();
+    let mut used = EffectUse { plugin: name.clone(), off_screen, ..EffectUse::default() };
     let options = &plugin.manifest().options;
     // Of colors and vectors each number has a name, too; the samples of curves need none here.
     let has_names = |o: &&OptionSpec| matches!(o.kind, OptionKind::Color { .. } | OptionKind::Vector { .. });

@@ -98,7 +98,7 @@ impl Maps {
         let mut normal_map = given(o, "normal_map")?;
         let height_map = given(o, "height_map")?;
         if depth.is_some() && height_map.is_none() {
-            let text = format!("{}: depth says more of height_map, which is not given", o.function);
+            let text = format!("{}: depth needs height_map, which is not given", o.function);
             return Err(ApiError::new(text).focus("depth"));
         }
         let relief = height_map.as_ref().map_or(0.0, |_| depth.unwrap_or(0.05) as f32);
@@ -374,7 +374,7 @@ fn layers(o: &Options, material: &mut Material) -> Result<(), ApiError> {
         ("translucent_color", "translucent"),
     ] {
         if o.get(part).is_some() && o.get(whole).is_none() {
-            let text = format!("{}: {part} says more of {whole}, which is not given", o.function);
+            let text = format!("{}: {part} needs {whole}, which is not given", o.function);
             return Err(ApiError::new(text).focus(part));
         }
     }

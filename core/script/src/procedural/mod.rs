@@ -180,7 +180,7 @@ fn triplanar(o: &Options, primitive: &Primitive) -> Result<Option<Triplanar>, Ap
     let fail = |text: String, word: &str| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));
     if !asked {
         return match sharpness {
-            Some(_) => fail("sharpness says more of projection: \"triplanar\"".into(), "sharpness"),
+            Some(_) => fail("sharpness needs projection: \"triplanar\"".into(), "sharpness"),
             None => Ok(None),
         };
     }
@@ -229,7 +229,7 @@ fn shaped(c: &Call, o: &Options, mut primitive: Primitive) -> Result<Primitive, 
         let Some(word) = ["displacement", "detail"].into_iter().find(|w| o.get(w).is_some()) else {
             return Ok(primitive);
         };
-        let text = format!("{}: {word} says more of displacement_map, which is not given", o.function);
+        let text = format!("{}: {word} needs displacement_map, which is not given", o.function);
         return Err(ApiError::new(text).focus(word));
     };
     for _ in 0..detail.unwrap_or(2.0) as u32 {

@@ -3,7 +3,7 @@ use crate::api::defs;
 use crate::help::{answer, nearest, search};
 use std::collections::BTreeMap;
 
-/// GLOSSARY, "Words that users search for".
+/// Words that users of animation programs search for.
 const SEARCHED: &str = "IK, inverse kinematics, foot lock, foot sliding, keyframe, dope sheet, easing, Bézier, NLA, strip, track,
     crossfade, blend, transition, additive layer, mask, weight, root motion, in place, retarget, rest pose, bind pose, T-pose,
     morph target, blend shape, shape key, viseme, spring bone, jiggle, secondary motion, parent, constraint, Child Of, camera,

@@ -38,7 +38,7 @@ impl Displacement {
         Displacement { frame: self.frame.then_in(next.frame), forward: self.forward + next.forward }
     }
 
-    /// The step from here to there.
+    /// Displacement from this one to another.
     fn to(self, there: Displacement) -> Displacement {
         Displacement {
             frame: self.frame.inverse().then_in(there.frame),
@@ -56,7 +56,7 @@ impl RootMotionTracks {
         RootMotionTracks(stage.actors.iter().map(|a| RootMotionTrack::of(a).map(Arc::new)).collect())
     }
 
-    /// That of one actor.
+    /// The track of one actor alone.
     pub fn only(&self, actor: usize) -> RootMotionTracks {
         RootMotionTracks(vec![self.0.get(actor).cloned().flatten()])
     }
@@ -265,8 +265,8 @@ fn knot(start: Time, end: Time, count: i64, i: i64) -> Time {
     start + Time((i128::from((end - start).0) * i128::from(i) / i128::from(count)) as i64)
 }
 
-/// The mean of what the clips that count do between two times, by their weights in the middle: of the logarithms of their
-/// exact motions, which are velocities, and what switches still add to them.
+/// Displacement between two times: the mean of the active clips' exact displacements, weighted as in the middle of the step. The mean is
+/// taken over logarithms, which are velocities. The velocities that inertialized switches still add are included.
 fn mean_step(
     Moving { layer, settling }: Moving,
     from: Time,

@@ -124,7 +124,8 @@ pub struct Attachment {
 }
 
 /// A joint turned towards a target: the direction that is the model's front in rest pose ([`Asset::front`]) is turned,
-/// on the shortest way from the clip's pose, to point at it. See [`crate::constraints::look_at::LOOK_AT_LIMIT_RAD`].
+/// on the shortest way from the clip's pose, to point at it. Up to 80° it is turned
+/// fully, and beyond that less and less (`LOOK_AT_LIMIT_RAD`).
 #[derive(Clone, Debug, PartialEq)]
 pub struct LookAt {
     pub joint: u32,

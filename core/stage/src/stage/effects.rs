@@ -26,6 +26,20 @@ pub struct EffectUse {
     pub on: Vec<EffectTarget>,
     /// Only while one of these of `Stage::cameras` is on, sorted; empty: whichever is.
     pub cameras: Vec<usize>,
+    /// The actors outside the image whose poses the plugin reads or changes.
+    pub off_screen: OffScreenActors,
+}
+
+/// Actors outside the image whose poses an effect can need, so that they are not culled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum OffScreenActors {
+    /// All of them: the effect reads the whole stage.
+    #[default]
+    All,
+    /// Those that the effect is on: it draws farther out than their meshes reach, or compares them with earlier frames.
+    Affected,
+    /// None: the effect changes the color of what is in the image.
+    None,
 }
 
 /// An image as a parameter.
@@ -74,6 +88,15 @@ impl EffectTarget {
 }
 
 impl EffectUse {
+    /// Whether it can need the pose of an actor outside the image.
+    pub(crate) fn needs_off_screen(&self, actor: usize) -> bool {
+        match self.off_screen {
+            OffScreenActors::All => true,
+            OffScreenActors::Affected => self.on.is_empty() || self.on.iter().any(|t| t.actor == actor),
+            OffScreenActors::None => false,
+        }
+    }
+
     /// The name of the effect that draws it: the plugin's, and with images of its own a name that equal ones share.
     pub fn drawn_by(&self) -> Cow<'_, str> {
         if self.images.is_empty() {

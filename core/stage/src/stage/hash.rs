@@ -322,7 +322,7 @@ hashed! {
         1 Constant(speed),
     }
     struct SurfaceRule { material, cutouts, transparency }
-    struct EffectUse { plugin, parameters, images, start, end, keys, distances, on, cameras }
+    struct EffectUse { plugin, parameters, images, start, end, keys, distances, on, cameras; without off_screen }
     struct EffectDistance { parameter, target, least, most }
     struct EffectTarget { actor, material }
     struct LookAt { joint, target, start, end, fade, weight }

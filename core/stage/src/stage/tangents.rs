@@ -12,9 +12,8 @@ const MOST_TIMES: f64 = 2.0;
 pub enum Tangents {
     /// Zero: the value rests at each key.
     Flat,
-    /// The tangents of [`Tangents::CatmullRom`], but nowhere against the change before or after the key, and at most [`MOST_TIMES`] as
-    /// fast as the
-    /// slower of both. A number never leaves the range between two keys (monotone cubics), and neither does a vector on a straight line.
+    /// The tangents of [`Tangents::CatmullRom`], but nowhere against the change before or after the key, and at most twice
+    /// as fast as the slower of both. A number never leaves the range between two keys (monotone cubics), and neither does a vector on a straight line.
     Limited,
     /// Non-uniform Catmull–Rom: the tangent of the parabola through the key and its neighbors. Where two keys lie close together it overshoots
     /// as 1 / gap.

@@ -191,7 +191,7 @@ pub fn aces(lights: &[Light], of: &str, budget_secs: f64) -> Choice {
     );
     choice.choose(
         "Hill's fit between two matrices",
-        "keeps what people know ACES for, bright colours that turn pale, at a small part of the cost",
+        "keeps what people know ACES for, bright colors that turn pale, at a small part of the cost",
     );
     choice
 }

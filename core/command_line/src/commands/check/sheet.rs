@@ -4,7 +4,7 @@ use choreo_bench::plots::{Bar, Mark, Timeline, Track};
 use choreo_motion::Time;
 use choreo_stage::{Cue, Layer, Stage, Subject};
 
-/// Actors drawn; of a crowd the rest would make an image of meters.
+/// Actors drawn; of a crowd the rest would make an image of metres.
 const MOST_ACTORS: usize = 60;
 const COLORS: [&str; 8] =
     ["#2b6cb0", "#2f855a", "#b7791f", "#6b46c1", "#b83280", "#2c7a7b", "#c05621", "#4a5568"];

@@ -3,7 +3,7 @@
 use crate::args::RenderArgs;
 use crate::commands::render::{Job, sheet};
 use crate::drawing::device;
-use crate::drawing::pipeline::{Counts, Encode, Pipeline, PlanAt, SceneKey, render_failure};
+use crate::drawing::pipeline::{Counts, Encode, Pipeline, Pixels, PlanAt, SceneKey, render_failure};
 use crate::failure::{Failure, print_message, write_failure};
 use crate::output::image_files::{self, Claim};
 use crate::output::journal::Identity;
@@ -15,7 +15,7 @@ use crate::process::{interrupt, threads};
 use crate::terminal::progress::Progress;
 use choreo_files::PartFile;
 use choreo_motion::Time;
-use choreo_plugin::VideoInfo;
+use choreo_plugin::{FrameWish, VideoInfo};
 use choreo_render::plan::frame_key::scene_key;
 use choreo_render::plan::motion_blur::plan_at;
 use choreo_render::{PlanOptions, Renderer, SceneResources};
@@ -25,6 +25,14 @@ use std::time::Instant;
 
 /// Images being encoded take at most about this much memory, however large each is.
 const PICTURE_BYTES: usize = 256 << 20;
+
+/// Bytes of a pixel of a frame, about.
+fn pixel_bytes(wish: FrameWish) -> usize {
+    match wish {
+        FrameWish::Bytes => 4,
+        _ => 32,
+    }
+}
 
 /// Result of a render, and the device that drew it.
 pub struct Drawn {
@@ -113,7 +121,7 @@ impl Drawing<'_> {
         begun.note.iter().for_each(|line| say(line));
         let Some(mut video) = video else { return Ok(Counts::default()) };
         let encode: Vec<Encode> =
-            vec![Box::new(|_, picture, repeated| video.frame(&picture.frame, repeated))];
+            vec![Box::new(|_, picture, repeated| video.frame(&picture.pixels, repeated))];
         let drawn = match self.frames(renderer, &job.frames[begun.done..], encode, say) {
             Ok(drawn) => video.finish().map(|()| drawn),
             Err(failure) => {
@@ -136,13 +144,16 @@ impl Drawing<'_> {
         let part = PartFile::create(&place).map_err(|e| write_failure(&place.display().to_string(), e))?;
         let mut drawn = Vec::new();
         let keep: Encode = Box::new(|frame, picture, _| {
-            drawn.push((frame, picture.frame.clone()));
+            // `prepare` refuses sheets of floats.
+            if let Pixels::Bytes(pixels) = &picture.pixels {
+                drawn.push((frame, pixels.clone()));
+            }
             Ok(())
         });
         let counts = self.frames(renderer, &job.frames, vec![keep], say)?;
         let sheet = sheet::compose(drawn);
         let info = VideoInfo { width: sheet.width, height: sheet.height, frames: 1, ..self.info.clone() };
-        image_files::write_to(&place, Ok(part), &*job.exporter, &info, &sheet)?;
+        image_files::write_to(&place, Ok(part), &*job.exporter, &info, &Pixels::Bytes(sheet))?;
         Ok(counts)
     }
 
@@ -165,7 +176,8 @@ impl Drawing<'_> {
             }
             _ => None,
         };
-        let bytes = 4 * info.width as usize * info.height as usize;
+        let pixels = info.width as usize * info.height as usize;
+        let bytes = pixel_bytes(job.wish) * pixels;
         let workers = self.jobs.unwrap_or_else(threads::cores).min(frames.len()).min(PICTURE_BYTES / bytes);
         let mut encode = || -> Encode {
             let mut open = open.take();
@@ -194,7 +206,7 @@ impl Drawing<'_> {
         let size = self.job.settings.size;
         let aspect = f64::from(size[0]) / f64::from(size[1].max(1));
         let mut evaluator = Evaluator::new(self.job.scene.stage.clone()).for_images(aspect);
-        let options = PlanOptions { effects, ..PlanOptions::new(size, self.samples) };
+        let options = PlanOptions { effects, wish: self.job.wish, ..PlanOptions::new(size, self.samples) };
         let loaded = resources.clone();
         let scene_key: SceneKey = Box::new(move |plan| scene_key(plan, &loaded, effects));
         let (started, limit) = (Instant::now(), self.job.scene.limits.render_seconds);

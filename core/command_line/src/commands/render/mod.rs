@@ -18,8 +18,8 @@ use crate::scene::{
     opening::{Keep, Opening},
 };
 use choreo_motion::Time;
-use choreo_plugin::{ExportOptions, Exporter, Registry};
-use choreo_stage::{Repeat, Settings};
+use choreo_plugin::{ExportOptions, Exporter, FrameWish, Hook, Passes, Registry, ViewOrder};
+use choreo_stage::{Repeat, Settings, Stage};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -32,6 +32,8 @@ pub struct Job {
     pub settings: Settings,
     pub samples: Option<u32>,
     pub options: ExportOptions,
+    /// The pixels that the exporter wishes for.
+    pub wish: FrameWish,
     pub notes: Vec<String>,
 }
 
@@ -76,7 +78,8 @@ pub fn prepare(
     keep: Option<&Keep>,
 ) -> Result<Job, Failure> {
     let exporter = target.exporter(registry)?;
-    let options = export::options(&args.export, exporter.manifest())?;
+    let options = export::options(&args.given(), exporter.manifest())?;
+    let wish = wish(args, &target, &**exporter, &options)?;
     let size = args.size.as_deref().map(values::size).transpose()?;
     let fps = args.fps.as_deref().map(values::fps).transpose()?;
     let at = args.at.as_deref().map(values::at).transpose()?;
@@ -150,7 +153,43 @@ pub fn prepare(
         frames.iter().try_for_each(|(number, _)| scene.inputs.refuse(&target.file(*number)))?;
     }
     let exporter = Arc::new(Budgeted::new(exporter.clone(), scene.limits.output));
-    Ok(Job { scene, target, exporter, frames, settings, samples, options, notes })
+    notes.extend(without_display(wish, &scene.stage, registry));
+    Ok(Job { scene, target, exporter, frames, settings, samples, options, wish, notes })
+}
+
+/// The pixels that the format holds with these options.
+fn wish(
+    args: &RenderArgs,
+    target: &Target,
+    exporter: &dyn Exporter,
+    options: &ExportOptions,
+) -> Result<FrameWish, Failure> {
+    let wish = exporter.wish(options).map_err(|error| Failure::Usage(error.to_string()))?;
+    let why = if args.sheet { "--sheet" } else { "--stages" };
+    match wish {
+        FrameWish::Bytes => Ok(wish),
+        _ if args.sheet || args.stages => {
+            Err(Failure::Usage(format!("{why} makes images of 8 bits, and {} holds others", target.shown())))
+        }
+        _ => Ok(wish),
+    }
+}
+
+/// The note about what images of light do without.
+fn without_display(wish: FrameWish, stage: &Stage, registry: &Registry) -> Option<String> {
+    let FrameWish::Scene(Passes { color: true, .. }) = wish else { return None };
+    let effects = stage.effects.iter().filter_map(|used| registry.effect(&used.plugin));
+    let shown = effects.filter(|effect| {
+        matches!(effect.hook(), Hook::Pixel | Hook::Image) && effect.view_order() != ViewOrder::Before
+    });
+    let mut without: Vec<String> =
+        shown.map(|effect| format!("the effect {}", effect.manifest().name)).collect();
+    without.extend((!stage.layers_2d.is_empty()).then(|| "2D layers".to_string()));
+    let without = match without.is_empty() {
+        true => return None,
+        false => without.join(", "),
+    };
+    Some(format!("light before the view transform is written, so without {without}"))
 }
 
 /// `--length`: the model's clip again and again.

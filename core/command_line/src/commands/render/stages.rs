@@ -2,7 +2,7 @@
 
 use crate::args::RenderArgs;
 use crate::commands::render;
-use crate::drawing::pipeline::render_failure;
+use crate::drawing::pipeline::{Pixels, render_failure};
 use crate::failure::{Failure, output_error, print_message};
 use crate::output::image_files;
 use crate::output::provenance;
@@ -94,7 +94,13 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     };
     for (number, (name, picture)) in (1..).zip(STAGES.iter().zip(&pictures)) {
         let path = file(number, name);
-        image_files::write_to(&path, PartFile::create(&path), &*job.exporter, &info, picture)?;
+        image_files::write_to(
+            &path,
+            PartFile::create(&path),
+            &*job.exporter,
+            &info,
+            &Pixels::Bytes(picture.clone()),
+        )?;
         if !args.quiet {
             print_message(path.display());
         }

@@ -3,9 +3,9 @@
 
 use crate::plan::build::effects::{effect_parameters, uses};
 use crate::plan::options::PlanOptions;
-use crate::plan::{Features, PostPass};
-use choreo_plugin::{Effect, OptionKind, ViewOrder};
-use choreo_stage::{Snapshot, Stage, ViewTransform};
+use crate::plan::{Features, LeftOut, PostPass};
+use choreo_plugin::{Effect, FrameWish, OptionKind, ViewOrder};
+use choreo_stage::{Background, Snapshot, Stage, ViewTransform};
 
 /// Exposure and view transform of a frame.
 #[derive(Clone, Debug)]
@@ -32,9 +32,15 @@ impl Display {
         let pass = curve.filter(|_| !replaced && is_on(ViewOrder::Before));
         // Without an effect that implements the view transform there is no pass.
         let pass = pass.filter(|curve| view_effect(options.effects, curve).is_some());
-        let linear = replaced || pass.is_some();
+        // A frame of light is transformed by whom it is made for.
+        let light = matches!(options.wish, FrameWish::Scene(_));
+        let linear = replaced || pass.is_some() || light;
         let features = Features::EXPOSURE.when(settings.exposure != 0.0);
-        Display { exposure, features: features.with(of_surfaces.when(!linear)), pass }
+        Display {
+            exposure,
+            features: features.with(of_surfaces.when(!linear)),
+            pass: pass.filter(|_| !light),
+        }
     }
 
     /// Inserts the pass of the view transform after the last effect that works on light.
@@ -43,13 +49,39 @@ impl Display {
         else {
             return;
         };
-        let is_light = |pass: &PostPass| {
-            let of_pass = options.effects.iter().find(|e| e.manifest().name == pass.effect);
-            of_pass.is_some_and(|e| e.view_order() == ViewOrder::Before)
-        };
-        let after = passes.iter().rposition(is_light).map_or(0, |last| last + 1);
+        let after = after_light(passes, options);
         let pass = PostPass { effect: effect.manifest().name.clone(), parameters, number: 0, shrink: 1 };
         passes.insert(after, pass);
+    }
+}
+
+/// The number of passes up to the last one that works on light.
+fn after_light(passes: &[PostPass], options: &PlanOptions) -> usize {
+    let is_light = |pass: &PostPass| {
+        let of_pass = options.effects.iter().find(|e| e.manifest().name == pass.effect);
+        of_pass.is_some_and(|e| e.view_order() == ViewOrder::Before)
+    };
+    passes.iter().rposition(is_light).map_or(0, |last| last + 1)
+}
+
+/// Leaves out the passes that work on the colors of a display.
+pub(super) fn keep_light(passes: &mut Vec<PostPass>, options: &PlanOptions) -> Vec<LeftOut> {
+    let rest = passes.split_off(after_light(passes, options));
+    let first = rest.into_iter().filter(|pass| pass.number == 0);
+    let left_out = |pass: PostPass| LeftOut {
+        what: format!("effect \"{}\"", pass.effect),
+        why: "it works on colors of a display, and the frame is light before the view transform".into(),
+    };
+    first.map(left_out).collect()
+}
+
+/// The background as the image begins with it. Images of floats are premultiplied.
+pub(super) fn background(background: Background, wish: FrameWish) -> Background {
+    match background {
+        Background::Color(color) if wish != FrameWish::Bytes => {
+            Background::Color((color.truncate() * color.w).extend(color.w))
+        }
+        other => other,
     }
 }
 

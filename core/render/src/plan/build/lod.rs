@@ -16,7 +16,7 @@ pub(super) struct ActorLevels<'a> {
     pub levels: &'a [LodLevel],
     /// Index into `levels` of the model at each of its places; `None`: all triangles.
     of_places: Vec<Option<usize>>,
-    /// How much longer the pose makes a meter of the model at rest.
+    /// How much longer the pose makes a metre of the model at rest.
     stretch: f32,
 }
 
@@ -64,7 +64,7 @@ impl<'a> Planner<'a> {
         if bounds.is_empty() {
             return None;
         }
-        // Pixels that a meter of the model covers where the copy is nearest.
+        // Pixels that a metre of the model covers where the copy is nearest.
         let nearest = self.view.depth(bounds.center()) - (bounds.max - bounds.min).length() * 0.5;
         let pixels_per_meter = self.view.pixels_per_meter(nearest, self.options.size);
         let scale = stretch * levels.stretch * pixels_per_meter;

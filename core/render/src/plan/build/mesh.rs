@@ -60,7 +60,7 @@ struct CopyContext {
     /// Line width as in [`Instance::width`].
     width: f32,
     bounds: Aabb,
-    /// Bounds with outlines and thick lines in meters.
+    /// Bounds with outlines and thick lines in metres.
     drawn_bounds: Aabb,
     /// Outlines and thick lines around these, as a share of the image's height.
     drawn_margin: f32,

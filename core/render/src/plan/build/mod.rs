@@ -20,7 +20,7 @@ mod transparency;
 
 use crate::affine::Affine3x4;
 use crate::layers_2d::compose_layers;
-use crate::plan::build::display::Display;
+use crate::plan::build::display::{Display, background, keep_light};
 use crate::plan::build::effects::{
     SceneEffect, add_frame_numbers, background_effects, post_passes, scene_effects,
 };
@@ -44,6 +44,7 @@ use crate::scene_resources::SceneResources;
 use crate::scene_resources::material::MaterialResource;
 use choreo_asset::Aabb;
 use choreo_motion::Time;
+use choreo_plugin::FrameWish;
 use choreo_stage::{ActorShadow, ActorState, EffectTarget, Shadow, Snapshot, Stage};
 use glam::{DAffine3, Vec3};
 use std::sync::Arc;
@@ -228,11 +229,14 @@ impl<'a> Planner<'a> {
         let deferred = self.deferred(&mut draws, (lights.len(), light_clusters.as_ref()));
         let (overlay, labels, overlay_left_out) = overlays(stage, snapshot, &self.view, options);
         let [layers_behind, layers_in_front] = compose_layers(stage, snapshot, &labels, options.size);
-        let (mut post, unknown_effects) = post_passes(stage, snapshot, options);
+        let (mut post, mut effects_left_out) = post_passes(stage, snapshot, options);
         self.display.add_pass(&mut post, options);
+        if let FrameWish::Scene(_) = options.wish {
+            effects_left_out.extend(keep_light(&mut post, options));
+        }
         let times = frame_times(stage, snapshot);
         post.iter_mut().for_each(|pass| add_frame_numbers(pass, &times, options));
-        let inputs = inputs_of(stage, snapshot, options.effects);
+        let inputs = inputs_of(stage, snapshot, options);
         let effect_frame = effect_frame(stage, snapshot, inputs, &self.view, &lights);
         self.facts = Facts {
             flats: usize::from(layers_behind.is_some()) + usize::from(layers_in_front.is_some()),
@@ -252,12 +256,13 @@ impl<'a> Planner<'a> {
         let mut left_out = left_out(all, &self.facts);
         left_out.extend(LeftOut::unless("order-independent transparency", &depth_peeling));
         left_out.extend(LeftOut::unless("deferred shading", &deferred));
-        left_out.extend(unknown_effects.into_iter().chain(overlay_left_out));
+        left_out.extend(effects_left_out.into_iter().chain(overlay_left_out));
         Plan {
             size: options.size,
             samples: options.samples,
+            wish: options.wish,
             view: self.view,
-            background: snapshot.background,
+            background: background(snapshot.background, options.wish),
             ambient_up: if lit { snapshot.ambient_up } else { Vec3::ZERO },
             ambient_down: if lit { snapshot.ambient_down } else { Vec3::ZERO },
             exposure: self.display.exposure,

@@ -69,7 +69,7 @@ pub(super) fn effect_lines(
 }
 
 impl Planner<'_> {
-    /// Largest outline width around a primitive of an actor: meters, and a share of the image's height.
+    /// Largest outline width around a primitive of an actor: metres, and a share of the image's height.
     pub(crate) fn outline_width(
         &self,
         entry: &PrimitiveEntry,
@@ -83,10 +83,10 @@ impl Planner<'_> {
             SurfaceLine::Outline(outline) => Some(outline),
             SurfaceLine::Wireframe(_) => None,
         });
-        own.into_iter().chain(of_effects).fold((0.0, 0.0), |(meters, share), outline| {
+        own.into_iter().chain(of_effects).fold((0.0, 0.0), |(metres, share), outline| {
             match outline.on_screen {
-                true => (meters, outline.width.max(share)),
-                false => (outline.width.max(meters), share),
+                true => (metres, outline.width.max(share)),
+                false => (outline.width.max(metres), share),
             }
         })
     }

@@ -6,19 +6,26 @@ use crate::plan::build::effects::uses;
 use crate::plan::build::items::{DrawItem, DrawMerger};
 use crate::plan::build::mesh::{MeshContext, PrimitiveContext, copy_transform};
 use crate::plan::build::skins::SkinMatrices;
+use crate::plan::options::PlanOptions;
 use crate::plan::scene_inputs::InputPass;
 use crate::plan::{
     ActiveMorph, Draw, Features, Instance, LightType, PipelineKey, Plan, PlanLight, TopologyKey, View,
 };
 use choreo_motion::Time;
-use choreo_plugin::{Effect, EffectFrame, Hook, SceneInputs};
+use choreo_plugin::{EffectFrame, FrameWish, Hook, Passes, SceneInputs};
 use choreo_stage::{ActorState, Snapshot, Stage};
 use glam::{DAffine3, DMat4, Vec3, Vec4};
 
-/// The inputs from the scene that the active effects on images read.
-pub(crate) fn inputs_of(stage: &Stage, snapshot: &Snapshot, effects: &[Effect]) -> SceneInputs {
-    let images = uses(stage, snapshot, effects).filter(|(effect, ..)| effect.hook() == Hook::Image);
-    images.fold(SceneInputs::default(), |all, (effect, ..)| all.union(effect.scene_inputs()))
+/// The inputs from the scene that the active effects on images read, and those that are passes of the frame.
+pub(crate) fn inputs_of(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> SceneInputs {
+    let images = uses(stage, snapshot, options.effects).filter(|(effect, ..)| effect.hook() == Hook::Image);
+    let wanted = match options.wish {
+        FrameWish::Scene(Passes { depth, normal, motion, .. }) => {
+            SceneInputs { surface: depth || normal, motion, ..SceneInputs::default() }
+        }
+        _ => SceneInputs::default(),
+    };
+    images.fold(wanted, |all, (effect, ..)| all.union(effect.scene_inputs()))
 }
 
 /// The frame before, for motion vectors.

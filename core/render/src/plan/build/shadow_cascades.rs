@@ -21,7 +21,7 @@ const MAX_CASCADES: usize = 5;
 const FILTER: f64 = 3.0;
 /// Margin on each side in texels: the filter's reach and the offset along the normal.
 const MARGIN: f64 = 6.0;
-/// Near plane of point and spot lights in meters: casters nearer than this (the bulb) throw no shadow.
+/// Near plane of point and spot lights in metres: casters nearer than this (the bulb) throw no shadow.
 const NEAR: f64 = 0.05;
 
 /// Everything in view and everything that casts shadows, in camera-relative space.
@@ -133,7 +133,7 @@ fn slice(region: &ShadowRegion<'_>, from: f64, to: f64) -> (DVec3, f64) {
 /// How wide the edges of a directional light's shadows are.
 #[derive(Clone, Copy)]
 enum Edge {
-    /// Meters.
+    /// Metres.
     Fixed(f64),
     /// Penumbra of the sun's disc: width per distance between caster and receiver.
     Sun(f64),

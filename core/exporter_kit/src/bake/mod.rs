@@ -1,4 +1,4 @@
-//! A scene over time as curves: clips that play unchanged with their own keys, the rest sampled and reduced.
+//! A scene over time as curves (decision 61): clips that play unchanged with their own keys, the rest sampled and reduced.
 
 pub mod check;
 mod keys;
@@ -16,7 +16,7 @@ use crate::bake::sample::{Sampled, Sampler};
 use crate::bake::shots::Shot;
 use crate::bake::signals::{CameraPart, Quantity, Signal};
 use crate::bake::tracks::{TrackSet, Values};
-use choreo_plugin::motion::{Path, Time, Transform};
+use choreo_plugin::motion::{Interpolation, Path, Time, Transform};
 use choreo_plugin::stage::{Actor, LightState, Property, Snapshot, Stage, StageError};
 use choreo_plugin::{ExportedScene, glam};
 use std::collections::BTreeMap;
@@ -46,6 +46,15 @@ pub struct Motion {
     pub hidden: bool,
 }
 
+/// The curves that a format can hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Style {
+    /// Each curve has key times and an interpolation of its own; splines are kept.
+    Separate,
+    /// All joints of an actor have values at the same times, with straight lines between.
+    Common,
+}
+
 /// How an actor is baked.
 #[derive(Clone, Copy, PartialEq)]
 enum Need {
@@ -55,7 +64,10 @@ enum Need {
 }
 
 /// `tolerance`: metres that a joint may be off.
-pub fn bake<'a>(scene: &'a ExportedScene, tolerance: f64) -> Result<Baked<'a>, StageError> {
+///
+/// # Errors
+/// The stage cannot be evaluated at a time.
+pub fn bake<'a>(scene: &'a ExportedScene, tolerance: f64, style: Style) -> Result<Baked<'a>, StageError> {
     let stage = &scene.stage;
     let (start, end) = span(scene);
     let mut evaluator = choreo_plugin::stage::Evaluator::new(stage.clone()).posing_hidden();
@@ -72,10 +84,10 @@ pub fn bake<'a>(scene: &'a ExportedScene, tolerance: f64) -> Result<Baked<'a>, S
         series: Vec::new(),
         shots: shots::of_stage(stage, start, end),
     };
-    let needs = take_keys(stage, &mut baked);
+    let needs = take_keys(stage, style, &mut baked);
     // Half for what lies between samples, half for the keys that go.
     let signals = signals::of_stage(stage, tolerance as f32 * 0.5, |actor| needs[actor] == Need::Pose);
-    sample(scene, &needs, signals, tolerance, &mut baked)?;
+    sample(scene, &needs, signals, (tolerance, style), &mut baked)?;
     shots::place_still(scene, &mut baked)?;
     Ok(baked)
 }
@@ -89,7 +101,7 @@ fn span(scene: &ExportedScene) -> (Time, Time) {
 }
 
 /// Takes the keys of clips that play unchanged; what is left to be sampled of each actor.
-fn take_keys<'a>(stage: &'a Stage, baked: &mut Baked<'a>) -> Vec<Need> {
+fn take_keys<'a>(stage: &'a Stage, style: Style, baked: &mut Baked<'a>) -> Vec<Need> {
     let mut known: BTreeMap<Vec<u64>, Option<usize>> = BTreeMap::new();
     let mut needs = Vec::with_capacity(stage.actors.len());
     for (index, actor) in stage.actors.iter().enumerate() {
@@ -100,6 +112,10 @@ fn take_keys<'a>(stage: &'a Stage, baked: &mut Baked<'a>) -> Vec<Need> {
         let (sets, start, end) = (&mut baked.sets, baked.start, baked.end);
         let set = *known.entry(keys::identity(actor)).or_insert_with(|| {
             let (times, tracks, still, keys) = keys::keys(actor, start, end)?;
+            if style == Style::Common && tracks.iter().any(|t| t.interpolation == Interpolation::CubicSpline)
+            {
+                return None;
+            }
             sets.push(TrackSet { times, tracks, still, values: Values::Keys(keys) });
             Some(sets.len() - 1)
         });
@@ -130,7 +146,7 @@ fn sample(
     scene: &ExportedScene,
     needs: &[Need],
     mut signals: Vec<Signal>,
-    tolerance: f64,
+    (tolerance, style): (f64, Style),
     baked: &mut Baked<'_>,
 ) -> Result<(), StageError> {
     let stage = &scene.stage;
@@ -165,7 +181,11 @@ fn sample(
             motion.hidden = sizes.into_iter().all(|size| *size == [0.0; 3]);
             if !motion.hidden {
                 motion.sets.push(baked.sets.len());
-                baked.sets.push(reduce::actor_tracks(actor, sampled, &rows, tolerance * 0.5));
+                let tracks = match style {
+                    Style::Separate => reduce::actor_tracks,
+                    Style::Common => reduce::common_tracks,
+                };
+                baked.sets.push(tracks(actor, sampled, &rows, tolerance * 0.5));
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Numbers of a scene beside joints that change with time: cameras, lights, materials, morph weights.
 
-use crate::textures::UvParts;
+use crate::uv::UvParts;
 use choreo_plugin::asset::{AlphaMode, Asset, LightKind, Material, Projection, Shading, TextureRef};
 use choreo_plugin::glam::{Quat, Vec3, Vec4};
 use choreo_plugin::stage::{
@@ -214,7 +214,7 @@ impl Signals {
         if of.occlusion_texture.is_some() {
             add(MaterialPart::OcclusionStrength, 1, 2e-3);
         }
-        for slot in (0..SLOTS.len() as u8).filter(|slot| slot_of(of, *slot).is_some()) {
+        for slot in (0..TEXTURE_SLOTS).filter(|slot| slot_of(of, *slot).is_some()) {
             add(MaterialPart::UvOffset(slot), 2, 2e-4);
             add(MaterialPart::UvRotation(slot), 1, 5e-4);
             add(MaterialPart::UvScale(slot), 2, 2e-4);
@@ -229,18 +229,12 @@ fn farthest_morph(asset: &Asset, mesh: usize) -> f32 {
     squares.fold(0.0, f32::max).sqrt()
 }
 
-/// Paths of texture slots in a material's JSON.
-pub const SLOTS: [&str; 7] = [
-    "pbrMetallicRoughness/baseColorTexture",
-    "pbrMetallicRoughness/metallicRoughnessTexture",
-    "normalTexture",
-    "occlusionTexture",
-    "emissiveTexture",
-    "extensions/KHR_materials_specular/specularTexture",
-    "extensions/KHR_materials_specular/specularColorTexture",
-];
+/// Texture slots of a material whose transforms can change: base color, metallic-roughness, normal, occlusion, emissive, specular,
+/// specular color.
+pub const TEXTURE_SLOTS: u8 = 7;
 
-fn slot_of(m: &Material, slot: u8) -> Option<&TextureRef> {
+/// The texture of a slot.
+pub fn slot_of(m: &Material, slot: u8) -> Option<&TextureRef> {
     let slots = [
         &m.base_color_texture,
         &m.metallic_roughness_texture,
@@ -365,5 +359,42 @@ fn of_material(m: &Material, part: MaterialPart, out: &mut Vec<f32>) {
         MaterialPart::UvOffset(slot) => out.extend(uv(slot).unwrap_or(none).offset.to_array()),
         MaterialPart::UvRotation(slot) => out.push(uv(slot).unwrap_or(none).rotation),
         MaterialPart::UvScale(slot) => out.extend(uv(slot).unwrap_or(none).scale.to_array()),
+    }
+}
+
+/// Gives a part of a material a value.
+pub fn set_material_part(m: &mut Material, part: MaterialPart, value: &[f32]) {
+    match part {
+        MaterialPart::BaseColor => m.base_color = Vec4::from_slice(value),
+        MaterialPart::Emissive => m.emissive = Vec3::from_slice(value),
+        MaterialPart::Metallic => m.metallic = value[0],
+        MaterialPart::Roughness => m.roughness = value[0],
+        MaterialPart::AlphaCutoff => m.alpha_mode = AlphaMode::Mask(value[0]),
+        MaterialPart::NormalScale => m.normal_scale = value[0],
+        MaterialPart::OcclusionStrength => m.occlusion_strength = value[0],
+        MaterialPart::UvOffset(slot) => {
+            set_uv(m, slot, |uv| uv.offset = choreo_plugin::glam::Vec2::from_slice(value))
+        }
+        MaterialPart::UvRotation(slot) => set_uv(m, slot, |uv| uv.rotation = value[0]),
+        MaterialPart::UvScale(slot) => {
+            set_uv(m, slot, |uv| uv.scale = choreo_plugin::glam::Vec2::from_slice(value))
+        }
+    }
+}
+
+fn set_uv(m: &mut Material, slot: u8, change: impl FnOnce(&mut UvParts)) {
+    let slots = [
+        &mut m.base_color_texture,
+        &mut m.metallic_roughness_texture,
+        &mut m.normal_texture,
+        &mut m.occlusion_texture,
+        &mut m.emissive_texture,
+        &mut m.specular_texture,
+        &mut m.specular_color_texture,
+    ];
+    if let Some(texture) = slots.into_iter().nth(slot.into()).and_then(Option::as_mut) {
+        let mut parts = UvParts::of(&texture.uv_transform);
+        change(&mut parts);
+        texture.uv_transform = choreo_plugin::stage::uv_transform(parts.offset, parts.rotation, parts.scale);
     }
 }

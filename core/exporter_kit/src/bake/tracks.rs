@@ -2,7 +2,8 @@
 //! they are needed where a clip has them.
 
 use crate::bake::keys::KeyTracks;
-use choreo_plugin::motion::{Interpolation, Path, Time};
+use choreo_plugin::motion::{Curve, Interpolation, Path, Time};
+use std::sync::Arc;
 
 /// The rig of an actor: joint 0 is the actor itself, joint n + 1 is joint n of its skeleton.
 #[derive(Clone, Copy, Debug)]
@@ -45,6 +46,50 @@ impl TrackSet<'_> {
         let Track { path, interpolation, times, .. } = self.tracks[track];
         let parts = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
         self.times[times].len() * path.width() * parts
+    }
+}
+
+impl TrackSet<'_> {
+    /// Adds the curves of joints; morph weights aside. `on_file` changes lists of key times, `number` the numbers.
+    pub fn add_curves(
+        &self,
+        on_file: impl Fn(&[Time]) -> Vec<Time>,
+        number: impl Fn(Path, f32) -> f32,
+        out: &mut Vec<Curve>,
+    ) {
+        let times: Vec<Arc<[Time]>> = self.times.iter().map(|times| on_file(times).into()).collect();
+        let of_joints = |(_, track): &(usize, &Track)| !matches!(track.path, Path::Weights(_));
+        for (index, track) in self.tracks.iter().enumerate().filter(of_joints) {
+            let mut values = Vec::new();
+            self.values(index, &mut values);
+            out.push(Curve {
+                joint: track.joint,
+                path: track.path,
+                interpolation: track.interpolation,
+                times: times[track.times].clone(),
+                values: values.into_iter().map(|v| number(track.path, v)).collect(),
+            });
+        }
+    }
+
+    /// All key times of some tracks, increasing. Before a key of STEP is the tick at which the value before it ends.
+    pub fn common_times(&self, of: impl Fn(&Track) -> bool) -> Vec<Time> {
+        let mut out: Vec<Time> = Vec::new();
+        let mut taken = vec![[false; 2]; self.times.len()];
+        for track in self.tracks.iter().filter(|track| of(track)) {
+            let steps = track.interpolation == Interpolation::Step;
+            if std::mem::replace(&mut taken[track.times][usize::from(steps)], true) {
+                continue;
+            }
+            let times = &self.times[track.times];
+            out.extend(times);
+            if steps {
+                out.extend(times.iter().skip(1).map(|time| *time - Time(1)));
+            }
+        }
+        out.sort_unstable();
+        out.dedup();
+        out
     }
 }
 

@@ -1,17 +1,40 @@
 //! The error of what is written: the curves with the times of the file, as a player has them, against the scene.
 
-use crate::bake::tracks::{TrackSet, seconds};
+use crate::bake::tracks::seconds;
 use crate::bake::{Baked, rig};
 use choreo_plugin::asset::widen;
-use choreo_plugin::motion::{Clip, Curve, Path, Pose, Sample, Skeleton, Time, Transform};
+use choreo_plugin::motion::{Clip, Path, Pose, Sample, Skeleton, Time, Transform};
 use choreo_plugin::stage::{Actor, Snapshot, StageError};
 use choreo_plugin::{ExportDeviation, ExportedScene};
 
 /// Joints that are compared, at most: large scenes are looked at less often.
 const MOST_JOINTS: usize = 400_000;
 
+/// What a file makes of the numbers that it gets.
+pub struct AsWritten {
+    /// Key times, from the start of the export.
+    pub times: fn(&[Time], Time) -> Vec<Time>,
+    /// A number of a curve.
+    pub number: fn(Path, f32) -> f32,
+}
+
+/// Key times in seconds as f32, numbers as they are.
+pub const SINGLE_SECONDS: AsWritten = AsWritten {
+    times: |times, start| {
+        seconds(times, start).into_iter().map(|secs| Time::from_secs(secs.into())).collect()
+    },
+    number: |_, number| number,
+};
+
 /// The largest distance of a joint. Times are spread evenly, off the frames; hidden actors have no joints.
-pub fn worst(scene: &ExportedScene, baked: &Baked<'_>) -> Result<ExportDeviation, StageError> {
+///
+/// # Errors
+/// The stage cannot be evaluated at a time.
+pub fn worst(
+    scene: &ExportedScene,
+    baked: &Baked<'_>,
+    file: &AsWritten,
+) -> Result<ExportDeviation, StageError> {
     let stage = &scene.stage;
     let joints: usize = stage.actors.iter().map(|a| a.asset.skeleton.len() + 1).sum();
     let count = (MOST_JOINTS / joints.max(1)).clamp(12, 97) as i64;
@@ -24,7 +47,7 @@ pub fn worst(scene: &ExportedScene, baked: &Baked<'_>) -> Result<ExportDeviation
         times.iter().map(|time| evaluator.at(*time)).collect::<Result<Vec<Snapshot>, StageError>>()?;
     let mut worst = ExportDeviation::default();
     for (index, actor) in stage.actors.iter().enumerate().filter(|(index, _)| !baked.motions[*index].hidden) {
-        let Some((skeleton, clip)) = written(baked, actor, index) else { continue };
+        let Some((skeleton, clip)) = written(baked, (actor, index), file) else { continue };
         let mut pose = Pose::rest(&skeleton);
         for (time, snapshot) in times.iter().zip(&snapshots) {
             let state = &snapshot.actors[index];
@@ -51,33 +74,20 @@ pub fn worst(scene: &ExportedScene, baked: &Baked<'_>) -> Result<ExportDeviation
 }
 
 /// The rig as a player of the file has it.
-fn written(baked: &Baked<'_>, actor: &Actor, index: usize) -> Option<(Skeleton, Clip)> {
-    let still = baked.still_rig(actor, index);
+fn written(baked: &Baked<'_>, (actor, index): (&Actor, usize), file: &AsWritten) -> Option<(Skeleton, Clip)> {
+    let mut still = baked.still_rig(actor, index);
+    let tracks = baked.motions[index].sets.iter().flat_map(|set| &baked.sets[*set].tracks);
+    for track in tracks.filter(|track| track.joint > 0) {
+        // Formats that hold whole transforms of what moves write its size, too.
+        let scale = &mut still[track.joint as usize].scale;
+        *scale = scale.to_array().map(|v| (file.number)(Path::Scale, v)).into();
+    }
     let rig = rig::skeleton(actor, Transform::IDENTITY)?;
     let skeleton = Skeleton::new(rig.names().to_vec(), rig.parents().to_vec(), still).ok()?;
     let mut curves = Vec::new();
     for set in baked.motions[index].sets.iter().map(|set| &baked.sets[*set]) {
-        add_curves(set, baked.start, &mut curves);
+        set.add_curves(|times| (file.times)(times, baked.start), file.number, &mut curves);
     }
     let clip = Clip::new(String::new(), skeleton.len(), curves).ok()?;
     Some((skeleton, clip))
-}
-
-fn add_curves(set: &TrackSet<'_>, start: Time, out: &mut Vec<Curve>) {
-    let ticks = |times: &Vec<Time>| -> std::sync::Arc<[Time]> {
-        seconds(times, start).into_iter().map(|secs| Time::from_secs(secs.into())).collect()
-    };
-    let times: Vec<_> = set.times.iter().map(ticks).collect();
-    for (number, track) in set.tracks.iter().enumerate().filter(|(_, t)| !matches!(t.path, Path::Weights(_)))
-    {
-        let mut values = Vec::new();
-        set.values(number, &mut values);
-        out.push(Curve {
-            joint: track.joint,
-            path: track.path,
-            interpolation: track.interpolation,
-            times: times[track.times].clone(),
-            values: values.into(),
-        });
-    }
 }

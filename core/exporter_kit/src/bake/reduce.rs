@@ -12,28 +12,9 @@ use std::sync::Arc;
 
 /// Curves of an actor. `tolerance`: metres in the world.
 pub fn actor_tracks(actor: &Actor, sampled: &Sampled, rows: &[Row], tolerance: f64) -> TrackSet<'static> {
-    let times: Arc<[Time]> = rows.iter().map(|row| row.time).collect();
-    let mut out = TrackSet {
-        times: Vec::new(),
-        tracks: Vec::new(),
-        still: Vec::new(),
-        values: Values::Lists(Vec::new()),
-    };
-    let mut curves = Vec::new();
-    for joint in 0..sampled.joints {
-        let paths = [(Path::Translation, 0, 3), (Path::Rotation, 3, 4), (Path::Scale, 7, 3)];
-        for (path, from, width) in paths {
-            let at = sampled.offset + joint * STRIDE + from;
-            let first = &rows[0].values[at..at + width];
-            if rows.iter().all(|row| row.values[at..at + width] == *first) {
-                out.still.push((joint as u32, path, first.to_vec()));
-                continue;
-            }
-            let values = rows.iter().flat_map(|row| row.values[at..at + width].iter().copied()).collect();
-            let (times, interpolation) = (times.clone(), Interpolation::Linear);
-            curves.push(Curve { joint: joint as u32, path, interpolation, times, values });
-        }
-    }
+    let rows: Vec<&Row> = rows.iter().collect();
+    let mut out = none();
+    let curves = curves(sampled, &rows, 0.0, &mut out.still);
     let world = rig::transform(&rows[0].values[sampled.offset..]);
     let Some(skeleton) = skeleton(actor, sampled, world) else { return out };
     let Ok(clip) = Clip::new(String::new(), skeleton.len(), curves) else { return out };
@@ -44,6 +25,68 @@ pub fn actor_tracks(actor: &Actor, sampled: &Sampled, rows: &[Row], tolerance: f
         reduced.curves().iter().map(|curve| subdivided(curve, limit(curve.joint))).collect();
     add_curves(&curves, &mut out);
     out
+}
+
+/// Curves of an actor that all have the same key times: whole rows go, where all joints stay within the tolerance in the world.
+pub fn common_tracks(actor: &Actor, sampled: &Sampled, rows: &[Row], tolerance: f64) -> TrackSet<'static> {
+    let row = |index: usize| &rows[index].values[sampled.offset..][..sampled.joints * STRIDE];
+    let parents = actor.asset.skeleton.parents();
+    let mut spaces = rig::Spaces::default();
+    let mut out = none();
+    let kept = match (1..rows.len()).all(|index| row(index) == row(0)) {
+        true => vec![0],
+        false => longest_ways(rows.len(), |from, to| {
+            (from + 1..to).all(|between| {
+                let t = rows[between].time.fraction(rows[from].time, rows[to].time);
+                let far = row(between)[..3].iter().fold(0.0f32, |most, v| most.max(v.abs()));
+                let allowed = (tolerance as f32).max(far * 4.0 * f32::EPSILON);
+                let three = [row(from), row(to), row(between)];
+                rig::apart(parents, three, t, sampled.reach, &mut spaces) <= allowed
+            })
+        }),
+    };
+    let kept: Vec<&Row> = kept.into_iter().map(|index| &rows[index]).collect();
+    let curves = curves(sampled, &kept, ROUNDING, &mut out.still);
+    add_curves(&curves, &mut out);
+    out
+}
+
+/// The largest difference of numbers that differ by the rounding of a pose alone.
+const ROUNDING: f32 = 1e-6;
+
+fn none() -> TrackSet<'static> {
+    let (times, tracks, still) = (Vec::new(), Vec::new(), Vec::new());
+    TrackSet { times, tracks, still, values: Values::Lists(Vec::new()) }
+}
+
+/// The curves of a rig in some rows; those that differ by no more than some number go to what is still.
+fn curves(
+    sampled: &Sampled,
+    rows: &[&Row],
+    rounding: f32,
+    still: &mut Vec<(u32, Path, Vec<f32>)>,
+) -> Vec<Curve> {
+    let times: Arc<[Time]> = rows.iter().map(|row| row.time).collect();
+    let mut curves = Vec::new();
+    for joint in 0..sampled.joints {
+        let paths = [(Path::Translation, 0, 3), (Path::Rotation, 3, 4), (Path::Scale, 7, 3)];
+        for (path, from, width) in paths {
+            let at = sampled.offset + joint * STRIDE + from;
+            let first = &rows[0].values[at..at + width];
+            let is_first = |row: &&Row| {
+                let values = &row.values[at..at + width];
+                values.iter().zip(first).all(|(v, first)| (v - first).abs() <= rounding)
+            };
+            if rows.iter().all(is_first) {
+                still.push((joint as u32, path, first.to_vec()));
+                continue;
+            }
+            let values = rows.iter().flat_map(|row| row.values[at..at + width].iter().copied()).collect();
+            let (times, interpolation) = (times.clone(), Interpolation::Linear);
+            curves.push(Curve { joint: joint as u32, path, interpolation, times, values });
+        }
+    }
+    curves
 }
 
 /// The largest angle between two rotations for which a player that normalizes the straight line between the quaternions, as Blender does,
@@ -145,6 +188,38 @@ impl Series {
     pub fn is_still(&self) -> bool {
         self.times.len() < 2
     }
+
+    /// The value at a time, of a signal that is no rotation.
+    pub fn at(&self, time: Time) -> Vec<f32> {
+        let value = |key: usize| &self.values[key * self.width..][..self.width];
+        let next = self.times.partition_point(|key| *key <= time);
+        if next == 0 || next == self.times.len() {
+            return value(next.saturating_sub(1)).to_vec();
+        }
+        let t = time.fraction(self.times[next - 1], self.times[next]);
+        value(next - 1).iter().zip(value(next)).map(|(a, b)| a + (b - a) * t).collect()
+    }
+}
+
+/// Indices from the first to the last, from each the longest way to the next that fits.
+fn longest_ways(count: usize, mut fits: impl FnMut(usize, usize) -> bool) -> Vec<usize> {
+    let (mut out, last, mut at) = (vec![0], count.saturating_sub(1), 0);
+    while at < last {
+        // Doubling, then halving: few looks along a long way.
+        let (mut good, mut step) = (at + 1, 2);
+        while at + step <= last && fits(at, at + step) {
+            good = at + step;
+            step *= 2;
+        }
+        let mut bad = (at + step).min(last + 1);
+        while bad - good > 1 {
+            let middle = good + (bad - good) / 2;
+            if fits(at, middle) { good = middle } else { bad = middle }
+        }
+        out.push(good);
+        at = good;
+    }
+    out
 }
 
 /// Keys of a signal in some rows: from each, the longest way to the next that keeps all between near enough.
@@ -168,21 +243,6 @@ pub fn series(signal: &Signal, rows: &[&Row]) -> Series {
             signal.is_near(&between, value(row))
         })
     };
-    let mut at = 0;
-    while at < last {
-        // Doubling, then halving: few looks along a long way.
-        let (mut good, mut step) = (at + 1, 2);
-        while at + step <= last && fits(at, at + step) {
-            good = at + step;
-            step *= 2;
-        }
-        let mut bad = (at + step).min(last + 1);
-        while bad - good > 1 {
-            let middle = good + (bad - good) / 2;
-            if fits(at, middle) { good = middle } else { bad = middle }
-        }
-        push(good);
-        at = good;
-    }
+    longest_ways(rows.len(), &mut fits).into_iter().skip(1).for_each(push);
     out
 }

@@ -1,0 +1,483 @@
+//! `choreo export -o scene.usdc`: usd-core reads the file without warnings, its validators have nothing to say, and joints, vertices, blend
+//! shapes and cameras are where the scene has them. `cargo test -p choreo --test export_usd -- --nocapture` prints the table.
+//!
+//! `--ignored` checks all lessons. Blender's importer runs where `CHOREO_BPY` names a Python that has `bpy`.
+
+mod common;
+#[path = "common/unhurried.rs"]
+mod unhurried;
+
+use choreo_asset::{Projection, Topology};
+use choreo_motion::Time;
+use choreo_plugin::{ExportedScene, MemoryFiles, OptionValue};
+use choreo_script::{run_file, run_text};
+use choreo_stage::{ActorState, Evaluator, Snapshot, Stage};
+use common::*;
+use glam::{DAffine3, DMat4, DVec3};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Arc;
+
+/// Metres that a joint may be off at a frame where the tolerance is as large.
+const AT_FRAMES: f64 = 1e-5;
+/// The default tolerance, for times between frames.
+const TOLERANCE: f64 = 1e-4;
+
+/// The version whose validators were looked at.
+const USD: &str = "usd-core==26.5";
+
+/// Fades, layers, IK, root motion, callbacks, attached props, several cameras, springs, faces and other characters.
+const LESSONS: [&str; 7] = [
+    "01_first_dance.rhai",
+    "07_keys_and_frames.rhai",
+    "11_root_motion.rhai",
+    "12_together.rhai",
+    "15_reaching.rhai",
+    "19_faces.rhai",
+    "38_bodies_and_chains.rhai",
+];
+
+fn scripts() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts")
+}
+
+/// The files of an export.
+struct Exported {
+    stage: Arc<Stage>,
+    files: MemoryFiles,
+    folder: tempfile::TempDir,
+    extension: String,
+}
+
+impl Exported {
+    fn of(stage: Stage, extension: &str, tolerance: f64) -> Exported {
+        let registry = choreo::registry();
+        let exporter = registry.scene_exporter_for(&format!("out.{extension}")).unwrap();
+        let mut scene = ExportedScene::new("scene.rhai", Arc::new(stage));
+        scene.extension = extension.into();
+        scene.options = exporter.manifest().complete(&scene.options).unwrap();
+        scene.options.0.insert("tolerance".into(), OptionValue::Number(tolerance));
+        let mut files = MemoryFiles::default();
+        exporter.export(&scene, &mut files).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let exported = Exported { stage: scene.stage, files, folder, extension: extension.into() };
+        exported.write(&exported.files.main);
+        exported
+    }
+
+    fn lesson(path: &Path, extension: &str, tolerance: f64) -> Exported {
+        let stage = run_file(path, &choreo::registry(), &unhurried::unhurried());
+        Exported::of(
+            stage.unwrap_or_else(|e| panic!("{}: {e:?}", path.display())).stage,
+            extension,
+            tolerance,
+        )
+    }
+
+    fn script(text: &str, extension: &str, tolerance: f64) -> Exported {
+        let run = run_text("scene.rhai", text, &scripts(), &choreo::registry(), &unhurried::unhurried());
+        Exported::of(run.unwrap_or_else(|e| panic!("{e:?}")).stage, extension, tolerance)
+    }
+
+    fn path(&self) -> PathBuf {
+        self.folder.path().join(format!("out.{}", self.extension))
+    }
+
+    fn write(&self, main: &[u8]) {
+        std::fs::write(self.path(), main).unwrap();
+        for (ending, bytes) in &self.files.beside {
+            std::fs::write(self.folder.path().join(format!("out{ending}")), bytes).unwrap();
+        }
+    }
+
+    /// What usd-core has at some times; it must have no warning.
+    fn read(&self, python: &Path, times: &[Time]) -> Value {
+        let rate = self.stage.settings.fps;
+        let per_second = f64::from(rate.num) / f64::from(rate.den);
+        let codes: Vec<f64> = times.iter().map(|time| time.as_secs() * per_second).collect();
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/common/usd.py");
+        let codes = serde_json::to_string(&codes).unwrap();
+        let run = Command::new(python).arg(script).arg(self.path()).arg(codes).output().unwrap();
+        let (text, warnings) = (String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
+        let result = text.lines().find_map(|line| line.strip_prefix("RESULT "));
+        let result = result.unwrap_or_else(|| panic!("{text}{warnings}"));
+        assert!(warnings.trim().is_empty(), "usd-core warns: {warnings}");
+        let value: Value = serde_json::from_str(result).unwrap();
+        assert_eq!(value["problems"], Value::Array(Vec::new()), "{}", value["problems"]);
+        value
+    }
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap_or_else(|| panic!("{value}")).iter().map(|v| v.as_f64().unwrap()).collect()
+}
+
+fn matrix(value: &Value) -> DMat4 {
+    DMat4::from_cols_slice(&numbers(value))
+}
+
+/// The largest distance of some things, and the place of it.
+#[derive(Default)]
+struct Worst {
+    metres: f64,
+    place: String,
+    count: usize,
+}
+
+impl Worst {
+    fn take(&mut self, metres: f64, place: impl FnOnce() -> String) {
+        self.count += 1;
+        if metres > self.metres || metres.is_nan() {
+            (self.metres, self.place) = (metres, place());
+        }
+    }
+}
+
+/// Joints and vertices of the scene against those that usd-core has.
+fn compared(exported: &Exported, read: &Value, times: &[Time]) -> [Worst; 2] {
+    let stage = &exported.stage;
+    let mut evaluator = Evaluator::new(stage.clone()).posing_hidden();
+    let (mut joints, mut points) = (Worst::default(), Worst::default());
+    for (number, time) in times.iter().enumerate() {
+        let truth: Snapshot = evaluator.at(*time).unwrap();
+        for (actor, state) in stage.actors.iter().zip(&truth.actors) {
+            let found = &read["prims"][&actor.name];
+            if found.is_null() {
+                assert!(!state.visible, "{} is seen, and not there", actor.name);
+                continue;
+            }
+            assert_eq!(found["visible"][number], state.visible, "{} at {} s", actor.name, time.as_secs());
+            if !state.visible || !actor.asset.placements.is_empty() {
+                continue;
+            }
+            let place = |what: &str| format!("{} {what} at {:.4} s", actor.name, time.as_secs());
+            let origin = matrix(&found["world"][number]).w_axis.truncate();
+            joints.take(origin.distance(state.world_from_model.translation), || place("itself"));
+            for (joint, name) in actor.asset.skeleton.names().iter().enumerate() {
+                let (Some(own), Some(found)) =
+                    (state.world_from_joint(joint), found["joints"][name][number].as_array())
+                else {
+                    continue;
+                };
+                let found: Vec<f64> = found.iter().map(|v| v.as_f64().unwrap()).collect();
+                joints.take(own.translation.distance(DVec3::from_slice(&found)), || place(name));
+            }
+            // Copies are instances of one mesh.
+            if number + 1 == times.len() && !actor.asset.has_copies() {
+                let own = vertices(actor, state);
+                let lists = found["points"].as_array().unwrap();
+                assert_eq!(own.len(), lists.len(), "meshes of {}", actor.name);
+                for (own, list) in own.iter().zip(lists) {
+                    let list = list.as_array().unwrap();
+                    let step = (own.len() / 60).max(1);
+                    assert_eq!(own.iter().step_by(step).count(), list.len());
+                    for (own, found) in own.iter().step_by(step).zip(list) {
+                        points.take(own.distance(DVec3::from_slice(&numbers(found))), || place("vertex"));
+                    }
+                }
+            }
+        }
+    }
+    [joints, points]
+}
+
+/// World positions of the vertices of each primitive, in f64.
+fn vertices(actor: &choreo_stage::Actor, state: &ActorState) -> Vec<Vec<DVec3>> {
+    let asset = &actor.asset;
+    let in_world = |joint: u32| -> DMat4 { DMat4::from(state.world_from_joint(joint as usize).unwrap()) };
+    let mut out = Vec::new();
+    for (number, instance) in asset.instances.iter().enumerate() {
+        for primitive in &asset.meshes[instance.mesh as usize].primitives {
+            if primitive.indices.is_empty() || primitive.topology != Topology::Triangles {
+                continue;
+            }
+            let skin = instance.skin.filter(|_| primitive.influences > 0).map(|s| &asset.skins[s as usize]);
+            let weights = state.morph_weights.get(number);
+            let place = |vertex: usize| -> DVec3 {
+                let mut at = primitive.positions[vertex].as_dvec3();
+                for (morph, weight) in primitive.morphs.iter().zip(weights.into_iter().flatten()) {
+                    let offset = morph.positions.get(vertex).map_or(DVec3::ZERO, |o| o.as_dvec3());
+                    at += offset * f64::from(*weight);
+                }
+                let Some(skin) = skin else { return in_world(instance.joint).transform_point3(at) };
+                let range = vertex * primitive.influences..(vertex + 1) * primitive.influences;
+                let influences =
+                    primitive.joint_indices[range.clone()].iter().zip(&primitive.joint_weights[range]);
+                influences
+                    .filter(|(_, weight)| **weight != 0.0)
+                    .map(|(joint, weight)| {
+                        let index = usize::from(*joint);
+                        let map = in_world(skin.joints[index]) * skin.inverse_bind[index].as_dmat4();
+                        map.transform_point3(at) * f64::from(*weight)
+                    })
+                    .sum()
+            };
+            out.push((0..primitive.positions.len()).map(place).collect());
+        }
+    }
+    out
+}
+
+fn frames(stage: &Stage, count: u64) -> Vec<Time> {
+    let all = stage.settings.fps.frames_in(stage.settings.length).max(1) as u64;
+    (0..count).map(|i| stage.settings.fps.time_of(((i * all + all / 3) / count) as _)).collect()
+}
+
+#[test]
+fn joints_and_vertices_of_lessons_are_where_they_were() {
+    let Some(python) = python_with("pxr", USD) else { return };
+    for name in LESSONS {
+        let exported = Exported::lesson(&scripts().join(name), "usdc", AT_FRAMES);
+        let times = frames(&exported.stage, 8);
+        let read = exported.read(&python, &times);
+        let [joints, points] = compared(&exported, &read, &times);
+        println!(
+            "{name}: {} joints {:.1e} m, {}; {} vertices {:.1e} m, {}",
+            joints.count, joints.metres, joints.place, points.count, points.metres, points.place
+        );
+        assert!(
+            joints.count > 8 && joints.metres < AT_FRAMES,
+            "{name}: {:e} m, {}",
+            joints.metres,
+            joints.place
+        );
+        assert!(points.metres < 2.0 * AT_FRAMES, "{name}: {:e} m, {}", points.metres, points.place);
+    }
+}
+
+/// A tenth of a second in which an actor is not seen, a loop, a fade, a texture that spins, a camera that zooms, a cut, and a lamp that
+/// goes on.
+const SCENE: &str = r##"
+    stage(#{ size: [320, 180], fps: 24, length: 3.0, background: "#203040" });
+    let m = load("choreo:mannequin", #{ color: "coral" });
+    let anna = cast("anna", m).at(-0.6, 0, 0);
+    anna.play(m.clip("Walk")).until(1.3).then(m.clip("Wave"), #{ fade: 0.4 });
+    let ben = cast("ben", load("choreo:mannequin", #{ color: "teal" })).at(0.6, 0, 0).tint("#ffd0d0");
+    ben.play(m.clip("Run"), #{ speed: 0.7 });
+    ben.key("visible", [[0.0, true], [1.0, false], [1.1, true]]);
+    let box = cast("box", shape("box", #{ size: 0.3, checker: "white", color: "navy" }));
+    box.attach(anna.joint("RightHand"));
+    cast("wheel", shape("quad", #{ size: 0.7, checker: "gold", color: "maroon", spin: 90.0 })).at(-1.5, 0.2, 0);
+    camera("wide").fov(40).at(0, 1.2, 4).look_at([0, 0.9, 0]).key("fov", [[0, 40], [1.5, 25]]);
+    camera("side").at(3, 1.5, 2.5).look_at([0, 0.9, 0]).cut(2.0);
+    sun(#{ direction: [-1, -2, -1] });
+    let lamp = point(#{ position: [1, 2, 1], color: "#ffcc88" }).key("intensity", [[0, 0], [2, 12]]);
+    ambient("white", 0.3);
+"##;
+
+/// Between frames, too, in all three kinds of files.
+#[test]
+fn text_crate_files_and_packages_hold_the_same_scene() {
+    let Some(python) = python_with("pxr", USD) else { return };
+    let mut known: Option<Value> = None;
+    for extension in ["usda", "usdc", "usdz"] {
+        let exported = Exported::script(SCENE, extension, TOLERANCE);
+        let length = exported.stage.settings.length.as_secs();
+        let times: Vec<Time> =
+            (0..20).map(|i| Time::from_secs(length * (f64::from(i) + 0.377) / 20.0)).collect();
+        let mut read = exported.read(&python, &times);
+        let [joints, points] = compared(&exported, &read, &times);
+        println!("{extension}: {:.1e} m, {}; vertices {:.1e} m", joints.metres, joints.place, points.metres);
+        assert!(joints.metres < TOLERANCE && points.metres < 2.0 * TOLERANCE, "{:e}", joints.metres);
+        cameras(&exported, &read, &times);
+        assert_eq!((&read["up"], &read["metres"]), (&"Y".into(), &1.0.into()));
+        assert_eq!((&read["rate"], &read["end"]), (&24.0.into(), &72.0.into()));
+        let lamp = numbers(&read["lights"]["point_2"]["intensity"]);
+        let mut evaluator = Evaluator::new(exported.stage.clone());
+        for (time, found) in times.iter().zip(lamp) {
+            let truth = &evaluator.at(*time).unwrap().lights;
+            let candela = truth.iter().map(|l| l.light).find(|l| !l.kind.is_directional());
+            let candela = candela.map_or(0.0, |l| f64::from(l.intensity));
+            assert!((found / 4.0 - candela).abs() < 0.02, "{found} / 4 is not {candela} cd");
+        }
+        // Names of files aside, the three are the same.
+        read["problems"].take();
+        let known = known.get_or_insert_with(|| read.clone());
+        assert_eq!(*known, read, "{extension} differs from usda");
+    }
+}
+
+/// The camera that is on has the scene's matrix and angle.
+fn cameras(exported: &Exported, read: &Value, times: &[Time]) {
+    let mut evaluator = Evaluator::new(exported.stage.clone());
+    let all = read["cameras"].as_object().unwrap();
+    let rate = f64::from(exported.stage.settings.fps.num);
+    for (number, time) in times.iter().enumerate() {
+        let truth = evaluator.at(*time).unwrap().camera;
+        let code = time.as_secs() * rate;
+        let on = |c: &&Value| {
+            c["shot"]["start"].as_f64().unwrap() <= code && code < c["shot"]["end"].as_f64().unwrap()
+        };
+        let camera = all.values().find(on).unwrap();
+        let world = DAffine3::from_mat4(matrix(&camera["world"][number]));
+        let apart = world.translation.distance(truth.world_from_view.translation);
+        let turned = (world.matrix3.z_axis - truth.world_from_view.matrix3.z_axis).length()
+            + (world.matrix3.y_axis - truth.world_from_view.matrix3.y_axis).length();
+        assert!(apart < TOLERANCE && turned < 3e-4, "{apart:e} m, {turned:e} rad at {} s", time.as_secs());
+        let Projection::Perspective { yfov, .. } = truth.projection else { panic!("no perspective") };
+        let found = camera["yfov"][number].as_f64().unwrap();
+        assert!((found - f64::from(yfov)).abs() < 3e-4, "{found} is not {yfov} at {} s", time.as_secs());
+    }
+}
+
+/// Each fault in the file is found by what compares it with the scene.
+#[test]
+fn planted_faults_are_found() {
+    let Some(python) = python_with("pxr", USD) else { return };
+    let exported = Exported::script(SCENE, "usda", TOLERANCE);
+    let times = frames(&exported.stage, 6);
+    let worst = |text: &str| {
+        exported.write(text.as_bytes());
+        let read = exported.read(&python, &times);
+        let [joints, points] = compared(&exported, &read, &times);
+        (joints.metres, points.metres)
+    };
+    let text = String::from_utf8(exported.files.main.clone()).unwrap();
+    let (joints, points) = worst(&text);
+    assert!(joints < TOLERANCE && points < 2.0 * TOLERANCE, "{joints:e} m, {points:e} m");
+    // Keys that are half a frame late.
+    let mut shifted = String::new();
+    for line in text.lines() {
+        let key = line
+            .trim_start()
+            .split_once(": ")
+            .and_then(|(time, rest)| Some((time.parse::<f64>().ok()?, rest)));
+        match key {
+            Some((time, rest)) if rest.starts_with("[(") => {
+                shifted.push_str(&format!("{}: {rest}\n", time + 0.5));
+            }
+            _ => shifted.push_str(&format!("{line}\n")),
+        }
+    }
+    let (joints, _) = worst(&shifted);
+    println!("late keys: {joints:.1e} m");
+    assert!(joints > 2.0 * TOLERANCE, "late keys are not found: {joints:e} m");
+    // Two joints of an animation in the wrong order.
+    let start = text.find("def SkelAnimation").unwrap();
+    let list = start + text[start..].find("joints = [").unwrap() + "joints = [".len();
+    let end = list + text[list..].find(']').unwrap();
+    let mut names: Vec<&str> = text[list..end].split(", ").collect();
+    names.swap(3, 14);
+    let swapped = format!("{}{}{}", &text[..list], names.join(", "), &text[end..]);
+    let (joints, points) = worst(&swapped);
+    println!("joints in the wrong order: {joints:.1e} m, vertices {points:.1e} m");
+    assert!(joints > 2.0 * TOLERANCE && points > 2.0 * TOLERANCE, "swapped joints are not found");
+    // Vertices that follow other joints, which are where they were.
+    let from = text.find("int[] primvars:skel:jointIndices = [").unwrap();
+    let list = from + text[from..].find('[').unwrap() + 3;
+    let list = list + text[list..].find('[').unwrap() + 1;
+    let end = list + text[list..].find(']').unwrap();
+    let moved: Vec<String> =
+        text[list..end].split(", ").map(|joint| (joint.parse::<u32>().unwrap() / 2).to_string()).collect();
+    let (joints, points) = worst(&format!("{}{}{}", &text[..list], moved.join(", "), &text[end..]));
+    println!("other influences: {joints:.1e} m, vertices {points:.1e} m");
+    assert!(joints < TOLERANCE && points > 2.0 * TOLERANCE, "other influences are not found");
+}
+
+/// Blender's importer makes bones of joints and shape keys of blend shapes: the same places, by another program.
+#[test]
+fn blender_has_the_joints_where_they_were() {
+    let Some(python) = std::env::var_os("CHOREO_BPY") else {
+        println!("SKIP 1: CHOREO_BPY names no Python that has bpy");
+        return;
+    };
+    for (lesson, extension) in [("01_first_dance.rhai", "usdc"), ("19_faces.rhai", "usdz")] {
+        let exported = Exported::lesson(&scripts().join(lesson), extension, AT_FRAMES);
+        let stage = &exported.stage;
+        let last = stage.settings.fps.frames_in(stage.settings.length) as usize;
+        let frames: Vec<usize> = (0..20).map(|i| i * (last - 1) / 19).collect();
+        let names: Vec<&str> = stage.actors.iter().map(|a| a.name.as_str()).collect();
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/common/blender_usd.py");
+        let mut blender = Command::new(&python);
+        blender.arg(script).arg(exported.path()).arg(serde_json::to_string(&frames).unwrap());
+        let run = blender.arg(serde_json::to_string(&names).unwrap()).output().unwrap();
+        let text = String::from_utf8_lossy(&run.stdout);
+        let result = text.lines().find_map(|line| line.strip_prefix("RESULT "));
+        let result = result.unwrap_or_else(|| panic!("{text}{}", String::from_utf8_lossy(&run.stderr)));
+        let read: Value = serde_json::from_str(result).unwrap();
+        let (mut evaluator, mut worst) = (Evaluator::new(stage.clone()), Worst::default());
+        for (number, frame) in frames.iter().enumerate() {
+            let time = stage.settings.fps.time_of(*frame as _);
+            let truth = evaluator.at(time).unwrap();
+            for (actor, state) in stage.actors.iter().zip(&truth.actors).filter(|(_, state)| state.visible) {
+                for (joint, name) in actor.asset.skeleton.names().iter().enumerate() {
+                    let bone = name.replace(':', "_");
+                    let found = &read["joints"][&actor.name][bone][number];
+                    let (Some(place), false) = (state.world_from_joint(joint), found.is_null()) else {
+                        continue;
+                    };
+                    let apart = place.translation.distance(DVec3::from_slice(&numbers(found)));
+                    worst.take(apart, || format!("{} {name} at frame {frame}", actor.name));
+                }
+            }
+        }
+        println!(
+            "Blender, {lesson}: {} places, {:.1e} m, {}; {}",
+            worst.count, worst.metres, worst.place, read["kinds"]
+        );
+        assert!(worst.count > 20 * 8 && worst.metres < TOLERANCE, "{:e} m, {}", worst.metres, worst.place);
+        let shaped =
+            stage.actors.iter().flat_map(|a| &a.asset.meshes).filter(|m| m.morph_targets > 0).count();
+        assert!(shaped == 0 || !read["shapes"].as_object().unwrap().is_empty(), "no shape keys");
+    }
+}
+
+#[test]
+fn the_same_scene_has_the_same_bytes() {
+    for extension in ["usda", "usdc", "usdz"] {
+        let [one, other] = [(); 2].map(|()| Exported::script(SCENE, extension, TOLERANCE).files);
+        assert_eq!((one.main, one.beside), (other.main, other.beside), "{extension}");
+    }
+}
+
+#[test]
+fn the_summary_states_the_largest_error_and_what_is_left_out() {
+    let dir = tempfile::tempdir().unwrap();
+    let text = format!("{SCENE}\neffect(\"vignette\");");
+    std::fs::write(dir.path().join("a.rhai"), text).unwrap();
+    let run = choreo(dir.path(), &["export", "a.rhai", "-o", "a.usdc", "--tolerance", "0.001", "--json"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let printed: Value = serde_json::from_str(&run.out).unwrap();
+    let metres = printed["worst_error"]["metres"].as_f64().unwrap();
+    assert!(metres > 1e-6 && metres < 1e-3, "{}", printed["worst_error"]);
+    assert!(printed["notes"][0].as_str().unwrap().contains("left out: effects"), "{}", printed["notes"]);
+    let run = choreo(dir.path(), &["export", "a.rhai", "-o", "b.usdz"]);
+    assert!(run.code == 0 && run.err.contains("largest error: "), "{}", run.err);
+    assert_eq!(names(dir.path()), ["a.rhai", "a.usdc", "a_0.png", "a_1.png", "b.usdz"]);
+    // Files of a package begin at multiples of 64 bytes (the USDZ specification).
+    let package = std::fs::read(dir.path().join("b.usdz")).unwrap();
+    let mut found = 0;
+    for at in (0..package.len() - 30).filter(|at| &package[*at..at + 4] == b"PK\x03\x04") {
+        let word = |i: usize| usize::from(u16::from_le_bytes([package[at + i], package[at + i + 1]]));
+        assert_eq!((at + 30 + word(26) + word(28)) % 64, 0, "the file at {at}");
+        assert_eq!(word(8), 0, "it is compressed");
+        found += 1;
+    }
+    assert_eq!(found, 3);
+}
+
+#[test]
+#[ignore = "all lessons take minutes; cargo test -p choreo --test export_usd -- --ignored --nocapture"]
+fn all_lessons() {
+    let Some(python) = python_with("pxr", USD) else { return };
+    let mut wrong = Vec::new();
+    let mut all: Vec<PathBuf> = std::fs::read_dir(scripts()).unwrap().map(|e| e.unwrap().path()).collect();
+    all.retain(|path| path.extension().is_some_and(|e| e == "rhai"));
+    all.sort();
+    for path in all {
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let exported = Exported::lesson(&path, "usdc", TOLERANCE);
+        let times = frames(&exported.stage, 5);
+        let read = exported.read(&python, &times);
+        let [joints, points] = compared(&exported, &read, &times);
+        println!(
+            "{name}: {} joints {:.1e} m, {}; {} vertices {:.1e} m, {}",
+            joints.count, joints.metres, joints.place, points.count, points.metres, points.place
+        );
+        if joints.metres > TOLERANCE || points.metres > 2.0 * TOLERANCE {
+            wrong.push(name);
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:?}");
+}

@@ -1,0 +1,64 @@
+//! KTX2 images in the formats of Basis Universal, as glTF has them (KHR_texture_basisu): ETC1S, and UASTC plain or in zstd. The first
+//! level is unpacked to 8-bit RGBA.
+
+use basisu::{DecodeFlags, TargetFormat, Transcoder};
+
+const MAGIC: &[u8] = b"\xABKTX 20\xBB\r\n\x1A\n";
+/// Color models of the data format descriptor.
+const ETC1S: u8 = 163;
+const UASTC: u8 = 166;
+/// Scheme of supercompression.
+const ZSTANDARD: u32 = 2;
+/// More levels than the largest texture has.
+const MAX_LEVELS: u32 = 16;
+
+pub(crate) fn is_ktx2(bytes: &[u8]) -> bool {
+    bytes.starts_with(MAGIC)
+}
+
+/// Width and height, where the header is that of one 2D image in a format that is read (KTX 2.0 §3).
+pub(crate) fn size(bytes: &[u8]) -> Result<[u32; 2], String> {
+    let cut = || "is cut off".to_string();
+    let word = |at: usize| bytes.get(at..)?.first_chunk::<4>().map(|b| u32::from_le_bytes(*b));
+    let long = |at: usize| bytes.get(at..)?.first_chunk::<8>().map(|b| u64::from_le_bytes(*b));
+    let mut header = [0; 9];
+    for (field, at) in header.iter_mut().zip((12..).step_by(4)) {
+        *field = word(at).ok_or_else(cut)?;
+    }
+    let [format, _, width, height, depth, layers, faces, levels, scheme] = header;
+    if format != 0 {
+        return Err(format!("is in Vulkan's format {format}; of KTX2, ETC1S and UASTC are read"));
+    }
+    if depth > 0 || layers > 1 || faces != 1 || !(1..=MAX_LEVELS).contains(&levels) {
+        return Err(format!(
+            "has a depth of {depth}, {layers} layers, {faces} faces and {levels} levels; it should be one 2D image"
+        ));
+    }
+    let descriptor = word(48).ok_or_else(cut)? as usize;
+    let model = *bytes.get(descriptor.saturating_add(12)).ok_or_else(cut)?;
+    if model != ETC1S && model != UASTC {
+        return Err(format!("has color model {model}; of KTX2, ETC1S (163) and UASTC (166) are read"));
+    }
+    // Ranges of the codebooks and of the first level: the transcoder trusts them.
+    let ranges = [(long(64), long(72)), (long(80), long(88))];
+    let fits = |range: &(Option<u64>, Option<u64>)| {
+        let (Some(start), Some(length)) = *range else { return false };
+        start.checked_add(length).is_some_and(|end| end <= bytes.len() as u64)
+    };
+    if !ranges.iter().all(fits) {
+        return Err(cut());
+    }
+    let blocks = u64::from(width.div_ceil(4)) * u64::from(height.div_ceil(4));
+    let unpacked = long(96).ok_or_else(cut)?;
+    if scheme == ZSTANDARD && unpacked != 16 * blocks {
+        return Err(format!("says it unpacks to {unpacked} bytes, but its size needs {}", 16 * blocks));
+    }
+    Ok([width, height])
+}
+
+/// The pixels of the first level as 8-bit RGBA, where `size` has accepted the file.
+pub(crate) fn decode(bytes: &[u8]) -> Result<Vec<u8>, String> {
+    let pixels = Transcoder::new(bytes)
+        .and_then(|texture| texture.transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE));
+    pixels.map_err(|_| "its data are damaged".to_string())
+}

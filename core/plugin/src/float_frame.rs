@@ -1,0 +1,95 @@
+//! Frames of floats: linear images and the passes of a compositor, for exporters that ask for them.
+
+use glam::{Vec2, Vec3, Vec4};
+
+/// The pixels that an exporter asks for with [`Exporter::wish`](crate::Exporter::wish).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum FrameWish {
+    /// Bytes, as they are shown: [`FrameSink::frame`](crate::FrameSink::frame).
+    #[default]
+    Bytes,
+    /// The finished image in floats, after the view transform and with the 2D layers:
+    /// [`FrameSink::float_frame`](crate::FrameSink::float_frame).
+    Finished,
+    /// Light of the scene before the view transform, and other passes: [`FrameSink::float_frame`](crate::FrameSink::float_frame).
+    Scene(Passes),
+}
+
+/// The passes of a frame that are drawn; the others cost nothing.
+///
+/// ```
+/// use choreo_plugin::Passes;
+/// let passes = Passes::parse("color, depth")?;
+/// assert!(passes.color && passes.depth && !passes.normal);
+/// assert!(Passes::parse("z").unwrap_err().contains("color, depth, normal"));
+/// # Ok::<(), String>(())
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Passes {
+    /// [`FloatFrame::color`].
+    pub color: bool,
+    /// [`FloatFrame::depth`].
+    pub depth: bool,
+    /// [`FloatFrame::normal`].
+    pub normal: bool,
+    /// [`FloatFrame::motion`].
+    pub motion: bool,
+}
+
+impl Passes {
+    /// The names of all passes.
+    pub const NAMES: [&'static str; 4] = ["color", "depth", "normal", "motion"];
+
+    /// The passes of a list of names with commas; the error is a text for the user.
+    pub fn parse(list: &str) -> Result<Passes, String> {
+        let mut passes = Passes::default();
+        for name in list.split(',').map(str::trim) {
+            let place = match name {
+                "color" => &mut passes.color,
+                "depth" => &mut passes.depth,
+                "normal" => &mut passes.normal,
+                "motion" => &mut passes.motion,
+                _ => {
+                    let known = Passes::NAMES.join(", ");
+                    return Err(format!("\"{name}\" is no pass; the passes are {known}"));
+                }
+            };
+            *place = true;
+        }
+        Ok(passes)
+    }
+}
+
+/// Images of one frame, each with a value per pixel, rows from the top; those that were not asked for are empty.
+///
+/// ```
+/// use choreo_plugin::FloatFrame;
+/// let frame = FloatFrame { depth: vec![2.5; 2], ..FloatFrame::new([2, 1]) };
+/// assert!(frame.color.is_empty());
+/// ```
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FloatFrame {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Linear RGBA with the primaries of sRGB, premultiplied alpha.
+    pub color: Vec<Vec4>,
+    /// Metres before the camera along its view; [`FloatFrame::NO_DEPTH`] where no surface is.
+    pub depth: Vec<f32>,
+    /// World normals of length 1; zero where no surface is.
+    pub normal: Vec<Vec3>,
+    /// Pixels by which a surface has moved since the frame before, right and down.
+    pub motion: Vec<Vec2>,
+}
+
+impl FloatFrame {
+    /// The depth where no surface is.
+    pub const NO_DEPTH: f32 = 1e10;
+
+    /// A frame of a size without images.
+    pub fn new([width, height]: [u32; 2]) -> FloatFrame {
+        FloatFrame { width, height, ..FloatFrame::default() }
+    }
+}

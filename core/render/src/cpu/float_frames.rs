@@ -1,0 +1,76 @@
+//! Frames of floats, put together on the host for both renderers: the mean of exposures, effects on images by the functions that are
+//! the passes' specification, dissolves, 2D layers, and the passes that [`FrameWish::Scene`] names.
+
+use super::image_passes;
+use super::scene_inputs::InputImages;
+use crate::effect_faults::EffectFaults;
+use crate::error::RenderError;
+use crate::plan::Plan;
+use crate::plan::motion_blur::Accumulated;
+use choreo_plugin::{Effect, FloatFrame, FrameWish, Passes, SceneImages};
+use glam::{Vec2, Vec4, Vec4Swizzles};
+
+/// What a renderer draws of a frame of floats.
+pub(crate) trait DrawsFloats {
+    /// The scene of a plan alone: linear, without sub-frames, effects on images and layers over it.
+    fn linear(&mut self, plan: &Plan) -> Result<Vec<Vec4>, RenderError>;
+    /// Depth, normals, motion and actors, as far as the plan has them.
+    fn inputs(&mut self, plan: &Plan) -> Result<InputImages, RenderError>;
+    fn effects(&self) -> &[Effect];
+    fn faults(&self) -> &EffectFaults;
+}
+
+/// The frame of a plan whose wish is not bytes.
+pub(crate) fn float_frame(plan: &Plan, renderer: &mut impl DrawsFloats) -> Result<FloatFrame, RenderError> {
+    let (passes, finished) = match plan.wish {
+        FrameWish::Scene(passes) => (passes, false),
+        _ => (Passes { color: true, ..Passes::default() }, true),
+    };
+    let mut frame = FloatFrame::new(plan.size);
+    let inputs = renderer.inputs(plan)?;
+    if passes.color {
+        frame.color = image(plan, &inputs, renderer)?;
+        if let Some(dissolve) = &plan.dissolve {
+            let inputs = renderer.inputs(&dissolve.plan)?;
+            let before = image(&dissolve.plan, &inputs, renderer)?;
+            mix(&mut frame.color, &before, dissolve.share);
+        }
+        if let Some(layers) = plan.layers_in_front.as_ref().filter(|_| finished) {
+            layers.over_floats(plan.size, &mut frame.color);
+        }
+    }
+    let there = |surface: &Vec4| *surface != SceneImages::NO_SURFACE;
+    if passes.depth {
+        let depth = |s: &Vec4| if there(s) { s.w } else { FloatFrame::NO_DEPTH };
+        frame.depth = inputs.surface.iter().map(depth).collect();
+    }
+    if passes.normal {
+        frame.normal = inputs.surface.iter().map(|s| s.xyz()).collect();
+    }
+    if passes.motion {
+        frame.motion = inputs.motion.iter().map(|m| Vec2::new(m.x, m.y)).collect();
+    }
+    Ok(frame)
+}
+
+/// The linear image of a plan: the mean of its exposures, and the effects over it.
+fn image(
+    plan: &Plan,
+    inputs: &InputImages,
+    renderer: &mut impl DrawsFloats,
+) -> Result<Vec<Vec4>, RenderError> {
+    let mut sum = Accumulated::new(plan.size[0] as usize * plan.size[1] as usize);
+    let alone = std::slice::from_ref(plan);
+    let exposed = if plan.subframes.is_empty() { alone } else { &plan.subframes };
+    for part in exposed {
+        sum.add(renderer.linear(part)?.into_iter());
+    }
+    let before = plan.history.iter().map(|part| renderer.linear(part)).collect::<Result<Vec<_>, _>>()?;
+    let passes = image_passes::passes(&plan.post, plan.size, renderer.effects())?;
+    Ok(image_passes::run_linear(&passes, inputs.of(plan), sum.mean(), &before, renderer.faults()))
+}
+
+/// Mixes a share of another image in. Both are premultiplied, so light is added to light.
+fn mix(image: &mut [Vec4], other: &[Vec4], share: f32) {
+    image.iter_mut().zip(other).for_each(|(pixel, other)| *pixel = *pixel * (1.0 - share) + *other * share);
+}

@@ -1,0 +1,164 @@
+//! One OpenEXR file a frame: scene-linear color with alpha and the passes of a compositor, as layers of one part.
+
+mod header;
+
+use choreo_plugin::{
+    ExportError, ExportOptions, Exporter, FloatFrame, Frame, FrameSink, FrameWish, Manifest, Passes,
+    VideoInfo,
+};
+use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer};
+use exr::meta::attribute::{AttributeValue, Chromaticities, Text};
+use exr::meta::header::LayerAttributes;
+use exr::prelude::{Compression, LineOrder, Vec2, WritableImage, f16};
+use std::io::{Cursor, Write};
+use std::sync::LazyLock;
+
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");
+
+pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+    Manifest::new("exr", env!("CARGO_PKG_VERSION"), "Light for compositors: scene-linear images with passes")
+        .extensions(["exr"])
+        .magic(b"\x76\x2f\x31\x01")
+        .text(PASSES, "What the file holds, a list with commas: color, depth, normal, motion", "color", &[])
+        .text(
+            "pixels",
+            "half: 16 bits a channel; float: 32. Depth has 32 either way",
+            "half",
+            &["half", "float"],
+        )
+        .text(
+            "compression",
+            "zip: 16 rows together; zips: row by row, which some compositors read faster; none",
+            "zip",
+            &["zip", "zips", "none"],
+        )
+});
+
+const PASSES: &str = "passes";
+
+pub struct ExrExporter;
+
+impl Exporter for ExrExporter {
+    fn manifest(&self) -> &Manifest {
+        &MANIFEST
+    }
+
+    fn one_frame_per_file(&self) -> bool {
+        true
+    }
+
+    fn wish(&self, options: &ExportOptions) -> Result<FrameWish, ExportError> {
+        let passes = Passes::parse(options.text(PASSES).unwrap_or("color"));
+        passes.map(FrameWish::Scene).map_err(|text| ExportError::Format(format!("{PASSES}: {text}")))
+    }
+
+    fn begin(&self, info: &VideoInfo, out: Box<dyn Write + Send>) -> Result<Box<dyn FrameSink>, ExportError> {
+        Ok(Box::new(ExrSink { out: Some(out), info: info.clone() }))
+    }
+}
+
+struct ExrSink {
+    /// `None` once the image is written.
+    out: Option<Box<dyn Write + Send>>,
+    info: VideoInfo,
+}
+
+impl FrameSink for ExrSink {
+    fn frame(&mut self, _: &Frame) -> Result<(), ExportError> {
+        Err(ExportError::Format("OpenEXR holds floats, and the frame is of bytes".into()))
+    }
+
+    fn float_frame(&mut self, frame: &FloatFrame) -> Result<(), ExportError> {
+        let Some(mut out) = self.out.take() else {
+            return Err(ExportError::Format("an EXR holds one image, and this one has it already".into()));
+        };
+        out.write_all(&encode(frame, &self.info)?)?;
+        Ok(out.flush()?)
+    }
+
+    fn finish(self: Box<Self>) -> Result<Vec<u8>, ExportError> {
+        match self.out {
+            None => Ok(Vec::new()),
+            Some(_) => Err(ExportError::Format("an EXR needs one image, and there was none".into())),
+        }
+    }
+}
+
+/// Channels of a file, in any order.
+struct Channels {
+    half: bool,
+    all: Vec<AnyChannel<FlatSamples>>,
+}
+
+impl Channels {
+    /// A channel of the chosen width.
+    fn add(&mut self, name: &str, values: impl Iterator<Item = f32>) {
+        let samples = match self.half {
+            true => FlatSamples::F16(values.map(f16::from_f32).collect()),
+            false => FlatSamples::F32(values.collect()),
+        };
+        self.all.push(AnyChannel::new(name, samples));
+    }
+
+    /// A channel of 32 bits.
+    fn add_float(&mut self, name: &str, values: impl Iterator<Item = f32>) {
+        self.all.push(AnyChannel::new(name, FlatSamples::F32(values.collect())));
+    }
+}
+
+fn encode(frame: &FloatFrame, info: &VideoInfo) -> Result<Vec<u8>, ExportError> {
+    let mut channels = Channels { half: info.options.text("pixels") != Some("float"), all: Vec::new() };
+    if !frame.color.is_empty() {
+        for (i, name) in ["R", "G", "B", "A"].into_iter().enumerate() {
+            channels.add(name, frame.color.iter().map(|color| color[i]));
+        }
+    }
+    if !frame.depth.is_empty() {
+        channels.add_float("Z", frame.depth.iter().copied());
+    }
+    if !frame.normal.is_empty() {
+        for (i, name) in ["N.X", "N.Y", "N.Z"].into_iter().enumerate() {
+            channels.add(name, frame.normal.iter().map(|normal| normal[i]));
+        }
+    }
+    if !frame.motion.is_empty() {
+        channels.add("motion.X", frame.motion.iter().map(|moved| moved.x));
+        // Compositors count rows from below.
+        channels.add("motion.Y", frame.motion.iter().map(|moved| -moved.y));
+    }
+    let mut attributes =
+        LayerAttributes { frames_per_second: rate(info), software_name: None, ..LayerAttributes::default() };
+    let text = |text: &str| Text::from_slice_unchecked(text.as_bytes());
+    for (keyword, value) in &info.provenance {
+        attributes.other.insert(text(keyword), AttributeValue::Text(text(value)));
+    }
+    let compression = match info.options.text("compression") {
+        Some("zips") => Compression::ZIP1,
+        Some("none") => Compression::Uncompressed,
+        _ => Compression::ZIP16,
+    };
+    let encoding = Encoding { compression, line_order: LineOrder::Increasing, ..Encoding::UNCOMPRESSED };
+    let size = (frame.width as usize, frame.height as usize);
+    let layer = Layer::new(size, attributes, encoding, AnyChannels::sort(channels.all.into()));
+    let mut image = Image::from_layer(layer);
+    image.attributes.chromaticities = Some(REC_709);
+    let mut bytes = Cursor::new(Vec::new());
+    let written = image.write().non_parallel().to_buffered(&mut bytes);
+    written.map_err(|error| ExportError::Format(format!("OpenEXR: {error}")))?;
+    let mut bytes = bytes.into_inner();
+    header::sort(&mut bytes);
+    Ok(bytes)
+}
+
+/// Primaries and white of sRGB.
+const REC_709: Chromaticities = Chromaticities {
+    red: Vec2(0.64, 0.33),
+    green: Vec2(0.3, 0.6),
+    blue: Vec2(0.15, 0.06),
+    white: Vec2(0.3127, 0.329),
+};
+
+fn rate(info: &VideoInfo) -> Option<(i32, u32)> {
+    Some((i32::try_from(info.fps.num).ok()?, info.fps.den))
+}

@@ -1,0 +1,278 @@
+//! Actors: each refers to its model, and has its place, its motion, and what differs in its materials.
+
+use crate::frames::Frames;
+use crate::layer::{MATRIX4D, Prim, Samples};
+use crate::lights;
+use crate::materials::{self, Network};
+use crate::meshes;
+use crate::model::{self, Common, Model, surroundings};
+use crate::motion::{self, Sets};
+use choreo_exporter_kit::bake::rig;
+use choreo_exporter_kit::bake::signals::{MaterialPart, Quantity, material_now, set_material_part};
+use choreo_exporter_kit::{Baked, Series};
+use choreo_plugin::ExportError;
+use choreo_plugin::asset::{Material, widen};
+use choreo_plugin::glam::Affine3A;
+use choreo_plugin::motion::{Skinning, Time, Transform};
+use choreo_plugin::stage::{Actor, Property as StageProperty, Stage};
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+/// The largest turn of a texture between two keys, radians: its place moves on an arc.
+const MOST_TURN: f32 = 0.05;
+
+/// What actors are written from.
+pub struct Scene<'a, 'b> {
+    pub stage: &'a Stage,
+    pub baked: &'b Baked<'a>,
+    pub sets: &'b Sets<'a>,
+    pub frames: Frames,
+    /// The prim that holds the actors.
+    pub path: String,
+}
+
+/// Paths of animations by the set that moves the joints.
+pub type KnownAnimations = BTreeMap<usize, String>;
+
+impl<'a> Scene<'a, '_> {
+    /// The prim of an actor.
+    ///
+    /// # Errors
+    /// A texture cannot be written.
+    pub fn actor(
+        &self,
+        index: usize,
+        name: &str,
+        model: &Model<'a>,
+        (known, common): (&mut KnownAnimations, &mut Common),
+    ) -> Result<Prim<'a>, ExportError> {
+        let actor = &self.stage.actors[index];
+        let still = self.baked.still_rig(actor, index);
+        let path = format!("{}/{name}", self.path);
+        let sets: Vec<_> = self.baked.motions[index].sets.iter().map(|set| &self.sets[*set]).collect();
+        let count = self.copies(index, common);
+        let looks = self.looks(index, model, common)?;
+        let asset = &actor.asset;
+        let mut prim = match asset.placements.is_empty() {
+            true => self.body(index, (name, &path), model, (&still, looks, known)),
+            false => {
+                let mut above = Prim::new("Xform", name);
+                let places: Vec<Affine3A> = asset.first_placements(count).collect();
+                match model.joints {
+                    None => {
+                        let mut copies =
+                            model::instancer("copies", &places, format!("{path}/copies/prototype"));
+                        let at = format!("{path}/copies/prototype");
+                        let still = (&still[..], looks, known);
+                        copies.children.push(self.body(index, ("prototype", &at), model, still));
+                        above.children.push(copies);
+                    }
+                    Some(_) => {
+                        for (number, place) in places.iter().enumerate() {
+                            let name = format!("body_{number}");
+                            let at = format!("{path}/{name}");
+                            let still = (&still[..], looks.clone(), &mut *known);
+                            let mut body = self.body(index, (&name, &at), model, still);
+                            let place = rig::parts(&widen(place), &Transform::IDENTITY);
+                            motion::place_by_parts(&mut body, &place);
+                            above.children.push(body);
+                        }
+                    }
+                }
+                above
+            }
+        };
+        prim.display_name = (actor.name != name).then(|| actor.name.clone());
+        motion::place_actor(&mut prim, &still[0], &sets, self.frames);
+        if actor.file_lights && asset.placements.is_empty() && !asset.lights.is_empty() {
+            lights::of_file(&mut prim, asset, &still[1..]);
+            if motion::joint_set(self.baked, self.sets, index).is_some() {
+                common.losses.insert("the motion of lights with joints");
+            }
+        }
+        Ok(prim)
+    }
+
+    /// How many copies are there at the start.
+    fn copies(&self, index: usize, common: &mut Common) -> Option<u32> {
+        let actor = &self.stage.actors[index];
+        let varies = actor.channels.iter().any(|c| c.property == StageProperty::Copies)
+            || !self.stage.hooks.is_empty();
+        let copies = self.baked.first.actors[index].copies.filter(|_| !varies);
+        if copies.is_some() && actor.asset.placements.is_empty() {
+            common.losses.insert("a smaller number of copies");
+        }
+        copies
+    }
+
+    /// A prim that refers to a model, with its pose over time.
+    fn body(
+        &self,
+        index: usize,
+        (name, path): (&str, &str),
+        model: &Model<'a>,
+        (still, looks, known): (&[Transform], Option<Prim<'a>>, &mut KnownAnimations),
+    ) -> Prim<'a> {
+        let actor = &self.stage.actors[index];
+        let mut prim = Prim::new(if model.joints.is_some() { "SkelRoot" } else { "Xform" }, name);
+        prim.reference = Some(model.path.clone());
+        prim.children.extend(looks);
+        if model.joints.is_none() {
+            return prim;
+        }
+        if actor.skinning == Skinning::DualQuaternion {
+            prim.api.push("SkelBindingAPI");
+            prim.uniform_token("primvars:skel:skinningMethod", "dualQuaternion");
+        }
+        let mut skeleton = Prim::over("skeleton");
+        let rest = actor.asset.skeleton.rest();
+        if rest != &still[1..] {
+            // Joints that bind other skins stay as the model has them.
+            let extra = model.joints.as_ref().map_or(0, Vec::len) - rest.len();
+            let helpers = crate::joints::Joints::of(model.asset).rest.split_off(rest.len());
+            debug_assert_eq!(helpers.len(), extra);
+            let all = still[1..].iter().map(crate::joints::matrix).chain(helpers).collect();
+            skeleton.set(MATRIX4D, "restTransforms", meshes::matrices(all)).uniform = true;
+        }
+        if let Some(source) = self.animation(index, path, model, still, known, &mut prim) {
+            skeleton.api.push("SkelBindingAPI");
+            skeleton.relate("skel:animationSource", vec![source]);
+        }
+        if !skeleton.properties.is_empty() {
+            prim.children.insert(0, skeleton);
+        }
+        prim
+    }
+
+    /// The path of the animation, which is added below the prim unless another actor has the same.
+    fn animation(
+        &self,
+        index: usize,
+        path: &str,
+        model: &Model<'a>,
+        still: &[Transform],
+        known: &mut KnownAnimations,
+        prim: &mut Prim<'a>,
+    ) -> Option<String> {
+        let actor = &self.stage.actors[index];
+        let of_actor =
+            |(signal, _): &(choreo_exporter_kit::bake::signals::Signal, Series)| match signal.quantity {
+                Quantity::Weights { actor, .. } => actor == index,
+                _ => false,
+            };
+        let set = motion::joint_set(self.baked, self.sets, index);
+        let shared = set.filter(|_| !self.baked.series.iter().any(of_actor));
+        if let Some(source) = shared.and_then(|set| known.get(&set)) {
+            return Some(source.clone());
+        }
+        let from = (self.baked, self.sets, self.frames);
+        let animation = motion::animation(model, (index, actor), from, still)?;
+        let source = format!("{path}/animation");
+        prim.children.push(animation);
+        if let Some(set) = shared {
+            known.insert(set, source.clone());
+        }
+        Some(source)
+    }
+
+    /// What the actor's materials have otherwise than those of the model.
+    fn looks(
+        &self,
+        index: usize,
+        model: &Model<'a>,
+        common: &mut Common,
+    ) -> Result<Option<Prim<'a>>, ExportError> {
+        let mut looks = Prim::over("materials");
+        for (number, of_model) in model.materials.iter().enumerate() {
+            let Some(of_model) = of_model else { continue };
+            let (times, states) = self.material_states(index, number);
+            let mut networks = Vec::with_capacity(states.len());
+            for state in &states {
+                let material = (number < model.asset.materials.len()).then_some(number as u32);
+                let Common { textures, losses } = &mut *common;
+                networks.push(materials::network(
+                    state,
+                    surroundings(model.asset, material),
+                    textures,
+                    losses,
+                )?);
+            }
+            if networks.iter().any(|network| !network.is_alike(&of_model.network)) {
+                common.losses.insert("materials whose textures or kinds change");
+                continue;
+            }
+            let times = self.frames.list(&times);
+            let mut material = Prim::over(of_model.name.clone());
+            differences(&of_model.network, &networks, &times, &mut material);
+            looks.children.extend((!material.children.is_empty()).then_some(material));
+        }
+        Ok((!looks.children.is_empty()).then_some(looks))
+    }
+
+    /// A material at the times of its keys; once, where it does not change.
+    fn material_states(&self, index: usize, number: usize) -> (Vec<Time>, Vec<Material>) {
+        let actor: &Actor = &self.stage.actors[index];
+        let state = &self.baked.first.actors[index];
+        let now = match number < actor.asset.materials.len() {
+            true => material_now(&actor.asset, state, number as u32),
+            false => Material { base_color: state.tint, ..Material::default() },
+        };
+        let mut moving: Vec<(MaterialPart, &Series)> = Vec::new();
+        for (signal, series) in self.baked.series.iter().filter(|(_, series)| !series.is_still()) {
+            if let Quantity::Material { actor, material, part } = signal.quantity
+                && (actor, material as usize) == (index, number)
+            {
+                moving.push((part, series));
+            }
+        }
+        let mut times: Vec<Time> =
+            moving.iter().flat_map(|(_, series)| series.times.iter().copied()).collect();
+        for (_, series) in moving.iter().filter(|(part, _)| matches!(part, MaterialPart::UvRotation(_))) {
+            add_turns(series, &mut times);
+        }
+        times.sort_unstable();
+        times.dedup();
+        if times.is_empty() {
+            return (vec![self.baked.start], vec![now]);
+        }
+        let at = |time: &Time| {
+            let mut state = now.clone();
+            for (part, series) in &moving {
+                set_material_part(&mut state, *part, &series.at(*time));
+            }
+            state
+        };
+        let states = times.iter().map(at).collect();
+        (times, states)
+    }
+}
+
+/// Times between the keys of an angle.
+fn add_turns(series: &Series, times: &mut Vec<Time>) {
+    for (pair, values) in series.times.windows(2).zip(series.values.windows(2)) {
+        let parts = ((values[1] - values[0]).abs() / MOST_TURN).ceil().clamp(1.0, 1000.0) as i64;
+        let length = (pair[1] - pair[0]).0;
+        times.extend((1..parts.min(length)).map(|part| pair[0] + Time(length * part / parts)));
+    }
+}
+
+/// Adds the inputs whose numbers differ from those of a model's material, or change.
+fn differences<'a>(model: &Network, networks: &[Network], times: &Rc<[f64]>, out: &mut Prim<'a>) {
+    for (number, shader) in model.shaders.iter().enumerate() {
+        let mut over = Prim::over(shader.name.clone());
+        for (place, input) in shader.inputs.iter().enumerate() {
+            let Some(own) = model.numbers(number, place) else { continue };
+            let all: Vec<&[f32]> = networks.iter().filter_map(|n| n.numbers(number, place)).collect();
+            let Some(first) = all.first() else { continue };
+            let name = format!("inputs:{}", input.name);
+            if all.iter().any(|numbers| numbers != first) {
+                let numbers = all.concat().into_iter().map(f64::from).collect();
+                let samples = Samples::of(times.clone(), None, input.of.width, numbers);
+                over.attribute(input.of, name).sampled(samples);
+            } else if *first != own {
+                over.number(input.of, name, first);
+            }
+        }
+        out.children.extend((!over.properties.is_empty()).then_some(over));
+    }
+}

@@ -1,0 +1,140 @@
+//! Cameras: one for each shot, with the times of the shot.
+
+use crate::frames::Frames;
+use crate::layer::{FLOAT, FLOAT2, Meta, Prim, Samples, TOKEN, Value};
+use crate::motion::{animate, place_by_parts, series_samples};
+use crate::names::Names;
+use choreo_exporter_kit::bake::shots::Shot;
+use choreo_exporter_kit::{Baked, Series};
+use choreo_plugin::asset::Projection;
+use choreo_plugin::glam::{Quat, Vec3};
+use choreo_plugin::motion::{Time, Transform};
+use choreo_plugin::stage::Stage;
+
+/// Lengths of lenses are in tenths of a metre.
+const TENTHS: f64 = 10.0;
+/// Height of the film, metres; the angle of view follows from it and the focal length.
+const FILM: f64 = 0.024;
+/// Far plane of a camera that has none, metres.
+const FAR: f32 = 1e6;
+/// The largest error of an angle of view between two keys, radians.
+const ANGLE: f64 = 5e-5;
+
+pub fn of_stage<'a>(stage: &Stage, baked: &Baked<'_>, frames: Frames, names: &mut Names) -> Vec<Prim<'a>> {
+    let [width, height] = stage.settings.size.map(|n| f64::from(n.max(1)));
+    let several = baked.shots.len() > 1;
+    let name = |number: usize, shot: &Shot| match several {
+        false => shot.name.clone(),
+        true => format!("shot {} {}", number + 1, shot.name),
+    };
+    let shots = baked.shots.iter().enumerate();
+    shots
+        .map(|(number, shot)| camera(shot, names.free(&name(number, shot)), width / height, frames))
+        .collect()
+}
+
+fn camera<'a>(shot: &Shot, name: String, aspect: f64, frames: Frames) -> Prim<'a> {
+    let mut out = Prim::new("Camera", name);
+    let mut about = vec![
+        ("camera".to_string(), Meta::Text(shot.name.clone())),
+        ("start".to_string(), Meta::Double(frames.of(shot.from))),
+        ("end".to_string(), Meta::Double(frames.of(shot.to))),
+    ];
+    if shot.fading > Time::ZERO {
+        about.push(("dissolve".to_string(), Meta::Double(frames.lasting(shot.fading))));
+    }
+    out.custom = vec![("shot".into(), Meta::Dictionary(about))];
+    let [position, rotation, lens] = &shot.parts;
+    let (near, far) = match shot.projection {
+        Projection::Perspective { near, far, .. } => (near, far.unwrap_or(FAR)),
+        // Depths before a camera are from 0 on.
+        Projection::Orthographic { near, far, .. } => (near.max(0.0), far),
+    };
+    out.number(FLOAT2, "clippingRange", &[near, far]);
+    match shot.projection {
+        Projection::Perspective { .. } => {
+            let film = FILM * TENTHS;
+            out.set(FLOAT, "verticalAperture", Value::one([film]));
+            out.set(FLOAT, "horizontalAperture", Value::one([film * aspect]));
+            out.set(FLOAT, "focalLength", Value::one([focal_length(lens.first()[0].into())]));
+            if !lens.is_still() {
+                let place = out.properties.len() - 1;
+                animate(&mut out, place, focal_lengths(lens, frames));
+            }
+        }
+        Projection::Orthographic { .. } => {
+            out.set(TOKEN, "projection", Value::text("orthographic"));
+            for (name, factor) in [("horizontalAperture", aspect * TENTHS), ("verticalAperture", TENTHS)] {
+                out.set(FLOAT, name, Value::one([f64::from(lens.first()[0]) * factor]));
+                if !lens.is_still() {
+                    let place = out.properties.len() - 1;
+                    animate(&mut out, place, series_samples(lens, frames, |v| f64::from(v) * factor));
+                }
+            }
+        }
+    }
+    let at = Transform {
+        translation: Vec3::from_slice(position.first()),
+        rotation: Quat::from_slice(rotation.first()),
+        scale: Vec3::ONE,
+    };
+    let places = place_by_parts(&mut out, &at);
+    for (series, place) in [(position, places[0]), (rotation, places[1])] {
+        if !series.is_still() {
+            animate(&mut out, place, series_samples(series, frames, f64::from));
+        }
+    }
+    out
+}
+
+fn focal_length(angle: f64) -> f64 {
+    0.5 * FILM * TENTHS / libm::tan(0.5 * angle)
+}
+
+fn angle(focal_length: f64) -> f64 {
+    2.0 * libm::atan(0.5 * FILM * TENTHS / focal_length)
+}
+
+/// Keys of an angle as those of a focal length, with more between where a straight line of lengths is no straight line of angles.
+fn focal_lengths<'a>(lens: &Series, frames: Frames) -> Samples<'a> {
+    let (mut times, mut lengths) = (vec![lens.times[0]], vec![focal_length(lens.values[0].into())]);
+    for (pair, angles) in lens.times.windows(2).zip(lens.values.windows(2)) {
+        let [a, b] = [angles[0], angles[1]].map(f64::from);
+        let middle = angle(0.5 * (focal_length(a) + focal_length(b)));
+        let error = (middle - 0.5 * (a + b)).abs();
+        let ticks = (pair[1] - pair[0]).0;
+        let parts = (libm::sqrt(error / ANGLE).ceil() as i64).clamp(1, ticks.min(1000));
+        for part in 1..=parts {
+            times.push(pair[0] + Time(ticks * part / parts));
+            lengths.push(focal_length(a + (b - a) * part as f64 / parts as f64));
+        }
+    }
+    Samples::of(frames.list(&times), None, 1, lengths)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use choreo_plugin::motion::FrameRate;
+
+    #[test]
+    fn a_zoom_has_the_angle_between_its_keys() {
+        let frames = Frames { start: Time::ZERO, rate: FrameRate { num: 24, den: 1 } };
+        let times = vec![Time::ZERO, Time::from_secs(2.0)];
+        let samples = focal_lengths(&Series { times, values: vec![0.2, 1.6], width: 1 }, frames);
+        let crate::layer::SampleValues::Numbers { each, .. } = samples.values else { panic!("numbers") };
+        let mut lengths = Vec::new();
+        each(&mut |row| {
+            lengths.push(row[0]);
+            Ok(())
+        })
+        .unwrap();
+        for (i, pair) in lengths.windows(2).enumerate() {
+            let time = 0.5 * (samples.times[i] + samples.times[i + 1]);
+            let truth = 0.2 + 1.4 * time / 48.0;
+            let found = angle(0.5 * (pair[0] + pair[1]));
+            assert!((found - truth).abs() < 4.0 * ANGLE, "{found} is not {truth}");
+        }
+        assert!(lengths.len() > 4 && lengths.len() < 200, "{}", lengths.len());
+    }
+}

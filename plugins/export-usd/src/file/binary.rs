@@ -1,0 +1,563 @@
+//! Layers as crate files, `.usdc` (pxr/usd/usd/crateFile.cpp): values one after the other, then tables of what has them.
+//!
+//! The head states where the tables begin, so that the layer is walked twice: values are made only once.
+
+use crate::file::integers::{compressed, encoded};
+use crate::file::out::Out;
+use crate::file::paths::Paths;
+use crate::layer::{
+    Attribute, Component, Layer, Meta, Prim, Property, SampleValues, Samples, Specifier, Type, Value,
+};
+use std::collections::BTreeMap;
+use std::io::Result;
+use std::rc::Rc;
+
+/// Version of the format: readers of the last eight years know it.
+const VERSION: [u8; 8] = [0, 8, 0, 0, 0, 0, 0, 0];
+/// Bytes of the head.
+const HEAD: usize = 88;
+
+const IS_ARRAY: u64 = 1 << 63;
+const IS_INLINED: u64 = 1 << 62;
+
+/// Types of values beside those of attributes.
+const DICTIONARY: u8 = 31;
+const TOKEN_LIST_OP: u8 = 32;
+const PATH_LIST_OP: u8 = 34;
+const REFERENCE_LIST_OP: u8 = 35;
+const TOKEN_VECTOR: u8 = 41;
+const SPECIFIER: u8 = 42;
+const VARIABILITY: u8 = 44;
+const TIME_SAMPLES: u8 = 46;
+const DOUBLE_VECTOR: u8 = 48;
+
+/// Lists of items: explicit, or before those of weaker layers.
+const EXPLICIT: u8 = 1 | 2;
+const PREPENDED: u8 = 32;
+
+/// Kinds of specs.
+const ATTRIBUTE: i32 = 1;
+const PRIM: i32 = 6;
+const ROOT: i32 = 7;
+const RELATIONSHIP: i32 = 8;
+
+/// The head of a file whose tables are listed at a place.
+pub fn head(tables_at: u64) -> [u8; HEAD] {
+    let mut out = [0; HEAD];
+    out[..8].copy_from_slice(b"PXR-USDC");
+    out[8..16].copy_from_slice(&VERSION);
+    out[16..24].copy_from_slice(&tables_at.to_le_bytes());
+    out
+}
+
+/// The place of the list of tables.
+pub fn tables_at(layer: &Layer<'_>) -> Result<u64> {
+    let mut out = Out::nowhere();
+    out.put(&[0; HEAD])?;
+    rest(layer, &mut out)
+}
+
+/// Writes all that follows the head; the place of the list of tables.
+pub fn rest(layer: &Layer<'_>, out: &mut Out<'_>) -> Result<u64> {
+    let mut writer = Writer {
+        out,
+        tokens: Table::default(),
+        strings: Table::default(),
+        fields: Table::default(),
+        field_sets: Vec::new(),
+        paths: Paths::new(),
+        specs: Vec::new(),
+        times: Vec::new(),
+    };
+    // A property has a negative token, so that no name may be number 0.
+    writer.token(";-)");
+    writer.layer(layer)?;
+    writer.tables()
+}
+
+/// Distinct items in the order in which they came.
+struct Table<T> {
+    known: BTreeMap<T, u32>,
+    items: Vec<T>,
+}
+
+impl<T> Default for Table<T> {
+    fn default() -> Table<T> {
+        Table { known: BTreeMap::new(), items: Vec::new() }
+    }
+}
+
+impl<T: Ord + Clone> Table<T> {
+    fn index(&mut self, item: T) -> u32 {
+        if let Some(index) = self.known.get(&item) {
+            return *index;
+        }
+        let index = self.items.len() as u32;
+        self.known.insert(item.clone(), index);
+        self.items.push(item);
+        index
+    }
+}
+
+struct Writer<'o, 'w> {
+    out: &'o mut Out<'w>,
+    tokens: Table<String>,
+    /// Tokens of strings.
+    strings: Table<u32>,
+    /// Token of the name, and value.
+    fields: Table<(u32, u64)>,
+    field_sets: Vec<i32>,
+    paths: Paths,
+    /// Path, first of its fields, kind.
+    specs: Vec<[i32; 3]>,
+    /// Lists of times that are there.
+    times: Vec<(Rc<[f64]>, u64)>,
+}
+
+/// Fields of one spec, by name and value.
+type Fields = Vec<(&'static str, u64)>;
+
+fn inlined(code: u8, payload: u64) -> u64 {
+    u64::from(code) << 48 | IS_INLINED | payload
+}
+
+impl Writer<'_, '_> {
+    fn token(&mut self, text: &str) -> u32 {
+        self.tokens.index(text.to_string())
+    }
+
+    fn string(&mut self, text: &str) -> u32 {
+        let token = self.token(text);
+        self.strings.index(token)
+    }
+
+    fn path(&mut self, path: &str) -> u32 {
+        let Writer { paths, tokens, .. } = self;
+        paths.of(path, |name| tokens.index(name.to_string()))
+    }
+
+    /// A value that is written here.
+    fn here(&self, code: u8) -> u64 {
+        u64::from(code) << 48 | self.out.position()
+    }
+
+    fn word(&mut self, word: u64) -> Result<()> {
+        self.out.put(&word.to_le_bytes())
+    }
+
+    fn indices(&mut self, list: &[u32]) -> Result<()> {
+        self.word(list.len() as u64)?;
+        list.iter().try_for_each(|index| self.out.put(&index.to_le_bytes()))
+    }
+
+    fn token_vector(&mut self, names: &[&str]) -> Result<u64> {
+        let list: Vec<u32> = names.iter().map(|name| self.token(name)).collect();
+        let value = self.here(TOKEN_VECTOR);
+        self.indices(&list)?;
+        Ok(value)
+    }
+
+    /// A list of indices, explicit or prepended.
+    fn list_op(&mut self, code: u8, kind: u8, list: &[u32]) -> Result<u64> {
+        let value = self.here(code);
+        self.out.put(&[kind])?;
+        self.indices(list)?;
+        Ok(value)
+    }
+
+    fn spec(&mut self, path: u32, kind: i32, fields: Fields) {
+        let first = self.field_sets.len() as i32;
+        for (name, value) in fields {
+            let name = self.token(name);
+            let field = self.fields.index((name, value));
+            self.field_sets.push(field as i32);
+        }
+        self.field_sets.push(-1);
+        self.specs.push([path as i32, first, kind]);
+    }
+
+    fn layer(&mut self, layer: &Layer<'_>) -> Result<()> {
+        let names: Vec<&str> = layer.prims.iter().map(|prim| prim.name.as_str()).collect();
+        let mut fields: Fields = Vec::new();
+        fields.push(("primChildren", self.token_vector(&names)?));
+        let default = self.token(&layer.default_prim);
+        fields.push(("defaultPrim", inlined(crate::layer::TOKEN.code, default.into())));
+        for (name, number) in [
+            ("startTimeCode", 0.0),
+            ("endTimeCode", layer.end),
+            ("timeCodesPerSecond", layer.frames_per_second),
+            ("framesPerSecond", layer.frames_per_second),
+            ("metersPerUnit", 1.0),
+        ] {
+            fields.push((name, self.double(number)?));
+        }
+        let up = self.token("Y");
+        fields.push(("upAxis", inlined(crate::layer::TOKEN.code, up.into())));
+        let comment = self.string(&layer.comment);
+        fields.push(("comment", inlined(crate::layer::STRING.code, comment.into())));
+        if !layer.custom.is_empty() {
+            fields.push(("customLayerData", self.dictionary(&layer.custom)?));
+        }
+        self.spec(0, ROOT, fields);
+        layer.prims.iter().try_for_each(|prim| self.prim(prim, 0))
+    }
+
+    fn prim(&mut self, prim: &Prim<'_>, parent: u32) -> Result<()> {
+        let name = self.token(&prim.name);
+        let path = self.paths.child(parent, name, false);
+        let specifier = match prim.specifier {
+            Specifier::Def => 0,
+            Specifier::Over => 1,
+            Specifier::Class => 2,
+        };
+        let mut fields = vec![("specifier", inlined(SPECIFIER, specifier))];
+        if !prim.kind.is_empty() {
+            let kind = self.token(prim.kind);
+            fields.push(("typeName", inlined(crate::layer::TOKEN.code, kind.into())));
+        }
+        if !prim.api.is_empty() {
+            let list: Vec<u32> = prim.api.iter().map(|name| self.token(name)).collect();
+            fields.push(("apiSchemas", self.list_op(TOKEN_LIST_OP, PREPENDED, &list)?));
+        }
+        if let Some(reference) = &prim.reference {
+            fields.push(("references", self.reference(reference)?));
+        }
+        if let Some(name) = &prim.display_name {
+            let name = self.string(name);
+            fields.push(("displayName", inlined(crate::layer::STRING.code, name.into())));
+        }
+        if !prim.custom.is_empty() {
+            fields.push(("customData", self.dictionary(&prim.custom)?));
+        }
+        let names: Vec<&str> = prim
+            .properties
+            .iter()
+            .map(|property| match property {
+                Property::Attribute(attribute) => attribute.name.as_str(),
+                Property::Relationship { name, .. } => name,
+            })
+            .collect();
+        if !names.is_empty() {
+            fields.push(("properties", self.token_vector(&names)?));
+        }
+        let names: Vec<&str> = prim.children.iter().map(|prim| prim.name.as_str()).collect();
+        if !names.is_empty() {
+            fields.push(("primChildren", self.token_vector(&names)?));
+        }
+        self.spec(path, PRIM, fields);
+        for property in &prim.properties {
+            match property {
+                Property::Attribute(attribute) => self.attribute(attribute, path)?,
+                Property::Relationship { name, targets } => self.relationship(name, targets, path)?,
+            }
+        }
+        prim.children.iter().try_for_each(|child| self.prim(child, path))
+    }
+
+    fn reference(&mut self, path: &str) -> Result<u64> {
+        let (file, path) = (self.string(""), self.path(path));
+        let value = self.here(REFERENCE_LIST_OP);
+        self.out.put(&[PREPENDED])?;
+        self.word(1)?;
+        self.out.put(&file.to_le_bytes())?;
+        self.out.put(&path.to_le_bytes())?;
+        // No shift in time, scale 1, no custom data.
+        self.out.put(&0.0f64.to_le_bytes())?;
+        self.out.put(&1.0f64.to_le_bytes())?;
+        self.word(0)?;
+        Ok(value)
+    }
+
+    fn relationship(&mut self, name: &str, targets: &[String], prim: u32) -> Result<()> {
+        let token = self.token(name);
+        let path = self.paths.child(prim, token, true);
+        let list: Vec<u32> = targets.iter().map(|target| self.path(target)).collect();
+        let targets = self.list_op(PATH_LIST_OP, EXPLICIT, &list)?;
+        self.spec(
+            path,
+            RELATIONSHIP,
+            vec![("variability", inlined(VARIABILITY, 1)), ("targetPaths", targets)],
+        );
+        Ok(())
+    }
+
+    fn attribute(&mut self, a: &Attribute<'_>, prim: u32) -> Result<()> {
+        let token = self.token(&a.name);
+        let path = self.paths.child(prim, token, true);
+        let name = match a.is_array {
+            true => self.token(&format!("{}[]", a.of.name)),
+            false => self.token(a.of.name),
+        };
+        let mut fields = vec![("typeName", inlined(crate::layer::TOKEN.code, name.into()))];
+        if a.uniform {
+            fields.push(("variability", inlined(VARIABILITY, 1)));
+        }
+        if let Some(value) = &a.value {
+            fields.push(("default", self.value(a.of, value)?));
+        }
+        if let Some(samples) = &a.samples {
+            fields.push(("timeSamples", self.samples(a.of, samples)?));
+        }
+        if let Some(interpolation) = a.interpolation {
+            let token = self.token(interpolation);
+            fields.push(("interpolation", inlined(crate::layer::TOKEN.code, token.into())));
+        }
+        if let Some(size) = a.element_size {
+            fields.push(("elementSize", inlined(crate::layer::INT.code, size as u64)));
+        }
+        if let Some(source) = &a.connection {
+            let source = self.path(source);
+            fields.push(("connectionPaths", self.list_op(PATH_LIST_OP, EXPLICIT, &[source])?));
+        }
+        self.spec(path, ATTRIBUTE, fields);
+        Ok(())
+    }
+
+    fn value(&mut self, of: Type, value: &Value<'_>) -> Result<u64> {
+        match value {
+            Value::Text(text) => {
+                let index = self.text(of, text);
+                Ok(inlined(of.code, index.into()))
+            }
+            Value::Texts(list) => {
+                let list: Vec<u32> = list.iter().map(|text| self.text(of, text)).collect();
+                let value = self.here(of.code) | IS_ARRAY;
+                self.indices(&list)?;
+                Ok(value)
+            }
+            Value::Numbers { count, number } => self.numbers(of, *count, &**number),
+        }
+    }
+
+    fn text(&mut self, of: Type, text: &str) -> u32 {
+        if of.name == "string" { self.string(text) } else { self.token(text) }
+    }
+
+    fn numbers(&mut self, of: Type, count: Option<usize>, number: &dyn Fn(usize) -> f64) -> Result<u64> {
+        let Some(count) = count else {
+            if of.width == 1 && of.component != Component::Double {
+                let mut bytes = [0; 8];
+                let mut written = Vec::new();
+                put(of.component, number(0), &mut written);
+                bytes[..written.len()].copy_from_slice(&written);
+                return Ok(inlined(of.code, u64::from_le_bytes(bytes)));
+            }
+            let value = self.here(of.code);
+            self.all(of, of.width, number)?;
+            return Ok(value);
+        };
+        if count == 0 {
+            return Ok(u64::from(of.code) << 48 | IS_ARRAY);
+        }
+        let value = self.here(of.code) | IS_ARRAY;
+        self.word(count as u64)?;
+        self.all(of, count * of.width, number)?;
+        Ok(value)
+    }
+
+    fn all(&mut self, of: Type, numbers: usize, number: &dyn Fn(usize) -> f64) -> Result<()> {
+        let length = numbers as u64 * size_of(of.component);
+        self.out.made(length, |out| {
+            let mut bytes = Vec::with_capacity(4096);
+            for index in 0..numbers {
+                put(of.component, number(index), &mut bytes);
+                if bytes.len() >= 4088 {
+                    out.put(&bytes)?;
+                    bytes.clear();
+                }
+            }
+            out.put(&bytes)
+        })
+    }
+
+    fn double(&mut self, number: f64) -> Result<u64> {
+        self.numbers(crate::layer::DOUBLE, None, &|_| number)
+    }
+
+    fn samples(&mut self, of: Type, samples: &Samples<'_>) -> Result<u64> {
+        let times = self.times(&samples.times)?;
+        let mut values = Vec::with_capacity(samples.times.len());
+        match &samples.values {
+            SampleValues::Texts(list) => {
+                for text in list {
+                    let index = self.text(of, text);
+                    values.push(inlined(of.code, index.into()));
+                }
+            }
+            SampleValues::Numbers { count, each } if count.is_some() || of.width > 1 => {
+                // Each has the same length, so that its place is known.
+                let flag = if count.is_some() { IS_ARRAY } else { 0 };
+                let head = if count.is_some() { 8 } else { 0 };
+                let numbers = count.unwrap_or(1) * of.width;
+                let length = head + numbers as u64 * size_of(of.component);
+                let first = self.here(of.code) | flag;
+                let number = samples.times.len() as u64;
+                values.extend((0..number).map(|index| first + index * length));
+                self.out.made(number * length, |out| {
+                    let mut bytes = Vec::new();
+                    each(&mut |list| {
+                        bytes.clear();
+                        if let Some(count) = count {
+                            bytes.extend((*count as u64).to_le_bytes());
+                        }
+                        list.iter().for_each(|v| put(of.component, *v, &mut bytes));
+                        out.put(&bytes)
+                    })
+                })?;
+            }
+            SampleValues::Numbers { each, .. } => {
+                let mut list = Vec::new();
+                each(&mut |numbers| {
+                    list.extend_from_slice(numbers);
+                    Ok(())
+                })?;
+                for number in list {
+                    values.push(self.numbers(of, None, &|_| number)?);
+                }
+            }
+        }
+        let value = self.here(TIME_SAMPLES);
+        // A list of times and one of values, each after the distance to it.
+        self.word(8)?;
+        self.word(times)?;
+        self.word(8)?;
+        self.word(values.len() as u64)?;
+        values.into_iter().try_for_each(|value| self.word(value))?;
+        Ok(value)
+    }
+
+    fn times(&mut self, times: &Rc<[f64]>) -> Result<u64> {
+        let is_same = |known: &(Rc<[f64]>, u64)| Rc::ptr_eq(&known.0, times);
+        if let Some((_, value)) = self.times.iter().rev().take(4).find(|known| is_same(known)) {
+            return Ok(*value);
+        }
+        let value = self.here(DOUBLE_VECTOR);
+        self.word(times.len() as u64)?;
+        self.all(crate::layer::DOUBLE, times.len(), &|i| times[i])?;
+        self.times.push((times.clone(), value));
+        Ok(value)
+    }
+
+    fn dictionary(&mut self, entries: &[(String, Meta)]) -> Result<u64> {
+        let mut values = Vec::with_capacity(entries.len());
+        for (key, meta) in entries {
+            let key = self.string(key);
+            values.push((key, self.meta(meta)?));
+        }
+        let value = self.here(DICTIONARY);
+        self.word(values.len() as u64)?;
+        for (key, value) in values {
+            self.out.put(&key.to_le_bytes())?;
+            self.word(8)?;
+            self.word(value)?;
+        }
+        Ok(value)
+    }
+
+    fn meta(&mut self, meta: &Meta) -> Result<u64> {
+        match meta {
+            Meta::Double(number) => self.double(*number),
+            Meta::Text(text) => {
+                let index = self.string(text);
+                Ok(inlined(crate::layer::STRING.code, index.into()))
+            }
+            Meta::Dictionary(inner) => self.dictionary(inner),
+        }
+    }
+
+    /// Writes the tables and the list of them, whose place is returned.
+    fn tables(mut self) -> Result<u64> {
+        let mut places: Vec<(&str, u64, u64)> = Vec::new();
+        for name in ["TOKENS", "STRINGS", "FIELDS", "FIELDSETS", "PATHS", "SPECS"] {
+            let from = self.out.position();
+            match name {
+                "TOKENS" => self.tokens_table()?,
+                "STRINGS" => {
+                    let list = std::mem::take(&mut self.strings.items);
+                    self.indices(&list)?;
+                }
+                "FIELDS" => self.fields_table()?,
+                "FIELDSETS" => {
+                    let list = std::mem::take(&mut self.field_sets);
+                    self.word(list.len() as u64)?;
+                    self.integers(&list)?;
+                }
+                "PATHS" => {
+                    let encoded = self.paths.encoded();
+                    self.word(self.paths.len() as u64)?;
+                    self.word(encoded.indices.len() as u64)?;
+                    [encoded.indices, encoded.tokens, encoded.jumps]
+                        .iter()
+                        .try_for_each(|list| self.integers(list))?;
+                }
+                _ => {
+                    let specs = std::mem::take(&mut self.specs);
+                    self.word(specs.len() as u64)?;
+                    for part in 0..3 {
+                        let list: Vec<i32> = specs.iter().map(|spec| spec[part]).collect();
+                        self.integers(&list)?;
+                    }
+                }
+            }
+            places.push((name, from, self.out.position() - from));
+        }
+        let at = self.out.position();
+        self.word(places.len() as u64)?;
+        for (name, from, length) in places {
+            let mut bytes = [0; 16];
+            bytes[..name.len()].copy_from_slice(name.as_bytes());
+            self.out.put(&bytes)?;
+            self.word(from)?;
+            self.word(length)?;
+        }
+        Ok(at)
+    }
+
+    fn tokens_table(&mut self) -> Result<()> {
+        let mut bytes = Vec::new();
+        for token in &self.tokens.items {
+            bytes.extend(token.bytes().filter(|b| *b != 0).chain([0]));
+        }
+        self.word(self.tokens.items.len() as u64)?;
+        self.word(bytes.len() as u64)?;
+        self.compressed(&bytes)
+    }
+
+    fn fields_table(&mut self) -> Result<()> {
+        let fields = std::mem::take(&mut self.fields.items);
+        self.word(fields.len() as u64)?;
+        let names: Vec<i32> = fields.iter().map(|(name, _)| *name as i32).collect();
+        self.integers(&names)?;
+        let values: Vec<u8> = fields.iter().flat_map(|(_, value)| value.to_le_bytes()).collect();
+        self.compressed(&values)
+    }
+
+    fn integers(&mut self, list: &[i32]) -> Result<()> {
+        self.compressed(&encoded(list))
+    }
+
+    fn compressed(&mut self, bytes: &[u8]) -> Result<()> {
+        let bytes = compressed(bytes);
+        self.word(bytes.len() as u64)?;
+        self.out.put(&bytes)
+    }
+}
+
+fn size_of(component: Component) -> u64 {
+    match component {
+        Component::Bool => 1,
+        Component::Half => 2,
+        Component::Int | Component::Float | Component::Text => 4,
+        Component::Double => 8,
+    }
+}
+
+fn put(component: Component, number: f64, out: &mut Vec<u8>) {
+    match component {
+        Component::Bool => out.push(u8::from(number != 0.0)),
+        Component::Int | Component::Text => out.extend((number as i32).to_le_bytes()),
+        Component::Half => out.extend(half::f16::from_f64(number).to_le_bytes()),
+        Component::Float => out.extend((number as f32).to_le_bytes()),
+        Component::Double => out.extend(number.to_le_bytes()),
+    }
+}

@@ -1,0 +1,46 @@
+//! Compression of crate files: lists of integers as differences, and bytes by LZ4 (pxr/usd/usd/integerCoding.cpp, pxr/base/tf/fastCompression.cpp).
+
+use std::collections::BTreeMap;
+
+/// Differences of a list, the most frequent in no bits, the others in 8, 16 or 32.
+pub fn encoded(list: &[i32]) -> Vec<u8> {
+    if list.is_empty() {
+        return Vec::new();
+    }
+    let mut before = 0i32;
+    let differences: Vec<i32> =
+        list.iter().map(|v| v.wrapping_sub(std::mem::replace(&mut before, *v))).collect();
+    let mut counts: BTreeMap<i32, usize> = BTreeMap::new();
+    differences.iter().for_each(|d| *counts.entry(*d).or_default() += 1);
+    let common = counts.iter().max_by_key(|(_, count)| **count).map_or(0, |(d, _)| *d);
+    let (mut codes, mut numbers) = (vec![0u8; differences.len().div_ceil(4)], Vec::new());
+    for (index, difference) in differences.iter().enumerate() {
+        let code = match *difference {
+            d if d == common => 0,
+            d if i8::try_from(d).is_ok() => {
+                numbers.extend((d as i8).to_le_bytes());
+                1
+            }
+            d if i16::try_from(d).is_ok() => {
+                numbers.extend((d as i16).to_le_bytes());
+                2
+            }
+            d => {
+                numbers.extend(d.to_le_bytes());
+                3
+            }
+        };
+        codes[index / 4] |= code << (2 * (index % 4));
+    }
+    let mut out = common.to_le_bytes().to_vec();
+    out.append(&mut codes);
+    out.append(&mut numbers);
+    out
+}
+
+/// One chunk of LZ4, after the number of further chunks, none.
+pub fn compressed(bytes: &[u8]) -> Vec<u8> {
+    let mut out = vec![0];
+    out.extend(lz4_flex::block::compress(bytes));
+    out
+}

@@ -1,0 +1,49 @@
+//! Times of the stage as time codes: frames from the start of the export.
+
+use choreo_plugin::motion::{FrameRate, Time};
+use std::rc::Rc;
+
+#[derive(Clone, Copy, Debug)]
+pub struct Frames {
+    pub start: Time,
+    pub rate: FrameRate,
+}
+
+impl Frames {
+    pub fn per_second(&self) -> f64 {
+        f64::from(self.rate.num) / f64::from(self.rate.den)
+    }
+
+    /// Frames of a duration.
+    pub fn lasting(&self, duration: Time) -> f64 {
+        duration.0 as f64 * f64::from(self.rate.num)
+            / (f64::from(self.rate.den) * Time::TICKS_PER_SECOND as f64)
+    }
+
+    /// A frame's time has a whole number, whatever its ticks are rounded to.
+    pub fn of(&self, time: Time) -> f64 {
+        let frames = self.lasting(time - self.start);
+        let whole = frames.round();
+        if (frames - whole).abs() < 0.49 * self.lasting(Time(1)) { whole } else { frames }
+    }
+
+    pub fn list(&self, times: &[Time]) -> Rc<[f64]> {
+        times.iter().map(|time| self.of(*time)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_whole_and_the_tick_before_is_not() {
+        let rate = FrameRate { num: 30_000, den: 1001 };
+        let frames = Frames { start: Time::ZERO, rate };
+        for frame in [0, 1, 77, 1_000_003] {
+            let time = rate.time_of(frame);
+            assert_eq!(frames.of(time), frame as f64);
+            assert!(frame == 0 || frames.of(time - Time(1)) < frame as f64);
+        }
+    }
+}

@@ -1,0 +1,260 @@
+//! A layer as data: prims with properties. Long lists of numbers are made when they are written, so that they are never in memory as a
+//! whole.
+
+use std::io::Result;
+use std::rc::Rc;
+
+/// The kind of number that an element consists of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Component {
+    Bool,
+    Int,
+    Half,
+    Float,
+    Double,
+    /// A token, a string or the path of a file.
+    Text,
+}
+
+/// Type of an attribute.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Type {
+    /// Its name in text.
+    pub name: &'static str,
+    /// Its number in crate files.
+    pub code: u8,
+    pub component: Component,
+    /// Numbers of an element.
+    pub width: usize,
+}
+
+const fn of(name: &'static str, code: u8, component: Component, width: usize) -> Type {
+    Type { name, code, component, width }
+}
+
+pub const BOOL: Type = of("bool", 1, Component::Bool, 1);
+pub const INT: Type = of("int", 3, Component::Int, 1);
+pub const FLOAT: Type = of("float", 8, Component::Float, 1);
+pub const DOUBLE: Type = of("double", 9, Component::Double, 1);
+pub const STRING: Type = of("string", 10, Component::Text, 1);
+pub const TOKEN: Type = of("token", 11, Component::Text, 1);
+pub const ASSET: Type = of("asset", 12, Component::Text, 1);
+pub const MATRIX4D: Type = of("matrix4d", 15, Component::Double, 16);
+pub const QUATF: Type = of("quatf", 17, Component::Float, 4);
+pub const QUATH: Type = of("quath", 18, Component::Half, 4);
+pub const FLOAT2: Type = of("float2", 20, Component::Float, 2);
+pub const TEXCOORD2F: Type = of("texCoord2f", 20, Component::Float, 2);
+pub const DOUBLE3: Type = of("double3", 23, Component::Double, 3);
+pub const FLOAT3: Type = of("float3", 24, Component::Float, 3);
+pub const COLOR3F: Type = of("color3f", 24, Component::Float, 3);
+pub const POINT3F: Type = of("point3f", 24, Component::Float, 3);
+pub const NORMAL3F: Type = of("normal3f", 24, Component::Float, 3);
+pub const VECTOR3F: Type = of("vector3f", 24, Component::Float, 3);
+pub const HALF3: Type = of("half3", 25, Component::Half, 3);
+pub const FLOAT4: Type = of("float4", 27, Component::Float, 4);
+
+impl Type {
+    /// Quaternions are x, y, z, w in memory and in crate files, and w, x, y, z in text.
+    pub fn is_quaternion(&self) -> bool {
+        matches!(self.name, "quatf" | "quath")
+    }
+}
+
+/// A number of a list, by index; an element has [`Type::width`] of them.
+pub type Numbers<'a> = Rc<dyn Fn(usize) -> f64 + 'a>;
+
+#[derive(Clone)]
+pub enum Value<'a> {
+    /// `count`: elements of an array, `None` for a single value.
+    Numbers {
+        count: Option<usize>,
+        number: Numbers<'a>,
+    },
+    Text(String),
+    Texts(Vec<String>),
+}
+
+impl<'a> Value<'a> {
+    /// A single value.
+    pub fn one(numbers: impl Into<Vec<f64>>) -> Value<'a> {
+        let numbers = numbers.into();
+        Value::Numbers { count: None, number: Rc::new(move |i| numbers[i]) }
+    }
+
+    /// An array whose numbers are made by a function.
+    pub fn array(count: usize, number: impl Fn(usize) -> f64 + 'a) -> Value<'a> {
+        Value::Numbers { count: Some(count), number: Rc::new(number) }
+    }
+
+    pub fn text(text: impl Into<String>) -> Value<'a> {
+        Value::Text(text.into())
+    }
+}
+
+/// Takes the numbers of one sample.
+pub type Taker<'t> = &'t mut dyn FnMut(&[f64]) -> Result<()>;
+
+/// Values at times, which are in frames.
+#[derive(Clone)]
+pub struct Samples<'a> {
+    pub times: Rc<[f64]>,
+    pub values: SampleValues<'a>,
+}
+
+#[derive(Clone)]
+pub enum SampleValues<'a> {
+    /// `count`: as in [`Value`]. `each` hands over the numbers of one time after the other.
+    Numbers {
+        count: Option<usize>,
+        each: Rc<dyn Fn(Taker<'_>) -> Result<()> + 'a>,
+    },
+    Texts(Vec<&'static str>),
+}
+
+impl<'a> Samples<'a> {
+    /// Samples whose numbers are in a list, `width` numbers each.
+    pub fn of(times: Rc<[f64]>, count: Option<usize>, width: usize, numbers: Vec<f64>) -> Samples<'a> {
+        let each = move |take: Taker<'_>| numbers.chunks(width.max(1)).try_for_each(&mut *take);
+        Samples { times, values: SampleValues::Numbers { count, each: Rc::new(each) } }
+    }
+}
+
+#[derive(Clone)]
+pub struct Attribute<'a> {
+    pub name: String,
+    pub of: Type,
+    pub is_array: bool,
+    pub uniform: bool,
+    pub value: Option<Value<'a>>,
+    pub samples: Option<Samples<'a>>,
+    /// The path of an output that drives it.
+    pub connection: Option<String>,
+    pub interpolation: Option<&'static str>,
+    pub element_size: Option<usize>,
+}
+
+#[derive(Clone)]
+pub enum Property<'a> {
+    Attribute(Attribute<'a>),
+    Relationship { name: &'static str, targets: Vec<String> },
+}
+
+/// A value in a dictionary.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Meta {
+    Double(f64),
+    Text(String),
+    Dictionary(Vec<(String, Meta)>),
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Specifier {
+    #[default]
+    Def,
+    Over,
+    Class,
+}
+
+#[derive(Clone, Default)]
+pub struct Prim<'a> {
+    pub name: String,
+    pub specifier: Specifier,
+    /// Name of its schema, "Mesh"; empty for overs.
+    pub kind: &'static str,
+    pub api: Vec<&'static str>,
+    /// The path of a prim of the layer that it is a copy of.
+    pub reference: Option<String>,
+    /// The name before it was made an identifier.
+    pub display_name: Option<String>,
+    pub custom: Vec<(String, Meta)>,
+    pub properties: Vec<Property<'a>>,
+    pub children: Vec<Prim<'a>>,
+}
+
+impl<'a> Prim<'a> {
+    pub fn new(kind: &'static str, name: impl Into<String>) -> Prim<'a> {
+        Prim { name: name.into(), kind, ..Prim::default() }
+    }
+
+    pub fn over(name: impl Into<String>) -> Prim<'a> {
+        Prim { name: name.into(), specifier: Specifier::Over, ..Prim::default() }
+    }
+
+    /// Adds an attribute, and returns it to be changed.
+    pub fn attribute(&mut self, of: Type, name: impl Into<String>) -> &mut Attribute<'a> {
+        let (is_array, uniform, value, samples) = (false, false, None, None);
+        let (connection, interpolation, element_size) = (None, None, None);
+        let name = name.into();
+        self.properties.push(Property::Attribute(Attribute {
+            name,
+            of,
+            is_array,
+            uniform,
+            value,
+            samples,
+            connection,
+            interpolation,
+            element_size,
+        }));
+        match self.properties.last_mut() {
+            Some(Property::Attribute(attribute)) => attribute,
+            _ => unreachable!("an attribute has been pushed"),
+        }
+    }
+
+    pub fn set(&mut self, of: Type, name: impl Into<String>, value: Value<'a>) -> &mut Attribute<'a> {
+        self.attribute(of, name).with(value)
+    }
+
+    /// A single number or vector.
+    pub fn number(&mut self, of: Type, name: impl Into<String>, numbers: &[f32]) -> &mut Attribute<'a> {
+        let numbers: Vec<f64> = numbers.iter().map(|v| f64::from(*v)).collect();
+        self.set(of, name, Value::one(numbers))
+    }
+
+    /// A token that does not change.
+    pub fn uniform_token(&mut self, name: &str, token: &str) {
+        self.set(TOKEN, name, Value::text(token)).uniform = true;
+    }
+
+    /// A list of tokens that does not change.
+    pub fn uniform_tokens(&mut self, name: &str, tokens: Vec<String>) {
+        self.set(TOKEN, name, Value::Texts(tokens)).uniform = true;
+    }
+
+    pub fn relate(&mut self, name: &'static str, targets: Vec<String>) {
+        self.properties.push(Property::Relationship { name, targets });
+    }
+}
+
+impl<'a> Attribute<'a> {
+    pub fn with(&mut self, value: Value<'a>) -> &mut Self {
+        self.is_array = matches!(value, Value::Numbers { count: Some(_), .. } | Value::Texts(_));
+        self.value = Some(value);
+        self
+    }
+
+    pub fn sampled(&mut self, samples: Samples<'a>) -> &mut Self {
+        self.is_array = matches!(samples.values, SampleValues::Numbers { count: Some(_), .. });
+        self.samples = Some(samples);
+        self
+    }
+
+    /// How a primvar's elements belong to the mesh: "vertex", "constant".
+    pub fn across(&mut self, interpolation: &'static str) -> &mut Self {
+        self.interpolation = Some(interpolation);
+        self
+    }
+}
+
+/// A whole file.
+#[derive(Clone, Default)]
+pub struct Layer<'a> {
+    pub default_prim: String,
+    /// Frames of the timeline.
+    pub end: f64,
+    pub frames_per_second: f64,
+    pub comment: String,
+    pub custom: Vec<(String, Meta)>,
+    pub prims: Vec<Prim<'a>>,
+}

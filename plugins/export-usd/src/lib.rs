@@ -1,0 +1,225 @@
+//! Scenes as USD: `.usda`, `.usdc`, `.usdz`. What is written, and how exact it is: README.md.
+
+mod actors;
+mod cameras;
+mod file;
+mod frames;
+mod joints;
+mod layer;
+mod lights;
+mod losses;
+mod materials;
+mod meshes;
+mod model;
+mod motion;
+mod names;
+mod textures;
+
+use actors::KnownAnimations;
+use choreo_exporter_kit::bake::check::{self, AsWritten};
+use choreo_exporter_kit::bake::{self, Baked, Style};
+use choreo_plugin::asset::Asset;
+use choreo_plugin::motion::Path;
+use choreo_plugin::stage::Stage;
+use choreo_plugin::{ExportError, ExportedScene, Manifest, SceneExporter, SceneFiles};
+use file::{Out, binary, text, zip};
+use frames::Frames;
+use layer::{Layer, Meta, Prim};
+use model::{Common, Model};
+use motion::Sets;
+use names::Names;
+use std::collections::BTreeMap;
+use std::rc::Rc;
+use std::sync::{Arc, LazyLock};
+
+/// The page of the documentation.
+pub const README: &str = include_str!("../README.md");
+
+static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+    Manifest::new(
+        "usd",
+        env!("CARGO_PKG_VERSION"),
+        "USD: meshes, skeletons, blend shapes, materials, cameras, lights, and the timeline as time samples",
+    )
+    .extensions(["usda", "usdc", "usdz"])
+    .number("tolerance", "how far a joint may be from the scene at any time", 0.0001, 1e-7..=1.0)
+    .unit("m")
+});
+
+/// The prim that holds the models.
+const MODELS: &str = "_models";
+
+/// Times are exact in f64; sizes of joints are in half precision (UsdSkelAnimation).
+const AS_WRITTEN: AsWritten = AsWritten {
+    times: |times, start| times.iter().map(|time| *time - start).collect(),
+    number: |path, number| match path {
+        Path::Scale => half::f16::from_f32(number).to_f32(),
+        _ => number,
+    },
+};
+
+#[derive(Clone, Copy, Debug, Default)]
+pub struct UsdExporter;
+
+impl SceneExporter for UsdExporter {
+    fn manifest(&self) -> &Manifest {
+        &MANIFEST
+    }
+
+    fn export(&self, scene: &ExportedScene, files: &mut dyn SceneFiles) -> Result<Vec<String>, ExportError> {
+        let tolerance = scene.options.number("tolerance").unwrap_or(0.0001);
+        let mut baked = bake::bake(scene, tolerance, Style::Common)?;
+        files.deviation(check::worst(scene, &baked, &AS_WRITTEN)?);
+        let sets: Vec<_> = std::mem::take(&mut baked.sets).into_iter().map(Rc::new).collect();
+        // What keeps still is asked for by set.
+        baked.sets = sets.iter().map(|set| still_of(set)).collect();
+        let mut common = Common::default();
+        common.textures.stem = scene.stem.clone();
+        let layer = layer(scene, &baked, &sets, &mut common)?;
+        write(&scene.extension, &layer, &common, (&scene.stem, files))?;
+        Ok(vec![losses::note(&common.losses)])
+    }
+}
+
+/// A set without its curves.
+fn still_of<'a>(set: &bake::tracks::TrackSet<'a>) -> bake::tracks::TrackSet<'a> {
+    bake::tracks::TrackSet {
+        times: Vec::new(),
+        tracks: Vec::new(),
+        still: set.still.clone(),
+        values: bake::tracks::Values::Lists(Vec::new()),
+    }
+}
+
+fn layer<'a>(
+    scene: &'a ExportedScene,
+    baked: &Baked<'a>,
+    sets: &Sets<'a>,
+    common: &mut Common,
+) -> Result<Layer<'a>, ExportError> {
+    let stage: &Stage = &scene.stage;
+    let frames = Frames { start: baked.start, rate: scene.fps };
+    let root = names::identifier(&scene.stem);
+    let (models, library) = models(stage, baked, sets, common)?;
+    let mut top = Prim::new("Xform", root.clone());
+    let mut names = Names::default();
+    let all = actors::Scene { stage, baked, sets, frames, path: format!("/{root}") };
+    let mut known = KnownAnimations::new();
+    for (index, actor) in stage.actors.iter().enumerate() {
+        if baked.motions[index].hidden {
+            continue;
+        }
+        let name = names.free(&actor.name);
+        let model = &models[&(Arc::as_ptr(&actor.asset) as usize)];
+        top.children.push(all.actor(index, &name, model, (&mut known, common))?);
+    }
+    top.children.extend(cameras::of_stage(stage, baked, frames, &mut names));
+    top.children.extend(lights::of_stage(stage, baked, (frames, &mut names), &mut common.losses));
+    losses::of_stage(stage, &mut common.losses);
+    let mut prims = vec![top];
+    if !library.is_empty() {
+        prims.push(model::library(MODELS, library));
+    }
+    let provenance: Vec<(String, Meta)> =
+        scene.provenance.iter().map(|(keyword, text)| (keyword.clone(), Meta::Text(text.clone()))).collect();
+    Ok(Layer {
+        default_prim: root,
+        end: frames.of(baked.end),
+        frames_per_second: frames.per_second(),
+        comment: format!("choreo export-usd {}", MANIFEST.version),
+        custom: provenance,
+        prims,
+    })
+}
+
+/// The models of all assets that are seen, by the asset's address.
+fn models<'a>(
+    stage: &'a Stage,
+    baked: &Baked<'a>,
+    sets: &Sets<'a>,
+    common: &mut Common,
+) -> Result<(BTreeMap<usize, Model<'a>>, Vec<Prim<'a>>), ExportError> {
+    let mut rigs: BTreeMap<usize, bool> = BTreeMap::new();
+    for (index, actor) in stage.actors.iter().enumerate() {
+        let moves = motion::joint_set(baked, sets, index).is_some()
+            || baked.still_rig(actor, index)[1..] != *actor.asset.skeleton.rest();
+        *rigs.entry(Arc::as_ptr(&actor.asset) as usize).or_default() |= moves || is_soft(&actor.asset);
+    }
+    let (mut out, mut prims, mut names) = (BTreeMap::new(), Vec::new(), Names::default());
+    for (index, actor) in stage.actors.iter().enumerate() {
+        let address = Arc::as_ptr(&actor.asset) as usize;
+        if baked.motions[index].hidden || out.contains_key(&address) {
+            continue;
+        }
+        let bare = actor.asset.name.rsplit('/').next().unwrap_or_default();
+        let name = names.free(bare.split('.').next().filter(|name| !name.is_empty()).unwrap_or("model"));
+        let place = format!("/{MODELS}");
+        let (model, prim) = model::model(&actor.asset, &name, (&place, rigs[&address]), common)?;
+        out.insert(address, model);
+        prims.push(prim);
+    }
+    Ok((out, prims))
+}
+
+/// Skins and morph targets need a skeleton.
+fn is_soft(asset: &Asset) -> bool {
+    let is_shaped = |mesh: u32| asset.meshes.get(mesh as usize).is_some_and(|mesh| mesh.morph_targets > 0);
+    asset.instances.iter().any(|instance| instance.skin.is_some() || is_shaped(instance.mesh))
+}
+
+fn write(
+    extension: &str,
+    layer: &Layer<'_>,
+    common: &Common,
+    (stem, files): (&str, &mut dyn SceneFiles),
+) -> Result<(), ExportError> {
+    if extension == "usdz" {
+        return write_package(layer, common, stem, files);
+    }
+    for (ending, png) in &common.textures.files {
+        let out = files.beside(ending)?;
+        out.write_all(png)?;
+        out.flush()?;
+    }
+    let tables_at = if extension == "usda" { 0 } else { binary::tables_at(layer)? };
+    let mut out = Out::file(files.main());
+    match extension {
+        "usda" => text::write(layer, &mut out)?,
+        _ => {
+            out.put(&binary::head(tables_at))?;
+            binary::rest(layer, &mut out)?;
+        }
+    }
+    out.finish()?;
+    Ok(())
+}
+
+/// The layer as a crate file, then the textures. Its checksum stands before it, so that it is made twice.
+fn write_package(
+    layer: &Layer<'_>,
+    common: &Common,
+    stem: &str,
+    files: &mut dyn SceneFiles,
+) -> Result<(), ExportError> {
+    let head = binary::head(binary::tables_at(layer)?);
+    let mut sum = Out::checksum();
+    sum.put(&head)?;
+    binary::rest(layer, &mut sum)?;
+    let length = sum.position();
+    let checksum = sum.finish()?.map_or(0, crc32fast::Hasher::finalize);
+    let mut out = Out::file(files.main());
+    let mut archive = zip::Archive::default();
+    archive.begin(&mut out, zip::Entry { name: format!("{stem}.usdc"), checksum, length })?;
+    out.begin_file();
+    out.put(&head)?;
+    binary::rest(layer, &mut out)?;
+    out.end_file();
+    for (ending, png) in &common.textures.files {
+        let (checksum, length) = (crc32fast::hash(png), png.len() as u64);
+        archive.begin(&mut out, zip::Entry { name: format!("{stem}{ending}"), checksum, length })?;
+        out.put(png)?;
+    }
+    archive.finish(&mut out)?;
+    out.finish()?;
+    Ok(())
+}

@@ -1,0 +1,152 @@
+//! Lights (UsdLux): those of the stage, those of files, and the light from everywhere.
+
+use crate::frames::Frames;
+use crate::joints;
+use crate::layer::{Attribute, BOOL, COLOR3F, FLOAT, Prim, Property};
+use crate::motion::{animate, place_by_parts, series_samples};
+use crate::names::Names;
+use choreo_exporter_kit::Baked;
+use choreo_exporter_kit::bake::rig;
+use choreo_exporter_kit::bake::signals::{LightPart, Quantity, rotation_towards};
+use choreo_plugin::asset::{Asset, Light, LightKind};
+use choreo_plugin::glam::{DAffine3, Quat, Vec3};
+use choreo_plugin::motion::Transform;
+use choreo_plugin::stage::{Stage, default_sun};
+use std::collections::BTreeSet;
+
+/// Radius of lamps, metres.
+const RADIUS: f32 = 0.01;
+/// A normalized sphere's intensity over its candela: its luminance is intensity ÷ 4πr², and a disc of πr² is seen.
+const SPHERE: f32 = 4.0;
+
+pub fn of_stage<'a>(
+    stage: &Stage,
+    baked: &Baked<'_>,
+    (frames, names): (Frames, &mut Names),
+    losses: &mut BTreeSet<&'static str>,
+) -> Vec<Prim<'a>> {
+    let mut out = Vec::new();
+    let in_files = stage.actors.iter().any(|a| a.file_lights && !a.asset.lights.is_empty());
+    if stage.lights.is_empty() && stage.sky.is_none() && !in_files {
+        let sun = default_sun();
+        let at = Transform { rotation: rotation_towards(sun.direction), ..Transform::IDENTITY };
+        out.push(light(names.free("sun"), &sun.light, &at).0);
+    }
+    for (number, of) in stage.lights.iter().enumerate() {
+        for (lost, what) in [
+            (of.shadow.is_some(), "how shadows are drawn"),
+            (of.attenuation.is_some(), "attenuation other than 1 / d²"),
+            (of.light.range.is_some(), "ranges of lights"),
+        ] {
+            if lost {
+                losses.insert(what);
+            }
+        }
+        out.push(of_light(stage, baked, number, (frames, names)));
+    }
+    let settings = &stage.settings;
+    let around = 0.5 * (settings.ambient_up + settings.ambient_down);
+    if stage.sky.is_none() && around != Vec3::ZERO {
+        if settings.ambient_up != settings.ambient_down {
+            losses.insert("the difference of light from above and below");
+        }
+        let mut dome = Prim::new("DomeLight", names.free("ambient"));
+        dome.number(COLOR3F, "inputs:color", &(around / around.max_element()).to_array());
+        dome.number(FLOAT, "inputs:intensity", &[around.max_element()]);
+        out.push(dome);
+    }
+    out
+}
+
+fn of_light<'a>(
+    stage: &Stage,
+    baked: &Baked<'_>,
+    number: usize,
+    (frames, names): (Frames, &mut Names),
+) -> Prim<'a> {
+    let of = &stage.lights[number];
+    let state = baked.lights.get(number).copied().flatten();
+    let series = |part| baked.series_of(Quantity::Light { light: number, part });
+    let now = state.map_or(Light { intensity: 0.0, ..of.light }, |state| state.light);
+    let (position, direction) = match &state {
+        Some(state) => (state.position, state.direction),
+        None => (of.position, of.direction),
+    };
+    let mut at = Transform { translation: position.as_vec3(), ..Transform::IDENTITY };
+    if let Some(first) = series(LightPart::Position) {
+        at.translation = Vec3::from_slice(first.first());
+    }
+    if now.kind.has_direction() {
+        let turned = series(LightPart::Rotation).map(|first| Quat::from_slice(first.first()));
+        at.rotation = turned.unwrap_or_else(|| rotation_towards(direction));
+    }
+    if now.kind.is_directional() {
+        at.translation = Vec3::ZERO;
+    }
+    let (mut out, places) = light(names.free(&of.name), &now, &at);
+    let factor = if now.kind.is_directional() { 1.0 } else { SPHERE };
+    for (part, place) in [(LightPart::Position, places[0]), (LightPart::Rotation, places[1])] {
+        let has_it =
+            if part == LightPart::Position { !now.kind.is_directional() } else { now.kind.has_direction() };
+        if let Some(series) = series(part).filter(|series| !series.is_still() && has_it) {
+            animate(&mut out, place, series_samples(series, frames, f64::from));
+        }
+    }
+    let is_spot = matches!(now.kind, LightKind::Spot { .. });
+    for (part, name, factor) in [
+        (LightPart::Color, "inputs:color", 1.0),
+        (LightPart::Intensity, "inputs:intensity", factor),
+        (LightPart::Outer, "inputs:shaping:cone:angle", 1f32.to_degrees()),
+    ] {
+        let moving = series(part).filter(|series| !series.is_still());
+        if let Some(series) = moving.filter(|_| is_spot || part != LightPart::Outer)
+            && let Some(place) = place_of(&out, name)
+        {
+            animate(&mut out, place, series_samples(series, frames, |v| f64::from(v) * f64::from(factor)));
+        }
+    }
+    out
+}
+
+fn place_of(prim: &Prim<'_>, name: &str) -> Option<usize> {
+    let is = |p: &Property<'_>| matches!(p, Property::Attribute(Attribute { name: own, .. }) if own == name);
+    prim.properties.iter().position(is)
+}
+
+/// A light, and the places of the attributes that place it.
+fn light<'a>(name: String, light: &Light, at: &Transform) -> (Prim<'a>, [usize; 3]) {
+    let directional = light.kind.is_directional();
+    let mut out = Prim::new(if directional { "DistantLight" } else { "SphereLight" }, name);
+    out.number(COLOR3F, "inputs:color", &light.color.to_array());
+    if directional {
+        // Parallel rays: the intensity is the illuminance.
+        out.number(FLOAT, "inputs:angle", &[0.0]);
+        out.number(FLOAT, "inputs:intensity", &[light.intensity]);
+        out.number(BOOL, "inputs:normalize", &[1.0]);
+    } else {
+        out.number(FLOAT, "inputs:intensity", &[light.intensity * SPHERE]);
+        out.number(BOOL, "inputs:normalize", &[1.0]);
+        out.number(FLOAT, "inputs:radius", &[RADIUS]);
+        out.number(BOOL, "treatAsPoint", &[1.0]);
+    }
+    if let LightKind::Spot { inner, outer } = light.kind {
+        out.api.push("ShapingAPI");
+        out.number(FLOAT, "inputs:shaping:cone:angle", &[outer.to_degrees()]);
+        let softness = (1.0 - inner / outer.max(1e-6)).clamp(0.0, 1.0);
+        out.number(FLOAT, "inputs:shaping:cone:softness", &[softness]);
+    }
+    let places = place_by_parts(&mut out, at);
+    (out, places)
+}
+
+/// Adds the lights of an actor's file, where its joints are at the start.
+pub fn of_file(prim: &mut Prim<'_>, asset: &Asset, still: &[Transform]) {
+    let in_model = joints::in_model(asset, still);
+    let mut names = Names::default();
+    for of in &asset.lights {
+        let Some(at) = in_model.get(of.joint as usize) else { continue };
+        let at = rig::parts(&DAffine3::from_mat4(*at), &Transform::IDENTITY);
+        let name = names.free(&format!("light {}", of.name));
+        prim.children.push(light(name, &of.light, &at).0);
+    }
+}

@@ -1,0 +1,377 @@
+//! Materials as UsdPreviewSurface with textures (the UsdPreviewSurface specification).
+
+use crate::layer::{
+    ASSET, COLOR3F, FLOAT, FLOAT2, FLOAT3, FLOAT4, NORMAL3F, Prim, STRING, TOKEN, Type, Value,
+};
+use crate::textures::Textures;
+use choreo_plugin::ExportError;
+use choreo_plugin::asset::{AlphaMode, Asset, Material, Shading, TextureRef, Wrap};
+use choreo_plugin::glam::{Affine2, Vec3, Vec4};
+use std::collections::BTreeSet;
+
+/// A material's shaders. Materials that differ in numbers alone have the same shaders and inputs.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Network {
+    pub shaders: Vec<Shader>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shader {
+    pub name: String,
+    id: &'static str,
+    pub inputs: Vec<Input>,
+    outputs: Vec<(&'static str, Type)>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Input {
+    pub name: &'static str,
+    pub of: Type,
+    pub value: InputValue,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub enum InputValue {
+    Numbers(Vec<f32>),
+    Text(String),
+    /// An output of another shader of the network: `normal.outputs:rgb`.
+    Output(String),
+}
+
+/// The parts of an asset that a network depends on.
+#[derive(Clone, Copy)]
+pub struct Surroundings<'a> {
+    pub asset: &'a Asset,
+    /// The texture coordinates that all primitives with the material have.
+    pub uvs: [bool; 2],
+    /// All of them have vertex colors.
+    pub colors: bool,
+}
+
+struct Builder<'b> {
+    of: Surroundings<'b>,
+    textures: &'b mut Textures,
+    surface: Vec<Input>,
+    others: Vec<Shader>,
+}
+
+/// How a texture is read: scale and bias of its numbers, color space.
+struct Reading {
+    scale: Vec4,
+    bias: Vec4,
+    space: &'static str,
+}
+
+impl Reading {
+    fn color(scale: Vec4) -> Reading {
+        Reading { scale, bias: Vec4::ZERO, space: "sRGB" }
+    }
+
+    fn raw(scale: Vec4, bias: Vec4) -> Reading {
+        Reading { scale, bias, space: "raw" }
+    }
+}
+
+/// The shaders of a material, the surface first.
+///
+/// # Errors
+/// A texture cannot be written.
+pub fn network(
+    m: &Material,
+    of: Surroundings<'_>,
+    textures: &mut Textures,
+    losses: &mut BTreeSet<&'static str>,
+) -> Result<Network, ExportError> {
+    let mut builder = Builder { of, textures, surface: Vec::new(), others: Vec::new() };
+    builder.material(m, losses)?;
+    let surface = Shader {
+        name: "surface".into(),
+        id: "UsdPreviewSurface",
+        inputs: builder.surface,
+        outputs: vec![("surface", TOKEN)],
+    };
+    let mut shaders = vec![surface];
+    shaders.append(&mut builder.others);
+    note_losses(m, losses);
+    Ok(Network { shaders })
+}
+
+impl Builder<'_> {
+    fn input(&mut self, name: &'static str, of: Type, numbers: &[f32]) {
+        self.surface.push(Input { name, of, value: InputValue::Numbers(numbers.to_vec()) });
+    }
+
+    fn connected(&mut self, name: &'static str, of: Type, output: String) {
+        self.surface.push(Input { name, of, value: InputValue::Output(output) });
+    }
+
+    fn material(&mut self, m: &Material, losses: &mut BTreeSet<&'static str>) -> Result<(), ExportError> {
+        let color = m.base_color.clamp(Vec4::ZERO, Vec4::ONE);
+        let unlit = matches!(m.shading, Shading::Unlit | Shading::Toon);
+        let base = self.texture("base_color", &m.base_color_texture, Reading::color(color))?;
+        let (lit, name) = if unlit { (false, "emissiveColor") } else { (true, "diffuseColor") };
+        match &base {
+            Some(texture) => {
+                if self.of.colors {
+                    losses.insert("vertex colors below textures");
+                }
+                self.connected(name, COLOR3F, format!("{texture}.outputs:rgb"));
+            }
+            None if self.of.colors => {
+                if color.truncate() != Vec3::ONE {
+                    losses.insert("colors of materials over vertex colors");
+                }
+                self.reader("vertex_color", "UsdPrimvarReader_float3", "displayColor", FLOAT3);
+                self.connected(name, COLOR3F, "vertex_color.outputs:result".into());
+            }
+            None => self.input(name, COLOR3F, &color.truncate().to_array()),
+        }
+        if !lit {
+            self.input("diffuseColor", COLOR3F, &[0.0; 3]);
+        } else {
+            let emissive = m.emissive.max(Vec3::ZERO);
+            let reading = Reading::color(emissive.extend(1.0));
+            match self.texture("emissive", &m.emissive_texture, reading)? {
+                Some(texture) => self.connected("emissiveColor", COLOR3F, format!("{texture}.outputs:rgb")),
+                None => self.input("emissiveColor", COLOR3F, &emissive.to_array()),
+            }
+        }
+        self.reflection(m, unlit)?;
+        let opacity = match m.alpha_mode {
+            AlphaMode::Opaque => None,
+            AlphaMode::Mask(cutoff) => Some(cutoff),
+            AlphaMode::Blend => Some(0.0),
+        };
+        if let Some(threshold) = opacity {
+            match &base {
+                Some(texture) => self.connected("opacity", FLOAT, format!("{texture}.outputs:a")),
+                None => self.input("opacity", FLOAT, &[color.w]),
+            }
+            self.input("opacityThreshold", FLOAT, &[threshold]);
+        } else if m.layers.as_ref().is_some_and(|layers| layers.transmission > 0.0) {
+            let through = m.layers.as_ref().map_or(0.0, |layers| layers.transmission);
+            losses.insert("light that is let through (written as opacity)");
+            self.input("opacity", FLOAT, &[(1.0 - 0.85 * through).clamp(0.0, 1.0)]);
+        }
+        let s = m.normal_scale;
+        let reading = Reading::raw(Vec4::new(2.0 * s, 2.0 * s, 2.0, 1.0), Vec4::new(-s, -s, -1.0, 0.0));
+        if let Some(texture) = self.texture("normal", &m.normal_texture, reading)? {
+            self.connected("normal", NORMAL3F, format!("{texture}.outputs:rgb"));
+        }
+        let s = m.occlusion_strength.clamp(0.0, 1.0);
+        let reading = Reading::raw(Vec4::splat(s), Vec4::splat(1.0 - s));
+        if let Some(texture) = self.texture("occlusion", &m.occlusion_texture, reading)? {
+            self.connected("occlusion", FLOAT, format!("{texture}.outputs:r"));
+        }
+        Ok(())
+    }
+
+    fn reflection(&mut self, m: &Material, unlit: bool) -> Result<(), ExportError> {
+        let (metallic, roughness) = match m.shading {
+            Shading::MetallicRoughness => (m.metallic.clamp(0.0, 1.0), m.roughness.clamp(0.0, 1.0)),
+            Shading::BlinnPhong | Shading::Phong => (0.0, m.mirror_roughness().clamp(0.0, 1.0)),
+            Shading::Unlit | Shading::Toon => (0.0, 1.0),
+        };
+        let texture =
+            m.metallic_roughness_texture.clone().filter(|_| m.shading == Shading::MetallicRoughness);
+        let reading = Reading::raw(Vec4::new(1.0, roughness, metallic, 1.0), Vec4::ZERO);
+        match self.texture("metallic_roughness", &texture, reading)? {
+            Some(texture) => {
+                self.connected("metallic", FLOAT, format!("{texture}.outputs:b"));
+                self.connected("roughness", FLOAT, format!("{texture}.outputs:g"));
+            }
+            None => {
+                self.input("metallic", FLOAT, &[metallic]);
+                self.input("roughness", FLOAT, &[roughness]);
+            }
+        }
+        let layers = m.layers.as_deref();
+        // A surface that only shines by itself mirrors nothing.
+        let index = if unlit { 1.0 } else { layers.map_or(1.5, |l| l.ior) };
+        if index != 1.5 {
+            self.input("ior", FLOAT, &[index]);
+        }
+        if let Some(coat) = layers.filter(|l| l.clearcoat > 0.0) {
+            self.input("clearcoat", FLOAT, &[coat.clearcoat]);
+            self.input("clearcoatRoughness", FLOAT, &[coat.clearcoat_roughness]);
+        }
+        Ok(())
+    }
+
+    /// The name of the shader of a texture; `None` where there is none, or no coordinates for it.
+    fn texture(
+        &mut self,
+        name: &'static str,
+        texture: &Option<TextureRef>,
+        reading: Reading,
+    ) -> Result<Option<String>, ExportError> {
+        let has_uvs = |t: &&TextureRef| self.of.uvs.get(usize::from(t.uv_set)).is_some_and(|has| *has);
+        let Some(texture) = texture.as_ref().filter(has_uvs) else { return Ok(None) };
+        let image = self.of.asset.images.get(texture.image as usize).filter(|i| i.width > 0 && i.height > 0);
+        let Some(image) = image else { return Ok(None) };
+        let file = self.textures.path(image)?;
+        let (reader, primvar) = [("uv", "st"), ("uv1", "st1")][usize::from(texture.uv_set > 0)];
+        if !self.others.iter().any(|shader| shader.name == reader) {
+            self.reader(reader, "UsdPrimvarReader_float2", primvar, FLOAT2);
+        }
+        // The transform is always there, so that materials whose numbers differ have the same shaders.
+        let (translation, rotation, scale) = from_below(&texture.uv_transform);
+        let numbers = |name, of, list: &[f32]| Input { name, of, value: InputValue::Numbers(list.to_vec()) };
+        let output = |text: String| InputValue::Output(text);
+        let transform = format!("{name}_uv");
+        self.others.push(Shader {
+            name: transform.clone(),
+            id: "UsdTransform2d",
+            inputs: vec![
+                Input { name: "in", of: FLOAT2, value: output(format!("{reader}.outputs:result")) },
+                numbers("rotation", FLOAT, &[rotation]),
+                numbers("scale", FLOAT2, &scale),
+                numbers("translation", FLOAT2, &translation),
+            ],
+            outputs: vec![("result", FLOAT2)],
+        });
+        let wrap = |wrap: Wrap| {
+            let name = match wrap {
+                Wrap::Repeat => "repeat",
+                Wrap::MirroredRepeat => "mirror",
+                Wrap::ClampToEdge => "clamp",
+            };
+            InputValue::Text(name.into())
+        };
+        self.others.push(Shader {
+            name: name.into(),
+            id: "UsdUVTexture",
+            inputs: vec![
+                Input { name: "file", of: ASSET, value: InputValue::Text(file) },
+                Input { name: "st", of: FLOAT2, value: output(format!("{transform}.outputs:result")) },
+                Input { name: "wrapS", of: TOKEN, value: wrap(texture.sampler.wrap_u) },
+                Input { name: "wrapT", of: TOKEN, value: wrap(texture.sampler.wrap_v) },
+                Input { name: "sourceColorSpace", of: TOKEN, value: InputValue::Text(reading.space.into()) },
+                numbers("scale", FLOAT4, &reading.scale.to_array()),
+                numbers("bias", FLOAT4, &reading.bias.to_array()),
+            ],
+            outputs: vec![("r", FLOAT), ("g", FLOAT), ("b", FLOAT), ("a", FLOAT), ("rgb", FLOAT3)],
+        });
+        Ok(Some(name.into()))
+    }
+
+    fn reader(&mut self, name: &str, id: &'static str, primvar: &str, of: Type) {
+        let varname = Input { name: "varname", of: STRING, value: InputValue::Text(primvar.into()) };
+        self.others.push(Shader {
+            name: name.into(),
+            id,
+            inputs: vec![varname],
+            outputs: vec![("result", of)],
+        });
+    }
+}
+
+/// A transform of texture coordinates whose origin is above, as one whose origin is below: translation, degrees, scale. Shear is lost.
+fn from_below(a: &Affine2) -> ([f32; 2], f32, [f32; 2]) {
+    let (x, y, at) = (a.matrix2.x_axis, a.matrix2.y_axis, a.translation);
+    let (x_below, y_below) = ([x.x, -x.y], [-y.x, y.y]);
+    let rotation = libm::atan2f(x_below[1], x_below[0]);
+    let (sin, cos) = (libm::sinf(rotation), libm::cosf(rotation));
+    let scale = [libm::sqrtf(x.x * x.x + x.y * x.y), y_below[1] * cos - y_below[0] * sin];
+    ([at.x + y.x, 1.0 - y.y - at.y], rotation.to_degrees(), scale)
+}
+
+impl Network {
+    /// The material with all its shaders. `path`: where it will be.
+    pub fn prim<'a>(&self, name: &str, path: &str, display_name: &str) -> Prim<'a> {
+        let mut out = Prim::new("Material", name);
+        out.display_name = (display_name != name && !display_name.is_empty()).then(|| display_name.into());
+        out.attribute(TOKEN, "outputs:surface").connection = Some(format!("{path}/surface.outputs:surface"));
+        for shader in &self.shaders {
+            let mut prim = Prim::new("Shader", shader.name.clone());
+            prim.uniform_token("info:id", shader.id);
+            for input in &shader.inputs {
+                let name = format!("inputs:{}", input.name);
+                match &input.value {
+                    InputValue::Numbers(numbers) => _ = prim.number(input.of, name, numbers),
+                    InputValue::Text(text) => _ = prim.set(input.of, name, Value::text(text)),
+                    InputValue::Output(output) => {
+                        prim.attribute(input.of, name).connection = Some(format!("{path}/{output}"));
+                    }
+                }
+            }
+            for (output, of) in &shader.outputs {
+                prim.attribute(*of, format!("outputs:{output}"));
+            }
+            out.children.push(prim);
+        }
+        out
+    }
+
+    /// The numbers of an input, where it has some.
+    pub fn numbers(&self, shader: usize, input: usize) -> Option<&[f32]> {
+        match &self.shaders.get(shader)?.inputs.get(input)?.value {
+            InputValue::Numbers(numbers) => Some(numbers),
+            _ => None,
+        }
+    }
+
+    /// Whether another one has the same shaders, inputs and connections.
+    pub fn is_alike(&self, other: &Network) -> bool {
+        let is_of_numbers = |a: &InputValue, b: &InputValue| matches!((a, b), (InputValue::Numbers(a), InputValue::Numbers(b)) if a.len() == b.len());
+        self.shaders.len() == other.shaders.len()
+            && self.shaders.iter().zip(&other.shaders).all(|(a, b)| {
+                a.name == b.name
+                    && a.inputs.len() == b.inputs.len()
+                    && a.inputs.iter().zip(&b.inputs).all(|(a, b)| {
+                        a.name == b.name && (a.value == b.value || is_of_numbers(&a.value, &b.value))
+                    })
+            })
+    }
+}
+
+fn note_losses(m: &Material, losses: &mut BTreeSet<&'static str>) {
+    let layers = m.layers.as_deref();
+    for (lost, what) in [
+        (m.relief != 0.0, "relief of normal maps"),
+        (m.sequence.is_some(), "image sequences"),
+        (m.line_style.is_some(), "line widths"),
+        (m.triplanar.is_some(), "triplanar textures"),
+        (m.mirrors().is_some(), "reflection maps"),
+        (m.shading == Shading::Toon, "toon shading (written as light of its own)"),
+        (m.shading == Shading::Unlit, "surfaces without shading (written as light of its own)"),
+        (
+            matches!(m.shading, Shading::Phong | Shading::BlinnPhong),
+            "Phong highlights (written as roughness)",
+        ),
+        (layers.is_some_and(|l| l.sheen_color != Vec3::ZERO), "sheen"),
+        (layers.is_some_and(|l| l.iridescence > 0.0), "iridescence"),
+        (layers.is_some_and(|l| l.anisotropy != 0.0), "anisotropy"),
+        (
+            m.shading == Shading::MetallicRoughness && (m.specular != 1.0 || m.specular_color != Vec3::ONE),
+            "the strength and color of highlights",
+        ),
+    ] {
+        if lost {
+            losses.insert(what);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use choreo_plugin::glam::{Mat2, Vec2};
+
+    /// Scale, then rotation, then translation, as UsdTransform2d has it.
+    #[test]
+    fn a_transform_from_below_moves_the_same_points() {
+        for (rotation, scale) in [(0.7f32, Vec2::new(2.0, 3.0)), (-2.0, Vec2::new(0.5, -1.5))] {
+            let above = choreo_plugin::stage::uv_transform(Vec2::new(0.25, -0.5), rotation, scale);
+            let (translation, degrees, scale) = from_below(&above);
+            let turn = Mat2::from_angle(degrees.to_radians());
+            for uv in [Vec2::ZERO, Vec2::new(0.3, 0.8), Vec2::ONE] {
+                let below = Vec2::new(uv.x, 1.0 - uv.y);
+                let moved = turn * (below * Vec2::from(scale)) + Vec2::from(translation);
+                let truth = above.transform_point2(uv);
+                let apart = (moved - Vec2::new(truth.x, 1.0 - truth.y)).length();
+                assert!(apart < 1e-5, "{uv}: {moved} is {apart} from {truth}");
+            }
+        }
+    }
+}

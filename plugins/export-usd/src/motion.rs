@@ -1,0 +1,301 @@
+//! Motion: the place of an actor, and its joints and morph targets as a SkelAnimation.
+
+use crate::frames::Frames;
+use crate::layer::{
+    Attribute, DOUBLE3, FLOAT, FLOAT3, HALF3, Prim, QUATF, SampleValues, Samples, TOKEN, Taker, Type, Value,
+};
+use crate::model::Model;
+use choreo_exporter_kit::bake::rig;
+use choreo_exporter_kit::bake::signals::Quantity;
+use choreo_exporter_kit::bake::tracks::{Track, TrackSet};
+use choreo_exporter_kit::{Baked, Series};
+use choreo_plugin::motion::{Clip, Interpolation, Path, Pose, Sample, Skeleton, Time, Transform};
+use choreo_plugin::stage::Actor;
+use std::rc::Rc;
+
+/// Curves that were baked, shared by what is written of them.
+pub type Sets<'a> = [Rc<TrackSet<'a>>];
+
+/// A track's numbers, time by time.
+fn track_samples<'a>(set: &Rc<TrackSet<'a>>, track: usize, frames: Frames) -> Samples<'a> {
+    let Track { path, times, .. } = set.tracks[track];
+    let set = set.clone();
+    let times = frames.list(&set.times[times]);
+    let each = move |take: Taker<'_>| {
+        let mut numbers = Vec::new();
+        set.values(track, &mut numbers);
+        numbers.chunks(path.width()).try_for_each(|row| {
+            let row: Vec<f64> = row.iter().map(|v| f64::from(*v)).collect();
+            take(&row)
+        })
+    };
+    Samples { times, values: SampleValues::Numbers { count: None, each: Rc::new(each) } }
+}
+
+/// The keys of a series, each number changed by a function.
+pub fn series_samples<'a>(series: &Series, frames: Frames, change: impl Fn(f32) -> f64) -> Samples<'a> {
+    let numbers = series.values.iter().map(|v| change(*v)).collect();
+    Samples::of(frames.list(&series.times), None, series.width, numbers)
+}
+
+/// Adds the operations that place a prim: translation, rotation and scale.
+pub fn place_by_parts<'a>(prim: &mut Prim<'a>, at: &Transform) -> [usize; 3] {
+    let first = prim.properties.len();
+    prim.number(DOUBLE3, "xformOp:translate", &at.translation.to_array());
+    prim.number(QUATF, "xformOp:orient", &at.rotation.to_array());
+    prim.number(FLOAT3, "xformOp:scale", &at.scale.to_array());
+    let order = ["xformOp:translate", "xformOp:orient", "xformOp:scale"];
+    prim.uniform_tokens("xformOpOrder", order.map(String::from).to_vec());
+    [first, first + 1, first + 2]
+}
+
+/// Gives an attribute that was added samples in place of its value.
+pub fn animate<'a>(prim: &mut Prim<'a>, property: usize, samples: Samples<'a>) {
+    if let Some(crate::layer::Property::Attribute(attribute)) = prim.properties.get_mut(property) {
+        attribute.value = None;
+        attribute.sampled(samples);
+    }
+}
+
+/// Places an actor over time. What is hidden is invisible, and has size 0 for programs that do not read visibility.
+pub fn place_actor<'a>(prim: &mut Prim<'a>, at: &Transform, sets: &[&Rc<TrackSet<'a>>], frames: Frames) {
+    let places = place_by_parts(prim, at);
+    for set in sets {
+        let own = set.tracks.iter().enumerate().filter(|(_, track)| track.joint == 0);
+        for (number, track) in own {
+            let place = match track.path {
+                Path::Translation => 0,
+                Path::Rotation => 1,
+                Path::Scale => 2,
+                Path::Weights(_) => continue,
+            };
+            animate(prim, places[place], track_samples(set, number, frames));
+            if track.path == Path::Scale {
+                visibility(prim, set, number, frames);
+            }
+        }
+    }
+}
+
+fn visibility<'a>(prim: &mut Prim<'a>, set: &Rc<TrackSet<'a>>, track: usize, frames: Frames) {
+    let mut numbers = Vec::new();
+    set.values(track, &mut numbers);
+    let times = &set.times[set.tracks[track].times];
+    let mut changes: Vec<(Time, bool)> = Vec::new();
+    for (time, size) in times.iter().zip(numbers.chunks(3)) {
+        let visible = size != [0.0; 3];
+        if changes.last().is_none_or(|(_, before)| *before != visible) {
+            changes.push((*time, visible));
+        }
+    }
+    if changes.iter().all(|(_, visible)| *visible) {
+        return;
+    }
+    let times: Vec<Time> = changes.iter().map(|(time, _)| *time).collect();
+    let tokens = changes.iter().map(|(_, visible)| if *visible { "inherited" } else { "invisible" });
+    let values = SampleValues::Texts(tokens.collect());
+    prim.attribute(TOKEN, "visibility").sampled(Samples { times: frames.list(&times), values });
+}
+
+/// The set that moves an actor's joints.
+pub fn joint_set(baked: &Baked<'_>, sets: &Sets<'_>, actor: usize) -> Option<usize> {
+    let moves = |set: &usize| sets[*set].tracks.iter().any(|track| is_of_joint(track));
+    baked.motions[actor].sets.iter().copied().find(moves)
+}
+
+fn is_of_joint(track: &Track) -> bool {
+    track.joint > 0 && !matches!(track.path, Path::Weights(_))
+}
+
+/// Morph weights of one instance over time.
+enum Weights<'a> {
+    Still(Vec<f32>),
+    Series(Series),
+    Track(Rc<TrackSet<'a>>, usize),
+}
+
+impl Weights<'_> {
+    fn times(&self) -> &[Time] {
+        match self {
+            Weights::Still(_) => &[],
+            Weights::Series(series) => &series.times,
+            Weights::Track(set, track) => &set.times[set.tracks[*track].times],
+        }
+    }
+
+    /// The keys as a series, and whether values stand between them.
+    fn series(&self) -> (Series, bool) {
+        match self {
+            Weights::Still(values) => {
+                let (times, width) = (vec![Time::ZERO], values.len());
+                (Series { times, values: values.clone(), width }, false)
+            }
+            Weights::Series(series) => (series.clone(), false),
+            Weights::Track(set, number) => {
+                let track = set.tracks[*number];
+                let mut values = Vec::new();
+                set.values(*number, &mut values);
+                let (times, width) = (self.times().to_vec(), track.path.width());
+                (Series { times, values, width }, track.interpolation == Interpolation::Step)
+            }
+        }
+    }
+}
+
+fn weights<'a>(
+    baked: &Baked<'_>,
+    sets: &[&Rc<TrackSet<'a>>],
+    (index, actor): (usize, &Actor),
+    instance: usize,
+) -> Weights<'a> {
+    let of = &actor.asset.instances[instance];
+    if let Some(series) = baked.series_of(Quantity::Weights { actor: index, instance }) {
+        return match series.is_still() {
+            true => Weights::Still(series.first().to_vec()),
+            false => Weights::Series(series.clone()),
+        };
+    }
+    for set in sets {
+        let is_own = |track: &Track| track.joint == of.joint + 1 && matches!(track.path, Path::Weights(_));
+        if let Some(track) = set.tracks.iter().position(is_own) {
+            return Weights::Track((*set).clone(), track);
+        }
+        let is_still = |(joint, path, _): &&(u32, Path, Vec<f32>)| {
+            *joint == of.joint + 1 && matches!(path, Path::Weights(_))
+        };
+        if let Some((_, _, value)) = set.still.iter().find(is_still) {
+            return Weights::Still(value.clone());
+        }
+    }
+    Weights::Still(of.weights.clone())
+}
+
+/// The animation of an actor's joints and morph targets; `None` where nothing moves. Actors with the same curves share it.
+pub fn animation<'a>(
+    model: &Model<'a>,
+    (index, actor): (usize, &'a Actor),
+    (baked, sets, frames): (&Baked<'a>, &Sets<'a>, Frames),
+    still: &[Transform],
+) -> Option<Prim<'a>> {
+    let paths = model.joints.as_ref()?;
+    let mut out = Prim::new("SkelAnimation", "animation");
+    if let Some(set) = joint_set(baked, sets, index) {
+        let set = &sets[set];
+        let skeleton = rig::skeleton(actor, Transform::IDENTITY)?;
+        let rig =
+            Skeleton::new(skeleton.names().to_vec(), skeleton.parents().to_vec(), still.to_vec()).ok()?;
+        let mut moving: Vec<u32> = set.tracks.iter().filter(|t| is_of_joint(t)).map(|t| t.joint).collect();
+        moving.sort_unstable();
+        moving.dedup();
+        let names = moving.iter().map(|joint| paths[*joint as usize - 1].clone()).collect();
+        out.uniform_tokens("joints", names);
+        let of = Joints { set: set.clone(), rig: Rc::new(rig), moving: moving.into() };
+        of.attribute(&mut out, (QUATF, "rotations"), (Path::Rotation, |t| t.rotation.to_array()), frames);
+        of.attribute(&mut out, (HALF3, "scales"), (Path::Scale, |t| t.scale.extend(0.0).to_array()), frames);
+        let translation: Part = (Path::Translation, |t| t.translation.extend(0.0).to_array());
+        of.attribute(&mut out, (FLOAT3, "translations"), translation, frames);
+    }
+    let own: Vec<&Rc<TrackSet<'a>>> = baked.motions[index].sets.iter().map(|set| &sets[*set]).collect();
+    let shaped = (0..model.shapes.len()).filter(|i| !model.shapes[*i].is_empty());
+    let all: Vec<(usize, Weights<'a>)> =
+        shaped.map(|instance| (instance, weights(baked, &own, (index, actor), instance))).collect();
+    add_weights(&mut out, model, all, frames);
+    (!out.properties.is_empty()).then_some(out)
+}
+
+fn add_weights<'a>(out: &mut Prim<'a>, model: &Model<'a>, all: Vec<(usize, Weights<'a>)>, frames: Frames) {
+    let is_nothing = |w: &Weights<'_>| matches!(w, Weights::Still(list) if list.iter().all(|v| *v == 0.0));
+    if all.iter().all(|(_, weights)| is_nothing(weights)) {
+        return;
+    }
+    let tokens: Vec<String> =
+        all.iter().flat_map(|(instance, _)| model.shapes[*instance].iter().cloned()).collect();
+    let count = tokens.len();
+    out.uniform_tokens("blendShapes", tokens);
+    let mut times: Vec<Time> = all.iter().flat_map(|(_, weights)| weights.times().iter().copied()).collect();
+    let widths: Vec<usize> = all.iter().map(|(instance, _)| model.shapes[*instance].len()).collect();
+    let series: Vec<(Series, bool)> = all.iter().map(|(_, weights)| weights.series()).collect();
+    for (series, steps) in &series {
+        if *steps {
+            times.extend(series.times.iter().skip(1).map(|time| *time - Time(1)));
+        }
+    }
+    times.sort_unstable();
+    times.dedup();
+    let at = move |time: Time| -> Vec<f64> {
+        let mut row = Vec::with_capacity(count);
+        for ((series, steps), width) in series.iter().zip(&widths) {
+            let time = match steps {
+                true => series.times.iter().rev().find(|key| **key <= time).copied().unwrap_or(time),
+                false => time,
+            };
+            let value = series.at(time);
+            row.extend((0..*width).map(|i| f64::from(value.get(i).copied().unwrap_or(0.0))));
+        }
+        row
+    };
+    match &times[..] {
+        [] => {
+            let row = at(Time::ZERO);
+            out.set(FLOAT, "blendShapeWeights", Value::array(count, move |i| row[i]));
+        }
+        _ => {
+            let list = frames.list(&times);
+            let each = move |take: Taker<'_>| times.iter().try_for_each(|time| take(&at(*time)));
+            let values = SampleValues::Numbers { count: Some(count), each: Rc::new(each) };
+            out.attribute(FLOAT, "blendShapeWeights").sampled(Samples { times: list, values });
+        }
+    }
+}
+
+/// A part of a transform; what has three numbers has a fourth that does not count.
+type Part = (Path, fn(&Transform) -> [f32; 4]);
+
+/// The joints of a rig that move, with their curves.
+struct Joints<'a> {
+    set: Rc<TrackSet<'a>>,
+    /// At rest as the actor keeps them still.
+    rig: Rc<Skeleton>,
+    moving: Rc<[u32]>,
+}
+
+impl<'a> Joints<'a> {
+    fn attribute(&self, out: &mut Prim<'a>, (of, name): (Type, &str), (path, part): Part, frames: Frames) {
+        let attribute: &mut Attribute<'a> = out.attribute(of, name);
+        let times = self.set.common_times(|track| track.joint > 0 && track.path == path);
+        let count = self.moving.len();
+        if times.is_empty() {
+            let (rig, moving) = (self.rig.clone(), self.moving.clone());
+            let number = move |i: usize| {
+                let joint = moving[i / of.width] as usize;
+                f64::from(part(&rig.rest()[joint])[i % of.width])
+            };
+            attribute.with(Value::array(count, number));
+            return;
+        }
+        let list = frames.list(&times);
+        let (set, rig, moving) = (self.set.clone(), self.rig.clone(), self.moving.clone());
+        let each = move |take: Taker<'_>| {
+            let mut curves = Vec::new();
+            set.add_curves(|times| times.to_vec(), |_, number| number, &mut curves);
+            curves.retain(|curve| curve.joint > 0 && curve.path == path);
+            let clip = Clip::new(String::new(), rig.len(), curves).map_err(std::io::Error::other)?;
+            let mut pose = Pose::rest(&rig);
+            let mut row: Vec<f64> = vec![0.0; count * of.width];
+            for time in &times {
+                Sample { clip: &clip, time: *time, pose: &mut pose }.run();
+                for (own, joint) in row.chunks_mut(of.width).zip(moving.iter()) {
+                    let numbers = part(&pose.get(*joint as usize)).map(f64::from);
+                    // Of the two quaternions of a rotation the one nearer to the last: not all programs turn the short way.
+                    let turned: f64 = own.iter().zip(numbers).map(|(a, b)| *a * b).sum();
+                    let sign = if of.is_quaternion() && turned < 0.0 { -1.0 } else { 1.0 };
+                    own.iter_mut().zip(numbers).for_each(|(own, number)| *own = sign * number);
+                }
+                take(&row)?;
+            }
+            Ok(())
+        };
+        let values = SampleValues::Numbers { count: Some(count), each: Rc::new(each) };
+        attribute.sampled(Samples { times: list, values });
+    }
+}

@@ -1,0 +1,54 @@
+//! Names as identifiers: letters, digits and underscores, each once among its siblings.
+
+use std::collections::BTreeSet;
+
+/// The name with underscores for what an identifier cannot have; letters of other scripts as their code points.
+pub fn identifier(name: &str) -> String {
+    let mut out = String::new();
+    for c in name.chars() {
+        match c {
+            'a'..='z' | 'A'..='Z' | '_' => out.push(c),
+            '0'..='9' => {
+                if out.is_empty() {
+                    out.push('_');
+                }
+                out.push(c);
+            }
+            c if c.is_alphabetic() => out.push_str(&format!("u{:04x}", u32::from(c))),
+            _ => out.push('_'),
+        }
+    }
+    if out.is_empty() { "_".into() } else { out }
+}
+
+/// Names of siblings.
+#[derive(Clone, Debug, Default)]
+pub struct Names(BTreeSet<String>);
+
+impl Names {
+    /// An identifier that no sibling has.
+    pub fn free(&mut self, name: &str) -> String {
+        let bare = identifier(name);
+        let mut name = bare.clone();
+        let mut number = 2;
+        while !self.0.insert(name.clone()) {
+            name = format!("{bare}_{number}");
+            number += 1;
+        }
+        name
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_identifiers_and_differ() {
+        assert_eq!(identifier("mixamorig:Hips"), "mixamorig_Hips");
+        assert_eq!(identifier("2 feet"), "_2_feet");
+        assert_eq!(identifier("骨"), "u9aa8");
+        let mut names = Names::default();
+        assert_eq!([names.free("a b"), names.free("a_b"), names.free("")], ["a_b", "a_b_2", "_"]);
+    }
+}
