@@ -47,7 +47,7 @@ impl Coverage {
         })
     }
 
-    /// Coverage of a rectangle with round corners.
+    /// Coverage of a rounded rectangle.
     pub fn rounded(low: [f32; 2], high: [f32; 2], radius: f32, picture: [u32; 2]) -> Coverage {
         let radius = radius.min(0.5 * (high[0] - low[0])).min(0.5 * (high[1] - low[1]));
         if radius.is_nan() || radius <= 0.0 {

@@ -11,9 +11,9 @@ use choreo_motion::{Skeleton, Time};
 /// A constraint or look-at of an actor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// By number among the actor's constraints.
+    /// Number among the actor's constraints.
     Constraint(usize),
-    /// By number among the aims of the round.
+    /// Number among the aims of the round.
     Look(usize),
 }
 

@@ -45,6 +45,7 @@ described! {
 }
 
 #[derive(Clone, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "a stage has few 2D layers, most of them texts")]
 pub enum Layer2dContent {
     Text {
         words: String,
@@ -89,7 +90,7 @@ pub struct TextPanel {
     pub color: Vec4,
     /// Margin at the sides, and at the top and the bottom.
     pub padding: DVec2,
-    /// Radius of its corners.
+    /// Radius with which it is rounded.
     pub radius: f64,
 }
 
