@@ -74,7 +74,7 @@ impl Passes {
         self.depth || self.normal || self.motion || self.id
     }
 
-    /// Samples per pixel of the ids, for a frame with so many samples.
+    /// Samples per pixel of the ids, for a frame with this number of samples.
     pub fn samples_of_ids(self, samples: u32) -> u32 {
         if self.id_samples == 0 { samples } else { self.id_samples }
     }

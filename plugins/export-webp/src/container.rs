@@ -29,7 +29,7 @@ pub(crate) fn frame_chunk(at: [usize; 2], size: [usize; 2], milliseconds: u32, i
     chunk(b"ANMF", &content)
 }
 
-/// What the head of a file says.
+/// The contents of the head of a file.
 pub(crate) struct Header {
     pub size: [u32; 2],
     /// 0: for ever.

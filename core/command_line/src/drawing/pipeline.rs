@@ -263,6 +263,9 @@ impl Finished {
     }
 }
 
+/// A frame on its way: number and time, the pixels that the renderer draws of it, and its layers; without them it repeats the one before.
+type Flying = ((i64, Time), Option<FrameWish>, Option<Layers>);
+
 fn draw(
     shared: &Shared,
     renderer: &mut dyn Renderer,
@@ -270,9 +273,7 @@ fn draw(
     to: SyncSender<DrawnFrame>,
 ) {
     let depth = renderer.frames_in_flight().max(1);
-    // Frame, the pixels that the renderer draws of it, and its layers; without them it repeats the one before.
-    let mut flying: VecDeque<((i64, Time), Option<FrameWish>, Option<Layers>)> =
-        VecDeque::with_capacity(depth);
+    let mut flying: VecDeque<Flying> = VecDeque::with_capacity(depth);
     let mut finished = Finished::default();
     let mut more = true;
     while !shared.stopped() && (more || !flying.is_empty()) {

@@ -12,7 +12,7 @@ use crate::plan::passes::sample_places;
 use choreo_plugin::{Effect, FloatFrame, FrameWish, IdMatte, Passes, SceneImages};
 use glam::{Vec2, Vec4, Vec4Swizzles};
 
-/// What a renderer draws of a frame of floats.
+/// The drawings of a renderer for a frame of floats.
 pub(crate) trait DrawsFloats {
     /// The scene of a plan alone: linear, without sub-frames, effects on images and layers over it.
     fn linear(&mut self, plan: &Plan) -> Result<Vec<Vec4>, RenderError>;

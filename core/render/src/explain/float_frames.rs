@@ -5,7 +5,7 @@ use crate::plan::passes::sample_places;
 use choreo_plugin::{FrameWish, IdMatte, Passes};
 
 impl Costs<'_> {
-    /// What `--passes` requests beside the commands of the plan itself.
+    /// The costs that `--passes` adds beside the commands of the plan itself.
     pub fn float_frame(&mut self) {
         let FrameWish::Scene(passes) = self.plan.wish else { return };
         let [width, height] = self.plan.size;

@@ -28,7 +28,7 @@ const SIXTEEN: [[u8; 2]; 16] = [
     [1, 0],
 ];
 
-/// The places of so many samples.
+/// The places of 1, 4 or 16 samples.
 pub(crate) fn sample_places(samples: u32) -> &'static [[u8; 2]] {
     match samples {
         1 => &ONE,
