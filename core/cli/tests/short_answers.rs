@@ -135,8 +135,14 @@ effect("motion_blur", #{{ samples: 16, shutter: 180.0 }});
         let counts = words.map(|word| value["cpu"][word].as_u64().unwrap());
         let text = choreo(d, &["explain", "costs.rhai", "--at", at]).out;
         let [poses, constraints, bones, frames] = counts;
-        let line =
-            format!("{poses} poses, {constraints} constraints, {bones} spring bones, {frames} sub-frames");
+        let s = |count: u64| if count == 1 { "" } else { "s" };
+        let line = format!(
+            "{poses} pose{}, {constraints} constraint{}, {bones} spring bone{}, {frames} sub-frame{}",
+            s(poses),
+            s(constraints),
+            s(bones),
+            s(frames)
+        );
         assert!(text.contains(&line), "{line}: {text}");
         counts
     };

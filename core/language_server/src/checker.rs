@@ -2,7 +2,7 @@
 //! counts.
 
 use crate::{Host, Project};
-use choreo_plugin::ImportScope;
+use choreo_plugin::{ImportScope, PluginPanic};
 use choreo_script::testing::{TestOptions, has_sections, section_errors};
 use choreo_script::{AssetCache, Diagnostic, Places, ScriptOptions, run_file_touching, run_text};
 use choreo_stage::Stage;
@@ -89,7 +89,7 @@ impl Checker {
                 match catch_unwind(AssertUnwindSafe(run)) {
                     Ok(Some(checked)) => tell(checked),
                     Ok(None) => {}
-                    Err(_) => tell(failed(&job)),
+                    Err(panic) => tell(failed(&job, &*panic)),
                 }
             }
         };
@@ -126,8 +126,9 @@ fn empty(job: &Job) -> Checked {
     }
 }
 
-fn failed(job: &Job) -> Checked {
-    let what = "the program itself failed on this text; please report it with the script";
+fn failed(job: &Job, panic: &(dyn std::any::Any + Send)) -> Checked {
+    let own = || "the program itself failed on this text; please report it with the script".to_string();
+    let what = panic.downcast_ref::<PluginPanic>().map_or_else(own, ToString::to_string);
     Checked { diagnostics: vec![Diagnostic::error(what)], ..empty(job) }
 }
 

@@ -3,7 +3,7 @@
 use crate::plugin_files::{self, ENDINGS, Listing};
 use crate::{SceneSource, Waker, Watch, WatchError, WatchEvent, WatchedPaths, model};
 use choreo_asset::Asset;
-use choreo_plugin::Registry;
+use choreo_plugin::{PluginPanic, Registry};
 use choreo_render::SceneResources;
 use choreo_script::{
     AssetCache, BUILT_IN, Diagnostic, Folders, Imports, Loader, Parameter, Places, ScriptOptions, Severity,
@@ -131,8 +131,10 @@ impl Session {
         let mut touched = Touched::default();
         let mut interest = WatchedPaths::default();
         let made = catch_unwind(AssertUnwindSafe(|| self.make(number, &mut touched, &mut interest)));
-        let made = made.unwrap_or_else(|_| {
-            let what = "the program itself failed on this version; please report it with the files";
+        let made = made.unwrap_or_else(|panic| {
+            let own =
+                || "the program itself failed on this version; please report it with the files".to_string();
+            let what = panic.downcast_ref::<PluginPanic>().map_or_else(own, ToString::to_string);
             Err(vec![Diagnostic::error(what)])
         });
         let shaders = self.source.shaders.as_ref().and_then(|folder| folder.canonicalize().ok());

@@ -127,7 +127,7 @@ fn the_counter_sees_an_allocation() {
 fn clips_layers_and_goals_allocate_where_they_begin_and_nowhere_else() {
     for (name, stage, begin) in [("clips", clips(), 2), ("goals", constraints(), 3)] {
         let [first, second] = counts(stage);
-        assert!(some(&first) <= begin && first.iter().sum::<usize>() <= 6, "{name}: {first:?}");
+        assert!(some(&first) <= begin && first.iter().sum::<usize>() <= 8, "{name}: {first:?}");
         assert_eq!(some(&second), 0, "{name}: {second:?}");
     }
 }

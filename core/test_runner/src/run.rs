@@ -6,7 +6,7 @@ use crate::outcome::{Check, Evidence, Outcome, Status};
 use crate::painter::Painter;
 use crate::results::Results;
 use crate::section::{self, Ran, blank};
-use choreo_plugin::Registry;
+use choreo_plugin::{PluginPanic, Registry};
 use choreo_script::testing::{TestOptions, Timeout};
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -196,16 +196,16 @@ fn roots(case: &Case, options: &TestOptions) -> Vec<PathBuf> {
     all.filter_map(|folder| folder.canonicalize().ok()).collect()
 }
 
-/// The program itself failed: the others go on.
+/// A plugin, or the program itself, failed: the others go on.
 fn broken(case: &Case, panic: &(dyn std::any::Any + Send)) -> Ran {
-    let text = panic
-        .downcast_ref::<String>()
-        .map(String::as_str)
-        .or_else(|| panic.downcast_ref::<&str>().copied())
-        .unwrap_or("no message");
+    let own = || {
+        let text = panic.downcast_ref::<String>().map(String::as_str);
+        let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
+        format!("a fault of choreo itself, please report it: {text}")
+    };
+    let text = panic.downcast_ref::<PluginPanic>().map_or_else(own, ToString::to_string);
     let mut outcome = blank(case);
-    outcome.status =
-        Status::Error(format!("{}: a fault of choreo itself, please report it: {text}", case.file));
+    outcome.status = Status::Error(format!("{}: {text}", case.file));
     Ran { outcome, files: Vec::new(), pictures: Vec::new(), keep: false }
 }
 

@@ -29,10 +29,13 @@ impl SplitFractions {
 
     /// Puts the chosen fractions back where the window has another size than in the last frame.
     pub fn restore(&mut self, dock: &mut DockState<Tab>, size: egui::Vec2) {
-        if size == self.size {
-            return;
+        if size != self.size {
+            self.size = size;
+            self.put_into(dock);
         }
-        self.size = size;
+    }
+
+    fn put_into(&self, dock: &mut DockState<Tab>) {
         for (node, chosen) in dock.main_surface_mut().iter_mut().zip(&self.chosen) {
             if let (Node::Vertical(split) | Node::Horizontal(split), Some(chosen)) = (node, chosen) {
                 split.fraction = *chosen;
@@ -59,8 +62,7 @@ impl SplitFractions {
     /// The dock's layout with the chosen fractions.
     pub fn write(&self, dock: &DockState<Tab>) -> Value {
         let mut written = dock.clone();
-        SplitFractions { chosen: self.chosen.clone(), size: egui::Vec2::NAN }
-            .restore(&mut written, self.size);
+        self.put_into(&mut written);
         write(&written)
     }
 }
