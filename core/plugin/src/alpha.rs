@@ -37,8 +37,8 @@ impl FloatFrame {
     /// ```
     /// use choreo_plugin::{FloatFrame, glam::Vec4};
     /// let frame = FloatFrame { color: vec![Vec4::new(0.5, 0.25, 0.0, 0.5)], ..FloatFrame::new([1, 1]) };
-    /// assert_eq!(frame.codes_16(true), [65535, 48199, 0, 32768]);
-    /// assert_eq!(frame.codes_16(false)[0], 48199);
+    /// assert_eq!(frame.codes_16(true), [65535, 48192, 0, 32768]);
+    /// assert_eq!(frame.codes_16(false)[0], 48192);
     /// ```
     pub fn codes_16(&self, straight: bool) -> Vec<u16> {
         let code = |value: f64| (value * 65535.0).round() as u16;

@@ -57,7 +57,7 @@ fn bits_of(kind: u32, word: &[u8]) -> Option<u64> {
     }
 }
 
-/// Where the next word begins and ends; both at the end of the text where there is none.
+/// Start and end of the next word; both at the end of the text where there is none.
 fn next_word(text: &[u8], at: usize) -> (usize, usize) {
     let rest = &text[at..];
     let start = at + rest.iter().position(|b| !b.is_ascii_whitespace()).unwrap_or(rest.len());

@@ -87,6 +87,9 @@ fn camera<'a>(shot: &Shot, name: String, aspect: f64, frames: Frames) -> Prim<'a
     out
 }
 
+/// Two keys of an angle have at most 2 to this power of pieces between them.
+const MOST_HALVINGS: u32 = 10;
+
 fn focal_length(angle: f64) -> f64 {
     0.5 * FILM * TENTHS / libm::tan(0.5 * angle)
 }
@@ -100,16 +103,23 @@ fn focal_lengths<'a>(lens: &Series, frames: Frames) -> Samples<'a> {
     let (mut times, mut lengths) = (vec![lens.times[0]], vec![focal_length(lens.values[0].into())]);
     for (pair, angles) in lens.times.windows(2).zip(lens.values.windows(2)) {
         let [a, b] = [angles[0], angles[1]].map(f64::from);
-        let middle = angle(0.5 * (focal_length(a) + focal_length(b)));
-        let error = (middle - 0.5 * (a + b)).abs();
-        let ticks = (pair[1] - pair[0]).0;
-        let parts = (libm::sqrt(error / ANGLE).ceil() as i64).clamp(1, ticks.min(1000));
-        for part in 1..=parts {
-            times.push(pair[0] + Time(ticks * part / parts));
-            lengths.push(focal_length(a + (b - a) * part as f64 / parts as f64));
-        }
+        halve([(pair[0], a), (pair[1], b)], MOST_HALVINGS, &mut |time, angle| {
+            times.push(time);
+            lengths.push(focal_length(angle));
+        });
     }
     Samples::of(frames.list(&times), None, 1, lengths)
+}
+
+/// Gives the second of two keys, and before it those that keep the angle in the middle of two lengths within [`ANGLE`].
+fn halve([a, b]: [(Time, f64); 2], depth: u32, key: &mut impl FnMut(Time, f64)) {
+    let between = angle(0.5 * (focal_length(a.1) + focal_length(b.1)));
+    let middle = (a.0.middle(b.0), 0.5 * (a.1 + b.1));
+    if depth == 0 || middle.0 <= a.0 || (between - middle.1).abs() <= ANGLE {
+        return key(b.0, b.1);
+    }
+    halve([a, middle], depth - 1, key);
+    halve([middle, b], depth - 1, key);
 }
 
 #[cfg(test)]

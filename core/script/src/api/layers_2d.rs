@@ -45,7 +45,7 @@ api! {
     Flat.outline("options?") = outline;
     /// Puts a rectangle behind a text, as large as its lines and a margin; the text stays where it is. Options: color
     /// (default black with an opacity of 0.6), padding (the margin in sizes of the text, a number or [at the sides, at
-    /// the top and the bottom], default [0.4, 0.15]), radius (of the corners, in sizes of the text, 0 to 10,
+    /// the top and the bottom], default [0.4, 0.15]), radius (of the rounding, in sizes of the text, 0 to 10,
     /// default 0.2).
     Flat.panel("options?") = text_panel;
     /// Scales it about its anchor.

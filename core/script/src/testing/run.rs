@@ -44,7 +44,7 @@ pub fn list_sections(
     })
 }
 
-/// What `check` finds in the sections of a file.
+/// Findings of `check` in the sections of a file.
 #[derive(Clone, Debug, Default)]
 pub struct SectionErrors {
     /// Errors that no comment expects, in the order of the sections, each once.

@@ -32,7 +32,7 @@ impl EditTime {
 
 /// A time that stands in a script as a number of seconds, or as `f(12)`.
 pub(super) struct TimeLiteral {
-    /// Without the blanks around it.
+    /// Bytes of the literal, blanks around it excluded.
     pub range: Range<usize>,
     /// Seconds, or the number of the frame.
     pub number: f64,

@@ -198,7 +198,7 @@ impl Panels {
         }
     }
 
-    /// Where a viewport opens, so that four are two by two: the node of another one, and the side.
+    /// Place at which a viewport opens, so that four are two by two: the node of another one, and the side.
     fn beside(&self, tab: Tab) -> Option<(NodeIndex, Split)> {
         let Tab::Viewport(number) = tab else { return None };
         let (right, below) = (Split::Right, Split::Below);
