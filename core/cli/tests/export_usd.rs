@@ -269,7 +269,7 @@ const SCENE: &str = r##"
     ambient("white", 0.3);
 "##;
 
-/// Between frames, too, in all three kinds of files.
+/// Joints are where they were at times between frames, too, in all three kinds of files.
 #[test]
 fn text_crate_files_and_packages_hold_the_same_scene() {
     let Some(python) = python_with("pxr", USD) else { return };

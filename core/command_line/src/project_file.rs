@@ -208,7 +208,7 @@ impl ProjectFile {
         (!app.defaults.is_empty()).then(|| ProjectFile { path, text: app.defaults.clone(), of: FileOf::App })
     }
 
-    /// That of a packed scene.
+    /// The project file of a packed scene.
     fn of_pack(input: &Path) -> Option<ProjectFile> {
         let text = pack::options_of(input).filter(|text| !text.is_empty())?;
         Some(ProjectFile { path: input.join(NAME), text, of: FileOf::Pack })

@@ -30,7 +30,7 @@ fn map() -> Arc<Image> {
     image(2, 3, |x, y| TEXELS[y as usize][x as usize])
 }
 
-/// Its columns swapped.
+/// The image with its columns swapped.
 fn mirrored() -> Arc<Image> {
     image(2, 3, |x, y| TEXELS[y as usize][1 - x as usize])
 }

@@ -19,9 +19,9 @@ pub enum Component {
 /// Type of an attribute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Type {
-    /// Its name in text.
+    /// Name of the type in text.
     pub name: &'static str,
-    /// Its number in crate files.
+    /// Number of the type in crate files.
     pub code: u8,
     pub component: Component,
     /// Numbers of an element.

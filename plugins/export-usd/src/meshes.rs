@@ -46,7 +46,7 @@ pub fn prim<'a>(name: &str, primitive: &'a Primitive, double_sided: bool) -> Opt
     Some(out)
 }
 
-/// The lowest and the highest corner of a box around positions.
+/// Minimum and maximum of positions, as an `extent`.
 pub fn extent(positions: &[Vec3]) -> [Vec3; 2] {
     let low = positions.iter().copied().fold(Vec3::INFINITY, Vec3::min);
     let high = positions.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);

@@ -17,7 +17,7 @@ use std::sync::Arc;
 /// A model that is there.
 pub struct Model<'a> {
     pub asset: &'a Asset,
-    /// Its path in the layer.
+    /// Path of the prim in the layer.
     pub path: String,
     /// Joint paths, where it has a skeleton.
     pub joints: Option<Vec<String>>,

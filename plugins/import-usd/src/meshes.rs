@@ -207,7 +207,7 @@ impl<'a> Primvars<'a> {
 
 /// The values of a vertex that tell it from others at its point.
 #[derive(Clone, Copy, PartialEq)]
-struct Corner {
+struct FaceVertex {
     normal: Vec3,
     uvs: [Vec2; 2],
     color: Vec4,
@@ -218,7 +218,7 @@ struct Builder {
     material: Option<u32>,
     indices: Vec<u32>,
     /// Points and values of the vertices.
-    vertices: Vec<(u32, Corner)>,
+    vertices: Vec<(u32, FaceVertex)>,
 }
 
 impl Builder {
@@ -232,7 +232,7 @@ impl Builder {
         let count = faces.counts[face] as usize;
         let point = |i: usize| faces.indices[start + i] as usize;
         let vector = |list: &[f64]| DVec3::from_slice(list).as_vec3();
-        let mut corners = Vec::with_capacity(count);
+        let mut face_vertices = Vec::with_capacity(count);
         for i in 0..count {
             let at = |primvar: &Option<Primvar<'_>>| {
                 primvar.as_ref().map(|primvar| primvar.at(face, point(i), start + i).to_vec())
@@ -244,24 +244,24 @@ impl Builder {
             let color = at(&primvars.colors).map_or(Vec3::ONE, |v| vector(&v));
             let opacity = at(&primvars.opacities).map_or(1.0, |v| v[0] as f32);
             let normal = at(&primvars.normals).map_or(Vec3::ZERO, |v| vector(&v).normalize_or_zero());
-            let corner = Corner {
+            let face_vertex = FaceVertex {
                 normal,
                 uvs: [uv(&primvars.uvs[0]), uv(&primvars.uvs[1])],
                 color: color.extend(opacity),
             };
             let point = point(i) as u32;
-            let (vertex, new) = welder.vertex(point, |known| self.vertices[known as usize].1 == corner);
+            let (vertex, new) = welder.vertex(point, |known| self.vertices[known as usize].1 == face_vertex);
             if new {
-                self.vertices.push((point, corner));
+                self.vertices.push((point, face_vertex));
             }
-            corners.push(vertex);
+            face_vertices.push(vertex);
         }
         triangulator.cut(
             count,
             |i| faces.point(point(i)),
             |[a, b, c]| {
                 let triangle = if faces.left_handed { [a, c, b] } else { [a, b, c] };
-                self.indices.extend(triangle.map(|i| corners[i as usize]));
+                self.indices.extend(triangle.map(|i| face_vertices[i as usize]));
             },
         );
     }
@@ -275,14 +275,14 @@ impl Builder {
     ) -> Primitive {
         let list = |has: bool| if has { self.vertices.as_slice() } else { &[] };
         let uvs = [0, 1]
-            .map(|set| list(primvars.uvs[set].is_some()).iter().map(|(_, corner)| corner.uvs[set]).collect());
+            .map(|set| list(primvars.uvs[set].is_some()).iter().map(|(_, values)| values.uvs[set]).collect());
         let has_normals = primvars.normals.is_some();
         let has_colors = primvars.colors.is_some() || primvars.opacities.is_some();
         let mut out = Primitive {
             positions: self.vertices.iter().map(|(p, _)| faces.point(*p as usize).as_vec3()).collect(),
-            normals: list(has_normals).iter().map(|(_, corner)| corner.normal).collect(),
+            normals: list(has_normals).iter().map(|(_, values)| values.normal).collect(),
             uvs,
-            colors: list(has_colors).iter().map(|(_, corner)| corner.color).collect(),
+            colors: list(has_colors).iter().map(|(_, values)| values.color).collect(),
             material: self.material,
             indices: self.indices,
             ..Primitive::default()

@@ -173,6 +173,28 @@ mod tests {
         assert!(problems.is_empty(), "{} problems:\n{}", problems.len(), problems.join("\n"));
     }
 
+    /// Paths in a text that begin with a folder of the project and do not exist; those with a capital NAME stand for many.
+    fn missing_paths(text: &str) -> Vec<&str> {
+        let is_path = |word: &&str| {
+            let known =
+                ["core/", "plugins/", "shaders/", "scripts/", "tests/"].iter().any(|f| word.starts_with(f));
+            known && !word.contains(['*', '{', ' ']) && !word.contains("NAME")
+        };
+        text.split('`')
+            .skip(1)
+            .step_by(2)
+            .filter(is_path)
+            .filter(|path| !crate::root().join(path).exists())
+            .collect()
+    }
+
+    #[test]
+    fn the_paths_of_the_architecture_exist() {
+        let text = std::fs::read_to_string(crate::root().join("ARCHITECTURE.md")).unwrap();
+        assert_eq!(missing_paths(&text), Vec::<&str>::new());
+        assert_eq!(missing_paths("`core/gone.rs` and `core/cli`"), ["core/gone.rs"]);
+    }
+
     #[test]
     fn planted_words_are_found_with_place_and_replacement() {
         let source =

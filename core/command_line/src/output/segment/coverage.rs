@@ -1,4 +1,4 @@
-//! Which record gives each frame of a film, from segments in any order that may overlap.
+//! Choice of the record that gives each frame of a film, from segments in any order that may overlap.
 
 use super::{Kind, Segment};
 use choreo_plugin::suggest::list;

@@ -12,7 +12,7 @@ use std::num::NonZeroU64;
 use std::sync::Arc;
 
 pub(crate) struct SegmentExporter {
-    /// That of the film.
+    /// Exporter of the film.
     pub inner: Arc<dyn Exporter>,
     /// Number of the segment's first frame, and frames of the whole film.
     pub first: u64,
