@@ -28,6 +28,7 @@ mod lenses;
 mod names;
 mod position;
 mod references;
+mod request;
 mod semantic;
 mod server;
 mod settings;

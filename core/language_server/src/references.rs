@@ -1,7 +1,7 @@
 //! Declarations and uses of names, here and in the modules of the folder, and their change everywhere.
 
 use crate::document::uri_of;
-use crate::server::Request;
+use crate::request::Request;
 use crate::source::{Source, is_string, is_word};
 use crate::transport::ResponseError;
 use crate::values::{Budget, Declaration, Declared, Modules, Types, is_keyword};

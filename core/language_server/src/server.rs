@@ -4,6 +4,7 @@ use crate::checker::{Checked, Checker, Job, Unsaved};
 use crate::commands::{self, Asked, Running};
 use crate::document::{Document, path_of};
 use crate::files::Files;
+use crate::request::Request;
 use crate::settings::Settings;
 use crate::transport::{Client, Received, ResponseError, receive};
 use crate::values::Budget;
@@ -462,24 +463,6 @@ impl Server {
         let project = self.host.project(document.path.as_deref().unwrap_or(&untitled))?;
         self.projects.borrow_mut().insert(document.uri.clone(), (Instant::now(), project.clone()));
         Ok(project)
-    }
-}
-
-/// A request about a document.
-pub struct Request<'r> {
-    pub view: &'r View<'r>,
-    pub uri: &'r str,
-    pub parameters: &'r Value,
-    /// The last run of the script.
-    pub last: Option<&'r Checked>,
-    pub settings: &'r Settings,
-}
-
-impl Request<'_> {
-    /// The byte of its place.
-    pub fn byte(&self) -> usize {
-        let source = self.view.source;
-        source.lines.byte(&source.text, &self.parameters["position"])
     }
 }
 

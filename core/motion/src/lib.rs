@@ -60,6 +60,7 @@ mod root_motion;
 mod simd;
 pub mod skeleton;
 pub mod skinning;
+mod slerp_series;
 pub mod spring;
 mod time;
 

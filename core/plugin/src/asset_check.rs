@@ -72,22 +72,50 @@ fn fault(place: String, what: impl Into<String>) -> AssetFault {
 /// Everything that refers to something else.
 fn places(asset: &Asset, scope: ImportScope) -> Result<(), AssetFault> {
     let joints = asset.skeleton.len();
-    let in_range = |place: &dyn Fn() -> String, what: &str, index: u32, count: usize| {
-        if (index as usize) < count {
-            return Ok(());
-        }
-        Err(fault(place(), format!("{what} is {index}, but there are {count}")))
-    };
     let rest = asset.skeleton.rest().iter().position(|rest| !rest.is_finite());
     if let Some(joint) = rest {
         let name = &asset.skeleton.names()[joint];
         return Err(fault(format!("joint \"{name}\""), "its rest transform is not finite"));
     }
-    let (instances, expressions) =
-        if scope.geometry { (&asset.instances[..], &asset.expressions[..]) } else { Default::default() };
-    for (i, instance) in instances.iter().enumerate() {
+    if scope.geometry {
+        check_instances(asset)?;
+        check_expressions(asset)?;
+    }
+    if asset.placements.iter().any(|placement| !placement.is_finite()) {
+        return Err(fault("placements".into(), "has a number that is not finite"));
+    }
+    for (i, camera) in asset.cameras.iter().enumerate() {
+        in_range(&|| format!("cameras[{i}]"), "joint", camera.joint, joints)?;
+    }
+    for (i, light) in asset.lights.iter().enumerate() {
+        in_range(&|| format!("lights[{i}]"), "joint", light.joint, joints)?;
+        if !light.light.color.is_finite() || !light.light.intensity.is_finite() {
+            return Err(fault(format!("lights[{i}]"), "color and intensity must be finite"));
+        }
+        light.light.kind.problem().map_or(Ok(()), |what| Err(fault(format!("lights[{i}]"), what)))?;
+    }
+    check_materials(asset, scope)?;
+    let other = asset.clips.iter().find(|clip| clip.joint_count() != joints);
+    other.map_or(Ok(()), |clip| {
+        let of = clip.joint_count();
+        Err(fault(
+            format!("clip \"{}\"", clip.name),
+            format!("is made for {of} joints, but there are {joints}"),
+        ))
+    })
+}
+
+fn in_range(place: &dyn Fn() -> String, what: &str, index: u32, count: usize) -> Result<(), AssetFault> {
+    if (index as usize) < count {
+        return Ok(());
+    }
+    Err(fault(place(), format!("{what} is {index}, but there are {count}")))
+}
+
+fn check_instances(asset: &Asset) -> Result<(), AssetFault> {
+    for (i, instance) in asset.instances.iter().enumerate() {
         let place = || format!("instances[{i}]");
-        in_range(&place, "joint", instance.joint, joints)?;
+        in_range(&place, "joint", instance.joint, asset.skeleton.len())?;
         in_range(&place, "mesh", instance.mesh, asset.meshes.len())?;
         if let Some(skin) = instance.skin {
             in_range(&place, "skin", skin, asset.skins.len())?;
@@ -106,20 +134,11 @@ fn places(asset: &Asset, scope: ImportScope) -> Result<(), AssetFault> {
             return Err(fault(place(), "has a number that is not finite"));
         }
     }
-    if asset.placements.iter().any(|placement| !placement.is_finite()) {
-        return Err(fault("placements".into(), "has a number that is not finite"));
-    }
-    for (i, camera) in asset.cameras.iter().enumerate() {
-        in_range(&|| format!("cameras[{i}]"), "joint", camera.joint, joints)?;
-    }
-    for (i, light) in asset.lights.iter().enumerate() {
-        in_range(&|| format!("lights[{i}]"), "joint", light.joint, joints)?;
-        if !light.light.color.is_finite() || !light.light.intensity.is_finite() {
-            return Err(fault(format!("lights[{i}]"), "color and intensity must be finite"));
-        }
-        light.light.kind.problem().map_or(Ok(()), |what| Err(fault(format!("lights[{i}]"), what)))?;
-    }
-    for expression in expressions {
+    Ok(())
+}
+
+fn check_expressions(asset: &Asset) -> Result<(), AssetFault> {
+    for expression in &asset.expressions {
         let place = || format!("expression \"{}\"", expression.name);
         for morph in &expression.morphs {
             in_range(&place, "instance", morph.instance, asset.instances.len())?;
@@ -131,6 +150,11 @@ fn places(asset: &Asset, scope: ImportScope) -> Result<(), AssetFault> {
             in_range(&place, "material", material, asset.materials.len())?;
         }
     }
+    Ok(())
+}
+
+/// The materials' textures and colors, and the sizes of the images.
+fn check_materials(asset: &Asset, scope: ImportScope) -> Result<(), AssetFault> {
     for (i, material) in asset.materials.iter().enumerate() {
         let textures =
             [&material.base_color_texture, &material.metallic_roughness_texture, &material.normal_texture];
@@ -150,14 +174,7 @@ fn places(asset: &Asset, scope: ImportScope) -> Result<(), AssetFault> {
             return Err(fault(format!("images[{i}]"), format!("has {given} bytes, its size needs {bytes}")));
         }
     }
-    let other = asset.clips.iter().find(|clip| clip.joint_count() != joints);
-    other.map_or(Ok(()), |clip| {
-        let of = clip.joint_count();
-        Err(fault(
-            format!("clip \"{}\"", clip.name),
-            format!("is made for {of} joints, but there are {joints}"),
-        ))
-    })
+    Ok(())
 }
 
 fn check_skin(asset: &Asset, skin: &Skin) -> Result<(), String> {

@@ -7,11 +7,12 @@
 //! switches that meet is compiled in at least one set, and every possible pair of all switches, too.
 
 use choreo_plugin::Hook;
+use choreo_render::plan::REACH_ROWS;
 use choreo_render::plan::shader_features::{FEATURES, Features, names};
 use choreo_render::shader::switches::{SWITCHES, SwitchSource, broken_rule, switch_names};
 use choreo_render::shader::{
-    BACKGROUND, LAYERS_BEHIND, OVERLAY, PRESKIN, ParameterRows, REACH_ROWS, SCENE, SKY, SceneEffect,
-    ShaderSources, SourceFile, compile, entry_points, parse, preprocess, surface_files,
+    BACKGROUND, LAYERS_BEHIND, OVERLAY, PRESKIN, ParameterRows, SCENE, SKY, SceneEffect, ShaderSources,
+    SourceFile, compile, entry_points, parse, preprocess, surface_files,
 };
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet, HashSet};

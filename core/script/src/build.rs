@@ -2,7 +2,7 @@
 
 use crate::api_error::{ApiError, Place};
 use crate::def::Defs;
-use crate::diagnostic::{Diagnostic, Severity};
+use crate::diagnostic::{Diagnostic, Severity, allows};
 use crate::folders::{FoundFile, LoadError};
 use crate::import::Import;
 use crate::limits::{Limits, raise_hint};
@@ -89,7 +89,7 @@ impl Shared {
     /// Whether a comment at a place silences a rule.
     fn allows(&self, place: &Place, rule: &str) -> bool {
         let lines = [place.line, place.line.saturating_sub(1)];
-        lines.into_iter().any(|line| crate::lint::allows(&self.source_line(&place.file, line), rule))
+        lines.into_iter().any(|line| allows(&self.source_line(&place.file, line), rule))
     }
 
     /// A diagnostic at a place; the column moves to the string literal that is to blame, where the line has it.

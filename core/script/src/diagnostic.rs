@@ -60,6 +60,13 @@ impl Diagnostic {
     }
 }
 
+/// Whether a line ends in a comment that allows a rule.
+pub(crate) fn allows(line: &str, rule: &str) -> bool {
+    let comment = line.split_once("//").map_or("", |(_, comment)| comment);
+    let rules = comment.trim_start().strip_prefix("allow:").unwrap_or("");
+    rules.split([',', ' ']).any(|allowed| allowed == rule)
+}
+
 impl fmt::Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if !self.file.is_empty() {

@@ -1,13 +1,21 @@
 //! `plugin.toml`: the description of a plugin package, a folder of plugin files that can be installed. It is read strictly, so that a
 //! misspelt key is found before the package is published.
 
-use crate::plugin_files::ENDINGS;
 use choreo_plugin::suggest::{did_you_mean, list};
 use std::ops::Range;
 use std::path::{Component, Path};
 use thiserror::Error;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
+
+/// Endings of the names of plugin files.
+pub const ENDINGS: [&str; 5] = [
+    choreo_rhai_importer::ENDING,
+    choreo_rhai_importer::EXPORTER_ENDING,
+    choreo_wgsl_effect::ENDING,
+    choreo_wasm_plugin::IMPORTER_ENDING,
+    choreo_wasm_plugin::EXPORTER_ENDING,
+];
 
 /// Name of the description in a package's folder.
 pub const DESCRIPTION: &str = "plugin.toml";

@@ -4,7 +4,7 @@
 //! `plugin.toml`.
 //! Beside a script there can be WGSL of any kind: only what begins as an effect is taken for one.
 
-use crate::package::{DESCRIPTION, MOST_DESCRIPTION, Package, PackagedKind, PackagedPlugin};
+use crate::package::{DESCRIPTION, ENDINGS, MOST_DESCRIPTION, Package, PackagedKind, PackagedPlugin};
 use crate::remembered_manifests;
 use choreo_files::{FileError, Folder};
 use choreo_importer_kit::images::{Encoded, Formats};
@@ -24,15 +24,6 @@ use thiserror::Error;
 pub(crate) const VARIABLE: &str = "CHOREO_PLUGINS";
 /// The folder beside a script.
 const BESIDE: &str = "plugins";
-
-/// Endings of the names of plugin files.
-pub const ENDINGS: [&str; 5] = [
-    choreo_rhai_importer::ENDING,
-    EXPORTER_ENDING,
-    choreo_wgsl_effect::ENDING,
-    choreo_wasm_plugin::IMPORTER_ENDING,
-    choreo_wasm_plugin::EXPORTER_ENDING,
-];
 
 /// Bytes of a plugin's text, of a plugin in WebAssembly, and files looked at in one folder.
 const MOST_BYTES: u64 = 4 << 20;

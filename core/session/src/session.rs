@@ -1,6 +1,7 @@
 //! A scene made again and again from files that change.
 
-use crate::plugin_files::{self, ENDINGS, Listing};
+use crate::package::ENDINGS;
+use crate::plugin_files::{self, Listing};
 use crate::{SceneSource, Waker, Watch, WatchError, WatchEvent, WatchedPaths, model};
 use choreo_asset::Asset;
 use choreo_plugin::{PluginPanic, Registry};

@@ -30,6 +30,8 @@ mod frames;
 mod fuzz;
 mod lessons;
 mod licences;
+#[cfg(test)]
+mod module_order;
 mod notices;
 mod package;
 mod plain_words;

@@ -2,7 +2,6 @@
 
 pub mod values;
 
-use crate::scene::pack::Manifest;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -117,9 +116,18 @@ pub(crate) struct SceneArgs {
     /// The program that makes the output, for its provenance
     #[arg(skip)]
     pub software: String,
-    /// The manifest of a packed scene that is opened as it was packed
+    /// The stage of a packed scene that is opened as it was packed
     #[arg(skip)]
-    pub packed_stage: Option<Manifest>,
+    pub packed_stage: Option<PackedStage>,
+}
+
+/// The stage of a packed scene, as the program that packed it has made it.
+#[derive(Clone, Debug)]
+pub(crate) struct PackedStage {
+    pub software: String,
+    /// Hashes of all that was read and of the stage, in hexadecimal digits.
+    pub input_hash: String,
+    pub stage: String,
 }
 
 /// How a model file is read. Scripts state it themselves: `load(…, #{ … })`.

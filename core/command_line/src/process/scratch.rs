@@ -1,16 +1,16 @@
-//! The folder of an unpacked scene, which goes when the program ends.
+//! Temporary folders of the run, which go when the program ends.
 
-use crate::scene::pack::Unpacked;
+use std::any::Any;
 use std::sync::{Mutex, PoisonError};
 
-static UNPACKED: Mutex<Option<Unpacked>> = Mutex::new(None);
+static KEPT: Mutex<Option<Box<dyn Any + Send>>> = Mutex::new(None);
 
-/// Keeps the folder until the program ends.
-pub(crate) fn keep(unpacked: Option<Unpacked>) {
-    *UNPACKED.lock().unwrap_or_else(PoisonError::into_inner) = unpacked;
+/// Keeps the owner of a folder until the program ends; its drop removes the folder.
+pub(crate) fn keep(owner: impl Any + Send) {
+    *KEPT.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(owner));
 }
 
-/// Removes the folder.
+/// Drops what was kept.
 pub(crate) fn remove() {
-    keep(None);
+    *KEPT.lock().unwrap_or_else(PoisonError::into_inner) = None;
 }

@@ -73,7 +73,7 @@ pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<O
     let mut scene = opened?;
     // What is drawn is what was packed. Commands that draw nothing read less.
     if let Some(packed) = args.packed_stage.as_ref().filter(|_| opening.needs == ImportScope::ALL) {
-        scene.warnings.extend(packed.differs(&scene)?);
+        scene.warnings.extend(pack::differs(packed, &scene)?);
     }
     Ok(scene)
 }

@@ -11,7 +11,6 @@ pub(crate) mod packed;
 pub(crate) mod property_curve;
 pub mod sample;
 pub(crate) mod sample_f64;
-pub(crate) mod slerp_series;
 pub(crate) mod tracks;
 
 use crate::clip::key_search::find_interval;

@@ -1,12 +1,12 @@
 //! Knots of a compressed clip as integers of few bits, eight joints side by side, and the kernel that decodes them.
 
 use crate::clip::sample::write;
-use crate::clip::slerp_series::Series;
 use crate::clip::tracks::{Channel, Column};
 use crate::clip::{Curve, Interpolation, Path};
 use crate::pose::{Pose, PoseBlock};
 use crate::simd::lane::{LANES, Lane};
 use crate::simd::{Bits, F8, Kernel, Level, dispatch};
+use crate::slerp_series::Series;
 use crate::time::Time;
 use std::sync::Arc;
 

@@ -1,7 +1,6 @@
 //! Sampling: a clip at a time, into a pose.
 
 use crate::clip::key_search::Interval;
-use crate::clip::slerp_series::{MAX_TERMS, Series, weights_at};
 use crate::clip::tracks::{Channel, Column, Constant, Group, Rows, Single, Tracks};
 use crate::clip::{Clip, Curve, Interpolation};
 use crate::input_error::InputError;
@@ -9,6 +8,7 @@ use crate::pose::blend::{dot, lerp};
 use crate::pose::{Pose, PoseBlock};
 use crate::simd::lane::{LANES, Lane};
 use crate::simd::{F8, Kernel, Level, dispatch, load4};
+use crate::slerp_series::{MAX_TERMS, Series, weights_at};
 use crate::time::Time;
 
 /// Evaluates a clip at a time. Joints and properties that the clip does not animate keep what is in the pose.

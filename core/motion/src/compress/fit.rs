@@ -4,8 +4,8 @@
 //! once for each distance of the knots.
 
 use super::grid::{Grid, packs};
-use crate::clip::slerp_series::one_minus_cos;
 use crate::clip::{Clip, Curve, Path};
+use crate::slerp_series::one_minus_cos;
 use crate::time::Time;
 use std::sync::Arc;
 

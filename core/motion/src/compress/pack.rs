@@ -4,10 +4,10 @@ use super::fit::{Fits, STRIDES, basis, knot_count};
 use super::grid::Grid;
 use crate::clip::Clip;
 use crate::clip::packed::{Packed, PackedColumn, Stride};
-use crate::clip::slerp_series::terms_for;
 use crate::clip::tracks::{Channel, Column};
 use crate::simd::Bits;
 use crate::simd::lane::{LANES, Lane};
+use crate::slerp_series::terms_for;
 use std::collections::BTreeMap;
 
 /// The widest numbers: eight of them are 16 bytes, one load.

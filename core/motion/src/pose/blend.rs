@@ -4,11 +4,11 @@
 //! 135° apart and within 0.05° at 180° (`tests/jobs.rs` measures it), for about a fifth more time than plain nlerp, which is 0.9° off
 //! at 90° and 8.1° at 180° (`cargo xtask report crossfade`); see [`RotationBlend`].
 
-use crate::clip::slerp_series::{MAX_TERMS, weights_at};
 use crate::input_error::InputError;
 use crate::pose::{Pose, PoseBlock};
 use crate::simd::lane::{LANES, Lane};
 use crate::simd::{F8, Kernel, Level, dispatch, load4};
+use crate::slerp_series::{MAX_TERMS, weights_at};
 use std::marker::PhantomData;
 
 /// `out = from` at weight 0, `to` at weight 1 (exactly), joint by joint. All poses have equally many joints.

@@ -4,8 +4,9 @@ use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
 use super::setup::Triangle;
 use super::tile::{Batch, Paint};
 use crate::lanes::{ALL, F4, Mask, NONE, V3, Weights, select};
+use crate::plan::shadow_maps::MAX_PENUMBRA;
 use crate::plan::{Features, PlanLight, ShadowView};
-use crate::shader::uniforms::{MAX_PENUMBRA, ShadowUniform};
+use crate::shader::uniforms::ShadowUniform;
 use glam::Vec4Swizzles;
 use rayon::prelude::*;
 

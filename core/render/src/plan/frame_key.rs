@@ -1,7 +1,7 @@
 //! The key of a frame by its content: its plan, the scene resources and the effects. Plans with equal keys give equal images
 //! on one device, at any time and of any version of the script.
 
-use crate::plan::{Draw, Plan, ShadowView};
+use crate::plan::{Draw, Plan, PostPass, ShadowMaps, ShadowView};
 use crate::scene_resources::SceneResources;
 use crate::scene_resources::content_hash::material_content;
 use choreo_plugin::{Effect, FrameWish};
@@ -32,6 +32,7 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Effect]) ->
         hasher.update(&(bytes.len() as u64).to_le_bytes());
         hasher.update(bytes);
     };
+    // One list makes this function longer than 80 lines: a new field does not compile until it is hashed or left out here.
     let Plan {
         size,
         samples,
@@ -90,24 +91,13 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Effect]) ->
     draws.iter().for_each(|draw| add(draw_text(draw).as_bytes()));
     material_overrides.iter().for_each(|m| add(&material_content(m, &resources.textures)));
     if let Some(shadows) = shadow_maps {
-        add(format!("{:?} {:?}", shadows.image, shadows.size).as_bytes());
-        for map in &shadows.views {
-            let ShadowView { light, at, size, clip_from_relative, texel, penumbra, draws } = map;
-            add(format!("{light} {at:?} {size:?} {clip_from_relative:?} {texel} {penumbra}").as_bytes());
-            draws.iter().for_each(|draw| add(draw_text(draw).as_bytes()));
-        }
+        add_shadow_maps(shadows, &draw_text, &mut add);
     }
     add(format!("{scene_color_copy:?}").as_bytes());
     // Other roundings.
     add(&[u8::from(deferred.is_some())]);
     add(format!("{:?}", depth_peeling.as_ref().map(|peeling| peeling.layers)).as_bytes());
-    for pass in scene_effects.iter().chain(post) {
-        add(format!("{pass:?}").as_bytes());
-        let effect = effects.iter().find(|e| e.manifest().name == pass.effect);
-        add(effect.and_then(|e| e.shader()).map_or("", |shader| shader.wgsl()).as_bytes());
-        let halves = effect.iter().flat_map(|e| e.textures()).map(|t| &t.halves);
-        halves.for_each(|halves| add(bytemuck::cast_slice(halves)));
-    }
+    scene_effects.iter().chain(post).for_each(|pass| add_pass(pass, effects, &mut add));
     add(bytemuck::cast_slice(&overlay.vertices));
     add(format!("{:?} {linear} {background_effects} {displacement_limits:?} {skin_once:?}", overlay.parts)
         .as_bytes());
@@ -124,4 +114,22 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Effect]) ->
         add(&scene_key(&dissolve.plan, resources, effects));
     }
     *hasher.finalize().as_bytes()
+}
+
+fn add_shadow_maps(shadows: &ShadowMaps, draw_text: &dyn Fn(&Draw) -> String, add: &mut dyn FnMut(&[u8])) {
+    add(format!("{:?} {:?}", shadows.image, shadows.size).as_bytes());
+    for map in &shadows.views {
+        let ShadowView { light, at, size, clip_from_relative, texel, penumbra, draws } = map;
+        add(format!("{light} {at:?} {size:?} {clip_from_relative:?} {texel} {penumbra}").as_bytes());
+        draws.iter().for_each(|draw| add(draw_text(draw).as_bytes()));
+    }
+}
+
+/// A pass of an effect with the effect's code and textures.
+fn add_pass(pass: &PostPass, effects: &[Effect], add: &mut dyn FnMut(&[u8])) {
+    add(format!("{pass:?}").as_bytes());
+    let effect = effects.iter().find(|e| e.manifest().name == pass.effect);
+    add(effect.and_then(|e| e.shader()).map_or("", |shader| shader.wgsl()).as_bytes());
+    let halves = effect.iter().flat_map(|e| e.textures()).map(|t| &t.halves);
+    halves.for_each(|halves| add(bytemuck::cast_slice(halves)));
 }

@@ -57,6 +57,9 @@ pub use crate::plan::shadow_maps::{ShadowMaps, ShadowView};
 pub use crate::plan::shutter_motion::ShutterMotion;
 pub use crate::view::View;
 
+/// Rows before the parameters of effects on surfaces: the reach of each, four a row.
+pub const REACH_ROWS: u32 = 2;
+
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// Pixels.
@@ -144,7 +147,7 @@ pub struct Plan {
 impl Plan {
     /// Row of the first four parameters of each effect in the scene's shaders, in their common uniform buffer.
     pub fn first_rows(&self) -> impl Iterator<Item = u32> {
-        self.scene_effects.iter().scan(crate::shader::REACH_ROWS, |next, used| {
+        self.scene_effects.iter().scan(REACH_ROWS, |next, used| {
             let first = *next;
             *next += used.rows() as u32;
             Some(first)

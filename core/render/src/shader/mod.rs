@@ -12,7 +12,7 @@ mod variant;
 
 pub use compile::{Entry, compile, parse};
 pub use preprocess::{PreprocessError, preprocess};
-pub use surface::{ParameterRows, REACH_ROWS, SceneEffect, surface_files};
+pub use surface::{ParameterRows, SceneEffect, surface_files};
 pub use switches::switches;
 pub(crate) use textures::POST_TEXTURES;
 pub use textures::{pass_functions, texture_bytes, texture_functions};

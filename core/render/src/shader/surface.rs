@@ -1,10 +1,8 @@
 //! Effects as part of a scene shader: each plugin's text with names of its own, and what calls them in order.
 
 use super::SourceFile;
+use crate::plan::REACH_ROWS;
 use choreo_plugin::{Effect, EffectFrame, Hook};
-
-/// Rows before the parameters of effects on surfaces: the reach of each, four a row.
-pub const REACH_ROWS: u32 = 2;
 
 /// An effect whose function a shader calls.
 pub struct SceneEffect {

@@ -1,5 +1,6 @@
 //! Uniform structs as the shaders read them (shaders/frame.wgsl, post.wgsl); `tests/shader_layouts.rs` compares every field's offset.
 
+use crate::plan::shadow_maps::MAX_PENUMBRA;
 use crate::plan::{PlanSky, PostPass, ShadowView, View};
 use crate::scene_resources::material::{
     BASE_SLOTS, LAYER_SLOTS, MaterialResource, MaterialTexture, TEXTURE_SLOTS, TOON_SLOT, TOON_SLOTS,
@@ -255,8 +256,6 @@ impl LayersUniform {
 
 /// The filter reaches two texels to each side.
 const SHADOW_MARGIN: f32 = 2.0;
-/// The widest penumbra in texels; shaders/shadow.wgsl has the same constant.
-pub const MAX_PENUMBRA: f32 = 12.0;
 
 impl ShadowUniform {
     pub fn new(view: &ShadowView, image: [u32; 2]) -> ShadowUniform {

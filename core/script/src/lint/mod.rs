@@ -13,7 +13,7 @@ pub(crate) use unused::declared;
 
 use crate::api_error::Place;
 use crate::build::Build;
-use crate::diagnostic::{Diagnostic, Severity};
+use crate::diagnostic::{Diagnostic, Severity, allows};
 use choreo_motion::{Clip, Time};
 use choreo_stage::{Finding, Subject};
 use std::collections::BTreeMap;
@@ -196,13 +196,6 @@ impl Places {
 fn allowed(finding: &PlacedFinding, lines: &[&str]) -> bool {
     let numbers = [finding.place.line.checked_sub(1), finding.place.line.checked_sub(2)];
     numbers.into_iter().flatten().filter_map(|n| lines.get(n)).any(|line| allows(line, finding.rule))
-}
-
-/// Whether a line ends in a comment that allows a rule.
-pub(crate) fn allows(line: &str, rule: &str) -> bool {
-    let comment = line.split_once("//").map_or("", |(_, comment)| comment);
-    let rules = comment.trim_start().strip_prefix("allow:").unwrap_or("");
-    rules.split([',', ' ']).any(|allowed| allowed == rule)
 }
 
 fn close(found: &mut [Diagnostic], last: Option<(Place, &str, usize)>) {

@@ -110,46 +110,13 @@ pub fn prepare(
     if size.is_none() || args.scene.limit.iter().any(|l| l.trim_start().starts_with("pixels")) {
         too_many(pixels, "pixels", scene.limits.pixels)?;
     }
-    let chosen = args.frames.as_deref().map(|f| values::frames(f, total)).transpose();
-    let chosen = chosen.map_err(|failure| match failure {
-        Failure::Usage(text)
-            if !scene.is_script && length.is_none() && text.ends_with(&format!("0..{total}")) =>
-        {
-            Failure::Usage(format!("{text}; --length SECS makes it longer, with the clip again and again"))
-        }
-        other => other,
-    })?;
     let one_picture = exporter.one_frame_per_file() && !matches!(target, Target::Numbered { .. });
-    let timed = |f: i64| (f, settings.fps.time_of(f));
-    let frames: Vec<(i64, Time)> = match (at, chosen) {
-        (Some(at), _) => vec![(0, at)],
-        (None, chosen) if args.sheet => {
-            sheet::must_be_one_image(&target, one_picture)?;
-            let frames = chosen.unwrap_or_else(|| sheet::evenly(total));
-            too_many(pixels * frames.len() as u64, "pixels", scene.limits.pixels)?;
-            frames.into_iter().map(timed).collect()
-        }
-        (None, Some(frames)) if one_picture && frames.len() > 1 => {
-            notes.push(format!(
-                "{} holds one picture: frame {} is drawn; for all of them type -o {}, or --sheet",
-                target.shown(),
-                frames[0],
-                numbered(&args.output)
-            ));
-            vec![timed(frames[0])]
-        }
-        (None, None) if one_picture && total > 1 && scene.is_script => {
-            return Err(Failure::Usage(format!(
-                "{} holds one image and the scene has {total} frames; type --at 0 for one of them, or -o {} for all",
-                target.shown(),
-                numbered(&args.output)
-            )));
-        }
-        (None, None) if one_picture => vec![(0, Time::ZERO)],
-        (None, chosen) => {
-            let count = chosen.as_ref().map_or(total.unsigned_abs(), |frames| frames.len() as u64);
-            too_many(count, "frames", scene.limits.frames)?;
-            chosen.unwrap_or_else(|| (0..total).collect()).into_iter().map(timed).collect()
+    let frames: Vec<(i64, Time)> = match at {
+        Some(at) => vec![(0, at)],
+        None => {
+            let (numbers, note) = frame_numbers(args, &target, &scene, total, one_picture, pixels)?;
+            notes.extend(note);
+            numbers.into_iter().map(|f| (f, settings.fps.time_of(f))).collect()
         }
     };
     let segment = segment(args, &target, exporter, &frames, total)?;
@@ -161,6 +128,58 @@ pub fn prepare(
     let exporter = Arc::new(Budgeted::new(exporter, scene.limits.output));
     notes.extend(without_display(wish, &scene.stage, registry));
     Ok(Job { scene, target, exporter, segment, frames, settings, samples, options, wish, notes })
+}
+
+/// The numbers of the frames that are drawn where no time is given, and a note where `--frames` names more than a file holds.
+/// `total`: frames of the scene; `pixels`: of a frame.
+fn frame_numbers(
+    args: &RenderArgs,
+    target: &Target,
+    scene: &OpenedScene,
+    total: i64,
+    one_picture: bool,
+    pixels: u64,
+) -> Result<(Vec<i64>, Option<String>), Failure> {
+    let chosen = args.frames.as_deref().map(|f| values::frames(f, total)).transpose();
+    let chosen = chosen.map_err(|failure| match failure {
+        Failure::Usage(text)
+            if !scene.is_script && args.length.is_none() && text.ends_with(&format!("0..{total}")) =>
+        {
+            Failure::Usage(format!("{text}; --length SECS makes it longer, with the clip again and again"))
+        }
+        other => other,
+    })?;
+    let numbers = match chosen {
+        chosen if args.sheet => {
+            sheet::must_be_one_image(target, one_picture)?;
+            let frames = chosen.unwrap_or_else(|| sheet::evenly(total));
+            too_many(pixels * frames.len() as u64, "pixels", scene.limits.pixels)?;
+            frames
+        }
+        Some(frames) if one_picture && frames.len() > 1 => {
+            let note = format!(
+                "{} holds one picture: frame {} is drawn; for all of them type -o {}, or --sheet",
+                target.shown(),
+                frames[0],
+                numbered(&args.output)
+            );
+            return Ok((vec![frames[0]], Some(note)));
+        }
+        None if one_picture && total > 1 && scene.is_script => {
+            return Err(Failure::Usage(format!(
+                "{} holds one image and the scene has {total} frames; type --at 0 for one of them, or -o {} for all",
+                target.shown(),
+                numbered(&args.output)
+            )));
+        }
+        None if one_picture => vec![0],
+        chosen => {
+            let count = chosen.as_ref().map_or(total.unsigned_abs(), |frames| frames.len() as u64);
+            too_many(count, "frames", scene.limits.frames)?;
+            chosen.unwrap_or_else(|| (0..total).collect())
+        }
+    };
+    Ok((numbers, None))
 }
 
 /// The pixels that the format holds with these options.

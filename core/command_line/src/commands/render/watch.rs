@@ -15,7 +15,7 @@ use crate::scene;
 use crate::scene::opening::Keep;
 use choreo_plugin::Registry;
 use choreo_script::content_of;
-use choreo_session::plugin_files::ENDINGS;
+use choreo_session::package::ENDINGS;
 use choreo_session::{Watch, WatchEvent, WatchedPaths};
 use std::path::Path;
 use std::time::{Duration, Instant};

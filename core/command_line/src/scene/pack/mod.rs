@@ -11,6 +11,7 @@ mod write;
 pub(crate) use read::{Unpacked, is_packed, options_of};
 pub(crate) use write::write;
 
+use crate::args::PackedStage;
 use crate::failure::Failure;
 use crate::scene::OpenedScene;
 use serde_json::{Value, json};
@@ -56,30 +57,6 @@ pub(crate) struct PackedFile {
 }
 
 impl Manifest {
-    /// Compares the scene that was opened from the archive with the one that was packed: a warning where another program opens it, whose
-    /// bytes may differ.
-    ///
-    /// # Errors
-    /// The same program has made another scene of it. A plugin of this machine has changed it, since every file has its hash.
-    pub fn differs(&self, scene: &OpenedScene) -> Result<Option<String>, Failure> {
-        let name = &scene.name;
-        if self.software != scene.software {
-            let (there, here) = (&self.software, &scene.software);
-            return Ok(Some(format!(
-                "{name}: warning: {there} has packed it, and this is {here}: its images may differ"
-            )));
-        }
-        let same =
-            self.input_hash == hex(&scene.input_hash) && self.stage == hex(&scene.stage.content_hash());
-        match same {
-            true => Ok(None),
-            false => Err(Failure::input(format!(
-                "{name}: it is another scene here than where it was packed\n    hint: a plugin of this machine takes part; CHOREO_PLUGINS= \
-                 in the environment leaves those of the user out"
-            ))),
-        }
-    }
-
     fn json(&self) -> Value {
         let file = |f: &PackedFile| json!({ "path": f.path, "bytes": f.bytes, "blake3": f.blake3 });
         json!({
@@ -132,6 +109,30 @@ impl Manifest {
             stage: text(&value["stage"])?,
             files,
         })
+    }
+}
+
+/// Compares the scene that was opened from the archive with the one that was packed: a warning where another program opens it, whose
+/// bytes may differ.
+///
+/// # Errors
+/// The same program has made another scene of it. A plugin of this machine has changed it, since every file has its hash.
+pub(super) fn differs(packed: &PackedStage, scene: &OpenedScene) -> Result<Option<String>, Failure> {
+    let name = &scene.name;
+    if packed.software != scene.software {
+        let (there, here) = (&packed.software, &scene.software);
+        return Ok(Some(format!(
+            "{name}: warning: {there} has packed it, and this is {here}: its images may differ"
+        )));
+    }
+    let same =
+        packed.input_hash == hex(&scene.input_hash) && packed.stage == hex(&scene.stage.content_hash());
+    match same {
+        true => Ok(None),
+        false => Err(Failure::input(format!(
+            "{name}: it is another scene here than where it was packed\n    hint: a plugin of this machine takes part; CHOREO_PLUGINS= \
+             in the environment leaves those of the user out"
+        ))),
     }
 }
 

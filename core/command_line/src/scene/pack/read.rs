@@ -2,8 +2,8 @@
 //! stated length and hash; no links, no `..`, nothing else.
 
 use super::{EXTENSION, MANIFEST, Manifest};
-use crate::args::SceneArgs;
 use crate::args::values;
+use crate::args::{PackedStage, SceneArgs};
 use crate::failure::Failure;
 use choreo_files::{Folder, write_whole_beneath};
 use std::fs::File;
@@ -109,7 +109,11 @@ impl Unpacked {
         let at = |place: &String| self.folder.path().join(place);
         let name = |text: &str| text.split('=').next().unwrap_or_default().trim().to_string();
         args.packed_stage = (args.set.is_empty() && args.clip.is_none() && args.import.import.is_empty())
-            .then(|| manifest.clone());
+            .then(|| PackedStage {
+                software: manifest.software.clone(),
+                input_hash: manifest.input_hash.clone(),
+                stage: manifest.stage.clone(),
+            });
         args.input = at(&manifest.input);
         // Folders of the command line come first, as they would without the archive.
         args.search.extend(manifest.search.iter().map(at));

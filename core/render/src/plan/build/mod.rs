@@ -208,14 +208,20 @@ impl<'a> Planner<'a> {
         }
     }
 
+    /// Items that are lit and whose actors receive shadows read the shadow maps.
+    fn receive_shadows(&mut self) {
+        let receives = |i: &DrawItem| self.stage.actors[i.actor as usize].shadow.receive;
+        let lit = self.items.iter_mut().filter(|i| i.pipeline.features.is_lit() && receives(i));
+        lit.for_each(|i| i.pipeline.features = i.pipeline.features.with(Features::SHADOW));
+    }
+
+    // The plan's list of fields makes it longer than 80 lines.
     fn finish(mut self, snapshot: &Snapshot, mut lights: Vec<PlanLight>, shadows: &[Option<Shadow>]) -> Plan {
         let (stage, options) = (self.stage, self.options);
         let lit = self.facts.lit_drawn || options.force_all;
         let maps = self.fit_shadow_maps(&mut lights, shadows);
         if !maps.is_empty() || options.force_all {
-            let receives = |i: &DrawItem| stage.actors[i.actor as usize].shadow.receive;
-            let lit = self.items.iter_mut().filter(|i| i.pipeline.features.is_lit() && receives(i));
-            lit.for_each(|i| i.pipeline.features = i.pipeline.features.with(Features::SHADOW));
+            self.receive_shadows();
         }
         let first_transparent = sort(&mut self.items);
         let depth_peeling = self.depth_peeling(first_transparent);

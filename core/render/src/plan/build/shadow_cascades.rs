@@ -5,9 +5,9 @@
 //! do not swim.
 
 use crate::plan::build::shadow_volumes::{CasterBounds, ShadowVolume, shadow_volumes};
+use crate::plan::shadow_maps::MAX_PENUMBRA;
 use crate::plan::{PlanLight, View};
 use crate::scene_resources::bounds::outside;
-use crate::shader::uniforms::MAX_PENUMBRA;
 use choreo_asset::Aabb;
 use choreo_stage::{SUN_ANGLE, Shadow};
 use glam::{DMat4, DVec3, DVec4, Mat4, Vec2};

@@ -1,0 +1,24 @@
+//! A request about a document, as the functions that answer it get it.
+
+use crate::checker::Checked;
+use crate::settings::Settings;
+use crate::view::View;
+use serde_json::Value;
+
+/// A request about a document.
+pub struct Request<'r> {
+    pub view: &'r View<'r>,
+    pub uri: &'r str,
+    pub parameters: &'r Value,
+    /// The last run of the script.
+    pub last: Option<&'r Checked>,
+    pub settings: &'r Settings,
+}
+
+impl Request<'_> {
+    /// The byte of its place.
+    pub fn byte(&self) -> usize {
+        let source = self.view.source;
+        source.lines.byte(&source.text, &self.parameters["position"])
+    }
+}
