@@ -143,7 +143,7 @@ fn check(job: &Job, host: &dyn Host, assets: &AssetCache, is_old: &dyn Fn() -> b
     let project = match host.project(job.path.as_deref().unwrap_or(&job.folder.join("untitled.rhai"))) {
         Ok(project) => project,
         Err(why) => {
-            checked.diagnostics.push(Diagnostic::error(why));
+            checked.diagnostics.push(Diagnostic::error(why.to_string()));
             return Some(checked);
         }
     };

@@ -71,7 +71,7 @@ impl Running {
             }
             _ => Task::View { script: &asked.script, secs: asked.secs },
         };
-        let command = host.command(&task).map_err(failed)?;
+        let command = host.command(&task).map_err(|e| failed(e.to_string()))?;
         let texts = ["out", "err"].map(|name| folder.join(format!("{number}.{name}")));
         let stop = Arc::new(AtomicBool::new(false));
         let (id, progress, stopped) = (asked.id.clone(), asked.progress.clone(), stop.clone());

@@ -49,6 +49,7 @@ use choreo_stage::Stage;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
+use thiserror::Error;
 
 /// The page of the documentation.
 pub const README: &str = include_str!("../README.md");
@@ -57,13 +58,24 @@ pub const README: &str = include_str!("../README.md");
 pub trait Host: Send + Sync {
     /// Name and version.
     fn program(&self) -> (String, String);
-    /// The settings for a script, or what is wrong with them.
-    fn project(&self, script: &Path) -> Result<Project, String>;
+    /// The settings for a script.
+    ///
+    /// # Errors
+    /// `choreo.toml` or a plugin is wrong.
+    fn project(&self, script: &Path) -> Result<Project, HostError>;
     /// The findings of `check` about the stage of a script, beyond the messages of the run itself.
     fn survey(&self, stage: &Arc<Stage>, places: &Places, project: &Project) -> Vec<Diagnostic>;
     /// The process that does a task.
-    fn command(&self, task: &Task) -> Result<Command, String>;
+    ///
+    /// # Errors
+    /// The program cannot tell where it lies itself.
+    fn command(&self, task: &Task) -> Result<Command, HostError>;
 }
+
+/// Why the program around the server cannot do something, as a text for the user.
+#[derive(Clone, Debug, Error)]
+#[error("{0}")]
+pub struct HostError(pub String);
 
 /// Work that a command of the editor has the program do, in a process of its own.
 pub enum Task<'t> {

@@ -10,8 +10,8 @@ use crate::transport::{Client, Received, ResponseError, receive};
 use crate::values::Budget;
 use crate::view::{ModuleFiles, OpenModules, View};
 use crate::{
-    Host, Project, actions, colors, completion, diagnostics, formatting, hints, hover, lenses, references,
-    semantic, signature, symbols,
+    Host, HostError, Project, actions, colors, completion, diagnostics, formatting, hints, hover, lenses,
+    references, semantic, signature, symbols,
 };
 use serde_json::{Value, json};
 use std::cell::RefCell;
@@ -230,7 +230,9 @@ impl Server {
         let Some(document) = self.documents.get(uri) else {
             return Err(ResponseError::new(ResponseError::PARAMETERS, format!("{uri} is not open")));
         };
-        let project = self.project(document).map_err(|why| ResponseError::new(ResponseError::FAILED, why))?;
+        let project = self
+            .project(document)
+            .map_err(|why| ResponseError::new(ResponseError::FAILED, why.to_string()))?;
         let folder = document.folder().unwrap_or(&self.root);
         let modules = OpenModules { documents: &self.documents, folder: Some(folder), known: &self.modules };
         let last = self.last.get(uri);
@@ -451,7 +453,7 @@ impl Server {
     }
 
     /// The settings of a document.
-    fn project(&self, document: &Document) -> Result<Project, String> {
+    fn project(&self, document: &Document) -> Result<Project, HostError> {
         /// How long settings are taken to be unchanged.
         const FRESH: Duration = Duration::from_secs(2);
         if let Some((_, known)) =

@@ -23,8 +23,8 @@ pub enum FrameWish {
 /// let passes = Passes::parse("color, depth")?;
 /// assert!(passes.color && passes.depth && !passes.normal);
 /// assert_eq!(passes.names().collect::<Vec<_>>(), ["color", "depth"]);
-/// assert!(Passes::parse("z").unwrap_err().contains("color, depth, normal"));
-/// # Ok::<(), String>(())
+/// assert!(Passes::parse("z").unwrap_err().to_string().contains("color, depth, normal"));
+/// # Ok::<(), choreo_plugin::UnknownPass>(())
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Passes {
@@ -48,8 +48,11 @@ impl Passes {
     /// The names of all passes.
     pub const NAMES: [&'static str; 6] = ["color", "depth", "normal", "motion", "albedo", "id"];
 
-    /// The passes of a list of names with commas; the error is a text for the user.
-    pub fn parse(list: &str) -> Result<Passes, String> {
+    /// The passes of a list of names with commas.
+    ///
+    /// # Errors
+    /// A name is none of [`Passes::NAMES`].
+    pub fn parse(list: &str) -> Result<Passes, UnknownPass> {
         let mut passes = Passes::default();
         for name in list.split(',').map(str::trim) {
             let place = match name {
@@ -59,10 +62,7 @@ impl Passes {
                 "motion" => &mut passes.motion,
                 "albedo" => &mut passes.albedo,
                 "id" => &mut passes.id,
-                _ => {
-                    let known = Passes::NAMES.join(", ");
-                    return Err(format!("\"{name}\" is no pass; the passes are {known}"));
-                }
+                _ => return Err(UnknownPass { name: name.to_string() }),
             };
             *place = true;
         }
@@ -86,6 +86,27 @@ impl Passes {
         Passes::NAMES.into_iter().zip(on).filter(|(_, on)| *on).map(|(name, _)| name)
     }
 }
+
+/// A name in a list of passes that no pass has.
+///
+/// ```
+/// use choreo_plugin::Passes;
+/// let unknown = Passes::parse("color, z").unwrap_err();
+/// assert_eq!(unknown.name, "z");
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnknownPass {
+    /// The name as it was given.
+    pub name: String,
+}
+
+impl std::fmt::Display for UnknownPass {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "\"{}\" is no pass; the passes are {}", self.name, Passes::NAMES.join(", "))
+    }
+}
+
+impl std::error::Error for UnknownPass {}
 
 /// Images of one frame, each with a value per pixel, rows from the top; those that were not asked for are empty.
 ///

@@ -48,7 +48,7 @@ pub use effect_hooks::{
 };
 pub use effect_texture::EffectTexture;
 pub use exporter::{ExportError, Exporter, Frame, FrameSink, Mark, VideoInfo};
-pub use float_frame::{FloatFrame, FrameWish, IdMatte, IdShare, Passes};
+pub use float_frame::{FloatFrame, FrameWish, IdMatte, IdShare, Passes, UnknownPass};
 pub use glam;
 pub use importer::{
     Claim, ExportOptions, Files, ImportError, ImportOptions, ImportScope, Importer, OptionValue, Source,

@@ -64,7 +64,7 @@ impl Exporter for ExrExporter {
 
     fn wish(&self, options: &ExportOptions) -> Result<FrameWish, ExportError> {
         let passes = Passes::parse(options.text(PASSES).unwrap_or("color"));
-        let passes = passes.map_err(|text| ExportError::Format(format!("{PASSES}: {text}")))?;
+        let passes = passes.map_err(|unknown| ExportError::Format(format!("{PASSES}: {unknown}")))?;
         // What is no number is "frame".
         let id_samples = options.text(ID_SAMPLES).and_then(|text| text.parse().ok()).unwrap_or(0);
         Ok(FrameWish::Scene(Passes { id_samples, ..passes }))

@@ -6,7 +6,7 @@ use crate::commands::check;
 use crate::failure::{Failure, Problem};
 use crate::project_file;
 use crate::scene;
-use choreo_language_server::{Ended, Host, Project, Task, serve};
+use choreo_language_server::{Ended, Host, HostError, Project, Task, serve};
 use choreo_script::{Diagnostic, Limits, Places};
 use choreo_stage::Stage;
 use choreo_test_runner::collect::shown;
@@ -35,14 +35,15 @@ impl Host for Program {
     }
 
     /// The settings that `choreo check SCRIPT` would have.
-    fn project(&self, script: &Path) -> Result<Project, String> {
+    fn project(&self, script: &Path) -> Result<Project, HostError> {
         let words = [OsString::from(self.app.name), "check".into(), script.into()];
-        let words = project_file::extended(&words, &self.app).map_err(|e| in_words(&e))?;
-        let cli = Cli::try_parse_from(words).map_err(|e| e.to_string())?;
+        let words = project_file::extended(&words, &self.app).map_err(|e| HostError(in_words(&e)))?;
+        let cli = Cli::try_parse_from(words).map_err(|e| HostError(e.to_string()))?;
         let Command::Check(args) = cli.command else {
-            return Err("choreo.toml names another command".into());
+            return Err(HostError("choreo.toml names another command".into()));
         };
-        let registry = scene::plugins(&args.scene, &self.app.registry).map_err(|e| in_words(&e))?;
+        let registry =
+            scene::plugins(&args.scene, &self.app.registry).map_err(|e| HostError(in_words(&e)))?;
         let root = project_file::root_of(script);
         Ok(Project { registry, search: args.scene.search, root, limits: Limits::default() })
     }
@@ -58,9 +59,9 @@ impl Host for Program {
     }
 
     /// This program again, with the words that a user would type.
-    fn command(&self, task: &Task) -> Result<process::Command, String> {
-        let program =
-            std::env::current_exe().map_err(|e| format!("cannot tell where {} lies: {e}", self.app.name))?;
+    fn command(&self, task: &Task) -> Result<process::Command, HostError> {
+        let program = std::env::current_exe()
+            .map_err(|e| HostError(format!("cannot tell where {} lies: {e}", self.app.name)))?;
         let mut command = process::Command::new(program);
         match task {
             Task::Frame { script, secs, output } => {

@@ -31,7 +31,7 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
     let samples = args.samples.as_deref().map(values::samples).transpose()?;
     let wish = match args.passes.as_deref().map(Passes::parse).transpose() {
         Ok(passes) => passes.map_or(FrameWish::Bytes, FrameWish::Scene),
-        Err(text) => return Err(Failure::Usage(format!("--passes: {text}"))),
+        Err(unknown) => return Err(Failure::Usage(format!("--passes: {unknown}"))),
     };
     let registry = scene::plugins(&args.scene, plugins)?;
     let scene = scene::open(&args.scene, &registry, Opening::TO_TELL)?;
