@@ -1,4 +1,4 @@
-//! Warnings of every run: what is valid, but probably not intended. Unlike the rules of `lint`, they cannot be allowed.
+//! Warnings of every run: what is valid, but probably not intended. Each has a rule, by whose name a comment allows it.
 
 use crate::api_error::{ApiError, Place};
 use crate::build::{ActorDraft, Build, LoadDraft};
@@ -10,28 +10,40 @@ use std::sync::Arc;
 
 /// Looks through the drafts.
 pub fn before(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) {
-    let mut warn =
-        |place: &Place, text: String| notes.push((Severity::Warning, place.clone(), ApiError::new(text)));
+    let mut warn = |rule: &'static str, place: &Place, text: String| {
+        notes.push((Severity::Warning, place.clone(), ApiError { rule, ..ApiError::new(text) }));
+    };
     cues(build, &mut warn);
     unplaced(build, &mut warn);
     for (i, (Cut { at, camera, dissolve }, place)) in build.cuts.iter().enumerate() {
         let next = build.cuts.iter().map(|(next, _)| next.at).filter(|next| next > at).min();
         if let Some(next) = next.filter(|next| *next < *at + *dissolve) {
             let text = "this dissolve is not over when the next cut comes, at";
-            warn(place, format!("{text} {} s", next.as_secs()));
+            warn("dissolve_cut_off", place, format!("{text} {} s", shown(next)));
         }
         if *at >= build.settings.length {
-            let end = build.settings.length.as_secs();
-            warn(place, format!("this cut at {} s comes after the end of the stage, {end} s", at.as_secs()));
+            let end = shown(build.settings.length);
+            warn(
+                "starts_after_end",
+                place,
+                format!("this cut at {} s comes after the end of the stage, {end} s", shown(*at)),
+            );
         }
         if build.cuts[..i].iter().any(|(cut, _)| cut.at == *at && cut.camera != *camera) {
-            warn(place, format!("two cameras are cut to at {} s; this one wins", at.as_secs()));
+            warn("two_cuts", place, format!("two cameras are cut to at {} s; this one wins", shown(*at)));
         }
     }
 }
 
-fn cues(build: &Build, warn: &mut impl FnMut(&Place, String)) {
+/// Seconds to the millisecond.
+fn shown(time: Time) -> f64 {
+    libm::round(time.as_secs() * 1000.0) / 1000.0
+}
+
+fn cues(build: &Build, warn: &mut impl FnMut(&'static str, &Place, String)) {
     let times = all_times(build);
+    // A pose that is held for less shows in no frame; lengths of clips are often no whole milliseconds.
+    let frame = build.settings.fps.time_of(1);
     for (id, draft) in build.cues.iter().enumerate() {
         let name = &draft.cue.clip.name;
         let (start, end) = times[id];
@@ -39,15 +51,15 @@ fn cues(build: &Build, warn: &mut impl FnMut(&Place, String)) {
         let chain = &build.chains[draft.chain];
         let repeat = draft.repeats(chain.is_layer());
         if let (Repeat::Once, Some(until)) = (repeat, draft.until)
-            && until - start > length
+            && until - start >= length + frame
             && length > Time::ZERO
         {
             let text = format!(
                 "clip \"{name}\" is played once and takes {} s, but its cue lasts {} s: the last pose is held",
-                length.as_secs(),
-                (until - start).as_secs()
+                shown(length),
+                shown(until - start)
             );
-            warn(&draft.at, text);
+            warn("pose_held", &draft.at, text);
         }
         if let Some(end) = end
             && draft.cue.fade_in > end - start
@@ -55,10 +67,10 @@ fn cues(build: &Build, warn: &mut impl FnMut(&Place, String)) {
         {
             let text = format!(
                 "clip \"{name}\" fades in over {} s, but its cue lasts {} s: it is never fully seen",
-                draft.cue.fade_in.as_secs(),
-                (end - start).as_secs()
+                shown(draft.cue.fade_in),
+                shown(end - start)
             );
-            warn(&draft.at, text);
+            warn("fade_longer_than_cue", &draft.at, text);
         }
         if let Some(end) = end
             && draft.cue.inertialization > end - start
@@ -67,23 +79,19 @@ fn cues(build: &Build, warn: &mut impl FnMut(&Place, String)) {
         {
             let text = format!(
                 "clip \"{name}\" takes {} s to get rid of the pose before it, but its cue lasts {} s",
-                draft.cue.inertialization.as_secs(),
-                (end - start).as_secs()
+                shown(draft.cue.inertialization),
+                shown(end - start)
             );
-            warn(&draft.at, text);
+            warn("inertia_longer_than_cue", &draft.at, text);
         }
         if start >= build.settings.length {
-            let at = build.settings.length.as_secs();
-            warn(
-                &draft.at,
-                format!(
-                    "clip \"{name}\" starts at {} s, after the end of the stage, {at} s",
-                    start.as_secs()
-                ),
-            );
+            let end = shown(build.settings.length);
+            let text =
+                format!("clip \"{name}\" starts at {} s, after the end of the stage, {end} s", shown(start));
+            warn("starts_after_end", &draft.at, text);
         }
         if draft.cue.clip.duration == Time::ZERO {
-            warn(&draft.at, format!("clip \"{name}\" has no length: it is a pose"));
+            warn("no_length", &draft.at, format!("clip \"{name}\" has no length: it is a pose"));
         }
     }
     restarts(build, &times, warn);
@@ -102,16 +110,20 @@ fn cues(build: &Build, warn: &mut impl FnMut(&Place, String)) {
                 "clip \"{}\" is never seen: \"{}\" starts at the same time, {} s; use .from, or .on(\"Spine..\") for a layer",
                 hidden.cue.clip.name,
                 draft.cue.clip.name,
-                times[id].0.as_secs()
+                shown(times[id].0)
             );
-            warn(&hidden.at, text);
+            warn("same_start", &hidden.at, text);
         }
     }
 }
 
 /// Warns about a part of a clip that repeats with a jump, since its ends do not match; while the next clip fades in over it this is
 /// probably not intended. (Whole clips are taken to be made for repeating.)
-fn restarts(build: &Build, times: &[(Time, Option<Time>)], warn: &mut impl FnMut(&Place, String)) {
+fn restarts(
+    build: &Build,
+    times: &[(Time, Option<Time>)],
+    warn: &mut impl FnMut(&'static str, &Place, String),
+) {
     for (id, next) in build.cues.iter().enumerate() {
         let Some(before) = next.after else { continue };
         let draft = &build.cues[before];
@@ -127,19 +139,20 @@ fn restarts(build: &Build, times: &[(Time, Option<Time>)], warn: &mut impl FnMut
         let restart = libm::ceil((from - SLACK) / length).max(1.0) * length;
         if restart < to - SLACK {
             let text = format!(
-                "this part of clip \"{}\" takes {length} s and starts over at {} s, while \"{}\" fades in over it; \
+                "this part of clip \"{}\" takes {} s and starts over at {} s, while \"{}\" fades in over it; \
                  add .once() to hold its last pose, or .loop() if it is meant",
                 draft.cue.clip.name,
-                times[before].0.as_secs() + restart,
+                shown(draft.length()),
+                shown(times[before].0 + Time::from_secs(restart)),
                 next.cue.clip.name
             );
-            warn(&draft.at, text);
+            warn("starts_over", &draft.at, text);
         }
     }
 }
 
 /// Warns about several actors in one place, which is probably not intended; a flat ground below them is.
-fn unplaced(build: &Build, warn: &mut impl FnMut(&Place, String)) {
+fn unplaced(build: &Build, warn: &mut impl FnMut(&'static str, &Place, String)) {
     let flat = |a: &ActorDraft| a.actor.asset.name == "shape plane";
     // The position of an actor made of vertices is in its vertices.
     let of_vertices = |a: &ActorDraft| {
@@ -162,5 +175,5 @@ fn unplaced(build: &Build, warn: &mut impl FnMut(&Place, String)) {
         names.len(),
         crate::suggest::list(names.iter().copied(), 8)
     );
-    warn(&nowhere[1].at, text);
+    warn("same_place", &nowhere[1].at, text);
 }

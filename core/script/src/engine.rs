@@ -123,6 +123,8 @@ fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
     const OTHER: u8 = 0;
     const DOT: u8 = 1;
     const LIST: u8 = 2;
+    // A keyword that became a name. Rhai takes a minus behind it for a sign, as behind keywords.
+    const RENAMED: u8 = 3;
     let before = AtomicU8::new(OTHER);
     let watched = Arc::downgrade(shared);
     let count = AtomicU32::new(0);
@@ -143,9 +145,22 @@ fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
             _ => OTHER,
         };
         let was = before.swap(now, Ordering::Relaxed);
+        let renamed = |word: &str| {
+            before.store(RENAMED, Ordering::Relaxed);
+            Token::Identifier(Box::new(word.into()))
+        };
+        if was == RENAMED {
+            return match token {
+                Token::UnaryMinus => Token::Minus,
+                Token::UnaryPlus => Token::Plus,
+                Token::IntegerConstant(number) if number < 0 => sign_of_number(),
+                Token::FloatConstant(number) if number.0.is_sign_negative() => sign_of_number(),
+                token => token,
+            };
+        }
         // `until` only ends a `do { … }`, so after a comma it is a key: `#{ fade: 0.4, until: 3.0 }`.
         if was == LIST && token == Token::Until {
-            return Token::Identifier(Box::new("until".into()));
+            return renamed("until");
         }
         if was != DOT {
             return token;
@@ -163,8 +178,14 @@ fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
         let is_method = api::defs().iter().any(|def| def.on != HandleKind::None && def.name == word);
         // Refused functions count as names, too; otherwise the parser would report the dot.
         let is_name = is_method || is_refused(&word);
-        if is_name { Token::Identifier(Box::new(word.as_str().into())) } else { token }
+        if is_name { renamed(&word) } else { token }
     });
+}
+
+/// The tokenizer has made one token of a minus and a number, which cannot be parted here.
+fn sign_of_number() -> Token {
+    let text = "write a space between the minus and the number: behind a keyword that is a name here, they are read as one number";
+    Token::LexError(Box::new(LexError::Runtime(text.into())))
 }
 
 fn register(engine: &mut Engine, shared: &Arc<Shared>, name: &str, function: &'static Function) {

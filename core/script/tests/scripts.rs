@@ -409,3 +409,13 @@ fn emitted_light_is_brighter_than_white() {
     let errors = show(&run(r#"shape("box", #{ emissive_strength: 2 });"#).unwrap_err());
     assert!(errors.contains("emissive_strength needs emissive"), "{errors}");
 }
+
+/// Rhai takes a minus behind its keywords for a sign; `until` is a name here.
+#[test]
+fn a_minus_behind_a_method_named_like_a_keyword_subtracts() {
+    let script = good(
+        r#"let line = #{ until: 3.0, from: 1.0 };
+        stage(#{ length: line.until - 0.5 + (line.until - line.from) * 2.0 + line.until });"#,
+    );
+    assert_eq!(script.stage.settings.length, secs(3.0 - 0.5 + 4.0 + 3.0));
+}

@@ -244,7 +244,7 @@ fn damaged_wrong_and_heavy_pictures_are_told() {
     bench.wanted.name = "heavy".into();
     bench.wanted.size = Some([1600, 900]);
     let check = bench.accept();
-    assert!(!check.passed && check.hint.contains("at most 20 are kept"), "{check:?}");
+    assert!(!check.passed && check.hint.contains("at most 64 are kept"), "{check:?}");
     assert_eq!(stored::read(&bench.stored()), Err(Unreadable::Missing));
     bench.wanted.large = true;
     assert!(bench.accept().passed && bench.check().passed);

@@ -69,11 +69,15 @@ fn print_page(app: &App, name: &str) -> Result<(), Failure> {
     // References name a heading, too: core/script/API.md, "Cues".
     let path = name.split(',').next().unwrap_or_default().trim();
     let text = pages::text(app, path).ok_or_else(|| {
-        let all = list(pages::names(app), 60);
-        Failure::Usage(format!(
-            "help: there is no page \"{path}\"{}\n    hint: pages: {all}",
-            did_you_mean(path, pages::names(app))
-        ))
+        let hint = match path.split_once("reference/") {
+            Some((_, entry)) => format!(
+                "the reference is printed entry by entry: choreo help {}; whole: choreo help --page API.md",
+                entry.rsplit(['#', '/']).next().unwrap_or_default().trim_end_matches(".md")
+            ),
+            None => format!("pages: {}", list(pages::names(app), 60)),
+        };
+        let meant = did_you_mean(path, pages::names(app));
+        Failure::Usage(format!("help: there is no page \"{path}\"{meant}\n    hint: {hint}"))
     })?;
     print(&pages::with_scripts(app, text))
 }

@@ -75,11 +75,13 @@ fn in_page((path, text): PageText, term: &str) -> Vec<Call> {
             heading = title.trim_start_matches('#').trim();
             let first = lines.clone().find(|line| !line.is_empty());
             if is_in(term, heading) {
-                found.push(call(
-                    heading,
-                    first.filter(|line| !line.starts_with(['#', '|', '`', '!', '['])),
-                    heading,
-                ));
+                let about = first.filter(|line| !line.starts_with(['#', '|', '`', '!', '[']));
+                let mut call = call(heading, about, heading);
+                if heading == RULES {
+                    let rows = lines.clone().take_while(|line| !line.starts_with('#'));
+                    call.details = rows.filter(|line| line.starts_with("| `")).map(rule_in_words).collect();
+                }
+                found.push(call);
             }
         } else if let Some((usage, rest)) = line.strip_prefix("| `").and_then(|row| row.split_once('`'))
             && usage.split('(').next() == Some(term.trim_end_matches("()"))
@@ -89,6 +91,11 @@ fn in_page((path, text): PageText, term: &str) -> Vec<Call> {
         }
     }
     found
+}
+
+/// A row of the table of rules: "gap: nothing plays".
+fn rule_in_words(row: &str) -> String {
+    plain(row.trim_matches(['|', ' '])).replacen(" |", ":", 1)
 }
 
 /// A line of Markdown without its marks.
@@ -137,6 +144,7 @@ mod tests {
         assert_eq!(found("effects inputs"), [("Inputs of effects on images".to_string(), inputs)]);
         assert_eq!(found("gap"), [("gap".to_string(), format!("core/cli/README.md, \"{RULES}\""))]);
         assert_eq!(found("allow"), [(RULES.to_string(), format!("core/cli/README.md, \"{RULES}\""))]);
+        assert_eq!(find(&app, "allow")[0].details, ["gap: nothing plays"]);
         assert_eq!(found("quaggaflux"), []);
     }
 }
