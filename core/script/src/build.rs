@@ -378,9 +378,10 @@ impl ActorDraft {
     /// An error where `walk_to` has set position and rotation for the whole time.
     pub fn not_walking(&self, what: &str) -> Result<(), ApiError> {
         let Some(walk) = self.walks.last() else { return Ok(()) };
-        let after = walk.until.as_secs();
+        let after = walk.turned.as_secs();
         Err(ApiError::new(format!("{what}: walk_to sets position and rotation of the actor already")).hint(format!(
-            "place it before walk_to; after the walk change it for each frame: on_frame(|t| if t > {after:.2} {{ actor.turn(90.0) }})"
+            "place it before walk_to; to turn to somebody on arrival, walk_to(point, #{{ face: other }}); else change it for each frame: \
+             on_frame(|t| if t > {after:.2} {{ actor.turn(90.0) }})"
         )))
     }
 

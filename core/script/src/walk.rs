@@ -1,4 +1,5 @@
-//! A walk from a place to a point as keyframes: a turn on the spot, an even start, a straight way, an even stop.
+//! A walk from a place to a point as keyframes: a turn on the spot, an even start, a straight way, an even stop, and where one is wanted
+//! another turn.
 
 use crate::api_error::ApiError;
 use choreo_motion::{Interpolation, Time};
@@ -35,6 +36,8 @@ pub(crate) struct WalkPlan {
     /// How long it takes to start, and to stop.
     pub fade: Time,
     pub pace: WalkPace,
+    /// The point to turn to on arrival.
+    pub face: Option<DVec3>,
 }
 
 /// A walk with its times.
@@ -49,6 +52,8 @@ pub(crate) struct Walk {
     pub stops_from: Time,
     /// Arrival.
     pub until: Time,
+    /// End of the turn on arrival, without one the arrival.
+    pub turned: Time,
     /// Metres per second between start and stop.
     pub speed: f64,
     start: DVec3,
@@ -58,7 +63,7 @@ pub(crate) struct Walk {
 
 impl Walk {
     pub fn new(plan: WalkPlan) -> Result<Walk, ApiError> {
-        let WalkPlan { from, start, rotation, point, ahead, fade, pace } = plan;
+        let WalkPlan { from, start, rotation, point, ahead, fade, pace, face } = plan;
         let way = (point - start).with_y(0.0);
         let metres = way.length();
         if metres < NEAREST {
@@ -66,9 +71,7 @@ impl Walk {
                 "walk_to: the point is {metres:.3} m away, must be at least {NEAREST} m"
             )));
         }
-        let ahead = rotation * ahead;
-        let angle = libm::atan2(way.x, way.z) - libm::atan2(ahead.x, ahead.z);
-        let angle = libm::remainder(angle, std::f64::consts::TAU);
+        let angle = angle_between(rotation * ahead, way);
         let turn_secs = angle.abs() / TURN_SPEED;
         // The turn ends halfway through the start, when the actor has hardly moved.
         let walks_from = from + Time::from_secs((turn_secs - 0.5 * fade.as_secs()).max(0.0));
@@ -87,14 +90,21 @@ impl Walk {
             WalkPace::Arrive(arrive) => arrive,
         };
         let speed = metres / (until - walks).as_secs();
-        let count = libm::ceil(turn_secs * TURN_KEYS).max(1.0) as i32;
-        let key = |i: i32| {
-            let s = f64::from(i) / f64::from(count);
-            let turned = DQuat::from_rotation_y(angle * s * s * (3.0 - 2.0 * s)) * rotation;
-            (from + Time::from_secs(turn_secs * s), turned.normalize())
-        };
-        let rotations = (0..=count).map(key).collect();
-        Ok(Walk { from, walks_from, walks, stops_from: until - fade, until, speed, start, point, rotations })
+        let mut rotations = turn(from, rotation, angle);
+        let mut turned = until;
+        if let Some(face) = face {
+            let sight = (face - point).with_y(0.0);
+            if sight.length() < NEAREST {
+                return Err(ApiError::new("walk_to: face: it stops where it should look at"));
+            }
+            // As the first turn ends halfway through the start, this one begins halfway through the stop.
+            let begins = (until - Time::from_secs(0.5 * fade.as_secs())).max(walks);
+            let along = DQuat::from_rotation_y(angle) * rotation;
+            rotations.extend(turn(begins, along, angle_between(way, sight)));
+            turned = until.max(rotations.last().map_or(until, |(end, _)| *end));
+        }
+        let stops_from = until - fade;
+        Ok(Walk { from, walks_from, walks, stops_from, until, turned, speed, start, point, rotations })
     }
 
     /// The rotation at the end.
@@ -114,6 +124,23 @@ impl Walk {
             (self.until, self.point, DVec3::ZERO),
         ]
     }
+}
+
+/// Radians about the vertical axis from one direction to another, the shorter way.
+fn angle_between(from: DVec3, to: DVec3) -> f64 {
+    libm::remainder(libm::atan2(to.x, to.z) - libm::atan2(from.x, from.z), std::f64::consts::TAU)
+}
+
+/// Keyframes of a turn by an angle in radians, which starts and ends softly.
+fn turn(from: Time, rotation: DQuat, angle: f64) -> Vec<(Time, DQuat)> {
+    let secs = angle.abs() / TURN_SPEED;
+    let count = libm::ceil(secs * TURN_KEYS).max(1.0) as i32;
+    let key = |i: i32| {
+        let s = f64::from(i) / f64::from(count);
+        let turned = DQuat::from_rotation_y(angle * s * s * (3.0 - 2.0 * s)) * rotation;
+        (from + Time::from_secs(secs * s), turned.normalize())
+    };
+    (0..=count).map(key).collect()
 }
 
 /// Keyframes of position and rotation of walks one after another.
@@ -161,6 +188,7 @@ mod tests {
             ahead: DVec3::NEG_Z,
             fade: Time::from_secs(0.5),
             pace,
+            face: None,
         }
     }
 
@@ -197,6 +225,16 @@ mod tests {
             assert!((looks - way).length() < 1e-9, "{looks} {way}");
         }
         assert!(Walk::new(plan(point, WalkPace::Arrive(Time::from_secs(2.0)))).is_err());
+        let faced =
+            |face: DVec3| Walk::new(WalkPlan { face: Some(face), ..plan(point, WalkPace::Speed(1.3)) });
+        let walk = faced(DVec3::new(-3.0, 1.0, 9.0)).unwrap();
+        let looks = |time: Time| {
+            let [_, rotation] = channels(std::slice::from_ref(&walk));
+            DQuat::from_array(rotation.at(time).unwrap()) * DVec3::NEG_Z
+        };
+        assert!((looks(walk.turned) - DVec3::Z).length() < 1e-9 && walk.turned >= walk.until);
+        assert!((looks(walk.stops_from) - (point - walk.start).with_y(0.0).normalize()).length() < 1e-9);
+        assert!(faced(point + DVec3::Y).is_err());
         assert!(Walk::new(plan(DVec3::new(1.0, 3.0, 2.01), WalkPace::Speed(1.0))).is_err());
     }
 }

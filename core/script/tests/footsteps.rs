@@ -256,6 +256,44 @@ fn walks_to_points_arrive_in_time_and_do_not_slide() {
     assert!(faults.is_empty(), "{faults:#?}");
 }
 
+#[test]
+fn a_turn_on_arrival_faces_its_target_and_does_not_slide() {
+    let Some(folder) = choreo_importer_kit_testing::assets(8) else { return };
+    let mut faults = Vec::new();
+    println!("| file | off the target, degrees | slide, mm | fastest foot, m/s |");
+    println!("| --- | ---: | ---: | ---: |");
+    for character in &CHARACTERS {
+        let text = script(
+            character,
+            "anna.at(1, 0, -1).turn(40);
+             anna.play(idle);
+             anna.walk_to([3, 0, 1.5], #{ clip: walk, from: 0.5, face: [-2, 0, 1] });",
+        );
+        let stage = stage_of_samples(&folder, &text);
+        let arrived = stage.actors[0].layers[0].cues[1].end.unwrap().as_secs();
+        let (at, front) = placed(&stage, arrived + 1.5);
+        let sight = (DVec3::new(-2.0, 0.0, 1.0) - at).with_y(0.0).normalize();
+        let off = front.angle_between(sight).to_degrees();
+        let legs = find_legs(&stage.actors[0].asset.skeleton);
+        let grounds = [0.2, arrived + 1.8].map(|t| balls(&stage, &legs, t, t));
+        let ground: Vec<f64> = (0..legs.len())
+            .map(|leg| grounds.iter().map(|g| g[leg][0].y).fold(f64::INFINITY, f64::min))
+            .collect();
+        let own = slide(&balls(&stage, &legs, 0.3, arrived + 1.8), &ground, 0.3);
+        println!(
+            "| {} | {off:.4} | {:.1} at {:.2} s | {:.2} |",
+            character.0,
+            own.metres * 1e3,
+            own.at_secs,
+            own.step * RATE
+        );
+        if off > 0.01 || own.metres >= MOST || own.step * RATE >= POPS {
+            faults.push(format!("{}: {off}, {own:?}", character.0));
+        }
+    }
+    assert!(faults.is_empty(), "{faults:#?}");
+}
+
 /// Shortest time of the first frame at a time, by new evaluators, in seconds.
 fn first_frame(stage: &Arc<Stage>, time: f64) -> f64 {
     let one = || {

@@ -8,7 +8,7 @@ use crate::value::{ActorRef, ClipRef, CueRef};
 use crate::walk::{Walk, WalkPace, WalkPlan, channels};
 use choreo_asset::Asset;
 use choreo_motion::{Clip, Repeat, RootMotion, RootParts, Time};
-use choreo_stage::Property;
+use choreo_stage::{Property, Target};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 use std::sync::Arc;
@@ -19,7 +19,8 @@ api! {
     /// - Options: clip (the clip in which it walks; default: the file's own clip "Walk"), idle (the clip in which it stands before and after; default:
     ///   the clip that it plays when it starts), from (time at which it begins to turn and walk; default: the arrival
     ///   of the walk before, else 0), speed (metres per second; default: that of the clip), arrive (time of arrival,
-    ///   instead of a speed), fade (seconds to start and to stop, 0.1 to 3, default 0.5).
+    ///   instead of a speed), fade (seconds to start and to stop, 0.1 to 3, default 0.5), face (an actor or a point: it turns there while it
+    ///   stops, with steps; an actor is looked for where it is placed, or where its last walk has ended).
     /// - The walk begins where the actor has been placed so far, or where the walk before ended. At the time of
     ///   arrival its position is the point.
     Actor.walk_to("point, options?") -> Cue = walk_to;
@@ -33,7 +34,7 @@ const FASTEST: f64 = 4.0;
 fn walk_to(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let point = c.point(0)?;
-    let o = c.options(1, &["clip", "idle", "from", "speed", "arrive", "fade"])?;
+    let o = c.options(1, &["clip", "idle", "from", "speed", "arrive", "fade", "face"])?;
     let own_walk = || this.asset.clips.iter().find(|clip| clip.name.eq_ignore_ascii_case("walk")).cloned();
     let clip = clip_option(c, &o, "clip", &this.asset)?.or_else(own_walk).ok_or_else(|| {
         ApiError::new(format!("walk_to: clip is missing, and \"{}\" has no clip \"Walk\"", this.asset.name))
@@ -48,15 +49,27 @@ fn walk_to(c: &mut Call) -> Reply {
             .hint("the speed follows from arrive"));
     }
     let fade = Time::from_secs(o.number_in("fade", 0.1, 3.0)?.unwrap_or(0.5));
+    let face = o.target("face")?;
     room(c.build().cues.len() + 2, "cues", &c.shared.limits)?;
     let mut build = c.build();
     let origin = build.offset;
+    let face = match face {
+        None => None,
+        Some(Target::Point(point)) => Some(point),
+        Some(Target::Actor(other) | Target::Joint { actor: other, .. }) if other == this.id => {
+            return Err(ApiError::new("walk_to: face: an actor cannot face itself"));
+        }
+        Some(Target::Actor(other) | Target::Joint { actor: other, .. }) => {
+            let other = build.actor(other)?;
+            Some(other.walks.last().map_or(other.actor.transform.translation, |walk| walk.point))
+        }
+    };
     let draft = build.actor(this.id)?;
     let (start, rotation) = begin(draft)?;
-    let from = from.or(draft.walks.last().map(|walk| walk.until)).unwrap_or(origin);
-    if let Some(before) = draft.walks.last().filter(|walk| from < walk.until) {
+    let from = from.or(draft.walks.last().map(|walk| walk.turned)).unwrap_or(origin);
+    if let Some(before) = draft.walks.last().filter(|walk| from < walk.turned) {
         let text = format!("walk_to: begins at {} s, before the last walk ends", from.as_secs());
-        return Err(ApiError::new(text).hint(format!("from is at least {}", before.until.as_secs())));
+        return Err(ApiError::new(text).hint(format!("from is at least {}", before.turned.as_secs())));
     }
     let own_speed = clip_speed(&this.asset, &clip) * draft.actor.transform.scale.z.abs();
     if own_speed < SLOWEST {
@@ -68,7 +81,7 @@ fn walk_to(c: &mut Call) -> Reply {
         None => WalkPace::Speed(speed.unwrap_or(own_speed)),
     };
     let ahead = this.asset.front().direction();
-    let walk = Walk::new(WalkPlan { from, start, rotation, point, ahead, fade, pace })?;
+    let walk = Walk::new(WalkPlan { from, start, rotation, point, ahead, fade, pace, face })?;
     let factor = walk.speed / own_speed;
     if !(1.0 / FASTEST..=FASTEST).contains(&factor) {
         let text =

@@ -32,14 +32,17 @@ pub(super) fn plant_in_step(build: &mut Build, matched: Vec<InStep>) {
 /// A character that fades between walking and standing, and gets on, takes steps in the fade instead of sliding.
 pub(super) fn plant_in_fades(build: &mut Build, standing_fades: Vec<Vec<StandingFade>>) {
     for (ActorDraft { actor, walks, .. }, mut fades) in build.actors.iter_mut().zip(standing_fades) {
-        // A walk to a point begins with the turn.
+        // A walk to a point begins with a turn, and may end with one.
         for walk in walks.iter() {
-            fades
-                .iter_mut()
-                .filter(|f| f.to == walk.walks && !f.ends_standing)
-                .for_each(|f| f.from = walk.from);
+            for fade in &mut fades {
+                match fade.ends_standing {
+                    false if fade.to == walk.walks => fade.from = walk.from,
+                    true if fade.to == walk.until => fade.to = walk.turned,
+                    _ => {}
+                }
+            }
         }
-        let walked = walks.iter().map(|walk| (walk.from, walk.until));
+        let walked = walks.iter().map(|walk| (walk.from, walk.turned));
         let spans: Vec<(Time, Time)> = fades.iter().map(|f| (f.from, f.to)).chain(walked).collect();
         if spans.is_empty() {
             continue;
