@@ -2,7 +2,7 @@
 
 use crate::OptionError;
 use crate::suggest::did_you_mean;
-use choreo_asset::linear_from_srgb;
+use choreo_asset::{linear_from_srgb, srgb_from_linear};
 use glam::Vec4;
 
 /// Linear RGBA of a CSS name or `#rgb`, `#rrggbb`, `#rrggbbaa`; an error where the text is neither.
@@ -43,6 +43,20 @@ pub fn bytes(text: &str) -> Option<[u8; 4]> {
     let lower = text.to_ascii_lowercase();
     let (_, rgb) = NAMES.iter().find(|(name, _)| *name == lower)?;
     Some([(rgb >> 16) as u8, (rgb >> 8) as u8, *rgb as u8, 255])
+}
+
+/// A linear color as texts write it: `"#rrggbb"`, or its numbers where it is brighter than white.
+///
+/// ```
+/// use choreo_plugin::color::written;
+/// assert_eq!((written([0.0, 1.0, 0.0]), written([2.0, 0.0, 0.0])), ("#00ff00".into(), "[2.0, 0.0, 0.0]".into()));
+/// ```
+pub fn written(linear: [f64; 3]) -> String {
+    if linear.iter().any(|c| !(0.0..=1.0).contains(c)) {
+        return format!("{linear:?}");
+    }
+    let [r, g, b] = linear.map(|c| libm::round(255.0 * srgb_from_linear(c)) as u8);
+    format!("#{r:02x}{g:02x}{b:02x}")
 }
 
 fn error(message: String) -> OptionError {

@@ -314,6 +314,8 @@ impl Manifest {
     /// assert_eq!(manifest.parse_option("scale", "0.5"), Ok(OptionValue::Number(0.5)));
     /// let error = manifest.parse_option("scale", "-1").unwrap_err();
     /// assert!(error.message.contains("a number from 0 to 100 m"), "{error}");
+    /// let manifest = manifest.color("tint", "its color", [0.0; 3]);
+    /// assert_eq!(manifest.parse_option("tint", "lime"), Ok(OptionValue::Numbers(vec![0.0, 1.0, 0.0])));
     /// ```
     pub fn parse_option(&self, name: &str, text: &str) -> Result<OptionValue, OptionError> {
         let spec = self.option(name)?;
@@ -323,6 +325,9 @@ impl Manifest {
             }
             OptionKind::Bool { .. } => text.parse().ok().map(OptionValue::Bool),
             OptionKind::Text { .. } | OptionKind::Texture { .. } => Some(OptionValue::Text(text.to_string())),
+            OptionKind::Color { .. } if !text.starts_with(|c: char| c.is_ascii_digit() || c == '.') => {
+                Some(spec.linear(&self.name, text)?)
+            }
             OptionKind::Color { .. } | OptionKind::Vector { .. } | OptionKind::Curve { .. } => {
                 let parts = text.split([',', ' ']).filter(|part| !part.is_empty());
                 parts.map(|part| part.parse().ok()).collect::<Option<Vec<f64>>>().map(OptionValue::Numbers)
@@ -334,7 +339,7 @@ impl Manifest {
         }
     }
 
-    /// The options given, checked for name, kind and range, and the defaults of the others.
+    /// The options given, checked for name, kind and range, and the defaults of the others. Names of colors become numbers.
     ///
     /// # Errors
     /// An option that does not exist, or a value that it does not allow.
@@ -352,16 +357,28 @@ impl Manifest {
         }
         for (name, value) in &given.0 {
             let spec = self.option(name)?;
-            if !spec.accepts(value) {
+            let value = match (&spec.kind, value) {
+                (OptionKind::Color { .. }, OptionValue::Text(text)) => spec.linear(&self.name, text)?,
+                _ => value.clone(),
+            };
+            if !spec.accepts(&value) {
                 return Err(spec.refuse(&self.name, &value.to_string()));
             }
-            all.0.insert(name.clone(), value.clone());
+            all.0.insert(name.clone(), value);
         }
         Ok(all)
     }
 }
 
 impl OptionSpec {
+    /// A CSS name or hexadecimal color as linear red, green and blue.
+    fn linear(&self, plugin: &str, text: &str) -> Result<OptionValue, OptionError> {
+        let name = &self.name;
+        let color = crate::color::parse(text)
+            .map_err(|e| OptionError { message: format!("{plugin}: option {name}: {}", e.message), ..e })?;
+        Ok(OptionValue::Numbers(color.truncate().to_array().map(f64::from).to_vec()))
+    }
+
     /// Value where none is given.
     pub fn default(&self) -> OptionValue {
         match &self.kind {

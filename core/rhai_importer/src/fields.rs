@@ -5,6 +5,7 @@ use crate::numbers;
 use choreo_asset::Topology;
 use choreo_plugin::suggest::{did_you_mean, list};
 use choreo_plugin::{MeshData, MeshPart, MorphData};
+use glam::Vec4;
 use rhai::{Dynamic, Map};
 
 /// An object map with known names; every error names the function and the field.
@@ -105,6 +106,20 @@ impl<'a> Fields<'a> {
 
     pub fn floats(&self, name: &str) -> Result<Vec<f32>> {
         Ok(self.numbers(name)?.into_iter().map(|v| v as f32).collect())
+    }
+
+    /// Red, green, blue and alpha, linear: 3 or 4 numbers, or a CSS name or hexadecimal color as text.
+    pub fn color(&self, name: &str) -> Result<Option<Vec4>> {
+        let Some(value) = self.value(name) else { return Ok(None) };
+        if let Ok(text) = value.clone().into_string() {
+            let color = choreo_plugin::color::parse(&text);
+            return color.map(Some).map_err(|e| format!("{}: {name}: {}", self.what, e.message).into());
+        }
+        match self.floats(name)?.as_slice() {
+            [r, g, b] => Ok(Some(Vec4::new(*r, *g, *b, 1.0))),
+            [r, g, b, a] => Ok(Some(Vec4::new(*r, *g, *b, *a))),
+            other => Err(format!("{}: {name} must be 3 or 4 numbers, got {}", self.what, other.len()).into()),
+        }
     }
 
     pub fn indices(&self, name: &str) -> Result<Vec<u32>> {

@@ -164,22 +164,13 @@ fn read_material(map: &Map, textures: bool) -> fields::Result<Material> {
         Some(v) if (0.0..=max).contains(&v) => Ok(v as f32),
         Some(v) => Err(FieldError::from(format!("material: {name} must be from 0 to {max}, got {v}"))),
     };
-    let color = match f.value("color") {
-        None => Vec4::ONE,
-        Some(_) => match f.floats("color")?.as_slice() {
-            [r, g, b] => Vec4::new(*r, *g, *b, 1.0),
-            [r, g, b, a] => Vec4::new(*r, *g, *b, *a),
-            other => {
-                return Err(format!("material: color must be 3 or 4 numbers, got {}", other.len()).into());
-            }
-        },
-    };
+    let color = f.color("color")?.unwrap_or(Vec4::ONE);
     let mut material = Material {
         name: f.text("name")?.unwrap_or_default(),
         base_color: color,
         metallic: number("metallic", 0.0, 1.0)?,
         roughness: number("roughness", 0.9, 1.0)?,
-        emissive: f.vector("emissive")?.map_or(Vec3::ZERO, Vec3::from_array),
+        emissive: f.color("emissive")?.map_or(Vec3::ZERO, Vec4::truncate),
         double_sided: f.flag("double_sided")?.unwrap_or(false),
         ..Material::default()
     };
@@ -189,7 +180,7 @@ fn read_material(map: &Map, textures: bool) -> fields::Result<Material> {
     if f.number("shininess")?.is_some() {
         material.shading = Shading::BlinnPhong;
         material.shininess = number("shininess", 32.0, 10_000.0)?;
-        material.specular_color = f.vector("specular")?.map_or(Vec3::splat(0.04), Vec3::from_array);
+        material.specular_color = f.color("specular")?.map_or(Vec3::splat(0.04), Vec4::truncate);
     }
     if f.flag("unlit")? == Some(true) {
         material.shading = Shading::Unlit;
@@ -262,7 +253,7 @@ fn light(scene: &Shared, map: &Map) -> Result<i64, Refused> {
     };
     let light = Light {
         kind,
-        color: f.vector("color")?.map_or(Vec3::ONE, Vec3::from_array),
+        color: f.color("color")?.map_or(Vec3::ONE, Vec4::truncate),
         intensity: f.number("intensity")?.unwrap_or(1.0) as f32,
         range: f.number("range")?.map(|range| range as f32),
     };

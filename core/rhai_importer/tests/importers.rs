@@ -111,6 +111,29 @@ fn a_binary_mesh_arrives_whole() {
 }
 
 #[test]
+fn colors_are_linear_numbers_or_css_names() {
+    let of = |color: &str| {
+        let code = format!(
+            "material(#{{ color: {color}, emissive: {color} }}); light(#{{ kind: \"sun\", color: {color} }});"
+        );
+        let asset = body(&code).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(asset.materials[0].emissive, asset.materials[0].base_color.truncate());
+        assert_eq!(asset.lights[0].light.color, asset.materials[0].emissive);
+        asset.materials[0].base_color.to_array()
+    };
+    assert_eq!(of("[0.25, 0.5, 1.0]"), [0.25, 0.5, 1.0, 1.0]);
+    assert_eq!(of("\"rebeccapurple\""), of("\"#663399\""));
+    assert_eq!(of("\"#ff000000\""), [1.0, 0.0, 0.0, 0.0]);
+    for (color, message) in [
+        ("\"rde\"", "material: color: unknown color \"rde\"; did you mean \"red\"?"),
+        ("[1, 2]", "material: color must be 3 or 4 numbers, got 2"),
+    ] {
+        let text = fails(&format!("material(#{{ color: {color} }});"));
+        assert!(text.ends_with(message), "{text}");
+    }
+}
+
+#[test]
 fn options_come_from_the_manifest_and_reach_the_script() {
     let importer = importer(TRI);
     let m = importer.manifest();

@@ -43,6 +43,8 @@ pub(crate) struct Shared {
     pub sources: Mutex<BTreeMap<String, Arc<str>>>,
     /// Functions that the script defines, with their number of arguments.
     pub functions: Mutex<Arc<Vec<(String, usize)>>>,
+    /// Names of variables that are unknown at some place of the script or a module; that is reported.
+    pub unknown: Mutex<BTreeSet<String>>,
     /// Line and column of the token read last.
     pub last_token: Mutex<(usize, usize)>,
     /// Time to stop; moved on by what loading takes.

@@ -1,6 +1,7 @@
 //! Reading of a script: text to syntax tree, without what scripts cannot use.
 
 use crate::build::Shared;
+use crate::value::Poison;
 use rhai::{AST, ASTNode, Engine, Expr, LexError, ParseError, ParseErrorType, Position, Scope, Stmt};
 use std::sync::PoisonError;
 
@@ -26,15 +27,88 @@ pub(crate) const CONSTANTS: &[(&str, &str)] =
 /// Reads a script. Rhai takes a comment that is never closed for the end of the script, without a word: the last
 /// statement of the script as read would be missing from the same script with one more at its end.
 pub fn compile(engine: &Engine, shared: &Shared, text: &str) -> Result<AST, ParseError> {
+    compile_within(engine, shared, text, &constants())
+}
+
+/// A variable that is not declared above its place.
+#[derive(Clone, Debug)]
+pub struct UnknownVariable {
+    pub name: String,
+    pub at: Position,
+}
+
+/// Unknown variables of different names that are looked for: each takes a reading of the text.
+const MOST_UNKNOWN: usize = 20;
+
+/// Reads a script as [`compile`] does, and finds all its unknown variables: each name counts as known once it is found. In a text that cannot
+/// be read for another reason they are found up to there.
+pub fn compile_all(
+    engine: &Engine,
+    shared: &Shared,
+    text: &str,
+) -> (Result<AST, ParseError>, Vec<UnknownVariable>) {
+    let (mut scope, mut unknown) = (constants(), Vec::<UnknownVariable>::new());
+    let read = loop {
+        match compile_within(engine, shared, text, &scope) {
+            Err(ParseError(kind, at)) if unknown.len() < MOST_UNKNOWN => match *kind {
+                ParseErrorType::VariableUndefined(name) if !scope.contains(&name) => {
+                    scope.push(name.clone(), ());
+                    unknown.push(UnknownVariable { name, at });
+                }
+                kind => break Err(ParseError(Box::new(kind), at)),
+            },
+            read => break read,
+        }
+    };
+    if let Ok(ast) = &read {
+        more_places(ast, &mut unknown);
+    }
+    unknown.sort_by_key(|variable| (variable.at.line(), variable.at.position()));
+    (read, unknown)
+}
+
+/// Puts values of failed statements in the place of unknown variables.
+pub fn stand_in(unknown: &[UnknownVariable], scope: &mut Scope) {
+    for variable in unknown {
+        if !scope.contains(&variable.name) {
+            scope.push(variable.name.clone(), Poison);
+        }
+    }
+}
+
+/// Adds the other places of variables that are unknown at one.
+fn more_places(ast: &AST, unknown: &mut Vec<UnknownVariable>) {
+    if unknown.is_empty() {
+        return;
+    }
+    // What a closure captures stands beside it, with the first place in it; in its body all that is captured looks unknown.
+    let mut functions = ast.clone_functions_only();
+    functions.retain_functions(|_, _, name, _| !name.starts_with("anon$"));
+    for part in [ast.clone_statements_only(), functions] {
+        part.walk(&mut |path| {
+            if let Some(ASTNode::Expr(Expr::Variable(variable, _, at))) = path.last()
+                && variable.0.is_none()
+                && variable.2.is_empty()
+                && unknown.iter().any(|known| known.name == variable.1.as_str())
+                && !unknown.iter().any(|known| known.at == *at)
+            {
+                unknown.push(UnknownVariable { name: variable.1.to_string(), at: *at });
+            }
+            true
+        });
+    }
+}
+
+fn compile_within(engine: &Engine, shared: &Shared, text: &str, scope: &Scope) -> Result<AST, ParseError> {
     let last_token = || *shared.last_token.lock().unwrap_or_else(PoisonError::into_inner);
     *shared.last_token.lock().unwrap_or_else(PoisonError::into_inner) = (0, 0);
-    let ast = engine.compile_with_scope(&constants(), text)?;
+    let ast = engine.compile_with_scope(scope, text)?;
     check_calls(&ast)?;
     if !text.contains("/*") {
         return Ok(ast);
     }
     let last = last_token();
-    engine.compile_with_scope(&constants(), format!("{text}\n;"))?;
+    engine.compile_with_scope(scope, format!("{text}\n;"))?;
     if last_token() != last {
         return Ok(ast);
     }

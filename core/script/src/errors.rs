@@ -3,12 +3,15 @@
 use crate::api_error::{ApiError, Place};
 use crate::build::Shared;
 use crate::call::describe;
-use crate::compile::{MANY_ARGUMENTS, MOST_ARGUMENTS, OPEN_COMMENT, REFUSED, TOO_SLOW, is_refused};
+use crate::compile::{
+    MANY_ARGUMENTS, MOST_ARGUMENTS, OPEN_COMMENT, REFUSED, TOO_SLOW, UnknownVariable, is_refused,
+};
 use crate::def::Def;
+use crate::diagnostic::Severity;
 use crate::limits::raise_hint;
 use crate::suggest::{closest, did_you_mean, list};
 use crate::synonyms::{self, Suggestion};
-use crate::value::HandleKind;
+use crate::value::{HandleKind, POISON};
 use choreo_sandbox::{declared_names, operator_error, signature_parts, type_word};
 use rhai::{Dynamic, EvalAltResult, LexError, ParseErrorType, Position};
 use std::sync::PoisonError;
@@ -65,7 +68,10 @@ fn described(error: &EvalAltResult, place: &Place, shared: &Shared) -> ApiError 
     let limits = &shared.limits;
     match error {
         EvalAltResult::ErrorParsing(kind, _) => parsing(kind, place, shared),
-        EvalAltResult::ErrorVariableNotFound(name, _) => unknown_variable(name, place, shared),
+        EvalAltResult::ErrorVariableNotFound(name, _) => {
+            let reported = shared.unknown.lock().unwrap_or_else(PoisonError::into_inner).contains(name);
+            if reported { ApiError::silent() } else { unknown_variable(name, place, shared) }
+        }
         EvalAltResult::ErrorFunctionNotFound(signature, _) => unknown_function(signature, shared),
         EvalAltResult::ErrorModuleNotFound(name, _) => ApiError::new(format!("unknown module \"{name}\"")),
         EvalAltResult::ErrorTerminated(limit, _) => limit_reached(limit, shared),
@@ -229,6 +235,26 @@ fn parsing(kind: &ParseErrorType, place: &Place, shared: &Shared) -> ApiError {
 
 fn quote(token: &str) -> String {
     if token.chars().all(|c| c.is_ascii_punctuation()) { format!("\"{token}\"") } else { token.to_string() }
+}
+
+/// Reports the unknown variables of a file.
+pub fn note_unknown(unknown: &[UnknownVariable], file: &str, shared: &Shared) {
+    for variable in unknown {
+        let (line, column) = (variable.at.line().unwrap_or(0), variable.at.position().unwrap_or(0));
+        let place = Place { file: file.to_string(), line, column };
+        shared.note(Severity::Error, &place, &unknown_variable(&variable.name, &place, shared));
+    }
+}
+
+/// Errors that these variables cause at run time are reported already.
+pub fn take_as_known(unknown: &[UnknownVariable], shared: &Shared) {
+    let names = unknown.iter().map(|variable| variable.name.clone());
+    shared.unknown.lock().unwrap_or_else(PoisonError::into_inner).extend(names);
+}
+
+/// Whether a message is that of an error which another one has caused.
+pub fn is_follow_up(message: &str) -> bool {
+    message.is_empty() || message.contains(POISON)
 }
 
 fn unknown_variable(name: &str, place: &Place, shared: &Shared) -> ApiError {

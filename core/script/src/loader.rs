@@ -7,7 +7,8 @@ use crate::suggest::{did_you_mean, list};
 use choreo_asset::Asset;
 use choreo_motion::{Facing, Front};
 use choreo_plugin::{
-    Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, OptionError, Registry, Source,
+    Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, OptionError, OptionKind,
+    OptionSpec, OptionValue, Registry, Source,
 };
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -51,6 +52,15 @@ pub enum PlayedClips {
 impl ImportChoice {
     fn complete(&self, manifest: &Manifest) -> Result<ImportOptions, OptionError> {
         let mut options = self.options.clone();
+        for (name, value) in &mut options.0 {
+            let is_color = |o: &OptionSpec| o.name == *name && matches!(o.kind, OptionKind::Color { .. });
+            // Scripts write colors as sRGB.
+            if let OptionValue::Numbers(numbers) = value
+                && manifest.options.iter().any(is_color)
+            {
+                numbers.iter_mut().for_each(|n| *n = choreo_asset::linear_from_srgb(*n));
+            }
+        }
         for (name, text) in &self.texts {
             options.0.insert(name.clone(), manifest.parse_option(name, text)?);
         }

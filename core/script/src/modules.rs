@@ -2,13 +2,16 @@
 
 use crate::api_error::{ApiError, Place};
 use crate::build::Shared;
-use crate::compile::{compile, constants};
+use crate::compile::{compile_all, constants, stand_in};
 use crate::errors::throw;
 use crate::limits::raise_hint;
 use rhai::{Engine, EvalAltResult, Module, ModuleResolver, Position, Shared as RhaiShared};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
+
+/// The name of a module without anything, which is no file's.
+pub(crate) const EMPTY: &str = "\0";
 
 pub struct Modules {
     shared: Weak<Shared>,
@@ -43,6 +46,9 @@ impl ModuleResolver for Modules {
         path: &str,
         at: Position,
     ) -> Result<RhaiShared<Module>, Box<EvalAltResult>> {
+        if path == EMPTY {
+            return Ok(Module::new().into());
+        }
         let place = Place {
             file: source.unwrap_or_default().to_string(),
             line: at.line().unwrap_or(0),
@@ -95,12 +101,16 @@ impl ModuleResolver for Modules {
         if let Some(folder) = found.path.parent() {
             self.state().folders.insert(name.clone(), folder.to_path_buf());
         }
-        let mut ast = compile(engine, &shared, &text)
-            .map_err(|e| Box::new(EvalAltResult::ErrorInModule(name.clone(), e.into(), at)))?;
+        let (read, unknown) = compile_all(engine, &shared, &text);
+        crate::errors::note_unknown(&unknown, &name, &shared);
+        crate::errors::take_as_known(&unknown, &shared);
+        let mut ast = read.map_err(|e| Box::new(EvalAltResult::ErrorInModule(name.clone(), e.into(), at)))?;
         ast.set_source(name.as_str());
         shared.of_clips_only(&ast, &name);
         self.state().open.push((found.path.clone(), name.clone()));
-        let module = Module::eval_ast_as_new(constants(), &ast, engine);
+        let mut scope = constants();
+        stand_in(&unknown, &mut scope);
+        let module = Module::eval_ast_as_new(scope, &ast, engine);
         self.state().open.pop();
         let module: RhaiShared<Module> =
             module.map_err(|e| Box::new(EvalAltResult::ErrorInModule(name.clone(), e, at)))?.into();

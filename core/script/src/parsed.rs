@@ -2,7 +2,7 @@
 
 use crate::api_error::Place;
 use crate::build::Shared;
-use crate::compile::compile;
+use crate::compile::{UnknownVariable, compile_all};
 use rhai::{AST, Engine, ParseError};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -15,11 +15,24 @@ pub struct Parsed {
     pub ends: Arc<BTreeMap<String, usize>>,
     /// Places that load files of which only clips are used.
     pub clips_only: Vec<Place>,
+    /// They are errors, but other errors are found beside them.
+    pub unknown: Vec<UnknownVariable>,
+}
+
+/// Why a text cannot be read, and the unknown variables before that place.
+#[derive(Clone, Debug)]
+pub struct Unreadable {
+    pub error: ParseError,
+    pub unknown: Vec<UnknownVariable>,
 }
 
 impl Parsed {
-    pub fn new(engine: &Engine, shared: &Shared, name: &str, text: &str) -> Result<Parsed, ParseError> {
-        let mut ast = compile(engine, shared, text)?;
+    pub fn new(engine: &Engine, shared: &Shared, name: &str, text: &str) -> Result<Parsed, Unreadable> {
+        let (read, unknown) = compile_all(engine, shared, text);
+        let mut ast = match read {
+            Ok(ast) => ast,
+            Err(error) => return Err(Unreadable { error, unknown }),
+        };
         ast.set_source(name);
         let end = |f: &rhai::ScriptFuncDef| f.body.end_position().line().unwrap_or(0);
         Ok(Parsed {
@@ -27,6 +40,7 @@ impl Parsed {
             ends: Arc::new(ast.iter_fn_def().map(|f| (f.name.to_string(), end(f))).collect()),
             clips_only: crate::clips_only::find(&ast, name),
             ast,
+            unknown,
         })
     }
 }

@@ -2,34 +2,53 @@
 //!
 //! Calls of the API note their errors themselves and give a stand-in. An error of the interpreter (an unknown function, a wrong
 //! type) ends a statement: what the statement would have set holds a [`Poison`] from then on, and errors that a poison causes are not
-//! reported. After a loop, a condition or an import it is unknown what is missing, so the script ends there.
+//! reported. Unknown variables are found before anything runs, and hold a poison from the beginning. What a loop or a condition sets
+//! anywhere is missing after it; of an import that failed, all that is called in its module.
 
 use crate::build::{Mode, Shared};
-use crate::compile::constants;
+use crate::compile::{UnknownVariable, constants, stand_in};
 use crate::diagnostic::Severity;
 use crate::errors::{self, Thrown};
+use crate::modules::EMPTY;
 use crate::value::{HandleKind, POISON, Poison, kind_of};
-use rhai::{AST, Dynamic, Engine, EvalAltResult, Expr, Position, Scope, Stmt};
+use rhai::{AST, ASTNode, Dynamic, Engine, EvalAltResult, Expr, Position, Scope, Stmt};
+use std::collections::BTreeSet;
 
 /// Statements that may fail before the script ends.
 const MOST: usize = 20;
 
 /// Runs the statements of a script and notes what is wrong with them. Whether nothing was.
-pub(crate) fn run(engine: &Engine, name: &str, shared: &Shared, ast: &AST) -> bool {
+pub(crate) fn run(
+    engine: &Engine,
+    name: &str,
+    shared: &Shared,
+    ast: &AST,
+    unknown: &[UnknownVariable],
+) -> bool {
     let mut scope = constants();
+    stand_in(unknown, &mut scope);
+    let statements = ast.statements();
     let mut rest: Option<(usize, AST)> = None;
+    let mut missing = Missing::default();
     for failed in 0.. {
         let (first, part) = rest.as_ref().map_or((0, ast), |(first, part)| (*first, part));
         let Err(error) = engine.run_ast_with_scope(&mut scope, part) else { return failed == 0 };
-        let caused_by_another = error.to_string().contains(POISON);
-        if !caused_by_another {
-            let (place, error) = errors::explain(&error, name, shared);
-            shared.note(Severity::Error, &place, &error);
+        let (place, explained) = errors::explain(&error, name, shared);
+        // An import that fails has no position of its own.
+        let of_import = (place.file == name).then_some((place.line, place.column));
+        let position = key(error.position()).or(of_import);
+        let at = position.and_then(|position| statement_at(statements, first, position));
+        let poisoned = at.is_some_and(|at| mentions_poison(&statements[at], &scope));
+        if !missing.caused(&error, poisoned) {
+            shared.note(Severity::Error, &place, &explained);
         }
         let goes_on = failed < MOST && shared.mode == Mode::Stage && may_go_on(&error);
-        let at = goes_on.then(|| statement_at(ast.statements(), first, error.position())).flatten();
-        let Some(at) = at.filter(|at| poison(&ast.statements()[*at], &mut scope)) else { return false };
-        let mut part = AST::new(ast.statements()[at + 1..].iter().cloned(), ast.shared_lib().clone());
+        let at = at.filter(|at| goes_on && missing.after(&statements[*at], &mut scope));
+        let Some(at) = at else { return false };
+        // Modules are known to the run that imports them alone, by their number; what is imported again is not read again.
+        let imports = statements[..=at].iter().filter_map(|statement| missing.again(statement));
+        let part = imports.chain(statements[at + 1..].iter().cloned());
+        let mut part = AST::new(part, ast.shared_lib().clone());
         part.set_source(name);
         rest = Some((at + 1, part));
     }
@@ -39,10 +58,14 @@ pub(crate) fn run(engine: &Engine, name: &str, shared: &Shared, ast: &AST) -> bo
 /// Whether an error says nothing about what follows: no limit, no `throw` of the script's own.
 fn may_go_on(error: &EvalAltResult) -> bool {
     match error {
-        EvalAltResult::ErrorInFunctionCall(_, _, inner, _) => may_go_on(inner),
+        EvalAltResult::ErrorInFunctionCall(_, _, inner, _) | EvalAltResult::ErrorInModule(_, inner, _) => {
+            may_go_on(inner)
+        }
         EvalAltResult::ErrorRuntime(value, _) => value.is::<Thrown>(),
-        EvalAltResult::ErrorFunctionNotFound(..)
+        EvalAltResult::ErrorParsing(..)
+        | EvalAltResult::ErrorFunctionNotFound(..)
         | EvalAltResult::ErrorVariableNotFound(..)
+        | EvalAltResult::ErrorModuleNotFound(..)
         | EvalAltResult::ErrorPropertyNotFound(..)
         | EvalAltResult::ErrorIndexNotFound(..)
         | EvalAltResult::ErrorMismatchDataType(..)
@@ -51,45 +74,125 @@ fn may_go_on(error: &EvalAltResult) -> bool {
         | EvalAltResult::ErrorArrayBounds(..)
         | EvalAltResult::ErrorStringBounds(..)
         | EvalAltResult::ErrorDotExpr(..)
+        | EvalAltResult::ErrorFor(..)
         | EvalAltResult::ErrorArithmetic(..) => true,
         _ => false,
     }
 }
 
-/// Index of the statement that a position lies in, from `first` on.
-fn statement_at(statements: &[Stmt], first: usize, at: Position) -> Option<usize> {
-    let key = |at: Position| Some((at.line()?, at.position().unwrap_or(0)));
-    let at = key(at)?;
-    // Modules are known to the run that imports them alone.
-    if statements.iter().any(|s| matches!(s, Stmt::Import(..))) {
-        return None;
+/// The error in which the calls of functions ended.
+fn innermost(error: &EvalAltResult) -> &EvalAltResult {
+    match error {
+        EvalAltResult::ErrorInFunctionCall(_, _, inner, _) | EvalAltResult::ErrorInModule(_, inner, _) => {
+            innermost(inner)
+        }
+        error => error,
     }
+}
+
+/// Line and column of a position.
+fn key(at: Position) -> Option<(usize, usize)> {
+    Some((at.line()?, at.position().unwrap_or(0)))
+}
+
+/// Index of the statement that a position lies in, from `first` on.
+fn statement_at(statements: &[Stmt], first: usize, at: (usize, usize)) -> Option<usize> {
     let begun = |s: &&Stmt| key(s.position()).is_some_and(|start| start <= at);
     let begun = statements[first..].iter().take_while(begun).count();
     begun.checked_sub(1).map(|index| first + index)
 }
 
-/// Puts poison where a statement would have put a value; false where that is unknown.
-fn poison(statement: &Stmt, scope: &mut Scope) -> bool {
-    let poison = || Dynamic::from(Poison);
-    match statement {
-        Stmt::Var(variable, ..) => {
-            let (name, _, slot) = &**variable;
-            match slot {
-                Some(_) => drop(scope.set_or_push(name.name.as_str(), poison())),
-                None => drop(scope.push_dynamic(name.name.as_str(), poison())),
-            }
-            true
+/// Whether a variable of a statement holds a poison.
+fn mentions_poison(statement: &Stmt, scope: &Scope) -> bool {
+    let mut mentions = false;
+    statement.walk(&mut Vec::new(), &mut |path| {
+        if let Some(ASTNode::Expr(Expr::Variable(variable, ..))) = path.last() {
+            mentions |= scope.get(variable.1.as_str()).is_some_and(|value| value.is::<Poison>());
         }
-        Stmt::Assignment(both) => replace(&both.1.lhs, scope),
-        Stmt::FnCall(..) => true,
-        Stmt::Expr(expr) => match &**expr {
-            Expr::FnCall(..) | Expr::MethodCall(..) => true,
-            expr @ (Expr::Dot(..) | Expr::Index(..)) => replace(expr, scope),
-            _ => false,
-        },
-        _ => false,
+        !mentions
+    });
+    mentions
+}
+
+/// Modules that could not be imported.
+#[derive(Default)]
+struct Missing {
+    modules: BTreeSet<String>,
+}
+
+impl Missing {
+    /// Whether another error has caused this one. `poisoned`: its statement has a poison.
+    fn caused(&self, error: &EvalAltResult, poisoned: bool) -> bool {
+        match innermost(error) {
+            EvalAltResult::ErrorFunctionNotFound(name, _) | EvalAltResult::ErrorVariableNotFound(name, _)
+                if name.split_once("::").is_some_and(|(module, _)| self.modules.contains(module)) =>
+            {
+                true
+            }
+            // They do not say of what type the value is.
+            EvalAltResult::ErrorFor(_) | EvalAltResult::ErrorDataRace(..) => poisoned,
+            _ => error.to_string().contains(POISON),
+        }
     }
+
+    /// A statement that imports, with an empty module in the place of one that is missing.
+    fn again(&self, statement: &Stmt) -> Option<Stmt> {
+        let Stmt::Import(import, at) = statement else { return None };
+        let mut import = import.clone();
+        if self.modules.contains(import.1.name.as_str()) {
+            import.0 = Expr::StringConstant(EMPTY.into(), *at);
+        }
+        Some(Stmt::Import(import, *at))
+    }
+
+    /// Puts poison where a statement would have put a value; false where that is unknown.
+    fn after(&mut self, statement: &Stmt, scope: &mut Scope) -> bool {
+        let poison = || Dynamic::from(Poison);
+        match statement {
+            Stmt::Import(import, _) => {
+                self.modules.insert(import.1.name.to_string());
+                true
+            }
+            Stmt::Var(variable, ..) => {
+                let (name, _, slot) = &**variable;
+                match slot {
+                    Some(_) => drop(scope.set_or_push(name.name.as_str(), poison())),
+                    None => drop(scope.push_dynamic(name.name.as_str(), poison())),
+                }
+                true
+            }
+            Stmt::Assignment(both) => replace(&both.1.lhs, scope),
+            Stmt::FnCall(..) => true,
+            Stmt::Expr(expr) => match &**expr {
+                Expr::FnCall(..) | Expr::MethodCall(..) => true,
+                expr @ (Expr::Dot(..) | Expr::Index(..)) => replace(expr, scope),
+                _ => false,
+            },
+            Stmt::If(..)
+            | Stmt::Switch(..)
+            | Stmt::While(..)
+            | Stmt::Do(..)
+            | Stmt::For(..)
+            | Stmt::Block(..)
+            | Stmt::TryCatch(..) => {
+                replace_all(statement, scope);
+                true
+            }
+            _ => false,
+        }
+    }
+}
+
+/// Poisons all variables outside a block that its statements set or call methods of.
+fn replace_all(block: &Stmt, scope: &mut Scope) {
+    block.walk(&mut Vec::new(), &mut |path| {
+        match path.last() {
+            Some(ASTNode::Stmt(Stmt::Assignment(both))) => _ = replace(&both.1.lhs, scope),
+            Some(ASTNode::Expr(expr @ (Expr::Dot(..) | Expr::Index(..)))) => _ = replace(expr, scope),
+            _ => {}
+        }
+        true
+    });
 }
 
 /// Poisons the variable that an expression begins with, unless it is a handle, which a failed call leaves as it is.

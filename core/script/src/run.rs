@@ -14,7 +14,7 @@ use crate::limits::Limits;
 use crate::lint::Places;
 use crate::loader::Loader;
 use crate::modules::read_text;
-use crate::parsed::Parsed;
+use crate::parsed::{Parsed, Unreadable};
 use crate::resolve::resolve;
 use crate::suggest::{did_you_mean, list};
 use choreo_plugin::{ImportScope, Registry};
@@ -201,6 +201,7 @@ fn new_shared(folders: Folders, mode: Mode, registry: &Registry, options: &Scrip
         unsaved: options.unsaved.clone(),
         sources: Mutex::default(),
         functions: Mutex::default(),
+        unknown: Mutex::default(),
         last_token: Mutex::default(),
         deadline: Mutex::default(),
         engine: Mutex::default(),
@@ -238,18 +239,19 @@ pub fn begin(name: &str, text: &str, shared: &Arc<Shared>) -> Arc<Engine> {
 }
 
 /// Runs the statements of a script, or what is wrong with its text; all that is wrong is noted among the build's diagnostics.
-pub fn execute(
-    engine: &Engine,
-    name: &str,
-    shared: &Shared,
-    script: Result<(&Parsed, &AST), rhai::ParseError>,
-) {
+pub fn execute(engine: &Engine, name: &str, shared: &Shared, script: Result<(&Parsed, &AST), Unreadable>) {
     match script {
-        Err(e) => {
-            let (place, error) = errors::explain(&e.into(), name, shared);
+        Err(Unreadable { error, unknown }) => {
+            errors::note_unknown(&unknown, name, shared);
+            let (place, error) = errors::explain(&error.into(), name, shared);
             shared.note(Severity::Error, &place, &error);
         }
         Ok((parsed, ast)) => {
+            errors::take_as_known(&parsed.unknown, shared);
+            // Those of a section are reported by its own run.
+            if !matches!(shared.mode, Mode::Section(_)) {
+                errors::note_unknown(&parsed.unknown, name, shared);
+            }
             shared
                 .clips_only
                 .lock()
@@ -257,7 +259,7 @@ pub fn execute(
                 .extend(parsed.clips_only.iter().cloned());
             *shared.functions.lock().unwrap_or_else(PoisonError::into_inner) = parsed.functions.clone();
             shared.test().ends = parsed.ends.clone();
-            if crate::recover::run(engine, name, shared, ast) {
+            if crate::recover::run(engine, name, shared, ast, &parsed.unknown) {
                 unknown_set_names(shared);
             }
         }

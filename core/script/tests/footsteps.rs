@@ -7,12 +7,12 @@ use choreo_motion::Time;
 use choreo_stage::{ConstraintKind, Evaluator, Leg, Stage, find_legs};
 use common::stage_of_samples;
 use glam::DVec3;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// File and size of a character; files and names of its walk and of its stand.
 type Character = (&'static str, f64, [&'static str; 2], [&'static str; 2]);
-const CHARACTERS: [Character; 9] = [
+const CHARACTERS: [Character; 17] = [
     ("choreo:mannequin", 1.0, ["choreo:mannequin", "Walk"], ["choreo:mannequin", "Idle"]),
     ("gltf/Knight.glb", 1.0, ["gltf/Knight.glb", "Walking_A"], ["gltf/Knight.glb", "Idle"]),
     ("gltf/CesiumMan.glb", 1.0, ["gltf/CesiumMan.glb", "0"], ["choreo:mannequin", "Idle"]),
@@ -26,8 +26,19 @@ const CHARACTERS: [Character; 9] = [
     ("fbx/pab/arnaud.fbx", 1.0, ["fbx/pab/locomotions.fbx", "walk"], ["choreo:mannequin", "Idle"]),
     ("vrm/cool_loops.vrm", 1.0, ["choreo:mannequin", "Walk"], ["choreo:mannequin", "Idle"]),
     ("vrm/Godette_vrm_v4.vrm", 1.0, ["gltf/Knight.glb", "Walking_A"], ["choreo:mannequin", "Idle"]),
+    ("vrm/debug_robot.vrm", 1.0, ["choreo:mannequin", "Walk"], ["choreo:mannequin", "Idle"]),
     ("bvh/walk01.bvh", 1.0, ["choreo:mannequin", "Walk"], ["choreo:mannequin", "Idle"]),
+    ("bvh/mocopi-mobile-arm-raise-turn.bvh", 1.0, ["choreo:mannequin", "Walk"], ["choreo:mannequin", "Idle"]),
+    ("fbx/pab/walk.fbx", 1.0, ["fbx/pab/walk.fbx", "walk"], ["choreo:mannequin", "Idle"]),
+    ("fbx/pab/run.fbx", 1.0, ["choreo:mannequin", "Walk"], ["choreo:mannequin", "Idle"]),
+    ("fbx/pab/locomotions.fbx", 1.0, ["fbx/pab/locomotions.fbx", "walk"], ["choreo:mannequin", "Idle"]),
+    ("dae/pab/skeleton.dae", 1.0, ["choreo:mannequin", "Walk"], ["choreo:mannequin", "Idle"]),
+    ("dae/pab/walk.dae", 1.0, ["choreo:mannequin", "Walk"], ["choreo:mannequin", "Idle"]),
+    ("dae/walk.dae", 1.0, ["choreo:mannequin", "Walk"], ["choreo:mannequin", "Idle"]),
 ];
+
+/// Files with legs that are no characters that walk, and why.
+const NO_WALKERS: [(&str, &str); 0] = [];
 
 /// Metres above the ground below which a foot is on it.
 const LOW: f64 = 0.01;
@@ -118,6 +129,43 @@ fn script(character: &Character, rest: &str) -> String {
         clip(walk),
         clip(idle)
     )
+}
+
+/// Each shared file that has legs is among the characters.
+#[test]
+fn all_shared_characters_with_legs_walk_here() {
+    let Some(folder) = choreo_importer_kit_testing::assets(1) else { return };
+    let formats = ["glb", "gltf", "vrm", "fbx", "bvh", "dae"];
+    let mut found = Vec::new();
+    for path in files_below(&folder) {
+        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+        let name = path.strip_prefix(&folder).unwrap().to_string_lossy().into_owned();
+        if formats.contains(&extension.as_str()) {
+            let stage = stage_of_samples(&folder, &format!("cast(\"a\", load(\"{name}\"));"));
+            found.extend((!find_legs(&stage.actors[0].asset.skeleton).is_empty()).then_some(name));
+        }
+    }
+    let known = |name: &str| {
+        CHARACTERS.iter().any(|c| c.0 == name) || NO_WALKERS.iter().any(|(file, _)| *file == name)
+    };
+    let missing: Vec<&String> = found.iter().filter(|name| !known(name)).collect();
+    println!("with legs: {found:?}");
+    assert!(missing.is_empty(), "{missing:?} has legs and is not watched");
+    assert!(found.len() > 10, "{found:?}");
+}
+
+fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let mut all = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            all.extend(files_below(&path));
+        } else {
+            all.push(path);
+        }
+    }
+    all.sort();
+    all
 }
 
 #[test]

@@ -395,6 +395,88 @@ fn callbacks_shake_cameras() {
     assert!(errors.contains("fade"), "{errors}");
 }
 
+/// A callback moves a camera as a rig of the script does, and sets its lens and planes for the frame; a zoom in millimetres is one.
+#[test]
+fn callbacks_use_every_rig_lens_and_plane() {
+    let camera_at = |secs: f64, rest: &str| {
+        let text = format!(
+            "stage(#{{ length: 2 }}); let a = cast(\"a\", load(\"hero.toy\")).key(\"position\", [[0, [0, 0, 0]], [2, [3, 0, 1]]]);
+             let c = camera(\"c\"); {rest}"
+        );
+        good(&text).stage.at(Time::from_secs(secs)).unwrap().camera
+    };
+    let cases = [
+        ("c.follow(a, [0, 1, 4]);", "c.at(9, 9, 9); on_frame(|t| c.follow(a, [0, 1, 4]));"),
+        (
+            "c.orbit(a, #{ distance: 3, azimuth: 30, elevation: 5, speed: 40 });",
+            "c.at(9, 9, 9); on_frame(|t| c.orbit(a, #{ distance: 3, azimuth: 30 + 40 * t, elevation: 5 }));",
+        ),
+        ("c.orbit(a, #{ speed: 0 });", "c.follow(a, [0, 1, 4]); on_frame(|t| c.orbit(a));"),
+        (
+            "c.frame(#{ azimuth: -60, elevation: 40 });",
+            "on_frame(|t| c.frame(#{ azimuth: -60, elevation: 40 }));",
+        ),
+        ("c.frame();", "c.at(0, 1, 2).look_at(a); on_frame(|t| c.frame());"),
+        ("c.follow(a, [0, 1, 4]);", "c.frame(); on_frame(|t| c.at(9, 9, 9).follow(a, [0, 1, 4]));"),
+        (
+            "c.orbit(a, #{ speed: 0 }).near(0.7).far(50);",
+            "c.orbit(a, #{ speed: 0 }); on_frame(|t| c.near(0.7).far(50));",
+        ),
+        (
+            "c.at(0, 1, 5).fov(30).near(0.2).far(9);",
+            "c.at(0, 1, 5); on_frame(|t| c.near(0.2).far(9).fov(30));",
+        ),
+        (
+            "c.at(0, 1, 5).ortho(3).near(0.2).far(9);",
+            "c.at(0, 1, 5); on_frame(|t| c.near(0.2).far(9).ortho(3));",
+        ),
+        (
+            "c.at(0, 1, 5).key(\"focal_length\", [[0, 24], [2, 200]]);",
+            "c.at(0, 1, 5); on_frame(|t| c.focal_length(24 + 88 * t));",
+        ),
+        (
+            "c.orbit(a, #{ speed: 0 }).key(\"fov\", [[0, 90]]).key(\"focal_length\", [[0, 24], [2, 200]]);",
+            "c.orbit(a, #{ speed: 0 }); on_frame(|t| c.focal_length(24 + 88 * t));",
+        ),
+        ("c.key(\"focal_length\", [[0, 50]]);", "c.focal_length(50);"),
+    ];
+    for (built, in_frames) in cases {
+        for secs in [0.0, 0.37, 1.5] {
+            let (expected, got) = (camera_at(secs, built), camera_at(secs, in_frames));
+            let [e, g] = [expected, got].map(|camera| camera.world_from_view);
+            assert!(e.abs_diff_eq(g, 1e-9), "{in_frames} at {secs} s: {g}, not {e}");
+            let [e, g] = [expected, got].map(|camera| match camera.projection {
+                Projection::Perspective { yfov, near, far } => [yfov, near, far.unwrap_or(0.0), 0.0],
+                Projection::Orthographic { height, near, far } => [height, near, far, 1.0],
+            });
+            let off = e.iter().zip(g).map(|(e, g)| (e - g).abs()).fold(0.0, f32::max);
+            assert!(off < 1e-6, "{in_frames} at {secs} s: {g:?}, not {e:?}");
+        }
+    }
+    // What a framing camera sets is kept.
+    let Projection::Perspective { near, far, .. } = camera_at(0.0, "c.frame().near(0.5).far(70);").projection
+    else {
+        panic!()
+    };
+    assert_eq!((near, far), (0.5, Some(70.0)));
+    for (rest, expected) in [
+        ("on_frame(|t| c.orbit(a, #{ speed: 3 }));", "speed"),
+        (
+            "c.ortho(2).key(\"focal_length\", [[0, 50]]);",
+            "has no perspective, so its focal length cannot be keyed",
+        ),
+        ("c.key(\"focal_length\", [[0, 0.1]]);", "0.2"),
+    ] {
+        let text = format!("let a = cast(\"a\", load(\"hero.toy\")); let c = camera(\"c\"); {rest}");
+        let errors = show(&run(&text).unwrap_err());
+        assert!(errors.contains(expected), "{errors}");
+    }
+    let crossed =
+        good("cast(\"a\", load(\"hero.toy\")); let c = camera(\"c\"); on_frame(|t| c.near(3).far(2));");
+    let error = crossed.stage.at(Time::ZERO).unwrap_err().to_string();
+    assert_eq!(error, "camera \"c\" at 0 s: far must be more than near, got 2 and 3 from on_frame");
+}
+
 #[test]
 fn emitted_light_is_brighter_than_white() {
     let script = good(

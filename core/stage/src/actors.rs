@@ -168,7 +168,7 @@ fn cull(
     out.clear();
     // If a callback attaches an actor or aims the camera, the camera may depend on a pose; then nothing is culled.
     let attaches = |edit: &ActorEdit| matches!(edit, ActorEdit::Attach { .. });
-    let looks = |edit: &CameraEdit| matches!(edit, CameraEdit::LookAt { .. });
+    let looks = |edit: &CameraEdit| matches!(edit, CameraEdit::LookAt { .. } | CameraEdit::Rig { .. });
     let edits = &scratch.edits;
     let bounds = bounds.filter(|_| !edits.actors.iter().any(attaches) && !edits.cameras.iter().any(looks));
     if let (Some(pose_bounds), Some(aspect)) = (bounds, scratch.aspect) {
@@ -221,7 +221,7 @@ fn find_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[ActorS
     }
     for (index, camera) in scratch.seen_by.iter().flatten().filter_map(|c| Some((*c, stage.cameras.get(*c)?)))
     {
-        let target = match &camera.rig {
+        let target = match scratch.edits.rig_of(index, camera) {
             Rig::Fixed { look_at, .. } => look_at.as_ref().and_then(want_target),
             Rig::Follow { target, .. } | Rig::Orbit { target, .. } => want_target(target),
             Rig::File { actor, .. } => Some((*actor, true)),

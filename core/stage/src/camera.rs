@@ -51,7 +51,7 @@ pub(crate) fn evaluate(
         return frame(None, azimuth, elevation, Projection::default());
     };
     if let Some(state) = by_places(stage, edits, time, Some(index), actors) {
-        return Ok(state);
+        return with_planes_in_order(camera, edits, time, state);
     }
     let projection = keyed_projection(camera, time);
     let moved_to = moved_to(edits, index);
@@ -60,7 +60,7 @@ pub(crate) fn evaluate(
         world_from_view: DAffine3::from_rotation_translation(rotation, position),
         projection,
     };
-    let of_rig = match &camera.rig {
+    let of_rig = match edits.rig_of(index, camera) {
         Rig::Fixed { .. } | Rig::Follow { .. } | Rig::Orbit { .. } => CameraState::default(),
         Rig::File { actor, camera } => {
             let of_file = stage.actors.get(*actor).and_then(|a| a.asset.cameras.get(*camera as usize));
@@ -74,7 +74,7 @@ pub(crate) fn evaluate(
             let world_from_camera = world_from_attachment(stage, actors, &at);
             let position = moved_to.unwrap_or(world_from_camera.translation);
             let scale = libm::cbrt(actors[*actor].world_from_model.matrix3.determinant().abs()) as f32;
-            let keys_fov = stage.cameras[index].channels.iter().any(|c| c.property == Property::FieldOfView);
+            let keys_fov = stage.cameras[index].channels.iter().any(|c| c.property.is_lens());
             let projection = match (of_file.projection, projection) {
                 // A script may key the angle of a file's camera.
                 (Projection::Perspective { near, far, .. }, Projection::Perspective { yfov, .. })
@@ -88,21 +88,55 @@ pub(crate) fn evaluate(
         }
         Rig::Frame { azimuth, elevation } => {
             let mut framed = frame(Some(index), *azimuth, *elevation, projection)?;
+            set_planes(camera, &mut framed.projection);
             if let Some(position) = moved_to {
                 framed.world_from_view.translation = position;
             }
             framed
         }
     };
-    Ok(moved(stage, edits, time, index, actors, of_rig))
+    with_planes_in_order(camera, edits, time, moved(stage, edits, time, index, actors, of_rig))
 }
 
-/// Position that callbacks give a camera.
+/// The clipping planes that a framing camera sets itself, instead of those that fit what it frames.
+fn set_planes(camera: &Camera, projection: &mut Projection) {
+    let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) = projection;
+    if camera.near_is_set {
+        *near = camera.near();
+    }
+    if let Projection::Perspective { far, .. } = projection {
+        *far = camera.far().or(*far);
+    }
+}
+
+/// Refuses a camera to which callbacks give a far plane before the near one.
+fn with_planes_in_order(
+    camera: &Camera,
+    edits: &FrameEdits,
+    time: Time,
+    state: CameraState,
+) -> Result<CameraState, StageError> {
+    let given = |edit: &CameraEdit| matches!(edit, CameraEdit::Near { .. } | CameraEdit::Far { .. });
+    let (near, far) = match state.projection {
+        Projection::Perspective { near, far, .. } => (near, far),
+        Projection::Orthographic { near, far, .. } => (near, Some(far)),
+    };
+    match far.filter(|far| *far <= near && edits.cameras.iter().any(given)) {
+        Some(far) => Err(StageError::Bad {
+            place: format!("camera \"{}\" at {} s", camera.name, time.as_secs()),
+            what: format!("far must be more than near, got {far} and {near} from on_frame"),
+        }),
+        None => Ok(state),
+    }
+}
+
+/// Position that callbacks give a camera, unless they give it a rig after that.
 fn moved_to(edits: &FrameEdits, index: usize) -> Option<DVec3> {
-    edits.cameras.iter().rev().find_map(|edit| match edit {
-        CameraEdit::MoveTo { camera, position } if *camera == index => Some(*position),
+    edits.cameras.iter().rev().filter(|edit| edit.camera() == index).find_map(|edit| match edit {
+        CameraEdit::MoveTo { position, .. } => Some(Some(*position)),
+        CameraEdit::Rig { .. } => Some(None),
         _ => None,
-    })
+    })?
 }
 
 /// A camera that needs to know no more than where its target is; `None` for others.
@@ -116,7 +150,9 @@ pub(crate) fn by_places(
     let (index, camera) = index.and_then(|i| Some((i, stage.cameras.get(i)?)))?;
     let projection = keyed_projection(camera, time);
     let moved_to = moved_to(edits, index);
-    let keyed_position = keyed(&camera.channels, Property::Translation, time).map(vec3);
+    // Keys belong to the camera's own rig.
+    let keys = if edits.rig(index).is_some() { &[][..] } else { &camera.channels };
+    let keyed_position = keyed(keys, Property::Translation, time).map(vec3);
     let target = |target: &Target| target_position(stage, actors, target).unwrap_or(DVec3::ZERO);
     let state = |position: DVec3, rotation: DQuat, projection: Projection| CameraState {
         camera: Some(index),
@@ -127,10 +163,10 @@ pub(crate) fn by_places(
         let rotation = look_rotation(at - position).unwrap_or(fallback);
         state(position, rotation, near_limited(camera, projection, (at - position).length()))
     };
-    let of_rig = match &camera.rig {
+    let of_rig = match edits.rig_of(index, camera) {
         Rig::Fixed { position, rotation, look_at } => {
             let position = moved_to.or(keyed_position).unwrap_or(*position);
-            let keyed_rotation = keyed(&camera.channels, Property::Rotation, time).map(DQuat::from_array);
+            let keyed_rotation = keyed(keys, Property::Rotation, time).map(DQuat::from_array);
             let rotation = keyed_rotation.unwrap_or(*rotation).normalize();
             match look_at {
                 Some(look_at) => looking(position, target(look_at), rotation),
@@ -200,10 +236,13 @@ fn scaled(projection: Projection, scale: f32) -> Projection {
 }
 
 fn keyed_projection(camera: &Camera, time: Time) -> Projection {
-    match (camera.projection, keyed(&camera.channels, Property::FieldOfView, time)) {
-        // Splines overshoot; a view of nothing or of more than half the world has no matrix.
-        (Projection::Perspective { near, far, .. }, Some(v)) => {
-            Projection::Perspective { yfov: (v[0] as f32).clamp(1e-3, 3.1), near, far }
+    let lens = camera.channels.iter().rev().filter(|c| c.property.is_lens());
+    let yfov = lens.filter_map(|c| Some((c.property, c.at(time)?[0]))).next();
+    match (camera.projection, yfov) {
+        (Projection::Perspective { near, far, .. }, Some((property, value))) => {
+            let yfov = if property == Property::FocalLength { Camera::yfov(value.max(0.0)) } else { value };
+            // Splines overshoot; a view of nothing or of more than half the world has no matrix.
+            Projection::Perspective { yfov: (yfov as f32).clamp(1e-3, 3.1), near, far }
         }
         (projection, _) => projection,
     }

@@ -102,7 +102,8 @@ pub(crate) fn moved(
     }
     for edit in own() {
         match edit {
-            CameraEdit::MoveTo { .. } | CameraEdit::Shake { .. } => {}
+            CameraEdit::MoveTo { .. } | CameraEdit::Rig { .. } | CameraEdit::Shake { .. } => {}
+            CameraEdit::Near { .. } | CameraEdit::Far { .. } => {}
             CameraEdit::LookAt { target, .. } => {
                 rotation = look(target, &mut projection).unwrap_or(rotation);
             }
@@ -122,7 +123,7 @@ pub(crate) fn moved(
         }
     }
     let mut moved = state;
-    moved.projection = projection;
+    moved.projection = planes(projection, own());
     moved.world_from_view.translation = position;
     let shaken = own().filter_map(|edit| match edit {
         CameraEdit::Shake { shake, .. } => Some(shake.at(time, 1.0)),
@@ -135,6 +136,22 @@ pub(crate) fn moved(
     }
     moved.world_from_view.matrix3 = DMat3::from_quat(rotation.normalize());
     moved
+}
+
+/// A projection with the planes that callbacks give it.
+fn planes<'a>(mut projection: Projection, edits: impl Iterator<Item = &'a CameraEdit>) -> Projection {
+    for edit in edits {
+        match (edit, &mut projection) {
+            (
+                CameraEdit::Near { near: given, .. },
+                Projection::Perspective { near, .. } | Projection::Orthographic { near, .. },
+            ) => *near = *given,
+            (CameraEdit::Far { far: given, .. }, Projection::Perspective { far, .. }) => *far = Some(*given),
+            (CameraEdit::Far { far: given, .. }, Projection::Orthographic { far, .. }) => *far = *given,
+            _ => {}
+        }
+    }
+    projection
 }
 
 /// A rotation between two, on the shortest way. Where the horizon is level in both it stays level.

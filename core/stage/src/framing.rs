@@ -9,12 +9,14 @@ use crate::constraints::{ConstrainedScratch, evaluate_actors};
 use crate::pose::posed_mesh::posed_body;
 use crate::pose::posed_mesh::posed_meshes;
 use crate::snapshot::{ActorState, CameraState, Snapshot};
+use crate::stage::camera::Rig;
 use crate::stage::{Stage, StageError};
 use choreo_asset::Carriers;
 use choreo_asset::{Aabb, Asset, DAabb, InstanceBounds, MeshInstance, PosedInstance, Projection};
 use choreo_motion::{Skinning, Time};
 use glam::{DAffine3, DQuat, DVec3};
-use std::sync::OnceLock;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Limit of the poses that framing may cost, and the numbers of times over which they are distributed.
 const MAX_POSES: usize = 2000;
@@ -26,16 +28,25 @@ const MARGIN: f64 = 0.06;
 /// Bounds of an empty scene: the room of one person.
 const EMPTY_ROOM: (DVec3, DVec3) = (DVec3::new(-1.0, 0.0, -1.0), DVec3::new(1.0, 2.0, 1.0));
 
-/// Bounds that the cameras of one stage frame, computed once: one slot a camera, the last for a stage without any.
+type Boxes = Result<Vec<DAabb>, StageError>;
+
+/// Views of callbacks whose bounds are kept.
+const MAX_VIEWS: usize = 16;
+
+/// Bounds that the cameras of one stage frame, computed once.
 #[derive(Debug)]
 pub(crate) struct Framings {
-    boxes: Vec<OnceLock<Result<Vec<DAabb>, StageError>>>,
+    /// One slot a camera, the last for a stage without any.
+    boxes: Vec<OnceLock<Boxes>>,
+    /// Those of views that callbacks ask for, by azimuth and elevation.
+    views: Mutex<BTreeMap<[u64; 2], Arc<Boxes>>>,
     foot_locks: FootLocks,
 }
 
 impl Framings {
     pub fn new(stage: &Stage, foot_locks: FootLocks) -> Framings {
-        Framings { boxes: (0..=stage.cameras.len()).map(|_| OnceLock::new()).collect(), foot_locks }
+        let boxes = (0..=stage.cameras.len()).map(|_| OnceLock::new()).collect();
+        Framings { boxes, views: Mutex::default(), foot_locks }
     }
 
     pub fn camera(
@@ -47,15 +58,37 @@ impl Framings {
         projection: Projection,
     ) -> Result<CameraState, StageError> {
         let rotation = orbit_rotation(azimuth, elevation);
-        let slot = &self.boxes[index.unwrap_or(self.boxes.len() - 1)];
-        let boxes = slot
-            .get_or_init(|| visible_boxes(stage, &self.foot_locks, rotation))
-            .as_ref()
-            .map_err(Clone::clone)?;
+        let rig = index.and_then(|index| stage.cameras.get(index)).map(|camera| &camera.rig);
+        let of_callback;
+        let boxes = if rig.is_none_or(|rig| *rig == Rig::Frame { azimuth, elevation }) {
+            let slot = &self.boxes[index.unwrap_or(self.boxes.len() - 1)];
+            slot.get_or_init(|| visible_boxes(stage, &self.foot_locks, rotation))
+        } else {
+            of_callback = self.view(stage, [azimuth, elevation]);
+            &*of_callback
+        };
+        let boxes = boxes.as_ref().map_err(Clone::clone)?;
         let [width, height] = stage.settings.size.map(|n| f64::from(n.max(1)));
         let (position, projection) = fit(boxes, width / height, projection);
         let world_from_view = DAffine3::from_rotation_translation(rotation, rotation * position);
         Ok(CameraState { camera: index, world_from_view, projection })
+    }
+
+    /// What a callback frames.
+    fn view(&self, stage: &Stage, angles: [f64; 2]) -> Arc<Boxes> {
+        let known = || self.views.lock().unwrap_or_else(PoisonError::into_inner);
+        let key = angles.map(f64::to_bits);
+        if let Some(boxes) = known().get(&key) {
+            return boxes.clone();
+        }
+        let rotation = orbit_rotation(angles[0], angles[1]);
+        let boxes = Arc::new(visible_boxes(stage, &self.foot_locks, rotation));
+        let mut known = known();
+        if known.len() >= MAX_VIEWS {
+            known.clear();
+        }
+        known.insert(key, boxes.clone());
+        boxes
     }
 }
 

@@ -15,11 +15,11 @@ use std::time::{Duration, Instant};
 /// A script of fifteen lines.
 const SHORT: &str = r##"stage(#{ size: [1280, 720], fps: 30, length: 4.0 });
 let moves = load("choreo:mannequin");
-let ada = cast("ada", load("choreo:mannequin", #{ color: "coral" }));
+let ada = cast("ada", load("choreo:mannequin", #{ color: "#f2694b" }));
 ada.at(-0.6, 0.0, 0.0);
 ada.play(moves.clip("Walk")).until(2.0)
     .then(moves.clip("Wave"), #{ fade: 0.5 });
-let bob = cast("bob", load("choreo:mannequin", #{ color: "teal" }));
+let bob = cast("bob", load("choreo:mannequin", #{ color: "#1d9a94" }));
 bob.at(0.6, 0.0, 0.0);
 bob.play(moves.clip("Dance_Groove"));
 let floor = cast("floor", shape("plane", #{ size: [8.0, 8.0] }));
@@ -32,10 +32,10 @@ marker("hello", 2.0);
 
 const SCRIPT: &str = r##"stage(#{ size: [640, 360], fps: 30, length: 4.0 });
 let moves = load("choreo:mannequin");
-let ada = cast("ada", load("choreo:mannequin", #{ color: "coral" })).at(-0.6, 0.0, 0.0);
+let ada = cast("ada", load("choreo:mannequin", #{ color: "#f2694b" })).at(-0.6, 0.0, 0.0);
 ada.play(moves.clip("Walk")).until(2.0)
     .then(moves.clip("Wave"), #{ fade: 0.5 });
-let bob = cast("bob", load("choreo:mannequin", #{ color: "teal" })).at(0.6, 0.0, 0.0);
+let bob = cast("bob", load("choreo:mannequin", #{ color: "#1d9a94" })).at(0.6, 0.0, 0.0);
 bob.play(moves.clip("Dance_Groove"));
 cast("hill", load("hill.glb")).at(0.0, -0.1, 0.0);
 camera("wide").at(0.0, 1.4, FAR).look_at([0.0, 0.9, 0.0]);

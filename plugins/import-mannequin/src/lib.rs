@@ -2,7 +2,6 @@
 
 mod cast;
 mod clips;
-mod color;
 mod field;
 mod figure;
 mod keys;
@@ -12,12 +11,19 @@ mod rig;
 mod skin;
 
 use choreo_asset::{Asset, Material, MeshInstance};
-use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, Source};
-use glam::{Vec3, Vec4};
+use choreo_plugin::{
+    Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, Source, color,
+};
+use glam::{DVec3, Vec3, Vec4};
 use std::sync::{Arc, LazyLock};
 
 /// Written in place of a file name: `load("choreo:mannequin")`.
 pub const SOURCE_NAME: &str = "choreo:mannequin";
+
+/// The default colors, chosen to look well together under a warm key light.
+const BODY: &str = "#e9e2d3";
+const ACCENT: &str = "#2c3036";
+const EYES: &str = "#8fe8ff";
 
 const HEIGHT: (f64, f64, f64) = (1.75, 0.3, 10.0);
 
@@ -30,9 +36,9 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         env!("CARGO_PKG_VERSION"),
         "the built-in character and its clips: load(\"choreo:mannequin\")",
     )
-    .text("color", "of the body: \"#rrggbb\" or a name", "ivory", &[])
-    .text("accent", "of the joints: \"#rrggbb\" or a name", "graphite", &[])
-    .text("eyes", "of the light in the visor: \"#rrggbb\" or a name", "aqua", &[])
+    .color("color", "a color, of the body", linear(BODY))
+    .color("accent", "a color, of the joints", linear(ACCENT))
+    .color("eyes", "a color, of the light in the visor", linear(EYES))
     .number("height", "metres; walking speed grows with it", HEIGHT.0, HEIGHT.1..=HEIGHT.2)
 });
 
@@ -61,14 +67,8 @@ impl Importer for Mannequin {
             hint,
         };
         let color = |option: &str, default: &str| {
-            let text = options.text(option).unwrap_or(default);
-            color::linear(text).ok_or_else(|| {
-                refuse(
-                    &format!("option \"{option}\""),
-                    format!("unknown color \"{text}\""),
-                    Some(format!("write \"#rrggbb\" or one of {}", color::names())),
-                )
-            })
+            let given = options.numbers(option).and_then(|n| <[f64; 3]>::try_from(n).ok());
+            DVec3::from_array(given.unwrap_or_else(|| linear(default))).as_vec3()
         };
         let height = options.number("height").unwrap_or(HEIGHT.0);
         if !(HEIGHT.1..=HEIGHT.2).contains(&height) {
@@ -80,7 +80,7 @@ impl Importer for Mannequin {
         let internal = |what: String| refuse("", what, None);
         let skeleton = rig::skeleton(&joints, scale).map_err(|e| internal(e.to_string()))?;
         let mut asset = Asset { name: source.name.clone(), skeleton: Arc::new(skeleton), ..Asset::default() };
-        let looks = [color("color", "ivory")?, color("accent", "graphite")?, color("eyes", "aqua")?];
+        let looks = [color("color", BODY), color("accent", ACCENT), color("eyes", EYES)];
         if needs.geometry {
             asset.meshes.push(Arc::new(mesh::build(scale)));
             asset.skins.push(mesh::skin(&joints, scale));
@@ -95,6 +95,11 @@ impl Importer for Mannequin {
         }
         Ok(asset)
     }
+}
+
+/// Linear red, green and blue of a color by name or in hexadecimal.
+fn linear(color: &str) -> [f64; 3] {
+    color::parse(color).map_or([1.0; 3], |color| color.truncate().to_array().map(f64::from))
 }
 
 /// Materials in the order of the material numbers in `figure`.

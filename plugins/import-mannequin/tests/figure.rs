@@ -4,7 +4,7 @@ mod common;
 
 use choreo_asset::Primitive;
 use choreo_plugin::importer::OptionValue;
-use choreo_plugin::{Claim, ImportScope, Importer, Source};
+use choreo_plugin::{Claim, ImportOptions, ImportScope, Importer, Source};
 use common::{import, import_with, source};
 use glam::Vec3;
 use import_mannequin::Mannequin;
@@ -154,25 +154,34 @@ fn options_color_and_height() {
     let tall = tall.expect("valid options");
     assert!((tall.rest_bounds().max.y - 3.5).abs() < 0.02);
     assert_eq!(tall.materials[0].base_color.to_array(), [1.0, 0.0, 0.0, 1.0]);
+    // Every CSS name, as the table of the plugin API has it.
+    for (name, _) in choreo_plugin::color::NAMES {
+        let options = Mannequin.manifest().complete(&ImportOptions([("accent".into(), text(name))].into()));
+        let expected = choreo_plugin::color::parse(name).unwrap().truncate().to_array().map(f64::from);
+        assert_eq!(options.unwrap().numbers("accent"), Some(&expected[..]), "{name}");
+    }
     let (small, large) = (&import().clips[0], &tall.clips[0]);
     assert_eq!(large.curves()[0].values[1], small.curves()[0].values[1] * 2.0);
 }
 
 #[test]
 fn wrong_options_say_what_is_allowed() {
-    let refused =
-        import_with(&[("color", OptionValue::Text("corall".into()))], ImportScope::ALL).unwrap_err();
-    assert_eq!(refused.to_string(), "choreo:mannequin: option \"color\": unknown color \"corall\"");
-    assert!(refused.hint.unwrap().starts_with("write \"#rrggbb\" or one of ivory, white"));
+    let refuse = |name: &str, value: &str| {
+        let given = ImportOptions([(name.into(), OptionValue::Text(value.into()))].into());
+        Mannequin.manifest().complete(&given).unwrap_err()
+    };
+    let refused = refuse("color", "corall");
+    assert_eq!(
+        refused.to_string(),
+        "mannequin: option color: unknown color \"corall\"; did you mean \"coral\"?"
+    );
+    assert!(refused.hint.unwrap().starts_with("a color is a CSS name"));
     for bad in ["#12345", "#12345g", "#+12345", ""] {
-        assert!(
-            import_with(&[("accent", OptionValue::Text(bad.into()))], ImportScope::ALL).is_err(),
-            "{bad}"
-        );
+        refuse("accent", bad);
     }
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let refused = import_with(&[("height", OptionValue::Number(bad))], ImportScope::ALL).unwrap_err();
-        assert!(refused.to_string().contains("must be 0.3 to 10 metres"), "{refused}");
+        assert!(refused.to_string().contains("must be a number from 0.3 to 10"), "{refused}");
     }
 }
 

@@ -15,7 +15,7 @@ const TOLERANCES: [f32; 6] = [0.0, 0.5, 1.0, 2.0, 4.0, 8.0];
 /// Twenty rows of ten walkers that go away from the camera, each a little out of step.
 const CROWD: &str = r##"
     stage(#{ length: 2.0, background: "#8fa0b0" });
-    let moves = load("choreo:mannequin", #{ color: "amber" });
+    let moves = load("choreo:mannequin", #{ color: "#f2a93b" });
     for z in 0..20 {
         for x in 0..10 {
             let w = cast("walker " + x + " " + z, moves).at(x - 4.5, 0.0, -1.5 * z);

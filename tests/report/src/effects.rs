@@ -42,7 +42,7 @@ pub fn section() -> Result<Section, String> {
 /// A lit walker with a shadow on a floor, and an effect.
 const SCENE: &str = r##"
     stage(#{ length: 2.0, background: #{ top: "#5f7fa8", bottom: "#cfd6dc" } });
-    let moves = load("choreo:mannequin", #{ color: "amber" });
+    let moves = load("choreo:mannequin", #{ color: "#f2a93b" });
     let anna = cast("anna", moves);
     anna.play(moves.clip("Run")).loop();
     let floor = cast("floor", shape("plane", #{ size: 20.0, checker: "grey" }));

@@ -19,6 +19,9 @@ fn range(option: &OptionSpec) -> String {
         (OptionKind::Text { one_of, .. }, OptionValue::Text(default)) if !one_of.is_empty() => {
             format!("{}, default {default}", one_of.join(" | "))
         }
+        (OptionKind::Color { default }, _) => {
+            format!("{}, default {}", option.allowed(), choreo_plugin::color::written(*default))
+        }
         _ => format!("{}, default {default}", option.allowed()),
     }
 }

@@ -107,9 +107,12 @@ fn option_value(key: &str, value: &Dynamic) -> Result<OptionValue, ApiError> {
     if let Ok(b) = value.as_bool() {
         return Ok(OptionValue::Bool(b));
     }
+    if let Some(numbers) = crate::call::numbers(value) {
+        return Ok(OptionValue::Numbers(numbers));
+    }
     value.clone().into_string().map(OptionValue::Text).map_err(|_| {
         ApiError::new(format!(
-            "load: option {key} must be a number, true or false, or text, got {}",
+            "load: option {key} must be a number, true or false, text or an array of numbers, got {}",
             describe(value)
         ))
         .focus(key)

@@ -36,15 +36,16 @@ api! {
     ///   number of the call).
     /// - In a callback: amplitude, move, frequency and seed (default 0), for this frame.
     Camera.shake("options?") = shake, in_frames;
-    /// Moves the camera with a target, at an offset [x, y, z] from it, and points it at the target.
-    Camera.follow("target, offset") = follow;
+    /// Moves the camera with a target, at an offset [x, y, z] from it, and points it at the target. In a callback: for this frame.
+    Camera.follow("target, offset") = follow, in_frames;
     /// Moves the camera in a circle around a target. Options: distance (metres, default 4), elevation (degrees, -89
     /// to 89, default 15), azimuth (degrees at time 0, default 0: in front, at +z), speed (degrees per second,
     /// default 20).
-    Camera.orbit("target, options?") = orbit;
+    /// - In a callback: its place for this frame, by distance, elevation and azimuth.
+    Camera.orbit("target, options?") = orbit, in_frames;
     /// Places the camera so that everything visible fits into the image. Options: azimuth (degrees, default 25),
-    /// elevation (degrees, -89 to 89, default 10).
-    Camera.frame("options?") = frame;
+    /// elevation (degrees, -89 to 89, default 10). In a callback: for this frame.
+    Camera.frame("options?") = frame, in_frames;
     /// Sets the vertical field of view in degrees (0.1 to 179, default 40.1).
     Camera.fov("degrees") = fov, in_frames;
     /// Sets the focal length of the lens in millimetres (0.2 to 13000), on full-frame film, 24 mm high: 24 is wide,
@@ -54,14 +55,14 @@ api! {
     Camera.ortho("height") = ortho, in_frames;
     /// Sets the near clipping plane in metres. The default is 0.05, or a hundredth of the way to the target of a camera
     /// that looks at, follows or orbits one, whichever is nearer.
-    Camera.near("metres") = near;
+    Camera.near("metres") = near, in_frames;
     /// Sets the far clipping plane in metres (default: none; 10000 for an orthographic camera).
-    Camera.far("metres") = far;
+    Camera.far("metres") = far, in_frames;
     /// Cuts to this camera at a time: from then on it is the active camera. Options: dissolve (seconds from this
     /// time on in which the image goes over from that of the camera before, a cross dissolve, default 0).
     Camera.cut("time, options?") = cut;
     /// Animates a property with keyframes [[time, value], …]: "position" (dolly, crane), "rotation" (pan, tilt,
-    /// roll) or "fov" (zoom). Values, `how` and easing as in Actor.key.
+    /// roll), or "fov" in degrees or "focal_length" in millimetres (zoom). Values, `how` and easing as in Actor.key.
     Camera.key("property, keys, how?") = key;
 }
 
@@ -220,29 +221,39 @@ fn follow(c: &mut Call) -> Reply {
     if offset.length() < 1e-9 {
         return Err(ApiError::new("follow: offset must not be zero, the camera would stand in its target"));
     }
-    change(c, |k| k.rig = Some(Rig::Follow { target, offset }))
+    rig(c, Rig::Follow { target, offset })
+}
+
+fn rig(c: &Call, rig: Rig) -> Reply {
+    if c.in_frame {
+        return edit(c, |camera| CameraEdit::Rig { camera, rig });
+    }
+    change(c, |k| k.rig = Some(rig))
 }
 
 fn orbit(c: &mut Call) -> Reply {
     let target = c.target(0)?;
-    let o = c.options(1, &["distance", "elevation", "azimuth", "speed"])?;
-    let rig = Rig::Orbit {
+    let all = ["distance", "elevation", "azimuth", "speed"];
+    let o = c.options(1, if c.in_frame { &all[..3] } else { &all[..] })?;
+    // Degrees per second; in a frame the azimuth is that of its time.
+    let turning = if c.in_frame { 0.0 } else { 20.0 };
+    let orbit = Rig::Orbit {
         target,
         distance: o.number_in("distance", 0.001, 1e9)?.unwrap_or(4.0),
         elevation: o.number_in("elevation", -89.0, 89.0)?.unwrap_or(15.0).to_radians(),
         azimuth: radians(o.number("azimuth")?.unwrap_or(0.0)),
-        speed: o.number_in("speed", -36_000.0, 36_000.0)?.unwrap_or(20.0).to_radians(),
+        speed: o.number_in("speed", -36_000.0, 36_000.0)?.unwrap_or(turning).to_radians(),
     };
-    change(c, |k| k.rig = Some(rig))
+    rig(c, orbit)
 }
 
 fn frame(c: &mut Call) -> Reply {
     let o = c.options(0, &["azimuth", "elevation"])?;
-    let rig = Rig::Frame {
+    let framing = Rig::Frame {
         azimuth: radians(o.number("azimuth")?.unwrap_or(DEFAULT_AZIMUTH)),
         elevation: o.number_in("elevation", -89.0, 89.0)?.unwrap_or(DEFAULT_ELEVATION).to_radians(),
     };
-    change(c, |k| k.rig = Some(rig))
+    rig(c, framing)
 }
 
 /// Allowed fields of view, degrees.
@@ -263,12 +274,9 @@ fn perspective(c: &Call, yfov: f32) -> Reply {
     })
 }
 
-/// Height of full-frame film, millimetres.
-const FILM_HEIGHT: f64 = 24.0;
-
 fn focal_length(c: &mut Call) -> Reply {
     let millimetres = c.number_in(0, 0.2, 13_000.0)?;
-    perspective(c, (2.0 * libm::atan(FILM_HEIGHT / 2.0 / millimetres)) as f32)
+    perspective(c, Camera::yfov(millimetres) as f32)
 }
 
 fn ortho(c: &mut Call) -> Reply {
@@ -284,11 +292,17 @@ fn ortho(c: &mut Call) -> Reply {
 
 fn near(c: &mut Call) -> Reply {
     let near = c.number_in(0, 1e-6, 1e9)? as f32;
+    if c.in_frame {
+        return edit(c, |camera| CameraEdit::Near { camera, near });
+    }
     change(c, |k| k.near = Some(near))
 }
 
 fn far(c: &mut Call) -> Reply {
     let far = c.number_in(0, 1e-5, 1e15)? as f32;
+    if c.in_frame {
+        return edit(c, |camera| CameraEdit::Far { camera, far });
+    }
     change(c, |k| k.far = Some(far))
 }
 
@@ -311,6 +325,9 @@ fn key(c: &mut Call) -> Reply {
     change(c, |k| {
         if k.position.is_none() && channel.property == Property::Translation {
             k.position = Some(DVec3::ZERO);
+        }
+        if channel.property.is_lens() {
+            k.camera.channels.retain(|c| !c.property.is_lens());
         }
         keys::replace(&mut k.camera.channels, vec![channel]);
     })

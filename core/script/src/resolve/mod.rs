@@ -17,9 +17,7 @@ use crate::hook::ScriptHook;
 use crate::lint::{ClipMarkers, Places};
 use choreo_asset::Projection;
 use choreo_motion::Time;
-use choreo_stage::{
-    Actor, Camera, CameraLook, Channel, Described, Layer, Parenting, Property, Rig, Stage, StageError,
-};
+use choreo_stage::{Actor, Camera, CameraLook, Channel, Described, Layer, Parenting, Rig, Stage, StageError};
 use glam::{DQuat, DVec3, Vec3};
 use rhai::Engine;
 use std::sync::{Arc, PoisonError};
@@ -133,7 +131,9 @@ fn add_hooks(
     for draft in hooks {
         let identity = identity(&draft.at);
         let hook = ScriptHook::new(engine.clone(), shared.clone(), draft, &identity, all);
-        if let Err(diagnostic) = hook.try_at(Time::ZERO) {
+        if let Err(diagnostic) = hook.try_at(Time::ZERO)
+            && !crate::errors::is_follow_up(&diagnostic.message)
+        {
             shared.build.lock().unwrap_or_else(PoisonError::into_inner).note(diagnostic);
         }
         stage.hooks.push(Arc::new(hook));
@@ -223,9 +223,7 @@ fn camera(draft: CameraDraft, notes: &mut Notes) -> Camera {
     camera.looks = looks(draft.looks);
     let placed = draft.position.is_some() || draft.look_at.is_some() || draft.rotation != DQuat::IDENTITY;
     let rigged = draft.rig.is_some();
-    let fixed = placed
-        || !camera.looks.is_empty()
-        || !camera.channels.iter().all(|c| c.property == Property::FieldOfView);
+    let fixed = placed || !camera.looks.is_empty() || !camera.channels.iter().all(|c| c.property.is_lens());
     camera.rig = draft.rig.unwrap_or(if fixed {
         // Where a person would stand to look at another.
         let position = draft.position.unwrap_or(DVec3::new(0.0, 1.6, 5.0));

@@ -4,8 +4,8 @@ use super::{ExpectedDiagnostic, SectionInfo, comments};
 use crate::build::Shared;
 use crate::diagnostic::Diagnostic;
 use crate::limits::Limits;
-use crate::parsed::Parsed;
-use rhai::{AST, Engine, Expr, ParseError, Stmt};
+use crate::parsed::{Parsed, Unreadable};
+use rhai::{AST, Engine, Expr, Stmt};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -148,7 +148,7 @@ impl TestFiles {
         shared: &Shared,
         name: &str,
         text: &str,
-    ) -> Result<Arc<TestFile>, ParseError> {
+    ) -> Result<Arc<TestFile>, Unreadable> {
         let same = |f: &&Arc<TestFile>| f.name == name && f.text == text && f.limits == shared.limits;
         if let Some(known) = self.kept().lately.iter().find(same) {
             return Ok(known.clone());
@@ -213,7 +213,13 @@ mod tests {
         let mut engine = Engine::new_raw();
         engine.set_allow_shadowing(true);
         let ast = engine.compile(text).unwrap();
-        let parsed = Parsed { ast, functions: Arc::default(), ends: Arc::default(), clips_only: Vec::new() };
+        let parsed = Parsed {
+            ast,
+            functions: Arc::default(),
+            ends: Arc::default(),
+            clips_only: Vec::new(),
+            unknown: Vec::new(),
+        };
         let section = |index: usize| SectionInfo {
             index,
             name: index.to_string(),

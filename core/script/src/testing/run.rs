@@ -234,6 +234,15 @@ fn run_here(
         }
     };
     let mut expected = of_section(all_expected, &info, sections);
+    if let Ok(file) = &file {
+        let within = |s: &SectionInfo, line: usize| (s.line..=s.end_line).contains(&line);
+        let mut own = file.parsed.unknown.clone();
+        own.retain(|variable| {
+            let line = variable.at.line().unwrap_or(0);
+            within(&info, line) || !sections.iter().any(|s| within(s, line))
+        });
+        crate::errors::note_unknown(&own, name, shared);
+    }
     let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
     let mut came = std::mem::take(&mut build.diagnostics);
     let warning = |d: &Diagnostic| d.severity == Severity::Warning;

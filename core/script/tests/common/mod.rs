@@ -230,7 +230,9 @@ pub fn stage_of_samples(folder: &FilePath, text: &str) -> choreo_stage::Stage {
     let mut registry = Registry::default();
     registry.add_importer(import_gltf::GltfImporter);
     registry.add_importer(import_fbx::FbxImporter);
+    registry.add_importer(import_vrm::VrmImporter);
     registry.add_importer(import_bvh::BvhImporter);
+    registry.add_importer(import_collada::ColladaImporter);
     registry.add_importer(import_mannequin::Mannequin);
     let options = ScriptOptions { search_paths: vec![folder.to_path_buf()], ..ScriptOptions::default() };
     let ran = run_text("samples.rhai", text, folder, &registry, &options);

@@ -46,6 +46,10 @@ described! {
         }, set |of: &mut Camera, v| if let (Projection::Perspective { yfov, .. }, FieldValue::Number(n)) = (&mut of.projection, v) {
             *yfov = n as f32;
         }], FieldType::Degrees(0.1, 179.0), keys "fov" FieldOfView, lacks has_no_perspective;
+        /// focal length on full-frame film, 24 mm high; it is held as the field of view
+        focal_length: [get |_: &Camera| FieldValue::Unset, set |of: &mut Camera, v| if let (Projection::Perspective { yfov, .. }, FieldValue::Number(n)) = (&mut of.projection, v) {
+            *yfov = Camera::yfov(n) as f32;
+        }], FieldType::Number(0.2, 13_000.0, "mm"), keys "focal_length" FocalLength, lacks has_no_lens;
         /// height of the image
         height: [get |of: &Camera| match of.projection {
             Projection::Orthographic { height, .. } => FieldValue::Number(height.into()),
@@ -84,6 +88,10 @@ fn has_no_perspective(of: &Camera) -> Option<&'static str> {
     orthographic.then_some("has no perspective, so its fov cannot be keyed")
 }
 
+fn has_no_lens(of: &Camera) -> Option<&'static str> {
+    has_no_perspective(of).map(|_| "has no perspective, so its focal length cannot be keyed")
+}
+
 fn moves_by_itself(of: &Camera) -> Option<&'static str> {
     let placed = matches!(of.rig, Rig::Fixed { .. } | Rig::Follow { .. });
     (!placed).then_some("moves by itself, so its position cannot be keyed")
@@ -94,7 +102,20 @@ fn looks_at_its_target(of: &Camera) -> Option<&'static str> {
     (!free).then_some("looks at its target, so its rotation cannot be keyed")
 }
 
+/// Height of full-frame film, millimetres.
+const FILM_HEIGHT: f64 = 24.0;
+
 impl Camera {
+    /// The vertical field of view in radians of a lens with a focal length in millimetres, on full-frame film.
+    pub fn yfov(focal_length: f64) -> f64 {
+        2.0 * libm::atan(FILM_HEIGHT / 2.0 / focal_length)
+    }
+
+    /// The focal length in millimetres that sees a vertical field of view in radians, on full-frame film.
+    pub fn focal_length(yfov: f64) -> f64 {
+        FILM_HEIGHT / 2.0 / libm::tan(yfov / 2.0)
+    }
+
     /// The near clipping plane, metres.
     pub fn near(&self) -> f32 {
         let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) = self.projection;

@@ -34,8 +34,9 @@ pub enum Property {
     Expression {
         expression: u32,
     },
-    /// Camera: vertical field of view, radians.
+    /// Camera: vertical field of view, radians; focal length on full-frame film, millimetres.
     FieldOfView,
+    FocalLength,
     /// Light, sky.
     Intensity,
     Color,
@@ -57,6 +58,11 @@ pub enum Property {
 }
 
 impl Property {
+    /// Whether it sets the angle that a camera sees.
+    pub fn is_lens(self) -> bool {
+        matches!(self, Property::FieldOfView | Property::FocalLength)
+    }
+
     pub fn width(self) -> usize {
         match self {
             Property::Translation | Property::Scale | Property::Color => 3,

@@ -1,6 +1,7 @@
 //! The changes of a callback in one frame.
 
 use crate::stage::actor::{Placement, Target};
+use crate::stage::camera::{Camera, Rig};
 use crate::stage::camera_moves::CameraShake;
 use crate::stage::effects::EffectEdit;
 use crate::stage::layers_2d::Layer2dEdit;
@@ -112,6 +113,20 @@ pub enum CameraEdit {
         camera: usize,
         height: f32,
     },
+    /// Planes between which it sees, metres, instead of those that it has.
+    Near {
+        camera: usize,
+        near: f32,
+    },
+    Far {
+        camera: usize,
+        far: f32,
+    },
+    /// Moved by this rig in place of its own, for this frame.
+    Rig {
+        camera: usize,
+        rig: Rig,
+    },
     /// Shakes it further, after all else; its times do not count.
     Shake {
         camera: usize,
@@ -128,8 +143,26 @@ impl CameraEdit {
             | CameraEdit::Turn { camera, .. }
             | CameraEdit::FieldOfView { camera, .. }
             | CameraEdit::Height { camera, .. }
+            | CameraEdit::Near { camera, .. }
+            | CameraEdit::Far { camera, .. }
+            | CameraEdit::Rig { camera, .. }
             | CameraEdit::Shake { camera, .. } => camera,
         }
+    }
+}
+
+impl FrameEdits {
+    /// The rig that callbacks give a camera for this frame, if they do.
+    pub(crate) fn rig(&self, index: usize) -> Option<&Rig> {
+        self.cameras.iter().rev().find_map(|edit| match edit {
+            CameraEdit::Rig { camera, rig } if *camera == index => Some(rig),
+            _ => None,
+        })
+    }
+
+    /// The rig of a camera in this frame.
+    pub(crate) fn rig_of<'a>(&'a self, index: usize, camera: &'a Camera) -> &'a Rig {
+        self.rig(index).unwrap_or(&camera.rig)
     }
 }
 

@@ -300,6 +300,7 @@ hashed! {
         17 Cone,
         18 LineWidth,
         19 Copies,
+        20 FocalLength,
     }
     struct Cut { at, camera, dissolve }
     struct CameraLook { target, start, blend }

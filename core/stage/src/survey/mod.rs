@@ -175,6 +175,7 @@ fn property_name(property: Property) -> &'static str {
         Property::Morph { .. } => "a morph target",
         Property::Expression { .. } => "an expression",
         Property::FieldOfView => "the field of view",
+        Property::FocalLength => "the focal length",
         Property::Intensity => "the intensity",
         Property::Color => "the color",
         Property::Weight => "the weight",

@@ -9,7 +9,7 @@ use crate::state::orbit::Orbit;
 use crate::state::selection::{Selected, actor};
 use choreo_motion::Time;
 use choreo_session::edit::{Edit, EditRefused, KeyValue, ScriptObject, format_number};
-use choreo_stage::{Actor, Placement, Property, Rig, StageLight};
+use choreo_stage::{Actor, Camera, Placement, Property, Rig, StageLight};
 use glam::{DAffine3, DQuat, DVec3};
 
 /// The actor's transform in its parent at a time, keys included; without callbacks, root motion and paths.
@@ -191,11 +191,16 @@ impl Viewer {
         let index = scene.stage.cameras.iter().position(|c| c.name == name).ok_or(EditError::Gone)?;
         let place = scene.places.cameras.get(index).cloned().unwrap_or_default();
         let siblings = scene.places.cameras.iter().filter(|p| **p == place).count();
-        let keyed = scene.stage.cameras[index].channels.iter().any(|c| c.property == Property::FieldOfView);
+        let keyed = |property| scene.stage.cameras[index].channels.iter().any(|c| c.property == property);
+        let (in_angles, in_millimetres) = (keyed(Property::FieldOfView), keyed(Property::FocalLength));
         let when = self.edit_time(self.playhead.time().as_secs());
         self.change(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
-            match keyed {
+            if in_millimetres {
+                let length = format_number(Camera::focal_length(degrees.to_radians()));
+                return object.set_key("focal_length", when, KeyValue::Text(&length));
+            }
+            match in_angles {
                 true => object.set_key("fov", when, KeyValue::Text(&format_number(degrees))),
                 false => object.set("fov", &[degrees]),
             }

@@ -196,6 +196,7 @@ fn name(property: Property) -> &'static str {
         Property::Morph { .. } => "morph",
         Property::Expression { .. } => "expression",
         Property::FieldOfView => "field of view",
+        Property::FocalLength => "focal length",
         Property::Intensity => "intensity",
         Property::Color => "color",
         Property::Weight => "weight",

@@ -22,6 +22,12 @@ pub fn source() -> Source {
 
 pub fn import_with(options: &[(&str, OptionValue)], needs: ImportScope) -> Result<Asset, ImportError> {
     let options = ImportOptions(options.iter().map(|(k, v)| (k.to_string(), v.clone())).collect());
+    let options = Mannequin.manifest().complete(&options).map_err(|e| ImportError {
+        file: SOURCE_NAME.into(),
+        place: String::new(),
+        what: e.message,
+        hint: e.hint,
+    })?;
     Mannequin.import(&source(), &NoFiles, needs, &options)
 }
 
